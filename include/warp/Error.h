@@ -1,0 +1,49 @@
+//===- Error.h - The one exception of the public API ------------*- C++ -*-===//
+//
+// Everything that can go wrong because of user input is thrown as
+// `warp::Error`. It carries the place in the user's Python source when there
+// is one; the binding turns it into the exception class that `kind` names.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_ERROR_H
+#define WARP_ERROR_H
+
+#include <exception>
+#include <string>
+#include <utility>
+
+namespace warp {
+
+class Error : public std::exception {
+public:
+  enum class Kind {
+    Type,      ///< operand or argument of a wrong type
+    Value,     ///< right type, impossible value
+    Index,     ///< constant index or component out of range
+    Attribute, ///< no such component or field
+    Key,       ///< no such builtin or function
+    Overflow,  ///< number does not fit its type
+    Parse,     ///< malformed IR text
+    Compile,   ///< a pass or the code generator failed
+    Launch,    ///< bad launch arguments
+    Runtime,   ///< a device or the operating system refused
+  };
+
+  Error(Kind kind, std::string message, std::string file = {}, int line = 0,
+        int column = 0)
+      : kind(kind), message(std::move(message)), file(std::move(file)),
+        line(line), column(column) {}
+
+  const char *what() const noexcept override { return message.c_str(); }
+
+  Kind kind;
+  std::string message;
+  std::string file;
+  int line;
+  int column;
+};
+
+} // namespace warp
+
+#endif // WARP_ERROR_H
