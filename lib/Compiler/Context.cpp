@@ -1,0 +1,64 @@
+//===- Context.cpp - The process-wide MLIR context ------------------------===//
+
+#include "Context.h"
+
+#include "WarpDialect/WarpDialect.h"
+
+#include "mlir/Dialect/Func/IR/FuncOps.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
+
+using namespace mlir;
+
+MLIRContext &warp::compilerContext() {
+  // Never destroyed: handles in other static objects may outlive `main`.
+  static MLIRContext *context = [] {
+    DialectRegistry registry;
+    registry.insert<warp::WarpDialect, func::FuncDialect, scf::SCFDialect>();
+    auto *created =
+        new MLIRContext(registry, MLIRContext::Threading::DISABLED);
+    created->loadAllAvailableDialects();
+    return created;
+  }();
+  return *context;
+}
+
+std::recursive_mutex &warp::contextMutex() {
+  static auto *mutex = new std::recursive_mutex;
+  return *mutex;
+}
+
+FileLineColLoc warp::findSourceLocation(Location location) {
+  FileLineColLoc found;
+  location->walk([&](Location part) {
+    found = dyn_cast<FileLineColLoc>(part);
+    return found ? WalkResult::interrupt() : WalkResult::advance();
+  });
+  return found;
+}
+
+warp::Diagnostics::Diagnostics() : handler(&compilerContext()) {
+  handler.setHandler([this](Diagnostic &diagnostic) {
+    if (diagnostic.getSeverity() != DiagnosticSeverity::Error)
+      return;
+    std::string text = diagnostic.str();
+    for (Diagnostic &note : diagnostic.getNotes())
+      text += "\n  note: " + note.str();
+    if (!firstError.empty()) {
+      rest += "\n" + text;
+      return;
+    }
+    firstError = text;
+    if (FileLineColLoc place = findSourceLocation(diagnostic.getLocation())) {
+      file = place.getFilename().str();
+      line = place.getLine();
+      column = place.getColumn();
+    }
+  });
+}
+
+warp::Error warp::Diagnostics::toError(Error::Kind kind,
+                                       const std::string &fallback) const {
+  if (firstError.empty())
+    return Error(kind, fallback);
+  return Error(kind, firstError + rest, file, line, column);
+}
