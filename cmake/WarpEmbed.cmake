@@ -1,0 +1,72 @@
+# Binary data inside libwarp.so.
+#
+# warp_embed_file(NAME FILE [DEPENDS ...]) defines the byte range
+#   extern "C" const char warp_NAME_begin[], warp_NAME_end[];
+# and appends the assembled object to the global property WARP_EMBEDDED.
+#
+# warp_add_device_bitcode(NAME TARGET x86-64|nvptx SOURCES file...) compiles
+# freestanding C++ to one LLVM bitcode module and embeds it under NAME.
+
+function(warp_embed_file name file)
+  cmake_parse_arguments(arg "" "" "DEPENDS" ${ARGN})
+  set(assembly "${PROJECT_BINARY_DIR}/embedded/${name}.S")
+  file(CONFIGURE OUTPUT "${assembly}" @ONLY CONTENT [[
+  .section .rodata.warp_@name@,"a",@progbits
+  .balign 16
+  .global warp_@name@_begin
+  .hidden warp_@name@_begin
+  .global warp_@name@_end
+  .hidden warp_@name@_end
+warp_@name@_begin:
+  .incbin "@file@"
+warp_@name@_end:
+  .byte 0
+  .section .note.GNU-stack,"",@progbits
+]])
+  set_source_files_properties("${assembly}" PROPERTIES
+    OBJECT_DEPENDS "${file}" GENERATED TRUE)
+  add_library(warp_embed_${name} OBJECT "${assembly}")
+  # The bytes come from a file that the preprocessed text does not show.
+  set_target_properties(warp_embed_${name} PROPERTIES
+    ASM_COMPILER_LAUNCHER "")
+  set_property(GLOBAL APPEND PROPERTY WARP_EMBEDDED warp_embed_${name})
+endfunction()
+
+function(warp_add_device_bitcode name)
+  cmake_parse_arguments(arg "" "TARGET" "SOURCES;OPTIONS" ${ARGN})
+  if(arg_TARGET STREQUAL "x86-64")
+    set(triple x86_64-unknown-linux-gnu)
+    set(flags -fPIC -mno-red-zone)
+  elseif(arg_TARGET STREQUAL "nvptx")
+    set(triple nvptx64-nvidia-cuda)
+    set(flags -nogpulib -Xclang -target-feature -Xclang +ptx80)
+  else()
+    message(FATAL_ERROR "unknown device target '${arg_TARGET}', "
+      "expected 'x86-64' or 'nvptx'")
+  endif()
+  set(folder "${PROJECT_BINARY_DIR}/bitcode/${name}")
+  file(MAKE_DIRECTORY "${folder}")
+  set(parts "")
+  foreach(source IN LISTS arg_SOURCES)
+    get_filename_component(source "${source}" ABSOLUTE)
+    get_filename_component(stem "${source}" NAME_WE)
+    set(part "${folder}/${stem}.bc")
+    add_custom_command(OUTPUT "${part}"
+      COMMAND "${WARP_CLANG}" --target=${triple} -std=c++20 -O2 ${flags}
+        -ffreestanding -fno-exceptions -fno-rtti -fno-math-errno
+        -ffp-contract=off -fvisibility=hidden -nostdinc++
+        -I "${PROJECT_SOURCE_DIR}/lib/DeviceLib" ${arg_OPTIONS}
+        -MD -MF "${part}.d" -MT "${part}"
+        -emit-llvm -c "${source}" -o "${part}"
+      DEPENDS "${source}" DEPFILE "${part}.d"
+      COMMENT "Building ${arg_TARGET} bitcode ${stem}" VERBATIM)
+    list(APPEND parts "${part}")
+  endforeach()
+  set(linked "${folder}/${name}.bc")
+  add_custom_command(OUTPUT "${linked}"
+    COMMAND "${WARP_LLVM_LINK}" ${parts} -o "${linked}"
+    DEPENDS ${parts} VERBATIM)
+  add_custom_target(${name}_bitcode DEPENDS "${linked}")
+  warp_embed_file(${name} "${linked}")
+  add_dependencies(warp_embed_${name} ${name}_bitcode)
+endfunction()
