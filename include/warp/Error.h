@@ -9,13 +9,15 @@
 #ifndef WARP_ERROR_H
 #define WARP_ERROR_H
 
+#include "warp/Export.h"
+
 #include <exception>
 #include <string>
 #include <utility>
 
 namespace warp {
 
-class Error : public std::exception {
+class WARP_API Error : public std::exception {
 public:
   enum class Kind {
     Type,      ///< operand or argument of a wrong type
@@ -28,6 +30,7 @@ public:
     Compile,   ///< a pass or the code generator failed
     Launch,    ///< bad launch arguments
     Runtime,   ///< a device or the operating system refused
+    Memory,    ///< an allocation does not fit
   };
 
   Error(Kind kind, std::string message, std::string file = {}, int line = 0,

@@ -1,8 +1,7 @@
-//===- Export.h - symbol visibility -----------------------------*- C++ -*-===//
+//===- Export.h - Symbols that leave libwarp.so -----------------*- C++ -*-===//
 //
-// libwarp.so is compiled with hidden visibility; WARP_API marks what it
-// exports: functions, and whole classes that are thrown, derived from or
-// used with RTTI on the other side of the library boundary.
+// libwarp.so is built with hidden visibility so that its LLVM never meets
+// another LLVM of the same process. Public entry points carry `WARP_API`.
 //
 //===----------------------------------------------------------------------===//
 

@@ -1,0 +1,121 @@
+//===- Compile.h - From a module to code that runs --------------*- C++ -*-===//
+//
+// The compiler as the runtime sees it. `compile` takes a verified module of
+// the warp dialect and the facts of one launch variant, and returns an object
+// file (CPU) or PTX text (GPU) with what is needed to run it. Nothing here is
+// remembered between calls; `fingerprint` names the result, so that a cache
+// can.
+//
+// A compiled kernel has one argument, the parameter block described in
+// "warp/Launch.h". `parameters` tells where each kernel argument lies in it.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_COMPILE_H
+#define WARP_COMPILE_H
+
+#include "warp/Builder.h"
+#include "warp/Error.h"
+#include "warp/Export.h"
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace warp {
+
+/// One variant of a kernel.
+struct CompileOptions {
+  /// "cpu", or the GPU architecture, "sm_90".
+  std::string target = "cpu";
+  /// Dimensions of the launch, 1 to 4.
+  int rank = 1;
+  /// Bit i: the i-th argument is an array packed in row-major order.
+  uint64_t contiguous = 0;
+  /// No array and no launch has 2^31 elements or more.
+  bool index32 = true;
+  /// GPU: a linear thread index instead of one grid axis per dimension.
+  bool flat = false;
+  /// Bounds checks that report through the error record.
+  bool debug = false;
+  bool fastMath = false;
+  bool lineinfo = false;
+  int optLevel = 2;
+  /// Threads of a GPU block.
+  int blockDim = 256;
+  /// Registers a GPU thread may use; 0 leaves it to the driver.
+  int maxRegisters = 0;
+};
+
+/// A place in the user's source that an error record can name.
+struct Site {
+  std::string kernel, file, array;
+  int line = 0, column = 0;
+};
+
+struct Code {
+  /// Symbol of the entry.
+  std::string entry;
+  /// ELF object or PTX text.
+  std::vector<char> binary;
+  std::vector<Site> sites;
+  /// Rough operations of one thread; loops count 32 times their body.
+  double cost = 0;
+  bool usesPrintf = false;
+  /// Milliseconds by compile phase; empty when it comes from a cache.
+  std::map<std::string, double> phaseMs;
+};
+
+/// Compiles one variant. Throws `Error` of kind `Compile`.
+WARP_API Code compile(const Module &module, const CompileOptions &options);
+
+/// IR or code of a stage as text: warp, thread, llvm, ptx or asm.
+WARP_API std::string emitText(const Module &module,
+                              const CompileOptions &options,
+                              const std::string &stage);
+
+/// 64 hexadecimal digits that name the result of `compile`: a hash of the
+/// canonical IR, the options, the host CPU and the compiler's build.
+WARP_API std::string fingerprint(const Module &module,
+                                 const CompileOptions &options);
+
+/// One argument of a kernel.
+struct Param {
+  enum class Kind { Scalar, Composite, Array, Struct };
+
+  std::string name;
+  Kind kind = Kind::Scalar;
+  /// Text of the type: "f32", "!warp.vec<3 x f32>", "!warp.array<...>".
+  std::string type;
+  /// Place in the parameter block; the first argument starts at 24.
+  int64_t offset = 0;
+  int64_t size = 0;
+  /// Arrays: number of dimensions, text and byte size of the element type.
+  int rank = 0;
+  std::string element;
+  int64_t elementSize = 0;
+  /// Byte offsets, from `offset`, of the array descriptors in the argument:
+  /// {0} for an array, one per array field for a struct.
+  std::vector<int64_t> arrays;
+};
+
+WARP_API std::vector<Param> parameters(const Module &module);
+
+/// Loads CPU objects into the process. What was loaded stays.
+class WARP_API Jit {
+public:
+  static Jit &get();
+  /// Address of the entry.
+  void *load(const Code &code);
+
+private:
+  Jit();
+  struct Impl;
+  Impl *impl;
+};
+
+} // namespace warp
+
+#endif // WARP_COMPILE_H

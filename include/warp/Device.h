@@ -1,0 +1,108 @@
+//===- Device.h - CPU and CUDA devices, streams, events ---------*- C++ -*-===//
+//
+// Devices are numbered: -1 is the CPU, 0.. are the CUDA devices. The driver is
+// loaded with `dlopen` the first time somebody asks; where there is none,
+// `cudaDeviceCount` is 0 and `cudaUnavailableReason` says why. A device's
+// primary context is retained at its first use, so that memory and streams
+// are shared with every other library of the process.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_DEVICE_H
+#define WARP_DEVICE_H
+
+#include "warp/Export.h"
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string>
+
+namespace warp {
+
+constexpr int cpuDevice = -1;
+
+struct DeviceInfo {
+  /// "cpu" or "cuda:0".
+  std::string alias;
+  std::string name;
+  /// Compute capability as 10 * major + minor; 0 for the CPU.
+  int arch = 0;
+  int smCount = 0;
+  int maxSharedMemoryPerBlock = 0;
+  bool isUva = false;
+  bool hasMemoryPool = false;
+  std::array<uint8_t, 16> uuid = {};
+  std::string pciBusId;
+};
+
+/// Number of CUDA devices; 0 when there is no driver.
+WARP_API int cudaDeviceCount();
+/// Empty if there are CUDA devices.
+WARP_API const std::string &cudaUnavailableReason();
+/// Version of the driver as 1000 * major + 10 * minor; 0 without one.
+WARP_API int cudaDriverVersion();
+
+/// Throws for a device that does not exist.
+WARP_API const DeviceInfo &deviceInfo(int device);
+/// Bytes of memory: free, total.
+WARP_API std::pair<size_t, size_t> deviceMemory(int device);
+/// The device's primary context, for other libraries; null for the CPU.
+WARP_API void *cudaContext(int device);
+
+/// A CUstream, owned or borrowed.
+class WARP_API Stream {
+public:
+  /// Creates a stream.
+  explicit Stream(int device, int priority = 0);
+  /// Borrows an existing one.
+  Stream(int device, void *handle);
+  ~Stream();
+  Stream(const Stream &) = delete;
+  Stream &operator=(const Stream &) = delete;
+
+  int device() const { return deviceIndex; }
+  void *handle() const { return stream; }
+  bool isComplete() const;
+  void synchronize() const;
+
+private:
+  int deviceIndex;
+  void *stream = nullptr;
+  bool owned = false;
+};
+
+class WARP_API Event {
+public:
+  explicit Event(int device, bool enableTiming = false);
+  ~Event();
+  Event(const Event &) = delete;
+  Event &operator=(const Event &) = delete;
+
+  int device() const { return deviceIndex; }
+  void *handle() const { return event; }
+  void record(const Stream &stream);
+  bool isComplete() const;
+  void synchronize() const;
+
+private:
+  int deviceIndex;
+  void *event = nullptr;
+};
+
+WARP_API void waitEvent(const Stream &stream, const Event &event);
+/// Milliseconds between two recorded events.
+WARP_API float elapsedMilliseconds(const Event &start, const Event &end);
+
+/// The stream that launches and copies use when none is named.
+WARP_API std::shared_ptr<Stream> currentStream(int device);
+WARP_API void setCurrentStream(int device, std::shared_ptr<Stream> stream);
+
+/// Wait for all work, then throw what debug-mode kernels reported.
+WARP_API void synchronizeDevice(int device);
+WARP_API void synchronizeAll();
+
+} // namespace warp
+
+#endif // WARP_DEVICE_H

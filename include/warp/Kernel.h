@@ -1,0 +1,93 @@
+//===- Kernel.h - A kernel and its compiled variants ------------*- C++ -*-===//
+//
+// A kernel owns its module and whatever was compiled from it. `launch` takes a
+// packed parameter block (see "warp/Launch.h"), derives from it which variant
+// fits (launch rank, packed arrays, 32-bit indices), gets that variant from
+// memory, from the disk cache or from the compiler, and runs it: on the CPU
+// over the thread pool, to completion; on CUDA on a stream.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_KERNEL_H
+#define WARP_KERNEL_H
+
+#include "warp/Compile.h"
+#include "warp/Device.h"
+#include "warp/Export.h"
+#include "warp/Launch.h"
+
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace warp {
+
+/// Extents of a launch.
+struct LaunchDim {
+  int rank = 1;
+  int64_t extent[maxRank] = {0, 0, 0, 0};
+};
+
+/// What the caller may choose about a kernel's code.
+struct KernelOptions {
+  bool debug = false;
+  bool fastMath = false;
+  bool lineinfo = false;
+  int optLevel = 2;
+  int blockDim = 256;
+  int maxRegisters = 0;
+};
+
+class WARP_API Kernel {
+public:
+  Kernel(Module module, std::string name, KernelOptions options = {});
+  ~Kernel();
+  Kernel(const Kernel &) = delete;
+  Kernel &operator=(const Kernel &) = delete;
+
+  const std::string &name() const;
+  const Module &module() const;
+  const std::vector<Param> &parameters() const;
+  /// Bytes of the parameter block.
+  size_t parameterSize() const;
+  KernelOptions options() const;
+
+  struct Variant;
+
+  /// A launch checked and ready to run: `variant` is null if there is nothing
+  /// to do.
+  struct Plan {
+    Variant *variant = nullptr;
+    int device = cpuDevice;
+    int64_t items = 0;
+    /// CPU: rough operations of the whole launch.
+    double work = 0;
+  };
+
+  /// Checks the extents, writes them into the block's header and picks the
+  /// variant, compiling it if need be. `blockDim` 0 means the kernel's own.
+  Plan prepare(int device, const LaunchDim &dim, void *params,
+               int blockDim = 0);
+  /// Runs a plan. CUDA: queued on `stream`, or on the device's current one.
+  void run(const Plan &plan, const void *params,
+           const Stream *stream = nullptr);
+  void launch(int device, const LaunchDim &dim, void *params,
+              const Stream *stream = nullptr, int blockDim = 0);
+
+  /// Whether a CPU plan runs on the calling thread alone.
+  static bool runsSerially(const Plan &plan);
+
+  /// Options of the variant that a launch of that rank over packed arrays
+  /// would get; `arch` 0 is the CPU.
+  CompileOptions optionsFor(int arch, int rank) const;
+  /// Milliseconds by phase of everything compiled so far.
+  std::map<std::string, double> compileTimes() const;
+
+private:
+  struct Impl;
+  std::unique_ptr<Impl> impl;
+};
+
+} // namespace warp
+
+#endif // WARP_KERNEL_H

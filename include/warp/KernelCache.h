@@ -1,0 +1,63 @@
+//===- KernelCache.h - Compiled code on disk --------------------*- C++ -*-===//
+//
+// A folder of files, one per compiled variant, named by the fingerprint.
+// Any number of processes may use one folder: an entry is written under a
+// temporary name and renamed, so a reader sees all of it or nothing, whatever
+// happens to the writer. What does not check out (length, key, checksum,
+// format) is removed and compiled again. A folder that cannot be written
+// costs one notice, never an error.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_KERNELCACHE_H
+#define WARP_KERNELCACHE_H
+
+#include "warp/Compile.h"
+#include "warp/Export.h"
+
+#include <optional>
+#include <string>
+
+namespace warp {
+
+class WARP_API KernelCache {
+public:
+  /// The process's cache: WARP_CACHE_PATH, or `warp-mlir/<version>` in the
+  /// user's cache folder.
+  static KernelCache &get();
+
+  explicit KernelCache(std::string directory);
+
+  std::string directory() const;
+  /// Moves the cache to another folder.
+  void setDirectory(std::string directory);
+  /// Off: `find` gives nothing and `store` does nothing.
+  void setEnabled(bool enabled);
+  bool enabled() const;
+
+  std::optional<Code> find(const std::string &key);
+  void store(const std::string &key, const Code &code);
+  /// Removes every entry; returns how many there were.
+  int clear();
+
+private:
+  std::string path(const std::string &key) const;
+  bool prepare();
+
+  std::string folder;
+  bool active = true, prepared = false, writable = false;
+};
+
+/// The file format, exposed for tests.
+WARP_API std::string serialize(const std::string &key, const Code &code);
+WARP_API std::optional<Code> deserialize(const std::string &key,
+                                         const std::string &bytes);
+
+/// One-line messages to the user ("kernel cache ... is not writable"). The
+/// default handler prints to standard error; null silences them.
+WARP_API void setNoticeHandler(void (*handler)(const char *message));
+WARP_API void notice(const std::string &message);
+
+} // namespace warp
+
+#endif // WARP_KERNELCACHE_H

@@ -1,0 +1,61 @@
+//===- Launch.h - Layouts shared by the runtime and compiled code -*- C++ -*-//
+//
+// What crosses the border between a compiled kernel and its caller. A kernel
+// gets one pointer (GPU: one by-value struct), the parameter block:
+//
+//   offset  0  LaunchHeader: extents of the launch, error record
+//          24  the arguments in order, each at its natural alignment;
+//              arrays as ArrayDescriptor, structs in C layout
+//
+// rounded up to a multiple of 8. A CPU entry runs the linear thread indices
+// [begin, end) of the launch; the last dimension varies fastest.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LAUNCH_H
+#define WARP_LAUNCH_H
+
+#include "warp/Export.h"
+
+#include <cstdint>
+
+namespace warp {
+
+constexpr int maxRank = 4;
+
+struct ArrayDescriptor {
+  void *data = nullptr;
+  void *grad = nullptr;
+  int32_t shape[maxRank] = {0, 0, 0, 0};
+  /// In bytes.
+  int32_t strides[maxRank] = {0, 0, 0, 0};
+  int32_t ndim = 0;
+  int32_t flags = 0;
+};
+static_assert(sizeof(ArrayDescriptor) == 56);
+
+struct LaunchHeader {
+  int32_t dim[maxRank] = {1, 1, 1, 1};
+  uint64_t errorRecord = 0;
+};
+static_assert(sizeof(LaunchHeader) == 24);
+
+/// Written once, by the first access out of bounds.
+struct ErrorRecord {
+  int32_t flag = 0;
+  int32_t site = 0;
+  int64_t index[maxRank] = {0, 0, 0, 0};
+  int32_t shape[maxRank] = {0, 0, 0, 0};
+  int32_t kind = 0;
+  int32_t pad = 0;
+};
+static_assert(sizeof(ErrorRecord) == 64);
+
+using CpuEntry = void (*)(const void *params, int64_t begin, int64_t end);
+
+} // namespace warp
+
+/// `printf` of kernels on the CPU.
+extern "C" WARP_API int warp_printf(const char *format, ...);
+
+#endif // WARP_LAUNCH_H

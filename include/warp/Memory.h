@@ -1,0 +1,72 @@
+//===- Memory.h - Allocation, copies and fills ------------------*- C++ -*-===//
+//
+// Memory of any device by pointer and device number. Work on CUDA memory is
+// queued on a stream (null: the device's current one); copies that end in
+// pageable host memory have finished on return. A request that cannot be met
+// is an `Error` of kind `Memory` that names request and free memory.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_MEMORY_H
+#define WARP_MEMORY_H
+
+#include "warp/Device.h"
+#include "warp/Export.h"
+#include "warp/Launch.h"
+
+#include <cstddef>
+
+namespace warp {
+
+/// Memory with an owner.
+class WARP_API Buffer {
+public:
+  /// `pinned`: page-locked host memory that CUDA devices reach directly;
+  /// plain memory where there is no CUDA.
+  Buffer(int device, size_t size, bool pinned = false);
+  ~Buffer();
+  Buffer(const Buffer &) = delete;
+  Buffer &operator=(const Buffer &) = delete;
+
+  void *data() const { return memory; }
+  size_t size() const { return bytes; }
+  int device() const { return deviceIndex; }
+  bool pinned() const { return how == How::Pinned; }
+
+private:
+  enum class How { Host, Pinned, Cuda, CudaPool };
+
+  void *memory = nullptr;
+  size_t bytes;
+  int deviceIndex;
+  How how = How::Host;
+};
+
+WARP_API void copyMemory(void *dst, int dstDevice, const void *src,
+                         int srcDevice, size_t bytes,
+                         const Stream *stream = nullptr);
+WARP_API void setMemory(void *dst, int device, int byte, size_t bytes,
+                        const Stream *stream = nullptr);
+/// Writes `count` copies of a pattern of `size` bytes.
+WARP_API void fillMemory(void *dst, int device, const void *pattern,
+                         size_t size, size_t count,
+                         const Stream *stream = nullptr);
+
+/// A strided view as copies see it.
+struct ArrayView {
+  const ArrayDescriptor *array;
+  int device;
+};
+
+/// True if the elements lie packed in row-major order.
+WARP_API bool isContiguous(const ArrayDescriptor &array, size_t elementSize);
+/// Copies between views of equal shape, whatever their strides and devices.
+WARP_API void copyArray(ArrayView dst, ArrayView src, size_t elementSize,
+                        const Stream *stream = nullptr);
+/// Sets every element to a pattern of `elementSize` bytes.
+WARP_API void fillArray(ArrayView dst, const void *pattern,
+                        size_t elementSize, const Stream *stream = nullptr);
+
+} // namespace warp
+
+#endif // WARP_MEMORY_H

@@ -1,0 +1,46 @@
+//===- ThreadPool.h - Parallel loops on the CPU -----------------*- C++ -*-===//
+//
+// Persistent worker threads, one per CPU that the process may use, the caller
+// included. A loop gives every thread its own stretch of the range, taken in
+// chunks; a thread that is done takes chunks of others. Equal ranges therefore
+// meet the same caches launch after launch, and uneven work still spreads.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_THREADPOOL_H
+#define WARP_THREADPOOL_H
+
+#include "warp/Export.h"
+
+#include <cstdint>
+
+namespace warp {
+
+class WARP_API ThreadPool {
+public:
+  using Body = void (*)(void *context, int64_t begin, int64_t end);
+
+  /// Threads that take part in a loop, the caller included. At most
+  /// WARP_NUM_THREADS when that is set.
+  static int size();
+
+  /// Calls `body` on disjoint chunks of [begin, end) until all is done. A
+  /// chunk has at least `grain` items, the last one excepted. The first
+  /// exception of a body is thrown again in the caller. A call from inside a
+  /// body, or while another thread's loop runs, is done by the caller alone.
+  static void parallelFor(int64_t begin, int64_t end, int64_t grain, Body body,
+                          void *context);
+
+  template <typename Fn>
+  static void parallelFor(int64_t begin, int64_t end, int64_t grain, Fn &&fn) {
+    auto call = [](void *context, int64_t from, int64_t to) {
+      (*static_cast<Fn *>(context))(from, to);
+    };
+    parallelFor(begin, end, grain, call,
+                const_cast<void *>(static_cast<const void *>(&fn)));
+  }
+};
+
+} // namespace warp
+
+#endif // WARP_THREADPOOL_H
