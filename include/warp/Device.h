@@ -21,7 +21,7 @@
 
 namespace warp {
 
-constexpr int cpuDevice = -1;
+inline constexpr int cpuDevice = -1;
 
 struct DeviceInfo {
   /// "cpu" or "cuda:0".

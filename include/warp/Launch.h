@@ -21,7 +21,7 @@
 
 namespace warp {
 
-constexpr int maxRank = 4;
+inline constexpr int maxRank = 4;
 
 struct ArrayDescriptor {
   void *data = nullptr;

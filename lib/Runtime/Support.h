@@ -1,0 +1,23 @@
+//===- Support.h - Small helpers of the runtime -----------------*- C++ -*-===//
+
+#ifndef WARP_LIB_RUNTIME_SUPPORT_H
+#define WARP_LIB_RUNTIME_SUPPORT_H
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+
+namespace warp {
+
+/// "4.0 GiB".
+std::string formatBytes(uint64_t bytes);
+
+/// 64-bit hash of a byte string; a change of any bit changes it.
+uint64_t hashBytes(const void *data, size_t size, uint64_t seed = 0);
+
+/// Value of an environment variable, or the empty string.
+std::string environment(const char *name);
+
+} // namespace warp
+
+#endif // WARP_LIB_RUNTIME_SUPPORT_H
