@@ -1,0 +1,32 @@
+# make build   .venv with the package in it, and build/bin/warp-opt
+# make demo    the particle demonstration: picture, work-precision plot
+# make test    every test; ends with 'N passed, N failed, N skipped'
+# make docs    refresh the generated references under docs/
+# Everything that is missing (packages, .venv, build) is set up first.
+
+SHELL := /bin/bash
+PYTHON := .venv/bin/python
+
+.PHONY: build demo test docs device-bundle format clean
+
+build:
+	@scripts/setup.sh
+
+demo: build
+	@$(PYTHON) examples/integrate.py $(DEMO_ARGS)
+
+test: build
+	@$(PYTHON) scripts/run_tests.py $(TEST_ARGS)
+
+docs: build
+	@scripts/make_docs.sh
+
+device-bundle: build
+	@scripts/make_device_bundle.sh
+
+format:
+	@git ls-files '*.cpp' '*.h' | xargs -r clang-format-22 -i
+	@$(PYTHON) -m ruff format python test examples benchmarks scripts
+
+clean:
+	rm -rf build .venv dist

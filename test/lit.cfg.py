@@ -1,0 +1,65 @@
+"""lit configuration: suites, substitutions and features.
+
+Features: `cuda` (a device answers), `ptxas` (the assembler is installed).
+WARP_VERIFY_ROUNDTRIP=1 makes every warp-opt run also check that its input
+survives printing and parsing, as text and as bytecode.
+"""
+
+import ctypes
+import os
+import shutil
+
+import lit.formats
+
+config.name = "warp"
+config.test_format = lit.formats.ShTest(execute_external=False)
+config.suffixes = [".mlir", ".py"]
+config.excludes = ["lit.cfg.py", "lit.site.cfg.py", "python", "unit", "device", "Inputs"]
+config.test_source_root = os.path.dirname(__file__)
+config.test_exec_root = config.warp_obj_root
+
+warp_opt = os.path.join(config.warp_tools_dir, "warp-opt")
+if os.environ.get("WARP_VERIFY_ROUNDTRIP", "0") not in ("", "0"):
+    warp_opt += " --verify-roundtrip"
+    config.available_features.add("roundtrip")
+
+
+def llvm_tool(name):
+    return os.path.join(config.llvm_tools_dir, name)
+
+
+def find_ptxas():
+    folders = [os.environ.get("CUDA_PATH", ""), "/usr/local/cuda"]
+    places = [os.path.join(folder, "bin") for folder in folders]
+    places.append(os.path.join(config.warp_obj_root, "..", "third_party"))
+    return shutil.which("ptxas") or shutil.which("ptxas", path=os.pathsep.join(places))
+
+
+def count_cuda_devices():
+    try:
+        driver = ctypes.CDLL("libcuda.so.1")
+    except OSError:
+        return 0
+    count = ctypes.c_int(0)
+    if driver.cuInit(0) or driver.cuDeviceGetCount(ctypes.byref(count)):
+        return 0
+    return count.value
+
+
+ptxas = find_ptxas()
+if ptxas:
+    config.available_features.add("ptxas")
+    config.substitutions.append((r"\bptxas\b", ptxas))
+if count_cuda_devices():
+    config.available_features.add("cuda")
+
+for tool in ("FileCheck", "not", "split-file", "llvm-readobj", "llvm-nm", "llvm-objdump"):
+    config.substitutions.append((rf"(?<![-\w/]){tool}(?![-\w])", llvm_tool(tool)))
+config.substitutions.append((r"(?<![-\w/])warp-opt(?![-\w])", warp_opt))
+config.substitutions.append(("%python", config.warp_python))
+
+config.environment["PYTHONPATH"] = config.warp_python_dir
+config.environment["WARP_CACHE_PATH"] = os.path.join(config.warp_obj_root, "kernel-cache")
+for name in ("HOME", "CUDA_PATH", "LD_LIBRARY_PATH", "ASAN_OPTIONS"):
+    if name in os.environ:
+        config.environment[name] = os.environ[name]
