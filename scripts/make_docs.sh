@@ -1,0 +1,14 @@
+#!/bin/bash
+# Refresh the committed references under docs/ from what the build generated.
+#   make_docs.sh [FOLDER]   writes there instead of docs/
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+folder=${1:-docs}
+tblgen="/usr/lib/llvm-22/bin/mlir-tblgen -I include -I include/WarpDialect \
+  -I /usr/lib/llvm-22/include"
+mkdir -p "$folder"
+cp build/generated/builtins.md "$folder/builtins.md"
+$tblgen -gen-pass-doc include/WarpDialect/Passes.td -o "$folder/passes.md"
+$tblgen -gen-dialect-doc -dialect=warp include/WarpDialect/WarpOps.td \
+  -o "$folder/dialect.md"
