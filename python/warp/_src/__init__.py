@@ -1,0 +1,1 @@
+"""Implementation of the package, by topic."""

@@ -1,0 +1,112 @@
+"""Annotations of kernel parameters and struct fields.
+
+`wp.array(dtype=wp.vec3)`, `wp.array2d(dtype=float)` and `wp.array[wp.vec3]` all give an `ArrayType`,
+a value that compares by element type and rank. `resolve` turns any annotation into the canonical
+form that the front end and the launch use: a scalar, composite or struct class, or an `ArrayType`.
+"""
+
+from __future__ import annotations
+
+import sys
+import typing
+
+from warp._src import types
+
+
+class ArrayType:
+    """Type of an array: `dtype` (a class, or `typing.Any`) and `ndim`."""
+
+    __slots__ = ("dtype", "ndim")
+
+    def __init__(self, dtype, ndim=1):
+        if ndim not in (1, 2, 3, 4):
+            raise ValueError(f"expects an array of 1 to 4 dimensions, but got {ndim!r}")
+        if dtype is None:
+            dtype = typing.Any
+        if dtype is not typing.Any and not isinstance(dtype, typing.TypeVar):
+            dtype = _element_type(dtype)
+        self.dtype = dtype
+        self.ndim = ndim
+
+    @property
+    def _native_(self):
+        return f"!warp.array<{self.ndim} x {types.native_text(self.dtype)}>"
+
+    def __eq__(self, other):
+        if not isinstance(other, ArrayType):
+            return NotImplemented
+        return self.dtype is other.dtype and self.ndim == other.ndim
+
+    def __hash__(self):
+        return hash((self.dtype, self.ndim))
+
+    def __repr__(self):
+        suffix = "" if self.ndim == 1 else f"{self.ndim}d"
+        return f"array{suffix}(dtype={types.type_repr(self.dtype)})"
+
+    def __call__(self, *args, **kwargs):
+        raise TypeError(f"'{self!r}' is an annotation, use `wp.array(data, ...)` to make an array")
+
+
+def _element_type(dtype):
+    from warp._src.vectors import GenericAnnotation
+
+    if isinstance(dtype, GenericAnnotation):
+        return dtype
+    try:
+        return types.canonical(dtype)
+    except TypeError as error:
+        raise TypeError(f"cannot make an array of this element type: {error}") from None
+
+
+def from_subscript(params, ndim):
+    """The type for `wp.array[dtype]` and `wp.array[dtype, typing.Literal[n]]`."""
+    if isinstance(params, tuple):
+        if len(params) != 2:
+            raise TypeError(f"expects `wp.array[dtype, ndim]`, but got {len(params)} parameters")
+        dtype, rank = params
+        arguments = typing.get_args(rank)
+        ndim = arguments[0] if arguments else rank
+    else:
+        dtype = params
+    return ArrayType(dtype, ndim)
+
+
+def evaluate(annotation, namespaces):
+    """Evaluates an annotation written as a string, as `from __future__ import annotations` does.
+
+    Args:
+        annotation: what `__annotations__` holds.
+        namespaces: dictionaries to look names up in, first match wins.
+    """
+    if not isinstance(annotation, str):
+        return annotation
+    merged = {}
+    for namespace in reversed(namespaces):
+        merged.update(namespace)
+    return eval(annotation, merged)
+
+
+def resolve(annotation):
+    """The canonical form of an annotation.
+
+    Raises:
+        TypeError: it names no type that kernels know.
+    """
+    if isinstance(annotation, ArrayType) or annotation is typing.Any:
+        return annotation
+    return types.canonical(annotation)
+
+
+def caller_namespaces(cls_or_func, depth=2):
+    """Where a decorated object's string annotations may refer to: closure, locals, globals."""
+    module = sys.modules.get(cls_or_func.__module__)
+    frame = sys._getframe(depth)
+    closure = {}
+    code = getattr(cls_or_func, "__code__", None)
+    for name, cell in zip(getattr(code, "co_freevars", ()), getattr(cls_or_func, "__closure__", None) or ()):
+        try:
+            closure[name] = cell.cell_contents
+        except ValueError:
+            continue
+    return [closure, frame.f_locals, frame.f_globals, vars(module) if module else {}]

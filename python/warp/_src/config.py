@@ -1,0 +1,203 @@
+"""Settings: `wp.config.<name>`, each with a type, a default, an environment variable and a doc.
+
+The settings are the attributes of the module `warp.config`, so reading one costs an attribute
+lookup. Assigning checks name and type; some settings are handed on to the runtime at once. The
+environment variable `WARP_<NAME>` sets the initial value. Settings that exist for programs written
+for NVIDIA Warp and change nothing here are marked as such.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import types
+
+
+class Setting:
+    """One setting: its type or types, default, environment variables, choices and doc."""
+
+    def __init__(self, name, kind, default, doc, choices=None, env=None, inert=False):
+        self.name = name
+        self.kinds = kind if isinstance(kind, tuple) else (kind,)
+        self.default = default
+        self.doc = doc
+        self.choices = choices
+        self.env = (env or ()) + (f"WARP_{name.upper()}",)
+        self.inert = inert
+
+    def check(self, value):
+        """The value to store.
+
+        Raises:
+            TypeError, ValueError: `value` does not suit the setting.
+        """
+        if isinstance(value, os.PathLike) and str in self.kinds:
+            value = os.fspath(value)
+        accepted = isinstance(value, self.kinds)
+        if isinstance(value, bool) and bool not in self.kinds and value is not None:
+            accepted = False
+        if not accepted and float in self.kinds and isinstance(value, int):
+            accepted = True
+        if not accepted:
+            if bool in self.kinds and isinstance(value, int) and value in (0, 1):
+                return bool(value)
+            raise TypeError(
+                f"config.{self.name} expects {self._kinds_text()}, but got '{type(value).__name__}'"
+            )
+        if self.choices and value is not None and value not in self.choices:
+            raise ValueError(
+                f"config.{self.name} expects one of {', '.join(map(repr, self.choices))}, "
+                f"but got {value!r}"
+            )
+        return value
+
+    def initial(self):
+        """The default, or what the environment says."""
+        for variable in self.env:
+            text = os.environ.get(variable)
+            if text is not None:
+                return self._parse(variable, text)
+        return self.default
+
+    def _parse(self, variable, text):
+        if bool in self.kinds and text.lower() in _BOOLEANS:
+            return _BOOLEANS[text.lower()]
+        if str in self.kinds:
+            return self.check(text) if text else self.default
+        for kind in (int, float):
+            if kind in self.kinds:
+                try:
+                    return self.check(kind(text))
+                except ValueError:
+                    continue
+        raise ValueError(f"{variable} expects {self._kinds_text()}, but got {text!r}")
+
+    def _kinds_text(self):
+        names = ("None" if kind is type(None) else f"'{kind.__name__}'" for kind in self.kinds)
+        return " or ".join(names)
+
+
+_BOOLEANS = {
+    **dict.fromkeys(("1", "true", "on", "yes"), True),
+    **dict.fromkeys(("0", "false", "off", "no", ""), False),
+}
+_MAYBE_BOOL = (bool, type(None))
+_MAYBE_INT = (int, type(None))
+_MAYBE_STR = (str, type(None))
+
+
+def _inert(name, kind, default):
+    return Setting(name, kind, default, "accepted for compatibility, changes nothing", inert=True)
+
+
+SETTINGS = {
+    setting.name: setting
+    for setting in (
+        Setting("quiet", bool, False, "print no notices"),
+        Setting("verbose", bool, False, "print a line per compiled kernel, with times by phase"),
+        Setting("verbose_warnings", bool, False, "show warnings with their place in the source"),
+        Setting("print_launches", bool, False, "print kernel, device and dimensions of launches"),
+        Setting("verify_fp", bool, False, "after each launch, reject infinite or NaN outputs"),
+        Setting("verify_cuda", bool, False, "wait for each CUDA launch and check for errors"),
+        Setting(
+            "mode",
+            str,
+            "release",
+            "`debug` checks every array access and names kernel, line, array, index and shape",
+            choices=("release", "debug"),
+        ),
+        Setting("optimization_level", _MAYBE_INT, None, "0 to 3; None is the default, 2"),
+        Setting("fast_math", bool, False, "allow reassociation and approximate functions"),
+        Setting("lineinfo", bool, False, "keep source lines in compiled code, for profilers"),
+        Setting("max_unroll", int, 16, "constant loops up to this many iterations are unrolled"),
+        Setting("enable_backward", bool, True, "allow derivatives of kernels"),
+        Setting("cache_kernels", bool, True, "keep compiled kernels on disk"),
+        Setting(
+            "kernel_cache_dir",
+            _MAYBE_STR,
+            None,
+            "folder of compiled kernels; None is `warp-mlir/<version>` in the user's cache folder",
+            env=("WARP_CACHE_PATH",),
+        ),
+        Setting("dump", _MAYBE_STR, None, "folder that gets every stage of each compiled kernel"),
+        Setting("cpu_threads", _MAYBE_INT, None, "threads of a CPU launch; None uses all cores"),
+        Setting("load_module_max_workers", _MAYBE_INT, 0, "threads that compile; 0 is serial"),
+        Setting("deterministic", (bool, str), False, "reserved: bitwise reproducible reductions"),
+        Setting("launch_array_access_mode", (int, str), "RELAXED", "reserved: overlap checks"),
+        _inert("log_level", int, 30),
+        _inert("verify_autograd_array_access", bool, False),
+        _inert("enable_vector_component_overwrites", bool, False),
+        _inert("legacy_scalar_return_types", bool, False),
+        _inert("cuda_output", _MAYBE_STR, None),
+        _inert("ptx_target_arch", _MAYBE_INT, None),
+        _inert("cuda_arch_suffix", _MAYBE_STR, None),
+        _inert("line_directives", bool, True),
+        _inert("compile_time_trace", bool, False),
+        _inert("enable_cpu_blocks", bool, False),
+        _inert("default_grid_stride", bool, True),
+        _inert("enable_mathdx_gemm", bool, True),
+        _inert("enable_mathdx_solver", bool, True),
+        _inert("enable_mathdx_fft", bool, True),
+        _inert("cpu_compiler_flags", _MAYBE_STR, None),
+        _inert("llvm_cuda", bool, False),
+        _inert("enable_graph_capture_module_load_by_default", bool, True),
+        _inert("enable_mempools_at_init", bool, True),
+        _inert("track_memory", bool, False),
+        _inert("enable_tiles_in_stack_memory", bool, True),
+        _inert("use_precompiled_headers", bool, True),
+        _inert("legacy_cpu_linker", bool, False),
+        _inert("deterministic_max_records", int, 0),
+        _inert("deterministic_debug", bool, False),
+    )
+}
+
+# Called with the new value after an assignment.
+_listeners: dict = {}
+
+
+def on_change(name, listener) -> None:
+    """Calls `listener(value)` whenever the setting is assigned."""
+    _listeners[name] = listener
+
+
+class ConfigModule(types.ModuleType):
+    """The class of the module `warp.config`."""
+
+    def __setattr__(self, name, value):
+        setting = SETTINGS.get(name)
+        if setting is None:
+            if name.startswith("__") or isinstance(value, types.ModuleType):
+                super().__setattr__(name, value)
+                return
+            raise AttributeError(f"config has no setting '{name}'{_suggestion(name)}")
+        value = setting.check(value)
+        super().__setattr__(name, value)
+        listener = _listeners.get(name)
+        if listener is not None:
+            listener(value)
+
+    def __getattr__(self, name):
+        raise AttributeError(f"config has no setting '{name}'{_suggestion(name)}")
+
+    def __delattr__(self, name):
+        raise AttributeError(f"setting '{name}' cannot be deleted")
+
+    def __dir__(self):
+        return sorted(SETTINGS)
+
+
+def _suggestion(name):
+    import difflib
+
+    close = difflib.get_close_matches(name, SETTINGS, 1)
+    return f", did you mean '{close[0]}'?" if close else ""
+
+
+def install(module_name, version) -> None:
+    """Turns the named module into the settings."""
+    module = sys.modules[module_name]
+    values = vars(module)
+    values["version"] = version
+    for setting in SETTINGS.values():
+        values[setting.name] = setting.initial()
+    module.__class__ = ConfigModule

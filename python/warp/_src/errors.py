@@ -1,0 +1,180 @@
+"""Exceptions of the package and how they are shown.
+
+One small hierarchy: everything a user can cause derives from `WarpError`. Errors about kernel code
+also derive from the Python class that says what went wrong (`TypeError`, `IndexError`, ...), so a
+caller may catch either. An error knows the place in the user's source and prints it with a caret:
+
+    particles.py:12:12: expects operands of one type for 'add', but got 'si32' and 'f32'
+        y[i] = i + x[i]
+               ^~~~~~~~
+    hint: use `float(i)`
+
+The C++ side throws one exception class; `from_native` turns its kind into a class from here.
+"""
+
+from __future__ import annotations
+
+import linecache
+
+
+class WarpError(RuntimeError):
+    """Base of all errors raised by this package.
+
+    Args:
+        message: what is wrong, lower case, both sides stated.
+        file, line, column: place in the user's source; lines and columns count from 1.
+        end_column: column after the last character at fault.
+        hint: what to do about it, when there is one answer.
+        notes: further places or facts, one per line.
+        source: text of the source line, when it cannot be read from `file`.
+    """
+
+    def __init__(
+        self,
+        message: str = "",
+        *,
+        file: str | None = None,
+        line: int = 0,
+        column: int = 0,
+        end_column: int = 0,
+        hint: str | None = None,
+        notes: tuple[str, ...] = (),
+        source: str | None = None,
+    ):
+        super().__init__(message)
+        self.message = message
+        self.file = file
+        self.line = line
+        self.column = column
+        self.end_column = end_column
+        self.hint = hint
+        self.notes = tuple(notes)
+        self.source = source
+
+    def __str__(self) -> str:
+        return format_error(self)
+
+    def __reduce__(self):
+        return (_rebuild, (type(self), self.message, self.__dict__.copy()))
+
+
+def _rebuild(cls, message, state):
+    error = cls(message)
+    error.__dict__.update(state)
+    return error
+
+
+class WarpCodegenError(WarpError):
+    """A kernel or function cannot be translated."""
+
+
+class WarpCodegenTypeError(WarpCodegenError, TypeError):
+    """Operands, arguments or annotations have the wrong type."""
+
+
+class WarpCodegenValueError(WarpCodegenError, ValueError):
+    """The type is right but the value cannot be used."""
+
+
+class WarpCodegenOverflowError(WarpCodegenError, OverflowError):
+    """A literal does not fit the type it needs to have."""
+
+
+class WarpCodegenAttributeError(WarpCodegenError, AttributeError):
+    """No such attribute, component or field."""
+
+
+class WarpCodegenIndexError(WarpCodegenError, IndexError):
+    """A constant index is out of range."""
+
+
+class WarpCodegenKeyError(WarpCodegenError, KeyError):
+    """An undefined name or unsupported construct."""
+
+
+class WarpCompileError(WarpCodegenError):
+    """A compiler pass or the code generator failed."""
+
+
+class WarpParseError(WarpCodegenError):
+    """Malformed IR text."""
+
+
+class WarpLaunchError(WarpError):
+    """Bad arguments or dimensions of a launch, or a failed access found in debug mode."""
+
+
+class WarpLaunchTypeError(WarpLaunchError, TypeError):
+    """A launch argument has the wrong type, rank or device."""
+
+
+class WarpLaunchValueError(WarpLaunchError, ValueError):
+    """A launch dimension or option has an impossible value."""
+
+
+class WarpMemoryError(WarpError, MemoryError):
+    """A device has not enough free memory."""
+
+
+class WarpDeterminismError(WarpError):
+    """A kernel cannot be made deterministic."""
+
+
+_KINDS = {
+    "type": WarpCodegenTypeError,
+    "value": WarpCodegenValueError,
+    "index": WarpCodegenIndexError,
+    "attribute": WarpCodegenAttributeError,
+    "key": WarpCodegenKeyError,
+    "overflow": WarpCodegenOverflowError,
+    "parse": WarpParseError,
+    "compile": WarpCompileError,
+    "launch": WarpLaunchError,
+    "memory": WarpMemoryError,
+    "runtime": WarpError,
+}
+
+
+def from_native(
+    kind: str, message: str, file: str = "", line: int = 0, column: int = 0
+) -> WarpError:
+    """Builds the exception for an error reported by the C++ side.
+
+    A last line of the message that starts with `hint: ` becomes the hint.
+    """
+    head, separator, hint = message.rpartition("\nhint: ")
+    if not separator:
+        head, hint = message, None
+    error = _KINDS.get(kind.lower(), WarpError)
+    return error(head, file=file or None, line=line, column=column, hint=hint)
+
+
+def format_error(error: WarpError) -> str:
+    """The text of an error: place, message, source line with caret, notes, hint."""
+    place = error.file or ""
+    if place and error.line:
+        place += f":{error.line}"
+        if error.column:
+            place += f":{error.column}"
+    lines = [f"{place}: {error.message}" if place else error.message]
+    source = error.source
+    if source is None and error.file and error.line:
+        source = linecache.getline(error.file, error.line)
+    if source and source.strip():
+        lines += _caret(source.rstrip("\n"), error.column, error.end_column)
+    lines += [f"note: {note}" for note in error.notes]
+    if error.hint:
+        lines.append(f"hint: {error.hint}")
+    return "\n".join(lines)
+
+
+def _caret(source: str, column: int, end_column: int) -> list[str]:
+    text = source.lstrip()
+    shown = ["    " + text.rstrip()]
+    offset = column - 1 - (len(source) - len(text))
+    if column <= 0 or offset < 0 or offset > len(text):
+        return shown
+    width = max(1, min(end_column - column, len(text) - offset)) if end_column else 1
+    lead = "".join("\t" if c == "\t" else " " for c in text[:offset])
+    shown.append("    " + lead + "^" + "~" * (width - 1))
+    return shown

@@ -1,0 +1,233 @@
+"""What all parts of the translator share: bindings, constants, errors.
+
+A name in a kernel is bound to one of
+
+* a native `Value`: an SSA value of the module under construction;
+* a Python `int`, `float` or `bool`: a literal or captured constant. It becomes `int32`, `float32` or
+  `bool` where a value is needed, and stays a number where a constant is (`range`, indices, casts);
+* a tuple of bindings;
+* any other Python object, known at compile time: a function, type, module, string, enum.
+
+The translator has no type rules. It asks the builder, and turns what the builder reports into an
+error at the syntax node it was working on.
+"""
+
+from __future__ import annotations
+
+import enum
+import re
+
+from warp import _native
+from warp._src import errors, types
+from warp._src.frontend import names
+
+Value = _native.Value
+BOOL = _native.Type.parse("i1")
+INT32 = _native.Type.parse("si32")
+FLOAT32 = _native.Type.parse("f32")
+_TYPE_TEXT = re.compile(r"!warp\.(?:[^'<]|<(?:[^<>]|<(?:[^<>]|<[^<>]*>)*>)*>)*(?=')|(?<=')\w+(?=')")
+_MISSING = object()
+
+
+class Session:
+    """State shared by the functions of one kernel."""
+
+    __slots__ = ("active", "builder", "calls", "debug", "max_unroll", "taken")
+
+    def __init__(self, builder, max_unroll=16):
+        self.builder = builder
+        self.max_unroll = max_unroll
+        # Finished functions by overload and argument types, and symbol names in use.
+        self.calls = {}
+        self.taken = {}
+        # Functions being translated, outermost first.
+        self.active = []
+
+    def symbol(self, name: str) -> str:
+        """A name for a function that no other function of the module has."""
+        count = self.taken.get(name, 0)
+        self.taken[name] = count + 1
+        return f"{name}_{count}" if count else name
+
+
+class EmitterBase:
+    """Translates one function for given argument types."""
+
+    def __init__(self, session: Session, function, source, is_kernel: bool):
+        self.session = session
+        self.builder = session.builder
+        self.function = function
+        self.source = source
+        self.is_kernel = is_kernel
+        self.env = {}
+        # Line of the last assignment of each name, for messages.
+        self.lines = {}
+        self.loops = []
+        self.node = source.tree
+        self.captured = {}
+
+    # Places and errors.
+
+    def at(self, node):
+        """What the builder makes next comes from this node."""
+        self.node = node
+        self.builder.set_location(
+            self.source.file, node.lineno + self.source.line_offset, node.col_offset + 1
+        )
+
+    def error(self, node, message, hint=None, kind=errors.WarpCodegenError, notes=()):
+        """The exception for a message about a node."""
+        return kind(message, hint=hint, notes=notes, **self.source.place(node))
+
+    def type_error(self, node, message, hint=None, notes=()):
+        return self.error(node, message, hint, errors.WarpCodegenTypeError, notes)
+
+    def unsupported(self, node, what, hint=None):
+        return self.error(node, f"{what} is not supported in kernels", hint)
+
+    def locate(self, error: errors.WarpError):
+        """Completes an error of the builder with the place and Python's type names."""
+        if error.end_column:
+            return error
+        place = self.source.place(self.node)
+        message = _TYPE_TEXT.sub(lambda found: names.python_name(found[0]), error.message)
+        hint = error.hint
+        if hint:
+            hint = _TYPE_TEXT.sub(lambda found: names.python_name(found[0]), hint)
+        return type(error)(message, hint=hint, notes=error.notes, **place)
+
+    # Constants.
+
+    def capture(self, value, node):
+        """Binding of a Python object that a kernel refers to."""
+        kind = type(value)
+        if kind in (bool, int, float, str) or kind is Value:
+            return value
+        if isinstance(value, enum.Enum):
+            if isinstance(value, int):
+                return int(value)
+            return value
+        if isinstance(value, int):
+            return int(value)
+        if isinstance(value, float):
+            return float(value)
+        if kind.__module__ == "numpy" and hasattr(value, "item") and not hasattr(value, "__len__"):
+            return value.item()
+        return value
+
+    def materialize(self, binding, node):
+        """The SSA value of a binding."""
+        kind = type(binding)
+        if kind is Value:
+            return binding
+        if kind is bool:
+            return self.builder.constant(BOOL, binding)
+        if kind is int:
+            return self.integer(binding, node)
+        if kind is float:
+            return self.builder.constant(FLOAT32, binding)
+        return self.materialize_object(binding, node)
+
+    def integer(self, number, node):
+        """An `int32` constant; a number that does not fit is an error."""
+        if not -(2**31) <= number < 2**31:
+            wide = "wp.int64" if -(2**63) <= number < 2**63 else "wp.uint64"
+            raise self.error(
+                node,
+                f"integer {number} does not fit 'int32'",
+                f"use `{wide}({number})`" if -(2**63) <= number < 2**64 else None,
+                errors.WarpCodegenOverflowError,
+            )
+        return self.builder.constant(INT32, number)
+
+    def materialize_object(self, binding, node):
+        kind = type(binding)
+        if isinstance(binding, types.scalar_base):
+            self.at(node)
+            return self.builder.constant(types.native_type(kind), binding.value)
+        if isinstance(binding, types.Composite):
+            self.at(node)
+            native = types.native_type(kind)
+            element = native.element
+            parts = [self.builder.constant(element, c) for c in types.scalars_of(binding)]
+            return self.builder.construct(native, parts)
+        if kind is tuple:
+            raise self.type_error(node, "expects a value, but got a tuple")
+        if binding is None:
+            raise self.type_error(node, "expects a value, but got 'None'")
+        if types.is_struct_instance(binding):
+            return self.materialize_struct(binding, node)
+        what = names.describe(binding)
+        raise self.type_error(
+            node,
+            f"expects a value, but got {what}",
+            "pass arrays and structs as kernel arguments" if hasattr(binding, "dtype") else None,
+        )
+
+    def materialize_struct(self, binding, node):
+        self.at(node)
+        native = types.native_type(type(binding))
+        fields = []
+        for name, field in native.fields:
+            part = getattr(binding, name)
+            if field.kind == "array":
+                raise self.type_error(
+                    node, f"field '{name}' of a captured struct is an array", "pass it as an argument"
+                )
+            fields.append(self.convert_constant(part, field, node))
+        return self.builder.struct_create(native, fields)
+
+    def convert_constant(self, binding, native, node):
+        """Like `materialize`, but a plain number takes the given scalar type."""
+        if type(binding) in (int, float, bool) and native.kind in ("bool", "int", "float"):
+            self.at(node)
+            return self.builder.constant(native, binding)
+        return self.materialize(binding, node)
+
+    # Bindings as lists of values.
+
+    def flatten(self, binding, node, into):
+        """Appends the values of a binding; gives its shape for `unflatten`."""
+        if type(binding) is tuple:
+            return tuple([self.flatten(part, node, into) for part in binding])
+        into.append(self.materialize(binding, node))
+        return None
+
+    def unflatten(self, shape, values):
+        """Rebuilds a binding from an iterator over values."""
+        if type(shape) is tuple:
+            return tuple([self.unflatten(part, values) for part in shape])
+        return next(values)
+
+    def type_name(self, binding) -> str:
+        """Python's name for the type of a binding, for messages."""
+        if type(binding) is Value:
+            return names.python_name(str(binding.type))
+        if type(binding) is tuple:
+            return "tuple(" + ", ".join(map(self.type_name, binding)) + ")"
+        return names.literal_name(binding)
+
+    # Names.
+
+    def assign_name(self, name, binding, node):
+        if type(binding) is int and not -(2**31) <= binding < 2**31:
+            self.integer(binding, node)
+        if type(binding) is float:
+            binding = self.builder.constant(FLOAT32, binding)
+        self.env[name] = binding
+        self.lines[name] = self.source.line(node)
+
+    def read_name(self, name, node):
+        binding = self.env.get(name, _MISSING)
+        if binding is not _MISSING:
+            return binding
+        if name in self.source.plan.local_names:
+            hint = None
+            if any(name in loop.pending for loop in self.loops):
+                hint = "assign it before the loop"
+            raise self.error(
+                node, f"'{name}' is used before it is assigned", hint, errors.WarpCodegenKeyError
+            )
+        if name not in self.captured:
+            self.captured[name] = self.capture(names.resolve(self, name, node), node)
+        return self.captured[name]

@@ -1,0 +1,214 @@
+"""Names: what a free name refers to, and what types are called in messages."""
+
+from __future__ import annotations
+
+import builtins
+import difflib
+import re
+
+from warp import _native
+from warp._src import errors
+
+# Python's own functions and types that mean something in a kernel.
+PYTHON_NAMES = frozenset(
+    "abs bool float int len max min pow print range reversed round tuple type True False".split()
+)
+# Functions of `math` and `numpy` whose counterpart has another name.
+MATH_NAMES = {
+    "absolute": "abs",
+    "arccos": "acos",
+    "arcsin": "asin",
+    "arctan": "atan",
+    "arctan2": "atan2",
+    "fabs": "abs",
+    "fmod": "mod",
+    "fmax": "max",
+    "fmin": "min",
+    "maximum": "max",
+    "minimum": "min",
+    "power": "pow",
+    "hypot": None,
+}
+_SCALARS = {
+    "i1": "bool",
+    "f16": "float16",
+    "bf16": "bfloat16",
+    "f32": "float32",
+    "f64": "float64",
+    **{f"si{bits}": f"int{bits}" for bits in (8, 16, 32, 64)},
+    **{f"ui{bits}": f"uint{bits}" for bits in (8, 16, 32, 64)},
+}
+_SUFFIXES = {
+    "f16": "h",
+    "f32": "f",
+    "f64": "d",
+    "si8": "b",
+    "ui8": "ub",
+    "si16": "s",
+    "ui16": "us",
+    "si32": "i",
+    "ui32": "ui",
+    "si64": "l",
+    "ui64": "ul",
+}
+_VECTOR = re.compile(r"!warp\.vec<(\d+) x (\w+)>")
+_MATRIX = re.compile(r"!warp\.mat<(\d+)x(\d+) x (\w+)>")
+_SPECIAL = re.compile(r"!warp\.(quat|transform)<(\w+)>")
+_ARRAY = re.compile(r"!warp\.array<(\d) x (.*)>$", re.DOTALL)
+_STRUCT = re.compile(r'!warp\.struct<"([^"]*)"')
+
+
+class BuiltinRef:
+    """A builtin of the registry, named in a kernel."""
+
+    __slots__ = ("name",)
+
+    def __init__(self, name):
+        self.name = name
+
+
+def python_name(text: str) -> str:
+    """Python's name of a type given in IR syntax."""
+    if text in _SCALARS:
+        return _SCALARS[text]
+    if found := _VECTOR.fullmatch(text):
+        return _suffixed("vec", found[1], found[2], f"vector(length={found[1]}, dtype={{}})")
+    if found := _MATRIX.fullmatch(text):
+        rows, columns, scalar = found.groups()
+        return _suffixed(
+            "mat", rows + columns, scalar, f"matrix(shape=({rows}, {columns}), dtype={{}})"
+        )
+    if found := _SPECIAL.fullmatch(text):
+        return found[1] + _SUFFIXES.get(found[2], "")
+    if found := _ARRAY.match(text):
+        rank, element = found.groups()
+        array = "array" if rank == "1" else f"array{rank}d"
+        return f"{array}(dtype={python_name(element)})"
+    if found := _STRUCT.match(text):
+        return found[1]
+    return text
+
+
+def _suffixed(stem, size, scalar, general):
+    suffix = _SUFFIXES.get(scalar)
+    if suffix and len(size) <= 2 and all(digit in "234" for digit in size):
+        return stem + size + suffix
+    return general.format(_SCALARS.get(scalar, scalar))
+
+
+def literal_name(binding) -> str:
+    """What a compile-time binding counts as."""
+    kind = type(binding)
+    if kind is bool:
+        return "bool"
+    if kind is int:
+        return "int32"
+    if kind is float:
+        return "float32"
+    return describe(binding)
+
+
+def describe(value) -> str:
+    """A short phrase for a Python object."""
+    if isinstance(value, BuiltinRef):
+        return f"the builtin '{value.name}'"
+    if isinstance(value, str):
+        return "a string"
+    if isinstance(value, type):
+        return f"the type '{value.__name__}'"
+    if callable(value) and hasattr(value, "__name__"):
+        return f"the function '{value.__name__}'"
+    article = "an" if type(value).__name__[0] in "aeiou" else "a"
+    return f"{article} '{type(value).__name__}'"
+
+
+def resolve(emitter, name, node):
+    """The Python object a free name refers to: closure, global, builtin."""
+    function = emitter.function
+    free = function.__code__.co_freevars
+    if name in free:
+        try:
+            return function.__closure__[free.index(name)].cell_contents
+        except ValueError:
+            raise emitter.error(
+                node,
+                f"'{name}' has no value yet in the enclosing function",
+                kind=errors.WarpCodegenKeyError,
+            ) from None
+    space = function.__globals__
+    if name in space:
+        return space[name]
+    if name in PYTHON_NAMES:
+        return getattr(builtins, name)
+    if _native.Builder.has_builtin(name):
+        return BuiltinRef(name)
+    # Names of types may be used bare, as `vec3(...)`.
+    import warp
+
+    found = getattr(warp, name, None)
+    if isinstance(found, type):
+        return found
+    raise undefined(emitter, name, node)
+
+
+def undefined(emitter, name, node):
+    known = [*emitter.env, *emitter.function.__globals__, *PYTHON_NAMES]
+    close = difflib.get_close_matches(name, [n for n in known if " " not in n], n=1)
+    hint = f"did you mean `{close[0]}`?" if close else None
+    if hasattr(builtins, name):
+        return emitter.error(
+            node,
+            f"Python's '{name}' is not supported in kernels",
+            kind=errors.WarpCodegenKeyError,
+        )
+    return emitter.error(
+        node, f"'{name}' is not defined", hint, errors.WarpCodegenKeyError
+    )
+
+
+def module_attribute(emitter, module, name, node):
+    """What `module.name` means in a kernel."""
+    root = module.__name__.partition(".")[0]
+    if root in ("math", "numpy"):
+        value = getattr(module, name, None)
+        if isinstance(value, (int, float)):
+            return value
+        target = MATH_NAMES.get(name, name)
+        if target and _native.Builder.has_builtin(target):
+            return BuiltinRef(target)
+        if isinstance(value, type):
+            return value
+        raise emitter.error(
+            node,
+            f"'{module.__name__}.{name}' has no counterpart in kernels",
+            kind=errors.WarpCodegenAttributeError,
+        )
+    if root == "warp":
+        value = getattr(module, name, None)
+        if value is not None and not callable(value):
+            return value
+        if isinstance(value, type) and name not in CALLED_TYPES:
+            return value
+        if _native.Builder.has_builtin(name) or name in CALLED_TYPES:
+            return BuiltinRef(name)
+        if value is not None:
+            return value
+        return _missing(emitter, module, name, node)
+    try:
+        return getattr(module, name)
+    except AttributeError:
+        return _missing(emitter, module, name, node)
+
+
+# Registered builtins that share their name with a type of the package.
+CALLED_TYPES = frozenset()
+
+
+def _missing(emitter, module, name, node):
+    close = difflib.get_close_matches(name, dir(module), n=1)
+    raise emitter.error(
+        node,
+        f"module '{module.__name__}' has no attribute '{name}'",
+        f"did you mean `{close[0]}`?" if close else None,
+        errors.WarpCodegenAttributeError,
+    )

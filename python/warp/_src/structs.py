@@ -1,0 +1,373 @@
+"""`@wp.struct`: records shared by Python and kernels.
+
+A decorated class becomes a `ctypes.Structure` with C layout, so an instance is the bytes that a
+kernel gets, and arrays of structs are plain memory. On top of ctypes each field has a `Field`
+descriptor that checks what is assigned, says what it expects, and keeps referenced arrays alive.
+Array fields are stored as the 56-byte descriptor that kernels use.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import types as python_types
+import typing
+
+from warp._src import annotations, scalars, types
+from warp._src.annotations import ArrayType
+from warp._src.composites import Composite, flatten_numbers, is_number
+from warp._src.scalars import ScalarType, scalar_base
+
+
+class ArrayDescriptor(ctypes.Structure):
+    """An array as kernels see it; strides are in bytes."""
+
+    _fields_ = [
+        ("data", ctypes.c_uint64),
+        ("grad", ctypes.c_uint64),
+        ("shape", ctypes.c_int32 * 4),
+        ("strides", ctypes.c_int32 * 4),
+        ("ndim", ctypes.c_int32),
+        ("flags", ctypes.c_int32),
+    ]
+
+    numpy_format = {
+        "names": ["data", "grad", "shape", "strides", "ndim", "flags"],
+        "formats": ["<u8", "<u8", "4<i4", "4<i4", "<i4", "<i4"],
+        "offsets": [0, 8, 16, 32, 48, 52],
+        "itemsize": 56,
+    }
+
+
+def describe(array) -> ArrayDescriptor:
+    """The descriptor of an array; all zero for None."""
+    descriptor = ArrayDescriptor()
+    if array is None:
+        return descriptor
+    descriptor.data = array.ptr or 0
+    descriptor.grad = (array.grad.ptr or 0) if array.grad is not None else 0
+    for axis, (extent, stride) in enumerate(zip(array.shape, array.strides)):
+        descriptor.shape[axis] = extent
+        descriptor.strides[axis] = stride
+    descriptor.ndim = array.ndim
+    return descriptor
+
+
+class StructType(type(ctypes.Structure)):
+    """Metaclass of struct classes; describes the struct."""
+
+    @property
+    def key(cls):
+        return cls.__name__
+
+    @property
+    def vars(cls):
+        """Fields by name, each with `label` and `type`."""
+        return {
+            name: python_types.SimpleNamespace(label=name, type=dtype)
+            for name, dtype in cls._wp_fields_.items()
+        }
+
+    @property
+    def ctype(cls):
+        return cls
+
+    @property
+    def cls(cls):
+        return cls
+
+    @property
+    def native_name(cls):
+        return cls._native_
+
+    @property
+    def __numpy_dtype__(cls):
+        import numpy
+
+        return numpy.dtype(cls.numpy_dtype())
+
+    def __setattr__(cls, name, value):
+        if "_wp_fields_" in cls.__dict__ and name in cls._wp_fields_:
+            raise AttributeError(f"field '{name}' of struct '{cls.__name__}' cannot be replaced")
+        super().__setattr__(name, value)
+
+
+class Field:
+    """Descriptor of one field: checks and converts around the raw ctypes field."""
+
+    def __init__(self, struct, name, dtype, raw):
+        self.struct = struct
+        self.name = name
+        self.dtype = dtype
+        self.raw = raw
+        self.offset = raw.offset
+
+    def __get__(self, instance, owner=None):
+        if instance is None:
+            return self
+        dtype = self.dtype
+        if isinstance(dtype, ArrayType):
+            return instance._held.get(self.name)
+        if types.is_struct(dtype):
+            held = instance._held
+            if self.name not in held:
+                held[self.name] = dtype.from_buffer(instance, self.offset)
+            return held[self.name]
+        number = self.raw.__get__(instance, owner)
+        bits = scalars.BITS.get(dtype)
+        return bits[1](number) if bits else number
+
+    def __set__(self, instance, value):
+        dtype = self.dtype
+        if isinstance(dtype, ArrayType):
+            self._set_array(instance, value)
+        elif types.is_struct(dtype):
+            if type(value) is not dtype:
+                raise self._error(value)
+            self.__get__(instance).assign(value)
+        elif isinstance(dtype, ScalarType):
+            self._set_scalar(instance, value)
+        else:
+            self._set_composite(instance, value)
+
+    def _set_scalar(self, instance, value):
+        if not is_number(value):
+            raise self._error(value)
+        if isinstance(value, scalar_base):
+            value = value.value
+        try:
+            bits = scalars.BITS.get(self.dtype)
+            self.raw.__set__(instance, bits[0](value) if bits else value)
+        except TypeError:
+            raise self._error(value) from None
+
+    def _set_composite(self, instance, value):
+        dtype = self.dtype
+        if value is None or is_number(value) or types.is_struct(type(value)):
+            raise self._error(value)
+        if isinstance(value, Composite) and value._shape_ != dtype._shape_:
+            raise self._error(value)
+        try:
+            numbers = flatten_numbers(value)
+        except TypeError:
+            raise self._error(value) from None
+        if len(numbers) != dtype._length_:
+            raise ValueError(
+                f"field '{self.name}' of struct '{self.struct}' expects {dtype._length_} "
+                f"components for '{dtype.__name__}', but got {len(numbers)}"
+            )
+        self.raw.__set__(instance, dtype(*numbers))
+
+    def _set_array(self, instance, value):
+        from warp._src.array import array
+
+        expected = self.dtype
+        if value is not None:
+            if not isinstance(value, array):
+                raise self._error(value)
+            if expected.dtype is not typing.Any and not types.types_equal(
+                value.dtype, expected.dtype
+            ):
+                raise self._error(value)
+            if value.ndim != expected.ndim:
+                raise self._error(value)
+        self.raw.__set__(instance, describe(value))
+        instance._held[self.name] = value
+
+    def _error(self, value):
+        got = repr(value) if isinstance(value, _array_class()) else type(value).__name__
+        message = (
+            f"field '{self.name}' of struct '{self.struct}' expects "
+            f"'{types.type_repr(self.dtype)}', but got '{got}'"
+        )
+        if isinstance(self.dtype, type) and issubclass(self.dtype, Composite) and is_number(value):
+            message += f", construct the value: `{self.dtype.__name__}(...)`"
+        return TypeError(message)
+
+
+def _array_class():
+    from warp._src.array import array
+
+    return array
+
+
+class StructInstance(ctypes.Structure):
+    """Base of struct classes. `Name(field=value, ...)`; fields not given are zero."""
+
+    def __init__(self, **fields):
+        super().__init__()
+        for name, value in fields.items():
+            setattr(self, name, value)
+
+    @property
+    def _held(self):
+        """Objects behind array and struct fields, by field name."""
+        held = self.__dict__.get("_objects_held")
+        if held is None:
+            held = self.__dict__["_objects_held"] = {}
+        return held
+
+    def __setattr__(self, name, value):
+        if name not in self._wp_fields_:
+            raise AttributeError(
+                f"struct '{type(self).__name__}' has no field '{name}', it has: "
+                + ", ".join(self._wp_fields_)
+            )
+        super().__setattr__(name, value)
+
+    def assign(self, value):
+        """Copies all fields from another instance of the same struct, and returns self."""
+        if type(value) is not type(self):
+            raise TypeError(
+                f"expects a '{type(self).__name__}' to assign, but got '{type(value).__name__}'"
+            )
+        for name in self._wp_fields_:
+            setattr(self, name, getattr(value, name))
+        return self
+
+    def to(self, device):
+        """Copy of the struct whose arrays live on `device`."""
+        copy = type(self)()
+        for name, dtype in self._wp_fields_.items():
+            value = getattr(self, name)
+            moves = value is not None and (isinstance(dtype, ArrayType) or types.is_struct(dtype))
+            setattr(copy, name, value.to(device) if moves else value)
+        return copy
+
+    @classmethod
+    def numpy_dtype(cls):
+        """Description of the layout that `numpy.dtype` accepts."""
+        formats = [_numpy_format(dtype) for dtype in cls._wp_fields_.values()]
+        return {
+            "names": list(cls._wp_fields_),
+            "formats": formats,
+            "offsets": [cls.__dict__[name].offset for name in cls._wp_fields_],
+            "itemsize": ctypes.sizeof(cls),
+        }
+
+    def numpy_value(self):
+        """The fields as a NumPy record."""
+        import numpy
+
+        return numpy.frombuffer(bytes(self), dtype=type(self).numpy_dtype())[0]
+
+    def arrays(self):
+        """All arrays held by the struct and the structs in it."""
+        for name, dtype in self._wp_fields_.items():
+            value = getattr(self, name)
+            if types.is_struct(dtype):
+                yield from value.arrays()
+            elif isinstance(dtype, ArrayType) and value is not None:
+                yield value
+
+    @classmethod
+    def from_ptr(cls, ptr):
+        """Copies an instance stored at an address of host memory; array fields become None."""
+        if not ptr:
+            raise RuntimeError("expects a valid address, but got a null pointer")
+        result = cls()
+        ctypes.memmove(ctypes.addressof(result), ptr, ctypes.sizeof(cls))
+        return result
+
+    def __ctype__(self):
+        return self
+
+    def __copy__(self):
+        return type(self)().assign(self)
+
+    def __repr__(self):
+        lines = "".join(
+            f"\t{name}={getattr(self, name)!r},\n".replace("\n\t", "\n\t\t").replace("\n)", "\n\t)")
+            for name in self._wp_fields_
+        )
+        return f"{type(self).__name__}(\n{lines})"
+
+
+def struct(cls=None, *, module=None):
+    """Makes a struct type from a class with annotated fields.
+
+    Fields are scalars, vectors, matrices, quaternions, transforms, arrays and other structs. The
+    layout is that of C. Use the class to make instances, as an annotation and as `dtype` of arrays.
+
+    Example:
+        >>> import warp as wp
+        >>> @wp.struct
+        ... class Particle:
+        ...     position: wp.vec3
+        ...     mass: float
+        >>> p = Particle()
+        >>> p.mass = 2.0
+
+    Raises:
+        TypeError: the class has bases, methods, default values or a field of an unknown type.
+    """
+    if cls is None:
+        return lambda decorated: _make_struct(decorated, annotations.caller_namespaces(decorated))
+    return _make_struct(cls, annotations.caller_namespaces(cls))
+
+
+def _make_struct(cls, namespaces):
+    if not isinstance(cls, type):
+        raise TypeError(f"expects a class to decorate, but got '{type(cls).__name__}'")
+    name = cls.__name__
+    if cls.__bases__ != (object,):
+        bases = ", ".join(base.__name__ for base in cls.__bases__)
+        raise TypeError(f"struct '{name}' cannot inherit from '{bases}'")
+    declared = cls.__dict__.get("__annotations__", {})
+    for attribute, value in cls.__dict__.items():
+        if attribute in declared:
+            raise TypeError(f"field '{attribute}' of struct '{name}' cannot have a default value")
+        if isinstance(value, python_types.FunctionType):
+            raise TypeError(f"struct '{name}' cannot have the method '{attribute}'")
+    fields = {
+        field: _field_type(name, field, annotation, [*namespaces, {name: None}])
+        for field, annotation in declared.items()
+    }
+    if not fields:
+        raise TypeError(f"struct '{name}' has no fields, annotate them: `x: float`")
+    spelled = ", ".join(f"{field}: {types.native_text(dtype)}" for field, dtype in fields.items())
+    namespace = {
+        "__module__": cls.__module__,
+        "__qualname__": cls.__qualname__,
+        "__doc__": cls.__doc__,
+        "_fields_": [(field, _ctype(dtype)) for field, dtype in fields.items()],
+        "_wp_struct_": True,
+        "_native_": f'!warp.struct<"{name}", {{{spelled}}}>',
+    }
+    made = StructType(name, (StructInstance,), namespace)
+    for field, dtype in fields.items():
+        setattr(made, field, Field(name, field, dtype, made.__dict__[field]))
+    made._wp_fields_ = fields
+    types.register(made)
+    return made
+
+
+def _field_type(struct_name, field, annotation, namespaces):
+    place = f"field '{field}' of struct '{struct_name}'"
+    if field in _RESERVED:
+        raise TypeError(f"{place}: the name is taken, choose another")
+    try:
+        dtype = annotations.resolve(annotations.evaluate(annotation, namespaces))
+    except (TypeError, NameError) as error:
+        raise TypeError(f"{place}: {error}") from None
+    if dtype is typing.Any or (isinstance(dtype, ArrayType) and dtype.dtype is typing.Any):
+        raise TypeError(f"{place} expects a concrete type, but got 'Any'")
+    return dtype
+
+
+_RESERVED = {name for name in dir(StructInstance) if not name.startswith("__")}
+
+
+def _ctype(dtype):
+    return ArrayDescriptor if isinstance(dtype, ArrayType) else types.type_ctype(dtype)
+
+
+def _numpy_format(dtype):
+    if isinstance(dtype, ArrayType):
+        return ArrayDescriptor.numpy_format
+    if types.is_struct(dtype):
+        return dtype.numpy_dtype()
+    if isinstance(dtype, ScalarType):
+        return dtype.__numpy_dtype__.str
+    number = dtype._wp_scalar_type_.__numpy_dtype__.str
+    shape = dtype._shape_
+    return f"{shape[0]}{number}" if len(shape) == 1 else f"{shape}{number}"
