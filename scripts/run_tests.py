@@ -64,7 +64,7 @@ def settle(count: Count, status: int) -> Count:
 
 def run_lit(roundtrip: bool = False) -> Count:
     output = RESULTS / ("lit-roundtrip.json" if roundtrip else "lit.json")
-    command = [sys.executable, "-m", "lit.main", "-q", "--no-progress-bar"]
+    command = [str(Path(sys.executable).parent / "lit"), "-q", "--no-progress-bar"]
     command += [f"-j{os.cpu_count()}", "-o", str(output), str(BUILD / "test")]
     variables = {"WARP_VERIFY_ROUNDTRIP": "1"} if roundtrip else {}
     status = execute(command, **variables)
