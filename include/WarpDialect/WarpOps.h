@@ -1,0 +1,21 @@
+//===- WarpOps.h - Operations of the warp dialect ---------------*- C++ -*-===//
+
+#ifndef WARPDIALECT_WARPOPS_H
+#define WARPDIALECT_WARPOPS_H
+
+#include "WarpDialect/Registry.h"
+#include "WarpDialect/WarpTypes.h"
+
+#include "mlir/Bytecode/BytecodeOpInterface.h"
+#include "mlir/IR/OpDefinition.h"
+#include "mlir/IR/OpImplementation.h"
+#include "mlir/Interfaces/InferTypeOpInterface.h"
+#include "mlir/Interfaces/SideEffectInterfaces.h"
+
+#include "WarpDialect/WarpEnums.h.inc"
+#include "WarpDialect/WarpInterfaces.h.inc"
+
+#define GET_OP_CLASSES
+#include "WarpDialect/WarpOps.h.inc"
+
+#endif // WARPDIALECT_WARPOPS_H

@@ -1,0 +1,36 @@
+//===- WarpRandom.td - Random numbers -------------------------*- tablegen -*-=//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// The state is one 32-bit integer, advanced and hashed by PCG
+// (Jarzynski and Olano, "Hash Functions for GPU Rendering", JCGT 9(3), 2020).
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_RANDOM_TD
+#define WARP_RANDOM_TD
+
+include "WarpBuiltinBase.td"
+
+class Warp_Random<string mnemonic, list<string> overloads, string summaryOf>
+    : Warp_Builtin<mnemonic, "Random numbers", overloads, summaryOf> {
+  let derivative = NotDifferentiable;
+}
+
+def Warp_RandInitOp : Warp_Random<"rand_init", ["(seed: i32) -> u32",
+    "(seed: i32, offset: i32) -> u32"],
+    "state of a random sequence; `offset` tells sequences of one seed apart">;
+def Warp_RandiOp : Warp_Random<"randi", ["(state: inout u32) -> i32",
+    "(state: inout u32, low: i32, high: i32) -> i32"],
+    "random integer, in [low, high) where bounds are given">;
+def Warp_RanduOp : Warp_Random<"randu", ["(state: inout u32) -> u32",
+    "(state: inout u32, low: u32, high: u32) -> u32"],
+    "random unsigned integer, in [low, high) where bounds are given">;
+def Warp_RandfOp : Warp_Random<"randf", ["(state: inout u32) -> f32",
+    "(state: inout u32, low: f32, high: f32) -> f32"],
+    "random float in [0, 1), or in [low, high)">;
+def Warp_RandnOp : Warp_Random<"randn", ["(state: inout u32) -> f32",
+    "(state: inout u32, mean: f32, std: f32) -> f32"],
+    "random float of the normal distribution, by Box and Muller">;
+
+#endif // WARP_RANDOM_TD

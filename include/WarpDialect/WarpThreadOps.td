@@ -1,0 +1,71 @@
+//===- WarpThreadOps.td - Array accesses of thread IR --------*- tablegen -*-=//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// In thread IR a composite is a list of scalars, and one operation still reads
+// or writes all of it: later passes can't separate what belongs together.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_THREAD_OPS_TD
+#define WARP_THREAD_OPS_TD
+
+include "WarpTypes.td"
+
+def Warp_LoadComponentsOp : Warp_Op<"load_components"> {
+  let summary = "all components of an array element";
+  let description = [{
+    (C1) as many indices as the rank. (C2) the results are the flattened
+    element, signless.
+
+    ```mlir
+    %x, %y, %z = warp.load_components %a[%i]
+      : !warp.array<1 x !warp.vec<3 x f32>>, i32 -> f32, f32, f32
+    ```
+  }];
+  let arguments = (ins Arg<Warp_AnyArray, "", [MemRead]>:$array,
+                       Variadic<AnySignlessInteger>:$indices);
+  let results = (outs Variadic<AnyType>:$components);
+  let assemblyFormat = [{
+    $array `[` $indices `]` attr-dict `:` type($array) `,` type($indices)
+    `->` type($components)
+  }];
+  let hasVerifier = 1;
+}
+
+def Warp_StoreComponentsOp : Warp_Op<"store_components",
+                                     [AttrSizedOperandSegments]> {
+  let summary = "writes all components of an array element";
+  let description = [{
+    (C1) as many indices as the rank. (C2) the operands are the flattened
+    element, signless.
+  }];
+  let arguments = (ins Variadic<AnyType>:$components,
+                       Arg<Warp_AnyArray, "", [MemWrite]>:$array,
+                       Variadic<AnySignlessInteger>:$indices);
+  let assemblyFormat = [{
+    $components `,` $array `[` $indices `]` attr-dict `:` type($components)
+    `,` type($array) `,` type($indices)
+  }];
+  let hasVerifier = 1;
+}
+
+def Warp_AtomicComponentsOp : Warp_Op<"atomic_components",
+                                      [AttrSizedOperandSegments]> {
+  let summary = "atomic update of each component of an array element";
+  let description = [{
+    (C1) as many indices as the rank. (C2) operands and results are the
+    flattened element, signless.
+  }];
+  let arguments = (ins Warp_AtomicKind:$kind, Variadic<AnyType>:$components,
+                       Arg<Warp_AnyArray, "", [MemRead, MemWrite]>:$array,
+                       Variadic<AnySignlessInteger>:$indices);
+  let results = (outs Variadic<AnyType>:$old);
+  let assemblyFormat = [{
+    $kind $components `,` $array `[` $indices `]` attr-dict `:`
+    type($components) `,` type($array) `,` type($indices) `->` type($old)
+  }];
+  let hasVerifier = 1;
+}
+
+#endif // WARP_THREAD_OPS_TD

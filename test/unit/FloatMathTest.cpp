@@ -1,0 +1,104 @@
+//===- FloatMathTest.cpp - Accuracy of the CPU's float functions ----------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Each function is compared with the C library's double version over all
+// binades of float, and at the special operands of IEEE 754-2019, section 9.2.
+//
+//===----------------------------------------------------------------------===//
+
+#include "../../lib/DeviceLib/cpu/FloatMath.cpp"
+
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <gtest/gtest.h>
+#include <random>
+
+namespace {
+
+/// Distance in units in the last place of the float nearest to `reference`.
+double ulps(float value, double reference) {
+  if (std::isnan(reference) || std::isnan(value))
+    return std::isnan(reference) && std::isnan(value) ? 0 : HUGE_VAL;
+  float nearest = float(reference);
+  if (value == nearest)
+    return std::signbit(value) == std::signbit(reference) ? 0 : HUGE_VAL;
+  if (std::isinf(value) || std::isinf(nearest))
+    return HUGE_VAL;
+  int exponent;
+  std::frexp(reference, &exponent);
+  return std::abs(value - reference) /
+         std::ldexp(1.0, std::max(exponent - 24, -149));
+}
+
+struct Unary {
+  const char *name;
+  float (*ours)(float);
+  double (*reference)(double);
+};
+
+class FloatFunction : public testing::TestWithParam<Unary> {};
+
+// Every 4099th float: 1 M operands from all binades, NaNs and infinities.
+TEST_P(FloatFunction, IsWithinHalfAnUlp) {
+  const Unary &function = GetParam();
+  double worst = 0;
+  float at = 0;
+  for (uint64_t pattern = 0; pattern < (1ull << 32); pattern += 4099) {
+    uint32_t bits = uint32_t(pattern);
+    float x;
+    std::memcpy(&x, &bits, sizeof x);
+    double error = ulps(function.ours(x), function.reference(x));
+    if (error > worst) {
+      worst = error;
+      at = x;
+    }
+  }
+  EXPECT_LT(worst, 0.502) << function.name << "(" << at << ")";
+}
+
+TEST_P(FloatFunction, IsRightAtSpecialOperands) {
+  const Unary &function = GetParam();
+  for (float x : {0.0f, -0.0f, 1.0f, -1.0f, INFINITY, -INFINITY, NAN, 1e-45f,
+                  -1e-45f, 3.4028235e38f, -3.4028235e38f})
+    EXPECT_LT(ulps(function.ours(x), function.reference(x)), 0.502)
+        << function.name << "(" << x << ")";
+}
+
+#define UNARY(name) Unary{#name, warp_##name##f, std::name}
+INSTANTIATE_TEST_SUITE_P(
+    All, FloatFunction,
+    testing::Values(UNARY(sin), UNARY(cos), UNARY(tan), UNARY(asin),
+                    UNARY(acos), UNARY(atan), UNARY(exp), UNARY(exp2),
+                    UNARY(log), UNARY(log2), UNARY(log10), UNARY(sinh),
+                    UNARY(cosh), UNARY(tanh)),
+    [](const auto &info) { return std::string(info.param.name); });
+
+constexpr float special[] = {0.0f,   -0.0f,     1.0f,      -1.0f, INFINITY,
+                             2.0f,   -INFINITY, NAN,       3.0f,  -3.0f,
+                             0.5f,   -0.5f,     1e-45f,    3e38f, -1e-45f,
+                             100.0f, 16777215,  33554432.0f};
+
+void compare(float (*ours)(float, float), double (*reference)(double, double),
+             float span) {
+  for (float x : special)
+    for (float y : special)
+      EXPECT_LT(ulps(ours(x, y), reference(x, y)), 0.51) << x << ", " << y;
+  std::mt19937 random(1);
+  std::uniform_real_distribution<float> first(0, 50), second(-span, span);
+  for (int i = 0; i < 200000; ++i) {
+    float x = first(random), y = second(random);
+    ASSERT_LT(ulps(ours(x, y), reference(x, y)), 0.51) << x << ", " << y;
+  }
+}
+
+TEST(FloatFunctionOfTwo, PowIsWithinHalfAnUlp) {
+  compare(warp_powf, std::pow, 20);
+}
+
+TEST(FloatFunctionOfTwo, Atan2IsWithinHalfAnUlp) {
+  compare(warp_atan2f, std::atan2, 50);
+}
+
+} // namespace
