@@ -15,7 +15,8 @@ function(warp_add_objects name)
   target_include_directories(${name} PUBLIC
     "${PROJECT_SOURCE_DIR}/include" "${PROJECT_BINARY_DIR}/include")
   target_include_directories(${name} PRIVATE "${CMAKE_CURRENT_SOURCE_DIR}")
-  target_compile_definitions(${name} PRIVATE WARP_BUILDING_LIBRARY)
+  target_compile_definitions(${name} PRIVATE
+    WARP_VERSION="${PROJECT_VERSION}")
   if(arg_LLVM)
     target_link_libraries(${name} PUBLIC warp_llvm)
     add_dependencies(${name} WarpDialectHeaders)

@@ -1,0 +1,52 @@
+"""Shared fixtures.
+
+`device` runs a test once per device: "cpu", and "cuda:0" where one answers.
+WARP_TEST_DEVICE="cuda:0" (or a comma-separated list) overrides the choice.
+Tests marked `cuda` are skipped, and counted so, where there is no device.
+Every session compiles into its own empty kernel cache.
+"""
+
+import os
+import tempfile
+
+import pytest
+
+if "WARP_CACHE_PATH" not in os.environ:
+    cache = tempfile.TemporaryDirectory(prefix="warp-test-cache-")
+    os.environ["WARP_CACHE_PATH"] = cache.name
+
+import warp as wp  # noqa: E402  (reads WARP_CACHE_PATH)
+
+
+def has_cuda() -> bool:
+    return wp.get_cuda_device_count() > 0
+
+
+def devices() -> list[str]:
+    chosen = os.environ.get("WARP_TEST_DEVICE")
+    if chosen:
+        return chosen.split(",")
+    return ["cpu", "cuda:0"] if has_cuda() else ["cpu"]
+
+
+def pytest_generate_tests(metafunc):
+    if "device" in metafunc.fixturenames:
+        metafunc.parametrize("device", devices())
+
+
+def pytest_collection_modifyitems(items):
+    if has_cuda():
+        return
+    skip = pytest.mark.skip(reason="no CUDA device")
+    for item in items:
+        if "cuda" in item.keywords:
+            item.add_marker(skip)
+
+
+@pytest.fixture
+def fresh_cache(tmp_path, monkeypatch):
+    """An empty kernel cache folder for this test and its child processes."""
+    folder = tmp_path / "kernel-cache"
+    monkeypatch.setenv("WARP_CACHE_PATH", str(folder))
+    monkeypatch.setattr(wp.config, "kernel_cache_dir", str(folder))
+    return folder
