@@ -13,7 +13,7 @@ build:
 	@scripts/setup.sh
 
 demo: build
-	@$(PYTHON) examples/integrate.py $(DEMO_ARGS)
+	@$(PYTHON) examples/particles.py $(DEMO_ARGS)
 
 test: build
 	@$(PYTHON) scripts/run_tests.py $(TEST_ARGS)
