@@ -28,7 +28,9 @@ public:
     Overflow,  ///< number does not fit its type
     Parse,     ///< malformed IR text
     Compile,   ///< a pass or the code generator failed
-    Launch,    ///< bad launch arguments
+    Launch,    ///< a launch that cannot run, or whose checks failed
+    LaunchType, ///< launch argument of a wrong type, rank or device
+    LaunchValue, ///< launch extent or option with an impossible value
     Runtime,   ///< a device or the operating system refused
     Memory,    ///< an allocation does not fit
   };

@@ -69,13 +69,19 @@ public:
   Plan prepare(int device, const LaunchDim &dim, void *params,
                int blockDim = 0);
   /// Runs a plan. CUDA: queued on `stream`, or on the device's current one.
-  void run(const Plan &plan, const void *params,
-           const Stream *stream = nullptr);
+  /// Debug variants get their error record written into the block.
+  void run(const Plan &plan, void *params, const Stream *stream = nullptr);
   void launch(int device, const LaunchDim &dim, void *params,
               const Stream *stream = nullptr, int blockDim = 0);
 
-  /// Whether a CPU plan runs on the calling thread alone.
-  static bool runsSerially(const Plan &plan);
+  /// Whether a plan is done too soon to be worth other threads' attention.
+  static bool isShort(const Plan &plan);
+  /// Whether a plan's code prints.
+  static bool prints(const Plan &plan);
+
+  /// Whether `prepare` would have to compile or read the disk.
+  bool isReady(int device, const LaunchDim &dim, const void *params,
+               int blockDim = 0) const;
 
   /// Options of the variant that a launch of that rank over packed arrays
   /// would get; `arch` 0 is the CPU.

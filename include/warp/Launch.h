@@ -40,14 +40,19 @@ struct LaunchHeader {
 };
 static_assert(sizeof(LaunchHeader) == 24);
 
-/// Written once, by the first access out of bounds.
+/// What a debug check found.
+enum class CheckKind : int32_t { Load = 0, Store = 1, Atomic = 2, Assert = 3 };
+
+/// Written once, by the first failed check of a launch.
 struct ErrorRecord {
   int32_t flag = 0;
+  /// Index into `Code::sites`.
   int32_t site = 0;
   int64_t index[maxRank] = {0, 0, 0, 0};
   int32_t shape[maxRank] = {0, 0, 0, 0};
-  int32_t kind = 0;
-  int32_t pad = 0;
+  CheckKind kind = CheckKind::Load;
+  /// How many entries of `index` and `shape` count; 0 if unknown.
+  int32_t rank = 0;
 };
 static_assert(sizeof(ErrorRecord) == 64);
 

@@ -210,7 +210,7 @@ void Pool::run(int64_t begin, int64_t end, int64_t grain,
   int64_t items = end - begin;
   int64_t count = size();
   // Several chunks per thread let uneven work spread.
-  chunk = std::max(grain, (items + count * 8 - 1) / (count * 8));
+  chunk = std::max<int64_t>(1, items / (count * 8 * grain)) * grain;
   int64_t chunks = (items + chunk - 1) / chunk;
   int64_t from = begin;
   for (int64_t i = 0; i < count; ++i) {

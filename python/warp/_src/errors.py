@@ -112,6 +112,10 @@ class WarpLaunchValueError(WarpLaunchError, ValueError):
     """A launch dimension or option has an impossible value."""
 
 
+class WarpIndexError(WarpError, IndexError):
+    """An array is indexed out of its bounds."""
+
+
 class WarpMemoryError(WarpError, MemoryError):
     """A device has not enough free memory."""
 
@@ -130,6 +134,9 @@ _KINDS = {
     "parse": WarpParseError,
     "compile": WarpCompileError,
     "launch": WarpLaunchError,
+    "launchtype": WarpLaunchTypeError,
+    "launchvalue": WarpLaunchValueError,
+    "memory": WarpError,
     "memory": WarpMemoryError,
     "runtime": WarpError,
 }

@@ -1,0 +1,198 @@
+//===- CudaDriver.h - The CUDA driver, found at run time --------*- C++ -*-===//
+//
+// The part of the driver API that the runtime uses, declared here so that no
+// CUDA toolkit is needed to build, and loaded from libcuda.so.1 so that none
+// is needed to run. `WARP_CUDA_SYMBOLS` is the one list of entry points: name
+// in our table, exported symbol, parameters. WARP_CUDA_DRIVER names another
+// library to load instead, which is how tests put a recording stub in place.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_RUNTIME_CUDADRIVER_H
+#define WARP_LIB_RUNTIME_CUDADRIVER_H
+
+#include "warp/Error.h"
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+
+namespace warp::cuda {
+
+using Result = int;
+using DeviceHandle = int;
+using Pointer = uint64_t;
+using Context = struct ContextTag *;
+using ModuleHandle = struct ModuleTag *;
+using Function = struct FunctionTag *;
+using StreamHandle = struct StreamTag *;
+using EventHandle = struct EventTag *;
+using PoolHandle = struct PoolTag *;
+
+enum : Result {
+  success = 0,
+  errorOutOfMemory = 2,
+  errorNoDevice = 100,
+  errorNotReady = 600,
+};
+
+enum DeviceAttribute : int {
+  maxSharedMemoryPerBlock = 8,
+  multiprocessorCount = 16,
+  unifiedAddressing = 41,
+  computeCapabilityMajor = 75,
+  computeCapabilityMinor = 76,
+  maxSharedMemoryPerBlockOptin = 97,
+  memoryPoolsSupported = 115,
+};
+
+enum JitOption : int {
+  jitMaxRegisters = 0,
+  jitErrorLogBuffer = 5,
+  jitErrorLogBufferSizeBytes = 6,
+};
+
+enum : unsigned {
+  streamDefault = 0,
+  eventDefault = 0,
+  eventDisableTiming = 2,
+  hostAllocPortable = 1,
+  hostAllocDeviceMap = 2,
+};
+
+enum MemoryType : unsigned { memoryHost = 1, memoryDevice = 2 };
+enum PoolAttribute : int { poolReleaseThreshold = 4 };
+
+/// CUDA_MEMCPY2D of the driver API.
+struct Copy2D {
+  size_t srcX = 0, srcY = 0;
+  MemoryType srcType = memoryDevice;
+  const void *srcHost = nullptr;
+  Pointer srcDevice = 0;
+  void *srcArray = nullptr;
+  size_t srcPitch = 0;
+  size_t dstX = 0, dstY = 0;
+  MemoryType dstType = memoryDevice;
+  void *dstHost = nullptr;
+  Pointer dstDevice = 0;
+  void *dstArray = nullptr;
+  size_t dstPitch = 0;
+  size_t widthInBytes = 0, height = 0;
+};
+
+struct Uuid {
+  char bytes[16];
+};
+
+#define WARP_CUDA_SYMBOLS(X)                                                   \
+  X(init, cuInit, (unsigned))                                                  \
+  X(driverGetVersion, cuDriverGetVersion, (int *))                             \
+  X(getErrorName, cuGetErrorName, (Result, const char **))                     \
+  X(getErrorString, cuGetErrorString, (Result, const char **))                 \
+  X(deviceGetCount, cuDeviceGetCount, (int *))                                 \
+  X(deviceGet, cuDeviceGet, (DeviceHandle *, int))                             \
+  X(deviceGetName, cuDeviceGetName, (char *, int, DeviceHandle))               \
+  X(deviceGetAttribute, cuDeviceGetAttribute, (int *, int, DeviceHandle))      \
+  X(deviceGetUuid, cuDeviceGetUuid_v2, (Uuid *, DeviceHandle))                 \
+  X(deviceGetPciBusId, cuDeviceGetPCIBusId, (char *, int, DeviceHandle))       \
+  X(deviceTotalMem, cuDeviceTotalMem_v2, (size_t *, DeviceHandle))             \
+  X(deviceGetDefaultMemPool, cuDeviceGetDefaultMemPool,                        \
+    (PoolHandle *, DeviceHandle))                                              \
+  X(memPoolSetAttribute, cuMemPoolSetAttribute, (PoolHandle, int, void *))     \
+  X(memPoolTrimTo, cuMemPoolTrimTo, (PoolHandle, size_t))                      \
+  X(primaryCtxRetain, cuDevicePrimaryCtxRetain, (Context *, DeviceHandle))     \
+  X(ctxGetCurrent, cuCtxGetCurrent, (Context *))                               \
+  X(ctxSetCurrent, cuCtxSetCurrent, (Context))                                 \
+  X(ctxSynchronize, cuCtxSynchronize, ())                                      \
+  X(memGetInfo, cuMemGetInfo_v2, (size_t *, size_t *))                         \
+  X(memAlloc, cuMemAlloc_v2, (Pointer *, size_t))                              \
+  X(memFree, cuMemFree_v2, (Pointer))                                          \
+  X(memAllocAsync, cuMemAllocAsync, (Pointer *, size_t, StreamHandle))         \
+  X(memFreeAsync, cuMemFreeAsync, (Pointer, StreamHandle))                     \
+  X(memHostAlloc, cuMemHostAlloc, (void **, size_t, unsigned))                 \
+  X(memFreeHost, cuMemFreeHost, (void *))                                      \
+  X(memHostGetDevicePointer, cuMemHostGetDevicePointer_v2,                     \
+    (Pointer *, void *, unsigned))                                             \
+  X(memcpyHtoDAsync, cuMemcpyHtoDAsync_v2,                                     \
+    (Pointer, const void *, size_t, StreamHandle))                             \
+  X(memcpyDtoHAsync, cuMemcpyDtoHAsync_v2,                                     \
+    (void *, Pointer, size_t, StreamHandle))                                   \
+  X(memcpyDtoDAsync, cuMemcpyDtoDAsync_v2,                                     \
+    (Pointer, Pointer, size_t, StreamHandle))                                  \
+  X(memcpyPeerAsync, cuMemcpyPeerAsync,                                        \
+    (Pointer, Context, Pointer, Context, size_t, StreamHandle))                \
+  X(memcpy2DAsync, cuMemcpy2DAsync_v2, (const Copy2D *, StreamHandle))         \
+  X(memsetD8Async, cuMemsetD8Async,                                            \
+    (Pointer, unsigned char, size_t, StreamHandle))                            \
+  X(memsetD16Async, cuMemsetD16Async,                                          \
+    (Pointer, unsigned short, size_t, StreamHandle))                           \
+  X(memsetD32Async, cuMemsetD32Async,                                          \
+    (Pointer, unsigned, size_t, StreamHandle))                                 \
+  X(streamCreate, cuStreamCreateWithPriority,                                  \
+    (StreamHandle *, unsigned, int))                                           \
+  X(streamDestroy, cuStreamDestroy_v2, (StreamHandle))                         \
+  X(streamQuery, cuStreamQuery, (StreamHandle))                                \
+  X(streamSynchronize, cuStreamSynchronize, (StreamHandle))                    \
+  X(streamWaitEvent, cuStreamWaitEvent, (StreamHandle, EventHandle, unsigned)) \
+  X(eventCreate, cuEventCreate, (EventHandle *, unsigned))                     \
+  X(eventDestroy, cuEventDestroy_v2, (EventHandle))                            \
+  X(eventRecord, cuEventRecord, (EventHandle, StreamHandle))                   \
+  X(eventQuery, cuEventQuery, (EventHandle))                                   \
+  X(eventSynchronize, cuEventSynchronize, (EventHandle))                       \
+  X(eventElapsedTime, cuEventElapsedTime,                                      \
+    (float *, EventHandle, EventHandle))                                       \
+  X(moduleLoadDataEx, cuModuleLoadDataEx,                                      \
+    (ModuleHandle *, const void *, unsigned, int *, void **))                  \
+  X(moduleGetFunction, cuModuleGetFunction,                                    \
+    (Function *, ModuleHandle, const char *))                                  \
+  X(moduleUnload, cuModuleUnload, (ModuleHandle))                              \
+  X(launchKernel, cuLaunchKernel,                                              \
+    (Function, unsigned, unsigned, unsigned, unsigned, unsigned, unsigned,     \
+     unsigned, StreamHandle, void **, void **))
+
+struct Driver {
+#define WARP_DECLARE(member, symbol, parameters) Result(*member) parameters;
+  WARP_CUDA_SYMBOLS(WARP_DECLARE)
+#undef WARP_DECLARE
+
+  /// Devices that `init` found.
+  int deviceCount = 0;
+  int version = 0;
+};
+
+/// The driver, initialised; null when there is none or it has no device.
+const Driver *driver();
+/// Why `driver` is null.
+const std::string &driverProblem();
+
+/// Throws an error that names call, driver error and its text.
+[[noreturn]] void raise(Result result, const char *call);
+
+inline void check(Result result, const char *call) {
+  if (__builtin_expect(result != success, 0))
+    raise(result, call);
+}
+
+/// Calls an entry of the driver's table and checks the result.
+#define WARP_CUDA(member, ...)                                                 \
+  ::warp::cuda::check(::warp::cuda::driver()->member(__VA_ARGS__), #member)
+
+/// The primary context of a device, retained at first use.
+Context primaryContext(int device);
+
+/// Makes a device's context current; gives the caller's back at the end.
+class ContextScope {
+public:
+  explicit ContextScope(int device);
+  ~ContextScope();
+  ContextScope(const ContextScope &) = delete;
+  ContextScope &operator=(const ContextScope &) = delete;
+
+private:
+  Context previous = nullptr;
+  bool changed = false;
+};
+
+} // namespace warp::cuda
+
+#endif // WARP_LIB_RUNTIME_CUDADRIVER_H

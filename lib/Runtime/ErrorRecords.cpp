@@ -1,0 +1,114 @@
+//===- ErrorRecords.cpp - What debug-mode kernels report ------------------===//
+//
+// A failed check leaves one record. On the CPU it lives on the stack of the
+// launch. On CUDA each debug variant has one in pinned memory that the device
+// writes through a mapped address; the host looks at it after every
+// synchronisation, when the kernels that could write it are done.
+//
+//===----------------------------------------------------------------------===//
+
+#include "CudaDriver.h"
+#include "DeviceState.h"
+
+#include <algorithm>
+#include <mutex>
+#include <string>
+
+using namespace warp;
+
+static std::string list(const std::string &name, int count,
+                        const std::string *values) {
+  std::string text = name + " (";
+  for (int i = 0; i < count; ++i)
+    text += (i ? ", " : "") + values[i];
+  return text + (count == 1 ? ",)" : ")");
+}
+
+static std::string describeAccess(const ErrorRecord &record,
+                                  const Site &site) {
+  int rank = record.rank;
+  if (rank <= 0 || rank > maxRank)
+    for (rank = 1; rank < maxRank && record.shape[rank] != 0;)
+      ++rank;
+  std::string index[maxRank], shape[maxRank];
+  for (int i = 0; i < rank; ++i) {
+    index[i] = std::to_string(record.index[i]);
+    shape[i] = std::to_string(record.shape[i]);
+  }
+  const char *what = record.kind == CheckKind::Store    ? "store to"
+                     : record.kind == CheckKind::Atomic ? "atomic on"
+                                                        : "load from";
+  return std::string(what) + " array '" + site.array + "' at " +
+         list("index", rank, index) + " is out of bounds for " +
+         list("shape", rank, shape);
+}
+
+void warp::raiseFailedCheck(const ErrorRecord &record,
+                            const std::vector<Site> &sites) {
+  Site site;
+  if (record.site >= 0 && record.site < static_cast<int>(sites.size()))
+    site = sites[record.site];
+  std::string message = "kernel '" + site.kernel + "': ";
+  if (record.kind == CheckKind::Assert)
+    message += "assertion failed: " + site.array;
+  else
+    message += describeAccess(record, site);
+  throw Error(Error::Kind::Launch, message, site.file, site.line,
+              site.column);
+}
+
+namespace {
+struct Registered {
+  int device;
+  ErrorRecord *record;
+  const std::vector<Site> *sites;
+};
+
+struct Registry {
+  std::mutex mutex;
+  std::vector<Registered> records;
+};
+} // namespace
+
+static Registry &registry() {
+  static auto *instance = new Registry;
+  return *instance;
+}
+
+DeviceErrorRecord::DeviceErrorRecord(int device,
+                                     const std::vector<Site> &sites)
+    : sites(sites) {
+  cuda::ContextScope scope(device);
+  void *memory = nullptr;
+  WARP_CUDA(memHostAlloc, &memory, sizeof(ErrorRecord),
+            cuda::hostAllocPortable | cuda::hostAllocDeviceMap);
+  record = new (memory) ErrorRecord;
+  WARP_CUDA(memHostGetDevicePointer, &deviceAddress, memory, 0);
+  std::lock_guard<std::mutex> lock(registry().mutex);
+  registry().records.push_back({device, record, &this->sites});
+}
+
+DeviceErrorRecord::~DeviceErrorRecord() {
+  {
+    std::lock_guard<std::mutex> lock(registry().mutex);
+    auto &records = registry().records;
+    records.erase(std::remove_if(records.begin(), records.end(),
+                                 [&](const Registered &entry) {
+                                   return entry.record == record;
+                                 }),
+                  records.end());
+  }
+  cuda::driver()->memFreeHost(record);
+}
+
+void DeviceErrorRecord::check(int device) {
+  std::lock_guard<std::mutex> lock(registry().mutex);
+  for (Registered &entry : registry().records) {
+    if (entry.device != device ||
+        !__atomic_load_n(&entry.record->flag, __ATOMIC_ACQUIRE))
+      continue;
+    ErrorRecord found = *entry.record;
+    *entry.record = ErrorRecord();
+    raiseFailedCheck(found, *entry.sites);
+  }
+}

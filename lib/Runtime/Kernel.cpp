@@ -1,0 +1,338 @@
+//===- Kernel.cpp - A kernel and its compiled variants --------------------===//
+//
+// A launch goes through three steps. `keyFor` checks the extents and reads the
+// array descriptors in the parameter block; the result, rank, which arrays are
+// packed, whether 32-bit indices do, names the variant. `find` walks the
+// variants made so far, a list that only grows and is read without a lock; a
+// kernel has one or two. `make` gets the code, from the disk cache or the
+// compiler, and loads it.
+//
+// CPU launches below a few ten thousand operations run on the calling thread:
+// waking others would cost more than it saves.
+//
+//===----------------------------------------------------------------------===//
+
+#include "warp/Kernel.h"
+
+#include "KernelImpl.h"
+#include "warp/KernelCache.h"
+#include "warp/ThreadPool.h"
+
+#include <algorithm>
+#include <chrono>
+#include <climits>
+#include <cstdio>
+#include <cstring>
+
+using namespace warp;
+
+/// Operations worth a second thread, and worth one chunk.
+static constexpr double parallelThreshold = 32768;
+static constexpr double chunkWork = 16384;
+
+/// Largest parameter block of a GPU kernel in the PTX version we emit.
+static constexpr size_t maxCudaParameters = 4096;
+
+static Error launchError(Error::Kind kind, const std::string &kernel,
+                         const std::string &message) {
+  return Error(kind, "launch('" + kernel + "'): " + message);
+}
+
+Kernel::Variant::~Variant() {
+  if (!module)
+    return;
+  try {
+    cuda::ContextScope scope(key.device);
+    // The code must not go while it runs.
+    cuda::driver()->ctxSynchronize();
+    cuda::driver()->moduleUnload(module);
+  } catch (const Error &) {
+  }
+}
+
+//===----------------------------------------------------------------------===//
+// Variants
+//===----------------------------------------------------------------------===//
+
+/// Whether an array is packed; its number of elements goes to `count`.
+static bool isPacked(const ArrayDescriptor &array, int64_t elementSize,
+                     int64_t &count) {
+  int64_t expected = elementSize;
+  bool packed = true;
+  count = 1;
+  for (int i = array.ndim - 1; i >= 0; --i) {
+    packed &= array.strides[i] == expected || array.shape[i] == 1;
+    expected *= array.shape[i];
+    count *= array.shape[i];
+  }
+  return packed || count == 0;
+}
+
+static void checkExtents(const std::string &kernel, const LaunchDim &dim) {
+  if (dim.rank < 1 || dim.rank > maxRank)
+    throw launchError(Error::Kind::LaunchValue, kernel,
+                      "expects 1 to 4 dimensions, but got " +
+                          std::to_string(dim.rank));
+  for (int i = 0; i < dim.rank; ++i) {
+    if (dim.extent[i] < 0)
+      throw launchError(Error::Kind::LaunchValue, kernel,
+                        "expects extents of 0 or more, but got '" +
+                            std::to_string(dim.extent[i]) +
+                            "' for dimension " + std::to_string(i));
+    if (dim.extent[i] > INT32_MAX)
+      throw launchError(Error::Kind::LaunchValue, kernel,
+                        "expects extents below 2^31, but got '" +
+                            std::to_string(dim.extent[i]) +
+                            "' for dimension " + std::to_string(i));
+  }
+}
+
+VariantKey Kernel::Impl::keyFor(int device, const LaunchDim &dim,
+                                const void *params, int blockDim,
+                                int64_t &items) const {
+  checkExtents(name, dim);
+  items = 1;
+  for (int i = 0; i < dim.rank; ++i)
+    if (__builtin_mul_overflow(items, dim.extent[i], &items))
+      throw launchError(Error::Kind::LaunchValue, name,
+                        "expects less than 2^63 threads in all");
+  VariantKey key;
+  key.device = device;
+  key.rank = dim.rank;
+  key.index32 = items <= INT32_MAX;
+  auto *bytes = static_cast<const char *>(params);
+  for (size_t i = 0; i < this->params.size(); ++i) {
+    const Param &param = this->params[i];
+    for (int64_t offset : param.arrays) {
+      ArrayDescriptor array;
+      std::memcpy(&array, bytes + param.offset + offset, sizeof(array));
+      int64_t count;
+      bool packed = isPacked(array, param.elementSize, count);
+      key.index32 &= count <= INT32_MAX;
+      if (param.kind == Param::Kind::Array && packed && i < 64)
+        key.contiguous |= uint64_t(1) << i;
+    }
+  }
+  if (device == cpuDevice)
+    return key;
+  key.blockDim = blockDim > 0 ? blockDim : options.blockDim;
+  int32_t extents[maxRank];
+  std::copy(dim.extent, dim.extent + dim.rank, extents);
+  key.flat = !fitsGrid(extents, dim.rank, key.blockDim);
+  return key;
+}
+
+Kernel::Variant *Kernel::Impl::find(const VariantKey &key) const {
+  Variant *variant = variants.load(std::memory_order_acquire);
+  while (variant && !(variant->key == key))
+    variant = variant->next;
+  return variant;
+}
+
+CompileOptions Kernel::Impl::compileOptions(const VariantKey &key,
+                                            int arch) const {
+  CompileOptions result;
+  result.target = arch == 0 ? "cpu" : "sm_" + std::to_string(arch);
+  result.rank = key.rank;
+  result.contiguous = key.contiguous;
+  result.index32 = key.index32;
+  result.flat = key.flat;
+  result.debug = options.debug;
+  result.fastMath = options.fastMath;
+  result.lineinfo = options.lineinfo;
+  result.optLevel = options.optLevel;
+  result.blockDim = key.blockDim ? key.blockDim : options.blockDim;
+  result.maxRegisters = options.maxRegisters;
+  return result;
+}
+
+namespace {
+/// Adds the time since the last `lap` to a table.
+class Stopwatch {
+public:
+  explicit Stopwatch(std::map<std::string, double> &table) : table(table) {}
+  void lap(const char *phase) {
+    auto now = std::chrono::steady_clock::now();
+    table[phase] +=
+        std::chrono::duration<double, std::milli>(now - start).count();
+    start = now;
+  }
+
+private:
+  std::map<std::string, double> &table;
+  std::chrono::steady_clock::time_point start =
+      std::chrono::steady_clock::now();
+};
+} // namespace
+
+Code Kernel::Impl::obtain(const CompileOptions &compileOptions) {
+  Stopwatch watch(times);
+  std::string key = fingerprint(module, compileOptions);
+  watch.lap("fingerprint");
+  KernelCache &cache = KernelCache::get();
+  std::optional<Code> cached = cache.find(key);
+  watch.lap("cache");
+  if (cached)
+    return std::move(*cached);
+  Code code = compile(module, compileOptions);
+  watch.lap("compile");
+  for (const auto &[phase, milliseconds] : code.phaseMs)
+    times["compile/" + phase] += milliseconds;
+  cache.store(key, code);
+  watch.lap("cache");
+  return code;
+}
+
+Kernel::Variant *Kernel::Impl::make(const VariantKey &key) {
+  std::lock_guard<std::mutex> lock(mutex);
+  if (Variant *made = find(key))
+    return made;
+  int arch = key.device == cpuDevice ? 0 : deviceInfo(key.device).arch;
+  if (arch != 0 && paramSize > maxCudaParameters)
+    throw launchError(Error::Kind::LaunchType, name,
+                      "expects at most 4096 bytes of arguments on CUDA "
+                      "devices, but got " +
+                          std::to_string(paramSize));
+  auto variant = std::make_unique<Variant>();
+  variant->key = key;
+  variant->code = obtain(compileOptions(key, arch));
+  variant->code.cost = std::clamp(variant->code.cost, 1.0, 1e12);
+  Stopwatch watch(times);
+  if (key.device == cpuDevice) {
+    variant->cpu =
+        reinterpret_cast<CpuEntry>(Jit::get().load(variant->code));
+  } else {
+    loadOnCuda(*variant);
+    if (options.debug)
+      variant->record = std::make_unique<DeviceErrorRecord>(
+          key.device, variant->code.sites);
+  }
+  watch.lap("load");
+  variant->code.binary = {};
+  variant->next = variants.load(std::memory_order_relaxed);
+  variants.store(variant.get(), std::memory_order_release);
+  return variant.release();
+}
+
+//===----------------------------------------------------------------------===//
+// Kernel
+//===----------------------------------------------------------------------===//
+
+Kernel::Kernel(Module module, std::string name, KernelOptions options)
+    : impl(std::make_unique<Impl>(std::move(module))) {
+  impl->name = std::move(name);
+  impl->options = options;
+  impl->params = warp::parameters(impl->module);
+  int64_t end = sizeof(LaunchHeader);
+  for (const Param &param : impl->params)
+    end = std::max(end, param.offset + param.size);
+  impl->paramSize = (end + 7) / 8 * 8;
+}
+
+Kernel::~Kernel() {
+  Variant *variant = impl->variants.load();
+  while (variant)
+    delete std::exchange(variant, variant->next);
+}
+
+const std::string &Kernel::name() const { return impl->name; }
+const Module &Kernel::module() const { return impl->module; }
+size_t Kernel::parameterSize() const { return impl->paramSize; }
+KernelOptions Kernel::options() const { return impl->options; }
+
+const std::vector<Param> &Kernel::parameters() const { return impl->params; }
+
+std::map<std::string, double> Kernel::compileTimes() const {
+  std::lock_guard<std::mutex> lock(impl->mutex);
+  return impl->times;
+}
+
+CompileOptions Kernel::optionsFor(int arch, int rank) const {
+  VariantKey key;
+  key.rank = rank;
+  for (size_t i = 0; i < impl->params.size() && i < 64; ++i)
+    if (impl->params[i].kind == Param::Kind::Array)
+      key.contiguous |= uint64_t(1) << i;
+  return impl->compileOptions(key, arch);
+}
+
+bool Kernel::isReady(int device, const LaunchDim &dim, const void *params,
+                     int blockDim) const {
+  int64_t items;
+  VariantKey key = impl->keyFor(device, dim, params, blockDim, items);
+  return items == 0 || impl->find(key);
+}
+
+Kernel::Plan Kernel::prepare(int device, const LaunchDim &dim, void *params,
+                             int blockDim) {
+  Plan plan;
+  plan.device = device;
+  VariantKey key = impl->keyFor(device, dim, params, blockDim, plan.items);
+  if (plan.items == 0)
+    return plan;
+  LaunchHeader header;
+  for (int i = 0; i < dim.rank; ++i)
+    header.dim[i] = static_cast<int32_t>(dim.extent[i]);
+  std::memcpy(params, &header, sizeof(header));
+  plan.variant = impl->find(key);
+  if (!plan.variant)
+    plan.variant = impl->make(key);
+  plan.work = plan.variant->code.cost * static_cast<double>(plan.items);
+  return plan;
+}
+
+bool Kernel::isShort(const Plan &plan) {
+  return !plan.variant || plan.device != cpuDevice ||
+         plan.work < parallelThreshold;
+}
+
+bool Kernel::prints(const Plan &plan) {
+  return plan.variant && plan.variant->code.usesPrintf;
+}
+
+static void setErrorRecord(void *params, uint64_t address) {
+  std::memcpy(static_cast<char *>(params) + offsetof(LaunchHeader, errorRecord),
+              &address, sizeof(address));
+}
+
+static void runOnCpu(const Kernel::Variant &variant, const void *params,
+                     int64_t items, bool serial) {
+  CpuEntry entry = variant.cpu;
+  if (serial)
+    return entry(params, 0, items);
+  // Chunks are multiples of 64 so that two threads rarely share a line.
+  int64_t grain =
+      (static_cast<int64_t>(chunkWork / variant.code.cost) / 64 + 1) * 64;
+  if (variant.code.cost > chunkWork)
+    grain = 1;
+  ThreadPool::parallelFor(0, items, grain, [&](int64_t begin, int64_t end) {
+    entry(params, begin, end);
+  });
+}
+
+void Kernel::run(const Plan &plan, void *params, const Stream *stream) {
+  if (!plan.variant)
+    return;
+  const Variant &variant = *plan.variant;
+  if (plan.device != cpuDevice) {
+    if (variant.record)
+      setErrorRecord(params, variant.record->address());
+    return launchOnCuda(variant, impl->name, params, stream);
+  }
+  if (!impl->options.debug) {
+    runOnCpu(variant, params, plan.items, isShort(plan));
+  } else {
+    ErrorRecord record;
+    setErrorRecord(params, reinterpret_cast<uint64_t>(&record));
+    runOnCpu(variant, params, plan.items, isShort(plan));
+    if (record.flag)
+      raiseFailedCheck(record, variant.code.sites);
+  }
+  if (variant.code.usesPrintf)
+    std::fflush(stdout);
+}
+
+void Kernel::launch(int device, const LaunchDim &dim, void *params,
+                    const Stream *stream, int blockDim) {
+  run(prepare(device, dim, params, blockDim), params, stream);
+}

@@ -1,0 +1,123 @@
+//===- KernelCuda.cpp - Kernels on CUDA devices ---------------------------===//
+//
+// The last dimension of a launch lies on the grid's x axis, the one before on
+// y, the product of the rest on z. Blocks are shaped to the launch: wide in x,
+// where memory is contiguous, and no wider than the launch is. Launches that
+// an axis cannot hold, and those of rank 4, use a variant with one linear
+// index.
+//
+//===----------------------------------------------------------------------===//
+
+#include "KernelImpl.h"
+
+#include <algorithm>
+#include <cstring>
+
+using namespace warp;
+
+namespace {
+struct Extent {
+  int64_t x = 1, y = 1, z = 1;
+};
+
+struct Shape {
+  Extent grid, block;
+};
+} // namespace
+
+static constexpr int64_t maxGridX = INT32_MAX;
+static constexpr int64_t maxGridYZ = 65535;
+static constexpr int64_t maxBlockZ = 64;
+
+static int64_t powerAtLeast(int64_t value) {
+  int64_t power = 1;
+  while (power < value)
+    power *= 2;
+  return power;
+}
+
+static int64_t ceilDivide(int64_t a, int64_t b) { return (a + b - 1) / b; }
+
+static Shape shapeOf(const int32_t *dim, int rank, bool flat, int blockDim) {
+  Extent all;
+  if (flat || rank == 1) {
+    for (int i = 0; i < rank; ++i)
+      all.x *= dim[i];
+    return {{ceilDivide(all.x, blockDim)}, {blockDim}};
+  }
+  all.x = dim[rank - 1];
+  all.y = dim[rank - 2];
+  for (int i = 0; i < rank - 2; ++i)
+    all.z *= dim[i];
+  Extent block;
+  // A few rows per block where there are rows, for the sake of neighbours.
+  int64_t rows = std::min<int64_t>({8, powerAtLeast(all.y), blockDim});
+  block.x = std::min<int64_t>(std::max<int64_t>(1, blockDim / rows),
+                              powerAtLeast(all.x));
+  block.y = std::min<int64_t>(blockDim / block.x, powerAtLeast(all.y));
+  block.z = std::min<int64_t>(
+      {blockDim / (block.x * block.y), powerAtLeast(all.z), maxBlockZ});
+  return {{ceilDivide(all.x, block.x), ceilDivide(all.y, block.y),
+           ceilDivide(all.z, block.z)},
+          block};
+}
+
+bool warp::fitsGrid(const int32_t *dim, int rank, int blockDim) {
+  if (rank == 1)
+    return true;
+  if (rank > 3)
+    return false;
+  Shape shape = shapeOf(dim, rank, false, blockDim);
+  return shape.grid.y <= maxGridYZ && shape.grid.z <= maxGridYZ;
+}
+
+void warp::loadOnCuda(Kernel::Variant &variant) {
+  cuda::ContextScope scope(variant.key.device);
+  // The driver wants a terminated string.
+  std::string ptx(variant.code.binary.begin(), variant.code.binary.end());
+  char log[4096] = {};
+  int options[] = {cuda::jitErrorLogBuffer, cuda::jitErrorLogBufferSizeBytes};
+  void *values[] = {log, reinterpret_cast<void *>(sizeof(log) - 1)};
+  cuda::Result result = cuda::driver()->moduleLoadDataEx(
+      &variant.module, ptx.c_str(), 2, options, values);
+  if (result != cuda::success) {
+    const char *name = nullptr;
+    cuda::driver()->getErrorName(result, &name);
+    throw Error(Error::Kind::Compile,
+                "the CUDA driver rejects the code of '" + variant.code.entry +
+                    "': " + (name ? name : "unknown error") +
+                    (log[0] ? std::string("\n") + log : ""));
+  }
+  WARP_CUDA(moduleGetFunction, &variant.function, variant.module,
+            variant.code.entry.c_str());
+}
+
+void warp::launchOnCuda(const Kernel::Variant &variant,
+                        const std::string &name, void *params,
+                        const Stream *stream) {
+  const VariantKey &key = variant.key;
+  LaunchHeader header;
+  std::memcpy(&header, params, sizeof(header));
+  Shape shape = shapeOf(header.dim, key.rank, key.flat, key.blockDim);
+  if (shape.grid.x > maxGridX)
+    throw Error(Error::Kind::LaunchValue,
+                "launch('" + name + "'): expects at most 2^31 - 1 blocks of " +
+                    std::to_string(key.blockDim) + " threads, but got " +
+                    std::to_string(shape.grid.x));
+  cuda::StreamHandle handle = streamHandle(key.device, stream);
+  cuda::ContextScope scope(key.device);
+  void *arguments[] = {params};
+  cuda::Result result = cuda::driver()->launchKernel(
+      variant.function, shape.grid.x, shape.grid.y, shape.grid.z,
+      shape.block.x, shape.block.y, shape.block.z, 0, handle, arguments,
+      nullptr);
+  if (result == cuda::success)
+    return;
+  try {
+    cuda::raise(result, "launchKernel");
+  } catch (const Error &error) {
+    throw Error(error.kind, "launch('" + name + "', device='" +
+                                deviceInfo(key.device).alias +
+                                "'): " + error.message);
+  }
+}
