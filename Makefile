@@ -2,12 +2,13 @@
 # make demo    the particle demonstration: picture, work-precision plot
 # make test    every test; ends with 'N passed, N failed, N skipped'
 # make docs    refresh the generated references under docs/
+# make wheel  an optimised wheel in dist/
 # Everything that is missing (packages, .venv, build) is set up first.
 
 SHELL := /bin/bash
 PYTHON := .venv/bin/python
 
-.PHONY: build demo test docs device-bundle format clean
+.PHONY: build demo test docs wheel device-bundle format clean
 
 build:
 	@scripts/setup.sh
@@ -20,6 +21,9 @@ test: build
 
 docs: build
 	@scripts/make_docs.sh
+
+wheel: build
+	@$(PYTHON) -m pip wheel -q --no-deps -w dist .
 
 device-bundle: build
 	@scripts/make_device_bundle.sh
