@@ -25,6 +25,8 @@ namespace warp {
 struct BuiltinSpec {
   /// Name under `warp` in Python; operators are named after their method.
   llvm::StringLiteral pythonName;
+  /// The sign of an operator, such as `+`; otherwise empty.
+  llvm::StringLiteral symbol;
   /// Full name of the operation; empty for what the front end expands.
   llvm::StringLiteral opName;
   llvm::StringLiteral group;

@@ -55,6 +55,8 @@ class Warp_Builtin<string mnemonic, string groupOf, list<string> overloadsOf,
          traits # [Warp_BuiltinOpInterface]> {
   /// Name under `warp`; operators are named after their method, without bars.
   string pythonName = mnemonic;
+  /// The sign of an operator.
+  string symbol = "";
   string group = groupOf;
   list<string> overloads = overloadsOf;
   Lowering lowering = loweringOf;
@@ -83,6 +85,16 @@ class Warp_Builtin<string mnemonic, string groupOf, list<string> overloadsOf,
       return ::warp::verifyBuiltin(getOperation(), getSpec());
     }
   }];
+}
+
+/// A name under `warp` that the front end expands by rules of its own. The
+/// overloads are Python signatures, for documentation and stubs.
+class Warp_Special<string name, string groupOf, list<string> overloadsOf,
+                   string summaryOf> {
+  string pythonName = name;
+  string group = groupOf;
+  list<string> overloads = overloadsOf;
+  string summary = summaryOf;
 }
 
 #endif // WARP_BUILTIN_BASE_TD

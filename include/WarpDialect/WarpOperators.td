@@ -9,10 +9,11 @@
 
 include "WarpBuiltinBase.td"
 
-class Warp_Operator<string mnemonic, list<string> overloads, string summaryOf,
-                    Lowering lowering = ByFunction, list<Trait> traits = []>
-    : Warp_Builtin<mnemonic, "Operators", overloads, summaryOf, lowering,
-                   traits # [Pure]>;
+class Warp_Operator<string mnemonic, string symbolOf, list<string> overloads,
+                    string summaryOf, Lowering lowering = ByFunction>
+    : Warp_Builtin<mnemonic, "Operators", overloads, summaryOf, lowering> {
+  let symbol = symbolOf;
+}
 
 defvar SumOverloads = [
   "(a: S, b: S) -> S", "(a: vec<n,S>, b: vec<n,S>) -> vec<n,S>",
@@ -20,14 +21,14 @@ defvar SumOverloads = [
   "(a: quat<F>, b: quat<F>) -> quat<F>",
   "(a: transform<F>, b: transform<F>) -> transform<F>"];
 
-def Warp_AddOp : Warp_Operator<"add", SumOverloads, "sum, by component",
+def Warp_AddOp : Warp_Operator<"add", "+", SumOverloads, "sum, by component",
     Elementwise<"arith::AddFOp", "arith::AddIOp">> {
   let hasFolder = 1;
 }
-def Warp_SubOp : Warp_Operator<"sub", SumOverloads, "difference, by component",
+def Warp_SubOp : Warp_Operator<"sub", "-", SumOverloads, "difference, by component",
     Elementwise<"arith::SubFOp", "arith::SubIOp">> { let hasFolder = 1; }
 
-def Warp_MulOp : Warp_Operator<"mul", [
+def Warp_MulOp : Warp_Operator<"mul", "*", [
     "(a: S, b: S) -> S",
     "(a: vec<n,S>, b: S) -> vec<n,S>", "(a: S, b: vec<n,S>) -> vec<n,S>",
     "(a: mat<r,c,S>, b: S) -> mat<r,c,S>",
@@ -43,7 +44,7 @@ def Warp_MulOp : Warp_Operator<"mul", [
     "product: by component with a scalar, otherwise of matrices, quaternions "
     "(Hamilton) or transforms"> { let hasFolder = 1; }
 
-def Warp_DivOp : Warp_Operator<"div", [
+def Warp_DivOp : Warp_Operator<"div", "/", [
     "(a: S, b: S) -> S", "(a: vec<n,S>, b: S) -> vec<n,S>",
     "(a: S, b: vec<n,S>) -> vec<n,S>",
     "(a: mat<r,c,S>, b: S) -> mat<r,c,S>",
@@ -51,11 +52,11 @@ def Warp_DivOp : Warp_Operator<"div", [
     "(a: quat<F>, b: F) -> quat<F>", "(a: F, b: quat<F>) -> quat<F>"],
     "quotient; integers truncate toward zero and give 0 for a zero divisor">;
 
-def Warp_FloorDivOp : Warp_Operator<"floordiv", ["(a: S, b: S) -> S"],
+def Warp_FloorDivOp : Warp_Operator<"floordiv", "//", ["(a: S, b: S) -> S"],
     "quotient rounded down; integers give 0 for a zero divisor"> {
   let derivative = PiecewiseConstant;
 }
-def Warp_ModOp : Warp_Operator<"mod", ["(a: S, b: S) -> S",
+def Warp_ModOp : Warp_Operator<"mod", "%", ["(a: S, b: S) -> S",
     "(a: vec<n,S>, b: vec<n,S>) -> vec<n,S>"],
     "remainder with the sign of the dividend, as C has it; integers give 0 for "
     "a zero divisor">;
@@ -63,67 +64,69 @@ def Warp_ModOp : Warp_Operator<"mod", ["(a: S, b: S) -> S",
 defvar UnaryOverloads = [
   "(x: S) -> S", "(x: vec<n,S>) -> vec<n,S>", "(x: mat<r,c,S>) -> mat<r,c,S>",
   "(x: quat<F>) -> quat<F>", "(x: transform<F>) -> transform<F>"];
-def Warp_NegOp : Warp_Operator<"neg", UnaryOverloads, "negation"> {
+def Warp_NegOp : Warp_Operator<"neg", "-", UnaryOverloads, "negation"> {
   let hasFolder = 1;
 }
-def Warp_PosOp : Warp_Operator<"pos", UnaryOverloads, "the operand itself"> {
+def Warp_PosOp : Warp_Operator<"pos", "+", UnaryOverloads, "the operand itself"> {
   let hasFolder = 1;
 }
 
-class Warp_BitOperator<string mnemonic, string summaryOf,
+class Warp_BitOperator<string mnemonic, string symbol, string summaryOf,
                        Lowering lowering = ByFunction>
-    : Warp_Operator<mnemonic, ["(a: I, b: I) -> I",
+    : Warp_Operator<mnemonic, symbol, ["(a: I, b: I) -> I",
         "(a: vec<n,I>, b: vec<n,I>) -> vec<n,I>",
         "(a: vec<n,I>, b: I) -> vec<n,I>",
         "(a: mat<r,c,I>, b: mat<r,c,I>) -> mat<r,c,I>"], summaryOf, lowering> {
   let derivative = NotDifferentiable;
 }
-class Warp_LogicOperator<string mnemonic, string summaryOf, string op>
-    : Warp_BitOperator<mnemonic, summaryOf, Elementwise<op, op>> {
+class Warp_LogicOperator<string mnemonic, string symbol, string summaryOf,
+                         string op>
+    : Warp_BitOperator<mnemonic, symbol, summaryOf, Elementwise<"", op>> {
   let overloads = ["(a: I, b: I) -> I", "(a: bool, b: bool) -> bool",
         "(a: vec<n,I>, b: vec<n,I>) -> vec<n,I>",
         "(a: vec<n,I>, b: I) -> vec<n,I>",
         "(a: mat<r,c,I>, b: mat<r,c,I>) -> mat<r,c,I>"];
 }
-def Warp_BitAndOp : Warp_LogicOperator<"bit_and", "bitwise and",
+def Warp_BitAndOp : Warp_LogicOperator<"bit_and", "&", "bitwise and",
                                        "arith::AndIOp">;
-def Warp_BitOrOp : Warp_LogicOperator<"bit_or", "bitwise or", "arith::OrIOp">;
-def Warp_BitXorOp : Warp_LogicOperator<"bit_xor", "bitwise exclusive or",
+def Warp_BitOrOp : Warp_LogicOperator<"bit_or", "|", "bitwise or", "arith::OrIOp">;
+def Warp_BitXorOp : Warp_LogicOperator<"bit_xor", "^", "bitwise exclusive or",
                                        "arith::XOrIOp">;
-def Warp_LShiftOp : Warp_BitOperator<"lshift",
+def Warp_LShiftOp : Warp_BitOperator<"lshift", "<<",
     "shift to the left; by the width or more gives 0">;
-def Warp_RShiftOp : Warp_BitOperator<"rshift",
+def Warp_RShiftOp : Warp_BitOperator<"rshift", ">>",
     "shift to the right, keeping the sign; by the width or more gives 0 or -1">;
-def Warp_InvertOp : Warp_Operator<"invert", ["(x: I) -> I",
+def Warp_InvertOp : Warp_Operator<"invert", "~", ["(x: I) -> I",
     "(x: vec<n,I>) -> vec<n,I>"], "bitwise complement"> {
   let derivative = NotDifferentiable;
 }
-def Warp_UNotOp : Warp_Operator<"unot", ["(x: bool) -> bool", "(x: I) -> bool"],
+def Warp_UNotOp : Warp_Operator<"unot", "not", ["(x: bool) -> bool", "(x: I) -> bool"],
     "logical negation"> {
   let derivative = NotDifferentiable;
   let hasFolder = 1;
 }
 
-class Warp_Comparison<string mnemonic, list<string> overloads, string summaryOf>
-    : Warp_Operator<mnemonic, overloads, summaryOf> {
+class Warp_Comparison<string mnemonic, string symbol, list<string> overloads,
+                      string summaryOf>
+    : Warp_Operator<mnemonic, symbol, overloads, summaryOf> {
   let derivative = NotDifferentiable;
 }
-class Warp_Order<string mnemonic, string summaryOf>
-    : Warp_Comparison<mnemonic, ["(a: S, b: S) -> bool",
+class Warp_Order<string mnemonic, string symbol, string summaryOf>
+    : Warp_Comparison<mnemonic, symbol, ["(a: S, b: S) -> bool",
                                  "(a: bool, b: bool) -> bool"], summaryOf>;
-class Warp_Equality<string mnemonic, string summaryOf>
-    : Warp_Comparison<mnemonic, ["(a: S, b: S) -> bool",
+class Warp_Equality<string mnemonic, string symbol, string summaryOf>
+    : Warp_Comparison<mnemonic, symbol, ["(a: S, b: S) -> bool",
         "(a: bool, b: bool) -> bool",
         "(a: vec<n,S>, b: vec<n,S>) -> bool",
         "(a: mat<r,c,S>, b: mat<r,c,S>) -> bool",
         "(a: quat<F>, b: quat<F>) -> bool",
         "(a: transform<F>, b: transform<F>) -> bool"], summaryOf>;
-def Warp_EqOp : Warp_Equality<"eq", "equal, in every component">;
-def Warp_NeOp : Warp_Equality<"ne", "unequal, in some component">;
-def Warp_LtOp : Warp_Order<"lt", "less than">;
-def Warp_LeOp : Warp_Order<"le", "less than or equal">;
-def Warp_GtOp : Warp_Order<"gt", "greater than">;
-def Warp_GeOp : Warp_Order<"ge", "greater than or equal">;
+def Warp_EqOp : Warp_Equality<"eq", "==", "equal, in every component">;
+def Warp_NeOp : Warp_Equality<"ne", "!=", "unequal, in some component">;
+def Warp_LtOp : Warp_Order<"lt", "<", "less than">;
+def Warp_LeOp : Warp_Order<"le", "<=", "less than or equal">;
+def Warp_GtOp : Warp_Order<"gt", ">", "greater than">;
+def Warp_GeOp : Warp_Order<"ge", ">=", "greater than or equal">;
 
 def Warp_WhereOp : Warp_Builtin<"where", "Utility", [
     "(cond: bool, value_if_true: A, value_if_false: A) -> A",

@@ -18,4 +18,14 @@
 #define GET_OP_CLASSES
 #include "WarpDialect/WarpOps.h.inc"
 
+namespace warp {
+
+/// Reports a constant index that is out of range for a composite. Only a
+/// front end may ask: a pass that folds may leave such an index in dead code.
+llvm::LogicalResult checkConstantIndices(mlir::Location location,
+                                         mlir::Type composite,
+                                         mlir::ValueRange indices);
+
+} // namespace warp
+
 #endif // WARPDIALECT_WARPOPS_H

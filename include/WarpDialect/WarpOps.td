@@ -99,10 +99,11 @@ def Warp_ExtractOp : Warp_Op<"extract", [Pure]> {
   let summary = "component, or matrix row, of a composite";
   let description = [{
     A negative index counts from the end. A matrix takes two indices for a
-    component and one for a row.
+    component and one for a row. An index out of range gives an unspecified
+    component.
 
     (C1) one index; a matrix takes one or two. (C2) the result is the component
-    or row type. (C3) a constant index is within the extent.
+    or row type.
 
     ```mlir
     %y = warp.extract %v[%c1] : !warp.vec<3 x f32>, si32 -> f32
@@ -121,8 +122,11 @@ def Warp_ExtractOp : Warp_Op<"extract", [Pure]> {
 def Warp_InsertOp : Warp_Op<"insert", [Pure, AllTypesMatch<["target", "result"]>]> {
   let summary = "composite with one component, or matrix row, replaced";
   let description = [{
+    An index out of range leaves the composite as it was or replaces an
+    unspecified component.
+
     (C1) one index; a matrix takes one or two. (C2) the value has the component
-    or row type. (C3) a constant index is within the extent.
+    or row type.
 
     ```mlir
     %w = warp.insert %s, %v[%c1] : f32, !warp.vec<3 x f32>, si32
@@ -383,5 +387,6 @@ def Warp_AssertOp : Warp_Op<"assert", [MemoryEffects<[MemWrite]>]> {
 
 include "WarpBuiltins.td"
 include "WarpThreadOps.td"
+include "WarpLaunchOps.td"
 
 #endif // WARP_OPS_TD

@@ -79,7 +79,8 @@ def Warp_StructType : Warp_Type<"Struct", "struct"> {
     `!warp.struct<"Particle", {x: !warp.vec<3 x f32>, mass: f32}>`.
 
     (C1) field names are unique and not empty. (C2) a field is a scalar, a
-    composite, an array or a struct. (C3) there are at most 65536 components.
+    composite, an array or a struct. (C3) there are at most
+    65536 components, and structs nest at most 64 deep.
   }];
   let parameters = (ins StringRefParameter<"the Python name">:$name,
                         ArrayRefParameter<"::mlir::StringAttr">:$fieldNames,

@@ -1,0 +1,86 @@
+//===- CompositeFolds.cpp - Simplification of composite accesses ----------===//
+
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/IR/Builders.h"
+#include "mlir/IR/Matchers.h"
+#include "llvm/ADT/APSInt.h"
+
+using namespace mlir;
+
+/// Position of the component that constant indices select, in row-major
+/// order; nothing if an index varies, is out of range or selects a row.
+static std::optional<int64_t> getPosition(mlir::Type composite,
+                                          ValueRange indices) {
+  SmallVector<int64_t, 2> extents = {warp::getComponentCount(composite)};
+  if (auto matrix = dyn_cast<warp::MatType>(composite))
+    extents = {matrix.getRows(), matrix.getCols()};
+  if (indices.size() != extents.size())
+    return std::nullopt;
+  int64_t position = 0;
+  for (auto [value, extent] : llvm::zip(indices, extents)) {
+    APInt constant;
+    if (!matchPattern(value, m_ConstantInt(&constant)))
+      return std::nullopt;
+    llvm::APSInt index(constant, value.getType().isUnsignedInteger());
+    std::optional<int64_t> number = index.tryExtValue();
+    if (!number || *number >= extent || *number < -extent)
+      return std::nullopt;
+    position = position * extent + (*number < 0 ? *number + extent : *number);
+  }
+  return position;
+}
+
+/// The operand that is component `position` of a constructed composite.
+static OpFoldResult getComponent(warp::ConstructOp construct,
+                                 int64_t position) {
+  OperandRange parts = construct.getComponents();
+  if (parts.empty()) {
+    mlir::Type scalar = warp::getElementScalar(construct.getType());
+    return cast<TypedAttr>(
+        Builder(construct.getContext()).getZeroAttr(scalar));
+  }
+  if (parts.size() == 1 && warp::isScalar(parts[0].getType()))
+    return parts[0];
+  for (mlir::Value part : parts) {
+    int64_t count = warp::getComponentCount(part.getType());
+    if (position < count)
+      return warp::isScalar(part.getType()) ? OpFoldResult(part)
+                                            : OpFoldResult();
+    position -= count;
+  }
+  return {};
+}
+
+OpFoldResult warp::ExtractOp::fold(FoldAdaptor) {
+  mlir::Type composite = getSource().getType();
+  std::optional<int64_t> position = getPosition(composite, getIndices());
+  if (!position)
+    return {};
+  if (auto construct = getSource().getDefiningOp<ConstructOp>())
+    return getComponent(construct, *position);
+  auto insert = getSource().getDefiningOp<InsertOp>();
+  if (!insert)
+    return {};
+  std::optional<int64_t> written = getPosition(composite, insert.getIndices());
+  if (!written)
+    return {};
+  if (*written == *position)
+    return insert.getValue();
+  getSourceMutable().assign(insert.getTarget());
+  return getResult();
+}
+
+OpFoldResult warp::StructGetOp::fold(FoldAdaptor) {
+  if (auto create = getSource().getDefiningOp<StructCreateOp>()) {
+    auto type = cast<StructType>(create.getType());
+    return create.getFields()[type.getFieldIndex(getField())];
+  }
+  auto set = getSource().getDefiningOp<StructSetOp>();
+  if (!set)
+    return {};
+  if (set.getField() == getField())
+    return set.getValue();
+  getSourceMutable().assign(set.getTarget());
+  return getResult();
+}

@@ -1,0 +1,44 @@
+//===- OverloadMatcher.h - Unifies overloads with types ---------*- C++ -*-===//
+
+#ifndef WARP_LIB_DIALECT_OVERLOADMATCHER_H
+#define WARP_LIB_DIALECT_OVERLOADMATCHER_H
+
+#include "WarpDialect/Registry.h"
+#include "WarpDialect/Signature.h"
+#include "WarpDialect/WarpTypes.h"
+
+#include <array>
+
+namespace warp {
+
+/// The parsed overloads of a record, in its order.
+llvm::ArrayRef<Signature> getSignatures(const BuiltinSpec &spec);
+
+/// Binds the letters of one overload.
+class OverloadMatcher {
+public:
+  explicit OverloadMatcher(mlir::MLIRContext *context) : context(context) {}
+
+  /// Whether operands of these types fit; afterwards the letters are bound.
+  bool match(const Signature &signature, mlir::TypeRange operands);
+  /// The type that a pattern stands for.
+  mlir::Type build(const TypePattern &pattern) const;
+
+private:
+  bool match(const TypePattern &pattern, mlir::Type type);
+  bool bind(char letter, mlir::Type type);
+  bool bind(const TypePattern::Extent &extent, int64_t number);
+
+  mlir::MLIRContext *context;
+  std::array<mlir::Type, 26> types;
+  std::array<int64_t, 26> extents;
+};
+
+/// What to tell a user whose operands fit no overload.
+std::string describeMismatch(const BuiltinSpec &spec,
+                             mlir::MLIRContext *context,
+                             mlir::TypeRange operands);
+
+} // namespace warp
+
+#endif // WARP_LIB_DIALECT_OVERLOADMATCHER_H

@@ -1,0 +1,67 @@
+//===- WarpDialect.cpp - The warp dialect ---------------------------------===//
+
+#include "WarpDialect/WarpDialect.h"
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/Dialect/Func/IR/FuncOps.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
+#include "mlir/IR/Builders.h"
+#include "mlir/Transforms/InliningUtils.h"
+
+using namespace mlir;
+
+#include "WarpDialect/WarpDialect.cpp.inc"
+
+namespace {
+/// Functions of a kernel are inlined into it without exception.
+struct WarpInlinerInterface : DialectInlinerInterface {
+  using DialectInlinerInterface::DialectInlinerInterface;
+  bool isLegalToInline(Operation *, Operation *, bool) const final {
+    return true;
+  }
+  bool isLegalToInline(Region *, Region *, bool, IRMapping &) const final {
+    return true;
+  }
+  bool isLegalToInline(Operation *, Region *, bool, IRMapping &) const final {
+    return true;
+  }
+};
+} // namespace
+
+void warp::WarpDialect::initialize() {
+  registerTypes();
+  registerOps();
+  addInterfaces<WarpInlinerInterface>();
+}
+
+Operation *warp::WarpDialect::materializeConstant(OpBuilder &builder,
+                                                  Attribute value,
+                                                  mlir::Type type,
+                                                  Location loc) {
+  auto typed = dyn_cast<TypedAttr>(value);
+  if (!typed || typed.getType() != type || !isScalar(type))
+    return nullptr;
+  return ConstantOp::create(builder, loc, typed);
+}
+
+LogicalResult
+warp::WarpDialect::verifyOperationAttribute(Operation *op,
+                                            NamedAttribute attribute) {
+  if (attribute.getName() != kernelAttrName)
+    return success();
+  auto function = dyn_cast<func::FuncOp>(op);
+  if (!function || !isa<UnitAttr>(attribute.getValue()))
+    return op->emitOpError("'warp.kernel' is a unit attribute of a "
+                           "'func.func'");
+  if (function.getNumResults() != 0)
+    return op->emitOpError("a kernel has no results, but this one has ")
+           << function.getNumResults();
+  for (auto [index, type] : llvm::enumerate(function.getArgumentTypes()))
+    if (!isValue(type))
+      return op->emitOpError("argument ")
+             << index
+             << " of a kernel must be a scalar, composite, array or struct, "
+                "but is '"
+             << type << "'";
+  return success();
+}

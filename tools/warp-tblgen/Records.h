@@ -1,0 +1,45 @@
+//===- Records.h - The registry's records as the back ends see them -------===//
+//
+// Reads every record of a builtin, checks it, and sorts by Python name. All
+// back ends start from this list, so what is wrong with a record is reported
+// once, at the record.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_TBLGEN_RECORDS_H
+#define WARP_TBLGEN_RECORDS_H
+
+#include "WarpDialect/Signature.h"
+
+#include "llvm/TableGen/Record.h"
+
+namespace warp::tblgen {
+
+/// One name under `warp`.
+struct Builtin {
+  const llvm::Record *record;
+  llvm::StringRef pythonName, symbol, group, summary;
+  std::vector<llvm::StringRef> overloads;
+  /// The overloads, parsed; empty for a special name.
+  std::vector<Signature> signatures;
+  /// Name of the operation and of its C++ class; empty for a special name.
+  std::string opName, className;
+  llvm::StringRef derivative;
+  std::vector<llvm::StringRef> domain;
+
+  bool isSpecial() const { return opName.empty(); }
+  /// Whether users call it by its name, not only by an operator's sign.
+  bool isCallable() const;
+};
+
+std::vector<Builtin> readBuiltins(const llvm::RecordKeeper &records);
+
+/// Groups in the order of their first record, which is the reading order.
+std::vector<llvm::StringRef> getGroups(const llvm::RecordKeeper &records);
+
+/// Text between quotes, escaped for C++ and Python alike.
+std::string quote(llvm::StringRef text);
+
+} // namespace warp::tblgen
+
+#endif // WARP_TBLGEN_RECORDS_H
