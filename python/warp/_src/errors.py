@@ -116,6 +116,18 @@ class WarpIndexError(WarpError, IndexError):
     """An array is indexed out of its bounds."""
 
 
+class WarpTypeError(WarpError, TypeError):
+    """Data of a type that cannot be used."""
+
+
+class WarpOverflowError(WarpError, OverflowError):
+    """A number does not fit its type."""
+
+
+class WarpShapeError(WarpError, ValueError):
+    """Shapes do not fit together."""
+
+
 class WarpMemoryError(WarpError, MemoryError):
     """A device has not enough free memory."""
 
@@ -134,6 +146,8 @@ _KINDS = {
     "parse": WarpParseError,
     "compile": WarpCompileError,
     "launch": WarpLaunchError,
+    "launchtype": WarpLaunchTypeError,
+    "launchvalue": WarpLaunchValueError,
     "launchtype": WarpLaunchTypeError,
     "launchvalue": WarpLaunchValueError,
     "memory": WarpError,

@@ -15,7 +15,6 @@ error at the syntax node it was working on.
 from __future__ import annotations
 
 import enum
-import re
 
 from warp import _native
 from warp._src import errors, types
@@ -25,7 +24,6 @@ Value = _native.Value
 BOOL = _native.Type.parse("i1")
 INT32 = _native.Type.parse("si32")
 FLOAT32 = _native.Type.parse("f32")
-_TYPE_TEXT = re.compile(r"!warp\.(?:[^'<]|<(?:[^<>]|<(?:[^<>]|<[^<>]*>)*>)*>)*(?=')|(?<=')\w+(?=')")
 _MISSING = object()
 
 
@@ -86,15 +84,11 @@ class EmitterBase:
         return self.error(node, f"{what} is not supported in kernels", hint)
 
     def locate(self, error: errors.WarpError):
-        """Completes an error of the builder with the place and Python's type names."""
+        """Completes an error of the builder with the place in the source."""
         if error.end_column:
             return error
         place = self.source.place(self.node)
-        message = _TYPE_TEXT.sub(lambda found: names.python_name(found[0]), error.message)
-        hint = error.hint
-        if hint:
-            hint = _TYPE_TEXT.sub(lambda found: names.python_name(found[0]), hint)
-        return type(error)(message, hint=hint, notes=error.notes, **place)
+        return type(error)(error.message, hint=error.hint, notes=error.notes, **place)
 
     # Constants.
 
@@ -202,7 +196,7 @@ class EmitterBase:
     def type_name(self, binding) -> str:
         """Python's name for the type of a binding, for messages."""
         if type(binding) is Value:
-            return names.python_name(str(binding.type))
+            return binding.type.python_name
         if type(binding) is tuple:
             return "tuple(" + ", ".join(map(self.type_name, binding)) + ")"
         return names.literal_name(binding)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import builtins
 import difflib
-import re
 
 from warp import _native
 from warp._src import errors
@@ -29,33 +28,6 @@ MATH_NAMES = {
     "power": "pow",
     "hypot": None,
 }
-_SCALARS = {
-    "i1": "bool",
-    "f16": "float16",
-    "bf16": "bfloat16",
-    "f32": "float32",
-    "f64": "float64",
-    **{f"si{bits}": f"int{bits}" for bits in (8, 16, 32, 64)},
-    **{f"ui{bits}": f"uint{bits}" for bits in (8, 16, 32, 64)},
-}
-_SUFFIXES = {
-    "f16": "h",
-    "f32": "f",
-    "f64": "d",
-    "si8": "b",
-    "ui8": "ub",
-    "si16": "s",
-    "ui16": "us",
-    "si32": "i",
-    "ui32": "ui",
-    "si64": "l",
-    "ui64": "ul",
-}
-_VECTOR = re.compile(r"!warp\.vec<(\d+) x (\w+)>")
-_MATRIX = re.compile(r"!warp\.mat<(\d+)x(\d+) x (\w+)>")
-_SPECIAL = re.compile(r"!warp\.(quat|transform)<(\w+)>")
-_ARRAY = re.compile(r"!warp\.array<(\d) x (.*)>$", re.DOTALL)
-_STRUCT = re.compile(r'!warp\.struct<"([^"]*)"')
 
 
 class BuiltinRef:
@@ -65,35 +37,6 @@ class BuiltinRef:
 
     def __init__(self, name):
         self.name = name
-
-
-def python_name(text: str) -> str:
-    """Python's name of a type given in IR syntax."""
-    if text in _SCALARS:
-        return _SCALARS[text]
-    if found := _VECTOR.fullmatch(text):
-        return _suffixed("vec", found[1], found[2], f"vector(length={found[1]}, dtype={{}})")
-    if found := _MATRIX.fullmatch(text):
-        rows, columns, scalar = found.groups()
-        return _suffixed(
-            "mat", rows + columns, scalar, f"matrix(shape=({rows}, {columns}), dtype={{}})"
-        )
-    if found := _SPECIAL.fullmatch(text):
-        return found[1] + _SUFFIXES.get(found[2], "")
-    if found := _ARRAY.match(text):
-        rank, element = found.groups()
-        array = "array" if rank == "1" else f"array{rank}d"
-        return f"{array}(dtype={python_name(element)})"
-    if found := _STRUCT.match(text):
-        return found[1]
-    return text
-
-
-def _suffixed(stem, size, scalar, general):
-    suffix = _SUFFIXES.get(scalar)
-    if suffix and len(size) <= 2 and all(digit in "234" for digit in size):
-        return stem + size + suffix
-    return general.format(_SCALARS.get(scalar, scalar))
 
 
 def literal_name(binding) -> str:

@@ -1,0 +1,169 @@
+"""Kernels in Python, compiled through an MLIR dialect for CPU and GPU.
+
+    import warp as wp
+
+    @wp.kernel
+    def scale(x: wp.array(dtype=float), s: float):
+        i = wp.tid()
+        x[i] = x[i] * s
+
+    x = wp.ones(1000)
+    wp.launch(scale, dim=1000, inputs=[x, 2.0])
+    print(x.numpy())
+
+This file lists the public names; the implementation is in `warp._src`. Builtins of the kernel
+language (`wp.sin`, `wp.dot`, ...) are made when they are first asked for.
+"""
+
+from warp import config as config
+from warp._src import types as _types
+from warp._src.annotations import ArrayType as ArrayType
+from warp._src.array import array as array
+from warp._src.array import array1d as array1d
+from warp._src.array import array2d as array2d
+from warp._src.array import array3d as array3d
+from warp._src.array import array4d as array4d
+from warp._src.array_create import clone as clone
+from warp._src.array_create import copy as copy
+from warp._src.array_create import empty as empty
+from warp._src.array_create import empty_like as empty_like
+from warp._src.array_create import from_numpy as from_numpy
+from warp._src.array_create import from_ptr as from_ptr
+from warp._src.array_create import full as full
+from warp._src.array_create import full_like as full_like
+from warp._src.array_create import ones as ones
+from warp._src.array_create import ones_like as ones_like
+from warp._src.array_create import zeros as zeros
+from warp._src.array_create import zeros_like as zeros_like
+from warp._src.constants import E as E
+from warp._src.constants import HALF_PI as HALF_PI
+from warp._src.constants import INF as INF
+from warp._src.constants import LN2 as LN2
+from warp._src.constants import LN10 as LN10
+from warp._src.constants import LOG2E as LOG2E
+from warp._src.constants import LOG10E as LOG10E
+from warp._src.constants import NAN as NAN
+from warp._src.constants import PHI as PHI
+from warp._src.constants import PI as PI
+from warp._src.constants import TAU as TAU
+from warp._src.constants import constant as constant
+from warp._src.constants import e as e
+from warp._src.constants import half_pi as half_pi
+from warp._src.constants import inf as inf
+from warp._src.constants import ln2 as ln2
+from warp._src.constants import ln10 as ln10
+from warp._src.constants import log2e as log2e
+from warp._src.constants import log10e as log10e
+from warp._src.constants import nan as nan
+from warp._src.constants import phi as phi
+from warp._src.constants import pi as pi
+from warp._src.constants import tau as tau
+from warp._src.context import clear_kernel_cache as clear_kernel_cache
+from warp._src.context import clear_lto_cache as clear_lto_cache
+from warp._src.context import connect as _connect
+from warp._src.context import init as init
+from warp._src.context import print_diagnostics as print_diagnostics
+from warp._src.devices import Device as Device
+from warp._src.devices import DeviceLike as DeviceLike
+from warp._src.devices import get_cuda_device as get_cuda_device
+from warp._src.devices import get_cuda_device_count as get_cuda_device_count
+from warp._src.devices import get_cuda_devices as get_cuda_devices
+from warp._src.devices import get_cuda_driver_version as get_cuda_driver_version
+from warp._src.devices import get_cuda_toolkit_version as get_cuda_toolkit_version
+from warp._src.devices import get_device as get_device
+from warp._src.devices import get_devices as get_devices
+from warp._src.devices import get_preferred_device as get_preferred_device
+from warp._src.devices import get_stream as get_stream
+from warp._src.devices import is_cpu_available as is_cpu_available
+from warp._src.devices import is_cuda_available as is_cuda_available
+from warp._src.devices import is_device_available as is_device_available
+from warp._src.devices import is_mempool_enabled as is_mempool_enabled
+from warp._src.devices import is_mempool_supported as is_mempool_supported
+from warp._src.devices import set_device as set_device
+from warp._src.devices import set_stream as set_stream
+from warp._src.devices import synchronize as synchronize
+from warp._src.devices import synchronize_device as synchronize_device
+from warp._src.devices import synchronize_event as synchronize_event
+from warp._src.devices import synchronize_stream as synchronize_stream
+from warp._src.errors import WarpCodegenAttributeError as WarpCodegenAttributeError
+from warp._src.errors import WarpCodegenError as WarpCodegenError
+from warp._src.errors import WarpCodegenIndexError as WarpCodegenIndexError
+from warp._src.errors import WarpCodegenKeyError as WarpCodegenKeyError
+from warp._src.errors import WarpCodegenOverflowError as WarpCodegenOverflowError
+from warp._src.errors import WarpCodegenTypeError as WarpCodegenTypeError
+from warp._src.errors import WarpCodegenValueError as WarpCodegenValueError
+from warp._src.errors import WarpError as WarpError
+from warp._src.errors import WarpLaunchError as WarpLaunchError
+from warp._src.kernel import Function as Function
+from warp._src.kernel import Kernel as Kernel
+from warp._src.kernel import func as func
+from warp._src.kernel import kernel as kernel
+from warp._src.launch import Launch as Launch
+from warp._src.launch import launch as launch
+from warp._src.modules import Module as Module
+from warp._src.modules import force_load as force_load
+from warp._src.modules import get_module as get_module
+from warp._src.modules import get_module_options as get_module_options
+from warp._src.modules import load_module as load_module
+from warp._src.modules import set_module_options as set_module_options
+from warp._src.numpy_types import dtype_from_numpy as dtype_from_numpy
+from warp._src.numpy_types import dtype_to_numpy as dtype_to_numpy
+from warp._src.scoped import ScopedDevice as ScopedDevice
+from warp._src.scoped import ScopedStream as ScopedStream
+from warp._src.scoped import ScopedTimer as ScopedTimer
+from warp._src.streams import Event as Event
+from warp._src.streams import Stream as Stream
+from warp._src.streams import get_event_elapsed_time as get_event_elapsed_time
+from warp._src.streams import record_event as record_event
+from warp._src.streams import wait_event as wait_event
+from warp._src.streams import wait_stream as wait_stream
+from warp._src.structs import struct as struct
+from warp._src.types import Float as Float
+from warp._src.types import Int as Int
+from warp._src.types import Matrix as Matrix
+from warp._src.types import Quaternion as Quaternion
+from warp._src.types import Scalar as Scalar
+from warp._src.types import Transformation as Transformation
+from warp._src.types import Vector as Vector
+from warp._src.types import bfloat16 as bfloat16
+from warp._src.types import bool as bool
+from warp._src.types import float16 as float16
+from warp._src.types import float32 as float32
+from warp._src.types import float64 as float64
+from warp._src.types import handle as handle
+from warp._src.types import int8 as int8
+from warp._src.types import int16 as int16
+from warp._src.types import int32 as int32
+from warp._src.types import int64 as int64
+from warp._src.types import mat as mat
+from warp._src.types import matrix_from_cols as matrix_from_cols
+from warp._src.types import matrix_from_rows as matrix_from_rows
+from warp._src.types import spatial_matrix as spatial_matrix
+from warp._src.types import spatial_matrixd as spatial_matrixd
+from warp._src.types import spatial_matrixf as spatial_matrixf
+from warp._src.types import spatial_matrixh as spatial_matrixh
+from warp._src.types import spatial_vector as spatial_vector
+from warp._src.types import spatial_vectord as spatial_vectord
+from warp._src.types import spatial_vectorf as spatial_vectorf
+from warp._src.types import spatial_vectorh as spatial_vectorh
+from warp._src.types import uint8 as uint8
+from warp._src.types import uint16 as uint16
+from warp._src.types import uint32 as uint32
+from warp._src.types import uint64 as uint64
+from warp._src.types import vec as vec
+from warp._src.version import VERSION as __version__
+
+globals().update(_types.NAMED_TYPES)
+_connect()
+
+
+def __getattr__(name):
+    from warp._src.public import find
+
+    return find(name)
+
+
+def __dir__():
+    from warp._src.public import names
+
+    return names(globals())

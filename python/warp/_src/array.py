@@ -1,0 +1,407 @@
+"""`wp.array`: a typed, strided view of device memory.
+
+The descriptor (address, shape, byte strides, element type, device) lives in the native base class,
+where launches read it without Python. This file adds what users see; `array_data` turns lists,
+NumPy arrays and interface objects into arrays, `array_create` has `zeros`, `full` and so on.
+A view keeps the object that owns the memory alive through `owner`.
+"""
+
+from __future__ import annotations
+
+import typing
+
+from warp import _native
+from warp._src import annotations, devices, errors, types
+from warp._src.annotations import ArrayType
+from warp._src.array_views import ArrayViews
+from warp._src.numpy_types import element_layout
+
+MAX_EXTENT = 2**31 - 1
+
+
+class array(ArrayViews, _native.Array):
+    """An array of scalars, vectors, matrices, quaternions, transforms or structs.
+
+    Args:
+        data: nested lists or tuples, a NumPy array, another array, or an object with
+            `__array_interface__` or `__cuda_array_interface__`. Inner dimensions that match the
+            shape of `dtype` become part of the element.
+        dtype: element type; by default that of `data`.
+        shape: extents, at most 4; by default those of `data`.
+        strides: distance of neighbours along each dimension in bytes, for use with `ptr`.
+        ptr: address of existing memory on `device`.
+        capacity: bytes available at `ptr`.
+        device: where the array lives.
+        pinned: host memory that CUDA devices reach directly.
+        copy: False uses the memory of `data` if type and device allow it.
+        deleter: called with address and size when memory given by `ptr` is no longer used.
+        ndim: number of dimensions, checked against the data.
+        grad: array of the same shape for derivatives.
+        requires_grad: whether derivatives are wanted; allocates `grad`.
+        retain_grad: keep derivatives of intermediate results.
+        length: extent of a one-dimensional array, instead of `shape`.
+
+    Without data, `shape` and `ptr` the call gives an annotation: `wp.array(dtype=wp.vec3)`.
+
+    Example:
+        >>> import warp as wp
+        >>> a = wp.array([[0.0, 1.0, 2.0]], dtype=wp.vec3, device="cpu")
+        >>> a.shape
+        (1,)
+
+    Raises:
+        TypeError: element type or data cannot be used.
+        ValueError: shapes do not fit together.
+    """
+
+    def __new__(cls, data=None, dtype=typing.Any, shape=None, *args, ptr=None, length=None, **kw):
+        if data is None and shape is None and ptr is None and length is None and not args:
+            if kw.keys() - {"ndim"}:
+                raise ValueError("expects `data`, `shape` or `ptr` to make an array")
+            return ArrayType(dtype, kw.get("ndim") or 1)
+        return _native.Array.__new__(cls)
+
+    def __class_getitem__(cls, params):
+        return annotations.from_subscript(params, 1)
+
+    def __init__(
+        self,
+        data=None,
+        dtype=typing.Any,
+        shape=None,
+        strides=None,
+        ptr=None,
+        capacity=None,
+        device=None,
+        pinned=False,
+        copy=True,
+        deleter=None,
+        ndim=None,
+        grad=None,
+        requires_grad=False,
+        retain_grad=False,
+        length=None,
+    ):
+        from warp._src import array_data
+
+        if length is not None:
+            if shape is not None:
+                raise ValueError("expects `shape` or `length`, but got both")
+            shape = (length,)
+        dtype = None if dtype is typing.Any or dtype is None else element_type(dtype)
+        if data is not None:
+            if ptr is not None:
+                raise ValueError("expects `data` or `ptr`, but got both")
+            array_data.fill_from_data(self, data, dtype, shape, device, pinned, copy)
+        else:
+            dtype = element_type(float) if dtype is None else dtype
+            index = devices.resolve_index(device)
+            extents = check_shape(shape)
+            if ptr is None:
+                allocate(self, extents, dtype, index, pinned)
+            else:
+                array_data.borrow(self, ptr, extents, strides, dtype, index, capacity, deleter)
+        if ndim is not None and ndim != self.ndim:
+            raise ValueError(f"expects {ndim} dimensions, but got shape {self.shape}")
+        self.retain_grad = retain_grad
+        if grad is not None:
+            self.grad = grad
+        elif requires_grad:
+            self.requires_grad = True
+
+    _grad = None
+    _requires_grad = False
+    retain_grad = False
+
+    @property
+    def device(self):
+        """The device that the memory belongs to."""
+        return devices.by_index(self.device_index)
+
+    @property
+    def requires_grad(self) -> bool:
+        """Whether derivatives are wanted; setting it to True allocates `grad`."""
+        return self._requires_grad
+
+    @requires_grad.setter
+    def requires_grad(self, value):
+        if value and self._grad is None:
+            from warp._src.array_create import zeros_like
+
+            self.grad = zeros_like(self, requires_grad=False)
+        elif not value:
+            self.grad = None
+
+    @property
+    def grad(self):
+        """The array of derivatives, or None."""
+        return self._grad
+
+    @grad.setter
+    def grad(self, value):
+        if value is not None:
+            fits = (
+                isinstance(value, array)
+                and value.shape == self.shape
+                and value.dtype is self.dtype
+                and value.device_index == self.device_index
+            )
+            if not fits:
+                raise ValueError(f"expects a gradient like {self!r} on '{self.device}', got {value!r}")
+        self._grad = value
+        self._requires_grad = value is not None
+        self.grad_ptr = value.ptr or 0 if value is not None else 0
+
+    @property
+    def capacity(self) -> int:
+        """Size of the elements in bytes."""
+        return self.size * self.item_size
+
+    @property
+    def memory_kind(self) -> str:
+        if self.pinned:
+            return "pinned"
+        return "host" if self.device_index == devices.CPU else "device"
+
+    def __len__(self):
+        return self.shape[0] if self.ndim else 1
+
+    def __bool__(self):
+        return True
+
+    def __repr__(self):
+        return f"array(shape={self.shape}, dtype={types.type_repr(self.dtype)})"
+
+    def __str__(self):
+        return str(self.numpy())
+
+    def __matmul__(self, other):
+        raise TypeError("`@` is not defined for arrays, use `wp.tile_matmul` or NumPy")
+
+    @property
+    def __array_interface__(self):
+        if self.device_index != devices.CPU:
+            raise AttributeError(f"no `__array_interface__`: the array is on '{self.device}'")
+        return self._interface()
+
+    @property
+    def __cuda_array_interface__(self):
+        if self.device_index == devices.CPU:
+            raise AttributeError("no `__cuda_array_interface__`: the array is on 'cpu'")
+        return self._interface()
+
+    def _interface(self) -> dict:
+        number, inner = element_layout(self.dtype)
+        strides = list(self.strides)
+        step = self.item_size
+        for extent in inner:
+            step //= extent
+            strides.append(step)
+        interface = {
+            "data": (self.ptr or 0, False),
+            "shape": self.shape + inner,
+            "strides": tuple(strides),
+            "typestr": number.str,
+            "version": 3,
+        }
+        if number.names:
+            interface["descr"] = number.descr if _has_descr(number) else [("", number.str)]
+        return interface
+
+    def numpy(self):
+        """The elements as a NumPy array; shares memory with a `cpu` array, else a copy."""
+        import numpy
+
+        if self.device_index != devices.CPU:
+            return self.to("cpu").numpy()
+        number, inner = element_layout(self.dtype)
+        if self.size == 0:
+            return numpy.empty(self.shape + inner, number)
+        interface = self._interface()
+        if not number.names:
+            return numpy.asarray(self)
+        view = numpy.ndarray(
+            interface["shape"],
+            number,
+            numpy.asarray(_Memory(self)),
+            strides=interface["strides"],
+        )
+        return view
+
+    def list(self) -> list:
+        """All elements in row-major order, as Python numbers, composites or structs."""
+        from warp._src.scalars import scalar_base
+
+        flat = self.contiguous().numpy()
+        if issubclass(self.dtype, scalar_base):
+            from warp._src import scalars
+
+            numbers = flat.reshape(-1).tolist()
+            if self.dtype is scalars.bfloat16:
+                return [scalars.bfloat16_from_bits(bits) for bits in numbers]
+            return numbers
+        data, step = flat.tobytes(), self.item_size
+        starts = range(0, len(data), step)
+        return [self.dtype.from_buffer_copy(data[start : start + step]) for start in starts]
+
+    def to(self, device, requires_grad=None):
+        """The array itself if it is on `device`, else a copy there."""
+        if devices.resolve_index(device) == self.device_index:
+            return self
+        from warp._src.array_create import clone
+
+        return clone(self, device=device, requires_grad=requires_grad)
+
+    def assign(self, src) -> None:
+        """Copies from an array, a NumPy array or nested lists of the same shape."""
+        from warp._src.array_create import copy
+
+        if not isinstance(src, array):
+            src = array(src, dtype=self.dtype, device="cpu", copy=False)
+        if src.shape != self.shape:
+            raise ValueError(f"expects shape {self.shape} to assign, but got {src.shape}")
+        copy(self, src)
+
+    def zero_(self) -> None:
+        """Sets all bytes to zero."""
+        if self.size == 0:
+            return
+        if self.is_contiguous:
+            _native.set_memory(self.ptr, self.device_index, 0, self.size * self.item_size)
+        else:
+            _native.fill_array(self, bytes(self.item_size))
+
+    def fill_(self, value) -> None:
+        """Sets every element to `value`: a number, or what the element type can be made from.
+
+        Raises:
+            TypeError, ValueError: `value` is no element of the array's type.
+        """
+        from warp._src.array_data import element_bytes
+
+        pattern = element_bytes(self.dtype, value)
+        if self.size:
+            _native.fill_array(self, pattern)
+
+    def __ctype__(self):
+        from warp._src.structs import describe
+
+        return describe(self)
+
+
+class _Memory:
+    """Lends the memory of an array to NumPy as bytes."""
+
+    def __init__(self, owner):
+        self.owner = owner
+        length = owner.strides[0] * (owner.shape[0] - 1) + owner.item_size
+        for extent, stride in zip(owner.shape[1:], owner.strides[1:]):
+            length += stride * (extent - 1)
+        self.__array_interface__ = {
+            "data": (owner.ptr, False),
+            "shape": (length,),
+            "typestr": "|u1",
+            "version": 3,
+        }
+
+
+def _has_descr(number) -> bool:
+    try:
+        number.descr
+    except ValueError:
+        return False
+    return True
+
+
+def element_type(dtype):
+    """The canonical element type for what a user gave as `dtype`.
+
+    Raises:
+        TypeError: arrays of it are not possible.
+    """
+    try:
+        return types.canonical(dtype)
+    except TypeError as error:
+        raise TypeError(f"cannot make an array of this element type: {error}") from None
+
+
+def check_shape(shape) -> tuple:
+    """A shape as a tuple of at most four valid extents.
+
+    Raises:
+        TypeError, ValueError: it is none.
+    """
+    if shape is None:
+        raise ValueError("expects a `shape`")
+    extents = (shape,) if hasattr(shape, "__index__") else tuple(shape)
+    if not 1 <= len(extents) <= 4:
+        raise ValueError(f"expects 1 to 4 dimensions, but got {len(extents)}")
+    try:
+        extents = tuple(extent.__index__() for extent in extents)
+    except AttributeError:
+        raise TypeError(f"expects integers as extents, but got {shape!r}") from None
+    for axis, extent in enumerate(extents):
+        if extent < 0:
+            raise ValueError(f"expects extents of at least 0, but got {extent} in dimension {axis}")
+        if extent > MAX_EXTENT:
+            raise ValueError(
+                f"expects extents of at most {MAX_EXTENT}, but got {extent} in dimension {axis}"
+            )
+    return extents
+
+
+def type_id(dtype) -> int:
+    """Number of an element type in the runtime."""
+    found = _type_ids.get(dtype)
+    if found is None:
+        found = _type_ids[dtype] = _native.type_id(types.native_text(dtype))
+    return found
+
+
+_type_ids: dict = {}
+
+
+def new_array(cls=array):
+    """An array without memory, to be set up by the caller."""
+    return _native.Array.__new__(cls)
+
+
+def allocate(target, extents, dtype, device_index, pinned=False) -> None:
+    """Gives an array packed memory of its own; the contents are undefined."""
+    size = item_size = types.type_size_in_bytes(dtype)
+    for extent in extents:
+        size *= extent
+    if size >= 1 << 63:
+        raise errors.WarpMemoryError(f"an array of shape {extents} has more bytes than can exist")
+    buffer = _native.Buffer(device_index, size, pinned) if size else None
+    pointer = buffer.ptr if buffer is not None else 0
+    target._setup(
+        pointer, extents, None, dtype, type_id(dtype), item_size, device_index, buffer, pinned
+    )
+
+
+class RankedArray:
+    """`wp.array2d` and its like: `wp.array` with a given number of dimensions."""
+
+    def __init__(self, ndim):
+        self.ndim = ndim
+        self.__name__ = f"array{ndim}d"
+
+    def __call__(self, *args, **kwargs):
+        kwargs.setdefault("ndim", self.ndim)
+        return array(*args, **kwargs)
+
+    def __getitem__(self, params):
+        return annotations.from_subscript(params, self.ndim)
+
+    def __instancecheck__(self, value):
+        return isinstance(value, array) and value.ndim == self.ndim
+
+    def __repr__(self):
+        return f"warp.{self.__name__}"
+
+
+array1d = RankedArray(1)
+array2d = RankedArray(2)
+array3d = RankedArray(3)
+array4d = RankedArray(4)

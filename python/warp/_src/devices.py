@@ -1,0 +1,343 @@
+"""Devices: `cpu` and `cuda:0`, `cuda:1`, ...
+
+A device is looked up by name; everything below this file names it by number (-1 is the CPU). The
+CUDA driver is asked the first time that a device other than `cpu` matters; a machine without one
+has the device `cpu` and nothing fails until a CUDA device is asked for by name.
+"""
+
+from __future__ import annotations
+
+import sys
+
+from warp import _native
+from warp._src.version import VERSION
+
+CPU = -1
+
+
+class Device:
+    """A place where kernels run and arrays live. Made by `get_device`, compared by identity."""
+
+    def __init__(self, index: int):
+        self.index = index
+        self.alias = "cpu" if index == CPU else f"cuda:{index}"
+        self.is_cpu = index == CPU
+        self.is_cuda = index != CPU
+        self.ordinal = index
+        self._info = None
+
+    @property
+    def info(self) -> dict:
+        if self._info is None:
+            self._info = _native.device_info(self.index)
+        return self._info
+
+    @property
+    def name(self) -> str:
+        return self.info["name"]
+
+    @property
+    def arch(self) -> int:
+        """Compute capability as 10 * major + minor; 0 for the CPU."""
+        return self.info["arch"]
+
+    @property
+    def sm_count(self) -> int:
+        return self.info["sm_count"]
+
+    @property
+    def max_shared_memory_per_block(self) -> int:
+        return self.info["max_shared_memory_per_block"]
+
+    @property
+    def is_uva(self) -> bool:
+        return self.info["is_uva"]
+
+    @property
+    def is_mempool_supported(self) -> bool:
+        return self.info["has_memory_pool"]
+
+    is_mempool_enabled = is_mempool_supported
+
+    @property
+    def uuid(self) -> str | None:
+        return self.info["uuid"] or None
+
+    @property
+    def pci_bus_id(self) -> str | None:
+        return self.info["pci_bus_id"] or None
+
+    @property
+    def free_memory(self) -> int:
+        return _native.device_memory(self.index)[0]
+
+    @property
+    def total_memory(self) -> int:
+        return _native.device_memory(self.index)[1]
+
+    @property
+    def context(self) -> int | None:
+        """The CUDA context, for other libraries; None for the CPU."""
+        return None if self.is_cpu else _native.cuda_context(self.index)
+
+    @property
+    def is_primary(self) -> bool:
+        return True
+
+    @property
+    def is_capturing(self) -> bool:
+        return False
+
+    @property
+    def has_stream(self) -> bool:
+        return self.is_cuda
+
+    @property
+    def stream(self):
+        """The stream that launches and copies use when none is named; None for the CPU."""
+        if self.is_cpu:
+            return None
+        return _native.current_stream(self.index)
+
+    @stream.setter
+    def stream(self, stream):
+        set_stream(stream, self)
+
+    def get_stream(self):
+        return self.stream
+
+    def set_stream(self, stream, sync=True):
+        set_stream(stream, self, sync)
+
+    def can_access(self, other) -> bool:
+        """Whether kernels on this device can read memory of the other one."""
+        return get_device(other) is self
+
+    def make_current(self):
+        """Nothing to do: contexts are made current where they are used."""
+
+    def __str__(self):
+        return self.alias
+
+    def __repr__(self):
+        return f"'{self.alias}'"
+
+    def __hash__(self):
+        return hash(self.alias)
+
+    def __eq__(self, other):
+        if self is other:
+            return True
+        if isinstance(other, str):
+            return self.alias == other or (other == "cuda" and self is _first_cuda())
+        return False
+
+    def __deepcopy__(self, memo):
+        return self
+
+    def __reduce__(self):
+        return (get_device, (self.alias,))
+
+
+DeviceLike = Device | str | None
+
+_cpu = Device(CPU)
+_cuda: list[Device] = []
+_state = {"initialized": False, "default": None}
+
+# Device numbers by everything that may name a device; the fast path of launches. `None` is the
+# default device and is there once the runtime is initialized.
+index_of: dict = {"cpu": CPU, _cpu: CPU}
+
+
+def initialize() -> None:
+    """Finds the devices; the first call prints one line unless `wp.config.quiet`."""
+    if _state["initialized"]:
+        return
+    _state["initialized"] = True
+    for index in range(_native.cuda_device_count()):
+        device = Device(index)
+        _cuda.append(device)
+        index_of[device] = index_of[device.alias] = index
+    if _cuda:
+        index_of["cuda"] = 0
+    _set_default(_cuda[0] if _cuda else _cpu)
+    from warp import config
+
+    if not config.quiet:
+        found = ", ".join(f"{d.alias} ({d.name})" for d in [_cpu, *_cuda])
+        print(
+            f"warp-mlir {VERSION}: {found}; kernel cache {_native.cache_directory()}",
+            file=sys.stderr,
+        )
+
+
+def _set_default(device) -> None:
+    _state["default"] = device
+    index_of[None] = device.index
+    if device.is_cuda:
+        index_of["cuda"] = device.index
+
+
+def _first_cuda():
+    initialize()
+    return _cuda[index_of["cuda"]] if _cuda else None
+
+
+def by_index(index: int) -> Device:
+    """The device of a number."""
+    if index == CPU:
+        return _cpu
+    initialize()
+    return _cuda[index]
+
+
+def resolve_index(device) -> int:
+    """The number of a device given by name, object or None for the default."""
+    try:
+        return index_of[device]
+    except (KeyError, TypeError):
+        return get_device(device).index
+
+
+def get_device(ident: DeviceLike = None) -> Device:
+    """The device of a name: `cpu`, `cuda`, `cuda:0`; None is the current default.
+
+    Raises:
+        ValueError: there is no such device; the message says why.
+    """
+    if isinstance(ident, Device):
+        return ident
+    if ident == "cpu":
+        return _cpu
+    initialize()
+    if ident is None:
+        return _state["default"]
+    index = index_of.get(ident if isinstance(ident, str) else str(ident))
+    if index is None:
+        raise ValueError(_unknown_device(ident))
+    return by_index(index)
+
+
+def _unknown_device(ident) -> str:
+    known = ", ".join(f"'{device.alias}'" for device in [_cpu, *_cuda])
+    message = f"no device '{ident}', there is: {known}"
+    reason = "" if _cuda else _native.cuda_unavailable_reason()
+    return f"{message} (no CUDA device: {reason})" if reason else message
+
+
+def set_device(ident: DeviceLike) -> None:
+    """Makes a device the default."""
+    device = get_device(ident)
+    initialize()
+    _set_default(device)
+
+
+def get_devices() -> list[Device]:
+    """All devices."""
+    initialize()
+    return [_cpu, *_cuda]
+
+
+def get_preferred_device() -> Device:
+    """The first CUDA device, or the CPU where there is none."""
+    initialize()
+    return _cuda[0] if _cuda else _cpu
+
+
+def is_cpu_available() -> bool:
+    return True
+
+
+def is_cuda_available() -> bool:
+    """Whether there is a CUDA device."""
+    initialize()
+    return bool(_cuda)
+
+
+def is_device_available(device) -> bool:
+    return device in get_devices()
+
+
+def get_cuda_devices() -> list[Device]:
+    initialize()
+    return list(_cuda)
+
+
+def get_cuda_device_count() -> int:
+    initialize()
+    return len(_cuda)
+
+
+def get_cuda_device(ordinal: int | None = None) -> Device:
+    """The CUDA device of a number, or the current one.
+
+    Raises:
+        RuntimeError: there is no such device.
+    """
+    return get_device("cuda" if ordinal is None else f"cuda:{ordinal}")
+
+
+def get_cuda_driver_version() -> tuple[int, int] | None:
+    """Version of the CUDA driver, None without one."""
+    version = _native.cuda_driver_version()
+    return (version // 1000, version % 1000 // 10) if version else None
+
+
+def get_cuda_toolkit_version() -> tuple[int, int] | None:
+    """None: compiled kernels need the driver alone."""
+    return None
+
+
+def is_mempool_supported(device) -> bool:
+    return get_device(device).is_mempool_supported
+
+
+def is_mempool_enabled(device) -> bool:
+    return get_device(device).is_mempool_supported
+
+
+def get_stream(device: DeviceLike = None):
+    """The current stream of a CUDA device."""
+    return _cuda_device(device).stream
+
+
+def set_stream(stream, device: DeviceLike = None, sync: bool = False) -> None:
+    """Makes a stream the current one of its device; `sync` lets it wait for the former one."""
+    if device is None:
+        device = by_index(stream.device if isinstance(stream.device, int) else stream.device.index)
+    device = _cuda_device(device)
+    if sync:
+        stream.wait_stream(device.stream)
+    _native.set_current_stream(device.index, stream)
+
+
+def _cuda_device(device) -> Device:
+    device = get_device(device)
+    if not device.is_cuda:
+        raise RuntimeError(f"device '{device}' has no streams, expects a CUDA device")
+    return device
+
+
+def synchronize() -> None:
+    """Waits for all devices, and raises what kernels reported in debug mode."""
+    _native.synchronize_all()
+
+
+def synchronize_device(device: DeviceLike = None) -> None:
+    """Waits for all work of one device."""
+    _native.synchronize_device(resolve_index(device))
+
+
+def synchronize_stream(stream_or_device=None) -> None:
+    """Waits for one stream, or for the current stream of a device."""
+    if isinstance(stream_or_device, _native.Stream):
+        stream_or_device.synchronize()
+        return
+    stream = get_device(stream_or_device).stream
+    if stream is not None:
+        stream.synchronize()
+
+
+def synchronize_event(event) -> None:
+    event.synchronize()

@@ -1,0 +1,231 @@
+"""Branches: nodes of a plan to structured operations whose results are what the sides assign.
+
+A branch is translated with a copy of the environment; names that end up bound differently and are
+read later become results of the operation. A name that one side leaves unassigned has its old value
+there: that of the enclosing loop's last iteration, or zero.
+"""
+
+from __future__ import annotations
+
+from warp._src import errors
+from warp._src.frontend.control import RESULT, Flag, If, Loop, Return, Simple
+from warp._src.frontend.emitter import Value
+from warp._src.frontend.expressions import Expressions
+
+_MISSING = object()
+
+
+class Branches(Expressions):
+    """Translates `if` nodes, and expressions that evaluate one of two sides."""
+
+    def block(self, nodes):
+        for node in nodes:
+            kind = type(node)
+            if kind is Simple:
+                self.statement(node.syntax)
+            elif kind is If:
+                self.branch(node)
+            elif kind is Loop:
+                self.loop(node)
+            elif kind is Flag:
+                self.env[node.name] = node.value
+            elif kind is Return:
+                self.return_statement(node.syntax)
+
+    # Branches.
+
+    def branch(self, node: If):
+        if node.flags:
+            condition = self.none_set(node.flags, node.syntax)
+        else:
+            test = node.syntax.test
+            condition = self.truth(self.expr(test), test)
+        if type(condition) is bool:
+            self.block(node.then if condition else node.orelse)
+            return
+        self.at(node.syntax)
+        self.builder.begin_if(condition)
+        before = self.env
+        lines = self.lines
+        self.env, self.lines = dict(before), dict(lines)
+        self.block(node.then)
+        then, then_lines = self.env, self.lines
+        self.builder.begin_else()
+        self.env, self.lines = dict(before), dict(lines)
+        self.block(node.orelse)
+        orelse, else_lines = self.env, self.lines
+        changed = [
+            name
+            for name in {**then, **orelse}
+            if name in node.live and then.get(name, _MISSING) is not orelse.get(name, _MISSING)
+        ]
+        self.env = before
+        self.lines = {**then_lines, **else_lines}
+        lines = (then_lines, else_lines)
+        self.merge(node.syntax, changed, then, orelse, lines)
+        for name in node.live:
+            if name not in changed and name in then:
+                before[name] = then[name]
+
+    def none_set(self, flags, syntax):
+        """Whether no flag is set."""
+        condition = True
+        for flag in flags:
+            value = self.env.get(flag, False)
+            if type(value) is bool:
+                if value:
+                    return False
+                continue
+            known = value.constant()
+            if known is not None:
+                if known:
+                    return False
+                continue
+            self.at(syntax)
+            clear = self.builder.builtin("unot", [value])[0][0]
+            if condition is True:
+                condition = clear
+            else:
+                condition = self.builder.builtin("bit_and", [condition, clear])[0][0]
+        return condition
+
+    def merge(self, syntax, changed, then, orelse, lines):
+        """Closes an `if` and binds the names that differ over its branches."""
+        then_values, else_values, shapes = [], [], []
+        for name in changed:
+            left, right = then.get(name, _MISSING), orelse.get(name, _MISSING)
+            if left is _MISSING or right is _MISSING:
+                known = right if left is _MISSING else left
+                other = self.before_assignment(name, known, syntax)
+                left, right = (other, known) if left is _MISSING else (known, other)
+                if left is right:
+                    # The branch saw the loop's value that was just introduced.
+                    self.env[name] = left
+            if self.same_constant(left, right):
+                self.env[name] = left
+                shapes.append(_MISSING)
+                continue
+            shapes.append(self.pair(name, left, right, syntax, lines, then_values, else_values))
+        self.at(syntax)
+        results = iter(self.builder.end_if(then_values, else_values))
+        for name, shape in zip(changed, shapes):
+            if shape is not _MISSING:
+                self.env[name] = self.unflatten(shape, results)
+
+    @staticmethod
+    def same_constant(left, right):
+        kind = type(left)
+        if kind is not type(right) or kind is Value or kind is tuple:
+            return False
+        try:
+            return bool(left == right)
+        except Exception:
+            return False
+
+    def pair(self, name, left, right, syntax, lines, then_values, else_values):
+        """Appends both sides of a name; gives their shape."""
+        left_values, right_values = [], []
+        try:
+            shape = self.flatten(left, syntax, left_values)
+            other = self.flatten(right, syntax, right_values)
+        except errors.WarpCodegenTypeError:
+            raise self.branches_differ(name, left, right, syntax, lines) from None
+        types = [value.type for value in left_values]
+        if shape != other or types != [value.type for value in right_values]:
+            raise self.branches_differ(name, left, right, syntax, lines)
+        then_values += left_values
+        else_values += right_values
+        return shape
+
+    def branches_differ(self, name, left, right, syntax, lines):
+        left_type, right_type = self.type_name(left), self.type_name(right)
+        if name == RESULT:
+            return self.type_error(
+                syntax,
+                f"'{self.source.name}' returns '{left_type}' in one branch "
+                f"and '{right_type}' in the other",
+                notes=self.return_notes(),
+            )
+        places = [
+            f"'{name}' is '{kind}' at line {side[name]}"
+            for side, kind in zip(lines, (left_type, right_type))
+            if name in side
+        ]
+        return self.type_error(
+            syntax,
+            f"'{name}' is '{left_type}' in one branch and '{right_type}' in the other",
+            self.conversion_hint(left_type, right_type),
+            notes=places,
+        )
+
+    def return_notes(self):
+        return [f"returns '{shown}' at line {line}" for line, shown in self.returned]
+
+    @staticmethod
+    def conversion_hint(left, right):
+        both = {left, right}
+        if both == {"int32", "float32"}:
+            return "use `float(...)` for the integer"
+        return None
+
+    def branch_value(self, node, condition, then, orelse):
+        """Value of one of two expressions, of which only one is evaluated."""
+        before = self.env
+        self.at(node)
+        self.builder.begin_if(condition)
+        self.env = dict(before)
+        left = then()
+        left_values = []
+        left_shape = self.flatten(left, node, left_values)
+        left_env = self.env
+        self.at(node)
+        self.builder.begin_else()
+        self.env = dict(before)
+        right = orelse()
+        right_values = []
+        right_shape = self.flatten(right, node, right_values)
+        right_env = self.env
+        self.env = before
+        if left_shape != right_shape or [v.type for v in left_values] != [
+            v.type for v in right_values
+        ]:
+            raise self.branch_types_differ(node, left, right)
+        # Builtins that update a variable may have done so on one side.
+        changed = [name for name in before if left_env[name] is not right_env[name]]
+        for name in changed:
+            left_values.append(self.materialize(left_env[name], node))
+            right_values.append(self.materialize(right_env[name], node))
+        self.at(node)
+        results = iter(self.builder.end_if(left_values, right_values))
+        binding = self.unflatten(left_shape, results)
+        for name in changed:
+            before[name] = next(results)
+        return binding
+
+    def before_assignment(self, name, known, syntax):
+        """Value of a name on a path that has not assigned it: the loop's, or zero."""
+        values = []
+        shape = self.flatten(known, syntax, values)
+        self.at(syntax)
+        olds = [self.zero(value.type, name, syntax) for value in values]
+        for frame in self.loops:
+            if name in frame.pending:
+                olds = [self.builder.carry(frame.level, old) for old in olds]
+                frame.pending.discard(name)
+                frame.promoted.append((name, shape, olds))
+        return self.unflatten(shape, iter(olds))
+
+    def zero(self, native, name, syntax):
+        if native.kind == "array" or self.has_array(native):
+            raise self.error(
+                syntax,
+                f"'{name}' is not assigned on every path",
+                "assign it before the branch",
+                errors.WarpCodegenKeyError,
+            )
+        return self.builder.zero(native)
+
+    def has_array(self, native):
+        if native.kind != "struct":
+            return native.kind == "array"
+        return any(self.has_array(field) for _, field in native.fields)

@@ -1,0 +1,346 @@
+"""Loops: `for` over a range and `while`, with the values they carry.
+
+A loop gets the current values of the names that its body assigns and that are read later. A name
+that has no value yet when the loop begins is *pending*: at the first place inside where its old
+value matters (a branch that assigns it on one side only) its type is known, and it becomes a carried
+value that starts at zero. If there is no such place it leaves the loop as a late value.
+
+A `for` with `break` or `return` inside becomes a loop that counts trips and tests the exit flags.
+"""
+
+from __future__ import annotations
+
+import ast
+
+from warp._src import errors
+from warp._src.frontend.branches import Branches
+from warp._src.frontend.control import If, Loop
+from warp._src.frontend.emitter import INT32, Value
+
+_MISSING = object()
+
+
+class LoopFrame:
+    """A loop being translated.
+
+    names, shapes, inits: names carried from the start, how they are built from values, the values.
+    pending: names without a value yet. promoted: (name, shape, values at the start of the body).
+    level: position among the builder's open loops. before, lines: what held when it began.
+    """
+
+    __slots__ = (
+        "before", "inits", "level", "lines", "names", "node", "pending", "promoted", "shapes"
+    )  # fmt: skip
+
+    def __init__(self, node, before, lines):
+        self.node = node
+        self.before = before
+        self.lines = lines
+        self.level = -1
+        self.promoted = []
+        self.inits = []
+
+
+class Loops(Branches):
+    """Translates `for` and `while` nodes."""
+
+    def loop(self, node: Loop):
+        syntax = node.syntax
+        is_for = isinstance(syntax, ast.For)
+        if syntax.orelse:
+            word = "for" if is_for else "while"
+            raise self.unsupported(
+                syntax.orelse[0], f"the `else` of a `{word}` loop", "set a flag before `break`"
+            )
+        if not is_for:
+            self.while_loop(node)
+            return
+        bounds = self.range_bounds(syntax.iter)
+        if all(type(bound) is int for bound in bounds):
+            static = range(*bounds)
+            if not static:
+                return
+            if len(static) <= self.session.max_unroll and self.must_unroll(syntax):
+                self.unroll(node, static)
+                return
+        if node.exits:
+            self.for_with_exits(node, bounds)
+        else:
+            self.counted_for(node, bounds)
+
+    # What is carried.
+
+    def open_frame(self, node: Loop, targets=frozenset()) -> LoopFrame:
+        frame = LoopFrame(node, self.env, dict(self.lines))
+        frame.names, frame.pending = self.carried(node, targets)
+        frame.shapes = [
+            self.flatten(self.env[name], node.syntax, frame.inits) for name in frame.names
+        ]
+        return frame
+
+    def carried(self, node: Loop, targets):
+        """Names carried around a loop: with a value already, and pending."""
+        known, pending = [], set()
+        for name in sorted((node.defs | node.parts) & node.head):
+            binding = self.env.get(name, _MISSING)
+            if binding is _MISSING:
+                if name in node.defs:
+                    pending.add(name)
+            elif name in targets and name not in node.live:
+                continue
+            elif name in node.defs or self.may_change_part(binding):
+                known.append(name)
+        return known, pending
+
+    @staticmethod
+    def may_change_part(binding):
+        return type(binding) is Value and binding.type.kind != "array"
+
+    def bind(self, names, shapes, values):
+        values = iter(values)
+        for name, shape in zip(names, shapes):
+            self.env[name] = self.unflatten(shape, values)
+
+    def head_scope(self, frame, heads):
+        """Environment at the start of an iteration."""
+        self.env = dict(frame.before)
+        self.bind(frame.names, frame.shapes, heads)
+
+    def body_scope(self, frame, heads):
+        frame.level = self.builder.loop_depth - 1
+        self.loops.append(frame)
+        self.env = dict(self.env)
+        self.bind(frame.names, frame.shapes, heads)
+
+    def yields(self, frame):
+        """Values of the carried names now, checked against those at the start."""
+        values = []
+        for name, shape in zip(frame.names, frame.shapes):
+            found = []
+            same = self.flatten(self.env[name], frame.node.syntax, found) == shape
+            expected = frame.inits[len(values) : len(values) + len(found)]
+            self.check_type_kept(frame, name, shape, same, found, expected)
+            values += found
+        return values
+
+    def check_type_kept(self, frame, name, shape, same, found, expected):
+        if same and [v.type for v in found] == [v.type for v in expected]:
+            return
+        before = self.type_name(expected[0]) if shape is None else "tuple"
+        after = self.type_name(self.env[name])
+        notes = []
+        if name in frame.lines:
+            notes.append(f"'{name}' is '{before}' at line {frame.lines[name]}")
+        if name in self.lines:
+            notes.append(f"'{name}' is '{after}' at line {self.lines[name]}")
+        raise self.type_error(
+            frame.node.syntax,
+            f"'{name}' is '{before}' before the loop and '{after}' after an iteration",
+            self.conversion_hint(before, after) or "keep one type in the loop",
+            notes=notes,
+        )
+
+    def final_values(self, frame):
+        """Values at the end of the body: carried, late; and the names and shapes of both."""
+        node = frame.node
+        for name in sorted(frame.pending):
+            # An outer loop's old value is what remains if this loop makes no trip.
+            if name in self.env and any(name in outer.pending for outer in self.loops[:-1]):
+                self.before_assignment(name, self.env[name], node.syntax)
+        values = self.yields(frame)
+        names, shapes = list(frame.names), list(frame.shapes)
+        for name, shape, heads in frame.promoted:
+            found = []
+            same = self.flatten(self.env[name], node.syntax, found) == shape
+            self.check_type_kept(frame, name, shape, same, found, heads)
+            values += found
+            names.append(name)
+            shapes.append(shape)
+        late = []
+        for name in sorted(frame.pending):
+            if name in self.env and name in node.live:
+                names.append(name)
+                shapes.append(self.flatten(self.env[name], node.syntax, late))
+        self.loops.pop()
+        self.at(node.syntax)
+        return values, late, names, shapes
+
+    def leave(self, frame, names, shapes, results):
+        self.env = frame.before
+        self.bind(names, shapes, results)
+
+    # for
+
+    def counted_for(self, node: Loop, bounds):
+        syntax = node.syntax
+        low, high, step = self.common_bounds(bounds, syntax)
+        frame = self.open_frame(node, self.target_names(syntax.target))
+        self.at(syntax)
+        counter, *heads = self.builder.begin_for(low, high, step, frame.inits)
+        self.body_scope(frame, heads)
+        self.assign_target(syntax.target, counter, syntax.target)
+        self.block(node.body)
+        values, late, names, shapes = self.final_values(frame)
+        self.leave(frame, names, shapes, self.builder.end_for(values, late))
+
+    def for_with_exits(self, node: Loop, bounds):
+        """A loop with `break` or `return`: counts trips and tests the flags."""
+        syntax, builder = node.syntax, self.builder
+        low, high, step = self.common_bounds(bounds, syntax)
+        frame = self.open_frame(node, self.target_names(syntax.target))
+        self.at(syntax)
+        trips = builder.trip_count(low, high, step)
+        zero, one = builder.constant(trips.type, 0), builder.constant(trips.type, 1)
+        trip, *heads = builder.begin_while([zero, *frame.inits])
+        self.head_scope(frame, heads)
+        more = builder.builtin("lt", [trip, trips])[0][0]
+        clear = self.none_set(node.exits, syntax)
+        if clear is not True:
+            more = builder.builtin("bit_and", [more, self.materialize(clear, syntax)])[0][0]
+        trip, *heads = builder.while_condition(more, [trip, *heads])
+        self.body_scope(frame, heads)
+        offset = builder.builtin("mul", [builder.cast(trip, low.type), step])[0][0]
+        counter = builder.builtin("add", [low, offset])[0][0]
+        self.assign_target(syntax.target, counter, syntax.target)
+        self.block(node.body)
+        values, late, names, shapes = self.final_values(frame)
+        following = builder.builtin("add", [trip, one])[0][0]
+        results = builder.end_while([following, *values], late)
+        self.leave(frame, names, shapes, results[1:])
+
+    def unroll(self, node: Loop, static):
+        """Repeats the body with the counter known at compile time."""
+        guarded = If(node.syntax, node.body, [], node.exits)
+        guarded.live = node.head
+        for position in static:
+            self.assign_target(node.syntax.target, position, node.syntax.target)
+            if node.exits:
+                self.branch(guarded)
+            else:
+                self.block(node.body)
+
+    def must_unroll(self, syntax):
+        """Whether a body needs the counter at compile time: tuple indices, `wp.static`."""
+        for item in ast.walk(syntax):
+            kind = type(item)
+            if kind is ast.Subscript and isinstance(item.value, ast.Name):
+                if type(self.env.get(item.value.id)) is tuple:
+                    return True
+            elif kind is ast.Call:
+                name = getattr(item.func, "attr", None) or getattr(item.func, "id", None)
+                if name == "static":
+                    return True
+        return False
+
+    @staticmethod
+    def target_names(target):
+        return {item.id for item in ast.walk(target) if isinstance(item, ast.Name)}
+
+    # range
+
+    def range_bounds(self, node):
+        """Bindings of start, stop and step of `range(...)`, maybe reversed."""
+        if isinstance(node, ast.Call) and not node.keywords:
+            function = self.expr(node.func)
+            if function is reversed and len(node.args) == 1:
+                return self.reversed_bounds(self.range_bounds(node.args[0]), node)
+            if function is range:
+                return self.range_arguments(node)
+        raise self.unsupported(
+            node, "a loop over anything but `range(...)`", "use `for i in range(len(a))`"
+        )
+
+    def range_arguments(self, node):
+        arguments = []
+        for argument in node.args:
+            if isinstance(argument, ast.Starred):
+                arguments += self.spread(argument)
+            else:
+                arguments.append(self.range_argument(argument))
+        if not 1 <= len(arguments) <= 3:
+            raise self.type_error(
+                node, f"range expects 1 to 3 arguments, but got {len(arguments)}"
+            )
+        if len(arguments) == 1:
+            arguments = [0, *arguments]
+        if len(arguments) == 2:
+            arguments = [*arguments, 1]
+        if type(arguments[2]) is int and arguments[2] == 0:
+            raise self.error(node, "range step is zero", kind=errors.WarpCodegenValueError)
+        return arguments
+
+    def range_argument(self, node):
+        """A Python int if known at compile time, else an integer value."""
+        binding = self.expr(node)
+        if type(binding) is int:
+            return binding
+        value = self.materialize(binding, node)
+        if value.type.kind != "int":
+            raise self.type_error(
+                node,
+                f"range expects integers, but got '{value.type.python_name}'",
+                "use `int(...)`",
+            )
+        known = value.constant() if value.type == INT32 else None
+        return value if known is None else int(known)
+
+    def reversed_bounds(self, bounds, node):
+        if all(type(bound) is int for bound in bounds):
+            turned = range(*bounds)[::-1]
+            return [turned.start, turned.stop, turned.step]
+        if type(bounds[2]) is not int or bounds[2] != 1:
+            raise self.unsupported(node, "reversing a dynamic range whose step is not 1")
+        low, high, _ = self.common_bounds(bounds, node)
+        self.at(node)
+        one = self.builder.constant(low.type, 1)
+        last = self.builder.builtin("sub", [high, one])[0][0]
+        stop = self.builder.builtin("sub", [low, one])[0][0]
+        return [last, stop, -1]
+
+    def common_bounds(self, bounds, node):
+        """Bounds as values of one type: literals follow the dynamic ones."""
+        dynamic = [bound for bound in bounds if type(bound) is Value]
+        native = dynamic[0].type if dynamic else INT32
+        for bound in dynamic:
+            if bound.type != native:
+                raise self.type_error(
+                    node,
+                    f"range expects bounds of one type, but got '{native.python_name}' "
+                    f"and '{bound.type.python_name}'",
+                )
+        self.at(node)
+        return [
+            bound if type(bound) is Value else self.builder.constant(native, bound)
+            for bound in bounds
+        ]
+
+    # while
+
+    def while_loop(self, node: Loop):
+        syntax = node.syntax
+        frame = self.open_frame(node)
+        self.at(syntax)
+        heads = self.builder.begin_while(frame.inits)
+        self.head_scope(frame, heads)
+        condition = self.while_test(node, syntax)
+        forwarded = self.yields(frame)
+        self.at(syntax)
+        heads = self.builder.while_condition(condition, forwarded)
+        self.body_scope(frame, heads)
+        self.block(node.body)
+        values, late, names, shapes = self.final_values(frame)
+        self.leave(frame, names, shapes, self.builder.end_while(values, late))
+
+    def while_test(self, node, syntax):
+        """The condition of an iteration: no exit flag, then the test."""
+
+        def test():
+            return self.truth(self.expr(syntax.test), syntax.test)
+
+        condition = self.none_set(node.exits, syntax)
+        if condition is True:
+            condition = test()
+        elif condition is not False:
+            pure = self.is_cheap(syntax.test)
+            condition = self.both(syntax.test, condition, test, pure)
+        return self.materialize(condition, syntax.test)

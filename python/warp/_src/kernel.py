@@ -1,0 +1,302 @@
+"""`@wp.kernel` and `@wp.func`: Python functions that become device code.
+
+Decorating only records the function. The first launch translates it (`warp._src.frontend`) and makes
+the native kernel, which compiles a variant for each kind of launch it sees. A change of a setting or
+module option that matters to code drops the native kernel, not the Python object.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import types as python_types
+import typing
+
+from warp import _native
+from warp._src import config as settings
+from warp._src import errors
+from warp._src.annotations import ArrayType
+from warp._src.modules import Module, check_options, get_module
+
+STAGES = ("warp", "thread", "llvm", "ptx", "asm")
+_SUFFIX = {"warp": "mlir", "thread": "mlir", "llvm": "ll", "ptx": "ptx", "asm": "s"}
+
+
+class Epoch:
+    """Identity of the settings that compiled code depends on; replaced when one changes."""
+
+    current = object()
+
+    @classmethod
+    def advance(cls, value=None):
+        cls.current = object()
+
+
+for _name in ("mode", "fast_math", "lineinfo", "optimization_level", "max_unroll", "dump"):
+    settings.on_change(_name, Epoch.advance)
+
+
+class Kernel:
+    """A function that runs once per thread of a launch.
+
+    Args:
+        func: the Python function; every parameter is annotated.
+        key: name in messages and in compiled code.
+        module: module whose options apply, by default that of the function.
+        options: the kernel's own options, by name.
+    """
+
+    def __init__(self, func, key=None, module=None, options=None):
+        if not isinstance(func, python_types.FunctionType):
+            raise TypeError(f"expects a function as kernel, but got '{type(func).__name__}'")
+        self.func = func
+        self.key = key or kernel_name(func)
+        self.module = module if isinstance(module, Module) else get_module(module or func.__module__)
+        self.options = dict(options or {})
+        self.module.kernels[self.key] = self
+        self.epoch = None
+        self.native = None
+        self.__name__ = func.__name__
+        self.__qualname__ = func.__qualname__
+        self.__module__ = func.__module__
+        self.__doc__ = func.__doc__
+        self.__wrapped__ = func
+
+    @property
+    def is_generic(self) -> bool:
+        """Whether a parameter's type is left open."""
+        return any(map(_is_generic, self.func.__annotations__.values()))
+
+    def option(self, name):
+        return self.module.option(name, self.options)
+
+    def reset(self) -> None:
+        """Forgets the translation."""
+        self.epoch = None
+        self.native = None
+
+    def prepare(self):
+        """Translates the kernel if that is due, and returns the native kernel.
+
+        Raises:
+            WarpCodegenError: the function cannot be translated.
+        """
+        epoch = Epoch.current
+        if self.epoch is not epoch:
+            from warp._src.frontend import build_kernel
+
+            level = self.option("optimization_level")
+            self.native = _native.Kernel(
+                build_kernel(self),
+                self.key,
+                debug=self.option("mode") == "debug",
+                fast_math=self.option("fast_math"),
+                lineinfo=self.option("lineinfo"),
+                opt_level=2 if level is None else level,
+                block_dim=self.option("block_dim") or 256,
+                max_registers=self.options.get("cuda_max_registers") or 0,
+            )
+            self.epoch = epoch
+            self._dump()
+        return self.native
+
+    def ir(self, stage: str = "warp", device=None, rank: int = 1) -> str:
+        """The kernel as text at one stage of compilation.
+
+        Args:
+            stage: `warp` (what the front end built), `thread` (scalars, one thread), `llvm`, `ptx`
+                or `asm`.
+            device: with `thread` and `llvm`, the device to lower for; `ptx` is always for a GPU
+                (that of the device, or a current one if there is none) and `asm` for the CPU.
+            rank: number of launch dimensions.
+
+        Raises:
+            ValueError: there is no such stage.
+        """
+        if stage not in STAGES:
+            raise ValueError(f"no stage {stage!r}, expects one of {', '.join(map(repr, STAGES))}")
+        return self.prepare().ir(stage, _architecture(stage, device), rank)
+
+    def _dump(self) -> None:
+        from warp import config
+
+        if not config.dump:
+            return
+        os.makedirs(config.dump, exist_ok=True)
+        for stage in STAGES:
+            text = self.native.ir(stage, _architecture(stage, None), 1)
+            path = os.path.join(config.dump, f"{self.key}.{stage}.{_SUFFIX[stage]}")
+            with open(path, "w", encoding="utf-8") as file:
+                file.write(text)
+
+    def __call__(self, *args, **kwargs):
+        raise errors.WarpLaunchTypeError(
+            f"kernel '{self.key}' cannot be called, use `wp.launch({self.key}, dim, inputs)`"
+        )
+
+    def __repr__(self):
+        return f"<kernel '{self.key}'>"
+
+
+def _architecture(stage, device) -> int:
+    from warp._src.devices import get_device
+
+    if stage == "asm":
+        return 0
+    if device is not None:
+        arch = get_device(device).arch
+        if arch or stage != "ptx":
+            return arch
+    return DEFAULT_GPU if stage == "ptx" else 0
+
+
+# What PTX is shown for where no device is named: the newest architecture with a stable ISA.
+DEFAULT_GPU = 90
+
+
+def kernel_name(func) -> str:
+    """Name of a function without the parts that Python adds for enclosing functions."""
+    return func.__qualname__.replace(".<locals>", "").replace(".", "_").replace("<lambda>", "lambda")
+
+
+def _is_generic(annotation) -> bool:
+    if isinstance(annotation, ArrayType):
+        annotation = annotation.dtype
+    return annotation is typing.Any or isinstance(annotation, typing.TypeVar)
+
+
+def kernel(
+    f=None,
+    *,
+    name=None,
+    enable_backward=None,
+    launch_bounds=None,
+    cuda_max_registers=None,
+    module=None,
+    module_options=None,
+    **options,
+):
+    """Makes a kernel from a function whose parameters are annotated.
+
+    Args:
+        name: name in messages and compiled code, by default that of the function.
+        enable_backward: False if no derivatives will be asked for.
+        launch_bounds: largest block, and fewest blocks per multiprocessor, for CUDA.
+        cuda_max_registers: registers that a CUDA thread may use.
+        module: module whose options apply, by default that of the function.
+        module_options: options for this kernel alone.
+
+    Example:
+        >>> import warp as wp
+        >>> @wp.kernel
+        ... def scale(x: wp.array(dtype=float), s: float):
+        ...     i = wp.tid()
+        ...     x[i] = x[i] * s
+    """
+    own = dict(module_options or {})
+    check_options(own)
+    for key, value in (
+        ("enable_backward", enable_backward),
+        ("cuda_max_registers", cuda_max_registers),
+        ("launch_bounds", launch_bounds),
+    ):
+        if value is not None:
+            own[key] = value
+    unknown = set(options) - _INERT
+    if unknown:
+        raise TypeError(f"kernel has no option '{unknown.pop()}'")
+
+    def decorate(func):
+        where = None if module == "unique" else module
+        return Kernel(func, name, where, own)
+
+    return decorate if f is None else decorate(f)
+
+
+_INERT = {"enable_cuda_smem_spilling", "cluster_dim", "entry_point_abi", "grid_stride"}
+
+
+class Function:
+    """A function that kernels can call, and Python too.
+
+    `overloads` lists the Python functions of that name; a call takes the one whose annotations fit.
+    """
+
+    def __init__(self, func, key=None):
+        self.func = func
+        self.key = key or func.__name__
+        self.overloads = [func]
+        self.__name__ = func.__name__
+        self.__qualname__ = func.__qualname__
+        self.__module__ = func.__module__
+        self.__doc__ = func.__doc__
+        self.__wrapped__ = func
+
+    def add_overload(self, func) -> None:
+        """Adds a function, in place of one with the same annotations."""
+        types = list(func.__annotations__.values())
+        for index, other in enumerate(self.overloads):
+            if list(other.__annotations__.values()) == types:
+                self.overloads[index] = func
+                break
+        else:
+            self.overloads.append(func)
+        self.func = self.overloads[0]
+
+    def __call__(self, *args, **kwargs):
+        if len(self.overloads) == 1:
+            return self.func(*args, **kwargs)
+        for func in self.overloads:
+            if _accepts(func, args, kwargs):
+                return func(*args, **kwargs)
+        shown = ", ".join(type(value).__name__ for value in args)
+        raise TypeError(f"no overload of '{self.key}' takes ({shown})")
+
+    def __repr__(self):
+        return f"<function '{self.key}'>"
+
+
+def _accepts(func, args, kwargs) -> bool:
+    import inspect
+
+    from warp._src import types
+
+    try:
+        bound = inspect.signature(func).bind(*args, **kwargs)
+    except TypeError:
+        return False
+    for name, value in bound.arguments.items():
+        expected = func.__annotations__.get(name)
+        if expected is None or _is_generic(expected):
+            continue
+        if isinstance(expected, ArrayType):
+            fits = types.is_array(value) and value.ndim == expected.ndim
+            if not fits or not types.types_equal(value.dtype, expected.dtype):
+                return False
+        elif isinstance(expected, type) and not types.types_equal(type(value), expected):
+            return False
+    return True
+
+
+def func(f=None, *, name=None, module=None, inline=None):
+    """Makes a function that kernels can call. It stays callable from Python.
+
+    Decorating several functions of one name in one scope makes overloads, chosen by annotations.
+
+    Example:
+        >>> import warp as wp
+        >>> @wp.func
+        ... def square(x: float):
+        ...     return x * x
+    """
+
+    def decorate(function, depth):
+        if not isinstance(function, python_types.FunctionType):
+            raise TypeError(f"expects a function, but got '{type(function).__name__}'")
+        former = sys._getframe(depth).f_locals.get(function.__name__)
+        if isinstance(former, Function) and former.func.__qualname__ == function.__qualname__:
+            former.add_overload(function)
+            return former
+        return Function(function, name)
+
+    return (lambda function: decorate(function, 2)) if f is None else decorate(f, 2)

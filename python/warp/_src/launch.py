@@ -1,0 +1,177 @@
+"""`wp.launch`: runs a kernel over a grid of threads.
+
+The work is done by the native kernel, which checks and packs the arguments, picks the compiled
+variant and starts it. This function finds the device, and sends the rare cases (printing, checking,
+recording, adjoints) to a slower path.
+"""
+
+from __future__ import annotations
+
+from warp import _native
+from warp._src import config as settings
+from warp._src import errors
+from warp._src.devices import by_index, index_of, resolve_index
+from warp._src.kernel import Epoch, Kernel
+
+
+class _Watch:
+    """Whether a setting asks for something to be done at each launch."""
+
+    active = False
+
+    @classmethod
+    def update(cls, value=None):
+        from warp import config
+
+        cls.active = config.print_launches or config.verify_fp or config.verify_cuda
+
+
+for _name in ("print_launches", "verify_fp", "verify_cuda"):
+    settings.on_change(_name, _Watch.update)
+
+
+def launch(
+    kernel,
+    dim,
+    inputs=(),
+    outputs=(),
+    adj_inputs=(),
+    adj_outputs=(),
+    device=None,
+    stream=None,
+    adjoint=False,
+    record_tape=True,
+    record_cmd=False,
+    max_blocks=0,
+    block_dim=0,
+):
+    """Runs a kernel once per index of a grid.
+
+    Args:
+        kernel: what `@wp.kernel` made.
+        dim: extent, or up to four extents, of the grid; a zero makes the launch do nothing.
+        inputs: one value per kernel parameter, in order.
+        outputs: values of the remaining parameters.
+        device: where to run; the arrays must be reachable from there.
+        stream: CUDA stream to queue on.
+        adjoint: run the derivative instead.
+        record_cmd: return a `Launch` to be run later, and do not run now.
+        block_dim: CUDA threads per block.
+
+    Raises:
+        WarpLaunchError: an argument has the wrong type, rank or device, or a dimension is impossible.
+        WarpCodegenError: the kernel cannot be translated.
+    """
+    index = index_of.get(device)
+    if not (
+        index is None
+        or stream is not None
+        or type(kernel) is not Kernel
+        or kernel.epoch is not Epoch.current
+        or adjoint
+        or record_cmd
+        or _Watch.active
+    ):
+        kernel.native.launch(dim, inputs, outputs, index, None, block_dim or 0)
+        return None
+    return _launch_checked(
+        kernel, dim, inputs, outputs, device, stream, adjoint, record_cmd, block_dim
+    )
+
+
+def _launch_checked(
+    kernel, dim, inputs, outputs, device, stream, adjoint, record_cmd, block_dim
+):
+    """The same with all checks, for the first launch and for what the fast path leaves."""
+    if not isinstance(kernel, Kernel):
+        raise errors.WarpLaunchTypeError(
+            f"launch: expects a kernel, but got '{type(kernel).__name__}', "
+            f"decorate the function with `@wp.kernel`"
+        )
+    if adjoint:
+        raise errors.WarpLaunchError(
+            f"launch('{kernel.key}'): derivatives of kernels are not available yet"
+        )
+    if device is None and stream is not None:
+        index = stream.device if isinstance(stream.device, int) else stream.device.index
+    else:
+        index = resolve_index(device)
+    inputs, outputs = _sequence(inputs, kernel, "inputs"), _sequence(outputs, kernel, "outputs")
+    native = kernel.prepare()
+    if record_cmd:
+        return Launch(kernel, native.pack(dim, inputs, outputs, index), stream)
+    from warp import config
+
+    if config.print_launches:
+        print(f"kernel: {kernel.key} dim: {dim} device: {by_index(index).alias}")
+    native.launch(dim, inputs, outputs, index, stream, block_dim or 0)
+    if config.verify_cuda and index >= 0:
+        _native.synchronize_device(index)
+    if config.verify_fp:
+        _verify(kernel, (*inputs, *outputs))
+    return None
+
+
+def _sequence(values, kernel, what):
+    if isinstance(values, (list, tuple)):
+        return values
+    if values is None:
+        return ()
+    raise errors.WarpLaunchTypeError(
+        f"launch('{kernel.key}'): expects a list as '{what}', but got '{type(values).__name__}'"
+    )
+
+
+def _verify(kernel, values) -> None:
+    """Rejects arrays that hold infinite numbers or NaN."""
+    import numpy
+
+    from warp._src.array import array
+
+    names = [parameter[0] for parameter in kernel.native.parameters]
+    for name, value in zip(names, values):
+        if not isinstance(value, array):
+            continue
+        numbers = value.numpy()
+        if numbers.dtype.kind == "f" and not numpy.isfinite(numbers).all():
+            raise errors.WarpLaunchError(
+                f"launch('{kernel.key}'): array '{name}' has elements that are not finite"
+            )
+
+
+class Launch:
+    """A launch with packed arguments, to be run many times."""
+
+    def __init__(self, kernel, packed, stream=None):
+        self.kernel = kernel
+        self.packed = packed
+        self.stream = stream
+        self._index = {
+            parameter[0]: number for number, parameter in enumerate(kernel.native.parameters)
+        }
+
+    def set_dim(self, dim) -> None:
+        """Changes the extents of the grid."""
+        self.packed.set_dim(dim)
+
+    def set_param_at_index(self, index, value) -> None:
+        """Changes the value of a parameter by position."""
+        self.packed.set_param(index, value)
+
+    def set_param_by_name(self, name, value) -> None:
+        """Changes the value of a parameter by name."""
+        if name not in self._index:
+            raise errors.WarpLaunchError(
+                f"kernel '{self.kernel.key}' has no parameter '{name}', it has: "
+                + ", ".join(self._index)
+            )
+        self.packed.set_param(self._index[name], value)
+
+    def set_params(self, values) -> None:
+        """Changes the values of the first parameters."""
+        for index, value in enumerate(values):
+            self.packed.set_param(index, value)
+
+    def launch(self, stream=None) -> None:
+        """Runs the kernel."""
+        self.packed.launch(stream if stream is not None else self.stream)

@@ -1,0 +1,32 @@
+"""Public names that are made when first asked for: builtins and submodules."""
+
+from __future__ import annotations
+
+import importlib
+
+_SUBMODULES = ("types",)
+
+
+def find(name: str):
+    """What `warp.<name>` is, for names that the package does not hold itself.
+
+    Raises:
+        AttributeError: there is no such name.
+    """
+    if name in _SUBMODULES:
+        return importlib.import_module(f"warp.{name}")
+    if not name.startswith("_"):
+        from warp._src.builtins import lookup
+
+        found = lookup(name)
+        if found is not None:
+            return found
+    raise AttributeError(f"module 'warp' has no attribute '{name}'")
+
+
+def names(held) -> list[str]:
+    """All public names."""
+    from warp._src.builtins import names as builtin_names
+
+    public = {name for name in held if not name.startswith("_")}
+    return sorted(public | set(builtin_names()) | set(_SUBMODULES))
