@@ -36,7 +36,7 @@ def Warp_MatType : Warp_Type<"Mat", "mat"> {
   }];
   let parameters = (ins "int64_t":$rows, "int64_t":$cols,
                         "::mlir::Type":$elementType);
-  let assemblyFormat = "`<` custom<MatShape>($rows, $cols) `x` $elementType `>`";
+  let assemblyFormat = "`<` custom<MatShape>($rows, $cols) $elementType `>`";
 }
 
 def Warp_QuatType : Warp_Type<"Quat", "quat"> {

@@ -15,7 +15,7 @@ static LogicalResult verifyRank(Operation *op, warp::ArrayType array,
   if (int64_t(indices.size()) == array.getRank())
     return success();
   return op->emitOpError("(C1) expects ")
-         << array.getRank() << " indices for '" << array << "', but got "
+         << array.getRank() << " indices for " << array << ", but got "
          << indices.size();
 }
 
@@ -25,9 +25,9 @@ static LogicalResult verifyElement(Operation *op, warp::ArrayType array,
   mlir::Type element = array.getElementType();
   if (actual == element || actual == warp::getSignless(element))
     return success();
-  return op->emitOpError("(C2) elements of '")
-         << array << "' have type '" << element << "', but " << what
-         << " has type '" << actual << "'";
+  return op->emitOpError("(C2) elements of ")
+         << array << " have type " << element << ", but " << what
+         << " has type " << actual;
 }
 
 /// (C3) what an atomic can combine.
@@ -36,14 +36,14 @@ static LogicalResult verifyAtomic(Operation *op, warp::AtomicKind kind,
   using warp::AtomicKind;
   mlir::Type scalar = warp::getElementScalar(element);
   if (!scalar || warp::isBool(scalar))
-    return op->emitOpError("(C3) expects elements of numbers, but got '")
-           << element << "'";
+    return op->emitOpError("(C3) expects elements of numbers, but got ")
+           << element;
   bool isBitwise = kind == AtomicKind::bit_and || kind == AtomicKind::bit_or ||
                    kind == AtomicKind::bit_xor;
   if (isBitwise && !warp::isInteger(scalar))
     return op->emitOpError("(C3) '")
            << warp::stringifyAtomicKind(kind)
-           << "' expects elements of integers, but got '" << element << "'";
+           << "' expects elements of integers, but got " << element;
   return success();
 }
 
@@ -53,16 +53,16 @@ static LogicalResult verifyComponents(Operation *op, warp::ArrayType array,
   SmallVector<mlir::Type> expected;
   warp::flatten(array.getElementType(), expected);
   if (expected.size() != actual.size())
-    return op->emitOpError("(C2) elements of '")
-           << array << "' have " << expected.size()
+    return op->emitOpError("(C2) elements of ")
+           << array << " have " << expected.size()
            << " components, but there are " << actual.size() << " " << what;
   for (auto [index, pair] : llvm::enumerate(llvm::zip(expected, actual))) {
     mlir::Type wanted = warp::getSignless(std::get<0>(pair));
     if (wanted != std::get<1>(pair))
       return op->emitOpError("(C2) component ")
-             << index << " of '" << array << "' is '" << wanted
-             << "' in thread IR, but among the " << what << " is '"
-             << std::get<1>(pair) << "'";
+             << index << " of " << array << " is " << wanted
+             << " in thread IR, but among the " << what << " is "
+             << std::get<1>(pair);
   }
   return success();
 }
@@ -73,8 +73,8 @@ static LogicalResult verifyView(Operation *op, mlir::Type actual, int64_t rank,
   auto expected = warp::ArrayType::get(op->getContext(), rank, element);
   if (actual == expected)
     return success();
-  return op->emitOpError("(C2) expects a result of type '")
-         << expected << "', but got '" << actual << "'";
+  return op->emitOpError("(C2) expects a result of type ")
+         << expected << ", but got " << actual;
 }
 
 static LogicalResult verifyDim(Operation *op, mlir::Type array, int64_t dim) {
@@ -82,7 +82,7 @@ static LogicalResult verifyDim(Operation *op, mlir::Type array, int64_t dim) {
   if (dim >= 0 && dim < rank)
     return success();
   return op->emitOpError("(C1) dimension ")
-         << dim << " is out of range for '" << array << "'";
+         << dim << " is out of range for " << array;
 }
 
 //===----------------------------------------------------------------------===//
@@ -124,8 +124,8 @@ LogicalResult warp::AtomicCasOp::verify() {
   if (isScalar(element) && (getByteSize(element) == 4 ||
                             getByteSize(element) == 8))
     return success();
-  return emitOpError("(C3) expects numbers of 4 or 8 bytes, but got '")
-         << element << "'";
+  return emitOpError("(C3) expects numbers of 4 or 8 bytes, but got ")
+         << element;
 }
 
 //===----------------------------------------------------------------------===//
@@ -137,7 +137,7 @@ LogicalResult warp::ViewOp::verify() {
   int64_t count = getIndices().size();
   if (count < 1 || count >= array.getRank())
     return emitOpError("(C1) expects at least 1 index and fewer than ")
-           << array.getRank() << " for '" << array << "', but got " << count;
+           << array.getRank() << " for " << array << ", but got " << count;
   return verifyView(*this, getResult().getType(), array.getRank() - count,
                     array.getElementType());
 }
@@ -163,13 +163,13 @@ LogicalResult warp::ComponentViewOp::verify() {
              << *getField() << "' is an array, which can't be an element";
   } else {
     if (getField())
-      return emitOpError("(C1) expects indices for elements of type '")
-             << element << "', but got the field '" << *getField() << "'";
+      return emitOpError("(C1) expects indices for elements of type ")
+             << element << ", but got the field '" << *getField() << "'";
     part = getIndexedType(element, getIndices().size());
     if (!part)
       return emitOpError("(C1) ")
-             << getIndices().size() << " indices select no part of '"
-             << element << "'";
+             << getIndices().size() << " indices select no part of "
+             << element;
   }
   return verifyView(*this, getResult().getType(), array.getRank(), part);
 }

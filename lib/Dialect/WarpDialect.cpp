@@ -61,7 +61,7 @@ warp::WarpDialect::verifyOperationAttribute(Operation *op,
       return op->emitOpError("argument ")
              << index
              << " of a kernel must be a scalar, composite, array or struct, "
-                "but is '"
-             << type << "'";
+                "but is "
+             << type;
   return success();
 }

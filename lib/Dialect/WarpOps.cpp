@@ -45,8 +45,8 @@ LogicalResult warp::CastOp::verify() {
       withElementScalar(from, getElementScalar(to)) == to)
     return success();
   return emitOpError("(C1) expects two scalars, or two composites of the same "
-                     "kind and shape, but got '")
-         << from << "' and '" << to << "'";
+                     "kind and shape, but got ")
+         << from << " and " << to;
 }
 
 LogicalResult warp::BitcastOp::verify() {
@@ -54,9 +54,9 @@ LogicalResult warp::BitcastOp::verify() {
   int64_t to = getByteSize(getResult().getType());
   if (from == to)
     return success();
-  return emitOpError("(C1) expects types of the same size, but '")
-         << getSource().getType() << "' has " << from << " bytes and '"
-         << getResult().getType() << "' has " << to;
+  return emitOpError("(C1) expects types of the same size, but ")
+         << getSource().getType() << " has " << from << " bytes and "
+         << getResult().getType() << " has " << to;
 }
 
 //===----------------------------------------------------------------------===//
@@ -68,15 +68,15 @@ LogicalResult warp::ConstructOp::verify() {
   int64_t expected = getComponentCount(result), count = 0;
   for (mlir::Type part : getComponents().getTypes()) {
     if (getElementScalar(part) != getElementScalar(result))
-      return emitOpError("(C2) expects components of type '")
-             << getElementScalar(result) << "', but got '" << part << "'";
+      return emitOpError("(C2) expects components of type ")
+             << getElementScalar(result) << ", but got " << part;
     count += getComponentCount(part);
   }
   bool fills = getComponents().size() == 1 && count == 1;
   if (count == 0 || fills || count == expected)
     return success();
   return emitOpError("(C1) expects ")
-         << expected << " components, 1 or 0 for '" << result << "', but got "
+         << expected << " components, 1 or 0 for " << result << ", but got "
          << count;
 }
 
@@ -87,12 +87,12 @@ static LogicalResult verifyIndexed(Operation *op, mlir::Type composite,
   if (!expected)
     return op->emitOpError("(C1) expects ")
            << (isa<warp::MatType>(composite) ? "1 or 2 indices" : "1 index")
-           << " for '" << composite << "', but got " << indices.size();
+           << " for " << composite << ", but got " << indices.size();
   if (part != expected)
-    return op->emitOpError("(C2) '")
-           << composite << "' with " << indices.size()
-           << " indices has parts of type '" << expected << "', but got '"
-           << part << "'";
+    return op->emitOpError("(C2) ")
+           << composite << " with " << indices.size()
+           << " indices has parts of type " << expected << ", but got "
+           << part;
   return success();
 }
 
@@ -143,8 +143,8 @@ LogicalResult warp::StructCreateOp::verify() {
                  getFields().getTypes()))
     if (expected != actual)
       return emitOpError("(C1) field '")
-             << name.getValue() << "' has type '" << expected
-             << "', but got '" << actual << "'";
+             << name.getValue() << "' has type " << expected
+             << ", but got " << actual;
   return success();
 }
 
@@ -161,8 +161,8 @@ LogicalResult warp::verifyField(Operation *op, StructType type, StringRef field,
   if (type.getFieldTypes()[index] == actual)
     return success();
   return op->emitOpError("(C1) field '")
-         << field << "' has type '" << type.getFieldTypes()[index]
-         << "', but got '" << actual << "'";
+         << field << "' has type " << type.getFieldTypes()[index]
+         << ", but got " << actual;
 }
 
 LogicalResult warp::StructGetOp::verify() {

@@ -20,13 +20,13 @@ using namespace mlir;
 // Syntax
 //===----------------------------------------------------------------------===//
 
-/// `3x4`, which the lexer would take for something else.
+/// `3x4 x`, which the lexer would take for something else.
 static ParseResult parseMatShape(AsmParser &parser, int64_t &rows,
                                  int64_t &cols) {
   SmallVector<int64_t, 2> extents;
   SMLoc place = parser.getCurrentLocation();
   if (parser.parseDimensionList(extents, /*allowDynamic=*/false,
-                                /*withTrailingX=*/false))
+                                /*withTrailingX=*/true))
     return failure();
   if (extents.size() != 2)
     return parser.emitError(place, "expects the shape of a matrix as "
@@ -38,7 +38,7 @@ static ParseResult parseMatShape(AsmParser &parser, int64_t &rows,
 }
 
 static void printMatShape(AsmPrinter &printer, int64_t rows, int64_t cols) {
-  printer << rows << 'x' << cols;
+  printer << rows << 'x' << cols << " x";
 }
 
 #define GET_TYPEDEF_CLASSES
@@ -122,16 +122,15 @@ static LogicalResult verifyScalarElement(EmitError emitError, mlir::Type type,
                                          StringRef label) {
   if (type && warp::isScalar(type))
     return success();
-  return emitError() << label << " expects a scalar element type, but got '"
-                     << type << "'";
+  return emitError() << label << " expects a scalar element type, but got "
+                     << type;
 }
 
 static LogicalResult verifyFloatElement(EmitError emitError, mlir::Type type) {
   if (type && warp::isFloat(type))
     return success();
   return emitError()
-         << "(C1) expects a floating-point element type, but got '" << type
-         << "'";
+         << "(C1) expects a floating-point element type, but got " << type;
 }
 
 LogicalResult warp::VecType::verify(EmitError emitError, int64_t length,
@@ -168,8 +167,8 @@ LogicalResult warp::ArrayType::verify(EmitError emitError, int64_t rank,
     return emitError() << "(C1) expects a rank of 1 to 4, but got " << rank;
   if (!elementType || !isArrayElement(elementType))
     return emitError() << "(C2) expects a scalar, composite or struct as "
-                          "element type, but got '"
-                       << elementType << "'";
+                          "element type, but got "
+                       << elementType;
   return success();
 }
 
@@ -214,8 +213,8 @@ LogicalResult warp::StructType::verify(EmitError emitError, StringRef name,
     if (!type || !isValue(type))
       return emitError() << "(C2) field '" << fieldName.getValue()
                          << "' must be a scalar, composite, array or struct, "
-                            "but is '"
-                         << type << "'";
+                            "but is "
+                         << type;
     Extent extent = measure(type);
     parts += extent.parts;
     if (parts > maxComponents || extent.depth >= NestingGuard::limit)
