@@ -23,9 +23,9 @@
 #define WARP_BUILDER_H
 
 #include "warp/Error.h"
+#include "warp/Export.h"
 
 #include <cstdint>
-#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -41,7 +41,7 @@ namespace warp {
 using Number = std::variant<bool, int64_t, uint64_t, double>;
 
 /// A type of the warp dialect.
-struct Type {
+struct WARP_API Type {
   enum class Kind {
     Bool,
     Int,
@@ -61,6 +61,8 @@ struct Type {
   /// Parses the textual form, "f32" or "!warp.vec<3 x f32>".
   static Type parse(std::string_view text);
   std::string str() const;
+  /// The name that a Python user knows: "vec3f", "array(dtype=float32)".
+  std::string pythonName() const;
 
   Kind kind() const;
   /// Bits of a scalar; 0 for everything else.
@@ -88,7 +90,7 @@ struct Type::Field {
 };
 
 /// An SSA value of the module under construction.
-struct Value {
+struct WARP_API Value {
   void *impl = nullptr;
 
   Type type() const;
@@ -100,7 +102,7 @@ struct Value {
 };
 
 /// A verified module: one kernel and the functions it calls.
-class Module {
+class WARP_API Module {
 public:
   struct Impl;
 
@@ -119,11 +121,9 @@ private:
   std::shared_ptr<Impl> impl;
 };
 
-class Builder {
+class WARP_API Builder {
 public:
   using Values = std::vector<Value>;
-  using Attribute = std::variant<Number, std::string, Type>;
-  using Attributes = std::map<std::string, Attribute>;
 
   /// Results of a builtin. `inout` holds the new value of each argument that
   /// the builtin updates, by argument position.
@@ -157,8 +157,7 @@ public:
   Values call(const std::string &name, const Values &args);
   /// Calls the builtin of that Python name (operators: "add", "lt", ...). The
   /// error for arguments that fit no overload lists the overloads.
-  Results builtin(const std::string &name, const Values &args,
-                  const Attributes &attributes = {});
+  Results builtin(const std::string &name, const Values &args);
   /// Whether the registry knows a builtin of that Python name.
   static bool hasBuiltin(const std::string &name);
   /// Builds a composite from components, a smaller composite plus rest, one
@@ -167,6 +166,8 @@ public:
   /// Converts a scalar or a composite component by component.
   Value cast(Value value, Type type);
   Values tid(int dimensions);
+  /// Positions of the arguments that some overload of a builtin updates.
+  static std::vector<unsigned> inoutArguments(const std::string &name);
   void printf(const std::string &format, const Values &args);
   /// Checked in debug mode only.
   void assertion(Value condition, const std::string &message);
@@ -186,10 +187,12 @@ public:
   /// add, sub, min, max, and, or, xor, exch.
   Value atomic(const std::string &kind, Value array, const Values &indices,
                Value value);
+  /// Writes `value` where the element equals `expected`; returns the old one.
+  Value atomicCas(Value array, const Values &indices, Value expected,
+                  Value value);
   /// The array that remains when leading dimensions are indexed.
   Value view(Value array, const Values &indices);
-  /// A component of a composite or struct element, as an array of one scalar
-  /// (or field) type. `path` is a component number or a field name.
+  /// A field, component or row of each element, as an array of that type.
   Value componentView(Value array, const std::string &field);
   Value componentView(Value array, const Values &indices);
   /// Restricts dimension `dimension` to start, stop, step (null = default).
@@ -201,6 +204,16 @@ public:
   void beginElse();
   /// Closes the branches; both must give the same number and types.
   Values endIf(const Values &thenValues, const Values &elseValues);
+
+  /// Number of open loops of the current function.
+  int loopDepth() const;
+  /// Adds a carried value to an open loop, counted from the outermost, whose
+  /// body is being built. Returns it as the body sees it; the value at the
+  /// end of the body follows the others in `endFor` or `endWhile`.
+  Value carry(int loop, Value init);
+  /// How often a `range` of these bounds repeats, as an unsigned integer of
+  /// the same width.
+  Value tripCount(Value lo, Value hi, Value step);
 
   /// Counts from `lo` up or down to `hi` (exclusive) like Python's `range`.
   /// Returns the counter followed by the carried values.
@@ -217,8 +230,9 @@ public:
   /// Verifies what was built. The builder is empty afterwards.
   Module finish();
 
-private:
   struct Impl;
+
+private:
   std::unique_ptr<Impl> impl;
 };
 

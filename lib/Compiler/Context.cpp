@@ -4,6 +4,7 @@
 
 #include "WarpDialect/WarpDialect.h"
 
+#include "mlir/Dialect/Func/Extensions/InlinerExtension.h"
 #include "mlir/Dialect/Func/IR/FuncOps.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
 
@@ -14,6 +15,7 @@ MLIRContext &warp::compilerContext() {
   static MLIRContext *context = [] {
     DialectRegistry registry;
     registry.insert<warp::WarpDialect, func::FuncDialect, scf::SCFDialect>();
+    func::registerInlinerExtension(registry);
     auto *created =
         new MLIRContext(registry, MLIRContext::Threading::DISABLED);
     created->loadAllAvailableDialects();
@@ -36,8 +38,8 @@ FileLineColLoc warp::findSourceLocation(Location location) {
   return found;
 }
 
-warp::Diagnostics::Diagnostics() : handler(&compilerContext()) {
-  handler.setHandler([this](Diagnostic &diagnostic) {
+warp::Diagnostics::Diagnostics() : ScopedDiagnosticHandler(&compilerContext()) {
+  setHandler([this](Diagnostic &diagnostic) {
     if (diagnostic.getSeverity() != DiagnosticSeverity::Error)
       return;
     std::string text = diagnostic.str();

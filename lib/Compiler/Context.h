@@ -33,7 +33,7 @@ struct ContextLock {
 };
 
 /// Collects the diagnostics of one operation on IR.
-class Diagnostics {
+class Diagnostics : mlir::ScopedDiagnosticHandler {
 public:
   Diagnostics();
   bool hasError() const { return !firstError.empty(); }
@@ -44,7 +44,6 @@ public:
 private:
   std::string firstError, rest, file;
   int line = 0, column = 0;
-  mlir::ScopedDiagnosticHandler handler;
 };
 
 /// File, line and column that a location names, looking through call sites,

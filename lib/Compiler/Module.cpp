@@ -1,0 +1,46 @@
+//===- Module.cpp - Modules as text ---------------------------------------===//
+
+#include "BuilderImpl.h"
+
+#include "WarpDialect/WarpDialect.h"
+
+#include "mlir/Parser/Parser.h"
+
+#include "llvm/Support/raw_ostream.h"
+
+using namespace mlir;
+
+static func::FuncOp findKernel(ModuleOp module) {
+  for (auto function : module.getOps<func::FuncOp>())
+    if (function->hasAttr(warp::kernelAttrName))
+      return function;
+  return nullptr;
+}
+
+warp::Module warp::Module::fromText(std::string_view text) {
+  ContextLock lock;
+  Diagnostics diagnostics;
+  auto impl = std::make_shared<Impl>();
+  impl->op = parseSourceString<ModuleOp>(StringRef(text.data(), text.size()),
+                                         &compilerContext(), "<ir>");
+  if (!impl->op)
+    throw diagnostics.toError(Error::Kind::Parse, "malformed IR text");
+  return Module(std::move(impl));
+}
+
+std::string warp::Module::text(bool locations) const {
+  ContextLock lock;
+  std::string text;
+  llvm::raw_string_ostream stream(text);
+  OpPrintingFlags flags;
+  if (locations)
+    flags.enableDebugInfo();
+  impl->op->print(stream, flags);
+  return text;
+}
+
+std::string warp::Module::kernelName() const {
+  ContextLock lock;
+  func::FuncOp kernel = findKernel(*impl->op);
+  return kernel ? kernel.getSymName().str() : std::string();
+}
