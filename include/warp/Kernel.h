@@ -68,20 +68,20 @@ public:
   /// variant, compiling it if need be. `blockDim` 0 means the kernel's own.
   Plan prepare(int device, const LaunchDim &dim, void *params,
                int blockDim = 0);
+  /// The same, but leaves `variant` null if it would have to be compiled or
+  /// read from disk (`items` is then above 0).
+  Plan tryPrepare(int device, const LaunchDim &dim, void *params,
+                  int blockDim = 0);
   /// Runs a plan. CUDA: queued on `stream`, or on the device's current one.
   /// Debug variants get their error record written into the block.
   void run(const Plan &plan, void *params, const Stream *stream = nullptr);
   void launch(int device, const LaunchDim &dim, void *params,
               const Stream *stream = nullptr, int blockDim = 0);
 
-  /// Whether a plan is done too soon to be worth other threads' attention.
+  /// Whether a launch gives its thread back at once, or nearly so.
   static bool isShort(const Plan &plan);
   /// Whether a plan's code prints.
   static bool prints(const Plan &plan);
-
-  /// Whether `prepare` would have to compile or read the disk.
-  bool isReady(int device, const LaunchDim &dim, const void *params,
-               int blockDim = 0) const;
 
   /// Options of the variant that a launch of that rank over packed arrays
   /// would get; `arch` 0 is the CPU.

@@ -256,29 +256,33 @@ CompileOptions Kernel::optionsFor(int arch, int rank) const {
   return impl->compileOptions(key, arch);
 }
 
-bool Kernel::isReady(int device, const LaunchDim &dim, const void *params,
-                     int blockDim) const {
-  int64_t items;
-  VariantKey key = impl->keyFor(device, dim, params, blockDim, items);
-  return items == 0 || impl->find(key);
-}
-
-Kernel::Plan Kernel::prepare(int device, const LaunchDim &dim, void *params,
-                             int blockDim) {
+Kernel::Plan Kernel::Impl::plan(int device, const LaunchDim &dim,
+                                void *params, int blockDim, bool mayMake) {
   Plan plan;
   plan.device = device;
-  VariantKey key = impl->keyFor(device, dim, params, blockDim, plan.items);
+  VariantKey key = keyFor(device, dim, params, blockDim, plan.items);
   if (plan.items == 0)
     return plan;
   LaunchHeader header;
   for (int i = 0; i < dim.rank; ++i)
     header.dim[i] = static_cast<int32_t>(dim.extent[i]);
   std::memcpy(params, &header, sizeof(header));
-  plan.variant = impl->find(key);
-  if (!plan.variant)
-    plan.variant = impl->make(key);
-  plan.work = plan.variant->code.cost * static_cast<double>(plan.items);
+  plan.variant = find(key);
+  if (!plan.variant && mayMake)
+    plan.variant = make(key);
+  if (plan.variant)
+    plan.work = plan.variant->code.cost * static_cast<double>(plan.items);
   return plan;
+}
+
+Kernel::Plan Kernel::tryPrepare(int device, const LaunchDim &dim,
+                                void *params, int blockDim) {
+  return impl->plan(device, dim, params, blockDim, false);
+}
+
+Kernel::Plan Kernel::prepare(int device, const LaunchDim &dim, void *params,
+                             int blockDim) {
+  return impl->plan(device, dim, params, blockDim, true);
 }
 
 bool Kernel::isShort(const Plan &plan) {

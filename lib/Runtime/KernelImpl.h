@@ -57,6 +57,8 @@ struct Kernel::Impl {
   explicit Impl(Module module) : module(std::move(module)) {}
   Variant *find(const VariantKey &key) const;
   Variant *make(const VariantKey &key);
+  Plan plan(int device, const LaunchDim &dim, void *params, int blockDim,
+            bool mayMake);
   VariantKey keyFor(int device, const LaunchDim &dim, const void *params,
                     int blockDim, int64_t &items) const;
   CompileOptions compileOptions(const VariantKey &key, int arch) const;

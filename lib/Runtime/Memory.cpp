@@ -216,11 +216,12 @@ void warp::copyMemory(void *dst, int dstDevice, const void *src,
   StreamHandle handle = streamHandle(device, stream);
   cuda::ContextScope scope(device);
   if (srcDevice == cpuDevice)
-    WARP_CUDA(memcpyHtoDAsync, to, src, bytes, handle);
-  else if (dstDevice == cpuDevice)
-    WARP_CUDA(memcpyDtoHAsync, dst, from, bytes, handle);
-  else
-    WARP_CUDA(memcpyDtoDAsync, to, from, bytes, handle);
+    return WARP_CUDA(memcpyHtoDAsync, to, src, bytes, handle);
+  if (dstDevice != cpuDevice)
+    return WARP_CUDA(memcpyDtoDAsync, to, from, bytes, handle);
+  WARP_CUDA(memcpyDtoHAsync, dst, from, bytes, handle);
+  // Into pageable memory the driver waits; what kernels reported is there.
+  DeviceErrorRecord::check(device);
 }
 
 //===----------------------------------------------------------------------===//

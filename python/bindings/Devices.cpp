@@ -1,0 +1,155 @@
+//===- Devices.cpp - Devices, streams and events for Python ---------------===//
+
+#include "Native.h"
+
+#include "warp/Device.h"
+#include "warp/KernelCache.h"
+#include "warp/ThreadPool.h"
+
+#include <cstdio>
+#include <cstring>
+
+namespace py = pybind11;
+using namespace warp;
+using Unlocked = py::call_guard<py::gil_scoped_release>;
+
+static std::string uuidText(const DeviceInfo &info) {
+  std::string text = "GPU-";
+  char part[4];
+  for (size_t i = 0; i < info.uuid.size(); ++i) {
+    if (i == 4 || i == 6 || i == 8 || i == 10)
+      text += '-';
+    std::snprintf(part, sizeof(part), "%02x", info.uuid[i]);
+    text += part;
+  }
+  return text;
+}
+
+static py::dict describe(int device) {
+  const DeviceInfo &info = deviceInfo(device);
+  py::dict fields;
+  fields["alias"] = info.alias;
+  fields["name"] = info.name;
+  fields["arch"] = info.arch;
+  fields["sm_count"] = info.smCount;
+  fields["max_shared_memory_per_block"] = info.maxSharedMemoryPerBlock;
+  fields["is_uva"] = info.isUva;
+  fields["has_memory_pool"] = info.hasMemoryPool;
+  fields["uuid"] = device == cpuDevice ? "" : uuidText(info);
+  fields["pci_bus_id"] = info.pciBusId;
+  return fields;
+}
+
+static uintptr_t address(void *pointer) {
+  return reinterpret_cast<uintptr_t>(pointer);
+}
+
+static void bindStreams(py::module_ &m) {
+  py::class_<Stream, std::shared_ptr<Stream>> stream(m, "Stream");
+  py::class_<Event, std::shared_ptr<Event>> event(m, "Event");
+  stream
+      .def(py::init<int, int>(), py::arg("device"), py::arg("priority") = 0)
+      .def_static(
+          "from_handle",
+          [](int device, uintptr_t handle) {
+            return std::make_shared<Stream>(device,
+                                            reinterpret_cast<void *>(handle));
+          },
+          py::arg("device"), py::arg("handle"))
+      .def_property_readonly("device", &Stream::device)
+      .def_property_readonly(
+          "cuda_stream", [](Stream &self) { return address(self.handle()); })
+      .def_property_readonly("is_complete", &Stream::isComplete)
+      .def("synchronize", &Stream::synchronize, Unlocked())
+      .def(
+          "record_event",
+          [](Stream &self, std::shared_ptr<Event> event) {
+            if (!event)
+              event = std::make_shared<Event>(self.device());
+            event->record(self);
+            return event;
+          },
+          py::arg("event") = nullptr)
+      .def(
+          "wait_event",
+          [](Stream &self, const Event &event) { waitEvent(self, event); },
+          py::arg("event"))
+      .def(
+          "wait_stream",
+          [](Stream &self, const Stream &other) {
+            Event event(other.device());
+            event.record(other);
+            waitEvent(self, event);
+          },
+          py::arg("other"));
+  event
+      .def(py::init<int, bool>(), py::arg("device"),
+           py::arg("enable_timing") = false)
+      .def_property_readonly("device", &Event::device)
+      .def_property_readonly(
+          "cuda_event", [](Event &self) { return address(self.handle()); })
+      .def_property_readonly("is_complete", &Event::isComplete)
+      .def("synchronize", &Event::synchronize, Unlocked());
+  m.def("elapsed_time", &elapsedMilliseconds, py::arg("start"),
+        py::arg("end"), "Milliseconds between two recorded events.");
+  m.def("current_stream", &currentStream, py::arg("device"));
+  m.def("set_current_stream", &setCurrentStream, py::arg("device"),
+        py::arg("stream"));
+}
+
+/// The Python function that gets notices; guarded by the GIL.
+static PyObject *noticeFunction = nullptr;
+
+static void passNotice(const char *message) {
+  py::gil_scoped_acquire locked;
+  if (!noticeFunction)
+    return;
+  py::object result = py::reinterpret_steal<py::object>(
+      PyObject_CallFunction(noticeFunction, "s", message));
+  // A notice must not turn into an error of whatever gave it.
+  if (!result)
+    PyErr_WriteUnraisable(noticeFunction);
+}
+
+static void setNoticeFunction(py::object function) {
+  Py_XDECREF(noticeFunction);
+  noticeFunction = function.is_none() ? nullptr : function.release().ptr();
+  setNoticeHandler(noticeFunction ? passNotice : nullptr);
+}
+
+static void bindCache(py::module_ &m) {
+  m.def("cache_directory", [] { return KernelCache::get().directory(); });
+  m.def(
+      "set_cache_directory",
+      [](std::string path) { KernelCache::get().setDirectory(path); },
+      py::arg("path"));
+  m.def(
+      "set_cache_enabled",
+      [](bool enabled) { KernelCache::get().setEnabled(enabled); },
+      py::arg("enabled"));
+  m.def("clear_cache", [] { return KernelCache::get().clear(); },
+        "Removes every entry; returns how many there were.");
+  m.def("set_notice_handler", &setNoticeFunction,
+        py::arg("function").none(true),
+        "Function that gets one-line messages to the user; None drops them.");
+}
+
+void python::bindDevices(py::module_ &m) {
+  m.def("cuda_device_count", &cudaDeviceCount);
+  m.def("cuda_unavailable_reason", &cudaUnavailableReason);
+  m.def("cuda_driver_version", &cudaDriverVersion);
+  m.def("device_info", &describe, py::arg("device"));
+  m.def("device_memory", &deviceMemory, py::arg("device"),
+        "Bytes of memory: (free, total).");
+  m.def(
+      "cuda_context",
+      [](int device) { return address(cudaContext(device)); },
+      py::arg("device"));
+  m.def("synchronize_device", &synchronizeDevice, py::arg("device"),
+        Unlocked());
+  m.def("synchronize_all", &synchronizeAll, Unlocked());
+  m.def("num_threads", &ThreadPool::size,
+        "Threads that CPU launches use.");
+  bindStreams(m);
+  bindCache(m);
+}

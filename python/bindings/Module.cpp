@@ -1,0 +1,13 @@
+//===- Module.cpp - The extension module warp._native ---------------------===//
+
+#include "Native.h"
+
+PYBIND11_MODULE(_native, m) {
+  m.doc() = "Compiler and runtime of the warp package; use `warp` instead.";
+  warp::python::bindErrors(m);
+  bindBuilder(m);
+  warp::python::bindDevices(m);
+  warp::python::bindMemory(m);
+  warp::python::bindArray(m);
+  warp::python::bindKernel(m);
+}

@@ -1,0 +1,71 @@
+//===- Native.h - The extension module's parts ------------------*- C++ -*-===//
+//
+// `warp._native` is a thin layer over include/warp. What launches touch
+// (arrays, kernels) are types written against the C API, because a launch has
+// about a microsecond; everything else is pybind11.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_PYTHON_BINDINGS_NATIVE_H
+#define WARP_PYTHON_BINDINGS_NATIVE_H
+
+#include "warp/Error.h"
+#include "warp/Launch.h"
+
+#include <pybind11/pybind11.h>
+
+#include <string>
+
+namespace warp::python {
+
+void bindArray(pybind11::module_ &m);
+void bindDevices(pybind11::module_ &m);
+void bindErrors(pybind11::module_ &m);
+void bindKernel(pybind11::module_ &m);
+void bindMemory(pybind11::module_ &m);
+
+/// Sets the Python exception for an error.
+void setPythonError(const Error &error);
+
+/// A number per type text, so that launches compare ints.
+int typeId(const std::string &text);
+const std::string &typeText(int id);
+/// What Python calls a type: "float32" for "f32".
+std::string pythonTypeName(const std::string &text);
+
+/// The instance layout of `warp._native.Array`.
+struct ArrayObject {
+  PyObject_HEAD
+  ArrayDescriptor descriptor;
+  PyObject *dtype;
+  PyObject *owner;
+  PyObject *shape;
+  PyObject *strides;
+  int64_t itemSize;
+  int typeId;
+  int device;
+  bool pinned;
+  bool contiguous;
+};
+
+extern PyTypeObject *arrayType;
+
+inline bool isArray(PyObject *object) {
+  return Py_TYPE(object) == arrayType ||
+         PyType_IsSubtype(Py_TYPE(object), arrayType);
+}
+
+inline ArrayObject *asArray(PyObject *object) {
+  return reinterpret_cast<ArrayObject *>(object);
+}
+
+/// Native type text of a Python class, from the resolver that the package
+/// registered; empty if it has none.
+std::string resolveType(PyTypeObject *type);
+
+} // namespace warp::python
+
+/// The builder half, in Builder.cpp.
+void bindBuilder(pybind11::module_ &m);
+
+#endif // WARP_PYTHON_BINDINGS_NATIVE_H

@@ -1,0 +1,257 @@
+//===- Pack.cpp - From Python arguments to a parameter block --------------===//
+//
+// The fast way is in Pack.h: an array whose class, element type, rank and
+// device are right is 56 bytes to copy; a number is one store. Everything else
+// comes here: composites and structs by their bytes, composites from any
+// sequence of numbers, null arrays, arrays of other libraries, and errors.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Pack.h"
+
+#include "warp/Device.h"
+
+#include <cstring>
+
+using namespace warp;
+using namespace warp::python;
+namespace py = pybind11;
+
+Packer::Packer(std::string kernel, const std::vector<Param> &all)
+    : kernel(std::move(kernel)) {
+  for (const Param &param : all) {
+    PackParam prepared{&param, param.kind, param.offset, param.size, -1, {},
+                       nullptr};
+    if (param.kind == Param::Kind::Array)
+      prepared.typeId = typeId(param.element);
+    else
+      prepared.shape = shapeOfType(param.type);
+    params.push_back(std::move(prepared));
+  }
+}
+
+Packer::~Packer() {
+  for (PackParam &param : params)
+    Py_XDECREF(param.accepted);
+}
+
+//===----------------------------------------------------------------------===//
+// Messages
+//===----------------------------------------------------------------------===//
+
+static std::string deviceName(int device) {
+  return device == cpuDevice ? "cpu" : "cuda:" + std::to_string(device);
+}
+
+static std::string arrayText(int ndim, const std::string &element) {
+  return "array(ndim=" + std::to_string(ndim) +
+         ", dtype=" + pythonTypeName(element) + ")";
+}
+
+static std::string shortRepr(PyObject *value) {
+  std::string text;
+  if (PyObject *repr = PyObject_Repr(value)) {
+    if (const char *characters = PyUnicode_AsUTF8(repr))
+      text = characters;
+    Py_DECREF(repr);
+  }
+  PyErr_Clear();
+  return text.size() <= 60 ? text : text.substr(0, 57) + "...";
+}
+
+std::string python::describeValue(PyObject *value) {
+  if (value == Py_None)
+    return "'None'";
+  if (isArray(value)) {
+    ArrayObject *array = asArray(value);
+    std::string element =
+        array->typeId >= 0 ? typeText(array->typeId) : "unknown";
+    return "'" + arrayText(array->descriptor.ndim, element) + "' on '" +
+           deviceName(array->device) + "'";
+  }
+  std::string name = Py_TYPE(value)->tp_name;
+  if (PyLong_Check(value) || PyFloat_Check(value))
+    return "'" + shortRepr(value) + "' ('" + name + "')";
+  return "'" + name + "'";
+}
+
+std::string python::expectedText(const Param &param) {
+  if (param.kind == Param::Kind::Array)
+    return arrayText(param.rank, param.element);
+  return pythonTypeName(param.type);
+}
+
+Error Packer::error(const PackParam &param, PyObject *value,
+                    const std::string &more) const {
+  return Error(Error::Kind::LaunchType,
+               "launch('" + kernel + "'): argument '" + param.param->name +
+                   "' expects '" + expectedText(*param.param) +
+                   "', but got " + describeValue(value) + more);
+}
+
+void Packer::raiseCount(size_t got) const {
+  std::string names;
+  for (const PackParam &param : params)
+    names += (names.empty() ? "" : ", ") + param.param->name;
+  std::string message = "launch('" + kernel + "'): expects " +
+                        std::to_string(params.size()) + " argument" +
+                        (params.size() == 1 ? "" : "s") + " (" + names +
+                        "), but got " + std::to_string(got);
+  if (got < params.size())
+    message += ", '" + params[got].param->name + "' is missing";
+  throw Error(Error::Kind::LaunchType, message);
+}
+
+//===----------------------------------------------------------------------===//
+// Arrays
+//===----------------------------------------------------------------------===//
+
+void Packer::packArray(const PackParam &param, PyObject *value, int device,
+                       char *block, std::vector<py::object> &keep) {
+  ArrayDescriptor descriptor;
+  if (value == Py_None) {
+    descriptor.ndim = param.param->rank;
+  } else if (isArray(value)) {
+    ArrayObject *array = asArray(value);
+    if (array->typeId != param.typeId ||
+        array->descriptor.ndim != param.param->rank)
+      throw error(param, value);
+    bool reachable = array->device == device ||
+                     (array->pinned && device != cpuDevice &&
+                      deviceInfo(device).isUva);
+    if (!reachable)
+      throw error(param, value,
+                  ", the launch is on '" + deviceName(device) +
+                      "'\nhint: copy it there with `.to(\"" +
+                      deviceName(device) + "\")`");
+    descriptor = array->descriptor;
+  } else if (!readForeignArray(*this, param, value, device, descriptor,
+                               keep)) {
+    throw error(param, value);
+  }
+  std::memcpy(block + param.offset, &descriptor, sizeof(descriptor));
+}
+
+//===----------------------------------------------------------------------===//
+// Composites and structs
+//===----------------------------------------------------------------------===//
+
+static bool copyBytes(PyObject *value, char *out, int64_t size) {
+  Py_buffer view;
+  if (PyObject_GetBuffer(value, &view, PyBUF_SIMPLE) != 0) {
+    PyErr_Clear();
+    return false;
+  }
+  bool fits = view.len == size;
+  if (fits)
+    std::memcpy(out, view.buf, size);
+  PyBuffer_Release(&view);
+  return fits;
+}
+
+/// Copies a value whose class stands for the parameter's type.
+bool Packer::packBytes(PackParam &param, PyObject *value, char *out) {
+  PyTypeObject *type = Py_TYPE(value);
+  if (type == param.accepted)
+    return copyBytes(value, out, param.size);
+  if (resolveType(type) != param.param->type ||
+      !copyBytes(value, out, param.size))
+    return false;
+  Py_XDECREF(param.accepted);
+  Py_INCREF(type);
+  param.accepted = type;
+  return true;
+}
+
+namespace {
+/// Reads numbers out of nested sequences, in order.
+class Flattener {
+public:
+  Flattener(Scalar scalar, int64_t count, char *out)
+      : scalar(scalar), count(count), out(out), step(byteSize(scalar)) {}
+
+  /// `outcome` says what was wrong if this returns false.
+  bool add(PyObject *value, int depth) {
+    if (PyUnicode_Check(value) || PyBytes_Check(value) ||
+        PyDict_Check(value) || depth > 2)
+      return false;
+    PyObject *items = depth <= 2 && PySequence_Check(value) &&
+                              PyObject_Size(value) >= 0
+                          ? PySequence_Fast(value, "")
+                          : nullptr;
+    PyErr_Clear();
+    if (!items)
+      return addNumber(value);
+    bool good = true;
+    for (Py_ssize_t i = 0; good && i < PySequence_Fast_GET_SIZE(items); ++i)
+      good = add(PySequence_Fast_GET_ITEM(items, i), depth + 1);
+    Py_DECREF(items);
+    return good;
+  }
+
+  Outcome outcome = Outcome::WrongType;
+  int64_t found = 0;
+
+private:
+  bool addNumber(PyObject *value) {
+    // Too many are counted, for the message, but not stored.
+    char spare[8];
+    outcome =
+        storeScalar(scalar, value, found < count ? out + found * step : spare);
+    found += outcome == Outcome::Ok;
+    return outcome == Outcome::Ok;
+  }
+
+  Scalar scalar;
+  int64_t count;
+  char *out;
+  int64_t step;
+};
+} // namespace
+
+void Packer::packComposite(PackParam &param, PyObject *value, char *out) {
+  if (packBytes(param, value, out))
+    return;
+  std::string name = pythonTypeName(param.param->type);
+  char number[8];
+  if (storeScalar(Scalar::F64, value, number) == Outcome::Ok)
+    throw error(param, value, "\nhint: construct it: `" + name + "(...)`");
+  if (value == Py_None || !PySequence_Check(value))
+    throw error(param, value);
+  Flattener numbers(param.shape.scalar, param.shape.count, out);
+  bool good = numbers.add(value, 0);
+  if (good && numbers.found == param.shape.count)
+    return;
+  if (good)
+    throw error(param, value,
+                " with " + std::to_string(numbers.found) + " components, not " +
+                    std::to_string(param.shape.count));
+  throw error(param, value,
+              numbers.outcome == Outcome::OutOfRange
+                  ? " with a component out of range"
+                  : " with a component of a wrong type");
+}
+
+void Packer::packSlowly(PackParam &param, PyObject *value, int device,
+                        char *block, std::vector<py::object> &keep) {
+  char *out = block + param.offset;
+  switch (param.kind) {
+  case Param::Kind::Array:
+    return packArray(param, value, device, block, keep);
+  case Param::Kind::Composite:
+    return packComposite(param, value, out);
+  case Param::Kind::Struct:
+    if (!packBytes(param, value, out))
+      throw error(param, value);
+    return;
+  case Param::Kind::Scalar: {
+    Outcome outcome = storeScalar(param.shape.scalar, value, out);
+    bool isFloatToInt = PyFloat_Check(value) &&
+                        param.shape.scalar < Scalar::F16;
+    throw error(param, value,
+                outcome == Outcome::OutOfRange ? ", out of range"
+                : isFloatToInt ? "\nhint: convert it: `int(value)`"
+                               : "");
+  }
+  }
+}
