@@ -1,0 +1,205 @@
+//===- Builder.cpp - The kernel builder in Python -------------------------===//
+//
+// One to one with "warp/Builder.h", in Python's spelling. Values and types are
+// small objects that compare by identity of what they stand for.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Native.h"
+
+#include "warp/Builder.h"
+
+#include <pybind11/stl.h>
+
+namespace py = pybind11;
+using namespace warp;
+
+static const char *kindText(Type::Kind kind) {
+  switch (kind) {
+  case Type::Kind::Bool:
+    return "bool";
+  case Type::Kind::Int:
+    return "int";
+  case Type::Kind::Float:
+    return "float";
+  case Type::Kind::Vector:
+    return "vec";
+  case Type::Kind::Matrix:
+    return "mat";
+  case Type::Kind::Quaternion:
+    return "quat";
+  case Type::Kind::Transform:
+    return "transform";
+  case Type::Kind::Array:
+    return "array";
+  case Type::Kind::Struct:
+    return "struct";
+  case Type::Kind::Other:
+    return "other";
+  }
+  return "other";
+}
+
+/// A Python number; ints beyond 64 bits are an error.
+static Number toNumber(py::handle object) {
+  if (PyBool_Check(object.ptr()))
+    return object.ptr() == Py_True;
+  if (PyFloat_Check(object.ptr()))
+    return PyFloat_AS_DOUBLE(object.ptr());
+  py::object index = py::reinterpret_steal<py::object>(
+      PyNumber_Index(object.ptr()));
+  if (!index) {
+    PyErr_Clear();
+    return object.cast<double>();
+  }
+  int overflow = 0;
+  int64_t value = PyLong_AsLongLongAndOverflow(index.ptr(), &overflow);
+  if (overflow == 0)
+    return value;
+  uint64_t large =
+      overflow > 0 ? PyLong_AsUnsignedLongLong(index.ptr()) : 0;
+  if (overflow < 0 || PyErr_Occurred()) {
+    PyErr_Clear();
+    throw Error(Error::Kind::Overflow,
+                "integer " + py::str(index).cast<std::string>() +
+                    " does not fit 64 bits");
+  }
+  return large;
+}
+
+static py::object toPython(const std::optional<Number> &number) {
+  if (!number)
+    return py::none();
+  return std::visit([](auto value) { return py::object(py::cast(value)); },
+                    *number);
+}
+
+static void bindType(py::module_ &m) {
+  py::class_<Type>(m, "Type", "A type of the compiler.")
+      .def_static("parse", [](const std::string &s) { return Type::parse(s); })
+      .def("__str__", &Type::str)
+      .def("__repr__", [](Type t) { return "Type(" + t.str() + ")"; })
+      .def("__eq__", [](Type a, const py::object &other) {
+        return py::isinstance<Type>(other) && a == other.cast<Type>();
+      })
+      .def("__hash__",
+           [](Type t) { return reinterpret_cast<intptr_t>(t.impl) >> 3; })
+      .def_property_readonly("python_name", &Type::pythonName)
+      .def_property_readonly("kind", [](Type t) { return kindText(t.kind()); })
+      .def_property_readonly("width", &Type::width)
+      .def_property_readonly("signed", &Type::isSigned)
+      .def_property_readonly("element", [](Type t) {
+        Type element = t.element();
+        return element ? py::cast(element) : py::object(py::none());
+      })
+      .def_property_readonly("shape", &Type::shape)
+      .def_property_readonly("rank", &Type::rank)
+      .def_property_readonly("struct_name", &Type::structName)
+      .def_property_readonly("fields", [](Type t) {
+        py::list fields;
+        for (const Type::Field &field : t.fields())
+          fields.append(py::make_tuple(field.name, field.type));
+        return fields;
+      })
+      .def_property_readonly("byte_size", &Type::byteSize)
+      .def_property_readonly("byte_align", &Type::byteAlign);
+}
+
+static void bindValue(py::module_ &m) {
+  py::class_<Value>(m, "Value", "An SSA value under construction.")
+      .def_property_readonly("type", &Value::type)
+      .def("constant", [](Value v) { return toPython(v.constant()); })
+      .def("__bool__", [](Value) -> bool {
+        throw py::type_error("a value of a kernel has no truth in Python");
+      });
+}
+
+static void bindModule(py::module_ &m) {
+  py::class_<Module>(m, "Module", "A verified module of the compiler.")
+      .def_static("from_text",
+                  [](const std::string &s) { return Module::fromText(s); })
+      .def("text", &Module::text, py::arg("locations") = false)
+      .def_property_readonly("kernel_name", &Module::kernelName);
+}
+
+static py::tuple toTuple(const Builder::Results &results) {
+  return py::make_tuple(results.values, results.inout);
+}
+
+static void bindControl(py::class_<Builder> &c) {
+  c.def("begin_if", &Builder::beginIf)
+      .def("begin_else", &Builder::beginElse)
+      .def("end_if", &Builder::endIf)
+      .def_property_readonly("loop_depth", &Builder::loopDepth)
+      .def("carry", &Builder::carry)
+      .def("trip_count", &Builder::tripCount)
+      .def("begin_for", &Builder::beginFor)
+      .def("end_for", &Builder::endFor, py::arg("yields"),
+           py::arg("late") = Builder::Values())
+      .def("begin_while", &Builder::beginWhile)
+      .def("while_condition", &Builder::whileCondition)
+      .def("end_while", &Builder::endWhile, py::arg("yields"),
+           py::arg("late") = Builder::Values());
+}
+
+static void bindArrays(py::class_<Builder> &c) {
+  c.def("load", &Builder::load)
+      .def("store", &Builder::store)
+      .def("atomic", &Builder::atomic)
+      .def("atomic_cas", &Builder::atomicCas)
+      .def("view", &Builder::view)
+      .def("component_view",
+           py::overload_cast<Value, const std::string &>(
+               &Builder::componentView))
+      .def("component_view", py::overload_cast<Value, const Builder::Values &>(
+                                 &Builder::componentView))
+      .def("slice",
+           [](Builder &b, Value array, int dimension,
+              std::optional<Value> start, std::optional<Value> stop,
+              std::optional<Value> step) {
+             return b.slice(array, dimension, start.value_or(Value()),
+                            stop.value_or(Value()), step.value_or(Value()));
+           })
+      .def("dim", &Builder::dim);
+}
+
+static void bindValues(py::class_<Builder> &c) {
+  c.def("constant",
+        [](Builder &b, Type type, py::handle number) {
+          return b.constant(type, toNumber(number));
+        })
+      .def("zero", &Builder::zero)
+      .def("call", &Builder::call)
+      .def("builtin",
+           [](Builder &b, const std::string &name, const Builder::Values &a) {
+             return toTuple(b.builtin(name, a));
+           })
+      .def_static("has_builtin", &Builder::hasBuiltin)
+      .def_static("inout_arguments", &Builder::inoutArguments)
+      .def("construct", &Builder::construct)
+      .def("cast", &Builder::cast)
+      .def("tid", &Builder::tid)
+      .def("printf", &Builder::printf)
+      .def("assertion", &Builder::assertion)
+      .def("struct_create", &Builder::structCreate)
+      .def("struct_get", &Builder::structGet)
+      .def("struct_set", &Builder::structSet)
+      .def("extract", &Builder::extract)
+      .def("insert", &Builder::insert);
+}
+
+void bindBuilder(py::module_ &m) {
+  bindType(m);
+  bindValue(m);
+  bindModule(m);
+  py::class_<Builder> builder(m, "Builder", "Builds the module of a kernel.");
+  builder.def(py::init<const std::string &>())
+      .def("set_location", &Builder::setLocation)
+      .def("begin_function", &Builder::beginFunction)
+      .def("end_function", &Builder::endFunction)
+      .def("result_types", &Builder::resultTypes)
+      .def("finish", &Builder::finish);
+  bindValues(builder);
+  bindArrays(builder);
+  bindControl(builder);
+}
