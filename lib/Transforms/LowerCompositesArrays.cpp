@@ -1,0 +1,104 @@
+//===- LowerCompositesArrays.cpp - Array accesses and output --------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// An access becomes one operation on all components of the element, so that
+// no later pass separates them. Views and thread indices keep their operation;
+// only integers change. An index is `i32` where it fits that as a signed
+// number, otherwise `i64`.
+//
+//===----------------------------------------------------------------------===//
+
+#include "LowerComposites.h"
+
+#include "Lowerings/Lowerings.h"
+#include "WarpDialect/WarpOps.h"
+
+#include "llvm/ADT/TypeSwitch.h"
+
+using namespace mlir;
+using namespace warp::lowering;
+
+namespace warp {
+
+Value CompositeLowering::getIndex(Value index) {
+  Scalar x = getScalar(index);
+  MLIRContext *context = index.getContext();
+  if (isa<IndexType>(x.type))
+    return convert(x, IntegerType::get(context, 64)).value;
+  bool fits = x.getWidth() < 32 || (x.getWidth() == 32 && !x.isUnsigned());
+  return convert(x, IntegerType::get(context, fits ? 32 : 64,
+                                     IntegerType::Signed))
+      .value;
+}
+
+/// What C's variable arguments do to a number.
+static Value promote(Scalar x) {
+  MLIRContext *context = x.type.getContext();
+  if (x.isFloat())
+    return convert(x, Float64Type::get(context)).value;
+  if (x.getWidth() >= 32)
+    return x.value;
+  return convert(x, IntegerType::get(context, 32, IntegerType::Signed)).value;
+}
+
+std::optional<LogicalResult> CompositeLowering::lowerArrayOp(Operation *op) {
+  OpBuilder &builder = emitter.builder;
+  auto indicesOf = [&](ValueRange indices) {
+    return llvm::map_to_vector(indices, [&](Value i) { return getIndex(i); });
+  };
+  auto done = [&](auto built) {
+    replace(op, ValueRange(built->getResults()));
+    return std::optional(success());
+  };
+  auto keep = [&](ArrayRef<Value> operands) {
+    rebuild(op, operands);
+    return std::optional(success());
+  };
+
+  return llvm::TypeSwitch<Operation *, std::optional<LogicalResult>>(op)
+      .Case([&](LoadOp load) {
+        return done(LoadComponentsOp::create(
+            builder, load.getLoc(), flattenToThreadTypes(load.getType()),
+            lookupOne(load.getArray()), indicesOf(load.getIndices())));
+      })
+      .Case([&](StoreOp store) {
+        SmallVector<Value> components(lookup(store.getValue()));
+        return done(StoreComponentsOp::create(
+            builder, store.getLoc(), components, lookupOne(store.getArray()),
+            indicesOf(store.getIndices())));
+      })
+      .Case([&](AtomicOp atomic) {
+        SmallVector<Value> components(lookup(atomic.getValue()));
+        return done(AtomicComponentsOp::create(
+            builder, atomic.getLoc(), flattenToThreadTypes(atomic.getType()),
+            atomic.getKind(), components, lookupOne(atomic.getArray()),
+            indicesOf(atomic.getIndices())));
+      })
+      .Case([&](AtomicCasOp cas) {
+        SmallVector<Value> operands = {lookupOne(cas.getExpected()),
+                                       lookupOne(cas.getValue()),
+                                       lookupOne(cas.getArray())};
+        operands.append(indicesOf(cas.getIndices()));
+        return keep(operands);
+      })
+      .Case<ViewOp, ComponentViewOp>([&](auto view) {
+        SmallVector<Value> operands = {lookupOne(view.getArray())};
+        operands.append(indicesOf(view.getIndices()));
+        return keep(operands);
+      })
+      .Case([&](SliceOp slice) {
+        return keep({lookupOne(slice.getArray()), getIndex(slice.getStart()),
+                     getIndex(slice.getStop()), getIndex(slice.getStep())});
+      })
+      .Case<DimOp, TidOp, AssertOp>(
+          [&](Operation *op) { return keep(lookup(op->getOperands())); })
+      .Case([&](PrintfOp print) {
+        return keep(llvm::map_to_vector(print.getArgs(), [&](Value x) {
+          return promote(getScalar(x));
+        }));
+      })
+      .Default([](Operation *) { return std::nullopt; });
+}
+
+} // namespace warp

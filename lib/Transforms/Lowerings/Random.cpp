@@ -1,0 +1,79 @@
+//===- Random.cpp - Lowerings for random numbers --------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// The state is advanced by PCG-RXS-M-XS on 32 bits (O'Neill, "PCG", HMC-CS-
+// 2014-0905; as a hash: Jarzynski and Olano, JCGT 9(3), 2020). Sequences are
+// those of the peer, bit by bit, so the order and the rounding of each float
+// operation below is part of the definition.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Lowerings/LoweringFunctions.h"
+
+using namespace mlir;
+
+namespace warp::lowering {
+
+static Scalar advance(Scalar state) {
+  Emitter &e = *state.emitter;
+  auto number = [&](uint32_t bits) { return e.integer(state.type, bits); };
+  Scalar next = state * number(747796405u) + number(2891336453u);
+  Scalar shift = shiftRightLogical(next, 28) + number(4);
+  Scalar word = (shiftRightLogical(next, shift) ^ next) * number(277803737u);
+  return shiftRightLogical(word, 22) ^ word;
+}
+
+/// The upper 24 bits as a fraction, which is exact.
+static Scalar toUnit(Scalar state) {
+  Type single = state.emitter->builder.getF32Type();
+  return convert(shiftRightLogical(state, 8), single) * 0x1p-24;
+}
+
+Scalars lowerRandInit(Emitter &emitter, Operands args) {
+  Type type = emitter.builder.getIntegerType(32, false);
+  Scalar state = convert(args[0][0], type);
+  if (args.size() == 2)
+    state = state + advance(convert(args[1][0], type));
+  return {advance(state)};
+}
+
+/// Results are the number and the new state.
+static Scalars randomInteger(Operands args, Type type) {
+  Scalar state = advance(args[0][0]);
+  if (args.size() == 1)
+    return {convert(state, type), state};
+  Scalar low = convert(args[1][0], state.type);
+  Scalar high = convert(args[2][0], state.type);
+  return {convert(state % (high - low) + low, type), state};
+}
+
+Scalars lowerRandi(Emitter &emitter, Operands args) {
+  return randomInteger(args, emitter.builder.getIntegerType(32, true));
+}
+
+Scalars lowerRandu(Emitter &emitter, Operands args) {
+  return randomInteger(args, emitter.builder.getIntegerType(32, false));
+}
+
+Scalars lowerRandf(Emitter &, Operands args) {
+  Scalar state = advance(args[0][0]);
+  Scalar unit = toUnit(state);
+  if (args.size() == 1)
+    return {unit, state};
+  Scalar low = args[1][0], high = args[2][0];
+  return {(high - low) * unit + low, state};
+}
+
+/// Box and Muller's method. The small number keeps the logarithm finite.
+Scalars lowerRandn(Emitter &, Operands args) {
+  Scalar first = advance(args[0][0]), second = advance(first);
+  Scalar radius = sqrt(-2.0 * log(toUnit(first) + 5.96e-8));
+  Scalar angle = static_cast<double>(2 * 3.14159265f) * toUnit(second);
+  Scalar normal = radius * cos(angle);
+  if (args.size() == 1)
+    return {normal, second};
+  return {args[1][0] + args[2][0] * normal, second};
+}
+
+} // namespace warp::lowering
