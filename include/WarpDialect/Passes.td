@@ -1,0 +1,168 @@
+//===- Passes.td - Passes of the warp dialect -----------------*- tablegen -*-=//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// In the order in which a kernel meets them. All run on a module that holds
+// one kernel.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_PASSES_TD
+#define WARP_PASSES_TD
+
+include "mlir/Pass/PassBase.td"
+
+class WarpPass<string flag> : Pass<flag, "::mlir::ModuleOp">;
+
+//===----------------------------------------------------------------------===//
+// Phase `warp`
+//===----------------------------------------------------------------------===//
+
+def VerifyWarp : WarpPass<"warp-verify-warp"> {
+  let summary = "Check that a module is what front-end IR may be";
+  let description = [{
+    One function carries `warp.kernel` and returns nothing; every operation is
+    of the warp, scf, func or builtin dialect.
+  }];
+}
+
+//===----------------------------------------------------------------------===//
+// Phase `thread`
+//===----------------------------------------------------------------------===//
+
+def Specialize : WarpPass<"warp-specialize"> {
+  let summary = "Attach the facts of a launch and fold what they decide";
+  let description = [{
+    The facts become attributes of the kernel function. Thread indices of
+    dimensions that the launch does not have become zero, and assertions
+    disappear unless the launch is a debugging one.
+
+    ```mlir
+    %i, %j = warp.tid : si32, si32
+    // ==> with rank=1
+    %i = warp.tid : si32
+    %j = warp.constant 0 : si32
+    ```
+  }];
+  let options = [
+    Option<"target", "target", "std::string", "\"cpu\"",
+           "cpu, or a GPU architecture such as sm_90">,
+    Option<"rank", "rank", "int64_t", "1", "Dimensions of the launch, 1 to 4">,
+    Option<"contiguous", "contiguous", "uint64_t", "0",
+           "Bit i: argument i is an array packed in row-major order">,
+    Option<"index32", "index32", "bool", "true",
+           "No array and no launch has 2^31 elements or more">,
+    Option<"flat", "flat", "bool", "false",
+           "GPU: one linear grid axis for all dimensions">,
+    Option<"debug", "debug", "bool", "false", "Check bounds and assertions">,
+    Option<"fastMath", "fast-math", "bool", "false",
+           "Reassociate, and approximate math functions">,
+    Option<"blockDim", "block-dim", "int64_t", "256", "Threads of a GPU block">,
+  ];
+  let dependentDialects = ["::warp::WarpDialect"];
+}
+
+def LowerComposites : WarpPass<"warp-lower-composites"> {
+  let summary = "Take composites and structs apart into scalars";
+  let description = [{
+    Integers lose their sign, builtins become arith and math operations, and
+    an access to an array element reads or writes all its components.
+
+    ```mlir
+    %s = warp.dot(%a, %b) : (!warp.vec<2 x f32>, !warp.vec<2 x f32>) -> f32
+    // ==>
+    %0 = arith.mulf %a0, %b0 : f32
+    %1 = arith.mulf %a1, %b1 : f32
+    %s = arith.addf %0, %1 : f32
+    ```
+  }];
+  let dependentDialects = [
+    "::mlir::arith::ArithDialect", "::mlir::math::MathDialect",
+    "::mlir::scf::SCFDialect", "::mlir::func::FuncDialect",
+    "::mlir::LLVM::LLVMDialect", "::warp::WarpDialect"];
+}
+
+def VerifyThread : WarpPass<"warp-verify-thread"> {
+  let summary = "Check that a module is thread IR";
+  let description = [{
+    One kernel function is left; values are signless scalars and arrays, and
+    no builtin or composite operation remains.
+  }];
+}
+
+//===----------------------------------------------------------------------===//
+// Phase `llvm`
+//===----------------------------------------------------------------------===//
+
+def LowerLaunch : WarpPass<"warp-lower-launch"> {
+  let summary = "Turn the kernel function into the entry of a launch";
+  let description = [{
+    The entry reads its arguments from the parameter block. On the CPU it runs
+    the threads of a range of linear indices, row by row, with an inner loop
+    over the last dimension; on the GPU it is one thread.
+
+    ```mlir
+    func.func @f(%x: !warp.array<1 x f32>) attributes {warp.kernel} {
+      %i = warp.tid : i32
+      // body
+    // ==>
+    func.func @f(%block: !llvm.ptr, %begin: i64, %end: i64) {
+      %x = warp.parameter %block[24] : !llvm.ptr -> !warp.array<1 x f32>
+      // loop over [begin, end): body
+    ```
+  }];
+  let dependentDialects = [
+    "::mlir::arith::ArithDialect", "::mlir::LLVM::LLVMDialect",
+    "::warp::WarpDialect"];
+}
+
+def LowerArrays : WarpPass<"warp-lower-arrays"> {
+  let summary = "Turn arrays into pointers, extents and strides";
+  let description = [{
+    An array becomes a struct of the data pointer, its extents and its strides
+    in bytes. Accesses to the components of one element stay adjacent. Indices
+    that may be negative are wrapped; in a debugging launch every access is
+    checked.
+
+    ```mlir
+    %v = warp.load_components %a[%i] : !warp.array<1 x f32>, i32 -> f32
+    // ==>
+    %0 = llvm.extractvalue %a[0] : !llvm.struct<(ptr, i32, i64)>
+    %1 = arith.extsi %i : i32 to i64
+    %2 = llvm.getelementptr %0[%1] : (!llvm.ptr, i64) -> !llvm.ptr, f32
+    %v = llvm.load %2 : !llvm.ptr -> f32
+    ```
+  }];
+  let dependentDialects = [
+    "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect",
+    "::mlir::LLVM::LLVMDialect"];
+}
+
+def LowerMath : WarpPass<"warp-lower-math"> {
+  let summary = "Call the target's math library";
+  let description = [{
+    Operations that a processor has stay as they are; the others become calls:
+    of libdevice on the GPU, of the C library or of our device library on the
+    CPU.
+
+    ```mlir
+    %y = math.sin %x : f32
+    // ==> target=sm_90
+    %y = llvm.call @__nv_sinf(%x) : (f32) -> f32
+    ```
+  }];
+  let dependentDialects = [
+    "::mlir::arith::ArithDialect", "::mlir::LLVM::LLVMDialect"];
+}
+
+def ConvertToLLVM : WarpPass<"warp-convert-to-llvm"> {
+  let summary = "Convert what is left to the LLVM dialect";
+  let dependentDialects = ["::mlir::LLVM::LLVMDialect",
+                           "::mlir::cf::ControlFlowDialect"];
+}
+
+def VerifyLLVM : WarpPass<"warp-verify-llvm"> {
+  let summary = "Check that only the LLVM dialect is left";
+}
+
+#endif // WARP_PASSES_TD

@@ -1,0 +1,57 @@
+//===- KernelFunction.h - Finding the kernel of a module --------*- C++ -*-===//
+
+#ifndef WARP_LIB_TRANSFORMS_KERNELFUNCTION_H
+#define WARP_LIB_TRANSFORMS_KERNELFUNCTION_H
+
+#include "WarpDialect/Passes.h"
+#include "WarpDialect/WarpDialect.h"
+
+#include "mlir/IR/BuiltinOps.h"
+#include "mlir/Interfaces/FunctionInterfaces.h"
+
+namespace warp {
+
+/// The function marked `warp.kernel`, or null with an error at the module if
+/// there is not exactly one.
+inline mlir::FunctionOpInterface findKernel(mlir::ModuleOp module) {
+  mlir::FunctionOpInterface found;
+  for (auto func : module.getOps<mlir::FunctionOpInterface>()) {
+    if (!func->hasAttr(kernelAttrName))
+      continue;
+    if (found) {
+      module.emitError("expects one function marked 'warp.kernel', but got '")
+          << found.getName() << "' and '" << func.getName() << "'";
+      return nullptr;
+    }
+    found = func;
+  }
+  if (!found)
+    module.emitError("expects a function marked 'warp.kernel'");
+  return found;
+}
+
+/// An integer attribute that warp-specialize attached; `fallback` without.
+inline int64_t getFact(mlir::Operation *func, llvm::StringRef name,
+                       int64_t fallback) {
+  auto value = func->getAttrOfType<mlir::IntegerAttr>(name);
+  return value ? value.getValue().getSExtValue() : fallback;
+}
+
+/// Whether the launch is for a GPU.
+inline bool isGpu(mlir::Operation *func) {
+  auto target = func->getAttrOfType<mlir::StringAttr>(attr::target);
+  return target && target.getValue() != "cpu";
+}
+
+/// Passes of the module-level phases agree on the function they work on.
+inline mlir::FunctionOpInterface findEntry(mlir::ModuleOp module) {
+  for (auto func : module.getOps<mlir::FunctionOpInterface>())
+    if (func->hasAttr(attr::entry))
+      return func;
+  module.emitError("expects a function marked 'warp.entry'");
+  return nullptr;
+}
+
+} // namespace warp
+
+#endif // WARP_LIB_TRANSFORMS_KERNELFUNCTION_H

@@ -1,0 +1,42 @@
+//===- ParameterLayout.h - Where kernel arguments lie -----------*- C++ -*-===//
+//
+// The parameter block starts with the launch header; the arguments follow at
+// their natural alignment, in C layout. `warp/Launch.h` has the same numbers
+// for the runtime.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_TRANSFORMS_PARAMETERLAYOUT_H
+#define WARP_LIB_TRANSFORMS_PARAMETERLAYOUT_H
+
+#include "mlir/IR/BuiltinTypes.h"
+
+namespace warp {
+
+/// Offsets in the launch header.
+constexpr int64_t launchDimOffset = 0;
+constexpr int64_t errorRecordOffset = 16;
+constexpr int64_t firstArgumentOffset = 24;
+
+/// A scalar or array somewhere in a value, as `flatten` orders them.
+struct Leaf {
+  mlir::Type type;
+  int64_t offset;
+};
+
+/// Appends the scalars and arrays of a value that lies at `offset`.
+void collectLeaves(mlir::Type type, int64_t offset,
+                   llvm::SmallVectorImpl<Leaf> &leaves);
+
+struct ParameterLayout {
+  /// Byte offset of each argument.
+  llvm::SmallVector<int64_t> offsets;
+  /// Bytes of the whole block.
+  int64_t size = 0;
+};
+
+ParameterLayout layOutParameters(mlir::TypeRange arguments);
+
+} // namespace warp
+
+#endif // WARP_LIB_TRANSFORMS_PARAMETERLAYOUT_H

@@ -1,0 +1,126 @@
+//===- VerifyPhases.cpp - What may be left after each phase ---------------===//
+//
+// Every phase of the pipeline ends with one of these passes. A straggler is a
+// bug of the phase, and is named with its place before a later pass meets it.
+//
+//===----------------------------------------------------------------------===//
+
+#include "KernelFunction.h"
+
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/Dialect/Arith/IR/Arith.h"
+#include "mlir/Dialect/Func/IR/FuncOps.h"
+#include "mlir/Dialect/LLVMIR/LLVMDialect.h"
+#include "mlir/Dialect/Math/IR/Math.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
+
+namespace warp {
+#define GEN_PASS_DEF_VERIFYWARP
+#define GEN_PASS_DEF_VERIFYTHREAD
+#define GEN_PASS_DEF_VERIFYLLVM
+#include "WarpDialect/Passes.h.inc"
+} // namespace warp
+
+using namespace mlir;
+
+static InFlightDiagnostic straggler(Operation *op, StringRef phase) {
+  return op->emitError("operation '")
+         << op->getName() << "' is not part of phase '" << phase << "'";
+}
+
+/// Fails at the first operation that `allowed` refuses.
+static LogicalResult
+checkOperations(ModuleOp module, StringRef phase,
+                function_ref<bool(Operation *)> allowed) {
+  WalkResult result = module.walk([&](Operation *op) {
+    if (op == module || allowed(op))
+      return WalkResult::advance();
+    straggler(op, phase);
+    return WalkResult::interrupt();
+  });
+  return failure(result.wasInterrupted());
+}
+
+/// Operations of thread IR that the warp dialect provides.
+static bool isThreadOp(Operation *op) {
+  return isa<warp::LoadComponentsOp, warp::StoreComponentsOp,
+             warp::AtomicComponentsOp, warp::AtomicCasOp, warp::ViewOp,
+             warp::SliceOp, warp::ComponentViewOp, warp::DimOp, warp::TidOp,
+             warp::PrintfOp, warp::AssertOp>(op);
+}
+
+static bool isThreadType(Type type) {
+  return isa<warp::ArrayType, IndexType>(type) || warp::isFloat(type) ||
+         type.isSignlessInteger();
+}
+
+namespace {
+
+struct VerifyWarp : warp::impl::VerifyWarpBase<VerifyWarp> {
+  void runOnOperation() override {
+    FunctionOpInterface kernel = warp::findKernel(getOperation());
+    if (!kernel)
+      return signalPassFailure();
+    if (kernel.getNumResults() != 0) {
+      kernel.emitError("expects a kernel without results, but got ")
+          << kernel.getNumResults();
+      return signalPassFailure();
+    }
+    if (failed(checkOperations(getOperation(), "warp", [](Operation *op) {
+          return isa<warp::WarpDialect, scf::SCFDialect, func::FuncDialect>(
+                     op->getDialect()) ||
+                 isa<arith::ConstantOp>(op);
+        })))
+      signalPassFailure();
+  }
+};
+
+struct VerifyThread : warp::impl::VerifyThreadBase<VerifyThread> {
+  void runOnOperation() override {
+    FunctionOpInterface kernel = warp::findKernel(getOperation());
+    if (!kernel)
+      return signalPassFailure();
+    auto allowed = [](Operation *op) {
+      Dialect *dialect = op->getDialect();
+      if (isa_and_nonnull<warp::WarpDialect>(dialect))
+        return isThreadOp(op);
+      return isa_and_nonnull<arith::ArithDialect, math::MathDialect,
+                             scf::SCFDialect, func::FuncDialect>(dialect);
+    };
+    if (failed(checkOperations(getOperation(), "thread", allowed)) ||
+        failed(checkTypes()))
+      signalPassFailure();
+  }
+
+  LogicalResult checkTypes() {
+    auto refuse = [](Operation *op, Type type) {
+      op->emitError("type '")
+          << type << "' is not part of phase 'thread'";
+      return WalkResult::interrupt();
+    };
+    return failure(getOperation()
+                       .walk([&](Operation *op) {
+                         for (Type type : op->getResultTypes())
+                           if (!isThreadType(type))
+                             return refuse(op, type);
+                         for (Region &region : op->getRegions())
+                           for (Type type : region.getArgumentTypes())
+                             if (!isThreadType(type))
+                               return refuse(op, type);
+                         return WalkResult::advance();
+                       })
+                       .wasInterrupted());
+  }
+};
+
+struct VerifyLLVM : warp::impl::VerifyLLVMBase<VerifyLLVM> {
+  void runOnOperation() override {
+    if (failed(checkOperations(getOperation(), "llvm", [](Operation *op) {
+          return isa_and_nonnull<LLVM::LLVMDialect>(op->getDialect());
+        })))
+      signalPassFailure();
+  }
+};
+
+} // namespace
