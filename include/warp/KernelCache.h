@@ -29,7 +29,7 @@ public:
   explicit KernelCache(std::string directory);
 
   std::string directory() const;
-  /// Moves the cache to another folder.
+  /// Moves the cache to another folder; empty means the default one.
   void setDirectory(std::string directory);
   /// Off: `find` gives nothing and `store` does nothing.
   void setEnabled(bool enabled);

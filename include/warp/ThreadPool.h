@@ -13,6 +13,7 @@
 #include "warp/Export.h"
 
 #include <cstdint>
+#include <type_traits>
 
 namespace warp {
 
@@ -34,7 +35,7 @@ public:
   template <typename Fn>
   static void parallelFor(int64_t begin, int64_t end, int64_t grain, Fn &&fn) {
     auto call = [](void *context, int64_t from, int64_t to) {
-      (*static_cast<Fn *>(context))(from, to);
+      (*static_cast<std::remove_reference_t<Fn> *>(context))(from, to);
     };
     parallelFor(begin, end, grain, call,
                 const_cast<void *>(static_cast<const void *>(&fn)));

@@ -279,7 +279,7 @@ std::string KernelCache::directory() const {
 
 void KernelCache::setDirectory(std::string directory) {
   std::lock_guard<std::mutex> lock(cacheMutex);
-  folder = std::move(directory);
+  folder = directory.empty() ? defaultDirectory() : std::move(directory);
   prepared = false;
 }
 

@@ -1,0 +1,223 @@
+//===- kernel-cache-test.cpp - Compiled code on disk ----------------------===//
+
+#include "warp/KernelCache.h"
+
+#include <cerrno>
+#include <csignal>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <gtest/gtest.h>
+#include <string>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+#include <vector>
+
+using namespace warp;
+namespace fs = std::filesystem;
+
+namespace {
+
+std::string keyOf(char digit) { return std::string(64, digit); }
+
+Code sampleCode(size_t size = 5000) {
+  Code code;
+  code.entry = "saxpy_cpu";
+  for (size_t i = 0; i < size; ++i)
+    code.binary.push_back(static_cast<char>(i * 7 + (i >> 8)));
+  code.sites = {{"saxpy", "a.py", "x", 3, 12}, {"saxpy", "a.py", "y", 4, 5}};
+  code.cost = 4.5;
+  code.usesPrintf = true;
+  return code;
+}
+
+void expectSame(const Code &a, const Code &b) {
+  EXPECT_EQ(a.entry, b.entry);
+  EXPECT_EQ(a.binary, b.binary);
+  EXPECT_EQ(a.cost, b.cost);
+  EXPECT_EQ(a.usesPrintf, b.usesPrintf);
+  ASSERT_EQ(a.sites.size(), b.sites.size());
+  for (size_t i = 0; i < a.sites.size(); ++i) {
+    EXPECT_EQ(a.sites[i].kernel, b.sites[i].kernel);
+    EXPECT_EQ(a.sites[i].file, b.sites[i].file);
+    EXPECT_EQ(a.sites[i].array, b.sites[i].array);
+    EXPECT_EQ(a.sites[i].line, b.sites[i].line);
+    EXPECT_EQ(a.sites[i].column, b.sites[i].column);
+  }
+}
+
+std::string lastNotice;
+int noticeCount = 0;
+
+class KernelCacheTest : public testing::Test {
+protected:
+  void SetUp() override {
+    char name[] = "/tmp/warp-cache-test-XXXXXX";
+    folder = mkdtemp(name);
+    lastNotice.clear();
+    noticeCount = 0;
+    setNoticeHandler([](const char *message) {
+      lastNotice = message;
+      ++noticeCount;
+    });
+  }
+  void TearDown() override {
+    chmod(folder.c_str(), 0777);
+    fs::remove_all(folder);
+  }
+  std::vector<std::string> files() {
+    std::vector<std::string> names;
+    for (const auto &entry : fs::directory_iterator(folder))
+      names.push_back(entry.path().filename());
+    return names;
+  }
+  void write(const std::string &name, const std::string &bytes) {
+    std::ofstream(folder + "/" + name, std::ios::binary) << bytes;
+  }
+
+  std::string folder;
+};
+
+} // namespace
+
+TEST_F(KernelCacheTest, ReturnsWhatWasStored) {
+  KernelCache cache(folder);
+  EXPECT_FALSE(cache.find(keyOf('a')));
+  cache.store(keyOf('a'), sampleCode());
+  auto found = KernelCache(folder).find(keyOf('a'));
+  ASSERT_TRUE(found);
+  expectSame(*found, sampleCode());
+  EXPECT_FALSE(cache.find(keyOf('b')));
+  EXPECT_EQ(noticeCount, 0);
+}
+
+TEST_F(KernelCacheTest, MakesItsFolder) {
+  KernelCache cache(folder + "/a/b");
+  cache.store(keyOf('a'), sampleCode());
+  EXPECT_TRUE(cache.find(keyOf('a')));
+}
+
+TEST_F(KernelCacheTest, SurvivesARemovedFolder) {
+  KernelCache cache(folder + "/sub");
+  cache.store(keyOf('a'), sampleCode());
+  fs::remove_all(folder + "/sub");
+  cache.store(keyOf('b'), sampleCode());
+  EXPECT_TRUE(cache.find(keyOf('b')));
+  EXPECT_EQ(noticeCount, 0);
+}
+
+TEST_F(KernelCacheTest, ClearRemovesEntriesOnly) {
+  KernelCache cache(folder);
+  cache.store(keyOf('a'), sampleCode());
+  cache.store(keyOf('b'), sampleCode());
+  write("notes.txt", "mine");
+  EXPECT_EQ(cache.clear(), 2);
+  EXPECT_FALSE(cache.find(keyOf('a')));
+  EXPECT_EQ(files(), std::vector<std::string>{"notes.txt"});
+}
+
+TEST_F(KernelCacheTest, DisabledDoesNothing) {
+  KernelCache cache(folder);
+  cache.setEnabled(false);
+  cache.store(keyOf('a'), sampleCode());
+  EXPECT_TRUE(files().empty());
+}
+
+// Every truncation is noticed, and the entry is removed.
+TEST_F(KernelCacheTest, RejectsTruncation) {
+  std::string bytes = serialize(keyOf('a'), sampleCode(300));
+  for (size_t size = 0; size < bytes.size(); ++size)
+    ASSERT_FALSE(deserialize(keyOf('a'), bytes.substr(0, size))) << size;
+  EXPECT_FALSE(deserialize(keyOf('a'), bytes + "x"));
+  KernelCache cache(folder);
+  write(keyOf('a') + ".code", bytes.substr(0, bytes.size() / 2));
+  EXPECT_FALSE(cache.find(keyOf('a')));
+  EXPECT_TRUE(files().empty());
+}
+
+// So is every changed bit.
+TEST_F(KernelCacheTest, RejectsCorruption) {
+  std::string bytes = serialize(keyOf('a'), sampleCode(300));
+  for (size_t i = 0; i < bytes.size(); ++i)
+    for (int bit = 0; bit < 8; ++bit) {
+      std::string changed = bytes;
+      changed[i] = static_cast<char>(changed[i] ^ 1 << bit);
+      ASSERT_FALSE(deserialize(keyOf('a'), changed)) << i << "." << bit;
+    }
+}
+
+TEST_F(KernelCacheTest, RejectsForeignEntries) {
+  std::string bytes = serialize(keyOf('a'), sampleCode());
+  EXPECT_FALSE(deserialize(keyOf('b'), bytes));
+  KernelCache cache(folder);
+  write(keyOf('b') + ".code", bytes);
+  write(keyOf('c') + ".code", "not ours at all");
+  write(keyOf('d') + ".code", "");
+  EXPECT_FALSE(cache.find(keyOf('b')));
+  EXPECT_FALSE(cache.find(keyOf('c')));
+  EXPECT_FALSE(cache.find(keyOf('d')));
+  EXPECT_TRUE(files().empty());
+  // What replaces them is found again.
+  cache.store(keyOf('b'), sampleCode());
+  EXPECT_TRUE(cache.find(keyOf('b')));
+}
+
+TEST_F(KernelCacheTest, UnwritableFolderGivesOneNotice) {
+  // A file in the way stops root too, which permissions do not.
+  write("file", "in the way");
+  KernelCache cache(folder + "/file/sub");
+  cache.store(keyOf('a'), sampleCode());
+  cache.store(keyOf('b'), sampleCode());
+  EXPECT_FALSE(cache.find(keyOf('a')));
+  EXPECT_EQ(noticeCount, 1);
+  EXPECT_NE(lastNotice.find("is not writable"), std::string::npos);
+}
+
+// Many processes write one entry at once; a reader sees all of it or nothing.
+TEST_F(KernelCacheTest, SixteenProcesses) {
+  std::vector<pid_t> children;
+  for (int i = 0; i < 16; ++i) {
+    pid_t child = fork();
+    if (child == 0) {
+      KernelCache cache(folder);
+      bool good = true;
+      for (int round = 0; round < 30; ++round) {
+        cache.store(keyOf('a'), sampleCode(200000));
+        auto found = cache.find(keyOf('a'));
+        good = good && found && found->binary == sampleCode(200000).binary;
+      }
+      _exit(good && noticeCount == 0 ? 0 : 1);
+    }
+    children.push_back(child);
+  }
+  for (pid_t child : children) {
+    int status = -1;
+    ASSERT_EQ(waitpid(child, &status, 0), child);
+    EXPECT_EQ(status, 0);
+  }
+  EXPECT_EQ(files().size(), 1u);
+}
+
+// A writer killed at any moment leaves nothing that a reader would take.
+TEST_F(KernelCacheTest, KilledWriter) {
+  for (int round = 0; round < 30; ++round) {
+    pid_t child = fork();
+    if (child == 0) {
+      KernelCache cache(folder);
+      while (true)
+        cache.store(keyOf('a'), sampleCode(1000000));
+    }
+    usleep(1000 + round * 700);
+    kill(child, SIGKILL);
+    waitpid(child, nullptr, 0);
+    if (auto found = KernelCache(folder).find(keyOf('a'))) {
+      EXPECT_EQ(found->binary, sampleCode(1000000).binary);
+    }
+  }
+  KernelCache cache(folder);
+  cache.store(keyOf('a'), sampleCode());
+  ASSERT_TRUE(cache.find(keyOf('a')));
+  EXPECT_EQ(cache.clear(), 1);
+  EXPECT_TRUE(files().empty());
+}

@@ -1,0 +1,133 @@
+//===- thread-pool-test.cpp - Parallel loops on the CPU -------------------===//
+
+#include "warp/ThreadPool.h"
+
+#include <atomic>
+#include <chrono>
+#include <gtest/gtest.h>
+#include <stdexcept>
+#include <sys/wait.h>
+#include <thread>
+#include <unistd.h>
+#include <vector>
+
+using warp::ThreadPool;
+
+// Every index is visited exactly once, for ranges around the grain and above.
+TEST(ThreadPool, VisitsEveryIndexOnce) {
+  for (int64_t size : {0, 1, 63, 64, 65, 1000, 65536, 1000003}) {
+    std::vector<std::atomic<int>> seen(size);
+    ThreadPool::parallelFor(5, 5 + size, 64, [&](int64_t begin, int64_t end) {
+      for (int64_t i = begin; i < end; ++i)
+        ++seen[i - 5];
+    });
+    for (auto &count : seen)
+      ASSERT_EQ(count.load(), 1) << "size " << size;
+  }
+}
+
+TEST(ThreadPool, ChunksAreMultiplesOfTheGrain) {
+  std::atomic<int> odd{0};
+  ThreadPool::parallelFor(0, 100000, 64, [&](int64_t begin, int64_t end) {
+    if (begin % 64 != 0 || (end != 100000 && (end - begin) % 64 != 0))
+      ++odd;
+  });
+  EXPECT_EQ(odd.load(), 0);
+}
+
+TEST(ThreadPool, EmptyRangeCallsNothing) {
+  bool called = false;
+  ThreadPool::parallelFor(3, 3, 1, [&](int64_t, int64_t) { called = true; });
+  ThreadPool::parallelFor(4, 3, 1, [&](int64_t, int64_t) { called = true; });
+  EXPECT_FALSE(called);
+}
+
+// A body that starts a loop of its own does not wait for the pool it is in.
+TEST(ThreadPool, NestedLoopsFinish) {
+  std::atomic<int64_t> sum{0};
+  ThreadPool::parallelFor(0, 64, 1, [&](int64_t begin, int64_t end) {
+    for (int64_t i = begin; i < end; ++i)
+      ThreadPool::parallelFor(0, 100, 1, [&](int64_t from, int64_t to) {
+        sum += to - from;
+      });
+  });
+  EXPECT_EQ(sum.load(), 6400);
+}
+
+TEST(ThreadPool, LoopsOfManyThreadsAreIndependent) {
+  std::vector<std::thread> callers;
+  std::atomic<int> wrong{0};
+  for (int t = 0; t < 8; ++t)
+    callers.emplace_back([&, t] {
+      for (int round = 0; round < 200; ++round) {
+        std::atomic<int64_t> sum{0};
+        ThreadPool::parallelFor(0, 1000 + t, 16,
+                                [&](int64_t begin, int64_t end) {
+                                  int64_t part = 0;
+                                  for (int64_t i = begin; i < end; ++i)
+                                    part += i;
+                                  sum += part;
+                                });
+        int64_t n = 1000 + t;
+        wrong += sum.load() != n * (n - 1) / 2;
+      }
+    });
+  for (std::thread &caller : callers)
+    caller.join();
+  EXPECT_EQ(wrong.load(), 0);
+}
+
+// Launches in quick succession meet workers that leave the one before.
+TEST(ThreadPool, ManyShortLoops) {
+  for (int round = 0; round < 20000; ++round) {
+    std::atomic<int> count{0};
+    ThreadPool::parallelFor(0, 8, 1, [&](int64_t begin, int64_t end) {
+      count += static_cast<int>(end - begin);
+    });
+    ASSERT_EQ(count.load(), 8);
+  }
+}
+
+TEST(ThreadPool, WakesParkedWorkers) {
+  for (int round = 0; round < 20; ++round) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    std::atomic<int> count{0};
+    ThreadPool::parallelFor(0, 1000, 1, [&](int64_t begin, int64_t end) {
+      count += static_cast<int>(end - begin);
+    });
+    ASSERT_EQ(count.load(), 1000);
+  }
+}
+
+TEST(ThreadPool, RethrowsAndStaysUsable) {
+  for (int round = 0; round < 50; ++round) {
+    auto fail = [](int64_t begin, int64_t) {
+      if (begin > 100)
+        throw std::runtime_error("stop");
+    };
+    EXPECT_THROW(ThreadPool::parallelFor(0, 10000, 1, fail),
+                 std::runtime_error);
+    std::atomic<int64_t> count{0};
+    ThreadPool::parallelFor(0, 10000, 1, [&](int64_t begin, int64_t end) {
+      count += end - begin;
+    });
+    EXPECT_EQ(count.load(), 10000);
+  }
+}
+
+// A forked child has none of the parent's threads and builds its own pool.
+TEST(ThreadPool, WorksAfterFork) {
+  ThreadPool::parallelFor(0, 1000, 1, [](int64_t, int64_t) {});
+  pid_t child = fork();
+  if (child == 0) {
+    std::atomic<int64_t> count{0};
+    ThreadPool::parallelFor(0, 100000, 1, [&](int64_t begin, int64_t end) {
+      count += end - begin;
+    });
+    _exit(count.load() == 100000 ? 0 : 1);
+  }
+  int status = -1;
+  ASSERT_EQ(waitpid(child, &status, 0), child);
+  EXPECT_TRUE(WIFEXITED(status));
+  EXPECT_EQ(WEXITSTATUS(status), 0);
+}
