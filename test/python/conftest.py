@@ -50,3 +50,18 @@ def fresh_cache(tmp_path, monkeypatch):
     monkeypatch.setenv("WARP_CACHE_PATH", str(folder))
     monkeypatch.setattr(wp.config, "kernel_cache_dir", str(folder))
     return folder
+
+
+@pytest.fixture(scope="session", autouse=True)
+def no_notices():
+    wp.config.quiet = True
+
+
+@pytest.fixture
+def config():
+    """The settings, put back after the test."""
+    saved = {name: getattr(wp.config, name) for name in dir(wp.config)}
+    yield wp.config
+    for name, value in saved.items():
+        if getattr(wp.config, name) != value:
+            setattr(wp.config, name, value)

@@ -8,7 +8,7 @@ import types as python_types
 
 from warp._src import errors, types
 from warp._src.frontend import names
-from warp._src.frontend.emitter import BOOL, EmitterBase, Value
+from warp._src.frontend.emitter import BOOL, INT32, EmitterBase, Value
 from warp._src.frontend.names import BuiltinRef
 
 _BINARY = {
@@ -359,7 +359,7 @@ class Expressions(EmitterBase):
         if kind in ("vec", "quat") and name in COMPONENTS:
             index = COMPONENTS[name]
             if index < (native.shape[0] if kind == "vec" else 4):
-                return self.builder.extract(base, [self.builder.constant_i32(index)])
+                return self.builder.extract(base, [self.builder.constant(INT32, index)])
         if kind == "transform" and name in ("p", "q"):
             part = "transform_get_translation" if name == "p" else "transform_get_rotation"
             return self.builder.builtin(part, [base])[0][0]
@@ -500,7 +500,7 @@ class Expressions(EmitterBase):
             array = self.builder.slice(array, axis, *bounds)
         return array
 
-    def slice_range(self, item, extent) -> range:
+    def slice_range(self, item, extent, node) -> range:
         """Positions selected by a constant slice or index of a composite."""
         what = "the bound of a vector's slice"
         bounds = [
@@ -508,17 +508,19 @@ class Expressions(EmitterBase):
             for part in (item.lower, item.upper, item.step)
         ]
         if bounds[2] == 0:
-            raise self.error(item, "slice step is zero", kind=errors.WarpCodegenValueError)
+            raise self.error(node, "slice step is zero", kind=errors.WarpCodegenValueError)
         selected = range(extent)[slice(*bounds)]
         if not selected:
             raise self.error(
-                item, "slice selects no component", kind=errors.WarpCodegenValueError
+                node, "slice selects no component", kind=errors.WarpCodegenValueError
             )
         return selected
 
-    def composite_slice(self, base, items, node):
-        native = base.type
-        shape = native.shape or ([4] if native.kind == "quat" else [7])
+    def selections(self, native, items, node):
+        """For each axis of a composite: the chosen indices, and whether the axis remains."""
+        shape = native.shape or {"quat": [4], "transform": [7]}.get(native.kind)
+        if shape is None:
+            raise self.type_error(node, f"'{native.python_name}' cannot be sliced")
         if len(items) > len(shape):
             raise self.error(
                 node,
@@ -526,23 +528,26 @@ class Expressions(EmitterBase):
                 f"but got {len(items)}",
                 kind=errors.WarpCodegenIndexError,
             )
-        selections, dropped = [], []
+        chosen = []
         for axis, extent in enumerate(shape):
             item = items[axis] if axis < len(items) else ast.Slice()
             if isinstance(item, ast.Slice):
-                chosen = self.slice_range(item, extent)
-                selections.append([self.builder.constant_i32(i) for i in chosen])
-                dropped.append(False)
+                positions = self.slice_range(item, extent, node)
+                chosen.append(([self.builder.constant(INT32, i) for i in positions], True))
             else:
-                selections.append([self.index(item)])
-                dropped.append(True)
+                chosen.append(([self.index(item)], False))
+        return chosen
+
+    def composite_slice(self, base, items, node):
+        """A copy of the selected components, as a vector or matrix."""
+        selections = self.selections(base.type, items, node)
+        places = [[]]
+        for choices, _ in selections:
+            places = [prefix + [choice] for prefix in places for choice in choices]
         self.at(node)
-        parts = [[]]
-        for choices in selections:
-            parts = [prefix + [choice] for prefix in parts for choice in choices]
-        values = [self.builder.extract(base, indices) for indices in parts]
-        lengths = [len(c) for c, drop in zip(selections, dropped) if not drop]
-        return self.builder.construct(self.composite_type(lengths, native.element), values)
+        values = [self.builder.extract(base, indices) for indices in places]
+        lengths = [len(choices) for choices, remains in selections if remains]
+        return self.builder.construct(self.composite_type(lengths, base.type.element), values)
 
     def composite_type(self, lengths, element):
         shape = "x".join(map(str, lengths))
@@ -560,7 +565,7 @@ class Expressions(EmitterBase):
             native = binding.type
             count = {"quat": 4, "transform": 7}.get(native.kind) or native.shape[0]
             self.at(node)
-            indices = [self.builder.constant_i32(i) for i in range(count)]
+            indices = [self.builder.constant(INT32, i) for i in range(count)]
             return tuple([self.builder.extract(binding, [index]) for index in indices])
         raise self.type_error(
             node, f"expects a tuple or vector after `*`, but got '{self.type_name(binding)}'"

@@ -1,0 +1,293 @@
+"""What can be assigned: names, components, fields, array elements and slots of elements.
+
+A target is resolved to a `Slot`: a root (a local name, or an array element) and a path of fields and
+indices into it. Values are values here, so assigning a part of a local rebinds the name to a new
+value; assigning a part of an element stores only that part, through a component view.
+"""
+
+from __future__ import annotations
+
+import ast
+
+from warp._src import errors, types
+from warp._src.frontend.emitter import INT32, Value
+from warp._src.frontend.expressions import COMPONENTS
+from warp._src.frontend.loops import Loops
+
+_ATOMIC = {
+    ast.Add: "add",
+    ast.Sub: "sub",
+    ast.BitAnd: "and",
+    ast.BitOr: "or",
+    ast.BitXor: "xor",
+}
+
+
+class Slot:
+    """A place that can be read and written.
+
+    name: local variable, or None. array, indices: array element, or None.
+    value: the root's value, when it is already known. path: ("field", name) and ("index", values).
+    type: native type at the end of the path.
+    """
+
+    __slots__ = ("array", "indices", "name", "path", "type", "value")
+
+    def __init__(self, native, name=None, value=None, array=None, indices=(), path=()):
+        self.type = native
+        self.name = name
+        self.value = value
+        self.array = array
+        self.indices = indices
+        self.path = path
+
+    def extended(self, step, native):
+        return Slot(native, self.name, self.value, self.array, self.indices, (*self.path, step))
+
+
+class Targets(Loops):
+    """Translates assignments."""
+
+    def assign_target(self, target, binding, node):
+        kind = type(target)
+        if kind is ast.Name:
+            self.assign_name(target.id, binding, node)
+        elif kind in (ast.Tuple, ast.List):
+            self.unpack(target, binding, node)
+        elif kind is ast.Subscript and self.has_slice(target):
+            self.assign_slice(target, binding, node)
+        elif kind in (ast.Attribute, ast.Subscript):
+            self.write(self.slot(target), binding, target)
+        else:
+            raise self.unsupported(target, f"assignment to `ast.{kind.__name__}`")
+
+    def unpack(self, target, binding, node):
+        for item in target.elts:
+            if isinstance(item, ast.Starred):
+                raise self.unsupported(item, "unpacking with `*`")
+        if type(binding) is not tuple:
+            if type(binding) is Value and binding.type.kind in ("vec", "quat"):
+                count = (binding.type.shape or [4])[0]
+                self.at(node)
+                binding = tuple(
+                    self.builder.extract(binding, [self.builder.constant(INT32, i)])
+                    for i in range(count)
+                )
+            else:
+                raise self.type_error(
+                    target, f"expects a tuple to unpack, but got '{self.type_name(binding)}'"
+                )
+        if len(binding) != len(target.elts):
+            raise self.error(
+                target,
+                f"expects {len(target.elts)} values to unpack, but got {len(binding)}",
+                kind=errors.WarpCodegenValueError,
+            )
+        for item, part in zip(target.elts, binding):
+            self.assign_target(item, part, item)
+
+    # Slots.
+
+    def slot(self, node) -> Slot:
+        """The place that an expression names."""
+        kind = type(node)
+        if kind is ast.Name:
+            binding = self.read_name(node.id, node)
+            if type(binding) is not Value and not isinstance(binding, types.Composite):
+                raise self.type_error(node, f"cannot assign to a part of '{node.id}'")
+            value = self.materialize(binding, node)
+            name = node.id if node.id in self.env else None
+            return Slot(value.type, name=name, value=value)
+        if kind is ast.Attribute:
+            return self.attribute_slot(self.slot(node.value), node)
+        if kind is ast.Subscript:
+            return self.subscript_slot(self.slot(node.value), node)
+        value = self.value(node)
+        return Slot(value.type, value=value)
+
+    def attribute_slot(self, base, node):
+        native, name = base.type, node.attr
+        if native.kind == "struct":
+            for field, field_type in native.fields:
+                if field == name:
+                    return base.extended(("field", name), field_type)
+            # The builder's error lists the fields.
+            self.at(node)
+            self.builder.struct_get(self.read(base, node), name)
+        if native.kind in ("vec", "quat") and name in COMPONENTS:
+            position = COMPONENTS[name]
+            if position < (native.shape or [4])[0]:
+                index = self.builder.constant(INT32, position)
+                return base.extended(("index", [index]), native.element)
+        if native.kind == "transform" and name in ("p", "q"):
+            text = f"!warp.vec<3 x {native.element}>" if name == "p" else f"!warp.quat<{native.element}>"
+            return base.extended(("part", name), type(native).parse(text))
+        if native.kind == "array":
+            raise self.unsupported(node, f"assignment to '{name}' of an array")
+        raise self.error(
+            node,
+            f"'{native.python_name}' has no attribute '{name}'",
+            kind=errors.WarpCodegenAttributeError,
+        )
+
+    def subscript_slot(self, base, node):
+        native = base.type
+        items = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+        if native.kind == "array":
+            array = self.read(base, node)
+            if len(items) > native.rank or self.has_slice(node):
+                value = self.array_item(array, items, node)
+                return Slot(value.type, value=value)
+            indices = [self.index(item) for item in items]
+            self.at(node)
+            if len(items) < native.rank:
+                view = self.builder.view(array, indices)
+                return Slot(view.type, value=view)
+            return Slot(native.element, array=array, indices=indices)
+        indices = [self.index(item) for item in items]
+        self.at(node)
+        part = self.builder.part_type(native, indices)
+        return base.extended(("index", indices), part)
+
+    def read(self, slot, node):
+        """Value of a slot."""
+        self.at(node)
+        value = slot.value
+        if slot.array is not None:
+            value = self.builder.load(slot.array, slot.indices)
+        return self.read_path(value, slot.path, node)
+
+    def read_path(self, value, path, node):
+        for step, key in path:
+            if step == "field":
+                value = self.builder.struct_get(value, key)
+            elif step == "index":
+                value = self.builder.extract(value, key)
+            else:
+                value = self.value_attribute(value, key, node)
+        return value
+
+    def write(self, slot, binding, node):
+        if slot.name is None and slot.array is None:
+            if slot.type.kind == "array":
+                raise self.type_error(
+                    node,
+                    f"cannot assign to a whole '{slot.type.python_name}'",
+                    "index every dimension",
+                )
+            raise self.type_error(node, "expects a variable or array element to assign to")
+        value = self.materialize(binding, node)
+        self.at(node)
+        if slot.array is None:
+            root = self.env[slot.name]
+            root = root if type(root) is Value else slot.value
+            self.env[slot.name] = self.with_part(root, slot.path, value, node)
+            self.lines[slot.name] = self.source.line(node)
+        elif any(step == "part" for step, _ in slot.path):
+            old = self.builder.load(slot.array, slot.indices)
+            self.builder.store(
+                slot.array, slot.indices, self.with_part(old, slot.path, value, node)
+            )
+        else:
+            self.builder.store(self.slot_view(slot), slot.indices, value)
+
+    def slot_view(self, slot):
+        """The array whose elements are the slot's part of each element."""
+        view = slot.array
+        for _, key in slot.path:
+            view = self.builder.component_view(view, key)
+        return view
+
+    def with_part(self, whole, path, value, node):
+        """A value with the part at the end of a path replaced."""
+        if not path:
+            return value
+        (step, key), rest = path[0], path[1:]
+        if rest:
+            value = self.with_part(self.read_path(whole, path[:1], node), rest, value, node)
+        if step == "field":
+            return self.builder.struct_set(whole, key, value)
+        if step == "index":
+            return self.builder.insert(whole, key, value)
+        name = "transform_set_translation" if key == "p" else "transform_set_rotation"
+        return self.builder.builtin(name, [whole, value])[1][0][1]
+
+    # Slices.
+
+    @staticmethod
+    def has_slice(target):
+        items = target.slice.elts if isinstance(target.slice, ast.Tuple) else [target.slice]
+        return any(isinstance(item, ast.Slice) for item in items)
+
+    def assign_slice(self, target, binding, node):
+        """`v[0:2] = w` and `m[:, j] = c` of a local or an element; a scalar fills."""
+        slot = self.slot(target.value)
+        native = slot.type
+        if native.kind == "array":
+            raise self.unsupported(target, "assignment to a slice of an array", "use a loop")
+        items = target.slice.elts if isinstance(target.slice, ast.Tuple) else [target.slice]
+        selections = self.selections(native, items, target)
+        places = [[]]
+        for choices, _ in selections:
+            places = [prefix + [choice] for prefix in places for choice in choices]
+        value = self.materialize(binding, node)
+        parts = self.components(value, len(places), target)
+        self.at(target)
+        whole = self.read(slot, target)
+        for place, part in zip(places, parts):
+            whole = self.builder.insert(whole, place, part)
+        self.write(slot, whole, target)
+
+    def components(self, value, count, node):
+        """The components of a value in row-major order; a scalar repeats."""
+        native = value.type
+        self.at(node)
+        if native.kind in ("bool", "int", "float"):
+            return [value] * count
+        shape = native.shape or {"quat": [4], "transform": [7]}.get(native.kind)
+        if shape is None:
+            raise self.type_error(node, f"cannot assign '{native.python_name}' to a slice")
+        places = [[]]
+        for extent in shape:
+            places = [
+                prefix + [self.builder.constant(INT32, i)] for prefix in places for i in range(extent)
+            ]
+        if len(places) != count:
+            raise self.error(
+                node,
+                f"slice has {count} components, but '{native.python_name}' has {len(places)}",
+                kind=errors.WarpCodegenValueError,
+            )
+        return [self.builder.extract(value, place) for place in places]
+
+    # Augmented assignment.
+
+    def augmented(self, node):
+        target, op = node.target, node.op
+        if isinstance(target, ast.Name):
+            left = self.read_name(target.id, target)
+            self.assign_name(target.id, self.binary(node, op, left, self.expr(node.value)), node)
+            return
+        if self.has_slice(target) if isinstance(target, ast.Subscript) else False:
+            raise self.unsupported(target, "augmented assignment to a slice")
+        slot = self.slot(target)
+        right = self.materialize(self.expr(node.value), node.value)
+        if slot.array is not None and self.is_atomic(slot, op):
+            self.at(node)
+            self.builder.atomic(_ATOMIC[type(op)], self.slot_view(slot), slot.indices, right)
+            return
+        if slot.name is None and slot.array is None:
+            self.write(slot, right, node)
+        left = self.read(slot, target)
+        self.write(slot, self.binary(node, op, left, right), node)
+
+    @staticmethod
+    def is_atomic(slot, op):
+        """Whether an update of an element is atomic."""
+        if type(op) not in _ATOMIC or any(step == "part" for step, _ in slot.path):
+            return False
+        native = slot.type
+        scalar = native.element if native.element is not None else native
+        if scalar.kind == "int":
+            return True
+        return scalar.kind == "float" and type(op) in (ast.Add, ast.Sub)

@@ -1,0 +1,101 @@
+"""Devices, scopes, timers."""
+
+import time
+
+import pytest
+
+import warp as wp
+
+
+def test_cpu_is_always_there():
+    cpu = wp.get_device("cpu")
+    assert wp.get_device(cpu) is cpu and cpu in wp.get_devices()
+    assert cpu == "cpu" and str(cpu) == "cpu" and repr(cpu) == "'cpu'"
+    assert cpu.is_cpu and not cpu.is_cuda and cpu.arch == 0 and cpu.name
+    assert cpu.stream is None and cpu.context is None
+    assert wp.is_cpu_available() and wp.is_device_available("cpu")
+    assert wp.get_preferred_device() in wp.get_devices()
+
+
+def test_absent_cuda_is_a_state():
+    assert wp.is_cuda_available() == bool(wp.get_cuda_devices())
+    assert wp.get_cuda_device_count() == len(wp.get_cuda_devices())
+    if wp.is_cuda_available():
+        return
+    assert wp.get_cuda_driver_version() is None or wp.get_cuda_driver_version() > (0, 0)
+    with pytest.raises(ValueError, match="no CUDA device: "):
+        wp.get_device("cuda")
+    with pytest.raises(RuntimeError, match="CUDA"):
+        wp.Stream("cpu")
+
+
+@pytest.mark.cuda
+def test_cuda_device():
+    device = wp.get_device("cuda:0")
+    assert device.is_cuda and device.arch >= 50 and device.total_memory >= device.free_memory > 0
+    assert wp.get_cuda_device() == device == "cuda:0"
+    assert device.uuid.startswith("GPU-") and device.sm_count > 0
+
+
+def test_default_device(device):
+    former = wp.get_device()
+    with wp.ScopedDevice(device) as inner:
+        assert wp.get_device() is inner and wp.zeros(1).device == device
+        with wp.ScopedDevice("cpu"):
+            assert wp.zeros(1).device == "cpu"
+        assert wp.get_device() == device
+    assert wp.get_device() is former
+    with pytest.raises(KeyError):
+        with wp.ScopedDevice(device):
+            raise KeyError
+    assert wp.get_device() is former
+
+
+def test_synchronize(device):
+    wp.synchronize()
+    wp.synchronize_device(device)
+    wp.synchronize_stream(device)
+
+
+def test_timer_prints_one_line(capsys):
+    times = {}
+    with wp.ScopedTimer("work", dict=times) as timer:
+        time.sleep(0.002)
+        with wp.ScopedTimer("part", dict=times, synchronize=True):
+            pass
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split(" took ")[0] for line in lines] == ["    part", "work"]
+    assert lines[1].endswith(" ms")
+    assert times["work"] == [timer.elapsed] and timer.elapsed >= 2.0
+    assert len(times["part"]) == 1
+
+
+def test_timer_can_be_silent(capsys):
+    with wp.ScopedTimer("a", active=False) as inactive, wp.ScopedTimer("b", print=False) as silent:
+        pass
+    assert capsys.readouterr().out == "" and inactive.elapsed == 0.0 and silent.elapsed > 0.0
+    reported = []
+    with wp.ScopedTimer("c", report_func=lambda timer, indent: reported.append(timer.name)):
+        pass
+    assert reported == ["c"]
+
+
+def test_modules_and_options():
+    module = wp.get_module("some.module")
+    assert wp.get_module("some.module") is module
+    wp.set_module_options({"fast_math": True, "max_unroll": 4}, module)
+    options = wp.get_module_options(module)
+    assert options["fast_math"] is True and options["max_unroll"] == 4
+    assert wp.get_module_options()["fast_math"] is wp.config.fast_math
+    with pytest.raises(ValueError, match="fast_maths"):
+        wp.set_module_options({"fast_maths": True}, module)
+    with pytest.raises(TypeError):
+        wp.set_module_options({"fast_math": "yes"}, module)
+
+
+def test_public_names():
+    names = dir(wp)
+    for name in ("array", "launch", "vec3", "sin", "types", "config"):
+        assert name in names and getattr(wp, name) is not None
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = wp.nothing

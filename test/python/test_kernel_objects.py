@@ -1,0 +1,135 @@
+"""`@wp.kernel` and `@wp.func` as Python objects: options, IR as text, dumps, calls."""
+
+import pytest
+
+import warp as wp
+
+
+@wp.kernel
+def twice(x: wp.array(dtype=float)):
+    i = wp.tid()
+    x[i] = 2.0 * x[i]
+
+
+@wp.func
+def shift(x: float, by: float = 1.0):
+    return x + by
+
+
+@wp.func
+def kind(x: float):
+    return "float"
+
+
+@wp.func
+def kind(x: int):  # noqa: F811
+    return "int"
+
+
+@wp.func
+def kind(x: wp.vec3):  # noqa: F811
+    return "vec3"
+
+
+@pytest.mark.parametrize(
+    "stage, text",
+    [
+        ("warp", "!warp.array<1 x f32>"),
+        ("thread", "warp.load_components"),
+        ("llvm", "llvm.func"),
+        ("ptx", ".visible .entry"),
+        ("asm", "ret"),
+    ],
+)
+def test_every_stage_can_be_seen(stage, text):
+    assert text in twice.ir(stage=stage)
+
+
+def test_unknown_stage():
+    with pytest.raises(ValueError, match="'warp', 'thread', 'llvm', 'ptx', 'asm'"):
+        twice.ir(stage="mlir")
+
+
+def test_dump(config, tmp_path, device):
+    config.dump = str(tmp_path / "dump")
+    wp.launch(twice, 1, [wp.zeros(1, device=device)], device=device)
+    assert sorted(path.name for path in (tmp_path / "dump").iterdir()) == [
+        "twice.asm.s", "twice.llvm.ll", "twice.ptx.ptx", "twice.thread.mlir", "twice.warp.mlir",
+    ]
+
+
+def test_settings_that_change_code_apply_to_known_kernels(config, device):
+    x = wp.ones(4, device=device)
+    wp.launch(twice, 4, [x], device=device)
+    config.mode = "debug"
+    with pytest.raises(wp.WarpLaunchError, match="twice"):
+        wp.launch(twice, 5, [x], device=device)
+        wp.synchronize_device(device)
+    config.mode = "release"
+    wp.launch(twice, 4, [x], device=device)
+    assert x.numpy()[0] == 8.0 or x.numpy()[0] == 4.0
+
+
+def test_functions_stay_callable():
+    assert shift(1.0) == 2.0 and shift(1.0, by=3.0) == 4.0
+    assert (kind(1.0), kind(1), kind(wp.vec3())) == ("float", "int", "vec3")
+    with pytest.raises(TypeError, match="no overload of 'kind'"):
+        kind("a")
+    assert shift.__name__ == shift.key == "shift"
+
+
+def test_redefinition_replaces():
+    @wp.func
+    def f(x: float):
+        return 1
+
+    @wp.func
+    def f(x: float):  # noqa: F811
+        return 2
+
+    assert len(f.overloads) == 1 and f(0.0) == 2
+
+
+def test_kernel_options():
+    @wp.kernel(enable_backward=False, name="named", module_options={"fast_math": True})
+    def k(x: wp.array(dtype=float)):
+        x[0] = 1.0
+
+    assert k.key == "named" and k.option("fast_math") is True
+    assert k.option("enable_backward") is False and k.option("mode") == wp.config.mode
+    with pytest.raises(TypeError, match="no option 'speed'"):
+        wp.kernel(speed=1)
+    with pytest.raises(ValueError):
+        wp.kernel(module_options={"speed": 1})
+    for what in (3, len, wp.vec3):
+        with pytest.raises(TypeError):
+            wp.kernel(what)
+        with pytest.raises(TypeError):
+            wp.func(what)
+
+
+def test_modules_know_their_kernels():
+    module = wp.get_module(__name__)
+    assert module.kernels["twice"] is twice
+    wp.load_module(__name__)
+    assert twice.native is not None
+    module.mark_modified()
+    assert twice.native is None
+
+
+def test_captured_constants_after_mark_modified(device):
+    out = wp.zeros(1, dtype=int, device=device)
+    wp.launch(write_constant, 1, [out], device=device)
+    assert out.numpy()[0] == 3
+    globals()["CONSTANT"] = 4
+    wp.get_module(__name__).mark_modified()
+    wp.launch(write_constant, 1, [out], device=device)
+    assert out.numpy()[0] == 4
+
+
+CONSTANT = 3
+
+
+@wp.kernel
+def write_constant(out: wp.array(dtype=int)):
+    out[0] = CONSTANT

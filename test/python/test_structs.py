@@ -1,0 +1,215 @@
+"""`@wp.struct`: declaration, instances, layout, arrays of structs."""
+
+import copy
+import ctypes
+import typing
+
+import numpy as np
+import pytest
+
+import warp as wp
+
+
+@wp.struct
+class Inner:
+    a: wp.float16
+    b: wp.vec3
+
+
+@wp.struct
+class Outer:
+    x: float
+    n: int
+    flag: wp.bool
+    v: wp.vec3
+    m: wp.mat22
+    values: wp.array(dtype=float)
+    inner: Inner
+    d: wp.float64
+
+
+def test_new_instances_are_zero():
+    s = Outer()
+    assert (s.x, s.n, s.flag, s.values, s.d) == (0.0, 0, False, None, 0.0)
+    assert s.v == (0, 0, 0) and s.inner.b == (0, 0, 0)
+
+
+def test_assignment_and_nesting():
+    s = Outer(x=2)
+    s.v = (1, 2, 3)
+    s.v[1] = 9
+    s.inner.a = 2.5
+    s.inner.b = np.array([4.0, 5.0, 6.0])
+    s.m = [[1, 2], [3, 4]]
+    s.flag = True
+    inner = s.inner
+    inner.b[0] = 7
+    assert s.x == 2.0 and s.v == (1, 9, 3) and s.inner.a == 2.5
+    assert s.inner.b == (7, 5, 6) and s.m == wp.mat22(1, 2, 3, 4) and s.flag is True
+    other = Inner(a=1)
+    s.inner = other
+    other.a = 3
+    assert s.inner.a == 1
+
+
+def test_composites_are_copied():
+    s = Outer()
+    v = wp.vec3(1, 2, 3)
+    s.v = v
+    v[0] = 9
+    assert s.v == (1, 2, 3)
+
+
+@pytest.mark.parametrize(
+    "field, value, error",
+    [
+        ("x", "a", TypeError),
+        ("x", None, TypeError),
+        ("n", 2.5, TypeError),
+        ("v", 1.0, TypeError),
+        ("v", None, TypeError),
+        ("v", (1, 2), ValueError),
+        ("v", wp.vec2(), TypeError),
+        ("m", (1, 2), ValueError),
+        ("inner", None, TypeError),
+        ("inner", 3, TypeError),
+        ("values", 3, TypeError),
+        ("values", np.zeros(3), TypeError),
+        ("unknown", 3, AttributeError),
+    ],
+)
+def test_bad_assignment(field, value, error):
+    s = Outer()
+    with pytest.raises(error, match=field):
+        setattr(s, field, value)
+
+
+def test_array_fields(device):
+    s = Outer()
+    values = wp.zeros(3, device=device)
+    s.values = values
+    assert s.values is values
+    descriptor = s.__ctype__()
+    assert bytes(descriptor)[Outer.values.offset :][:8] == values.ptr.to_bytes(8, "little")
+    for bad in (wp.zeros((2, 2), device=device), wp.zeros(3, dtype=int, device=device)):
+        with pytest.raises(TypeError, match="values"):
+            s.values = bad
+    s.values = None
+    assert s.values is None
+
+
+def test_layout_is_that_of_c():
+    class Expected(ctypes.Structure):
+        _fields_ = [
+            ("x", ctypes.c_float),
+            ("n", ctypes.c_int),
+            ("flag", ctypes.c_bool),
+            ("v", ctypes.c_float * 3),
+            ("m", ctypes.c_float * 4),
+            ("values", ctypes.c_uint64 * 7),
+            ("inner", ctypes.c_byte * 16),
+            ("d", ctypes.c_double),
+        ]
+
+    assert ctypes.sizeof(Outer) == ctypes.sizeof(Expected)
+    for name, _ in Expected._fields_:
+        assert getattr(Outer, name).offset == getattr(Expected, name).offset
+    assert np.dtype(Outer.numpy_dtype()).itemsize == ctypes.sizeof(Outer)
+    assert wp.types.type_size_in_bytes(Inner) == 16
+
+
+def test_description():
+    assert Outer.key == "Outer"
+    assert list(Inner.vars) == ["a", "b"] and Inner.vars["b"].type is wp.vec3
+    assert wp.types.native_text(Inner) == '!warp.struct<"Inner", {a: f16, b: !warp.vec<3 x f32>}>'
+    assert wp.types.dtype_of(wp.types.native_text(Inner)) is Inner
+    assert isinstance(Inner(), Inner) and wp.types.is_struct(Inner)
+
+
+def test_assign_copy_and_record():
+    s = Inner(a=1.5, b=(1, 2, 3))
+    t = Inner().assign(s)
+    c = copy.copy(s)
+    s.a = 9
+    assert t.a == c.a == 1.5 and t.b == (1, 2, 3)
+    record = t.numpy_value()
+    assert record["a"] == 1.5 and record["b"].tolist() == [1, 2, 3]
+    assert Inner.from_ptr(ctypes.addressof(t)).b == (1, 2, 3)
+    with pytest.raises(TypeError):
+        t.assign(Outer())
+
+
+def test_to_moves_arrays(device):
+    s = Outer(x=3)
+    s.values = wp.full(2, 7.0, device=device)
+    moved = s.to("cpu")
+    assert moved.x == 3 and moved.values.device == "cpu"
+    assert moved.values.numpy().tolist() == [7, 7]
+
+
+def test_arrays_of_structs(device):
+    items = [Inner(a=i, b=(i, 2 * i, 3 * i)) for i in range(4)]
+    array = wp.array(items, dtype=Inner, device=device)
+    assert array.shape == (4,) and array.item_size == 16
+    records = array.numpy()
+    assert records["a"].tolist() == [0, 1, 2, 3] and records["b"][3].tolist() == [3, 6, 9]
+    assert array.list()[2].b == (2, 4, 6)
+    again = wp.array(records, dtype=Inner, device=device)
+    assert np.array_equal(again.numpy(), records)
+    assert not wp.zeros((2, 2), dtype=Inner, device=device).numpy()["a"].any()
+    array.fill_(items[1])
+    assert array.numpy()["a"].tolist() == [1, 1, 1, 1]
+
+
+def test_bad_arrays_of_structs(device):
+    with pytest.raises(TypeError):
+        wp.array([1.0, 2.0], dtype=Inner, device=device)
+    with pytest.raises(TypeError):
+        wp.array([Outer()], dtype=Inner, device=device)
+    with pytest.raises(TypeError):
+        wp.zeros(2, dtype=Inner, device=device).fill_(Outer())
+
+
+def test_bad_declarations():
+    class Unknown:
+        x: str
+
+    class Open:
+        x: typing.Any
+
+    class Method:
+        x: float
+
+        def f(self):
+            pass
+
+    class Default:
+        x: float = 1.0
+
+    class Derived(Unknown):
+        y: float
+
+    class Empty:
+        pass
+
+    class Reserved:
+        assign: float
+
+    for cls, message in (
+        (Unknown, "field 'x' of struct 'Unknown'.*'str'"),
+        (Open, "concrete type"),
+        (Method, "method 'f'"),
+        (Default, "default value"),
+        (Derived, "inherit"),
+        (Empty, "no fields"),
+        (Reserved, "taken"),
+    ):
+        with pytest.raises(TypeError, match=message):
+            wp.struct(cls)
+    with pytest.raises(TypeError):
+        wp.struct(lambda x: x)
+
+
+def test_text():
+    assert repr(Inner(a=1.5, b=(1, 2, 3))) == "Inner(\n\ta=1.5,\n\tb=vec3f([1.0, 2.0, 3.0]),\n)"
+    assert "\tinner=Inner(\n\t\ta=0.0" in repr(Outer())
