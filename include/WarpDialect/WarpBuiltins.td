@@ -13,5 +13,6 @@ include "WarpScalarMath.td"
 include "WarpLinearAlgebra.td"
 include "WarpRotations.td"
 include "WarpRandom.td"
+include "WarpSpecials.td"
 
 #endif // WARP_BUILTINS_TD

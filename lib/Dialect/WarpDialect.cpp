@@ -57,7 +57,7 @@ warp::WarpDialect::verifyOperationAttribute(Operation *op,
     return op->emitOpError("a kernel has no results, but this one has ")
            << function.getNumResults();
   for (auto [index, type] : llvm::enumerate(function.getArgumentTypes()))
-    if (!isValue(type))
+    if (!isValue(type) && !isThreadScalar(type))
       return op->emitOpError("argument ")
              << index
              << " of a kernel must be a scalar, composite, array or struct, "

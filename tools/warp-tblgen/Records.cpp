@@ -97,11 +97,6 @@ static Builtin readOperation(const Record *record) {
   return builtin;
 }
 
-bool Builtin::isCallable() const {
-  // `wp.add(a, b)` is the same as `a + b`, but `wp.not` can't be written.
-  return symbol != "not";
-}
-
 std::vector<Builtin> warp::tblgen::readBuiltins(const RecordKeeper &records) {
   std::vector<Builtin> builtins;
   for (const Record *record : records.getAllDerivedDefinitions("Warp_Builtin"))
@@ -133,6 +128,17 @@ warp::tblgen::getGroups(const RecordKeeper &records) {
       groups.push_back(group);
   }
   return groups;
+}
+
+std::vector<std::string>
+warp::tblgen::getDisplayedOverloads(const Builtin &builtin) {
+  std::vector<std::string> lines;
+  for (const warp::Signature &signature : builtin.signatures)
+    lines.push_back(printSignature(builtin.pythonName, signature));
+  if (builtin.isSpecial())
+    for (StringRef overload : builtin.overloads)
+      lines.push_back((builtin.pythonName + overload).str());
+  return lines;
 }
 
 std::string warp::tblgen::quote(StringRef text) {

@@ -28,14 +28,15 @@ struct Builtin {
   std::vector<llvm::StringRef> domain;
 
   bool isSpecial() const { return opName.empty(); }
-  /// Whether users call it by its name, not only by an operator's sign.
-  bool isCallable() const;
 };
 
 std::vector<Builtin> readBuiltins(const llvm::RecordKeeper &records);
 
 /// Groups in the order of their first record, which is the reading order.
 std::vector<llvm::StringRef> getGroups(const llvm::RecordKeeper &records);
+
+/// The overloads as users read them, each starting with the name.
+std::vector<std::string> getDisplayedOverloads(const Builtin &builtin);
 
 /// Text between quotes, escaped for C++ and Python alike.
 std::string quote(llvm::StringRef text);
