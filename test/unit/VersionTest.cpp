@@ -1,0 +1,20 @@
+//===- VersionTest.cpp ----------------------------------------------------===//
+
+#include "warp/Version.h"
+
+#include <gtest/gtest.h>
+
+namespace {
+
+TEST(Version, StatesRelease) {
+  EXPECT_STREQ(warp::version(), WARP_VERSION);
+}
+
+// lld writes a SHA-1 build id: 20 bytes.
+TEST(Version, ReadsBuildIdFromNotes) {
+  EXPECT_EQ(warp::buildId().size(), 40u);
+  EXPECT_EQ(warp::buildId().find_first_not_of("0123456789abcdef"),
+            std::string::npos);
+}
+
+} // namespace
