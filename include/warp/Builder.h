@@ -165,9 +165,14 @@ public:
   Value construct(Type type, const Values &args);
   /// Converts a scalar or a composite component by component.
   Value cast(Value value, Type type);
+  /// The same bits as another type of the same size.
+  Value bitcast(Value value, Type type);
   Values tid(int dimensions);
   /// Positions of the arguments that some overload of a builtin updates.
   static std::vector<unsigned> inoutArguments(const std::string &name);
+  /// Names of a builtin's parameters, one list per overload.
+  static std::vector<std::vector<std::string>>
+  parameterNames(const std::string &name);
   void printf(const std::string &format, const Values &args);
   /// Checked in debug mode only.
   void assertion(Value condition, const std::string &message);
@@ -179,6 +184,8 @@ public:
   /// Component of a vector, matrix, quaternion or transform; a matrix with
   /// one index gives a row. Indices are constant or dynamic.
   Value extract(Value composite, const Values &indices);
+  /// Type of what `extract` gives.
+  Type partType(Type composite, const Values &indices);
   Value insert(Value composite, const Values &indices, Value part);
 
   Value load(Value array, const Values &indices);

@@ -71,24 +71,52 @@ bool warp::Builder::hasBuiltin(const std::string &name) {
   return lookupBuiltin(name) != nullptr;
 }
 
+/// "name: type" of each parameter of an overload.
+static SmallVector<StringRef> parametersOf(StringRef overload) {
+  SmallVector<StringRef> parameters;
+  StringRef list = overload.split("->").first.trim();
+  list.consume_front("(");
+  list.consume_back(")");
+  int depth = 0;
+  size_t start = 0;
+  for (size_t i = 0; i <= list.size(); ++i) {
+    char c = i < list.size() ? list[i] : ',';
+    depth += c == '<' ? 1 : c == '>' ? -1 : 0;
+    if (c != ',' || depth != 0)
+      continue;
+    if (StringRef one = list.slice(start, i).trim(); !one.empty())
+      parameters.push_back(one);
+    start = i + 1;
+  }
+  return parameters;
+}
+
 std::vector<unsigned>
 warp::Builder::inoutArguments(const std::string &name) {
   const BuiltinSpec *spec = lookupBuiltin(name);
   std::vector<unsigned> positions;
   if (!spec)
     return positions;
-  for (StringRef overload : spec->overloads) {
-    unsigned position = 0;
-    SmallVector<StringRef> parts;
-    overload.split("->").first.split(parts, ':');
-    for (StringRef part : llvm::drop_begin(parts)) {
-      if (part.ltrim().starts_with("inout ") &&
-          !llvm::is_contained(positions, position))
-        positions.push_back(position);
-      ++position;
-    }
-  }
+  for (StringRef overload : spec->overloads)
+    for (auto [i, parameter] : llvm::enumerate(parametersOf(overload)))
+      if (parameter.split(':').second.ltrim().starts_with("inout ") &&
+          !llvm::is_contained(positions, i))
+        positions.push_back(i);
   return positions;
+}
+
+std::vector<std::vector<std::string>>
+warp::Builder::parameterNames(const std::string &name) {
+  const BuiltinSpec *spec = lookupBuiltin(name);
+  std::vector<std::vector<std::string>> names;
+  if (!spec)
+    return names;
+  for (StringRef overload : spec->overloads) {
+    names.emplace_back();
+    for (StringRef parameter : parametersOf(overload))
+      names.back().push_back(parameter.split(':').first.trim().str());
+  }
+  return names;
 }
 
 warp::Builder::Results warp::Builder::builtin(const std::string &name,
@@ -181,6 +209,18 @@ warp::Value warp::Builder::cast(Value value, Type type) {
   return wrap(impl->fold(op).front());
 }
 
+warp::Value warp::Builder::bitcast(Value value, Type type) {
+  ContextLock lock;
+  mlir::Type wanted = unwrap(type), given = unwrap(value).getType();
+  if (!isArrayElement(given) || !isArrayElement(wanted) ||
+      getByteSize(given) != getByteSize(wanted))
+    impl->failType("cannot reinterpret " + quoted(given) + " as " +
+                   quoted(wanted) + ", sizes differ");
+  return wrap(
+      BitcastOp::create(impl->builder, impl->loc, wanted, unwrap(value))
+          .getResult());
+}
+
 warp::Value warp::Builder::construct(Type type, const Values &args) {
   ContextLock lock;
   mlir::Type wanted = unwrap(type);
@@ -248,6 +288,11 @@ warp::Value warp::Builder::extract(Value composite, const Values &indices) {
   mlir::Type part = checkedPart(*impl, source.getType(), at);
   return wrap(ExtractOp::create(impl->builder, impl->loc, part, source, at)
                   .getResult());
+}
+
+warp::Type warp::Builder::partType(Type composite, const Values &indices) {
+  ContextLock lock;
+  return wrap(checkedPart(*impl, unwrap(composite), unwrap(indices)));
 }
 
 warp::Value warp::Builder::insert(Value composite, const Values &indices,

@@ -177,7 +177,9 @@ static void bindValues(py::class_<Builder> &c) {
       .def_static("has_builtin", &Builder::hasBuiltin)
       .def_static("inout_arguments", &Builder::inoutArguments)
       .def("construct", &Builder::construct)
+      .def_static("parameter_names", &Builder::parameterNames)
       .def("cast", &Builder::cast)
+      .def("bitcast", &Builder::bitcast)
       .def("tid", &Builder::tid)
       .def("printf", &Builder::printf)
       .def("assertion", &Builder::assertion)
@@ -185,6 +187,7 @@ static void bindValues(py::class_<Builder> &c) {
       .def("struct_get", &Builder::structGet)
       .def("struct_set", &Builder::structSet)
       .def("extract", &Builder::extract)
+      .def("part_type", &Builder::partType)
       .def("insert", &Builder::insert);
 }
 

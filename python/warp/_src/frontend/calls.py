@@ -12,12 +12,12 @@ import builtins
 import inspect
 
 from warp._src import errors, types
-from warp._src.annotations import ArrayType
 from warp._src.frontend import names
 from warp._src.frontend.emitter import FLOAT32, INT32, Value
 from warp._src.frontend.expressions import ArrayAttribute
 from warp._src.frontend.names import BuiltinRef
-from warp._src.frontend.targets import Targets
+from warp._src.frontend.user_calls import UserCalls
+from warp._src.kernel import Kernel
 
 _PYTHON_FUNCTIONS = {
     abs: "abs",
@@ -32,7 +32,7 @@ _MISUSED = {range: "a range outside `for`", reversed: "`reversed` outside `for`"
 _FORMATS = {"bool": "%d", "int": "%d", "float": "%g"}
 
 
-class Calls(Targets):
+class Calls(UserCalls):
     """Translates call expressions."""
 
     def expr_Call(self, node):
@@ -42,8 +42,7 @@ class Calls(Targets):
         if isinstance(function, type):
             return self.call_type(function, node)
         if hasattr(function, "overloads"):
-            arguments, keywords = self.arguments(node)
-            return self.call_function(function, arguments, keywords, node)
+            return self.call_function(function, *self.arguments(node), node)
         try:
             name = _PYTHON_FUNCTIONS.get(function)
         except TypeError:
@@ -60,7 +59,7 @@ class Calls(Targets):
             name = getattr(function, "__name__", None)
             if name and (hasattr(self, "builtin_" + name) or self.builder.has_builtin(name)):
                 return self.call_builtin(name, node)
-        if getattr(function, "is_warp_kernel", False):
+        if isinstance(function, Kernel):
             raise self.error(
                 node,
                 f"kernel '{function.key}' cannot be called from a kernel",
@@ -499,25 +498,7 @@ class Calls(Targets):
         rows = self.builtin_matrix_from_rows(node)
         return self.builder.builtin("transpose", [rows])[0][0]
 
-    # Functions of the user.
 
-    def call_function(self, function, arguments, keywords, node):
-        """Translates the overload that fits, once per argument types, and calls it."""
-        overload, bound = function.select(self, arguments, keywords, node)
-        name = overload.instantiate(self.session, self, bound, node)
-        values = []
-        for binding in bound:
-            if not isinstance(binding, (type, BuiltinRef, str)) and not hasattr(binding, "overloads"):
-                self.flatten(binding, node, values)
-        self.at(node)
-        symbol, shape = name
-        results = iter(self.builder.call(symbol, values))
-        return None if shape is _NOTHING else self.unflatten(shape, results)
-
-    def expr_type(self, native, node):
-        if isinstance(native, ArrayType):
-            return types.native_type(native)
-        return self.native(native, node)
-
-
-_NOTHING = object()
+names.SPECIAL_BUILTINS.update(
+    name.removeprefix("builtin_") for name in dir(Calls) if name.startswith("builtin_")
+)

@@ -83,7 +83,7 @@ class Loop(Node):
 class Plan:
     """The rewritten body of a function."""
 
-    __slots__ = ("always_returns", "body", "returns_value")
+    __slots__ = ("always_returns", "body", "local_names", "returns_value")
 
 
 def plan_of(source, inout_arguments) -> Plan:
@@ -99,8 +99,11 @@ def plan_of(source, inout_arguments) -> Plan:
         plan.returns_value = _returns_value(body)
         plan.body = rewriter.block(body, 0)
         analysis = _Analysis(inout_arguments)
-        analysis.gather(plan.body)
-        analysis.liveness(plan.body, frozenset((RESULT, RETURNED)))
+        plan.local_names = analysis.gather(plan.body)[2]
+        needed = (RESULT,) if plan.returns_value else ()
+        if plan.returns_value and not plan.always_returns:
+            needed = (RESULT, RETURNED)
+        analysis.liveness(plan.body, frozenset(needed))
         source.plan = plan
     return source.plan
 

@@ -18,6 +18,8 @@ import enum
 
 from warp import _native
 from warp._src import errors, types
+from warp._src.builtins import Builtin
+from warp._src.composites import scalars_of
 from warp._src.frontend import names
 
 Value = _native.Value
@@ -97,6 +99,8 @@ class EmitterBase:
         kind = type(value)
         if kind in (bool, int, float, str) or kind is Value:
             return value
+        if isinstance(value, Builtin):
+            return names.BuiltinRef(value.key)
         if isinstance(value, enum.Enum):
             if isinstance(value, int):
                 return int(value)
@@ -143,13 +147,13 @@ class EmitterBase:
             self.at(node)
             native = types.native_type(kind)
             element = native.element
-            parts = [self.builder.constant(element, c) for c in types.scalars_of(binding)]
+            parts = [self.builder.constant(element, c) for c in scalars_of(binding)]
             return self.builder.construct(native, parts)
         if kind is tuple:
             raise self.type_error(node, "expects a value, but got a tuple")
         if binding is None:
             raise self.type_error(node, "expects a value, but got 'None'")
-        if types.is_struct_instance(binding):
+        if types.is_struct(kind):
             return self.materialize_struct(binding, node)
         what = names.describe(binding)
         raise self.type_error(
@@ -170,6 +174,19 @@ class EmitterBase:
                 )
             fields.append(self.convert_constant(part, field, node))
         return self.builder.struct_create(native, fields)
+
+    def static_type(self, binding):
+        """Native type that a compile-time binding would get, or None."""
+        kind = type(binding)
+        if kind is Value:
+            return binding.type
+        plain = {bool: BOOL, int: INT32, float: FLOAT32}.get(kind)
+        if plain is not None or kind is tuple or isinstance(binding, type):
+            return plain
+        try:
+            return types.native_type(kind)
+        except TypeError:
+            return None
 
     def convert_constant(self, binding, native, node):
         """Like `materialize`, but a plain number takes the given scalar type."""

@@ -28,6 +28,8 @@ MATH_NAMES = {
     "power": "pow",
     "hypot": None,
 }
+# Builtins that the translator expands itself; `calls` fills in their names.
+SPECIAL_BUILTINS: set[str] = set()
 
 
 class BuiltinRef:
@@ -83,7 +85,7 @@ def resolve(emitter, name, node):
         return space[name]
     if name in PYTHON_NAMES:
         return getattr(builtins, name)
-    if _native.Builder.has_builtin(name):
+    if name in SPECIAL_BUILTINS or _native.Builder.has_builtin(name):
         return BuiltinRef(name)
     # Names of types may be used bare, as `vec3(...)`.
     import warp
@@ -128,28 +130,23 @@ def module_attribute(emitter, module, name, node):
         )
     if root == "warp":
         value = getattr(module, name, None)
-        if value is not None and not callable(value):
+        if isinstance(value, type) or (value is not None and not callable(value)):
             return value
-        if isinstance(value, type) and name not in CALLED_TYPES:
-            return value
-        if _native.Builder.has_builtin(name) or name in CALLED_TYPES:
+        top = module.__name__ == "warp"
+        if top and (name in SPECIAL_BUILTINS or _native.Builder.has_builtin(name)):
             return BuiltinRef(name)
         if value is not None:
             return value
-        return _missing(emitter, module, name, node)
+        raise _missing(emitter, module, name, node)
     try:
         return getattr(module, name)
     except AttributeError:
-        return _missing(emitter, module, name, node)
-
-
-# Registered builtins that share their name with a type of the package.
-CALLED_TYPES = frozenset()
+        raise _missing(emitter, module, name, node) from None
 
 
 def _missing(emitter, module, name, node):
     close = difflib.get_close_matches(name, dir(module), n=1)
-    raise emitter.error(
+    return emitter.error(
         node,
         f"module '{module.__name__}' has no attribute '{name}'",
         f"did you mean `{close[0]}`?" if close else None,

@@ -1,0 +1,69 @@
+"""From a kernel object to its module."""
+
+from __future__ import annotations
+
+import re
+
+from warp import _native
+from warp._src import errors
+from warp._src.frontend.control import plan_of
+from warp._src.frontend.functions import Overload
+from warp._src.frontend.emitter import Session
+from warp._src.frontend.statements import Emitter
+
+
+def build_kernel(kernel, arguments=None):
+    """Translates a kernel.
+
+    Args:
+        kernel: has `func` (the Python function), `key` (its name) and `option(name)`.
+        arguments: native types of the arguments, where annotations leave them open.
+
+    Returns:
+        The verified module, which holds the kernel and the functions it calls.
+
+    Raises:
+        WarpCodegenError: the function cannot be translated; says where and why.
+    """
+    limit = kernel.option("max_unroll")
+    return build_function(kernel.func, kernel.key, arguments, 16 if limit is None else limit)
+
+
+def build_function(function, name, arguments=None, max_unroll=16):
+    """Translates a Python function as a kernel of that name."""
+    overload = Overload(function, None)
+    source = overload.source
+    natives = [parameter.native for parameter in overload.parameters]
+    if arguments is not None:
+        natives = [native or given for native, given in zip(natives, arguments)]
+    for parameter, native in zip(overload.parameters, natives):
+        if native is None:
+            raise errors.WarpCodegenTypeError(
+                f"parameter '{parameter.name}' of kernel '{name}' is generic, its type is known "
+                "at launch only",
+                **source.place(source.tree),
+            )
+    builder = _native.Builder(symbol_name(name))
+    session = Session(builder, max_unroll)
+    session.active.append(overload)
+    plan_of(source, builder.inout_arguments)
+    emitter = Emitter(session, function, source, True)
+    emitter.result_type = None
+    emitter.at(source.tree)
+    parameters = [parameter.name for parameter in overload.parameters]
+    symbol = session.symbol(symbol_name(name))
+    values = builder.begin_function(symbol, parameters, natives, True)
+    for parameter, value in zip(parameters, values):
+        emitter.env[parameter] = value
+        emitter.lines[parameter] = source.line(source.tree)
+    try:
+        emitter.body()
+    except errors.WarpError as problem:
+        raise emitter.locate(problem) from problem.__cause__
+    builder.end_function([])
+    return builder.finish()
+
+
+def symbol_name(name: str) -> str:
+    """A name that linkers and assemblers accept."""
+    return re.sub(r"\W", "_", name, flags=re.ASCII)

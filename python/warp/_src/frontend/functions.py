@@ -1,0 +1,227 @@
+"""Functions of the user: parameters, overloads, and translation per argument types.
+
+An overload is translated once for each combination of argument types that a kernel calls it with,
+so unannotated generics (`Any`, `wp.Float`) need nothing of their own: the first call decides. Tuples
+are passed as their parts. Functions, types and strings as arguments are part of the combination.
+"""
+
+from __future__ import annotations
+
+import inspect
+import typing
+
+from warp._src import annotations, errors, types
+from warp._src.annotations import ArrayType
+from warp._src.frontend import names
+from warp._src.frontend.emitter import Value
+
+_KINDS = {"Int": ("int",), "Float": ("float",), "Scalar": ("int", "float")}
+
+
+class Parameter:
+    """One parameter: native type, or a generic annotation (None accepts everything)."""
+
+    __slots__ = ("annotation", "default", "name", "native")
+
+    def __init__(self, name, annotation, default):
+        self.name = name
+        self.default = default
+        self.native = None
+        self.annotation = annotation
+        if not is_generic(annotation):
+            self.native = types.native_type(annotations.resolve(annotation))
+
+    def accepts(self, emitter, binding) -> bool:
+        if self.native is not None:
+            if type(binding) is Value:
+                return binding.type == self.native
+            return type(binding) is not tuple and emitter.static_type(binding) == self.native
+        return fits_generic(emitter, self.annotation, binding)
+
+    def __str__(self):
+        if self.native is not None:
+            return f"{self.name}: {self.native.python_name}"
+        shown = getattr(self.annotation, "__name__", None) or str(self.annotation)
+        return f"{self.name}: {shown.removeprefix('~')}"
+
+
+def is_generic(annotation) -> bool:
+    """Whether the type is left to the call."""
+    if isinstance(annotation, ArrayType):
+        annotation = annotation.dtype
+    if annotation is typing.Any or isinstance(annotation, typing.TypeVar):
+        return True
+    if typing.get_origin(annotation) is not None or annotation is typing.Callable:
+        return True
+    return type(annotation).__name__ in ("GenericAnnotation", "FunctionAnnotation")
+
+
+def fits_generic(emitter, annotation, binding) -> bool:
+    """Whether a binding is what a generic annotation asks for."""
+    if annotation is typing.Any:
+        return True
+    if typing.get_origin(annotation) is tuple:
+        return type(binding) is tuple and len(binding) == len(typing.get_args(annotation))
+    if typing.get_origin(annotation) is not None or annotation is typing.Callable:
+        return type(binding) is not Value and callable(binding)
+    native = binding.type if type(binding) is Value else emitter.static_type(binding)
+    if native is None:
+        return False
+    if isinstance(annotation, ArrayType):
+        return (
+            native.kind == "array"
+            and native.rank == annotation.ndim
+            and fits_element(annotation.dtype, native.element)
+        )
+    if isinstance(annotation, typing.TypeVar):
+        return fits_element(annotation, native)
+    family = getattr(annotation, "family", None)
+    if family is None:
+        return True
+    kind = {types.Vector: "vec", types.Matrix: "mat", types.Quaternion: "quat"}.get(family)
+    return native.kind == (kind or "transform") and fits_extents(annotation.params, native)
+
+
+def fits_element(dtype, native) -> bool:
+    if dtype is typing.Any:
+        return True
+    if isinstance(dtype, typing.TypeVar):
+        kinds = _KINDS.get(dtype.__name__)
+        return kinds is None or native.kind in kinds
+    if type(dtype).__name__ == "GenericAnnotation":
+        return native.kind in ("vec", "mat", "quat", "transform")
+    return types.native_type(dtype) == native
+
+
+def fits_extents(params, native) -> bool:
+    extents = [param for param in params if isinstance(param, int)]
+    if extents and extents != native.shape:
+        return False
+    for param in params:
+        if not isinstance(param, int) and not fits_element(param, native.element):
+            return False
+    return True
+
+
+def annotations_of(function) -> dict:
+    """Annotations of a function, those written as strings evaluated."""
+    found = function.__annotations__
+    if not any(isinstance(annotation, str) for annotation in found.values()):
+        return found
+    closure = inspect.getclosurevars(function).nonlocals
+    spaces = [closure, function.__globals__]
+    return {name: annotations.evaluate(value, spaces) for name, value in found.items()}
+
+
+class Overload:
+    """One Python function that kernels can call."""
+
+    def __init__(self, function, emitter):
+        from warp._src.frontend.source import source_of
+
+        self.function = function
+        self.source = source_of(function)
+        self.parameters = self.read_parameters(emitter)
+        self.result = self.read_result()
+        self.generic = sum(parameter.native is None for parameter in self.parameters)
+
+    def read_parameters(self, emitter):
+        arguments = self.source.tree.args
+        for extra, stars in ((arguments.vararg, "*"), (arguments.kwarg, "**")):
+            if extra is not None:
+                raise errors.WarpCodegenError(
+                    f"`{stars}{extra.arg}` is not supported in kernel functions",
+                    **self.source.place(extra),
+                )
+        declared = self.read_annotations()
+        parameters = []
+        signature = inspect.signature(self.function)
+        for argument in (*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs):
+            if argument.arg not in declared:
+                raise errors.WarpCodegenKeyError(
+                    f"parameter '{argument.arg}' of '{self.function.__name__}' has no annotation",
+                    hint=f"write `{argument.arg}: float`, or `typing.Any` for any type",
+                    **self.source.place(argument),
+                )
+            default = signature.parameters[argument.arg].default
+            try:
+                parameters.append(Parameter(argument.arg, declared[argument.arg], default))
+            except TypeError as problem:
+                raise errors.WarpCodegenTypeError(
+                    f"parameter '{argument.arg}': {problem}", **self.source.place(argument)
+                ) from None
+        return parameters
+
+    def read_annotations(self):
+        try:
+            return annotations_of(self.function)
+        except (NameError, AttributeError) as problem:
+            raise errors.WarpCodegenKeyError(
+                f"annotation of '{self.function.__name__}': {problem}",
+                **self.source.place(self.source.tree),
+            ) from None
+
+    def read_result(self):
+        """Native types of the declared results; None where left open."""
+        declared = self.read_annotations().get("return", typing.Any)
+        if declared is typing.Any or declared is None or is_generic(declared):
+            if typing.get_origin(declared) is tuple:
+                return [
+                    None if is_generic(part) else types.native_type(annotations.resolve(part))
+                    for part in typing.get_args(declared)
+                ]
+            return None
+        return [types.native_type(annotations.resolve(declared))]
+
+    def bind(self, emitter, arguments, keywords, node):
+        """Bindings in the order of the parameters, or the reason why not."""
+        if len(arguments) > len(self.parameters):
+            return f"takes {len(self.parameters)} arguments, but got {len(arguments)}"
+        keywords = dict(keywords)
+        bound = list(arguments)
+        for position, parameter in enumerate(self.parameters):
+            name = parameter.name
+            if position < len(arguments):
+                if name in keywords:
+                    return f"argument '{name}' is given twice"
+            elif name in keywords:
+                bound.append(keywords.pop(name))
+            elif parameter.default is not inspect.Parameter.empty:
+                bound.append(emitter.default_value(parameter, node))
+            else:
+                return f"argument '{name}' is missing"
+        if keywords:
+            return f"no parameter '{next(iter(keywords))}'"
+        for parameter, binding in zip(self.parameters, bound):
+            if not parameter.accepts(emitter, binding):
+                return f"argument '{parameter.name}' does not take '{emitter.type_name(binding)}'"
+        return bound
+
+    def __str__(self):
+        return f"{self.function.__name__}({', '.join(map(str, self.parameters))})"
+
+
+class Specialization:
+    """A translated function: its symbol and the shape of what it returns."""
+
+    __slots__ = ("shape", "symbol")
+
+    def __init__(self, symbol, shape):
+        self.symbol = symbol
+        self.shape = shape
+
+
+NOTHING = object()
+
+
+def overload_of(function, emitter) -> Overload:
+    """The overload for a Python function, made once."""
+    found = function.__dict__.get("_warp_overload")
+    if found is None:
+        found = function._warp_overload = Overload(function, emitter)
+    return found
+
+
+def is_static(binding) -> bool:
+    """Whether a binding is passed by specialising the callee."""
+    return isinstance(binding, (type, str, names.BuiltinRef)) or hasattr(binding, "overloads")
