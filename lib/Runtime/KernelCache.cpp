@@ -15,6 +15,7 @@
 #include "warp/KernelCache.h"
 
 #include "Support.h"
+#include "warp/Version.h"
 
 #include <atomic>
 #include <cerrno>
@@ -29,8 +30,6 @@
 #include <unistd.h>
 
 using namespace warp;
-
-extern "C" const char *warp_version();
 
 namespace {
 
@@ -178,7 +177,7 @@ static std::string defaultDirectory() {
   std::string base = environment("XDG_CACHE_HOME");
   if (base.empty())
     base = homeFolder() + "/.cache";
-  return base + "/warp-mlir/" + warp_version();
+  return base + "/warp-mlir/" + version();
 }
 
 static bool makeDirectories(const std::string &path) {

@@ -1,0 +1,390 @@
+//===- cuda-runtime-test.cpp - Devices, memory and launches on CUDA -------===//
+//
+// Runs against the driver that WARP_CUDA_DRIVER names, by default a fake one
+// made of host memory. With WARP_CUDA_DRIVER=libcuda.so.1 the same tests run
+// on a GPU, apart from those that look inside the fake.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Runtime/KernelImpl.h"
+#include "warp/Runtime.h"
+
+#include <cstdlib>
+#include <cstring>
+#include <dlfcn.h>
+#include <gtest/gtest.h>
+#include <numeric>
+#include <string>
+#include <thread>
+#include <vector>
+
+using namespace warp;
+
+/// Before any test makes the runtime look for a driver.
+static const int chooseDriver = setenv("WARP_CUDA_DRIVER", WARP_FAKE_CUDA, 0);
+
+namespace {
+
+template <typename Fn> Fn *fakeSymbol(const char *name) {
+  void *library = dlopen(std::getenv("WARP_CUDA_DRIVER"), RTLD_NOW);
+  return library ? reinterpret_cast<Fn *>(dlsym(library, name)) : nullptr;
+}
+
+bool isFake() { return fakeSymbol<size_t()>("fakeCudaBytesInUse") != nullptr; }
+
+std::vector<int> iota(size_t count) {
+  std::vector<int> numbers(count);
+  std::iota(numbers.begin(), numbers.end(), 0);
+  return numbers;
+}
+
+std::vector<char> download(const void *data, int device, size_t bytes) {
+  std::vector<char> host(bytes);
+  copyMemory(host.data(), cpuDevice, data, device, bytes);
+  synchronizeDevice(device);
+  return host;
+}
+
+ArrayDescriptor view(void *data, std::vector<int> shape,
+                     std::vector<int> strides) {
+  ArrayDescriptor array;
+  array.data = data;
+  array.ndim = static_cast<int>(shape.size());
+  std::copy(shape.begin(), shape.end(), array.shape);
+  std::copy(strides.begin(), strides.end(), array.strides);
+  return array;
+}
+
+class Cuda : public testing::Test {
+protected:
+  void SetUp() override {
+    ASSERT_EQ(chooseDriver, 0);
+    if (cudaDeviceCount() == 0)
+      GTEST_SKIP() << cudaUnavailableReason();
+  }
+};
+
+} // namespace
+
+TEST_F(Cuda, DescribesDevices) {
+  const DeviceInfo &info = deviceInfo(0);
+  EXPECT_EQ(info.alias, "cuda:0");
+  EXPECT_FALSE(info.name.empty());
+  EXPECT_GE(info.arch, 70);
+  EXPECT_GT(info.smCount, 0);
+  EXPECT_TRUE(info.isUva);
+  EXPECT_FALSE(info.pciBusId.empty());
+  auto [free, total] = deviceMemory(0);
+  EXPECT_GT(free, 0u);
+  EXPECT_LE(free, total);
+  EXPECT_NE(cudaContext(0), nullptr);
+}
+
+TEST_F(Cuda, CopiesThereAndBack) {
+  for (size_t count : {1, 1000, 1000000}) {
+    std::vector<int> numbers = iota(count);
+    Buffer buffer(0, count * 4), second(0, count * 4);
+    copyMemory(buffer.data(), 0, numbers.data(), cpuDevice, count * 4);
+    copyMemory(second.data(), 0, buffer.data(), 0, count * 4);
+    std::vector<char> back = download(second.data(), 0, count * 4);
+    EXPECT_EQ(std::memcmp(back.data(), numbers.data(), count * 4), 0);
+  }
+}
+
+TEST_F(Cuda, PinnedMemory) {
+  Buffer pinned(cpuDevice, 4000, true), device(0, 4000);
+  EXPECT_TRUE(pinned.pinned());
+  std::vector<int> numbers = iota(1000);
+  std::memcpy(pinned.data(), numbers.data(), 4000);
+  copyMemory(device.data(), 0, pinned.data(), cpuDevice, 4000);
+  std::memset(pinned.data(), 0, 4000);
+  synchronizeDevice(0);
+  copyMemory(pinned.data(), cpuDevice, device.data(), 0, 4000);
+  synchronizeDevice(0);
+}
+
+TEST_F(Cuda, FillsPatternsOfAnySize) {
+  for (size_t size : {1, 2, 3, 4, 6, 8, 12, 16, 36})
+    for (size_t count : {1, 2, 7, 1000}) {
+      std::string pattern(size, 0);
+      std::iota(pattern.begin(), pattern.end(), 3);
+      if (size == 8)
+        pattern = "abcdabcd";
+      Buffer buffer(0, size * count + 8);
+      setMemory(buffer.data(), 0, '#', size * count + 8);
+      fillMemory(buffer.data(), 0, pattern.data(), size, count);
+      std::vector<char> back = download(buffer.data(), 0, size * count + 8);
+      std::string text(back.begin(), back.end());
+      for (size_t i = 0; i < count; ++i)
+        ASSERT_EQ(text.compare(i * size, size, pattern), 0) << size;
+      EXPECT_EQ(text.substr(size * count), "########");
+    }
+}
+
+// Every pairing of packed and strided views, host and device.
+TEST_F(Cuda, CopiesStridedViewsOfAnyMemory) {
+  std::vector<int> source = iota(24);
+  for (int srcDevice : {cpuDevice, 0})
+    for (int dstDevice : {cpuDevice, 0})
+      for (bool srcStrided : {false, true})
+        for (bool dstStrided : {false, true}) {
+          Buffer from(srcDevice, 96), to(dstDevice, 96);
+          copyMemory(from.data(), srcDevice, source.data(), cpuDevice, 96);
+          setMemory(to.data(), dstDevice, 0, 96);
+          std::vector<int> plain{12, 4}, gaps{4, 24};
+          ArrayDescriptor src =
+              view(from.data(), {4, 3}, srcStrided ? gaps : plain);
+          ArrayDescriptor dst =
+              view(to.data(), {4, 3}, dstStrided ? gaps : plain);
+          copyArray({&dst, dstDevice}, {&src, srcDevice}, 4);
+          std::vector<int> result(24);
+          copyMemory(result.data(), cpuDevice, to.data(), dstDevice, 96);
+          synchronizeDevice(0);
+          for (int i = 0; i < 4; ++i)
+            for (int j = 0; j < 3; ++j)
+              EXPECT_EQ(result[dstStrided ? i + 6 * j : 3 * i + j],
+                        srcStrided ? i + 6 * j : 3 * i + j);
+        }
+}
+
+TEST_F(Cuda, FillsStridedViews) {
+  Buffer buffer(0, 80);
+  setMemory(buffer.data(), 0, 0, 80);
+  int value = 5;
+  ArrayDescriptor every = view(buffer.data(), {4, 2}, {20, 8});
+  fillArray({&every, 0}, &value, 4);
+  std::vector<char> back = download(buffer.data(), 0, 80);
+  for (int i = 0; i < 20; ++i) {
+    int found;
+    std::memcpy(&found, back.data() + 4 * i, 4);
+    EXPECT_EQ(found, i % 5 == 0 || i % 5 == 2 ? 5 : 0) << i;
+  }
+}
+
+TEST_F(Cuda, CopiesBetweenDevices) {
+  if (cudaDeviceCount() < 2)
+    GTEST_SKIP() << "one device";
+  std::vector<int> numbers = iota(1000);
+  Buffer first(0, 4000), second(1, 4000);
+  copyMemory(first.data(), 0, numbers.data(), cpuDevice, 4000);
+  copyMemory(second.data(), 1, first.data(), 0, 4000);
+  std::vector<char> back = download(second.data(), 1, 4000);
+  EXPECT_EQ(std::memcmp(back.data(), numbers.data(), 4000), 0);
+}
+
+TEST_F(Cuda, OutOfMemoryNamesRequestAndFree) {
+  try {
+    Buffer buffer(0, size_t(1) << 42);
+    FAIL();
+  } catch (const Error &error) {
+    EXPECT_EQ(error.kind, Error::Kind::Memory);
+    EXPECT_NE(error.message.find(
+                  "out of memory on 'cuda:0', requested 4.0 TiB, free "),
+              std::string::npos)
+        << error.message;
+  }
+  Buffer usable(0, 1000);
+}
+
+// What the pool holds back is given up before a request fails.
+TEST_F(Cuda, TrimsThePool) {
+  if (!isFake())
+    GTEST_SKIP() << "needs a device with known memory";
+  { Buffer most(0, size_t(60) << 20); }
+  Buffer again(0, size_t(61) << 20);
+}
+
+TEST_F(Cuda, FreesWhatItAllocates) {
+  auto *bytesInUse = fakeSymbol<size_t()>("fakeCudaBytesInUse");
+  if (!bytesInUse)
+    GTEST_SKIP() << "needs the fake driver";
+  size_t before = bytesInUse();
+  {
+    Buffer pool(0, 1000), plain(1, 1000);
+    EXPECT_EQ(bytesInUse(), before + 2000);
+  }
+  EXPECT_EQ(bytesInUse(), before);
+}
+
+TEST_F(Cuda, StreamsAndEvents) {
+  Stream stream(0);
+  Event start(0, true), end(0, true);
+  start.record(stream);
+  Buffer buffer(0, 1 << 20);
+  setMemory(buffer.data(), 0, 1, buffer.size(), &stream);
+  end.record(stream);
+  waitEvent(*currentStream(0), end);
+  end.synchronize();
+  stream.synchronize();
+  EXPECT_TRUE(stream.isComplete());
+  EXPECT_TRUE(end.isComplete());
+  EXPECT_GE(elapsedMilliseconds(start, end), 0.0f);
+}
+
+TEST_F(Cuda, CurrentStreamCanBeReplaced) {
+  std::shared_ptr<Stream> before = currentStream(0);
+  auto mine = std::make_shared<Stream>(0);
+  setCurrentStream(0, mine);
+  EXPECT_EQ(currentStream(0), mine);
+  setCurrentStream(0, before);
+  EXPECT_THROW(setCurrentStream(0, nullptr), Error);
+}
+
+TEST_F(Cuda, ManyThreads) {
+  std::vector<std::thread> threads;
+  for (int t = 0; t < 16; ++t)
+    threads.emplace_back([t] {
+      for (int round = 0; round < 50; ++round) {
+        std::vector<int> numbers(256, t);
+        Buffer buffer(0, 1024);
+        copyMemory(buffer.data(), 0, numbers.data(), cpuDevice, 1024);
+        std::vector<int> back(256);
+        copyMemory(back.data(), cpuDevice, buffer.data(), 0, 1024);
+        EXPECT_EQ(back, numbers);
+      }
+    });
+  for (std::thread &thread : threads)
+    thread.join();
+}
+
+TEST_F(Cuda, RejectedCodeIsACompileError) {
+  Kernel::Variant variant;
+  variant.key.device = 0;
+  std::string ptx = "this is no PTX";
+  variant.code.binary.assign(ptx.begin(), ptx.end());
+  variant.code.entry = "nothing";
+  try {
+    loadOnCuda(variant);
+    FAIL();
+  } catch (const Error &error) {
+    EXPECT_EQ(error.kind, Error::Kind::Compile);
+    EXPECT_NE(error.message.find("rejects the code of 'nothing'"),
+              std::string::npos);
+  }
+}
+
+//===----------------------------------------------------------------------===//
+// Launches
+//===----------------------------------------------------------------------===//
+
+/// Adds 1 + x + 1000 y + 1000000 z to element x + dim[2] (y + dim[1] z).
+static const char *const ptx = R"(
+.version 8.0
+.target sm_70
+.address_size 64
+.visible .entry mark(.param .align 8 .b8 p[32])
+{
+  .reg .b32 %r<24>;
+  .reg .b64 %d<6>;
+  .reg .pred %c<4>;
+  mov.u32 %r0, %ctaid.x; mov.u32 %r1, %ntid.x; mov.u32 %r2, %tid.x;
+  mad.lo.s32 %r3, %r0, %r1, %r2;
+  mov.u32 %r0, %ctaid.y; mov.u32 %r1, %ntid.y; mov.u32 %r2, %tid.y;
+  mad.lo.s32 %r4, %r0, %r1, %r2;
+  mov.u32 %r0, %ctaid.z; mov.u32 %r1, %ntid.z; mov.u32 %r2, %tid.z;
+  mad.lo.s32 %r5, %r0, %r1, %r2;
+  ld.param.u32 %r6, [p+8];
+  ld.param.u32 %r7, [p+4];
+  ld.param.u32 %r8, [p];
+  setp.ge.s32 %c0, %r3, %r6; @%c0 ret;
+  setp.ge.s32 %c1, %r4, %r7; @%c1 ret;
+  setp.ge.s32 %c2, %r5, %r8; @%c2 ret;
+  mad.lo.s32 %r9, %r7, %r5, %r4;
+  mad.lo.s32 %r9, %r9, %r6, %r3;
+  mad.lo.s32 %r10, %r4, 1000, %r3;
+  mad.lo.s32 %r10, %r5, 1000000, %r10;
+  add.s32 %r10, %r10, 1;
+  ld.param.u64 %d0, [p+24];
+  cvta.to.global.u64 %d0, %d0;
+  mul.wide.s32 %d1, %r9, 4;
+  add.s64 %d0, %d0, %d1;
+  st.global.u32 [%d0], %r10;
+  ret;
+}
+)";
+
+// One thread per index of a rank-3 launch, whatever its extents.
+TEST_F(Cuda, LaunchCoversTheGrid) {
+  for (auto [z, y, x] : {std::array{1, 1, 1}, std::array{3, 5, 7},
+                         std::array{2, 300, 3}, std::array{70, 2, 33}}) {
+    Kernel::Variant variant;
+    variant.key = {0, 3, true, false, 256, 0};
+    variant.code.binary.assign(ptx, ptx + std::strlen(ptx));
+    variant.code.entry = "mark";
+    loadOnCuda(variant);
+    int count = x * y * z;
+    Buffer buffer(0, count * 4);
+    setMemory(buffer.data(), 0, 0, count * 4);
+    struct {
+      LaunchHeader header;
+      void *data;
+    } params{{{z, y, x, 1}, 0}, buffer.data()};
+    launchOnCuda(variant, "mark", &params, nullptr);
+    std::vector<char> back = download(buffer.data(), 0, count * 4);
+    if (isFake())
+      continue;
+    for (int i = 0; i < count; ++i) {
+      int found;
+      std::memcpy(&found, back.data() + 4 * i, 4);
+      ASSERT_EQ(found, 1 + i % x + 1000 * (i / x % y) + 1000000 * (i / x / y));
+    }
+  }
+}
+
+TEST_F(Cuda, BlocksAreShapedToTheLaunch) {
+  auto *lastLaunch = fakeSymbol<const char *()>("fakeCudaLastLaunch");
+  if (!lastLaunch)
+    GTEST_SKIP() << "needs the fake driver";
+  auto shape = [&](int rank, std::array<int, 4> dim, bool flat = false) {
+    Kernel::Variant variant;
+    variant.key = {0, rank, true, flat, 256, 0};
+    LaunchHeader header;
+    std::copy(dim.begin(), dim.end(), header.dim);
+    launchOnCuda(variant, "shape", &header, nullptr);
+    return std::string(lastLaunch());
+  };
+  EXPECT_EQ(shape(1, {1000, 1, 1, 1}), "(4, 1, 1) x (256, 1, 1)");
+  EXPECT_EQ(shape(2, {64, 1024, 1, 1}), "(32, 8, 1) x (32, 8, 1)");
+  EXPECT_EQ(shape(2, {100000, 3, 1, 1}), "(1, 1563, 1) x (4, 64, 1)");
+  EXPECT_EQ(shape(2, {2, 100000, 1, 1}), "(782, 1, 1) x (128, 2, 1)");
+  EXPECT_EQ(shape(3, {5, 1, 1, 1}), "(1, 1, 1) x (1, 1, 8)");
+  EXPECT_EQ(shape(4, {10, 10, 10, 10}, true), "(40, 1, 1) x (256, 1, 1)");
+}
+
+TEST_F(Cuda, GridAxesHoldTheLaunchOrItIsFlat) {
+  auto fits = [](int rank, std::vector<int> dim) {
+    return fitsGrid(dim.data(), rank, 256);
+  };
+  EXPECT_TRUE(fits(1, {INT32_MAX}));
+  EXPECT_TRUE(fits(2, {500000, 1000}));
+  EXPECT_FALSE(fits(2, {INT32_MAX, 1000}));
+  EXPECT_TRUE(fits(3, {65535, 8, 32}));
+  EXPECT_FALSE(fits(3, {65536, 8, 32}));
+  EXPECT_FALSE(fits(4, {1, 1, 1, 1}));
+}
+
+// A check that failed on the device is raised by the next synchronisation,
+// once.
+TEST_F(Cuda, FailedChecksAreRaisedAtSynchronisation) {
+  if (!isFake())
+    GTEST_SKIP() << "writes the record from the host";
+  std::vector<Site> sites = {{"saxpy", "a.py", "x", 7, 9}};
+  DeviceErrorRecord record(0, sites);
+  auto *written = reinterpret_cast<ErrorRecord *>(record.address());
+  written->index[0] = 12;
+  written->shape[0] = 10;
+  written->rank = 1;
+  written->flag = 1;
+  try {
+    synchronizeDevice(0);
+    FAIL();
+  } catch (const Error &error) {
+    EXPECT_EQ(error.kind, Error::Kind::Launch);
+    EXPECT_EQ(error.message,
+              "kernel 'saxpy': load from array 'x' at index (12,) is out of "
+              "bounds for shape (10,)");
+    EXPECT_EQ(error.file, "a.py");
+    EXPECT_EQ(error.line, 7);
+  }
+  synchronizeDevice(0);
+}
