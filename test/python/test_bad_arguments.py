@@ -101,7 +101,9 @@ def test_missing_and_extra_arguments(device):
         wp.launch(saxpy, 4, [2.0, x], [x, x], device=device)
 
 
-@pytest.mark.parametrize("dim", [-1, (-1,), (4, -2), (2, 2, 2, -9), 2**63, 2**31, (2**31, 2), 2**100])
+@pytest.mark.parametrize(
+    "dim", [-1, (-1,), (4, -2), (2, 2, 2, -9), 2**63, 2**31, (2**31, 2), 2**100]
+)
 def test_negative_and_huge_dimensions(device, dim):
     x = floats(device, 4)
     with pytest.raises((errors.WarpError, ValueError, OverflowError)):

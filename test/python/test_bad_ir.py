@@ -17,11 +17,11 @@ WARP_OPT = ROOT / "build" / "bin" / "warp-opt"
 MALFORMED = {
     "empty function name": "func.func @() { return }",
     "garbage": "\x00\x01 not ir }}}",
-    "unknown operation": "func.func @k() attributes {warp.kernel} { %0 = warp.no_such_op : f32 return }",
+    "unknown operation": "func.func @k() { %0 = warp.no_such_op : f32 return }",
     "unknown type": "func.func @k(%a: !warp.nothing) attributes {warp.kernel} { return }",
     "zero vector": "func.func @k(%a: !warp.vec<0 x f32>) attributes {warp.kernel} { return }",
     "rank five": "func.func @k(%a: !warp.array<5 x f32>) attributes {warp.kernel} { return }",
-    "undefined value": "func.func @k() attributes {warp.kernel} { %0 = warp.sin(%x) : (f32) return }",
+    "undefined value": "func.func @k() { %0 = warp.sin(%x) : (f32) return }",
     "no terminator": "func.func @k() attributes {warp.kernel} { ",
     "wrong dialect type": "func.func @k(%a: !llvm.ptr<) { return }",
     "nested too deep": "(" * 100000,

@@ -190,7 +190,9 @@ def test_augmented_assignment_of_elements(device):
     np.testing.assert_array_equal(v.numpy(), np.outer(count, [1.0, 0.5, -1.0]))
 
 
-@pytest.mark.parametrize("dim", [13, (13,), (3, 5), (2, 3, 5), (2, 3, 4, 5), (1, 70000), (70000, 1)])
+@pytest.mark.parametrize(
+    "dim", [13, (13,), (3, 5), (2, 3, 5), (2, 3, 4, 5), (1, 70000), (70000, 1)]
+)
 def test_every_launch_rank_numbers_its_threads(device, dim):
     shape = (dim,) if isinstance(dim, int) else dim
 

@@ -256,7 +256,8 @@ def test_tuples_unpack_and_swap(device):
         a, b, c = 1, 2, i
         out[i] = q * 1000 + r * 10 + a + b + c
 
-    assert evaluate(kernel, device).tolist() == [i % 5 * 1000 + i // 5 * 10 + 3 + i for i in range(N)]
+    expected = [i % 5 * 1000 + i // 5 * 10 + 3 + i for i in range(N)]
+    assert evaluate(kernel, device).tolist() == expected
 
 
 def test_functions_with_defaults_keywords_and_calls_among_each_other(device):
@@ -293,6 +294,18 @@ def test_function_overloads_choose_by_type(device):
         out[i] = kind(i) * 10 + kind(float(i))
 
     assert set(evaluate(kernel, device).tolist()) == {12}
+
+
+def test_names_that_other_languages_reserve(device):
+    @wp.kernel
+    def register(unsigned: int, template: wp.array(dtype=int)):
+        volatile = wp.tid()
+        union = unsigned + volatile
+        template[volatile] = union
+
+    out = wp.zeros(3, dtype=int, device=device)
+    wp.launch(register, 3, [5, out], device=device)
+    assert out.numpy().tolist() == [5, 6, 7]
 
 
 @pytest.mark.parametrize("count", [0, 1, 16, 17, 100])

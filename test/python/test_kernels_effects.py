@@ -7,7 +7,9 @@ import pytest
 import warp as wp
 
 
-@pytest.mark.parametrize("dtype", [wp.int32, wp.uint32, wp.int64, wp.uint64, wp.float32, wp.float64])
+@pytest.mark.parametrize(
+    "dtype", [wp.int32, wp.uint32, wp.int64, wp.uint64, wp.float32, wp.float64]
+)
 def test_contended_atomics(device, dtype):
     @wp.kernel
     def kernel(

@@ -48,7 +48,9 @@ def test_integrate(device, n):
 
 def test_launch_by_keywords_and_by_position(device):
     @wp.kernel
-    def simple_kernel(a: wp.array(dtype=wp.vec3), b: wp.array(dtype=wp.vec3), c: wp.array(dtype=float)):
+    def simple_kernel(
+        a: wp.array(dtype=wp.vec3), b: wp.array(dtype=wp.vec3), c: wp.array(dtype=float)
+    ):
         tid = wp.tid()
         c[tid] = wp.dot(a[tid], b[tid])
 
