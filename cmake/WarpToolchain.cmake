@@ -18,4 +18,4 @@ endif()
 # lld does not care about the order of archives, drops dead sections fast, and
 # records a shared library as needed only if live code refers to it.
 add_link_options(-fuse-ld=lld -Wl,--gc-sections -Wl,--as-needed
-  -Wl,-z,defs -Wl,--build-id=sha1)
+  -Wl,--build-id=sha1)
