@@ -231,9 +231,10 @@ static void convertSignature(FunctionOpInterface function) {
   bool hasArgAttrs = llvm::any_of(
       argAttrs, [](DictionaryAttr attrs) { return attrs && !attrs.empty(); });
   function.removeArgAttrsAttr();
-  function.setFunctionTypeAttr(TypeAttr::get(
-      FunctionType::get(type.getContext(), flattenToThreadTypes(type.getInputs()),
-                        flattenToThreadTypes(type.getResults()))));
+  auto flattened = FunctionType::get(type.getContext(),
+                                     flattenToThreadTypes(type.getInputs()),
+                                     flattenToThreadTypes(type.getResults()));
+  function.setFunctionTypeAttr(TypeAttr::get(flattened));
   if (hasArgAttrs)
     function.setAllArgAttrs(argAttrs);
 }

@@ -1,4 +1,4 @@
-//===- LowerCompositesPass.cpp - The pass, and the check of its result ----===//
+//===- LowerCompositesPass.cpp - The pass ---------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -19,7 +19,6 @@
 
 namespace warp {
 #define GEN_PASS_DEF_LOWERCOMPOSITES
-#define GEN_PASS_DEF_VERIFYTHREAD
 #include "WarpDialect/Passes.h.inc"
 } // namespace warp
 
@@ -38,59 +37,6 @@ struct LowerComposites : warp::impl::LowerCompositesBase<LowerComposites> {
       if (failed(warp::lowerComposites(function)))
         return signalPassFailure();
     }
-  }
-};
-
-/// Operations of the dialect that thread IR is made of.
-constexpr llvm::StringLiteral threadOps[] = {
-    "warp.load_components", "warp.store_components", "warp.atomic_components",
-    "warp.atomic_cas",      "warp.view",             "warp.slice",
-    "warp.component_view",  "warp.dim",              "warp.tid",
-    "warp.printf",          "warp.assert"};
-
-struct VerifyThread : warp::impl::VerifyThreadBase<VerifyThread> {
-  void runOnOperation() override {
-    auto kernels = llvm::count_if(
-        getOperation().getOps<func::FuncOp>(), [](func::FuncOp function) {
-          return function->hasAttr(warp::kernelAttrName);
-        });
-    if (kernels != 1) {
-      getOperation().emitError("thread IR has one kernel function, but got ")
-          << kernels;
-      return signalPassFailure();
-    }
-    WalkResult result = getOperation().walk([](Operation *op) {
-      return failed(check(op)) ? WalkResult::interrupt()
-                               : WalkResult::advance();
-    });
-    if (result.wasInterrupted())
-      signalPassFailure();
-  }
-
-  static LogicalResult check(Operation *op) {
-    if (op->getName().getDialectNamespace() == "warp" &&
-        !llvm::is_contained(threadOps, op->getName().getStringRef()))
-      return op->emitOpError("is not an operation of thread IR");
-    for (Type type : op->getOperandTypes())
-      if (!isThreadType(type))
-        return op->emitOpError("has an operand of type '")
-               << type << "', which thread IR does not have";
-    for (Type type : op->getResultTypes())
-      if (!isThreadType(type))
-        return op->emitOpError("has a result of type '")
-               << type << "', which thread IR does not have";
-    for (Region &region : op->getRegions())
-      for (Block &block : region)
-        for (Type type : block.getArgumentTypes())
-          if (!isThreadType(type))
-            return op->emitOpError("has a block argument of type '")
-                   << type << "', which thread IR does not have";
-    return success();
-  }
-
-  static bool isThreadType(Type type) {
-    return isa<FloatType, IndexType, warp::ArrayType>(type) ||
-           type.isSignlessInteger();
   }
 };
 

@@ -12,7 +12,9 @@
 #include "WarpDialect/WarpTypes.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
+#include "mlir/Dialect/LLVMIR/LLVMDialect.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
+#include "llvm/Support/FormatVariadic.h"
 
 using namespace mlir;
 
@@ -38,11 +40,14 @@ static Scalar floatToFloat(Scalar x, Type to) {
 /// The intrinsics saturate and send NaN to zero by definition.
 static Scalar floatToInteger(Scalar x, Type to) {
   Emitter &e = *x.emitter;
-  OperationState state(e.loc, to.isUnsignedInteger() ? "llvm.intr.fptoui.sat"
-                                                     : "llvm.intr.fptosi.sat");
-  state.addOperands(x.value);
-  state.addTypes(getSignless(to));
-  return {&e, e.builder.create(state)->getResult(0), to};
+  std::string name =
+      llvm::formatv("llvm.fpto{0}.sat.i{1}.f{2}",
+                    to.isUnsignedInteger() ? "ui" : "si",
+                    to.getIntOrFloatBitWidth(), x.getWidth());
+  auto call = LLVM::CallIntrinsicOp::create(e.builder, e.loc, getSignless(to),
+                                            e.builder.getStringAttr(name),
+                                            ValueRange(x.value));
+  return {&e, call.getResults(), to};
 }
 
 static Scalar integerToInteger(Scalar x, Type to) {

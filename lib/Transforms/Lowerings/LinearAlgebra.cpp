@@ -88,7 +88,8 @@ Scalar length(ArrayRef<Scalar> v) {
 Scalars normalize(ArrayRef<Scalar> v, ArrayRef<Scalar> otherwise) {
   return withSquares(v, [&](const Squares &squares) {
     Scalar inverse = 1.0 / sqrt(squares.sum);
-    Scalars unit = forEach(squares.vector, [&](Scalar x) { return x * inverse; });
+    Scalars unit =
+        forEach(squares.vector, [&](Scalar x) { return x * inverse; });
     if (!squares.unscale)
       return unit;
     Scalar isZero = squares.sum == 0;

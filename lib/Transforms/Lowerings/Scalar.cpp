@@ -25,7 +25,9 @@ static Scalar wrap(Scalar like, Value value) {
   return {like.emitter, value, like.type};
 }
 
-static Type boolType(Scalar x) { return IntegerType::get(x.type.getContext(), 1); }
+static Type boolType(Scalar x) {
+  return IntegerType::get(x.type.getContext(), 1);
+}
 
 template <typename FloatOp, typename IntOp>
 static Scalar arithmetic(Scalar a, Scalar b) {

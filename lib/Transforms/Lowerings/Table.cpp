@@ -17,7 +17,8 @@ using namespace mlir;
 
 namespace warp::lowering {
 
-template <typename OpTy> static Value createOp(Emitter &emitter, ValueRange in) {
+template <typename OpTy>
+static Value createOp(Emitter &emitter, ValueRange in) {
   if constexpr (std::is_void_v<OpTy>) {
     llvm_unreachable("the overloads of the builtin exclude this type");
   } else {
