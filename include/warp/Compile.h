@@ -28,7 +28,8 @@ namespace warp {
 
 /// One variant of a kernel.
 struct CompileOptions {
-  /// "cpu", or the GPU architecture, "sm_90".
+  /// "cpu", or the GPU architecture, "sm_90". "cpu:NAME" is a processor other
+  /// than the host, for text only.
   std::string target = "cpu";
   /// Dimensions of the launch, 1 to 4.
   int rank = 1;
@@ -49,7 +50,9 @@ struct CompileOptions {
   int maxRegisters = 0;
 };
 
-/// A place in the user's source that an error record can name.
+/// A place in the user's source that an error record can name. `array` is the
+/// array of an access out of bounds (record kind 0), or the message of a failed
+/// assertion (kind 1).
 struct Site {
   std::string kernel, file, array;
   int line = 0, column = 0;
@@ -103,12 +106,14 @@ struct Param {
 
 WARP_API std::vector<Param> parameters(const Module &module);
 
-/// Loads CPU objects into the process. What was loaded stays.
+/// Loads CPU objects into the process.
 class WARP_API Jit {
 public:
   static Jit &get();
   /// Address of the entry.
   void *load(const Code &code);
+  /// Frees what `load` returned `entry` for. Nothing of it may be running.
+  void unload(void *entry);
 
 private:
   Jit();

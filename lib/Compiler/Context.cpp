@@ -2,9 +2,10 @@
 
 #include "Context.h"
 
+#include "Pipelines.h"
+
 #include "WarpDialect/WarpDialect.h"
 
-#include "mlir/Dialect/Func/Extensions/InlinerExtension.h"
 #include "mlir/Dialect/Func/IR/FuncOps.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
 
@@ -14,11 +15,11 @@ MLIRContext &warp::compilerContext() {
   // Never destroyed: handles in other static objects may outlive `main`.
   static MLIRContext *context = [] {
     DialectRegistry registry;
-    registry.insert<warp::WarpDialect, func::FuncDialect, scf::SCFDialect>();
-    func::registerInlinerExtension(registry);
+    warp::registerCompilerDialects(registry);
     auto *created =
         new MLIRContext(registry, MLIRContext::Threading::DISABLED);
-    created->loadAllAvailableDialects();
+    created->loadDialect<warp::WarpDialect, func::FuncDialect,
+                         scf::SCFDialect>();
     return created;
   }();
   return *context;

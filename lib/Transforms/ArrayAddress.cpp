@@ -101,6 +101,10 @@ mlir::Value ArrayLowering::wideIndex(mlir::Value index, int depth) {
   if (matchPattern(index, m_ConstantInt(&number)))
     return constant(i64, number.getSExtValue());
   Operation *op = index.getDefiningOp();
+  if (auto trunc = dyn_cast_or_null<arith::TruncIOp>(op))
+    if (trunc.getIn().getType() == i64 &&
+        bitEnumContainsAll(trunc.getOverflowFlags(), noSignedWrap))
+      return trunc.getIn();
   if (!op || depth == 0 || debug || index.getType() != i32)
     return widen(index, i64);
   auto redo = [&](auto kind) -> mlir::Value {

@@ -40,7 +40,7 @@ inline int64_t getFact(mlir::Operation *func, llvm::StringRef name,
 /// Whether the launch is for a GPU.
 inline bool isGpu(mlir::Operation *func) {
   auto target = func->getAttrOfType<mlir::StringAttr>(attr::target);
-  return target && target.getValue() != "cpu";
+  return target && target.getValue().starts_with("sm_");
 }
 
 /// Passes of the module-level phases agree on the function they work on.

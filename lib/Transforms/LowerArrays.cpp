@@ -14,7 +14,7 @@
 
 #include "ArrayLowering.h"
 #include "KernelFunction.h"
-#include "ParameterLayout.h"
+#include "WarpDialect/ParameterLayout.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"

@@ -24,6 +24,7 @@
 #include "Lowerings/Lowerings.h"
 #include "WarpDialect/WarpTypes.h"
 
+#include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Interfaces/FunctionInterfaces.h"
 
 using namespace mlir;
@@ -151,6 +152,19 @@ LogicalResult CompositeLowering::lowerControlFlow(Operation *op) {
   return success();
 }
 
+/// What canonicalisation makes of an `scf.if` that only chooses.
+LogicalResult CompositeLowering::lowerSelect(arith::SelectOp op) {
+  Value condition = lookupOne(op.getCondition());
+  SmallVector<Value> yes = lookup(ValueRange(op.getTrueValue()));
+  SmallVector<Value> no = lookup(ValueRange(op.getFalseValue()));
+  SmallVector<Value> chosen;
+  for (auto [a, b] : llvm::zip_equal(yes, no))
+    chosen.push_back(arith::SelectOp::create(emitter.builder, op.getLoc(),
+                                             condition, a, b));
+  replace(op, ValueRange(chosen));
+  return success();
+}
+
 LogicalResult CompositeLowering::lower(Block &block) {
   for (Operation &op : llvm::make_early_inc_range(block))
     if (failed(lower(&op)))
@@ -163,6 +177,8 @@ LogicalResult CompositeLowering::lower(Operation *op) {
   StringRef dialect = op->getName().getDialectNamespace();
   if (dialect == "scf" || dialect == "func")
     return lowerControlFlow(op);
+  if (auto select = dyn_cast<arith::SelectOp>(op))
+    return lowerSelect(select);
   if (dialect != "warp") {
     op->setOperands(lookup(op->getOperands()));
     return success();

@@ -13,6 +13,9 @@
 
 namespace mlir {
 class FunctionOpInterface;
+namespace arith {
+class SelectOp;
+} // namespace arith
 } // namespace mlir
 
 namespace warp {
@@ -38,6 +41,7 @@ public:
 private:
   llvm::LogicalResult lower(mlir::Operation *op);
   llvm::LogicalResult lowerControlFlow(mlir::Operation *op);
+  llvm::LogicalResult lowerSelect(mlir::arith::SelectOp op);
   llvm::LogicalResult lowerBuiltin(mlir::Operation *op);
   /// Both return nothing if the operation is none of theirs.
   std::optional<llvm::LogicalResult> lowerValueOp(mlir::Operation *op);

@@ -17,7 +17,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "KernelFunction.h"
-#include "ParameterLayout.h"
+#include "WarpDialect/ParameterLayout.h"
 
 #include "WarpDialect/WarpOps.h"
 
@@ -247,9 +247,12 @@ Block *Launch::buildInnerLoop(Block *before, Value begin, Value end,
       ValueRange(next), after, ValueRange());
   auto group = LLVM::AccessGroupAttr::get(context,
       DistinctAttr::create(b.getUnitAttr()));
+  // What is left after vectorising is short; unrolling it costs compile time.
+  auto unroll = LLVM::LoopUnrollAttr::get(context, b.getBoolAttr(true), {}, {},
+                                          {}, {}, {}, {});
   latch.setLoopAnnotationAttr(LLVM::LoopAnnotationAttr::get(
-      context, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}, b.getBoolAttr(true), {},
-      {}, {}, {group}));
+      context, {}, {}, {}, unroll, {}, {}, {}, {}, {}, {}, b.getBoolAttr(true),
+      {}, {}, {}, {group}));
   return loop;
 }
 

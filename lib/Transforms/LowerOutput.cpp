@@ -167,7 +167,8 @@ void ArrayLowering::report(Location at, ReportKind kind, StringRef what,
                            ValueRange indices, ValueRange shape) {
   SmallVector<mlir::Value> args{errorRecord,
                                 constant(i32, siteNumber(at, what)),
-                                constant(i32, static_cast<int64_t>(kind))};
+                                constant(i32, static_cast<int64_t>(kind) |
+                                                  indices.size() << 8)};
   for (size_t d = 0; d < 4; ++d)
     args.push_back(d < indices.size() ? widen(indices[d], i64)
                                       : constant(i64, 0));
@@ -177,6 +178,7 @@ void ArrayLowering::report(Location at, ReportKind kind, StringRef what,
 }
 
 /// void warp_report(i64 record, i32 site, i32 kind, 4 indices, 4 extents)
+/// The second byte of `kind` is the number of indices.
 LLVM::LLVMFuncOp ArrayLowering::getReportFunction() {
   StringRef name = "warp_report";
   if (auto found = module.lookupSymbol<LLVM::LLVMFuncOp>(name))

@@ -1,6 +1,6 @@
 //===- ParameterLayout.cpp - Where kernel arguments lie -------------------===//
 
-#include "ParameterLayout.h"
+#include "WarpDialect/ParameterLayout.h"
 
 #include "WarpDialect/WarpTypes.h"
 

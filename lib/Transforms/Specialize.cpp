@@ -44,7 +44,7 @@ struct Specialize : warp::impl::SpecializeBase<Specialize> {
     StringRef name = target.getValue();
     StringRef arch = name;
     unsigned number;
-    if (name == "cpu" ||
+    if (name == "cpu" || name.starts_with("cpu:") ||
         (arch.consume_front("sm_") && !arch.consumeInteger(10, number)))
       return success();
     return kernel.emitError("expects the target 'cpu' or 'sm_<number>', but "

@@ -68,9 +68,11 @@ struct VerifyWarp : warp::impl::VerifyWarpBase<VerifyWarp> {
       return signalPassFailure();
     }
     if (failed(checkOperations(getOperation(), "warp", [](Operation *op) {
+          // Canonicalised control flow leaves a select, or logic on a condition.
           return isa<warp::WarpDialect, scf::SCFDialect, func::FuncDialect>(
                      op->getDialect()) ||
-                 isa<arith::ConstantOp>(op);
+                 isa<arith::ConstantOp, arith::SelectOp, arith::XOrIOp,
+                     arith::AndIOp, arith::OrIOp>(op);
         })))
       signalPassFailure();
   }
@@ -85,6 +87,9 @@ struct VerifyThread : warp::impl::VerifyThreadBase<VerifyThread> {
       Dialect *dialect = op->getDialect();
       if (isa_and_nonnull<warp::WarpDialect>(dialect))
         return isThreadOp(op);
+      // Conversions that saturate have no form in arith.
+      if (isa<LLVM::CallIntrinsicOp>(op))
+        return true;
       return isa_and_nonnull<arith::ArithDialect, math::MathDialect,
                              scf::SCFDialect, func::FuncDialect>(dialect);
     };

@@ -2,26 +2,82 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
+// Two ways to use it:
+//
+//   warp-opt in.mlir --warp-lower-arrays ...            any passes
+//   warp-opt in.mlir --warp-pipeline="to-llvm rank=2"   phases of the compiler
+//   warp-opt in.mlir --warp-emit=ptx --warp-options=target=sm_90,rank=2
+//                                                       what the library emits
+//
 //===----------------------------------------------------------------------===//
 
-#include "WarpDialect/WarpDialect.h"
+#include "EmitMain.h"
 
-#include "mlir/Dialect/Arith/IR/Arith.h"
-#include "mlir/Dialect/ControlFlow/IR/ControlFlow.h"
-#include "mlir/Dialect/Func/Extensions/InlinerExtension.h"
-#include "mlir/Dialect/Func/IR/FuncOps.h"
-#include "mlir/Dialect/Math/IR/Math.h"
-#include "mlir/Dialect/SCF/IR/SCF.h"
+#include "Pipelines.h"
+#include "WarpDialect/Passes.h"
+
+#include "mlir/Pass/PassManager.h"
+#include "mlir/Pass/PassOptions.h"
+#include "mlir/Pass/PassRegistry.h"
 #include "mlir/Tools/mlir-opt/MlirOptMain.h"
 #include "mlir/Transforms/Passes.h"
 
+using namespace mlir;
+
+namespace {
+
+struct PipelineOptions : PassPipelineOptions<PipelineOptions> {
+  Option<bool> toWarp{*this, "to-warp", llvm::cl::desc("Stop at warp IR")};
+  Option<bool> toThread{*this, "to-thread",
+                        llvm::cl::desc("Stop at thread IR")};
+  Option<bool> toLLVM{*this, "to-llvm",
+                      llvm::cl::desc("Stop at the LLVM dialect")};
+  Option<std::string> target{*this, "target", llvm::cl::init("cpu"),
+                             llvm::cl::desc("cpu or sm_<number>")};
+  Option<int> rank{*this, "rank", llvm::cl::init(1),
+                   llvm::cl::desc("Dimensions of the launch")};
+  Option<uint64_t> contiguous{*this, "contiguous", llvm::cl::init(0),
+                              llvm::cl::desc("Bit i: argument i is packed")};
+  Option<bool> index32{*this, "index32", llvm::cl::init(true),
+                       llvm::cl::desc("32 bits index everything")};
+  Option<bool> flat{*this, "flat", llvm::cl::init(false),
+                    llvm::cl::desc("GPU: one linear grid axis")};
+  Option<bool> debug{*this, "debug", llvm::cl::init(false),
+                     llvm::cl::desc("Check bounds and assertions")};
+  Option<bool> fastMath{*this, "fast-math", llvm::cl::init(false),
+                        llvm::cl::desc("Approximate")};
+  Option<int> blockDim{*this, "block-dim", llvm::cl::init(256),
+                       llvm::cl::desc("Threads of a GPU block")};
+};
+
+} // namespace
+
+static void addPipeline(OpPassManager &pm, const PipelineOptions &given) {
+  warp::CompileOptions options;
+  options.target = given.target;
+  options.rank = given.rank;
+  options.contiguous = given.contiguous;
+  options.index32 = given.index32;
+  options.flat = given.flat;
+  options.debug = given.debug;
+  options.fastMath = given.fastMath;
+  options.blockDim = given.blockDim;
+  warp::Phase last = given.toWarp     ? warp::Phase::Warp
+                     : given.toThread ? warp::Phase::Thread
+                                      : warp::Phase::LLVM;
+  warp::addPipeline(pm, last, options);
+}
+
 int main(int argc, char **argv) {
-  mlir::registerTransformsPasses();
-  mlir::DialectRegistry registry;
-  registry.insert<warp::WarpDialect, mlir::arith::ArithDialect,
-                  mlir::cf::ControlFlowDialect, mlir::func::FuncDialect,
-                  mlir::math::MathDialect, mlir::scf::SCFDialect>();
-  mlir::func::registerInlinerExtension(registry);
-  return mlir::asMainReturnCode(
-      mlir::MlirOptMain(argc, argv, "warp pass driver\n", registry));
+  if (std::optional<int> status = emitMain(argc, argv))
+    return *status;
+  registerTransformsPasses();
+  warp::registerWarpPasses();
+  PassPipelineRegistration<PipelineOptions> pipeline(
+      "warp-pipeline", "The compiler up to a phase: to-warp, to-thread, to-llvm",
+      addPipeline);
+  DialectRegistry registry;
+  warp::registerCompilerDialects(registry);
+  return asMainReturnCode(
+      MlirOptMain(argc, argv, "warp pass driver\n", registry));
 }

@@ -6,8 +6,8 @@
 //
 //===----------------------------------------------------------------------===//
 
-#ifndef WARP_LIB_TRANSFORMS_PARAMETERLAYOUT_H
-#define WARP_LIB_TRANSFORMS_PARAMETERLAYOUT_H
+#ifndef WARPDIALECT_PARAMETERLAYOUT_H
+#define WARPDIALECT_PARAMETERLAYOUT_H
 
 #include "mlir/IR/BuiltinTypes.h"
 
@@ -39,4 +39,4 @@ ParameterLayout layOutParameters(mlir::TypeRange arguments);
 
 } // namespace warp
 
-#endif // WARP_LIB_TRANSFORMS_PARAMETERLAYOUT_H
+#endif // WARPDIALECT_PARAMETERLAYOUT_H

@@ -1,0 +1,64 @@
+//===- Compilation.h - One run of the compiler ------------------*- C++ -*-===//
+
+#ifndef WARP_LIB_COMPILER_COMPILATION_H
+#define WARP_LIB_COMPILER_COMPILATION_H
+
+#include "Context.h"
+#include "Pipelines.h"
+#include "Target.h"
+
+#include "llvm/ADT/SmallVector.h"
+
+#include <optional>
+
+namespace llvm {
+class LLVMContext;
+class Module;
+} // namespace llvm
+
+namespace warp {
+
+/// The steps from a module to bytes, in the order in which they are called.
+/// Throws `Error`; whatever has been made is freed with the object.
+class Compilation {
+public:
+  Compilation(const Module &source, const CompileOptions &options);
+  ~Compilation();
+
+  void lowerTo(Phase last);
+  void translate();
+  void optimizeModule();
+  llvm::SmallVector<char, 0> emitCode(bool asText);
+
+  std::string moduleText();
+  std::string llvmText();
+
+  std::string entry;
+  std::vector<Site> sites;
+  double cost = 0;
+  bool usesPrintf = false;
+  std::map<std::string, double> phaseMs;
+
+  /// Stage texts go to the folder that WARP_DUMP names.
+  void dump(llvm::StringRef extension);
+  std::string fileStem();
+
+private:
+  void time(const std::string &phase, double since);
+  void collectFacts(mlir::ModuleOp module);
+
+  CompileOptions options;
+  std::shared_ptr<Module::Impl> source;
+  mlir::OwningOpRef<mlir::ModuleOp> op;
+  // The module must go before its context.
+  std::unique_ptr<llvm::LLVMContext> llvmContext;
+  std::unique_ptr<llvm::Module> llvmModule;
+  std::optional<MachineLease> machine;
+};
+
+/// Rough operations of one thread of thread IR; loops count 32 times.
+double estimateCost(mlir::ModuleOp module);
+
+} // namespace warp
+
+#endif // WARP_LIB_COMPILER_COMPILATION_H

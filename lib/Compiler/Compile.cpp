@@ -1,0 +1,262 @@
+//===- Compile.cpp - From a module to code that runs ----------------------===//
+//
+// One compilation is one `Compilation` object: it clones the module, runs the
+// phases of Pipelines.cpp under the context's lock, translates, and leaves the
+// lock for LLVM's part, which has a context of its own. Every step is timed
+// under the name that `Code::phaseMs` shows, and dumped if WARP_DUMP names a
+// folder.
+//
+// A pass that fails is named in the error, with a file that holds the IR it
+// was given, so that a report of the failure is complete.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Compilation.h"
+
+#include "Context.h"
+#include "Pipelines.h"
+
+#include "WarpDialect/Passes.h"
+
+#include "mlir/Dialect/LLVMIR/LLVMDialect.h"
+#include "mlir/Pass/PassInstrumentation.h"
+#include "mlir/Pass/PassManager.h"
+#include "mlir/Target/LLVMIR/Export.h"
+
+#include "llvm/IR/LLVMContext.h"
+#include "llvm/IR/Module.h"
+#include "llvm/Support/FileSystem.h"
+#include "llvm/Support/raw_ostream.h"
+#include "llvm/Target/TargetMachine.h"
+
+#include <chrono>
+
+using namespace mlir;
+using namespace warp;
+
+//===----------------------------------------------------------------------===//
+// Passes, and what failed in them
+//===----------------------------------------------------------------------===//
+
+namespace {
+
+/// Remembers which pass failed; or, asked for one, the IR before it.
+struct FailureRecorder : PassInstrumentation {
+  void runBeforePass(Pass *pass, Operation *op) override {
+    if (wanted.empty() || pass->getArgument() != wanted || !before.empty())
+      return;
+    llvm::raw_string_ostream stream(before);
+    op->print(stream, OpPrintingFlags().enableDebugInfo());
+  }
+  void runAfterPassFailed(Pass *pass, Operation *) override {
+    if (failed.empty())
+      failed = pass->getArgument().str();
+  }
+
+  std::string wanted, before, failed;
+};
+
+/// The pass managers of a process; building patterns once saves milliseconds.
+struct Phases {
+  Phases() {
+    auto create = [&](Phase phase) {
+      auto pm = std::make_unique<PassManager>(&compilerContext());
+      auto owned = std::make_unique<FailureRecorder>();
+      recorders.push_back(owned.get());
+      pm->addInstrumentation(std::move(owned));
+      pm->enableVerifier(false);
+      addPhase(*pm, phase);
+      managers.push_back(std::move(pm));
+    };
+    create(Phase::Warp);
+    create(Phase::Thread);
+    create(Phase::LLVM);
+  }
+
+  static Phases &get() {
+    static auto *phases = new Phases;
+    return *phases;
+  }
+
+  std::vector<std::unique_ptr<PassManager>> managers;
+  std::vector<FailureRecorder *> recorders;
+};
+
+double now() {
+  using namespace std::chrono;
+  return duration<double, std::milli>(steady_clock::now().time_since_epoch())
+      .count();
+}
+
+} // namespace
+
+/// Writes text to a new temporary file and returns its name.
+static std::string saveText(StringRef text) {
+  int descriptor;
+  SmallString<128> path;
+  if (llvm::sys::fs::createTemporaryFile("warp", "mlir", descriptor, path))
+    return "";
+  llvm::raw_fd_ostream(descriptor, /*shouldClose=*/true) << text;
+  return path.str().str();
+}
+
+Compilation::Compilation(const Module &source, const CompileOptions &options)
+    : options(options), source(source.getImpl()) {
+  if (!this->source || !this->source->op)
+    throw Error(Error::Kind::Compile, "the module is empty");
+}
+
+Compilation::~Compilation() {
+  ContextLock lock;
+  op = nullptr;
+}
+
+void Compilation::time(const std::string &phase, double since) {
+  phaseMs[phase] += now() - since;
+}
+
+/// Runs one phase; on failure throws with all that is known.
+static void runPhase(ModuleOp module, Phase phase,
+                     const CompileOptions &options) {
+  Diagnostics diagnostics;
+  auto index = static_cast<size_t>(phase);
+  FailureRecorder &recorder = *Phases::get().recorders[index];
+  recorder.failed.clear();
+  recorder.wanted.clear();
+  OwningOpRef<ModuleOp> before = module.clone();
+  if (phase == Phase::Thread) {
+    PassManager specialize(module.getContext());
+    specialize.enableVerifier(false);
+    addSpecialize(specialize, options);
+    if (failed(specialize.run(module)))
+      throw diagnostics.toError(Error::Kind::Compile,
+                                "the kernel cannot be specialised");
+    before = module.clone();
+  }
+  if (succeeded(Phases::get().managers[index]->run(module)))
+    return;
+  Error error = diagnostics.toError(Error::Kind::Compile,
+                                    "a pass of the compiler failed");
+  std::string pass = recorder.failed;
+  recorder.wanted = pass;
+  recorder.before.clear();
+  Diagnostics ignored;
+  (void)Phases::get().managers[index]->run(*before);
+  std::string path = saveText(recorder.before);
+  error.message += "\n  note: in pass '" + pass + "'";
+  if (!path.empty())
+    error.message += "; the IR before it is in '" + path + "'";
+  throw error;
+}
+
+void Compilation::lowerTo(Phase last) {
+  ContextLock lock;
+  double start = now();
+  if (!op) {
+    op = source->op->clone();
+    runPhase(*op, Phase::Warp, options);
+    time("canonicalise", start);
+    dump("warp.mlir");
+    if (last == Phase::Warp)
+      return;
+    start = now();
+    runPhase(*op, Phase::Thread, options);
+    cost = estimateCost(*op);
+    dump("thread.mlir");
+  }
+  if (last == Phase::LLVM)
+    runPhase(*op, Phase::LLVM, options);
+  time("lower", start);
+}
+
+void Compilation::translate() {
+  ContextLock lock;
+  double start = now();
+  collectFacts(*op);
+  Diagnostics diagnostics;
+  llvmContext = std::make_unique<llvm::LLVMContext>();
+  llvmModule = translateModuleToLLVMIR(*op, *llvmContext, entry);
+  if (!llvmModule)
+    throw diagnostics.toError(Error::Kind::Compile,
+                              "cannot translate the kernel to LLVM IR");
+  time("translate", start);
+}
+
+/// What the LLVM dialect's module says about the code.
+void Compilation::collectFacts(ModuleOp module) {
+  for (auto function : module.getOps<LLVM::LLVMFuncOp>()) {
+    usesPrintf |= function.getName() == "warp_printf" ||
+                  function.getName() == "vprintf";
+    if (!function->hasAttr(attr::entry))
+      continue;
+    entry = function.getName().str();
+    auto table = function->getAttrOfType<ArrayAttr>(attr::sites);
+    if (!table)
+      continue;
+    for (auto site : table.getAsRange<ArrayAttr>())
+      sites.push_back({entry, cast<StringAttr>(site[0]).str(),
+                       cast<StringAttr>(site[3]).str(),
+                       int(cast<IntegerAttr>(site[1]).getInt()),
+                       int(cast<IntegerAttr>(site[2]).getInt())});
+  }
+}
+
+void Compilation::optimizeModule() {
+  double start = now();
+  machine.emplace(MachineLease::get(options));
+  if (isGpu(options))
+    prepareGpuModule(*llvmModule, **machine, options);
+  else
+    prepareCpuModule(*llvmModule, **machine, options);
+  time("libraries", start);
+  start = now();
+  optimize(*llvmModule, **machine, options);
+  time("optimise", start);
+  dump("ll");
+}
+
+SmallVector<char, 0> Compilation::emitCode(bool asText) {
+  double start = now();
+  SmallVector<char, 0> bytes =
+      emit(*llvmModule, **machine, asText || isGpu(options));
+  time("codegen", start);
+  return bytes;
+}
+
+std::string Compilation::moduleText() {
+  ContextLock lock;
+  std::string text;
+  llvm::raw_string_ostream stream(text);
+  op->print(stream);
+  return text;
+}
+
+std::string Compilation::llvmText() {
+  std::string text;
+  llvm::raw_string_ostream stream(text);
+  llvmModule->print(stream, nullptr);
+  return text;
+}
+
+/// Writes the current stage to the folder that WARP_DUMP names.
+void Compilation::dump(StringRef extension) {
+  const char *folder = getenv("WARP_DUMP");
+  if (!folder || !*folder)
+    return;
+  llvm::sys::fs::create_directories(folder);
+  std::string text = extension == "ll" ? llvmText() : moduleText();
+  std::string path = std::string(folder) + "/" + fileStem() + "." +
+                     extension.str();
+  std::error_code error;
+  llvm::raw_fd_ostream file(path, error);
+  if (!error)
+    file << text;
+}
+
+std::string Compilation::fileStem() {
+  Module module(source);
+  std::string target = options.target;
+  std::replace(target.begin(), target.end(), ':', '_');
+  return module.kernelName() + "." + target + "." +
+         std::to_string(options.rank) + "d";
+}

@@ -1,0 +1,52 @@
+//===- Cost.cpp - How much work one thread is -----------------------------===//
+//
+// The runtime decides from this whether a launch is worth waking its threads.
+// A factor of two does not matter; a missing loop does.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Compilation.h"
+
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/Dialect/Math/IR/Math.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
+
+using namespace mlir;
+
+constexpr double loopTrips = 32;
+constexpr double mathCost = 10;
+constexpr double atomicCost = 20;
+
+static double costOf(Operation *op);
+
+static double costOf(Region &region) {
+  double sum = 0;
+  for (Block &block : region)
+    for (Operation &op : block)
+      sum += costOf(&op);
+  return sum;
+}
+
+static double costOf(Operation *op) {
+  if (isa<math::MathDialect>(op->getDialect()))
+    return mathCost;
+  if (isa<warp::AtomicComponentsOp, warp::AtomicCasOp>(op))
+    return atomicCost * std::max(1u, op->getNumResults());
+  if (isa<warp::LoadComponentsOp>(op))
+    return op->getNumResults();
+  if (auto store = dyn_cast<warp::StoreComponentsOp>(op))
+    return store.getComponents().size();
+  if (op->hasTrait<OpTrait::ConstantLike>())
+    return 0;
+  double inside = 0;
+  for (Region &region : op->getRegions())
+    inside += costOf(region);
+  if (isa<scf::ForOp, scf::WhileOp>(op))
+    inside *= loopTrips;
+  return 1 + inside;
+}
+
+double warp::estimateCost(ModuleOp module) {
+  return costOf(module.getBodyRegion());
+}

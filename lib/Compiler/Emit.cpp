@@ -1,0 +1,84 @@
+//===- Emit.cpp - The compiler's door -------------------------------------===//
+
+#include "Compilation.h"
+
+#include "warp/Version.h"
+
+#include "WarpDialect/Passes.h"
+#include "WarpDialect/WarpDialect.h"
+#include "WarpDialect/WarpTypes.h"
+
+#include "mlir/Dialect/Func/IR/FuncOps.h"
+
+#include "llvm/ADT/StringExtras.h"
+#include "llvm/Support/BLAKE3.h"
+#include "llvm/Support/MathExtras.h"
+#include "llvm/Support/raw_ostream.h"
+
+#include "llvm/IR/Module.h"
+
+using namespace mlir;
+
+warp::Code warp::compile(const Module &module, const CompileOptions &options) {
+  Compilation run(module, options);
+  run.lowerTo(Phase::LLVM);
+  run.translate();
+  run.optimizeModule();
+  llvm::SmallVector<char, 0> bytes = run.emitCode(/*asText=*/false);
+  Code code;
+  code.entry = run.entry;
+  code.binary.assign(bytes.begin(), bytes.end());
+  code.sites = std::move(run.sites);
+  code.cost = run.cost;
+  code.usesPrintf = run.usesPrintf;
+  code.phaseMs = std::move(run.phaseMs);
+  return code;
+}
+
+std::string warp::emitText(const Module &module, const CompileOptions &options,
+                           const std::string &stage) {
+  Compilation run(module, options);
+  if (std::optional<Phase> phase = parsePhase(stage);
+      phase && *phase != Phase::LLVM) {
+    run.lowerTo(*phase);
+    return run.moduleText();
+  }
+  if (stage != "llvm" && stage != "ptx" && stage != "asm")
+    throw Error(Error::Kind::Value,
+                "no stage '" + stage +
+                    "'; there are warp, thread, llvm, ptx and asm");
+  if (stage == "ptx" && !isGpu(options))
+    throw Error(Error::Kind::Value,
+                "stage 'ptx' needs a GPU target, but the target is '" +
+                    options.target + "'");
+  run.lowerTo(Phase::LLVM);
+  run.translate();
+  run.optimizeModule();
+  if (stage == "llvm")
+    return run.llvmText();
+  llvm::SmallVector<char, 0> bytes = run.emitCode(/*asText=*/true);
+  return std::string(bytes.begin(), bytes.end());
+}
+
+/// Every option that changes the code, as text.
+static std::string describe(const warp::CompileOptions &options) {
+  std::string text;
+  llvm::raw_string_ostream stream(text);
+  stream << options.target << ' ' << options.rank << ' ' << options.contiguous
+         << ' ' << options.index32 << options.flat << options.debug
+         << options.fastMath << options.lineinfo << ' ' << options.optLevel
+         << ' ' << options.blockDim << ' ' << options.maxRegisters << '\n';
+  if (!warp::isGpu(options))
+    stream << warp::describeCpu(options) << '\n';
+  return text;
+}
+
+std::string warp::fingerprint(const Module &module,
+                              const CompileOptions &options) {
+  llvm::BLAKE3 hash;
+  hash.update(buildId());
+  hash.update(describe(options));
+  hash.update(module.text(options.debug || options.lineinfo));
+  auto digest = hash.final<32>();
+  return llvm::toHex(digest, /*LowerCase=*/true);
+}

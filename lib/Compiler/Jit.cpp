@@ -1,0 +1,206 @@
+//===- Jit.cpp - Loads CPU objects into the process -----------------------===//
+//
+// One JITLink session per process. Every object gets a library of its own, so
+// names never clash and one kernel's code can go when its owner does. What an
+// object may call is listed here: the C library's mathematics, memory
+// functions, the kernels' printf, and conversions of small floats that
+// compilers otherwise take from their run-time library.
+//
+//===----------------------------------------------------------------------===//
+
+#include "warp/Compile.h"
+
+#include "llvm/ADT/APFloat.h"
+#include "llvm/ExecutionEngine/Orc/AbsoluteSymbols.h"
+#include "llvm/ExecutionEngine/Orc/Core.h"
+#include "llvm/ExecutionEngine/Orc/ObjectLinkingLayer.h"
+#include "llvm/ExecutionEngine/Orc/SelfExecutorProcessControl.h"
+#include "llvm/Support/MemoryBuffer.h"
+
+#include <cmath>
+#include <cstring>
+#include <map>
+#include <mutex>
+
+using namespace llvm;
+
+// The runtime's; a tool that does not link the runtime has none.
+extern "C" __attribute__((weak)) int warp_printf(const char *format, ...);
+
+//===----------------------------------------------------------------------===//
+// Conversions of small floats
+//===----------------------------------------------------------------------===//
+
+// On x86-64 a half or bfloat travels in the low bits of an SSE register, so as
+// far as callers see these functions take and return `_Float16`.
+
+template <typename To, typename From>
+static To convert(From value, const fltSemantics &from,
+                  const fltSemantics &to) {
+  uint64_t bits = 0;
+  std::memcpy(&bits, &value, sizeof value);
+  APFloat number(from, APInt(sizeof(From) * 8, bits));
+  bool losesInfo;
+  number.convert(to, APFloat::rmNearestTiesToEven, &losesInfo);
+  bits = number.bitcastToAPInt().getZExtValue();
+  To result;
+  std::memcpy(&result, &bits, sizeof result);
+  return result;
+}
+
+static float halfToFloat(_Float16 x) {
+  return convert<float>(x, APFloat::IEEEhalf(), APFloat::IEEEsingle());
+}
+static _Float16 floatToHalf(float x) {
+  return convert<_Float16>(x, APFloat::IEEEsingle(), APFloat::IEEEhalf());
+}
+static _Float16 doubleToHalf(double x) {
+  return convert<_Float16>(x, APFloat::IEEEdouble(), APFloat::IEEEhalf());
+}
+static _Float16 floatToBFloat(float x) {
+  return convert<_Float16>(x, APFloat::IEEEsingle(), APFloat::BFloat());
+}
+static _Float16 doubleToBFloat(double x) {
+  return convert<_Float16>(x, APFloat::IEEEdouble(), APFloat::BFloat());
+}
+
+//===----------------------------------------------------------------------===//
+// Symbols
+//===----------------------------------------------------------------------===//
+
+namespace {
+struct Symbol {
+  const char *name;
+  void *address;
+};
+} // namespace
+
+template <typename Result, typename... Args>
+static void *addressOf(Result (*function)(Args...)) {
+  return reinterpret_cast<void *>(function);
+}
+
+using Float1 = float (*)(float);
+using Float2 = float (*)(float, float);
+using Double1 = double (*)(double);
+using Double2 = double (*)(double, double);
+
+static std::vector<Symbol> knownSymbols() {
+  std::vector<Symbol> symbols;
+  auto add = [&](const char *name, auto function) {
+    symbols.push_back({name, addressOf(function)});
+  };
+#define UNARY(name)                                                            \
+  add(#name "f", static_cast<Float1>(::name##f));                              \
+  add(#name, static_cast<Double1>(::name));
+#define BINARY(name)                                                           \
+  add(#name "f", static_cast<Float2>(::name##f));                              \
+  add(#name, static_cast<Double2>(::name));
+  UNARY(sin) UNARY(cos) UNARY(tan) UNARY(asin) UNARY(acos) UNARY(atan)
+  UNARY(sinh) UNARY(cosh) UNARY(tanh) UNARY(asinh) UNARY(acosh) UNARY(atanh)
+  UNARY(exp) UNARY(exp2) UNARY(expm1) UNARY(log) UNARY(log2) UNARY(log10)
+  UNARY(log1p) UNARY(cbrt) UNARY(erf) UNARY(erfc) UNARY(sqrt) UNARY(floor)
+  UNARY(ceil) UNARY(trunc) UNARY(round) UNARY(rint) UNARY(nearbyint)
+  BINARY(pow) BINARY(atan2) BINARY(fmod) BINARY(fmin) BINARY(fmax)
+  BINARY(hypot) BINARY(copysign)
+#undef UNARY
+#undef BINARY
+  add("roundevenf", static_cast<Float1>(::rintf));
+  add("roundeven", static_cast<Double1>(::rint));
+  add("fmaf", static_cast<float (*)(float, float, float)>(::fmaf));
+  add("fma", static_cast<double (*)(double, double, double)>(::fma));
+  add("ldexpf", static_cast<float (*)(float, int)>(::ldexpf));
+  add("ldexp", static_cast<double (*)(double, int)>(::ldexp));
+  add("sincosf",
+      static_cast<void (*)(float, float *, float *)>(::sincosf));
+  add("sincos", static_cast<void (*)(double, double *, double *)>(::sincos));
+  add("memcpy", &std::memcpy);
+  add("memmove", &std::memmove);
+  add("memset", &std::memset);
+  add("__extendhfsf2", &halfToFloat);
+  add("__truncsfhf2", &floatToHalf);
+  add("__truncdfhf2", &doubleToHalf);
+  add("__truncsfbf2", &floatToBFloat);
+  add("__truncdfbf2", &doubleToBFloat);
+  symbols.push_back({"warp_printf", reinterpret_cast<void *>(&warp_printf)});
+  return symbols;
+}
+
+//===----------------------------------------------------------------------===//
+// The session
+//===----------------------------------------------------------------------===//
+
+static warp::Error toError(llvm::Error error) {
+  return warp::Error(warp::Error::Kind::Compile,
+                     "cannot load compiled code: " +
+                         llvm::toString(std::move(error)));
+}
+
+struct warp::Jit::Impl {
+  Impl()
+      : session(cantFail(orc::SelfExecutorProcessControl::Create())),
+        layer(session), runtime(session.createBareJITDylib("runtime")) {
+    session.setErrorReporter([this](llvm::Error error) {
+      reported += llvm::toString(std::move(error));
+    });
+    orc::SymbolMap map;
+    for (Symbol symbol : knownSymbols())
+      if (symbol.address)
+        map[session.intern(symbol.name)] = {
+            orc::ExecutorAddr::fromPtr(symbol.address),
+            JITSymbolFlags::Exported};
+    cantFail(runtime.define(orc::absoluteSymbols(std::move(map))));
+  }
+
+  std::mutex mutex;
+  orc::ExecutionSession session;
+  orc::ObjectLinkingLayer layer;
+  orc::JITDylib &runtime;
+  std::string reported;
+  unsigned count = 0;
+  std::map<void *, orc::JITDylib *> loaded;
+};
+
+warp::Jit::Jit() : impl(new Impl) {}
+
+warp::Jit &warp::Jit::get() {
+  // Never destroyed: kernels may run while the process exits.
+  static auto *jit = new Jit;
+  return *jit;
+}
+
+void *warp::Jit::load(const Code &code) {
+  std::lock_guard<std::mutex> guard(impl->mutex);
+  impl->reported.clear();
+  std::string name = code.entry + "." + std::to_string(impl->count++);
+  orc::JITDylib &library = impl->session.createBareJITDylib(name);
+  library.addToLinkOrder(impl->runtime);
+  auto fail = [&](llvm::Error error) {
+    Error thrown = toError(std::move(error));
+    thrown.message += impl->reported;
+    llvm::consumeError(impl->session.removeJITDylib(library));
+    return thrown;
+  };
+  auto object = MemoryBuffer::getMemBufferCopy(
+      StringRef(code.binary.data(), code.binary.size()), name);
+  if (llvm::Error error = impl->layer.add(library, std::move(object)))
+    throw fail(std::move(error));
+  auto symbol = impl->session.lookup(
+      orc::JITDylibSearchOrder{{&library, orc::JITDylibLookupFlags::
+                                              MatchExportedSymbolsOnly}},
+      impl->session.intern(code.entry));
+  if (!symbol)
+    throw fail(symbol.takeError());
+  void *address = symbol->getAddress().toPtr<void *>();
+  impl->loaded[address] = &library;
+  return address;
+}
+
+void warp::Jit::unload(void *entry) {
+  std::lock_guard<std::mutex> guard(impl->mutex);
+  auto found = impl->loaded.find(entry);
+  if (found == impl->loaded.end())
+    return;
+  llvm::consumeError(impl->session.removeJITDylib(*found->second));
+  impl->loaded.erase(found);
+}

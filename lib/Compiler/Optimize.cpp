@@ -1,0 +1,153 @@
+//===- Optimize.cpp - LLVM's optimiser, libraries and emission ------------===//
+
+#include "Target.h"
+
+#include "warp/Error.h"
+
+#include "llvm/Bitcode/BitcodeReader.h"
+#include "llvm/IR/LegacyPassManager.h"
+#include "llvm/IR/Module.h"
+#include "llvm/Linker/Linker.h"
+#include "llvm/Passes/PassBuilder.h"
+#include "llvm/Support/MemoryBuffer.h"
+#include "llvm/Support/raw_ostream.h"
+#include "llvm/Target/TargetMachine.h"
+#include "llvm/Transforms/IPO/Internalize.h"
+
+#include <map>
+#include <mutex>
+#include <vector>
+
+using namespace warp;
+
+//===----------------------------------------------------------------------===//
+// Machines
+//===----------------------------------------------------------------------===//
+
+namespace {
+struct MachinePool {
+  std::mutex mutex;
+  std::map<std::string, std::vector<std::unique_ptr<llvm::TargetMachine>>> idle;
+
+  static MachinePool &get() {
+    static auto *pool = new MachinePool;
+    return *pool;
+  }
+};
+} // namespace
+
+MachineLease::MachineLease(const std::string &key,
+                           std::unique_ptr<llvm::TargetMachine> machine)
+    : key(key), machine(std::move(machine)) {}
+
+MachineLease::MachineLease(MachineLease &&) = default;
+
+MachineLease::~MachineLease() {
+  if (!machine)
+    return;
+  MachinePool &pool = MachinePool::get();
+  std::lock_guard<std::mutex> guard(pool.mutex);
+  pool.idle[key].push_back(std::move(machine));
+}
+
+MachineLease MachineLease::get(const CompileOptions &options) {
+  std::string key = options.target + " " + std::to_string(options.optLevel);
+  MachinePool &pool = MachinePool::get();
+  {
+    std::lock_guard<std::mutex> guard(pool.mutex);
+    auto &idle = pool.idle[key];
+    if (!idle.empty()) {
+      auto machine = std::move(idle.back());
+      idle.pop_back();
+      return MachineLease(key, std::move(machine));
+    }
+  }
+  auto machine =
+      isGpu(options) ? createGpuMachine(options) : createCpuMachine(options);
+  if (!machine)
+    throw Error(Error::Kind::Compile,
+                "no code generator for target '" + options.target + "'");
+  return MachineLease(key, std::move(machine));
+}
+
+//===----------------------------------------------------------------------===//
+// Libraries
+//===----------------------------------------------------------------------===//
+
+void warp::linkBitcode(llvm::Module &module, llvm::StringRef bitcode,
+                       llvm::StringRef name) {
+  bool missing = llvm::any_of(module, [](llvm::Function &function) {
+    return function.isDeclaration() && !function.isIntrinsic();
+  });
+  if (!missing)
+    return;
+  auto parsed = llvm::getLazyBitcodeModule(
+      llvm::MemoryBufferRef(bitcode, name), module.getContext(),
+      /*ShouldLazyLoadMetadata=*/true);
+  if (!parsed)
+    throw Error(Error::Kind::Compile,
+                "cannot read the embedded " + name.str() + ": " +
+                    llvm::toString(parsed.takeError()));
+  llvm::Module &library = **parsed;
+  // These would link everything that they list.
+  for (llvm::StringRef list : {"llvm.used", "llvm.compiler.used"})
+    if (auto *global = library.getNamedGlobal(list))
+      global->eraseFromParent();
+  library.setTargetTriple(module.getTargetTriple());
+  library.setDataLayout(module.getDataLayout());
+  auto internalize = [](llvm::Module &linked, const llvm::StringSet<> &names) {
+    llvm::internalizeModule(linked, [&](const llvm::GlobalValue &value) {
+      return !value.hasName() || !names.count(value.getName());
+    });
+  };
+  bool failed =
+      llvm::Linker::linkModules(module, std::move(*parsed),
+                                llvm::Linker::LinkOnlyNeeded, internalize);
+  if (failed)
+    throw Error(Error::Kind::Compile,
+                "cannot link the embedded " + name.str());
+}
+
+//===----------------------------------------------------------------------===//
+// Optimisation and emission
+//===----------------------------------------------------------------------===//
+
+void warp::optimize(llvm::Module &module, llvm::TargetMachine &machine,
+                    const CompileOptions &options) {
+  llvm::PipelineTuningOptions tuning;
+  tuning.LoopVectorization = true;
+  tuning.SLPVectorization = true;
+  llvm::LoopAnalysisManager loops;
+  llvm::FunctionAnalysisManager functions;
+  llvm::CGSCCAnalysisManager calls;
+  llvm::ModuleAnalysisManager modules;
+  llvm::PassBuilder builder(&machine, tuning);
+  builder.registerModuleAnalyses(modules);
+  builder.registerCGSCCAnalyses(calls);
+  builder.registerFunctionAnalyses(functions);
+  builder.registerLoopAnalyses(loops);
+  builder.crossRegisterProxies(loops, functions, calls, modules);
+  auto level = options.optLevel == 0   ? llvm::OptimizationLevel::O0
+               : options.optLevel == 1 ? llvm::OptimizationLevel::O1
+               : options.optLevel == 2 ? llvm::OptimizationLevel::O2
+                                       : llvm::OptimizationLevel::O3;
+  llvm::ModulePassManager passes =
+      options.optLevel == 0 ? builder.buildO0DefaultPipeline(level)
+                            : builder.buildPerModuleDefaultPipeline(level);
+  passes.run(module, modules);
+}
+
+llvm::SmallVector<char, 0> warp::emit(llvm::Module &module,
+                                      llvm::TargetMachine &machine,
+                                      bool asText) {
+  llvm::SmallVector<char, 0> bytes;
+  llvm::raw_svector_ostream stream(bytes);
+  llvm::legacy::PassManager passes;
+  auto type = asText ? llvm::CodeGenFileType::AssemblyFile
+                     : llvm::CodeGenFileType::ObjectFile;
+  if (machine.addPassesToEmitFile(passes, stream, nullptr, type,
+                                  /*DisableVerify=*/true))
+    throw Error(Error::Kind::Compile, "the target cannot emit code");
+  passes.run(module);
+  return bytes;
+}

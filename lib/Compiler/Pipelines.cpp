@@ -1,0 +1,88 @@
+//===- Pipelines.cpp - Named phases of the compiler -----------------------===//
+
+#include "Pipelines.h"
+
+#include "WarpDialect/Passes.h"
+#include "WarpDialect/WarpDialect.h"
+
+#include "mlir/Dialect/Arith/IR/Arith.h"
+#include "mlir/Dialect/ControlFlow/IR/ControlFlow.h"
+#include "mlir/Dialect/Func/Extensions/InlinerExtension.h"
+#include "mlir/Dialect/Func/IR/FuncOps.h"
+#include "mlir/Dialect/LLVMIR/LLVMDialect.h"
+#include "mlir/Dialect/Math/IR/Math.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
+#include "mlir/Pass/PassManager.h"
+#include "mlir/Target/LLVMIR/Dialect/Builtin/BuiltinToLLVMIRTranslation.h"
+#include "mlir/Target/LLVMIR/Dialect/LLVMIR/LLVMToLLVMIRTranslation.h"
+#include "mlir/Transforms/Passes.h"
+
+#include "llvm/ADT/StringSwitch.h"
+
+using namespace mlir;
+
+std::optional<warp::Phase> warp::parsePhase(StringRef name) {
+  return llvm::StringSwitch<std::optional<Phase>>(name)
+      .Case("warp", Phase::Warp)
+      .Case("thread", Phase::Thread)
+      .Case("llvm", Phase::LLVM)
+      .Default(std::nullopt);
+}
+
+void warp::addSpecialize(OpPassManager &pm, const CompileOptions &options) {
+  SpecializeOptions facts;
+  facts.target = options.target;
+  facts.rank = options.rank;
+  facts.contiguous = options.contiguous;
+  facts.index32 = options.index32;
+  facts.flat = options.flat;
+  facts.debug = options.debug;
+  facts.fastMath = options.fastMath;
+  facts.blockDim = options.blockDim;
+  pm.addPass(createSpecialize(facts));
+}
+
+void warp::addPhase(OpPassManager &pm, Phase phase) {
+  switch (phase) {
+  case Phase::Warp:
+    pm.addPass(createInlinerPass());
+    pm.addPass(createSymbolDCEPass());
+    pm.addPass(createCanonicalizerPass());
+    pm.addPass(createCSEPass());
+    pm.addPass(createVerifyWarp());
+    return;
+  case Phase::Thread:
+    pm.addPass(createLowerComposites());
+    pm.addPass(createCanonicalizerPass());
+    pm.addPass(createCSEPass());
+    pm.addPass(createVerifyThread());
+    return;
+  case Phase::LLVM:
+    pm.addPass(createLowerLaunch());
+    pm.addPass(createLowerArrays());
+    pm.addPass(createLowerMath());
+    pm.addPass(createConvertToLLVM());
+    pm.addPass(createVerifyLLVM());
+    return;
+  }
+}
+
+void warp::addPipeline(OpPassManager &pm, Phase last,
+                       const CompileOptions &options) {
+  addPhase(pm, Phase::Warp);
+  if (last == Phase::Warp)
+    return;
+  addSpecialize(pm, options);
+  addPhase(pm, Phase::Thread);
+  if (last == Phase::LLVM)
+    addPhase(pm, Phase::LLVM);
+}
+
+void warp::registerCompilerDialects(DialectRegistry &registry) {
+  registry.insert<WarpDialect, arith::ArithDialect, cf::ControlFlowDialect,
+                  func::FuncDialect, LLVM::LLVMDialect, math::MathDialect,
+                  scf::SCFDialect>();
+  func::registerInlinerExtension(registry);
+  registerBuiltinDialectTranslation(registry);
+  registerLLVMDialectTranslation(registry);
+}

@@ -1,0 +1,40 @@
+//===- Pipelines.h - Named phases of the compiler ---------------*- C++ -*-===//
+
+#ifndef WARP_LIB_COMPILER_PIPELINES_H
+#define WARP_LIB_COMPILER_PIPELINES_H
+
+#include "warp/Compile.h"
+
+#include "llvm/ADT/StringRef.h"
+
+#include <optional>
+
+namespace mlir {
+class DialectRegistry;
+class OpPassManager;
+} // namespace mlir
+
+namespace warp {
+
+/// Where a module can stop on its way to the LLVM dialect. Each phase ends
+/// with the pass that verifies it.
+enum class Phase { Warp, Thread, LLVM };
+
+std::optional<Phase> parsePhase(llvm::StringRef name);
+
+/// Appends warp-specialize with these options.
+void addSpecialize(mlir::OpPassManager &pm, const CompileOptions &options);
+
+/// Appends one phase. That of thread IR expects a specialised kernel.
+void addPhase(mlir::OpPassManager &pm, Phase phase);
+
+/// Appends everything up to a phase.
+void addPipeline(mlir::OpPassManager &pm, Phase last,
+                 const CompileOptions &options);
+
+/// Dialects, extensions and translations that the phases need.
+void registerCompilerDialects(mlir::DialectRegistry &registry);
+
+} // namespace warp
+
+#endif // WARP_LIB_COMPILER_PIPELINES_H

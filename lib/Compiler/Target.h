@@ -1,0 +1,82 @@
+//===- Target.h - From LLVM IR to machine code ------------------*- C++ -*-===//
+//
+// The part of the compiler below the LLVM dialect. A `Target` is one back end:
+// it prepares an LLVM module (libraries linked, attributes set), optimises it
+// and emits it. CPU and GPU differ in a handful of virtual functions; both
+// files have the same shape.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_COMPILER_TARGET_H
+#define WARP_LIB_COMPILER_TARGET_H
+
+#include "warp/Compile.h"
+
+#include "llvm/ADT/SmallVector.h"
+#include "llvm/ADT/StringRef.h"
+
+#include <memory>
+#include <string>
+
+namespace llvm {
+class Function;
+class Module;
+class TargetMachine;
+} // namespace llvm
+
+namespace warp {
+
+/// Machines are costly to make and not safe to share; a lease gives one back
+/// to the pool of its configuration.
+class MachineLease {
+public:
+  MachineLease(const std::string &key,
+               std::unique_ptr<llvm::TargetMachine> machine);
+  ~MachineLease();
+  MachineLease(MachineLease &&);
+  llvm::TargetMachine &operator*() const { return *machine; }
+  llvm::TargetMachine *operator->() const { return machine.get(); }
+
+  /// Takes a machine from the pool, or makes one.
+  static MachineLease get(const CompileOptions &options);
+
+private:
+  std::string key;
+  std::unique_ptr<llvm::TargetMachine> machine;
+};
+
+/// Whether the options are for a GPU.
+inline bool isGpu(const CompileOptions &options) {
+  return llvm::StringRef(options.target).starts_with("sm_");
+}
+
+// TargetCPU.cpp and TargetNVPTX.cpp.
+std::unique_ptr<llvm::TargetMachine>
+createCpuMachine(const CompileOptions &options);
+std::unique_ptr<llvm::TargetMachine>
+createGpuMachine(const CompileOptions &options);
+/// Name and features of the processor that code is generated for.
+std::string describeCpu(const CompileOptions &options);
+
+/// Sets triple, layout and function attributes, and links the libraries.
+void prepareCpuModule(llvm::Module &module, llvm::TargetMachine &machine,
+                      const CompileOptions &options);
+void prepareGpuModule(llvm::Module &module, llvm::TargetMachine &machine,
+                      const CompileOptions &options);
+
+/// Links from embedded bitcode the functions that `module` declares, made
+/// internal. Throws if the bitcode is malformed.
+void linkBitcode(llvm::Module &module, llvm::StringRef bitcode,
+                 llvm::StringRef name);
+
+/// Runs the optimiser.
+void optimize(llvm::Module &module, llvm::TargetMachine &machine,
+              const CompileOptions &options);
+
+/// Emits an object file (CPU), or PTX or assembly text.
+llvm::SmallVector<char, 0> emit(llvm::Module &module,
+                                llvm::TargetMachine &machine, bool asText);
+
+} // namespace warp
+
+#endif // WARP_LIB_COMPILER_TARGET_H

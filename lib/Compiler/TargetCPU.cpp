@@ -1,0 +1,98 @@
+//===- TargetCPU.cpp - Code for x86-64 ------------------------------------===//
+//
+// Code is for the processor that compiles it: "cpu" means the host, and
+// "cpu:skylake-avx512" another one, which tests use. The device library's
+// functions are linked in and inlined, so that the loop vectoriser meets
+// arithmetic where the kernel called `sin`.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Target.h"
+
+#include "llvm/IR/Module.h"
+#include "llvm/MC/TargetRegistry.h"
+#include "llvm/Support/TargetSelect.h"
+#include "llvm/Target/TargetMachine.h"
+#include "llvm/TargetParser/Host.h"
+#include "llvm/TargetParser/SubtargetFeature.h"
+
+extern "C" const char warp_devicelib_cpu_begin[], warp_devicelib_cpu_end[];
+
+using namespace warp;
+
+namespace {
+struct Processor {
+  std::string name, features;
+  bool wideVectors = false;
+};
+} // namespace
+
+static Processor findHost() {
+  Processor host;
+  host.name = llvm::sys::getHostCPUName().str();
+  llvm::SubtargetFeatures list;
+  llvm::StringMap<bool> found = llvm::sys::getHostCPUFeatures();
+  for (auto &feature : found)
+    list.AddFeature(feature.first(), feature.second);
+  host.features = list.getString();
+  // Since Ice Lake and Zen 4, 512-bit vectors don't lower the clock.
+  host.wideVectors = found.lookup("avx512vbmi2");
+  return host;
+}
+
+static Processor findProcessor(const CompileOptions &options) {
+  static const Processor host = findHost();
+  llvm::StringRef name = options.target;
+  if (!name.consume_front("cpu:"))
+    return host;
+  return {name.str(), "", false};
+}
+
+std::string warp::describeCpu(const CompileOptions &options) {
+  Processor processor = findProcessor(options);
+  return processor.name + " " + processor.features;
+}
+
+std::unique_ptr<llvm::TargetMachine>
+warp::createCpuMachine(const CompileOptions &options) {
+  static const llvm::Target *target = [] {
+    LLVMInitializeX86TargetInfo();
+    LLVMInitializeX86Target();
+    LLVMInitializeX86TargetMC();
+    LLVMInitializeX86AsmPrinter();
+    std::string error;
+    return llvm::TargetRegistry::lookupTarget(
+        llvm::Triple("x86_64-unknown-linux-gnu"), error);
+  }();
+  Processor processor = findProcessor(options);
+  llvm::TargetOptions settings;
+  auto level = options.optLevel == 0   ? llvm::CodeGenOptLevel::None
+               : options.optLevel == 1 ? llvm::CodeGenOptLevel::Less
+                                       : llvm::CodeGenOptLevel::Default;
+  return std::unique_ptr<llvm::TargetMachine>(target->createTargetMachine(
+      llvm::Triple("x86_64-unknown-linux-gnu"), processor.name,
+      processor.features, settings, llvm::Reloc::PIC_, llvm::CodeModel::Small,
+      level, /*JIT=*/true));
+}
+
+void warp::prepareCpuModule(llvm::Module &module, llvm::TargetMachine &machine,
+                            const CompileOptions &options) {
+  module.setTargetTriple(machine.getTargetTriple());
+  module.setDataLayout(machine.createDataLayout());
+  linkBitcode(module,
+              {warp_devicelib_cpu_begin,
+               size_t(warp_devicelib_cpu_end - warp_devicelib_cpu_begin)},
+              "device library");
+  bool wide = findProcessor(options).wideVectors;
+  for (llvm::Function &function : module) {
+    if (function.isDeclaration())
+      continue;
+    function.removeFnAttr("target-cpu");
+    function.removeFnAttr("target-features");
+    function.removeFnAttr("tune-cpu");
+    function.removeFnAttr("min-legal-vector-width");
+    function.addFnAttr(llvm::Attribute::NoUnwind);
+    if (wide)
+      function.addFnAttr("prefer-vector-width", "512");
+  }
+}

@@ -1,0 +1,90 @@
+//===- TargetNVPTX.cpp - Code for NVIDIA GPUs -----------------------------===//
+//
+// PTX text, which the driver assembles for its GPU. libdevice is linked from
+// the bytes embedded in this library; its `__nvvm_reflect` questions are
+// answered here: subnormals are kept and roots and quotients are correctly
+// rounded, unless fast math is on.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Target.h"
+
+#include "llvm/IR/Constants.h"
+#include "llvm/IR/Module.h"
+#include "llvm/MC/TargetRegistry.h"
+#include "llvm/Support/TargetSelect.h"
+#include "llvm/Target/TargetMachine.h"
+
+extern "C" const char warp_libdevice_begin[], warp_libdevice_end[];
+
+using namespace warp;
+
+/// The oldest PTX version that knows the architecture, but 8.0 at least.
+static std::string ptxVersion(llvm::StringRef architecture) {
+  unsigned number = 0;
+  architecture.consume_front("sm_");
+  architecture.consumeInteger(10, number);
+  if (number >= 121)
+    return "+ptx88";
+  if (number >= 103 && number != 120)
+    return number == 103 ? "+ptx86" : "+ptx87";
+  return number >= 100 ? number == 120 ? "+ptx87" : "+ptx86" : "+ptx80";
+}
+
+std::unique_ptr<llvm::TargetMachine>
+warp::createGpuMachine(const CompileOptions &options) {
+  static const llvm::Target *target = [] {
+    LLVMInitializeNVPTXTargetInfo();
+    LLVMInitializeNVPTXTarget();
+    LLVMInitializeNVPTXTargetMC();
+    LLVMInitializeNVPTXAsmPrinter();
+    std::string error;
+    return llvm::TargetRegistry::lookupTarget(
+        llvm::Triple("nvptx64-nvidia-cuda"), error);
+  }();
+  llvm::TargetOptions settings;
+  auto level = options.optLevel == 0 ? llvm::CodeGenOptLevel::None
+                                     : llvm::CodeGenOptLevel::Default;
+  return std::unique_ptr<llvm::TargetMachine>(target->createTargetMachine(
+      llvm::Triple("nvptx64-nvidia-cuda"), options.target,
+      ptxVersion(options.target), settings, llvm::Reloc::PIC_,
+      llvm::CodeModel::Small, level));
+}
+
+/// Tells libdevice to flush subnormals to zero, or not to.
+static void setReflection(llvm::Module &module, bool flush) {
+  llvm::LLVMContext &context = module.getContext();
+  auto *type = llvm::Type::getInt32Ty(context);
+  auto entry = [&](llvm::StringRef name, uint32_t value) {
+    module.addModuleFlag(llvm::Module::Override, name,
+                         llvm::ConstantInt::get(type, value));
+  };
+  entry("nvvm-reflect-ftz", flush);
+  entry("nvvm-reflect-prec-sqrt", !flush);
+}
+
+void warp::prepareGpuModule(llvm::Module &module, llvm::TargetMachine &machine,
+                            const CompileOptions &options) {
+  module.setTargetTriple(machine.getTargetTriple());
+  module.setDataLayout(machine.createDataLayout());
+  linkBitcode(module,
+              {warp_libdevice_begin,
+               size_t(warp_libdevice_end - warp_libdevice_begin)},
+              "libdevice");
+  setReflection(module, options.fastMath);
+  llvm::LLVMContext &context = module.getContext();
+  for (llvm::Function &function : module) {
+    if (function.isDeclaration())
+      continue;
+    function.addFnAttr(llvm::Attribute::NoUnwind);
+    if (options.fastMath)
+      function.addFnAttr("denormal-fp-math-f32", "preserve-sign,preserve-sign");
+    if (function.getCallingConv() != llvm::CallingConv::PTX_Kernel)
+      continue;
+    // Nobody writes to the parameters, so they need no copy.
+    function.addParamAttr(
+        0, llvm::Attribute::get(context, "nvvm.grid_constant"));
+    if (options.maxRegisters > 0)
+      function.addFnAttr("nvvm.maxnreg", std::to_string(options.maxRegisters));
+  }
+}

@@ -1,0 +1,145 @@
+//===- EmitMain.cpp - What the library emits, as text ---------------------===//
+//
+// Goes through include/warp alone, as a user of the library would:
+//
+//   warp-opt in.mlir --warp-emit=STAGE [--warp-options=KEY[=VALUE],...]
+//
+// STAGE is warp, thread, llvm, ptx, asm, times (milliseconds by phase),
+// parameters or fingerprint.
+//
+//===----------------------------------------------------------------------===//
+
+#include "EmitMain.h"
+
+#include "warp/Compile.h"
+
+#include <fstream>
+#include <iostream>
+#include <iterator>
+#include <sstream>
+
+static bool consumePrefix(std::string &text, const std::string &prefix) {
+  if (text.rfind(prefix, 0) != 0)
+    return false;
+  text.erase(0, prefix.size());
+  return true;
+}
+
+/// Sets one option; returns whether there is one of that name.
+static bool setOption(warp::CompileOptions &options, const std::string &key,
+                      const std::string &value) {
+  int64_t number = value.empty() ? 1 : std::strtoll(value.c_str(), nullptr, 0);
+  if (key == "target")
+    options.target = value;
+  else if (key == "rank")
+    options.rank = int(number);
+  else if (key == "contiguous")
+    options.contiguous = uint64_t(number);
+  else if (key == "index32")
+    options.index32 = number != 0;
+  else if (key == "flat")
+    options.flat = number != 0;
+  else if (key == "debug")
+    options.debug = number != 0;
+  else if (key == "fast-math")
+    options.fastMath = number != 0;
+  else if (key == "opt-level")
+    options.optLevel = int(number);
+  else if (key == "block-dim")
+    options.blockDim = int(number);
+  else if (key == "max-registers")
+    options.maxRegisters = int(number);
+  else
+    return false;
+  return true;
+}
+
+/// Compiles repeatedly and prints the best time of each phase.
+static void printTimes(const warp::Module &module,
+                       const warp::CompileOptions &options) {
+  std::map<std::string, double> best;
+  for (int i = 0; i < 20; ++i)
+    for (auto &[phase, ms] : warp::compile(module, options).phaseMs) {
+      auto found = best.try_emplace(phase, ms).first;
+      found->second = std::min(found->second, ms);
+    }
+  double sum = 0;
+  for (auto &[phase, ms] : best) {
+    std::cout << phase << ' ' << ms << '\n';
+    sum += ms;
+  }
+  std::cout << "sum " << sum << '\n';
+}
+
+static void printParameters(const warp::Module &module) {
+  for (const warp::Param &param : warp::parameters(module)) {
+    std::cout << param.name << ' ' << param.type << " offset " << param.offset
+              << " size " << param.size;
+    if (param.kind == warp::Param::Kind::Array)
+      std::cout << " element " << param.element << " of "
+                << param.elementSize;
+    for (int64_t offset : param.arrays)
+      std::cout << " array at " << offset;
+    std::cout << '\n';
+  }
+}
+
+static int emitStage(const std::string &input, const std::string &stage,
+                     const warp::CompileOptions &options) {
+  std::ifstream file;
+  if (input != "-") {
+    file.open(input);
+    if (!file) {
+      std::cerr << "warp-opt: cannot open '" << input << "'\n";
+      return 1;
+    }
+  }
+  std::istream &stream = input == "-" ? std::cin : file;
+  std::string text{std::istreambuf_iterator<char>(stream), {}};
+  try {
+    warp::Module module = warp::Module::fromText(text);
+    if (stage == "times")
+      printTimes(module, options);
+    else if (stage == "parameters")
+      printParameters(module);
+    else if (stage == "fingerprint")
+      std::cout << warp::fingerprint(module, options) << '\n';
+    else
+      std::cout << warp::emitText(module, options, stage);
+  } catch (const warp::Error &error) {
+    std::cerr << error.file << ':' << error.line << ':' << error.column
+              << ": error: " << error.what() << '\n';
+    return 1;
+  }
+  return 0;
+}
+
+std::optional<int> emitMain(int argc, char **argv) {
+  std::string stage, input = "-";
+  warp::CompileOptions options;
+  for (int i = 1; i < argc; ++i) {
+    std::string argument = argv[i];
+    if (consumePrefix(argument, "--warp-emit="))
+      stage = argument;
+    else if (!consumePrefix(argument, "--warp-options="))
+      input = argument;
+  }
+  if (stage.empty())
+    return std::nullopt;
+  for (int i = 1; i < argc; ++i) {
+    std::string argument = argv[i], item;
+    if (!consumePrefix(argument, "--warp-options="))
+      continue;
+    std::istringstream items(argument);
+    while (std::getline(items, item, ',')) {
+      std::string key = item.substr(0, item.find('='));
+      std::string value =
+          key.size() < item.size() ? item.substr(key.size() + 1) : "";
+      if (!setOption(options, key, value)) {
+        std::cerr << "warp-opt: no option '" << key << "'\n";
+        return 1;
+      }
+    }
+  }
+  return emitStage(input, stage, options);
+}

@@ -1,0 +1,12 @@
+//===- EmitMain.h - What the library emits, as text -------------*- C++ -*-===//
+
+#ifndef WARP_TOOLS_WARPOPT_EMITMAIN_H
+#define WARP_TOOLS_WARPOPT_EMITMAIN_H
+
+#include <optional>
+
+/// Handles a command line with --warp-emit; returns the exit status, or
+/// nothing if the flag is not there.
+std::optional<int> emitMain(int argc, char **argv);
+
+#endif // WARP_TOOLS_WARPOPT_EMITMAIN_H
