@@ -52,8 +52,12 @@ public:
       return;
     if (!PyList_Check(sequence) && !PyTuple_Check(sequence)) {
       copy = py::reinterpret_steal<py::object>(PySequence_List(sequence));
-      if (!copy)
-        throw py::error_already_set();
+      if (!copy) {
+        PyErr_Clear();
+        throw Error(Error::Kind::LaunchType,
+                    "launch: expects a list or tuple of arguments, but got " +
+                        describeValue(sequence));
+      }
       sequence = copy.ptr();
     }
     count = PySequence_Fast_GET_SIZE(sequence);
@@ -250,8 +254,8 @@ public:
 
   void setDim(const py::object &value) { dim = readDim(native(), value.ptr()); }
 
-  void setParam(size_t index, py::object value) {
-    if (index >= packer().size())
+  void setParam(Py_ssize_t index, py::object value) {
+    if (index < 0 || index >= static_cast<Py_ssize_t>(packer().size()))
       throw py::index_error("launch('" + native().name() +
                             "'): no argument number " +
                             std::to_string(index));

@@ -36,7 +36,7 @@ def kind(x: wp.vec3):  # noqa: F811
     [
         ("warp", "!warp.array<1 x f32>"),
         ("thread", "warp.load_components"),
-        ("llvm", "llvm.func"),
+        ("llvm", "define "),
         ("ptx", ".visible .entry"),
         ("asm", "ret"),
     ],

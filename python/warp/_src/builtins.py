@@ -35,24 +35,24 @@ class Builtin:
         self.__doc__ = doc + "\n\nOverloads:\n" + "\n".join(f"    {name}{s}" for s in signatures)
         self._evaluators = {}
 
-    def __call__(self, *args, dtype=None, **named):
-        if self.key in _KERNEL_ONLY:
+    def __call__(self, *args, **named):
+        if self.key in _KERNEL_ONLY or self.group == "Atomics":
             raise errors.WarpError(f"'{self.key}' can be called in kernels only")
         if named:
             args = self._positional(args, named)
         values = tuple(_value(self.key, argument) for argument in args)
-        signature = (*map(type, values), dtype)
-        evaluator = self._evaluators.get(signature)
+        classes = tuple(map(type, values))
+        evaluator = self._evaluators.get(classes)
         if evaluator is None:
-            evaluator = self._evaluators[signature] = Evaluator(self.key, signature[:-1], dtype)
+            evaluator = self._evaluators[classes] = Evaluator(self.key, classes)
         return evaluator(values)
 
     def _positional(self, args, named):
         """Arguments in order, for the first overload that has all the names."""
-        for signature in self.signatures:
-            names = _parameter_names(signature)[len(args) :]
-            if set(named) == set(names[: len(named)]):
-                return (*args, *(named[name] for name in names[: len(named)]))
+        for names in _native.Builder.parameter_names(self.key):
+            rest = names[len(args) : len(args) + len(named)]
+            if set(named) == set(rest):
+                return (*args, *(named[name] for name in rest))
         raise TypeError(f"no overload of '{self.key}' has the parameters {', '.join(named)}")
 
     def __repr__(self):
@@ -62,13 +62,12 @@ class Builtin:
 class Evaluator:
     """One overload of a builtin, compiled for the CPU."""
 
-    def __init__(self, name, classes, dtype):
+    def __init__(self, name, classes):
         texts = [types.native_text(cls) for cls in classes]
-        attributes = {} if dtype is None else {"dtype": types.native_type(dtype)}
-        results = _build(_native.Builder(name), name, texts, attributes, None)
-        self.dtypes = [types.dtype_of(str(value.type)) for value in results]
+        results = _build(_native.Builder(name), name, texts)
+        self.dtypes = [types.dtype_of(text) for text in results]
         builder = _native.Builder(name)
-        _build(builder, name, texts, attributes, [str(value.type) for value in results])
+        _build(builder, name, texts, results)
         self.kernel = _native.Kernel(builder.finish(), name)
 
     def __call__(self, values):
@@ -80,23 +79,23 @@ class Evaluator:
         return results[0] if len(results) == 1 else (results or None)
 
 
-def _build(builder, name, texts, attributes, result_texts):
-    """Builds the kernel; without result types only the operation, whose results are returned."""
+def _build(builder, name, texts, result_texts=None):
+    """Builds the kernel and returns the types of the results; without them it stays unfinished."""
     count = len(texts)
     results = [f"!warp.array<1 x {text}>" for text in result_texts or ()]
     parameters = builder.begin_function(
         f"eval_{name}",
-        [f"a{number}" for number in range(count)] + [f"r{number}" for number in range(len(results))],
+        [f"a{index}" for index in range(count)] + [f"r{index}" for index in range(len(results))],
         [_native.Type.parse(text) for text in [*texts, *results]],
         True,
     )
-    values, _ = builder.builtin(name, parameters[:count], **attributes)
+    values, _ = builder.builtin(name, parameters[:count])
     if result_texts is not None:
         index = builder.tid(1)
         for target, value in zip(parameters[count:], values):
             builder.store(target, index, value)
         builder.end_function([])
-    return values
+    return [str(value.type) for value in values]
 
 
 def _value(name, argument):
@@ -116,25 +115,6 @@ def _value(name, argument):
         f"'{name}' at Python scope expects numbers, vectors, matrices, quaternions or transforms, "
         f"but got '{type(argument).__name__}'"
     )
-
-
-def _parameter_names(signature: str) -> list[str]:
-    """`(a: vec<n,F>, b: F = 1) -> F` gives a, b."""
-    depth, names, word = 0, [], ""
-    for character in signature[1:]:
-        if character in "<(":
-            depth += 1
-        elif character in ">)":
-            depth -= 1
-        if depth < 0:
-            break
-        if character == "," and depth == 0:
-            names.append(word)
-            word = ""
-        else:
-            word += character
-    names.append(word)
-    return [name.partition(":")[0].strip() for name in names if name.strip()]
 
 
 _made: dict[str, Builtin] = {}

@@ -17,8 +17,9 @@ def find(name: str):
         return importlib.import_module(f"warp.{name}")
     if not name.startswith("_"):
         from warp._src.builtins import lookup
+        from warp._src.constructors import CONSTRUCTORS
 
-        found = lookup(name)
+        found = CONSTRUCTORS.get(name) or lookup(name)
         if found is not None:
             return found
     raise AttributeError(f"module 'warp' has no attribute '{name}'")
