@@ -41,7 +41,7 @@ struct LaunchHeader {
 static_assert(sizeof(LaunchHeader) == 24);
 
 /// What a debug check found.
-enum class CheckKind : int32_t { Load = 0, Store = 1, Atomic = 2, Assert = 3 };
+enum class CheckKind : uint8_t { OutOfBounds = 0, Assertion = 1 };
 
 /// Written once, by the first failed check of a launch.
 struct ErrorRecord {
@@ -50,9 +50,10 @@ struct ErrorRecord {
   int32_t site = 0;
   int64_t index[maxRank] = {0, 0, 0, 0};
   int32_t shape[maxRank] = {0, 0, 0, 0};
-  CheckKind kind = CheckKind::Load;
-  /// How many entries of `index` and `shape` count; 0 if unknown.
-  int32_t rank = 0;
+  CheckKind kind = CheckKind::OutOfBounds;
+  /// How many entries of `index` and `shape` count.
+  uint8_t rank = 0;
+  int16_t pad[3] = {0, 0, 0};
 };
 static_assert(sizeof(ErrorRecord) == 64);
 

@@ -26,21 +26,14 @@ static std::string list(const std::string &name, int count,
 
 static std::string describeAccess(const ErrorRecord &record,
                                   const Site &site) {
-  int rank = record.rank;
-  if (rank <= 0 || rank > maxRank)
-    for (rank = 1; rank < maxRank && record.shape[rank] != 0;)
-      ++rank;
+  int rank = std::min<int>(record.rank, maxRank);
   std::string index[maxRank], shape[maxRank];
   for (int i = 0; i < rank; ++i) {
     index[i] = std::to_string(record.index[i]);
     shape[i] = std::to_string(record.shape[i]);
   }
-  const char *what = record.kind == CheckKind::Store    ? "store to"
-                     : record.kind == CheckKind::Atomic ? "atomic on"
-                                                        : "load from";
-  return std::string(what) + " array '" + site.array + "' at " +
-         list("index", rank, index) + " is out of bounds for " +
-         list("shape", rank, shape);
+  return list("index", rank, index) + " is out of bounds for array '" +
+         site.array + "' of " + list("shape", rank, shape);
 }
 
 void warp::raiseFailedCheck(const ErrorRecord &record,
@@ -49,7 +42,7 @@ void warp::raiseFailedCheck(const ErrorRecord &record,
   if (record.site >= 0 && record.site < static_cast<int>(sites.size()))
     site = sites[record.site];
   std::string message = "kernel '" + site.kernel + "': ";
-  if (record.kind == CheckKind::Assert)
+  if (record.kind == CheckKind::Assertion)
     message += "assertion failed: " + site.array;
   else
     message += describeAccess(record, site);

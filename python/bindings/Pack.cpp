@@ -164,48 +164,70 @@ bool Packer::packBytes(PackParam &param, PyObject *value, char *out) {
 }
 
 namespace {
-/// Reads numbers out of nested sequences, in order.
+/// Reads the numbers of a composite out of a sequence, flat or (a matrix)
+/// nested by rows.
 class Flattener {
 public:
-  Flattener(Scalar scalar, int64_t count, char *out)
-      : scalar(scalar), count(count), out(out), step(byteSize(scalar)) {}
+  Flattener(const TypeShape &shape, char *out)
+      : shape(shape), out(out), step(byteSize(shape.scalar)) {}
 
-  /// `outcome` says what was wrong if this returns false.
+  /// Sets `problem` if the components are not right.
+  void read(PyObject *value) {
+    bool nested = add(value, 0);
+    if (problem.empty() && found != shape.count)
+      problem = " with " + std::to_string(found) + " components, not " +
+                std::to_string(shape.count);
+    else if (problem.empty() && nested && shape.extents.size() == 2 &&
+             rows != shape.extents[0])
+      problem = " with " + std::to_string(rows) + " rows, not " +
+                std::to_string(shape.extents[0]);
+  }
+
+  std::string problem;
+
+private:
+  /// Returns whether there were sequences inside.
   bool add(PyObject *value, int depth) {
-    if (PyUnicode_Check(value) || PyBytes_Check(value) ||
-        PyDict_Check(value) || depth > 2)
-      return false;
-    PyObject *items = depth <= 2 && PySequence_Check(value) &&
+    bool isText = PyUnicode_Check(value) || PyBytes_Check(value);
+    PyObject *items = !isText && depth < 2 && PySequence_Check(value) &&
                               PyObject_Size(value) >= 0
                           ? PySequence_Fast(value, "")
                           : nullptr;
     PyErr_Clear();
-    if (!items)
-      return addNumber(value);
-    bool good = true;
-    for (Py_ssize_t i = 0; good && i < PySequence_Fast_GET_SIZE(items); ++i)
-      good = add(PySequence_Fast_GET_ITEM(items, i), depth + 1);
+    if (!items) {
+      addNumber(value);
+      return false;
+    }
+    bool nested = false;
+    Py_ssize_t count = PySequence_Fast_GET_SIZE(items);
+    for (Py_ssize_t i = 0; problem.empty() && i < count; ++i)
+      nested |= add(PySequence_Fast_GET_ITEM(items, i), depth + 1);
+    if (depth == 0)
+      rows = count;
     Py_DECREF(items);
-    return good;
+    return nested || depth > 0;
   }
 
-  Outcome outcome = Outcome::WrongType;
-  int64_t found = 0;
-
-private:
-  bool addNumber(PyObject *value) {
+  void addNumber(PyObject *value) {
     // Too many are counted, for the message, but not stored.
     char spare[8];
-    outcome =
-        storeScalar(scalar, value, found < count ? out + found * step : spare);
-    found += outcome == Outcome::Ok;
-    return outcome == Outcome::Ok;
+    switch (storeScalar(shape.scalar, value,
+                        found < shape.count ? out + found * step : spare)) {
+    case Outcome::Ok:
+      ++found;
+      return;
+    case Outcome::OutOfRange:
+      problem = " with the component " + describeValue(value) +
+                ", out of range";
+      return;
+    case Outcome::WrongType:
+      problem = " with the component " + describeValue(value);
+    }
   }
 
-  Scalar scalar;
-  int64_t count;
+  const TypeShape &shape;
   char *out;
-  int64_t step;
+  int64_t step, found = 0, rows = 0;
 };
 } // namespace
 
@@ -216,20 +238,12 @@ void Packer::packComposite(PackParam &param, PyObject *value, char *out) {
   char number[8];
   if (storeScalar(Scalar::F64, value, number) == Outcome::Ok)
     throw error(param, value, "\nhint: construct it: `" + name + "(...)`");
-  if (value == Py_None || !PySequence_Check(value))
+  if (value == Py_None || PyUnicode_Check(value) || !PySequence_Check(value))
     throw error(param, value);
-  Flattener numbers(param.shape.scalar, param.shape.count, out);
-  bool good = numbers.add(value, 0);
-  if (good && numbers.found == param.shape.count)
-    return;
-  if (good)
-    throw error(param, value,
-                " with " + std::to_string(numbers.found) + " components, not " +
-                    std::to_string(param.shape.count));
-  throw error(param, value,
-              numbers.outcome == Outcome::OutOfRange
-                  ? " with a component out of range"
-                  : " with a component of a wrong type");
+  Flattener components(param.shape, out);
+  components.read(value);
+  if (!components.problem.empty())
+    throw error(param, value, components.problem);
 }
 
 void Packer::packSlowly(PackParam &param, PyObject *value, int device,
@@ -246,11 +260,13 @@ void Packer::packSlowly(PackParam &param, PyObject *value, int device,
     return;
   case Param::Kind::Scalar: {
     Outcome outcome = storeScalar(param.shape.scalar, value, out);
+    std::string convert =
+        param.shape.scalar == Scalar::Bool ? "bool" : "int";
     bool isFloatToInt = PyFloat_Check(value) &&
                         param.shape.scalar < Scalar::F16;
     throw error(param, value,
                 outcome == Outcome::OutOfRange ? ", out of range"
-                : isFloatToInt ? "\nhint: convert it: `int(value)`"
+                : isFloatToInt ? "\nhint: convert it: `" + convert + "(value)`"
                                : "");
   }
   }

@@ -148,12 +148,8 @@ static py::object plainNumber(Scalar scalar, PyObject *value) {
   if (!found && isFloat(scalar) && methods->nb_float)
     found = PyNumber_Float(value);
   PyErr_Clear();
-  if (!found && scalar == Scalar::Bool && methods->nb_bool &&
-      !methods->nb_float)
-    found = PyBool_FromLong(PyObject_IsTrue(value));
-  // NumPy's bool converts to a float, but only booleans are meant.
-  if (!found && scalar == Scalar::Bool &&
-      std::strncmp(Py_TYPE(value)->tp_name, "numpy.bool", 10) == 0)
+  // NumPy's bool is neither an index nor a Python bool.
+  if (!found && std::strncmp(Py_TYPE(value)->tp_name, "numpy.bool", 10) == 0)
     found = PyBool_FromLong(PyObject_IsTrue(value));
   PyErr_Clear();
   return py::reinterpret_steal<py::object>(found);

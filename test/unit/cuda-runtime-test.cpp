@@ -381,8 +381,8 @@ TEST_F(Cuda, FailedChecksAreRaisedAtSynchronisation) {
   } catch (const Error &error) {
     EXPECT_EQ(error.kind, Error::Kind::Launch);
     EXPECT_EQ(error.message,
-              "kernel 'saxpy': load from array 'x' at index (12,) is out of "
-              "bounds for shape (10,)");
+              "kernel 'saxpy': index (12,) is out of bounds for array 'x' of "
+              "shape (10,)");
     EXPECT_EQ(error.file, "a.py");
     EXPECT_EQ(error.line, 7);
   }
