@@ -108,7 +108,7 @@ class Branches(Expressions):
             shapes.append(self.pair(name, left, right, syntax, lines, then_values, else_values))
         self.at(syntax)
         results = iter(self.builder.end_if(then_values, else_values))
-        for name, shape in zip(changed, shapes):
+        for name, shape in zip(changed, shapes, strict=False):
             if shape is not _MISSING:
                 self.env[name] = self.unflatten(shape, results)
 
@@ -148,7 +148,7 @@ class Branches(Expressions):
             )
         places = [
             f"'{name}' is '{kind}' at line {side[name]}"
-            for side, kind in zip(lines, (left_type, right_type))
+            for side, kind in zip(lines, (left_type, right_type), strict=False)
             if name in side
         ]
         return self.type_error(

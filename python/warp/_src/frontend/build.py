@@ -7,8 +7,8 @@ import re
 from warp import _native
 from warp._src import errors
 from warp._src.frontend.control import plan_of
-from warp._src.frontend.functions import Overload
 from warp._src.frontend.emitter import Session
+from warp._src.frontend.functions import Overload
 from warp._src.frontend.statements import Emitter
 
 
@@ -35,8 +35,8 @@ def build_function(function, name, arguments=None, max_unroll=16):
     source = overload.source
     natives = [parameter.native for parameter in overload.parameters]
     if arguments is not None:
-        natives = [native or given for native, given in zip(natives, arguments)]
-    for parameter, native in zip(overload.parameters, natives):
+        natives = [native or given for native, given in zip(natives, arguments, strict=False)]
+    for parameter, native in zip(overload.parameters, natives, strict=False):
         if native is None:
             raise errors.WarpCodegenTypeError(
                 f"parameter '{parameter.name}' of kernel '{name}' is generic, its type is known "
@@ -53,7 +53,7 @@ def build_function(function, name, arguments=None, max_unroll=16):
     parameters = [parameter.name for parameter in overload.parameters]
     symbol = session.symbol(symbol_name(name))
     values = builder.begin_function(symbol, parameters, natives, True)
-    for parameter, value in zip(parameters, values):
+    for parameter, value in zip(parameters, values, strict=False):
         emitter.env[parameter] = value
         emitter.lines[parameter] = source.line(source.tree)
     try:

@@ -3,9 +3,9 @@
 The dialect has `if`, `for` and `while` with carried values, and no jumps. This file rewrites the
 statements of a function, once per code object and without knowing any type:
 
-* `break`, `continue` and `return` become assignments to hidden flags, and the result of the function
-  becomes a hidden variable. Where one branch of an `if` always leaves, the rest of the statements
-  moves into the other branch, so that no flag is needed; else the rest is guarded by the flags.
+* `break`, `continue` and `return` become assignments to hidden flags, and the result of the
+  function becomes a hidden variable. Where one branch of an `if` always leaves, the rest of the
+  statements moves into the other branch, so that no flag is needed; else the flags guard the rest.
 * Each node learns which names are live after it, so that branches and loops carry just those.
 
 Hidden names contain a space and cannot clash with the user's.
@@ -110,12 +110,12 @@ def plan_of(source, inout_arguments) -> Plan:
 
 def _returns_value(statements) -> bool:
     for statement in statements:
-        if isinstance(statement, ast.Return):
-            if statement.value is not None:
-                return True
-        elif isinstance(statement, (ast.If, ast.For, ast.While)):
-            if _returns_value(statement.body) or _returns_value(statement.orelse):
-                return True
+        if isinstance(statement, ast.Return) and statement.value is not None:
+            return True
+        if isinstance(statement, (ast.If, ast.For, ast.While)) and _returns_value(
+            statement.body + statement.orelse
+        ):
+            return True
     return False
 
 

@@ -3,8 +3,8 @@
 A name in a kernel is bound to one of
 
 * a native `Value`: an SSA value of the module under construction;
-* a Python `int`, `float` or `bool`: a literal or captured constant. It becomes `int32`, `float32` or
-  `bool` where a value is needed, and stays a number where a constant is (`range`, indices, casts);
+* a Python `int`, `float` or `bool`: a literal or captured constant. It becomes `int32`, `float32`
+  or `bool` where a value is needed, and stays a number where a constant is (`range`, indices);
 * a tuple of bindings;
 * any other Python object, known at compile time: a function, type, module, string, enum.
 
@@ -170,7 +170,9 @@ class EmitterBase:
             part = getattr(binding, name)
             if field.kind == "array":
                 raise self.type_error(
-                    node, f"field '{name}' of a captured struct is an array", "pass it as an argument"
+                    node,
+                    f"field '{name}' of a captured struct is an array",
+                    "pass it as an argument",
                 )
             fields.append(self.convert_constant(part, field, node))
         return self.builder.struct_create(native, fields)
@@ -225,8 +227,27 @@ class EmitterBase:
             self.integer(binding, node)
         if type(binding) is float:
             binding = self.builder.constant(FLOAT32, binding)
+        old = self.env.get(name)
+        if old is not None:
+            self.check_same_type(name, old, binding, node)
         self.env[name] = binding
         self.lines[name] = self.source.line(node)
+
+    def check_same_type(self, name, old, binding, node):
+        """A variable keeps its type."""
+        before, after = self.static_type(old), self.static_type(binding)
+        if before == after or before is None or after is None:
+            return
+        before, after = before.python_name, after.python_name
+        hint = f"declare it as `{name} = float(...)`" if after == "float32" else None
+        if before == "float32" and after == "int32":
+            hint = "use `float(...)`"
+        raise self.type_error(
+            node,
+            f"'{name}' is '{before}' and cannot become '{after}'",
+            hint or "use another name",
+            notes=[f"'{name}' is '{before}' at line {self.lines[name]}"],
+        )
 
     def read_name(self, name, node):
         binding = self.env.get(name, _MISSING)

@@ -1,8 +1,8 @@
 """Functions of the user: parameters, overloads, and translation per argument types.
 
 An overload is translated once for each combination of argument types that a kernel calls it with,
-so unannotated generics (`Any`, `wp.Float`) need nothing of their own: the first call decides. Tuples
-are passed as their parts. Functions, types and strings as arguments are part of the combination.
+so generics (`Any`, `wp.Float`) need nothing of their own: the first call decides. Tuples are passed
+as their parts. Functions, types and strings as arguments are part of the combination.
 """
 
 from __future__ import annotations
@@ -155,9 +155,9 @@ class Overload:
     def read_annotations(self):
         try:
             return annotations_of(self.function)
-        except (NameError, AttributeError) as problem:
-            raise errors.WarpCodegenKeyError(
-                f"annotation of '{self.function.__name__}': {problem}",
+        except Exception as problem:
+            raise errors.WarpCodegenTypeError(
+                f"annotation of '{self.function.__name__}' cannot be evaluated: {problem}",
                 **self.source.place(self.source.tree),
             ) from None
 
@@ -192,7 +192,7 @@ class Overload:
                 return f"argument '{name}' is missing"
         if keywords:
             return f"no parameter '{next(iter(keywords))}'"
-        for parameter, binding in zip(self.parameters, bound):
+        for parameter, binding in zip(self.parameters, bound, strict=False):
             if not parameter.accepts(emitter, binding):
                 return f"argument '{parameter.name}' does not take '{emitter.type_name(binding)}'"
         return bound

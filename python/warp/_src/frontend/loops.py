@@ -2,8 +2,8 @@
 
 A loop gets the current values of the names that its body assigns and that are read later. A name
 that has no value yet when the loop begins is *pending*: at the first place inside where its old
-value matters (a branch that assigns it on one side only) its type is known, and it becomes a carried
-value that starts at zero. If there is no such place it leaves the loop as a late value.
+value matters (a branch that assigns it on one side only) its type is known, and it becomes a
+carried value that starts at zero. If there is no such place it leaves the loop as a late value.
 
 A `for` with `break` or `return` inside becomes a loop that counts trips and tests the exit flags.
 """
@@ -98,7 +98,7 @@ class Loops(Branches):
 
     def bind(self, names, shapes, values):
         values = iter(values)
-        for name, shape in zip(names, shapes):
+        for name, shape in zip(names, shapes, strict=False):
             self.env[name] = self.unflatten(shape, values)
 
     def head_scope(self, frame, heads):
@@ -115,7 +115,7 @@ class Loops(Branches):
     def yields(self, frame):
         """Values of the carried names now, checked against those at the start."""
         values = []
-        for name, shape in zip(frame.names, frame.shapes):
+        for name, shape in zip(frame.names, frame.shapes, strict=False):
             found = []
             same = self.flatten(self.env[name], frame.node.syntax, found) == shape
             expected = frame.inits[len(values) : len(values) + len(found)]
@@ -258,9 +258,7 @@ class Loops(Branches):
             else:
                 arguments.append(self.range_argument(argument))
         if not 1 <= len(arguments) <= 3:
-            raise self.type_error(
-                node, f"range expects 1 to 3 arguments, but got {len(arguments)}"
-            )
+            raise self.type_error(node, f"range expects 1 to 3 arguments, but got {len(arguments)}")
         if len(arguments) == 1:
             arguments = [0, *arguments]
         if len(arguments) == 2:

@@ -10,7 +10,24 @@ from warp._src import errors
 
 # Python's own functions and types that mean something in a kernel.
 PYTHON_NAMES = frozenset(
-    "abs bool float int len max min pow print range reversed round tuple type True False".split()
+    [
+        "abs",
+        "bool",
+        "float",
+        "int",
+        "len",
+        "max",
+        "min",
+        "pow",
+        "print",
+        "range",
+        "reversed",
+        "round",
+        "tuple",
+        "type",
+        "True",
+        "False",
+    ]
 )
 # Functions of `math` and `numpy` whose counterpart has another name.
 MATH_NAMES = {
@@ -106,9 +123,7 @@ def undefined(emitter, name, node):
             f"Python's '{name}' is not supported in kernels",
             kind=errors.WarpCodegenKeyError,
         )
-    return emitter.error(
-        node, f"'{name}' is not defined", hint, errors.WarpCodegenKeyError
-    )
+    return emitter.error(node, f"'{name}' is not defined", hint, errors.WarpCodegenKeyError)
 
 
 def module_attribute(emitter, module, name, node):

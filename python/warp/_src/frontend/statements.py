@@ -154,7 +154,7 @@ class Emitter(Calls):
         given = binding if type(binding) is tuple else (binding,)
         matches = len(given) == len(wanted) and all(
             native is None or (type(part) is Value and part.type == native)
-            for part, native in zip(given, wanted)
+            for part, native in zip(given, wanted, strict=False)
         )
         if not matches:
             shown = ", ".join("Any" if t is None else t.python_name for t in wanted)

@@ -1,8 +1,8 @@
 """What can be assigned: names, components, fields, array elements and slots of elements.
 
-A target is resolved to a `Slot`: a root (a local name, or an array element) and a path of fields and
-indices into it. Values are values here, so assigning a part of a local rebinds the name to a new
-value; assigning a part of an element stores only that part, through a component view.
+A target is resolved to a `Slot`: a root (a local name, or an array element) and a path of fields
+and indices into it. Values are values here, so assigning a part of a local rebinds the name to a
+new value; assigning a part of an element stores only that part, through a component view.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from __future__ import annotations
 import ast
 
 from warp._src import errors, types
+from warp._src.frontend.access import COMPONENTS
 from warp._src.frontend.emitter import INT32, Value
-from warp._src.frontend.expressions import COMPONENTS
 from warp._src.frontend.loops import Loops
 
 _ATOMIC = {
@@ -83,7 +83,7 @@ class Targets(Loops):
                 f"expects {len(target.elts)} values to unpack, but got {len(binding)}",
                 kind=errors.WarpCodegenValueError,
             )
-        for item, part in zip(target.elts, binding):
+        for item, part in zip(target.elts, binding, strict=False):
             self.assign_target(item, part, item)
 
     # Slots.
@@ -120,7 +120,11 @@ class Targets(Loops):
                 index = self.builder.constant(INT32, position)
                 return base.extended(("index", [index]), native.element)
         if native.kind == "transform" and name in ("p", "q"):
-            text = f"!warp.vec<3 x {native.element}>" if name == "p" else f"!warp.quat<{native.element}>"
+            text = (
+                f"!warp.vec<3 x {native.element}>"
+                if name == "p"
+                else f"!warp.quat<{native.element}>"
+            )
             return base.extended(("part", name), type(native).parse(text))
         if native.kind == "array":
             raise self.unsupported(node, f"assignment to '{name}' of an array")
@@ -234,7 +238,7 @@ class Targets(Loops):
         parts = self.components(value, len(places), target)
         self.at(target)
         whole = self.read(slot, target)
-        for place, part in zip(places, parts):
+        for place, part in zip(places, parts, strict=False):
             whole = self.builder.insert(whole, place, part)
         self.write(slot, whole, target)
 
@@ -250,7 +254,9 @@ class Targets(Loops):
         places = [[]]
         for extent in shape:
             places = [
-                prefix + [self.builder.constant(INT32, i)] for prefix in places for i in range(extent)
+                prefix + [self.builder.constant(INT32, i)]
+                for prefix in places
+                for i in range(extent)
             ]
         if len(places) != count:
             raise self.error(

@@ -48,7 +48,7 @@ class UserCalls(Targets):
         """The conversion, if one argument of one overload needs it."""
         if len(overloads) != 1:
             return None
-        for parameter, binding in zip(overloads[0].parameters, arguments):
+        for parameter, binding in zip(overloads[0].parameters, arguments, strict=False):
             if parameter.native is None or parameter.accepts(self, binding):
                 continue
             if parameter.native.kind in ("int", "float", "bool") and type(binding) is not tuple:
@@ -107,7 +107,7 @@ class UserCalls(Targets):
         emitter.result_type = overload.result
         plan_of(overload.source, self.builder.inout_arguments)
         arg_names, arg_types, shapes = [], [], []
-        for parameter, binding in zip(overload.parameters, bound):
+        for parameter, binding in zip(overload.parameters, bound, strict=False):
             if functions.is_static(binding):
                 shapes.append(NOTHING)
                 continue
@@ -120,7 +120,7 @@ class UserCalls(Targets):
         emitter.at(overload.source.tree)
         values = iter(self.builder.begin_function(symbol, arg_names, arg_types, False))
         line = overload.source.line(overload.source.tree)
-        for parameter, shape, binding in zip(overload.parameters, shapes, bound):
+        for parameter, shape, binding in zip(overload.parameters, shapes, bound, strict=False):
             value = binding if shape is NOTHING else emitter.unflatten(shape, values)
             emitter.env[parameter.name] = value
             emitter.lines[parameter.name] = line

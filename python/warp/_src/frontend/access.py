@@ -1,0 +1,283 @@
+"""Attributes and subscripts: components, fields, array elements, views and slices."""
+
+from __future__ import annotations
+
+import ast
+import types as python_types
+
+from warp._src import errors, types
+from warp._src.frontend import names
+from warp._src.frontend.emitter import INT32, EmitterBase, Value
+from warp._src.frontend.names import BuiltinRef
+
+COMPONENTS = {"x": 0, "y": 1, "z": 2, "w": 3}
+
+
+class ArrayAttribute:
+    """`a.shape` or `a.strides` of an array value, before it is indexed."""
+
+    __slots__ = ("array", "name")
+
+    def __init__(self, array, name):
+        self.array = array
+        self.name = name
+
+
+class Access(EmitterBase):
+    """Translates `a.b` and `a[b]`."""
+
+    def expr_Attribute(self, node):
+        return self.attribute(self.expr(node.value), node.attr, node)
+
+    def attribute(self, base, name, node):
+        if type(base) is Value:
+            return self.value_attribute(base, name, node)
+        if isinstance(base, python_types.ModuleType):
+            return self.capture(names.module_attribute(self, base, name, node), node)
+        if isinstance(base, (tuple, BuiltinRef, ArrayAttribute)):
+            raise self.no_attribute(base, name, node)
+        if isinstance(base, types.Composite):
+            return self.value_attribute(self.materialize(base, node), name, node)
+        try:
+            return self.capture(getattr(base, name), node)
+        except AttributeError:
+            raise self.error(
+                node,
+                f"{names.describe(base)} has no attribute '{name}'",
+                kind=errors.WarpCodegenAttributeError,
+            ) from None
+
+    def value_attribute(self, base, name, node):
+        native = base.type
+        kind = native.kind
+        self.at(node)
+        if kind == "struct":
+            return self.builder.struct_get(base, name)
+        if kind == "array":
+            if name in ("shape", "strides"):
+                return ArrayAttribute(base, name)
+            if name == "ndim":
+                return native.rank
+            if name == "dtype":
+                return types.dtype_of(native.element)
+            if name == "size":
+                return self.array_size(base, native.rank, node)
+        if kind in ("vec", "quat") and name in COMPONENTS:
+            index = COMPONENTS[name]
+            if index < (native.shape[0] if kind == "vec" else 4):
+                return self.builder.extract(base, [self.builder.constant(INT32, index)])
+        if kind == "transform" and name in ("p", "q"):
+            part = "transform_get_translation" if name == "p" else "transform_get_rotation"
+            return self.builder.builtin(part, [base])[0][0]
+        if name == "dtype" and kind in ("vec", "mat", "quat", "transform"):
+            return types.dtype_of(native.element)
+        raise self.no_attribute(base, name, node)
+
+    def no_attribute(self, base, name, node):
+        return self.error(
+            node,
+            f"'{self.type_name(base)}' has no attribute '{name}'",
+            kind=errors.WarpCodegenAttributeError,
+        )
+
+    def array_size(self, array, rank, node):
+        size = self.builder.dim(array, 0)
+        for axis in range(1, rank):
+            size = self.builder.builtin("mul", [size, self.builder.dim(array, axis)])[0][0]
+        return size
+
+    def expr_Subscript(self, node):
+        base = self.expr(node.value)
+        if isinstance(base, type) or (
+            type(base) is not Value
+            and not isinstance(base, (tuple, ArrayAttribute, types.Composite))
+        ):
+            return self.static_subscript(base, node)
+        return self.subscript(base, node.slice, node)
+
+    def static_subscript(self, base, node):
+        """A subscripted type, as in `wp.array[float]`."""
+        if not callable(base):
+            raise self.type_error(
+                node,
+                f"{names.describe(base)} cannot be indexed in a kernel",
+                "pass an array, or use a tuple of constants",
+            )
+        index = self.expr(node.slice)
+        try:
+            return base[index]
+        except Exception:
+            raise self.type_error(
+                node, f"{names.describe(base)} cannot be indexed in a kernel"
+            ) from None
+
+    def subscript(self, base, index, node):
+        if isinstance(base, ArrayAttribute):
+            return self.shape_item(base, index, node)
+        if type(base) is tuple:
+            return self.tuple_item(base, index, node)
+        if isinstance(base, types.Composite):
+            base = self.materialize(base, node)
+        items = index.elts if isinstance(index, ast.Tuple) else [index]
+        kind = base.type.kind
+        if kind == "array":
+            return self.array_item(base, items, node)
+        if kind in ("vec", "mat", "quat", "transform"):
+            if any(isinstance(item, ast.Slice) for item in items):
+                return self.composite_slice(base, items, node)
+            indices = [self.index(item) for item in items]
+            self.at(node)
+            return self.builder.extract(base, indices)
+        raise self.type_error(node, f"'{self.type_name(base)}' cannot be indexed")
+
+    def index(self, node):
+        """An index as an SSA value; its type is checked by the builder."""
+        return self.value(node)
+
+    def shape_item(self, base, index, node):
+        axis = self.constant_int(index, "the axis of a shape")
+        rank = base.array.type.rank
+        if not -rank <= axis < rank:
+            raise self.index_error(index, axis, rank, "axis")
+        if base.name == "strides":
+            raise self.unsupported(node, "reading strides")
+        self.at(node)
+        return self.builder.dim(base.array, axis % rank)
+
+    def tuple_item(self, base, index, node):
+        if isinstance(index, ast.Slice):
+            bounds = [
+                None if part is None else self.constant_int(part, "the bound of a tuple's slice")
+                for part in (index.lower, index.upper, index.step)
+            ]
+            return base[slice(*bounds)]
+        position = self.constant_int(index, "the index of a tuple")
+        if not -len(base) <= position < len(base):
+            raise self.index_error(index, position, len(base), "index")
+        return base[position]
+
+    def index_error(self, node, index, extent, what):
+        return self.error(
+            node,
+            f"{what} {index} is out of range for {extent} elements",
+            kind=errors.WarpCodegenIndexError,
+        )
+
+    def constant_int(self, node, what) -> int:
+        binding = self.expr(node)
+        if type(binding) is Value:
+            known = binding.constant()
+            if isinstance(known, int):
+                return int(known)
+        elif isinstance(binding, (int, types.scalar_base)):
+            return int(getattr(binding, "value", binding))
+        raise self.type_error(node, f"{what} must be an integer known at compile time")
+
+    def array_item(self, array, items, node):
+        """An element if all dimensions are indexed, else a view."""
+        rank = array.type.rank
+        if len(items) > rank:
+            raise self.error(
+                node,
+                f"expects at most {rank} indices for '{self.type_name(array)}', "
+                f"but got {len(items)}",
+                kind=errors.WarpCodegenIndexError,
+            )
+        if any(isinstance(item, ast.Slice) for item in items):
+            return self.array_slice(array, items, node)
+        indices = [self.index(item) for item in items]
+        self.at(node)
+        if len(indices) == rank:
+            return self.builder.load(array, indices)
+        return self.builder.view(array, indices)
+
+    def array_slice(self, array, items, node):
+        """Leading plain indices, then slices."""
+        plain = 0
+        while not isinstance(items[plain], ast.Slice):
+            plain += 1
+        leading = [self.index(item) for item in items[:plain]]
+        self.at(node)
+        if leading:
+            array = self.builder.view(array, leading)
+        for axis, item in enumerate(items[plain:]):
+            if not isinstance(item, ast.Slice):
+                raise self.unsupported(
+                    item, "a plain index after a slice", "index first, then slice"
+                )
+            bounds = [
+                None if part is None else self.value(part)
+                for part in (item.lower, item.upper, item.step)
+            ]
+            self.at(node)
+            array = self.builder.slice(array, axis, *bounds)
+        return array
+
+    def slice_range(self, item, extent, node) -> range:
+        """Positions selected by a constant slice or index of a composite."""
+        what = "the bound of a vector's slice"
+        bounds = [
+            None if part is None else self.constant_int(part, what)
+            for part in (item.lower, item.upper, item.step)
+        ]
+        if bounds[2] == 0:
+            raise self.error(node, "slice step is zero", kind=errors.WarpCodegenValueError)
+        selected = range(extent)[slice(*bounds)]
+        if not selected:
+            raise self.error(node, "slice selects no component", kind=errors.WarpCodegenValueError)
+        return selected
+
+    def selections(self, native, items, node):
+        """For each axis of a composite: the chosen indices, and whether the axis remains."""
+        shape = native.shape or {"quat": [4], "transform": [7]}.get(native.kind)
+        if shape is None:
+            raise self.type_error(node, f"'{native.python_name}' cannot be sliced")
+        if len(items) > len(shape):
+            raise self.error(
+                node,
+                f"expects at most {len(shape)} indices for '{native.python_name}', "
+                f"but got {len(items)}",
+                kind=errors.WarpCodegenIndexError,
+            )
+        chosen = []
+        for axis, extent in enumerate(shape):
+            item = items[axis] if axis < len(items) else ast.Slice()
+            if isinstance(item, ast.Slice):
+                positions = self.slice_range(item, extent, node)
+                chosen.append(([self.builder.constant(INT32, i) for i in positions], True))
+            else:
+                chosen.append(([self.index(item)], False))
+        return chosen
+
+    def composite_slice(self, base, items, node):
+        """A copy of the selected components, as a vector or matrix."""
+        selections = self.selections(base.type, items, node)
+        places = [[]]
+        for choices, _ in selections:
+            places = [prefix + [choice] for prefix in places for choice in choices]
+        self.at(node)
+        values = [self.builder.extract(base, indices) for indices in places]
+        lengths = [len(choices) for choices, remains in selections if remains]
+        return self.builder.construct(self.composite_type(lengths, base.type.element), values)
+
+    def composite_type(self, lengths, element):
+        shape = "x".join(map(str, lengths))
+        family = "vec" if len(lengths) == 1 else "mat"
+        return type(element).parse(f"!warp.{family}<{shape} x {element}>")
+
+    def spread(self, node):
+        """Bindings of a starred expression."""
+        binding = self.expr(node.value)
+        if type(binding) is tuple:
+            return binding
+        if isinstance(binding, types.Composite):
+            binding = self.materialize(binding, node)
+        if type(binding) is Value and binding.type.kind in ("vec", "quat", "transform"):
+            native = binding.type
+            count = {"quat": 4, "transform": 7}.get(native.kind) or native.shape[0]
+            self.at(node)
+            indices = [self.builder.constant(INT32, i) for i in range(count)]
+            return tuple([self.builder.extract(binding, [index]) for index in indices])
+        raise self.type_error(
+            node, f"expects a tuple or vector after `*`, but got '{self.type_name(binding)}'"
+        )

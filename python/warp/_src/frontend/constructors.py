@@ -1,0 +1,242 @@
+"""Conversions and constructors: calls of scalar, composite and struct types."""
+
+from __future__ import annotations
+
+import ast
+import builtins
+
+from warp._src import types
+from warp._src.frontend import names
+from warp._src.frontend.emitter import FLOAT32, INT32, Value
+from warp._src.frontend.user_calls import UserCalls
+
+_MISUSED = {range: "a range outside `for`", reversed: "`reversed` outside `for`"}
+
+
+class Constructors(UserCalls):
+    """Translates calls that make a value of a named type."""
+
+    def arguments(self, node):
+        """Bindings of positional and keyword arguments."""
+        positional = []
+        for argument in node.args:
+            if isinstance(argument, ast.Starred):
+                positional += self.spread(argument)
+            else:
+                positional.append(self.expr(argument))
+        keywords = {}
+        for keyword in node.keywords:
+            if keyword.arg is None:
+                raise self.unsupported(keyword.value, "`**` in a call")
+            keywords[keyword.arg] = self.expr(keyword.value)
+        return positional, keywords
+
+    def exactly(self, node, count, name):
+        arguments, keywords = self.arguments(node)
+        if keywords or len(arguments) != count:
+            raise self.type_error(
+                node,
+                f"'{name}' expects {count} argument{'s' if count != 1 else ''}, "
+                f"but got {len(arguments) + len(keywords)}",
+            )
+        return arguments
+
+    def native(self, dtype, node):
+        """The compiler's type for a Python type."""
+        try:
+            return types.native_type(dtype)
+        except TypeError as problem:
+            raise self.type_error(node, str(problem)) from None
+
+    def call_type(self, kind, node):
+        """A conversion or a constructor."""
+        if kind in _MISUSED:
+            raise self.unsupported(node, _MISUSED[kind])
+        if kind is type:
+            (binding,) = self.exactly(node, 1, "type")
+            return self.type_of(binding, node)
+        if kind is tuple:
+            (binding,) = self.exactly(node, 1, "tuple")
+            if type(binding) is not tuple:
+                raise self.type_error(node, f"expects a tuple, but got '{self.type_name(binding)}'")
+            return binding
+        if types.is_struct(kind):
+            return self.call_struct(kind, node)
+        if types.type_is_composite(kind):
+            arguments, keywords = self.arguments(node)
+            return self.construct(self.native(kind, node), arguments, keywords, node)
+        if types.type_is_scalar(kind):
+            return self.call_scalar(self.native(kind, node), node)
+        raise self.type_error(node, f"the type '{kind.__name__}' cannot be called in a kernel")
+
+    def type_of(self, binding, node):
+        python_types = {bool: types.bool, int: types.int32, float: types.float32}
+        if type(binding) in python_types:
+            return python_types[type(binding)]
+        if type(binding) is Value:
+            return types.dtype_of(binding.type)
+        raise self.type_error(node, f"no type of {names.describe(binding)}")
+
+    def call_scalar(self, native, node):
+        """`float(x)`, `wp.uint8(x)`; a literal is taken at full precision."""
+        if not node.args and not node.keywords:
+            self.at(node)
+            return self.builder.zero(native)
+        (binding,) = self.exactly(node, 1, native.python_name)
+        if isinstance(binding, types.scalar_base):
+            binding = binding.value
+        if type(binding) in (int, float, builtins.bool):
+            self.at(node)
+            return self.builder.constant(native, binding)
+        value = self.materialize(binding, node.args[0])
+        if value.type.kind not in ("bool", "int", "float"):
+            raise self.type_error(
+                node,
+                f"cannot convert '{value.type.python_name}' to '{native.python_name}'",
+            )
+        self.at(node)
+        return self.builder.cast(value, native)
+
+    def construct(self, native, arguments, keywords, node):
+        """A vector, matrix, quaternion or transform. Literals take the component type."""
+        if keywords:
+            arguments = arguments + self.composite_keywords(native, keywords, node)
+        element = native.element
+        values = []
+        for argument in arguments:
+            if isinstance(argument, (int, float)) and not isinstance(argument, Value):
+                self.at(node)
+                values.append(self.builder.constant(element, argument))
+            else:
+                values.append(self.materialize(argument, node))
+        self.at(node)
+        if len(values) == 1 and values[0].type.kind == native.kind and values[0].type != native:
+            return self.builder.cast(values[0], native)
+        if native.kind == "mat" and self.are_columns(native, values):
+            rows, columns = native.shape
+            turned = self.composite_type([columns, rows], element)
+            stacked = self.builder.construct(turned, values)
+            return self.builder.builtin("transpose", [stacked])[0][0]
+        return self.builder.construct(native, values)
+
+    @staticmethod
+    def are_columns(native, values):
+        """Vectors given to a matrix constructor are its columns."""
+        rows, columns = native.shape
+        return len(values) == columns and all(
+            value.type.kind == "vec" and value.type.shape == [rows] for value in values
+        )
+
+    def composite_keywords(self, native, keywords, node):
+        orders = {
+            "quat": ("x", "y", "z", "w"),
+            "transform": ("p", "q"),
+            "vec": ("x", "y", "z", "w"),
+        }
+        keywords = {key: value for key, value in keywords.items() if key != "dtype"}
+        order = [key for key in orders.get(native.kind, ()) if key in keywords]
+        if len(order) != len(keywords):
+            unknown = next(key for key in keywords if key not in order)
+            raise self.type_error(node, f"'{native.python_name}' has no parameter '{unknown}'")
+        return [keywords[key] for key in order]
+
+    def call_struct(self, kind, node):
+        """`Struct()` is all zero; fields may be given in order or by name."""
+        native = self.native(kind, node)
+        arguments, keywords = self.arguments(node)
+        fields = native.fields
+        if len(arguments) > len(fields):
+            raise self.type_error(
+                node, f"struct '{kind.__name__}' has {len(fields)} fields, but got {len(arguments)}"
+            )
+        given = {name: argument for (name, _), argument in zip(fields, arguments, strict=False)}
+        for name, binding in keywords.items():
+            if name in given or name not in dict(fields):
+                raise self.type_error(node, f"bad field '{name}' for struct '{kind.__name__}'")
+            given[name] = binding
+        values = []
+        for name, field in fields:
+            if name in given:
+                values.append(self.materialize(given[name], node))
+            else:
+                values.append(self.zero(field, name, node))
+        self.at(node)
+        return self.builder.struct_create(native, values)
+
+    # Constructors by builtin name.
+
+    def builtin_vector(self, node):
+        arguments, keywords = self.arguments(node)
+        length, dtype = keywords.pop("length", None), keywords.pop("dtype", None)
+        element = self.component_type(arguments, dtype, node)
+        if length is None:
+            length = sum(
+                part.type.shape[0] if type(part) is Value and part.type.kind == "vec" else 1
+                for part in arguments
+            )
+        return self.construct(self.composite_type([length], element), arguments, keywords, node)
+
+    def builtin_matrix(self, node):
+        arguments, keywords = self.arguments(node)
+        shape, dtype = keywords.pop("shape", None), keywords.pop("dtype", None)
+        element = self.component_type(arguments, dtype, node)
+        if shape is None:
+            side = round(len(arguments) ** 0.5)
+            shape = (side, side)
+        return self.construct(self.composite_type(list(shape), element), arguments, keywords, node)
+
+    def component_type(self, arguments, dtype, node):
+        if dtype is not None:
+            return self.native(dtype, node)
+        for argument in arguments:
+            if type(argument) is Value:
+                return argument.type.element or argument.type
+        if any(type(argument) is float for argument in arguments):
+            return FLOAT32
+        return INT32 if arguments else FLOAT32
+
+    def of_family(self, node, family):
+        arguments, keywords = self.arguments(node)
+        element = self.component_type(arguments, keywords.pop("dtype", None), node)
+        native = type(element).parse(f"!warp.{family}<{element}>")
+        return self.construct(native, arguments, keywords, node)
+
+    def builtin_quaternion(self, node):
+        return self.of_family(node, "quat")
+
+    def builtin_transformation(self, node):
+        return self.of_family(node, "transform")
+
+    def identity(self, node, family, components):
+        arguments, keywords = self.arguments(node)
+        dtype = keywords.get("dtype", arguments[0] if arguments else float)
+        element = self.native(dtype, node)
+        native = type(element).parse(f"!warp.{family}<{element}>")
+        return self.construct(native, components, {}, node)
+
+    def builtin_quat_identity(self, node):
+        return self.identity(node, "quat", [0, 0, 0, 1])
+
+    def builtin_transform_identity(self, node):
+        return self.identity(node, "transform", [0, 0, 0, 0, 0, 0, 1])
+
+    def builtin_identity(self, node):
+        arguments, keywords = self.arguments(node)
+        given = dict(zip(("n", "dtype"), arguments, strict=False)) | keywords
+        if type(given.get("n")) is not int or "dtype" not in given:
+            raise self.type_error(node, "identity expects `n` and `dtype` known at compile time")
+        n = given["n"]
+        native = self.composite_type([n, n], self.native(given["dtype"], node))
+        return self.construct(native, [int(i % (n + 1) == 0) for i in range(n * n)], {}, node)
+
+    def builtin_matrix_from_rows(self, node):
+        arguments = [self.materialize(binding, node) for binding in self.arguments(node)[0]]
+        native = self.composite_type(
+            [len(arguments), arguments[0].type.shape[0]], arguments[0].type.element
+        )
+        self.at(node)
+        return self.builder.construct(native, arguments)
+
+    def builtin_matrix_from_cols(self, node):
+        rows = self.builtin_matrix_from_rows(node)
+        return self.builder.builtin("transpose", [rows])[0][0]
