@@ -7,16 +7,14 @@ from warp._src import errors
 
 import warp as wp
 
-GLOBAL_LIST = [1, 2, 3]
 
-
-def refused(define, *words, kind=errors.WarpCodegenError):
-    """`define` makes a kernel of no parameters; defining or launching it must raise `kind`.
+def refused(define, *words, kind=errors.WarpCodegenError, inputs=()):
+    """`define` makes a kernel that takes `inputs`; defining or launching it must raise `kind`.
 
     The message names this file and the line marked `# here`, and holds all `words`.
     """
     with pytest.raises(kind) as caught:
-        wp.launch(define(), 1, device="cpu")
+        wp.launch(define(), 1, inputs, device="cpu")
     message = str(caught.value)
     for word in words:
         assert word in message, f"'{word}' is not in: {message}"
@@ -153,16 +151,17 @@ def test_branches_of_different_type():
     refused(define_ternary)
 
 
-def test_variable_changes_type():
+def test_variable_changes_type_in_a_loop():
     def define():
         @wp.kernel
-        def kernel():
+        def kernel(n: int):
             x = 1
-            x = wp.vec3(1.0, 2.0, 3.0)  # here
+            for k in range(n):  # here
+                x = wp.vec3(1.0, 2.0, 3.0)  # here
 
         return kernel
 
-    refused(define, "'x'", kind=TypeError)
+    refused(define, "'x'", kind=TypeError, inputs=[3])
 
 
 def test_recursion():
@@ -332,7 +331,8 @@ def test_constructs_outside_the_language():
         "class": "class C:\n        pass",
         "is": "x = wp.tid() is None",
         "in": "x = wp.tid() in (1, 2)",
-        "captured list": "x = GLOBAL_LIST[0]",
+        "captured list": "x = GLOBAL_LIST",
+        "captured dict": "x = {1: GLOBAL_LIST}[1]",
         "python function": "x = sorted(3)",
         "value of a kernel": "return 3",
         "loop over a value": "for k in wp.vec3():\n        x = k",
