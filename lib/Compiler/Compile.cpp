@@ -162,6 +162,10 @@ void Compilation::lowerTo(Phase last) {
     start = now();
     runPhase(*op, Phase::Thread, options);
     cost = estimateCost(*op);
+    for (auto kernel : op->getOps<FunctionOpInterface>())
+      kernel->setAttr(attr::cost,
+                      Builder(kernel->getContext()).getI64IntegerAttr(
+                          int64_t(std::min(cost, 1e12))));
     dump("thread.mlir");
   }
   if (last == Phase::LLVM)
@@ -190,6 +194,7 @@ void Compilation::collectFacts(ModuleOp module) {
     if (!function->hasAttr(attr::entry))
       continue;
     entry = function.getName().str();
+    exclusive = function->hasAttr(attr::exclusive);
     auto table = function->getAttrOfType<ArrayAttr>(attr::sites);
     if (!table)
       continue;
@@ -209,6 +214,7 @@ void Compilation::optimizeModule() {
   else
     prepareCpuModule(*llvmModule, **machine, options);
   time("libraries", start);
+  dump("input.ll");
   start = now();
   optimize(*llvmModule, **machine, options);
   time("optimise", start);
@@ -244,7 +250,7 @@ void Compilation::dump(StringRef extension) {
   if (!folder || !*folder)
     return;
   llvm::sys::fs::create_directories(folder);
-  std::string text = extension == "ll" ? llvmText() : moduleText();
+  std::string text = extension.ends_with("ll") ? llvmText() : moduleText();
   std::string path = std::string(folder) + "/" + fileStem() + "." +
                      extension.str();
   std::error_code error;
