@@ -39,13 +39,18 @@ def Warp_StoreComponentsOp : Warp_Op<"store_components",
   let description = [{
     (C1) as many indices as the rank. (C2) the operands are the flattened
     element, signless.
+
+    ```mlir
+    warp.store_components (%x, %y, %z), %a[%i]
+      : (f32, f32, f32), !warp.array<1 x !warp.vec<3 x f32>>, i32
+    ```
   }];
   let arguments = (ins Variadic<AnyType>:$components,
                        Arg<Warp_AnyArray, "", [MemWrite]>:$array,
                        Variadic<AnySignlessInteger>:$indices);
   let assemblyFormat = [{
-    $components `,` $array `[` $indices `]` attr-dict `:` type($components)
-    `,` type($array) `,` type($indices)
+    `(` $components `)` `,` $array `[` $indices `]` attr-dict `:`
+    `(` type($components) `)` `,` type($array) `,` type($indices)
   }];
   let hasVerifier = 1;
 }
@@ -62,8 +67,9 @@ def Warp_AtomicComponentsOp : Warp_Op<"atomic_components",
                        Variadic<AnySignlessInteger>:$indices);
   let results = (outs Variadic<AnyType>:$old);
   let assemblyFormat = [{
-    $kind $components `,` $array `[` $indices `]` attr-dict `:`
-    type($components) `,` type($array) `,` type($indices) `->` type($old)
+    $kind `(` $components `)` `,` $array `[` $indices `]` attr-dict `:`
+    `(` type($components) `)` `,` type($array) `,` type($indices) `->`
+    type($old)
   }];
   let hasVerifier = 1;
 }

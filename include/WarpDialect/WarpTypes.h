@@ -43,7 +43,8 @@ bool isValue(mlir::Type type);
 
 /// Scalar type of a scalar or composite; null for everything else.
 mlir::Type getElementScalar(mlir::Type type);
-/// The same composite or scalar with another scalar type.
+/// The same composite or scalar with another scalar type; null if a composite
+/// of that kind can't have it.
 mlir::Type withElementScalar(mlir::Type type, mlir::Type scalar);
 /// Type that thread IR has for a scalar: integers lose their sign.
 mlir::Type getSignless(mlir::Type type);

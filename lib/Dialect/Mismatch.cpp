@@ -40,12 +40,11 @@ static SmallVector<mlir::Type> getScalarTypes(TypeRange operands,
       if (warp::isScalar(scalar) && !llvm::is_contained(found, scalar))
         found.push_back(scalar);
   auto rank = [](mlir::Type type) {
-    return std::pair(warp::isFloat(type),
-                     warp::isBool(type) ? 0 : type.getIntOrFloatBitWidth());
+    return std::tuple(warp::isFloat(type), type.getIntOrFloatBitWidth(),
+                      type.isSignedInteger(), type.isBF16());
   };
-  llvm::stable_sort(found, [&](mlir::Type a, mlir::Type b) {
-    return rank(a) > rank(b);
-  });
+  llvm::sort(found,
+             [&](mlir::Type a, mlir::Type b) { return rank(a) > rank(b); });
   // A function of floats called with integers only.
   mlir::Type single = Float32Type::get(context);
   if (!found.empty() && !llvm::is_contained(found, single))
@@ -60,13 +59,12 @@ static std::string findConversions(ArrayRef<warp::Signature> signatures,
   warp::OverloadMatcher matcher(context);
   for (bool convertComposites : {false, true})
     for (mlir::Type scalar : getScalarTypes(operands, context)) {
-      SmallVector<mlir::Type> converted(operands);
+      SmallVector<mlir::Type> converted(operands.begin(), operands.end());
       for (mlir::Type &type : converted)
         if (warp::isScalar(type) ||
-            (convertComposites && warp::isComposite(type) &&
-             (warp::isFloat(scalar) ||
-              isa<warp::VecType, warp::MatType>(type))))
-          type = warp::withElementScalar(type, scalar);
+            (convertComposites && warp::isComposite(type)))
+          if (mlir::Type other = warp::withElementScalar(type, scalar))
+            type = other;
       if (llvm::none_of(signatures, [&](const warp::Signature &signature) {
             return matcher.match(signature, converted);
           }))

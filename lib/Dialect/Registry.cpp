@@ -197,6 +197,9 @@ mlir::Type warp::OverloadMatcher::build(const TypePattern &pattern) const {
   case Kind::Vec:
     return VecType::get(context, extent(0), element());
   case Kind::Mat:
+    // Extents are at most `maxComponents` each.
+    if (extent(0) * extent(1) > maxComponents)
+      return {};
     return MatType::get(context, extent(0), extent(1), element());
   case Kind::Quat:
     return QuatType::get(context, element());
@@ -242,6 +245,13 @@ warp::matchBuiltin(const BuiltinSpec &spec, MLIRContext *context,
         continue;
       match.inout.push_back(position);
       match.results.push_back(matcher.build(parameter.type));
+    }
+    if (llvm::is_contained(match.results, mlir::Type())) {
+      if (why)
+        *why = ("the result of '" + spec.pythonName + "' would have more than " +
+                Twine(maxComponents) + " components")
+                   .str();
+      return std::nullopt;
     }
     return match;
   }

@@ -64,16 +64,22 @@ mlir::Type warp::getElementScalar(mlir::Type type) {
 }
 
 mlir::Type warp::withElementScalar(mlir::Type type, mlir::Type scalar) {
+  if (isThreadScalar(type))
+    return scalar;
+  bool takesFloats = isa<QuatType, TransformType>(type);
+  if (takesFloats ? !isFloat(scalar) : !isScalar(scalar))
+    return {};
+  MLIRContext *context = type.getContext();
   return TypeSwitch<mlir::Type, mlir::Type>(type)
-      .Case([&](VecType t) { return VecType::get(t.getContext(), t.getLength(), scalar); })
-      .Case([&](MatType t) {
-        return MatType::get(t.getContext(), t.getRows(), t.getCols(), scalar);
+      .Case([&](VecType vec) {
+        return VecType::get(context, vec.getLength(), scalar);
       })
-      .Case([&](QuatType t) { return QuatType::get(t.getContext(), scalar); })
-      .Case([&](TransformType t) {
-        return TransformType::get(t.getContext(), scalar);
+      .Case([&](MatType mat) {
+        return MatType::get(context, mat.getRows(), mat.getCols(), scalar);
       })
-      .Default([&](mlir::Type) { return scalar; });
+      .Case([&](QuatType) { return QuatType::get(context, scalar); })
+      .Case([&](TransformType) { return TransformType::get(context, scalar); })
+      .Default([](mlir::Type) { return mlir::Type(); });
 }
 
 mlir::Type warp::getSignless(mlir::Type type) {

@@ -154,8 +154,9 @@ LogicalResult warp::verifyField(Operation *op, StructType type, StringRef field,
   if (index < 0) {
     InFlightDiagnostic diagnostic = op->emitOpError("(C1) struct '");
     diagnostic << type.getName() << "' has no field '" << field << "'; it has ";
-    llvm::interleaveComma(type.getFieldNames(), diagnostic,
-                          [&](StringAttr name) { diagnostic << name; });
+    llvm::interleaveComma(type.getFieldNames(), diagnostic, [&](StringAttr name) {
+      diagnostic << "'" << name.getValue() << "'";
+    });
     return diagnostic;
   }
   if (type.getFieldTypes()[index] == actual)
