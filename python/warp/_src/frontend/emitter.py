@@ -227,11 +227,24 @@ class EmitterBase:
             self.integer(binding, node)
         if type(binding) is float:
             binding = self.builder.constant(FLOAT32, binding)
+        if not self.can_be_bound(binding):
+            raise self.type_error(
+                node,
+                f"{names.describe(binding)} cannot be a variable of a kernel",
+                "kernels can capture numbers, vectors, matrices, structs, functions and tuples",
+            )
         old = self.env.get(name)
         if old is not None:
             self.check_same_type(name, old, binding, node)
         self.env[name] = binding
         self.lines[name] = self.source.line(node)
+
+    @staticmethod
+    def can_be_bound(binding):
+        if isinstance(binding, (Value, bool, int, float, str, tuple, enum.Enum)):
+            return True
+        kinds = (types.scalar_base, types.Composite, names.BuiltinRef)
+        return isinstance(binding, kinds) or callable(binding) or types.is_struct(type(binding))
 
     def check_same_type(self, name, old, binding, node):
         """A variable keeps its type."""

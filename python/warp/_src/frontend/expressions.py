@@ -205,6 +205,11 @@ class Expressions(Access):
             if native == BOOL:
                 known = binding.constant()
                 return binding if known is None else bool(known)
+            if native.kind == "array":
+                # A null array, as `None` at a launch gives, has no extent.
+                self.at(node)
+                extent = self.builder.dim(binding, 0)
+                return self.operator(node, "ne", extent, self.materialize(0, node))
             if native.kind not in ("int", "float"):
                 raise self.type_error(node, f"expects a condition, but got '{native.python_name}'")
             self.at(node)

@@ -10,24 +10,10 @@ from warp._src import errors
 
 # Python's own functions and types that mean something in a kernel.
 PYTHON_NAMES = frozenset(
-    [
-        "abs",
-        "bool",
-        "float",
-        "int",
-        "len",
-        "max",
-        "min",
-        "pow",
-        "print",
-        "range",
-        "reversed",
-        "round",
-        "tuple",
-        "type",
-        "True",
-        "False",
-    ]
+    (
+        *("abs", "bool", "float", "int", "len", "max", "min", "pow", "print", "range"),
+        *("reversed", "round", "tuple", "type", "True", "False"),
+    )
 )
 # Functions of `math` and `numpy` whose counterpart has another name.
 MATH_NAMES = {
