@@ -21,6 +21,9 @@ struct DeviceState {
   /// The current stream, and its handle for the launch path.
   std::shared_ptr<Stream> stream;
   std::atomic<cuda::StreamHandle> streamHandle{nullptr};
+  /// The default memory pool, null if there are none; see `memoryPool`.
+  std::once_flag poolOnce;
+  cuda::PoolHandle pool = nullptr;
 };
 
 /// Throws for a device that does not exist or is the CPU.

@@ -32,6 +32,7 @@ static constexpr double chunkWork = 16384;
 
 /// Largest parameter block of a GPU kernel in the PTX version we emit.
 static constexpr size_t maxCudaParameters = 4096;
+static constexpr int maxCudaBlock = 1024;
 
 static Error launchError(Error::Kind kind, const std::string &kernel,
                          const std::string &message) {
@@ -116,6 +117,10 @@ VariantKey Kernel::Impl::keyFor(int device, const LaunchDim &dim,
   if (device == cpuDevice)
     return key;
   key.blockDim = blockDim > 0 ? blockDim : options.blockDim;
+  if (key.blockDim < 1 || key.blockDim > maxCudaBlock)
+    throw launchError(Error::Kind::LaunchValue, name,
+                      "expects 1 to 1024 threads per block, but got '" +
+                          std::to_string(key.blockDim) + "'");
   int32_t extents[maxRank];
   std::copy(dim.extent, dim.extent + dim.rank, extents);
   key.flat = !fitsGrid(extents, dim.rank, key.blockDim);
@@ -141,6 +146,7 @@ CompileOptions Kernel::Impl::compileOptions(const VariantKey &key,
   result.fastMath = options.fastMath;
   result.lineinfo = options.lineinfo;
   result.optLevel = options.optLevel;
+  result.threads = arch == 0 ? std::min(ThreadPool::size(), 16) : 1;
   result.blockDim = key.blockDim ? key.blockDim : options.blockDim;
   result.maxRegisters = options.maxRegisters;
   return result;
@@ -302,6 +308,12 @@ static void setErrorRecord(void *params, uint64_t address) {
 static void runOnCpu(const Kernel::Variant &variant, const void *params,
                      int64_t items, bool serial) {
   CpuEntry entry = variant.cpu;
+  if (variant.code.exclusive) {
+    // Nothing else may update the arrays meanwhile, from whichever thread.
+    static std::mutex exclusive;
+    std::lock_guard<std::mutex> lock(exclusive);
+    return entry(params, 0, items);
+  }
   if (serial)
     return entry(params, 0, items);
   // Chunks are multiples of 64 so that two threads rarely share a line.

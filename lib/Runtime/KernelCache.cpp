@@ -101,6 +101,7 @@ std::string warp::serialize(const std::string &key, const Code &code) {
   payload.string(code.binary.data(), code.binary.size());
   payload.number(code.cost);
   payload.number<uint8_t>(code.usesPrintf);
+  payload.number<uint8_t>(code.exclusive);
   payload.number<uint64_t>(code.sites.size());
   for (const Site &site : code.sites) {
     payload.string(site.kernel);
@@ -141,6 +142,7 @@ std::optional<Code> warp::deserialize(const std::string &key,
   code.binary.assign(binary.begin(), binary.end());
   code.cost = reader.number<double>();
   code.usesPrintf = reader.number<uint8_t>();
+  code.exclusive = reader.number<uint8_t>();
   auto sites = reader.number<uint64_t>();
   for (uint64_t i = 0; i < sites && reader.ok(); ++i) {
     Site site;

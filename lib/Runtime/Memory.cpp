@@ -73,28 +73,21 @@ static void *allocatePinned(size_t bytes) {
 
 /// The pool of a device, set up to keep freed memory for the next request.
 static cuda::PoolHandle memoryPool(int device) {
-  static auto *pools = [] {
-    auto *created = new std::vector<cuda::PoolHandle>;
-    for (int i = 0; i < cudaDeviceCount(); ++i) {
-      cuda::PoolHandle pool = nullptr;
-      if (deviceInfo(i).hasMemoryPool) {
-        cuda::ContextScope scope(i);
-        cuda::DeviceHandle handle;
-        WARP_CUDA(deviceGet, &handle, i);
-        WARP_CUDA(deviceGetDefaultMemPool, &pool, handle);
-        uint64_t threshold = UINT64_MAX;
-        WARP_CUDA(memPoolSetAttribute, pool, cuda::poolReleaseThreshold,
-                  &threshold);
-      }
-      created->push_back(pool);
-    }
-    return created;
-  }();
-  return (*pools)[device];
+  DeviceState &state = cudaDeviceState(device);
+  if (!state.info.hasMemoryPool)
+    return nullptr;
+  std::call_once(state.poolOnce, [&] {
+    cuda::DeviceHandle handle;
+    WARP_CUDA(deviceGet, &handle, device);
+    WARP_CUDA(deviceGetDefaultMemPool, &state.pool, handle);
+    uint64_t threshold = UINT64_MAX;
+    WARP_CUDA(memPoolSetAttribute, state.pool, cuda::poolReleaseThreshold,
+              &threshold);
+  });
+  return state.pool;
 }
 
 static Pointer allocateCuda(int device, size_t bytes, bool &fromPool) {
-  cudaDeviceState(device);
   cuda::ContextScope scope(device);
   const cuda::Driver *driver = cuda::driver();
   cuda::PoolHandle pool = memoryPool(device);
