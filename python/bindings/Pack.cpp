@@ -20,8 +20,8 @@ namespace py = pybind11;
 Packer::Packer(std::string kernel, const std::vector<Param> &all)
     : kernel(std::move(kernel)) {
   for (const Param &param : all) {
-    PackParam prepared{&param, param.kind, param.offset, param.size, -1, {},
-                       nullptr};
+    PackParam prepared{&param, param.kind, param.offset, param.size,
+                       -1,     {},         nullptr};
     if (param.kind == Param::Kind::Array)
       prepared.typeId = typeId(param.element);
     else
@@ -85,8 +85,8 @@ Error Packer::error(const PackParam &param, PyObject *value,
                     const std::string &more) const {
   return Error(Error::Kind::LaunchType,
                "launch('" + kernel + "'): argument '" + param.param->name +
-                   "' expects '" + expectedText(*param.param) +
-                   "', but got " + describeValue(value) + more);
+                   "' expects '" + expectedText(*param.param) + "', but got " +
+                   describeValue(value) + more);
 }
 
 void Packer::raiseCount(size_t got) const {
@@ -116,17 +116,16 @@ void Packer::packArray(const PackParam &param, PyObject *value, int device,
     if (array->typeId != param.typeId ||
         array->descriptor.ndim != param.param->rank)
       throw error(param, value);
-    bool reachable = array->device == device ||
-                     (array->pinned && device != cpuDevice &&
-                      deviceInfo(device).isUva);
+    bool reachable =
+        array->device == device ||
+        (array->pinned && device != cpuDevice && deviceInfo(device).isUva);
     if (!reachable)
       throw error(param, value,
                   ", the launch is on '" + deviceName(device) +
                       "'\nhint: copy it there with `.to(\"" +
                       deviceName(device) + "\")`");
     descriptor = array->descriptor;
-  } else if (!readForeignArray(*this, param, value, device, descriptor,
-                               keep)) {
+  } else if (!readForeignArray(*this, param, value, device, descriptor, keep)) {
     throw error(param, value);
   }
   std::memcpy(block + param.offset, &descriptor, sizeof(descriptor));
@@ -135,6 +134,22 @@ void Packer::packArray(const PackParam &param, PyObject *value, int device,
 //===----------------------------------------------------------------------===//
 // Composites and structs
 //===----------------------------------------------------------------------===//
+
+/// Rejects a struct with an array of another device; `flags` of an array in a
+/// struct is its device plus 2, or 0 if it can be reached from all of them.
+static void checkStructArrays(const Packer &packer, const PackParam &param,
+                              PyObject *value, const char *bytes, int device) {
+  for (int64_t offset : param.param->arrays) {
+    ArrayDescriptor array;
+    std::memcpy(&array, bytes + offset, sizeof(array));
+    if (array.flags != 0 && array.flags - 2 != device)
+      throw packer.error(
+          param, value,
+          " that holds an array on '" + deviceName(array.flags - 2) +
+              "', the launch is on '" + deviceName(device) +
+              "'\nhint: move it with `.to(\"" + deviceName(device) + "\")`");
+  }
+}
 
 static bool copyBytes(PyObject *value, char *out, int64_t size) {
   Py_buffer view;
@@ -217,8 +232,8 @@ private:
       ++found;
       return;
     case Outcome::OutOfRange:
-      problem = " with the component " + describeValue(value) +
-                ", out of range";
+      problem =
+          " with the component " + describeValue(value) + ", out of range";
       return;
     case Outcome::WrongType:
       problem = " with the component " + describeValue(value);
@@ -257,13 +272,12 @@ void Packer::packSlowly(PackParam &param, PyObject *value, int device,
   case Param::Kind::Struct:
     if (!packBytes(param, value, out))
       throw error(param, value);
-    return;
+    return checkStructArrays(*this, param, value, out, device);
   case Param::Kind::Scalar: {
     Outcome outcome = storeScalar(param.shape.scalar, value, out);
-    std::string convert =
-        param.shape.scalar == Scalar::Bool ? "bool" : "int";
-    bool isFloatToInt = PyFloat_Check(value) &&
-                        param.shape.scalar < Scalar::F16;
+    std::string convert = param.shape.scalar == Scalar::Bool ? "bool" : "int";
+    bool isFloatToInt =
+        PyFloat_Check(value) && param.shape.scalar < Scalar::F16;
     throw error(param, value,
                 outcome == Outcome::OutOfRange ? ", out of range"
                 : isFloatToInt ? "\nhint: convert it: `" + convert + "(value)`"

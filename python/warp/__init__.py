@@ -35,7 +35,6 @@ from warp._src.array_create import ones as ones
 from warp._src.array_create import ones_like as ones_like
 from warp._src.array_create import zeros as zeros
 from warp._src.array_create import zeros_like as zeros_like
-from warp._src.constants import E as E
 from warp._src.constants import HALF_PI as HALF_PI
 from warp._src.constants import INF as INF
 from warp._src.constants import LN2 as LN2
@@ -46,6 +45,7 @@ from warp._src.constants import NAN as NAN
 from warp._src.constants import PHI as PHI
 from warp._src.constants import PI as PI
 from warp._src.constants import TAU as TAU
+from warp._src.constants import E as E
 from warp._src.constants import constant as constant
 from warp._src.constants import e as e
 from warp._src.constants import half_pi as half_pi
@@ -151,8 +151,9 @@ from warp._src.types import uint16 as uint16
 from warp._src.types import uint32 as uint32
 from warp._src.types import uint64 as uint64
 from warp._src.types import vec as vec
-from warp._src.version import VERSION as __version__
+from warp._src.version import VERSION as VERSION
 
+__version__ = VERSION
 globals().update(_types.NAMED_TYPES)
 _connect()
 

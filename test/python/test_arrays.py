@@ -297,7 +297,8 @@ def test_fill(device, dtype, value, expected):
     assert same(array, full)
     array.zero_()
     assert not array.numpy().any()
-    assert same(wp.full(2, value, dtype=dtype, device=device), np.broadcast_to(expected, full[0].shape))
+    made = wp.full(2, value, dtype=dtype, device=device)
+    assert same(made, np.broadcast_to(expected, full[0].shape))
 
 
 def test_fill_strided(device):

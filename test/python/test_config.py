@@ -3,9 +3,9 @@
 import importlib
 
 import pytest
-from programs import run, write_program
 
 import warp as wp
+from programs import run, write_program
 from warp._src.config import SETTINGS
 
 
@@ -91,6 +91,8 @@ def test_standard_output_is_silent():
     assert (status, out) == (0, "") and err.startswith("warp-mlir ") and err.count("\n") == 1
 
 
-@pytest.mark.parametrize("setting, variables", [("wp.config.quiet = True", {}), ("", {"WARP_QUIET": 1})])
+@pytest.mark.parametrize(
+    "setting, variables", [("wp.config.quiet = True", {}), ("", {"WARP_QUIET": 1})]
+)
 def test_quiet_switches_notices_off(setting, variables):
     assert run(write_program(PROGRAM, setting=setting), **variables) == (0, "", "")

@@ -228,6 +228,14 @@ def test_bad_structs(device, bad):
         wp.launch(use_struct, 1, [bad, wp.zeros(1, dtype=wp.vec3, device=device)], device=device)
 
 
+@pytest.mark.cuda
+def test_structs_with_arrays_on_another_device():
+    out = wp.zeros(1, dtype=wp.vec3, device="cpu")
+    p = Parameters(values=wp.zeros(1, device="cuda:0"))
+    with pytest.raises(wp.WarpLaunchError, match="array on 'cuda:0'.*'cpu'"):
+        wp.launch(use_struct, 1, [p, out], device="cpu")
+
+
 def test_strided_arrays(device):
     base = wp.zeros((3, 2), device=device)
     x = wp.array(np.arange(6, dtype=np.float32), device=device)[::2]

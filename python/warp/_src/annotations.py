@@ -1,8 +1,8 @@
 """Annotations of kernel parameters and struct fields.
 
-`wp.array(dtype=wp.vec3)`, `wp.array2d(dtype=float)` and `wp.array[wp.vec3]` all give an `ArrayType`,
-a value that compares by element type and rank. `resolve` turns any annotation into the canonical
-form that the front end and the launch use: a scalar, composite or struct class, or an `ArrayType`.
+`wp.array(dtype=wp.vec3)`, `wp.array2d(dtype=float)` and `wp.array[wp.vec3]` give an `ArrayType`, a
+value that compares by element type and rank. `resolve` turns any annotation into the canonical form
+that the front end and the launch use: a scalar, composite or struct class, or an `ArrayType`.
 """
 
 from __future__ import annotations
@@ -98,15 +98,8 @@ def resolve(annotation):
     return types.canonical(annotation)
 
 
-def caller_namespaces(cls_or_func, depth=2):
-    """Where a decorated object's string annotations may refer to: closure, locals, globals."""
-    module = sys.modules.get(cls_or_func.__module__)
+def caller_namespaces(cls, depth=2):
+    """Where string annotations of a decorated class may refer to: locals, globals, its module."""
+    module = sys.modules.get(cls.__module__)
     frame = sys._getframe(depth)
-    closure = {}
-    code = getattr(cls_or_func, "__code__", None)
-    for name, cell in zip(getattr(code, "co_freevars", ()), getattr(cls_or_func, "__closure__", None) or ()):
-        try:
-            closure[name] = cell.cell_contents
-        except ValueError:
-            continue
-    return [closure, frame.f_locals, frame.f_globals, vars(module) if module else {}]
+    return [frame.f_locals, frame.f_globals, vars(module) if module else {}]

@@ -147,7 +147,9 @@ class array(ArrayViews, _native.Array):
                 and value.device_index == self.device_index
             )
             if not fits:
-                raise ValueError(f"expects a gradient like {self!r} on '{self.device}', got {value!r}")
+                raise ValueError(
+                    f"expects a gradient like {self!r} on '{self.device}', got {value!r}"
+                )
         self._grad = value
         self._requires_grad = value is not None
         self.grad_ptr = value.ptr or 0 if value is not None else 0
@@ -205,7 +207,7 @@ class array(ArrayViews, _native.Array):
             "version": 3,
         }
         if number.names:
-            interface["descr"] = number.descr if _has_descr(number) else [("", number.str)]
+            interface["descr"] = number.descr
         return interface
 
     def numpy(self):
@@ -295,7 +297,7 @@ class _Memory:
     def __init__(self, owner):
         self.owner = owner
         length = owner.strides[0] * (owner.shape[0] - 1) + owner.item_size
-        for extent, stride in zip(owner.shape[1:], owner.strides[1:]):
+        for extent, stride in zip(owner.shape[1:], owner.strides[1:], strict=True):
             length += stride * (extent - 1)
         self.__array_interface__ = {
             "data": (owner.ptr, False),
@@ -303,14 +305,6 @@ class _Memory:
             "typestr": "|u1",
             "version": 3,
         }
-
-
-def _has_descr(number) -> bool:
-    try:
-        number.descr
-    except ValueError:
-        return False
-    return True
 
 
 def element_type(dtype):

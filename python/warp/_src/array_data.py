@@ -162,11 +162,14 @@ def _store(target, source, extents, dtype, index, pinned, copy):
     from warp._src.array import allocate, new_array
 
     layout, inner = element_layout(dtype)
-    if dtype is scalars.bfloat16 or getattr(dtype, "_wp_scalar_type_", None) is scalars.bfloat16:
-        if source.dtype.kind == "f":
-            source = bfloat16_bits(source)
-    if not copy and index == devices.CPU and source.dtype == layout and _alias(
-        target, source, extents, dtype, inner
+    scalar = getattr(dtype, "_wp_scalar_type_", dtype)
+    if scalar is scalars.bfloat16 and source.dtype.kind == "f":
+        source = bfloat16_bits(source)
+    if (
+        not copy
+        and index == devices.CPU
+        and source.dtype == layout
+        and _alias(target, source, extents, dtype, inner)
     ):
         return
     allocate(target, extents, dtype, index, pinned)
@@ -197,7 +200,7 @@ def _alias(target, source, extents, dtype, inner) -> bool:
     strides = shaped.strides
     item_size = types.type_size_in_bytes(dtype)
     step = item_size
-    for extent, stride in zip(inner, strides[outer:]):
+    for extent, stride in zip(inner, strides[outer:], strict=True):
         step //= extent
         if stride != step:
             return False
@@ -248,9 +251,9 @@ def _from_array(target, data, dtype, shape, device, pinned, copy):
 
 def _from_cuda(target, data, interface, dtype, shape, device, pinned, copy):
     """From another library's CUDA array; it is on the device that `device` names."""
-    from warp._src.array import new_array
-
     import numpy
+
+    from warp._src.array import new_array
 
     if device is None:
         device = "cuda"
@@ -283,7 +286,7 @@ def borrow(target, ptr, extents, strides, dtype, index, capacity, deleter, owner
             raise errors.WarpShapeError(
                 f"expects {len(extents)} strides for shape {extents}, but got {len(strides)}"
             )
-        spans = (stride * (extent - 1) for extent, stride in zip(extents, strides))
+        spans = (stride * (extent - 1) for extent, stride in zip(extents, strides, strict=True))
         needed = item_size + sum(spans) if math.prod(extents) else 0
     if capacity is not None and capacity < needed:
         raise errors.WarpShapeError(f"expects a capacity of {needed} bytes, but got {capacity}")

@@ -78,7 +78,9 @@ class ArrayViews:
             )
         keys += [slice(None)] * (self.ndim - len(keys))
         offset, shape, strides = 0, [], []
-        for axis, (index, extent, stride) in enumerate(zip(keys, self.shape, self.strides)):
+        for axis, (index, extent, stride) in enumerate(
+            zip(keys, self.shape, self.strides, strict=True)
+        ):
             if isinstance(index, slice):
                 start, count, step = _resolve_slice(index, extent, axis)
                 offset += start * stride
@@ -178,7 +180,7 @@ class ArrayViews:
         if self.shape[-len(inner) :] != tuple(inner):
             return False
         step = self.item_size
-        for extent, stride in zip(reversed(inner), reversed(self.strides)):
+        for extent, stride in zip(reversed(inner), reversed(self.strides), strict=False):
             if stride != step:
                 return False
             step *= extent

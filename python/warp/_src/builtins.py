@@ -16,7 +16,7 @@ from warp._src.devices import CPU
 from warp._src.scalars import scalar_base
 
 # They need a thread, or change an array: nothing that a single call could give.
-_KERNEL_ONLY = frozenset("tid printf print breakpoint block_dim len zeros array static".split())
+_KERNEL_ONLY = frozenset(("tid", "printf", "print", "len", "static"))
 
 
 class Builtin:
@@ -72,7 +72,7 @@ class Evaluator:
 
     def __call__(self, values):
         outputs = [new_array(array) for _ in self.dtypes]
-        for output, dtype in zip(outputs, self.dtypes):
+        for output, dtype in zip(outputs, self.dtypes, strict=True):
             allocate(output, (1,), dtype, CPU)
         self.kernel.launch(1, values, outputs, CPU)
         results = tuple(output.list()[0] for output in outputs)
@@ -92,7 +92,7 @@ def _build(builder, name, texts, result_texts=None):
     values, _ = builder.builtin(name, parameters[:count])
     if result_texts is not None:
         index = builder.tid(1)
-        for target, value in zip(parameters[count:], values):
+        for target, value in zip(parameters[count:], values, strict=True):
             builder.store(target, index, value)
         builder.end_function([])
     return [str(value.type) for value in values]

@@ -208,7 +208,7 @@ def _componentwise(name, a, b, operation):
     if canonical_class(type(a)) is not canonical_class(type(b)):
         raise operand_error(name, a, b)
     integers = _integer_rounding(a)
-    pairs = zip(scalars_of(a), scalars_of(b))
+    pairs = zip(scalars_of(a), scalars_of(b), strict=True)
     return a._from_numbers([integers(operation(x, y)) for x, y in pairs])
 
 

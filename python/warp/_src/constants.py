@@ -51,3 +51,10 @@ def constant(value):
             f"but got '{type(value).__name__}'"
         )
     return value
+
+
+__all__ = sorted(
+    name
+    for name, value in list(globals().items())
+    if isinstance(value, float) or name == "constant"
+)

@@ -1,4 +1,4 @@
-"""Constructors of composite values by family, at Python scope: `wp.vector(1.0, 2.0)`, `wp.identity(3)`.
+"""Constructors of composite values by family, at Python scope: `wp.vector(1.0, 2.0)`.
 
 In kernels the same names are builtins of the registry.
 """

@@ -148,9 +148,6 @@ _KINDS = {
     "launch": WarpLaunchError,
     "launchtype": WarpLaunchTypeError,
     "launchvalue": WarpLaunchValueError,
-    "launchtype": WarpLaunchTypeError,
-    "launchvalue": WarpLaunchValueError,
-    "memory": WarpError,
     "memory": WarpMemoryError,
     "runtime": WarpError,
 }

@@ -1,8 +1,8 @@
 """`@wp.kernel` and `@wp.func`: Python functions that become device code.
 
-Decorating only records the function. The first launch translates it (`warp._src.frontend`) and makes
-the native kernel, which compiles a variant for each kind of launch it sees. A change of a setting or
-module option that matters to code drops the native kernel, not the Python object.
+Decorating only records the function. The first launch translates it (`warp._src.frontend`) and
+makes the native kernel, which compiles a variant for each kind of launch it sees. A change of a
+setting or module option that matters to code drops the native kernel, not the Python object.
 """
 
 from __future__ import annotations
@@ -51,7 +51,9 @@ class Kernel:
             raise TypeError(f"expects a function as kernel, but got '{type(func).__name__}'")
         self.func = func
         self.key = key or kernel_name(func)
-        self.module = module if isinstance(module, Module) else get_module(module or func.__module__)
+        self.module = (
+            module if isinstance(module, Module) else get_module(module or func.__module__)
+        )
         self.options = dict(options or {})
         self.module.kernels[self.key] = self
         self.epoch = None
@@ -156,7 +158,9 @@ DEFAULT_GPU = 90
 
 def kernel_name(func) -> str:
     """Name of a function without the parts that Python adds for enclosing functions."""
-    return func.__qualname__.replace(".<locals>", "").replace(".", "_").replace("<lambda>", "lambda")
+    return (
+        func.__qualname__.replace(".<locals>", "").replace(".", "_").replace("<lambda>", "lambda")
+    )
 
 
 def _is_generic(annotation) -> bool:

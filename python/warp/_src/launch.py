@@ -59,7 +59,7 @@ def launch(
         block_dim: CUDA threads per block.
 
     Raises:
-        WarpLaunchError: an argument has the wrong type, rank or device, or a dimension is impossible.
+        WarpLaunchError: an argument has the wrong type, rank or device, or `dim` is impossible.
         WarpCodegenError: the kernel cannot be translated.
     """
     index = index_of.get(device)
@@ -79,9 +79,7 @@ def launch(
     )
 
 
-def _launch_checked(
-    kernel, dim, inputs, outputs, device, stream, adjoint, record_cmd, block_dim
-):
+def _launch_checked(kernel, dim, inputs, outputs, device, stream, adjoint, record_cmd, block_dim):
     """The same with all checks, for the first launch and for what the fast path leaves."""
     if not isinstance(kernel, Kernel):
         raise errors.WarpLaunchTypeError(
@@ -129,7 +127,7 @@ def _verify(kernel, values) -> None:
     from warp._src.array import array
 
     names = [parameter[0] for parameter in kernel.native.parameters]
-    for name, value in zip(names, values):
+    for name, value in zip(names, values, strict=True):
         if not isinstance(value, array):
             continue
         numbers = value.numpy()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from warp._src import scalars
 from warp._src.composites import (
     Composite,
     canonical_class,
@@ -96,7 +95,7 @@ class Matrix(Composite):
             raise ValueError(f"expects {count} components to assign, but got {len(numbers)}")
         stride = self._shape_[1]
         targets = (r * stride + c for r in row_list for c in column_list)
-        for index, number in zip(targets, numbers):
+        for index, number in zip(targets, numbers, strict=True):
             self._set(index, number)
 
     def __mul__(self, other):
@@ -117,11 +116,13 @@ class Matrix(Composite):
     def _left_multiply(self, values):
         self._check(values, self._shape_[0] == values._length_, swapped=True)
         numbers = scalars_of(values)
-        return _vector_like(values, [_dot(column, numbers) for column in zip(*_rows(self))])
+        return _vector_like(
+            values, [_dot(column, numbers) for column in zip(*_rows(self), strict=True)]
+        )
 
     def _product(self, other):
         self._check(other, self._shape_[1] == other._shape_[0])
-        columns = list(zip(*_rows(other)))
+        columns = list(zip(*_rows(other), strict=True))
         numbers = [_dot(row, column) for row in _rows(self) for column in columns]
         cls = matrix((self._shape_[0], other._shape_[1]), self._wp_scalar_type_)
         return cls._from_numbers(numbers)
@@ -163,7 +164,7 @@ def _rows(m):
 
 def _dot(a, b):
     total = a[0] * b[0]
-    for x, y in zip(a[1:], b[1:]):
+    for x, y in zip(a[1:], b[1:], strict=True):
         total += x * y
     return total
 
@@ -206,7 +207,7 @@ def matrix_from_cols(*columns):
     """The matrix whose columns are the given vectors."""
     stacked = _stack(columns)
     shape = stacked._shape_
-    numbers = [number for column in zip(*_rows(stacked)) for number in column]
+    numbers = [number for column in zip(*_rows(stacked), strict=True) for number in column]
     return matrix((shape[1], shape[0]), stacked._wp_scalar_type_)._from_numbers(numbers)
 
 
@@ -221,5 +222,3 @@ def _stack(vectors):
             )
     numbers = [number for v in vectors for number in scalars_of(v)]
     return matrix((len(vectors), first._length_), first._wp_scalar_type_)._from_numbers(numbers)
-
-

@@ -17,11 +17,20 @@ OPTIONS = {
     "block_dim": None,
 }
 # Options of the peer that change nothing here.
-INERT_OPTIONS = frozenset(
-    "fuse_fp cuda_output cpu_compiler_flags deterministic deterministic_max_records "
-    "enable_mathdx_gemm enable_mathdx_solver enable_mathdx_fft compile_time_trace strip_hash "
-    "extra_build_options default_grid_stride".split()
-)
+INERT_OPTIONS = {
+    "fuse_fp",
+    "cuda_output",
+    "cpu_compiler_flags",
+    "deterministic",
+    "deterministic_max_records",
+    "enable_mathdx_gemm",
+    "enable_mathdx_solver",
+    "enable_mathdx_fft",
+    "compile_time_trace",
+    "strip_hash",
+    "extra_build_options",
+    "default_grid_stride",
+}
 
 
 class Module:

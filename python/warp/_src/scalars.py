@@ -1,9 +1,9 @@
 """Scalar types: `wp.float32(0.5)`, `wp.uint8(7)`, ...
 
 A scalar type is used as an annotation, as the `dtype` of an array, as a conversion in kernels, and
-at Python scope as a small value object. Values wrap like the C type does (`wp.uint8(300)` holds 44);
-floats keep the Python number and are rounded where they are stored. Arithmetic gives plain Python
-numbers: ints wrap to the type and divide like C, and types do not mix.
+at Python scope as a small value object. Values wrap as in C (`wp.uint8(300)` holds 44); floats keep
+the Python number and are rounded where they are stored. Arithmetic gives plain Python numbers: ints
+wrap to the type and divide as in C, and types do not mix.
 """
 
 from __future__ import annotations
@@ -228,7 +228,7 @@ class bool(int_base):
     _bits_ = 8
 
     def __init__(self, value=False):
-        self.value = True if value else False
+        self.value = builtins.bool(value)
 
 
 def divide(a, b):

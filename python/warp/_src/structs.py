@@ -45,10 +45,12 @@ def describe(array) -> ArrayDescriptor:
         return descriptor
     descriptor.data = array.ptr or 0
     descriptor.grad = (array.grad.ptr or 0) if array.grad is not None else 0
-    for axis, (extent, stride) in enumerate(zip(array.shape, array.strides)):
+    for axis, (extent, stride) in enumerate(zip(array.shape, array.strides, strict=True)):
         descriptor.shape[axis] = extent
         descriptor.strides[axis] = stride
     descriptor.ndim = array.ndim
+    # Lets a launch see that the array is out of reach; 0 says nothing.
+    descriptor.flags = 0 if array.pinned else array.device_index + 2
     return descriptor
 
 
@@ -306,13 +308,15 @@ def struct(cls=None, *, module=None):
 
 
 def _make_struct(cls, namespaces):
+    import inspect
+
     if not isinstance(cls, type):
         raise TypeError(f"expects a class to decorate, but got '{type(cls).__name__}'")
     name = cls.__name__
     if cls.__bases__ != (object,):
         bases = ", ".join(base.__name__ for base in cls.__bases__)
         raise TypeError(f"struct '{name}' cannot inherit from '{bases}'")
-    declared = cls.__dict__.get("__annotations__", {})
+    declared = inspect.get_annotations(cls)
     for attribute, value in cls.__dict__.items():
         if attribute in declared:
             raise TypeError(f"field '{attribute}' of struct '{name}' cannot have a default value")

@@ -12,19 +12,18 @@ import typing
 
 from warp._src import scalars
 from warp._src.composites import Composite, canonical_class
-from warp._src.matrices import Matrix, matrix, matrix_from_cols, matrix_from_rows
+from warp._src.matrices import Matrix, matrix
+from warp._src.matrices import matrix_from_cols as matrix_from_cols
+from warp._src.matrices import matrix_from_rows as matrix_from_rows
 from warp._src.scalars import (
     FLOAT_TYPES,
     INT_TYPES,
     PYTHON_TYPES,
     SCALAR_TYPES,
     ScalarType,
-    bfloat16,
-    bool,
     float16,
     float32,
     float64,
-    handle,
     int8,
     int16,
     int32,
@@ -35,6 +34,9 @@ from warp._src.scalars import (
     uint32,
     uint64,
 )
+from warp._src.scalars import bfloat16 as bfloat16
+from warp._src.scalars import bool as bool
+from warp._src.scalars import handle as handle
 from warp._src.vectors import (
     Quaternion,
     Transformation,
@@ -311,3 +313,8 @@ def types_equal(a, b) -> builtins.bool:
 for _dtype in (scalars.bool, *SCALAR_TYPES, *set(NAMED_TYPES.values())):
     register(_dtype)
 
+__all__ = sorted(
+    name
+    for name in globals()
+    if name[0] != "_" and name not in ("annotations", "builtins", "ctypes", "scalars", "typing")
+)

@@ -51,7 +51,7 @@ class Vector(Composite):
             raise ValueError(
                 f"expects {len(indices)} components for the slice, but got {len(numbers)}"
             )
-        for index, number in zip(indices, numbers):
+        for index, number in zip(indices, numbers, strict=True):
             self._set(index, number)
 
     def __mod__(self, other):
@@ -130,7 +130,7 @@ class Transformation(Vector):
             raise operand_error("mul", self, other)
         a, b = scalars_of(self), scalars_of(other)
         rotated = _rotate(a[3:], b[:3])
-        position = [x + y for x, y in zip(a[:3], rotated)]
+        position = [x + y for x, y in zip(a[:3], rotated, strict=True)]
         return self._from_numbers([*position, *_hamilton(a[3:], b[3:])])
 
 
@@ -213,7 +213,7 @@ def vector(length=None, dtype=None, *, name=None):
             "_native_": f"!warp.vec<{length} x {dtype._native_}>",
         }
         if length <= 4:
-            attributes.update(zip("xyzw", _COMPONENTS[:length]))
+            attributes.update(zip("xyzw"[:length], _COMPONENTS[:length], strict=True))
         name = name or f"vec{length}{SUFFIX[dtype]}"
         _cache[key] = make_composite(name, Vector, length, dtype, attributes)
     return _cache[key]
@@ -229,7 +229,7 @@ def quaternion(dtype=None):
             "_wp_type_params_": (dtype,),
             "_wp_type_args_": {"dtype": dtype},
             "_native_": f"!warp.quat<{_float_native('quaternion', dtype)}>",
-            **dict(zip("xyzw", _COMPONENTS)),
+            **dict(zip("xyzw", _COMPONENTS, strict=True)),
         }
         _cache[key] = make_composite(f"quat{SUFFIX[dtype]}", Quaternion, 4, dtype, attributes)
     return _cache[key]
