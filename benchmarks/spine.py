@@ -2,7 +2,7 @@
 
     python benchmarks/spine.py [--device cpu] [--peer /path/to/python] [--json out.json]
 
-Every measurement runs in a process of its own (spine_cases.py). `--peer` names a Python that
+Every measurement runs in a process of its own (_spine_cases.py). `--peer` names a Python that
 has NVIDIA Warp: it runs the same measurements, alternating with ours, and ratios are taken
 within this one run. Goals that need a peer are left out without it.
 """
@@ -20,7 +20,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-CASES = HERE / "spine_cases.py"
+CASES = HERE / "_spine_cases.py"
 # Goals for one kernel in milliseconds, launch in seconds, shares as fractions.
 COMPILE_GOAL = {"cpu": 20.0, "cuda": 25.0}
 BANDWIDTH_GOAL = {
@@ -207,22 +207,21 @@ def show(rows):
     print(f"{sum(judged)} of {len(judged)} goals met")
 
 
-def main():
-    """Parse the command line, measure, print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--device", default="cpu")
-    parser.add_argument("--peer", help="Python interpreter with NVIDIA Warp installed")
-    parser.add_argument("--seconds", type=float, default=1.0, help="per steady measurement")
-    parser.add_argument("--only", default="", help="sections: compile,bandwidth,math,launch,start")
-    parser.add_argument("--json", help="file for the rows and all raw numbers")
-    options = parser.parse_args()
+def available_devices():
+    """cpu, and the first GPU where one answers."""
+    import warp as wp
 
-    runner = Runner(options.device, options.seconds, options.peer)
-    native = load_native()
-    cpu = options.device == "cpu"
+    return ["cpu", "cuda:0"] if wp.get_cuda_device_count() else ["cpu"]
+
+
+def measure(device, options, native):
+    """All wanted rows of one device, and the raw numbers."""
+    runner = Runner(device, options.seconds, options.peer)
+    cpu = device == "cpu"
     sections = {
         "compile": lambda: compile_rows(runner),
-        "bandwidth": lambda: cpu_bandwidth_rows(runner, native) if cpu
+        "bandwidth": lambda: cpu_bandwidth_rows(runner, native)
+        if cpu
         else cuda_bandwidth_rows(runner),
         "math": lambda: arithmetic_rows(runner),
         "launch": lambda: launch_rows(runner, native),
@@ -230,10 +229,27 @@ def main():
     }
     wanted = options.only.split(",") if options.only else list(sections)
     rows = [row for name in wanted for row in sections[name]()]
-    show(rows)
+    return rows, runner.raw
+
+
+def main():
+    """Parse the command line, measure, print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--device", help="cpu or cuda:N; both where there is a GPU")
+    parser.add_argument("--peer", help="Python interpreter with NVIDIA Warp installed")
+    parser.add_argument("--seconds", type=float, default=1.0, help="per steady measurement")
+    parser.add_argument("--only", default="", help="sections: compile,bandwidth,math,launch,start")
+    parser.add_argument("--json", help="file for the rows and all raw numbers")
+    options = parser.parse_args()
+
+    native = load_native()
+    report = {}
+    for device in [options.device] if options.device else available_devices():
+        print(f"{device}", flush=True)
+        rows, raw = measure(device, options, native)
+        show(rows)
+        report[device] = {"rows": [asdict(row) for row in rows], "raw": raw}
     if options.json:
-        report = {"device": options.device, "rows": [asdict(row) for row in rows]}
-        report["raw"] = runner.raw
         Path(options.json).write_text(json.dumps(report, indent=1), encoding="utf-8")
 
 

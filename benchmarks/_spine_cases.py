@@ -1,6 +1,6 @@
 """Kernels and single measurements of spine.py; runs under this package and under NVIDIA Warp.
 
-    python spine_cases.py <measurement> --device cpu [--seconds 1.0]
+    python _spine_cases.py <measurement> --device cpu [--seconds 1.0]
 
 prints one line of JSON. The measurements are the functions whose name starts with `measure_`.
 """
