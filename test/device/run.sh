@@ -6,7 +6,7 @@
 # The machine needs Python with NumPy, pybind11 and pytest, g++ and xz (or
 # Python's lzma), but no LLVM and no network: libwarp.so comes ready from
 # `make device-bundle` in build/device, and only the thin binding is compiled
-# here, for this Python. The assembled package is build/device/python/warp.
+# here, for this Python. The package is put together in build/device-package.
 #
 #   PYTHON             interpreter (default: python3)
 #   WARP_TEST_DEVICE   device the tests use (default: cuda:0)
@@ -17,9 +17,10 @@ shift || true
 
 python=${PYTHON:-python3}
 bundle=build/device
-package=$bundle/python/warp
+work=build/device-package
+package=$work/warp
 export WARP_TEST_DEVICE=${WARP_TEST_DEVICE:-cuda:0}
-export PYTHONPATH=$PWD/$bundle/python${PYTHONPATH:+:$PYTHONPATH}
+export PYTHONPATH=$PWD/$work${PYTHONPATH:+:$PYTHONPATH}
 export WARP_CACHE_PATH=${WARP_CACHE_PATH:-$(mktemp -d)}
 
 assemble() {
@@ -36,7 +37,7 @@ PYTHON
   includes=$("$python" -m pybind11 --includes) || return 1
   local objects=() source failed=0
   for source in python/bindings/*.cpp; do
-    objects+=("$bundle/$(basename "$source" .cpp).o")
+    objects+=("$work/$(basename "$source" .cpp).o")
     # shellcheck disable=SC2086
     g++ -std=c++20 -O2 -fPIC -fvisibility=hidden $includes -Iinclude \
       -c "$source" -o "${objects[-1]}" &
