@@ -46,6 +46,8 @@ struct CompileOptions {
   int optLevel = 2;
   /// Threads of a GPU block.
   int blockDim = 256;
+  /// CPU: threads that would share the launch; above 16 makes no difference.
+  int threads = 1;
   /// Registers a GPU thread may use; 0 leaves it to the driver.
   int maxRegisters = 0;
 };
@@ -67,6 +69,10 @@ struct Code {
   /// Rough operations of one thread; loops count 32 times their body.
   double cost = 0;
   bool usesPrintf = false;
+  /// CPU: the code updates elements without atomic instructions, because so
+  /// few threads would lose more by those than they gain. It must have the
+  /// arrays to itself and run on one thread.
+  bool exclusive = false;
   /// Milliseconds by compile phase; empty when it comes from a cache.
   std::map<std::string, double> phaseMs;
 };

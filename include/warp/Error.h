@@ -20,19 +20,19 @@ namespace warp {
 class WARP_API Error : public std::exception {
 public:
   enum class Kind {
-    Type,      ///< operand or argument of a wrong type
-    Value,     ///< right type, impossible value
-    Index,     ///< constant index or component out of range
-    Attribute, ///< no such component or field
-    Key,       ///< no such builtin or function
-    Overflow,  ///< number does not fit its type
-    Parse,     ///< malformed IR text
-    Compile,   ///< a pass or the code generator failed
-    Launch,    ///< a launch that cannot run, or whose checks failed
-    LaunchType, ///< launch argument of a wrong type, rank or device
+    Type,        ///< operand or argument of a wrong type
+    Value,       ///< right type, impossible value
+    Index,       ///< constant index or component out of range
+    Attribute,   ///< no such component or field
+    Key,         ///< no such builtin or function
+    Overflow,    ///< number does not fit its type
+    Parse,       ///< malformed IR text
+    Compile,     ///< a pass or the code generator failed
+    Launch,      ///< a launch that cannot run, or whose checks failed
+    LaunchType,  ///< launch argument of a wrong type, rank or device
     LaunchValue, ///< launch extent or option with an impossible value
-    Runtime,   ///< a device or the operating system refused
-    Memory,    ///< an allocation does not fit
+    Runtime,     ///< a device or the operating system refused
+    Memory,      ///< an allocation does not fit
   };
 
   Error(Kind kind, std::string message, std::string file = {}, int line = 0,

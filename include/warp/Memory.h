@@ -64,8 +64,8 @@ WARP_API bool isContiguous(const ArrayDescriptor &array, size_t elementSize);
 WARP_API void copyArray(ArrayView dst, ArrayView src, size_t elementSize,
                         const Stream *stream = nullptr);
 /// Sets every element to a pattern of `elementSize` bytes.
-WARP_API void fillArray(ArrayView dst, const void *pattern,
-                        size_t elementSize, const Stream *stream = nullptr);
+WARP_API void fillArray(ArrayView dst, const void *pattern, size_t elementSize,
+                        const Stream *stream = nullptr);
 
 } // namespace warp
 

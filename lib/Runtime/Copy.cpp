@@ -67,8 +67,11 @@ bool warp::isContiguous(const ArrayDescriptor &array, size_t elementSize) {
 
 static Nest simplify(const ArrayDescriptor &dst, const ArrayDescriptor &src,
                      int64_t elementSize) {
-  Nest nest{static_cast<char *>(dst.data), static_cast<char *>(src.data),
-            elementSize, 0, {}};
+  Nest nest{static_cast<char *>(dst.data),
+            static_cast<char *>(src.data),
+            elementSize,
+            0,
+            {}};
   // From the last dimension outwards; `dims` is turned around at the end.
   for (int i = dst.ndim - 1; i >= 0; --i) {
     Dimension next{dst.shape[i], dst.strides[i], src.strides[i]};
@@ -125,14 +128,12 @@ static void copyRow(char *dst, const char *src, const Dimension &dim,
   }
 }
 
-static void copyNest(const Nest &nest, int level, char *dst,
-                     const char *src) {
+static void copyNest(const Nest &nest, int level, char *dst, const char *src) {
   const Dimension &dim = nest.dims[level];
   if (level == nest.rank - 1)
     return copyRow(dst, src, dim, nest.run);
   for (int64_t i = 0; i < dim.extent; ++i)
-    copyNest(nest, level + 1, dst + i * dim.dstStride,
-             src + i * dim.srcStride);
+    copyNest(nest, level + 1, dst + i * dim.dstStride, src + i * dim.srcStride);
 }
 
 static void copyOnHost(const Nest &nest) {
@@ -168,9 +169,9 @@ static void copyRowOnCuda(char *dst, const char *src, const Dimension &dim,
   }
   // Broadcast or reversed rows are no pitch that the driver knows.
   for (int64_t i = 0; i < dim.extent; ++i)
-    WARP_CUDA(memcpyDtoDAsync, reinterpret_cast<Pointer>(dst) +
-              i * dim.dstStride, reinterpret_cast<Pointer>(src) +
-              i * dim.srcStride, run, stream);
+    WARP_CUDA(memcpyDtoDAsync,
+              reinterpret_cast<Pointer>(dst) + i * dim.dstStride,
+              reinterpret_cast<Pointer>(src) + i * dim.srcStride, run, stream);
 }
 
 static void copyNestOnCuda(const Nest &nest, int level, char *dst,
@@ -239,8 +240,7 @@ void warp::copyArray(ArrayView dst, ArrayView src, size_t elementSize,
                       stream);
   auto through = [&](int device) {
     Buffer buffer(device, bytes);
-    ArrayDescriptor packed =
-        packedLike(*src.array, elementSize, buffer.data());
+    ArrayDescriptor packed = packedLike(*src.array, elementSize, buffer.data());
     copyArray({&packed, device}, src, elementSize, stream);
     copyArray(dst, {&packed, device}, elementSize, stream);
     // Pageable memory must outlive the copy that reads it.
@@ -263,8 +263,8 @@ void warp::fillArray(ArrayView dst, const void *pattern, size_t elementSize,
                      const Stream *stream) {
   int64_t count = elementCount(*dst.array);
   if (isContiguous(*dst.array, elementSize))
-    return fillMemory(dst.array->data, dst.device, pattern, elementSize,
-                      count, stream);
+    return fillMemory(dst.array->data, dst.device, pattern, elementSize, count,
+                      stream);
   if (dst.device == cpuDevice) {
     // One element that every source stride of zero repeats.
     ArrayDescriptor source = *dst.array;
@@ -274,7 +274,6 @@ void warp::fillArray(ArrayView dst, const void *pattern, size_t elementSize,
   }
   Buffer buffer(dst.device, count * elementSize);
   fillMemory(buffer.data(), dst.device, pattern, elementSize, count, stream);
-  ArrayDescriptor packed =
-      packedLike(*dst.array, elementSize, buffer.data());
+  ArrayDescriptor packed = packedLike(*dst.array, elementSize, buffer.data());
   copyArray(dst, {&packed, dst.device}, elementSize, stream);
 }

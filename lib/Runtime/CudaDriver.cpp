@@ -100,11 +100,11 @@ void cuda::raise(Result result, const char *call) {
   const char *name = nullptr, *text = nullptr;
   driver()->getErrorName(result, &name);
   driver()->getErrorString(result, &text);
-  throw Error(result == errorOutOfMemory ? Error::Kind::Memory
-                                         : Error::Kind::Runtime,
-              std::string(symbolOf(call)) + " failed: " +
-                  (name ? name : "error " + std::to_string(result)) + " (" +
-                  (text ? text : "no description") + ")");
+  throw Error(
+      result == errorOutOfMemory ? Error::Kind::Memory : Error::Kind::Runtime,
+      std::string(symbolOf(call)) +
+          " failed: " + (name ? name : "error " + std::to_string(result)) +
+          " (" + (text ? text : "no description") + ")");
 }
 
 Context cuda::primaryContext(int device) {

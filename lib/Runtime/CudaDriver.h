@@ -128,8 +128,7 @@ struct Uuid {
     (Pointer, unsigned short, size_t, StreamHandle))                           \
   X(memsetD32Async, cuMemsetD32Async,                                          \
     (Pointer, unsigned, size_t, StreamHandle))                                 \
-  X(streamCreate, cuStreamCreateWithPriority,                                  \
-    (StreamHandle *, unsigned, int))                                           \
+  X(streamCreate, cuStreamCreateWithPriority, (StreamHandle *, unsigned, int)) \
   X(streamDestroy, cuStreamDestroy_v2, (StreamHandle))                         \
   X(streamQuery, cuStreamQuery, (StreamHandle))                                \
   X(streamSynchronize, cuStreamSynchronize, (StreamHandle))                    \
@@ -139,8 +138,7 @@ struct Uuid {
   X(eventRecord, cuEventRecord, (EventHandle, StreamHandle))                   \
   X(eventQuery, cuEventQuery, (EventHandle))                                   \
   X(eventSynchronize, cuEventSynchronize, (EventHandle))                       \
-  X(eventElapsedTime, cuEventElapsedTime,                                      \
-    (float *, EventHandle, EventHandle))                                       \
+  X(eventElapsedTime, cuEventElapsedTime, (float *, EventHandle, EventHandle)) \
   X(moduleLoadDataEx, cuModuleLoadDataEx,                                      \
     (ModuleHandle *, const void *, unsigned, int *, void **))                  \
   X(moduleGetFunction, cuModuleGetFunction,                                    \

@@ -66,8 +66,8 @@ static DeviceInfo describeCuda(int device) {
 }
 
 static std::string processorName() {
-  std::unique_ptr<FILE, int (*)(FILE *)> file(
-      std::fopen("/proc/cpuinfo", "r"), std::fclose);
+  std::unique_ptr<FILE, int (*)(FILE *)> file(std::fopen("/proc/cpuinfo", "r"),
+                                              std::fclose);
   char line[256];
   while (file.get() && std::fgets(line, sizeof(line), file.get())) {
     std::string text = line;
@@ -112,8 +112,8 @@ const DeviceInfo &warp::deviceInfo(int device) {
 }
 
 static size_t availableHostMemory() {
-  std::unique_ptr<FILE, int (*)(FILE *)> file(
-      std::fopen("/proc/meminfo", "r"), std::fclose);
+  std::unique_ptr<FILE, int (*)(FILE *)> file(std::fopen("/proc/meminfo", "r"),
+                                              std::fclose);
   char line[256];
   unsigned long long kilobytes;
   while (file.get() && std::fgets(line, sizeof(line), file.get()))

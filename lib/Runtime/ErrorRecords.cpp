@@ -24,8 +24,7 @@ static std::string list(const std::string &name, int count,
   return text + (count == 1 ? ",)" : ")");
 }
 
-static std::string describeAccess(const ErrorRecord &record,
-                                  const Site &site) {
+static std::string describeAccess(const ErrorRecord &record, const Site &site) {
   int rank = std::min<int>(record.rank, maxRank);
   std::string index[maxRank], shape[maxRank];
   for (int i = 0; i < rank; ++i) {
@@ -46,8 +45,7 @@ void warp::raiseFailedCheck(const ErrorRecord &record,
     message += "assertion failed: " + site.array;
   else
     message += describeAccess(record, site);
-  throw Error(Error::Kind::Launch, message, site.file, site.line,
-              site.column);
+  throw Error(Error::Kind::Launch, message, site.file, site.line, site.column);
 }
 
 namespace {
@@ -68,8 +66,7 @@ static Registry &registry() {
   return *instance;
 }
 
-DeviceErrorRecord::DeviceErrorRecord(int device,
-                                     const std::vector<Site> &sites)
+DeviceErrorRecord::DeviceErrorRecord(int device, const std::vector<Site> &sites)
     : sites(sites) {
   cuda::ContextScope scope(device);
   void *memory = nullptr;

@@ -78,13 +78,13 @@ static void checkExtents(const std::string &kernel, const LaunchDim &dim) {
     if (dim.extent[i] < 0)
       throw launchError(Error::Kind::LaunchValue, kernel,
                         "expects extents of 0 or more, but got '" +
-                            std::to_string(dim.extent[i]) +
-                            "' for dimension " + std::to_string(i));
+                            std::to_string(dim.extent[i]) + "' for dimension " +
+                            std::to_string(i));
     if (dim.extent[i] > INT32_MAX)
       throw launchError(Error::Kind::LaunchValue, kernel,
                         "expects extents below 2^31, but got '" +
-                            std::to_string(dim.extent[i]) +
-                            "' for dimension " + std::to_string(i));
+                            std::to_string(dim.extent[i]) + "' for dimension " +
+                            std::to_string(i));
   }
 }
 
@@ -205,13 +205,12 @@ Kernel::Variant *Kernel::Impl::make(const VariantKey &key) {
   variant->code.cost = std::clamp(variant->code.cost, 1.0, 1e12);
   Stopwatch watch(times);
   if (key.device == cpuDevice) {
-    variant->cpu =
-        reinterpret_cast<CpuEntry>(Jit::get().load(variant->code));
+    variant->cpu = reinterpret_cast<CpuEntry>(Jit::get().load(variant->code));
   } else {
     loadOnCuda(*variant);
     if (options.debug)
-      variant->record = std::make_unique<DeviceErrorRecord>(
-          key.device, variant->code.sites);
+      variant->record =
+          std::make_unique<DeviceErrorRecord>(key.device, variant->code.sites);
   }
   watch.lap("load");
   variant->code.binary = {};
@@ -262,8 +261,8 @@ CompileOptions Kernel::optionsFor(int arch, int rank) const {
   return impl->compileOptions(key, arch);
 }
 
-Kernel::Plan Kernel::Impl::plan(int device, const LaunchDim &dim,
-                                void *params, int blockDim, bool mayMake) {
+Kernel::Plan Kernel::Impl::plan(int device, const LaunchDim &dim, void *params,
+                                int blockDim, bool mayMake) {
   Plan plan;
   plan.device = device;
   VariantKey key = keyFor(device, dim, params, blockDim, plan.items);
@@ -281,8 +280,8 @@ Kernel::Plan Kernel::Impl::plan(int device, const LaunchDim &dim,
   return plan;
 }
 
-Kernel::Plan Kernel::tryPrepare(int device, const LaunchDim &dim,
-                                void *params, int blockDim) {
+Kernel::Plan Kernel::tryPrepare(int device, const LaunchDim &dim, void *params,
+                                int blockDim) {
   return impl->plan(device, dim, params, blockDim, false);
 }
 

@@ -92,9 +92,8 @@ void warp::loadOnCuda(Kernel::Variant &variant) {
             variant.code.entry.c_str());
 }
 
-void warp::launchOnCuda(const Kernel::Variant &variant,
-                        const std::string &name, void *params,
-                        const Stream *stream) {
+void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,
+                        void *params, const Stream *stream) {
   const VariantKey &key = variant.key;
   LaunchHeader header;
   std::memcpy(&header, params, sizeof(header));
@@ -108,9 +107,8 @@ void warp::launchOnCuda(const Kernel::Variant &variant,
   cuda::ContextScope scope(key.device);
   void *arguments[] = {params};
   cuda::Result result = cuda::driver()->launchKernel(
-      variant.function, shape.grid.x, shape.grid.y, shape.grid.z,
-      shape.block.x, shape.block.y, shape.block.z, 0, handle, arguments,
-      nullptr);
+      variant.function, shape.grid.x, shape.grid.y, shape.grid.z, shape.block.x,
+      shape.block.y, shape.block.z, 0, handle, arguments, nullptr);
   if (result == cuda::success)
     return;
   try {

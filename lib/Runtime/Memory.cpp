@@ -38,10 +38,10 @@ static constexpr int64_t hostGrain = int64_t(512) << 10;
 
 [[noreturn]] static void raiseOutOfMemory(int device, size_t bytes) {
   size_t free = deviceMemory(device).first;
-  throw Error(Error::Kind::Memory,
-              "out of memory on '" + deviceInfo(device).alias +
-                  "', requested " + formatBytes(bytes) + ", free " +
-                  formatBytes(free));
+  throw Error(Error::Kind::Memory, "out of memory on '" +
+                                       deviceInfo(device).alias +
+                                       "', requested " + formatBytes(bytes) +
+                                       ", free " + formatBytes(free));
 }
 
 static void *allocateHost(size_t bytes) {
@@ -166,10 +166,9 @@ static void copyHost(void *dst, const void *src, size_t bytes) {
     std::memmove(to, from, bytes);
     return;
   }
-  ThreadPool::parallelFor(0, bytes, hostGrain,
-                          [&](int64_t begin, int64_t end) {
-                            std::memcpy(to + begin, from + begin, end - begin);
-                          });
+  ThreadPool::parallelFor(0, bytes, hostGrain, [&](int64_t begin, int64_t end) {
+    std::memcpy(to + begin, from + begin, end - begin);
+  });
 }
 
 static void copyPeer(Pointer dst, int dstDevice, Pointer src, int srcDevice,
@@ -194,8 +193,8 @@ static void copyPeer(Pointer dst, int dstDevice, Pointer src, int srcDevice,
   waitEvent(*other, after);
 }
 
-void warp::copyMemory(void *dst, int dstDevice, const void *src,
-                      int srcDevice, size_t bytes, const Stream *stream) {
+void warp::copyMemory(void *dst, int dstDevice, const void *src, int srcDevice,
+                      size_t bytes, const Stream *stream) {
   if (bytes == 0)
     return;
   if (dstDevice == cpuDevice && srcDevice == cpuDevice)
@@ -238,17 +237,17 @@ static void fillHost(char *dst, const char *pattern, size_t size,
   std::string block;
   for (size_t i = 0; i < perBlock; ++i)
     block.append(pattern, size);
-  ThreadPool::parallelFor(
-      0, count, hostGrain / static_cast<int64_t>(size) + 1,
-      [&](int64_t begin, int64_t end) {
-        char *to = dst + begin * size;
-        for (size_t left = (end - begin) * size; left > 0;) {
-          size_t part = std::min(left, block.size());
-          std::memcpy(to, block.data(), part);
-          to += part;
-          left -= part;
-        }
-      });
+  ThreadPool::parallelFor(0, count, hostGrain / static_cast<int64_t>(size) + 1,
+                          [&](int64_t begin, int64_t end) {
+                            char *to = dst + begin * size;
+                            for (size_t left = (end - begin) * size;
+                                 left > 0;) {
+                              size_t part = std::min(left, block.size());
+                              std::memcpy(to, block.data(), part);
+                              to += part;
+                              left -= part;
+                            }
+                          });
 }
 
 static void fillCuda(Pointer dst, const char *pattern, size_t size,
@@ -297,10 +296,10 @@ void warp::setMemory(void *dst, int device, int byte, size_t bytes,
     return;
   if (device == cpuDevice) {
     auto *to = static_cast<char *>(dst);
-    return ThreadPool::parallelFor(
-        0, bytes, hostGrain, [&](int64_t begin, int64_t end) {
-          std::memset(to + begin, byte, end - begin);
-        });
+    return ThreadPool::parallelFor(0, bytes, hostGrain,
+                                   [&](int64_t begin, int64_t end) {
+                                     std::memset(to + begin, byte, end - begin);
+                                   });
   }
   StreamHandle handle = streamHandle(device, stream);
   cuda::ContextScope scope(device);

@@ -37,8 +37,7 @@ Stream::Stream(int device, int priority) : deviceIndex(device), owned(true) {
   stream = created;
 }
 
-Stream::Stream(int device, void *handle)
-    : deviceIndex(device), stream(handle) {
+Stream::Stream(int device, void *handle) : deviceIndex(device), stream(handle) {
   cudaDeviceState(device);
 }
 
@@ -115,12 +114,11 @@ std::shared_ptr<Stream> warp::currentStream(int device) {
 void warp::setCurrentStream(int device, std::shared_ptr<Stream> stream) {
   DeviceState &state = cudaDeviceState(device);
   if (!stream || stream->device() != device)
-    throw Error(Error::Kind::Runtime,
-                "expects a stream of 'cuda:" + std::to_string(device) +
-                    "', but got " +
-                    (stream ? "one of 'cuda:" +
-                                  std::to_string(stream->device()) + "'"
-                            : std::string("none")));
+    throw Error(
+        Error::Kind::Runtime,
+        "expects a stream of 'cuda:" + std::to_string(device) + "', but got " +
+            (stream ? "one of 'cuda:" + std::to_string(stream->device()) + "'"
+                    : std::string("none")));
   std::lock_guard<std::mutex> lock(state.mutex);
   state.streamHandle = raw(*stream);
   state.stream = std::move(stream);

@@ -28,8 +28,8 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
-#include <csignal>
 #include <climits>
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
@@ -204,8 +204,8 @@ void Pool::makeRoomForCaller() {
   }
 }
 
-void Pool::run(int64_t begin, int64_t end, int64_t grain,
-               ThreadPool::Body body, void *context) {
+void Pool::run(int64_t begin, int64_t end, int64_t grain, ThreadPool::Body body,
+               void *context) {
   makeRoomForCaller();
   int64_t items = end - begin;
   int64_t count = size();

@@ -52,8 +52,8 @@ const std::string &python::typeText(int id) { return types().texts.at(id); }
 std::string python::resolveType(PyTypeObject *type) {
   if (!types().resolver)
     return {};
-  PyObject *found = PyObject_CallOneArg(types().resolver,
-                                        reinterpret_cast<PyObject *>(type));
+  PyObject *found =
+      PyObject_CallOneArg(types().resolver, reinterpret_cast<PyObject *>(type));
   std::string text;
   if (found && PyUnicode_Check(found))
     if (const char *characters = PyUnicode_AsUTF8(found))
@@ -160,9 +160,9 @@ static bool packStrides(ArrayObject *array) {
 }
 
 static PyObject *setupArray(PyObject *self, PyObject *args, PyObject *names) {
-  static const char *keywords[] = {"ptr",       "shape",  "strides", "dtype",
-                                   "type_id",   "item_size", "device",
-                                   "owner",     "pinned", nullptr};
+  static const char *keywords[] = {"ptr",     "shape",     "strides", "dtype",
+                                   "type_id", "item_size", "device",  "owner",
+                                   "pinned",  nullptr};
   unsigned long long ptr;
   PyObject *shape, *strides, *dtype, *owner = Py_None;
   int typeId, device, pinned = 0;
@@ -191,8 +191,7 @@ static PyObject *setupArray(PyObject *self, PyObject *args, PyObject *names) {
     if (!packStrides(array))
       return nullptr;
   } else {
-    if (!readExtents(strides, "stride", array->descriptor.strides,
-                     strideCount))
+    if (!readExtents(strides, "stride", array->descriptor.strides, strideCount))
       return nullptr;
     if (strideCount != count)
       return PyErr_Format(PyExc_ValueError,
@@ -316,10 +315,6 @@ static PyMemberDef members[] = {
     {nullptr, 0, 0, 0, nullptr}};
 #undef WARP_FIELD
 
-template <typename Fn> static PyCFunction asMethod(Fn *function) {
-  return reinterpret_cast<PyCFunction>(reinterpret_cast<void (*)()>(function));
-}
-
 void python::bindArray(py::module_ &m) {
   static PyMethodDef methods[] = {
       {"_setup", asMethod(setupArray), METH_VARARGS | METH_KEYWORDS,
@@ -340,17 +335,17 @@ void python::bindArray(py::module_ &m) {
       {Py_tp_getset, attributes},
       {Py_tp_doc, const_cast<char *>("Base class of arrays.")},
       {0, nullptr}};
-  PyType_Spec spec = {"warp._native.Array", sizeof(ArrayObject), 0,
-                      Py_TPFLAGS_DEFAULT | Py_TPFLAGS_BASETYPE |
-                          Py_TPFLAGS_HAVE_GC,
-                      slots};
+  PyType_Spec spec = {
+      "warp._native.Array", sizeof(ArrayObject), 0,
+      Py_TPFLAGS_DEFAULT | Py_TPFLAGS_BASETYPE | Py_TPFLAGS_HAVE_GC, slots};
   auto *type = PyType_FromSpec(&spec);
   if (!type)
     throw py::error_already_set();
   arrayType = reinterpret_cast<PyTypeObject *>(type);
   m.add_object("Array", py::reinterpret_steal<py::object>(type));
-  m.def("type_id", [](const std::string &text) { return typeId(text); },
-        py::arg("text"), "Number of a native type's text.");
+  m.def(
+      "type_id", [](const std::string &text) { return typeId(text); },
+      py::arg("text"), "Number of a native type's text.");
   m.def("set_type_resolver", &setTypeResolver, py::arg("resolver").none(true),
         "Registers a function from Python classes to native type texts.");
 }

@@ -47,8 +47,7 @@ static uintptr_t address(void *pointer) {
 static void bindStreams(py::module_ &m) {
   py::class_<Stream, std::shared_ptr<Stream>> stream(m, "Stream");
   py::class_<Event, std::shared_ptr<Event>> event(m, "Event");
-  stream
-      .def(py::init<int, int>(), py::arg("device"), py::arg("priority") = 0)
+  stream.def(py::init<int, int>(), py::arg("device"), py::arg("priority") = 0)
       .def_static(
           "from_handle",
           [](int device, uintptr_t handle) {
@@ -86,12 +85,12 @@ static void bindStreams(py::module_ &m) {
       .def(py::init<int, bool>(), py::arg("device"),
            py::arg("enable_timing") = false)
       .def_property_readonly("device", &Event::device)
-      .def_property_readonly(
-          "cuda_event", [](Event &self) { return address(self.handle()); })
+      .def_property_readonly("cuda_event",
+                             [](Event &self) { return address(self.handle()); })
       .def_property_readonly("is_complete", &Event::isComplete)
       .def("synchronize", &Event::synchronize, Unlocked());
-  m.def("elapsed_time", &elapsedMilliseconds, py::arg("start"),
-        py::arg("end"), "Milliseconds between two recorded events.");
+  m.def("elapsed_time", &elapsedMilliseconds, py::arg("start"), py::arg("end"),
+        "Milliseconds between two recorded events.");
   m.def("current_stream", &currentStream, py::arg("device"));
   m.def("set_current_stream", &setCurrentStream, py::arg("device"),
         py::arg("stream"));
@@ -127,8 +126,9 @@ static void bindCache(py::module_ &m) {
       "set_cache_enabled",
       [](bool enabled) { KernelCache::get().setEnabled(enabled); },
       py::arg("enabled"));
-  m.def("clear_cache", [] { return KernelCache::get().clear(); },
-        "Removes every entry; returns how many there were.");
+  m.def(
+      "clear_cache", [] { return KernelCache::get().clear(); },
+      "Removes every entry; returns how many there were.");
   m.def("set_notice_handler", &setNoticeFunction,
         py::arg("function").none(true),
         "Function that gets one-line messages to the user; None drops them.");
@@ -142,14 +142,12 @@ void python::bindDevices(py::module_ &m) {
   m.def("device_memory", &deviceMemory, py::arg("device"),
         "Bytes of memory: (free, total).");
   m.def(
-      "cuda_context",
-      [](int device) { return address(cudaContext(device)); },
+      "cuda_context", [](int device) { return address(cudaContext(device)); },
       py::arg("device"));
   m.def("synchronize_device", &synchronizeDevice, py::arg("device"),
         Unlocked());
   m.def("synchronize_all", &synchronizeAll, Unlocked());
-  m.def("num_threads", &ThreadPool::size,
-        "Threads that CPU launches use.");
+  m.def("num_threads", &ThreadPool::size, "Threads that CPU launches use.");
   bindStreams(m);
   bindCache(m);
 }

@@ -43,13 +43,13 @@ static void copyArrays(const py::object &dst, const py::object &src,
   ArrayObject *to = expectArray(dst, "destination");
   ArrayObject *from = expectArray(src, "source");
   if (to->itemSize != from->itemSize)
-    throw Error(Error::Kind::LaunchType,
-                "expects elements of " + std::to_string(to->itemSize) +
-                    " bytes to copy from, but got " +
-                    std::to_string(from->itemSize));
+    throw Error(Error::Kind::LaunchType, "expects elements of " +
+                                             std::to_string(to->itemSize) +
+                                             " bytes to copy from, but got " +
+                                             std::to_string(from->itemSize));
   runUnlocked(byteCount(to), [&] {
-    copyArray({&to->descriptor, to->device},
-              {&from->descriptor, from->device}, to->itemSize, stream);
+    copyArray({&to->descriptor, to->device}, {&from->descriptor, from->device},
+              to->itemSize, stream);
   });
 }
 
@@ -71,10 +71,9 @@ void python::bindMemory(py::module_ &m) {
   py::class_<Buffer>(m, "Buffer", "Memory that lives as long as this object.")
       .def(py::init<int, size_t, bool>(), py::arg("device"), py::arg("size"),
            py::arg("pinned") = false)
-      .def_property_readonly("ptr",
-                             [](Buffer &self) {
-                               return reinterpret_cast<uintptr_t>(self.data());
-                             })
+      .def_property_readonly(
+          "ptr",
+          [](Buffer &self) { return reinterpret_cast<uintptr_t>(self.data()); })
       .def_property_readonly("size", &Buffer::size)
       .def_property_readonly("device", &Buffer::device)
       .def_property_readonly("pinned", &Buffer::pinned);

@@ -35,7 +35,7 @@ std::string pythonTypeName(const std::string &text);
 
 /// The instance layout of `warp._native.Array`.
 struct ArrayObject {
-  PyObject_HEAD
+  PyObject base;
   ArrayDescriptor descriptor;
   PyObject *dtype;
   PyObject *owner;
@@ -49,6 +49,11 @@ struct ArrayObject {
 };
 
 extern PyTypeObject *arrayType;
+
+/// A method with any of C's calling conventions as the table wants it.
+template <typename Fn> PyCFunction asMethod(Fn *function) {
+  return reinterpret_cast<PyCFunction>(reinterpret_cast<void (*)()>(function));
+}
 
 inline bool isArray(PyObject *object) {
   return Py_TYPE(object) == arrayType ||

@@ -264,6 +264,7 @@ void Packer::packComposite(PackParam &param, PyObject *value, char *out) {
 void Packer::packSlowly(PackParam &param, PyObject *value, int device,
                         char *block, std::vector<py::object> &keep) {
   char *out = block + param.offset;
+  auto held = py::reinterpret_borrow<py::object>(value);
   switch (param.kind) {
   case Param::Kind::Array:
     return packArray(param, value, device, block, keep);

@@ -31,9 +31,7 @@ static std::string typeString(Scalar scalar) {
   if (scalar == Scalar::Bool)
     return "|b1";
   int64_t size = byteSize(scalar);
-  char kind = scalar >= Scalar::F16   ? 'f'
-              : scalar >= Scalar::U8 ? 'u'
-                                     : 'i';
+  char kind = scalar >= Scalar::F16 ? 'f' : scalar >= Scalar::U8 ? 'u' : 'i';
   return std::string(size == 1 ? "|" : "<") + kind + std::to_string(size);
 }
 
@@ -67,9 +65,8 @@ static Interface readInterface(const py::dict &fields) {
   found.type = fields["typestr"].cast<std::string>();
   found.shape = integers(fields["shape"]);
   py::object data = fields["data"];
-  py::object first = py::isinstance<py::tuple>(data)
-                         ? py::object(py::tuple(data)[0])
-                         : data;
+  py::object first =
+      py::isinstance<py::tuple>(data) ? py::object(py::tuple(data)[0]) : data;
   if (!first.is_none())
     found.data = first.cast<uint64_t>();
   if (fields.contains("strides") && !fields["strides"].is_none()) {
@@ -110,12 +107,11 @@ static std::string describe(const Interface &found) {
 }
 
 bool python::readForeignArray(const Packer &packer, const PackParam &param,
-                              PyObject *value, int device,
-                              ArrayDescriptor &out,
+                              PyObject *value, int device, ArrayDescriptor &out,
                               std::vector<py::object> &keep) {
   bool onHost = device == cpuDevice;
-  py::object fields = attribute(
-      value, onHost ? "__array_interface__" : "__cuda_array_interface__");
+  py::object fields = attribute(value, onHost ? "__array_interface__"
+                                              : "__cuda_array_interface__");
   if (!fields && onHost && !PyType_Check(value) &&
       !attribute(value, "__cuda_array_interface__")) {
     // PyTorch's host tensors convert without a copy.

@@ -114,9 +114,8 @@ static Outcome storeInt(Scalar scalar, PyObject *number, char *out) {
 
 static Outcome storeExact(Scalar scalar, PyObject *number, char *out) {
   if (PyFloat_Check(number))
-    return isFloat(scalar)
-               ? storeFloat(scalar, PyFloat_AS_DOUBLE(number), out)
-               : Outcome::WrongType;
+    return isFloat(scalar) ? storeFloat(scalar, PyFloat_AS_DOUBLE(number), out)
+                           : Outcome::WrongType;
   if (!isFloat(scalar))
     return storeInt(scalar, number, out);
   double value = PyLong_AsDouble(number);

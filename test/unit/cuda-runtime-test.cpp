@@ -190,7 +190,9 @@ TEST_F(Cuda, OutOfMemoryNamesRequestAndFree) {
 TEST_F(Cuda, TrimsThePool) {
   if (!isFake())
     GTEST_SKIP() << "needs a device with known memory";
-  { Buffer most(0, size_t(60) << 20); }
+  {
+    Buffer most(0, size_t(60) << 20);
+  }
   Buffer again(0, size_t(61) << 20);
 }
 

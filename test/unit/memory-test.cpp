@@ -107,8 +107,8 @@ TEST(Copy, TransposedAndReversed) {
 TEST(Copy, OverlappingViews) {
   std::vector<int> numbers(9);
   std::iota(numbers.begin(), numbers.end(), 0);
-  copy(packed(numbers.data(), {3, 3}, 4),
-       view(numbers.data(), {3, 3}, {4, 12}), 4);
+  copy(packed(numbers.data(), {3, 3}, 4), view(numbers.data(), {3, 3}, {4, 12}),
+       4);
   EXPECT_EQ(numbers, (std::vector<int>{0, 3, 6, 1, 4, 7, 2, 5, 8}));
 }
 
@@ -117,7 +117,8 @@ TEST(Copy, RandomViewsAgreeWithAPlainLoop) {
   std::mt19937 random(7);
   auto upTo = [&](int n) { return static_cast<int>(random() % n); };
   for (int round = 0; round < 2000; ++round) {
-    int rank = 1 + upTo(4), size = std::vector{1, 2, 3, 4, 8, 12, 16, 36}[upTo(8)];
+    int rank = 1 + upTo(4),
+        size = std::vector{1, 2, 3, 4, 8, 12, 16, 36}[upTo(8)];
     std::vector<int> shape(rank), order(rank);
     for (int &extent : shape)
       extent = upTo(12) == 0 ? 0 : 1 + upTo(6);

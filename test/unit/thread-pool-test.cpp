@@ -47,9 +47,8 @@ TEST(ThreadPool, NestedLoopsFinish) {
   std::atomic<int64_t> sum{0};
   ThreadPool::parallelFor(0, 64, 1, [&](int64_t begin, int64_t end) {
     for (int64_t i = begin; i < end; ++i)
-      ThreadPool::parallelFor(0, 100, 1, [&](int64_t from, int64_t to) {
-        sum += to - from;
-      });
+      ThreadPool::parallelFor(
+          0, 100, 1, [&](int64_t from, int64_t to) { sum += to - from; });
   });
   EXPECT_EQ(sum.load(), 6400);
 }
@@ -108,9 +107,8 @@ TEST(ThreadPool, RethrowsAndStaysUsable) {
     EXPECT_THROW(ThreadPool::parallelFor(0, 10000, 1, fail),
                  std::runtime_error);
     std::atomic<int64_t> count{0};
-    ThreadPool::parallelFor(0, 10000, 1, [&](int64_t begin, int64_t end) {
-      count += end - begin;
-    });
+    ThreadPool::parallelFor(
+        0, 10000, 1, [&](int64_t begin, int64_t end) { count += end - begin; });
     EXPECT_EQ(count.load(), 10000);
   }
 }

@@ -189,8 +189,7 @@ EXPORT int cuMemFreeHost(void *memory) {
   std::free(memory);
   return success;
 }
-EXPORT int cuMemHostGetDevicePointer_v2(uint64_t *out, void *memory,
-                                        unsigned) {
+EXPORT int cuMemHostGetDevicePointer_v2(uint64_t *out, void *memory, unsigned) {
   *out = reinterpret_cast<uint64_t>(memory);
   return success;
 }
@@ -202,8 +201,7 @@ EXPORT int cuMemcpyHtoDAsync_v2(uint64_t to, const void *from, size_t bytes,
   std::memcpy(reinterpret_cast<void *>(to), from, bytes);
   return success;
 }
-EXPORT int cuMemcpyDtoHAsync_v2(void *to, uint64_t from, size_t bytes,
-                                void *) {
+EXPORT int cuMemcpyDtoHAsync_v2(void *to, uint64_t from, size_t bytes, void *) {
   std::lock_guard<std::mutex> lock(mutex);
   if (!isDevice(from, bytes))
     return illegalAddress;
@@ -246,8 +244,7 @@ EXPORT int cuMemsetD16Async(uint64_t to, unsigned short value, size_t count,
                             void *) {
   return fill(to, value, count);
 }
-EXPORT int cuMemsetD32Async(uint64_t to, unsigned value, size_t count,
-                            void *) {
+EXPORT int cuMemsetD32Async(uint64_t to, unsigned value, size_t count, void *) {
   return fill(to, value, count);
 }
 EXPORT int cuStreamCreateWithPriority(void **stream, unsigned, int) {
