@@ -1,5 +1,7 @@
 """`@wp.kernel` and `@wp.func` as Python objects: options, IR as text, dumps, calls."""
 
+import typing
+
 import pytest
 
 import warp as wp
@@ -133,3 +135,30 @@ CONSTANT = 3
 @wp.kernel
 def write_constant(out: wp.array(dtype=int)):
     out[0] = CONSTANT
+
+
+def test_generic_kernels(device):
+    @wp.kernel
+    def double(x: wp.array(dtype=typing.Any), s: typing.Any):
+        i = wp.tid()
+        x[i] = x[i] * s
+
+    assert double.is_generic
+    for dtype, scale in ((float, 2.0), (wp.float64, wp.float64(2.0)), (wp.vec3, 2.0), (int, 2)):
+        x = wp.ones(3, dtype=dtype, device=device)
+        for expected in (2, 4):
+            wp.launch(double, 3, [x, scale], device=device)
+            assert (x.numpy() == expected).all()
+    assert len(double.specializations) == 4
+    with pytest.raises(wp.WarpError):
+        wp.launch(double, 3, [None, 2.0], device=device)
+
+
+def test_verbose_reports_times(config, device, capsys):
+    config.verbose = True
+    twice.reset()
+    wp.launch(twice, 1, [wp.zeros(1, device=device)], device=device)
+    captured = capsys.readouterr()
+    assert captured.out == "" and captured.err.startswith("kernel 'twice': ")
+    wp.launch(twice, 1, [wp.zeros(1, device=device)], device=device)
+    assert capsys.readouterr().err == ""

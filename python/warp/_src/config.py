@@ -120,7 +120,12 @@ SETTINGS = {
             env=("WARP_CACHE_PATH",),
         ),
         Setting("dump", _MAYBE_STR, None, "folder that gets every stage of each compiled kernel"),
-        Setting("cpu_threads", _MAYBE_INT, None, "threads of a CPU launch; None uses all cores"),
+        Setting(
+            "num_threads",
+            _MAYBE_INT,
+            None,
+            "threads of a CPU launch, set before the first; None uses all cores",
+        ),
         Setting("load_module_max_workers", _MAYBE_INT, 0, "threads that compile; 0 is serial"),
         Setting("deterministic", (bool, str), False, "reserved: bitwise reproducible reductions"),
         Setting("launch_array_access_mode", (int, str), "RELAXED", "reserved: overlap checks"),

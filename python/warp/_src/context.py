@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 
 from warp import _native
@@ -61,6 +62,14 @@ def _set_cache_directory(path) -> None:
     _native.set_cache_directory(path or "")
 
 
+def _set_threads(count) -> None:
+    """The thread pool reads the variable when it starts."""
+    if count is None:
+        os.environ.pop("WARP_NUM_THREADS", None)
+    else:
+        os.environ["WARP_NUM_THREADS"] = str(count)
+
+
 def connect() -> None:
     """Hands settings, notices and type names to the runtime."""
     from warp import config
@@ -68,6 +77,7 @@ def connect() -> None:
     _native.set_type_resolver(_type_text)
     _native.set_notice_handler(_notice)
     settings.on_change("kernel_cache_dir", _set_cache_directory)
+    settings.on_change("num_threads", _set_threads)
     settings.on_change("cache_kernels", _native.set_cache_enabled)
     if config.kernel_cache_dir:
         _set_cache_directory(config.kernel_cache_dir)

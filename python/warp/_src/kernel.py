@@ -17,6 +17,7 @@ from warp._src import config as settings
 from warp._src import errors
 from warp._src.annotations import ArrayType
 from warp._src.modules import Module, check_options, get_module
+from warp._src.vectors import GenericAnnotation
 
 STAGES = ("warp", "thread", "llvm", "ptx", "asm")
 _SUFFIX = {"warp": "mlir", "thread": "mlir", "llvm": "ll", "ptx": "ptx", "asm": "s"}
@@ -58,6 +59,7 @@ class Kernel:
         self.module.kernels[self.key] = self
         self.epoch = None
         self.native = None
+        self._specialized: dict = {}
         self.__name__ = func.__name__
         self.__qualname__ = func.__qualname__
         self.__module__ = func.__module__
@@ -69,6 +71,11 @@ class Kernel:
         """Whether a parameter's type is left open."""
         return any(map(_is_generic, self.func.__annotations__.values()))
 
+    @property
+    def specializations(self) -> list:
+        """Native kernels made for the arguments of a generic kernel."""
+        return [native for native, _ in self._specialized.values()]
+
     def option(self, name):
         return self.module.option(name, self.options)
 
@@ -76,6 +83,7 @@ class Kernel:
         """Forgets the translation."""
         self.epoch = None
         self.native = None
+        self._specialized.clear()
 
     def prepare(self):
         """Translates the kernel if that is due, and returns the native kernel.
@@ -85,22 +93,35 @@ class Kernel:
         """
         epoch = Epoch.current
         if self.epoch is not epoch:
-            from warp._src.frontend import build_kernel
-
-            level = self.option("optimization_level")
-            self.native = _native.Kernel(
-                build_kernel(self),
-                self.key,
-                debug=self.option("mode") == "debug",
-                fast_math=self.option("fast_math"),
-                lineinfo=self.option("lineinfo"),
-                opt_level=2 if level is None else level,
-                block_dim=self.option("block_dim") or 256,
-                max_registers=self.options.get("cuda_max_registers") or 0,
-            )
+            self.native = self._translate(None)
             self.epoch = epoch
-            self._dump()
         return self.native
+
+    def specialize(self, arguments):
+        """The native kernel of a generic kernel for the types of these arguments."""
+        types = tuple(map(_argument_type, arguments))
+        found, epoch = self._specialized.get(types, (None, None))
+        if epoch is not Epoch.current:
+            found = self._translate(types)
+            self._specialized[types] = (found, Epoch.current)
+        return found
+
+    def _translate(self, arguments):
+        from warp._src.frontend import build_kernel
+
+        level = self.option("optimization_level")
+        native = _native.Kernel(
+            build_kernel(self, arguments),
+            self.key,
+            debug=self.option("mode") == "debug",
+            fast_math=self.option("fast_math"),
+            lineinfo=self.option("lineinfo"),
+            opt_level=2 if level is None else level,
+            block_dim=self.option("block_dim") or 256,
+            max_registers=self.options.get("cuda_max_registers") or 0,
+        )
+        self._dump(native)
+        return native
 
     def ir(self, stage: str = "warp", device=None, rank: int = 1) -> str:
         """The kernel as text at one stage of compilation.
@@ -119,14 +140,14 @@ class Kernel:
             raise ValueError(f"no stage {stage!r}, expects one of {', '.join(map(repr, STAGES))}")
         return self.prepare().ir(stage, _architecture(stage, device), rank)
 
-    def _dump(self) -> None:
+    def _dump(self, native) -> None:
         from warp import config
 
         if not config.dump:
             return
         os.makedirs(config.dump, exist_ok=True)
         for stage in STAGES:
-            text = self.native.ir(stage, _architecture(stage, None), 1)
+            text = native.ir(stage, _architecture(stage, None), 1)
             path = os.path.join(config.dump, f"{self.key}.{stage}.{_SUFFIX[stage]}")
             with open(path, "w", encoding="utf-8") as file:
                 file.write(text)
@@ -166,7 +187,20 @@ def kernel_name(func) -> str:
 def _is_generic(annotation) -> bool:
     if isinstance(annotation, ArrayType):
         annotation = annotation.dtype
-    return annotation is typing.Any or isinstance(annotation, typing.TypeVar)
+    return annotation is typing.Any or isinstance(annotation, (typing.TypeVar, GenericAnnotation))
+
+
+def _argument_type(value):
+    """The compiler's type of a launch argument; None where it cannot be told."""
+    from warp._src import types
+    from warp._src.array import array
+
+    try:
+        if isinstance(value, array):
+            return types.native_type(ArrayType(value.dtype, value.ndim))
+        return types.native_type(types.canonical(type(value)))
+    except TypeError:
+        return None
 
 
 def kernel(

@@ -7,6 +7,8 @@ recording, adjoints) to a slower path.
 
 from __future__ import annotations
 
+import sys
+
 from warp import _native
 from warp._src import config as settings
 from warp._src import errors
@@ -95,9 +97,9 @@ def _launch_checked(kernel, dim, inputs, outputs, device, stream, adjoint, recor
     else:
         index = resolve_index(device)
     inputs, outputs = _sequence(inputs, kernel, "inputs"), _sequence(outputs, kernel, "outputs")
-    native = kernel.prepare()
+    native = kernel.specialize((*inputs, *outputs)) if kernel.is_generic else kernel.prepare()
     if record_cmd:
-        return Launch(kernel, native.pack(dim, inputs, outputs, index), stream)
+        return Launch(kernel, native, native.pack(dim, inputs, outputs, index), stream)
     from warp import config
 
     if config.print_launches:
@@ -106,8 +108,17 @@ def _launch_checked(kernel, dim, inputs, outputs, device, stream, adjoint, recor
     if config.verify_cuda and index >= 0:
         _native.synchronize_device(index)
     if config.verify_fp:
-        _verify(kernel, (*inputs, *outputs))
+        _verify(kernel, native, (*inputs, *outputs))
+    if config.verbose:
+        _report(kernel, native)
     return None
+
+
+def _report(kernel, native) -> None:
+    """Prints where the time of a compilation went."""
+    times = {name: f"{value:.1f}" for name, value in native.compile_times().items()}
+    shown = ", ".join(f"{name} {value}" for name, value in times.items())
+    print(f"kernel '{kernel.key}': {shown} ms", file=sys.stderr)
 
 
 def _sequence(values, kernel, what):
@@ -120,13 +131,13 @@ def _sequence(values, kernel, what):
     )
 
 
-def _verify(kernel, values) -> None:
+def _verify(kernel, native, values) -> None:
     """Rejects arrays that hold infinite numbers or NaN."""
     import numpy
 
     from warp._src.array import array
 
-    names = [parameter[0] for parameter in kernel.native.parameters]
+    names = [parameter[0] for parameter in native.parameters]
     for name, value in zip(names, values, strict=True):
         if not isinstance(value, array):
             continue
@@ -140,13 +151,11 @@ def _verify(kernel, values) -> None:
 class Launch:
     """A launch with packed arguments, to be run many times."""
 
-    def __init__(self, kernel, packed, stream=None):
+    def __init__(self, kernel, native, packed, stream=None):
         self.kernel = kernel
         self.packed = packed
         self.stream = stream
-        self._index = {
-            parameter[0]: number for number, parameter in enumerate(kernel.native.parameters)
-        }
+        self._index = {parameter[0]: number for number, parameter in enumerate(native.parameters)}
 
     def set_dim(self, dim) -> None:
         """Changes the extents of the grid."""
