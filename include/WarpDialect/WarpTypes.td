@@ -24,7 +24,7 @@ def Warp_VecType : Warp_Type<"Vec", "vec"> {
     (C1) `length` is 1 to 65536. (C2) the element type is a scalar.
   }];
   let parameters = (ins "int64_t":$length, "::mlir::Type":$elementType);
-  let assemblyFormat = "`<` $length `x` $elementType `>`";
+  let assemblyFormat = "`<` $length `x` custom<Nested>($elementType) `>`";
 }
 
 def Warp_MatType : Warp_Type<"Mat", "mat"> {
@@ -36,7 +36,8 @@ def Warp_MatType : Warp_Type<"Mat", "mat"> {
   }];
   let parameters = (ins "int64_t":$rows, "int64_t":$cols,
                         "::mlir::Type":$elementType);
-  let assemblyFormat = "`<` custom<MatShape>($rows, $cols) $elementType `>`";
+  let assemblyFormat = 
+      "`<` custom<MatShape>($rows, $cols) custom<Nested>($elementType) `>`";
 }
 
 def Warp_QuatType : Warp_Type<"Quat", "quat"> {
@@ -45,7 +46,7 @@ def Warp_QuatType : Warp_Type<"Quat", "quat"> {
     (C1) the element type is a floating-point scalar.
   }];
   let parameters = (ins "::mlir::Type":$elementType);
-  let assemblyFormat = "`<` $elementType `>`";
+  let assemblyFormat = "`<` custom<Nested>($elementType) `>`";
 }
 
 def Warp_TransformType : Warp_Type<"Transform", "transform"> {
@@ -56,7 +57,7 @@ def Warp_TransformType : Warp_Type<"Transform", "transform"> {
     (C1) the element type is a floating-point scalar.
   }];
   let parameters = (ins "::mlir::Type":$elementType);
-  let assemblyFormat = "`<` $elementType `>`";
+  let assemblyFormat = "`<` custom<Nested>($elementType) `>`";
 }
 
 def Warp_ArrayType : Warp_Type<"Array", "array"> {
@@ -69,7 +70,7 @@ def Warp_ArrayType : Warp_Type<"Array", "array"> {
     matrix, a quaternion, a transform or a struct.
   }];
   let parameters = (ins "int64_t":$rank, "::mlir::Type":$elementType);
-  let assemblyFormat = "`<` $rank `x` $elementType `>`";
+  let assemblyFormat = "`<` $rank `x` custom<Nested>($elementType) `>`";
 }
 
 def Warp_StructType : Warp_Type<"Struct", "struct"> {

@@ -11,7 +11,7 @@ LogicalResult warp::ParameterOp::verify() {
            << static_cast<int64_t>(getOffset());
   // (C2)
   if (getPacked() && !isa<warp::ArrayType>(getResult().getType()))
-    return emitOpError("expects an array to be packed, but got '")
-           << getResult().getType() << "'";
+    return emitOpError("expects an array to be packed, but got ")
+           << getResult().getType();
   return success();
 }

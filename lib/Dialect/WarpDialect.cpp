@@ -3,9 +3,11 @@
 #include "WarpDialect/WarpDialect.h"
 #include "WarpDialect/WarpOps.h"
 
+#include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/Func/IR/FuncOps.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/IR/Builders.h"
+#include "mlir/IR/PatternMatch.h"
 #include "mlir/Transforms/InliningUtils.h"
 
 using namespace mlir;
@@ -26,7 +28,29 @@ struct WarpInlinerInterface : DialectInlinerInterface {
     return true;
   }
 };
+
+/// `scf.if` that only chooses canonicalises to `arith.select`, which would go
+/// on to arithmetic that knows no signed integers. Comes first by benefit.
+struct SelectBetweenSignedIntegers : OpRewritePattern<arith::SelectOp> {
+  explicit SelectBetweenSignedIntegers(MLIRContext *context)
+      : OpRewritePattern(context, /*benefit=*/10) {}
+
+  LogicalResult matchAndRewrite(arith::SelectOp op,
+                                PatternRewriter &rewriter) const override {
+    auto type = dyn_cast<IntegerType>(op.getType());
+    if (!type || type.isSignless())
+      return failure();
+    rewriter.replaceOpWithNewOp<warp::WhereOp>(op, TypeRange(type),
+                                               op->getOperands());
+    return success();
+  }
+};
 } // namespace
+
+void warp::WarpDialect::getCanonicalizationPatterns(
+    RewritePatternSet &patterns) const {
+  patterns.add<SelectBetweenSignedIntegers>(patterns.getContext());
+}
 
 void warp::WarpDialect::initialize() {
   registerTypes();

@@ -41,18 +41,8 @@ static void printMatShape(AsmPrinter &printer, int64_t rows, int64_t cols) {
   printer << rows << 'x' << cols << " x";
 }
 
-#define GET_TYPEDEF_CLASSES
-#include "WarpDialect/WarpTypes.cpp.inc"
-
-void warp::WarpDialect::registerTypes() {
-  addTypes<
-#define GET_TYPEDEF_LIST
-#include "WarpDialect/WarpTypes.cpp.inc"
-      >();
-}
-
 namespace {
-/// Counts how deep the parser is inside struct types. Text may nest without
+/// Counts how deep the parser is inside our types. Text may nest without
 /// bound, the stack may not.
 struct NestingGuard {
   static constexpr int limit = 64;
@@ -63,14 +53,32 @@ struct NestingGuard {
 thread_local int NestingGuard::depth = 0;
 } // namespace
 
-mlir::Type warp::StructType::parse(AsmParser &parser) {
+/// A type inside another one.
+static ParseResult parseNested(AsmParser &parser, mlir::Type &type) {
   NestingGuard guard;
+  if (NestingGuard::depth > NestingGuard::limit)
+    return parser.emitError(parser.getCurrentLocation(),
+                            "types nest deeper than ")
+           << NestingGuard::limit << " levels";
+  return parser.parseType(type);
+}
+
+static void printNested(AsmPrinter &printer, mlir::Type type) {
+  printer << type;
+}
+
+#define GET_TYPEDEF_CLASSES
+#include "WarpDialect/WarpTypes.cpp.inc"
+
+void warp::WarpDialect::registerTypes() {
+  addTypes<
+#define GET_TYPEDEF_LIST
+#include "WarpDialect/WarpTypes.cpp.inc"
+      >();
+}
+
+mlir::Type warp::StructType::parse(AsmParser &parser) {
   SMLoc place = parser.getCurrentLocation();
-  if (NestingGuard::depth > NestingGuard::limit) {
-    parser.emitError(place, "structs nest deeper than ")
-        << NestingGuard::limit << " levels";
-    return {};
-  }
   std::string name;
   SmallVector<StringAttr> fieldNames;
   SmallVector<mlir::Type> fieldTypes;
@@ -78,7 +86,7 @@ mlir::Type warp::StructType::parse(AsmParser &parser) {
     std::string field;
     mlir::Type type;
     if (parser.parseKeywordOrString(&field) || parser.parseColon() ||
-        parser.parseType(type))
+        parseNested(parser, type))
       return failure();
     fieldNames.push_back(parser.getBuilder().getStringAttr(field));
     fieldTypes.push_back(type);
