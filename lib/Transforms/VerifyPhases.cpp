@@ -100,8 +100,7 @@ struct VerifyThread : warp::impl::VerifyThreadBase<VerifyThread> {
 
   LogicalResult checkTypes() {
     auto refuse = [](Operation *op, Type type) {
-      op->emitError("type '")
-          << type << "' is not part of phase 'thread'";
+      op->emitError("type ") << type << " is not part of phase 'thread'";
       return WalkResult::interrupt();
     };
     return failure(getOperation()

@@ -1,0 +1,63 @@
+// RUN: warp-opt %s --warp-pipeline="to-warp contiguous=3" | FileCheck %s --check-prefix=WARP
+// RUN: warp-opt %s --warp-pipeline="to-thread contiguous=3" | FileCheck %s --check-prefix=THREAD
+// RUN: warp-opt %s --warp-pipeline="to-thread contiguous=3" | warp-opt | FileCheck %s --check-prefix=THREAD
+// RUN: warp-opt %s --warp-pipeline="to-llvm contiguous=3" | FileCheck %s --check-prefix=LLVM
+// RUN: warp-opt %s --warp-emit=llvm --warp-options=contiguous=3,target=cpu:skylake-avx512 | FileCheck %s --check-prefix=IR
+// RUN: warp-opt %s --warp-emit=asm --warp-options=contiguous=3,target=cpu:skylake-avx512 | FileCheck %s --check-prefix=ASM
+// RUN: warp-opt %s --warp-emit=ptx --warp-options=contiguous=3,target=sm_90 | FileCheck %s --check-prefix=PTX
+
+// Every stage of one kernel, front-end IR to machine code.
+
+// WARP-LABEL: func.func @saxpy
+// WARP: warp.tid : si32
+// WARP: warp.load
+// WARP: warp.mul
+// WARP: warp.store
+
+// THREAD-LABEL: func.func @saxpy
+// THREAD: warp.tid : i32
+// THREAD: warp.load_components
+// THREAD: arith.mulf
+// THREAD: warp.store_components
+
+// LLVM-LABEL: llvm.func @saxpy
+// LLVM: llvm.load %{{.*}} {access_groups
+// LLVM: llvm.store %{{.*}} {access_groups
+// LLVM: llvm.cond_br %{{.*}} {loop_annotation
+
+// The loop over threads is vectorised, without checks for aliasing.
+// IR-LABEL: define void @saxpy
+// IR-NOT: vector.memcheck
+// IR: vector.body:
+// IR: load <8 x float>
+// IR: fmul contract <8 x float>
+// IR: store <8 x float>
+
+// ASM-LABEL: saxpy:
+// ASM: vfmadd{{[0-9]+}}ps {{.*}}%ymm
+
+// One thread: no loop, no division, no stride.
+// PTX: .version 8.0
+// PTX: .target sm_90
+// PTX-LABEL: .entry saxpy
+// PTX: .param .align 8 .b8 saxpy_param_0[144]
+// PTX: .maxntid 256
+// PTX-NOT: div.
+// PTX: setp.ge.s32
+// PTX-COUNT-1: bra
+// PTX-NOT: bra
+// PTX: ld.global
+// PTX: ld.global
+// PTX: fma.rn.f32
+// PTX: st.global
+// PTX: ret;
+func.func @saxpy(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %a: f32)
+    attributes {warp.kernel, warp.arg_names = ["x", "y", "a"]} {
+  %i = warp.tid : si32
+  %0 = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
+  %1 = warp.load %y[%i] : !warp.array<1 x f32>, si32 -> f32
+  %2 = warp.mul(%a, %0) : (f32, f32) -> f32
+  %3 = warp.add(%2, %1) : (f32, f32) -> f32
+  warp.store %3, %y[%i] : f32, !warp.array<1 x f32>, si32
+  return
+}

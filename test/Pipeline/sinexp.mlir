@@ -1,0 +1,25 @@
+// RUN: warp-opt %s --warp-emit=llvm --warp-options=contiguous=3,target=cpu:skylake-avx512 | FileCheck %s
+// RUN: warp-opt %s --warp-emit=ptx --warp-options=contiguous=3,target=sm_90 | FileCheck %s --check-prefix=PTX
+
+// The device library is inlined and runs in vectors: no call is left.
+// CHECK-LABEL: define void @sinexp
+// CHECK-NOT: call {{.*}}@{{(warp_)?}}sin
+// CHECK: vector.body:
+// CHECK: call <{{[0-9]+}} x double> @llvm.fma
+// CHECK: store <{{[0-9]+}} x float>
+// CHECK-NOT: define
+
+// libdevice is linked in, as far as it is used.
+// PTX-NOT: .extern
+// PTX: .entry sinexp
+// PTX-NOT: call
+// PTX: ex2.approx
+func.func @sinexp(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>) attributes {warp.kernel, warp.arg_names = ["x", "y"]} {
+  %i = warp.tid : si32
+  %0 = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
+  %1 = warp.sin(%0) : (f32) -> f32
+  %2 = warp.exp(%0) : (f32) -> f32
+  %3 = warp.mul(%1, %2) : (f32, f32) -> f32
+  warp.store %3, %y[%i] : f32, !warp.array<1 x f32>, si32
+  return
+}

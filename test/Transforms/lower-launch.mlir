@@ -1,0 +1,62 @@
+// RUN: warp-opt %s --split-input-file --warp-lower-launch | FileCheck %s
+
+// A launch of rank 1 is one loop, marked parallel; arguments are read before.
+// CHECK: #[[GROUP:.*]] = #llvm.access_group
+// CHECK: #[[LOOP:.*]] = #llvm.loop_annotation<{{.*}}parallelAccesses = #[[GROUP]]>
+// CHECK-LABEL: llvm.func @line
+// CHECK-SAME: (%[[BLOCK:.*]]: !llvm.ptr {llvm.noalias, llvm.readonly}, %[[BEGIN:.*]]: i64, %[[END:.*]]: i64)
+// CHECK-SAME: warp.entry
+// CHECK: %[[A:.*]] = warp.parameter %[[BLOCK]][24] packed {name = "a"} : !llvm.ptr -> !warp.array<1 x f32>
+// CHECK: %[[S:.*]] = warp.parameter %[[BLOCK]][80] {name = "s"} : !llvm.ptr -> f32
+// CHECK: %[[ANY:.*]] = arith.cmpi slt, %[[BEGIN]], %[[END]]
+// CHECK: llvm.cond_br %[[ANY]]
+// CHECK: ^[[BODY:bb[0-9]+]](%[[INDEX:.*]]: i64):
+// CHECK: %[[I:.*]] = arith.trunci %[[INDEX]] overflow<nsw, nuw> : i64 to i32
+// CHECK: warp.store_components(%[[S]]), %[[A]][%[[I]]]
+// CHECK: %[[NEXT:.*]] = arith.addi %[[INDEX]]
+// CHECK: %[[MORE:.*]] = arith.cmpi slt, %[[NEXT]], %[[END]]
+// CHECK: llvm.cond_br %[[MORE]], ^[[BODY]](%[[NEXT]] : i64), ^{{.*}} {loop_annotation = #[[LOOP]]}
+func.func @line(%a: !warp.array<1 x f32>, %s: f32) attributes {
+    warp.kernel, warp.rank = 1 : i64, warp.contiguous = 1 : i64,
+    warp.index32, warp.target = "cpu", warp.arg_names = ["a", "s"]} {
+  %i = warp.tid : i32
+  warp.store_components(%s), %a[%i] : (f32), !warp.array<1 x f32>, i32
+  return
+}
+
+// -----
+
+// Rank 3 walks rows: two divisions find the first and the last row, one per
+// row finds its indices, and none is in the inner loop.
+// CHECK-LABEL: llvm.func @rows
+// CHECK-COUNT-2: arith.divui
+// CHECK: ^[[ROW:bb[0-9]+]](%{{.*}}: i64):
+// CHECK-COUNT-1: arith.divui
+// CHECK-NOT: arith.divui
+// CHECK: llvm.cond_br %{{.*}} {loop_annotation
+// CHECK-NOT: arith.divui
+// CHECK: llvm.cond_br %{{.*}}, ^[[ROW]](
+func.func @rows(%a: !warp.array<3 x f32>, %s: f32) attributes {
+    warp.kernel, warp.rank = 3 : i64, warp.index32, warp.target = "cpu"} {
+  %i, %j, %k = warp.tid : i32, i32, i32
+  warp.store_components(%s), %a[%i, %j, %k]
+    : (f32), !warp.array<3 x f32>, i32, i32, i32
+  return
+}
+
+// -----
+
+// Struct and vector arguments are read leaf by leaf from their C layout.
+// CHECK-LABEL: llvm.func @layout
+// CHECK-SAME: %[[BLOCK:[a-z0-9]+]]: !llvm.ptr
+// CHECK: warp.parameter %[[BLOCK]][24] : !llvm.ptr -> i1
+// CHECK: warp.parameter %[[BLOCK]][28] : !llvm.ptr -> f32
+// CHECK: warp.parameter %[[BLOCK]][32] : !llvm.ptr -> f32
+// CHECK: warp.parameter %[[BLOCK]][40] : !llvm.ptr -> !warp.array<1 x f32>
+// CHECK: warp.parameter %[[BLOCK]][96] : !llvm.ptr -> i64
+func.func @layout(%b: i1, %x: f32, %y: f32, %a: !warp.array<1 x f32>, %n: i64)
+    attributes {warp.kernel, warp.rank = 1 : i64, warp.target = "cpu",
+      warp.arg_types = [i1, !warp.vec<2 x f32>,
+        !warp.struct<"S", {a: !warp.array<1 x f32>, n: si64}>]} {
+  return
+}

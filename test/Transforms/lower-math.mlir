@@ -1,0 +1,46 @@
+// RUN: warp-opt %s --warp-lower-math | FileCheck %s --check-prefix=CPU
+// RUN: sed 's/"cpu"/"sm_90"/' %s | warp-opt --warp-lower-math | FileCheck %s --check-prefix=GPU
+// RUN: sed 's/"cpu"/"sm_90", warp.fast_math/' %s | warp-opt --warp-lower-math | FileCheck %s --check-prefix=FAST
+
+// Functions have no effects, so that LLVM may move and merge calls.
+// CPU: llvm.func @pow(f64, f64) -> f64 attributes {memory_effects = #llvm.memory_effects<other = none
+// CPU: llvm.func @erff(f32) -> f32
+// CPU: llvm.func @sin(f64) -> f64
+// CPU: llvm.func @warp_sinf(f32) -> f32
+
+// CPU-LABEL: llvm.func @calls
+// CPU: llvm.call @warp_sinf
+// CPU: llvm.call @sin(
+// CPU: llvm.call @erff
+// CPU: %[[WIDE:.*]] = arith.extf %{{.*}} : f16 to f32
+// CPU: %[[SINE:.*]] = llvm.call @warp_sinf(%[[WIDE]])
+// CPU: arith.truncf %[[SINE]] : f32 to f16
+// CPU: math.sqrt
+// CPU: math.rsqrt
+// CPU: arith.remf
+// CPU: llvm.call @pow(
+
+// GPU-LABEL: llvm.func @calls
+// GPU: llvm.call @__nv_sinf
+// GPU: llvm.call @__nv_sin(
+// GPU: llvm.call @__nv_erff
+// GPU: math.sqrt
+// GPU: llvm.call @__nv_rsqrtf
+// GPU: llvm.call @__nv_fmodf
+// GPU: llvm.call @__nv_pow(
+
+// FAST-LABEL: llvm.func @calls
+// FAST: llvm.call @__nv_fast_sinf
+// FAST: llvm.call @__nv_sin(
+llvm.func @calls(%x: f32, %y: f64, %h: f16, %n: i32)
+    attributes {warp.entry, warp.target = "cpu"} {
+  %0 = math.sin %x : f32
+  %1 = math.sin %y : f64
+  %2 = math.erf %x : f32
+  %3 = math.sin %h : f16
+  %4 = math.sqrt %x : f32
+  %5 = math.rsqrt %x : f32
+  %6 = arith.remf %x, %x : f32
+  %7 = math.fpowi %x, %n : f32, i32
+  llvm.return
+}

@@ -1,0 +1,61 @@
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm threads=2" | FileCheck %s
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm threads=16" | FileCheck %s --check-prefix=MANY
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm target=sm_90" | FileCheck %s --check-prefix=GPU
+
+// A sum into one element leaves the loop; its partial sums may be reordered.
+// CHECK-LABEL: llvm.func @one_address
+// CHECK: %[[SLOT:.*]] = llvm.alloca {{.*}} x f32
+// CHECK: llvm.fadd {{.*}} {fastmathFlags = #llvm.fastmath<{{.*}}reassoc{{.*}}>}
+// CHECK: llvm.cond_br {{.*}} {loop_annotation
+// CHECK: %[[TOTAL:.*]] = llvm.load %[[SLOT]]
+// CHECK: llvm.atomicrmw fadd {{.*}}, %[[TOTAL]] monotonic
+// GPU-LABEL: llvm.func ptx_kernelcc @one_address
+// GPU-NOT: llvm.alloca
+// GPU: llvm.atomicrmw fadd {{.*}} syncscope("device") monotonic
+func.func @one_address(%x: !warp.array<1 x f32>, %sum: !warp.array<1 x f32>)
+    attributes {warp.kernel} {
+  %i = warp.tid : si32
+  %v = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
+  %zero = warp.constant 0 : si32
+  %old = warp.atomic add %v, %sum[%zero]
+    : f32, !warp.array<1 x f32>, si32 -> f32
+  return
+}
+
+// -----
+
+// Reading the array elsewhere, or using the old value, keeps each update.
+// CHECK-LABEL: llvm.func @read_back
+// CHECK-NOT: fastmath<{{.*}}reassoc
+func.func @read_back(%x: !warp.array<1 x f32>, %sum: !warp.array<1 x f32>)
+    attributes {warp.kernel} {
+  %i = warp.tid : si32
+  %zero = warp.constant 0 : si32
+  %v = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
+  %old = warp.atomic add %v, %sum[%zero]
+    : f32, !warp.array<1 x f32>, si32 -> f32
+  %now = warp.load %sum[%zero] : !warp.array<1 x f32>, si32 -> f32
+  warp.store %now, %x[%i] : f32, !warp.array<1 x f32>, si32
+  return
+}
+
+// -----
+
+// Two threads are slower than one without atomic instructions; sixteen are not.
+// CHECK-LABEL: llvm.func @scatter
+// CHECK-SAME: warp.exclusive
+// CHECK-NOT: atomicrmw
+// CHECK: %[[OLD:.*]] = llvm.load
+// CHECK: llvm.fadd %[[OLD]]
+// MANY-LABEL: llvm.func @scatter
+// MANY-NOT: warp.exclusive
+// MANY: llvm.atomicrmw fadd
+func.func @scatter(%at: !warp.array<1 x si32>, %sum: !warp.array<1 x f32>)
+    attributes {warp.kernel} {
+  %i = warp.tid : si32
+  %j = warp.load %at[%i] : !warp.array<1 x si32>, si32 -> si32
+  %one = warp.constant 1.0 : f32
+  %old = warp.atomic add %one, %sum[%j]
+    : f32, !warp.array<1 x f32>, si32 -> f32
+  return
+}

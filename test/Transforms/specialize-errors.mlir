@@ -1,0 +1,10 @@
+// RUN: not warp-opt %s --warp-specialize="rank=5" 2>&1 | FileCheck %s --check-prefix=RANK
+// RUN: not warp-opt %s --warp-specialize="target=riscv" 2>&1 | FileCheck %s --check-prefix=TARGET
+// RUN: echo "func.func @f() { return }" | not warp-opt --warp-specialize 2>&1 | FileCheck %s --check-prefix=NONE
+
+// RANK: error: expects a launch of 1 to 4 dimensions, but got 5
+// TARGET: error: expects the target 'cpu' or 'sm_<number>', but got 'riscv'
+// NONE: error: expects a function marked 'warp.kernel'
+func.func @f() attributes {warp.kernel} {
+  return
+}

@@ -1,0 +1,34 @@
+// RUN: split-file %s %t
+// RUN: warp-opt %t/warp.mlir --verify-diagnostics --warp-verify-warp
+// RUN: warp-opt %t/thread-op.mlir --verify-diagnostics --warp-verify-thread
+// RUN: warp-opt %t/thread-type.mlir --verify-diagnostics --warp-verify-thread
+// RUN: warp-opt %t/llvm.mlir --verify-diagnostics --warp-verify-llvm
+
+// A straggler of each phase is named at its place.
+
+//--- warp.mlir
+func.func @k(%x: f32) attributes {warp.kernel} {
+  // expected-error @below {{operation 'math.sin' is not part of phase 'warp'}}
+  %0 = math.sin %x : f32
+  return
+}
+
+//--- thread-op.mlir
+func.func @k(%x: f32) attributes {warp.kernel} {
+  // expected-error @below {{operation 'warp.add' is not part of phase 'thread'}}
+  %0 = warp.add(%x, %x) : (f32, f32) -> f32
+  return
+}
+
+//--- thread-type.mlir
+// expected-error @below {{type 'si32' is not part of phase 'thread'}}
+func.func @k(%x: si32) attributes {warp.kernel} {
+  return
+}
+
+//--- llvm.mlir
+llvm.func @k(%x: f32) attributes {warp.entry} {
+  // expected-error @below {{operation 'arith.addf' is not part of phase 'llvm'}}
+  %0 = arith.addf %x, %x : f32
+  llvm.return
+}
