@@ -58,6 +58,8 @@ def Specialize : WarpPass<"warp-specialize"> {
     Option<"fastMath", "fast-math", "bool", "false",
            "Reassociate, and approximate math functions">,
     Option<"blockDim", "block-dim", "int64_t", "256", "Threads of a GPU block">,
+    Option<"threads", "threads", "int64_t", "16",
+           "CPU: threads that would share the launch">,
   ];
   let dependentDialects = ["::warp::WarpDialect"];
 }
@@ -114,6 +116,31 @@ def LowerLaunch : WarpPass<"warp-lower-launch"> {
   let dependentDialects = [
     "::mlir::arith::ArithDialect", "::mlir::LLVM::LLVMDialect",
     "::warp::WarpDialect"];
+}
+
+def PrivatizeAtomics : WarpPass<"warp-privatize-atomics"> {
+  let summary = "Combine updates of one element over a range of threads";
+  let description = [{
+    On the CPU, an atomic whose address all threads share and whose old value
+    nobody uses is accumulated privately and published once per range.
+
+    Where atomics remain, and so few threads would share the launch that one
+    thread without atomic instructions is faster, the entry is marked
+    `warp.exclusive`: it runs on one thread and updates elements plainly.
+
+    ```mlir
+    // loop over threads:
+    %old = warp.atomic_components add %x, %sum[%c0] : ...
+    // ==>
+    // loop over threads:
+    %s1 = arith.addf %s0, %x fastmath<reassoc> : f32
+    // after the loop:
+    %old = warp.atomic_components add %s, %sum[%c0] : ...
+    ```
+  }];
+  let dependentDialects = [
+    "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect",
+    "::mlir::LLVM::LLVMDialect"];
 }
 
 def LowerArrays : WarpPass<"warp-lower-arrays"> {

@@ -37,6 +37,7 @@ public:
   std::vector<Site> sites;
   double cost = 0;
   bool usesPrintf = false;
+  bool exclusive = false;
   std::map<std::string, double> phaseMs;
 
   /// Stage texts go to the folder that WARP_DUMP names.

@@ -162,10 +162,10 @@ void Compilation::lowerTo(Phase last) {
     start = now();
     runPhase(*op, Phase::Thread, options);
     cost = estimateCost(*op);
+    mlir::Builder b(op->getContext());
     for (auto kernel : op->getOps<FunctionOpInterface>())
       kernel->setAttr(attr::cost,
-                      Builder(kernel->getContext()).getI64IntegerAttr(
-                          int64_t(std::min(cost, 1e12))));
+                      b.getI64IntegerAttr(int64_t(std::min(cost, 1e12))));
     dump("thread.mlir");
   }
   if (last == Phase::LLVM)

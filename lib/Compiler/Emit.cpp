@@ -31,6 +31,7 @@ warp::Code warp::compile(const Module &module, const CompileOptions &options) {
   code.sites = std::move(run.sites);
   code.cost = run.cost;
   code.usesPrintf = run.usesPrintf;
+  code.exclusive = run.exclusive;
   code.phaseMs = std::move(run.phaseMs);
   return code;
 }
@@ -67,7 +68,8 @@ static std::string describe(const warp::CompileOptions &options) {
   stream << options.target << ' ' << options.rank << ' ' << options.contiguous
          << ' ' << options.index32 << options.flat << options.debug
          << options.fastMath << options.lineinfo << ' ' << options.optLevel
-         << ' ' << options.blockDim << ' ' << options.maxRegisters << '\n';
+         << ' ' << options.blockDim << ' ' << options.threads << ' '
+         << options.maxRegisters << '\n';
   if (!warp::isGpu(options))
     stream << warp::describeCpu(options) << '\n';
   return text;

@@ -39,15 +39,24 @@ void warp::addSpecialize(OpPassManager &pm, const CompileOptions &options) {
   facts.debug = options.debug;
   facts.fastMath = options.fastMath;
   facts.blockDim = options.blockDim;
+  facts.threads = options.threads;
   pm.addPass(createSpecialize(facts));
+}
+
+/// Arith's rewrites of a select expect signless integers and make invalid
+/// operations of others, so in this phase small branches stay branches.
+static std::unique_ptr<Pass> createWarpCanonicalizer() {
+  return createCanonicalizerPass(
+      GreedyRewriteConfig(),
+      {"(anonymous namespace)::ConvertTrivialIfToSelect"});
 }
 
 void warp::addPhase(OpPassManager &pm, Phase phase) {
   switch (phase) {
   case Phase::Warp:
-    pm.addPass(createInlinerPass());
+    pm.addPass(createInlinerPass({}, [](OpPassManager &) {}));
     pm.addPass(createSymbolDCEPass());
-    pm.addPass(createCanonicalizerPass());
+    pm.addPass(createWarpCanonicalizer());
     pm.addPass(createCSEPass());
     pm.addPass(createVerifyWarp());
     return;
@@ -59,6 +68,7 @@ void warp::addPhase(OpPassManager &pm, Phase phase) {
     return;
   case Phase::LLVM:
     pm.addPass(createLowerLaunch());
+    pm.addPass(createPrivatizeAtomics());
     pm.addPass(createLowerArrays());
     pm.addPass(createLowerMath());
     pm.addPass(createConvertToLLVM());

@@ -96,6 +96,8 @@ private:
   // LowerAtomics.cpp
   void lowerAtomic(AtomicComponentsOp op);
   void lowerAtomicCas(AtomicCasOp op);
+  mlir::Value plainUpdate(AtomicKind kind, mlir::Value value, mlir::Type type,
+                          mlir::Value pointer);
   mlir::Value atomicUpdate(AtomicKind kind, mlir::Value value, mlir::Type type,
                            mlir::Value pointer);
 
@@ -118,7 +120,7 @@ private:
   mlir::OpBuilder b;
   mlir::Location loc;
   mlir::Type i8, i32, i64, pointer, dataPointer;
-  bool gpu, index32, debug;
+  bool gpu, index32, debug, exclusive;
   /// Marks accesses of the thread loop, which is parallel.
   mlir::ArrayAttr accessGroups;
   llvm::DenseMap<mlir::Value, ArrayParts> known;

@@ -4,9 +4,13 @@
 // not have (float minima on the CPU, half precision) LLVM expands to a loop of
 // compare and exchange, so every component type is covered here by one table.
 //
+// An entry marked `warp.exclusive` runs alone; its updates are plain loads and
+// stores. They stay out of the loop's access group: threads may meet there.
+//
 //===----------------------------------------------------------------------===//
 
 #include "ArrayLowering.h"
+#include "Atomics.h"
 #include "WarpDialect/ParameterLayout.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -42,8 +46,57 @@ static LLVM::AtomicBinOp getBinOp(AtomicKind kind, mlir::Type type) {
   llvm_unreachable("unknown atomic");
 }
 
+mlir::Value warp::combine(mlir::OpBuilder &b, mlir::Location loc,
+                          AtomicKind kind, mlir::Value old, mlir::Value value,
+                          mlir::Type type, bool anyOrder) {
+  auto flags = anyOrder ? arith::FastMathFlags::reassoc
+                        : arith::FastMathFlags::none;
+  auto make = [&]<typename Op>(auto... extra) -> mlir::Value {
+    return Op::create(b, loc, old, value, extra...);
+  };
+  bool isFloating = isFloat(type);
+  bool isUnsigned = type.isUnsignedInteger();
+  switch (kind) {
+  case AtomicKind::add:
+    return isFloating ? make.operator()<arith::AddFOp>(flags)
+                      : make.operator()<arith::AddIOp>();
+  case AtomicKind::sub:
+    return isFloating ? make.operator()<arith::SubFOp>(flags)
+                      : make.operator()<arith::SubIOp>();
+  case AtomicKind::min:
+    return isFloating   ? make.operator()<arith::MinNumFOp>()
+           : isUnsigned ? make.operator()<arith::MinUIOp>()
+                        : make.operator()<arith::MinSIOp>();
+  case AtomicKind::max:
+    return isFloating   ? make.operator()<arith::MaxNumFOp>()
+           : isUnsigned ? make.operator()<arith::MaxUIOp>()
+                        : make.operator()<arith::MaxSIOp>();
+  case AtomicKind::bit_and:
+    return make.operator()<arith::AndIOp>();
+  case AtomicKind::bit_or:
+    return make.operator()<arith::OrIOp>();
+  case AtomicKind::bit_xor:
+    return make.operator()<arith::XOrIOp>();
+  case AtomicKind::exch:
+    return value;
+  }
+  llvm_unreachable("unknown atomic");
+}
+
+/// Loads, combines and stores, for an entry that runs alone.
+mlir::Value ArrayLowering::plainUpdate(AtomicKind kind, mlir::Value value,
+                                       mlir::Type type, mlir::Value at) {
+  mlir::Value old = LLVM::LoadOp::create(b, loc, value.getType(), at,
+                                         getByteSize(type));
+  LLVM::StoreOp::create(b, loc, combine(b, loc, kind, old, value, type),
+                        at, getByteSize(type));
+  return old;
+}
+
 mlir::Value ArrayLowering::atomicUpdate(AtomicKind kind, mlir::Value value,
                                         mlir::Type type, mlir::Value at) {
+  if (exclusive)
+    return plainUpdate(kind, value, type, at);
   if (kind == AtomicKind::sub && isFloat(type))
     value = arith::NegFOp::create(b, loc, value);
   return LLVM::AtomicRMWOp::create(b, loc, getBinOp(kind, type), at, value,

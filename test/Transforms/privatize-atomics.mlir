@@ -45,7 +45,7 @@ func.func @read_back(%x: !warp.array<1 x f32>, %sum: !warp.array<1 x f32>)
 // CHECK-LABEL: llvm.func @scatter
 // CHECK-SAME: warp.exclusive
 // CHECK-NOT: atomicrmw
-// CHECK: %[[OLD:.*]] = llvm.load
+// CHECK: %[[OLD:.*]] = llvm.load %{{[0-9]+}} {alignment = 4 : i64}
 // CHECK: llvm.fadd %[[OLD]]
 // MANY-LABEL: llvm.func @scatter
 // MANY-NOT: warp.exclusive

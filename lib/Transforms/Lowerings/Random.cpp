@@ -62,7 +62,7 @@ Scalars lowerRandf(Emitter &, Operands args) {
   if (args.size() == 1)
     return {unit, state};
   Scalar low = args[1][0], high = args[2][0];
-  return {(high - low) * unit + low, state};
+  return {fma(high - low, unit, low), state};
 }
 
 /// Box and Muller's method. The small number keeps the logarithm finite.

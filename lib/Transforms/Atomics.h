@@ -1,0 +1,20 @@
+//===- Atomics.h - What an atomic update computes ---------------*- C++ -*-===//
+
+#ifndef WARP_LIB_TRANSFORMS_ATOMICS_H
+#define WARP_LIB_TRANSFORMS_ATOMICS_H
+
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/IR/Builders.h"
+
+namespace warp {
+
+/// The value that an update of `old` by `value` leaves. `type` still has its
+/// sign. With `anyOrder` a sum may be reassociated.
+mlir::Value combine(mlir::OpBuilder &b, mlir::Location loc, AtomicKind kind,
+                    mlir::Value old, mlir::Value value, mlir::Type type,
+                    bool anyOrder = false);
+
+} // namespace warp
+
+#endif // WARP_LIB_TRANSFORMS_ATOMICS_H
