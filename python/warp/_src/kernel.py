@@ -98,7 +98,16 @@ class Kernel:
         return self.native
 
     def specialize(self, arguments):
-        """The native kernel of a generic kernel for the types of these arguments."""
+        """The native kernel of a generic kernel for the types of these arguments.
+
+        Raises:
+            WarpLaunchTypeError: there are more or fewer arguments than parameters.
+        """
+        count = self.func.__code__.co_argcount
+        if len(arguments) != count:
+            raise errors.WarpLaunchTypeError(
+                f"launch('{self.key}'): expects {count} arguments, but got {len(arguments)}"
+            )
         types = tuple(map(_argument_type, arguments))
         found, epoch = self._specialized.get(types, (None, None))
         if epoch is not Epoch.current:
