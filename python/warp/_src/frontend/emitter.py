@@ -90,7 +90,12 @@ class EmitterBase:
         if error.end_column:
             return error
         place = self.source.place(self.node)
-        return type(error)(error.message, hint=error.hint, notes=error.notes, **place)
+        # The first line says what is wrong, and after `; ` the fix; overloads follow.
+        message, _, details = error.message.partition("\n")
+        message, _, fix = message.partition("; use ")
+        hint = f"use {fix}" if fix else error.hint
+        notes = (*error.notes, details.strip()) if details else error.notes
+        return type(error)(message, hint=hint, notes=notes, **place)
 
     # Constants.
 
@@ -224,7 +229,7 @@ class EmitterBase:
 
     def assign_name(self, name, binding, node):
         if type(binding) is int and not -(2**31) <= binding < 2**31:
-            self.integer(binding, node)
+            self.integer(binding, getattr(node, "value", node))
         if type(binding) is float:
             binding = self.builder.constant(FLOAT32, binding)
         if not self.can_be_bound(binding):
