@@ -44,6 +44,11 @@ static uintptr_t address(void *pointer) {
   return reinterpret_cast<uintptr_t>(pointer);
 }
 
+/// The package's object for a device, as users know it.
+static py::object deviceObject(int index) {
+  return py::module_::import("warp._src.devices").attr("by_index")(index);
+}
+
 static void bindStreams(py::module_ &m) {
   py::class_<Stream, std::shared_ptr<Stream>> stream(m, "Stream");
   py::class_<Event, std::shared_ptr<Event>> event(m, "Event");
@@ -55,7 +60,9 @@ static void bindStreams(py::module_ &m) {
                                             reinterpret_cast<void *>(handle));
           },
           py::arg("device"), py::arg("handle"))
-      .def_property_readonly("device", &Stream::device)
+      .def_property_readonly("device_index", &Stream::device)
+      .def_property_readonly(
+          "device", [](Stream &self) { return deviceObject(self.device()); })
       .def_property_readonly(
           "cuda_stream", [](Stream &self) { return address(self.handle()); })
       .def_property_readonly("is_complete", &Stream::isComplete)
@@ -84,7 +91,9 @@ static void bindStreams(py::module_ &m) {
   event
       .def(py::init<int, bool>(), py::arg("device"),
            py::arg("enable_timing") = false)
-      .def_property_readonly("device", &Event::device)
+      .def_property_readonly("device_index", &Event::device)
+      .def_property_readonly(
+          "device", [](Event &self) { return deviceObject(self.device()); })
       .def_property_readonly("cuda_event",
                              [](Event &self) { return address(self.handle()); })
       .def_property_readonly("is_complete", &Event::isComplete)

@@ -99,3 +99,25 @@ def test_public_names():
         assert name in names and getattr(wp, name) is not None
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         _ = wp.nothing
+
+
+@pytest.mark.cuda
+def test_streams_and_events():
+    device = wp.get_device("cuda:0")
+    stream = wp.Stream(device)
+    assert stream.device is device and stream.cuda_stream != wp.get_stream(device).cuda_stream
+    x = wp.zeros(1000, device=device)
+    with wp.ScopedStream(stream):
+        assert wp.get_stream(device).cuda_stream == stream.cuda_stream
+        start, end = (wp.Event(device, enable_timing=True) for _ in range(2))
+        wp.record_event(start)
+        x.fill_(3.0)
+        wp.record_event(end)
+    assert wp.get_stream(device).cuda_stream != stream.cuda_stream
+    wp.synchronize_stream(stream)
+    assert wp.get_event_elapsed_time(start, end) >= 0.0 and end.is_complete
+    assert (x.numpy() == 3.0).all()
+    with wp.ScopedStream(None) as nothing:
+        assert nothing is None
+    wp.wait_stream(stream)
+    wp.wait_event(end)

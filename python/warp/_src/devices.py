@@ -305,7 +305,7 @@ def get_stream(device: DeviceLike = None):
 def set_stream(stream, device: DeviceLike = None, sync: bool = False) -> None:
     """Makes a stream the current one of its device; `sync` lets it wait for the former one."""
     if device is None:
-        device = by_index(stream.device if isinstance(stream.device, int) else stream.device.index)
+        device = stream.device
     device = _cuda_device(device)
     if sync:
         stream.wait_stream(device.stream)

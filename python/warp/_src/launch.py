@@ -93,7 +93,7 @@ def _launch_checked(kernel, dim, inputs, outputs, device, stream, adjoint, recor
             f"launch('{kernel.key}'): derivatives of kernels are not available yet"
         )
     if device is None and stream is not None:
-        index = stream.device if isinstance(stream.device, int) else stream.device.index
+        index = stream.device_index
     else:
         index = resolve_index(device)
     inputs, outputs = _sequence(inputs, kernel, "inputs"), _sequence(outputs, kernel, "outputs")

@@ -110,8 +110,7 @@ class ScopedStream:
 
     def __enter__(self):
         if self.stream is not None:
-            index = self.stream.device
-            self._device = devices.by_index(index if isinstance(index, int) else index.index)
+            self._device = self.stream.device
             self._saved_device = devices.get_device()
             self._saved = self._device.stream
             devices.set_stream(self.stream, self._device, self.sync_enter)

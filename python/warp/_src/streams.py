@@ -33,7 +33,7 @@ def record_event(event=None):
     """Records an event on the current stream of its device."""
     if event is None:
         event = Event()
-    return _native.current_stream(event.device).record_event(event)
+    return _native.current_stream(event.device_index).record_event(event)
 
 
 def wait_event(event) -> None:
