@@ -56,7 +56,7 @@ def first_assigned_inside(x: wp.array(dtype=float), n: int):
 @wp.kernel
 def component(x: wp.array(dtype=wp.vec3), n: int):
     v = wp.vec3()
-    for i in range(n):
+    for _ in range(n):
         v.y += 1.0
     x[0] = v
 

@@ -3,8 +3,9 @@
 import itertools
 import linecache
 
-import warp as wp
 from hypothesis import strategies as st
+
+import warp as wp
 
 _count = itertools.count()
 
@@ -25,6 +26,7 @@ def remainder(a, b):
     return a - b * (quotient if (a < 0) == (b < 0) else -quotient)
 
 
+RANGES = ("3", "1, 6, 2", "5, 0, -2", "n", "n, -1, -1", "2, n, s")
 VARIABLES = ("a", "b", "c", "x", "y")
 
 
@@ -96,7 +98,7 @@ def blocks(draw, depth, loops):
             if draw(st.booleans()):
                 lines += ["else:", *indented(draw(blocks(depth - 1, loops)))]
         elif kind == "for":
-            bounds = draw(st.sampled_from(("3", "1, 6, 2", "5, 0, -2", "n", "n, -1, -1", "2, n, s")))
+            bounds = draw(st.sampled_from(RANGES))
             counter = f"k{loops}"
             lines += [f"for {counter} in range({bounds}):", f"    a = rem(a + {counter}, 1009)"]
             lines += indented(draw(blocks(depth - 1, loops + 1)))
@@ -114,5 +116,13 @@ def indented(lines):
 @st.composite
 def programs(draw):
     """Source of a function of five integers with random control flow."""
-    body = ["a = int(1)", "b = int(2)", "c = x + 3", *draw(blocks(2, 0)), "return a + b * 3 + c * 5"]
+    start = ["a = int(1)", "b = int(2)", "c = x + 3"]
+    body = [*start, *draw(blocks(2, 0)), "return a + b * 3 + c * 5"]
     return "def program(x: int, y: int, n: int, s: int):\n" + "\n".join(indented(body)) + "\n"
+
+
+def run(kernel, *inputs, n=1, size=16, dtype=float):
+    """Launches a kernel whose last parameter is its output; gives the output as a list."""
+    out = wp.zeros(size, dtype=dtype, device="cpu")
+    wp.launch(kernel, n, [*inputs, out], device="cpu")
+    return out.numpy().tolist()

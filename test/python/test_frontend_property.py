@@ -1,9 +1,10 @@
 """Random programs: what a kernel computes is what Python computes."""
 
 import numpy as np
+from hypothesis import HealthCheck, given, settings
+
 import warp as wp
 from frontend_programs import define, programs, remainder
-from hypothesis import HealthCheck, given, settings
 
 PRELUDE = """
 @wp.func

@@ -223,14 +223,29 @@ class Loops(Branches):
         """Whether a body needs the counter at compile time: tuple indices, `wp.static`."""
         for item in ast.walk(syntax):
             kind = type(item)
-            if kind is ast.Subscript and isinstance(item.value, ast.Name):
-                if type(self.env.get(item.value.id)) is tuple:
-                    return True
-            elif kind is ast.Call:
+            if kind is ast.Subscript and self.is_tuple(item.value):
+                return True
+            if kind is ast.Call:
                 name = getattr(item.func, "attr", None) or getattr(item.func, "id", None)
                 if name == "static":
                     return True
         return False
+
+    def is_tuple(self, node):
+        """Whether a name or attribute is a tuple now."""
+        root = node
+        while isinstance(root, ast.Attribute):
+            root = root.value
+        if not isinstance(root, ast.Name):
+            return False
+        if root is node and root.id in self.env:
+            return type(self.env[root.id]) is tuple
+        if root.id in self.env or root.id in self.source.plan.local_names:
+            return False
+        try:
+            return type(self.expr(node)) is tuple
+        except errors.WarpError:
+            return False
 
     @staticmethod
     def target_names(target):
