@@ -94,9 +94,9 @@ from warp._src.errors import WarpCodegenTypeError as WarpCodegenTypeError
 from warp._src.errors import WarpCodegenValueError as WarpCodegenValueError
 from warp._src.errors import WarpError as WarpError
 from warp._src.errors import WarpLaunchError as WarpLaunchError
-from warp._src.kernel import Function as Function
+from warp._src.function import Function as Function
+from warp._src.function import func as func
 from warp._src.kernel import Kernel as Kernel
-from warp._src.kernel import func as func
 from warp._src.kernel import kernel as kernel
 from warp._src.launch import Launch as Launch
 from warp._src.launch import launch as launch

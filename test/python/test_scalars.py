@@ -88,7 +88,7 @@ def test_text_and_copies():
 
 @pytest.mark.parametrize("value", [0.0, 1.0, -2.5, 65504.0, 6e-8, math.inf, 1e9, 0.1])
 def test_half_precision_matches_numpy(value):
-    from warp._src.scalars import half_from_bits, half_to_bits
+    from warp._src.arithmetic import half_from_bits, half_to_bits
 
     with np.errstate(over="ignore"):
         expected = np.float16(value)
@@ -99,7 +99,7 @@ def test_half_precision_matches_numpy(value):
 @pytest.mark.parametrize("value", [0.0, 1.0, -2.5, 3.14159, 1e38, math.inf, 1.00390625])
 def test_bfloat16_rounds_to_even(value):
     from warp._src.numpy_types import bfloat16_bits
-    from warp._src.scalars import bfloat16_from_bits, bfloat16_to_bits
+    from warp._src.arithmetic import bfloat16_from_bits, bfloat16_to_bits
 
     bits = bfloat16_to_bits(value)
     assert bits == int(bfloat16_bits(np.array([value]))[0])

@@ -103,3 +103,12 @@ def caller_namespaces(cls, depth=2):
     module = sys.modules.get(cls.__module__)
     frame = sys._getframe(depth)
     return [frame.f_locals, frame.f_globals, vars(module) if module else {}]
+
+
+def is_generic(annotation) -> bool:
+    """Whether an annotation leaves the type open."""
+    from warp._src.vectors import GenericAnnotation
+
+    if isinstance(annotation, ArrayType):
+        annotation = annotation.dtype
+    return annotation is typing.Any or isinstance(annotation, (typing.TypeVar, GenericAnnotation))

@@ -11,12 +11,12 @@ from __future__ import annotations
 import typing
 
 from warp import _native
-from warp._src import annotations, devices, errors, types
+from warp._src import annotations, devices, errors, scalars, types
 from warp._src.annotations import ArrayType
+from warp._src.arithmetic import bfloat16_from_bits
+from warp._src.array_layout import check_shape, element_type, type_id
 from warp._src.array_views import ArrayViews
 from warp._src.numpy_types import element_layout
-
-MAX_EXTENT = 2**31 - 1
 
 
 class array(ArrayViews, _native.Array):
@@ -232,15 +232,11 @@ class array(ArrayViews, _native.Array):
 
     def list(self) -> list:
         """All elements in row-major order, as Python numbers, composites or structs."""
-        from warp._src.scalars import scalar_base
-
         flat = self.contiguous().numpy()
-        if issubclass(self.dtype, scalar_base):
-            from warp._src import scalars
-
+        if issubclass(self.dtype, scalars.scalar_base):
             numbers = flat.reshape(-1).tolist()
             if self.dtype is scalars.bfloat16:
-                return [scalars.bfloat16_from_bits(bits) for bits in numbers]
+                return [bfloat16_from_bits(bits) for bits in numbers]
             return numbers
         data, step = flat.tobytes(), self.item_size
         starts = range(0, len(data), step)
@@ -305,54 +301,6 @@ class _Memory:
             "typestr": "|u1",
             "version": 3,
         }
-
-
-def element_type(dtype):
-    """The canonical element type for what a user gave as `dtype`.
-
-    Raises:
-        TypeError: arrays of it are not possible.
-    """
-    try:
-        return types.canonical(dtype)
-    except TypeError as error:
-        raise TypeError(f"cannot make an array of this element type: {error}") from None
-
-
-def check_shape(shape) -> tuple:
-    """A shape as a tuple of at most four valid extents.
-
-    Raises:
-        TypeError, ValueError: it is none.
-    """
-    if shape is None:
-        raise ValueError("expects a `shape`")
-    extents = (shape,) if hasattr(shape, "__index__") else tuple(shape)
-    if not 1 <= len(extents) <= 4:
-        raise ValueError(f"expects 1 to 4 dimensions, but got {len(extents)}")
-    try:
-        extents = tuple(extent.__index__() for extent in extents)
-    except AttributeError:
-        raise TypeError(f"expects integers as extents, but got {shape!r}") from None
-    for axis, extent in enumerate(extents):
-        if extent < 0:
-            raise ValueError(f"expects extents of at least 0, but got {extent} in dimension {axis}")
-        if extent > MAX_EXTENT:
-            raise ValueError(
-                f"expects extents of at most {MAX_EXTENT}, but got {extent} in dimension {axis}"
-            )
-    return extents
-
-
-def type_id(dtype) -> int:
-    """Number of an element type in the runtime."""
-    found = _type_ids.get(dtype)
-    if found is None:
-        found = _type_ids[dtype] = _native.type_id(types.native_text(dtype))
-    return found
-
-
-_type_ids: dict = {}
 
 
 def new_array(cls=array):

@@ -4,13 +4,8 @@ from __future__ import annotations
 
 from warp import _native
 from warp._src import devices, errors, types
-from warp._src.array import (
-    allocate,
-    array,
-    check_shape,
-    element_type,
-    new_array,
-)
+from warp._src.array import allocate, array, new_array
+from warp._src.array_layout import check_shape, element_type
 
 
 def empty(

@@ -12,6 +12,7 @@ import math
 
 from warp import _native
 from warp._src import devices, errors, scalars, types
+from warp._src.array_layout import check_shape, type_id
 from warp._src.composites import Composite
 from warp._src.numpy_types import bfloat16_bits, dtype_from_numpy, element_layout
 from warp._src.scalars import scalar_base
@@ -19,7 +20,7 @@ from warp._src.scalars import scalar_base
 
 def fill_from_data(target, data, dtype, shape, device, pinned, copy) -> None:
     """Sets up `target` from anything that holds numbers."""
-    from warp._src.array import array, check_shape
+    from warp._src.array import array
 
     if isinstance(data, array):
         _from_array(target, data, dtype, shape, device, pinned, copy)
@@ -187,8 +188,6 @@ def _store(target, source, extents, dtype, index, pinned, copy):
 
 def _alias(target, source, extents, dtype, inner) -> bool:
     """Lets `target` use the memory of a NumPy array; False if its layout does not allow it."""
-    from warp._src.array import type_id
-
     if not source.flags.writeable or not source.flags.aligned:
         return False
     shaped = source if source.shape == extents + inner else None
@@ -222,7 +221,7 @@ def _alias(target, source, extents, dtype, inner) -> bool:
 
 
 def _from_array(target, data, dtype, shape, device, pinned, copy):
-    from warp._src.array import allocate, check_shape
+    from warp._src.array import allocate
 
     index = data.device_index if device is None else devices.resolve_index(device)
     source = data
@@ -275,8 +274,6 @@ def _from_cuda(target, data, interface, dtype, shape, device, pinned, copy):
 
 def borrow(target, ptr, extents, strides, dtype, index, capacity, deleter, owner=None) -> None:
     """Sets up an array over memory that somebody else owns."""
-    from warp._src.array import type_id
-
     item_size = types.type_size_in_bytes(dtype)
     if strides is None:
         needed = item_size * math.prod(extents)

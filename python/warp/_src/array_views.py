@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 from warp._src import errors, types
+from warp._src.array_layout import check_shape, element_type, type_id
 
 
 class ArrayViews:
@@ -18,7 +19,7 @@ class ArrayViews:
     __slots__ = ()
 
     def _view(self, offset, shape, strides, dtype=None):
-        from warp._src.array import new_array, type_id
+        from warp._src.array import new_array
 
         dtype = dtype or self.dtype
         item_size = types.type_size_in_bytes(dtype)
@@ -104,8 +105,6 @@ class ArrayViews:
         Raises:
             ValueError: the number of elements differs, or the array is not contiguous.
         """
-        from warp._src.array import check_shape
-
         extents = [shape] if hasattr(shape, "__index__") else list(shape)
         if extents.count(-1) == 1:
             rest = math.prod(extent for extent in extents if extent != -1)
@@ -148,8 +147,6 @@ class ArrayViews:
         The new type has the same size, or is the scalar of the old one (which adds the inner
         dimensions), or a composite of it (which takes the inner dimensions away).
         """
-        from warp._src.array import element_type
-
         dtype = element_type(dtype)
         size = types.type_size_in_bytes(dtype)
         shape, strides = list(self.shape), list(self.strides)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import ctypes
 
-from warp._src import scalars
+from warp._src import arithmetic, scalars
 from warp._src.scalars import scalar_base
 
 ArrayMeta = type(ctypes.Array)
@@ -113,10 +113,10 @@ class Composite:
         return _scale("mul", self, other, lambda a, b: b * a)
 
     def __truediv__(self, other):
-        return _scale("div", self, other, scalars.divide)
+        return _scale("div", self, other, arithmetic.divide)
 
     def __rtruediv__(self, other):
-        return _scale("div", self, other, lambda a, b: scalars.divide(b, a))
+        return _scale("div", self, other, lambda a, b: arithmetic.divide(b, a))
 
     def __neg__(self):
         return self._from_numbers(-a for a in scalars_of(self))

@@ -1,4 +1,4 @@
-"""`@wp.kernel` and `@wp.func`: Python functions that become device code.
+"""`@wp.kernel`: Python functions that become device code.
 
 Decorating only records the function. The first launch translates it (`warp._src.frontend`) and
 makes the native kernel, which compiles a variant for each kind of launch it sees. A change of a
@@ -8,16 +8,13 @@ setting or module option that matters to code drops the native kernel, not the P
 from __future__ import annotations
 
 import os
-import sys
 import types as python_types
-import typing
 
 from warp import _native
 from warp._src import config as settings
 from warp._src import errors
-from warp._src.annotations import ArrayType
+from warp._src.annotations import ArrayType, is_generic
 from warp._src.modules import Module, check_options, get_module
-from warp._src.vectors import GenericAnnotation
 
 STAGES = ("warp", "thread", "llvm", "ptx", "asm")
 _SUFFIX = {"warp": "mlir", "thread": "mlir", "llvm": "ll", "ptx": "ptx", "asm": "s"}
@@ -69,7 +66,7 @@ class Kernel:
     @property
     def is_generic(self) -> bool:
         """Whether a parameter's type is left open."""
-        return any(map(_is_generic, self.func.__annotations__.values()))
+        return any(map(is_generic, self.func.__annotations__.values()))
 
     @property
     def specializations(self) -> list:
@@ -200,12 +197,6 @@ def kernel_name(func) -> str:
     )
 
 
-def _is_generic(annotation) -> bool:
-    if isinstance(annotation, ArrayType):
-        annotation = annotation.dtype
-    return annotation is typing.Any or isinstance(annotation, (typing.TypeVar, GenericAnnotation))
-
-
 def _argument_type(value):
     """The compiler's type of a launch argument; None where it cannot be told."""
     from warp._src import types
@@ -268,89 +259,3 @@ def kernel(
 
 
 _INERT = {"enable_cuda_smem_spilling", "cluster_dim", "entry_point_abi", "grid_stride"}
-
-
-class Function:
-    """A function that kernels can call, and Python too.
-
-    `overloads` lists the Python functions of that name; a call takes the one whose annotations fit.
-    """
-
-    def __init__(self, func, key=None):
-        self.func = func
-        self.key = key or func.__name__
-        self.overloads = [func]
-        self.__name__ = func.__name__
-        self.__qualname__ = func.__qualname__
-        self.__module__ = func.__module__
-        self.__doc__ = func.__doc__
-        self.__wrapped__ = func
-
-    def add_overload(self, func) -> None:
-        """Adds a function, in place of one with the same annotations."""
-        types = list(func.__annotations__.values())
-        for index, other in enumerate(self.overloads):
-            if list(other.__annotations__.values()) == types:
-                self.overloads[index] = func
-                break
-        else:
-            self.overloads.append(func)
-        self.func = self.overloads[0]
-
-    def __call__(self, *args, **kwargs):
-        if len(self.overloads) == 1:
-            return self.func(*args, **kwargs)
-        for func in self.overloads:
-            if _accepts(func, args, kwargs):
-                return func(*args, **kwargs)
-        shown = ", ".join(type(value).__name__ for value in args)
-        raise TypeError(f"no overload of '{self.key}' takes ({shown})")
-
-    def __repr__(self):
-        return f"<function '{self.key}'>"
-
-
-def _accepts(func, args, kwargs) -> bool:
-    import inspect
-
-    from warp._src import types
-
-    try:
-        bound = inspect.signature(func).bind(*args, **kwargs)
-    except TypeError:
-        return False
-    for name, value in bound.arguments.items():
-        expected = func.__annotations__.get(name)
-        if expected is None or _is_generic(expected):
-            continue
-        if isinstance(expected, ArrayType):
-            fits = types.is_array(value) and value.ndim == expected.ndim
-            if not fits or not types.types_equal(value.dtype, expected.dtype):
-                return False
-        elif isinstance(expected, type) and not types.types_equal(type(value), expected):
-            return False
-    return True
-
-
-def func(f=None, *, name=None, module=None, inline=None):
-    """Makes a function that kernels can call. It stays callable from Python.
-
-    Decorating several functions of one name in one scope makes overloads, chosen by annotations.
-
-    Example:
-        >>> import warp as wp
-        >>> @wp.func
-        ... def square(x: float):
-        ...     return x * x
-    """
-
-    def decorate(function, depth):
-        if not isinstance(function, python_types.FunctionType):
-            raise TypeError(f"expects a function, but got '{type(function).__name__}'")
-        former = sys._getframe(depth).f_locals.get(function.__name__)
-        if isinstance(former, Function) and former.func.__qualname__ == function.__qualname__:
-            former.add_overload(function)
-            return former
-        return Function(function, name)
-
-    return (lambda function: decorate(function, 2)) if f is None else decorate(f, 2)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 
-from warp._src import scalars
+from warp._src import arithmetic, scalars
 from warp._src.composites import (
     ArrayMeta,
     Composite,
@@ -55,7 +55,7 @@ class Vector(Composite):
             self._set(index, number)
 
     def __mod__(self, other):
-        return _componentwise("mod", self, other, scalars.remainder)
+        return _componentwise("mod", self, other, arithmetic.remainder)
 
     def __matmul__(self, other):
         return self * other
