@@ -5,6 +5,7 @@ import math
 from typing import Any, Callable
 
 import numpy as np
+import pytest
 
 import warp as wp
 from frontend_programs import run
@@ -141,6 +142,7 @@ def test_same_function_object_is_seen_anew_per_closure():
     assert [run(make(k))[0] for k in (1.0, 2.0, 3.0)] == [2.0, 4.0, 6.0]
 
 
+@pytest.mark.parametrize("mode", ["debug", "release"])
 def test_assertions_hold_in_debug_mode_only(mode, config):
     config.mode = mode
 
