@@ -13,7 +13,7 @@ import lit.formats
 
 config.name = "warp"
 config.test_format = lit.formats.ShTest(execute_external=False)
-config.suffixes = [".mlir", ".py"]
+config.suffixes = [".mlir", ".py", ".td"]
 config.excludes = ["lit.cfg.py", "lit.site.cfg.py", "python", "unit", "device", "Inputs"]
 config.test_source_root = os.path.dirname(__file__)
 config.test_exec_root = config.warp_obj_root
@@ -56,6 +56,12 @@ if count_cuda_devices():
 for tool in ("FileCheck", "not", "split-file", "llvm-readobj", "llvm-nm", "llvm-objdump"):
     config.substitutions.append((rf"(?<![-\w/]){tool}(?![-\w])", llvm_tool(tool)))
 config.substitutions.append((r"(?<![-\w/])warp-opt(?![-\w])", warp_opt))
+warp_tblgen = [
+    os.path.join(config.warp_tools_dir, "warp-tblgen"),
+    "-I " + os.path.join(config.test_source_root, "..", "include", "WarpDialect"),
+    "-I " + os.path.join(config.llvm_tools_dir, "..", "include"),
+]
+config.substitutions.append((r"(?<![-\w/])warp-tblgen(?![-\w])", " ".join(warp_tblgen)))
 config.substitutions.append(("%python", config.warp_python))
 
 config.environment["PYTHONPATH"] = config.warp_python_dir

@@ -26,7 +26,10 @@ public:
   bool parse(Signature &signature);
 
 private:
-  bool fail(StringRef expected);
+  bool fail(StringRef expected) { return failAt(rest, expected); }
+  /// Fails at the word that was read last.
+  bool failAtWord(StringRef expected) { return failAt(lastWord, expected); }
+  bool failAt(StringRef place, StringRef expected);
   void skipSpace() { rest = rest.ltrim(); }
   bool tryToken(StringRef token);
   bool expect(StringRef token) {
@@ -40,15 +43,17 @@ private:
   bool parseExtent(TypePattern &pattern);
   bool parseResults(std::vector<TypePattern> &results);
 
-  StringRef text, rest;
+  StringRef text;
+  /// What is not read yet; `lastWord` is that before the last word was.
+  StringRef rest, lastWord;
   std::string &error;
 };
 } // namespace
 
-bool Parser::fail(StringRef expected) {
+bool Parser::failAt(StringRef place, StringRef expected) {
   if (error.empty())
     error = ("expects " + expected + " at column " +
-             llvm::Twine(text.size() - rest.size() + 1) + " of '" + text + "'")
+             llvm::Twine(text.size() - place.size() + 1) + " of '" + text + "'")
                 .str();
   return false;
 }
@@ -60,6 +65,7 @@ bool Parser::tryToken(StringRef token) {
 
 StringRef Parser::word() {
   skipSpace();
+  lastWord = rest;
   StringRef found = rest.take_while(
       [](char c) { return llvm::isAlnum(c) || c == '_'; });
   rest = rest.drop_front(found.size());
@@ -77,19 +83,19 @@ bool Parser::parseScalar(StringRef name, TypePattern &pattern) {
                  : digits.consume_front("u") ? Base::Unsigned
                                              : Base::Bool;
   if (pattern.base == Base::Bool || digits.getAsInteger(10, pattern.width))
-    return fail("a type");
+    return failAtWord("a type");
   bool isInteger =
       pattern.base == Base::Signed || pattern.base == Base::Unsigned;
   switch (pattern.width) {
   case 8:
-    return isInteger || fail("a type");
+    return isInteger || failAtWord("a type");
   case 16:
     return true;
   case 32:
   case 64:
-    return pattern.base != Base::BFloat || fail("a type");
+    return pattern.base != Base::BFloat || failAtWord("a type");
   default:
-    return fail("a type");
+    return failAtWord("a type");
   }
 }
 
@@ -99,7 +105,7 @@ bool Parser::parseExtent(TypePattern &pattern) {
   if (name.size() == 1 && llvm::isLower(name[0]))
     extent.letter = name[0];
   else if (name.getAsInteger(10, extent.number) || extent.number < 1)
-    return fail("an extent");
+    return failAtWord("an extent");
   pattern.extents.push_back(extent);
   return true;
 }
@@ -135,7 +141,7 @@ bool Parser::parseType(TypePattern &pattern) {
       pattern.kind = Kind::AnyValue;
       return true;
     default:
-      return fail("one of the letters S, T, F, G, I, J, A, B");
+      return failAtWord("one of the letters S, T, F, G, I, J, A, B");
     }
   }
   struct Composite {
@@ -160,7 +166,7 @@ bool Parser::parseType(TypePattern &pattern) {
 bool Parser::parseParameter(Parameter &parameter) {
   parameter.name = word().str();
   if (parameter.name.empty())
-    return fail("the name of a parameter");
+    return failAtWord("the name of a parameter");
   if (!expect(":"))
     return false;
   StringRef before = rest;
