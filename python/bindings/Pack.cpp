@@ -252,7 +252,7 @@ void Packer::packComposite(PackParam &param, PyObject *value, char *out) {
   std::string name = pythonTypeName(param.param->type);
   char number[8];
   if (storeScalar(Scalar::F64, value, number) == Outcome::Ok)
-    throw error(param, value, "\nhint: construct it: `" + name + "(...)`");
+    throw error(param, value, "\nhint: construct it: `wp." + name + "(...)`");
   if (value == Py_None || PyUnicode_Check(value) || !PySequence_Check(value))
     throw error(param, value);
   Flattener components(param.shape, out);
