@@ -326,3 +326,15 @@ def test_conversions(device):
     half = x.astype(np.float16).astype(np.float64)
     expected = whole + half * 100 + (whole.astype(np.int64) & 255) + (x != 0) * 1000
     np.testing.assert_array_equal(out, expected)
+
+
+def test_conversion_to_half_precision_rounds(device):
+    @wp.kernel
+    def kernel(x: wp.array(dtype=float), h: wp.array(dtype=wp.float16), out: wp.array(dtype=int)):
+        i = wp.tid()
+        if wp.float16(x[i]) == h[i]:
+            out[i] = 1
+
+    x = RNG.normal(size=200).astype(np.float32)
+    (out,) = launch(kernel, device, 200, [(x, float), (x.astype(np.float16), wp.float16)], int)
+    assert out.all()
