@@ -242,7 +242,16 @@ def test_assignment_through_views(device):
     data[0, 0] = 7
     array[2:] = np.ones((2, 3))
     data[2:] = 1
+    array[3] = [4, 5, 6]
+    data[3] = [4, 5, 6]
     assert same(array, data)
+    vectors = wp.zeros(3, dtype=wp.vec2, device=device)
+    vectors[0] = (1, 2)
+    vectors[1:] = [[3, 4], [5, 6]]
+    vectors[2] = np.array([7, 8])
+    assert same(vectors, [[1, 2], [3, 4], [7, 8]])
+    with pytest.raises(ValueError):
+        array[0] = [1, 2]
 
 
 def test_reshape_flatten_transpose(device):

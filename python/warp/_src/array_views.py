@@ -55,7 +55,11 @@ class ArrayViews:
     def __setitem__(self, key, value):
         offset, shape, strides = self._select(key)
         target = self._view(offset, shape or (1,), strides or (self.item_size,))
-        if hasattr(value, "shape") and hasattr(value, "ndim") and value.ndim:
+        is_sequence = isinstance(value, (list, tuple)) and (
+            not getattr(self.dtype, "_shape_", ())
+            or any(isinstance(item, (list, tuple)) for item in value)
+        )
+        if is_sequence or getattr(value, "ndim", 0):
             target.assign(value)
         else:
             target.fill_(value)
