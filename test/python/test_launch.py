@@ -1,5 +1,7 @@
 """`wp.launch`: arguments, dimensions, devices, and what it says when they are wrong."""
 
+import threading
+
 import numpy as np
 import pytest
 
@@ -184,7 +186,7 @@ def test_what_is_no_kernel(device, kernel):
         wp.launch(kernel, 3, [], device=device)
 
 
-@pytest.mark.parametrize("name", ["gpu", "cuda:99", 7])
+@pytest.mark.parametrize("name", ["gpu", "cuda:99", 7, [1]])
 def test_unknown_device(x, y, name):
     with pytest.raises(ValueError, match="no device"):
         wp.launch(saxpy, 3, [1.0, x, y], device=name)
@@ -283,3 +285,27 @@ def test_not_finite_numbers_pass_through(device):
     wp.launch(saxpy, 3, [1.0, x, y], device=device)
     result = y.numpy()
     assert np.isnan(result[0]) and result[1] == np.inf and np.isnan(result[2])
+
+
+def test_first_launch_from_many_threads(device):
+    @wp.kernel
+    def add_one(out: wp.array(dtype=float)):
+        wp.atomic_add(out, 0, 1.0)
+
+    out = wp.zeros(1, device=device)
+    failures = []
+
+    def work():
+        try:
+            for _ in range(50):
+                wp.launch(add_one, 100, [out], device=device)
+        except Exception as error:
+            failures.append(error)
+
+    threads = [threading.Thread(target=work) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    wp.synchronize_device(device)
+    assert not failures and out.numpy()[0] == 8 * 50 * 100

@@ -64,7 +64,10 @@ def launch(
         WarpLaunchError: an argument has the wrong type, rank or device, or `dim` is impossible.
         WarpCodegenError: the kernel cannot be translated.
     """
-    index = index_of.get(device)
+    try:
+        index = index_of.get(device)
+    except TypeError:
+        index = None
     if not (
         index is None
         or stream is not None
