@@ -1,4 +1,4 @@
-//===- Passes.td - Passes of the warp dialect -----------------*- tablegen -*-=//
+//===- Passes.td - Passes of the warp dialect ----------------*- tablegen -*-=//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -70,8 +70,7 @@ std::optional<BuiltinMatch> matchBuiltin(const BuiltinSpec &spec,
 /// added. Operands that fit no overload are reported at `location`, and null
 /// is returned.
 mlir::Operation *createBuiltin(mlir::OpBuilder &builder,
-                               mlir::Location location,
-                               const BuiltinSpec &spec,
+                               mlir::Location location, const BuiltinSpec &spec,
                                mlir::ValueRange operands);
 mlir::Operation *createBuiltin(mlir::OpBuilder &builder,
                                mlir::Location location,

@@ -1,4 +1,4 @@
-//===- WarpBuiltins.td - All builtins -------------------------*- tablegen -*-=//
+//===- WarpBuiltins.td - All builtins ------------------------*- tablegen -*-=//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

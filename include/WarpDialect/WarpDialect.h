@@ -11,6 +11,9 @@ namespace warp {
 
 /// Unit attribute of the function that a launch runs.
 constexpr llvm::StringLiteral kernelAttrName = "warp.kernel";
+/// Unit attribute of a float operation that must round on its own: it is
+/// neither contracted nor reassociated.
+constexpr llvm::StringLiteral exactAttrName = "warp.exact";
 
 } // namespace warp
 

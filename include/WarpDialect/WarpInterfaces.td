@@ -1,4 +1,4 @@
-//===- WarpInterfaces.td - Interfaces of operations -----------*- tablegen -*-=//
+//===- WarpInterfaces.td - Interfaces of operations ----------*- tablegen -*-=//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- WarpLaunchOps.td - Between thread IR and LLVM ----------*- tablegen -*-=//
+//===- WarpLaunchOps.td - Between thread IR and LLVM ---------*- tablegen -*-=//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- WarpLinearAlgebra.td - Vectors and matrices ------------*- tablegen -*-=//
+//===- WarpLinearAlgebra.td - Vectors and matrices -----------*- tablegen -*-=//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

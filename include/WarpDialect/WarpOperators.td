@@ -25,8 +25,11 @@ def Warp_AddOp : Warp_Operator<"add", "+", SumOverloads, "sum, by component",
     Elementwise<"arith::AddFOp", "arith::AddIOp">> {
   let hasFolder = 1;
 }
-def Warp_SubOp : Warp_Operator<"sub", "-", SumOverloads, "difference, by component",
-    Elementwise<"arith::SubFOp", "arith::SubIOp">> { let hasFolder = 1; }
+def Warp_SubOp : Warp_Operator<"sub", "-", SumOverloads,
+    "difference, by component",
+    Elementwise<"arith::SubFOp", "arith::SubIOp">> {
+  let hasFolder = 1;
+}
 
 def Warp_MulOp : Warp_Operator<"mul", "*", [
     "(a: S, b: S) -> S",
@@ -67,7 +70,8 @@ defvar UnaryOverloads = [
 def Warp_NegOp : Warp_Operator<"neg", "-", UnaryOverloads, "negation"> {
   let hasFolder = 1;
 }
-def Warp_PosOp : Warp_Operator<"pos", "+", UnaryOverloads, "the operand itself"> {
+def Warp_PosOp : Warp_Operator<"pos", "+", UnaryOverloads,
+    "the operand itself"> {
   let hasFolder = 1;
 }
 
@@ -89,7 +93,8 @@ class Warp_LogicOperator<string mnemonic, string symbol, string summaryOf,
 }
 def Warp_BitAndOp : Warp_LogicOperator<"bit_and", "&", "bitwise and",
                                        "arith::AndIOp">;
-def Warp_BitOrOp : Warp_LogicOperator<"bit_or", "|", "bitwise or", "arith::OrIOp">;
+def Warp_BitOrOp : Warp_LogicOperator<"bit_or", "|", "bitwise or",
+                                      "arith::OrIOp">;
 def Warp_BitXorOp : Warp_LogicOperator<"bit_xor", "^", "bitwise exclusive or",
                                        "arith::XOrIOp">;
 def Warp_LShiftOp : Warp_BitOperator<"lshift", "<<",
@@ -100,8 +105,8 @@ def Warp_InvertOp : Warp_Operator<"invert", "~", ["(x: I) -> I",
     "(x: vec<n,I>) -> vec<n,I>"], "bitwise complement"> {
   let derivative = NotDifferentiable;
 }
-def Warp_UNotOp : Warp_Operator<"unot", "not", ["(x: bool) -> bool", "(x: I) -> bool"],
-    "logical negation"> {
+def Warp_UNotOp : Warp_Operator<"unot", "not",
+    ["(x: bool) -> bool", "(x: I) -> bool"], "logical negation"> {
   let derivative = NotDifferentiable;
   let hasFolder = 1;
 }

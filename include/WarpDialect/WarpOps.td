@@ -119,7 +119,8 @@ def Warp_ExtractOp : Warp_Op<"extract", [Pure]> {
   let hasVerifier = 1;
 }
 
-def Warp_InsertOp : Warp_Op<"insert", [Pure, AllTypesMatch<["target", "result"]>]> {
+def Warp_InsertOp
+    : Warp_Op<"insert", [Pure, AllTypesMatch<["target", "result"]>]> {
   let summary = "composite with one component, or matrix row, replaced";
   let description = [{
     An index out of range leaves the composite as it was or replaces an
@@ -292,7 +293,8 @@ def Warp_ViewOp : Warp_Op<"view", [Pure]> {
   let hasVerifier = 1;
 }
 
-def Warp_SliceOp : Warp_Op<"slice", [Pure, AllTypesMatch<["array", "result"]>]> {
+def Warp_SliceOp
+    : Warp_Op<"slice", [Pure, AllTypesMatch<["array", "result"]>]> {
   let summary = "part of an array along one dimension";
   let description = [{
     Elements `start`, `start + step`, ... before `stop` of dimension `dim`, as

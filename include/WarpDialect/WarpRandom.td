@@ -1,4 +1,4 @@
-//===- WarpRandom.td - Random numbers -------------------------*- tablegen -*-=//
+//===- WarpRandom.td - Random numbers ------------------------*- tablegen -*-=//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

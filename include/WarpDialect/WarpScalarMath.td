@@ -1,4 +1,4 @@
-//===- WarpScalarMath.td - Functions of scalars ---------------*- tablegen -*-=//
+//===- WarpScalarMath.td - Functions of scalars --------------*- tablegen -*-=//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -68,8 +68,8 @@ def Warp_ErfInvOp : Warp_FloatFunction<"erfinv",
 def Warp_ErfcInvOp : Warp_FloatFunction<"erfcinv",
     "inverse of the complement of the error function", "[0.01, 1.99]">;
 
-def Warp_RoundOp : Warp_Rounding<"round", "nearest integer, half away from zero",
-    Elementwise<"math::RoundOp">>;
+def Warp_RoundOp : Warp_Rounding<"round",
+    "nearest integer, half away from zero", Elementwise<"math::RoundOp">>;
 def Warp_RintOp : Warp_Rounding<"rint", "nearest integer, half to even",
     Elementwise<"math::RoundEvenOp">>;
 def Warp_TruncOp : Warp_Rounding<"trunc", "integer part, toward zero",

@@ -1,4 +1,4 @@
-//===- WarpSpecials.td - Names with rules of their own --------*- tablegen -*-=//
+//===- WarpSpecials.td - Names with rules of their own -------*- tablegen -*-=//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -41,7 +41,8 @@ def Warp_QuaternionName : Warp_Construction<"quaternion",
 def Warp_QuatIdentityName : Warp_Construction<"quat_identity",
     ["(dtype: Any = float) -> Any"], "rotation by nothing">;
 def Warp_TransformationName : Warp_Construction<"transformation",
-    ["(p: Any, q: Any) -> Any", "(*components: float, dtype: Any = ...) -> Any"],
+    ["(p: Any, q: Any) -> Any",
+     "(*components: float, dtype: Any = ...) -> Any"],
     "rigid transform that rotates by q, then translates by p">;
 def Warp_TransformIdentityName : Warp_Construction<"transform_identity",
     ["(dtype: Any = float) -> Any"], "transform that does nothing">;

@@ -1,4 +1,4 @@
-//===- WarpTypes.td - Types of the warp dialect ---------------*- tablegen -*-=//
+//===- WarpTypes.td - Types of the warp dialect --------------*- tablegen -*-=//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

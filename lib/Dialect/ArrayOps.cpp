@@ -115,14 +115,14 @@ LogicalResult warp::AtomicOp::verify() {
 LogicalResult warp::AtomicCasOp::verify() {
   auto array = cast<ArrayType>(getArray().getType());
   if (failed(verifyRank(*this, array, getIndices())) ||
-      failed(verifyElement(*this, array, "'expected'",
-                           getExpected().getType())) ||
+      failed(
+          verifyElement(*this, array, "'expected'", getExpected().getType())) ||
       failed(verifyElement(*this, array, "the value", getValue().getType())) ||
       failed(verifyElement(*this, array, "the result", getOld().getType())))
     return failure();
   mlir::Type element = array.getElementType();
-  if (isScalar(element) && (getByteSize(element) == 4 ||
-                            getByteSize(element) == 8))
+  if (isScalar(element) &&
+      (getByteSize(element) == 4 || getByteSize(element) == 8))
     return success();
   return emitOpError("(C3) expects numbers of 4 or 8 bytes, but got ")
          << element;
@@ -168,8 +168,7 @@ LogicalResult warp::ComponentViewOp::verify() {
     part = getIndexedType(element, getIndices().size());
     if (!part)
       return emitOpError("(C1) ")
-             << getIndices().size() << " indices select no part of "
-             << element;
+             << getIndices().size() << " indices select no part of " << element;
   }
   return verifyView(*this, getResult().getType(), array.getRank(), part);
 }
@@ -193,8 +192,7 @@ LogicalResult warp::StoreComponentsOp::verify() {
   auto array = cast<ArrayType>(getArray().getType());
   if (failed(verifyRank(*this, array, getIndices())))
     return failure();
-  return verifyComponents(*this, array, "operands",
-                          getComponents().getTypes());
+  return verifyComponents(*this, array, "operands", getComponents().getTypes());
 }
 
 LogicalResult warp::AtomicComponentsOp::verify() {

@@ -37,8 +37,7 @@ static OpFoldResult getComponent(warp::ConstructOp construct,
   OperandRange parts = construct.getComponents();
   if (parts.empty()) {
     mlir::Type scalar = warp::getElementScalar(construct.getType());
-    return cast<TypedAttr>(
-        Builder(construct.getContext()).getZeroAttr(scalar));
+    return cast<TypedAttr>(Builder(construct.getContext()).getZeroAttr(scalar));
   }
   if (parts.size() == 1 && warp::isScalar(parts[0].getType()))
     return parts[0];

@@ -85,8 +85,8 @@ std::string warp::describeMismatch(const BuiltinSpec &spec,
                                    MLIRContext *context, TypeRange operands) {
   bool isOperator = !spec.symbol.empty();
   StringRef name = isOperator ? spec.symbol : spec.pythonName;
-  std::string text = "no overload of '" + name.str() + "' takes " +
-                     describeOperands(operands);
+  std::string text =
+      "no overload of '" + name.str() + "' takes " + describeOperands(operands);
   ArrayRef<Signature> signatures = getSignatures(spec);
   std::string fix = findConversions(signatures, operands, context);
   if (!fix.empty())

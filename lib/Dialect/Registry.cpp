@@ -26,11 +26,10 @@ ArrayRef<warp::BuiltinSpec> warp::getBuiltins() { return builtinTable; }
 
 const warp::BuiltinSpec *warp::lookupBuiltin(StringRef pythonName) {
   ArrayRef<BuiltinSpec> table = builtinTable;
-  const BuiltinSpec *found =
-      llvm::lower_bound(table, pythonName,
-                        [](const BuiltinSpec &spec, StringRef name) {
-                          return spec.pythonName < name;
-                        });
+  const BuiltinSpec *found = llvm::lower_bound(
+      table, pythonName, [](const BuiltinSpec &spec, StringRef name) {
+        return spec.pythonName < name;
+      });
   return found != table.end() && found->pythonName == pythonName ? found
                                                                  : nullptr;
 }
@@ -106,8 +105,7 @@ bool warp::OverloadMatcher::bind(const TypePattern::Extent &extent,
   return bound == number;
 }
 
-bool warp::OverloadMatcher::match(const TypePattern &pattern,
-                                  mlir::Type type) {
+bool warp::OverloadMatcher::match(const TypePattern &pattern, mlir::Type type) {
   using Kind = TypePattern::Kind;
   auto matchElement = [&](mlir::Type element) {
     return match(pattern.element.front(), element);
@@ -212,8 +210,7 @@ mlir::Type warp::OverloadMatcher::build(const TypePattern &pattern) const {
 }
 
 /// The default value of a parameter as a constant of its bound type.
-static TypedAttr getDefault(const warp::Parameter &parameter,
-                            mlir::Type type) {
+static TypedAttr getDefault(const warp::Parameter &parameter, mlir::Type type) {
   if (isa<FloatType>(type)) {
     double number = 0;
     StringRef(parameter.defaultValue).getAsDouble(number);
@@ -226,9 +223,10 @@ static TypedAttr getDefault(const warp::Parameter &parameter,
   return IntegerAttr::get(type, number);
 }
 
-std::optional<warp::BuiltinMatch>
-warp::matchBuiltin(const BuiltinSpec &spec, MLIRContext *context,
-                   TypeRange operands, std::string *why) {
+std::optional<warp::BuiltinMatch> warp::matchBuiltin(const BuiltinSpec &spec,
+                                                     MLIRContext *context,
+                                                     TypeRange operands,
+                                                     std::string *why) {
   OverloadMatcher matcher(context);
   for (auto [index, signature] : llvm::enumerate(getSignatures(spec))) {
     if (!matcher.match(signature, operands))
@@ -248,9 +246,10 @@ warp::matchBuiltin(const BuiltinSpec &spec, MLIRContext *context,
     }
     if (llvm::is_contained(match.results, mlir::Type())) {
       if (why)
-        *why = ("the result of '" + spec.pythonName + "' would have more than " +
-                Twine(maxComponents) + " components")
-                   .str();
+        *why =
+            ("the result of '" + spec.pythonName + "' would have more than " +
+             Twine(maxComponents) + " components")
+                .str();
       return std::nullopt;
     }
     return match;

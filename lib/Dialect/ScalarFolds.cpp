@@ -43,8 +43,7 @@ static APInt toInteger(const APFloat &value, mlir::Type type) {
   return result;
 }
 
-static Attribute castConstant(Attribute value, mlir::Type from,
-                              mlir::Type to) {
+static Attribute castConstant(Attribute value, mlir::Type from, mlir::Type to) {
   if (auto number = dyn_cast<FloatAttr>(value)) {
     APFloat real = number.getValue();
     if (warp::isBool(to))
@@ -98,8 +97,7 @@ using FloatFunction = APFloat (*)(const APFloat &, const APFloat &);
 using IntegerFunction = APInt (*)(const APInt &, const APInt &);
 
 /// The constant result of a binary operation on scalar constants, or null.
-static Attribute foldConstants(ArrayRef<Attribute> args,
-                               FloatFunction onFloats,
+static Attribute foldConstants(ArrayRef<Attribute> args, FloatFunction onFloats,
                                IntegerFunction onIntegers) {
   if (args.size() != 2 || !args[0] || !args[1])
     return {};
@@ -119,9 +117,9 @@ static Attribute foldConstants(ArrayRef<Attribute> args,
 
 static bool isIntegerConstant(Attribute value, int64_t expected) {
   auto integer = dyn_cast_or_null<IntegerAttr>(value);
-  return integer && integer.getValue() ==
-                        APInt(integer.getValue().getBitWidth(), expected,
-                              /*isSigned=*/true, /*implicitTrunc=*/true);
+  return integer &&
+         integer.getValue() == APInt(integer.getValue().getBitWidth(), expected,
+                                     /*isSigned=*/true, /*implicitTrunc=*/true);
 }
 
 static bool isFloatConstant(Attribute value, double expected) {
@@ -145,11 +143,11 @@ LogicalResult warp::AddOp::fold(FoldAdaptor adaptor,
     return give(getArgs()[0], results);
   if (isIntegerConstant(args[0], 0))
     return give(getArgs()[1], results);
-  return give(
-      foldConstants(
-          args, [](const APFloat &a, const APFloat &b) { return a + b; },
-          [](const APInt &a, const APInt &b) { return a + b; }),
-      results);
+  return give(foldConstants(
+                  args,
+                  [](const APFloat &a, const APFloat &b) { return a + b; },
+                  [](const APInt &a, const APInt &b) { return a + b; }),
+              results);
 }
 
 LogicalResult warp::SubOp::fold(FoldAdaptor adaptor,
@@ -157,11 +155,11 @@ LogicalResult warp::SubOp::fold(FoldAdaptor adaptor,
   ArrayRef<Attribute> args = adaptor.getArgs();
   if (isIntegerConstant(args[1], 0) || isFloatConstant(args[1], 0.0))
     return give(getArgs()[0], results);
-  return give(
-      foldConstants(
-          args, [](const APFloat &a, const APFloat &b) { return a - b; },
-          [](const APInt &a, const APInt &b) { return a - b; }),
-      results);
+  return give(foldConstants(
+                  args,
+                  [](const APFloat &a, const APFloat &b) { return a - b; },
+                  [](const APInt &a, const APInt &b) { return a - b; }),
+              results);
 }
 
 LogicalResult warp::MulOp::fold(FoldAdaptor adaptor,
@@ -177,11 +175,11 @@ LogicalResult warp::MulOp::fold(FoldAdaptor adaptor,
     if (isIntegerConstant(args[i], 0) && isInteger(result))
       return give(args[i], results);
   }
-  return give(
-      foldConstants(
-          args, [](const APFloat &a, const APFloat &b) { return a * b; },
-          [](const APInt &a, const APInt &b) { return a * b; }),
-      results);
+  return give(foldConstants(
+                  args,
+                  [](const APFloat &a, const APFloat &b) { return a * b; },
+                  [](const APInt &a, const APInt &b) { return a * b; }),
+              results);
 }
 
 LogicalResult warp::NegOp::fold(FoldAdaptor adaptor,

@@ -66,8 +66,8 @@ bool Parser::tryToken(StringRef token) {
 StringRef Parser::word() {
   skipSpace();
   lastWord = rest;
-  StringRef found = rest.take_while(
-      [](char c) { return llvm::isAlnum(c) || c == '_'; });
+  StringRef found =
+      rest.take_while([](char c) { return llvm::isAlnum(c) || c == '_'; });
   rest = rest.drop_front(found.size());
   return found;
 }
@@ -149,12 +149,11 @@ bool Parser::parseType(TypePattern &pattern) {
     Kind kind;
     unsigned extents;
   };
-  static constexpr Composite composites[] = {
-      {"vec", Kind::Vec, 1},
-      {"mat", Kind::Mat, 2},
-      {"quat", Kind::Quat, 0},
-      {"transform", Kind::Transform, 0},
-      {"array", Kind::Array, 1}};
+  static constexpr Composite composites[] = {{"vec", Kind::Vec, 1},
+                                             {"mat", Kind::Mat, 2},
+                                             {"quat", Kind::Quat, 0},
+                                             {"transform", Kind::Transform, 0},
+                                             {"array", Kind::Array, 1}};
   for (const Composite &composite : composites)
     if (name == composite.name) {
       pattern.kind = composite.kind;
@@ -179,7 +178,8 @@ bool Parser::parseParameter(Parameter &parameter) {
   if (!tryToken("="))
     return true;
   skipSpace();
-  StringRef value = rest.take_until([](char c) { return c == ',' || c == ')'; });
+  StringRef value =
+      rest.take_until([](char c) { return c == ',' || c == ')'; });
   rest = rest.drop_front(value.size());
   parameter.defaultValue = value.rtrim().str();
   return !parameter.defaultValue.empty() || fail("a default value");

@@ -214,8 +214,8 @@ static std::string getMatName(warp::MatType type) {
   if (rows == cols && rows >= 2 && rows <= 4 && !suffix.empty() &&
       isa<FloatType>(type.getElementType()))
     return ("mat" + Twine(rows) + Twine(cols) + suffix).str();
-  return ("matrix(shape=(" + Twine(rows) + ", " + Twine(cols) + "), dtype=" +
-          getScalarName(type.getElementType()) + ")")
+  return ("matrix(shape=(" + Twine(rows) + ", " + Twine(cols) +
+          "), dtype=" + getScalarName(type.getElementType()) + ")")
       .str();
 }
 

@@ -75,9 +75,8 @@ LogicalResult warp::ConstructOp::verify() {
   bool fills = getComponents().size() == 1 && count == 1;
   if (count == 0 || fills || count == expected)
     return success();
-  return emitOpError("(C1) expects ")
-         << expected << " components, 1 or 0 for " << result << ", but got "
-         << count;
+  return emitOpError("(C1) expects ") << expected << " components, 1 or 0 for "
+                                      << result << ", but got " << count;
 }
 
 /// Indices of one component or row; `part` is the type of what they select.
@@ -91,8 +90,7 @@ static LogicalResult verifyIndexed(Operation *op, mlir::Type composite,
   if (part != expected)
     return op->emitOpError("(C2) ")
            << composite << " with " << indices.size()
-           << " indices has parts of type " << expected << ", but got "
-           << part;
+           << " indices has parts of type " << expected << ", but got " << part;
   return success();
 }
 
@@ -110,10 +108,9 @@ LogicalResult warp::checkConstantIndices(Location location,
     std::optional<int64_t> number = index.tryExtValue();
     if (number && *number < extent && *number >= -extent)
       continue;
-    return emitError(location)
-           << "index " << llvm::toString(index, 10)
-           << " is out of range for extent " << extent << " of '"
-           << getPythonName(composite) << "'";
+    return emitError(location) << "index " << llvm::toString(index, 10)
+                               << " is out of range for extent " << extent
+                               << " of '" << getPythonName(composite) << "'";
   }
   return success();
 }
@@ -138,13 +135,11 @@ LogicalResult warp::StructCreateOp::verify() {
     return emitOpError("(C1) struct '")
            << type.getName() << "' has " << type.getFieldTypes().size()
            << " fields, but got " << getFields().size() << " operands";
-  for (auto [name, expected, actual] :
-       llvm::zip(type.getFieldNames(), type.getFieldTypes(),
-                 getFields().getTypes()))
+  for (auto [name, expected, actual] : llvm::zip(
+           type.getFieldNames(), type.getFieldTypes(), getFields().getTypes()))
     if (expected != actual)
-      return emitOpError("(C1) field '")
-             << name.getValue() << "' has type " << expected
-             << ", but got " << actual;
+      return emitOpError("(C1) field '") << name.getValue() << "' has type "
+                                         << expected << ", but got " << actual;
   return success();
 }
 
@@ -154,9 +149,9 @@ LogicalResult warp::verifyField(Operation *op, StructType type, StringRef field,
   if (index < 0) {
     InFlightDiagnostic diagnostic = op->emitOpError("(C1) struct '");
     diagnostic << type.getName() << "' has no field '" << field << "'; it has ";
-    llvm::interleaveComma(type.getFieldNames(), diagnostic, [&](StringAttr name) {
-      diagnostic << "'" << name.getValue() << "'";
-    });
+    llvm::interleaveComma(
+        type.getFieldNames(), diagnostic,
+        [&](StringAttr name) { diagnostic << "'" << name.getValue() << "'"; });
     return diagnostic;
   }
   if (type.getFieldTypes()[index] == actual)
@@ -167,13 +162,13 @@ LogicalResult warp::verifyField(Operation *op, StructType type, StringRef field,
 }
 
 LogicalResult warp::StructGetOp::verify() {
-  return verifyField(*this, cast<StructType>(getSource().getType()),
-                     getField(), getResult().getType());
+  return verifyField(*this, cast<StructType>(getSource().getType()), getField(),
+                     getResult().getType());
 }
 
 LogicalResult warp::StructSetOp::verify() {
-  return verifyField(*this, cast<StructType>(getTarget().getType()),
-                     getField(), getValue().getType());
+  return verifyField(*this, cast<StructType>(getTarget().getType()), getField(),
+                     getValue().getType());
 }
 
 //===----------------------------------------------------------------------===//

@@ -137,8 +137,8 @@ static LogicalResult verifyScalarElement(EmitError emitError, mlir::Type type,
 static LogicalResult verifyFloatElement(EmitError emitError, mlir::Type type) {
   if (type && warp::isFloat(type))
     return success();
-  return emitError()
-         << "(C1) expects a floating-point element type, but got " << type;
+  return emitError() << "(C1) expects a floating-point element type, but got "
+                     << type;
 }
 
 LogicalResult warp::VecType::verify(EmitError emitError, int64_t length,

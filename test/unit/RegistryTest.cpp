@@ -8,8 +8,8 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "Dialect/OverloadMatcher.h"
 #include "WarpDialect/Registry.h"
+#include "Dialect/OverloadMatcher.h"
 #include "WarpDialect/Signature.h"
 #include "WarpDialect/WarpDialect.h"
 #include "WarpDialect/WarpOps.h"
@@ -53,8 +53,8 @@ protected:
   /// A type that fits a pattern; `variant` chooses among them.
   mlir::Type instantiate(const warp::TypePattern &pattern, int variant) {
     warp::OverloadMatcher matcher(&context);
-    static constexpr StringLiteral numbers[] = {"f32", "f64", "f16", "bf16",
-                                                "si32", "ui8"};
+    static constexpr StringLiteral numbers[] = {"f32",  "f64",  "f16",
+                                                "bf16", "si32", "ui8"};
     switch (pattern.kind) {
     case Kind::AnyValue:
       return parse(variant % 2 ? "!warp.struct<\"S\", {x: f32}>" : "f32");
@@ -121,8 +121,8 @@ TEST_F(RegistryTest, EveryOverloadGivesAVerifiedOperation) {
         auto function = func::FuncOp::create(
             builder, loc, "f", builder.getFunctionType(types, {}));
         builder.setInsertionPointToStart(function.addEntryBlock());
-        Operation *op = warp::createBuiltin(builder, loc, spec,
-                                            function.getArguments());
+        Operation *op =
+            warp::createBuiltin(builder, loc, spec, function.getArguments());
         ASSERT_NE(op, nullptr);
         func::ReturnOp::create(builder, loc);
         ASSERT_TRUE(succeeded(verify(*module)));
@@ -144,9 +144,9 @@ TEST_F(RegistryTest, EveryOverloadGivesAVerifiedOperation) {
 TEST_F(RegistryTest, ResultsFollowFromOperands) {
   EXPECT_EQ(match("outer", "!warp.vec<2 x f64>;!warp.vec<5 x f64>")->results[0],
             parse("!warp.mat<2x5 x f64>"));
-  EXPECT_EQ(match("mul", "!warp.mat<2x3 x f32>;!warp.mat<3x4 x f32>")
-                ->results[0],
-            parse("!warp.mat<2x4 x f32>"));
+  EXPECT_EQ(
+      match("mul", "!warp.mat<2x3 x f32>;!warp.mat<3x4 x f32>")->results[0],
+      parse("!warp.mat<2x4 x f32>"));
   EXPECT_EQ(match("argmax", "!warp.vec<7 x si8>")->results[0], parse("ui32"));
   EXPECT_EQ(match("lt", "f16;f16")->results[0], parse("i1"));
 }
@@ -184,9 +184,8 @@ TEST_F(RegistryTest, ABooleanIsNoNumber) {
 
 TEST_F(RegistryTest, UnknownNamesAreReported) {
   std::string message;
-  ScopedDiagnosticHandler handler(&context, [&](Diagnostic &diagnostic) {
-    message = diagnostic.str();
-  });
+  ScopedDiagnosticHandler handler(
+      &context, [&](Diagnostic &diagnostic) { message = diagnostic.str(); });
   OpBuilder builder(&context);
   Location loc = UnknownLoc::get(&context);
   EXPECT_EQ(warp::createBuiltin(builder, loc, "nothing", {}), nullptr);
@@ -207,8 +206,8 @@ TEST(SignatureTest, ParsesAndPrints) {
         "(x: bfloat16) -> uint64"}) {
     std::string error, source = text.str();
     // Scalars are shown by their Python names.
-    for (auto [from, to] : {std::pair("bfloat16", "bf16"),
-                            std::pair("uint64", "u64")})
+    for (auto [from, to] :
+         {std::pair("bfloat16", "bf16"), std::pair("uint64", "u64")})
       if (size_t at = source.find(from); at != std::string::npos)
         source.replace(at, strlen(from), to);
     auto signature = warp::parseSignature(source, error);

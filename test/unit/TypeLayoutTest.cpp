@@ -28,14 +28,14 @@ TEST_F(TypeLayoutTest, ScalarsAndComposites) {
     StringRef text;
     int64_t size, align, components;
   };
-  for (const Case &c : {Case{"i1", 1, 1, 1}, Case{"ui8", 1, 1, 1},
-                        Case{"bf16", 2, 2, 1}, Case{"si64", 8, 8, 1},
-                        Case{"!warp.vec<3 x i1>", 3, 1, 3},
-                        Case{"!warp.vec<3 x f64>", 24, 8, 3},
-                        Case{"!warp.mat<2x3 x f16>", 12, 2, 6},
-                        Case{"!warp.quat<f32>", 16, 4, 4},
-                        Case{"!warp.transform<f64>", 56, 8, 7},
-                        Case{"!warp.array<3 x f32>", 56, 8, 1}}) {
+  for (const Case &c :
+       {Case{"i1", 1, 1, 1}, Case{"ui8", 1, 1, 1}, Case{"bf16", 2, 2, 1},
+        Case{"si64", 8, 8, 1}, Case{"!warp.vec<3 x i1>", 3, 1, 3},
+        Case{"!warp.vec<3 x f64>", 24, 8, 3},
+        Case{"!warp.mat<2x3 x f16>", 12, 2, 6},
+        Case{"!warp.quat<f32>", 16, 4, 4},
+        Case{"!warp.transform<f64>", 56, 8, 7},
+        Case{"!warp.array<3 x f32>", 56, 8, 1}}) {
     mlir::Type type = parse(c.text);
     EXPECT_EQ(warp::getByteSize(type), c.size) << c.text.str();
     EXPECT_EQ(warp::getByteAlign(type), c.align) << c.text.str();
@@ -88,8 +88,7 @@ TEST_F(TypeLayoutTest, EmptyStruct) {
 TEST_F(TypeLayoutTest, PythonNames) {
   for (auto [text, name] :
        {std::pair("i1", "bool"), std::pair("ui16", "uint16"),
-        std::pair("bf16", "bfloat16"),
-        std::pair("!warp.vec<3 x f32>", "vec3f"),
+        std::pair("bf16", "bfloat16"), std::pair("!warp.vec<3 x f32>", "vec3f"),
         std::pair("!warp.vec<2 x ui64>", "vec2ul"),
         std::pair("!warp.vec<5 x f32>", "vector(length=5, dtype=float32)"),
         std::pair("!warp.mat<3x3 x f16>", "mat33h"),

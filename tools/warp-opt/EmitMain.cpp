@@ -76,8 +76,7 @@ static void printParameters(const warp::Module &module) {
     std::cout << param.name << ' ' << param.type << " offset " << param.offset
               << " size " << param.size;
     if (param.kind == warp::Param::Kind::Array)
-      std::cout << " element " << param.element << " of "
-                << param.elementSize;
+      std::cout << " element " << param.element << " of " << param.elementSize;
     for (int64_t offset : param.arrays)
       std::cout << " array at " << offset;
     std::cout << '\n';

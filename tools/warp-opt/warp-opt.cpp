@@ -77,8 +77,8 @@ int main(int argc, char **argv) {
   registerTransformsPasses();
   warp::registerWarpPasses();
   PassPipelineRegistration<PipelineOptions> pipeline(
-      "warp-pipeline", "The compiler up to a phase: to-warp, to-thread, to-llvm",
-      addPipeline);
+      "warp-pipeline",
+      "The compiler up to a phase: to-warp, to-thread, to-llvm", addPipeline);
   DialectRegistry registry;
   warp::registerCompilerDialects(registry);
   return asMainReturnCode(

@@ -21,11 +21,10 @@ static void emitBuiltinTable(const RecordKeeper &records, raw_ostream &os) {
   }
   os << "\nstatic constexpr warp::BuiltinSpec builtinTable[] = {\n";
   for (const Builtin &builtin : builtins)
-    os << "    {" << quote(builtin.pythonName) << ", "
-       << quote(builtin.symbol) << ", " << quote(builtin.opName) << ", "
-       << quote(builtin.group) << ",\n     " << quote(builtin.summary)
-       << ",\n     overloadsOf_" << builtin.pythonName << ", "
-       << quote(builtin.derivative) << ", "
+    os << "    {" << quote(builtin.pythonName) << ", " << quote(builtin.symbol)
+       << ", " << quote(builtin.opName) << ", " << quote(builtin.group)
+       << ",\n     " << quote(builtin.summary) << ",\n     overloadsOf_"
+       << builtin.pythonName << ", " << quote(builtin.derivative) << ", "
        << (builtin.isSpecial() ? "true" : "false") << "},\n";
   os << "};\n";
 }

@@ -63,8 +63,8 @@ static void emitPythonTable(const RecordKeeper &records, raw_ostream &os) {
   os << "}\n\nOPERATORS = {\n";
   for (const Builtin &builtin : builtins)
     if (!builtin.symbol.empty())
-      os << "    " << quote(builtin.pythonName) << ": "
-         << quote(builtin.symbol) << ",\n";
+      os << "    " << quote(builtin.pythonName) << ": " << quote(builtin.symbol)
+         << ",\n";
   os << "}\n";
 }
 

@@ -57,14 +57,14 @@ static Builtin readCommon(const Record *record) {
   for (StringRef overload : record->getValueAsListOfStrings("overloads"))
     builtin.overloads.push_back(overload);
   if (builtin.summary.empty())
-    PrintFatalError(record, "builtin '" + builtin.pythonName +
-                                "' has no summary");
+    PrintFatalError(record,
+                    "builtin '" + builtin.pythonName + "' has no summary");
   if (builtin.group.empty())
-    PrintFatalError(record, "builtin '" + builtin.pythonName +
-                                "' has no group");
+    PrintFatalError(record,
+                    "builtin '" + builtin.pythonName + "' has no group");
   if (builtin.overloads.empty())
-    PrintFatalError(record, "builtin '" + builtin.pythonName +
-                                "' has no overloads");
+    PrintFatalError(record,
+                    "builtin '" + builtin.pythonName + "' has no overloads");
   return builtin;
 }
 
@@ -82,8 +82,8 @@ static Builtin readOperation(const Record *record) {
     std::optional<warp::Signature> signature =
         warp::parseSignature(overload, error);
     if (!signature)
-      PrintFatalError(record, "overload of '" + builtin.pythonName + "' " +
-                                  error);
+      PrintFatalError(record,
+                      "overload of '" + builtin.pythonName + "' " + error);
     checkSignature(*record, *signature, overload);
     builtin.signatures.push_back(*std::move(signature));
   }
@@ -113,8 +113,7 @@ std::vector<Builtin> warp::tblgen::readBuiltins(const RecordKeeper &records) {
   return builtins;
 }
 
-std::vector<StringRef>
-warp::tblgen::getGroups(const RecordKeeper &records) {
+std::vector<StringRef> warp::tblgen::getGroups(const RecordKeeper &records) {
   std::vector<const Record *> ordered;
   for (StringRef base : {"Warp_Builtin", "Warp_Special"})
     llvm::append_range(ordered, records.getAllDerivedDefinitions(base));

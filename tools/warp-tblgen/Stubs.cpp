@@ -157,6 +157,11 @@ static std::string getResult(const warp::Signature &signature) {
   return text + "]";
 }
 
+static bool isBool(const warp::Parameter &parameter) {
+  return parameter.type.kind == Kind::Scalar &&
+         parameter.type.base == Base::Bool;
+}
+
 static std::string getStub(const warp::Signature &signature) {
   std::string text = "(";
   ListSeparator comma;
@@ -172,9 +177,9 @@ static std::string getStub(const warp::Signature &signature) {
 /// Names such as vec3f, for every scalar type that has a suffix.
 static void emitNamedTypes(raw_ostream &os) {
   static constexpr std::pair<StringLiteral, StringLiteral> scalars[] = {
-      {"f", "float"},  {"d", "float64"}, {"h", "float16"},  {"b", "int8"},
-      {"ub", "uint8"}, {"s", "int16"},   {"us", "uint16"},  {"i", "int"},
-      {"ui", "uint32"}, {"l", "int64"},  {"ul", "uint64"}};
+      {"f", "float"},   {"d", "float64"}, {"h", "float16"}, {"b", "int8"},
+      {"ub", "uint8"},  {"s", "int16"},   {"us", "uint16"}, {"i", "int"},
+      {"ui", "uint32"}, {"l", "int64"},   {"ul", "uint64"}};
   auto emit = [&](Twine name, StringRef suffix, Twine type) {
     os << name << suffix << ": TypeAlias = " << type << "\n";
     if (suffix == "f")
@@ -199,17 +204,21 @@ static void emitNamedTypes(raw_ostream &os) {
 //===----------------------------------------------------------------------===//
 
 /// Copies `from m import x as x`, but not what the stubs define themselves.
-static void emitImports(raw_ostream &os) {
+static void emitImports(ArrayRef<Builtin> builtins, raw_ostream &os) {
   if (publicNames.empty())
     return;
   auto buffer = MemoryBuffer::getFile(publicNames);
   if (!buffer)
-    PrintFatalError("can't read '" + publicNames + "': " +
-                    buffer.getError().message());
+    PrintFatalError("can't read '" + publicNames +
+                    "': " + buffer.getError().message());
   SmallVector<StringRef> lines;
   (*buffer)->getBuffer().split(lines, '\n');
   for (StringRef line : lines) {
     StringRef name = line.rsplit(" as ").second;
+    if (llvm::any_of(builtins, [&](const Builtin &builtin) {
+          return builtin.pythonName == name;
+        }))
+      continue;
     if (line.starts_with("from warp") && !name.empty() && name[0] != '_' &&
         name != "float32" && name != "int32")
       os << line << "\n";
@@ -217,9 +226,12 @@ static void emitImports(raw_ostream &os) {
 }
 
 static void emitBuiltin(const Builtin &builtin, raw_ostream &os) {
+  // To a type checker a bool is an int too, so it has to be tried first.
   std::vector<std::string> stubs;
-  for (const warp::Signature &signature : builtin.signatures)
-    stubs.push_back(getStub(signature));
+  for (bool takesBool : {true, false})
+    for (const warp::Signature &signature : builtin.signatures)
+      if (takesBool == llvm::any_of(signature.parameters, isBool))
+        stubs.push_back(getStub(signature));
   if (builtin.isSpecial())
     for (StringRef overload : builtin.overloads)
       stubs.push_back(overload.str());
@@ -235,12 +247,13 @@ static void emitBuiltin(const Builtin &builtin, raw_ostream &os) {
 }
 
 static void emitStubs(const RecordKeeper &records, raw_ostream &os) {
+  std::vector<Builtin> builtins = readBuiltins(records);
   os << header;
-  emitImports(os);
+  emitImports(builtins, os);
   os << composites;
   emitNamedTypes(os);
   os << "\n";
-  for (const Builtin &builtin : readBuiltins(records))
+  for (const Builtin &builtin : builtins)
     emitBuiltin(builtin, os);
 }
 
