@@ -37,6 +37,7 @@ public:
   std::vector<Site> sites;
   double cost = 0;
   bool usesPrintf = false;
+  bool straightLine = false;
   bool exclusive = false;
   std::map<std::string, double> phaseMs;
 
@@ -59,6 +60,8 @@ private:
 
 /// Rough operations of one thread of thread IR; loops count 32 times.
 double estimateCost(mlir::ModuleOp module);
+/// Whether a thread has no loop, no atomic and no output.
+bool isStraightLine(mlir::ModuleOp module);
 
 } // namespace warp
 

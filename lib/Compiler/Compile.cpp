@@ -162,6 +162,7 @@ void Compilation::lowerTo(Phase last) {
     start = now();
     runPhase(*op, Phase::Thread, options);
     cost = estimateCost(*op);
+    straightLine = isStraightLine(*op);
     mlir::Builder b(op->getContext());
     for (auto kernel : op->getOps<FunctionOpInterface>())
       kernel->setAttr(attr::cost,
@@ -216,7 +217,8 @@ void Compilation::optimizeModule() {
   time("libraries", start);
   dump("input.ll");
   start = now();
-  optimize(*llvmModule, **machine, options);
+  optimize(*llvmModule, **machine, options,
+           straightLine && !isGpu(options));
   time("optimise", start);
   dump("ll");
 }

@@ -50,3 +50,14 @@ static double costOf(Operation *op) {
 double warp::estimateCost(ModuleOp module) {
   return costOf(module.getBodyRegion());
 }
+
+bool warp::isStraightLine(ModuleOp module) {
+  return !module
+              .walk([](Operation *op) {
+                return isa<scf::ForOp, scf::WhileOp, AtomicComponentsOp,
+                           AtomicCasOp, PrintfOp>(op)
+                           ? WalkResult::interrupt()
+                           : WalkResult::advance();
+              })
+              .wasInterrupted();
+}

@@ -9,6 +9,7 @@
 #include "llvm/IR/Module.h"
 #include "llvm/Linker/Linker.h"
 #include "llvm/Passes/PassBuilder.h"
+#include "llvm/Support/CommandLine.h"
 #include "llvm/Support/MemoryBuffer.h"
 #include "llvm/Support/raw_ostream.h"
 #include "llvm/Target/TargetMachine.h"
@@ -112,11 +113,23 @@ void warp::linkBitcode(llvm::Module &module, llvm::StringRef bitcode,
 // Optimisation and emission
 //===----------------------------------------------------------------------===//
 
+/// A second, narrower vector loop for what the first leaves over would cost a
+/// quarter of the compile time. Only a command-line option turns it off.
+static void turnOffEpilogueVectorization() {
+  auto &all = llvm::cl::getRegisteredOptions();
+  auto found = all.find("enable-epilogue-vectorization");
+  if (found != all.end())
+    static_cast<llvm::cl::opt<bool> *>(found->second)->setValue(false);
+}
+
 void warp::optimize(llvm::Module &module, llvm::TargetMachine &machine,
-                    const CompileOptions &options) {
+                    const CompileOptions &options, bool straightLine) {
+  static const bool once = (turnOffEpilogueVectorization(), true);
+  (void)once;
   llvm::PipelineTuningOptions tuning;
   tuning.LoopVectorization = true;
-  tuning.SLPVectorization = true;
+  // Where threads become lanes, nothing is left to pair within one.
+  tuning.SLPVectorization = !straightLine;
   llvm::LoopAnalysisManager loops;
   llvm::FunctionAnalysisManager functions;
   llvm::CGSCCAnalysisManager calls;

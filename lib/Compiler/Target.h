@@ -69,9 +69,10 @@ void prepareGpuModule(llvm::Module &module, llvm::TargetMachine &machine,
 void linkBitcode(llvm::Module &module, llvm::StringRef bitcode,
                  llvm::StringRef name);
 
-/// Runs the optimiser.
+/// Runs the optimiser. `straightLine`: a thread has no loop and no atomic, so
+/// that on the CPU the loop over threads will be vectorised.
 void optimize(llvm::Module &module, llvm::TargetMachine &machine,
-              const CompileOptions &options);
+              const CompileOptions &options, bool straightLine);
 
 /// Emits an object file (CPU), or PTX or assembly text.
 llvm::SmallVector<char, 0> emit(llvm::Module &module,

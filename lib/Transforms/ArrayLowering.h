@@ -53,6 +53,8 @@ public:
   void run();
 
 private:
+  void findAccessGroups();
+
   // LowerArrays.cpp: one operation each.
   void lower(mlir::Operation *op);
   void lowerParameter(ParameterOp op);

@@ -12,6 +12,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "AccessOrder.h"
 #include "ArrayLowering.h"
 #include "KernelFunction.h"
 #include "WarpDialect/ParameterLayout.h"
@@ -40,6 +41,10 @@ ArrayLowering::ArrayLowering(LLVM::LLVMFuncOp entry)
   i64 = b.getI64Type();
   pointer = LLVM::LLVMPointerType::get(context);
   dataPointer = LLVM::LLVMPointerType::get(context, gpu ? 1 : 0);
+}
+
+/// Finds the access group of the loop over threads.
+void ArrayLowering::findAccessGroups() {
   for (auto branch : entry.getBody().getOps<LLVM::CondBrOp>())
     if (auto annotation = branch.getLoopAnnotationAttr()) {
       SmallVector<Attribute> groups(annotation.getParallelAccesses());
@@ -48,6 +53,9 @@ ArrayLowering::ArrayLowering(LLVM::LLVMFuncOp entry)
 }
 
 void ArrayLowering::run() {
+  forwardStores(entry);
+  if (keepsOrderInVectors(entry))
+    findAccessGroups();
   SmallVector<Operation *> operations;
   entry.walk<WalkOrder::PreOrder>(
       [&](Operation *op) { operations.push_back(op); });

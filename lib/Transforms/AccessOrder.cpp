@@ -1,0 +1,131 @@
+//===- AccessOrder.cpp - Order of a thread's own accesses -----------------===//
+//
+// Threads are independent, so the loop over them is marked parallel, and LLVM
+// vectorises it without asking whether arrays overlap. But it draws too much
+// from that mark: it also moves interleaved accesses (components of one
+// element, say) of one thread across each other,
+//
+//   a = x[i][0];  y[i][1] = 7;  b = x[i][1]
+//
+// where `x` and `y` may be the same array. So the mark is set only if no two
+// loads that may be combined have a write between them, and no two writes an
+// access. Loads of what was just stored are replaced first; after that, the
+// usual kernel (loads, arithmetic, stores) is rarely refused.
+//
+//===----------------------------------------------------------------------===//
+
+#include "AccessOrder.h"
+
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/Dialect/Arith/IR/Arith.h"
+
+using namespace mlir;
+
+//===----------------------------------------------------------------------===//
+// Forwarding
+//===----------------------------------------------------------------------===//
+
+static void forwardStores(Block &block) {
+  warp::StoreComponentsOp last;
+  for (Operation &op : llvm::make_early_inc_range(block)) {
+    if (auto store = dyn_cast<warp::StoreComponentsOp>(op)) {
+      last = store;
+      continue;
+    }
+    auto load = dyn_cast<warp::LoadComponentsOp>(op);
+    if (!load) {
+      if (!isMemoryEffectFree(&op))
+        last = nullptr;
+      continue;
+    }
+    if (!last || last.getArray() != load.getArray() ||
+        !llvm::equal(last.getIndices(), load.getIndices()))
+      continue;
+    load.replaceAllUsesWith(SmallVector<Value>(last.getComponents()));
+    load.erase();
+  }
+}
+
+void warp::forwardStores(Operation *entry) {
+  SmallVector<Block *> blocks;
+  entry->walk([&](Block *block) { blocks.push_back(block); });
+  for (Block *block : blocks)
+    ::forwardStores(*block);
+}
+
+//===----------------------------------------------------------------------===//
+// Order
+//===----------------------------------------------------------------------===//
+
+namespace {
+struct Access {
+  bool isWrite;
+  /// The array that views were taken of.
+  Value root;
+  Value array;
+  SmallVector<Value, 2> indices;
+};
+} // namespace
+
+static Value rootOf(Value array) {
+  while (Operation *op = array.getDefiningOp()) {
+    if (!isa<warp::ViewOp, warp::SliceOp, warp::ComponentViewOp>(op))
+      break;
+    array = op->getOperand(0);
+  }
+  return array;
+}
+
+/// Whether the next thread's index is this one plus 1.
+static bool hasUnitStep(Value index) {
+  Operation *op = index.getDefiningOp();
+  if (auto trunc = dyn_cast_or_null<arith::TruncIOp>(op))
+    return trunc.getOverflowFlags() != arith::IntegerOverflowFlags::none;
+  if (isa_and_nonnull<arith::AddIOp>(op))
+    return hasUnitStep(op->getOperand(0)) || hasUnitStep(op->getOperand(1));
+  if (isa_and_nonnull<arith::SubIOp>(op))
+    return hasUnitStep(op->getOperand(0));
+  return false;
+}
+
+/// Whether every thread reads or writes one number next to its neighbour's, so
+/// that there is nothing to combine.
+static bool isDense(const Access &access) {
+  auto type = cast<warp::ArrayType>(access.array.getType());
+  return access.array == access.root && warp::isScalar(type.getElementType()) &&
+         !access.indices.empty() && hasUnitStep(access.indices.back());
+}
+
+static bool mayCombine(const Access &a, const Access &b) {
+  return a.isWrite == b.isWrite && a.root == b.root &&
+         !(isDense(a) && isDense(b));
+}
+
+bool warp::keepsOrderInVectors(Operation *entry) {
+  SmallVector<Access> accesses;
+  entry->walk<WalkOrder::PreOrder>([&](Operation *op) {
+    if (auto load = dyn_cast<LoadComponentsOp>(op))
+      accesses.push_back({false, rootOf(load.getArray()), load.getArray(),
+                          SmallVector<Value, 2>(load.getIndices())});
+    else if (auto store = dyn_cast<StoreComponentsOp>(op))
+      accesses.push_back({true, rootOf(store.getArray()), store.getArray(),
+                          SmallVector<Value, 2>(store.getIndices())});
+  });
+  // Kernels with very many accesses are not worth the search.
+  if (accesses.size() > 256)
+    return false;
+  for (size_t last = 0; last < accesses.size(); ++last) {
+    bool seenRead = false, seenWrite = false;
+    for (size_t i = last; i-- > 0;) {
+      const Access &first = accesses[i];
+      bool inTheWay = accesses[last].isWrite ? seenRead || seenWrite
+                                             : seenWrite;
+      if (inTheWay && mayCombine(first, accesses[last]))
+        return false;
+      seenRead |= !first.isWrite;
+      seenWrite |= first.isWrite;
+    }
+  }
+  return true;
+}

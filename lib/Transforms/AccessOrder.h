@@ -1,0 +1,21 @@
+//===- AccessOrder.h - Order of a thread's own accesses ---------*- C++ -*-===//
+
+#ifndef WARP_LIB_TRANSFORMS_ACCESSORDER_H
+#define WARP_LIB_TRANSFORMS_ACCESSORDER_H
+
+namespace mlir {
+class Operation;
+} // namespace mlir
+
+namespace warp {
+
+/// Replaces a load by what the thread has just stored at the same place.
+void forwardStores(mlir::Operation *entry);
+
+/// Whether a vectoriser that is told that threads are independent keeps the
+/// order of one thread's accesses.
+bool keepsOrderInVectors(mlir::Operation *entry);
+
+} // namespace warp
+
+#endif // WARP_LIB_TRANSFORMS_ACCESSORDER_H
