@@ -28,7 +28,11 @@ static std::string describeAccess(const ErrorRecord &record, const Site &site) {
   int rank = std::min<int>(record.rank, maxRank);
   std::string index[maxRank], shape[maxRank];
   for (int i = 0; i < rank; ++i) {
-    index[i] = std::to_string(record.index[i]);
+    // What is still negative was counted from the end; say what was written.
+    int64_t written = record.index[i];
+    if (written < 0)
+      written -= record.shape[i];
+    index[i] = std::to_string(written);
     shape[i] = std::to_string(record.shape[i]);
   }
   return list("index", rank, index) + " is out of bounds for array '" +

@@ -9,6 +9,7 @@
 
 #include "Pack.h"
 
+#include <algorithm>
 #include <climits>
 #include <cmath>
 #include <cstring>
@@ -24,23 +25,29 @@ template <typename T> static Outcome put(char *out, T value) {
 
 static bool isFloat(Scalar scalar) { return scalar >= Scalar::F16; }
 
-/// Bits of the nearest float16, ties to even.
-static uint16_t halfBits(double number) {
-  _Float16 half = static_cast<_Float16>(number);
-  uint16_t bits;
-  std::memcpy(&bits, &half, 2);
-  return bits;
-}
-
-/// Bits of the nearest bfloat16, ties to even. Via float32 the result may
-/// differ from direct rounding in the last bit, as on the device.
-static uint16_t bfloatBits(double number) {
-  float single = static_cast<float>(number);
-  uint32_t bits;
-  std::memcpy(&bits, &single, 4);
-  if (std::isnan(single))
-    return 0x7fc0;
-  return static_cast<uint16_t>((bits + 0x7fff + (bits >> 16 & 1)) >> 16);
+/// Bits of the nearest number, ties to even, of a 16-bit format with that many
+/// bits of fraction. Written out, since the compiler's conversion needs a
+/// recent libgcc at run time.
+static uint16_t shortFloatBits(double number, int fraction) {
+  int bias = (1 << (14 - fraction)) - 1;
+  uint16_t infinity = static_cast<uint16_t>((2 * bias + 1) << fraction);
+  uint16_t sign = std::signbit(number) ? 0x8000 : 0;
+  if (std::isnan(number))
+    return sign | infinity | 1 << (fraction - 1);
+  if (number == 0.0)
+    return sign;
+  int exponent = 0;
+  if (std::isfinite(number))
+    std::frexp(number, &exponent);
+  // Below the normal range the spacing stays what it is at its lower end.
+  exponent = std::max(exponent, 2 - bias);
+  if (std::isinf(number) || exponent > bias + 1)
+    return sign | infinity;
+  // In units of the last place; a carry goes on into the exponent.
+  double units =
+      std::nearbyint(std::ldexp(std::fabs(number), fraction + 1 - exponent));
+  int bits = ((exponent + bias - 2) << fraction) + static_cast<int>(units);
+  return sign | static_cast<uint16_t>(bits);
 }
 
 static Outcome storeFloat(Scalar scalar, double number, char *out) {
@@ -54,13 +61,13 @@ static Outcome storeFloat(Scalar scalar, double number, char *out) {
     return put(out, single);
   }
   case Scalar::F16: {
-    uint16_t bits = halfBits(number);
+    uint16_t bits = shortFloatBits(number, 10);
     if ((bits & 0x7fff) == 0x7c00 && std::isfinite(number))
       return Outcome::OutOfRange;
     return put(out, bits);
   }
   default: {
-    uint16_t bits = bfloatBits(number);
+    uint16_t bits = shortFloatBits(number, 7);
     if ((bits & 0x7fff) == 0x7f80 && std::isfinite(number))
       return Outcome::OutOfRange;
     return put(out, bits);
