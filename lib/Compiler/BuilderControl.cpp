@@ -146,11 +146,13 @@ warp::Value warp::Builder::tripCount(Value lo, Value hi, Value step) {
   // Distances wrap around to the right unsigned number.
   auto trips = [&](Value from, Value to, Value by) {
     Value distance = cast(binary("sub", to, from), count);
+    Value runs = binary("lt", from, to);
+    if (knownStep(unwrap(by)) == 1)
+      return builtin("where", {runs, distance, zero(count)}).values[0];
     Value one = constant(count, int64_t(1));
     Value rounded = binary("div", binary("sub", distance, one),
                            cast(by, count));
     Value some = binary("add", rounded, one);
-    Value runs = binary("lt", from, to);
     return builtin("where", {runs, some, zero(count)}).values[0];
   };
   int64_t known = knownStep(unwrap(step));

@@ -179,8 +179,8 @@ class Access(EmitterBase):
         if len(items) > rank:
             raise self.error(
                 node,
-                f"expects at most {rank} indices for '{self.type_name(array)}', "
-                f"but got {len(items)}",
+                f"expects at most {rank} {'index' if rank == 1 else 'indices'} for "
+                f"'{self.type_name(array)}', but got {len(items)}",
                 kind=errors.WarpCodegenIndexError,
             )
         if any(isinstance(item, ast.Slice) for item in items):

@@ -65,6 +65,8 @@ class Calls(Constructors):
                 f"kernel '{function.key}' cannot be called from a kernel",
                 "make it a `@wp.func`",
             )
+        if inspect.isfunction(function) and function.__module__.partition(".")[0] == "warp":
+            raise self.error(node, f"'{function.__name__}' can be called in Python only")
         if inspect.isfunction(function):
             raise self.error(
                 node,

@@ -257,7 +257,9 @@ class EmitterBase:
         if before == after or before is None or after is None:
             return
         before, after = before.python_name, after.python_name
-        hint = f"declare it as `{name} = float(...)`" if after == "float32" else None
+        hint = None
+        if (before, after) == ("int32", "float32"):
+            hint = f"declare it as `{name} = float(...)`"
         if before == "float32" and after == "int32":
             hint = "use `float(...)`"
         raise self.type_error(

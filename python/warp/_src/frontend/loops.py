@@ -199,7 +199,9 @@ class Loops(Branches):
             more = builder.builtin("bit_and", [more, self.materialize(clear, syntax)])[0][0]
         trip, *heads = builder.while_condition(more, [trip, *heads])
         self.body_scope(frame, heads)
-        offset = builder.builtin("mul", [builder.cast(trip, low.type), step])[0][0]
+        offset = builder.cast(trip, low.type)
+        if step.constant() != 1:
+            offset = builder.builtin("mul", [offset, step])[0][0]
         counter = builder.builtin("add", [low, offset])[0][0]
         self.assign_target(syntax.target, counter, syntax.target)
         self.block(node.body)

@@ -60,6 +60,8 @@ def describe(value) -> str:
     """A short phrase for a Python object."""
     if isinstance(value, BuiltinRef):
         return f"the builtin '{value.name}'"
+    if value is None:
+        return "'None'"
     if isinstance(value, str):
         return "a string"
     if isinstance(value, type):
