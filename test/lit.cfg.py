@@ -6,6 +6,7 @@ survives printing and parsing, as text and as bytecode.
 """
 
 import ctypes
+import importlib.util
 import os
 import shutil
 
@@ -62,7 +63,10 @@ warp_tblgen = [
     "-I " + os.path.join(config.llvm_tools_dir, "..", "include"),
 ]
 config.substitutions.append((r"(?<![-\w/])warp-tblgen(?![-\w])", " ".join(warp_tblgen)))
+config.substitutions.append(("%warp_python_dir", config.warp_python_dir))
 config.substitutions.append(("%python", config.warp_python))
+if importlib.util.find_spec("mypy"):
+    config.available_features.add("mypy")
 
 config.environment["PYTHONPATH"] = config.warp_python_dir
 config.environment["WARP_CACHE_PATH"] = os.path.join(config.warp_obj_root, "kernel-cache")
