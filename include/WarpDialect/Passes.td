@@ -121,10 +121,11 @@ def LowerLaunch : WarpPass<"warp-lower-launch"> {
 def PrivatizeAtomics : WarpPass<"warp-privatize-atomics"> {
   let summary = "Combine updates of one element over a range of threads";
   let description = [{
-    On the CPU, an atomic whose address all threads share and whose old value
-    nobody uses is accumulated privately and published once per range.
+    An atomic whose address all threads share and whose old value nobody uses
+    is accumulated privately and published once: per range of threads on the
+    CPU, per block on a GPU.
 
-    Where atomics remain, and so few threads would share the launch that one
+    Where atomics remain on the CPU, and so few threads would share the launch that one
     thread without atomic instructions is faster, the entry is marked
     `warp.exclusive`: it runs on one thread and updates elements plainly.
 

@@ -1,12 +1,13 @@
-//===- PrivatizeAtomics.cpp - One atomic per range instead of per thread --===//
+//===- PrivatizeAtomics.cpp - One atomic for many threads -----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// A sum into one element, `atomic_add(loss, 0, e)`, has every thread of a CPU
-// launch update the same address, which costs a locked instruction each and
-// keeps the loop over threads scalar. The order of atomic updates is open, so
-// the entry may combine those of its range privately and publish the result
-// once, when the range is done.
+// A sum into one element, `atomic_add(loss, 0, e)`, has every thread of a
+// launch update the same address: a locked instruction each on the CPU, where
+// it also keeps the loop over threads scalar, and a queue at one place of the
+// memory on a GPU. The order of atomic updates is open, so the entry may
+// combine those of its range (GPU: of its block) privately and publish the
+// result once, at its end.
 //
 // An update qualifies when its old value is unused, its indices are the same
 // for all threads, and nothing in the kernel does anything else to the array
@@ -15,7 +16,7 @@
 // component type narrower than 32 bits keeps its atomic: its partial sums
 // would round.
 //
-// What is left are updates of elements that differ from thread to thread. An
+// What is left on the CPU are updates of elements that differ from thread to thread. An
 // atomic instruction costs ten times a plain update, so for few threads it is
 // quicker to run the launch on one of them without; the entry is then marked
 // `warp.exclusive`.
@@ -25,6 +26,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "Atomics.h"
+#include "BlockReduce.h"
 #include "KernelFunction.h"
 #include "WarpDialect/ParameterLayout.h"
 #include "WarpDialect/WarpOps.h"
@@ -61,6 +63,14 @@ static bool canCombine(warp::AtomicKind kind) {
 
 namespace {
 
+/// The private memory of one atomic, a slot for each component.
+struct Accumulator {
+  warp::AtomicComponentsOp op;
+  warp::AtomicKind kind;
+  SmallVector<warp::Leaf> leaves;
+  SmallVector<Value> slots, identities;
+};
+
 /// Gives the atomics of one entry function their private accumulators.
 class Privatizer {
 public:
@@ -75,6 +85,12 @@ private:
   bool isInvariant(Value value);
   bool qualifies(warp::AtomicComponentsOp op);
   void privatize(warp::AtomicComponentsOp op);
+  void publishRange(const Accumulator &sum, Value any);
+  void publishBlock(const Accumulator &sum, Value any);
+  void update(const Accumulator &sum, ValueRange totals);
+  int64_t blockDim() {
+    return warp::getFact(entry, warp::attr::blockDim, 256);
+  }
   Value cloneInvariant(Value value, IRMapping &clones);
   Value identity(warp::AtomicKind kind, Type type, bool isUnsigned);
   Value makeSlot(Value initial);
@@ -90,10 +106,10 @@ private:
 
 /// The same for every thread of the range, and safe to compute again.
 bool Privatizer::isInvariant(Value value) {
-  if (value.getParentBlock() == first)
-    return true;
+  if (auto argument = dyn_cast<BlockArgument>(value))
+    return argument.getOwner() == first;
   Operation *op = value.getDefiningOp();
-  return op && isPure(op) && op->getNumRegions() == 0 &&
+  return isPure(op) && op->getNumRegions() == 0 &&
          llvm::all_of(op->getOperands(),
                       [&](Value operand) { return isInvariant(operand); });
 }
@@ -161,17 +177,19 @@ Value Privatizer::makeSlot(Value initial) {
 
 void Privatizer::privatize(warp::AtomicComponentsOp op) {
   Location loc = op.getLoc();
-  warp::AtomicKind kind = combiningKind(op.getKind());
-  SmallVector<warp::Leaf> leaves;
+  Accumulator sum;
+  sum.op = op;
+  sum.kind = combiningKind(op.getKind());
   warp::collectLeaves(
       cast<warp::ArrayType>(op.getArray().getType()).getElementType(), 0,
-      leaves);
+      sum.leaves);
 
   b.setInsertionPoint(first->getTerminator());
-  SmallVector<Value> slots;
-  for (auto [leaf, value] : llvm::zip_equal(leaves, op.getComponents()))
-    slots.push_back(makeSlot(identity(kind, value.getType(),
-                                      leaf.type.isUnsignedInteger())));
+  for (auto [leaf, value] : llvm::zip_equal(sum.leaves, op.getComponents())) {
+    sum.identities.push_back(identity(sum.kind, value.getType(),
+                                      leaf.type.isUnsignedInteger()));
+    sum.slots.push_back(makeSlot(sum.identities.back()));
+  }
   // A thread that never gets here must leave the array alone: it may be null.
   Type flagType = b.getI32Type();
   Value never = arith::ConstantOp::create(b, loc, b.getIntegerAttr(flagType, 0));
@@ -179,7 +197,7 @@ void Privatizer::privatize(warp::AtomicComponentsOp op) {
 
   b.setInsertionPoint(op);
   for (auto [leaf, slot, value] :
-       llvm::zip_equal(leaves, slots, op.getComponents())) {
+       llvm::zip_equal(sum.leaves, sum.slots, op.getComponents())) {
     Value partial = LLVM::LoadOp::create(b, loc, value.getType(), slot);
     Value next = warp::combine(b, loc, op.getKind(), partial, value, leaf.type,
                                /*anyOrder=*/true);
@@ -194,17 +212,52 @@ void Privatizer::privatize(warp::AtomicComponentsOp op) {
   Value final = LLVM::LoadOp::create(b, loc, flagType, reached);
   Value any = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ne, final,
                                     never);
+  if (warp::isGpu(entry))
+    publishBlock(sum, any);
+  else
+    publishRange(sum, any);
+  op->erase();
+}
+
+/// Totals of a CPU range go to the array if `any` thread of it got there.
+void Privatizer::publishRange(const Accumulator &sum, Value any) {
+  Location loc = entry.getLoc();
   auto publish = scf::IfOp::create(b, loc, any, /*withElseRegion=*/false);
   b.setInsertionPointToStart(publish.thenBlock());
+  SmallVector<Value> totals;
+  for (auto [slot, initial] : llvm::zip_equal(sum.slots, sum.identities))
+    totals.push_back(LLVM::LoadOp::create(b, loc, initial.getType(), slot));
+  update(sum, totals);
+}
+
+/// On a GPU the threads of a block combine what they have first.
+void Privatizer::publishBlock(const Accumulator &sum, Value any) {
+  Location loc = entry.getLoc();
+  warp::BlockReduce block(b, loc, entry->getParentOfType<ModuleOp>(),
+                          blockDim());
+  auto publish = scf::IfOp::create(b, loc, block.any(any),
+                                   /*withElseRegion=*/false);
+  b.setInsertionPointToStart(publish.thenBlock());
+  SmallVector<Value> totals;
+  for (auto [leaf, slot, initial] :
+       llvm::zip_equal(sum.leaves, sum.slots, sum.identities)) {
+    Value own = LLVM::LoadOp::create(b, loc, initial.getType(), slot);
+    totals.push_back(block.reduce(sum.kind, own, initial, leaf.type));
+  }
+  auto once = scf::IfOp::create(b, loc, block.isFirst(),
+                                /*withElseRegion=*/false);
+  b.setInsertionPointToStart(once.thenBlock());
+  update(sum, totals);
+}
+
+void Privatizer::update(const Accumulator &sum, ValueRange totals) {
+  warp::AtomicComponentsOp op = sum.op;
   IRMapping clones;
-  SmallVector<Value> indices, totals;
+  SmallVector<Value> indices;
   for (Value index : op.getIndices())
     indices.push_back(cloneInvariant(index, clones));
-  for (auto [slot, value] : llvm::zip_equal(slots, op.getComponents()))
-    totals.push_back(LLVM::LoadOp::create(b, loc, value.getType(), slot));
-  warp::AtomicComponentsOp::create(b, loc, op.getResultTypes(), kind, totals,
-                                   op.getArray(), indices);
-  op->erase();
+  warp::AtomicComponentsOp::create(b, op.getLoc(), op.getResultTypes(),
+                                   sum.kind, totals, op.getArray(), indices);
 }
 
 void Privatizer::run() {
@@ -239,10 +292,16 @@ struct PrivatizeAtomics : warp::impl::PrivatizeAtomicsBase<PrivatizeAtomics> {
       return signalPassFailure();
     auto function = dyn_cast<LLVM::LLVMFuncOp>(entry.getOperation());
     // A debugging launch names the thread that fails, so each does its own.
-    if (!function || warp::isGpu(entry) || entry->hasAttr(warp::attr::debug))
+    if (!function || entry->hasAttr(warp::attr::debug))
+      return;
+    // Shuffles need whole warps.
+    if (warp::isGpu(entry) &&
+        warp::getFact(entry, warp::attr::blockDim, 256) % 32 != 0)
       return;
     Privatizer privatizer(function);
     privatizer.run();
+    if (warp::isGpu(entry))
+      return;
     if (privatizer.isFasterAlone(warp::getFact(entry, warp::attr::threads, 16),
                                  warp::getFact(entry, warp::attr::cost, 0)))
       entry->setAttr(warp::attr::exclusive, UnitAttr::get(&getContext()));

@@ -10,7 +10,9 @@
 // CHECK: %[[TOTAL:.*]] = llvm.load %[[SLOT]]
 // CHECK: llvm.atomicrmw fadd {{.*}}, %[[TOTAL]] monotonic
 // GPU-LABEL: llvm.func ptx_kernelcc @one_address
-// GPU-NOT: llvm.alloca
+// GPU: "llvm.nvvm.barrier.cta.red.or.aligned.all"
+// GPU: "llvm.nvvm.shfl.sync.down.i32"
+// GPU: "llvm.nvvm.barrier.cta.sync.aligned.all"
 // GPU: llvm.atomicrmw fadd {{.*}} syncscope("device") monotonic
 func.func @one_address(%x: !warp.array<1 x f32>, %sum: !warp.array<1 x f32>)
     attributes {warp.kernel} {
