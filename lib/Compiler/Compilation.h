@@ -52,6 +52,8 @@ private:
   CompileOptions options;
   std::shared_ptr<Module::Impl> source;
   mlir::OwningOpRef<mlir::ModuleOp> op;
+  /// What LLVM's passes reported.
+  std::string llvmErrors;
   // The module must go before its context.
   std::unique_ptr<llvm::LLVMContext> llvmContext;
   std::unique_ptr<llvm::Module> llvmModule;

@@ -19,10 +19,14 @@
 #include "WarpDialect/Passes.h"
 
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
+#include "mlir/Dialect/LLVMIR/Transforms/Passes.h"
+#include "mlir/IR/Verifier.h"
 #include "mlir/Pass/PassInstrumentation.h"
 #include "mlir/Pass/PassManager.h"
 #include "mlir/Target/LLVMIR/Export.h"
 
+#include "llvm/IR/DiagnosticInfo.h"
+#include "llvm/IR/DiagnosticPrinter.h"
 #include "llvm/IR/LLVMContext.h"
 #include "llvm/IR/Module.h"
 #include "llvm/Support/FileSystem.h"
@@ -133,8 +137,13 @@ static void runPhase(ModuleOp module, Phase phase,
                                 "the kernel cannot be specialised");
     before = module.clone();
   }
-  if (succeeded(Phases::get().managers[index]->run(module)))
+  bool finished = succeeded(Phases::get().managers[index]->run(module));
+  // Passes are not verified one by one; a phase is.
+  if (finished && succeeded(verify(module)))
     return;
+  if (finished)
+    throw diagnostics.toError(Error::Kind::Compile,
+                              "a phase of the compiler left malformed IR");
   Error error = diagnostics.toError(Error::Kind::Compile,
                                     "a pass of the compiler failed");
   std::string pass = recorder.failed;
@@ -147,6 +156,17 @@ static void runPhase(ModuleOp module, Phase phase,
   if (!path.empty())
     error.message += "; the IR before it is in '" + path + "'";
   throw error;
+}
+
+/// Makes locations of operations known to LLVM.
+static void attachLineTable(ModuleOp module, bool gpu) {
+  PassManager pm(module.getContext());
+  LLVM::DIScopeForLLVMFuncOpPassOptions tables;
+  tables.emissionKind = gpu ? LLVM::DIEmissionKind::DebugDirectivesOnly
+                            : LLVM::DIEmissionKind::LineTablesOnly;
+  pm.addPass(LLVM::createDIScopeForLLVMFuncOpPass(tables));
+  if (failed(pm.run(module)))
+    throw Error(Error::Kind::Compile, "cannot attach source lines");
 }
 
 void Compilation::lowerTo(Phase last) {
@@ -169,8 +189,11 @@ void Compilation::lowerTo(Phase last) {
                       b.getI64IntegerAttr(int64_t(std::min(cost, 1e12))));
     dump("thread.mlir");
   }
-  if (last == Phase::LLVM)
+  if (last == Phase::LLVM) {
     runPhase(*op, Phase::LLVM, options);
+    if (options.lineinfo)
+      attachLineTable(*op, isGpu(options));
+  }
   time("lower", start);
 }
 
@@ -180,6 +203,16 @@ void Compilation::translate() {
   collectFacts(*op);
   Diagnostics diagnostics;
   llvmContext = std::make_unique<llvm::LLVMContext>();
+  // The default handler ends the process on an error.
+  llvmContext->setDiagnosticHandlerCallBack(
+      [](const llvm::DiagnosticInfo *info, void *errors) {
+        if (info->getSeverity() != llvm::DS_Error)
+          return;
+        llvm::raw_string_ostream stream(*static_cast<std::string *>(errors));
+        llvm::DiagnosticPrinterRawOStream printer(stream);
+        info->print(printer);
+      },
+      &llvmErrors);
   llvmModule = translateModuleToLLVMIR(*op, *llvmContext, entry);
   if (!llvmModule)
     throw diagnostics.toError(Error::Kind::Compile,
@@ -227,6 +260,9 @@ SmallVector<char, 0> Compilation::emitCode(bool asText) {
   double start = now();
   SmallVector<char, 0> bytes =
       emit(*llvmModule, **machine, asText || isGpu(options));
+  if (!llvmErrors.empty())
+    throw Error(Error::Kind::Compile,
+                "the code generator failed: " + llvmErrors);
   time("codegen", start);
   return bytes;
 }

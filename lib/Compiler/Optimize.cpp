@@ -8,6 +8,7 @@
 #include "llvm/IR/LegacyPassManager.h"
 #include "llvm/IR/Module.h"
 #include "llvm/Linker/Linker.h"
+#include "llvm/MC/MCSubtargetInfo.h"
 #include "llvm/Passes/PassBuilder.h"
 #include "llvm/Support/CommandLine.h"
 #include "llvm/Support/MemoryBuffer.h"
@@ -65,7 +66,8 @@ MachineLease MachineLease::get(const CompileOptions &options) {
   }
   auto machine =
       isGpu(options) ? createGpuMachine(options) : createCpuMachine(options);
-  if (!machine)
+  if (!machine || !machine->getMCSubtargetInfo()->isCPUStringValid(
+                      machine->getTargetCPU()))
     throw Error(Error::Kind::Compile,
                 "no code generator for target '" + options.target + "'");
   return MachineLease(key, std::move(machine));

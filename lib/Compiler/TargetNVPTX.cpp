@@ -24,11 +24,11 @@ static std::string ptxVersion(llvm::StringRef architecture) {
   unsigned number = 0;
   architecture.consume_front("sm_");
   architecture.consumeInteger(10, number);
-  if (number >= 121)
+  if (number == 103 || number > 120)
     return "+ptx88";
-  if (number >= 103 && number != 120)
-    return number == 103 ? "+ptx86" : "+ptx87";
-  return number >= 100 ? number == 120 ? "+ptx87" : "+ptx86" : "+ptx80";
+  if (number == 120)
+    return "+ptx87";
+  return number >= 100 ? "+ptx86" : "+ptx80";
 }
 
 std::unique_ptr<llvm::TargetMachine>
