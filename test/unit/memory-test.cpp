@@ -4,11 +4,13 @@
 #include "warp/Memory.h"
 
 #include <cstdint>
+#include <cstdlib>
 #include <cstring>
 #include <gtest/gtest.h>
 #include <numeric>
 #include <random>
 #include <string>
+#include <unistd.h>
 #include <vector>
 
 using namespace warp;
@@ -60,14 +62,6 @@ TEST(Memory, OutOfMemoryNamesRequestAndFree) {
       EXPECT_NE(error.message.find("free "), std::string::npos);
     }
   }
-}
-
-TEST(Memory, PinnedIsPlainWithoutCuda) {
-  if (cudaDeviceCount() > 0)
-    GTEST_SKIP() << "there is a CUDA device";
-  Buffer buffer(cpuDevice, 100, true);
-  EXPECT_NE(buffer.data(), nullptr);
-  EXPECT_FALSE(buffer.pinned());
 }
 
 TEST(Memory, FillsPatternsOfAnySize) {
@@ -191,6 +185,28 @@ TEST(Device, MissingDeviceIsAnError) {
     EXPECT_EQ(error.kind, Error::Kind::Runtime);
     EXPECT_EQ(error.message.rfind("no device 'cuda:", 0), 0u);
   }
-  if (cudaDeviceCount() == 0)
-    EXPECT_FALSE(cudaUnavailableReason().empty());
+}
+
+// Run by the test below in a process that has no driver.
+TEST(DISABLED_NoCuda, IsAState) {
+  EXPECT_EQ(cudaDeviceCount(), 0);
+  EXPECT_EQ(cudaDriverVersion(), 0);
+  EXPECT_EQ(cudaUnavailableReason().rfind("no CUDA driver: ", 0), 0u);
+  Buffer buffer(cpuDevice, 100, true);
+  EXPECT_NE(buffer.data(), nullptr);
+  EXPECT_FALSE(buffer.pinned());
+  synchronizeAll();
+  EXPECT_THROW(Buffer(0, 100), Error);
+  EXPECT_THROW(Stream(0), Error);
+  EXPECT_THROW(currentStream(0), Error);
+}
+
+TEST(Device, AbsentDriverIsAState) {
+  char self[4096] = {};
+  ASSERT_GT(readlink("/proc/self/exe", self, sizeof(self) - 1), 0);
+  std::string command = "WARP_CUDA_DRIVER=/nowhere/libcuda.so " +
+                        std::string(self) +
+                        " --gtest_also_run_disabled_tests"
+                        " --gtest_filter='DISABLED_NoCuda.*' --gtest_brief=1";
+  EXPECT_EQ(std::system(command.c_str()), 0);
 }
