@@ -10,6 +10,8 @@
 
 #include "KernelFunction.h"
 
+#include "WarpDialect/WarpDialect.h"
+
 #include "mlir/Conversion/ArithToLLVM/ArithToLLVM.h"
 #include "mlir/Conversion/ControlFlowToLLVM/ControlFlowToLLVM.h"
 #include "mlir/Conversion/LLVMCommon/TypeConverter.h"
@@ -84,6 +86,10 @@ struct ConvertToLLVM : warp::impl::ConvertToLLVMBase<ConvertToLLVM> {
               arith::FastMathFlags::arcp | arith::FastMathFlags::afn |
               arith::FastMathFlags::nsz;
     entry.walk([&](arith::ArithFastMathInterface op) {
+      // A conversion there and back rounds, whatever may contract.
+      if (op->hasAttr(warp::exactAttrName) ||
+          isa<arith::TruncFOp, arith::ExtFOp>(*op))
+        return;
       auto own = op.getFastMathFlagsAttr();
       auto all = own ? own.getValue() | flags : flags;
       op->setAttr(op.getFastMathAttrName(),

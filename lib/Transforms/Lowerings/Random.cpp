@@ -62,7 +62,7 @@ Scalars lowerRandf(Emitter &, Operands args) {
   if (args.size() == 1)
     return {unit, state};
   Scalar low = args[1][0], high = args[2][0];
-  return {fma(high - low, unit, low), state};
+  return {exactly((high - low) * unit) + low, state};
 }
 
 /// Box and Muller's method. The small number keeps the logarithm finite.
@@ -73,7 +73,7 @@ Scalars lowerRandn(Emitter &, Operands args) {
   Scalar normal = radius * cos(angle);
   if (args.size() == 1)
     return {normal, second};
-  return {args[1][0] + args[2][0] * normal, second};
+  return {args[1][0] + exactly(args[2][0] * normal), second};
 }
 
 } // namespace warp::lowering

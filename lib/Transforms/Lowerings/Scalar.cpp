@@ -11,6 +11,7 @@
 
 #include "Lowerings/Scalar.h"
 
+#include "WarpDialect/WarpDialect.h"
 #include "WarpDialect/WarpTypes.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -267,6 +268,12 @@ WARP_COMPARISON(>=, OGE, sge, uge)
 WARP_COMPARISON(==, OEQ, eq, eq)
 WARP_COMPARISON(!=, UNE, ne, ne)
 #undef WARP_COMPARISON
+
+Scalar exactly(Scalar x) {
+  x.value.getDefiningOp()->setDiscardableAttr(
+      exactAttrName, x.emitter->builder.getUnitAttr());
+  return x;
+}
 
 Scalar select(Scalar condition, Scalar a, Scalar b) {
   if (a.value == b.value)

@@ -118,6 +118,9 @@ inline Scalar operator>=(Scalar a, double b) { return a >= a.like(b); }
 inline Scalar operator==(Scalar a, double b) { return a == a.like(b); }
 inline Scalar operator!=(Scalar a, double b) { return a != a.like(b); }
 
+/// The same number, whose operation is not merged with others.
+Scalar exactly(Scalar x);
+
 Scalar select(Scalar condition, Scalar a, Scalar b);
 
 /// Of floats, the operand that is not NaN if one is.
