@@ -187,7 +187,10 @@ def measure_compile(device, seconds):
 
 
 def steady(function, device, seconds, batch=1):
-    """Median seconds per call, in batches closed by a synchronisation."""
+    """Seconds per call in the fastest batch; batches are closed by a synchronisation.
+
+    The fastest, because other work on the machine can only make a batch slower.
+    """
     function()
     wp.synchronize_device(device)
     times = []
@@ -198,7 +201,7 @@ def steady(function, device, seconds, batch=1):
             function()
         wp.synchronize_device(device)
         times.append((time.perf_counter() - begin) / batch)
-    return statistics.median(times)
+    return min(times)
 
 
 def throughput(device, seconds, scale):

@@ -4,7 +4,8 @@
 
 Every measurement runs in a process of its own (_spine_cases.py). `--peer` names a Python that
 has NVIDIA Warp: it runs the same measurements, alternating with ours, and ratios are taken
-within this one run. Goals that need a peer are left out without it.
+within this one run. Goals that need a peer are left out without it. Throughput is that of the
+fastest pass, for ours, the peer and the limits alike.
 """
 
 import argparse
@@ -62,11 +63,13 @@ class Runner:
         return result
 
     def repeat(self, measurement, times=3, python=sys.executable):
-        """Median over processes of each number."""
+        """Best over processes of each rate; `launch` gives times, of which the median."""
         with tempfile.TemporaryDirectory() as cache:
             results = [self.run(measurement, cache, python) for _ in range(times)]
         return {
-            key: statistics.median(result[key] for result in results)
+            key: (statistics.median if measurement == "launch" else max)(
+                result[key] for result in results
+            )
             for key, value in results[0].items()
             if isinstance(value, int | float)
         }
@@ -124,10 +127,10 @@ def cpu_bandwidth_rows(runner, native):
     rows = []
     for measurement, label in (("streams", "large arrays"), ("cached_streams", "4 M floats")):
         ours = runner.repeat(measurement)
-        peer = runner.repeat(measurement, 1, runner.peer) if runner.peer else None
+        peer = runner.repeat(measurement, 3, runner.peer) if runner.peer else None
         for name, goal in BANDWIDTH_GOAL["cpu"].items():
             size = int(ours[name + "_bytes"])
-            ordinary, streaming = (native.triad(size, 0, 31, stream) for stream in (0, 1))
+            ordinary, streaming = (native.triad(size, 0, 101, stream) for stream in (0, 1))
             share = ours[name] / max(ordinary, streaming)
             text = f"{share:.0%}: {ours[name] / 1e9:.1f} GB/s, triad {ordinary / 1e9:.1f}"
             text += f", with streaming stores {streaming / 1e9:.1f}"
@@ -161,11 +164,11 @@ def arithmetic_rows(runner):
     shutil.rmtree(cache + "-peer", ignore_errors=True)
     rows = []
     for key, name in (("nbody", "n-body"), ("math", "sin·exp")):
-        rate = statistics.median(result[key] for result in ours)
+        rate = max(result[key] for result in ours)
         text = f"{rate / 1e6:.0f} M/s"
         row = Row(f"{name} to the peer", ">= 2x", text)
         if peer:
-            other = statistics.median(result[key] for result in peer)
+            other = max(result[key] for result in peer)
             row.measured = f"{rate / other:.2f}x: {text}, peer {other / 1e6:.0f} M/s"
             row.met = rate >= 2.0 * other if runner.device == "cpu" else None
         rows.append(row)
