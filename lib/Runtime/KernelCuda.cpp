@@ -57,6 +57,9 @@ static Shape shapeOf(const int32_t *dim, int rank, bool flat, int blockDim) {
   block.y = std::min<int64_t>(blockDim / block.x, powerAtLeast(all.y));
   block.z = std::min<int64_t>(
       {blockDim / (block.x * block.y), powerAtLeast(all.z), maxBlockZ});
+  // Blocks are full even where the launch is small: kernels that combine
+  // values over a block count on its warps.
+  block.x = std::max<int64_t>(block.x, blockDim / (block.y * block.z));
   return {{ceilDivide(all.x, block.x), ceilDivide(all.y, block.y),
            ceilDivide(all.z, block.z)},
           block};

@@ -273,6 +273,14 @@ void Privatizer::run() {
     privatize(op);
 }
 
+/// Whether the launch's blocks are made of full warps.
+static bool hasWholeWarps(Operation *entry) {
+  int64_t blockDim = warp::getFact(entry, warp::attr::blockDim, 256);
+  bool oneAxis = warp::getFact(entry, warp::attr::rank, 1) == 1 ||
+                 entry->hasAttr(warp::attr::flat);
+  return blockDim % 32 == 0 && (oneAxis || llvm::isPowerOf2_64(blockDim));
+}
+
 /// Times in cycles: two operations take one, a plain update two, an atomic
 /// one twenty, which `cost` has counted already.
 bool Privatizer::isFasterAlone(int64_t threads, int64_t cost) {
@@ -294,9 +302,7 @@ struct PrivatizeAtomics : warp::impl::PrivatizeAtomicsBase<PrivatizeAtomics> {
     // A debugging launch names the thread that fails, so each does its own.
     if (!function || entry->hasAttr(warp::attr::debug))
       return;
-    // Shuffles need whole warps.
-    if (warp::isGpu(entry) &&
-        warp::getFact(entry, warp::attr::blockDim, 256) % 32 != 0)
+    if (warp::isGpu(entry) && !hasWholeWarps(entry))
       return;
     Privatizer privatizer(function);
     privatizer.run();
