@@ -56,7 +56,7 @@ func.func @random_in_range(%state: ui32, %low: f32, %high: f32) -> f32 {
 
 // The rotation of a transform is its last four components.
 // CHECK-LABEL: func.func @set_translation
-// CHECK-SAME: ({{([^,]*, ){3}}}%[[QX:[^:]*]]: f32, {{([^,]*, ){2}}}%[[QW:[^:]*]]: f32, %[[X:[^:]*]]: f32,
+// CHECK-SAME: ({{[^,]*, [^,]*, [^,]*, }}%[[QX:[^:]*]]: f32, {{[^,]*, [^,]*, }}%[[QW:[^:]*]]: f32, %[[X:[^:]*]]: f32,
 func.func @set_translation(%t: !warp.transform<f32>, %p: !warp.vec<3 x f32>)
     -> !warp.transform<f32> {
   // CHECK: return %[[X]], {{.*}}, %[[QX]], {{.*}}, %[[QW]] :
