@@ -119,3 +119,17 @@ def test_array_views_and_slices():
     assert run(kernel, x)[:2] == [5.0, 0.0]
     assert x.numpy()[1].tolist() == [1.0, 50.0, 0.0, 0.0]
     assert x.numpy()[2].tolist() == [0.0, 3.0, 0.0, 0.0]
+
+
+def test_shapes_are_tuples():
+    @wp.kernel
+    def kernel(x: wp.array2d(dtype=float), out: wp.array(dtype=int)):
+        rows, columns = x.shape
+        shape = x.shape
+        out[0] = rows * 10 + columns
+        out[1] = shape[1] + len(shape) + x.shape[-1]
+        for axis in range(x.ndim):
+            out[2] += x.shape[axis]
+
+    x = wp.zeros((3, 4), dtype=float, device="cpu")
+    assert run(kernel, x, dtype=int)[:3] == [34, 10, 7]

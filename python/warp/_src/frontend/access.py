@@ -13,16 +13,6 @@ from warp._src.frontend.names import BuiltinRef
 COMPONENTS = {"x": 0, "y": 1, "z": 2, "w": 3}
 
 
-class ArrayAttribute:
-    """`a.shape` or `a.strides` of an array value, before it is indexed."""
-
-    __slots__ = ("array", "name")
-
-    def __init__(self, array, name):
-        self.array = array
-        self.name = name
-
-
 class Access(EmitterBase):
     """Translates `a.b` and `a[b]`."""
 
@@ -34,7 +24,7 @@ class Access(EmitterBase):
             return self.value_attribute(base, name, node)
         if isinstance(base, python_types.ModuleType):
             return self.capture(names.module_attribute(self, base, name, node), node)
-        if isinstance(base, (tuple, BuiltinRef, ArrayAttribute)):
+        if isinstance(base, (tuple, BuiltinRef)):
             raise self.no_attribute(base, name, node)
         if isinstance(base, types.Composite):
             return self.value_attribute(self.materialize(base, node), name, node)
@@ -54,8 +44,8 @@ class Access(EmitterBase):
         if kind == "struct":
             return self.builder.struct_get(base, name)
         if kind == "array":
-            if name in ("shape", "strides"):
-                return ArrayAttribute(base, name)
+            if name == "shape":
+                return tuple(self.builder.dim(base, axis) for axis in range(native.rank))
             if name == "ndim":
                 return native.rank
             if name == "dtype":
@@ -89,8 +79,7 @@ class Access(EmitterBase):
     def expr_Subscript(self, node):
         base = self.expr(node.value)
         if isinstance(base, type) or (
-            type(base) is not Value
-            and not isinstance(base, (tuple, ArrayAttribute, types.Composite))
+            type(base) is not Value and not isinstance(base, (tuple, types.Composite))
         ):
             return self.static_subscript(base, node)
         return self.subscript(base, node.slice, node)
@@ -112,8 +101,6 @@ class Access(EmitterBase):
             ) from None
 
     def subscript(self, base, index, node):
-        if isinstance(base, ArrayAttribute):
-            return self.shape_item(base, index, node)
         if type(base) is tuple:
             return self.tuple_item(base, index, node)
         if isinstance(base, types.Composite):
@@ -133,16 +120,6 @@ class Access(EmitterBase):
     def index(self, node):
         """An index as an SSA value; its type is checked by the builder."""
         return self.value(node)
-
-    def shape_item(self, base, index, node):
-        axis = self.constant_int(index, "the axis of a shape")
-        rank = base.array.type.rank
-        if not -rank <= axis < rank:
-            raise self.index_error(index, axis, rank, "axis")
-        if base.name == "strides":
-            raise self.unsupported(node, "reading strides")
-        self.at(node)
-        return self.builder.dim(base.array, axis % rank)
 
     def tuple_item(self, base, index, node):
         if isinstance(index, ast.Slice):

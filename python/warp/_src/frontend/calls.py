@@ -13,7 +13,6 @@ import re
 
 from warp._src import errors, types
 from warp._src.frontend import names
-from warp._src.frontend.access import ArrayAttribute
 from warp._src.frontend.constructors import Constructors
 from warp._src.frontend.emitter import Value
 from warp._src.frontend.names import BuiltinRef
@@ -150,8 +149,6 @@ class Calls(Constructors):
         (binding,) = self.exactly(node, 1, "len")
         if type(binding) is tuple:
             return len(binding)
-        if isinstance(binding, ArrayAttribute):
-            return binding.array.type.rank
         if isinstance(binding, types.Composite):
             return len(binding)
         if type(binding) is Value:

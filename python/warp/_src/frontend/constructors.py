@@ -112,20 +112,13 @@ class Constructors(UserCalls):
         self.at(node)
         if len(values) == 1 and values[0].type.kind == native.kind and values[0].type != native:
             return self.builder.cast(values[0], native)
-        if native.kind == "mat" and self.are_columns(native, values):
-            rows, columns = native.shape
-            turned = self.composite_type([columns, rows], element)
-            stacked = self.builder.construct(turned, values)
-            return self.builder.builtin("transpose", [stacked])[0][0]
+        if native.kind == "mat" and len(values) > 1 and values[0].type.kind == "vec":
+            raise self.type_error(
+                node,
+                f"'{native.python_name}' cannot be made from vectors",
+                "use `wp.matrix_from_rows(...)` or `wp.matrix_from_cols(...)`",
+            )
         return self.builder.construct(native, values)
-
-    @staticmethod
-    def are_columns(native, values):
-        """Vectors given to a matrix constructor are its columns."""
-        rows, columns = native.shape
-        return len(values) == columns and all(
-            value.type.kind == "vec" and value.type.shape == [rows] for value in values
-        )
 
     def composite_keywords(self, native, keywords, node):
         orders = {

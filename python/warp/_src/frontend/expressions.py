@@ -7,7 +7,7 @@ import operator
 
 from warp._src import types
 from warp._src.frontend import names
-from warp._src.frontend.access import COMPONENTS, Access, ArrayAttribute
+from warp._src.frontend.access import COMPONENTS, Access
 from warp._src.frontend.emitter import BOOL, Value
 
 _BINARY = {
@@ -86,8 +86,6 @@ class Expressions(Access):
         binding = self.expr(node)
         if type(binding) is Value:
             return binding
-        if isinstance(binding, ArrayAttribute):
-            raise self.type_error(node, f"'{binding.name}' must be indexed with a constant")
         return self.materialize(binding, node)
 
     def expr_Name(self, node):

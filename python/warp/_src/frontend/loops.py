@@ -235,6 +235,8 @@ class Loops(Branches):
 
     def is_tuple(self, node):
         """Whether a name or attribute is a tuple now."""
+        if isinstance(node, ast.Attribute) and node.attr == "shape":
+            return True
         root = node
         while isinstance(root, ast.Attribute):
             root = root.value
