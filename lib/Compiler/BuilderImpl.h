@@ -35,7 +35,6 @@ struct Builder::Impl {
   struct Loop {
     mlir::Operation *op = nullptr;
     Inits lateInits;
-    /// Counter of a `for` as the user sees it, when it counts trips instead.
     bool isFor = false;
   };
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import enum
 import types as python_types
 
 from warp._src import errors, types
@@ -17,7 +18,19 @@ class Access(EmitterBase):
     """Translates `a.b` and `a[b]`."""
 
     def expr_Attribute(self, node):
+        member = self.enum_member(node.value)
+        if member is not None and hasattr(member, node.attr):
+            return self.capture(getattr(member, node.attr), node)
         return self.attribute(self.expr(node.value), node.attr, node)
+
+    def enum_member(self, node):
+        """The member that `Class.NAME` stands for, which `expr` would turn into its value."""
+        if not isinstance(node, ast.Attribute) or not isinstance(node.value, ast.Name):
+            return None
+        owner = self.expr(node.value)
+        if isinstance(owner, type) and issubclass(owner, enum.Enum):
+            return getattr(owner, node.attr, None)
+        return None
 
     def attribute(self, base, name, node):
         if type(base) is Value:
@@ -186,6 +199,8 @@ class Access(EmitterBase):
                 None if part is None else self.value(part)
                 for part in (item.lower, item.upper, item.step)
             ]
+            if bounds[2] is not None and bounds[2].constant() == 0:
+                raise self.error(item, "slice step is zero", kind=errors.WarpCodegenValueError)
             self.at(node)
             array = self.builder.slice(array, axis, *bounds)
         return array

@@ -31,7 +31,7 @@ def build_kernel(kernel, arguments=None):
 
 def build_function(function, name, arguments=None, max_unroll=16):
     """Translates a Python function as a kernel of that name."""
-    overload = Overload(function, None)
+    overload = Overload(function)
     source = overload.source
     natives = [parameter.native for parameter in overload.parameters]
     if arguments is not None:

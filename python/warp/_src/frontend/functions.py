@@ -14,6 +14,7 @@ from warp._src import annotations, errors, types
 from warp._src.annotations import ArrayType
 from warp._src.frontend import names
 from warp._src.frontend.emitter import Value
+from warp._src.frontend.source import source_of
 
 _KINDS = {"Int": ("int",), "Float": ("float",), "Scalar": ("int", "float")}
 
@@ -116,16 +117,14 @@ def annotations_of(function) -> dict:
 class Overload:
     """One Python function that kernels can call."""
 
-    def __init__(self, function, emitter):
-        from warp._src.frontend.source import source_of
-
+    def __init__(self, function):
         self.function = function
         self.source = source_of(function)
-        self.parameters = self.read_parameters(emitter)
+        self.parameters = self.read_parameters()
         self.result = self.read_result()
         self.generic = sum(parameter.native is None for parameter in self.parameters)
 
-    def read_parameters(self, emitter):
+    def read_parameters(self):
         arguments = self.source.tree.args
         for extra, stars in ((arguments.vararg, "*"), (arguments.kwarg, "**")):
             if extra is not None:
@@ -214,11 +213,11 @@ class Specialization:
 NOTHING = object()
 
 
-def overload_of(function, emitter) -> Overload:
+def overload_of(function) -> Overload:
     """The overload for a Python function, made once."""
     found = function.__dict__.get("_warp_overload")
     if found is None:
-        found = function._warp_overload = Overload(function, emitter)
+        found = function._warp_overload = Overload(function)
     return found
 
 

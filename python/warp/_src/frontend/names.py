@@ -136,6 +136,8 @@ def module_attribute(emitter, module, name, node):
         if isinstance(value, type) or (value is not None and not callable(value)):
             return value
         top = module.__name__ == "warp"
+        if top and name in ("int", "float"):
+            return getattr(builtins, name)
         if top and (name in SPECIAL_BUILTINS or _native.Builder.has_builtin(name)):
             return BuiltinRef(name)
         if value is not None:

@@ -26,7 +26,7 @@ class UserCalls(Targets):
 
     def select(self, function, arguments, keywords, node):
         """The first overload that takes the arguments, concrete ones before generic ones."""
-        overloads = [functions.overload_of(f, self) for f in function.overloads]
+        overloads = [functions.overload_of(f) for f in function.overloads]
         if len(overloads) > 1:
             overloads.sort(key=lambda overload: overload.generic)
         reasons = []
