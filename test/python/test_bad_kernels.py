@@ -228,6 +228,17 @@ def test_constant_matrix_index_out_of_range():
     refused(define, "2", kind=IndexError)
 
 
+def test_slice_of_step_zero():
+    def define():
+        @wp.kernel
+        def kernel(x: wp.array(dtype=float)):
+            y = x[::0]  # here
+
+        return kernel
+
+    refused(define, "zero", kind=ValueError, inputs=[None])
+
+
 def test_components_and_attributes_that_do_not_exist():
     def define():
         @wp.kernel

@@ -224,9 +224,9 @@ def test_constants_come_from_python(device):
         if i < Mode.FAST:
             out[i] = i * scale + shift
         else:
-            out[i] = int(Mode.SLOW) + N
+            out[i] = int(Mode.SLOW) + N + Mode.FAST.value
 
-    assert evaluate(kernel, device).tolist() == [5 * i + 2 if i < 3 else 11 + N for i in range(N)]
+    assert evaluate(kernel, device).tolist() == [5 * i + 2 if i < 3 else 14 + N for i in range(N)]
 
 
 def test_closures_of_one_source_differ_by_constant(device):

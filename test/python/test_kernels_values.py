@@ -328,6 +328,20 @@ def test_conversions(device):
     np.testing.assert_array_equal(out, expected)
 
 
+def test_explicit_conversions_of_literals(device):
+    @wp.kernel
+    def kernel(out: wp.array(dtype=wp.float64)):
+        if wp.tid() > 0:
+            return
+        out[0] = wp.float64(wp.uint32(-1))
+        out[1] = wp.float64(wp.uint8(-2))
+        out[2] = wp.float64(wp.int(2.75)) + wp.float64(wp.float(3))
+        out[3] = wp.float64(0.1)
+
+    (out,) = launch(kernel, device, 4, [], wp.float64)
+    assert out.tolist() == [2.0**32 - 1, 254.0, 5.0, 0.1]
+
+
 def test_conversion_to_half_precision_rounds(device):
     @wp.kernel
     def kernel(x: wp.array(dtype=float), h: wp.array(dtype=wp.float16), out: wp.array(dtype=int)):
