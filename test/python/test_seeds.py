@@ -67,7 +67,8 @@ def test_allocation_by_length(device):
     n = 10
     v = wp.empty(length=n, dtype=wp.vec3, device=device)
     q = wp.zeros(length=n, dtype=wp.quat, device=device)
-    assert v.shape == (n,) and q.shape == (n,)
+    older = wp.ones(n=n, dtype=float, device=device)
+    assert v.shape == q.shape == older.shape == (n,)
     assert (q.numpy() == np.zeros((n, 4))).all()
 
 

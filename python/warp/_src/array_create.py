@@ -16,6 +16,7 @@ def empty(
     pinned=False,
     retain_grad=False,
     length=None,
+    n=None,
 ):
     """An array with undefined contents.
 
@@ -26,12 +27,13 @@ def empty(
         requires_grad: allocate an array for derivatives, too.
         pinned: host memory that CUDA devices reach directly.
         retain_grad: keep derivatives of intermediate results.
-        length: extent of a one-dimensional array, instead of `shape`.
+        length, n: extent of a one-dimensional array, instead of `shape`.
 
     Raises:
         TypeError, ValueError: element type, shape or device cannot be used.
         WarpMemoryError: not enough memory.
     """
+    length = n if length is None else length
     if length is not None:
         if shape is not None:
             raise ValueError("expects `shape` or `length`, but got both")
@@ -54,9 +56,10 @@ def zeros(
     pinned=False,
     retain_grad=False,
     length=None,
+    n=None,
 ):
     """An array of zeros; arguments as for `empty`."""
-    result = empty(shape, dtype, device, requires_grad, pinned, retain_grad, length)
+    result = empty(shape, dtype, device, requires_grad, pinned, retain_grad, length, n)
     result.zero_()
     return result
 
@@ -69,9 +72,10 @@ def ones(
     pinned=False,
     retain_grad=False,
     length=None,
+    n=None,
 ):
     """An array whose components are all one; arguments as for `empty`."""
-    return full(shape, 1, dtype, device, requires_grad, pinned, retain_grad, length)
+    return full(shape, 1, dtype, device, requires_grad, pinned, retain_grad, length, n)
 
 
 def full(
@@ -83,11 +87,12 @@ def full(
     pinned=False,
     retain_grad=False,
     length=None,
+    n=None,
 ):
     """An array of equal elements; the element type is by default that of `value`."""
     if dtype is None:
         dtype = _type_of_value(value)
-    result = empty(shape, dtype, device, requires_grad, pinned, retain_grad, length)
+    result = empty(shape, dtype, device, requires_grad, pinned, retain_grad, length, n)
     result.fill_(value)
     return result
 
