@@ -30,6 +30,9 @@ using namespace warp;
 static constexpr double parallelThreshold = 32768;
 static constexpr double chunkWork = 16384;
 
+/// Items that fill any card many times over.
+static constexpr int64_t largeLaunch = int64_t(1) << 21;
+
 /// Largest parameter block of a GPU kernel in the PTX version we emit.
 static constexpr size_t maxCudaParameters = 4096;
 static constexpr int maxCudaBlock = 1024;
@@ -40,6 +43,8 @@ static Error launchError(Error::Kind kind, const std::string &kernel,
 }
 
 Kernel::Variant::~Variant() {
+  if (cpu)
+    Jit::get().unload(reinterpret_cast<void *>(cpu));
   if (!module)
     return;
   try {
@@ -123,6 +128,7 @@ VariantKey Kernel::Impl::keyFor(int device, const LaunchDim &dim,
                           std::to_string(key.blockDim) + "'");
   int32_t extents[maxRank];
   std::copy(dim.extent, dim.extent + dim.rank, extents);
+  key.large = items >= largeLaunch;
   key.flat = !fitsGrid(extents, dim.rank, key.blockDim);
   return key;
 }
@@ -142,6 +148,7 @@ CompileOptions Kernel::Impl::compileOptions(const VariantKey &key,
   result.contiguous = key.contiguous;
   result.index32 = key.index32;
   result.flat = key.flat;
+  result.large = key.large;
   result.debug = options.debug;
   result.fastMath = options.fastMath;
   result.lineinfo = options.lineinfo;

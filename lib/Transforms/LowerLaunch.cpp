@@ -16,14 +16,8 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "KernelFunction.h"
+#include "LowerLaunch.h"
 #include "WarpDialect/ParameterLayout.h"
-
-#include "WarpDialect/WarpOps.h"
-
-#include "mlir/Dialect/Arith/IR/Arith.h"
-#include "mlir/Dialect/LLVMIR/LLVMDialect.h"
-#include "mlir/IR/Builders.h"
 
 namespace warp {
 #define GEN_PASS_DEF_LOWERLAUNCH
@@ -31,94 +25,7 @@ namespace warp {
 } // namespace warp
 
 using namespace mlir;
-
-namespace {
-
-constexpr auto noWrap =
-    arith::IntegerOverflowFlags::nsw | arith::IntegerOverflowFlags::nuw;
-
-/// Builds the entry around the body of one kernel.
-class Launch {
-public:
-  Launch(FunctionOpInterface kernel)
-      : kernel(kernel), loc(kernel.getLoc()), b(kernel->getContext()),
-        rank(warp::getFact(kernel, warp::attr::rank, 1)),
-        index32(kernel->hasAttr(warp::attr::index32)),
-        flat(kernel->hasAttr(warp::attr::flat)) {}
-
-  LogicalResult build() {
-    if (failed(collectArguments()))
-      return failure();
-    createEntry();
-    readArguments();
-    if (warp::isGpu(kernel))
-      buildGpu();
-    else if (rank == 1)
-      buildLoop();
-    else
-      buildRows();
-    kernel->erase();
-    return success();
-  }
-
-private:
-  LogicalResult collectArguments();
-  void createEntry();
-  void readArguments();
-  void buildLoop();
-  void buildRows();
-  void buildGpu();
-  Block *buildInnerLoop(Block *before, Value begin, Value end, Block *after,
-                        ArrayRef<Value> outer);
-  void inlineBody(ValueRange indices);
-  SmallVector<Value> unravel(Value row, int count);
-  SmallVector<Value> gridIndices(Value &inside);
-  Value gridIndex(StringRef axis, Type type);
-
-  // Small arithmetic, in the order of operands.
-  Value constant(Type type, int64_t value) {
-    return arith::ConstantOp::create(b, loc, b.getIntegerAttr(type, value));
-  }
-  Value cmp(arith::CmpIPredicate predicate, Value x, Value y) {
-    return arith::CmpIOp::create(b, loc, predicate, x, y);
-  }
-  Value add(Value x, Value y) {
-    return arith::AddIOp::create(b, loc, x, y, noWrap);
-  }
-  Value sub(Value x, Value y) {
-    return arith::SubIOp::create(b, loc, x, y, noWrap);
-  }
-  Value mul(Value x, Value y) {
-    return arith::MulIOp::create(b, loc, x, y, noWrap);
-  }
-  Value div(Value x, Value y) { return arith::DivUIOp::create(b, loc, x, y); }
-  Value narrow(Value x, Type type) {
-    unsigned from = x.getType().getIntOrFloatBitWidth();
-    unsigned to = type.getIntOrFloatBitWidth();
-    if (from == to)
-      return x;
-    if (from < to)
-      return arith::ExtUIOp::create(b, loc, type, x);
-    return arith::TruncIOp::create(b, loc, type, x, noWrap);
-  }
-  Value parameter(Type type, int64_t offset) {
-    return warp::ParameterOp::create(b, loc, type, block, offset,
-                                     /*packed=*/false, StringAttr());
-  }
-
-  FunctionOpInterface kernel;
-  Location loc;
-  OpBuilder b;
-  int64_t rank;
-  bool index32, flat;
-  SmallVector<Type> argTypes;
-  LLVM::LLVMFuncOp entry;
-  Value block;
-  /// Extents of the launch, i32.
-  SmallVector<Value> dims;
-  /// What the body's arguments become.
-  SmallVector<Value> arguments;
-};
+using warp::Launch;
 
 /// The arguments before they were taken apart must add up to those that the
 /// function has now.
@@ -185,6 +92,20 @@ void Launch::createEntry() {
       {b.getStrArrayAttr({"nvvm.maxntid", limit})}));
 }
 
+/// Appends how messages call each scalar and array of a value.
+static void collectNames(Type type, const Twine &name,
+                         SmallVectorImpl<std::string> &names) {
+  auto record = dyn_cast<warp::StructType>(type);
+  if (!record) {
+    names.append(warp::isComposite(type) ? warp::getComponentCount(type) : 1,
+                 name.str());
+    return;
+  }
+  for (auto [field, fieldType] :
+       llvm::zip(record.getFieldNames(), record.getFieldTypes()))
+    collectNames(fieldType, name + "." + field.getValue(), names);
+}
+
 void Launch::readArguments() {
   for (int64_t i = 0; i < rank; ++i)
     dims.push_back(parameter(b.getI32Type(), warp::launchDimOffset + 4 * i));
@@ -199,10 +120,14 @@ void Launch::readArguments() {
     bool packed = isArray && i < 64 && (contiguous >> i & 1);
     SmallVector<warp::Leaf> leaves;
     warp::collectLeaves(type, layout.offsets[i], leaves);
-    for (warp::Leaf leaf : leaves)
+    SmallVector<std::string> leafNames;
+    if (name)
+      collectNames(type, name.getValue(), leafNames);
+    leafNames.resize(leaves.size());
+    for (auto [leaf, leafName] : llvm::zip(leaves, leafNames))
       arguments.push_back(warp::ParameterOp::create(
           b, loc, warp::getSignless(leaf.type), block, leaf.offset, packed,
-          name));
+          leafName.empty() ? StringAttr() : b.getStringAttr(leafName)));
   }
 }
 
@@ -325,71 +250,7 @@ void Launch::buildRows() {
   LLVM::ReturnOp::create(b, loc, ValueRange());
 }
 
-/// block index * block size + thread index, along one axis.
-Value Launch::gridIndex(StringRef axis, Type type) {
-  auto read = [&](StringRef name) -> Value {
-    std::string intrinsic = ("llvm.nvvm.read.ptx.sreg." + name + "." + axis).str();
-    Value value = LLVM::CallIntrinsicOp::create(
-                      b, loc, b.getI32Type(), b.getStringAttr(intrinsic),
-                      ValueRange())
-                      .getResult(0);
-    return narrow(value, type);
-  };
-  Value start = mul(read("ctaid"), read("ntid"));
-  return add(start, read("tid"));
-}
-
-/// Thread indices, and whether the launch has that thread.
-SmallVector<Value> Launch::gridIndices(Value &inside) {
-  Type i64 = b.getI64Type();
-  Type type = index32 ? b.getI32Type() : i64;
-  auto guard = [&](Value index, Value extent) {
-    Value fits = cmp(arith::CmpIPredicate::slt, index,
-                     narrow(extent, index.getType()));
-    inside = inside ? arith::AndIOp::create(b, loc, inside, fits) : fits;
-  };
-  if (flat) {
-    Value linear = gridIndex("x", i64);
-    Value total = narrow(dims[0], i64);
-    for (Value extent : ArrayRef(dims).drop_front())
-      total = mul(total, narrow(extent, i64));
-    guard(linear, total);
-    return unravel(linear, rank);
-  }
-  SmallVector<Value> indices(rank);
-  indices[rank - 1] = gridIndex("x", type);
-  guard(indices[rank - 1], dims[rank - 1]);
-  if (rank > 1) {
-    indices[rank - 2] = gridIndex("y", type);
-    guard(indices[rank - 2], dims[rank - 2]);
-  }
-  if (rank > 2) {
-    Value slab = gridIndex("z", type);
-    Value extent = narrow(dims[0], type);
-    if (rank == 4)
-      extent = mul(extent, narrow(dims[1], type));
-    guard(slab, extent);
-    llvm::copy(unravel(slab, rank - 2), indices.begin());
-  }
-  return indices;
-}
-
-void Launch::buildGpu() {
-  Block *first = b.getInsertionBlock();
-  Block *exit = b.createBlock(&entry.getBody());
-  Block *body = b.createBlock(exit);
-  b.setInsertionPointToEnd(first);
-  Value inside;
-  SmallVector<Value> indices = gridIndices(inside);
-  LLVM::CondBrOp::create(b, loc, inside, body, ValueRange(), exit,
-                         ValueRange());
-  b.setInsertionPointToEnd(body);
-  LLVM::BrOp::create(b, loc, ValueRange(), exit);
-  b.setInsertionPointToStart(body);
-  inlineBody(indices);
-  b.setInsertionPointToEnd(exit);
-  LLVM::ReturnOp::create(b, loc, ValueRange());
-}
+namespace {
 
 struct LowerLaunch : warp::impl::LowerLaunchBase<LowerLaunch> {
   void runOnOperation() override {

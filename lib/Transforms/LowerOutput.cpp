@@ -22,7 +22,15 @@ using namespace warp;
 // printf
 //===----------------------------------------------------------------------===//
 
-/// The format with the length of every conversion set to that of its argument.
+/// The conversion, if it suits an argument of this type, else one that does:
+/// no format may make `printf` read or write where there is nothing.
+static char suitConversion(char letter, mlir::Type type) {
+  if (isFloat(type))
+    return StringRef("aAeEfFgG").contains(letter) ? letter : 'f';
+  return StringRef("diuoxXc").contains(letter) ? letter : 'd';
+}
+
+/// The format with every conversion, and its length, made that of its argument.
 /// `letters` gets the conversion letter of each argument.
 static std::string rewriteFormat(StringRef format, TypeRange types,
                                  SmallVectorImpl<char> &letters) {
@@ -36,16 +44,20 @@ static std::string rewriteFormat(StringRef format, TypeRange types,
       continue;
     }
     while (++i < format.size() && !isalpha(format[i]))
-      text += format[i];
+      if (format[i] != '*')
+        text += format[i];
     while (i < format.size() && StringRef("hlLqjzt").contains(format[i]))
       ++i;
     if (i == format.size())
       break;
     size_t number = letters.size();
-    letters.push_back(format[i]);
-    if (number < types.size() && types[number].isInteger(64))
+    char letter = 'd';
+    if (number < types.size())
+      letter = suitConversion(format[i], types[number]);
+    if (number < types.size() && types[number].isInteger(64) && letter != 'c')
       text += "ll";
-    text += format[i];
+    letters.push_back(letter);
+    text += letter;
   }
   return text;
 }

@@ -49,14 +49,14 @@ func.func @rows(%a: !warp.array<3 x f32>, %s: f32) attributes {
 // Struct and vector arguments are read leaf by leaf from their C layout.
 // CHECK-LABEL: llvm.func @layout
 // CHECK-SAME: %[[BLOCK:[a-z0-9]+]]: !llvm.ptr
-// CHECK: warp.parameter %[[BLOCK]][24] : !llvm.ptr -> i1
-// CHECK: warp.parameter %[[BLOCK]][28] : !llvm.ptr -> f32
-// CHECK: warp.parameter %[[BLOCK]][32] : !llvm.ptr -> f32
-// CHECK: warp.parameter %[[BLOCK]][40] : !llvm.ptr -> !warp.array<1 x f32>
-// CHECK: warp.parameter %[[BLOCK]][96] : !llvm.ptr -> i64
+// CHECK: warp.parameter %[[BLOCK]][24] {name = "b"} : !llvm.ptr -> i1
+// CHECK: warp.parameter %[[BLOCK]][28] {name = "v"} : !llvm.ptr -> f32
+// CHECK: warp.parameter %[[BLOCK]][32] {name = "v"} : !llvm.ptr -> f32
+// CHECK: warp.parameter %[[BLOCK]][40] {name = "s.a"} : !llvm.ptr -> !warp.array<1 x f32>
+// CHECK: warp.parameter %[[BLOCK]][96] {name = "s.n"} : !llvm.ptr -> i64
 func.func @layout(%b: i1, %x: f32, %y: f32, %a: !warp.array<1 x f32>, %n: i64)
     attributes {warp.kernel, warp.rank = 1 : i64, warp.target = "cpu",
-      warp.arg_types = [i1, !warp.vec<2 x f32>,
+      warp.arg_names = ["b", "v", "s"], warp.arg_types = [i1, !warp.vec<2 x f32>,
         !warp.struct<"S", {a: !warp.array<1 x f32>, n: si64}>]} {
   return
 }

@@ -17,6 +17,16 @@ llvm.func @cpu(%block: !llvm.ptr, %a: i8, %b: i64, %c: i16, %d: f32)
 
 // -----
 
+// A conversion that does not suit its argument is replaced.
+// CHECK: @warp_text0("%f %lld %5d\00")
+llvm.func @unsuitable(%block: !llvm.ptr, %a: f64, %b: i64, %c: i32)
+    attributes {warp.entry} {
+  warp.printf "%d %s %*5n"(%a, %b, %c) : f64, i64, i32
+  llvm.return
+}
+
+// -----
+
 // The GPU gets a buffer.
 // CHECK: llvm.func @vprintf(!llvm.ptr, !llvm.ptr) -> i32
 // CHECK: llvm.mlir.global internal constant @warp_text0("%f\00") {addr_space = 1
