@@ -2,13 +2,14 @@
 # make demo    the particle demonstration: picture, work-precision plot
 # make test    every test; ends with 'N passed, N failed, N skipped'
 # make docs    refresh the generated references under docs/
-# make wheel  an optimised wheel in dist/
+# make bench   benchmarks/spine.py on an optimised build (build/release)
+# make wheel   an optimised wheel in dist/
 # Everything that is missing (packages, .venv, build) is set up first.
 
 SHELL := /bin/bash
 PYTHON := .venv/bin/python
 
-.PHONY: build demo test docs wheel device-bundle format clean
+.PHONY: build demo test release bench docs wheel device-bundle format clean
 
 build:
 	@scripts/setup.sh
@@ -22,11 +23,18 @@ test: build
 docs: build
 	@scripts/make_docs.sh
 
+release: build
+	@cmake --preset release -DPython_EXECUTABLE=$(CURDIR)/$(PYTHON) >/dev/null
+	@ninja -C build/release --quiet
+
+bench: release
+	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/spine.py $(BENCH_ARGS)
+
 wheel: build
 	@$(PYTHON) -m pip wheel -q --no-deps -w dist .
 
-device-bundle: build
-	@scripts/make_device_bundle.sh
+device-bundle: release
+	@scripts/make_device_bundle.sh build/release
 
 format:
 	@git ls-files '*.cpp' '*.h' | xargs -r clang-format-22 -i

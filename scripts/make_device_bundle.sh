@@ -2,16 +2,19 @@
 # build/device: what test/device/run.sh needs on a machine without LLVM and
 # without a network: libwarp.so (stripped, xz) and the generated Python files.
 # Everything else that it uses is in the source tree.
+#   make_device_bundle.sh [BUILD]   the build to take (default: build)
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 strip_tool=/usr/lib/llvm-22/bin/llvm-strip
-package=build/python/warp
+package=${1:-build}/python/warp
 bundle=build/device
 mkdir -p "$bundle"
-if [ ! "$bundle/libwarp.so.xz" -nt "$package/libwarp.so" ]; then
+if [ ! "$bundle/libwarp.so.xz" -nt "$package/libwarp.so" ] ||
+  [ "$package" != "$(cat "$bundle/origin" 2>/dev/null)" ]; then
   "$strip_tool" -o "$bundle/libwarp.so" "$package/libwarp.so"
   xz -T0 -4 -f "$bundle/libwarp.so"
+  echo "$package" >"$bundle/origin"
 fi
 cp "$package/_src/builtin_table.py" "$package/__init__.pyi" "$bundle/"
 du -ch "$bundle"/* | sed 's/^/device bundle: /'

@@ -122,8 +122,8 @@ std::optional<int> emitMain(int argc, char **argv) {
     std::string argument = argv[i];
     if (consumePrefix(argument, "--warp-emit="))
       stage = argument;
-    else if (!consumePrefix(argument, "--warp-options="))
-      input = argument;
+    else if (argument == "-" || argument[0] != '-')
+      input = argument; // Other options, as --verify-roundtrip, have no say.
   }
   if (stage.empty())
     return std::nullopt;
