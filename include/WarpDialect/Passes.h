@@ -23,11 +23,14 @@ constexpr llvm::StringLiteral flat = "warp.flat";
 constexpr llvm::StringLiteral debug = "warp.debug";
 constexpr llvm::StringLiteral fastMath = "warp.fast_math";
 constexpr llvm::StringLiteral blockDim = "warp.block_dim";
+constexpr llvm::StringLiteral large = "warp.large";
 constexpr llvm::StringLiteral threads = "warp.threads";
 /// Rough operations of one thread, which the compiler estimates.
 constexpr llvm::StringLiteral cost = "warp.cost";
 /// What follows for the code: one thread runs the launch.
 constexpr llvm::StringLiteral exclusive = "warp.exclusive";
+/// GPU: launch indices that one thread takes; 1 without.
+constexpr llvm::StringLiteral items = "warp.items";
 /// The function that a launch calls, once warp-lower-launch has made it.
 constexpr llvm::StringLiteral entry = "warp.entry";
 /// Places that error records refer to by number.

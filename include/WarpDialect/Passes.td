@@ -58,6 +58,8 @@ def Specialize : WarpPass<"warp-specialize"> {
     Option<"fastMath", "fast-math", "bool", "false",
            "Reassociate, and approximate math functions">,
     Option<"blockDim", "block-dim", "int64_t", "256", "Threads of a GPU block">,
+    Option<"large", "large", "bool", "false",
+           "GPU: the launch fills the card many times over">,
     Option<"threads", "threads", "int64_t", "16",
            "CPU: threads that would share the launch">,
   ];

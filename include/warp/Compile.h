@@ -39,6 +39,9 @@ struct CompileOptions {
   bool index32 = true;
   /// GPU: a linear thread index instead of one grid axis per dimension.
   bool flat = false;
+  /// GPU: the launch fills the card many times over, so a thread may take
+  /// several items.
+  bool large = false;
   /// Bounds checks that report through the error record.
   bool debug = false;
   bool fastMath = false;
@@ -69,6 +72,8 @@ struct Code {
   /// Rough operations of one thread; loops count 32 times their body.
   double cost = 0;
   bool usesPrintf = false;
+  /// GPU: launch indices that one thread takes.
+  int items = 1;
   /// CPU: the code updates elements without atomic instructions, because so
   /// few threads would lose more by those than they gain. It must have the
   /// arrays to itself and run on one thread.

@@ -39,6 +39,7 @@ public:
   bool usesPrintf = false;
   bool straightLine = false;
   bool exclusive = false;
+  int items = 1;
   std::map<std::string, double> phaseMs;
 
   /// Stage texts go to the folder that WARP_DUMP names.

@@ -229,6 +229,8 @@ void Compilation::collectFacts(ModuleOp module) {
       continue;
     entry = function.getName().str();
     exclusive = function->hasAttr(attr::exclusive);
+    if (auto count = function->getAttrOfType<IntegerAttr>(attr::items))
+      items = int(count.getInt());
     auto table = function->getAttrOfType<ArrayAttr>(attr::sites);
     if (!table)
       continue;

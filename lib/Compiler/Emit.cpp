@@ -32,6 +32,7 @@ warp::Code warp::compile(const Module &module, const CompileOptions &options) {
   code.cost = run.cost;
   code.usesPrintf = run.usesPrintf;
   code.exclusive = run.exclusive;
+  code.items = run.items;
   code.phaseMs = std::move(run.phaseMs);
   return code;
 }
@@ -68,7 +69,7 @@ static std::string describe(const warp::CompileOptions &options) {
   stream << options.target << ' ' << options.rank << ' ' << options.contiguous
          << ' ' << options.index32 << options.flat << options.debug
          << options.fastMath << options.lineinfo << ' ' << options.optLevel
-         << ' ' << options.blockDim << ' ' << options.threads << ' '
+         << ' ' << options.blockDim << ' ' << options.large << ' ' << options.threads << ' '
          << options.maxRegisters << '\n';
   if (!warp::isGpu(options))
     stream << warp::describeCpu(options) << '\n';

@@ -36,6 +36,7 @@ void warp::addSpecialize(OpPassManager &pm, const CompileOptions &options) {
   facts.contiguous = options.contiguous;
   facts.index32 = options.index32;
   facts.flat = options.flat;
+  facts.large = options.large;
   facts.debug = options.debug;
   facts.fastMath = options.fastMath;
   facts.blockDim = options.blockDim;

@@ -102,6 +102,7 @@ std::string warp::serialize(const std::string &key, const Code &code) {
   payload.number(code.cost);
   payload.number<uint8_t>(code.usesPrintf);
   payload.number<uint8_t>(code.exclusive);
+  payload.number<int32_t>(code.items);
   payload.number<uint64_t>(code.sites.size());
   for (const Site &site : code.sites) {
     payload.string(site.kernel);
@@ -143,6 +144,7 @@ std::optional<Code> warp::deserialize(const std::string &key,
   code.cost = reader.number<double>();
   code.usesPrintf = reader.number<uint8_t>();
   code.exclusive = reader.number<uint8_t>();
+  code.items = reader.number<int32_t>();
   auto sites = reader.number<uint64_t>();
   for (uint64_t i = 0; i < sites && reader.ok(); ++i) {
     Site site;

@@ -101,6 +101,7 @@ void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,
   LaunchHeader header;
   std::memcpy(&header, params, sizeof(header));
   Shape shape = shapeOf(header.dim, key.rank, key.flat, key.blockDim);
+  shape.grid.x = ceilDivide(shape.grid.x, variant.code.items);
   if (shape.grid.x > maxGridX)
     throw Error(Error::Kind::LaunchValue,
                 "launch('" + name + "'): expects at most 2^31 - 1 blocks of " +

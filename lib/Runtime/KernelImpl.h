@@ -18,12 +18,13 @@ struct VariantKey {
   int rank = 1;
   bool index32 = true;
   bool flat = false;
+  bool large = false;
   int blockDim = 0;
   uint64_t contiguous = 0;
 
   bool operator==(const VariantKey &other) const {
     return device == other.device && rank == other.rank &&
-           index32 == other.index32 && flat == other.flat &&
+           index32 == other.index32 && flat == other.flat && large == other.large &&
            blockDim == other.blockDim && contiguous == other.contiguous;
   }
 };

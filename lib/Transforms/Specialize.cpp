@@ -65,6 +65,7 @@ struct Specialize : warp::impl::SpecializeBase<Specialize> {
     };
     setFlag(warp::attr::index32, index32);
     setFlag(warp::attr::flat, flat);
+    setFlag(warp::attr::large, large);
     setFlag(warp::attr::debug, debug);
     setFlag(warp::attr::fastMath, fastMath);
   }

@@ -46,6 +46,8 @@ struct PipelineOptions : PassPipelineOptions<PipelineOptions> {
                      llvm::cl::desc("Check bounds and assertions")};
   Option<bool> fastMath{*this, "fast-math", llvm::cl::init(false),
                         llvm::cl::desc("Approximate")};
+  Option<bool> large{*this, "large", llvm::cl::init(false),
+                     llvm::cl::desc("The launch fills the GPU many times over")};
   Option<int> threads{*this, "threads", llvm::cl::init(16),
                       llvm::cl::desc("Threads that would share a CPU launch")};
   Option<int> blockDim{*this, "block-dim", llvm::cl::init(256),
@@ -65,6 +67,7 @@ static void addPipeline(OpPassManager &pm, const PipelineOptions &given) {
   options.fastMath = given.fastMath;
   options.blockDim = given.blockDim;
   options.threads = given.threads;
+  options.large = given.large;
   warp::Phase last = given.toWarp     ? warp::Phase::Warp
                      : given.toThread ? warp::Phase::Thread
                                       : warp::Phase::LLVM;
