@@ -33,8 +33,12 @@ def define_saxpy():
 def define_integrate():
     @alone
     def integrate(
-        x: wp.array(dtype=wp.vec3), v: wp.array(dtype=wp.vec3), f: wp.array(dtype=wp.vec3),
-        w: wp.array(dtype=float), gravity: wp.vec3, dt: float,
+        x: wp.array(dtype=wp.vec3),
+        v: wp.array(dtype=wp.vec3),
+        f: wp.array(dtype=wp.vec3),
+        w: wp.array(dtype=float),
+        gravity: wp.vec3,
+        dt: float,
     ):
         tid = wp.tid()
         x0 = x[tid]
@@ -75,8 +79,13 @@ def define_nbody():
 def define_springs():
     @alone
     def springs(
-        x: wp.array(dtype=wp.vec3), v: wp.array(dtype=wp.vec3), idx: wp.array(dtype=int),
-        rest: wp.array(dtype=float), f: wp.array(dtype=wp.vec3), ke: float, kd: float,
+        x: wp.array(dtype=wp.vec3),
+        v: wp.array(dtype=wp.vec3),
+        idx: wp.array(dtype=int),
+        rest: wp.array(dtype=float),
+        f: wp.array(dtype=wp.vec3),
+        ke: float,
+        kd: float,
     ):
         t = wp.tid()
         i = idx[t * 2 + 0]
@@ -99,9 +108,9 @@ def define_mandelbrot():
         i, j = wp.tid()
         cx = float(j) / float(w) * 3.0 - 2.0
         cy = float(i) / float(h) * 2.0 - 1.0
-        zx = float(0.0)
-        zy = float(0.0)
-        k = int(0)
+        zx = 0.0
+        zy = 0.0
+        k = 0
         while k < iters and zx * zx + zy * zy < 4.0:
             t = zx * zx - zy * zy + cx
             zy = 2.0 * zx * zy + cy
@@ -125,7 +134,9 @@ def define_mat33():
 def define_four_arrays():
     @alone
     def four(
-        a: wp.array(dtype=float), b: wp.array(dtype=float), c: wp.array(dtype=float),
+        a: wp.array(dtype=float),
+        b: wp.array(dtype=float),
+        c: wp.array(dtype=float),
         d: wp.array(dtype=float),
     ):
         i = wp.tid()
@@ -221,8 +232,11 @@ def throughput(device, seconds, scale):
     b = wp.zeros_like(a)
     copy = steady(lambda: wp.copy(b, a), device, seconds, batch)
     return {
-        "saxpy": 12 * scale / saxpy, "saxpy_bytes": 12 * scale, "integrate": 64 * n / step,
-        "integrate_bytes": 64 * n, "copy": 8 * a.shape[0] / copy,
+        "saxpy": 12 * scale / saxpy,
+        "saxpy_bytes": 12 * scale,
+        "integrate": 64 * n / step,
+        "integrate_bytes": 64 * n,
+        "copy": 8 * a.shape[0] / copy,
     }
 
 
@@ -241,9 +255,7 @@ def measure_arithmetic(device, seconds):
     n = 16384 if "cuda" in device else 2048
     x, a = arrays(device, n, wp.vec3, wp.vec3)
     nbody = define_nbody()
-    pairs = steady(
-        lambda: wp.launch(nbody, n, [x, a, n, 1e-4], device=device), device, seconds
-    )
+    pairs = steady(lambda: wp.launch(nbody, n, [x, a, n, 1e-4], device=device), device, seconds)
     m = 1 << (26 if "cuda" in device else 22)
     x, y = arrays(device, m, float, float)
     math = define_math()

@@ -136,9 +136,7 @@ def cpu_bandwidth_rows(runner, native):
             text += f", with streaming stores {streaming / 1e9:.1f}"
             if peer:
                 text += f"; peer {peer[name] / 1e9:.1f}"
-            rows.append(
-                Row(f"{name}, {label}, of triad", f">= {goal:.0%}", text, share >= goal)
-            )
+            rows.append(Row(f"{name}, {label}, of triad", f">= {goal:.0%}", text, share >= goal))
     return rows
 
 
@@ -223,9 +221,9 @@ def measure(device, options, native):
     cpu = device == "cpu"
     sections = {
         "compile": lambda: compile_rows(runner),
-        "bandwidth": lambda: cpu_bandwidth_rows(runner, native)
-        if cpu
-        else cuda_bandwidth_rows(runner),
+        "bandwidth": lambda: (
+            cpu_bandwidth_rows(runner, native) if cpu else cuda_bandwidth_rows(runner)
+        ),
         "math": lambda: arithmetic_rows(runner),
         "launch": lambda: launch_rows(runner, native),
         "start": lambda: start_rows(runner),

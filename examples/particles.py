@@ -18,12 +18,12 @@ import time
 from pathlib import Path
 
 import numpy as np
-import particles_precision as precision
-from particles_kernels import emit, make_kernels
-from particles_plots import fountain, work_precision
 from tqdm import tqdm
 
+import particles_precision as precision
 import warp as wp
+from particles_kernels import emit, make_kernels
+from particles_plots import fountain, work_precision
 
 OUTPUT = Path(__file__).resolve().parent.parent / "build" / "demo"
 # `integrate` reads x, v, f (vec3) and w, and writes x and v.
@@ -67,7 +67,10 @@ class Fountain:
         inputs = [self.x, self.v, self.start, self.time, dt, self.steps, self.jets, self.speed]
         wp.launch(emit, self.count, inputs, device=self.device)
         wp.launch(
-            self.kernels.drag, self.count, [self.v, self.drag, self.wind], [self.f],
+            self.kernels.drag,
+            self.count,
+            [self.v, self.drag, self.wind],
+            [self.f],
             device=self.device,
         )
         self.integrate(dt)
@@ -123,44 +126,51 @@ def compile_times(device):
     return tuple(float(run.stdout.split()[-1]) for run in runs)
 
 
-def demonstrate(device, particles, duration, dt, cloud, step_sizes):
+def demonstrate(device, options, step_sizes):
     """Everything for one device; the report as Markdown."""
+    particles, output = options.particles, options.output
     name = device.replace(":", "")
     cold, warm = compile_times(device)
     simulation = Fountain(particles, device)
     simulation.step(0.0)
     wp.synchronize_device(device)
     begin = time.perf_counter()
-    for _ in tqdm(range(round(duration / dt)), desc=f"fountain on {device}", unit="step"):
-        simulation.step(dt)
+    steps = round(options.duration / options.dt)
+    for _ in tqdm(range(steps), desc=f"fountain on {device}", unit="step"):
+        simulation.step(options.dt)
     wp.synchronize_device(device)
     seconds = time.perf_counter() - begin
     rate = simulation.steps * particles / seconds
     kernel, copy = bandwidth(simulation)
 
     title = f"{particles:,} droplets after {simulation.time:.1f} s on {device}"
-    fountain(
-        simulation.x.numpy(), simulation.v.numpy(), OUTPUT / f"fountain_{name}.png", title
-    )
-    runs = precision.sweep(device, cloud, step_sizes)
-    precision.write_csv(runs, OUTPUT / f"work_precision_{name}.csv")
+    fountain(simulation.x.numpy(), simulation.v.numpy(), output / f"fountain_{name}.png", title)
+    runs = precision.sweep(device, options.cloud, step_sizes)
+    precision.write_csv(runs, output / f"work_precision_{name}.csv")
     work_precision(
-        runs, OUTPUT / f"work_precision_{name}.png",
-        f"{cloud:,} droplets with linear drag, 1 s on {device}: error against the exact solution",
+        runs,
+        output / f"work_precision_{name}.png",
+        f"{options.cloud:,} droplets with drag, 1 s on {device}: error against exact solution",
     )
-    report = "\n".join([
-        f"## {device} ({wp.get_device(device).name})", "",
-        "| | |", "|---|---|",
-        f"| first launch of `integrate`, empty cache | {1e3 * cold:.1f} ms |",
-        f"| first launch of `integrate`, from the cache | {1e3 * warm:.1f} ms |",
-        f"| fountain, {simulation.steps} steps of 3 kernels | {seconds:.2f} s,"
-        f" {rate / 1e6:.0f} M particle steps per second |",
-        f"| `integrate`, {BYTES_PER_PARTICLE} bytes per particle | {kernel / 1e9:.1f} GB/s |",
-        f"| memory copy (read + written) | {copy / 1e9:.1f} GB/s |",
-        f"| share of the copy's bandwidth | {kernel / copy:.0%} |",
-        "", precision.table(runs), "",
-    ])
-    (OUTPUT / f"report_{name}.md").write_text(report, encoding="utf-8")
+    report = "\n".join(
+        [
+            f"## {device} ({wp.get_device(device).name})",
+            "",
+            "| | |",
+            "|---|---|",
+            f"| first launch of `integrate`, empty cache | {1e3 * cold:.1f} ms |",
+            f"| first launch of `integrate`, from the cache | {1e3 * warm:.1f} ms |",
+            f"| fountain, {simulation.steps} steps of 3 kernels | {seconds:.2f} s,"
+            f" {rate / 1e6:.0f} M particle steps per second |",
+            f"| `integrate`, {BYTES_PER_PARTICLE} bytes per particle | {kernel / 1e9:.1f} GB/s |",
+            f"| memory copy (read + written) | {copy / 1e9:.1f} GB/s |",
+            f"| share of the copy's bandwidth | {kernel / copy:.0%} |",
+            "",
+            precision.table(runs),
+            "",
+        ]
+    )
+    (output / f"report_{name}.md").write_text(report, encoding="utf-8")
     return report
 
 
@@ -173,6 +183,7 @@ def main():
     parser.add_argument("--dt", type=float, default=1.0 / 120.0, help="of the fountain [s]")
     parser.add_argument("--cloud", type=int, default=16384, help="droplets of the error study")
     parser.add_argument("--quick", action="store_true", help="a small run that takes seconds")
+    parser.add_argument("--output", type=Path, default=OUTPUT, help="folder of the pictures")
     parser.add_argument("--compile-once", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
 
@@ -185,13 +196,11 @@ def main():
     if options.quick:
         options.particles, options.duration, options.cloud = 20_000, 1.5, 512
         step_sizes = step_sizes[:5]
-    OUTPUT.mkdir(parents=True, exist_ok=True)
+    options.output.mkdir(parents=True, exist_ok=True)
     devices = [options.device] if options.device else [d.alias for d in wp.get_devices()]
     for device in devices:
-        print(demonstrate(
-            device, options.particles, options.duration, options.dt, options.cloud, step_sizes
-        ))
-    print(f"pictures and tables: {OUTPUT}")
+        print(demonstrate(device, options, step_sizes))
+    print(f"pictures and tables: {options.output}")
 
 
 if __name__ == "__main__":

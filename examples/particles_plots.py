@@ -7,6 +7,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import LinearSegmentedColormap, to_rgb
 from matplotlib.lines import Line2D
+
 from particles_precision import DRAGS, PRECISIONS, SCHEMES, curves
 
 NIGHT = "#070b18"
@@ -41,8 +42,11 @@ def fountain(x, v, path, title, resolution=(900, 480), view=((-7.0, 8.0), (0.0, 
 
     figure, axes = plt.subplots(figsize=(11, 6.0), dpi=150, layout="constrained")
     axes.imshow(
-        image.transpose(1, 0, 2), origin="lower", interpolation="bilinear",
-        extent=(*view[0], *view[1]), aspect="equal",
+        image.transpose(1, 0, 2),
+        origin="lower",
+        interpolation="bilinear",
+        extent=(*view[0], *view[1]),
+        aspect="equal",
     )
     axes.set(xlabel="x [m]", ylabel="height [m]", title=title)
     colourbar = figure.colorbar(
@@ -59,8 +63,12 @@ def _guides(axes, sizes):
     for order, level in ((1, 3e-5), (2, 3e-10)):
         axes.plot(span, level * (span / span[0]) ** order, color="#999999", linewidth=0.8, zorder=0)
         axes.annotate(
-            f"order {order}", (span[0], level), xytext=(14, -6), textcoords="offset points",
-            color="#777777", fontsize=8,
+            f"order {order}",
+            (span[0], level),
+            xytext=(14, -6),
+            textcoords="offset points",
+            color="#777777",
+            fontsize=8,
         )
 
 
@@ -102,8 +110,15 @@ def work_precision(runs, path, title):
     grid[0, 0].set_title("error over step size")
     grid[0, 1].set_title("work-precision")
     handles = [
-        Line2D([], [], color=COLOURS[scheme], linestyle=line, marker=marker,
-               markerfacecolor="white", label=f"{scheme}, {precision}")
+        Line2D(
+            [],
+            [],
+            color=COLOURS[scheme],
+            linestyle=line,
+            marker=marker,
+            markerfacecolor="white",
+            label=f"{scheme}, {precision}",
+        )
         for scheme in SCHEMES
         for precision, (line, marker) in STYLES.items()
     ]

@@ -7,16 +7,17 @@ as unstable.
 """
 
 import csv
+import itertools
 import math
 import statistics
 import time
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from particles_kernels import exact_flight, make_kernels
 from tqdm import tqdm
 
 import warp as wp
+from particles_kernels import exact_flight, make_kernels
 
 GRAVITY = (0.0, -9.81, 0.0)
 WIND = (3.0, 0.0, 1.5)
@@ -126,8 +127,14 @@ def sweep(device, count, step_sizes=STEP_SIZES, repeats=3, budget=0.4):
                         stable = math.isfinite(error) and error < 1.0
                         runs.append(
                             Run(
-                                drag, scheme, precision, END_TIME / steps, steps,
-                                min(times), error if stable else math.nan, stable,
+                                drag,
+                                scheme,
+                                precision,
+                                END_TIME / steps,
+                                steps,
+                                min(times),
+                                error if stable else math.nan,
+                                stable,
                             )
                         )
                         bar.update()
@@ -165,7 +172,7 @@ def observed_order(group):
     """
     floor = ROUNDING_FLOOR[group[0].precision]
     slopes = []
-    for a, b in zip(group, group[1:]):
+    for a, b in itertools.pairwise(group):
         if a.stable and b.stable and floor < b.error < a.error < 0.1:
             slopes.append(math.log(a.error / b.error) / math.log(a.step_size / b.step_size))
     return statistics.median(slopes) if slopes else None

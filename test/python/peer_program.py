@@ -36,9 +36,14 @@ def record(kernel, inputs, **outputs):
 
 @wp.kernel
 def integers(
-    a: wp.array(dtype=int), b: wp.array(dtype=int), int_div: wp.array(dtype=int),
-    int_floordiv: wp.array(dtype=int), int_mod: wp.array(dtype=int), int_shift: wp.array(dtype=int),
-    int_bits: wp.array(dtype=int), int_sign: wp.array(dtype=int),
+    a: wp.array(dtype=int),
+    b: wp.array(dtype=int),
+    int_div: wp.array(dtype=int),
+    int_floordiv: wp.array(dtype=int),
+    int_mod: wp.array(dtype=int),
+    int_shift: wp.array(dtype=int),
+    int_bits: wp.array(dtype=int),
+    int_sign: wp.array(dtype=int),
 ):
     i = wp.tid()
     x = a[i]
@@ -53,10 +58,15 @@ def integers(
 
 @wp.kernel
 def floats(
-    a: wp.array(dtype=float), b: wp.array(dtype=float), min_max: wp.array(dtype=wp.vec2),
-    rounding: wp.array(dtype=wp.vec4), floor_ceil: wp.array(dtype=wp.vec3),
-    signs: wp.array(dtype=wp.vec4), remainder: wp.array(dtype=wp.vec2),
-    blend: wp.array(dtype=wp.vec2), clamped: wp.array(dtype=float),
+    a: wp.array(dtype=float),
+    b: wp.array(dtype=float),
+    min_max: wp.array(dtype=wp.vec2),
+    rounding: wp.array(dtype=wp.vec4),
+    floor_ceil: wp.array(dtype=wp.vec3),
+    signs: wp.array(dtype=wp.vec4),
+    remainder: wp.array(dtype=wp.vec2),
+    blend: wp.array(dtype=wp.vec2),
+    clamped: wp.array(dtype=float),
     tests: wp.array(dtype=wp.vec3),
 ):
     i = wp.tid()
@@ -81,9 +91,12 @@ def clamped_domains(a: wp.array(dtype=wp.vec3), inverse_trig: wp.array(dtype=wp.
 
 @wp.kernel
 def vectors(
-    a: wp.array(dtype=wp.vec3), mat_row_major: wp.array(dtype=wp.mat33),
-    skew_matrix: wp.array(dtype=wp.mat33), products: wp.array(dtype=wp.vec3),
-    picks: wp.array(dtype=wp.vec4), zero_normal: wp.array(dtype=wp.vec3),
+    a: wp.array(dtype=wp.vec3),
+    mat_row_major: wp.array(dtype=wp.mat33),
+    skew_matrix: wp.array(dtype=wp.mat33),
+    products: wp.array(dtype=wp.vec3),
+    picks: wp.array(dtype=wp.vec4),
+    zero_normal: wp.array(dtype=wp.vec3),
 ):
     i = wp.tid()
     v = a[i]
@@ -99,10 +112,15 @@ def vectors(
 
 @wp.kernel
 def quaternions(
-    a: wp.array(dtype=wp.vec3), product: wp.array(dtype=wp.quat), rpy: wp.array(dtype=wp.quat),
-    slerp: wp.array(dtype=wp.quat), from_matrix: wp.array(dtype=wp.quat),
-    axis_angle: wp.array(dtype=wp.vec4), rotated: wp.array(dtype=wp.vec3),
-    matrix: wp.array(dtype=wp.mat33), identity: wp.array(dtype=wp.quat),
+    a: wp.array(dtype=wp.vec3),
+    product: wp.array(dtype=wp.quat),
+    rpy: wp.array(dtype=wp.quat),
+    slerp: wp.array(dtype=wp.quat),
+    from_matrix: wp.array(dtype=wp.quat),
+    axis_angle: wp.array(dtype=wp.vec4),
+    rotated: wp.array(dtype=wp.vec3),
+    matrix: wp.array(dtype=wp.mat33),
+    identity: wp.array(dtype=wp.quat),
 ):
     i = wp.tid()
     v = a[i]
@@ -133,8 +151,12 @@ def transforms(
 
 @wp.kernel
 def randoms(
-    uniform: wp.array(dtype=float), ranged: wp.array(dtype=float), normal: wp.array(dtype=float),
-    integer: wp.array(dtype=int), bounded: wp.array(dtype=int), raw: wp.array(dtype=wp.uint32),
+    uniform: wp.array(dtype=float),
+    ranged: wp.array(dtype=float),
+    normal: wp.array(dtype=float),
+    integer: wp.array(dtype=int),
+    bounded: wp.array(dtype=int),
+    raw: wp.array(dtype=wp.uint32),
     seeded: wp.array(dtype=wp.uint32),
 ):
     i = wp.tid()
@@ -150,27 +172,60 @@ def randoms(
 
 
 record(
-    integers, [array(INTS, int), array(NONZERO.astype(np.int32), int)], int_div=int,
-    int_floordiv=int, int_mod=int, int_shift=int, int_bits=int, int_sign=int,
+    integers,
+    [array(INTS, int), array(NONZERO.astype(np.int32), int)],
+    int_div=int,
+    int_floordiv=int,
+    int_mod=int,
+    int_shift=int,
+    int_bits=int,
+    int_sign=int,
 )
 record(
-    floats, [array(FLOATS, float), array(OTHERS, float)], min_max=wp.vec2, rounding=wp.vec4,
-    floor_ceil=wp.vec3, signs=wp.vec4, remainder=wp.vec2, blend=wp.vec2, clamped=float,
+    floats,
+    [array(FLOATS, float), array(OTHERS, float)],
+    min_max=wp.vec2,
+    rounding=wp.vec4,
+    floor_ceil=wp.vec3,
+    signs=wp.vec4,
+    remainder=wp.vec2,
+    blend=wp.vec2,
+    clamped=float,
     tests=wp.vec3,
 )
 finite = array(FINITE, wp.vec3)
 record(clamped_domains, [finite], inverse_trig=wp.vec3)
 record(
-    vectors, [finite], mat_row_major=wp.mat33, skew_matrix=wp.mat33, products=wp.vec3,
-    picks=wp.vec4, zero_normal=wp.vec3,
+    vectors,
+    [finite],
+    mat_row_major=wp.mat33,
+    skew_matrix=wp.mat33,
+    products=wp.vec3,
+    picks=wp.vec4,
+    zero_normal=wp.vec3,
 )
 record(
-    quaternions, [finite], product=wp.quat, rpy=wp.quat, slerp=wp.quat, from_matrix=wp.quat,
-    axis_angle=wp.vec4, rotated=wp.vec3, matrix=wp.mat33, identity=wp.quat,
+    quaternions,
+    [finite],
+    product=wp.quat,
+    rpy=wp.quat,
+    slerp=wp.quat,
+    from_matrix=wp.quat,
+    axis_angle=wp.vec4,
+    rotated=wp.vec3,
+    matrix=wp.mat33,
+    identity=wp.quat,
 )
 record(transforms, [finite], moved=wp.vec3, pose=wp.transform)
 record(
-    randoms, [], uniform=float, ranged=float, normal=float, integer=int, bounded=int,
-    raw=wp.uint32, seeded=wp.uint32,
+    randoms,
+    [],
+    uniform=float,
+    ranged=float,
+    normal=float,
+    integer=int,
+    bounded=int,
+    raw=wp.uint32,
+    seeded=wp.uint32,
 )
 np.savez(sys.argv[1], **results)

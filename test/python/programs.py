@@ -21,7 +21,9 @@ def start(path, *arguments, **environment):
     return subprocess.Popen(
         [sys.executable, str(path), *map(str, arguments)],
         env=os.environ | {name: str(value) for name, value in environment.items()},
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     )
 
 

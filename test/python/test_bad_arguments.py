@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from warp._src import errors
 
 import warp as wp
+from warp._src import errors
 
 
 @wp.kernel

@@ -6,8 +6,9 @@ import signal
 import time
 from pathlib import Path
 
-import programs
 import pytest
+
+import programs
 
 PROGRAM = programs.write_program("""
 import sys
@@ -63,8 +64,12 @@ def damage_flip(content):
 
 def damage_foreign(content):
     return [
-        b"\x7fELF" + os.urandom(500), b"{}", b"not a cache entry\n", bytes(len(content)),
-        content + b"more", content + content,
+        b"\x7fELF" + os.urandom(500),
+        b"{}",
+        b"not a cache entry\n",
+        bytes(len(content)),
+        content + b"more",
+        content + content,
     ]
 
 

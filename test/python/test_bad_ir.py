@@ -4,12 +4,12 @@ import random
 import subprocess
 from pathlib import Path
 
-import programs
 import pytest
+
+import programs
+import warp as wp
 from warp import _native
 from warp._src import errors
-
-import warp as wp
 
 ROOT = Path(__file__).resolve().parents[2]
 WARP_OPT = ROOT / "build" / "bin" / "warp-opt"
@@ -40,8 +40,10 @@ def test_library_refuses_malformed_text(name):
 @pytest.mark.parametrize("name", MALFORMED)
 def test_warp_opt_refuses_malformed_text(name):
     run = subprocess.run(
-        [WARP_OPT, "--warp-pipeline=to-llvm", "-"], input=MALFORMED[name].encode(),
-        capture_output=True, timeout=60,
+        [WARP_OPT, "--warp-pipeline=to-llvm", "-"],
+        input=MALFORMED[name].encode(),
+        capture_output=True,
+        timeout=60,
     )
     assert run.returncode == 1, run.stderr.decode()
     assert b"error:" in run.stderr

@@ -3,9 +3,9 @@
 import typing
 
 import pytest
-from warp._src import errors
 
 import warp as wp
+from warp._src import errors
 
 
 def refused(define, *words, kind=errors.WarpCodegenError, inputs=()):
@@ -157,7 +157,7 @@ def test_variable_changes_type_in_a_loop():
         def kernel(n: int):
             x = 1
             for k in range(n):  # here
-                x = wp.vec3(1.0, 2.0, 3.0)  # here
+                x = wp.vec3(float(k), 2.0, 3.0)  # here
 
         return kernel
 
@@ -349,8 +349,10 @@ def test_constructs_outside_the_language():
         "loop over a value": "for k in wp.vec3():\n        x = k",
     }
     for name, body in bodies.items():
-        assert_refused_source(name, f"import warp as wp\nGLOBAL_LIST = [1, 2]\n\n"
-                              f"@wp.kernel\ndef kernel():\n    {body}\n")
+        assert_refused_source(
+            name,
+            f"import warp as wp\nGLOBAL_LIST = [1, 2]\n\n@wp.kernel\ndef kernel():\n    {body}\n",
+        )
 
 
 def assert_refused_source(name, source):

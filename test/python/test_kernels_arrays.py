@@ -252,8 +252,14 @@ def test_chained_launches_run_in_order(device):
 
 def test_integer_element_types_keep_their_width(device):
     for dtype, numpy_type in [
-        (wp.int8, np.int8), (wp.uint8, np.uint8), (wp.int16, np.int16), (wp.uint16, np.uint16),
-        (wp.int32, np.int32), (wp.uint32, np.uint32), (wp.int64, np.int64), (wp.uint64, np.uint64),
+        (wp.int8, np.int8),
+        (wp.uint8, np.uint8),
+        (wp.int16, np.int16),
+        (wp.uint16, np.uint16),
+        (wp.int32, np.int32),
+        (wp.uint32, np.uint32),
+        (wp.int64, np.int64),
+        (wp.uint64, np.uint64),
     ]:
 
         @wp.kernel

@@ -1,9 +1,9 @@
 """Atomics, random numbers and printing."""
 
 import numpy as np
-import programs
 import pytest
 
+import programs
 import warp as wp
 
 
@@ -13,8 +13,11 @@ import warp as wp
 def test_contended_atomics(device, dtype):
     @wp.kernel
     def kernel(
-        x: wp.array(dtype=dtype), total: wp.array(dtype=dtype), left: wp.array(dtype=dtype),
-        low: wp.array(dtype=dtype), high: wp.array(dtype=dtype),
+        x: wp.array(dtype=dtype),
+        total: wp.array(dtype=dtype),
+        left: wp.array(dtype=dtype),
+        low: wp.array(dtype=dtype),
+        high: wp.array(dtype=dtype),
     ):
         i = wp.tid()
         wp.atomic_add(total, 0, x[i])
@@ -75,8 +78,13 @@ def pcg(state):
 def test_random_numbers_follow_the_published_generator(device):
     @wp.kernel
     def kernel(
-        seed: int, i0: wp.array(dtype=int), i1: wp.array(dtype=int), f0: wp.array(dtype=float),
-        f1: wp.array(dtype=float), u0: wp.array(dtype=wp.uint32), g0: wp.array(dtype=float),
+        seed: int,
+        i0: wp.array(dtype=int),
+        i1: wp.array(dtype=int),
+        f0: wp.array(dtype=float),
+        f1: wp.array(dtype=float),
+        u0: wp.array(dtype=wp.uint32),
+        g0: wp.array(dtype=float),
     ):
         i = wp.tid()
         state = wp.rand_init(seed, i)

@@ -29,7 +29,9 @@ def test_vector_algebra(device, real, numpy_type, tolerance):
 
     @wp.kernel
     def kernel(
-        a: wp.array(dtype=vec3), b: wp.array(dtype=vec3), v: wp.array(dtype=vec3),
+        a: wp.array(dtype=vec3),
+        b: wp.array(dtype=vec3),
+        v: wp.array(dtype=vec3),
         s: wp.array(dtype=real),
     ):
         i = wp.tid()
@@ -55,8 +57,12 @@ def test_square_matrices(device, n, real, numpy_type, tolerance):
 
     @wp.kernel
     def kernel(
-        a: wp.array(dtype=mat), b: wp.array(dtype=mat), v: wp.array(dtype=vec),
-        inv: wp.array(dtype=mat), prod: wp.array(dtype=mat), mv: wp.array(dtype=vec),
+        a: wp.array(dtype=mat),
+        b: wp.array(dtype=mat),
+        v: wp.array(dtype=vec),
+        inv: wp.array(dtype=mat),
+        prod: wp.array(dtype=mat),
+        mv: wp.array(dtype=vec),
         det: wp.array(dtype=real),
     ):
         i = wp.tid()
@@ -91,8 +97,11 @@ def test_rectangular_and_large_matrices(device):
 
     @wp.kernel
     def kernel(
-        a: wp.array(dtype=mat23), b: wp.array(dtype=mat34), v: wp.array(dtype=vec7),
-        out: wp.array(dtype=mat24), w: wp.array(dtype=vec7),
+        a: wp.array(dtype=mat23),
+        b: wp.array(dtype=mat34),
+        v: wp.array(dtype=vec7),
+        out: wp.array(dtype=mat24),
+        w: wp.array(dtype=vec7),
     ):
         i = wp.tid()
         out[i] = a[i] * b[i]
@@ -147,9 +156,13 @@ def test_assignment_copies_values(device):
 def test_quaternion_rotation(device):
     @wp.kernel
     def kernel(
-        axis: wp.array(dtype=wp.vec3), angle: wp.array(dtype=float), v: wp.array(dtype=wp.vec3),
-        rotated: wp.array(dtype=wp.vec3), by_matrix: wp.array(dtype=wp.vec3),
-        back: wp.array(dtype=wp.vec3), twice: wp.array(dtype=wp.vec3),
+        axis: wp.array(dtype=wp.vec3),
+        angle: wp.array(dtype=float),
+        v: wp.array(dtype=wp.vec3),
+        rotated: wp.array(dtype=wp.vec3),
+        by_matrix: wp.array(dtype=wp.vec3),
+        back: wp.array(dtype=wp.vec3),
+        twice: wp.array(dtype=wp.vec3),
     ):
         i = wp.tid()
         q = wp.quat_from_axis_angle(wp.normalize(axis[i]), angle[i])
@@ -268,16 +281,32 @@ def test_struct_constructed_and_returned_by_a_function(device):
 
 
 MATH = [
-    ("sin", np.sin, -10, 10), ("cos", np.cos, -10, 10), ("tan", np.tan, -1.4, 1.4),
-    ("asin", np.arcsin, -1, 1), ("acos", np.arccos, -1, 1), ("atan", np.arctan, -20, 20),
-    ("sinh", np.sinh, -5, 5), ("cosh", np.cosh, -5, 5), ("tanh", np.tanh, -5, 5),
-    ("exp", np.exp, -20, 20), ("log", np.log, 1e-3, 1e3), ("log2", np.log2, 1e-3, 1e3),
-    ("log10", np.log10, 1e-3, 1e3), ("sqrt", np.sqrt, 0, 1e3), ("cbrt", np.cbrt, -1e3, 1e3),
-    ("abs", np.abs, -5, 5), ("floor", np.floor, -5, 5), ("ceil", np.ceil, -5, 5),
-    ("trunc", np.trunc, -5, 5), ("rint", np.rint, -5, 5), ("degrees", np.degrees, -5, 5),
-    ("radians", np.radians, -500, 500), ("frac", lambda x: x - np.trunc(x), -5, 5),
+    ("sin", np.sin, -10, 10),
+    ("cos", np.cos, -10, 10),
+    ("tan", np.tan, -1.4, 1.4),
+    ("asin", np.arcsin, -1, 1),
+    ("acos", np.arccos, -1, 1),
+    ("atan", np.arctan, -20, 20),
+    ("sinh", np.sinh, -5, 5),
+    ("cosh", np.cosh, -5, 5),
+    ("tanh", np.tanh, -5, 5),
+    ("exp", np.exp, -20, 20),
+    ("log", np.log, 1e-3, 1e3),
+    ("log2", np.log2, 1e-3, 1e3),
+    ("log10", np.log10, 1e-3, 1e3),
+    ("sqrt", np.sqrt, 0, 1e3),
+    ("cbrt", np.cbrt, -1e3, 1e3),
+    ("abs", np.abs, -5, 5),
+    ("floor", np.floor, -5, 5),
+    ("ceil", np.ceil, -5, 5),
+    ("trunc", np.trunc, -5, 5),
+    ("rint", np.rint, -5, 5),
+    ("degrees", np.degrees, -5, 5),
+    ("radians", np.radians, -500, 500),
+    ("frac", lambda x: x - np.trunc(x), -5, 5),
     ("round", lambda x: np.trunc(x + np.copysign(0.5, x)), -5, 5),
-    ("erf", np.vectorize(math.erf), -3, 3), ("erfc", np.vectorize(math.erfc), -3, 3),
+    ("erf", np.vectorize(math.erf), -3, 3),
+    ("erfc", np.vectorize(math.erfc), -3, 3),
 ]
 
 

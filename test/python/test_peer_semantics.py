@@ -5,19 +5,51 @@ import subprocess
 from pathlib import Path
 
 import numpy as np
-import programs
 import pytest
+
+import programs
 
 PEER = os.environ.get("WARP_PEER_PYTHON", "")
 PROGRAM = Path(__file__).with_name("peer_program.py")
 EXACT = [
-    "int_div", "int_floordiv", "int_mod", "int_shift", "int_bits", "int_sign", "min_max",
-    "rounding", "floor_ceil", "signs", "remainder", "clamped", "tests", "skew_matrix",
-    "zero_normal", "uniform", "integer", "bounded", "raw", "seeded",
+    "int_div",
+    "int_floordiv",
+    "int_mod",
+    "int_shift",
+    "int_bits",
+    "int_sign",
+    "min_max",
+    "rounding",
+    "floor_ceil",
+    "signs",
+    "remainder",
+    "clamped",
+    "tests",
+    "skew_matrix",
+    "zero_normal",
+    "uniform",
+    "integer",
+    "bounded",
+    "raw",
+    "seeded",
 ]
 CLOSE = [
-    "blend", "inverse_trig", "mat_row_major", "products", "picks", "product", "rpy", "slerp",
-    "from_matrix", "axis_angle", "rotated", "matrix", "identity", "moved", "pose", "ranged",
+    "blend",
+    "inverse_trig",
+    "mat_row_major",
+    "products",
+    "picks",
+    "product",
+    "rpy",
+    "slerp",
+    "from_matrix",
+    "axis_angle",
+    "rotated",
+    "matrix",
+    "identity",
+    "moved",
+    "pose",
+    "ranged",
     "normal",
 ]
 pytestmark = pytest.mark.skipif(not PEER, reason="WARP_PEER_PYTHON names no Python")

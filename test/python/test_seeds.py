@@ -7,12 +7,14 @@ import warp as wp
 
 
 @wp.kernel
-def integrate(x: wp.array(dtype=wp.vec3),
-              v: wp.array(dtype=wp.vec3),
-              f: wp.array(dtype=wp.vec3),
-              w: wp.array(dtype=float),
-              gravity: wp.vec3,
-              dt: float):
+def integrate(
+    x: wp.array(dtype=wp.vec3),
+    v: wp.array(dtype=wp.vec3),
+    f: wp.array(dtype=wp.vec3),
+    w: wp.array(dtype=float),
+    gravity: wp.vec3,
+    dt: float,
+):
 
     # thread id
     tid = wp.tid()
