@@ -26,43 +26,58 @@ def Warp_CrossOp : Warp_LinearAlgebra<"cross",
     ["(a: vec<3,S>, b: vec<3,S>) -> vec<3,S>"], "vector product">;
 def Warp_OuterOp : Warp_LinearAlgebra<"outer",
     ["(a: vec<r,S>, b: vec<c,S>) -> mat<r,c,S>"], "outer product a b^T">;
-def Warp_SkewOp : Warp_LinearAlgebra<"skew", ["(v: vec<3,S>) -> mat<3,3,S>"],
-    "matrix whose product with x is the vector product of v and x">;
-def Warp_LengthOp : Warp_LinearAlgebra<"length", ["(v: vec<n,F>) -> F",
-    "(q: quat<F>) -> F"],
+def Warp_SkewOp : Warp_LinearAlgebra<"skew", ["(vec: vec<3,S>) -> mat<3,3,S>"],
+    "matrix whose product with x is the vector product of vec and x">;
+def Warp_LengthOp : Warp_LinearAlgebra<"length", ["(a: vec<n,F>) -> F",
+    "(a: quat<F>) -> F"],
     "Euclidean length, without overflow or underflow on the way">;
-def Warp_LengthSqOp : Warp_LinearAlgebra<"length_sq", ["(v: vec<n,S>) -> S",
-    "(q: quat<F>) -> F"], "square of the Euclidean length">;
+def Warp_LengthSqOp : Warp_LinearAlgebra<"length_sq", ["(a: vec<n,S>) -> S",
+    "(a: quat<F>) -> F"], "square of the Euclidean length">;
 def Warp_NormalizeOp : Warp_LinearAlgebra<"normalize",
-    ["(v: vec<n,F>) -> vec<n,F>", "(q: quat<F>) -> quat<F>"],
-    "v scaled to length 1; zero for the zero vector, the identity for the zero "
+    ["(a: vec<n,F>) -> vec<n,F>", "(a: quat<F>) -> quat<F>"],
+    "a scaled to length 1; zero for the zero vector, the identity for the zero "
     "quaternion">;
 def Warp_CwMulOp : Warp_LinearAlgebra<"cw_mul", PairOverloads,
     "product by component", Elementwise<"arith::MulFOp", "arith::MulIOp">>;
 def Warp_CwDivOp : Warp_LinearAlgebra<"cw_div", PairOverloads,
     "quotient by component">;
-def Warp_ArgMinOp : Warp_LinearAlgebra<"argmin", ["(v: vec<n,S>) -> u32"],
+def Warp_ArgMinOp : Warp_LinearAlgebra<"argmin", ["(a: vec<n,S>) -> u32"],
     "index of the first smallest component; NaN is passed over"> {
   let derivative = NotDifferentiable;
 }
-def Warp_ArgMaxOp : Warp_LinearAlgebra<"argmax", ["(v: vec<n,S>) -> u32"],
+def Warp_ArgMaxOp : Warp_LinearAlgebra<"argmax", ["(a: vec<n,S>) -> u32"],
     "index of the first largest component; NaN is passed over"> {
   let derivative = NotDifferentiable;
 }
 
 def Warp_TransposeOp : Warp_LinearAlgebra<"transpose",
-    ["(m: mat<r,c,S>) -> mat<c,r,S>"], "transpose">;
+    ["(a: mat<r,c,S>) -> mat<c,r,S>"], "transpose">;
 def Warp_DeterminantOp : Warp_LinearAlgebra<"determinant",
-    ["(m: mat<2,2,F>) -> F", "(m: mat<3,3,F>) -> F", "(m: mat<4,4,F>) -> F"],
+    ["(a: mat<2,2,F>) -> F", "(a: mat<3,3,F>) -> F", "(a: mat<4,4,F>) -> F"],
     "determinant">;
 def Warp_InverseOp : Warp_LinearAlgebra<"inverse",
-    ["(m: mat<2,2,F>) -> mat<2,2,F>", "(m: mat<3,3,F>) -> mat<3,3,F>",
-     "(m: mat<4,4,F>) -> mat<4,4,F>"],
+    ["(a: mat<2,2,F>) -> mat<2,2,F>", "(a: mat<3,3,F>) -> mat<3,3,F>",
+     "(a: mat<4,4,F>) -> mat<4,4,F>"],
     "inverse; zero where the matrix is singular">;
-def Warp_TraceOp : Warp_LinearAlgebra<"trace", ["(m: mat<n,n,S>) -> S"],
+def Warp_TraceOp : Warp_LinearAlgebra<"trace", ["(a: mat<n,n,S>) -> S"],
     "sum of the diagonal">;
-def Warp_DiagOp : Warp_LinearAlgebra<"diag", ["(d: vec<n,S>) -> mat<n,n,S>"],
+def Warp_DiagOp : Warp_LinearAlgebra<"diag", ["(vec: vec<n,S>) -> mat<n,n,S>"],
     "diagonal matrix">;
 def Warp_GetDiagOp : Warp_LinearAlgebra<"get_diag",
-    ["(m: mat<n,n,S>) -> vec<n,S>"], "diagonal of a square matrix">;
+    ["(mat: mat<n,n,S>) -> vec<n,S>"], "diagonal of a square matrix">;
+
+def Warp_NormL1Op : Warp_LinearAlgebra<"norm_l1", ["(v: vec<n,F>) -> F"],
+    "sum of the absolute values">;
+def Warp_NormL2Op : Warp_LinearAlgebra<"norm_l2", ["(v: vec<n,F>) -> F"],
+    "Euclidean length">;
+def Warp_NormHuberOp : Warp_LinearAlgebra<"norm_huber",
+    ["(v: vec<n,F>, delta: F = 1.0) -> F"],
+    "Huber loss of the length: half its square up to delta, linear beyond">;
+def Warp_NormPseudoHuberOp : Warp_LinearAlgebra<"norm_pseudo_huber",
+    ["(v: vec<n,F>, delta: F = 1.0) -> F"],
+    "delta sqrt(1 + |v|^2 / delta^2), a smooth relative of norm_huber">;
+def Warp_SmoothNormalizeOp : Warp_LinearAlgebra<"smooth_normalize",
+    ["(v: vec<n,F>, delta: F = 1.0) -> vec<n,F>"],
+    "v divided by norm_pseudo_huber(v, delta)">;
+
 #endif // WARP_LINEAR_ALGEBRA_TD

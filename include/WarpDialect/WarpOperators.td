@@ -101,12 +101,13 @@ def Warp_LShiftOp : Warp_BitOperator<"lshift", "<<",
     "shift to the left; by the width or more gives 0">;
 def Warp_RShiftOp : Warp_BitOperator<"rshift", ">>",
     "shift to the right, keeping the sign; by the width or more gives 0 or -1">;
-def Warp_InvertOp : Warp_Operator<"invert", "~", ["(x: I) -> I",
-    "(x: vec<n,I>) -> vec<n,I>"], "bitwise complement"> {
+def Warp_InvertOp : Warp_Operator<"invert", "~", ["(a: I) -> I",
+    "(a: vec<n,I>) -> vec<n,I>", "(a: mat<r,c,I>) -> mat<r,c,I>"],
+    "bitwise complement"> {
   let derivative = NotDifferentiable;
 }
 def Warp_UNotOp : Warp_Operator<"unot", "not",
-    ["(x: bool) -> bool", "(x: I) -> bool"], "logical negation"> {
+    ["(a: bool) -> bool", "(a: I) -> bool"], "logical negation"> {
   let derivative = NotDifferentiable;
   let hasFolder = 1;
 }

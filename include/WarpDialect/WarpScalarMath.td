@@ -132,8 +132,8 @@ def Warp_BitCountOp : Warp_ScalarMath<"bit_count", ["(x: I) -> i32"],
     "number of bits set"> { let derivative = NotDifferentiable; }
 
 class Warp_Classification<string mnemonic, string summaryOf>
-    : Warp_ScalarMath<mnemonic, ["(x: F) -> bool", "(x: vec<n,F>) -> bool",
-        "(x: mat<r,c,F>) -> bool", "(x: quat<F>) -> bool"], summaryOf> {
+    : Warp_ScalarMath<mnemonic, ["(a: F) -> bool", "(a: vec<n,F>) -> bool",
+        "(a: mat<r,c,F>) -> bool", "(a: quat<F>) -> bool"], summaryOf> {
   let derivative = NotDifferentiable;
 }
 def Warp_IsFiniteOp : Warp_Classification<"isfinite",

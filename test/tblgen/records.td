@@ -52,7 +52,7 @@ def Warp_TellName : Warp_Special<"tell", "Functions",
 // STUBS-NEXT: "applies"
 // STUBS: def tell(text: str, *args: Any) -> None:
 // STUBS: @overload
-// STUBS-NEXT: def zip(a: _S, b: _S = 2) -> _S:
+// STUBS-NEXT: def zip(a: _S, b: _S = ...) -> _S:
 // STUBS: @overload
 // STUBS-NEXT: def zip(v: _Vec[Literal[3], _F], q: _Quat[_F]) -> tuple[builtins.bool, int]: ...
 

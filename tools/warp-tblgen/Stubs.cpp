@@ -169,7 +169,7 @@ static std::string getStub(const warp::Signature &signature) {
     text += StringRef(comma).str() + parameter.name + ": " +
             getType(parameter.type);
     if (!parameter.defaultValue.empty())
-      text += " = " + parameter.defaultValue;
+      text += " = ...";
   }
   return text + ") -> " + getResult(signature);
 }
