@@ -44,8 +44,8 @@ def test_float_to_integer_saturates(device, source, target):
 @pytest.mark.parametrize("source", INTS)
 def test_integer_to_integer_wraps(device, source, target):
     low, high = bounds(source)
-    values = np.array([low, low + 1, low // 2, 0, 1, 5, high // 2, high - 1, high])
-    values = values.astype(np.dtype(source))
+    values = [low, low + 1, low // 2, 0, 1, 5, high // 2, high - 1, high]
+    values = np.array(values, np.dtype(source))
     result = convert(source, target, values, device).numpy()
     np.testing.assert_array_equal(result, values.astype(np.dtype(target)))
 

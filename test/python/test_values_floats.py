@@ -2,13 +2,14 @@
 
 import math
 
-import mpmath as mp
 import numpy as np
 import pytest
 from builtin_values import FLOATS, MAX_FINITE, apply, assert_ulps, rounded
 
 import warp as wp
 from warp._src.builtin_table import DOMAINS
+
+mp = pytest.importorskip("mpmath")
 
 INF, NAN = math.inf, math.nan
 

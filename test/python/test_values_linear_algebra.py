@@ -1,11 +1,12 @@
 """Vectors and matrices against float64, 60-digit arithmetic where that is not enough."""
 
-import mpmath as mp
 import numpy as np
 import pytest
 from builtin_values import FLOATS, MANTISSA_BITS, apply, assert_ulps, rounded
 
 import warp as wp
+
+mp = pytest.importorskip("mpmath")
 
 SHAPES = [2, 3, 4]
 

@@ -1,11 +1,12 @@
 """Quaternions and rigid transforms against formulas in float64 and 40-digit arithmetic."""
 
-import mpmath as mp
 import numpy as np
 import pytest
 from builtin_values import MANTISSA_BITS, apply, rounded
 
 import warp as wp
+
+mp = pytest.importorskip("mpmath")
 
 DTYPES = [wp.float32, wp.float64]
 KINDS = {

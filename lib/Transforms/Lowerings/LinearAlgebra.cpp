@@ -68,7 +68,9 @@ static Scalars withSquares(ArrayRef<Scalar> v,
   Scalar isExtreme = distance >= bitsOf(high) - bitsOf(low);
   return branch(isExtreme, use({v, squares, std::nullopt}), [&] {
     int up = format.bias - format.mantissaBits - 4, down = -format.bias / 2 - 8;
-    Scalar isSmall = squares < 1;
+    // Vectorised code takes this path for every lane; ordinary numbers must not
+    // become denormal there, which is slow.
+    Scalar isSmall = squares < powerOfTwo(high / 2);
     Scalar factor = select(isSmall, powerOfTwo(up), powerOfTwo(down));
     Scalars scaled = forEach(v, [&](Scalar x) { return x * factor; });
     return use({scaled, dot(scaled, scaled),

@@ -137,7 +137,6 @@ Scalar asin(Scalar x);
 Scalar acos(Scalar x);
 Scalar atan2(Scalar y, Scalar x);
 Scalar log(Scalar x);
-Scalar log1p(Scalar x);
 Scalar trunc(Scalar x);
 Scalar floor(Scalar x);
 Scalar copysign(Scalar magnitude, Scalar sign);
