@@ -108,9 +108,9 @@ def define_mandelbrot():
         i, j = wp.tid()
         cx = float(j) / float(w) * 3.0 - 2.0
         cy = float(i) / float(h) * 2.0 - 1.0
-        zx = 0.0
-        zy = 0.0
-        k = 0
+        zx = float(0.0)
+        zy = float(0.0)
+        k = int(0)
         while k < iters and zx * zx + zy * zy < 4.0:
             t = zx * zx - zy * zy + cx
             zy = 2.0 * zx * zy + cy
