@@ -10,4 +10,5 @@ PYBIND11_MODULE(_native, m) {
   warp::python::bindMemory(m);
   warp::python::bindArray(m);
   warp::python::bindKernel(m);
+  warp::python::bindDlpack(m);
 }

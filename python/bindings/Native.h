@@ -20,6 +20,7 @@ namespace warp::python {
 
 void bindArray(pybind11::module_ &m);
 void bindDevices(pybind11::module_ &m);
+void bindDlpack(pybind11::module_ &m);
 void bindErrors(pybind11::module_ &m);
 void bindKernel(pybind11::module_ &m);
 void bindMemory(pybind11::module_ &m);

@@ -85,6 +85,8 @@ from warp._src.devices import synchronize as synchronize
 from warp._src.devices import synchronize_device as synchronize_device
 from warp._src.devices import synchronize_event as synchronize_event
 from warp._src.devices import synchronize_stream as synchronize_stream
+from warp._src.dlpack import from_dlpack as from_dlpack
+from warp._src.dlpack import to_dlpack as to_dlpack
 from warp._src.errors import WarpCodegenAttributeError as WarpCodegenAttributeError
 from warp._src.errors import WarpCodegenError as WarpCodegenError
 from warp._src.errors import WarpCodegenIndexError as WarpCodegenIndexError

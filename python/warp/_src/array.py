@@ -15,11 +15,12 @@ from warp._src import annotations, devices, errors, scalars, types
 from warp._src.annotations import ArrayType
 from warp._src.arithmetic import bfloat16_from_bits
 from warp._src.array_layout import check_shape, element_type, type_id
+from warp._src.array_protocols import ArrayProtocols
 from warp._src.array_views import ArrayViews
 from warp._src.numpy_types import element_layout
 
 
-class array(ArrayViews, _native.Array):
+class array(ArrayViews, ArrayProtocols, _native.Array):
     """An array of scalars, vectors, matrices, quaternions, transforms or structs.
 
     Args:
@@ -112,6 +113,8 @@ class array(ArrayViews, _native.Array):
     _grad = None
     _requires_grad = False
     retain_grad = False
+    # Memory of a library that allows no writing. Kernels are not stopped.
+    read_only = False
 
     @property
     def device(self):
@@ -180,36 +183,6 @@ class array(ArrayViews, _native.Array):
     def __matmul__(self, other):
         raise TypeError("`@` is not defined for arrays, use `wp.tile_matmul` or NumPy")
 
-    @property
-    def __array_interface__(self):
-        if self.device_index != devices.CPU:
-            raise AttributeError(f"no `__array_interface__`: the array is on '{self.device}'")
-        return self._interface()
-
-    @property
-    def __cuda_array_interface__(self):
-        if self.device_index == devices.CPU:
-            raise AttributeError("no `__cuda_array_interface__`: the array is on 'cpu'")
-        return self._interface()
-
-    def _interface(self) -> dict:
-        number, inner = element_layout(self.dtype)
-        strides = list(self.strides)
-        step = self.item_size
-        for extent in inner:
-            step //= extent
-            strides.append(step)
-        interface = {
-            "data": (self.ptr or 0, False),
-            "shape": self.shape + inner,
-            "strides": tuple(strides),
-            "typestr": number.str,
-            "version": 3,
-        }
-        if number.names:
-            interface["descr"] = number.descr
-        return interface
-
     def numpy(self):
         """The elements as a NumPy array; shares memory with a `cpu` array, else a copy."""
         import numpy
@@ -260,8 +233,13 @@ class array(ArrayViews, _native.Array):
             raise ValueError(f"expects shape {self.shape} to assign, but got {src.shape}")
         copy(self, src)
 
+    def _check_writable(self) -> None:
+        if self.read_only:
+            raise ValueError("the array is read-only, its memory is another library's")
+
     def zero_(self) -> None:
         """Sets all bytes to zero."""
+        self._check_writable()
         if self.size == 0:
             return
         if self.is_contiguous:
@@ -277,6 +255,7 @@ class array(ArrayViews, _native.Array):
         """
         from warp._src.array_data import element_bytes
 
+        self._check_writable()
         pattern = element_bytes(self.dtype, value)
         if self.size:
             _native.fill_array(self, pattern)

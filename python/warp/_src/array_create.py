@@ -191,6 +191,7 @@ def copy(dest, src, dest_offset=0, src_offset=0, count=0, stream=None) -> None:
     for name, value in (("dest", dest), ("src", src)):
         if not isinstance(value, array):
             raise TypeError(f"expects an array as '{name}', but got '{type(value).__name__}'")
+    dest._check_writable()
     if dest.item_size != src.item_size:
         raise errors.WarpShapeError(
             f"expects elements of equal size to copy, but got '{types.type_repr(src.dtype)}' "

@@ -242,6 +242,8 @@ def _from_array(target, data, dtype, shape, device, pinned, copy):
             source,
             source.pinned,
         )
+        if source.read_only:
+            target.read_only = True
         return
     allocate(target, source.shape, source.dtype, index, pinned)
     if source.size:

@@ -35,6 +35,8 @@ class ArrayViews:
             self,
             self.pinned,
         )
+        if self.read_only:
+            result.read_only = True
         return result
 
     def _with_grad(self, result, derive):
