@@ -93,6 +93,12 @@ static void checkExtents(const std::string &kernel, const LaunchDim &dim) {
   }
 }
 
+/// "si32", "ui8": a scalar whose last byte has the highest bit.
+static bool isIntegerScalar(const Param &param) {
+  return param.kind == Param::Kind::Scalar && param.type.size() > 2 &&
+         (param.type[0] == 's' || param.type[0] == 'u') && param.type[1] == 'i';
+}
+
 VariantKey Kernel::Impl::keyFor(int device, const LaunchDim &dim,
                                 const void *params, int blockDim,
                                 int64_t &items) const {
@@ -105,10 +111,14 @@ VariantKey Kernel::Impl::keyFor(int device, const LaunchDim &dim,
   VariantKey key;
   key.device = device;
   key.rank = dim.rank;
-  key.index32 = items <= INT32_MAX;
+  // The last GPU block may count beyond the end by its threads and items.
+  key.index32 = items <= INT32_MAX - 4096;
   auto *bytes = static_cast<const char *>(params);
   for (size_t i = 0; i < this->params.size(); ++i) {
     const Param &param = this->params[i];
+    if (i < 64 && isIntegerScalar(param) &&
+        bytes[param.offset + param.size - 1] >= 0)
+      key.contiguous |= uint64_t(1) << i;
     for (int64_t offset : param.arrays) {
       ArrayDescriptor array;
       std::memcpy(&array, bytes + param.offset + offset, sizeof(array));
@@ -263,7 +273,8 @@ CompileOptions Kernel::optionsFor(int arch, int rank) const {
   VariantKey key;
   key.rank = rank;
   for (size_t i = 0; i < impl->params.size() && i < 64; ++i)
-    if (impl->params[i].kind == Param::Kind::Array)
+    if (impl->params[i].kind == Param::Kind::Array ||
+        isIntegerScalar(impl->params[i]))
       key.contiguous |= uint64_t(1) << i;
   return impl->compileOptions(key, arch);
 }
