@@ -19,6 +19,8 @@ constexpr llvm::StringLiteral target = "warp.target";
 constexpr llvm::StringLiteral rank = "warp.rank";
 constexpr llvm::StringLiteral contiguous = "warp.contiguous";
 constexpr llvm::StringLiteral index32 = "warp.index32";
+/// On the parameter itself: an integer that `contiguous` says is not negative.
+constexpr llvm::StringLiteral nonNegative = "warp.non_negative";
 constexpr llvm::StringLiteral flat = "warp.flat";
 constexpr llvm::StringLiteral debug = "warp.debug";
 constexpr llvm::StringLiteral fastMath = "warp.fast_math";

@@ -49,7 +49,8 @@ def Specialize : WarpPass<"warp-specialize"> {
            "cpu, or a GPU architecture such as sm_90">,
     Option<"rank", "rank", "int64_t", "1", "Dimensions of the launch, 1 to 4">,
     Option<"contiguous", "contiguous", "uint64_t", "0",
-           "Bit i: argument i is an array packed in row-major order">,
+           "Bit i: argument i is an array packed in row-major order, or an "
+           "integer that is not negative">,
     Option<"index32", "index32", "bool", "true",
            "No array and no launch has 2^31 elements or more">,
     Option<"flat", "flat", "bool", "false",

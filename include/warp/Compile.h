@@ -33,7 +33,8 @@ struct CompileOptions {
   std::string target = "cpu";
   /// Dimensions of the launch, 1 to 4.
   int rank = 1;
-  /// Bit i: the i-th argument is an array packed in row-major order.
+  /// Bit i: the i-th argument is an array packed in row-major order, or an
+  /// integer that is not negative (indices made of it need not be wrapped).
   uint64_t contiguous = 0;
   /// No array and no launch has 2^31 elements or more.
   bool index32 = true;

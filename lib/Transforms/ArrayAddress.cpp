@@ -59,7 +59,8 @@ bool warp::isNonNegative(mlir::Value value, int depth) {
   };
   if (auto trunc = dyn_cast<arith::TruncIOp>(op))
     return trunc.getOverflowFlags() != arith::IntegerOverflowFlags::none;
-  if (isa<arith::ExtUIOp, warp::DimOp>(op))
+  if (isa<arith::ExtUIOp, warp::DimOp>(op) ||
+      op->hasAttr(warp::attr::nonNegative))
     return true;
   if (isa<arith::ExtSIOp, arith::IndexCastOp, arith::ShRSIOp>(op))
     return operand(0);

@@ -142,9 +142,12 @@ void ArrayLowering::lowerParameter(ParameterOp op) {
     return;
   }
   mlir::Type stored = isBool(type) ? i8 : type;
-  mlir::Value value = LLVM::LoadOp::create(
+  auto load = LLVM::LoadOp::create(
       b, loc, stored, advance(op.getBlock(), offset), getByteSize(type), false,
       false, /*isInvariant=*/true);
+  if (Attribute fact = op->getAttr(attr::nonNegative))
+    load->setAttr(attr::nonNegative, fact);
+  mlir::Value value = load;
   if (isBool(type))
     value = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ne, value,
                                   constant(i8, 0));

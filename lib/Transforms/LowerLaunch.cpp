@@ -117,17 +117,22 @@ void Launch::readArguments() {
     if (names && i < names.size())
       name = dyn_cast<StringAttr>(names[i]);
     bool isArray = isa<warp::ArrayType>(type);
-    bool packed = isArray && i < 64 && (contiguous >> i & 1);
+    bool isRegular = i < 64 && (contiguous >> i & 1);
+    bool packed = isArray && isRegular;
     SmallVector<warp::Leaf> leaves;
     warp::collectLeaves(type, layout.offsets[i], leaves);
     SmallVector<std::string> leafNames;
     if (name)
       collectNames(type, name.getValue(), leafNames);
     leafNames.resize(leaves.size());
-    for (auto [leaf, leafName] : llvm::zip(leaves, leafNames))
-      arguments.push_back(warp::ParameterOp::create(
+    for (auto [leaf, leafName] : llvm::zip(leaves, leafNames)) {
+      auto argument = warp::ParameterOp::create(
           b, loc, warp::getSignless(leaf.type), block, leaf.offset, packed,
-          leafName.empty() ? StringAttr() : b.getStringAttr(leafName)));
+          leafName.empty() ? StringAttr() : b.getStringAttr(leafName));
+      if (isRegular && isa<IntegerType>(type) && !type.isInteger(1))
+        argument->setAttr(warp::attr::nonNegative, b.getUnitAttr());
+      arguments.push_back(argument);
+    }
   }
 }
 

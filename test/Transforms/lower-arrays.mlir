@@ -96,3 +96,20 @@ llvm.func @global(%block: !llvm.ptr, %t: i64, %v: f32)
   warp.store_components(%v), %a[%i, %i] : (f32), !warp.array<2 x f32>, i32, i32
   llvm.return
 }
+
+// -----
+
+// An integer argument that is not negative makes indices that need no wrap.
+// CHECK-LABEL: llvm.func @flattened
+// CHECK-NOT: arith.select
+// CHECK: llvm.store
+llvm.func @flattened(%block: !llvm.ptr, %t: i64, %v: f32)
+    attributes {warp.entry} {
+  %a = warp.parameter %block[24] packed : !llvm.ptr -> !warp.array<1 x f32>
+  %w = warp.parameter %block[80] {warp.non_negative} : !llvm.ptr -> i32
+  %i = arith.trunci %t overflow<nsw, nuw> : i64 to i32
+  %row = arith.muli %i, %w : i32
+  %n = arith.addi %row, %i : i32
+  warp.store_components(%v), %a[%n] : (f32), !warp.array<1 x f32>, i32
+  llvm.return
+}
