@@ -29,6 +29,21 @@ struct WarpInlinerInterface : DialectInlinerInterface {
   }
 };
 
+/// A struct is printed once, at the top, and goes by its name below.
+struct WarpAsmInterface : OpAsmDialectInterface {
+  using OpAsmDialectInterface::OpAsmDialectInterface;
+  AliasResult getAlias(mlir::Type type, raw_ostream &os) const final {
+    auto structure = dyn_cast<warp::StructType>(type);
+    if (!structure)
+      return AliasResult::NoAlias;
+    // Of `module.function.<locals>.Name`, the last part.
+    os << structure.getName().rsplit('.').second;
+    if (!structure.getName().contains('.'))
+      os << structure.getName();
+    return AliasResult::FinalAlias;
+  }
+};
+
 /// `scf.if` that only chooses canonicalises to `arith.select`, which would go
 /// on to arithmetic that knows no signed integers. Comes first by benefit.
 struct SelectBetweenSignedIntegers : OpRewritePattern<arith::SelectOp> {
@@ -55,7 +70,7 @@ void warp::WarpDialect::getCanonicalizationPatterns(
 void warp::WarpDialect::initialize() {
   registerTypes();
   registerOps();
-  addInterfaces<WarpInlinerInterface>();
+  addInterfaces<WarpAsmInterface, WarpInlinerInterface>();
 }
 
 Operation *warp::WarpDialect::materializeConstant(OpBuilder &builder,

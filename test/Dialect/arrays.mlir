@@ -50,7 +50,7 @@ func.func @views(%a: !a3, %v: !a1, %s: !warp.array<2 x !s>, %i: si32) -> si32 {
   %1 = warp.slice %a[%i : %i : %i] dim 2 : !a3, si32, si32, si32
   // CHECK: warp.component_view %{{.*}}[%{{.*}}] : !warp.array<1 x !warp.vec<3 x f32>>, si32 -> !warp.array<1 x f32>
   %2 = warp.component_view %v[%i] : !a1, si32 -> !warp.array<1 x f32>
-  // CHECK: warp.component_view %{{.*}}[] field "x" : !warp.array<2 x !warp.struct<"S", {{.*}}>> -> !warp.array<2 x !warp.vec<3 x f32>>
+  // CHECK: warp.component_view %{{.*}}[] field "x" : !warp.array<2 x !S> -> !warp.array<2 x !warp.vec<3 x f32>>
   %3 = warp.component_view %s[] field "x" : !warp.array<2 x !s> -> !warp.array<2 x !v3>
   // CHECK: warp.dim %{{.*}}, 1 : !warp.array<3 x f32> -> si32
   %4 = warp.dim %a, 1 : !a3 -> si32
@@ -77,7 +77,7 @@ func.func @threads(%x: f32, %c: i1) attributes {warp.kernel} {
 func.func @thread_ir(%a: !a1, %s: !warp.array<2 x !s>, %i: i32, %j: i64, %x: f32) {
   // CHECK: warp.load_components %{{.*}}[%{{.*}}] : !warp.array<1 x !warp.vec<3 x f32>>, i32 -> f32, f32, f32
   %0:3 = warp.load_components %a[%i] : !a1, i32 -> f32, f32, f32
-  // CHECK: warp.load_components %{{.*}}[%{{.*}}, %{{.*}}] : !warp.array<2 x !warp.struct<"S", {{.*}}>>, i32, i64 -> f32, f32, f32, i32
+  // CHECK: warp.load_components %{{.*}}[%{{.*}}, %{{.*}}] : !warp.array<2 x !S>, i32, i64 -> f32, f32, f32, i32
   %1:4 = warp.load_components %s[%i, %j] : !warp.array<2 x !s>, i32, i64 -> f32, f32, f32, i32
   // CHECK: warp.store_components(%{{.*}}, %{{.*}}, %{{.*}}), %{{.*}}[%{{.*}}] : (f32, f32, f32), !warp.array<1 x !warp.vec<3 x f32>>, i32
   warp.store_components (%0#0, %0#1, %x), %a[%i] : (f32, f32, f32), !a1, i32

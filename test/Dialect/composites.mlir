@@ -79,11 +79,11 @@ func.func @access(%v: !v3, %m: !m23, %x: f32, %i: si32, %j: ui8) -> (f32, f32, !
 
 // CHECK-LABEL: func.func @structs
 func.func @structs(%x: f32, %a: !warp.array<1 x f32>, %b: i1) -> (f32, !s, i1) {
-  // CHECK: warp.struct_create(%{{.*}}, %{{.*}}, %{{.*}}) : (f32, !warp.array<1 x f32>, i1) -> !warp.struct<"S"
+  // CHECK: warp.struct_create(%{{.*}}, %{{.*}}, %{{.*}}) : (f32, !warp.array<1 x f32>, i1) -> !S
   %0 = warp.struct_create(%x, %a, %b) : (f32, !warp.array<1 x f32>, i1) -> !s
-  // CHECK: warp.struct_get %{{.*}}["x"] : !warp.struct<"S", {{.*}}> -> f32
+  // CHECK: warp.struct_get %{{.*}}["x"] : !S -> f32
   %1 = warp.struct_get %0["x"] : !s -> f32
-  // CHECK: warp.struct_set %{{.*}}, %{{.*}}["data"] : !warp.array<1 x f32>, !warp.struct<"S"
+  // CHECK: warp.struct_set %{{.*}}, %{{.*}}["data"] : !warp.array<1 x f32>, !S
   %2 = warp.struct_set %a, %0["data"] : !warp.array<1 x f32>, !s
   // CHECK: warp.struct_get %{{.*}}["two words"]
   %3 = warp.struct_get %2["two words"] : !s -> i1

@@ -57,7 +57,7 @@ func.func @out_of_range(%x: f32) -> (f32, f32) {
 }
 
 // CHECK-LABEL: func.func @structs(
-// CHECK-SAME: %[[S:[^:]*]]: !warp.struct<"S", {x: f32, y: f32}>, %[[X:[^:]*]]: f32, %[[Y:[^:]*]]: f32)
+// CHECK-SAME: %[[S:[^:]*]]: !S, %[[X:[^:]*]]: f32, %[[Y:[^:]*]]: f32)
 // CHECK: %[[Z:.*]] = warp.struct_get %[[S]]["y"]
 // CHECK: return %[[Y]], %[[X]], %[[Z]]
 func.func @structs(%s: !s, %x: f32, %y: f32) -> (f32, f32, f32) {
