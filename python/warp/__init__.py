@@ -120,6 +120,14 @@ from warp._src.streams import record_event as record_event
 from warp._src.streams import wait_event as wait_event
 from warp._src.streams import wait_stream as wait_stream
 from warp._src.structs import struct as struct
+from warp._src.torch import device_from_torch as device_from_torch
+from warp._src.torch import device_to_torch as device_to_torch
+from warp._src.torch import dtype_from_torch as dtype_from_torch
+from warp._src.torch import dtype_to_torch as dtype_to_torch
+from warp._src.torch import from_torch as from_torch
+from warp._src.torch import stream_from_torch as stream_from_torch
+from warp._src.torch import stream_to_torch as stream_to_torch
+from warp._src.torch import to_torch as to_torch
 from warp._src.types import Float as Float
 from warp._src.types import Int as Int
 from warp._src.types import Matrix as Matrix

@@ -219,7 +219,7 @@ def test_consumer_stream_waits():
     @wp.kernel
     def slow(x: wp.array(dtype=float)):
         value = float(0.0)
-        for i in range(2000000):
+        for _ in range(2000000):
             value = wp.sin(value + 1.0)
         x[wp.tid()] = value
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from warp import _native
 from warp._src import devices
 from warp._src.numpy_types import element_layout
 
@@ -23,8 +22,10 @@ class ArrayProtocols:
         if self.device_index == devices.CPU:
             raise AttributeError("no `__cuda_array_interface__`: the array is on 'cpu'")
         interface = self._interface()
+        from warp._src.interop import current_handle
+
         # Readers wait for this stream before they touch the memory.
-        interface["stream"] = _native.current_stream(self.device_index).cuda_stream
+        interface["stream"] = current_handle(self.device_index)
         return interface
 
     def _interface(self) -> dict:

@@ -149,7 +149,7 @@ def _request(source):
     kind, number = source.__dlpack_device__()
     options = {}
     if kind in (CUDA, CUDA_MANAGED):
-        options["stream"] = _native.current_stream(_index(kind, number)).cuda_stream
+        options["stream"] = interop.current_handle(_index(kind, number))
     try:
         return source.__dlpack__(max_version=(1, 0), **options)
     except TypeError:

@@ -96,17 +96,22 @@ def alias(pointer, layout, index, owner, pinned=False, read_only=False):
     return result
 
 
+def current_handle(index: int) -> int:
+    """The current stream of a device, as other libraries name it."""
+    return _native.current_stream(index).cuda_stream or LEGACY_STREAM
+
+
 def let_wait(handle: int, index: int) -> None:
     """Lets a foreign stream wait for all work on the current stream of a device."""
     current = _native.current_stream(index)
-    if handle != current.cuda_stream:
+    if handle != (current.cuda_stream or LEGACY_STREAM):
         _native.Stream.from_handle(index, handle).wait_stream(current)
 
 
 def wait_for(handle: int, index: int) -> None:
     """Lets the current stream of a device wait for all work on a foreign stream."""
     current = _native.current_stream(index)
-    if handle != current.cuda_stream:
+    if handle != (current.cuda_stream or LEGACY_STREAM):
         current.wait_stream(_native.Stream.from_handle(index, handle))
 
 
