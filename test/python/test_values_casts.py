@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from builtin_values import FLOATS, INTS, MAX_FINITE, apply, rounded
 
 import warp as wp
+from builtin_values import FLOATS, INTS, MAX_FINITE, apply, rounded
 
 
 def convert(source, target, values, device):

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from builtin_values import apply
 
 import warp as wp
+from builtin_values import apply
 
 KINDS = {
     "vec": (wp.vec3f, 3), "mat": (wp.mat22f, 4), "quat": (wp.quatf, 4),

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from builtin_values import FLOATS, MAX_FINITE, apply, assert_ulps, rounded
+from warp._src.builtin_table import DOMAINS
 
 import warp as wp
-from warp._src.builtin_table import DOMAINS
+from builtin_values import FLOATS, MAX_FINITE, apply, assert_ulps, rounded
 
 mp = pytest.importorskip("mpmath")
 

@@ -7,9 +7,9 @@ import operator
 
 import numpy as np
 import pytest
-from builtin_values import INTS, apply
 
 import warp as wp
+from builtin_values import INTS, apply
 
 
 def limits(dtype):

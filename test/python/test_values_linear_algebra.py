@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from builtin_values import FLOATS, MANTISSA_BITS, apply, assert_ulps, rounded
 
 import warp as wp
+from builtin_values import FLOATS, MANTISSA_BITS, apply, assert_ulps, rounded
 
 mp = pytest.importorskip("mpmath")
 

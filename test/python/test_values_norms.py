@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+
+import warp as wp
 from builtin_values import apply, assert_ulps, rounded
 from test_values_rotations import (
     KINDS,
@@ -12,8 +14,6 @@ from test_values_rotations import (
     random_vectors,
     unit_roundoff,
 )
-
-import warp as wp
 
 DTYPES = [wp.float32, wp.float64]
 

@@ -6,9 +6,9 @@ the correctly rounded values of the same formula.
 
 import numpy as np
 import pytest
-from builtin_values import assert_ulps
 
 import warp as wp
+from builtin_values import assert_ulps
 
 COUNT = 512
 F = np.float32

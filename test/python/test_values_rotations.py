@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from builtin_values import MANTISSA_BITS, apply, rounded
 
 import warp as wp
+from builtin_values import MANTISSA_BITS, apply, rounded
 
 mp = pytest.importorskip("mpmath")
 
