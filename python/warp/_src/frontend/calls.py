@@ -31,11 +31,16 @@ _CONVERSION = re.compile(r"%%|%[^a-zA-Z%]*(?:hh|ll|[hlzjt])?[a-zA-Z]")
 _FORMATS = {"bool": "%d", "int": "%d", "float": "%g"}
 
 
+def _makes_types(function) -> bool:
+    factories = (types.vector, types.matrix, types.quaternion, types.transformation)
+    return any(function is factory for factory in factories)
+
+
 class Calls(Constructors):
     """Translates call expressions."""
 
     def expr_Call(self, node):
-        function = self.expr(node.func)
+        function = self.callee(node.func)
         if isinstance(function, BuiltinRef):
             return self.call_builtin(function.name, node)
         if isinstance(function, type):
@@ -50,10 +55,18 @@ class Calls(Constructors):
             return self.call_builtin(name, node)
         return self.call_other(function, node)
 
+    def callee(self, node):
+        """What is called; in `wp.types.vector(5, float)(...)` that is a type made here."""
+        if isinstance(node, ast.Call):
+            factory = self.expr(node.func)
+            if _makes_types(factory):
+                return self.call_at_compile_time(factory, node)
+        return self.expr(node)
+
     def call_other(self, function, node):
-        """Objects that cannot be called, and helpers that make types."""
-        if function in (types.vector, types.matrix, types.quaternion, types.transformation):
-            return self.call_at_compile_time(function, node)
+        """Objects that cannot be called, and constructors under the names of type factories."""
+        if _makes_types(function):
+            return self.call_builtin(function.__name__, node)
         if callable(function) and getattr(function, "__module__", "").startswith("warp."):
             name = getattr(function, "__name__", None)
             if name and (hasattr(self, "builtin_" + name) or self.builder.has_builtin(name)):
