@@ -37,4 +37,7 @@ def Warp_Dialect : Dialect {
                            "::mlir::func::FuncDialect"];
 }
 
+class Warp_Op<string mnemonic, list<Trait> traits = []>
+    : Op<Warp_Dialect, mnemonic, traits>;
+
 #endif // WARP_DIALECT_TD

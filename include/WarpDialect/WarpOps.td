@@ -3,9 +3,9 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // Operations whose operands depend on more than a list of overloads: constants,
-// construction and access of composites and structs, arrays and their views,
-// thread indices, output. Builtins proper are in the Builtins*.td files, and
-// the operations of thread IR in ThreadOps.td.
+// construction and access of composites and structs, thread indices, output.
+// Arrays are in WarpArrayOps.td, the operations of thread IR in
+// WarpThreadOps.td; WarpBuiltins.td lists the files of the builtins proper.
 //
 //===----------------------------------------------------------------------===//
 
@@ -18,9 +18,6 @@ include "mlir/IR/OpAsmInterface.td"
 include "mlir/Interfaces/InferTypeOpInterface.td"
 include "mlir/Interfaces/SideEffectInterfaces.td"
 include "WarpTypes.td"
-
-class Warp_Op<string mnemonic, list<Trait> traits = []>
-    : Op<Warp_Dialect, mnemonic, traits>;
 
 //===----------------------------------------------------------------------===//
 // Scalars
@@ -178,171 +175,7 @@ def Warp_StructSetOp
   let hasVerifier = 1;
 }
 
-//===----------------------------------------------------------------------===//
-// Arrays
-//===----------------------------------------------------------------------===//
-
-def Warp_LoadOp : Warp_Op<"load"> {
-  let summary = "element of an array";
-  let description = [{
-    A negative index counts from the end.
-
-    (C1) as many indices as the rank. (C2) the result has the element type.
-
-    ```mlir
-    %v = warp.load %a[%i] : !warp.array<1 x !warp.vec<3 x f32>>, si32
-           -> !warp.vec<3 x f32>
-    ```
-  }];
-  let arguments = (ins Arg<Warp_AnyArray, "", [MemRead]>:$array,
-                       Variadic<Warp_Integer>:$indices);
-  let results = (outs Warp_Element:$result);
-  let assemblyFormat = [{
-    $array `[` $indices `]` attr-dict `:` type($array) `,` type($indices)
-    `->` type($result)
-  }];
-  let hasVerifier = 1;
-}
-
-def Warp_StoreOp : Warp_Op<"store"> {
-  let summary = "writes an element of an array";
-  let description = [{
-    (C1) as many indices as the rank. (C2) the value has the element type.
-
-    ```mlir
-    warp.store %v, %a[%i] : f32, !warp.array<1 x f32>, si32
-    ```
-  }];
-  let arguments = (ins Warp_Element:$value,
-                       Arg<Warp_AnyArray, "", [MemWrite]>:$array,
-                       Variadic<Warp_Integer>:$indices);
-  let assemblyFormat = [{
-    $value `,` $array `[` $indices `]` attr-dict `:` type($value) `,`
-    type($array) `,` type($indices)
-  }];
-  let hasVerifier = 1;
-}
-
-def Warp_AtomicKind : I32EnumAttr<"AtomicKind", "how an atomic combines", [
-    I32EnumAttrCase<"add", 0>, I32EnumAttrCase<"sub", 1>,
-    I32EnumAttrCase<"min", 2>, I32EnumAttrCase<"max", 3>,
-    I32EnumAttrCase<"bit_and", 4, "and">, I32EnumAttrCase<"bit_or", 5, "or">,
-    I32EnumAttrCase<"bit_xor", 6, "xor">, I32EnumAttrCase<"exch", 7>]> {
-  let cppNamespace = "::warp";
-}
-
-def Warp_AtomicOp : Warp_Op<"atomic"> {
-  let summary = "atomic read-modify-write of an array element";
-  let description = [{
-    Each component is updated atomically; the old value is returned. Ordering
-    is relaxed.
-
-    (C1) as many indices as the rank. (C2) the value has the element type and
-    so has the result. (C3) the element is a number or a composite of numbers;
-    bitwise kinds take integers.
-
-    ```mlir
-    %old = warp.atomic add %v, %a[%i] : f32, !warp.array<1 x f32>, si32
-    ```
-  }];
-  let arguments = (ins Warp_AtomicKind:$kind, Warp_Element:$value,
-                       Arg<Warp_AnyArray, "", [MemRead, MemWrite]>:$array,
-                       Variadic<Warp_Integer>:$indices);
-  let results = (outs Warp_Element:$old);
-  let assemblyFormat = [{
-    $kind $value `,` $array `[` $indices `]` attr-dict `:` type($value) `,`
-    type($array) `,` type($indices) `->` type($old)
-  }];
-  let hasVerifier = 1;
-}
-
-def Warp_AtomicCasOp : Warp_Op<"atomic_cas"> {
-  let summary = "atomic compare and exchange of an array element";
-  let description = [{
-    Writes `value` where the element equals `expected`; returns the old value.
-
-    (C1) as many indices as the rank. (C2) `expected`, `value` and the result
-    have the element type. (C3) the element is a number of 4 or 8 bytes.
-  }];
-  let arguments = (ins Warp_ThreadScalar:$expected, Warp_ThreadScalar:$value,
-                       Arg<Warp_AnyArray, "", [MemRead, MemWrite]>:$array,
-                       Variadic<Warp_Integer>:$indices);
-  let results = (outs Warp_ThreadScalar:$old);
-  let assemblyFormat = [{
-    $expected `,` $value `,` $array `[` $indices `]` attr-dict `:`
-    type($expected) `,` type($value) `,` type($array) `,` type($indices)
-    `->` type($old)
-  }];
-  let hasVerifier = 1;
-}
-
-def Warp_ViewOp : Warp_Op<"view", [Pure]> {
-  let summary = "array of lower rank at leading indices";
-  let description = [{
-    `a[i]` of a rank-3 array is a view of rank 2.
-
-    (C1) fewer indices than the rank, and at least one. (C2) the result has the
-    remaining rank and the same element type.
-  }];
-  let arguments = (ins Warp_AnyArray:$array, Variadic<Warp_Integer>:$indices);
-  let results = (outs Warp_AnyArray:$result);
-  let assemblyFormat = [{
-    $array `[` $indices `]` attr-dict `:` type($array) `,` type($indices)
-    `->` type($result)
-  }];
-  let hasVerifier = 1;
-}
-
-def Warp_SliceOp
-    : Warp_Op<"slice", [Pure, AllTypesMatch<["array", "result"]>]> {
-  let summary = "part of an array along one dimension";
-  let description = [{
-    Elements `start`, `start + step`, ... before `stop` of dimension `dim`, as
-    Python slices do with a positive step: negative bounds count from the end
-    and both bounds are clamped to the extent.
-
-    (C1) `dim` is within the rank.
-  }];
-  let arguments = (ins Warp_AnyArray:$array, I64Attr:$dim, Warp_Integer:$start,
-                       Warp_Integer:$stop, Warp_Integer:$step);
-  let results = (outs Warp_AnyArray:$result);
-  let assemblyFormat = [{
-    $array `[` $start `:` $stop `:` $step `]` `dim` $dim attr-dict `:`
-    type($array) `,` type($start) `,` type($stop) `,` type($step)
-  }];
-  let hasVerifier = 1;
-}
-
-def Warp_ComponentViewOp : Warp_Op<"component_view", [Pure]> {
-  let summary = "array of one component, row or field of each element";
-  let description = [{
-    Keeps extents and strides and moves the data pointer, so that a single slot
-    of an element can be loaded, stored or updated atomically.
-
-    (C1) `field` is given exactly when elements are structs, and names a field;
-    otherwise indices are as for `extract`. (C2) the result's element type is
-    that of the component, row or field.
-  }];
-  let arguments = (ins Warp_AnyArray:$array, Variadic<Warp_Integer>:$indices,
-                       OptionalAttr<StrAttr>:$field);
-  let results = (outs Warp_AnyArray:$result);
-  let assemblyFormat = [{
-    $array `[` $indices `]` (`field` $field^)? attr-dict `:` type($array)
-    (`,` type($indices)^)? `->` type($result)
-  }];
-  let hasVerifier = 1;
-}
-
-def Warp_DimOp : Warp_Op<"dim", [Pure]> {
-  let summary = "extent of an array along one dimension";
-  let description = "(C1) `dim` is within the rank.";
-  let arguments = (ins Warp_AnyArray:$array, I64Attr:$dim);
-  let results = (outs Warp_Integer:$result);
-  let assemblyFormat = [{
-    $array `,` $dim attr-dict `:` type($array) `->` type($result)
-  }];
-  let hasVerifier = 1;
-}
+include "WarpArrayOps.td"
 
 //===----------------------------------------------------------------------===//
 // Threads and output
