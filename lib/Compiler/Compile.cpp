@@ -29,6 +29,7 @@
 #include "llvm/IR/DiagnosticPrinter.h"
 #include "llvm/IR/LLVMContext.h"
 #include "llvm/IR/Module.h"
+#include "llvm/IR/Verifier.h"
 #include "llvm/Support/FileSystem.h"
 #include "llvm/Support/raw_ostream.h"
 #include "llvm/Target/TargetMachine.h"
@@ -217,6 +218,11 @@ void Compilation::translate() {
   if (!llvmModule)
     throw diagnostics.toError(Error::Kind::Compile,
                               "cannot translate the kernel to LLVM IR");
+  std::string malformed;
+  llvm::raw_string_ostream stream(malformed);
+  if (llvm::verifyModule(*llvmModule, &stream))
+    throw Error(Error::Kind::Compile,
+                "the kernel's LLVM IR is malformed: " + malformed);
   time("translate", start);
 }
 

@@ -41,40 +41,56 @@ mlir::Value ArrayLowering::widen(mlir::Value value, mlir::Type type) {
 // Non-negative indices
 //===----------------------------------------------------------------------===//
 
-bool warp::isNonNegative(mlir::Value value, int depth) {
+/// A thread index of a launch: it and its successor fit 32 bits.
+static bool isThreadIndex(mlir::Value value) {
+  auto trunc = value.getDefiningOp<arith::TruncIOp>();
+  return trunc &&
+         trunc.getOverflowFlags() != arith::IntegerOverflowFlags::none;
+}
+
+static bool isNonNegative(mlir::Value value, bool mayOverflow, int depth) {
   APInt number;
   if (matchPattern(value, m_ConstantInt(&number)))
     return !number.isNegative();
+  if (depth == 0)
+    return false;
   if (auto argument = dyn_cast<BlockArgument>(value)) {
     auto loop = dyn_cast<scf::ForOp>(argument.getOwner()->getParentOp());
-    return loop && loop.getInductionVar() == value && depth > 0 &&
-           !loop.getUnsignedCmp() &&
-           isNonNegative(loop.getLowerBound(), depth - 1);
+    return loop && loop.getInductionVar() == value && !loop.getUnsignedCmp() &&
+           isNonNegative(loop.getLowerBound(), false, depth - 1);
   }
   Operation *op = value.getDefiningOp();
-  if (!op || depth == 0)
+  if (!op)
     return false;
-  auto operand = [&](unsigned i) {
-    return isNonNegative(op->getOperand(i), depth - 1);
-  };
-  if (auto trunc = dyn_cast<arith::TruncIOp>(op))
-    return trunc.getOverflowFlags() != arith::IntegerOverflowFlags::none;
-  if (isa<arith::ExtUIOp, warp::DimOp>(op) ||
+  if (isa<arith::ExtUIOp, warp::DimOp>(op) || isThreadIndex(value) ||
       op->hasAttr(warp::attr::nonNegative))
     return true;
-  if (isa<arith::ExtSIOp, arith::IndexCastOp, arith::ShRSIOp>(op))
-    return operand(0);
-  // A sum or product that overflows is out of bounds of every array.
-  if (isa<arith::AddIOp, arith::MulIOp, arith::DivSIOp, arith::MinSIOp,
-          arith::OrIOp, arith::XOrIOp>(op))
+  auto operand = [&](unsigned i, bool mayOverflow = false) {
+    return isNonNegative(op->getOperand(i), mayOverflow, depth - 1);
+  };
+  if (isa<arith::ExtSIOp, arith::IndexCastOp>(op))
+    return operand(0, mayOverflow);
+  if (isa<arith::AddIOp>(op) && isThreadIndex(op->getOperand(0)) &&
+      matchPattern(op->getOperand(1), m_One()))
+    return true;
+  if (isa<arith::AddIOp, arith::MulIOp>(op))
+    return mayOverflow && operand(0, true) && operand(1, true);
+  if (isa<arith::DivSIOp, arith::MinSIOp, arith::OrIOp, arith::XOrIOp>(op))
     return operand(0) && operand(1);
   if (isa<arith::MaxSIOp, arith::AndIOp>(op))
     return operand(0) || operand(1);
-  if (isa<arith::RemSIOp>(op))
+  if (isa<arith::RemSIOp, arith::ShRSIOp>(op))
     return operand(0);
   if (isa<arith::SelectOp>(op))
     return operand(1) && operand(2);
   return false;
+}
+
+/// A sum or product counts as not negative if its operands are: where it
+/// overflows, the access is out of bounds of every array. That holds for the
+/// index itself, not for what a remainder (say, of a hash) is taken of.
+bool warp::isNonNegative(mlir::Value value) {
+  return ::isNonNegative(value, /*mayOverflow=*/true, /*depth=*/8);
 }
 
 /// Python's rule: an index below zero counts from the end.
@@ -143,8 +159,11 @@ ArrayParts ArrayLowering::readDescriptor(mlir::Value base, int64_t offset,
   ArrayParts parts;
   parts.unit = unit;
   parts.data = read(dataPointer, 0, 8);
-  for (int64_t d = 0; d < rank; ++d)
+  for (int64_t d = 0; d < rank; ++d) {
     parts.shape.push_back(read(i32, 16 + 4 * d, 4));
+    parts.shape.back().getDefiningOp()->setAttr(attr::nonNegative,
+                                                b.getUnitAttr());
+  }
   if (unit == 0)
     for (int64_t d = 0; d < rank; ++d)
       parts.strides.push_back(widen(read(i32, 32 + 4 * d, 4), i64));

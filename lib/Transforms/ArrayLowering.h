@@ -43,8 +43,8 @@ struct Address {
 /// What an error record says happened.
 enum class ReportKind { OutOfBounds = 0, Assertion = 1 };
 
-/// Whether a signless integer can be told not to be negative.
-bool isNonNegative(mlir::Value value, int depth = 8);
+/// Whether an index can be told not to be negative.
+bool isNonNegative(mlir::Value index);
 
 class ArrayLowering {
 public:

@@ -67,6 +67,14 @@ struct VerifyWarp : warp::impl::VerifyWarpBase<VerifyWarp> {
           << kernel.getNumResults();
       return signalPassFailure();
     }
+    auto call = getOperation().walk([](func::CallOp call) {
+      call.emitError("the call of '")
+          << call.getCallee()
+          << "' cannot be inlined; functions cannot call themselves";
+      return WalkResult::interrupt();
+    });
+    if (call.wasInterrupted())
+      return signalPassFailure();
     if (failed(checkOperations(getOperation(), "warp", [](Operation *op) {
           // Canonicalised control flow leaves a select, or logic on a condition.
           return isa<warp::WarpDialect, scf::SCFDialect, func::FuncDialect>(

@@ -113,3 +113,21 @@ llvm.func @flattened(%block: !llvm.ptr, %t: i64, %v: f32)
   warp.store_components(%v), %a[%n] : (f32), !warp.array<1 x f32>, i32
   llvm.return
 }
+
+// -----
+
+// But the remainder of what may have overflowed can be negative.
+// CHECK-LABEL: llvm.func @hashed
+// CHECK: arith.remsi
+// CHECK: arith.select
+llvm.func @hashed(%block: !llvm.ptr, %t: i64, %v: f32)
+    attributes {warp.entry} {
+  %a = warp.parameter %block[24] packed : !llvm.ptr -> !warp.array<1 x f32>
+  %w = warp.parameter %block[80] {warp.non_negative} : !llvm.ptr -> i32
+  %i = arith.trunci %t overflow<nsw, nuw> : i64 to i32
+  %prime = arith.constant 73856093 : i32
+  %hash = arith.muli %i, %prime : i32
+  %n = arith.remsi %hash, %w : i32
+  warp.store_components(%v), %a[%n] : (f32), !warp.array<1 x f32>, i32
+  llvm.return
+}

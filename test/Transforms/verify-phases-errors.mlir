@@ -4,12 +4,25 @@
 // RUN: warp-opt %t/thread-type.mlir --verify-diagnostics --warp-verify-thread
 // RUN: warp-opt %t/llvm.mlir --verify-diagnostics --warp-verify-llvm
 
+// RUN: warp-opt %t/recursion.mlir --verify-diagnostics --warp-pipeline=to-warp
+
 // A straggler of each phase is named at its place.
 
 //--- warp.mlir
 func.func @k(%x: f32) attributes {warp.kernel} {
   // expected-error @below {{operation 'math.sin' is not part of phase 'warp'}}
   %0 = math.sin %x : f32
+  return
+}
+
+//--- recursion.mlir
+func.func private @f(%x: f32) {
+  // expected-error @below {{the call of 'f' cannot be inlined; functions cannot call themselves}}
+  call @f(%x) : (f32) -> ()
+  return
+}
+func.func @k(%x: f32) attributes {warp.kernel} {
+  call @f(%x) : (f32) -> ()
   return
 }
 
