@@ -130,7 +130,13 @@ class Constructors(UserCalls):
             "transform": ("p", "q"),
             "vec": ("x", "y", "z", "w"),
         }
-        keywords = {key: value for key, value in keywords.items() if key != "dtype"}
+        shape = keywords.get("shape", keywords.get("length"))
+        if shape is not None and native.shape:
+            shape = list(shape) if isinstance(shape, tuple) else [shape]
+            if shape != list(native.shape):
+                raise self.type_error(node, f"'{native.python_name}' is not of shape {shape}")
+        given = ("dtype", "shape", "length") if native.shape else ("dtype",)
+        keywords = {key: value for key, value in keywords.items() if key not in given}
         order = [key for key in orders.get(native.kind, ()) if key in keywords]
         if len(order) != len(keywords):
             unknown = next(key for key in keywords if key not in order)
@@ -166,6 +172,8 @@ class Constructors(UserCalls):
         arguments, keywords = self.arguments(node)
         length, dtype = keywords.pop("length", None), keywords.pop("dtype", None)
         element = self.component_type(arguments, dtype, node)
+        if length is None and not arguments:
+            raise self.type_error(node, "vector expects components or `length`")
         if length is None:
             length = sum(
                 part.type.shape[0] if type(part) is Value and part.type.kind == "vec" else 1
@@ -177,6 +185,8 @@ class Constructors(UserCalls):
         arguments, keywords = self.arguments(node)
         shape, dtype = keywords.pop("shape", None), keywords.pop("dtype", None)
         element = self.component_type(arguments, dtype, node)
+        if shape is None and not arguments:
+            raise self.type_error(node, "matrix expects components or `shape`")
         if shape is None:
             side = round(len(arguments) ** 0.5)
             shape = (side, side)
