@@ -86,10 +86,10 @@ class Constructors(UserCalls):
         if isinstance(binding, types.scalar_base):
             binding = binding.value
         if type(binding) in (int, float, builtins.bool):
-            if type(binding) is int and native.kind == "int" and not native.signed:
+            unsigned = type(binding) is int and native.kind == "int" and not native.signed
+            if unsigned and -(1 << (native.width - 1)) <= binding < 0:
                 # The bits of a negative number, as the conversion of a variable takes them.
-                if -(1 << (native.width - 1)) <= binding < 0:
-                    binding += 1 << native.width
+                binding += 1 << native.width
             self.at(node)
             return self.builder.constant(native, binding)
         value = self.materialize(binding, node.args[0])
