@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import weakref
 
 from warp._src import config as settings
 
@@ -38,7 +39,7 @@ class Module:
 
     def __init__(self, name: str):
         self.name = name
-        self.kernels: dict = {}
+        self.kernels = weakref.WeakValueDictionary()
         self.options: dict = {}
         # Changes with each call that makes compiled kernels stale.
         self.version = 0
