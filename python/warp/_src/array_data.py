@@ -148,6 +148,10 @@ def element_shape(source, dtype):
         return source.shape[: -len(inner)]
     if source.ndim > 1 and source.shape[-1] == length:
         return source.shape[:-1]
+    if source.shape == inner:
+        return (1,)
+    if source.ndim > len(inner) + 1 and source.shape[-len(inner) - 1 :] == (*inner, 1):
+        return source.shape[: -len(inner) - 1]
     if source.ndim == 1 and source.size % length == 0:
         return (source.size // length,)
     raise errors.WarpShapeError(
