@@ -11,4 +11,5 @@ PYBIND11_MODULE(_native, m) {
   warp::python::bindArray(m);
   warp::python::bindKernel(m);
   warp::python::bindDlpack(m);
+  warp::python::bindXlaFfi(m);
 }

@@ -24,6 +24,7 @@ void bindDlpack(pybind11::module_ &m);
 void bindErrors(pybind11::module_ &m);
 void bindKernel(pybind11::module_ &m);
 void bindMemory(pybind11::module_ &m);
+void bindXlaFfi(pybind11::module_ &m);
 
 /// Sets the Python exception for an error.
 void setPythonError(const Error &error);

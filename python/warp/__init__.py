@@ -98,6 +98,13 @@ from warp._src.errors import WarpError as WarpError
 from warp._src.errors import WarpLaunchError as WarpLaunchError
 from warp._src.function import Function as Function
 from warp._src.function import func as func
+from warp._src.jax import device_from_jax as device_from_jax
+from warp._src.jax import device_to_jax as device_to_jax
+from warp._src.jax import dtype_from_jax as dtype_from_jax
+from warp._src.jax import dtype_to_jax as dtype_to_jax
+from warp._src.jax import from_jax as from_jax
+from warp._src.jax import to_jax as to_jax
+from warp._src.jax_kernel import jax_kernel as jax_kernel
 from warp._src.kernel import Kernel as Kernel
 from warp._src.kernel import kernel as kernel
 from warp._src.launch import Launch as Launch
