@@ -44,6 +44,7 @@ public:
 
   /// Stage texts go to the folder that WARP_DUMP names.
   void dump(llvm::StringRef extension);
+  void writeStage(llvm::StringRef extension, llvm::StringRef text);
   std::string fileStem();
 
 private:

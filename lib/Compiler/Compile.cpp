@@ -33,6 +33,7 @@
 #include "llvm/Support/FileSystem.h"
 #include "llvm/Support/raw_ostream.h"
 #include "llvm/Target/TargetMachine.h"
+#include "llvm/Transforms/Utils/Cloning.h"
 
 #include <chrono>
 
@@ -94,6 +95,12 @@ double now() {
 }
 
 } // namespace
+
+/// The folder that stage texts go to; empty for nowhere.
+static StringRef dumpFolder() {
+  const char *folder = getenv("WARP_DUMP");
+  return folder ? folder : "";
+}
 
 /// Writes text to a new temporary file and returns its name.
 static std::string saveText(StringRef text) {
@@ -192,6 +199,7 @@ void Compilation::lowerTo(Phase last) {
   }
   if (last == Phase::LLVM) {
     runPhase(*op, Phase::LLVM, options);
+    dump("llvm.mlir");
     if (options.lineinfo)
       attachLineTable(*op, isGpu(options));
   }
@@ -265,6 +273,13 @@ void Compilation::optimizeModule() {
 }
 
 SmallVector<char, 0> Compilation::emitCode(bool asText) {
+  if (!dumpFolder().empty()) {
+    // Emission uses a module up.
+    auto copy = llvm::CloneModule(*llvmModule);
+    SmallVector<char, 0> text = emit(*copy, **machine, /*asText=*/true);
+    writeStage(isGpu(options) ? "ptx" : "s",
+               StringRef(text.data(), text.size()));
+  }
   double start = now();
   SmallVector<char, 0> bytes =
       emit(*llvmModule, **machine, asText || isGpu(options));
@@ -290,19 +305,20 @@ std::string Compilation::llvmText() {
   return text;
 }
 
-/// Writes the current stage to the folder that WARP_DUMP names.
-void Compilation::dump(StringRef extension) {
-  const char *folder = getenv("WARP_DUMP");
-  if (!folder || !*folder)
-    return;
-  llvm::sys::fs::create_directories(folder);
-  std::string text = extension.ends_with("ll") ? llvmText() : moduleText();
-  std::string path = std::string(folder) + "/" + fileStem() + "." +
-                     extension.str();
+void Compilation::writeStage(StringRef extension, StringRef text) {
+  llvm::sys::fs::create_directories(dumpFolder());
+  std::string path =
+      (dumpFolder() + "/" + fileStem() + "." + extension).str();
   std::error_code error;
   llvm::raw_fd_ostream file(path, error);
   if (!error)
     file << text;
+}
+
+void Compilation::dump(StringRef extension) {
+  if (!dumpFolder().empty())
+    writeStage(extension,
+               extension.ends_with("ll") ? llvmText() : moduleText());
 }
 
 std::string Compilation::fileStem() {
