@@ -4,7 +4,8 @@
 // `__array_interface__` for the host, `__cuda_array_interface__` for a device.
 // Element types must agree exactly. The extents of a composite element are the
 // last extents of the array and must be packed: an (n, 3) array of float32 is
-// a one-dimensional array of vec3. Nothing is copied.
+// a one-dimensional array of vec3. Nothing is copied. Where the library says
+// which stream wrote the memory, the device's current stream waits for it.
 //
 //===----------------------------------------------------------------------===//
 
@@ -106,6 +107,20 @@ static std::string describe(const Interface &found) {
   return text + (found.shape.size() == 1 ? ",)" : ")");
 }
 
+/// Lets the device's current stream wait for the stream that wrote an array.
+static void waitForWriter(const py::dict &fields, int device) {
+  if (!fields.contains("stream") || fields["stream"].is_none())
+    return;
+  auto *handle = reinterpret_cast<void *>(fields["stream"].cast<uintptr_t>());
+  std::shared_ptr<Stream> reader = currentStream(device);
+  if (handle == reader->handle())
+    return;
+  Stream writer(device, handle);
+  Event event(device);
+  event.record(writer);
+  waitEvent(*reader, event);
+}
+
 bool python::readForeignArray(const Packer &packer, const PackParam &param,
                               PyObject *value, int device, ArrayDescriptor &out,
                               std::vector<py::object> &keep) {
@@ -144,5 +159,7 @@ bool python::readForeignArray(const Packer &packer, const PackParam &param,
     out.shape[i] = static_cast<int32_t>(found.shape[i]);
     out.strides[i] = static_cast<int32_t>(found.strides[i]);
   }
+  if (!onHost)
+    waitForWriter(py::reinterpret_borrow<py::dict>(fields), device);
   return true;
 }

@@ -255,27 +255,39 @@ def _from_array(target, data, dtype, shape, device, pinned, copy):
 
 
 def _from_cuda(target, data, interface, dtype, shape, device, pinned, copy):
-    """From another library's CUDA array; it is on the device that `device` names."""
+    """From another library's CUDA array, after what its stream still has to do."""
     import numpy
 
-    from warp._src.array import new_array
+    from warp._src import interop
 
-    if device is None:
-        device = "cuda"
-    number = numpy.dtype(interface["typestr"])
-    scalar = dtype_from_numpy(number)
-    extents = tuple(interface["shape"])
-    strides = interface.get("strides")
-    pointer = interface["data"][0] or 0
-    index = devices.resolve_index(device)
-    where = index if index != devices.CPU else devices.resolve_index("cuda")
-    raw = new_array()
-    inner = getattr(dtype, "_shape_", ()) if dtype is not None else ()
-    borrow(raw, pointer, extents, strides, scalar, where, None, None, owner=data)
-    if inner:
-        raw = raw.view(dtype)
-        dtype = None
-    _from_array(target, raw, dtype, shape, device, pinned, copy)
+    if interface.get("mask") is not None:
+        raise errors.WarpTypeError("an array with a mask cannot be used as data")
+    where = _cuda_device_of(data)
+    if interface.get("stream") is not None:
+        interop.wait_for(interface["stream"], where)
+    pointer, read_only = interface["data"]
+    extents, strides = tuple(interface["shape"]), interface.get("strides")
+    if dtype is not None and types.is_struct(dtype):
+        if numpy.dtype(interface["typestr"]).itemsize != types.type_size_in_bytes(dtype):
+            raise errors.WarpTypeError(f"expects records of struct '{dtype.__name__}'")
+        layout = dtype, extents, strides
+    else:
+        # NumPy has no bfloat16; the libraries that do spell it as two raw bytes.
+        raw_bytes = interface["typestr"][1:] == "V2"
+        scalar = scalars.bfloat16 if raw_bytes else dtype_from_numpy(interface["typestr"])
+        fits = dtype is None or interop.same_bits(scalar, getattr(dtype, "_wp_scalar_type_", dtype))
+        layout = interop.fold(scalar, extents, strides, dtype if fits else None)
+    source = interop.alias(pointer or 0, layout, where, data, read_only=read_only)
+    _from_array(target, source, dtype, shape, device, pinned, copy)
+
+
+def _cuda_device_of(data) -> int:
+    """The array interface does not name the device; DLPack, which most have too, does."""
+    from warp._src import interop
+
+    if hasattr(data, "__dlpack_device__"):
+        return interop.cuda_index(data.__dlpack_device__()[1])
+    return devices.resolve_index("cuda")
 
 
 def borrow(target, ptr, extents, strides, dtype, index, capacity, deleter, owner=None) -> None:
