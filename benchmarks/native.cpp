@@ -99,7 +99,7 @@ void streaming(float *a, const float *b, const float *c, float s, int64_t n) {
 }
 
 const char *const EmptyKernel = R"(.version 7.0
-.target sm_60
+.target sm_75
 .address_size 64
 .visible .entry empty(.param .align 8 .b8 p[248]) { ret; }
 )";
