@@ -106,8 +106,8 @@ const char *const EmptyKernel = R"(.version 7.0
 
 } // namespace
 
-/// Bytes per second, in the fastest of `passes`, of a triad that moves about `bytes`;
-/// `count` threads, 0 for one per processor.
+/// Bytes per second, in the fastest of `passes`, of a triad that moves about
+/// `bytes`; `count` threads, 0 for one per processor.
 extern "C" double triad(int64_t bytes, int count, int passes, int stream) {
   std::vector<int> processors = allowedProcessors();
   if (count <= 0)
@@ -162,11 +162,13 @@ extern "C" double bare_launch(int device, int repeats) {
   if (call("cuInit", 0u) || call("cuDeviceGet", &handle, device) ||
       call("cuDevicePrimaryCtxRetain", &context, handle) ||
       call("cuCtxSetCurrent", context) ||
-      call("cuModuleLoadData", &module, static_cast<const void *>(EmptyKernel)) ||
+      call("cuModuleLoadData", &module,
+           static_cast<const void *>(EmptyKernel)) ||
       call("cuModuleGetFunction", &kernel, module, "empty"))
     return -1.0;
   using Launch = int (*)(void *, unsigned, unsigned, unsigned, unsigned,
-                         unsigned, unsigned, unsigned, void *, void **, void **);
+                         unsigned, unsigned, unsigned, void *, void **,
+                         void **);
   auto launch = reinterpret_cast<Launch>(dlsym(driver, "cuLaunchKernel"));
   alignas(8) char block[248] = {};
   void *parameters[] = {block};
