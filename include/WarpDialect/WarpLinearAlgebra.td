@@ -59,6 +59,10 @@ def Warp_InverseOp : Warp_LinearAlgebra<"inverse",
     ["(a: mat<2,2,F>) -> mat<2,2,F>", "(a: mat<3,3,F>) -> mat<3,3,F>",
      "(a: mat<4,4,F>) -> mat<4,4,F>"],
     "inverse; zero where the matrix is singular">;
+def Warp_InverseApproxOp : Warp_LinearAlgebra<"inverse_approx",
+    ["(a: mat<2,2,F>) -> mat<2,2,F>", "(a: mat<3,3,F>) -> mat<3,3,F>",
+     "(a: mat<4,4,F>) -> mat<4,4,F>"],
+    "inverse for programs that allow an error; the same as `inverse` here">;
 def Warp_TraceOp : Warp_LinearAlgebra<"trace", ["(a: mat<n,n,S>) -> S"],
     "sum of the diagonal">;
 def Warp_DiagOp : Warp_LinearAlgebra<"diag", ["(vec: vec<n,S>) -> mat<n,n,S>"],

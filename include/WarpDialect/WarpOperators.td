@@ -54,6 +54,12 @@ def Warp_DivOp : Warp_Operator<"div", "/", [
     "(a: S, b: mat<r,c,S>) -> mat<r,c,S>",
     "(a: quat<F>, b: F) -> quat<F>", "(a: F, b: quat<F>) -> quat<F>"],
     "quotient; integers truncate toward zero and give 0 for a zero divisor">;
+def Warp_DivApproxOp : Warp_Builtin<"div_approx", "Operators", [
+    "(a: F, b: F) -> F", "(a: vec<n,F>, b: F) -> vec<n,F>",
+    "(a: F, b: vec<n,F>) -> vec<n,F>", "(a: mat<r,c,F>, b: F) -> mat<r,c,F>",
+    "(a: F, b: mat<r,c,F>) -> mat<r,c,F>", "(a: quat<F>, b: F) -> quat<F>",
+    "(a: F, b: quat<F>) -> quat<F>"],
+    "quotient of floats for programs that allow an error; the same as `/` here">;
 
 def Warp_FloorDivOp : Warp_Operator<"floordiv", "//", ["(a: S, b: S) -> S"],
     "quotient rounded down; integers give 0 for a zero divisor"> {

@@ -106,3 +106,18 @@ def test_state_of_random_numbers_is_updated_everywhere():
 
     count, differ, moved = run(kernel, n=8)[:3]
     assert 0 < count < 200 and differ == moved == 8.0
+
+
+def test_state_by_keyword_is_updated_too():
+    @wp.kernel
+    def kernel(n: int, out: wp.array(dtype=float)):
+        a = wp.rand_init(seed=7)
+        b = wp.rand_init(7)
+        for i in range(n):
+            out[i] = wp.randf(a) - wp.randf(low=0.0, state=b, high=1.0)
+        out[4] = float(a == b)
+        out[5] = float(a != wp.rand_init(7))
+        # The new value of a state that no variable holds is dropped.
+        out[6] = wp.randf(wp.rand_init(7)) - wp.randf(state=wp.rand_init(7))
+
+    assert run(kernel, 4)[:7] == [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0]

@@ -150,4 +150,8 @@ Scalars lowerInverse(Emitter &, Operands args) {
   });
 }
 
+Scalars lowerInverseApprox(Emitter &emitter, Operands args) {
+  return lowerInverse(emitter, args);
+}
+
 } // namespace warp::lowering

@@ -41,6 +41,10 @@ Scalars lowerDiv(Emitter &, Operands args) {
   return zipWith(args[0].scalars, args[1].scalars, std::divides<>());
 }
 
+Scalars lowerDivApprox(Emitter &emitter, Operands args) {
+  return lowerDiv(emitter, args);
+}
+
 Scalars lowerFloorDiv(Emitter &, Operands args) {
   return zipWith(args[0].scalars, args[1].scalars, floorDivide);
 }

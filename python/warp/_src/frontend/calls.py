@@ -110,22 +110,27 @@ class Calls(Constructors):
         if special is not None:
             return special(node)
         arguments, keywords = self.arguments(node)
+        places = list(node.args)
         if keywords:
-            arguments += self.keyword_arguments(name, len(arguments), keywords, node)
+            order = self.keyword_order(name, len(arguments), keywords, node)
+            arguments += [keywords[parameter] for parameter in order]
+            written = {keyword.arg: keyword.value for keyword in node.keywords}
+            places += [written[parameter] for parameter in order]
         if name in ("min", "max") and len(arguments) > 2:
             return self.fold_call(name, arguments, node)
         if name == "where" and arguments:
-            arguments[0] = self.truth(arguments[0], node.args[0])
-        return self.apply_builtin(name, arguments, node)
+            arguments[0] = self.truth(arguments[0], places[0])
+        return self.apply_builtin(name, arguments, node, places)
 
-    def apply_builtin(self, name, arguments, node):
+    def apply_builtin(self, name, arguments, node, places=()):
+        """Calls a builtin; what it updates is written back to the arguments at `places`."""
         values = [self.materialize(argument, node) for argument in arguments]
         self.at(node)
         results, updated = self.builder.builtin(name, values)
         for position, value in updated:
-            if position < len(node.args):
-                argument = node.args[position]
-                self.write(self.slot(argument), value, argument)
+            # The result of a call is nobody's variable: its new value is dropped.
+            if position < len(places) and not isinstance(places[position], ast.Call):
+                self.write(self.slot(places[position]), value, places[position])
         if not results:
             return None
         return results[0] if len(results) == 1 else tuple(results)
@@ -136,12 +141,12 @@ class Calls(Constructors):
             result = self.apply_builtin(name, [result, argument], node)
         return result
 
-    def keyword_arguments(self, name, count, keywords, node):
-        """Keyword arguments of a builtin in the order of an overload that has them all."""
+    def keyword_order(self, name, count, keywords, node):
+        """Names of a builtin's keyword arguments in the order of an overload that has them all."""
         for parameters in self.builder.parameter_names(name):
             wanted = parameters[count : count + len(keywords)]
             if set(wanted) == set(keywords):
-                return [keywords[parameter] for parameter in wanted]
+                return wanted
         shown = ", ".join(keywords)
         raise self.type_error(node, f"'{name}' has no overload with the keywords: {shown}")
 

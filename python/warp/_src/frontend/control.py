@@ -15,6 +15,8 @@ from __future__ import annotations
 
 import ast
 
+from warp import _native
+
 RESULT = "return value"
 RETURNED = "return taken"
 
@@ -306,9 +308,20 @@ class _Analysis:
             _add_base(node.target, uses)
         elif kind is ast.Call:
             name = getattr(node.func, "attr", None) or getattr(node.func, "id", None)
-            for position in self.inout_arguments(name) if name else ():
+            positions = self.inout_arguments(name) if name else ()
+            for position in positions:
                 if position < len(node.args):
                     _add_base(node.args[position], parts)
+            if positions:
+                updated = {
+                    names[position]
+                    for names in _native.Builder.parameter_names(name)
+                    for position in positions
+                    if position < len(names)
+                }
+                for keyword in node.keywords:
+                    if keyword.arg in updated:
+                        _add_base(keyword.value, parts)
         for field in node._fields:
             value = getattr(node, field, None)
             if isinstance(value, ast.AST):
