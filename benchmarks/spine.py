@@ -42,20 +42,23 @@ class Row:
 
 
 class Runner:
-    """Starts measurements, under this Python or under the peer's."""
+    """Starts measurements of `script`, under this Python or under the peer's."""
 
-    def __init__(self, device, seconds, peer):
+    def __init__(self, device, seconds, peer, script=CASES, limit=None):
         self.device, self.seconds, self.peer = device, seconds, peer
+        self.script, self.limit = script, limit
         self.raw = {}
 
     def run(self, measurement, cache, python=sys.executable):
         """One measurement with its kernel cache in the folder `cache`."""
-        command = [python, str(CASES), measurement, "--device", self.device]
+        command = [python, str(self.script), measurement, "--device", self.device]
         command += ["--seconds", str(self.seconds)]
         environment = os.environ | {"WARP_CACHE_PATH": str(cache)}
         if python != sys.executable:
             environment.pop("PYTHONPATH", None)
-        done = subprocess.run(command, env=environment, capture_output=True, text=True)
+        done = subprocess.run(
+            command, env=environment, capture_output=True, text=True, timeout=self.limit
+        )
         if done.returncode:
             raise RuntimeError(f"measurement '{measurement}' failed:\n{done.stderr[-2000:]}")
         result = json.loads(done.stdout.splitlines()[-1])
