@@ -19,6 +19,7 @@
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
+#include "mlir/Interfaces/LoopLikeInterface.h"
 
 using namespace mlir;
 
@@ -102,18 +103,32 @@ static bool mayCombine(const Access &a, const Access &b) {
          !(isDense(a) && isDense(b));
 }
 
+/// Kernels with more accesses are not worth the search.
+constexpr size_t maxAccesses = 256;
+
+/// Accesses in the order of execution. A loop counts as two iterations, which
+/// is what LLVM would see of it, unrolled.
+static void collect(Region &region, SmallVectorImpl<Access> &accesses) {
+  for (Block &block : region)
+    for (Operation &op : block) {
+      if (accesses.size() > maxAccesses)
+        return;
+      if (auto load = dyn_cast<warp::LoadComponentsOp>(op))
+        accesses.push_back({false, rootOf(load.getArray()), load.getArray(),
+                            SmallVector<Value, 2>(load.getIndices())});
+      else if (auto store = dyn_cast<warp::StoreComponentsOp>(op))
+        accesses.push_back({true, rootOf(store.getArray()), store.getArray(),
+                            SmallVector<Value, 2>(store.getIndices())});
+      for (int i = 0; i < (isa<LoopLikeOpInterface>(op) ? 2 : 1); ++i)
+        for (Region &nested : op.getRegions())
+          collect(nested, accesses);
+    }
+}
+
 bool warp::keepsOrderInVectors(Operation *entry) {
   SmallVector<Access> accesses;
-  entry->walk<WalkOrder::PreOrder>([&](Operation *op) {
-    if (auto load = dyn_cast<LoadComponentsOp>(op))
-      accesses.push_back({false, rootOf(load.getArray()), load.getArray(),
-                          SmallVector<Value, 2>(load.getIndices())});
-    else if (auto store = dyn_cast<StoreComponentsOp>(op))
-      accesses.push_back({true, rootOf(store.getArray()), store.getArray(),
-                          SmallVector<Value, 2>(store.getIndices())});
-  });
-  // Kernels with very many accesses are not worth the search.
-  if (accesses.size() > 256)
+  collect(entry->getRegion(0), accesses);
+  if (accesses.size() > maxAccesses)
     return false;
   for (size_t last = 0; last < accesses.size(); ++last) {
     bool seenRead = false, seenWrite = false;

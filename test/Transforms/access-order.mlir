@@ -71,3 +71,27 @@ func.func @dense(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
   warp.store_components(%b), %y[%j] : (f32), !warp.array<1 x f32>, i32
   return
 }
+
+// -----
+
+// A loop may be unrolled, so its next iteration follows this one.
+// CHECK-LABEL: llvm.func @iterations
+// CHECK-NOT: access_groups
+// CHECK: llvm.return
+func.func @iterations(%x: !warp.array<1 x !warp.vec<2 x f32>>,
+                      %y: !warp.array<1 x !warp.vec<2 x f32>>)
+    attributes {warp.kernel, warp.rank = 1 : i64, warp.target = "cpu"} {
+  %i = warp.tid : i32
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  %c2 = arith.constant 2 : i32
+  scf.for %k = %c0 to %c2 step %c1 : i32 {
+    %xk = warp.component_view %x[%k]
+      : !warp.array<1 x !warp.vec<2 x f32>>, i32 -> !warp.array<1 x f32>
+    %yk = warp.component_view %y[%k]
+      : !warp.array<1 x !warp.vec<2 x f32>>, i32 -> !warp.array<1 x f32>
+    %a = warp.load_components %xk[%i] : !warp.array<1 x f32>, i32 -> f32
+    warp.store_components(%a), %yk[%i] : (f32), !warp.array<1 x f32>, i32
+  }
+  return
+}
