@@ -21,6 +21,8 @@
 
 namespace warp {
 
+struct StreamUse;
+
 inline constexpr int cpuDevice = -1;
 
 struct DeviceInfo {
@@ -33,6 +35,7 @@ struct DeviceInfo {
   int maxSharedMemoryPerBlock = 0;
   bool isUva = false;
   bool hasMemoryPool = false;
+  bool hasManagedMemory = false;
   std::array<uint8_t, 16> uuid = {};
   std::string pciBusId;
 };
@@ -50,6 +53,11 @@ WARP_API const DeviceInfo &deviceInfo(int device);
 WARP_API std::pair<size_t, size_t> deviceMemory(int device);
 /// The device's primary context, for other libraries; null for the CPU.
 WARP_API void *cudaContext(int device);
+/// The context that is current on this thread, null if none is.
+WARP_API void *currentCudaContext();
+/// The number of the device with this context; a context that is new gets the
+/// next number.
+WARP_API int mapContext(void *context);
 
 /// A CUstream, owned or borrowed.
 class WARP_API Stream {
@@ -65,23 +73,39 @@ public:
   int device() const { return deviceIndex; }
   void *handle() const { return stream; }
   bool isComplete() const;
+  /// Whether what is queued goes into a graph.
+  bool isCapturing() const;
+  /// Whether it keeps its order with work on the legacy default stream.
+  bool isBlocking() const;
+  /// Negative numbers come first.
+  int priority() const;
   void synchronize() const;
+  /// What the runtime keeps about the stream.
+  StreamUse *use() const { return known; }
 
 private:
   int deviceIndex;
   void *stream = nullptr;
+  StreamUse *known = nullptr;
   bool owned = false;
 };
 
+/// What another process needs to open an event or an allocation.
+using IpcHandle = std::array<char, 64>;
+
 class WARP_API Event {
 public:
-  explicit Event(int device, bool enableTiming = false);
+  explicit Event(int device, bool enableTiming = false,
+                 bool interprocess = false);
+  /// Opens an event of another process.
+  Event(int device, const IpcHandle &handle);
   ~Event();
   Event(const Event &) = delete;
   Event &operator=(const Event &) = delete;
 
   int device() const { return deviceIndex; }
   void *handle() const { return event; }
+  IpcHandle ipcHandle() const;
   void record(const Stream &stream);
   bool isComplete() const;
   void synchronize() const;
@@ -91,6 +115,9 @@ private:
   void *event = nullptr;
 };
 
+/// Lets what is queued on a stream from now on wait for all work queued on the
+/// device so far.
+WARP_API void joinStreams(const Stream &stream);
 WARP_API void waitEvent(const Stream &stream, const Event &event);
 /// Milliseconds between two recorded events.
 WARP_API float elapsedMilliseconds(const Event &start, const Event &end);
@@ -102,6 +129,8 @@ WARP_API void setCurrentStream(int device, std::shared_ptr<Stream> stream);
 /// Wait for all work, then throw what debug-mode kernels reported.
 WARP_API void synchronizeDevice(int device);
 WARP_API void synchronizeAll();
+/// Waits for the streams that have work, without looking at reports.
+WARP_API void synchronizeBusyStreams();
 
 } // namespace warp
 

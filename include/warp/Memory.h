@@ -15,6 +15,7 @@
 #include "warp/Launch.h"
 
 #include <cstddef>
+#include <string>
 
 namespace warp {
 
@@ -23,7 +24,9 @@ class WARP_API Buffer {
 public:
   /// `pinned`: page-locked host memory that CUDA devices reach directly;
   /// plain memory where there is no CUDA.
-  Buffer(int device, size_t size, bool pinned = false);
+  /// `stream`: that work on it is queued on first.
+  Buffer(int device, size_t size, bool pinned = false,
+         const Stream *stream = nullptr);
   ~Buffer();
   Buffer(const Buffer &) = delete;
   Buffer &operator=(const Buffer &) = delete;
@@ -32,6 +35,8 @@ public:
   size_t size() const { return bytes; }
   int device() const { return deviceIndex; }
   bool pinned() const { return how == How::Pinned; }
+  /// Enters the memory in the tracker, with the place that asked for it.
+  void track(const std::string &site);
 
 private:
   enum class How { Host, Pinned, Cuda, CudaPool };
@@ -40,6 +45,7 @@ private:
   size_t bytes;
   int deviceIndex;
   How how = How::Host;
+  bool tracked = false;
 };
 
 WARP_API void copyMemory(void *dst, int dstDevice, const void *src,

@@ -13,6 +13,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "DeviceState.h"
+#include "GraphImpl.h"
 #include "warp/Error.h"
 #include "warp/Memory.h"
 #include "warp/ThreadPool.h"
@@ -20,6 +21,7 @@
 #include <algorithm>
 #include <cstring>
 #include <string>
+#include <vector>
 
 using namespace warp;
 using cuda::Pointer;
@@ -218,6 +220,11 @@ static bool overlap(const ArrayDescriptor &a, const ArrayDescriptor &b,
   return aLow < bHigh && bLow < aHigh;
 }
 
+/// The stream, if it belongs to the device.
+static const Stream *streamOn(int device, const Stream *stream) {
+  return stream && stream->device() == device ? stream : nullptr;
+}
+
 static void checkShapes(const ArrayDescriptor &dst,
                         const ArrayDescriptor &src) {
   if (dst.ndim == src.ndim &&
@@ -239,12 +246,13 @@ void warp::copyArray(ArrayView dst, ArrayView src, size_t elementSize,
     return copyMemory(nest.dst, dst.device, nest.src, src.device, bytes,
                       stream);
   auto through = [&](int device) {
-    Buffer buffer(device, bytes);
+    Buffer buffer(device, bytes, false, streamOn(device, stream));
     ArrayDescriptor packed = packedLike(*src.array, elementSize, buffer.data());
     copyArray({&packed, device}, src, elementSize, stream);
     copyArray(dst, {&packed, device}, elementSize, stream);
-    // Pageable memory must outlive the copy that reads it.
-    if (device == cpuDevice && dst.device != cpuDevice)
+    // Pageable memory must outlive the copy that reads it; a graph keeps it.
+    if (device == cpuDevice && dst.device != cpuDevice &&
+        !isCapturing(dst.device))
       (stream ? stream : currentStream(dst.device).get())->synchronize();
   };
   if (dst.device != src.device)
@@ -252,11 +260,13 @@ void warp::copyArray(ArrayView dst, ArrayView src, size_t elementSize,
                                                          : src.device);
   if (overlap(*dst.array, *src.array, elementSize))
     return through(dst.device);
-  if (dst.device == cpuDevice)
-    return copyOnHost(nest);
-  cuda::StreamHandle handle = streamHandle(dst.device, stream);
-  cuda::ContextScope scope(dst.device);
-  copyNestOnCuda(nest, 0, nest.dst, nest.src, handle);
+  if (dst.device == cpuDevice) {
+    if (!recordOnHost(bytes, [=] { copyOnHost(nest); }))
+      copyOnHost(nest);
+    return;
+  }
+  QueuedWork work(dst.device, stream);
+  copyNestOnCuda(nest, 0, nest.dst, nest.src, work.stream());
 }
 
 void warp::fillArray(ArrayView dst, const void *pattern, size_t elementSize,
@@ -268,11 +278,18 @@ void warp::fillArray(ArrayView dst, const void *pattern, size_t elementSize,
   if (dst.device == cpuDevice) {
     // One element that every source stride of zero repeats.
     ArrayDescriptor source = *dst.array;
-    source.data = const_cast<void *>(pattern);
     std::fill(source.strides, source.strides + maxRank, 0);
-    return copyOnHost(simplify(*dst.array, source, elementSize));
+    auto *bytes = static_cast<const char *>(pattern);
+    std::vector<char> own(bytes, bytes + elementSize);
+    auto fill = [=, dst = *dst.array]() mutable {
+      source.data = own.data();
+      copyOnHost(simplify(dst, source, elementSize));
+    };
+    if (!recordOnHost(count * elementSize, fill))
+      fill();
+    return;
   }
-  Buffer buffer(dst.device, count * elementSize);
+  Buffer buffer(dst.device, count * elementSize, false, stream);
   fillMemory(buffer.data(), dst.device, pattern, elementSize, count, stream);
   ArrayDescriptor packed = packedLike(*dst.array, elementSize, buffer.data());
   copyArray(dst, {&packed, dst.device}, elementSize, stream);

@@ -2,11 +2,12 @@
 
 #include "CudaDriver.h"
 
+#include "DeviceState.h"
 #include "Support.h"
 
+#include <cstring>
 #include <dlfcn.h>
-#include <mutex>
-#include <vector>
+#include <pthread.h>
 
 using namespace warp;
 using namespace warp::cuda;
@@ -23,12 +24,30 @@ struct Loaded {
   std::string problem;
 };
 
-struct ContextSlot {
-  std::once_flag once;
-  Context context = nullptr;
-};
-
 } // namespace
+
+/// In a child of a process that had started the driver.
+static bool forked = false;
+
+template <typename... Args> static Result refuse(Args...) {
+  return errorNotInitialized;
+}
+
+template <typename... Args>
+static void refuseCalls(Result (*&member)(Args...)) {
+  member = refuse<Args...>;
+}
+
+bool cuda::isForked() { return forked; }
+
+/// The driver does not work in a child, and calls into it may hang.
+static void refuseInChild() {
+  forked = true;
+  Driver &table = const_cast<Driver &>(*driver());
+#define WARP_REFUSE(member, symbol, parameters) refuseCalls(table.member);
+  WARP_CUDA_SYMBOLS(WARP_REFUSE)
+#undef WARP_REFUSE
+}
 
 Loaded::Loaded() {
   std::string library = environment("WARP_CUDA_DRIVER");
@@ -48,6 +67,7 @@ Loaded::Loaded() {
   }
   table.driverGetVersion(&table.version);
   usable = true;
+  pthread_atfork(nullptr, nullptr, refuseInChild);
 }
 
 bool Loaded::open(const char *library) {
@@ -74,9 +94,9 @@ bool Loaded::findSymbols(void *library) {
   return true;
 }
 
-static const Loaded &loaded() {
+static Loaded &loaded() {
   // Never destroyed: buffers freed at exit still need it.
-  static const Loaded *once = new Loaded;
+  static auto *once = new Loaded;
   return *once;
 }
 
@@ -87,16 +107,52 @@ const Driver *cuda::driver() {
 
 const std::string &cuda::driverProblem() { return loaded().problem; }
 
-static const char *symbolOf(const std::string &member) {
+/// The exported name of an entry of the table; other names are left alone.
+static const char *symbolOf(const char *member) {
 #define WARP_NAME(name, symbol, parameters)                                    \
-  if (member == #name)                                                         \
+  if (std::strcmp(member, #name) == 0)                                         \
     return #symbol;
   WARP_CUDA_SYMBOLS(WARP_NAME)
 #undef WARP_NAME
-  return "the driver";
+  return member;
+}
+
+/// What a fault of a kernel leaves behind for every later call.
+static std::string faultText(Result result) {
+  switch (result) {
+  case errorIllegalAddress:
+  case 702: // launch timeout
+  case 710: // assertion
+  case 714: // stack error
+  case 715: // illegal instruction
+  case 716: // misaligned address
+  case 717: // invalid address space
+  case 718: // invalid program counter
+  case 719: // launch failure
+    break;
+  default:
+    return "";
+  }
+  Context context = nullptr;
+  driver()->ctxGetCurrent(&context);
+  DeviceState *state = findDeviceState(context);
+  if (!state)
+    return "";
+  const char *kernel = state->lastKernel;
+  std::string text = "; a kernel on '" + state->info.alias + "' faulted";
+  if (kernel)
+    text += ", launched last: '" + std::string(kernel) + "'";
+  return text + ", and the device cannot be used until the process restarts"
+                "\nhint: run with `wp.config.mode = \"debug\"` to find the "
+                "access at fault";
 }
 
 void cuda::raise(Result result, const char *call) {
+  if (forked)
+    throw Error(Error::Kind::Runtime,
+                "CUDA cannot be used in a process that was forked after its "
+                "parent used CUDA\nhint: start it with the 'spawn' method of "
+                "`multiprocessing`");
   const char *name = nullptr, *text = nullptr;
   driver()->getErrorName(result, &name);
   driver()->getErrorString(result, &text);
@@ -104,22 +160,11 @@ void cuda::raise(Result result, const char *call) {
       result == errorOutOfMemory ? Error::Kind::Memory : Error::Kind::Runtime,
       std::string(symbolOf(call)) +
           " failed: " + (name ? name : "error " + std::to_string(result)) +
-          " (" + (text ? text : "no description") + ")");
-}
-
-Context cuda::primaryContext(int device) {
-  static auto *slots = new std::vector<ContextSlot>(driver()->deviceCount);
-  ContextSlot &slot = (*slots)[device];
-  std::call_once(slot.once, [&] {
-    DeviceHandle handle;
-    WARP_CUDA(deviceGet, &handle, device);
-    WARP_CUDA(primaryCtxRetain, &slot.context, handle);
-  });
-  return slot.context;
+          " (" + (text ? text : "no description") + ")" + faultText(result));
 }
 
 ContextScope::ContextScope(int device) {
-  Context wanted = primaryContext(device);
+  Context wanted = contextOf(device);
   WARP_CUDA(ctxGetCurrent, &previous);
   if (previous == wanted)
     return;

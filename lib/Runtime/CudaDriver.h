@@ -24,6 +24,7 @@ using DeviceHandle = int;
 using Pointer = uint64_t;
 using Context = struct ContextTag *;
 using ModuleHandle = struct ModuleTag *;
+using LinkHandle = struct LinkTag *;
 using Function = struct FunctionTag *;
 using StreamHandle = struct StreamTag *;
 using EventHandle = struct EventTag *;
@@ -32,36 +33,83 @@ using PoolHandle = struct PoolTag *;
 enum : Result {
   success = 0,
   errorOutOfMemory = 2,
+  errorNotInitialized = 3,
   errorNoDevice = 100,
+  errorInvalidContext = 201,
   errorNotReady = 600,
+  errorIllegalAddress = 700,
+  errorPeerAccessAlreadyEnabled = 704,
+  errorPeerAccessNotEnabled = 705,
 };
 
 enum DeviceAttribute : int {
   maxSharedMemoryPerBlock = 8,
   multiprocessorCount = 16,
+  maxThreadsPerMultiprocessor = 39,
   unifiedAddressing = 41,
+  managedMemory = 83,
   computeCapabilityMajor = 75,
   computeCapabilityMinor = 76,
   maxSharedMemoryPerBlockOptin = 97,
   memoryPoolsSupported = 115,
 };
 
+enum FunctionAttribute : int {
+  functionMaxThreads = 0,
+  functionSharedSize = 1,
+  functionConstantSize = 2,
+  functionLocalSize = 3,
+  functionRegisters = 4,
+  functionBinaryVersion = 6,
+};
+
 enum JitOption : int {
   jitMaxRegisters = 0,
   jitErrorLogBuffer = 5,
   jitErrorLogBufferSizeBytes = 6,
+  jitInputPtx = 1,
 };
 
 enum : unsigned {
   streamDefault = 0,
+  streamNonBlocking = 1,
   eventDefault = 0,
   eventDisableTiming = 2,
+  eventInterprocess = 4,
   hostAllocPortable = 1,
   hostAllocDeviceMap = 2,
+  memAttachGlobal = 1,
+  ipcLazyPeerAccess = 1,
 };
 
 enum MemoryType : unsigned { memoryHost = 1, memoryDevice = 2 };
-enum PoolAttribute : int { poolReleaseThreshold = 4 };
+enum PoolAttribute : int {
+  poolReleaseThreshold = 4,
+  poolUsedCurrent = 7,
+  poolUsedHigh = 8,
+};
+enum PointerAttribute : int {
+  pointerMemoryType = 2,
+  pointerIsManaged = 8,
+  pointerIsIpcCapable = 10,
+  pointerPool = 17,
+};
+enum AccessFlags : int { accessNone = 0, accessReadWrite = 3 };
+
+/// CUmemLocation and CUmemAccessDesc of the driver API.
+struct Location {
+  int type = 1;
+  int device = 0;
+};
+struct AccessDescription {
+  Location location;
+  AccessFlags flags = accessNone;
+};
+
+/// CUipcMemHandle and CUipcEventHandle.
+struct RawIpcHandle {
+  char bytes[64];
+};
 
 /// CUDA_MEMCPY2D of the driver API.
 struct Copy2D {
@@ -98,17 +146,35 @@ struct Uuid {
   X(deviceTotalMem, cuDeviceTotalMem_v2, (size_t *, DeviceHandle))             \
   X(deviceGetDefaultMemPool, cuDeviceGetDefaultMemPool,                        \
     (PoolHandle *, DeviceHandle))                                              \
+  X(deviceCanAccessPeer, cuDeviceCanAccessPeer,                                \
+    (int *, DeviceHandle, DeviceHandle))                                       \
+  X(memPoolGetAttribute, cuMemPoolGetAttribute, (PoolHandle, int, void *))     \
   X(memPoolSetAttribute, cuMemPoolSetAttribute, (PoolHandle, int, void *))     \
+  X(memPoolGetAccess, cuMemPoolGetAccess, (int *, PoolHandle, Location *))     \
+  X(memPoolSetAccess, cuMemPoolSetAccess,                                      \
+    (PoolHandle, const AccessDescription *, size_t))                           \
   X(memPoolTrimTo, cuMemPoolTrimTo, (PoolHandle, size_t))                      \
   X(primaryCtxRetain, cuDevicePrimaryCtxRetain, (Context *, DeviceHandle))     \
   X(ctxGetCurrent, cuCtxGetCurrent, (Context *))                               \
   X(ctxSetCurrent, cuCtxSetCurrent, (Context))                                 \
+  X(ctxGetDevice, cuCtxGetDevice, (DeviceHandle *))                            \
   X(ctxSynchronize, cuCtxSynchronize, ())                                      \
+  X(ctxEnablePeerAccess, cuCtxEnablePeerAccess, (Context, unsigned))           \
+  X(ctxDisablePeerAccess, cuCtxDisablePeerAccess, (Context))                   \
   X(memGetInfo, cuMemGetInfo_v2, (size_t *, size_t *))                         \
   X(memAlloc, cuMemAlloc_v2, (Pointer *, size_t))                              \
+  X(memAllocManaged, cuMemAllocManaged, (Pointer *, size_t, unsigned))         \
   X(memFree, cuMemFree_v2, (Pointer))                                          \
   X(memAllocAsync, cuMemAllocAsync, (Pointer *, size_t, StreamHandle))         \
   X(memFreeAsync, cuMemFreeAsync, (Pointer, StreamHandle))                     \
+  X(memGetAddressRange, cuMemGetAddressRange_v2,                               \
+    (Pointer *, size_t *, Pointer))                                            \
+  X(pointerGetAttribute, cuPointerGetAttribute, (void *, int, Pointer))        \
+  X(ipcGetMemHandle, cuIpcGetMemHandle, (RawIpcHandle *, Pointer))                \
+  X(ipcOpenMemHandle, cuIpcOpenMemHandle_v2, (Pointer *, RawIpcHandle, unsigned)) \
+  X(ipcCloseMemHandle, cuIpcCloseMemHandle, (Pointer))                         \
+  X(ipcGetEventHandle, cuIpcGetEventHandle, (RawIpcHandle *, EventHandle))        \
+  X(ipcOpenEventHandle, cuIpcOpenEventHandle, (EventHandle *, RawIpcHandle))      \
   X(memHostAlloc, cuMemHostAlloc, (void **, size_t, unsigned))                 \
   X(memFreeHost, cuMemFreeHost, (void *))                                      \
   X(memHostGetDevicePointer, cuMemHostGetDevicePointer_v2,                     \
@@ -131,6 +197,9 @@ struct Uuid {
   X(streamCreate, cuStreamCreateWithPriority, (StreamHandle *, unsigned, int)) \
   X(streamDestroy, cuStreamDestroy_v2, (StreamHandle))                         \
   X(streamQuery, cuStreamQuery, (StreamHandle))                                \
+  X(streamGetFlags, cuStreamGetFlags, (StreamHandle, unsigned *))              \
+  X(streamGetPriority, cuStreamGetPriority, (StreamHandle, int *))             \
+  X(streamIsCapturing, cuStreamIsCapturing, (StreamHandle, int *))             \
   X(streamSynchronize, cuStreamSynchronize, (StreamHandle))                    \
   X(streamWaitEvent, cuStreamWaitEvent, (StreamHandle, EventHandle, unsigned)) \
   X(eventCreate, cuEventCreate, (EventHandle *, unsigned))                     \
@@ -141,8 +210,18 @@ struct Uuid {
   X(eventElapsedTime, cuEventElapsedTime, (float *, EventHandle, EventHandle)) \
   X(moduleLoadDataEx, cuModuleLoadDataEx,                                      \
     (ModuleHandle *, const void *, unsigned, int *, void **))                  \
+  X(linkCreate, cuLinkCreate_v2, (unsigned, int *, void **, LinkHandle *))     \
+  X(linkAddData, cuLinkAddData_v2,                                             \
+    (LinkHandle, int, void *, size_t, const char *, unsigned, int *, void **)) \
+  X(linkComplete, cuLinkComplete, (LinkHandle, void **, size_t *))             \
+  X(linkDestroy, cuLinkDestroy, (LinkHandle))                                  \
   X(moduleGetFunction, cuModuleGetFunction,                                    \
     (Function *, ModuleHandle, const char *))                                  \
+  X(funcGetAttribute, cuFuncGetAttribute, (int *, int, Function))              \
+  X(occupancyMaxActiveBlocks, cuOccupancyMaxActiveBlocksPerMultiprocessor,     \
+    (int *, Function, int, size_t))                                            \
+  X(occupancyMaxPotentialBlockSize, cuOccupancyMaxPotentialBlockSize,          \
+    (int *, int *, Function, size_t (*)(int), size_t, int))                    \
   X(moduleUnload, cuModuleUnload, (ModuleHandle))                              \
   X(launchKernel, cuLaunchKernel,                                              \
     (Function, unsigned, unsigned, unsigned, unsigned, unsigned, unsigned,     \
@@ -163,6 +242,10 @@ const Driver *driver();
 /// Why `driver` is null.
 const std::string &driverProblem();
 
+/// Whether this is a child of a process that had started the driver; every call
+/// fails there.
+bool isForked();
+
 /// Throws an error that names call, driver error and its text.
 [[noreturn]] void raise(Result result, const char *call);
 
@@ -175,8 +258,9 @@ inline void check(Result result, const char *call) {
 #define WARP_CUDA(member, ...)                                                 \
   ::warp::cuda::check(::warp::cuda::driver()->member(__VA_ARGS__), #member)
 
-/// The primary context of a device, retained at first use.
-Context primaryContext(int device);
+/// The context of a device: its primary one, retained at first use, or the one
+/// that `mapContext` was given.
+Context contextOf(int device);
 
 /// Makes a device's context current; gives the caller's back at the end.
 class ContextScope {

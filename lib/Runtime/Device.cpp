@@ -10,8 +10,10 @@
 
 #include "CudaDriver.h"
 #include "DeviceState.h"
+#include "GraphImpl.h"
 #include "Support.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <memory>
 #include <string>
@@ -62,6 +64,7 @@ static DeviceInfo describeCuda(int device) {
       attribute(handle, cuda::maxSharedMemoryPerBlockOptin);
   info.isUva = attribute(handle, cuda::unifiedAddressing);
   info.hasMemoryPool = attribute(handle, cuda::memoryPoolsSupported);
+  info.hasManagedMemory = attribute(handle, cuda::managedMemory);
   return info;
 }
 
@@ -90,21 +93,96 @@ static const DeviceInfo &describeCpu() {
   return info;
 }
 
+namespace {
+/// Physical devices in their order, then contexts that users mapped.
+struct DeviceTable {
+  static constexpr int capacity = 64;
+
+  DeviceTable() {
+    for (int i = 0; i < std::min(cudaDeviceCount(), capacity); ++i)
+      add(i, nullptr);
+  }
+  int add(int ordinal, cuda::Context context) {
+    auto *state = new DeviceState;
+    state->info = describeCuda(ordinal);
+    state->info.alias = "cuda:" + std::to_string(count.load());
+    state->ordinal = ordinal;
+    state->context = context;
+    state->poolEnabled = state->info.hasMemoryPool;
+    states[count] = state;
+    return count++;
+  }
+
+  DeviceState *states[capacity] = {};
+  std::atomic<int> count{0};
+  std::mutex mutex;
+};
+} // namespace
+
+static DeviceTable &deviceTable() {
+  static auto *table = new DeviceTable;
+  return *table;
+}
+
+int warp::knownDeviceCount() { return deviceTable().count; }
+
 DeviceState &warp::cudaDeviceState(int device) {
-  static auto *states = [] {
-    auto *created = new std::vector<DeviceState>(cudaDeviceCount());
-    for (size_t i = 0; i < created->size(); ++i)
-      (*created)[i].info = describeCuda(static_cast<int>(i));
-    return created;
-  }();
-  if (device >= 0 && device < static_cast<int>(states->size()))
-    return (*states)[device];
+  DeviceTable &table = deviceTable();
+  if (device >= 0 && device < table.count.load(std::memory_order_acquire))
+    return *table.states[device];
   std::string message = "no device 'cuda:" + std::to_string(device) + "', ";
-  if (states->empty())
+  if (table.count == 0)
     message += cudaUnavailableReason();
   else
-    message += "there are " + std::to_string(states->size()) + " CUDA devices";
+    message += "there are " + std::to_string(table.count) + " CUDA devices";
   throw Error(Error::Kind::Runtime, message);
+}
+
+DeviceState *warp::findDeviceState(cuda::Context context) {
+  DeviceTable &table = deviceTable();
+  for (int i = 0; context && i < table.count; ++i)
+    if (table.states[i]->context == context)
+      return table.states[i];
+  return nullptr;
+}
+
+cuda::Context cuda::contextOf(int device) {
+  DeviceState &state = cudaDeviceState(device);
+  std::call_once(state.contextOnce, [&] {
+    if (state.context)
+      return;
+    DeviceHandle handle;
+    WARP_CUDA(deviceGet, &handle, state.ordinal);
+    WARP_CUDA(primaryCtxRetain, &state.context, handle);
+  });
+  return state.context;
+}
+
+void *warp::currentCudaContext() {
+  cuda::Context context = nullptr;
+  if (cudaDeviceCount() > 0)
+    WARP_CUDA(ctxGetCurrent, &context);
+  return context;
+}
+
+int warp::mapContext(void *pointer) {
+  auto context = static_cast<cuda::Context>(pointer);
+  DeviceTable &table = deviceTable();
+  std::lock_guard<std::mutex> lock(table.mutex);
+  cuda::Context previous = nullptr;
+  cuda::DeviceHandle ordinal;
+  WARP_CUDA(ctxGetCurrent, &previous);
+  WARP_CUDA(ctxSetCurrent, context);
+  cuda::Result result = cuda::driver()->ctxGetDevice(&ordinal);
+  WARP_CUDA(ctxSetCurrent, previous);
+  cuda::check(result, "ctxGetDevice");
+  cuda::contextOf(ordinal);
+  for (int i = 0; i < table.count; ++i)
+    if (table.states[i]->context == context)
+      return i;
+  if (table.count == DeviceTable::capacity)
+    throw Error(Error::Kind::Runtime, "expects at most 64 mapped contexts");
+  return table.add(ordinal, context);
 }
 
 const DeviceInfo &warp::deviceInfo(int device) {
@@ -139,13 +217,14 @@ void *warp::cudaContext(int device) {
   if (device == cpuDevice)
     return nullptr;
   cudaDeviceState(device);
-  return cuda::primaryContext(device);
+  return cuda::contextOf(device);
 }
 
 void warp::synchronizeDevice(int device) {
   if (device == cpuDevice)
     return;
   cudaDeviceState(device);
+  checkNotCapturing(device, "wait for");
   {
     cuda::ContextScope scope(device);
     WARP_CUDA(ctxSynchronize);
@@ -155,7 +234,7 @@ void warp::synchronizeDevice(int device) {
 
 void warp::synchronizeAll() {
   // Devices that nobody used have no stream and nothing to wait for.
-  for (int device = 0; device < cudaDeviceCount(); ++device)
-    if (cudaDeviceState(device).streamHandle.load())
+  for (int device = 0; device < knownDeviceCount(); ++device)
+    if (cudaDeviceState(device).current.load())
       synchronizeDevice(device);
 }

@@ -7,6 +7,7 @@
 #include "warp/Compile.h"
 #include "warp/Device.h"
 #include "warp/Launch.h"
+#include "warp/Memory.h"
 
 #include <atomic>
 #include <memory>
@@ -15,22 +16,94 @@
 
 namespace warp {
 
+/// What is known of one CUstream, however many objects name it. Never deleted:
+/// a handle that comes back finds its old entry.
+struct StreamUse {
+  cuda::StreamHandle handle = nullptr;
+  /// Work was queued that no free has waited for; see Reclaim.cpp.
+  std::atomic<bool> busy{false};
+  /// Work was queued since the stream became known.
+  std::atomic<bool> used{false};
+  /// The rest is guarded by the mutex of the device.
+  int references = 0;
+  cuda::EventHandle event = nullptr;
+
+  void markBusy() {
+    if (!busy.load(std::memory_order_relaxed)) {
+      used.store(true, std::memory_order_relaxed);
+      busy.store(true, std::memory_order_release);
+    }
+  }
+};
+
 struct DeviceState {
   DeviceInfo info;
+  int ordinal = 0;
+  std::once_flag contextOnce;
+  cuda::Context context = nullptr;
+
   std::mutex mutex;
-  /// The current stream, and its handle for the launch path.
+  /// The current stream, and what the launch path needs of it.
   std::shared_ptr<Stream> stream;
-  std::atomic<cuda::StreamHandle> streamHandle{nullptr};
+  std::atomic<StreamUse *> current{nullptr};
+  std::vector<StreamUse *> uses;
+
+  /// The stream that frees wait on; see Reclaim.cpp.
+  cuda::StreamHandle reclaim = nullptr;
+  bool reclaimPending = false;
+  /// Freed while a graph was captured, and whether they came from the pool.
+  std::vector<std::pair<cuda::Pointer, bool>> deferred;
+
   /// The default memory pool, null if there are none; see `memoryPool`.
   std::once_flag poolOnce;
   cuda::PoolHandle pool = nullptr;
+  std::atomic<bool> poolEnabled{false};
+
+  /// Name of the kernel launched last.
+  std::atomic<const char *> lastKernel{nullptr};
 };
 
 /// Throws for a device that does not exist or is the CPU.
 DeviceState &cudaDeviceState(int device);
+/// Physical devices and mapped contexts.
+int knownDeviceCount();
+/// Whether some device may use the memory of another one directly.
+bool arePeersLinked();
+/// The device whose context this is; null if it is none of ours.
+DeviceState *findDeviceState(cuda::Context context);
 
-/// `stream`, or the device's current one.
-cuda::StreamHandle streamHandle(int device, const Stream *stream);
+/// Work about to be queued on a stream, or on the device's current one. Makes
+/// the context current and, at the end, marks the stream as busy.
+class QueuedWork {
+public:
+  QueuedWork(int device, const Stream *stream);
+  ~QueuedWork() { use->markBusy(); }
+  QueuedWork(const QueuedWork &) = delete;
+  QueuedWork &operator=(const QueuedWork &) = delete;
+
+  cuda::StreamHandle stream() const { return use->handle; }
+
+private:
+  StreamUse *use;
+  cuda::ContextScope scope;
+};
+
+/// The pool of a device, set up to keep freed memory for the next request.
+cuda::PoolHandle memoryPool(int device);
+
+/// Frees device memory once all work queued so far is done. `pooled`: it came
+/// from the memory pool.
+void reclaimDevice(int device, cuda::Pointer memory, bool pooled);
+/// The same for pinned host memory, which any device may be using.
+void reclaimPinned(void *memory, size_t bytes);
+/// Pinned memory that was freed and is no longer used, or null.
+void *recyclePinned(size_t bytes);
+/// Gives the pinned memory that is kept for reuse back to the system.
+void trimPinned();
+
+/// Notes that an object for a stream was made, and that it goes away.
+StreamUse *retainStream(int device, cuda::StreamHandle handle);
+void releaseStream(int device, StreamUse *use);
 
 /// Throws what a failed check of a debug-mode kernel says.
 [[noreturn]] void raiseFailedCheck(const ErrorRecord &record,

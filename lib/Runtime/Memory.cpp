@@ -1,159 +1,26 @@
-//===- Memory.cpp - Allocation, contiguous copies and fills ---------------===//
+//===- Memory.cpp - Contiguous copies and fills ---------------------------===//
 //
-// Host memory is aligned to a cache line; large blocks to huge pages, which
-// saves most page faults. CUDA memory comes from the device's stream-ordered
-// pool where there is one: allocated on the current stream, freed on the
-// legacy default stream, which runs after what any of our streams was given
-// before. When the pool holds back what a request needs, it is trimmed and
-// the request repeated.
-//
-// Host work on many bytes is spread over the thread pool.
+// Host work on many bytes is spread over the thread pool. Work on CUDA memory
+// is queued and not waited for; only copies into pageable memory are, by the
+// driver, which also takes its own copy of pageable memory that it reads.
 //
 //===----------------------------------------------------------------------===//
 
 #include "warp/Memory.h"
 
 #include "DeviceState.h"
-#include "Support.h"
+#include "GraphImpl.h"
 #include "warp/ThreadPool.h"
 
 #include <algorithm>
-#include <cstdlib>
 #include <cstring>
-#include <sys/mman.h>
-#include <sys/sysinfo.h>
 
 using namespace warp;
 using cuda::Pointer;
 using cuda::StreamHandle;
 
-static constexpr size_t cacheLine = 64;
-static constexpr size_t hugePage = size_t(2) << 20;
 /// Host bytes that one thread copies or fills at a time.
 static constexpr int64_t hostGrain = int64_t(512) << 10;
-
-//===----------------------------------------------------------------------===//
-// Allocation
-//===----------------------------------------------------------------------===//
-
-[[noreturn]] static void raiseOutOfMemory(int device, size_t bytes) {
-  size_t free = deviceMemory(device).first;
-  throw Error(Error::Kind::Memory, "out of memory on '" +
-                                       deviceInfo(device).alias +
-                                       "', requested " + formatBytes(bytes) +
-                                       ", free " + formatBytes(free));
-}
-
-static void *allocateHost(size_t bytes) {
-  // The kernel would promise more than there is and kill us later.
-  struct sysinfo info;
-  if (sysinfo(&info) == 0 &&
-      bytes / info.mem_unit > info.totalram + info.totalswap)
-    raiseOutOfMemory(cpuDevice, bytes);
-  bool large = bytes >= 2 * hugePage;
-  size_t align = large ? hugePage : cacheLine;
-  void *memory = std::aligned_alloc(align, (bytes + align - 1) / align * align);
-  if (!memory)
-    raiseOutOfMemory(cpuDevice, bytes);
-  if (large)
-    madvise(memory, bytes, MADV_HUGEPAGE);
-  return memory;
-}
-
-static void *allocatePinned(size_t bytes) {
-  cuda::ContextScope scope(0);
-  void *memory = nullptr;
-  cuda::Result result = cuda::driver()->memHostAlloc(
-      &memory, bytes, cuda::hostAllocPortable | cuda::hostAllocDeviceMap);
-  if (result == cuda::errorOutOfMemory)
-    raiseOutOfMemory(cpuDevice, bytes);
-  cuda::check(result, "memHostAlloc");
-  return memory;
-}
-
-/// The pool of a device, set up to keep freed memory for the next request.
-static cuda::PoolHandle memoryPool(int device) {
-  DeviceState &state = cudaDeviceState(device);
-  if (!state.info.hasMemoryPool)
-    return nullptr;
-  std::call_once(state.poolOnce, [&] {
-    cuda::DeviceHandle handle;
-    WARP_CUDA(deviceGet, &handle, device);
-    WARP_CUDA(deviceGetDefaultMemPool, &state.pool, handle);
-    uint64_t threshold = UINT64_MAX;
-    WARP_CUDA(memPoolSetAttribute, state.pool, cuda::poolReleaseThreshold,
-              &threshold);
-  });
-  return state.pool;
-}
-
-static Pointer allocateCuda(int device, size_t bytes, bool &fromPool) {
-  cuda::ContextScope scope(device);
-  const cuda::Driver *driver = cuda::driver();
-  cuda::PoolHandle pool = memoryPool(device);
-  fromPool = pool != nullptr;
-  Pointer memory = 0;
-  cuda::Result result;
-  for (int attempt = 0; attempt < 2; ++attempt) {
-    result = fromPool ? driver->memAllocAsync(&memory, bytes,
-                                              streamHandle(device, nullptr))
-                      : driver->memAlloc(&memory, bytes);
-    if (result != cuda::errorOutOfMemory || !fromPool)
-      break;
-    WARP_CUDA(ctxSynchronize);
-    WARP_CUDA(memPoolTrimTo, pool, 0);
-  }
-  if (result == cuda::errorOutOfMemory)
-    raiseOutOfMemory(device, bytes);
-  cuda::check(result, fromPool ? "memAllocAsync" : "memAlloc");
-  return memory;
-}
-
-Buffer::Buffer(int device, size_t size, bool pinned)
-    : bytes(size), deviceIndex(device) {
-  if (device != cpuDevice)
-    cudaDeviceState(device);
-  if (pinned && device == cpuDevice && cudaDeviceCount() > 0)
-    how = How::Pinned;
-  if (size == 0)
-    return;
-  if (device != cpuDevice) {
-    bool fromPool;
-    memory = reinterpret_cast<void *>(allocateCuda(device, size, fromPool));
-    how = fromPool ? How::CudaPool : How::Cuda;
-  } else {
-    memory = pinned && how == How::Pinned ? allocatePinned(size)
-                                          : allocateHost(size);
-  }
-}
-
-Buffer::~Buffer() {
-  if (!memory)
-    return;
-  const cuda::Driver *driver = cuda::driver();
-  auto address = reinterpret_cast<Pointer>(memory);
-  // A destructor has nobody to tell: after a fault or at exit the driver
-  // refuses everything, and the next call of the user reports it.
-  try {
-    switch (how) {
-    case How::Host:
-      std::free(memory);
-      return;
-    case How::Pinned:
-      driver->memFreeHost(memory);
-      return;
-    case How::Cuda:
-    case How::CudaPool: {
-      cuda::ContextScope scope(deviceIndex);
-      if (how == How::Cuda)
-        driver->memFree(address);
-      else
-        driver->memFreeAsync(address, nullptr);
-    }
-    }
-  } catch (const Error &) {
-  }
-}
 
 //===----------------------------------------------------------------------===//
 // Copies
@@ -184,10 +51,9 @@ static void copyPeer(Pointer dst, int dstDevice, Pointer src, int srcDevice,
   const Stream &runner = stream ? *stream : *mine;
   waitEvent(runner, before);
   {
-    cuda::ContextScope scope(here);
-    WARP_CUDA(memcpyPeerAsync, dst, cuda::primaryContext(dstDevice), src,
-              cuda::primaryContext(srcDevice), bytes,
-              streamHandle(here, &runner));
+    QueuedWork work(here, &runner);
+    WARP_CUDA(memcpyPeerAsync, dst, cuda::contextOf(dstDevice), src,
+              cuda::contextOf(srcDevice), bytes, work.stream());
   }
   after.record(runner);
   waitEvent(*other, after);
@@ -197,23 +63,30 @@ void warp::copyMemory(void *dst, int dstDevice, const void *src, int srcDevice,
                       size_t bytes, const Stream *stream) {
   if (bytes == 0)
     return;
-  if (dstDevice == cpuDevice && srcDevice == cpuDevice)
-    return copyHost(dst, src, bytes);
+  if (dstDevice == cpuDevice && srcDevice == cpuDevice) {
+    if (!recordOnHost(bytes, [=] { copyHost(dst, src, bytes); }))
+      copyHost(dst, src, bytes);
+    return;
+  }
   auto to = reinterpret_cast<Pointer>(dst);
   auto from = reinterpret_cast<Pointer>(src);
   if (dstDevice != cpuDevice && srcDevice != cpuDevice &&
       dstDevice != srcDevice)
     return copyPeer(to, dstDevice, from, srcDevice, bytes, stream);
   int device = dstDevice == cpuDevice ? srcDevice : dstDevice;
-  StreamHandle handle = streamHandle(device, stream);
-  cuda::ContextScope scope(device);
+  if (dstDevice != srcDevice && hostRecorder())
+    throw Error(Error::Kind::Runtime,
+                "cannot copy between devices while a graph is being captured "
+                "on 'cpu'");
+  QueuedWork work(device, stream);
   if (srcDevice == cpuDevice)
-    return WARP_CUDA(memcpyHtoDAsync, to, src, bytes, handle);
+    return WARP_CUDA(memcpyHtoDAsync, to, src, bytes, work.stream());
   if (dstDevice != cpuDevice)
-    return WARP_CUDA(memcpyDtoDAsync, to, from, bytes, handle);
-  WARP_CUDA(memcpyDtoHAsync, dst, from, bytes, handle);
+    return WARP_CUDA(memcpyDtoDAsync, to, from, bytes, work.stream());
+  WARP_CUDA(memcpyDtoHAsync, dst, from, bytes, work.stream());
   // Into pageable memory the driver waits; what kernels reported is there.
-  DeviceErrorRecord::check(device);
+  if (!isCapturing(device))
+    DeviceErrorRecord::check(device);
 }
 
 //===----------------------------------------------------------------------===//
@@ -250,7 +123,7 @@ static void fillHost(char *dst, const char *pattern, size_t size,
                           });
 }
 
-static void fillCuda(Pointer dst, const char *pattern, size_t size,
+static void fillCuda(Pointer dst, int device, const char *pattern, size_t size,
                      size_t count, StreamHandle stream) {
   size_t period = shortestPeriod(pattern, size);
   size_t bytes = size * count;
@@ -266,8 +139,10 @@ static void fillCuda(Pointer dst, const char *pattern, size_t size,
     std::memcpy(&value, pattern, 4);
     return WARP_CUDA(memsetD32Async, dst, value, bytes / 4, stream);
   }
-  // The driver stages pageable memory before it returns.
-  WARP_CUDA(memcpyHtoDAsync, dst, pattern, size, stream);
+  // The driver stages pageable memory before it returns, unless the copy goes
+  // into a graph.
+  WARP_CUDA(memcpyHtoDAsync, dst, keepBytes(device, pattern, size), size,
+            stream);
   for (size_t done = size; done < bytes;) {
     size_t part = std::min(done, bytes - done);
     WARP_CUDA(memcpyDtoDAsync, dst + done, dst, part, stream);
@@ -283,11 +158,23 @@ void warp::fillMemory(void *dst, int device, const void *pattern, size_t size,
   if (device == cpuDevice) {
     if (shortestPeriod(bytes, size) == 1)
       return setMemory(dst, device, bytes[0], size * count);
-    return fillHost(static_cast<char *>(dst), bytes, size, count);
+    auto *to = static_cast<char *>(dst);
+    std::string own(bytes, size);
+    if (!recordOnHost(size * count,
+                      [=] { fillHost(to, own.data(), size, count); }))
+      fillHost(to, bytes, size, count);
+    return;
   }
-  StreamHandle handle = streamHandle(device, stream);
-  cuda::ContextScope scope(device);
-  fillCuda(reinterpret_cast<Pointer>(dst), bytes, size, count, handle);
+  QueuedWork work(device, stream);
+  fillCuda(reinterpret_cast<Pointer>(dst), device, bytes, size, count,
+           work.stream());
+}
+
+static void setHost(void *dst, int byte, size_t bytes) {
+  auto *to = static_cast<char *>(dst);
+  ThreadPool::parallelFor(0, bytes, hostGrain, [&](int64_t begin, int64_t end) {
+    std::memset(to + begin, byte, end - begin);
+  });
 }
 
 void warp::setMemory(void *dst, int device, int byte, size_t bytes,
@@ -295,14 +182,11 @@ void warp::setMemory(void *dst, int device, int byte, size_t bytes,
   if (bytes == 0)
     return;
   if (device == cpuDevice) {
-    auto *to = static_cast<char *>(dst);
-    return ThreadPool::parallelFor(0, bytes, hostGrain,
-                                   [&](int64_t begin, int64_t end) {
-                                     std::memset(to + begin, byte, end - begin);
-                                   });
+    if (!recordOnHost(bytes, [=] { setHost(dst, byte, bytes); }))
+      setHost(dst, byte, bytes);
+    return;
   }
-  StreamHandle handle = streamHandle(device, stream);
-  cuda::ContextScope scope(device);
+  QueuedWork work(device, stream);
   WARP_CUDA(memsetD8Async, reinterpret_cast<Pointer>(dst),
-            static_cast<unsigned char>(byte), bytes, handle);
+            static_cast<unsigned char>(byte), bytes, work.stream());
 }

@@ -8,7 +8,10 @@
 
 #include "CudaDriver.h"
 #include "DeviceState.h"
+#include "GraphImpl.h"
 #include "warp/Device.h"
+
+#include <algorithm>
 
 using namespace warp;
 using cuda::EventHandle;
@@ -35,16 +38,42 @@ Stream::Stream(int device, int priority) : deviceIndex(device), owned(true) {
   StreamHandle created;
   WARP_CUDA(streamCreate, &created, cuda::streamDefault, priority);
   stream = created;
+  known = retainStream(device, created);
 }
 
-Stream::Stream(int device, void *handle) : deviceIndex(device), stream(handle) {
-  cudaDeviceState(device);
-}
+Stream::Stream(int device, void *handle)
+    : deviceIndex(device), stream(handle),
+      known(retainStream(device, static_cast<StreamHandle>(handle))) {}
 
 Stream::~Stream() {
+  if (cuda::isForked())
+    return;
+  releaseStream(deviceIndex, known);
   // At exit the driver may be gone already; there is nobody to tell.
   if (owned)
     cuda::driver()->streamDestroy(raw(*this));
+}
+
+bool Stream::isCapturing() const {
+  cuda::ContextScope scope(deviceIndex);
+  int status = 0;
+  if (stream)
+    WARP_CUDA(streamIsCapturing, raw(*this), &status);
+  return status != 0;
+}
+
+bool Stream::isBlocking() const {
+  cuda::ContextScope scope(deviceIndex);
+  unsigned flags = 0;
+  WARP_CUDA(streamGetFlags, raw(*this), &flags);
+  return !(flags & cuda::streamNonBlocking);
+}
+
+int Stream::priority() const {
+  cuda::ContextScope scope(deviceIndex);
+  int value = 0;
+  WARP_CUDA(streamGetPriority, raw(*this), &value);
+  return value;
 }
 
 bool Stream::isComplete() const {
@@ -53,6 +82,8 @@ bool Stream::isComplete() const {
 }
 
 void Stream::synchronize() const {
+  if (capturesInProgress && isCapturing())
+    checkNotCapturing(deviceIndex, "wait for a stream of");
   {
     cuda::ContextScope scope(deviceIndex);
     WARP_CUDA(streamSynchronize, raw(*this));
@@ -60,18 +91,46 @@ void Stream::synchronize() const {
   DeviceErrorRecord::check(deviceIndex);
 }
 
-Event::Event(int device, bool enableTiming) : deviceIndex(device) {
-  cudaDeviceState(device);
+Event::Event(int device, bool enableTiming, bool interprocess)
+    : deviceIndex(device) {
+  if (enableTiming && interprocess)
+    throw Error(Error::Kind::LaunchValue,
+                "expects an event with 'enable_timing' or 'interprocess', but "
+                "got both");
   cuda::ContextScope scope(device);
   EventHandle created;
   WARP_CUDA(eventCreate, &created,
-            enableTiming ? cuda::eventDefault : cuda::eventDisableTiming);
+            (enableTiming ? cuda::eventDefault : cuda::eventDisableTiming) |
+                (interprocess ? cuda::eventInterprocess : 0));
   event = created;
+}
+
+Event::Event(int device, const IpcHandle &handle) : deviceIndex(device) {
+  cuda::ContextScope scope(device);
+  cuda::RawIpcHandle native;
+  std::copy(handle.begin(), handle.end(), native.bytes);
+  EventHandle opened;
+  WARP_CUDA(ipcOpenEventHandle, &opened, native);
+  event = opened;
 }
 
 Event::~Event() { cuda::driver()->eventDestroy(raw(*this)); }
 
+IpcHandle Event::ipcHandle() const {
+  cuda::ContextScope scope(deviceIndex);
+  cuda::RawIpcHandle native;
+  WARP_CUDA(ipcGetEventHandle, &native, raw(*this));
+  IpcHandle handle;
+  std::copy(native.bytes, native.bytes + handle.size(), handle.begin());
+  return handle;
+}
+
 void Event::record(const Stream &stream) {
+  if (stream.device() != deviceIndex)
+    throw Error(Error::Kind::Runtime,
+                "expects a stream of '" + deviceInfo(deviceIndex).alias +
+                    "' to record an event of that device, but got one of '" +
+                    deviceInfo(stream.device()).alias + "'");
   cuda::ContextScope scope(stream.device());
   WARP_CUDA(eventRecord, raw(*this), raw(stream));
 }
@@ -103,12 +162,20 @@ float warp::elapsedMilliseconds(const Event &start, const Event &end) {
 
 std::shared_ptr<Stream> warp::currentStream(int device) {
   DeviceState &state = cudaDeviceState(device);
-  std::lock_guard<std::mutex> lock(state.mutex);
-  if (!state.stream) {
-    state.stream = std::make_shared<Stream>(device);
-    state.streamHandle = raw(*state.stream);
+  {
+    std::lock_guard<std::mutex> lock(state.mutex);
+    if (state.stream)
+      return state.stream;
   }
-  return state.stream;
+  auto made = std::make_shared<Stream>(device);
+  std::lock_guard<std::mutex> lock(state.mutex);
+  // Another thread may have been first. `made` goes after the lock does, since
+  // that needs the mutex.
+  if (state.stream)
+    return state.stream;
+  state.stream = made;
+  state.current = made->use();
+  return made;
 }
 
 void warp::setCurrentStream(int device, std::shared_ptr<Stream> stream) {
@@ -119,14 +186,41 @@ void warp::setCurrentStream(int device, std::shared_ptr<Stream> stream) {
         "expects a stream of 'cuda:" + std::to_string(device) + "', but got " +
             (stream ? "one of 'cuda:" + std::to_string(stream->device()) + "'"
                     : std::string("none")));
+  // The former one is released without the mutex, which that needs.
   std::lock_guard<std::mutex> lock(state.mutex);
-  state.streamHandle = raw(*stream);
-  state.stream = std::move(stream);
+  state.current = stream->use();
+  state.stream.swap(stream);
 }
 
-StreamHandle warp::streamHandle(int device, const Stream *stream) {
+static StreamUse *useOf(int device, const Stream *stream) {
+  if (stream && stream->device() != device)
+    throw Error(Error::Kind::LaunchValue,
+                "expects a stream of '" + deviceInfo(device).alias +
+                    "', but got one of '" +
+                    deviceInfo(stream->device()).alias + "'");
   if (stream)
-    return raw(*stream);
-  StreamHandle handle = cudaDeviceState(device).streamHandle.load();
-  return handle ? handle : raw(*currentStream(device));
+    return stream->use();
+  StreamUse *use = cudaDeviceState(device).current;
+  return use ? use : currentStream(device)->use();
+}
+
+QueuedWork::QueuedWork(int device, const Stream *stream)
+    : use(useOf(device, stream)), scope(device) {}
+
+void warp::synchronizeBusyStreams() {
+  for (int device = 0; device < knownDeviceCount(); ++device) {
+    DeviceState &state = cudaDeviceState(device);
+    std::vector<StreamHandle> handles;
+    {
+      std::lock_guard<std::mutex> lock(state.mutex);
+      for (StreamUse *use : state.uses)
+        if (use->references > 0 && use->used)
+          handles.push_back(use->handle);
+    }
+    if (handles.empty())
+      continue;
+    cuda::ContextScope scope(device);
+    for (StreamHandle handle : handles)
+      WARP_CUDA(streamSynchronize, handle);
+  }
 }

@@ -10,6 +10,8 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <mutex>
+#include <set>
 
 using namespace warp;
 
@@ -29,6 +31,13 @@ std::string warp::formatBytes(uint64_t bytes) {
 std::string warp::environment(const char *name) {
   const char *value = std::getenv(name);
   return value ? value : "";
+}
+
+const char *warp::permanentName(const std::string &name) {
+  static std::mutex mutex;
+  static auto *names = new std::set<std::string>;
+  std::lock_guard<std::mutex> lock(mutex);
+  return names->insert(name).first->c_str();
 }
 
 static uint64_t mix(uint64_t a, uint64_t b) {

@@ -15,6 +15,9 @@ std::string formatBytes(uint64_t bytes);
 /// 64-bit hash of a byte string; a change of any bit changes it.
 uint64_t hashBytes(const void *data, size_t size, uint64_t seed = 0);
 
+/// A copy of a name that lives as long as the process.
+const char *permanentName(const std::string &name);
+
 /// Value of an environment variable, or the empty string.
 std::string environment(const char *name);
 

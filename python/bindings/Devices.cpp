@@ -35,6 +35,7 @@ static py::dict describe(int device) {
   fields["max_shared_memory_per_block"] = info.maxSharedMemoryPerBlock;
   fields["is_uva"] = info.isUva;
   fields["has_memory_pool"] = info.hasMemoryPool;
+  fields["has_managed_memory"] = info.hasManagedMemory;
   fields["uuid"] = device == cpuDevice ? "" : uuidText(info);
   fields["pci_bus_id"] = info.pciBusId;
   return fields;
@@ -66,6 +67,9 @@ static void bindStreams(py::module_ &m) {
       .def_property_readonly(
           "cuda_stream", [](Stream &self) { return address(self.handle()); })
       .def_property_readonly("is_complete", &Stream::isComplete)
+      .def_property_readonly("is_capturing", &Stream::isCapturing)
+      .def_property_readonly("is_blocking", &Stream::isBlocking)
+      .def_property_readonly("priority", &Stream::priority)
       .def("synchronize", &Stream::synchronize, Unlocked())
       .def(
           "record_event",
@@ -89,8 +93,8 @@ static void bindStreams(py::module_ &m) {
           },
           py::arg("other"));
   event
-      .def(py::init<int, bool>(), py::arg("device"),
-           py::arg("enable_timing") = false)
+      .def(py::init<int, bool, bool>(), py::arg("device"),
+           py::arg("enable_timing") = false, py::arg("interprocess") = false)
       .def_property_readonly("device_index", &Event::device)
       .def_property_readonly(
           "device", [](Event &self) { return deviceObject(self.device()); })
@@ -100,6 +104,10 @@ static void bindStreams(py::module_ &m) {
       .def("synchronize", &Event::synchronize, Unlocked());
   m.def("elapsed_time", &elapsedMilliseconds, py::arg("start"), py::arg("end"),
         "Milliseconds between two recorded events.");
+  m.def("synchronize_busy_streams", &synchronizeBusyStreams, Unlocked(),
+        "Waits for the streams that have work, without looking at reports.");
+  m.def("join_streams", &joinStreams, py::arg("stream"),
+        "Lets a stream wait for all work queued on its device.");
   m.def("current_stream", &currentStream, py::arg("device"));
   m.def("set_current_stream", &setCurrentStream, py::arg("device"),
         py::arg("stream"));

@@ -47,6 +47,12 @@ static void copyArrays(const py::object &dst, const py::object &src,
                                              std::to_string(to->itemSize) +
                                              " bytes to copy from, but got " +
                                              std::to_string(from->itemSize));
+  hold(to->device, dst.ptr());
+  hold(to->device, src.ptr());
+  if (from->device != to->device) {
+    hold(from->device, dst.ptr());
+    hold(from->device, src.ptr());
+  }
   runUnlocked(byteCount(to), [&] {
     copyArray({&to->descriptor, to->device}, {&from->descriptor, from->device},
               to->itemSize, stream);
@@ -61,6 +67,7 @@ static void fill(const py::object &dst, const py::bytes &pattern,
     throw Error(Error::Kind::LaunchType,
                 "expects a value of " + std::to_string(to->itemSize) +
                     " bytes, but got " + std::to_string(bytes.size()));
+  hold(to->device, dst.ptr());
   runUnlocked(byteCount(to), [&] {
     fillArray({&to->descriptor, to->device}, bytes.data(), bytes.size(),
               stream);
@@ -76,7 +83,8 @@ void python::bindMemory(py::module_ &m) {
           [](Buffer &self) { return reinterpret_cast<uintptr_t>(self.data()); })
       .def_property_readonly("size", &Buffer::size)
       .def_property_readonly("device", &Buffer::device)
-      .def_property_readonly("pinned", &Buffer::pinned);
+      .def_property_readonly("pinned", &Buffer::pinned)
+      .def("track", &Buffer::track, py::arg("site"));
   m.def(
       "copy_memory",
       [](uintptr_t dst, int dstDevice, uintptr_t src, int srcDevice,

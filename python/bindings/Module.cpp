@@ -8,8 +8,11 @@ PYBIND11_MODULE(_native, m) {
   bindBuilder(m);
   warp::python::bindDevices(m);
   warp::python::bindMemory(m);
+  warp::python::bindPeers(m);
   warp::python::bindArray(m);
   warp::python::bindKernel(m);
+  warp::python::bindSavedModule(m);
+  warp::python::bindGraph(m);
   warp::python::bindDlpack(m);
   warp::python::bindXlaFfi(m);
 }

@@ -22,8 +22,11 @@ void bindArray(pybind11::module_ &m);
 void bindDevices(pybind11::module_ &m);
 void bindDlpack(pybind11::module_ &m);
 void bindErrors(pybind11::module_ &m);
+void bindGraph(pybind11::module_ &m);
 void bindKernel(pybind11::module_ &m);
 void bindMemory(pybind11::module_ &m);
+void bindPeers(pybind11::module_ &m);
+void bindSavedModule(pybind11::module_ &m);
 void bindXlaFfi(pybind11::module_ &m);
 
 /// Sets the Python exception for an error.
@@ -34,6 +37,16 @@ int typeId(const std::string &text);
 const std::string &typeText(int id);
 /// What Python calls a type: "float32" for "f32".
 std::string pythonTypeName(const std::string &text);
+
+/// Graphs being recorded; guarded by the GIL.
+extern int capturesInProgress;
+void holdForCaptures(int device, PyObject *object);
+
+/// Lets graphs that are being recorded on a device keep an object.
+inline void hold(int device, PyObject *object) {
+  if (__builtin_expect(capturesInProgress != 0, 0))
+    holdForCaptures(device, object);
+}
 
 /// The instance layout of `warp._native.Array`.
 struct ArrayObject {

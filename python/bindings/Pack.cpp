@@ -10,6 +10,7 @@
 #include "Pack.h"
 
 #include "warp/Device.h"
+#include "warp/Peers.h"
 
 #include <cstring>
 
@@ -118,7 +119,9 @@ void Packer::packArray(const PackParam &param, PyObject *value, int device,
       throw error(param, value);
     bool reachable =
         array->device == device ||
-        (array->pinned && device != cpuDevice && deviceInfo(device).isUva);
+        (array->pinned && device != cpuDevice && deviceInfo(device).isUva) ||
+        (array->device != cpuDevice &&
+         canAccess(device, array->device, array->descriptor.data));
     if (!reachable)
       throw error(param, value,
                   ", the launch is on '" + deviceName(device) +
@@ -142,7 +145,9 @@ static void checkStructArrays(const Packer &packer, const PackParam &param,
   for (int64_t offset : param.param->arrays) {
     ArrayDescriptor array;
     std::memcpy(&array, bytes + offset, sizeof(array));
-    if (array.flags != 0 && array.flags - 2 != device)
+    int owner = array.flags - 2;
+    if (array.flags != 0 && owner != device &&
+        (owner == cpuDevice || !canAccess(device, owner, array.data)))
       throw packer.error(
           param, value,
           " that holds an array on '" + deviceName(array.flags - 2) +

@@ -12,7 +12,6 @@ class Stream(_native.Stream):
 
     def __init__(self, device=None, priority: int = 0, **options):
         super().__init__(_cuda_index(device), priority)
-        self.priority = priority
 
 
 class Event(_native.Event):

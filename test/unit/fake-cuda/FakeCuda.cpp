@@ -8,6 +8,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include <algorithm>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
@@ -15,11 +16,12 @@
 #include <map>
 #include <mutex>
 #include <string>
+#include <utility>
 
 namespace {
 
 constexpr int success = 0, invalidValue = 1, outOfMemory = 2, notFound = 500;
-constexpr int illegalAddress = 700;
+constexpr int illegalAddress = 700, notReady = 600;
 constexpr size_t capacity = size_t(64) << 20;
 
 std::mutex mutex;
@@ -29,6 +31,28 @@ size_t inUse = 0, heldBack = 0;
 thread_local void *current = nullptr;
 std::string lastLaunch;
 unsigned char lastParams[4096];
+
+/// What happened to streams, one word per call: "record:2 wait:3 free:3".
+std::string streamLog;
+int streamCount = 0;
+bool streamsBusy = false;
+/// Returned by everything that touches the device, once set: a fault.
+int fault = 0;
+uint64_t releaseThreshold = 0;
+size_t highWater = 0;
+int poolAccess = 0;
+bool peerAccess = false;
+/// Plain and managed allocations, which do not come from the pool.
+std::map<uint64_t, bool> plainBlocks;
+
+int numberOf(void *stream) { return stream ? *static_cast<int *>(stream) : 0; }
+
+int note(const char *call, void *stream) {
+  std::lock_guard<std::mutex> lock(mutex);
+  streamLog += (streamLog.empty() ? "" : " ") + std::string(call) + ":" +
+               std::to_string(numberOf(stream));
+  return fault;
+}
 
 bool isDevice(uint64_t address, size_t bytes) {
   auto next = deviceBlocks.upper_bound(address);
@@ -42,9 +66,12 @@ int allocate(uint64_t *out, size_t bytes) {
   std::lock_guard<std::mutex> lock(mutex);
   if (!current)
     return 201;
+  if (fault)
+    return fault;
   if (bytes > capacity - inUse - heldBack)
     return outOfMemory;
   inUse += bytes;
+  highWater = std::max(highWater, inUse);
   *out = reinterpret_cast<uint64_t>(std::aligned_alloc(256, bytes + 256));
   deviceBlocks[*out] = bytes;
   return success;
@@ -64,6 +91,8 @@ int release(uint64_t address, bool toPool) {
 
 template <typename T> int fill(uint64_t to, T value, size_t count) {
   std::lock_guard<std::mutex> lock(mutex);
+  if (fault)
+    return fault;
   if (!isDevice(to, count * sizeof(T)) || to % sizeof(T) != 0)
     return illegalAddress;
   for (size_t i = 0; i < count; ++i)
@@ -94,6 +123,17 @@ struct Copy2D {
 EXPORT const char *fakeCudaLastLaunch() { return lastLaunch.c_str(); }
 EXPORT const void *fakeCudaLastParams() { return lastParams; }
 EXPORT size_t fakeCudaBytesInUse() { return inUse; }
+/// Streams and events are done at once, or never.
+EXPORT void fakeCudaSetBusy(bool busy) { streamsBusy = busy; }
+EXPORT void fakeCudaSetFault(int result) { fault = result; }
+/// The calls since the last time.
+EXPORT const char *fakeCudaTakeStreamLog() {
+  static std::string taken;
+  std::lock_guard<std::mutex> lock(mutex);
+  taken = std::exchange(streamLog, {});
+  return taken.c_str();
+}
+EXPORT int fakeCudaNumberOf(void *stream) { return numberOf(stream); }
 
 EXPORT int cuInit(unsigned) { return success; }
 EXPORT int cuDriverGetVersion(int *version) {
@@ -148,7 +188,39 @@ EXPORT int cuDeviceGetDefaultMemPool(void **pool, int device) {
   *pool = reinterpret_cast<void *>(uintptr_t(0x900 + device));
   return success;
 }
-EXPORT int cuMemPoolSetAttribute(void *, int, void *) { return success; }
+EXPORT int cuMemPoolSetAttribute(void *, int which, void *value) {
+  if (which != 4)
+    return invalidValue;
+  std::memcpy(&releaseThreshold, value, 8);
+  return success;
+}
+EXPORT int cuMemPoolGetAttribute(void *, int which, void *value) {
+  uint64_t found = which == 4 ? releaseThreshold : which == 7 ? inUse : highWater;
+  std::memcpy(value, &found, 8);
+  return success;
+}
+EXPORT int cuMemPoolSetAccess(void *, const int *description, size_t) {
+  poolAccess = description[2];
+  return success;
+}
+EXPORT int cuMemPoolGetAccess(int *flags, void *, const int *) {
+  *flags = poolAccess;
+  return success;
+}
+EXPORT int cuDeviceCanAccessPeer(int *possible, int, int) {
+  *possible = 1;
+  return success;
+}
+EXPORT int cuCtxEnablePeerAccess(void *, unsigned) {
+  return std::exchange(peerAccess, true) ? 704 : success;
+}
+EXPORT int cuCtxDisablePeerAccess(void *) {
+  return std::exchange(peerAccess, false) ? success : 705;
+}
+EXPORT int cuCtxGetDevice(int *device) {
+  *device = static_cast<int>(reinterpret_cast<uintptr_t>(current) & 0xf);
+  return current ? success : 201;
+}
 EXPORT int cuMemPoolTrimTo(void *, size_t) {
   heldBack = 0;
   return success;
@@ -165,20 +237,89 @@ EXPORT int cuCtxSetCurrent(void *context) {
   current = context;
   return success;
 }
-EXPORT int cuCtxSynchronize() { return current ? success : 201; }
+EXPORT int cuCtxSynchronize() { return fault ? fault : current ? success : 201; }
 EXPORT int cuMemGetInfo_v2(size_t *free, size_t *total) {
   *free = capacity - inUse - heldBack;
   *total = capacity;
   return success;
 }
 EXPORT int cuMemAlloc_v2(uint64_t *out, size_t bytes) {
-  return allocate(out, bytes);
+  int result = allocate(out, bytes);
+  if (result == success)
+    plainBlocks[*out] = false;
+  return result;
 }
-EXPORT int cuMemFree_v2(uint64_t address) { return release(address, false); }
+EXPORT int cuMemAllocManaged(uint64_t *out, size_t bytes, unsigned) {
+  int result = allocate(out, bytes);
+  if (result == success)
+    plainBlocks[*out] = true;
+  return result;
+}
+EXPORT int cuMemFree_v2(uint64_t address) {
+  plainBlocks.erase(address);
+  return release(address, false);
+}
+EXPORT int cuPointerGetAttribute(void *out, int which, uint64_t address) {
+  std::lock_guard<std::mutex> lock(mutex);
+  if (!isDevice(address, 1))
+    return invalidValue;
+  uint64_t base = std::prev(deviceBlocks.upper_bound(address))->first;
+  auto plain = plainBlocks.find(base);
+  switch (which) {
+  case 2:
+    *static_cast<unsigned *>(out) = 2;
+    return success;
+  case 8:
+    *static_cast<unsigned *>(out) = plain != plainBlocks.end() && plain->second;
+    return success;
+  case 17:
+    *static_cast<void **>(out) = reinterpret_cast<void *>(
+        uintptr_t(plain == plainBlocks.end() ? 0x900 : 0));
+    return success;
+  }
+  return invalidValue;
+}
+EXPORT int cuMemGetAddressRange_v2(uint64_t *base, size_t *size,
+                                   uint64_t address) {
+  std::lock_guard<std::mutex> lock(mutex);
+  if (!isDevice(address, 1))
+    return invalidValue;
+  auto block = std::prev(deviceBlocks.upper_bound(address));
+  *base = block->first;
+  *size = block->second;
+  return success;
+}
+
+/// A handle holds the address: the other process is this one.
+struct IpcHandle {
+  char bytes[64];
+};
+EXPORT int cuIpcGetMemHandle(IpcHandle *handle, uint64_t address) {
+  std::memset(handle, 0, sizeof(*handle));
+  std::memcpy(handle, &address, 8);
+  return success;
+}
+EXPORT int cuIpcOpenMemHandle_v2(uint64_t *address, IpcHandle handle,
+                                 unsigned) {
+  std::memcpy(address, &handle, 8);
+  return *address ? success : invalidValue;
+}
+EXPORT int cuIpcCloseMemHandle(uint64_t) { return success; }
+EXPORT int cuIpcGetEventHandle(IpcHandle *handle, void *event) {
+  std::memset(handle, 0, sizeof(*handle));
+  std::memcpy(handle, &event, 8);
+  return success;
+}
+EXPORT int cuIpcOpenEventHandle(void **event, IpcHandle) {
+  *event = std::malloc(8);
+  return success;
+}
 EXPORT int cuMemAllocAsync(uint64_t *out, size_t bytes, void *stream) {
   return stream ? allocate(out, bytes) : invalidValue;
 }
-EXPORT int cuMemFreeAsync(uint64_t address, void *) {
+EXPORT int cuMemFreeAsync(uint64_t address, void *stream) {
+  if (int result = note("free", stream))
+    return result;
   return release(address, true);
 }
 EXPORT int cuMemHostAlloc(void **out, size_t bytes, unsigned) {
@@ -196,6 +337,8 @@ EXPORT int cuMemHostGetDevicePointer_v2(uint64_t *out, void *memory, unsigned) {
 EXPORT int cuMemcpyHtoDAsync_v2(uint64_t to, const void *from, size_t bytes,
                                 void *) {
   std::lock_guard<std::mutex> lock(mutex);
+  if (fault)
+    return fault;
   if (!isDevice(to, bytes))
     return illegalAddress;
   std::memcpy(reinterpret_cast<void *>(to), from, bytes);
@@ -203,6 +346,8 @@ EXPORT int cuMemcpyHtoDAsync_v2(uint64_t to, const void *from, size_t bytes,
 }
 EXPORT int cuMemcpyDtoHAsync_v2(void *to, uint64_t from, size_t bytes, void *) {
   std::lock_guard<std::mutex> lock(mutex);
+  if (fault)
+    return fault;
   if (!isDevice(from, bytes))
     return illegalAddress;
   std::memcpy(to, reinterpret_cast<void *>(from), bytes);
@@ -248,16 +393,32 @@ EXPORT int cuMemsetD32Async(uint64_t to, unsigned value, size_t count, void *) {
   return fill(to, value, count);
 }
 EXPORT int cuStreamCreateWithPriority(void **stream, unsigned, int) {
-  *stream = std::malloc(8);
+  *stream = new int(++streamCount);
   return success;
 }
 EXPORT int cuStreamDestroy_v2(void *stream) {
-  std::free(stream);
+  delete static_cast<int *>(stream);
   return success;
 }
-EXPORT int cuStreamQuery(void *) { return success; }
-EXPORT int cuStreamSynchronize(void *) { return success; }
-EXPORT int cuStreamWaitEvent(void *, void *, unsigned) { return success; }
+EXPORT int cuStreamQuery(void *) { 
+  return fault ? fault : streamsBusy ? notReady : success;
+}
+EXPORT int cuStreamIsCapturing(void *, int *status) {
+  *status = 0;
+  return success;
+}
+EXPORT int cuStreamGetFlags(void *, unsigned *flags) {
+  *flags = 0;
+  return success;
+}
+EXPORT int cuStreamGetPriority(void *, int *priority) {
+  *priority = 0;
+  return success;
+}
+EXPORT int cuStreamSynchronize(void *) { return fault; }
+EXPORT int cuStreamWaitEvent(void *stream, void *, unsigned) {
+  return note("wait", stream);
+}
 EXPORT int cuEventCreate(void **event, unsigned) {
   *event = std::malloc(8);
   return success;
@@ -266,23 +427,54 @@ EXPORT int cuEventDestroy_v2(void *event) {
   std::free(event);
   return success;
 }
-EXPORT int cuEventRecord(void *, void *) { return success; }
-EXPORT int cuEventQuery(void *) { return success; }
+EXPORT int cuEventRecord(void *, void *stream) {
+  return note("record", stream);
+}
+EXPORT int cuEventQuery(void *) {
+  return fault ? fault : streamsBusy ? notReady : success;
+}
 EXPORT int cuEventSynchronize(void *) { return success; }
 EXPORT int cuEventElapsedTime(float *milliseconds, void *, void *) {
   *milliseconds = 1.5f;
   return success;
 }
-EXPORT int cuModuleLoadDataEx(void **module, const void *image, unsigned count,
-                              int *options, void **values) {
-  auto *text = static_cast<const char *>(image);
-  if (!std::strstr(text, ".entry")) {
-    for (unsigned i = 0; i < count; ++i)
-      if (options[i] == 5)
-        std::strcpy(static_cast<char *>(values[i]), "no entry in this PTX");
-    return 218;
-  }
-  *module = new std::string(text);
+/// Linking checks the text and keeps it: the fake's machine code is PTX.
+struct FakeLink {
+  char *log = nullptr;
+  std::string code;
+};
+EXPORT int cuLinkCreate_v2(unsigned count, int *options, void **values,
+                           void **link) {
+  auto *made = new FakeLink;
+  for (unsigned i = 0; i < count; ++i)
+    if (options[i] == 5)
+      made->log = static_cast<char *>(values[i]);
+  *link = made;
+  return success;
+}
+EXPORT int cuLinkAddData_v2(void *link, int, void *data, size_t size,
+                            const char *, unsigned, int *, void **) {
+  auto *target = static_cast<FakeLink *>(link);
+  target->code.assign(static_cast<char *>(data), size);
+  if (target->code.find(".entry") != std::string::npos)
+    return success;
+  if (target->log)
+    std::strcpy(target->log, "no entry in this PTX");
+  return 218;
+}
+EXPORT int cuLinkComplete(void *link, void **code, size_t *size) {
+  auto *target = static_cast<FakeLink *>(link);
+  *code = target->code.data();
+  *size = target->code.size();
+  return success;
+}
+EXPORT int cuLinkDestroy(void *link) {
+  delete static_cast<FakeLink *>(link);
+  return success;
+}
+EXPORT int cuModuleLoadDataEx(void **module, const void *image, unsigned,
+                              int *, void **) {
+  *module = new std::string(static_cast<const char *>(image));
   return success;
 }
 EXPORT int cuModuleGetFunction(void **function, void *module,
@@ -290,6 +482,26 @@ EXPORT int cuModuleGetFunction(void **function, void *module,
   if (static_cast<std::string *>(module)->find(name) == std::string::npos)
     return notFound;
   *function = module;
+  return success;
+}
+EXPORT int cuFuncGetAttribute(int *value, int attribute, void *) {
+  // Threads, shared, constant, local, registers, PTX, binary.
+  const int values[] = {256, 1024, 0, 16, 40, 80, 90};
+  if (attribute < 0 || attribute > 6)
+    return invalidValue;
+  *value = values[attribute];
+  return success;
+}
+EXPORT int cuOccupancyMaxActiveBlocksPerMultiprocessor(int *blocks, void *,
+                                                       int threads, size_t) {
+  *blocks = 1024 / threads;
+  return success;
+}
+EXPORT int cuOccupancyMaxPotentialBlockSize(int *blocks, int *threads, void *,
+                                            size_t (*)(int), size_t,
+                                            int limit) {
+  *blocks = 264;
+  *threads = limit ? limit : 1024;
   return success;
 }
 EXPORT int cuModuleUnload(void *module) {
@@ -304,5 +516,5 @@ EXPORT int cuLaunchKernel(void *, unsigned gx, unsigned gy, unsigned gz,
                 bx, by, bz);
   lastLaunch = text;
   std::memcpy(lastParams, arguments[0], 24);
-  return stream && current ? success : invalidValue;
+  return fault ? fault : stream && current ? success : invalidValue;
 }
