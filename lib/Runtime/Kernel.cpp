@@ -14,6 +14,7 @@
 
 #include "warp/Kernel.h"
 
+#include "GraphImpl.h"
 #include "KernelImpl.h"
 #include "warp/KernelCache.h"
 #include "warp/ThreadPool.h"
@@ -47,13 +48,7 @@ Kernel::Variant::~Variant() {
     Jit::get().unload(reinterpret_cast<void *>(cpu));
   if (!module)
     return;
-  try {
-    cuda::ContextScope scope(key.device);
-    // The code must not go while it runs.
-    cuda::driver()->ctxSynchronize();
-    cuda::driver()->moduleUnload(module);
-  } catch (const Error &) {
-  }
+  unloadFromCuda(key.device, module);
 }
 
 //===----------------------------------------------------------------------===//
@@ -352,6 +347,8 @@ void Kernel::run(const Plan &plan, void *params, const Stream *stream) {
       setErrorRecord(params, variant.record->address());
     return launchOnCuda(variant, impl->name, params, stream);
   }
+  if (HostRecorder *recorder = hostRecorder())
+    return recorder->launch(*this, plan, params);
   if (!impl->options.debug) {
     runOnCpu(variant, params, plan.items, isShort(plan));
   } else {

@@ -8,6 +8,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "GraphImpl.h"
 #include "KernelImpl.h"
 
 #include <algorithm>
@@ -76,6 +77,7 @@ bool warp::fitsGrid(const int32_t *dim, int rank, int blockDim) {
 
 void warp::loadOnCuda(Kernel::Variant &variant) {
   cuda::ContextScope scope(variant.key.device);
+  cuda::RelaxedCaptures relaxed;
   // The driver wants a terminated string.
   std::string ptx(variant.code.binary.begin(), variant.code.binary.end());
   char log[4096] = {};
@@ -93,6 +95,18 @@ void warp::loadOnCuda(Kernel::Variant &variant) {
   }
   WARP_CUDA(moduleGetFunction, &variant.function, variant.module,
             variant.code.entry.c_str());
+}
+
+void warp::unloadFromCuda(int device, cuda::ModuleHandle module) {
+  if (keepForCapture(device, [=] { unloadFromCuda(device, module); }))
+    return;
+  try {
+    cuda::ContextScope scope(device);
+    // The code must not go while it runs.
+    cuda::driver()->ctxSynchronize();
+    cuda::driver()->moduleUnload(module);
+  } catch (const Error &) {
+  }
 }
 
 void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,

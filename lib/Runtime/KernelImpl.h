@@ -68,6 +68,8 @@ struct Kernel::Impl {
 
 /// Loads PTX on a device.
 void loadOnCuda(Kernel::Variant &variant);
+/// Unloads it; while a graph is recorded that may use it, later.
+void unloadFromCuda(int device, cuda::ModuleHandle module);
 void launchOnCuda(const Kernel::Variant &variant, const std::string &name,
                   void *params, const Stream *stream);
 /// Whether one grid axis per dimension can express the launch.

@@ -13,6 +13,8 @@ namespace py = pybind11;
 using namespace warp;
 using namespace warp::python;
 
+PyTypeObject *python::kernelType = nullptr;
+
 static PyObject *newKernel(PyTypeObject *type, PyObject *args,
                            PyObject *names) {
   static const char *keywords[] = {"module",    "name",          "debug",
@@ -140,6 +142,7 @@ void python::bindKernel(py::module_ &m) {
   PyObject *type = PyType_FromSpec(&spec);
   if (!type)
     throw py::error_already_set();
+  kernelType = reinterpret_cast<PyTypeObject *>(type);
   m.add_object("Kernel", py::reinterpret_steal<py::object>(type));
   bindPackedLaunch(m);
 }

@@ -16,6 +16,8 @@ struct KernelObject {
   Packer *packer;
 };
 
+extern PyTypeObject *kernelType;
+
 inline KernelObject *asKernel(PyObject *object) {
   return reinterpret_cast<KernelObject *>(object);
 }
@@ -36,9 +38,8 @@ template <typename Fn> PyObject *guarded(Fn &&fn) {
   return nullptr;
 }
 
-/// Methods of the type that run kernels, in Launch.cpp.
+/// The method that runs kernels, in Launch.cpp.
 PyObject *launch(PyObject *self, PyObject *const *args, Py_ssize_t count);
-PyObject *pack(PyObject *self, PyObject *args);
 void bindPackedLaunch(pybind11::module_ &m);
 
 } // namespace warp::python

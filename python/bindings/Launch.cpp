@@ -8,66 +8,13 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "KernelObject.h"
-
-#include <cstring>
+#include "LaunchCall.h"
 
 namespace py = pybind11;
 using namespace warp;
 using namespace warp::python;
 
 namespace {
-
-/// Memory for a parameter block, on the stack where it fits.
-class Block {
-public:
-  explicit Block(size_t size) {
-    if (size > sizeof(local))
-      large.resize(size / 8 + 1);
-  }
-  char *data() {
-    return large.empty() ? local : reinterpret_cast<char *>(large.data());
-  }
-
-private:
-  alignas(16) char local[1024];
-  std::vector<uint64_t> large;
-};
-
-/// Items of a list or tuple, or of a copy of any other sequence.
-class Items {
-public:
-  explicit Items(PyObject *sequence) {
-    if (!sequence || sequence == Py_None)
-      return;
-    if (!PyList_Check(sequence) && !PyTuple_Check(sequence)) {
-      copy = py::reinterpret_steal<py::object>(PySequence_List(sequence));
-      if (!copy) {
-        PyErr_Clear();
-        throw Error(Error::Kind::LaunchType,
-                    "launch: expects a list or tuple of arguments, but got " +
-                        describeValue(sequence));
-      }
-      sequence = copy.ptr();
-    }
-    items = sequence;
-    count = PySequence_Fast_GET_SIZE(sequence);
-  }
-  size_t size() const { return count; }
-  /// Looked up each time: packing may call Python, which may change the list.
-  PyObject *operator[](size_t i) const {
-    if (static_cast<size_t>(PySequence_Fast_GET_SIZE(items)) != count)
-      throw Error(Error::Kind::Launch,
-                  "launch: the list of arguments changed during the launch");
-    return PySequence_Fast_GET_ITEM(items, i);
-  }
-
-private:
-  py::object copy;
-  size_t count = 0;
-  PyObject *items = nullptr;
-};
-
 /// References to all arguments while the GIL is away.
 class Hold {
 public:
@@ -111,7 +58,7 @@ static int64_t readExtent(const Kernel &kernel, PyObject *value) {
   return extent;
 }
 
-static LaunchDim readDim(const Kernel &kernel, PyObject *value) {
+LaunchDim python::readDim(const Kernel &kernel, PyObject *value) {
   LaunchDim dim;
   if (PyLong_CheckExact(value) || !PySequence_Check(value)) {
     dim.extent[0] = readExtent(kernel, value);
@@ -139,8 +86,7 @@ static void packArguments(Packer &packer, const Items &inputs,
     packer.pack(i, outputs[i - count], device, block, keep);
 }
 
-/// What Python has printed comes before what the kernel prints.
-static void flushPythonOutput() {
+void python::flushPythonOutput() {
   PyObject *output = PySys_GetObject("stdout");
   if (!output || output == Py_None)
     return;
@@ -148,31 +94,10 @@ static void flushPythonOutput() {
   PyErr_Clear();
 }
 
-static const Stream *asStream(PyObject *object) {
+const Stream *python::asStream(PyObject *object) {
   if (!object || object == Py_None)
     return nullptr;
   return py::handle(object).cast<const Stream *>();
-}
-
-template <typename MakeHold>
-static void launchPacked(Kernel &kernel, int device, const LaunchDim &dim,
-                         char *block, const Stream *stream, int blockDim,
-                         MakeHold &&makeHold) {
-  Kernel::Plan plan = kernel.tryPrepare(device, dim, block, blockDim);
-  if (plan.items == 0)
-    return;
-  if (!plan.variant) {
-    auto hold = makeHold();
-    py::gil_scoped_release unlocked;
-    plan = kernel.prepare(device, dim, block, blockDim);
-  }
-  if (Kernel::prints(plan))
-    flushPythonOutput();
-  if (Kernel::isShort(plan))
-    return kernel.run(plan, block, stream);
-  auto hold = makeHold();
-  py::gil_scoped_release unlocked;
-  kernel.run(plan, block, stream);
 }
 
 /// An int argument of the call, for the few that have a default.
@@ -181,6 +106,18 @@ static int intArgument(PyObject *value) {
   if (number == -1 && PyErr_Occurred())
     throw py::error_already_set();
   return static_cast<int>(number);
+}
+
+/// What a graph needs to run the launch again.
+static void holdArguments(int device, PyObject *self, const Items &inputs,
+                          const Items &outputs,
+                          const std::vector<py::object> &keep) {
+  hold(device, self);
+  for (const Items *items : {&inputs, &outputs})
+    for (size_t i = 0; i < items->size(); ++i)
+      hold(device, (*items)[i]);
+  for (const py::object &object : keep)
+    hold(device, object.ptr());
 }
 
 PyObject *python::launch(PyObject *self, PyObject *const *args,
@@ -199,87 +136,10 @@ PyObject *python::launch(PyObject *self, PyObject *const *args,
     Block block(kernel.parameterSize());
     std::vector<py::object> keep;
     packArguments(packer, inputs, outputs, device, block.data(), keep);
+    if (capturesInProgress)
+      holdArguments(device, self, inputs, outputs, keep);
     launchPacked(kernel, device, dim, block.data(), stream, blockDim,
                  [&] { return Hold(inputs, outputs); });
     Py_RETURN_NONE;
   });
-}
-
-//===----------------------------------------------------------------------===//
-// Recorded launches
-//===----------------------------------------------------------------------===//
-
-namespace {
-/// Arguments packed once, launched often, changed in between.
-class PackedLaunch {
-public:
-  PackedLaunch(py::object kernel, const py::object &dim,
-               const py::object &inputs, const py::object &outputs, int device)
-      : owner(std::move(kernel)), device(device),
-        block((native().parameterSize() + 7) / 8) {
-    setDim(dim);
-    Items first(inputs.ptr()), second(outputs.ptr());
-    if (first.size() + second.size() != packer().size())
-      packer().raiseCount(first.size() + second.size());
-    arguments.resize(packer().size());
-    for (size_t i = 0; i < first.size(); ++i)
-      setParam(i, py::reinterpret_borrow<py::object>(first[i]));
-    for (size_t i = 0; i < second.size(); ++i)
-      setParam(first.size() + i, py::reinterpret_borrow<py::object>(second[i]));
-  }
-
-  void setDim(const py::object &value) { dim = readDim(native(), value.ptr()); }
-
-  void setParam(Py_ssize_t index, py::object value) {
-    if (index < 0 || index >= static_cast<Py_ssize_t>(packer().size()))
-      throw py::index_error("launch('" + native().name() +
-                            "'): no argument number " + std::to_string(index));
-    std::vector<py::object> keep{value};
-    packer().pack(index, value.ptr(), device, bytes(), keep);
-    arguments[index] = std::move(keep);
-  }
-
-  void launch(const Stream *stream) {
-    // A copy, since threads may launch at once and the header is written.
-    Block copy(native().parameterSize());
-    std::memcpy(copy.data(), block.data(), native().parameterSize());
-    launchPacked(native(), device, dim, copy.data(), stream, 0,
-                 [&] { return arguments; });
-  }
-
-private:
-  Kernel &native() { return *asKernel(owner.ptr())->kernel; }
-  Packer &packer() { return *asKernel(owner.ptr())->packer; }
-  char *bytes() { return reinterpret_cast<char *>(block.data()); }
-
-  py::object owner;
-  int device;
-  LaunchDim dim;
-  std::vector<uint64_t> block;
-  /// Each argument, with what was made to read it.
-  std::vector<std::vector<py::object>> arguments;
-};
-} // namespace
-
-PyObject *python::pack(PyObject *self, PyObject *args) {
-  PyObject *dim, *inputs, *outputs = Py_None;
-  int device = cpuDevice;
-  if (!PyArg_ParseTuple(args, "OO|Oi", &dim, &inputs, &outputs, &device))
-    return nullptr;
-  return guarded([&] {
-    auto borrow = [](PyObject *object) {
-      return py::reinterpret_borrow<py::object>(object);
-    };
-    auto made = std::make_unique<PackedLaunch>(
-        borrow(self), borrow(dim), borrow(inputs), borrow(outputs), device);
-    return py::cast(std::move(made)).release().ptr();
-  });
-}
-
-void python::bindPackedLaunch(py::module_ &m) {
-  py::class_<PackedLaunch>(m, "PackedLaunch")
-      .def("set_dim", &PackedLaunch::setDim, py::arg("dim"))
-      .def("set_param", &PackedLaunch::setParam, py::arg("index"),
-           py::arg("value"))
-      .def("launch", &PackedLaunch::launch, py::arg("stream") = nullptr);
 }

@@ -105,6 +105,16 @@ from warp._src.jax import dtype_to_jax as dtype_to_jax
 from warp._src.jax import from_jax as from_jax
 from warp._src.jax import to_jax as to_jax
 from warp._src.jax_kernel import jax_kernel as jax_kernel
+from warp._src.graphs import CaptureMode as CaptureMode
+from warp._src.graphs import Graph as Graph
+from warp._src.graphs import ScopedCapture as ScopedCapture
+from warp._src.graphs import capture_begin as capture_begin
+from warp._src.graphs import capture_debug_dot_print as capture_debug_dot_print
+from warp._src.graphs import capture_end as capture_end
+from warp._src.graphs import capture_if as capture_if
+from warp._src.graphs import capture_launch as capture_launch
+from warp._src.graphs import capture_while as capture_while
+from warp._src.graphs import is_conditional_graph_supported as is_conditional_graph_supported
 from warp._src.kernel import Kernel as Kernel
 from warp._src.kernel import kernel as kernel
 from warp._src.launch import Launch as Launch

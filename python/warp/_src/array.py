@@ -188,6 +188,10 @@ class array(ArrayViews, ArrayProtocols, _native.Array):
         import numpy
 
         if self.device_index != devices.CPU:
+            if _native.is_capturing(self.device_index):
+                raise errors.WarpError(
+                    f"cannot read an array on '{self.device}' while a graph is being captured on it"
+                )
             return self.to("cpu").numpy()
         number, inner = element_layout(self.dtype)
         if self.size == 0:

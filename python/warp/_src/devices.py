@@ -86,7 +86,8 @@ class Device:
 
     @property
     def is_capturing(self) -> bool:
-        return False
+        """Whether a graph is being recorded, on the CPU by this thread."""
+        return _native.is_capturing(self.index)
 
     @property
     def has_stream(self) -> bool:

@@ -102,7 +102,7 @@ def _launch_checked(kernel, dim, inputs, outputs, device, stream, adjoint, recor
     inputs, outputs = _sequence(inputs, kernel, "inputs"), _sequence(outputs, kernel, "outputs")
     native = kernel.specialize((*inputs, *outputs)) if kernel.is_generic else kernel.prepare()
     if record_cmd:
-        return Launch(kernel, native, native.pack(dim, inputs, outputs, index), stream)
+        return Launch(kernel, native, dim, inputs, outputs, index, stream, block_dim or 0)
     from warp import config
 
     if config.print_launches:
@@ -151,37 +151,57 @@ def _verify(kernel, native, values) -> None:
             )
 
 
-class Launch:
-    """A launch with packed arguments, to be run many times."""
+class Launch(_native.PackedLaunch):
+    """A launch with packed arguments, to be run many times.
 
-    def __init__(self, kernel, native, packed, stream=None):
-        self.kernel = kernel
-        self.packed = packed
-        self.stream = stream
-        self._index = {parameter[0]: number for number, parameter in enumerate(native.parameters)}
+    Made by `wp.launch(..., record_cmd=True)`. Arguments are read when they are set: an array that
+    is resized or a struct that is changed later has to be set again.
 
-    def set_dim(self, dim) -> None:
-        """Changes the extents of the grid."""
-        self.packed.set_dim(dim)
+    Attributes:
+        kernel: the kernel.
+        device: where it runs.
+    """
 
-    def set_param_at_index(self, index, value) -> None:
-        """Changes the value of a parameter by position."""
-        self.packed.set_param(index, value)
+    def __new__(cls, kernel, native, dim, inputs, outputs, index, stream=None, block_dim=0):
+        made = super().__new__(cls, native, dim, inputs, outputs, index, stream, block_dim)
+        made.kernel = kernel
+        made.device = by_index(index)
+        made._index = {parameter[0]: i for i, parameter in enumerate(native.parameters)}
+        return made
 
-    def set_param_by_name(self, name, value) -> None:
-        """Changes the value of a parameter by name."""
-        if name not in self._index:
+    def _position(self, name, adjoint=False) -> int:
+        if adjoint:
             raise errors.WarpLaunchError(
+                f"launch('{self.kernel.key}'): derivatives of kernels are not available yet"
+            )
+        if name not in self._index:
+            raise errors.WarpLaunchValueError(
                 f"kernel '{self.kernel.key}' has no parameter '{name}', it has: "
                 + ", ".join(self._index)
             )
-        self.packed.set_param(self._index[name], value)
+        return self._index[name]
 
-    def set_params(self, values) -> None:
-        """Changes the values of the first parameters."""
+    def set_param_at_index(self, index, value, adjoint=False) -> None:
+        """Changes the value of a parameter by position."""
+        if adjoint:
+            self._position(None, adjoint)
+        self.set_param(index, value)
+
+    def set_param_at_index_from_ctype(self, index, value, adjoint=False) -> None:
+        """The same from a ctypes object with the bytes of the argument, or from a number."""
+        if adjoint:
+            self._position(None, adjoint)
+        self.set_param_bytes(index, value)
+
+    def set_param_by_name(self, name, value, adjoint=False) -> None:
+        """Changes the value of a parameter by name."""
+        self.set_param(self._position(name, adjoint), value)
+
+    def set_param_by_name_from_ctype(self, name, value, adjoint=False) -> None:
+        """The same from a ctypes object with the bytes of the argument, or from a number."""
+        self.set_param_bytes(self._position(name, adjoint), value)
+
+    def set_params_from_ctypes(self, values) -> None:
+        """Changes the values of the first parameters from ctypes objects and numbers."""
         for index, value in enumerate(values):
-            self.packed.set_param(index, value)
-
-    def launch(self, stream=None) -> None:
-        """Runs the kernel."""
-        self.packed.launch(stream if stream is not None else self.stream)
+            self.set_param_bytes(index, value)

@@ -1,0 +1,98 @@
+//===- Graph.h - Recorded work, replayed at once ----------------*- C++ -*-===//
+//
+// Between `Capture::begin` and `end`, launches, copies and fills are recorded
+// and not run; the graph that comes out repeats them with one call. On CUDA
+// the driver records what is queued on a stream, and on others that wait for
+// it; on the CPU the runtime records what the calling thread does. Memory
+// freed in between belongs to the graph from then on. What else a graph uses,
+// arrays and kernels, must outlive it; the Python layer sees to that.
+//
+// Branches and loops depend on an int32 in device memory that is read when the
+// graph runs. A condition is made first, then bodies that run if it holds:
+//
+//   Capture::Condition condition = capture->addCondition(value);
+//   capture->beginBody(condition, /*loop=*/true);
+//   ... launches ...
+//   capture->updateCondition(condition, value);
+//   capture->endBody();
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_GRAPH_H
+#define WARP_GRAPH_H
+
+#include "warp/Device.h"
+#include "warp/Export.h"
+
+#include <memory>
+#include <string>
+
+namespace warp {
+
+/// Which threads may meanwhile do what a CUDA capture cannot hold.
+enum class CaptureMode { Global = 0, ThreadLocal = 1, Relaxed = 2 };
+
+class WARP_API Graph : public std::enable_shared_from_this<Graph> {
+public:
+  virtual ~Graph();
+
+  int device() const { return deviceIndex; }
+  /// CUDA: queued on `stream`, or on the device's current one. CPU: run now,
+  /// or recorded if the thread is recording.
+  virtual void launch(const Stream *stream = nullptr) = 0;
+  /// Number of nodes; those inside of bodies are not counted.
+  virtual size_t size() const = 0;
+  /// Whether a launch gives its thread back at once, or nearly so.
+  virtual bool isShort() const = 0;
+  /// Writes a Graphviz file.
+  virtual void writeDot(const std::string &path, bool verbose) const = 0;
+
+protected:
+  explicit Graph(int device) : deviceIndex(device) {}
+
+private:
+  int deviceIndex;
+};
+
+/// A recording in progress; destroyed before its end it leaves no trace.
+class WARP_API Capture {
+public:
+  using Condition = uint64_t;
+
+  /// `stream` is for CUDA, null means the current one. `external`: somebody
+  /// else started to capture that stream and will end it; the graph then is
+  /// theirs and ours only keeps memory alive.
+  static std::unique_ptr<Capture>
+  begin(int device, std::shared_ptr<Stream> stream = nullptr,
+        CaptureMode mode = CaptureMode::ThreadLocal, bool external = false);
+  virtual ~Capture();
+  Capture(const Capture &) = delete;
+  Capture &operator=(const Capture &) = delete;
+
+  int device() const { return deviceIndex; }
+  virtual std::shared_ptr<Graph> end() = 0;
+
+  /// Whether `*value` is not zero (if `negated`: is zero) at that point.
+  virtual Condition addCondition(const int32_t *value, bool negated) = 0;
+  /// The same, again, for an existing condition.
+  virtual void updateCondition(Condition condition, const int32_t *value,
+                               bool negated) = 0;
+  virtual void beginBody(Condition condition, bool loop) = 0;
+  virtual void endBody() = 0;
+
+protected:
+  explicit Capture(int device) : deviceIndex(device) {}
+
+private:
+  int deviceIndex;
+};
+
+/// Whether work for a device is being recorded: on the CPU by this thread, on
+/// CUDA by anyone through `Capture`.
+WARP_API bool isCapturing(int device);
+/// Whether the driver has conditional nodes.
+WARP_API bool supportsConditionalGraphs();
+
+} // namespace warp
+
+#endif // WARP_GRAPH_H

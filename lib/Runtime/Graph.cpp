@@ -1,0 +1,194 @@
+//===- Graph.cpp - Captures in progress -----------------------------------===//
+//
+// A list of the captures in progress, which the rest of the runtime consults:
+// memory freed meanwhile is not given back but put on the list of each capture
+// that may have recorded a use of it, and is released by the last graph that
+// holds it. Waiting for a device that is being captured is refused before the
+// driver sees it, because the driver would throw the whole capture away.
+//
+//===----------------------------------------------------------------------===//
+
+#include "GraphImpl.h"
+
+#include "DeviceState.h"
+#include "Support.h"
+
+#include <algorithm>
+#include <cstring>
+#include <dlfcn.h>
+#include <mutex>
+#include <thread>
+
+using namespace warp;
+
+namespace {
+struct Entry {
+  CaptureBase *capture;
+  std::thread::id thread;
+};
+
+struct Registry {
+  std::mutex mutex;
+  std::vector<Entry> entries;
+};
+} // namespace
+
+static Registry &registry() {
+  static auto *instance = new Registry;
+  return *instance;
+}
+
+std::atomic<int> warp::capturesInProgress{0};
+
+static thread_local HostRecorder *recorderOfThread = nullptr;
+
+HostRecorder *warp::threadRecorder() { return recorderOfThread; }
+void warp::setThreadRecorder(HostRecorder *recorder) {
+  recorderOfThread = recorder;
+}
+
+Graph::~Graph() = default;
+Capture::~Capture() = default;
+
+std::unique_ptr<Capture> Capture::begin(int device,
+                                        std::shared_ptr<Stream> stream,
+                                        CaptureMode mode, bool external) {
+  if (device == cpuDevice)
+    return beginHostCapture();
+  if (!stream)
+    stream = currentStream(device);
+  return beginCudaCapture(device, std::move(stream), mode, external);
+}
+
+CaptureBase::CaptureBase(int device) : Capture(device) {
+  std::lock_guard<std::mutex> lock(registry().mutex);
+  registry().entries.push_back({this, std::this_thread::get_id()});
+  ++capturesInProgress;
+}
+
+CaptureBase::~CaptureBase() { close(); }
+
+std::shared_ptr<Kept> CaptureBase::close() {
+  std::lock_guard<std::mutex> lock(registry().mutex);
+  if (!open)
+    return nullptr;
+  open = false;
+  auto &entries = registry().entries;
+  entries.erase(
+      std::remove_if(entries.begin(), entries.end(),
+                     [&](const Entry &entry) { return entry.capture == this; }),
+      entries.end());
+  --capturesInProgress;
+  return std::move(kept);
+}
+
+/// Whether a capture may have recorded a use of memory of a device.
+static bool mayUse(const Entry &entry, int device) {
+  if (device == cpuDevice)
+    return entry.thread == std::this_thread::get_id();
+  return entry.capture->device() == device;
+}
+
+bool warp::keepForCapture(int device, std::function<void()> release) {
+  if (capturesInProgress.load(std::memory_order_relaxed) == 0)
+    return false;
+  std::shared_ptr<void> kept;
+  std::lock_guard<std::mutex> lock(registry().mutex);
+  for (const Entry &entry : registry().entries) {
+    if (!mayUse(entry, device))
+      continue;
+    if (!kept)
+      kept = std::shared_ptr<void>(
+          nullptr, [release = std::move(release)](void *) { release(); });
+    entry.capture->kept->push_back(kept);
+  }
+  return kept != nullptr;
+}
+
+bool warp::isCapturing(int device) {
+  if (capturesInProgress.load(std::memory_order_relaxed) == 0)
+    return false;
+  if (device == cpuDevice)
+    return threadRecorder() != nullptr;
+  std::lock_guard<std::mutex> lock(registry().mutex);
+  return std::any_of(
+      registry().entries.begin(), registry().entries.end(),
+      [&](const Entry &entry) { return entry.capture->device() == device; });
+}
+
+void warp::checkNotCapturing(int device, const char *what) {
+  if (device != cpuDevice && isCapturing(device))
+    throw Error(Error::Kind::Runtime,
+                std::string("cannot ") + what + " '" +
+                    deviceInfo(device).alias +
+                    "' while a graph is being captured on it");
+}
+
+const void *warp::keepBytes(int device, const void *data, size_t size) {
+  if (!isCapturing(device))
+    return data;
+  auto copy = std::make_shared<std::vector<char>>(size);
+  std::memcpy(copy->data(), data, size);
+  keepForCapture(device, [copy] {});
+  return copy->data();
+}
+
+//===----------------------------------------------------------------------===//
+// The driver's calls
+//===----------------------------------------------------------------------===//
+
+static cuda::GraphDriver findGraphSymbols() {
+  cuda::GraphDriver table{};
+  if (!cuda::driver())
+    return table;
+  std::string library = environment("WARP_CUDA_DRIVER");
+  void *handle = dlopen(library.empty() ? "libcuda.so.1" : library.c_str(),
+                        RTLD_NOW | RTLD_LOCAL);
+  if (!handle)
+    return table;
+#define WARP_FIND(member, symbol, parameters)                                  \
+  table.member = reinterpret_cast<cuda::Result(*) parameters>(                 \
+      dlsym(handle, #symbol));
+  using namespace cuda;
+  WARP_CUDA_GRAPH_SYMBOLS(WARP_FIND)
+#undef WARP_FIND
+  table.supportsGraphs = table.beginCapture && table.endCapture &&
+                         table.exchangeMode && table.instantiate &&
+                         table.launch && table.destroyExec && table.destroy &&
+                         table.getNodes;
+  table.supportsConditions =
+      table.supportsGraphs && driver()->version >= 12040 && table.captureInfo &&
+      table.updateDependencies && table.beginCaptureTo &&
+      table.createCondition && table.addNode;
+  return table;
+}
+
+const cuda::GraphDriver &cuda::graphDriver() {
+  static const GraphDriver table = findGraphSymbols();
+  return table;
+}
+
+const char *cuda::graphSymbol(const std::string &member) {
+#define WARP_NAME(name, symbol, parameters)                                    \
+  if (member == #name)                                                         \
+    return #symbol;
+  WARP_CUDA_GRAPH_SYMBOLS(WARP_NAME)
+#undef WARP_NAME
+  return "the driver";
+}
+
+cuda::RelaxedCaptures::RelaxedCaptures() {
+  if (capturesInProgress.load(std::memory_order_relaxed) == 0 ||
+      !graphDriver().exchangeMode)
+    return;
+  changed = graphDriver().exchangeMode(&mode) == success;
+}
+
+cuda::RelaxedCaptures::~RelaxedCaptures() {
+  if (changed)
+    graphDriver().exchangeMode(&mode);
+}
+
+bool warp::supportsConditionalGraphs() {
+  return cuda::graphDriver().supportsConditions;
+}

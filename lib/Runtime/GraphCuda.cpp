@@ -1,0 +1,357 @@
+//===- GraphCuda.cpp - Graphs on CUDA devices -----------------------------===//
+//
+// The driver records what is queued on the capturing stream. Memory that is
+// allocated meanwhile is ordinary memory, made on a stream of its own (see
+// Memory.cpp), so that arrays born in a capture can be used like any other
+// before the first replay and between replays.
+//
+// A branch or loop is a conditional node. A kernel of one thread, here as PTX,
+// reads the condition array and sets the node's handle; the driver provides
+// the function that it calls. To fill the body the capture of the outer graph
+// is ended, the same stream captures into the body's graph, and then the outer
+// capture is resumed behind the new node: launches in the body need not know
+// where they go.
+//
+//===----------------------------------------------------------------------===//
+
+#include "DeviceState.h"
+#include "GraphImpl.h"
+
+#include <map>
+#include <mutex>
+
+using namespace warp;
+using cuda::GraphHandle;
+using cuda::GraphNode;
+using cuda::StreamHandle;
+
+/// Sets a handle to whether an int32 is not zero, or is zero.
+static const char *const conditionCode = R"(
+.version 6.4
+.target sm_70
+.address_size 64
+.extern .func cudaGraphSetConditional(.param .b64 handle, .param .b32 value);
+.visible .entry warp_set_condition(
+  .param .u64 handle, .param .u64 address, .param .u32 negated)
+{
+  .reg .pred %p;
+  .reg .b32 %value, %negated;
+  .reg .b64 %handle, %address;
+  ld.param.u64 %handle, [handle];
+  ld.param.u64 %address, [address];
+  ld.param.u32 %negated, [negated];
+  cvta.to.global.u64 %address, %address;
+  ld.global.u32 %value, [%address];
+  setp.ne.u32 %p, %value, 0;
+  selp.u32 %value, 1, 0, %p;
+  xor.b32 %value, %value, %negated;
+  {
+    .param .b64 first;
+    .param .b32 second;
+    st.param.b64 [first], %handle;
+    st.param.b32 [second], %value;
+    call.uni cudaGraphSetConditional, (first, second);
+  }
+  ret;
+}
+)";
+
+namespace {
+
+class CudaGraph : public Graph {
+public:
+  CudaGraph(int device, GraphHandle graph, cuda::GraphExec exec,
+            std::shared_ptr<Kept> kept)
+      : Graph(device), graph(graph), exec(exec), kept(std::move(kept)) {}
+  ~CudaGraph() override;
+
+  void launch(const Stream *stream) override;
+  size_t size() const override;
+  bool isShort() const override { return false; }
+  void writeDot(const std::string &path, bool verbose) const override;
+
+private:
+  void checkOwned(const char *what) const;
+
+  /// Null if somebody else ended the capture.
+  GraphHandle graph;
+  cuda::GraphExec exec;
+  std::shared_ptr<Kept> kept;
+};
+
+/// An outer graph whose capture waits for a body to be filled.
+struct Paused {
+  GraphHandle graph;
+  GraphNode node;
+};
+
+class CudaCapture final : public CaptureBase {
+public:
+  CudaCapture(int device, std::shared_ptr<Stream> stream, CaptureMode mode,
+              bool external)
+      : CaptureBase(device), stream(std::move(stream)),
+        mode(static_cast<int>(mode)), external(external) {}
+  ~CudaCapture() override;
+
+  void start();
+  std::shared_ptr<Graph> end() override;
+  Condition addCondition(const int32_t *value, bool negated) override;
+  void updateCondition(Condition condition, const int32_t *value,
+                       bool negated) override;
+  void beginBody(Condition condition, bool loop) override;
+  void endBody() override;
+
+private:
+  StreamHandle raw() const {
+    return static_cast<StreamHandle>(stream->handle());
+  }
+  GraphHandle stop();
+
+  std::shared_ptr<Stream> stream;
+  int mode;
+  bool external;
+  bool running = false;
+  std::vector<Paused> paused;
+};
+
+} // namespace
+
+static std::string aliasOf(int device) { return deviceInfo(device).alias; }
+
+static Error captureError(int device, const std::string &problem) {
+  return Error(Error::Kind::Runtime,
+               "graph capture on '" + aliasOf(device) + "': " + problem);
+}
+
+//===----------------------------------------------------------------------===//
+// Graphs
+//===----------------------------------------------------------------------===//
+
+CudaGraph::~CudaGraph() {
+  // A destructor has nobody to tell what the driver refuses.
+  try {
+    cuda::ContextScope scope(device());
+    cuda::RelaxedCaptures relaxed;
+    // What the graph keeps must not go while it runs.
+    if (exec && !kept->empty() && !isCapturing(device()))
+      cuda::driver()->ctxSynchronize();
+    if (exec)
+      cuda::graphDriver().destroyExec(exec);
+    if (graph)
+      cuda::graphDriver().destroy(graph);
+  } catch (const Error &) {
+  }
+}
+
+void CudaGraph::checkOwned(const char *what) const {
+  if (!graph)
+    throw captureError(device(), std::string("cannot ") + what +
+                                     " a graph whose capture was begun by "
+                                     "somebody else");
+}
+
+void CudaGraph::launch(const Stream *stream) {
+  checkOwned("launch");
+  QueuedWork work(device(), stream);
+  WARP_CUDA_GRAPH(launch, exec, work.stream());
+}
+
+size_t CudaGraph::size() const {
+  if (!graph)
+    return 0;
+  size_t count = 0;
+  WARP_CUDA_GRAPH(getNodes, graph, nullptr, &count);
+  return count;
+}
+
+void CudaGraph::writeDot(const std::string &path, bool verbose) const {
+  checkOwned("print");
+  if (!cuda::graphDriver().writeDot)
+    throw captureError(device(), "the driver cannot print graphs");
+  cuda::ContextScope scope(device());
+  WARP_CUDA_GRAPH(writeDot, graph, path.c_str(),
+                  verbose ? cuda::dotVerbose : 0);
+}
+
+//===----------------------------------------------------------------------===//
+// Captures
+//===----------------------------------------------------------------------===//
+
+std::unique_ptr<Capture>
+warp::beginCudaCapture(int device, std::shared_ptr<Stream> stream,
+                       CaptureMode mode, bool external) {
+  if (!cuda::graphDriver().supportsGraphs)
+    throw captureError(device, "the CUDA driver has no graphs");
+  bool active = stream->isCapturing();
+  if (external && !active)
+    throw captureError(device, "expects a stream that is being captured, but "
+                               "nobody began to");
+  if (!external && active)
+    throw captureError(device, "the stream is being captured already");
+  auto capture = std::make_unique<CudaCapture>(device, std::move(stream), mode,
+                                               external);
+  capture->start();
+  return capture;
+}
+
+void CudaCapture::start() {
+  if (!external) {
+    cuda::ContextScope scope(device());
+    WARP_CUDA_GRAPH(beginCapture, raw(), mode);
+  }
+  running = true;
+}
+
+/// Ends the driver's capture and reports what went wrong.
+GraphHandle CudaCapture::stop() {
+  cuda::ContextScope scope(device());
+  GraphHandle graph = nullptr;
+  cuda::Result result = cuda::graphDriver().endCapture(raw(), &graph);
+  if (result == cuda::success && graph)
+    return graph;
+  running = false;
+  switch (result) {
+  case cuda::errorCaptureUnjoined:
+    throw captureError(device(),
+                       "work on another stream was not joined, let the "
+                       "captured stream wait for it");
+  case cuda::success:
+  case cuda::errorCaptureInvalidated:
+  case cuda::errorCaptureUnsupported:
+  case cuda::errorCaptureImplicit:
+    throw captureError(device(),
+                       "something was done that a graph cannot hold, such as "
+                       "waiting for the device or work on the legacy stream");
+  default:
+    cuda::raise(result, "cuStreamEndCapture");
+  }
+}
+
+CudaCapture::~CudaCapture() {
+  std::shared_ptr<Kept> kept = close();
+  if (external || (!running && paused.empty()))
+    return;
+  try {
+    cuda::ContextScope scope(device());
+    GraphHandle graph = nullptr;
+    if (running)
+      cuda::graphDriver().endCapture(raw(), &graph);
+    // The graphs of bodies belong to the one around them.
+    if (!paused.empty())
+      graph = paused.front().graph;
+    if (graph)
+      cuda::graphDriver().destroy(graph);
+  } catch (const Error &) {
+  }
+}
+
+std::shared_ptr<Graph> CudaCapture::end() {
+  if (!running)
+    throw captureError(device(), "it has ended already");
+  if (!paused.empty())
+    throw captureError(device(), "it ends inside of a branch or loop");
+  if (external) {
+    running = false;
+    return std::make_shared<CudaGraph>(device(), nullptr, nullptr, close());
+  }
+  GraphHandle graph = stop();
+  running = false;
+  std::shared_ptr<Kept> kept = close();
+  cuda::ContextScope scope(device());
+  cuda::RelaxedCaptures relaxed;
+  cuda::GraphExec exec = nullptr;
+  cuda::Result result = cuda::graphDriver().instantiate(&exec, graph, 0);
+  if (result != cuda::success) {
+    cuda::graphDriver().destroy(graph);
+    cuda::check(result, "cuGraphInstantiateWithFlags");
+  }
+  return std::make_shared<CudaGraph>(device(), graph, exec, std::move(kept));
+}
+
+//===----------------------------------------------------------------------===//
+// Branches and loops
+//===----------------------------------------------------------------------===//
+
+/// The kernel that sets a handle; loaded once per device, never unloaded.
+static cuda::Function conditionKernel(int device) {
+  static std::mutex mutex;
+  static auto *functions = new std::map<int, cuda::Function>;
+  std::lock_guard<std::mutex> lock(mutex);
+  cuda::Function &function = (*functions)[device];
+  if (function)
+    return function;
+  cuda::RelaxedCaptures relaxed;
+  cuda::ModuleHandle module;
+  WARP_CUDA(moduleLoadDataEx, &module, conditionCode, 0, nullptr, nullptr);
+  WARP_CUDA(moduleGetFunction, &function, module, "warp_set_condition");
+  return function;
+}
+
+namespace {
+/// The graph that a stream adds to, and the nodes the next one comes after.
+struct Position {
+  explicit Position(StreamHandle stream) {
+    cuda::CaptureStatus status = cuda::captureNone;
+    uint64_t id;
+    WARP_CUDA_GRAPH(captureInfo, stream, &status, &id, &graph, &dependencies,
+                    &count);
+  }
+
+  GraphHandle graph = nullptr;
+  const GraphNode *dependencies = nullptr;
+  size_t count = 0;
+};
+} // namespace
+
+Capture::Condition CudaCapture::addCondition(const int32_t *value,
+                                             bool negated) {
+  if (!supportsConditionalGraphs())
+    throw captureError(device(),
+                       "branches and loops need a CUDA driver of version 12.4 "
+                       "or newer");
+  cuda::ContextScope scope(device());
+  Position position(raw());
+  cuda::ConditionHandle handle = 0;
+  WARP_CUDA_GRAPH(createCondition, &handle, position.graph,
+                  cuda::contextOf(device()), 0, 0);
+  updateCondition(handle, value, negated);
+  return handle;
+}
+
+void CudaCapture::updateCondition(Condition condition, const int32_t *value,
+                                  bool negated) {
+  cuda::ContextScope scope(device());
+  unsigned flip = negated;
+  void *arguments[] = {&condition, &value, &flip};
+  WARP_CUDA(launchKernel, conditionKernel(device()), 1, 1, 1, 1, 1, 1, 0, raw(),
+            arguments, nullptr);
+}
+
+void CudaCapture::beginBody(Condition condition, bool loop) {
+  cuda::ContextScope scope(device());
+  Position position(raw());
+  cuda::ConditionalNode description;
+  description.handle = condition;
+  description.kind = loop;
+  description.context = cuda::contextOf(device());
+  Paused outer{position.graph, nullptr};
+  WARP_CUDA_GRAPH(addNode, &outer.node, position.graph, position.dependencies,
+                  position.count, &description);
+  WARP_CUDA_GRAPH(updateDependencies, raw(), &outer.node, 1,
+                  cuda::setDependencies);
+  outer.graph = stop();
+  paused.push_back(outer);
+  WARP_CUDA_GRAPH(beginCaptureTo, raw(), description.bodies[0], nullptr,
+                  nullptr, 0, mode);
+}
+
+void CudaCapture::endBody() {
+  if (paused.empty())
+    throw captureError(device(), "no body of a graph is open");
+  stop();
+  Paused outer = paused.back();
+  cuda::ContextScope scope(device());
+  WARP_CUDA_GRAPH(beginCaptureTo, raw(), outer.graph, &outer.node, nullptr, 1,
+                  mode);
+  paused.pop_back();
+}

@@ -1,0 +1,104 @@
+//===- GraphDriver.h - The driver's calls for graphs ------------*- C++ -*-===//
+//
+// Kept apart from the table in CudaDriver.h, since everything but graphs works
+// with a driver that lacks them. A missing entry is null.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_RUNTIME_GRAPHDRIVER_H
+#define WARP_LIB_RUNTIME_GRAPHDRIVER_H
+
+#include "CudaDriver.h"
+
+namespace warp::cuda {
+
+using GraphHandle = struct GraphTag *;
+using GraphExec = struct GraphExecTag *;
+using GraphNode = struct GraphNodeTag *;
+using ConditionHandle = uint64_t;
+
+enum : Result {
+  errorCaptureUnsupported = 900,
+  errorCaptureInvalidated = 901,
+  errorCaptureUnjoined = 904,
+  errorCaptureImplicit = 906,
+};
+
+enum CaptureStatus : int { captureNone = 0, captureActive = 1 };
+enum : int { captureRelaxed = 2 };
+enum : unsigned { setDependencies = 1 };
+enum : unsigned { dotVerbose = 1 };
+
+/// CUgraphNodeParams of a conditional node.
+struct ConditionalNode {
+  int type = 13;
+  int reserved0[3] = {};
+  ConditionHandle handle = 0;
+  /// 0: if, 1: while.
+  int kind = 0;
+  unsigned size = 1;
+  GraphHandle *bodies = nullptr;
+  Context context = nullptr;
+  int64_t padding[25] = {};
+  int64_t reserved2 = 0;
+};
+static_assert(sizeof(ConditionalNode) == 256);
+
+#define WARP_CUDA_GRAPH_SYMBOLS(X)                                             \
+  X(beginCapture, cuStreamBeginCapture_v2, (StreamHandle, int))                \
+  X(endCapture, cuStreamEndCapture, (StreamHandle, GraphHandle *))             \
+  X(captureInfo, cuStreamGetCaptureInfo_v2,                                    \
+    (StreamHandle, CaptureStatus *, uint64_t *, GraphHandle *,                 \
+     const GraphNode **, size_t *))                                            \
+  X(updateDependencies, cuStreamUpdateCaptureDependencies,                     \
+    (StreamHandle, GraphNode *, size_t, unsigned))                             \
+  X(exchangeMode, cuThreadExchangeStreamCaptureMode, (int *))                  \
+  X(instantiate, cuGraphInstantiateWithFlags,                                  \
+    (GraphExec *, GraphHandle, unsigned long long))                            \
+  X(launch, cuGraphLaunch, (GraphExec, StreamHandle))                          \
+  X(destroyExec, cuGraphExecDestroy, (GraphExec))                              \
+  X(destroy, cuGraphDestroy, (GraphHandle))                                    \
+  X(getNodes, cuGraphGetNodes, (GraphHandle, GraphNode *, size_t *))           \
+  X(writeDot, cuGraphDebugDotPrint, (GraphHandle, const char *, unsigned))     \
+  X(beginCaptureTo, cuStreamBeginCaptureToGraph,                               \
+    (StreamHandle, GraphHandle, const GraphNode *, const void *, size_t, int)) \
+  X(createCondition, cuGraphConditionalHandleCreate,                           \
+    (ConditionHandle *, GraphHandle, Context, unsigned, unsigned))             \
+  X(addNode, cuGraphAddNode,                                                   \
+    (GraphNode *, GraphHandle, const GraphNode *, size_t, ConditionalNode *))
+
+struct GraphDriver {
+#define WARP_DECLARE(member, symbol, parameters) Result(*member) parameters;
+  WARP_CUDA_GRAPH_SYMBOLS(WARP_DECLARE)
+#undef WARP_DECLARE
+  bool supportsGraphs = false;
+  bool supportsConditions = false;
+};
+
+const GraphDriver &graphDriver();
+
+/// Calls an entry of the graph table and checks the result.
+#define WARP_CUDA_GRAPH(member, ...)                                           \
+  ::warp::cuda::check(::warp::cuda::graphDriver().member(__VA_ARGS__),         \
+                      ::warp::cuda::graphSymbol(#member))
+
+/// The exported name of an entry.
+const char *graphSymbol(const std::string &member);
+
+/// Lets this thread do what captures forbid, where that harms none: loading
+/// code, making streams, allocating. Nothing if no capture is in progress.
+class RelaxedCaptures {
+public:
+  RelaxedCaptures();
+  ~RelaxedCaptures();
+  RelaxedCaptures(const RelaxedCaptures &) = delete;
+  RelaxedCaptures &operator=(const RelaxedCaptures &) = delete;
+
+private:
+  int mode = captureRelaxed;
+  bool changed = false;
+};
+
+} // namespace warp::cuda
+
+#endif // WARP_LIB_RUNTIME_GRAPHDRIVER_H

@@ -1,0 +1,248 @@
+//===- GraphHost.cpp - Graphs on the CPU ----------------------------------===//
+//
+// A CPU graph is a list of steps. A short launch is the entry point of the
+// compiled kernel with a parameter block of its own: replaying it is one call
+// through a pointer. Everything else, launches that are spread over threads or
+// need a look at their result, copies and fills, is a closure. Branches and
+// loops hold a list of their own and run it as long as their flag is set; the
+// flags are steps, too, and belong to one replay, so that a graph may run on
+// two threads at once.
+//
+//===----------------------------------------------------------------------===//
+
+#include "GraphImpl.h"
+#include "KernelImpl.h"
+
+#include <cstdio>
+#include <cstring>
+#include <variant>
+
+using namespace warp;
+
+/// Bytes and operations below which a replay is over before another thread
+/// would run.
+static constexpr size_t shortBytes = 64 << 10;
+static constexpr double shortWork = 32768;
+
+namespace {
+
+struct Step;
+using Steps = std::vector<Step>;
+
+struct EntryStep {
+  CpuEntry entry;
+  const void *params;
+  int64_t items;
+};
+
+struct FlagStep {
+  size_t flag;
+  const int32_t *value;
+  bool negated;
+};
+
+struct BodyStep {
+  size_t flag;
+  bool loop;
+  std::unique_ptr<Steps> steps;
+};
+
+struct Step {
+  std::variant<EntryStep, std::function<void()>, FlagStep, BodyStep> what;
+  /// For pictures.
+  std::string name;
+};
+
+class HostGraph : public Graph {
+public:
+  HostGraph() : Graph(cpuDevice) {}
+
+  void launch(const Stream *stream) override;
+  size_t size() const override { return steps.size(); }
+  bool isShort() const override {
+    return flags == 0 && work < shortWork && bytes < shortBytes;
+  }
+  void writeDot(const std::string &path, bool verbose) const override;
+
+  Steps steps;
+  /// Parameter blocks of the entry steps.
+  std::vector<std::unique_ptr<uint64_t[]>> blocks;
+  size_t flags = 0;
+  double work = 0;
+  size_t bytes = 0;
+  std::shared_ptr<Kept> kept;
+};
+
+class HostCapture final : public CaptureBase, public HostRecorder {
+public:
+  HostCapture() : CaptureBase(cpuDevice), graph(new HostGraph) {
+    setThreadRecorder(this);
+  }
+  ~HostCapture() override {
+    if (graph)
+      stop();
+  }
+
+  void launch(Kernel &kernel, const Kernel::Plan &plan,
+              const void *params) override;
+  void call(std::function<void()> function, size_t bytes) override {
+    graph->bytes += bytes;
+    add({std::move(function), "copy or fill"});
+  }
+
+  std::shared_ptr<Graph> end() override;
+  Condition addCondition(const int32_t *value, bool negated) override {
+    updateCondition(graph->flags, value, negated);
+    return graph->flags++;
+  }
+  void updateCondition(Condition condition, const int32_t *value,
+                       bool negated) override {
+    add({FlagStep{static_cast<size_t>(condition), value, negated},
+         "condition"});
+  }
+  void beginBody(Condition condition, bool loop) override;
+  void endBody() override;
+
+private:
+  void add(Step step) { open.back()->push_back(std::move(step)); }
+  void stop() {
+    if (threadRecorder() == this)
+      setThreadRecorder(nullptr);
+    graph->kept = close();
+  }
+
+  std::shared_ptr<HostGraph> graph;
+  /// The lists being written, from the graph's own inwards.
+  std::vector<Steps *> open{&graph->steps};
+};
+
+} // namespace
+
+//===----------------------------------------------------------------------===//
+// Recording
+//===----------------------------------------------------------------------===//
+
+std::unique_ptr<Capture> warp::beginHostCapture() {
+  if (threadRecorder())
+    throw Error(Error::Kind::Runtime,
+                "this thread is capturing a graph on 'cpu' already");
+  return std::make_unique<HostCapture>();
+}
+
+void HostCapture::launch(Kernel &kernel, const Kernel::Plan &plan,
+                         const void *params) {
+  const Kernel::Variant &variant = *plan.variant;
+  auto block = std::make_unique<uint64_t[]>(kernel.parameterSize() / 8);
+  std::memcpy(block.get(), params, kernel.parameterSize());
+  uint64_t *data = block.get();
+  graph->blocks.push_back(std::move(block));
+  graph->work += plan.work;
+  if (Kernel::isShort(plan) && !kernel.options().debug &&
+      !variant.code.exclusive && !variant.code.usesPrintf)
+    return add({EntryStep{variant.cpu, data, plan.items}, kernel.name()});
+  std::function<void()> run = [&kernel, plan, data] { kernel.run(plan, data); };
+  if (kernel.options().debug) {
+    // The address of the error record is written into the block.
+    size_t size = kernel.parameterSize();
+    run = [&kernel, plan, data, size] {
+      std::vector<uint64_t> own(data, data + size / 8);
+      kernel.run(plan, own.data());
+    };
+  }
+  add({std::move(run), kernel.name()});
+}
+
+void HostCapture::beginBody(Condition condition, bool loop) {
+  add({BodyStep{static_cast<size_t>(condition), loop,
+                std::make_unique<Steps>()},
+       loop ? "while" : "if"});
+  open.push_back(std::get<BodyStep>(open.back()->back().what).steps.get());
+}
+
+void HostCapture::endBody() {
+  if (open.size() == 1)
+    throw Error(Error::Kind::Runtime, "no body of a graph is open");
+  open.pop_back();
+}
+
+std::shared_ptr<Graph> HostCapture::end() {
+  if (threadRecorder() != this)
+    throw Error(Error::Kind::Runtime,
+                "expects the thread that began the capture to end it");
+  bool complete = open.size() == 1;
+  stop();
+  std::shared_ptr<Graph> result = std::move(graph);
+  if (!complete)
+    throw Error(Error::Kind::Runtime,
+                "the capture ends inside of a branch or loop");
+  return result;
+}
+
+//===----------------------------------------------------------------------===//
+// Replay
+//===----------------------------------------------------------------------===//
+
+static void run(const Steps &steps, char *flags) {
+  for (const Step &step : steps) {
+    if (auto *entry = std::get_if<EntryStep>(&step.what)) {
+      entry->entry(entry->params, 0, entry->items);
+    } else if (auto *call = std::get_if<std::function<void()>>(&step.what)) {
+      (*call)();
+    } else if (auto *flag = std::get_if<FlagStep>(&step.what)) {
+      flags[flag->flag] = (*flag->value != 0) != flag->negated;
+    } else {
+      const auto &body = std::get<BodyStep>(step.what);
+      while (flags[body.flag]) {
+        run(*body.steps, flags);
+        if (!body.loop)
+          break;
+      }
+    }
+  }
+}
+
+void HostGraph::launch(const Stream *) {
+  auto self = std::static_pointer_cast<HostGraph>(shared_from_this());
+  if (recordOnHost(bytes, [self] { self->launch(nullptr); }))
+    return;
+  std::vector<char> values(flags);
+  run(steps, values.data());
+}
+
+//===----------------------------------------------------------------------===//
+// Pictures
+//===----------------------------------------------------------------------===//
+
+/// Writes the nodes of a list as a chain; returns the number of the last one.
+static int writeSteps(FILE *file, const Steps &steps, int &count, int before,
+                      bool verbose) {
+  for (const Step &step : steps) {
+    int number = count++;
+    auto *entry = std::get_if<EntryStep>(&step.what);
+    std::string items = verbose && entry
+                            ? "\\n" + std::to_string(entry->items) + " threads"
+                            : "";
+    std::fprintf(file, "  n%d [label=\"%s%s\"];\n", number, step.name.c_str(),
+                 items.c_str());
+    if (before >= 0)
+      std::fprintf(file, "  n%d -> n%d;\n", before, number);
+    before = number;
+    if (auto *body = std::get_if<BodyStep>(&step.what)) {
+      int last = writeSteps(file, *body->steps, count, number, verbose);
+      if (last != number)
+        std::fprintf(file, "  n%d -> n%d [style=dashed];\n", last, number);
+    }
+  }
+  return before;
+}
+
+void HostGraph::writeDot(const std::string &path, bool verbose) const {
+  FILE *file = std::fopen(path.c_str(), "w");
+  if (!file)
+    throw Error(Error::Kind::Runtime, "cannot write '" + path + "'");
+  std::fprintf(file, "digraph graph_cpu {\n  node [shape=box];\n");
+  int count = 0;
+  writeSteps(file, steps, count, -1, verbose);
+  std::fprintf(file, "}\n");
+  std::fclose(file);
+}

@@ -1,0 +1,90 @@
+//===- GraphImpl.h - Inside of captures -------------------------*- C++ -*-===//
+//
+// What the rest of the runtime asks before it does work: is somebody recording
+// it? Where no capture is in progress, that is one read of an atomic.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_RUNTIME_GRAPHIMPL_H
+#define WARP_LIB_RUNTIME_GRAPHIMPL_H
+
+#include "GraphDriver.h"
+#include "warp/Graph.h"
+#include "warp/Kernel.h"
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <utility>
+#include <vector>
+
+namespace warp {
+
+/// What lives as long as a graph.
+using Kept = std::vector<std::shared_ptr<void>>;
+
+/// A capture as others see it. `owner` is the thread, for host memory.
+class CaptureBase : public Capture {
+public:
+  ~CaptureBase() override;
+
+protected:
+  explicit CaptureBase(int device);
+  /// No more to be found by others; what was kept so far. Thread-safe.
+  std::shared_ptr<Kept> close();
+
+private:
+  friend bool keepForCapture(int device, std::function<void()> release);
+  std::shared_ptr<Kept> kept = std::make_shared<Kept>();
+  bool open = true;
+};
+
+/// Records host work of one thread.
+class HostRecorder {
+public:
+  virtual ~HostRecorder() = default;
+  virtual void launch(Kernel &kernel, const Kernel::Plan &plan,
+                      const void *params) = 0;
+  /// `bytes`: that the call touches, for `Graph::isShort`.
+  virtual void call(std::function<void()> function, size_t bytes) = 0;
+};
+
+extern std::atomic<int> capturesInProgress;
+HostRecorder *threadRecorder();
+void setThreadRecorder(HostRecorder *recorder);
+
+/// The recorder of this thread, if it is recording host work.
+inline HostRecorder *hostRecorder() {
+  if (__builtin_expect(capturesInProgress.load(std::memory_order_relaxed) == 0,
+                       1))
+    return nullptr;
+  return threadRecorder();
+}
+
+/// Hands host work to the recorder of this thread; false if there is none.
+template <typename Fn> bool recordOnHost(size_t bytes, Fn &&function) {
+  HostRecorder *recorder = hostRecorder();
+  if (recorder)
+    recorder->call(std::forward<Fn>(function), bytes);
+  return recorder != nullptr;
+}
+
+/// If graphs are being recorded that may use memory of a device (the CPU: on
+/// this thread), puts `release` off until they are destroyed. False if none.
+bool keepForCapture(int device, std::function<void()> release);
+
+/// Throws if a device is being captured, for what waits or reads results.
+void checkNotCapturing(int device, const char *what);
+
+/// A copy of host bytes that lives as long as the graph being recorded; `data`
+/// itself if no stream of the device is captured.
+const void *keepBytes(int device, const void *data, size_t size);
+
+std::unique_ptr<Capture> beginHostCapture();
+std::unique_ptr<Capture> beginCudaCapture(int device,
+                                          std::shared_ptr<Stream> stream,
+                                          CaptureMode mode, bool external);
+
+} // namespace warp
+
+#endif // WARP_LIB_RUNTIME_GRAPHIMPL_H
