@@ -246,10 +246,7 @@ class array(ArrayViews, ArrayProtocols, _native.Array):
         self._check_writable()
         if self.size == 0:
             return
-        if self.is_contiguous:
-            _native.set_memory(self.ptr, self.device_index, 0, self.size * self.item_size)
-        else:
-            _native.fill_array(self, bytes(self.item_size))
+        _native.fill_array(self, bytes(self.item_size))
 
     def fill_(self, value) -> None:
         """Sets every element to `value`: a number, or what the element type can be made from.
