@@ -119,6 +119,7 @@ from warp._src.kernel import Kernel as Kernel
 from warp._src.kernel import kernel as kernel
 from warp._src.launch import Launch as Launch
 from warp._src.launch import launch as launch
+from warp._src.maps import map as map
 from warp._src.modules import Module as Module
 from warp._src.modules import force_load as force_load
 from warp._src.modules import get_module as get_module

@@ -14,13 +14,14 @@ from warp import _native
 from warp._src import annotations, devices, errors, scalars, types
 from warp._src.annotations import ArrayType
 from warp._src.arithmetic import bfloat16_from_bits
+from warp._src.array_arithmetic import ArrayArithmetic
 from warp._src.array_layout import check_shape, element_type, type_id
 from warp._src.array_protocols import ArrayProtocols
 from warp._src.array_views import ArrayViews
 from warp._src.numpy_types import element_layout
 
 
-class array(ArrayViews, ArrayProtocols, _native.Array):
+class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
     """An array of scalars, vectors, matrices, quaternions, transforms or structs.
 
     Args:

@@ -7,7 +7,7 @@ import re
 from warp import _native
 from warp._src import errors
 from warp._src.frontend.control import plan_of
-from warp._src.frontend.emitter import Session
+from warp._src.frontend.emitter import Session, Value
 from warp._src.frontend.functions import Overload
 from warp._src.frontend.statements import Emitter
 
@@ -31,6 +31,31 @@ def build_kernel(kernel, arguments=None):
 
 def build_function(function, name, arguments=None, max_unroll=16):
     """Translates a Python function as a kernel of that name."""
+    builder = _translate(function, name, arguments, max_unroll).builder
+    builder.end_function([])
+    return builder.finish()
+
+
+def types_of_local(function, name, local) -> list:
+    """Types of a kernel's local variable, several if it holds a tuple.
+
+    Raises:
+        WarpCodegenError: the function cannot be translated, or the variable holds no value.
+    """
+    emitter = _translate(function, name, None, 16)
+    found = emitter.env.get(local)
+    bindings = found if type(found) is tuple else (found,)
+    natives = [
+        binding.type if type(binding) is Value else emitter.static_type(binding)
+        for binding in bindings
+    ]
+    if any(native is None for native in natives):
+        raise errors.WarpCodegenTypeError(f"'{name}' gives no value")
+    return natives
+
+
+def _translate(function, name, arguments, max_unroll):
+    """The translator at the end of the function's body."""
     overload = Overload(function)
     source = overload.source
     natives = [parameter.native for parameter in overload.parameters]
@@ -60,8 +85,7 @@ def build_function(function, name, arguments=None, max_unroll=16):
         emitter.body()
     except errors.WarpError as problem:
         raise emitter.locate(problem) from problem.__cause__
-    builder.end_function([])
-    return builder.finish()
+    return emitter
 
 
 def symbol_name(name: str) -> str:
