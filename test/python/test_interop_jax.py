@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -263,21 +264,19 @@ def test_refusals(make, message):
 # Programs that JAX keeps on disk find their kernels in the next process.
 def test_compilation_cache(tmp_path):
     code = f"""
+import sys
+sys.path.insert(0, {str(Path(__file__).parent)!r})
 import jax, warp as wp
 jax.config.update("jax_compilation_cache_dir", {str(tmp_path)!r})
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
 jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 from test_interop_jax import scale
-import jax.numpy as jnp
-print(jax.jit(partial(lambda k, x: k(x, 3.0)[0], wp.jax_kernel(scale)))(jnp.ones(2, "float32")))
+triple = wp.jax_kernel(scale)
+print(jax.jit(lambda x: triple(x, 3.0)[0])(jax.numpy.ones(2, "float32")))
 """
-    folder = str(__import__("pathlib").Path(__file__).parent)
     for _ in range(2):
         done = subprocess.run(
-            [sys.executable, "-c", "from functools import partial" + code],
-            cwd=folder,
-            capture_output=True,
-            text=True,
-            check=False,
+            [sys.executable, "-c", code], capture_output=True, text=True, check=False
         )
         assert "[3. 3.]" in done.stdout, done.stderr
+        assert list(tmp_path.iterdir())
