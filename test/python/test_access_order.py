@@ -1,0 +1,76 @@
+"""What vector code must not change: order of accesses, wrapped indices."""
+
+import numpy as np
+import pytest
+
+import warp as wp
+
+COUNT = 100
+
+
+@wp.kernel
+def between_components(
+    x: wp.array(dtype=wp.vec2), y: wp.array(dtype=wp.vec2), out: wp.array(dtype=float)
+):
+    i = wp.tid()
+    a = x[i][0]
+    y[i][1] = 7.0
+    b = x[i][1]
+    out[i] = a + b
+
+
+@wp.kernel
+def between_neighbours(
+    x: wp.array(dtype=float), y: wp.array(dtype=float), out: wp.array(dtype=float)
+):
+    i = wp.tid()
+    a = x[2 * i]
+    y[2 * i + 1] = 7.0
+    b = x[2 * i + 1]
+    out[i] = a + b
+
+
+@wp.kernel
+def hashed(values: wp.array(dtype=int), out: wp.array(dtype=int)):
+    i = wp.tid()
+    out[i] = values[(i * 73856093) % values.shape[0]]
+
+
+@wp.kernel
+def flattened(values: wp.array(dtype=int), width: int, out: wp.array(dtype=int)):
+    i, j = wp.tid()
+    out[i * wp.abs(width) + j] = values[i * width + j]
+
+
+@pytest.mark.parametrize(
+    "kernel, dtype, length",
+    [(between_components, wp.vec2, COUNT), (between_neighbours, float, 2 * COUNT)],
+)
+def test_same_array_twice(kernel, dtype, length, device):
+    """A write through one argument is seen by a later read through the other."""
+    x = wp.zeros(length, dtype=dtype, device=device)
+    out = wp.zeros(COUNT, dtype=float, device=device)
+    wp.launch(kernel, dim=COUNT, inputs=[x, x, out], device=device)
+    np.testing.assert_array_equal(out.numpy(), np.full(COUNT, 7.0))
+
+
+def test_negative_remainders(device):
+    """A product that overflows leaves negative remainders, which count from the end."""
+    count, size = 100_000, 1000
+    values = wp.array(np.arange(size), dtype=int, device=device)
+    out = wp.zeros(count, dtype=int, device=device)
+    wp.launch(hashed, dim=count, inputs=[values, out], device=device)
+    products = (np.arange(count, dtype=np.int64) * 73856093).astype(np.int32)
+    np.testing.assert_array_equal(out.numpy(), np.fmod(products, size) % size)
+
+
+@pytest.mark.parametrize("width", [40, -40])
+def test_sign_of_an_index_argument(width, device):
+    """The same kernel takes strides of either sign."""
+    rows, columns = 30, 40
+    values = wp.array(np.arange(rows * columns), dtype=int, device=device)
+    out = wp.zeros(rows * columns, dtype=int, device=device)
+    wp.launch(flattened, dim=(rows, columns), inputs=[values, width, out], device=device)
+    i, j = np.indices((rows, columns))
+    expected = (i * width + j) % (rows * columns)
+    np.testing.assert_array_equal(out.numpy().reshape(rows, columns), expected)
