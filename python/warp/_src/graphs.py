@@ -117,9 +117,7 @@ def capture_end(device=None, stream=None) -> Graph:
 def capture_launch(graph, stream=None) -> None:
     """Runs a graph: on CUDA queued on `stream` or the current one, on the CPU at once."""
     if type(graph) is not Graph:
-        raise errors.WarpLaunchTypeError(
-            f"expects a graph, but got '{type(graph).__name__}'"
-        )
+        raise errors.WarpLaunchTypeError(f"expects a graph, but got '{type(graph).__name__}'")
     if _captures:
         for capture in _captures.values():
             capture.hold(graph.native)

@@ -1,0 +1,179 @@
+"""Graphs on CUDA: streams, what a capture refuses, and memory of other devices."""
+
+import gc
+
+import numpy as np
+import pytest
+
+import warp as wp
+
+pytestmark = pytest.mark.cuda
+
+
+@wp.kernel
+def add(x: wp.array(dtype=float), v: float):
+    i = wp.tid()
+    x[i] = x[i] + v
+
+
+def zeros(count=100):
+    return wp.zeros(count, device="cuda:0")
+
+
+def test_waiting_is_refused_and_harms_nothing():
+    x = zeros()
+    with wp.ScopedCapture("cuda:0") as capture:
+        wp.launch(add, 100, [x, 1.0], device="cuda:0")
+        with pytest.raises(RuntimeError, match="while a graph is being captured"):
+            x.numpy()
+        with pytest.raises(RuntimeError, match="while a graph is being captured"):
+            wp.synchronize_device("cuda:0")
+        with pytest.raises(RuntimeError, match="while a graph is being captured"):
+            wp.synchronize_stream("cuda:0")
+        wp.launch(add, 100, [x, 1.0], device="cuda:0")
+    wp.capture_launch(capture.graph)
+    assert (x.numpy() == 2.0).all()
+
+
+def test_numpy_ends_a_capture_cleanly():
+    x = zeros()
+    with pytest.raises(RuntimeError, match="cannot read an array on 'cuda:0'"):
+        with wp.ScopedCapture("cuda:0"):
+            x.numpy()
+    assert not wp.get_device("cuda:0").is_capturing
+    assert not wp.get_stream("cuda:0").is_capturing
+    assert (x.numpy() == 0.0).all()
+
+
+def test_other_streams_join():
+    x, y = zeros(), zeros()
+    side = wp.Stream("cuda:0")
+    main = wp.get_stream("cuda:0")
+    with wp.ScopedCapture("cuda:0") as capture:
+        wp.launch(add, 100, [x, 1.0], device="cuda:0")
+        side.wait_stream(main)
+        assert side.is_capturing
+        wp.launch(add, 100, [y, 2.0], stream=side)
+        wp.launch(add, 100, [x, 3.0], device="cuda:0")
+        main.wait_event(side.record_event())
+        wp.copy(x, y)
+    assert not side.is_capturing
+    wp.capture_launch(capture.graph)
+    assert (y.numpy() == 2.0).all()
+    assert (x.numpy() == 2.0).all()
+
+
+def test_streams_that_do_not_join_are_named():
+    x = zeros()
+    side = wp.Stream("cuda:0")
+    with pytest.raises(RuntimeError, match="was not joined"):
+        with wp.ScopedCapture("cuda:0"):
+            side.wait_stream(wp.get_stream("cuda:0"))
+            wp.launch(add, 100, [x, 2.0], stream=side)
+    wp.launch(add, 100, [x, 1.0], device="cuda:0")
+    assert (x.numpy() == 1.0).all()
+
+
+def test_capture_and_launch_on_a_stream():
+    x = zeros()
+    side = wp.Stream("cuda:0")
+    wp.synchronize_device("cuda:0")
+    with wp.ScopedCapture(stream=side) as capture:
+        wp.launch(add, 100, [x, 2.0], stream=side)
+    wp.capture_launch(capture.graph, stream=side)
+    wp.capture_launch(capture.graph, stream=side)
+    wp.synchronize_stream(side)
+    assert (x.numpy() == 4.0).all()
+
+
+def test_current_stream_of_a_scope():
+    x = zeros()
+    with wp.ScopedStream(wp.Stream("cuda:0")):
+        with wp.ScopedCapture() as capture:
+            wp.launch(add, 100, [x, 2.0])
+        wp.capture_launch(capture.graph)
+        wp.synchronize_stream()
+    assert (x.numpy() == 2.0).all()
+
+
+def test_host_arrays():
+    pinned = wp.zeros(100, device="cpu", pinned=True)
+    result = wp.zeros(100, device="cpu", pinned=True)
+    x = zeros()
+    with wp.ScopedCapture("cuda:0") as capture:
+        wp.copy(x, pinned)
+        wp.launch(add, 100, [x, 1.0], device="cuda:0")
+        wp.copy(result, x)
+    for value in (5.0, 7.0):
+        pinned.fill_(value)
+        wp.capture_launch(capture.graph)
+        wp.synchronize_device("cuda:0")
+        assert (result.numpy() == value + 1.0).all()
+
+
+def test_data_of_host_arrays_that_go_away():
+    x = zeros(1000)
+    with wp.ScopedCapture("cuda:0") as capture:
+        made = wp.array(np.arange(1000.0), dtype=float, device="cuda:0")
+        x.assign(np.full(1000, 3.0, dtype=np.float32))
+    gc.collect()
+    others = [np.full(1000, 9.0, dtype=np.float32) for _ in range(20)]
+    wp.capture_launch(capture.graph)
+    assert (made.numpy() == np.arange(1000.0)).all()
+    assert (x.numpy() == 3.0).all()
+    assert len(others) == 20
+
+
+def test_external_captures():
+    torch = pytest.importorskip("torch")
+    if not torch.cuda.is_available():
+        pytest.skip("no CUDA in torch")
+    x = zeros()
+    wp.launch(add, 100, [x, 0.0], device="cuda:0")
+    wp.synchronize_device("cuda:0")
+    graph = torch.cuda.CUDAGraph()
+    stream = torch.cuda.Stream()
+    with torch.cuda.graph(graph, stream=stream):
+        ours = wp.stream_from_torch(stream)
+        with wp.ScopedCapture(stream=ours, external=True) as capture:
+            wp.launch(add, 100, [x, 1.0], stream=ours)
+    with pytest.raises(RuntimeError, match="somebody else"):
+        wp.capture_launch(capture.graph)
+    graph.replay()
+    torch.cuda.synchronize()
+    assert (x.numpy() == 1.0).all()
+
+
+def test_external_needs_a_capture():
+    with pytest.raises(RuntimeError, match="nobody began"):
+        wp.capture_begin("cuda:0", external=True)
+    assert not wp.get_device("cuda:0").is_capturing
+
+
+def test_graphs_may_go_while_they_run():
+    x = zeros(1 << 20)
+    for _ in range(20):
+        with wp.ScopedCapture("cuda:0") as capture:
+            temporary = wp.ones(1 << 20, device="cuda:0")
+            for _ in range(10):
+                wp.launch(add, x.size, [temporary, 1.0], device="cuda:0")
+            wp.copy(x, temporary)
+            del temporary
+        wp.capture_launch(capture.graph)
+        del capture
+        wp.full(1 << 20, -1.0, device="cuda:0")
+    assert (x.numpy() == 11.0).all()
+
+
+def test_memory_returns_with_the_graph():
+    device = wp.get_device("cuda:0")
+    size = 64 << 20
+    wp.synchronize_device(device)
+    before = device.free_memory
+    for _ in range(20):
+        with wp.ScopedCapture(device) as capture:
+            wp.zeros(size, dtype=wp.uint8, device=device)
+        wp.capture_launch(capture.graph)
+        del capture
+        wp.synchronize_device(device)
+    assert before - device.free_memory < 4 * size
