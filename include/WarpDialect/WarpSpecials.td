@@ -97,6 +97,15 @@ def Warp_PrintfName : Warp_ThreadName<"printf",
     "formatted output as C has it, of up to 32 numbers">;
 def Warp_PrintName : Warp_ThreadName<"print", ["(value: Any) -> None"],
     "prints one value and ends the line">;
+def Warp_ExpectEqName : Warp_ThreadName<"expect_eq",
+    ["(a: Any, b: Any) -> None"],
+    "prints both values if they differ, numbers or composites of one type">;
+def Warp_ExpectNeqName : Warp_ThreadName<"expect_neq",
+    ["(a: Any, b: Any) -> None"], "prints both values if they are equal">;
+def Warp_ExpectNearName : Warp_ThreadName<"expect_near",
+    ["(a: Any, b: Any, tolerance: float = 1e-6) -> None"],
+    "prints both values unless all components differ by at most `tolerance`; "
+    "NaN is near to nothing">;
 def Warp_LenName : Warp_ThreadName<"len", ["(a: Any) -> int"],
     "length of a vector, number of rows of a matrix, first extent of an array">;
 def Warp_StaticName : Warp_ThreadName<"static", ["(value: Any) -> Any"],

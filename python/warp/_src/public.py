@@ -17,9 +17,10 @@ def find(name: str):
         return importlib.import_module(f"warp.{name}")
     if not name.startswith("_"):
         from warp._src.builtins import lookup
+        from warp._src.checks import CHECKS
         from warp._src.constructors import CONSTRUCTORS
 
-        found = CONSTRUCTORS.get(name) or lookup(name)
+        found = CONSTRUCTORS.get(name) or CHECKS.get(name) or lookup(name)
         if found is not None:
             return found
     raise AttributeError(f"module 'warp' has no attribute '{name}'")

@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import ast
 import inspect
-import re
 
 from warp._src import errors, types
 from warp._src.frontend import names
-from warp._src.frontend.constructors import Constructors
 from warp._src.frontend.emitter import Value
 from warp._src.frontend.names import BuiltinRef
+from warp._src.frontend.output import Output
 from warp._src.kernel import Kernel
 
 _PYTHON_FUNCTIONS = {
@@ -27,8 +26,6 @@ _PYTHON_FUNCTIONS = {
     len: "len",
     print: "print",
 }
-_CONVERSION = re.compile(r"%%|%[^a-zA-Z%]*(?:hh|ll|[hlzjt])?[a-zA-Z]")
-_FORMATS = {"bool": "%d", "int": "%d", "float": "%g"}
 
 
 def _makes_types(function) -> bool:
@@ -36,7 +33,7 @@ def _makes_types(function) -> bool:
     return any(function is factory for factory in factories)
 
 
-class Calls(Constructors):
+class Calls(Output):
     """Translates call expressions."""
 
     def expr_Call(self, node):
@@ -179,65 +176,6 @@ class Calls(Constructors):
             if native.kind in ("quat", "transform"):
                 return 4 if native.kind == "quat" else 7
         raise self.type_error(node, f"'{self.type_name(binding)}' has no length")
-
-    def builtin_printf(self, node):
-        arguments, keywords = self.arguments(node)
-        if keywords or not arguments or not isinstance(arguments[0], str):
-            raise self.type_error(node, "printf expects a format string first")
-        texts = iter([argument for argument in arguments[1:] if isinstance(argument, str)])
-        values = [
-            self.materialize(argument, node)
-            for argument in arguments[1:]
-            if not isinstance(argument, str)
-        ]
-        # A string argument is known here, so it becomes part of the format.
-        spliced = _CONVERSION.sub(
-            lambda found: next(texts, "%s").replace("%", "%%") if found[0] == "%s" else found[0],
-            arguments[0],
-        )
-        if next(texts, None) is not None:
-            raise self.type_error(node, "printf has more strings than `%s` conversions")
-        self.at(node)
-        self.builder.printf(spliced, values)
-
-    def builtin_print(self, node):
-        """`print(x)`: components separated by spaces, and a new line."""
-        (binding,) = self.exactly(node, 1, "print")
-        if isinstance(binding, str):
-            self.at(node)
-            self.builder.printf(binding.replace("%", "%%") + "\n", [])
-            return
-        value = self.materialize(binding, node)
-        native = value.type
-        if native.kind in ("array", "struct"):
-            raise self.type_error(node, f"print expects a number or composite, but got "
-                                        f"'{native.python_name}'")  # fmt: skip
-        if native.kind == "bool":
-            self.print_bool(value, node)
-            return
-        scalar = native.element or native
-        places = native.shape or {"quat": [4], "transform": [7]}.get(native.kind, [1])
-        count = places[0] * (places[1] if len(places) == 2 else 1)
-        parts = self.components(value, count, node)
-        one = self.scalar_format(scalar)
-        row = " ".join([one] * places[-1]) + "\n"
-        self.at(node)
-        self.builder.printf(row * (places[0] if len(places) == 2 else 1), parts)
-
-    def print_bool(self, value, node):
-        self.at(node)
-        self.builder.begin_if(value)
-        self.builder.printf("True\n", [])
-        self.builder.begin_else()
-        self.builder.printf("False\n", [])
-        self.builder.end_if([], [])
-
-    @staticmethod
-    def scalar_format(scalar):
-        if scalar.kind == "int":
-            size = "ll" if scalar.width == 64 else ""
-            return f"%{size}{'d' if scalar.signed else 'u'}"
-        return _FORMATS[scalar.kind]
 
     def builtin_static(self, node):
         """`wp.static(expr)`: Python's value of an expression."""

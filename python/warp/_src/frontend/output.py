@@ -1,0 +1,198 @@
+"""Printing, and checks that print what they find: `printf`, `print`, `expect_eq` and its kind."""
+
+from __future__ import annotations
+
+import re
+
+from warp._src.frontend.constructors import Constructors
+from warp._src.frontend.emitter import Value
+
+_CONVERSION = re.compile(r"%%|%[^a-zA-Z%]*(?:hh|ll|[hlzjt])?[a-zA-Z]")
+_FORMATS = {"bool": "%d", "int": "%d", "float": "%g"}
+# A call of `printf` takes this many numbers.
+_MOST = 32
+
+
+class Output(Constructors):
+    """Translates calls that write to standard output."""
+
+    def builtin_printf(self, node):
+        arguments, keywords = self.arguments(node)
+        if keywords or not arguments or not isinstance(arguments[0], str):
+            raise self.type_error(node, "printf expects a format string first")
+        texts = iter([argument for argument in arguments[1:] if isinstance(argument, str)])
+        values = [
+            self.materialize(argument, node)
+            for argument in arguments[1:]
+            if not isinstance(argument, str)
+        ]
+        # A string argument is known here, so it becomes part of the format.
+        spliced = _CONVERSION.sub(
+            lambda found: next(texts, "%s").replace("%", "%%") if found[0] == "%s" else found[0],
+            arguments[0],
+        )
+        if next(texts, None) is not None:
+            raise self.type_error(node, "printf has more strings than `%s` conversions")
+        self.at(node)
+        self.builder.printf(spliced, values)
+
+    def builtin_print(self, node):
+        """`print(x)`: components separated by spaces, and a new line."""
+        (binding,) = self.exactly(node, 1, "print")
+        if isinstance(binding, str):
+            self.at(node)
+            self.builder.printf(binding.replace("%", "%%") + "\n", [])
+            return
+        value = self.materialize(binding, node)
+        native = value.type
+        if native.kind in ("array", "struct"):
+            raise self.type_error(node, f"print expects a number or composite, but got "
+                                        f"'{native.python_name}'")  # fmt: skip
+        if native.kind == "bool":
+            self.print_bool(value, node)
+            return
+        scalar = native.element or native
+        parts = self.parts(value, node)
+        columns = native.shape[-1] if native.shape else len(parts)
+        row = " ".join([self.scalar_format(scalar)] * columns) + "\n"
+        self.at(node)
+        self.print_pieces(
+            [(row, parts[at : at + columns]) for at in range(0, len(parts), columns)]
+        )
+
+    def print_bool(self, value, node):
+        self.at(node)
+        self.builder.begin_if(value)
+        self.builder.printf("True\n", [])
+        self.builder.begin_else()
+        self.builder.printf("False\n", [])
+        self.builder.end_if([], [])
+
+    @staticmethod
+    def scalar_format(scalar):
+        if scalar.kind == "int":
+            size = "ll" if scalar.width == 64 else ""
+            return f"%{size}{'d' if scalar.signed else 'u'}"
+        return _FORMATS[scalar.kind]
+
+    # Checks.
+
+    def builtin_expect_eq(self, node):
+        self.expect(node, "expect_eq", "ne")
+
+    def builtin_expect_neq(self, node):
+        self.expect(node, "expect_neq", "eq")
+
+    def expect(self, node, name, failure):
+        """Prints both operands where the comparison `failure` is true."""
+        left, right = self.compared(self.exactly(node, 2, name), node)
+        title = f"Error, {name}() failed:\n"
+        failed = self.operator(node, failure, left, right)
+        self.builder.begin_if(failed)
+        if left.type.kind == "bool":
+            self.builder.begin_if(left)
+            self.builder.printf(f"{title}\t Expected: {failure == 'eq'}\n\t Actual: True\n", [])
+            self.builder.begin_else()
+            self.builder.printf(f"{title}\t Expected: {failure != 'eq'}\n\t Actual: False\n", [])
+            self.builder.end_if([], [])
+        else:
+            self.print_pieces(
+                [(title, []), *self.pieces("\t Expected: ", right, node)],
+                self.pieces("\t Actual: ", left, node),
+            )
+        self.builder.end_if([], [])
+
+    def builtin_expect_near(self, node):
+        """Components differ by at most `tolerance`; NaN is near to nothing."""
+        arguments, keywords = self.arguments(node)
+        given = dict(zip(("a", "b", "tolerance"), arguments, strict=False)) | keywords
+        if len(arguments) > 3 or not {"a", "b"} <= set(given) <= {"a", "b", "tolerance"}:
+            raise self.type_error(node, "'expect_near' expects two values and a tolerance")
+        left, right = self.compared([given["a"], given["b"]], node)
+        scalar = left.type.element or left.type
+        if scalar.kind != "float":
+            raise self.type_error(
+                node, f"'expect_near' expects floats, but got '{left.type.python_name}'"
+            )
+        tolerance = self.convert_constant(given.get("tolerance", 1e-6), scalar, node)
+        self.at(node)
+        gap, near = self.gap(left, right, tolerance, node)
+        self.builder.begin_if(self.operator(node, "unot", near))
+        label = "Absolute" if left.type == scalar else "Max absolute"
+        self.print_pieces(
+            self.pieces("Error, expect_near() failed with tolerance ", tolerance, node),
+            self.pieces("    Expected: ", right, node),
+            self.pieces("    Actual: ", left, node),
+            self.pieces(f"    {label} difference: ", gap, node),
+        )
+        self.builder.end_if([], [])
+
+    def gap(self, left, right, tolerance, node):
+        """The largest difference of two components, and whether all are near."""
+        gap = near = None
+        count = len(self.parts(left, node))
+        for one, other in zip(
+            self.components(left, count, node), self.components(right, count, node), strict=True
+        ):
+            difference = self.operator(node, "abs", self.operator(node, "sub", one, other))
+            close = self.operator(node, "le", difference, tolerance)
+            # Infinities of one sign have no difference.
+            close = self.operator(node, "bit_or", close, self.operator(node, "eq", one, other))
+            gap = difference if gap is None else self.operator(node, "max", gap, difference)
+            near = close if near is None else self.operator(node, "bit_and", near, close)
+        return gap, near
+
+    def compared(self, operands, node):
+        """The operands of a check; a plain number takes the type of the other one."""
+        left, right = operands
+        for one, other in ((left, right), (right, left)):
+            native = self.static_type(other)
+            if native is not None and type(one) in (int, float) and type(other) is not type(one):
+                left, right = (
+                    self.convert_constant(binding, native, node)
+                    if binding is one
+                    else self.materialize(binding, node)
+                    for binding in operands
+                )
+                break
+        left, right = self.materialize(left, node), self.materialize(right, node)
+        if left.type != right.type or left.type.kind in ("array", "struct"):
+            raise self.type_error(
+                node,
+                f"expects two numbers or composites of one type to compare, but got "
+                f"'{left.type.python_name}' and '{right.type.python_name}'",
+            )
+        return left, right
+
+    def parts(self, value, node):
+        native = value.type
+        places = native.shape or {"quat": [4], "transform": [7]}.get(native.kind, [1])
+        return self.components(value, places[0] * (places[1] if len(places) == 2 else 1), node)
+
+    def pieces(self, label, value, node):
+        """A line that shows a value, as formats with their numbers."""
+        native = value.type
+        one = self.scalar_format(native.element or native)
+        parts = self.parts(value, node)
+        if native.kind == "transform":
+            shape = ["({0} {0} {0})".format(one), " ({0} {0} {0} {0})\n".format(one)]
+            return [(label + shape[0], parts[:3]), (shape[1], parts[3:])]
+        if native.kind == "quat":
+            return [(label + " ".join([one] * 4) + "\n", parts)]
+        if native.kind not in ("vec", "mat"):
+            return [(f"{label}{one}\n", parts)]
+        length = native.shape[-1]
+        rows = [parts[start : start + length] for start in range(0, len(parts), length)]
+        lines = [(f"{one} " * length + "\n", row) for row in rows]
+        return [(label, []), *lines]
+
+    def print_pieces(self, *lines):
+        """Prints all in as few calls as there may be, so that threads mix as little."""
+        text, numbers = "", []
+        for format, parts in (piece for line in lines for piece in line):
+            if len(numbers) + len(parts) > _MOST:
+                self.builder.printf(text, numbers)
+                text, numbers = "", []
+            text += format
+            numbers += parts
+        self.builder.printf(text, numbers)
