@@ -138,18 +138,25 @@ def to_torch(a, requires_grad=None):
         requires_grad: whether the tensor has the array's gradient as `grad`; by default as the
             array says.
     """
-    import torch
 
     if not isinstance(a, array):
         raise TypeError(f"expects an array, but got '{type(a).__name__}'")
     if types.is_struct(a.dtype):
         raise TypeError(f"PyTorch has no type for elements of struct '{a.dtype.__name__}'")
-    t = torch.from_dlpack(a)
+    t = _tensor(a)
     if a.requires_grad if requires_grad is None else requires_grad:
         t.requires_grad_()
         if a.grad is not None:
-            t.grad = torch.from_dlpack(a.grad)
+            t.grad = _tensor(a.grad)
     return t
+
+
+def _tensor(a):
+    import torch
+
+    # A capsule is faster than the protocol, which PyTorch needs for streams and read-only memory.
+    plain = a.device_index == devices.CPU and not a.read_only
+    return torch.from_dlpack(a.__dlpack__() if plain else a)
 
 
 def stream_from_torch(stream_or_device=None):
