@@ -26,6 +26,7 @@ ITEMS = 1 << 26
 EDGE = 512
 SIDE = 8192
 BYTES = 1 << 28
+SAMPLES = 1 << 22
 
 
 @wp.kernel(module="unique")
@@ -130,7 +131,7 @@ def units(value, exact):
 def measure_math(device, seconds):
     """sin·exp items per second, and errors of its parts and of the whole."""
     rng = np.random.default_rng(7)
-    data = rng.standard_normal(1 << 22, dtype=np.float32)
+    data = rng.standard_normal(SAMPLES, dtype=np.float32)
     x = wp.array(data, dtype=float, device=device)
     y = wp.zeros((4, data.size), dtype=float, device=device)
     wp.launch(functions, data.size, [x, y], device=device)

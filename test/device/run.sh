@@ -1,15 +1,25 @@
 #!/bin/bash
 # Tests and benchmarks on a machine with a GPU.
 #
-#   test/device/run.sh [assemble|tests|bench|all] [pytest arguments]
+#   test/device/run.sh [STEP] [pytest arguments]
+#
+#   assemble   put the package together in build/device-package
+#   tests      the pytest suite on the GPU, one process per file
+#   sanitize   representative kernels under compute-sanitizer
+#   pair       the tests that need two GPUs
+#   bench      figures with their goals
+#   all        everything; tests and sanitizer side by side, figures alone
 #
 # The machine needs Python with NumPy, pybind11 and pytest, g++ and xz (or
 # Python's lzma), but no LLVM and no network: libwarp.so comes ready from
 # `make device-bundle` in build/device, and only the thin binding is compiled
-# here, for this Python. The package is put together in build/device-package.
+# here, for this Python. Every step ends within its share of BUDGET, and a step
+# that fails does not keep the next from running; the summary comes last.
 #
 #   PYTHON             interpreter (default: python3)
 #   WARP_TEST_DEVICE   device the tests use (default: cuda:0)
+#   BUDGET             seconds for everything (default: 480)
+#   LOGS               folder for whole logs (default: build/device-logs)
 set -uo pipefail
 cd "$(dirname "$0")/../.."
 step=${1:-all}
@@ -19,9 +29,21 @@ python=${PYTHON:-python3}
 bundle=build/device
 work=build/device-package
 package=$work/warp
+logs=${LOGS:-build/device-logs}
+budget=${BUDGET:-480}
+mkdir -p "$logs"
 export WARP_TEST_DEVICE=${WARP_TEST_DEVICE:-cuda:0}
 export PYTHONPATH=$PWD/$work${PYTHONPATH:+:$PYTHONPATH}
 export WARP_CACHE_PATH=${WARP_CACHE_PATH:-$(mktemp -d)}
+export PYTHONUNBUFFERED=1
+
+# Seconds left, but at most $1.
+share() {
+  local left=$((budget - SECONDS))
+  [ $left -lt "$1" ] || left=$1
+  [ $left -gt 1 ] || left=1
+  echo $left
+}
 
 assemble() {
   mkdir -p "$package/_src" && cp -r python/warp/. "$package/" &&
@@ -49,34 +71,89 @@ PYTHON
 }
 
 run_tests() {
-  "$python" -m pytest -q --no-header -p no:cacheprovider test/python "$@"
+  local limit
+  limit=$(share 220)
+  timeout $((limit + 10)) "$python" test/device/suite.py --timeout "$limit" \
+    --log "$logs/pytest" -- "$@"
+}
+
+run_sanitizer() {
+  local limit
+  limit=$(share 200)
+  timeout $((limit + 10)) "$python" test/device/sanitize.py \
+    --timeout $((limit / 2))
+}
+
+run_pair() {
+  timeout "$(share 120)" "$python" -m pytest -q --no-header -rs \
+    -p no:cacheprovider test/python/test_two_devices.py "$@"
 }
 
 run_benchmarks() {
-  local status=0 script
-  for script in benchmarks/*.py; do
-    case $script in */_*) continue ;; esac
-    echo "== $script"
-    "$python" "$script" || status=1
-  done
+  local status=0 limit
+  limit=$(share 240)
+  timeout $((limit + 5)) "$python" benchmarks/gpu.py --budget $((limit * 2 / 3)) \
+    --json "$logs/gpu.json" || status=1
+  if [ "$(share 60)" -ge 60 ]; then
+    timeout "$(share 150)" "$python" benchmarks/spine.py --device cpu \
+      --seconds 0.3 --json "$logs/spine.json" || status=1
+  else
+    echo "spine.py on the CPU: not run, out of time"
+  fi
   return $status
 }
 
+summary=()
 status=0
+# record NAME BEGIN STATUS [LOG]: a line of the summary, with what a log counts.
+record() {
+  local outcome=ok last=
+  [ "$3" = 0 ] || outcome=FAILED status=1
+  [ "$3" != 124 ] || outcome="FAILED (out of time)"
+  [ -z "${4:-}" ] ||
+    last=$(grep -E ' passed|goals met$|findings|not (run|finished)' "$4" |
+      cut -c 1-120 | tail -n 3 | paste -sd ';')
+  summary+=("$(printf '%-9s %4d s  %s  %s' "$1" $((SECONDS - $2)) "$outcome" "$last")")
+}
+
+# perform NAME FUNCTION ARGUMENTS...: a step, its output kept and shown.
+perform() {
+  local name=$1 begin=$SECONDS result
+  shift
+  echo "== $name"
+  "$@" 2>&1 | tee "$logs/$name.log"
+  result=${PIPESTATUS[0]}
+  record "$name" "$begin" "$result" "$logs/$name.log"
+}
+
 echo "== assemble"
 assemble || { echo "cannot assemble the package"; exit 1; }
 "$python" -c 'import warp; print("warp", warp.__version__, "from", warp.__file__)' || exit 1
+"$python" -c 'import warp; print(*map(repr, warp.get_devices()))'
+record assemble 0 0
 case $step in
 assemble) ;;
-tests) run_tests "$@" || status=1 ;;
-bench) run_benchmarks || status=1 ;;
+tests) perform tests run_tests "$@" ;;
+sanitize) perform sanitize run_sanitizer ;;
+pair) perform pair run_pair "$@" ;;
+bench) perform bench run_benchmarks ;;
 all)
-  run_tests "$@" || status=1
-  run_benchmarks || status=1
+  begin=$SECONDS
+  run_sanitizer >"$logs/sanitize.log" 2>&1 &
+  sanitizer=$!
+  perform tests run_tests "$@"
+  wait $sanitizer
+  result=$?
+  echo "== sanitize"
+  cat "$logs/sanitize.log"
+  record sanitize "$begin" $result "$logs/sanitize.log"
+  perform bench run_benchmarks
   ;;
 *)
-  echo "unknown step '$step', expected assemble, tests, bench or all"
+  echo "unknown step '$step', expected assemble, tests, sanitize, pair, bench or all"
   exit 2
   ;;
 esac
+echo "== summary after $SECONDS s"
+printf '%s\n' "${summary[@]}"
 exit $status

@@ -44,6 +44,14 @@ def pytest_collection_modifyitems(items):
 
 
 @pytest.fixture
+def two_devices():
+    """Two CUDA devices; a test that asks for them is skipped where there are fewer."""
+    if wp.get_cuda_device_count() < 2:
+        pytest.skip("fewer than two CUDA devices")
+    return "cuda:0", "cuda:1"
+
+
+@pytest.fixture
 def fresh_cache(tmp_path, monkeypatch):
     """An empty kernel cache folder for this test and its child processes."""
     folder = tmp_path / "kernel-cache"
