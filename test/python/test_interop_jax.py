@@ -1,5 +1,6 @@
 """JAX: arrays over the same memory, and kernels inside `jit` and `vmap`."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -280,3 +281,39 @@ print(jax.jit(lambda x: triple(x, 3.0)[0])(jax.numpy.ones(2, "float32")))
         )
         assert "[3. 3.]" in done.stdout, done.stderr
         assert list(tmp_path.iterdir())
+
+
+# Each device of a mesh gets its own part.
+def test_shards():
+    code = f"""
+import sys
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+import jax, numpy as np, warp as wp
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
+from test_interop_jax import neighbours
+mesh = Mesh(np.array(jax.devices("cpu")), ("x",))
+where = NamedSharding(mesh, PartitionSpec("x"))
+x = jax.device_put(jax.numpy.arange(40, dtype="int32") ** 2, where)
+run = wp.jax_kernel(neighbours)
+each = jax.shard_map(lambda x: run(x)[0], mesh=mesh, in_specs=PartitionSpec("x"),
+                 out_specs=PartitionSpec("x"), check_vma=False)
+parts = np.asarray(x).reshape(4, 10)
+expected = (np.roll(parts, -1, axis=1) - parts).reshape(-1)
+for _ in range(20):
+    assert np.array_equal(jax.jit(each)(x), expected)
+print("equal")
+"""
+    environment = {
+        **os.environ,
+        "JAX_PLATFORMS": "cpu",
+        "XLA_FLAGS": "--xla_force_host_platform_device_count=4",
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=environment,
+        timeout=120,
+    )
+    assert "equal" in done.stdout, done.stderr
