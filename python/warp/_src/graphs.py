@@ -61,7 +61,7 @@ def _place(device, stream):
         device = stream.device
     else:
         device = get_device(device)
-        stream = device.stream
+        stream = device.stream if device.is_cuda else None
     return device, stream, _key(device, stream)
 
 
