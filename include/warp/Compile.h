@@ -52,8 +52,13 @@ struct CompileOptions {
   int blockDim = 256;
   /// CPU: threads that would share the launch; above 16 makes no difference.
   int threads = 1;
+  /// GPU: the driver that turns the PTX into machine code, which is what is
+  /// kept then; 0 keeps the PTX.
+  int driverVersion = 0;
   /// Registers a GPU thread may use; 0 leaves it to the driver.
   int maxRegisters = 0;
+  /// GPU: fewest blocks that a multiprocessor shall hold; 0 leaves it open.
+  int minBlocks = 0;
 };
 
 /// A place in the user's source that an error record can name. `array` is the
@@ -117,6 +122,19 @@ struct Param {
 };
 
 WARP_API std::vector<Param> parameters(const Module &module);
+
+/// Dimensions of the thread index that the kernel reads, 1 if it reads none.
+WARP_API int threadRank(const Module &module);
+
+/// Hexadecimal digits that differ between kernels that differ, whatever they
+/// are compiled for.
+WARP_API std::string sourceHash(const Module &module);
+
+/// The host's processor: its name, a space and its features, "+avx2,-xop".
+WARP_API std::string hostProcessor();
+
+/// GPU architectures there is code for, as 10 * major + minor.
+WARP_API std::vector<int> gpuArchitectures();
 
 /// Loads CPU objects into the process.
 class WARP_API Jit {

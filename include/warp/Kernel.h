@@ -36,11 +36,36 @@ struct KernelOptions {
   int optLevel = 2;
   int blockDim = 256;
   int maxRegisters = 0;
+  /// CUDA launch bounds: most threads of a block, and fewest blocks that a
+  /// multiprocessor shall hold at a time; 0 leaves it open.
+  int maxThreads = 0;
+  int minBlocks = 0;
+};
+
+struct SavedKernel;
+
+/// What the driver says of a kernel's machine code.
+struct CudaProperties {
+  /// Per thread.
+  int registers = 0, localMemory = 0;
+  /// Bytes per block, not counting what a launch asks for, and in all.
+  int sharedMemory = 0, constantMemory = 0;
+  /// Largest block that a launch can have.
+  int maxThreads = 0;
+  /// Architecture that the machine code is for, as 10 * major + minor.
+  int binaryVersion = 0;
+  /// Threads per block that these numbers are for.
+  int blockDim = 0;
+  int blocksPerMultiprocessor = 0;
+  /// Share of a multiprocessor's threads that can be resident.
+  double occupancy = 0;
 };
 
 class WARP_API Kernel {
 public:
   Kernel(Module module, std::string name, KernelOptions options = {});
+  /// A kernel without source; it launches what was saved.
+  explicit Kernel(const SavedKernel &saved);
   ~Kernel();
   Kernel(const Kernel &) = delete;
   Kernel &operator=(const Kernel &) = delete;
@@ -82,6 +107,20 @@ public:
   static bool isShort(const Plan &plan);
   /// Whether a plan's code prints.
   static bool prints(const Plan &plan);
+
+  /// Compiles the variants that a saved module has. `arch` 0 is the CPU. With a
+  /// CUDA device, its driver turns the PTX into machine code.
+  SavedKernel save(int arch, int device = cpuDevice);
+  /// Lets launches use saved code. Throws if it was made from another source,
+  /// or with options that change results.
+  void attach(const SavedKernel &saved);
+  /// Compiles, and loads, what an ordinary launch will need.
+  void load(int device, int blockDim = 0);
+  /// Compiles if need be.
+  CudaProperties cudaProperties(int device, int blockDim = 0);
+  /// Threads per block that fill a multiprocessor best, and how many such
+  /// blocks fill the device.
+  std::pair<int, int> suggestedBlock(int device);
 
   /// Options of the variant that a launch of that rank over packed arrays
   /// would get; `arch` 0 is the CPU.

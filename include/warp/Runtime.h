@@ -10,6 +10,7 @@
 #include "warp/KernelCache.h"
 #include "warp/Launch.h"
 #include "warp/Memory.h"
+#include "warp/SavedModule.h"
 #include "warp/ThreadPool.h"
 
 #endif // WARP_RUNTIME_H

@@ -69,12 +69,20 @@ static std::string describe(const warp::CompileOptions &options) {
   stream << options.target << ' ' << options.rank << ' ' << options.contiguous
          << ' ' << options.index32 << options.flat << options.debug
          << options.fastMath << options.lineinfo << ' ' << options.optLevel
-         << ' ' << options.blockDim << ' ' << options.large << ' ' << options.threads << ' '
-         << options.maxRegisters << '\n';
+         << ' ' << options.blockDim << ' ' << options.driverVersion << ' ' << options.large << ' ' << options.threads << ' '
+         << options.maxRegisters << ' ' << options.minBlocks << '\n';
   if (!warp::isGpu(options))
     stream << warp::describeCpu(options) << '\n';
   return text;
 }
+
+std::string warp::sourceHash(const Module &module) {
+  llvm::BLAKE3 hash;
+  hash.update(module.text());
+  return llvm::toHex(hash.final<32>(), /*LowerCase=*/true);
+}
+
+std::string warp::hostProcessor() { return describeCpu(CompileOptions()); }
 
 std::string warp::fingerprint(const Module &module,
                               const CompileOptions &options) {

@@ -7,6 +7,7 @@
 #include "WarpDialect/ParameterLayout.h"
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/WarpDialect.h"
+#include "WarpDialect/WarpOps.h"
 #include "WarpDialect/WarpTypes.h"
 
 #include "mlir/Dialect/Func/IR/FuncOps.h"
@@ -43,6 +44,14 @@ static warp::Param describe(StringRef name, mlir::Type type, int64_t offset) {
     param.kind = warp::Param::Kind::Composite;
   }
   return param;
+}
+
+int warp::threadRank(const Module &module) {
+  ContextLock lock;
+  unsigned rank = 1;
+  module.getImpl()->op->walk(
+      [&](TidOp op) { rank = std::max(rank, op->getNumResults()); });
+  return static_cast<int>(rank);
 }
 
 std::vector<warp::Param> warp::parameters(const Module &module) {

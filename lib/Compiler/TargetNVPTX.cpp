@@ -31,6 +31,10 @@ static std::string ptxVersion(llvm::StringRef architecture) {
   return number >= 100 ? "+ptx86" : "+ptx80";
 }
 
+std::vector<int> warp::gpuArchitectures() {
+  return {70, 72, 75, 80, 86, 87, 89, 90, 100, 101, 103, 120, 121};
+}
+
 std::unique_ptr<llvm::TargetMachine>
 warp::createGpuMachine(const CompileOptions &options) {
   static const llvm::Target *target = [] {
@@ -86,5 +90,7 @@ void warp::prepareGpuModule(llvm::Module &module, llvm::TargetMachine &machine,
         0, llvm::Attribute::get(context, "nvvm.grid_constant"));
     if (options.maxRegisters > 0)
       function.addFnAttr("nvvm.maxnreg", std::to_string(options.maxRegisters));
+    if (options.minBlocks > 0)
+      function.addFnAttr("nvvm.minctasm", std::to_string(options.minBlocks));
   }
 }

@@ -16,7 +16,9 @@
 
 #include "GraphImpl.h"
 #include "KernelImpl.h"
+#include "Support.h"
 #include "warp/KernelCache.h"
+#include "warp/SavedModule.h"
 #include "warp/ThreadPool.h"
 
 #include <algorithm>
@@ -89,9 +91,20 @@ static void checkExtents(const std::string &kernel, const LaunchDim &dim) {
 }
 
 /// "si32", "ui8": a scalar whose last byte has the highest bit.
-static bool isIntegerScalar(const Param &param) {
+bool warp::isIntegerScalar(const Param &param) {
   return param.kind == Param::Kind::Scalar && param.type.size() > 2 &&
          (param.type[0] == 's' || param.type[0] == 'u') && param.type[1] == 'i';
+}
+
+int Kernel::Impl::checkedBlockDim(int asked) const {
+  int most = options.maxThreads ? options.maxThreads : maxCudaBlock;
+  int threads = asked > 0 ? asked : std::min(options.blockDim, most);
+  if (threads < 1 || threads > most)
+    throw launchError(Error::Kind::LaunchValue, name,
+                      "expects 1 to " + std::to_string(most) +
+                          " threads per block, but got '" +
+                          std::to_string(threads) + "'");
+  return threads;
 }
 
 VariantKey Kernel::Impl::keyFor(int device, const LaunchDim &dim,
@@ -126,11 +139,7 @@ VariantKey Kernel::Impl::keyFor(int device, const LaunchDim &dim,
   }
   if (device == cpuDevice)
     return key;
-  key.blockDim = blockDim > 0 ? blockDim : options.blockDim;
-  if (key.blockDim < 1 || key.blockDim > maxCudaBlock)
-    throw launchError(Error::Kind::LaunchValue, name,
-                      "expects 1 to 1024 threads per block, but got '" +
-                          std::to_string(key.blockDim) + "'");
+  key.blockDim = checkedBlockDim(blockDim);
   int32_t extents[maxRank];
   std::copy(dim.extent, dim.extent + dim.rank, extents);
   key.large = items >= largeLaunch;
@@ -154,13 +163,18 @@ CompileOptions Kernel::Impl::compileOptions(const VariantKey &key,
   result.index32 = key.index32;
   result.flat = key.flat;
   result.large = key.large;
+  if (arch != 0 && key.device != cpuDevice)
+    result.driverVersion = cuda::driver()->version;
   result.debug = options.debug;
   result.fastMath = options.fastMath;
   result.lineinfo = options.lineinfo;
   result.optLevel = options.optLevel;
   result.threads = arch == 0 ? std::min(ThreadPool::size(), 16) : 1;
   result.blockDim = key.blockDim ? key.blockDim : options.blockDim;
+  if (options.maxThreads)
+    result.blockDim = std::min(result.blockDim, options.maxThreads);
   result.maxRegisters = options.maxRegisters;
+  result.minBlocks = options.minBlocks;
   return result;
 }
 
@@ -183,7 +197,7 @@ private:
 };
 } // namespace
 
-Code Kernel::Impl::obtain(const CompileOptions &compileOptions) {
+Code Kernel::Impl::obtain(int device, const CompileOptions &compileOptions) {
   Stopwatch watch(times);
   std::string key = fingerprint(module, compileOptions);
   watch.lap("fingerprint");
@@ -194,6 +208,10 @@ Code Kernel::Impl::obtain(const CompileOptions &compileOptions) {
     return std::move(*cached);
   Code code = compile(module, compileOptions);
   watch.lap("compile");
+  if (device != cpuDevice) {
+    assembleOnCuda(device, code);
+    watch.lap("assemble");
+  }
   for (const auto &[phase, milliseconds] : code.phaseMs)
     times["compile/" + phase] += milliseconds;
   cache.store(key, code);
@@ -213,13 +231,16 @@ Kernel::Variant *Kernel::Impl::make(const VariantKey &key) {
                           std::to_string(paramSize));
   auto variant = std::make_unique<Variant>();
   variant->key = key;
-  variant->code = obtain(compileOptions(key, arch));
+  variant->flat = key.flat;
+  if (saved.empty() || !obtainSaved(key, arch, *variant))
+    variant->code = obtain(key.device, compileOptions(key, arch));
   variant->code.cost = std::clamp(variant->code.cost, 1.0, 1e12);
   Stopwatch watch(times);
   if (key.device == cpuDevice) {
     variant->cpu = reinterpret_cast<CpuEntry>(Jit::get().load(variant->code));
   } else {
     loadOnCuda(*variant);
+    variant->label = permanentName(name);
     if (options.debug)
       variant->record =
           std::make_unique<DeviceErrorRecord>(key.device, variant->code.sites);
@@ -239,11 +260,18 @@ Kernel::Kernel(Module module, std::string name, KernelOptions options)
     : impl(std::make_unique<Impl>(std::move(module))) {
   impl->name = std::move(name);
   impl->options = options;
-  impl->params = warp::parameters(impl->module);
+  impl->setParameters(warp::parameters(impl->module));
+}
+
+Kernel::Impl::Impl(Module module) : module(std::move(module)) {}
+Kernel::Impl::~Impl() = default;
+
+void Kernel::Impl::setParameters(std::vector<Param> list) {
+  params = std::move(list);
   int64_t end = sizeof(LaunchHeader);
-  for (const Param &param : impl->params)
+  for (const Param &param : params)
     end = std::max(end, param.offset + param.size);
-  impl->paramSize = (end + 7) / 8 * 8;
+  paramSize = (end + 7) / 8 * 8;
 }
 
 Kernel::~Kernel() {

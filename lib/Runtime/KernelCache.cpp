@@ -14,6 +14,7 @@
 
 #include "warp/KernelCache.h"
 
+#include "Bytes.h"
 #include "Support.h"
 #include "warp/Version.h"
 
@@ -42,75 +43,11 @@ constexpr const char *temporaryPrefix = ".writing-";
 /// Leftovers of killed writers are removed after this many seconds.
 constexpr time_t temporaryLifetime = 3600;
 
-class Writer {
-public:
-  template <typename T> void number(T value) {
-    bytes.append(reinterpret_cast<const char *>(&value), sizeof(T));
-  }
-  void string(const char *data, size_t size) {
-    number<uint64_t>(size);
-    bytes.append(data, size);
-  }
-  void string(const std::string &text) { string(text.data(), text.size()); }
-
-  std::string bytes;
-};
-
-class Reader {
-public:
-  Reader(const char *data, size_t size) : data(data), left(size) {}
-
-  template <typename T> T number() {
-    T value{};
-    if (take(sizeof(T)))
-      std::memcpy(&value, data - sizeof(T), sizeof(T));
-    return value;
-  }
-  std::string string() {
-    auto size = number<uint64_t>();
-    if (size > left) {
-      good = false;
-      return {};
-    }
-    take(size);
-    return std::string(data - size, size);
-  }
-  bool atEnd() const { return good && left == 0; }
-  bool ok() const { return good; }
-
-private:
-  bool take(size_t size) {
-    good = good && size <= left;
-    if (!good)
-      return false;
-    data += size;
-    left -= size;
-    return true;
-  }
-
-  const char *data;
-  size_t left;
-  bool good = true;
-};
-
 } // namespace
 
 std::string warp::serialize(const std::string &key, const Code &code) {
   Writer payload;
-  payload.string(code.entry);
-  payload.string(code.binary.data(), code.binary.size());
-  payload.number(code.cost);
-  payload.number<uint8_t>(code.usesPrintf);
-  payload.number<uint8_t>(code.exclusive);
-  payload.number<int32_t>(code.items);
-  payload.number<uint64_t>(code.sites.size());
-  for (const Site &site : code.sites) {
-    payload.string(site.kernel);
-    payload.string(site.file);
-    payload.string(site.array);
-    payload.number<int32_t>(site.line);
-    payload.number<int32_t>(site.column);
-  }
+  writeCode(payload, code);
   Writer file;
   file.bytes.append(magic, sizeof(magic));
   file.number(formatVersion);
@@ -137,24 +74,7 @@ std::optional<Code> warp::deserialize(const std::string &key,
       hash != hashBytes(payload, size))
     return std::nullopt;
   Reader reader(payload, size);
-  Code code;
-  code.entry = reader.string();
-  std::string binary = reader.string();
-  code.binary.assign(binary.begin(), binary.end());
-  code.cost = reader.number<double>();
-  code.usesPrintf = reader.number<uint8_t>();
-  code.exclusive = reader.number<uint8_t>();
-  code.items = reader.number<int32_t>();
-  auto sites = reader.number<uint64_t>();
-  for (uint64_t i = 0; i < sites && reader.ok(); ++i) {
-    Site site;
-    site.kernel = reader.string();
-    site.file = reader.string();
-    site.array = reader.string();
-    site.line = reader.number<int32_t>();
-    site.column = reader.number<int32_t>();
-    code.sites.push_back(std::move(site));
-  }
+  Code code = readCode(reader);
   if (!reader.atEnd())
     return std::nullopt;
   return code;
@@ -223,44 +143,6 @@ static void removeLeftovers(const std::string &folder) {
         now - status.st_mtime > temporaryLifetime)
       unlink(file.c_str());
   });
-}
-
-static std::optional<std::string> readFile(const std::string &path) {
-  int file = open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  if (file < 0)
-    return std::nullopt;
-  std::string bytes;
-  struct stat status;
-  if (fstat(file, &status) == 0 && S_ISREG(status.st_mode))
-    bytes.resize(status.st_size);
-  size_t done = 0;
-  while (done < bytes.size()) {
-    ssize_t got = read(file, bytes.data() + done, bytes.size() - done);
-    if (got < 0 && errno == EINTR)
-      continue;
-    if (got <= 0)
-      break;
-    done += got;
-  }
-  close(file);
-  bytes.resize(done);
-  return bytes;
-}
-
-static bool writeFile(const std::string &path, const std::string &bytes) {
-  int file = open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-  if (file < 0)
-    return false;
-  size_t done = 0;
-  while (done < bytes.size()) {
-    ssize_t put = write(file, bytes.data() + done, bytes.size() - done);
-    if (put < 0 && errno == EINTR)
-      continue;
-    if (put <= 0)
-      break;
-    done += put;
-  }
-  return close(file) == 0 && done == bytes.size();
 }
 
 //===----------------------------------------------------------------------===//

@@ -75,24 +75,53 @@ bool warp::fitsGrid(const int32_t *dim, int rank, int blockDim) {
   return shape.grid.y <= maxGridYZ && shape.grid.z <= maxGridYZ;
 }
 
-void warp::loadOnCuda(Kernel::Variant &variant) {
-  cuda::ContextScope scope(variant.key.device);
-  cuda::RelaxedCaptures relaxed;
+[[noreturn]] static void rejected(cuda::Result result, const Code &code,
+                                  const char *log) {
+  const char *name = nullptr;
+  cuda::driver()->getErrorName(result, &name);
+  throw Error(Error::Kind::Compile,
+              "the CUDA driver rejects the code of '" + code.entry +
+                  "': " + (name ? name : "unknown error") +
+                  (log[0] ? std::string("\n") + log : ""));
+}
+
+void warp::assembleOnCuda(int device, Code &code) {
+  cuda::ContextScope scope(device);
+  const cuda::Driver &driver = *cuda::driver();
   // The driver wants a terminated string.
-  std::string ptx(variant.code.binary.begin(), variant.code.binary.end());
+  std::string ptx(code.binary.begin(), code.binary.end());
   char log[4096] = {};
   int options[] = {cuda::jitErrorLogBuffer, cuda::jitErrorLogBufferSizeBytes};
   void *values[] = {log, reinterpret_cast<void *>(sizeof(log) - 1)};
+  struct Link {
+    cuda::LinkHandle handle = nullptr;
+    ~Link() {
+      if (handle)
+        cuda::driver()->linkDestroy(handle);
+    }
+  } link;
+  void *cubin = nullptr;
+  size_t size = 0;
+  cuda::Result result = driver.linkCreate(2, options, values, &link.handle);
+  if (result == cuda::success)
+    result = driver.linkAddData(link.handle, cuda::jitInputPtx, ptx.data(),
+                                ptx.size() + 1, code.entry.c_str(), 0, nullptr,
+                                nullptr);
+  if (result == cuda::success)
+    result = driver.linkComplete(link.handle, &cubin, &size);
+  if (result != cuda::success)
+    rejected(result, code, log);
+  auto *bytes = static_cast<const char *>(cubin);
+  code.binary.assign(bytes, bytes + size);
+}
+
+void warp::loadOnCuda(Kernel::Variant &variant) {
+  cuda::ContextScope scope(variant.key.device);
+  cuda::RelaxedCaptures relaxed;
   cuda::Result result = cuda::driver()->moduleLoadDataEx(
-      &variant.module, ptx.c_str(), 2, options, values);
-  if (result != cuda::success) {
-    const char *name = nullptr;
-    cuda::driver()->getErrorName(result, &name);
-    throw Error(Error::Kind::Compile,
-                "the CUDA driver rejects the code of '" + variant.code.entry +
-                    "': " + (name ? name : "unknown error") +
-                    (log[0] ? std::string("\n") + log : ""));
-  }
+      &variant.module, variant.code.binary.data(), 0, nullptr, nullptr);
+  if (result != cuda::success)
+    rejected(result, variant.code, "");
   WARP_CUDA(moduleGetFunction, &variant.function, variant.module,
             variant.code.entry.c_str());
 }
@@ -114,19 +143,21 @@ void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,
   const VariantKey &key = variant.key;
   LaunchHeader header;
   std::memcpy(&header, params, sizeof(header));
-  Shape shape = shapeOf(header.dim, key.rank, key.flat, key.blockDim);
+  Shape shape = shapeOf(header.dim, key.rank, variant.flat, key.blockDim);
   shape.grid.x = ceilDivide(shape.grid.x, variant.code.items);
   if (shape.grid.x > maxGridX)
     throw Error(Error::Kind::LaunchValue,
                 "launch('" + name + "'): expects at most 2^31 - 1 blocks of " +
                     std::to_string(key.blockDim) + " threads, but got " +
                     std::to_string(shape.grid.x));
-  cuda::StreamHandle handle = streamHandle(key.device, stream);
-  cuda::ContextScope scope(key.device);
+  QueuedWork work(key.device, stream);
+  if (variant.label)
+    cudaDeviceState(key.device)
+        .lastKernel.store(variant.label, std::memory_order_relaxed);
   void *arguments[] = {params};
   cuda::Result result = cuda::driver()->launchKernel(
       variant.function, shape.grid.x, shape.grid.y, shape.grid.z, shape.block.x,
-      shape.block.y, shape.block.z, 0, handle, arguments, nullptr);
+      shape.block.y, shape.block.z, 0, work.stream(), arguments, nullptr);
   if (result == cuda::success)
     return;
   try {

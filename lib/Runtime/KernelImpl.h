@@ -37,6 +37,10 @@ struct Kernel::Variant {
   cuda::ModuleHandle module = nullptr;
   cuda::Function function = nullptr;
   std::unique_ptr<DeviceErrorRecord> record;
+  /// Whether the code counts threads along one axis.
+  bool flat = false;
+  /// Name of the kernel for the report of a fault.
+  const char *label = nullptr;
   /// The variant made before; the list only grows.
   Variant *next = nullptr;
 
@@ -55,7 +59,12 @@ struct Kernel::Impl {
   mutable std::mutex mutex;
   std::map<std::string, double> times;
 
-  explicit Impl(Module module) : module(std::move(module)) {}
+  /// Code from files, tried before the compiler.
+  std::vector<std::unique_ptr<SavedKernel>> saved;
+
+  explicit Impl(Module module);
+  ~Impl();
+  void setParameters(std::vector<Param> list);
   Variant *find(const VariantKey &key) const;
   Variant *make(const VariantKey &key);
   Plan plan(int device, const LaunchDim &dim, void *params, int blockDim,
@@ -63,8 +72,19 @@ struct Kernel::Impl {
   VariantKey keyFor(int device, const LaunchDim &dim, const void *params,
                     int blockDim, int64_t &items) const;
   CompileOptions compileOptions(const VariantKey &key, int arch) const;
-  Code obtain(const CompileOptions &compileOptions);
+  /// Threads of a block: what a launch asks for, or the kernel's own.
+  int checkedBlockDim(int asked) const;
+  /// The variant of an ordinary launch.
+  Variant &loaded(int device, int blockDim);
+  /// Puts saved code into `variant` if some fits; throws if there is no source
+  /// to compile either.
+  bool obtainSaved(const VariantKey &key, int arch, Variant &variant) const;
+  [[noreturn]] void raiseNotSaved(const VariantKey &key, int arch) const;
+  Code obtain(int device, const CompileOptions &compileOptions);
 };
+
+/// "si32", "ui8": a scalar whose last byte has the highest bit.
+bool isIntegerScalar(const Param &param);
 
 /// Loads PTX on a device.
 void loadOnCuda(Kernel::Variant &variant);
@@ -73,6 +93,8 @@ void unloadFromCuda(int device, cuda::ModuleHandle module);
 void launchOnCuda(const Kernel::Variant &variant, const std::string &name,
                   void *params, const Stream *stream);
 /// Whether one grid axis per dimension can express the launch.
+/// Turns PTX into the machine code of a device.
+void assembleOnCuda(int device, Code &code);
 bool fitsGrid(const int32_t *dim, int rank, int blockDim);
 
 } // namespace warp

@@ -17,17 +17,19 @@ PyTypeObject *python::kernelType = nullptr;
 
 static PyObject *newKernel(PyTypeObject *type, PyObject *args,
                            PyObject *names) {
-  static const char *keywords[] = {"module",    "name",          "debug",
-                                   "fast_math", "lineinfo",      "opt_level",
-                                   "block_dim", "max_registers", nullptr};
+  static const char *keywords[] = {
+      "module",    "name",      "debug",         "fast_math",   "lineinfo",
+      "opt_level", "block_dim", "max_registers", "max_threads", "min_blocks",
+      nullptr};
   PyObject *module;
   const char *name;
   KernelOptions options;
   int debug = 0, fastMath = 0, lineinfo = 0;
   if (!PyArg_ParseTupleAndKeywords(
-          args, names, "Os|$pppiii", const_cast<char **>(keywords), &module,
+          args, names, "Os|$pppiiiii", const_cast<char **>(keywords), &module,
           &name, &debug, &fastMath, &lineinfo, &options.optLevel,
-          &options.blockDim, &options.maxRegisters))
+          &options.blockDim, &options.maxRegisters, &options.maxThreads,
+          &options.minBlocks))
     return nullptr;
   options.debug = debug;
   options.fastMath = fastMath;

@@ -18,6 +18,8 @@ language (`wp.sin`, `wp.dot`, ...) are made when they are first asked for.
 from warp import config as config
 from warp._src import types as _types
 from warp._src.annotations import ArrayType as ArrayType
+from warp._src.aot import compile_aot_module as compile_aot_module
+from warp._src.aot import load_aot_module as load_aot_module
 from warp._src.array import array as array
 from warp._src.array import array1d as array1d
 from warp._src.array import array2d as array2d
@@ -146,6 +148,12 @@ from warp._src.torch import from_torch as from_torch
 from warp._src.torch import stream_from_torch as stream_from_torch
 from warp._src.torch import stream_to_torch as stream_to_torch
 from warp._src.torch import to_torch as to_torch
+from warp._src.tuning import get_cmake_dir as get_cmake_dir
+from warp._src.tuning import get_cpu_kernel_cache_key as get_cpu_kernel_cache_key
+from warp._src.tuning import get_cuda_kernel_properties as get_cuda_kernel_properties
+from warp._src.tuning import get_cuda_supported_archs as get_cuda_supported_archs
+from warp._src.tuning import get_include as get_include
+from warp._src.tuning import get_suggested_block_size as get_suggested_block_size
 from warp._src.types import Float as Float
 from warp._src.types import Int as Int
 from warp._src.types import Matrix as Matrix

@@ -250,13 +250,12 @@ TEST_F(Cuda, ManyThreads) {
 }
 
 TEST_F(Cuda, RejectedCodeIsACompileError) {
-  Kernel::Variant variant;
-  variant.key.device = 0;
+  Code code;
   std::string ptx = "this is no PTX";
-  variant.code.binary.assign(ptx.begin(), ptx.end());
-  variant.code.entry = "nothing";
+  code.binary.assign(ptx.begin(), ptx.end());
+  code.entry = "nothing";
   try {
-    loadOnCuda(variant);
+    assembleOnCuda(0, code);
     FAIL();
   } catch (const Error &error) {
     EXPECT_EQ(error.kind, Error::Kind::Compile);
@@ -310,8 +309,8 @@ TEST_F(Cuda, LaunchCoversTheGrid) {
   for (auto [z, y, x] : {std::array{1, 1, 1}, std::array{3, 5, 7},
                          std::array{2, 300, 3}, std::array{70, 2, 33}}) {
     Kernel::Variant variant;
-    variant.key = {0, 3, true, false, 256, 0};
-    variant.code.binary.assign(ptx, ptx + std::strlen(ptx));
+    variant.key = {0, 3, true, false, false, 256, 0};
+    variant.code.binary.assign(ptx, ptx + std::strlen(ptx) + 1);
     variant.code.entry = "mark";
     loadOnCuda(variant);
     int count = x * y * z;
@@ -339,7 +338,8 @@ TEST_F(Cuda, BlocksAreShapedToTheLaunch) {
     GTEST_SKIP() << "needs the fake driver";
   auto shape = [&](int rank, std::array<int, 4> dim, bool flat = false) {
     Kernel::Variant variant;
-    variant.key = {0, rank, true, flat, 256, 0};
+    variant.key = {0, rank, true, flat, false, 256, 0};
+    variant.flat = flat;
     LaunchHeader header;
     std::copy(dim.begin(), dim.end(), header.dim);
     launchOnCuda(variant, "shape", &header, nullptr);
@@ -349,7 +349,7 @@ TEST_F(Cuda, BlocksAreShapedToTheLaunch) {
   EXPECT_EQ(shape(2, {64, 1024, 1, 1}), "(32, 8, 1) x (32, 8, 1)");
   EXPECT_EQ(shape(2, {100000, 3, 1, 1}), "(1, 1563, 1) x (4, 64, 1)");
   EXPECT_EQ(shape(2, {2, 100000, 1, 1}), "(782, 1, 1) x (128, 2, 1)");
-  EXPECT_EQ(shape(3, {5, 1, 1, 1}), "(1, 1, 1) x (1, 1, 8)");
+  EXPECT_EQ(shape(3, {5, 1, 1, 1}), "(1, 1, 1) x (32, 1, 8)");
   EXPECT_EQ(shape(4, {10, 10, 10, 10}, true), "(40, 1, 1) x (256, 1, 1)");
 }
 

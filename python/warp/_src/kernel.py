@@ -8,6 +8,7 @@ setting or module option that matters to code drops the native kernel, not the P
 from __future__ import annotations
 
 import os
+import re
 import types as python_types
 
 from warp import _native
@@ -123,6 +124,7 @@ class Kernel:
         from warp._src.frontend import build_kernel
 
         level = self.option("optimization_level")
+        bounds = self.options.get("launch_bounds", (0, 0))
         native = _native.Kernel(
             build_kernel(self, arguments),
             self.key,
@@ -132,11 +134,28 @@ class Kernel:
             opt_level=2 if level is None else level,
             block_dim=self.option("block_dim") or 256,
             max_registers=self.options.get("cuda_max_registers") or 0,
+            max_threads=bounds[0],
+            min_blocks=bounds[1],
         )
         self._dump(native)
+        name = self.key if arguments is None else f"{self.key}_{type_tag(arguments)}"
+        for saved in self.module.saved:
+            try:
+                saved.attach(native, name)
+            except errors.WarpError:
+                continue
         return native
 
-    def ir(self, stage: str = "warp", device=None, rank: int = 1) -> str:
+    def tagged_specializations(self) -> list:
+        """What was made for the arguments of a generic kernel, as (tag, native kernel)."""
+        current = Epoch.current
+        return [
+            (type_tag(types), native)
+            for types, (native, epoch) in self._specialized.items()
+            if epoch is current
+        ]
+
+    def ir(self, stage: str = "warp", device=None, rank: int = 1, arch=None) -> str:
         """The kernel as text at one stage of compilation.
 
         Args:
@@ -145,13 +164,18 @@ class Kernel:
             device: with `thread` and `llvm`, the device to lower for; `ptx` is always for a GPU
                 (that of the device, or a current one if there is none) and `asm` for the CPU.
             rank: number of launch dimensions.
+            arch: GPU architecture to lower for, `90` for `sm_90`; no such GPU is needed.
 
         Raises:
-            ValueError: there is no such stage.
+            ValueError: there is no such stage or architecture.
         """
         if stage not in STAGES:
             raise ValueError(f"no stage {stage!r}, expects one of {', '.join(map(repr, STAGES))}")
-        return self.prepare().ir(stage, _architecture(stage, device), rank)
+        if arch is None:
+            arch = _architecture(stage, device)
+        elif stage == "asm" or arch not in _native.gpu_architectures():
+            raise ValueError(f"there is no stage {stage!r} for architecture {arch!r}")
+        return self.prepare().ir(stage, arch, rank)
 
     def _dump(self, native) -> None:
         from warp import config
@@ -197,6 +221,37 @@ def kernel_name(func) -> str:
     )
 
 
+def type_tag(types) -> str:
+    """Native types as part of a name: "array1xf32_f32"."""
+    texts = (str(one).replace("!warp.", "") for one in types)
+    return "_".join(re.sub(r"\W+", "", text) for text in texts)
+
+
+def check_launch_bounds(bounds) -> tuple[int, int]:
+    """Launch bounds as (threads of a block, blocks of a multiprocessor or 0).
+
+    Raises:
+        TypeError, ValueError: they are not one or two positive ints.
+    """
+    values = bounds if isinstance(bounds, (tuple, list)) else (bounds,)
+    if not all(isinstance(value, int) and not isinstance(value, bool) for value in values):
+        raise TypeError(f"launch_bounds expects an int or two, but got {bounds!r}")
+    if not 1 <= len(values) <= 2 or min(values) < 1 or values[0] > 1024:
+        raise ValueError(
+            "launch_bounds expects 1 to 1024 threads, and perhaps a positive number of blocks, "
+            f"but got {bounds!r}"
+        )
+    return values[0], values[1] if len(values) == 2 else 0
+
+
+def _check_registers(count) -> int:
+    if not isinstance(count, int) or isinstance(count, bool):
+        raise TypeError(f"cuda_max_registers expects an int, but got {count!r}")
+    if not 1 <= count <= 255:
+        raise ValueError(f"cuda_max_registers expects 1 to 255, but got {count}")
+    return count
+
+
 def _argument_type(value):
     """The compiler's type of a launch argument; None where it cannot be told."""
     from warp._src import types
@@ -226,8 +281,9 @@ def kernel(
     Args:
         name: name in messages and compiled code, by default that of the function.
         enable_backward: False if no derivatives will be asked for.
-        launch_bounds: largest block, and fewest blocks per multiprocessor, for CUDA.
-        cuda_max_registers: registers that a CUDA thread may use.
+        launch_bounds: largest block, and fewest blocks per multiprocessor, for CUDA; a launch with
+            a larger block is an error.
+        cuda_max_registers: registers that a CUDA thread may use; not together with `launch_bounds`.
         module: module whose options apply, by default that of the function.
         module_options: options for this kernel alone.
 
@@ -240,13 +296,14 @@ def kernel(
     """
     own = dict(module_options or {})
     check_options(own)
-    for key, value in (
-        ("enable_backward", enable_backward),
-        ("cuda_max_registers", cuda_max_registers),
-        ("launch_bounds", launch_bounds),
-    ):
-        if value is not None:
-            own[key] = value
+    if enable_backward is not None:
+        own["enable_backward"] = enable_backward
+    if launch_bounds is not None:
+        if cuda_max_registers is not None:
+            raise ValueError("launch_bounds and cuda_max_registers exclude each other")
+        own["launch_bounds"] = check_launch_bounds(launch_bounds)
+    if cuda_max_registers is not None:
+        own["cuda_max_registers"] = _check_registers(cuda_max_registers)
     unknown = set(options) - _INERT
     if unknown:
         raise TypeError(f"kernel has no option '{unknown.pop()}'")

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import sys
+import types
 import weakref
+from concurrent import futures
 
 from warp._src import config as settings
 
@@ -16,6 +19,7 @@ OPTIONS = {
     "mode": "mode",
     "optimization_level": "optimization_level",
     "block_dim": None,
+    "strip_hash": None,
 }
 # Options of the peer that change nothing here.
 INERT_OPTIONS = {
@@ -28,7 +32,6 @@ INERT_OPTIONS = {
     "enable_mathdx_solver",
     "enable_mathdx_fft",
     "compile_time_trace",
-    "strip_hash",
     "extra_build_options",
     "default_grid_stride",
 }
@@ -41,6 +44,8 @@ class Module:
         self.name = name
         self.kernels = weakref.WeakValueDictionary()
         self.options: dict = {}
+        # What `load_aot_module` has read.
+        self.saved: list = []
         # Changes with each call that makes compiled kernels stale.
         self.version = 0
 
@@ -60,12 +65,17 @@ class Module:
         self.options.update(options)
         self.mark_modified()
 
-    def load(self, device=None, block_dim=None) -> bool:
-        """Translates all kernels, so that errors show now."""
-        for kernel in list(self.kernels.values()):
-            if not kernel.is_generic:
-                kernel.prepare()
+    def load(self, device=None, block_dim=None, max_workers=None) -> bool:
+        """Compiles all kernels for a device, or for all, so that errors show now."""
+        load_kernels(self.natives(), device, block_dim, max_workers)
         return True
+
+    def natives(self) -> list:
+        """Native kernels of this module; of a generic one, those made so far."""
+        found = []
+        for kernel in list(self.kernels.values()):
+            found += kernel.specializations if kernel.is_generic else [kernel.prepare()]
+        return found
 
     def unload(self) -> None:
         self.mark_modified()
@@ -118,6 +128,45 @@ def _named(module) -> Module:
     return get_module(module if isinstance(module, str) else module.__name__)
 
 
+def imported_module(module) -> Module:
+    """The module that a Python module, a name or a `Module` stands for.
+
+    Raises:
+        TypeError: it is none of these.
+        RuntimeError: it has no kernels.
+    """
+    if not isinstance(module, (Module, str, types.ModuleType)):
+        raise TypeError(f"expects a module or its name, but got '{type(module).__name__}'")
+    if not isinstance(module, Module):
+        name = module if isinstance(module, str) else module.__name__
+        module = _modules.get(name)
+        if module is None:
+            raise RuntimeError(f"module '{name}' has no kernels, or was not imported yet")
+    return module
+
+
+def load_kernels(natives, device, block_dim=None, max_workers=None) -> None:
+    """Compiles native kernels for a device, devices or all, several at a time."""
+    from warp import _native, config
+    from warp._src import devices
+
+    if device is None:
+        chosen = devices.get_devices()
+    else:
+        several = isinstance(device, (list, tuple))
+        chosen = [devices.get_device(one) for one in (device if several else [device])]
+    jobs = [(native, one.index, block_dim or 0) for one in chosen for native in natives]
+    workers = config.load_module_max_workers if max_workers is None else max_workers
+    if workers is None:
+        workers = os.cpu_count() or 1
+    if workers > 1 and len(jobs) > 1:
+        with futures.ThreadPoolExecutor(workers) as pool:
+            list(pool.map(lambda job: _native.load_kernel(*job), jobs))
+    else:
+        for job in jobs:
+            _native.load_kernel(*job)
+
+
 def set_module_options(options: dict, module=None) -> None:
     """Sets options for the kernels of the calling module (or of `module`).
 
@@ -134,16 +183,31 @@ def get_module_options(module=None) -> dict:
 
 
 def load_module(module=None, device=None, recursive=False, block_dim=None, max_workers=None):
-    """Translates the kernels of the calling module (or of `module`) before their first launch."""
+    """Compiles the kernels of the calling module (or of `module`) before their first launch.
+
+    Args:
+        module: a module, its name, or what `wp.get_module` gives.
+        device: device or devices, by default all.
+        recursive: the modules below it, too.
+        block_dim: CUDA threads per block that launches will ask for.
+        max_workers: threads that compile; 0 is serial, None what
+            `wp.config.load_module_max_workers` says.
+
+    Raises:
+        WarpCodegenError: a kernel cannot be translated.
+    """
     module = _named(module)
-    module.load(device, block_dim)
+    natives = module.natives()
     if recursive:
         for other in all_modules():
             if other.name.startswith(module.name + "."):
-                other.load(device, block_dim)
+                natives += other.natives()
+    load_kernels(natives, device, block_dim, max_workers)
 
 
 def force_load(device=None, modules=None, block_dim=None, max_workers=None) -> None:
-    """Translates the kernels of all modules (or of `modules`) before their first launch."""
+    """Compiles the kernels of all modules (or of `modules`) before their first launch."""
+    natives = []
     for module in all_modules() if modules is None else modules:
-        _named(module).load(device, block_dim)
+        natives += _named(module).natives()
+    load_kernels(natives, device, block_dim, max_workers)

@@ -1,0 +1,44 @@
+//===- KernelCudaQuery.cpp - What a CUDA kernel uses ----------------------===//
+
+#include "KernelImpl.h"
+
+using namespace warp;
+
+static int attributeOf(cuda::Function function, cuda::FunctionAttribute which) {
+  int value = 0;
+  WARP_CUDA(funcGetAttribute, &value, which, function);
+  return value;
+}
+
+CudaProperties Kernel::cudaProperties(int device, int blockDim) {
+  const Variant &variant = impl->loaded(device, blockDim);
+  cuda::ContextScope scope(device);
+  CudaProperties result;
+  cuda::Function function = variant.function;
+  result.registers = attributeOf(function, cuda::functionRegisters);
+  result.localMemory = attributeOf(function, cuda::functionLocalSize);
+  result.sharedMemory = attributeOf(function, cuda::functionSharedSize);
+  result.constantMemory = attributeOf(function, cuda::functionConstantSize);
+  result.maxThreads = attributeOf(function, cuda::functionMaxThreads);
+  result.binaryVersion = attributeOf(function, cuda::functionBinaryVersion);
+  result.blockDim = variant.key.blockDim;
+  WARP_CUDA(occupancyMaxActiveBlocks, &result.blocksPerMultiprocessor, function,
+            result.blockDim, 0);
+  int threads = 0;
+  WARP_CUDA(deviceGetAttribute, &threads, cuda::maxThreadsPerMultiprocessor,
+            cudaDeviceState(device).ordinal);
+  if (threads > 0)
+    result.occupancy =
+        double(result.blocksPerMultiprocessor) * result.blockDim / threads;
+  return result;
+}
+
+std::pair<int, int> Kernel::suggestedBlock(int device) {
+  int most = impl->options.maxThreads ? impl->options.maxThreads : 1024;
+  const Variant &variant = impl->loaded(device, most);
+  cuda::ContextScope scope(device);
+  int blocks = 0, threads = 0;
+  WARP_CUDA(occupancyMaxPotentialBlockSize, &blocks, &threads, variant.function,
+            nullptr, 0, most);
+  return {threads, blocks};
+}

@@ -1,0 +1,242 @@
+//===- KernelSaved.cpp - Kernels with code from a file --------------------===//
+//
+// Saving a kernel compiles the variants that its launches are likely to need,
+// and one that fits every launch of its rank. A launch takes the first of them
+// whose conditions hold; `VariantKey` has the facts of the launch, so a variant
+// may ask for less than the key says. A kernel that has its source as well
+// compiles what no saved variant covers.
+//
+//===----------------------------------------------------------------------===//
+
+#include "KernelImpl.h"
+#include "Support.h"
+#include "warp/KernelCache.h"
+#include "warp/SavedModule.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+
+using namespace warp;
+
+Kernel::Kernel(const SavedKernel &saved)
+    : impl(std::make_unique<Impl>(Module(nullptr))) {
+  impl->name = saved.name;
+  impl->options = saved.options;
+  impl->setParameters(saved.params);
+  impl->saved.push_back(std::make_unique<SavedKernel>(saved));
+}
+
+void Kernel::attach(const SavedKernel &saved) {
+  const KernelOptions &options = impl->options;
+  auto reject = [&](const std::string &why) {
+    throw Error(Error::Kind::Value, "kernel '" + impl->name +
+                                        "' does not fit its saved code: " +
+                                        why + ", compile the module again");
+  };
+  if (impl->module.getImpl() && sourceHash(impl->module) != saved.source)
+    reject("its source has changed");
+  if (options.debug != saved.options.debug)
+    reject(std::string("that was compiled in ") +
+           (saved.options.debug ? "debug" : "release") + " mode");
+  if (options.fastMath != saved.options.fastMath)
+    reject(std::string("that was compiled ") +
+           (saved.options.fastMath ? "with" : "without") + " 'fast_math'");
+  std::lock_guard<std::mutex> lock(impl->mutex);
+  impl->saved.push_back(std::make_unique<SavedKernel>(saved));
+}
+
+//===----------------------------------------------------------------------===//
+// Saving
+//===----------------------------------------------------------------------===//
+
+/// The variants to save, from the one that asks for most to the one that fits
+/// everything.
+static std::vector<VariantKey> keysToSave(const std::vector<Param> &params,
+                                          int rank, bool gpu) {
+  uint64_t arrays = 0, integers = 0;
+  for (size_t i = 0; i < params.size() && i < 64; ++i) {
+    uint64_t bit = uint64_t(1) << i;
+    if (params[i].kind == Param::Kind::Array)
+      arrays |= bit;
+    else if (isIntegerScalar(params[i]))
+      integers |= bit;
+  }
+  std::vector<VariantKey> keys;
+  VariantKey key;
+  key.rank = rank;
+  key.contiguous = arrays | integers;
+  if (!gpu || rank <= 3) {
+    if (gpu && rank == 1) {
+      key.large = true;
+      keys.push_back(key);
+      key.large = false;
+    }
+    keys.push_back(key);
+    key.contiguous = arrays;
+    if (integers)
+      keys.push_back(key);
+  }
+  key.contiguous = 0;
+  key.index32 = false;
+  key.flat = gpu;
+  keys.push_back(key);
+  return keys;
+}
+
+SavedKernel Kernel::save(int arch, int device) {
+  SavedKernel saved;
+  saved.name = impl->name;
+  saved.target = arch == 0 ? "cpu" : "sm_" + std::to_string(arch);
+  if (arch == 0)
+    saved.processor = hostProcessor();
+  saved.source = sourceHash(impl->module);
+  saved.options = impl->options;
+  saved.params = impl->params;
+  int rank = threadRank(impl->module);
+  std::lock_guard<std::mutex> lock(impl->mutex);
+  for (VariantKey key : keysToSave(impl->params, rank, arch != 0)) {
+    key.device = device;
+    CompileOptions options = impl->compileOptions(key, arch);
+    // As many threads as ever matter: the machine to come is not known.
+    options.threads = arch == 0 ? 16 : 1;
+    SavedVariant variant;
+    variant.rank = key.rank;
+    variant.contiguous = key.contiguous;
+    variant.index32 = key.index32;
+    variant.flat = key.flat;
+    variant.large = key.large;
+    variant.blockDim = arch == 0 ? 0 : options.blockDim;
+    variant.code = impl->obtain(device, options);
+    saved.variants.push_back(std::move(variant));
+  }
+  return saved;
+}
+
+//===----------------------------------------------------------------------===//
+// Loading
+//===----------------------------------------------------------------------===//
+
+static bool isCubin(const Code &code) {
+  return code.binary.size() > 4 &&
+         std::equal(code.binary.begin(), code.binary.begin() + 4, "\177ELF");
+}
+
+/// 90 for "sm_90", 0 for "cpu".
+static int architectureOf(const SavedKernel &saved) {
+  return saved.target == "cpu" ? 0 : std::atoi(saved.target.c_str() + 3);
+}
+
+/// Whether code for one architecture runs on another: PTX on all later ones, a
+/// cubin on those of the same generation.
+static bool runsOn(const SavedKernel &saved, const SavedVariant &variant,
+                   int arch) {
+  int made = architectureOf(saved);
+  if (arch == 0 || made == 0)
+    return arch == made;
+  if (made > arch)
+    return false;
+  return !isCubin(variant.code) || made / 10 == arch / 10;
+}
+
+static bool fits(const SavedVariant &variant, const VariantKey &key) {
+  return variant.rank == key.rank &&
+         (variant.contiguous & ~key.contiguous) == 0 &&
+         (!variant.index32 || key.index32) && (!variant.large || key.large) &&
+         (key.device == cpuDevice ||
+          ((variant.flat || !key.flat) && variant.blockDim == key.blockDim));
+}
+
+/// Machine code for PTX, from the disk cache if the driver has met it before.
+static Code assembled(int device, Code code) {
+  std::string what = std::to_string(deviceInfo(device).arch) + " " +
+                     std::to_string(cuda::driver()->version);
+  std::string key;
+  for (uint64_t seed = 0; seed < 4; ++seed) {
+    char digits[17];
+    uint64_t hash = hashBytes(what.data(), what.size(), seed);
+    std::snprintf(
+        digits, sizeof(digits), "%016llx",
+        static_cast<unsigned long long>(
+            hashBytes(code.binary.data(), code.binary.size(), hash)));
+    key += digits;
+  }
+  KernelCache &cache = KernelCache::get();
+  if (std::optional<Code> found = cache.find(key))
+    return std::move(*found);
+  assembleOnCuda(device, code);
+  cache.store(key, code);
+  return code;
+}
+
+bool Kernel::Impl::obtainSaved(const VariantKey &key, int arch,
+                               Variant &variant) const {
+  const SavedKernel *best = nullptr;
+  const SavedVariant *chosen = nullptr;
+  for (const auto &kernel : saved)
+    for (const SavedVariant &candidate : kernel->variants) {
+      if (!runsOn(*kernel, candidate, arch) || !fits(candidate, key))
+        continue;
+      // The latest architecture, and of that the first variant that fits.
+      if (!best || architectureOf(*kernel) > architectureOf(*best)) {
+        best = kernel.get();
+        chosen = &candidate;
+      }
+    }
+  if (!best) {
+    if (!module.getImpl())
+      raiseNotSaved(key, arch);
+    return false;
+  }
+  if (arch == 0)
+    checkProcessor(*best);
+  variant.code = chosen->code;
+  variant.flat = chosen->flat;
+  if (arch != 0 && !isCubin(variant.code))
+    variant.code = assembled(key.device, std::move(variant.code));
+  return true;
+}
+
+void Kernel::Impl::raiseNotSaved(const VariantKey &key, int arch) const {
+  std::string have;
+  for (const auto &kernel : saved) {
+    std::vector<std::string> seen;
+    for (const SavedVariant &variant : kernel->variants) {
+      std::string text = kernel->target + ", " + std::to_string(variant.rank) +
+                         (variant.rank == 1 ? " dimension" : " dimensions");
+      if (variant.blockDim)
+        text += ", blocks of " + std::to_string(variant.blockDim);
+      if (std::find(seen.begin(), seen.end(), text) != seen.end())
+        continue;
+      seen.push_back(text);
+      have += (have.empty() ? "(" : "; (") + text + ")";
+    }
+  }
+  std::string wanted = arch == 0 ? "cpu" : "sm_" + std::to_string(arch);
+  wanted += ", " + std::to_string(key.rank) +
+            (key.rank == 1 ? " dimension" : " dimensions");
+  if (arch != 0)
+    wanted += ", blocks of " + std::to_string(key.blockDim);
+  throw Error(Error::Kind::Launch, "launch('" + name +
+                                       "'): no code was saved for (" + wanted +
+                                       "), there is: " + have);
+}
+
+void Kernel::load(int device, int blockDim) {
+  impl->loaded(device, blockDim);
+}
+
+Kernel::Variant &Kernel::Impl::loaded(int device, int blockDim) {
+  VariantKey key;
+  key.device = device;
+  key.rank = module.getImpl() ? threadRank(module) : saved[0]->variants[0].rank;
+  for (size_t i = 0; i < params.size() && i < 64; ++i)
+    if (params[i].kind == Param::Kind::Array || isIntegerScalar(params[i]))
+      key.contiguous |= uint64_t(1) << i;
+  if (device != cpuDevice) {
+    key.blockDim = checkedBlockDim(blockDim);
+    key.flat = key.rank > 3;
+  }
+  Variant *variant = find(key);
+  return variant ? *variant : *make(key);
+}

@@ -1,0 +1,271 @@
+//===- SavedModule.cpp - Kernels compiled ahead of time -------------------===//
+//
+// Reading and writing the file that SavedModule.h describes. As in the kernel
+// cache, reading trusts nothing: magic, version, length and hash are checked
+// before the payload is looked at, and every length in it against what is
+// left.
+//
+//===----------------------------------------------------------------------===//
+
+#include "warp/SavedModule.h"
+
+#include "Bytes.h"
+#include "Support.h"
+#include "warp/Version.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <set>
+#include <unistd.h>
+
+using namespace warp;
+
+static constexpr char magic[] = {'W', 'A', 'R', 'P', 'S', 'A', 'V', 'E'};
+/// Goes up when the file, the parameter block or what code calls changes.
+static constexpr uint32_t formatVersion = 1;
+static constexpr size_t headerSize = 8 + 4 + 8 + 8;
+
+//===----------------------------------------------------------------------===//
+// Payload
+//===----------------------------------------------------------------------===//
+
+static void writeParam(Writer &out, const Param &param) {
+  out.string(param.name);
+  out.number<uint8_t>(static_cast<uint8_t>(param.kind));
+  out.string(param.type);
+  out.number<int64_t>(param.offset);
+  out.number<int64_t>(param.size);
+  out.number<int32_t>(param.rank);
+  out.string(param.element);
+  out.number<int64_t>(param.elementSize);
+  out.number<uint64_t>(param.arrays.size());
+  for (int64_t offset : param.arrays)
+    out.number<int64_t>(offset);
+}
+
+static Param readParam(Reader &in) {
+  Param param;
+  param.name = in.string();
+  param.kind = static_cast<Param::Kind>(in.number<uint8_t>());
+  param.type = in.string();
+  param.offset = in.number<int64_t>();
+  param.size = in.number<int64_t>();
+  param.rank = in.number<int32_t>();
+  param.element = in.string();
+  param.elementSize = in.number<int64_t>();
+  auto arrays = in.number<uint64_t>();
+  for (uint64_t i = 0; i < arrays && in.ok(); ++i)
+    param.arrays.push_back(in.number<int64_t>());
+  return param;
+}
+
+static void writeOptions(Writer &out, const KernelOptions &options) {
+  out.number<uint8_t>(options.debug);
+  out.number<uint8_t>(options.fastMath);
+  out.number<uint8_t>(options.lineinfo);
+  out.number<int32_t>(options.optLevel);
+  out.number<int32_t>(options.blockDim);
+  out.number<int32_t>(options.maxRegisters);
+  out.number<int32_t>(options.maxThreads);
+  out.number<int32_t>(options.minBlocks);
+}
+
+static KernelOptions readOptions(Reader &in) {
+  KernelOptions options;
+  options.debug = in.number<uint8_t>();
+  options.fastMath = in.number<uint8_t>();
+  options.lineinfo = in.number<uint8_t>();
+  options.optLevel = in.number<int32_t>();
+  options.blockDim = in.number<int32_t>();
+  options.maxRegisters = in.number<int32_t>();
+  options.maxThreads = in.number<int32_t>();
+  options.minBlocks = in.number<int32_t>();
+  return options;
+}
+
+static void writeVariant(Writer &out, const SavedVariant &variant) {
+  out.number<int32_t>(variant.rank);
+  out.number<uint64_t>(variant.contiguous);
+  out.number<uint8_t>(variant.index32);
+  out.number<uint8_t>(variant.flat);
+  out.number<uint8_t>(variant.large);
+  out.number<int32_t>(variant.blockDim);
+  writeCode(out, variant.code);
+}
+
+static SavedVariant readVariant(Reader &in) {
+  SavedVariant variant;
+  variant.rank = in.number<int32_t>();
+  variant.contiguous = in.number<uint64_t>();
+  variant.index32 = in.number<uint8_t>();
+  variant.flat = in.number<uint8_t>();
+  variant.large = in.number<uint8_t>();
+  variant.blockDim = in.number<int32_t>();
+  variant.code = readCode(in);
+  return variant;
+}
+
+static void writeKernel(Writer &out, const SavedKernel &kernel) {
+  out.string(kernel.name);
+  out.string(kernel.target);
+  out.string(kernel.processor);
+  out.string(kernel.source);
+  writeOptions(out, kernel.options);
+  out.number<uint64_t>(kernel.params.size());
+  for (const Param &param : kernel.params)
+    writeParam(out, param);
+  out.number<uint64_t>(kernel.variants.size());
+  for (const SavedVariant &variant : kernel.variants)
+    writeVariant(out, variant);
+}
+
+static SavedKernel readKernel(Reader &in) {
+  SavedKernel kernel;
+  kernel.name = in.string();
+  kernel.target = in.string();
+  kernel.processor = in.string();
+  kernel.source = in.string();
+  kernel.options = readOptions(in);
+  auto params = in.number<uint64_t>();
+  for (uint64_t i = 0; i < params && in.ok(); ++i)
+    kernel.params.push_back(readParam(in));
+  auto variants = in.number<uint64_t>();
+  for (uint64_t i = 0; i < variants && in.ok(); ++i)
+    kernel.variants.push_back(readVariant(in));
+  return kernel;
+}
+
+//===----------------------------------------------------------------------===//
+// Files
+//===----------------------------------------------------------------------===//
+
+static Error fileError(const std::string &path, const std::string &problem) {
+  return Error(Error::Kind::Runtime, "saved module '" + path + "' " + problem);
+}
+
+std::string SavedModule::bytes() const {
+  Writer payload;
+  payload.string(version());
+  payload.string(name);
+  payload.number<uint64_t>(kernels.size());
+  for (const SavedKernel &kernel : kernels)
+    writeKernel(payload, kernel);
+  Writer file;
+  file.bytes.append(magic, sizeof(magic));
+  file.number(formatVersion);
+  file.number<uint64_t>(payload.bytes.size());
+  file.number(hashBytes(payload.bytes.data(), payload.bytes.size()));
+  return file.bytes + payload.bytes;
+}
+
+SavedModule SavedModule::fromBytes(const std::string &bytes,
+                                   const std::string &origin) {
+  if (bytes.size() < headerSize ||
+      std::memcmp(bytes.data(), magic, sizeof(magic)) != 0)
+    throw fileError(origin, "is not a saved module");
+  Reader header(bytes.data() + sizeof(magic), headerSize - sizeof(magic));
+  auto version = header.number<uint32_t>();
+  auto size = header.number<uint64_t>();
+  auto hash = header.number<uint64_t>();
+  if (version != formatVersion)
+    throw fileError(origin, "has format " + std::to_string(version) +
+                                ", but this release reads format " +
+                                std::to_string(formatVersion) +
+                                ", compile it again");
+  const char *payload = bytes.data() + headerSize;
+  if (size != bytes.size() - headerSize || hash != hashBytes(payload, size))
+    throw fileError(origin, "is damaged, its checksum does not fit");
+  Reader in(payload, size);
+  SavedModule module;
+  in.string();
+  module.name = in.string();
+  auto count = in.number<uint64_t>();
+  for (uint64_t i = 0; i < count && in.ok(); ++i)
+    module.kernels.push_back(readKernel(in));
+  if (!in.atEnd())
+    throw fileError(origin, "is damaged, it ends too early");
+  return module;
+}
+
+SavedModule SavedModule::load(const std::string &path) {
+  std::optional<std::string> bytes = readFile(path);
+  if (!bytes)
+    throw fileError(path, std::string("cannot be read: ") +
+                              std::strerror(errno ? errno : ENOENT));
+  return fromBytes(*bytes, path);
+}
+
+void SavedModule::save(const std::string &path) const {
+  std::string temporary = path + ".writing-" + std::to_string(getpid());
+  unlink(temporary.c_str());
+  if (writeFile(temporary, bytes()) &&
+      std::rename(temporary.c_str(), path.c_str()) == 0)
+    return;
+  int reason = errno;
+  unlink(temporary.c_str());
+  throw fileError(path,
+                  std::string("cannot be written: ") + std::strerror(reason));
+}
+
+//===----------------------------------------------------------------------===//
+// Kernels
+//===----------------------------------------------------------------------===//
+
+std::vector<std::string> SavedModule::kernelNames() const {
+  std::vector<std::string> names;
+  for (const SavedKernel &kernel : kernels)
+    if (std::find(names.begin(), names.end(), kernel.name) == names.end())
+      names.push_back(kernel.name);
+  return names;
+}
+
+std::shared_ptr<Kernel> SavedModule::kernel(const std::string &wanted) {
+  std::shared_ptr<Kernel> &found = loaded[wanted];
+  if (found)
+    return found;
+  for (const SavedKernel &saved : kernels) {
+    if (saved.name != wanted)
+      continue;
+    if (found)
+      found->attach(saved);
+    else
+      found = std::make_shared<Kernel>(saved);
+  }
+  if (found)
+    return found;
+  loaded.erase(wanted);
+  std::string known;
+  for (const std::string &other : kernelNames())
+    known += (known.empty() ? "'" : ", '") + other + "'";
+  throw Error(Error::Kind::Key, "saved module '" + name + "' has no kernel '" +
+                                    wanted + "', it has: " + known);
+}
+
+/// "skylake +avx,-sse4a": the features that are on.
+static std::set<std::string> featuresOf(const std::string &processor) {
+  std::set<std::string> features;
+  size_t start = processor.find(' ');
+  while (start != std::string::npos) {
+    size_t end = processor.find(',', start + 1);
+    std::string feature = processor.substr(start + 1, end - start - 1);
+    if (!feature.empty() && feature[0] == '+')
+      features.insert(feature.substr(1));
+    start = end;
+  }
+  return features;
+}
+
+void warp::checkProcessor(const SavedKernel &saved) {
+  std::set<std::string> present = featuresOf(hostProcessor());
+  std::string missing;
+  for (const std::string &feature : featuresOf(saved.processor))
+    if (!present.count(feature))
+      missing += (missing.empty() ? "'" : ", '") + feature + "'";
+  if (!missing.empty())
+    throw Error(Error::Kind::Runtime,
+                "kernel '" + saved.name + "' was compiled for '" +
+                    saved.processor.substr(0, saved.processor.find(' ')) +
+                    "', this processor lacks " + missing);
+}

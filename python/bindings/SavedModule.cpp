@@ -1,0 +1,120 @@
+//===- SavedModule.cpp - Compiling ahead of launches ----------------------===//
+//
+// Functions on kernels that do not launch them: compile for a device, save to
+// and load from files, ask what the machine code uses.
+//
+//===----------------------------------------------------------------------===//
+
+#include "KernelObject.h"
+
+#include "warp/SavedModule.h"
+
+#include <pybind11/stl.h>
+
+namespace py = pybind11;
+using namespace warp;
+using namespace warp::python;
+
+using Named = std::pair<py::object, std::string>;
+
+static Kernel &kernelOf(const py::handle &object) {
+  if (Py_TYPE(object.ptr()) != kernelType)
+    throw py::type_error("expects a kernel");
+  return *asKernel(object.ptr())->kernel;
+}
+
+static void saveModule(const std::string &path, const std::string &name,
+                       const std::vector<Named> &kernels, int arch,
+                       int device) {
+  SavedModule module;
+  module.name = name;
+  for (const auto &[object, savedName] : kernels) {
+    Kernel &kernel = kernelOf(object);
+    py::gil_scoped_release unlocked;
+    module.kernels.push_back(kernel.save(arch, device));
+    module.kernels.back().name = savedName;
+  }
+  module.save(path);
+}
+
+/// Attaches the code of a name; whether there is any.
+static bool attach(const SavedModule &module, const py::object &object,
+                   const std::string &name) {
+  Kernel &kernel = kernelOf(object);
+  bool found = false;
+  for (const SavedKernel &saved : module.kernels) {
+    if (saved.name != name)
+      continue;
+    if (saved.target == "cpu")
+      checkProcessor(saved);
+    kernel.attach(saved);
+    found = true;
+  }
+  return found;
+}
+
+static py::list describeKernels(const SavedModule &module) {
+  py::list list;
+  for (const SavedKernel &kernel : module.kernels)
+    list.append(
+        py::make_tuple(kernel.name, kernel.target, kernel.variants.size()));
+  return list;
+}
+
+static py::dict propertiesOf(const py::object &object, int device,
+                             int blockDim) {
+  Kernel &kernel = kernelOf(object);
+  CudaProperties found;
+  {
+    py::gil_scoped_release unlocked;
+    found = kernel.cudaProperties(device, blockDim);
+  }
+  py::dict result;
+  result["register_count"] = found.registers;
+  result["local_memory_size"] = found.localMemory;
+  result["shared_memory_size"] = found.sharedMemory;
+  result["constant_memory_size"] = found.constantMemory;
+  result["max_threads_per_block"] = found.maxThreads;
+  result["binary_version"] = found.binaryVersion;
+  result["block_dim"] = found.blockDim;
+  result["blocks_per_multiprocessor"] = found.blocksPerMultiprocessor;
+  result["occupancy"] = found.occupancy;
+  return result;
+}
+
+void python::bindSavedModule(py::module_ &m) {
+  m.def(
+      "load_kernel",
+      [](const py::object &object, int device, int blockDim) {
+        Kernel &kernel = kernelOf(object);
+        py::gil_scoped_release unlocked;
+        kernel.load(device, blockDim);
+      },
+      py::arg("kernel"), py::arg("device"), py::arg("block_dim") = 0,
+      "Compiles and loads what an ordinary launch needs.");
+  m.def("save_module", saveModule, py::arg("path"), py::arg("name"),
+        py::arg("kernels"), py::arg("arch"), py::arg("device") = cpuDevice,
+        "Writes the code of (kernel, name) pairs; arch 0 is the CPU.");
+  m.def("cuda_kernel_properties", propertiesOf, py::arg("kernel"),
+        py::arg("device"), py::arg("block_dim") = 0);
+  m.def(
+      "suggested_block",
+      [](const py::object &object, int device) {
+        Kernel &kernel = kernelOf(object);
+        py::gil_scoped_release unlocked;
+        return kernel.suggestedBlock(device);
+      },
+      py::arg("kernel"), py::arg("device"));
+  m.def("gpu_architectures", gpuArchitectures);
+  m.def("host_processor", hostProcessor);
+  py::class_<SavedModule>(m, "SavedModule")
+      .def(py::init([](const std::string &path) {
+             return std::make_unique<SavedModule>(SavedModule::load(path));
+           }),
+           py::arg("path"))
+      .def_readonly("name", &SavedModule::name)
+      .def_property_readonly("kernels", describeKernels,
+                             "(name, target, number of variants) of each.")
+      .def("attach", attach, py::arg("kernel"), py::arg("name"),
+           "Gives a kernel its saved code; False if there is none.");
+}

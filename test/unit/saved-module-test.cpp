@@ -1,0 +1,202 @@
+//===- saved-module-test.cpp - Kernels from files, without their source ---===//
+
+#include "warp/Array.h"
+#include "warp/Runtime.h"
+
+#include <cstdlib>
+#include <gtest/gtest.h>
+#include <string>
+#include <vector>
+
+using namespace warp;
+
+/// y[i] = x[i + shift] + s
+static const char *const addText = R"(
+module @add {
+  func.func @add(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
+                 %shift: si32, %s: f32)
+      attributes {warp.arg_names = ["x", "y", "shift", "s"], warp.kernel} {
+    %i = warp.tid : si32
+    %j = warp.add(%i, %shift) : (si32, si32) -> si32
+    %v = warp.load %x[%j] : !warp.array<1 x f32>, si32 -> f32
+    %w = warp.add(%v, %s) : (f32, f32) -> f32
+    warp.store %w, %y[%i] : f32, !warp.array<1 x f32>, si32
+    return
+  }
+})";
+
+namespace {
+
+class SavedModuleTest : public testing::Test {
+protected:
+  void SetUp() override { KernelCache::get().setEnabled(false); }
+
+  SavedModule saved(int arch = 0, KernelOptions options = {}) {
+    Kernel kernel(Module::fromText(addText), "add", options);
+    SavedModule module;
+    module.name = "test";
+    module.kernels.push_back(kernel.save(arch));
+    return module;
+  }
+
+  template <typename Fn> std::string errorOf(Fn &&fn) {
+    try {
+      fn();
+    } catch (const Error &error) {
+      return error.message;
+    }
+    return "no error";
+  }
+};
+
+} // namespace
+
+TEST_F(SavedModuleTest, RunsWithoutItsSource) {
+  std::string bytes = saved().bytes();
+  SavedModule module = SavedModule::fromBytes(bytes, "here");
+  EXPECT_EQ(module.name, "test");
+  EXPECT_EQ(module.kernelNames(), std::vector<std::string>{"add"});
+  auto kernel = module.kernel("add");
+  EXPECT_EQ(kernel, module.kernel("add"));
+  EXPECT_EQ(kernel->parameters()[2].type, "si32");
+  const int64_t count = 100000;
+  std::vector<float> x(2 * count), y(count);
+  for (size_t i = 0; i < x.size(); ++i)
+    x[i] = float(i);
+  // Packed and strided arrays, positive and negative shifts.
+  launch(*kernel, cpuDevice, {count}, view(x.data(), {count}),
+         view(y.data(), {count}), 0, 0.5f);
+  EXPECT_EQ(y[777], 777.5f);
+  launch(*kernel, cpuDevice, {count}, view(x.data(), {count}, {2}),
+         view(y.data(), {count}), 0, 0.5f);
+  EXPECT_EQ(y[777], 1554.5f);
+  launch(*kernel, cpuDevice, {1}, view(x.data(), {count}),
+         view(y.data(), {count}), -1, 0.5f);
+  EXPECT_EQ(y[0], float(count - 1) + 0.5f);
+  Array<float> owned(cpuDevice, {count});
+  owned.copyFrom(x.data());
+  launch(*kernel, cpuDevice, {count}, owned, owned, 0, 1.0f);
+  owned.copyTo(y.data());
+  EXPECT_EQ(y[99], 100.0f);
+}
+
+TEST_F(SavedModuleTest, ChecksArguments) {
+  SavedModule module = saved();
+  auto kernel = module.kernel("add");
+  std::vector<float> x(10);
+  std::vector<double> d(10);
+  auto ok = view(x.data(), {10});
+  EXPECT_EQ(errorOf([&] { launch(*kernel, cpuDevice, {10}, ok, ok, 0); }),
+            "launch('add'): expects 4 arguments, but got 3");
+  EXPECT_EQ(
+      errorOf([&] { launch(*kernel, cpuDevice, {10}, ok, ok, 0, 1.0); }),
+      "launch('add'): argument 's' expects f32, but got f64");
+  EXPECT_EQ(errorOf([&] {
+              launch(*kernel, cpuDevice, {10}, view(d.data(), {10}), ok, 0,
+                     1.0f);
+            }),
+            "launch('add'): argument 'x' expects !warp.array<1 x f32>, but got "
+            "an array with elements of f64");
+  EXPECT_EQ(errorOf([&] {
+              launch(*kernel, cpuDevice, {10}, ok, view(x.data(), {5, 2}), 0,
+                     1.0f);
+            }),
+            "launch('add'): argument 'y' expects !warp.array<1 x f32>, but got "
+            "an array of 2 dimensions");
+  EXPECT_EQ(errorOf([&] { launch(*kernel, cpuDevice, {10}, ok, ok, ok, 1); }),
+            "launch('add'): argument 'shift' expects si32, but got an array");
+  EXPECT_EQ(errorOf([&] { module.kernel("sub"); }),
+            "saved module 'test' has no kernel 'sub', it has: 'add'");
+}
+
+TEST_F(SavedModuleTest, NamesWhatWasNotSaved) {
+  SavedModule module = saved();
+  auto kernel = module.kernel("add");
+  std::vector<float> x(16);
+  auto all = view(x.data(), {16});
+  EXPECT_EQ(
+      errorOf([&] { launch(*kernel, cpuDevice, {4, 4}, all, all, 0, 1.0f); }),
+      "launch('add'): no code was saved for (cpu, 2 dimensions), there is: "
+      "(cpu, 1 dimension)");
+}
+
+TEST_F(SavedModuleTest, RejectsDamagedFiles) {
+  std::string bytes = saved().bytes();
+  auto load = [&](const std::string &text) {
+    return errorOf([&] { SavedModule::fromBytes(text, "m.warp"); });
+  };
+  EXPECT_EQ(load(bytes), "no error");
+  EXPECT_EQ(load(""), "saved module 'm.warp' is not a saved module");
+  EXPECT_EQ(load(bytes.substr(0, bytes.size() - 1)),
+            "saved module 'm.warp' is damaged, its checksum does not fit");
+  std::string other = bytes;
+  other[8] = 99;
+  EXPECT_EQ(load(other), "saved module 'm.warp' has format 99, but this "
+                         "release reads format 1, compile it again");
+  for (size_t at = 28; at < bytes.size(); at += 997) {
+    std::string broken = bytes;
+    broken[at] ^= 1;
+    EXPECT_EQ(load(broken),
+              "saved module 'm.warp' is damaged, its checksum does not fit");
+  }
+  EXPECT_EQ(errorOf([] { SavedModule::load("/nowhere/m.warp"); }),
+            "saved module '/nowhere/m.warp' cannot be read: No such file or "
+            "directory");
+}
+
+TEST_F(SavedModuleTest, WritesFiles) {
+  std::string path = testing::TempDir() + "/saved-module-test.warp";
+  saved().save(path);
+  EXPECT_EQ(SavedModule::load(path).kernelNames().size(), 1u);
+  std::remove(path.c_str());
+  EXPECT_EQ(errorOf([&] { saved().save("/nowhere/m.warp"); }),
+            "saved module '/nowhere/m.warp' cannot be written: No such file or "
+            "directory");
+}
+
+TEST_F(SavedModuleTest, FitsOnlyItsKernel) {
+  SavedModule module = saved();
+  Kernel same(Module::fromText(addText), "add");
+  same.attach(module.kernels[0]);
+  std::string changed = addText;
+  changed.replace(changed.find("warp.add(%v"), 8, "warp.sub");
+  Kernel other(Module::fromText(changed), "add");
+  EXPECT_EQ(errorOf([&] { other.attach(module.kernels[0]); }),
+            "kernel 'add' does not fit its saved code: its source has changed, "
+            "compile the module again");
+  KernelOptions options;
+  options.debug = true;
+  Kernel debug(Module::fromText(addText), "add", options);
+  EXPECT_EQ(errorOf([&] { debug.attach(module.kernels[0]); }),
+            "kernel 'add' does not fit its saved code: that was compiled in "
+            "release mode, compile the module again");
+}
+
+TEST_F(SavedModuleTest, NeedsItsProcessor) {
+  SavedModule module = saved();
+  checkProcessor(module.kernels[0]);
+  module.kernels[0].processor = "future +sse2,+brainwaves,-avx";
+  EXPECT_EQ(errorOf([&] { checkProcessor(module.kernels[0]); }),
+            "kernel 'add' was compiled for 'future', this processor lacks "
+            "'brainwaves'");
+}
+
+TEST_F(SavedModuleTest, HasPtxForGpusThatAreNotThere) {
+  KernelOptions options;
+  options.maxThreads = 128;
+  options.minBlocks = 3;
+  SavedModule module = saved(80, options);
+  const SavedKernel &kernel = module.kernels[0];
+  EXPECT_EQ(kernel.target, "sm_80");
+  // Large launches, small ones, negative integers, everything else.
+  ASSERT_EQ(kernel.variants.size(), 4u);
+  EXPECT_TRUE(kernel.variants[0].large);
+  EXPECT_TRUE(kernel.variants[3].flat);
+  for (const SavedVariant &variant : kernel.variants) {
+    std::string ptx(variant.code.binary.begin(), variant.code.binary.end());
+    EXPECT_NE(ptx.find(".target sm_80"), std::string::npos);
+    EXPECT_NE(ptx.find(".maxntid 128"), std::string::npos);
+    EXPECT_NE(ptx.find(".minnctapersm 3"), std::string::npos);
+    EXPECT_EQ(variant.blockDim, 128);
+  }
+}
