@@ -28,8 +28,8 @@ _CODE_OF = {scalar._native_: code for code, scalar in _CODES.items()}
 
 def dlpack_device(array) -> tuple[int, int]:
     """Kind and number of the device that an array is on."""
-    index = array.device_index
-    return (CPU, 0) if index == devices.CPU else (CUDA, index)
+    device = array.device
+    return (CPU, 0) if device.is_cpu else (CUDA, device.ordinal)
 
 
 def export(array, stream=None, max_version=None, dl_device=None, copy=None):

@@ -49,8 +49,9 @@ def dtype_from_torch(dtype):
 
 
 def device_to_torch(device=None) -> str:
-    """PyTorch's name of a device, which is ours."""
-    return devices.get_device(device).alias
+    """PyTorch's name of a device."""
+    device = devices.get_device(device)
+    return "cpu" if device.is_cpu else f"cuda:{device.ordinal}"
 
 
 def device_from_torch(device):
@@ -183,9 +184,9 @@ def stream_to_torch(stream_or_device=None):
     if not isinstance(stream, _native.Stream):
         stream = devices.get_stream(stream)
     if stream.cuda_stream in (0, interop.LEGACY_STREAM):
-        return torch.cuda.default_stream(stream.device_index)
+        return torch.cuda.default_stream(stream.device.ordinal)
     result = torch.cuda.ExternalStream(
-        stream.cuda_stream, device=torch.device("cuda", stream.device_index)
+        stream.cuda_stream, device=torch.device("cuda", stream.device.ordinal)
     )
     # PyTorch does not own the stream; the object keeps ours from being destroyed.
     result.warp_stream = stream
