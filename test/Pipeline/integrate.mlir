@@ -4,6 +4,7 @@
 // The loads of each vector are adjacent, all loads come before all stores, and
 // the stores of x come before those of v.
 // PTX-LABEL: .entry integrate
+// PTX-NOT: .local
 // PTX: ld.global.b32 %r{{[0-9]+}}, [%[[X:rd[0-9]+]]];
 // PTX-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[X]]+4];
 // PTX-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[X]]+8];

@@ -136,6 +136,8 @@ def test_kernel_reads_the_memory_of_a_peer(pair):
     owner, peer = pair
     if not wp.is_peer_access_supported(owner, peer):
         pytest.skip(f"{peer} cannot reach the memory of {owner}")
+    if not wp.is_mempool_access_supported(owner, peer):
+        pytest.skip(f"{peer} cannot reach the pool of {owner}")
     data = numbers()
     former = wp.is_peer_access_enabled(owner, peer), wp.is_mempool_access_enabled(owner, peer)
     try:
