@@ -55,6 +55,8 @@ WARP_API std::pair<size_t, size_t> deviceMemory(int device);
 WARP_API void *cudaContext(int device);
 /// The context that is current on this thread, null if none is.
 WARP_API void *currentCudaContext();
+/// Makes a context current on this thread; returns the former one.
+WARP_API void *setCurrentCudaContext(void *context);
 /// The number of the device with this context; a context that is new gets the
 /// next number.
 WARP_API int mapContext(void *context);

@@ -165,6 +165,12 @@ void *warp::currentCudaContext() {
   return context;
 }
 
+void *warp::setCurrentCudaContext(void *context) {
+  void *previous = currentCudaContext();
+  WARP_CUDA(ctxSetCurrent, static_cast<cuda::Context>(context));
+  return previous;
+}
+
 int warp::mapContext(void *pointer) {
   auto context = static_cast<cuda::Context>(pointer);
   DeviceTable &table = deviceTable();

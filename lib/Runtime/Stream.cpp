@@ -209,6 +209,9 @@ QueuedWork::QueuedWork(int device, const Stream *stream)
 
 void warp::synchronizeBusyStreams() {
   for (int device = 0; device < knownDeviceCount(); ++device) {
+    // Waiting would end a capture; what it recorded does not run yet.
+    if (isCapturing(device))
+      continue;
     DeviceState &state = cudaDeviceState(device);
     std::vector<StreamHandle> handles;
     {

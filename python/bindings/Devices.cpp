@@ -6,6 +6,7 @@
 #include "warp/KernelCache.h"
 #include "warp/ThreadPool.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <cstring>
 
@@ -50,10 +51,41 @@ static py::object deviceObject(int index) {
   return py::module_::import("warp._src.devices").attr("by_index")(index);
 }
 
+static int cudaIndex(const py::object &device) {
+  if (PyLong_CheckExact(device.ptr()))
+    return device.cast<int>();
+  return py::module_::import("warp._src.streams")
+      .attr("cuda_index")(device)
+      .cast<int>();
+}
+
+static int readPriority(const py::object &priority) {
+  if (!PyLong_Check(priority.ptr()))
+    throw Error(Error::Kind::LaunchType,
+                std::string("expects an int as priority of a stream, but got "
+                            "'") +
+                    Py_TYPE(priority.ptr())->tp_name + "'");
+  return priority.cast<int>();
+}
+
 static void bindStreams(py::module_ &m) {
   py::class_<Stream, std::shared_ptr<Stream>> stream(m, "Stream");
   py::class_<Event, std::shared_ptr<Event>> event(m, "Event");
-  stream.def(py::init<int, int>(), py::arg("device"), py::arg("priority") = 0)
+  stream
+      .def(py::init([](const py::object &device, const py::object &priority,
+                       const py::object &handle) {
+             int index = cudaIndex(device);
+             if (!handle.is_none())
+               return std::make_shared<Stream>(
+                   index,
+                   reinterpret_cast<void *>(handle.cast<uintptr_t>()));
+             // The priorities that every device has.
+             return std::make_shared<Stream>(
+                 index, std::clamp(readPriority(priority), -1, 0));
+           }),
+           py::arg("device") = py::none(), py::arg("priority") = 0,
+           py::arg("cuda_stream") = py::none(),
+           "A new stream, or with `cuda_stream` one that somebody else owns.")
       .def_static(
           "from_handle",
           [](int device, uintptr_t handle) {
@@ -73,28 +105,47 @@ static void bindStreams(py::module_ &m) {
       .def("synchronize", &Stream::synchronize, Unlocked())
       .def(
           "record_event",
-          [](Stream &self, std::shared_ptr<Event> event) {
+          [](Stream &self, std::shared_ptr<Event> event, bool) {
             if (!event)
               event = std::make_shared<Event>(self.device());
             event->record(self);
             return event;
           },
-          py::arg("event") = nullptr)
+          py::arg("event") = nullptr, py::arg("external") = false,
+          "Records an event, a new one if none is given.")
       .def(
           "wait_event",
-          [](Stream &self, const Event &event) { waitEvent(self, event); },
-          py::arg("event"))
-      .def(
-          "wait_stream",
-          [](Stream &self, const Stream &other) {
-            Event event(other.device());
-            event.record(other);
+          [](Stream &self, const Event &event, bool) {
             waitEvent(self, event);
           },
-          py::arg("other"));
+          py::arg("event"), py::arg("external") = false,
+          "Lets work queued from now on wait for an event.")
+      .def(
+          "wait_stream",
+          [](Stream &self, const Stream &other, std::shared_ptr<Event> event,
+             bool) {
+            if (!event)
+              event = std::make_shared<Event>(other.device());
+            event->record(other);
+            waitEvent(self, *event);
+          },
+          py::arg("other_stream"), py::arg("event") = nullptr,
+          py::arg("external") = false,
+          "Lets work queued from now on wait for what another stream has.")
+      .def("__cuda_stream__", [](Stream &self) {
+        return py::make_tuple(0, address(self.handle()));
+      });
   event
-      .def(py::init<int, bool, bool>(), py::arg("device"),
-           py::arg("enable_timing") = false, py::arg("interprocess") = false)
+      .def(py::init([](const py::object &device, bool timing, bool shared) {
+             return std::make_shared<Event>(cudaIndex(device), timing, shared);
+           }),
+           py::arg("device") = py::none(), py::arg("enable_timing") = false,
+           py::arg("interprocess") = false)
+      .def("ipc_handle",
+           [](const Event &self) {
+             IpcHandle handle = self.ipcHandle();
+             return py::bytes(handle.data(), handle.size());
+           })
       .def_property_readonly("device_index", &Event::device)
       .def_property_readonly(
           "device", [](Event &self) { return deviceObject(self.device()); })

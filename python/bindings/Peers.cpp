@@ -54,6 +54,13 @@ static void bindAccess(py::module_ &m) {
   m.def("map_context", [](uintptr_t context) {
     return mapContext(pointer(context));
   });
+  m.def(
+      "set_current_context",
+      [](uintptr_t context) {
+        return reinterpret_cast<uintptr_t>(
+            setCurrentCudaContext(pointer(context)));
+      },
+      py::arg("context"), "Returns the one that was current.");
   m.def("current_context", [] {
     return reinterpret_cast<uintptr_t>(currentCudaContext());
   });
@@ -103,8 +110,6 @@ static void bindSharing(py::module_ &m) {
         closeImported(device, pointer(memory));
       },
       py::arg("device"), py::arg("ptr"));
-  m.def("export_event",
-        [](const Event &event) { return toBytes(event.ipcHandle()); });
   m.def(
       "import_event",
       [](int device, const py::bytes &handle) {

@@ -11,7 +11,7 @@ from __future__ import annotations
 import typing
 
 from warp import _native
-from warp._src import annotations, devices, errors, scalars, types
+from warp._src import allocators, annotations, devices, errors, scalars, types
 from warp._src.annotations import ArrayType
 from warp._src.arithmetic import bfloat16_from_bits
 from warp._src.array_arithmetic import ArrayArithmetic
@@ -185,15 +185,24 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
         raise TypeError("`@` is not defined for arrays, use `wp.tile_matmul` or NumPy")
 
     def numpy(self):
-        """The elements as a NumPy array; shares memory with a `cpu` array, else a copy."""
-        import numpy
+        """The elements as a NumPy array; shares memory with a `cpu` array, else a copy.
 
+        Waits for work on CUDA streams that may still write them.
+        """
         if self.device_index != devices.CPU:
             if _native.is_capturing(self.device_index):
                 raise errors.WarpError(
                     f"cannot read an array on '{self.device}' while a graph is being captured on it"
                 )
+            _native.join_streams(_native.current_stream(self.device_index))
             return self.to("cpu").numpy()
+        if self.pinned:
+            _native.synchronize_busy_streams()
+        return self._host_view()
+
+    def _host_view(self):
+        import numpy
+
         number, inner = element_layout(self.dtype)
         if self.size == 0:
             return numpy.empty(self.shape + inner, number)
@@ -219,6 +228,23 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
         data, step = flat.tobytes(), self.item_size
         starts = range(0, len(data), step)
         return [self.dtype.from_buffer_copy(data[start : start + step]) for start in starts]
+
+    def ipc_handle(self) -> bytes:
+        """What another process needs to use the memory, see `wp.from_ipc_handle`.
+
+        Raises:
+            RuntimeError: the memory comes from a pool, or is not on a CUDA device.
+        """
+        from warp._src.memory import ipc_handle
+
+        return ipc_handle(self)
+
+    @property
+    def memory_kind(self):
+        """What kind of memory backs the array."""
+        from warp._src.memory import memory_kind
+
+        return memory_kind(self)
 
     def to(self, device, requires_grad=None):
         """The array itself if it is on `device`, else a copy there."""
@@ -296,7 +322,12 @@ def allocate(target, extents, dtype, device_index, pinned=False) -> None:
         size *= extent
     if size >= 1 << 63:
         raise errors.WarpMemoryError(f"an array of shape {extents} has more bytes than can exist")
-    buffer = _native.Buffer(device_index, size, pinned) if size else None
+    if not size:
+        buffer = None
+    elif allocators.special:
+        buffer = allocators.make_buffer(device_index, size, pinned)
+    else:
+        buffer = _native.Buffer(device_index, size, pinned)
     pointer = buffer.ptr if buffer is not None else 0
     target._setup(
         pointer, extents, None, dtype, type_id(dtype), item_size, device_index, buffer, pinned

@@ -185,7 +185,7 @@ def _store(target, source, extents, dtype, index, pinned, copy):
         host = new_array()
         allocate(host, extents, dtype, devices.CPU)
     with numpy.errstate(invalid="ignore", over="ignore"):
-        host.numpy()[...] = source.reshape(extents + inner)
+        host._host_view()[...] = source.reshape(extents + inner)
     if host is not target:
         _native.copy_array(target, host)
 

@@ -18,9 +18,9 @@ CPU = -1
 class Device:
     """A place where kernels run and arrays live. Made by `get_device`, compared by identity."""
 
-    def __init__(self, index: int):
+    def __init__(self, index: int, alias: str | None = None):
         self.index = index
-        self.alias = "cpu" if index == CPU else f"cuda:{index}"
+        self.alias = alias or ("cpu" if index == CPU else f"cuda:{index}")
         self.is_cpu = index == CPU
         self.is_cuda = index != CPU
         self.ordinal = index
@@ -57,7 +57,17 @@ class Device:
     def is_mempool_supported(self) -> bool:
         return self.info["has_memory_pool"]
 
-    is_mempool_enabled = is_mempool_supported
+    @property
+    def is_mempool_enabled(self) -> bool:
+        return _native.is_pool_enabled(self.index)
+
+    @property
+    def is_managed_memory_supported(self) -> bool:
+        return self.info["has_managed_memory"]
+
+    @property
+    def is_ipc_supported(self) -> bool:
+        return self.is_cuda and sys.platform == "linux"
 
     @property
     def uuid(self) -> str | None:
@@ -82,7 +92,8 @@ class Device:
 
     @property
     def is_primary(self) -> bool:
-        return True
+        """Whether this is the primary context of a CUDA device."""
+        return self.index not in _mapped
 
     @property
     def is_capturing(self) -> bool:
@@ -112,7 +123,12 @@ class Device:
 
     def can_access(self, other) -> bool:
         """Whether kernels on this device can read memory of the other one."""
-        return get_device(other) is self
+        other = get_device(other)
+        if other is self or (self.is_cuda and other.is_cuda and other.context == self.context):
+            return True
+        if self.is_cpu or other.is_cpu:
+            return False
+        return _native.is_peer_access_enabled(other.index, self.index)
 
     def make_current(self):
         """Nothing to do: contexts are made current where they are used."""
@@ -144,6 +160,8 @@ DeviceLike = Device | str | None
 
 _cpu = Device(CPU)
 _cuda: list[Device] = []
+# Devices that are contexts which users mapped, by number.
+_mapped: dict[int, Device] = {}
 _state = {"initialized": False, "default": None}
 
 # Device numbers by everything that may name a device; the fast path of launches. `None` is the
@@ -190,7 +208,43 @@ def by_index(index: int) -> Device:
     if index == CPU:
         return _cpu
     initialize()
-    return _cuda[index]
+    return _mapped[index] if index in _mapped else _cuda[index]
+
+
+def map_cuda_device(alias: str, context: int | None = None) -> Device:
+    """Gives a CUDA context a device name.
+
+    Args:
+        alias: the name, which must be new.
+        context: address of the CUDA context; by default the one that is current on this thread.
+            The primary context of a device only gives that device a second name.
+
+    Raises:
+        RuntimeError: the name is taken, or there is no context.
+    """
+    initialize()
+    if alias in index_of:
+        raise RuntimeError(f"there is a device '{alias}' already")
+    context = int(getattr(context, "value", context) or _native.current_context())
+    if not context:
+        raise RuntimeError("expects a CUDA context, but none is current on this thread")
+    index = _native.map_context(context)
+    if index >= len(_cuda) and index not in _mapped:
+        _mapped[index] = Device(index, alias)
+    device = by_index(index)
+    index_of[alias] = index_of[device] = index
+    return device
+
+
+def unmap_cuda_device(alias: str) -> None:
+    """Takes a name that `map_cuda_device` gave back.
+
+    Raises:
+        RuntimeError: there is no such name.
+    """
+    if alias not in index_of or alias in ("cpu", "cuda") or alias in (d.alias for d in _cuda):
+        raise RuntimeError(f"no device was mapped as '{alias}'")
+    del index_of[alias]
 
 
 def resolve_index(device) -> int:
@@ -237,7 +291,7 @@ def set_device(ident: DeviceLike) -> None:
 def get_devices() -> list[Device]:
     """All devices."""
     initialize()
-    return [_cpu, *_cuda]
+    return [_cpu, *_cuda, *(d for d in _mapped.values() if d.alias in index_of)]
 
 
 def get_preferred_device() -> Device:
@@ -288,14 +342,6 @@ def get_cuda_driver_version() -> tuple[int, int] | None:
 def get_cuda_toolkit_version() -> tuple[int, int] | None:
     """None: compiled kernels need the driver alone."""
     return None
-
-
-def is_mempool_supported(device) -> bool:
-    return get_device(device).is_mempool_supported
-
-
-def is_mempool_enabled(device) -> bool:
-    return get_device(device).is_mempool_supported
 
 
 def get_stream(device: DeviceLike = None):

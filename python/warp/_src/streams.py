@@ -1,4 +1,9 @@
-"""CUDA streams and events."""
+"""CUDA streams and events.
+
+A stream is a queue of work on a CUDA device; work on one stream runs in order. An event is a point
+in a stream that others can wait for. Both are native classes; this file has what works on the
+current stream.
+"""
 
 from __future__ import annotations
 
@@ -6,47 +11,42 @@ from warp import _native
 from warp._src import devices
 from warp._src.devices import get_device
 
-
-class Stream(_native.Stream):
-    """A queue of work on a CUDA device. Work on one stream runs in order."""
-
-    def __init__(self, device=None, priority: int = 0, **options):
-        super().__init__(_cuda_index(device), priority)
+Stream = _native.Stream
+Event = _native.Event
 
 
-class Event(_native.Event):
-    """A point in a stream that others can wait for."""
-
-    def __init__(self, device=None, enable_timing: bool = False, **options):
-        super().__init__(_cuda_index(device), enable_timing)
-
-
-def _cuda_index(device) -> int:
+def cuda_index(device) -> int:
+    """The number of a CUDA device; called by the constructors of streams and events."""
     device = get_device(device)
     if not device.is_cuda:
         raise RuntimeError(f"device '{device}' has no streams, expects a CUDA device")
     return device.index
 
 
-def record_event(event=None):
-    """Records an event on the current stream of its device."""
+def record_event(event=None, external: bool = False):
+    """Records an event on the current stream of its device, a new event if none is given."""
     if event is None:
         event = Event()
     return _native.current_stream(event.device_index).record_event(event)
 
 
-def wait_event(event) -> None:
-    """Lets the current stream wait for an event."""
+def wait_event(event, external: bool = False) -> None:
+    """Lets the current stream of the default device wait for an event."""
     devices.get_stream().wait_event(event)
 
 
-def wait_stream(other, event=None) -> None:
-    """Lets the current stream wait for everything queued on another one."""
-    devices.get_stream().wait_stream(other)
+def wait_stream(other_stream, event=None, external: bool = False) -> None:
+    """Lets the current stream of the default device wait for all work queued on another one."""
+    devices.get_stream().wait_stream(other_stream, event)
 
 
-def get_event_elapsed_time(start, end, synchronize: bool = True) -> float:
-    """Milliseconds between two recorded events."""
+def get_event_elapsed_time(start_event, end_event, synchronize: bool = True) -> float:
+    """Milliseconds between two recorded events that measure time.
+
+    Args:
+        start_event, end_event: made with `enable_timing=True`.
+        synchronize: wait for the second event first.
+    """
     if synchronize:
-        end.synchronize()
-    return _native.elapsed_time(start, end)
+        end_event.synchronize()
+    return _native.elapsed_time(start_event, end_event)
