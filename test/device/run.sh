@@ -46,9 +46,14 @@ share() {
 }
 
 assemble() {
-  mkdir -p "$package/_src" && cp -r python/warp/. "$package/" &&
+  rm -rf "$package" && mkdir -p "$package/_src" "$package/include/warp" &&
+    cp -r python/warp/. "$package/" &&
+    cp include/warp/*.h "$package/include/warp/" && cp -r cmake "$package/" &&
     cp "$bundle/builtin_table.py" "$package/_src/" &&
-    cp "$bundle/__init__.pyi" "$package/" || return 1
+    cp "$bundle/__init__.pyi" "$package/" &&
+    mkdir -p "$package/include" "$package/cmake" &&
+    cp -r include/warp "$package/include/" &&
+    cp cmake/warpConfig.cmake "$package/cmake/" || return 1
   "$python" - "$bundle/libwarp.so.xz" "$package/libwarp.so" <<'PYTHON' || return 1
 import lzma, shutil, sys
 with lzma.open(sys.argv[1]) as packed, open(sys.argv[2], "wb") as plain:
