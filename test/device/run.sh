@@ -46,9 +46,8 @@ share() {
 }
 
 assemble() {
-  rm -rf "$package" && mkdir -p "$package/_src" "$package/include/warp" &&
+  rm -rf "$package" && mkdir -p "$package/_src" &&
     cp -r python/warp/. "$package/" &&
-    cp include/warp/*.h "$package/include/warp/" && cp -r cmake "$package/" &&
     cp "$bundle/builtin_table.py" "$package/_src/" &&
     cp "$bundle/__init__.pyi" "$package/" &&
     mkdir -p "$package/include" "$package/cmake" &&
