@@ -86,6 +86,16 @@ static void packArguments(Packer &packer, const Items &inputs,
     packer.pack(i, outputs[i - count], device, block, keep);
 }
 
+/// The current stream waits for the writers of foreign arrays; a stream named
+/// in the launch has to wait for them, too.
+static void followCurrent(int device, const Stream &stream) {
+  if (device == cpuDevice)
+    return;
+  Event event(device);
+  event.record(*currentStream(device));
+  waitEvent(stream, event);
+}
+
 void python::flushPythonOutput() {
   PyObject *output = PySys_GetObject("stdout");
   if (!output || output == Py_None)
@@ -136,6 +146,8 @@ PyObject *python::launch(PyObject *self, PyObject *const *args,
     Block block(kernel.parameterSize());
     std::vector<py::object> keep;
     packArguments(packer, inputs, outputs, device, block.data(), keep);
+    if (stream && !keep.empty() && !capturesInProgress)
+      followCurrent(device, *stream);
     if (capturesInProgress)
       holdArguments(device, self, inputs, outputs, keep);
     launchPacked(kernel, device, dim, block.data(), stream, blockDim,

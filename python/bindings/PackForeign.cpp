@@ -107,18 +107,22 @@ static std::string describe(const Interface &found) {
   return text + (found.shape.size() == 1 ? ",)" : ")");
 }
 
-/// Lets the device's current stream wait for the stream that wrote an array.
-static void waitForWriter(const py::dict &fields, int device) {
-  if (!fields.contains("stream") || fields["stream"].is_none())
-    return;
+/// Lets the device's current stream wait for the stream that wrote an array;
+/// false if there is nothing to wait for. What is recorded into a graph runs
+/// later, and cannot wait for other streams.
+static bool waitForWriter(const py::dict &fields, int device) {
+  if (capturesInProgress || !fields.contains("stream") ||
+      fields["stream"].is_none())
+    return false;
   auto *handle = reinterpret_cast<void *>(fields["stream"].cast<uintptr_t>());
   std::shared_ptr<Stream> reader = currentStream(device);
-  if (handle == reader->handle())
-    return;
-  Stream writer(device, handle);
-  Event event(device);
-  event.record(writer);
-  waitEvent(*reader, event);
+  if (handle != reader->handle()) {
+    Stream writer(device, handle);
+    Event event(device);
+    event.record(writer);
+    waitEvent(*reader, event);
+  }
+  return true;
 }
 
 bool python::readForeignArray(const Packer &packer, const PackParam &param,
@@ -159,7 +163,7 @@ bool python::readForeignArray(const Packer &packer, const PackParam &param,
     out.shape[i] = static_cast<int32_t>(found.shape[i]);
     out.strides[i] = static_cast<int32_t>(found.strides[i]);
   }
-  if (!onHost)
-    waitForWriter(py::reinterpret_borrow<py::dict>(fields), device);
+  if (!onHost && waitForWriter(py::reinterpret_borrow<py::dict>(fields), device))
+    keep.push_back(std::move(fields));
   return true;
 }

@@ -106,7 +106,7 @@ def test_structs():
 
 
 # What another stream still writes is complete before we read.
-@pytest.mark.parametrize("way", ["array", "launch"])
+@pytest.mark.parametrize("way", ["array", "launch", "launch on a stream"])
 def test_writer_stream(way):
     writer = wp.Stream("cuda:0")
     a = wp.zeros(64, device="cuda:0")
@@ -116,8 +116,12 @@ def test_writer_stream(way):
     if way == "array":
         shared = wp.array(foreign, copy=False)
         wp.launch(scale, dim=64, inputs=[shared, 3.0], device="cuda:0")
-    else:
+    elif way == "launch":
         wp.launch(scale, dim=64, inputs=[foreign, 3.0], device="cuda:0")
+    else:
+        reader = wp.Stream("cuda:0")
+        wp.launch(scale, dim=64, inputs=[foreign, 3.0], stream=reader)
+        reader.synchronize()
     assert a.list() == [3.0] * 64
 
 

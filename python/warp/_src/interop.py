@@ -101,17 +101,22 @@ def current_handle(index: int) -> int:
     return _native.current_stream(index).cuda_stream or LEGACY_STREAM
 
 
+def _is_recording(index: int) -> bool:
+    """Whether a graph is being recorded: it runs later, and cannot wait for other streams."""
+    return devices.by_index(index).is_capturing
+
+
 def let_wait(handle: int, index: int) -> None:
     """Lets a foreign stream wait for all work on the current stream of a device."""
     current = _native.current_stream(index)
-    if handle != (current.cuda_stream or LEGACY_STREAM):
+    if handle != (current.cuda_stream or LEGACY_STREAM) and not _is_recording(index):
         _native.Stream.from_handle(index, handle).wait_stream(current)
 
 
 def wait_for(handle: int, index: int) -> None:
     """Lets the current stream of a device wait for all work on a foreign stream."""
     current = _native.current_stream(index)
-    if handle != (current.cuda_stream or LEGACY_STREAM):
+    if handle != (current.cuda_stream or LEGACY_STREAM) and not _is_recording(index):
         current.wait_stream(_native.Stream.from_handle(index, handle))
 
 
