@@ -145,7 +145,7 @@ SPAWN = """
         children = [subprocess.Popen([sys.executable, __file__, "child"]) for _ in range(4)]
         print("status:", [child.wait() for child in children])
     wp.launch(poke, 4, [x], device="cuda:0")
-    print("sum:", x.numpy().sum(), flush=True)
+    sys.stdout.write(f"sum: {x.numpy().sum()}\\n")
 """
 
 
