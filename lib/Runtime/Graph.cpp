@@ -31,6 +31,17 @@ struct Registry {
   std::mutex mutex;
   std::vector<Entry> entries;
 };
+
+/// Calls a function when the last graph that holds it goes away.
+struct Release {
+  explicit Release(std::function<void()> function)
+      : function(std::move(function)) {}
+  ~Release() { function(); }
+  Release(const Release &) = delete;
+  Release &operator=(const Release &) = delete;
+
+  std::function<void()> function;
+};
 } // namespace
 
 static Registry &registry() {
@@ -98,8 +109,7 @@ bool warp::keepForCapture(int device, std::function<void()> release) {
     if (!mayUse(entry, device))
       continue;
     if (!kept)
-      kept = std::shared_ptr<void>(
-          nullptr, [release = std::move(release)](void *) { release(); });
+      kept = std::make_shared<Release>(std::move(release));
     entry.capture->kept->push_back(kept);
   }
   return kept != nullptr;

@@ -9,6 +9,8 @@
 //===----------------------------------------------------------------------===//
 
 #include <algorithm>
+#include "FakeGraphs.h"
+
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
@@ -119,6 +121,11 @@ struct Copy2D {
 } // namespace
 
 #define EXPORT extern "C" __attribute__((visibility("default")))
+
+/// Puts a call into a graph instead if its stream is captured.
+#define RECORDED(stream, call)                                                 \
+  if (fakeRecord(stream, [=] { return call; }))                                \
+    return success;
 
 EXPORT const char *fakeCudaLastLaunch() { return lastLaunch.c_str(); }
 EXPORT const void *fakeCudaLastParams() { return lastParams; }
@@ -237,7 +244,10 @@ EXPORT int cuCtxSetCurrent(void *context) {
   current = context;
   return success;
 }
-EXPORT int cuCtxSynchronize() { return fault ? fault : current ? success : 201; }
+EXPORT int cuCtxSynchronize() {
+  fakeInvalidateCaptures();
+  return fault ? fault : current ? success : 201;
+}
 EXPORT int cuMemGetInfo_v2(size_t *free, size_t *total) {
   *free = capacity - inUse - heldBack;
   *total = capacity;
@@ -315,9 +325,14 @@ EXPORT int cuIpcOpenEventHandle(void **event, IpcHandle) {
   return success;
 }
 EXPORT int cuMemAllocAsync(uint64_t *out, size_t bytes, void *stream) {
+  // The driver would make a node of it, which the runtime never wants.
+  if (fakeIsCapturing(stream))
+    return invalidValue;
   return stream ? allocate(out, bytes) : invalidValue;
 }
 EXPORT int cuMemFreeAsync(uint64_t address, void *stream) {
+  if (!stream || fakeIsCapturing(stream))
+    fakeInvalidateCaptures();
   if (int result = note("free", stream))
     return result;
   return release(address, true);
@@ -335,7 +350,8 @@ EXPORT int cuMemHostGetDevicePointer_v2(uint64_t *out, void *memory, unsigned) {
   return success;
 }
 EXPORT int cuMemcpyHtoDAsync_v2(uint64_t to, const void *from, size_t bytes,
-                                void *) {
+                                void *stream) {
+  RECORDED(stream, cuMemcpyHtoDAsync_v2(to, from, bytes, nullptr))
   std::lock_guard<std::mutex> lock(mutex);
   if (fault)
     return fault;
@@ -344,7 +360,9 @@ EXPORT int cuMemcpyHtoDAsync_v2(uint64_t to, const void *from, size_t bytes,
   std::memcpy(reinterpret_cast<void *>(to), from, bytes);
   return success;
 }
-EXPORT int cuMemcpyDtoHAsync_v2(void *to, uint64_t from, size_t bytes, void *) {
+EXPORT int cuMemcpyDtoHAsync_v2(void *to, uint64_t from, size_t bytes,
+                                void *stream) {
+  RECORDED(stream, cuMemcpyDtoHAsync_v2(to, from, bytes, nullptr))
   std::lock_guard<std::mutex> lock(mutex);
   if (fault)
     return fault;
@@ -354,7 +372,8 @@ EXPORT int cuMemcpyDtoHAsync_v2(void *to, uint64_t from, size_t bytes, void *) {
   return success;
 }
 EXPORT int cuMemcpyDtoDAsync_v2(uint64_t to, uint64_t from, size_t bytes,
-                                void *) {
+                                void *stream) {
+  RECORDED(stream, cuMemcpyDtoDAsync_v2(to, from, bytes, nullptr))
   std::lock_guard<std::mutex> lock(mutex);
   if (!isDevice(from, bytes) || !isDevice(to, bytes))
     return illegalAddress;
@@ -382,14 +401,18 @@ EXPORT int cuMemcpy2DAsync_v2(const Copy2D *copy, void *stream) {
   return success;
 }
 EXPORT int cuMemsetD8Async(uint64_t to, unsigned char value, size_t count,
-                           void *) {
+                           void *stream) {
+  RECORDED(stream, cuMemsetD8Async(to, value, count, nullptr))
   return fill(to, value, count);
 }
 EXPORT int cuMemsetD16Async(uint64_t to, unsigned short value, size_t count,
-                            void *) {
+                            void *stream) {
+  RECORDED(stream, cuMemsetD16Async(to, value, count, nullptr))
   return fill(to, value, count);
 }
-EXPORT int cuMemsetD32Async(uint64_t to, unsigned value, size_t count, void *) {
+EXPORT int cuMemsetD32Async(uint64_t to, unsigned value, size_t count,
+                            void *stream) {
+  RECORDED(stream, cuMemsetD32Async(to, value, count, nullptr))
   return fill(to, value, count);
 }
 EXPORT int cuStreamCreateWithPriority(void **stream, unsigned, int) {
@@ -403,10 +426,6 @@ EXPORT int cuStreamDestroy_v2(void *stream) {
 EXPORT int cuStreamQuery(void *) { 
   return fault ? fault : streamsBusy ? notReady : success;
 }
-EXPORT int cuStreamIsCapturing(void *, int *status) {
-  *status = 0;
-  return success;
-}
 EXPORT int cuStreamGetFlags(void *, unsigned *flags) {
   *flags = 0;
   return success;
@@ -415,8 +434,13 @@ EXPORT int cuStreamGetPriority(void *, int *priority) {
   *priority = 0;
   return success;
 }
-EXPORT int cuStreamSynchronize(void *) { return fault; }
-EXPORT int cuStreamWaitEvent(void *stream, void *, unsigned) {
+EXPORT int cuStreamSynchronize(void *stream) {
+  if (fakeIsCapturing(stream))
+    fakeInvalidateCaptures();
+  return fault;
+}
+EXPORT int cuStreamWaitEvent(void *stream, void *event, unsigned) {
+  fakeWaitEvent(stream, event);
   return note("wait", stream);
 }
 EXPORT int cuEventCreate(void **event, unsigned) {
@@ -427,7 +451,8 @@ EXPORT int cuEventDestroy_v2(void *event) {
   std::free(event);
   return success;
 }
-EXPORT int cuEventRecord(void *, void *stream) {
+EXPORT int cuEventRecord(void *event, void *stream) {
+  fakeRecordEvent(event, stream);
   return note("record", stream);
 }
 EXPORT int cuEventQuery(void *) {
@@ -508,13 +533,23 @@ EXPORT int cuModuleUnload(void *module) {
   delete static_cast<std::string *>(module);
   return success;
 }
-EXPORT int cuLaunchKernel(void *, unsigned gx, unsigned gy, unsigned gz,
+EXPORT int cuLaunchKernel(void *function, unsigned gx, unsigned gy, unsigned gz,
                           unsigned bx, unsigned by, unsigned bz, unsigned,
                           void *stream, void **arguments, void **) {
+  auto *code = static_cast<std::string *>(function);
+  if (code && code->find("cudaGraphSetConditional") != std::string::npos) {
+    uint64_t handle = *static_cast<uint64_t *>(arguments[0]);
+    auto *value = *static_cast<const int **>(arguments[1]);
+    bool negated = *static_cast<unsigned *>(arguments[2]);
+    RECORDED(stream, fakeSetCondition(handle, value, negated))
+    return invalidValue;
+  }
   char text[128];
   std::snprintf(text, sizeof(text), "(%u, %u, %u) x (%u, %u, %u)", gx, gy, gz,
                 bx, by, bz);
-  lastLaunch = text;
+  std::string launch = text;
+  RECORDED(stream, (lastLaunch = launch, fault))
+  lastLaunch = launch;
   std::memcpy(lastParams, arguments[0], 24);
   return fault ? fault : stream && current ? success : invalidValue;
 }

@@ -1,0 +1,238 @@
+//===- FakeGraphs.cpp - Graphs of the fake driver -------------------------===//
+//
+// A graph is a list of calls. Streams that are captured into it append to it;
+// a stream joins by waiting for an event that was recorded on one of them. A
+// capture ends in an error if a stream that joined is not waited for, or if
+// something was done that the driver forbids meanwhile.
+//
+//===----------------------------------------------------------------------===//
+
+#include "FakeGraphs.h"
+
+#include <cstdio>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <set>
+#include <utility>
+#include <vector>
+
+namespace {
+
+constexpr int success = 0, invalidValue = 1;
+constexpr int captureUnsupported = 900, captureInvalidated = 901;
+constexpr int captureUnjoined = 904;
+
+struct Graph {
+  std::vector<std::function<int()>> calls;
+  /// Of the bodies inside.
+  std::vector<std::unique_ptr<Graph>> bodies;
+
+  int run() const {
+    for (const auto &call : calls)
+      if (int result = call())
+        return result;
+    return success;
+  }
+};
+
+struct Capture {
+  void *origin;
+  Graph *graph;
+  bool invalid = false;
+  /// Streams with work that the origin has not waited for.
+  std::set<void *> unjoined;
+};
+
+std::recursive_mutex mutex;
+std::map<void *, std::shared_ptr<Capture>> captures;
+struct Recorded {
+  std::shared_ptr<Capture> capture;
+  void *stream;
+};
+std::map<void *, Recorded> events;
+std::vector<int> conditions;
+thread_local int mode = 0;
+using Lock = std::lock_guard<std::recursive_mutex>;
+
+std::shared_ptr<Capture> captureOf(void *stream) {
+  auto found = captures.find(stream);
+  return found == captures.end() ? nullptr : found->second;
+}
+
+} // namespace
+
+bool fakeRecord(void *stream, std::function<int()> call) {
+  Lock lock(mutex);
+  std::shared_ptr<Capture> capture = captureOf(stream);
+  if (!capture)
+    return false;
+  capture->graph->calls.push_back(std::move(call));
+  if (stream != capture->origin)
+    capture->unjoined.insert(stream);
+  return true;
+}
+
+bool fakeIsCapturing(void *stream) {
+  Lock lock(mutex);
+  return captureOf(stream) != nullptr;
+}
+
+void fakeInvalidateCaptures() {
+  Lock lock(mutex);
+  for (auto &[stream, capture] : captures)
+    capture->invalid = true;
+}
+
+void fakeRecordEvent(void *event, void *stream) {
+  Lock lock(mutex);
+  events[event] = {captureOf(stream), stream};
+}
+
+void fakeWaitEvent(void *stream, void *event) {
+  Lock lock(mutex);
+  Recorded recorded = events[event];
+  if (!recorded.capture)
+    return;
+  if (stream == recorded.capture->origin)
+    recorded.capture->unjoined.erase(recorded.stream);
+  else
+    captures[stream] = recorded.capture;
+}
+
+int fakeSetCondition(uint64_t handle, const int *value, bool negated) {
+  conditions[handle] = (*value != 0) != negated;
+  return success;
+}
+
+#define EXPORT extern "C" __attribute__((visibility("default")))
+
+EXPORT int cuStreamIsCapturing(void *stream, int *status) {
+  *status = fakeIsCapturing(stream);
+  return success;
+}
+EXPORT int cuThreadExchangeStreamCaptureMode(int *wanted) {
+  std::swap(mode, *wanted);
+  return success;
+}
+static int begin(void *stream, Graph *graph) {
+  Lock lock(mutex);
+  if (!stream)
+    return captureUnsupported;
+  if (captureOf(stream))
+    return invalidValue;
+  auto capture = std::make_shared<Capture>();
+  capture->origin = stream;
+  capture->graph = graph;
+  captures[stream] = capture;
+  return success;
+}
+EXPORT int cuStreamBeginCapture_v2(void *stream, int) {
+  return begin(stream, new Graph);
+}
+EXPORT int cuStreamBeginCaptureToGraph(void *stream, Graph *graph,
+                                       void *const *, const void *, size_t,
+                                       int) {
+  return begin(stream, graph);
+}
+EXPORT int cuStreamEndCapture(void *stream, Graph **graph) {
+  Lock lock(mutex);
+  *graph = nullptr;
+  std::shared_ptr<Capture> capture = captureOf(stream);
+  if (!capture || capture->origin != stream)
+    return invalidValue;
+  std::erase_if(captures,
+                [&](const auto &entry) { return entry.second == capture; });
+  if (capture->invalid)
+    return captureInvalidated;
+  if (!capture->unjoined.empty())
+    return captureUnjoined;
+  *graph = capture->graph;
+  return success;
+}
+EXPORT int cuStreamGetCaptureInfo_v2(void *stream, int *status, uint64_t *,
+                                     Graph **graph, void *const **nodes,
+                                     size_t *count) {
+  Lock lock(mutex);
+  std::shared_ptr<Capture> capture = captureOf(stream);
+  *status = capture != nullptr;
+  *graph = capture ? capture->graph : nullptr;
+  *nodes = nullptr;
+  *count = 0;
+  return success;
+}
+EXPORT int cuStreamUpdateCaptureDependencies(void *, void **, size_t,
+                                             unsigned) {
+  return success;
+}
+EXPORT int cuGraphInstantiateWithFlags(void **exec, Graph *graph,
+                                       unsigned long long) {
+  *exec = graph;
+  return success;
+}
+EXPORT int cuGraphLaunch(void *exec, void *stream) {
+  auto *graph = static_cast<Graph *>(exec);
+  if (fakeRecord(stream, [=] { return graph->run(); }))
+    return success;
+  return graph->run();
+}
+EXPORT int cuGraphExecDestroy(void *) { return success; }
+EXPORT int cuGraphDestroy(Graph *graph) {
+  delete graph;
+  return success;
+}
+EXPORT int cuGraphGetNodes(Graph *graph, void **, size_t *count) {
+  *count = graph->calls.size();
+  return success;
+}
+EXPORT int cuGraphDebugDotPrint(Graph *graph, const char *path, unsigned) {
+  FILE *file = std::fopen(path, "w");
+  if (!file)
+    return invalidValue;
+  std::fprintf(file, "digraph { %zu }\n", graph->calls.size());
+  std::fclose(file);
+  return success;
+}
+EXPORT int cuGraphConditionalHandleCreate(uint64_t *handle, Graph *graph,
+                                          void *context, unsigned, unsigned) {
+  if (!graph || !context)
+    return invalidValue;
+  *handle = conditions.size();
+  conditions.push_back(0);
+  return success;
+}
+
+namespace {
+struct NodeParams {
+  int type;
+  int reserved[3];
+  uint64_t handle;
+  int kind;
+  unsigned size;
+  Graph **bodies;
+  void *context;
+};
+} // namespace
+
+EXPORT int cuGraphAddNode(void **node, Graph *graph, void *const *, size_t,
+                          NodeParams *params) {
+  if (params->type != 13 || params->size != 1 || !params->context)
+    return invalidValue;
+  graph->bodies.push_back(std::make_unique<Graph>());
+  // The driver owns the array of bodies.
+  static std::vector<std::unique_ptr<Graph *>> arrays;
+  Graph *body = graph->bodies.back().get();
+  arrays.push_back(std::make_unique<Graph *>(body));
+  params->bodies = arrays.back().get();
+  *node = body;
+  graph->calls.push_back([body, handle = params->handle, loop = params->kind] {
+    while (conditions[handle]) {
+      if (int result = body->run())
+        return result;
+      if (!loop)
+        break;
+    }
+    return success;
+  });
+  return success;
+}

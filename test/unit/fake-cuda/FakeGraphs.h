@@ -1,0 +1,22 @@
+//===- FakeGraphs.h - Graphs of the fake driver -----------------*- C++ -*-===//
+
+#ifndef WARP_TEST_FAKE_CUDA_FAKEGRAPHS_H
+#define WARP_TEST_FAKE_CUDA_FAKEGRAPHS_H
+
+#include <cstdint>
+#include <functional>
+
+/// Records a call if its stream is captured; it is repeated when the graph
+/// runs.
+bool fakeRecord(void *stream, std::function<int()> call);
+/// Whether a stream is captured.
+bool fakeIsCapturing(void *stream);
+/// A capture that something forbidden was done to ends in an error.
+void fakeInvalidateCaptures();
+/// Lets a stream join the capture that an event was recorded in.
+void fakeRecordEvent(void *event, void *stream);
+void fakeWaitEvent(void *stream, void *event);
+/// What the kernel that sets conditions does.
+int fakeSetCondition(uint64_t handle, const int *value, bool negated);
+
+#endif // WARP_TEST_FAKE_CUDA_FAKEGRAPHS_H

@@ -1,0 +1,303 @@
+//===- graph-test.cpp - Captures and graphs -------------------------------===//
+//
+// The CPU part runs anywhere; the CUDA part runs against the fake driver, or
+// on a GPU with WARP_CUDA_DRIVER=libcuda.so.1, like cuda-runtime-test.cpp.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Runtime/GraphImpl.h"
+#include "warp/Runtime.h"
+
+#include <cstdlib>
+#include <cstring>
+#include <gtest/gtest.h>
+#include <thread>
+#include <vector>
+
+using namespace warp;
+
+static const int chooseDriver = setenv("WARP_CUDA_DRIVER", WARP_FAKE_CUDA, 0);
+
+namespace {
+
+using Numbers = std::vector<int>;
+
+Numbers download(const void *data, size_t count) {
+  Numbers numbers(count);
+  copyMemory(numbers.data(), cpuDevice, data, 0, count * 4);
+  synchronizeDevice(0);
+  return numbers;
+}
+
+class CudaGraphs : public testing::Test {
+protected:
+  void SetUp() override {
+    ASSERT_EQ(chooseDriver, 0);
+    if (cudaDeviceCount() == 0)
+      GTEST_SKIP() << cudaUnavailableReason();
+  }
+
+  void set(Buffer &buffer, int value) {
+    fillMemory(buffer.data(), 0, &value, 4, buffer.size() / 4);
+  }
+};
+
+int *numbersOf(const Buffer &buffer) {
+  return static_cast<int *>(buffer.data());
+}
+
+} // namespace
+
+//===----------------------------------------------------------------------===//
+// CPU
+//===----------------------------------------------------------------------===//
+
+TEST(HostGraphs, RecordsAndReplays) {
+  Numbers a = {1, 2, 3}, b(3), c(3, 7);
+  auto capture = Capture::begin(cpuDevice);
+  EXPECT_TRUE(isCapturing(cpuDevice));
+  copyMemory(b.data(), cpuDevice, a.data(), cpuDevice, 12);
+  setMemory(c.data(), cpuDevice, 0, 12);
+  EXPECT_EQ(b, Numbers(3));
+  EXPECT_EQ(c, Numbers(3, 7));
+  std::shared_ptr<Graph> graph = capture->end();
+  EXPECT_FALSE(isCapturing(cpuDevice));
+  EXPECT_EQ(graph->size(), 2u);
+  graph->launch();
+  EXPECT_EQ(b, a);
+  EXPECT_EQ(c, Numbers(3));
+  a[1] = 50;
+  graph->launch();
+  EXPECT_EQ(b, a);
+}
+
+TEST(HostGraphs, BelongToTheirThread) {
+  Numbers a(3, 1);
+  auto capture = Capture::begin(cpuDevice);
+  std::thread([&] {
+    EXPECT_FALSE(isCapturing(cpuDevice));
+    setMemory(a.data(), cpuDevice, 0, 12);
+  }).join();
+  EXPECT_EQ(a, Numbers(3));
+  EXPECT_EQ(capture->end()->size(), 0u);
+}
+
+TEST(HostGraphs, KeepFreedMemory) {
+  Numbers result(3);
+  auto capture = Capture::begin(cpuDevice);
+  {
+    Buffer temporary(cpuDevice, 12);
+    int value = 5;
+    fillMemory(temporary.data(), cpuDevice, &value, 4, 3);
+    copyMemory(result.data(), cpuDevice, temporary.data(), cpuDevice, 12);
+  }
+  std::shared_ptr<Graph> graph = capture->end();
+  graph->launch();
+  EXPECT_EQ(result, Numbers(3, 5));
+}
+
+TEST(HostGraphs, BranchesAndLoops) {
+  // The condition is the first number of a list that the loop moves along.
+  Numbers list = {1, 1, 1, 0, 9}, yes(1), no(1);
+  auto capture = Capture::begin(cpuDevice);
+  auto loop = capture->addCondition(list.data(), false);
+  capture->beginBody(loop, true);
+  copyMemory(list.data(), cpuDevice, list.data() + 1, cpuDevice, 16);
+  capture->updateCondition(loop, list.data(), false);
+  capture->endBody();
+  auto first = capture->addCondition(list.data(), false);
+  auto second = capture->addCondition(list.data(), true);
+  for (auto [condition, target] : {std::pair(first, &yes), {second, &no}}) {
+    capture->beginBody(condition, false);
+    setMemory(target->data(), cpuDevice, 1, 4);
+    capture->endBody();
+  }
+  auto graph = capture->end();
+  graph->launch();
+  EXPECT_EQ(list, (Numbers{0, 9, 9, 9, 9}));
+  EXPECT_EQ(yes[0], 0);
+  EXPECT_NE(no[0], 0);
+}
+
+TEST(HostGraphs, Misuse) {
+  auto capture = Capture::begin(cpuDevice);
+  EXPECT_THROW(Capture::begin(cpuDevice), Error);
+  EXPECT_THROW(capture->endBody(), Error);
+  int value = 1;
+  capture->beginBody(capture->addCondition(&value, false), false);
+  EXPECT_THROW(capture->end(), Error);
+  EXPECT_FALSE(isCapturing(cpuDevice));
+  EXPECT_EQ(Capture::begin(cpuDevice)->end()->size(), 0u);
+}
+
+//===----------------------------------------------------------------------===//
+// CUDA
+//===----------------------------------------------------------------------===//
+
+TEST_F(CudaGraphs, RecordsAndReplays) {
+  Buffer a(0, 400), b(0, 400);
+  set(a, 1);
+  set(b, 2);
+  auto capture = Capture::begin(0);
+  EXPECT_TRUE(isCapturing(0));
+  copyMemory(a.data(), 0, b.data(), 0, 400);
+  set(b, 3);
+  std::shared_ptr<Graph> graph = capture->end();
+  EXPECT_FALSE(isCapturing(0));
+  EXPECT_EQ(graph->size(), 2u);
+  EXPECT_EQ(download(a.data(), 100), Numbers(100, 1));
+  graph->launch();
+  EXPECT_EQ(download(a.data(), 100), Numbers(100, 2));
+  graph->launch();
+  EXPECT_EQ(download(a.data(), 100), Numbers(100, 3));
+}
+
+TEST_F(CudaGraphs, RefusesToWait) {
+  Buffer a(0, 400);
+  auto capture = Capture::begin(0);
+  set(a, 1);
+  EXPECT_THROW(synchronizeDevice(0), Error);
+  EXPECT_THROW(currentStream(0)->synchronize(), Error);
+  EXPECT_EQ(capture->end()->size(), 1u);
+}
+
+TEST_F(CudaGraphs, AllocatesAndFreesInside) {
+  Buffer result(0, 400);
+  std::shared_ptr<Graph> graph;
+  {
+    auto capture = Capture::begin(0);
+    {
+      Buffer temporary(0, 400);
+      set(temporary, 8);
+      copyMemory(result.data(), 0, temporary.data(), 0, 400);
+    }
+    graph = capture->end();
+  }
+  std::vector<std::unique_ptr<Buffer>> others;
+  for (int i = 0; i < 10; ++i) {
+    others.push_back(std::make_unique<Buffer>(0, 400));
+    set(*others.back(), 1);
+  }
+  graph->launch();
+  EXPECT_EQ(download(result.data(), 100), Numbers(100, 8));
+  EXPECT_EQ(download(others[0]->data(), 100), Numbers(100, 1));
+}
+
+// The pattern of a fill is read when the graph runs.
+TEST_F(CudaGraphs, KeepsPatterns) {
+  Buffer a(0, 400);
+  auto capture = Capture::begin(0);
+  {
+    std::vector<int> pattern = {1, 2, 3, 4};
+    fillMemory(a.data(), 0, pattern.data(), 16, 25);
+    std::fill(pattern.begin(), pattern.end(), -1);
+  }
+  capture->end()->launch();
+  Numbers numbers = download(a.data(), 100);
+  for (int i = 0; i < 100; ++i)
+    EXPECT_EQ(numbers[i], 1 + i % 4);
+}
+
+TEST_F(CudaGraphs, OtherStreamsJoin) {
+  Buffer a(0, 400), b(0, 400);
+  Stream side(0);
+  std::shared_ptr<Stream> main = currentStream(0);
+  auto capture = Capture::begin(0);
+  Event fork(0), join(0);
+  fork.record(*main);
+  waitEvent(side, fork);
+  EXPECT_TRUE(side.isCapturing());
+  setMemory(b.data(), 0, 1, 400, &side);
+  join.record(side);
+  waitEvent(*main, join);
+  copyMemory(a.data(), 0, b.data(), 0, 400);
+  auto graph = capture->end();
+  EXPECT_FALSE(side.isCapturing());
+  graph->launch();
+  EXPECT_EQ(download(a.data(), 100), Numbers(100, 0x01010101));
+}
+
+TEST_F(CudaGraphs, StreamsThatDoNotJoinAreAnError) {
+  Buffer a(0, 400);
+  Stream side(0);
+  auto capture = Capture::begin(0);
+  Event fork(0);
+  fork.record(*currentStream(0));
+  waitEvent(side, fork);
+  setMemory(a.data(), 0, 1, 400, &side);
+  try {
+    capture->end();
+    FAIL();
+  } catch (const Error &error) {
+    EXPECT_NE(error.message.find("was not joined"), std::string::npos);
+  }
+  EXPECT_FALSE(currentStream(0)->isCapturing());
+}
+
+TEST_F(CudaGraphs, BranchesAndLoops) {
+  if (!supportsConditionalGraphs())
+    GTEST_SKIP() << "the driver has no conditional nodes";
+  Numbers start = {1, 1, 1, 0, 9};
+  Buffer list(0, 20), moved(0, 16), yes(0, 4), no(0, 4);
+  set(yes, 0);
+  set(no, 0);
+  copyMemory(list.data(), 0, start.data(), cpuDevice, 20);
+  synchronizeDevice(0);
+  auto capture = Capture::begin(0);
+  auto loop = capture->addCondition(numbersOf(list), false);
+  capture->beginBody(loop, true);
+  copyMemory(moved.data(), 0, numbersOf(list) + 1, 0, 16);
+  copyMemory(list.data(), 0, moved.data(), 0, 16);
+  capture->updateCondition(loop, numbersOf(list), false);
+  capture->endBody();
+  auto first = capture->addCondition(numbersOf(list), false);
+  auto second = capture->addCondition(numbersOf(list), true);
+  for (auto [condition, target] : {std::pair(first, &yes), {second, &no}}) {
+    capture->beginBody(condition, false);
+    set(*target, 1);
+    capture->endBody();
+  }
+  auto graph = capture->end();
+  graph->launch();
+  EXPECT_EQ(download(list.data(), 5), (Numbers{0, 9, 9, 9, 9}));
+  EXPECT_EQ(download(yes.data(), 1), Numbers{0});
+  EXPECT_EQ(download(no.data(), 1), Numbers{1});
+}
+
+TEST_F(CudaGraphs, AbandonedCapturesLeaveNoTrace) {
+  Buffer a(0, 4);
+  set(a, 3);
+  {
+    auto capture = Capture::begin(0);
+    set(a, 4);
+    if (supportsConditionalGraphs())
+      capture->beginBody(capture->addCondition(numbersOf(a), false), true);
+    EXPECT_THROW(Capture::begin(0), Error);
+  }
+  EXPECT_FALSE(isCapturing(0));
+  EXPECT_FALSE(currentStream(0)->isCapturing());
+  EXPECT_EQ(download(a.data(), 1), Numbers{3});
+}
+
+TEST_F(CudaGraphs, ExternalCaptures) {
+  EXPECT_THROW(Capture::begin(0, nullptr, CaptureMode::Relaxed, true), Error);
+  auto outer = Capture::begin(0);
+  auto inner = Capture::begin(0, nullptr, CaptureMode::ThreadLocal, true);
+  std::shared_ptr<Graph> theirs = inner->end();
+  EXPECT_THROW(theirs->launch(), Error);
+  EXPECT_TRUE(currentStream(0)->isCapturing());
+  EXPECT_EQ(outer->end()->size(), 0u);
+}
+
+TEST_F(CudaGraphs, GraphsOnOtherStreams) {
+  Buffer a(0, 4);
+  set(a, 0);
+  synchronizeDevice(0);
+  auto side = std::make_shared<Stream>(0);
+  auto capture = Capture::begin(0, side);
+  setMemory(a.data(), 0, 1, 4, side.get());
+  auto graph = capture->end();
+  graph->launch(side.get());
+  side->synchronize();
+  EXPECT_EQ(download(a.data(), 1), Numbers{0x01010101});
+}
