@@ -69,7 +69,8 @@ static std::string describe(const warp::CompileOptions &options) {
   stream << options.target << ' ' << options.rank << ' ' << options.contiguous
          << ' ' << options.index32 << options.flat << options.debug
          << options.fastMath << options.lineinfo << ' ' << options.optLevel
-         << ' ' << options.blockDim << ' ' << options.driverVersion << ' ' << options.large << ' ' << options.threads << ' '
+         << ' ' << options.blockDim << ' ' << options.driverVersion << ' '
+         << options.large << ' ' << options.threads << ' '
          << options.maxRegisters << ' ' << options.minBlocks << '\n';
   if (!warp::isGpu(options))
     stream << warp::describeCpu(options) << '\n';

@@ -24,8 +24,9 @@ struct VariantKey {
 
   bool operator==(const VariantKey &other) const {
     return device == other.device && rank == other.rank &&
-           index32 == other.index32 && flat == other.flat && large == other.large &&
-           blockDim == other.blockDim && contiguous == other.contiguous;
+           index32 == other.index32 && flat == other.flat &&
+           large == other.large && blockDim == other.blockDim &&
+           contiguous == other.contiguous;
   }
 };
 

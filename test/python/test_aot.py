@@ -158,29 +158,64 @@ def test_generic_kernels_save_what_was_launched(tmp_path, device):
     assert x.numpy().tolist() == [3, 3, 3]
 
 
-@pytest.mark.skipif(not shutil.which("cmake"), reason="needs CMake")
-def test_cpp_program(tmp_path):
-    """The example of the guide: configured, built and run as a user would."""
-    saved = subprocess.run(
-        [sys.executable, EXAMPLE / "integrate_kernels.py", tmp_path],
-        capture_output=True,
-        text=True,
-        env=ENVIRON,
-    )
-    assert saved.returncode == 0, saved.stderr
-    module = saved.stdout.split()[-1]
-    configure = ["cmake", "-S", EXAMPLE, "-B", tmp_path / "build"]
-    configure.append(f"-DWARP_ROOT={wp.get_cmake_dir()}")
-    for command in (configure, ["cmake", "--build", tmp_path / "build"]):
+@pytest.fixture(scope="module")
+def program(tmp_path_factory):
+    """The example of the guide: configured and built as a user would."""
+    compiler = shutil.which("c++") or shutil.which("g++")
+    if not compiler:
+        pytest.skip("needs a C++ compiler")
+    folder = tmp_path_factory.mktemp("integrate")
+    program = folder / "integrate"
+    if shutil.which("cmake"):
+        configure = ["cmake", "-S", EXAMPLE, "-B", folder, f"-DWARP_ROOT={wp.get_cmake_dir()}"]
+        commands = [configure, ["cmake", "--build", folder]]
+    else:
+        package = Path(wp.__file__).parent
+        source = [EXAMPLE / "integrate.cpp", "-I", wp.get_include(), package / "libwarp.so"]
+        commands = [[compiler, "-std=c++17", *source, "-o", program, f"-Wl,-rpath,{package}"]]
+    for command in commands:
         done = subprocess.run(command, capture_output=True, text=True)
         assert done.returncode == 0, done.stdout + done.stderr
-    program = tmp_path / "build" / "integrate"
-    done = subprocess.run([program, module], capture_output=True, text=True)
-    assert done.stderr == "" and done.returncode == 0, done.stdout
-    assert done.stdout == "1000 particles at height 0.0460 on cpu\n"
-    missing = subprocess.run([program, "absent.warp"], capture_output=True, text=True)
-    assert missing.returncode == 1
-    assert missing.stderr.startswith("saved module 'absent.warp' cannot be read")
+    return program
+
+
+def run_program(program, module, device="cpu"):
+    number = "-1" if device == "cpu" else device.split(":")[1]
+    return subprocess.run([program, module, number], capture_output=True, text=True)
+
+
+def test_cpp_program(program, tmp_path, device, monkeypatch):
+    monkeypatch.syspath_prepend(EXAMPLE)
+    import integrate_kernels
+
+    (module,) = wp.compile_aot_module(
+        integrate_kernels, device=device, module_dir=tmp_path / "code", strip_hash=True
+    )
+    modules = [module]
+    if device != "cpu":
+        modules += integrate_kernels.save(tmp_path, wp.get_device(device).arch)
+    for module in modules:
+        done = run_program(program, module, device)
+        assert done.stderr == "" and done.returncode == 0, done.stdout
+        assert done.stdout == f"1000 particles at height 0.0460 on {device}\n"
+
+
+def test_cpp_program_says_what_is_wrong(program, tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(EXAMPLE)
+    import integrate_kernels
+
+    done = run_program(program, "absent.warp")
+    assert done.returncode == 1
+    assert done.stderr == (
+        "saved module 'absent.warp' cannot be read: No such file or directory\n"
+    )
+    (module,) = integrate_kernels.save(tmp_path, 90)
+    done = run_program(program, module)
+    assert done.returncode == 1
+    assert done.stderr == (
+        "launch('integrate'): no code was saved for (cpu, 1 dimension), there is: "
+        "(sm_90, 1 dimension, blocks of 256)\n"
+    )
 
 
 def test_headers_are_in_the_package():

@@ -4,6 +4,7 @@
 #include "warp/Runtime.h"
 
 #include <cstdlib>
+#include <dlfcn.h>
 #include <gtest/gtest.h>
 #include <string>
 #include <vector>
@@ -199,4 +200,44 @@ TEST_F(SavedModuleTest, HasPtxForGpusThatAreNotThere) {
     EXPECT_NE(ptx.find(".minnctapersm 3"), std::string::npos);
     EXPECT_EQ(variant.blockDim, 128);
   }
+}
+
+// The driver of the CUDA tests; see cuda-runtime-test.cpp.
+TEST_F(SavedModuleTest, LaunchesPtxOnADevice) {
+  void *library = dlopen(std::getenv("WARP_CUDA_DRIVER"), RTLD_NOW);
+  auto *lastLaunch = library ? reinterpret_cast<const char *(*)()>(
+                                   dlsym(library, "fakeCudaLastLaunch"))
+                             : nullptr;
+  if (!lastLaunch)
+    GTEST_SKIP() << "needs the fake driver";
+  SavedModule module = saved(70);
+  auto kernel = module.kernel("add");
+  Array<float> x(0, {5000}), y(0, {5000});
+  launch(*kernel, 0, {5000}, x, y, 0, 1.0f);
+  EXPECT_STREQ(lastLaunch(), "(20, 1, 1) x (256, 1, 1)");
+  std::string problem = errorOf([&] {
+    LaunchDim dim;
+    dim.extent[0] = 10;
+    std::vector<uint64_t> block(kernel->parameterSize() / 8);
+    kernel->launch(0, dim, block.data(), nullptr, 64);
+  });
+  EXPECT_NE(problem.find("1 dimension, blocks of 64), there is: (sm_70, 1 "
+                         "dimension, blocks of 256)"),
+            std::string::npos)
+      << problem;
+}
+
+TEST_F(SavedModuleTest, PropertiesComeFromTheDriver) {
+  void *library = dlopen(std::getenv("WARP_CUDA_DRIVER"), RTLD_NOW);
+  if (!library || !dlsym(library, "fakeCudaLastLaunch"))
+    GTEST_SKIP() << "needs the fake driver";
+  KernelOptions options;
+  options.maxThreads = 512;
+  Kernel kernel(Module::fromText(addText), "add", options);
+  CudaProperties found = kernel.cudaProperties(0, 128);
+  EXPECT_EQ(found.registers, 40);
+  EXPECT_EQ(found.localMemory, 16);
+  EXPECT_EQ(found.sharedMemory, 1024);
+  EXPECT_EQ(found.blocksPerMultiprocessor, 8);
+  EXPECT_EQ(kernel.suggestedBlock(0), std::make_pair(512, 264));
 }
