@@ -182,11 +182,11 @@ def graph_rows(session):
 SECTIONS = {
     "limits": Session.limit_rows,
     "launch": launch_rows,
-    "graphs": graph_rows,
     "transfers": transfer_rows,
     "streams": stream_rows,
     "math": math_rows,
     "atomics": atomic_rows,
+    "graphs": graph_rows,
     "compile": lambda session: spine.compile_rows(session.spine, 2),
     "start": lambda session: spine.start_rows(session.spine),
     "registers": register_rows,

@@ -323,7 +323,8 @@ def main():
             part()
         except Exception as error:  # the parts after it are inspected, too
             failed += 1
-            print(f"{part.__name__} fails: {type(error).__name__}: {error}", flush=True)
+            text = " ".join(str(error).split())[:300]
+            print(f"{part.__name__} fails: {type(error).__name__}: {text}", flush=True)
     wp.synchronize_device(CARD)
     print(f"{len(PARTS) - failed} parts done")
     sys.exit(1 if failed else 0)
