@@ -5,13 +5,15 @@
 // and what is packed at the end becomes a run of bytes. What is left is a
 // short list of dimensions around a run.
 //
-// On the host that is a loop nest. On CUDA the last dimension is one
-// two-dimensional copy of the driver and the others are loops around it. Views
+// On the host that is a loop nest. On CUDA many runs are a kernel's work
+// (CopyKernel.cpp); of few, the last dimension is one two-dimensional copy of
+// the driver and the others are loops around it. Views
 // of two memories never meet directly: a strided side is packed into a
 // temporary first, or unpacked from one, so that what travels is contiguous.
 //
 //===----------------------------------------------------------------------===//
 
+#include "CopyNest.h"
 #include "DeviceState.h"
 #include "GraphImpl.h"
 #include "warp/Error.h"
@@ -26,22 +28,8 @@
 using namespace warp;
 using cuda::Pointer;
 
-namespace {
-
-struct Dimension {
-  int64_t extent, dstStride, srcStride;
-};
-
-/// A copy in its simplest form.
-struct Nest {
-  char *dst;
-  const char *src;
-  int64_t run;
-  int rank = 0;
-  Dimension dims[maxRank];
-};
-
-} // namespace
+using Nest = CopyNest;
+using Dimension = CopyNest::Dimension;
 
 static std::string shapeText(const ArrayDescriptor &array) {
   std::string text = "(";
@@ -265,6 +253,8 @@ void warp::copyArray(ArrayView dst, ArrayView src, size_t elementSize,
       copyOnHost(nest);
     return;
   }
+  if (copyByKernel(nest, dst.device, stream))
+    return;
   QueuedWork work(dst.device, stream);
   copyNestOnCuda(nest, 0, nest.dst, nest.src, work.stream());
 }

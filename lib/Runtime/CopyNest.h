@@ -1,0 +1,33 @@
+//===- CopyNest.h - A strided copy in its simplest form ---------*- C++ -*-===//
+
+#ifndef WARP_LIB_RUNTIME_COPYNEST_H
+#define WARP_LIB_RUNTIME_COPYNEST_H
+
+#include "warp/Launch.h"
+
+#include <cstdint>
+
+namespace warp {
+
+class Stream;
+
+/// Dimensions around runs of bytes that are packed on both sides.
+struct CopyNest {
+  struct Dimension {
+    int64_t extent, dstStride, srcStride;
+  };
+
+  char *dst;
+  const char *src;
+  int64_t run;
+  int rank = 0;
+  Dimension dims[maxRank];
+};
+
+/// Copies within a CUDA device by a kernel. False, with nothing done, if the
+/// copy is too small to be worth one or does not fit its arrays.
+bool copyByKernel(const CopyNest &nest, int device, const Stream *stream);
+
+} // namespace warp
+
+#endif // WARP_LIB_RUNTIME_COPYNEST_H
