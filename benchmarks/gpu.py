@@ -200,7 +200,8 @@ def attempt(name, session):
         rows = SECTIONS[name](session)
     except Exception as error:  # the other sections go on
         lines = str(error).strip().splitlines() or [type(error).__name__]
-        rows = [Row(name, "runs", f"failed: {lines[0]} {lines[-1]}"[:300], False)]
+        text = " ".join(dict.fromkeys((lines[0], lines[-1])))
+        rows = [Row(name, "runs", f"failed: {text}"[:300], False)]
     print(f"{name}: {time.perf_counter() - begin:.0f} s", file=sys.stderr, flush=True)
     return rows
 
