@@ -206,9 +206,7 @@ def test_cpp_program_says_what_is_wrong(program, tmp_path, monkeypatch):
 
     done = run_program(program, "absent.warp")
     assert done.returncode == 1
-    assert done.stderr == (
-        "saved module 'absent.warp' cannot be read: No such file or directory\n"
-    )
+    assert done.stderr == ("saved module 'absent.warp' cannot be read: No such file or directory\n")
     (module,) = integrate_kernels.save(tmp_path, 90)
     done = run_program(program, module)
     assert done.returncode == 1
