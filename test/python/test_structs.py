@@ -189,9 +189,6 @@ def test_bad_declarations():
     class Derived(Unknown):
         y: float
 
-    class Empty:
-        pass
-
     class Reserved:
         assign: float
 
@@ -201,7 +198,6 @@ def test_bad_declarations():
         (Method, "method 'f'"),
         (Default, "default value"),
         (Derived, "inherit"),
-        (Empty, "no fields"),
         (Reserved, "taken"),
     ):
         with pytest.raises(TypeError, match=message):

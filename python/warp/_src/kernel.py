@@ -58,6 +58,8 @@ class Kernel:
         self.epoch = None
         self.native = None
         self._specialized: dict = {}
+        # Made by `wp.overload`, by the types of the parameters.
+        self.overloads: dict = {}
         self.__name__ = func.__name__
         self.__qualname__ = func.__qualname__
         self.__module__ = func.__module__

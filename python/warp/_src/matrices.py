@@ -12,7 +12,16 @@ from warp._src.composites import (
     scalars_of,
 )
 from warp._src.scalars import canonical_scalar
-from warp._src.vectors import SUFFIX, Quaternion, Vector, _cache, make_composite, vector
+from warp._src.vectors import (
+    SUFFIX,
+    GenericAnnotation,
+    Quaternion,
+    Vector,
+    _cache,
+    is_open,
+    make_composite,
+    vector,
+)
 
 
 class Matrix(Composite):
@@ -31,8 +40,6 @@ class Matrix(Composite):
         construct_components(self, args)
 
     def __class_getitem__(cls, params):
-        from warp._src.vectors import GenericAnnotation
-
         params = params if isinstance(params, tuple) else (params,)
         extents = tuple(p for p in params if isinstance(p, int))
         dtypes = [p for p in params if not isinstance(p, int)]
@@ -180,6 +187,8 @@ def matrix(shape=None, dtype=None, *, name=None):
     if not isinstance(shape, (tuple, list)) or len(shape) != 2:
         raise ValueError(f"expects a matrix shape of two extents, but got {shape!r}")
     rows, columns = shape
+    if is_open(rows) or is_open(columns) or is_open(dtype):
+        return GenericAnnotation(Matrix, (rows, columns, dtype))
     if min(rows, columns) < 1:
         raise ValueError(f"expects matrix extents of at least 1, but got {tuple(shape)}")
     dtype = canonical_scalar(dtype)

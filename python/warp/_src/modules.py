@@ -37,13 +37,32 @@ INERT_OPTIONS = {
 }
 
 
+# What options of no effect are where nobody has set them.
+DEFAULTS = {"fuse_fp": True, "deterministic": False, "deterministic_max_records": 0}
+
+
+class Options(dict):
+    """Options that were set; asked for another one it gives the value in effect."""
+
+    def __init__(self, module):
+        super().__init__()
+        self.module = weakref.ref(module)
+
+    def __missing__(self, name):
+        if name in OPTIONS:
+            return self.module().option(name)
+        if name in INERT_OPTIONS:
+            return DEFAULTS.get(name)
+        raise KeyError(name)
+
+
 class Module:
     """What one Python module has declared."""
 
     def __init__(self, name: str):
         self.name = name
         self.kernels = weakref.WeakValueDictionary()
-        self.options: dict = {}
+        self.options = Options(self)
         # What `load_aot_module` has read.
         self.saved: list = []
         # Changes with each call that makes compiled kernels stale.
@@ -179,7 +198,7 @@ def set_module_options(options: dict, module=None) -> None:
 def get_module_options(module=None) -> dict:
     """The options in effect for the kernels of the calling module (or of `module`)."""
     module = _named(module)
-    return {name: module.option(name) for name in OPTIONS}
+    return {name: module.options[name] for name in (*OPTIONS, *sorted(INERT_OPTIONS))}
 
 
 def load_module(module=None, device=None, recursive=False, block_dim=None, max_workers=None):

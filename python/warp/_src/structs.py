@@ -326,8 +326,6 @@ def _make_struct(cls, namespaces):
         field: _field_type(name, field, annotation, [*namespaces, {name: None}])
         for field, annotation in declared.items()
     }
-    if not fields:
-        raise TypeError(f"struct '{name}' has no fields, annotate them: `x: float`")
     spelled = ", ".join(f"{field}: {types.native_text(dtype)}" for field, dtype in fields.items())
     namespace = {
         "__module__": cls.__module__,

@@ -93,6 +93,12 @@ def _named_types() -> dict:
 NAMED_TYPES = _named_types()
 globals().update(NAMED_TYPES)
 
+# Families of scalar types.
+int_types = tuple(INT_TYPES)
+float_types = tuple(FLOAT_TYPES)
+scalar_types = tuple(SCALAR_TYPES)
+scalar_and_bool_types = (*scalar_types, scalars.bool)
+
 # What users write for generic vectors: `wp.vec[3, float]`.
 vec = Vector
 mat = Matrix

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import typing
 
 from warp._src import arithmetic, scalars
 from warp._src.composites import (
@@ -174,6 +175,11 @@ def generic_annotation(family, params):
     return GenericAnnotation(family, params)
 
 
+def is_open(param) -> bool:
+    """Whether a parameter of a type is left to the call: `typing.Any`, `wp.Float`."""
+    return param is typing.Any or isinstance(param, typing.TypeVar)
+
+
 def _component(index):
     return property(lambda self: self._get(index), lambda self, value: self._set(index, value))
 
@@ -201,6 +207,8 @@ def vector(length=None, dtype=None, *, name=None):
     """The vector type of `length` components of scalar type `dtype`."""
     if not isinstance(length, int) or isinstance(length, bool):
         length, dtype = dtype, length
+    if is_open(length) or is_open(dtype):
+        return GenericAnnotation(Vector, (length, dtype))
     if not isinstance(length, int) or length < 1:
         raise ValueError(f"expects a vector length of at least 1, but got {length!r}")
     dtype = canonical_scalar(dtype)
@@ -221,6 +229,8 @@ def vector(length=None, dtype=None, *, name=None):
 
 def quaternion(dtype=None):
     """The quaternion type of scalar type `dtype`."""
+    if is_open(dtype):
+        return GenericAnnotation(Quaternion, (dtype,))
     dtype = canonical_scalar(dtype)
     key = (Quaternion, dtype)
     if key not in _cache:
@@ -237,6 +247,8 @@ def quaternion(dtype=None):
 
 def transformation(dtype=None):
     """The rigid transform type of scalar type `dtype`."""
+    if is_open(dtype):
+        return GenericAnnotation(Transformation, (dtype,))
     dtype = canonical_scalar(dtype)
     key = (Transformation, dtype)
     if key not in _cache:

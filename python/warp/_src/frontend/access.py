@@ -41,6 +41,8 @@ class Access(EmitterBase):
             raise self.no_attribute(base, name, node)
         if isinstance(base, types.Composite):
             return self.value_attribute(self.materialize(base, node), name, node)
+        if types.is_struct(type(base)) and name in type(base)._wp_fields_:
+            return self.struct_constant(type(base)._wp_fields_[name], getattr(base, name))
         try:
             return self.capture(getattr(base, name), node)
         except AttributeError:
@@ -49,6 +51,13 @@ class Access(EmitterBase):
                 f"{names.describe(base)} has no attribute '{name}'",
                 kind=errors.WarpCodegenAttributeError,
             ) from None
+
+    @staticmethod
+    def struct_constant(dtype, number):
+        """A field of a captured struct; a number keeps the type of the field."""
+        if not types.type_is_scalar(dtype) or isinstance(number, types.scalar_base):
+            return number
+        return number if dtype in (types.bool, types.int32, types.float32) else dtype(number)
 
     def value_attribute(self, base, name, node):
         native = base.type
@@ -259,11 +268,23 @@ class Access(EmitterBase):
 
     def spread(self, node):
         """Bindings of a starred expression."""
-        binding = self.expr(node.value)
+        if isinstance(node.value, ast.Subscript) and isinstance(node.value.slice, ast.Slice):
+            base = self.expr(node.value.value)
+            if type(base) is Value and base.type.kind == "array":
+                return self.spread_array(base, node.value.slice, node)
+            binding = self.subscript(base, node.value.slice, node.value)
+        else:
+            binding = self.expr(node.value)
         if type(binding) is tuple:
             return binding
         if isinstance(binding, types.Composite):
             binding = self.materialize(binding, node)
+        if type(binding) is Value and binding.type.kind == "array":
+            raise self.type_error(
+                node,
+                "the elements that `*` takes from an array must be known at compile time",
+                "write `*a[0:3]`",
+            )
         if type(binding) is Value and binding.type.kind in ("vec", "quat", "transform"):
             native = binding.type
             count = {"quat": 4, "transform": 7}.get(native.kind) or native.shape[0]
@@ -273,3 +294,21 @@ class Access(EmitterBase):
         raise self.type_error(
             node, f"expects a tuple or vector after `*`, but got '{self.type_name(binding)}'"
         )
+
+    def spread_array(self, array, item, node):
+        """The elements of `*a[0:3]`: loads, or views of an array of several dimensions."""
+        bounds = [
+            default if part is None else self.constant_int(part, "the bound of `*a[i:j]`")
+            for part, default in ((item.lower, 0), (item.upper, None), (item.step, 1))
+        ]
+        low, high, step = bounds
+        if high is None or low < 0 or high < 0 or step <= 0:
+            raise self.error(
+                node,
+                "`*` of a part of an array expects bounds of at least 0 and an end",
+                "write `*a[0:3]`",
+                errors.WarpCodegenValueError,
+            )
+        self.at(node)
+        read = self.builder.load if array.type.rank == 1 else self.builder.view
+        return tuple([read(array, [self.builder.constant(INT32, i)]) for i in range(*bounds)])

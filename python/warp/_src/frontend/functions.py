@@ -62,12 +62,17 @@ def fits_generic(emitter, annotation, binding) -> bool:
     if annotation is typing.Any:
         return True
     if typing.get_origin(annotation) is tuple:
-        return type(binding) is tuple and len(binding) == len(typing.get_args(annotation))
+        return type(binding) is tuple and fits_parts(emitter, annotation, binding)
     if typing.get_origin(annotation) is not None or annotation is typing.Callable:
         return type(binding) is not Value and callable(binding)
     native = binding.type if type(binding) is Value else emitter.static_type(binding)
-    if native is None:
-        return False
+    return native is not None and fits_native(annotation, native)
+
+
+def fits_native(annotation, native) -> bool:
+    """Whether a type of the compiler is what a generic annotation asks for."""
+    if annotation is typing.Any:
+        return True
     if isinstance(annotation, ArrayType):
         return (
             native.kind == "array"
@@ -81,6 +86,19 @@ def fits_generic(emitter, annotation, binding) -> bool:
         return True
     kind = {types.Vector: "vec", types.Matrix: "mat", types.Quaternion: "quat"}.get(family)
     return native.kind == (kind or "transform") and fits_extents(annotation.params, native)
+
+
+def fits_parts(emitter, annotation, parts) -> bool:
+    """Whether a tuple is what `tuple[float, int]` or `tuple[float, ...]` asks for."""
+    wanted = typing.get_args(annotation)
+    if len(wanted) == 2 and wanted[1] is Ellipsis:
+        wanted = wanted[:1] * len(parts)
+    if len(parts) != len(wanted):
+        return False
+    return all(
+        Parameter("", dtype, None).accepts(emitter, part)
+        for dtype, part in zip(wanted, parts, strict=True)
+    )
 
 
 def fits_element(dtype, native) -> bool:

@@ -306,13 +306,25 @@ class Loops(Branches):
             turned = range(*bounds)[::-1]
             return [turned.start, turned.stop, turned.step]
         if type(bounds[2]) is not int or bounds[2] != 1:
-            raise self.unsupported(node, "reversing a dynamic range whose step is not 1")
+            return self.reversed_steps(bounds, node)
         low, high, _ = self.common_bounds(bounds, node)
         self.at(node)
         one = self.builder.constant(low.type, 1)
         last = self.builder.builtin("sub", [high, one])[0][0]
         stop = self.builder.builtin("sub", [low, one])[0][0]
         return [last, stop, -1]
+
+    def reversed_steps(self, bounds, node):
+        """`low, low + step, ...` from its last number down (or up) to `low`."""
+        low, high, step = self.common_bounds(bounds, node)
+        if not low.type.signed:
+            raise self.unsupported(node, "reversing an unsigned range whose step is not 1")
+        self.at(node)
+        trips = self.builder.cast(self.builder.trip_count(low, high, step), low.type)
+        length = self.operator(node, "mul", trips, step)
+        stop = self.operator(node, "sub", low, step)
+        last = self.operator(node, "add", stop, length)
+        return [last, stop, self.operator(node, "neg", step)]
 
     def common_bounds(self, bounds, node):
         """Bounds as values of one type: literals follow the dynamic ones."""

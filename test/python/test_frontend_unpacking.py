@@ -1,0 +1,145 @@
+"""Stars in calls, tuple parameters, reversed ranges, captured and empty structs."""
+
+import pytest
+
+import warp as wp
+
+
+@wp.func
+def weigh(a: float, b: float, c: float):
+    return a + 10.0 * b + 100.0 * c
+
+
+def test_stars(device):
+    @wp.kernel
+    def kernel(x: wp.array(dtype=float), m: wp.array2d(dtype=float), out: wp.array(dtype=float)):
+        v = wp.vec4(1.0, 2.0, 3.0, 4.0)
+        out[0] = weigh(*x[1:4])
+        out[1] = weigh(*x[0:6:2])
+        out[2] = weigh(*m[1][0:3])
+        out[3] = weigh(*v[1:])
+        out[4] = wp.vec4(x[5], *x[:3])[1]
+
+    x = wp.array(range(6), dtype=float, device=device)
+    m = wp.array([[0, 1, 2], [3, 4, 5]], dtype=float, device=device)
+    out = wp.zeros(5, dtype=float, device=device)
+    wp.launch(kernel, 1, [x, m, out], device=device)
+    assert out.numpy().tolist() == [321.0, 420.0, 543.0, 432.0, 0.0]
+
+
+def test_stars_need_bounds_known_at_compile_time():
+    def whole(x: wp.array(dtype=float)):
+        weigh(*x)
+
+    def dynamic(x: wp.array(dtype=float), n: int):
+        weigh(*x[0:n])
+
+    def endless(x: wp.array(dtype=float)):
+        weigh(*x[1:])
+
+    def negative(x: wp.array(dtype=float)):
+        weigh(*x[-3:3])
+
+    for body, fragment in (
+        (whole, "known at compile time"),
+        (dynamic, "known at compile time"),
+        (endless, "expects bounds of at least 0 and an end"),
+        (negative, "expects bounds of at least 0 and an end"),
+    ):
+        with pytest.raises(wp.WarpCodegenError, match=fragment):
+            wp.Kernel(body).prepare()
+
+
+def test_tuple_parameters(device):
+    @wp.func
+    def total(parts: tuple[float, ...]):
+        s = float(0.0)
+        for i in range(len(parts)):
+            s += parts[i]
+        return s
+
+    @wp.func
+    def pair(parts: tuple[int, float]):
+        return float(parts[0]) - parts[1]
+
+    @wp.kernel
+    def kernel(out: wp.array(dtype=float)):
+        out[0] = total((1.0, 2.0, 4.0))
+        out[1] = total((8.0,))
+        out[2] = pair((5, 0.5))
+
+    out = wp.zeros(3, dtype=float, device=device)
+    wp.launch(kernel, 1, [out], device=device)
+    assert out.numpy().tolist() == [7.0, 8.0, 4.5]
+
+    def swapped():
+        pair((0.5, 5))
+
+    def mixed():
+        total((0.5, 5))
+
+    for body in (swapped, mixed):
+        with pytest.raises(wp.WarpCodegenTypeError, match="argument 'parts' does not take"):
+            wp.Kernel(body).prepare()
+
+
+@pytest.mark.parametrize(
+    "bounds", [(0, 10, 3), (10, 0, -3), (0, 0, 2), (5, 1, 2), (1, 11, 5), (-7, 8, 4), (3, -9, -1)]
+)
+def test_reversed_dynamic_range(device, bounds):
+    @wp.kernel
+    def kernel(low: int, high: int, step: int, out: wp.array(dtype=int)):
+        n = int(0)
+        for i in reversed(range(low, high, step)):
+            out[n] = i
+            n += 1
+        out[49] = n
+
+    out = wp.zeros(50, dtype=int, device=device)
+    wp.launch(kernel, 1, [*bounds, out], device=device)
+    expected = list(range(*bounds))[::-1]
+    found = out.numpy().tolist()
+    assert found[: len(expected)] == expected
+    assert found[49] == len(expected)
+
+
+def test_fields_of_captured_structs_keep_their_type(device):
+    @wp.struct
+    class Constants:
+        a: wp.float64
+        b: wp.uint64
+        v: wp.vec3
+
+    constants = Constants(a=0.1, b=2**63 + 1, v=wp.vec3(1.0, 2.0, 3.0))
+
+    @wp.kernel
+    def kernel(x: wp.array(dtype=wp.float64), y: wp.array(dtype=wp.uint64)):
+        x[0] = constants.a
+        y[0] = constants.b
+        x[1] = wp.float64(constants.v[1])
+
+    x = wp.zeros(2, dtype=wp.float64, device=device)
+    y = wp.zeros(1, dtype=wp.uint64, device=device)
+    wp.launch(kernel, 1, [x, y], device=device)
+    assert x.numpy().tolist() == [0.1, 2.0]
+    assert y.numpy().tolist() == [2**63 + 1]
+
+
+def test_empty_structs(device):
+    @wp.struct
+    class Empty:
+        pass
+
+    @wp.struct
+    class Outer:
+        nothing: Empty
+        x: float
+
+    @wp.kernel
+    def kernel(nothing: Empty, outer: Outer, out: wp.array(dtype=float)):
+        other = Empty()  # noqa: F841
+        out[0] = outer.x
+
+    out = wp.zeros(1, dtype=float, device=device)
+    wp.launch(kernel, 1, [Empty(), Outer(x=4.0), out], device=device)
+    assert out.numpy().tolist() == [4.0]
