@@ -93,7 +93,7 @@ def graph_rows(device, seconds):
     from spine import Row, Runner
 
     with tempfile.TemporaryDirectory() as cache:
-        result = Runner(device, seconds, None, Path(__file__), 100.0).run("graphs", cache)
+        result = Runner(device, seconds, None, Path(__file__), 60.0).run("graphs", cache)
     goals = {"plain": None, "recorded": None, "graph": 0.8}
     rows = []
     for name in WAYS:

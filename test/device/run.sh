@@ -77,29 +77,29 @@ PYTHON
 run_tests() {
   local limit
   limit=$(share 220)
-  timeout $((limit + 10)) "$python" test/device/suite.py --timeout "$limit" \
+  timeout -k 10 $((limit + 10)) "$python" test/device/suite.py --timeout "$limit" \
     --log "$logs/pytest" -- "$@"
 }
 
 run_sanitizer() {
   local limit
   limit=$(share 200)
-  timeout $((limit + 10)) "$python" test/device/sanitize.py \
-    --timeout $((limit / 2))
+  timeout -k 10 $((limit + 10)) "$python" test/device/sanitize.py \
+    --timeout -k 10 $((limit / 2))
 }
 
 run_pair() {
-  timeout "$(share 120)" "$python" -m pytest -q --no-header -rs \
+  timeout -k 10 "$(share 120)" "$python" -m pytest -q --no-header -rs \
     -p no:cacheprovider test/python/test_two_devices.py "$@"
 }
 
 run_benchmarks() {
   local status=0 limit
   limit=$(share 240)
-  timeout $((limit + 5)) "$python" benchmarks/gpu.py --budget $((limit * 2 / 3)) \
+  timeout -k 10 $((limit + 5)) "$python" benchmarks/gpu.py --budget $((limit * 2 / 3)) \
     --json "$logs/gpu.json" || status=1
   if [ "$(share 60)" -ge 60 ]; then
-    timeout "$(share 150)" "$python" benchmarks/spine.py --device cpu \
+    timeout -k 10 "$(share 150)" "$python" benchmarks/spine.py --device cpu \
       --seconds 0.3 --json "$logs/spine.json" || status=1
   else
     echo "spine.py on the CPU: not run, out of time"

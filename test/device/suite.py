@@ -55,6 +55,8 @@ def run(path, arguments, end, folder):
     result = Result(path.name)
     report = Path(folder) / f"{path.stem}.xml"
     environment = dict(os.environ, PYTHONUNBUFFERED="1")
+    # JAX would take most of the card from the processes beside it.
+    environment["XLA_PYTHON_CLIENT_PREALLOCATE"] = "false"
     environment.pop("WARP_CACHE_PATH", None)
     command = [sys.executable, "-m", "pytest", "-q", "--no-header", "-p", "no:cacheprovider"]
     command += [f"--junitxml={report}", str(path), *arguments]
