@@ -2,7 +2,8 @@
 # make demo    the particle demonstration: picture, work-precision plot
 # make test    every test; ends with 'N passed, N failed, N skipped'
 # make docs    refresh the generated references under docs/
-# make bench   benchmarks/spine.py on an optimised build (build/release)
+# make bench   benchmarks/spine.py and gpu.py on an optimised build
+#              (build/release)
 # make wheel   an optimised wheel in dist/
 # Everything that is missing (packages, .venv, build) is set up first.
 
@@ -29,6 +30,7 @@ release: build
 
 bench: release
 	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/spine.py $(BENCH_ARGS)
+	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/gpu.py
 
 wheel: build
 	@$(PYTHON) -m pip wheel -q --no-deps -w dist .

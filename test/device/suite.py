@@ -45,7 +45,11 @@ def read(report, result):
             result.failures.append(f"{result.name}::{test.get('name')}: {message[:400]}")
         elif "skipped" in outcome:
             result.counts["skipped"] += 1
-            result.reasons[outcome["skipped"].get("message") or "no reason"] += 1
+            skip = outcome["skipped"]
+            reason = skip.get("message") or "no reason"
+            if reason == "collection skipped":  # a whole file
+                reason = f"{result.name}: {(skip.text or reason).rpartition('Skipped: ')[2]}"
+            result.reasons[reason] += 1
         else:
             result.counts["passed"] += 1
 
