@@ -111,8 +111,8 @@ public:
   /// Compiles the variants that a saved module has. `arch` 0 is the CPU. With a
   /// CUDA device, its driver turns the PTX into machine code.
   SavedKernel save(int arch, int device = cpuDevice);
-  /// Lets launches use saved code. Throws if it was made from another source,
-  /// or with options that change results.
+  /// Lets launches use saved code, before any given earlier. Throws if it was
+  /// made from another source, or with options that change results.
   void attach(const SavedKernel &saved);
   /// Compiles, and loads, what an ordinary launch will need.
   void load(int device, int blockDim = 0);

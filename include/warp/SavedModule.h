@@ -64,6 +64,8 @@ struct SavedKernel {
   std::vector<SavedVariant> variants;
 };
 
+/// A file in memory; one thread at a time. Its kernels outlive it, and any
+/// number of threads may launch them.
 class WARP_API SavedModule {
 public:
   SavedModule() = default;

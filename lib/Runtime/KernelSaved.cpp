@@ -43,7 +43,9 @@ void Kernel::attach(const SavedKernel &saved) {
     reject(std::string("that was compiled ") +
            (saved.options.fastMath ? "with" : "without") + " 'fast_math'");
   std::lock_guard<std::mutex> lock(impl->mutex);
-  impl->saved.push_back(std::make_unique<SavedKernel>(saved));
+  // What came last is tried first.
+  impl->saved.insert(impl->saved.begin(),
+                     std::make_unique<SavedKernel>(saved));
 }
 
 //===----------------------------------------------------------------------===//

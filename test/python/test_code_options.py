@@ -44,6 +44,8 @@ def test_lineinfo():
     lines = {int(line) for line in re.findall(r"^\s*\.loc\s+1 (\d+)", text, re.M)}
     assert math.__code__.co_firstlineno + 2 in lines
     assert not re.search(r"^\s*\.(loc|file)\s", ptx(), re.M)
+    kernel = wp.kernel(module="options_lines", module_options={"lineinfo": True})(math)
+    assert re.search(rf"\.loc\s+1 {math.__code__.co_firstlineno + 2} ", kernel.ir("asm"))
 
 
 def test_launch_bounds_and_registers():
