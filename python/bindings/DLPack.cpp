@@ -97,11 +97,20 @@ template <typename Managed> struct Lent {
 // Lending
 //===----------------------------------------------------------------------===//
 
+static bool isFinalizing() {
+#if PY_VERSION_HEX >= 0x030D0000
+  return Py_IsFinalizing();
+#else
+  return _Py_IsFinalizing();
+#endif
+}
+
 /// Called by the consumer, from any thread, with or without the GIL.
 template <typename Managed> static void release(Managed *managed) {
   auto *lent = static_cast<Lent<Managed> *>(managed->context);
-  // At exit the interpreter takes the array along.
-  if (Py_IsInitialized()) {
+  // At exit a thread that asked for the GIL would never get it; the memory goes
+  // with the process.
+  if (Py_IsInitialized() && !isFinalizing()) {
     PyGILState_STATE state = PyGILState_Ensure();
     Py_DECREF(lent->array);
     PyGILState_Release(state);

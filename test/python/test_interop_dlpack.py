@@ -1,6 +1,8 @@
 """DLPack: what goes out comes back, shares memory, and lives as long as it is used."""
 
 import gc
+import subprocess
+import sys
 import weakref
 
 import numpy as np
@@ -285,3 +287,15 @@ def test_kernels_write_through(device, producer):
     b = wp.from_dlpack(producer(a), dtype=wp.vec3)
     wp.launch(double, dim=5, inputs=[b], device=device)
     np.testing.assert_array_equal(a.numpy(), np.full((5, 3), 2.0))
+
+
+# Exchanged memory that is still in use when the interpreter ends.
+def test_exit_with_tensors_in_use():
+    code = """
+import sys, numpy as np, warp as wp
+kept = np.from_dlpack(wp.ones(10, device="cpu"))
+borrowed = wp.from_dlpack(np.ones(10))
+sys.modules["numpy"].kept_until_the_end = kept, borrowed, wp.to_dlpack(wp.ones(3, device="cpu"))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr.count("Error")) == (0, 0), done.stderr

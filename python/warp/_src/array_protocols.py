@@ -46,7 +46,7 @@ class ArrayProtocols:
             interface["descr"] = number.descr
         return interface
 
-    def __dlpack__(self, *, stream=None, max_version=None, dl_device=None, copy=None):
+    def __dlpack__(self, stream=None, max_version=None, dl_device=None, copy=None):
         """A DLPack capsule over the memory, for `from_dlpack` of other libraries."""
         from warp._src.dlpack import export
 
