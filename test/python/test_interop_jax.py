@@ -185,6 +185,21 @@ def test_vmap_over_some_arguments(place, method):
     assert np.array_equal(got, np.einsum("ai,bj->abij", a, b))
 
 
+def test_loop_of_jax(place):
+    function = wp.jax_kernel(neighbours)
+    x = jnp.asarray(np.random.default_rng(2).integers(0, 9, (3, 8)), jnp.int32)
+
+    @jax.jit
+    @jax.vmap
+    def many(row):
+        return jax.lax.fori_loop(0, 6, lambda _, state: function(state)[0], row)
+
+    expected = np.asarray(x)
+    for _ in range(6):
+        expected = np.roll(expected, -1, axis=1) - expected
+    assert np.array_equal(many(x), expected)
+
+
 def test_empty_launch(place):
     (y,) = wp.jax_kernel(scale)(jnp.zeros(0, jnp.float32), 1.0)
     assert y.shape == (0,)
