@@ -143,3 +143,67 @@ def test_empty_structs(device):
     out = wp.zeros(1, dtype=float, device=device)
     wp.launch(kernel, 1, [Empty(), Outer(x=4.0), out], device=device)
     assert out.numpy().tolist() == [4.0]
+
+
+def test_rows_of_a_matrix(device):
+    @wp.kernel
+    def kernel(out: wp.array(dtype=wp.mat22)):
+        m = wp.mat22(1.0, 2.0, 3.0, 4.0)
+        out[0] = wp.matrix_from_cols(*m)
+
+    out = wp.zeros(1, dtype=wp.mat22, device=device)
+    wp.launch(kernel, 1, [out], device=device)
+    assert out.numpy()[0].tolist() == [[1.0, 3.0], [2.0, 4.0]]
+
+
+def test_extents_of_types_and_values(device):
+    @wp.kernel
+    def kernel(a: wp.array(dtype=wp.vec3d), out: wp.array(dtype=wp.float64)):
+        kind = a.dtype
+        out[0] = kind.dtype(kind.length) * a[0][1]
+        v = wp.vec4()
+        m = wp.types.matrix(shape=(2, 3), dtype=float)()
+        out[1] = wp.float64(v.length + 10 * m.shape[1])
+        q = wp.quat()
+        out[2] = wp.float64(wp.static(len(v) + 10 * len(q) + 100 * len(m)))
+
+    a = wp.array([[1.0, 0.5, 2.0]], dtype=wp.vec3d, device=device)
+    out = wp.zeros(3, dtype=wp.float64, device=device)
+    wp.launch(kernel, 1, [a, out], device=device)
+    assert out.numpy().tolist() == [1.5, 34.0, 244.0]
+
+
+def test_static_unrolls_long_loops(device):
+    @wp.kernel
+    def kernel(out: wp.array(dtype=int)):
+        s = int(0)
+        for i in range(40):
+            s += wp.static(i * i)
+        for i in range(True):
+            s += i + 1
+        out[0] = s
+
+    out = wp.zeros(1, dtype=int, device=device)
+    wp.launch(kernel, 1, [out], device=device)
+    assert out.numpy()[0] == sum(i * i for i in range(40)) + 1
+
+
+def test_truth_and_numbers_cannot_be_compared():
+    def chained(x: int):
+        z = True
+        if x == 10 == z:
+            pass
+
+    def plain(x: float):
+        wp.expect_eq(x > False, True)
+
+    def components(v: wp.vec2):
+        wp.expect_eq(wp.static(v[0]), 1.0)
+
+    for body, fragment in (
+        (chained, "'int32' and 'bool' cannot be compared"),
+        (plain, "'float32' and 'bool' cannot be compared"),
+        (components, "static expression failed"),
+    ):
+        with pytest.raises(wp.WarpCodegenError, match=fragment):
+            wp.Kernel(body).prepare()

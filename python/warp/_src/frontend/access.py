@@ -41,6 +41,9 @@ class Access(EmitterBase):
             raise self.no_attribute(base, name, node)
         if isinstance(base, types.Composite):
             return self.value_attribute(self.materialize(base, node), name, node)
+        if types.type_is_composite(base) and name in ("dtype", "length", "shape"):
+            extents = {"length": base._length_, "shape": base._shape_}
+            return extents.get(name, base._wp_scalar_type_)
         if types.is_struct(type(base)) and name in type(base)._wp_fields_:
             return self.struct_constant(type(base)._wp_fields_[name], getattr(base, name))
         try:
@@ -81,6 +84,10 @@ class Access(EmitterBase):
         if kind == "transform" and name in ("p", "q"):
             part = "transform_get_translation" if name == "p" else "transform_get_rotation"
             return self.builder.builtin(part, [base])[0][0]
+        if name == "length" and kind == "vec":
+            return native.shape[0]
+        if name == "shape" and kind in ("vec", "mat"):
+            return tuple(native.shape)
         if name == "dtype" and kind in ("vec", "mat", "quat", "transform"):
             return types.dtype_of(native.element)
         raise self.no_attribute(base, name, node)
@@ -291,6 +298,10 @@ class Access(EmitterBase):
             self.at(node)
             indices = [self.builder.constant(INT32, i) for i in range(count)]
             return tuple([self.builder.extract(binding, [index]) for index in indices])
+        if type(binding) is Value and binding.type.kind == "mat":
+            self.at(node)
+            rows = [self.builder.constant(INT32, i) for i in range(binding.type.shape[0])]
+            return tuple([self.builder.extract(binding, [row]) for row in rows])
         raise self.type_error(
             node, f"expects a tuple or vector after `*`, but got '{self.type_name(binding)}'"
         )

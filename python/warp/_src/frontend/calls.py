@@ -33,6 +33,17 @@ def _makes_types(function) -> bool:
     return any(function is factory for factory in factories)
 
 
+class Shaped:
+    """Stands in `wp.static(len(v))` for a composite: known are its extents, not its components."""
+
+    def __init__(self, native):
+        self.shape = tuple(native.shape or [4])
+        self.dtype = types.dtype_of(native.element)
+
+    def __len__(self):
+        return self.shape[0]
+
+
 class Calls(Output):
     """Translates call expressions."""
 
@@ -189,7 +200,9 @@ class Calls(Output):
             except ValueError:
                 continue
         space.update(
-            (name, binding) for name, binding in self.env.items() if type(binding) is not Value
+            (name, Shaped(binding.type) if type(binding) is Value else binding)
+            for name, binding in self.env.items()
+            if type(binding) is not Value or binding.type.shape or binding.type.kind == "quat"
         )
         try:
             compiled = compile(ast.Expression(node.args[0]), self.source.file, "eval")

@@ -188,10 +188,19 @@ class Expressions(Access):
         name, fold = _COMPARE[kind]
         static = type(left) is not Value and type(right) is not Value
         if static and type(left) in _NUMBERS and type(right) in _NUMBERS:
-            return fold(left, right)
+            if (type(left) is bool) == (type(right) is bool):
+                return fold(left, right)
+            static = False
         if static and kind in (ast.Eq, ast.NotEq) and not isinstance(left, types.Composite):
             return fold(left, right)
         left, right = self.materialize(left, node), self.materialize(right, node)
+        kinds = {left.type.kind, right.type.kind}
+        if len(kinds) == 2 and "bool" in kinds:
+            raise self.type_error(
+                node,
+                f"'{self.type_name(left)}' and '{self.type_name(right)}' cannot be compared",
+                "use `bool(...)` or `int(...)`",
+            )
         return self.operator(node, name, left, right)
 
     # Logic.

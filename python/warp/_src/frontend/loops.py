@@ -60,7 +60,8 @@ class Loops(Branches):
             static = range(*bounds)
             if not static:
                 return
-            if len(static) <= self.session.max_unroll and self.must_unroll(syntax):
+            few = len(static) <= self.session.max_unroll
+            if self.calls_static(syntax) or (few and self.indexes_tuples(syntax)):
                 self.unroll(node, static)
                 return
         if node.exits:
@@ -221,13 +222,18 @@ class Loops(Branches):
             else:
                 self.block(node.body)
 
-    def must_unroll(self, syntax):
-        """Whether a body needs the counter at compile time: tuple indices, `wp.static`."""
+    def indexes_tuples(self, syntax):
+        """Whether a body may need the counter at compile time as index of a tuple."""
+        return any(
+            isinstance(item, ast.Subscript) and self.is_tuple(item.value)
+            for item in ast.walk(syntax)
+        )
+
+    @staticmethod
+    def calls_static(syntax):
+        """Whether a body has a `wp.static`, which needs the counter at compile time."""
         for item in ast.walk(syntax):
-            kind = type(item)
-            if kind is ast.Subscript and self.is_tuple(item.value):
-                return True
-            if kind is ast.Call:
+            if isinstance(item, ast.Call):
                 name = getattr(item.func, "attr", None) or getattr(item.func, "id", None)
                 if name == "static":
                     return True
@@ -289,8 +295,8 @@ class Loops(Branches):
     def range_argument(self, node):
         """A Python int if known at compile time, else an integer value."""
         binding = self.expr(node)
-        if type(binding) is int:
-            return binding
+        if type(binding) in (int, bool):
+            return int(binding)
         value = self.materialize(binding, node)
         if value.type.kind != "int":
             raise self.type_error(
