@@ -151,15 +151,15 @@ void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,
                     std::to_string(key.blockDim) + " threads, but got " +
                     std::to_string(shape.grid.x));
   QueuedWork work(key.device, stream);
-  if (variant.label)
-    cudaDeviceState(key.device)
-        .lastKernel.store(variant.label, std::memory_order_relaxed);
   void *arguments[] = {params};
   cuda::Result result = cuda::driver()->launchKernel(
       variant.function, shape.grid.x, shape.grid.y, shape.grid.z, shape.block.x,
       shape.block.y, shape.block.z, 0, work.stream(), arguments, nullptr);
-  if (result == cuda::success)
+  if (result == cuda::success) {
+    cudaDeviceState(key.device)
+        .lastKernel.store(variant.label, std::memory_order_relaxed);
     return;
+  }
   try {
     cuda::raise(result, "launchKernel");
   } catch (const Error &error) {

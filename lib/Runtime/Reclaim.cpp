@@ -84,8 +84,8 @@ static void waitFor(DeviceState &state, StreamUse &use) {
 }
 
 /// A stream that comes after all work queued so far: the one that did it all,
-/// or the reclaim stream.
-static StreamHandle afterAllWork(DeviceState &state) {
+/// or the reclaim stream. `apart`: that one in any case, for more to wait for.
+static StreamHandle afterAllWork(DeviceState &state, bool apart = false) {
   StreamUse *only = nullptr;
   int count = 0;
   for (StreamUse *use : state.uses)
@@ -96,8 +96,11 @@ static StreamHandle afterAllWork(DeviceState &state) {
   if (state.reclaimPending &&
       cuda::driver()->streamQuery(state.reclaim) == cuda::success)
     state.reclaimPending = false;
-  if (count == 1 && !state.reclaimPending)
+  if (count == 1 && !state.reclaimPending && !apart)
     return only->handle;
+  state.reclaimPending |= apart;
+  if (!state.reclaim)
+    WARP_CUDA(streamCreate, &state.reclaim, cuda::streamDefault, 0);
   for (StreamUse *use : state.uses)
     if (use->references > 0)
       waitFor(state, *use);
@@ -193,29 +196,35 @@ static void freeNow(DeviceState &state, const PeerWork &peers,
                     cuda::Pointer memory, bool pooled) {
   const cuda::Driver *driver = cuda::driver();
   if (pooled) {
-    StreamHandle stream = afterAllWork(state);
+    StreamHandle stream = afterAllWork(state, !peers.empty());
     peers.wait(stream);
     driver->memFreeAsync(memory, stream);
     return;
   }
-  // Waits for all streams, those of other libraries, too.
-  driver->ctxSynchronize();
-  peers.synchronize();
   driver->memFree(memory);
 }
 
 void warp::reclaimDevice(int device, cuda::Pointer memory, bool pooled) {
   DeviceState &state = cudaDeviceState(device);
   PeerWork peers(device);
-  std::lock_guard<std::mutex> lock(state.mutex);
   cuda::ContextScope scope(device);
-  if (isCapturing(state)) {
+  std::vector<std::pair<cuda::Pointer, bool>> batch;
+  {
+    std::lock_guard<std::mutex> lock(state.mutex);
     state.deferred.emplace_back(memory, pooled);
-    return;
+    if (isCapturing(state))
+      return;
+    batch.swap(state.deferred);
   }
-  for (auto [late, latePooled] : std::exchange(state.deferred, {}))
-    freeNow(state, peers, late, latePooled);
-  freeNow(state, peers, memory, pooled);
+  if (!std::all_of(batch.begin(), batch.end(),
+                   [](const auto &entry) { return entry.second; })) {
+    // Waits for all streams, those of other libraries, too.
+    cuda::driver()->ctxSynchronize();
+    peers.synchronize();
+  }
+  std::lock_guard<std::mutex> lock(state.mutex);
+  for (auto [address, fromPool] : batch)
+    freeNow(state, peers, address, fromPool);
 }
 
 //===----------------------------------------------------------------------===//

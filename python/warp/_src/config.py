@@ -98,6 +98,7 @@ SETTINGS = {
         Setting("verbose_warnings", bool, False, "show warnings with their place in the source"),
         Setting("print_launches", bool, False, "print kernel, device and dimensions of launches"),
         Setting("verify_fp", bool, False, "after each launch, reject infinite or NaN outputs"),
+        Setting("enable_mempools_at_init", bool, True, "use the memory pools of CUDA devices"),
         Setting("track_memory", bool, False, "note where the memory of arrays is allocated"),
         Setting("verify_cuda", bool, False, "wait for each CUDA launch and check for errors"),
         Setting(
@@ -147,7 +148,6 @@ SETTINGS = {
         _inert("cpu_compiler_flags", _MAYBE_STR, None),
         _inert("llvm_cuda", bool, False),
         _inert("enable_graph_capture_module_load_by_default", bool, True),
-        _inert("enable_mempools_at_init", bool, True),
         _inert("enable_tiles_in_stack_memory", bool, True),
         _inert("use_precompiled_headers", bool, True),
         _inert("legacy_cpu_linker", bool, False),

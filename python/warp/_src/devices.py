@@ -183,6 +183,9 @@ def initialize() -> None:
     _set_default(_cuda[0] if _cuda else _cpu)
     from warp import config
 
+    if not config.enable_mempools_at_init:
+        for device in _cuda:
+            _native.set_pool_enabled(device.index, False)
     if not config.quiet:
         found = ", ".join(f"{d.alias} ({d.name})" for d in [_cpu, *_cuda])
         print(
