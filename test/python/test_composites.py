@@ -276,3 +276,10 @@ def test_questions_about_types():
         assert t.dtype_of(t.native_text(dtype)) is dtype
     with pytest.raises(TypeError, match="'str'"):
         t.canonical(str)
+
+
+def test_transforms_multiply_in_python_as_in_kernels():
+    a = wp.transform(wp.vec3(1.0, 2.0, 3.0), wp.quat(0.1, -0.3, 0.5, 0.8))
+    b = wp.transform(wp.vec3(-2.0, 0.5, 4.0), wp.quat(0.7, 0.1, 0.1, -0.7))
+    product = wp.transform_multiply(a, b)
+    assert list(a * b) == pytest.approx(list(product), rel=1e-6)

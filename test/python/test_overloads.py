@@ -43,6 +43,19 @@ def test_decorated_overload():
     assert x.numpy().tolist() == [[4.0, 8.0]]
 
 
+def test_decorated_overload_of_a_kernel_with_a_name():
+    @wp.kernel(name="another_name")
+    def twice(x: wp.array(dtype=wp.Float)):
+        x[0] = x[0] + x[0]
+
+    generic = twice
+
+    @wp.overload
+    def twice(x: wp.array(dtype=wp.float16)): ...
+
+    assert twice is generic and len(generic.overloads) == 1
+
+
 def test_bad_overloads():
     def plain(x: int):
         pass
@@ -59,8 +72,14 @@ def test_bad_overloads():
         wp.overload(assign, [wp.array(dtype=float), int])
     with pytest.raises(TypeError, match="parameter 'value' expects"):
         wp.overload(assign, [wp.array(dtype=float), wp.Float])
-    with pytest.raises(wp.WarpError, match="no kernel"):
+    with pytest.raises(wp.WarpError, match="no generic kernel"):
         wp.overload(plain)
+
+    def result(x: float) -> float:
+        return x
+
+    with pytest.raises(TypeError, match="return annotation"):
+        wp.overload(result)
     with pytest.raises(TypeError, match="expects a generic kernel"):
         wp.overload(3)
 

@@ -36,11 +36,24 @@ def overload(kernel, arg_types=None):
         return _specialized(kernel, arg_types or {})
     if not isinstance(kernel, python_types.FunctionType):
         raise TypeError(f"expects a generic kernel, but got '{type(kernel).__name__}'")
-    generic = get_module(kernel.__module__).kernels.get(kernel_name(kernel))
-    if generic is None:
-        raise errors.WarpError(f"there is no kernel '{kernel_name(kernel)}' to overload")
+    if "return" in kernel.__annotations__:
+        raise TypeError(f"overload of '{kernel.__name__}' has a return annotation, leave it out")
+    generic = _named(kernel)
     _specialized(generic, _declared(kernel))
     return generic
+
+
+def _named(function):
+    """The generic kernel whose function has the name of this one."""
+    named = [
+        kernel
+        for kernel in get_module(function.__module__).kernels.values()
+        if kernel.is_generic and kernel.func.__qualname__ == function.__qualname__
+    ]
+    if len(named) != 1:
+        found = "there are several kernels" if named else "there is no generic kernel"
+        raise errors.WarpError(f"{found} '{kernel_name(function)}' to overload")
+    return named[0]
 
 
 def _declared(function) -> dict:

@@ -147,8 +147,13 @@ def _hamilton(a, b):
 
 
 def _rotate(q, v):
-    x, y, z, _ = _hamilton(_hamilton(q, [*v, 0.0]), [-q[0], -q[1], -q[2], q[3]])
-    return [x, y, z]
+    """As kernels do it, which takes the quaternion to have length 1."""
+    t = [2.0 * x for x in _cross(q[:3], v)]
+    return [x + q[3] * y + z for x, y, z in zip(v, t, _cross(q[:3], t), strict=True)]
+
+
+def _cross(a, b):
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 
 
 class GenericAnnotation:
