@@ -26,6 +26,8 @@ from spine import Row, Runner
 HERE = Path(__file__).resolve().parent
 # Shares of the copy on the device.
 STREAM_GOALS = {"saxpy": 0.97, "integrate": 0.95, "stencil": 0.95, "transposed copy": 0.95}
+# The limit beside a row, where its name differs.
+HAND_WRITTEN = {"transposed copy": "transpose", "stencil": "best stencil"}
 LIMIT = 60.0
 
 
@@ -56,6 +58,9 @@ class Session:
         if done.returncode:
             raise RuntimeError(f"limits.cu fails: {done.stderr[-500:]}")
         self.limits = json.loads(done.stdout)
+        self.limits["best stencil"] = max(
+            rate for name, rate in self.limits.items() if name.startswith("stencil")
+        )
         units = {"math": "G/s", "sum": "G/s", "scatter": "G/s"}
         parts = [
             f"{name} {rate / 1e9:.4g} {units.get(name, 'GB/s')}"
@@ -100,7 +105,7 @@ def stream_rows(session):
     for name, goal in STREAM_GOALS.items():
         share = result[name] / copy
         text = f"{share:.1%}: {result[name] / 1e9:.0f} GB/s, copy {copy / 1e9:.0f}"
-        text += session.beside("transpose" if "transpose" in name else name, "GB/s")
+        text += session.beside(HAND_WRITTEN.get(name, name), "GB/s")
         if name == "transposed copy" and result["wrong"]:
             text, share = f"wrong by {result['wrong']}", 0.0
         rows.append(Row(f"{name} of device memcpy", f">= {goal:.0%}", text, share >= goal))
