@@ -85,7 +85,7 @@ run_sanitizer() {
   local limit
   limit=$(share 200)
   timeout -k 10 $((limit + 10)) "$python" test/device/sanitize.py \
-    --timeout -k 10 $((limit / 2))
+    --timeout $((limit / 2))
 }
 
 run_pair() {
