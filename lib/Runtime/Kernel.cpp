@@ -38,7 +38,6 @@ static constexpr int64_t largeLaunch = int64_t(1) << 21;
 
 /// Largest parameter block of a GPU kernel in the PTX version we emit.
 static constexpr size_t maxCudaParameters = 4096;
-static constexpr int maxCudaBlock = 1024;
 
 static Error launchError(Error::Kind kind, const std::string &kernel,
                          const std::string &message) {
@@ -94,17 +93,6 @@ static void checkExtents(const std::string &kernel, const LaunchDim &dim) {
 bool warp::isIntegerScalar(const Param &param) {
   return param.kind == Param::Kind::Scalar && param.type.size() > 2 &&
          (param.type[0] == 's' || param.type[0] == 'u') && param.type[1] == 'i';
-}
-
-int Kernel::Impl::checkedBlockDim(int asked) const {
-  int most = options.maxThreads ? options.maxThreads : maxCudaBlock;
-  int threads = asked > 0 ? asked : std::min(options.blockDim, most);
-  if (threads < 1 || threads > most)
-    throw launchError(Error::Kind::LaunchValue, name,
-                      "expects 1 to " + std::to_string(most) +
-                          " threads per block, but got '" +
-                          std::to_string(threads) + "'");
-  return threads;
 }
 
 VariantKey Kernel::Impl::keyFor(int device, const LaunchDim &dim,

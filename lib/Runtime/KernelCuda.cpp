@@ -29,6 +29,7 @@ struct Shape {
 static constexpr int64_t maxGridX = INT32_MAX;
 static constexpr int64_t maxGridYZ = 65535;
 static constexpr int64_t maxBlockZ = 64;
+static constexpr int maxBlock = 1024;
 
 static int64_t powerAtLeast(int64_t value) {
   int64_t power = 1;
@@ -64,6 +65,19 @@ static Shape shapeOf(const int32_t *dim, int rank, bool flat, int blockDim) {
   return {{ceilDivide(all.x, block.x), ceilDivide(all.y, block.y),
            ceilDivide(all.z, block.z)},
           block};
+}
+
+int Kernel::Impl::checkedBlockDim(int asked) const {
+  int most = options.maxThreads ? options.maxThreads : maxBlock;
+  int own =
+      options.maxThreads ? std::min(options.blockDim, most) : options.blockDim;
+  int threads = asked > 0 ? asked : own;
+  if (threads < 1 || threads > most)
+    throw Error(Error::Kind::LaunchValue,
+                "launch('" + name + "'): expects 1 to " + std::to_string(most) +
+                    " threads per block, but got '" + std::to_string(threads) +
+                    "'");
+  return threads;
 }
 
 bool warp::fitsGrid(const int32_t *dim, int rank, int blockDim) {

@@ -240,4 +240,12 @@ TEST_F(SavedModuleTest, PropertiesComeFromTheDriver) {
   EXPECT_EQ(found.sharedMemory, 1024);
   EXPECT_EQ(found.blocksPerMultiprocessor, 8);
   EXPECT_EQ(kernel.suggestedBlock(0), std::make_pair(512, 264));
+  EXPECT_EQ(errorOf([&] { kernel.load(0, 513); }),
+            "launch('add'): expects 1 to 512 threads per block, but got '513'");
+  KernelOptions huge;
+  huge.blockDim = 5000;
+  Kernel impossible(Module::fromText(addText), "add", huge);
+  EXPECT_EQ(errorOf([&] { impossible.load(0); }),
+            "launch('add'): expects 1 to 1024 threads per block, but got "
+            "'5000'");
 }
