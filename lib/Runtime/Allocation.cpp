@@ -60,16 +60,16 @@ static void *allocateHost(size_t bytes) {
 }
 
 static void *allocatePinned(size_t bytes) {
+  cuda::RelaxedCaptures relaxed;
   if (void *memory = recyclePinned(roundUp(bytes, pinnedUnit)))
     return memory;
   cuda::ContextScope scope(0);
-  cuda::RelaxedCaptures relaxed;
   void *memory = nullptr;
   cuda::Result result;
   for (int attempt = 0; attempt < 2; ++attempt) {
-    result = cuda::driver()->memHostAlloc(
-        &memory, roundUp(bytes, pinnedUnit),
-        cuda::hostAllocPortable | cuda::hostAllocDeviceMap);
+    result = cuda::driver()->memHostAlloc(&memory, roundUp(bytes, pinnedUnit),
+                                          cuda::hostAllocPortable |
+                                              cuda::hostAllocDeviceMap);
     if (result != cuda::errorOutOfMemory)
       break;
     trimPinned();

@@ -72,6 +72,7 @@ public:
 
 private:
   void checkOwned(const char *what) const;
+  bool addToCapture(StreamHandle stream) const;
 
   /// Null if somebody else ended the capture.
   GraphHandle graph;
@@ -123,6 +124,28 @@ static Error captureError(int device, const std::string &problem) {
                "graph capture on '" + aliasOf(device) + "': " + problem);
 }
 
+namespace {
+/// The graph that a stream adds to, and the nodes the next one comes after.
+struct Position {
+  explicit Position(StreamHandle stream) {
+    cuda::CaptureStatus status = cuda::captureNone;
+    uint64_t id;
+    WARP_CUDA_GRAPH(captureInfo, stream, &status, &id, &graph, &dependencies,
+                    &count);
+  }
+
+  /// Lets the next node come after this one alone.
+  void set(StreamHandle stream, GraphNode node) {
+    WARP_CUDA_GRAPH(updateDependencies, stream, &node, 1,
+                    cuda::setDependencies);
+  }
+
+  GraphHandle graph = nullptr;
+  const GraphNode *dependencies = nullptr;
+  size_t count = 0;
+};
+} // namespace
+
 //===----------------------------------------------------------------------===//
 // Graphs
 //===----------------------------------------------------------------------===//
@@ -150,9 +173,28 @@ void CudaGraph::checkOwned(const char *what) const {
                                      "somebody else");
 }
 
+/// Makes this graph a node of the one that a stream is captured into.
+bool CudaGraph::addToCapture(StreamHandle stream) const {
+  int capturing = 0;
+  WARP_CUDA(streamIsCapturing, stream, &capturing);
+  if (!capturing)
+    return false;
+  if (!cuda::graphDriver().captureInfo || !cuda::graphDriver().addChild)
+    throw captureError(device(), "the CUDA driver has no graphs in graphs");
+  Position position(stream);
+  GraphNode node;
+  WARP_CUDA_GRAPH(addChild, &node, position.graph, position.dependencies,
+                  position.count, graph);
+  position.set(stream, node);
+  keepForCapture(device(), [kept = kept] {});
+  return true;
+}
+
 void CudaGraph::launch(const Stream *stream) {
   checkOwned("launch");
   QueuedWork work(device(), stream);
+  if (capturesInProgress && addToCapture(work.stream()))
+    return;
   WARP_CUDA_GRAPH(launch, exec, work.stream());
 }
 
@@ -287,22 +329,6 @@ static cuda::Function conditionKernel(int device) {
   return function;
 }
 
-namespace {
-/// The graph that a stream adds to, and the nodes the next one comes after.
-struct Position {
-  explicit Position(StreamHandle stream) {
-    cuda::CaptureStatus status = cuda::captureNone;
-    uint64_t id;
-    WARP_CUDA_GRAPH(captureInfo, stream, &status, &id, &graph, &dependencies,
-                    &count);
-  }
-
-  GraphHandle graph = nullptr;
-  const GraphNode *dependencies = nullptr;
-  size_t count = 0;
-};
-} // namespace
-
 Capture::Condition CudaCapture::addCondition(const int32_t *value,
                                              bool negated) {
   if (!supportsConditionalGraphs())
@@ -337,8 +363,7 @@ void CudaCapture::beginBody(Condition condition, bool loop) {
   Paused outer{position.graph, nullptr};
   WARP_CUDA_GRAPH(addNode, &outer.node, position.graph, position.dependencies,
                   position.count, &description);
-  WARP_CUDA_GRAPH(updateDependencies, raw(), &outer.node, 1,
-                  cuda::setDependencies);
+  position.set(raw(), outer.node);
   outer.graph = stop();
   paused.push_back(outer);
   WARP_CUDA_GRAPH(beginCaptureTo, raw(), description.bodies[0], nullptr,

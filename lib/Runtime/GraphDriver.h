@@ -60,6 +60,8 @@ static_assert(sizeof(ConditionalNode) == 256);
   X(destroy, cuGraphDestroy, (GraphHandle))                                    \
   X(getNodes, cuGraphGetNodes, (GraphHandle, GraphNode *, size_t *))           \
   X(writeDot, cuGraphDebugDotPrint, (GraphHandle, const char *, unsigned))     \
+  X(addChild, cuGraphAddChildGraphNode,                                        \
+    (GraphNode *, GraphHandle, const GraphNode *, size_t, GraphHandle))        \
   X(beginCaptureTo, cuStreamBeginCaptureToGraph,                               \
     (StreamHandle, GraphHandle, const GraphNode *, const void *, size_t, int)) \
   X(createCondition, cuGraphConditionalHandleCreate,                           \

@@ -289,6 +289,25 @@ TEST_F(CudaGraphs, ExternalCaptures) {
   EXPECT_EQ(outer->end()->size(), 0u);
 }
 
+TEST_F(CudaGraphs, GraphsInGraphs) {
+  Buffer a(0, 400), b(0, 400);
+  set(a, 1);
+  set(b, 2);
+  auto inner = Capture::begin(0);
+  copyMemory(a.data(), 0, b.data(), 0, 400);
+  std::shared_ptr<Graph> child = inner->end();
+  auto outer = Capture::begin(0);
+  set(b, 3);
+  child->launch();
+  set(b, 4);
+  std::shared_ptr<Graph> graph = outer->end();
+  child.reset();
+  EXPECT_EQ(graph->size(), 3u);
+  EXPECT_EQ(download(a.data(), 100), Numbers(100, 1));
+  graph->launch();
+  EXPECT_EQ(download(a.data(), 100), Numbers(100, 3));
+}
+
 TEST_F(CudaGraphs, GraphsOnOtherStreams) {
   Buffer a(0, 4);
   set(a, 0);

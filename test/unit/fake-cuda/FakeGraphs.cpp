@@ -165,16 +165,27 @@ EXPORT int cuStreamUpdateCaptureDependencies(void *, void **, size_t,
                                              unsigned) {
   return success;
 }
+EXPORT int cuGraphAddChildGraphNode(void **node, Graph *graph, void *const *,
+                                    size_t, Graph *child) {
+  // The driver makes a copy.
+  graph->calls.push_back([copy = child->calls] {
+    for (const auto &call : copy)
+      if (int result = call())
+        return result;
+    return success;
+  });
+  *node = graph;
+  return success;
+}
 EXPORT int cuGraphInstantiateWithFlags(void **exec, Graph *graph,
                                        unsigned long long) {
   *exec = graph;
   return success;
 }
 EXPORT int cuGraphLaunch(void *exec, void *stream) {
-  auto *graph = static_cast<Graph *>(exec);
-  if (fakeRecord(stream, [=] { return graph->run(); }))
-    return success;
-  return graph->run();
+  if (captureOf(stream))
+    return invalidValue;
+  return static_cast<Graph *>(exec)->run();
 }
 EXPORT int cuGraphExecDestroy(void *) { return success; }
 EXPORT int cuGraphDestroy(Graph *graph) {
