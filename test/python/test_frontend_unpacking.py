@@ -4,6 +4,8 @@ import pytest
 
 import warp as wp
 
+SHADOWED = 999
+
 
 @wp.func
 def weigh(a: float, b: float, c: float):
@@ -207,3 +209,46 @@ def test_truth_and_numbers_cannot_be_compared():
     ):
         with pytest.raises(wp.WarpCodegenError, match=fragment):
             wp.Kernel(body).prepare()
+
+
+def test_names_of_loops_hide_globals_in_static_expressions():
+    def hidden(n: int, out: wp.array(dtype=int)):
+        SHADOWED = n
+        out[0] = wp.static(SHADOWED)
+
+    with pytest.raises(wp.WarpCodegenError, match="static expression failed: name 'SHADOWED'"):
+        wp.Kernel(hidden).prepare()
+
+
+def test_a_function_defined_again_leaves_other_names_alone(device):
+    @wp.func
+    def number():
+        return 17
+
+    first = number
+
+    @wp.func
+    def number():
+        return 42
+
+    @wp.kernel
+    def kernel(out: wp.array(dtype=int)):
+        out[0] = first()
+        out[1] = number()
+
+    out = wp.zeros(2, dtype=int, device=device)
+    wp.launch(kernel, 1, [out], device=device)
+    assert out.numpy().tolist() == [17, 42]
+    assert (first(), number()) == (17, 42)
+
+
+def test_vectors_of_truth_values(device):
+    @wp.kernel
+    def kernel(out: wp.array(dtype=bool)):
+        v = wp.vector(True, False, True)
+        out[0] = v[0] and not v[1]
+        out[1] = wp.static(len(wp.transform())) == 7
+
+    out = wp.zeros(2, dtype=bool, device=device)
+    wp.launch(kernel, 1, [out], device=device)
+    assert out.numpy().tolist() == [True, True]

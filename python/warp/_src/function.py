@@ -25,15 +25,21 @@ class Function:
         self.__wrapped__ = func
 
     def add_overload(self, func) -> None:
-        """Adds a function, in place of one with the same annotations."""
+        """Adds a function whose annotations no other one has."""
+        self.overloads.append(func)
+
+    def redefined(self, func):
+        """The functions of this name with one in place of that with the same annotations.
+
+        None if there is none to replace. This object keeps the old one, under other names.
+        """
         types = list(func.__annotations__.values())
-        for index, other in enumerate(self.overloads):
-            if list(other.__annotations__.values()) == types:
-                self.overloads[index] = func
-                break
-        else:
-            self.overloads.append(func)
-        self.func = self.overloads[0]
+        kept = [f for f in self.overloads if list(f.__annotations__.values()) != types]
+        if len(kept) == len(self.overloads):
+            return None
+        made = Function(func, self.key)
+        made.overloads += kept
+        return made
 
     def __call__(self, *args, **kwargs):
         if len(self.overloads) == 1:
@@ -87,6 +93,9 @@ def func(f=None, *, name=None, module=None, inline=None):
             raise TypeError(f"expects a function, but got '{type(function).__name__}'")
         former = sys._getframe(depth).f_locals.get(function.__name__)
         if isinstance(former, Function) and former.func.__qualname__ == function.__qualname__:
+            again = former.redefined(function)
+            if again is not None:
+                return again
             former.add_overload(function)
             return former
         return Function(function, name)

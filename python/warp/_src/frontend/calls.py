@@ -37,7 +37,7 @@ class Shaped:
     """Stands in `wp.static(len(v))` for a composite: known are its extents, not its components."""
 
     def __init__(self, native):
-        self.shape = tuple(native.shape or [4])
+        self.shape = tuple(native.shape or [4 if native.kind == "quat" else 7])
         self.dtype = types.dtype_of(native.element)
 
     def __len__(self):
@@ -199,10 +199,12 @@ class Calls(Output):
                 space[name] = cell.cell_contents
             except ValueError:
                 continue
+        for name in self.source.plan.local_names:
+            space.pop(name, None)
         space.update(
             (name, Shaped(binding.type) if type(binding) is Value else binding)
             for name, binding in self.env.items()
-            if type(binding) is not Value or binding.type.shape or binding.type.kind == "quat"
+            if type(binding) is not Value or binding.type.element and binding.type.kind != "array"
         )
         try:
             compiled = compile(ast.Expression(node.args[0]), self.source.file, "eval")
@@ -217,6 +219,18 @@ class Calls(Output):
         self.at(node)
         wanted = self.native(target, node)
         return self.builder.bitcast(self.materialize(value, node), wanted)
+
+    def builtin_lower_bound(self, node):
+        """`lower_bound(arr, value)` or, for a part of the array, `(arr, begin, end, value)`."""
+        from warp._src.library import LOWER_BOUND
+
+        arguments, keywords = self.arguments(node)
+        if len(arguments) == 2 and not keywords:
+            array = self.materialize(arguments[0], node)
+            if array.type.kind == "array":
+                self.at(node)
+                arguments = [array, 0, self.builder.dim(array, 0), arguments[1]]
+        return self.call_function(LOWER_BOUND, arguments, keywords, node)
 
     def builtin_load(self, node):
         array, *indices = self.element_arguments(node, "load", 0)

@@ -7,7 +7,7 @@ import builtins
 
 from warp._src import types
 from warp._src.frontend import names
-from warp._src.frontend.emitter import FLOAT32, INT32, Value
+from warp._src.frontend.emitter import BOOL, FLOAT32, INT32, Value
 from warp._src.frontend.user_calls import UserCalls
 
 _MISUSED = {range: "a range outside `for`", reversed: "`reversed` outside `for`"}
@@ -200,6 +200,8 @@ class Constructors(UserCalls):
                 return argument.type.element or argument.type
         if any(type(argument) is float for argument in arguments):
             return FLOAT32
+        if arguments and all(type(argument) is bool for argument in arguments):
+            return BOOL
         return INT32 if arguments else FLOAT32
 
     def of_family(self, node, family):
