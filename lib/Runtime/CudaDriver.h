@@ -170,11 +170,12 @@ struct Uuid {
   X(memGetAddressRange, cuMemGetAddressRange_v2,                               \
     (Pointer *, size_t *, Pointer))                                            \
   X(pointerGetAttribute, cuPointerGetAttribute, (void *, int, Pointer))        \
-  X(ipcGetMemHandle, cuIpcGetMemHandle, (RawIpcHandle *, Pointer))                \
-  X(ipcOpenMemHandle, cuIpcOpenMemHandle_v2, (Pointer *, RawIpcHandle, unsigned)) \
+  X(ipcGetMemHandle, cuIpcGetMemHandle, (RawIpcHandle *, Pointer))             \
+  X(ipcOpenMemHandle, cuIpcOpenMemHandle_v2,                                   \
+    (Pointer *, RawIpcHandle, unsigned))                                       \
   X(ipcCloseMemHandle, cuIpcCloseMemHandle, (Pointer))                         \
-  X(ipcGetEventHandle, cuIpcGetEventHandle, (RawIpcHandle *, EventHandle))        \
-  X(ipcOpenEventHandle, cuIpcOpenEventHandle, (EventHandle *, RawIpcHandle))      \
+  X(ipcGetEventHandle, cuIpcGetEventHandle, (RawIpcHandle *, EventHandle))     \
+  X(ipcOpenEventHandle, cuIpcOpenEventHandle, (EventHandle *, RawIpcHandle))   \
   X(memHostAlloc, cuMemHostAlloc, (void **, size_t, unsigned))                 \
   X(memFreeHost, cuMemFreeHost, (void *))                                      \
   X(memHostGetDevicePointer, cuMemHostGetDevicePointer_v2,                     \

@@ -51,9 +51,8 @@ std::vector<MemoryTracker::Allocation> MemoryTracker::live() const {
     for (const auto &[memory, allocation] : allocations)
       list.push_back(allocation);
   }
-  std::sort(list.begin(), list.end(), [](const auto &a, const auto &b) {
-    return a.number < b.number;
-  });
+  std::sort(list.begin(), list.end(),
+            [](const auto &a, const auto &b) { return a.number < b.number; });
   return list;
 }
 

@@ -32,7 +32,8 @@ static Pointer addressOf(const void *memory) {
 //===----------------------------------------------------------------------===//
 
 bool warp::canPeersLink(int device, int peer) {
-  int from = cudaDeviceState(peer).ordinal, to = cudaDeviceState(device).ordinal;
+  int from = cudaDeviceState(peer).ordinal;
+  int to = cudaDeviceState(device).ordinal;
   if (from == to)
     return true;
   cuda::DeviceHandle fromHandle, toHandle;
@@ -45,9 +46,10 @@ bool warp::canPeersLink(int device, int peer) {
 
 static void expectLink(int device, int peer) {
   if (!canPeersLink(device, peer))
-    throw Error(Error::Kind::Runtime,
-                "'" + deviceInfo(peer).alias + "' cannot reach the memory of '" +
-                    deviceInfo(device).alias + "', they are not connected");
+    throw Error(Error::Kind::Runtime, "'" + deviceInfo(peer).alias +
+                                          "' cannot reach the memory of '" +
+                                          deviceInfo(device).alias +
+                                          "', they are not connected");
 }
 
 /// The set of `peer`s that were given access, one bit each.

@@ -196,8 +196,8 @@ static StreamUse *useOf(int device, const Stream *stream) {
   if (stream && stream->device() != device)
     throw Error(Error::Kind::LaunchValue,
                 "expects a stream of '" + deviceInfo(device).alias +
-                    "', but got one of '" +
-                    deviceInfo(stream->device()).alias + "'");
+                    "', but got one of '" + deviceInfo(stream->device()).alias +
+                    "'");
   if (stream)
     return stream->use();
   StreamUse *use = cudaDeviceState(device).current;
@@ -208,6 +208,8 @@ QueuedWork::QueuedWork(int device, const Stream *stream)
     : use(useOf(device, stream)), scope(device) {}
 
 void warp::synchronizeBusyStreams() {
+  if (cudaDeviceCount() == 0 || cuda::isForked())
+    return;
   for (int device = 0; device < knownDeviceCount(); ++device) {
     // Waiting would end a capture; what it recorded does not run yet.
     if (isCapturing(device))

@@ -77,8 +77,7 @@ static void bindStreams(py::module_ &m) {
              int index = cudaIndex(device);
              if (!handle.is_none())
                return std::make_shared<Stream>(
-                   index,
-                   reinterpret_cast<void *>(handle.cast<uintptr_t>()));
+                   index, reinterpret_cast<void *>(handle.cast<uintptr_t>()));
              // The priorities that every device has.
              return std::make_shared<Stream>(
                  index, std::clamp(readPriority(priority), -1, 0));
@@ -185,7 +184,12 @@ static void setNoticeFunction(py::object function) {
 }
 
 static void bindCache(py::module_ &m) {
-  m.def("cache_directory", [] { return KernelCache::get().directory(); });
+  m.def("cache_directory", [] {
+    // Paths are bytes; Python escapes those that are no text.
+    std::string path = KernelCache::get().directory();
+    return py::reinterpret_steal<py::object>(
+        PyUnicode_DecodeFSDefaultAndSize(path.data(), path.size()));
+  });
   m.def(
       "set_cache_directory",
       [](std::string path) { KernelCache::get().setDirectory(path); },

@@ -51,9 +51,8 @@ static void bindAccess(py::module_ &m) {
         return static_cast<int>(memoryKind(device, pointer(memory)));
       },
       py::arg("device"), py::arg("ptr"));
-  m.def("map_context", [](uintptr_t context) {
-    return mapContext(pointer(context));
-  });
+  m.def("map_context",
+        [](uintptr_t context) { return mapContext(pointer(context)); });
   m.def(
       "set_current_context",
       [](uintptr_t context) {
@@ -61,9 +60,8 @@ static void bindAccess(py::module_ &m) {
             setCurrentCudaContext(pointer(context)));
       },
       py::arg("context"), "Returns the one that was current.");
-  m.def("current_context", [] {
-    return reinterpret_cast<uintptr_t>(currentCudaContext());
-  });
+  m.def("current_context",
+        [] { return reinterpret_cast<uintptr_t>(currentCudaContext()); });
 }
 
 static void bindPools(py::module_ &m) {
@@ -136,8 +134,8 @@ static void bindTracker(py::module_ &m) {
       [] {
         py::dict totals;
         for (const auto &[device, sum] : MemoryTracker::get().totals())
-          totals[py::int_(device)] = py::make_tuple(
-              sum.current, sum.peak, sum.allocations, sum.frees);
+          totals[py::int_(device)] =
+              py::make_tuple(sum.current, sum.peak, sum.allocations, sum.frees);
         return totals;
       },
       "By device: (current bytes, peak bytes, allocations, frees).");
@@ -148,9 +146,8 @@ static void bindTracker(py::module_ &m) {
         MemoryTracker::get().add(pointer(memory), bytes, device, false, site);
       },
       py::arg("ptr"), py::arg("size"), py::arg("device"), py::arg("site"));
-  m.def("tracker_remove", [](uintptr_t memory) {
-    MemoryTracker::get().remove(pointer(memory));
-  });
+  m.def("tracker_remove",
+        [](uintptr_t memory) { MemoryTracker::get().remove(pointer(memory)); });
 }
 
 void python::bindPeers(py::module_ &m) {

@@ -192,6 +192,7 @@ TEST_F(Reclaim, ChildrenAreToldToSpawn) {
   Buffer buffer(0, 64);
   pid_t child = fork();
   if (child == 0) {
+    synchronizeBusyStreams();
     try {
       Buffer other(0, 64);
     } catch (const Error &error) {

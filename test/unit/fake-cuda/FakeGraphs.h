@@ -19,4 +19,9 @@ void fakeWaitEvent(void *stream, void *event);
 /// What the kernel that sets conditions does.
 int fakeSetCondition(uint64_t handle, const int *value, bool negated);
 
+/// Puts a call into a graph instead if its stream is captured.
+#define RECORDED(stream, call)                                                 \
+  if (fakeRecord(stream, [=] { return call; }))                                \
+    return success;
+
 #endif // WARP_TEST_FAKE_CUDA_FAKEGRAPHS_H

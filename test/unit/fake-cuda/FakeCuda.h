@@ -1,0 +1,26 @@
+//===- FakeCuda.h - What the parts of the fake driver share -----*- C++ -*-===//
+
+#ifndef WARP_TEST_FAKE_CUDA_FAKECUDA_H
+#define WARP_TEST_FAKE_CUDA_FAKECUDA_H
+
+#include <mutex>
+
+#define EXPORT extern "C" __attribute__((visibility("default")))
+
+namespace fake {
+
+inline constexpr int success = 0, invalidValue = 1, outOfMemory = 2;
+inline constexpr int notFound = 500, notReady = 600, illegalAddress = 700;
+
+/// Guards all state.
+extern std::mutex mutex;
+extern thread_local void *current;
+/// Returned by everything that touches the device, once set: a fault.
+extern int fault;
+
+/// Writes a call down with the number of its stream; returns the fault.
+int note(const char *call, void *stream);
+
+} // namespace fake
+
+#endif // WARP_TEST_FAKE_CUDA_FAKECUDA_H
