@@ -208,6 +208,7 @@ Code Kernel::Impl::obtain(int device, const CompileOptions &compileOptions) {
 }
 
 Kernel::Variant *Kernel::Impl::make(const VariantKey &key) {
+  cuda::RelaxedCaptures relaxed;
   std::lock_guard<std::mutex> lock(mutex);
   if (Variant *made = find(key))
     return made;
