@@ -33,4 +33,28 @@ def Warp_RandnOp : Warp_Random<"randn", ["(state: inout u32) -> f32",
     "(state: inout u32, mean: f32, std: f32) -> f32"],
     "random float of the normal distribution, by Box and Muller">;
 
+class Warp_Sample<string mnemonic, int length, string summaryOf>
+    : Warp_Random<mnemonic,
+                  ["(state: inout u32) -> vec<" # length # ",f32>"],
+                  summaryOf>;
+
+def Warp_SampleUnitRingOp : Warp_Sample<"sample_unit_ring", 2,
+    "random point on the circle of radius 1">;
+def Warp_SampleUnitDiskOp : Warp_Sample<"sample_unit_disk", 2,
+    "random point within the circle of radius 1">;
+def Warp_SampleUnitSquareOp : Warp_Sample<"sample_unit_square", 2,
+    "random point of the square of side 1 around 0">;
+def Warp_SampleUnitCubeOp : Warp_Sample<"sample_unit_cube", 3,
+    "random point of the cube of side 1 around 0">;
+def Warp_SampleUnitSphereSurfaceOp : Warp_Sample<"sample_unit_sphere_surface", 3,
+    "random direction: a point on the sphere of radius 1">;
+def Warp_SampleUnitSphereOp : Warp_Sample<"sample_unit_sphere", 3,
+    "random point within the sphere of radius 1">;
+def Warp_SampleUnitHemisphereSurfaceOp : Warp_Sample<"sample_unit_hemisphere_surface", 3,
+    "random direction whose z is not negative">;
+def Warp_SampleUnitHemisphereOp : Warp_Sample<"sample_unit_hemisphere", 3,
+    "random point within the sphere of radius 1 whose z is not negative">;
+def Warp_SampleTriangleOp : Warp_Sample<"sample_triangle", 2,
+    "random point of a triangle, as the shares of its first two corners">;
+
 #endif // WARP_RANDOM_TD

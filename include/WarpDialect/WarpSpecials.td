@@ -108,6 +108,11 @@ def Warp_ExpectNearName : Warp_ThreadName<"expect_near",
     "NaN is near to nothing">;
 def Warp_LenName : Warp_ThreadName<"len", ["(a: Any) -> int"],
     "length of a vector, number of rows of a matrix, first extent of an array">;
+def Warp_LowerBoundName : Warp_Special<"lower_bound", "Arrays",
+    ["(arr: array, value: Any) -> int",
+     "(arr: array, begin: int, end: int, value: Any) -> int"],
+    "index of the first element of a sorted array that is not less than "
+    "`value`, or of the last one if all are">;
 def Warp_StaticName : Warp_ThreadName<"static", ["(value: Any) -> Any"],
     "value that Python computes when the kernel is compiled">;
 

@@ -162,3 +162,82 @@ def test_printing_goes_to_standard_output(device):
     assert status == 0, err
     lines = [line.strip() for line in out.splitlines()]
     assert lines == ["i=0 x=1.500 end", "1.5", "1 2 3", "True", "words"]
+
+
+@pytest.mark.parametrize("dtype", [wp.int32, wp.uint64, wp.float32, wp.float64])
+def test_lower_bound(device, dtype):
+    @wp.kernel
+    def kernel(
+        x: wp.array(dtype=dtype), values: wp.array(dtype=dtype), out: wp.array2d(dtype=int)
+    ):
+        i = wp.tid()
+        out[i, 0] = wp.lower_bound(x, values[i])
+        out[i, 1] = wp.lower_bound(x, 2, 5, values[i])
+
+    data = np.array([1, 3, 3, 5, 7, 7, 11])
+    wanted = np.arange(14)
+    x = wp.array(data, dtype=dtype, device=device)
+    values = wp.array(wanted, dtype=dtype, device=device)
+    out = wp.zeros((14, 2), dtype=int, device=device)
+    wp.launch(kernel, 14, [x, values, out], device=device)
+    whole = np.minimum(np.searchsorted(data, wanted), len(data) - 1)
+    part = np.clip(np.searchsorted(data, wanted), 2, 4)
+    np.testing.assert_array_equal(out.numpy(), np.stack([whole, part], axis=1))
+
+
+SAMPLES = {
+    "unit_ring": 2,
+    "unit_disk": 2,
+    "unit_square": 2,
+    "triangle": 2,
+    "unit_cube": 3,
+    "unit_sphere": 3,
+    "unit_sphere_surface": 3,
+    "unit_hemisphere": 3,
+    "unit_hemisphere_surface": 3,
+}
+
+
+def sampled(name, draws):
+    """Points of a shape from uniform numbers in [0, 1), in the order they are drawn."""
+    a, b, c = (draw.astype(np.float64) for draw in draws)
+    if name in ("unit_square", "unit_cube"):
+        return np.stack([a, b, c], axis=1)[:, : SAMPLES[name]] - 0.5
+    if name == "triangle":
+        return np.stack([1.0 - np.sqrt(a), b * np.sqrt(a)], axis=1)
+    if name in ("unit_ring", "unit_disk"):
+        radius, turn = (1.0, a) if name == "unit_ring" else (np.sqrt(a), b)
+        return (radius * np.array([np.cos(2 * np.pi * turn), np.sin(2 * np.pi * turn)])).T
+    z = 1.0 - (1.0 if "hemi" in name else 2.0) * a
+    radius = 1.0 if "surface" in name else np.cbrt(c)
+    flat = np.sqrt(1.0 - z * z)
+    turn = 2 * np.pi * b
+    return (radius * np.array([np.cos(turn) * flat, np.sin(turn) * flat, z])).T
+
+
+@pytest.mark.parametrize("name", SAMPLES)
+def test_random_points(device, name):
+    function = getattr(wp, "sample_" + name)
+    dtype = wp.types.vector(SAMPLES[name], float)
+
+    @wp.kernel
+    def kernel(points: wp.array(dtype=dtype), states: wp.array(dtype=wp.uint32)):
+        i = wp.tid()
+        state = wp.rand_init(7, i)
+        points[i] = function(state)
+        states[i] = state
+
+    n = 4000
+    points = wp.zeros(n, dtype=dtype, device=device)
+    states = wp.zeros(n, dtype=wp.uint32, device=device)
+    wp.launch(kernel, n, [points, states], device=device)
+
+    with np.errstate(over="ignore"):
+        state = pcg(np.uint32(7) + pcg(np.arange(n, dtype=np.uint32)))
+    chain = [state]
+    for _ in range(3):
+        chain.append(pcg(chain[-1]))
+    draws = [(s >> np.uint32(8)).astype(np.float32) * np.float32(2.0**-24) for s in chain[1:]]
+    np.testing.assert_allclose(points.numpy(), sampled(name, draws), atol=2e-6)
+    drawn = {"unit_ring": 1, "unit_cube": 3, "unit_sphere": 3, "unit_hemisphere": 3}.get(name, 2)
+    np.testing.assert_array_equal(states.numpy(), chain[drawn])

@@ -11,6 +11,8 @@
 
 #include "Lowerings/LoweringFunctions.h"
 
+#include "mlir/Dialect/Math/IR/Math.h"
+
 using namespace mlir;
 
 namespace warp::lowering {
@@ -74,6 +76,94 @@ Scalars lowerRandn(Emitter &, Operands args) {
   if (args.size() == 1)
     return {normal, second};
   return {args[1][0] + exactly(args[2][0] * normal), second};
+}
+
+//===----------------------------------------------------------------------===//
+// Points, uniformly distributed; results are the components and the new state
+//===----------------------------------------------------------------------===//
+
+static Scalar drawUnit(Scalar &state) {
+  state = advance(state);
+  return toUnit(state);
+}
+
+static Scalar drawAngle(Scalar &state) {
+  return exactly(static_cast<double>(2 * 3.14159265f) * drawUnit(state));
+}
+
+static Scalars pointOnDisk(Scalar state, bool inside) {
+  std::optional<Scalar> radius;
+  if (inside)
+    radius = sqrt(drawUnit(state));
+  Scalar angle = drawAngle(state);
+  Scalar x = cos(angle), y = sin(angle);
+  if (!radius)
+    return {x, y, state};
+  return {*radius * x, *radius * y, state};
+}
+
+/// The cosine of the polar angle is uniform in [1 - height, 1].
+static Scalars pointOnSphere(Scalar state, double height, bool inside) {
+  Scalar polar = acos(1.0 - height * drawUnit(state));
+  Scalar angle = drawAngle(state);
+  Scalar x = cos(angle), y = sin(angle), z = cos(polar);
+  if (inside) {
+    Scalar draw = drawUnit(state);
+    Emitter &e = *draw.emitter;
+    Scalar third = draw.like(static_cast<double>(1.0f / 3.0f));
+    Scalar radius = {&e, e.create<math::PowFOp>(draw.value, third.value),
+                     draw.type};
+    x = radius * x, y = radius * y, z = radius * z;
+  }
+  return {x * sin(polar), y * sin(polar), z, state};
+}
+
+static Scalars pointInCube(Scalar state, unsigned dimensions) {
+  Scalars result;
+  for (unsigned i = 0; i < dimensions; ++i)
+    result.push_back(drawUnit(state) - 0.5);
+  result.push_back(state);
+  return result;
+}
+
+Scalars lowerSampleUnitRing(Emitter &, Operands args) {
+  return pointOnDisk(args[0][0], false);
+}
+
+Scalars lowerSampleUnitDisk(Emitter &, Operands args) {
+  return pointOnDisk(args[0][0], true);
+}
+
+Scalars lowerSampleUnitSquare(Emitter &, Operands args) {
+  return pointInCube(args[0][0], 2);
+}
+
+Scalars lowerSampleUnitCube(Emitter &, Operands args) {
+  return pointInCube(args[0][0], 3);
+}
+
+Scalars lowerSampleUnitSphereSurface(Emitter &, Operands args) {
+  return pointOnSphere(args[0][0], 2.0, false);
+}
+
+Scalars lowerSampleUnitSphere(Emitter &, Operands args) {
+  return pointOnSphere(args[0][0], 2.0, true);
+}
+
+Scalars lowerSampleUnitHemisphereSurface(Emitter &, Operands args) {
+  return pointOnSphere(args[0][0], 1.0, false);
+}
+
+Scalars lowerSampleUnitHemisphere(Emitter &, Operands args) {
+  return pointOnSphere(args[0][0], 1.0, true);
+}
+
+/// Barycentric coordinates of the first two corners.
+Scalars lowerSampleTriangle(Emitter &, Operands args) {
+  Scalar state = args[0][0];
+  Scalar root = sqrt(drawUnit(state));
+  Scalar second = drawUnit(state) * root;
+  return {1.0 - root, second, state};
 }
 
 } // namespace warp::lowering
