@@ -163,12 +163,6 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
         """Size of the elements in bytes."""
         return self.size * self.item_size
 
-    @property
-    def memory_kind(self) -> str:
-        if self.pinned:
-            return "pinned"
-        return "host" if self.device_index == devices.CPU else "device"
-
     def __len__(self):
         return self.shape[0] if self.ndim else 1
 
