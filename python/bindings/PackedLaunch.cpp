@@ -82,9 +82,11 @@ PackedLaunch::PackedLaunch(py::object kernel, PyObject *dim, PyObject *inputs,
 }
 
 void PackedLaunch::checkIndex(size_t index) {
-  if (index >= arguments.size())
-    throw py::index_error("launch('" + native().name() +
-                          "'): no argument number " + std::to_string(index));
+  if (index < arguments.size())
+    return;
+  PyErr_Format(PyExc_IndexError, "launch('%s'): no argument number %zd",
+               native().name().c_str(), index);
+  throw py::error_already_set();
 }
 
 void PackedLaunch::setParam(size_t index, PyObject *value) {
