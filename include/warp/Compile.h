@@ -84,6 +84,8 @@ struct Code {
   /// few threads would lose more by those than they gain. It must have the
   /// arrays to itself and run on one thread.
   bool exclusive = false;
+  /// CPU: the code has atomic instructions, so no exclusive code may run.
+  bool atomics = false;
   /// Milliseconds by compile phase; empty when it comes from a cache.
   std::map<std::string, double> phaseMs;
 };

@@ -133,6 +133,19 @@ static int64_t knownStep(mlir::Value step) {
   return number ? *number : 0;
 }
 
+/// Whether counting up to `hi` cannot leave the type after the last trip.
+static bool staysInRange(mlir::Value hi, int64_t step) {
+  if (step == 1)
+    return true;
+  std::optional<warp::Number> known = warp::wrap(hi).constant();
+  const int64_t *bound = known ? std::get_if<int64_t>(&*known) : nullptr;
+  if (!bound)
+    return false;
+  unsigned width = hi.getType().getIntOrFloatBitWidth();
+  int64_t most = llvm::maxIntN(width);
+  return *bound < 0 || step - 1 <= most - *bound;
+}
+
 warp::Value warp::Builder::tripCount(Value lo, Value hi, Value step) {
   ContextLock lock;
   mlir::Type type = unwrap(lo).getType();
@@ -176,8 +189,8 @@ warp::Builder::Values warp::Builder::beginFor(Value lo, Value hi, Value step,
   mlir::Value first = unwrap(lo), by = unwrap(step);
   checkBounds(*impl, first, unwrap(hi), by);
   mlir::Type type = first.getType();
-  bool direct = knownStep(by) > 0;
-  // Other steps count trips from zero.
+  bool direct = knownStep(by) > 0 && staysInRange(unwrap(hi), knownStep(by));
+  // Others count trips from zero: a step beyond the last index may overflow.
   Value bound = direct ? hi : tripCount(lo, hi, step);
   mlir::Value last = toSignless(*impl, unwrap(bound));
   Value one = constant(wrap(type), int64_t(1));

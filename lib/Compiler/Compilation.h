@@ -38,7 +38,7 @@ public:
   double cost = 0;
   bool usesPrintf = false;
   bool straightLine = false;
-  bool exclusive = false;
+  bool exclusive = false, atomics = false;
   int items = 1;
   std::map<std::string, double> phaseMs;
 

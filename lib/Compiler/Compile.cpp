@@ -243,6 +243,13 @@ void Compilation::collectFacts(ModuleOp module) {
       continue;
     entry = function.getName().str();
     exclusive = function->hasAttr(attr::exclusive);
+    atomics = function
+                  .walk([](Operation *op) {
+                    return isa<LLVM::AtomicRMWOp, LLVM::AtomicCmpXchgOp>(op)
+                               ? WalkResult::interrupt()
+                               : WalkResult::advance();
+                  })
+                  .wasInterrupted();
     if (auto count = function->getAttrOfType<IntegerAttr>(attr::items))
       items = int(count.getInt());
     auto table = function->getAttrOfType<ArrayAttr>(attr::sites);

@@ -32,6 +32,7 @@ warp::Code warp::compile(const Module &module, const CompileOptions &options) {
   code.cost = run.cost;
   code.usesPrintf = run.usesPrintf;
   code.exclusive = run.exclusive;
+  code.atomics = run.atomics;
   code.items = run.items;
   code.phaseMs = std::move(run.phaseMs);
   return code;

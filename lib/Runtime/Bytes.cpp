@@ -15,6 +15,7 @@ void warp::writeCode(Writer &out, const Code &code) {
   out.number(code.cost);
   out.number<uint8_t>(code.usesPrintf);
   out.number<uint8_t>(code.exclusive);
+  out.number<uint8_t>(code.atomics);
   out.number<int32_t>(code.items);
   out.number<uint64_t>(code.sites.size());
   for (const Site &site : code.sites) {
@@ -34,6 +35,7 @@ Code warp::readCode(Reader &in) {
   code.cost = in.number<double>();
   code.usesPrintf = in.number<uint8_t>();
   code.exclusive = in.number<uint8_t>();
+  code.atomics = in.number<uint8_t>();
   code.items = in.number<int32_t>();
   auto sites = in.number<uint64_t>();
   for (uint64_t i = 0; i < sites && in.ok(); ++i) {

@@ -26,6 +26,9 @@
 #include <climits>
 #include <cstdio>
 #include <cstring>
+#include <new>
+#include <pthread.h>
+#include <shared_mutex>
 
 using namespace warp;
 
@@ -334,15 +337,27 @@ static void setErrorRecord(void *params, uint64_t address) {
               &address, sizeof(address));
 }
 
+/// Held alone by code that updates arrays without atomic instructions, shared
+/// by code that does so with them: other threads may launch on the same array.
+static std::shared_mutex &updateGate() {
+  static std::shared_mutex gate;
+  // A thread that held it is not in the child.
+  static const int registered = pthread_atfork(
+      nullptr, nullptr, [] { new (&updateGate()) std::shared_mutex; });
+  (void)registered;
+  return gate;
+}
+
 static void runOnCpu(const Kernel::Variant &variant, const void *params,
                      int64_t items, bool serial) {
   CpuEntry entry = variant.cpu;
   if (variant.code.exclusive) {
-    // Nothing else may update the arrays meanwhile, from whichever thread.
-    static std::mutex exclusive;
-    std::lock_guard<std::mutex> lock(exclusive);
+    std::unique_lock<std::shared_mutex> alone(updateGate());
     return entry(params, 0, items);
   }
+  std::shared_lock<std::shared_mutex> shared;
+  if (variant.code.atomics)
+    shared = std::shared_lock<std::shared_mutex>(updateGate());
   if (serial)
     return entry(params, 0, items);
   // Chunks are multiples of 64 so that two threads rarely share a line.

@@ -56,7 +56,9 @@ static bool isNonNegative(mlir::Value value, bool mayOverflow, int depth) {
     return false;
   if (auto argument = dyn_cast<BlockArgument>(value)) {
     auto loop = dyn_cast<scf::ForOp>(argument.getOwner()->getParentOp());
-    return loop && loop.getInductionVar() == value && !loop.getUnsignedCmp() &&
+    // Beyond 2^31 trips an index is out of bounds, like a sum that overflows.
+    return loop && loop.getInductionVar() == value &&
+           (mayOverflow || !loop.getUnsignedCmp()) &&
            isNonNegative(loop.getLowerBound(), false, depth - 1);
   }
   Operation *op = value.getDefiningOp();

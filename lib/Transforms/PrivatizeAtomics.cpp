@@ -149,10 +149,10 @@ Value Privatizer::identity(warp::AtomicKind kind, Type type, bool isUnsigned) {
   Location loc = entry.getLoc();
   if (auto floatType = dyn_cast<FloatType>(type)) {
     const llvm::fltSemantics &semantics = floatType.getFloatSemantics();
+    // A minimum or maximum of NaN and a number is the number.
     APFloat value = kind == warp::AtomicKind::add
                         ? APFloat::getZero(semantics, /*Negative=*/true)
-                        : APFloat::getInf(semantics,
-                                          kind == warp::AtomicKind::max);
+                        : APFloat::getNaN(semantics);
     return arith::ConstantOp::create(b, loc, b.getFloatAttr(type, value));
   }
   unsigned width = type.getIntOrFloatBitWidth();

@@ -59,7 +59,7 @@ def _type_text(cls):
 
 
 def _set_cache_directory(path) -> None:
-    _native.set_cache_directory(path or "")
+    _native.set_cache_directory(os.fsencode(path or ""))
 
 
 def _set_threads(count) -> None:

@@ -85,6 +85,12 @@ def _translate(function, name, arguments, max_unroll):
         emitter.body()
     except errors.WarpError as problem:
         raise emitter.locate(problem) from problem.__cause__
+    except RecursionError:
+        raise emitter.error(
+            emitter.node,
+            f"kernel '{name}' is nested too deeply for Python's recursion limit",
+            "split the expression, or raise `sys.setrecursionlimit`",
+        ) from None
     return emitter
 
 

@@ -72,7 +72,7 @@ class EmitterBase:
         """What the builder makes next comes from this node."""
         self.node = node
         self.builder.set_location(
-            self.source.file, node.lineno + self.source.line_offset, node.col_offset + 1
+            self.source.encoded_file, node.lineno + self.source.line_offset, node.col_offset + 1
         )
 
     def error(self, node, message, hint=None, kind=errors.WarpCodegenError, notes=()):

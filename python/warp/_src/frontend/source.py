@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import ast
 import linecache
+import os
 import types
 
 from warp._src import errors
@@ -18,11 +19,13 @@ from warp._src import errors
 class Source:
     """Tree of one function and the place it comes from."""
 
-    __slots__ = ("file", "line_offset", "name", "plan", "tree")
+    __slots__ = ("encoded_file", "file", "line_offset", "name", "plan", "tree")
 
     def __init__(self, tree: ast.FunctionDef, file: str, line_offset: int, name: str):
         self.tree = tree
         self.file = file
+        # A path need not be valid text; locations in IR are.
+        self.encoded_file = os.fsencode(file).decode(errors="replace")
         self.line_offset = line_offset
         self.name = name
         self.plan = None
@@ -32,13 +35,15 @@ class Source:
 
     def place(self, node: ast.AST) -> dict:
         """Keyword arguments for an error at a node."""
-        end = node.end_col_offset if node.end_lineno == node.lineno else 0
+        # Of what goes on over several lines, the first character stands for all.
+        one_line = node.end_lineno == node.lineno
+        end = node.end_col_offset if one_line else node.col_offset + 1
         line = node.lineno + self.line_offset
         return {
             "file": self.file,
             "line": line,
             "column": _characters(self.file, line, node.col_offset) + 1,
-            "end_column": _characters(self.file, line, end) + 1 if end else 0,
+            "end_column": _characters(self.file, line, end) + 1,
         }
 
 

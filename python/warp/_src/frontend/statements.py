@@ -67,6 +67,7 @@ class Emitter(Calls):
         if method is None:
             name = type(node).__name__
             raise self.unsupported(node, _UNSUPPORTED.get(name, f"`ast.{name}`"))
+        self.node = node
         method(node)
 
     def statement_Pass(self, node):
