@@ -271,17 +271,17 @@ GraphHandle CudaCapture::stop() {
 
 CudaCapture::~CudaCapture() {
   std::shared_ptr<Kept> kept = close();
-  if (external || (!running && paused.empty()))
+  if (external || !running)
     return;
   try {
     cuda::ContextScope scope(device());
     GraphHandle graph = nullptr;
-    if (running)
-      cuda::graphDriver().endCapture(raw(), &graph);
-    // The graphs of bodies belong to the one around them.
-    if (!paused.empty())
+    cuda::Result result = cuda::graphDriver().endCapture(raw(), &graph);
+    // The graphs of bodies belong to the one around them. Where the driver
+    // threw a body away itself, destroying what is around it would crash.
+    if (result == cuda::success && !paused.empty())
       graph = paused.front().graph;
-    if (graph)
+    if (result == cuda::success && graph)
       cuda::graphDriver().destroy(graph);
   } catch (const Error &) {
   }
