@@ -113,6 +113,22 @@ def Warp_LowerBoundName : Warp_Special<"lower_bound", "Arrays",
      "(arr: array, begin: int, end: int, value: Any) -> int"],
     "index of the first element of a sorted array that is not less than "
     "`value`, or of the last one if all are">;
+class Warp_SpatialName<string name, list<string> overloads, string summaryOf>
+    : Warp_Special<name, "Spatial vectors", overloads, summaryOf>;
+
+def Warp_SpatialTopName : Warp_SpatialName<"spatial_top", ["(a: Any) -> Any"],
+    "the angular part of a spatial vector">;
+def Warp_SpatialBottomName : Warp_SpatialName<"spatial_bottom",
+    ["(a: Any) -> Any"], "the linear part of a spatial vector">;
+def Warp_SpatialDotName : Warp_SpatialName<"spatial_dot",
+    ["(a: Any, b: Any) -> Any"], "the inner product of two spatial vectors">;
+def Warp_SpatialCrossName : Warp_SpatialName<"spatial_cross",
+    ["(a: Any, b: Any) -> Any"], "the cross product of two motions">;
+def Warp_SpatialCrossDualName : Warp_SpatialName<"spatial_cross_dual",
+    ["(a: Any, b: Any) -> Any"], "the cross product of a motion and a force">;
+def Warp_QuatFromEulerName : Warp_Special<"quat_from_euler", "Quaternions",
+    ["(e: Any, i: int, j: int, k: int) -> Any"],
+    "rotation by e[i] about axis i, then e[j] about j, then e[k] about k">;
 def Warp_StaticName : Warp_ThreadName<"static", ["(value: Any) -> Any"],
     "value that Python computes when the kernel is compiled">;
 

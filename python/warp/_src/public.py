@@ -5,6 +5,11 @@ from __future__ import annotations
 import importlib
 
 _SUBMODULES = ("types",)
+# Written in the kernel language.
+LIBRARY_NAMES = (
+    *("quat_from_euler", "spatial_bottom", "spatial_cross", "spatial_cross_dual"),
+    *("spatial_dot", "spatial_top"),
+)
 
 
 def find(name: str):
@@ -20,7 +25,12 @@ def find(name: str):
         from warp._src.checks import CHECKS
         from warp._src.constructors import CONSTRUCTORS
 
-        found = CONSTRUCTORS.get(name) or CHECKS.get(name) or lookup(name)
+        found = CONSTRUCTORS.get(name) or CHECKS.get(name)
+        if found is None and name in LIBRARY_NAMES:
+            from warp._src.library import LIBRARY
+
+            found = LIBRARY[name]
+        found = found or lookup(name)
         if found is not None:
             return found
     raise AttributeError(f"module 'warp' has no attribute '{name}'")
@@ -31,4 +41,4 @@ def names(held) -> list[str]:
     from warp._src.builtins import names as builtin_names
 
     public = {name for name in held if not name.startswith("_")}
-    return sorted(public | set(builtin_names()) | set(_SUBMODULES))
+    return sorted(public | set(builtin_names()) | set(_SUBMODULES) | set(LIBRARY_NAMES))

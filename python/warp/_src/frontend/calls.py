@@ -16,6 +16,7 @@ from warp._src.frontend.emitter import Value
 from warp._src.frontend.names import BuiltinRef
 from warp._src.frontend.output import Output
 from warp._src.kernel import Kernel
+from warp._src.public import LIBRARY_NAMES
 
 _PYTHON_FUNCTIONS = {
     abs: "abs",
@@ -118,6 +119,10 @@ class Calls(Output):
         if special is not None:
             return special(node)
         arguments, keywords = self.arguments(node)
+        if name in LIBRARY_NAMES:
+            from warp._src.library import LIBRARY
+
+            return self.call_function(LIBRARY[name], arguments, keywords, node)
         places = list(node.args)
         if keywords:
             order = self.keyword_order(name, len(arguments), keywords, node)
@@ -204,7 +209,7 @@ class Calls(Output):
         space.update(
             (name, Shaped(binding.type) if type(binding) is Value else binding)
             for name, binding in self.env.items()
-            if type(binding) is not Value or binding.type.element and binding.type.kind != "array"
+            if type(binding) is not Value or (binding.type.element and binding.type.kind != "array")
         )
         try:
             compiled = compile(ast.Expression(node.args[0]), self.source.file, "eval")
