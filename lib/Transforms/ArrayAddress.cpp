@@ -41,8 +41,12 @@ mlir::Value ArrayLowering::widen(mlir::Value value, mlir::Type type) {
 // Non-negative indices
 //===----------------------------------------------------------------------===//
 
-/// A thread index of a launch: it and its successor fit 32 bits.
+/// A thread index of a launch: it and its successor fit 32 bits. On the GPU it
+/// is the block's first index plus the one within; nothing else is marked so.
 static bool isThreadIndex(mlir::Value value) {
+  constexpr auto noWrap = noSignedWrap | arith::IntegerOverflowFlags::nuw;
+  if (auto sum = value.getDefiningOp<arith::AddIOp>())
+    return bitEnumContainsAll(sum.getOverflowFlags(), noWrap);
   auto trunc = value.getDefiningOp<arith::TruncIOp>();
   return trunc &&
          trunc.getOverflowFlags() != arith::IntegerOverflowFlags::none;

@@ -16,10 +16,10 @@
 // component type narrower than 32 bits keeps its atomic: its partial sums
 // would round.
 //
-// What is left on the CPU are updates of elements that differ from thread to thread. An
-// atomic instruction costs ten times a plain update, so for few threads it is
-// quicker to run the launch on one of them without; the entry is then marked
-// `warp.exclusive`.
+// What is left on the CPU are updates of elements that differ from thread to
+// thread. An atomic instruction costs ten times a plain update, so for few
+// threads it is quicker to run the launch on one of them without; the entry is
+// then marked `warp.exclusive`.
 //
 // Runs between warp-lower-launch, which makes the loop, and warp-lower-arrays.
 //

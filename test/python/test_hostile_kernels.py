@@ -109,7 +109,11 @@ def test_kernels_on_two_threads_update_one_array():
     count = wp.zeros(2, dtype=int, device="cpu")
     at = wp.zeros(n, dtype=int, device="cpu")
     x = wp.zeros(n, dtype=float, device="cpu")
-    work = {scatter: ([at, count], n, 200), heavy: ([x, count], 50_000, 30), total: ([count], n, 99)}
+    work = {
+        scatter: ([at, count], n, 200),
+        heavy: ([x, count], 50_000, 30),
+        total: ([count], n, 99),
+    }
 
     def launch(kernel):
         arguments, items, times = work[kernel]
