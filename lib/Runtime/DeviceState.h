@@ -26,7 +26,11 @@ struct StreamUse {
   std::atomic<bool> used{false};
   /// The rest is guarded by the mutex of the device.
   int references = 0;
+  /// The stream was destroyed while objects that borrow it are left.
+  bool gone = false;
   cuda::EventHandle event = nullptr;
+
+  bool exists() const { return references > 0 && !gone; }
 
   void markBusy() {
     if (!busy.load(std::memory_order_relaxed)) {
@@ -103,7 +107,8 @@ void trimPinned();
 
 /// Notes that an object for a stream was made, and that it goes away.
 StreamUse *retainStream(int device, cuda::StreamHandle handle);
-void releaseStream(int device, StreamUse *use);
+/// `destroyed`: the caller destroys the stream next.
+void releaseStream(int device, StreamUse *use, bool destroyed);
 
 /// Throws what a failed check of a debug-mode kernel says.
 [[noreturn]] void raiseFailedCheck(const ErrorRecord &record,

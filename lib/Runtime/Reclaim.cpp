@@ -40,6 +40,7 @@ StreamUse *warp::retainStream(int device, StreamHandle handle) {
   for (StreamUse *use : state.uses)
     if (use->handle == handle) {
       ++use->references;
+      use->gone = false;
       return use;
     }
   auto *use = new StreamUse;
@@ -66,7 +67,7 @@ static bool isCapturing(StreamHandle stream) {
 
 static bool isCapturing(const DeviceState &state) {
   return std::any_of(state.uses.begin(), state.uses.end(), [](StreamUse *use) {
-    return use->references > 0 && isCapturing(use->handle);
+    return use->exists() && isCapturing(use->handle);
   });
 }
 
@@ -89,7 +90,7 @@ static StreamHandle afterAllWork(DeviceState &state, bool apart = false) {
   StreamUse *only = nullptr;
   int count = 0;
   for (StreamUse *use : state.uses)
-    if (use->references > 0 && use->used.load(std::memory_order_relaxed)) {
+    if (use->exists() && use->used.load(std::memory_order_relaxed)) {
       only = use;
       ++count;
     }
@@ -102,7 +103,7 @@ static StreamHandle afterAllWork(DeviceState &state, bool apart = false) {
   if (!state.reclaim)
     WARP_CUDA(streamCreate, &state.reclaim, cuda::streamDefault, 0);
   for (StreamUse *use : state.uses)
-    if (use->references > 0)
+    if (use->exists())
       waitFor(state, *use);
   return state.reclaim;
 }
@@ -129,18 +130,22 @@ static bool recordPending(int device, std::vector<Pending> &list) {
   return true;
 }
 
-void warp::releaseStream(int device, StreamUse *use) {
+void warp::releaseStream(int device, StreamUse *use, bool destroyed) {
   DeviceState &state = cudaDeviceState(device);
   std::lock_guard<std::mutex> lock(state.mutex);
-  if (--use->references > 0)
+  bool last = --use->references == 0;
+  if (!last && !destroyed)
     return;
-  try {
-    cuda::ContextScope scope(device);
-    if (!isCapturing(use->handle))
-      waitFor(state, *use);
-  } catch (const Error &) {
+  if (!use->gone) {
+    try {
+      cuda::ContextScope scope(device);
+      if (!isCapturing(use->handle))
+        waitFor(state, *use);
+    } catch (const Error &) {
+    }
   }
   use->busy = use->used = false;
+  use->gone = !last;
 }
 
 void warp::joinStreams(const Stream &stream) {

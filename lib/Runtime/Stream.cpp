@@ -48,7 +48,7 @@ Stream::Stream(int device, void *handle)
 Stream::~Stream() {
   if (cuda::isForked())
     return;
-  releaseStream(deviceIndex, known);
+  releaseStream(deviceIndex, known, owned);
   // At exit the driver may be gone already; there is nobody to tell.
   if (owned)
     cuda::driver()->streamDestroy(raw(*this));
@@ -219,7 +219,7 @@ void warp::synchronizeBusyStreams() {
     {
       std::lock_guard<std::mutex> lock(state.mutex);
       for (StreamUse *use : state.uses)
-        if (use->references > 0 && use->used)
+        if (use->exists() && use->used)
           handles.push_back(use->handle);
     }
     if (handles.empty())

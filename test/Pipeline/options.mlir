@@ -14,9 +14,9 @@
 // LIMITS: .maxnreg 32
 
 // Quotients are rounded, and subnormals kept, unless fast math is on.
-// EXACT: div.rn.f32
-// FAST-NOT: div.rn
-// FAST: div.approx.ftz.f32
+// EXACT: rcp.rn.f32
+// FAST-NOT: rcp.rn
+// FAST: rcp.approx.ftz.f32
 
 // A newer GPU needs a newer PTX.
 // BLACKWELL: .version 8.7

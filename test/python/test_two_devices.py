@@ -115,12 +115,12 @@ def test_threads_with_a_device_each(two_devices):
     results = {}
 
     def work(device):
-        with wp.ScopedDevice(device):
-            x = wp.ones(N)
-            for _ in range(50):
-                wp.launch(scale, N, [x, x, 1.5])
-                wp.launch(scale, N, [x, x, 1.0 / 1.5])
-            results[device] = x.numpy()
+        # Every device is named: the default device is the process's.
+        x = wp.ones(N, device=device)
+        for _ in range(50):
+            wp.launch(scale, N, [x, x, 1.5], device=device)
+            wp.launch(scale, N, [x, x, 1.0 / 1.5], device=device)
+        results[device] = x.numpy()
 
     threads = [threading.Thread(target=work, args=(device,)) for device in two_devices]
     for thread in threads:

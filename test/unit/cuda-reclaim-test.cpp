@@ -133,6 +133,24 @@ TEST_F(Reclaim, BorrowedStreamsCountOnce) {
   EXPECT_EQ(log.find(record), log.rfind(record)) << log;
 }
 
+// A destroyed stream must not be waited for through its borrowers: work that
+// was queued on it counts once, when its owner goes.
+TEST_F(Reclaim, BorrowersOutliveTheStream) {
+  setBusy(true);
+  auto buffer = std::make_unique<Buffer>(0, 64);
+  auto owner = std::make_unique<Stream>(0);
+  auto borrower = std::make_unique<Stream>(0, owner->handle());
+  work(*buffer, borrower.get());
+  std::string record = "record:" + number(*owner);
+  takeLog();
+  owner.reset();
+  EXPECT_NE(std::string(takeLog()).find(record), std::string::npos);
+  EXPECT_FALSE(borrower->use()->exists());
+  borrower.reset();
+  buffer.reset();
+  EXPECT_EQ(std::string(takeLog()).find(record), std::string::npos);
+}
+
 TEST_F(Reclaim, JoiningAStreamWaitsForTheOthers) {
   setBusy(true);
   Buffer buffer(0, 64);

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 
 from warp._src.frontend.constructors import Constructors
-from warp._src.frontend.emitter import Value
 
 _CONVERSION = re.compile(r"%%|%[^a-zA-Z%]*(?:hh|ll|[hlzjt])?[a-zA-Z]")
 _FORMATS = {"bool": "%d", "int": "%d", "float": "%g"}
@@ -175,7 +174,7 @@ class Output(Constructors):
         one = self.scalar_format(native.element or native)
         parts = self.parts(value, node)
         if native.kind == "transform":
-            shape = ["({0} {0} {0})".format(one), " ({0} {0} {0} {0})\n".format(one)]
+            shape = [f"({one} {one} {one})", f" ({one} {one} {one} {one})\n"]
             return [(label + shape[0], parts[:3]), (shape[1], parts[3:])]
         if native.kind == "quat":
             return [(label + " ".join([one] * 4) + "\n", parts)]
