@@ -92,7 +92,7 @@ bool warp::copyByKernel(const CopyNest &nest, int device,
   CopyNest::Dimension dims[maxRank + 1];
   int rank = nest.rank;
   std::copy(nest.dims, nest.dims + rank, dims);
-  std::stable_sort(dims, dims + rank, [](const auto &a, const auto &b) {
+  std::sort(dims, dims + rank, [](const auto &a, const auto &b) {
     return std::abs(a.dstStride) > std::abs(b.dstStride);
   });
   if (nest.run != word)
