@@ -6,7 +6,7 @@ import ast
 
 from warp._src import errors, types
 from warp._src.frontend.calls import Calls
-from warp._src.frontend.control import RESULT, RETURNED, Flag, If, Loop, Return, Simple
+from warp._src.frontend.control import RESULT, RETURNED
 from warp._src.frontend.emitter import Value
 from warp._src.frontend.names import BuiltinRef
 
@@ -31,20 +31,6 @@ _UNSUPPORTED = {
 
 class Emitter(Calls):
     """The whole translator."""
-
-    def block(self, nodes):
-        for node in nodes:
-            kind = type(node)
-            if kind is Simple:
-                self.statement(node.syntax)
-            elif kind is If:
-                self.branch(node)
-            elif kind is Loop:
-                self.loop(node)
-            elif kind is Flag:
-                self.env[node.name] = node.value
-            elif kind is Return:
-                self.return_statement(node.syntax)
 
     def body(self):
         """Translates the function's body; gives the binding it returns."""
