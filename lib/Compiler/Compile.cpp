@@ -135,7 +135,6 @@ static void runPhase(ModuleOp module, Phase phase,
   FailureRecorder &recorder = *Phases::get().recorders[index];
   recorder.failed.clear();
   recorder.wanted.clear();
-  OwningOpRef<ModuleOp> before = module.clone();
   if (phase == Phase::Thread) {
     PassManager specialize(module.getContext());
     specialize.enableVerifier(false);
@@ -143,8 +142,8 @@ static void runPhase(ModuleOp module, Phase phase,
     if (failed(specialize.run(module)))
       throw diagnostics.toError(Error::Kind::Compile,
                                 "the kernel cannot be specialised");
-    before = module.clone();
   }
+  OwningOpRef<ModuleOp> before = module.clone();
   bool finished = succeeded(Phases::get().managers[index]->run(module));
   // Passes are not verified one by one; a phase is.
   if (finished && succeeded(verify(module)))
