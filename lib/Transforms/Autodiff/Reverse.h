@@ -1,0 +1,165 @@
+//===- Reverse.h - The builder of an adjoint --------------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_TRANSFORMS_AUTODIFF_REVERSE_H
+#define WARP_TRANSFORMS_AUTODIFF_REVERSE_H
+
+#include "Activity.h"
+#include "Cotangents.h"
+#include "MemoryClasses.h"
+#include "Rules.h"
+
+#include "mlir/Dialect/Func/IR/FuncOps.h"
+
+namespace mlir::scf {
+class ForOp;
+class IfOp;
+class WhileOp;
+} // namespace mlir::scf
+
+namespace warp {
+class AtomicOp;
+class InsertOp;
+class LoadOp;
+class StoreOp;
+class WhereOp;
+} // namespace warp
+
+namespace warp::autodiff {
+
+/// An argument that only the adjoint has. The values are part of the interface
+/// to the runtime; see include/warp/Autodiff.h.
+enum class HiddenKind { Preserved, Saved, Counters };
+
+struct ReverseOptions {
+  /// Per array leaf: it has a gradient.
+  llvm::SmallVector<bool> active;
+  Singular singular = Singular::Pinned;
+  /// No two array arguments overlap.
+  bool unique = true;
+  /// Bytes that a loop with a known number of trips may keep per thread.
+  int64_t maxLocalTape = 256;
+};
+
+/// Counts of what the adjoint costs.
+struct ReverseMetrics {
+  int64_t tapeBytes = 0, replayLoops = 0, atomics = 0, shadowed = 0;
+};
+
+/// Builds the adjoint of one kernel; Reverse.cpp explains how.
+class ReverseBuilder {
+public:
+  ReverseBuilder(mlir::func::FuncOp primal, mlir::func::FuncOp adjoint,
+                 const ReverseOptions &options);
+
+  /// Fills the body of the adjoint.
+  mlir::LogicalResult build();
+
+  //===--------------------------------------------------------------------===//
+  // Values of the forward sweep
+  //===--------------------------------------------------------------------===//
+
+  /// The value of the adjoint that stands for a primal value.
+  mlir::Value recover(mlir::Value primal) const;
+  llvm::SmallVector<mlir::Value> recover(mlir::ValueRange primals) const;
+  /// Says what stands for a primal value from now on.
+  void setRecovered(mlir::Value primal, mlir::Value recovered) {
+    values[primal] = recovered;
+  }
+  void setRecovered(mlir::ValueRange primals, mlir::ValueRange recovered);
+
+  /// Clones what the block computes, without its effects and without its
+  /// terminator, at the builder's insertion point. The arguments of the block
+  /// must have been recovered. Loops and branches within are cloned whole.
+  mlir::LogicalResult replay(mlir::Block &block);
+  mlir::LogicalResult replay(mlir::Operation *op);
+
+  //===--------------------------------------------------------------------===//
+  // Cotangents
+  //===--------------------------------------------------------------------===//
+
+  bool isActive(mlir::Value primal) const { return activity.isActive(primal); }
+  /// Adds to the cotangent of a primal value; nothing unless it is active and
+  /// `cotangent` is not null.
+  void addCotangent(mlir::Value primal, mlir::Value cotangent);
+  /// The cotangent of a primal value, which has none afterwards. Null: zero.
+  mlir::Value takeCotangent(mlir::Value primal);
+  /// The same, with a constant zero instead of null.
+  mlir::Value takeCotangentOrZero(mlir::Value primal);
+  /// A zero of the type that cotangents of the value have.
+  mlir::Value zeroCotangent(mlir::Value primal);
+
+  /// Cotangents that code in a region contributes to values outside of it.
+  using Captures = llvm::SmallVector<std::pair<mlir::Value, mlir::Value>>;
+  /// Runs `body` with all cotangents zero and returns those that are left
+  /// after it, summed up at the insertion point that `body` leaves. What was
+  /// there before is restored; the caller adds the captures, brought out of
+  /// the region, with `addCotangent`.
+  mlir::FailureOr<Captures>
+  inScope(llvm::function_ref<mlir::LogicalResult()> body);
+
+  /// Walks the operations of a replayed block backwards, except for the
+  /// terminator: the cotangents of what it yields have been added before.
+  mlir::LogicalResult reverse(mlir::Block &block);
+  mlir::LogicalResult reverse(mlir::Operation *op);
+
+  //===--------------------------------------------------------------------===//
+  // Arrays
+  //===--------------------------------------------------------------------===//
+
+  /// The array of gradients of a primal array, at the recovered indices of its
+  /// views.
+  mlir::Value gradOf(mlir::Value array);
+
+  //===--------------------------------------------------------------------===//
+  // State
+  //===--------------------------------------------------------------------===//
+
+  mlir::OpBuilder builder;
+  const ReverseOptions &options;
+  const Activity &getActivity() const { return activity; }
+  const MemoryClasses &getMemory() const { return memory; }
+  mlir::func::FuncOp getAdjoint() const { return adjoint; }
+  ReverseMetrics metrics;
+
+  /// An argument that the adjoint has beyond those of the primal, added when
+  /// first asked for. `leaf` says of which array it keeps contents; -1 without.
+  /// An argument that clean-up leaves without a use is dropped.
+  mlir::Value getHidden(HiddenKind kind, int64_t leaf, mlir::Type type);
+
+private:
+  mlir::LogicalResult replayRegions(mlir::Operation *op);
+  mlir::LogicalResult replayLoad(LoadOp op);
+  mlir::LogicalResult replayAtomic(AtomicOp op);
+  mlir::LogicalResult reverseIf(mlir::scf::IfOp op);
+  mlir::LogicalResult reverseLoad(LoadOp op);
+  mlir::LogicalResult reverseStore(StoreOp op);
+  mlir::LogicalResult reverseAtomic(AtomicOp op);
+  mlir::LogicalResult reverseCall(mlir::func::CallOp op);
+  mlir::LogicalResult reverseBuiltin(mlir::Operation *op);
+  /// Returns nothing if the operation is none of WarpOps.td.
+  std::optional<mlir::LogicalResult> reverseValueOp(mlir::Operation *op);
+  /// The value with 16-bit floats made f32.
+  mlir::Value widen(mlir::Value value);
+
+  mlir::func::FuncOp primal, adjoint;
+  ArrayLeaves leaves;
+  Activity activity;
+  MemoryClasses memory;
+  llvm::DenseMap<mlir::Value, mlir::Value> values;
+  Cotangents cotangents;
+  llvm::DenseMap<mlir::Value, mlir::Value> gradients;
+};
+
+/// In ReverseLoops.cpp. The builder's insertion point is where the reverse
+/// loop goes; cotangents of the results have been added and are taken here.
+mlir::LogicalResult reverseFor(ReverseBuilder &reverse, mlir::scf::ForOp op);
+mlir::LogicalResult reverseWhile(ReverseBuilder &reverse,
+                                 mlir::scf::WhileOp op);
+
+} // namespace warp::autodiff
+
+#endif // WARP_TRANSFORMS_AUTODIFF_REVERSE_H
