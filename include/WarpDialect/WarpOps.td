@@ -223,5 +223,6 @@ def Warp_AssertOp : Warp_Op<"assert", [MemoryEffects<[MemWrite]>]> {
 include "WarpBuiltins.td"
 include "WarpThreadOps.td"
 include "WarpLaunchOps.td"
+include "WarpScratchOps.td"
 
 #endif // WARP_OPS_TD

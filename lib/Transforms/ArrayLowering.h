@@ -103,6 +103,12 @@ private:
   mlir::Value atomicUpdate(AtomicKind kind, mlir::Value value, mlir::Type type,
                            mlir::Value pointer);
 
+  // LowerScratch.cpp
+  void lowerScratch(ScratchOp op);
+  void lowerScratch(ScratchLoadOp op);
+  void lowerScratch(ScratchStoreOp op);
+  mlir::Value slot(mlir::Value scratch, mlir::Value index);
+
   // LowerOutput.cpp
   void lowerPrintf(PrintfOp op);
   void lowerAssert(AssertOp op);
@@ -127,6 +133,8 @@ private:
   mlir::ArrayAttr accessGroups;
   llvm::DenseMap<mlir::Value, ArrayParts> known;
   llvm::DenseMap<mlir::Value, ArrayType> packedTypes;
+  /// Pointers to the memory of `warp.scratch` operations.
+  llvm::DenseMap<mlir::Value, mlir::Value> scratches;
   llvm::SmallVector<mlir::Operation *> dead;
   /// Address of the error record, i64, in a debugging launch.
   mlir::Value errorRecord;

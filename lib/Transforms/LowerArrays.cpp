@@ -96,6 +96,12 @@ void ArrayLowering::lower(Operation *op) {
     lowerAtomic(atomic);
   else if (auto cas = dyn_cast<AtomicCasOp>(op))
     lowerAtomicCas(cas);
+  else if (auto scratch = dyn_cast<ScratchOp>(op))
+    lowerScratch(scratch);
+  else if (auto load = dyn_cast<ScratchLoadOp>(op))
+    lowerScratch(load);
+  else if (auto store = dyn_cast<ScratchStoreOp>(op))
+    lowerScratch(store);
   else if (auto printf = dyn_cast<PrintfOp>(op))
     lowerPrintf(printf);
   else if (auto assertion = dyn_cast<AssertOp>(op))

@@ -20,6 +20,10 @@ class SelectOp;
 
 namespace warp {
 
+class ScratchOp;
+class ScratchLoadOp;
+class ScratchStoreOp;
+
 /// Lowers a function: its body and its signature.
 llvm::LogicalResult lowerComposites(mlir::FunctionOpInterface function);
 
@@ -46,6 +50,10 @@ private:
   /// Both return nothing if the operation is none of theirs.
   std::optional<llvm::LogicalResult> lowerValueOp(mlir::Operation *op);
   std::optional<llvm::LogicalResult> lowerArrayOp(mlir::Operation *op);
+
+  void lowerScratch(ScratchOp op);
+  void lowerScratch(ScratchLoadOp op);
+  void lowerScratch(ScratchStoreOp op);
 
   /// The values that now stand for an operand.
   llvm::ArrayRef<mlir::Value> lookup(mlir::Value value);

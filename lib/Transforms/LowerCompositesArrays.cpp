@@ -42,6 +42,40 @@ static Value promote(Scalar x) {
   return convert(x, IntegerType::get(context, 32, IntegerType::Signed)).value;
 }
 
+/// Each component gets memory of its own: an optimiser takes apart only what
+/// it can name.
+void CompositeLowering::lowerScratch(ScratchOp op) {
+  auto type = cast<ScratchType>(op.getType());
+  SmallVector<Value> parts;
+  for (Type part : flattenToThreadTypes(type.getElementType()))
+    parts.push_back(ScratchOp::create(emitter.builder, op.getLoc(),
+                                      ScratchType::get(part.getContext(),
+                                                       type.getSlots(), part)));
+  map(op, parts);
+  dead.push_back(op);
+}
+
+void CompositeLowering::lowerScratch(ScratchLoadOp op) {
+  Value index = getIndex(op.getIndex());
+  SmallVector<Value> parts;
+  for (Value scratch : SmallVector<Value>(lookup(op.getScratch()))) {
+    Type part = cast<ScratchType>(scratch.getType()).getElementType();
+    parts.push_back(ScratchLoadOp::create(emitter.builder, op.getLoc(), part,
+                                          scratch, index));
+  }
+  replace(op, ValueRange(parts));
+}
+
+void CompositeLowering::lowerScratch(ScratchStoreOp op) {
+  Value index = getIndex(op.getIndex());
+  SmallVector<Value> values(lookup(op.getValue()));
+  SmallVector<Value> parts(lookup(op.getScratch()));
+  for (auto [value, scratch] : llvm::zip_equal(values, parts))
+    ScratchStoreOp::create(emitter.builder, op.getLoc(), value, scratch,
+                           index);
+  dead.push_back(op);
+}
+
 std::optional<LogicalResult> CompositeLowering::lowerArrayOp(Operation *op) {
   OpBuilder &builder = emitter.builder;
   auto indicesOf = [&](ValueRange indices) {
@@ -97,6 +131,10 @@ std::optional<LogicalResult> CompositeLowering::lowerArrayOp(Operation *op) {
         return keep(llvm::map_to_vector(print.getArgs(), [&](Value x) {
           return promote(getScalar(x));
         }));
+      })
+      .Case<ScratchOp, ScratchLoadOp, ScratchStoreOp>([&](auto scratch) {
+        lowerScratch(scratch);
+        return std::optional(success());
       })
       .Default([](Operation *) { return std::nullopt; });
 }

@@ -47,12 +47,13 @@ static bool isThreadOp(Operation *op) {
   return isa<warp::LoadComponentsOp, warp::StoreComponentsOp,
              warp::AtomicComponentsOp, warp::AtomicCasOp, warp::ViewOp,
              warp::SliceOp, warp::ComponentViewOp, warp::DimOp, warp::TidOp,
-             warp::PrintfOp, warp::AssertOp>(op);
+             warp::PrintfOp, warp::AssertOp, warp::ScratchOp,
+             warp::ScratchLoadOp, warp::ScratchStoreOp>(op);
 }
 
 static bool isThreadType(Type type) {
-  return isa<warp::ArrayType, IndexType>(type) || warp::isFloat(type) ||
-         type.isSignlessInteger();
+  return isa<warp::ArrayType, warp::ScratchType, IndexType>(type) ||
+         warp::isFloat(type) || type.isSignlessInteger();
 }
 
 namespace {

@@ -1,0 +1,39 @@
+//===- ScratchOps.cpp - Verification of WarpScratchOps.td -----------------===//
+
+#include "WarpDialect/WarpOps.h"
+
+using namespace mlir;
+
+LogicalResult
+warp::ScratchType::verify(llvm::function_ref<InFlightDiagnostic()> emitError,
+                          int64_t slots, mlir::Type elementType) {
+  if (slots < 1 || slots > maxComponents)
+    return emitError() << "(C1) expects 1 to " << maxComponents
+                       << " slots, but got " << slots;
+  if (!elementType ||
+      !(isThreadScalar(elementType) || isComposite(elementType)))
+    return emitError() << "(C2) expects a scalar or composite as element "
+                          "type, but got "
+                       << elementType;
+  return success();
+}
+
+/// (C1) what goes in or out has the element type.
+static LogicalResult verifyElement(Operation *op, warp::ScratchType scratch,
+                                   StringRef what, mlir::Type actual) {
+  if (actual == scratch.getElementType())
+    return success();
+  return op->emitOpError("(C1) slots of ")
+         << scratch << " have type " << scratch.getElementType() << ", but "
+         << what << " has type " << actual;
+}
+
+LogicalResult warp::ScratchLoadOp::verify() {
+  return verifyElement(*this, cast<ScratchType>(getScratch().getType()),
+                       "the result", getResult().getType());
+}
+
+LogicalResult warp::ScratchStoreOp::verify() {
+  return verifyElement(*this, cast<ScratchType>(getScratch().getType()),
+                       "the value", getValue().getType());
+}
