@@ -18,6 +18,9 @@ constexpr int64_t launchDimOffset = 0;
 constexpr int64_t errorRecordOffset = 16;
 constexpr int64_t firstArgumentOffset = 24;
 
+/// Offset of the gradient's pointer in an array's descriptor.
+constexpr int64_t gradOffset = 8;
+
 /// A scalar or array somewhere in a value, as `flatten` orders them.
 struct Leaf {
   mlir::Type type;

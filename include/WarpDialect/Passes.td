@@ -35,7 +35,8 @@ def Specialize : WarpPass<"warp-specialize"> {
   let description = [{
     The facts become attributes of the kernel function. Thread indices of
     dimensions that the launch does not have become zero, and assertions
-    disappear unless the launch is a debugging one.
+    disappear unless the launch is a debugging one. `warp.accumulate` becomes
+    an atomic update, or a plain one where its indices are unique.
 
     ```mlir
     %i, %j = warp.tid : si32, si32

@@ -107,6 +107,63 @@ def Warp_AtomicCasOp : Warp_Op<"atomic_cas"> {
   let hasVerifier = 1;
 }
 
+//===----------------------------------------------------------------------===//
+// Gradients
+//===----------------------------------------------------------------------===//
+
+def Warp_GradOp : Warp_Op<"grad", [Pure]> {
+  let summary = "array of the gradients of an array's elements";
+  let description = [{
+    Same extents, and the memory that the descriptor names as the gradient's.
+    Components of 16 bits have gradients of 32, at twice the strides; elements
+    of any other type are their own gradient's type. The operand is an argument
+    of the kernel or a field of one: a view of gradients is taken of the
+    gradients.
+
+    (C1) the result is `array<rank x gradient type of the element>`.
+
+    ```mlir
+    %g = warp.grad %a : !warp.array<1 x f16> -> !warp.array<1 x f32>
+    ```
+  }];
+  let arguments = (ins Warp_AnyArray:$array);
+  let results = (outs Warp_AnyArray:$result);
+  let builders = [OpBuilder<(ins "::mlir::Value":$array)>];
+  let assemblyFormat = [{
+    $array attr-dict `:` type($array) `->` type($result)
+  }];
+  let hasVerifier = 1;
+}
+
+def Warp_AccumulateOp : Warp_Op<"accumulate"> {
+  let summary = "adds to an element of an array";
+  let description = [{
+    Threads may add to one element in any order. `unique = N` says that in a
+    launch of at most N dimensions no two threads have the same indices, so
+    that nothing has to be atomic.
+
+    (C1) as many indices as the rank. (C2) the value has the element type.
+    (C3) that is a float or a composite of floats. (C4) `unique` is 1 to 4.
+
+    ```mlir
+    warp.accumulate %v, %g[%i] {unique = 1} : f32, !warp.array<1 x f32>, si32
+    ```
+  }];
+  let arguments = (ins Warp_Element:$value,
+                       Arg<Warp_AnyArray, "", [MemRead, MemWrite]>:$array,
+                       Variadic<Warp_Integer>:$indices,
+                       OptionalAttr<I64Attr>:$unique);
+  let assemblyFormat = [{
+    $value `,` $array `[` $indices `]` attr-dict `:` type($value) `,`
+    type($array) `,` type($indices)
+  }];
+  let hasVerifier = 1;
+}
+
+//===----------------------------------------------------------------------===//
+// Views
+//===----------------------------------------------------------------------===//
+
 def Warp_ViewOp : Warp_Op<"view", [Pure]> {
   let summary = "array of lower rank at leading indices";
   let description = [{

@@ -145,4 +145,12 @@ def Warp_WhereOp : Warp_Builtin<"where", "Utility", [
     "(cond: I, value_if_true: A, value_if_false: A) -> A"],
     "the second operand where the condition holds, otherwise the third">;
 
+def Warp_StopGradientOp : Warp_Builtin<"stop_gradient", "Utility", [
+    "(x: S) -> S", "(x: bool) -> bool", "(x: vec<n,S>) -> vec<n,S>",
+    "(x: mat<r,c,S>) -> mat<r,c,S>", "(x: quat<F>) -> quat<F>",
+    "(x: transform<F>) -> transform<F>"],
+    "x itself, which derivatives take for a constant"> {
+  let derivative = PiecewiseConstant;
+}
+
 #endif // WARP_OPERATORS_TD

@@ -129,6 +129,46 @@ LogicalResult warp::AtomicCasOp::verify() {
 }
 
 //===----------------------------------------------------------------------===//
+// Gradients
+//===----------------------------------------------------------------------===//
+
+static warp::ArrayType gradientType(mlir::Value array) {
+  auto type = cast<warp::ArrayType>(array.getType());
+  return warp::ArrayType::get(type.getContext(), type.getRank(),
+                              warp::getGradientElement(type.getElementType()));
+}
+
+void warp::GradOp::build(OpBuilder &, OperationState &state,
+                         mlir::Value array) {
+  state.addOperands(array);
+  state.addTypes(gradientType(array));
+}
+
+LogicalResult warp::GradOp::verify() {
+  ArrayType expected = gradientType(getArray());
+  if (getResult().getType() == expected)
+    return success();
+  return emitOpError("(C1) expects a result of type ")
+         << expected << ", but got " << getResult().getType();
+}
+
+LogicalResult warp::AccumulateOp::verify() {
+  auto array = cast<ArrayType>(getArray().getType());
+  if (failed(verifyRank(*this, array, getIndices())) ||
+      failed(verifyElement(*this, array, "the value", getValue().getType())))
+    return failure();
+  mlir::Type scalar = getElementScalar(array.getElementType());
+  if (!scalar || !isFloat(scalar))
+    return emitOpError("(C3) expects elements of floats, but got ")
+           << array.getElementType();
+  std::optional<uint64_t> unique = getUnique();
+  if (unique && (*unique < 1 || *unique > 4))
+    return emitOpError("(C4) expects 'unique' to be 1 to 4, but got ")
+           << int64_t(*unique);
+  return success();
+}
+
+//===----------------------------------------------------------------------===//
 // Views
 //===----------------------------------------------------------------------===//
 

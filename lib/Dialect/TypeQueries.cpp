@@ -82,6 +82,13 @@ mlir::Type warp::withElementScalar(mlir::Type type, mlir::Type scalar) {
       .Default([](mlir::Type) { return mlir::Type(); });
 }
 
+mlir::Type warp::getGradientElement(mlir::Type element) {
+  mlir::Type scalar = getElementScalar(element);
+  if (!scalar || !isFloat(scalar) || scalar.getIntOrFloatBitWidth() > 16)
+    return element;
+  return withElementScalar(element, Float32Type::get(element.getContext()));
+}
+
 mlir::Type warp::getSignless(mlir::Type type) {
   auto integer = dyn_cast<IntegerType>(type);
   if (!integer || integer.isSignless())

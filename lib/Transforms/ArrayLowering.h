@@ -50,7 +50,8 @@ class ArrayLowering {
 public:
   explicit ArrayLowering(mlir::LLVM::LLVMFuncOp entry);
 
-  void run();
+  /// Fails at a gradient that nothing leads to.
+  llvm::LogicalResult run();
 
 private:
   void findAccessGroups();
@@ -62,6 +63,7 @@ private:
   void lowerSlice(SliceOp op);
   void lowerComponentView(ComponentViewOp op);
   void lowerDim(DimOp op);
+  void lowerGrad(GradOp op);
   void lowerLoad(LoadComponentsOp op);
   void lowerStore(StoreComponentsOp op);
   void convertControlFlow(mlir::Operation *op);
@@ -132,6 +134,9 @@ private:
   /// Marks accesses of the thread loop, which is parallel.
   mlir::ArrayAttr accessGroups;
   llvm::DenseMap<mlir::Value, ArrayParts> known;
+  /// Where in the parameter block an array's descriptor lies.
+  llvm::DenseMap<mlir::Value, std::pair<mlir::Value, int64_t>> descriptors;
+  bool malformed = false;
   llvm::DenseMap<mlir::Value, ArrayType> packedTypes;
   /// Pointers to the memory of `warp.scratch` operations.
   llvm::DenseMap<mlir::Value, mlir::Value> scratches;

@@ -52,7 +52,7 @@ void ArrayLowering::findAccessGroups() {
     }
 }
 
-void ArrayLowering::run() {
+LogicalResult ArrayLowering::run() {
   forwardStores(entry);
   if (keepsOrderInVectors(entry))
     findAccessGroups();
@@ -72,6 +72,7 @@ void ArrayLowering::run() {
     op->erase();
   if (!sites.empty())
     entry->setAttr(attr::sites, b.getArrayAttr(sites));
+  return failure(malformed);
 }
 
 void ArrayLowering::lower(Operation *op) {
@@ -88,6 +89,8 @@ void ArrayLowering::lower(Operation *op) {
     lowerComponentView(view);
   else if (auto dim = dyn_cast<DimOp>(op))
     lowerDim(dim);
+  else if (auto grad = dyn_cast<GradOp>(op))
+    lowerGrad(grad);
   else if (auto load = dyn_cast<LoadComponentsOp>(op))
     lowerLoad(load);
   else if (auto store = dyn_cast<StoreComponentsOp>(op))
@@ -145,6 +148,7 @@ void ArrayLowering::lowerParameter(ParameterOp op) {
         readDescriptor(op.getBlock(), offset, array.getRank(), unit);
     parts.name = op.getName().value_or("");
     known[op] = parts;
+    descriptors[op] = {op.getBlock(), offset};
     return;
   }
   mlir::Type stored = isBool(type) ? i8 : type;
@@ -247,6 +251,35 @@ void ArrayLowering::lowerDim(DimOp op) {
       widen(extent, getSignless(op.getType())));
 }
 
+/// Extents and strides of the array with the descriptor's other pointer. Read
+/// where the array is, so that the loop over threads finds it done.
+void ArrayLowering::lowerGrad(GradOp op) {
+  auto found = descriptors.find(op.getArray());
+  if (found == descriptors.end()) {
+    op.emitError("expects the array of a gradient to be an argument of the "
+                 "kernel or a field of one");
+    malformed = true;
+    known[op] = getParts(op.getArray());
+    return;
+  }
+  auto [base, offset] = found->second;
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPointAfterValue(op.getArray());
+  ArrayParts parts = getParts(op.getArray());
+  parts.data = LLVM::LoadOp::create(b, loc, dataPointer,
+                                    advance(base, offset + gradOffset), 8,
+                                    false, false, /*isInvariant=*/true);
+  if (!parts.name.empty())
+    parts.name = b.getStringAttr(parts.name + ".grad").getValue();
+  int64_t element = getByteSize(elementType(op.getArray()));
+  int64_t scale = getByteSize(elementType(op)) / element;
+  parts.unit *= scale;
+  if (scale != 1)
+    for (mlir::Value &bytes : parts.strides)
+      bytes = arith::MulIOp::create(b, loc, bytes, constant(i64, scale));
+  known[op] = parts;
+}
+
 //===----------------------------------------------------------------------===//
 // Accesses
 //===----------------------------------------------------------------------===//
@@ -347,9 +380,8 @@ struct LowerArrays : warp::impl::LowerArraysBase<LowerArrays> {
   void runOnOperation() override {
     auto entry = dyn_cast_or_null<LLVM::LLVMFuncOp>(
         findEntry(getOperation()).getOperation());
-    if (!entry)
-      return signalPassFailure();
-    ArrayLowering(entry).run();
+    if (!entry || failed(ArrayLowering(entry).run()))
+      signalPassFailure();
   }
 };
 } // namespace

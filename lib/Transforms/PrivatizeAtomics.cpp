@@ -114,10 +114,23 @@ bool Privatizer::isInvariant(Value value) {
                       [&](Value operand) { return isInvariant(operand); });
 }
 
+/// Whether an array is an argument, or the gradients of one, and has no other
+/// name.
+static bool hasOneName(Value array) {
+  auto grad = array.getDefiningOp<warp::GradOp>();
+  if (!grad)
+    return array.getDefiningOp<warp::ParameterOp>() != nullptr;
+  Value parameter = grad.getArray();
+  return parameter.getDefiningOp<warp::ParameterOp>() &&
+         llvm::none_of(parameter.getUsers(), [&](Operation *user) {
+           return isa<warp::GradOp>(user) && user != grad;
+         });
+}
+
 bool Privatizer::qualifies(warp::AtomicComponentsOp op) {
   if (!op->use_empty() || !canCombine(op.getKind()))
     return false;
-  if (!op.getArray().getDefiningOp<warp::ParameterOp>() ||
+  if (!hasOneName(op.getArray()) ||
       !llvm::all_of(op.getIndices(), [&](Value i) { return isInvariant(i); }))
     return false;
   for (Type type : op.getComponents().getTypes())
@@ -256,8 +269,9 @@ void Privatizer::update(const Accumulator &sum, ValueRange totals) {
   SmallVector<Value> indices;
   for (Value index : op.getIndices())
     indices.push_back(cloneInvariant(index, clones));
+  Value array = cloneInvariant(op.getArray(), clones);
   warp::AtomicComponentsOp::create(b, op.getLoc(), op.getResultTypes(),
-                                   sum.kind, totals, op.getArray(), indices);
+                                   sum.kind, totals, array, indices);
 }
 
 void Privatizer::run() {

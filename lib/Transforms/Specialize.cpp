@@ -32,6 +32,8 @@ struct Specialize : warp::impl::SpecializeBase<Specialize> {
     getOperation().walk([&](Operation *op) {
       if (auto tid = dyn_cast<warp::TidOp>(op))
         dropDimensions(tid);
+      else if (auto update = dyn_cast<warp::AccumulateOp>(op))
+        expand(update);
       else if (isa<warp::AssertOp>(op) && !debug)
         op->erase();
     });
@@ -88,6 +90,24 @@ struct Specialize : warp::impl::SpecializeBase<Specialize> {
           warp::ConstantOp::create(b, tid.getLoc(), zero));
     }
     tid->erase();
+  }
+
+  /// An element that no two threads of this launch share is updated plainly.
+  void expand(warp::AccumulateOp op) {
+    OpBuilder b(op);
+    Location loc = op.getLoc();
+    Value value = op.getValue(), array = op.getArray();
+    Type type = value.getType();
+    if (int64_t(op.getUnique().value_or(0)) < rank) {
+      warp::AtomicOp::create(b, loc, type, warp::AtomicKind::add, value, array,
+                             op.getIndices());
+    } else {
+      Value old = warp::LoadOp::create(b, loc, type, array, op.getIndices());
+      auto sum = warp::AddOp::create(b, loc, TypeRange(type),
+                                     ValueRange{old, value});
+      warp::StoreOp::create(b, loc, sum->getResult(0), array, op.getIndices());
+    }
+    op->erase();
   }
 };
 

@@ -45,8 +45,8 @@ checkOperations(ModuleOp module, StringRef phase,
 /// Operations of thread IR that the warp dialect provides.
 static bool isThreadOp(Operation *op) {
   return isa<warp::LoadComponentsOp, warp::StoreComponentsOp,
-             warp::AtomicComponentsOp, warp::AtomicCasOp, warp::ViewOp,
-             warp::SliceOp, warp::ComponentViewOp, warp::DimOp, warp::TidOp,
+             warp::AtomicComponentsOp, warp::AtomicCasOp, warp::GradOp,
+             warp::ViewOp, warp::SliceOp, warp::ComponentViewOp, warp::DimOp, warp::TidOp,
              warp::PrintfOp, warp::AssertOp, warp::ScratchOp,
              warp::ScratchLoadOp, warp::ScratchStoreOp>(op);
 }

@@ -61,3 +61,22 @@ func.func @scatter(%at: !warp.array<1 x si32>, %sum: !warp.array<1 x f32>)
     : f32, !warp.array<1 x f32>, si32 -> f32
   return
 }
+
+// -----
+
+// Gradients of an argument have one name, too; their sum leaves the loop.
+// CHECK-LABEL: llvm.func @one_gradient
+// CHECK: llvm.fadd {{.*}} {fastmathFlags = #llvm.fastmath<{{.*}}reassoc{{.*}}>}
+// CHECK: llvm.cond_br {{.*}} {loop_annotation
+// CHECK: llvm.atomicrmw fadd
+// GPU-LABEL: llvm.func ptx_kernelcc @one_gradient
+// GPU: "llvm.nvvm.barrier.cta.red.or.aligned.all"
+func.func @one_gradient(%x: !warp.array<1 x f32>, %p: !warp.array<1 x f32>)
+    attributes {warp.kernel} {
+  %i = warp.tid : si32
+  %v = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
+  %zero = warp.constant 0 : si32
+  %g = warp.grad %p : !warp.array<1 x f32> -> !warp.array<1 x f32>
+  warp.accumulate %v, %g[%zero] : f32, !warp.array<1 x f32>, si32
+  return
+}

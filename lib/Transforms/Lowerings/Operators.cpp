@@ -61,6 +61,10 @@ Scalars lowerPos(Emitter &, Operands args) {
   return Scalars(args[0].scalars);
 }
 
+Scalars lowerStopGradient(Emitter &, Operands args) {
+  return Scalars(args[0].scalars);
+}
+
 Scalars lowerLShift(Emitter &, Operands args) {
   return zipWith(args[0].scalars, args[1].scalars,
              [](Scalar a, Scalar b) { return shiftLeft(a, b); });
