@@ -37,6 +37,28 @@ constexpr llvm::StringLiteral items = "warp.items";
 constexpr llvm::StringLiteral entry = "warp.entry";
 /// Places that error records refer to by number.
 constexpr llvm::StringLiteral sites = "warp.sites";
+
+// What warp-autodiff leaves on the kernel that it differentiates, see
+// include/warp/Autodiff.h.
+/// Arguments that the primal does not have, one dictionary each: `kind`
+/// ("preserved", "saved", "counters", "tangent"), `leaf`, `per_thread`, and
+/// for counters `places`, a line of text each.
+constexpr llvm::StringLiteral hidden = "warp.hidden";
+/// Array leaves whose contents the derivative reads.
+constexpr llvm::StringLiteral needed = "warp.needed";
+/// Present if the derivative is right for launches of one thread only; the
+/// text says why.
+constexpr llvm::StringLiteral oneThread = "warp.one_thread";
+/// Lines for the user.
+constexpr llvm::StringLiteral notices = "warp.notices";
+/// Numbers about the code, by name.
+constexpr llvm::StringLiteral metrics = "warp.metrics";
+/// On a second function: the kernel, changed to save what its adjoint needs.
+constexpr llvm::StringLiteral augmented = "warp.augmented";
+/// On a function: the one that is its derivative, and the one that is run to
+/// get its values again.
+constexpr llvm::StringLiteral vjp = "warp.vjp";
+constexpr llvm::StringLiteral replay = "warp.replay";
 } // namespace attr
 
 #define GEN_PASS_DECL
