@@ -41,8 +41,40 @@ def ByFunction : Lowering;
 
 /// What a derivative of the builtin is.
 class Derivative<string textOf> { string text = textOf; }
-/// Has one almost everywhere.
+/// Has one almost everywhere: that of the scalars it is expanded into.
 def Smooth : Derivative<"differentiable">;
+
+/// Has one by formulas: for each overload, or for all of them at once, one per
+/// operand. A formula gives the cotangent of its operand from the cotangent
+/// `g` of the result, in which it is linear. It has the operands, `result`,
+/// numbers, + - * /, comparisons, `and`, `or`, `not`, builtins by their Python
+/// names, and the names that `given` defines. Where the condition behind its
+/// `unless` holds it stands for zero, by the policy for singular points. An
+/// empty formula is a derivative of zero; an overload without formulas is
+/// expanded into scalars.
+///
+/// Tangents, for each overload or all at once, are
+///   `partials`      the sum of the formulas with the tangent of each operand
+///                   for `g`,
+///   `substitution`  the sum of the builtin itself with each operand replaced
+///                   by its tangent, or
+///   a formula of the operands, `result` and the tangents `da` of each operand
+///   `a`.
+class Formulas<list<list<string>> adjointsOf, list<string> tangentsOf,
+               list<string> givenOf = []> : Derivative<"differentiable"> {
+  list<list<string>> adjoints = adjointsOf;
+  list<string> tangents = tangentsOf;
+  /// `name = formula`, which later ones and the adjoints can use.
+  list<string> given = givenOf;
+}
+/// The derivative by each operand is its own transpose, as that of a function
+/// of scalars is.
+class Partials<list<string> formulas, list<string> given = []>
+    : Formulas<[formulas], ["partials"], given>;
+/// Linear in each operand.
+class Multilinear<list<list<string>> formulas>
+    : Formulas<formulas, ["substitution"]>;
+
 /// Zero wherever it exists.
 def PiecewiseConstant : Derivative<"zero almost everywhere">;
 /// Has none; an active use is an error.

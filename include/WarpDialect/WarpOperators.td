@@ -24,11 +24,13 @@ defvar SumOverloads = [
 def Warp_AddOp : Warp_Operator<"add", "+", SumOverloads, "sum, by component",
     Elementwise<"arith::AddFOp", "arith::AddIOp">> {
   let hasFolder = 1;
+  let derivative = Partials<["g", "g"]>;
 }
 def Warp_SubOp : Warp_Operator<"sub", "-", SumOverloads,
     "difference, by component",
     Elementwise<"arith::SubFOp", "arith::SubIOp">> {
   let hasFolder = 1;
+  let derivative = Partials<["g", "-g"]>;
 }
 
 def Warp_MulOp : Warp_Operator<"mul", "*", [
@@ -45,21 +47,50 @@ def Warp_MulOp : Warp_Operator<"mul", "*", [
     "(a: F, b: transform<F>) -> transform<F>",
     "(a: transform<F>, b: transform<F>) -> transform<F>"],
     "product: by component with a scalar, otherwise of matrices, quaternions "
-    "(Hamilton) or transforms"> { let hasFolder = 1; }
+    "(Hamilton) or transforms"> {
+  let hasFolder = 1;
+  // In the order of the overloads; transforms are expanded.
+  let derivative = Multilinear<[
+    ["g * b", "a * g"], ["g * b", "dot(a, g)"], ["dot(g, b)", "a * g"],
+    ["g * b", "ddot(a, g)"], ["ddot(g, b)", "a * g"],
+    ["outer(g, b)", "g * a"], ["b * g", "outer(a, g)"],
+    ["g * transpose(b)", "transpose(a) * g"],
+    ["g * b", "dot(a, g)"], ["dot(g, b)", "a * g"],
+    ["g * quat_inverse(b)", "quat_inverse(a) * g"], [], [], []]>;
+}
 
+// In the order of the overloads; a number divided by a quaternion is expanded.
+defvar QuotientRule = Formulas<[
+    ["g / b unless g == 0", "-(g / b) * result unless g == 0"],
+    ["g / b unless g == 0", "-dot(g, result) / b unless g == 0"],
+    ["dot(g, 1 / b) unless g == 0",
+     "-cw_div(cw_mul(g, result), b) unless g == 0"],
+    ["g / b unless g == 0", "-ddot(g, result) / b unless g == 0"],
+    ["ddot(g, 1 / b) unless g == 0",
+     "-cw_div(cw_mul(g, result), b) unless g == 0"],
+    ["g / b unless g == 0", "-dot(g, result) / b unless g == 0"], []],
+  ["partials", "(da - result * db) / b",
+   "da / b - cw_div(cw_mul(result, db), b)", "(da - result * db) / b",
+   "da / b - cw_div(cw_mul(result, db), b)",
+   "(da - result * db) / b", ""]>;
 def Warp_DivOp : Warp_Operator<"div", "/", [
     "(a: S, b: S) -> S", "(a: vec<n,S>, b: S) -> vec<n,S>",
     "(a: S, b: vec<n,S>) -> vec<n,S>",
     "(a: mat<r,c,S>, b: S) -> mat<r,c,S>",
     "(a: S, b: mat<r,c,S>) -> mat<r,c,S>",
     "(a: quat<F>, b: F) -> quat<F>", "(a: F, b: quat<F>) -> quat<F>"],
-    "quotient; integers truncate toward zero and give 0 for a zero divisor">;
+    "quotient; integers truncate toward zero and give 0 for a zero divisor"> {
+  let derivative = QuotientRule;
+}
 def Warp_DivApproxOp : Warp_Builtin<"div_approx", "Operators", [
     "(a: F, b: F) -> F", "(a: vec<n,F>, b: F) -> vec<n,F>",
     "(a: F, b: vec<n,F>) -> vec<n,F>", "(a: mat<r,c,F>, b: F) -> mat<r,c,F>",
     "(a: F, b: mat<r,c,F>) -> mat<r,c,F>", "(a: quat<F>, b: F) -> quat<F>",
     "(a: F, b: quat<F>) -> quat<F>"],
-    "quotient of floats for programs that allow an error; the same as `/` here">;
+    "quotient of floats for programs that allow an error; the same as `/` "
+    "here"> {
+  let derivative = QuotientRule;
+}
 
 def Warp_FloorDivOp : Warp_Operator<"floordiv", "//", ["(a: S, b: S) -> S"],
     "quotient rounded down; integers give 0 for a zero divisor"> {
@@ -68,17 +99,22 @@ def Warp_FloorDivOp : Warp_Operator<"floordiv", "//", ["(a: S, b: S) -> S"],
 def Warp_ModOp : Warp_Operator<"mod", "%", ["(a: S, b: S) -> S",
     "(a: vec<n,S>, b: vec<n,S>) -> vec<n,S>"],
     "remainder with the sign of the dividend, as C has it; integers give 0 for "
-    "a zero divisor">;
+    "a zero divisor"> {
+  let derivative = Formulas<
+    [["g", "-g * trunc(a / b) unless g == 0"], []], ["partials"]>;
+}
 
 defvar UnaryOverloads = [
   "(x: S) -> S", "(x: vec<n,S>) -> vec<n,S>", "(x: mat<r,c,S>) -> mat<r,c,S>",
   "(x: quat<F>) -> quat<F>", "(x: transform<F>) -> transform<F>"];
 def Warp_NegOp : Warp_Operator<"neg", "-", UnaryOverloads, "negation"> {
   let hasFolder = 1;
+  let derivative = Partials<["-g"]>;
 }
 def Warp_PosOp : Warp_Operator<"pos", "+", UnaryOverloads,
     "the operand itself"> {
   let hasFolder = 1;
+  let derivative = Partials<["g"]>;
 }
 
 class Warp_BitOperator<string mnemonic, string symbol, string summaryOf,
@@ -143,7 +179,11 @@ def Warp_GeOp : Warp_Order<"ge", ">=", "greater than or equal">;
 def Warp_WhereOp : Warp_Builtin<"where", "Utility", [
     "(cond: bool, value_if_true: A, value_if_false: A) -> A",
     "(cond: I, value_if_true: A, value_if_false: A) -> A"],
-    "the second operand where the condition holds, otherwise the third">;
+    "the second operand where the condition holds, otherwise the third"> {
+  let derivative = Formulas<
+    [["", "where(cond, g, 0)", "where(cond, 0, g)"]],
+    ["where(cond, dvalue_if_true, dvalue_if_false)"]>;
+}
 
 def Warp_StopGradientOp : Warp_Builtin<"stop_gradient", "Utility", [
     "(x: S) -> S", "(x: bool) -> bool", "(x: vec<n,S>) -> vec<n,S>",

@@ -34,7 +34,9 @@ def Warp_QuatRpyOp : Warp_Quaternion<"quat_rpy",
     ["(roll: F, pitch: F, yaw: F) -> quat<F>"],
     "rotation about x by roll, then y by pitch, then z by yaw, in radians">;
 def Warp_QuatInverseOp : Warp_Quaternion<"quat_inverse",
-    ["(quat: quat<F>) -> quat<F>"], "conjugate of a unit quaternion">;
+    ["(quat: quat<F>) -> quat<F>"], "conjugate of a unit quaternion"> {
+  let derivative = Multilinear<[["quat_inverse(g)"]]>;
+}
 def Warp_QuatRotateOp : Warp_Quaternion<"quat_rotate",
     ["(quat: quat<F>, vec: vec<3,F>) -> vec<3,F>"],
     "a vector, rotated">;

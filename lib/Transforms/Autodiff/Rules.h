@@ -74,6 +74,10 @@ mlir::Type differentialType(mlir::Type type);
 mlir::Value zero(mlir::OpBuilder &builder, mlir::Location loc,
                  mlir::Type type);
 
+/// A scalar constant.
+mlir::Value constant(mlir::OpBuilder &builder, mlir::Location loc,
+                     mlir::FloatType type, double number);
+
 /// The sum; null stands for zero.
 mlir::Value add(mlir::OpBuilder &builder, mlir::Location loc, mlir::Value a,
                 mlir::Value b);

@@ -1,0 +1,149 @@
+//===- Formula.cpp - What formulas of derivatives are made of -------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Formula.h"
+
+#include "WarpDialect/Registry.h"
+#include "WarpDialect/WarpTypes.h"
+
+using namespace mlir;
+
+namespace warp::autodiff {
+
+static Expr create(Formula &formula, StringRef name, ArrayRef<Value> operands,
+                   RuleContext &context) {
+  Operation *op = createBuiltin(context.builder, context.loc, name, operands);
+  assert(op && "a formula does not fit the types of its overload");
+  return formula.wrap(op->getResult(0));
+}
+
+Value Formula::materialize(Expr expr, Type type) {
+  if (!expr.isNumber())
+    return expr.value;
+  OpBuilder &b = context.builder;
+  if (expr.number == 0)
+    return zero(b, context.loc, type);
+  auto scalar = cast<FloatType>(getElementScalar(type));
+  return constant(b, context.loc, scalar, expr.number);
+}
+
+Expr Formula::callWhere(ArrayRef<Expr> args) {
+  Expr condition = args[0], yes = args[1], no = args[2];
+  if (condition.isNumber())
+    return condition.number != 0 ? yes : no;
+  if (yes.isNumber() && no.isNumber() && yes.number == no.number)
+    return yes;
+  Type type = yes.value  ? yes.value.getType()
+              : no.value ? no.value.getType()
+                         : getElementScalar(operands.back().getType());
+  return create(*this, "where",
+                {condition.value, materialize(yes, type),
+                 materialize(no, type)},
+                context);
+}
+
+/// Logic of conditions of which some are known.
+static std::optional<Expr> foldLogic(StringRef name, ArrayRef<Expr> args) {
+  if (name == "unot" && args[0].isNumber())
+    return args[0].formula->number(args[0].number == 0);
+  bool isAnd = name == "bit_and";
+  if (!isAnd && name != "bit_or")
+    return std::nullopt;
+  for (auto [known, other] : {std::pair(args[0], args[1]),
+                              std::pair(args[1], args[0])})
+    if (known.isNumber())
+      return isAnd == (known.number != 0) ? other : known;
+  return std::nullopt;
+}
+
+Expr Formula::call(StringRef name, std::initializer_list<Expr> list) {
+  ArrayRef<Expr> args(list);
+  if (name == "where")
+    return callWhere(args);
+  if (auto folded = foldLogic(name, args))
+    return *folded;
+  Type type = getElementScalar(operands[0].getType());
+  if (args.size() == 1 || isBool(type))
+    type = Type();
+  for (Expr arg : args)
+    if (arg.value)
+      type = arg.value.getType();
+  SmallVector<Value, 3> values;
+  for (Expr arg : args)
+    values.push_back(
+        materialize(arg, type ? type : operands[0].getType()));
+  return create(*this, name, values, context);
+}
+
+Expr Formula::unless(llvm::function_ref<Expr()> isSingular,
+                     llvm::function_ref<Expr()> value) {
+  if (context.singular == Singular::Strict)
+    return value();
+  Expr singular = isSingular(), regular = value();
+  if (context.singular == Singular::Report && context.report && singular.value)
+    context.report(
+        call("bit_and", {singular, cotangent() != number(0)}).value);
+  return call("where", {singular, number(0), regular});
+}
+
+//===----------------------------------------------------------------------===//
+// Operators
+//===----------------------------------------------------------------------===//
+
+static Expr combine(StringRef name, Expr a, Expr b) {
+  return a.formula->call(name, {a, b});
+}
+
+Expr operator+(Expr a, Expr b) {
+  if (a.isNumber() && b.isNumber())
+    return a.formula->number(a.number + b.number);
+  if (a.isNumber(0))
+    return b;
+  return b.isNumber(0) ? a : combine("add", a, b);
+}
+
+Expr operator-(Expr a, Expr b) {
+  if (a.isNumber() && b.isNumber())
+    return a.formula->number(a.number - b.number);
+  if (a.isNumber(0))
+    return -b;
+  return b.isNumber(0) ? a : combine("sub", a, b);
+}
+
+Expr operator*(Expr a, Expr b) {
+  if (a.isNumber() && b.isNumber())
+    return a.formula->number(a.number * b.number);
+  if (a.isNumber(0) || b.isNumber(1))
+    return a;
+  return b.isNumber(0) || a.isNumber(1) ? b : combine("mul", a, b);
+}
+
+Expr operator/(Expr a, Expr b) {
+  if (a.isNumber() && b.isNumber())
+    return a.formula->number(a.number / b.number);
+  return a.isNumber(0) || b.isNumber(1) ? a : combine("div", a, b);
+}
+
+Expr operator-(Expr a) {
+  return a.isNumber() ? a.formula->number(-a.number)
+                      : a.formula->call("neg", {a});
+}
+
+#define WARP_COMPARISON(symbol, name)                                          \
+  Expr operator symbol(Expr a, Expr b) {                                       \
+    if (a.isNumber() && b.isNumber())                                          \
+      return a.formula->number(a.number symbol b.number);                      \
+    return combine(name, a, b);                                                \
+  }
+WARP_COMPARISON(==, "eq")
+WARP_COMPARISON(!=, "ne")
+WARP_COMPARISON(<, "lt")
+WARP_COMPARISON(<=, "le")
+WARP_COMPARISON(>, "gt")
+WARP_COMPARISON(>=, "ge")
+#undef WARP_COMPARISON
+
+} // namespace warp::autodiff

@@ -1,0 +1,86 @@
+//===- Formula.h - What formulas of derivatives are made of -----*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// The functions in Derivatives.inc read like the formulas in the records: an
+// `Expr` is a value of the warp dialect, and its operators create builtins. A
+// number has no type of its own; it becomes a constant that fits the operand
+// beside it. The number zero also stands for tangents that are not there, so
+// sums and products with it vanish.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_TRANSFORMS_AUTODIFF_FORMULA_H
+#define WARP_TRANSFORMS_AUTODIFF_FORMULA_H
+
+#include "Rules.h"
+
+#include "llvm/ADT/STLFunctionalExtras.h"
+
+#include <initializer_list>
+
+namespace warp::autodiff {
+
+class Formula;
+
+/// A value, or a number if `value` is null.
+struct Expr {
+  Formula *formula = nullptr;
+  mlir::Value value;
+  double number = 0;
+
+  bool isNumber() const { return !value; }
+  bool isNumber(double other) const { return !value && number == other; }
+};
+
+/// One rule, applied to one operation.
+class Formula {
+public:
+  Formula(RuleContext &context, mlir::Operation *op, mlir::ValueRange operands,
+          mlir::ValueRange results)
+      : context(context), op(op), operands(operands), results(results) {}
+
+  Expr number(double number) { return {this, nullptr, number}; }
+  Expr wrap(mlir::Value value) { return {this, value, 0}; }
+  Expr operand(unsigned i) { return wrap(operands[i]); }
+  Expr result() { return wrap(results[0]); }
+  Expr cotangent() { return wrap(seed); }
+  Expr tangent(unsigned i) { return wrap(tangents[i]); }
+
+  /// A builtin, by its Python name.
+  Expr call(llvm::StringRef name, std::initializer_list<Expr> args);
+
+  /// The value, but zero where `isSingular`, as the policy has it.
+  Expr unless(llvm::function_ref<Expr()> isSingular,
+              llvm::function_ref<Expr()> value);
+
+  /// The value of an expression in a place where `type` is expected.
+  mlir::Value materialize(Expr expr, mlir::Type type);
+
+  /// What `g` is.
+  mlir::Value seed;
+  llvm::ArrayRef<mlir::Value> tangents;
+
+private:
+  Expr callWhere(llvm::ArrayRef<Expr> args);
+
+  RuleContext &context;
+  mlir::Operation *op;
+  mlir::ValueRange operands, results;
+};
+
+Expr operator+(Expr a, Expr b);
+Expr operator-(Expr a, Expr b);
+Expr operator*(Expr a, Expr b);
+Expr operator/(Expr a, Expr b);
+Expr operator-(Expr a);
+Expr operator==(Expr a, Expr b);
+Expr operator!=(Expr a, Expr b);
+Expr operator<(Expr a, Expr b);
+Expr operator<=(Expr a, Expr b);
+Expr operator>(Expr a, Expr b);
+Expr operator>=(Expr a, Expr b);
+
+} // namespace warp::autodiff
+
+#endif // WARP_TRANSFORMS_AUTODIFF_FORMULA_H
