@@ -125,6 +125,20 @@ struct Param {
 
 WARP_API std::vector<Param> parameters(const Module &module);
 
+/// What a kernel may do with an array.
+struct Access {
+  /// By loads, by stores, by atomics.
+  bool loaded = false, stored = false, combined = false;
+  /// Whether something depends on what an atomic returned.
+  bool fetched = false;
+  /// Source line of the first store or atomic, 0 if there is none.
+  unsigned line = 0;
+};
+
+/// One for each array among the kernel's arguments: in order, those in structs
+/// in the order of the fields.
+WARP_API std::vector<Access> accesses(const Module &module);
+
 /// Dimensions of the thread index that the kernel reads, 1 if it reads none.
 WARP_API int threadRank(const Module &module);
 

@@ -84,6 +84,16 @@ static PyObject *getParameters(PyObject *self, void *) {
   });
 }
 
+static PyObject *getAccesses(PyObject *self, void *) {
+  return guarded([&] {
+    py::list list;
+    for (const Access &access : accesses(asKernel(self)->kernel->module()))
+      list.append(py::make_tuple(access.loaded, access.stored, access.combined,
+                                 access.fetched, access.line));
+    return list.release().ptr();
+  });
+}
+
 static PyObject *printIr(PyObject *self, PyObject *args, PyObject *names) {
   static const char *keywords[] = {"stage", "arch", "rank", nullptr};
   const char *stage;
@@ -128,6 +138,10 @@ void python::bindKernel(py::module_ &m) {
       {"name", getName, nullptr, "Name of the kernel.", nullptr},
       {"parameters", getParameters, nullptr,
        "(name, kind, type, offset, size, rank, element) of each.", nullptr},
+      {"accesses", getAccesses, nullptr,
+       "(loaded, stored, combined, fetched, line of the first write) of each "
+       "array in the arguments.",
+       nullptr},
       {nullptr, nullptr, nullptr, nullptr, nullptr}};
   PyType_Slot slots[] = {
       {Py_tp_new, reinterpret_cast<void *>(newKernel)},

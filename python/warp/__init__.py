@@ -169,6 +169,7 @@ from warp._src.streams import record_event as record_event
 from warp._src.streams import wait_event as wait_event
 from warp._src.streams import wait_stream as wait_stream
 from warp._src.structs import struct as struct
+from warp._src.tape import Tape as Tape
 from warp._src.torch import device_from_torch as device_from_torch
 from warp._src.torch import device_to_torch as device_to_torch
 from warp._src.torch import dtype_from_torch as dtype_from_torch

@@ -19,6 +19,7 @@ from warp._src.array_layout import check_shape, element_type, type_id
 from warp._src.array_protocols import ArrayProtocols
 from warp._src.array_views import ArrayViews
 from warp._src.numpy_types import element_layout
+from warp._src.tracking import Watch
 
 
 class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
@@ -267,7 +268,15 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
         self._check_writable()
         if self.size == 0:
             return
-        _native.fill_array(self, bytes(self.item_size))
+        self._fill(bytes(self.item_size), "zero_")
+
+    def _fill(self, pattern, name) -> None:
+        if Watch.active:
+            from warp._src.watching import watched_fill
+
+            watched_fill(self, pattern, name)
+        else:
+            _native.fill_array(self, pattern)
 
     def fill_(self, value) -> None:
         """Sets every element to `value`: a number, or what the element type can be made from.
@@ -280,7 +289,7 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
         self._check_writable()
         pattern = element_bytes(self.dtype, value)
         if self.size:
-            _native.fill_array(self, pattern)
+            self._fill(pattern, "fill_")
 
     def __ctype__(self):
         from warp._src.structs import describe

@@ -6,6 +6,7 @@ from warp import _native
 from warp._src import devices, errors, types
 from warp._src.array import allocate, array, new_array
 from warp._src.array_layout import check_shape, element_type
+from warp._src.tracking import Watch
 
 
 def empty(
@@ -200,7 +201,7 @@ def copy(dest, src, dest_offset=0, src_offset=0, count=0, stream=None) -> None:
     whole = not dest_offset and not src_offset and count in (0, src.size)
     if whole and dest.shape == src.shape:
         if src.size:
-            _native.copy_array(dest, src, stream)
+            _copy_all(dest, src, stream)
         return
     count = count or src.size - src_offset
     views = [
@@ -208,7 +209,16 @@ def copy(dest, src, dest_offset=0, src_offset=0, count=0, stream=None) -> None:
         for array, offset, name in ((dest, dest_offset, "dest"), (src, src_offset, "src"))
     ]
     if count:
-        _native.copy_array(*views, stream)
+        _copy_all(*views, stream)
+
+
+def _copy_all(dest, src, stream):
+    if Watch.active:
+        from warp._src.watching import watched_copy
+
+        watched_copy(dest, src, stream)
+    else:
+        _native.copy_array(dest, src, stream)
 
 
 def _range(source, offset, count, name):
@@ -226,7 +236,10 @@ def _range(source, offset, count, name):
         raise errors.WarpShapeError(
             f"expects '{name}' to be contiguous or one-dimensional to copy a part of it"
         )
-    return source._view(offset * stride, (count,), (stride,))
+    part = source._view(offset * stride, (count,), (stride,))
+    if source.grad is not None:
+        part.grad = _range(source.grad, offset, count, name)
+    return part
 
 
 def from_ptr(ptr, length, dtype=None, shape=None, device=None):

@@ -57,6 +57,9 @@ class ArrayViews:
     def __setitem__(self, key, value):
         offset, shape, strides = self._select(key)
         target = self._view(offset, shape or (1,), strides or (self.item_size,))
+        if self._grad is not None:
+            offset, _, steps = self._grad._select(key)
+            target.grad = self._grad._view(offset, target.shape, steps or (self._grad.item_size,))
         is_sequence = isinstance(value, (list, tuple)) and (
             not getattr(self.dtype, "_shape_", ())
             or any(isinstance(item, (list, tuple)) for item in value)

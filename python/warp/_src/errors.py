@@ -132,6 +132,10 @@ class WarpMemoryError(WarpError, MemoryError):
     """A device has not enough free memory."""
 
 
+class WarpGradientError(WarpError):
+    """A gradient cannot be computed from what is there, or is not finite."""
+
+
 class WarpDeterminismError(WarpError):
     """A kernel cannot be made deterministic."""
 

@@ -15,6 +15,7 @@ from warp import _native
 from warp._src import devices, errors
 from warp._src.devices import get_device
 from warp._src.scalars import int32
+from warp._src.tracking import Watch
 
 
 class CaptureMode(enum.IntEnum):
@@ -121,6 +122,11 @@ def capture_launch(graph, stream=None) -> None:
     if _captures:
         for capture in _captures.values():
             capture.hold(graph.native)
+    if Watch.tape is not None:
+        raise errors.WarpError(
+            "a graph cannot be recorded on a tape: capture the backward pass with the rest, or "
+            "launch the graph outside of the tape's block"
+        )
     graph.native.launch(stream)
 
 

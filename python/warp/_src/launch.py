@@ -14,6 +14,7 @@ from warp._src import config as settings
 from warp._src import errors
 from warp._src.devices import by_index, index_of, resolve_index
 from warp._src.kernel import Epoch, Kernel
+from warp._src.tracking import Watch
 
 
 class _Watch:
@@ -25,9 +26,12 @@ class _Watch:
     def update(cls, value=None):
         from warp import config
 
-        cls.active = config.print_launches or config.verify_fp or config.verify_cuda
+        cls.active = (
+            config.print_launches or config.verify_fp or config.verify_cuda or Watch.active
+        )
 
 
+Watch.on_change(_Watch.update)
 for _name in ("print_launches", "verify_fp", "verify_cuda"):
     settings.on_change(_name, _Watch.update)
 
@@ -57,6 +61,7 @@ def launch(
         device: where to run; the arrays must be reachable from there.
         stream: CUDA stream to queue on.
         adjoint: run the derivative instead.
+        record_tape: False keeps the launch from the tape that is recording.
         record_cmd: return a `Launch` to be run later, and do not run now.
         block_dim: CUDA threads per block.
 
@@ -80,11 +85,13 @@ def launch(
         kernel.native.launch(dim, inputs, outputs, index, None, block_dim or 0)
         return None
     return _launch_checked(
-        kernel, dim, inputs, outputs, device, stream, adjoint, record_cmd, block_dim
+        kernel, dim, inputs, outputs, device, stream, adjoint, record_tape, record_cmd, block_dim
     )
 
 
-def _launch_checked(kernel, dim, inputs, outputs, device, stream, adjoint, record_cmd, block_dim):
+def _launch_checked(
+    kernel, dim, inputs, outputs, device, stream, adjoint, record_tape, record_cmd, block_dim
+):
     """The same with all checks, for the first launch and for what the fast path leaves."""
     if not isinstance(kernel, Kernel):
         raise errors.WarpLaunchTypeError(
@@ -107,7 +114,13 @@ def _launch_checked(kernel, dim, inputs, outputs, device, stream, adjoint, recor
 
     if config.print_launches:
         print(f"kernel: {kernel.key} dim: {dim} device: {by_index(index).alias}")
-    native.launch(dim, inputs, outputs, index, stream, block_dim or 0)
+    if Watch.active:
+        from warp._src.watching import Call, watched_launch
+
+        values = (*inputs, *outputs)
+        watched_launch(Call(kernel, native, dim, values, index, stream, block_dim), record_tape)
+    else:
+        native.launch(dim, inputs, outputs, index, stream, block_dim or 0)
     if config.verify_cuda and index >= 0:
         _native.synchronize_device(index)
     if config.verify_fp:
@@ -151,6 +164,17 @@ def _verify(kernel, native, values) -> None:
             )
 
 
+def _watch_recorded() -> None:
+    """Recorded launches go the slow way while somebody watches, and cost nothing otherwise."""
+    if Watch.active:
+        Launch.launch = Launch._launch_watched
+    elif "launch" in vars(Launch):
+        del Launch.launch
+
+
+Watch.on_change(_watch_recorded)
+
+
 class Launch(_native.PackedLaunch):
     """A launch with packed arguments, to be run many times.
 
@@ -167,7 +191,41 @@ class Launch(_native.PackedLaunch):
         made.kernel = kernel
         made.device = by_index(index)
         made._index = {parameter[0]: i for i, parameter in enumerate(native.parameters)}
+        made._native = native
+        made._place = (index, stream, block_dim)
+        made._dim = dim
+        made._values = [*inputs, *outputs]
         return made
+
+    def _launch_watched(self, stream=None) -> None:
+        """Takes the place of `launch` while somebody watches."""
+        from warp._src.watching import Call, watched_launch
+
+        index, own, block_dim = self._place
+        values = self._values
+        watched_launch(
+            Call(self.kernel, self._native, self._dim, values, index, stream or own, block_dim)
+        )
+
+    def set_dim(self, dim) -> None:
+        """Changes the extents of the grid."""
+        super().set_dim(dim)
+        self._dim = dim
+
+    def set_param(self, index, value) -> None:
+        """Changes the value of a parameter by position."""
+        super().set_param(index, value)
+        self._values[index] = value
+
+    def set_param_bytes(self, index, value) -> None:
+        """The same from a ctypes object with the bytes of the argument, or from a number."""
+        super().set_param_bytes(index, value)
+        self._values[index] = value
+
+    def set_params(self, values) -> None:
+        """Changes the values of the first parameters."""
+        super().set_params(values)
+        self._values[: len(values)] = values
 
     def _position(self, name, adjoint=False) -> int:
         if adjoint:

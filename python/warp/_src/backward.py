@@ -1,0 +1,153 @@
+"""One backward pass over the records of a tape."""
+
+from __future__ import annotations
+
+from warp._src import adjoint, devices, errors
+from warp._src.array import array
+from warp._src.tape_records import LaunchRecord
+from warp._src.tracking import Watching, memory
+
+
+class BackwardPass:
+    """Seeds gradients, runs the records in reverse and leaves the gradients to be read.
+
+    The gradient of an array that records write has several readings in the course of the pass. In
+    the end it is that with respect to what the array held before the first record; with
+    `retain_grad` that with respect to what it held after the last one, put there at the very end so
+    that the pass does not depend on who looks.
+
+    Args:
+        tape: whose records.
+        seeds: by array the array to copy to its gradient, or None for ones.
+        check_finite: whether to look for what is not finite after each record.
+    """
+
+    def __init__(self, tape, seeds: dict, check_finite: bool = False):
+        self.tape = tape
+        self.seeds = seeds
+        self.records = tape._records
+        self.check_finite = check_finite
+        self.first_use = self._first_uses()
+        self.position = 0
+
+    def run(self) -> None:
+        with Watching(tape=None):
+            self._wait_for_streams()
+            found = self._set_aside()
+            for target, seed in self.seeds.items():
+                if seed is None:
+                    target.grad.fill_(1)
+                else:
+                    target.grad.assign(seed)
+            retained = self._reverse()
+            for grad, before in found:
+                adjoint.add_into(grad, before)
+            for one, copy in retained:
+                one.grad.assign(copy)
+            self._remember()
+
+    def _reverse(self) -> list:
+        shown = self._last_writes()
+        retained: list = []
+        for position in range(len(self.records) - 1, -1, -1):
+            self.position = position
+            record = self.records[position]
+            for one in shown.get(position, ()):
+                retained.append((one, adjoint.copy_of(one.grad)))
+            if self.check_finite:
+                from warp._src.finite import reverse_checked
+
+                reverse_checked(record, self)
+            else:
+                record.reverse(self)
+        return retained
+
+    # What belongs to which record.
+
+    def _first_uses(self) -> dict:
+        """Position of the first record that uses an allocation."""
+        first: dict = {}
+        for position, record in enumerate(self.records):
+            for one in record.arrays():
+                first.setdefault(_root(one), position)
+        return first
+
+    def seen_before(self, one: array) -> bool:
+        """Whether a record before the one that is being reversed uses the array's allocation."""
+        return self.first_use.get(_root(one), self.position) < self.position
+
+    def _last_writes(self) -> dict:
+        """Arrays to be shown with `retain_grad`, by the position of the last record that writes."""
+        last: dict = {}
+        for position, record in enumerate(self.records):
+            for one in _written(record):
+                if one.retain_grad and one.grad is not None:
+                    last[id(one)] = (position, one)
+        result: dict = {}
+        for position, one in last.values():
+            result.setdefault(position, []).append(one)
+        return result
+
+    # Several passes over one tape.
+
+    def _set_aside(self) -> list:
+        """Clears what the last pass has left in gradients of results; (gradient, contents).
+
+        What the caller has written since is a seed and stays.
+        """
+        seeded = {id(one.grad) for one in self.seeds}
+        kept: list = []
+        for version in self.tape._left:
+            grad = version.array
+            if version.ended is not None:
+                continue
+            if id(grad) not in seeded:
+                kept.append((grad, adjoint.copy_of(grad)))
+            grad.zero_()
+        return kept
+
+    def _remember(self) -> None:
+        found: dict = {}
+        for record in self.records:
+            for one in _written(record):
+                if one.grad is not None and one.grad.size:
+                    found[one.grad.ptr, one.grad.shape] = one.grad
+        by_size = sorted(found.values(), key=lambda grad: grad.size, reverse=True)
+        self.tape._left = [memory.observe(grad) for grad in by_size]
+        self.tape._seeded = list(self.seeds)
+
+    def _wait_for_streams(self) -> None:
+        """Lets the current streams wait for those that the launches were queued on."""
+        from warp._src.graphs import _captures
+
+        streams = {
+            id(record.call.stream): record.call.stream
+            for record in self.records
+            if isinstance(record, LaunchRecord) and record.call.stream is not None
+        }
+        if _captures:
+            return
+        for stream in streams.values():
+            devices.get_stream(stream.device).wait_stream(stream)
+
+
+def _written(record) -> list[array]:
+    """Arrays that a record writes, as far as is known."""
+    if isinstance(record, LaunchRecord):
+        return record.call.written
+    if hasattr(record, "dest"):
+        return [record.dest]
+    return [] if hasattr(record, "backward") else record.arrays()
+
+
+def _root(one) -> int:
+    """Address of the array that a view was made of."""
+    owner = one.owner
+    while isinstance(owner, array):
+        one, owner = owner, owner.owner
+    return one.ptr or 0
+
+
+def not_finite_error(text: str, event) -> errors.WarpGradientError:
+    """The error for a gradient that is infinite or NaN."""
+    return errors.WarpGradientError(text, file=event.file, line=event.line)

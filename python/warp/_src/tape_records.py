@@ -1,0 +1,226 @@
+"""What a tape records, and how each kind of record runs backwards.
+
+A record has `event` (what and where), `arrays()` (what takes part in gradients) and
+`reverse(state)`. `state` belongs to one backward pass; its `seen_before(array)` tells whether an
+earlier record uses the same memory. If none does, filling an array or copying constants to it is
+where its values come from, and the gradient with respect to them stays readable.
+"""
+
+from __future__ import annotations
+
+from warp._src import adjoint, errors, types
+from warp._src.array import array
+from warp._src.scalars import float_base
+from warp._src.tracking import Box, Event, memory
+from warp._src.watching import Call
+
+
+class LaunchRecord:
+    """A launch. Versions are those that its arrays had when it was done."""
+
+    __slots__ = ("__weakref__", "call", "initial", "preserve", "saved", "versions")
+
+    def __init__(self, call: Call, preserve: bool = False):
+        self.call = call
+        self.preserve = preserve
+        self.versions: list = []
+        # Copies of arrays as they were before the launch, by number.
+        self.initial: dict[int, array] = {}
+        # What the augmented kernel has noted, in the order of the hidden arguments.
+        self.saved: list[array] = []
+        if not any(call.active):
+            return
+        looked_back = [loaded and (stored or combined) for loaded, stored, combined, *_ in call.accesses]
+        aliased = self.aliases()
+        if any(looked_back) or aliased or any(access[3] for access in call.accesses):
+            self._prepare(aliased)
+
+    def _prepare(self, aliased) -> None:
+        """Keeps what the launch itself is going to overwrite."""
+        try:
+            derivative = self.derivative()
+        except errors.WarpError:
+            # Says so when gradients are asked for.
+            return
+        wanted = adjoint.preserved(derivative)
+        wanted |= {reader for _, reader in aliased if reader in adjoint.needed(derivative)}
+        for leaf in wanted:
+            found = self.call.leaves[leaf][1]
+            if found is not None:
+                self.initial[leaf] = adjoint.copy_of(found, self.call.stream)
+
+    @property
+    def event(self) -> Event:
+        return self.call.event
+
+    @property
+    def kernel(self):
+        return self.call.kernel
+
+    def derivative(self):
+        return adjoint.derivative(self.call)
+
+    def run(self) -> None:
+        """Runs the launch, with notes for the adjoint if that needs any."""
+        derivative = None
+        if any(self.call.active) and any(access[3] for access in self.call.accesses):
+            try:
+                derivative = self.derivative()
+            except errors.WarpError:
+                derivative = None
+        if derivative is not None and adjoint.augmented(derivative) is not None:
+            self.saved = adjoint.launch_augmented(derivative, self.call)
+        else:
+            self.call.run()
+
+    def observe(self) -> None:
+        """Notes the versions of all arrays."""
+        if not any(self.call.active):
+            return
+        for _, leaf in self.call.leaves:
+            version = None
+            if leaf is not None and leaf.size:
+                version = memory.observe(leaf)
+                if self.preserve:
+                    version.keep_for(self)
+            self.versions.append(version)
+
+    def needs(self, version) -> bool:
+        """Whether the adjoint reads what this version is of."""
+        try:
+            wanted = adjoint.needed(self.derivative())
+        except errors.WarpError:
+            return False
+        return any(self.versions[leaf] is version for leaf in wanted if leaf < len(self.versions))
+
+    def arrays(self) -> list[array]:
+        return [leaf for _, leaf in self.call.leaves if leaf is not None]
+
+    def aliases(self) -> list[tuple[int, int]]:
+        """Pairs (written, other) of arguments that share memory."""
+        boxes = [None if leaf is None else Box(leaf) for _, leaf in self.call.leaves]
+        pairs = []
+        for i, (_, stored, combined, _, _) in enumerate(self.call.accesses):
+            if boxes[i] is None or not (stored or combined):
+                continue
+            for j, other in enumerate(boxes):
+                if j != i and other is not None and boxes[i].overlaps(other):
+                    pairs.append((i, j))
+        return pairs
+
+    def reverse(self, state) -> None:
+        if not any(self.call.active):
+            return
+        if not self.call.kernel.option("enable_backward"):
+            raise self._error("the kernel has `enable_backward=False`", "remove that option")
+        derivative = self.derivative()
+        self._check_aliases()
+        values = self._values(derivative)
+        adjoint.launch_adjoint(derivative, self.call, values, self.initial, self.saved)
+
+    def _check_aliases(self) -> None:
+        elementwise = self.call.kernel.module.name == "warp.map"
+        for written, other in self.aliases():
+            name, first = self.call.leaves[written]
+            name_of_other, second = self.call.leaves[other]
+            same = (first.ptr, first.shape, first.strides) == (
+                second.ptr,
+                second.shape,
+                second.strides,
+            )
+            if elementwise and same:
+                continue
+            raise self._error(
+                f"arguments '{name}', which is written, and '{name_of_other}' overlap",
+                "give the kernel one array for both, or write to another array",
+            )
+
+    def _values(self, derivative) -> tuple:
+        """The arguments as they were, with the arrays of gradients that they have."""
+        replaced = {}
+        aliased = {reader for _, reader in self.aliases()}
+        for leaf in adjoint.needed(derivative):
+            version = self.versions[leaf] if leaf < len(self.versions) else None
+            if version is None:
+                continue
+            name, found = self.call.leaves[leaf]
+            if leaf in aliased and leaf in self.initial:
+                replaced[leaf] = adjoint.with_gradient_of(self.initial[leaf], found)
+            elif version.copy is not None:
+                replaced[leaf] = adjoint.with_gradient_of(version.copy, found)
+            elif version.ended is not None:
+                raise self._overwritten(name, version.ended)
+        return self.call.with_leaves(replaced)
+
+    def _overwritten(self, name, by):
+        return self._error(
+            f"its array '{name}' has been overwritten by the {by}, "
+            f"but the gradient depends on what it held",
+            "write to another array, or use `wp.Tape(preserve='auto')`",
+        )
+
+    def _error(self, what, hint):
+        place = self.call.event
+        return errors.WarpGradientError(
+            f"gradient of the {place}: {what}", file=place.file, line=place.line, hint=hint
+        )
+
+
+class CopyRecord:
+    """A copy of all elements between arrays (or parts of them) of equal size."""
+
+    def __init__(self, dest, src, event: Event):
+        self.dest, self.src, self.event = dest, src, event
+
+    def arrays(self) -> list[array]:
+        return [self.dest, self.src]
+
+    def reverse(self, state) -> None:
+        if self.dest.grad is None:
+            return
+        if self.src.grad is None and not state.seen_before(self.dest):
+            return
+        if self.src.grad is not None and _scalar(self.src) is _scalar(self.dest):
+            if (self.src.ptr, self.src.strides) == (self.dest.ptr, self.dest.strides):
+                return
+            adjoint.add_into(self.src.grad, self.dest.grad)
+        self.dest.grad.zero_()
+
+
+def _scalar(value):
+    """Type of the components of an array's elements, None if they have no gradient."""
+    if types.is_struct(value.dtype):
+        return value.dtype
+    scalar = getattr(value.dtype, "_wp_scalar_type_", value.dtype)
+    return scalar if issubclass(scalar, float_base) else None
+
+
+class FillRecord:
+    """`fill_` or `zero_`."""
+
+    def __init__(self, target, event: Event):
+        self.target, self.event = target, event
+
+    def arrays(self) -> list[array]:
+        return [self.target]
+
+    def reverse(self, state) -> None:
+        if self.target.grad is not None and state.seen_before(self.target):
+            self.target.grad.zero_()
+
+
+class FunctionRecord:
+    """What `Tape.record_func` was given."""
+
+    def __init__(self, backward, arrays, event: Event):
+        self.backward, self.event = backward, event
+        self._arrays = [one for one in arrays if one is not None]
+
+    def arrays(self) -> list[array]:
+        found: list = []
+        for one in self._arrays:
+            found += [one] if isinstance(one, array) else list(one.arrays())
+        return found
+
+    def reverse(self, state) -> None:
+        self.backward()

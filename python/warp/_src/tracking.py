@@ -1,0 +1,277 @@
+"""Versions of memory: finds out when something that a tape has to read again is overwritten.
+
+A recorded launch asks for the current version of each array it was given. Whatever writes to
+memory says so beforehand, and thereby ends the versions of all arrays that share bytes with it. A
+version that has ended knows who did it; one that is to be kept has a copy of the contents.
+
+Arrays are compared as boxes of bytes, so rows, columns and components of one allocation have
+versions of their own. What goes past the package (NumPy views, other libraries) is not seen.
+"""
+
+from __future__ import annotations
+
+import bisect
+import os
+import sys
+import typing
+import weakref
+
+from warp import _native
+
+
+class Event(typing.NamedTuple):
+    """Who did something, and where in the user's program."""
+
+    what: str
+    file: str
+    line: int
+
+    def __str__(self):
+        return f"{self.what} at {os.path.basename(self.file)}:{self.line}"
+
+
+_PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+
+
+def event(what: str) -> Event:
+    """An event at the innermost line of the program that is not this package's."""
+    frame = sys._getframe(1)
+    while frame.f_back is not None and frame.f_code.co_filename.startswith(_PACKAGE):
+        frame = frame.f_back
+    return Event(what, frame.f_code.co_filename, frame.f_lineno)
+
+
+class Box:
+    """The bytes of an array: all sums of `index * stride`, each followed by an element."""
+
+    __slots__ = ("item", "extents", "start", "stop")
+
+    def __init__(self, array):
+        self.item = array.item_size
+        self.start = self.stop = array.ptr or 0
+        # Extents by stride; repeated elements count once.
+        self.extents: dict = {}
+        if not array.size:
+            return
+        self.stop += self.item
+        for extent, stride in zip(array.shape, array.strides, strict=True):
+            if extent > 1 and stride:
+                self.extents[stride] = extent
+                self.stop += (extent - 1) * stride
+
+    def overlaps(self, other: Box) -> bool:
+        """Whether the boxes share a byte; may say so of layouts that do not nest."""
+        if self.stop <= other.start or other.stop <= self.start:
+            return False
+        strides = sorted(self.extents.keys() | other.extents.keys(), reverse=True)
+        base = min(self.start, other.start)
+        first, second = self._digits(base, strides), other._digits(base, strides)
+        if first is None or second is None:
+            return True
+        return all(a < d and c < b for (a, b), (c, d) in zip(first, second, strict=True))
+
+    def _digits(self, base, strides):
+        """Range of the index along each stride and of the bytes in an element, from `base` on.
+
+        None if an index runs into the next larger stride.
+        """
+        rest, ranges = self.start - base, []
+        room = None
+        for stride in strides:
+            low, rest = divmod(rest, stride)
+            ranges.append((low, low + self.extents.get(stride, 1)))
+        ranges.append((rest, rest + self.item))
+        for stride, (_, high) in zip([*strides, 1], ranges, strict=True):
+            if room is not None and high * stride > room:
+                return None
+            room = stride
+        return ranges
+
+
+class Version:
+    """What an array held between two writes.
+
+    Attributes:
+        array: holds the memory.
+        ended: the event that overwrote it, or None.
+        copy: the contents with the array's strides, if they were kept.
+        readers: recorded launches that want them kept.
+    """
+
+    __slots__ = ("__weakref__", "array", "copy", "ended", "readers")
+
+    def __init__(self, array):
+        self.array = array
+        self.ended = self.copy = None
+        self.readers: list = []
+
+    def keep_for(self, reader) -> None:
+        """Asks for a copy before the memory is overwritten, if `reader.needs` it then."""
+        self.readers.append(weakref.ref(reader))
+
+    def end(self, by: Event) -> None:
+        readers = [reader() for reader in self.readers]
+        if any(reader is not None and reader.needs(self) for reader in readers):
+            self.copy = copy_layout(self.array)
+        self.ended = by
+        self.readers = []
+
+
+class _Region:
+    """Memory of which a version is known."""
+
+    __slots__ = ("box", "current", "neighbours")
+
+    def __init__(self, box):
+        self.box = box
+        self.current = lambda: None
+        self.neighbours: list = []
+
+    def end(self, by) -> None:
+        version = self.current()
+        if version is not None:
+            version.end(by)
+            self.current = lambda: None
+
+
+class Memory:
+    """All regions, by layout and by address."""
+
+    def __init__(self):
+        self.regions: dict = {}
+        # Starts and regions in order, by the number of bits of the size.
+        self.sorted: dict = {}
+
+    def clear(self) -> None:
+        self.regions.clear()
+        self.sorted.clear()
+
+    def observe(self, array) -> Version:
+        """The current version of an array."""
+        key = (array.ptr, array.shape, array.strides, array.item_size)
+        region = self.regions.get(key)
+        if region is None:
+            region = self.regions[key] = self._add(Box(array))
+        version = region.current()
+        if version is None:
+            version = Version(array)
+            region.current = weakref.ref(version)
+        return version
+
+    def writing(self, array, by) -> None:
+        """Says that an array is about to be written; `by()` makes the event if it is wanted."""
+        region = self.regions.get((array.ptr, array.shape, array.strides, array.item_size))
+        if region is None:
+            box = Box(array)
+            touched = [other for other in self._near(box) if box.overlaps(other.box)]
+        else:
+            touched = [region, *region.neighbours]
+        for region in touched:
+            if region.current() is not None:
+                region.end(by())
+
+    def _add(self, box):
+        region = _Region(box)
+        for other in self._near(box):
+            if box.overlaps(other.box):
+                region.neighbours.append(other)
+                other.neighbours.append(region)
+        starts, regions = self.sorted.setdefault((box.stop - box.start).bit_length(), ([], []))
+        place = bisect.bisect(starts, box.start)
+        starts.insert(place, box.start)
+        regions.insert(place, region)
+        return region
+
+    def _near(self, box):
+        """Regions whose range of addresses meets that of the box."""
+        for bits, (starts, regions) in self.sorted.items():
+            first = bisect.bisect(starts, box.start - (1 << bits))
+            for region in regions[first : bisect.bisect_left(starts, box.stop)]:
+                if region.box.stop > box.start:
+                    yield region
+
+
+memory = Memory()
+
+
+def copy_layout(source, stream=None):
+    """A copy with the strides of `source`, so that both have their elements at the same offsets."""
+    from warp._src.array_create import empty
+    from warp._src.scalars import uint8
+
+    box = Box(source)
+    bytes_ = empty(box.stop - box.start, uint8, source.device)
+    strides = source.strides
+    result = bytes_._view(0, source.shape, strides, source.dtype)
+    if source.size:
+        shape = [n if step else 1 for n, step in zip(source.shape, strides, strict=True)]
+        target = bytes_._view(0, shape, strides, source.dtype)
+        _native.copy_array(target, source._view(0, shape, strides), stream)
+    return result
+
+
+class Watch:
+    """Who watches.
+
+    Attributes:
+        active: whether anybody does.
+        tape: the tape that records, or None.
+        executor: runs operations instead of the runtime, or None.
+    """
+
+    active = False
+    tape = None
+    executor = None
+    _owners: typing.ClassVar[set] = set()
+    _listeners: typing.ClassVar[list] = []
+
+    @classmethod
+    def update(cls) -> None:
+        before = cls.active
+        cls.active = bool(cls._owners) or cls.tape is not None or cls.executor is not None
+        if not cls._owners:
+            memory.clear()
+        if cls.active != before:
+            for listener in cls._listeners:
+                listener()
+
+    @classmethod
+    def retain(cls, owner) -> None:
+        """Keeps watch over memory for something that has records, as long as it lives."""
+        if id(owner) not in cls._owners:
+            cls._owners.add(id(owner))
+            weakref.finalize(owner, cls._drop, id(owner))
+            cls.update()
+
+    @classmethod
+    def release(cls, owner) -> None:
+        cls._drop(id(owner))
+
+    @classmethod
+    def _drop(cls, identity) -> None:
+        cls._owners.discard(identity)
+        cls.update()
+
+    @classmethod
+    def on_change(cls, listener) -> None:
+        """Calls `listener()` when `active` changes."""
+        cls._listeners.append(listener)
+
+
+class Watching:
+    """Replaces tape or executor for a block."""
+
+    def __init__(self, **changes):
+        self.changes = changes
+
+    def __enter__(self):
+        self.saved = {name: getattr(Watch, name) for name in self.changes}
+        self._set(self.changes)
+
+    def __exit__(self, *exception):
+        self._set(self.saved)
+
+    def _set(self, values):
+        for name, value in values.items():
+            setattr(Watch, name, value)
+        Watch.update()
