@@ -289,8 +289,8 @@ def measure_first(device, seconds):
     return {"import": IMPORTED - START, "total": time.perf_counter() - START}
 
 
-def main():
-    """Run one measurement."""
+def main(measurements=None):
+    """Run one of the measurements, those of this file by default."""
     parser = argparse.ArgumentParser()
     parser.add_argument("measurement")
     parser.add_argument("--device", default="cpu")
@@ -299,7 +299,8 @@ def main():
     wp.config.quiet = True
     if options.measurement != "first":
         wp.init()
-    result = globals()["measure_" + options.measurement](options.device, options.seconds)
+    measurements = measurements or globals()
+    result = measurements["measure_" + options.measurement](options.device, options.seconds)
     result["version"] = getattr(wp, "__version__", wp.config.version)
     sys.stdout.write("\n" + json.dumps(result) + "\n")
 
