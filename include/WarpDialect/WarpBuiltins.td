@@ -12,6 +12,8 @@ include "WarpOperators.td"
 include "WarpScalarMath.td"
 include "WarpLinearAlgebra.td"
 include "WarpRotations.td"
+include "WarpStableMath.td"
+include "WarpDecompositions.td"
 include "WarpRandom.td"
 include "WarpSpecials.td"
 

@@ -8,6 +8,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Lowerings/Decompositions.h"
 #include "Lowerings/LoweringFunctions.h"
 
 using namespace mlir;
@@ -116,37 +117,16 @@ Scalars lowerDeterminant(Emitter &, Operands args) {
   return {determinant4(minorsOfRows(m, 0), minorsOfRows(m, 2))};
 }
 
-/// A power of two that brings the largest entry near 1.
-static Scalar getScale(ArrayRef<Scalar> m) {
-  Scalar largest = abs(m[0]);
-  for (Scalar x : m.drop_front())
-    largest = max(largest, abs(x));
-  Emitter &emitter = *largest.emitter;
-  FloatFormat format(largest.type);
-  auto exponent = [&](uint64_t bits) {
-    return emitter.integer(getBitsType(largest.type),
-                           bits << format.mantissaBits);
-  };
-  Scalar own = reinterpret(largest, getBitsType(largest.type)) &
-               exponent(2 * format.bias + 1);
-  // 2^-k has the exponent bits 2 bias - (k + bias); at least those of the
-  // smallest normal number.
-  Scalar bits = exponent(2 * format.bias) - min(own, exponent(2 * format.bias -
-                                                              1));
-  return reinterpret(bits, largest.type);
-}
-
 Scalars lowerInverse(Emitter &, Operands args) {
-  ArrayRef<Scalar> m = args[0].scalars;
-  Scalar scale = getScale(m);
-  Scalars scaled = forEach(m, [&](Scalar x) { return x * scale; });
-  Adjugate adjugate = m.size() == 4   ? adjugate2(scaled)
-                      : m.size() == 9 ? adjugate3(scaled)
-                                      : adjugate4(scaled);
+  Scaled scaled = scaleToUnit(args[0].scalars);
+  ArrayRef<Scalar> m = scaled.scalars;
+  Adjugate adjugate = m.size() == 4   ? adjugate2(m)
+                      : m.size() == 9 ? adjugate3(m)
+                                      : adjugate4(m);
   Scalar isSingular = adjugate.determinant == 0;
   Scalar factor = 1.0 / adjugate.determinant;
   return forEach(adjugate.entries, [&](Scalar x) {
-    return select(isSingular, x.like(0), x * factor * scale);
+    return select(isSingular, x.like(0), x * factor * scaled.scale);
   });
 }
 

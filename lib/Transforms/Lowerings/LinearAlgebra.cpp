@@ -31,6 +31,8 @@ Scalars cross(ArrayRef<Scalar> a, ArrayRef<Scalar> b) {
 }
 
 Scalar differenceOfProducts(Scalar a, Scalar b, Scalar c, Scalar d) {
+  if (a.emitter->keep)
+    return a * b - c * d;
   Scalar product = c * d;
   Scalar error = fma(-c, d, product);
   return fma(a, b, -product) + error;
@@ -81,6 +83,8 @@ static Scalars withSquares(ArrayRef<Scalar> v,
 Scalar length(ArrayRef<Scalar> v) {
   if (v.size() == 1)
     return abs(v[0]);
+  if (const auto &keep = v[0].emitter->keep)
+    return keep("length", v)[0];
   return withSquares(v, [](const Squares &squares) -> Scalars {
     Scalar root = sqrt(squares.sum);
     return {squares.unscale ? root * *squares.unscale : root};
@@ -88,6 +92,12 @@ Scalar length(ArrayRef<Scalar> v) {
 }
 
 Scalars normalize(ArrayRef<Scalar> v, ArrayRef<Scalar> otherwise) {
+  if (const auto &keep = v[0].emitter->keep) {
+    Scalar isZero = length(v) == 0;
+    return zipWith(keep("normalize", v), otherwise, [&](Scalar x, Scalar y) {
+      return select(isZero, y, x);
+    });
+  }
   return withSquares(v, [&](const Squares &squares) {
     Scalar inverse = 1.0 / sqrt(squares.sum);
     Scalars unit =

@@ -315,7 +315,9 @@ Scalar sin(Scalar x) { return unary<math::SinOp>(x); }
 Scalar cos(Scalar x) { return unary<math::CosOp>(x); }
 Scalar asin(Scalar x) { return unary<math::AsinOp>(x); }
 Scalar acos(Scalar x) { return unary<math::AcosOp>(x); }
+Scalar exp(Scalar x) { return unary<math::ExpOp>(x); }
 Scalar log(Scalar x) { return unary<math::LogOp>(x); }
+Scalar log1p(Scalar x) { return unary<math::Log1pOp>(x); }
 Scalar trunc(Scalar x) { return unary<math::TruncOp>(x); }
 Scalar floor(Scalar x) { return unary<math::FloorOp>(x); }
 Scalar popcount(Scalar x) { return unary<math::CtPopOp>(x); }

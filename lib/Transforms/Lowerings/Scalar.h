@@ -20,6 +20,7 @@
 #include "llvm/ADT/STLFunctionalExtras.h"
 
 #include <cmath>
+#include <functional>
 
 namespace warp::lowering {
 
@@ -64,6 +65,11 @@ public:
 
   mlir::OpBuilder builder;
   mlir::Location loc;
+  /// If set, makes the components of `length` or `normalize` of a vector, which
+  /// are not expanded then.
+  std::function<llvm::SmallVector<Scalar, 4>(llvm::StringRef builtin,
+                                             llvm::ArrayRef<Scalar> vector)>
+      keep;
 
 private:
   mlir::Block *entry;
@@ -136,7 +142,10 @@ Scalar cos(Scalar x);
 Scalar asin(Scalar x);
 Scalar acos(Scalar x);
 Scalar atan2(Scalar y, Scalar x);
+Scalar exp(Scalar x);
 Scalar log(Scalar x);
+/// log(1 + x).
+Scalar log1p(Scalar x);
 Scalar trunc(Scalar x);
 Scalar floor(Scalar x);
 Scalar copysign(Scalar magnitude, Scalar sign);
