@@ -59,6 +59,8 @@ constexpr llvm::StringLiteral augmented = "warp.augmented";
 /// get its values again.
 constexpr llvm::StringLiteral vjp = "warp.vjp";
 constexpr llvm::StringLiteral replay = "warp.replay";
+/// How many of the last results are for the derivative alone.
+constexpr llvm::StringLiteral residuals = "warp.residuals";
 } // namespace attr
 
 #define GEN_PASS_DECL

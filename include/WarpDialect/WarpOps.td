@@ -224,5 +224,6 @@ include "WarpBuiltins.td"
 include "WarpThreadOps.td"
 include "WarpLaunchOps.td"
 include "WarpScratchOps.td"
+include "WarpDerivativeOps.td"
 
 #endif // WARP_OPS_TD

@@ -155,6 +155,17 @@ public:
   Value constant(Type type, Number number);
   Value zero(Type type);
   Values call(const std::string &name, const Values &args);
+  /// Says which function is the derivative of another, whose last `residuals`
+  /// results are for it alone; BuilderDerivatives.cpp
+  /// has the signatures.
+  void setPullback(const std::string &name, const std::string &pullback,
+                   int residuals);
+  /// Says what is called instead of a function to get its values again.
+  void setReplay(const std::string &name, const std::string &replay);
+  /// Cotangents of a function's arguments of floats from those of its results
+  /// of floats. `arrays`: gradients of array arguments are added to.
+  Values vjp(const std::string &name, const Values &args,
+             const Values &cotangents, bool arrays);
   /// Calls the builtin of that Python name (operators: "add", "lt", ...). The
   /// error for arguments that fit no overload lists the overloads.
   Results builtin(const std::string &name, const Values &args);
@@ -204,6 +215,8 @@ public:
   Value componentView(Value array, const Values &indices);
   /// Restricts dimension `dimension` to start, stop, step (null = default).
   Value slice(Value array, int dimension, Value start, Value stop, Value step);
+  /// The array of an array's gradients.
+  Value grad(Value array);
   /// Extent of a dimension as an `si32`.
   Value dim(Value array, int dimension);
 

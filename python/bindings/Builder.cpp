@@ -160,6 +160,7 @@ static void bindArrays(py::class_<Builder> &c) {
              return b.slice(array, dimension, start.value_or(Value()),
                             stop.value_or(Value()), step.value_or(Value()));
            })
+      .def("grad", &Builder::grad)
       .def("dim", &Builder::dim);
 }
 
@@ -170,6 +171,9 @@ static void bindValues(py::class_<Builder> &c) {
         })
       .def("zero", &Builder::zero)
       .def("call", &Builder::call)
+      .def("set_pullback", &Builder::setPullback)
+      .def("set_replay", &Builder::setReplay)
+      .def("vjp", &Builder::vjp)
       .def("builtin",
            [](Builder &b, const std::string &name, const Builder::Values &a) {
              return toTuple(b.builtin(name, a));

@@ -22,11 +22,20 @@ class WhileOp;
 
 namespace warp {
 class AtomicOp;
-class InsertOp;
+class ExtractOp;
 class LoadOp;
 class StoreOp;
-class WhereOp;
 } // namespace warp
+
+namespace warp::attr {
+/// On a load of the adjoint: the launch may have overwritten what it is meant
+/// to read; the text says how. An error if something uses it.
+constexpr llvm::StringLiteral unrecoverable = "warp.unrecoverable";
+/// On a load of the adjoint: right if one thread ran the launch.
+constexpr llvm::StringLiteral assumesOneThread = "warp.assumes_one_thread";
+/// On an adjoint, until warp-clean-up-adjoint: places of its counters.
+constexpr llvm::StringLiteral places = "warp.places";
+} // namespace warp::attr
 
 namespace warp::autodiff {
 
@@ -130,20 +139,35 @@ public:
   /// An argument that clean-up leaves without a use is dropped.
   mlir::Value getHidden(HiddenKind kind, int64_t leaf, mlir::Type type);
 
+  /// Places whose singular points are counted, in the order of the counters.
+  llvm::ArrayRef<mlir::Location> getSingularPlaces() const {
+    return singularPlaces;
+  }
+
 private:
   mlir::LogicalResult replayRegions(mlir::Operation *op);
   mlir::LogicalResult replayLoad(LoadOp op);
-  mlir::LogicalResult replayAtomic(AtomicOp op);
+  mlir::LogicalResult replayAtomic(mlir::Operation *op);
+  mlir::LogicalResult replayCall(mlir::func::CallOp op);
+
   mlir::LogicalResult reverseIf(mlir::scf::IfOp op);
+  void finishIf(mlir::scf::IfOp draft, llvm::ArrayRef<Captures> sides);
   mlir::LogicalResult reverseLoad(LoadOp op);
   mlir::LogicalResult reverseStore(StoreOp op);
   mlir::LogicalResult reverseAtomic(AtomicOp op);
+  mlir::LogicalResult reverseExtremum(AtomicOp op, mlir::Value gradient,
+                                      mlir::ValueRange indices);
   mlir::LogicalResult reverseCall(mlir::func::CallOp op);
-  mlir::LogicalResult reverseBuiltin(mlir::Operation *op);
-  /// Returns nothing if the operation is none of WarpOps.td.
-  std::optional<mlir::LogicalResult> reverseValueOp(mlir::Operation *op);
-  /// The value with 16-bit floats made f32.
-  mlir::Value widen(mlir::Value value);
+  mlir::LogicalResult reverseByRule(mlir::Operation *op);
+  bool addSlots(ExtractOp op);
+  mlir::Value narrow(mlir::Value cotangent, mlir::Type type);
+
+  RuleContext getContext(mlir::Operation *op);
+  void countSingular(mlir::Location loc, mlir::Value isSingular);
+  /// The views that lead to an array, of another array.
+  mlir::Value rebase(mlir::Value array,
+                     llvm::function_ref<mlir::Value(mlir::Value)> replaceRoot);
+  mlir::Value recoverRoot(mlir::Value root);
 
   mlir::func::FuncOp primal, adjoint;
   ArrayLeaves leaves;
@@ -151,7 +175,11 @@ private:
   MemoryClasses memory;
   llvm::DenseMap<mlir::Value, mlir::Value> values;
   Cotangents cotangents;
+  /// By array argument or field.
   llvm::DenseMap<mlir::Value, mlir::Value> gradients;
+  /// Number of the hidden argument by kind and leaf.
+  std::map<std::pair<int64_t, int64_t>, unsigned> hidden;
+  llvm::SmallVector<mlir::Location> singularPlaces;
 };
 
 /// In ReverseLoops.cpp. The builder's insertion point is where the reverse
