@@ -186,9 +186,8 @@ class Problem:
         error = np.abs(got - expected).max(initial=0.0)
         bound = relative * np.abs(expected).max(initial=floor)
         if not error <= bound:
-            raise Mismatch(
-                f"got {show(got)}, expected {show(expected)}: error {error:.3g}, allowed {bound:.3g}"
-            )
+            text = f"got {show(got)}, expected {show(expected)}"
+            raise Mismatch(f"{text}: error {error:.3g}, allowed {bound:.3g}")
 
     def same(self, got, expected):
         """Exact equality; NaN equals NaN."""
