@@ -6,9 +6,10 @@ gradients. Arrays are numbered as in `Call.leaves`.
 
 from __future__ import annotations
 
-from warp._src import scalars, types
+from warp._src import kernel_derivatives, types
+from warp._src.annotations import ArrayType
 from warp._src.array import array
-from warp._src.tracking import copy_layout
+from warp._src.tracking import Watch, copy_layout
 
 
 def derivative(call):
@@ -30,11 +31,6 @@ def preserved(made) -> set[int]:
     return {hidden.leaf for hidden in made.hidden if hidden.kind == "preserved"}
 
 
-def augmented(made):
-    """The native kernel that takes notes for the adjoint, or None."""
-    return made.augmented
-
-
 def copy_of(source: array, stream=None) -> array:
     """The contents of an array, with the same strides."""
     return copy_layout(source, stream)
@@ -48,14 +44,29 @@ def with_gradient_of(contents: array, original: array) -> array:
     return result
 
 
+def gradient_struct(value):
+    """A copy of a struct whose arrays are the gradients of its arrays."""
+    result = value.__copy__()
+    for name, dtype in value._wp_fields_.items():
+        field = getattr(value, name)
+        if isinstance(dtype, ArrayType):
+            setattr(result, name, None if field is None else field.grad)
+        elif types.is_struct(dtype):
+            setattr(result, name, gradient_struct(field))
+    return result
+
+
 def launch_augmented(made, call) -> list[array]:
-    """Runs the launch with notes; returns them."""
-    raise NotImplementedError
+    """Runs a launch that saves what its adjoint needs, and returns that."""
+    return kernel_derivatives.run_augmented(made, call)
 
 
 def launch_adjoint(made, call, values, initial, saved) -> None:
     """Runs the adjoint of a launch."""
-    raise NotImplementedError
+    if Watch.executor is not None:
+        Watch.executor.launch_adjoint(made, call, values, initial, saved)
+    else:
+        kernel_derivatives.run(made, call, values, initial, saved)
 
 
 def add_into(target: array, source: array) -> None:
@@ -65,17 +76,15 @@ def add_into(target: array, source: array) -> None:
     if source.shape != target.shape:
         target, source = target.flatten(), source.flatten()
     if types.is_struct(target.dtype):
-        _add_structs(target, source)
-        return
+        raise TypeError(f"gradients of struct '{target.dtype.__name__}' cannot be added")
     if source.dtype is not target.dtype:
         scalar = getattr(target.dtype, "_wp_scalar_type_", target.dtype)
-        target, source = target.view(scalar), source.view(scalar)
-        if target.shape != source.shape:
-            target, source = target.flatten(), source.flatten()
+        target, source = _as_scalars(target, scalar), _as_scalars(source, scalar)
     target += source
 
 
-def _add_structs(target, source) -> None:
-    from warp._src.maps import map
-
-    raise TypeError(f"copies of struct '{target.dtype.__name__}' have no gradient yet")
+def _as_scalars(one: array, scalar) -> array:
+    """The scalars of packed elements in one row."""
+    if one.dtype is scalar:
+        return one.flatten()
+    return one.flatten().view(scalar).flatten()

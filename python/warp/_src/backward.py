@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from warp._src import adjoint, devices, errors
+from warp._src import adjoint, devices
 from warp._src.array import array
+from warp._src.singular import one_report
 from warp._src.tape_records import LaunchRecord
-from warp._src.tracking import Watching, memory
+from warp._src.tracking import Watch, Watching
 
 
 class BackwardPass:
@@ -20,18 +21,21 @@ class BackwardPass:
         tape: whose records.
         seeds: by array the array to copy to its gradient, or None for ones.
         check_finite: whether to look for what is not finite after each record.
+        first: whether the tape is the beginning of the computation, and not a part of it.
     """
 
-    def __init__(self, tape, seeds: dict, check_finite: bool = False):
+    def __init__(self, tape, seeds: dict, check_finite: bool = False, first: bool = True):
         self.tape = tape
         self.seeds = seeds
         self.records = tape._records
         self.check_finite = check_finite
+        self.first = first
         self.first_use = self._first_uses()
         self.position = 0
 
     def run(self) -> None:
-        with Watching(tape=None):
+        """Does all of it."""
+        with Watching(tape=None), one_report():
             self._wait_for_streams()
             found = self._set_aside()
             for target, seed in self.seeds.items():
@@ -74,13 +78,15 @@ class BackwardPass:
 
     def seen_before(self, one: array) -> bool:
         """Whether a record before the one that is being reversed uses the array's allocation."""
+        if not self.first:
+            return True
         return self.first_use.get(_root(one), self.position) < self.position
 
     def _last_writes(self) -> dict:
         """Arrays to be shown with `retain_grad`, by the position of the last record that writes."""
         last: dict = {}
         for position, record in enumerate(self.records):
-            for one in _written(record):
+            for one in record.written():
                 if one.retain_grad and one.grad is not None:
                     last[id(one)] = (position, one)
         result: dict = {}
@@ -109,11 +115,11 @@ class BackwardPass:
     def _remember(self) -> None:
         found: dict = {}
         for record in self.records:
-            for one in _written(record):
+            for one in record.written():
                 if one.grad is not None and one.grad.size:
                     found[one.grad.ptr, one.grad.shape] = one.grad
         by_size = sorted(found.values(), key=lambda grad: grad.size, reverse=True)
-        self.tape._left = [memory.observe(grad) for grad in by_size]
+        self.tape._left = [Watch.memory.observe(grad) for grad in by_size]
         self.tape._seeded = list(self.seeds)
 
     def _wait_for_streams(self) -> None:
@@ -131,23 +137,9 @@ class BackwardPass:
             devices.get_stream(stream.device).wait_stream(stream)
 
 
-def _written(record) -> list[array]:
-    """Arrays that a record writes, as far as is known."""
-    if isinstance(record, LaunchRecord):
-        return record.call.written
-    if hasattr(record, "dest"):
-        return [record.dest]
-    return [] if hasattr(record, "backward") else record.arrays()
-
-
 def _root(one) -> int:
     """Address of the array that a view was made of."""
     owner = one.owner
     while isinstance(owner, array):
         one, owner = owner, owner.owner
     return one.ptr or 0
-
-
-def not_finite_error(text: str, event) -> errors.WarpGradientError:
-    """The error for a gradient that is infinite or NaN."""
-    return errors.WarpGradientError(text, file=event.file, line=event.line)

@@ -136,6 +136,10 @@ class WarpGradientError(WarpError):
     """A gradient cannot be computed from what is there, or is not finite."""
 
 
+class WarpGradientMismatch(WarpGradientError, ValueError):
+    """Gradients by two methods differ."""
+
+
 class WarpDeterminismError(WarpError):
     """A kernel cannot be made deterministic."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 
-_SUBMODULES = ("optim", "types")
+_SUBMODULES = ("autograd", "optim", "types")
 # Written in the kernel language.
 LIBRARY_NAMES = (
     *("quat_from_euler", "spatial_bottom", "spatial_cross", "spatial_cross_dual"),

@@ -6,15 +6,15 @@ from warp._src import adjoint, errors
 from warp._src.array import array
 from warp._src.structs import StructInstance
 from warp._src.tape_records import CopyRecord, FillRecord, FunctionRecord, LaunchRecord
-from warp._src.tracking import Watch, Watching, event, memory
+from warp._src.tracking import Watch, Watching, event
 from warp._src.watching import Call
 
 
 class Tape:
     """Records what is done to arrays in a `with` block, to compute gradients.
 
-    Launches, `wp.map`, operators of arrays, `wp.copy`, `wp.clone`, `assign`, `fill_` and `zero_` are
-    recorded. `backward` adds to the gradients (`array.grad`) of all arrays that have one.
+    Recorded are launches, `wp.map`, operators of arrays, `wp.copy`, `wp.clone`, `assign`, `fill_` and
+    `zero_`. `backward` adds to the gradients (`array.grad`) of all arrays that have one.
 
     Args:
         preserve: "error" makes it an error to overwrite what a gradient depends on; "auto" keeps a

@@ -1,9 +1,10 @@
 """What a tape records, and how each kind of record runs backwards.
 
-A record has `event` (what and where), `arrays()` (what takes part in gradients) and
-`reverse(state)`. `state` belongs to one backward pass; its `seen_before(array)` tells whether an
-earlier record uses the same memory. If none does, filling an array or copying constants to it is
-where its values come from, and the gradient with respect to them stays readable.
+A record has `event` (what and where), `arrays()` (what takes part in gradients), `written()` (what
+it may change, as far as is known) and `reverse(state)`. `state` belongs to one backward pass; its
+`seen_before(array)` tells whether an earlier record uses the same memory. If none does, filling an
+array or copying constants to it is where its values come from, and the gradient with respect to
+them stays readable.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from __future__ import annotations
 from warp._src import adjoint, errors, types
 from warp._src.array import array
 from warp._src.scalars import float_base
-from warp._src.tracking import Box, Event, memory
+from warp._src.tracking import Box, Event, Watch
 from warp._src.watching import Call
 
 
@@ -30,9 +31,11 @@ class LaunchRecord:
         self.saved: list[array] = []
         if not any(call.active):
             return
-        looked_back = [loaded and (stored or combined) for loaded, stored, combined, *_ in call.accesses]
         aliased = self.aliases()
-        if any(looked_back) or aliased or any(access[3] for access in call.accesses):
+        if aliased or any(
+            fetched or (loaded and (stored or combined))
+            for loaded, stored, combined, fetched, _ in call.accesses
+        ):
             self._prepare(aliased)
 
     def _prepare(self, aliased) -> None:
@@ -68,7 +71,7 @@ class LaunchRecord:
                 derivative = self.derivative()
             except errors.WarpError:
                 derivative = None
-        if derivative is not None and adjoint.augmented(derivative) is not None:
+        if derivative is not None and derivative.augmented is not None:
             self.saved = adjoint.launch_augmented(derivative, self.call)
         else:
             self.call.run()
@@ -80,7 +83,7 @@ class LaunchRecord:
         for _, leaf in self.call.leaves:
             version = None
             if leaf is not None and leaf.size:
-                version = memory.observe(leaf)
+                version = Watch.memory.observe(leaf)
                 if self.preserve:
                     version.keep_for(self)
             self.versions.append(version)
@@ -95,6 +98,9 @@ class LaunchRecord:
 
     def arrays(self) -> list[array]:
         return [leaf for _, leaf in self.call.leaves if leaf is not None]
+
+    def written(self) -> list[array]:
+        return self.call.written
 
     def aliases(self) -> list[tuple[int, int]]:
         """Pairs (written, other) of arguments that share memory."""
@@ -175,6 +181,9 @@ class CopyRecord:
     def arrays(self) -> list[array]:
         return [self.dest, self.src]
 
+    def written(self) -> list[array]:
+        return [self.dest]
+
     def reverse(self, state) -> None:
         if self.dest.grad is None:
             return
@@ -204,6 +213,9 @@ class FillRecord:
     def arrays(self) -> list[array]:
         return [self.target]
 
+    def written(self) -> list[array]:
+        return [self.target]
+
     def reverse(self, state) -> None:
         if self.target.grad is not None and state.seen_before(self.target):
             self.target.grad.zero_()
@@ -221,6 +233,9 @@ class FunctionRecord:
         for one in self._arrays:
             found += [one] if isinstance(one, array) else list(one.arrays())
         return found
+
+    def written(self) -> list[array]:
+        return []
 
     def reverse(self, state) -> None:
         self.backward()

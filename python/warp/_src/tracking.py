@@ -44,7 +44,7 @@ def event(what: str) -> Event:
 class Box:
     """The bytes of an array: all sums of `index * stride`, each followed by an element."""
 
-    __slots__ = ("item", "extents", "start", "stop")
+    __slots__ = ("extents", "item", "start", "stop")
 
     def __init__(self, array):
         self.item = array.item_size
@@ -191,9 +191,6 @@ class Memory:
                     yield region
 
 
-memory = Memory()
-
-
 def copy_layout(source, stream=None):
     """A copy with the strides of `source`, so that both have their elements at the same offsets."""
     from warp._src.array_create import empty
@@ -206,7 +203,11 @@ def copy_layout(source, stream=None):
     if source.size:
         shape = [n if step else 1 for n, step in zip(source.shape, strides, strict=True)]
         target = bytes_._view(0, shape, strides, source.dtype)
-        _native.copy_array(target, source._view(0, shape, strides), stream)
+        elements = source._view(0, shape, strides)
+        if Watch.executor is not None:
+            Watch.executor.copy(target, elements, stream)
+        else:
+            _native.copy_array(target, elements, stream)
     return result
 
 
@@ -217,11 +218,13 @@ class Watch:
         active: whether anybody does.
         tape: the tape that records, or None.
         executor: runs operations instead of the runtime, or None.
+        memory: versions of what is recorded.
     """
 
     active = False
     tape = None
     executor = None
+    memory = Memory()
     _owners: typing.ClassVar[set] = set()
     _listeners: typing.ClassVar[list] = []
 
@@ -230,7 +233,7 @@ class Watch:
         before = cls.active
         cls.active = bool(cls._owners) or cls.tape is not None or cls.executor is not None
         if not cls._owners:
-            memory.clear()
+            cls.memory.clear()
         if cls.active != before:
             for listener in cls._listeners:
                 listener()
@@ -259,7 +262,7 @@ class Watch:
 
 
 class Watching:
-    """Replaces tape or executor for a block."""
+    """Replaces tape, executor or memory for a block."""
 
     def __init__(self, **changes):
         self.changes = changes

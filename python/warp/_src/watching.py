@@ -14,7 +14,7 @@ from warp import _native
 from warp._src import types
 from warp._src.annotations import ArrayType
 from warp._src.array import array
-from warp._src.tracking import Event, Watch, event, memory
+from warp._src.tracking import Event, Watch, event
 
 
 class Call:
@@ -84,9 +84,7 @@ class Call:
         return tuple(values)
 
     def run(self) -> None:
-        self.native.launch(
-            self.dim, self.values, (), self.device, self.stream, self.block_dim or 0
-        )
+        self.native.launch(self.dim, self.values, (), self.device, self.stream, self.block_dim or 0)
 
 
 def accesses_of(kernel, native, count) -> list[tuple]:
@@ -135,7 +133,7 @@ def watched_launch(call: Call, record: bool = True) -> None:
     """Runs a launch."""
     entry = Watch.tape.begin_launch(call) if record and Watch.tape is not None else None
     for written in call.written:
-        memory.writing(written, lambda: call.event)
+        Watch.memory.writing(written, lambda: call.event)
     if Watch.executor is not None:
         Watch.executor.launch(call)
     elif entry is not None:
@@ -149,7 +147,7 @@ def watched_launch(call: Call, record: bool = True) -> None:
 def watched_copy(dest, src, stream=None) -> None:
     """Copies all elements."""
     place = event("copy")
-    memory.writing(dest, lambda: place)
+    Watch.memory.writing(dest, lambda: place)
     if Watch.executor is not None:
         Watch.executor.copy(dest, src, stream)
     else:
@@ -161,7 +159,7 @@ def watched_copy(dest, src, stream=None) -> None:
 def watched_fill(target, pattern, name) -> None:
     """Fills an array with an element's bytes."""
     place: Event = event(name)
-    memory.writing(target, lambda: place)
+    Watch.memory.writing(target, lambda: place)
     if Watch.executor is not None:
         Watch.executor.fill(target, pattern)
     else:

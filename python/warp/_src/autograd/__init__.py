@@ -1,0 +1,1 @@
+"""Checks of gradients, Jacobians, forward mode, second derivatives and checkpointing."""

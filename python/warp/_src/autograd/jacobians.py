@@ -1,0 +1,181 @@
+"""Jacobians of kernels and of functions that launch kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy
+
+from warp._src.array import array
+from warp._src.array_create import zeros_like
+from warp._src.autograd.evaluation import (
+    Evaluation,
+    FunctionMetadata,
+    components,
+    numbers_of,
+    set_numbers,
+)
+from warp._src.kernel import Kernel
+from warp._src.tape import Tape
+from warp._src.tracking import Watching
+
+
+def jacobian(
+    function: Kernel | Callable,
+    dim=None,
+    inputs: Sequence | None = None,
+    outputs: Sequence | None = None,
+    input_output_mask: list[tuple[str | int, str | int]] | None = None,
+    device=None,
+    max_blocks: int = 0,
+    block_dim: int | None = None,
+    max_outputs_per_var: int = -1,
+    plot_jacobians: bool = False,
+    metadata: FunctionMetadata | None = None,
+    restore_inputs: bool = True,
+) -> dict[tuple[int, int], array]:
+    """Jacobians by reverse mode: one backward pass per scalar of the outputs.
+
+    Args:
+        function: a kernel, or a Python function that launches kernels.
+        dim: extents of the kernel's launch.
+        inputs: arguments; those with `requires_grad` are differentiated by.
+        outputs: further arguments of a kernel, which it writes; by default what it writes of
+            `inputs`. A Python function may return its outputs.
+        input_output_mask: pairs of names or positions; others are left out.
+        max_outputs_per_var: scalars of each output to do, -1 for all; rows of others are NaN.
+        plot_jacobians: show them with `jacobian_plot`.
+        metadata: names for the picture.
+        restore_inputs: give the arrays their contents back.
+
+    Returns:
+        By (position of the input, position of the output) an array of shape (scalars of the
+        output, elements of the input), with elements like the input's gradient.
+
+    Raises:
+        WarpGradientError: no input or no output has a gradient.
+    """
+    with Evaluation(
+        function, dim, inputs, outputs, device, block_dim, metadata, restore_inputs
+    ) as problem:
+        rows = reverse_rows(problem, input_output_mask, max_outputs_per_var)
+        result = _as_arrays(problem, rows)
+    if plot_jacobians:
+        from warp._src.autograd.plots import jacobian_plot
+
+        jacobian_plot(result, metadata or function, inputs)
+    return result
+
+
+def jacobian_fd(
+    function: Kernel | Callable,
+    dim=None,
+    inputs: Sequence | None = None,
+    outputs: Sequence | None = None,
+    input_output_mask: list[tuple[str | int, str | int]] | None = None,
+    device=None,
+    max_blocks: int = 0,
+    block_dim: int | None = None,
+    max_inputs_per_var: int = -1,
+    eps: float = 1e-4,
+    plot_jacobians: bool = False,
+    metadata: FunctionMetadata | None = None,
+    restore_inputs: bool = True,
+) -> dict[tuple[int, int], array]:
+    """Jacobians by central differences: two evaluations per scalar of the inputs.
+
+    Arguments and result are those of `jacobian`, besides
+
+    Args:
+        max_inputs_per_var: scalars of each input to do, -1 for all; columns of others are NaN.
+        eps: step; the difference of the rounded arguments is divided by.
+    """
+    with Evaluation(
+        function, dim, inputs, outputs, device, block_dim, metadata, restore_inputs
+    ) as problem:
+        columns = difference_columns(problem, input_output_mask, max_inputs_per_var, eps)
+        result = _as_arrays(problem, columns)
+    if plot_jacobians:
+        from warp._src.autograd.plots import jacobian_plot
+
+        jacobian_plot(result, metadata or function, inputs)
+    return result
+
+
+def reverse_rows(problem: Evaluation, mask, limit: int) -> dict[tuple, numpy.ndarray]:
+    """Matrices of scalars, found row by row."""
+    problem.reset()
+    with Watching(tape=None), Tape(preserve="auto") as tape:
+        problem.run()
+    pairs = problem.pairs(mask)
+    result = {
+        (source.key, target.key): numpy.full(
+            (target.length, source.length), numpy.nan, numbers_of(source.array.grad).dtype
+        )
+        for source, target in pairs
+    }
+    for target in {id(target): target for _, target in pairs}.values():
+        sources = [source for source, other in pairs if other is target]
+        seed = zeros_like(target.array.grad, requires_grad=False)
+        numbers = numbers_of(seed)
+        for row in range(target.length if limit < 0 else min(limit, target.length)):
+            numbers[:] = 0
+            numbers[row] = 1
+            set_numbers(seed, numbers)
+            for source in sources:
+                source.array.grad.zero_()
+            tape.zero()
+            tape.backward(grads={target.array: seed})
+            for source in sources:
+                result[source.key, target.key][row] = numbers_of(source.array.grad)
+    tape.zero()
+    return result
+
+
+def difference_columns(problem: Evaluation, mask, limit: int, eps: float) -> dict:
+    """Matrices of scalars, found column by column."""
+    problem.reset()
+    with Watching(tape=None):
+        problem.run()
+        pairs = problem.pairs(mask)
+        result = {
+            (source.key, target.key): numpy.full(
+                (target.length, source.length), numpy.nan, numbers_of(source.array.grad).dtype
+            )
+            for source, target in pairs
+        }
+        for source in {id(source): source for source, _ in pairs}.values():
+            keys = [target.key for other, target in pairs if other is source]
+            problem.reset()
+            start = numbers_of(source.array)
+            for column in range(source.length if limit < 0 else min(limit, source.length)):
+                ends = [_evaluate(problem, source, start, column, h) for h in (eps, -eps)]
+                step = ends[0][0] - ends[1][0]
+                for key in keys:
+                    difference = ends[0][1][key] - ends[1][1][key]
+                    result[source.key, key][:, column] = difference / step
+    return result
+
+
+def _evaluate(problem, source, start, column, step) -> tuple[float, dict]:
+    """The changed argument after rounding, and the outputs by key, in double precision."""
+    problem.reset()
+    numbers = start.copy()
+    numbers[column] += step
+    set_numbers(source.array, numbers)
+    outputs = problem.run()
+    found = {one.key: numbers_of(one.array).astype(numpy.float64) for one in outputs}
+    return float(numbers[column]), found
+
+
+def _as_arrays(problem, matrices) -> dict:
+    by_key = {source.key: source.array for source in problem.inputs}
+    result = {}
+    for (source, target), numbers in matrices.items():
+        like = by_key[source].grad
+        inner = tuple(getattr(like.dtype, "_shape_", ()))
+        shape = (numbers.shape[0], numbers.shape[1] // components(like.dtype), *inner)
+        result[source, target] = array(
+            numpy.ascontiguousarray(numbers).reshape(shape), dtype=like.dtype, device=like.device
+        )
+    return result

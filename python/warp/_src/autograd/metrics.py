@@ -1,0 +1,29 @@
+"""Numbers about the derivative of a kernel."""
+
+from __future__ import annotations
+
+from warp._src.kernel import Kernel
+
+NAMES = ("tape_bytes", "replay_loops", "atomics", "block_reductions", "shadowed")
+
+
+def adjoint_metrics(kernel: Kernel, inputs=None) -> dict[str, int]:
+    """What the adjoint of a kernel costs, with gradients of all arrays.
+
+    Args:
+        kernel: the kernel; a generic one needs `inputs`.
+        inputs: arguments that a generic kernel is specialised for.
+
+    Returns:
+        `tape_bytes` (memory per thread for values kept in loops), `replay_loops` (loops that are
+        run again), `atomics` (atomic additions to gradients), `block_reductions` (additions of a
+        block's threads that are joined first), `shadowed` (arrays with gradients).
+
+    Raises:
+        WarpCodegenError: the kernel cannot be differentiated.
+    """
+    if not isinstance(kernel, Kernel):
+        raise TypeError(f"expects a kernel, but got '{type(kernel).__name__}'")
+    native = kernel.specialize(inputs or ()) if kernel.is_generic else kernel.prepare()
+    made = kernel.adjoint(native, (True,) * len(native.accesses))
+    return {**dict.fromkeys(NAMES, 0), **made.metrics}

@@ -1,0 +1,160 @@
+"""Forward mode: launches that compute derivatives along a direction with the values.
+
+Every allocation that depends on the inputs has a twin of the same layout, which holds the tangents
+of its elements; a view of the array is the same view of the twin. `Tangents` is an executor (see
+`watching`): as long as it is in place, each launch is replaced by one that reads and writes the
+twins too, a copy also copies tangents, and filling clears them. An adjoint is a launch like any
+other, so tangents of gradients, second derivatives, need nothing more: the twin of an array has a
+gradient, which is the twin of the array's gradient.
+"""
+
+from __future__ import annotations
+
+from warp import _native
+from warp._src import kernel_derivatives, scalars, types
+from warp._src.array import array
+from warp._src.array_create import empty
+from warp._src.optim.parameters import state_dtype
+from warp._src.tracking import Box
+from warp._src.watching import Call
+
+
+def has_tangent(dtype) -> bool:
+    """Whether elements of this type have a derivative."""
+    if types.is_struct(dtype):
+        return any(has_tangent(field) for field in dtype._wp_fields_.values())
+    scalar = getattr(dtype, "_wp_scalar_type_", dtype)
+    return isinstance(scalar, type) and issubclass(scalar, scalars.float_base)
+
+
+class Tangents:
+    """Twins of allocations, and the operations on both."""
+
+    def __init__(self):
+        # By address: the allocation's array, and the bytes of its twin.
+        self._twins: dict[int, tuple[array, array]] = {}
+
+    # Twins.
+
+    def find(self, one: array) -> array | None:
+        """The tangents of an array, None if they are all zero."""
+        base = _base(one)
+        if (base.ptr or 0) not in self._twins:
+            return None
+        return self._view(one, base)
+
+    def twin(self, one: array) -> array:
+        """The tangents of an array, which become zeros if it had none."""
+        base = _base(one)
+        if (base.ptr or 0) not in self._twins:
+            box = Box(base)
+            size = (box.stop - box.start) * _widening(base.dtype)
+            bytes_ = empty(max(size, 1), scalars.uint8, base.device)
+            _native.fill_array(bytes_, bytes(1))
+            self._twins[base.ptr or 0] = (base, bytes_)
+        return self._view(one, base)
+
+    def _view(self, one: array, base: array) -> array:
+        bytes_ = self._twins[base.ptr or 0][1]
+        wide = _widening(one.dtype)
+        dtype = one.dtype if wide == 1 else state_dtype(one.dtype)
+        offset = ((one.ptr or 0) - (base.ptr or 0)) * wide
+        strides = [stride * wide for stride in one.strides]
+        result = bytes_._view(offset, one.shape, strides, dtype)
+        if one.grad is not None:
+            result.grad = self.twin(one.grad)
+        return result
+
+    # Operations.
+
+    def launch(self, call: Call) -> None:
+        """Runs a launch with tangents."""
+        active = self._active(call.leaves, call.accesses)
+        if not any(active):
+            call.run()
+            return
+        made = call.kernel.tangent(call.native, active)
+        hidden = self._hidden(made, [one for _, one in call.leaves])
+        made.native.launch(
+            call.dim, call.values, hidden, call.device, call.stream, call.block_dim or 0
+        )
+
+    def _active(self, leaves, accesses) -> tuple[bool, ...]:
+        """Arrays that have tangents, or get some from those that have."""
+        known = [
+            one is not None and has_tangent(one.dtype) and self.find(one) is not None
+            for _, one in leaves
+        ]
+        if not any(known):
+            return tuple(known)
+        return tuple(
+            found or (one is not None and has_tangent(one.dtype) and (access[1] or access[2]))
+            for found, (_, one), access in zip(known, leaves, accesses, strict=True)
+        )
+
+    def _hidden(self, made, leaves) -> list:
+        return [
+            self.twin(leaves[hidden.leaf]) if hidden.kind == "tangent" else None
+            for hidden in made.hidden
+        ]
+
+    def launch_adjoint(self, made, call: Call, values, initial, saved) -> None:
+        """Runs the adjoint of a launch with tangents."""
+        hidden = kernel_derivatives.hidden_values(made, call, initial, list(saved))
+        again = Call(call.kernel, made.native, call.dim, (*values, *hidden), call.device)
+        arrays = [one for _, one in again.leaves]
+        active = tuple(
+            one is not None
+            and has_tangent(one.dtype)
+            and (self.find(one) is not None or one.grad is not None)
+            for one in arrays
+        )
+        second = _tangent_of(made, active)
+        extra = self._hidden(second, arrays)
+        second.native.launch(
+            call.dim, again.values, extra, call.device, call.stream, call.block_dim or 0
+        )
+
+    def copy(self, dest: array, src: array, stream=None) -> None:
+        """Copies values and tangents."""
+        _native.copy_array(dest, src, stream)
+        if not has_tangent(dest.dtype):
+            return
+        tangents = self.find(src)
+        if tangents is not None:
+            _native.copy_array(self.twin(dest), tangents, stream)
+        elif self.find(dest) is not None:
+            self._clear(dest)
+
+    def fill(self, target: array, pattern: bytes) -> None:
+        """Fills with a constant, whose tangent is zero."""
+        _native.fill_array(target, pattern)
+        if self.find(target) is not None:
+            self._clear(target)
+
+    def _clear(self, one: array) -> None:
+        tangents = self.twin(one)
+        _native.fill_array(tangents, bytes(tangents.item_size))
+
+
+def _tangent_of(made, active):
+    """The tangent of a derivative, kept with it."""
+    known = made.__dict__.setdefault("tangents", {})
+    if active not in known:
+        second = kernel_derivatives.differentiate(made.kernel, made.native, active, forward=True)
+        known[active] = kernel_derivatives.Derivative(made.kernel, second, "adjoint_tangent")
+    return known[active]
+
+
+def _base(one: array) -> array:
+    """The array that a view was made of."""
+    owner = one.owner
+    while isinstance(owner, array):
+        one, owner = owner, owner.owner
+    return one
+
+
+def _widening(dtype) -> int:
+    """How many times more bytes the tangent of a component has."""
+    scalar = getattr(dtype, "_wp_scalar_type_", dtype)
+    return 2 if scalar in (scalars.float16, scalars.bfloat16) else 1

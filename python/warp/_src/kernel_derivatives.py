@@ -1,0 +1,202 @@
+"""Derivatives of kernels: made on first use, kept with the kernel, run like any launch.
+
+The compiler turns the module of a native kernel into that of its adjoint (or of its tangent) for a
+given set of arrays that have gradients. What comes with it (which arrays it reads, arguments that
+the primal does not have) is in `Derivative`.
+"""
+
+from __future__ import annotations
+
+import math
+
+from warp import _native
+from warp._src import errors, types
+from warp._src.array import array
+from warp._src.singular import count_singular
+from warp._src.structs import StructInstance
+from warp._src.tracking import Box
+from warp._src.watching import Call
+
+# Places whose notice was printed.
+_noticed: set = set()
+
+
+class Derivative:
+    """The derivative of a native kernel, itself a native kernel.
+
+    Attributes:
+        kernel: the kernel in Python.
+        native: what runs.
+        augmented: the primal, changed to save what the adjoint needs, or None.
+        hidden: arguments after those of the primal; each has `kind`, `leaf`, `type`, `per_thread`
+            and `places`.
+        needed: numbers of the arrays whose contents are read.
+        one_thread: why only launches of one thread are right; empty if all are.
+        metrics: numbers about the code.
+    """
+
+    def __init__(self, kernel, made, suffix):
+        self.kernel = kernel
+        self.module = made.module
+        self.native = kernel.compile_module(made.module, f"{kernel.key}_{suffix}")
+        self.augmented = None
+        if made.augmented is not None:
+            self.augmented = kernel.compile_module(made.augmented, kernel.key)
+        self.hidden = made.hidden
+        self.needed = made.needed
+        self.one_thread = made.one_thread
+        self.metrics = made.metrics
+        for line in made.notices:
+            _notice(line)
+
+
+def _notice(line) -> None:
+    from warp import config
+
+    if line not in _noticed and not config.quiet:
+        _noticed.add(line)
+        print(line, flush=True)
+
+
+def differentiate(kernel, native, active, forward=False, unique=True):
+    """The derivative of a native kernel as the compiler's module, and what goes with it.
+
+    Raises:
+        WarpCodegenError: something active has no derivative.
+    """
+    from warp import config
+
+    return _native.differentiate(
+        native.module,
+        forward=forward,
+        active=list(active),
+        singular=config.singular,
+        unique=unique,
+        deterministic=bool(kernel.option("deterministic")),
+    )
+
+
+def run(made: Derivative, call: Call, values, initial=None, saved=()) -> None:
+    """Runs the adjoint of a launch.
+
+    Args:
+        made: what `Kernel.adjoint` has made for the launch.
+        call: the launch.
+        values: its arguments.
+        initial: copies of arrays as they were before the launch, by number.
+        saved: what `run_augmented` has returned.
+    """
+    _check_threads(made, call)
+    for value in values:
+        if isinstance(value, StructInstance):
+            value.refresh()
+    if _meet(call):
+        made = made.kernel.adjoint(call.native, call.active, unique=False)
+    hidden = hidden_values(made, call, initial or {}, list(saved))
+    made.native.launch(call.dim, values, hidden, call.device, call.stream, call.block_dim or 0)
+    count_singular(made, hidden)
+
+
+def run_augmented(made: Derivative, call: Call) -> list[array]:
+    """Runs a launch that saves what its adjoint needs, and returns that."""
+    from warp._src.array_create import zeros
+
+    threads = _thread_count(call.dim)
+    saved = []
+    for hidden in made.hidden:
+        if hidden.kind != "saved":
+            continue
+        kind = types.dtype_of(hidden.type)
+        shape = (threads * hidden.per_thread,) + (1,) * (kind.ndim - 1)
+        saved.append(zeros(shape, kind.dtype, f"{_device(call)}"))
+    made.augmented.launch(
+        call.dim, call.values, saved, call.device, call.stream, call.block_dim or 0
+    )
+    return saved
+
+
+def _device(call):
+    from warp._src.devices import by_index
+
+    return by_index(call.device)
+
+
+def _thread_count(dim) -> int:
+    return math.prod(dim) if isinstance(dim, (tuple, list)) else int(dim)
+
+
+def _check_threads(made, call) -> None:
+    threads = _thread_count(call.dim)
+    if made.one_thread and threads > 1:
+        raise errors.WarpGradientError(
+            f"launch('{call.kernel.key}', adjoint=True): derivatives of this kernel are right for "
+            f"one thread only, but the launch has {threads}: {made.one_thread}"
+        )
+
+
+def _meet(call) -> bool:
+    """Whether threads with different indices may meet at a gradient."""
+    return _native.shares_elements([leaf.grad for _, leaf in call.leaves if _is_active(leaf)])
+
+
+def _is_active(leaf) -> bool:
+    return leaf is not None and leaf.grad is not None
+
+
+def hidden_values(made, call, initial, saved) -> list[array]:
+    """Values of the arguments that only the derivative has."""
+    from warp._src.array_create import zeros
+
+    values = []
+    for hidden in made.hidden:
+        if hidden.kind == "counters":
+            kind = types.dtype_of(hidden.type)
+            values.append(zeros(hidden.per_thread, kind.dtype, _device(call)))
+            continue
+        if hidden.kind == "saved" and saved:
+            values.append(saved.pop(0))
+            continue
+        if hidden.kind == "preserved" and hidden.leaf in initial:
+            values.append(initial[hidden.leaf])
+            continue
+        what = "what atomics returned"
+        if hidden.kind == "preserved":
+            what = f"array '{call.leaves[hidden.leaf][0]}' as it was before the launch"
+        raise errors.WarpGradientError(
+            f"launch('{call.kernel.key}', adjoint=True): the derivative depends on {what}, "
+            f"record the launch on a `wp.Tape`"
+        )
+    return values
+
+
+def check_overlap(call: Call) -> None:
+    """Rejects a written array that shares memory with one whose gradient is asked for.
+
+    Raises:
+        WarpGradientError: there is one.
+    """
+    boxes = [None if leaf is None else Box(leaf) for _, leaf in call.leaves]
+    for i, (_, stored, combined, *_) in enumerate(call.accesses):
+        if boxes[i] is None or not (stored or combined):
+            continue
+        for j, other in enumerate(boxes):
+            if j == i or other is None or not boxes[i].overlaps(other):
+                continue
+            if _is_active(call.leaves[i][1]) or _is_active(call.leaves[j][1]):
+                raise errors.WarpGradientError(
+                    f"launch('{call.kernel.key}', adjoint=True): arguments "
+                    f"'{call.leaves[i][0]}', which is written, and '{call.leaves[j][0]}' overlap, "
+                    f"give the kernel one array for both, or write to another array"
+                )
+
+
+def launch(call: Call) -> None:
+    """Runs the adjoint of a launch whose arrays have their gradients."""
+    if not call.kernel.option("enable_backward"):
+        raise errors.WarpGradientError(
+            f"launch('{call.kernel.key}', adjoint=True): the kernel has `enable_backward=False`, "
+            f"remove that option"
+        )
+    check_overlap(call)
+    if any(call.active) and _thread_count(call.dim):
+        run(call.kernel.adjoint(call.native, call.active), call, call.values)
