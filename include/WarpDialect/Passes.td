@@ -27,6 +27,104 @@ def VerifyWarp : WarpPass<"warp-verify-warp"> {
 }
 
 //===----------------------------------------------------------------------===//
+// Derivatives, between `warp` and `thread`
+//===----------------------------------------------------------------------===//
+
+def ExpandBuiltins : WarpPass<"warp-expand-builtins"> {
+  let summary = "Replace builtins without a derivative of their own";
+  let description = [{
+    A builtin whose record says that it has a derivative, but no formula for
+    one, becomes the scalar builtins that its lowering computes with.
+
+    ```mlir
+    %r = warp.skew(%v) : (!warp.vec<3 x f32>) -> !warp.mat<3x3 x f32>
+    // ==>
+    %x = warp.extract %v[%c0] : !warp.vec<3 x f32>, si32 -> f32
+    // %y, %z alike
+    %nz = warp.neg(%z) : (f32) -> f32
+    // %nx, %ny alike
+    %r = warp.construct(%0, %nz, %y, %z, %0, %nx, %ny, %x, %0) : ...
+    ```
+  }];
+  let dependentDialects = [
+    "::mlir::arith::ArithDialect", "::mlir::math::MathDialect",
+    "::mlir::scf::SCFDialect", "::warp::WarpDialect"];
+}
+
+def DifferentiateKernel : WarpPass<"warp-differentiate-kernel"> {
+  let summary = "Replace the kernel by its derivative";
+  let description = [{
+    The adjoint of a kernel has the same parameters, and hidden ones after them
+    for what cannot be computed again. It runs after the kernel and turns
+    gradients of the arrays written into gradients of the arrays read.
+    Structs must have been flattened and builtins without a rule expanded.
+
+    ```mlir
+    %v = warp.load %x[%i]
+    %p = warp.sin(%v)
+    warp.store %p, %y[%i]
+    // ==>
+    %v = warp.load %x[%i]
+    %g = warp.load %dy[%i]
+    warp.store %zero, %dy[%i]
+    %c = warp.cos(%v)
+    %h = warp.mul(%g, %c)
+    warp.accumulate %h, %dx[%i] {unique = 1}
+    ```
+  }];
+  let options = [
+    Option<"mode", "mode", "std::string", "\"reverse\"",
+           "reverse: the adjoint">,
+    Option<"active", "active", "std::string", "\"\"",
+           "One of 0 and 1 per array, in the order of the arguments: whether "
+           "it has a gradient">,
+    Option<"singular", "singular", "std::string", "\"pinned\"",
+           "Derivatives where there is none: pinned, strict or report">,
+    Option<"unique", "unique", "bool", "true", "No two arrays overlap">,
+    Option<"maxLocalTape", "max-local-tape", "int64_t", "256",
+           "Bytes that a thread may keep of a loop with a known length">,
+    Option<"dumpRecovery", "dump-recovery", "bool", "false",
+           "Say how each value that a loop carries is had again">,
+  ];
+  let dependentDialects = ["::mlir::scf::SCFDialect",
+                           "::mlir::func::FuncDialect", "::warp::WarpDialect"];
+}
+
+def SimplifyAdjoint : WarpPass<"warp-simplify-adjoint"> {
+  let summary = "Move sums into one element out of loops, erase dead code";
+  let description = [{
+    Also erases what loops carry from one iteration to the next to no effect.
+    Loop-invariant code must have been moved.
+
+    ```mlir
+    scf.for %k = %zero to %n step %one {
+      warp.accumulate %v, %dx[%i]
+    }
+    // ==>
+    %s = scf.for %k = %zero to %n step %one iter_args(%t = %none) {
+      %u = warp.add(%t, %v)
+      scf.yield %u
+    }
+    %any = arith.cmpi slt, %zero, %n
+    scf.if %any {
+      warp.accumulate %s, %dx[%i]
+    }
+    ```
+  }];
+  let dependentDialects = ["::mlir::arith::ArithDialect",
+                           "::mlir::scf::SCFDialect", "::warp::WarpDialect"];
+}
+
+def CleanUpAdjoint : WarpPass<"warp-clean-up-adjoint"> {
+  let summary = "Settle what an adjoint needs, once dead code is gone";
+  let description = [{
+    Reports values that the adjoint needs and cannot have, drops hidden
+    parameters without a use, merges sums into one element, and notes which
+    arrays the adjoint reads.
+  }];
+}
+
+//===----------------------------------------------------------------------===//
 // Phase `thread`
 //===----------------------------------------------------------------------===//
 

@@ -32,8 +32,11 @@ public:
   unsigned size() const { return count; }
   /// Leaves that an array may be; no leaf if that is unknown.
   llvm::SmallVector<unsigned, 1> of(mlir::Value array) const;
+  /// What the user calls a leaf: `x`, or `state.x`.
+  std::string getName(unsigned leaf) const;
 
 private:
+  mutable mlir::FunctionOpInterface function;
   llvm::SmallVector<unsigned> first;
   unsigned count = 0;
 };

@@ -11,6 +11,13 @@
 
 #include "llvm/ADT/MapVector.h"
 
+#include <map>
+#include <optional>
+
+namespace warp {
+class ExtractOp;
+} // namespace warp
+
 namespace warp::autodiff {
 
 /// The cotangent of one value so far: a sum of whole values, and of
@@ -44,6 +51,14 @@ public:
 private:
   llvm::MapVector<mlir::Value, Cotangent> map;
 };
+
+/// Number of the component, or of the first one of the row, that is extracted;
+/// none unless the indices are constants in range.
+std::optional<int64_t> getFirstSlot(ExtractOp op);
+/// Indices of a component of a composite.
+llvm::SmallVector<mlir::Value, 2> getSlotIndices(mlir::OpBuilder &builder,
+                                                 mlir::Location loc,
+                                                 mlir::Type type, int64_t slot);
 
 } // namespace warp::autodiff
 

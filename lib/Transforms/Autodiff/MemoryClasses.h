@@ -8,6 +8,7 @@
 #define WARP_TRANSFORMS_AUTODIFF_MEMORYCLASSES_H
 
 #include "Activity.h"
+#include "IndexMath.h"
 
 namespace warp::autodiff {
 
@@ -21,19 +22,30 @@ enum class Recovery {
   Impossible,
 };
 
+/// Which threads touch the elements that one thread touches.
+enum class Sharing {
+  /// No other one.
+  Private,
+  /// No other one, if the indices are as different as the program assumes.
+  Trusted,
+  /// All threads touch the same ones: right for launches of one thread.
+  Single,
+  /// Others.
+  Shared,
+};
+
 /// One access of an array element.
 struct Access {
-  mlir::Operation *op;
-  /// Array as the operation names it.
-  mlir::Value array;
-  /// Indices along the array's leaf, those of views first. Null for indices
-  /// that are not a plain value (those of a slice).
-  llvm::SmallVector<mlir::Value, 4> indices;
-  /// Component or field of the element; different ones do not overlap.
+  mlir::Operation *op = nullptr;
+  /// Position in program order.
+  unsigned position = 0;
+  /// One per dimension of the leaf; none for an index within a slice.
+  llvm::SmallVector<std::optional<IndexSum>, 2> indices;
+  /// Component or field of the element, as far as it is constant.
   llvm::SmallVector<mlir::Attribute, 2> component;
-  bool isRead = false, isWrite = false;
-  /// An atomic sum: the order of several does not matter.
-  bool isSum = false;
+  bool isWrite = false;
+  /// It reads or writes the gradient in the adjoint.
+  bool isActive = false;
 };
 
 class MemoryClasses {
@@ -42,25 +54,49 @@ public:
                 const Activity &activity, bool unique);
 
   /// Reports active arrays whose accesses have no adjoint: reads of what other
-  /// threads write.
-  mlir::LogicalResult verify() const;
+  /// threads write. Finds out whether only one thread may run.
+  mlir::LogicalResult verify();
 
   bool isWritten(unsigned leaf) const;
   /// How to get the value of a load again; the reason if that is impossible.
-  Recovery getRecovery(mlir::Operation *load, std::string &why) const;
+  /// `needsOneThread` if that is so in a launch of one thread only.
+  Recovery getRecovery(mlir::Operation *load, std::string &why,
+                       bool &needsOneThread) const;
   /// N if no two threads of a launch of rank up to N touch the same gradient
   /// at this access; 0 if that is not known.
   int64_t getUniqueRank(mlir::Operation *access) const;
-  /// The adjoint is right only for launches of one thread.
-  bool isOneThread() const { return oneThread; }
+  /// Set if the adjoint is right only for launches of one thread: why.
+  llvm::StringRef getOneThreadReason() const { return oneThread; }
+  /// Ordinal of an atomic within the function.
+  int64_t getAtomicNumber(mlir::Operation *op) const {
+    return atomics.lookup(op);
+  }
 
 private:
-  friend class MemoryClassifier;
+  void collect(mlir::Operation *op);
+  const Access *lookup(mlir::Operation *op, unsigned &leaf) const;
+  Sharing getSharing(llvm::ArrayRef<const Access *> accesses) const;
+  llvm::SmallVector<const Access *> select(unsigned leaf,
+                                           bool onlyActive) const;
+  unsigned countOwnedDimensions(llvm::ArrayRef<const Access *> accesses,
+                                bool mayWrap) const;
+
+  const ArrayLeaves &leaves;
+  const Activity &activity;
+  bool unique;
   llvm::SmallVector<llvm::SmallVector<Access>> accesses;
   llvm::DenseMap<mlir::Operation *, std::pair<unsigned, unsigned>> places;
-  const Activity &activity;
-  bool unique, oneThread = false;
+  llvm::DenseMap<mlir::Operation *, int64_t> atomics;
+  unsigned position = 0;
+  /// Dimensions of the launch that the kernel knows.
+  unsigned threadDimensions = 0;
+  std::string oneThread;
 };
+
+/// Whether an element that `read` reads may be written by `write` in the same
+/// thread, after or before that.
+bool mayWriteAfter(const Access &read, const Access &write);
+bool mayWriteBefore(const Access &read, const Access &write);
 
 } // namespace warp::autodiff
 

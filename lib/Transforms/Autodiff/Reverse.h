@@ -51,6 +51,8 @@ struct ReverseOptions {
   bool unique = true;
   /// Bytes that a loop with a known number of trips may keep per thread.
   int64_t maxLocalTape = 256;
+  /// Says how each value that a loop carries is had again.
+  bool dumpRecovery = false;
 };
 
 /// Counts of what the adjoint costs.

@@ -1,0 +1,238 @@
+//===- Activity.cpp - Which values carry derivatives ----------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Two marks spread until nothing changes: `varied` from loads of active arrays
+// to results, `useful` from stores to active arrays to operands. Control flow
+// passes both through what it yields and carries; a loop is why one walk may
+// not be enough.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Activity.h"
+
+#include "Rules.h"
+
+#include "WarpDialect/Passes.h"
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/Dialect/Func/IR/FuncOps.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
+
+using namespace mlir;
+
+namespace warp::autodiff {
+
+bool hasDerivative(Type type) {
+  Type scalar = getElementScalar(type);
+  return scalar && isFloat(scalar);
+}
+
+//===----------------------------------------------------------------------===//
+// Array leaves
+//===----------------------------------------------------------------------===//
+
+static unsigned countArrays(Type type) {
+  if (isa<ArrayType>(type))
+    return 1;
+  unsigned count = 0;
+  if (auto structure = dyn_cast<StructType>(type))
+    for (Type field : structure.getFieldTypes())
+      count += countArrays(field);
+  return count;
+}
+
+ArrayLeaves::ArrayLeaves(FunctionOpInterface function) : function(function) {
+  for (Type type : function.getArgumentTypes()) {
+    first.push_back(count);
+    count += countArrays(type);
+  }
+}
+
+SmallVector<unsigned, 1> ArrayLeaves::of(Value array) const {
+  Operation *op = array.getDefiningOp();
+  if (!op) {
+    auto argument = cast<BlockArgument>(array);
+    if (isa<FunctionOpInterface>(argument.getOwner()->getParentOp()))
+      return {first[argument.getArgNumber()]};
+    return {};
+  }
+  if (isa<ViewOp, SliceOp, ComponentViewOp>(op))
+    return of(op->getOperand(0));
+  if (auto get = dyn_cast<StructGetOp>(op)) {
+    SmallVector<unsigned, 1> leaf = of(get.getSource());
+    auto type = cast<StructType>(get.getSource().getType());
+    int64_t field = type.getFieldIndex(get.getField());
+    for (unsigned &number : leaf)
+      for (Type before : type.getFieldTypes().take_front(field))
+        number += countArrays(before);
+    return leaf;
+  }
+  return {};
+}
+
+/// The path to array number `leaf` of a value, after its name.
+static std::string getPath(Type type, unsigned leaf) {
+  auto structure = dyn_cast<StructType>(type);
+  if (!structure)
+    return "";
+  for (auto [name, field] :
+       llvm::zip(structure.getFieldNames(), structure.getFieldTypes())) {
+    unsigned count = countArrays(field);
+    if (leaf < count)
+      return "." + name.getValue().str() + getPath(field, leaf);
+    leaf -= count;
+  }
+  return "";
+}
+
+std::string ArrayLeaves::getName(unsigned leaf) const {
+  unsigned argument = first.size() - 1;
+  while (first[argument] > leaf)
+    --argument;
+  auto names = function->getAttrOfType<ArrayAttr>(attr::argNames);
+  std::string name = names && argument < names.size()
+                         ? cast<StringAttr>(names[argument]).getValue().str()
+                         : "argument " + std::to_string(argument);
+  Type type = function.getArgumentTypes()[argument];
+  return name + getPath(type, leaf - first[argument]);
+}
+
+//===----------------------------------------------------------------------===//
+// Marks
+//===----------------------------------------------------------------------===//
+
+bool Activity::isActiveArray(Value array) const {
+  return llvm::any_of(leaves.of(array), [&](unsigned leaf) {
+    return leaf < active.size() && active[leaf];
+  });
+}
+
+bool Activity::markVaried(Value value) {
+  return hasDerivative(value.getType()) && varied.insert(value).second;
+}
+
+bool Activity::markUseful(Value value) {
+  return hasDerivative(value.getType()) && useful.insert(value).second;
+}
+
+/// What flows into what, where control passes values on: calls `pass(from, to)`
+/// for each pair.
+static void forEachCarried(Operation *op,
+                           function_ref<void(Value, Value)> pass) {
+  auto passAll = [&](ValueRange from, ValueRange to) {
+    for (auto [a, b] : llvm::zip_equal(from, to))
+      pass(a, b);
+  };
+  if (auto branch = dyn_cast<scf::IfOp>(op)) {
+    if (branch.getNumResults() == 0)
+      return;
+    passAll(branch.thenYield().getOperands(), branch.getResults());
+    passAll(branch.elseYield().getOperands(), branch.getResults());
+  } else if (auto loop = dyn_cast<scf::ForOp>(op)) {
+    passAll(loop.getInitArgs(), loop.getRegionIterArgs());
+    passAll(loop.getYieldedValues(), loop.getRegionIterArgs());
+    passAll(loop.getInitArgs(), loop.getResults());
+    passAll(loop.getYieldedValues(), loop.getResults());
+  } else if (auto loop = dyn_cast<scf::WhileOp>(op)) {
+    passAll(loop.getInits(), loop.getBeforeArguments());
+    passAll(loop.getYieldedValues(), loop.getBeforeArguments());
+    passAll(loop.getConditionOp().getArgs(), loop.getAfterArguments());
+    passAll(loop.getConditionOp().getArgs(), loop.getResults());
+  }
+}
+
+bool Activity::spreadVaried(Operation *op) {
+  bool changed = false;
+  forEachCarried(op, [&](Value from, Value to) {
+    if (varied.contains(from))
+      changed |= markVaried(to);
+  });
+  if (op->getNumRegions() != 0 || op->getNumResults() == 0)
+    return changed;
+  bool isVaried = llvm::any_of(op->getOperands(), [&](Value operand) {
+    return varied.contains(operand) ||
+           (isa<ArrayType>(operand.getType()) && isActiveArray(operand));
+  });
+  // What has no rule is varied, so that a use of it is an error.
+  if (!isVaried || (!isDifferentiable(op) && hasRule(op)))
+    return changed;
+  for (Value result : op->getResults())
+    changed |= markVaried(result);
+  return changed;
+}
+
+bool Activity::spreadUseful(Operation *op) {
+  bool changed = false;
+  forEachCarried(op, [&](Value from, Value to) {
+    if (useful.contains(to))
+      changed |= markUseful(from);
+  });
+  if (op->getNumRegions() != 0)
+    return changed;
+  bool isUseful = llvm::any_of(
+      op->getResults(), [&](Value result) { return useful.contains(result); });
+  if (isa<StoreOp, AtomicOp, AtomicCasOp>(op))
+    isUseful = llvm::any_of(op->getOperands(), [&](Value operand) {
+      return isa<ArrayType>(operand.getType()) && isActiveArray(operand);
+    });
+  if (isUseful)
+    for (Value operand : op->getOperands())
+      changed |= markUseful(operand);
+  return changed;
+}
+
+namespace {
+/// Walks the blocks of a region and the operations of a block backwards.
+struct ReverseOrder {
+  template <typename T> static auto makeIterable(T &range) {
+    return llvm::reverse(ForwardIterator::makeIterable(range));
+  }
+};
+} // namespace
+
+Activity::Activity(FunctionOpInterface function, const ArrayLeaves &leaves,
+                   ArrayRef<bool> active)
+    : leaves(leaves), active(active) {
+  bool changed;
+  do {
+    changed = false;
+    function->walk<WalkOrder::PreOrder>(
+        [&](Operation *op) { changed |= spreadVaried(op); });
+  } while (changed);
+  do {
+    changed = false;
+    function->walk<WalkOrder::PostOrder, ReverseOrder>(
+        [&](Operation *op) { changed |= spreadUseful(op); });
+  } while (changed);
+  findStops(function);
+}
+
+//===----------------------------------------------------------------------===//
+// Where gradients stop
+//===----------------------------------------------------------------------===//
+
+void Activity::findStops(FunctionOpInterface function) {
+  SmallVector<Value> work;
+  llvm::DenseSet<Value> seen;
+  auto visit = [&](Operation *op) {
+    for (Value operand : op->getOperands())
+      if (isInteger(operand.getType()) && seen.insert(operand).second)
+        work.push_back(operand);
+  };
+  function->walk([&](CastOp cast) {
+    if (useful.contains(cast.getResult()))
+      visit(cast);
+  });
+  while (!work.empty()) {
+    Operation *op = work.pop_back_val().getDefiningOp();
+    if (!op || op->getNumRegions() != 0 || !isPure(op))
+      continue;
+    auto cast = dyn_cast<CastOp>(op);
+    if (cast && varied.contains(cast.getSource()))
+      stops.insert(cast);
+    visit(op);
+  }
+}
+
+} // namespace warp::autodiff

@@ -1,0 +1,182 @@
+//===- CleanUpAdjoint.cpp - What a derivative turned out to need ----------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Runs when dead code is gone. What is left says what the derivative needs:
+// marked loads that cannot be had are errors, arguments without a use go, and
+// the arrays that are read are listed for the tape, which watches whether they
+// still have the contents of the launch.
+//
+//===----------------------------------------------------------------------===//
+
+#include "../KernelFunction.h"
+#include "Reverse.h"
+
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/Dialect/Func/IR/FuncOps.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
+
+namespace warp {
+#define GEN_PASS_DEF_CLEANUPADJOINT
+#include "WarpDialect/Passes.h.inc"
+} // namespace warp
+
+using namespace mlir;
+using namespace warp::autodiff;
+
+static DictionaryAttr getDescription(func::FuncOp function, unsigned argument) {
+  return function.getArgAttrOfType<DictionaryAttr>(argument,
+                                                   warp::attr::hidden);
+}
+
+/// Reports loads of what the launch overwrote; notes what the others assume.
+static LogicalResult checkMarks(func::FuncOp adjoint) {
+  bool hasFailed = false;
+  adjoint.walk([&](warp::LoadOp load) {
+    auto why = load->getAttrOfType<StringAttr>(warp::attr::unrecoverable);
+    if (why) {
+      load.emitError(why.getValue());
+      hasFailed = true;
+    }
+    if (load->removeAttr(warp::attr::assumesOneThread) &&
+        !adjoint->hasAttr(warp::attr::oneThread))
+      adjoint->setAttr(
+          warp::attr::oneThread,
+          StringAttr::get(load.getContext(),
+                          "it reads what all threads of the launch write"));
+  });
+  return failure(hasFailed);
+}
+
+/// Consecutive sums into one element become one.
+static void mergeSums(Block &block) {
+  warp::AccumulateOp last;
+  for (Operation &op : llvm::make_early_inc_range(block)) {
+    for (Region &region : op.getRegions())
+      for (Block &inner : region)
+        mergeSums(inner);
+    auto sum = dyn_cast<warp::AccumulateOp>(op);
+    if (!sum) {
+      if (!isMemoryEffectFree(&op) && !isa<warp::LoadOp>(op))
+        last = nullptr;
+      continue;
+    }
+    if (last && last.getArray() == sum.getArray() &&
+        last.getIndices() == sum.getIndices()) {
+      OpBuilder b(sum);
+      Value total = add(b, sum.getLoc(), last.getValue(), sum.getValue());
+      sum.getValueMutable().assign(total);
+      last.erase();
+    }
+    last = sum;
+  }
+}
+
+/// Drops the hidden arguments that nothing uses, in both functions.
+static void dropUnused(func::FuncOp adjoint, func::FuncOp augmented) {
+  auto isUnused = [&](DictionaryAttr description) {
+    for (BlockArgument argument : adjoint.getArguments())
+      if (getDescription(adjoint, argument.getArgNumber()) == description)
+        return argument.use_empty();
+    return true;
+  };
+  if (augmented) {
+    llvm::BitVector dropped(augmented.getNumArguments());
+    for (BlockArgument argument : augmented.getArguments()) {
+      unsigned number = argument.getArgNumber();
+      DictionaryAttr description = getDescription(augmented, number);
+      if (!description || !isUnused(description))
+        continue;
+      for (Operation *user : llvm::make_early_inc_range(argument.getUsers()))
+        user->erase();
+      dropped.set(number);
+    }
+    (void)augmented.eraseArguments(dropped);
+  }
+  llvm::BitVector dropped(adjoint.getNumArguments());
+  for (BlockArgument argument : adjoint.getArguments())
+    if (getDescription(adjoint, argument.getArgNumber()) &&
+        argument.use_empty())
+      dropped.set(argument.getArgNumber());
+  (void)adjoint.eraseArguments(dropped);
+}
+
+/// Moves what is known about hidden arguments to the function; returns how
+/// many there are.
+static unsigned describeHidden(func::FuncOp function) {
+  Builder b(function.getContext());
+  SmallVector<Attribute> hidden, names;
+  if (auto known = function->getAttrOfType<ArrayAttr>(warp::attr::argNames))
+    llvm::append_range(names, known);
+  for (unsigned i = 0; i < function.getNumArguments(); ++i) {
+    DictionaryAttr description = getDescription(function, i);
+    if (!description)
+      continue;
+    NamedAttrList entries(description);
+    entries.set("per_thread", b.getI64IntegerAttr(0));
+    auto kind = cast<StringAttr>(description.get("kind"));
+    if (auto places = function->getAttr(warp::attr::places);
+        places && kind.getValue() == "counters")
+      entries.set("places", places);
+    hidden.push_back(entries.getDictionary(b.getContext()));
+    function.removeArgAttr(i, warp::attr::hidden);
+    int64_t leaf = cast<IntegerAttr>(description.get("leaf")).getInt();
+    names.push_back(b.getStringAttr(kind.getValue() + "." + Twine(leaf)));
+  }
+  function->removeAttr(warp::attr::places);
+  if (hidden.empty())
+    return 0;
+  function->setAttr(warp::attr::hidden, b.getArrayAttr(hidden));
+  if (function->hasAttr(warp::attr::argNames))
+    function->setAttr(warp::attr::argNames, b.getArrayAttr(names));
+  return hidden.size();
+}
+
+/// Lists the leaves whose contents the adjoint reads, and counts.
+static void describeCode(func::FuncOp adjoint, unsigned hiddenCount) {
+  ArrayLeaves leaves(adjoint);
+  unsigned count = leaves.size() - hiddenCount;
+  llvm::BitVector needed(count);
+  int64_t atomics = 0, shadowed = 0;
+  adjoint.walk([&](Operation *op) {
+    shadowed += isa<warp::GradOp>(op);
+    if (auto sum = dyn_cast<warp::AccumulateOp>(op))
+      atomics += !sum.getUnique();
+    if (auto load = dyn_cast<warp::LoadOp>(op))
+      for (unsigned leaf : leaves.of(load.getArray()))
+        if (leaf < count)
+          needed.set(leaf);
+  });
+  Builder b(adjoint.getContext());
+  SmallVector<int64_t> list(needed.set_bits_begin(), needed.set_bits_end());
+  adjoint->setAttr(warp::attr::needed, b.getI64ArrayAttr(list));
+  NamedAttrList metrics(
+      adjoint->getAttrOfType<DictionaryAttr>(warp::attr::metrics));
+  metrics.set("atomics", b.getI64IntegerAttr(atomics));
+  metrics.set("shadowed", b.getI64IntegerAttr(shadowed));
+  adjoint->setAttr(warp::attr::metrics,
+                   metrics.getDictionary(adjoint.getContext()));
+}
+
+namespace {
+
+struct CleanUpAdjoint : warp::impl::CleanUpAdjointBase<CleanUpAdjoint> {
+  void runOnOperation() override {
+    auto adjoint =
+        dyn_cast_or_null<func::FuncOp>(warp::findKernel(getOperation()));
+    if (!adjoint || failed(checkMarks(adjoint)))
+      return signalPassFailure();
+    func::FuncOp augmented;
+    for (auto function : getOperation().getOps<func::FuncOp>())
+      if (function->hasAttr(warp::attr::augmented))
+        augmented = function;
+    mergeSums(adjoint.getBody().front());
+    dropUnused(adjoint, augmented);
+    describeCode(adjoint, describeHidden(adjoint));
+    if (augmented && describeHidden(augmented) == 0)
+      augmented.erase();
+  }
+};
+
+} // namespace

@@ -1,0 +1,188 @@
+//===- DifferentiateKernel.cpp - The pass that makes a derivative ---------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Adds the derivative of the kernel to the module and makes it the kernel. The
+// primal stays only if its derivative needs what a launch of it saves; it is
+// changed to save that then.
+//
+//===----------------------------------------------------------------------===//
+
+#include "../KernelFunction.h"
+#include "Reverse.h"
+
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/Dialect/Func/IR/FuncOps.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
+#include "llvm/ADT/StringSwitch.h"
+
+namespace warp {
+#define GEN_PASS_DEF_DIFFERENTIATEKERNEL
+#include "WarpDialect/Passes.h.inc"
+} // namespace warp
+
+using namespace mlir;
+using namespace warp::autodiff;
+
+static FailureOr<Singular> parseSingular(func::FuncOp kernel, StringRef name) {
+  auto policy = llvm::StringSwitch<std::optional<Singular>>(name)
+                    .Case("pinned", Singular::Pinned)
+                    .Case("strict", Singular::Strict)
+                    .Case("report", Singular::Report)
+                    .Default(std::nullopt);
+  if (policy)
+    return *policy;
+  return kernel.emitError("expects the policy for singular points to be "
+                          "'pinned', 'strict' or 'report', but got '")
+         << name << "'";
+}
+
+static std::string describePlace(Location loc) {
+  std::string text;
+  llvm::raw_string_ostream stream(text);
+  if (auto place = loc->findInstanceOf<FileLineColLoc>())
+    stream << place.getFilename().getValue() << ':' << place.getLine() << ':'
+           << place.getColumn();
+  else
+    stream << "an unknown place";
+  return text;
+}
+
+/// What the runtime and the user are told, apart from what clean-up finds.
+static void attachResults(func::FuncOp adjoint, const ReverseBuilder &builder) {
+  Builder b(adjoint.getContext());
+  SmallVector<std::string> notices;
+  for (Operation *stop : builder.getActivity().getStops())
+    notices.push_back(describePlace(stop->getLoc()) +
+                      ": gradient stops at the conversion to an integer");
+  auto strings = [&](ArrayRef<std::string> texts) {
+    return b.getStrArrayAttr(SmallVector<StringRef>(texts.begin(), texts.end()));
+  };
+  if (!notices.empty())
+    adjoint->setAttr(warp::attr::notices, strings(notices));
+  SmallVector<std::string> places;
+  for (Location loc : builder.getSingularPlaces())
+    places.push_back(describePlace(loc));
+  if (!places.empty())
+    adjoint->setAttr(warp::attr::places, strings(places));
+  StringRef reason = builder.getMemory().getOneThreadReason();
+  if (!reason.empty())
+    adjoint->setAttr(warp::attr::oneThread, b.getStringAttr(reason));
+  adjoint->setAttr(
+      warp::attr::metrics,
+      b.getDictionaryAttr(
+          {b.getNamedAttr("tape_bytes",
+                          b.getI64IntegerAttr(builder.metrics.tapeBytes)),
+           b.getNamedAttr("replay_loops",
+                          b.getI64IntegerAttr(builder.metrics.replayLoops))}));
+}
+
+/// A function with the signature of the kernel, without a body.
+static func::FuncOp createTwin(func::FuncOp kernel, StringRef suffix) {
+  OpBuilder b(kernel.getContext());
+  b.setInsertionPointAfter(kernel);
+  std::string name = (kernel.getName() + suffix).str();
+  auto twin = func::FuncOp::create(b, kernel.getLoc(), name,
+                                   kernel.getFunctionType());
+  for (NamedAttribute attr : kernel->getDiscardableAttrs())
+    twin->setAttr(attr.getName(), attr.getValue());
+  twin.addEntryBlock();
+  return twin;
+}
+
+/// Has every atomic whose old value the adjoint may need store it.
+static void augment(func::FuncOp kernel, const ReverseBuilder &builder,
+                    ArrayRef<BlockArgument> saved) {
+  llvm::DenseMap<int64_t, BlockArgument> byNumber;
+  for (BlockArgument argument : saved) {
+    auto description = cast<DictionaryAttr>(
+        builder.getAdjoint().getArgAttr(argument.getArgNumber(),
+                                        warp::attr::hidden));
+    auto number = cast<IntegerAttr>(description.get("leaf")).getInt();
+    unsigned position = kernel.getNumArguments();
+    (void)kernel.insertArgument(
+        position, argument.getType(),
+        DictionaryAttr::get(
+            kernel.getContext(),
+            NamedAttribute(StringAttr::get(kernel.getContext(),
+                                           warp::attr::hidden),
+                           description)),
+        kernel.getLoc());
+    byNumber[number] = kernel.getArgument(position);
+  }
+  SmallVector<Operation *> atomics;
+  kernel.walk([&](Operation *op) {
+    if (isa<warp::AtomicOp, warp::AtomicCasOp>(op))
+      atomics.push_back(op);
+  });
+  for (Operation *op : atomics) {
+    BlockArgument array =
+        byNumber.lookup(builder.getMemory().getAtomicNumber(op));
+    if (!array)
+      continue;
+    OpBuilder b(op->getContext());
+    b.setInsertionPointAfter(op);
+    SmallVector<Type> types(4, b.getIntegerType(32, true));
+    auto tid = warp::TidOp::create(b, op->getLoc(), types);
+    warp::StoreOp::create(b, op->getLoc(), op->getResult(0), array,
+                          tid.getResults());
+  }
+  kernel->removeAttr(warp::kernelAttrName);
+  kernel->setAttr(warp::attr::augmented, UnitAttr::get(kernel.getContext()));
+}
+
+namespace {
+
+struct DifferentiateKernel
+    : warp::impl::DifferentiateKernelBase<DifferentiateKernel> {
+  using DifferentiateKernelBase::DifferentiateKernelBase;
+
+  void runOnOperation() override {
+    auto kernel =
+        dyn_cast_or_null<func::FuncOp>(warp::findKernel(getOperation()));
+    if (!kernel || failed(differentiate(kernel)))
+      signalPassFailure();
+  }
+
+  LogicalResult differentiate(func::FuncOp kernel) {
+    if (mode != "reverse")
+      return kernel.emitError("expects the mode 'reverse', but got '")
+             << mode << "'";
+    ReverseOptions options;
+    auto policy = parseSingular(kernel, singular);
+    if (failed(policy))
+      return failure();
+    options.singular = *policy;
+    for (char flag : active)
+      options.active.push_back(flag == '1');
+    options.unique = unique;
+    options.maxLocalTape = maxLocalTape;
+    options.dumpRecovery = dumpRecovery;
+    return buildReverse(kernel, options);
+  }
+
+  LogicalResult buildReverse(func::FuncOp kernel,
+                             const ReverseOptions &options) {
+    func::FuncOp adjoint = createTwin(kernel, "_adjoint");
+    ReverseBuilder builder(kernel, adjoint, options);
+    if (failed(builder.build()))
+      return failure();
+    attachResults(adjoint, builder);
+    SmallVector<BlockArgument> saved;
+    for (BlockArgument argument : adjoint.getArguments()) {
+      auto description = adjoint.getArgAttrOfType<DictionaryAttr>(
+          argument.getArgNumber(), warp::attr::hidden);
+      if (description && description.get("kind") ==
+                             StringAttr::get(&getContext(), "saved"))
+        saved.push_back(argument);
+    }
+    if (saved.empty())
+      kernel.erase();
+    else
+      augment(kernel, builder, saved);
+    return success();
+  }
+};
+
+} // namespace

@@ -1,0 +1,288 @@
+//===- MemoryClasses.cpp - What a kernel does to each array ---------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// An adjoint runs after its launch, when arrays hold what the launch left. For
+// every load of an array that the kernel also writes, this file answers whether
+// its value can be had again, from the array or from a copy made before the
+// launch; for every access of a gradient, whether threads can meet there.
+//
+// Both questions are about indices. An index that is a multiple of a thread
+// index, plus a remainder smaller than the multiple, belongs to one thread.
+// Within a thread, two accesses are apart if their indices differ by a constant
+// other than zero, taking the iterations of common loops into account; see
+// MemoryOrder.cpp.
+//
+//===----------------------------------------------------------------------===//
+
+#include "MemoryClasses.h"
+
+#include "WarpDialect/WarpOps.h"
+
+using namespace mlir;
+
+namespace warp::autodiff {
+
+//===----------------------------------------------------------------------===//
+// Accesses
+//===----------------------------------------------------------------------===//
+
+/// Adds what views say about an access, from its array up to the leaf.
+static void followViews(Value array, Access &access) {
+  Operation *op = array.getDefiningOp();
+  if (!op || !isa<ViewOp, SliceOp, ComponentViewOp>(op))
+    return;
+  if (auto view = dyn_cast<ViewOp>(op)) {
+    SmallVector<std::optional<IndexSum>, 2> leading;
+    for (Value index : view.getIndices())
+      leading.push_back(IndexSum::of(index));
+    access.indices.insert(access.indices.begin(), leading.begin(),
+                          leading.end());
+  } else if (auto slice = dyn_cast<SliceOp>(op)) {
+    access.indices[slice.getDim()] = std::nullopt;
+  } else if (auto part = dyn_cast<ComponentViewOp>(op)) {
+    SmallVector<Attribute, 2> component;
+    if (StringAttr field = part.getFieldAttr())
+      component.push_back(field);
+    for (Value index : part.getIndices()) {
+      auto constant = getConstantInteger(index);
+      if (!constant || *constant < 0) {
+        access.component.clear();
+        break;
+      }
+      component.push_back(
+          IntegerAttr::get(IndexType::get(op->getContext()), *constant));
+    }
+    access.component.insert(access.component.begin(), component.begin(),
+                            component.end());
+  }
+  followViews(op->getOperand(0), access);
+}
+
+static OperandRange getAccessIndices(Operation *op) {
+  if (auto load = dyn_cast<LoadOp>(op))
+    return load.getIndices();
+  if (auto store = dyn_cast<StoreOp>(op))
+    return store.getIndices();
+  if (auto atomic = dyn_cast<AtomicOp>(op))
+    return atomic.getIndices();
+  return cast<AtomicCasOp>(op).getIndices();
+}
+
+void MemoryClasses::collect(Operation *op) {
+  ++position;
+  if (auto tid = dyn_cast<TidOp>(op))
+    threadDimensions = std::max(threadDimensions, tid.getNumResults());
+  if (!isa<LoadOp, StoreOp, AtomicOp, AtomicCasOp>(op))
+    return;
+  if (isa<AtomicOp, AtomicCasOp>(op))
+    atomics.try_emplace(op, atomics.size());
+  OperandRange indices = getAccessIndices(op);
+  Value array = op->getOperand(op->getNumOperands() - indices.size() - 1);
+  Access access;
+  access.op = op;
+  access.position = position;
+  access.isWrite = !isa<LoadOp>(op);
+  access.isActive = access.isWrite ? activity.isActiveArray(array)
+                                   : activity.isActive(op->getResult(0));
+  for (Value index : indices)
+    access.indices.push_back(IndexSum::of(index));
+  followViews(array, access);
+  for (unsigned leaf : leaves.of(array)) {
+    places[op] = {leaf, accesses[leaf].size()};
+    accesses[leaf].push_back(access);
+  }
+}
+
+MemoryClasses::MemoryClasses(FunctionOpInterface function,
+                             const ArrayLeaves &leaves,
+                             const Activity &activity, bool unique)
+    : leaves(leaves), activity(activity), unique(unique),
+      accesses(leaves.size()) {
+  function->walk<WalkOrder::PreOrder>([&](Operation *op) { collect(op); });
+}
+
+const Access *MemoryClasses::lookup(Operation *op, unsigned &leaf) const {
+  auto found = places.find(op);
+  if (found == places.end())
+    return nullptr;
+  leaf = found->second.first;
+  return &accesses[leaf][found->second.second];
+}
+
+SmallVector<const Access *> MemoryClasses::select(unsigned leaf,
+                                                  bool onlyActive) const {
+  SmallVector<const Access *> selected;
+  for (const Access &access : accesses[leaf])
+    if (access.isActive || !onlyActive)
+      selected.push_back(&access);
+  return selected;
+}
+
+bool MemoryClasses::isWritten(unsigned leaf) const {
+  return llvm::any_of(accesses[leaf],
+                      [](const Access &access) { return access.isWrite; });
+}
+
+//===----------------------------------------------------------------------===//
+// Threads
+//===----------------------------------------------------------------------===//
+
+/// Whether these indices tell threads apart by dimension `dim` of the launch:
+/// all are c * thread index + r with the same c, and 0 <= r < |c|. With
+/// `mayWrap` they may all have more terms, the same for all of them.
+static bool isOwnedAlong(ArrayRef<const Access *> accesses, unsigned axis,
+                         unsigned dim, bool mayWrap) {
+  std::optional<IndexSum> first;
+  int64_t factor = 0, low = 0, high = 0;
+  for (const Access *access : accesses) {
+    if (axis >= access->indices.size() || !access->indices[axis])
+      return false;
+    const IndexSum &sum = *access->indices[axis];
+    const auto *own = llvm::find_if(sum.terms, [&](auto &term) {
+      return getThreadDimension(term.first) == dim;
+    });
+    if (own == sum.terms.end() || (!mayWrap && sum.terms.size() > 1))
+      return false;
+    for (auto &term : sum.terms)
+      if (&term != own && !isUniform(term.first, /*withCounters=*/false))
+        return false;
+    if (!first) {
+      first = sum;
+      factor = std::abs(own->second);
+      low = high = sum.constant;
+    }
+    std::optional<int64_t> offset = (sum - *first).getConstant();
+    if (!offset)
+      return false;
+    low = std::min(low, first->constant + *offset);
+    high = std::max(high, first->constant + *offset);
+  }
+  return high - low < factor && (mayWrap || low >= 0);
+}
+
+unsigned
+MemoryClasses::countOwnedDimensions(ArrayRef<const Access *> accesses,
+                                    bool mayWrap) const {
+  for (unsigned dim = 0; dim < 4; ++dim) {
+    unsigned axis = 0;
+    while (axis < 4 && !isOwnedAlong(accesses, axis, dim, mayWrap))
+      ++axis;
+    if (axis == 4)
+      return dim;
+  }
+  return 4;
+}
+
+Sharing MemoryClasses::getSharing(ArrayRef<const Access *> accesses) const {
+  unsigned owned = countOwnedDimensions(accesses, /*mayWrap=*/true);
+  if (owned > 0 && owned >= threadDimensions)
+    return Sharing::Private;
+  bool isSame = true, isSingle = true, isComputed = false;
+  llvm::SmallDenseSet<unsigned> dims;
+  for (const Access *access : accesses)
+    for (auto [index, other] :
+         llvm::zip_equal(access->indices, accesses.front()->indices)) {
+      isSame &= index && other && (*index - *other).getConstant() == 0;
+      isSingle &= index.has_value();
+      if (!index)
+        continue;
+      for (auto &term : index->terms) {
+        std::optional<unsigned> dim = getThreadDimension(term.first);
+        bool isKnown = isUniform(term.first, /*withCounters=*/true);
+        isSingle &= isKnown;
+        isComputed |= !isKnown && !dim;
+        if (dim)
+          dims.insert(*dim);
+      }
+    }
+  if (isSingle)
+    return Sharing::Single;
+  bool isTrusted = isSame && (isComputed || dims.size() >= threadDimensions);
+  return isTrusted ? Sharing::Trusted : Sharing::Shared;
+}
+
+int64_t MemoryClasses::getUniqueRank(Operation *op) const {
+  unsigned leaf;
+  if (!unique || !lookup(op, leaf))
+    return 0;
+  return countOwnedDimensions(select(leaf, /*onlyActive=*/true),
+                              /*mayWrap=*/false);
+}
+
+LogicalResult MemoryClasses::verify() {
+  for (unsigned leaf = 0; leaf < accesses.size(); ++leaf) {
+    SmallVector<const Access *> active = select(leaf, /*onlyActive=*/true);
+    auto isWrite = [](const Access *access) { return access->isWrite; };
+    const auto *write = llvm::find_if(active, isWrite);
+    const auto *read = llvm::find_if_not(active, isWrite);
+    if (write == active.end() || read == active.end())
+      continue;
+    Sharing sharing = getSharing(active);
+    std::string name = leaves.getName(leaf);
+    if (sharing == Sharing::Single)
+      oneThread = "all threads read and write the same elements of '" + name +
+                  "'";
+    if (sharing != Sharing::Shared)
+      continue;
+    // Name a pair whose indices differ.
+    for (const Access *access : active)
+      if (isWrite(access) && getSharing({*read, access}) == Sharing::Shared)
+        write = llvm::find(active, access);
+    auto diagnostic = (*read)->op->emitError("'")
+        << name << "' is read here, and other threads of the launch may write "
+        << "what is read, so that its gradient depends on their order; split "
+        << "the kernel in two, write to another array, or move the reads into "
+        << "a function with a derivative of its own";
+    diagnostic.attachNote((*write)->op->getLoc())
+        << "'" << name << "' is written here";
+    return failure();
+  }
+  return success();
+}
+
+//===----------------------------------------------------------------------===//
+// Contents
+//===----------------------------------------------------------------------===//
+
+static std::string describe(Operation *op) {
+  std::string text;
+  llvm::raw_string_ostream stream(text);
+  if (auto place = op->getLoc()->findInstanceOf<FileLineColLoc>())
+    stream << " (line " << place.getLine() << ")";
+  return text;
+}
+
+Recovery MemoryClasses::getRecovery(Operation *load, std::string &why,
+                                    bool &needsOneThread) const {
+  unsigned leaf;
+  const Access *read = lookup(load, leaf);
+  needsOneThread = false;
+  if (!read || !isWritten(leaf))
+    return Recovery::Reload;
+  Sharing sharing = getSharing(select(leaf, /*onlyActive=*/false));
+  const Access *before = nullptr, *after = nullptr;
+  for (const Access &write : accesses[leaf]) {
+    if (!write.isWrite)
+      continue;
+    if (sharing == Sharing::Shared)
+      before = after = &write;
+    if (mayWriteBefore(*read, write))
+      before = &write;
+    if (mayWriteAfter(*read, write))
+      after = &write;
+  }
+  needsOneThread = sharing == Sharing::Single;
+  if (!after)
+    return Recovery::Reload;
+  if (!before)
+    return Recovery::Preserved;
+  std::string name = leaves.getName(leaf);
+  why = "the derivative needs what '" + name +
+        "' holds here, but the launch overwrites it" + describe(after->op) +
+        (sharing == Sharing::Shared ? ", in any order of threads" : "") +
+        "; keep the value in a variable, or write to another array";
+  return Recovery::Impossible;
+}
+
+} // namespace warp::autodiff

@@ -1,0 +1,122 @@
+//===- MemoryOrder.cpp - Which access of a thread comes first -------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Whether a write may change, or may have changed, what a load reads. In one
+// pass over their common loops, program order tells which comes first. In other
+// iterations of a common loop, an index that moves by a constant per iteration
+// meets the other's at one distance only, and the sign of the distance tells
+// which comes first.
+//
+//===----------------------------------------------------------------------===//
+
+#include "MemoryClasses.h"
+
+#include "mlir/Dialect/SCF/IR/SCF.h"
+
+using namespace mlir;
+
+namespace warp::autodiff {
+
+/// Different components of an element do not overlap.
+static bool areApart(const Access &a, const Access &b) {
+  for (auto [x, y] : llvm::zip(a.component, b.component))
+    if (x != y)
+      return true;
+  return false;
+}
+
+/// Whether the indices can be equal in one pass over the common loops.
+static bool mayBeEqual(const Access &a, const Access &b) {
+  for (auto [x, y] : llvm::zip_equal(a.indices, b.indices)) {
+    if (!x || !y)
+      continue;
+    std::optional<int64_t> difference = (*x - *y).getConstant();
+    if (difference && *difference != 0)
+      return false;
+  }
+  return true;
+}
+
+static SmallVector<Operation *> getCommonLoops(Operation *a, Operation *b) {
+  SmallVector<Operation *> loops;
+  for (Operation *op = a->getParentOp(); op; op = op->getParentOp())
+    if (isa<scf::ForOp, scf::WhileOp>(op) && op->isProperAncestor(b))
+      loops.push_back(op);
+  return loops;
+}
+
+/// Sides of one branch exclude each other.
+static bool areExclusive(Operation *a, Operation *b) {
+  for (Operation *op = a->getParentOp(); op; op = op->getParentOp())
+    if (auto branch = dyn_cast<scf::IfOp>(op))
+      if (branch->isProperAncestor(b)) {
+        auto side = [&](Operation *inner) {
+          return branch.getThenRegion().isAncestor(inner->getParentRegion());
+        };
+        return side(a) != side(b);
+      }
+  return false;
+}
+
+static bool isInvariant(const IndexSum &sum, Operation *loop, Value counter) {
+  return llvm::all_of(sum.terms, [&](auto term) {
+    Value value = term.first;
+    return value == counter ||
+           !loop->isAncestor(value.getParentBlock()->getParentOp());
+  });
+}
+
+/// Whether one dimension keeps the write, any number of iterations of the loop
+/// later (`sign` 1) or earlier (-1), away from what is read.
+static bool isApartAlong(const IndexSum &read, const IndexSum &write,
+                         Operation *loop, int sign) {
+  Value counter;
+  std::optional<int64_t> step = 0;
+  if (auto counted = dyn_cast<scf::ForOp>(loop)) {
+    counter = counted.getInductionVar();
+    step = getConstantInteger(counted.getStep());
+  }
+  int64_t factor = counter ? write.coefficientOf(counter) : 0;
+  std::optional<int64_t> distance = (write - read).getConstant();
+  if (!distance || !isInvariant(read, loop, counter) ||
+      !isInvariant(write, loop, counter))
+    return false;
+  if (factor == 0)
+    return *distance != 0;
+  if (!step || *step == 0)
+    return false;
+  int64_t pace = factor * *step;
+  // They meet `-distance / pace` iterations away.
+  return *distance % pace != 0 || -*distance / pace * sign < 1;
+}
+
+static bool mayMeet(const Access &read, const Access &write, Operation *loop,
+                    int sign) {
+  for (auto [x, y] : llvm::zip_equal(read.indices, write.indices))
+    if (x && y && isApartAlong(*x, *y, loop, sign))
+      return false;
+  return true;
+}
+
+static bool mayWrite(const Access &read, const Access &write, int sign) {
+  if (areApart(read, write))
+    return false;
+  bool isInOrder = sign > 0 ? write.position > read.position
+                            : write.position < read.position;
+  if (isInOrder && !areExclusive(read.op, write.op) && mayBeEqual(read, write))
+    return true;
+  return llvm::any_of(getCommonLoops(read.op, write.op), [&](Operation *loop) {
+    return mayMeet(read, write, loop, sign);
+  });
+}
+
+bool mayWriteAfter(const Access &read, const Access &write) {
+  return mayWrite(read, write, 1);
+}
+
+bool mayWriteBefore(const Access &read, const Access &write) {
+  return mayWrite(read, write, -1);
+}
+
+} // namespace warp::autodiff

@@ -1,0 +1,279 @@
+//===- Reverse.cpp - The adjoint of a kernel ------------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// One thread of a kernel maps array elements to array elements; one thread of
+// its adjoint maps gradients of the elements written to gradients of those
+// read. It runs after the launch, with the same arguments, and writes only
+// gradients. Its body has two sweeps:
+//
+//   forward   what the kernel computes, without its effects: the values that
+//             partial derivatives and control flow need. `replay` clones all of
+//             it and leaves it to dead code elimination to drop the rest, so
+//             what is needed is never guessed.
+//   reverse   operations backwards, each turning cotangents of its results
+//             into cotangents of its operands by a rule of Rules.h.
+//
+// Within a branch or a loop body the two sweeps happen again on a smaller
+// scale: the region of the reverse operation replays its block, then walks it
+// backwards. So a value is recomputed next to where it is used, and the sweep
+// before only recomputes what leaves a region.
+//
+//   operation               forward                    reverse
+//   builtin, value op       cloned                     its rule
+//   scf.if                  cloned                     ReverseBranches.cpp
+//   scf.for, scf.while      cloned                     ReverseLoops.cpp
+//   load, store, atomic     read again, or read where  ReverseMemory.cpp
+//                           the contents were kept
+//   call                    cloned                     ReverseCalls.cpp
+//
+// Cotangents are SSA values in a map from primal values; one that is absent is
+// zero and costs nothing. What cannot be had again, such as an element that
+// the launch overwrote, becomes a marked operation; warp-adjoint-cleanup, after
+// dead code is gone, reports the marks that are left.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Reverse.h"
+
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/Dialect/SCF/IR/SCF.h"
+
+using namespace mlir;
+
+namespace warp::autodiff {
+
+ReverseBuilder::ReverseBuilder(func::FuncOp primal, func::FuncOp adjoint,
+                               const ReverseOptions &options)
+    : builder(adjoint.getContext()), options(options), primal(primal),
+      adjoint(adjoint), leaves(primal),
+      activity(primal, leaves, options.active),
+      memory(primal, leaves, activity, options.unique) {}
+
+LogicalResult ReverseBuilder::build() {
+  if (failed(memory.verify()))
+    return failure();
+  Block &body = primal.getBody().front();
+  builder.setInsertionPointToStart(&adjoint.getBody().front());
+  setRecovered(body.getArguments(),
+               adjoint.getArguments().take_front(body.getNumArguments()));
+  if (failed(replay(body)) || failed(reverse(body)))
+    return failure();
+  func::ReturnOp::create(builder, primal.getLoc());
+  return success();
+}
+
+//===----------------------------------------------------------------------===//
+// Forward sweep
+//===----------------------------------------------------------------------===//
+
+Value ReverseBuilder::recover(Value primal) const {
+  Value recovered = values.lookup(primal);
+  assert(recovered && "a value of the forward sweep is missing");
+  return recovered;
+}
+
+SmallVector<Value> ReverseBuilder::recover(ValueRange primals) const {
+  return llvm::map_to_vector(primals, [&](Value v) { return recover(v); });
+}
+
+void ReverseBuilder::setRecovered(ValueRange primals, ValueRange recovered) {
+  for (auto [from, to] : llvm::zip_equal(primals, recovered))
+    setRecovered(from, to);
+}
+
+LogicalResult ReverseBuilder::replay(Block &block) {
+  for (Operation &op : block.without_terminator())
+    if (failed(replay(&op)))
+      return failure();
+  return success();
+}
+
+LogicalResult ReverseBuilder::replay(Operation *op) {
+  // What has no results only has effects.
+  if (op->getNumResults() == 0)
+    return success();
+  if (auto load = dyn_cast<LoadOp>(op))
+    return replayLoad(load);
+  if (isa<AtomicOp, AtomicCasOp>(op))
+    return replayAtomic(op);
+  if (op->getNumRegions() != 0)
+    return replayRegions(op);
+  if (auto call = dyn_cast<func::CallOp>(op))
+    return replayCall(call);
+  Operation *clone = op->cloneWithoutRegions();
+  clone->setOperands(recover(op->getOperands()));
+  builder.insert(clone);
+  setRecovered(op->getResults(), clone->getResults());
+  return success();
+}
+
+LogicalResult ReverseBuilder::replayRegions(Operation *op) {
+  Operation *clone = op->cloneWithoutRegions();
+  clone->setOperands(recover(op->getOperands()));
+  builder.insert(clone);
+  OpBuilder::InsertionGuard guard(builder);
+  for (auto [from, to] : llvm::zip_equal(op->getRegions(), clone->getRegions()))
+    for (Block &block : from) {
+      Block *copy = builder.createBlock(&to);
+      for (BlockArgument argument : block.getArguments())
+        setRecovered(argument, copy->addArgument(argument.getType(),
+                                                 argument.getLoc()));
+      if (failed(replay(block)))
+        return failure();
+      Operation *end = block.getTerminator()->cloneWithoutRegions();
+      end->setOperands(recover(block.getTerminator()->getOperands()));
+      builder.insert(end);
+    }
+  setRecovered(op->getResults(), clone->getResults());
+  return success();
+}
+
+//===----------------------------------------------------------------------===//
+// Cotangents
+//===----------------------------------------------------------------------===//
+
+void ReverseBuilder::addCotangent(Value primal, Value cotangent) {
+  if (cotangent && isActive(primal))
+    cotangents.add(builder, primal.getLoc(), primal, cotangent);
+}
+
+Value ReverseBuilder::takeCotangent(Value primal) {
+  return cotangents.take(builder, primal.getLoc(), primal);
+}
+
+Value ReverseBuilder::zeroCotangent(Value primal) {
+  return zero(builder, primal.getLoc(), differentialType(primal.getType()));
+}
+
+Value ReverseBuilder::takeCotangentOrZero(Value primal) {
+  Value cotangent = takeCotangent(primal);
+  return cotangent ? cotangent : zeroCotangent(primal);
+}
+
+FailureOr<ReverseBuilder::Captures>
+ReverseBuilder::inScope(function_ref<LogicalResult()> body) {
+  Cotangents outer = std::exchange(cotangents, {});
+  LogicalResult result = body();
+  Captures captures;
+  for (Value primal : cotangents.getPrimals())
+    captures.emplace_back(primal, takeCotangent(primal));
+  cotangents = std::move(outer);
+  if (failed(result))
+    return failure();
+  return captures;
+}
+
+//===----------------------------------------------------------------------===//
+// Reverse sweep
+//===----------------------------------------------------------------------===//
+
+LogicalResult ReverseBuilder::reverse(Block &block) {
+  for (Operation &op : llvm::reverse(block.without_terminator()))
+    if (failed(reverse(&op)))
+      return failure();
+  return success();
+}
+
+LogicalResult ReverseBuilder::reverse(Operation *op) {
+  if (auto branch = dyn_cast<scf::IfOp>(op))
+    return reverseIf(branch);
+  if (auto loop = dyn_cast<scf::ForOp>(op))
+    return reverseFor(*this, loop);
+  if (auto loop = dyn_cast<scf::WhileOp>(op))
+    return reverseWhile(*this, loop);
+  if (auto load = dyn_cast<LoadOp>(op))
+    return reverseLoad(load);
+  if (auto store = dyn_cast<StoreOp>(op))
+    return reverseStore(store);
+  if (auto atomic = dyn_cast<AtomicOp>(op))
+    return reverseAtomic(atomic);
+  if (auto call = dyn_cast<func::CallOp>(op))
+    return reverseCall(call);
+  if (auto extract = dyn_cast<ExtractOp>(op))
+    if (addSlots(extract))
+      return success();
+  return reverseByRule(op);
+}
+
+/// Constant indices say which components a cotangent belongs to.
+bool ReverseBuilder::addSlots(ExtractOp op) {
+  std::optional<int64_t> first = getFirstSlot(op);
+  if (!first)
+    return false;
+  Value cotangent = takeCotangent(op.getResult());
+  if (!cotangent || !isActive(op.getSource()))
+    return true;
+  Location loc = op.getLoc();
+  Type type = cotangent.getType();
+  if (!isComposite(type)) {
+    cotangents.addSlot(builder, loc, op.getSource(), *first, cotangent);
+    return true;
+  }
+  for (int64_t i = 0, e = getComponentCount(type); i < e; ++i) {
+    Value part = ExtractOp::create(builder, loc, getElementScalar(type),
+                                   cotangent,
+                                   getSlotIndices(builder, loc, type, i));
+    cotangents.addSlot(builder, loc, op.getSource(), *first + i, part);
+  }
+  return true;
+}
+
+RuleContext ReverseBuilder::getContext(Operation *op) {
+  RuleContext context{builder, op->getLoc(), options.singular};
+  if (options.singular == Singular::Report)
+    context.report = [this, op](Value isSingular) {
+      countSingular(op->getLoc(), isSingular);
+    };
+  return context;
+}
+
+LogicalResult ReverseBuilder::reverseByRule(Operation *op) {
+  SmallVector<Value> cots =
+      llvm::map_to_vector(op->getResults(), [&](Value result) {
+        return takeCotangent(result);
+      });
+  SmallVector<bool> wanted = llvm::map_to_vector(
+      op->getOperands(), [&](Value operand) { return isActive(operand); });
+  if (!llvm::any_of(cots, [](Value g) { return bool(g); }) ||
+      !llvm::is_contained(wanted, true))
+    return success();
+  Location loc = op->getLoc();
+  SmallVector<Value> operands, results;
+  for (Value operand : op->getOperands())
+    operands.push_back(widen(builder, loc, recover(operand)));
+  for (Value result : op->getResults())
+    results.push_back(needsResults(op) ? widen(builder, loc, recover(result))
+                                       : Value());
+  RuleContext context = getContext(op);
+  auto grads = pullback(context, op, operands, results, cots, wanted);
+  if (failed(grads))
+    return failure();
+  for (auto [operand, grad] : llvm::zip_equal(op->getOperands(), *grads))
+    addCotangent(operand, grad);
+  return success();
+}
+
+/// One more at a singular point of this line; Counters[line] in the order of
+/// `getSingularPlaces`.
+void ReverseBuilder::countSingular(Location loc, Value isSingular) {
+  auto found = llvm::find(singularPlaces, loc);
+  int64_t line = found - singularPlaces.begin();
+  if (found == singularPlaces.end())
+    singularPlaces.push_back(loc);
+  Type type = builder.getIntegerType(32, true);
+  auto counters = getHidden(HiddenKind::Counters, -1,
+                            ArrayType::get(builder.getContext(), 1, type));
+  auto branch = scf::IfOp::create(builder, loc, isSingular, false);
+  OpBuilder::InsertionGuard guard(builder);
+  builder.setInsertionPointToStart(branch.thenBlock());
+  auto constant = [&](int64_t value) -> Value {
+    return ConstantOp::create(builder, loc,
+                              builder.getIntegerAttr(type, value));
+  };
+  AtomicOp::create(builder, loc, type, AtomicKind::add, constant(1), counters,
+                   ValueRange(constant(line)));
+}
+
+} // namespace warp::autodiff
