@@ -1,0 +1,288 @@
+//===- LoopReversal.cpp - Reversing a loop of either kind -----------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// The reverse of a loop runs its iterations from the last to the first. It
+// carries the cotangents of the carried values, and of values from outside
+// that iterations use; each iteration is replayed, then reversed. A replay
+// starts from the values that the primal loop carried at that point, and how
+// to have those again is what this file is about.
+//
+// First the reverse loop is built as if all of them were at hand: they are
+// placeholders. What is left of a placeholder after dead code is gone is the
+// need. A sum needs nothing, and the loop is done. Otherwise, in this order:
+//
+//   rank 1   an invariant, or an integer plus a step: a formula of the number
+//            of the iteration
+//   rank 5   few iterations, their number a constant: a forward loop keeps the
+//            needed values of all of them in scratch memory
+//   rank 6   any number of iterations in memory of a fixed size, which is what
+//            Recovery.cpp builds
+//
+// Both run the loop forward again, but only the part of the state from which
+// the needed part follows (`closure`).
+//
+// Nested loops are reversed within the placeholder body of the outer one, with
+// a recovery of their own; their initial values come from the replay.
+//
+//===----------------------------------------------------------------------===//
+
+#include "LoopReversal.h"
+
+#include "DeadValues.h"
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/Dialect/Arith/IR/Arith.h"
+
+using namespace mlir;
+using namespace warp::autodiff;
+
+//===----------------------------------------------------------------------===//
+// Small values
+//===----------------------------------------------------------------------===//
+
+Value LoopReversal::placeholder(Type type) {
+  return UnrealizedConversionCastOp::create(b, loc, type, ValueRange())
+      .getResult(0);
+}
+
+Value LoopReversal::constant(Type type, int64_t value) {
+  return arith::ConstantOp::create(b, loc, b.getIntegerAttr(type, value));
+}
+
+//===----------------------------------------------------------------------===//
+// Formulas
+//===----------------------------------------------------------------------===//
+
+/// The operand that is added to a state in every iteration, or subtracted from
+/// it, if it is always the same.
+Value LoopReversal::findStep(unsigned state, bool &isNegative) {
+  Value now = getStates()[state], next = getNexts()[state];
+  Operation *op = next.getDefiningOp();
+  if (!isa_and_nonnull<warp::AddOp, warp::SubOp>(op) ||
+      !isa<IntegerType>(next.getType()))
+    return nullptr;
+  isNegative = isa<warp::SubOp>(op);
+  bool isSecond = !isNegative && trace(op->getOperand(1)) == now;
+  if (!isSecond && trace(op->getOperand(0)) != now)
+    return nullptr;
+  Value step = op->getOperand(isSecond ? 0 : 1);
+  bool isOutside = !loop->isAncestor(step.getParentRegion()->getParentOp());
+  bool isConstant = step.getDefiningOp<warp::ConstantOp>() != nullptr;
+  return isOutside || isConstant ? step : nullptr;
+}
+
+bool LoopReversal::hasClosedForm(unsigned state) {
+  bool isNegative;
+  return trace(getNexts()[state]) == getStates()[state] ||
+         findStep(state, isNegative);
+}
+
+Value LoopReversal::closedForm(unsigned state, Value number) {
+  Value now = getStates()[state];
+  if (trace(getNexts()[state]) == now)
+    return reverse.recover(getInits()[state]);
+  bool isNegative = false;
+  Value step = findStep(state, isNegative);
+  if (!step)
+    return nullptr;
+  Operation *definition = step.getDefiningOp();
+  if (definition && loop->isAncestor(definition))
+    step = b.clone(*definition)->getResult(0);
+  else
+    step = reverse.recover(step);
+  Type type = now.getType();
+  Value count = number;
+  if (type.getIntOrFloatBitWidth() > number.getType().getIntOrFloatBitWidth())
+    count = arith::ExtUIOp::create(b, loc, b.getI64Type(), count);
+  count = CastOp::create(b, loc, type, count);
+  Value moved = MulOp::create(b, loc, TypeRange(type), ValueRange{count, step})
+                    ->getResult(0);
+  Value init = reverse.recover(getInits()[state]);
+  SmallVector<Value> sum{init, moved};
+  return isNegative ? SubOp::create(b, loc, TypeRange(type), sum)->getResult(0)
+                    : AddOp::create(b, loc, TypeRange(type), sum)->getResult(0);
+}
+
+//===----------------------------------------------------------------------===//
+// The reverse loop
+//===----------------------------------------------------------------------===//
+
+/// States whose cotangent is not zero in every iteration: those that flow to a
+/// result with one, or into memory.
+SmallVector<bool> LoopReversal::findCotangents(ArrayRef<Value> given) {
+  auto filter = [&](Value value) { return reverse.isActive(value); };
+  Needs needs(filter);
+  for (auto [i, cotangent] : llvm::enumerate(given))
+    if (cotangent)
+      needs.mark(getNexts()[i]);
+  needs.markEffects(loop);
+  SmallVector<bool> found;
+  for (auto [i, state] : llvm::enumerate(getStates()))
+    found.push_back(given[i] || (needs.isNeeded(state) && filter(state)));
+  return found;
+}
+
+/// The body: replay and reverse one iteration.
+LogicalResult LoopReversal::fillReverse(scf::ForOp loop) {
+  number = placeholder(loop.getInductionVar().getType());
+  placeholders.clear();
+  for (Value state : getStates()) {
+    placeholders.push_back(placeholder(state.getType()));
+    reverse.setRecovered(state, placeholders.back());
+  }
+  recoverIteration(number);
+  SmallVector<Value> next;
+  auto left = reverse.inScope([&]() -> LogicalResult {
+    if (failed(replayIteration()))
+      return failure();
+    for (auto [i, state] : llvm::enumerate(active))
+      reverse.addCotangent(getNexts()[state], loop.getRegionIterArg(i));
+    if (failed(reverseIteration()))
+      return failure();
+    for (unsigned state : active)
+      next.push_back(reverse.takeCotangentOrZero(getStates()[state]));
+    return success();
+  });
+  if (failed(left))
+    return failure();
+  captures = std::move(*left);
+  for (auto &[primal, contribution] : captures)
+    next.push_back(contribution);
+  scf::YieldOp::create(b, loc, next);
+  return success();
+}
+
+/// Cotangents of values from outside are sums over the iterations.
+scf::ForOp LoopReversal::appendCaptures(scf::ForOp loop) {
+  if (captures.empty())
+    return loop;
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPoint(loop);
+  SmallVector<Value> inits(loop.getInitArgs());
+  for (auto &[primal, sum] : captures)
+    inits.push_back(reverse.zeroCotangent(primal));
+  auto extended =
+      scf::ForOp::create(b, loc, loop.getLowerBound(), loop.getUpperBound(),
+                         loop.getStep(), inits, nullptr, loop.getUnsignedCmp());
+  extended.getRegion().takeBody(loop.getRegion());
+  Block *body = extended.getBody();
+  Operation *yield = body->getTerminator();
+  b.setInsertionPoint(yield);
+  for (auto [i, capture] : llvm::enumerate(captures)) {
+    unsigned at = active.size() + i;
+    Value sum = body->addArgument(capture.second.getType(), loc);
+    yield->setOperand(at, add(b, loc, sum, capture.second));
+  }
+  loop.erase();
+  return extended;
+}
+
+FailureOr<scf::ForOp> LoopReversal::buildReverse(Value trips,
+                                                 ArrayRef<Value> cotangents) {
+  SmallVector<bool> has = findCotangents(cotangents);
+  active.clear();
+  SmallVector<Value> inits;
+  for (auto [i, state] : llvm::enumerate(getStates()))
+    if (has[i]) {
+      active.push_back(i);
+      inits.push_back(cotangents[i] ? cotangents[i]
+                                    : reverse.zeroCotangent(state));
+    }
+  Type type = trips.getType();
+  auto loop =
+      scf::ForOp::create(b, loc, constant(type, 0), trips, constant(type, 1),
+                         inits, nullptr, /*unsignedCmp=*/true);
+  OpBuilder::InsertionGuard guard(b);
+  Block *body = loop.getBody();
+  if (!body->empty())
+    body->back().erase();
+  b.setInsertionPointToEnd(body);
+  if (failed(fillReverse(loop)))
+    return failure();
+  loop = appendCaptures(loop);
+  SmallVector<Value> held(placeholders);
+  held.push_back(number);
+  eraseDead(loop.getRegion(), held);
+  return loop;
+}
+
+/// Gives needed states that a formula has their value; returns the others.
+SmallVector<unsigned> LoopReversal::resolveFree() {
+  OpBuilder::InsertionGuard guard(b);
+  SmallVector<unsigned> needed;
+  for (auto [i, value] : llvm::enumerate(placeholders)) {
+    if (value.use_empty())
+      continue;
+    b.setInsertionPointAfterValue(value);
+    if (!hasClosedForm(i)) {
+      needed.push_back(i);
+      continue;
+    }
+    value.replaceAllUsesWith(closedForm(i, number));
+    note({unsigned(i)}, RecoveryRank::ClosedForm, 0);
+  }
+  return needed;
+}
+
+/// A forward value that cannot be kept has no place in scratch memory.
+LogicalResult LoopReversal::checkKept(ArrayRef<unsigned> states) {
+  for (unsigned state : states)
+    if (Type type = getStates()[state].getType(); !isScalar(type) &&
+                                                  !isComposite(type))
+      return loop->emitError("the adjoint of this loop needs ")
+             << type << " values that it carries, which cannot be kept; "
+             << "choose the array outside of the loop, or by an index";
+  return success();
+}
+
+bool LoopReversal::isZero(ArrayRef<Value> cotangents) {
+  auto hasEffect = [](Operation *op) {
+    return hasOwnEffect(op) ? WalkResult::interrupt() : WalkResult::advance();
+  };
+  return llvm::none_of(cotangents, [](Value g) { return bool(g); }) &&
+         !loop->walk(hasEffect).wasInterrupted();
+}
+
+LogicalResult LoopReversal::reverseAll(Value trips,
+                                       ArrayRef<Value> cotangents) {
+  FailureOr<scf::ForOp> built = buildReverse(trips, cotangents);
+  if (failed(built))
+    return failure();
+  scf::ForOp reversed = *built;
+  SmallVector<unsigned> needed = resolveFree();
+  if (failed(checkKept(closure(needed))))
+    return failure();
+  SmallVector<Value> sums(reversed.getResults());
+  if (needed.empty()) {
+    bindNumber(reversed, trips);
+  } else if (fitsTape(trips, needed)) {
+    if (failed(recoverFromTape(reversed, trips, needed)))
+      return failure();
+  } else {
+    auto outer = recoverFromCheckpoints(reversed, trips, needed);
+    if (failed(outer))
+      return failure();
+    sums = *outer;
+  }
+  for (Value value : placeholders)
+    value.getDefiningOp()->erase();
+  number.getDefiningOp()->erase();
+  for (auto [state, sum] : llvm::zip(active, sums))
+    reverse.addCotangent(getInits()[state], sum);
+  for (auto [capture, sum] :
+       llvm::zip(captures, ArrayRef(sums).drop_front(active.size())))
+    reverse.addCotangent(capture.first, sum);
+  return success();
+}
+
+/// What --dump-recovery says of each value.
+void LoopReversal::note(ArrayRef<unsigned> states, RecoveryRank rank,
+                        int64_t bytes) {
+  if (!reverse.options.dumpRecovery)
+    return;
+  for (unsigned state : states)
+    emitRemark(loc) << "carried value " << state << " of type "
+                    << getStates()[state].getType() << ": rank "
+                    << static_cast<int>(rank) << ", " << bytes << " bytes";
+}
