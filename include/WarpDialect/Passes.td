@@ -74,7 +74,7 @@ def DifferentiateKernel : WarpPass<"warp-differentiate-kernel"> {
   }];
   let options = [
     Option<"mode", "mode", "std::string", "\"reverse\"",
-           "reverse: the adjoint">,
+           "reverse: the adjoint; forward: the kernel with tangents">,
     Option<"active", "active", "std::string", "\"\"",
            "One of 0 and 1 per array, in the order of the arguments: whether "
            "it has a gradient">,

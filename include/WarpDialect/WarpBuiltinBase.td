@@ -71,6 +71,10 @@ class Formulas<list<list<string>> adjointsOf, list<string> tangentsOf,
 /// of scalars is.
 class Partials<list<string> formulas, list<string> given = []>
     : Formulas<[formulas], ["partials"], given>;
+/// Has one by the C++ functions `pullback<Operation>` and
+/// `pushforward<Operation>`.
+def RuleByFunction : Derivative<"differentiable">;
+
 /// Linear in each operand.
 class Multilinear<list<list<string>> formulas>
     : Formulas<formulas, ["substitution"]>;
@@ -96,6 +100,9 @@ class Warp_Builtin<string mnemonic, string groupOf, list<string> overloadsOf,
   /// One interval per operand, on which values are checked against a
   /// reference; empty where a test of its own covers the builtin.
   list<string> domain = [];
+  /// Where derivatives are checked against finite differences: an interval per
+  /// operand of the first overload, or one for all, for each component.
+  list<string> smoothDomain = domain;
 
   let summary = summaryOf;
   let description = "(C1) the operands match an overload. "

@@ -164,9 +164,22 @@ static void emitEntry(const Builtin &builtin, const Rule &rule, size_t i,
      << (usesResult(rule, i) ? "true" : "false") << "},\n";
 }
 
+/// Builtins whose rules are C++ functions.
+static void emitByFunction(ArrayRef<Builtin> builtins, raw_ostream &os) {
+  os << "#ifdef WARP_RULE_BY_FUNCTION\n";
+  for (const Builtin &builtin : builtins)
+    if (!builtin.isSpecial() &&
+        builtin.record->getValueAsDef("derivative")->getName() ==
+            "RuleByFunction")
+      os << "WARP_RULE_BY_FUNCTION("
+         << StringRef(builtin.className).drop_back(strlen("Op")) << ")\n";
+  os << "#undef WARP_RULE_BY_FUNCTION\n#else\n\n";
+}
+
 static void emitDerivatives(const RecordKeeper &records, raw_ostream &os) {
   emitSourceFileHeader("Derivatives of builtins", os, records);
   std::vector<Builtin> builtins = readBuiltins(records);
+  emitByFunction(builtins, os);
   std::string entries;
   raw_string_ostream table(entries);
   for (const Builtin &builtin : builtins) {
@@ -181,7 +194,7 @@ static void emitDerivatives(const RecordKeeper &records, raw_ostream &os) {
       emitEntry(builtin, *rule, i, table);
     }
   }
-  os << "static constexpr RuleEntry ruleTable[] = {\n" << entries << "};\n";
+  os << "static constexpr RuleEntry ruleTable[] = {\n" << entries << "};\n#endif\n";
 }
 
 static TableGen::Emitter::Opt

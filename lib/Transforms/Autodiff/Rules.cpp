@@ -6,6 +6,7 @@
 
 #include "Rules.h"
 #include "Formula.h"
+#include "RulesByFunction.h"
 #include "RulesOfComposites.h"
 
 #include "WarpDialect/WarpOps.h"
@@ -57,6 +58,20 @@ static const RuleEntry *lookupRule(Operation *op) {
   return nullptr;
 }
 
+/// The rule of an operation whose record says `RuleByFunction`.
+struct FunctionRule {
+  RuleFunction pullback = nullptr, pushforward = nullptr;
+};
+
+static FunctionRule lookupFunctionRule(Operation *op) {
+  static const llvm::StringMap<FunctionRule> table = {
+#define WARP_RULE_BY_FUNCTION(Name)                                            \
+  {Name##Op::getOperationName(), {pullback##Name, pushforward##Name}},
+#include "WarpDialect/Derivatives.inc"
+  };
+  return table.lookup(op->getName().getStringRef());
+}
+
 static StringRef getDerivative(Operation *op) {
   auto builtin = dyn_cast<BuiltinOp>(op);
   return builtin ? StringRef(builtin.getSpec().derivative) : StringRef();
@@ -64,7 +79,7 @@ static StringRef getDerivative(Operation *op) {
 
 bool needsResults(Operation *op) {
   const RuleEntry *rule = lookupRule(op);
-  return rule && rule->needsResult;
+  return rule ? rule->needsResult : bool(lookupFunctionRule(op).pullback);
 }
 
 bool isDifferentiable(Operation *op) {
@@ -74,6 +89,7 @@ bool isDifferentiable(Operation *op) {
 
 bool hasRule(Operation *op) {
   return isCompositeOp(op) || lookupRule(op) ||
+         lookupFunctionRule(op).pullback ||
          getDerivative(op) == "zero almost everywhere";
 }
 
@@ -108,6 +124,8 @@ pullback(RuleContext &context, Operation *op, ValueRange operands,
     pullbackComposite(context, op, operands, cotangents[0], wanted, adjoints);
     return adjoints;
   }
+  if (FunctionRule rule = lookupFunctionRule(op); rule.pullback)
+    return rule.pullback(context, {op, operands, results, cotangents, wanted});
   const RuleEntry *rule = lookupRule(op);
   if (!rule)
     return refuse(op);
@@ -162,6 +180,10 @@ FailureOr<SmallVector<Value>> pushforward(RuleContext &context, Operation *op,
   if (isCompositeOp(op)) {
     derivatives[0] = pushforwardComposite(context, op, operands, tangents);
     return derivatives;
+  }
+  if (FunctionRule rule = lookupFunctionRule(op); rule.pushforward) {
+    SmallVector<bool> all(op->getNumOperands(), true);
+    return rule.pushforward(context, {op, operands, results, tangents, all});
   }
   const RuleEntry *rule = lookupRule(op);
   if (!rule)
