@@ -99,6 +99,8 @@ bool warp::copyByKernel(const CopyNest &nest, int device,
     dims[rank++] = {nest.run / word, word, word};
   if (rank > maxRank)
     return false;
+  if (copyTransposed(dims, rank, word, nest.dst, nest.src, device, stream))
+    return true;
 
   struct {
     LaunchHeader header;

@@ -28,6 +28,13 @@ struct CopyNest {
 /// copy is too small to be worth one or does not fit its arrays.
 bool copyByKernel(const CopyNest &nest, int device, const Stream *stream);
 
+/// The same for a source packed along another dimension than the destination.
+/// `dims` are in the order of the destination's strides, of words that all
+/// addresses allow. False where tiles of words do not fit.
+bool copyTransposed(const CopyNest::Dimension *dims, int rank, int64_t word,
+                    char *dst, const char *src, int device,
+                    const Stream *stream);
+
 } // namespace warp
 
 #endif // WARP_LIB_RUNTIME_COPYNEST_H

@@ -38,6 +38,9 @@ static constexpr double chunkWork = 16384;
 
 /// Items that fill any card many times over.
 static constexpr int64_t largeLaunch = int64_t(1) << 21;
+/// Several threads must share the first dimension for one to take many indices
+/// of it.
+static constexpr int64_t fewPlanes = 64;
 
 /// Largest parameter block of a GPU kernel in the PTX version we emit.
 static constexpr size_t maxCudaParameters = 4096;
@@ -133,7 +136,8 @@ VariantKey Kernel::Impl::keyFor(int device, const LaunchDim &dim,
   key.blockDim = checkedBlockDim(blockDim);
   int32_t extents[maxRank];
   std::copy(dim.extent, dim.extent + dim.rank, extents);
-  key.large = items >= largeLaunch;
+  key.large = items >= largeLaunch &&
+              (dim.rank == 1 || dim.extent[0] >= fewPlanes);
   key.flat = !fitsGrid(extents, dim.rank, key.blockDim);
   return key;
 }

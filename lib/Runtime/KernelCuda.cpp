@@ -40,7 +40,8 @@ static int64_t powerAtLeast(int64_t value) {
 
 static int64_t ceilDivide(int64_t a, int64_t b) { return (a + b - 1) / b; }
 
-static Shape shapeOf(const int32_t *dim, int rank, bool flat, int blockDim) {
+static Shape shapeOf(const int32_t *dim, int rank, bool flat, int blockDim,
+                     int items = 1) {
   Extent all;
   if (flat || rank == 1) {
     for (int i = 0; i < rank; ++i)
@@ -52,8 +53,10 @@ static Shape shapeOf(const int32_t *dim, int rank, bool flat, int blockDim) {
   for (int i = 0; i < rank - 2; ++i)
     all.z *= dim[i];
   Extent block;
-  // A few rows per block where there are rows, for the sake of neighbours.
-  int64_t rows = std::min<int64_t>({8, powerAtLeast(all.y), blockDim});
+  // A few rows per block where there are rows, for the sake of neighbours;
+  // fewer where a thread has neighbours of its own.
+  int64_t rows = std::min<int64_t>(
+      {items > 1 ? 4 : 8, powerAtLeast(all.y), blockDim});
   block.x = std::min<int64_t>(std::max<int64_t>(1, blockDim / rows),
                               powerAtLeast(all.x));
   block.y = std::min<int64_t>(blockDim / block.x, powerAtLeast(all.y));
@@ -157,8 +160,10 @@ void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,
   const VariantKey &key = variant.key;
   LaunchHeader header;
   std::memcpy(&header, params, sizeof(header));
-  Shape shape = shapeOf(header.dim, key.rank, variant.flat, key.blockDim);
-  shape.grid.x = ceilDivide(shape.grid.x, variant.code.items);
+  // A thread takes several indices of the first dimension.
+  header.dim[0] = int32_t(ceilDivide(header.dim[0], variant.code.items));
+  Shape shape = shapeOf(header.dim, key.rank, variant.flat, key.blockDim,
+                        variant.code.items);
   if (shape.grid.x > maxGridX)
     throw Error(Error::Kind::LaunchValue,
                 "launch('" + name + "'): expects at most 2^31 - 1 blocks of " +

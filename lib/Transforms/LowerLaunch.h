@@ -4,7 +4,7 @@
 //
 // What warp-lower-launch knows while it builds an entry. LowerLaunch.cpp has
 // what both targets share and the loops of the CPU, LowerLaunchGpu.cpp the
-// thread of a GPU.
+// thread of a GPU, LowerLaunchItems.cpp a GPU thread with several indices.
 //
 //===----------------------------------------------------------------------===//
 
@@ -55,12 +55,18 @@ private:
   void buildRows();
   void buildGpu();
   void buildOneItem(mlir::Block *first, mlir::Block *exit);
-  void buildItems(mlir::Block *first, mlir::Block *exit, int64_t items);
+  void buildStream(mlir::Block *first, mlir::Block *exit, int64_t items);
+  void buildPlanes(mlir::Block *first, mlir::Block *exit, int64_t items);
+  void buildItems(mlir::Block *exit, int64_t items, mlir::Value lane,
+                  mlir::Value step, mlir::Value end,
+                  llvm::ArrayRef<mlir::Value> rest, mlir::Value allExist);
   int64_t chooseItems();
   mlir::Block *buildInnerLoop(mlir::Block *before, mlir::Value begin, mlir::Value end, mlir::Block *after,
                         llvm::ArrayRef<mlir::Value> outer);
   void inlineBody(mlir::ValueRange indices);
-  void cloneInterleaved(llvm::ArrayRef<mlir::Value> items);
+  void cloneInterleaved(llvm::ArrayRef<llvm::SmallVector<mlir::Value>> items,
+                        mlir::Block *single, mlir::Value start,
+                        mlir::Block *exit);
   llvm::SmallVector<mlir::Value> unravel(mlir::Value row, int count);
   llvm::SmallVector<mlir::Value> gridIndices(mlir::Value &inside);
   mlir::Value readSpecial(llvm::StringRef name, llvm::StringRef axis);

@@ -355,6 +355,22 @@ def test_from_numpy_folds_short_rows(device):
     assert wp.from_numpy(data_of(5, 3), dtype=float, device=device).shape == (5, 3)
 
 
+@pytest.mark.parametrize("dtype", [np.uint8, np.float16, np.float32, np.float64])
+@pytest.mark.parametrize("shape", [(64, 128), (72, 200), (61, 40), (3, 40, 80)])
+def test_copies_exchange_dimensions(device, dtype, shape):
+    """Tiles that fit, a last group that is not full, extents that no tile divides, a stack."""
+    data = np.arange(np.prod(shape)).reshape(shape).astype(dtype)
+    order = (*range(len(shape) - 2), len(shape) - 1, len(shape) - 2)
+    source = wp.array(data, device=device)
+    turned = source.transpose(order)
+    target = wp.zeros(turned.shape, dtype=source.dtype, device=device)
+    wp.copy(target, turned)
+    np.testing.assert_array_equal(target.numpy(), data.transpose(order))
+    # The source begins in the middle of a tile.
+    wp.copy(target[..., 1:], turned[..., 1:])
+    np.testing.assert_array_equal(target.numpy(), data.transpose(order))
+
+
 def test_copy_and_assign(device):
     source = wp.array(data_of(10), dtype=float, device=device)
     target = wp.zeros(10, device=device)
