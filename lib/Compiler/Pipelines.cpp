@@ -46,7 +46,7 @@ void warp::addSpecialize(OpPassManager &pm, const CompileOptions &options) {
 
 /// Arith's rewrites of a select expect signless integers and make invalid
 /// operations of others, so in this phase small branches stay branches.
-static std::unique_ptr<Pass> createWarpCanonicalizer() {
+std::unique_ptr<Pass> warp::createWarpCanonicalizer() {
   return createCanonicalizerPass(
       GreedyRewriteConfig(),
       {"(anonymous namespace)::ConvertTrivialIfToSelect"});

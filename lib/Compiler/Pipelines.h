@@ -7,11 +7,13 @@
 
 #include "llvm/ADT/StringRef.h"
 
+#include <memory>
 #include <optional>
 
 namespace mlir {
 class DialectRegistry;
 class OpPassManager;
+class Pass;
 } // namespace mlir
 
 namespace warp {
@@ -24,6 +26,9 @@ std::optional<Phase> parsePhase(llvm::StringRef name);
 
 /// Appends warp-specialize with these options.
 void addSpecialize(mlir::OpPassManager &pm, const CompileOptions &options);
+
+/// The canonicalizer for IR whose integers have a sign.
+std::unique_ptr<mlir::Pass> createWarpCanonicalizer();
 
 /// Appends one phase. That of thread IR expects a specialised kernel.
 void addPhase(mlir::OpPassManager &pm, Phase phase);

@@ -59,6 +59,12 @@ static PyObject *getName(PyObject *self, void *) {
   return PyUnicode_FromString(asKernel(self)->kernel->name().c_str());
 }
 
+static PyObject *getModule(PyObject *self, void *) {
+  return guarded([&] {
+    return py::cast(asKernel(self)->kernel->module()).release().ptr();
+  });
+}
+
 static const char *kindName(Param::Kind kind) {
   switch (kind) {
   case Param::Kind::Scalar:
@@ -136,6 +142,8 @@ void python::bindKernel(py::module_ &m) {
       {nullptr, nullptr, 0, nullptr}};
   static PyGetSetDef attributes[] = {
       {"name", getName, nullptr, "Name of the kernel.", nullptr},
+      {"module", getModule, nullptr, "What the kernel is compiled from.",
+       nullptr},
       {"parameters", getParameters, nullptr,
        "(name, kind, type, offset, size, rank, element) of each.", nullptr},
       {"accesses", getAccesses, nullptr,

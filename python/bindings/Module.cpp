@@ -6,6 +6,7 @@ PYBIND11_MODULE(_native, m) {
   m.doc() = "Compiler and runtime of the warp package; use `warp` instead.";
   warp::python::bindErrors(m);
   bindBuilder(m);
+  warp::python::bindAutodiff(m);
   warp::python::bindDevices(m);
   warp::python::bindMemory(m);
   warp::python::bindPeers(m);

@@ -19,6 +19,7 @@
 namespace warp::python {
 
 void bindArray(pybind11::module_ &m);
+void bindAutodiff(pybind11::module_ &m);
 void bindDevices(pybind11::module_ &m);
 void bindDlpack(pybind11::module_ &m);
 void bindErrors(pybind11::module_ &m);

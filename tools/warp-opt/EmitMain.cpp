@@ -5,12 +5,14 @@
 //   warp-opt in.mlir --warp-emit=STAGE [--warp-options=KEY[=VALUE],...]
 //
 // STAGE is warp, thread, llvm, ptx, asm, times (milliseconds by phase),
-// parameters or fingerprint.
+// parameters, fingerprint, or adjoint or tangent: the derivative's warp IR, and
+// as comments what goes with it.
 //
 //===----------------------------------------------------------------------===//
 
 #include "EmitMain.h"
 
+#include "warp/Autodiff.h"
 #include "warp/Compile.h"
 
 #include <fstream>
@@ -56,6 +58,23 @@ static bool setOption(warp::CompileOptions &options, const std::string &key,
   return true;
 }
 
+/// The same for options of derivatives; `active` is one digit per array.
+static bool setOption(warp::AutodiffOptions &options, const std::string &key,
+                      const std::string &value) {
+  if (key == "active")
+    for (char digit : value)
+      options.active.push_back(digit != '0');
+  else if (key == "singular")
+    options.singular = value;
+  else if (key == "unique")
+    options.unique = value != "0";
+  else if (key == "max-local-tape")
+    options.maxLocalTape = std::atoi(value.c_str());
+  else
+    return false;
+  return true;
+}
+
 /// Compiles repeatedly and prints the best time of each phase.
 static void printTimes(const warp::Module &module,
                        const warp::CompileOptions &options) {
@@ -85,8 +104,31 @@ static void printParameters(const warp::Module &module) {
   }
 }
 
+static void printDerivative(const warp::Module &module,
+                            const warp::AutodiffOptions &options) {
+  warp::Derivative derivative = warp::differentiate(module, options);
+  std::cout << derivative.module.text();
+  if (derivative.augmented)
+    std::cout << "// augmented\n" << derivative.augmented->text();
+  static const char *const kinds[] = {"preserved", "saved", "counters",
+                                      "tangent"};
+  for (const warp::HiddenArgument &hidden : derivative.hidden)
+    std::cout << "// hidden " << kinds[int(hidden.kind)] << " of array "
+              << hidden.leaf << ", " << hidden.perThread << ' ' << hidden.type
+              << '\n';
+  for (int leaf : derivative.needed)
+    std::cout << "// needs array " << leaf << '\n';
+  if (!derivative.oneThread.empty())
+    std::cout << "// one thread: " << derivative.oneThread << '\n';
+  for (const std::string &line : derivative.notices)
+    std::cout << "// notice " << line << '\n';
+  for (auto &[name, number] : derivative.metrics)
+    std::cout << "// " << name << ' ' << number << '\n';
+}
+
 static int emitStage(const std::string &input, const std::string &stage,
-                     const warp::CompileOptions &options) {
+                     const warp::CompileOptions &options,
+                     warp::AutodiffOptions &derivation) {
   std::ifstream file;
   if (input != "-") {
     file.open(input);
@@ -105,7 +147,10 @@ static int emitStage(const std::string &input, const std::string &stage,
       printParameters(module);
     else if (stage == "fingerprint")
       std::cout << warp::fingerprint(module, options) << '\n';
-    else
+    else if (stage == "adjoint" || stage == "tangent") {
+      derivation.forward = stage == "tangent";
+      printDerivative(module, derivation);
+    } else
       std::cout << warp::emitText(module, options, stage);
   } catch (const warp::Error &error) {
     std::cerr << error.file << ':' << error.line << ':' << error.column
@@ -118,6 +163,7 @@ static int emitStage(const std::string &input, const std::string &stage,
 std::optional<int> emitMain(int argc, char **argv) {
   std::string stage, input = "-";
   warp::CompileOptions options;
+  warp::AutodiffOptions derivation;
   for (int i = 1; i < argc; ++i) {
     std::string argument = argv[i];
     if (consumePrefix(argument, "--warp-emit="))
@@ -136,11 +182,12 @@ std::optional<int> emitMain(int argc, char **argv) {
       std::string key = item.substr(0, item.find('='));
       std::string value =
           key.size() < item.size() ? item.substr(key.size() + 1) : "";
-      if (!setOption(options, key, value)) {
+      if (!setOption(options, key, value) &&
+          !setOption(derivation, key, value)) {
         std::cerr << "warp-opt: no option '" << key << "'\n";
         return 1;
       }
     }
   }
-  return emitStage(input, stage, options);
+  return emitStage(input, stage, options, derivation);
 }

@@ -15,6 +15,7 @@ from warp._src import allocators, annotations, devices, errors, scalars, types
 from warp._src.annotations import ArrayType
 from warp._src.arithmetic import bfloat16_from_bits
 from warp._src.array_arithmetic import ArrayArithmetic
+from warp._src.array_gradients import check_gradient, check_gradient_type, make_gradient
 from warp._src.array_layout import check_shape, element_type, type_id
 from warp._src.array_protocols import ArrayProtocols
 from warp._src.array_views import ArrayViews
@@ -39,10 +40,12 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
         copy: False uses the memory of `data` if type and device allow it.
         deleter: called with address and size when memory given by `ptr` is no longer used.
         ndim: number of dimensions, checked against the data.
-        grad: array of the same shape for derivatives.
+        grad: array of the same shape and strides for derivatives.
         requires_grad: whether derivatives are wanted; allocates `grad`.
         retain_grad: keep derivatives of intermediate results.
         length: extent of a one-dimensional array, instead of `shape`.
+        grad_dtype: element type of the gradient; it is that of the array, or for elements of 16
+            bits the same with 32.
 
     Without data, `shape` and `ptr` the call gives an annotation: `wp.array(dtype=wp.vec3)`.
 
@@ -84,6 +87,7 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
         requires_grad=False,
         retain_grad=False,
         length=None,
+        grad_dtype=None,
     ):
         from warp._src import array_data
 
@@ -107,6 +111,7 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
         if ndim is not None and ndim != self.ndim:
             raise ValueError(f"expects {ndim} dimensions, but got shape {self.shape}")
         self.retain_grad = retain_grad
+        check_gradient_type(self.dtype, grad_dtype)
         if grad is not None:
             self.grad = grad
         elif requires_grad:
@@ -131,9 +136,7 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
     @requires_grad.setter
     def requires_grad(self, value):
         if value and self._grad is None:
-            from warp._src.array_create import zeros_like
-
-            self.grad = zeros_like(self, requires_grad=False)
+            self.grad = make_gradient(self)
         elif not value:
             self.grad = None
 
@@ -145,16 +148,7 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
     @grad.setter
     def grad(self, value):
         if value is not None:
-            fits = (
-                isinstance(value, array)
-                and value.shape == self.shape
-                and value.dtype is self.dtype
-                and value.device_index == self.device_index
-            )
-            if not fits:
-                raise ValueError(
-                    f"expects a gradient like {self!r} on '{self.device}', got {value!r}"
-                )
+            check_gradient(self, value)
         self._grad = value
         self._requires_grad = value is not None
         self.grad_ptr = value.ptr or 0 if value is not None else 0

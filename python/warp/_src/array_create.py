@@ -5,6 +5,7 @@ from __future__ import annotations
 from warp import _native
 from warp._src import devices, errors, types
 from warp._src.array import allocate, array, new_array
+from warp._src.array_gradients import check_gradient_type
 from warp._src.array_layout import check_shape, element_type
 from warp._src.tracking import Watch
 
@@ -18,6 +19,7 @@ def empty(
     retain_grad=False,
     length=None,
     n=None,
+    grad_dtype=None,
 ):
     """An array with undefined contents.
 
@@ -29,6 +31,7 @@ def empty(
         pinned: host memory that CUDA devices reach directly.
         retain_grad: keep derivatives of intermediate results.
         length, n: extent of a one-dimensional array, instead of `shape`.
+        grad_dtype: element type of the gradient, as for `wp.array`.
 
     Raises:
         TypeError, ValueError: element type, shape or device cannot be used.
@@ -42,6 +45,7 @@ def empty(
     result = new_array()
     extents = check_shape(shape)
     allocate(result, extents, element_type(dtype), devices.resolve_index(device), pinned)
+    check_gradient_type(result.dtype, grad_dtype)
     if retain_grad:
         result.retain_grad = True
     if requires_grad:
@@ -58,9 +62,12 @@ def zeros(
     retain_grad=False,
     length=None,
     n=None,
+    grad_dtype=None,
 ):
     """An array of zeros; arguments as for `empty`."""
-    result = empty(shape, dtype, device, requires_grad, pinned, retain_grad, length, n)
+    result = empty(
+        shape, dtype, device, requires_grad, pinned, retain_grad, length, n, grad_dtype
+    )
     result.zero_()
     return result
 
@@ -74,9 +81,10 @@ def ones(
     retain_grad=False,
     length=None,
     n=None,
+    grad_dtype=None,
 ):
     """An array whose components are all one; arguments as for `empty`."""
-    return full(shape, 1, dtype, device, requires_grad, pinned, retain_grad, length, n)
+    return full(shape, 1, dtype, device, requires_grad, pinned, retain_grad, length, n, grad_dtype)
 
 
 def full(
@@ -89,11 +97,14 @@ def full(
     retain_grad=False,
     length=None,
     n=None,
+    grad_dtype=None,
 ):
     """An array of equal elements; the element type is by default that of `value`."""
     if dtype is None:
         dtype = _type_of_value(value)
-    result = empty(shape, dtype, device, requires_grad, pinned, retain_grad, length, n)
+    result = empty(
+        shape, dtype, device, requires_grad, pinned, retain_grad, length, n, grad_dtype
+    )
     result.fill_(value)
     return result
 

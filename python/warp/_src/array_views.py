@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 from warp._src import errors, types
+from warp._src.array_gradients import gradient_type
 from warp._src.array_layout import check_shape, element_type, type_id
 
 
@@ -179,6 +180,11 @@ class ArrayViews:
         if not 1 <= len(shape) <= 4:
             raise errors.WarpShapeError(f"expects 1 to 4 dimensions, but got {len(shape)}")
         view = self._view(0, shape, strides, dtype)
+        if self._grad is not None and self._grad.dtype is not self.dtype:
+            # Gradients of 16 bits have 32; other types of 16 bits have none.
+            if gradient_type(dtype) is dtype:
+                return view
+            dtype = gradient_type(dtype)
         return self._with_grad(view, lambda grad: grad.view(dtype))
 
     def _inner_packed(self, inner) -> bool:

@@ -112,6 +112,14 @@ SETTINGS = {
         Setting("fast_math", bool, False, "allow reassociation and approximate functions"),
         Setting("lineinfo", bool, False, "keep source lines in compiled code, for profilers"),
         Setting("max_unroll", int, 16, "constant loops up to this many iterations are unrolled"),
+        Setting(
+            "singular",
+            str,
+            "pinned",
+            "derivatives where there is none: 0 (`pinned`), what IEEE arithmetic gives (`strict`), "
+            "or 0 and a line with the number of times (`report`)",
+            choices=("pinned", "strict", "report"),
+        ),
         Setting("enable_backward", bool, True, "allow derivatives of kernels"),
         Setting("cache_kernels", bool, True, "keep compiled kernels on disk"),
         Setting(

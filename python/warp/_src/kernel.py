@@ -18,6 +18,7 @@ from warp._src.annotations import ArrayType, is_generic
 from warp._src.modules import Module, check_options, get_module
 
 STAGES = ("warp", "thread", "llvm", "ptx", "asm")
+DERIVATIVES = ("adjoint", "tangent")
 _SUFFIX = {"warp": "mlir", "thread": "mlir", "llvm": "ll", "ptx": "ptx", "asm": "s"}
 
 
@@ -31,7 +32,15 @@ class Epoch:
         cls.current = object()
 
 
-for _name in ("mode", "fast_math", "lineinfo", "optimization_level", "max_unroll", "dump"):
+for _name in (
+    "mode",
+    "fast_math",
+    "lineinfo",
+    "optimization_level",
+    "max_unroll",
+    "dump",
+    "deterministic",
+):
     settings.on_change(_name, Epoch.advance)
 
 
@@ -58,6 +67,8 @@ class Kernel:
         self.epoch = None
         self.native = None
         self._specialized: dict = {}
+        self._derivatives: dict = {}
+        self._derivatives_epoch = None
         # Made by `wp.overload`, by the types of the parameters.
         self.overloads: dict = {}
         self.__name__ = func.__name__
@@ -84,6 +95,7 @@ class Kernel:
         self.epoch = None
         self.native = None
         self._specialized.clear()
+        self._derivatives.clear()
 
     def prepare(self):
         """Translates the kernel if that is due, and returns the native kernel.
@@ -125,11 +137,23 @@ class Kernel:
     def _translate(self, arguments):
         from warp._src.frontend import build_kernel
 
+        native = self.compile_module(build_kernel(self, arguments), self.key)
+        self._dump(native)
+        name = self.key if arguments is None else f"{self.key}_{type_tag(arguments)}"
+        for saved in self.module.saved:
+            try:
+                saved.attach(native, name)
+            except errors.WarpError:
+                continue
+        return native
+
+    def compile_module(self, module, name):
+        """A native kernel from a module, with the kernel's options."""
         level = self.option("optimization_level")
         bounds = self.options.get("launch_bounds", (0, 0))
-        native = _native.Kernel(
-            build_kernel(self, arguments),
-            self.key,
+        return _native.Kernel(
+            module,
+            name,
             debug=self.option("mode") == "debug",
             fast_math=self.option("fast_math"),
             lineinfo=self.option("lineinfo"),
@@ -139,14 +163,39 @@ class Kernel:
             max_threads=bounds[0],
             min_blocks=bounds[1],
         )
-        self._dump(native)
-        name = self.key if arguments is None else f"{self.key}_{type_tag(arguments)}"
-        for saved in self.module.saved:
-            try:
-                saved.attach(native, name)
-            except errors.WarpError:
-                continue
-        return native
+
+    def adjoint(self, native, active, unique=True):
+        """The derivative of a native kernel in reverse mode, made on first use.
+
+        Args:
+            native: what `prepare` or `specialize` has returned.
+            active: for each array among the arguments whether it has a gradient.
+            unique: no array has an element twice, and no two share memory.
+
+        Raises:
+            WarpCodegenError: something active has no derivative.
+        """
+        return self._derive(native, active, False, unique)
+
+    def tangent(self, native, active, unique=True):
+        """The same in forward mode."""
+        return self._derive(native, active, True, unique)
+
+    def _derive(self, native, active, forward, unique):
+        from warp import config
+
+        if self._derivatives_epoch is not Epoch.current:
+            self._derivatives.clear()
+            self._derivatives_epoch = Epoch.current
+        key = (native, tuple(active), forward, unique, config.singular)
+        found = self._derivatives.get(key)
+        if found is None:
+            from warp._src.kernel_derivatives import Derivative, differentiate
+
+            made = differentiate(self, native, active, forward, unique)
+            found = Derivative(self, made, "tangent" if forward else "adjoint")
+            self._derivatives[key] = found
+        return found
 
     def tagged_specializations(self) -> list:
         """What was made for the arguments of a generic kernel, as (tag, native kernel)."""
@@ -162,7 +211,7 @@ class Kernel:
 
         Args:
             stage: `warp` (what the front end built), `thread` (scalars, one thread), `llvm`, `ptx`
-                or `asm`.
+                or `asm`; or `adjoint` or `tangent`, the derivative if every array has a gradient.
             device: with `thread` and `llvm`, the device to lower for; `ptx` is always for a GPU
                 (that of the device, or a current one if there is none) and `asm` for the CPU.
             rank: number of launch dimensions.
@@ -171,8 +220,13 @@ class Kernel:
         Raises:
             ValueError: there is no such stage or architecture.
         """
+        if stage in DERIVATIVES:
+            from warp._src.kernel_derivatives import differentiate
+
+            return differentiate(self, self.prepare(), (), stage == "tangent").module.text()
         if stage not in STAGES:
-            raise ValueError(f"no stage {stage!r}, expects one of {', '.join(map(repr, STAGES))}")
+            known = ", ".join(map(repr, STAGES + DERIVATIVES))
+            raise ValueError(f"no stage {stage!r}, expects one of {known}")
         if arch is None:
             arch = _architecture(stage, device)
         elif stage == "asm" or arch not in _native.gpu_architectures():

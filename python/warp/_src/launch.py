@@ -60,7 +60,10 @@ def launch(
         outputs: values of the remaining parameters.
         device: where to run; the arrays must be reachable from there.
         stream: CUDA stream to queue on.
-        adjoint: run the derivative instead.
+        adj_inputs, adj_outputs: with `adjoint`, arrays of gradients to use in place of those that
+            the arguments have; None, and whatever belongs to no array, stands for the latter.
+        adjoint: run the derivative instead: it takes the gradients of what the launch has written,
+            and adds to those of what it has read.
         record_tape: False keeps the launch from the tape that is recording.
         record_cmd: return a `Launch` to be run later, and do not run now.
         block_dim: CUDA threads per block.
@@ -85,12 +88,21 @@ def launch(
         kernel.native.launch(dim, inputs, outputs, index, None, block_dim or 0)
         return None
     return _launch_checked(
-        kernel, dim, inputs, outputs, device, stream, adjoint, record_tape, record_cmd, block_dim
+        kernel,
+        dim,
+        inputs,
+        outputs,
+        device,
+        stream,
+        (adj_inputs, adj_outputs) if adjoint else None,
+        record_tape,
+        record_cmd,
+        block_dim,
     )
 
 
 def _launch_checked(
-    kernel, dim, inputs, outputs, device, stream, adjoint, record_tape, record_cmd, block_dim
+    kernel, dim, inputs, outputs, device, stream, gradients, record_tape, record_cmd, block_dim
 ):
     """The same with all checks, for the first launch and for what the fast path leaves."""
     if not isinstance(kernel, Kernel):
@@ -98,16 +110,15 @@ def _launch_checked(
             f"launch: expects a kernel, but got '{type(kernel).__name__}', "
             f"decorate the function with `@wp.kernel`"
         )
-    if adjoint:
-        raise errors.WarpLaunchError(
-            f"launch('{kernel.key}'): derivatives of kernels are not available yet"
-        )
     if device is None and stream is not None:
         index = stream.device_index
     else:
         index = resolve_index(device)
     inputs, outputs = _sequence(inputs, kernel, "inputs"), _sequence(outputs, kernel, "outputs")
     native = kernel.specialize((*inputs, *outputs)) if kernel.is_generic else kernel.prepare()
+    if gradients is not None:
+        place = (index, stream, block_dim or 0)
+        return _launch_adjoint(kernel, native, dim, inputs, outputs, gradients, place, record_cmd)
     if record_cmd:
         return Launch(kernel, native, dim, inputs, outputs, index, stream, block_dim or 0)
     from warp import config
@@ -127,6 +138,25 @@ def _launch_checked(
         _verify(kernel, native, (*inputs, *outputs))
     if config.verbose:
         _report(kernel, native)
+    return None
+
+
+def _launch_adjoint(kernel, native, dim, inputs, outputs, gradients, place, record_cmd):
+    from warp._src.adjoint_launch import AdjointLaunch
+
+    first, second = (_sequence(given, kernel, "gradients") for given in gradients)
+    if len(first) > len(inputs):
+        raise errors.WarpLaunchValueError(
+            f"launch('{kernel.key}', adjoint=True): expects at most {len(inputs)} 'adj_inputs', "
+            f"but got {len(first)}"
+        )
+    missing = [None] * (len(inputs) - len(first))
+    recorded = AdjointLaunch(
+        kernel, native, dim, (*inputs, *outputs), (*first, *missing, *second), place
+    )
+    if record_cmd:
+        return recorded
+    recorded.launch()
     return None
 
 
@@ -175,7 +205,43 @@ def _watch_recorded() -> None:
 Watch.on_change(_watch_recorded)
 
 
-class Launch(_native.PackedLaunch):
+class LaunchParameters:
+    """Names of the parameters of a launch to be run later."""
+
+    def _position(self, name) -> int:
+        if name not in self._index:
+            raise errors.WarpLaunchValueError(
+                f"kernel '{self.kernel.key}' has no parameter '{name}', it has: "
+                + ", ".join(self._index)
+            )
+        return self._index[name]
+
+    def set_param_at_index(self, index, value, adjoint=False) -> None:
+        """Changes the value of a parameter by position, or with `adjoint` its gradient."""
+        self.set_param(index, value, *self._flags(adjoint))
+
+    def set_param_at_index_from_ctype(self, index, value, adjoint=False) -> None:
+        """The same from a ctypes object with the bytes of the argument, or from a number."""
+        self.set_param_bytes(index, value, *self._flags(adjoint))
+
+    def set_param_by_name(self, name, value, adjoint=False) -> None:
+        """Changes the value of a parameter by name, or with `adjoint` its gradient."""
+        self.set_param(self._position(name), value, *self._flags(adjoint))
+
+    def set_param_by_name_from_ctype(self, name, value, adjoint=False) -> None:
+        """The same from a ctypes object with the bytes of the argument, or from a number."""
+        self.set_param_bytes(self._position(name), value, *self._flags(adjoint))
+
+    def set_params_from_ctypes(self, values) -> None:
+        """Changes the values of the first parameters from ctypes objects and numbers."""
+        for index, value in enumerate(values):
+            self.set_param_bytes(index, value)
+
+    def _flags(self, adjoint):
+        return (True,) if adjoint else ()
+
+
+class Launch(LaunchParameters, _native.PackedLaunch):
     """A launch with packed arguments, to be run many times.
 
     Made by `wp.launch(..., record_cmd=True)`. Arguments are read when they are set: an array that
@@ -227,39 +293,10 @@ class Launch(_native.PackedLaunch):
         super().set_params(values)
         self._values[: len(values)] = values
 
-    def _position(self, name, adjoint=False) -> int:
+    def _flags(self, adjoint):
         if adjoint:
             raise errors.WarpLaunchError(
-                f"launch('{self.kernel.key}'): derivatives of kernels are not available yet"
+                f"launch('{self.kernel.key}'): the launch has no gradients, "
+                f"record it with `adjoint=True`"
             )
-        if name not in self._index:
-            raise errors.WarpLaunchValueError(
-                f"kernel '{self.kernel.key}' has no parameter '{name}', it has: "
-                + ", ".join(self._index)
-            )
-        return self._index[name]
-
-    def set_param_at_index(self, index, value, adjoint=False) -> None:
-        """Changes the value of a parameter by position."""
-        if adjoint:
-            self._position(None, adjoint)
-        self.set_param(index, value)
-
-    def set_param_at_index_from_ctype(self, index, value, adjoint=False) -> None:
-        """The same from a ctypes object with the bytes of the argument, or from a number."""
-        if adjoint:
-            self._position(None, adjoint)
-        self.set_param_bytes(index, value)
-
-    def set_param_by_name(self, name, value, adjoint=False) -> None:
-        """Changes the value of a parameter by name."""
-        self.set_param(self._position(name, adjoint), value)
-
-    def set_param_by_name_from_ctype(self, name, value, adjoint=False) -> None:
-        """The same from a ctypes object with the bytes of the argument, or from a number."""
-        self.set_param_bytes(self._position(name, adjoint), value)
-
-    def set_params_from_ctypes(self, values) -> None:
-        """Changes the values of the first parameters from ctypes objects and numbers."""
-        for index, value in enumerate(values):
-            self.set_param_bytes(index, value)
+        return ()

@@ -18,6 +18,7 @@ OPTIONS = {
     "lineinfo": "lineinfo",
     "mode": "mode",
     "optimization_level": "optimization_level",
+    "deterministic": "deterministic",
     "block_dim": None,
     "strip_hash": None,
 }
@@ -26,7 +27,6 @@ INERT_OPTIONS = {
     "fuse_fp",
     "cuda_output",
     "cpu_compiler_flags",
-    "deterministic",
     "deterministic_max_records",
     "enable_mathdx_gemm",
     "enable_mathdx_solver",
@@ -38,7 +38,7 @@ INERT_OPTIONS = {
 
 
 # What options of no effect are where nobody has set them.
-DEFAULTS = {"fuse_fp": True, "deterministic": False, "deterministic_max_records": 0}
+DEFAULTS = {"fuse_fp": True, "deterministic_max_records": 0}
 
 
 class Options(dict):

@@ -195,6 +195,9 @@ def _array_class():
 class StructInstance(ctypes.Structure):
     """Base of struct classes. `Name(field=value, ...)`; fields not given are zero."""
 
+    # Instances are keys of `Tape.gradients`, each for itself.
+    __hash__ = object.__hash__
+
     def __init__(self, **fields):
         super().__init__()
         for name, value in fields.items():
@@ -225,6 +228,15 @@ class StructInstance(ctypes.Structure):
         for name in self._wp_fields_:
             setattr(self, name, getattr(value, name))
         return self
+
+    def refresh(self) -> None:
+        """Looks again at the arrays in fields, which may have got gradients since."""
+        for name, dtype in self._wp_fields_.items():
+            value = getattr(self, name)
+            if types.is_struct(dtype):
+                value.refresh()
+            elif isinstance(dtype, ArrayType) and value is not None:
+                self.__class__.__dict__[name].raw.__set__(self, describe(value))
 
     def to(self, device):
         """Copy of the struct whose arrays live on `device`."""

@@ -5,8 +5,9 @@ from __future__ import annotations
 import functools
 
 from warp import _native
-from warp._src import devices, errors, interop, scalars, types
+from warp._src import devices, interop, scalars, types
 from warp._src.array import array
+from warp._src.array_gradients import gradient_type
 
 _NAMES = {
     scalars.bool: "bool",
@@ -74,7 +75,8 @@ def from_torch(t, dtype=None, requires_grad=None, grad=None, return_ctype=False,
         dtype: element type; with a vector or matrix type the trailing dimensions become part of
             the elements. By default the scalar type of the tensor.
         requires_grad: whether the array has a gradient, which is that of the tensor and is made
-            if there is none yet. By default as the tensor says.
+            if there is none yet; for 16-bit floats it is one of its own, with 32 bits. By default
+            as the tensor says.
         grad: array or tensor to use as the gradient, with the strides of `t`.
         return_ctype: accepted and ignored; the array itself is fast to launch with.
         retain_grad: as for `wp.array`.
@@ -93,14 +95,12 @@ def from_torch(t, dtype=None, requires_grad=None, grad=None, return_ctype=False,
         )
     result = _alias(t, dtype)
     if grad is None and (t.requires_grad if requires_grad is None else requires_grad):
-        grad = _gradient(t)
+        if gradient_type(result.dtype) is not result.dtype:
+            result.requires_grad = True
+        else:
+            grad = _gradient(t)
     if grad is not None:
-        grad = grad if isinstance(grad, array) else _alias(grad, dtype)
-        if grad.strides != result.strides:
-            raise errors.WarpShapeError(
-                f"expects a gradient with strides {result.strides} in bytes, but got {grad.strides}"
-            )
-        result.grad = grad
+        result.grad = grad if isinstance(grad, array) else _alias(grad, dtype)
     if retain_grad:
         result.retain_grad = True
     return result
@@ -147,7 +147,7 @@ def to_torch(a, requires_grad=None):
     t = _tensor(a)
     if a.requires_grad if requires_grad is None else requires_grad:
         t.requires_grad_()
-        if a.grad is not None:
+        if a.grad is not None and a.grad.dtype is a.dtype:
             t.grad = _tensor(a.grad)
     return t
 

@@ -1,0 +1,96 @@
+//===- Autodiff.h - From a kernel to its derivative -------------*- C++ -*-===//
+//
+// `differentiate` takes the module of a kernel and returns another one, whose
+// kernel is compiled and launched like any other:
+//
+//   reverse   the adjoint. It gets the arguments of the primal launch; seeds
+//             and results are the gradients that array descriptors name. What
+//             the primal reads is read again; a stored element's gradient is
+//             taken and set to zero, a loaded element's is added to.
+//   forward   the primal with tangents: every active array has a twin, an
+//             argument after the others, that is read and written like it.
+//
+// Which arrays are active, that is have gradients, is decided here and not at
+// run time: there is no code at all for the others. A kernel that needs what
+// the primal's arguments don't tell has hidden arguments; the list says what
+// to pass for them.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_AUTODIFF_H
+#define WARP_AUTODIFF_H
+
+#include "warp/Builder.h"
+#include "warp/Export.h"
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace warp {
+
+struct AutodiffOptions {
+  bool forward = false;
+  /// One flag for each array among the arguments, in order, those in structs in
+  /// the order of the fields: it has a gradient. Empty: all have.
+  std::vector<bool> active;
+  /// What a derivative is where a function has none: "pinned", "strict" or
+  /// "report".
+  std::string singular = "pinned";
+  /// No two arrays of a launch share memory, and no array has an element twice.
+  bool unique = true;
+  /// Gradients are the same bits in every run.
+  bool deterministic = false;
+  /// Bytes that a loop of known length may keep per thread; longer ones run
+  /// parts of the forward sweep again.
+  int maxLocalTape = 256;
+};
+
+/// An argument that the primal does not have.
+struct HiddenArgument {
+  enum class Kind {
+    /// A copy of an array as it was before the launch.
+    Preserved,
+    /// What the augmented primal saved, `perThread` elements for each thread.
+    Saved,
+    /// `perThread` counters of singular points, zero at first.
+    Counters,
+    /// The twin of an active argument in forward mode.
+    Tangent,
+  };
+  Kind kind = Kind::Preserved;
+  /// The array, as numbered by `AutodiffOptions::active`; -1 without.
+  int leaf = -1;
+  /// Text of the type.
+  std::string type;
+  int64_t perThread = 0;
+  /// The source line that each counter is of.
+  std::vector<std::string> places;
+};
+
+struct Derivative {
+  Module module;
+  /// The primal, changed to fill the `Saved` arguments; it has those too.
+  std::optional<Module> augmented;
+  /// After the arguments of the primal, in order.
+  std::vector<HiddenArgument> hidden;
+  /// Arrays whose contents the derivative reads.
+  std::vector<int> needed;
+  /// Not empty if only launches of one thread are right; says why.
+  std::string oneThread;
+  /// For the user: "file:line:column: gradient stops at ...".
+  std::vector<std::string> notices;
+  /// Numbers about the code: tape_bytes, replay_loops, atomics, shadowed, ...
+  std::map<std::string, int64_t> metrics;
+};
+
+/// Throws an `Error` of kind `Compile` that names the source line if the kernel
+/// does something active that has no derivative.
+WARP_API Derivative differentiate(const Module &module,
+                                  const AutodiffOptions &options = {});
+
+} // namespace warp
+
+#endif // WARP_AUTODIFF_H

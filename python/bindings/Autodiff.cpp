@@ -1,0 +1,123 @@
+//===- Autodiff.cpp - Derivatives of kernels ------------------------------===//
+
+#include "Native.h"
+
+#include "warp/Autodiff.h"
+
+#include <pybind11/stl.h>
+
+#include <algorithm>
+#include <cstdlib>
+
+namespace py = pybind11;
+using namespace warp;
+
+static const char *kindText(HiddenArgument::Kind kind) {
+  switch (kind) {
+  case HiddenArgument::Kind::Preserved:
+    return "preserved";
+  case HiddenArgument::Kind::Saved:
+    return "saved";
+  case HiddenArgument::Kind::Counters:
+    return "counters";
+  case HiddenArgument::Kind::Tangent:
+    return "tangent";
+  }
+  return "";
+}
+
+//===----------------------------------------------------------------------===//
+// Gradients that share memory
+//===----------------------------------------------------------------------===//
+
+/// Whether two elements of an array are at one address, or may be: sorted by
+/// stride, each dimension has to step over all smaller ones.
+static bool repeatsElements(const ArrayDescriptor &array, int64_t itemSize) {
+  std::vector<std::pair<int64_t, int64_t>> steps;
+  for (int i = 0; i < array.ndim; ++i)
+    if (array.shape[i] > 1)
+      steps.push_back({std::abs(int64_t(array.strides[i])), array.shape[i]});
+  std::sort(steps.begin(), steps.end());
+  int64_t covered = itemSize;
+  for (auto [stride, extent] : steps) {
+    if (stride < covered)
+      return true;
+    covered += stride * (extent - 1);
+  }
+  return false;
+}
+
+/// First byte and end of an array's elements.
+static std::pair<int64_t, int64_t> extentOf(const ArrayDescriptor &array,
+                                            int64_t itemSize) {
+  int64_t first = reinterpret_cast<int64_t>(array.data), last = first;
+  for (int i = 0; i < array.ndim; ++i) {
+    int64_t reach = int64_t(array.strides[i]) * (array.shape[i] - 1);
+    (reach < 0 ? first : last) += reach;
+  }
+  return {first, last + itemSize};
+}
+
+/// Whether an address may belong to two elements of these arrays. Not exact:
+/// arrays whose elements interleave count as sharing.
+static bool sharesElements(const std::vector<py::object> &arrays) {
+  std::vector<std::pair<int64_t, int64_t>> extents;
+  for (const py::object &object : arrays) {
+    if (!python::isArray(object.ptr()))
+      throw py::type_error("expects arrays");
+    python::ArrayObject *array = python::asArray(object.ptr());
+    const ArrayDescriptor &descriptor = array->descriptor;
+    const int32_t *shape = descriptor.shape;
+    if (std::find(shape, shape + descriptor.ndim, 0) !=
+        shape + descriptor.ndim)
+      continue;
+    if (repeatsElements(descriptor, array->itemSize))
+      return true;
+    extents.push_back(extentOf(descriptor, array->itemSize));
+  }
+  std::sort(extents.begin(), extents.end());
+  for (size_t i = 1; i < extents.size(); ++i)
+    if (extents[i].first < extents[i - 1].second)
+      return true;
+  return false;
+}
+
+void python::bindAutodiff(py::module_ &m) {
+  py::class_<HiddenArgument>(m, "HiddenArgument",
+                             "An argument that only a derivative has.")
+      .def_property_readonly("kind",
+                             [](const HiddenArgument &hidden) {
+                               return kindText(hidden.kind);
+                             })
+      .def_readonly("leaf", &HiddenArgument::leaf)
+      .def_readonly("type", &HiddenArgument::type)
+      .def_readonly("per_thread", &HiddenArgument::perThread)
+      .def_readonly("places", &HiddenArgument::places);
+  py::class_<Derivative>(m, "Derivative", "A kernel's derivative.")
+      .def_readonly("module", &Derivative::module)
+      .def_readonly("augmented", &Derivative::augmented)
+      .def_readonly("hidden", &Derivative::hidden)
+      .def_readonly("needed", &Derivative::needed)
+      .def_readonly("one_thread", &Derivative::oneThread)
+      .def_readonly("notices", &Derivative::notices)
+      .def_readonly("metrics", &Derivative::metrics);
+  m.def(
+      "differentiate",
+      [](const Module &module, bool forward, std::vector<bool> active,
+         const std::string &singular, bool unique, bool deterministic) {
+        AutodiffOptions options;
+        options.forward = forward;
+        options.active = std::move(active);
+        options.singular = singular;
+        options.unique = unique;
+        options.deterministic = deterministic;
+        py::gil_scoped_release unlocked;
+        return differentiate(module, options);
+      },
+      py::arg("module"), py::kw_only(), py::arg("forward") = false,
+      py::arg("active") = std::vector<bool>(), py::arg("singular") = "pinned",
+      py::arg("unique") = true, py::arg("deterministic") = false,
+      "The derivative of a module's kernel.");
+  m.def("shares_elements", sharesElements, py::arg("arrays"),
+        "Whether an address may belong to two elements of the arrays.");
+}

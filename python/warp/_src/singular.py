@@ -1,0 +1,50 @@
+"""Counting singular points: `wp.config.singular = "report"`.
+
+Each launch of an adjoint has counters, one per source line where a derivative may not exist. They
+are read and printed, summed over launches, when a backward pass ends.
+"""
+
+from __future__ import annotations
+
+import contextlib
+
+# Lines and counters of launches since the last report.
+_pending: list = []
+_depth = 0
+
+
+def count_singular(made, values) -> None:
+    """Notes the counters among the hidden arguments of a launch that was queued."""
+    for hidden, value in zip(made.hidden, values, strict=True):
+        if hidden.kind == "counters":
+            _pending.append((hidden.places, value))
+    if not _depth:
+        report()
+
+
+@contextlib.contextmanager
+def one_report():
+    """A block of launches that are reported together, at its end."""
+    global _depth
+    _depth += 1
+    try:
+        yield
+    finally:
+        _depth -= 1
+        if not _depth:
+            report()
+
+
+def report() -> None:
+    """Prints a line for each place where singular points were met, and forgets them."""
+    if not _pending:
+        return
+    found, totals = list(_pending), {}
+    _pending.clear()
+    for places, counters in found:
+        for place, count in zip(places, counters.numpy().tolist(), strict=False):
+            if count:
+                totals[place] = totals.get(place, 0) + count
+    for place, count in totals.items():
+        times = "once" if count == 1 else f"{count} times"
+        print(f"{place}: singular point met {times}, its derivative counts as 0", flush=True)
