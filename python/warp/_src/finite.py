@@ -30,7 +30,7 @@ def reverse_checked(record, state) -> None:
         if index is not None:
             raise _seed_error(record, name, one, index, numbers)
     record.reverse(state)
-    for name, one, numbers in before:
+    for name, one, _ in before:
         index = _first_bad(_numbers(one.grad))
         if index is not None:
             raise _error(record, name, one, index, before)

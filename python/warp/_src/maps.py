@@ -17,6 +17,7 @@ import typing
 from warp._src import errors, types
 from warp._src.annotations import ArrayType
 from warp._src.array import array
+from warp._src.array_gradients import has_gradient
 from warp._src.builtins import Builtin
 from warp._src.composites import Composite, canonical_class
 from warp._src.devices import by_index, resolve_index
@@ -107,7 +108,11 @@ def apply(name, expression, names, identity, inputs, out, return_kernel, block_d
     if outputs is None:
         from warp._src.array_create import empty
 
-        outputs = [empty(shape, dtype, by_index(index)) for dtype in dtypes]
+        varies = any(found.requires_grad for found in arrays)
+        outputs = [
+            empty(shape, dtype, by_index(index), requires_grad=varies and has_gradient(dtype))
+            for dtype in dtypes
+        ]
     _check_types(outputs, dtypes)
     extents = (math.prod(shape),) if flat else shape
     arguments = [_spread(value, extents) if isinstance(value, array) else value for value in values]
@@ -160,7 +165,10 @@ def _spread(value, shape):
         0 if extent == 1 else stride
         for extent, stride in zip(value.shape, value.strides, strict=True)
     ]
-    return value._view(0, shape, strides)
+    view = value._view(0, shape, strides)
+    if value.grad is not None:
+        view.grad = _spread(value.grad, shape)
+    return view
 
 
 def _all_packed(arrays, shape) -> bool:
@@ -203,7 +211,7 @@ def _separate(value, outputs):
         if start < last and first < end and not same and value.device_index == output.device_index:
             from warp._src.array_create import clone
 
-            return clone(value, requires_grad=False)
+            return clone(value)
     return value
 
 

@@ -13,8 +13,8 @@ from warp._src.watching import Call
 class Tape:
     """Records what is done to arrays in a `with` block, to compute gradients.
 
-    Recorded are launches, `wp.map`, operators of arrays, `wp.copy`, `wp.clone`, `assign`, `fill_` and
-    `zero_`. `backward` adds to the gradients (`array.grad`) of all arrays that have one.
+    Recorded are launches, `wp.map`, operators of arrays, `wp.copy`, `wp.clone`, `assign`, `fill_`
+    and `zero_`. `backward` adds to the gradients (`array.grad`) of all arrays that have one.
 
     Args:
         preserve: "error" makes it an error to overwrite what a gradient depends on; "auto" keeps a

@@ -99,7 +99,7 @@ class _Drawing:
         record = self.tape.launches[position]
         title = record.kernel.key if isinstance(record, LaunchRecord) else event.what
         if count > 1:
-            title += f" ×{count}"
+            title += f", {count} times"
         tip = f"{event.file}:{event.line}"
         return (
             f"    r{position} [shape=box, style=filled, fillcolor=white, "

@@ -145,7 +145,7 @@ class _CheckpointRecord:
         self.observer = _Observer(state)
 
     def arrays(self) -> list[array]:
-        found = {id(one): one for one in self.state}
+        found = {id(one): one for one in self.written()}
         found.update((id(version.array), version.array) for version in self.versions)
         return list(found.values())
 

@@ -14,17 +14,9 @@ from warp import _native
 from warp._src import kernel_derivatives, scalars, types
 from warp._src.array import array
 from warp._src.array_create import empty
-from warp._src.optim.parameters import state_dtype
+from warp._src.array_gradients import gradient_type, has_gradient
 from warp._src.tracking import Box
 from warp._src.watching import Call
-
-
-def has_tangent(dtype) -> bool:
-    """Whether elements of this type have a derivative."""
-    if types.is_struct(dtype):
-        return any(has_tangent(field) for field in dtype._wp_fields_.values())
-    scalar = getattr(dtype, "_wp_scalar_type_", dtype)
-    return isinstance(scalar, type) and issubclass(scalar, scalars.float_base)
 
 
 class Tangents:
@@ -56,8 +48,7 @@ class Tangents:
 
     def _view(self, one: array, base: array) -> array:
         bytes_ = self._twins[base.ptr or 0][1]
-        wide = _widening(one.dtype)
-        dtype = one.dtype if wide == 1 else state_dtype(one.dtype)
+        wide, dtype = _widening(one.dtype), gradient_type(one.dtype)
         offset = ((one.ptr or 0) - (base.ptr or 0)) * wide
         strides = [stride * wide for stride in one.strides]
         result = bytes_._view(offset, one.shape, strides, dtype)
@@ -82,13 +73,13 @@ class Tangents:
     def _active(self, leaves, accesses) -> tuple[bool, ...]:
         """Arrays that have tangents, or get some from those that have."""
         known = [
-            one is not None and has_tangent(one.dtype) and self.find(one) is not None
+            one is not None and has_gradient(one.dtype) and self.find(one) is not None
             for _, one in leaves
         ]
         if not any(known):
             return tuple(known)
         return tuple(
-            found or (one is not None and has_tangent(one.dtype) and (access[1] or access[2]))
+            found or (one is not None and has_gradient(one.dtype) and (access[1] or access[2]))
             for found, (_, one), access in zip(known, leaves, accesses, strict=True)
         )
 
@@ -105,7 +96,7 @@ class Tangents:
         arrays = [one for _, one in again.leaves]
         active = tuple(
             one is not None
-            and has_tangent(one.dtype)
+            and has_gradient(one.dtype)
             and (self.find(one) is not None or one.grad is not None)
             for one in arrays
         )
@@ -118,7 +109,7 @@ class Tangents:
     def copy(self, dest: array, src: array, stream=None) -> None:
         """Copies values and tangents."""
         _native.copy_array(dest, src, stream)
-        if not has_tangent(dest.dtype):
+        if not has_gradient(dest.dtype):
             return
         tangents = self.find(src)
         if tangents is not None:
@@ -155,6 +146,5 @@ def _base(one: array) -> array:
 
 
 def _widening(dtype) -> int:
-    """How many times more bytes the tangent of a component has."""
-    scalar = getattr(dtype, "_wp_scalar_type_", dtype)
-    return 2 if scalar in (scalars.float16, scalars.bfloat16) else 1
+    """How many times more bytes the tangent of an element has."""
+    return types.type_size_in_bytes(gradient_type(dtype)) // types.type_size_in_bytes(dtype)
