@@ -71,6 +71,13 @@ from warp._src.context import clear_lto_cache as clear_lto_cache
 from warp._src.context import connect as _connect
 from warp._src.context import init as init
 from warp._src.context import print_diagnostics as print_diagnostics
+from warp._src.derivatives import adjoint as adjoint
+from warp._src.derivatives import custom_vjp as custom_vjp
+from warp._src.derivatives import fixed_point as fixed_point
+from warp._src.derivatives import func_grad as func_grad
+from warp._src.derivatives import func_replay as func_replay
+from warp._src.derivatives import grad as grad
+from warp._src.derivatives import hessian as hessian
 from warp._src.devices import Device as Device
 from warp._src.devices import DeviceLike as DeviceLike
 from warp._src.devices import get_cuda_device as get_cuda_device

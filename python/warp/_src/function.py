@@ -12,17 +12,28 @@ class Function:
     """A function that kernels can call, and Python too.
 
     `overloads` lists the Python functions of that name; a call takes the one whose annotations fit.
+    `pullbacks` and `replays` hold what `@wp.func_grad` and `@wp.func_replay` have registered.
     """
+
+    # The function that `wp.custom_vjp` was given as derivative.
+    pullback = None
 
     def __init__(self, func, key=None):
         self.func = func
         self.key = key or func.__name__
         self.overloads = [func]
+        self.pullbacks: list = []
+        self.replays: list = []
         self.__name__ = func.__name__
         self.__qualname__ = func.__qualname__
         self.__module__ = func.__module__
         self.__doc__ = func.__doc__
         self.__wrapped__ = func
+
+    @property
+    def has_derivative(self) -> bool:
+        """Whether a derivative of its own belongs to the function."""
+        return bool(self.pullbacks or self.replays or self.pullback is not None)
 
     def add_overload(self, func) -> None:
         """Adds a function whose annotations no other one has."""
@@ -39,6 +50,8 @@ class Function:
             return None
         made = Function(func, self.key)
         made.overloads += kept
+        if kept:
+            made.pullbacks, made.replays = list(self.pullbacks), list(self.replays)
         return made
 
     def __call__(self, *args, **kwargs):

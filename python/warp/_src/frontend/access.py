@@ -6,7 +6,7 @@ import ast
 import enum
 import types as python_types
 
-from warp._src import errors, types
+from warp._src import derivatives, errors, types
 from warp._src.frontend import names
 from warp._src.frontend.emitter import INT32, EmitterBase, Value
 from warp._src.frontend.names import BuiltinRef
@@ -115,6 +115,11 @@ class Access(EmitterBase):
 
     def static_subscript(self, base, node):
         """A subscripted type, as in `wp.array[float]`."""
+        if base is derivatives.adjoint:
+            raise self.error(
+                node,
+                "`wp.adjoint` can be used in functions with `@wp.func_grad` only, for parameters",
+            )
         if not callable(base):
             raise self.type_error(
                 node,

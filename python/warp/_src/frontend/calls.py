@@ -11,6 +11,7 @@ import ast
 import inspect
 
 from warp._src import errors, types
+from warp._src.derivatives import FACTORIES, Derivative
 from warp._src.frontend import names
 from warp._src.frontend.emitter import Value
 from warp._src.frontend.names import BuiltinRef
@@ -56,6 +57,10 @@ class Calls(Output):
             return self.call_type(function, node)
         if hasattr(function, "overloads"):
             return self.call_function(function, *self.arguments(node), node)
+        if isinstance(function, Derivative):
+            return self.call_derivative(function, node)
+        if any(function is factory for factory in FACTORIES):
+            return self.call_at_compile_time(function, node)
         try:
             name = _PYTHON_FUNCTIONS.get(function)
         except TypeError:
@@ -65,10 +70,10 @@ class Calls(Output):
         return self.call_other(function, node)
 
     def callee(self, node):
-        """What is called; in `wp.types.vector(5, float)(...)` that is a type made here."""
+        """What is called; in `wp.types.vector(5, float)(...)` that is made here."""
         if isinstance(node, ast.Call):
             factory = self.expr(node.func)
-            if _makes_types(factory):
+            if _makes_types(factory) or any(factory is one for one in FACTORIES):
                 return self.call_at_compile_time(factory, node)
         return self.expr(node)
 

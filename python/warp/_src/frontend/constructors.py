@@ -7,13 +7,13 @@ import builtins
 
 from warp._src import types
 from warp._src.frontend import names
+from warp._src.frontend.derivatives import Derivatives
 from warp._src.frontend.emitter import BOOL, FLOAT32, INT32, Value
-from warp._src.frontend.user_calls import UserCalls
 
 _MISUSED = {range: "a range outside `for`", reversed: "`reversed` outside `for`"}
 
 
-class Constructors(UserCalls):
+class Constructors(Derivatives):
     """Translates calls that make a value of a named type."""
 
     def arguments(self, node):

@@ -88,10 +88,11 @@ class Plan:
     __slots__ = ("always_returns", "body", "local_names", "returns_value")
 
 
-def plan_of(source, inout_arguments) -> Plan:
+def plan_of(source, inout_arguments, outputs=()) -> Plan:
     """The plan of a function's source, made once.
 
-    `inout_arguments(name)` gives the positions of arguments that a builtin updates.
+    `inout_arguments(name)` gives the positions of arguments that a builtin updates; `outputs` are
+    names that are read when the function has ended.
     """
     if source.plan is None:
         body = source.tree.body
@@ -105,7 +106,7 @@ def plan_of(source, inout_arguments) -> Plan:
         needed = (RESULT,) if plan.returns_value else ()
         if plan.returns_value and not plan.always_returns:
             needed = (RESULT, RETURNED)
-        analysis.liveness(plan.body, frozenset(needed))
+        analysis.liveness(plan.body, frozenset((*needed, *outputs)))
         source.plan = plan
     return source.plan
 

@@ -23,6 +23,7 @@ from warp._src.composites import scalars_of
 from warp._src.frontend import names
 
 Value = _native.Value
+NativeType = _native.Type
 BOOL = _native.Type.parse("i1")
 INT32 = _native.Type.parse("si32")
 FLOAT32 = _native.Type.parse("f32")
@@ -32,7 +33,7 @@ _MISSING = object()
 class Session:
     """State shared by the functions of one kernel."""
 
-    __slots__ = ("active", "builder", "calls", "debug", "max_unroll", "taken")
+    __slots__ = ("active", "builder", "calls", "debug", "derived", "max_unroll", "taken")
 
     def __init__(self, builder, max_unroll=16):
         self.builder = builder
@@ -40,6 +41,8 @@ class Session:
         # Finished functions by overload and argument types, and symbol names in use.
         self.calls = {}
         self.taken = {}
+        # Functions whose own derivative, if they have one, has been attached.
+        self.derived = set()
         # Functions being translated, outermost first.
         self.active = []
 
@@ -183,10 +186,12 @@ class EmitterBase:
         return self.builder.struct_create(native, fields)
 
     def static_type(self, binding):
-        """Native type that a compile-time binding would get, or None."""
+        """Native type that a binding has or would get, or None; a type stands for its values."""
         kind = type(binding)
         if kind is Value:
             return binding.type
+        if kind is NativeType:
+            return binding
         plain = {bool: BOOL, int: INT32, float: FLOAT32}.get(kind)
         if plain is not None or kind is tuple or isinstance(binding, type):
             return plain
@@ -221,6 +226,8 @@ class EmitterBase:
         """Python's name for the type of a binding, for messages."""
         if type(binding) is Value:
             return binding.type.python_name
+        if type(binding) is NativeType:
+            return binding.python_name
         if type(binding) is tuple:
             return "tuple(" + ", ".join(map(self.type_name, binding)) + ")"
         return names.literal_name(binding)

@@ -219,13 +219,31 @@ class Overload:
 
 
 class Specialization:
-    """A translated function: its symbol and the shape of what it returns."""
+    """A translated function: its symbol and the shape of what it returns.
 
-    __slots__ = ("shape", "symbol")
+    arguments: shapes of the arguments. results: types of all values that it returns.
+    """
 
-    def __init__(self, symbol, shape):
+    __slots__ = ("arguments", "results", "shape", "symbol")
+
+    def __init__(self, symbol, shape, arguments=(), results=()):
         self.symbol = symbol
         self.shape = shape
+        self.arguments = arguments
+        self.results = results
+
+    def without_residuals(self):
+        """The same with the first part of the result alone."""
+        first = self.shape[0]
+        count = _size(first)
+        return Specialization(self.symbol, first, self.arguments, self.results[:count])
+
+
+def _size(shape) -> int:
+    """Values that a shape is made from."""
+    if shape is None:
+        return 1
+    return sum(map(_size, getattr(shape, "parts", shape)))
 
 
 NOTHING = object()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from warp._src import errors
+from warp._src.derivatives import is_differentiable
 from warp._src.frontend import functions
 from warp._src.frontend.control import plan_of
 from warp._src.frontend.emitter import Value
@@ -10,11 +11,23 @@ from warp._src.frontend.functions import NOTHING, Specialization
 from warp._src.frontend.targets import Targets
 
 
+class Parts:
+    """Shape of a struct that is passed field by field."""
+
+    __slots__ = ("native", "parts")
+
+    def __init__(self, native, parts):
+        self.native = native
+        self.parts = parts
+
+
 class UserCalls(Targets):
     """Translates calls of `@wp.func` functions."""
 
     def call_function(self, function, arguments, keywords, node):
         overload, bound = self.select(function, arguments, keywords, node)
+        if function.has_derivative:
+            return self.call_custom(function, overload, bound, node)
         made = self.specialize(overload, bound, node)
         values = []
         for binding in bound:
@@ -63,16 +76,19 @@ class UserCalls(Targets):
             return self.convert_constant(binding, parameter.native, node)
         return binding
 
-    def specialize(self, overload, bound, node) -> Specialization:
-        """The overload translated for the types of these arguments."""
-        key = (overload, *map(self.signature_of, bound))
+    def specialize(self, overload, bound, node, apart=False, owner=None) -> Specialization:
+        """The overload translated for the types of these arguments.
+
+        apart: pass structs field by field. owner: the function, if it may have a derivative.
+        """
+        key = (overload, apart, owner, *map(self.signature_of, bound))
         calls = self.session.calls
         if key in calls:
             return calls[key]
         self.check_recursion(overload, node)
         self.session.active.append(overload)
         try:
-            made = calls[key] = self.translate(overload, bound)
+            made = calls[key] = self.translate(overload, bound, apart)
         except errors.WarpError as problem:
             where = f"{self.source.file}:{self.source.line(node)}"
             problem.notes = (*problem.notes, f"called from '{self.source.name}' at {where}")
@@ -102,20 +118,20 @@ class UserCalls(Targets):
             "use a loop",
         )
 
-    def translate(self, overload, bound) -> Specialization:
+    def translate(self, overload, bound, apart) -> Specialization:
         emitter = type(self)(self.session, overload.function, overload.source, False)
         emitter.result_type = overload.result
-        plan_of(overload.source, self.builder.inout_arguments)
+        hidden = getattr(overload, "hidden", ())
+        plan_of(overload.source, self.builder.inout_arguments, [name for name, *_ in hidden])
         arg_names, arg_types, shapes = [], [], []
         for parameter, binding in zip(overload.parameters, bound, strict=False):
             if functions.is_static(binding):
                 shapes.append(NOTHING)
                 continue
-            values = []
-            shapes.append(self.flatten(binding, overload.source.tree, values))
-            for value in values:
-                arg_names.append(parameter.name)
-                arg_types.append(value.type)
+            natives = []
+            shapes.append(self.types_of(binding, natives, apart))
+            arg_names += [parameter.name] * len(natives)
+            arg_types += natives
         symbol = self.session.symbol(overload.function.__name__)
         emitter.at(overload.source.tree)
         values = iter(self.builder.begin_function(symbol, arg_names, arg_types, False))
@@ -124,13 +140,80 @@ class UserCalls(Targets):
             value = binding if shape is NOTHING else emitter.unflatten(shape, values)
             emitter.env[parameter.name] = value
             emitter.lines[parameter.name] = line
+        emitter.start_adjoints(hidden)
         try:
             result = emitter.body()
         except errors.WarpError as problem:
             raise emitter.locate(problem) from problem.__cause__
-        results = []
+        results = emitter.adjoints(hidden)
         shape = NOTHING
         if overload.source.plan.returns_value:
-            shape = emitter.flatten(result, overload.source.tree, results)
+            flatten = emitter.take_apart if apart else emitter.flatten
+            shape = flatten(result, overload.source.tree, results)
         self.builder.end_function(results)
-        return Specialization(symbol, shape)
+        return Specialization(symbol, shape, shapes, [value.type for value in results])
+
+    def start_adjoints(self, hidden):
+        """Gives the hidden names of a pullback their first values."""
+        for name, path, native in hidden:
+            if native.kind == "array":
+                root, *fields = path.split(".")
+                array = self.env[root]
+                for field in fields:
+                    array = self.builder.struct_get(array, field)
+                if not is_differentiable(native.element):
+                    continue
+                self.env[name] = self.builder.grad(array)
+            elif is_differentiable(native):
+                self.env[name] = self.builder.zero(native)
+            self.lines[name] = self.source.line(self.source.tree)
+
+    def adjoints(self, hidden):
+        """The cotangents that a pullback returns."""
+        if hidden and self.source.plan.returns_value:
+            raise self.error(
+                self.source.tree,
+                f"'{self.source.name}' is a `@wp.func_grad` function, which returns nothing",
+                "add to `wp.adjoint[...]`",
+            )
+        return [
+            self.materialize(self.env[name], self.source.tree)
+            for name, _, native in hidden
+            if is_differentiable(native)
+        ]
+
+    # Structs field by field.
+
+    def types_of(self, binding, into, apart):
+        """Appends the types of a binding's values; gives its shape for `unflatten`."""
+        if type(binding) is tuple:
+            return tuple([self.types_of(part, into, apart) for part in binding])
+        native = self.static_type(binding)
+        if native is None:
+            native = self.materialize(binding, self.node).type
+        if apart and native.kind == "struct":
+            parts = [self.types_of(field, into, apart) for _, field in native.fields]
+            return Parts(native, parts)
+        into.append(native)
+        return None
+
+    def take_apart(self, binding, node, into):
+        """Like `flatten`, with structs as their fields."""
+        if type(binding) is tuple:
+            return tuple([self.take_apart(part, node, into) for part in binding])
+        value = self.materialize(binding, node)
+        if value.type.kind != "struct":
+            into.append(value)
+            return None
+        self.at(node)
+        parts = [
+            self.take_apart(self.builder.struct_get(value, name), node, into)
+            for name, _ in value.type.fields
+        ]
+        return Parts(value.type, parts)
+
+    def unflatten(self, shape, values):
+        if type(shape) is not Parts:
+            return super().unflatten(shape, values)
+        parts = [self.unflatten(part, values) for part in shape.parts]
+        return self.builder.struct_create(shape.native, parts)
