@@ -1,0 +1,65 @@
+// RUN: warp-opt %s --split-input-file --warp-differentiate-kernel='active=11 dump-recovery' -verify-diagnostics
+
+// With dump-recovery, every carried value that is needed says how it is had
+// again: its rank, and the bytes that this takes.
+func.func @kept(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
+    attributes {warp.kernel} {
+  %one = warp.constant 1.0 : f32
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  %c8 = arith.constant 8 : i32
+  %i = warp.tid : si32
+  // expected-remark@+1 {{carried value 0 of type 'f32': rank 5, 32 bytes}}
+  %s = scf.for %k = %c0 to %c8 step %c1 iter_args(%t = %one) -> f32 : i32 {
+    %v = warp.load %x[%k] : !warp.array<1 x f32>, i32 -> f32
+    %u = warp.mul(%t, %v) : (f32, f32) -> f32
+    scf.yield %u : f32
+  }
+  warp.store %s, %y[%i] : f32, !warp.array<1 x f32>, si32
+  return
+}
+
+// -----
+
+func.func @computed(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
+                    %n: i32) attributes {warp.kernel} {
+  %one = warp.constant 1.0 : f32
+  %two = warp.constant 2 : si32
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  %i = warp.tid : si32
+  // expected-remark@+2 {{carried value 0 of type 'si32': rank 1, 0 bytes}}
+  // expected-remark@+1 {{carried value 1 of type 'f32': rank 6, 324 bytes}}
+  %s:2 = scf.for %k = %c0 to %n step %c1
+      iter_args(%at = %i, %t = %one) -> (si32, f32) : i32 {
+    %v = warp.load %x[%at] : !warp.array<1 x f32>, si32 -> f32
+    %u = warp.mul(%t, %v) : (f32, f32) -> f32
+    %next = warp.sub(%at, %two) : (si32, si32) -> si32
+    scf.yield %next, %u : si32, f32
+  }
+  warp.store %s#1, %y[%i] : f32, !warp.array<1 x f32>, si32
+  return
+}
+
+// -----
+
+// An array cannot be kept.
+func.func @chosen(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
+                  %p: !warp.array<1 x si32>, %q: !warp.array<1 x si32>,
+                  %n: i32) attributes {warp.kernel} {
+  %zero = warp.constant 0.0 : f32
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  %i = warp.tid : si32
+  // expected-error@+1 {{the adjoint of this loop needs '!warp.array<1 x si32>' values that it carries, which cannot be kept; choose the array outside of the loop, or by an index}}
+  %s:3 = scf.for %k = %c0 to %n step %c1
+      iter_args(%a = %p, %b = %q, %t = %zero)
+      -> (!warp.array<1 x si32>, !warp.array<1 x si32>, f32) : i32 {
+    %at = warp.load %a[%i] : !warp.array<1 x si32>, si32 -> si32
+    %v = warp.load %x[%at] : !warp.array<1 x f32>, si32 -> f32
+    %u = warp.add(%t, %v) : (f32, f32) -> f32
+    scf.yield %b, %a, %u : !warp.array<1 x si32>, !warp.array<1 x si32>, f32
+  }
+  warp.store %s#2, %y[%i] : f32, !warp.array<1 x f32>, si32
+  return
+}
