@@ -1,0 +1,217 @@
+//===- SimplifyAdjoint.cpp - Sums out of loops, dead code gone ------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// The adjoint of a loop that reads the same element in every iteration adds to
+// the same gradient in every iteration, atomically more often than not. Such a
+// sum is carried by the loop and added once after it,
+//
+//   for k:                              s = for k, s = 0:
+//     accumulate v, g[i]        ==>       s + v
+//                                       if any iteration: accumulate s, g[i]
+//
+// where the loop does nothing else to gradients of that array. A sum under a
+// condition in the loop counts, too: the condition chooses between the value
+// and zero, and the loop carries whether it ever held. That is the form that
+// the step above leaves behind, so sums move out of nested loops as well.
+//
+// The condition after the loop is there because an element that no iteration
+// touched may not even exist.
+//
+//===----------------------------------------------------------------------===//
+
+#include "DeadValues.h"
+#include "Rules.h"
+
+#include "../KernelFunction.h"
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/Dialect/Arith/IR/Arith.h"
+#include "mlir/Dialect/Func/IR/FuncOps.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
+
+namespace warp {
+#define GEN_PASS_DEF_SIMPLIFYADJOINT
+#include "WarpDialect/Passes.h.inc"
+} // namespace warp
+
+using namespace mlir;
+using namespace warp::autodiff;
+
+/// The array that views were taken of; behind `warp.grad`, that array.
+static Value rootOf(Value array) {
+  while (Operation *op = array.getDefiningOp()) {
+    if (!isa<warp::ViewOp, warp::SliceOp, warp::ComponentViewOp>(op))
+      break;
+    array = op->getOperand(0);
+  }
+  return array;
+}
+
+/// Whether the loop does nothing to the array, or to one that may be the same,
+/// but add.
+static bool onlyAdds(scf::ForOp loop, Value array) {
+  Value root = rootOf(array);
+  if (!root.getDefiningOp<warp::GradOp>())
+    return false;
+  return !loop
+              .walk([&](Operation *op) {
+                if (isMemoryEffectFree(op) || isa<warp::AccumulateOp>(op) ||
+                    isa<scf::ForOp, scf::IfOp, scf::WhileOp>(op) ||
+                    isa<warp::ScratchLoadOp, warp::ScratchStoreOp,
+                        warp::ScratchOp>(op))
+                  return WalkResult::advance();
+                for (Value operand : op->getOperands())
+                  if (isa<warp::ArrayType>(operand.getType()) &&
+                      rootOf(operand) == root)
+                    return WalkResult::interrupt();
+                return isa<func::CallOp>(op) ? WalkResult::interrupt()
+                                             : WalkResult::advance();
+              })
+              .wasInterrupted();
+}
+
+namespace {
+/// A sum to move: directly in the loop, or in a branch that does only that.
+struct LoopSum {
+  scf::ForOp loop;
+  scf::IfOp branch;
+  warp::AccumulateOp op;
+};
+} // namespace
+
+static std::optional<LoopSum> findSum(warp::AccumulateOp op) {
+  LoopSum sum{nullptr, nullptr, op};
+  Operation *parent = op->getParentOp();
+  if (auto branch = dyn_cast<scf::IfOp>(parent)) {
+    if (op->getBlock() != branch.thenBlock())
+      return std::nullopt;
+    sum.branch = branch;
+    parent = branch->getParentOp();
+  }
+  sum.loop = dyn_cast<scf::ForOp>(parent);
+  if (!sum.loop || !sum.loop.isDefinedOutsideOfLoop(op.getArray()) ||
+      !llvm::all_of(op.getIndices(), [&](Value index) {
+        return sum.loop.isDefinedOutsideOfLoop(index);
+      }))
+    return std::nullopt;
+  if (!onlyAdds(sum.loop, op.getArray()))
+    return std::nullopt;
+  return sum;
+}
+
+/// The loop with one more carried value; `next` makes it from the one before.
+static scf::ForOp carry(scf::ForOp loop, Value init,
+                        function_ref<Value(OpBuilder &, Value)> next) {
+  OpBuilder b(loop);
+  SmallVector<Value> inits(loop.getInitArgs());
+  inits.push_back(init);
+  auto extended = scf::ForOp::create(
+      b, loop.getLoc(), loop.getLowerBound(), loop.getUpperBound(),
+      loop.getStep(), inits, nullptr, loop.getUnsignedCmp());
+  extended.getRegion().takeBody(loop.getRegion());
+  Block *body = extended.getBody();
+  Value now = body->addArgument(init.getType(), loop.getLoc());
+  Operation *yield = body->getTerminator();
+  b.setInsertionPoint(yield);
+  SmallVector<Value> yields(yield->getOperands());
+  yields.push_back(next(b, now));
+  yield->setOperands(yields);
+  loop.replaceAllUsesWith(extended.getResults().drop_back());
+  loop.erase();
+  return extended;
+}
+
+/// Takes the sum out of its branch; returns the value that the branch adds, or
+/// zero, as a further result of it.
+static Value takeFromBranch(LoopSum &sum) {
+  OpBuilder b(sum.branch);
+  Location loc = sum.op.getLoc();
+  Value value = sum.op.getValue();
+  SmallVector<Type> types(sum.branch.getResultTypes());
+  types.push_back(value.getType());
+  auto extended = scf::IfOp::create(b, sum.branch.getLoc(), types,
+                                    sum.branch.getCondition(),
+                                    /*addThenBlock=*/false,
+                                    /*addElseBlock=*/false);
+  for (auto [to, from] :
+       llvm::zip_equal(extended->getRegions(), sum.branch->getRegions()))
+    to.takeBody(from);
+  Region &otherwise = extended.getElseRegion();
+  if (otherwise.empty()) {
+    b.createBlock(&otherwise);
+    scf::YieldOp::create(b, loc);
+  }
+  auto append = [&](scf::YieldOp yield, Value more) {
+    SmallVector<Value> yields(yield.getOperands());
+    yields.push_back(more);
+    yield->setOperands(yields);
+  };
+  append(extended.thenYield(), value);
+  b.setInsertionPoint(extended.elseYield());
+  append(extended.elseYield(), zero(b, loc, value.getType()));
+  sum.branch.replaceAllUsesWith(extended.getResults().drop_back());
+  sum.branch.erase();
+  sum.branch = extended;
+  return extended.getResults().back();
+}
+
+/// Whether the loop has an iteration.
+static Value hasTrips(OpBuilder &b, scf::ForOp loop) {
+  auto order = loop.getUnsignedCmp() ? arith::CmpIPredicate::ult
+                                     : arith::CmpIPredicate::slt;
+  return arith::CmpIOp::create(b, loop.getLoc(), order, loop.getLowerBound(),
+                               loop.getUpperBound());
+}
+
+static void moveOut(LoopSum sum) {
+  Location loc = sum.op.getLoc();
+  OpBuilder b(sum.loop);
+  Value none = zero(b, loc, sum.op.getValue().getType());
+  Value never = arith::ConstantOp::create(b, loc, b.getBoolAttr(false));
+  Value value = sum.branch ? takeFromBranch(sum) : sum.op.getValue();
+  scf::ForOp loop = carry(sum.loop, none, [&](OpBuilder &b, Value before) {
+    return add(b, loc, before, value);
+  });
+  Value total = loop.getResults().back(), any;
+  if (sum.branch) {
+    Value condition = sum.branch.getCondition();
+    unsigned place = loop.getNumResults() - 1;
+    loop = carry(loop, never, [&](OpBuilder &b, Value before) -> Value {
+      return arith::OrIOp::create(b, loc, before, condition);
+    });
+    total = loop.getResult(place);
+    any = loop.getResults().back();
+  }
+  b.setInsertionPointAfter(loop);
+  if (!any)
+    any = hasTrips(b, loop);
+  auto guard = scf::IfOp::create(b, loc, any, /*withElseRegion=*/false);
+  b.setInsertionPointToStart(guard.thenBlock());
+  sum.op->moveBefore(guard.thenBlock(), guard.thenBlock()->begin());
+  sum.op.getValueMutable().assign(total);
+}
+
+/// Innermost first, so that what one loop leaves, the next one takes.
+static void moveSums(func::FuncOp function) {
+  SmallVector<warp::AccumulateOp> sums;
+  function.walk([&](warp::AccumulateOp op) { sums.push_back(op); });
+  for (warp::AccumulateOp op : sums)
+    while (auto sum = findSum(op))
+      moveOut(*sum);
+}
+
+namespace {
+
+struct SimplifyAdjoint : warp::impl::SimplifyAdjointBase<SimplifyAdjoint> {
+  void runOnOperation() override {
+    auto adjoint =
+        dyn_cast_or_null<func::FuncOp>(warp::findKernel(getOperation()));
+    if (!adjoint)
+      return signalPassFailure();
+    moveSums(adjoint);
+    eraseDead(adjoint.getBody());
+  }
+};
+
+} // namespace
