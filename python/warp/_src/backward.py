@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 from warp._src import adjoint, devices
 from warp._src.array import array
 from warp._src.singular import one_report
@@ -30,7 +32,6 @@ class BackwardPass:
         self.records = tape._records
         self.check_finite = check_finite
         self.first = first
-        self.first_use = self._first_uses()
         self.position = 0
 
     def run(self) -> None:
@@ -68,7 +69,8 @@ class BackwardPass:
 
     # What belongs to which record.
 
-    def _first_uses(self) -> dict:
+    @functools.cached_property
+    def _first_use(self) -> dict:
         """Position of the first record that uses an allocation."""
         first: dict = {}
         for position, record in enumerate(self.records):
@@ -80,7 +82,7 @@ class BackwardPass:
         """Whether a record before the one that is being reversed uses the array's allocation."""
         if not self.first:
             return True
-        return self.first_use.get(_root(one), self.position) < self.position
+        return self._first_use.get(_root(one), self.position) < self.position
 
     def _last_writes(self) -> dict:
         """Arrays to be shown with `retain_grad`, by the position of the last record that writes."""
@@ -113,13 +115,15 @@ class BackwardPass:
         return kept
 
     def _remember(self) -> None:
+        """Notes the gradients of results as they are left, the largest first."""
         found: dict = {}
         for record in self.records:
             for one in record.written():
-                if one.grad is not None and one.grad.size:
-                    found[one.grad.ptr, one.grad.shape] = one.grad
-        by_size = sorted(found.values(), key=lambda grad: grad.size, reverse=True)
-        self.tape._left = [Watch.memory.observe(grad) for grad in by_size]
+                if one.grad is not None:
+                    found[one.grad_ptr, one.size] = one.grad
+        if len(found) > 1:
+            found = dict(sorted(found.items(), key=lambda item: -item[0][1]))
+        self.tape._left = [Watch.memory.observe(grad) for grad in found.values() if grad.size]
         self.tape._seeded = list(self.seeds)
 
     def _wait_for_streams(self) -> None:

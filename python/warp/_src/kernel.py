@@ -69,6 +69,8 @@ class Kernel:
         self._specialized: dict = {}
         self._derivatives: dict = {}
         self._derivatives_epoch = None
+        # What launches need to know of native kernels while somebody watches.
+        self.signatures: dict = {}
         # Made by `wp.overload`, by the types of the parameters.
         self.overloads: dict = {}
         self.__name__ = func.__name__
@@ -96,6 +98,7 @@ class Kernel:
         self.native = None
         self._specialized.clear()
         self._derivatives.clear()
+        self.signatures.clear()
 
     def prepare(self):
         """Translates the kernel if that is due, and returns the native kernel.

@@ -9,6 +9,7 @@ them stays readable.
 
 from __future__ import annotations
 
+from warp import _native
 from warp._src import adjoint, errors, types
 from warp._src.array import array
 from warp._src.scalars import float_base
@@ -19,26 +20,35 @@ from warp._src.watching import Call
 class LaunchRecord:
     """A launch. Versions are those that its arrays had when it was done."""
 
-    __slots__ = ("__weakref__", "call", "initial", "preserve", "saved", "versions")
+    __slots__ = (
+        "__weakref__",
+        "aliases",
+        "call",
+        "event",
+        "initial",
+        "preserve",
+        "saved",
+        "versions",
+    )
 
     def __init__(self, call: Call, preserve: bool = False):
         self.call = call
+        self.event: Event = call.event
         self.preserve = preserve
         self.versions: list = []
         # Copies of arrays as they were before the launch, by number.
         self.initial: dict[int, array] = {}
         # What the augmented kernel has noted, in the order of the hidden arguments.
         self.saved: list[array] = []
+        # Pairs (written, other) of arguments that share memory.
+        self.aliases: list[tuple[int, int]] = []
         if not any(call.active):
             return
-        aliased = self.aliases()
-        if aliased or any(
-            fetched or (loaded and (stored or combined))
-            for loaded, stored, combined, fetched, _ in call.accesses
-        ):
-            self._prepare(aliased)
+        self.aliases = _aliases(call)
+        if self.aliases or call.signature.looks_back:
+            self._prepare()
 
-    def _prepare(self, aliased) -> None:
+    def _prepare(self) -> None:
         """Keeps what the launch itself is going to overwrite."""
         try:
             derivative = self.derivative()
@@ -46,15 +56,11 @@ class LaunchRecord:
             # Says so when gradients are asked for.
             return
         wanted = adjoint.preserved(derivative)
-        wanted |= {reader for _, reader in aliased if reader in adjoint.needed(derivative)}
+        wanted |= {reader for _, reader in self.aliases} & adjoint.needed(derivative)
         for leaf in wanted:
             found = self.call.leaves[leaf][1]
             if found is not None:
                 self.initial[leaf] = adjoint.copy_of(found, self.call.stream)
-
-    @property
-    def event(self) -> Event:
-        return self.call.event
 
     @property
     def kernel(self):
@@ -66,7 +72,7 @@ class LaunchRecord:
     def run(self) -> None:
         """Runs the launch, with notes for the adjoint if that needs any."""
         derivative = None
-        if any(self.call.active) and any(access[3] for access in self.call.accesses):
+        if self.call.signature.fetches and any(self.call.active):
             try:
                 derivative = self.derivative()
             except errors.WarpError:
@@ -102,31 +108,20 @@ class LaunchRecord:
     def written(self) -> list[array]:
         return self.call.written
 
-    def aliases(self) -> list[tuple[int, int]]:
-        """Pairs (written, other) of arguments that share memory."""
-        boxes = [None if leaf is None else Box(leaf) for _, leaf in self.call.leaves]
-        pairs = []
-        for i, (_, stored, combined, _, _) in enumerate(self.call.accesses):
-            if boxes[i] is None or not (stored or combined):
-                continue
-            for j, other in enumerate(boxes):
-                if j != i and other is not None and boxes[i].overlaps(other):
-                    pairs.append((i, j))
-        return pairs
-
     def reverse(self, state) -> None:
         if not any(self.call.active):
             return
         if not self.call.kernel.option("enable_backward"):
             raise self._error("the kernel has `enable_backward=False`", "remove that option")
         derivative = self.derivative()
-        self._check_aliases()
+        if self.aliases:
+            self._check_aliases()
         values = self._values(derivative)
         adjoint.launch_adjoint(derivative, self.call, values, self.initial, self.saved)
 
     def _check_aliases(self) -> None:
         elementwise = self.call.kernel.module.name == "warp.map"
-        for written, other in self.aliases():
+        for written, other in self.aliases:
             name, first = self.call.leaves[written]
             name_of_other, second = self.call.leaves[other]
             same = (first.ptr, first.shape, first.strides) == (
@@ -144,8 +139,8 @@ class LaunchRecord:
     def _values(self, derivative) -> tuple:
         """The arguments as they were, with the arrays of gradients that they have."""
         replaced = {}
-        aliased = {reader for _, reader in self.aliases()}
-        for leaf in adjoint.needed(derivative):
+        aliased = {reader for _, reader in self.aliases}
+        for leaf in derivative.needed:
             version = self.versions[leaf] if leaf < len(self.versions) else None
             if version is None:
                 continue
@@ -170,6 +165,21 @@ class LaunchRecord:
         return errors.WarpGradientError(
             f"gradient of the {place}: {what}", file=place.file, line=place.line, hint=hint
         )
+
+
+def _aliases(call) -> list[tuple[int, int]]:
+    """Pairs (written, other) of arguments that share memory."""
+    written = call.signature.written
+    arrays = [leaf for _, leaf in call.leaves if leaf is not None]
+    if not written or len(arrays) < 2 or not _native.shares_elements(arrays):
+        return []
+    boxes = [None if leaf is None else Box(leaf) for _, leaf in call.leaves]
+    return [
+        (i, j)
+        for i in written
+        for j, other in enumerate(boxes)
+        if i != j and boxes[i] and other and boxes[i].overlaps(other)
+    ]
 
 
 class CopyRecord:

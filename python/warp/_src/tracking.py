@@ -148,7 +148,7 @@ class Memory:
 
     def observe(self, array) -> Version:
         """The current version of an array."""
-        key = (array.ptr, array.shape, array.strides, array.item_size)
+        key = (array.descriptor(), array.item_size)
         region = self.regions.get(key)
         if region is None:
             region = self.regions[key] = self._add(Box(array))
@@ -159,16 +159,21 @@ class Memory:
         return version
 
     def writing(self, array, by) -> None:
-        """Says that an array is about to be written; `by()` makes the event if it is wanted."""
-        region = self.regions.get((array.ptr, array.shape, array.strides, array.item_size))
+        """Says that an array is about to be written; `by.event` is made if it is wanted."""
+        region = self.regions.get((array.descriptor(), array.item_size))
         if region is None:
+            if not self.regions:
+                return
             box = Box(array)
-            touched = [other for other in self._near(box) if box.overlaps(other.box)]
-        else:
-            touched = [region, *region.neighbours]
-        for region in touched:
-            if region.current() is not None:
-                region.end(by())
+            for other in self._near(box):
+                if other.current() is not None and box.overlaps(other.box):
+                    other.end(by.event)
+            return
+        if region.current() is not None:
+            region.end(by.event)
+        for other in region.neighbours:
+            if other.current() is not None:
+                other.end(by.event)
 
     def _add(self, box):
         region = _Region(box)

@@ -17,61 +17,95 @@ from warp._src.array import array
 from warp._src.tracking import Event, Watch, event
 
 
+class Signature:
+    """What is known of a native kernel's arrays, numbered with those in structs.
+
+    Attributes:
+        parameters: (name, kind, ...) of each parameter.
+        accesses: (loaded, stored, combined, fetched, line) of each array.
+        written: numbers of the arrays that a launch may change.
+        looks_back: whether an array is loaded and changed, or results of atomics matter.
+    """
+
+    def __init__(self, native, count):
+        self.parameters = native.parameters
+        self.flat = all(kind != "struct" for _, kind, *_ in self.parameters)
+        self.arrays = [
+            (i, name) for i, (name, kind, *_) in enumerate(self.parameters) if kind == "array"
+        ]
+        try:
+            self.accesses = native.accesses
+        except RuntimeError:
+            # Saved code without source.
+            self.accesses = [(True, True, True, False, 0)] * count
+        self.written = [i for i, access in enumerate(self.accesses) if access[1] or access[2]]
+        self.fetches = any(access[3] for access in self.accesses)
+        self.looks_back = self.fetches or any(self.accesses[i][0] for i in self.written)
+
+
 class Call:
     """A launch with everything it was given.
 
     Attributes:
         kernel, native: what runs.
         dim, values, device, stream, block_dim: as passed; `device` is an index.
-        event: kernel and place of the call.
     """
 
-    __slots__ = ("__dict__", "block_dim", "device", "dim", "event", "kernel", "native", "stream")
+    __slots__ = (
+        *("_event", "_leaves", "block_dim", "device", "dim", "kernel", "native"),
+        *("signature", "stream", "values"),
+    )
 
     def __init__(self, kernel, native, dim, values, device, stream=None, block_dim=0):
         self.kernel, self.native, self.dim = kernel, native, dim
         self.values = tuple(values)
         self.device, self.stream, self.block_dim = device, stream, block_dim
-        self.event = event(f"launch of '{kernel.key}'")
+        self._event = self._leaves = None
+        self.signature = signature_of(kernel, native, self.values)
 
-    @functools.cached_property
+    @property
+    def event(self) -> Event:
+        """The kernel and the place of the call; asked for first where the call happens."""
+        if self._event is None:
+            self._event = event(f"launch of '{self.kernel.key}'")
+        return self._event
+
+    @property
     def leaves(self) -> list[tuple[str, array | None]]:
         """Name and array for each array among the arguments, those in structs included."""
-        found: list = []
-        for parameter, value in zip(self.native.parameters, self.values, strict=False):
-            if parameter[1] == "array":
-                found.append((parameter[0], value if isinstance(value, array) else None))
-            elif parameter[1] == "struct":
-                found += struct_leaves(parameter[0], value)
-        return found
+        if self._leaves is None:
+            known, values = self.signature, self.values
+            if known.flat:
+                self._leaves = [
+                    (name, values[i] if isinstance(values[i], array) else None)
+                    for i, name in known.arrays
+                ]
+            else:
+                self._leaves = leaves_of(known.parameters, values)
+        return self._leaves
 
-    @functools.cached_property
+    @property
     def accesses(self) -> list[tuple]:
         """(loaded, stored, combined, fetched, line) of each of them."""
-        return accesses_of(self.kernel, self.native, len(self.leaves))
+        return self.signature.accesses
 
     @property
     def written(self) -> list[array]:
         """Arrays that the launch may change."""
-        return [
-            leaf
-            for (_, leaf), (_, stored, combined, _, _) in zip(
-                self.leaves, self.accesses, strict=True
-            )
-            if leaf is not None and (stored or combined)
-        ]
+        leaves = self.leaves
+        return [leaves[i][1] for i in self.signature.written if leaves[i][1] is not None]
 
     @property
     def active(self) -> tuple[bool, ...]:
         """Which of the arrays have a gradient."""
-        return tuple(leaf is not None and leaf.grad is not None for _, leaf in self.leaves)
+        return tuple([leaf is not None and leaf.grad is not None for _, leaf in self.leaves])
 
     def with_leaves(self, replaced: dict[int, array]) -> tuple:
         """The arguments with other arrays in some places, numbered as in `leaves`."""
         if not replaced:
             return self.values
         values, first = [], 0
-        for parameter, value in zip(self.native.parameters, self.values, strict=True):
+        for parameter, value in zip(self.signature.parameters, self.values, strict=True):
             if parameter[1] == "array":
                 value = replaced.get(first, value)
                 first += 1
@@ -87,16 +121,25 @@ class Call:
         self.native.launch(self.dim, self.values, (), self.device, self.stream, self.block_dim or 0)
 
 
-def accesses_of(kernel, native, count) -> list[tuple]:
-    """What a native kernel does with its arrays; everything if its source is not known."""
-    known = kernel.__dict__.setdefault("_known_accesses", {})
+def leaves_of(parameters, values) -> list[tuple[str, array | None]]:
+    """Name and array for each array among arguments, those in structs included."""
+    found: list = []
+    for parameter, value in zip(parameters, values, strict=False):
+        if parameter[1] == "array":
+            found.append((parameter[0], value if isinstance(value, array) else None))
+        elif parameter[1] == "struct":
+            found += struct_leaves(parameter[0], value)
+    return found
+
+
+def signature_of(kernel, native, values) -> Signature:
+    """What is known of a native kernel."""
+    known = kernel.signatures
     found = known.get(native)
     if found is None:
-        try:
-            found = native.accesses
-        except RuntimeError:
-            found = [(True, True, True, False, 0)] * count
-        known[native] = found
+        if len(known) >= 64:
+            known.clear()
+        found = known[native] = Signature(native, len(leaves_of(native.parameters, values)))
     return found
 
 
@@ -133,7 +176,7 @@ def watched_launch(call: Call, record: bool = True) -> None:
     """Runs a launch."""
     entry = Watch.tape.begin_launch(call) if record and Watch.tape is not None else None
     for written in call.written:
-        Watch.memory.writing(written, lambda: call.event)
+        Watch.memory.writing(written, call)
     if Watch.executor is not None:
         Watch.executor.launch(call)
     elif entry is not None:
@@ -144,25 +187,36 @@ def watched_launch(call: Call, record: bool = True) -> None:
         Watch.tape.end_launch(entry)
 
 
+class _Place:
+    """Makes the event of what is going on when somebody wants it."""
+
+    def __init__(self, what):
+        self.what = what
+
+    @functools.cached_property
+    def event(self) -> Event:
+        return event(self.what)
+
+
 def watched_copy(dest, src, stream=None) -> None:
     """Copies all elements."""
-    place = event("copy")
-    Watch.memory.writing(dest, lambda: place)
+    place = _Place("copy")
+    Watch.memory.writing(dest, place)
     if Watch.executor is not None:
         Watch.executor.copy(dest, src, stream)
     else:
         _native.copy_array(dest, src, stream)
     if Watch.tape is not None:
-        Watch.tape.add_copy(dest, src, place)
+        Watch.tape.add_copy(dest, src, place.event)
 
 
 def watched_fill(target, pattern, name) -> None:
     """Fills an array with an element's bytes."""
-    place: Event = event(name)
-    Watch.memory.writing(target, lambda: place)
+    place = _Place(name)
+    Watch.memory.writing(target, place)
     if Watch.executor is not None:
         Watch.executor.fill(target, pattern)
     else:
         _native.fill_array(target, pattern)
     if Watch.tape is not None:
-        Watch.tape.add_fill(target, place)
+        Watch.tape.add_fill(target, place.event)

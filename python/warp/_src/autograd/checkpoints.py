@@ -199,7 +199,7 @@ class _CheckpointRecord:
         inside = [Box(one) for one in self.state]
         for one in self.observer.written.values():
             if not any(Box(one).overlaps(box) for box in inside):
-                Watch.memory.writing(one, lambda: self.event)
+                Watch.memory.writing(one, self)
 
     def _drop(self, number) -> None:
         """Frees a copy; that of the beginning is kept for another backward pass."""

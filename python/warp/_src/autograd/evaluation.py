@@ -15,7 +15,7 @@ from warp._src.kernel import Kernel
 from warp._src.launch import launch
 from warp._src.structs import StructInstance
 from warp._src.tracking import Watching
-from warp._src.watching import accesses_of, struct_leaves
+from warp._src.watching import signature_of, struct_leaves
 
 
 @dataclasses.dataclass
@@ -127,8 +127,8 @@ class Evaluation:
         kernel = self.function
         native = kernel.specialize(self.values) if kernel.is_generic else kernel.prepare()
         leaves = _leaves(names, self.values)
-        found = zip(leaves, accesses_of(kernel, native, len(leaves)), strict=True)
-        return [leaf for leaf, (_, stored, combined, *_) in found if leaf and (stored or combined)]
+        written = signature_of(kernel, native, self.values).written
+        return [leaves[i] for i in written if leaves[i] is not None]
 
     def run(self) -> list[Variable]:
         """Evaluates with the contents that the arrays have, and returns the outputs."""
