@@ -12,6 +12,7 @@ own; a case that ends its process counts as failed, and the next one begins in a
 import argparse
 import json
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -34,6 +35,8 @@ VERDICTS = {
     "not there": "not there",
 }
 LIMIT = 900.0
+# Seconds for one case.
+CASE_LIMIT = 120
 
 
 def list_catalogue():
@@ -46,6 +49,7 @@ def list_catalogue():
 def start_catalogue(python, device, after, cache):
     """Runs cases until the end or until one ends the process; the lines printed."""
     command = [python, "-m", "autodiff_catalogue", "--device", device, "--after", after]
+    command += ["--limit", str(CASE_LIMIT)]
     environment = os.environ | {"WARP_CACHE_PATH": cache}
     if python != sys.executable:
         environment.pop("PYTHONPATH", None)
@@ -54,6 +58,7 @@ def start_catalogue(python, device, after, cache):
             command, cwd=TESTS, env=environment, capture_output=True, text=True, timeout=LIMIT
         )
         text, status = done.stdout, f"the process ended with status {done.returncode}"
+        status = "no end within the time limit" if done.returncode == -signal.SIGALRM else status
     except subprocess.TimeoutExpired as late:
         text, status = (late.stdout or b"").decode(), "no end within the time limit"
     lines = [json.loads(line) for line in text.splitlines() if line.startswith('{"')]

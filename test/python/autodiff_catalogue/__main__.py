@@ -1,11 +1,13 @@
-"""python -m autodiff_catalogue [--device cpu] [--only T1,T2] [--after T5/float32] [--list]
+"""python -m autodiff_catalogue [--device cpu] [--only T1,T2] [--after T5/float32] [--limit 120]
 
 Prints a line of JSON when a case begins and one when it ends, so that a caller that sees the
-process die knows where and goes on after it.
+process die knows where and goes on after it. A case that takes longer than the limit in seconds
+ends the process.
 """
 
 import argparse
 import json
+import signal
 import sys
 import time
 
@@ -26,6 +28,7 @@ def main():
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--only", default="")
     parser.add_argument("--after", default="")
+    parser.add_argument("--limit", type=int, default=120)
     options = parser.parse_args()
     wp.config.quiet = True
     wp.init()
@@ -38,6 +41,7 @@ def main():
         wanted, names = wanted[skip:], names[skip:]
     for (number, precision), name in zip(wanted, names):
         report(begin=name)
+        signal.alarm(options.limit)
         begin = time.perf_counter()
         try:
             CASES[number].function(Problem(precision, options.device))

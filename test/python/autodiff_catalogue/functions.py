@@ -4,7 +4,7 @@ import numpy as np
 
 import warp as wp
 
-from .problem import gradient, kernel
+from .problem import gradient, kernel, only
 from .registry import case
 from .scalars import elementwise
 
@@ -113,8 +113,8 @@ def rosenbrock(p):
         hessian[i + 1, i + 1] += 200.0
         hessian[i, i + 1] -= 400.0 * x[i]
         hessian[i + 1, i] -= 400.0 * x[i]
-    (got,) = wp.autograd.hvp(function, [p.array(x)], [p.array(v, grad=False)])
-    p.close(got.numpy(), hessian @ v, 32)
+    got = wp.autograd.hvp(function, [p.array(x)], [p.array(v, grad=False)])
+    p.close(only(got).numpy(), hessian @ v, 32)
 
 
 @case("T110", "the Hessian of a spring's energy, in a kernel")
@@ -160,8 +160,7 @@ def reverse_over_forward(p):
     data = p.random(4, low=0.1, high=1.0)
     x, v = p.array(data), p.array(np.ones(4))
     with wp.Tape() as tape:
-        tangents = wp.autograd.jvp(function, [x], [v])
-    (tangent,) = tangents if isinstance(tangents, list | tuple) else (tangents,)
+        tangent = only(wp.autograd.jvp(function, [x], [v]))
     tape.backward(grads={tangent: p.seed(tangent)})
     e = np.exp(data)
     p.close(gradient(x), e * np.cos(e) - e * e * np.sin(e), 32)

@@ -267,6 +267,13 @@ def printed(lines):
         lines += (text.getvalue() + below.read()).splitlines()
 
 
+def only(result):
+    """The one array of a result that may be a list."""
+    if isinstance(result, list | tuple):
+        (result,) = result
+    return result
+
+
 def has_gradient(item):
     """Whether an argument is an array with a gradient."""
     return getattr(item, "requires_grad", False) and getattr(item, "grad", None) is not None

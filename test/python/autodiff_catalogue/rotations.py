@@ -4,7 +4,7 @@ import numpy as np
 
 import warp as wp
 
-from .problem import kernel, kernel_of, setting
+from .problem import kernel, kernel_of, only, setting
 from .registry import Mismatch, case
 from .singular import reported
 
@@ -226,4 +226,4 @@ def corotated(p):
     if not hasattr(wp.autograd, "hvp"):
         raise Mismatch("there is no second derivative")
     made = wp.autograd.hvp(total, [p.array(IDENTITY, p.mat33)], [p.array(h, p.mat33, False)])
-    p.close(made[0].numpy(), expected)
+    p.close(only(made).numpy(), expected)
