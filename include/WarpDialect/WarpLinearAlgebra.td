@@ -12,7 +12,9 @@ include "WarpBuiltinBase.td"
 class Warp_LinearAlgebra<string mnemonic, list<string> overloads,
                          string summaryOf, Lowering lowering = ByFunction>
     : Warp_Builtin<mnemonic, "Vectors and matrices", overloads, summaryOf,
-                   lowering>;
+                   lowering> {
+  let smoothDomain = ["[-2, 2]"];
+}
 
 defvar PairOverloads = ["(a: vec<n,S>, b: vec<n,S>) -> vec<n,S>",
                         "(a: mat<r,c,S>, b: mat<r,c,S>) -> mat<r,c,S>"];

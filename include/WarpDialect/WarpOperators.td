@@ -13,6 +13,7 @@ class Warp_Operator<string mnemonic, string symbolOf, list<string> overloads,
                     string summaryOf, Lowering lowering = ByFunction>
     : Warp_Builtin<mnemonic, "Operators", overloads, summaryOf, lowering> {
   let symbol = symbolOf;
+  let smoothDomain = ["[0.5, 2]"];
 }
 
 defvar SumOverloads = [
@@ -90,6 +91,7 @@ def Warp_DivApproxOp : Warp_Builtin<"div_approx", "Operators", [
     "quotient of floats for programs that allow an error; the same as `/` "
     "here"> {
   let derivative = QuotientRule;
+  let smoothDomain = ["[0.5, 2]"];
 }
 
 def Warp_FloorDivOp : Warp_Operator<"floordiv", "//", ["(a: S, b: S) -> S"],
@@ -183,6 +185,7 @@ def Warp_WhereOp : Warp_Builtin<"where", "Utility", [
   let derivative = Formulas<
     [["", "where(cond, g, 0)", "where(cond, 0, g)"]],
     ["where(cond, dvalue_if_true, dvalue_if_false)"]>;
+  let smoothDomain = ["[0, 2]", "[-2, 2]", "[-2, 2]"];
 }
 
 def Warp_StopGradientOp : Warp_Builtin<"stop_gradient", "Utility", [

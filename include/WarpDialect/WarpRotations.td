@@ -13,10 +13,14 @@
 include "WarpBuiltinBase.td"
 
 class Warp_Quaternion<string mnemonic, list<string> overloads, string summaryOf>
-    : Warp_Builtin<mnemonic, "Quaternions", overloads, summaryOf>;
+    : Warp_Builtin<mnemonic, "Quaternions", overloads, summaryOf> {
+  let smoothDomain = ["[-1, 1]"];
+}
 class Warp_RigidTransform<string mnemonic, list<string> overloads,
                           string summaryOf>
-    : Warp_Builtin<mnemonic, "Transforms", overloads, summaryOf>;
+    : Warp_Builtin<mnemonic, "Transforms", overloads, summaryOf> {
+  let smoothDomain = ["[-1, 1]"];
+}
 
 def Warp_QuatFromAxisAngleOp : Warp_Quaternion<"quat_from_axis_angle",
     ["(axis: vec<3,F>, angle: F) -> quat<F>"],

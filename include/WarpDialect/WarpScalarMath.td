@@ -36,16 +36,19 @@ def Warp_CosOp : Warp_FloatFunction<"cos", "cosine of an angle in radians",
 def Warp_TanOp : Warp_FloatFunction<"tan", "tangent of an angle in radians",
     "[-1.5, 1.5]", Elementwise<"math::TanOp">> {
   let derivative = Partials<["g * (1 + result * result)"]>;
+  let smoothDomain = ["[-1.2, 1.2]"];
 }
 def Warp_AsinOp : Warp_FloatFunction<"asin",
     "arc sine in radians; the operand is clamped to [-1, 1]", "[-1, 1]"> {
   let derivative = Partials<[
     "where(abs(x) > 1, 0, g / sqrt((1 - x) * (1 + x))) unless abs(x) == 1"]>;
+  let smoothDomain = ["[-0.9, 0.9]"];
 }
 def Warp_AcosOp : Warp_FloatFunction<"acos",
     "arc cosine in radians; the operand is clamped to [-1, 1]", "[-1, 1]"> {
   let derivative = Partials<[
     "where(abs(x) > 1, 0, -g / sqrt((1 - x) * (1 + x))) unless abs(x) == 1"]>;
+  let smoothDomain = ["[-0.9, 0.9]"];
 }
 def Warp_AtanOp : Warp_FloatFunction<"atan", "arc tangent in radians",
     "[-100, 100]", Elementwise<"math::AtanOp">> {
@@ -108,12 +111,14 @@ def Warp_ErfInvOp : Warp_FloatFunction<"erfinv",
     "inverse of the error function", "[-0.99, 0.99]"> {
   let derivative = Partials<[
     "0.88622692545275801365 * g * exp(result * result) unless abs(x) >= 1"]>;
+  let smoothDomain = ["[-0.9, 0.9]"];
 }
 def Warp_ErfcInvOp : Warp_FloatFunction<"erfcinv",
     "inverse of the complement of the error function", "[0.01, 1.99]"> {
   let derivative = Partials<[
     "-0.88622692545275801365 * g * exp(result * result) "
     "unless x <= 0 or x >= 2"]>;
+  let smoothDomain = ["[0.1, 1.9]"];
 }
 
 def Warp_RoundOp : Warp_Rounding<"round",
@@ -159,6 +164,7 @@ defvar AbsOverloads = ["(x: S) -> S", "(x: vec<n,S>) -> vec<n,S>"];
 def Warp_AbsOp : Warp_ScalarMath<"abs", AbsOverloads,
     "absolute value, by component"> {
   let derivative = Formulas<[["where(x < 0, -g, g)"], []], ["partials"]>;
+  let smoothDomain = ["[-2, 2]"];
 }
 def Warp_SignOp : Warp_ScalarMath<"sign", AbsOverloads,
     "-1 for negative values, otherwise 1, by component"> {
@@ -180,6 +186,7 @@ def Warp_MinOp : Warp_ScalarMath<"min", ["(a: S, b: S) -> S",
   let derivative = Formulas<[
     ["where(a < b or b != b, g, 0)", "where(a < b or b != b, 0, g)"], [], []],
     ["partials"]>;
+  let smoothDomain = ["[-2, 2]"];
 }
 def Warp_MaxOp : Warp_ScalarMath<"max", ["(a: S, b: S) -> S",
     "(a: vec<n,S>, b: vec<n,S>) -> vec<n,S>", "(a: vec<n,S>) -> S"],
@@ -189,6 +196,7 @@ def Warp_MaxOp : Warp_ScalarMath<"max", ["(a: S, b: S) -> S",
   let derivative = Formulas<[
     ["where(a > b or b != b, g, 0)", "where(a > b or b != b, 0, g)"], [], []],
     ["partials"]>;
+  let smoothDomain = ["[-2, 2]"];
 }
 def Warp_ClampOp : Warp_ScalarMath<"clamp", ["(x: S, low: S, high: S) -> S"],
     "x limited to [low, high]"> {
@@ -196,6 +204,7 @@ def Warp_ClampOp : Warp_ScalarMath<"clamp", ["(x: S, low: S, high: S) -> S"],
     ["where(below or above, 0, g)", "where(below and not above, g, 0)",
      "where(above, g, 0)"],
     ["below = x < low or x != x", "above = max(x, low) > high"]>;
+  let smoothDomain = ["[-2, 2]", "[-1, 0]", "[0, 1]"];
 }
 def Warp_LerpOp : Warp_ScalarMath<"lerp", ["(a: F, b: F, t: F) -> F",
     "(a: vec<n,F>, b: vec<n,F>, t: F) -> vec<n,F>",
@@ -210,10 +219,13 @@ def Warp_LerpOp : Warp_ScalarMath<"lerp", ["(a: F, b: F, t: F) -> F",
     ["g * (1 - t)", "g * t", "ddot(g, b - a)"],
     ["g * (1 - t)", "g * t", "dot(g, b - a)"], []],
     ["da * (1 - t) + db * t + (b - a) * dt"]>;
+  let smoothDomain = ["[-2, 2]"];
 }
 def Warp_SmoothstepOp : Warp_ScalarMath<"smoothstep",
     ["(a: F, b: F, x: F) -> F"],
-    "3 t^2 - 2 t^3 where t is the position of x in [a, b], clamped">;
+    "3 t^2 - 2 t^3 where t is the position of x in [a, b], clamped"> {
+  let smoothDomain = ["[-2, -1]", "[1, 2]", "[-0.9, 0.9]"];
+}
 def Warp_BitCountOp : Warp_ScalarMath<"bit_count", ["(x: I) -> i32"],
     "number of bits set"> { let derivative = NotDifferentiable; }
 

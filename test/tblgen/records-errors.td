@@ -9,12 +9,15 @@
 // RUN: not warp-tblgen -gen-docs -DDEFAULTS %s 2>&1 | FileCheck %s --check-prefix=DEFAULTS
 // RUN: not warp-tblgen -gen-docs -DDOMAIN %s 2>&1 | FileCheck %s --check-prefix=DOMAIN
 // RUN: not warp-tblgen -gen-docs -DTWICE %s 2>&1 | FileCheck %s --check-prefix=TWICE
+// RUN: not warp-tblgen -gen-docs -DUNCHECKED %s 2>&1 | FileCheck %s --check-prefix=UNCHECKED
 // RUN: not warp-tblgen -gen-pyi --public-names=%t.none %s 2>&1 | FileCheck %s --check-prefix=NOFILE
 
 include "WarpBuiltinBase.td"
 
 class Warp_Try<list<string> overloads, string summaryOf = "tries">
-    : Warp_Builtin<"try", "Group", overloads, summaryOf>;
+    : Warp_Builtin<"try", "Group", overloads, summaryOf> {
+  let smoothDomain = ["[0, 1]"];
+}
 
 #ifdef SUMMARY
 // SUMMARY: records-errors.td:[[#@LINE+1]]:5: error: builtin 'try' has no summary
@@ -60,6 +63,11 @@ def Warp_TryOp : Warp_Try<["(a: S) -> S"]> { let domain = ["[0, 1]", "[0, 1]"]; 
 // TWICE: error: two records of builtin 'try'
 def Warp_TryOp : Warp_Try<["(a: S) -> S"]>;
 def Warp_TryName : Warp_Special<"try", "Group", ["() -> None"], "tries">;
+#endif
+
+#ifdef UNCHECKED
+// UNCHECKED: error: builtin 'try' has a derivative, but no 'smoothDomain' on which to check it
+def Warp_TryOp : Warp_Try<["(a: F) -> F"]> { let smoothDomain = []; }
 #endif
 
 // NOFILE: error: can't read '{{.*}}.none'

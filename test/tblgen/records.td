@@ -16,7 +16,9 @@ def Warp_ZipOp : Warp_Builtin<"zip", "Pairs",
   let derivative = PiecewiseConstant;
 }
 def Warp_ApplyOp : Warp_Builtin<"apply", "Functions",
-    ["(m: mat<r,c,F>, v: vec<c,F>) -> ()"], "applies">;
+    ["(m: mat<r,c,F>, v: vec<c,F>) -> ()"], "applies"> {
+  let smoothDomain = ["[-1, 1]", "[2, 3]"];
+}
 def Warp_TellName : Warp_Special<"tell", "Functions",
     ["(text: str, *args: Any) -> None"], "tells">;
 
@@ -44,6 +46,9 @@ def Warp_TellName : Warp_Special<"tell", "Functions",
 // PYTHON-LABEL: DOMAINS = {
 // PYTHON-NEXT: "zip": (
 // PYTHON-NEXT: "[0, 1]",
+// PYTHON-LABEL: SMOOTH_DOMAINS = {
+// PYTHON-NEXT: "apply": (
+// PYTHON-NEXT: "[-1, 1]",
 // PYTHON-LABEL: OPERATORS = {
 // PYTHON-NEXT: "zip": "~~",
 

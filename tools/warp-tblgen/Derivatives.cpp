@@ -75,8 +75,12 @@ public:
       os << "    return " << value << ";\n";
       return;
     }
+    // Where only the cotangent is asked about, no point is singular.
+    bool isGuard = true;
+    formula.unless->forEachName([&](StringRef name) { isGuard &= name == "g"; });
     os << "    return f.unless([&] { return " << toCpp(*formula.unless)
-       << "; },\n                    [&] { return " << value << "; });\n";
+       << "; },\n                    [&] { return " << value << "; }, "
+       << (isGuard ? "false" : "true") << ");\n";
   }
 
 private:

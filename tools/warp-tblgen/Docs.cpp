@@ -2,6 +2,8 @@
 
 #include "Records.h"
 
+#include "llvm/ADT/STLExtras.h"
+#include "llvm/ADT/StringExtras.h"
 #include "llvm/Support/raw_ostream.h"
 #include "llvm/TableGen/TableGenBackend.h"
 
@@ -20,6 +22,10 @@ for any float, `I` and `J` for any integer, `A` and `B` for any value; a small l
 transform. A function changes the variable that is passed for an `inout` parameter. Integers and floats do not
 mix: write `float(i)`.
 
+An adjoint says what is added to the gradient of an operand, from the gradient `g` of the result. Behind
+`unless` stands where that is singular; zero is added there unless `wp.config.singular` says otherwise. A
+builtin whose derivative is by expansion is differentiated like the scalar arithmetic that computes it.
+
 )";
 
 static std::string getAnchor(StringRef group) {
@@ -29,14 +35,59 @@ static std::string getAnchor(StringRef group) {
   return anchor;
 }
 
+/// The adjoints of one overload: `a` += `g * b`, ...
+static void emitAdjoints(const warp::Signature &signature,
+                         ArrayRef<StringRef> formulas, raw_ostream &os) {
+  ListSeparator comma;
+  for (auto [formula, parameter] : zip_equal(formulas, signature.parameters))
+    if (!formula.empty())
+      os << comma << '`' << parameter.name << "` += `" << formula << '`';
+}
+
+static void emitDerivative(const Builtin &builtin, raw_ostream &os) {
+  const Record *derivative = builtin.record->getValueAsDef("derivative");
+  if (builtin.derivative != "differentiable") {
+    os << " Derivative: " << builtin.derivative << ".";
+    return;
+  }
+  if (!derivative->isSubClassOf("Formulas")) {
+    os << " Derivative: "
+       << (derivative->getName() == "Smooth" ? "by expansion" : "yes") << ".";
+    return;
+  }
+  const ListInit *adjoints = derivative->getValueAsListInit("adjoints");
+  bool perOverload = adjoints->size() > 1;
+  os << (perOverload ? " Adjoints:" : " Adjoint: ");
+  for (auto [i, entry] : enumerate(*adjoints)) {
+    std::vector<StringRef> formulas;
+    for (const Init *formula : *cast<ListInit>(entry))
+      formulas.push_back(cast<StringInit>(formula)->getValue());
+    if (perOverload)
+      os << "\n- `" << builtin.overloads[i] << "`: ";
+    if (formulas.empty())
+      os << "by expansion";
+    else
+      emitAdjoints(builtin.signatures[i], formulas, os);
+  }
+  ListSeparator comma;
+  std::vector<StringRef> given =
+      derivative->getValueAsListOfStrings("given");
+  if (!given.empty())
+    os << (perOverload ? "\n\nwhere " : " where ");
+  for (StringRef definition : given)
+    os << comma << '`' << definition << '`';
+  if (!perOverload)
+    os << ".";
+}
+
 static void emitBuiltin(const Builtin &builtin, raw_ostream &os) {
   os << "\n### " << builtin.pythonName;
   if (!builtin.symbol.empty())
     os << " `" << builtin.symbol << "`";
   os << "\n\n";
   os << builtin.summary << ".";
-  if (!builtin.isSpecial() && builtin.derivative != "differentiable")
-    os << " Derivative: " << builtin.derivative << ".";
+  if (!builtin.isSpecial())
+    emitDerivative(builtin, os);
   os << "\n\n```python\n";
   for (const std::string &overload : getDisplayedOverloads(builtin))
     os << overload << "\n";

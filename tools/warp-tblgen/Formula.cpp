@@ -228,8 +228,11 @@ static void readOverload(const Builtin &builtin, Checker checker,
     checker.allow(parameter.name);
   Checker tangentChecker = checker;
   checker.allow("g");
-  for (const Definition &definition : rule.given)
+  for (const Definition &definition : rule.given) {
     checker.allow(definition.name);
+    if (!definition.usesCotangent)
+      tangentChecker.allow(definition.name);
+  }
   for (const warp::Parameter &parameter : parameters)
     tangentChecker.allow("d" + parameter.name);
 
@@ -257,12 +260,18 @@ std::optional<Rule> warp::tblgen::readRule(const Builtin &builtin,
   Checker checker(builtin, builtins);
   checker.allow("result");
   Checker givenChecker = checker;
+  givenChecker.allow("g");
   for (const warp::Parameter &parameter : builtin.signatures[0].parameters)
     givenChecker.allow(parameter.name);
   for (StringRef text : derivative->getValueAsListOfStrings("given")) {
     auto [name, value] = text.split('=');
+    Formula formula = givenChecker.parse(value.trim());
+    bool usesCotangent =
+        formula.uses("g") || any_of(rule.given, [&](const Definition &other) {
+          return other.usesCotangent && formula.uses(other.name);
+        });
     rule.given.push_back(
-        {name.trim(), givenChecker.parse(value.trim()).value});
+        {name.trim(), std::move(formula.value), usesCotangent});
     givenChecker.allow(name.trim());
   }
   rule.tangents = spread(

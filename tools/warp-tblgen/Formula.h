@@ -40,6 +40,8 @@ struct Formula {
 struct Definition {
   llvm::StringRef name;
   FormulaNode value;
+  /// It is of the adjoint alone; a formula for tangents can't use it.
+  bool usesCotangent;
 };
 
 /// The derivative of a builtin, for every overload.

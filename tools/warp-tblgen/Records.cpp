@@ -68,6 +68,29 @@ static Builtin readCommon(const Record *record) {
   return builtin;
 }
 
+/// A derivative that no test could check is an error.
+static void checkDomains(const Builtin &builtin) {
+  size_t count = builtin.signatures[0].parameters.size();
+  auto check = [&](ArrayRef<StringRef> domain) {
+    if (domain.size() != count)
+      PrintFatalError(builtin.record, "builtin '" + builtin.pythonName +
+                                          "' has " + Twine(domain.size()) +
+                                          " intervals for " + Twine(count) +
+                                          " parameters");
+  };
+  if (!builtin.domain.empty())
+    check(builtin.domain);
+  if (builtin.derivative != "differentiable")
+    return;
+  if (builtin.smoothDomain.empty())
+    PrintFatalError(builtin.record,
+                    "builtin '" + builtin.pythonName +
+                        "' has a derivative, but no 'smoothDomain' on which "
+                        "to check it");
+  if (builtin.smoothDomain.size() != 1)
+    check(builtin.smoothDomain);
+}
+
 static Builtin readOperation(const Record *record) {
   Builtin builtin = readCommon(record);
   builtin.symbol = record->getValueAsString("symbol");
@@ -77,6 +100,8 @@ static Builtin readOperation(const Record *record) {
       record->getValueAsDef("derivative")->getValueAsString("text");
   for (StringRef interval : record->getValueAsListOfStrings("domain"))
     builtin.domain.push_back(interval);
+  for (StringRef interval : record->getValueAsListOfStrings("smoothDomain"))
+    builtin.smoothDomain.push_back(interval);
   for (StringRef overload : builtin.overloads) {
     std::string error;
     std::optional<warp::Signature> signature =
@@ -87,13 +112,7 @@ static Builtin readOperation(const Record *record) {
     checkSignature(*record, *signature, overload);
     builtin.signatures.push_back(*std::move(signature));
   }
-  if (!builtin.domain.empty() &&
-      builtin.domain.size() != builtin.signatures[0].parameters.size())
-    PrintFatalError(record, "builtin '" + builtin.pythonName + "' has " +
-                                Twine(builtin.domain.size()) +
-                                " intervals for " +
-                                Twine(builtin.signatures[0].parameters.size()) +
-                                " parameters");
+  checkDomains(builtin);
   return builtin;
 }
 

@@ -25,7 +25,7 @@ struct Builtin {
   /// Name of the operation and of its C++ class; empty for a special name.
   std::string opName, className;
   llvm::StringRef derivative;
-  std::vector<llvm::StringRef> domain;
+  std::vector<llvm::StringRef> domain, smoothDomain;
 
   bool isSpecial() const { return opName.empty(); }
 };

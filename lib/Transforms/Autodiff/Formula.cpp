@@ -65,25 +65,23 @@ Expr Formula::call(StringRef name, std::initializer_list<Expr> list) {
     return callWhere(args);
   if (auto folded = foldLogic(name, args))
     return *folded;
-  Type type = getElementScalar(operands[0].getType());
-  if (args.size() == 1 || isBool(type))
-    type = Type();
+  Type type = getElementScalar(operands.back().getType());
   for (Expr arg : args)
     if (arg.value)
       type = arg.value.getType();
   SmallVector<Value, 3> values;
   for (Expr arg : args)
-    values.push_back(
-        materialize(arg, type ? type : operands[0].getType()));
+    values.push_back(materialize(arg, type));
   return create(*this, name, values, context);
 }
 
 Expr Formula::unless(llvm::function_ref<Expr()> isSingular,
-                     llvm::function_ref<Expr()> value) {
+                     llvm::function_ref<Expr()> value, bool isReported) {
   if (context.singular == Singular::Strict)
     return value();
   Expr singular = isSingular(), regular = value();
-  if (context.singular == Singular::Report && context.report && singular.value)
+  if (context.singular == Singular::Report && context.report && isReported &&
+      singular.value)
     context.report(
         call("bit_and", {singular, cotangent() != number(0)}).value);
   return call("where", {singular, number(0), regular});

@@ -36,9 +36,9 @@ struct Expr {
 /// One rule, applied to one operation.
 class Formula {
 public:
-  Formula(RuleContext &context, mlir::Operation *op, mlir::ValueRange operands,
+  Formula(RuleContext &context, mlir::ValueRange operands,
           mlir::ValueRange results)
-      : context(context), op(op), operands(operands), results(results) {}
+      : context(context), operands(operands), results(results) {}
 
   Expr number(double number) { return {this, nullptr, number}; }
   Expr wrap(mlir::Value value) { return {this, value, 0}; }
@@ -50,9 +50,10 @@ public:
   /// A builtin, by its Python name.
   Expr call(llvm::StringRef name, std::initializer_list<Expr> args);
 
-  /// The value, but zero where `isSingular`, as the policy has it.
+  /// The value, but zero where `isSingular`, as the policy has it. `isReported`
+  /// if that is a property of the operands.
   Expr unless(llvm::function_ref<Expr()> isSingular,
-              llvm::function_ref<Expr()> value);
+              llvm::function_ref<Expr()> value, bool isReported = true);
 
   /// The value of an expression in a place where `type` is expected.
   mlir::Value materialize(Expr expr, mlir::Type type);
@@ -65,7 +66,6 @@ private:
   Expr callWhere(llvm::ArrayRef<Expr> args);
 
   RuleContext &context;
-  mlir::Operation *op;
   mlir::ValueRange operands, results;
 };
 

@@ -129,7 +129,7 @@ pullback(RuleContext &context, Operation *op, ValueRange operands,
   const RuleEntry *rule = lookupRule(op);
   if (!rule)
     return refuse(op);
-  Formula formula(context, op, operands, results);
+  Formula formula(context, operands, results);
   formula.seed = cotangents[0];
   for (unsigned i = 0; i < adjoints.size(); ++i) {
     Type type = differentialType(operands[i].getType());
@@ -188,7 +188,7 @@ FailureOr<SmallVector<Value>> pushforward(RuleContext &context, Operation *op,
   const RuleEntry *rule = lookupRule(op);
   if (!rule)
     return refuse(op);
-  Formula formula(context, op, operands, results);
+  Formula formula(context, operands, results);
   if (!rule->tangent) {
     derivatives[0] =
         sumTangents(context, op, *rule, formula, operands, tangents);
