@@ -7,6 +7,7 @@ setting or module option that matters to code drops the native kernel, not the P
 
 from __future__ import annotations
 
+import functools
 import os
 import re
 import types as python_types
@@ -79,7 +80,7 @@ class Kernel:
         self.__doc__ = func.__doc__
         self.__wrapped__ = func
 
-    @property
+    @functools.cached_property
     def is_generic(self) -> bool:
         """Whether a parameter's type is left open."""
         return any(map(is_generic, self.func.__annotations__.values()))
@@ -183,6 +184,11 @@ class Kernel:
     def tangent(self, native, active, unique=True):
         """The same in forward mode."""
         return self._derive(native, active, True, unique)
+
+    def last_adjoint(self):
+        """The derivative in reverse mode that was made last, None if there is none."""
+        made = [one for key, one in self._derivatives.items() if not key[2]]
+        return made[-1] if made and self._derivatives_epoch is Epoch.current else None
 
     def _derive(self, native, active, forward, unique):
         from warp import config

@@ -101,14 +101,14 @@ def run_augmented(made: Derivative, call: Call) -> list[array]:
     """Runs a launch that saves what its adjoint needs, and returns that."""
     from warp._src.array_create import zeros
 
-    threads = _thread_count(call.dim)
+    # An element for each thread, at its index.
+    extents = tuple(call.dim) if isinstance(call.dim, (tuple, list)) else (int(call.dim),)
+    shape = extents + (1,) * (4 - len(extents))
     saved = []
     for hidden in made.hidden:
-        if hidden.kind != "saved":
-            continue
-        kind = types.dtype_of(hidden.type)
-        shape = (threads * hidden.per_thread,) + (1,) * (kind.ndim - 1)
-        saved.append(zeros(shape, kind.dtype, f"{_device(call)}"))
+        if hidden.kind == "saved":
+            dtype = types.dtype_of(hidden.type).dtype
+            saved.append(zeros(shape, dtype, _device(call)))
     made.augmented.launch(
         call.dim, call.values, saved, call.device, call.stream, call.block_dim or 0
     )

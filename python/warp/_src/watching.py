@@ -117,7 +117,14 @@ class Call:
             values.append(value)
         return tuple(values)
 
+    def other(self, native, values) -> Call:
+        """A launch of another native kernel in the same place."""
+        made = Call(self.kernel, native, self.dim, values, self.device, self.stream, self.block_dim)
+        made._event = self._event
+        return made
+
     def run(self) -> None:
+        """Runs the launch as it is."""
         self.native.launch(self.dim, self.values, (), self.device, self.stream, self.block_dim or 0)
 
 

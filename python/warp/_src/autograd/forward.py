@@ -10,14 +10,15 @@ from warp._src.array import array
 from warp._src.array_create import clone, zeros_like
 from warp._src.autograd.tangents import Tangents
 from warp._src.tape import Tape
-from warp._src.tracking import Watching
+from warp._src.tracking import Watch, Watching
 
 
 def jvp(function: Callable, inputs: Sequence, tangents: Sequence) -> array | list[array]:
     """The derivative of a function along a direction, by forward mode.
 
     Each launch in the function is replaced by one that computes values and tangents together, so it
-    costs about two evaluations, however many outputs there are.
+    costs about two evaluations, however many outputs there are. Inside of a tape's block the
+    tangents are recorded too, for derivatives of them.
 
     Args:
         function: a Python function that launches kernels and returns an array or several.
@@ -38,7 +39,7 @@ def jvp(function: Callable, inputs: Sequence, tangents: Sequence) -> array | lis
         WarpShapeError: a tangent does not fit its input.
         WarpCodegenError: a kernel cannot be differentiated.
     """
-    state = Tangents()
+    state = Tangents(Watch.tape)
     _start(state, inputs, tangents, "tangents")
     with Watching(tape=None, executor=state):
         result = function(*inputs)
@@ -49,7 +50,7 @@ def jvp(function: Callable, inputs: Sequence, tangents: Sequence) -> array | lis
             raise TypeError(f"jvp: expects a function that returns arrays, but got {one!r}")
     found = [state.find(one) for one in results]
     made = [
-        zeros_like(one, requires_grad=False) if tangent is None else _owned(tangent)
+        zeros_like(one, requires_grad=False) if tangent is None else clone(tangent)
         for one, tangent in zip(results, found, strict=True)
     ]
     return made if several else made[0]
@@ -107,7 +108,7 @@ def hvp(function: Callable, inputs: Sequence, vectors: Sequence) -> array | list
             grad.zero_()
         tape.backward(loss=loss)
     result = [
-        _owned(state.twin(one.grad)) if isinstance(one, array) and one.grad is not None else None
+        _packed(state.twin(one.grad)) if isinstance(one, array) and one.grad is not None else None
         for one in inputs
     ]
     for grad, contents in saved:
@@ -115,8 +116,7 @@ def hvp(function: Callable, inputs: Sequence, vectors: Sequence) -> array | list
     return result[0] if len(result) == 1 else result
 
 
-def _owned(one: array) -> array:
-    """A packed copy."""
+def _packed(one: array) -> array:
     return clone(one, requires_grad=False)
 
 

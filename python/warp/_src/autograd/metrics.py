@@ -8,10 +8,11 @@ NAMES = ("tape_bytes", "replay_loops", "atomics", "block_reductions", "shadowed"
 
 
 def adjoint_metrics(kernel: Kernel, inputs=None) -> dict[str, int]:
-    """What the adjoint of a kernel costs, with gradients of all arrays.
+    """What the adjoint of a kernel costs.
 
     Args:
-        kernel: the kernel; a generic one needs `inputs`.
+        kernel: the kernel; counted is the adjoint that was made last or, if there is none, that
+            with gradients of all arrays.
         inputs: arguments that a generic kernel is specialised for.
 
     Returns:
@@ -24,6 +25,8 @@ def adjoint_metrics(kernel: Kernel, inputs=None) -> dict[str, int]:
     """
     if not isinstance(kernel, Kernel):
         raise TypeError(f"expects a kernel, but got '{type(kernel).__name__}'")
-    native = kernel.specialize(inputs or ()) if kernel.is_generic else kernel.prepare()
-    made = kernel.adjoint(native, (True,) * len(native.accesses))
+    made = kernel.last_adjoint()
+    if made is None or inputs is not None:
+        native = kernel.specialize(inputs or ()) if kernel.is_generic else kernel.prepare()
+        made = kernel.adjoint(native, (True,) * len(native.accesses))
     return {**dict.fromkeys(NAMES, 0), **made.metrics}

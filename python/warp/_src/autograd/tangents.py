@@ -15,16 +15,22 @@ from warp._src import kernel_derivatives, scalars, types
 from warp._src.array import array
 from warp._src.array_create import empty
 from warp._src.array_gradients import gradient_type, has_gradient
-from warp._src.tracking import Box
+from warp._src.tracking import Box, event
 from warp._src.watching import Call
 
 
 class Tangents:
-    """Twins of allocations, and the operations on both."""
+    """Twins of allocations, and the operations on both.
 
-    def __init__(self):
-        # By address: the allocation's array, and the bytes of its twin.
-        self._twins: dict[int, tuple[array, array]] = {}
+    Args:
+        tape: records what is done with both, for derivatives of tangents; twins then have gradients
+            of their own.
+    """
+
+    def __init__(self, tape=None):
+        self.tape = tape
+        # By address: the allocation's array, the bytes of its twin, those of the twin's gradient.
+        self._twins: dict[int, tuple[array, array, array | None]] = {}
 
     # Twins.
 
@@ -41,18 +47,20 @@ class Tangents:
         if (base.ptr or 0) not in self._twins:
             box = Box(base)
             size = (box.stop - box.start) * _widening(base.dtype)
-            bytes_ = empty(max(size, 1), scalars.uint8, base.device)
-            _native.fill_array(bytes_, bytes(1))
-            self._twins[base.ptr or 0] = (base, bytes_)
+            made = [_zeros(size, base.device)]
+            made.append(None if self.tape is None else _zeros(size, base.device))
+            self._twins[base.ptr or 0] = (base, *made)
         return self._view(one, base)
 
     def _view(self, one: array, base: array) -> array:
-        bytes_ = self._twins[base.ptr or 0][1]
+        _, tangents, gradients = self._twins[base.ptr or 0]
         wide, dtype = _widening(one.dtype), gradient_type(one.dtype)
         offset = ((one.ptr or 0) - (base.ptr or 0)) * wide
         strides = [stride * wide for stride in one.strides]
-        result = bytes_._view(offset, one.shape, strides, dtype)
-        if one.grad is not None:
+        result = tangents._view(offset, one.shape, strides, dtype)
+        if gradients is not None:
+            result.grad = gradients._view(offset, one.shape, strides, dtype)
+        elif one.grad is not None:
             result.grad = self.twin(one.grad)
         return result
 
@@ -61,14 +69,16 @@ class Tangents:
     def launch(self, call: Call) -> None:
         """Runs a launch with tangents."""
         active = self._active(call.leaves, call.accesses)
-        if not any(active):
+        if any(active):
+            made = call.kernel.tangent(call.native, active)
+            hidden = self._hidden(made, [one for _, one in call.leaves])
+            call = call.other(made.native, (*call.values, *hidden))
+        if self.tape is None:
             call.run()
             return
-        made = call.kernel.tangent(call.native, active)
-        hidden = self._hidden(made, [one for _, one in call.leaves])
-        made.native.launch(
-            call.dim, call.values, hidden, call.device, call.stream, call.block_dim or 0
-        )
+        record = self.tape.begin_launch(call)
+        record.run()
+        self.tape.end_launch(record)
 
     def _active(self, leaves, accesses) -> tuple[bool, ...]:
         """Arrays that have tangents, or get some from those that have."""
@@ -92,7 +102,7 @@ class Tangents:
     def launch_adjoint(self, made, call: Call, values, initial, saved) -> None:
         """Runs the adjoint of a launch with tangents."""
         hidden = kernel_derivatives.hidden_values(made, call, initial, list(saved))
-        again = Call(call.kernel, made.native, call.dim, (*values, *hidden), call.device)
+        again = call.other(made.native, (*values, *hidden))
         arrays = [one for _, one in again.leaves]
         active = tuple(
             one is not None
@@ -101,31 +111,44 @@ class Tangents:
             for one in arrays
         )
         second = _tangent_of(made, active)
-        extra = self._hidden(second, arrays)
-        second.native.launch(
-            call.dim, again.values, extra, call.device, call.stream, call.block_dim or 0
-        )
+        call.other(second.native, (*again.values, *self._hidden(second, arrays))).run()
 
     def copy(self, dest: array, src: array, stream=None) -> None:
         """Copies values and tangents."""
-        _native.copy_array(dest, src, stream)
+        self._copy(dest, src, stream)
         if not has_gradient(dest.dtype):
             return
         tangents = self.find(src)
         if tangents is not None:
-            _native.copy_array(self.twin(dest), tangents, stream)
+            self._copy(self.twin(dest), tangents, stream)
         elif self.find(dest) is not None:
             self._clear(dest)
 
     def fill(self, target: array, pattern: bytes) -> None:
         """Fills with a constant, whose tangent is zero."""
-        _native.fill_array(target, pattern)
+        self._fill(target, pattern)
         if self.find(target) is not None:
             self._clear(target)
 
     def _clear(self, one: array) -> None:
         tangents = self.twin(one)
-        _native.fill_array(tangents, bytes(tangents.item_size))
+        self._fill(tangents, bytes(tangents.item_size))
+
+    def _copy(self, dest, src, stream) -> None:
+        _native.copy_array(dest, src, stream)
+        if self.tape is not None:
+            self.tape.add_copy(dest, src, event("copy"))
+
+    def _fill(self, target, pattern) -> None:
+        _native.fill_array(target, pattern)
+        if self.tape is not None:
+            self.tape.add_fill(target, event("fill"))
+
+
+def _zeros(size, device) -> array:
+    made = empty(max(size, 1), scalars.uint8, device)
+    _native.fill_array(made, bytes(1))
+    return made
 
 
 def _tangent_of(made, active):
