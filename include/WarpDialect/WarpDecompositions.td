@@ -14,7 +14,9 @@ include "WarpBuiltinBase.td"
 
 class Warp_Decomposition<string mnemonic, list<string> overloads,
                          string summaryOf>
-    : Warp_Builtin<mnemonic, "Decompositions", overloads, summaryOf>;
+    : Warp_Builtin<mnemonic, "Decompositions", overloads, summaryOf> {
+  let smoothDomain = ["[-2, 2]"];
+}
 
 def Warp_Svd3Op : Warp_Decomposition<"svd3",
     ["(A: mat<3,3,F>) -> (mat<3,3,F>, vec<3,F>, mat<3,3,F>)",
@@ -54,11 +56,27 @@ def Warp_SymLog3Op : Warp_Decomposition<"sym_log3",
     "logarithm of a symmetric matrix with positive eigenvalues">;
 def Warp_SymExp3Op : Warp_Decomposition<"sym_exp3",
     ["(A: mat<3,3,F>) -> mat<3,3,F>"], "exponential of a symmetric matrix">;
+def Warp_SymSpectral3Op : Warp_Decomposition<"sym_spectral3",
+    ["(A: mat<3,3,F>, values: vec<3,F>, slopes: vec<3,F>) -> mat<3,3,F>"],
+    "Q diag(values) Q^T with the eigenvectors Q of a symmetric matrix, as eig3 "
+    "gives them, where values are a function of the eigenvalues. Of that "
+    "function, slopes[k] is the divided difference between the two eigenvalues "
+    "other than k, which only the derivative uses">;
+def Warp_SymFn3Name : Warp_Special<"sym_fn3", "Decompositions",
+    ["(A: Any, f: Any) -> Any"],
+    "Q diag(f(d)) Q^T, where A = Q diag(d) Q^T is symmetric and f is a builtin "
+    "or a function of one float">;
 
 class Warp_Solve<string n> : Warp_Decomposition<"solve" # n,
     ["(A: mat<" # n # "," # n # ",F>, b: vec<" # n # ",F>) -> vec<" # n #
      ",F>"], "x with A x = b, by elimination with pivoting; zero where A is "
-    "singular">;
+    "singular"> {
+  // CSE makes one system of both.
+  let derivative = Formulas<
+    [["-outer(solve" # n # "(transpose(A), g), result)",
+      "solve" # n # "(transpose(A), g)"]],
+    ["solve" # n # "(A, db - dA * result)"]>;
+}
 def Warp_Solve2Op : Warp_Solve<"2">;
 def Warp_Solve3Op : Warp_Solve<"3">;
 def Warp_Solve4Op : Warp_Solve<"4">;

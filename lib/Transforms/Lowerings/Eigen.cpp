@@ -89,4 +89,9 @@ Scalars lowerSymExp3(Emitter &, Operands args) {
   return applyToValues(args, exp);
 }
 
+Scalars lowerSymSpectral3(Emitter &, Operands args) {
+  Eigen3 eigen = getEigen3(args[0].scalars);
+  return multiplyDiagonal(eigen.vectors, args[1].scalars, eigen.vectors);
+}
+
 } // namespace warp::lowering
