@@ -30,6 +30,28 @@ def VerifyWarp : WarpPass<"warp-verify-warp"> {
 // Derivatives, between `warp` and `thread`
 //===----------------------------------------------------------------------===//
 
+def ResolveVjps : WarpPass<"warp-resolve-vjps"> {
+  let summary = "Replace warp.vjp by calls of functions that compute it";
+  let description = [{
+    Functions without a derivative of their own are differentiated here.
+    Derivatives of functions that are merely called are dropped, unless the
+    kernel is about to be differentiated, and so are functions without a use.
+
+    ```mlir
+    %dx = warp.vjp @f(%x) of(%dy) : (f32), (f32) -> (f32)
+    // ==>
+    %dx = func.call @f_vjp(%x, %dy) : (f32, f32) -> f32
+    ```
+  }];
+  let options = [
+    Option<"keepDerivatives", "keep-derivatives", "bool", "false",
+           "Keep functions that are derivatives of functions in use">,
+    Option<"singular", "singular", "std::string", "\"pinned\"",
+           "Derivatives where there is none: pinned, strict or report">,
+  ];
+  let dependentDialects = ["::mlir::func::FuncDialect", "::warp::WarpDialect"];
+}
+
 def ExpandBuiltins : WarpPass<"warp-expand-builtins"> {
   let summary = "Replace builtins without a derivative of their own";
   let description = [{
@@ -49,6 +71,41 @@ def ExpandBuiltins : WarpPass<"warp-expand-builtins"> {
   let dependentDialects = [
     "::mlir::arith::ArithDialect", "::mlir::math::MathDialect",
     "::mlir::scf::SCFDialect", "::warp::WarpDialect"];
+}
+
+def FlattenStructs : WarpPass<"warp-flatten-structs"> {
+  let summary = "Replace struct values by their fields";
+  let description = [{
+    Arguments stay structs; nothing else is one afterwards, and elements of
+    arrays of structs are accessed field by field.
+
+    ```mlir
+    %p = warp.load %a[%i] : !warp.array<1 x !P>, si32 -> !P
+    %m = warp.struct_get %p["m"] : !P -> f32
+    // ==>
+    %v = warp.component_view %a[] field "m"
+    %m = warp.load %v[%i] : !warp.array<1 x f32>, si32 -> f32
+    ```
+  }];
+  let dependentDialects = ["::warp::WarpDialect"];
+}
+
+def ForwardStores : WarpPass<"warp-forward-stores"> {
+  let summary = "Use what a thread stored or loaded instead of loading it again";
+  let description = [{
+    Threads do not see each other's writes between two accesses of the same
+    element by one thread.
+
+    ```mlir
+    warp.store %x, %y[%i]
+    %v = warp.load %y[%i]
+    // ==>
+    warp.store %x, %y[%i]      // and %x instead of %v
+    ```
+  }];
+  let options = [
+    Option<"unique", "unique", "bool", "true", "No two arrays overlap">,
+  ];
 }
 
 def DifferentiateKernel : WarpPass<"warp-differentiate-kernel"> {

@@ -15,6 +15,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "Context.h"
+#include "Derivation.h"
 #include "Pipelines.h"
 
 #include "warp/Autodiff.h"
@@ -73,7 +74,7 @@ static void addPasses(OpPassManager &pm, StringRef pipeline) {
     throw Error(Error::Kind::Compile, "no pass for derivatives: " + message);
 }
 
-static void addDerivation(OpPassManager &pm, const AutodiffOptions &options) {
+void warp::addDerivation(OpPassManager &pm, const AutodiffOptions &options) {
   static const bool once = (warp::registerWarpPasses(), true);
   (void)once;
   addInlining(pm);
@@ -93,7 +94,7 @@ static void addDerivation(OpPassManager &pm, const AutodiffOptions &options) {
 }
 
 /// Functions with a derivative of their own stay calls until that is built.
-static void keepCalls(ModuleOp module, bool keep) {
+void warp::keepCalls(ModuleOp module, bool keep) {
   for (auto function : module.getOps<func::FuncOp>()) {
     if (!function->hasAttr(warp::attr::vjp) &&
         !function->hasAttr(warp::attr::replay))
@@ -221,6 +222,9 @@ Derivative warp::differentiate(const Module &module,
   AutodiffOptions options = complete(module, given);
   auto copy = std::make_shared<Module::Impl>();
   copy->op = module.getImpl()->op->clone();
+  run(*copy->op, [&](OpPassManager &pm) {
+    pm.addPass(createResolveVjps({/*keepDerivatives=*/true, options.singular}));
+  });
   keepCalls(*copy->op, true);
   run(*copy->op, [&](OpPassManager &pm) { addDerivation(pm, options); });
   keepCalls(*copy->op, false);
