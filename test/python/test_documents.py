@@ -10,7 +10,9 @@ import programs
 ROOT = Path(__file__).resolve().parents[2]
 
 
-@pytest.mark.parametrize("name", ["README.md", "docs/guide.md", "docs/graphs.md"])
+@pytest.mark.parametrize(
+    "name", ["README.md", "docs/guide.md", "docs/graphs.md", "docs/differentiation.md"]
+)
 def test_python_blocks_run(name):
     text = (ROOT / name).read_text(encoding="utf-8")
     blocks = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)

@@ -72,7 +72,7 @@ class Tape:
 
     def begin_launch(self, call: Call) -> LaunchRecord:
         """Called before a launch that is to be recorded."""
-        return LaunchRecord(call, self.preserve == "auto")
+        return LaunchRecord(call.settled(), self.preserve == "auto")
 
     def end_launch(self, record: LaunchRecord) -> None:
         """Called after it."""
@@ -106,7 +106,7 @@ class Tape:
         values = (*inputs, *outputs)
         native = kernel.specialize(values) if kernel.is_generic else kernel.prepare()
         call = Call(kernel, native, dim, values, resolve_index(device), None, block_dim)
-        self.end_launch(LaunchRecord(call, self.preserve == "auto"))
+        self.end_launch(self.begin_launch(call))
 
     def record_func(self, backward, arrays) -> None:
         """Records a function that is called in the backward pass.
@@ -228,10 +228,8 @@ class Tape:
         """Gradients by array; structs have copies whose arrays are the gradients."""
         found: dict = {one: one.grad for one in self.arrays() if one.grad is not None}
         for record in self._records:
-            values = record.call.values if isinstance(record, LaunchRecord) else ()
-            for value in values:
-                if isinstance(value, StructInstance):
-                    found[value] = self.get_adjoint(value)
+            for value in record.structs if isinstance(record, LaunchRecord) else ():
+                found[value] = self.get_adjoint(value)
         return found
 
     def get_adjoint(self, a):

@@ -63,6 +63,11 @@ class LaunchRecord:
                 self.initial[leaf] = adjoint.copy_of(found, self.call.stream)
 
     @property
+    def structs(self) -> list:
+        """The structs that were passed."""
+        return self.call.originals
+
+    @property
     def kernel(self):
         return self.call.kernel
 

@@ -141,6 +141,8 @@ class Memory:
         self.regions: dict = {}
         # Starts and regions in order, by the number of bits of the size.
         self.sorted: dict = {}
+        # Number of regions at which those without a version are forgotten.
+        self.limit = 4096
 
     def clear(self) -> None:
         self.regions.clear()
@@ -151,7 +153,9 @@ class Memory:
         key = (array.descriptor(), array.item_size)
         region = self.regions.get(key)
         if region is None:
-            region = self.regions[key] = self._add(Box(array))
+            if len(self.regions) >= self.limit:
+                self._prune()
+            region = self.regions[key] = self._add(_Region(Box(array)))
         version = region.current()
         if version is None:
             version = Version(array)
@@ -175,8 +179,17 @@ class Memory:
             if other.current() is not None:
                 other.end(by.event)
 
-    def _add(self, box):
-        region = _Region(box)
+    def _prune(self) -> None:
+        """Forgets regions that nobody has a version of."""
+        living = {key: one for key, one in self.regions.items() if one.current() is not None}
+        self.clear()
+        for key, region in living.items():
+            region.neighbours = []
+            self.regions[key] = self._add(region)
+        self.limit = max(4096, 2 * len(living))
+
+    def _add(self, region):
+        box = region.box
         for other in self._near(box):
             if box.overlaps(other.box):
                 region.neighbours.append(other)

@@ -8,12 +8,13 @@ come here: memory that is about to change ends the versions of what tapes have r
 
 from __future__ import annotations
 
-import functools
+import copy
 
 from warp import _native
 from warp._src import types
 from warp._src.annotations import ArrayType
 from warp._src.array import array
+from warp._src.structs import StructInstance
 from warp._src.tracking import Event, Watch, event
 
 
@@ -24,12 +25,16 @@ class Signature:
         parameters: (name, kind, ...) of each parameter.
         accesses: (loaded, stored, combined, fetched, line) of each array.
         written: numbers of the arrays that a launch may change.
+        mutable: positions of structs and composites.
         looks_back: whether an array is loaded and changed, or results of atomics matter.
     """
 
     def __init__(self, native, count):
         self.parameters = native.parameters
         self.flat = all(kind != "struct" for _, kind, *_ in self.parameters)
+        self.mutable = [
+            i for i, (_, kind, *_) in enumerate(self.parameters) if kind in ("struct", "composite")
+        ]
         self.arrays = [
             (i, name) for i, (name, kind, *_) in enumerate(self.parameters) if kind == "array"
         ]
@@ -49,11 +54,12 @@ class Call:
     Attributes:
         kernel, native: what runs.
         dim, values, device, stream, block_dim: as passed; `device` is an index.
+        originals: structs that `values` has copies of.
     """
 
     __slots__ = (
         *("_event", "_leaves", "block_dim", "device", "dim", "kernel", "native"),
-        *("signature", "stream", "values"),
+        *("originals", "signature", "stream", "values"),
     )
 
     def __init__(self, kernel, native, dim, values, device, stream=None, block_dim=0):
@@ -61,6 +67,7 @@ class Call:
         self.values = tuple(values)
         self.device, self.stream, self.block_dim = device, stream, block_dim
         self._event = self._leaves = None
+        self.originals: list = []
         self.signature = signature_of(kernel, native, self.values)
 
     @property
@@ -116,6 +123,18 @@ class Call:
                 first += count
             values.append(value)
         return tuple(values)
+
+    def settled(self) -> Call:
+        """Exchanges values that the caller may change later for copies."""
+        if self.signature.mutable:
+            values = list(self.values)
+            for i in self.signature.mutable:
+                if isinstance(values[i], StructInstance):
+                    self.originals.append(values[i])
+                values[i] = copy.copy(values[i])
+            self.values = tuple(values)
+            self._leaves = None
+        return self
 
     def other(self, native, values) -> Call:
         """A launch of another native kernel in the same place."""
@@ -199,10 +218,13 @@ class _Place:
 
     def __init__(self, what):
         self.what = what
+        self._event = None
 
-    @functools.cached_property
+    @property
     def event(self) -> Event:
-        return event(self.what)
+        if self._event is None:
+            self._event = event(self.what)
+        return self._event
 
 
 def watched_copy(dest, src, stream=None) -> None:
