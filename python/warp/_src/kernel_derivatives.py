@@ -51,9 +51,7 @@ class Derivative:
 
 
 def _notice(line) -> None:
-    from warp import config
-
-    if line not in _noticed and not config.quiet:
+    if line not in _noticed:
         _noticed.add(line)
         print(line, flush=True)
 
@@ -151,7 +149,7 @@ def hidden_values(made, call, initial, saved) -> list[array]:
     for hidden in made.hidden:
         if hidden.kind == "counters":
             kind = types.dtype_of(hidden.type)
-            values.append(zeros(hidden.per_thread, kind.dtype, _device(call)))
+            values.append(zeros(len(hidden.places) or 1, kind.dtype, _device(call)))
             continue
         if hidden.kind == "saved" and saved:
             values.append(saved.pop(0))
