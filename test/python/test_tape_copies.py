@@ -6,6 +6,18 @@ import pytest
 import warp as wp
 
 
+@wp.struct
+class Inner:
+    weight: float
+
+
+@wp.struct
+class Particle:
+    position: wp.vec3
+    kind: int
+    inner: Inner
+
+
 def array(values, device, dtype=float):
     return wp.array(values, dtype=dtype, requires_grad=True, device=device)
 
@@ -93,6 +105,23 @@ def test_the_first_contents_keep_their_gradient(device):
     one = wp.ones(2, dtype=float, device=device)
     tape.backward(grads={first: one, second: one})
     assert np.array_equal(x.grad.numpy(), [6, 8])
+
+
+def test_elements_that_are_structs(device):
+    x = wp.zeros(2, dtype=Particle, requires_grad=True, device=device)
+    y, z = wp.zeros_like(x), wp.zeros_like(x)
+    with wp.Tape() as tape:
+        wp.copy(y, x)
+        z.assign(x)
+    seed = wp.zeros(2, dtype=Particle, device=device)
+    numbers = seed.numpy().copy()
+    numbers["position"] = np.arange(6.0).reshape(2, 3)
+    numbers["inner"]["weight"] = [7.0, 8.0]
+    seed.assign(wp.array(numbers, dtype=Particle, device="cpu"))
+    tape.backward(grads={y: seed, z: seed})
+    got = x.grad.numpy()
+    assert np.array_equal(got["position"], 2 * np.arange(6.0).reshape(2, 3))
+    assert np.array_equal(got["inner"]["weight"], [14, 16])
 
 
 @pytest.mark.cuda

@@ -76,7 +76,10 @@ def add_into(target: array, source: array) -> None:
     if source.shape != target.shape:
         target, source = target.flatten(), source.flatten()
     if types.is_struct(target.dtype):
-        raise TypeError(f"gradients of struct '{target.dtype.__name__}' cannot be added")
+        from warp._src.struct_sums import add_structs
+
+        add_structs(target, source)
+        return
     if source.dtype is not target.dtype:
         scalar = getattr(target.dtype, "_wp_scalar_type_", target.dtype)
         target, source = _as_scalars(target, scalar), _as_scalars(source, scalar)

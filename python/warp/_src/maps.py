@@ -261,12 +261,12 @@ def _compile(name, expression, names, annotations, rank, dtypes):
         lines += [f"    o{i}[{where}] = r{i}" for i in range(len(outputs))]
     import warp
 
-    function = _define(name, "\n".join(lines) + "\n", {"wp": warp, **names})
+    function = define(name, "\n".join(lines) + "\n", {"wp": warp, **names})
     function.__annotations__ = annotated
     return function
 
 
-def _define(name, text, names):
+def define(name, text, names):
     """Defines a function from text that the front end finds again."""
     file = f"<{name} {next(_numbers)}>"
     linecache.cache[file] = (len(text), None, text.splitlines(True), file)
@@ -344,7 +344,7 @@ def _from_lambda(func):
         zip(code.co_freevars, (cell.cell_contents for cell in func.__closure__ or ()), strict=True)
     )
     parameters = ", ".join(code.co_varnames[: code.co_argcount])
-    made = _define(
+    made = define(
         "function",
         f"def function({parameters}):\n    return {texts.pop()}\n",
         {**func.__globals__, **closure},
