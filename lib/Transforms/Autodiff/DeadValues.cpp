@@ -41,7 +41,8 @@ bool warp::autodiff::hasOwnEffect(Operation *op) {
 }
 
 void Needs::push(Value value) {
-  if (filter && !filter(value))
+  if (!within->isAncestor(value.getParentRegion()->getParentOp()) ||
+      (filter && !filter(value)))
     return;
   if (needed.insert(value).second)
     worklist.push_back(value);
@@ -89,7 +90,7 @@ void Needs::follow(Value value) {
 
 /// What decides that control gets to an operation: conditions and bounds.
 void Needs::reach(Operation *op) {
-  for (; op && op != within && reached.insert(op).second;
+  for (; op != within && reached.insert(op).second;
        op = op->getParentOp()) {
     if (auto branch = dyn_cast<scf::IfOp>(op))
       push(branch.getCondition());
@@ -243,7 +244,7 @@ static void shrink(const Needs &needs, scf::WhileOp op) {
 }
 
 void warp::autodiff::eraseDead(Region &region, ValueRange keep) {
-  Needs needs;
+  Needs needs(region.getParentOp());
   for (Block &block : region)
     for (Operation &op : block)
       needs.markEffects(&op);
@@ -261,8 +262,7 @@ void warp::autodiff::eraseDead(Region &region, ValueRange keep) {
   };
   SmallVector<Operation *> dead, alive;
   region.walk<WalkOrder::PreOrder>([&](Operation *op) {
-    bool isStore = isa<warp::ScratchStoreOp>(op);
-    if (isStore ? needs.isNeeded(op->getOperand(1)) : stays(op)) {
+    if (stays(op)) {
       alive.push_back(op);
       return WalkResult::advance();
     }

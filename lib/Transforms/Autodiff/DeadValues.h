@@ -26,11 +26,12 @@ namespace warp::autodiff {
 /// own next value is not needed.
 class Needs {
 public:
-  /// Values that `filter` refuses are neither marked nor followed. That control
-  /// gets into `within` is taken for granted.
-  explicit Needs(llvm::function_ref<bool(mlir::Value)> filter = nullptr,
-                 mlir::Operation *within = nullptr)
-      : filter(filter), within(within) {}
+  /// Looks at values within an operation only, and takes for granted that
+  /// control gets there; what is around it may not be complete yet. Values that
+  /// `filter` refuses are neither marked nor followed.
+  explicit Needs(mlir::Operation *within,
+                 llvm::function_ref<bool(mlir::Value)> filter = nullptr)
+      : within(within), filter(filter) {}
 
   /// Marks values and all they depend on.
   void mark(mlir::Value value);
@@ -53,8 +54,8 @@ private:
   void followArgument(mlir::BlockArgument argument);
   void reach(mlir::Operation *op);
 
-  llvm::function_ref<bool(mlir::Value)> filter;
   mlir::Operation *within;
+  llvm::function_ref<bool(mlir::Value)> filter;
   llvm::DenseSet<mlir::Value> needed;
   llvm::DenseSet<mlir::Operation *> reached;
   llvm::SmallVector<mlir::Value> worklist;

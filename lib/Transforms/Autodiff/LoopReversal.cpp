@@ -112,7 +112,7 @@ Value LoopReversal::closedForm(unsigned state, Value number) {
 /// result with one, or into memory.
 SmallVector<bool> LoopReversal::findCotangents(ArrayRef<Value> given) {
   auto filter = [&](Value value) { return reverse.isActive(value); };
-  Needs needs(filter);
+  Needs needs(loop, filter);
   for (auto [i, cotangent] : llvm::enumerate(given))
     if (cotangent)
       needs.mark(getNexts()[i]);

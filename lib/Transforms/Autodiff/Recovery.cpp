@@ -19,7 +19,7 @@
 // checkpoints free, a range that f + 1 segments cover gets one per segment;
 // a longer one is split in f / 2 + 2 parts, so that each part finds half of the
 // checkpoints free again. An iteration is advanced twice for 1500 trips or
-// less, six times for a million. Should all be in use, a segment is reached
+// less, five times for a million. Should all be in use, a segment is reached
 // from the last checkpoint again and again: slower, never wrong.
 //
 //===----------------------------------------------------------------------===//
@@ -50,7 +50,7 @@ SmallVector<unsigned> LoopReversal::closure(ArrayRef<unsigned> states) {
     return found == getStates().end() ||
            !hasClosedForm(found - getStates().begin());
   };
-  Needs needs(filter, loop);
+  Needs needs(loop, filter);
   for (unsigned state : states)
     needs.mark(getStates()[state]);
   SmallVector<unsigned> all;
