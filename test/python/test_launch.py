@@ -261,11 +261,6 @@ def test_recorded_launches(device, x, y):
         command.set_param_at_index(0, "x")
 
 
-def test_derivatives_come_later(device, x, y):
-    with pytest.raises(wp.WarpLaunchError, match="not available"):
-        wp.launch(saxpy, 3, [1.0, x, y], adj_inputs=[None, x, y], adjoint=True, device=device)
-
-
 def test_printing_launches(device, x, y, config, capsys):
     config.print_launches = True
     wp.launch(saxpy, 3, [1.0, x, y], device=device)
