@@ -75,6 +75,34 @@ def test_the_first_gradient_that_is_not_finite(device):
     assert "launch of 'root'" in text and "'x' became -inf at [1]" in text
     assert "x[1] = 4.0" in text and "shift = 4.0" in text and "its gradient was 1.0" in text
     assert "test_tape_reports.py" in text
+    assert "it comes from div(" in text and "y[i] = 1.0 / (x[i] - shift)" in text
+
+
+@wp.kernel
+def mixed(x: wp.array(dtype=float), n: int, v: wp.array(dtype=wp.vec3), y: wp.array(dtype=float)):
+    i, j = wp.tid()
+    s = float(0.0)
+    for k in range(n):
+        if x[k] > 1.5:
+            s += wp.log(x[k] - 2.0)
+    y[2 * i + j] = s * wp.length(v[j])
+
+
+def test_the_operation_in_branches_and_loops(device):
+    x = wp.array([1.0, 3.0, 2.0], dtype=float, requires_grad=True, device=device)
+    v = wp.ones(2, dtype=wp.vec3, requires_grad=True, device=device)
+    y = wp.zeros(4, dtype=float, requires_grad=True, device=device)
+    wp.config.singular = "strict"
+    try:
+        with wp.Tape() as tape:
+            wp.launch(mixed, (2, 2), [x, 3, v, y], device=device)
+        with pytest.raises(RuntimeError) as caught:
+            tape.backward(grads={y: wp.ones(4, dtype=float, device=device)}, check_finite=True)
+    finally:
+        wp.config.singular = "pinned"
+    text = str(caught.value)
+    assert "launch of 'mixed'" in text and "it comes from" in text
+    assert "s += wp.log(x[k] - 2.0)" in text
 
 
 def test_seeds_that_are_not_finite(device):

@@ -69,6 +69,11 @@ def launch_adjoint(made, call, values, initial, saved) -> None:
         kernel_derivatives.run(made, call, values, initial, saved)
 
 
+def hidden_values(made, call, initial, saved) -> list:
+    """The arguments of the adjoint that the launch does not have."""
+    return kernel_derivatives.hidden_values(made, call, initial, list(saved))
+
+
 def add_into(target: array, source: array) -> None:
     """Adds the elements of one array to those of another of equal size, on any devices."""
     if source.device_index != target.device_index:

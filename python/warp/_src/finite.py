@@ -2,15 +2,19 @@
 
 After each record that is reversed the gradients it may have changed are looked at. The first
 number that is infinite or NaN is reported with the launch, the argument, the element, the
-gradients that came in and the values of the arguments there.
+gradients that came in, the values of the arguments there, and the operation of the kernel that it
+comes from (`origin`).
 """
 
 from __future__ import annotations
+
+import linecache
 
 import numpy
 
 from warp._src import errors, types
 from warp._src.array import array
+from warp._src.origin import find_origin
 from warp._src.tape_records import LaunchRecord
 
 # Elements shown of each array.
@@ -29,11 +33,13 @@ def reverse_checked(record, state) -> None:
         index = _first_bad(numbers)
         if index is not None:
             raise _seed_error(record, name, one, index, numbers)
+    values = record.arguments() if isinstance(record, LaunchRecord) and named else None
     record.reverse(state)
     for name, one, _ in before:
-        index = _first_bad(_numbers(one.grad))
+        numbers = _numbers(one.grad)
+        index = _first_bad(numbers)
         if index is not None:
-            raise _error(record, name, one, index, before)
+            raise _error(record, name, one, (index, numbers[index]), before, values)
 
 
 def _gradients(record) -> list[tuple[str, array]]:
@@ -72,20 +78,39 @@ def _seed_error(record, name, one, index, numbers):
     )
 
 
-def _error(record, name, one, index, before):
+def _error(record, name, one, found, before, values):
     place = record.event
-    value = _numbers(one.grad)[index]
-    notes = []
-    element = index[: one.ndim]
+    index, value = found
+    notes: list[str] = []
     if isinstance(record, LaunchRecord):
-        notes = _operands(record, element, before)
+        notes = _origin(record, values, before) + _operands(record, index[: one.ndim], before)
     return errors.WarpGradientError(
         f"gradient of the {place}: the gradient of '{name}' became {value} at {_text(index)}",
         file=place.file,
         line=place.line,
         notes=tuple(notes),
-        hint="the values above are where the kernel has no finite derivative",
     )
+
+
+def _origin(record, values, before) -> list[str]:
+    """A line about the operation in the kernel."""
+
+    def restore():
+        for _, one, numbers in before:
+            one.grad.assign(array(numbers, dtype=one.grad.dtype, device="cpu"))
+
+    try:
+        found = find_origin(record.derivative(), record.call, values, restore)
+    except errors.WarpError:
+        return []
+    if found is None:
+        return []
+    known = ", ".join("?" if value is None else f"{value:.9g}" for value in found.operands)
+    text = f"it comes from {found.operation}({known})"
+    if not found.file:
+        return [text]
+    source = linecache.getline(found.file, found.line).strip()
+    return [f"{text} at {found.file}:{found.line}:{found.column}: {source}"]
 
 
 def _operands(record, element, before) -> list[str]:

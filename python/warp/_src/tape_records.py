@@ -124,6 +124,14 @@ class LaunchRecord:
         values = self._values(derivative)
         adjoint.launch_adjoint(derivative, self.call, values, self.initial, self.saved)
 
+    def arguments(self) -> tuple | None:
+        """All arguments of the adjoint, None if there is nothing to run."""
+        if not any(self.call.active):
+            return None
+        derivative = self.derivative()
+        hidden = adjoint.hidden_values(derivative, self.call, self.initial, self.saved)
+        return (*self._values(derivative), *hidden)
+
     def _check_aliases(self) -> None:
         elementwise = self.call.kernel.module.name == "warp.map"
         for written, other in self.aliases:
