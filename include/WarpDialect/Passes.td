@@ -147,6 +147,28 @@ def DifferentiateKernel : WarpPass<"warp-differentiate-kernel"> {
                            "::mlir::func::FuncDialect", "::warp::WarpDialect"];
 }
 
+def InlinePullbacks : WarpPass<"warp-inline-pullbacks"> {
+  let summary = "Inline functions with derivatives, and those derivatives";
+  let description = [{
+    Settles which array of the kernel they add gradients to; what they add to
+    one without a gradient is erased.
+
+    ```mlir
+    %row = warp.view %a[%i]
+    %g = warp.grad %row
+    // ==>
+    %ga = warp.grad %a
+    %g = warp.view %ga[%i]
+    ```
+  }];
+  let options = [
+    Option<"active", "active", "std::string", "\"\"",
+           "One of 0 and 1 per array, in the order of the arguments: whether "
+           "it has a gradient">,
+  ];
+  let dependentDialects = ["::mlir::func::FuncDialect", "::warp::WarpDialect"];
+}
+
 def SimplifyAdjoint : WarpPass<"warp-simplify-adjoint"> {
   let summary = "Move sums into one element out of loops, erase dead code";
   let description = [{
@@ -214,6 +236,8 @@ def Specialize : WarpPass<"warp-specialize"> {
     Option<"debug", "debug", "bool", "false", "Check bounds and assertions">,
     Option<"fastMath", "fast-math", "bool", "false",
            "Reassociate, and approximate math functions">,
+    Option<"deterministic", "deterministic", "bool", "false",
+           "Sums have the same bits in every run">,
     Option<"blockDim", "block-dim", "int64_t", "256", "Threads of a GPU block">,
     Option<"large", "large", "bool", "false",
            "GPU: the launch fills the card many times over">,
@@ -286,7 +310,9 @@ def PrivatizeAtomics : WarpPass<"warp-privatize-atomics"> {
 
     Where atomics remain on the CPU, and so few threads would share the launch that one
     thread without atomic instructions is faster, the entry is marked
-    `warp.exclusive`: it runs on one thread and updates elements plainly.
+    `warp.exclusive`: it runs on one thread and updates elements plainly. In a
+    deterministic launch so is every entry with an atomic on floats, whose order
+    would show.
 
     ```mlir
     // loop over threads:

@@ -18,6 +18,7 @@ MLIRContext &warp::compilerContext() {
     warp::registerCompilerDialects(registry);
     auto *created =
         new MLIRContext(registry, MLIRContext::Threading::DISABLED);
+    created->printOpOnDiagnostic(false);
     created->loadDialect<warp::WarpDialect, func::FuncDialect,
                          scf::SCFDialect>();
     return created;
@@ -44,8 +45,11 @@ warp::Diagnostics::Diagnostics() : ScopedDiagnosticHandler(&compilerContext()) {
     if (diagnostic.getSeverity() != DiagnosticSeverity::Error)
       return;
     std::string text = diagnostic.str();
-    for (Diagnostic &note : diagnostic.getNotes())
+    for (Diagnostic &note : diagnostic.getNotes()) {
       text += "\n  note: " + note.str();
+      if (FileLineColLoc place = findSourceLocation(note.getLocation()))
+        text += " (line " + std::to_string(place.getLine()) + ")";
+    }
     if (!firstError.empty()) {
       rest += "\n" + text;
       return;

@@ -172,8 +172,8 @@ bool Activity::spreadUseful(Operation *op) {
     return changed;
   bool isUseful = llvm::any_of(
       op->getResults(), [&](Value result) { return useful.contains(result); });
-  if (isa<StoreOp, AtomicOp, AtomicCasOp>(op))
-    isUseful = llvm::any_of(op->getOperands(), [&](Value operand) {
+  if (isa<StoreOp, AtomicOp, AtomicCasOp, func::CallOp>(op))
+    isUseful |= llvm::any_of(op->getOperands(), [&](Value operand) {
       return isa<ArrayType>(operand.getType()) && isActiveArray(operand);
     });
   if (isUseful)

@@ -9,6 +9,8 @@
 //===----------------------------------------------------------------------===//
 
 #include "../KernelFunction.h"
+#include "Forward.h"
+#include "GuardArms.h"
 #include "Reverse.h"
 
 #include "WarpDialect/WarpOps.h"
@@ -146,24 +148,42 @@ struct DifferentiateKernel
   }
 
   LogicalResult differentiate(func::FuncOp kernel) {
-    if (mode != "reverse")
-      return kernel.emitError("expects the mode 'reverse', but got '")
+    if (mode != "reverse" && mode != "forward")
+      return kernel.emitError("expects the mode 'reverse' or 'forward', but "
+                              "got '")
              << mode << "'";
-    ReverseOptions options;
     auto policy = parseSingular(kernel, singular);
     if (failed(policy))
       return failure();
+    if (mode == "forward")
+      return buildForward(kernel, *policy);
+    ReverseOptions options;
     options.singular = *policy;
     for (char flag : active)
-      options.active.push_back(flag == '1');
+      if (flag != ',')
+        options.active.push_back(flag == '1');
     options.unique = unique;
     options.maxLocalTape = maxLocalTape;
     options.dumpRecovery = dumpRecovery;
     return buildReverse(kernel, options);
   }
 
+  LogicalResult buildForward(func::FuncOp kernel, Singular policy) {
+    ForwardOptions options;
+    options.singular = policy;
+    for (char flag : active)
+      if (flag != ',')
+        options.active.push_back(flag == '1');
+    func::FuncOp dual = createTwin(kernel, "_tangent");
+    if (failed(ForwardBuilder(kernel, dual, options).build()))
+      return failure();
+    kernel.erase();
+    return success();
+  }
+
   LogicalResult buildReverse(func::FuncOp kernel,
                              const ReverseOptions &options) {
+    guardArms(kernel);
     func::FuncOp adjoint = createTwin(kernel, "_adjoint");
     ReverseBuilder builder(kernel, adjoint, options);
     if (failed(builder.build()))

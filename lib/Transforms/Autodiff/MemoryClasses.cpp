@@ -47,7 +47,9 @@ static void followViews(Value array, Access &access) {
     for (Value index : part.getIndices()) {
       auto constant = getConstantInteger(index);
       if (!constant || *constant < 0) {
+        // Anywhere within the part that views further out select.
         access.component.clear();
+        access.hasUnknownComponent = true;
         break;
       }
       component.push_back(
@@ -69,28 +71,48 @@ static OperandRange getAccessIndices(Operation *op) {
   return cast<AtomicCasOp>(op).getIndices();
 }
 
+std::optional<Access> getAccess(Operation *op) {
+  if (!isa<LoadOp, StoreOp, AtomicOp, AtomicCasOp>(op))
+    return std::nullopt;
+  OperandRange indices = getAccessIndices(op);
+  Access access;
+  access.op = op;
+  access.array = op->getOperand(op->getNumOperands() - indices.size() - 1);
+  access.isWrite = !isa<LoadOp>(op);
+  for (Value index : indices)
+    access.indices.push_back(IndexSum::of(index));
+  followViews(access.array, access);
+  return access;
+}
+
+bool areSame(const Access &a, const Access &b) {
+  if (a.component != b.component || a.indices.size() != b.indices.size() ||
+      a.hasUnknownComponent || b.hasUnknownComponent)
+    return false;
+  return llvm::all_of(llvm::zip(a.indices, b.indices), [](auto pair) {
+    auto &[x, y] = pair;
+    return x && y && (*x - *y).getConstant() == 0;
+  });
+}
+
 void MemoryClasses::collect(Operation *op) {
   ++position;
   if (auto tid = dyn_cast<TidOp>(op))
     threadDimensions = std::max(threadDimensions, tid.getNumResults());
-  if (!isa<LoadOp, StoreOp, AtomicOp, AtomicCasOp>(op))
+  std::optional<Access> access = getAccess(op);
+  if (!access)
     return;
   if (isa<AtomicOp, AtomicCasOp>(op))
     atomics.try_emplace(op, atomics.size());
-  OperandRange indices = getAccessIndices(op);
-  Value array = op->getOperand(op->getNumOperands() - indices.size() - 1);
-  Access access;
-  access.op = op;
-  access.position = position;
-  access.isWrite = !isa<LoadOp>(op);
-  access.isActive = access.isWrite ? activity.isActiveArray(array)
-                                   : activity.isActive(op->getResult(0));
-  for (Value index : indices)
-    access.indices.push_back(IndexSum::of(index));
-  followViews(array, access);
-  for (unsigned leaf : leaves.of(array)) {
+  access->position = position;
+  access->isActive = access->isWrite ? activity.isActiveArray(access->array)
+                                     : activity.isActive(op->getResult(0));
+  SmallVector<unsigned, 1> known = leaves.of(access->array);
+  if (known.empty())
+    unknown.push_back(op);
+  for (unsigned leaf : known) {
     places[op] = {leaf, accesses[leaf].size()};
-    accesses[leaf].push_back(access);
+    accesses[leaf].push_back(*access);
   }
 }
 
@@ -206,11 +228,19 @@ int64_t MemoryClasses::getUniqueRank(Operation *op) const {
   unsigned leaf;
   if (!unique || !lookup(op, leaf))
     return 0;
+  if (!oneThread.empty())
+    return 4;
   return countOwnedDimensions(select(leaf, /*onlyActive=*/true),
                               /*mayWrap=*/false);
 }
 
 LogicalResult MemoryClasses::verify() {
+  for (Operation *op : unknown)
+    if (hasDerivative(op->getOperand(0).getType()) ||
+        (op->getNumResults() == 1 && hasDerivative(op->getResult(0).getType())))
+      return op->emitError("the array that is accessed here depends on control "
+                           "flow; write one access per array instead, each in "
+                           "its branch");
   for (unsigned leaf = 0; leaf < accesses.size(); ++leaf) {
     SmallVector<const Access *> active = select(leaf, /*onlyActive=*/true);
     auto isWrite = [](const Access *access) { return access->isWrite; };

@@ -37,16 +37,30 @@ enum class Sharing {
 /// One access of an array element.
 struct Access {
   mlir::Operation *op = nullptr;
+  /// The array that the operation names.
+  mlir::Value array;
   /// Position in program order.
   unsigned position = 0;
   /// One per dimension of the leaf; none for an index within a slice.
   llvm::SmallVector<std::optional<IndexSum>, 2> indices;
   /// Component or field of the element, as far as it is constant.
   llvm::SmallVector<mlir::Attribute, 2> component;
+  /// A component that is known only at run time is accessed.
+  bool hasUnknownComponent = false;
   bool isWrite = false;
   /// It reads or writes the gradient in the adjoint.
   bool isActive = false;
 };
+
+/// What a load, store or atomic accesses, from the indices of the operation and
+/// of the views on the way to the leaf; none for other operations.
+std::optional<Access> getAccess(mlir::Operation *op);
+
+/// Whether two accesses to one leaf are to different elements, or components.
+bool areApart(const Access &a, const Access &b);
+/// Whether they are to the same element and component, with the same values
+/// for what the indices are made of.
+bool areSame(const Access &a, const Access &b);
 
 class MemoryClasses {
 public:
@@ -87,6 +101,8 @@ private:
   llvm::SmallVector<llvm::SmallVector<Access>> accesses;
   llvm::DenseMap<mlir::Operation *, std::pair<unsigned, unsigned>> places;
   llvm::DenseMap<mlir::Operation *, int64_t> atomics;
+  /// Accesses of arrays that are not known to be one of the arguments.
+  llvm::SmallVector<mlir::Operation *> unknown;
   unsigned position = 0;
   /// Dimensions of the launch that the kernel knows.
   unsigned threadDimensions = 0;

@@ -19,7 +19,7 @@ using namespace mlir;
 namespace warp::autodiff {
 
 /// Different components of an element do not overlap.
-static bool areApart(const Access &a, const Access &b) {
+static bool haveOtherComponents(const Access &a, const Access &b) {
   for (auto [x, y] : llvm::zip(a.component, b.component))
     if (x != y)
       return true;
@@ -36,6 +36,10 @@ static bool mayBeEqual(const Access &a, const Access &b) {
       return false;
   }
   return true;
+}
+
+bool areApart(const Access &a, const Access &b) {
+  return haveOtherComponents(a, b) || !mayBeEqual(a, b);
 }
 
 static SmallVector<Operation *> getCommonLoops(Operation *a, Operation *b) {
@@ -100,7 +104,7 @@ static bool mayMeet(const Access &read, const Access &write, Operation *loop,
 }
 
 static bool mayWrite(const Access &read, const Access &write, int sign) {
-  if (areApart(read, write))
+  if (haveOtherComponents(read, write))
     return false;
   bool isInOrder = sign > 0 ? write.position > read.position
                             : write.position < read.position;

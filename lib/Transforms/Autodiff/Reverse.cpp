@@ -106,7 +106,38 @@ LogicalResult ReverseBuilder::replay(Operation *op) {
   clone->setOperands(recover(op->getOperands()));
   builder.insert(clone);
   setRecovered(op->getResults(), clone->getResults());
+  replayWide(op);
   return success();
+}
+
+/// The value as rules take it: f32 for 16-bit floats.
+Value ReverseBuilder::recoverWide(Value primal) {
+  if (Value wide = wideValues.lookup(primal))
+    return wide;
+  return widen(builder, primal.getLoc(), recover(primal));
+}
+
+/// What the program rounds to 16 bits, partial derivatives take unrounded: a
+/// product of small numbers that is zero in 16 bits has a derivative.
+/// Conditions and indices still come from the rounded values.
+void ReverseBuilder::replayWide(Operation *op) {
+  if (op->getNumResults() != 1 || !isDifferentiable(op))
+    return;
+  Value result = op->getResult(0);
+  Type type = differentialType(result.getType());
+  if (!type || type == result.getType())
+    return;
+  SmallVector<Value> operands = llvm::map_to_vector(
+      op->getOperands(), [&](Value operand) { return recoverWide(operand); });
+  if (isa<CastOp>(op) && operands[0].getType() == type) {
+    wideValues[result] = operands[0];
+    return;
+  }
+  Operation *wide = Operation::create(
+      op->getLoc(), op->getName(), type, operands,
+      op->getDiscardableAttrDictionary(), op->getPropertiesStorage(),
+      BlockRange(), 0);
+  wideValues[result] = builder.insert(wide)->getResult(0);
 }
 
 LogicalResult ReverseBuilder::replayRegions(Operation *op) {
@@ -189,6 +220,8 @@ LogicalResult ReverseBuilder::reverse(Operation *op) {
     return reverseStore(store);
   if (auto atomic = dyn_cast<AtomicOp>(op))
     return reverseAtomic(atomic);
+  if (auto cas = dyn_cast<AtomicCasOp>(op))
+    return reverseCas(cas);
   if (auto call = dyn_cast<func::CallOp>(op))
     return reverseCall(call);
   if (auto extract = dyn_cast<ExtractOp>(op))
@@ -239,13 +272,11 @@ LogicalResult ReverseBuilder::reverseByRule(Operation *op) {
   if (!llvm::any_of(cots, [](Value g) { return bool(g); }) ||
       !llvm::is_contained(wanted, true))
     return success();
-  Location loc = op->getLoc();
   SmallVector<Value> operands, results;
   for (Value operand : op->getOperands())
-    operands.push_back(widen(builder, loc, recover(operand)));
+    operands.push_back(recoverWide(operand));
   for (Value result : op->getResults())
-    results.push_back(needsResults(op) ? widen(builder, loc, recover(result))
-                                       : Value());
+    results.push_back(needsResults(op) ? recoverWide(result) : Value());
   RuleContext context = getContext(op);
   auto grads = pullback(context, op, operands, results, cots, wanted);
   if (failed(grads))

@@ -21,6 +21,7 @@ class WhileOp;
 } // namespace mlir::scf
 
 namespace warp {
+class AtomicCasOp;
 class AtomicOp;
 class ExtractOp;
 class LoadOp;
@@ -157,12 +158,17 @@ private:
   mlir::LogicalResult reverseLoad(LoadOp op);
   mlir::LogicalResult reverseStore(StoreOp op);
   mlir::LogicalResult reverseAtomic(AtomicOp op);
+  mlir::LogicalResult reverseCas(AtomicCasOp op);
+  bool updatesGradient(mlir::Operation *op, mlir::Value array);
   mlir::LogicalResult reverseExtremum(AtomicOp op, mlir::Value gradient,
                                       mlir::ValueRange indices);
   mlir::LogicalResult reverseCall(mlir::func::CallOp op);
   mlir::LogicalResult reverseByRule(mlir::Operation *op);
   bool addSlots(ExtractOp op);
   mlir::Value narrow(mlir::Value cotangent, mlir::Type type);
+
+  void replayWide(mlir::Operation *op);
+  mlir::Value recoverWide(mlir::Value primal);
 
   RuleContext getContext(mlir::Operation *op);
   void countSingular(mlir::Location loc, mlir::Value isSingular);
@@ -176,6 +182,8 @@ private:
   Activity activity;
   MemoryClasses memory;
   llvm::DenseMap<mlir::Value, mlir::Value> values;
+  /// What stands for a primal value of 16-bit floats in rules.
+  llvm::DenseMap<mlir::Value, mlir::Value> wideValues;
   Cotangents cotangents;
   /// By array argument or field.
   llvm::DenseMap<mlir::Value, mlir::Value> gradients;

@@ -26,13 +26,64 @@ static func::FuncOp getCallee(func::CallOp call) {
   return module.lookupSymbol<func::FuncOp>(call.getCallee());
 }
 
+/// Takes what a function writes out of it; what an atomic returns can't be had.
+static void removeEffects(func::FuncOp function) {
+  function.walk([](Operation *op) {
+    if (isa<StoreOp, PrintfOp, AssertOp>(op))
+      op->erase();
+    if (!isa<AtomicOp, AtomicCasOp>(op))
+      return;
+    Access access = *getAccess(op);
+    OpBuilder builder(op);
+    auto indices = op->getOperands().take_back(access.indices.size());
+    auto load = LoadOp::create(builder, op->getLoc(),
+                               op->getResult(0).getType(),
+                               op->getOperand(op->getNumOperands() -
+                                              indices.size() - 1),
+                               indices);
+    load->setAttr(attr::unrecoverable,
+                  builder.getStringAttr(
+                      "what an atomic returns depends on the order of threads; "
+                      "give the function a replay function"));
+    op->getResult(0).replaceAllUsesWith(load);
+    op->erase();
+  });
+}
+
+/// The function that the forward sweep calls: the one that was named for it,
+/// or the callee without its effects.
+static StringRef getReplayed(func::FuncOp callee) {
+  if (auto replay = callee->getAttrOfType<FlatSymbolRefAttr>(attr::replay))
+    return replay.getValue();
+  bool writes = callee
+                    .walk([](Operation *op) {
+                      return isa<StoreOp, AtomicOp, AtomicCasOp, PrintfOp,
+                                 AssertOp>(op)
+                                 ? WalkResult::interrupt()
+                                 : WalkResult::advance();
+                    })
+                    .wasInterrupted();
+  if (!writes)
+    return callee.getName();
+  auto module = callee->getParentOfType<ModuleOp>();
+  std::string name = (callee.getName() + "_values").str();
+  auto twin = module.lookupSymbol<func::FuncOp>(name);
+  if (!twin) {
+    twin = callee.clone();
+    twin.setName(name);
+    removeEffects(twin);
+    module.insert(callee, twin);
+  }
+  return twin.getName();
+}
+
 LogicalResult ReverseBuilder::replayCall(func::CallOp op) {
   func::FuncOp callee = getCallee(op);
-  auto replay = callee ? callee->getAttrOfType<FlatSymbolRefAttr>(attr::replay)
-                       : FlatSymbolRefAttr();
-  auto call = func::CallOp::create(
-      builder, op.getLoc(), op.getResultTypes(),
-      replay ? replay.getValue() : op.getCallee(), recover(op.getOperands()));
+  if (!callee)
+    return op.emitError("expects a function '") << op.getCallee() << "'";
+  auto call =
+      func::CallOp::create(builder, op.getLoc(), op.getResultTypes(),
+                           getReplayed(callee), recover(op.getOperands()));
   setRecovered(op.getResults(), call.getResults());
   return success();
 }
@@ -60,8 +111,11 @@ LogicalResult ReverseBuilder::reverseCall(func::CallOp op) {
       results, [&](Value result) { return !cotangents.isZero(result); });
   bool isWanted = llvm::any_of(
       op.getOperands(), [&](Value operand) { return isActive(operand); });
-  if (!(isSeeded && isWanted) && llvm::none_of(op.getOperands(), isArray))
+  if (!(isSeeded && isWanted) && llvm::none_of(op.getOperands(), isArray)) {
+    for (Value result : results)
+      (void)cotangents.takeParts(result);
     return success();
+  }
   SmallVector<Value> operands = recover(op.getOperands());
   llvm::append_range(operands,
                      recover(op.getResults().take_back(residualCount)));

@@ -190,8 +190,25 @@ LogicalResult ReverseBuilder::reverseStore(StoreOp op) {
   return success();
 }
 
+/// Whether an atomic takes part: it leaves a float in an array with a gradient.
+bool ReverseBuilder::updatesGradient(Operation *op, Value array) {
+  return activity.isActiveArray(array) &&
+         hasDerivative(op->getResult(0).getType());
+}
+
+static LogicalResult refuseOrder(Operation *op) {
+  return op->emitOpError("has no derivative: what it leaves depends on the "
+                         "order of threads; use 'atomic_add', 'atomic_min' or "
+                         "'atomic_max', or a function with a derivative of its "
+                         "own");
+}
+
+LogicalResult ReverseBuilder::reverseCas(AtomicCasOp op) {
+  return updatesGradient(op, op.getArray()) ? refuseOrder(op) : success();
+}
+
 LogicalResult ReverseBuilder::reverseAtomic(AtomicOp op) {
-  if (!isActive(op.getValue()))
+  if (!updatesGradient(op, op.getArray()))
     return success();
   Location loc = op.getLoc();
   if (!cotangents.isZero(op.getOld()))
@@ -203,6 +220,8 @@ LogicalResult ReverseBuilder::reverseAtomic(AtomicOp op) {
   switch (op.getKind()) {
   case AtomicKind::add:
   case AtomicKind::sub: {
+    if (!isActive(op.getValue()))
+      return success();
     Value g = LoadOp::create(builder, loc, type, gradient, indices);
     if (op.getKind() == AtomicKind::sub)
       g = NegOp::create(builder, loc, type, g)->getResult(0);
@@ -213,9 +232,7 @@ LogicalResult ReverseBuilder::reverseAtomic(AtomicOp op) {
   case AtomicKind::max:
     return reverseExtremum(op, gradient, indices);
   default:
-    return op.emitOpError("has no derivative: what it leaves depends on the "
-                          "order of threads; use 'atomic_add', 'atomic_min' or "
-                          "'atomic_max', or a function with its own pullback");
+    return refuseOrder(op);
   }
 }
 
