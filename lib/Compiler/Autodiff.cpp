@@ -51,17 +51,22 @@ static void addInlining(OpPassManager &pm) {
   pm.addPass(createCSEPass());
 }
 
+static std::string activeFlags(const AutodiffOptions &options) {
+  std::string text;
+  for (bool flag : options.active)
+    text += flag ? '1' : '0';
+  return text;
+}
+
 /// Options of warp-autodiff as it parses them.
 static std::string describe(const AutodiffOptions &options) {
   std::string text;
   llvm::raw_string_ostream stream(text);
-  auto flags = llvm::map_range(options.active,
-                               [](bool flag) { return flag ? "1" : "0"; });
   stream << "mode=" << (options.forward ? "forward" : "reverse")
          << " singular=" << options.singular
          << " unique=" << (options.unique ? "true" : "false")
          << " max-local-tape=" << options.maxLocalTape
-         << " active=" << llvm::join(flags, "");
+         << " active=" << activeFlags(options);
   return text;
 }
 
@@ -84,6 +89,7 @@ void warp::addDerivation(OpPassManager &pm, const AutodiffOptions &options) {
   pm.addPass(createCSEPass());
   addPasses(pm, "warp-forward-stores");
   addPasses(pm, "warp-differentiate-kernel{" + describe(options) + "}");
+  pm.addPass(warp::createInlinePullbacks({activeFlags(options)}));
   pm.addPass(warp::createWarpCanonicalizer());
   pm.addPass(createCSEPass());
   pm.addPass(createLoopInvariantCodeMotionPass());
@@ -225,7 +231,8 @@ Derivative warp::differentiate(const Module &module,
   run(*copy->op, [&](OpPassManager &pm) {
     pm.addPass(createResolveVjps({/*keepDerivatives=*/true, options.singular}));
   });
-  keepCalls(*copy->op, true);
+  // A derivative that a function has of its own is one in reverse mode.
+  keepCalls(*copy->op, !options.forward);
   run(*copy->op, [&](OpPassManager &pm) { addDerivation(pm, options); });
   keepCalls(*copy->op, false);
   Derivative derivative{Module(copy), std::nullopt, {}, {}, {}, {}, {}};

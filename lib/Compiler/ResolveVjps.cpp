@@ -49,6 +49,14 @@ static func::FuncOp lookup(ModuleOp module, Attribute symbol) {
   return name ? module.lookupSymbol<func::FuncOp>(name.getValue()) : nullptr;
 }
 
+static std::string freshName(ModuleOp module, StringRef name,
+                             StringRef suffix) {
+  std::string made = (name + suffix).str();
+  while (module.lookupSymbol(made))
+    made += "_";
+  return made;
+}
+
 //===----------------------------------------------------------------------===//
 // What is needed
 //===----------------------------------------------------------------------===//
@@ -311,9 +319,7 @@ func::FuncOp Unboxing::moveTo(ModuleOp module) {
       types.push_back(box.type);
   auto end = cast<func::ReturnOp>(adjoint.front().getTerminator());
   b.setInsertionPointToEnd(module.getBody());
-  std::string name = (function.getName() + "_vjp").str();
-  while (module.lookupSymbol(name))
-    name += "_";
+  std::string name = freshName(module, function.getName(), "_vjp");
   auto made = func::FuncOp::create(
       b, function.getLoc(), name,
       b.getFunctionType(types, end.getOperandTypes()));
@@ -345,6 +351,8 @@ struct ResolveVjps : warp::impl::ResolveVjpsBase<ResolveVjps> {
   void runOnOperation() override;
   LogicalResult resolve(warp::VjpOp op);
   LogicalResult resolveCustom(warp::VjpOp op, func::FuncOp callee);
+  FailureOr<func::FuncOp> withoutGradients(func::FuncOp pullback);
+  OwningOpRef<ModuleOp> copyFunctions();
   LogicalResult addMissing(func::FuncOp function);
   /// The derivative of a function that has none of its own, made once.
   FailureOr<func::FuncOp> derive(func::FuncOp function, bool arrays);
@@ -397,6 +405,12 @@ LogicalResult ResolveVjps::resolve(warp::VjpOp op) {
 LogicalResult ResolveVjps::resolveCustom(warp::VjpOp op, func::FuncOp callee) {
   func::FuncOp pullback =
       lookup(getOperation(), callee->getAttr(warp::attr::vjp));
+  if (!op.getArrays()) {
+    FailureOr<func::FuncOp> constant = withoutGradients(pullback);
+    if (failed(constant))
+      return failure();
+    pullback = *constant;
+  }
   OpBuilder b(op);
   SmallVector<Value> operands(op.getArguments());
   if (auto count = callee->getAttrOfType<IntegerAttr>(warp::attr::residuals)) {
@@ -409,6 +423,40 @@ LogicalResult ResolveVjps::resolveCustom(warp::VjpOp op, func::FuncOp callee) {
   op->replaceAllUsesWith(call.getResults());
   op.erase();
   return success();
+}
+
+/// A pullback that leaves the gradients of its array arguments alone.
+FailureOr<func::FuncOp> ResolveVjps::withoutGradients(func::FuncOp pullback) {
+  auto isArray = [](Type type) { return isa<warp::ArrayType>(type); };
+  size_t arrays = llvm::count_if(pullback.getArgumentTypes(), isArray);
+  func::FuncOp &found = made[false][pullback];
+  if (found || arrays == 0)
+    return found ? found : pullback;
+  OwningOpRef<ModuleOp> copy = copyFunctions();
+  auto inner = copy->lookupSymbol<func::FuncOp>(pullback.getName());
+  inner.setPublic();
+  inner->setAttr(warp::kernelAttrName, UnitAttr::get(&getContext()));
+  PassManager pm(&getContext());
+  pm.enableVerifier(false);
+  pm.addPass(warp::createInlinePullbacks({std::string(arrays, '0')}));
+  if (failed(pm.run(*copy)))
+    return failure();
+  OpBuilder b(&getContext());
+  b.setInsertionPointToEnd(getOperation().getBody());
+  found = cast<func::FuncOp>(b.clone(*inner));
+  found->removeAttr(warp::kernelAttrName);
+  found.setPrivate();
+  found.setSymName(freshName(getOperation(), pullback.getName(), "_constant"));
+  return found;
+}
+
+/// The module without its kernel.
+OwningOpRef<ModuleOp> ResolveVjps::copyFunctions() {
+  OwningOpRef<ModuleOp> copy = getOperation().clone();
+  for (auto function : llvm::make_early_inc_range(copy->getOps<func::FuncOp>()))
+    if (!function.isPrivate())
+      function.erase();
+  return copy;
 }
 
 /// A function that says how its results are had again stays a call, and needs
@@ -429,17 +477,15 @@ FailureOr<func::FuncOp> ResolveVjps::derive(func::FuncOp function,
   if (found)
     return found;
   ModuleOp module = getOperation();
-  OwningOpRef<ModuleOp> copy = module.clone();
-  for (auto other :
-       llvm::make_early_inc_range(copy->getOps<func::FuncOp>()))
-    if (!other.isPrivate())
-      other.erase();
-  KernelAround around(*copy, copy->lookupSymbol<func::FuncOp>(function.getName()));
+  OwningOpRef<ModuleOp> copy = copyFunctions();
+  auto inner = copy->lookupSymbol<func::FuncOp>(function.getName());
+  inner->removeAttr(warp::attr::replay);
+  KernelAround around(*copy, inner);
   if (failed(differentiate(*copy, function, arrays)))
     return failure();
-  auto adjoint = dyn_cast_or_null<func::FuncOp>(warp::findKernel(*copy).getOperation());
+  auto adjoint = cast<func::FuncOp>(warp::findKernel(*copy).getOperation());
   Unboxing unboxing(adjoint, function);
-  if (!adjoint || failed(unboxing.run()))
+  if (failed(unboxing.run()))
     return failure();
   return found = unboxing.moveTo(module);
 }

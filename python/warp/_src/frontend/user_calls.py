@@ -161,7 +161,7 @@ class UserCalls(Targets):
                 array = self.env[root]
                 for field in fields:
                     array = self.builder.struct_get(array, field)
-                if not is_differentiable(native.element):
+                if native.element.kind != "struct" and not is_differentiable(native.element):
                     continue
                 self.env[name] = self.builder.grad(array)
             elif is_differentiable(native):

@@ -1,0 +1,122 @@
+//===- InlinePullbacks.cpp - Derivatives of functions become code ---------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Functions with a derivative of their own have been calls up to here. Once
+// they and their pullbacks are inlined, it is known which arrays the latter
+// add gradients to: the kernel's, perhaps through views. The gradient of a view
+// becomes the view of the gradient. An array without a gradient has no memory
+// for one, so what is added to it goes away, and what is read of it is zero.
+//
+//===----------------------------------------------------------------------===//
+
+#include "../KernelFunction.h"
+#include "Activity.h"
+#include "Rules.h"
+
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/Dialect/Func/IR/FuncOps.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
+#include "mlir/Pass/PassManager.h"
+#include "mlir/Transforms/Passes.h"
+
+namespace warp {
+#define GEN_PASS_DEF_INLINEPULLBACKS
+#include "WarpDialect/Passes.h.inc"
+} // namespace warp
+
+using namespace mlir;
+
+/// The gradient of an array that is a view of one with a gradient.
+static Value gradientOf(OpBuilder &b, Value array) {
+  Operation *op = array.getDefiningOp();
+  if (!isa_and_nonnull<warp::ViewOp, warp::SliceOp, warp::ComponentViewOp>(op))
+    return warp::GradOp::create(b, array.getLoc(), array);
+  Value base = gradientOf(b, op->getOperand(0));
+  IRMapping map;
+  map.map(op->getOperand(0), base);
+  Operation *view = b.clone(*op, map);
+  auto type = cast<warp::ArrayType>(array.getType());
+  view->getResult(0).setType(
+      warp::ArrayType::get(type.getContext(), type.getRank(),
+                           warp::getGradientElement(type.getElementType())));
+  return view->getResult(0);
+}
+
+/// Erases accesses to the gradients of an array that has none. Their extents,
+/// which lie in the array's descriptor, may be asked for.
+static LogicalResult eraseAccesses(Value gradients) {
+  for (Operation *user : llvm::make_early_inc_range(gradients.getUsers())) {
+    if (isa<warp::DimOp>(user))
+      continue;
+    if (isa<warp::ViewOp, warp::SliceOp, warp::ComponentViewOp>(user)) {
+      if (failed(eraseAccesses(user->getResult(0))))
+        return failure();
+    } else if (isa<warp::LoadOp, warp::AtomicOp>(user)) {
+      Value result = user->getResult(0);
+      OpBuilder b(user);
+      if (!result.use_empty())
+        result.replaceAllUsesWith(
+            warp::autodiff::zero(b, user->getLoc(), result.getType()));
+    } else if (!isa<warp::StoreOp, warp::AccumulateOp>(user)) {
+      return user->emitError("'") << user->getName() << "' cannot be applied "
+                                  << "to the gradients of an array";
+    }
+    if (user->use_empty())
+      user->erase();
+  }
+  return success();
+}
+
+namespace {
+
+struct InlinePullbacks : warp::impl::InlinePullbacksBase<InlinePullbacks> {
+  using InlinePullbacksBase::InlinePullbacksBase;
+
+  void runOnOperation() override;
+  LogicalResult settle(warp::GradOp grad,
+                       const warp::autodiff::ArrayLeaves &leaves);
+};
+
+} // namespace
+
+void InlinePullbacks::runOnOperation() {
+  ModuleOp module = getOperation();
+  if (llvm::hasSingleElement(module.getOps<func::FuncOp>()))
+    return;
+  for (auto function : module.getOps<func::FuncOp>())
+    function.removeNoInlineAttr();
+  OpPassManager pm(ModuleOp::getOperationName());
+  pm.addPass(createInlinerPass({}, [](OpPassManager &) {}));
+  pm.addPass(createSymbolDCEPass());
+  pm.addPass(createCSEPass());
+  FunctionOpInterface kernel;
+  if (failed(runPipeline(pm, module)) || !(kernel = warp::findKernel(module)))
+    return signalPassFailure();
+  warp::autodiff::ArrayLeaves leaves(kernel);
+  SmallVector<warp::GradOp> grads;
+  kernel->walk([&](warp::GradOp op) { grads.push_back(op); });
+  for (warp::GradOp grad : grads)
+    if (failed(settle(grad, leaves)))
+      return signalPassFailure();
+}
+
+LogicalResult
+InlinePullbacks::settle(warp::GradOp grad,
+                        const warp::autodiff::ArrayLeaves &leaves) {
+  SmallVector<unsigned, 1> leaf = leaves.of(grad.getArray());
+  if (leaf.size() != 1)
+    return grad.emitError("cannot tell which array this gradient is of");
+  bool isActive = leaf[0] >= active.size() || active[leaf[0]] == '1';
+  if (isActive) {
+    OpBuilder b(grad);
+    Value gradient = gradientOf(b, grad.getArray());
+    grad.replaceAllUsesWith(gradient);
+  } else if (failed(eraseAccesses(grad))) {
+    return failure();
+  }
+  if (grad->use_empty())
+    grad.erase();
+  return success();
+}
