@@ -24,11 +24,14 @@ constexpr llvm::StringLiteral nonNegative = "warp.non_negative";
 constexpr llvm::StringLiteral flat = "warp.flat";
 constexpr llvm::StringLiteral debug = "warp.debug";
 constexpr llvm::StringLiteral fastMath = "warp.fast_math";
+constexpr llvm::StringLiteral deterministic = "warp.deterministic";
 constexpr llvm::StringLiteral blockDim = "warp.block_dim";
 constexpr llvm::StringLiteral large = "warp.large";
 constexpr llvm::StringLiteral threads = "warp.threads";
 /// Rough operations of one thread, which the compiler estimates.
 constexpr llvm::StringLiteral cost = "warp.cost";
+/// On a sum of floats of an adjoint: its terms may be added in any order.
+constexpr llvm::StringLiteral anyOrder = "warp.any_order";
 /// What follows for the code: one thread runs the launch.
 constexpr llvm::StringLiteral exclusive = "warp.exclusive";
 /// GPU: launch indices that one thread takes; 1 without.

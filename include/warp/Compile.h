@@ -46,6 +46,8 @@ struct CompileOptions {
   /// Bounds checks that report through the error record.
   bool debug = false;
   bool fastMath = false;
+  /// Sums have the same bits in every run.
+  bool deterministic = false;
   bool lineinfo = false;
   int optLevel = 2;
   /// Threads of a GPU block.

@@ -32,6 +32,7 @@ struct LaunchDim {
 struct KernelOptions {
   bool debug = false;
   bool fastMath = false;
+  bool deterministic = false;
   bool lineinfo = false;
   int optLevel = 2;
   int blockDim = 256;

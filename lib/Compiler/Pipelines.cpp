@@ -39,6 +39,7 @@ void warp::addSpecialize(OpPassManager &pm, const CompileOptions &options) {
   facts.large = options.large;
   facts.debug = options.debug;
   facts.fastMath = options.fastMath;
+  facts.deterministic = options.deterministic;
   facts.blockDim = options.blockDim;
   facts.threads = options.threads;
   pm.addPass(createSpecialize(facts));

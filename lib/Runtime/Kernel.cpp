@@ -162,6 +162,7 @@ CompileOptions Kernel::Impl::compileOptions(const VariantKey &key,
     result.driverVersion = cuda::driver()->version;
   result.debug = options.debug;
   result.fastMath = options.fastMath;
+  result.deterministic = options.deterministic;
   result.lineinfo = options.lineinfo;
   result.optLevel = options.optLevel;
   result.threads = arch == 0 ? std::min(ThreadPool::size(), 16) : 1;

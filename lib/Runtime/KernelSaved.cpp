@@ -42,6 +42,8 @@ void Kernel::attach(const SavedKernel &saved) {
   if (options.fastMath != saved.options.fastMath)
     reject(std::string("that was compiled ") +
            (saved.options.fastMath ? "with" : "without") + " 'fast_math'");
+  if (options.deterministic)
+    reject("it asks for 'deterministic' code");
   std::lock_guard<std::mutex> lock(impl->mutex);
   // What came last is tried first.
   impl->saved.insert(impl->saved.begin(),

@@ -99,7 +99,7 @@ private:
   Block *first;
   OpBuilder b;
   /// Components that are still updated by each thread.
-  int64_t remaining = 0;
+  double remaining = 0;
 };
 
 } // namespace
@@ -274,15 +274,25 @@ void Privatizer::update(const Accumulator &sum, ValueRange totals) {
                                    sum.kind, totals, array, indices);
 }
 
+/// How often an operation runs per thread, as the estimate of cost has it.
+static double estimatedTrips(Operation *op) {
+  double trips = 1;
+  for (Operation *parent = op->getParentOp(); parent;
+       parent = parent->getParentOp())
+    if (isa<scf::ForOp, scf::WhileOp>(parent))
+      trips *= 32;
+  return trips;
+}
+
 void Privatizer::run() {
   SmallVector<warp::AtomicComponentsOp> found;
   entry.walk([&](warp::AtomicComponentsOp op) {
     if (qualifies(op))
       found.push_back(op);
     else
-      remaining += op.getComponents().size();
+      remaining += double(op.getComponents().size()) * estimatedTrips(op);
   });
-  entry.walk([&](warp::AtomicCasOp) { ++remaining; });
+  entry.walk([&](warp::AtomicCasOp op) { remaining += estimatedTrips(op); });
   for (warp::AtomicComponentsOp op : found)
     privatize(op);
 }
@@ -300,9 +310,29 @@ static bool hasWholeWarps(Operation *entry) {
 bool Privatizer::isFasterAlone(int64_t threads, int64_t cost) {
   if (remaining == 0)
     return false;
-  double updates = double(remaining);
-  double rest = std::max(0.0, double(cost) - 20 * updates) / 2;
-  return rest + 2 * updates < (rest + 20 * updates) / double(threads);
+  double rest = std::max(0.0, double(cost) - 20 * remaining) / 2;
+  return rest + 2 * remaining < (rest + 20 * remaining) / double(threads);
+}
+
+/// Whether the order of atomic updates may show: sums of floats round, and old
+/// values tell who came first.
+static bool dependsOnOrder(Operation *op) {
+  auto atomic = dyn_cast<warp::AtomicComponentsOp>(op);
+  if (!atomic)
+    return isa<warp::AtomicCasOp>(op);
+  warp::AtomicKind kind = combiningKind(atomic.getKind());
+  return !atomic->use_empty() || kind == warp::AtomicKind::exch ||
+         (kind == warp::AtomicKind::add &&
+          llvm::any_of(atomic.getComponents().getTypes(), warp::isFloat));
+}
+
+static bool hasOrder(Operation *entry) {
+  return entry
+      ->walk([](Operation *op) {
+        return dependsOnOrder(op) ? WalkResult::interrupt()
+                                  : WalkResult::advance();
+      })
+      .wasInterrupted();
 }
 
 namespace {
@@ -313,18 +343,27 @@ struct PrivatizeAtomics : warp::impl::PrivatizeAtomicsBase<PrivatizeAtomics> {
     if (!entry)
       return signalPassFailure();
     auto function = dyn_cast<LLVM::LLVMFuncOp>(entry.getOperation());
+    if (!function)
+      return;
+    bool alone = !warp::isGpu(entry) &&
+                 entry->hasAttr(warp::attr::deterministic) && hasOrder(entry);
     // A debugging launch names the thread that fails, so each does its own.
-    if (!function || entry->hasAttr(warp::attr::debug))
-      return;
-    if (warp::isGpu(entry) && !hasWholeWarps(entry))
-      return;
-    Privatizer privatizer(function);
-    privatizer.run();
-    if (warp::isGpu(entry))
-      return;
-    if (privatizer.isFasterAlone(warp::getFact(entry, warp::attr::threads, 16),
-                                 warp::getFact(entry, warp::attr::cost, 0)))
+    if (!entry->hasAttr(warp::attr::debug))
+      alone |= privatize(function);
+    if (alone)
       entry->setAttr(warp::attr::exclusive, UnitAttr::get(&getContext()));
+  }
+
+  /// Returns whether the entry had better run on one thread.
+  bool privatize(LLVM::LLVMFuncOp entry) {
+    if (warp::isGpu(entry) && !hasWholeWarps(entry))
+      return false;
+    Privatizer privatizer(entry);
+    privatizer.run();
+    return !warp::isGpu(entry) &&
+           privatizer.isFasterAlone(
+               warp::getFact(entry, warp::attr::threads, 16),
+               warp::getFact(entry, warp::attr::cost, 0));
   }
 };
 

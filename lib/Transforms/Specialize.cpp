@@ -70,6 +70,7 @@ struct Specialize : warp::impl::SpecializeBase<Specialize> {
     setFlag(warp::attr::large, large);
     setFlag(warp::attr::debug, debug);
     setFlag(warp::attr::fastMath, fastMath);
+    setFlag(warp::attr::deterministic, deterministic);
   }
 
   /// Indices beyond the rank of the launch are zero.

@@ -1,6 +1,7 @@
 // RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm threads=2" | FileCheck %s
 // RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm threads=16" | FileCheck %s --check-prefix=MANY
 // RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm target=sm_90" | FileCheck %s --check-prefix=GPU
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm deterministic threads=16" | FileCheck %s --check-prefix=IN-ORDER
 
 // A sum into one element leaves the loop; its partial sums may be reordered.
 // CHECK-LABEL: llvm.func @one_address
@@ -78,5 +79,35 @@ func.func @one_gradient(%x: !warp.array<1 x f32>, %p: !warp.array<1 x f32>)
   %zero = warp.constant 0 : si32
   %g = warp.grad %p : !warp.array<1 x f32> -> !warp.array<1 x f32>
   warp.accumulate %v, %g[%zero] : f32, !warp.array<1 x f32>, si32
+  return
+}
+
+// -----
+
+// A deterministic launch keeps the order of updates whose order shows.
+// IN-ORDER-LABEL: llvm.func @in_order
+// IN-ORDER-SAME: warp.exclusive
+// IN-ORDER-NOT: atomicrmw
+func.func @in_order(%x: !warp.array<1 x f32>, %to: !warp.array<1 x si32>,
+                    %sum: !warp.array<1 x f32>) attributes {warp.kernel} {
+  %i = warp.tid : si32
+  %v = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
+  %j = warp.load %to[%i] : !warp.array<1 x si32>, si32 -> si32
+  %old = warp.atomic add %v, %sum[%j]
+    : f32, !warp.array<1 x f32>, si32 -> f32
+  return
+}
+
+// -----
+
+// Integers have none.
+// IN-ORDER-LABEL: llvm.func @any_order
+// IN-ORDER: atomicrmw add
+func.func @any_order(%to: !warp.array<1 x si32>, %sum: !warp.array<1 x si32>)
+    attributes {warp.kernel} {
+  %i = warp.tid : si32
+  %j = warp.load %to[%i] : !warp.array<1 x si32>, si32 -> si32
+  %old = warp.atomic add %j, %sum[%j]
+    : si32, !warp.array<1 x si32>, si32 -> si32
   return
 }

@@ -323,3 +323,67 @@ def test_derivative_as_text():
     assert "_tangent" in square.ir("tangent")
     with pytest.raises(ValueError, match="'adjoint', 'tangent'"):
         square.ir("gradient")
+
+
+def scattered(n, buckets, device):
+    """Sums whose last bits depend on the order of the terms."""
+    random = np.random.default_rng(3)
+    x = random.standard_normal(n).astype(np.float32) * 10.0 ** random.integers(-4, 5, n)
+    to = random.integers(0, buckets, n)
+    return (
+        wp.array(x, dtype=float, device=device),
+        wp.array(to, dtype=int, device=device),
+    )
+
+
+def test_deterministic_sums(device):
+    """Sums of a launch, and sums of gradients, have the same bits in every run."""
+
+    @wp.kernel(module_options={"deterministic": True})
+    def histogram(
+        x: wp.array(dtype=float), to: wp.array(dtype=int), sums: wp.array(dtype=float)
+    ):
+        i = wp.tid()
+        wp.atomic_add(sums, to[i], x[i])
+
+    @wp.kernel(module_options={"deterministic": True})
+    def gather(
+        x: wp.array(dtype=float),
+        to: wp.array(dtype=int),
+        table: wp.array(dtype=float),
+        y: wp.array(dtype=float),
+    ):
+        i = wp.tid()
+        y[i] = table[to[i]] * x[i]
+
+    @wp.kernel(module_options={"deterministic": True})
+    def total(x: wp.array(dtype=float), to: wp.array(dtype=int), sums: wp.array(dtype=float)):
+        i = wp.tid()
+        wp.atomic_add(sums, 0, x[i])
+
+    n = 100_000
+    x, to = scattered(n, 7, device)
+    found = []
+    for _ in range(5):
+        sums, one = wp.zeros(7, device=device), wp.zeros(1, device=device)
+        wp.launch(histogram, n, [x, to, sums], device=device)
+        wp.launch(total, n, [x, to, one], device=device)
+        table, y = wp.ones(7, device=device, requires_grad=True), seeded(n, device)
+        wp.launch(gather, n, [x, to, table, y], device=device, adjoint=True)
+        found.append(b"".join(a.numpy().tobytes() for a in (sums, one, table.grad)))
+    assert len(set(found)) == 1
+    exact = np.bincount(to.numpy(), x.numpy().astype(np.float64), 7)
+    scale = np.bincount(to.numpy(), np.abs(x.numpy()).astype(np.float64), 7)
+    assert (np.abs(table.grad.numpy() - exact) < 1e-4 * scale).all()
+
+
+def test_deterministic_setting():
+    assert wp.config.deterministic is False
+    module = wp.get_module(__name__)
+    assert not square.is_deterministic
+    wp.set_module_options({"deterministic": "run_to_run"}, module)
+    try:
+        assert square.is_deterministic
+    finally:
+        wp.set_module_options({"deterministic": "not_guaranteed"}, module)
+    assert not square.is_deterministic

@@ -158,6 +158,74 @@ def test_gradient_of_array(device):
     assert not wp.to_torch(a, requires_grad=False).requires_grad
 
 
+def test_gradient_of_narrow_tensor(device):
+    """Gradients of 16 bits have 32, which the tensor's own cannot."""
+    t = torch.ones(4, dtype=torch.float16, device=device, requires_grad=True)
+    a = wp.from_torch(t)
+    assert a.grad.dtype is wp.float32 and t.grad is None
+    with pytest.raises(ValueError, match="'float32' for an array of 'float16'"):
+        wp.from_torch(t, grad=torch.zeros_like(t))
+    made = wp.to_torch(wp.ones(3, dtype=wp.float16, device=device, requires_grad=True))
+    assert made.requires_grad and made.grad is None
+
+
+@wp.kernel
+def weighted_square(
+    x: wp.array(dtype=float), w: wp.array(dtype=float), y: wp.array(dtype=float)
+):
+    i = wp.tid()
+    y[i] = w[i % w.shape[0]] * x[i] * x[i]
+
+
+class WeightedSquare(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx, x, w):
+        y = torch.empty_like(x)
+        ctx.save_for_backward(x, w, y)
+        arrays = [wp.from_torch(t.detach()) for t in (x, w, y)]
+        wp.launch(weighted_square, len(x), arrays, device=str(x.device))
+        return y
+
+    @staticmethod
+    def backward(ctx, gradient):
+        tensors = ctx.saved_tensors
+        found = [torch.zeros_like(t) for t in tensors[:2]]
+        wp.launch(
+            weighted_square,
+            len(tensors[0]),
+            [wp.from_torch(t.detach()) for t in tensors],
+            adj_inputs=[wp.from_torch(t) for t in (*found, gradient.clone().contiguous())],
+            adjoint=True,
+            device=str(gradient.device),
+        )
+        return tuple(found)
+
+
+def test_kernel_as_autograd_function(device):
+    torch.manual_seed(1)
+    x = torch.randn(1000, device=device, requires_grad=True)
+    w = torch.randn(7, device=device, requires_grad=True)
+    (WeightedSquare.apply(torch.sin(x), w).sum() * 2.0).backward()
+    found = x.grad.clone(), w.grad.clone()
+    x.grad = w.grad = None
+    repeated = w[torch.arange(1000, device=device) % 7]
+    ((repeated * torch.sin(x) ** 2).sum() * 2.0).backward()
+    assert torch.allclose(found[0], x.grad, rtol=1e-5, atol=1e-6)
+    assert torch.allclose(found[1], w.grad, rtol=1e-5, atol=1e-4)
+
+
+def test_tape_over_tensors(device):
+    """A tape writes to the gradients that tensors hold."""
+    x = torch.arange(5.0, device=device).requires_grad_()
+    w, y = torch.full((2,), 3.0, device=device), torch.zeros(5, device=device).requires_grad_()
+    arrays = [wp.from_torch(t) for t in (x, w, y)]
+    with wp.Tape() as tape:
+        wp.launch(weighted_square, 5, arrays, device=device)
+    tape.backward(grads={arrays[2]: wp.ones(5, device=device)})
+    wp.synchronize()
+    assert x.grad.tolist() == [0, 6, 12, 18, 24]
+
+
 def test_inner_results_have_a_gradient_of_their_own(device):
     t = torch.ones(3, device=device, requires_grad=True) * 2.0
     assert wp.from_torch(t).grad.list() == [0.0] * 3

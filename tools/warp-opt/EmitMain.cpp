@@ -45,6 +45,8 @@ static bool setOption(warp::CompileOptions &options, const std::string &key,
     options.debug = number != 0;
   else if (key == "fast-math")
     options.fastMath = number != 0;
+  else if (key == "deterministic")
+    options.deterministic = number != 0;
   else if (key == "lineinfo")
     options.lineinfo = number != 0;
   else if (key == "opt-level")

@@ -46,6 +46,8 @@ struct PipelineOptions : PassPipelineOptions<PipelineOptions> {
                      llvm::cl::desc("Check bounds and assertions")};
   Option<bool> fastMath{*this, "fast-math", llvm::cl::init(false),
                         llvm::cl::desc("Approximate")};
+  Option<bool> deterministic{*this, "deterministic", llvm::cl::init(false),
+                             llvm::cl::desc("Sums have the same bits")};
   Option<bool> large{*this, "large", llvm::cl::init(false),
                      llvm::cl::desc("The launch fills the GPU many times over")};
   Option<int> threads{*this, "threads", llvm::cl::init(16),
@@ -65,6 +67,7 @@ static void addPipeline(OpPassManager &pm, const PipelineOptions &given) {
   options.flat = given.flat;
   options.debug = given.debug;
   options.fastMath = given.fastMath;
+  options.deterministic = given.deterministic;
   options.blockDim = given.blockDim;
   options.threads = given.threads;
   options.large = given.large;

@@ -137,7 +137,13 @@ SETTINGS = {
             "threads of a CPU launch, set before the first; None uses all cores",
         ),
         Setting("load_module_max_workers", _MAYBE_INT, 0, "threads that compile; 0 is serial"),
-        Setting("deterministic", (bool, str), False, "reserved: bitwise reproducible reductions"),
+        Setting(
+            "deterministic",
+            (bool, str),
+            False,
+            "sums have the same bits in every run; on the CPU, launches with atomics on floats run "
+            "on one thread",
+        ),
         Setting("launch_array_access_mode", (int, str), "RELAXED", "reserved: overlap checks"),
         _inert("log_level", int, 30),
         _inert("verify_autograd_array_access", bool, False),

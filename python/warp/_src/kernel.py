@@ -151,6 +151,11 @@ class Kernel:
                 continue
         return native
 
+    @property
+    def is_deterministic(self) -> bool:
+        """Whether sums have to have the same bits in every run."""
+        return self.option("deterministic") not in (False, None, "", "not_guaranteed")
+
     def compile_module(self, module, name):
         """A native kernel from a module, with the kernel's options."""
         level = self.option("optimization_level")
@@ -166,6 +171,7 @@ class Kernel:
             max_registers=self.options.get("cuda_max_registers") or 0,
             max_threads=bounds[0],
             min_blocks=bounds[1],
+            deterministic=self.is_deterministic,
         )
 
     def adjoint(self, native, active, unique=True):

@@ -70,7 +70,7 @@ def differentiate(kernel, native, active, forward=False, unique=True):
         active=list(active),
         singular=config.singular,
         unique=unique,
-        deterministic=bool(kernel.option("deterministic")),
+        deterministic=kernel.is_deterministic,
     )
 
 
