@@ -15,6 +15,7 @@ include "WarpBuiltinBase.td"
 class Warp_Decomposition<string mnemonic, list<string> overloads,
                          string summaryOf>
     : Warp_Builtin<mnemonic, "Decompositions", overloads, summaryOf> {
+  let derivative = RuleByFunction;
   let smoothDomain = ["[-2, 2]"];
 }
 
