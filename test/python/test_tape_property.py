@@ -116,3 +116,50 @@ def test_gradients_of_programs(seed, device):
         tape.backward(grads=dict(zip(arrays, seeds)))
         found = np.array([one.grad.numpy() for one in arrays])
         assert np.allclose(found, expected, rtol=1e-11, atol=1e-12)
+
+
+@wp.kernel
+def weigh(a: wp.array(dtype=Real), w: wp.array(dtype=Real), loss: wp.array(dtype=Real)):
+    i = wp.tid()
+    wp.atomic_add(loss, 0, a[i] * w[i])
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_tangents_of_programs(seed, device):
+    rng = np.random.default_rng(seed)
+    start, direction = rng.uniform(0.2, 1.2, (ARRAYS, N)), rng.normal(size=(ARRAYS, N))
+    weights = rng.normal(size=(ARRAYS, N))
+    program = Program(seed)
+
+    def made(numbers):
+        return [wp.array(row, dtype=Real, requires_grad=True, device=device) for row in numbers]
+
+    def results(*arrays):
+        copies = [wp.clone(one) for one in arrays]
+        program.on_tape(copies, device)
+        return copies
+
+    def loss(*arrays):
+        total = wp.zeros(1, dtype=Real, requires_grad=True, device=device)
+        for one, w in zip(results(*arrays), made(weights)):
+            wp.launch(weigh, N, [one, w, total], device=device)
+        return total
+
+    found = wp.autograd.jvp(results, made(start), made(direction))
+    end = start + 1e-30j * direction
+    program.in_numpy(end)
+    tangents = np.array([one.numpy() for one in found])
+    assert np.allclose(tangents, end.imag / 1e-30, rtol=1e-12, atol=1e-13)
+
+    def gradient(numbers):
+        arrays = made(numbers)
+        with wp.Tape(preserve="auto") as tape:
+            total = loss(*arrays)
+        tape.backward(total)
+        return np.array([one.grad.numpy() for one in arrays])
+
+    found = wp.autograd.hvp(loss, made(start), made(direction))
+    second = np.array([one.numpy() for one in found])
+    h = 1e-5
+    expected = (gradient(start + h * direction) - gradient(start - h * direction)) / (2 * h)
+    assert np.allclose(second, expected, rtol=1e-6, atol=1e-6)
