@@ -12,10 +12,16 @@
 // access. Loads of what was just stored are replaced first; after that, the
 // usual kernel (loads, arithmetic, stores) is rarely refused.
 //
+// Updates of an entry that runs alone, `x[i + 1] += v`, meet those of other
+// threads, but one update of neighbouring threads touches neighbouring
+// elements. Lanes that perform it together do not meet, and which of two
+// updates comes first is open.
+//
 //===----------------------------------------------------------------------===//
 
 #include "AccessOrder.h"
 
+#include "ArrayLowering.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -108,7 +114,8 @@ constexpr size_t maxAccesses = 256;
 
 /// Accesses in the order of execution. A loop counts as two iterations, which
 /// is what LLVM would see of it, unrolled.
-static void collect(Region &region, SmallVectorImpl<Access> &accesses) {
+static void collect(Region &region, bool updates,
+                    SmallVectorImpl<Access> &accesses) {
   for (Block &block : region)
     for (Operation &op : block) {
       if (accesses.size() > maxAccesses)
@@ -119,15 +126,21 @@ static void collect(Region &region, SmallVectorImpl<Access> &accesses) {
       else if (auto store = dyn_cast<warp::StoreComponentsOp>(op))
         accesses.push_back({true, rootOf(store.getArray()), store.getArray(),
                             SmallVector<Value, 2>(store.getIndices())});
+      else if (auto update = dyn_cast<warp::AtomicComponentsOp>(op);
+               update && updates)
+        for (bool isWrite : {false, true})
+          accesses.push_back({isWrite, rootOf(update.getArray()),
+                              update.getArray(),
+                              SmallVector<Value, 2>(update.getIndices())});
       for (int i = 0; i < (isa<LoopLikeOpInterface>(op) ? 2 : 1); ++i)
         for (Region &nested : op.getRegions())
-          collect(nested, accesses);
+          collect(nested, updates, accesses);
     }
 }
 
-bool warp::keepsOrderInVectors(Operation *entry) {
+bool warp::keepsOrderInVectors(Operation *entry, bool updates) {
   SmallVector<Access> accesses;
-  collect(entry->getRegion(0), accesses);
+  collect(entry->getRegion(0), updates, accesses);
   if (accesses.size() > maxAccesses)
     return false;
   for (size_t last = 0; last < accesses.size(); ++last) {
@@ -143,4 +156,56 @@ bool warp::keepsOrderInVectors(Operation *entry) {
     }
   }
   return true;
+}
+
+//===----------------------------------------------------------------------===//
+// Updates
+//===----------------------------------------------------------------------===//
+
+/// Whether a value is the same for all threads.
+static bool isUniform(Value value, int depth = 4) {
+  Operation *op = value.getDefiningOp();
+  if (!op || depth == 0)
+    return false;
+  if (op->hasTrait<OpTrait::ConstantLike>() || isa<warp::ParameterOp>(op))
+    return true;
+  return isa<warp::DimOp, arith::AddIOp, arith::SubIOp, arith::MulIOp>(op) &&
+         llvm::all_of(op->getOperands(), [&](Value operand) {
+           return isUniform(operand, depth - 1);
+         });
+}
+
+/// Whether an index is that of the loop over threads, whose body is `loop`,
+/// plus something that is the same for all.
+static bool followsThreads(Value index, Block *loop, int depth = 4) {
+  Operation *op = index.getDefiningOp();
+  if (!op || depth == 0)
+    return false;
+  auto follows = [&](unsigned i) {
+    return followsThreads(op->getOperand(i), loop, depth - 1);
+  };
+  if (auto trunc = dyn_cast<arith::TruncIOp>(op))
+    return trunc.getOverflowFlags() != arith::IntegerOverflowFlags::none &&
+           trunc.getIn() == loop->getArgument(0);
+  if (isa<arith::AddIOp>(op))
+    return (follows(0) && isUniform(op->getOperand(1))) ||
+           (follows(1) && isUniform(op->getOperand(0)));
+  return isa<arith::SubIOp>(op) && follows(0) &&
+         isUniform(op->getOperand(1));
+}
+
+bool warp::updatesNeighbours(Operation *entry) {
+  WalkResult result = entry->walk([&](AtomicComponentsOp op) {
+    Value array = op.getArray();
+    auto type = cast<ArrayType>(array.getType());
+    Block *loop =
+        entry->getRegion(0).findAncestorBlockInRegion(*op->getBlock());
+    // A wrapped index could meet the last ones.
+    bool apart = rootOf(array) == array && isScalar(type.getElementType()) &&
+                 loop->getNumArguments() == 1 && !op.getIndices().empty() &&
+                 followsThreads(op.getIndices().back(), loop) &&
+                 isNonNegative(op.getIndices().back(), op->getBlock());
+    return apart ? WalkResult::advance() : WalkResult::interrupt();
+  });
+  return !result.wasInterrupted();
 }

@@ -13,8 +13,12 @@ namespace warp {
 void forwardStores(mlir::Operation *entry);
 
 /// Whether a vectoriser that is told that threads are independent keeps the
-/// order of one thread's accesses.
-bool keepsOrderInVectors(mlir::Operation *entry);
+/// order of one thread's accesses; atomic `updates` count where they are plain.
+bool keepsOrderInVectors(mlir::Operation *entry, bool updates);
+
+/// Whether every update of an array element is of neighbours in neighbouring
+/// threads, so that several threads can perform it together.
+bool updatesNeighbours(mlir::Operation *entry);
 
 } // namespace warp
 

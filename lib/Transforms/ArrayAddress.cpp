@@ -52,7 +52,84 @@ static bool isThreadIndex(mlir::Value value) {
          trunc.getOverflowFlags() != arith::IntegerOverflowFlags::none;
 }
 
-static bool isNonNegative(mlir::Value value, bool mayOverflow, int depth) {
+/// Whether some comparison that holds if `condition` is `truth` satisfies
+/// `test`. Takes conjunctions apart, also those that evaluate their second part
+/// only if need be.
+static bool impliesAny(mlir::Value condition, bool truth, int depth,
+                       function_ref<bool(arith::CmpIOp, bool)> test) {
+  Operation *op = condition.getDefiningOp();
+  if (!op || depth == 0)
+    return false;
+  auto any = [&](mlir::Value part, bool is) {
+    return impliesAny(part, is, depth - 1, test);
+  };
+  if (auto compare = dyn_cast<arith::CmpIOp>(op))
+    return test(compare, truth);
+  if (truth ? isa<arith::AndIOp>(op) : isa<arith::OrIOp>(op))
+    return any(op->getOperand(0), truth) || any(op->getOperand(1), truth);
+  if (isa<arith::XOrIOp>(op) && matchPattern(op->getOperand(1), m_One()))
+    return any(op->getOperand(0), !truth);
+  auto branch = dyn_cast<scf::IfOp>(op);
+  if (!branch)
+    return false;
+  unsigned i = cast<OpResult>(condition).getResultNumber();
+  mlir::Value then = branch.thenYield().getOperand(i);
+  mlir::Value otherwise = branch.elseYield().getOperand(i);
+  if (truth && matchPattern(otherwise, m_Zero()))
+    return any(branch.getCondition(), true) || any(then, true);
+  if (!truth && matchPattern(then, m_One()))
+    return any(branch.getCondition(), false) || any(otherwise, false);
+  return false;
+}
+
+/// Whether a comparison says that `value`, which is not negative, is at least
+/// `bound`.
+static bool saysAtLeast(arith::CmpIOp compare, bool truth, mlir::Value value,
+                        const APInt &bound) {
+  using Predicate = arith::CmpIPredicate;
+  Predicate predicate = compare.getPredicate();
+  mlir::Value left = compare.getLhs(), right = compare.getRhs();
+  APInt number;
+  if (right == value) {
+    std::swap(left, right);
+    switch (predicate) {
+    case Predicate::slt: predicate = Predicate::sgt; break;
+    case Predicate::sle: predicate = Predicate::sge; break;
+    case Predicate::sgt: predicate = Predicate::slt; break;
+    case Predicate::sge: predicate = Predicate::sle; break;
+    default: break;
+    }
+  }
+  if (left != value || !matchPattern(right, m_ConstantInt(&number)))
+    return false;
+  if (!truth)
+    predicate = arith::invertPredicate(predicate);
+  if (predicate == Predicate::sge)
+    return number.sge(bound);
+  return (predicate == Predicate::sgt ||
+          (predicate == Predicate::ne && number.isZero())) &&
+         (number + 1).sge(bound);
+}
+
+/// Whether the branches around `where` let only values of at least `bound`
+/// pass.
+static bool isGuarded(mlir::Value value, const APInt &bound, Block *where) {
+  for (; where; where = where->getParentOp()->getBlock()) {
+    auto branch = dyn_cast<scf::IfOp>(where->getParentOp());
+    if (branch &&
+        impliesAny(branch.getCondition(), where == branch.thenBlock(),
+                   /*depth=*/16, [&](arith::CmpIOp compare, bool truth) {
+                     return saysAtLeast(compare, truth, value, bound);
+                   }))
+      return true;
+    if (!isa<RegionBranchOpInterface>(where->getParentOp()))
+      return false;
+  }
+  return false;
+}
+
+static bool isNonNegative(mlir::Value value, Block *where, bool mayOverflow,
+                          int depth) {
   APInt number;
   if (matchPattern(value, m_ConstantInt(&number)))
     return !number.isNegative();
@@ -63,7 +140,7 @@ static bool isNonNegative(mlir::Value value, bool mayOverflow, int depth) {
     // Beyond 2^31 trips an index is out of bounds, like a sum that overflows.
     return loop && loop.getInductionVar() == value &&
            (mayOverflow || !loop.getUnsignedCmp()) &&
-           isNonNegative(loop.getLowerBound(), false, depth - 1);
+           isNonNegative(loop.getLowerBound(), where, false, depth - 1);
   }
   Operation *op = value.getDefiningOp();
   if (!op)
@@ -72,13 +149,17 @@ static bool isNonNegative(mlir::Value value, bool mayOverflow, int depth) {
       op->hasAttr(warp::attr::nonNegative))
     return true;
   auto operand = [&](unsigned i, bool mayOverflow = false) {
-    return isNonNegative(op->getOperand(i), mayOverflow, depth - 1);
+    return isNonNegative(op->getOperand(i), where, mayOverflow, depth - 1);
   };
   if (isa<arith::ExtSIOp, arith::IndexCastOp>(op))
     return operand(0, mayOverflow);
   if (isa<arith::AddIOp>(op) && isThreadIndex(op->getOperand(0)) &&
       matchPattern(op->getOperand(1), m_One()))
     return true;
+  if (isa<arith::SubIOp>(op) &&
+      matchPattern(op->getOperand(1), m_ConstantInt(&number)))
+    return number.isStrictlyPositive() && operand(0) &&
+           isGuarded(op->getOperand(0), number, where);
   if (isa<arith::AddIOp, arith::MulIOp>(op))
     return mayOverflow && operand(0, true) && operand(1, true);
   if (isa<arith::DivSIOp, arith::MinSIOp, arith::OrIOp, arith::XOrIOp>(op))
@@ -95,20 +176,20 @@ static bool isNonNegative(mlir::Value value, bool mayOverflow, int depth) {
 /// A sum or product counts as not negative if its operands are: where it
 /// overflows, the access is out of bounds of every array. That holds for the
 /// index itself, not for what a remainder (say, of a hash) is taken of.
-bool warp::isNonNegative(mlir::Value value) {
-  return ::isNonNegative(value, /*mayOverflow=*/true, /*depth=*/8);
+bool warp::isNonNegative(mlir::Value value, Block *where) {
+  return ::isNonNegative(value, where, /*mayOverflow=*/true, /*depth=*/8);
 }
 
 /// Python's rule: an index below zero counts from the end.
 mlir::Value ArrayLowering::wrapIndex(mlir::Value index, mlir::Value extent) {
   if (index.getType() != i64)
     index = widen(index, i32);
-  if (!debug && isNonNegative(index))
+  if (!debug && isNonNegative(index, b.getInsertionBlock()))
     return index;
   mlir::Type type = index.getType();
   mlir::Value fromEnd =
       arith::AddIOp::create(b, loc, index, widen(extent, type));
-  if (matchPattern(index, m_Constant()) && !isNonNegative(index))
+  if (matchPattern(index, m_Constant()) && !isNonNegative(index, nullptr))
     return fromEnd;
   mlir::Value negative =
       arith::CmpIOp::create(b, loc, arith::CmpIPredicate::slt, index,

@@ -43,8 +43,8 @@ struct Address {
 /// What an error record says happened.
 enum class ReportKind { OutOfBounds = 0, Assertion = 1 };
 
-/// Whether an index can be told not to be negative.
-bool isNonNegative(mlir::Value index);
+/// Whether an index can be told not to be negative, in a block if that helps.
+bool isNonNegative(mlir::Value index, mlir::Block *where);
 
 class ArrayLowering {
 public:
@@ -131,6 +131,8 @@ private:
   mlir::Location loc;
   mlir::Type i8, i32, i64, pointer, dataPointer;
   bool gpu, index32, debug, exclusive;
+  /// Updates are plain, and may be performed by several threads together.
+  bool vectorUpdates = false;
   /// Marks accesses of the thread loop, which is parallel.
   mlir::ArrayAttr accessGroups;
   llvm::DenseMap<mlir::Value, ArrayParts> known;

@@ -54,7 +54,8 @@ void ArrayLowering::findAccessGroups() {
 
 LogicalResult ArrayLowering::run() {
   forwardStores(entry);
-  if (keepsOrderInVectors(entry))
+  vectorUpdates = exclusive && updatesNeighbours(entry);
+  if (keepsOrderInVectors(entry, vectorUpdates))
     findAccessGroups();
   SmallVector<Operation *> operations;
   entry.walk<WalkOrder::PreOrder>(

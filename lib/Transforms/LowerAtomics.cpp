@@ -5,7 +5,8 @@
 // compare and exchange, so every component type is covered here by one table.
 //
 // An entry marked `warp.exclusive` runs alone; its updates are plain loads and
-// stores. They stay out of the loop's access group: threads may meet there.
+// stores. They stay out of the loop's access group, as threads may meet there,
+// unless each is one of neighbours (AccessOrder.cpp).
 //
 //===----------------------------------------------------------------------===//
 
@@ -86,10 +87,14 @@ mlir::Value warp::combine(mlir::OpBuilder &b, mlir::Location loc,
 /// Loads, combines and stores, for an entry that runs alone.
 mlir::Value ArrayLowering::plainUpdate(AtomicKind kind, mlir::Value value,
                                        mlir::Type type, mlir::Value at) {
-  mlir::Value old = LLVM::LoadOp::create(b, loc, value.getType(), at,
-                                         getByteSize(type));
-  LLVM::StoreOp::create(b, loc, combine(b, loc, kind, old, value, type),
-                        at, getByteSize(type));
+  auto old = LLVM::LoadOp::create(b, loc, value.getType(), at,
+                                  getByteSize(type));
+  auto store = LLVM::StoreOp::create(
+      b, loc, combine(b, loc, kind, old, value, type), at, getByteSize(type));
+  if (vectorUpdates) {
+    old.setAccessGroupsAttr(accessGroups);
+    store.setAccessGroupsAttr(accessGroups);
+  }
   return old;
 }
 

@@ -19,6 +19,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "ArrayLowering.h"
 #include "LowerLaunch.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
@@ -109,6 +110,14 @@ int64_t Launch::chooseItems() {
   return items;
 }
 
+/// Notes what the guard around a block says about indices, before it is gone.
+static void markIndices(Block &block) {
+  for (Operation &op : block)
+    if (isa<arith::SubIOp>(op) &&
+        warp::isNonNegative(op.getResult(0), &block))
+      op.setAttr(warp::attr::nonNegative, UnitAttr::get(op.getContext()));
+}
+
 /// Copies of the body for several values of the first thread index, operation
 /// by operation, from the insertion point on. Control goes to `exit` when they
 /// are done, and to `single` if a guard does not hold for all.
@@ -150,6 +159,7 @@ void Launch::cloneInterleaved(ArrayRef<SmallVector<Value>> items, Block *single,
                            ValueRange(start));
     b.setInsertionPointToEnd(together);
     body = stretch.inside;
+    markIndices(*body);
   }
   LLVM::BrOp::create(b, loc, ValueRange(), exit);
 }

@@ -74,3 +74,31 @@ def test_sign_of_an_index_argument(width, device):
     i, j = np.indices((rows, columns))
     expected = (i * width + j) % (rows * columns)
     np.testing.assert_array_equal(out.numpy().reshape(rows, columns), expected)
+
+
+def test_updates_of_neighbours_meet_in_one_vector(device):
+    """x[i-1], x[i], x[i+1] from every thread, and the wrapped -1 of a launch beyond the array."""
+
+    @wp.kernel(module="unique")
+    def spread(x: wp.array(dtype=float)):
+        i = wp.tid()
+        if i > 0 and i < x.shape[0] - 1:
+            wp.atomic_add(x, i - 1, 1.0)
+            wp.atomic_add(x, i, 2.0)
+            wp.atomic_add(x, i + 1, 3.0)
+
+    @wp.kernel(module="unique")
+    def wrapped(x: wp.array(dtype=float)):
+        i = wp.tid()
+        wp.atomic_add(x, i - 1, 1.0)
+
+    for n in (3, 17, 1000):
+        x = wp.zeros(n, dtype=float, device=device)
+        wp.launch(spread, n, [x], device=device)
+        expected = np.zeros(n)
+        for part, value in ((slice(0, n - 2), 1), (slice(1, n - 1), 2), (slice(2, n), 3)):
+            expected[part] += value
+        np.testing.assert_array_equal(x.numpy(), expected)
+    x = wp.zeros(9, dtype=float, device=device)
+    wp.launch(wrapped, 10, [x], device=device)
+    np.testing.assert_array_equal(x.numpy(), [1] * 8 + [2])
