@@ -9,6 +9,7 @@
 #include "RulesByFunction.h"
 #include "RulesOfComposites.h"
 
+#include "WarpDialect/Passes.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "llvm/ADT/StringMap.h"
@@ -239,11 +240,60 @@ Value add(OpBuilder &builder, Location loc, Value a, Value b) {
   return createBuiltin(builder, loc, "add", {a, b})->getResult(0);
 }
 
+Value addInAnyOrder(OpBuilder &builder, Location loc, Value sum, Value term) {
+  Value total = add(builder, loc, sum, term);
+  total.getDefiningOp()->setAttr(attr::anyOrder, builder.getUnitAttr());
+  return total;
+}
+
+//===----------------------------------------------------------------------===//
+// Half precision
+//===----------------------------------------------------------------------===//
+
+namespace {
+/// Finds or makes the f32 form of values of 16 bits. What arithmetic computed
+/// is computed again rather than converted: otherwise a partial derivative
+/// would be zero because a product vanished on the way.
+class Widening {
+public:
+  Widening(OpBuilder &builder, Location loc) : builder(builder), loc(loc) {}
+
+  Value widen(Value value) {
+    Type type = differentialType(value.getType());
+    if (!type || type == value.getType())
+      return value;
+    if (Value known = wide.lookup(value))
+      return known;
+    Value found = recompute(value);
+    if (!found)
+      found = CastOp::create(builder, loc, type, value);
+    return wide[value] = found;
+  }
+
+private:
+  Value recompute(Value value) {
+    Operation *op = value.getDefiningOp();
+    if (!op || left == 0 || !isa<BuiltinOp>(op) || !isDifferentiable(op) ||
+        op->getNumResults() != 1)
+      return {};
+    --left;
+    SmallVector<Value, 3> operands;
+    for (Value operand : op->getOperands())
+      operands.push_back(widen(operand));
+    return createBuiltin(builder, loc, cast<BuiltinOp>(op).getSpec(), operands)
+        ->getResult(0);
+  }
+
+  OpBuilder &builder;
+  Location loc;
+  llvm::DenseMap<Value, Value> wide;
+  /// Operations that may still be made.
+  int left = 32;
+};
+} // namespace
+
 Value widen(OpBuilder &builder, Location loc, Value value) {
-  Type type = differentialType(value.getType());
-  if (!type || type == value.getType())
-    return value;
-  return CastOp::create(builder, loc, type, value);
+  return Widening(builder, loc).widen(value);
 }
 
 } // namespace warp::autodiff

@@ -82,8 +82,12 @@ mlir::Value constant(mlir::OpBuilder &builder, mlir::Location loc,
 mlir::Value add(mlir::OpBuilder &builder, mlir::Location loc, mlir::Value a,
                 mlir::Value b);
 
-/// The value with floats of 16 bits widened; the value itself if there are
-/// none.
+/// The same for one term of many, whose order is free.
+mlir::Value addInAnyOrder(mlir::OpBuilder &builder, mlir::Location loc,
+                          mlir::Value sum, mlir::Value term);
+
+/// The value with floats of 16 bits widened, and what they were computed from
+/// too; the value itself if there are none.
 mlir::Value widen(mlir::OpBuilder &builder, mlir::Location loc,
                   mlir::Value value);
 
