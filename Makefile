@@ -1,5 +1,6 @@
 # make build   .venv with the package in it, and build/bin/warp-opt
-# make demo    the particle demonstration: picture, work-precision plot
+# make demo    particles, a trajectory optimised, a rollout differentiated:
+#              pictures and tables in build/demo
 # make test    every test; ends with 'N passed, N failed, N skipped'
 # make docs    refresh the generated references under docs/
 # make bench   benchmarks/spine.py and gpu.py on an optimised build
@@ -17,6 +18,8 @@ build:
 
 demo: build
 	@$(PYTHON) examples/particles.py $(DEMO_ARGS)
+	@$(PYTHON) examples/trajectory.py
+	@$(PYTHON) examples/spring_rollout.py
 
 test: build
 	@$(PYTHON) scripts/run_tests.py $(TEST_ARGS)

@@ -101,6 +101,9 @@ class Targets(Loops):
         if kind is ast.Attribute:
             return self.attribute_slot(self.slot(node.value), node)
         if kind is ast.Subscript:
+            if getattr(node.value, "attr", None) == "adjoint":
+                # An error, which says where `wp.adjoint` may be used.
+                self.expr(node)
             return self.subscript_slot(self.slot(node.value), node)
         value = self.value(node)
         return Slot(value.type, value=value)
