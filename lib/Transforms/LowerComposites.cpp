@@ -22,6 +22,7 @@
 #include "LowerComposites.h"
 
 #include "Lowerings/Lowerings.h"
+#include "WarpDialect/Passes.h"
 #include "WarpDialect/WarpTypes.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -205,6 +206,12 @@ static bool isHalf(Type type) {
   return isa<FloatType>(type) && type.getIntOrFloatBitWidth() == 16;
 }
 
+static void allowReassociation(ArrayRef<Scalar> sums) {
+  for (Scalar sum : sums)
+    if (auto add = sum.value.getDefiningOp<arith::AddFOp>())
+      add.setFastmath(add.getFastmath() | arith::FastMathFlags::reassoc);
+}
+
 LogicalResult CompositeLowering::lowerBuiltin(Operation *op) {
   LoweringFunction function = lookupLowering(op->getName().getStringRef());
   if (!function)
@@ -223,6 +230,8 @@ LogicalResult CompositeLowering::lowerBuiltin(Operation *op) {
     operands.push_back({value.getType(), parts});
 
   Scalars results = function(emitter, operands);
+  if (op->hasAttr(attr::anyOrder))
+    allowReassociation(results);
   SmallVector<Type> types;
   for (Type type : op->getResultTypes())
     flatten(type, types);

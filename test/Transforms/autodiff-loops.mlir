@@ -1,13 +1,14 @@
 // RUN: warp-opt %s --split-input-file --warp-differentiate-kernel=active=11 --canonicalize --cse --warp-simplify-adjoint --canonicalize --cse | FileCheck %s
 
-// A sum needs none of its partial sums: the reverse loop is all there is, and
-// every iteration has the same cotangent.
+// A sum needs none of its partial sums: the reverse loop is all there is, every
+// iteration has the same cotangent, and since their order does not matter they
+// run forward.
 // CHECK-LABEL: func.func @sum_adjoint
 // CHECK-NOT: scf.
 // CHECK: %[[G:.*]] = warp.load
-// CHECK: scf.for
+// CHECK: scf.for unsigned %[[K:.*]] = %c0_i32 to
 // CHECK-NOT: iter_args
-// CHECK: warp.accumulate %[[G]]
+// CHECK: warp.accumulate %[[G]], %{{.*}}[%[[K]]]
 // CHECK-NOT: scf.
 // CHECK: return
 func.func @sum(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
@@ -27,13 +28,12 @@ func.func @sum(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
 
 // -----
 
-// Integers that go up by a step have a formula: still no replay. The formula
-// is one of the number of the iteration, which counts down.
+// Integers that go up by a step have a formula of the number of the iteration:
+// still no replay.
 // CHECK-LABEL: func.func @stepped_adjoint
 // CHECK-NOT: scf.while
 // CHECK-NOT: warp.scratch
-// CHECK: scf.for
-// CHECK: %[[NUMBER:.*]] = arith.subi %{{.*}}, %{{.*}} {warp.non_negative}
+// CHECK: scf.for unsigned %[[NUMBER:.*]] = %c0_i32 to
 // CHECK: %[[COUNT:.*]] = warp.cast %[[NUMBER]] : i32 to si32
 // CHECK: %[[MOVED:.*]] = warp.mul(%[[COUNT]], %{{.*}})
 // CHECK: %[[AT:.*]] = warp.add(%{{.*}}, %[[MOVED]])
@@ -102,7 +102,8 @@ func.func @product(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
 // CHECK: scf.for
 // CHECK: warp.scratch_store %{{.*}}, %[[TAPE]]
 // CHECK: scf.for
-// CHECK: warp.scratch_load %[[TAPE]]
+// CHECK: %[[NUMBER:.*]] = arith.subi %{{.*}}, %{{.*}} {warp.non_negative}
+// CHECK: warp.scratch_load %[[TAPE]][%[[NUMBER]]]
 func.func @short(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
     attributes {warp.kernel} {
   %c0 = arith.constant 0 : i32

@@ -33,6 +33,7 @@
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
+#include "llvm/ADT/SmallPtrSet.h"
 
 using namespace mlir;
 using namespace warp::autodiff;
@@ -172,7 +173,7 @@ scf::ForOp LoopReversal::appendCaptures(scf::ForOp loop) {
   for (auto [i, capture] : llvm::enumerate(captures)) {
     unsigned at = active.size() + i;
     Value sum = body->addArgument(capture.second.getType(), loc);
-    yield->setOperand(at, add(b, loc, sum, capture.second));
+    yield->setOperand(at, addInAnyOrder(b, loc, sum, capture.second));
   }
   loop.erase();
   return extended;
@@ -225,6 +226,28 @@ SmallVector<unsigned> LoopReversal::resolveFree() {
   return needed;
 }
 
+/// Whether iterations of the reverse loop only add, to what none of them reads;
+/// then they run forward, as hardware expects.
+bool LoopReversal::hasFreeOrder(scf::ForOp reversed) {
+  Operation *yield = reversed.getBody()->getTerminator();
+  for (unsigned i = 0; i < active.size(); ++i)
+    if (yield->getOperand(i) != reversed.getRegionIterArg(i))
+      return false;
+  llvm::SmallPtrSet<Value, 4> added, read;
+  bool onlyAdds = true;
+  reversed.walk([&](Operation *op) {
+    if (auto sum = dyn_cast<AccumulateOp>(op))
+      added.insert(rootOf(sum.getArray()));
+    else if (auto load = dyn_cast<LoadOp>(op))
+      read.insert(rootOf(load.getArray()));
+    else
+      onlyAdds &= !hasOwnEffect(op);
+  });
+  return onlyAdds && llvm::none_of(added, [&](Value root) {
+           return read.contains(root);
+         });
+}
+
 /// A forward value that cannot be kept has no place in scratch memory.
 LogicalResult LoopReversal::checkKept(ArrayRef<unsigned> states) {
   for (unsigned state : states)
@@ -255,7 +278,10 @@ LogicalResult LoopReversal::reverseAll(Value trips,
     return failure();
   SmallVector<Value> sums(reversed.getResults());
   if (needed.empty()) {
-    bindNumber(reversed, trips);
+    if (hasFreeOrder(reversed))
+      number.replaceAllUsesWith(reversed.getInductionVar());
+    else
+      bindNumber(reversed, trips);
   } else if (fitsTape(trips, needed)) {
     if (failed(recoverFromTape(reversed, trips, needed)))
       return failure();

@@ -84,6 +84,7 @@ private:
   bool hasClosedForm(unsigned state);
   mlir::Value findStep(unsigned state, bool &isNegative);
   llvm::SmallVector<unsigned> resolveFree();
+  bool hasFreeOrder(mlir::scf::ForOp loop);
   mlir::LogicalResult checkKept(llvm::ArrayRef<unsigned> states);
   void note(llvm::ArrayRef<unsigned> states, RecoveryRank rank,
             int64_t bytes);

@@ -37,8 +37,10 @@ namespace {
 class ForReversal : public LoopReversal {
 public:
   ForReversal(ReverseBuilder &reverse, scf::ForOp op)
-      : LoopReversal(reverse, op), op(op), lower(knownBound(op.getLowerBound())),
-        upper(knownBound(op.getUpperBound())), step(knownBound(op.getStep())) {}
+      : LoopReversal(reverse, op), op(op),
+        lower(knownBound(op.getLowerBound())),
+        upper(knownBound(op.getUpperBound())), step(knownBound(op.getStep())) {
+  }
 
   LogicalResult run();
 

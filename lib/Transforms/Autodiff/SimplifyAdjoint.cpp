@@ -38,16 +38,6 @@ namespace warp {
 using namespace mlir;
 using namespace warp::autodiff;
 
-/// The array that views were taken of; behind `warp.grad`, that array.
-static Value rootOf(Value array) {
-  while (Operation *op = array.getDefiningOp()) {
-    if (!isa<warp::ViewOp, warp::SliceOp, warp::ComponentViewOp>(op))
-      break;
-    array = op->getOperand(0);
-  }
-  return array;
-}
-
 /// Whether the loop does nothing to the array, or to one that may be the same,
 /// but add.
 static bool onlyAdds(scf::ForOp loop, Value array) {
@@ -171,7 +161,7 @@ static void moveOut(LoopSum sum) {
   Value never = arith::ConstantOp::create(b, loc, b.getBoolAttr(false));
   Value value = sum.branch ? takeFromBranch(sum) : sum.op.getValue();
   scf::ForOp loop = carry(sum.loop, none, [&](OpBuilder &b, Value before) {
-    return add(b, loc, before, value);
+    return addInAnyOrder(b, loc, before, value);
   });
   Value total = loop.getResults().back(), any;
   if (sum.branch) {
