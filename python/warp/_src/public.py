@@ -25,6 +25,10 @@ def find(name: str):
         from warp._src.checks import CHECKS
         from warp._src.constructors import CONSTRUCTORS
 
+        if name == "sym_fn3":
+            from warp._src.symmetric import sym_fn3
+
+            return sym_fn3
         found = CONSTRUCTORS.get(name) or CHECKS.get(name)
         if found is None and name in LIBRARY_NAMES:
             from warp._src.library import LIBRARY

@@ -11,6 +11,7 @@ import ast
 import inspect
 
 from warp._src import errors, types
+from warp._src.builtins import lookup
 from warp._src.derivatives import FACTORIES, Derivative
 from warp._src.frontend import names
 from warp._src.frontend.emitter import Value
@@ -241,6 +242,22 @@ class Calls(Output):
                 self.at(node)
                 arguments = [array, 0, self.builder.dim(array, 0), arguments[1]]
         return self.call_function(LOWER_BOUND, arguments, keywords, node)
+
+    def builtin_sym_fn3(self, node):
+        """`sym_fn3(A, f)`, whose second argument is a function."""
+        from warp._src.symmetric import matrix_function
+
+        if len(node.args) != 2 or node.keywords:
+            raise self.type_error(node, "'sym_fn3' expects a matrix and a function")
+        value, function = self.expr(node.args[0]), self.expr(node.args[1])
+        if isinstance(function, BuiltinRef):
+            function = lookup(function.name)
+        elif not hasattr(function, "overloads"):
+            raise self.type_error(
+                node.args[1],
+                f"'sym_fn3' expects a builtin or a `@wp.func`, but got {names.describe(function)}",
+            )
+        return self.call_function(matrix_function(function), [value], {}, node)
 
     def builtin_load(self, node):
         array, *indices = self.element_arguments(node, "load", 0)
