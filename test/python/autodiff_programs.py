@@ -108,7 +108,7 @@ def expressions(draw, depth=2, loops=0):
         ]
         leaves.append(st.integers(0, DATA - 1).map(lambda k: f"d[{k}]"))
         if loops:
-            leaves.append(st.integers(0, loops - 1).map(lambda k: f"d[k{k}]"))
+            leaves.append(st.integers(0, loops - 1).map(lambda k: f"d[k{k} % 4]"))
         return draw(st.one_of(leaves))
     left, right = draw(expressions(depth - 1, loops)), draw(expressions(depth - 1, loops))
     return draw(st.sampled_from(FORMS)).format(left, right, draw(conditions(loops)))
@@ -155,7 +155,7 @@ def statements(draw, kind, depth, loops):
             lines += ["else:", *indented(draw(blocks(depth - 1, loops)))]
         return lines
     if kind == "for":
-        bounds = draw(st.sampled_from(("n", "3", "n - 1, -1, -1", "0, n, 2")))
+        bounds = draw(st.sampled_from(("n", "3", "n - 1, -1, -1", "0, n, 2", "19")))
         return [f"for k{loops} in range({bounds}):", *indented(draw(blocks(depth - 1, loops + 1)))]
     counter = f"w{depth}{loops}"
     lines = [f"{counter} = int(0)", f"while {counter} < n and {condition}:", f"    {counter} += 1"]

@@ -1,5 +1,7 @@
 """T108: forward and reverse mode agree on every case that asks for gradients of a launch."""
 
+import contextlib
+
 from .problem import Problem
 from .registry import CASES, EXACT, case
 
@@ -11,12 +13,10 @@ def duality(p):
         if item.order() >= 108 or item.verdict != EXACT or p.precision not in item.precisions:
             continue
         problem = Problem(p.precision, p.device, dot=True)
-        try:
+        # A case that fails for another reason says so itself.
+        with contextlib.suppress(Exception):
             item.function(problem)
-        except Exception as error:
-            failures.append(
-                f"{item.number}: {str(error).splitlines()[0] if str(error) else error!r}"
-            )
+        failures += [f"{item.number}: {text}" for text in problem.dot_failures]
         tests += problem.dot_tests
-    p.holds(not failures, f"{len(failures)} cases: " + "; ".join(failures))
+    p.holds(not failures, f"{len(failures)} launches: " + "; ".join(failures))
     p.holds(tests > 0, "no launch was tested")

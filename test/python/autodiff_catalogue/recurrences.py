@@ -48,9 +48,10 @@ def iterated(p):
 def trip_counts(p):
     sines, x = sine_kernel(p), 1.0
     for n in EDGES:
+        p.condition = max(1, n)
         (got,) = p.pullback(sines, 1, [p.array([x]), n], [p.zeros(1)])
         p.close(got, sine_gradient(x, n), 16 + 4 * n)
-    n = 10**6
+    n = p.condition = 10**6
     (got,) = p.pullback(sines, 1, [p.array([x]), n], [p.zeros(1)])
     p.close(got, sine_gradient(x, n), 2 * n)
 
@@ -207,6 +208,7 @@ def logistic(p):
             s = R(4.0) * s * (R(1.0) - s)
         y[i] = s
 
+    p.condition = 20
     for n, expected in ((10, -1211.521359), (20, 1342792.089)):
         (got,) = p.pullback(map_, 1, [p.array([0.1]), n], [p.zeros(1)])
         p.near(got, expected, 1e-9)
