@@ -46,9 +46,11 @@ warp::Diagnostics::Diagnostics() : ScopedDiagnosticHandler(&compilerContext()) {
       return;
     std::string text = diagnostic.str();
     for (Diagnostic &note : diagnostic.getNotes()) {
-      text += "\n  note: " + note.str();
+      text += "\n  note: ";
       if (FileLineColLoc place = findSourceLocation(note.getLocation()))
-        text += " (line " + std::to_string(place.getLine()) + ")";
+        text += place.getFilename().str() + ":" +
+                std::to_string(place.getLine()) + ": ";
+      text += note.str();
     }
     if (!firstError.empty()) {
       rest += "\n" + text;

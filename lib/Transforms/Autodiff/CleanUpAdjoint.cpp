@@ -133,16 +133,28 @@ static unsigned describeHidden(func::FuncOp function) {
   return hidden.size();
 }
 
+/// Whether all threads of a launch add to one element, so that warps or blocks
+/// of them add up first.
+static bool isShared(warp::AccumulateOp sum) {
+  auto isSame = [](Value value) {
+    return isUniform(value, /*withCounters=*/false);
+  };
+  return isSame(sum.getArray()) && llvm::all_of(sum.getIndices(), isSame);
+}
+
 /// Lists the leaves whose contents the adjoint reads, and counts.
 static void describeCode(func::FuncOp adjoint, unsigned hiddenCount) {
   ArrayLeaves leaves(adjoint);
   unsigned count = leaves.size() - hiddenCount;
   llvm::BitVector needed(count);
-  int64_t atomics = 0, shadowed = 0;
+  int64_t atomics = 0, reductions = 0, shadowed = 0, assertions = 0;
   adjoint.walk([&](Operation *op) {
     shadowed += isa<warp::GradOp>(op);
-    if (auto sum = dyn_cast<warp::AccumulateOp>(op))
-      atomics += !sum.getUnique();
+    assertions += isa<warp::AssertOp>(op);
+    if (auto sum = dyn_cast<warp::AccumulateOp>(op); sum && !sum.getUnique()) {
+      ++atomics;
+      reductions += isShared(sum);
+    }
     if (auto load = dyn_cast<warp::LoadOp>(op))
       for (unsigned leaf : leaves.of(load.getArray()))
         if (leaf < count)
@@ -154,7 +166,9 @@ static void describeCode(func::FuncOp adjoint, unsigned hiddenCount) {
   NamedAttrList metrics(
       adjoint->getAttrOfType<DictionaryAttr>(warp::attr::metrics));
   metrics.set("atomics", b.getI64IntegerAttr(atomics));
+  metrics.set("block_reductions", b.getI64IntegerAttr(reductions));
   metrics.set("shadowed", b.getI64IntegerAttr(shadowed));
+  metrics.set("assertions", b.getI64IntegerAttr(assertions));
   adjoint->setAttr(warp::attr::metrics,
                    metrics.getDictionary(adjoint.getContext()));
 }

@@ -46,5 +46,5 @@ def report() -> None:
             if count:
                 totals[place] = totals.get(place, 0) + count
     for place, count in totals.items():
-        times = "once" if count == 1 else f"{count} times"
+        times = "1 time" if count == 1 else f"{count} times"
         print(f"{place}: singular point met {times}, its derivative counts as 0", flush=True)
