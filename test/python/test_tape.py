@@ -1,7 +1,5 @@
 """`wp.Tape`: what is recorded, and the gradients that a backward pass leaves."""
 
-import gc
-
 import numpy as np
 import pytest
 
@@ -150,31 +148,6 @@ def test_functions_run_in_their_place(device):
     assert not x.grad.numpy().any() and not tape.launches
 
 
-def test_launches_without_tape_and_recorded_by_hand(device):
-    x, y, loss = variables(device)
-    with wp.Tape() as tape:
-        wp.launch(square, 3, [x], [y], device=device, record_tape=False)
-        command = wp.launch(total, 3, [y], [loss], device=device, record_cmd=True)
-        assert not tape.launches
-        command.launch()
-    wp.launch(total, 3, [y], [loss], device=device)
-    assert [record.event.what for record in tape.launches] == ["launch of 'total'"]
-    other = wp.Tape()
-    other.record_launch(square, 3, 0, [x], [y], device)
-    other.backward(grads={y: wp.ones(3, dtype=float, device=device)})
-    assert np.array_equal(x.grad.numpy(), [2, 4, 6])
-
-
-def test_maps_and_operators(device):
-    x, _, loss = variables(device)
-    with wp.Tape() as tape:
-        y = wp.map(wp.sin, x) * x
-        wp.launch(total, 3, [y], [loss], device=device)
-    tape.backward(loss)
-    numbers = np.array([1.0, 2.0, 3.0])
-    assert np.allclose(x.grad.numpy(), np.sin(numbers) + numbers * np.cos(numbers), rtol=1e-6)
-
-
 def test_tapes_do_not_nest():
     with wp.Tape() as tape:
         with pytest.raises(wp.WarpError, match="leave its block"):
@@ -199,16 +172,3 @@ def test_bad_seeds(device):
         tape.backward(grads={constant: constant})
     with pytest.raises(ValueError, match="'error' or 'auto'"):
         wp.Tape(preserve="always")
-
-
-def test_nothing_watches_once_tapes_are_gone(device):
-    from warp._src.tracking import Watch
-
-    tape, *_ = recorded(device)
-    assert Watch.active
-    tape.reset()
-    other, *_ = recorded(device)
-    del other
-    gc.collect()
-    assert not Watch.active
-    assert "launch" not in vars(wp.Launch)
