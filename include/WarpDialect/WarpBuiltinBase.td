@@ -49,9 +49,10 @@ def Smooth : Derivative<"differentiable">;
 /// `g` of the result, in which it is linear. It has the operands, `result`,
 /// numbers, + - * /, comparisons, `and`, `or`, `not`, builtins by their Python
 /// names, and the names that `given` defines. Where the condition behind its
-/// `unless` holds it stands for zero, by the policy for singular points. An
-/// empty formula is a derivative of zero; an overload without formulas is
-/// expanded into scalars.
+/// `unless` holds it stands for zero, by the policy for singular points. Where
+/// the condition behind `requires` does not hold, the launch fails with the
+/// message behind the colon. An empty formula is a derivative of zero; an
+/// overload without formulas is expanded into scalars.
 ///
 /// Tangents, for each overload or all at once, are
 ///   `partials`      the sum of the formulas with the tangent of each operand

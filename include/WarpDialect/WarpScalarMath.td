@@ -152,7 +152,8 @@ def Warp_PowOp : Warp_ScalarMath<"pow", ["(x: F, y: F) -> F"],
     ["where(y == 0, 0, g * y * pow(x, y - 1)) "
      "unless g == 0 or x == 0 and y < 1 and y != 0",
      "where(x == 0, 0, g * result * log(x)) "
-     "unless g == 0 or x < 0 or x == 0 and y <= 0"]>;
+     "unless g == 0 or x == 0 and y <= 0 requires not x < 0 or g == 0: "
+     "a negative base has no derivative by its exponent"]>;
 }
 def Warp_CopysignOp : Warp_ScalarMath<"copysign", ["(x: F, y: F) -> F"],
     "magnitude of x with the sign of y", Elementwise<"math::CopySignOp">> {

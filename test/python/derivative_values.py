@@ -47,6 +47,13 @@ def is_float(dtype):
     return getattr(dtype, "_wp_scalar_type_", dtype) in (wp.float64, wp.float32)
 
 
+def agree(coarse, fine):
+    """Rows where differences of two steps are the same: there is no branch or jump near."""
+    coarse, fine = coarse.reshape(COUNT, -1), fine.reshape(COUNT, -1)
+    scale = 1 + np.abs(fine).max(axis=1, keepdims=True)
+    return (np.abs(coarse - fine) / scale).max(axis=1) < 1e-7
+
+
 class Overload:
     """One overload of a builtin as a kernel."""
 
@@ -83,6 +90,21 @@ class Overload:
         values = [f"r{k}" for k in range(len(self.direct))] + [f"a{k}" for k in self.inout]
         lines += [f"    o{k}[i] = {value}" for k, value in enumerate(values)]
         return define("\n".join(lines) + "\n", **names)["apply"]
+
+    def _define_sum(self):
+        """A kernel that adds up the results, each component times a weight."""
+        floats = [t for t in self.results if is_float(t)]
+        names = {f"R{i}": t for i, t in enumerate(floats)}
+        arrays = [f"{k}{i}: wp.array(dtype=R{i})" for i in range(len(floats)) for k in "ow"]
+        lines = ["@wp.kernel", f"def add_up({', '.join(arrays)}, s: wp.array(dtype=wp.float64)):"]
+        lines += ["    i = wp.tid()", "    t = wp.float64(0.0)"]
+        for k, dtype in enumerate(floats):
+            for index in np.ndindex(getattr(dtype, "_shape_", ())):
+                at = f"[{', '.join(map(str, index))}]" if index else ""
+                lines += [f"    r{k} = o{k}[i]", f"    v{k} = w{k}[i]"]
+                lines.append(f"    t += r{k}{at} * v{k}{at}")
+        lines.append("    wp.atomic_add(s, 0, t)")
+        return define("\n".join(lines) + "\n", **names)["add_up"]
 
     # Operands and results as rows of numbers.
 
@@ -169,15 +191,48 @@ class Overload:
         tangents = [next(along) if is_float(one.dtype) else None for one in inputs]
         return self.rows(wp.autograd.jvp(function, inputs, tangents))
 
-    def differences(self, rows, device):
-        """The matrix of derivatives, and for each row whether differences are to be believed.
+    def second(self, rows, weights, direction, device):
+        """The derivative of `adjoint` along a direction."""
+        inputs, add_up = self.arrays(rows, device), self._define_sum()
+        split_at = np.cumsum([components(t) for t in self.results if is_float(t)])[:-1]
+        floats = [t for t in self.results if is_float(t)]
+        factors = [
+            self._array(part, dtype, device)
+            for part, dtype in zip(np.split(weights, split_at, axis=1), floats)
+        ]
+        for one in factors:
+            one.requires_grad = False
 
-        They are where two steps give the same: there is no branch or jump near.
-        """
+        def function(*operands):
+            outputs = self.outputs(device)
+            wp.launch(self.kernel, COUNT, list(operands), outputs, device=device)
+            loss = wp.zeros(1, dtype=wp.float64, device=device, requires_grad=True)
+            pairs = [one for pair in zip(self.smooth(outputs), factors) for one in pair]
+            wp.launch(add_up, COUNT, [*pairs, loss], device=device)
+            return loss
+
+        along = iter(self.smooth(self.arrays(direction, device)))
+        vectors = [next(along) if is_float(one.dtype) else None for one in inputs]
+        found = wp.autograd.hvp(function, inputs, vectors)
+        found = found if isinstance(found, list) else [found]
+        return self.rows([one for one, v in zip(found, vectors) if v is not None])
+
+    def differences(self, rows, device):
+        """The matrix of derivatives, and for each row whether differences are to be believed."""
         coarse, fine = (self._differences(rows, device, step) for step in (1e-3, 1e-4))
-        scale = 1 + np.abs(fine).max(axis=(1, 2), keepdims=True)
-        error = np.abs(coarse - fine) / scale
-        return fine, error.max(axis=(1, 2)) < 1e-7
+        return fine, agree(coarse, fine)
+
+    def second_differences(self, rows, weights, direction, device):
+        """What `second` gives, by central differences of `adjoint`, and whether to believe it."""
+
+        def along(step):
+            def at(factor):
+                return self.adjoint(rows + factor * step * direction, weights, device)
+
+            return (8 * (at(1) - at(-1)) - (at(2) - at(-2))) / (12 * step)
+
+        coarse, fine = along(1e-3), along(1e-4)
+        return fine, agree(coarse, fine)
 
     def _differences(self, rows, device, step):
         """By central differences of fourth order."""

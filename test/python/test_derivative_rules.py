@@ -50,12 +50,18 @@ def check(name, index, device):
     scale = 1 + np.abs(matrix).max(axis=(1, 2))[:, None]
 
     def compare(found, expected):
-        np.testing.assert_allclose(
-            (found / scale)[believed], (expected / scale)[believed], 0, 1e-6, err_msg=text
-        )
+        found, expected = (found / scale)[believed], (expected / scale)[believed]
+        np.testing.assert_allclose(found, expected, 0, 1e-6, err_msg=text)
 
     compare(adjoint, np.einsum("nm,nmd->nd", weights, matrix))
     compare(tangent, np.einsum("nmd,nd->nm", matrix, direction))
+
+    # Tangents of the adjoint.
+    second = overload.second(rows, weights, direction, device)
+    expected, believed = overload.second_differences(rows, weights, direction, device)
+    assert believed.sum() >= COUNT // 2, text
+    scale = 1 + np.abs(expected).max(axis=1)[:, None]
+    compare(second, expected)
     # <J v, w> = <v, J^T w>, which differences have no part in.
     left, right = (tangent * weights).sum(axis=1), (direction * adjoint).sum(axis=1)
     size = np.linalg.norm(tangent, axis=1) * np.linalg.norm(weights, axis=1)

@@ -70,6 +70,11 @@ public:
     define(formula.value);
     if (formula.unless)
       define(*formula.unless);
+    if (formula.requirement) {
+      define(*formula.requirement);
+      os << "    f.require(" << toCpp(*formula.requirement) << ",\n"
+         << "              " << quote(formula.message) << ");\n";
+    }
     std::string value = toCpp(formula.value);
     if (!formula.unless) {
       os << "    return " << value << ";\n";

@@ -23,6 +23,8 @@ bool Formula::uses(StringRef name) const {
   value.forEachName(visit);
   if (unless)
     unless->forEachName(visit);
+  if (requirement)
+    requirement->forEachName(visit);
   return found;
 }
 
@@ -44,6 +46,13 @@ public:
     formula.value = parseAny();
     if (take("unless"))
       formula.unless = parseAny();
+    if (take("requires")) {
+      formula.requirement = parseAny();
+      if (!take(":"))
+        fail("':' and a message");
+      formula.message = whole.take_back(token.size() + rest.size());
+      token = "";
+    }
     if (!token.empty())
       fail("an operator");
     return formula;
@@ -171,6 +180,8 @@ public:
     check(formula.value, text);
     if (formula.unless)
       check(*formula.unless, text);
+    if (formula.requirement)
+      check(*formula.requirement, text);
     return formula;
   }
 

@@ -28,10 +28,12 @@ struct FormulaNode {
   void forEachName(llvm::function_ref<void(llvm::StringRef)> visit) const;
 };
 
-/// One formula with its condition.
+/// One formula with its conditions.
 struct Formula {
   FormulaNode value;
-  std::optional<FormulaNode> unless;
+  std::optional<FormulaNode> unless, requirement;
+  /// What is said where the requirement does not hold.
+  llvm::StringRef message;
 
   bool uses(llvm::StringRef name) const;
 };

@@ -6,8 +6,7 @@
 
 #include "Formula.h"
 
-#include "WarpDialect/Registry.h"
-#include "WarpDialect/WarpTypes.h"
+#include "WarpDialect/WarpOps.h"
 
 using namespace mlir;
 
@@ -85,6 +84,11 @@ Expr Formula::unless(llvm::function_ref<Expr()> isSingular,
     context.report(
         call("bit_and", {singular, cotangent() != number(0)}).value);
   return call("where", {singular, number(0), regular});
+}
+
+void Formula::require(Expr condition, StringRef message) {
+  if (!condition.isNumber() && context.singular != Singular::Strict)
+    AssertOp::create(context.builder, context.loc, condition.value, message);
 }
 
 //===----------------------------------------------------------------------===//

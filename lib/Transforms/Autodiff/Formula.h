@@ -55,6 +55,10 @@ public:
   Expr unless(llvm::function_ref<Expr()> isSingular,
               llvm::function_ref<Expr()> value, bool isReported = true);
 
+  /// Has the launch fail where the condition does not hold; IEEE arithmetic
+  /// gives NaN there.
+  void require(Expr condition, llvm::StringRef message);
+
   /// The value of an expression in a place where `type` is expected.
   mlir::Value materialize(Expr expr, mlir::Type type);
 

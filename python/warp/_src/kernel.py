@@ -156,14 +156,14 @@ class Kernel:
         """Whether sums have to have the same bits in every run."""
         return self.option("deterministic") not in (False, None, "", "not_guaranteed")
 
-    def compile_module(self, module, name):
-        """A native kernel from a module, with the kernel's options."""
+    def compile_module(self, module, name, checked=False):
+        """A native kernel from a module, with the kernel's options; `checked` keeps assertions."""
         level = self.option("optimization_level")
         bounds = self.options.get("launch_bounds", (0, 0))
         return _native.Kernel(
             module,
             name,
-            debug=self.option("mode") == "debug",
+            debug=checked or self.option("mode") == "debug",
             fast_math=self.option("fast_math"),
             lineinfo=self.option("lineinfo"),
             opt_level=2 if level is None else level,

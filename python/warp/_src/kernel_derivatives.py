@@ -38,7 +38,9 @@ class Derivative:
     def __init__(self, kernel, made, suffix):
         self.kernel = kernel
         self.module = made.module
-        self.native = kernel.compile_module(made.module, f"{kernel.key}_{suffix}")
+        # An adjoint asserts what its derivatives require of the operands, always.
+        checked = suffix == "adjoint" and made.metrics.get("assertions", 0) > 0
+        self.native = kernel.compile_module(made.module, f"{kernel.key}_{suffix}", checked)
         self.augmented = None
         if made.augmented is not None:
             self.augmented = kernel.compile_module(made.augmented, kernel.key)
