@@ -113,6 +113,8 @@ def test_atomic_extremes_of_one_thread(device):
     value, tangent = push(extremes, [x], [v], np.zeros(2), device, dim=1)
     np.testing.assert_array_equal(value, [3.0, -4.0])
     np.testing.assert_array_equal(tangent, [10.0, 200.0])
+    with pytest.raises(wp.WarpError, match="one thread only"):
+        push(extremes, [x], [v], np.zeros(2), device, dim=2)
 
 
 def test_inactive_operand_has_no_twin(device):

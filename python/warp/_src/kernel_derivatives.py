@@ -17,10 +17,6 @@ from warp._src.structs import StructInstance
 from warp._src.tracking import Box
 from warp._src.watching import Call
 
-# Places whose notice was printed.
-_noticed: set = set()
-
-
 class Derivative:
     """The derivative of a native kernel, itself a native kernel.
 
@@ -49,13 +45,9 @@ class Derivative:
         self.one_thread = made.one_thread
         self.metrics = made.metrics
         for line in made.notices:
-            _notice(line)
-
-
-def _notice(line) -> None:
-    if line not in _noticed:
-        _noticed.add(line)
-        print(line, flush=True)
+            if line not in kernel.noticed:
+                kernel.noticed.add(line)
+                print(line, flush=True)
 
 
 def differentiate(kernel, native, active, forward=False, unique=True):
@@ -86,7 +78,7 @@ def run(made: Derivative, call: Call, values, initial=None, saved=()) -> None:
         initial: copies of arrays as they were before the launch, by number.
         saved: what `run_augmented` has returned.
     """
-    _check_threads(made, call)
+    check_threads(made, call)
     for value in values:
         if isinstance(value, StructInstance):
             value.refresh()
@@ -125,11 +117,11 @@ def _thread_count(dim) -> int:
     return math.prod(dim) if isinstance(dim, (tuple, list)) else int(dim)
 
 
-def _check_threads(made, call) -> None:
+def check_threads(made, call) -> None:
     threads = _thread_count(call.dim)
     if made.one_thread and threads > 1:
         raise errors.WarpGradientError(
-            f"launch('{call.kernel.key}', adjoint=True): derivatives of this kernel are right for "
+            f"launch('{call.kernel.key}'): derivatives of this kernel are right for "
             f"one thread only, but the launch has {threads}: {made.one_thread}"
         )
 

@@ -71,6 +71,7 @@ class Tangents:
         active = self._active(call.leaves, call.accesses)
         if any(active):
             made = call.kernel.tangent(call.native, active)
+            kernel_derivatives.check_threads(made, call)
             hidden = self._hidden(made, [one for _, one in call.leaves])
             call = call.other(made.native, (*call.values, *hidden))
         if self.tape is None:
