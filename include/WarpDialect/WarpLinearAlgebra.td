@@ -80,7 +80,9 @@ def Warp_TransposeOp : Warp_LinearAlgebra<"transpose",
 }
 def Warp_DeterminantOp : Warp_LinearAlgebra<"determinant",
     ["(a: mat<2,2,F>) -> F", "(a: mat<3,3,F>) -> F", "(a: mat<4,4,F>) -> F"],
-    "determinant">;
+    "determinant"> {
+  let derivative = RuleByFunction;
+}
 defvar InverseRule = Formulas<
     [["-(transpose(result) * g * transpose(result))"]],
     ["-(result * da * result)"]>;

@@ -52,7 +52,9 @@ static void emitDerivative(const Builtin &builtin, raw_ostream &os) {
   }
   if (!derivative->isSubClassOf("Formulas")) {
     os << " Derivative: "
-       << (derivative->getName() == "Smooth" ? "by expansion" : "yes") << ".";
+       << (derivative->getName() == "Smooth" ? "by expansion"
+                                             : "by a rule of its own")
+       << ".";
     return;
   }
   const ListInit *adjoints = derivative->getValueAsListInit("adjoints");

@@ -8,6 +8,8 @@
 
 #include "WarpDialect/WarpOps.h"
 
+#include "mlir/IR/Matchers.h"
+
 using namespace mlir;
 
 namespace warp::autodiff {
@@ -74,9 +76,17 @@ Expr Formula::call(StringRef name, std::initializer_list<Expr> list) {
   return create(*this, name, values, context);
 }
 
+/// A guard against what an operand may be is not needed for one that is known.
+static bool isNonzeroConstant(Value value) {
+  FloatAttr number;
+  return matchPattern(value, m_Constant(&number)) &&
+         number.getValue().isFiniteNonZero();
+}
+
 Expr Formula::unless(llvm::function_ref<Expr()> isSingular,
                      llvm::function_ref<Expr()> value, bool isReported) {
-  if (context.singular == Singular::Strict)
+  if (context.singular == Singular::Strict ||
+      (!isReported && isNonzeroConstant(operands.back())))
     return value();
   Expr singular = isSingular(), regular = value();
   if (context.singular == Singular::Report && context.report && isReported &&

@@ -31,8 +31,6 @@ Scalars cross(ArrayRef<Scalar> a, ArrayRef<Scalar> b) {
 }
 
 Scalar differenceOfProducts(Scalar a, Scalar b, Scalar c, Scalar d) {
-  if (a.emitter->keep)
-    return a * b - c * d;
   Scalar product = c * d;
   Scalar error = fma(-c, d, product);
   return fma(a, b, -product) + error;
