@@ -76,6 +76,27 @@ def test_a_graph_of_forward_and_backward(device):
         assert np.array_equal(x.grad.numpy(), 4 * scale * np.array([1.0, 2.0, 3.0]))
 
 
+def test_seeds_of_narrow_arrays(device):
+    x = wp.array([1.0, 2.0], dtype=wp.float16, requires_grad=True, device=device)
+    with wp.Tape() as tape:
+        y = x * x
+    for dtype in (wp.float16, wp.float32):
+        tape.zero()
+        tape.backward(grads={y: wp.ones(2, dtype=dtype, device=device)})
+        assert x.grad.dtype is wp.float32 and np.array_equal(x.grad.numpy(), [2, 4])
+    with pytest.raises(TypeError, match="'float64'"):
+        tape.backward(grads={y: wp.ones(2, dtype=wp.float64, device=device)})
+
+
+def test_arrays_given_as_ctypes_objects(device):
+    x, y, _ = variables(device)
+    command = wp.launch(square, 3, [x], [y], device=device, record_cmd=True)
+    command.set_param_at_index_from_ctype(0, x.__ctype__())
+    command.launch()
+    with wp.Tape(), pytest.raises(RuntimeError, match="'x' was set from a ctypes object"):
+        command.launch()
+
+
 @pytest.mark.cuda
 def test_launches_on_other_streams():
     x, y, loss = variables("cuda:0", np.ones(1000))

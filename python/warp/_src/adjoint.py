@@ -6,9 +6,10 @@ gradients. Arrays are numbered as in `Call.leaves`.
 
 from __future__ import annotations
 
-from warp._src import kernel_derivatives, types
+from warp._src import errors, kernel_derivatives, types
 from warp._src.annotations import ArrayType
 from warp._src.array import array
+from warp._src.array_gradients import gradient_type
 from warp._src.tracking import Watch, copy_layout
 
 
@@ -42,6 +43,23 @@ def with_gradient_of(contents: array, original: array) -> array:
     if original.grad is not None:
         result.grad = original.grad
     return result
+
+
+def as_gradient(seed: array, target: array) -> array:
+    """A seed with elements like those of an array's gradient; 16 bits become 32.
+
+    Raises:
+        WarpTypeError: it has elements of another type.
+    """
+    expected = target.grad.dtype
+    if types.types_equal(seed.dtype, expected):
+        return seed
+    if gradient_type(seed.dtype) is not expected:
+        raise errors.WarpTypeError(
+            f"backward: expects a gradient with elements of '{types.type_repr(expected)}', but got "
+            f"'{types.type_repr(seed.dtype)}'"
+        )
+    return array(seed.list(), dtype=expected, device=seed.device).reshape(seed.shape)
 
 
 def gradient_struct(value):

@@ -193,7 +193,7 @@ class Tape:
                 raise errors.WarpShapeError(
                     f"backward: expects a gradient of shape {target.shape}, but got {seed!r}"
                 )
-            seeds[target] = seed
+            seeds[target] = adjoint.as_gradient(seed, target)
         return seeds
 
     def arrays(self) -> list[array]:

@@ -9,9 +9,10 @@ come here: memory that is about to change ends the versions of what tapes have r
 from __future__ import annotations
 
 import copy
+import ctypes
 
 from warp import _native
-from warp._src import types
+from warp._src import errors, types
 from warp._src.annotations import ArrayType
 from warp._src.array import array
 from warp._src.structs import StructInstance
@@ -125,7 +126,17 @@ class Call:
         return tuple(values)
 
     def settled(self) -> Call:
-        """Exchanges values that the caller may change later for copies."""
+        """Exchanges values that the caller may change later for copies.
+
+        Raises:
+            WarpLaunchError: an array was given as a ctypes object, which does not hold its memory.
+        """
+        for i, name in self.signature.arrays:
+            if isinstance(self.values[i], ctypes.Structure):
+                raise errors.WarpLaunchError(
+                    f"launch('{self.kernel.key}'): array '{name}' was set from a ctypes object and "
+                    f"cannot be recorded on a tape, set the array itself"
+                )
         if self.signature.mutable:
             values = list(self.values)
             for i in self.signature.mutable:
