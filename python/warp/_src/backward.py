@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import functools
 
-from warp._src import adjoint, devices
+from warp._src import adjoint, devices, types
 from warp._src.array import array
+from warp._src.graphs import _captures
 from warp._src.singular import one_report
 from warp._src.tape_records import LaunchRecord
 from warp._src.tracking import Watch, Watching
@@ -107,7 +108,7 @@ class BackwardPass:
         kept: list = []
         for version in self.tape._left:
             grad = version.array
-            if version.ended is not None:
+            if version.ended is not None or _is_zero(grad):
                 continue
             if id(grad) not in seeded:
                 kept.append((grad, adjoint.copy_of(grad)))
@@ -128,8 +129,6 @@ class BackwardPass:
 
     def _wait_for_streams(self) -> None:
         """Lets the current streams wait for those that the launches were queued on."""
-        from warp._src.graphs import _captures
-
         streams = {
             id(record.call.stream): record.call.stream
             for record in self.records
@@ -139,6 +138,13 @@ class BackwardPass:
             return
         for stream in streams.values():
             devices.get_stream(stream.device).wait_stream(stream)
+
+
+def _is_zero(grad) -> bool:
+    """Whether a gradient is known to be zero, where looking costs little."""
+    if grad.device_index != devices.CPU or _captures or types.is_struct(grad.dtype):
+        return False
+    return not grad.numpy().any()
 
 
 def _root(one) -> int:
