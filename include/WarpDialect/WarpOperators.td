@@ -52,7 +52,8 @@ def Warp_MulOp : Warp_Operator<"mul", "*", [
   let hasFolder = 1;
   // In the order of the overloads; transforms are expanded.
   let derivative = Multilinear<[
-    ["g * b", "a * g"], ["g * b", "dot(a, g)"], ["dot(g, b)", "a * g"],
+    ["g * b unless g == 0", "a * g unless g == 0"],
+    ["g * b unless g == 0", "dot(a, g)"], ["dot(g, b)", "a * g unless g == 0"],
     ["g * b", "ddot(a, g)"], ["ddot(g, b)", "a * g"],
     ["outer(g, b)", "g * a"], ["b * g", "outer(a, g)"],
     ["g * transpose(b)", "transpose(a) * g"],

@@ -141,8 +141,8 @@ def Warp_Atan2Op : Warp_ScalarMath<"atan2", ["(y: F, x: F) -> F"],
   let domain = ["[-10, 10]", "[-10, 10]"];
   // Scaled, so that squares neither overflow nor vanish.
   let derivative = Partials<
-    ["g / s * u / (u * u + v * v) unless s == 0",
-     "-g / s * v / (u * u + v * v) unless s == 0"],
+    ["g / s * u / (u * u + v * v) unless s == 0 or isinf(s)",
+     "-g / s * v / (u * u + v * v) unless s == 0 or isinf(s)"],
     ["s = max(abs(x), abs(y))", "u = x / s", "v = y / s"]>;
 }
 def Warp_PowOp : Warp_ScalarMath<"pow", ["(x: F, y: F) -> F"],

@@ -21,7 +21,7 @@ def Warp_Log1pOp : Warp_FloatFunction<"log1p", "logarithm of 1 + x",
 }
 def Warp_Expm1Op : Warp_FloatFunction<"expm1", "exponential, less 1",
     "[-10, 10]", Elementwise<"math::ExpM1Op">> {
-  let derivative = Partials<["g * exp(x)"]>;
+  let derivative = Partials<["g * exp(x) unless g == 0"]>;
 }
 def Warp_SoftplusOp : Warp_FloatFunction<"softplus",
     "log(1 + exp(x)), a smooth relative of max(x, 0)", "[-30, 30]"> {

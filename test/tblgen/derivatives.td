@@ -37,12 +37,20 @@ def Warp_ScaleOp : Warp_Test<"scale",
       Formulas<[["-g * h", ""], []], ["-da * b", ""], ["h = root(b)"]>;
 }
 
+// A product needs a guard only against an infinite factor; a requirement is
+// asserted.
+// CHECK-LABEL: static Expr adjoint_twist_0
+// CHECK: if (!f.mayBeInfinite(b))
+// CHECK-NEXT: return (g * b);
+// CHECK-NEXT: return f.unless([&] { return (g == f.number(0)); },
+// CHECK-NEXT: [&] { return (g * b); }, false);
+
 // CHECK: ruleTable[] = {
-// CHECK-NEXT: {"warp.root", 0, adjoint_root_0, nullptr, false, true},
-// CHECK-NEXT: {"warp.scale", 0, adjoint_scale_0, tangent_scale_0, false, false},
-// CHECK-NEXT: {"warp.twist", 0, adjoint_twist_0, nullptr, true, false},
+// CHECK-NEXT: {"warp.root", 0, adjoint_root_0, nullptr, false, true, true},
+// CHECK-NEXT: {"warp.scale", 0, adjoint_scale_0, tangent_scale_0, false, false, false},
+// CHECK-NEXT: {"warp.twist", 0, adjoint_twist_0, nullptr, true, false, false},
 def Warp_TwistOp : Warp_Test<"twist", ["(a: F, b: F) -> F"]> {
-  let derivative = Multilinear<[["g * b", "a * g"]]>;
+  let derivative = Multilinear<[["g * b unless g == 0", "a * g"]]>;
 }
 
 // DOCS: tests. Adjoint: `x` += `g / (2 * result) unless x <= 0`.

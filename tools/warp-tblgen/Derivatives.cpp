@@ -80,15 +80,21 @@ public:
       os << "    return " << value << ";\n";
       return;
     }
-    // Where only the cotangent is asked about, no point is singular.
-    bool isGuard = true;
-    formula.unless->forEachName([&](StringRef name) { isGuard &= name == "g"; });
+    if (StringRef factor = formula.getFactor(); isOperand(factor))
+      os << "    if (!f.mayBeInfinite(" << factor << "))\n      return " << value
+         << ";\n";
     os << "    return f.unless([&] { return " << toCpp(*formula.unless)
        << "; },\n                    [&] { return " << value << "; }, "
-       << (isGuard ? "false" : "true") << ");\n";
+       << (formula.isGuarded() ? "false" : "true") << ");\n";
   }
 
 private:
+  bool isOperand(StringRef name) const {
+    return any_of(parameters, [&](const warp::Parameter &parameter) {
+      return parameter.name == name;
+    });
+  }
+
   /// Defines the names that a formula uses, and those that they use.
   void define(const FormulaNode &node) {
     node.forEachName([&](StringRef name) { define(name); });
@@ -148,6 +154,16 @@ static void emitTangent(const Builtin &builtin, const Rule &rule, size_t i,
   os << "}\n\n";
 }
 
+/// Whether the derivative is infinite or undefined somewhere. Only such a
+/// builtin makes infinities of finite numbers, apart from overflowing products.
+static bool isSingular(const Rule &rule, size_t overload) {
+  return any_of(rule.adjoints[overload],
+                [](const std::optional<Formula> &formula) {
+                  return formula && formula->unless &&
+                         formula->getFactor().empty();
+                });
+}
+
 /// Whether an adjoint or a tangent uses the result, in itself or in what it is
 /// defined by.
 static bool usesResult(const Rule &rule, size_t overload) {
@@ -170,7 +186,8 @@ static void emitEntry(const Builtin &builtin, const Rule &rule, size_t i,
   os << "    {" << quote(builtin.opName) << ", " << i << ", adjoint_" << suffix
      << ", " << (rule.tangentFormulas[i] ? "tangent_" + suffix : "nullptr")
      << ", " << (rule.tangents[i] == "substitution" ? "true" : "false") << ", "
-     << (usesResult(rule, i) ? "true" : "false") << "},\n";
+     << (usesResult(rule, i) ? "true" : "false") << ", "
+     << (isSingular(rule, i) ? "true" : "false") << "},\n";
 }
 
 /// Builtins whose rules are C++ functions.

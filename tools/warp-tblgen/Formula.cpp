@@ -28,6 +28,22 @@ bool Formula::uses(StringRef name) const {
   return found;
 }
 
+bool Formula::isGuarded() const {
+  bool found = bool(unless);
+  if (unless)
+    unless->forEachName([&](StringRef name) { found &= name == "g"; });
+  return found;
+}
+
+StringRef Formula::getFactor() const {
+  if (!isGuarded() || value.kind != FormulaNode::Binary || value.text != "*")
+    return {};
+  const FormulaNode &a = value.operands[0], &b = value.operands[1];
+  if (a.kind != FormulaNode::Name || b.kind != FormulaNode::Name)
+    return {};
+  return a.text == "g" ? b.text : b.text == "g" ? a.text : StringRef();
+}
+
 //===----------------------------------------------------------------------===//
 // Parser
 //===----------------------------------------------------------------------===//

@@ -36,6 +36,11 @@ struct Formula {
   llvm::StringRef message;
 
   bool uses(llvm::StringRef name) const;
+  /// The condition asks about the cotangent alone: no point is singular, but
+  /// the value might be zero times an infinity.
+  bool isGuarded() const;
+  /// Of a guarded product of the cotangent and an operand, that operand.
+  llvm::StringRef getFactor() const;
 };
 
 /// `name = formula` of a record's `given`.

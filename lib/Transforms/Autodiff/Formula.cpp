@@ -96,6 +96,21 @@ Expr Formula::unless(llvm::function_ref<Expr()> isSingular,
   return call("where", {singular, number(0), regular});
 }
 
+/// Looks a few operations back, so that long sums and products stay cheap.
+static bool mayBeInfinite(Value value, unsigned depth) {
+  Operation *op = value.getDefiningOp();
+  if (!op || depth == 0 || !differentialType(value.getType()) ||
+      !isDifferentiable(op))
+    return false;
+  return isSingular(op) || llvm::any_of(op->getOperands(), [&](Value operand) {
+           return mayBeInfinite(operand, depth - 1);
+         });
+}
+
+bool Formula::mayBeInfinite(Expr expr) {
+  return expr.value && autodiff::mayBeInfinite(expr.value, 4);
+}
+
 void Formula::require(Expr condition, StringRef message) {
   if (!condition.isNumber() && context.singular != Singular::Strict)
     AssertOp::create(context.builder, context.loc, condition.value, message);

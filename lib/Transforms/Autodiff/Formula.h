@@ -55,6 +55,10 @@ public:
   Expr unless(llvm::function_ref<Expr()> isSingular,
               llvm::function_ref<Expr()> value, bool isReported = true);
 
+  /// Whether the value comes from an operation that makes infinities of finite
+  /// numbers, as a division does.
+  static bool mayBeInfinite(Expr expr);
+
   /// Has the launch fail where the condition does not hold; IEEE arithmetic
   /// gives NaN there.
   void require(Expr condition, llvm::StringRef message);

@@ -34,6 +34,7 @@ struct RuleEntry {
   Expr (*tangent)(Formula &);
   bool bySubstitution;
   bool needsResult;
+  bool isSingular;
 };
 
 #include "WarpDialect/Derivatives.inc"
@@ -81,6 +82,11 @@ static StringRef getDerivative(Operation *op) {
 bool needsResults(Operation *op) {
   const RuleEntry *rule = lookupRule(op);
   return rule ? rule->needsResult : bool(lookupFunctionRule(op).pullback);
+}
+
+bool isSingular(Operation *op) {
+  const RuleEntry *rule = lookupRule(op);
+  return rule && rule->isSingular;
 }
 
 bool isDifferentiable(Operation *op) {

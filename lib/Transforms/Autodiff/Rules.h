@@ -59,6 +59,9 @@ pushforward(RuleContext &context, mlir::Operation *op,
 /// Whether the rule of an operation uses its primal results.
 bool needsResults(mlir::Operation *op);
 
+/// Whether the derivative of an operation is infinite or undefined somewhere.
+bool isSingular(mlir::Operation *op);
+
 /// Whether a derivative of the operation is other than zero somewhere.
 bool isDifferentiable(mlir::Operation *op);
 
