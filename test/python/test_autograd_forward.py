@@ -156,6 +156,20 @@ def add_up(z: wp.array(dtype=wp.float64), loss: wp.array(dtype=wp.float64)):
     wp.atomic_add(loss, 0, z[wp.tid()])
 
 
+def test_hessian_with_a_broadcast_operand(device):
+    x, y = values([2.0], device), values([1.0, 2.0, 3.0], device)
+
+    def function(x, y):
+        z = x * x * y * y
+        loss = wp.zeros(1, dtype=wp.float64, requires_grad=True, device=device)
+        wp.launch(add_up, 3, [z, loss], device=device)
+        return loss
+
+    one, none = wp.ones(1, dtype=wp.float64, device=device), None
+    by_x, by_y = wp.autograd.hvp(function, inputs=[x, y], vectors=[one, none])
+    assert np.allclose(by_x.numpy(), [28]) and np.allclose(by_y.numpy(), 8 * y.numpy())
+
+
 def test_bad_directions(device):
     x = values([1.0, 2.0], device)
     with pytest.raises(ValueError, match=r"shape \(2,\)"):

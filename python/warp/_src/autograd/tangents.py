@@ -102,6 +102,10 @@ class Tangents:
 
     def launch_adjoint(self, made, call: Call, values, initial, saved) -> None:
         """Runs the adjoint of a launch with tangents."""
+        grads = [one.grad for _, one in call.leaves if one is not None and one.grad is not None]
+        unique = not _native.shares_elements(grads)
+        if not unique:
+            made = call.kernel.adjoint(call.native, call.active, unique=False)
         hidden = kernel_derivatives.hidden_values(made, call, initial, list(saved))
         again = call.other(made.native, (*values, *hidden))
         arrays = [one for _, one in again.leaves]
@@ -111,7 +115,7 @@ class Tangents:
             and (self.find(one) is not None or one.grad is not None)
             for one in arrays
         )
-        second = _tangent_of(made, active)
+        second = _tangent_of(made, active, unique)
         call.other(second.native, (*again.values, *self._hidden(second, arrays))).run()
 
     def copy(self, dest: array, src: array, stream=None) -> None:
@@ -152,13 +156,15 @@ def _zeros(size, device) -> array:
     return made
 
 
-def _tangent_of(made, active):
+def _tangent_of(made, active, unique):
     """The tangent of a derivative, kept with it."""
     known = made.__dict__.setdefault("tangents", {})
-    if active not in known:
-        second = kernel_derivatives.differentiate(made.kernel, made.native, active, forward=True)
-        known[active] = kernel_derivatives.Derivative(made.kernel, second, "adjoint_tangent")
-    return known[active]
+    if (active, unique) not in known:
+        second = kernel_derivatives.differentiate(made.kernel, made.native, active, True, unique)
+        known[active, unique] = kernel_derivatives.Derivative(
+            made.kernel, second, "adjoint_tangent"
+        )
+    return known[active, unique]
 
 
 def _base(one: array) -> array:
