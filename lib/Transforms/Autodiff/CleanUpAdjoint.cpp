@@ -10,6 +10,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "../KernelFunction.h"
+#include "DeadValues.h"
 #include "Reverse.h"
 
 #include "WarpDialect/WarpOps.h"
@@ -58,7 +59,10 @@ static void mergeSums(Block &block) {
         mergeSums(inner);
     auto sum = dyn_cast<warp::AccumulateOp>(op);
     if (!sum) {
-      if (!isMemoryEffectFree(&op) && !isa<warp::LoadOp>(op))
+      auto load = dyn_cast<warp::LoadOp>(op);
+      bool readsPrimal =
+          load && !rootOf(load.getArray()).getDefiningOp<warp::GradOp>();
+      if (!isMemoryEffectFree(&op) && !readsPrimal)
         last = nullptr;
       continue;
     }
