@@ -67,6 +67,8 @@ private:
   /// The scratch memory of rank 6.
   struct Checkpoints {
     llvm::SmallVector<unsigned> needed, stateNumbers;
+    /// The first is a power of two.
+    int64_t ringSlots, checkpointSlots;
     llvm::SmallVector<mlir::Value> ring, states;
     mlir::Value starts;
   };

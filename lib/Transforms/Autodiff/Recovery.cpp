@@ -3,24 +3,26 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // Rank 5 keeps the needed values of all iterations. Rank 6 keeps those of one
-// segment, at most `ringSlots` iterations, and at a few places before it the
-// states from which the loop can go on (`checkpointSlots`). Its loop is
+// segment, as many iterations as a ring has slots, and at a few places before
+// it the states from which the loop can go on, its checkpoints. Its loop is
 //
 //   end = trips; stack = [(0, initial state)]
 //   while end > 0:
 //     (start, state) = top of the stack
-//     target = end if end - start <= ringSlots else start + stride
-//     for i in start .. target:  ring[i mod ringSlots] = state; advance state
+//     target = end if end - start <= slots else start + stride
+//     for i in start .. target:  ring[i mod slots] = state; advance state
 //     if target == end:  reverse the iterations down to max(start, end - ring),
 //                        which become `end`; pop when the segment is empty
 //     else:              push (target, state)
 //
 // with one copy of the advancing body and one of the reversing one. With f
-// checkpoints free, a range that f + 1 segments cover gets one per segment;
-// a longer one is split in f / 2 + 2 parts, so that each part finds half of the
-// checkpoints free again. An iteration is advanced twice for 1500 trips or
-// less, five times for a million. Should all be in use, a segment is reached
-// from the last checkpoint again and again: slower, never wrong.
+// checkpoints free, a range that f + 1 segments cover gets one per segment. A
+// longer one is split in f / 2 + 2 parts, so that each part finds half of the
+// checkpoints free again, or in two if those would not do for a part even when
+// it is halved over and over. With a state of 16 bytes or less an iteration is
+// advanced twice for 1500 trips, five times for a million. Should all be in
+// use, a segment is reached from the last checkpoint again and again: slower,
+// never wrong.
 //
 //===----------------------------------------------------------------------===//
 
@@ -35,10 +37,6 @@
 
 using namespace mlir;
 using namespace warp::autodiff;
-
-/// A power of two.
-constexpr int64_t ringSlots = 32;
-constexpr int64_t checkpointSlots = 48;
 
 //===----------------------------------------------------------------------===//
 // Going forward
@@ -230,19 +228,30 @@ struct Counts {
   Value choose(Value condition, Value x, Value y) {
     return arith::SelectOp::create(b, loc, condition, x, y);
   }
-  Value stride(Value length, Value free);
+  Value stride(Value length, Value free, int64_t ringSlots);
 };
 } // namespace
 
 /// How far the next checkpoint is from the last, with `free` of them left for
 /// `length` iterations.
-Value Counts::stride(Value length, Value free) {
-  Value one = number(1), ring = number(ringSlots);
-  Value reach = arith::MulIOp::create(b, loc, ring, add(free, one));
-  Value parts = add(arith::ShRUIOp::create(b, loc, free, one), number(2));
-  Value even = add(
-      arith::DivUIOp::create(b, loc, sub(length, one), parts), one);
-  return choose(atMost(length, reach), ring, max(even, ring));
+Value Counts::stride(Value length, Value free, int64_t ringSlots) {
+  auto shift = [&](Value x, Value by) -> Value {
+    return arith::ShRUIOp::create(b, loc, x, by);
+  };
+  auto times = [&](Value x, int64_t by) -> Value {
+    return arith::MulIOp::create(b, loc, x, number(by));
+  };
+  Value one = number(1), two = number(2), ring = number(ringSlots);
+  Value before = sub(length, one);
+  Value half = shift(free, one);
+  Value many = add(half, two);
+  // What is free within the last part, without going below zero.
+  Value rest = sub(sub(max(free, one), half), one);
+  Value fits = atMost(add(shift(before, rest), one), times(many, ringSlots));
+  Value parts = choose(fits, many, two);
+  Value even = add(arith::DivUIOp::create(b, loc, before, parts), one);
+  return choose(atMost(length, times(add(free, one), ringSlots)), ring,
+                max(even, ring));
 }
 
 /// Fills the body of the outer loop: `carried` are the end of what is left, the
@@ -256,14 +265,14 @@ LogicalResult LoopReversal::fillSegments(scf::ForOp reversed,
   SmallVector<Value> state = load(memory.states, top);
 
   Value length = c.sub(end, start);
-  Value free = c.sub(c.number(checkpointSlots - 1), top);
+  Value free = c.sub(c.number(memory.checkpointSlots - 1), top);
   Value isLast = arith::OrIOp::create(
-      b, loc, c.atMost(length, c.number(ringSlots)),
+      b, loc, c.atMost(length, c.number(memory.ringSlots)),
       c.equal(free, c.number(0)));
-  Value target =
-      c.choose(isLast, end, c.add(start, c.stride(length, free)));
+  Value stride = c.stride(length, free, memory.ringSlots);
+  Value target = c.choose(isLast, end, c.add(start, stride));
   auto slotOf = [&](Value count) -> Value {
-    return arith::AndIOp::create(b, loc, count, c.number(ringSlots - 1));
+    return arith::AndIOp::create(b, loc, count, c.number(memory.ringSlots - 1));
   };
   auto reached =
       advance(start, target, memory.stateNumbers, state, [&](Value count) {
@@ -277,7 +286,7 @@ LogicalResult LoopReversal::fillSegments(scf::ForOp reversed,
   keep(memory.starts, above, target);
   keep(memory.states, above, *reached);
 
-  Value trips = c.choose(isLast, c.min(length, c.number(ringSlots)),
+  Value trips = c.choose(isLast, c.min(length, c.number(memory.ringSlots)),
                          c.number(0));
   reversed->moveBefore(b.getInsertionBlock(), b.getInsertionPoint());
   reversed.setUpperBound(trips);
@@ -306,12 +315,16 @@ LoopReversal::recoverFromCheckpoints(scf::ForOp reversed, Value trips,
   Checkpoints memory;
   llvm::append_range(memory.needed, needed);
   memory.stateNumbers = closure(needed);
-  memory.ring = makeScratch(needed, ringSlots);
+  int64_t bytes = bytesOf(memory.stateNumbers);
+  memory.ringSlots = bytes <= 16 ? 32 : bytes <= 64 ? 16 : 8;
+  memory.checkpointSlots = bytes <= 16 ? 48 : bytes <= 64 ? 32 : 24;
   // The last slot takes what nobody reads again.
-  memory.states = makeScratch(memory.stateNumbers, checkpointSlots + 1);
+  int64_t slots = memory.checkpointSlots + 1;
+  memory.ring = makeScratch(needed, memory.ringSlots);
+  memory.states = makeScratch(memory.stateNumbers, slots);
   memory.starts = ScratchOp::create(
-      b, loc, ScratchType::get(b.getContext(), checkpointSlots + 1, type));
-  reverse.metrics.tapeBytes += getByteSize(type) * (checkpointSlots + 1);
+      b, loc, ScratchType::get(b.getContext(), slots, type));
+  reverse.metrics.tapeBytes += getByteSize(type) * slots;
   Value zero = constant(type, 0);
   keep(memory.starts, zero, zero);
   SmallVector<Value> first;
@@ -332,7 +345,6 @@ LoopReversal::recoverFromCheckpoints(scf::ForOp reversed, Value trips,
   if (failed(fillSegments(reversed, after->getArguments(), memory)))
     return failure();
   note(needed, RecoveryRank::Checkpoints,
-          bytesOf(needed) * ringSlots +
-              bytesOf(memory.stateNumbers) * (checkpointSlots + 1));
+          bytesOf(needed) * memory.ringSlots + bytes * slots);
   return SmallVector<Value>(outer.getResults().drop_front(2));
 }
