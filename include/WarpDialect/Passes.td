@@ -30,8 +30,8 @@ def VerifyWarp : WarpPass<"warp-verify-warp"> {
 // Derivatives, between `warp` and `thread`
 //===----------------------------------------------------------------------===//
 
-def ResolveVjps : WarpPass<"warp-resolve-vjps"> {
-  let summary = "Replace warp.vjp by calls of functions that compute it";
+def ResolveDerivatives : WarpPass<"warp-resolve-derivatives"> {
+  let summary = "Replace warp.vjp and warp.jvp by calls of functions";
   let description = [{
     Functions without a derivative of their own are differentiated here.
     Derivatives of functions that are merely called are dropped, unless the
@@ -94,7 +94,8 @@ def ForwardStores : WarpPass<"warp-forward-stores"> {
   let summary = "Use what a thread stored or loaded instead of loading it again";
   let description = [{
     Threads do not see each other's writes between two accesses of the same
-    element by one thread.
+    element by one thread. An element that a counted loop updates becomes a
+    value that the loop carries.
 
     ```mlir
     warp.store %x, %y[%i]
@@ -106,6 +107,8 @@ def ForwardStores : WarpPass<"warp-forward-stores"> {
   let options = [
     Option<"unique", "unique", "bool", "true", "No two arrays overlap">,
   ];
+  let dependentDialects = ["::mlir::arith::ArithDialect",
+                           "::mlir::scf::SCFDialect", "::warp::WarpDialect"];
 }
 
 def DifferentiateKernel : WarpPass<"warp-differentiate-kernel"> {

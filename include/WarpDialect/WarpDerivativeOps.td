@@ -40,4 +40,30 @@ def Warp_VjpOp : Warp_Op<"vjp", [
   }];
 }
 
+def Warp_JvpOp : Warp_Op<"jvp", [
+    AttrSizedOperandSegments, DeclareOpInterfaceMethods<SymbolUserOpInterface>]> {
+  let summary = "tangents of a function's results";
+  let description = [{
+    One tangent per result that is a float or a composite of floats, from
+    tangents of the first arguments that are; the others are constants. Array
+    arguments are constants, too.
+
+    (C1) the callee is a function, and the arguments have its types. (C2) at
+    most one tangent per argument of floats, in order and of its type. (C3) one
+    result per result of floats, of its type.
+
+    ```mlir
+    %dy = warp.jvp @f(%x, %n) of (%dx) : (f32, si32), (f32) -> (f32)
+    ```
+  }];
+  let arguments = (ins FlatSymbolRefAttr:$callee, Variadic<AnyType>:$arguments,
+                       Variadic<AnyType>:$tangents);
+  let results = (outs Variadic<AnyType>:$results);
+  let assemblyFormat = [{
+    $callee `(` $arguments `)` `of` `(` $tangents `)` attr-dict `:`
+    `(` type($arguments) `)` `,` `(` type($tangents) `)` `->`
+    `(` type($results) `)`
+  }];
+}
+
 #endif // WARP_DERIVATIVE_OPS_TD

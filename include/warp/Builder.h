@@ -166,6 +166,10 @@ public:
   /// of floats. `arrays`: gradients of array arguments are added to.
   Values vjp(const std::string &name, const Values &args,
              const Values &cotangents, bool arrays);
+  /// Tangents of a function's results of floats from those of its first
+  /// arguments of floats; the others are constants.
+  Values jvp(const std::string &name, const Values &args,
+             const Values &tangents);
   /// Calls the builtin of that Python name (operators: "add", "lt", ...). The
   /// error for arguments that fit no overload lists the overloads.
   Results builtin(const std::string &name, const Values &args);

@@ -28,6 +28,11 @@ static func::FuncOp find(warp::Builder::Impl &impl, const std::string &name) {
   return found->second;
 }
 
+static bool hasDifferential(mlir::Type type) {
+  mlir::Type scalar = warp::getElementScalar(type);
+  return scalar && warp::isFloat(scalar);
+}
+
 void warp::Builder::setPullback(const std::string &name,
                                 const std::string &pullback, int residuals) {
   ContextLock lock;
@@ -53,12 +58,21 @@ warp::Builder::Values warp::Builder::vjp(const std::string &name,
   ContextLock lock;
   func::FuncOp callee = find(*impl, name);
   SmallVector<mlir::Type> results =
-      llvm::filter_to_vector(callee.getArgumentTypes(), [](mlir::Type type) {
-        mlir::Type scalar = getElementScalar(type);
-        return scalar && isFloat(scalar);
-      });
+      llvm::filter_to_vector(callee.getArgumentTypes(), hasDifferential);
   auto op = VjpOp::create(impl->builder, impl->loc, results, callee.getName(),
                           unwrap(args), unwrap(cotangents), arrays);
+  return wrap(op.getResults());
+}
+
+warp::Builder::Values warp::Builder::jvp(const std::string &name,
+                                         const Values &args,
+                                         const Values &tangents) {
+  ContextLock lock;
+  func::FuncOp callee = find(*impl, name);
+  SmallVector<mlir::Type> results =
+      llvm::filter_to_vector(callee.getResultTypes(), hasDifferential);
+  auto op = JvpOp::create(impl->builder, impl->loc, results, callee.getName(),
+                          unwrap(args), unwrap(tangents));
   return wrap(op.getResults());
 }
 

@@ -56,7 +56,7 @@ std::unique_ptr<Pass> warp::createWarpCanonicalizer() {
 void warp::addPhase(OpPassManager &pm, Phase phase) {
   switch (phase) {
   case Phase::Warp:
-    pm.addPass(createResolveVjps());
+    pm.addPass(createResolveDerivatives());
     pm.addPass(createInlinerPass({}, [](OpPassManager &) {}));
     pm.addPass(createSymbolDCEPass());
     pm.addPass(createWarpCanonicalizer());

@@ -15,28 +15,63 @@ static SmallVector<Type> differentiable(TypeRange types) {
   });
 }
 
-LogicalResult
-warp::VjpOp::verifySymbolUses(SymbolTableCollection &symbols) {
-  auto callee = symbols.lookupNearestSymbolFrom<func::FuncOp>(
-      *this, getCalleeAttr());
-  if (!callee)
-    return emitOpError("(C1) expects a function, but got '")
-           << getCallee() << "'";
-  if (getArguments().getTypes() != TypeRange(callee.getArgumentTypes()))
-    return emitOpError("(C1) expects arguments of types (")
-           << callee.getArgumentTypes() << "), but got ("
-           << getArguments().getTypes() << ")";
-  auto residuals = callee->getAttrOfType<IntegerAttr>(attr::residuals);
+/// (C1) The function that an operation names, if its arguments are right.
+static func::FuncOp findCallee(Operation *op, FlatSymbolRefAttr symbol,
+                               OperandRange arguments,
+                               SymbolTableCollection &symbols) {
+  auto callee = symbols.lookupNearestSymbolFrom<func::FuncOp>(op, symbol);
+  if (!callee) {
+    op->emitOpError("(C1) expects a function, but got '")
+        << symbol.getValue() << "'";
+    return nullptr;
+  }
+  if (arguments.getTypes() == TypeRange(callee.getArgumentTypes()))
+    return callee;
+  op->emitOpError("(C1) expects arguments of types (")
+      << callee.getArgumentTypes() << "), but got (" << arguments.getTypes()
+      << ")";
+  return nullptr;
+}
+
+static LogicalResult verifyTypes(Operation *op, StringRef what,
+                                 TypeRange expected, TypeRange actual) {
+  if (actual == expected)
+    return success();
+  return op->emitOpError() << what << " of types (" << expected
+                           << "), but got (" << actual << ")";
+}
+
+/// Types of the results that are for the caller.
+static TypeRange ownResults(func::FuncOp callee) {
   TypeRange results = callee.getResultTypes();
-  if (residuals)
-    results = results.drop_back(residuals.getInt());
-  SmallVector<Type> seeds = differentiable(results);
-  if (getCotangents().getTypes() != TypeRange(seeds))
-    return emitOpError("(C2) expects cotangents of types (")
-           << seeds << "), but got (" << getCotangents().getTypes() << ")";
-  SmallVector<Type> adjoints = differentiable(callee.getArgumentTypes());
-  if (getResultTypes() != TypeRange(adjoints))
-    return emitOpError("(C3) expects results of types (")
-           << adjoints << "), but got (" << getResultTypes() << ")";
-  return success();
+  auto count = callee->getAttrOfType<IntegerAttr>(warp::attr::residuals);
+  return count ? results.drop_back(count.getInt()) : results;
+}
+
+LogicalResult warp::VjpOp::verifySymbolUses(SymbolTableCollection &symbols) {
+  func::FuncOp callee =
+      findCallee(*this, getCalleeAttr(), getArguments(), symbols);
+  if (!callee ||
+      failed(verifyTypes(*this, "(C2) expects cotangents",
+                         differentiable(ownResults(callee)),
+                         getCotangents().getTypes())))
+    return failure();
+  return verifyTypes(*this, "(C3) expects results",
+                     differentiable(callee.getArgumentTypes()),
+                     getResultTypes());
+}
+
+LogicalResult warp::JvpOp::verifySymbolUses(SymbolTableCollection &symbols) {
+  func::FuncOp callee =
+      findCallee(*this, getCalleeAttr(), getArguments(), symbols);
+  if (!callee)
+    return failure();
+  SmallVector<Type> possible = differentiable(callee.getArgumentTypes());
+  ArrayRef<Type> wanted =
+      ArrayRef(possible).take_front(getTangents().size());
+  if (failed(verifyTypes(*this, "(C2) expects tangents", wanted,
+                         getTangents().getTypes())))
+    return failure();
+  return verifyTypes(*this, "(C3) expects results",
+                     differentiable(ownResults(callee)), getResultTypes());
 }

@@ -174,6 +174,7 @@ static void bindValues(py::class_<Builder> &c) {
       .def("set_pullback", &Builder::setPullback)
       .def("set_replay", &Builder::setReplay)
       .def("vjp", &Builder::vjp)
+      .def("jvp", &Builder::jvp)
       .def("builtin",
            [](Builder &b, const std::string &name, const Builder::Values &a) {
              return toTuple(b.builtin(name, a));

@@ -39,3 +39,19 @@ def test_the_demonstration_runs(tmp_path, device):
     rows = (tmp_path / f"work_precision_{name}.csv").read_text().splitlines()
     assert len(rows) == 1 + 2 * 2 * 2 * 5
     assert "✗" in out and "| 2.0" in out
+
+
+@pytest.mark.parametrize(
+    "name, options, said",
+    [
+        ("trajectory", [], "iterations"),
+        ("spring_rollout", ["--masses", "8", "--steps", "200"], "equal gradients"),
+    ],
+)
+def test_examples_of_derivatives_run(tmp_path, device, name, options, said):
+    program = ROOT / "examples" / f"{name}.py"
+    status, out, err = programs.run(program, "--device", device, "--output", tmp_path, *options)
+    assert status == 0, err
+    assert said in out
+    picture = tmp_path / f"{name}_{device.replace(':', '')}.png"
+    assert picture.read_bytes().startswith(b"\x89PNG")

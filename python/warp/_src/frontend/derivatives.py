@@ -3,7 +3,7 @@
 A function whose derivative matters here is translated once more, with structs passed field by
 field (`Parts`), because only floats and composites of floats have cotangents. One with a derivative
 of its own names it (`set_pullback`) and stays a call until the engine has met it; others are
-differentiated by the compiler where `vjp` says so. Signatures: lib/Compiler/BuilderDerivatives.cpp.
+differentiated by the compiler where `vjp` or `jvp` says so. Signatures: lib/Compiler/BuilderDerivatives.cpp.
 """
 
 from __future__ import annotations
@@ -247,13 +247,13 @@ class Derivatives(UserCalls):
         self.at(node)
         one, zero = self.builder.constant(element, 1.0), self.builder.constant(element, 0.0)
         if scalar:
-            return self.builder.vjp(symbol, values, [one], False)[0]
+            return self.builder.jvp(symbol, values, [one])[0]
         count = native.shape[0]
         components = []
         for row in range(count):
             seed = [one if column == row else zero for column in range(count)]
             seed = self.builder.construct(native, seed)
-            found = self.builder.vjp(symbol, values, [seed], False)[0]
+            found = self.builder.jvp(symbol, values, [seed])[0]
             components += self.components(found, count, node)
         matrix = types.native_type(types.matrix((count, count), types.dtype_of(element)))
         return self.builder.construct(matrix, components)

@@ -190,5 +190,30 @@ def test_fixed_point_starts_at_floats():
     def run(x: wp.array(dtype=int)):
         x[0] = wp.fixed_point(step, x[0])
 
-    with pytest.raises(wp.WarpCodegenTypeError, match="expects to start at floats, but got 'int32'"):
+    said = "expects to start at floats, but got 'int32'"
+    with pytest.raises(wp.WarpCodegenTypeError, match=said):
         run.ir()
+
+
+def test_old_values_of_atomics_need_a_replay():
+    @wp.func
+    def count(x: float, n: wp.array(dtype=int)):
+        return x * float(wp.atomic_add(n, 0, 1))
+
+    @wp.func_grad(count)
+    def count_grad(x: float, n: wp.array(dtype=int), adj_ret: float):
+        wp.adjoint[x] += adj_ret
+
+    @wp.kernel
+    def run(x: wp.array(dtype=float), n: wp.array(dtype=int), out: wp.array(dtype=float)):
+        out[0] = count(x[0], n)
+
+    x, out = (wp.zeros(1, dtype=float, device="cpu", requires_grad=True) for _ in range(2))
+    n = wp.zeros(1, dtype=int, device="cpu")
+    with wp.Tape() as tape:
+        wp.launch(run, 1, [x, n, out], device="cpu")
+    with pytest.raises(wp.WarpError) as problem:
+        tape.backward(out)
+    text = message(problem)
+    assert "the old value cannot be had again when 'count' is differentiated" in text
+    assert "`@wp.func_replay`" in text

@@ -1,0 +1,226 @@
+//===- FunctionKernel.cpp - Functions as kernels and back -----------------===//
+
+#include "FunctionKernel.h"
+
+#include "../Transforms/Autodiff/Rules.h"
+
+#include "WarpDialect/Passes.h"
+#include "WarpDialect/WarpDialect.h"
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/IR/IRMapping.h"
+
+using namespace mlir;
+using warp::FunctionKernel;
+
+bool warp::hasDifferential(Type type) {
+  Type scalar = getElementScalar(type);
+  return scalar && isFloat(scalar);
+}
+
+std::string warp::freshName(ModuleOp module, StringRef name,
+                            StringRef suffix) {
+  std::string made = (name + suffix).str();
+  while (module.lookupSymbol(made))
+    made += "_";
+  return made;
+}
+
+//===----------------------------------------------------------------------===//
+// The kernel
+//===----------------------------------------------------------------------===//
+
+FunctionKernel::FunctionKernel(func::FuncOp function)
+    : name(function.getName()), argumentTypes(function.getArgumentTypes()) {
+  auto module = function->getParentOfType<ModuleOp>();
+  OpBuilder b(module.getContext());
+  Location loc = function.getLoc();
+  SmallVector<Type> types(argumentTypes);
+  for (auto [i, type] : llvm::enumerate(argumentTypes)) {
+    if (!hasDifferential(type))
+      continue;
+    types[i] = ArrayType::get(b.getContext(), 1, type);
+    boxes.push_back({unsigned(i), type, false, {}, {}, {}});
+  }
+  for (Type type : function.getResultTypes()) {
+    if (!hasDifferential(type))
+      continue;
+    boxes.push_back({unsigned(types.size()), type, true, {}, {}, {}});
+    types.push_back(ArrayType::get(b.getContext(), 1, type));
+  }
+  b.setInsertionPointToEnd(module.getBody());
+  auto kernel =
+      func::FuncOp::create(b, loc, freshName(module, name, "_kernel"),
+                           b.getFunctionType(types, {}));
+  SmallVector<StringRef> names(types.size(), "x");
+  kernel->setAttr(kernelAttrName, b.getUnitAttr());
+  kernel->setAttr(attr::argNames, b.getStrArrayAttr(names));
+  Block *body = kernel.addEntryBlock();
+  b.setInsertionPointToStart(body);
+  Value zero = ConstantOp::create(
+      b, loc,
+      cast<TypedAttr>(IntegerAttr::get(b.getIntegerType(32, true), 0)));
+  SmallVector<Value> operands(
+      body->getArguments().take_front(argumentTypes.size()));
+  for (Box &box : boxes)
+    if (!box.isResult)
+      operands[box.position] = LoadOp::create(
+          b, loc, box.type, body->getArgument(box.position), zero);
+  auto call = func::CallOp::create(b, loc, function, operands);
+  unsigned position = argumentTypes.size();
+  for (Value result : call.getResults())
+    if (hasDifferential(result.getType()))
+      StoreOp::create(b, loc, result, body->getArgument(position++), zero);
+  func::ReturnOp::create(b, loc);
+}
+
+//===----------------------------------------------------------------------===//
+// From arrays to values
+//===----------------------------------------------------------------------===//
+
+LogicalResult FunctionKernel::fail(Operation *op) {
+  return op->emitError("the derivative of '")
+         << name << "' cannot be taken within a kernel: it keeps values in "
+         << "memory between launches";
+}
+
+static Value converted(OpBuilder &b, Location loc, Value value, Type type) {
+  if (!value)
+    return warp::autodiff::zero(b, loc, type);
+  return value.getType() == type
+             ? value
+             : warp::CastOp::create(b, loc, type, value).getResult();
+}
+
+/// Makes the element of an array a variable of the function's body. Returns its
+/// value at the end; null stands for zero.
+FailureOr<Value> FunctionKernel::promote(ArrayRef<Value> arrays,
+                                         Value initial) {
+  SmallVector<Operation *> accesses;
+  for (Value array : arrays)
+    llvm::copy_if(array.getUsers(), std::back_inserter(accesses),
+                  [](Operation *op) { return !isa<GradOp>(op); });
+  bool isConstant = llvm::all_of(
+      accesses, [](Operation *op) { return isa<LoadOp>(op); });
+  auto isNested = [](Operation *op) {
+    return !isa<func::FuncOp>(op->getParentOp());
+  };
+  if (!isConstant && llvm::any_of(accesses, isNested))
+    return fail(accesses[0]);
+  if (!isConstant)
+    llvm::sort(accesses, [](Operation *a, Operation *b) {
+      return a->isBeforeInBlock(b);
+    });
+  Value current = initial;
+  for (Operation *op : accesses) {
+    OpBuilder b(op);
+    if (auto load = dyn_cast<LoadOp>(op))
+      load.getResult().replaceAllUsesWith(
+          converted(b, op->getLoc(), current, load.getResult().getType()));
+    else if (auto store = dyn_cast<StoreOp>(op))
+      current = store.getValue();
+    else if (auto sum = dyn_cast<AccumulateOp>(op))
+      current = autodiff::add(b, op->getLoc(),
+                              current ? converted(b, op->getLoc(), current,
+                                                  sum.getValue().getType())
+                                      : Value(),
+                              sum.getValue());
+    else
+      return fail(op);
+    op->erase();
+  }
+  return current;
+}
+
+/// The twin of an array in the dual of a kernel, if it has one.
+static Value findTwin(func::FuncOp dual, unsigned leaf) {
+  auto hidden = dual->getAttrOfType<ArrayAttr>(warp::attr::hidden);
+  if (!hidden)
+    return nullptr;
+  unsigned first = dual.getNumArguments() - hidden.size();
+  for (auto [i, entry] : llvm::enumerate(hidden.getAsRange<DictionaryAttr>())) {
+    auto number = entry.getAs<IntegerAttr>("leaf");
+    if (number && number.getInt() == leaf)
+      return dual.getArgument(first + i);
+  }
+  return nullptr;
+}
+
+LogicalResult FunctionKernel::replace(Box &box, func::FuncOp derivative,
+                                      bool forward) {
+  Block &body = derivative.front();
+  Location loc = derivative.getLoc();
+  Value array = body.getArgument(box.position);
+  SmallVector<Value> differentials;
+  if (forward) {
+    unsigned leaf = llvm::count_if(
+        derivative.getArgumentTypes().take_front(box.position),
+        [](Type type) { return isa<ArrayType>(type); });
+    if (Value twin = findTwin(derivative, leaf))
+      differentials.push_back(twin);
+  } else {
+    for (Operation *user : array.getUsers())
+      if (isa<GradOp>(user))
+        differentials.push_back(user->getResult(0));
+  }
+  if (!box.isResult)
+    box.value = body.addArgument(box.type, loc);
+  if (box.isResult != forward)
+    box.seed = body.addArgument(box.type, loc);
+  FailureOr<Value> found = promote(differentials, box.seed);
+  if (failed(found) || failed(promote({array}, box.value)))
+    return failure();
+  box.found = *found;
+  for (Value gradient : differentials)
+    if (Operation *op = gradient.getDefiningOp())
+      op->erase();
+  return success();
+}
+
+FailureOr<func::FuncOp> FunctionKernel::toFunction(func::FuncOp derivative,
+                                                   ModuleOp module,
+                                                   bool forward) {
+  auto hidden = derivative->getAttrOfType<ArrayAttr>(attr::hidden);
+  if (hidden && !forward)
+    return fail(derivative);
+  for (Box &box : boxes)
+    if (failed(replace(box, derivative, forward)))
+      return failure();
+  return move(derivative, module, forward);
+}
+
+func::FuncOp FunctionKernel::move(func::FuncOp derivative, ModuleOp module,
+                                  bool forward) {
+  auto end = cast<func::ReturnOp>(derivative.front().getTerminator());
+  OpBuilder b(end);
+  SmallVector<Value> results;
+  for (Box &box : boxes)
+    if (box.isResult == forward)
+      results.push_back(converted(b, end.getLoc(), box.found, box.type));
+  end.getOperandsMutable().assign(results);
+  SmallVector<Type> types(argumentTypes);
+  for (Box &box : boxes)
+    if (box.seed)
+      types.push_back(box.type);
+  b.setInsertionPointToEnd(module.getBody());
+  auto made = func::FuncOp::create(
+      b, derivative.getLoc(),
+      freshName(module, name, forward ? "_jvp" : "_vjp"),
+      b.getFunctionType(types, end.getOperandTypes()));
+  made.setPrivate();
+  Block *body = made.addEntryBlock();
+  IRMapping map;
+  for (unsigned i = 0; i < argumentTypes.size(); ++i)
+    map.map(derivative.getArgument(i), body->getArgument(i));
+  unsigned seeds = argumentTypes.size();
+  for (Box &box : boxes) {
+    if (box.value)
+      map.map(box.value, body->getArgument(box.position));
+    if (box.seed)
+      map.map(box.seed, body->getArgument(seeds++));
+  }
+  b.setInsertionPointToStart(body);
+  for (Operation &op : derivative.front())
+    b.clone(op, map);
+  return made;
+}

@@ -1,0 +1,62 @@
+//===- FunctionKernel.h - Functions as kernels and back ---------*- C++ -*-===//
+
+#ifndef WARP_LIB_COMPILER_FUNCTIONKERNEL_H
+#define WARP_LIB_COMPILER_FUNCTIONKERNEL_H
+
+#include "mlir/Dialect/Func/IR/FuncOps.h"
+
+namespace warp {
+
+/// Floats and composites of floats.
+bool hasDifferential(mlir::Type type);
+
+/// `name` with a suffix, made different from all symbols of the module.
+std::string freshName(mlir::ModuleOp module, llvm::StringRef name,
+                      llvm::StringRef suffix);
+
+/// A kernel around a function, with an array of one element for each argument
+/// and result that has a differential:
+///
+///   x = load X[0]; ...; y = call @f(x, ...); store y, Y[0]
+///
+/// Its derivative becomes a function again, in which the elements of X and Y,
+/// of their gradients and of their tangents are values.
+class FunctionKernel {
+public:
+  /// Adds the kernel to the module of the function.
+  explicit FunctionKernel(mlir::func::FuncOp function);
+
+  /// Adds to `module` what the adjoint or the dual of the kernel has become:
+  ///   reverse: (arguments, cotangents of results) -> cotangents of arguments
+  ///   forward: (arguments, tangents of arguments) -> tangents of results
+  mlir::FailureOr<mlir::func::FuncOp>
+  toFunction(mlir::func::FuncOp derivative, mlir::ModuleOp module,
+             bool forward);
+
+private:
+  /// What an array of the kernel stands for.
+  struct Box {
+    unsigned position;
+    mlir::Type type;
+    bool isResult;
+    /// Of the derivative: the value, its cotangent or tangent as it is passed,
+    /// and as it is in the end.
+    mlir::Value value, seed, found;
+  };
+
+  mlir::LogicalResult replace(Box &box, mlir::func::FuncOp derivative,
+                              bool forward);
+  mlir::FailureOr<mlir::Value>
+  promote(llvm::ArrayRef<mlir::Value> arrays, mlir::Value initial);
+  mlir::func::FuncOp move(mlir::func::FuncOp derivative,
+                          mlir::ModuleOp module, bool forward);
+  mlir::LogicalResult fail(mlir::Operation *op);
+
+  std::string name;
+  llvm::SmallVector<mlir::Type> argumentTypes;
+  llvm::SmallVector<Box> boxes;
+};
+
+} // namespace warp
+
+#endif // WARP_LIB_COMPILER_FUNCTIONKERNEL_H

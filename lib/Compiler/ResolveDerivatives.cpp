@@ -1,0 +1,373 @@
+//===- ResolveDerivatives.cpp - Derivatives that a kernel calls -----------===//
+//
+// Replaces `warp.vjp @f` and `warp.jvp @f` by calls of functions that compute
+// them. If @f has a derivative of its own, that is the one for `warp.vjp`; else
+// the function is made by the same passes as the derivative of a kernel, from
+// a kernel around @f (FunctionKernel.h). So all that kernels can do has a
+// derivative here as well, and there is one engine. The result is ordinary
+// code, and may be differentiated once more.
+//
+// A launch of the primal needs no derivatives: those of functions that are
+// merely called are dropped, together with all that nobody calls.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Derivation.h"
+#include "FunctionKernel.h"
+
+#include "../Transforms/Autodiff/Rules.h"
+#include "../Transforms/KernelFunction.h"
+
+#include "WarpDialect/Passes.h"
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/Dialect/SCF/IR/SCF.h"
+#include "mlir/Pass/PassManager.h"
+
+namespace warp {
+#define GEN_PASS_DEF_RESOLVEDERIVATIVES
+#include "WarpDialect/Passes.h.inc"
+} // namespace warp
+
+using namespace mlir;
+
+static func::FuncOp lookup(ModuleOp module, Attribute symbol) {
+  auto name = dyn_cast_or_null<FlatSymbolRefAttr>(symbol);
+  return name ? module.lookupSymbol<func::FuncOp>(name.getValue()) : nullptr;
+}
+
+//===----------------------------------------------------------------------===//
+// What is needed
+//===----------------------------------------------------------------------===//
+
+namespace {
+
+/// The functions that a kernel needs, callees before callers, and whether
+/// their derivatives are needed too.
+struct Reached {
+  Reached(ModuleOp module, bool differentiated) : module(module) {
+    for (auto function : module.getOps<func::FuncOp>())
+      if (!function.isPrivate())
+        visit(function, differentiated);
+  }
+
+  void visit(func::FuncOp function, bool differentiated) {
+    auto [place, isNew] = isDifferentiated.insert({function, differentiated});
+    if (!isNew && (place->second || !differentiated))
+      return;
+    place->second = differentiated;
+    function.walk([&](Operation *op) {
+      if (auto call = dyn_cast<func::CallOp>(op))
+        visitSymbol(call.getCalleeAttr(), differentiated);
+      else if (auto vjp = dyn_cast<warp::VjpOp>(op))
+        visitSymbol(vjp.getCalleeAttr(), /*differentiated=*/true);
+      else if (auto jvp = dyn_cast<warp::JvpOp>(op))
+        visitSymbol(jvp.getCalleeAttr(), differentiated);
+    });
+    if (differentiated) {
+      visitSymbol(function->getAttr(warp::attr::vjp), true);
+      visitSymbol(function->getAttr(warp::attr::replay), true);
+    }
+    if (isNew)
+      order.push_back(function);
+  }
+
+  void visitSymbol(Attribute symbol, bool differentiated) {
+    if (func::FuncOp function = lookup(module, symbol))
+      visit(function, differentiated);
+  }
+
+  ModuleOp module;
+  SmallVector<func::FuncOp> order;
+  llvm::DenseMap<func::FuncOp, bool> isDifferentiated;
+};
+
+} // namespace
+
+static void prune(ModuleOp module, const Reached &reached) {
+  for (auto function :
+       llvm::make_early_inc_range(module.getOps<func::FuncOp>())) {
+    auto found = reached.isDifferentiated.find(function);
+    if (found == reached.isDifferentiated.end()) {
+      function.erase();
+    } else if (!found->second) {
+      function->removeAttr(warp::attr::vjp);
+      function->removeAttr(warp::attr::replay);
+      function->removeAttr(warp::attr::residuals);
+    }
+  }
+}
+
+//===----------------------------------------------------------------------===//
+// The pass
+//===----------------------------------------------------------------------===//
+
+namespace {
+
+/// What a derivative of a function is by.
+struct Request {
+  bool forward = false;
+  /// Reverse mode: gradients of arrays are added to.
+  bool arrays = false;
+  /// Forward mode: how many arguments have tangents.
+  unsigned tangents = 0;
+};
+
+struct ResolveDerivatives
+    : warp::impl::ResolveDerivativesBase<ResolveDerivatives> {
+  using ResolveDerivativesBase::ResolveDerivativesBase;
+
+  void runOnOperation() override;
+  LogicalResult resolve(Operation *op);
+  LogicalResult resolveVjp(warp::VjpOp op);
+  LogicalResult resolveJvp(warp::JvpOp op);
+  LogicalResult resolveCustom(warp::VjpOp op, func::FuncOp callee);
+  LogicalResult addMissing(func::FuncOp function);
+  FailureOr<func::FuncOp> withoutEffects(func::FuncOp function);
+  FailureOr<func::FuncOp> withoutGradients(func::FuncOp pullback);
+  /// The derivative of a function that has none of its own, made once.
+  FailureOr<func::FuncOp> derive(func::FuncOp function, Request request);
+  LogicalResult differentiate(ModuleOp module, func::FuncOp function,
+                              Request request);
+  OwningOpRef<ModuleOp> copyFunctions();
+  std::string keyOf(func::FuncOp function, StringRef what) {
+    return (function.getName() + "/" + what).str();
+  }
+
+  llvm::StringMap<func::FuncOp> made;
+};
+
+} // namespace
+
+void ResolveDerivatives::runOnOperation() {
+  ModuleOp module = getOperation();
+  // A kernel that calls nothing has nothing to resolve.
+  if (llvm::hasSingleElement(module.getOps<func::FuncOp>()))
+    return;
+  Reached reached(module, keepDerivatives);
+  prune(module, reached);
+  made.clear();
+  for (func::FuncOp function : reached.order) {
+    SmallVector<Operation *> ops;
+    function.walk([&](Operation *op) {
+      if (isa<warp::VjpOp, warp::JvpOp>(op))
+        ops.push_back(op);
+    });
+    for (Operation *op : ops)
+      if (failed(resolve(op)))
+        return signalPassFailure();
+    if (reached.isDifferentiated.lookup(function) &&
+        failed(addMissing(function)))
+      return signalPassFailure();
+  }
+}
+
+LogicalResult ResolveDerivatives::resolve(Operation *op) {
+  if (auto vjp = dyn_cast<warp::VjpOp>(op))
+    return resolveVjp(vjp);
+  return resolveJvp(cast<warp::JvpOp>(op));
+}
+
+static void replaceByCall(Operation *op, func::FuncOp callee,
+                          ValueRange operands) {
+  OpBuilder b(op);
+  auto call = func::CallOp::create(b, op->getLoc(), callee, operands);
+  op->replaceAllUsesWith(call.getResults());
+  op->erase();
+}
+
+LogicalResult ResolveDerivatives::resolveVjp(warp::VjpOp op) {
+  func::FuncOp callee = lookup(getOperation(), op.getCalleeAttr());
+  if (callee->hasAttr(warp::attr::vjp))
+    return resolveCustom(op, callee);
+  Request request;
+  request.arrays = op.getArrays();
+  FailureOr<func::FuncOp> derivative = derive(callee, request);
+  if (succeeded(derivative))
+    replaceByCall(op, *derivative, op.getOperands());
+  return derivative;
+}
+
+LogicalResult ResolveDerivatives::resolveJvp(warp::JvpOp op) {
+  Request request;
+  request.forward = true;
+  request.tangents = op.getTangents().size();
+  FailureOr<func::FuncOp> derivative =
+      derive(lookup(getOperation(), op.getCalleeAttr()), request);
+  if (failed(derivative))
+    return failure();
+  // Constants have tangents of zero, which nothing uses.
+  SmallVector<Value> operands(op.getOperands());
+  OpBuilder b(op);
+  for (Type type :
+       derivative->getArgumentTypes().drop_front(operands.size()))
+    operands.push_back(warp::autodiff::zero(b, op.getLoc(), type));
+  replaceByCall(op, *derivative, operands);
+  return success();
+}
+
+LogicalResult ResolveDerivatives::resolveCustom(warp::VjpOp op,
+                                                func::FuncOp callee) {
+  func::FuncOp pullback =
+      lookup(getOperation(), callee->getAttr(warp::attr::vjp));
+  if (!op.getArrays()) {
+    FailureOr<func::FuncOp> constant = withoutGradients(pullback);
+    if (failed(constant))
+      return failure();
+    pullback = *constant;
+  }
+  OpBuilder b(op);
+  SmallVector<Value> operands(op.getArguments());
+  if (auto count = callee->getAttrOfType<IntegerAttr>(warp::attr::residuals)) {
+    auto values =
+        func::CallOp::create(b, op.getLoc(), callee, op.getArguments());
+    llvm::append_range(operands, values.getResults().take_back(count.getInt()));
+  }
+  llvm::append_range(operands, op.getCotangents());
+  replaceByCall(op, pullback, operands);
+  return success();
+}
+
+/// A pullback that leaves the gradients of its array arguments alone.
+FailureOr<func::FuncOp>
+ResolveDerivatives::withoutGradients(func::FuncOp pullback) {
+  auto isArray = [](Type type) { return isa<warp::ArrayType>(type); };
+  size_t arrays = llvm::count_if(pullback.getArgumentTypes(), isArray);
+  func::FuncOp &found = made[keyOf(pullback, "constant")];
+  if (found || arrays == 0)
+    return found ? found : pullback;
+  OwningOpRef<ModuleOp> copy = copyFunctions();
+  auto inner = copy->lookupSymbol<func::FuncOp>(pullback.getName());
+  inner.setPublic();
+  inner->setAttr(warp::kernelAttrName, UnitAttr::get(&getContext()));
+  PassManager pm(&getContext());
+  pm.enableVerifier(false);
+  pm.addPass(warp::createInlinePullbacks({std::string(arrays, '0')}));
+  if (failed(pm.run(*copy)))
+    return failure();
+  OpBuilder b(&getContext());
+  b.setInsertionPointToEnd(getOperation().getBody());
+  std::string name =
+      warp::freshName(getOperation(), pullback.getName(), "_constant");
+  found = cast<func::FuncOp>(b.clone(*inner));
+  found->removeAttr(warp::kernelAttrName);
+  found.setSymName(name);
+  found.setPrivate();
+  return found;
+}
+
+/// A function with one of the two attributes stays a call, and needs the other
+/// function, too.
+LogicalResult ResolveDerivatives::addMissing(func::FuncOp function) {
+  bool hasPullback = function->hasAttr(warp::attr::vjp);
+  bool hasReplay = function->hasAttr(warp::attr::replay);
+  if (hasPullback == hasReplay)
+    return success();
+  Request request;
+  request.arrays = true;
+  FailureOr<func::FuncOp> other =
+      hasPullback ? withoutEffects(function) : derive(function, request);
+  if (succeeded(other) && *other != function)
+    function->setAttr(hasPullback ? warp::attr::replay : warp::attr::vjp,
+                      FlatSymbolRefAttr::get(*other));
+  return other;
+}
+
+/// A function that gives the same results and leaves memory alone.
+FailureOr<func::FuncOp>
+ResolveDerivatives::withoutEffects(func::FuncOp function) {
+  func::FuncOp &found = made[keyOf(function, "effects")];
+  if (found)
+    return found;
+  func::FuncOp copy = function.clone();
+  bool isChanged = false;
+  auto strip = [&](Operation *op) -> WalkResult {
+    if (auto call = dyn_cast<func::CallOp>(op)) {
+      func::FuncOp callee = lookup(getOperation(), call.getCalleeAttr());
+      FailureOr<func::FuncOp> other = withoutEffects(callee);
+      if (failed(other))
+        return WalkResult::interrupt();
+      isChanged |= *other != callee;
+      call.setCallee(other->getName());
+    } else if (isa<warp::AtomicOp, warp::AtomicCasOp>(op) && !op->use_empty()) {
+      op->emitError("the old value cannot be had again when '")
+          << function.getName() << "' is differentiated; say with "
+          << "`@wp.func_replay` how its results are";
+      return WalkResult::interrupt();
+    } else if (isa<warp::StoreOp, warp::AccumulateOp, warp::AtomicOp,
+                   warp::AtomicCasOp, warp::PrintfOp, warp::AssertOp>(op)) {
+      isChanged = true;
+      op->erase();
+    }
+    return WalkResult::advance();
+  };
+  if (copy.walk(strip).wasInterrupted()) {
+    copy.erase();
+    return failure();
+  }
+  if (!isChanged) {
+    copy.erase();
+    return found = function;
+  }
+  copy.setName(
+      warp::freshName(getOperation(), function.getName(), "_replay"));
+  copy->removeAttr(warp::attr::vjp);
+  copy->removeAttr(warp::attr::residuals);
+  getOperation().push_back(copy);
+  return found = copy;
+}
+
+/// The module without its kernel.
+OwningOpRef<ModuleOp> ResolveDerivatives::copyFunctions() {
+  OwningOpRef<ModuleOp> copy = getOperation().clone();
+  for (auto function : llvm::make_early_inc_range(copy->getOps<func::FuncOp>()))
+    if (!function.isPrivate())
+      function.erase();
+  return copy;
+}
+
+FailureOr<func::FuncOp> ResolveDerivatives::derive(func::FuncOp function,
+                                                   Request request) {
+  std::string what = request.forward  ? std::to_string(request.tangents)
+                     : request.arrays ? "arrays"
+                                      : "values";
+  func::FuncOp &found = made[keyOf(function, what)];
+  if (found)
+    return found;
+  OwningOpRef<ModuleOp> copy = copyFunctions();
+  auto inner = copy->lookupSymbol<func::FuncOp>(function.getName());
+  inner->removeAttr(warp::attr::replay);
+  warp::FunctionKernel around(inner);
+  if (failed(differentiate(*copy, inner, request)))
+    return failure();
+  auto derivative =
+      cast<func::FuncOp>(warp::findKernel(*copy).getOperation());
+  FailureOr<func::FuncOp> result =
+      around.toFunction(derivative, getOperation(), request.forward);
+  if (succeeded(result))
+    found = *result;
+  return result;
+}
+
+LogicalResult ResolveDerivatives::differentiate(ModuleOp module,
+                                                func::FuncOp function,
+                                                Request request) {
+  warp::AutodiffOptions options;
+  options.forward = request.forward;
+  options.singular = singular;
+  unsigned boxes = 0;
+  for (Type type : function.getArgumentTypes()) {
+    if (warp::hasDifferential(type))
+      options.active.push_back(!request.forward || boxes++ < request.tangents);
+    else if (isa<warp::ArrayType>(type))
+      options.active.push_back(request.arrays);
+  }
+  for (Type type : function.getResultTypes())
+    if (warp::hasDifferential(type))
+      options.active.push_back(true);
+  warp::keepCalls(module, !request.forward);
+  PassManager pm(module.getContext());
+  pm.enableVerifier(false);
+  warp::addDerivation(pm, options);
+  return pm.run(module);
+}
