@@ -84,7 +84,9 @@ def verdict_of(number, results):
     for name, item in runs.items():
         if item["verdict"] == "failed":
             return "failed", f"{name.partition('/')[2]}: {item['text'].splitlines()[0]}"
-    return (next(iter(runs.values()))["verdict"], "") if runs else ("failed", "not run")
+    if not runs:
+        return "failed", "not run"
+    return next((item["verdict"], item["text"]) for item in runs.values())
 
 
 def summary(verdicts):
@@ -121,8 +123,9 @@ def catalogue_rows(runner):
         )
     for number in failed:
         rows.append(Row(f"failed: {number}", "", tables["ours"][number][1][:160]))
-    for number, why in absent.items():
-        rows.append(Row(f"not there: {number}", "", why))
+    for number, (verdict, why) in tables["ours"].items():
+        if verdict == "not there":
+            rows.append(Row(f"not there: {number}", "", why))
     return rows
 
 

@@ -21,7 +21,7 @@ from . import (  # noqa: F401
     versions,
 )
 from .problem import Problem
-from .registry import ABSENT, CASES, ERROR, EXACT, FAILED, NOT_THERE
+from .registry import ABSENT, CASES, ERROR, EXACT, FAILED, NOT_THERE, NotThere
 
 
 def run_case(number, precision, device):

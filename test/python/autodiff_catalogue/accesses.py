@@ -5,7 +5,7 @@ import numpy as np
 import warp as wp
 
 from .problem import gradient, kernel
-from .registry import case
+from .registry import NotThere, case
 
 
 @case("T87", "rows, transposed and strided views")
@@ -38,6 +38,8 @@ def views(p):
 
 @case("T88", "an indexed array scatters its gradient")
 def indexed(p):
+    if not hasattr(wp, "indexedarray"):
+        raise NotThere("wp.indexedarray")
     R = p.real
 
     @kernel

@@ -153,7 +153,8 @@ class Problem:
         left, left_size = dot(pushed, weights)
         right, right_size = dot(draw, pulled)
         bound = 16 * self.eps * self.condition * max(left_size, right_size)
-        if left != right and not abs(left - right) <= bound:
+        alike = left == right or (np.isnan(left) and np.isnan(right))
+        if not alike and not abs(left - right) <= bound:
             raise Mismatch(f"⟨Jv, w⟩ = {left!r}, ⟨v, Jᵀw⟩ = {right!r}, allowed {bound:.3g}")
         self.dot_tests += 1
 
@@ -293,7 +294,15 @@ def dot(left, right):
     left, right = (
         np.concatenate([np.ravel(a).astype(np.float64) for a in s]) for s in (left, right)
     )
-    return float(left @ right), float(np.linalg.norm(left) * np.linalg.norm(right))
+    return float(left @ right), norm(left) * norm(right)
+
+
+def norm(values):
+    """Euclidean norm without overflow."""
+    largest = float(np.abs(values).max(initial=0.0))
+    if largest == 0.0 or not np.isfinite(largest):
+        return largest
+    return largest * float(np.linalg.norm(values / largest))
 
 
 def differences(problem, parts, weights, step=1e-3):

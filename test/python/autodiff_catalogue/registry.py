@@ -4,7 +4,7 @@ import re
 from dataclasses import dataclass
 
 CASES = {}
-# Cases whose subject does not exist in the package yet, with what is missing.
+# Cases without code, because their subject does not exist yet, with what is missing.
 ABSENT = {
     "T116": "tiles",
     "T117": "meshes, textures and volumes",
@@ -14,6 +14,10 @@ EXACT, ERROR, FAILED, NOT_THERE = "exact", "error", "failed", "not there"
 
 class Mismatch(AssertionError):
     """A gradient, a value or a message that is not the expected one."""
+
+
+class NotThere(Exception):
+    """What a case is about does not exist in the package."""
 
 
 @dataclass

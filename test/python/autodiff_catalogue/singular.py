@@ -48,6 +48,7 @@ def power_of_negative(p):
     p.close(got, [12.0])
 
     def both():
+        p.dot = False
         p.pullback(pairwise(p, wp.pow), 1, [p.array([-2.0]), p.array([3.0])], [p.zeros(1)])
         wp.synchronize_device(p.device)
 

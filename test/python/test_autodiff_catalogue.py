@@ -1,0 +1,15 @@
+"""The numbered cases of gradients, each with an expected value of its own."""
+
+import pytest
+
+import autodiff_catalogue
+
+RUNS = autodiff_catalogue.runs()
+
+
+@pytest.mark.parametrize(("number", "precision"), RUNS, ids=map("-".join, RUNS))
+def test_case(number, precision, device):
+    try:
+        autodiff_catalogue.run_case(number, precision, device)
+    except autodiff_catalogue.NotThere as missing:
+        pytest.xfail(f"there is no {missing}")
