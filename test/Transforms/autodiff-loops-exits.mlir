@@ -1,0 +1,84 @@
+// RUN: warp-opt %s --split-input-file --warp-differentiate-kernel=active=11 --canonicalize --cse --warp-simplify-adjoint --canonicalize --cse | FileCheck %s
+
+// A loop that is left early carries a counter and a flag. Counting the trips
+// takes both; going back, the counter has a formula, and what the flag was is
+// clear: no iteration ran with it set. Only the sum that decides is kept.
+// CHECK-LABEL: func.func @left_adjoint
+// CHECK: %[[COUNTED:.*]]:{{[0-9]+}} = scf.while
+// CHECK: warp.unot
+// CHECK: arith.addi
+// CHECK: warp.scratch : !warp.scratch<32 x f32>
+// CHECK: warp.scratch : !warp.scratch<49 x f32>
+// CHECK: warp.scratch : !warp.scratch<49 x i64>
+// CHECK-NOT: warp.scratch :
+// CHECK: scf.while (%{{.*}} = %[[COUNTED]]#0
+// CHECK: scf.for
+// CHECK: scf.for
+// CHECK: %[[SUM:.*]] = warp.scratch_load
+// CHECK: %[[OVER:.*]] = warp.gt(%[[SUM]],
+// CHECK: scf.if %[[OVER]] {
+// CHECK-NEXT: } else {
+// CHECK: warp.accumulate
+func.func @left(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: ui32)
+    attributes {warp.kernel} {
+  %zero = warp.constant 0.0 : f32
+  %limit = warp.constant 1.0 : f32
+  %false = warp.constant false
+  %true = warp.constant true
+  %c0 = warp.constant 0 : ui32
+  %c1 = warp.constant 1 : ui32
+  %i = warp.tid : si32
+  %r:3 = scf.while (%k = %c0, %done = %false, %s = %zero)
+      : (ui32, i1, f32) -> (ui32, i1, f32) {
+    %inside = warp.lt(%k, %n) : (ui32, ui32) -> i1
+    %on = warp.unot(%done) : (i1) -> i1
+    %more = warp.bit_and(%inside, %on) : (i1, i1) -> i1
+    scf.condition(%more) %k, %done, %s : ui32, i1, f32
+  } do {
+  ^bb0(%k: ui32, %done: i1, %s: f32):
+    %over = warp.gt(%s, %limit) : (f32, f32) -> i1
+    %t:2 = scf.if %over -> (f32, i1) {
+      scf.yield %s, %true : f32, i1
+    } else {
+      %v = warp.load %x[%k] : !warp.array<1 x f32>, ui32 -> f32
+      %w = warp.mul(%v, %v) : (f32, f32) -> f32
+      %u = warp.add(%s, %w) : (f32, f32) -> f32
+      scf.yield %u, %done : f32, i1
+    }
+    %next = warp.add(%k, %c1) : (ui32, ui32) -> ui32
+    scf.yield %next, %t#1, %t#0 : ui32, i1, f32
+  }
+  warp.store %r#2, %y[%i] : f32, !warp.array<1 x f32>, si32
+  return
+}
+
+// -----
+
+// What the condition's region passes on need not be what the loop carries: the
+// last evaluation, which ends the loop, is reversed before the iterations.
+// CHECK-LABEL: func.func @passed_adjoint
+// CHECK: %[[COUNTED:.*]]:3 = scf.while
+// CHECK: %[[LAST:.*]] = warp.cos(%[[COUNTED]]#1)
+// CHECK: %[[G:.*]] = warp.mul(%{{.*}}, %[[LAST]])
+// CHECK: scf.while (%{{.*}} = %[[COUNTED]]#0, %{{.*}} = %{{.*}}, %{{.*}} = %[[G]])
+// CHECK: scf.for
+// CHECK: warp.sin
+// CHECK: scf.for
+// CHECK: warp.cos
+func.func @passed(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
+    attributes {warp.kernel} {
+  %half = warp.constant 0.5 : f32
+  %i = warp.tid : si32
+  %first = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
+  %r = scf.while (%s = %first) : (f32) -> f32 {
+    %t = warp.sin(%s) : (f32) -> f32
+    %more = warp.gt(%t, %half) : (f32, f32) -> i1
+    scf.condition(%more) %t : f32
+  } do {
+  ^bb0(%t: f32):
+    %u = warp.mul(%t, %t) : (f32, f32) -> f32
+    scf.yield %u : f32
+  }
+  warp.store %r, %y[%i] : f32, !warp.array<1 x f32>, si32
+  return
+}
