@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import warp as wp
-from warp._src.tracking import Box, copy_layout
+from warp._src.boxes import Box
+from warp._src.tracking import copy_layout
 
 
 @wp.struct
@@ -90,6 +91,62 @@ def test_preserved_inputs(write, device):
     tape.backward(grads={y: ones(device)})
     assert np.array_equal(x.grad.numpy(), [2, 4, 6])
     assert np.array_equal(x.numpy(), now)
+
+
+def through_numpy(x):
+    x.numpy()[1] = 7.0
+
+
+def through_an_interface(x):
+    np.asarray(x)[...] = 7.0
+
+
+def through_a_view(x):
+    x[1:].numpy()[:] = 7.0
+
+
+@pytest.mark.parametrize("write", [through_numpy, through_an_interface, through_a_view])
+def test_writes_through_numpy(write):
+    x, y = pair("cpu")
+    with wp.Tape() as tape:
+        wp.launch(square, 3, [x], [y], device="cpu")
+    assert x.numpy()[1] == 2 and np.asarray(y)[1] == 4
+    tape.backward(grads={y: ones("cpu")})
+    write(x)
+    with pytest.raises(RuntimeError, match="lent to NumPy at test_tape_versions.py"):
+        tape.backward(grads={y: ones("cpu")})
+    x, y = pair("cpu")
+    with wp.Tape(preserve="auto") as tape:
+        wp.launch(square, 3, [x], [y], device="cpu")
+    write(x)
+    tape.backward(grads={y: ones("cpu")})
+    assert np.array_equal(x.grad.numpy(), [2, 4, 6])
+
+
+def test_writes_through_numpy_between_launches():
+    x, y = pair("cpu")
+    z = wp.zeros_like(y)
+    with wp.Tape() as tape:
+        wp.launch(twice, 3, [x], [z], device="cpu")
+        view = x.numpy()
+        view[:] = 3.0
+        wp.launch(square, 3, [x], [y], device="cpu")
+    tape.backward(grads={y: ones("cpu"), z: ones("cpu")})
+    assert np.array_equal(x.grad.numpy(), [8, 8, 8])
+    view[:] = 4.0
+    with pytest.raises(RuntimeError, match="lent to NumPy"):
+        tape.backward(grads={y: ones("cpu")})
+
+
+def test_seeds_written_through_numpy():
+    x, y = pair("cpu")
+    with wp.Tape() as tape:
+        wp.launch(square, 3, [x], [y], device="cpu")
+    for _ in range(2):
+        y.grad.numpy()[:] = 1.0
+        tape.backward()
+        assert np.array_equal(x.grad.numpy(), [2, 4, 6])
+        x.grad.zero_()
 
 
 def test_arrays_in_structs(device):

@@ -187,6 +187,8 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
             return self.to("cpu").numpy()
         if self.pinned:
             _native.synchronize_busy_streams()
+        if Watch.active:
+            Watch.memory.lend(self)
         return self._host_view()
 
     def _host_view(self):
@@ -197,7 +199,7 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
             return numpy.empty(self.shape + inner, number)
         interface = self._interface()
         if not number.names:
-            return numpy.asarray(self)
+            return numpy.asarray(_Lent(self, interface))
         view = numpy.ndarray(
             interface["shape"],
             number,
@@ -289,6 +291,14 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
         from warp._src.structs import describe
 
         return describe(self)
+
+
+class _Lent:
+    """Lends the memory of an array to NumPy."""
+
+    def __init__(self, owner, interface):
+        self.owner = owner
+        self.__array_interface__ = interface
 
 
 class _Memory:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from warp._src import devices
 from warp._src.numpy_types import element_layout
+from warp._src.tracking import Watch
 
 
 class ArrayProtocols:
@@ -15,6 +16,8 @@ class ArrayProtocols:
     def __array_interface__(self):
         if self.device_index != devices.CPU:
             raise AttributeError(f"no `__array_interface__`: the array is on '{self.device}'")
+        if Watch.active:
+            Watch.memory.lend(self)
         return self._interface()
 
     @property
@@ -50,6 +53,8 @@ class ArrayProtocols:
         """A DLPack capsule over the memory, for `from_dlpack` of other libraries."""
         from warp._src.dlpack import export
 
+        if Watch.active and self.device_index == devices.CPU:
+            Watch.memory.lend(self)
         return export(self, stream, max_version, dl_device, copy)
 
     def __dlpack_device__(self) -> tuple[int, int]:

@@ -108,7 +108,7 @@ class BackwardPass:
         kept: list = []
         for version in self.tape._left:
             grad = version.array
-            if version.ended is not None or _is_zero(grad):
+            if version.overwriter() is not None or _is_zero(grad):
                 continue
             if id(grad) not in seeded:
                 kept.append((grad, adjoint.copy_of(grad)))
@@ -142,9 +142,9 @@ class BackwardPass:
 
 def _is_zero(grad) -> bool:
     """Whether a gradient is known to be zero, where looking costs little."""
-    if grad.device_index != devices.CPU or _captures or types.is_struct(grad.dtype):
+    if grad.device_index != devices.CPU or grad.pinned or _captures or types.is_struct(grad.dtype):
         return False
-    return not grad.numpy().any()
+    return not grad._host_view().any()
 
 
 def _root(one) -> int:

@@ -12,10 +12,11 @@ import math
 from warp import _native
 from warp._src import errors, types
 from warp._src.array import array
+from warp._src.boxes import Box
 from warp._src.singular import count_singular
 from warp._src.structs import StructInstance
-from warp._src.tracking import Box
 from warp._src.watching import Call
+
 
 class Derivative:
     """The derivative of a native kernel, itself a native kernel.
@@ -151,7 +152,7 @@ def hidden_values(made, call, initial, saved) -> list[array]:
         if hidden.kind == "preserved" and hidden.leaf in initial:
             values.append(initial[hidden.leaf])
             continue
-        what = "what atomics returned"
+        what = "values that the launch overwrote, or that atomics returned"
         if hidden.kind == "preserved":
             what = f"array '{call.leaves[hidden.leaf][0]}' as it was before the launch"
         raise errors.WarpGradientError(

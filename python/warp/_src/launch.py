@@ -269,9 +269,13 @@ class Launch(LaunchParameters, _native.PackedLaunch):
 
         index, own, block_dim = self._place
         values = self._values
-        watched_launch(
-            Call(self.kernel, self._native, self._dim, values, index, stream or own, block_dim)
-        )
+        call = Call(self.kernel, self._native, self._dim, values, index, stream or own, block_dim)
+        if Watch.tape is not None or Watch.executor is not None:
+            watched_launch(call)
+            return
+        for written in call.written:
+            Watch.memory.writing(written, call)
+        _native.PackedLaunch.launch(self, stream)
 
     def set_dim(self, dim) -> None:
         """Changes the extents of the grid."""
@@ -286,7 +290,7 @@ class Launch(LaunchParameters, _native.PackedLaunch):
     def set_param_bytes(self, index, value) -> None:
         """The same from a ctypes object with the bytes of the argument, or from a number."""
         super().set_param_bytes(index, value)
-        self._values[index] = value
+        self._values[index] = getattr(value, "value", value)
 
     def set_params(self, values) -> None:
         """Changes the values of the first parameters."""

@@ -76,6 +76,7 @@ class Tape:
 
     def end_launch(self, record: LaunchRecord) -> None:
         """Called after it."""
+        Watch.retain(self)
         record.observe()
         self._add(record)
 

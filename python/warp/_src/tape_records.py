@@ -12,8 +12,9 @@ from __future__ import annotations
 from warp import _native
 from warp._src import adjoint, errors, types
 from warp._src.array import array
+from warp._src.boxes import Box
 from warp._src.scalars import float_base
-from warp._src.tracking import Box, Event, Watch
+from warp._src.tracking import Event, Watch
 from warp._src.watching import Call
 
 
@@ -77,7 +78,7 @@ class LaunchRecord:
     def run(self) -> None:
         """Runs the launch, with notes for the adjoint if that needs any."""
         derivative = None
-        if self.call.signature.fetches and any(self.call.active):
+        if self.call.signature.looks_back and any(self.call.active):
             try:
                 derivative = self.derivative()
             except errors.WarpError:
@@ -162,7 +163,7 @@ class LaunchRecord:
                 replaced[leaf] = adjoint.with_gradient_of(self.initial[leaf], found)
             elif version.copy is not None:
                 replaced[leaf] = adjoint.with_gradient_of(version.copy, found)
-            elif version.ended is not None:
+            elif version.overwriter() is not None:
                 raise self._overwritten(name, version.ended)
         return self.call.with_leaves(replaced)
 

@@ -5,7 +5,8 @@ memory says so beforehand, and thereby ends the versions of all arrays that shar
 version that has ended knows who did it; one that is to be kept has a copy of the contents.
 
 Arrays are compared as boxes of bytes, so rows, columns and components of one allocation have
-versions of their own. What goes past the package (NumPy views, other libraries) is not seen.
+versions of their own. A version whose memory is lent to NumPy on the CPU gets a checksum, which
+tells later whether somebody wrote there. Other ways past the package are not seen.
 """
 
 from __future__ import annotations
@@ -15,8 +16,10 @@ import os
 import sys
 import typing
 import weakref
+import zlib
 
 from warp import _native
+from warp._src.boxes import Box
 
 
 class Event(typing.NamedTuple):
@@ -41,53 +44,6 @@ def event(what: str) -> Event:
     return Event(what, frame.f_code.co_filename, frame.f_lineno)
 
 
-class Box:
-    """The bytes of an array: all sums of `index * stride`, each followed by an element."""
-
-    __slots__ = ("extents", "item", "start", "stop")
-
-    def __init__(self, array):
-        self.item = array.item_size
-        self.start = self.stop = array.ptr or 0
-        # Extents by stride; repeated elements count once.
-        self.extents: dict = {}
-        if not array.size:
-            return
-        self.stop += self.item
-        for extent, stride in zip(array.shape, array.strides, strict=True):
-            if extent > 1 and stride:
-                self.extents[stride] = extent
-                self.stop += (extent - 1) * stride
-
-    def overlaps(self, other: Box) -> bool:
-        """Whether the boxes share a byte; may say so of layouts that do not nest."""
-        if self.stop <= other.start or other.stop <= self.start:
-            return False
-        strides = sorted(self.extents.keys() | other.extents.keys(), reverse=True)
-        base = min(self.start, other.start)
-        first, second = self._digits(base, strides), other._digits(base, strides)
-        if first is None or second is None:
-            return True
-        return all(a < d and c < b for (a, b), (c, d) in zip(first, second, strict=True))
-
-    def _digits(self, base, strides):
-        """Range of the index along each stride and of the bytes in an element, from `base` on.
-
-        None if an index runs into the next larger stride.
-        """
-        rest, ranges = self.start - base, []
-        room = None
-        for stride in strides:
-            low, rest = divmod(rest, stride)
-            ranges.append((low, low + self.extents.get(stride, 1)))
-        ranges.append((rest, rest + self.item))
-        for stride, (_, high) in zip([*strides, 1], ranges, strict=True):
-            if room is not None and high * stride > room:
-                return None
-            room = stride
-        return ranges
-
-
 class Version:
     """What an array held between two writes.
 
@@ -96,13 +52,14 @@ class Version:
         ended: the event that overwrote it, or None.
         copy: the contents with the array's strides, if they were kept.
         readers: recorded launches that want them kept.
+        lent: the event that lent the memory to others and the checksum at that time, or None.
     """
 
-    __slots__ = ("__weakref__", "array", "copy", "ended", "readers")
+    __slots__ = ("__weakref__", "array", "copy", "ended", "lent", "readers")
 
     def __init__(self, array):
         self.array = array
-        self.ended = self.copy = None
+        self.ended = self.copy = self.lent = None
         self.readers: list = []
 
     def keep_for(self, reader) -> None:
@@ -110,11 +67,33 @@ class Version:
         self.readers.append(weakref.ref(reader))
 
     def end(self, by: Event) -> None:
+        """Called before the memory is overwritten."""
+        self._keep()
+        self.ended = by
+
+    def lend(self) -> None:
+        """Called when others get to see the memory."""
+        if self.lent is None:
+            self._keep()
+            self.lent = event("writer of what was lent to NumPy"), _checksum(self.array)
+
+    def _keep(self) -> None:
         readers = [reader() for reader in self.readers]
         if any(reader is not None and reader.needs(self) for reader in readers):
             self.copy = copy_layout(self.array)
-        self.ended = by
         self.readers = []
+
+    def overwriter(self) -> Event | None:
+        """Who has overwritten the memory, None if nobody has."""
+        if self.ended is None and self.lent is not None and self.lent[1] != _checksum(self.array):
+            self.ended = self.lent[0]
+        return self.ended
+
+
+def _checksum(array) -> int:
+    import numpy
+
+    return zlib.crc32(numpy.ascontiguousarray(array._host_view()).reshape(-1).view(numpy.uint8))
 
 
 class _Region:
@@ -157,9 +136,12 @@ class Memory:
                 self._prune()
             region = self.regions[key] = self._add(_Region(Box(array)))
         version = region.current()
-        if version is None:
+        lent = version is not None and version.overwriter() is not None
+        if version is None or lent:
             version = Version(array)
             region.current = weakref.ref(version)
+            if lent:
+                version.lend()
         return version
 
     def writing(self, array, by) -> None:
@@ -178,6 +160,16 @@ class Memory:
         for other in region.neighbours:
             if other.current() is not None:
                 other.end(by.event)
+
+    def lend(self, array) -> None:
+        """Says that others get to see, and may write, an array on the CPU."""
+        if not self.regions or array.pinned or not array.size:
+            return
+        box = Box(array)
+        for region in self._near(box):
+            version = region.current()
+            if version is not None and box.overlaps(region.box):
+                version.lend()
 
     def _prune(self) -> None:
         """Forgets regions that nobody has a version of."""
@@ -202,7 +194,7 @@ class Memory:
 
     def _near(self, box):
         """Regions whose range of addresses meets that of the box."""
-        for bits, (starts, regions) in self.sorted.items():
+        for bits, (starts, regions) in list(self.sorted.items()):
             first = bisect.bisect(starts, box.start - (1 << bits))
             for region in regions[first : bisect.bisect_left(starts, box.stop)]:
                 if region.box.stop > box.start:
@@ -250,7 +242,8 @@ class Watch:
     def update(cls) -> None:
         before = cls.active
         cls.active = bool(cls._owners) or cls.tape is not None or cls.executor is not None
-        if not cls._owners:
+        # Tapes die at any time, also while another one is about to take its first record.
+        if not cls.active:
             cls.memory.clear()
         if cls.active != before:
             for listener in cls._listeners:

@@ -9,8 +9,9 @@ from warp._src.adjoint import copy_of
 from warp._src.array import array
 from warp._src.autograd.revolve import Reversal, first_sweep
 from warp._src.backward import BackwardPass
+from warp._src.boxes import Box
 from warp._src.tape import Tape
-from warp._src.tracking import Box, Event, Memory, Watch, Watching, event
+from warp._src.tracking import Event, Memory, Watch, Watching, event
 from warp._src.watching import Call
 
 
@@ -236,7 +237,7 @@ class _CheckpointRecord:
         """Exchanges what has been overwritten since; returns the present contents."""
         swapped = []
         for version in self.versions:
-            if version.ended is None:
+            if version.overwriter() is None:
                 continue
             if version.copy is None:
                 raise errors.WarpGradientError(

@@ -15,7 +15,8 @@ from warp._src import kernel_derivatives, scalars, types
 from warp._src.array import array
 from warp._src.array_create import empty
 from warp._src.array_gradients import gradient_type, has_gradient
-from warp._src.tracking import Box, event
+from warp._src.boxes import Box
+from warp._src.tracking import event
 from warp._src.watching import Call
 
 
