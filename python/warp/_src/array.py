@@ -184,7 +184,7 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
                     f"cannot read an array on '{self.device}' while a graph is being captured on it"
                 )
             _native.join_streams(_native.current_stream(self.device_index))
-            return self.to("cpu").numpy()
+            return self.to("cpu", requires_grad=False).numpy()
         if self.pinned:
             _native.synchronize_busy_streams()
         if Watch.active:
