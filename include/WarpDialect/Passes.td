@@ -70,7 +70,8 @@ def ExpandBuiltins : WarpPass<"warp-expand-builtins"> {
   }];
   let dependentDialects = [
     "::mlir::arith::ArithDialect", "::mlir::math::MathDialect",
-    "::mlir::scf::SCFDialect", "::warp::WarpDialect"];
+    "::mlir::scf::SCFDialect", "::mlir::LLVM::LLVMDialect",
+    "::warp::WarpDialect"];
 }
 
 def FlattenStructs : WarpPass<"warp-flatten-structs"> {
@@ -314,8 +315,9 @@ def PrivatizeAtomics : WarpPass<"warp-privatize-atomics"> {
     Where atomics remain on the CPU, and so few threads would share the launch that one
     thread without atomic instructions is faster, the entry is marked
     `warp.exclusive`: it runs on one thread and updates elements plainly. In a
-    deterministic launch so is every entry with an atomic on floats, whose order
-    would show.
+    deterministic launch so is every entry whose order of atomics would show; on
+    a GPU that is a launch of one block, with one thread if its updates cannot
+    be combined.
 
     ```mlir
     // loop over threads:

@@ -30,11 +30,13 @@ def parse_type(text):
             return wp.int32
         return SCALARS.get(text, wp.float64)
     kind, inner = re.fullmatch(r"(\w+)<(.*)>", text).groups()
-    extents = [EXTENTS.get(e.strip()) or int(e) for e in inner.split(",")[:-1]]
+    *extents, scalar = (part.strip() for part in inner.split(","))
+    extents = [EXTENTS.get(extent) or int(extent) for extent in extents]
+    scalar = SCALARS.get(scalar, wp.float64)
     if kind == "vec":
-        return wp.types.vector(length=extents[0], dtype=wp.float64)
+        return wp.types.vector(length=extents[0], dtype=scalar)
     if kind == "mat":
-        return wp.types.matrix(shape=tuple(extents), dtype=wp.float64)
+        return wp.types.matrix(shape=tuple(extents), dtype=scalar)
     return {"quat": wp.quatd, "transform": wp.transformd}[kind]
 
 
@@ -47,11 +49,11 @@ def is_float(dtype):
     return getattr(dtype, "_wp_scalar_type_", dtype) in (wp.float64, wp.float32)
 
 
-def agree(coarse, fine):
+def agree(coarse, fine, tolerance):
     """Rows where differences of two steps are the same: there is no branch or jump near."""
     coarse, fine = coarse.reshape(COUNT, -1), fine.reshape(COUNT, -1)
     scale = 1 + np.abs(fine).max(axis=1, keepdims=True)
-    return (np.abs(coarse - fine) / scale).max(axis=1) < 1e-7
+    return (np.abs(coarse - fine) / scale).max(axis=1) < tolerance / 8
 
 
 class Overload:
@@ -72,6 +74,10 @@ class Overload:
         self.results = self.direct + [self.types[i] for i in self.inout]
         self.kernel = self._define()
         self.symmetric = symmetric
+        single = any(getattr(t, "_wp_scalar_type_", t) is wp.float32 for t in self.types)
+        # Steps of differences, and what may be expected of them.
+        self.steps, self.tolerance = ((0.04, 0.02), 1e-2) if single else ((1e-3, 1e-4), 1e-6)
+        self.rounding = np.finfo(np.float32 if single else np.float64).eps
 
     @property
     def is_smooth(self):
@@ -102,7 +108,7 @@ class Overload:
             for index in np.ndindex(getattr(dtype, "_shape_", ())):
                 at = f"[{', '.join(map(str, index))}]" if index else ""
                 lines += [f"    r{k} = o{k}[i]", f"    v{k} = w{k}[i]"]
-                lines.append(f"    t += r{k}{at} * v{k}{at}")
+                lines.append(f"    t += wp.float64(r{k}{at} * v{k}{at})")
         lines.append("    wp.atomic_add(s, 0, t)")
         return define("\n".join(lines) + "\n", **names)["add_up"]
 
@@ -118,7 +124,9 @@ class Overload:
             inside = random.uniform(0.01, 0.99, (COUNT, components(dtype)))
             values = low + (high - low) * inside
             if not is_float(dtype):
-                self.whole.append(random.integers(0, 2, COUNT))
+                limits = (int(low), int(high)) if len(intervals) > 1 else (1, 5)
+                limits = (0, 2) if dtype is wp.bool else limits
+                self.whole.append(random.integers(*limits, COUNT))
                 continue
             if self.symmetric:
                 values = self.symmetric(values)
@@ -219,8 +227,8 @@ class Overload:
 
     def differences(self, rows, device):
         """The matrix of derivatives, and for each row whether differences are to be believed."""
-        coarse, fine = (self._differences(rows, device, step) for step in (1e-3, 1e-4))
-        return fine, agree(coarse, fine)
+        coarse, fine = (self._differences(rows, device, step) for step in self.steps)
+        return fine, agree(coarse, fine, self.tolerance)
 
     def second_differences(self, rows, weights, direction, device):
         """What `second` gives, by central differences of `adjoint`, and whether to believe it."""
@@ -231,8 +239,8 @@ class Overload:
 
             return (8 * (at(1) - at(-1)) - (at(2) - at(-2))) / (12 * step)
 
-        coarse, fine = along(1e-3), along(1e-4)
-        return fine, agree(coarse, fine)
+        coarse, fine = map(along, self.steps)
+        return fine, agree(coarse, fine, self.tolerance)
 
     def _differences(self, rows, device, step):
         """By central differences of fourth order."""

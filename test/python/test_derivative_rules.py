@@ -10,8 +10,6 @@ from warp._src.builtin_table import BUILTINS, DERIVATIVES
 import warp as wp
 from derivative_values import COUNT, Overload
 
-ROUNDING = np.finfo(np.float64).eps
-
 
 def positive_definite(values):
     m = values.reshape(COUNT, 3, 3)
@@ -51,7 +49,7 @@ def check(name, index, device):
 
     def compare(found, expected):
         found, expected = (found / scale)[believed], (expected / scale)[believed]
-        np.testing.assert_allclose(found, expected, 0, 1e-6, err_msg=text)
+        np.testing.assert_allclose(found, expected, 0, overload.tolerance, err_msg=text)
 
     compare(adjoint, np.einsum("nm,nmd->nd", weights, matrix))
     compare(tangent, np.einsum("nmd,nd->nm", matrix, direction))
@@ -66,7 +64,7 @@ def check(name, index, device):
     left, right = (tangent * weights).sum(axis=1), (direction * adjoint).sum(axis=1)
     size = np.linalg.norm(tangent, axis=1) * np.linalg.norm(weights, axis=1)
     size += np.linalg.norm(direction, axis=1) * np.linalg.norm(adjoint, axis=1)
-    assert np.all(np.abs(left - right) <= 64 * ROUNDING * (1 + size)), text
+    assert np.all(np.abs(left - right) <= 64 * overload.rounding * (1 + size)), text
 
 
 @pytest.mark.parametrize("name", SMOOTH)

@@ -23,6 +23,7 @@
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/Func/IR/FuncOps.h"
+#include "mlir/Dialect/LLVMIR/LLVMDialect.h"
 #include "mlir/Dialect/Math/IR/Math.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
 #include "llvm/ADT/StringSwitch.h"
@@ -117,7 +118,7 @@ public:
 private:
   LogicalResult convert(Operation *op) {
     Dialect *dialect = op->getDialect();
-    if (!isa<arith::ArithDialect, math::MathDialect>(dialect))
+    if (isa<warp::WarpDialect, scf::SCFDialect>(dialect))
       return success();
     OpBuilder b(op);
     SmallVector<Value, 3> operands;
@@ -132,7 +133,10 @@ private:
     return success();
   }
 
+  /// Null if there is no such builtin.
   static Value create(OpBuilder &b, Operation *op, ArrayRef<Value> operands) {
+    if (!isa<arith::ArithDialect, math::MathDialect>(op->getDialect()))
+      return nullptr;
     Location loc = op->getLoc();
     Type type = withSign(op->getResult(0).getType());
     if (isa<arith::BitcastOp>(op))
