@@ -15,15 +15,17 @@ func.func @race(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
 
 // -----
 
-// The second store overwrites what the derivative of the product needs, and
-// the first one what was there before the launch.
+// A later iteration may overwrite what the derivative of the product needs, and
+// an earlier one what was there before the launch.
 func.func @overwritten(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
-                       %n: i32) attributes {warp.kernel, warp.arg_names = ["x", "y"]} {
+                       %n: i32, %p: !warp.array<1 x si32>)
+    attributes {warp.kernel, warp.arg_names = ["x", "y"]} {
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
-  %i = warp.tid : si32
   scf.for %c = %c0 to %n step %c1 : i32 {
-    // expected-error @+1 {{the derivative needs what 'x' holds here, but the launch overwrites it (line 29); keep the value in a variable, or write to another array}}
+    %k = warp.cast %c : i32 to si32
+    %i = warp.load %p[%k] : !warp.array<1 x si32>, si32 -> si32
+    // expected-error @+1 {{the derivative needs what 'x' holds here, but the launch overwrites it (line 31); keep the value in a variable, or write to another array}}
     %a = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
     %b = warp.mul(%a, %a) : (f32, f32) -> f32
     warp.store %b, %x[%i] : f32, !warp.array<1 x f32>, si32

@@ -169,15 +169,63 @@ def test_chains_of_one_thread():
             x[k] = x[k] * x[k]
 
     @wp.kernel
-    def again(x: wp.array(dtype=F), n: int):
+    def twice(x: wp.array(dtype=F), n: int):
         for k in range(n):
-            x[0] = x[0] * x[0]
+            x[k // 2] = x[k // 2] * x[k // 2]
 
     check(forward, 1, wave(4), wave(5), rest=[4])
     check(backward, 1, wave(5), rest=[4])
     check(in_place, 1, wave(5), rest=[5])
     with pytest.raises(RuntimeError, match="overwrites it"):
-        check(again, 1, wave(1), rest=[4])
+        check(twice, 1, wave(2), rest=[4])
+
+
+def test_elements_that_loops_update():
+    @wp.kernel
+    def k(x: wp.array2d(dtype=F), y: wp.array(dtype=F), z: wp.array2d(dtype=F), n: int):
+        i = wp.tid()
+        for j in range(n):
+            y[i] = y[i] * x[i, j]
+            for _ in range(2):
+                z[1, i] = wp.sin(z[1, i]) * y[i]
+                if z[1, i] < F(0.4):
+                    y[i] = y[i] + z[1, i]
+        y[i] = y[i] * y[i]
+        for j in range(n):
+            y[i] = y[i] * x[i, j]
+
+    check(k, 2, wave(2, 5), wave(2), wave(2, 2), rest=[4])
+    check(k, 2, wave(2, 5), wave(2), wave(2, 2), rest=[0])
+
+
+def test_values_overwritten_twice():
+    """The kernel keeps what neither the array nor a copy of it has."""
+
+    @wp.kernel
+    def k(
+        x: wp.array(dtype=F), y: wp.array(dtype=F), z: wp.array(dtype=F), order: wp.array(dtype=int)
+    ):
+        i = wp.tid()
+        j = order[i]
+        if x[i] > F(0.0):
+            x[i] = x[i] + y[i]
+        x[i] = x[i] * x[i]
+        if y[i] > F(1.0):
+            x[i] = wp.exp(x[i])
+        order[1 - i] = 7
+        z[j] = x[i]
+
+    order = wp.array([1, 0], dtype=int, device="cpu")
+    values, w = [wave(2) - 1.0, wave(2), wave(2)], np.array([0.5, 1.5])
+    x, y, z = (wp.array(v, dtype=F, device="cpu", requires_grad=True) for v in values)
+    with wp.Tape() as tape:
+        wp.launch(k, 1, [x, y, z, order], device="cpu")
+    tape.backward(grads={z: wp.array(w, dtype=F, device="cpu")})
+    s = values[0][0] + values[1][0]
+    slope = 2.0 * s * np.exp(s * s) * w[1]
+    np.testing.assert_allclose(x.grad.numpy(), [slope, 0.0])
+    np.testing.assert_allclose(y.grad.numpy(), [slope, 0.0])
+    np.testing.assert_allclose(z.grad.numpy(), [0.5, 0.0])
 
 
 def test_many_threads_of_a_chain():
@@ -204,6 +252,15 @@ def test_atomics():
             wp.atomic_add(v, j % 2, wp.vec2d(x[i], x[i] * x[i]))
 
     check(k, 4, wave(4), wave(4) + 0.5, wave(2, 2), dtypes=[F, F, wp.vec2d])
+
+
+def test_extrema_of_components():
+    @wp.kernel
+    def k(x: wp.array(dtype=wp.vec2d), y: wp.array(dtype=wp.vec2d)):
+        i = wp.tid()
+        wp.atomic_max(y, 0, x[i] * F(2.0))
+
+    check(k, 3, wave(3, 2), [[4.0, 0.5]], dtypes=[wp.vec2d, wp.vec2d])
 
 
 def test_extrema_that_no_thread_moved():

@@ -93,7 +93,7 @@ static func::FuncOp createTwin(func::FuncOp kernel, StringRef suffix) {
   return twin;
 }
 
-/// Has every atomic whose old value the adjoint may need store it.
+/// Has every load and atomic whose value the adjoint may need store it.
 static void augment(func::FuncOp kernel, const ReverseBuilder &builder,
                     ArrayRef<BlockArgument> saved) {
   llvm::DenseMap<int64_t, BlockArgument> byNumber;
@@ -113,14 +113,13 @@ static void augment(func::FuncOp kernel, const ReverseBuilder &builder,
         kernel.getLoc());
     byNumber[number] = kernel.getArgument(position);
   }
-  SmallVector<Operation *> atomics;
+  SmallVector<Operation *> reads;
   kernel.walk([&](Operation *op) {
-    if (isa<warp::AtomicOp, warp::AtomicCasOp>(op))
-      atomics.push_back(op);
+    if (isa<warp::LoadOp, warp::AtomicOp, warp::AtomicCasOp>(op))
+      reads.push_back(op);
   });
-  for (Operation *op : atomics) {
-    BlockArgument array =
-        byNumber.lookup(builder.getMemory().getAtomicNumber(op));
+  for (Operation *op : reads) {
+    BlockArgument array = byNumber.lookup(builder.getMemory().getNumber(op));
     if (!array)
       continue;
     OpBuilder b(op->getContext());

@@ -10,7 +10,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "../KernelFunction.h"
-#include "MemoryClasses.h"
+#include "CarryElements.h"
 
 #include "WarpDialect/WarpOps.h"
 
@@ -43,6 +43,8 @@ struct ForwardStores : warp::impl::ForwardStoresBase<ForwardStores> {
       return signalPassFailure();
     ArrayLeaves leavesOfKernel(kernel);
     leaves = &leavesOfKernel;
+    if (unique)
+      carryElements(kernel, leavesOfKernel);
     Contents contents;
     forward(kernel.getFunctionBody().front(), contents);
   }

@@ -102,8 +102,7 @@ void MemoryClasses::collect(Operation *op) {
   std::optional<Access> access = getAccess(op);
   if (!access)
     return;
-  if (isa<AtomicOp, AtomicCasOp>(op))
-    atomics.try_emplace(op, atomics.size());
+  numbers.try_emplace(op, numbers.size());
   access->position = position;
   access->isActive = access->isWrite ? activity.isActiveArray(access->array)
                                      : activity.isActive(op->getResult(0));

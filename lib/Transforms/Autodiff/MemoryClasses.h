@@ -56,6 +56,8 @@ struct Access {
 /// of the views on the way to the leaf; none for other operations.
 std::optional<Access> getAccess(mlir::Operation *op);
 
+/// Whether two accesses are to components that do not overlap.
+bool haveOtherComponents(const Access &a, const Access &b);
 /// Whether two accesses to one leaf are to different elements, or components.
 bool areApart(const Access &a, const Access &b);
 /// Whether they are to the same element and component, with the same values
@@ -81,10 +83,8 @@ public:
   int64_t getUniqueRank(mlir::Operation *access) const;
   /// Set if the adjoint is right only for launches of one thread: why.
   llvm::StringRef getOneThreadReason() const { return oneThread; }
-  /// Ordinal of an atomic within the function.
-  int64_t getAtomicNumber(mlir::Operation *op) const {
-    return atomics.lookup(op);
-  }
+  /// Ordinal of an access within the function.
+  int64_t getNumber(mlir::Operation *op) const { return numbers.lookup(op); }
 
 private:
   void collect(mlir::Operation *op);
@@ -100,7 +100,7 @@ private:
   bool unique;
   llvm::SmallVector<llvm::SmallVector<Access>> accesses;
   llvm::DenseMap<mlir::Operation *, std::pair<unsigned, unsigned>> places;
-  llvm::DenseMap<mlir::Operation *, int64_t> atomics;
+  llvm::DenseMap<mlir::Operation *, int64_t> numbers;
   /// Accesses of arrays that are not known to be one of the arguments.
   llvm::SmallVector<mlir::Operation *> unknown;
   unsigned position = 0;

@@ -18,8 +18,7 @@ using namespace mlir;
 
 namespace warp::autodiff {
 
-/// Different components of an element do not overlap.
-static bool haveOtherComponents(const Access &a, const Access &b) {
+bool haveOtherComponents(const Access &a, const Access &b) {
   for (auto [x, y] : llvm::zip(a.component, b.component))
     if (x != y)
       return true;

@@ -151,6 +151,7 @@ private:
   mlir::LogicalResult replayRegions(mlir::Operation *op);
   mlir::LogicalResult replayLoad(LoadOp op);
   mlir::LogicalResult replayAtomic(mlir::Operation *op);
+  mlir::LogicalResult replaySaved(mlir::Operation *op, llvm::StringRef why);
   mlir::LogicalResult replayCall(mlir::func::CallOp op);
 
   mlir::LogicalResult reverseIf(mlir::scf::IfOp op);

@@ -33,14 +33,12 @@ static void removeEffects(func::FuncOp function) {
       op->erase();
     if (!isa<AtomicOp, AtomicCasOp>(op))
       return;
-    Access access = *getAccess(op);
+    Value array = getAccess(op)->array;
     OpBuilder builder(op);
-    auto indices = op->getOperands().take_back(access.indices.size());
     auto load = LoadOp::create(builder, op->getLoc(),
-                               op->getResult(0).getType(),
-                               op->getOperand(op->getNumOperands() -
-                                              indices.size() - 1),
-                               indices);
+                               op->getResult(0).getType(), array,
+                               op->getOperands().take_back(
+                                   cast<ArrayType>(array.getType()).getRank()));
     load->setAttr(attr::unrecoverable,
                   builder.getStringAttr(
                       "what an atomic returns depends on the order of threads; "

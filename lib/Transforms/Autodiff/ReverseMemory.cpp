@@ -105,6 +105,8 @@ LogicalResult ReverseBuilder::replayLoad(LoadOp op) {
   std::string why;
   bool needsOneThread;
   Recovery recovery = memory.getRecovery(op, why, needsOneThread);
+  if (recovery == Recovery::Impossible)
+    return replaySaved(op, why);
   Value array;
   if (recovery == Recovery::Preserved)
     array = rebase(op.getArray(), [&](Value root) {
@@ -115,46 +117,44 @@ LogicalResult ReverseBuilder::replayLoad(LoadOp op) {
     array = recover(op.getArray());
   auto load = LoadOp::create(builder, op.getLoc(), op.getType(), array,
                              recover(op.getIndices()));
-  if (recovery == Recovery::Impossible)
-    load->setAttr(attr::unrecoverable, builder.getStringAttr(why));
   if (needsOneThread)
     load->setAttr(attr::assumesOneThread, builder.getUnitAttr());
   setRecovered(op.getResult(), load.getResult());
   return success();
 }
 
-/// What an atomic returned depends on the order of threads: the augmented
-/// kernel keeps it, one value per thread.
 LogicalResult ReverseBuilder::replayAtomic(Operation *op) {
-  Value old = op->getResult(0);
-  if (old.use_empty())
+  if (op->getResult(0).use_empty())
     return success();
+  return replaySaved(op, "what an atomic returns within a loop depends on the "
+                         "order of threads; move it out of the loop");
+}
+
+/// What the launch overwrote, or what depends on the order of threads: the
+/// augmented kernel keeps it, one value per thread. A loop would have to keep
+/// one per iteration; there it is marked with the reason for an error.
+LogicalResult ReverseBuilder::replaySaved(Operation *op, StringRef why) {
   Location loc = op->getLoc();
-  Type type = old.getType();
+  Type type = op->getResult(0).getType();
   Value array;
   SmallVector<Value> indices;
   bool isSaved = !op->getParentOfType<LoopLikeOpInterface>();
   if (isSaved) {
-    array = getHidden(HiddenKind::Saved, memory.getAtomicNumber(op),
+    array = getHidden(HiddenKind::Saved, memory.getNumber(op),
                       ArrayType::get(type.getContext(), 4, type));
     SmallVector<Type> types(4, builder.getIntegerType(32, true));
     llvm::append_range(indices,
                        TidOp::create(builder, loc, types).getResults());
   } else {
-    auto arrayOperand = llvm::find_if(op->getOperands(), [](Value operand) {
-      return isa<ArrayType>(operand.getType());
-    });
-    array = recover(*arrayOperand);
-    indices = recover(op->getOperands().drop_front(
-        arrayOperand.getIndex() + 1));
+    Value accessed = getAccess(op)->array;
+    array = recover(accessed);
+    indices = recover(op->getOperands().take_back(
+        cast<ArrayType>(accessed.getType()).getRank()));
   }
   auto load = LoadOp::create(builder, loc, type, array, indices);
   if (!isSaved)
-    load->setAttr(attr::unrecoverable,
-                  builder.getStringAttr(
-                      "what an atomic returns within a loop depends on the "
-                      "order of threads; move it out of the loop"));
-  setRecovered(old, load.getResult());
+    load->setAttr(attr::unrecoverable, builder.getStringAttr(why));
+  setRecovered(op->getResult(0), load.getResult());
   return success();
 }
 
@@ -236,20 +236,13 @@ LogicalResult ReverseBuilder::reverseAtomic(AtomicOp op) {
   }
 }
 
-/// The thread whose value is the extremum takes the gradient. Of several the
-/// first one does, because an exchange leaves zero for the others.
-LogicalResult ReverseBuilder::reverseExtremum(AtomicOp op, Value gradient,
-                                              ValueRange indices) {
-  Location loc = op.getLoc();
-  Value value = recover(op.getValue());
-  if (isComposite(value.getType()))
-    return op.emitOpError("has no derivative for composites; update each "
-                          "component by itself");
-  Value left = LoadOp::create(builder, loc, value.getType(),
-                              recover(op.getArray()), indices);
+/// The gradient for the thread whose value is the extremum, zero for others. Of
+/// several with that value the first one gets it, because an exchange leaves
+/// zero for the others.
+static Value takeIfEqual(OpBuilder &builder, Location loc, Value left,
+                         Value value, Value gradient, ValueRange indices) {
   Type type = cast<ArrayType>(gradient.getType()).getElementType();
-  Value wins = EqOp::create(builder, loc, builder.getI1Type(),
-                            ValueRange{left, value})
+  Value wins = createBuiltin(builder, loc, EqOp::getSpec(), {left, value})
                    ->getResult(0);
   auto branch = scf::IfOp::create(builder, loc, TypeRange(type), wins, true);
   OpBuilder::InsertionGuard guard(builder);
@@ -260,8 +253,38 @@ LogicalResult ReverseBuilder::reverseExtremum(AtomicOp op, Value gradient,
   scf::YieldOp::create(builder, loc, taken);
   builder.setInsertionPointToStart(branch.elseBlock());
   scf::YieldOp::create(builder, loc, zero(builder, loc, type));
-  builder.setInsertionPointAfter(branch);
-  addCotangent(op.getValue(), branch.getResult(0));
+  return branch.getResult(0);
+}
+
+LogicalResult ReverseBuilder::reverseExtremum(AtomicOp op, Value gradient,
+                                              ValueRange indices) {
+  Location loc = op.getLoc();
+  Value value = recover(op.getValue());
+  Type type = value.getType();
+  Value left = LoadOp::create(builder, loc, type, recover(op.getArray()),
+                              indices);
+  if (!isComposite(type)) {
+    addCotangent(op.getValue(), takeIfEqual(builder, loc, left, value, gradient,
+                                            indices));
+    return success();
+  }
+  // Components are updated each on their own.
+  auto gradientType = cast<ArrayType>(gradient.getType());
+  Type part = ArrayType::get(op.getContext(), gradientType.getRank(),
+                             getElementScalar(gradientType.getElementType()));
+  for (int64_t i = 0, n = getComponentCount(type); i < n; ++i) {
+    auto at = getSlotIndices(builder, loc, type, i);
+    auto pick = [&](Value composite) -> Value {
+      return ExtractOp::create(builder, loc, getElementScalar(type), composite,
+                               at);
+    };
+    Value view =
+        ComponentViewOp::create(builder, loc, part, gradient, at, StringAttr());
+    Value taken =
+        takeIfEqual(builder, loc, pick(left), pick(value), view, indices);
+    if (isActive(op.getValue()))
+      cotangents.addSlot(builder, loc, op.getValue(), i, taken);
+  }
   return success();
 }
 
