@@ -40,12 +40,12 @@ FunctionKernel::FunctionKernel(func::FuncOp function)
     if (!hasDifferential(type))
       continue;
     types[i] = ArrayType::get(b.getContext(), 1, type);
-    boxes.push_back({unsigned(i), type, false, {}, {}, {}});
+    boxes.push_back({unsigned(i), type, false, {}, {}});
   }
   for (Type type : function.getResultTypes()) {
     if (!hasDifferential(type))
       continue;
-    boxes.push_back({unsigned(types.size()), type, true, {}, {}, {}});
+    boxes.push_back({unsigned(types.size()), type, true, {}, {}});
     types.push_back(ArrayType::get(b.getContext(), 1, type));
   }
   b.setInsertionPointToEnd(module.getBody());
@@ -146,33 +146,43 @@ static Value findTwin(func::FuncOp dual, unsigned leaf) {
   return nullptr;
 }
 
-LogicalResult FunctionKernel::replace(Box &box, func::FuncOp derivative,
-                                      bool forward) {
-  Block &body = derivative.front();
-  Location loc = derivative.getLoc();
-  Value array = body.getArgument(box.position);
-  SmallVector<Value> differentials;
-  if (forward) {
-    unsigned leaf = llvm::count_if(
-        derivative.getArgumentTypes().take_front(box.position),
-        [](Type type) { return isa<ArrayType>(type); });
-    if (Value twin = findTwin(derivative, leaf))
-      differentials.push_back(twin);
-  } else {
+/// Arrays that hold the cotangent or tangent of what a box holds.
+static SmallVector<Value> findDifferentials(func::FuncOp derivative,
+                                            unsigned position, bool forward) {
+  SmallVector<Value> found;
+  Value array = derivative.getArgument(position);
+  if (!forward) {
     for (Operation *user : array.getUsers())
-      if (isa<GradOp>(user))
-        differentials.push_back(user->getResult(0));
+      if (isa<warp::GradOp>(user))
+        found.push_back(user->getResult(0));
+    return found;
   }
-  if (!box.isResult)
-    box.value = body.addArgument(box.type, loc);
-  if (box.isResult != forward)
-    box.seed = body.addArgument(box.type, loc);
-  FailureOr<Value> found = promote(differentials, box.seed);
-  if (failed(found) || failed(promote({array}, box.value)))
+  unsigned leaf = llvm::count_if(
+      derivative.getArgumentTypes().take_front(position),
+      [](Type type) { return isa<warp::ArrayType>(type); });
+  if (Value twin = findTwin(derivative, leaf))
+    found.push_back(twin);
+  return found;
+}
+
+/// Makes a cotangent or tangent a value. One that is asked for is returned at
+/// once, so that it follows when what it is computed from is replaced.
+LogicalResult FunctionKernel::replaceDifferential(Box &box,
+                                                  func::FuncOp derivative,
+                                                  bool forward) {
+  SmallVector<Value> arrays =
+      findDifferentials(derivative, box.position, forward);
+  FailureOr<Value> found = promote(arrays, box.seed);
+  if (failed(found))
     return failure();
-  box.found = *found;
-  for (Value gradient : differentials)
-    if (Operation *op = gradient.getDefiningOp())
+  if (!box.seed) {
+    auto end = cast<func::ReturnOp>(derivative.front().getTerminator());
+    OpBuilder b(end);
+    end.getOperandsMutable().append(
+        converted(b, end.getLoc(), *found, box.type));
+  }
+  for (Value array : arrays)
+    if (Operation *op = array.getDefiningOp())
       op->erase();
   return success();
 }
@@ -183,8 +193,18 @@ FailureOr<func::FuncOp> FunctionKernel::toFunction(func::FuncOp derivative,
   auto hidden = derivative->getAttrOfType<ArrayAttr>(attr::hidden);
   if (hidden && !forward)
     return fail(derivative);
+  Block &body = derivative.front();
+  Location loc = derivative.getLoc();
+  for (Box &box : boxes) {
+    if (!box.isResult)
+      box.value = body.addArgument(box.type, loc);
+    if (box.isResult != forward)
+      box.seed = body.addArgument(box.type, loc);
+    if (failed(promote({body.getArgument(box.position)}, box.value)))
+      return failure();
+  }
   for (Box &box : boxes)
-    if (failed(replace(box, derivative, forward)))
+    if (failed(replaceDifferential(box, derivative, forward)))
       return failure();
   return move(derivative, module, forward);
 }
@@ -193,11 +213,6 @@ func::FuncOp FunctionKernel::move(func::FuncOp derivative, ModuleOp module,
                                   bool forward) {
   auto end = cast<func::ReturnOp>(derivative.front().getTerminator());
   OpBuilder b(end);
-  SmallVector<Value> results;
-  for (Box &box : boxes)
-    if (box.isResult == forward)
-      results.push_back(converted(b, end.getLoc(), box.found, box.type));
-  end.getOperandsMutable().assign(results);
   SmallVector<Type> types(argumentTypes);
   for (Box &box : boxes)
     if (box.seed)

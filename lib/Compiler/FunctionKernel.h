@@ -39,13 +39,14 @@ private:
     unsigned position;
     mlir::Type type;
     bool isResult;
-    /// Of the derivative: the value, its cotangent or tangent as it is passed,
-    /// and as it is in the end.
-    mlir::Value value, seed, found;
+    /// Of the derivative: the value, and its cotangent or tangent if that is
+    /// passed.
+    mlir::Value value, seed;
   };
 
-  mlir::LogicalResult replace(Box &box, mlir::func::FuncOp derivative,
-                              bool forward);
+  mlir::LogicalResult replaceDifferential(Box &box,
+                                          mlir::func::FuncOp derivative,
+                                          bool forward);
   mlir::FailureOr<mlir::Value>
   promote(llvm::ArrayRef<mlir::Value> arrays, mlir::Value initial);
   mlir::func::FuncOp move(mlir::func::FuncOp derivative,
