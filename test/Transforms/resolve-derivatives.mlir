@@ -9,8 +9,10 @@
 // CHECK: warp.store %[[G]]
 // CHECK-LABEL: func.func private @square_vjp(
 // CHECK-SAME: %[[A:.*]]: f32, %[[S:.*]]: f32) -> f32
-// CHECK: %[[M:.*]] = warp.mul(%[[S]], %[[A]])
-// CHECK: %[[R:.*]] = warp.add(%[[M]], %[[M]])
+// CHECK-NOT: warp.load
+// CHECK-DAG: %[[M:.*]] = warp.mul(%[[S]], %[[A]])
+// CHECK-DAG: %[[N:.*]] = warp.mul(%[[A]], %[[S]])
+// CHECK: %[[R:.*]] = warp.add(%[[M]], %[[N]])
 // CHECK: return %[[R]]
 func.func @automatic(%x: !warp.array<1 x f32>) attributes {warp.kernel} {
   %i = warp.tid : si32
@@ -56,7 +58,7 @@ func.func private @cube(%a: f32) -> f32 {
 
 // A derivative of its own is used as it is, with the residuals of a call.
 // CHECK-LABEL: @custom(
-// CHECK: %[[F:.*]]:2 = call @f(%[[X:.*]]) :
+// CHECK: %[[F:.*]]:2 = call @f(%[[X:.*]]) : (f32)
 // CHECK: call @g(%[[X]], %[[F]]#1, %{{.*}}) : (f32, f64, f32) -> f32
 func.func @custom(%x: !warp.array<1 x f32>) attributes {warp.kernel} {
   %i = warp.tid : si32
@@ -79,9 +81,8 @@ func.func private @g(%a: f32, %r: f64, %s: f32) -> f32 {
 // The primal drops derivatives that it does not call; the adjoint keeps them.
 // CHECK-LABEL: @primal(
 // CHECK: call @f(
-// CHECK-LABEL: @f(
-// CHECK-NOT: warp.vjp
-// CHECK-NOT: @g
+// CHECK: func.func private @f(%{{.*}}: f32) -> f32 {
+// CHECK-NOT: func.func
 // KEEP-LABEL: @primal(
 // KEEP: func.func private @f({{.*}}) -> f32 attributes {warp.vjp = @g}
 // KEEP: func.func private @g(
@@ -122,4 +123,57 @@ func.func private @f(%a: f32) -> f32 attributes {warp.replay = @r} {
 }
 func.func private @r(%a: f32) -> f32 {
   return %a : f32
+}
+
+// -----
+
+// The cotangent of one argument is that of the result: it follows when the
+// latter becomes a parameter.
+// CHECK-LABEL: @linear(
+// CHECK-LABEL: func.func private @sum_vjp(
+// CHECK-SAME: %{{.*}}: f32, %{{.*}}: f32, %[[S:.*]]: f32) -> (f32, f32)
+// CHECK: return %[[S]], %[[S]]
+func.func @linear(%x: !warp.array<1 x f32>) attributes {warp.kernel} {
+  %i = warp.tid : si32
+  %one = warp.constant 1.0 : f32
+  %v = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
+  %g:2 = warp.vjp @sum(%v, %one) of (%one) : (f32, f32), (f32) -> (f32, f32)
+  warp.store %g#0, %x[%i] : f32, !warp.array<1 x f32>, si32
+  return
+}
+func.func private @sum(%a: f32, %b: f32) -> f32 {
+  %r = warp.add(%a, %b) : (f32, f32) -> f32
+  return %r : f32
+}
+
+// -----
+
+// A replay leaves memory alone; the old value of an atomic is refused
+// elsewhere, this one has no use.
+// KEEP-LABEL: @effects(
+// KEEP: func.func private @f({{.*}}) -> f32 attributes {warp.replay = @f_replay, warp.vjp = @g}
+// KEEP: func.func private @f_replay(
+// KEEP-NOT: warp.atomic
+// KEEP-NOT: warp.store
+// KEEP: return
+func.func @effects(%x: !warp.array<1 x f32>) attributes {warp.kernel} {
+  %i = warp.tid : si32
+  %v = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
+  %h = call @f(%v, %x) : (f32, !warp.array<1 x f32>) -> f32
+  warp.store %h, %x[%i] : f32, !warp.array<1 x f32>, si32
+  return
+}
+func.func private @f(%a: f32, %x: !warp.array<1 x f32>) -> f32 attributes {warp.vjp = @g} {
+  %i = warp.tid : si32
+  %old = warp.atomic add %a, %x[%i] : f32, !warp.array<1 x f32>, si32 -> f32
+  call @h(%a, %x) : (f32, !warp.array<1 x f32>) -> ()
+  return %a : f32
+}
+func.func private @h(%a: f32, %x: !warp.array<1 x f32>) {
+  %i = warp.tid : si32
+  warp.store %a, %x[%i] : f32, !warp.array<1 x f32>, si32
+  return
+}
+func.func private @g(%a: f32, %x: !warp.array<1 x f32>, %s: f32) -> f32 {
+  return %s : f32
 }
