@@ -32,9 +32,10 @@ constexpr llvm::StringLiteral threads = "warp.threads";
 constexpr llvm::StringLiteral cost = "warp.cost";
 /// On a sum of floats of an adjoint: its terms may be added in any order.
 constexpr llvm::StringLiteral anyOrder = "warp.any_order";
-/// What follows for the code: one thread runs the launch.
+/// What follows for the code: one thread runs the launch; GPU: one block.
 constexpr llvm::StringLiteral exclusive = "warp.exclusive";
-/// GPU: launch indices that one thread takes; 1 without.
+/// GPU: launch indices that one thread takes; 1 without. Threads of the only
+/// block of an exclusive launch.
 constexpr llvm::StringLiteral items = "warp.items";
 /// The function that a launch calls, once warp-lower-launch has made it.
 constexpr llvm::StringLiteral entry = "warp.entry";

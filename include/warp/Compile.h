@@ -80,11 +80,12 @@ struct Code {
   /// Rough operations of one thread; loops count 32 times their body.
   double cost = 0;
   bool usesPrintf = false;
-  /// GPU: launch indices that one thread takes.
+  /// GPU: launch indices that one thread takes; of exclusive code, the threads
+  /// of its only block.
   int items = 1;
   /// CPU: the code updates elements without atomic instructions, because so
   /// few threads would lose more by those than they gain. It must have the
-  /// arrays to itself and run on one thread.
+  /// arrays to itself and run on one thread. GPU: the launch is one block.
   bool exclusive = false;
   /// CPU: the code has atomic instructions, so no exclusive code may run.
   bool atomics = false;

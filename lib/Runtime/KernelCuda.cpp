@@ -160,10 +160,15 @@ void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,
   const VariantKey &key = variant.key;
   LaunchHeader header;
   std::memcpy(&header, params, sizeof(header));
-  // A thread takes several indices of the first dimension.
-  header.dim[0] = int32_t(ceilDivide(header.dim[0], variant.code.items));
-  Shape shape = shapeOf(header.dim, key.rank, variant.flat, key.blockDim,
-                        variant.code.items);
+  Shape shape;
+  if (variant.code.exclusive) {
+    shape.block.x = variant.code.items;
+  } else {
+    // A thread takes several indices of the first dimension.
+    header.dim[0] = int32_t(ceilDivide(header.dim[0], variant.code.items));
+    shape = shapeOf(header.dim, key.rank, variant.flat, key.blockDim,
+                    variant.code.items);
+  }
   if (shape.grid.x > maxGridX)
     throw Error(Error::Kind::LaunchValue,
                 "launch('" + name + "'): expects at most 2^31 - 1 blocks of " +

@@ -15,6 +15,11 @@ mlir::Value combine(mlir::OpBuilder &b, mlir::Location loc, AtomicKind kind,
                     mlir::Value old, mlir::Value value, mlir::Type type,
                     bool anyOrder = false);
 
+/// Whether the order of atomic updates in an entry may show: sums of floats
+/// round, and old values tell who came first.
+bool dependsOnOrder(mlir::Operation *update);
+bool hasOrderedUpdates(mlir::Operation *entry);
+
 } // namespace warp
 
 #endif // WARP_LIB_TRANSFORMS_ATOMICS_H

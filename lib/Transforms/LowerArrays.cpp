@@ -34,7 +34,7 @@ ArrayLowering::ArrayLowering(LLVM::LLVMFuncOp entry)
       b(entry.getContext()), loc(entry.getLoc()), gpu(isGpu(entry)),
       index32(entry->hasAttr(attr::index32)),
       debug(entry->hasAttr(attr::debug)),
-      exclusive(entry->hasAttr(attr::exclusive)) {
+      exclusive(!gpu && entry->hasAttr(attr::exclusive)) {
   MLIRContext *context = b.getContext();
   i8 = b.getI8Type();
   i32 = b.getI32Type();

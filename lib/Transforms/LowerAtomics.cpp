@@ -84,6 +84,26 @@ mlir::Value warp::combine(mlir::OpBuilder &b, mlir::Location loc,
   llvm_unreachable("unknown atomic");
 }
 
+bool warp::dependsOnOrder(Operation *update) {
+  auto atomic = dyn_cast<AtomicComponentsOp>(update);
+  if (!atomic)
+    return isa<AtomicCasOp>(update);
+  AtomicKind kind = atomic.getKind();
+  if (!atomic->use_empty() || kind == AtomicKind::exch)
+    return true;
+  return (kind == AtomicKind::add || kind == AtomicKind::sub) &&
+         llvm::any_of(atomic.getComponents().getTypes(), isFloat);
+}
+
+bool warp::hasOrderedUpdates(Operation *entry) {
+  return entry
+      ->walk([](Operation *op) {
+        return dependsOnOrder(op) ? WalkResult::interrupt()
+                                  : WalkResult::advance();
+      })
+      .wasInterrupted();
+}
+
 /// Loads, combines and stores, for an entry that runs alone.
 mlir::Value ArrayLowering::plainUpdate(AtomicKind kind, mlir::Value value,
                                        mlir::Type type, mlir::Value at) {

@@ -55,6 +55,7 @@ private:
   void buildRows();
   void buildGpu();
   void buildOneItem(mlir::Block *first, mlir::Block *exit);
+  void buildOneBlock(mlir::Block *first, mlir::Block *exit);
   void buildStream(mlir::Block *first, mlir::Block *exit, int64_t items);
   void buildPlanes(mlir::Block *first, mlir::Block *exit, int64_t items);
   void buildItems(mlir::Block *exit, int64_t items, mlir::Value lane,

@@ -9,6 +9,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Atomics.h"
 #include "LowerLaunch.h"
 #include "WarpDialect/ParameterLayout.h"
 
@@ -82,10 +83,36 @@ void Launch::buildOneItem(Block *first, Block *exit) {
   inlineBody(indices);
 }
 
+/// The only block of the launch; its threads take turns at the indices, so that
+/// which thread runs which index does not depend on the card.
+void Launch::buildOneBlock(Block *first, Block *exit) {
+  Type i64 = b.getI64Type();
+  Block *loop = b.createBlock(exit, {i64}, {loc});
+  b.setInsertionPointToEnd(first);
+  Value begin = narrow(readSpecial("tid", "x"), i64);
+  Value step = narrow(readSpecial("ntid", "x"), i64);
+  Value total = narrow(dims[0], i64);
+  for (Value extent : ArrayRef(dims).drop_front())
+    total = mul(total, narrow(extent, i64));
+  LLVM::CondBrOp::create(b, loc, cmp(arith::CmpIPredicate::slt, begin, total),
+                         loop, ValueRange(begin), exit, ValueRange());
+  b.setInsertionPointToStart(loop);
+  Value index = loop->getArgument(0);
+  inlineBody(unravel(index, rank));
+  b.setInsertionPointToEnd(loop);
+  Value next = add(index, step);
+  LLVM::CondBrOp::create(b, loc, cmp(arith::CmpIPredicate::slt, next, total),
+                         loop, ValueRange(next), exit, ValueRange());
+  entry->setAttr(warp::attr::exclusive, b.getUnitAttr());
+}
+
 void Launch::buildGpu() {
   Block *first = b.getInsertionBlock();
   Block *exit = b.createBlock(&entry.getBody());
-  if (int64_t items = chooseItems(); items > 1)
+  if (kernel->hasAttr(warp::attr::deterministic) &&
+      warp::hasOrderedUpdates(kernel))
+    buildOneBlock(first, exit);
+  else if (int64_t items = chooseItems(); items > 1)
     rank == 1 ? buildStream(first, exit, items)
               : buildPlanes(first, exit, items);
   else

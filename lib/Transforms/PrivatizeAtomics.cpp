@@ -14,12 +14,14 @@
 // than update it in a way that commutes. Partial results of a sum may be
 // combined in any order (`reassoc`), which lets LLVM keep one per lane. A
 // component type narrower than 32 bits keeps its atomic: its partial sums
-// would round.
+// would round. Gradients add up many contributions of similar size, so their
+// partial sums have 64 bits.
 //
 // What is left on the CPU are updates of elements that differ from thread to
 // thread. An atomic instruction costs ten times a plain update, so for few
 // threads it is quicker to run the launch on one of them without; the entry is
-// then marked `warp.exclusive`.
+// then marked `warp.exclusive`. So it is in a deterministic launch if the order
+// of its updates would show; on a GPU warp-lower-launch has made it one block.
 //
 // Runs between warp-lower-launch, which makes the loop, and warp-lower-arrays.
 //
@@ -67,7 +69,8 @@ namespace {
 struct Accumulator {
   warp::AtomicComponentsOp op;
   warp::AtomicKind kind;
-  SmallVector<warp::Leaf> leaves;
+  /// Types of the partial results, with their sign.
+  SmallVector<Type> types;
   SmallVector<Value> slots, identities;
 };
 
@@ -78,6 +81,8 @@ public:
       : entry(entry), first(&entry.getBody().front()), b(entry->getContext()) {}
 
   void run();
+  /// Whether all updates whose order shows can be combined.
+  bool coversOrder();
   /// After `run`: whether one thread is quicker than sharing the launch.
   bool isFasterAlone(int64_t threads, int64_t cost);
 
@@ -193,13 +198,18 @@ void Privatizer::privatize(warp::AtomicComponentsOp op) {
   Accumulator sum;
   sum.op = op;
   sum.kind = combiningKind(op.getKind());
+  SmallVector<warp::Leaf> leaves;
   warp::collectLeaves(
       cast<warp::ArrayType>(op.getArray().getType()).getElementType(), 0,
-      sum.leaves);
+      leaves);
+  bool isGradient = op.getArray().getDefiningOp<warp::GradOp>() != nullptr;
 
   b.setInsertionPoint(first->getTerminator());
-  for (auto [leaf, value] : llvm::zip_equal(sum.leaves, op.getComponents())) {
-    sum.identities.push_back(identity(sum.kind, value.getType(),
+  for (warp::Leaf leaf : leaves) {
+    bool widens = isGradient && leaf.type.isF32();
+    sum.types.push_back(widens ? b.getF64Type() : leaf.type);
+    sum.identities.push_back(identity(sum.kind,
+                                      warp::getSignless(sum.types.back()),
                                       leaf.type.isUnsignedInteger()));
     sum.slots.push_back(makeSlot(sum.identities.back()));
   }
@@ -209,10 +219,13 @@ void Privatizer::privatize(warp::AtomicComponentsOp op) {
   Value reached = makeSlot(never);
 
   b.setInsertionPoint(op);
-  for (auto [leaf, slot, value] :
-       llvm::zip_equal(sum.leaves, sum.slots, op.getComponents())) {
+  for (auto [type, slot, component] :
+       llvm::zip_equal(sum.types, sum.slots, op.getComponents())) {
+    Value value = component;
+    if (type.isF64() && !value.getType().isF64())
+      value = arith::ExtFOp::create(b, loc, type, value);
     Value partial = LLVM::LoadOp::create(b, loc, value.getType(), slot);
-    Value next = warp::combine(b, loc, op.getKind(), partial, value, leaf.type,
+    Value next = warp::combine(b, loc, op.getKind(), partial, value, type,
                                /*anyOrder=*/true);
     LLVM::StoreOp::create(b, loc, next, slot);
   }
@@ -252,10 +265,10 @@ void Privatizer::publishBlock(const Accumulator &sum, Value any) {
                                    /*withElseRegion=*/false);
   b.setInsertionPointToStart(publish.thenBlock());
   SmallVector<Value> totals;
-  for (auto [leaf, slot, initial] :
-       llvm::zip_equal(sum.leaves, sum.slots, sum.identities)) {
+  for (auto [type, slot, initial] :
+       llvm::zip_equal(sum.types, sum.slots, sum.identities)) {
     Value own = LLVM::LoadOp::create(b, loc, initial.getType(), slot);
-    totals.push_back(block.reduce(sum.kind, own, initial, leaf.type));
+    totals.push_back(block.reduce(sum.kind, own, initial, type));
   }
   auto once = scf::IfOp::create(b, loc, block.isFirst(),
                                 /*withElseRegion=*/false);
@@ -270,8 +283,14 @@ void Privatizer::update(const Accumulator &sum, ValueRange totals) {
   for (Value index : op.getIndices())
     indices.push_back(cloneInvariant(index, clones));
   Value array = cloneInvariant(op.getArray(), clones);
+  SmallVector<Value> components;
+  for (auto [total, type] : llvm::zip_equal(totals, op.getResultTypes()))
+    components.push_back(
+        total.getType() == type
+            ? total
+            : arith::TruncFOp::create(b, op.getLoc(), type, total));
   warp::AtomicComponentsOp::create(b, op.getLoc(), op.getResultTypes(),
-                                   sum.kind, totals, array, indices);
+                                   sum.kind, components, array, indices);
 }
 
 /// How often an operation runs per thread, as the estimate of cost has it.
@@ -297,6 +316,16 @@ void Privatizer::run() {
     privatize(op);
 }
 
+bool Privatizer::coversOrder() {
+  WalkResult result = entry.walk([&](Operation *op) {
+    auto atomic = dyn_cast<warp::AtomicComponentsOp>(op);
+    return warp::dependsOnOrder(op) && !(atomic && qualifies(atomic))
+               ? WalkResult::interrupt()
+               : WalkResult::advance();
+  });
+  return !result.wasInterrupted();
+}
+
 /// Whether the launch's blocks are made of full warps.
 static bool hasWholeWarps(Operation *entry) {
   int64_t blockDim = warp::getFact(entry, warp::attr::blockDim, 256);
@@ -314,27 +343,6 @@ bool Privatizer::isFasterAlone(int64_t threads, int64_t cost) {
   return rest + 2 * remaining < (rest + 20 * remaining) / double(threads);
 }
 
-/// Whether the order of atomic updates may show: sums of floats round, and old
-/// values tell who came first.
-static bool dependsOnOrder(Operation *op) {
-  auto atomic = dyn_cast<warp::AtomicComponentsOp>(op);
-  if (!atomic)
-    return isa<warp::AtomicCasOp>(op);
-  warp::AtomicKind kind = combiningKind(atomic.getKind());
-  return !atomic->use_empty() || kind == warp::AtomicKind::exch ||
-         (kind == warp::AtomicKind::add &&
-          llvm::any_of(atomic.getComponents().getTypes(), warp::isFloat));
-}
-
-static bool hasOrder(Operation *entry) {
-  return entry
-      ->walk([](Operation *op) {
-        return dependsOnOrder(op) ? WalkResult::interrupt()
-                                  : WalkResult::advance();
-      })
-      .wasInterrupted();
-}
-
 namespace {
 
 struct PrivatizeAtomics : warp::impl::PrivatizeAtomicsBase<PrivatizeAtomics> {
@@ -345,25 +353,41 @@ struct PrivatizeAtomics : warp::impl::PrivatizeAtomicsBase<PrivatizeAtomics> {
     auto function = dyn_cast<LLVM::LLVMFuncOp>(entry.getOperation());
     if (!function)
       return;
-    bool alone = !warp::isGpu(entry) &&
-                 entry->hasAttr(warp::attr::deterministic) && hasOrder(entry);
     // A debugging launch names the thread that fails, so each does its own.
-    if (!entry->hasAttr(warp::attr::debug))
-      alone |= privatize(function);
+    bool debug = entry->hasAttr(warp::attr::debug);
+    if (!warp::isGpu(entry))
+      runOnCpu(function, debug);
+    else if (entry->hasAttr(warp::attr::exclusive))
+      runInOneBlock(function, debug);
+    else if (!debug && hasWholeWarps(entry))
+      Privatizer(function).run();
+  }
+
+  void runOnCpu(LLVM::LLVMFuncOp entry, bool debug) {
+    bool alone = entry->hasAttr(warp::attr::deterministic) &&
+                 warp::hasOrderedUpdates(entry);
+    Privatizer privatizer(entry);
+    if (!debug) {
+      privatizer.run();
+      alone |= privatizer.isFasterAlone(
+          warp::getFact(entry, warp::attr::threads, 16),
+          warp::getFact(entry, warp::attr::cost, 0));
+    }
     if (alone)
       entry->setAttr(warp::attr::exclusive, UnitAttr::get(&getContext()));
   }
 
-  /// Returns whether the entry had better run on one thread.
-  bool privatize(LLVM::LLVMFuncOp entry) {
-    if (warp::isGpu(entry) && !hasWholeWarps(entry))
-      return false;
+  /// The block combines its threads' results in a fixed order; where they
+  /// cannot be combined, it has a single thread.
+  void runInOneBlock(LLVM::LLVMFuncOp entry, bool debug) {
+    int64_t threads = warp::getFact(entry, warp::attr::blockDim, 256);
     Privatizer privatizer(entry);
-    privatizer.run();
-    return !warp::isGpu(entry) &&
-           privatizer.isFasterAlone(
-               warp::getFact(entry, warp::attr::threads, 16),
-               warp::getFact(entry, warp::attr::cost, 0));
+    if (debug || threads % 32 != 0 || !privatizer.coversOrder())
+      threads = 1;
+    else
+      privatizer.run();
+    entry->setAttr(warp::attr::items,
+                   OpBuilder(entry).getI64IntegerAttr(threads));
   }
 };
 

@@ -2,6 +2,7 @@
 // RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm threads=16" | FileCheck %s --check-prefix=MANY
 // RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm target=sm_90" | FileCheck %s --check-prefix=GPU
 // RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm deterministic threads=16" | FileCheck %s --check-prefix=IN-ORDER
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm deterministic target=sm_90" | FileCheck %s --check-prefix=BLOCK
 
 // A sum into one element leaves the loop; its partial sums may be reordered.
 // CHECK-LABEL: llvm.func @one_address
@@ -65,10 +66,13 @@ func.func @scatter(%at: !warp.array<1 x si32>, %sum: !warp.array<1 x f32>)
 
 // -----
 
-// Gradients of an argument have one name, too; their sum leaves the loop.
+// Gradients of an argument have one name, too; their sum leaves the loop, with
+// 64 bits.
 // CHECK-LABEL: llvm.func @one_gradient
-// CHECK: llvm.fadd {{.*}} {fastmathFlags = #llvm.fastmath<{{.*}}reassoc{{.*}}>}
+// CHECK: llvm.fpext {{.*}} : f32 to f64
+// CHECK: llvm.fadd {{.*}} {fastmathFlags = #llvm.fastmath<{{.*}}reassoc{{.*}}>} : f64
 // CHECK: llvm.cond_br {{.*}} {loop_annotation
+// CHECK: llvm.fptrunc {{.*}} : f64 to f32
 // CHECK: llvm.atomicrmw fadd
 // GPU-LABEL: llvm.func ptx_kernelcc @one_gradient
 // GPU: "llvm.nvvm.barrier.cta.red.or.aligned.all"
@@ -109,5 +113,39 @@ func.func @any_order(%to: !warp.array<1 x si32>, %sum: !warp.array<1 x si32>)
   %j = warp.load %to[%i] : !warp.array<1 x si32>, si32 -> si32
   %old = warp.atomic add %j, %sum[%j]
     : si32, !warp.array<1 x si32>, si32 -> si32
+  return
+}
+
+// -----
+
+// On a GPU a deterministic launch is one block. Where its threads' sums can be
+// combined they are, in the block's order; else the block has one thread.
+// BLOCK-LABEL: llvm.func ptx_kernelcc @combined
+// BLOCK-SAME: warp.exclusive
+// BLOCK-SAME: warp.items = 256
+// BLOCK: "llvm.nvvm.shfl.sync.down.i32"
+func.func @combined(%x: !warp.array<2 x f32>, %sum: !warp.array<1 x f32>)
+    attributes {warp.kernel} {
+  %i, %j = warp.tid : si32, si32
+  %v = warp.load %x[%i, %j] : !warp.array<2 x f32>, si32, si32 -> f32
+  %zero = warp.constant 0 : si32
+  %old = warp.atomic add %v, %sum[%zero]
+    : f32, !warp.array<1 x f32>, si32 -> f32
+  return
+}
+
+// -----
+
+// BLOCK-LABEL: llvm.func ptx_kernelcc @scattered
+// BLOCK-SAME: warp.exclusive
+// BLOCK-SAME: warp.items = 1 :
+// BLOCK: llvm.atomicrmw fadd
+func.func @scattered(%x: !warp.array<1 x f32>, %to: !warp.array<1 x si32>,
+                     %sum: !warp.array<1 x f32>) attributes {warp.kernel} {
+  %i = warp.tid : si32
+  %v = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
+  %j = warp.load %to[%i] : !warp.array<1 x si32>, si32 -> si32
+  %old = warp.atomic add %v, %sum[%j]
+    : f32, !warp.array<1 x f32>, si32 -> f32
   return
 }

@@ -141,8 +141,8 @@ SETTINGS = {
             "deterministic",
             (bool, str),
             False,
-            "sums have the same bits in every run; on the CPU, launches with atomics on floats run "
-            "on one thread",
+            "sums have the same bits in every run: launches whose order of atomics would show run "
+            "on one thread, on CUDA devices in one block if all threads add to the same elements",
         ),
         Setting("launch_array_access_mode", (int, str), "RELAXED", "reserved: overlap checks"),
         _inert("log_level", int, 30),

@@ -70,6 +70,8 @@ class Kernel:
         self._specialized: dict = {}
         self._derivatives: dict = {}
         self._derivatives_epoch = None
+        # Lines about derivatives that were printed.
+        self.noticed: set = set()
         # What launches need to know of native kernels while somebody watches.
         self.signatures: dict = {}
         # Made by `wp.overload`, by the types of the parameters.
