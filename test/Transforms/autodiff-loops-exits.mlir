@@ -11,7 +11,7 @@
 // CHECK: warp.scratch : !warp.scratch<49 x f32>
 // CHECK: warp.scratch : !warp.scratch<49 x i64>
 // CHECK-NOT: warp.scratch :
-// CHECK: scf.while (%{{.*}} = %[[COUNTED]]#0
+// CHECK: scf.while (%{{.*}} = %[[COUNTED]]#3
 // CHECK: scf.for
 // CHECK: scf.for
 // CHECK: %[[SUM:.*]] = warp.scratch_load
@@ -58,9 +58,9 @@ func.func @left(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: ui32)
 // last evaluation, which ends the loop, is reversed before the iterations.
 // CHECK-LABEL: func.func @passed_adjoint
 // CHECK: %[[COUNTED:.*]]:3 = scf.while
-// CHECK: %[[LAST:.*]] = warp.cos(%[[COUNTED]]#1)
+// CHECK: %[[LAST:.*]] = warp.cos(%[[COUNTED]]#2)
 // CHECK: %[[G:.*]] = warp.mul(%{{.*}}, %[[LAST]])
-// CHECK: scf.while (%{{.*}} = %[[COUNTED]]#0, %{{.*}} = %{{.*}}, %{{.*}} = %[[G]])
+// CHECK: scf.while (%{{.*}} = %[[COUNTED]]#1, %{{.*}} = %{{.*}}, %{{.*}} = %[[G]])
 // CHECK: scf.for
 // CHECK: warp.sin
 // CHECK: scf.for
@@ -80,5 +80,35 @@ func.func @passed(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
     scf.yield %u : f32
   }
   warp.store %r, %y[%i] : f32, !warp.array<1 x f32>, si32
+  return
+}
+
+// -----
+
+// How often a loop with a condition runs is counted where it runs forward; a
+// factor that is the same each time needs no more than that.
+// CHECK-LABEL: func.func @halved_adjoint
+// CHECK: %[[COUNTED:.*]]:2 = scf.while
+// CHECK: warp.gt
+// CHECK: arith.addi
+// CHECK: scf.for unsigned %{{.*}} = %{{.*}} to %[[COUNTED]]#1
+// CHECK-NOT: warp.scratch
+// CHECK: warp.mul
+// CHECK: warp.accumulate
+func.func @halved(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
+    attributes {warp.kernel} {
+  %half = warp.constant 0.5 : f32
+  %least = warp.constant 0.001 : f32
+  %i = warp.tid : si32
+  %first = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
+  %s = scf.while (%t = %first) : (f32) -> f32 {
+    %more = warp.gt(%t, %least) : (f32, f32) -> i1
+    scf.condition(%more) %t : f32
+  } do {
+  ^bb0(%t: f32):
+    %u = warp.mul(%t, %half) : (f32, f32) -> f32
+    scf.yield %u : f32
+  }
+  warp.store %s, %y[%i] : f32, !warp.array<1 x f32>, si32
   return
 }

@@ -63,3 +63,24 @@ func.func @chosen(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
   warp.store %s#2, %y[%i] : f32, !warp.array<1 x f32>, si32
   return
 }
+
+// -----
+
+// Memory that changes while the loop runs cannot be tested again.
+func.func @untold(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
+    attributes {warp.kernel} {
+  %half = warp.constant 0.5 : f32
+  %i = warp.tid : si32
+  // expected-error@+1 {{how often this loop runs depends on memory that the kernel changes; keep what its condition tests in a variable}}
+  scf.while : () -> () {
+    %v = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
+    %more = warp.gt(%v, %half) : (f32, f32) -> i1
+    scf.condition(%more)
+  } do {
+    %v = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
+    %w = warp.mul(%v, %half) : (f32, f32) -> f32
+    warp.store %w, %x[%i] : f32, !warp.array<1 x f32>, si32
+    scf.yield
+  }
+  return
+}

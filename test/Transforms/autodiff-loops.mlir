@@ -121,36 +121,6 @@ func.func @short(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
 
 // -----
 
-// How often a loop with a condition runs is counted first; a factor that is
-// the same each time needs no more than that.
-// CHECK-LABEL: func.func @halved_adjoint
-// CHECK: %[[COUNTED:.*]]:2 = scf.while
-// CHECK: warp.gt
-// CHECK: arith.addi
-// CHECK: scf.for unsigned %{{.*}} = %{{.*}} to %[[COUNTED]]#0
-// CHECK-NOT: warp.scratch
-// CHECK: warp.mul
-// CHECK: warp.accumulate
-func.func @halved(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
-    attributes {warp.kernel} {
-  %half = warp.constant 0.5 : f32
-  %least = warp.constant 0.001 : f32
-  %i = warp.tid : si32
-  %first = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
-  %s = scf.while (%t = %first) : (f32) -> f32 {
-    %more = warp.gt(%t, %least) : (f32, f32) -> i1
-    scf.condition(%more) %t : f32
-  } do {
-  ^bb0(%t: f32):
-    %u = warp.mul(%t, %half) : (f32, f32) -> f32
-    scf.yield %u : f32
-  }
-  warp.store %s, %y[%i] : f32, !warp.array<1 x f32>, si32
-  return
-}
-
-// -----
-
 // A loop that no gradient comes from leaves nothing behind.
 // CHECK-LABEL: func.func @unused_adjoint
 // CHECK-NOT: scf.

@@ -186,6 +186,32 @@ def test_values_after_a_loop_use_what_it_leaves():
     check(chained, [X], [50])
 
 
+def test_what_a_while_loop_leaves_is_used_twice():
+    @wp.kernel
+    def left(x: wp.array(dtype=F), out: wp.array(dtype=F)):
+        i = wp.tid()
+        s = x[i] * x[i] + F(3.0)
+        t = F(1.0)
+        while s > F(0.3):
+            s = s * F(0.5) + F(0.05) * wp.sin(t)
+            t = t + s
+        out[i] = s * t * t
+
+    check(left, [X])
+
+
+def test_loops_over_memory_without_gradients_do_not_matter():
+    @wp.kernel
+    def counted(x: wp.array(dtype=F), left: wp.array(dtype=int), out: wp.array(dtype=F)):
+        i = wp.tid()
+        while left[i] > 0:
+            left[i] = left[i] - 1
+        out[i] = x[i] * x[i]
+
+    left = wp.array([3, 0, 5], dtype=int, device="cpu")
+    check(counted, [X], [left])
+
+
 def test_loop_writes_what_it_computes():
     @wp.kernel
     def written(x: wp.array(dtype=F), n: int, out: wp.array(dtype=F)):

@@ -260,8 +260,14 @@ LogicalResult LoopReversal::checkKept(ArrayRef<unsigned> states) {
 }
 
 bool LoopReversal::isZero(ArrayRef<Value> cotangents) {
-  auto hasEffect = [](Operation *op) {
-    return hasOwnEffect(op) ? WalkResult::interrupt() : WalkResult::advance();
+  auto hasEffect = [&](Operation *op) {
+    bool matters = isa<func::CallOp>(op) ||
+                   llvm::any_of(op->getOperands(), [&](Value operand) {
+                     return isa<warp::ArrayType>(operand.getType()) &&
+                            reverse.getActivity().isActiveArray(operand);
+                   });
+    return matters && hasOwnEffect(op) ? WalkResult::interrupt()
+                                       : WalkResult::advance();
   };
   return llvm::none_of(cotangents, [](Value g) { return bool(g); }) &&
          !loop->walk(hasEffect).wasInterrupted();

@@ -4,8 +4,8 @@
 //
 // A loop with a condition, a break or a return: the front end carries flags and
 // tests them in the condition. Whether there is another iteration is not known
-// before the one is done, so a first replay counts the trips; after that the
-// loop is a counted one. An iteration is what leads from one evaluation of the
+// before the one is done, so the replay counts the trips; after that the loop
+// is a counted one. An iteration is what leads from one evaluation of the
 // condition to the next: the region that evaluates it, then the body. The last
 // evaluation, which ends the loop, is reversed first, on its own.
 //
@@ -13,7 +13,6 @@
 
 #include "LoopReversal.h"
 
-#include "DeadValues.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -39,9 +38,7 @@ private:
   LogicalResult reverseIteration() override;
 
   ValueRange getPassed() { return op.getConditionOp().getArgs(); }
-  LogicalResult count();
-  LogicalResult fillCondition(Block *block);
-  LogicalResult fillBody(Block *block);
+  void count();
 
   scf::WhileOp op;
   /// Number of iterations, and the states after the last.
@@ -81,67 +78,44 @@ LogicalResult WhileReversal::reverseIteration() {
 // Counting
 //===----------------------------------------------------------------------===//
 
-/// The replayed condition; passes on the count, the states and what the body
-/// gets.
-LogicalResult WhileReversal::fillCondition(Block *block) {
-  b.setInsertionPointToEnd(block);
-  ValueRange states = ValueRange(block->getArguments()).drop_front();
-  for (auto [state, value] : llvm::zip_equal(getStates(), states))
-    reverse.setRecovered(state, value);
-  if (failed(reverse.replay(*op.getBeforeBody())))
-    return failure();
-  SmallVector<Value> passed(block->getArguments());
-  for (Value value : getPassed())
-    passed.push_back(reverse.recover(value));
-  Value condition = reverse.recover(op.getConditionOp().getCondition());
-  scf::ConditionOp::create(b, loc, condition, passed);
-  return success();
-}
-
-LogicalResult WhileReversal::fillBody(Block *block) {
-  b.setInsertionPointToEnd(block);
-  ValueRange passed = ValueRange(block->getArguments())
-                          .drop_front(1 + getStates().size());
-  for (auto [argument, value] :
-       llvm::zip_equal(op.getAfterArguments(), passed))
-    reverse.setRecovered(argument, value);
-  if (failed(reverse.replay(*op.getAfterBody())))
-    return failure();
-  Value number = block->getArgument(0);
-  SmallVector<Value> next{arith::AddIOp::create(
-      b, loc, number, constant(number.getType(), 1))};
-  for (Value value : getNexts())
-    next.push_back(reverse.recover(value));
-  scf::YieldOp::create(b, loc, next);
-  return success();
-}
-
-/// Runs the loop once to find `trips` and `final`.
-LogicalResult WhileReversal::count() {
+/// Has the replay of the loop find `trips` and `final`, by carrying a counter
+/// and passing it on with the states. What of that nobody uses, dead code
+/// elimination takes away again.
+void WhileReversal::count() {
+  auto replayed =
+      cast<scf::WhileOp>(reverse.recover(op.getResult(0)).getDefiningOp());
   OpBuilder::InsertionGuard guard(b);
-  Location loc = op.getLoc();
-  SmallVector<Value> inits{constant(b.getI64Type(), 0)};
-  for (Value init : getInits())
-    inits.push_back(reverse.recover(init));
-  SmallVector<Type> carried(ValueRange(inits).getTypes());
-  SmallVector<Type> passed(carried);
-  for (Value value : getPassed())
-    passed.push_back(value.getType());
-  auto counting = scf::WhileOp::create(b, loc, passed, inits);
-  Block *before =
-      b.createBlock(&counting.getBefore(), {}, carried,
-                    SmallVector<Location>(carried.size(), loc));
-  if (failed(fillCondition(before)))
-    return failure();
-  Block *after = b.createBlock(&counting.getAfter(), {}, passed,
-                               SmallVector<Location>(passed.size(), loc));
-  if (failed(fillBody(after)))
-    return failure();
-  trips = counting.getResult(0);
-  final.assign(counting.result_begin() + 1,
-               counting.result_begin() + 1 + getStates().size());
+  b.setInsertionPoint(replayed);
+  Type type = b.getI64Type();
+  SmallVector<Value> inits(replayed.getInits());
+  inits.push_back(constant(type, 0));
+  SmallVector<Type> types(replayed.getResultTypes());
+  types.push_back(type);
+  llvm::append_range(types, getStates().getTypes());
+  auto counting = scf::WhileOp::create(b, loc, types, inits);
+  counting.getBefore().takeBody(replayed.getBefore());
+  counting.getAfter().takeBody(replayed.getAfter());
+
+  Block *before = counting.getBeforeBody(), *after = counting.getAfterBody();
+  SmallVector<Value> more{before->addArgument(type, loc)};
+  llvm::append_range(more, ValueRange(before->getArguments()).drop_back());
+  counting.getConditionOp().getArgsMutable().append(more);
+  Value number = after->addArgument(type, loc);
+  for (Type state : getStates().getTypes())
+    after->addArgument(state, loc);
+  scf::YieldOp yield = counting.getYieldOp();
+  b.setInsertionPoint(yield);
+  Value next = arith::AddIOp::create(b, loc, number, constant(type, 1));
+  yield.getResultsMutable().append(next);
+
+  ValueRange results = counting.getResults();
+  unsigned given = op.getNumResults();
+  replayed.replaceAllUsesWith(results.take_front(given));
+  replayed.erase();
+  reverse.setRecovered(op.getResults(), results.take_front(given));
+  trips = results[given];
+  llvm::append_range(final, results.drop_front(given + 1));
   ++reverse.metrics.replayLoops;
-  return success();
 }
 
 LogicalResult WhileReversal::run() {
@@ -150,8 +124,11 @@ LogicalResult WhileReversal::run() {
     given.push_back(reverse.takeCotangent(result));
   if (isZero(given))
     return success();
-  if (failed(count()))
-    return failure();
+  if (op.getNumResults() == 0)
+    return op.emitError("how often this loop runs depends on memory that the "
+                        "kernel changes; keep what its condition tests in a "
+                        "variable");
+  count();
   for (auto [passed, cotangent] : llvm::zip_equal(getPassed(), given))
     reverse.addCotangent(passed, cotangent);
   for (auto [state, value] : llvm::zip_equal(getStates(), final))
