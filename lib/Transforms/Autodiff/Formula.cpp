@@ -99,8 +99,18 @@ Expr Formula::unless(llvm::function_ref<Expr()> isSingular,
 /// Looks a few operations back, so that long sums and products stay cheap.
 static bool mayBeInfinite(Value value, unsigned depth) {
   Operation *op = value.getDefiningOp();
-  if (!op || depth == 0 || !differentialType(value.getType()) ||
-      !isDifferentiable(op))
+  if (!op || depth == 0 || !differentialType(value.getType()))
+    return false;
+  // Of a branch, what its regions yield.
+  unsigned number = cast<OpResult>(value).getResultNumber();
+  for (Region &region : op->getRegions())
+    if (!region.empty()) {
+      Operation *end = region.front().getTerminator();
+      if (number < end->getNumOperands() &&
+          mayBeInfinite(end->getOperand(number), depth - 1))
+        return true;
+    }
+  if (!isDifferentiable(op))
     return false;
   return isSingular(op) || llvm::any_of(op->getOperands(), [&](Value operand) {
            return mayBeInfinite(operand, depth - 1);
