@@ -126,7 +126,10 @@ def test_func_grad_of_rows(device):
 
 
 def test_func_grad_nested_two_deep(device):
-    """T104: the derivative belongs to the function wherever it is called."""
+    """T104: the derivative belongs to the function wherever it is called.
+
+    The result gets its gradient with the seed.
+    """
 
     @wp.func
     def inner(x: float):
@@ -145,7 +148,7 @@ def test_func_grad_nested_two_deep(device):
         i = wp.tid()
         out[i] = outer(x[i]) + 1.0
 
-    x, out = variable([2.0], device), result(1, device)
+    x, out = variable([2.0], device), wp.zeros(1, dtype=float, device=device)
     gradients(run, 1, [x], [out], device=device)
     assert out.numpy()[0] == 13.0 and x.grad.numpy()[0] == 1200.0
 

@@ -156,7 +156,7 @@ class Tape:
         Args:
             loss: array of one element whose gradient is set to 1.
             grads: gradients of further results, as a dictionary from arrays to arrays of equal
-                shape.
+                shape. Results get a gradient where they have none.
             check_finite: look for infinite numbers and NaN after each record and name the first
                 one; slow.
 
@@ -186,10 +186,7 @@ class Tape:
             seeds[loss] = None
         for target, seed in (grads or {}).items():
             if target.grad is None:
-                raise errors.WarpError(
-                    f"backward: {target!r} in `grads` has no gradient, make it with "
-                    f"`requires_grad=True`"
-                )
+                target.requires_grad = True
             if not isinstance(seed, array) or seed.shape != target.shape:
                 raise errors.WarpShapeError(
                     f"backward: expects a gradient of shape {target.shape}, but got {seed!r}"
