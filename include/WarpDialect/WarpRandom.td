@@ -57,4 +57,76 @@ def Warp_SampleUnitHemisphereOp : Warp_Sample<"sample_unit_hemisphere", 3,
 def Warp_SampleTriangleOp : Warp_Sample<"sample_triangle", 2,
     "random point of a triangle, as the shares of its first two corners">;
 
+//===----------------------------------------------------------------------===//
+// Noise
+//===----------------------------------------------------------------------===//
+
+class Warp_Noise<string mnemonic, list<string> overloads, string summaryOf>
+    : Warp_Builtin<mnemonic, "Random numbers", overloads, summaryOf> {
+  let smoothDomain = ["[0.1, 0.9]"];
+}
+
+def Warp_NoiseOp : Warp_Noise<"noise", ["(state: u32, x: f32) -> f32",
+    "(state: u32, xy: vec<2,f32>) -> f32",
+    "(state: u32, xyz: vec<3,f32>) -> f32",
+    "(state: u32, xyzt: vec<4,f32>) -> f32"],
+    "smooth random function of a point, zero at points of whole coordinates "
+    "(Perlin's gradient noise)"> {
+  let derivative = Formulas<
+    [["", "g * noise_gradient(state, x)"],
+     ["", "g * noise_gradient(state, xy)"],
+     ["", "g * noise_gradient(state, xyz)"],
+     ["", "g * noise_gradient(state, xyzt)"]],
+    ["noise_gradient(state, x) * dx", "dot(noise_gradient(state, xy), dxy)",
+     "dot(noise_gradient(state, xyz), dxyz)",
+     "dot(noise_gradient(state, xyzt), dxyzt)"]>;
+}
+def Warp_NoiseGradientOp : Warp_Noise<"noise_gradient",
+    ["(state: u32, x: f32) -> f32",
+     "(state: u32, xy: vec<2,f32>) -> vec<2,f32>",
+     "(state: u32, xyz: vec<3,f32>) -> vec<3,f32>",
+     "(state: u32, xyzt: vec<4,f32>) -> vec<4,f32>"],
+    "gradient of noise at a point"> {
+  let derivative = Formulas<
+    [["", "noise_hessian(state, x) * g"],
+     ["", "noise_hessian(state, xy) * g"],
+     ["", "noise_hessian(state, xyz) * g"],
+     ["", "noise_hessian(state, xyzt) * g"]],
+    ["noise_hessian(state, x) * dx", "noise_hessian(state, xy) * dxy",
+     "noise_hessian(state, xyz) * dxyz", "noise_hessian(state, xyzt) * dxyzt"]>;
+}
+def Warp_NoiseHessianOp : Warp_Noise<"noise_hessian",
+    ["(state: u32, x: f32) -> f32",
+     "(state: u32, xy: vec<2,f32>) -> mat<2,2,f32>",
+     "(state: u32, xyz: vec<3,f32>) -> mat<3,3,f32>",
+     "(state: u32, xyzt: vec<4,f32>) -> mat<4,4,f32>"],
+    "second derivatives of noise at a point"> {
+  let derivative = NotDifferentiable;
+}
+def Warp_PnoiseOp : Warp_Noise<"pnoise",
+    ["(state: u32, x: f32, px: i32) -> f32",
+     "(state: u32, xy: vec<2,f32>, px: i32, py: i32) -> f32",
+     "(state: u32, xyz: vec<3,f32>, px: i32, py: i32, pz: i32) -> f32",
+     "(state: u32, xyzt: vec<4,f32>, px: i32, py: i32, pz: i32, pt: i32) -> "
+     "f32"],
+    "noise that repeats itself with a whole period along each axis"> {
+  let derivative = Formulas<
+    [["", "g * pnoise_gradient(state, x, px)", ""],
+     ["", "g * pnoise_gradient(state, xy, px, py)", "", ""],
+     ["", "g * pnoise_gradient(state, xyz, px, py, pz)", "", "", ""],
+     ["", "g * pnoise_gradient(state, xyzt, px, py, pz, pt)", "", "", "", ""]],
+    ["pnoise_gradient(state, x, px) * dx",
+     "dot(pnoise_gradient(state, xy, px, py), dxy)",
+     "dot(pnoise_gradient(state, xyz, px, py, pz), dxyz)",
+     "dot(pnoise_gradient(state, xyzt, px, py, pz, pt), dxyzt)"]>;
+}
+def Warp_PnoiseGradientOp : Warp_Noise<"pnoise_gradient",
+    ["(state: u32, x: f32, px: i32) -> f32",
+     "(state: u32, xy: vec<2,f32>, px: i32, py: i32) -> vec<2,f32>",
+     "(state: u32, xyz: vec<3,f32>, px: i32, py: i32, pz: i32) -> vec<3,f32>",
+     "(state: u32, xyzt: vec<4,f32>, px: i32, py: i32, pz: i32, pt: i32) -> "
+     "vec<4,f32>"], "gradient of pnoise at a point"> {
+  let derivative = NotDifferentiable;
+}
+
 #endif // WARP_RANDOM_TD

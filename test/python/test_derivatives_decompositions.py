@@ -74,12 +74,15 @@ def turned(a, weights):
     return r @ np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
 
 
+MATRICES = [
+    *(EYE, rotation(), np.diag([2.0, 2, 1]), rotation() @ symmetric([2, 1, 1])),
+    *(EYE + 1e-4 * W, W.T, -W.T),
+]
+
+
 @pytest.mark.parametrize("dtype, tolerance", PRECISE)
 @pytest.mark.parametrize("scale", [1e-20, 1e-4, 1.0, 1e15])
-@pytest.mark.parametrize(
-    "a",
-    [EYE, rotation(), np.diag([2.0, 2, 1]), rotation() @ symmetric([2, 1, 1]), EYE + 1e-4 * W, W.T, -W.T],
-)
+@pytest.mark.parametrize("a", MATRICES)
 def test_polar(dtype, tolerance, scale, a):
     a = np.asarray(scale * a, np.float32).astype(np.float64)
     expected = turned(a, W)

@@ -30,6 +30,8 @@ Eigen3 getEigen3(ArrayRef<Scalar> matrix) {
   Scalars other = {0.5 * (m[5] + m[7]), 0.5 * (m[2] + m[6]),
                    0.5 * (m[1] + m[3])};
   Columns q = getIdentity(m[0]);
+  double roundoff = FloatFormat(m[0].type).getEpsilon();
+  Scalar negligible = m[0].like(roundoff * roundoff);
   int sweeps = m[0].getWidth() == 32 ? 4 : 5;
   for (int sweep = 0; sweep < sweeps; ++sweep)
     for (int third : {2, 1, 0}) {
@@ -40,6 +42,9 @@ Eigen3 getEigen3(ArrayRef<Scalar> matrix) {
       d[j] = d[j] + change;
       other[third] = d[i].like(0);
       rotation.apply(other[j], other[i]);
+      // On their way to zero, they must not become denormal, which is slow.
+      for (int k : {i, j})
+        other[k] = select(abs(other[k]) < negligible, d[i].like(0), other[k]);
       rotation.apply(q[i], q[j]);
     }
   for (auto [i, j] : {std::pair(0, 1), std::pair(0, 2), std::pair(1, 2)}) {

@@ -71,6 +71,8 @@ Scalars rotateInverse(llvm::ArrayRef<Scalar> q, llvm::ArrayRef<Scalar> v);
 /// Vector of length 1, or `otherwise` for the zero vector.
 Scalars normalize(llvm::ArrayRef<Scalar> v, llvm::ArrayRef<Scalar> otherwise);
 Scalar length(llvm::ArrayRef<Scalar> v);
+/// A random point of the cube of side 1 around 0, and the new state.
+Scalars pointInCube(Scalar state, unsigned dimensions);
 /// a b - c d with an error of at most 1.5 units in the last place (Jeannerod,
 /// Louvet and Muller, Math. Comp. 82, 2013).
 Scalar differenceOfProducts(Scalar a, Scalar b, Scalar c, Scalar d);

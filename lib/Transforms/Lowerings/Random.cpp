@@ -118,7 +118,7 @@ static Scalars pointOnSphere(Scalar state, double height, bool inside) {
   return {x * sin(polar), y * sin(polar), z, state};
 }
 
-static Scalars pointInCube(Scalar state, unsigned dimensions) {
+Scalars pointInCube(Scalar state, unsigned dimensions) {
   Scalars result;
   for (unsigned i = 0; i < dimensions; ++i)
     result.push_back(drawUnit(state) - 0.5);

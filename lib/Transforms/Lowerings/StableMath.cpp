@@ -56,6 +56,8 @@ Scalars lowerLogsumexp(Emitter &, Operands args) {
 
 /// |a x b| without cancellation where a and b are almost parallel.
 static Scalar crossLength(ArrayRef<Scalar> a, ArrayRef<Scalar> b) {
+  if (a.size() == 1)
+    return a[0].like(0);
   Scalars parts;
   for (size_t i = 0; i < a.size(); ++i)
     for (size_t j = i + 1; j < a.size(); ++j)
@@ -66,7 +68,8 @@ static Scalar crossLength(ArrayRef<Scalar> a, ArrayRef<Scalar> b) {
 Scalars lowerAngleBetween(Emitter &, Operands args) {
   Scalars a = scaleToUnit(args[0].scalars).scalars;
   Scalars b = scaleToUnit(args[1].scalars).scalars;
-  return {atan2(crossLength(a, b), dot(a, b))};
+  // Added to -0, 0 makes 0, so that the angle with the zero vector is 0.
+  return {atan2(crossLength(a, b), dot(a, b) + 0.0)};
 }
 
 /// Below this, x and its sine or tangent are the same to the last digit.

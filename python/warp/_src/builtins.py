@@ -16,7 +16,9 @@ from warp._src.devices import CPU
 from warp._src.scalars import scalar_base
 
 # They need a thread, or change an array: nothing that a single call could give.
-_KERNEL_ONLY = frozenset(("tid", "printf", "print", "len", "static", "lower_bound"))
+_KERNEL_ONLY = frozenset(
+    ("tid", "printf", "print", "len", "static", "lower_bound", "poisson", "sample_cdf")
+)
 
 
 class Builtin:

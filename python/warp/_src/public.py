@@ -7,8 +7,9 @@ import importlib
 _SUBMODULES = ("autograd", "optim", "types")
 # Written in the kernel language.
 LIBRARY_NAMES = (
-    *("quat_from_euler", "spatial_bottom", "spatial_cross", "spatial_cross_dual"),
-    *("spatial_dot", "spatial_top"),
+    *("curlnoise", "quat_from_euler", "quat_to_euler", "spatial_adjoint", "spatial_bottom"),
+    *("spatial_cross", "spatial_cross_dual", "spatial_dot", "spatial_top", "transform_twist"),
+    *("transform_wrench", "velocity_at_point"),
 )
 
 

@@ -17,8 +17,8 @@ _Symmetric = matrix((3, 3), Float)
 # Where two eigenvalues differ by less than this part of their sum, the difference of their
 # functions has lost digits.
 _CLOSE = 0.01
-# Gauss's rule with three points in [-1, 1].
-_NODE = math.sqrt(0.6)
+# Gauss's rule with three points in [-1, 1], one of them 0.
+_HALF_NODE = math.sqrt(0.15)
 _made: dict = {}
 
 
@@ -59,7 +59,7 @@ def _define_slope(f):
             result = (f(x) - f(y)) / gap
         else:
             middle = y + type(x)(0.5) * gap
-            reach = type(x)(0.5 * _NODE) * gap
+            reach = type(x)(_HALF_NODE) * gap
             ends = wp.grad(f)(middle - reach) + wp.grad(f)(middle + reach)
             result = (type(x)(5.0) * ends + type(x)(8.0) * wp.grad(f)(middle)) / type(x)(18.0)
         return result

@@ -243,6 +243,26 @@ class Calls(Output):
                 arguments = [array, 0, self.builder.dim(array, 0), arguments[1]]
         return self.call_function(LOWER_BOUND, arguments, keywords, node)
 
+    def builtin_sample_cdf(self, node):
+        """`sample_cdf(state, cdf)`, which advances the state."""
+        from warp._src.library import LOWER_BOUND
+
+        state, cdf = self.exactly(node, 2, "sample_cdf")
+        draw = self.apply_builtin("randf", [state], node, node.args)
+        self.at(node)
+        arguments = [cdf, 0, self.builder.dim(cdf, 0), draw]
+        return self.call_function(LOWER_BOUND, arguments, {}, node)
+
+    def builtin_poisson(self, node):
+        """`poisson(state, lam)`, which advances the state."""
+        from warp._src.random_functions import POISSON
+
+        arguments = self.exactly(node, 2, "poisson")
+        count, state = self.call_function(POISSON, list(arguments), {}, node)
+        if not isinstance(node.args[0], ast.Call):
+            self.write(self.slot(node.args[0]), state, node.args[0])
+        return count
+
     def builtin_sym_fn3(self, node):
         """`sym_fn3(A, f)`, whose second argument is a function."""
         from warp._src.symmetric import matrix_function
