@@ -10,8 +10,9 @@
 include "mlir/IR/SymbolInterfaces.td"
 include "WarpTypes.td"
 
-def Warp_VjpOp : Warp_Op<"vjp", [
-    AttrSizedOperandSegments, DeclareOpInterfaceMethods<SymbolUserOpInterface>]> {
+def Warp_VjpOp : Warp_Op<"vjp",
+    [AttrSizedOperandSegments,
+     DeclareOpInterfaceMethods<SymbolUserOpInterface>]> {
   let summary = "cotangents of a function's arguments";
   let description = [{
     What the adjoint of a function makes of cotangents of its results: one
@@ -40,8 +41,9 @@ def Warp_VjpOp : Warp_Op<"vjp", [
   }];
 }
 
-def Warp_JvpOp : Warp_Op<"jvp", [
-    AttrSizedOperandSegments, DeclareOpInterfaceMethods<SymbolUserOpInterface>]> {
+def Warp_JvpOp : Warp_Op<"jvp",
+    [AttrSizedOperandSegments,
+     DeclareOpInterfaceMethods<SymbolUserOpInterface>]> {
   let summary = "tangents of a function's results";
   let description = [{
     One tangent per result that is a float or a composite of floats, from

@@ -5,8 +5,9 @@
 //   1  inline, canonicalise; functions with a derivative of their own stay
 //   2  structs become their fields, builtins without a rule those with one,
 //      loads of what was just stored are forwarded
-//   3  warp-autodiff builds the derivative
-//   4  warp-adjoint-cleanup and canonicalisation take away what is not needed
+//   3  warp-differentiate-kernel builds the derivative
+//   4  warp-simplify-adjoint, warp-clean-up-adjoint and canonicalisation take
+//      away what is not needed
 //
 // What the passes have to say to the runtime they leave in attributes of the
 // kernel. It moves to the `Derivative` here, so that equal code has an equal
@@ -27,10 +28,8 @@
 #include "mlir/Dialect/Func/IR/FuncOps.h"
 #include "mlir/IR/Verifier.h"
 #include "mlir/Pass/PassManager.h"
-#include "mlir/Pass/PassRegistry.h"
 #include "mlir/Transforms/Passes.h"
 
-#include "llvm/ADT/StringExtras.h"
 #include "llvm/ADT/StringSwitch.h"
 #include "llvm/Support/raw_ostream.h"
 
@@ -58,45 +57,28 @@ static std::string activeFlags(const AutodiffOptions &options) {
   return text;
 }
 
-/// Options of warp-autodiff as it parses them.
-static std::string describe(const AutodiffOptions &options) {
-  std::string text;
-  llvm::raw_string_ostream stream(text);
-  stream << "mode=" << (options.forward ? "forward" : "reverse")
-         << " singular=" << options.singular
-         << " unique=" << (options.unique ? "true" : "false")
-         << " max-local-tape=" << options.maxLocalTape
-         << " active=" << activeFlags(options);
-  return text;
-}
-
-static void addPasses(OpPassManager &pm, StringRef pipeline) {
-  if (!PassInfo::lookup(pipeline.take_until([](char c) { return c == '{'; })))
-    return;
-  std::string message;
-  llvm::raw_string_ostream stream(message);
-  if (failed(parsePassPipeline(pipeline, pm, stream)))
-    throw Error(Error::Kind::Compile, "no pass for derivatives: " + message);
-}
-
 void warp::addDerivation(OpPassManager &pm, const AutodiffOptions &options) {
-  static const bool once = (warp::registerWarpPasses(), true);
-  (void)once;
+  DifferentiateKernelOptions derivation;
+  derivation.mode = options.forward ? "forward" : "reverse";
+  derivation.active = activeFlags(options);
+  derivation.singular = options.singular;
+  derivation.unique = options.unique;
+  derivation.maxLocalTape = options.maxLocalTape;
   addInlining(pm);
-  addPasses(pm, "warp-flatten-structs");
-  addPasses(pm, "warp-expand-builtins");
-  pm.addPass(warp::createWarpCanonicalizer());
+  pm.addPass(createFlattenStructs());
+  pm.addPass(createExpandBuiltins());
+  pm.addPass(createWarpCanonicalizer());
   pm.addPass(createCSEPass());
-  addPasses(pm, "warp-forward-stores");
-  addPasses(pm, "warp-differentiate-kernel{" + describe(options) + "}");
-  pm.addPass(warp::createInlinePullbacks({activeFlags(options)}));
-  pm.addPass(warp::createWarpCanonicalizer());
+  pm.addPass(createForwardStores());
+  pm.addPass(createDifferentiateKernel(derivation));
+  pm.addPass(createInlinePullbacks({activeFlags(options)}));
+  pm.addPass(createWarpCanonicalizer());
   pm.addPass(createCSEPass());
   pm.addPass(createLoopInvariantCodeMotionPass());
-  addPasses(pm, "warp-simplify-adjoint");
-  pm.addPass(warp::createWarpCanonicalizer());
+  pm.addPass(createSimplifyAdjoint());
+  pm.addPass(createWarpCanonicalizer());
   pm.addPass(createCSEPass());
-  addPasses(pm, "warp-clean-up-adjoint");
+  pm.addPass(createCleanUpAdjoint());
 }
 
 /// Functions with a derivative of their own stay calls until that is built.

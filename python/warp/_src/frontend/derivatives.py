@@ -3,7 +3,8 @@
 A function whose derivative matters here is translated once more, with structs passed field by
 field (`Parts`), because only floats and composites of floats have cotangents. One with a derivative
 of its own names it (`set_pullback`) and stays a call until the engine has met it; others are
-differentiated by the compiler where `vjp` or `jvp` says so. Signatures: lib/Compiler/BuilderDerivatives.cpp.
+differentiated by the compiler where `vjp` or `jvp` says so. Signatures are in
+lib/Compiler/BuilderDerivatives.cpp.
 """
 
 from __future__ import annotations
