@@ -77,6 +77,65 @@ static void mergeSums(Block &block) {
   }
 }
 
+static bool isZeroConstant(Value value) {
+  if (auto whole = value.getDefiningOp<warp::ConstructOp>())
+    return whole->getNumOperands() == 0;
+  auto constant = value.getDefiningOp<warp::ConstantOp>();
+  auto number =
+      constant ? dyn_cast<FloatAttr>(constant.getValue()) : FloatAttr();
+  return number && number.getValue().isZero();
+}
+
+/// The first operation from `op` on that may touch gradients in `array`.
+static Operation *findUse(Operation *op, Value array) {
+  Value root = rootOf(array);
+  auto isElsewhere = [&](Value other) {
+    auto gradients = rootOf(other).getDefiningOp<warp::GradOp>();
+    return !gradients || gradients.getResult() != root;
+  };
+  for (; op; op = op->getNextNode()) {
+    auto load = dyn_cast<warp::LoadOp>(op);
+    auto store = dyn_cast<warp::StoreOp>(op);
+    auto sum = dyn_cast<warp::AccumulateOp>(op);
+    if (!isMemoryEffectFree(op) && !(load && isElsewhere(load.getArray())) &&
+        !(store && isElsewhere(store.getArray())) &&
+        !(sum && isElsewhere(sum.getArray())))
+      return op;
+  }
+  return nullptr;
+}
+
+/// Adding to what has just been set to zero is storing, and nothing at all if
+/// it is what was there before.
+static void storeSums(func::FuncOp adjoint) {
+  SmallVector<warp::StoreOp> stores;
+  adjoint.walk([&](warp::StoreOp store) {
+    if (isZeroConstant(store.getValue()) &&
+        rootOf(store.getArray()).getDefiningOp<warp::GradOp>())
+      stores.push_back(store);
+  });
+  for (warp::StoreOp store : stores) {
+    Value array = store.getArray();
+    auto sum = dyn_cast_or_null<warp::AccumulateOp>(
+        findUse(store->getNextNode(), array));
+    if (!sum || !sum.getUnique() || sum.getArray() != array ||
+        sum.getIndices() != store.getIndices())
+      continue;
+    auto taken = sum.getValue().getDefiningOp<warp::LoadOp>();
+    bool isSame = taken && taken->getBlock() == store->getBlock() &&
+                  taken.getArray() == array &&
+                  taken.getIndices() == store.getIndices() &&
+                  findUse(taken->getNextNode(), array) == store;
+    if (!isSame) {
+      OpBuilder b(sum);
+      warp::StoreOp::create(b, sum.getLoc(), sum.getValue(), array,
+                            sum.getIndices());
+    }
+    store.erase();
+    sum.erase();
+  }
+}
+
 /// Drops the hidden arguments that nothing uses, in both functions.
 static void dropUnused(func::FuncOp adjoint, func::FuncOp augmented) {
   auto isUnused = [&](DictionaryAttr description) {
@@ -190,6 +249,7 @@ struct CleanUpAdjoint : warp::impl::CleanUpAdjointBase<CleanUpAdjoint> {
       if (function->hasAttr(warp::attr::augmented))
         augmented = function;
     mergeSums(adjoint.getBody().front());
+    storeSums(adjoint);
     dropUnused(adjoint, augmented);
     describeCode(adjoint, describeHidden(adjoint));
     if (augmented && describeHidden(augmented) == 0)
