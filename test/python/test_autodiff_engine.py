@@ -194,8 +194,25 @@ def test_elements_that_loops_update():
         for j in range(n):
             y[i] = y[i] * x[i, j]
 
-    check(k, 2, wave(2, 5), wave(2), wave(2, 2), rest=[4])
-    check(k, 2, wave(2, 5), wave(2), wave(2, 2), rest=[0])
+    values = 0.6 * wave(2, 5), 0.5 * wave(2), wave(2, 2)
+    check(k, 2, *values, rest=[4])
+    check(k, 2, *values, rest=[0])
+
+
+def test_elements_that_some_iterations_update():
+    @wp.kernel
+    def k(x: wp.array2d(dtype=F), y: wp.array(dtype=F), n: int):
+        i = wp.tid()
+        total = y[i] * y[i]
+        for j in range(n):
+            if x[i, j] > F(1.0):
+                y[i] = y[i] * x[i, j]
+            if y[i] > F(6.0):
+                break
+            total += y[i] * y[i]
+        y[i] = total
+
+    check(k, 3, wave(3, 5), wave(3), rest=[5])
 
 
 def test_values_overwritten_twice():

@@ -10,7 +10,8 @@
 //
 // An element qualifies if its indices do not change in the loop and nothing
 // else of its array is accessed there, but for other components. It is loaded
-// early only if the first iteration accesses it for sure.
+// early only if it is accessed for sure: around the loop, or by the body of a
+// counted loop that runs.
 //
 //===----------------------------------------------------------------------===//
 
@@ -36,8 +37,9 @@ public:
   Carrier(const Access &element, unsigned leaf, const ArrayLeaves &leaves)
       : element(element), leaf(leaf), leaves(leaves) {}
 
-  /// Gives the loop one more carried value, `start` before it.
-  Value carry(scf::ForOp loop, Value start);
+  /// Gives a loop or branch one more value, `current` before it; returns what
+  /// the element is after it.
+  Value carry(Operation *op, Value current);
 
 private:
   bool isElement(Operation *op) const {
@@ -56,7 +58,7 @@ private:
 
   /// What the element is at the end of a block.
   Value carry(Block &block, Value current);
-  Value carry(Operation *op, Value current);
+  Value carry(scf::ForOp loop, Value start);
   Value carry(scf::IfOp branch, Value current);
   Value carry(scf::WhileOp loop, Value start);
 
@@ -165,55 +167,74 @@ Value Carrier::carry(scf::WhileOp loop, Value start) {
 // Elements that qualify
 //===----------------------------------------------------------------------===//
 
-static bool isInvariant(const Access &access, scf::ForOp loop) {
+static bool isOutside(Operation *loop, Value value) {
+  return !loop->isAncestor(value.getParentBlock()->getParentOp());
+}
+
+static bool isInvariant(const Access &access, Operation *loop) {
   return llvm::all_of(access.indices, [&](auto &index) {
     return index && llvm::all_of(index->terms, [&](auto &term) {
-             return loop.isDefinedOutsideOfLoop(term.first);
+             return isOutside(loop, term.first);
            });
   });
 }
 
-/// An access of the loop's body whose element can be carried; the index of its
-/// leaf in `leaf`.
-static std::optional<Access>
-findElement(scf::ForOp loop, const ArrayLeaves &leaves, unsigned &leaf) {
-  SmallVector<std::pair<Access, unsigned>> all;
-  auto gather = loop.walk([&](Operation *op) {
-    if (isa<func::CallOp>(op))
-      return WalkResult::interrupt();
-    std::optional<Access> access = getAccess(op);
-    if (!access)
-      return WalkResult::advance();
-    auto known = leaves.of(access->array);
-    if (known.size() != 1)
-      return WalkResult::interrupt();
-    all.emplace_back(*access, known.front());
-    return WalkResult::advance();
+namespace {
+struct Element {
+  Access access;
+  unsigned leaf;
+};
+} // namespace
+
+/// All accesses within an operation; none if some may be of any array.
+static SmallVector<Element> gather(Operation *op, const ArrayLeaves &leaves) {
+  SmallVector<Element> all;
+  auto walk = op->walk([&](Operation *inner) {
+    std::optional<Access> access = getAccess(inner);
+    auto known = access ? leaves.of(access->array) : SmallVector<unsigned, 1>();
+    if (known.size() == 1)
+      all.push_back({*access, known.front()});
+    return isa<func::CallOp>(inner) || (access && known.size() != 1)
+               ? WalkResult::interrupt()
+               : WalkResult::advance();
   });
-  if (gather.wasInterrupted())
-    return std::nullopt;
-  for (auto &[access, number] : all) {
-    if (access.op->getBlock() != loop.getBody() || !isInvariant(access, loop))
-      continue;
-    bool isLoaded = false, isStored = false, isAlone = true;
-    for (auto &[other, otherLeaf] : all) {
-      if (otherLeaf != number || haveOtherComponents(access, other))
-        continue;
-      isAlone &= areSame(access, other) && isa<LoadOp, StoreOp>(other.op);
-      isLoaded |= isa<LoadOp>(other.op);
-      isStored |= isa<StoreOp>(other.op);
-    }
-    if (isAlone && isLoaded && isStored) {
-      leaf = number;
-      return access;
-    }
-  }
-  return std::nullopt;
+  return walk.wasInterrupted() ? SmallVector<Element>() : all;
 }
 
+/// Whether something loads it, something stores it, and nothing else accesses
+/// what may be the same.
+static bool isUpdated(const Element &element, ArrayRef<Element> all) {
+  bool isLoaded = false, isStored = false;
+  for (auto &[other, leaf] : all) {
+    if (leaf != element.leaf || haveOtherComponents(element.access, other))
+      continue;
+    if (!areSame(element.access, other) || !isa<LoadOp, StoreOp>(other.op))
+      return false;
+    isLoaded |= isa<LoadOp>(other.op);
+    isStored |= isa<StoreOp>(other.op);
+  }
+  return isLoaded && isStored;
+}
+
+/// Whether the element is accessed wherever the loop is, even if that does not
+/// run.
+static bool isSure(const Element &element, Operation *loop,
+                   ArrayRef<Element> all) {
+  return llvm::any_of(all, [&](const Element &other) {
+    return other.leaf == element.leaf &&
+           areSame(other.access, element.access) &&
+           !loop->isAncestor(other.access.op) &&
+           other.access.op->getBlock()->findAncestorOpInBlock(*loop);
+  });
+}
+
+//===----------------------------------------------------------------------===//
+// Elements before a loop
+//===----------------------------------------------------------------------===//
+
 /// A value that is made of values outside of the loop, made there.
-static Value cloneBefore(OpBuilder &builder, scf::ForOp loop, Value value) {
-  if (loop.isDefinedOutsideOfLoop(value))
+static Value cloneBefore(OpBuilder &builder, Operation *loop, Value value) {
+  if (isOutside(loop, value))
     return value;
   Operation *op = value.getDefiningOp();
   SmallVector<Value> operands;
@@ -225,7 +246,7 @@ static Value cloneBefore(OpBuilder &builder, scf::ForOp loop, Value value) {
       cast<OpResult>(value).getResultNumber());
 }
 
-static Value loadHere(OpBuilder &builder, scf::ForOp loop,
+static Value loadHere(OpBuilder &builder, Operation *loop,
                       const Access &access) {
   auto array = cast<ArrayType>(access.array.getType());
   Value source = cloneBefore(builder, loop, access.array);
@@ -236,8 +257,9 @@ static Value loadHere(OpBuilder &builder, scf::ForOp loop,
                         source, indices);
 }
 
-/// The element before the loop, read only if the loop runs at all.
-static Value loadBefore(scf::ForOp loop, const Access &access) {
+/// The element before a loop whose body accesses it for sure, read only if the
+/// loop runs at all.
+static Value loadIfRuns(scf::ForOp loop, const Access &access) {
   OpBuilder builder(loop);
   Location loc = access.op->getLoc();
   auto low = getConstantInteger(loop.getLowerBound());
@@ -258,18 +280,40 @@ static Value loadBefore(scf::ForOp loop, const Access &access) {
   return branch.getResult(0);
 }
 
-/// Carries one element of one loop; returns whether there was one.
+/// Carries one element through the loop; returns whether there was one.
+static bool carryThrough(Operation *loop, ArrayRef<Element> function,
+                         const ArrayLeaves &leaves) {
+  SmallVector<Element> all = gather(loop, leaves);
+  auto counted = dyn_cast<scf::ForOp>(loop);
+  for (const Element &element : all) {
+    const Access &access = element.access;
+    if (!isInvariant(access, loop) || !isUpdated(element, all))
+      continue;
+    Value start;
+    if (isSure(element, loop, function)) {
+      OpBuilder builder(loop);
+      start = loadHere(builder, loop, access);
+    } else if (counted && access.op->getBlock() == counted.getBody()) {
+      start = loadIfRuns(counted, access);
+    } else {
+      continue;
+    }
+    Carrier(access, element.leaf, leaves).carry(loop, start);
+    return true;
+  }
+  return false;
+}
+
 static bool carryOne(FunctionOpInterface function, const ArrayLeaves &leaves) {
-  auto visit = [&](scf::ForOp loop) {
-    unsigned leaf;
-    std::optional<Access> element = findElement(loop, leaves, leaf);
-    if (!element)
-      return WalkResult::advance();
-    Value start = loadBefore(loop, *element);
-    Carrier(*element, leaf, leaves).carry(loop, start);
-    return WalkResult::interrupt();
-  };
-  return function->walk<WalkOrder::PreOrder>(visit).wasInterrupted();
+  SmallVector<Element> all = gather(function, leaves);
+  return function
+      ->walk<WalkOrder::PreOrder>([&](Operation *op) {
+        return isa<scf::ForOp, scf::WhileOp>(op) &&
+                       carryThrough(op, all, leaves)
+                   ? WalkResult::interrupt()
+                   : WalkResult::advance();
+      })
+      .wasInterrupted();
 }
 
 void carryElements(FunctionOpInterface function, const ArrayLeaves &leaves) {
