@@ -20,8 +20,8 @@ using namespace mlir;
 
 namespace warp::autodiff {
 
-SmallVector<Value, 2> getSlotIndices(OpBuilder &builder, Location loc, Type type,
-                                     int64_t slot) {
+SmallVector<Value, 2> getSlotIndices(OpBuilder &builder, Location loc,
+                                     Type type, int64_t slot) {
   SmallVector<Value, 2> indices;
   auto push = [&](int64_t index) {
     auto attr = builder.getIntegerAttr(builder.getIntegerType(32, true), index);

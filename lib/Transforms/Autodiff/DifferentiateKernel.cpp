@@ -59,7 +59,8 @@ static void attachResults(func::FuncOp adjoint, const ReverseBuilder &builder) {
     notices.push_back(describePlace(stop->getLoc()) +
                       ": gradient stops at the conversion to an integer");
   auto strings = [&](ArrayRef<std::string> texts) {
-    return b.getStrArrayAttr(SmallVector<StringRef>(texts.begin(), texts.end()));
+    SmallVector<StringRef> list(texts.begin(), texts.end());
+    return b.getStrArrayAttr(list);
   };
   if (!notices.empty())
     adjoint->setAttr(warp::attr::notices, strings(notices));

@@ -211,10 +211,11 @@ private:
 
   void flattenLoad(LoadOp op) {
     SmallVector<Value> loaded;
-    for (Value view : viewFields(op.getLoc(), op.getArray()))
-      loaded.push_back(LoadOp::create(
-          builder, op.getLoc(), cast<ArrayType>(view.getType()).getElementType(),
-          view, op.getIndices()));
+    for (Value view : viewFields(op.getLoc(), op.getArray())) {
+      Type type = cast<ArrayType>(view.getType()).getElementType();
+      loaded.push_back(LoadOp::create(builder, op.getLoc(), type, view,
+                                      op.getIndices()));
+    }
     replace(op, loaded);
   }
 

@@ -58,7 +58,7 @@ struct ReverseOptions {
 
 /// Counts of what the adjoint costs.
 struct ReverseMetrics {
-  int64_t tapeBytes = 0, replayLoops = 0, atomics = 0, shadowed = 0;
+  int64_t tapeBytes = 0, replayLoops = 0;
 };
 
 /// Builds the adjoint of one kernel; Reverse.cpp explains how.

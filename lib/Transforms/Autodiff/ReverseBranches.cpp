@@ -35,7 +35,8 @@ LogicalResult ReverseBuilder::reverseIf(scf::IfOp op) {
                         recover(op.getCondition()), /*withElseRegion=*/true);
   OpBuilder::InsertionGuard guard(builder);
   SmallVector<Captures, 2> sides;
-  for (auto [from, to] : llvm::zip_equal(op->getRegions(), draft->getRegions())) {
+  for (auto [from, to] :
+       llvm::zip_equal(op->getRegions(), draft->getRegions())) {
     builder.setInsertionPointToStart(&to.front());
     auto side = inScope([&]() -> LogicalResult {
       if (from.empty())

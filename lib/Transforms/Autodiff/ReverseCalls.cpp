@@ -127,7 +127,8 @@ LogicalResult ReverseBuilder::reverseCall(func::CallOp op) {
   SmallVector<Type> types(ValueRange(receivers).getTypes());
   auto call = func::CallOp::create(builder, op.getLoc(), types, vjp.getValue(),
                                    operands);
-  for (auto [operand, cotangent] : llvm::zip_equal(receivers, call.getResults()))
+  for (auto [operand, cotangent] :
+       llvm::zip_equal(receivers, call.getResults()))
     addCotangent(operand, widen(builder, op.getLoc(), cotangent));
   return success();
 }
