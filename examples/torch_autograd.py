@@ -35,7 +35,8 @@ class SumBumps(torch.autograd.Function):
     def forward(ctx, points, centers, heights):
         out = torch.empty(len(points), device=points.device)
         ctx.save_for_backward(points, centers, heights, out)
-        wp.launch(sum_bumps, len(points), arrays(points, centers, heights, out), device=str(out.device))
+        given = arrays(points, centers, heights, out)
+        wp.launch(sum_bumps, len(points), given, device=str(out.device))
         return out
 
     @staticmethod

@@ -41,8 +41,6 @@ struct AutodiffOptions {
   std::string singular = "pinned";
   /// No two arrays of a launch share memory, and no array has an element twice.
   bool unique = true;
-  /// Gradients are the same bits in every run.
-  bool deterministic = false;
   /// Bytes that a loop of known length may keep per thread; longer ones run
   /// parts of the forward sweep again.
   int maxLocalTape = 256;

@@ -211,7 +211,8 @@ Derivative warp::differentiate(const Module &module,
   auto copy = std::make_shared<Module::Impl>();
   copy->op = module.getImpl()->op->clone();
   run(*copy->op, [&](OpPassManager &pm) {
-    pm.addPass(createResolveDerivatives({/*keepDerivatives=*/true, options.singular}));
+    pm.addPass(createResolveDerivatives(
+        {/*keepDerivatives=*/true, options.singular}));
   });
   // A derivative that a function has of its own is one in reverse mode.
   keepCalls(*copy->op, !options.forward);

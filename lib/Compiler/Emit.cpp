@@ -69,7 +69,8 @@ static std::string describe(const warp::CompileOptions &options) {
   llvm::raw_string_ostream stream(text);
   stream << options.target << ' ' << options.rank << ' ' << options.contiguous
          << ' ' << options.index32 << options.flat << options.debug
-         << options.fastMath << options.deterministic << options.lineinfo << ' ' << options.optLevel
+         << options.fastMath << options.deterministic << options.lineinfo
+         << ' ' << options.optLevel
          << ' ' << options.blockDim << ' ' << options.driverVersion << ' '
          << options.large << ' ' << options.threads << ' '
          << options.maxRegisters << ' ' << options.minBlocks << '\n';

@@ -46,7 +46,8 @@ checkOperations(ModuleOp module, StringRef phase,
 static bool isThreadOp(Operation *op) {
   return isa<warp::LoadComponentsOp, warp::StoreComponentsOp,
              warp::AtomicComponentsOp, warp::AtomicCasOp, warp::GradOp,
-             warp::ViewOp, warp::SliceOp, warp::ComponentViewOp, warp::DimOp, warp::TidOp,
+             warp::ViewOp, warp::SliceOp, warp::ComponentViewOp, warp::DimOp,
+             warp::TidOp,
              warp::PrintfOp, warp::AssertOp, warp::ScratchOp,
              warp::ScratchLoadOp, warp::ScratchStoreOp>(op);
 }

@@ -104,19 +104,18 @@ void python::bindAutodiff(py::module_ &m) {
   m.def(
       "differentiate",
       [](const Module &module, bool forward, std::vector<bool> active,
-         const std::string &singular, bool unique, bool deterministic) {
+         const std::string &singular, bool unique) {
         AutodiffOptions options;
         options.forward = forward;
         options.active = std::move(active);
         options.singular = singular;
         options.unique = unique;
-        options.deterministic = deterministic;
         py::gil_scoped_release unlocked;
         return differentiate(module, options);
       },
       py::arg("module"), py::kw_only(), py::arg("forward") = false,
       py::arg("active") = std::vector<bool>(), py::arg("singular") = "pinned",
-      py::arg("unique") = true, py::arg("deterministic") = false,
+      py::arg("unique") = true,
       "The derivative of a module's kernel.");
   m.def("shares_elements", sharesElements, py::arg("arrays"),
         "Whether an address may belong to two elements of the arrays.");

@@ -174,7 +174,7 @@ def test_gradients_that_do_not_fit():
         x.grad = wp.zeros((2, 3), device="cpu")
     with pytest.raises(ValueError, match=r"'float32' for an array of 'float32', but got 'float64'"):
         x.grad = wp.zeros((3, 2), dtype=wp.float64, device="cpu")
-    with pytest.raises(ValueError, match=r"strides \(8, 4\).*got \(4, 12\).*`requires_grad = True`"):
+    with pytest.raises(ValueError, match=r"strides \(8, 4\).*got \(4, 12\).*`requires_grad"):
         x.grad = wp.zeros((2, 3), device="cpu").transpose()
     with pytest.raises(ValueError, match="expects an array as the gradient.*but got 'float'"):
         x.grad = 1.0

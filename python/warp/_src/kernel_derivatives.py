@@ -65,7 +65,6 @@ def differentiate(kernel, native, active, forward=False, unique=True):
         active=list(active),
         singular=config.singular,
         unique=unique,
-        deterministic=kernel.is_deterministic,
     )
 
 
