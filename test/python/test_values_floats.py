@@ -28,6 +28,8 @@ REFERENCES = {
     "trunc": toward_zero, "floor": mp.floor, "ceil": mp.ceil, "rint": mp.nint,
     "round": lambda x: mp.sign(x) * mp.floor(abs(x) + 0.5), "frac": lambda x: x - toward_zero(x),
     "copysign": lambda x, y: abs(x) if y >= 0 else -abs(x),
+    "expm1": mp.expm1, "log1p": mp.log1p, "hypot": mp.hypot, "sinc": mp.sinc,
+    "softplus": lambda x: mp.log1p(mp.exp(x)),
 }
 # Units in the last place. The libraries state 1 to 2 in f32; 16-bit types round an f32 result.
 LIMITS = {wp.float16: 0.51, wp.bfloat16: 0.51, wp.float32: 4, wp.float64: 4}
