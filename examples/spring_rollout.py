@@ -5,7 +5,8 @@
 A net of masses and springs is pushed at the start and swings; asked for is how the place of its
 middle at the end depends on all initial velocities. Recording every step keeps every state;
 `wp.autograd.checkpoint` keeps a few and runs parts of the rollout again: less memory, more time,
-and the same gradient, bit by bit. Writes build/demo/spring_rollout_<device>.png.
+and the same gradient, bit by bit (on a GPU but for the order of its atomic sums). Writes
+build/demo/spring_rollout_<device>.png.
 """
 
 import argparse
@@ -156,12 +157,17 @@ def demonstrate(device, n, steps, output):
     measured(net, 2)
     full, seconds, memory, calls = measured(net, steps)
     rows = [("every step", seconds, memory, calls)]
+    difference = 0.0
     for count in SNAPSHOTS:
         found, seconds, memory, calls = measured(net, steps, count)
-        if not (found == full).all():
-            raise SystemExit(f"the gradient with {count} snapshots differs")
+        difference = max(difference, np.abs(found - full).max() / np.abs(full).max())
+        if difference > (1.0e-4 if wp.get_device(device).is_cuda else 0.0):
+            raise SystemExit(f"the gradient with {count} snapshots differs by {difference:.1e}")
         rows.append((f"{count} snapshots", seconds, memory, calls))
-    print(f"spring rollout on {device}: {n} x {n} masses, {steps} steps, equal gradients")
+    print(
+        f"spring rollout on {device}: {n} x {n} masses, {steps} steps, "
+        f"equal gradients (largest difference {difference:.1e})"
+    )
     print("\n| kept | peak memory [MiB] | time [s] | steps run forward |\n|---|--:|--:|--:|")
     for name, seconds, memory, calls in rows:
         print(f"| {name} | {memory:.2f} | {seconds:.2f} | {calls} |")
