@@ -17,7 +17,7 @@ func.func @apart(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %v: f32)
 }
 
 // Those of one gradient keep their order.
-// CHECK-LABEL: func.func @together
+// CHECK-LABEL: func.func private @together
 // CHECK: warp.load
 // CHECK: warp.store
 // CHECK: warp.load
