@@ -98,6 +98,8 @@ run_benchmarks() {
   limit=$(share 240)
   timeout -k 10 $((limit + 5)) "$python" benchmarks/gpu.py --budget $((limit * 2 / 3)) \
     --json "$logs/gpu.json" || status=1
+  timeout -k 10 "$(share 60)" "$python" benchmarks/autodiff.py --device cuda:0 \
+    --only time,compile,loops --seconds 0.2 --json "$logs/autodiff.json" || status=1
   if [ "$(share 60)" -ge 60 ]; then
     timeout -k 10 "$(share 150)" "$python" benchmarks/spine.py --device cpu \
       --seconds 0.3 --json "$logs/spine.json" || status=1
