@@ -8,7 +8,6 @@ compiling.
 
 from __future__ import annotations
 
-import hashlib
 import os
 from pathlib import Path
 
@@ -115,6 +114,8 @@ def _named_kernels(module: Module) -> list:
 
 
 def _stem(module: Module, kernels) -> str:
+    import hashlib
+
     stem = f"wp_{module.name}"
     if module.options.get("strip_hash"):
         return stem

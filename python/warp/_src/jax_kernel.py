@@ -9,7 +9,6 @@ comes from the contents, JAX may also keep compiled programs on disk.
 from __future__ import annotations
 
 import functools
-import hashlib
 
 from warp import _native
 from warp._src import types
@@ -240,6 +239,8 @@ class JaxKernel:
 
     def _number(self, native, dims, plan, values) -> int:
         """63 bits that stand for the launch; `values` are the packed arguments."""
+        import hashlib
+
         if self._code[0] is not native:
             options = [self.kernel.option(name) for name in _CODE_OPTIONS]
             text = f"{native.ir('warp')} {self.kernel.options} {options} {self.block_dim}"

@@ -6,7 +6,6 @@ import os
 import sys
 import types
 import weakref
-from concurrent import futures
 
 from warp._src import config as settings
 
@@ -179,6 +178,8 @@ def load_kernels(natives, device, block_dim=None, max_workers=None) -> None:
     if workers is None:
         workers = os.cpu_count() or 1
     if workers > 1 and len(jobs) > 1:
+        from concurrent import futures
+
         with futures.ThreadPoolExecutor(workers) as pool:
             list(pool.map(lambda job: _native.load_kernel(*job), jobs))
     else:
