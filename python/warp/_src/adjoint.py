@@ -1,7 +1,7 @@
-"""Derivatives of launches, for the tape: which arrays they need, and running them.
+"""What a tape does with gradients: seeds, sums, and running the adjoints of launches.
 
-A derivative is what `Kernel.adjoint` makes for a native kernel and the set of its arrays that have
-gradients. Arrays are numbered as in `Call.leaves`.
+The derivative of a launch is what `Kernel.adjoint` makes for a native kernel and the set of its
+arrays that have gradients. Arrays are numbered as in `Call.leaves`.
 """
 
 from __future__ import annotations
@@ -10,31 +10,12 @@ from warp._src import errors, kernel_derivatives, types
 from warp._src.annotations import ArrayType
 from warp._src.array import array
 from warp._src.array_gradients import gradient_type
-from warp._src.tracking import Watch, copy_layout
-
-
-def derivative(call):
-    """The derivative of a launch with respect to the arrays that have gradients.
-
-    Raises:
-        WarpCodegenError: the kernel cannot be differentiated.
-    """
-    return call.kernel.adjoint(call.native, call.active)
-
-
-def needed(made) -> set[int]:
-    """Arrays whose contents the adjoint reads."""
-    return set(made.needed)
+from warp._src.tracking import Watch
 
 
 def preserved(made) -> set[int]:
     """Arrays of which it reads the contents before the launch."""
     return {hidden.leaf for hidden in made.hidden if hidden.kind == "preserved"}
-
-
-def copy_of(source: array, stream=None) -> array:
-    """The contents of an array, with the same strides."""
-    return copy_layout(source, stream)
 
 
 def with_gradient_of(contents: array, original: array) -> array:
@@ -74,22 +55,12 @@ def gradient_struct(value):
     return result
 
 
-def launch_augmented(made, call) -> list[array]:
-    """Runs a launch that saves what its adjoint needs, and returns that."""
-    return kernel_derivatives.run_augmented(made, call)
-
-
 def launch_adjoint(made, call, values, initial, saved) -> None:
     """Runs the adjoint of a launch."""
     if Watch.executor is not None:
         Watch.executor.launch_adjoint(made, call, values, initial, saved)
     else:
         kernel_derivatives.run(made, call, values, initial, saved)
-
-
-def hidden_values(made, call, initial, saved) -> list:
-    """The arguments of the adjoint that the launch does not have."""
-    return kernel_derivatives.hidden_values(made, call, initial, list(saved))
 
 
 def add_into(target: array, source: array) -> None:

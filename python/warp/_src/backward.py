@@ -9,7 +9,7 @@ from warp._src.array import array
 from warp._src.graphs import _captures
 from warp._src.singular import one_report
 from warp._src.tape_records import LaunchRecord
-from warp._src.tracking import Watch, Watching
+from warp._src.tracking import Watch, Watching, copy_layout
 
 
 class BackwardPass:
@@ -59,7 +59,7 @@ class BackwardPass:
             self.position = position
             record = self.records[position]
             for one in shown.get(position, ()):
-                retained.append((one, adjoint.copy_of(one.grad)))
+                retained.append((one, copy_layout(one.grad)))
             if self.check_finite:
                 from warp._src.finite import reverse_checked
 
@@ -111,7 +111,7 @@ class BackwardPass:
             if version.overwriter() is not None or _is_zero(grad):
                 continue
             if id(grad) not in seeded:
-                kept.append((grad, adjoint.copy_of(grad)))
+                kept.append((grad, copy_layout(grad)))
             grad.zero_()
         return kept
 

@@ -126,13 +126,6 @@ class Kernel:
             raise errors.WarpLaunchTypeError(
                 f"launch('{self.key}'): expects {count} arguments, but got {len(arguments)}"
             )
-        code = self.func.__code__
-        if len(arguments) != code.co_argcount:
-            names = ", ".join(code.co_varnames[: code.co_argcount])
-            raise errors.WarpLaunchTypeError(
-                f"launch('{self.key}'): expects {code.co_argcount} arguments ({names}), "
-                f"but got {len(arguments)}"
-            )
         types = tuple(map(_argument_type, arguments))
         found, epoch = self._specialized.get(types, (None, None))
         if epoch is not Epoch.current:

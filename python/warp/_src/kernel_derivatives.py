@@ -84,7 +84,7 @@ def run(made: Derivative, call: Call, values, initial=None, saved=()) -> None:
             value.refresh()
     if _meet(call):
         made = made.kernel.adjoint(call.native, call.active, unique=False)
-    hidden = hidden_values(made, call, initial or {}, list(saved))
+    hidden = hidden_values(made, call, initial or {}, saved)
     made.native.launch(call.dim, values, hidden, call.device, call.stream, call.block_dim or 0)
     count_singular(made, hidden)
 
@@ -139,14 +139,15 @@ def hidden_values(made, call, initial, saved) -> list[array]:
     """Values of the arguments that only the derivative has."""
     from warp._src.array_create import zeros
 
+    left = list(saved)
     values = []
     for hidden in made.hidden:
         if hidden.kind == "counters":
             kind = types.dtype_of(hidden.type)
             values.append(zeros(len(hidden.places) or 1, kind.dtype, _device(call)))
             continue
-        if hidden.kind == "saved" and saved:
-            values.append(saved.pop(0))
+        if hidden.kind == "saved" and left:
+            values.append(left.pop(0))
             continue
         if hidden.kind == "preserved" and hidden.leaf in initial:
             values.append(initial[hidden.leaf])

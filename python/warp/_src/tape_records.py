@@ -10,11 +10,11 @@ them stays readable.
 from __future__ import annotations
 
 from warp import _native
-from warp._src import adjoint, errors, types
+from warp._src import adjoint, errors, kernel_derivatives, types
 from warp._src.array import array
 from warp._src.boxes import Box
 from warp._src.scalars import float_base
-from warp._src.tracking import Event, Watch
+from warp._src.tracking import Event, Watch, copy_layout
 from warp._src.watching import Call
 
 
@@ -57,11 +57,11 @@ class LaunchRecord:
             # Says so when gradients are asked for.
             return
         wanted = adjoint.preserved(derivative)
-        wanted |= {reader for _, reader in self.aliases} & adjoint.needed(derivative)
+        wanted |= {reader for _, reader in self.aliases} & set(derivative.needed)
         for leaf in wanted:
             found = self.call.leaves[leaf][1]
             if found is not None:
-                self.initial[leaf] = adjoint.copy_of(found, self.call.stream)
+                self.initial[leaf] = copy_layout(found, self.call.stream)
 
     @property
     def structs(self) -> list:
@@ -73,7 +73,12 @@ class LaunchRecord:
         return self.call.kernel
 
     def derivative(self):
-        return adjoint.derivative(self.call)
+        """The derivative with respect to the arrays that have gradients.
+
+        Raises:
+            WarpCodegenError: the kernel cannot be differentiated.
+        """
+        return self.call.kernel.adjoint(self.call.native, self.call.active)
 
     def run(self) -> None:
         """Runs the launch, with notes for the adjoint if that needs any."""
@@ -84,7 +89,7 @@ class LaunchRecord:
             except errors.WarpError:
                 derivative = None
         if derivative is not None and derivative.augmented is not None:
-            self.saved = adjoint.launch_augmented(derivative, self.call)
+            self.saved = kernel_derivatives.run_augmented(derivative, self.call)
         else:
             self.call.run()
 
@@ -103,7 +108,7 @@ class LaunchRecord:
     def needs(self, version) -> bool:
         """Whether the adjoint reads what this version is of."""
         try:
-            wanted = adjoint.needed(self.derivative())
+            wanted = self.derivative().needed
         except errors.WarpError:
             return False
         return any(self.versions[leaf] is version for leaf in wanted if leaf < len(self.versions))
@@ -130,7 +135,9 @@ class LaunchRecord:
         if not any(self.call.active):
             return None
         derivative = self.derivative()
-        hidden = adjoint.hidden_values(derivative, self.call, self.initial, self.saved)
+        hidden = kernel_derivatives.hidden_values(
+            derivative, self.call, self.initial, self.saved
+        )
         return (*self._values(derivative), *hidden)
 
     def _check_aliases(self) -> None:

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from warp._src import errors
-from warp._src.adjoint import copy_of
 from warp._src.array import array
 from warp._src.autograd.revolve import Reversal, first_sweep
 from warp._src.backward import BackwardPass
 from warp._src.boxes import Box
 from warp._src.tape import Tape
-from warp._src.tracking import Event, Memory, Watch, Watching, event
+from warp._src.tracking import Event, Memory, Watch, Watching, copy_layout, event
 from warp._src.watching import Call
 
 
@@ -177,7 +176,7 @@ class _CheckpointRecord:
         return True
 
     def _keep(self, number) -> None:
-        self.copies[number] = [copy_of(one) for one in self.state]
+        self.copies[number] = [copy_layout(one) for one in self.state]
 
     def _restore(self, number) -> None:
         for one, contents in zip(self.state, self.copies[number], strict=True):
@@ -188,7 +187,7 @@ class _CheckpointRecord:
     def reverse(self, state) -> None:
         swapped = self._constants_as_they_were()
         self._seen_before = any(state.seen_before(one) for one in self.written())
-        end = [copy_of(one) for one in self.state] if self.keeps_end else None
+        end = [copy_layout(one) for one in self.state] if self.keeps_end else None
         reversal = Reversal(self._keep, self._restore, self._drop, self.step, self._reverse_step)
         with Watching(tape=None, memory=Memory()):
             if len(self.copies) < len(self.kept):
@@ -247,6 +246,6 @@ class _CheckpointRecord:
                     line=self.event.line,
                     hint="write to another array, or use `wp.Tape(preserve='auto')`",
                 )
-            swapped.append((version.array, copy_of(version.array)))
+            swapped.append((version.array, copy_layout(version.array)))
             version.array.assign(version.copy)
         return swapped

@@ -9,12 +9,11 @@ from collections.abc import Callable, Sequence
 import numpy
 
 from warp._src import errors, scalars, types
-from warp._src.adjoint import copy_of
 from warp._src.array import array
 from warp._src.kernel import Kernel
 from warp._src.launch import launch
 from warp._src.structs import StructInstance
-from warp._src.tracking import Watching
+from warp._src.tracking import Watching, copy_layout
 from warp._src.watching import signature_of, struct_leaves
 
 
@@ -91,7 +90,7 @@ class Evaluation:
         self.metadata = metadata
         if self.is_kernel and dim is None:
             raise ValueError(f"expects `dim` to launch kernel '{self.label}'")
-        self._saved = [(one, copy_of(one)) for one in self._all_arrays()]
+        self._saved = [(one, copy_layout(one)) for one in self._all_arrays()]
         self.restore_at_end = restore
         names = self._names()
         self.inputs = _variables(names, self.values)

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from warp._src import errors
-from warp._src.adjoint import copy_of
 from warp._src.array import array
 from warp._src.array_create import clone, zeros_like
 from warp._src.autograd.tangents import Tangents
 from warp._src.tape import Tape
-from warp._src.tracking import Watch, Watching
+from warp._src.tracking import Watch, Watching, copy_layout
 
 
 def jvp(function: Callable, inputs: Sequence, tangents: Sequence) -> array | list[array]:
@@ -104,7 +103,7 @@ def hvp(function: Callable, inputs: Sequence, vectors: Sequence) -> array | list
             )
         held = [*tape.arrays(), *(one for one in inputs if isinstance(one, array))]
         for grad in {id(one.grad): one.grad for one in held if one.grad is not None}.values():
-            saved.append((grad, copy_of(grad)))
+            saved.append((grad, copy_layout(grad)))
             grad.zero_()
         tape.backward(loss=loss)
     result = [

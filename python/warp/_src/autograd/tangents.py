@@ -107,7 +107,7 @@ class Tangents:
         unique = not _native.shares_elements(grads)
         if not unique:
             made = call.kernel.adjoint(call.native, call.active, unique=False)
-        hidden = kernel_derivatives.hidden_values(made, call, initial, list(saved))
+        hidden = kernel_derivatives.hidden_values(made, call, initial, saved)
         again = call.other(made.native, (*values, *hidden))
         arrays = [one for _, one in again.leaves]
         active = tuple(
