@@ -50,6 +50,42 @@ static void addInlining(OpPassManager &pm) {
   pm.addPass(createCSEPass());
 }
 
+namespace {
+
+/// Passes without options of a derivative. They are kept for the life of the
+/// process: to build a canonicalizer's patterns takes longer than to run it.
+struct Stages {
+  Stages() {
+    addInlining(inlining);
+    addInlining(prepare);
+    prepare.addPass(warp::createFlattenStructs());
+    prepare.addPass(warp::createExpandBuiltins());
+    prepare.addPass(warp::createWarpCanonicalizer());
+    prepare.addPass(createCSEPass());
+    prepare.addPass(warp::createForwardStores());
+    tidy.addPass(warp::createWarpCanonicalizer());
+    tidy.addPass(createCSEPass());
+    tidy.addPass(createLoopInvariantCodeMotionPass());
+    tidy.addPass(warp::createSimplifyAdjoint());
+    tidy.addPass(warp::createWarpCanonicalizer());
+    tidy.addPass(createCSEPass());
+    tidy.addPass(warp::createCleanUpAdjoint());
+    for (PassManager *stage : {&inlining, &prepare, &tidy})
+      stage->enableVerifier(false);
+  }
+
+  static Stages &get() {
+    static auto *stages = new Stages;
+    return *stages;
+  }
+
+  PassManager inlining{&warp::compilerContext()};
+  PassManager prepare{&warp::compilerContext()};
+  PassManager tidy{&warp::compilerContext()};
+};
+
+} // namespace
+
 static std::string activeFlags(const AutodiffOptions &options) {
   std::string text;
   for (bool flag : options.active)
@@ -57,28 +93,21 @@ static std::string activeFlags(const AutodiffOptions &options) {
   return text;
 }
 
-void warp::addDerivation(OpPassManager &pm, const AutodiffOptions &options) {
+LogicalResult warp::derive(ModuleOp module, const AutodiffOptions &options) {
   DifferentiateKernelOptions derivation;
   derivation.mode = options.forward ? "forward" : "reverse";
   derivation.active = activeFlags(options);
   derivation.singular = options.singular;
   derivation.unique = options.unique;
   derivation.maxLocalTape = options.maxLocalTape;
-  addInlining(pm);
-  pm.addPass(createFlattenStructs());
-  pm.addPass(createExpandBuiltins());
-  pm.addPass(createWarpCanonicalizer());
-  pm.addPass(createCSEPass());
-  pm.addPass(createForwardStores());
-  pm.addPass(createDifferentiateKernel(derivation));
-  pm.addPass(createInlinePullbacks({activeFlags(options)}));
-  pm.addPass(createWarpCanonicalizer());
-  pm.addPass(createCSEPass());
-  pm.addPass(createLoopInvariantCodeMotionPass());
-  pm.addPass(createSimplifyAdjoint());
-  pm.addPass(createWarpCanonicalizer());
-  pm.addPass(createCSEPass());
-  pm.addPass(createCleanUpAdjoint());
+  PassManager differentiate(module.getContext());
+  differentiate.enableVerifier(false);
+  differentiate.addPass(createDifferentiateKernel(derivation));
+  differentiate.addPass(createInlinePullbacks({activeFlags(options)}));
+  Stages &stages = Stages::get();
+  return success(succeeded(stages.prepare.run(module)) &&
+                 succeeded(differentiate.run(module)) &&
+                 succeeded(stages.tidy.run(module)));
 }
 
 /// Functions with a derivative of their own stay calls until that is built.
@@ -94,15 +123,24 @@ void warp::keepCalls(ModuleOp module, bool keep) {
   }
 }
 
-static void run(ModuleOp module,
-                llvm::function_ref<void(OpPassManager &)> addPasses) {
+/// Throws what the passes of a step reported if one of them failed.
+static void check(ModuleOp module,
+                  llvm::function_ref<LogicalResult(ModuleOp)> step) {
   warp::Diagnostics diagnostics;
-  PassManager pm(module.getContext());
-  pm.enableVerifier(false);
-  addPasses(pm);
-  if (failed(pm.run(module)) || failed(verify(module)))
+  if (failed(step(module)) || failed(verify(module)))
     throw diagnostics.toError(Error::Kind::Compile,
                               "the kernel cannot be differentiated");
+}
+
+/// Inlines what is called, and makes sure that the result is legal.
+static void finish(ModuleOp module) {
+  check(module, [](ModuleOp module) {
+    PassManager verifier(module.getContext());
+    verifier.enableVerifier(false);
+    verifier.addPass(warp::createVerifyWarp());
+    return success(succeeded(Stages::get().inlining.run(module)) &&
+                   succeeded(verifier.run(module)));
+  });
 }
 
 //===----------------------------------------------------------------------===//
@@ -177,7 +215,7 @@ static std::optional<warp::Module> takeAugmented(ModuleOp module) {
   primal->removeAttr(warp::attr::augmented);
   primal->setAttr(warp::kernelAttrName, UnitAttr::get(module.getContext()));
   findMarked(module, warp::attr::augmented).erase();
-  run(*other->op, addInlining);
+  finish(*other->op);
   return warp::Module(std::move(other));
 }
 
@@ -210,13 +248,17 @@ Derivative warp::differentiate(const Module &module,
   AutodiffOptions options = complete(module, given);
   auto copy = std::make_shared<Module::Impl>();
   copy->op = module.getImpl()->op->clone();
-  run(*copy->op, [&](OpPassManager &pm) {
-    pm.addPass(createResolveDerivatives(
+  check(*copy->op, [&](ModuleOp module) {
+    PassManager resolve(module.getContext());
+    resolve.enableVerifier(false);
+    resolve.addPass(createResolveDerivatives(
         {/*keepDerivatives=*/true, options.singular}));
+    return resolve.run(module);
   });
   // A derivative that a function has of its own is one in reverse mode.
   keepCalls(*copy->op, !options.forward);
-  run(*copy->op, [&](OpPassManager &pm) { addDerivation(pm, options); });
+  check(*copy->op,
+        [&](ModuleOp module) { return derive(module, options); });
   keepCalls(*copy->op, false);
   Derivative derivative{Module(copy), std::nullopt, {}, {}, {}, {}, {}};
   func::FuncOp kernel = findMarked(*copy->op, kernelAttrName);
@@ -225,9 +267,6 @@ Derivative warp::differentiate(const Module &module,
   if (!kernel.getSymName().ends_with(suffix))
     kernel.setSymName((kernel.getSymName() + suffix).str());
   derivative.augmented = takeAugmented(*copy->op);
-  run(*copy->op, [](OpPassManager &pm) {
-    addInlining(pm);
-    pm.addPass(createVerifyWarp());
-  });
+  finish(*copy->op);
   return derivative;
 }

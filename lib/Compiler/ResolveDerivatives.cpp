@@ -366,8 +366,5 @@ LogicalResult ResolveDerivatives::differentiate(ModuleOp module,
     if (warp::hasDifferential(type))
       options.active.push_back(true);
   warp::keepCalls(module, !request.forward);
-  PassManager pm(module.getContext());
-  pm.enableVerifier(false);
-  warp::addDerivation(pm, options);
-  return pm.run(module);
+  return warp::derive(module, options);
 }
