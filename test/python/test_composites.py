@@ -52,10 +52,10 @@ def test_factories_give_one_class_per_type():
 @pytest.mark.parametrize(
     "make",
     [
-        lambda: wp.types.vector(0, float),
+        lambda: wp.types.vector(-1, float),
         lambda: wp.types.vector(3, str),
         lambda: wp.types.matrix((2,), float),
-        lambda: wp.types.matrix((0, 2), float),
+        lambda: wp.types.matrix((-1, 2), float),
         lambda: wp.types.quaternion(int),
     ],
 )

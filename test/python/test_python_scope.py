@@ -42,3 +42,10 @@ def test_errors():
 def test_documentation():
     assert wp.sin.__doc__ and wp.sin.group and wp.sin.signatures
     assert wp.sin is wp.sin
+
+
+def test_numbers_of_numpy():
+    angles = np.array([0.1, 0.2, 0.3])
+    expected = wp.quat_rpy(0.1, 0.2, 0.3)
+    assert wp.quat_rpy(*angles) == expected and wp.quat_rpy(*angles.astype(np.float32)) == expected
+    assert wp.sin(np.float64(0.5)) == wp.sin(0.5)

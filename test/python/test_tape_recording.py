@@ -88,6 +88,19 @@ def test_seeds_of_narrow_arrays(device):
         tape.backward(grads={y: wp.ones(2, dtype=wp.float64, device=device)})
 
 
+def test_gradients_of_narrow_arrays_are_set_with_either_width(device):
+    x = wp.array([1.0, 2.0], dtype=wp.float16, requires_grad=True, device=device)
+    with wp.Tape() as tape:
+        y = x * x
+    for dtype in (wp.float16, wp.float32):
+        tape.zero()
+        y.grad = wp.full(2, 1.5, dtype=dtype, device=device)
+        tape.backward()
+        assert x.grad.dtype is wp.float32 and np.array_equal(x.grad.numpy(), [3, 6])
+    with pytest.raises(ValueError, match="expects a gradient of 'float32' for an array of"):
+        y.grad = wp.ones(2, dtype=wp.float64, device=device)
+
+
 def test_arrays_given_as_ctypes_objects(device):
     x, y, _ = variables(device)
     command = wp.launch(square, 3, [x], [y], device=device, record_cmd=True)

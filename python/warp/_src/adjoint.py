@@ -9,7 +9,7 @@ from __future__ import annotations
 from warp._src import errors, kernel_derivatives, types
 from warp._src.annotations import ArrayType
 from warp._src.array import array
-from warp._src.array_gradients import gradient_type
+from warp._src.array_gradients import gradient_type, widened
 from warp._src.tracking import Watch
 
 
@@ -40,7 +40,7 @@ def as_gradient(seed: array, target: array) -> array:
             f"backward: expects a gradient with elements of '{types.type_repr(expected)}', but got "
             f"'{types.type_repr(seed.dtype)}'"
         )
-    return array(seed.list(), dtype=expected, device=seed.device).reshape(seed.shape)
+    return widened(seed)
 
 
 def gradient_struct(value):

@@ -15,7 +15,7 @@ from warp._src import allocators, annotations, devices, errors, scalars, types
 from warp._src.annotations import ArrayType
 from warp._src.arithmetic import bfloat16_from_bits
 from warp._src.array_arithmetic import ArrayArithmetic
-from warp._src.array_gradients import check_gradient, check_gradient_type, make_gradient
+from warp._src.array_gradients import check_gradient_type, fitting_gradient, make_gradient
 from warp._src.array_layout import check_shape, element_type, type_id
 from warp._src.array_protocols import ArrayProtocols
 from warp._src.array_views import ArrayViews
@@ -142,13 +142,13 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
 
     @property
     def grad(self):
-        """The array of derivatives, or None."""
+        """The array of derivatives, or None; one of 16-bit floats is set as a copy of 32 bits."""
         return self._grad
 
     @grad.setter
     def grad(self, value):
         if value is not None:
-            check_gradient(self, value)
+            value = fitting_gradient(self, value)
         self._grad = value
         self._requires_grad = value is not None
         self.grad_ptr = value.ptr or 0 if value is not None else 0

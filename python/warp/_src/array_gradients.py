@@ -89,8 +89,16 @@ def _gradient_strides(source, item_size) -> tuple:
     return tuple(stride * item_size // source.item_size for stride in source.strides)
 
 
-def check_gradient(source, value) -> None:
-    """Checks an array that is to be the gradient of another one.
+def widened(value):
+    """A copy of an array of 16-bit floats with elements of 32 bits, as gradients have."""
+    from warp._src.array import array
+
+    dtype = gradient_type(value.dtype)
+    return array(value.list(), dtype=dtype, device=value.device).reshape(value.shape)
+
+
+def fitting_gradient(source, value):
+    """An array that is to be the gradient of another one; a copy if it has elements of 16 bits.
 
     Raises:
         ValueError: shape, element type, strides or device do not fit.
@@ -107,6 +115,8 @@ def check_gradient(source, value) -> None:
             f"expects a gradient like {source!r}, that is of shape {source.shape}, "
             f"but got shape {value.shape}"
         )
+    if expected is not source.dtype and types.types_equal(value.dtype, source.dtype):
+        value = widened(value)
     if value.dtype is not expected and not types.types_equal(value.dtype, expected):
         raise ValueError(
             f"expects a gradient of '{types.type_repr(expected)}' for an array of "
@@ -124,3 +134,4 @@ def check_gradient(source, value) -> None:
             f"expects a gradient with strides {strides} like the array's, but got "
             f"{value.strides}, copy it to the one that `requires_grad = True` makes"
         )
+    return value

@@ -107,8 +107,11 @@ def _value(name, argument):
         if type(argument) is canonical:
             return argument
         return canonical.from_buffer_copy(argument)
-    if isinstance(argument, (bool, int, float, scalar_base)):
+    if type(argument) in (bool, int, float) or isinstance(argument, scalar_base):
         return argument
+    if isinstance(argument, (int, float)):
+        # A subclass, such as a member of an enumeration or NumPy's float64.
+        return float(argument) if isinstance(argument, float) else int(argument)
     if hasattr(argument, "dtype") and getattr(argument, "shape", None) == ():
         from warp._src.numpy_types import dtype_from_numpy
 

@@ -57,8 +57,8 @@ class Matrix(Composite):
         return (self.get_row(row) for row in range(self._shape_[0]))
 
     def __str__(self):
-        numbers, columns = scalars_of(self), self._shape_[1]
-        rows = (numbers[i : i + columns] for i in range(0, self._length_, columns))
+        numbers, (count, columns) = scalars_of(self), self._shape_
+        rows = (numbers[i * columns : (i + 1) * columns] for i in range(count))
         return "[" + ",\n ".join(f"[{', '.join(map(str, row))}]" for row in rows) + "]"
 
     def __repr__(self):
@@ -89,7 +89,7 @@ class Matrix(Composite):
         picked = [numbers[r * stride + c] for r in row_list for c in column_list]
         if isinstance(rows, int) or isinstance(columns, int):
             return vector(len(picked), self._wp_scalar_type_)._from_numbers(picked)
-        shape = (len(row_list), len(column_list))
+        shape = (len(row_list), len(column_list)) if picked else (0, 0)
         return matrix(shape, self._wp_scalar_type_)._from_numbers(picked)
 
     def __setitem__(self, key, value):
@@ -189,8 +189,8 @@ def matrix(shape=None, dtype=None, *, name=None):
     rows, columns = shape
     if is_open(rows) or is_open(columns) or is_open(dtype):
         return GenericAnnotation(Matrix, (rows, columns, dtype))
-    if min(rows, columns) < 1:
-        raise ValueError(f"expects matrix extents of at least 1, but got {tuple(shape)}")
+    if min(rows, columns) < 0:
+        raise ValueError(f"expects matrix extents of at least 0, but got {tuple(shape)}")
     dtype = canonical_scalar(dtype)
     key = (Matrix, rows, columns, dtype)
     if key not in _cache:

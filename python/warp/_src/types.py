@@ -36,7 +36,9 @@ from warp._src.scalars import (
 )
 from warp._src.scalars import bfloat16 as bfloat16
 from warp._src.scalars import bool as bool
+from warp._src.scalars import float_base as float_base
 from warp._src.scalars import handle as handle
+from warp._src.scalars import int_base as int_base
 from warp._src.vectors import (
     Quaternion,
     Transformation,
@@ -269,6 +271,13 @@ def type_is_quaternion(t) -> builtins.bool:
 
 def type_is_transformation(t) -> builtins.bool:
     return _is_family(t, Transformation)
+
+
+def type_is_array(t) -> builtins.bool:
+    from warp._src.annotations import ArrayType
+    from warp._src.array import array
+
+    return isinstance(t, ArrayType) or _is_family(t, array)
 
 
 def type_is_struct(t) -> builtins.bool:

@@ -209,13 +209,16 @@ def make_composite(name, mixin, length, dtype, attributes):
 
 
 def vector(length=None, dtype=None, *, name=None):
-    """The vector type of `length` components of scalar type `dtype`."""
+    """The vector type of `length` components of scalar type `dtype`.
+
+    Without components it is what an empty slice gives; kernels have no such values.
+    """
     if not isinstance(length, int) or isinstance(length, bool):
         length, dtype = dtype, length
     if is_open(length) or is_open(dtype):
         return GenericAnnotation(Vector, (length, dtype))
-    if not isinstance(length, int) or length < 1:
-        raise ValueError(f"expects a vector length of at least 1, but got {length!r}")
+    if not isinstance(length, int) or length < 0:
+        raise ValueError(f"expects a vector length of at least 0, but got {length!r}")
     dtype = canonical_scalar(dtype)
     key = (Vector, length, dtype)
     if key not in _cache:

@@ -63,6 +63,8 @@ class Constructors(Derivatives):
         if types.is_struct(kind):
             return self.call_struct(kind, node)
         if types.type_is_composite(kind):
+            if kind._length_ == 0 and not node.args and not node.keywords:
+                return kind()
             arguments, keywords = self.arguments(node)
             return self.construct(self.native(kind, node), arguments, keywords, node)
         if types.type_is_scalar(kind):
@@ -114,6 +116,9 @@ class Constructors(Derivatives):
             else:
                 values.append(self.materialize(argument, node))
         self.at(node)
+        if native.kind == "transform" and [value.type.shape for value in values] == [[3]]:
+            unit = type(element).parse(f"!warp.quat<{element}>")
+            values.append(self.construct(unit, [0, 0, 0, 1], {}, node))
         if len(values) == 1 and values[0].type.kind == native.kind and values[0].type != native:
             return self.builder.cast(values[0], native)
         if native.kind == "mat" and len(values) > 1 and values[0].type.kind == "vec":

@@ -152,6 +152,8 @@ class EmitterBase:
             self.at(node)
             return self.builder.constant(types.native_type(kind), binding.value)
         if isinstance(binding, types.Composite):
+            if not binding._length_:
+                raise self.type_error(node, "expects a value, but got a slice without components")
             self.at(node)
             native = types.native_type(kind)
             element = native.element

@@ -191,8 +191,9 @@ class Expressions(Access):
             if (type(left) is bool) == (type(right) is bool):
                 return fold(left, right)
             static = False
-        if static and kind in (ast.Eq, ast.NotEq) and not isinstance(left, types.Composite):
-            return fold(left, right)
+        if static and kind in (ast.Eq, ast.NotEq):
+            if not isinstance(left, types.Composite) or not len(left):
+                return fold(left, right)
         left, right = self.materialize(left, node), self.materialize(right, node)
         kinds = {left.type.kind, right.type.kind}
         if len(kinds) == 2 and "bool" in kinds:
