@@ -19,7 +19,14 @@ _SUFFIX = ".warp"
 
 
 def compile_aot_module(
-    module, device=None, arch=None, module_dir=None, use_ptx=None, strip_hash=None
+    module,
+    device=None,
+    arch=None,
+    module_dir=None,
+    use_ptx=None,
+    strip_hash=None,
+    enable_backward=None,
+    gradients=None,
 ) -> list[Path]:
     """Compiles all kernels of a module and saves them to files.
 
@@ -36,6 +43,12 @@ def compile_aot_module(
             of that architecture must be there. By default PTX for an architecture and machine code
             for a device.
         strip_hash: leave the hash of the kernels out of the file name.
+        enable_backward: save adjoints, too; by default of those kernels for which the option of
+            that name was set to True, by the kernel or its module. There is one adjoint for the
+            case that every floating-point array has a gradient, unless that has no derivative, and
+            one for each case that backward passes have had so far.
+        gradients: the cases to save instead, by name of the kernel: lists of names of the arrays
+            that have a gradient; `s.x` is an array in a struct.
 
     Returns:
         The paths of the files.
@@ -43,7 +56,7 @@ def compile_aot_module(
     Raises:
         WarpCodegenError: a kernel cannot be translated.
         RuntimeError: the module has no kernels, or a file cannot be written.
-        ValueError: an architecture is unknown.
+        ValueError: an architecture is unknown, or a kernel or array that `gradients` names.
     """
     module = imported_module(module)
     _set_strip(module, strip_hash)
@@ -53,6 +66,7 @@ def compile_aot_module(
     folder = _folder(module_dir)
     folder.mkdir(parents=True, exist_ok=True)
     stem = _stem(module, kernels)
+    kernels += _adjoints(module, enable_backward, gradients or {})
     paths = []
     for architecture, index in _targets(device, arch, use_ptx):
         path = folder / f"{stem}.{_target_name(architecture)}{_SUFFIX}"
@@ -66,7 +80,7 @@ def load_aot_module(
 ) -> None:
     """Lets the kernels of a module launch code that `compile_aot_module` saved.
 
-    Launches that no saved code fits are compiled as usual.
+    Launches and backward passes that no saved code fits are compiled as usual.
 
     Args:
         module: a module, its name, or what `wp.get_module` gives.
@@ -104,13 +118,30 @@ def _folder(module_dir) -> Path:
 
 def _named_kernels(module: Module) -> list:
     """Native kernels and the names they are saved under."""
-    named = []
+    return [pair for key, kernel in sorted(module.kernels.items()) for pair in _named(kernel, key)]
+
+
+def _named(kernel, key) -> list:
+    if not kernel.is_generic:
+        return [(kernel.prepare(), key)]
+    return [(native, f"{key}_{tag}") for tag, native in kernel.tagged_specializations()]
+
+
+def _adjoints(module: Module, enable_backward, gradients) -> list:
+    """Native kernels of adjoints and the names they are saved under."""
+    from warp._src.saved_derivatives import adjoints, wants_adjoints
+
+    unknown = set(gradients) - set(module.kernels)
+    if unknown:
+        raise ValueError(f"module '{module.name}' has no kernel '{unknown.pop()}' for `gradients`")
+    pairs = []
     for key, kernel in sorted(module.kernels.items()):
-        if kernel.is_generic:
-            named += [(native, f"{key}_{tag}") for tag, native in kernel.tagged_specializations()]
-        else:
-            named.append((kernel.prepare(), key))
-    return named
+        wanted = gradients.get(key)
+        if wanted is None and not wants_adjoints(kernel, enable_backward):
+            continue
+        for native, name in _named(kernel, key):
+            pairs += adjoints(kernel, native, name, wanted)
+    return pairs
 
 
 def _stem(module: Module, kernels) -> str:

@@ -145,6 +145,11 @@ class Kernel:
             except errors.WarpError:
                 continue
         return native
+        self._use_saved(native, name)
+        return native
+
+    def _use_saved(self, native, name) -> None:
+        """Lets a native kernel launch what a module in a file has for it."""
 
     @property
     def is_deterministic(self) -> bool:
@@ -210,8 +215,29 @@ class Kernel:
     def tagged_specializations(self) -> list:
         """What was made for the arguments of a generic kernel, as (tag, native kernel)."""
         current = Epoch.current
+            if self.module.saved and unique and not forward:
+                self._use_saved_adjoint(found, native, active)
         return [
             (type_tag(types), native)
+    def _use_saved_adjoint(self, derivative, native, active) -> None:
+        from warp._src.saved_derivatives import parts, saved_name
+
+        tags = {made: f"{self.key}_{tag}" for tag, made in self.tagged_specializations()}
+        for part, made in parts(derivative).items():
+            self._use_saved(made, saved_name(tags.get(native, self.key), part, active))
+
+    def differentiated(self, native) -> list[tuple]:
+        """Sets of arrays with a gradient that there are adjoints of a native kernel for."""
+        from warp import config
+
+        if self._derivatives_epoch is not Epoch.current:
+            return []
+        return [
+            active
+            for made, active, forward, unique, singular, *_ in self._derivatives
+            if made is native and unique and not forward and singular == config.singular
+        ]
+
             for types, (native, epoch) in self._specialized.items()
             if epoch is current
         ]
