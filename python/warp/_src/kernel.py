@@ -139,17 +139,16 @@ class Kernel:
         native = self.compile_module(build_kernel(self, arguments), self.key)
         self._dump(native)
         name = self.key if arguments is None else f"{self.key}_{type_tag(arguments)}"
-        for saved in self.module.saved:
-            try:
-                saved.attach(native, name)
-            except errors.WarpError:
-                continue
-        return native
         self._use_saved(native, name)
         return native
 
     def _use_saved(self, native, name) -> None:
         """Lets a native kernel launch what a module in a file has for it."""
+        for saved in self.module.saved:
+            try:
+                saved.attach(native, name)
+            except errors.WarpError:
+                continue
 
     @property
     def is_deterministic(self) -> bool:
@@ -210,15 +209,10 @@ class Kernel:
             made = differentiate(self, native, active, forward, unique)
             found = Derivative(self, made, "tangent" if forward else "adjoint")
             self._derivatives[key] = found
-        return found
-
-    def tagged_specializations(self) -> list:
-        """What was made for the arguments of a generic kernel, as (tag, native kernel)."""
-        current = Epoch.current
             if self.module.saved and unique and not forward:
                 self._use_saved_adjoint(found, native, active)
-        return [
-            (type_tag(types), native)
+        return found
+
     def _use_saved_adjoint(self, derivative, native, active) -> None:
         from warp._src.saved_derivatives import parts, saved_name
 
@@ -238,6 +232,11 @@ class Kernel:
             if made is native and unique and not forward and singular == config.singular
         ]
 
+    def tagged_specializations(self) -> list:
+        """What was made for the arguments of a generic kernel, as (tag, native kernel)."""
+        current = Epoch.current
+        return [
+            (type_tag(types), native)
             for types, (native, epoch) in self._specialized.items()
             if epoch is current
         ]
