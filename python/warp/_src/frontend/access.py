@@ -14,6 +14,14 @@ from warp._src.frontend.names import BuiltinRef
 COMPONENTS = {"x": 0, "y": 1, "z": 2, "w": 3}
 
 
+def places_of(selections) -> list[list]:
+    """The indices of each selected component, in row-major order."""
+    places = [[]]
+    for choices, _ in selections:
+        places = [prefix + [choice] for prefix in places for choice in choices]
+    return places
+
+
 class Access(EmitterBase):
     """Translates `a.b` and `a[b]`."""
 
@@ -235,10 +243,7 @@ class Access(EmitterBase):
         ]
         if bounds[2] == 0:
             raise self.error(node, "slice step is zero", kind=errors.WarpCodegenValueError)
-        selected = range(extent)[slice(*bounds)]
-        if not selected:
-            raise self.error(node, "slice selects no component", kind=errors.WarpCodegenValueError)
-        return selected
+        return range(extent)[slice(*bounds)]
 
     def selections(self, native, items, node):
         """For each axis of a composite: the chosen indices, and whether the axis remains."""
@@ -264,13 +269,16 @@ class Access(EmitterBase):
 
     def composite_slice(self, base, items, node):
         """A copy of the selected components, as a vector or matrix."""
-        selections = self.selections(base.type, items, node)
-        places = [[]]
-        for choices, _ in selections:
-            places = [prefix + [choice] for prefix in places for choice in choices]
+        return self.selected(base, self.selections(base.type, items, node), node)
+
+    def selected(self, base, selections, node):
+        """The components at `selections`; a constant without components if there are none."""
         self.at(node)
-        values = [self.builder.extract(base, indices) for indices in places]
+        values = [self.builder.extract(base, place) for place in places_of(selections)]
         lengths = [len(choices) for choices, remains in selections if remains]
+        if not values:
+            dtype = types.dtype_of(base.type.element)
+            return (types.vector(0, dtype) if len(lengths) == 1 else types.matrix((0, 0), dtype))()
         return self.builder.construct(self.composite_type(lengths, base.type.element), values)
 
     def composite_type(self, lengths, element):

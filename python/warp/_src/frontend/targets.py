@@ -10,7 +10,7 @@ from __future__ import annotations
 import ast
 
 from warp._src import errors, types
-from warp._src.frontend.access import COMPONENTS
+from warp._src.frontend.access import COMPONENTS, places_of
 from warp._src.frontend.emitter import INT32, Value
 from warp._src.frontend.loops import Loops
 
@@ -226,24 +226,46 @@ class Targets(Loops):
         items = target.slice.elts if isinstance(target.slice, ast.Tuple) else [target.slice]
         return any(isinstance(item, ast.Slice) for item in items)
 
-    def assign_slice(self, target, binding, node):
-        """`v[0:2] = w` and `m[:, j] = c` of a local or an element; a scalar fills."""
+    def slice_slot(self, target):
+        """The place that is sliced, and the selected indices of each of its axes."""
         slot = self.slot(target.value)
-        native = slot.type
-        if native.kind == "array":
+        if slot.type.kind == "array":
             raise self.unsupported(target, "assignment to a slice of an array", "use a loop")
         items = target.slice.elts if isinstance(target.slice, ast.Tuple) else [target.slice]
-        selections = self.selections(native, items, target)
-        places = [[]]
-        for choices, _ in selections:
-            places = [prefix + [choice] for prefix in places for choice in choices]
+        return slot, self.selections(slot.type, items, target)
+
+    def assign_slice(self, target, binding, node):
+        """`v[0:2] = w` and `m[:, j] = c` of a local or an element; a scalar fills."""
+        slot, selections = self.slice_slot(target)
         value = self.materialize(binding, node)
+        self.write_slice(slot, selections, self.read(slot, target), value, target)
+
+    def write_slice(self, slot, selections, whole, value, target):
+        places = places_of(selections)
         parts = self.components(value, len(places), target)
         self.at(target)
-        whole = self.read(slot, target)
-        for place, part in zip(places, parts, strict=False):
+        for place, part in zip(places, parts, strict=True):
             whole = self.builder.insert(whole, place, part)
         self.write(slot, whole, target)
+
+    def update_slice(self, node):
+        """`v[0:2] += w`; components of an array's element are updated one by one if atomic."""
+        target, op = node.target, node.op
+        slot, selections = self.slice_slot(target)
+        right = self.materialize(self.expr(node.value), node.value)
+        composite = right.type.kind not in ("bool", "int", "float")
+        if slot.array is not None and composite and self.is_atomic(slot, op):
+            places = places_of(selections)
+            parts = self.components(right, len(places), target)
+            self.at(node)
+            view = self.slot_view(slot)
+            for place, part in zip(places, parts, strict=True):
+                element = self.builder.component_view(view, place)
+                self.builder.atomic(_ATOMIC[type(op)], element, slot.indices, part)
+            return
+        whole = self.read(slot, target)
+        left = self.selected(whole, selections, target)
+        self.write_slice(slot, selections, whole, self.binary(node, op, left, right), target)
 
     def components(self, value, count, node):
         """The components of a value in row-major order; a scalar repeats."""
@@ -277,8 +299,9 @@ class Targets(Loops):
             left = self.read_name(target.id, target)
             self.assign_name(target.id, self.binary(node, op, left, self.expr(node.value)), node)
             return
-        if self.has_slice(target) if isinstance(target, ast.Subscript) else False:
-            raise self.unsupported(target, "augmented assignment to a slice")
+        if isinstance(target, ast.Subscript) and self.has_slice(target):
+            self.update_slice(node)
+            return
         slot = self.slot(target)
         right = self.materialize(self.expr(node.value), node.value)
         if slot.array is not None and self.is_atomic(slot, op):
