@@ -121,6 +121,13 @@ SETTINGS = {
             choices=("pinned", "strict", "report"),
         ),
         Setting("enable_backward", bool, True, "allow derivatives of kernels"),
+        Setting(
+            "verify_autograd_array_access",
+            bool,
+            False,
+            "print a line to stderr as soon as something overwrites what the gradient of a recorded "
+            "launch depends on",
+        ),
         Setting("cache_kernels", bool, True, "keep compiled kernels on disk"),
         Setting(
             "kernel_cache_dir",
@@ -146,7 +153,6 @@ SETTINGS = {
         ),
         Setting("launch_array_access_mode", (int, str), "RELAXED", "reserved: overlap checks"),
         _inert("log_level", int, 30),
-        _inert("verify_autograd_array_access", bool, False),
         _inert("enable_vector_component_overwrites", bool, False),
         _inert("legacy_scalar_return_types", bool, False),
         _inert("cuda_output", _MAYBE_STR, None),

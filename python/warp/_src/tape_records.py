@@ -9,6 +9,8 @@ them stays readable.
 
 from __future__ import annotations
 
+import sys
+
 from warp import _native
 from warp._src import adjoint, errors, kernel_derivatives, types
 from warp._src.array import array
@@ -27,6 +29,7 @@ class LaunchRecord:
         "call",
         "event",
         "initial",
+        "pending",
         "preserve",
         "saved",
         "versions",
@@ -36,6 +39,8 @@ class LaunchRecord:
         self.call = call
         self.event: Event = call.event
         self.preserve = preserve
+        # No backward pass has run it yet.
+        self.pending = True
         self.versions: list = []
         # Copies of arrays as they were before the launch, by number.
         self.initial: dict[int, array] = {}
@@ -95,6 +100,8 @@ class LaunchRecord:
 
     def observe(self) -> None:
         """Notes the versions of all arrays."""
+        from warp import config
+
         if not any(self.call.active):
             return
         for _, leaf in self.call.leaves:
@@ -103,15 +110,35 @@ class LaunchRecord:
                 version = Watch.memory.observe(leaf)
                 if self.preserve:
                     version.keep_for(self)
+                elif config.verify_autograd_array_access:
+                    version.watch_for(self)
             self.versions.append(version)
 
     def needs(self, version) -> bool:
         """Whether the adjoint reads what this version is of."""
+        return self._needed_name(version) is not None
+
+    def _needed_name(self, version) -> str | None:
+        """Name of the array that the adjoint reads and this version is of."""
         try:
             wanted = self.derivative().needed
         except errors.WarpError:
-            return False
-        return any(self.versions[leaf] is version for leaf in wanted if leaf < len(self.versions))
+            return None
+        for leaf in wanted:
+            if leaf < len(self.versions) and self.versions[leaf] is version:
+                return self.call.leaves[leaf][0]
+        return None
+
+    def overwriting(self, version, by: Event) -> None:
+        """Says that a version is about to end although a backward pass has yet to read it."""
+        name = self._needed_name(version) if self.pending else None
+        if name is not None:
+            print(
+                f"{by.file}:{by.line}: the {by.what} overwrites an array that has already been "
+                f"read from: the gradient of the {self.event} depends on its array '{name}'; "
+                "write to another array, or use `wp.Tape(preserve='auto')`",
+                file=sys.stderr,
+            )
 
     def arrays(self) -> list[array]:
         return [leaf for _, leaf in self.call.leaves if leaf is not None]
@@ -129,6 +156,7 @@ class LaunchRecord:
             self._check_aliases()
         values = self._values(derivative)
         adjoint.launch_adjoint(derivative, self.call, values, self.initial, self.saved)
+        self.pending = False
 
     def arguments(self) -> tuple | None:
         """All arguments of the adjoint, None if there is nothing to run."""

@@ -52,15 +52,21 @@ class Version:
         ended: the event that overwrote it, or None.
         copy: the contents with the array's strides, if they were kept.
         readers: recorded launches that want them kept.
+        watchers: recorded launches that want to be told who overwrites it.
         lent: the event that lent the memory to others and the checksum at that time, or None.
     """
 
-    __slots__ = ("__weakref__", "array", "copy", "ended", "lent", "readers")
+    __slots__ = ("__weakref__", "array", "copy", "ended", "lent", "readers", "watchers")
 
     def __init__(self, array):
         self.array = array
         self.ended = self.copy = self.lent = None
         self.readers: list = []
+        self.watchers: tuple = ()
+
+    def watch_for(self, reader) -> None:
+        """Calls `reader.overwriting` before the memory is overwritten."""
+        self.watchers += (weakref.ref(reader),)
 
     def keep_for(self, reader) -> None:
         """Asks for a copy before the memory is overwritten, if `reader.needs` it then."""
@@ -69,6 +75,10 @@ class Version:
     def end(self, by: Event) -> None:
         """Called before the memory is overwritten."""
         self._keep()
+        for watcher in self.watchers:
+            reader = watcher()
+            if reader is not None:
+                reader.overwriting(self, by)
         self.ended = by
 
     def lend(self) -> None:
