@@ -43,6 +43,7 @@ from warp._src.array_create import ones as ones
 from warp._src.array_create import ones_like as ones_like
 from warp._src.array_create import zeros as zeros
 from warp._src.array_create import zeros_like as zeros_like
+from warp._src.config import DeterministicMode as DeterministicMode
 from warp._src.constants import HALF_PI as HALF_PI
 from warp._src.constants import INF as INF
 from warp._src.constants import LN2 as LN2

@@ -381,6 +381,11 @@ def test_deterministic_setting():
     assert wp.config.deterministic is False
     module = wp.get_module(__name__)
     assert not square.is_deterministic
+    for mode in (wp.DeterministicMode.RUN_TO_RUN, wp.config.DeterministicMode.GPU_TO_GPU):
+        wp.set_module_options({"deterministic": mode}, module)
+        assert square.is_deterministic
+    wp.set_module_options({"deterministic": wp.DeterministicMode.NOT_GUARANTEED}, module)
+    assert not square.is_deterministic
     wp.set_module_options({"deterministic": "run_to_run"}, module)
     try:
         assert square.is_deterministic

@@ -144,14 +144,68 @@ def test_missing_gradients_are_named(device):
         )
 
 
-def test_picture(device):
-    plt = pytest.importorskip("matplotlib.pyplot")
-    plt.switch_backend("Agg")
+@pytest.fixture
+def plt():
+    found = pytest.importorskip("matplotlib.pyplot")
+    found.switch_backend("Agg")
+    yield found
+    found.close("all")
+
+
+def test_picture_of_a_kernel(device, plt):
     x, y = arguments(device)
     found = wp.autograd.jacobian(products, 2, [x, 2.0], [y])
-    figure = wp.autograd.jacobian_plot(found, products, show_plot=False)
-    assert figure.axes[0].get_xlabel() == "x"
-    plt.close(figure)
+    figure = wp.autograd.jacobian_plot(found, products, [x, 2.0], show_plot=False)
+    assert figure.get_suptitle() == "products kernel Jacobian"
+    picture, scale = figure.axes
+    assert picture.get_xlabel() == "x" and picture.get_ylabel() == "y"
+    assert np.array_equal(picture.images[0].get_array(), found[0, 0].numpy().reshape(6, 4))
+    assert picture.images[0].norm.vmin == -np.abs(found[0, 0].numpy()).max()
+    with pytest.raises(ValueError, match="inputs must be provided"):
+        wp.autograd.jacobian_plot(found, products, show_plot=False)
+    assert wp.autograd.jacobian_plot({}, products, [x, 2.0], show_plot=False) is None
+
+
+def test_picture_of_several_jacobians(plt):
+    narrow, wide = (wp.array(np.ones((3, n)), dtype=float, device="cpu") for n in (2, 5))
+    labels = wp.autograd.FunctionMetadata("f", ["a", "b"], {10: "r", 2: "s"})
+    found = {(0, 10): narrow, (1, 2): wide}
+    figure = wp.autograd.jacobian_plot(found, labels, show_plot=False, show_colorbar=False)
+    shown = [(one.get_xlabel(), one.get_ylabel()) for one in figure.axes if one.axison]
+    assert shown == [("b", "s"), ("a", "r")] and len(figure.axes) == 4
+    grid = figure.axes[0].get_gridspec()
+    assert grid.get_width_ratios() == [2, 5] and grid.get_height_ratios() == [3, 3]
+    unnamed = wp.autograd.FunctionMetadata(input_labels=["a", "b"])
+    figure = wp.autograd.jacobian_plot({(0, 1): narrow}, unnamed, show_plot=False)
+    assert figure.get_suptitle() == "unknown kernel Jacobian"
+    assert figure.axes[0].get_ylabel() == "output_1"
+    for labels in ({"input_labels": ["a"]}, {"input_labels": ["a", None]}):
+        metadata = wp.autograd.FunctionMetadata(**labels)
+        with pytest.raises(ValueError, match="Jacobian input index 1: missing label"):
+            wp.autograd.jacobian_plot({(1, 0): narrow}, metadata, show_plot=False)
+
+
+def test_pictures_of_errors(plt, monkeypatch):
+    shown = []
+    monkeypatch.setattr(plt, "show", lambda: shown.append(plt.gcf().get_suptitle()))
+    x, y = arguments("cpu")
+    errors = {"plot_relative_error": True, "plot_absolute_error": True, "show_summary": False}
+    assert wp.autograd.gradcheck(products, 2, [x, 2.0], [y], **errors)
+    title = "products kernel Jacobian"
+    assert shown == [f"{title} relative error", f"{title} absolute error"]
+
+
+def test_launches_without_derivatives_are_left_out():
+    x, y = arguments("cpu")
+    with wp.Tape() as tape:
+        wp.launch(products, 2, [x, 2.0], [y], device="cpu")
+    products.options["enable_backward"] = False
+    try:
+        with pytest.raises(RuntimeError, match="`enable_backward=False`"):
+            wp.autograd.gradcheck(products, 2, [x, 2.0], [y])
+        assert wp.autograd.gradcheck_tape(tape)
+    finally:
+        del products.options["enable_backward"]
 
 
 def test_metrics():

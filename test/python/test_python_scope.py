@@ -49,3 +49,10 @@ def test_numbers_of_numpy():
     expected = wp.quat_rpy(0.1, 0.2, 0.3)
     assert wp.quat_rpy(*angles) == expected and wp.quat_rpy(*angles.astype(np.float32)) == expected
     assert wp.sin(np.float64(0.5)) == wp.sin(0.5)
+
+
+def test_scalar_types_by_dtype():
+    table = wp._src.types.np_dtype_to_warp_type
+    for dtype in (np.float16, np.float64, np.int8, np.uint64, np.bool_):
+        assert table[np.dtype(dtype)] is table[dtype] is wp.dtype_from_numpy(dtype)
+    assert wp.types.type_is_array(wp.array(dtype=float)) and not wp.types.type_is_array(wp.vec3)

@@ -8,9 +8,21 @@ for NVIDIA Warp and change nothing here are marked as such.
 
 from __future__ import annotations
 
+import enum
 import os
 import sys
 import types
+
+
+class DeterministicMode(enum.IntEnum):
+    """Values of `wp.config.deterministic` and of the option of that name.
+
+    Both guarantees make the order of sums the same in every run; they differ in nothing here.
+    """
+
+    NOT_GUARANTEED = 0
+    RUN_TO_RUN = 1
+    GPU_TO_GPU = 2
 
 
 class Setting:
@@ -146,7 +158,7 @@ SETTINGS = {
         Setting("load_module_max_workers", _MAYBE_INT, 0, "threads that compile; 0 is serial"),
         Setting(
             "deterministic",
-            (bool, str),
+            (bool, str, DeterministicMode),
             False,
             "sums have the same bits in every run: launches whose order of atomics would show run "
             "on one thread, on CUDA devices in one block if all threads add to the same elements",
@@ -223,6 +235,7 @@ def install(module_name, version) -> None:
     module = sys.modules[module_name]
     values = vars(module)
     values["version"] = version
+    values["DeterministicMode"] = DeterministicMode
     for setting in SETTINGS.values():
         values[setting.name] = setting.initial()
     module.__class__ = ConfigModule

@@ -41,6 +41,18 @@ _BY_NAME = {
 }
 
 
+def scalar_types() -> dict:
+    """The scalar types that NumPy has, by its dtypes and by its types."""
+    import numpy
+
+    found = {}
+    for name, scalar in _BY_NAME.items():
+        if scalar is not scalars.bfloat16:
+            dtype = numpy.dtype(name)
+            found[dtype] = found[dtype.type] = scalar
+    return found
+
+
 def element_layout(dtype):
     """NumPy dtype and inner shape of one array element of type `dtype`."""
     if types.is_struct(dtype):

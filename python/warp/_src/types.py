@@ -325,6 +325,16 @@ def types_equal(a, b) -> builtins.bool:
         return a is b or a == b
 
 
+def __getattr__(name):
+    """`np_dtype_to_warp_type`, a table that needs NumPy, is made when it is asked for."""
+    if name != "np_dtype_to_warp_type":
+        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+    from warp._src.numpy_types import scalar_types
+
+    globals()[name] = scalar_types()
+    return globals()[name]
+
+
 for _dtype in (scalars.bool, *SCALAR_TYPES, *set(NAMED_TYPES.values())):
     register(_dtype)
 

@@ -67,7 +67,7 @@ def gradcheck(
         lines.append(line)
         if not agrees:
             failed.append(line)
-        _plot(pair, computed, central[key], plot_absolute_error, plot_relative_error)
+    _plot(problem, adjoint, central, plot_absolute_error, plot_relative_error)
     if show_summary:
         print(f"gradients of '{problem.label}': {'differ' if failed else 'agree'}")
         print("\n".join(f"  {line}" for line in lines))
@@ -110,17 +110,19 @@ def _skipped_rows(computed) -> numpy.ndarray:
     return numpy.broadcast_to(numpy.isnan(computed).all(axis=1)[:, None], computed.shape)
 
 
-def _plot(names, computed, central, absolute, relative) -> None:
+def _plot(problem, computed, central, absolute, relative) -> None:
     if not (absolute or relative):
         return
-    from warp._src.autograd.plots import show_matrices
+    from warp._src.autograd.plots import metadata_of, show_matrices
 
-    error = numpy.abs(computed - central)
-    title = f"d{names[1]}/d{names[0]}"
-    if absolute:
-        show_matrices({f"absolute error of {title}": error})
+    names = metadata_of(problem.metadata or problem.function, problem.values)
+    differences = {key: numpy.abs(found - central[key]) for key, found in computed.items()}
+    title = f"{problem.label} kernel Jacobian"
     if relative:
-        show_matrices({f"relative error of {title}": error / (numpy.abs(central) + 1e-12)})
+        scaled = {key: error / (numpy.abs(central[key]) + 1e-12) for key, error in differences.items()}
+        show_matrices(scaled, names, f"{title} relative error")
+    if absolute:
+        show_matrices(differences, names, f"{title} absolute error")
 
 
 def gradcheck_tape(
@@ -143,6 +145,8 @@ def gradcheck_tape(
 ) -> bool:
     """Runs `gradcheck` for each launch on a tape, with the contents that the arrays have now.
 
+    Launches of kernels with `enable_backward=False` are left out.
+
     Args:
         tape: whose launches.
         input_output_masks: `input_output_mask` by name of the kernel.
@@ -163,6 +167,8 @@ def gradcheck_tape(
     passed = True
     for call in launches[skip_to_launch_index:]:
         name = call.kernel.key
+        if not call.kernel.option("enable_backward"):
+            continue
         if name in (blacklist_kernels or ()) or name not in (whitelist_kernels or [name]):
             continue
         try:

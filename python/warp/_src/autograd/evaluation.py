@@ -48,12 +48,19 @@ class FunctionMetadata:
 
     Attributes:
         key: name of the function.
-        input_labels, output_labels: names by position.
+        input_labels, output_labels: names by position, in a list or a dictionary; outputs without
+            names are `output_0`, `output_1`, ...
+        input_strides, output_strides, input_dtypes, output_dtypes: of arrays, None for others;
+            nothing here needs them.
     """
 
-    key: str = ""
-    input_labels: dict = dataclasses.field(default_factory=dict)
-    output_labels: dict = dataclasses.field(default_factory=dict)
+    key: str | None = None
+    input_labels: list | dict | None = None
+    output_labels: list | dict | None = None
+    input_strides: list | None = None
+    output_strides: list | None = None
+    input_dtypes: list | None = None
+    output_dtypes: list | None = None
 
 
 class Evaluation:

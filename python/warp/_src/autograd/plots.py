@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import inspect
+
 import numpy
 
 from warp._src.array import array
+from warp._src.autograd.evaluation import FunctionMetadata
+from warp._src.kernel import Kernel
 
 
 def jacobian_plot(
@@ -23,7 +27,7 @@ def jacobian_plot(
     Args:
         jacobians: what `jacobian` returned.
         kernel: the kernel or function, or `FunctionMetadata`, for names.
-        inputs: accepted for compatibility; not needed.
+        inputs: the arguments of a kernel that are not outputs.
         show_plot: open a window.
         show_colorbar: draw the scale of colours.
         scale_colors_per_submatrix: let each picture have a scale of its own.
@@ -32,20 +36,39 @@ def jacobian_plot(
         log_scale: colours by the logarithm of the absolute value.
 
     Returns:
-        The Matplotlib figure.
+        The Matplotlib figure, None if there is no Jacobian.
+
+    Raises:
+        ValueError: a kernel comes without `inputs`, or an input or output has no name.
     """
-    names = _names(kernel)
-    matrices = {(target, source): _matrix(values) for (source, target), values in jacobians.items()}
+    metadata = metadata_of(kernel, inputs)
+    if not jacobians:
+        return None
     return show_matrices(
-        matrices,
-        title or getattr(kernel, "key", getattr(kernel, "__name__", "")),
+        {key: _matrix(values) for key, values in jacobians.items()},
+        metadata,
+        title or f"{metadata.key or 'unknown'} kernel Jacobian",
         show=show_plot,
         colorbar=show_colorbar,
         separate=scale_colors_per_submatrix,
         colormap=colormap,
         logarithmic=log_scale,
-        names=names,
     )
+
+
+def metadata_of(kernel, inputs=None) -> FunctionMetadata:
+    """Names of a kernel or function, its inputs and its outputs."""
+    if isinstance(kernel, FunctionMetadata):
+        return kernel
+    if not isinstance(kernel, Kernel):
+        names = list(inspect.signature(kernel).parameters)
+        return FunctionMetadata(getattr(kernel, "__name__", None), names)
+    if inputs is None:
+        raise ValueError("inputs must be provided to tell the inputs of a kernel from its outputs")
+    code = kernel.func.__code__
+    names = list(code.co_varnames[: code.co_argcount])
+    # Where outputs are among the inputs, they have the same names.
+    return FunctionMetadata(kernel.key, names, names[len(inputs) :] or names)
 
 
 def _matrix(values) -> numpy.ndarray:
@@ -53,49 +76,79 @@ def _matrix(values) -> numpy.ndarray:
     return numbers.reshape(numbers.shape[0], -1)
 
 
-def _names(kernel) -> dict:
-    """Labels of inputs by position, as far as they are known."""
-    if hasattr(kernel, "input_labels"):
-        labels = kernel.input_labels
-        return dict(labels) if isinstance(labels, dict) else dict(enumerate(labels))
-    code = getattr(getattr(kernel, "func", kernel), "__code__", None)
-    return dict(enumerate(code.co_varnames[: code.co_argcount])) if code else {}
+def _label(labels, key, kind, default=None) -> str:
+    """Name of an input or output; that of an array in a struct is its key."""
+    if isinstance(key, str):
+        return key
+    known = dict(labels) if isinstance(labels, dict) else dict(enumerate(labels or ()))
+    label = known.get(key, default)
+    if label is None:
+        raise ValueError(f"Jacobian {kind} index {key}: missing label, there are {len(known)}")
+    return label
+
+
+def _in_order(keys) -> list:
+    return sorted(set(keys), key=lambda key: (isinstance(key, str), key))
 
 
 def show_matrices(
     matrices: dict,
-    title: str = "",
+    metadata: FunctionMetadata,
+    title: str,
     show: bool = True,
     colorbar: bool = True,
     separate: bool = False,
     colormap: str = "coolwarm",
     logarithmic: bool = False,
-    names: dict | None = None,
 ):
-    """Draws matrices, keyed by (row, column) or by a headline, as coloured squares."""
+    """Draws matrices, by input and output, as coloured squares; extents are to scale."""
     import matplotlib.pyplot as plt
 
-    grid = {key if isinstance(key, tuple) else (0, key): m for key, m in matrices.items()}
-    rows = sorted({key[0] for key in grid}, key=str)
-    columns = sorted({key[1] for key in grid}, key=str)
-    figure, axes = plt.subplots(len(rows), len(columns), squeeze=False, layout="constrained")
+    columns, rows = _in_order(key[0] for key in matrices), _in_order(key[1] for key in matrices)
+    named = metadata.output_labels is not None
+    tops = [_label(metadata.input_labels, key, "input") for key in columns]
+    sides = [
+        _label(metadata.output_labels, key, "output", None if named else f"output_{key}")
+        for key in rows
+    ]
+    figure, axes = plt.subplots(
+        len(rows),
+        len(columns),
+        squeeze=False,
+        layout="constrained",
+        width_ratios=[max(m.shape[1] for k, m in matrices.items() if k[0] == c) for c in columns],
+        height_ratios=[max(m.shape[0] for k, m in matrices.items() if k[1] == r) for r in rows],
+    )
     if logarithmic:
-        grid = {key: numpy.log10(numpy.abs(m) + 1e-30) for key, m in grid.items()}
-    finite = [m[numpy.isfinite(m)] for m in grid.values()]
-    largest = max((numpy.abs(m).max() for m in finite if m.size), default=1.0)
+        matrices = {key: numpy.log10(numpy.abs(m) + 1e-30) for key, m in matrices.items()}
+    limits = {} if separate else _limits(matrices.values(), logarithmic)
+    image = None
     for i, row in enumerate(rows):
         for j, column in enumerate(columns):
-            picture = axes[i][j]
-            if (row, column) not in grid:
-                picture.axis("off")
+            if (column, row) not in matrices:
+                axes[i][j].axis("off")
                 continue
-            limits = {} if separate or logarithmic else {"vmin": -largest, "vmax": largest}
-            image = picture.imshow(grid[row, column], cmap=colormap, aspect="auto", **limits)
-            picture.set_xlabel((names or {}).get(column, str(column)))
-            picture.set_ylabel(f"output {row}")
-            if colorbar and (separate or j == len(columns) - 1):
-                figure.colorbar(image, ax=picture)
+            image = axes[i][j].imshow(
+                matrices[column, row], cmap=colormap, aspect="auto", **limits
+            )
+            axes[i][j].set_xlabel(tops[j])
+            axes[i][j].set_ylabel(sides[i])
+            if colorbar and separate:
+                figure.colorbar(image, ax=axes[i][j])
+    if colorbar and not separate:
+        figure.colorbar(image, ax=axes)
     figure.suptitle(title)
     if show:
         plt.show()
     return figure
+
+
+def _limits(matrices, logarithmic) -> dict:
+    """One scale of colours for all; without logarithms 0 has the middle one."""
+    finite = numpy.concatenate([m[numpy.isfinite(m)].ravel() for m in matrices])
+    if not finite.size:
+        return {}
+    if logarithmic:
+        return {"vmin": finite.min(), "vmax": finite.max()}
+    largest = numpy.abs(finite).max()
+    return {"vmin": -largest, "vmax": largest}
