@@ -3,7 +3,8 @@
 // The fast way is in Pack.h: an array whose class, element type, rank and
 // device are right is 56 bytes to copy; a number is one store. Everything else
 // comes here: composites and structs by their bytes, composites from any
-// sequence of numbers, null arrays, arrays of other libraries, and errors.
+// sequence of numbers, null arrays, arrays of other libraries, objects that
+// stand for a struct, and errors.
 //
 //===----------------------------------------------------------------------===//
 
@@ -183,6 +184,18 @@ bool Packer::packBytes(PackParam &param, PyObject *value, char *out) {
   return true;
 }
 
+/// Copies the struct of an object that stands for one, as indexed arrays do.
+bool Packer::packStandIn(PackParam &param, PyObject *value, char *out) {
+  PyObject *record = PyObject_CallMethod(value, "__ctype__", nullptr);
+  if (!record) {
+    PyErr_Clear();
+    return false;
+  }
+  bool packed = packBytes(param, record, out);
+  Py_DECREF(record);
+  return packed;
+}
+
 namespace {
 /// Reads the numbers of a composite out of a sequence, flat or (a matrix)
 /// nested by rows.
@@ -276,7 +289,8 @@ void Packer::packSlowly(PackParam &param, PyObject *value, int device,
   case Param::Kind::Composite:
     return packComposite(param, value, out);
   case Param::Kind::Struct:
-    if (!packBytes(param, value, out))
+    if (!(PyObject_CheckBuffer(value) ? packBytes(param, value, out)
+                                      : packStandIn(param, value, out)))
       throw error(param, value);
     return checkStructArrays(*this, param, value, out, device);
   case Param::Kind::Scalar: {

@@ -104,6 +104,7 @@ private:
                  char *block, std::vector<pybind11::object> &keep);
   void packComposite(PackParam &param, PyObject *value, char *out);
   bool packBytes(PackParam &param, PyObject *value, char *out);
+  bool packStandIn(PackParam &param, PyObject *value, char *out);
 
   std::string kernel;
   std::vector<PackParam> params;

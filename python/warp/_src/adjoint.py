@@ -47,11 +47,11 @@ def gradient_struct(value):
     """A copy of a struct whose arrays are the gradients of its arrays."""
     result = value.__copy__()
     for name, dtype in value._wp_fields_.items():
-        field = getattr(value, name)
         if isinstance(dtype, ArrayType):
+            field = getattr(value, name)
             setattr(result, name, None if field is None else field.grad)
         elif types.is_struct(dtype):
-            setattr(result, name, gradient_struct(field))
+            setattr(result, name, gradient_struct(value._inner(name)))
     return result
 
 

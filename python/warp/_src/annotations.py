@@ -1,8 +1,9 @@
 """Annotations of kernel parameters and struct fields.
 
 `wp.array(dtype=wp.vec3)`, `wp.array2d(dtype=float)` and `wp.array[wp.vec3]` give an `ArrayType`, a
-value that compares by element type and rank. `resolve` turns any annotation into the canonical form
-that the front end and the launch use: a scalar, composite or struct class, or an `ArrayType`.
+value that compares by element type and rank; `wp.indexedarray` and its like an `IndexedArrayType`.
+`resolve` turns any annotation into the canonical form that the front end and the launch use: a
+scalar, composite or struct class, or an `ArrayType`. An indexed array is a struct there.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ class ArrayType:
         return f"!warp.array<{self.ndim} x {types.native_text(self.dtype)}>"
 
     def __eq__(self, other):
-        if not isinstance(other, ArrayType):
+        if type(self) is not type(other):
             return NotImplemented
         return self.dtype is other.dtype and self.ndim == other.ndim
 
@@ -48,6 +49,29 @@ class ArrayType:
         raise TypeError(f"'{self!r}' is an annotation, use `wp.array(data, ...)` to make an array")
 
 
+class IndexedArrayType(ArrayType):
+    """Type of an indexed array: `dtype` and `ndim`."""
+
+    __slots__ = ()
+
+    @property
+    def _native_(self):
+        return self.record._native_
+
+    @property
+    def record(self):
+        """The struct that kernels know it as."""
+        from warp._src.indexed_arrays import record_class
+
+        return record_class(self.dtype, self.ndim)
+
+    def __repr__(self):
+        return "indexed" + super().__repr__()
+
+    def __call__(self, *args, **kwargs):
+        raise TypeError(f"'{self!r}' is an annotation, use `wp.indexedarray(data, indices)`")
+
+
 def _element_type(dtype):
     from warp._src.vectors import GenericAnnotation
 
@@ -59,7 +83,7 @@ def _element_type(dtype):
         raise TypeError(f"cannot make an array of this element type: {error}") from None
 
 
-def from_subscript(params, ndim):
+def from_subscript(params, ndim, made=ArrayType):
     """The type for `wp.array[dtype]` and `wp.array[dtype, typing.Literal[n]]`."""
     if isinstance(params, tuple):
         if len(params) != 2:
@@ -69,7 +93,7 @@ def from_subscript(params, ndim):
         ndim = arguments[0] if arguments else rank
     else:
         dtype = params
-    return ArrayType(dtype, ndim)
+    return made(dtype, ndim)
 
 
 def evaluate(annotation, namespaces):
@@ -93,6 +117,8 @@ def resolve(annotation):
     Raises:
         TypeError: it names no type that kernels know.
     """
+    if isinstance(annotation, IndexedArrayType) and not is_generic(annotation):
+        return annotation.record
     if isinstance(annotation, ArrayType) or annotation is typing.Any:
         return annotation
     return types.canonical(annotation)

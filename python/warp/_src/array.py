@@ -246,10 +246,11 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
         return clone(self, device=device, requires_grad=requires_grad)
 
     def assign(self, src) -> None:
-        """Copies from an array, a NumPy array or nested lists of the same shape."""
+        """Copies from an array, an indexed one, a NumPy array or lists of the same shape."""
         from warp._src.array_create import copy
+        from warp._src.indexed_arrays import indexedarray
 
-        if not isinstance(src, array):
+        if not isinstance(src, (array, indexedarray)):
             src = array(src, dtype=self.dtype, device="cpu", copy=False)
         if src.shape != self.shape:
             raise ValueError(f"expects shape {self.shape} to assign, but got {src.shape}")

@@ -102,8 +102,9 @@ def _operand(own, value):
     """(type, value) of the other operand; None if it is nothing to calculate with."""
     from warp._src.array import array
     from warp._src.composites import Composite, canonical_class
+    from warp._src.indexed_arrays import indexedarray
 
-    if isinstance(value, array):
+    if isinstance(value, (array, indexedarray)):
         return None, value
     if isinstance(value, Composite):
         return canonical_class(type(value)), value

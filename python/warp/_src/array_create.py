@@ -7,6 +7,7 @@ from warp._src import devices, errors, types
 from warp._src.array import allocate, array, new_array
 from warp._src.array_gradients import check_gradient_type
 from warp._src.array_layout import check_shape, element_type
+from warp._src.indexed_arrays import indexedarray
 from warp._src.tracking import Watch
 
 
@@ -130,7 +131,7 @@ def _type_of_value(value):
 
 
 def _like(src, device, dtype, requires_grad, pinned):
-    if not isinstance(src, array):
+    if not isinstance(src, (array, indexedarray)):
         raise TypeError(f"expects an array, but got '{type(src).__name__}'")
     where = src.device if device is None else devices.get_device(device)
     if requires_grad is None:
@@ -193,6 +194,7 @@ def copy(dest, src, dest_offset=0, src_offset=0, count=0, stream=None) -> None:
 
     Args:
         dest, src: arrays of equal shape, or of equal element size if offsets or count are given.
+            With offsets or count, those that are indexed have one dimension.
         dest_offset, src_offset: first element to write and read.
         count: number of elements, 0 for all of `src`.
         stream: CUDA stream to use.
@@ -201,7 +203,7 @@ def copy(dest, src, dest_offset=0, src_offset=0, count=0, stream=None) -> None:
         ValueError: shapes, element sizes or ranges do not fit together.
     """
     for name, value in (("dest", dest), ("src", src)):
-        if not isinstance(value, array):
+        if not isinstance(value, (array, indexedarray)):
             raise TypeError(f"expects an array as '{name}', but got '{type(value).__name__}'")
     dest._check_writable()
     if dest.item_size != src.item_size:
@@ -224,7 +226,11 @@ def copy(dest, src, dest_offset=0, src_offset=0, count=0, stream=None) -> None:
 
 
 def _copy_all(dest, src, stream):
-    if Watch.active:
+    if isinstance(dest, indexedarray) or isinstance(src, indexedarray):
+        from warp._src.indexed_copies import copy_elements
+
+        copy_elements(dest, src, stream)
+    elif Watch.active:
         from warp._src.watching import watched_copy
 
         watched_copy(dest, src, stream)
@@ -239,6 +245,8 @@ def _range(source, offset, count, name):
             f"elements {offset} to {offset + count} are out of range for '{name}' with "
             f"{source.size} elements"
         )
+    if isinstance(source, indexedarray):
+        return source.part(offset, count, name)
     if source.ndim == 1:
         stride = source.strides[0]
     elif source.is_contiguous:

@@ -48,6 +48,10 @@ class ArrayViews:
         return result
 
     def __getitem__(self, key):
+        if _has_arrays(key):
+            from warp._src.indexed_arrays import select
+
+            return select(self, key)
         offset, shape, strides = self._select(key)
         if not shape:
             raise errors.WarpError(
@@ -56,11 +60,7 @@ class ArrayViews:
         return self._with_grad(self._view(offset, shape, strides), lambda grad: grad[key])
 
     def __setitem__(self, key, value):
-        offset, shape, strides = self._select(key)
-        target = self._view(offset, shape or (1,), strides or (self.item_size,))
-        if self._grad is not None:
-            offset, _, steps = self._grad._select(key)
-            target.grad = self._grad._view(offset, target.shape, steps or (self._grad.item_size,))
+        target = self[key] if _has_arrays(key) else self._part(key)
         is_sequence = isinstance(value, (list, tuple)) and (
             not getattr(self.dtype, "_shape_", ())
             or any(isinstance(item, (list, tuple)) for item in value)
@@ -70,13 +70,22 @@ class ArrayViews:
         else:
             target.fill_(value)
 
+    def _part(self, key):
+        """What a key names, also an element, as an array."""
+        offset, shape, strides = self._select(key)
+        part = self._view(offset, shape or (1,), strides or (self.item_size,))
+        if self._grad is not None:
+            offset, _, steps = self._grad._select(key)
+            part.grad = self._grad._view(offset, part.shape, steps or (self._grad.item_size,))
+        return part
+
     def __iter__(self):
         if self.ndim == 1:
             raise TypeError("an array cannot be iterated over at Python scope, use `a.numpy()`")
         return (self[row] for row in range(self.shape[0]))
 
-    def _select(self, key):
-        """Byte offset, shape and strides of what a key names."""
+    def _keys(self, key):
+        """An index or slice for each dimension."""
         keys = list(key) if isinstance(key, tuple) else [key]
         if Ellipsis in [k for k in keys if k is Ellipsis]:
             place = next(i for i, k in enumerate(keys) if k is Ellipsis)
@@ -87,10 +96,13 @@ class ArrayViews:
                 f"expects at most {self.ndim} indices for an array of shape {self.shape}, "
                 f"but got {len(keys)}"
             )
-        keys += [slice(None)] * (self.ndim - len(keys))
+        return keys + [slice(None)] * (self.ndim - len(keys))
+
+    def _select(self, key):
+        """Byte offset, shape and strides of what a key names."""
         offset, shape, strides = 0, [], []
         for axis, (index, extent, stride) in enumerate(
-            zip(keys, self.shape, self.strides, strict=True)
+            zip(self._keys(key), self.shape, self.strides, strict=True)
         ):
             if isinstance(index, slice):
                 start, count, step = _resolve_slice(index, extent, axis)
@@ -207,6 +219,12 @@ class ArrayViews:
         result = empty_like(self)
         copy(result, self)
         return result
+
+
+def _has_arrays(key) -> bool:
+    """Whether there are arrays of indices in a key."""
+    keys = key if type(key) is tuple else (key,)
+    return any(isinstance(one, ArrayViews) for one in keys)
 
 
 def _resolve_index(index, extent, axis) -> int:

@@ -15,7 +15,7 @@ import types as python_types
 from warp import _native
 from warp._src import config as settings
 from warp._src import errors
-from warp._src.annotations import ArrayType, is_generic
+from warp._src.annotations import ArrayType, IndexedArrayType, is_generic
 from warp._src.modules import Module, check_options, get_module
 
 STAGES = ("warp", "thread", "llvm", "ptx", "asm")
@@ -85,7 +85,13 @@ class Kernel:
     @functools.cached_property
     def is_generic(self) -> bool:
         """Whether a parameter's type is left open."""
-        return any(map(is_generic, self.func.__annotations__.values()))
+        from warp._src.frontend.functions import annotations_of
+
+        try:
+            return any(map(is_generic, annotations_of(self.func).values()))
+        except Exception:
+            # The translation says what is wrong.
+            return False
 
     @property
     def specializations(self) -> list:
@@ -347,10 +353,13 @@ def _argument_type(value):
     """The compiler's type of a launch argument; None where it cannot be told."""
     from warp._src import types
     from warp._src.array import array
+    from warp._src.indexed_arrays import indexedarray
 
     try:
         if isinstance(value, array):
             return types.native_type(ArrayType(value.dtype, value.ndim))
+        if isinstance(value, indexedarray):
+            return types.native_type(IndexedArrayType(value.dtype, value.ndim))
         return types.native_type(types.canonical(type(value)))
     except TypeError:
         return None

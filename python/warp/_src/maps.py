@@ -22,6 +22,7 @@ from warp._src.builtins import Builtin
 from warp._src.composites import Composite, canonical_class
 from warp._src.devices import by_index, resolve_index
 from warp._src.function import Function
+from warp._src.indexed_arrays import indexedarray
 from warp._src.kernel import Kernel
 from warp._src.launch import launch
 from warp._src.scalars import scalar_base
@@ -83,12 +84,18 @@ def apply(name, expression, names, identity, inputs, out, return_kernel, block_d
         identity: hashable; stands for expression and names.
         inputs: (type, value) of each; None as the type of an array.
     """
+    inputs = [(annotation, _gathered(value)) for annotation, value in inputs]
     arrays = [value for _, value in inputs if isinstance(value, array)]
     if not arrays:
         raise ValueError("map: expects at least one array")
     index = arrays[0].device_index if device is None else resolve_index(device)
     shape = _broadcast([found.shape for found in arrays])
     outputs = None if out is None else list(out) if isinstance(out, (list, tuple)) else [out]
+    if any(isinstance(output, indexedarray) for output in outputs or ()):
+        made = [_packed_like(output) for output in outputs]
+        apply(name, expression, names, identity, inputs, made, False, block_dim, device)
+        _scatter(outputs, made)
+        return out
     values = [value for _, value in inputs]
     if outputs is not None:
         _check_outputs(outputs, shape)
@@ -106,13 +113,7 @@ def apply(name, expression, names, identity, inputs, out, return_kernel, block_d
     if return_kernel:
         return kernel
     if outputs is None:
-        from warp._src.array_create import empty
-
-        varies = any(found.requires_grad for found in arrays)
-        outputs = [
-            empty(shape, dtype, by_index(index), requires_grad=varies and has_gradient(dtype))
-            for dtype in dtypes
-        ]
+        outputs = _new_outputs(arrays, shape, dtypes, by_index(index))
     _check_types(outputs, dtypes)
     extents = (math.prod(shape),) if flat else shape
     arguments = [_spread(value, extents) if isinstance(value, array) else value for value in values]
@@ -128,7 +129,7 @@ def apply(name, expression, names, identity, inputs, out, return_kernel, block_d
 
 def _annotation(value):
     """The kernel's type for an input; None for an array."""
-    if isinstance(value, array):
+    if isinstance(value, (array, indexedarray)):
         return None
     if isinstance(value, Composite):
         return canonical_class(type(value))
@@ -139,6 +140,32 @@ def _annotation(value):
 
         return dtype_from_numpy(value.dtype)
     raise TypeError(f"map: expects arrays and values, but got '{type(value).__name__}'")
+
+
+def _gathered(value):
+    return value.contiguous() if isinstance(value, indexedarray) else value
+
+
+def _scatter(outputs, made) -> None:
+    for output, result in zip(outputs, made, strict=True):
+        if output is not result:
+            output.assign(result)
+
+
+def _new_outputs(arrays, shape, dtypes, device) -> list[array]:
+    from warp._src.array_create import empty
+
+    varies = any(found.requires_grad for found in arrays)
+    return [
+        empty(shape, dtype, device, requires_grad=varies and has_gradient(dtype))
+        for dtype in dtypes
+    ]
+
+
+def _packed_like(output):
+    from warp._src.array_create import empty_like
+
+    return empty_like(output) if isinstance(output, indexedarray) else output
 
 
 def _broadcast(shapes) -> tuple:

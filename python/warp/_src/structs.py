@@ -2,8 +2,8 @@
 
 A decorated class becomes a `ctypes.Structure` with C layout, so an instance is the bytes that a
 kernel gets, and arrays of structs are plain memory. On top of ctypes each field has a `Field`
-descriptor that checks what is assigned, says what it expects, and keeps referenced arrays alive.
-Array fields are stored as the 56-byte descriptor that kernels use.
+descriptor that checks what is assigned, says what it expects, and keeps referenced arrays alive
+(`struct_fields`).
 """
 
 from __future__ import annotations
@@ -12,46 +12,10 @@ import ctypes
 import types as python_types
 import typing
 
-from warp._src import annotations, scalars, types
+from warp._src import annotations, types
 from warp._src.annotations import ArrayType
-from warp._src.composites import Composite, flatten_numbers, is_number
-from warp._src.scalars import ScalarType, scalar_base
-
-
-class ArrayDescriptor(ctypes.Structure):
-    """An array as kernels see it; strides are in bytes."""
-
-    _fields_ = [
-        ("data", ctypes.c_uint64),
-        ("grad", ctypes.c_uint64),
-        ("shape", ctypes.c_int32 * 4),
-        ("strides", ctypes.c_int32 * 4),
-        ("ndim", ctypes.c_int32),
-        ("flags", ctypes.c_int32),
-    ]
-
-    numpy_format = {
-        "names": ["data", "grad", "shape", "strides", "ndim", "flags"],
-        "formats": ["<u8", "<u8", "4<i4", "4<i4", "<i4", "<i4"],
-        "offsets": [0, 8, 16, 32, 48, 52],
-        "itemsize": 56,
-    }
-
-
-def describe(array) -> ArrayDescriptor:
-    """The descriptor of an array; all zero for None."""
-    descriptor = ArrayDescriptor()
-    if array is None:
-        return descriptor
-    descriptor.data = array.ptr or 0
-    descriptor.grad = (array.grad.ptr or 0) if array.grad is not None else 0
-    for axis, (extent, stride) in enumerate(zip(array.shape, array.strides, strict=True)):
-        descriptor.shape[axis] = extent
-        descriptor.strides[axis] = stride
-    descriptor.ndim = array.ndim
-    # Lets a launch see that the array is out of reach; 0 says nothing.
-    descriptor.flags = 0 if array.pinned else array.device_index + 2
-    return descriptor
+from warp._src.scalars import ScalarType
+from warp._src.struct_fields import ArrayDescriptor, Field, describe
 
 
 class StructType(type(ctypes.Structure)):
@@ -93,105 +57,6 @@ class StructType(type(ctypes.Structure)):
         super().__setattr__(name, value)
 
 
-class Field:
-    """Descriptor of one field: checks and converts around the raw ctypes field."""
-
-    def __init__(self, struct, name, dtype, raw):
-        self.struct = struct
-        self.name = name
-        self.dtype = dtype
-        self.raw = raw
-        self.offset = raw.offset
-
-    def __get__(self, instance, owner=None):
-        if instance is None:
-            return self
-        dtype = self.dtype
-        if isinstance(dtype, ArrayType):
-            return instance._held.get(self.name)
-        if types.is_struct(dtype):
-            held = instance._held
-            if self.name not in held:
-                held[self.name] = dtype.from_buffer(instance, self.offset)
-            return held[self.name]
-        number = self.raw.__get__(instance, owner)
-        bits = scalars.BITS.get(dtype)
-        return bits[1](number) if bits else number
-
-    def __set__(self, instance, value):
-        dtype = self.dtype
-        if isinstance(dtype, ArrayType):
-            self._set_array(instance, value)
-        elif types.is_struct(dtype):
-            if type(value) is not dtype:
-                raise self._error(value)
-            self.__get__(instance).assign(value)
-        elif isinstance(dtype, ScalarType):
-            self._set_scalar(instance, value)
-        else:
-            self._set_composite(instance, value)
-
-    def _set_scalar(self, instance, value):
-        if not is_number(value):
-            raise self._error(value)
-        if isinstance(value, scalar_base):
-            value = value.value
-        try:
-            bits = scalars.BITS.get(self.dtype)
-            self.raw.__set__(instance, bits[0](value) if bits else value)
-        except TypeError:
-            raise self._error(value) from None
-
-    def _set_composite(self, instance, value):
-        dtype = self.dtype
-        if value is None or is_number(value) or types.is_struct(type(value)):
-            raise self._error(value)
-        if isinstance(value, Composite) and value._shape_ != dtype._shape_:
-            raise self._error(value)
-        try:
-            numbers = flatten_numbers(value)
-        except TypeError:
-            raise self._error(value) from None
-        if len(numbers) != dtype._length_:
-            raise ValueError(
-                f"field '{self.name}' of struct '{self.struct}' expects {dtype._length_} "
-                f"components for '{dtype.__name__}', but got {len(numbers)}"
-            )
-        self.raw.__set__(instance, dtype(*numbers))
-
-    def _set_array(self, instance, value):
-        from warp._src.array import array
-
-        expected = self.dtype
-        if value is not None:
-            if not isinstance(value, array):
-                raise self._error(value)
-            if expected.dtype is not typing.Any and not types.types_equal(
-                value.dtype, expected.dtype
-            ):
-                raise self._error(value)
-            if value.ndim != expected.ndim:
-                raise self._error(value)
-        self.raw.__set__(instance, describe(value))
-        instance._held[self.name] = value
-
-    def _error(self, value):
-        got = repr(value) if isinstance(value, _array_class()) else type(value).__name__
-        message = (
-            f"field '{self.name}' of struct '{self.struct}' expects "
-            f"'{types.type_repr(self.dtype)}', but got '{got}'"
-        )
-        if isinstance(self.dtype, type) and issubclass(self.dtype, Composite) and is_number(value):
-            message += f", construct the value: `{self.dtype.__name__}(...)`"
-        return TypeError(message)
-
-
-def _array_class():
-    from warp._src.array import array
-
-    return array
-
-
 class StructInstance(ctypes.Structure):
     """Base of struct classes. `Name(field=value, ...)`; fields not given are zero."""
 
@@ -229,22 +94,37 @@ class StructInstance(ctypes.Structure):
             setattr(self, name, getattr(value, name))
         return self
 
+    @classmethod
+    def _accepted(cls, value):
+        """The instance that a value assigned to a field of this type stands for, or None."""
+        return value if type(value) is cls else None
+
+    def _shown(self):
+        """What users see of a field of this type."""
+        return self
+
+    def _inner(self, name):
+        """The struct in a field."""
+        return type(self).__dict__[name].inner(self)
+
     def refresh(self) -> None:
         """Looks again at the arrays in fields, which may have got gradients since."""
         for name, dtype in self._wp_fields_.items():
-            value = getattr(self, name)
             if types.is_struct(dtype):
-                value.refresh()
-            elif isinstance(dtype, ArrayType) and value is not None:
-                self.__class__.__dict__[name].raw.__set__(self, describe(value))
+                self._inner(name).refresh()
+            elif isinstance(dtype, ArrayType) and getattr(self, name) is not None:
+                type(self).__dict__[name].raw.__set__(self, describe(getattr(self, name)))
 
     def to(self, device):
         """Copy of the struct whose arrays live on `device`."""
         copy = type(self)()
         for name, dtype in self._wp_fields_.items():
             value = getattr(self, name)
-            moves = value is not None and (isinstance(dtype, ArrayType) or types.is_struct(dtype))
-            setattr(copy, name, value.to(device) if moves else value)
+            if types.is_struct(dtype):
+                value = self._inner(name).to(device)
+            elif isinstance(dtype, ArrayType) and value is not None:
+                value = value.to(device)
+            setattr(copy, name, value)
         return copy
 
     @classmethod
@@ -267,11 +147,10 @@ class StructInstance(ctypes.Structure):
     def arrays(self):
         """All arrays held by the struct and the structs in it."""
         for name, dtype in self._wp_fields_.items():
-            value = getattr(self, name)
             if types.is_struct(dtype):
-                yield from value.arrays()
-            elif isinstance(dtype, ArrayType) and value is not None:
-                yield value
+                yield from self._inner(name).arrays()
+            elif isinstance(dtype, ArrayType) and getattr(self, name) is not None:
+                yield getattr(self, name)
 
     @classmethod
     def from_ptr(cls, ptr):
@@ -338,16 +217,20 @@ def _make_struct(cls, namespaces):
         field: _field_type(name, field, annotation, [*namespaces, {name: None}])
         for field, annotation in declared.items()
     }
+    about = {name: getattr(cls, name) for name in ("__module__", "__qualname__", "__doc__")}
+    return make_struct(name, fields, StructInstance, about)
+
+
+def make_struct(name, fields, base, attributes):
+    """A struct class of this name, with types by field."""
     spelled = ", ".join(f"{field}: {types.native_text(dtype)}" for field, dtype in fields.items())
     namespace = {
-        "__module__": cls.__module__,
-        "__qualname__": cls.__qualname__,
-        "__doc__": cls.__doc__,
+        **attributes,
         "_fields_": [(field, _ctype(dtype)) for field, dtype in fields.items()],
         "_wp_struct_": True,
         "_native_": f'!warp.struct<"{name}", {{{spelled}}}>',
     }
-    made = StructType(name, (StructInstance,), namespace)
+    made = StructType(name, (base,), namespace)
     for field, dtype in fields.items():
         setattr(made, field, Field(name, field, dtype, made.__dict__[field]))
     made._wp_fields_ = fields

@@ -15,6 +15,7 @@ from warp import _native
 from warp._src import errors, types
 from warp._src.annotations import ArrayType
 from warp._src.array import array
+from warp._src.indexed_arrays import indexedarray
 from warp._src.structs import StructInstance
 from warp._src.tracking import Event, Watch, event
 
@@ -30,7 +31,7 @@ class Signature:
         looks_back: whether an array is loaded and changed, or results of atomics matter.
     """
 
-    def __init__(self, native, count):
+    def __init__(self, native, values):
         self.parameters = native.parameters
         self.flat = all(kind != "struct" for _, kind, *_ in self.parameters)
         self.mutable = [
@@ -43,6 +44,7 @@ class Signature:
             self.accesses = native.accesses
         except RuntimeError:
             # Saved code without source.
+            count = len(leaves_of(self.parameters, values))
             self.accesses = [(True, True, True, False, 0)] * count
         self.written = [i for i, access in enumerate(self.accesses) if access[1] or access[2]]
         self.fetches = any(access[3] for access in self.accesses)
@@ -70,6 +72,9 @@ class Call:
         self._event = self._leaves = None
         self.originals: list = []
         self.signature = signature_of(kernel, native, self.values)
+        if not self.signature.flat:
+            self.values = tuple(map(struct_of, self.values))
+            self._check_structs()
 
     @property
     def event(self) -> Event:
@@ -153,9 +158,20 @@ class Call:
         made._event = self._event
         return made
 
+    def _check_structs(self) -> None:
+        for parameter, value in zip(self.signature.parameters, self.values, strict=False):
+            if parameter[1] == "struct" and getattr(value, "_native_", "") != parameter[2]:
+                # Raises what says so.
+                self.run()
+
     def run(self) -> None:
         """Runs the launch as it is."""
         self.native.launch(self.dim, self.values, (), self.device, self.stream, self.block_dim or 0)
+
+
+def struct_of(value):
+    """The struct that an argument stands for, as an indexed array does; others as they are."""
+    return value.__ctype__() if isinstance(value, indexedarray) else value
 
 
 def leaves_of(parameters, values) -> list[tuple[str, array | None]]:
@@ -165,7 +181,7 @@ def leaves_of(parameters, values) -> list[tuple[str, array | None]]:
         if parameter[1] == "array":
             found.append((parameter[0], value if isinstance(value, array) else None))
         elif parameter[1] == "struct":
-            found += struct_leaves(parameter[0], value)
+            found += struct_leaves(parameter[0], struct_of(value))
     return found
 
 
@@ -176,7 +192,7 @@ def signature_of(kernel, native, values) -> Signature:
     if found is None:
         if len(known) >= 64:
             known.clear()
-        found = known[native] = Signature(native, len(leaves_of(native.parameters, values)))
+        found = known[native] = Signature(native, values)
     return found
 
 
@@ -187,7 +203,7 @@ def struct_leaves(name, value) -> list[tuple[str, array | None]]:
         if isinstance(dtype, ArrayType):
             found.append((f"{name}.{field}", getattr(value, field)))
         elif types.is_struct(dtype):
-            found += struct_leaves(f"{name}.{field}", getattr(value, field))
+            found += struct_leaves(f"{name}.{field}", value._inner(field))
     return found
 
 
@@ -200,7 +216,7 @@ def replace_in_struct(value, replaced):
                 setattr(result, field, replaced[first])
             first += 1
         elif types.is_struct(dtype):
-            inner = getattr(value, field)
+            inner = value._inner(field)
             count = len(struct_leaves("", inner))
             inside = {i - first: a for i, a in replaced.items() if first <= i < first + count}
             if inside:

@@ -14,7 +14,7 @@ from warp._src.kernel import Kernel
 from warp._src.launch import launch
 from warp._src.structs import StructInstance
 from warp._src.tracking import Watching, copy_layout
-from warp._src.watching import signature_of, struct_leaves
+from warp._src.watching import signature_of, struct_leaves, struct_of
 
 
 @dataclasses.dataclass
@@ -113,6 +113,7 @@ class Evaluation:
     def _all_arrays(self) -> list[array]:
         found = {}
         for value in (*self.values, *self.targets):
+            value = struct_of(value)
             held = value.arrays() if isinstance(value, StructInstance) else (value,)
             found.update((id(one), one) for one in held if isinstance(one, array))
         return list(found.values())
@@ -203,6 +204,7 @@ def _leaves(names, values) -> list[Variable | None]:
     found: list = []
     for position, value in enumerate(values):
         name = names[position] if position < len(names) else f"input_{position}"
+        value = struct_of(value)
         if isinstance(value, StructInstance):
             named = [(path, path, one) for path, one in struct_leaves(name, value)]
         elif isinstance(value, array):

@@ -8,7 +8,8 @@ import types as python_types
 
 from warp._src import derivatives, errors, types
 from warp._src.frontend import names
-from warp._src.frontend.emitter import INT32, EmitterBase, Value
+from warp._src.frontend.emitter import INT32, Value
+from warp._src.frontend.indexed import Indexed, array_of
 from warp._src.frontend.names import BuiltinRef
 
 COMPONENTS = {"x": 0, "y": 1, "z": 2, "w": 3}
@@ -22,7 +23,7 @@ def places_of(selections) -> list[list]:
     return places
 
 
-class Access(EmitterBase):
+class Access(Indexed):
     """Translates `a.b` and `a[b]`."""
 
     def expr_Attribute(self, node):
@@ -74,17 +75,18 @@ class Access(EmitterBase):
         native = base.type
         kind = native.kind
         self.at(node)
-        if kind == "struct":
+        array = array_of(native)
+        if kind == "struct" and array is None:
             return self.builder.struct_get(base, name)
-        if kind == "array":
+        if array is not None:
             if name == "shape":
-                return tuple(self.builder.dim(base, axis) for axis in range(native.rank))
+                return self.extents(base, node)
             if name == "ndim":
-                return native.rank
+                return array.rank
             if name == "dtype":
-                return types.dtype_of(native.element)
+                return types.dtype_of(array.element)
             if name == "size":
-                return self.array_size(base, native.rank, node)
+                return self.array_size(base, node)
         if kind in ("vec", "quat") and name in COMPONENTS:
             index = COMPONENTS[name]
             if index < (native.shape[0] if kind == "vec" else 4):
@@ -107,10 +109,10 @@ class Access(EmitterBase):
             kind=errors.WarpCodegenAttributeError,
         )
 
-    def array_size(self, array, rank, node):
-        size = self.builder.dim(array, 0)
-        for axis in range(1, rank):
-            size = self.builder.builtin("mul", [size, self.builder.dim(array, axis)])[0][0]
+    def array_size(self, array, node):
+        size, *others = self.extents(array, node)
+        for extent in others:
+            size = self.builder.builtin("mul", [size, extent])[0][0]
         return size
 
     def expr_Subscript(self, node):
@@ -149,7 +151,7 @@ class Access(EmitterBase):
             base = self.materialize(base, node)
         items = index.elts if isinstance(index, ast.Tuple) else [index]
         kind = base.type.kind
-        if kind == "array":
+        if kind == "array" or array_of(base.type) is not None:
             return self.array_item(base, items, node)
         if kind in ("vec", "mat", "quat", "transform"):
             if any(isinstance(item, ast.Slice) for item in items):
@@ -194,7 +196,7 @@ class Access(EmitterBase):
 
     def array_item(self, array, items, node):
         """An element if all dimensions are indexed, else a view."""
-        rank = array.type.rank
+        rank = array_of(array.type).rank
         if len(items) > rank:
             raise self.error(
                 node,
@@ -205,13 +207,21 @@ class Access(EmitterBase):
         if any(isinstance(item, ast.Slice) for item in items):
             return self.array_slice(array, items, node)
         indices = [self.index(item) for item in items]
+        return self.part(array, indices, node)
+
+    def part(self, array, indices, node):
+        """An element, or a view if there are more dimensions than indices."""
         self.at(node)
-        if len(indices) == rank:
-            return self.builder.load(array, indices)
+        if len(indices) == array_of(array.type).rank:
+            return self.builder.load(*self.resolved(array, indices, node))
+        if array.type.kind == "struct":
+            return self.indexed_view(array, indices, node)
         return self.builder.view(array, indices)
 
     def array_slice(self, array, items, node):
         """Leading plain indices, then slices."""
+        if array.type.kind == "struct":
+            raise self.unsupported(node, "a slice of an indexed array", "slice the array behind it")
         plain = 0
         while not isinstance(items[plain], ast.Slice):
             plain += 1
@@ -224,15 +234,32 @@ class Access(EmitterBase):
                 raise self.unsupported(
                     item, "a plain index after a slice", "index first, then slice"
                 )
-            bounds = [
-                None if part is None else self.value(part)
-                for part in (item.lower, item.upper, item.step)
-            ]
-            if bounds[2] is not None and bounds[2].constant() == 0:
-                raise self.error(item, "slice step is zero", kind=errors.WarpCodegenValueError)
-            self.at(node)
-            array = self.builder.slice(array, axis, *bounds)
+            array = self.builder.slice(array, axis, *self.slice_bounds(item, node))
         return array
+
+    def slice_bounds(self, item, node) -> list:
+        """Start, stop and step; None stands for the defaults of a step of 1."""
+        bounds = [
+            None if part is None else self.value(part)
+            for part in (item.lower, item.upper, item.step)
+        ]
+        self.at(node)
+        if bounds[2] is None:
+            return bounds
+        step = bounds[2].constant()
+        if step == 0:
+            raise self.error(item, "slice step is zero", kind=errors.WarpCodegenValueError)
+        ends = [self.builder.constant(INT32, end) for end in (0, 2**31 - 1, -(2**31))]
+        for i in range(2):
+            if bounds[i] is not None:
+                continue
+            if step is not None:
+                bounds[i] = ends[i] if step > 0 else ends[i + 1]
+            else:
+                zero = self.builder.cast(ends[0], bounds[2].type)
+                backwards = self.operator(node, "lt", bounds[2], zero)
+                bounds[i] = self.operator(node, "where", backwards, ends[i + 1], ends[i])
+        return bounds
 
     def slice_range(self, item, extent, node) -> range:
         """Positions selected by a constant slice or index of a composite."""

@@ -15,6 +15,7 @@ from warp._src.builtins import lookup
 from warp._src.derivatives import FACTORIES, Derivative
 from warp._src.frontend import names
 from warp._src.frontend.emitter import Value
+from warp._src.frontend.indexed import array_of
 from warp._src.frontend.names import BuiltinRef
 from warp._src.frontend.output import Output
 from warp._src.kernel import Kernel
@@ -190,9 +191,8 @@ class Calls(Output):
             return len(binding)
         if type(binding) is Value:
             native = binding.type
-            if native.kind == "array":
-                self.at(node)
-                return self.builder.dim(binding, 0)
+            if array_of(native) is not None:
+                return self.extents(binding, node)[0]
             if native.kind in ("vec", "mat"):
                 return native.shape[0]
             if native.kind in ("quat", "transform"):
@@ -292,8 +292,10 @@ class Calls(Output):
         if keywords or len(arguments) < 2 + extra:
             raise self.type_error(node, f"'{name}' expects an array, indices and values in order")
         values = [self.materialize(argument, node) for argument in arguments]
+        last = len(values) - extra
+        array, indices = self.resolved(values[0], values[1:last], node)
         self.at(node)
-        return values
+        return [array, *indices, *values[last:]]
 
     def atomic(self, node, kind):
         array, *indices, value = self.element_arguments(node, "atomic_" + kind, 1)

@@ -11,9 +11,10 @@ import inspect
 import typing
 
 from warp._src import annotations, errors, types
-from warp._src.annotations import ArrayType
+from warp._src.annotations import ArrayType, IndexedArrayType
 from warp._src.frontend import names
 from warp._src.frontend.emitter import Value
+from warp._src.frontend.indexed import array_of
 from warp._src.frontend.source import source_of
 
 _KINDS = {"Int": ("int",), "Float": ("float",), "Scalar": ("int", "float")}
@@ -74,10 +75,12 @@ def fits_native(annotation, native) -> bool:
     if annotation is typing.Any:
         return True
     if isinstance(annotation, ArrayType):
+        kind = "struct" if isinstance(annotation, IndexedArrayType) else "array"
+        found = array_of(native) if native.kind == kind else None
         return (
-            native.kind == "array"
-            and native.rank == annotation.ndim
-            and fits_element(annotation.dtype, native.element)
+            found is not None
+            and found.rank == annotation.ndim
+            and fits_element(annotation.dtype, found.element)
         )
     if isinstance(annotation, typing.TypeVar):
         return fits_element(annotation, native)

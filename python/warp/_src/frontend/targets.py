@@ -12,6 +12,7 @@ import ast
 from warp._src import errors, types
 from warp._src.frontend.access import COMPONENTS, places_of
 from warp._src.frontend.emitter import INT32, Value
+from warp._src.frontend.indexed import array_of
 from warp._src.frontend.loops import Loops
 
 _ATOMIC = {
@@ -140,17 +141,18 @@ class Targets(Loops):
     def subscript_slot(self, base, node):
         native = base.type
         items = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
-        if native.kind == "array":
+        known = array_of(native)
+        if known is not None:
             array = self.read(base, node)
-            if len(items) > native.rank or self.has_slice(node):
+            if len(items) > known.rank or self.has_slice(node):
                 value = self.array_item(array, items, node)
                 return Slot(value.type, value=value)
             indices = [self.index(item) for item in items]
-            self.at(node)
-            if len(items) < native.rank:
-                view = self.builder.view(array, indices)
+            if len(items) < known.rank:
+                view = self.part(array, indices, node)
                 return Slot(view.type, value=view)
-            return Slot(native.element, array=array, indices=indices)
+            array, indices = self.resolved(array, indices, node)
+            return Slot(known.element, array=array, indices=indices)
         indices = [self.index(item) for item in items]
         self.at(node)
         part = self.builder.part_type(native, indices)
@@ -176,7 +178,7 @@ class Targets(Loops):
 
     def write(self, slot, binding, node):
         if slot.name is None and slot.array is None:
-            if slot.type.kind == "array":
+            if array_of(slot.type) is not None:
                 raise self.type_error(
                     node,
                     f"cannot assign to a whole '{slot.type.python_name}'",
@@ -229,7 +231,7 @@ class Targets(Loops):
     def slice_slot(self, target):
         """The place that is sliced, and the selected indices of each of its axes."""
         slot = self.slot(target.value)
-        if slot.type.kind == "array":
+        if array_of(slot.type) is not None:
             raise self.unsupported(target, "assignment to a slice of an array", "use a loop")
         items = target.slice.elts if isinstance(target.slice, ast.Tuple) else [target.slice]
         return slot, self.selections(slot.type, items, target)

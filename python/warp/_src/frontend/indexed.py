@@ -1,0 +1,83 @@
+"""Indexed arrays: accesses of their elements become accesses of the array behind them.
+
+An indexed array is a struct of that array, one array of indices per dimension, and an integer whose
+bits say which dimensions have indices (`warp._src.indexed_arrays`).
+"""
+
+from __future__ import annotations
+
+from warp._src import types
+from warp._src.annotations import IndexedArrayType
+from warp._src.frontend.emitter import BOOL, INT32, EmitterBase, Value
+
+_NAMES = ("indexedarray(", *(f"indexedarray{ndim}d(" for ndim in (2, 3, 4)))
+
+
+def array_of(native):
+    """The type of an array, or of that behind an indexed array; None for other types."""
+    if native.kind == "array":
+        return native
+    # No struct of a user has such a name.
+    if native.kind == "struct" and native.struct_name.startswith(_NAMES):
+        return native.fields[0][1]
+    return None
+
+
+class Indexed(EmitterBase):
+    """Translates accesses of indexed arrays."""
+
+    def resolved(self, binding, indices, node):
+        """Array and indices of an element; ordinary arrays are what they are."""
+        if binding.type.kind != "struct" or array_of(binding.type) is None:
+            return binding, indices
+        positions = [self.position(binding, *one, node) for one in enumerate(indices)]
+        self.at(node)
+        return self.builder.struct_get(binding, "data"), positions
+
+    def position(self, indexed, axis, index, node):
+        """Index into the data for an index of a dimension."""
+
+        def looked_up():
+            self.at(node)
+            indices = self.builder.struct_get(indexed, f"indices{axis}")
+            return self.builder.cast(self.builder.load(indices, [index]), index.type)
+
+        condition = self.has_indices(indexed, axis, node)
+        return self.branch_value(node, condition, looked_up, lambda: index)
+
+    def has_indices(self, indexed, axis, node):
+        """Whether a dimension has an array of indices."""
+        self.at(node)
+        bits = self.builder.struct_get(indexed, "indexed")
+        bit = self.builder.constant(INT32, 1 << axis)
+        return self.builder.cast(self.builder.builtin("bit_and", [bits, bit])[0][0], BOOL)
+
+    def extents(self, array, node):
+        """Extents of an array or indexed array."""
+        self.at(node)
+        axes = range(array_of(array.type).rank)
+        if array.type.kind == "array":
+            return tuple([self.builder.dim(array, axis) for axis in axes])
+        return tuple([self.indexed_extent(array, axis, node) for axis in axes])
+
+    def indexed_extent(self, indexed, axis, node):
+        condition = self.has_indices(indexed, axis, node)
+        indices = self.builder.struct_get(indexed, f"indices{axis}")
+        extents = [
+            self.builder.dim(indices, 0),
+            self.builder.dim(self.builder.struct_get(indexed, "data"), axis),
+        ]
+        return self.builder.builtin("where", [condition, *extents])[0][0]
+
+    def indexed_view(self, indexed, leading, node):
+        """The indexed array of fewer dimensions that is left if the first have an index."""
+        data, positions = self.resolved(indexed, leading, node)
+        view = self.builder.view(data, positions)
+        dtype = types.dtype_of(view.type.element)
+        native = types.native_type(IndexedArrayType(dtype, view.type.rank))
+        axes = range(len(leading), data.type.rank)
+        rest = [self.builder.struct_get(indexed, f"indices{axis}") for axis in axes]
+        bits = self.builder.struct_get(indexed, "indexed")
+        shift = self.builder.constant(INT32, len(leading))
+        bits = self.builder.builtin("rshift", [bits, shift])[0][0]
+        return self.builder.struct_create(native, [view, *rest, bits])

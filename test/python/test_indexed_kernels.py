@@ -1,0 +1,417 @@
+"""Indexed arrays in kernels: accesses, functions, structs, gradients, and what is found wrong."""
+
+import typing
+
+import numpy as np
+import pytest
+
+import warp as wp
+from warp._src import errors
+
+
+@wp.struct
+class Holder:
+    a: wp.indexedarray(dtype=float)
+
+
+@wp.struct
+class Outer:
+    inner: Holder
+
+
+@wp.func
+def squared(a: wp.indexedarray2d(dtype=float), i: int, j: int):
+    return a[i, j] * a[i, j]
+
+
+@wp.func
+def last(a: wp.indexedarray(dtype=typing.Any)):
+    return a[-1]
+
+
+@wp.kernel
+def square(x: wp.indexedarray(dtype=float), y: wp.array(dtype=float)):
+    i = wp.tid()
+    y[i] = x[i] * x[i]
+
+
+@wp.kernel
+def spread(x: wp.array(dtype=float), y: wp.indexedarray(dtype=float)):
+    i = wp.tid()
+    y[i] = 3.0 * x[i]
+
+
+def ints(values, device):
+    return wp.array(values, dtype=int, device=device)
+
+
+def floats(values, device):
+    return wp.array(values, dtype=float, device=device, requires_grad=True)
+
+
+def test_accesses_of_every_rank(device):
+    @wp.kernel
+    def change1(a: wp.indexedarray(dtype=float), y: wp.array(dtype=float)):
+        i = wp.tid()
+        y[i] = a[i]
+        a[i] = a[i] + 1.0
+        a[i] += 10.0
+        wp.atomic_add(a, i, 100.0)
+
+    @wp.kernel
+    def change2(a: wp.indexedarray2d(dtype=float), y: wp.array2d(dtype=float)):
+        i, j = wp.tid()
+        row = a[i]
+        y[i, j] = row[j]
+        row[j] = row[j] + 1.0
+        a[i][j] += 10.0
+        wp.atomic_add(a, i, j, 100.0)
+
+    @wp.kernel
+    def change3(a: wp.indexedarray3d(dtype=float), y: wp.array3d(dtype=float)):
+        i, j, k = wp.tid()
+        y[i, j, k] = a[i][j][k]
+        a[i, j][k] = a[i][j, k] + 1.0
+        a[i][j][k] += 10.0
+        wp.atomic_add(a[i], j, k, 100.0)
+
+    @wp.kernel
+    def change4(a: wp.indexedarray4d(dtype=float), y: wp.array4d(dtype=float)):
+        i, j, k, m = wp.tid()
+        y[i, j, k, m] = a[i, j][k][m]
+        a[i][j, k, m] = a[i, j, k][m] + 1.0
+        a[i, j, k, m] += 10.0
+        wp.atomic_add(a[i][j], k, m, 100.0)
+
+    shape, chosen = (3, 5, 4, 6), ([2, 0], None, [1, -1], [5, 0, 2])
+    for rank, kernel in enumerate((change1, change2, change3, change4), 1):
+        values = np.arange(np.prod(shape[:rank]), dtype=np.float32).reshape(shape[:rank])
+        data = wp.array(values, device=device)
+        given = [None if one is None else ints(one, device) for one in chosen[:rank]]
+        some = wp.indexedarray(data, given)
+        y = wp.zeros(some.shape, dtype=float, device=device)
+        wp.launch(kernel, some.shape, [some], [y], device=device)
+        places = np.ix_(
+            *[
+                np.arange(extent) if one is None else one
+                for one, extent in zip(chosen, shape[:rank], strict=False)
+            ]
+        )
+        np.testing.assert_array_equal(y.numpy(), values[places])
+        values[places] += 111.0
+        np.testing.assert_array_equal(data.numpy(), values)
+
+
+def test_extents(device):
+    @wp.kernel
+    def measure(a: wp.indexedarray3d(dtype=wp.vec3), y: wp.array(dtype=int)):
+        row = a[0]
+        y[0] = a.shape[0]
+        y[1] = a.shape[1]
+        y[2] = a.shape[2]
+        y[3] = len(a)
+        y[4] = a.size
+        y[5] = a.ndim
+        y[6] = row.shape[0]
+        y[7] = row.shape[1]
+        y[8] = a[0, 0].size
+        y[9] = a.dtype.length
+
+    data, three = wp.zeros((5, 6, 7), dtype=wp.vec3, device=device), ints([1, 2, 3], device)
+    for indices, expected in [
+        ([three, None, None], (3, 6, 7)),
+        ([None, three, three], (5, 3, 3)),
+        ([None, None, three], (5, 6, 3)),
+        ([three, ints([], device), None], (3, 0, 7)),
+    ]:
+        y = wp.zeros(10, dtype=int, device=device)
+        wp.launch(measure, 1, [wp.indexedarray(data, indices)], [y], device=device)
+        n, m, k = expected
+        np.testing.assert_array_equal(y.numpy(), [n, m, k, n, n * m * k, 3, m, k, k, 3])
+
+
+def test_components_and_negative_indices(device):
+    @wp.kernel
+    def update(a: wp.indexedarray(dtype=wp.vec3), y: wp.array(dtype=wp.vec3)):
+        a[-1].x = 5.0
+        a[0][2] += 2.0
+        y[0] = a[-2]
+
+    data = wp.array(np.arange(12.0).reshape(4, 3), dtype=wp.vec3, device=device)
+    y = wp.zeros(1, dtype=wp.vec3, device=device)
+    wp.launch(update, 1, [data[ints([3, 1, -4], device)]], [y], device=device)
+    np.testing.assert_array_equal(
+        data.numpy(), [[5, 1, 2], [3, 4, 5], [6, 7, 8], [9, 10, 13]]
+    )
+    np.testing.assert_array_equal(y.numpy(), [[3, 4, 5]])
+
+
+def test_functions_and_generic_kernels(device):
+    @wp.kernel
+    def apply(a: wp.indexedarray2d(dtype=float), y: wp.array2d(dtype=float)):
+        i, j = wp.tid()
+        y[i, j] = squared(a, i, j) + last(a[i])
+
+    @wp.kernel
+    def increase(a: typing.Any):
+        i = wp.tid()
+        a[i] = a[i] + a.dtype(1)
+
+    @wp.kernel
+    def double(a: wp.indexedarray(dtype=wp.Float)):
+        i = wp.tid()
+        a[i] = a[i] + a[i]
+
+    data = floats(np.arange(6.0).reshape(2, 3), device)
+    y = wp.zeros((2, 2), dtype=float, device=device)
+    wp.launch(apply, (2, 2), [data[:, ints([2, 1], device)]], [y], device=device)
+    np.testing.assert_array_equal(y.numpy(), [[4 + 1, 1 + 1], [25 + 4, 16 + 4]])
+    for dtype in (wp.float64, wp.int16):
+        plain = wp.zeros(4, dtype=dtype, device=device)
+        wp.launch(increase, 4, [plain], device=device)
+        wp.launch(increase, 2, [plain[ints([3, 0], device)]], device=device)
+        np.testing.assert_array_equal(plain.numpy(), [2, 1, 1, 2])
+    for made in (wp.overload(double, [wp.indexedarray(dtype=wp.float64)]), double):
+        plain = wp.full(3, 1.5, dtype=wp.float64, device=device)
+        wp.launch(made, 1, [plain[ints([1], device)]], device=device)
+        np.testing.assert_array_equal(plain.numpy(), [1.5, 3, 1.5])
+    with pytest.raises(TypeError, match=r"expects a type for"):
+        wp.overload(double, [wp.array(dtype=wp.float64)])
+
+
+def test_structs(device):
+    @wp.kernel
+    def from_nested(o: Outer, y: wp.array(dtype=float)):
+        i = wp.tid()
+        y[i] = o.inner.a[i]
+        o.inner.a[i] = -1.0
+
+    @wp.kernel
+    def from_memory(all: wp.array(dtype=Outer), y: wp.array(dtype=float)):
+        i = wp.tid()
+        one = all[1]
+        y[i] += one.inner.a[i] * 10.0
+
+    data = floats(np.arange(5.0), device)
+    outer = Outer(inner=Holder(a=data[ints([4, 2], device)]))
+    y = wp.zeros(2, dtype=float, device=device)
+    items = wp.array([Outer(), outer], dtype=Outer, device=device)
+    wp.launch(from_memory, 2, [items], [y], device=device)
+    np.testing.assert_array_equal(y.numpy(), [40, 20])
+    wp.launch(from_nested, 2, [outer], [y], device=device)
+    np.testing.assert_array_equal(y.numpy(), [4, 2])
+    np.testing.assert_array_equal(data.numpy(), [0, 1, -1, 3, -1])
+
+
+def test_recorded_launches(device):
+    x, y = floats(np.arange(5.0), device), wp.zeros(2, dtype=float, device=device)
+    some = x[ints([4, 2], device)]
+    command = wp.launch(square, 2, [some], [y], device=device, record_cmd=True)
+    command.launch()
+    np.testing.assert_array_equal(y.numpy(), [16, 4])
+    command.set_param_by_name("x", x[ints([1, 3], device)])
+    command.launch()
+    np.testing.assert_array_equal(y.numpy(), [1, 9])
+
+
+# Gradients.
+
+
+def test_gradients_of_elements_chosen_several_times_add_up(device):
+    values, w = np.linspace(-1.0, 2.0, 9), np.array([1.0, -2.0, 0.5, 3.0, 0.25])
+    where = [7, 2, 2, 0, -7]
+    x, y = floats(values, device), wp.zeros(5, dtype=float, device=device, requires_grad=True)
+    with wp.Tape() as tape:
+        wp.launch(square, 5, [x[ints(where, device)]], [y], device=device)
+    tape.backward(grads={y: wp.array(w, dtype=float, device=device)})
+    expected = np.zeros(9)
+    np.add.at(expected, where, 2.0 * values[where] * w)
+    np.testing.assert_allclose(x.grad.numpy(), expected, rtol=1e-6)
+
+
+def test_gradients_of_two_dimensions_rows_and_functions(device):
+    @wp.kernel
+    def combine(
+        a: wp.indexedarray2d(dtype=float), b: wp.indexedarray2d(dtype=float), y: wp.array2d(dtype=float)
+    ):
+        i, j = wp.tid()
+        row = b[i]
+        y[i, j] = squared(a, i, j) * row[j]
+
+    rng = np.random.default_rng(2)
+    va, vb, w = rng.normal(size=(4, 5)), rng.normal(size=(6, 3)), rng.normal(size=(3, 3))
+    rows, columns, others = [3, 0, 3], [1, 4, 1], [5, 5, 2]
+    a, b = floats(va, device), floats(vb, device)
+    y = wp.zeros((3, 3), dtype=float, device=device, requires_grad=True)
+    inputs = [a[ints(rows, device), ints(columns, device)], b[ints(others, device)]]
+    with wp.Tape() as tape:
+        wp.launch(combine, (3, 3), inputs, [y], device=device)
+    tape.backward(grads={y: wp.array(w, dtype=float, device=device)})
+    chosen, factors = np.ix_(rows, columns), vb[others]
+    ga, gb = np.zeros((4, 5)), np.zeros((6, 3))
+    np.add.at(ga, chosen, 2.0 * va[chosen] * factors * w)
+    np.add.at(gb, others, va[chosen] ** 2 * w)
+    np.testing.assert_allclose(a.grad.numpy(), ga, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(b.grad.numpy(), gb, rtol=1e-5, atol=1e-6)
+
+
+def test_gradients_of_stores_and_sums(device):
+    @wp.kernel
+    def add(x: wp.array(dtype=float), y: wp.indexedarray(dtype=float)):
+        i = wp.tid()
+        y[i] += x[i] * x[i]
+
+    x, y = floats([1.0, 2.0, 3.0], device), floats(np.zeros(5), device)
+    with wp.Tape() as tape:
+        wp.launch(spread, 3, [x], [y[ints([4, 0, 2], device)]], device=device)
+        wp.launch(add, 3, [x], [y[ints([1, 1, 0], device)]], device=device)
+    np.testing.assert_array_equal(y.numpy(), [6 + 9, 1 + 4, 9, 0, 3])
+    w = np.array([1.0, 10.0, 100.0, 1000.0, 10000.0])
+    tape.backward(grads={y: wp.array(w, dtype=float, device=device)})
+    # 3 w of where it is stored, and 2 x w of where it is added.
+    expected = [3e4 + 2 * 10, 3 * 1 + 4 * 10, 3 * 100 + 6 * 1]
+    np.testing.assert_allclose(x.grad.numpy(), expected, rtol=1e-6)
+
+
+def test_gradients_through_structs_copies_and_fills(device):
+    @wp.kernel
+    def held(o: Outer, y: wp.array(dtype=float)):
+        i = wp.tid()
+        y[i] = o.inner.a[i] * o.inner.a[i]
+
+    x = floats([1.0, 2.0, 3.0, 4.0], device)
+    some = x[ints([3, 1, 1], device)]
+    y = floats(np.zeros(3), device)
+    z = floats(np.zeros(4), device)
+    with wp.Tape() as tape:
+        wp.launch(held, 3, [Outer(inner=Holder(a=some))], [y], device=device)
+        cloned = wp.clone(some)
+        z.assign(x)
+        z[ints([0, 2, 3], device)] = cloned
+        z[ints([2], device)] = 0.0
+    np.testing.assert_array_equal(z.numpy(), [4, 2, 0, 2])
+    seeds = {
+        y: wp.array([1.0, 10.0, 100.0], dtype=float, device=device),
+        z: wp.array([1000.0, 1e4, 1e5, 1e6], dtype=float, device=device),
+    }
+    tape.backward(grads=seeds)
+    assert cloned.requires_grad
+    # z is (x3, x1, 0, x1).
+    np.testing.assert_allclose(x.grad.numpy(), [0, 440 + 1e4 + 1e6, 0, 8 + 1000], rtol=1e-6)
+
+
+def test_gradients_of_elementwise_functions(device):
+    x = floats([1.0, 2.0, 4.0], device)
+    with wp.Tape() as tape:
+        y = x[ints([2, 2, 0], device)] * 3.0
+    seed = wp.array([1.0, 10.0, 100.0], dtype=float, device=device)
+    tape.backward(grads={y: seed})
+    np.testing.assert_array_equal(x.grad.numpy(), [300, 0, 33])
+
+
+def test_tangents(device):
+    def function(x):
+        y = wp.zeros(3, dtype=float, device=device, requires_grad=True)
+        wp.launch(square, 3, [x[ints([2, 0, 2], device)]], [y], device=device)
+        return y
+
+    x = floats([1.0, 2.0, 4.0], device)
+    direction = wp.array([1.0, 10.0, 100.0], dtype=float, device=device)
+    found = wp.autograd.jvp(function, inputs=[x], tangents=[direction])
+    np.testing.assert_allclose(found.numpy(), [800, 2, 800], rtol=1e-6)
+
+
+def test_memory_has_versions(device):
+    x, y = floats(np.arange(4.0), device), wp.zeros(2, device=device, requires_grad=True)
+    where = ints([3, 1], device)
+    seed = {y: wp.array([1.0, 1.0], dtype=float, device=device)}
+
+    def recorded():
+        with wp.Tape() as tape:
+            wp.launch(square, 2, [x[where]], [y], device=device)
+        return tape
+
+    tape = recorded()
+    x[ints([1], device)] = 7.0
+    with pytest.raises(errors.WarpError, match=r"(?s)x\.data.*launch of 'copy1'"):
+        tape.backward(grads=seed)
+    tape = recorded()
+    wp.launch(spread, 1, [y], [x[ints([3], device)]], device=device)
+    with pytest.raises(errors.WarpError, match="launch of 'spread'"):
+        tape.backward(grads=seed)
+    tape = recorded()
+    where.fill_(0)
+    with pytest.raises(errors.WarpError, match=r"(?s)x\.indices0.*fill_"):
+        tape.backward(grads=seed)
+
+
+# Mistakes.
+
+
+def blamed(kernel, inputs, device, *words):
+    with pytest.raises(errors.WarpError) as caught:
+        wp.launch(kernel, 3, inputs, device=device)
+        wp.synchronize_device(device)
+    message = str(caught.value)
+    number = int(message.split("test_indexed_kernels.py:")[1].split(":")[0].split()[0])
+    with open(__file__, encoding="utf-8") as file:
+        assert "y[i] = x[i] * x[i]" in file.readlines()[number - 1], message
+    for word in words:
+        assert word in message, message
+
+
+def test_debug_mode_finds_indices_out_of_bounds(device, monkeypatch):
+    monkeypatch.setattr(wp.config, "mode", "debug")
+    x, y = wp.zeros(4, dtype=float, device=device), wp.zeros(3, dtype=float, device=device)
+    blamed(square, [x[ints([1, 2], device)], y], device, "(2,)", "'x.indices0' of shape (2,)")
+    blamed(square, [x[ints([1, 9, 2], device)], y], device, "(9,)", "'x.data' of shape (4,)")
+
+
+def test_arguments_that_do_not_fit(device):
+    x, y = wp.zeros(4, dtype=float, device=device), wp.zeros(3, dtype=float, device=device)
+    some = x[ints([1], device)]
+    with pytest.raises(TypeError, match=r"'x' expects 'indexedarray\(dtype=float32\)', but got"):
+        wp.launch(square, 1, [x], [y], device=device)
+    with pytest.raises(TypeError, match=r"'y' expects 'array\(.*but got 'indexedarray"):
+        wp.launch(square, 1, [some], [some], device=device)
+    with pytest.raises(TypeError, match="expects 'indexedarray"):
+        wp.launch(square, 1, [wp.zeros((2, 2), device=device)[ints([1], device)]], [y])
+    with wp.Tape(), pytest.raises(TypeError, match="'x' expects 'indexedarray"):
+        wp.launch(square, 1, [x], [y], device=device)
+
+
+@pytest.mark.cuda
+def test_arguments_of_other_devices():
+    some = wp.zeros(4, dtype=float, device="cpu")[ints([1], "cpu")]
+    y = wp.zeros(1, dtype=float, device="cuda:0")
+    with pytest.raises(TypeError, match="holds an array on 'cpu', the launch is on 'cuda:0'"):
+        wp.launch(square, 1, [some], [y], device="cuda:0")
+
+
+def test_what_kernels_cannot_do_with_them(device):
+    @wp.kernel
+    def slices(a: wp.indexedarray(dtype=float)):
+        b = a[1:3]
+
+    @wp.kernel
+    def rows(a: wp.indexedarray2d(dtype=float)):
+        a[0] = 1.0
+
+    @wp.kernel
+    def fields(a: wp.indexedarray(dtype=float)):
+        b = a.indices0
+
+    @wp.kernel
+    def indices(a: wp.indexedarray(dtype=float)):
+        a[0, 1] = 1.0
+
+    one = wp.zeros(4, dtype=float, device=device)[ints([1], device)]
+    two = wp.zeros((4, 4), dtype=float, device=device)[ints([1], device)]
+    for kernel, argument, message in [
+        (slices, one, "a slice of an indexed array is not supported"),
+        (rows, two, r"cannot assign to a whole 'indexedarray\(dtype=float32\)'"),
+        (fields, one, "has no attribute 'indices0'"),
+        (indices, one, r"at most 1 index for 'indexedarray\(dtype=float32\)', but got 2"),
+    ]:
+        with pytest.raises(errors.WarpCodegenError, match=message):
+            wp.launch(kernel, 1, [argument], device=device)
