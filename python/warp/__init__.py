@@ -43,6 +43,10 @@ from warp._src.array_create import ones as ones
 from warp._src.array_create import ones_like as ones_like
 from warp._src.array_create import zeros as zeros
 from warp._src.array_create import zeros_like as zeros_like
+from warp._src.config import LOG_DEBUG as LOG_DEBUG
+from warp._src.config import LOG_ERROR as LOG_ERROR
+from warp._src.config import LOG_INFO as LOG_INFO
+from warp._src.config import LOG_WARNING as LOG_WARNING
 from warp._src.config import DeterministicMode as DeterministicMode
 from warp._src.constants import HALF_PI as HALF_PI
 from warp._src.constants import INF as INF
@@ -128,11 +132,6 @@ from warp._src.jax import device_from_jax as device_from_jax
 from warp._src.jax import device_to_jax as device_to_jax
 from warp._src.jax import dtype_from_jax as dtype_from_jax
 from warp._src.jax import dtype_to_jax as dtype_to_jax
-from warp._src.indexed_arrays import indexedarray as indexedarray
-from warp._src.indexed_arrays import indexedarray1d as indexedarray1d
-from warp._src.indexed_arrays import indexedarray2d as indexedarray2d
-from warp._src.indexed_arrays import indexedarray3d as indexedarray3d
-from warp._src.indexed_arrays import indexedarray4d as indexedarray4d
 from warp._src.jax import from_jax as from_jax
 from warp._src.jax import to_jax as to_jax
 from warp._src.jax_kernel import jax_kernel as jax_kernel

@@ -56,3 +56,22 @@ def test_scalar_types_by_dtype():
     for dtype in (np.float16, np.float64, np.int8, np.uint64, np.bool_):
         assert table[np.dtype(dtype)] is table[dtype] is wp.dtype_from_numpy(dtype)
     assert wp.types.type_is_array(wp.array(dtype=float)) and not wp.types.type_is_array(wp.vec3)
+
+
+def test_arguments_that_are_changed():
+    for dtype in (wp.float32, wp.float64):
+        t = wp.types.transformation(dtype)()
+        vec, quat = wp.types.vector(3, dtype), wp.types.quaternion(dtype)
+        assert wp.transform_set_translation(t, vec(1, 2, 3)) is None
+        wp.transform_set_rotation(t, quat(4, 5, 6, 7))
+        assert list(t) == [1, 2, 3, 4, 5, 6, 7]
+    state = wp.uint32(7)
+    assert wp.randf(state) == wp.randf(state) and state == wp.uint32(7)
+
+
+def test_components_of_long_vectors():
+    v = wp.types.vector(5, float)(1, 2, 3, 4, 5)
+    v.x, v.w = 6.0, v.y
+    assert list(v) == [6, 2, 3, 2, 5]
+    with pytest.raises(AttributeError):
+        wp.vec2().z

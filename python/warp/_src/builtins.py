@@ -7,6 +7,8 @@ result is the one that kernels get.
 
 from __future__ import annotations
 
+import ctypes
+
 from warp import _native
 from warp._src import errors, types
 from warp._src.array import allocate, array, new_array
@@ -47,7 +49,7 @@ class Builtin:
         evaluator = self._evaluators.get(classes)
         if evaluator is None:
             evaluator = self._evaluators[classes] = Evaluator(self.key, classes)
-        return evaluator(values)
+        return evaluator(values, args)
 
     def _positional(self, args, named):
         """Arguments in order, for the first overload that has all the names."""
@@ -62,27 +64,40 @@ class Builtin:
 
 
 class Evaluator:
-    """One overload of a builtin, compiled for the CPU."""
+    """One overload of a builtin, compiled for the CPU.
+
+    Attributes:
+        changed: positions of the arguments that it changes; their new values are the last results.
+    """
 
     def __init__(self, name, classes):
         texts = [types.native_text(cls) for cls in classes]
-        results = _build(_native.Builder(name), name, texts)
+        results, self.changed = _build(_native.Builder(name), name, texts)
         self.dtypes = [types.dtype_of(text) for text in results]
         builder = _native.Builder(name)
         _build(builder, name, texts, results)
         self.kernel = _native.Kernel(builder.finish(), name)
 
-    def __call__(self, values):
+    def __call__(self, values, given):
         outputs = [new_array(array) for _ in self.dtypes]
         for output, dtype in zip(outputs, self.dtypes, strict=True):
             allocate(output, (1,), dtype, CPU)
         self.kernel.launch(1, values, outputs, CPU)
-        results = tuple(output.list()[0] for output in outputs)
-        return results[0] if len(results) == 1 else (results or None)
+        results = [output.list()[0] for output in outputs]
+        for position in reversed(self.changed):
+            result = results.pop()
+            # Numbers, such as the state of a generator, are values in Python.
+            if isinstance(given[position], Composite):
+                ctypes.memmove(ctypes.addressof(given[position]), result, ctypes.sizeof(result))
+        return results[0] if len(results) == 1 else (tuple(results) or None)
 
 
 def _build(builder, name, texts, result_texts=None):
-    """Builds the kernel and returns the types of the results; without them it stays unfinished."""
+    """Builds the kernel; without types of the results it stays unfinished.
+
+    Returns:
+        The types of the results and of what it changes, and the positions of the latter.
+    """
     count = len(texts)
     results = [f"!warp.array<1 x {text}>" for text in result_texts or ()]
     parameters = builder.begin_function(
@@ -91,13 +106,14 @@ def _build(builder, name, texts, result_texts=None):
         [_native.Type.parse(text) for text in [*texts, *results]],
         True,
     )
-    values, _ = builder.builtin(name, parameters[:count])
+    values, changed = builder.builtin(name, parameters[:count])
+    values = [*values, *(value for _, value in changed)]
     if result_texts is not None:
         index = builder.tid(1)
         for target, value in zip(parameters[count:], values, strict=True):
             builder.store(target, index, value)
         builder.end_function([])
-    return [str(value.type) for value in values]
+    return [str(value.type) for value in values], [position for position, _ in changed]
 
 
 def _value(name, argument):

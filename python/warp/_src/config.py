@@ -13,6 +13,9 @@ import os
 import sys
 import types
 
+# Values of `wp.config.log_level`.
+LOG_DEBUG, LOG_INFO, LOG_WARNING, LOG_ERROR = 10, 20, 30, 40
+
 
 class DeterministicMode(enum.IntEnum):
     """Values of `wp.config.deterministic` and of the option of that name.
@@ -137,8 +140,8 @@ SETTINGS = {
             "verify_autograd_array_access",
             bool,
             False,
-            "print a line to stderr as soon as something overwrites what the gradient of a recorded "
-            "launch depends on",
+            "print a line to stderr as soon as something overwrites what the gradient of a "
+            "recorded launch depends on",
         ),
         Setting("cache_kernels", bool, True, "keep compiled kernels on disk"),
         Setting(

@@ -228,8 +228,7 @@ def vector(length=None, dtype=None, *, name=None):
             "_wp_type_args_": {"length": length, "dtype": dtype},
             "_native_": f"!warp.vec<{length} x {dtype._native_}>",
         }
-        if length <= 4:
-            attributes.update(zip("xyzw"[:length], _COMPONENTS[:length], strict=True))
+        attributes.update(zip("xyzw"[:length], _COMPONENTS[:length], strict=True))
         name = name or f"vec{length}{SUFFIX[dtype]}"
         _cache[key] = make_composite(name, Vector, length, dtype, attributes)
     return _cache[key]

@@ -119,7 +119,9 @@ def _plot(problem, computed, central, absolute, relative) -> None:
     differences = {key: numpy.abs(found - central[key]) for key, found in computed.items()}
     title = f"{problem.label} kernel Jacobian"
     if relative:
-        scaled = {key: error / (numpy.abs(central[key]) + 1e-12) for key, error in differences.items()}
+        scaled = {
+            key: error / (numpy.abs(central[key]) + 1e-12) for key, error in differences.items()
+        }
         show_matrices(scaled, names, f"{title} relative error")
     if absolute:
         show_matrices(differences, names, f"{title} absolute error")
