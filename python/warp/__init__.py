@@ -128,6 +128,11 @@ from warp._src.graphs import capture_if as capture_if
 from warp._src.graphs import capture_launch as capture_launch
 from warp._src.graphs import capture_while as capture_while
 from warp._src.graphs import is_conditional_graph_supported as is_conditional_graph_supported
+from warp._src.indexed_arrays import indexedarray as indexedarray
+from warp._src.indexed_arrays import indexedarray1d as indexedarray1d
+from warp._src.indexed_arrays import indexedarray2d as indexedarray2d
+from warp._src.indexed_arrays import indexedarray3d as indexedarray3d
+from warp._src.indexed_arrays import indexedarray4d as indexedarray4d
 from warp._src.jax import device_from_jax as device_from_jax
 from warp._src.jax import device_to_jax as device_to_jax
 from warp._src.jax import dtype_from_jax as dtype_from_jax
