@@ -232,7 +232,9 @@ def test_gradients_of_elements_chosen_several_times_add_up(device):
 def test_gradients_of_two_dimensions_rows_and_functions(device):
     @wp.kernel
     def combine(
-        a: wp.indexedarray2d(dtype=float), b: wp.indexedarray2d(dtype=float), y: wp.array2d(dtype=float)
+        a: wp.indexedarray2d(dtype=float),
+        b: wp.indexedarray2d(dtype=float),
+        y: wp.array2d(dtype=float),
     ):
         i, j = wp.tid()
         row = b[i]

@@ -51,8 +51,9 @@ def copy_elements(dest, src, stream=None) -> None:
             return
     if types.is_struct(dest.dtype) and not src.requires_grad:
         # Kernels know of a struct's arrays what they use, not all of its bytes.
-        number = types.uint32 if dest.item_size % 4 == 0 else types.uint8
-        dest = _viewed(dest, types.vector(dest.item_size // types.type_size_in_bytes(number), number))
+        words, odd = divmod(dest.item_size, 4)
+        raw = types.vector(dest.item_size, types.uint8) if odd else types.vector(words, types.uint32)
+        dest = _viewed(dest, raw)
     if dest.dtype is not src.dtype:
         src = _viewed(src, dest.dtype)
     wp.launch(_KERNELS[dest.ndim], dest.shape, [src], [dest], device=dest.device, stream=stream)

@@ -21,7 +21,7 @@ from . import (  # noqa: F401
     versions,
 )
 from .problem import Problem
-from .registry import ABSENT, CASES, ERROR, EXACT, FAILED, NOT_THERE, NotThere
+from .registry import ABSENT, CASES, ERROR, EXACT, FAILED
 
 
 def run_case(number, precision, device):

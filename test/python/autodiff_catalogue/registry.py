@@ -9,15 +9,11 @@ ABSENT = {
     "T116": "tiles",
     "T117": "meshes, textures and volumes",
 }
-EXACT, ERROR, FAILED, NOT_THERE = "exact", "error", "failed", "not there"
+EXACT, ERROR, FAILED = "exact", "error", "failed"
 
 
 class Mismatch(AssertionError):
     """A gradient, a value or a message that is not the expected one."""
-
-
-class NotThere(Exception):
-    """What a case is about does not exist in the package."""
 
 
 @dataclass

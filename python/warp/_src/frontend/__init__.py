@@ -5,7 +5,7 @@ How a kernel goes through it:
     source      text and syntax tree of the function, without `inspect`
     control     break, continue and return become flags; which names are live where
     statements  the translator, put together from one class per topic:
-                emitter (bindings, constants, errors) < access < expressions < branches
+                emitter (bindings, constants, errors) < indexed < access < expressions < branches
                 < loops < targets (assignment) < user_calls < constructors < calls
     names       what a free name refers to
     functions   parameters and overloads of `@wp.func`
