@@ -51,7 +51,7 @@ def test_decorated_overload_of_a_kernel_with_a_name():
     generic = twice
 
     @wp.overload
-    def twice(x: wp.array(dtype=wp.float16)): ...
+    def twice(x: wp.array(dtype=wp.float16)) -> None: ...
 
     assert twice is generic and len(generic.overloads) == 1
 

@@ -39,7 +39,7 @@ def test_drawing(device, tmp_path):
     assert file.read_text(encoding="utf-8") == text
     assert text.startswith("digraph") and text.count("{") == text.count("}")
     assert 'label="outer"' in text and "step=3" in text and "empty" not in text
-    assert 'label="square, 2 times"' in text and 'label="root"' in text
+    assert 'label="square, repeated 2x"' in text and 'label="root"' in text
     assert 'label="positions"' in text
     assert text.count(" -> ") == 4
     assert text.count("penwidth") == 1

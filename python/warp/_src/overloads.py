@@ -36,7 +36,7 @@ def overload(kernel, arg_types=None):
         return _specialized(kernel, arg_types or {})
     if not isinstance(kernel, python_types.FunctionType):
         raise TypeError(f"expects a generic kernel, but got '{type(kernel).__name__}'")
-    if "return" in kernel.__annotations__:
+    if kernel.__annotations__.get("return") not in (None, "None"):
         raise TypeError(f"overload of '{kernel.__name__}' has a return annotation, leave it out")
     generic = _named(kernel)
     _specialized(generic, _declared(kernel))

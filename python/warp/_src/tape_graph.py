@@ -99,7 +99,7 @@ class _Drawing:
         record = self.tape.launches[position]
         title = record.kernel.key if isinstance(record, LaunchRecord) else event.what
         if count > 1:
-            title += f", {count} times"
+            title += f", repeated {count}x"
         tip = f"{event.file}:{event.line}"
         return (
             f"    r{position} [shape=box, style=filled, fillcolor=white, "
@@ -114,7 +114,7 @@ class _Drawing:
                 continue
             color = _CONSTANT if one.grad is None else _GRADIENT
             width = ", penwidth=3" if key in tracked else ""
-            about = f"shape={one.shape} dtype={types.type_repr(one.dtype)} on {one.device}"
+            about = f"array: dtype={types.type_repr(one.dtype)} shape={one.shape} on {one.device}"
             lines.append(
                 f"    {_node_of(key)} [shape=ellipse, style=filled, "
                 f'fillcolor="{color}"{width}, label={_quoted(self.names[key] or "array")}, '
