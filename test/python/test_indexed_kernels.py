@@ -275,6 +275,22 @@ def test_gradients_of_stores_and_sums(device):
     np.testing.assert_allclose(x.grad.numpy(), expected, rtol=1e-6)
 
 
+def test_gradients_of_updates_in_place(device):
+    @wp.kernel
+    def update(a: wp.indexedarray2d(dtype=float)):
+        i, j = wp.tid()
+        a[i, j] = a[i, j] * a[i, j]
+
+    values, rows = np.arange(1.0, 13.0).reshape(4, 3), [3, 1]
+    x = floats(values, device)
+    with wp.Tape() as tape:
+        wp.launch(update, (2, 3), [x[ints(rows, device)]], device=device)
+    tape.backward(grads={x: wp.ones_like(x, requires_grad=False)})
+    expected = np.ones((4, 3))
+    expected[rows] = 2.0 * values[rows]
+    np.testing.assert_array_equal(x.grad.numpy(), expected)
+
+
 def test_gradients_through_structs_copies_and_fills(device):
     @wp.kernel
     def held(o: Outer, y: wp.array(dtype=float)):

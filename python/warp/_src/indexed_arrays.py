@@ -35,7 +35,10 @@ class IndexedRecord(StructInstance):
     def _shown(self):
         if self.data is None:
             return None
-        indices = [getattr(self, f"indices{axis}") for axis in range(self.data.ndim)]
+        indices = [
+            getattr(self, f"indices{axis}") if self.indexed >> axis & 1 else None
+            for axis in range(self.data.ndim)
+        ]
         return indexedarray(self.data, indices)
 
     def to(self, device):
@@ -177,15 +180,23 @@ class indexedarray(ArrayArithmetic):
             record = record_class(self.data.dtype, self.data.ndim)()
             record.data = self.data
             for axis, given in enumerate(self.indices[: self.data.ndim]):
-                if given is not None:
-                    setattr(record, f"indices{axis}", given)
+                if given is None:
+                    given = self._stand_in(axis)
+                else:
                     record.indexed |= 1 << axis
+                setattr(record, f"indices{axis}", given)
             self._record = known, record
         return self._record[1]
 
-    def arrays(self):
-        """All arrays that it holds."""
-        return self.__ctype__().arrays()
+    def _stand_in(self, axis) -> array:
+        """What kernels read, and do not use, as indices of a dimension that has none."""
+        filled = [given for given in self.indices if given is not None and given.size]
+        if filled:
+            source = filled[0]
+        else:
+            source = new_array()
+            allocate(source, (1,), scalars.int32, self.device_index)
+        return source._view(0, (self.data.shape[axis],), (0,))
 
     def _check_writable(self) -> None:
         self.data._check_writable()

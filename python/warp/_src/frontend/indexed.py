@@ -1,7 +1,9 @@
 """Indexed arrays: accesses of their elements become accesses of the array behind them.
 
 An indexed array is a struct of that array, one array of indices per dimension, and an integer whose
-bits say which dimensions have indices (`warp._src.indexed_arrays`).
+bits say which dimensions have indices (`warp._src.indexed_arrays`). The arrays of indices of the
+others have the extents of their dimension and can be read, but mean nothing: a position is found
+without a branch, so that equal ones are seen to be equal.
 """
 
 from __future__ import annotations
@@ -36,21 +38,13 @@ class Indexed(EmitterBase):
 
     def position(self, indexed, axis, index, node):
         """Index into the data for an index of a dimension."""
-
-        def looked_up():
-            self.at(node)
-            indices = self.builder.struct_get(indexed, f"indices{axis}")
-            return self.builder.cast(self.builder.load(indices, [index]), index.type)
-
-        condition = self.has_indices(indexed, axis, node)
-        return self.branch_value(node, condition, looked_up, lambda: index)
-
-    def has_indices(self, indexed, axis, node):
-        """Whether a dimension has an array of indices."""
         self.at(node)
         bits = self.builder.struct_get(indexed, "indexed")
         bit = self.builder.constant(INT32, 1 << axis)
-        return self.builder.cast(self.builder.builtin("bit_and", [bits, bit])[0][0], BOOL)
+        chosen = self.builder.cast(self.builder.builtin("bit_and", [bits, bit])[0][0], BOOL)
+        indices = self.builder.struct_get(indexed, f"indices{axis}")
+        position = self.builder.cast(self.builder.load(indices, [index]), index.type)
+        return self.builder.builtin("where", [chosen, position, index])[0][0]
 
     def extents(self, array, node):
         """Extents of an array or indexed array."""
@@ -58,16 +52,8 @@ class Indexed(EmitterBase):
         axes = range(array_of(array.type).rank)
         if array.type.kind == "array":
             return tuple([self.builder.dim(array, axis) for axis in axes])
-        return tuple([self.indexed_extent(array, axis, node) for axis in axes])
-
-    def indexed_extent(self, indexed, axis, node):
-        condition = self.has_indices(indexed, axis, node)
-        indices = self.builder.struct_get(indexed, f"indices{axis}")
-        extents = [
-            self.builder.dim(indices, 0),
-            self.builder.dim(self.builder.struct_get(indexed, "data"), axis),
-        ]
-        return self.builder.builtin("where", [condition, *extents])[0][0]
+        indices = [self.builder.struct_get(array, f"indices{axis}") for axis in axes]
+        return tuple([self.builder.dim(one, 0) for one in indices])
 
     def indexed_view(self, indexed, leading, node):
         """The indexed array of fewer dimensions that is left if the first have an index."""
