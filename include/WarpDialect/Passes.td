@@ -305,6 +305,40 @@ def LowerLaunch : WarpPass<"warp-lower-launch"> {
     "::warp::WarpDialect"];
 }
 
+def RotateLoops : WarpPass<"warp-rotate-loops"> {
+  let summary = "Let the threads of a GPU warp take iterations in turn";
+  let description = [{
+    In a loop whose iterations may run in any order, where all threads update
+    the same element in the same iteration, the 32 lanes of a warp begin a tile
+    of 32 iterations at different ones. The sum of an iteration travels from
+    lane to lane and is added to the array once. A warp with a lane missing, and
+    what is left after the last full tile, go through the loop as it was.
+
+    ```mlir
+    scf.for %j = %c0 to %n step %c1 {
+      // %v
+      %old = warp.atomic_components add(%v), %y[%j] : ...
+    }
+    // ==>
+    scf.for %tile = %c0 to %end step %c32 {
+      %total = scf.for %step = %c0 to %c32 step %c1 iter_args(%sum = %zero) {
+        // %j = %tile + (%lane + %step) mod 32, %v
+        %next = arith.addf %sum, %v fastmath<reassoc> : f32
+        %moved = llvm.call_intrinsic "llvm.nvvm.shfl.sync.idx.i32"(...) // %next
+        scf.yield %moved : f32
+      }
+      // %mine = %tile + %lane
+      %old = warp.atomic_components add(%total), %y[%mine] : ...
+    }
+    scf.for %j = %end to %n step %c1 {
+      // as before
+    ```
+  }];
+  let dependentDialects = [
+    "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect",
+    "::mlir::LLVM::LLVMDialect"];
+}
+
 def PrivatizeAtomics : WarpPass<"warp-privatize-atomics"> {
   let summary = "Combine updates of one element over a range of threads";
   let description = [{

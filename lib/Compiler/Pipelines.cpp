@@ -71,6 +71,7 @@ void warp::addPhase(OpPassManager &pm, Phase phase) {
     return;
   case Phase::LLVM:
     pm.addPass(createLowerLaunch());
+    pm.addPass(createRotateLoops());
     pm.addPass(createPrivatizeAtomics());
     pm.addPass(createLowerArrays());
     pm.addPass(createLowerMath());

@@ -29,8 +29,6 @@ public:
 private:
   mlir::Value constant(int64_t value);
   mlir::Value overWarp(AtomicKind kind, mlir::Value value, mlir::Type type);
-  mlir::Value shuffleDown(mlir::Value value, int64_t distance);
-  mlir::Value makeShared(mlir::Type type);
 
   mlir::OpBuilder &b;
   mlir::Location loc;

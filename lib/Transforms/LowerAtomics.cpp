@@ -47,63 +47,6 @@ static LLVM::AtomicBinOp getBinOp(AtomicKind kind, mlir::Type type) {
   llvm_unreachable("unknown atomic");
 }
 
-mlir::Value warp::combine(mlir::OpBuilder &b, mlir::Location loc,
-                          AtomicKind kind, mlir::Value old, mlir::Value value,
-                          mlir::Type type, bool anyOrder) {
-  auto flags = anyOrder ? arith::FastMathFlags::reassoc
-                        : arith::FastMathFlags::none;
-  auto make = [&]<typename Op>(auto... extra) -> mlir::Value {
-    return Op::create(b, loc, old, value, extra...);
-  };
-  bool isFloating = isFloat(type);
-  bool isUnsigned = type.isUnsignedInteger();
-  switch (kind) {
-  case AtomicKind::add:
-    return isFloating ? make.operator()<arith::AddFOp>(flags)
-                      : make.operator()<arith::AddIOp>();
-  case AtomicKind::sub:
-    return isFloating ? make.operator()<arith::SubFOp>(flags)
-                      : make.operator()<arith::SubIOp>();
-  case AtomicKind::min:
-    return isFloating   ? make.operator()<arith::MinNumFOp>()
-           : isUnsigned ? make.operator()<arith::MinUIOp>()
-                        : make.operator()<arith::MinSIOp>();
-  case AtomicKind::max:
-    return isFloating   ? make.operator()<arith::MaxNumFOp>()
-           : isUnsigned ? make.operator()<arith::MaxUIOp>()
-                        : make.operator()<arith::MaxSIOp>();
-  case AtomicKind::bit_and:
-    return make.operator()<arith::AndIOp>();
-  case AtomicKind::bit_or:
-    return make.operator()<arith::OrIOp>();
-  case AtomicKind::bit_xor:
-    return make.operator()<arith::XOrIOp>();
-  case AtomicKind::exch:
-    return value;
-  }
-  llvm_unreachable("unknown atomic");
-}
-
-bool warp::dependsOnOrder(Operation *update) {
-  auto atomic = dyn_cast<AtomicComponentsOp>(update);
-  if (!atomic)
-    return isa<AtomicCasOp>(update);
-  AtomicKind kind = atomic.getKind();
-  if (!atomic->use_empty() || kind == AtomicKind::exch)
-    return true;
-  return (kind == AtomicKind::add || kind == AtomicKind::sub) &&
-         llvm::any_of(atomic.getComponents().getTypes(), isFloat);
-}
-
-bool warp::hasOrderedUpdates(Operation *entry) {
-  return entry
-      ->walk([](Operation *op) {
-        return dependsOnOrder(op) ? WalkResult::interrupt()
-                                  : WalkResult::advance();
-      })
-      .wasInterrupted();
-}
-
 /// Loads, combines and stores, for an entry that runs alone.
 mlir::Value ArrayLowering::plainUpdate(AtomicKind kind, mlir::Value value,
                                        mlir::Type type, mlir::Value at) {

@@ -10,6 +10,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "Atomics.h"
+#include "GpuBlock.h"
 #include "LowerLaunch.h"
 #include "WarpDialect/ParameterLayout.h"
 
@@ -18,12 +19,7 @@ using warp::Launch;
 
 /// A special register of the grid.
 Value Launch::readSpecial(StringRef name, StringRef axis) {
-  std::string intrinsic =
-      ("llvm.nvvm.read.ptx.sreg." + name + "." + axis).str();
-  return LLVM::CallIntrinsicOp::create(b, loc, b.getI32Type(),
-                                       b.getStringAttr(intrinsic),
-                                       ValueRange())
-      .getResult(0);
+  return warp::readSpecial(b, loc, (name + "." + axis).str());
 }
 
 /// block index * block size + thread index, along one axis.

@@ -46,23 +46,6 @@ namespace warp {
 
 using namespace mlir;
 
-/// Subtracting is adding a negative.
-static warp::AtomicKind combiningKind(warp::AtomicKind kind) {
-  return kind == warp::AtomicKind::sub ? warp::AtomicKind::add : kind;
-}
-
-static bool canCombine(warp::AtomicKind kind) {
-  using warp::AtomicKind;
-  switch (combiningKind(kind)) {
-  case AtomicKind::add:
-  case AtomicKind::min:
-  case AtomicKind::max:
-    return true;
-  default:
-    return false;
-  }
-}
-
 namespace {
 
 /// The private memory of one atomic, a slot for each component.
@@ -87,7 +70,7 @@ public:
   bool isFasterAlone(int64_t threads, int64_t cost);
 
 private:
-  bool isInvariant(Value value);
+  bool isInvariant(Value value) { return warp::isInvariant(value, first); }
   bool qualifies(warp::AtomicComponentsOp op);
   void privatize(warp::AtomicComponentsOp op);
   void publishRange(const Accumulator &sum, Value any);
@@ -96,8 +79,9 @@ private:
   int64_t blockDim() {
     return warp::getFact(entry, warp::attr::blockDim, 256);
   }
-  Value cloneInvariant(Value value, IRMapping &clones);
-  Value identity(warp::AtomicKind kind, Type type, bool isUnsigned);
+  Value cloneInvariant(Value value, IRMapping &clones) {
+    return warp::cloneInvariant(b, value, first, clones);
+  }
   Value makeSlot(Value initial);
 
   LLVM::LLVMFuncOp entry;
@@ -109,78 +93,13 @@ private:
 
 } // namespace
 
-/// The same for every thread of the range, and safe to compute again.
-bool Privatizer::isInvariant(Value value) {
-  if (auto argument = dyn_cast<BlockArgument>(value))
-    return argument.getOwner() == first;
-  Operation *op = value.getDefiningOp();
-  return isPure(op) && op->getNumRegions() == 0 &&
-         llvm::all_of(op->getOperands(),
-                      [&](Value operand) { return isInvariant(operand); });
-}
-
-/// Whether an array is an argument, or the gradients of one, and has no other
-/// name.
-static bool hasOneName(Value array) {
-  auto grad = array.getDefiningOp<warp::GradOp>();
-  if (!grad)
-    return array.getDefiningOp<warp::ParameterOp>() != nullptr;
-  Value parameter = grad.getArray();
-  return parameter.getDefiningOp<warp::ParameterOp>() &&
-         llvm::none_of(parameter.getUsers(), [&](Operation *user) {
-           return isa<warp::GradOp>(user) && user != grad;
-         });
-}
-
 bool Privatizer::qualifies(warp::AtomicComponentsOp op) {
-  if (!op->use_empty() || !canCombine(op.getKind()))
-    return false;
-  if (!hasOneName(op.getArray()) ||
-      !llvm::all_of(op.getIndices(), [&](Value i) { return isInvariant(i); }))
-    return false;
-  for (Type type : op.getComponents().getTypes())
-    if (type.getIntOrFloatBitWidth() < 32)
-      return false;
-  return llvm::all_of(op.getArray().getUsers(), [&](Operation *user) {
-    if (isa<warp::DimOp>(user))
-      return true;
-    auto other = dyn_cast<warp::AtomicComponentsOp>(user);
-    return other && other->use_empty() &&
-           combiningKind(other.getKind()) == combiningKind(op.getKind());
-  });
-}
-
-/// A value at the current insertion point, which `first` dominates.
-Value Privatizer::cloneInvariant(Value value, IRMapping &clones) {
-  if (value.getParentBlock() == first)
-    return value;
-  if (Value known = clones.lookupOrNull(value))
-    return known;
-  Operation *op = value.getDefiningOp();
-  for (Value operand : op->getOperands())
-    clones.map(operand, cloneInvariant(operand, clones));
-  b.clone(*op, clones);
-  return clones.lookup(value);
-}
-
-Value Privatizer::identity(warp::AtomicKind kind, Type type, bool isUnsigned) {
-  Location loc = entry.getLoc();
-  if (auto floatType = dyn_cast<FloatType>(type)) {
-    const llvm::fltSemantics &semantics = floatType.getFloatSemantics();
-    // A minimum or maximum of NaN and a number is the number.
-    APFloat value = kind == warp::AtomicKind::add
-                        ? APFloat::getZero(semantics, /*Negative=*/true)
-                        : APFloat::getNaN(semantics);
-    return arith::ConstantOp::create(b, loc, b.getFloatAttr(type, value));
-  }
-  unsigned width = type.getIntOrFloatBitWidth();
-  APInt value = APInt::getZero(width);
-  if (kind == warp::AtomicKind::min)
-    value = isUnsigned ? APInt::getMaxValue(width)
-                       : APInt::getSignedMaxValue(width);
-  if (kind == warp::AtomicKind::max && !isUnsigned)
-    value = APInt::getSignedMinValue(width);
-  return arith::ConstantOp::create(b, loc, b.getIntegerAttr(type, value));
+  return warp::commutes(op) &&
+         llvm::all_of(op.getIndices(),
+                      [&](Value index) { return isInvariant(index); }) &&
+         llvm::all_of(op.getResultTypes(), [](Type type) {
+           return type.getIntOrFloatBitWidth() >= 32;
+         });
 }
 
 /// Memory at the start of the entry, for mem2reg to take away again.
@@ -197,7 +116,7 @@ void Privatizer::privatize(warp::AtomicComponentsOp op) {
   Location loc = op.getLoc();
   Accumulator sum;
   sum.op = op;
-  sum.kind = combiningKind(op.getKind());
+  sum.kind = warp::combiningKind(op.getKind());
   SmallVector<warp::Leaf> leaves;
   warp::collectLeaves(
       cast<warp::ArrayType>(op.getArray().getType()).getElementType(), 0,
@@ -208,9 +127,8 @@ void Privatizer::privatize(warp::AtomicComponentsOp op) {
   for (warp::Leaf leaf : leaves) {
     bool widens = isGradient && leaf.type.isF32();
     sum.types.push_back(widens ? b.getF64Type() : leaf.type);
-    sum.identities.push_back(identity(sum.kind,
-                                      warp::getSignless(sum.types.back()),
-                                      leaf.type.isUnsignedInteger()));
+    sum.identities.push_back(
+        warp::identity(b, loc, sum.kind, sum.types.back()));
     sum.slots.push_back(makeSlot(sum.identities.back()));
   }
   // A thread that never gets here must leave the array alone: it may be null.

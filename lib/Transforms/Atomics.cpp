@@ -1,0 +1,148 @@
+//===- Atomics.cpp - What an atomic update computes -----------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Atomics.h"
+
+#include "WarpDialect/Passes.h"
+
+#include "mlir/Dialect/Arith/IR/Arith.h"
+
+using namespace mlir;
+using warp::AtomicCasOp;
+using warp::AtomicComponentsOp;
+using warp::AtomicKind;
+
+Value warp::combine(OpBuilder &b, Location loc, AtomicKind kind, Value old,
+                    Value value, Type type, bool anyOrder) {
+  auto flags = anyOrder ? arith::FastMathFlags::reassoc
+                        : arith::FastMathFlags::none;
+  auto make = [&]<typename Op>(auto... extra) -> Value {
+    return Op::create(b, loc, old, value, extra...);
+  };
+  bool isFloating = isFloat(type);
+  bool isUnsigned = type.isUnsignedInteger();
+  switch (kind) {
+  case AtomicKind::add:
+    return isFloating ? make.operator()<arith::AddFOp>(flags)
+                      : make.operator()<arith::AddIOp>();
+  case AtomicKind::sub:
+    return isFloating ? make.operator()<arith::SubFOp>(flags)
+                      : make.operator()<arith::SubIOp>();
+  case AtomicKind::min:
+    return isFloating   ? make.operator()<arith::MinNumFOp>()
+           : isUnsigned ? make.operator()<arith::MinUIOp>()
+                        : make.operator()<arith::MinSIOp>();
+  case AtomicKind::max:
+    return isFloating   ? make.operator()<arith::MaxNumFOp>()
+           : isUnsigned ? make.operator()<arith::MaxUIOp>()
+                        : make.operator()<arith::MaxSIOp>();
+  case AtomicKind::bit_and:
+    return make.operator()<arith::AndIOp>();
+  case AtomicKind::bit_or:
+    return make.operator()<arith::OrIOp>();
+  case AtomicKind::bit_xor:
+    return make.operator()<arith::XOrIOp>();
+  case AtomicKind::exch:
+    return value;
+  }
+  llvm_unreachable("unknown atomic");
+}
+
+bool warp::dependsOnOrder(Operation *update) {
+  auto atomic = dyn_cast<AtomicComponentsOp>(update);
+  if (!atomic)
+    return isa<AtomicCasOp>(update);
+  AtomicKind kind = atomic.getKind();
+  if (!atomic->use_empty() || kind == AtomicKind::exch)
+    return true;
+  return (kind == AtomicKind::add || kind == AtomicKind::sub) &&
+         llvm::any_of(atomic.getComponents().getTypes(), isFloat);
+}
+
+bool warp::hasOrderedUpdates(Operation *entry) {
+  return entry
+      ->walk([](Operation *op) {
+        return dependsOnOrder(op) ? WalkResult::interrupt()
+                                  : WalkResult::advance();
+      })
+      .wasInterrupted();
+}
+
+AtomicKind warp::combiningKind(AtomicKind kind) {
+  return kind == AtomicKind::sub ? AtomicKind::add : kind;
+}
+
+/// Whether an array is an argument, or the gradients of one, and has no other
+/// name.
+static bool hasOneName(Value array) {
+  auto grad = array.getDefiningOp<warp::GradOp>();
+  if (!grad)
+    return array.getDefiningOp<warp::ParameterOp>() != nullptr;
+  Value parameter = grad.getArray();
+  return parameter.getDefiningOp<warp::ParameterOp>() &&
+         llvm::none_of(parameter.getUsers(), [&](Operation *user) {
+           return isa<warp::GradOp>(user) && user != grad;
+         });
+}
+
+bool warp::commutes(AtomicComponentsOp op) {
+  AtomicKind kind = combiningKind(op.getKind());
+  if (kind != AtomicKind::add && kind != AtomicKind::min &&
+      kind != AtomicKind::max)
+    return false;
+  return hasOneName(op.getArray()) &&
+         llvm::all_of(op.getArray().getUsers(), [&](Operation *user) {
+           auto other = dyn_cast<AtomicComponentsOp>(user);
+           return isa<DimOp>(user) ||
+                  (other && other->use_empty() &&
+                   combiningKind(other.getKind()) == kind);
+         });
+}
+
+Value warp::identity(OpBuilder &b, Location loc, AtomicKind kind, Type type) {
+  kind = combiningKind(kind);
+  if (auto floatType = dyn_cast<FloatType>(type)) {
+    const llvm::fltSemantics &semantics = floatType.getFloatSemantics();
+    // A minimum or maximum of NaN and a number is the number.
+    APFloat value = kind == AtomicKind::add
+                        ? APFloat::getZero(semantics, /*Negative=*/true)
+                        : APFloat::getNaN(semantics);
+    return arith::ConstantOp::create(b, loc, b.getFloatAttr(type, value));
+  }
+  unsigned width = type.getIntOrFloatBitWidth();
+  bool isUnsigned = type.isUnsignedInteger();
+  APInt value = APInt::getZero(width);
+  if (kind == AtomicKind::min)
+    value = isUnsigned ? APInt::getMaxValue(width)
+                       : APInt::getSignedMaxValue(width);
+  if (kind == AtomicKind::max && !isUnsigned)
+    value = APInt::getSignedMinValue(width);
+  return arith::ConstantOp::create(
+      b, loc, b.getIntegerAttr(b.getIntegerType(width), value));
+}
+
+bool warp::isInvariant(Value value, Block *first) {
+  if (auto argument = dyn_cast<BlockArgument>(value))
+    return argument.getOwner() == first;
+  Operation *op = value.getDefiningOp();
+  return isPure(op) && op->getNumRegions() == 0 &&
+         llvm::all_of(op->getOperands(), [&](Value operand) {
+           return isInvariant(operand, first);
+         });
+}
+
+Value warp::cloneInvariant(OpBuilder &b, Value value, Block *first,
+                           IRMapping &clones) {
+  if (value.getParentBlock() == first)
+    return value;
+  if (Value known = clones.lookupOrNull(value))
+    return known;
+  Operation *op = value.getDefiningOp();
+  for (Value operand : op->getOperands())
+    clones.map(operand, cloneInvariant(b, operand, first, clones));
+  b.clone(*op, clones);
+  return clones.lookup(value);
+}
