@@ -186,8 +186,9 @@ def Warp_SliceOp
   let summary = "part of an array along one dimension";
   let description = [{
     Elements `start`, `start + step`, ... before `stop` of dimension `dim`, as
-    Python slices do with a positive step: negative bounds count from the end
-    and both bounds are clamped to the extent.
+    Python slices do: negative bounds count from the end, both bounds are
+    clamped to the extent, and a negative step goes backwards. A step of 0
+    selects nothing.
 
     (C1) `dim` is within the rank.
   }];

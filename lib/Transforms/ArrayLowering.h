@@ -60,6 +60,11 @@ private:
   void lower(mlir::Operation *op);
   void lowerParameter(ParameterOp op);
   void lowerView(ViewOp op);
+  std::pair<mlir::Value, mlir::Value> selectedForwards(SliceOp op,
+                                                       mlir::Value extent);
+  std::pair<mlir::Value, mlir::Value> selected(SliceOp op, mlir::Value extent);
+  mlir::Value clampBound(mlir::Value bound, mlir::Value low, mlir::Value high,
+                         mlir::Value extent);
   void lowerSlice(SliceOp op);
   void lowerComponentView(ComponentViewOp op);
   void lowerDim(DimOp op);

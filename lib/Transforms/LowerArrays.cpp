@@ -184,38 +184,6 @@ void ArrayLowering::lowerView(ViewOp op) {
   known[op] = parts;
 }
 
-void ArrayLowering::lowerSlice(SliceOp op) {
-  ArrayParts parts = getParts(op.getArray());
-  int64_t dim = op.getDim(), rank = parts.shape.size();
-  SmallVector<mlir::Value, 4> strides;
-  for (int64_t d = 0; d < rank; ++d)
-    strides.push_back(stride(parts, d));
-  mlir::Value zero = constant(i64, 0), one = constant(i64, 1);
-  mlir::Value extent = widen(parts.shape[dim], i64);
-  auto clamp = [&](mlir::Value bound) -> mlir::Value {
-    bound = wrapIndex(widen(bound, i64), extent);
-    bound = arith::MaxSIOp::create(b, loc, bound, zero);
-    return arith::MinSIOp::create(b, loc, bound, extent);
-  };
-  mlir::Value start = clamp(op.getStart()), stop = clamp(op.getStop());
-  mlir::Value step =
-      arith::MaxSIOp::create(b, loc, widen(op.getStep(), i64), one);
-  // ceil((stop - start) / step), at least 0.
-  mlir::Value span = arith::SubIOp::create(b, loc, stop, start);
-  span = arith::MaxSIOp::create(b, loc, span, zero);
-  mlir::Value below = arith::SubIOp::create(b, loc, step, one);
-  span = arith::AddIOp::create(b, loc, span, below);
-  mlir::Value length = arith::DivUIOp::create(b, loc, span, step);
-
-  parts.shape[dim] = widen(length, i32);
-  parts.data = advance(
-      parts.data, arith::MulIOp::create(b, loc, start, strides[dim]));
-  strides[dim] = arith::MulIOp::create(b, loc, step, strides[dim]);
-  parts.strides = strides;
-  parts.unit = 0;
-  known[op] = parts;
-}
-
 void ArrayLowering::lowerComponentView(ComponentViewOp op) {
   ArrayParts parts = getParts(op.getArray());
   mlir::Type element = elementType(op.getArray());

@@ -47,8 +47,10 @@ llvm.func @field(%block: !llvm.ptr, %i: i32, %v: f64)
 
 // -----
 
-// Slice bounds are wrapped and clamped; the length rounds up.
+// Slice bounds are wrapped and clamped; the length rounds up. The sign of a step
+// that is no constant chooses what is clamped to.
 // CHECK-LABEL: llvm.func @slice
+// CHECK: arith.select %{{.*}}, %c-1{{.*}} : i64
 // CHECK: arith.maxsi
 // CHECK: arith.minsi
 // CHECK: arith.divui
@@ -57,6 +59,18 @@ llvm.func @field(%block: !llvm.ptr, %i: i32, %v: f64)
 llvm.func @slice(%block: !llvm.ptr, %i: i32) attributes {warp.entry} {
   %a = warp.parameter %block[24] packed : !llvm.ptr -> !warp.array<1 x si32>
   %s = warp.slice %a[%i : %i : %i] dim 0 : !warp.array<1 x si32>, i32, i32, i32
+  %n = warp.dim %s, 0 : !warp.array<1 x si32> -> i32
+  warp.store_components(%n), %a[%i] : (i32), !warp.array<1 x si32>, i32
+  llvm.return
+}
+
+// CHECK-LABEL: llvm.func @forward_slice
+// CHECK-NOT: %c-1
+// CHECK: llvm.return
+llvm.func @forward_slice(%block: !llvm.ptr, %i: i32) attributes {warp.entry} {
+  %a = warp.parameter %block[24] packed : !llvm.ptr -> !warp.array<1 x si32>
+  %two = arith.constant 2 : i32
+  %s = warp.slice %a[%i : %i : %two] dim 0 : !warp.array<1 x si32>, i32, i32, i32
   %n = warp.dim %s, 0 : !warp.array<1 x si32> -> i32
   warp.store_components(%n), %a[%i] : (i32), !warp.array<1 x si32>, i32
   llvm.return

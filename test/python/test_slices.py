@@ -1,5 +1,7 @@
 """Slices of vectors, matrices and rotations: updates in place, their gradients, empty slices."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -152,3 +154,57 @@ def test_transforms_without_rotation(device):
     out = wp.zeros(2, dtype=wp.transform, device=device)
     wp.launch(translate, 1, [out], device=device)
     assert np.array_equal(out.numpy(), [[1, 2, 3, 0, 0, 0, 1], [4, 5, 6, 0, 0, 0, 1]])
+
+
+@wp.kernel
+def part(a: wp.array(dtype=float), start: int, stop: int, step: int, out: wp.array(dtype=float)):
+    v = a[start:stop:step]
+    out[0] = float(v.shape[0])
+    for i in range(v.shape[0]):
+        out[i + 1] = v[i]
+
+
+def test_slices_of_arrays_are_those_of_numpy(device):
+    for count in (1, 4, 5):
+        numbers = np.arange(count) + 1.0
+        a = wp.array(numbers, dtype=float, device=device)
+        bounds = (-count - 2, -count, -1, 0, 1, count - 1, count, count + 2)
+        for start, stop, step in itertools.product(bounds, bounds, (-3, -1, 1, 2)):
+            out = wp.zeros(count + 1, device=device)
+            wp.launch(part, 1, [a, start, stop, step, out], device=device)
+            expected = numbers[start:stop:step]
+            found = out.numpy()
+            assert found[0] == len(expected), (count, start, stop, step)
+            assert np.array_equal(found[1 : len(expected) + 1], expected)
+    out = wp.zeros(6, device=device)
+    wp.launch(part, 1, [a, 0, 5, 0, out], device=device)
+    assert not out.numpy().any()
+
+
+@wp.kernel
+def reverse(a: wp.array(dtype=float), step: int, out: wp.array2d(dtype=float)):
+    i = wp.tid()
+    out[0, i] = a[::-1][i]
+    out[1, i] = a[::step][i]
+    out[2, i] = 2.0 * a[2::-1][wp.min(i, 2)]
+    v = a[:1:step]
+    if i < v.shape[0]:
+        out[3, i] = v[i]
+
+
+def test_slices_with_open_ends(device):
+    a = wp.array([1.0, 2.0, 3.0, 4.0], dtype=float, device=device, requires_grad=True)
+    out = wp.zeros((4, 4), dtype=float, device=device, requires_grad=True)
+    with wp.Tape() as tape:
+        wp.launch(reverse, 4, [a, -1, out], device=device)
+    expected = [[4, 3, 2, 1], [4, 3, 2, 1], [6, 4, 2, 2], [4, 3, 0, 0]]
+    assert np.array_equal(out.numpy(), expected)
+    seed = np.arange(16.0).reshape(4, 4)
+    tape.backward(grads={out: wp.array(seed, dtype=float, device=device)})
+    exact = seed[0, ::-1] + seed[1, ::-1]
+    exact[:3] += 2 * np.array([seed[2, 2] + seed[2, 3], seed[2, 1], seed[2, 0]])
+    exact[3:1:-1] += seed[3, :2]
+    assert np.array_equal(a.grad.numpy(), exact)
+    out.zero_()
+    wp.launch(reverse, 4, [a, 1, out], device=device)
+    assert np.array_equal(out.numpy()[[1, 3]], [[1, 2, 3, 4], [1, 0, 0, 0]])
