@@ -24,6 +24,7 @@ from warp._src.allocators import get_device_allocator as get_device_allocator
 from warp._src.allocators import set_cuda_allocator as set_cuda_allocator
 from warp._src.allocators import set_device_allocator as set_device_allocator
 from warp._src.annotations import ArrayType as ArrayType
+from warp._src.annotations import ref as ref
 from warp._src.aot import compile_aot_module as compile_aot_module
 from warp._src.aot import load_aot_module as load_aot_module
 from warp._src.array import array as array
@@ -137,6 +138,11 @@ from warp._src.jax import device_from_jax as device_from_jax
 from warp._src.jax import device_to_jax as device_to_jax
 from warp._src.jax import dtype_from_jax as dtype_from_jax
 from warp._src.jax import dtype_to_jax as dtype_to_jax
+from warp._src.indexed_arrays import indexedarray as indexedarray
+from warp._src.indexed_arrays import indexedarray1d as indexedarray1d
+from warp._src.indexed_arrays import indexedarray2d as indexedarray2d
+from warp._src.indexed_arrays import indexedarray3d as indexedarray3d
+from warp._src.indexed_arrays import indexedarray4d as indexedarray4d
 from warp._src.jax import from_jax as from_jax
 from warp._src.jax import to_jax as to_jax
 from warp._src.jax_kernel import jax_kernel as jax_kernel

@@ -72,6 +72,47 @@ class IndexedArrayType(ArrayType):
         raise TypeError(f"'{self!r}' is an annotation, use `wp.indexedarray(data, indices)`")
 
 
+class Reference:
+    """Annotation of a parameter that a function may assign to for its caller."""
+
+    __slots__ = ("dtype",)
+
+    def __init__(self, dtype):
+        self.dtype = dtype
+
+    @property
+    def value_type(self):
+        """The type behind the reference."""
+        return self.dtype
+
+    def __eq__(self, other):
+        return self.dtype == other.dtype if isinstance(other, Reference) else NotImplemented
+
+    def __hash__(self):
+        return hash((Reference, self.dtype))
+
+    def __repr__(self):
+        return f"wp.ref[{types.type_repr(self.dtype)}]"
+
+
+class ref:
+    """`wp.ref[T]`: annotates a parameter of a `@wp.func` that is passed by reference.
+
+    What the function assigns to it, or to a part of it, the caller finds in the variable or the
+    element of an array that it has passed. The place is read before the call and written after it,
+    without atomics. Derivatives take it into account.
+
+    Example:
+        >>> import warp as wp
+        >>> @wp.func
+        ... def advance(x: wp.ref[float], step: float):
+        ...     x += step
+    """
+
+    def __class_getitem__(cls, dtype):
+        return Reference(dtype)
+
+
 def _element_type(dtype):
     from warp._src.vectors import GenericAnnotation
 

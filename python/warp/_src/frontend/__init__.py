@@ -6,7 +6,8 @@ How a kernel goes through it:
     control     break, continue and return become flags; which names are live where
     statements  the translator, put together from one class per topic:
                 emitter (bindings, constants, errors) < indexed < access < expressions < branches
-                < loops < targets (assignment) < user_calls < constructors < calls
+                < loops < targets (assignment) < user_calls < references < derivatives
+                < constructors < output < calls
     names       what a free name refers to
     functions   parameters and overloads of `@wp.func`
 

@@ -10,6 +10,7 @@ from warp._src.frontend.control import plan_of
 from warp._src.frontend.emitter import Session, Value
 from warp._src.frontend.functions import Overload
 from warp._src.frontend.statements import Emitter
+from warp._src.frontend.updates import updated_arguments
 
 
 def build_kernel(kernel, arguments=None):
@@ -62,6 +63,12 @@ def _translate(function, name, arguments, max_unroll):
     if arguments is not None:
         natives = [native or given for native, given in zip(natives, arguments, strict=False)]
     for parameter, native in zip(overload.parameters, natives, strict=False):
+        if parameter.by_reference:
+            raise errors.WarpCodegenTypeError(
+                f"parameter '{parameter.name}' of kernel '{name}' cannot be a reference",
+                hint="pass an array",
+                **source.place(source.tree),
+            )
         if native is None:
             raise errors.WarpCodegenTypeError(
                 f"parameter '{parameter.name}' of kernel '{name}' is generic, its type is known "
@@ -71,7 +78,7 @@ def _translate(function, name, arguments, max_unroll):
     builder = _native.Builder(symbol_name(name))
     session = Session(builder, max_unroll)
     session.active.append(overload)
-    plan_of(source, builder.inout_arguments)
+    plan_of(source, updated_arguments(function, builder.inout_arguments))
     emitter = Emitter(session, function, source, True)
     emitter.result_type = None
     emitter.at(source.tree)

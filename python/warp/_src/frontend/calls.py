@@ -18,6 +18,7 @@ from warp._src.frontend.emitter import Value
 from warp._src.frontend.indexed import array_of
 from warp._src.frontend.names import BuiltinRef
 from warp._src.frontend.output import Output
+from warp._src.frontend.updates import references_of
 from warp._src.kernel import Kernel
 from warp._src.public import LIBRARY_NAMES
 
@@ -58,6 +59,9 @@ class Calls(Output):
         if isinstance(function, type):
             return self.call_type(function, node)
         if hasattr(function, "overloads"):
+            references = references_of(function)
+            if references:
+                return self.call_by_reference(function, references, node)
             return self.call_function(function, *self.arguments(node), node)
         if isinstance(function, Derivative):
             return self.call_derivative(function, node)

@@ -15,8 +15,6 @@ from __future__ import annotations
 
 import ast
 
-from warp import _native
-
 RESULT = "return value"
 RETURNED = "return taken"
 
@@ -83,16 +81,16 @@ class Loop(Node):
 
 
 class Plan:
-    """The rewritten body of a function."""
+    """The rewritten body of a function; `updated` has the arguments that calls update."""
 
-    __slots__ = ("always_returns", "body", "local_names", "returns_value")
+    __slots__ = ("always_returns", "body", "local_names", "returns_value", "updated")
 
 
-def plan_of(source, inout_arguments, outputs=()) -> Plan:
+def plan_of(source, updated_arguments, outputs=()) -> Plan:
     """The plan of a function's source, made once.
 
-    `inout_arguments(name)` gives the positions of arguments that a builtin updates; `outputs` are
-    names that are read when the function has ended.
+    `updated_arguments(call)` gives the arguments that a call updates; `outputs` are names that are
+    read when the function has ended.
     """
     if source.plan is None:
         body = source.tree.body
@@ -101,8 +99,9 @@ def plan_of(source, inout_arguments, outputs=()) -> Plan:
         plan.always_returns = rewriter.leaves(body)[1]
         plan.returns_value = _returns_value(body)
         plan.body = rewriter.block(body, 0)
-        analysis = _Analysis(inout_arguments)
+        analysis = _Analysis(updated_arguments)
         plan.local_names = analysis.gather(plan.body)[2]
+        plan.updated = analysis.updated
         needed = (RESULT,) if plan.returns_value else ()
         if plan.returns_value and not plan.always_returns:
             needed = (RESULT, RETURNED)
@@ -236,8 +235,9 @@ def _flag(kind, depth):
 class _Analysis:
     """Fills in the name sets of nodes."""
 
-    def __init__(self, inout_arguments):
-        self.inout_arguments = inout_arguments
+    def __init__(self, updated_arguments):
+        self.updated_arguments = updated_arguments
+        self.updated = set()
 
     def gather(self, nodes) -> tuple[frozenset, frozenset, frozenset, frozenset]:
         """gen, kill, defs and parts of a list, children first."""
@@ -308,21 +308,9 @@ class _Analysis:
         elif kind is ast.AugAssign:
             _add_base(node.target, uses)
         elif kind is ast.Call:
-            name = getattr(node.func, "attr", None) or getattr(node.func, "id", None)
-            positions = self.inout_arguments(name) if name else ()
-            for position in positions:
-                if position < len(node.args):
-                    _add_base(node.args[position], parts)
-            if positions:
-                updated = {
-                    names[position]
-                    for names in _native.Builder.parameter_names(name)
-                    for position in positions
-                    if position < len(names)
-                }
-                for keyword in node.keywords:
-                    if keyword.arg in updated:
-                        _add_base(keyword.value, parts)
+            for argument in self.updated_arguments(node):
+                _add_base(argument, parts)
+                self.updated.add(argument)
         for field in node._fields:
             value = getattr(node, field, None)
             if isinstance(value, ast.AST):

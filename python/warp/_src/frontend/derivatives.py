@@ -14,10 +14,11 @@ from warp._src.derivatives import is_differentiable
 from warp._src.frontend import functions
 from warp._src.frontend.functions import NOTHING, overload_of
 from warp._src.frontend.pullbacks import mismatch, pullback_of
-from warp._src.frontend.user_calls import Parts, UserCalls
+from warp._src.frontend.references import References
+from warp._src.frontend.user_calls import Parts
 
 
-class Derivatives(UserCalls):
+class Derivatives(References):
     """Translates calls that involve derivatives."""
 
     def call_custom(self, function, overload, bound, node):

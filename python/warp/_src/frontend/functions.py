@@ -11,7 +11,7 @@ import inspect
 import typing
 
 from warp._src import annotations, errors, types
-from warp._src.annotations import ArrayType, IndexedArrayType
+from warp._src.annotations import ArrayType, IndexedArrayType, Reference
 from warp._src.frontend import names
 from warp._src.frontend.emitter import Value
 from warp._src.frontend.indexed import array_of
@@ -23,12 +23,15 @@ _KINDS = {"Int": ("int",), "Float": ("float",), "Scalar": ("int", "float")}
 class Parameter:
     """One parameter: native type, or a generic annotation (None accepts everything)."""
 
-    __slots__ = ("annotation", "default", "name", "native")
+    __slots__ = ("annotation", "by_reference", "default", "name", "native")
 
     def __init__(self, name, annotation, default):
         self.name = name
         self.default = default
         self.native = None
+        self.by_reference = isinstance(annotation, Reference)
+        if self.by_reference:
+            annotation = annotation.dtype
         self.annotation = annotation
         if not is_generic(annotation):
             self.native = types.native_type(annotations.resolve(annotation))
@@ -144,6 +147,7 @@ class Overload:
         self.parameters = self.read_parameters()
         self.result = self.read_result()
         self.generic = sum(parameter.native is None for parameter in self.parameters)
+        self.has_references = any(parameter.by_reference for parameter in self.parameters)
 
     def read_parameters(self):
         arguments = self.source.tree.args
@@ -224,12 +228,14 @@ class Overload:
 class Specialization:
     """A translated function: its symbol and the shape of what it returns.
 
-    arguments: shapes of the arguments. results: types of all values that it returns.
+    arguments: shapes of the arguments. results: types of all values that it returns. updated: names
+    of the parameters by reference whose new values follow the results.
     """
 
-    __slots__ = ("arguments", "results", "shape", "symbol")
+    __slots__ = ("arguments", "results", "shape", "symbol", "updated")
 
-    def __init__(self, symbol, shape, arguments=(), results=()):
+    def __init__(self, symbol, shape, arguments=(), results=(), updated=()):
+        self.updated = updated
         self.symbol = symbol
         self.shape = shape
         self.arguments = arguments

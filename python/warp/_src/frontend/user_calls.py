@@ -9,6 +9,7 @@ from warp._src.frontend.control import plan_of
 from warp._src.frontend.emitter import Value
 from warp._src.frontend.functions import NOTHING, Specialization
 from warp._src.frontend.targets import Targets
+from warp._src.frontend.updates import updated_arguments
 
 
 class Parts:
@@ -37,8 +38,11 @@ class UserCalls(Targets):
         results = iter(self.builder.call(made.symbol, values))
         return None if made.shape is NOTHING else self.unflatten(made.shape, results)
 
-    def select(self, function, arguments, keywords, node):
-        """The first overload that takes the arguments, concrete ones before generic ones."""
+    def select(self, function, arguments, keywords, node, by_reference=False):
+        """The first overload that takes the arguments, concrete ones before generic ones.
+
+        by_reference: parameters may be references.
+        """
         overloads = [functions.overload_of(f) for f in function.overloads]
         if len(overloads) > 1:
             overloads.sort(key=lambda overload: overload.generic)
@@ -46,6 +50,8 @@ class UserCalls(Targets):
         for overload in overloads:
             bound = overload.bind(self, arguments, keywords, node)
             if type(bound) is list:
+                if overload.has_references and (function.has_derivative or not by_reference):
+                    raise self.no_references(overload, node)
                 return overload, bound
             reasons.append(f"{overload}: {bound}")
         shown = ", ".join(f"'{self.type_name(argument)}'" for argument in arguments)
@@ -56,6 +62,14 @@ class UserCalls(Targets):
             message = f"no overload of '{function.key}' takes ({shown})"
             notes = tuple(reasons)
         raise self.type_error(node, message, self.call_hint(overloads, arguments), notes)
+
+    def no_references(self, overload, node):
+        return self.type_error(
+            node,
+            f"'{overload.function.__name__}' has parameters by reference; it can be called by its "
+            "own name alone, and has no derivative of its own",
+            notes=(f"declared as {overload}",),
+        )
 
     def call_hint(self, overloads, arguments):
         """The conversion, if one argument of one overload needs it."""
@@ -122,7 +136,12 @@ class UserCalls(Targets):
         emitter = type(self)(self.session, overload.function, overload.source, False)
         emitter.result_type = overload.result
         hidden = getattr(overload, "hidden", ())
-        plan_of(overload.source, self.builder.inout_arguments, [name for name, *_ in hidden])
+        references = [one.name for one in overload.parameters if one.by_reference]
+        plan_of(
+            overload.source,
+            updated_arguments(overload.function, self.builder.inout_arguments),
+            [*(name for name, *_ in hidden), *references],
+        )
         arg_names, arg_types, shapes = [], [], []
         for parameter, binding in zip(overload.parameters, bound, strict=False):
             if functions.is_static(binding):
@@ -140,6 +159,7 @@ class UserCalls(Targets):
             value = binding if shape is NOTHING else emitter.unflatten(shape, values)
             emitter.env[parameter.name] = value
             emitter.lines[parameter.name] = line
+        given = [emitter.env[name] for name in references]
         emitter.start_adjoints(hidden)
         try:
             result = emitter.body()
@@ -150,8 +170,16 @@ class UserCalls(Targets):
         if overload.source.plan.returns_value:
             flatten = emitter.take_apart if apart else emitter.flatten
             shape = flatten(result, overload.source.tree, results)
+        updated = [
+            name
+            for name, value in zip(references, given, strict=True)
+            if emitter.env[name] is not value
+        ]
+        tree = overload.source.tree
+        results += [emitter.materialize(emitter.env[name], tree) for name in updated]
         self.builder.end_function(results)
-        return Specialization(symbol, shape, shapes, [value.type for value in results])
+        types = [value.type for value in results]
+        return Specialization(symbol, shape, shapes, types, updated)
 
     def start_adjoints(self, hidden):
         """Gives the hidden names of a pullback their first values."""

@@ -1,0 +1,85 @@
+"""Parameters by reference, `x: wp.ref[float]`: what the function assigns to them, the caller gets.
+
+A function returns the last values of such parameters behind its results, as far as it assigns to
+them, and the call stores these in the places that were passed. So values stay values, and
+derivatives need nothing of their own. A place is found once, before the call.
+"""
+
+from __future__ import annotations
+
+import ast
+
+from warp._src.frontend.functions import NOTHING, is_static
+from warp._src.frontend.user_calls import UserCalls
+
+
+class References(UserCalls):
+    """Translates calls of functions that have parameters by reference."""
+
+    def call_by_reference(self, function, references, node):
+        arguments, slots = [], {}
+        for position, argument in enumerate(node.args):
+            if isinstance(argument, ast.Starred):
+                raise self.unsupported(argument, f"`*` in a call of '{function.key}'")
+            arguments.append(self.argument(argument, references.get(position), slots))
+        names = set(references.values())
+        keywords = {
+            keyword.arg: self.argument(
+                keyword.value, keyword.arg if keyword.arg in names else None, slots
+            )
+            for keyword in node.keywords
+        }
+        overload, bound = self.select(function, arguments, keywords, node, by_reference=True)
+        made = self.specialize(overload, bound, node)
+        values = []
+        for binding in bound:
+            if not is_static(binding):
+                self.flatten(binding, node, values)
+        self.at(node)
+        results = iter(self.builder.call(made.symbol, values))
+        result = None if made.shape is NOTHING else self.unflatten(made.shape, results)
+        for name in made.updated:
+            self.update(slots[name], next(results))
+        return result
+
+    def argument(self, node, name, slots):
+        """An argument's binding; that of a reference is read from its place, which is kept."""
+        if name is None or not isinstance(node, (ast.Name, ast.Attribute, ast.Subscript)):
+            binding = self.expr(node)
+            slot = None
+        else:
+            self.check_variable(node)
+            slot = self.slot(node)
+            binding = self.read(slot, node)
+            if node not in self.source.plan.updated:
+                raise self.type_error(
+                    node,
+                    f"argument '{name}' is passed by reference to a function that is not known "
+                    "before its call",
+                    "call the function by its own name",
+                )
+        if name is not None:
+            slots[name] = slot, node
+        return binding
+
+    def check_variable(self, node):
+        """Rejects a name that stands for a number known at compile time."""
+        number = self.env.get(node.id) if isinstance(node, ast.Name) else None
+        if isinstance(number, (bool, int)):
+            made = f"wp.{self.type_name(number)}({number})"
+            raise self.type_error(
+                node,
+                f"'{node.id}' is the constant {number} and cannot be passed by reference",
+                f"declare it as `{node.id} = {made}`",
+            )
+
+    def update(self, place, value):
+        """Stores what a function has assigned to a parameter."""
+        slot, node = place
+        if slot is None or (slot.name is None and slot.array is None):
+            raise self.type_error(
+                node,
+                "expects a variable or an element of an array, to pass by reference",
+                "assign the value to a variable before",
+            )
+        self.write(slot, value, node)

@@ -1,0 +1,77 @@
+"""Which arguments a call updates, found before anything is translated."""
+
+from __future__ import annotations
+
+import ast
+import types as python_types
+
+from warp import _native
+from warp._src.annotations import Reference
+from warp._src.frontend.functions import overload_of
+
+
+def references_of(function) -> dict[int, str]:
+    """Parameters of a function that are references in some overload: position and name."""
+    found: dict[int, str] = {}
+    if not any(map(_may_have_references, function.overloads)):
+        return found
+    for overload in map(overload_of, function.overloads):
+        for position, parameter in enumerate(overload.parameters):
+            if parameter.by_reference:
+                found[position] = parameter.name
+    return found
+
+
+def _may_have_references(function) -> bool:
+    declared = function.__annotations__.values()
+    return any(isinstance(one, (Reference, str)) for one in declared)
+
+
+def updated_arguments(function, inout_arguments):
+    """For a call in a function's body, the arguments that are updated as if they were assigned.
+
+    Args:
+        function: the Python function.
+        inout_arguments: gives the positions of arguments that a builtin of a name updates.
+    """
+
+    def updated(call):
+        callee = _resolve(function, call.func)
+        if hasattr(callee, "overloads"):
+            positions = references_of(callee)
+            names = set(positions.values())
+        else:
+            name = getattr(call.func, "attr", None) or getattr(call.func, "id", None)
+            positions = inout_arguments(name) if name else ()
+            names = _builtin_names(name, positions) if positions else ()
+        found = [call.args[position] for position in positions if position < len(call.args)]
+        return found + [keyword.value for keyword in call.keywords if keyword.arg in names]
+
+    return updated
+
+
+def _builtin_names(name, positions) -> set[str]:
+    return {
+        names[position]
+        for names in _native.Builder.parameter_names(name)
+        for position in positions
+        if position < len(names)
+    }
+
+
+def _resolve(function, node):
+    """The object that a name or an attribute of a module is in a function, or None."""
+    if isinstance(node, ast.Attribute):
+        owner = _resolve(function, node.value)
+        is_module = isinstance(owner, python_types.ModuleType)
+        return getattr(owner, node.attr, None) if is_module else None
+    if not isinstance(node, ast.Name):
+        return None
+    free = function.__code__.co_freevars
+    if node.id in free:
+        cell = function.__closure__[free.index(node.id)]
+        try:
+            return cell.cell_contents
+        except ValueError:
+            return None
+    return function.__globals__.get(node.id)
