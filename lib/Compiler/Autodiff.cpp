@@ -95,11 +95,15 @@ static std::string activeFlags(const AutodiffOptions &options) {
 
 LogicalResult warp::derive(ModuleOp module, const AutodiffOptions &options) {
   DifferentiateKernelOptions derivation;
-  derivation.mode = options.forward ? "forward" : "reverse";
+  derivation.mode = options.winners   ? "winners"
+                    : options.forward ? "forward"
+                                      : "reverse";
   derivation.active = activeFlags(options);
   derivation.singular = options.singular;
+  derivation.width = options.width;
   derivation.unique = options.unique;
   derivation.maxLocalTape = options.maxLocalTape;
+  derivation.tape = options.tape;
   PassManager differentiate(module.getContext());
   differentiate.enableVerifier(false);
   differentiate.addPass(createDifferentiateKernel(derivation));
@@ -110,7 +114,6 @@ LogicalResult warp::derive(ModuleOp module, const AutodiffOptions &options) {
                  succeeded(stages.tidy.run(module)));
 }
 
-/// Functions with a derivative of their own stay calls until that is built.
 void warp::keepCalls(ModuleOp module, bool keep) {
   for (auto function : module.getOps<func::FuncOp>()) {
     if (!function->hasAttr(warp::attr::vjp) &&
@@ -120,6 +123,31 @@ void warp::keepCalls(ModuleOp module, bool keep) {
       function.setNoInline(true);
     else
       function.removeNoInlineAttr();
+  }
+}
+
+void warp::callBodies(ModuleOp module) {
+  SmallVector<func::CallOp> calls;
+  module.walk([&](func::CallOp call) {
+    auto callee = module.lookupSymbol<func::FuncOp>(call.getCallee());
+    auto count =
+        callee ? callee->getAttrOfType<IntegerAttr>(attr::residuals) : nullptr;
+    if (count && !llvm::all_of(call.getResults().take_back(count.getInt()),
+                               [](OpResult v) { return v.use_empty(); }))
+      calls.push_back(call);
+  });
+  for (func::CallOp call : calls) {
+    auto callee = module.lookupSymbol<func::FuncOp>(call.getCallee());
+    std::string name = (callee.getName() + "_body").str();
+    if (!module.lookupSymbol(name)) {
+      func::FuncOp body = callee.clone();
+      body.setName(name);
+      for (StringRef attribute :
+           {attr::vjp, attr::jvp, attr::replay, attr::residuals})
+        body->removeAttr(attribute);
+      module.insert(callee, body);
+    }
+    call.setCallee(name);
   }
 }
 
@@ -170,9 +198,16 @@ static HiddenArgument readHidden(DictionaryAttr entry, mlir::Type type) {
                     .Case("saved", Kind::Saved)
                     .Case("counters", Kind::Counters)
                     .Case("tangent", Kind::Tangent)
+                    .Case("claims", Kind::Claims)
+                    .Case("trips", Kind::Trips)
+                    .Case("offsets", Kind::Offsets)
+                    .Case("totals", Kind::Totals)
+                    .Case("tape", Kind::Tape)
                     .Default(Kind::Preserved);
   if (auto leaf = entry.getAs<IntegerAttr>("leaf"))
     hidden.leaf = static_cast<int>(leaf.getInt());
+  if (auto direction = entry.getAs<IntegerAttr>("direction"))
+    hidden.direction = static_cast<int>(direction.getInt());
   if (auto count = entry.getAs<IntegerAttr>("per_thread"))
     hidden.perThread = count.getInt();
   hidden.places = readLines(entry.get("places"));
@@ -180,15 +215,22 @@ static HiddenArgument readHidden(DictionaryAttr entry, mlir::Type type) {
   return hidden;
 }
 
+static std::vector<HiddenArgument> takeHidden(func::FuncOp kernel) {
+  std::vector<HiddenArgument> hidden;
+  Attribute taken = kernel->removeAttr(warp::attr::hidden);
+  if (auto list = dyn_cast_or_null<ArrayAttr>(taken)) {
+    unsigned first = kernel.getNumArguments() - list.size();
+    for (auto [i, entry] : llvm::enumerate(list.getAsRange<DictionaryAttr>()))
+      hidden.push_back(
+          readHidden(entry, kernel.getArgumentTypes()[first + i]));
+  }
+  return hidden;
+}
+
 /// Takes the attributes off the kernel.
 static void readFacts(func::FuncOp kernel, Derivative &derivative) {
   auto take = [&](StringRef name) { return kernel->removeAttr(name); };
-  if (auto list = dyn_cast_or_null<ArrayAttr>(take(warp::attr::hidden))) {
-    unsigned first = kernel.getNumArguments() - list.size();
-    for (auto [i, entry] : llvm::enumerate(list.getAsRange<DictionaryAttr>()))
-      derivative.hidden.push_back(
-          readHidden(entry, kernel.getArgumentTypes()[first + i]));
-  }
+  derivative.hidden = takeHidden(kernel);
   if (auto list = dyn_cast_or_null<ArrayAttr>(take(warp::attr::needed)))
     for (auto leaf : list.getAsRange<IntegerAttr>())
       derivative.needed.push_back(static_cast<int>(leaf.getInt()));
@@ -204,17 +246,23 @@ static void readFacts(func::FuncOp kernel, Derivative &derivative) {
         derivative.metrics[entry.getName().str()] = number.getInt();
 }
 
-/// Parts the augmented primal, if there is one, from the adjoint.
-static std::optional<warp::Module> takeAugmented(ModuleOp module) {
-  if (!findMarked(module, warp::attr::augmented))
+/// Parts the function with a mark, if there is one, from the adjoint: it is the
+/// kernel of a module of its own.
+static std::optional<warp::Module> takeMarked(ModuleOp module, StringRef mark) {
+  func::FuncOp function = findMarked(module, mark);
+  if (!function)
     return std::nullopt;
   auto other = std::make_shared<warp::Module::Impl>();
   other->op = module.clone();
-  findMarked(*other->op, warp::kernelAttrName).erase();
-  func::FuncOp primal = findMarked(*other->op, warp::attr::augmented);
-  primal->removeAttr(warp::attr::augmented);
-  primal->setAttr(warp::kernelAttrName, UnitAttr::get(module.getContext()));
-  findMarked(module, warp::attr::augmented).erase();
+  func::FuncOp kernel = findMarked(*other->op, mark);
+  kernel->removeAttr(mark);
+  for (StringRef rest : {StringRef(warp::kernelAttrName),
+                         StringRef(warp::attr::augmented),
+                         StringRef(warp::attr::counting)})
+    if (func::FuncOp sibling = findMarked(*other->op, rest))
+      sibling.erase();
+  kernel->setAttr(warp::kernelAttrName, UnitAttr::get(module.getContext()));
+  function.erase();
   finish(*other->op);
   return warp::Module(std::move(other));
 }
@@ -234,11 +282,19 @@ static AutodiffOptions complete(const warp::Module &module,
                 "expects " + std::to_string(count) +
                     " flags for the arrays of the kernel, but got " +
                     std::to_string(options.active.size()));
+  if (options.width < 1)
+    throw Error(Error::Kind::Value,
+                "expects tangents along at least one direction, but got " +
+                    std::to_string(options.width));
   StringRef policy = options.singular;
   if (policy != "pinned" && policy != "strict" && policy != "report")
     throw Error(Error::Kind::Value, "expects 'pinned', 'strict' or 'report' at "
                                     "singular points, but got '" +
                                         options.singular + "'");
+  if (options.tape != "checkpoints" && options.tape != "global")
+    throw Error(Error::Kind::Value, "expects the tape 'checkpoints' or "
+                                    "'global', but got '" +
+                                        options.tape + "'");
   return options;
 }
 
@@ -252,21 +308,25 @@ Derivative warp::differentiate(const Module &module,
     PassManager resolve(module.getContext());
     resolve.enableVerifier(false);
     resolve.addPass(createResolveDerivatives(
-        {/*keepDerivatives=*/true, options.singular}));
+        {/*keepDerivatives=*/true, options.forward, options.singular}));
     return resolve.run(module);
   });
-  // A derivative that a function has of its own is one in reverse mode.
-  keepCalls(*copy->op, !options.forward);
+  if (options.forward)
+    callBodies(*copy->op);
+  keepCalls(*copy->op, true);
   check(*copy->op,
         [&](ModuleOp module) { return derive(module, options); });
   keepCalls(*copy->op, false);
-  Derivative derivative{Module(copy), std::nullopt, {}, {}, {}, {}, {}};
+  Derivative derivative{Module(copy), {}, {}, {}, {}, {}, {}, {}, {}};
   func::FuncOp kernel = findMarked(*copy->op, kernelAttrName);
   readFacts(kernel, derivative);
   StringRef suffix = options.forward ? "_tangent" : "_adjoint";
   if (!kernel.getSymName().ends_with(suffix))
     kernel.setSymName((kernel.getSymName() + suffix).str());
-  derivative.augmented = takeAugmented(*copy->op);
+  if (func::FuncOp counting = findMarked(*copy->op, attr::counting))
+    derivative.hiddenOfCounting = takeHidden(counting);
+  derivative.counting = takeMarked(*copy->op, attr::counting);
+  derivative.augmented = takeMarked(*copy->op, attr::augmented);
   finish(*copy->op);
   return derivative;
 }

@@ -138,11 +138,6 @@ from warp._src.jax import device_from_jax as device_from_jax
 from warp._src.jax import device_to_jax as device_to_jax
 from warp._src.jax import dtype_from_jax as dtype_from_jax
 from warp._src.jax import dtype_to_jax as dtype_to_jax
-from warp._src.indexed_arrays import indexedarray as indexedarray
-from warp._src.indexed_arrays import indexedarray1d as indexedarray1d
-from warp._src.indexed_arrays import indexedarray2d as indexedarray2d
-from warp._src.indexed_arrays import indexedarray3d as indexedarray3d
-from warp._src.indexed_arrays import indexedarray4d as indexedarray4d
 from warp._src.jax import from_jax as from_jax
 from warp._src.jax import to_jax as to_jax
 from warp._src.jax_kernel import jax_kernel as jax_kernel
