@@ -5,10 +5,11 @@
 // Derivatives as they are built, and after what nothing needs has gone.
 
 // Built are the primal's loop, one that keeps what it carries, and the reverse
-// one. The first has no use but in the primal's store, of which there is none.
+// one. The first is dead, since an adjoint does not store results.
 // RAW-LABEL: func.func @product_adjoint
 // RAW: %[[SUM:.*]] = scf.for
 // RAW-NOT: warp.scratch
+// RAW: scf.yield
 // RAW: %[[G:.*]] = warp.load
 // RAW: warp.store %{{.*}}
 // RAW: %[[KEPT:.*]] = warp.scratch : !warp.scratch<8 x f32>
@@ -70,7 +71,7 @@ func.func @shift(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
 
 // -----
 
-// Both branches are replayed for the condition alone until clean-up.
+// The branches are replayed, which nothing needs here, and reversed.
 // RAW-LABEL: func.func @branch_adjoint
 // RAW-COUNT-2: scf.if
 // RAW: warp.accumulate
