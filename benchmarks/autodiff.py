@@ -3,11 +3,10 @@
     python benchmarks/autodiff.py [--device cpu] [--peer /path/to/python] [--json out.json]
 
 The sections are `catalogue` (numbered cases with expected gradients, test/python), `time`
-(backward over forward), `directions` (tangents over forward), `compile`, `loops` (a million
-iterations backwards, many shorter loops, random samples) and `precision` (error beside time, of a
-stiff and an extreme case). `--peer` names a Python that has NVIDIA Warp: it runs the same cases,
-and ratios are taken within this run. Every measurement runs in a process of its own; a case that
-ends its process counts as failed, and the next one begins in a new process.
+(backward over forward), `compile`, `loops` (a million iterations backwards) and `precision` (error
+beside time, of a stiff and an extreme case). `--peer` names a Python that has NVIDIA Warp: it runs
+the same cases, and ratios are taken within this run. Every measurement runs in a process of its
+own; a case that ends its process counts as failed, and the next one begins in a new process.
 """
 
 import argparse
@@ -175,22 +174,6 @@ def time_rows(runner):
     return rows
 
 
-def direction_rows(runner):
-    """Time per direction of forward mode, over that of the launch without tangents."""
-    with tempfile.TemporaryDirectory() as cache:
-        result = runner.run("directions", cache)
-    rows = []
-    for name, times in result.items():
-        if name == "version":
-            continue
-        forward = times.pop("forward")
-        text = ", ".join(
-            f"{time / int(width) / forward:.2f}x for {width}" for width, time in times.items()
-        )
-        rows.append(Row(f"tangent per direction over forward, {name}", "", text))
-    return rows
-
-
 def compile_rows(runner, repeats=5):
     """First adjoint launch over first forward launch, with empty caches."""
     results = []
@@ -210,39 +193,24 @@ def compile_rows(runner, repeats=5):
     return rows
 
 
-def describe_loop(item):
-    """Times and memory of a loop, backwards, as text."""
-    text = f"{item['backward'] / item['forward']:.1f}x forward ({item['backward']:.3f} s)"
-    text += f", {item['kilobytes']} kB more memory"
-    names = {
-        "tape_bytes": "B per thread",
-        "tape_bytes_per_trip": "B per trip",
-        "replay_loops": "replays",
-    }
-    kept = [f"{item['counts'][key]} {word}" for key, word in names.items() if key in item["counts"]]
-    return ", ".join([text, *kept])
-
-
 def loop_rows(runner):
-    """A million iterations backwards, against float64, in fixed memory unless a tape is asked for;
-    many shorter loops, and loops over random samples."""
+    """A million iterations backwards in fixed memory, against float64."""
     rows = []
     columns = {"": sys.executable} | ({", peer": runner.peer} if runner.peer else {})
-    bounds = {"float32": 0.25, "float64": 1e-9}
     for suffix, python in columns.items():
         with tempfile.TemporaryDirectory() as cache:
             result = runner.run("iterations", cache, python)
         exact = result["reference"]
-        for label, item in result["long"].items():
-            real, _, tape = label.partition(",")
-            error, bound = abs(item["gradient"] - exact) / abs(exact), bounds[real]
-            met = error <= bound and (bool(tape) or item["kilobytes"] <= 4096)
-            goal = f"<= {bound:g}" + ("" if tape else ", 4 MB")
-            text = f"error {error:.1e}, {describe_loop(item)}"
-            name = f"10^6 iterations, {label}{suffix}"
-            rows.append(Row(name, "", text) if suffix else Row(name, goal, text, met))
-        for label, item in (result["many"] | result["samples"]).items():
-            rows.append(Row(label + suffix, "", describe_loop(item)))
+        for real, bound in (("float32", 0.25), ("float64", 1e-9)):
+            item = result[real]
+            error = abs(item["gradient"] - exact) / abs(exact)
+            text = f"error {error:.1e}, {item['backward'] / item['forward']:.1f}x forward"
+            text += f" ({item['backward']:.3f} s), {item['kilobytes']} kB more memory"
+            tape = item["counts"].get("tape_bytes")
+            text += f", tape {tape} B" if tape is not None else ""
+            met = None if suffix else error <= bound and item["kilobytes"] <= 4096
+            goal = "" if suffix else f"<= {bound:g}, 4 MB"
+            rows.append(Row(f"10^6 iterations, {real}{suffix}", goal, text, met))
     return rows
 
 
@@ -268,7 +236,6 @@ def precision_rows(runner):
 SECTIONS = {
     "catalogue": catalogue_rows,
     "time": time_rows,
-    "directions": direction_rows,
     "compile": compile_rows,
     "loops": loop_rows,
     "precision": precision_rows,

@@ -25,7 +25,6 @@ constexpr llvm::StringLiteral flat = "warp.flat";
 constexpr llvm::StringLiteral debug = "warp.debug";
 constexpr llvm::StringLiteral fastMath = "warp.fast_math";
 constexpr llvm::StringLiteral deterministic = "warp.deterministic";
-constexpr llvm::StringLiteral ordered = "warp.ordered";
 constexpr llvm::StringLiteral blockDim = "warp.block_dim";
 constexpr llvm::StringLiteral large = "warp.large";
 constexpr llvm::StringLiteral threads = "warp.threads";
@@ -40,11 +39,6 @@ constexpr llvm::StringLiteral exclusive = "warp.exclusive";
 constexpr llvm::StringLiteral items = "warp.items";
 /// The function that a launch calls, once warp-lower-launch has made it.
 constexpr llvm::StringLiteral entry = "warp.entry";
-/// What warp-sum-exactly found out, see include/warp/ExactSums.h. On the kernel:
-/// its arrays, the fields of a `SummedArray` each; on an update: where the
-/// `SumDescriptor` lies in the parameter block.
-constexpr llvm::StringLiteral sums = "warp.sums";
-constexpr llvm::StringLiteral sum = "warp.sum";
 /// Places that error records refer to by number.
 constexpr llvm::StringLiteral sites = "warp.sites";
 
@@ -65,14 +59,9 @@ constexpr llvm::StringLiteral notices = "warp.notices";
 constexpr llvm::StringLiteral metrics = "warp.metrics";
 /// On a second function: the kernel, changed to save what its adjoint needs.
 constexpr llvm::StringLiteral augmented = "warp.augmented";
-/// On a function next to an adjoint: it finds how much tape each thread needs.
-constexpr llvm::StringLiteral counting = "warp.counting";
-/// On a second function: by how much its launch is larger, per dimension.
-constexpr llvm::StringLiteral halo = "warp.halo";
-/// On a function: the one that is its derivative, in reverse and in forward
-/// mode, and the one that is run to get its values again.
+/// On a function: the one that is its derivative, and the one that is run to
+/// get its values again.
 constexpr llvm::StringLiteral vjp = "warp.vjp";
-constexpr llvm::StringLiteral jvp = "warp.jvp";
 constexpr llvm::StringLiteral replay = "warp.replay";
 /// How many of the last results are for the derivative alone.
 constexpr llvm::StringLiteral residuals = "warp.residuals";

@@ -36,7 +36,6 @@ def ResolveDerivatives : WarpPass<"warp-resolve-derivatives"> {
     Functions without a derivative of their own are differentiated here.
     Derivatives of functions that are merely called are dropped, unless the
     kernel is about to be differentiated, and so are functions without a use.
-    For forward mode they need not be complete: replays are dropped.
 
     ```mlir
     %dx = warp.vjp @f(%x) of(%dy) : (f32), (f32) -> (f32)
@@ -47,8 +46,6 @@ def ResolveDerivatives : WarpPass<"warp-resolve-derivatives"> {
   let options = [
     Option<"keepDerivatives", "keep-derivatives", "bool", "false",
            "Keep functions that are derivatives of functions in use">,
-    Option<"forward", "forward", "bool", "false",
-           "Those that are kept are for forward mode">,
     Option<"singular", "singular", "std::string", "\"pinned\"",
            "Derivatives where there is none: pinned, strict or report">,
   ];
@@ -144,14 +141,9 @@ def DifferentiateKernel : WarpPass<"warp-differentiate-kernel"> {
            "it has a gradient">,
     Option<"singular", "singular", "std::string", "\"pinned\"",
            "Derivatives where there is none: pinned, strict or report">,
-    Option<"width", "width", "unsigned", "1",
-           "How many tangents the forward mode carries beside a value">,
     Option<"unique", "unique", "bool", "true", "No two arrays overlap">,
     Option<"maxLocalTape", "max-local-tape", "int64_t", "256",
            "Bytes that a thread may keep of a loop with a known length">,
-    Option<"tape", "tape", "std::string", "\"checkpoints\"",
-           "How longer loops have what they need again: checkpoints, or global "
-           "for memory that the runtime allocates">,
     Option<"dumpRecovery", "dump-recovery", "bool", "false",
            "Say how each value that a loop carries is had again">,
   ];
@@ -215,38 +207,6 @@ def CleanUpAdjoint : WarpPass<"warp-clean-up-adjoint"> {
   }];
 }
 
-def GatherSums : WarpPass<"warp-gather-sums"> {
-  let summary = "Take sums over neighbours out of an adjoint, to gather them";
-  let description = [{
-    Where the threads of an adjoint add to gradients around their own element,
-    one more function takes that over: each of its threads collects what others
-    would have added to one element, without atomics. It is to run before the
-    adjoint, in a launch that is larger by `warp.halo` in each dimension, and
-    has the extents of the adjoint's launch as further parameters. A module
-    without such sums stays as it is.
-
-    ```mlir
-    func.func @k_adjoint(%x, %y) attributes {warp.kernel} {
-      %v = warp.load %dy[%i]
-      warp.accumulate %v, %dx[%i]
-      warp.accumulate %v, %dx[%i_1]        // %i + 1
-    }
-    // ==>
-    func.func @k_adjoint_sums(%x, %y, %n) attributes {warp.halo = [1]} {
-      %s = scf.if %is_less                 // %i < %n
-        // warp.load %dy[%i], or 0
-      %t = scf.if %is_positive             // %i >= 1
-        // warp.load %dy[%i - 1], or 0
-      %u = warp.add(%s, %t)
-      warp.accumulate %u, %dx[%i] {unique = 1}
-    }
-    ```
-  }];
-  let dependentDialects = ["::mlir::arith::ArithDialect",
-                           "::mlir::func::FuncDialect",
-                           "::mlir::scf::SCFDialect", "::warp::WarpDialect"];
-}
-
 //===----------------------------------------------------------------------===//
 // Phase `thread`
 //===----------------------------------------------------------------------===//
@@ -282,8 +242,6 @@ def Specialize : WarpPass<"warp-specialize"> {
            "Reassociate, and approximate math functions">,
     Option<"deterministic", "deterministic", "bool", "false",
            "Sums have the same bits in every run">,
-    Option<"ordered", "ordered", "bool", "false",
-           "Deterministic: by one order of updates, as arrays overlap">,
     Option<"blockDim", "block-dim", "int64_t", "256", "Threads of a GPU block">,
     Option<"large", "large", "bool", "false",
            "GPU: the launch fills the card many times over">,
@@ -324,22 +282,6 @@ def VerifyThread : WarpPass<"warp-verify-thread"> {
 //===----------------------------------------------------------------------===//
 // Phase `llvm`
 //===----------------------------------------------------------------------===//
-
-def SumExactly : WarpPass<"warp-sum-exactly"> {
-  let summary = "Choose the sums of floats that are exact in this launch";
-  let description = [{
-    In a deterministic launch: marks updates that add floats to an array of
-    which the kernel sees nothing else. Their sums will be exact, and so do not
-    depend on the order of updates. The kernel gets a list of arrays: those
-    with such sums, then all others that it accesses.
-
-    ```mlir
-    %old = warp.atomic_components add (%x), %sum[%j] : ...
-    // ==>
-    %old = warp.atomic_components add (%x), %sum[%j] {warp.sum = 192} : ...
-    ```
-  }];
-}
 
 def LowerLaunch : WarpPass<"warp-lower-launch"> {
   let summary = "Turn the kernel function into the entry of a launch";
@@ -407,9 +349,9 @@ def PrivatizeAtomics : WarpPass<"warp-privatize-atomics"> {
     Where atomics remain on the CPU, and so few threads would share the launch that one
     thread without atomic instructions is faster, the entry is marked
     `warp.exclusive`: it runs on one thread and updates elements plainly. In a
-    deterministic launch so is every entry with atomics whose order would show,
-    sums that are exact aside; on a GPU that is a launch of one block, with one
-    thread if its updates cannot be combined.
+    deterministic launch so is every entry whose order of atomics would show; on
+    a GPU that is a launch of one block, with one thread if its updates cannot
+    be combined.
 
     ```mlir
     // loop over threads:
@@ -424,50 +366,6 @@ def PrivatizeAtomics : WarpPass<"warp-privatize-atomics"> {
   let dependentDialects = [
     "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect",
     "::mlir::LLVM::LLVMDialect"];
-}
-
-def LowerSums : WarpPass<"warp-lower-sums"> {
-  let summary = "Add to exact sums by integers";
-  let description = [{
-    A float is a whole multiple of the least subnormal one. Its digits are
-    added to those of the sum, which the runtime keeps beside the array and
-    rounds after the launch.
-
-    ```mlir
-    %old = warp.atomic_components add (%x), %sum[%j] {warp.sum = 192} : ...
-    // ==>
-    %p = warp.address %sum[%j] : !warp.array<1 x f32>, i32
-    // %number: of the element, by %p
-    llvm.call @warp_add_exactly_f32(%digits, %touched, %count, %number, %x)
-    ```
-  }];
-  let dependentDialects = [
-    "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect",
-    "::mlir::LLVM::LLVMDialect", "::warp::WarpDialect"];
-}
-
-def DeferUpdates : WarpPass<"warp-defer-updates"> {
-  let summary = "Compute in lanes, then update elements in order";
-  let description = [{
-    The loop over threads of a CPU entry that runs alone becomes two, for
-    stretches of a few hundred threads: the first leaves what is added to
-    elements, and their indices, in buffers, and can be vectorised; the second
-    performs the updates one by one. Done where a body without control flow
-    computes much for each update.
-
-    ```mlir
-    // loop over threads:
-    %old = warp.atomic_components add(%v), %f[%i] : ...
-    // ==>
-    // loop over threads of a stretch:
-    llvm.store %v, %values[%slot]
-    llvm.store %i, %places[%slot]
-    // loop over the same threads:
-    %old = warp.atomic_components add(%known), %f[%place] : ...
-    ```
-  }];
-  let dependentDialects = [
-    "::mlir::arith::ArithDialect", "::mlir::LLVM::LLVMDialect"];
 }
 
 def LowerArrays : WarpPass<"warp-lower-arrays"> {

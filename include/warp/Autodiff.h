@@ -7,9 +7,8 @@
 //             and results are the gradients that array descriptors name. What
 //             the primal reads is read again; a stored element's gradient is
 //             taken and set to zero, a loaded element's is added to.
-//   forward   the primal with tangents: every active array has a twin for each
-//             direction, an argument after the others, that is read and written
-//             like it.
+//   forward   the primal with tangents: every active array has a twin, an
+//             argument after the others, that is read and written like it.
 //
 // Which arrays are active, that is have gradients, is decided here and not at
 // run time: there is no code at all for the others. A kernel that needs what
@@ -34,11 +33,6 @@ namespace warp {
 
 struct AutodiffOptions {
   bool forward = false;
-  /// Forward mode: how many directions tangents are along.
-  int width = 1;
-  /// Forward mode: the launch after one of several threads that meet at atomic
-  /// minima or maxima. It assigns the tangents of those who have won.
-  bool winners = false;
   /// One flag for each array among the arguments, in order, those in structs in
   /// the order of the fields: it has a gradient. Empty: all have.
   std::vector<bool> active;
@@ -50,10 +44,6 @@ struct AutodiffOptions {
   /// Bytes that a loop of known length may keep per thread; longer ones run
   /// parts of the forward sweep again.
   int maxLocalTape = 256;
-  /// What loops with more to keep do: "checkpoints" runs parts of the forward
-  /// sweep again in memory of a fixed size; "global" keeps all iterations in
-  /// memory that the runtime allocates for each launch.
-  std::string tape = "checkpoints";
 };
 
 /// An argument that the primal does not have.
@@ -67,23 +57,10 @@ struct HiddenArgument {
     Counters,
     /// The twin of an active argument in forward mode.
     Tangent,
-    /// Zeros, one for each element of an array that has winners.
-    Claims,
-    /// Per loop in the global tape (its number is the leaf) and thread, the
-    /// trips: zero before the counting launch. Of rank 4, like `Saved`.
-    Trips,
-    /// The same for where the thread's part of the tape begins.
-    Offsets,
-    /// Per loop the trips of all threads: zero before the counting launch.
-    Totals,
-    /// Memory for as many trips of a loop, in rows of 2^16 elements.
-    Tape,
   };
   Kind kind = Kind::Preserved;
   /// The array, as numbered by `AutodiffOptions::active`; -1 without.
   int leaf = -1;
-  /// Of a tangent, from 0 to `AutodiffOptions::width` - 1.
-  int direction = 0;
   /// Text of the type.
   std::string type;
   int64_t perThread = 0;
@@ -95,10 +72,8 @@ struct Derivative {
   Module module;
   /// The primal, changed to fill the `Saved` arguments; it has those too.
   std::optional<Module> augmented;
-  /// The kernel that finds how much global tape each thread needs.
-  std::optional<Module> counting;
-  /// After the arguments of the primal, in order; those of `counting`.
-  std::vector<HiddenArgument> hidden, hiddenOfCounting;
+  /// After the arguments of the primal, in order.
+  std::vector<HiddenArgument> hidden;
   /// Arrays whose contents the derivative reads.
   std::vector<int> needed;
   /// Not empty if only launches of one thread are right; says why.

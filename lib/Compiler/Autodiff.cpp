@@ -95,15 +95,11 @@ static std::string activeFlags(const AutodiffOptions &options) {
 
 LogicalResult warp::derive(ModuleOp module, const AutodiffOptions &options) {
   DifferentiateKernelOptions derivation;
-  derivation.mode = options.winners   ? "winners"
-                    : options.forward ? "forward"
-                                      : "reverse";
+  derivation.mode = options.forward ? "forward" : "reverse";
   derivation.active = activeFlags(options);
   derivation.singular = options.singular;
-  derivation.width = options.width;
   derivation.unique = options.unique;
   derivation.maxLocalTape = options.maxLocalTape;
-  derivation.tape = options.tape;
   PassManager differentiate(module.getContext());
   differentiate.enableVerifier(false);
   differentiate.addPass(createDifferentiateKernel(derivation));
@@ -114,6 +110,7 @@ LogicalResult warp::derive(ModuleOp module, const AutodiffOptions &options) {
                  succeeded(stages.tidy.run(module)));
 }
 
+/// Functions with a derivative of their own stay calls until that is built.
 void warp::keepCalls(ModuleOp module, bool keep) {
   for (auto function : module.getOps<func::FuncOp>()) {
     if (!function->hasAttr(warp::attr::vjp) &&
@@ -123,31 +120,6 @@ void warp::keepCalls(ModuleOp module, bool keep) {
       function.setNoInline(true);
     else
       function.removeNoInlineAttr();
-  }
-}
-
-void warp::callBodies(ModuleOp module) {
-  SmallVector<func::CallOp> calls;
-  module.walk([&](func::CallOp call) {
-    auto callee = module.lookupSymbol<func::FuncOp>(call.getCallee());
-    auto count =
-        callee ? callee->getAttrOfType<IntegerAttr>(attr::residuals) : nullptr;
-    if (count && !llvm::all_of(call.getResults().take_back(count.getInt()),
-                               [](OpResult v) { return v.use_empty(); }))
-      calls.push_back(call);
-  });
-  for (func::CallOp call : calls) {
-    auto callee = module.lookupSymbol<func::FuncOp>(call.getCallee());
-    std::string name = (callee.getName() + "_body").str();
-    if (!module.lookupSymbol(name)) {
-      func::FuncOp body = callee.clone();
-      body.setName(name);
-      for (StringRef attribute :
-           {attr::vjp, attr::jvp, attr::replay, attr::residuals})
-        body->removeAttr(attribute);
-      module.insert(callee, body);
-    }
-    call.setCallee(name);
   }
 }
 
@@ -198,16 +170,9 @@ static HiddenArgument readHidden(DictionaryAttr entry, mlir::Type type) {
                     .Case("saved", Kind::Saved)
                     .Case("counters", Kind::Counters)
                     .Case("tangent", Kind::Tangent)
-                    .Case("claims", Kind::Claims)
-                    .Case("trips", Kind::Trips)
-                    .Case("offsets", Kind::Offsets)
-                    .Case("totals", Kind::Totals)
-                    .Case("tape", Kind::Tape)
                     .Default(Kind::Preserved);
   if (auto leaf = entry.getAs<IntegerAttr>("leaf"))
     hidden.leaf = static_cast<int>(leaf.getInt());
-  if (auto direction = entry.getAs<IntegerAttr>("direction"))
-    hidden.direction = static_cast<int>(direction.getInt());
   if (auto count = entry.getAs<IntegerAttr>("per_thread"))
     hidden.perThread = count.getInt();
   hidden.places = readLines(entry.get("places"));
@@ -215,22 +180,15 @@ static HiddenArgument readHidden(DictionaryAttr entry, mlir::Type type) {
   return hidden;
 }
 
-static std::vector<HiddenArgument> takeHidden(func::FuncOp kernel) {
-  std::vector<HiddenArgument> hidden;
-  Attribute taken = kernel->removeAttr(warp::attr::hidden);
-  if (auto list = dyn_cast_or_null<ArrayAttr>(taken)) {
-    unsigned first = kernel.getNumArguments() - list.size();
-    for (auto [i, entry] : llvm::enumerate(list.getAsRange<DictionaryAttr>()))
-      hidden.push_back(
-          readHidden(entry, kernel.getArgumentTypes()[first + i]));
-  }
-  return hidden;
-}
-
 /// Takes the attributes off the kernel.
 static void readFacts(func::FuncOp kernel, Derivative &derivative) {
   auto take = [&](StringRef name) { return kernel->removeAttr(name); };
-  derivative.hidden = takeHidden(kernel);
+  if (auto list = dyn_cast_or_null<ArrayAttr>(take(warp::attr::hidden))) {
+    unsigned first = kernel.getNumArguments() - list.size();
+    for (auto [i, entry] : llvm::enumerate(list.getAsRange<DictionaryAttr>()))
+      derivative.hidden.push_back(
+          readHidden(entry, kernel.getArgumentTypes()[first + i]));
+  }
   if (auto list = dyn_cast_or_null<ArrayAttr>(take(warp::attr::needed)))
     for (auto leaf : list.getAsRange<IntegerAttr>())
       derivative.needed.push_back(static_cast<int>(leaf.getInt()));
@@ -246,23 +204,17 @@ static void readFacts(func::FuncOp kernel, Derivative &derivative) {
         derivative.metrics[entry.getName().str()] = number.getInt();
 }
 
-/// Parts the function with a mark, if there is one, from the adjoint: it is the
-/// kernel of a module of its own.
-static std::optional<warp::Module> takeMarked(ModuleOp module, StringRef mark) {
-  func::FuncOp function = findMarked(module, mark);
-  if (!function)
+/// Parts the augmented primal, if there is one, from the adjoint.
+static std::optional<warp::Module> takeAugmented(ModuleOp module) {
+  if (!findMarked(module, warp::attr::augmented))
     return std::nullopt;
   auto other = std::make_shared<warp::Module::Impl>();
   other->op = module.clone();
-  func::FuncOp kernel = findMarked(*other->op, mark);
-  kernel->removeAttr(mark);
-  for (StringRef rest : {StringRef(warp::kernelAttrName),
-                         StringRef(warp::attr::augmented),
-                         StringRef(warp::attr::counting)})
-    if (func::FuncOp sibling = findMarked(*other->op, rest))
-      sibling.erase();
-  kernel->setAttr(warp::kernelAttrName, UnitAttr::get(module.getContext()));
-  function.erase();
+  findMarked(*other->op, warp::kernelAttrName).erase();
+  func::FuncOp primal = findMarked(*other->op, warp::attr::augmented);
+  primal->removeAttr(warp::attr::augmented);
+  primal->setAttr(warp::kernelAttrName, UnitAttr::get(module.getContext()));
+  findMarked(module, warp::attr::augmented).erase();
   finish(*other->op);
   return warp::Module(std::move(other));
 }
@@ -282,19 +234,11 @@ static AutodiffOptions complete(const warp::Module &module,
                 "expects " + std::to_string(count) +
                     " flags for the arrays of the kernel, but got " +
                     std::to_string(options.active.size()));
-  if (options.width < 1)
-    throw Error(Error::Kind::Value,
-                "expects tangents along at least one direction, but got " +
-                    std::to_string(options.width));
   StringRef policy = options.singular;
   if (policy != "pinned" && policy != "strict" && policy != "report")
     throw Error(Error::Kind::Value, "expects 'pinned', 'strict' or 'report' at "
                                     "singular points, but got '" +
                                         options.singular + "'");
-  if (options.tape != "checkpoints" && options.tape != "global")
-    throw Error(Error::Kind::Value, "expects the tape 'checkpoints' or "
-                                    "'global', but got '" +
-                                        options.tape + "'");
   return options;
 }
 
@@ -308,25 +252,21 @@ Derivative warp::differentiate(const Module &module,
     PassManager resolve(module.getContext());
     resolve.enableVerifier(false);
     resolve.addPass(createResolveDerivatives(
-        {/*keepDerivatives=*/true, options.forward, options.singular}));
+        {/*keepDerivatives=*/true, options.singular}));
     return resolve.run(module);
   });
-  if (options.forward)
-    callBodies(*copy->op);
-  keepCalls(*copy->op, true);
+  // A derivative that a function has of its own is one in reverse mode.
+  keepCalls(*copy->op, !options.forward);
   check(*copy->op,
         [&](ModuleOp module) { return derive(module, options); });
   keepCalls(*copy->op, false);
-  Derivative derivative{Module(copy), {}, {}, {}, {}, {}, {}, {}, {}};
+  Derivative derivative{Module(copy), std::nullopt, {}, {}, {}, {}, {}};
   func::FuncOp kernel = findMarked(*copy->op, kernelAttrName);
   readFacts(kernel, derivative);
   StringRef suffix = options.forward ? "_tangent" : "_adjoint";
   if (!kernel.getSymName().ends_with(suffix))
     kernel.setSymName((kernel.getSymName() + suffix).str());
-  if (func::FuncOp counting = findMarked(*copy->op, attr::counting))
-    derivative.hiddenOfCounting = takeHidden(counting);
-  derivative.counting = takeMarked(*copy->op, attr::counting);
-  derivative.augmented = takeMarked(*copy->op, attr::augmented);
+  derivative.augmented = takeAugmented(*copy->op);
   finish(*copy->op);
   return derivative;
 }

@@ -244,7 +244,3 @@ LogicalResult warp::AtomicComponentsOp::verify() {
     return failure();
   return verifyAtomic(*this, getKind(), array.getElementType());
 }
-
-LogicalResult warp::AddressOp::verify() {
-  return verifyRank(*this, cast<ArrayType>(getArray().getType()), getIndices());
-}

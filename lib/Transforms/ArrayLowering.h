@@ -10,7 +10,6 @@
 #ifndef WARP_LIB_TRANSFORMS_ARRAYLOWERING_H
 #define WARP_LIB_TRANSFORMS_ARRAYLOWERING_H
 
-#include "StageElements.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
@@ -72,7 +71,6 @@ private:
   void lowerGrad(GradOp op);
   void lowerLoad(LoadComponentsOp op);
   void lowerStore(StoreComponentsOp op);
-  void lowerAddress(AddressOp op);
   void convertControlFlow(mlir::Operation *op);
 
   // ArrayAddress.cpp: array values and addresses.
@@ -103,11 +101,6 @@ private:
   guarded(mlir::Operation *op, mlir::Value array, const Address &address,
           mlir::TypeRange types,
           llvm::function_ref<llvm::SmallVector<mlir::Value>()> body);
-
-  // StageElements.cpp: accesses of whole warps.
-  mlir::Value isWhole(mlir::Operation *access);
-  void lowerStaged(llvm::ArrayRef<LoadComponentsOp> group);
-  void lowerStaged(StoreComponentsOp op);
 
   // LowerAtomics.cpp
   void lowerAtomic(AtomicComponentsOp op);
@@ -154,9 +147,6 @@ private:
   llvm::DenseMap<mlir::Value, ArrayType> packedTypes;
   /// Pointers to the memory of `warp.scratch` operations.
   llvm::DenseMap<mlir::Value, mlir::Value> scratches;
-  StagedAccesses staged;
-  /// Of blocks with staged accesses: whether all threads of the warp are there.
-  llvm::DenseMap<mlir::Block *, mlir::Value> wholeWarps;
   llvm::SmallVector<mlir::Operation *> dead;
   /// Address of the error record, i64, in a debugging launch.
   mlir::Value errorRecord;

@@ -56,8 +56,6 @@ bool warp::dependsOnOrder(Operation *update) {
   if (!atomic)
     return isa<AtomicCasOp>(update);
   AtomicKind kind = atomic.getKind();
-  if (atomic->hasAttr(attr::sum))
-    return false;
   if (!atomic->use_empty() || kind == AtomicKind::exch)
     return true;
   return (kind == AtomicKind::add || kind == AtomicKind::sub) &&
@@ -95,7 +93,7 @@ bool warp::commutes(AtomicComponentsOp op) {
   if (kind != AtomicKind::add && kind != AtomicKind::min &&
       kind != AtomicKind::max)
     return false;
-  return !op->hasAttr(attr::sum) && hasOneName(op.getArray()) &&
+  return hasOneName(op.getArray()) &&
          llvm::all_of(op.getArray().getUsers(), [&](Operation *user) {
            auto other = dyn_cast<AtomicComponentsOp>(user);
            return isa<DimOp>(user) ||

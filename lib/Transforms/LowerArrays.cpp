@@ -57,8 +57,6 @@ LogicalResult ArrayLowering::run() {
   vectorUpdates = exclusive && updatesNeighbours(entry);
   if (keepsOrderInVectors(entry, vectorUpdates))
     findAccessGroups();
-  if (gpu && !debug)
-    staged = findStagedAccesses(entry);
   SmallVector<Operation *> operations;
   entry.walk<WalkOrder::PreOrder>(
       [&](Operation *op) { operations.push_back(op); });
@@ -102,8 +100,6 @@ void ArrayLowering::lower(Operation *op) {
     lowerAtomic(atomic);
   else if (auto cas = dyn_cast<AtomicCasOp>(op))
     lowerAtomicCas(cas);
-  else if (auto address = dyn_cast<AddressOp>(op))
-    lowerAddress(address);
   else if (auto scratch = dyn_cast<ScratchOp>(op))
     lowerScratch(scratch);
   else if (auto load = dyn_cast<ScratchLoadOp>(op))
@@ -284,8 +280,6 @@ void ArrayLowering::storeLeaf(mlir::Value value, mlir::Type type,
 }
 
 void ArrayLowering::lowerLoad(LoadComponentsOp op) {
-  if (auto found = staged.loads.find(op); found != staged.loads.end())
-    return lowerStaged(found->second);
   SmallVector<Leaf> leaves;
   collectLeaves(elementType(op.getArray()), 0, leaves);
   Address at = address(op.getArray(), op.getIndices());
@@ -322,8 +316,6 @@ void ArrayLowering::lowerLoad(LoadComponentsOp op) {
 }
 
 void ArrayLowering::lowerStore(StoreComponentsOp op) {
-  if (staged.stores.contains(op))
-    return lowerStaged(op);
   SmallVector<Leaf> leaves;
   collectLeaves(elementType(op.getArray()), 0, leaves);
   Address at = address(op.getArray(), op.getIndices());
@@ -345,23 +337,11 @@ void ArrayLowering::lowerStore(StoreComponentsOp op) {
         mlir::Value bytes = widen(stride(parts, d), i32);
         LLVM::StoreOp::create(b, loc, bytes, advance(to, 32 + 4 * d), 4);
       }
-      // The array has no gradient there. The rank comes with no flags.
-      LLVM::StoreOp::create(b, loc, constant(i64, 0), advance(to, gradOffset),
-                            8);
-      mlir::Value rank = constant(i64, parts.shape.size());
-      LLVM::StoreOp::create(b, loc, rank, advance(to, 48), 8);
+      mlir::Value rank = constant(i32, parts.shape.size());
+      LLVM::StoreOp::create(b, loc, rank, advance(to, 48), 4);
     }
     return SmallVector<mlir::Value>();
   });
-}
-
-void ArrayLowering::lowerAddress(AddressOp op) {
-  Address at = address(op.getArray(), op.getIndices());
-  auto number = guarded(op, op.getArray(), at, i64, [&] {
-    return SmallVector<mlir::Value>{
-        LLVM::PtrToIntOp::create(b, loc, i64, at.pointer)};
-  });
-  op->replaceAllUsesWith(number);
 }
 
 namespace {

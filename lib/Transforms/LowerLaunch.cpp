@@ -18,7 +18,6 @@
 
 #include "LowerLaunch.h"
 #include "WarpDialect/ParameterLayout.h"
-#include "warp/ExactSums.h"
 
 namespace warp {
 #define GEN_PASS_DEF_LOWERLAUNCH
@@ -78,8 +77,6 @@ void Launch::createEntry() {
   b.setInsertionPointToStart(first);
 
   int64_t size = warp::layOutParameters(argTypes).size;
-  if (auto sums = kernel->getAttrOfType<ArrayAttr>(warp::attr::sums))
-    size += sizeof(warp::SumDescriptor) * warp::countSums(sums);
   if (!warp::isGpu(kernel)) {
     entry.setArgAttr(0, "llvm.noalias", b.getUnitAttr());
     entry.setArgAttr(0, "llvm.readonly", b.getUnitAttr());

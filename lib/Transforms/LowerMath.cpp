@@ -9,7 +9,6 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "AngleGuard.h"
 #include "KernelFunction.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -74,12 +73,6 @@ const llvm::StringMap<Function> &functions() {
   return table;
 }
 
-Value withoutAngleGuard(Value operand) {
-  auto guard = operand.getDefiningOp<arith::SelectOp>();
-  return guard && guard->hasAttr(warp::angleGuardName) ? guard.getFalseValue()
-                                                       : operand;
-}
-
 struct LowerMath : warp::impl::LowerMathBase<LowerMath> {
   void runOnOperation() override {
     FunctionOpInterface entry = warp::findEntry(getOperation());
@@ -107,13 +100,11 @@ struct LowerMath : warp::impl::LowerMathBase<LowerMath> {
     if (type.getIntOrFloatBitWidth() < 32)
       computed = b.getF32Type();
     SmallVector<Value> operands;
-    for (Value guarded : op->getOperands()) {
-      Value operand = withoutAngleGuard(guarded);
+    for (Value operand : op->getOperands())
       operands.push_back(
           computed == type ? operand
                            : arith::ExtFOp::create(b, loc, computed, operand)
                                  .getResult());
-    }
     LLVM::LLVMFuncOp callee =
         declare(symbolName(function, computed), computed, operands.size());
     Value result = LLVM::CallOp::create(b, loc, callee, operands).getResult();

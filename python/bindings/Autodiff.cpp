@@ -22,16 +22,6 @@ static const char *kindText(HiddenArgument::Kind kind) {
     return "counters";
   case HiddenArgument::Kind::Tangent:
     return "tangent";
-  case HiddenArgument::Kind::Claims:
-    return "claims";
-  case HiddenArgument::Kind::Trips:
-    return "trips";
-  case HiddenArgument::Kind::Offsets:
-    return "offsets";
-  case HiddenArgument::Kind::Totals:
-    return "totals";
-  case HiddenArgument::Kind::Tape:
-    return "tape";
   }
   return "";
 }
@@ -100,15 +90,12 @@ void python::bindAutodiff(py::module_ &m) {
                                return kindText(hidden.kind);
                              })
       .def_readonly("leaf", &HiddenArgument::leaf)
-      .def_readonly("direction", &HiddenArgument::direction)
       .def_readonly("type", &HiddenArgument::type)
       .def_readonly("per_thread", &HiddenArgument::perThread)
       .def_readonly("places", &HiddenArgument::places);
   py::class_<Derivative>(m, "Derivative", "A kernel's derivative.")
       .def_readonly("module", &Derivative::module)
       .def_readonly("augmented", &Derivative::augmented)
-      .def_readonly("counting", &Derivative::counting)
-      .def_readonly("hidden_of_counting", &Derivative::hiddenOfCounting)
       .def_readonly("hidden", &Derivative::hidden)
       .def_readonly("needed", &Derivative::needed)
       .def_readonly("one_thread", &Derivative::oneThread)
@@ -116,24 +103,19 @@ void python::bindAutodiff(py::module_ &m) {
       .def_readonly("metrics", &Derivative::metrics);
   m.def(
       "differentiate",
-      [](const Module &module, bool forward, int width, bool winners,
-         std::vector<bool> active, const std::string &singular, bool unique,
-         const std::string &tape) {
+      [](const Module &module, bool forward, std::vector<bool> active,
+         const std::string &singular, bool unique) {
         AutodiffOptions options;
         options.forward = forward;
-        options.width = width;
-        options.winners = winners;
         options.active = std::move(active);
         options.singular = singular;
         options.unique = unique;
-        options.tape = tape;
         py::gil_scoped_release unlocked;
         return differentiate(module, options);
       },
       py::arg("module"), py::kw_only(), py::arg("forward") = false,
-      py::arg("width") = 1, py::arg("winners") = false,
       py::arg("active") = std::vector<bool>(), py::arg("singular") = "pinned",
-      py::arg("unique") = true, py::arg("tape") = "checkpoints",
+      py::arg("unique") = true,
       "The derivative of a module's kernel.");
   m.def("shares_elements", sharesElements, py::arg("arrays"),
         "Whether an address may belong to two elements of the arrays.");

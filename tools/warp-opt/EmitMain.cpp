@@ -70,10 +70,6 @@ static bool setOption(warp::AutodiffOptions &options, const std::string &key,
     options.singular = value;
   else if (key == "unique")
     options.unique = value != "0";
-  else if (key == "width")
-    options.width = std::atoi(value.c_str());
-  else if (key == "tape")
-    options.tape = value;
   else if (key == "max-local-tape")
     options.maxLocalTape = std::atoi(value.c_str());
   else
@@ -116,11 +112,8 @@ static void printDerivative(const warp::Module &module,
   std::cout << derivative.module.text();
   if (derivative.augmented)
     std::cout << "// augmented\n" << derivative.augmented->text();
-  if (derivative.counting)
-    std::cout << "// counting\n" << derivative.counting->text();
   static const char *const kinds[] = {"preserved", "saved", "counters",
-                                      "tangent",   "trips", "offsets",
-                                      "totals",    "tape"};
+                                      "tangent"};
   for (const warp::HiddenArgument &hidden : derivative.hidden)
     std::cout << "// hidden " << kinds[int(hidden.kind)] << " of array "
               << hidden.leaf << ", " << hidden.perThread << ' ' << hidden.type

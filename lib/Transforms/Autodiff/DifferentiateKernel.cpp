@@ -77,9 +77,6 @@ static void attachResults(func::FuncOp adjoint, const ReverseBuilder &builder) {
       b.getDictionaryAttr(
           {b.getNamedAttr("tape_bytes",
                           b.getI64IntegerAttr(builder.metrics.tapeBytes)),
-           b.getNamedAttr(
-               "tape_bytes_per_trip",
-               b.getI64IntegerAttr(builder.metrics.tapeBytesPerTrip)),
            b.getNamedAttr("replay_loops",
                           b.getI64IntegerAttr(builder.metrics.replayLoops))}));
 }
@@ -151,18 +148,14 @@ struct DifferentiateKernel
   }
 
   LogicalResult differentiate(func::FuncOp kernel) {
-    if (mode != "reverse" && mode != "forward" && mode != "winners")
-      return kernel.emitError("expects the mode 'reverse', 'forward' or "
-                              "'winners', but got '")
-             << mode << "'";
-    if (tape != "checkpoints" && tape != "global")
-      return kernel.emitError("expects the tape 'checkpoints' or 'global', but "
+    if (mode != "reverse" && mode != "forward")
+      return kernel.emitError("expects the mode 'reverse' or 'forward', but "
                               "got '")
-             << tape << "'";
+             << mode << "'";
     auto policy = parseSingular(kernel, singular);
     if (failed(policy))
       return failure();
-    if (mode != "reverse")
+    if (mode == "forward")
       return buildForward(kernel, *policy);
     ReverseOptions options;
     options.singular = *policy;
@@ -171,7 +164,6 @@ struct DifferentiateKernel
         options.active.push_back(flag == '1');
     options.unique = unique;
     options.maxLocalTape = maxLocalTape;
-    options.globalTape = tape == "global";
     options.dumpRecovery = dumpRecovery;
     return buildReverse(kernel, options);
   }
@@ -179,8 +171,6 @@ struct DifferentiateKernel
   LogicalResult buildForward(func::FuncOp kernel, Singular policy) {
     ForwardOptions options;
     options.singular = policy;
-    options.width = width;
-    options.winners = mode == "winners";
     for (char flag : active)
       if (flag != ',')
         options.active.push_back(flag == '1');
@@ -191,21 +181,13 @@ struct DifferentiateKernel
     return success();
   }
 
-  LogicalResult buildReverse(func::FuncOp kernel, ReverseOptions &options) {
+  LogicalResult buildReverse(func::FuncOp kernel,
+                             const ReverseOptions &options) {
     guardArms(kernel);
     func::FuncOp adjoint = createTwin(kernel, "_adjoint");
     ReverseBuilder builder(kernel, adjoint, options);
     if (failed(builder.build()))
       return failure();
-    // A loop turned out to need values from memory after those within it had
-    // got their tapes.
-    if (!builder.untaped.empty()) {
-      options.untaped.insert_range(builder.untaped);
-      adjoint.erase();
-      return buildReverse(kernel, options);
-    }
-    for (auto &[place, text] : builder.remarks)
-      emitRemark(place) << text;
     attachResults(adjoint, builder);
     SmallVector<BlockArgument> saved;
     for (BlockArgument argument : adjoint.getArguments()) {

@@ -25,12 +25,11 @@ Value ForwardBuilder::viewTwin(Operation *clone, Value twin) {
 
 /// The old value of an atomic has the tangent that the twin had.
 LogicalResult ForwardBuilder::runAtomic(AtomicOp op, Operation *clone,
-                                        TangentMap &tangents) {
+                                        Value twin) {
   Location loc = op.getLoc();
-  Value twin = tangents.lookup(op.getArray());
   Type type = cast<ArrayType>(twin.getType()).getElementType();
   ValueRange indices = clone->getOperands().drop_front(2);
-  Value tangent = getTangentOrZero(op.getValue(), tangents);
+  Value tangent = getTangentOrZero(op.getValue());
   auto update = [&](AtomicKind kind) -> Value {
     return AtomicOp::create(builder, loc, type, kind, tangent, twin, indices);
   };
@@ -61,9 +60,8 @@ LogicalResult ForwardBuilder::runAtomic(AtomicOp op, Operation *clone,
   return success();
 }
 
-std::optional<LogicalResult>
-ForwardBuilder::runMemory(Operation *op, Operation *clone,
-                          TangentMap &tangents) {
+std::optional<LogicalResult> ForwardBuilder::runMemory(Operation *op,
+                                                       Operation *clone) {
   Location loc = op->getLoc();
   auto twinOf = [&](Value array) { return tangents.lookup(array); };
   auto elementOf = [](Value twin) {
@@ -83,8 +81,8 @@ ForwardBuilder::runMemory(Operation *op, Operation *clone,
       .Case([&](StructGetOp get) {
         if (isa<ArrayType>(get.getType()))
           for (unsigned leaf : leaves.of(get.getResult()))
-            if (!twins[leaf].empty())
-              setTangent(twins[leaf][&tangents - directions.data()]);
+            if (twins[leaf])
+              setTangent(twins[leaf]);
         return success();
       })
       .Case([&](LoadOp load) {
@@ -96,9 +94,8 @@ ForwardBuilder::runMemory(Operation *op, Operation *clone,
       })
       .Case([&](StoreOp store) {
         if (Value twin = twinOf(store.getArray()))
-          StoreOp::create(builder, loc,
-                          getTangentOrZero(store.getValue(), tangents), twin,
-                          operands.drop_front(2));
+          StoreOp::create(builder, loc, getTangentOrZero(store.getValue()),
+                          twin, operands.drop_front(2));
         return success();
       })
       .Case([&](AccumulateOp accumulate) {
@@ -111,8 +108,8 @@ ForwardBuilder::runMemory(Operation *op, Operation *clone,
         return success();
       })
       .Case([&](AtomicOp atomic) -> LogicalResult {
-        return twinOf(atomic.getArray()) ? runAtomic(atomic, clone, tangents)
-                                         : success();
+        Value twin = twinOf(atomic.getArray());
+        return twin ? runAtomic(atomic, clone, twin) : success();
       })
       .Case([&](AtomicCasOp cas) -> LogicalResult {
         if (!twinOf(cas.getArray()))
@@ -136,8 +133,8 @@ ForwardBuilder::runMemory(Operation *op, Operation *clone,
       .Case([&](ScratchStoreOp store) {
         if (Value twin = twinOf(store.getScratch()))
           ScratchStoreOp::create(builder, loc,
-                                 getTangentOrZero(store.getValue(), tangents),
-                                 twin, operands[2]);
+                                 getTangentOrZero(store.getValue()), twin,
+                                 operands[2]);
         return success();
       })
       .Default([](Operation *) { return std::nullopt; });

@@ -196,7 +196,6 @@ LogicalResult LoopReversal::recoverFromTape(scf::ForOp reversed, Value trips,
                      });
   if (failed(end))
     return failure();
-  startBackwards(reversed, states, *end);
   loadNeeded(needed, tape, bindNumber(reversed, trips));
   note(needed, RecoveryRank::Tape, slots * bytesOf(needed));
   return success();

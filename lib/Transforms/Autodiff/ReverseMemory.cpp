@@ -82,13 +82,9 @@ Value ReverseBuilder::getHidden(HiddenKind kind, int64_t leaf, Type type) {
   auto key = std::make_pair(int64_t(kind), leaf);
   auto [found, isNew] =
       hidden.try_emplace(key, adjoint.getNumArguments());
-  return isNew ? addHidden(kind, leaf, type)
-               : adjoint.getArgument(found->second);
-}
-
-Value ReverseBuilder::addHidden(HiddenKind kind, int64_t leaf, Type type) {
-  StringRef names[] = {"preserved", "saved",   "counters",
-                       "trips",     "offsets", "tape"};
+  if (!isNew)
+    return adjoint.getArgument(found->second);
+  StringRef names[] = {"preserved", "saved", "counters"};
   Builder attributes(builder.getContext());
   auto description = attributes.getDictionaryAttr(
       {attributes.getNamedAttr(

@@ -159,8 +159,4 @@ Scalars lowerPnoiseGradient(Emitter &, Operands args) {
   return getNoise(args).gradient;
 }
 
-Scalars lowerPnoiseHessian(Emitter &, Operands args) {
-  return getNoise(args, true).hessian;
-}
-
 } // namespace warp::lowering

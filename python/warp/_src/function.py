@@ -15,9 +15,8 @@ class Function:
     `pullbacks` and `replays` hold what `@wp.func_grad` and `@wp.func_replay` have registered.
     """
 
-    # What `wp.custom_vjp` and `wp.custom_jvp` were given as derivatives.
+    # The function that `wp.custom_vjp` was given as derivative.
     pullback = None
-    pushforward = None
 
     def __init__(self, func, key=None):
         self.func = func
@@ -34,7 +33,7 @@ class Function:
     @property
     def has_derivative(self) -> bool:
         """Whether a derivative of its own belongs to the function."""
-        return bool(self.pullbacks or self.replays or self.pullback or self.pushforward)
+        return bool(self.pullbacks or self.replays or self.pullback is not None)
 
     def add_overload(self, func) -> None:
         """Adds a function whose annotations no other one has."""

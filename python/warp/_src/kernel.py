@@ -179,44 +179,40 @@ class Kernel:
             deterministic=self.is_deterministic,
         )
 
-    def adjoint(self, native, active, unique=True, tape=None):
+    def adjoint(self, native, active, unique=True):
         """The derivative of a native kernel in reverse mode, made on first use.
 
         Args:
             native: what `prepare` or `specialize` has returned.
             active: for each array among the arguments whether it has a gradient.
             unique: no array has an element twice, and no two share memory.
-            tape: in place of the option of that name.
 
         Raises:
             WarpCodegenError: something active has no derivative.
         """
-        return self._derive(native, active, False, unique, tape=tape or self.option("tape"))
+        return self._derive(native, active, False, unique)
 
-    def tangent(self, native, active, unique=True, width=1, winners=False):
-        """The same in forward mode, with tangents along `width` directions.
-
-        With `winners`, what is launched after it if several threads met at atomic extrema.
-        """
-        return self._derive(native, active, True, unique, width=width, winners=winners)
+    def tangent(self, native, active, unique=True):
+        """The same in forward mode."""
+        return self._derive(native, active, True, unique)
 
     def last_adjoint(self):
         """The derivative in reverse mode that was made last, None if there is none."""
         made = [one for key, one in self._derivatives.items() if not key[2]]
         return made[-1] if made and self._derivatives_epoch is Epoch.current else None
 
-    def _derive(self, native, active, forward, unique, **options):
+    def _derive(self, native, active, forward, unique):
         from warp import config
 
         if self._derivatives_epoch is not Epoch.current:
             self._derivatives.clear()
             self._derivatives_epoch = Epoch.current
-        key = (native, tuple(active), forward, unique, config.singular, *options.items())
+        key = (native, tuple(active), forward, unique, config.singular)
         found = self._derivatives.get(key)
         if found is None:
             from warp._src.kernel_derivatives import Derivative, differentiate
 
-            made = differentiate(self, native, active, forward, unique, **options)
+            made = differentiate(self, native, active, forward, unique)
             found = Derivative(self, made, "tangent" if forward else "adjoint")
             self._derivatives[key] = found
             if self.module.saved and unique and not forward:
@@ -268,10 +264,7 @@ class Kernel:
         if stage in DERIVATIVES:
             from warp._src.kernel_derivatives import differentiate
 
-            made = differentiate(
-                self, self.prepare(), (), stage == "tangent", tape=self.option("tape")
-            )
-            return made.module.text()
+            return differentiate(self, self.prepare(), (), stage == "tangent").module.text()
         if stage not in STAGES:
             known = ", ".join(map(repr, STAGES + DERIVATIVES))
             raise ValueError(f"no stage {stage!r}, expects one of {known}")

@@ -25,10 +25,8 @@ class Derivative:
         kernel: the kernel in Python.
         native: what runs.
         augmented: the primal, changed to save what the adjoint needs, or None.
-        counting: finds how much memory the adjoint's loops need, or None if that is known.
         hidden: arguments after those of the primal; each has `kind`, `leaf`, `type`, `per_thread`
             and `places`.
-        hidden_of_counting: the same of `counting`.
         needed: numbers of the arrays whose contents are read.
         one_thread: why only launches of one thread are right; empty if all are.
         metrics: numbers about the code.
@@ -43,11 +41,7 @@ class Derivative:
         self.augmented = None
         if made.augmented is not None:
             self.augmented = kernel.compile_module(made.augmented, kernel.key)
-        self.counting = None
-        if made.counting is not None:
-            self.counting = kernel.compile_module(made.counting, f"{kernel.key}_count")
         self.hidden = made.hidden
-        self.hidden_of_counting = made.hidden_of_counting
         self.needed = made.needed
         self.one_thread = made.one_thread
         self.metrics = made.metrics
@@ -57,11 +51,8 @@ class Derivative:
                 print(line, flush=True)
 
 
-def differentiate(kernel, native, active, forward=False, unique=True, **options):
+def differentiate(kernel, native, active, forward=False, unique=True):
     """The derivative of a native kernel as the compiler's module, and what goes with it.
-
-    Args:
-        options: `width` and `winners` of forward mode, `tape` of reverse mode.
 
     Raises:
         WarpCodegenError: something active has no derivative.
@@ -74,7 +65,6 @@ def differentiate(kernel, native, active, forward=False, unique=True, **options)
         active=list(active),
         singular=config.singular,
         unique=unique,
-        **options,
     )
 
 
@@ -93,24 +83,10 @@ def run(made: Derivative, call: Call, values, initial=None, saved=()) -> None:
         if isinstance(value, StructInstance):
             value.refresh()
     if _meet(call):
-        tape = "checkpoints" if made.counting is None else "global"
-        made = made.kernel.adjoint(call.native, call.active, unique=False, tape=tape)
-    tapes = {}
-    if made.counting is not None:
-        tapes = _tapes(made, call, values, initial or {}, saved)
-    hidden = hidden_values(made, call, initial or {}, saved, tapes)
+        made = made.kernel.adjoint(call.native, call.active, unique=False)
+    hidden = hidden_values(made, call, initial or {}, saved)
     made.native.launch(call.dim, values, hidden, call.device, call.stream, call.block_dim or 0)
     count_singular(made, hidden)
-
-
-def _tapes(made, call, values, initial, saved) -> dict:
-    """Memory for the loops of the adjoint, see `global_tape.allocate`."""
-    from warp._src.global_tape import allocate
-
-    def known(wanted, own):
-        return hidden_values(made, call, initial, saved, own, wanted)
-
-    return allocate(made, call, values, known)
 
 
 def run_augmented(made: Derivative, call: Call) -> list[array]:
@@ -137,12 +113,12 @@ def _device(call):
     return by_index(call.device)
 
 
-def thread_count(dim) -> int:
+def _thread_count(dim) -> int:
     return math.prod(dim) if isinstance(dim, (tuple, list)) else int(dim)
 
 
 def check_threads(made, call) -> None:
-    threads = thread_count(call.dim)
+    threads = _thread_count(call.dim)
     if made.one_thread and threads > 1:
         raise errors.WarpGradientError(
             f"launch('{call.kernel.key}'): derivatives of this kernel are right for "
@@ -159,28 +135,19 @@ def _is_active(leaf) -> bool:
     return leaf is not None and leaf.grad is not None
 
 
-def hidden_values(made, call, initial, saved, tapes=None, wanted=None) -> list[array]:
-    """Values of the arguments that only the derivative has.
-
-    Args:
-        tapes: those of loops that keep their iterations, by kind and number of the loop.
-        wanted: the arguments; None stands for those of the derivative itself.
-    """
+def hidden_values(made, call, initial, saved) -> list[array]:
+    """Values of the arguments that only the derivative has."""
     from warp._src.array_create import zeros
 
-    notes = dict(zip([one.leaf for one in made.hidden if one.kind == "saved"], saved, strict=False))
-    left = {key: list(arrays) for key, arrays in (tapes or {}).items()}
+    left = list(saved)
     values = []
-    for hidden in made.hidden if wanted is None else wanted:
-        if (hidden.kind, hidden.leaf) in left:
-            values.append(left[hidden.kind, hidden.leaf].pop(0))
-            continue
+    for hidden in made.hidden:
         if hidden.kind == "counters":
             kind = types.dtype_of(hidden.type)
             values.append(zeros(len(hidden.places) or 1, kind.dtype, _device(call)))
             continue
-        if hidden.kind == "saved" and hidden.leaf in notes:
-            values.append(notes[hidden.leaf])
+        if hidden.kind == "saved" and left:
+            values.append(left.pop(0))
             continue
         if hidden.kind == "preserved" and hidden.leaf in initial:
             values.append(initial[hidden.leaf])
@@ -195,8 +162,8 @@ def hidden_values(made, call, initial, saved, tapes=None, wanted=None) -> list[a
     return values
 
 
-def check_overlap(call: Call, active, what: str) -> None:
-    """Rejects a written array that shares memory with another one if one of both is active.
+def check_overlap(call: Call) -> None:
+    """Rejects a written array that shares memory with one whose gradient is asked for.
 
     Raises:
         WarpGradientError: there is one.
@@ -208,9 +175,9 @@ def check_overlap(call: Call, active, what: str) -> None:
         for j, other in enumerate(boxes):
             if j == i or other is None or not boxes[i].overlaps(other):
                 continue
-            if active[i] or active[j]:
+            if _is_active(call.leaves[i][1]) or _is_active(call.leaves[j][1]):
                 raise errors.WarpGradientError(
-                    f"launch('{call.kernel.key}'{what}): arguments "
+                    f"launch('{call.kernel.key}', adjoint=True): arguments "
                     f"'{call.leaves[i][0]}', which is written, and '{call.leaves[j][0]}' overlap, "
                     f"give the kernel one array for both, or write to another array"
                 )
@@ -223,6 +190,6 @@ def launch(call: Call) -> None:
             f"launch('{call.kernel.key}', adjoint=True): the kernel has `enable_backward=False`, "
             f"remove that option"
         )
-    check_overlap(call, call.active, ", adjoint=True")
-    if any(call.active) and thread_count(call.dim):
+    check_overlap(call)
+    if any(call.active) and _thread_count(call.dim):
         run(call.kernel.adjoint(call.native, call.active), call, call.values)

@@ -6,10 +6,6 @@ of its elements; a view of the array is the same view of the twin. `Tangents` is
 twins too, a copy also copies tangents, and filling clears them. An adjoint is a launch like any
 other, so tangents of gradients, second derivatives, need nothing more: the twin of an array has a
 gradient, which is the twin of the array's gradient.
-
-With tangents along several directions an allocation has a twin for each, and a launch computes all
-of them at once. Functions with more directions than that are run again (`chunks`), with what they
-overwrote in between put back.
 """
 
 from __future__ import annotations
@@ -17,24 +13,11 @@ from __future__ import annotations
 from warp import _native
 from warp._src import kernel_derivatives, scalars, types
 from warp._src.array import array
-from warp._src.array_create import empty, zeros
+from warp._src.array_create import empty
 from warp._src.array_gradients import gradient_type, has_gradient
 from warp._src.boxes import Box
-from warp._src.tracking import Watching, copy_layout, event
+from warp._src.tracking import event
 from warp._src.watching import Call
-
-# Numbers of directions that kernels are made for.
-WIDTHS = (1, 4, 8)
-
-
-def chunks(count: int) -> list[tuple[range, int]]:
-    """Ranges of directions to do at once, and the numbers of directions that kernels for them have.
-
-    These may have some more than there are in the range, which costs less than another evaluation.
-    """
-    last = WIDTHS[-1]
-    parts = [range(first, min(first + last, count)) for first in range(0, count, last)]
-    return [(part, next(width for width in WIDTHS if width >= len(part))) for part in parts]
 
 
 class Tangents:
@@ -43,45 +26,35 @@ class Tangents:
     Args:
         tape: records what is done with both, for derivatives of tangents; twins then have gradients
             of their own.
-        width: number of directions.
-        is_last: whether nothing follows that needs what is overwritten.
     """
 
-    def __init__(self, tape=None, width=1, is_last=True):
-        self.tape, self.width, self.is_last = tape, width, is_last
-        # By address: the allocation's array, and for each direction the bytes of its twin and those
-        # of the twin's gradient.
-        self._twins: dict[int, tuple[array, list[tuple[array, array | None]]]] = {}
-        # By address: the allocation's array and what it held before the first write.
-        self._kept: dict[int, tuple[array, array]] = {}
+    def __init__(self, tape=None):
+        self.tape = tape
+        # By address: the allocation's array, the bytes of its twin, those of the twin's gradient.
+        self._twins: dict[int, tuple[array, array, array | None]] = {}
 
     # Twins.
 
-    def find(self, one: array, direction=0) -> array | None:
+    def find(self, one: array) -> array | None:
         """The tangents of an array, None if they are all zero."""
         base = _base(one)
         if (base.ptr or 0) not in self._twins:
             return None
-        return self._view(one, base, direction)
+        return self._view(one, base)
 
-    def twin(self, one: array, direction=0) -> array:
+    def twin(self, one: array) -> array:
         """The tangents of an array, which become zeros if it had none."""
         base = _base(one)
         if (base.ptr or 0) not in self._twins:
             box = Box(base)
             size = (box.stop - box.start) * _widening(base.dtype)
-            made = [
-                (
-                    _zeros(size, base.device),
-                    None if self.tape is None else _zeros(size, base.device),
-                )
-                for _ in range(self.width)
-            ]
-            self._twins[base.ptr or 0] = (base, made)
-        return self._view(one, base, direction)
+            made = [_zeros(size, base.device)]
+            made.append(None if self.tape is None else _zeros(size, base.device))
+            self._twins[base.ptr or 0] = (base, *made)
+        return self._view(one, base)
 
-    def _view(self, one: array, base: array, direction) -> array:
-        tangents, gradients = self._twins[base.ptr or 0][1][direction]
+    def _view(self, one: array, base: array) -> array:
+        _, tangents, gradients = self._twins[base.ptr or 0]
         wide, dtype = _widening(one.dtype), gradient_type(one.dtype)
         offset = ((one.ptr or 0) - (base.ptr or 0)) * wide
         strides = [stride * wide for stride in one.strides]
@@ -89,51 +62,19 @@ class Tangents:
         if gradients is not None:
             result.grad = gradients._view(offset, one.shape, strides, dtype)
         elif one.grad is not None:
-            result.grad = self.twin(one.grad, direction)
+            result.grad = self.twin(one.grad)
         return result
-
-    # What is overwritten.
-
-    def _keep(self, one: array) -> None:
-        """Called before a write."""
-        if self.is_last:
-            return
-        base = _base(one)
-        if (base.ptr or 0) in self._kept:
-            return
-        with Watching(executor=None):
-            kept = copy_layout(base)
-        if self.tape is not None and base.grad is not None:
-            kept.requires_grad = True
-            self.tape.add_copy(kept, base, event("copy"))
-        self._kept[base.ptr or 0] = (base, kept)
-
-    def restore(self) -> None:
-        """Gives everything that was written the contents that it had before."""
-        with Watching(executor=None, tape=self.tape):
-            for base, kept in self._kept.values():
-                base.assign(kept)
-        self._kept.clear()
 
     # Operations.
 
     def launch(self, call: Call) -> None:
         """Runs a launch with tangents."""
-        for one in call.written:
-            self._keep(one)
         active = self._active(call.leaves, call.accesses)
-        if not any(active):
-            self._run(call)
-            return
-        made = [call.kernel.tangent(call.native, active, width=self.width)]
-        if made[0].one_thread and kernel_derivatives.thread_count(call.dim) > 1:
-            kernel_derivatives.check_overlap(call, active, "")
-            made.append(call.kernel.tangent(call.native, active, width=self.width, winners=True))
-        arrays = [one for _, one in call.leaves]
-        for one in made:
-            self._run(call.other(one.native, (*call.values, *self._hidden(one, arrays))))
-
-    def _run(self, call: Call) -> None:
+        if any(active):
+            made = call.kernel.tangent(call.native, active)
+            kernel_derivatives.check_threads(made, call)
+            hidden = self._hidden(made, [one for _, one in call.leaves])
+            call = call.other(made.native, (*call.values, *hidden))
         if self.tape is None:
             call.run()
             return
@@ -155,11 +96,8 @@ class Tangents:
         )
 
     def _hidden(self, made, leaves) -> list:
-        """Twins, and zeros for the claims of winners."""
         return [
-            self.twin(leaves[hidden.leaf], hidden.direction)
-            if hidden.kind == "tangent"
-            else zeros(leaves[hidden.leaf].shape, scalars.int32, leaves[hidden.leaf].device)
+            self.twin(leaves[hidden.leaf]) if hidden.kind == "tangent" else None
             for hidden in made.hidden
         ]
 
@@ -167,8 +105,8 @@ class Tangents:
         """Runs the adjoint of a launch with tangents."""
         grads = [one.grad for _, one in call.leaves if one is not None and one.grad is not None]
         unique = not _native.shares_elements(grads)
-        if not unique or made.counting is not None:
-            made = call.kernel.adjoint(call.native, call.active, unique, tape="checkpoints")
+        if not unique:
+            made = call.kernel.adjoint(call.native, call.active, unique=False)
         hidden = kernel_derivatives.hidden_values(made, call, initial, saved)
         again = call.other(made.native, (*values, *hidden))
         arrays = [one for _, one in again.leaves]
@@ -178,32 +116,29 @@ class Tangents:
             and (self.find(one) is not None or one.grad is not None)
             for one in arrays
         )
-        second = _tangent_of(made, active, unique, self.width)
+        second = _tangent_of(made, active, unique)
         call.other(second.native, (*again.values, *self._hidden(second, arrays))).run()
 
     def copy(self, dest: array, src: array, stream=None) -> None:
         """Copies values and tangents."""
-        self._keep(dest)
         self._copy(dest, src, stream)
         if not has_gradient(dest.dtype):
             return
-        if self.find(src) is not None:
-            for i in range(self.width):
-                self._copy(self.twin(dest, i), self.find(src, i), stream)
+        tangents = self.find(src)
+        if tangents is not None:
+            self._copy(self.twin(dest), tangents, stream)
         elif self.find(dest) is not None:
             self._clear(dest)
 
     def fill(self, target: array, pattern: bytes) -> None:
         """Fills with a constant, whose tangent is zero."""
-        self._keep(target)
         self._fill(target, pattern)
         if self.find(target) is not None:
             self._clear(target)
 
     def _clear(self, one: array) -> None:
-        for i in range(self.width):
-            tangents = self.twin(one, i)
-            self._fill(tangents, bytes(tangents.item_size))
+        tangents = self.twin(one)
+        self._fill(tangents, bytes(tangents.item_size))
 
     def _copy(self, dest, src, stream) -> None:
         _native.copy_array(dest, src, stream)
@@ -222,16 +157,15 @@ def _zeros(size, device) -> array:
     return made
 
 
-def _tangent_of(made, active, unique, width):
+def _tangent_of(made, active, unique):
     """The tangent of a derivative, kept with it."""
     known = made.__dict__.setdefault("tangents", {})
-    key = (active, unique, width)
-    if key not in known:
-        second = kernel_derivatives.differentiate(
-            made.kernel, made.native, active, True, unique, width=width
+    if (active, unique) not in known:
+        second = kernel_derivatives.differentiate(made.kernel, made.native, active, True, unique)
+        known[active, unique] = kernel_derivatives.Derivative(
+            made.kernel, second, "adjoint_tangent"
         )
-        known[key] = kernel_derivatives.Derivative(made.kernel, second, "adjoint_tangent")
-    return known[key]
+    return known[active, unique]
 
 
 def _base(one: array) -> array:
