@@ -337,8 +337,11 @@ void ArrayLowering::lowerStore(StoreComponentsOp op) {
         mlir::Value bytes = widen(stride(parts, d), i32);
         LLVM::StoreOp::create(b, loc, bytes, advance(to, 32 + 4 * d), 4);
       }
-      mlir::Value rank = constant(i32, parts.shape.size());
-      LLVM::StoreOp::create(b, loc, rank, advance(to, 48), 4);
+      // The array has no gradient there. The rank comes with no flags.
+      LLVM::StoreOp::create(b, loc, constant(i64, 0), advance(to, gradOffset),
+                            8);
+      mlir::Value rank = constant(i64, parts.shape.size());
+      LLVM::StoreOp::create(b, loc, rank, advance(to, 48), 8);
     }
     return SmallVector<mlir::Value>();
   });

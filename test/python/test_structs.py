@@ -209,3 +209,32 @@ def test_bad_declarations():
 def test_text():
     assert repr(Inner(a=1.5, b=(1, 2, 3))) == "Inner(\n\ta=1.5,\n\tb=vec3f([1.0, 2.0, 3.0]),\n)"
     assert "\tinner=Inner(\n\t\ta=0.0" in repr(Outer())
+
+
+@wp.struct
+class Pointers:
+    a: wp.array(dtype=float)
+    b: wp.array2d(dtype=wp.vec3)
+
+
+@wp.kernel
+def copy_pointers(source: wp.array(dtype=Pointers), target: wp.array(dtype=Pointers)):
+    i = wp.tid()
+    target[i] = source[i]
+
+
+def test_arrays_that_kernels_store_have_no_gradient(device):
+    a = wp.zeros(3, dtype=float, device=device, requires_grad=True)
+    b = wp.zeros((2, 2), dtype=wp.vec3, device=device)
+    source = wp.array([Pointers(a=a, b=b)], dtype=Pointers, device=device)
+    # What was there before had gradients; they are not those of the new arrays.
+    old = Pointers(a=wp.zeros_like(a), b=wp.zeros_like(b, requires_grad=True))
+    target = wp.array([old], dtype=Pointers, device=device)
+    wp.launch(copy_pointers, 1, [source, target], device=device)
+    stored = target.numpy()[0]
+    for field, one in (("a", a), ("b", b)):
+        found = stored[field]
+        assert (found["data"], found["grad"], found["flags"]) == (one.ptr, 0, 0)
+        assert found["ndim"] == one.ndim
+        assert found["shape"][: one.ndim].tolist() == list(one.shape)
+        assert found["strides"][: one.ndim].tolist() == list(one.strides)
