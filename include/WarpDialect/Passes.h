@@ -25,6 +25,7 @@ constexpr llvm::StringLiteral flat = "warp.flat";
 constexpr llvm::StringLiteral debug = "warp.debug";
 constexpr llvm::StringLiteral fastMath = "warp.fast_math";
 constexpr llvm::StringLiteral deterministic = "warp.deterministic";
+constexpr llvm::StringLiteral ordered = "warp.ordered";
 constexpr llvm::StringLiteral blockDim = "warp.block_dim";
 constexpr llvm::StringLiteral large = "warp.large";
 constexpr llvm::StringLiteral threads = "warp.threads";
@@ -39,6 +40,11 @@ constexpr llvm::StringLiteral exclusive = "warp.exclusive";
 constexpr llvm::StringLiteral items = "warp.items";
 /// The function that a launch calls, once warp-lower-launch has made it.
 constexpr llvm::StringLiteral entry = "warp.entry";
+/// What warp-sum-exactly found out, see include/warp/ExactSums.h. On the kernel:
+/// its arrays, the fields of a `SummedArray` each; on an update: where the
+/// `SumDescriptor` lies in the parameter block.
+constexpr llvm::StringLiteral sums = "warp.sums";
+constexpr llvm::StringLiteral sum = "warp.sum";
 /// Places that error records refer to by number.
 constexpr llvm::StringLiteral sites = "warp.sites";
 

@@ -242,6 +242,8 @@ def Specialize : WarpPass<"warp-specialize"> {
            "Reassociate, and approximate math functions">,
     Option<"deterministic", "deterministic", "bool", "false",
            "Sums have the same bits in every run">,
+    Option<"ordered", "ordered", "bool", "false",
+           "Deterministic: by one order of updates, as arrays overlap">,
     Option<"blockDim", "block-dim", "int64_t", "256", "Threads of a GPU block">,
     Option<"large", "large", "bool", "false",
            "GPU: the launch fills the card many times over">,
@@ -282,6 +284,22 @@ def VerifyThread : WarpPass<"warp-verify-thread"> {
 //===----------------------------------------------------------------------===//
 // Phase `llvm`
 //===----------------------------------------------------------------------===//
+
+def SumExactly : WarpPass<"warp-sum-exactly"> {
+  let summary = "Choose the sums of floats that are exact in this launch";
+  let description = [{
+    In a deterministic launch: marks updates that add floats to an array of
+    which the kernel sees nothing else. Their sums will be exact, and so do not
+    depend on the order of updates. The kernel gets a list of arrays: those
+    with such sums, then all others that it accesses.
+
+    ```mlir
+    %old = warp.atomic_components add (%x), %sum[%j] : ...
+    // ==>
+    %old = warp.atomic_components add (%x), %sum[%j] {warp.sum = 192} : ...
+    ```
+  }];
+}
 
 def LowerLaunch : WarpPass<"warp-lower-launch"> {
   let summary = "Turn the kernel function into the entry of a launch";
@@ -349,9 +367,9 @@ def PrivatizeAtomics : WarpPass<"warp-privatize-atomics"> {
     Where atomics remain on the CPU, and so few threads would share the launch that one
     thread without atomic instructions is faster, the entry is marked
     `warp.exclusive`: it runs on one thread and updates elements plainly. In a
-    deterministic launch so is every entry whose order of atomics would show; on
-    a GPU that is a launch of one block, with one thread if its updates cannot
-    be combined.
+    deterministic launch so is every entry with atomics whose order would show,
+    sums that are exact aside; on a GPU that is a launch of one block, with one
+    thread if its updates cannot be combined.
 
     ```mlir
     // loop over threads:
@@ -366,6 +384,26 @@ def PrivatizeAtomics : WarpPass<"warp-privatize-atomics"> {
   let dependentDialects = [
     "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect",
     "::mlir::LLVM::LLVMDialect"];
+}
+
+def LowerSums : WarpPass<"warp-lower-sums"> {
+  let summary = "Add to exact sums by integers";
+  let description = [{
+    A float is a whole multiple of the least subnormal one. Its digits are
+    added to those of the sum, which the runtime keeps beside the array and
+    rounds after the launch.
+
+    ```mlir
+    %old = warp.atomic_components add (%x), %sum[%j] {warp.sum = 192} : ...
+    // ==>
+    %p = warp.address %sum[%j] : !warp.array<1 x f32>, i32
+    // %number: of the element, by %p
+    llvm.call @warp_add_exactly_f32(%digits, %touched, %count, %number, %x)
+    ```
+  }];
+  let dependentDialects = [
+    "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect",
+    "::mlir::LLVM::LLVMDialect", "::warp::WarpDialect"];
 }
 
 def LowerArrays : WarpPass<"warp-lower-arrays"> {

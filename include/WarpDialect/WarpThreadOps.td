@@ -74,4 +74,23 @@ def Warp_AtomicComponentsOp : Warp_Op<"atomic_components",
   let hasVerifier = 1;
 }
 
+def Warp_AddressOp : Warp_Op<"address", [Pure]> {
+  let summary = "the address of an array element";
+  let description = [{
+    (C1) as many indices as the rank. In a debugging launch it is 0, and the
+    error is recorded, if an index is out of bounds.
+
+    ```mlir
+    %p = warp.address %a[%i] : !warp.array<1 x f32>, i32
+    ```
+  }];
+  let arguments = (ins Warp_AnyArray:$array,
+                       Variadic<AnySignlessInteger>:$indices);
+  let results = (outs I64:$address);
+  let assemblyFormat = [{
+    $array `[` $indices `]` attr-dict `:` type($array) `,` type($indices)
+  }];
+  let hasVerifier = 1;
+}
+
 #endif // WARP_THREAD_OPS_TD

@@ -16,6 +16,7 @@
 
 #include "warp/Builder.h"
 #include "warp/Error.h"
+#include "warp/ExactSums.h"
 #include "warp/Export.h"
 
 #include <cstdint>
@@ -48,6 +49,9 @@ struct CompileOptions {
   bool fastMath = false;
   /// Sums have the same bits in every run.
   bool deterministic = false;
+  /// Deterministic: arrays of the launch overlap, so its sums are made in one
+  /// order. Otherwise they are exact.
+  bool ordered = false;
   bool lineinfo = false;
   int optLevel = 2;
   /// Threads of a GPU block.
@@ -89,6 +93,10 @@ struct Code {
   bool exclusive = false;
   /// CPU: the code has atomic instructions, so no exclusive code may run.
   bool atomics = false;
+  /// Arrays with exact sums, for each of which the parameter block has a
+  /// `SumDescriptor` after the arguments; then the others. Empty if there are
+  /// no exact sums.
+  std::vector<SummedArray> sums;
   /// Milliseconds by compile phase; empty when it comes from a cache.
   std::map<std::string, double> phaseMs;
 };

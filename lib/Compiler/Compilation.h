@@ -40,6 +40,7 @@ public:
   bool straightLine = false;
   bool exclusive = false, atomics = false;
   int items = 1;
+  std::vector<SummedArray> sums;
   std::map<std::string, double> phaseMs;
 
   /// Stage texts go to the folder that WARP_DUMP names.

@@ -251,6 +251,9 @@ void Compilation::collectFacts(ModuleOp module) {
                   .wasInterrupted();
     if (auto count = function->getAttrOfType<IntegerAttr>(attr::items))
       items = int(count.getInt());
+    if (auto list = function->getAttrOfType<ArrayAttr>(attr::sums))
+      for (auto facts : list.getAsRange<DenseI64ArrayAttr>())
+        sums.push_back({facts[0], facts[1], facts[2], facts[3], facts[4]});
     auto table = function->getAttrOfType<ArrayAttr>(attr::sites);
     if (!table)
       continue;

@@ -34,6 +34,7 @@ warp::Code warp::compile(const Module &module, const CompileOptions &options) {
   code.exclusive = run.exclusive;
   code.atomics = run.atomics;
   code.items = run.items;
+  code.sums = std::move(run.sums);
   code.phaseMs = std::move(run.phaseMs);
   return code;
 }
@@ -69,7 +70,8 @@ static std::string describe(const warp::CompileOptions &options) {
   llvm::raw_string_ostream stream(text);
   stream << options.target << ' ' << options.rank << ' ' << options.contiguous
          << ' ' << options.index32 << options.flat << options.debug
-         << options.fastMath << options.deterministic << options.lineinfo
+         << options.fastMath << options.deterministic << options.ordered
+         << options.lineinfo
          << ' ' << options.optLevel
          << ' ' << options.blockDim << ' ' << options.driverVersion << ' '
          << options.large << ' ' << options.threads << ' '

@@ -40,6 +40,7 @@ void warp::addSpecialize(OpPassManager &pm, const CompileOptions &options) {
   facts.debug = options.debug;
   facts.fastMath = options.fastMath;
   facts.deterministic = options.deterministic;
+  facts.ordered = options.ordered;
   facts.blockDim = options.blockDim;
   facts.threads = options.threads;
   pm.addPass(createSpecialize(facts));
@@ -70,9 +71,11 @@ void warp::addPhase(OpPassManager &pm, Phase phase) {
     pm.addPass(createVerifyThread());
     return;
   case Phase::LLVM:
+    pm.addPass(createSumExactly());
     pm.addPass(createLowerLaunch());
     pm.addPass(createRotateLoops());
     pm.addPass(createPrivatizeAtomics());
+    pm.addPass(createLowerSums());
     pm.addPass(createLowerArrays());
     pm.addPass(createLowerMath());
     pm.addPass(createConvertToLLVM());

@@ -244,3 +244,7 @@ LogicalResult warp::AtomicComponentsOp::verify() {
     return failure();
   return verifyAtomic(*this, getKind(), array.getElementType());
 }
+
+LogicalResult warp::AddressOp::verify() {
+  return verifyRank(*this, cast<ArrayType>(getArray().getType()), getIndices());
+}

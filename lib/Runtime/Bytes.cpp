@@ -17,6 +17,9 @@ void warp::writeCode(Writer &out, const Code &code) {
   out.number<uint8_t>(code.exclusive);
   out.number<uint8_t>(code.atomics);
   out.number<int32_t>(code.items);
+  out.number<int32_t>(code.sums.size());
+  for (const SummedArray &array : code.sums)
+    out.number(array);
   out.number<uint64_t>(code.sites.size());
   for (const Site &site : code.sites) {
     out.string(site.kernel);
@@ -37,6 +40,9 @@ Code warp::readCode(Reader &in) {
   code.exclusive = in.number<uint8_t>();
   code.atomics = in.number<uint8_t>();
   code.items = in.number<int32_t>();
+  auto sums = in.number<int32_t>();
+  for (int32_t i = 0; i < sums && in.ok(); ++i)
+    code.sums.push_back(in.number<SummedArray>());
   auto sites = in.number<uint64_t>();
   for (uint64_t i = 0; i < sites && in.ok(); ++i) {
     Site site;

@@ -139,7 +139,7 @@ void HostCapture::launch(Kernel &kernel, const Kernel::Plan &plan,
   graph->work += plan.work;
   if (Kernel::isShort(plan) && !kernel.options().debug &&
       !variant.code.exclusive && !variant.code.atomics &&
-      !variant.code.usesPrintf)
+      variant.code.sums.empty() && !variant.code.usesPrintf)
     return add({EntryStep{variant.cpu, data, plan.items}, kernel.name()});
   std::function<void()> run = [&kernel, plan, data] { kernel.run(plan, data); };
   if (kernel.options().debug) {

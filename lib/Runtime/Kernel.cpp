@@ -14,6 +14,7 @@
 
 #include "warp/Kernel.h"
 
+#include "ExactSums.h"
 #include "GraphImpl.h"
 #include "KernelImpl.h"
 #include "Support.h"
@@ -163,6 +164,7 @@ CompileOptions Kernel::Impl::compileOptions(const VariantKey &key,
   result.debug = options.debug;
   result.fastMath = options.fastMath;
   result.deterministic = options.deterministic;
+  result.ordered = key.ordered;
   result.lineinfo = options.lineinfo;
   result.optLevel = options.optLevel;
   result.threads = arch == 0 ? std::min(ThreadPool::size(), 16) : 1;
@@ -310,9 +312,17 @@ Kernel::Plan Kernel::Impl::plan(int device, const LaunchDim &dim, void *params,
   for (int i = 0; i < dim.rank; ++i)
     header.dim[i] = static_cast<int32_t>(dim.extent[i]);
   std::memcpy(params, &header, sizeof(header));
-  plan.variant = find(key);
-  if (!plan.variant && mayMake)
-    plan.variant = make(key);
+  auto choose = [&] {
+    plan.variant = find(key);
+    if (!plan.variant && mayMake)
+      plan.variant = make(key);
+  };
+  choose();
+  if (plan.variant && !plan.variant->code.sums.empty() &&
+      overlap(plan.variant->code.sums, params)) {
+    key.ordered = true;
+    choose();
+  }
   if (plan.variant)
     plan.work = plan.variant->code.cost * static_cast<double>(plan.items);
   return plan;
@@ -378,15 +388,26 @@ static void runOnCpu(const Kernel::Variant &variant, const void *params,
 void Kernel::run(const Plan &plan, void *params, const Stream *stream) {
   if (!plan.variant)
     return;
+  if (plan.device == cpuDevice)
+    if (HostRecorder *recorder = hostRecorder())
+      return recorder->launch(*this, plan, params);
+  const std::vector<SummedArray> &arrays = plan.variant->code.sums;
+  if (arrays.empty())
+    return impl->run(plan, params, stream);
+  ExactSums sums(impl->name, plan.device, arrays, params, impl->paramSize,
+                 stream);
+  impl->run(plan, sums.params(), stream);
+  sums.finish();
+}
+
+void Kernel::Impl::run(const Plan &plan, void *params, const Stream *stream) {
   const Variant &variant = *plan.variant;
   if (plan.device != cpuDevice) {
     if (variant.record)
       setErrorRecord(params, variant.record->address());
-    return launchOnCuda(variant, impl->name, params, stream);
+    return launchOnCuda(variant, name, params, stream);
   }
-  if (HostRecorder *recorder = hostRecorder())
-    return recorder->launch(*this, plan, params);
-  if (!impl->options.debug) {
+  if (!options.debug) {
     runOnCpu(variant, params, plan.items, isShort(plan));
   } else {
     ErrorRecord record;

@@ -19,14 +19,15 @@ struct VariantKey {
   bool index32 = true;
   bool flat = false;
   bool large = false;
+  bool ordered = false;
   int blockDim = 0;
   uint64_t contiguous = 0;
 
   bool operator==(const VariantKey &other) const {
     return device == other.device && rank == other.rank &&
            index32 == other.index32 && flat == other.flat &&
-           large == other.large && blockDim == other.blockDim &&
-           contiguous == other.contiguous;
+           large == other.large && ordered == other.ordered &&
+           blockDim == other.blockDim && contiguous == other.contiguous;
   }
 };
 
@@ -70,6 +71,8 @@ struct Kernel::Impl {
   Variant *make(const VariantKey &key);
   Plan plan(int device, const LaunchDim &dim, void *params, int blockDim,
             bool mayMake);
+  /// Runs a variant whose parameters are complete.
+  void run(const Plan &plan, void *params, const Stream *stream);
   VariantKey keyFor(int device, const LaunchDim &dim, const void *params,
                     int blockDim, int64_t &items) const;
   CompileOptions compileOptions(const VariantKey &key, int arch) const;

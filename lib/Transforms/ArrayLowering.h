@@ -71,6 +71,7 @@ private:
   void lowerGrad(GradOp op);
   void lowerLoad(LoadComponentsOp op);
   void lowerStore(StoreComponentsOp op);
+  void lowerAddress(AddressOp op);
   void convertControlFlow(mlir::Operation *op);
 
   // ArrayAddress.cpp: array values and addresses.

@@ -56,6 +56,8 @@ bool warp::dependsOnOrder(Operation *update) {
   if (!atomic)
     return isa<AtomicCasOp>(update);
   AtomicKind kind = atomic.getKind();
+  if (atomic->hasAttr(attr::sum))
+    return false;
   if (!atomic->use_empty() || kind == AtomicKind::exch)
     return true;
   return (kind == AtomicKind::add || kind == AtomicKind::sub) &&
@@ -93,7 +95,7 @@ bool warp::commutes(AtomicComponentsOp op) {
   if (kind != AtomicKind::add && kind != AtomicKind::min &&
       kind != AtomicKind::max)
     return false;
-  return hasOneName(op.getArray()) &&
+  return !op->hasAttr(attr::sum) && hasOneName(op.getArray()) &&
          llvm::all_of(op.getArray().getUsers(), [&](Operation *user) {
            auto other = dyn_cast<AtomicComponentsOp>(user);
            return isa<DimOp>(user) ||

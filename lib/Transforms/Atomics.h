@@ -21,7 +21,7 @@ AtomicKind combiningKind(AtomicKind kind);
 
 /// Whether an update may be made later, and others of its array before it: its
 /// old value is unused, and nothing in the kernel does anything else to the
-/// array than update it in a way that commutes.
+/// array than update it in a way that commutes. Exact sums go their own way.
 bool commutes(AtomicComponentsOp update);
 
 /// The value that changes nothing when it is combined. `type` still has its
@@ -37,7 +37,7 @@ mlir::Value cloneInvariant(mlir::OpBuilder &b, mlir::Value value,
                            mlir::Block *first, mlir::IRMapping &clones);
 
 /// Whether the order of atomic updates in an entry may show: sums of floats
-/// round, and old values tell who came first.
+/// round unless they are exact, and old values tell who came first.
 bool dependsOnOrder(mlir::Operation *update);
 bool hasOrderedUpdates(mlir::Operation *entry);
 

@@ -43,6 +43,22 @@ inline bool isGpu(mlir::Operation *func) {
   return target && target.getValue().starts_with("sm_");
 }
 
+/// Whether the blocks of a GPU launch are made of full warps.
+inline bool hasWholeWarps(mlir::Operation *entry) {
+  int64_t blockDim = getFact(entry, attr::blockDim, 256);
+  bool oneAxis =
+      getFact(entry, attr::rank, 1) == 1 || entry->hasAttr(attr::flat);
+  return blockDim % 32 == 0 && (oneAxis || llvm::isPowerOf2_64(blockDim));
+}
+
+/// How many entries of `attr::sums` are arrays with exact sums.
+inline int64_t countSums(mlir::ArrayAttr sums) {
+  return llvm::count_if(sums.getAsRange<mlir::DenseI64ArrayAttr>(),
+                        [](mlir::DenseI64ArrayAttr entry) {
+                          return entry[0] != 0;
+                        });
+}
+
 /// Passes of the module-level phases agree on the function they work on.
 inline mlir::FunctionOpInterface findEntry(mlir::ModuleOp module) {
   for (auto func : module.getOps<mlir::FunctionOpInterface>())

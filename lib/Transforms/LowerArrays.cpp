@@ -100,6 +100,8 @@ void ArrayLowering::lower(Operation *op) {
     lowerAtomic(atomic);
   else if (auto cas = dyn_cast<AtomicCasOp>(op))
     lowerAtomicCas(cas);
+  else if (auto address = dyn_cast<AddressOp>(op))
+    lowerAddress(address);
   else if (auto scratch = dyn_cast<ScratchOp>(op))
     lowerScratch(scratch);
   else if (auto load = dyn_cast<ScratchLoadOp>(op))
@@ -345,6 +347,15 @@ void ArrayLowering::lowerStore(StoreComponentsOp op) {
     }
     return SmallVector<mlir::Value>();
   });
+}
+
+void ArrayLowering::lowerAddress(AddressOp op) {
+  Address at = address(op.getArray(), op.getIndices());
+  auto number = guarded(op, op.getArray(), at, i64, [&] {
+    return SmallVector<mlir::Value>{
+        LLVM::PtrToIntOp::create(b, loc, i64, at.pointer)};
+  });
+  op->replaceAllUsesWith(number);
 }
 
 namespace {

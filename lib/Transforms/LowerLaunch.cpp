@@ -18,6 +18,7 @@
 
 #include "LowerLaunch.h"
 #include "WarpDialect/ParameterLayout.h"
+#include "warp/ExactSums.h"
 
 namespace warp {
 #define GEN_PASS_DEF_LOWERLAUNCH
@@ -77,6 +78,8 @@ void Launch::createEntry() {
   b.setInsertionPointToStart(first);
 
   int64_t size = warp::layOutParameters(argTypes).size;
+  if (auto sums = kernel->getAttrOfType<ArrayAttr>(warp::attr::sums))
+    size += sizeof(warp::SumDescriptor) * warp::countSums(sums);
   if (!warp::isGpu(kernel)) {
     entry.setArgAttr(0, "llvm.noalias", b.getUnitAttr());
     entry.setArgAttr(0, "llvm.readonly", b.getUnitAttr());

@@ -226,7 +226,9 @@ void Privatizer::run() {
   entry.walk([&](warp::AtomicComponentsOp op) {
     if (qualifies(op))
       found.push_back(op);
-    else
+    else if (!op->hasAttr(warp::attr::sum) ||
+             !llvm::all_of(op.getIndices(),
+                           [&](Value i) { return isInvariant(i); }))
       remaining += double(op.getComponents().size()) * estimatedTrips(op);
   });
   entry.walk([&](warp::AtomicCasOp op) { remaining += estimatedTrips(op); });
@@ -242,14 +244,6 @@ bool Privatizer::coversOrder() {
                : WalkResult::advance();
   });
   return !result.wasInterrupted();
-}
-
-/// Whether the launch's blocks are made of full warps.
-static bool hasWholeWarps(Operation *entry) {
-  int64_t blockDim = warp::getFact(entry, warp::attr::blockDim, 256);
-  bool oneAxis = warp::getFact(entry, warp::attr::rank, 1) == 1 ||
-                 entry->hasAttr(warp::attr::flat);
-  return blockDim % 32 == 0 && (oneAxis || llvm::isPowerOf2_64(blockDim));
 }
 
 /// Times in cycles: two operations take one, a plain update two, an atomic
@@ -277,7 +271,7 @@ struct PrivatizeAtomics : warp::impl::PrivatizeAtomicsBase<PrivatizeAtomics> {
       runOnCpu(function, debug);
     else if (entry->hasAttr(warp::attr::exclusive))
       runInOneBlock(function, debug);
-    else if (!debug && hasWholeWarps(entry))
+    else if (!debug && warp::hasWholeWarps(entry))
       Privatizer(function).run();
   }
 

@@ -113,6 +113,7 @@ struct Specialize : warp::impl::SpecializeBase<Specialize> {
     setFlag(warp::attr::debug, debug);
     setFlag(warp::attr::fastMath, fastMath);
     setFlag(warp::attr::deterministic, deterministic);
+    setFlag(warp::attr::ordered, ordered);
   }
 
   /// Indices beyond the rank of the launch are zero.

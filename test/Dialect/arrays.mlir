@@ -83,5 +83,7 @@ func.func @thread_ir(%a: !a1, %s: !warp.array<2 x !s>, %i: i32, %j: i64, %x: f32
   warp.store_components (%0#0, %0#1, %x), %a[%i] : (f32, f32, f32), !a1, i32
   // CHECK: warp.atomic_components max(%{{.*}}, %{{.*}}, %{{.*}}), %{{.*}}[%{{.*}}] : (f32, f32, f32), !warp.array<1 x !warp.vec<3 x f32>>, i32 -> f32, f32, f32
   %2:3 = warp.atomic_components max(%x, %x, %x), %a[%i] : (f32, f32, f32), !a1, i32 -> f32, f32, f32
+  // CHECK: warp.address %{{.*}}[%{{.*}}] : !warp.array<1 x !warp.vec<3 x f32>>, i32
+  %3 = warp.address %a[%i] : !a1, i32
   return
 }

@@ -90,3 +90,11 @@ func.func @atomic_components_c2(%a: !warp.array<1 x f32>, %i: i32, %x: f32) {
   %0 = warp.atomic_components add(%x, %x), %a[%i] : (f32, f32), !warp.array<1 x f32>, i32 -> f32
   return
 }
+
+// -----
+
+func.func @address_c1(%a: !warp.array<2 x f32>, %i: i32) {
+  // expected-error@+1 {{(C1) expects 2 indices for '!warp.array<2 x f32>', but got 1}}
+  %0 = warp.address %a[%i] : !warp.array<2 x f32>, i32
+  return
+}

@@ -1,8 +1,8 @@
 // RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm threads=2" | FileCheck %s
 // RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm threads=16" | FileCheck %s --check-prefix=MANY
 // RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm target=sm_90" | FileCheck %s --check-prefix=GPU
-// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm deterministic threads=16" | FileCheck %s --check-prefix=IN-ORDER
-// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm deterministic target=sm_90" | FileCheck %s --check-prefix=BLOCK
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm deterministic ordered threads=16" | FileCheck %s --check-prefix=IN-ORDER
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm deterministic ordered target=sm_90" | FileCheck %s --check-prefix=BLOCK
 
 // A sum into one element leaves the loop; its partial sums may be reordered.
 // CHECK-LABEL: llvm.func @one_address
@@ -88,7 +88,8 @@ func.func @one_gradient(%x: !warp.array<1 x f32>, %p: !warp.array<1 x f32>)
 
 // -----
 
-// A deterministic launch keeps the order of updates whose order shows.
+// A deterministic launch keeps the order of updates whose order shows, if it
+// cannot make exact sums.
 // IN-ORDER-LABEL: llvm.func @in_order
 // IN-ORDER-SAME: warp.exclusive
 // IN-ORDER-NOT: atomicrmw

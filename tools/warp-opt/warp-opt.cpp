@@ -48,6 +48,8 @@ struct PipelineOptions : PassPipelineOptions<PipelineOptions> {
                         llvm::cl::desc("Approximate")};
   Option<bool> deterministic{*this, "deterministic", llvm::cl::init(false),
                              llvm::cl::desc("Sums have the same bits")};
+  Option<bool> ordered{*this, "ordered", llvm::cl::init(false),
+                       llvm::cl::desc("They do by one order of updates")};
   Option<bool> large{*this, "large", llvm::cl::init(false),
                      llvm::cl::desc("The launch fills the GPU many times over")};
   Option<int> threads{*this, "threads", llvm::cl::init(16),
@@ -68,6 +70,7 @@ static void addPipeline(OpPassManager &pm, const PipelineOptions &given) {
   options.debug = given.debug;
   options.fastMath = given.fastMath;
   options.deterministic = given.deterministic;
+  options.ordered = given.ordered;
   options.blockDim = given.blockDim;
   options.threads = given.threads;
   options.large = given.large;

@@ -1,0 +1,155 @@
+//===- SumExactly.cpp - Choose the sums that are exact --------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// The bits of a sum of floats depend on the order of its terms, and the order
+// of atomic updates is open. A deterministic launch makes such sums in integers
+// instead (include/warp/ExactSums.h), where any order will do; the array gets
+// them after the launch. That is the same only if the kernel does nothing else
+// to the array than add to it, by whatever views. An array that it also reads
+// or stores to keeps its updates, and the launch their order.
+//
+// The list that the kernel gets also names the arrays that the launch accesses
+// otherwise: should one of them lie in the same memory, the runtime asks for
+// code that keeps the order.
+//
+//===----------------------------------------------------------------------===//
+
+#include "KernelFunction.h"
+#include "WarpDialect/ParameterLayout.h"
+#include "WarpDialect/WarpOps.h"
+#include "warp/ExactSums.h"
+
+#include "mlir/IR/Builders.h"
+
+namespace warp {
+#define GEN_PASS_DEF_SUMEXACTLY
+#include "WarpDialect/Passes.h.inc"
+} // namespace warp
+
+using namespace mlir;
+
+/// Bits of the floats that an update adds, 0 if it does anything else.
+static int64_t sumWidth(warp::AtomicComponentsOp op) {
+  auto kind = op.getKind();
+  if (!op->use_empty() ||
+      (kind != warp::AtomicKind::add && kind != warp::AtomicKind::sub))
+    return 0;
+  Type type = op.getResultTypes()[0];
+  return llvm::all_equal(op.getResultTypes()) && (type.isF32() || type.isF64())
+             ? type.getIntOrFloatBitWidth()
+             : 0;
+}
+
+namespace {
+
+/// What the kernel does to an array, by all its views.
+struct Uses {
+  SmallVector<warp::AtomicComponentsOp> sums;
+  bool others = false;
+
+  void collect(Value array);
+};
+
+struct SumExactly : warp::impl::SumExactlyBase<SumExactly> {
+  void runOnOperation() override;
+  void visit(BlockArgument array, int64_t descriptor);
+  void record(const Uses &uses, int64_t descriptor, bool gradient,
+              Type element, int64_t scale);
+
+  /// Of the parameter block; descriptors of sums come next.
+  int64_t argumentsEnd = 0;
+  SmallVector<SmallVector<int64_t>> sums, accessed;
+};
+
+} // namespace
+
+void Uses::collect(Value array) {
+  for (Operation *user : array.getUsers()) {
+    if (isa<warp::DimOp, warp::GradOp>(user))
+      continue;
+    if (isa<warp::ViewOp, warp::SliceOp, warp::ComponentViewOp>(user)) {
+      collect(user->getResult(0));
+      continue;
+    }
+    auto atomic = dyn_cast<warp::AtomicComponentsOp>(user);
+    if (atomic && sumWidth(atomic))
+      sums.push_back(atomic);
+    else
+      others = true;
+  }
+}
+
+void SumExactly::record(const Uses &uses, int64_t descriptor, bool gradient,
+                        Type element, int64_t scale) {
+  auto entry = [&](int64_t width) -> SmallVector<int64_t> {
+    return {width, descriptor, gradient, warp::getByteSize(element), scale};
+  };
+  if (uses.others) {
+    accessed.push_back(entry(0));
+    return;
+  }
+  Builder b(&getContext());
+  for (int64_t width : {32, 64}) {
+    bool any = false;
+    for (warp::AtomicComponentsOp op : uses.sums)
+      if (sumWidth(op) == width) {
+        op->setAttr(warp::attr::sum,
+                    b.getI64IntegerAttr(argumentsEnd +
+                                        sizeof(warp::SumDescriptor) *
+                                            sums.size()));
+        any = true;
+      }
+    if (any)
+      sums.push_back(entry(width));
+  }
+}
+
+void SumExactly::visit(BlockArgument array, int64_t descriptor) {
+  Type element = cast<warp::ArrayType>(array.getType()).getElementType();
+  Uses data, gradients;
+  data.collect(array);
+  record(data, descriptor, /*gradient=*/false, element, 1);
+  for (Operation *user : array.getUsers())
+    if (isa<warp::GradOp>(user)) {
+      gradients.collect(user->getResult(0));
+      Type type = user->getResult(0).getType();
+      element = cast<warp::ArrayType>(type).getElementType();
+    }
+  int64_t size = warp::getByteSize(
+      cast<warp::ArrayType>(array.getType()).getElementType());
+  record(gradients, descriptor, /*gradient=*/true, element,
+         warp::getByteSize(element) / size);
+}
+
+void SumExactly::runOnOperation() {
+  sums.clear();
+  accessed.clear();
+  FunctionOpInterface kernel = warp::findKernel(getOperation());
+  if (!kernel)
+    return signalPassFailure();
+  if (!kernel->hasAttr(warp::attr::deterministic) ||
+      kernel->hasAttr(warp::attr::ordered))
+    return;
+  SmallVector<Type> types(kernel.getArgumentTypes());
+  if (auto declared = kernel->getAttrOfType<ArrayAttr>(warp::attr::argTypes)) {
+    auto values = declared.getAsValueRange<TypeAttr>();
+    types.assign(values.begin(), values.end());
+  }
+  warp::ParameterLayout layout = warp::layOutParameters(types);
+  argumentsEnd = layout.size;
+  SmallVector<warp::Leaf> leaves;
+  for (auto [type, offset] : llvm::zip_equal(types, layout.offsets))
+    warp::collectLeaves(type, offset, leaves);
+  for (auto [argument, leaf] : llvm::zip(kernel.getArguments(), leaves))
+    if (isa<warp::ArrayType>(argument.getType()))
+      visit(argument, leaf.offset);
+  if (sums.empty())
+    return;
+  Builder b(&getContext());
+  SmallVector<Attribute> list;
+  for (ArrayRef<int64_t> entry :
+       llvm::concat<SmallVector<int64_t>>(sums, accessed))
+    list.push_back(b.getDenseI64ArrayAttr(entry));
+  kernel->setAttr(warp::attr::sums, b.getArrayAttr(list));
+}

@@ -1,0 +1,60 @@
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm deterministic threads=16" | FileCheck %s
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm deterministic threads=1" | FileCheck %s --check-prefix=ALONE
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm deterministic target=sm_90" | FileCheck %s --check-prefix=GPU
+
+// A float has two digits; each is added to the word of its weight, which is
+// marked as touched.
+// CHECK: llvm.func internal @warp_add_exactly_f32
+// CHECK-COUNT-2: llvm.atomicrmw add
+// CHECK: llvm.atomicrmw _or
+// CHECK-LABEL: llvm.func @scatter
+// CHECK-NOT: warp.exclusive
+// CHECK: llvm.call @warp_add_exactly_f32
+// CHECK: llvm.return
+
+// A launch that no other thread shares has no need of atomic instructions.
+// ALONE-LABEL: llvm.func @scatter
+// ALONE: llvm.call @warp_add_exactly_
+// ALONE: llvm.return
+
+// The block knows the arguments, and where the sums are.
+// GPU: llvm.atomicrmw add {{.*}} syncscope("device")
+// GPU-LABEL: llvm.func ptx_kernelcc @scatter
+// GPU-SAME: !llvm.array<224 x i8>
+// GPU-NOT: warp.exclusive
+// GPU: llvm.call @warp_add_exactly_f32
+func.func @scatter(%x: !warp.array<1 x f32>, %to: !warp.array<1 x si32>,
+                   %sum: !warp.array<1 x f32>) attributes {warp.kernel} {
+  %i = warp.tid : si32
+  %v = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
+  %j = warp.load %to[%i] : !warp.array<1 x si32>, si32 -> si32
+  %old = warp.atomic add %v, %sum[%j]
+    : f32, !warp.array<1 x f32>, si32 -> f32
+  return
+}
+
+// -----
+
+// A sum into one element is made by a range on its own, in memory on the stack,
+// or by a block in shared memory.
+// CHECK-LABEL: llvm.func @one_address
+// CHECK: llvm.alloca {{.*}} x !llvm.array<76 x i64>
+// CHECK: llvm.call @warp_add_exactly_alone_f64
+// CHECK: llvm.cond_br {{.*}}loop_annotation
+// CHECK: llvm.call @warp_add_sum_f64
+
+// GPU: llvm.mlir.global internal @exact_sum{{.*}}addr_space = 3
+// GPU-LABEL: llvm.func ptx_kernelcc @one_address
+// GPU: llvm.call @warp_add_to_window_f64
+// GPU: "llvm.nvvm.shfl.sync.bfly.i32"
+// GPU: llvm.atomicrmw add {{.*}} syncscope("block")
+// GPU: llvm.call @warp_add_digit
+func.func @one_address(%x: !warp.array<1 x f64>, %sum: !warp.array<1 x f64>)
+    attributes {warp.kernel} {
+  %i = warp.tid : si32
+  %v = warp.load %x[%i] : !warp.array<1 x f64>, si32 -> f64
+  %zero = warp.constant 0 : si32
+  %old = warp.atomic add %v, %sum[%zero]
+    : f64, !warp.array<1 x f64>, si32 -> f64
+  return
+}
