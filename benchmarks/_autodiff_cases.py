@@ -208,6 +208,31 @@ def measure_ratios(device, seconds):
     return result
 
 
+def measure_directions(device, seconds):
+    """Seconds of launches with tangents along 1, 4 and 8 directions, and of those without."""
+    from warp._src.autograd.tangents import WIDTHS, Tangents
+    from warp._src.tracking import Watching
+
+    result = {}
+    for name, (define, dim, inputs) in problems(device).items():
+        if name not in ("saxpy", "n-body", "mat33 inverse", "neo-Hookean"):
+            continue
+        kernel = define()
+
+        def forward(kernel=kernel, dim=dim, inputs=inputs):
+            wp.launch(kernel, dim, inputs, device=device)
+
+        result[name] = {"forward": steady(forward, device, seconds / 2)}
+        for width in WIDTHS:
+            state = Tangents(width=width)
+            for one in inputs:
+                if isinstance(one, wp.array):
+                    state.twin(one)
+            with Watching(executor=state):
+                result[name][str(width)] = steady(forward, device, seconds / 2)
+    return result
+
+
 def measure_compile(device, seconds):
     """Milliseconds of the first forward and the first adjoint launch of each kernel."""
     data = spine.arrays(device, 1, *[float] * 4)

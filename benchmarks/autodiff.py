@@ -3,10 +3,11 @@
     python benchmarks/autodiff.py [--device cpu] [--peer /path/to/python] [--json out.json]
 
 The sections are `catalogue` (numbered cases with expected gradients, test/python), `time`
-(backward over forward), `compile`, `loops` (a million iterations backwards) and `precision` (error
-beside time, of a stiff and an extreme case). `--peer` names a Python that has NVIDIA Warp: it runs
-the same cases, and ratios are taken within this run. Every measurement runs in a process of its
-own; a case that ends its process counts as failed, and the next one begins in a new process.
+(backward over forward), `directions` (tangents over forward), `compile`, `loops` (a million
+iterations backwards) and `precision` (error beside time, of a stiff and an extreme case). `--peer`
+names a Python that has NVIDIA Warp: it runs the same cases, and ratios are taken within this run.
+Every measurement runs in a process of its own; a case that ends its process counts as failed, and
+the next one begins in a new process.
 """
 
 import argparse
@@ -174,6 +175,22 @@ def time_rows(runner):
     return rows
 
 
+def direction_rows(runner):
+    """Time per direction of forward mode, over that of the launch without tangents."""
+    with tempfile.TemporaryDirectory() as cache:
+        result = runner.run("directions", cache)
+    rows = []
+    for name, times in result.items():
+        if name == "version":
+            continue
+        forward = times.pop("forward")
+        text = ", ".join(
+            f"{time / int(width) / forward:.2f}x for {width}" for width, time in times.items()
+        )
+        rows.append(Row(f"tangent per direction over forward, {name}", "", text))
+    return rows
+
+
 def compile_rows(runner, repeats=5):
     """First adjoint launch over first forward launch, with empty caches."""
     results = []
@@ -236,6 +253,7 @@ def precision_rows(runner):
 SECTIONS = {
     "catalogue": catalogue_rows,
     "time": time_rows,
+    "directions": direction_rows,
     "compile": compile_rows,
     "loops": loop_rows,
     "precision": precision_rows,

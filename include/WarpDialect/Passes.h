@@ -65,9 +65,10 @@ constexpr llvm::StringLiteral notices = "warp.notices";
 constexpr llvm::StringLiteral metrics = "warp.metrics";
 /// On a second function: the kernel, changed to save what its adjoint needs.
 constexpr llvm::StringLiteral augmented = "warp.augmented";
-/// On a function: the one that is its derivative, and the one that is run to
-/// get its values again.
+/// On a function: the one that is its derivative, in reverse and in forward
+/// mode, and the one that is run to get its values again.
 constexpr llvm::StringLiteral vjp = "warp.vjp";
+constexpr llvm::StringLiteral jvp = "warp.jvp";
 constexpr llvm::StringLiteral replay = "warp.replay";
 /// How many of the last results are for the derivative alone.
 constexpr llvm::StringLiteral residuals = "warp.residuals";

@@ -36,6 +36,7 @@ def ResolveDerivatives : WarpPass<"warp-resolve-derivatives"> {
     Functions without a derivative of their own are differentiated here.
     Derivatives of functions that are merely called are dropped, unless the
     kernel is about to be differentiated, and so are functions without a use.
+    For forward mode they need not be complete: replays are dropped.
 
     ```mlir
     %dx = warp.vjp @f(%x) of(%dy) : (f32), (f32) -> (f32)
@@ -46,6 +47,8 @@ def ResolveDerivatives : WarpPass<"warp-resolve-derivatives"> {
   let options = [
     Option<"keepDerivatives", "keep-derivatives", "bool", "false",
            "Keep functions that are derivatives of functions in use">,
+    Option<"forward", "forward", "bool", "false",
+           "Those that are kept are for forward mode">,
     Option<"singular", "singular", "std::string", "\"pinned\"",
            "Derivatives where there is none: pinned, strict or report">,
   ];
@@ -141,6 +144,8 @@ def DifferentiateKernel : WarpPass<"warp-differentiate-kernel"> {
            "it has a gradient">,
     Option<"singular", "singular", "std::string", "\"pinned\"",
            "Derivatives where there is none: pinned, strict or report">,
+    Option<"width", "width", "unsigned", "1",
+           "How many tangents the forward mode carries beside a value">,
     Option<"unique", "unique", "bool", "true", "No two arrays overlap">,
     Option<"maxLocalTape", "max-local-tape", "int64_t", "256",
            "Bytes that a thread may keep of a loop with a known length">,

@@ -126,6 +126,23 @@ def Warp_PnoiseGradientOp : Warp_Noise<"pnoise_gradient",
      "(state: u32, xyz: vec<3,f32>, px: i32, py: i32, pz: i32) -> vec<3,f32>",
      "(state: u32, xyzt: vec<4,f32>, px: i32, py: i32, pz: i32, pt: i32) -> "
      "vec<4,f32>"], "gradient of pnoise at a point"> {
+  let derivative = Formulas<
+    [["", "pnoise_hessian(state, x, px) * g", ""],
+     ["", "pnoise_hessian(state, xy, px, py) * g", "", ""],
+     ["", "pnoise_hessian(state, xyz, px, py, pz) * g", "", "", ""],
+     ["", "pnoise_hessian(state, xyzt, px, py, pz, pt) * g", "", "", "", ""]],
+    ["pnoise_hessian(state, x, px) * dx",
+     "pnoise_hessian(state, xy, px, py) * dxy",
+     "pnoise_hessian(state, xyz, px, py, pz) * dxyz",
+     "pnoise_hessian(state, xyzt, px, py, pz, pt) * dxyzt"]>;
+}
+def Warp_PnoiseHessianOp : Warp_Noise<"pnoise_hessian",
+    ["(state: u32, x: f32, px: i32) -> f32",
+     "(state: u32, xy: vec<2,f32>, px: i32, py: i32) -> mat<2,2,f32>",
+     "(state: u32, xyz: vec<3,f32>, px: i32, py: i32, pz: i32) -> "
+     "mat<3,3,f32>",
+     "(state: u32, xyzt: vec<4,f32>, px: i32, py: i32, pz: i32, pt: i32) -> "
+     "mat<4,4,f32>"], "second derivatives of pnoise at a point"> {
   let derivative = NotDifferentiable;
 }
 

@@ -149,11 +149,13 @@ def Warp_PowOp : Warp_ScalarMath<"pow", ["(x: F, y: F) -> F"],
     "x to the power y", Elementwise<"math::PowFOp">> {
   let domain = ["[0.01, 10]", "[-3, 3]"];
   let derivative = Partials<
-    ["where(y == 0, 0, g * y * pow(x, y - 1)) "
-     "unless g == 0 or x == 0 and y < 1 and y != 0",
-     "where(x == 0, 0, g * result * log(x)) "
-     "unless g == 0 or x == 0 and y <= 0 requires not x < 0 or g == 0: "
-     "a negative base has no derivative by its exponent"]>;
+    ["where(y == 0, 0, byBase) "
+     "unless g == 0 and isnan(byBase) or x == 0 and y < 1 and y != 0",
+     "where(x == 0, 0, byExponent) "
+     "unless g == 0 and isnan(byExponent) or x == 0 and y <= 0 "
+     "requires not x < 0 or g == 0: "
+     "a negative base has no derivative by its exponent"],
+    ["byBase = g * y * pow(x, y - 1)", "byExponent = g * result * log(x)"]>;
 }
 def Warp_CopysignOp : Warp_ScalarMath<"copysign", ["(x: F, y: F) -> F"],
     "magnitude of x with the sign of y", Elementwise<"math::CopySignOp">> {

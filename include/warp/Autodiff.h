@@ -7,8 +7,9 @@
 //             and results are the gradients that array descriptors name. What
 //             the primal reads is read again; a stored element's gradient is
 //             taken and set to zero, a loaded element's is added to.
-//   forward   the primal with tangents: every active array has a twin, an
-//             argument after the others, that is read and written like it.
+//   forward   the primal with tangents: every active array has a twin for each
+//             direction, an argument after the others, that is read and written
+//             like it.
 //
 // Which arrays are active, that is have gradients, is decided here and not at
 // run time: there is no code at all for the others. A kernel that needs what
@@ -33,6 +34,11 @@ namespace warp {
 
 struct AutodiffOptions {
   bool forward = false;
+  /// Forward mode: how many directions tangents are along.
+  int width = 1;
+  /// Forward mode: the launch after one of several threads that meet at atomic
+  /// minima or maxima. It assigns the tangents of those who have won.
+  bool winners = false;
   /// One flag for each array among the arguments, in order, those in structs in
   /// the order of the fields: it has a gradient. Empty: all have.
   std::vector<bool> active;
@@ -57,10 +63,14 @@ struct HiddenArgument {
     Counters,
     /// The twin of an active argument in forward mode.
     Tangent,
+    /// Zeros, one for each element of an array that has winners.
+    Claims,
   };
   Kind kind = Kind::Preserved;
   /// The array, as numbered by `AutodiffOptions::active`; -1 without.
   int leaf = -1;
+  /// Of a tangent, from 0 to `AutodiffOptions::width` - 1.
+  int direction = 0;
   /// Text of the type.
   std::string type;
   int64_t perThread = 0;

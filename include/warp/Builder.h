@@ -160,6 +160,8 @@ public:
   /// has the signatures.
   void setPullback(const std::string &name, const std::string &pullback,
                    int residuals);
+  /// Says which function gives the tangents of another, which has a pullback.
+  void setPushforward(const std::string &name, const std::string &pushforward);
   /// Says what is called instead of a function to get its values again.
   void setReplay(const std::string &name, const std::string &replay);
   /// Cotangents of a function's arguments of floats from those of its results

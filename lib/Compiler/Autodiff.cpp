@@ -95,9 +95,12 @@ static std::string activeFlags(const AutodiffOptions &options) {
 
 LogicalResult warp::derive(ModuleOp module, const AutodiffOptions &options) {
   DifferentiateKernelOptions derivation;
-  derivation.mode = options.forward ? "forward" : "reverse";
+  derivation.mode = options.winners   ? "winners"
+                    : options.forward ? "forward"
+                                      : "reverse";
   derivation.active = activeFlags(options);
   derivation.singular = options.singular;
+  derivation.width = options.width;
   derivation.unique = options.unique;
   derivation.maxLocalTape = options.maxLocalTape;
   PassManager differentiate(module.getContext());
@@ -110,7 +113,6 @@ LogicalResult warp::derive(ModuleOp module, const AutodiffOptions &options) {
                  succeeded(stages.tidy.run(module)));
 }
 
-/// Functions with a derivative of their own stay calls until that is built.
 void warp::keepCalls(ModuleOp module, bool keep) {
   for (auto function : module.getOps<func::FuncOp>()) {
     if (!function->hasAttr(warp::attr::vjp) &&
@@ -120,6 +122,31 @@ void warp::keepCalls(ModuleOp module, bool keep) {
       function.setNoInline(true);
     else
       function.removeNoInlineAttr();
+  }
+}
+
+void warp::callBodies(ModuleOp module) {
+  SmallVector<func::CallOp> calls;
+  module.walk([&](func::CallOp call) {
+    auto callee = module.lookupSymbol<func::FuncOp>(call.getCallee());
+    auto count =
+        callee ? callee->getAttrOfType<IntegerAttr>(attr::residuals) : nullptr;
+    if (count && !llvm::all_of(call.getResults().take_back(count.getInt()),
+                               [](OpResult v) { return v.use_empty(); }))
+      calls.push_back(call);
+  });
+  for (func::CallOp call : calls) {
+    auto callee = module.lookupSymbol<func::FuncOp>(call.getCallee());
+    std::string name = (callee.getName() + "_body").str();
+    if (!module.lookupSymbol(name)) {
+      func::FuncOp body = callee.clone();
+      body.setName(name);
+      for (StringRef attribute :
+           {attr::vjp, attr::jvp, attr::replay, attr::residuals})
+        body->removeAttr(attribute);
+      module.insert(callee, body);
+    }
+    call.setCallee(name);
   }
 }
 
@@ -170,9 +197,12 @@ static HiddenArgument readHidden(DictionaryAttr entry, mlir::Type type) {
                     .Case("saved", Kind::Saved)
                     .Case("counters", Kind::Counters)
                     .Case("tangent", Kind::Tangent)
+                    .Case("claims", Kind::Claims)
                     .Default(Kind::Preserved);
   if (auto leaf = entry.getAs<IntegerAttr>("leaf"))
     hidden.leaf = static_cast<int>(leaf.getInt());
+  if (auto direction = entry.getAs<IntegerAttr>("direction"))
+    hidden.direction = static_cast<int>(direction.getInt());
   if (auto count = entry.getAs<IntegerAttr>("per_thread"))
     hidden.perThread = count.getInt();
   hidden.places = readLines(entry.get("places"));
@@ -234,6 +264,10 @@ static AutodiffOptions complete(const warp::Module &module,
                 "expects " + std::to_string(count) +
                     " flags for the arrays of the kernel, but got " +
                     std::to_string(options.active.size()));
+  if (options.width < 1)
+    throw Error(Error::Kind::Value,
+                "expects tangents along at least one direction, but got " +
+                    std::to_string(options.width));
   StringRef policy = options.singular;
   if (policy != "pinned" && policy != "strict" && policy != "report")
     throw Error(Error::Kind::Value, "expects 'pinned', 'strict' or 'report' at "
@@ -252,11 +286,12 @@ Derivative warp::differentiate(const Module &module,
     PassManager resolve(module.getContext());
     resolve.enableVerifier(false);
     resolve.addPass(createResolveDerivatives(
-        {/*keepDerivatives=*/true, options.singular}));
+        {/*keepDerivatives=*/true, options.forward, options.singular}));
     return resolve.run(module);
   });
-  // A derivative that a function has of its own is one in reverse mode.
-  keepCalls(*copy->op, !options.forward);
+  if (options.forward)
+    callBodies(*copy->op);
+  keepCalls(*copy->op, true);
   check(*copy->op,
         [&](ModuleOp module) { return derive(module, options); });
   keepCalls(*copy->op, false);

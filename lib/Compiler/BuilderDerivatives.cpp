@@ -10,8 +10,12 @@
 //   @g(arguments, residuals, cotangents of results) -> cotangents of arguments
 //
 // where only floats and composites of floats have cotangents. Gradients of
-// arrays among the arguments are updated by @g itself, through `warp.grad`.
-// Neither takes or returns structs: their fields are passed one by one.
+// arrays among the arguments are updated by @g itself, through `warp.grad`. For
+// forward mode there may be a pushforward in `warp.jvp`:
+//
+//   @p(arguments, tangents of arguments) -> tangents of results
+//
+// None of them takes or returns structs: fields are passed one by one.
 //
 //===----------------------------------------------------------------------===//
 
@@ -42,6 +46,13 @@ void warp::Builder::setPullback(const std::string &name,
   if (residuals)
     function->setAttr(attr::residuals,
                       impl->builder.getI64IntegerAttr(residuals));
+}
+
+void warp::Builder::setPushforward(const std::string &name,
+                                   const std::string &pushforward) {
+  ContextLock lock;
+  find(*impl, name)
+      ->setAttr(attr::jvp, FlatSymbolRefAttr::get(find(*impl, pushforward)));
 }
 
 void warp::Builder::setReplay(const std::string &name,

@@ -16,7 +16,12 @@ mlir::LogicalResult derive(mlir::ModuleOp module,
                            const AutodiffOptions &options);
 
 /// Turns the inlining of functions with a derivative of their own off or on.
+/// They stay calls until the derivative is built.
 void keepCalls(mlir::ModuleOp module, bool keep);
+
+/// Has pullbacks call the mere body of their function: a derivative of its own
+/// says nothing about its residuals, whose tangents are those of the body.
+void callBodies(mlir::ModuleOp module);
 
 } // namespace warp
 

@@ -43,12 +43,14 @@ static func::FuncOp lookup(ModuleOp module, Attribute symbol) {
 namespace {
 
 /// The functions that a kernel needs, callees before callers, and whether
-/// their derivatives are needed too.
+/// their derivatives are needed too: for forward mode as they are, for reverse
+/// mode complete.
 struct Reached {
-  Reached(ModuleOp module, bool differentiated) : module(module) {
+  Reached(ModuleOp module, bool reverse, bool forward)
+      : module(module), forward(forward) {
     for (auto function : module.getOps<func::FuncOp>())
       if (!function.isPrivate())
-        visit(function, differentiated);
+        visit(function, reverse);
   }
 
   void visit(func::FuncOp function, bool differentiated) {
@@ -64,10 +66,12 @@ struct Reached {
       else if (auto jvp = dyn_cast<warp::JvpOp>(op))
         visitSymbol(jvp.getCalleeAttr(), differentiated);
     });
-    if (differentiated) {
-      visitSymbol(function->getAttr(warp::attr::vjp), true);
-      visitSymbol(function->getAttr(warp::attr::replay), true);
+    if (differentiated || forward) {
+      visitSymbol(function->getAttr(warp::attr::vjp), differentiated);
+      visitSymbol(function->getAttr(warp::attr::jvp), differentiated);
     }
+    if (differentiated)
+      visitSymbol(function->getAttr(warp::attr::replay), true);
     if (isNew)
       order.push_back(function);
   }
@@ -78,6 +82,7 @@ struct Reached {
   }
 
   ModuleOp module;
+  bool forward;
   SmallVector<func::FuncOp> order;
   llvm::DenseMap<func::FuncOp, bool> isDifferentiated;
 };
@@ -91,9 +96,11 @@ static void prune(ModuleOp module, const Reached &reached) {
     if (found == reached.isDifferentiated.end()) {
       function.erase();
     } else if (!found->second) {
-      function->removeAttr(warp::attr::vjp);
       function->removeAttr(warp::attr::replay);
-      function->removeAttr(warp::attr::residuals);
+      if (!reached.forward)
+        for (StringRef attribute :
+             {warp::attr::vjp, warp::attr::jvp, warp::attr::residuals})
+          function->removeAttr(attribute);
     }
   }
 }
@@ -144,7 +151,8 @@ void ResolveDerivatives::runOnOperation() {
   // A kernel that calls nothing has nothing to resolve.
   if (llvm::hasSingleElement(module.getOps<func::FuncOp>()))
     return;
-  Reached reached(module, keepDerivatives);
+  Reached reached(module, keepDerivatives && !forward,
+                  keepDerivatives && forward);
   prune(module, reached);
   made.clear();
   for (func::FuncOp function : reached.order) {
@@ -365,6 +373,8 @@ LogicalResult ResolveDerivatives::differentiate(ModuleOp module,
   for (Type type : function.getResultTypes())
     if (warp::hasDifferential(type))
       options.active.push_back(true);
-  warp::keepCalls(module, !request.forward);
+  if (request.forward)
+    warp::callBodies(module);
+  warp::keepCalls(module, true);
   return warp::derive(module, options);
 }

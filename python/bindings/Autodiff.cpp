@@ -22,6 +22,8 @@ static const char *kindText(HiddenArgument::Kind kind) {
     return "counters";
   case HiddenArgument::Kind::Tangent:
     return "tangent";
+  case HiddenArgument::Kind::Claims:
+    return "claims";
   }
   return "";
 }
@@ -90,6 +92,7 @@ void python::bindAutodiff(py::module_ &m) {
                                return kindText(hidden.kind);
                              })
       .def_readonly("leaf", &HiddenArgument::leaf)
+      .def_readonly("direction", &HiddenArgument::direction)
       .def_readonly("type", &HiddenArgument::type)
       .def_readonly("per_thread", &HiddenArgument::perThread)
       .def_readonly("places", &HiddenArgument::places);
@@ -103,10 +106,12 @@ void python::bindAutodiff(py::module_ &m) {
       .def_readonly("metrics", &Derivative::metrics);
   m.def(
       "differentiate",
-      [](const Module &module, bool forward, std::vector<bool> active,
-         const std::string &singular, bool unique) {
+      [](const Module &module, bool forward, int width, bool winners,
+         std::vector<bool> active, const std::string &singular, bool unique) {
         AutodiffOptions options;
         options.forward = forward;
+        options.width = width;
+        options.winners = winners;
         options.active = std::move(active);
         options.singular = singular;
         options.unique = unique;
@@ -114,6 +119,7 @@ void python::bindAutodiff(py::module_ &m) {
         return differentiate(module, options);
       },
       py::arg("module"), py::kw_only(), py::arg("forward") = false,
+      py::arg("width") = 1, py::arg("winners") = false,
       py::arg("active") = std::vector<bool>(), py::arg("singular") = "pinned",
       py::arg("unique") = true,
       "The derivative of a module's kernel.");

@@ -172,6 +172,7 @@ static void bindValues(py::class_<Builder> &c) {
       .def("zero", &Builder::zero)
       .def("call", &Builder::call)
       .def("set_pullback", &Builder::setPullback)
+      .def("set_pushforward", &Builder::setPushforward)
       .def("set_replay", &Builder::setReplay)
       .def("vjp", &Builder::vjp)
       .def("jvp", &Builder::jvp)

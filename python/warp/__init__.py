@@ -78,6 +78,7 @@ from warp._src.context import connect as _connect
 from warp._src.context import init as init
 from warp._src.context import print_diagnostics as print_diagnostics
 from warp._src.derivatives import adjoint as adjoint
+from warp._src.derivatives import custom_jvp as custom_jvp
 from warp._src.derivatives import custom_vjp as custom_vjp
 from warp._src.derivatives import fixed_point as fixed_point
 from warp._src.derivatives import func_grad as func_grad

@@ -20,7 +20,7 @@ def positive_definite(values):
 OPERANDS = {"sym_sqrt3": positive_definite, "sym_log3": positive_definite}
 # Its operands belong together; test_derivatives_decompositions has it as part of `sym_fn3`.
 # Functions whose derivative is a builtin that has none.
-ONCE = ("noise_gradient", "pnoise")
+ONCE = ("noise_gradient", "pnoise_gradient")
 SMOOTH = [
     name
     for name, derivative in DERIVATIVES.items()

@@ -113,8 +113,73 @@ def test_atomic_extremes_of_one_thread(device):
     value, tangent = push(extremes, [x], [v], np.zeros(2), device, dim=1)
     np.testing.assert_array_equal(value, [3.0, -4.0])
     np.testing.assert_array_equal(tangent, [10.0, 200.0])
-    with pytest.raises(wp.WarpError, match="one thread only"):
-        push(extremes, [x], [v], np.zeros(2), device, dim=2)
+    value, tangent = push(extremes, [x], [v], np.zeros(2), device, dim=64)
+    np.testing.assert_array_equal(tangent, [10.0, 200.0])
+
+
+@wp.kernel
+def extremes_of_rows(x: wp.array2d(dtype=wp.float64), y: wp.array2d(dtype=wp.float64)):
+    i, j = wp.tid()
+    wp.atomic_min(y[0], i, x[i, j] * x[i, j])
+    wp.atomic_max(y, 1, i, wp.sin(x[i, j]))
+
+
+def test_atomic_extremes_of_many_threads(device):
+    """The tangent is the winner's, or that of the initial value where nobody wins."""
+    random = np.random.default_rng(5)
+    x, v = random.uniform(0.1, 1.5, (2, 7, 1000))
+    start, v_start = np.full((2, 7), [[9.0], [-9.0]]), random.normal(size=(2, 7))
+    start[:, 3] = 0.0, 2.0
+    y = wp.array(start, dtype=wp.float64, device=device)
+
+    def function(x, y):
+        y = wp.clone(y)
+        wp.launch(extremes_of_rows, (7, 1000), [x, y], device=device)
+        return y
+
+    made = [wp.array(one, dtype=wp.float64, device=device) for one in (x, v, v_start)]
+    tangent = wp.autograd.jvp(function, [made[0], y], [made[1], made[2]]).numpy()
+    rows, low, high = np.arange(7), x.argmin(1), x.argmax(1)
+    expected = np.stack([2 * x[rows, low] * v[rows, low], np.cos(x[rows, high]) * v[rows, high]])
+    expected[:, 3] = v_start[:, 3]
+    np.testing.assert_allclose(tangent, expected, rtol=1e-15)
+
+
+@wp.kernel
+def largest(x: wp.array(dtype=wp.float64), y: wp.array(dtype=wp.float64)):
+    wp.atomic_max(y, 0, x[wp.tid()])
+
+
+def test_equal_extremes_have_one_winner(device):
+    """The same one for all directions, so that what comes out is a row of one matrix."""
+    x = wp.array([1.0, 5.0, 2.0, 5.0, 5.0], dtype=wp.float64, device=device)
+    v = wp.array(np.eye(5), dtype=wp.float64, device=device)
+
+    def function(x):
+        y = wp.zeros(1, dtype=wp.float64, device=device)
+        wp.launch(largest, 5, [x, y], device=device)
+        return y
+
+    found = wp.autograd.jvp(function, [x], [v]).numpy()[:, 0]
+    assert found.sum() == 1 and found @ [0, 1, 0, 1, 1] == 1 and found.max() == 1
+
+
+@wp.kernel
+def overwritten(x: wp.array(dtype=wp.float64), y: wp.array(dtype=wp.float64)):
+    i = wp.tid()
+    x[i] = wp.float64(2.0) * x[i]
+    wp.atomic_max(y, 0, x[i])
+
+
+def test_extremes_of_what_is_overwritten(device):
+    x = np.ones(2)
+    with pytest.raises(wp.WarpError, match="but this reads 'x', which the launch changes"):
+        push(overwritten, [x], [x], np.zeros(1), device)
+    x = wp.array([3.0, 4.0], dtype=wp.float64, device=device)
+    with pytest.raises(wp.WarpError, match="'y', which is written, and 'x' overlap"):
+        wp.autograd.jvp(
+            lambda x: wp.launch(largest, 2, [x, x], device=device) or x, [x], [wp.ones_like(x)]
+        )
 
 
 def test_inactive_operand_has_no_twin(device):

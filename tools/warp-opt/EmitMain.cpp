@@ -70,6 +70,8 @@ static bool setOption(warp::AutodiffOptions &options, const std::string &key,
     options.singular = value;
   else if (key == "unique")
     options.unique = value != "0";
+  else if (key == "width")
+    options.width = std::atoi(value.c_str());
   else if (key == "max-local-tape")
     options.maxLocalTape = std::atoi(value.c_str());
   else
@@ -113,7 +115,7 @@ static void printDerivative(const warp::Module &module,
   if (derivative.augmented)
     std::cout << "// augmented\n" << derivative.augmented->text();
   static const char *const kinds[] = {"preserved", "saved", "counters",
-                                      "tangent"};
+                                      "tangent",   "claims"};
   for (const warp::HiddenArgument &hidden : derivative.hidden)
     std::cout << "// hidden " << kinds[int(hidden.kind)] << " of array "
               << hidden.leaf << ", " << hidden.perThread << ' ' << hidden.type

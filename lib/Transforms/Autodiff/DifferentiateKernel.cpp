@@ -148,14 +148,14 @@ struct DifferentiateKernel
   }
 
   LogicalResult differentiate(func::FuncOp kernel) {
-    if (mode != "reverse" && mode != "forward")
-      return kernel.emitError("expects the mode 'reverse' or 'forward', but "
-                              "got '")
+    if (mode != "reverse" && mode != "forward" && mode != "winners")
+      return kernel.emitError("expects the mode 'reverse', 'forward' or "
+                              "'winners', but got '")
              << mode << "'";
     auto policy = parseSingular(kernel, singular);
     if (failed(policy))
       return failure();
-    if (mode == "forward")
+    if (mode != "reverse")
       return buildForward(kernel, *policy);
     ReverseOptions options;
     options.singular = *policy;
@@ -171,6 +171,8 @@ struct DifferentiateKernel
   LogicalResult buildForward(func::FuncOp kernel, Singular policy) {
     ForwardOptions options;
     options.singular = policy;
+    options.width = width;
+    options.winners = mode == "winners";
     for (char flag : active)
       if (flag != ',')
         options.active.push_back(flag == '1');

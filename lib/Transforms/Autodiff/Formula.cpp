@@ -89,6 +89,9 @@ Expr Formula::unless(llvm::function_ref<Expr()> isSingular,
       (!isReported && isNonzeroConstant(operands.back())))
     return value();
   Expr singular = isSingular(), regular = value();
+  // Zero times a finite number is zero already, and its derivative is not.
+  if (!isReported)
+    singular = call("bit_and", {singular, call("isnan", {regular})});
   if (context.singular == Singular::Report && context.report && isReported &&
       singular.value)
     context.report(

@@ -9,9 +9,15 @@
 // its twin, and what is stored stores its tangent. So there is nothing to
 // recover, and the order of the kernel's own statements is kept.
 //
+// Tangents along several directions share what is computed of the kernel: an
+// active array has one twin per direction, and rules are applied once for each
+// to the same primal values. What these have in common becomes one later.
+//
 //   operation               the dual has beside it          in file
 //   builtin, value op       its rule (Rules.h)              (this one)
 //   scf, call               tangents carried along          (this one)
+//   call with a derivative  that derivative                 ForwardCalls.cpp
+//   atomic min, max         the tangent of the winner       ForwardExtrema.cpp
 //   load, store, atomic     the same on the twin            ForwardMemory.cpp
 //   view, warp.grad         the same of the twin            ForwardMemory.cpp
 //   which values            ForwardVaried.cpp
@@ -51,7 +57,8 @@ Type getTangentType(Type type) {
 ForwardBuilder::ForwardBuilder(func::FuncOp primal, func::FuncOp dual,
                                const ForwardOptions &options)
     : builder(dual.getContext()), options(options), primal(primal), dual(dual),
-      leaves(primal), varied(primal, leaves, options.active) {}
+      leaves(primal), varied(primal, leaves, options.active),
+      directions(options.width) {}
 
 LogicalResult ForwardBuilder::build() {
   Block &body = primal.getBody().front();
@@ -59,6 +66,8 @@ LogicalResult ForwardBuilder::build() {
        llvm::zip_equal(body.getArguments(), dual.getArguments()))
     values.map(from, to);
   addTwins();
+  if (options.winners)
+    collectUpdates();
   builder.setInsertionPointToStart(&dual.getBody().front());
   if (failed(run(body)))
     return failure();
@@ -78,32 +87,39 @@ static void collectArrays(Type type, SmallVectorImpl<ArrayType> &arrays) {
       collectArrays(field, arrays);
 }
 
+BlockArgument ForwardBuilder::addHidden(StringRef kind, unsigned leaf,
+                                        Type type, unsigned direction) {
+  Builder b(dual.getContext());
+  auto description = b.getDictionaryAttr(
+      {b.getNamedAttr("kind", b.getStringAttr(kind)),
+       b.getNamedAttr("leaf", b.getI64IntegerAttr(leaf)),
+       b.getNamedAttr("direction", b.getI64IntegerAttr(direction)),
+       b.getNamedAttr("per_thread", b.getI64IntegerAttr(0))});
+  unsigned position = dual.getNumArguments();
+  (void)dual.insertArgument(
+      position, type,
+      b.getDictionaryAttr(b.getNamedAttr(attr::hidden, description)),
+      dual.getLoc());
+  return dual.getArgument(position);
+}
+
 void ForwardBuilder::addTwins() {
-  MLIRContext *context = dual.getContext();
-  Builder b(context);
   SmallVector<ArrayType> arrays;
   for (Type type : primal.getArgumentTypes())
     collectArrays(type, arrays);
   for (auto [leaf, array] : llvm::enumerate(arrays)) {
-    twins.push_back(nullptr);
+    twins.emplace_back();
     bool isActive = options.active.empty() || options.active[leaf];
     Type type = isActive ? getTangentType(array) : Type();
     if (!type)
       continue;
-    auto description = b.getDictionaryAttr(
-        {b.getNamedAttr("kind", b.getStringAttr("tangent")),
-         b.getNamedAttr("leaf", b.getI64IntegerAttr(leaf)),
-         b.getNamedAttr("per_thread", b.getI64IntegerAttr(0))});
-    unsigned position = dual.getNumArguments();
-    (void)dual.insertArgument(
-        position, type,
-        b.getDictionaryAttr(b.getNamedAttr(attr::hidden, description)),
-        dual.getLoc());
-    twins.back() = dual.getArgument(position);
+    for (unsigned direction = 0; direction < options.width; ++direction)
+      twins.back().push_back(addHidden("tangent", leaf, type, direction));
   }
   for (BlockArgument argument : primal.getArguments())
     if (isa<ArrayType>(argument.getType()))
-      if (Value twin = twins[leaves.of(argument)[0]])
+      for (auto [tangents, twin] :
+           llvm::zip(directions, twins[leaves.of(argument)[0]]))
         tangents[argument] = twin;
 }
 
@@ -116,7 +132,14 @@ SmallVector<Value> ForwardBuilder::lookup(ValueRange primals) const {
                              [&](Value v) { return values.lookup(v); });
 }
 
-Value ForwardBuilder::getTangentOrZero(Value primal) {
+void ForwardBuilder::forget(ValueRange primals) {
+  for (TangentMap &tangents : directions)
+    for (Value primal : primals)
+      tangents.erase(primal);
+}
+
+Value ForwardBuilder::getTangentOrZero(Value primal,
+                                       const TangentMap &tangents) {
   if (Value tangent = tangents.lookup(primal))
     return tangent;
   return zero(builder, primal.getLoc(), differentialType(primal.getType()));
@@ -132,23 +155,30 @@ LogicalResult ForwardBuilder::run(Block &block) {
 LogicalResult ForwardBuilder::run(Operation *op) {
   if (op->getNumRegions() != 0)
     return runRegions(op);
+  if (options.winners)
+    if (auto done = runForWinners(op))
+      return *done;
   if (auto call = dyn_cast<func::CallOp>(op))
     return runCall(call);
   Operation *clone = builder.clone(*op, values);
   // What has results starts without tangents each time it is run.
-  for (Value result : op->getResults())
-    tangents.erase(result);
-  if (auto done = runMemory(op, clone))
-    return *done;
-  return runRule(op, clone);
+  forget(op->getResults());
+  bool isMemory = false;
+  for (TangentMap &tangents : directions) {
+    auto done = runMemory(op, clone, tangents);
+    isMemory = done.has_value();
+    if (!isMemory)
+      break;
+    if (failed(*done))
+      return failure();
+  }
+  return isMemory ? success() : runRule(op, clone);
 }
 
 LogicalResult ForwardBuilder::runRule(Operation *op, Operation *clone) {
-  SmallVector<Value> seeds =
-      llvm::map_to_vector(op->getOperands(), [&](Value operand) {
-        return tangents.lookup(operand);
-      });
-  bool isVaried = llvm::any_of(seeds, [](Value seed) { return bool(seed); });
+  bool isVaried = llvm::any_of(op->getOperands(), [&](Value operand) {
+    return directions[0].contains(operand);
+  });
   if (!isVaried || llvm::none_of(op->getResultTypes(), differentialType))
     return success();
   RuleContext context{builder, op->getLoc(), options.singular};
@@ -157,19 +187,25 @@ LogicalResult ForwardBuilder::runRule(Operation *op, Operation *clone) {
       return widen(builder, op->getLoc(), value);
     });
   };
-  auto derivatives =
-      pushforward(context, op, widenAll(clone->getOperands()),
-                  widenAll(clone->getResults()), seeds);
-  if (failed(derivatives))
-    return failure();
-  for (auto [result, tangent] :
-       llvm::zip_equal(op->getResults(), *derivatives))
-    if (tangent)
-      tangents[result] = tangent;
+  SmallVector<Value> operands = widenAll(clone->getOperands());
+  SmallVector<Value> results = widenAll(clone->getResults());
+  for (TangentMap &tangents : directions) {
+    auto seeds = llvm::map_to_vector(op->getOperands(), [&](Value operand) {
+      return tangents.lookup(operand);
+    });
+    auto derivatives = pushforward(context, op, operands, results, seeds);
+    if (failed(derivatives))
+      return failure();
+    for (auto [result, tangent] :
+         llvm::zip_equal(op->getResults(), *derivatives))
+      if (tangent)
+        tangents[result] = tangent;
+  }
   return success();
 }
 
-/// The body of the function in place of the call.
+/// The body of the function in place of the call, unless the function has a
+/// derivative of its own.
 LogicalResult ForwardBuilder::runCall(func::CallOp op) {
   auto callee =
       SymbolTable::lookupNearestSymbolFrom<func::FuncOp>(op,
@@ -177,12 +213,15 @@ LogicalResult ForwardBuilder::runCall(func::CallOp op) {
   if (!callee || callee.isExternal())
     return op.emitError("the call of '")
            << op.getCallee() << "' has no tangents: its body is not known";
+  if (callee->hasAttr(attr::vjp))
+    return runCustom(op, callee);
   auto bind = [&](ValueRange from, ValueRange to) {
     for (auto [a, b] : llvm::zip_equal(from, to)) {
       values.map(b, values.lookup(a));
-      tangents.erase(b);
-      if (Value tangent = tangents.lookup(a))
-        tangents[b] = tangent;
+      forget(b);
+      for (TangentMap &tangents : directions)
+        if (Value tangent = tangents.lookup(a))
+          tangents[b] = tangent;
     }
   };
   Block &body = callee.getBody().front();
@@ -201,12 +240,13 @@ LogicalResult
 ForwardBuilder::appendTangents(Location loc, ValueRange range,
                                ArrayRef<unsigned> carried,
                                SmallVectorImpl<Value> &to) {
-  for (unsigned i : carried) {
-    if (isa<ArrayType>(range[i].getType()) && !tangents.lookup(range[i]))
-      return emitError(loc, "an array with tangents and one without them are "
-                            "exchanged here; give both arrays tangents");
-    to.push_back(getTangentOrZero(range[i]));
-  }
+  for (TangentMap &tangents : directions)
+    for (unsigned i : carried) {
+      if (isa<ArrayType>(range[i].getType()) && !tangents.lookup(range[i]))
+        return emitError(loc, "an array with tangents and one without them are "
+                              "exchanged here; give both arrays tangents");
+      to.push_back(getTangentOrZero(range[i], tangents));
+    }
   return success();
 }
 
@@ -216,11 +256,12 @@ void ForwardBuilder::openBlock(Region &region, Block &from, unsigned first,
   for (BlockArgument argument : from.getArguments())
     values.map(argument,
                to->addArgument(argument.getType(), argument.getLoc()));
-  for (unsigned i : carried) {
-    BlockArgument argument = from.getArgument(first + i);
-    tangents[argument] =
-        to->addArgument(getTangentType(argument.getType()), argument.getLoc());
-  }
+  for (TangentMap &tangents : directions)
+    for (unsigned i : carried) {
+      BlockArgument argument = from.getArgument(first + i);
+      tangents[argument] = to->addArgument(getTangentType(argument.getType()),
+                                           argument.getLoc());
+    }
 }
 
 LogicalResult ForwardBuilder::closeBlock(Block &from, unsigned first,
@@ -256,8 +297,9 @@ LogicalResult ForwardBuilder::runRegions(Operation *op) {
                             carried, operands)))
     return failure();
   SmallVector<Type> types(op->getResultTypes());
-  for (unsigned i : results)
-    types.push_back(getTangentType(op->getResult(i).getType()));
+  for (unsigned direction = 0; direction < options.width; ++direction)
+    for (unsigned i : results)
+      types.push_back(getTangentType(op->getResult(i).getType()));
   Operation *rebuilt = Operation::create(
       op->getLoc(), op->getName(), types, operands,
       op->getDiscardableAttrDictionary(), op->getPropertiesStorage(),
@@ -278,13 +320,13 @@ LogicalResult ForwardBuilder::runRegions(Operation *op) {
                                                               : carried)))
       return failure();
   }
-  unsigned count = op->getNumResults();
-  for (unsigned i = 0; i < count; ++i) {
+  forget(op->getResults());
+  unsigned next = op->getNumResults();
+  for (unsigned i = 0; i < op->getNumResults(); ++i)
     values.map(op->getResult(i), rebuilt->getResult(i));
-    tangents.erase(op->getResult(i));
-  }
-  for (auto [k, i] : llvm::enumerate(results))
-    tangents[op->getResult(i)] = rebuilt->getResult(count + k);
+  for (TangentMap &tangents : directions)
+    for (unsigned i : results)
+      tangents[op->getResult(i)] = rebuilt->getResult(next++);
   return success();
 }
 

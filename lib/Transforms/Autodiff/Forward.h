@@ -23,7 +23,15 @@ struct ForwardOptions {
   /// Per array leaf: it has tangents. Empty: all have.
   llvm::SmallVector<bool> active;
   Singular singular = Singular::Pinned;
+  /// Directions that tangents are computed along at once.
+  unsigned width = 1;
+  /// Nothing is computed but who has won at atomic minima and maxima; for a
+  /// second launch (ForwardExtrema.cpp).
+  bool winners = false;
 };
+
+/// Tangents of primal values; of an array, its twin. Absent: zero.
+using TangentMap = llvm::DenseMap<mlir::Value, mlir::Value>;
 
 /// Values that may have a tangent: floats and arrays of them.
 class Varied {
@@ -54,19 +62,42 @@ public:
   mlir::LogicalResult build();
 
 private:
+  mlir::BlockArgument addHidden(llvm::StringRef kind, unsigned leaf,
+                                mlir::Type type, unsigned direction = 0);
   void addTwins();
   mlir::LogicalResult run(mlir::Block &block);
   mlir::LogicalResult run(mlir::Operation *op);
   mlir::LogicalResult runRegions(mlir::Operation *op);
   mlir::LogicalResult runCall(mlir::func::CallOp op);
+  mlir::LogicalResult runCustom(mlir::func::CallOp op,
+                                mlir::func::FuncOp callee);
+  void pushCustom(mlir::func::CallOp op, mlir::func::CallOp clone,
+                  mlir::ValueRange results,
+                  mlir::FlatSymbolRefAttr pushforward);
+  void transposeCustom(mlir::func::CallOp op, mlir::func::CallOp clone,
+                       mlir::ValueRange results,
+                       mlir::FlatSymbolRefAttr pullback);
+  mlir::Value dotTangents(mlir::func::CallOp op, mlir::ValueRange cotangents,
+                          const TangentMap &tangents);
   mlir::LogicalResult runRule(mlir::Operation *op, mlir::Operation *clone);
+  /// In the launch that looks for winners. Returns nothing for what it does
+  /// like the other one.
+  std::optional<mlir::LogicalResult> runForWinners(mlir::Operation *op);
+  mlir::LogicalResult assignWinner(AtomicOp op);
+  mlir::LogicalResult checkRead(mlir::Operation *op, mlir::Value array);
+  mlir::LogicalResult checkUpdates(AtomicOp op, unsigned leaf);
+  void collectUpdates();
+  mlir::Value claimsOf(mlir::Value array);
   /// Returns nothing if the operation touches no memory.
   std::optional<mlir::LogicalResult> runMemory(mlir::Operation *op,
-                                               mlir::Operation *clone);
+                                               mlir::Operation *clone,
+                                               TangentMap &tangents);
   mlir::LogicalResult runAtomic(AtomicOp op, mlir::Operation *clone,
-                                mlir::Value twin);
+                                TangentMap &tangents);
   /// Views and other descriptors made of an array: the same of its twin.
   mlir::Value viewTwin(mlir::Operation *clone, mlir::Value twin);
+
+  void forget(mlir::ValueRange primals);
 
   /// Opens a block for `from`, with arguments for the tangents of those at
   /// `carried`, which are counted from `first`.
@@ -80,7 +111,7 @@ private:
   mlir::LogicalResult appendTangents(mlir::Location loc, mlir::ValueRange range,
                                      llvm::ArrayRef<unsigned> carried,
                                      llvm::SmallVectorImpl<mlir::Value> &to);
-  mlir::Value getTangentOrZero(mlir::Value primal);
+  mlir::Value getTangentOrZero(mlir::Value primal, const TangentMap &tangents);
 
   mlir::OpBuilder builder;
   const ForwardOptions &options;
@@ -88,11 +119,20 @@ private:
   ArrayLeaves leaves;
   Varied varied;
   mlir::IRMapping values;
-  /// Of primal values; of an array, its twin. Absent: zero.
-  llvm::DenseMap<mlir::Value, mlir::Value> tangents;
-  /// Twins of the arrays of the arguments.
-  llvm::SmallVector<mlir::Value> twins;
+  /// Tangents along each direction. They differ in values, never in which are
+  /// absent.
+  llvm::SmallVector<TangentMap, 1> directions;
+  /// Twins of the arrays of the arguments, one for each direction or none.
+  llvm::SmallVector<llvm::SmallVector<mlir::Value, 1>> twins;
+  /// For winners, by array: what writes to it, and the argument in which a
+  /// thread claims an element.
+  llvm::SmallVector<llvm::SmallVector<mlir::Operation *, 1>> updates;
+  llvm::SmallVector<mlir::Value> claims;
 };
+
+/// What writes to an array, a view of it, or the parameter that it is passed
+/// for; null if nothing does.
+mlir::Operation *findWrite(mlir::Value array);
 
 /// Type of the tangent of a value or array; null if it has none.
 mlir::Type getTangentType(mlir::Type type);

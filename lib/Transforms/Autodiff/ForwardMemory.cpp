@@ -25,11 +25,12 @@ Value ForwardBuilder::viewTwin(Operation *clone, Value twin) {
 
 /// The old value of an atomic has the tangent that the twin had.
 LogicalResult ForwardBuilder::runAtomic(AtomicOp op, Operation *clone,
-                                        Value twin) {
+                                        TangentMap &tangents) {
   Location loc = op.getLoc();
+  Value twin = tangents.lookup(op.getArray());
   Type type = cast<ArrayType>(twin.getType()).getElementType();
   ValueRange indices = clone->getOperands().drop_front(2);
-  Value tangent = getTangentOrZero(op.getValue());
+  Value tangent = getTangentOrZero(op.getValue(), tangents);
   auto update = [&](AtomicKind kind) -> Value {
     return AtomicOp::create(builder, loc, type, kind, tangent, twin, indices);
   };
@@ -60,8 +61,9 @@ LogicalResult ForwardBuilder::runAtomic(AtomicOp op, Operation *clone,
   return success();
 }
 
-std::optional<LogicalResult> ForwardBuilder::runMemory(Operation *op,
-                                                       Operation *clone) {
+std::optional<LogicalResult>
+ForwardBuilder::runMemory(Operation *op, Operation *clone,
+                          TangentMap &tangents) {
   Location loc = op->getLoc();
   auto twinOf = [&](Value array) { return tangents.lookup(array); };
   auto elementOf = [](Value twin) {
@@ -81,8 +83,8 @@ std::optional<LogicalResult> ForwardBuilder::runMemory(Operation *op,
       .Case([&](StructGetOp get) {
         if (isa<ArrayType>(get.getType()))
           for (unsigned leaf : leaves.of(get.getResult()))
-            if (twins[leaf])
-              setTangent(twins[leaf]);
+            if (!twins[leaf].empty())
+              setTangent(twins[leaf][&tangents - directions.data()]);
         return success();
       })
       .Case([&](LoadOp load) {
@@ -94,8 +96,9 @@ std::optional<LogicalResult> ForwardBuilder::runMemory(Operation *op,
       })
       .Case([&](StoreOp store) {
         if (Value twin = twinOf(store.getArray()))
-          StoreOp::create(builder, loc, getTangentOrZero(store.getValue()),
-                          twin, operands.drop_front(2));
+          StoreOp::create(builder, loc,
+                          getTangentOrZero(store.getValue(), tangents), twin,
+                          operands.drop_front(2));
         return success();
       })
       .Case([&](AccumulateOp accumulate) {
@@ -108,8 +111,8 @@ std::optional<LogicalResult> ForwardBuilder::runMemory(Operation *op,
         return success();
       })
       .Case([&](AtomicOp atomic) -> LogicalResult {
-        Value twin = twinOf(atomic.getArray());
-        return twin ? runAtomic(atomic, clone, twin) : success();
+        return twinOf(atomic.getArray()) ? runAtomic(atomic, clone, tangents)
+                                         : success();
       })
       .Case([&](AtomicCasOp cas) -> LogicalResult {
         if (!twinOf(cas.getArray()))
@@ -133,8 +136,8 @@ std::optional<LogicalResult> ForwardBuilder::runMemory(Operation *op,
       .Case([&](ScratchStoreOp store) {
         if (Value twin = twinOf(store.getScratch()))
           ScratchStoreOp::create(builder, loc,
-                                 getTangentOrZero(store.getValue()), twin,
-                                 operands[2]);
+                                 getTangentOrZero(store.getValue(), tangents),
+                                 twin, operands[2]);
         return success();
       })
       .Default([](Operation *) { return std::nullopt; });

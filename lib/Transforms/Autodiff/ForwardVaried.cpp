@@ -10,6 +10,7 @@
 
 #include "Forward.h"
 
+#include "WarpDialect/Passes.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
@@ -54,7 +55,13 @@ bool Varied::spreadThroughControlFlow(Operation *op) {
   } else if (auto call = dyn_cast<func::CallOp>(op)) {
     auto callee = SymbolTable::lookupNearestSymbolFrom<func::FuncOp>(
         call, call.getCalleeAttr());
-    if (callee && !callee.isExternal()) {
+    if (callee && callee->hasAttr(attr::vjp)) {
+      if (llvm::any_of(call.getOperands(), [&](Value operand) {
+            return contains(operand) && !isa<ArrayType>(operand.getType());
+          }))
+        for (Value result : call.getResults())
+          changed |= mark(result);
+    } else if (callee && !callee.isExternal()) {
       Block &body = callee.getBody().front();
       pass(call.getOperands(), body.getArguments());
       pass(body.getTerminator()->getOperands(), call.getResults());

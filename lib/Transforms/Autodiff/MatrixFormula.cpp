@@ -98,8 +98,11 @@ MatrixFormula::Quotient MatrixFormula::divide(Expr above, Expr terms,
     return {above / below, f.number(0)};
   Expr isNoise = abs(above) <= 8 * roundoff * terms;
   Expr isClose = abs(below) <= 8 * roundoff * scale;
+  // Noise is subtracted, so that the quotient keeps its derivative.
+  Expr noise =
+      f.call("where", {isNoise, f.call("stop_gradient", {above}), f.number(0)});
   Expr value =
-      f.call("where", {either(isNoise, isClose), f.number(0), above / below});
+      f.call("where", {isClose, f.number(0), (above - noise) / below});
   return {value, f.call("bit_and", {f.call("unot", {isNoise}), isClose})};
 }
 

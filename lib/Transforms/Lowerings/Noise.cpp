@@ -159,4 +159,8 @@ Scalars lowerPnoiseGradient(Emitter &, Operands args) {
   return getNoise(args).gradient;
 }
 
+Scalars lowerPnoiseHessian(Emitter &, Operands args) {
+  return getNoise(args, true).hessian;
+}
+
 } // namespace warp::lowering

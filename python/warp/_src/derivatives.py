@@ -1,6 +1,7 @@
 """Derivatives of functions: what users write about them, in kernels and next to them.
 
-`@wp.func_grad`, `@wp.func_replay` and `wp.custom_vjp` give a function a derivative of its own.
+`@wp.func_grad`, `@wp.func_replay`, `wp.custom_vjp` and `wp.custom_jvp` give a function a derivative
+of its own.
 `wp.grad(f)` and `wp.hessian(f)` are derivatives to be called in kernels, `wp.fixed_point` solves
 x = step(x) there. `warp._src.frontend.derivatives` translates all of them.
 """
@@ -35,7 +36,7 @@ adjoint = _Adjoint()
 
 
 def func_grad(forward_fn):
-    """Makes the decorated function the derivative of another one, in reverse mode.
+    """Makes the decorated function the derivative of another one.
 
     It has the parameters of `forward_fn`, then one for the cotangent of each of its results, and
     adds to `wp.adjoint[x]` for each parameter `x` that has a derivative. It returns nothing. If
@@ -163,25 +164,33 @@ def hessian(func) -> Hessian:
 
 
 class CustomFunction(Function):
-    """A function together with its pullback, see `custom_vjp`."""
+    """A function together with derivatives of it, see `custom_vjp` and `custom_jvp`."""
 
-    def __init__(self, forward, pullback):
+    def __init__(self, forward, pullback=None, pushforward=None):
         super().__init__(forward.func, forward.key)
         self.overloads = forward.overloads
-        self.pullback = pullback
+        # A pushforward comes to what there is already.
+        if pullback is None:
+            self.pullbacks, self.replays = forward.pullbacks, forward.replays
+        self.pullback = pullback or forward.pullback
+        self.pushforward = pushforward or forward.pushforward
 
     def __call__(self, *args, **kwargs):
         result = super().__call__(*args, **kwargs)
-        return result[0] if isinstance(result, tuple) else result
+        has_residuals = self.pullback is not None and isinstance(result, tuple)
+        return result[0] if has_residuals else result
 
 
 def custom_vjp(f, pullback) -> CustomFunction:
-    """A function like `f` that has `pullback` as its derivative in reverse mode.
+    """A function like `f` that has `pullback` as its derivative.
 
     `f` returns a value, or a value and residuals: what the derivative needs of the computation. A
     call of the new function gives the value alone. `pullback` is called with the arguments of
     `f`, the residuals and the cotangent of the value, or without the arguments if there are
     residuals; it returns one cotangent for each argument that is a float, or is made of floats.
+
+    Forward mode multiplies tangents with what `pullback` returns, one call for each component of
+    the value; `custom_jvp` says how it is to be done in one.
 
     Raises:
         TypeError: one of them is not a `@wp.func` function.
@@ -199,12 +208,43 @@ def custom_vjp(f, pullback) -> CustomFunction:
         >>> float(exp(0.0))
         1.0
     """
-    for function in (f, pullback):
+    _check_functions("custom_vjp", f, pullback)
+    return CustomFunction(f, pullback)
+
+
+def custom_jvp(f, pushforward) -> CustomFunction:
+    """A function like `f` that has `pushforward` as its derivative in forward mode.
+
+    `pushforward` is called with the arguments of `f`, then a tangent for each of them that is a
+    float or made of floats (of a struct, for each such field), and returns a tangent for each
+    result of floats. It has to be linear in the tangents. Unless `f` has a derivative of its own,
+    that of `pushforward` by the tangents is the one in reverse mode.
+
+    Raises:
+        TypeError: one of them is not a `@wp.func` function.
+
+    Example:
+        >>> import warp as wp
+        >>> @wp.func
+        ... def root(x: float):
+        ...     return wp.sqrt(x)
+        >>> @wp.func
+        ... def pushforward(x: float, tangent: float):
+        ...     return 0.5 * tangent / wp.max(wp.sqrt(x), 1.0e-3)
+        >>> safe_root = wp.custom_jvp(root, pushforward)
+        >>> float(safe_root(4.0))
+        2.0
+    """
+    _check_functions("custom_jvp", f, pushforward)
+    return CustomFunction(f, pushforward=pushforward)
+
+
+def _check_functions(name, *functions):
+    for function in functions:
         if not isinstance(function, Function):
             raise TypeError(
-                f"custom_vjp expects functions with `@wp.func`, but got '{type(function).__name__}'"
+                f"{name} expects functions with `@wp.func`, but got '{type(function).__name__}'"
             )
-    return CustomFunction(f, pullback)
 
 
 def fixed_point(step, start, *parameters):
@@ -226,7 +266,7 @@ def fixed_point(step, start, *parameters):
 
 
 # What makes functions at compile time where a kernel calls it.
-FACTORIES = (grad, hessian, custom_vjp)
+FACTORIES = (grad, hessian, custom_vjp, custom_jvp)
 
 
 def check_no_struct_of_arrays(native, what, place) -> None:

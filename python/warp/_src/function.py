@@ -15,8 +15,9 @@ class Function:
     `pullbacks` and `replays` hold what `@wp.func_grad` and `@wp.func_replay` have registered.
     """
 
-    # The function that `wp.custom_vjp` was given as derivative.
+    # What `wp.custom_vjp` and `wp.custom_jvp` were given as derivatives.
     pullback = None
+    pushforward = None
 
     def __init__(self, func, key=None):
         self.func = func
@@ -33,7 +34,7 @@ class Function:
     @property
     def has_derivative(self) -> bool:
         """Whether a derivative of its own belongs to the function."""
-        return bool(self.pullbacks or self.replays or self.pullback is not None)
+        return bool(self.pullbacks or self.replays or self.pullback or self.pushforward)
 
     def add_overload(self, func) -> None:
         """Adds a function whose annotations no other one has."""

@@ -192,27 +192,30 @@ class Kernel:
         """
         return self._derive(native, active, False, unique)
 
-    def tangent(self, native, active, unique=True):
-        """The same in forward mode."""
-        return self._derive(native, active, True, unique)
+    def tangent(self, native, active, unique=True, width=1, winners=False):
+        """The same in forward mode, with tangents along `width` directions.
+
+        With `winners`, what is launched after it if several threads met at atomic extrema.
+        """
+        return self._derive(native, active, True, unique, width=width, winners=winners)
 
     def last_adjoint(self):
         """The derivative in reverse mode that was made last, None if there is none."""
         made = [one for key, one in self._derivatives.items() if not key[2]]
         return made[-1] if made and self._derivatives_epoch is Epoch.current else None
 
-    def _derive(self, native, active, forward, unique):
+    def _derive(self, native, active, forward, unique, **options):
         from warp import config
 
         if self._derivatives_epoch is not Epoch.current:
             self._derivatives.clear()
             self._derivatives_epoch = Epoch.current
-        key = (native, tuple(active), forward, unique, config.singular)
+        key = (native, tuple(active), forward, unique, config.singular, *options.items())
         found = self._derivatives.get(key)
         if found is None:
             from warp._src.kernel_derivatives import Derivative, differentiate
 
-            made = differentiate(self, native, active, forward, unique)
+            made = differentiate(self, native, active, forward, unique, **options)
             found = Derivative(self, made, "tangent" if forward else "adjoint")
             self._derivatives[key] = found
             if self.module.saved and unique and not forward:

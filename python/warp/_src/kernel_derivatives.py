@@ -51,8 +51,11 @@ class Derivative:
                 print(line, flush=True)
 
 
-def differentiate(kernel, native, active, forward=False, unique=True):
+def differentiate(kernel, native, active, forward=False, unique=True, **options):
     """The derivative of a native kernel as the compiler's module, and what goes with it.
+
+    Args:
+        options: `width` and `winners` of forward mode.
 
     Raises:
         WarpCodegenError: something active has no derivative.
@@ -65,6 +68,7 @@ def differentiate(kernel, native, active, forward=False, unique=True):
         active=list(active),
         singular=config.singular,
         unique=unique,
+        **options,
     )
 
 
@@ -113,12 +117,12 @@ def _device(call):
     return by_index(call.device)
 
 
-def _thread_count(dim) -> int:
+def thread_count(dim) -> int:
     return math.prod(dim) if isinstance(dim, (tuple, list)) else int(dim)
 
 
 def check_threads(made, call) -> None:
-    threads = _thread_count(call.dim)
+    threads = thread_count(call.dim)
     if made.one_thread and threads > 1:
         raise errors.WarpGradientError(
             f"launch('{call.kernel.key}'): derivatives of this kernel are right for "
@@ -162,8 +166,8 @@ def hidden_values(made, call, initial, saved) -> list[array]:
     return values
 
 
-def check_overlap(call: Call) -> None:
-    """Rejects a written array that shares memory with one whose gradient is asked for.
+def check_overlap(call: Call, active, what: str) -> None:
+    """Rejects a written array that shares memory with another one if one of both is active.
 
     Raises:
         WarpGradientError: there is one.
@@ -175,9 +179,9 @@ def check_overlap(call: Call) -> None:
         for j, other in enumerate(boxes):
             if j == i or other is None or not boxes[i].overlaps(other):
                 continue
-            if _is_active(call.leaves[i][1]) or _is_active(call.leaves[j][1]):
+            if active[i] or active[j]:
                 raise errors.WarpGradientError(
-                    f"launch('{call.kernel.key}', adjoint=True): arguments "
+                    f"launch('{call.kernel.key}'{what}): arguments "
                     f"'{call.leaves[i][0]}', which is written, and '{call.leaves[j][0]}' overlap, "
                     f"give the kernel one array for both, or write to another array"
                 )
@@ -190,6 +194,6 @@ def launch(call: Call) -> None:
             f"launch('{call.kernel.key}', adjoint=True): the kernel has `enable_backward=False`, "
             f"remove that option"
         )
-    check_overlap(call)
-    if any(call.active) and _thread_count(call.dim):
+    check_overlap(call, call.active, ", adjoint=True")
+    if any(call.active) and thread_count(call.dim):
         run(call.kernel.adjoint(call.native, call.active), call, call.values)

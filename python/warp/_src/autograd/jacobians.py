@@ -15,6 +15,7 @@ from warp._src.autograd.evaluation import (
     numbers_of,
     set_numbers,
 )
+from warp._src.autograd.tangents import Tangents, chunks
 from warp._src.kernel import Kernel
 from warp._src.tape import Tape
 from warp._src.tracking import Watching
@@ -33,8 +34,9 @@ def jacobian(
     plot_jacobians: bool = False,
     metadata: FunctionMetadata | None = None,
     restore_inputs: bool = True,
+    mode: str = "reverse",
 ) -> dict[tuple[int, int], array]:
-    """Jacobians by reverse mode: one backward pass per scalar of the outputs.
+    """Jacobians, by a backward pass per scalar of outputs or a tangent per scalar of inputs.
 
     Args:
         function: a kernel, or a Python function that launches kernels.
@@ -47,6 +49,8 @@ def jacobian(
         plot_jacobians: show them with `jacobian_plot`.
         metadata: names for the picture.
         restore_inputs: give the arrays their contents back.
+        mode: `"reverse"` or `"forward"`. Forward mode is the better one if inputs have fewer
+            scalars than outputs, or not many more: it does eight at a time.
 
     Returns:
         By (position of the input, position of the output) an array of shape (scalars of the
@@ -55,11 +59,13 @@ def jacobian(
     Raises:
         WarpGradientError: no input or no output has a gradient.
     """
+    if mode not in ("reverse", "forward"):
+        raise ValueError(f"expects the mode 'reverse' or 'forward', but got {mode!r}")
+    find = reverse_rows if mode == "reverse" else forward_columns
     with Evaluation(
         function, dim, inputs, outputs, device, block_dim, metadata, restore_inputs
     ) as problem:
-        rows = reverse_rows(problem, input_output_mask, max_outputs_per_var)
-        result = _as_arrays(problem, rows)
+        result = _as_arrays(problem, find(problem, input_output_mask, max_outputs_per_var))
     if plot_jacobians:
         from warp._src.autograd.plots import jacobian_plot
 
@@ -108,12 +114,7 @@ def reverse_rows(problem: Evaluation, mask, limit: int) -> dict[tuple, numpy.nda
     with Watching(tape=None), Tape(preserve="auto") as tape:
         problem.run()
     pairs = problem.pairs(mask)
-    result = {
-        (source.key, target.key): numpy.full(
-            (target.length, source.length), numpy.nan, numbers_of(source.array.grad).dtype
-        )
-        for source, target in pairs
-    }
+    result = _unknown(pairs)
     for target in {id(target): target for _, target in pairs}.values():
         sources = [source for source, other in pairs if other is target]
         seed = zeros_like(target.array.grad, requires_grad=False)
@@ -132,18 +133,51 @@ def reverse_rows(problem: Evaluation, mask, limit: int) -> dict[tuple, numpy.nda
     return result
 
 
+def forward_columns(problem: Evaluation, mask, limit: int) -> dict[tuple, numpy.ndarray]:
+    """Matrices of scalars, found several columns at a time."""
+    problem.reset()
+    with Watching(tape=None):
+        problem.run()
+    pairs = problem.pairs(mask)
+    result = _unknown(pairs)
+    sources = {id(source): source for source, _ in pairs}.values()
+    columns = [(source, column) for source in sources for column in range(source.length)]
+    for part, width in chunks(len(columns)):
+        problem.reset()
+        state = Tangents(width=width)
+        for i, (source, column) in enumerate(columns[part.start : part.stop]):
+            numbers = numbers_of(state.twin(source.array, i))
+            numbers[column] = 1
+            set_numbers(state.twin(source.array, i), numbers)
+        with Watching(tape=None, executor=state):
+            outputs = {one.key: one.array for one in problem.run()}
+        for i, (source, column) in enumerate(columns[part.start : part.stop]):
+            for key in [target.key for other, target in pairs if other is source]:
+                found = state.find(outputs[key], i)
+                result[source.key, key][:, column] = 0 if found is None else numbers_of(found)
+    if limit >= 0:
+        for matrix in result.values():
+            matrix[limit:] = numpy.nan
+    return result
+
+
+def _unknown(pairs) -> dict[tuple, numpy.ndarray]:
+    """A matrix of NaN for each pair."""
+    return {
+        (source.key, target.key): numpy.full(
+            (target.length, source.length), numpy.nan, numbers_of(source.array.grad).dtype
+        )
+        for source, target in pairs
+    }
+
+
 def difference_columns(problem: Evaluation, mask, limit: int, eps: float) -> dict:
     """Matrices of scalars, found column by column."""
     problem.reset()
     with Watching(tape=None):
         problem.run()
         pairs = problem.pairs(mask)
-        result = {
-            (source.key, target.key): numpy.full(
-                (target.length, source.length), numpy.nan, numbers_of(source.array.grad).dtype
-            )
-            for source, target in pairs
-        }
+        result = _unknown(pairs)
         for source in {id(source): source for source, _ in pairs}.values():
             keys = [target.key for other, target in pairs if other is source]
             problem.reset()

@@ -6,6 +6,10 @@ of its elements; a view of the array is the same view of the twin. `Tangents` is
 twins too, a copy also copies tangents, and filling clears them. An adjoint is a launch like any
 other, so tangents of gradients, second derivatives, need nothing more: the twin of an array has a
 gradient, which is the twin of the array's gradient.
+
+With tangents along several directions an allocation has a twin for each, and a launch computes all
+of them at once. Functions with more directions than that are run again (`chunks`), with what they
+overwrote in between put back.
 """
 
 from __future__ import annotations
@@ -13,11 +17,24 @@ from __future__ import annotations
 from warp import _native
 from warp._src import kernel_derivatives, scalars, types
 from warp._src.array import array
-from warp._src.array_create import empty
+from warp._src.array_create import empty, zeros
 from warp._src.array_gradients import gradient_type, has_gradient
 from warp._src.boxes import Box
-from warp._src.tracking import event
+from warp._src.tracking import Watching, copy_layout, event
 from warp._src.watching import Call
+
+# Numbers of directions that kernels are made for.
+WIDTHS = (1, 4, 8)
+
+
+def chunks(count: int) -> list[tuple[range, int]]:
+    """Ranges of directions to do at once, and the numbers of directions that kernels for them have.
+
+    These may have some more than there are in the range, which costs less than another evaluation.
+    """
+    last = WIDTHS[-1]
+    parts = [range(first, min(first + last, count)) for first in range(0, count, last)]
+    return [(part, next(width for width in WIDTHS if width >= len(part))) for part in parts]
 
 
 class Tangents:
@@ -26,35 +43,53 @@ class Tangents:
     Args:
         tape: records what is done with both, for derivatives of tangents; twins then have gradients
             of their own.
+        width: number of directions.
+        previous: of the same evaluation with other directions, whose writes are undone.
+        is_last: whether no such evaluation follows.
     """
 
-    def __init__(self, tape=None):
-        self.tape = tape
-        # By address: the allocation's array, the bytes of its twin, those of the twin's gradient.
-        self._twins: dict[int, tuple[array, array, array | None]] = {}
+    def __init__(self, tape=None, width=1, previous=None, is_last=True):
+        self.tape, self.width, self.is_last = tape, width, is_last
+        # By address: the allocation's array, and for each direction the bytes of its twin and those
+        # of the twin's gradient.
+        self._twins: dict[int, tuple[array, list[tuple[array, array | None]]]] = {}
+        # By address: the allocation's array and what it held before the first write; and the same
+        # of the previous evaluation.
+        self._kept: dict[int, tuple[array, array]] = {}
+        self._changed: dict[int, tuple[array, array]] = {}
+        if previous is not None:
+            self._changed = previous._kept
+            # A tape may need contents of arrays that only the previous evaluation knows.
+            for address in () if tape is not None else list(self._changed):
+                self._restore(address)
 
     # Twins.
 
-    def find(self, one: array) -> array | None:
+    def find(self, one: array, direction=0) -> array | None:
         """The tangents of an array, None if they are all zero."""
         base = _base(one)
         if (base.ptr or 0) not in self._twins:
             return None
-        return self._view(one, base)
+        return self._view(one, base, direction)
 
-    def twin(self, one: array) -> array:
+    def twin(self, one: array, direction=0) -> array:
         """The tangents of an array, which become zeros if it had none."""
         base = _base(one)
         if (base.ptr or 0) not in self._twins:
             box = Box(base)
             size = (box.stop - box.start) * _widening(base.dtype)
-            made = [_zeros(size, base.device)]
-            made.append(None if self.tape is None else _zeros(size, base.device))
-            self._twins[base.ptr or 0] = (base, *made)
-        return self._view(one, base)
+            made = [
+                (
+                    _zeros(size, base.device),
+                    None if self.tape is None else _zeros(size, base.device),
+                )
+                for _ in range(self.width)
+            ]
+            self._twins[base.ptr or 0] = (base, made)
+        return self._view(one, base, direction)
 
-    def _view(self, one: array, base: array) -> array:
-        _, tangents, gradients = self._twins[base.ptr or 0]
+    def _view(self, one: array, base: array, direction) -> array:
+        tangents, gradients = self._twins[base.ptr or 0][1][direction]
         wide, dtype = _widening(one.dtype), gradient_type(one.dtype)
         offset = ((one.ptr or 0) - (base.ptr or 0)) * wide
         strides = [stride * wide for stride in one.strides]
@@ -62,19 +97,53 @@ class Tangents:
         if gradients is not None:
             result.grad = gradients._view(offset, one.shape, strides, dtype)
         elif one.grad is not None:
-            result.grad = self.twin(one.grad)
+            result.grad = self.twin(one.grad, direction)
         return result
+
+    # What is overwritten.
+
+    def _access(self, arrays, written) -> None:
+        """Called before arrays are read or written."""
+        if self._changed:
+            for one in arrays:
+                self._restore(_base(one).ptr or 0)
+        for one in () if self.is_last else written:
+            base = _base(one)
+            if (base.ptr or 0) not in self._kept:
+                self._kept[base.ptr or 0] = (base, self._keep(base))
+
+    def _keep(self, base: array) -> array:
+        with Watching(executor=None):
+            kept = copy_layout(base)
+        if self.tape is not None and base.grad is not None:
+            kept.requires_grad = True
+            self.tape.add_copy(kept, base, event("copy"))
+        return kept
+
+    def _restore(self, address: int) -> None:
+        if address in self._changed:
+            base, kept = self._changed.pop(address)
+            with Watching(executor=None, tape=self.tape):
+                base.assign(kept)
 
     # Operations.
 
     def launch(self, call: Call) -> None:
         """Runs a launch with tangents."""
+        self._access([one for _, one in call.leaves if one is not None], call.written)
         active = self._active(call.leaves, call.accesses)
-        if any(active):
-            made = call.kernel.tangent(call.native, active)
-            kernel_derivatives.check_threads(made, call)
-            hidden = self._hidden(made, [one for _, one in call.leaves])
-            call = call.other(made.native, (*call.values, *hidden))
+        if not any(active):
+            self._run(call)
+            return
+        made = [call.kernel.tangent(call.native, active, width=self.width)]
+        if made[0].one_thread and kernel_derivatives.thread_count(call.dim) > 1:
+            kernel_derivatives.check_overlap(call, active, "")
+            made.append(call.kernel.tangent(call.native, active, width=self.width, winners=True))
+        arrays = [one for _, one in call.leaves]
+        for one in made:
+            self._run(call.other(one.native, (*call.values, *self._hidden(one, arrays))))
+
+    def _run(self, call: Call) -> None:
         if self.tape is None:
             call.run()
             return
@@ -96,8 +165,11 @@ class Tangents:
         )
 
     def _hidden(self, made, leaves) -> list:
+        """Twins, and zeros for the claims of winners."""
         return [
-            self.twin(leaves[hidden.leaf]) if hidden.kind == "tangent" else None
+            self.twin(leaves[hidden.leaf], hidden.direction)
+            if hidden.kind == "tangent"
+            else zeros(leaves[hidden.leaf].shape, scalars.int32, leaves[hidden.leaf].device)
             for hidden in made.hidden
         ]
 
@@ -116,29 +188,32 @@ class Tangents:
             and (self.find(one) is not None or one.grad is not None)
             for one in arrays
         )
-        second = _tangent_of(made, active, unique)
+        second = _tangent_of(made, active, unique, self.width)
         call.other(second.native, (*again.values, *self._hidden(second, arrays))).run()
 
     def copy(self, dest: array, src: array, stream=None) -> None:
         """Copies values and tangents."""
+        self._access((dest, src), (dest,))
         self._copy(dest, src, stream)
         if not has_gradient(dest.dtype):
             return
-        tangents = self.find(src)
-        if tangents is not None:
-            self._copy(self.twin(dest), tangents, stream)
+        if self.find(src) is not None:
+            for i in range(self.width):
+                self._copy(self.twin(dest, i), self.find(src, i), stream)
         elif self.find(dest) is not None:
             self._clear(dest)
 
     def fill(self, target: array, pattern: bytes) -> None:
         """Fills with a constant, whose tangent is zero."""
+        self._access((target,), (target,))
         self._fill(target, pattern)
         if self.find(target) is not None:
             self._clear(target)
 
     def _clear(self, one: array) -> None:
-        tangents = self.twin(one)
-        self._fill(tangents, bytes(tangents.item_size))
+        for i in range(self.width):
+            tangents = self.twin(one, i)
+            self._fill(tangents, bytes(tangents.item_size))
 
     def _copy(self, dest, src, stream) -> None:
         _native.copy_array(dest, src, stream)
@@ -157,15 +232,16 @@ def _zeros(size, device) -> array:
     return made
 
 
-def _tangent_of(made, active, unique):
+def _tangent_of(made, active, unique, width):
     """The tangent of a derivative, kept with it."""
     known = made.__dict__.setdefault("tangents", {})
-    if (active, unique) not in known:
-        second = kernel_derivatives.differentiate(made.kernel, made.native, active, True, unique)
-        known[active, unique] = kernel_derivatives.Derivative(
-            made.kernel, second, "adjoint_tangent"
+    key = (active, unique, width)
+    if key not in known:
+        second = kernel_derivatives.differentiate(
+            made.kernel, made.native, active, True, unique, width=width
         )
-    return known[active, unique]
+        known[key] = kernel_derivatives.Derivative(made.kernel, second, "adjoint_tangent")
+    return known[key]
 
 
 def _base(one: array) -> array:

@@ -57,6 +57,8 @@ class Derivatives(References):
             self.builder.set_pullback(made.symbol, attached.symbol, 0)
         elif function.pullbacks and len(function.overloads) == 1:
             raise mismatch(function, overload_of(function.pullbacks[0]), "func_grad", results)
+        if function.pushforward is not None:
+            self.attach_pushforward(function, made, bound, results, chosen is None, node)
         replay = self.registered(function.replays, bound)
         if replay is not None:
             self.attach_replay(function, replay, made, bound, results, node)
@@ -120,8 +122,66 @@ class Derivatives(References):
             self.take_apart(result, node, returned)
         returned = [v for v in returned if is_differentiable(v.type)]
         self.builder.end_function(returned)
-        self.check_cotangents(function, arguments, returned, node)
+        wanted = [native for native in arguments if is_differentiable(native)]
+        self.check_returned(
+            function, pullback, "pullback", "cotangent per argument", wanted, returned
+        )
         self.builder.set_pullback(made.symbol, symbol, len(kept))
+
+    def attach_pushforward(self, function, made, bound, results, is_alone, node):
+        """Builds the derivative of `wp.custom_jvp` around the user's pushforward.
+
+        is_alone: no `@wp.func_grad` belongs to the function.
+        """
+        pushforward = function.pushforward
+        arguments, wanted = [], []
+        shapes = [
+            binding if functions.is_static(binding) else self.types_of(binding, arguments, True)
+            for binding in bound
+        ]
+        self.types_of(tuple(results if function.pullback is None else results[:1]), wanted, True)
+        wanted = [native for native in wanted if is_differentiable(native)]
+        tangents = [native for native in arguments if is_differentiable(native)]
+        form = [*bound, *tangents]
+        if not self.takes(pushforward, form):
+            raise self.type_error(
+                node,
+                f"pushforward '{pushforward.key}' of '{function.key}' expects to take "
+                f"({', '.join(map(self.type_name, form))})",
+            )
+        symbol = self.session.symbol(f"{pushforward.key}_pushforward")
+        natives = [*arguments, *tangents]
+        self.at(node)
+        values = iter(self.builder.begin_function(symbol, ["x"] * len(natives), natives, False))
+        inputs = [
+            shape if functions.is_static(shape) else self.unflatten(shape, values)
+            for shape in shapes
+        ]
+        returned = []
+        result = self.call_function(pushforward, [*inputs, *values], {}, node)
+        if result is not None:
+            self.take_apart(result, node, returned)
+        returned = [v for v in returned if is_differentiable(v.type)]
+        self.builder.end_function(returned)
+        self.check_returned(
+            function, pushforward, "pushforward", "tangent per result", wanted, returned
+        )
+        self.builder.set_pushforward(made.symbol, symbol)
+        if function.pullback is None and is_alone:
+            self.builder.set_pullback(
+                made.symbol, self.transposed(symbol, arguments, tangents, wanted, node), 0
+            )
+
+    def transposed(self, symbol, arguments, tangents, results, node):
+        """The pullback that belongs to a pushforward: its derivative by the tangents."""
+        made = self.session.symbol(f"{symbol}_transposed")
+        natives = [*arguments, *results]
+        self.at(node)
+        values = self.builder.begin_function(made, ["x"] * len(natives), natives, False)
+        given = [*values[: len(arguments)], *(self.builder.zero(native) for native in tangents)]
+        found = self.builder.vjp(symbol, given, list(values[len(arguments) :]), False)
+        self.builder.end_function(list(found[len(tangents) :]))
+        return made
 
     def takes(self, function, given) -> bool:
         return any(
@@ -135,16 +195,15 @@ class Derivatives(References):
             found += self.spread_types(native) if type(native) is tuple else [native]
         return found
 
-    def check_cotangents(self, function, arguments, returned, node):
-        wanted = [native for native in arguments if is_differentiable(native)]
+    def check_returned(self, function, derivative, name, what, wanted, returned):
         given = [value.type for value in returned]
         if wanted != given:
             shown = [", ".join(n.python_name for n in natives) for natives in (wanted, given)]
-            pullback = overload_of(function.pullback.func)
+            source = overload_of(derivative.func).source
             raise errors.WarpCodegenTypeError(
-                f"pullback '{function.pullback.key}' of '{function.key}' expects to return one "
-                f"cotangent per argument of floats, '({shown[0]})', but returns '({shown[1]})'",
-                **pullback.source.place(pullback.source.tree),
+                f"{name} '{derivative.key}' of '{function.key}' expects to return one {what} of "
+                f"floats, '({shown[0]})', but returns '({shown[1]})'",
+                **source.place(source.tree),
             )
 
     # Derivatives that are called.
