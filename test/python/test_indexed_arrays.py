@@ -230,6 +230,12 @@ def test_subclasses_are_indexed_arrays(device):
     np.testing.assert_array_equal(mine.numpy(), [2, 2, 1])
 
 
+def test_they_count_as_arrays():
+    some = wp.zeros(3, device="cpu")[ints([1], "cpu")]
+    for one in (some, wp.indexedarray, wp.indexedarray(dtype=float)):
+        assert wp.types.is_array(one)
+
+
 def test_annotations():
     kind = wp.indexedarray(dtype=wp.vec3, ndim=2)
     assert kind == wp.indexedarray2d(dtype=wp.vec3) == wp.indexedarray[wp.vec3, typing.Literal[2]]

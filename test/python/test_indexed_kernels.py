@@ -394,6 +394,12 @@ def test_arguments_that_do_not_fit(device):
         wp.launch(square, 1, [some], [some], device=device)
     with pytest.raises(TypeError, match="expects 'indexedarray"):
         wp.launch(square, 1, [wp.zeros((2, 2), device=device)[ints([1], device)]], [y])
+    @wp.kernel
+    def generic(a: wp.indexedarray(dtype=typing.Any)):
+        a[0] = a[0]
+
+    with pytest.raises(TypeError, match=r"'a' of kernel .* expects 'indexedarray\(dtype=.*Any\)'"):
+        wp.launch(generic, 1, [x], device=device)
     with wp.Tape(), pytest.raises(TypeError, match="'x' expects 'indexedarray"):
         wp.launch(square, 1, [x], [y], device=device)
 
@@ -420,6 +426,10 @@ def test_what_kernels_cannot_do_with_them(device):
         b = a.indices0
 
     @wp.kernel
+    def address(a: wp.indexedarray(dtype=float)):
+        b = a.ptr
+
+    @wp.kernel
     def indices(a: wp.indexedarray(dtype=float)):
         a[0, 1] = 1.0
 
@@ -429,6 +439,7 @@ def test_what_kernels_cannot_do_with_them(device):
         (slices, one, "a slice of an indexed array is not supported"),
         (rows, two, r"cannot assign to a whole 'indexedarray\(dtype=float32\)'"),
         (fields, one, "has no attribute 'indices0'"),
+        (address, one, "(?s)has no attribute 'ptr'.*hint: pass the array itself"),
         (indices, one, r"at most 1 index for 'indexedarray\(dtype=float32\)', but got 2"),
     ]:
         with pytest.raises(errors.WarpCodegenError, match=message):

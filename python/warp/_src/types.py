@@ -191,11 +191,8 @@ def _class_of(x):
 
 
 def is_array(x) -> builtins.bool:
-    """Whether `x` is an array or an array annotation."""
-    from warp._src.annotations import ArrayType
-    from warp._src.array import array
-
-    return isinstance(x, (array, ArrayType)) or (isinstance(x, type) and issubclass(x, array))
+    """Whether `x` is an array, indexed or not, such a class or an annotation."""
+    return type_is_array(x) or type_is_array(type(x))
 
 
 def is_value(x) -> builtins.bool:
@@ -276,8 +273,9 @@ def type_is_transformation(t) -> builtins.bool:
 def type_is_array(t) -> builtins.bool:
     from warp._src.annotations import ArrayType
     from warp._src.array import array
+    from warp._src.indexed_arrays import indexedarray
 
-    return isinstance(t, ArrayType) or _is_family(t, array)
+    return isinstance(t, ArrayType) or _is_family(t, (array, indexedarray))
 
 
 def type_is_struct(t) -> builtins.bool:

@@ -13,6 +13,12 @@ from warp._src.frontend.indexed import Indexed, array_of
 from warp._src.frontend.names import BuiltinRef
 
 COMPONENTS = {"x": 0, "y": 1, "z": 2, "w": 3}
+# What to do without attributes that arrays have in Python only.
+_OF_ARRAYS = {
+    "ptr": "pass the array itself, or a view of it",
+    "strides": "index the array, or pass the numbers as arguments",
+    "grad": "pass the gradient as an argument of its own",
+}
 
 
 def places_of(selections) -> list[list]:
@@ -103,10 +109,12 @@ class Access(Indexed):
         raise self.no_attribute(base, name, node)
 
     def no_attribute(self, base, name, node):
+        is_array = type(base) is Value and array_of(base.type) is not None
         return self.error(
             node,
             f"'{self.type_name(base)}' has no attribute '{name}'",
-            kind=errors.WarpCodegenAttributeError,
+            _OF_ARRAYS.get(name) if is_array else None,
+            errors.WarpCodegenAttributeError,
         )
 
     def array_size(self, array, node):

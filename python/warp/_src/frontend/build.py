@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 
 from warp import _native
-from warp._src import errors
+from warp._src import errors, types
 from warp._src.frontend.control import plan_of
 from warp._src.frontend.emitter import Session, Value
-from warp._src.frontend.functions import Overload
+from warp._src.frontend.functions import Overload, fits_native
 from warp._src.frontend.statements import Emitter
 from warp._src.frontend.updates import updated_arguments
 
@@ -59,22 +59,7 @@ def _translate(function, name, arguments, max_unroll):
     """The translator at the end of the function's body."""
     overload = Overload(function)
     source = overload.source
-    natives = [parameter.native for parameter in overload.parameters]
-    if arguments is not None:
-        natives = [native or given for native, given in zip(natives, arguments, strict=False)]
-    for parameter, native in zip(overload.parameters, natives, strict=False):
-        if parameter.by_reference:
-            raise errors.WarpCodegenTypeError(
-                f"parameter '{parameter.name}' of kernel '{name}' cannot be a reference",
-                hint="pass an array",
-                **source.place(source.tree),
-            )
-        if native is None:
-            raise errors.WarpCodegenTypeError(
-                f"parameter '{parameter.name}' of kernel '{name}' is generic, its type is known "
-                "at launch only",
-                **source.place(source.tree),
-            )
+    natives = _parameter_types(overload, name, arguments)
     builder = _native.Builder(symbol_name(name))
     session = Session(builder, max_unroll)
     session.active.append(overload)
@@ -99,6 +84,34 @@ def _translate(function, name, arguments, max_unroll):
             "split the expression, or raise `sys.setrecursionlimit`",
         ) from None
     return emitter
+
+
+def _parameter_types(overload, name, arguments) -> list:
+    """Native types of the parameters; those that annotations leave open are of the arguments.
+
+    Raises:
+        WarpCodegenTypeError: a parameter is a reference, or of a type that is not known or fits not.
+    """
+    place = overload.source.place(overload.source.tree)
+    given = arguments or [None] * len(overload.parameters)
+    natives = []
+    for parameter, argument in zip(overload.parameters, given, strict=False):
+        what = f"parameter '{parameter.name}' of kernel '{name}'"
+        if parameter.by_reference:
+            message, hint = f"{what} cannot be a reference", "pass an array"
+            raise errors.WarpCodegenTypeError(message, hint=hint, **place)
+        native = parameter.native or argument
+        if native is None:
+            message = f"{what} is generic, its type is known at launch only"
+            raise errors.WarpCodegenTypeError(message, **place)
+        if parameter.native is None and not fits_native(parameter.annotation, native):
+            raise errors.WarpCodegenTypeError(
+                f"{what} expects '{types.type_repr(parameter.annotation)}', but got "
+                f"'{native.python_name}'",
+                **place,
+            )
+        natives.append(native)
+    return natives
 
 
 def symbol_name(name: str) -> str:

@@ -31,6 +31,11 @@ _PYTHON_FUNCTIONS = {
     len: "len",
     print: "print",
 }
+# What kernels have in place of Python's functions.
+_INSTEAD = {
+    "zeros": "for a few numbers of a thread use `wp.types.vector(n, float)()` or "
+    "`wp.types.matrix((n, m), float)()`, which variables may index; else pass an array",
+}
 
 
 def _makes_types(function) -> bool:
@@ -98,7 +103,11 @@ class Calls(Output):
                 "make it a `@wp.func`",
             )
         if inspect.isfunction(function) and function.__module__.partition(".")[0] == "warp":
-            raise self.error(node, f"'{function.__name__}' can be called in Python only")
+            raise self.error(
+                node,
+                f"'{function.__name__}' can be called in Python only",
+                _INSTEAD.get(function.__name__),
+            )
         if inspect.isfunction(function):
             raise self.error(
                 node,
