@@ -411,6 +411,30 @@ def LowerSums : WarpPass<"warp-lower-sums"> {
     "::mlir::LLVM::LLVMDialect", "::warp::WarpDialect"];
 }
 
+def DeferUpdates : WarpPass<"warp-defer-updates"> {
+  let summary = "Compute in lanes, then update elements in order";
+  let description = [{
+    The loop over threads of a CPU entry that runs alone becomes two, for
+    stretches of a few hundred threads: the first leaves what is added to
+    elements, and their indices, in buffers, and can be vectorised; the second
+    performs the updates one by one. Done where a body without control flow
+    computes much for each update.
+
+    ```mlir
+    // loop over threads:
+    %old = warp.atomic_components add(%v), %f[%i] : ...
+    // ==>
+    // loop over threads of a stretch:
+    llvm.store %v, %values[%slot]
+    llvm.store %i, %places[%slot]
+    // loop over the same threads:
+    %old = warp.atomic_components add(%known), %f[%place] : ...
+    ```
+  }];
+  let dependentDialects = [
+    "::mlir::arith::ArithDialect", "::mlir::LLVM::LLVMDialect"];
+}
+
 def LowerArrays : WarpPass<"warp-lower-arrays"> {
   let summary = "Turn arrays into pointers, extents and strides";
   let description = [{

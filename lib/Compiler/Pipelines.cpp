@@ -75,6 +75,7 @@ void warp::addPhase(OpPassManager &pm, Phase phase) {
     pm.addPass(createLowerLaunch());
     pm.addPass(createRotateLoops());
     pm.addPass(createPrivatizeAtomics());
+    pm.addPass(createDeferUpdates());
     pm.addPass(createLowerSums());
     pm.addPass(createLowerArrays());
     pm.addPass(createLowerMath());

@@ -46,7 +46,8 @@ ArrayLowering::ArrayLowering(LLVM::LLVMFuncOp entry)
 /// Finds the access group of the loop over threads.
 void ArrayLowering::findAccessGroups() {
   for (auto branch : entry.getBody().getOps<LLVM::CondBrOp>())
-    if (auto annotation = branch.getLoopAnnotationAttr()) {
+    if (auto annotation = branch.getLoopAnnotationAttr();
+        annotation && !annotation.getParallelAccesses().empty()) {
       SmallVector<Attribute> groups(annotation.getParallelAccesses());
       accessGroups = b.getArrayAttr(groups);
     }
