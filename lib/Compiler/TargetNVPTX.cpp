@@ -19,7 +19,8 @@ extern "C" const char warp_libdevice_begin[], warp_libdevice_end[];
 
 using namespace warp;
 
-/// The oldest PTX version that knows the architecture, but 8.0 at least.
+/// The oldest PTX version that knows the architecture, but 8.0 at least, and
+/// 8.1 where pairs of floats are added.
 static std::string ptxVersion(llvm::StringRef architecture) {
   unsigned number = 0;
   architecture.consume_front("sm_");
@@ -28,7 +29,9 @@ static std::string ptxVersion(llvm::StringRef architecture) {
     return "+ptx88";
   if (number == 120)
     return "+ptx87";
-  return number >= 100 ? "+ptx86" : "+ptx80";
+  if (number >= 100)
+    return "+ptx86";
+  return number >= 90 ? "+ptx81" : "+ptx80";
 }
 
 std::vector<int> warp::gpuArchitectures() {

@@ -3,6 +3,7 @@
 // One `atomicrmw` or `cmpxchg` per component, relaxed. What a processor does
 // not have (float minima on the CPU, half precision) LLVM expands to a loop of
 // compare and exchange, so every component type is covered here by one table.
+// Sums of floats on newer GPUs take two at once (PairedUpdates.cpp).
 //
 // An entry marked `warp.exclusive` runs alone; its updates are plain loads and
 // stores. They stay out of the loop's access group, as threads may meet there,
@@ -12,6 +13,7 @@
 
 #include "ArrayLowering.h"
 #include "Atomics.h"
+#include "PairedUpdates.h"
 #include "WarpDialect/ParameterLayout.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -77,6 +79,13 @@ void ArrayLowering::lowerAtomic(AtomicComponentsOp op) {
   SmallVector<Leaf> leaves;
   collectLeaves(elementType(op.getArray()), 0, leaves);
   Address at = address(op.getArray(), op.getIndices());
+  if (!exclusive && canAddInPairs(entry, op, leaves)) {
+    SmallVector<mlir::Value> terms(op.getComponents());
+    if (op.getKind() == AtomicKind::sub)
+      for (mlir::Value &term : terms)
+        term = arith::NegFOp::create(b, loc, term);
+    return addInPairs(b, loc, terms, at.pointer);
+  }
   auto old = guarded(op, op.getArray(), at, op.getComponents().getTypes(), [&] {
     SmallVector<mlir::Value> results;
     for (auto [leaf, value] : llvm::zip(leaves, op.getComponents()))

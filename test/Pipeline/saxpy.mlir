@@ -37,7 +37,7 @@
 // ASM: vfmadd{{[0-9]+}}ps {{.*}}%ymm
 
 // One thread: no loop, no division, no stride.
-// PTX: .version 8.0
+// PTX: .version 8.1
 // PTX: .target sm_90
 // PTX-LABEL: .entry saxpy
 // PTX: .param .align 8 .b8 saxpy_param_0[144]

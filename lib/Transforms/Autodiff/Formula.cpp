@@ -124,6 +124,38 @@ bool Formula::mayBeInfinite(Expr expr) {
   return expr.value && autodiff::mayBeInfinite(expr.value, 4);
 }
 
+/// Whether an operation comes before the insertion point of `b`, on every path.
+static bool isBefore(Operation *op, OpBuilder &b) {
+  Block *block = b.getInsertionBlock();
+  if (op->getBlock() == block)
+    return b.getInsertionPoint() == block->end() ||
+           op->isBeforeInBlock(&*b.getInsertionPoint());
+  Operation *around =
+      op->getBlock()->findAncestorOpInBlock(*block->getParentOp());
+  return around && op->isBeforeInBlock(around);
+}
+
+Expr Formula::knownReciprocal(Expr divisor) {
+  Value root = divisor.value;
+  bool isTwice = false;
+  if (auto product = root.getDefiningOp<MulOp>()) {
+    APFloat factor(0.0f);
+    if (!matchPattern(product->getOperand(0), m_ConstantFloat(&factor)) ||
+        factor.convertToDouble() != 2)
+      return number(0);
+    root = product->getOperand(1);
+    isTwice = true;
+  }
+  if (!root.getDefiningOp<SqrtOp>())
+    return number(0);
+  for (Operation *user : root.getUsers())
+    if (isa<DivOp>(user) && matchPattern(user->getOperand(0), m_OneFloat()) &&
+        isBefore(user, context.builder))
+      return isTwice ? number(0.5) * wrap(user->getResult(0))
+                      : wrap(user->getResult(0));
+  return number(0);
+}
+
 void Formula::require(Expr condition, StringRef message) {
   if (!condition.isNumber() && context.singular != Singular::Strict)
     AssertOp::create(context.builder, context.loc, condition.value, message);
@@ -164,7 +196,10 @@ Expr operator*(Expr a, Expr b) {
 Expr operator/(Expr a, Expr b) {
   if (a.isNumber() && b.isNumber())
     return a.formula->number(a.number / b.number);
-  return a.isNumber(0) || b.isNumber(1) ? a : combine("div", a, b);
+  if (a.isNumber(0) || b.isNumber(1))
+    return a;
+  Expr inverse = b.isNumber() ? b : b.formula->knownReciprocal(b);
+  return inverse.isNumber() ? combine("div", a, b) : a * inverse;
 }
 
 Expr operator-(Expr a) {

@@ -55,6 +55,12 @@ public:
   Expr unless(llvm::function_ref<Expr()> isSingular,
               llvm::function_ref<Expr()> value, bool isReported = true);
 
+  /// 1 / `divisor`, or the number zero: that is known where the kernel divides
+  /// 1 by a square root. A root is never so small or large that its reciprocal
+  /// is subnormal or infinite, so products with it are infinite or NaN where
+  /// quotients are.
+  Expr knownReciprocal(Expr divisor);
+
   /// Whether the value comes from an operation that makes infinities of finite
   /// numbers, as a division does.
   static bool mayBeInfinite(Expr expr);

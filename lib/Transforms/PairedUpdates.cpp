@@ -1,0 +1,81 @@
+//===- PairedUpdates.cpp - Two components per atomic addition -------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// GPUs from sm_90 on add two floats at once, where the address of the first is
+// a multiple of eight. Elements with an odd number of floats, such as vec3,
+// begin at one in turn. There the pairs come first and one float is left over,
+// elsewhere one float comes first:
+//
+//   address      8 k         8 k + 4     8 k + 8     8 k + 12
+//   even         [ x           y ]         z
+//   odd                        x         [ y           z ]
+//
+// Which of the two it is only selects values and addresses.
+//
+//===----------------------------------------------------------------------===//
+
+#include "PairedUpdates.h"
+
+#include "Atomics.h"
+#include "KernelFunction.h"
+
+#include "mlir/Dialect/Arith/IR/Arith.h"
+#include "mlir/Dialect/LLVMIR/LLVMDialect.h"
+
+using namespace mlir;
+
+constexpr int64_t floatSize = 4;
+
+bool warp::canAddInPairs(Operation *entry, AtomicComponentsOp op,
+                         ArrayRef<Leaf> leaves) {
+  if (!isGpu(entry) || entry->hasAttr(attr::debug) || !op->use_empty() ||
+      combiningKind(op.getKind()) != AtomicKind::add)
+    return false;
+  StringRef target =
+      entry->getAttrOfType<StringAttr>(attr::target).getValue();
+  unsigned architecture = 0;
+  if (!target.consume_front("sm_") ||
+      target.consumeInteger(10, architecture) || architecture < 90)
+    return false;
+  for (auto [i, leaf] : llvm::enumerate(leaves))
+    if (!leaf.type.isF32() || leaf.offset != int64_t(i) * floatSize)
+      return false;
+  return leaves.size() >= 3 && leaves.size() % 2 == 1;
+}
+
+void warp::addInPairs(OpBuilder &b, Location loc, ValueRange values,
+                      Value pointer) {
+  Type i64 = b.getI64Type();
+  auto constant = [&](int64_t value) {
+    return arith::ConstantOp::create(b, loc, b.getI64IntegerAttr(value));
+  };
+  auto advance = [&](LLVM::GEPArg bytes) {
+    return LLVM::GEPOp::create(b, loc, pointer.getType(), b.getI8Type(),
+                               pointer, ArrayRef<LLVM::GEPArg>(bytes));
+  };
+  int64_t last = values.size() - 1;
+  Value address = LLVM::PtrToIntOp::create(b, loc, i64, pointer);
+  Value shift = arith::AndIOp::create(b, loc, address, constant(floatSize));
+  Value isOdd = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ne, shift,
+                                      constant(0));
+  auto choose = [&](Value odd, Value even) -> Value {
+    return arith::SelectOp::create(b, loc, isOdd, odd, even);
+  };
+  Value single = advance(choose(constant(0), constant(last * floatSize)));
+  LLVM::AtomicRMWOp::create(b, loc, LLVM::AtomicBinOp::fadd, single,
+                            choose(values[0], values[last]),
+                            LLVM::AtomicOrdering::monotonic, "device",
+                            floatSize);
+  pointer = advance(shift);
+  for (int64_t i = 0; i < last; i += 2)
+    LLVM::InlineAsmOp::create(
+        b, loc, TypeRange(),
+        ValueRange{advance(int32_t(i * floatSize)),
+                   choose(values[i + 1], values[i]),
+                   choose(values[i + 2], values[i + 1])},
+        b.getStringAttr("red.global.add.v2.f32 [$0], {$1, $2};"),
+        b.getStringAttr("l,f,f,~{memory}"),
+        /*has_side_effects=*/b.getUnitAttr(), /*is_align_stack=*/UnitAttr(),
+        LLVM::TailCallKindAttr(), LLVM::AsmDialectAttr(), ArrayAttr());
+}
