@@ -8,6 +8,7 @@ from __future__ import annotations
 from warp._src import errors
 from warp._src.array import array
 from warp._src.devices import by_index
+from warp._src.indexed_arrays import indexedarray
 from warp._src.launch import LaunchParameters
 from warp._src.structs import StructInstance
 
@@ -94,6 +95,9 @@ def with_gradients(values, adjoints, key) -> tuple:
             continue
         if isinstance(values[i], StructInstance) and isinstance(given, StructInstance):
             result[i] = _struct_with_gradients(values[i], given)
+        elif isinstance(values[i], indexedarray):
+            given = given.data if isinstance(given, indexedarray) else given
+            result[i] = values[i].over(_with_gradient(values[i].data, given))
         elif _is_array_like(values[i]):
             result[i] = _with_gradient(values[i], given)
     return tuple(result)

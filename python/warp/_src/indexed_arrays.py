@@ -159,7 +159,11 @@ class indexedarray(ArrayArithmetic):
     @property
     def grad(self):
         """The same elements of the gradient of `data`, or None."""
-        return None if self.data.grad is None else indexedarray(self.data.grad, self.indices)
+        return None if self.data.grad is None else self.over(self.data.grad)
+
+    def over(self, data):
+        """The same elements of another array."""
+        return indexedarray(data, self.indices[: data.ndim])
 
     def __len__(self):
         return self.shape[0]

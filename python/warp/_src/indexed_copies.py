@@ -63,4 +63,4 @@ def _viewed(source, dtype):
     """The same memory as elements of another type of equal size."""
     if isinstance(source, array):
         return source.view(dtype)
-    return indexedarray(source.data.view(dtype), source.indices[: source.ndim])
+    return source.over(source.data.view(dtype))

@@ -90,7 +90,7 @@ def _parameter_types(overload, name, arguments) -> list:
     """Native types of the parameters; those that annotations leave open are of the arguments.
 
     Raises:
-        WarpCodegenTypeError: a parameter is a reference, or of a type that is not known or fits not.
+        WarpCodegenTypeError: a parameter is a reference, or its type is not known or does not fit.
     """
     place = overload.source.place(overload.source.tree)
     given = arguments or [None] * len(overload.parameters)
