@@ -10,6 +10,7 @@
 #ifndef WARP_LIB_TRANSFORMS_ARRAYLOWERING_H
 #define WARP_LIB_TRANSFORMS_ARRAYLOWERING_H
 
+#include "StageElements.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
@@ -103,6 +104,11 @@ private:
           mlir::TypeRange types,
           llvm::function_ref<llvm::SmallVector<mlir::Value>()> body);
 
+  // StageElements.cpp: accesses of whole warps.
+  mlir::Value isWhole(mlir::Operation *access);
+  void lowerStaged(llvm::ArrayRef<LoadComponentsOp> group);
+  void lowerStaged(StoreComponentsOp op);
+
   // LowerAtomics.cpp
   void lowerAtomic(AtomicComponentsOp op);
   void lowerAtomicCas(AtomicCasOp op);
@@ -148,6 +154,9 @@ private:
   llvm::DenseMap<mlir::Value, ArrayType> packedTypes;
   /// Pointers to the memory of `warp.scratch` operations.
   llvm::DenseMap<mlir::Value, mlir::Value> scratches;
+  StagedAccesses staged;
+  /// Of blocks with staged accesses: whether all threads of the warp are there.
+  llvm::DenseMap<mlir::Block *, mlir::Value> wholeWarps;
   llvm::SmallVector<mlir::Operation *> dead;
   /// Address of the error record, i64, in a debugging launch.
   mlir::Value errorRecord;

@@ -58,6 +58,8 @@ LogicalResult ArrayLowering::run() {
   vectorUpdates = exclusive && updatesNeighbours(entry);
   if (keepsOrderInVectors(entry, vectorUpdates))
     findAccessGroups();
+  if (gpu && !debug)
+    staged = findStagedAccesses(entry);
   SmallVector<Operation *> operations;
   entry.walk<WalkOrder::PreOrder>(
       [&](Operation *op) { operations.push_back(op); });
@@ -283,6 +285,8 @@ void ArrayLowering::storeLeaf(mlir::Value value, mlir::Type type,
 }
 
 void ArrayLowering::lowerLoad(LoadComponentsOp op) {
+  if (auto found = staged.loads.find(op); found != staged.loads.end())
+    return lowerStaged(found->second);
   SmallVector<Leaf> leaves;
   collectLeaves(elementType(op.getArray()), 0, leaves);
   Address at = address(op.getArray(), op.getIndices());
@@ -319,6 +323,8 @@ void ArrayLowering::lowerLoad(LoadComponentsOp op) {
 }
 
 void ArrayLowering::lowerStore(StoreComponentsOp op) {
+  if (staged.stores.contains(op))
+    return lowerStaged(op);
   SmallVector<Leaf> leaves;
   collectLeaves(elementType(op.getArray()), 0, leaves);
   Address at = address(op.getArray(), op.getIndices());

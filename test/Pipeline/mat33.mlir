@@ -1,9 +1,11 @@
 // RUN: warp-opt %s --warp-emit=ptx --warp-options=contiguous=7,target=sm_90 | FileCheck %s
 
-// A matrix lives in registers, its nine loads are offsets of one address, and
-// the vector is stored by adjacent stores.
+// A matrix lives in registers. Its nine loads are offsets of one address, and so
+// are those of a thread of a whole warp, which loads words next to those of its
+// neighbours. The vector is stored by adjacent stores.
 // CHECK-LABEL: .entry mat33
 // CHECK-NOT: .local
+// CHECK: activemask
 // CHECK: ld.global.b32 %r{{[0-9]+}}, [%[[A:rd[0-9]+]]];
 // CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[A]]+4];
 // CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[A]]+8];
@@ -13,6 +15,16 @@
 // CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[A]]+24];
 // CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[A]]+28];
 // CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[A]]+32];
+// CHECK: bar.warp.sync
+// CHECK: ld.global.b32 %r{{[0-9]+}}, [%[[S:rd[0-9]+]]];
+// CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[S]]+128];
+// CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[S]]+256];
+// CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[S]]+384];
+// CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[S]]+512];
+// CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[S]]+640];
+// CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[S]]+768];
+// CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[S]]+896];
+// CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[S]]+1024];
 // CHECK-NOT: {{(ld|st)}}.local
 // CHECK-NOT: call
 // CHECK: st.global.b32 [%[[Y:rd[0-9]+]]],
