@@ -65,6 +65,8 @@ constexpr llvm::StringLiteral notices = "warp.notices";
 constexpr llvm::StringLiteral metrics = "warp.metrics";
 /// On a second function: the kernel, changed to save what its adjoint needs.
 constexpr llvm::StringLiteral augmented = "warp.augmented";
+/// On a second function: by how much its launch is larger, per dimension.
+constexpr llvm::StringLiteral halo = "warp.halo";
 /// On a function: the one that is its derivative, in reverse and in forward
 /// mode, and the one that is run to get its values again.
 constexpr llvm::StringLiteral vjp = "warp.vjp";

@@ -212,6 +212,38 @@ def CleanUpAdjoint : WarpPass<"warp-clean-up-adjoint"> {
   }];
 }
 
+def GatherSums : WarpPass<"warp-gather-sums"> {
+  let summary = "Take sums over neighbours out of an adjoint, to gather them";
+  let description = [{
+    Where the threads of an adjoint add to gradients around their own element,
+    one more function takes that over: each of its threads collects what others
+    would have added to one element, without atomics. It is to run before the
+    adjoint, in a launch that is larger by `warp.halo` in each dimension, and
+    has the extents of the adjoint's launch as further parameters. A module
+    without such sums stays as it is.
+
+    ```mlir
+    func.func @k_adjoint(%x, %y) attributes {warp.kernel} {
+      %v = warp.load %dy[%i]
+      warp.accumulate %v, %dx[%i]
+      warp.accumulate %v, %dx[%i_1]        // %i + 1
+    }
+    // ==>
+    func.func @k_adjoint_sums(%x, %y, %n) attributes {warp.halo = [1]} {
+      %s = scf.if %is_less                 // %i < %n
+        // warp.load %dy[%i], or 0
+      %t = scf.if %is_positive             // %i >= 1
+        // warp.load %dy[%i - 1], or 0
+      %u = warp.add(%s, %t)
+      warp.accumulate %u, %dx[%i] {unique = 1}
+    }
+    ```
+  }];
+  let dependentDialects = ["::mlir::arith::ArithDialect",
+                           "::mlir::func::FuncDialect",
+                           "::mlir::scf::SCFDialect", "::warp::WarpDialect"];
+}
+
 //===----------------------------------------------------------------------===//
 // Phase `thread`
 //===----------------------------------------------------------------------===//

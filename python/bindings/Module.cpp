@@ -7,6 +7,7 @@ PYBIND11_MODULE(_native, m) {
   warp::python::bindErrors(m);
   bindBuilder(m);
   warp::python::bindAutodiff(m);
+  warp::python::bindGather(m);
   warp::python::bindDevices(m);
   warp::python::bindMemory(m);
   warp::python::bindPeers(m);

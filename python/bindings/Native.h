@@ -23,6 +23,7 @@ void bindAutodiff(pybind11::module_ &m);
 void bindDevices(pybind11::module_ &m);
 void bindDlpack(pybind11::module_ &m);
 void bindErrors(pybind11::module_ &m);
+void bindGather(pybind11::module_ &m);
 void bindGraph(pybind11::module_ &m);
 void bindKernel(pybind11::module_ &m);
 void bindMemory(pybind11::module_ &m);

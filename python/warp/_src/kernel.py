@@ -216,7 +216,7 @@ class Kernel:
             from warp._src.kernel_derivatives import Derivative, differentiate
 
             made = differentiate(self, native, active, forward, unique, **options)
-            found = Derivative(self, made, "tangent" if forward else "adjoint")
+            found = Derivative(self, made, "tangent" if forward else "adjoint", unique)
             self._derivatives[key] = found
             if self.module.saved and unique and not forward:
                 self._use_saved_adjoint(found, native, active)

@@ -7,6 +7,7 @@ the primal does not have) is in `Derivative`.
 
 from __future__ import annotations
 
+import functools
 import math
 
 from warp import _native
@@ -29,26 +30,42 @@ class Derivative:
             and `places`.
         needed: numbers of the arrays whose contents are read.
         one_thread: why only launches of one thread are right; empty if all are.
-        metrics: numbers about the code.
     """
 
-    def __init__(self, kernel, made, suffix):
+    def __init__(self, kernel, made, suffix, unique=False):
         self.kernel = kernel
         self.module = made.module
         # An adjoint asserts what its derivatives require of the operands, always.
         checked = suffix == "adjoint" and made.metrics.get("assertions", 0) > 0
         self.native = kernel.compile_module(made.module, f"{kernel.key}_{suffix}", checked)
+        self._may_split = suffix == "adjoint" and unique and not checked
         self.augmented = None
         if made.augmented is not None:
             self.augmented = kernel.compile_module(made.augmented, kernel.key)
         self.hidden = made.hidden
         self.needed = made.needed
         self.one_thread = made.one_thread
-        self.metrics = made.metrics
+        self._metrics = made.metrics
         for line in made.notices:
             if line not in kernel.noticed:
                 kernel.noticed.add(line)
                 print(line, flush=True)
+
+    @functools.cached_property
+    def gathered(self):
+        """The adjoint in two parts that have fewer atomic additions, or None."""
+        if not self._may_split or not self._metrics.get("atomics"):
+            return None
+        from warp._src.gathers import gather_sums
+
+        return gather_sums(self.kernel, self.module)
+
+    @property
+    def metrics(self) -> dict[str, int]:
+        """Numbers about the code."""
+        if self.gathered is None:
+            return self._metrics
+        return {**self._metrics, "atomics": self.gathered.atomics}
 
 
 def differentiate(kernel, native, active, forward=False, unique=True, **options):
@@ -89,7 +106,10 @@ def run(made: Derivative, call: Call, values, initial=None, saved=()) -> None:
     if _meet(call):
         made = made.kernel.adjoint(call.native, call.active, unique=False)
     hidden = hidden_values(made, call, initial or {}, saved)
-    made.native.launch(call.dim, values, hidden, call.device, call.stream, call.block_dim or 0)
+    if made.gathered is not None and made.gathered.fits(call.dim):
+        made.gathered.launch(call, values, hidden)
+    else:
+        made.native.launch(call.dim, values, hidden, call.device, call.stream, call.block_dim or 0)
     count_singular(made, hidden)
 
 

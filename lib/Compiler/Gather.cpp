@@ -1,0 +1,85 @@
+//===- Gather.cpp - Adjoints of stencils without atomics ------------------===//
+
+#include "Context.h"
+#include "Pipelines.h"
+
+#include "warp/Gather.h"
+
+#include "WarpDialect/Passes.h"
+#include "WarpDialect/WarpDialect.h"
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/Dialect/Func/IR/FuncOps.h"
+#include "mlir/IR/Verifier.h"
+#include "mlir/Pass/PassManager.h"
+#include "mlir/Transforms/Passes.h"
+
+using namespace mlir;
+using warp::Error;
+using warp::GatheredAdjoint;
+
+static int64_t countAtomicSums(ModuleOp module) {
+  int64_t count = 0;
+  module.walk(
+      [&](warp::AccumulateOp sum) { count += !sum.getUnique().has_value(); });
+  return count;
+}
+
+/// Takes sums apart from the rest, and simplifies both.
+static void split(ModuleOp module) {
+  static auto *passes = [] {
+    auto *pm = new PassManager(&warp::compilerContext());
+    pm->enableVerifier(false);
+    pm->addPass(warp::createGatherSums());
+    pm->addPass(warp::createWarpCanonicalizer());
+    pm->addPass(createCSEPass());
+    return pm;
+  }();
+  warp::Diagnostics diagnostics;
+  if (failed(passes->run(module)) || failed(verify(module)))
+    throw diagnostics.toError(Error::Kind::Compile,
+                              "the adjoint cannot be taken apart");
+}
+
+static func::FuncOp findMarked(ModuleOp module, StringRef attribute) {
+  for (auto function : module.getOps<func::FuncOp>())
+    if (function->hasAttr(attribute))
+      return function;
+  return nullptr;
+}
+
+static bool hasEffects(ModuleOp module) {
+  return module
+      .walk([](Operation *op) {
+        return isa<warp::StoreOp, warp::AccumulateOp, warp::AtomicOp,
+                   warp::AtomicCasOp, warp::PrintfOp, warp::AssertOp>(op)
+                   ? WalkResult::interrupt()
+                   : WalkResult::advance();
+      })
+      .wasInterrupted();
+}
+
+std::optional<GatheredAdjoint> warp::gatherSums(const Module &adjoint) {
+  ContextLock lock;
+  ModuleOp given = *adjoint.getImpl()->op;
+  if (countAtomicSums(given) == 0)
+    return std::nullopt;
+  auto sums = std::make_shared<Module::Impl>();
+  sums->op = given.clone();
+  split(*sums->op);
+  if (!findMarked(*sums->op, attr::halo))
+    return std::nullopt;
+  auto rest = std::make_shared<Module::Impl>();
+  rest->op = sums->op->clone();
+  findMarked(*rest->op, attr::halo).erase();
+  findMarked(*sums->op, kernelAttrName).erase();
+  func::FuncOp kernel = findMarked(*sums->op, attr::halo);
+  auto halo = cast<DenseI64ArrayAttr>(kernel->removeAttr(attr::halo));
+  kernel->setAttr(kernelAttrName, UnitAttr::get(kernel.getContext()));
+  GatheredAdjoint result{Module(sums), {}, std::nullopt,
+                         countAtomicSums(*rest->op)};
+  result.halo.assign(halo.asArrayRef().begin(), halo.asArrayRef().end());
+  if (hasEffects(*rest->op))
+    result.rest = Module(rest);
+  return result;
+}

@@ -1,0 +1,137 @@
+//===- GatherGuard.cpp - Which threads a sum comes from -------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#include "GatherGuard.h"
+
+#include "IndexMath.h"
+
+#include "mlir/Dialect/SCF/IR/SCF.h"
+
+using namespace mlir;
+
+namespace warp::autodiff {
+
+Value GatherEmitter::number(int64_t value) {
+  auto attr = b.getIntegerAttr(tid.getResult(0).getType(), value);
+  return ConstantOp::create(b, loc, attr);
+}
+
+Value GatherEmitter::truth(bool value) {
+  return ConstantOp::create(b, loc, b.getBoolAttr(value));
+}
+
+Value GatherEmitter::isAtLeast(unsigned dimension, int64_t bound) {
+  return make<GeOp>(b.getI1Type(), {tid.getResult(dimension), number(bound)});
+}
+
+Value GatherEmitter::both(Value left, Value right) {
+  if (!left || !right)
+    return left ? left : right;
+  return make<BitAndOp>(b.getI1Type(), {left, right});
+}
+
+bool isSpeculatable(Value value) {
+  Operation *op = value.getDefiningOp();
+  if (!op)
+    return true;
+  return !op->walk([&](Operation *inner) {
+              bool isLoad = isa<LoadOp>(inner);
+              for (Value operand : inner->getOperands())
+                if (isLoad || (!op->isAncestor(operand.getParentRegion()
+                                                   ->getParentOp()) &&
+                               !isSpeculatable(operand)))
+                  return WalkResult::interrupt();
+              return WalkResult::advance();
+            })
+              .wasInterrupted();
+}
+
+/// Adds a comparison of a thread index with a value that is the same in all
+/// threads; false if it is not of that form.
+bool Guard::addComparison(GatherEmitter &emitter, Operation *op, bool holds,
+                          Clone clone) {
+  std::optional<Shift> shift = getShift(op->getOperand(0));
+  bool isSwapped = !shift;
+  if (isSwapped)
+    shift = getShift(op->getOperand(1));
+  Value bound = op->getOperand(isSwapped ? 0 : 1);
+  Type type = emitter.tid.getResult(0).getType();
+  if (!shift || bound.getType() != type ||
+      op->getOperand(isSwapped).getType() != type)
+    return false;
+  unsigned dimension = shift->dimension;
+  if (std::optional<int64_t> from = getLeast(op, holds, dimension)) {
+    least[dimension] = std::max(least[dimension], *from);
+    return !isa<EqOp, NeOp>(op) || isa<EqOp>(op) != holds;
+  }
+  if (!isa<LtOp, LeOp, GtOp, GeOp>(op) ||
+      (isa<LtOp, LeOp>(op) != isSwapped) != holds ||
+      !isUniform(bound, /*withCounters=*/false) || !isSpeculatable(bound))
+    return false;
+  // index + offset < bound, or <=; no launch reaches the larger limit.
+  bool isStrict = isa<LtOp, GtOp>(op) == holds;
+  int64_t distance = shift->offset - !isStrict;
+  Value limit = emitter.make<MaxOp>(
+      type, {clone(bound), emitter.number(distance)});
+  limit = emitter.make<MinOp>(type, {limit, emitter.number(1 << 30)});
+  limit = emitter.make<SubOp>(type, {limit, emitter.number(distance)});
+  bounds[dimension].push_back(limit);
+  return true;
+}
+
+void Guard::add(GatherEmitter &emitter, Value condition, bool holds,
+                Clone clone) {
+  Operation *op = condition.getDefiningOp();
+  if (op && (holds ? isa<BitAndOp>(op) : isa<BitOrOp>(op))) {
+    add(emitter, op->getOperand(0), holds, clone);
+    return add(emitter, op->getOperand(1), holds, clone);
+  }
+  if (isa_and_nonnull<UNotOp>(op))
+    return add(emitter, op->getOperand(0), !holds, clone);
+  if (auto branch = dyn_cast_or_null<scf::IfOp>(op)) {
+    unsigned i = cast<OpResult>(condition).getResultNumber();
+    Value then = branch.thenYield().getOperand(i);
+    Value otherwise = branch.elseYield().getOperand(i);
+    for (bool taken : {true, false}) {
+      auto other = getConstantInteger(taken ? otherwise : then);
+      if (!other || bool(*other) == holds)
+        continue;
+      add(emitter, branch.getCondition(), taken, clone);
+      return add(emitter, taken ? then : otherwise, holds, clone);
+    }
+  }
+  if (op && isa<EqOp, NeOp, LtOp, LeOp, GtOp, GeOp>(op) &&
+      addComparison(emitter, op, holds, clone))
+    return;
+  Value value = clone(condition);
+  if (!holds)
+    value = emitter.make<UNotOp>(value.getType(), {value});
+  rest = emitter.both(rest, value);
+}
+
+Value Guard::build(GatherEmitter &emitter, ArrayRef<int64_t> back,
+                   ArrayRef<int64_t> span) const {
+  Value all;
+  for (unsigned i = 0; i < least.size(); ++i) {
+    if (int64_t from = least[i] + back[i])
+      all = emitter.both(all, emitter.isAtLeast(i, from));
+    SmallVector<Value, 2> ends = bounds[i];
+    if (!extents.empty() && back[i] < span[i])
+      ends.push_back(extents[i]);
+    if (ends.empty())
+      continue;
+    Value end = ends.front(), index = emitter.tid.getResult(i);
+    for (Value other : llvm::drop_begin(ends))
+      end = emitter.make<MinOp>(end.getType(), {end, other});
+    if (back[i])
+      end = emitter.make<AddOp>(end.getType(), {end, emitter.number(back[i])});
+    all = emitter.both(all, emitter.make<LtOp>(emitter.b.getI1Type(),
+                                               {index, end}));
+  }
+  return emitter.both(all, rest);
+}
+
+} // namespace warp::autodiff

@@ -1,0 +1,65 @@
+//===- NeighborSums.h - Sums into elements around a thread's ----*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_TRANSFORMS_AUTODIFF_NEIGHBORSUMS_H
+#define WARP_TRANSFORMS_AUTODIFF_NEIGHBORSUMS_H
+
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/Dialect/Func/IR/FuncOps.h"
+
+#include "llvm/ADT/SetVector.h"
+
+namespace warp::autodiff {
+
+/// A thread index plus a small constant.
+struct Shift {
+  unsigned dimension;
+  int64_t offset;
+  bool operator==(const Shift &other) const {
+    return dimension == other.dimension && offset == other.offset;
+  }
+};
+
+/// A value of that form; casts to wider integers do not matter.
+std::optional<Shift> getShift(mlir::Value value);
+
+/// The least thread index for which a comparison with a constant holds, or does
+/// not, as far as it says so by a lower bound or equality; indices are not
+/// negative.
+std::optional<int64_t> getLeast(mlir::Operation *comparison, bool holds,
+                                unsigned dimension);
+
+/// One addition to an element near the thread's own.
+struct NeighborSum {
+  AccumulateOp op;
+  /// From the thread to the element, by dimension of the launch.
+  llvm::SmallVector<int64_t, 3> offsets;
+};
+
+/// All that a kernel does to the gradients of one array.
+struct NeighborSums {
+  /// The array of gradients.
+  mlir::Value gradients;
+  /// The dimension of the launch that indexes each dimension of the array.
+  llvm::SmallVector<unsigned, 3> dimensions;
+  llvm::SmallVector<NeighborSum> sums;
+};
+
+/// The gradients of an adjoint to which threads add around their own element
+/// only, atomically as it is, and what can be computed for another thread,
+/// before the launch, as well as by that thread itself. `rank` becomes the
+/// number of thread indices.
+llvm::SmallVector<NeighborSums> findNeighborSums(mlir::func::FuncOp adjoint,
+                                                 unsigned &rank);
+
+/// What has to be computed to have the values that an operation uses, the
+/// conditions of the branches around it included.
+llvm::SetVector<mlir::Operation *> getSlice(mlir::Operation *op);
+
+} // namespace warp::autodiff
+
+#endif // WARP_TRANSFORMS_AUTODIFF_NEIGHBORSUMS_H

@@ -1,0 +1,21 @@
+//===- Gather.cpp - Adjoints of stencils without atomics ------------------===//
+
+#include "Native.h"
+
+#include "warp/Gather.h"
+
+#include <pybind11/stl.h>
+
+namespace py = pybind11;
+using namespace warp;
+
+void python::bindGather(py::module_ &m) {
+  py::class_<GatheredAdjoint>(m, "GatheredAdjoint", "An adjoint in two parts.")
+      .def_readonly("sums", &GatheredAdjoint::sums)
+      .def_readonly("halo", &GatheredAdjoint::halo)
+      .def_readonly("rest", &GatheredAdjoint::rest)
+      .def_readonly("atomics", &GatheredAdjoint::atomics);
+  m.def("gather_sums", gatherSums, py::arg("adjoint"),
+        py::call_guard<py::gil_scoped_release>(),
+        "Takes sums over neighbours out of an adjoint; None without such.");
+}

@@ -1,0 +1,58 @@
+"""Adjoints of stencils without atomic additions: two launches in place of one.
+
+The first one collects, for each element, what the threads around it add to its gradient; the second
+one is the rest of the adjoint. The compiler takes them apart where it can (include/warp/Gather.h).
+"""
+
+from __future__ import annotations
+
+from warp import _native
+
+
+class Gathered:
+    """The two parts of an adjoint.
+
+    Args:
+        kernel: the kernel in Python.
+        made: what the compiler has made of its adjoint.
+    """
+
+    def __init__(self, kernel, made):
+        self.atomics = made.atomics
+        self._halo = made.halo
+        self._sums = kernel.compile_module(made.sums, f"{kernel.key}_adjoint_sums")
+        self._rest = None
+        if made.rest is not None:
+            self._rest = kernel.compile_module(made.rest, f"{kernel.key}_adjoint")
+
+    def fits(self, dim) -> bool:
+        """Whether it is right for a launch of these extents."""
+        extents = _extents(dim)
+        return len(extents) == len(self._halo) and all(
+            extent + more < 2**29 for extent, more in zip(extents, self._halo, strict=True)
+        )
+
+    def launch(self, call, values, hidden) -> None:
+        """Runs both parts; arguments are those of the adjoint."""
+        extents = _extents(call.dim)
+        larger = tuple(extent + more for extent, more in zip(extents, self._halo, strict=True))
+        place = (call.device, call.stream, call.block_dim or 0)
+        self._sums.launch(larger, values, [*hidden, *extents], *place)
+        if self._rest is not None:
+            self._rest.launch(call.dim, values, hidden, *place)
+
+
+def gather_sums(kernel, adjoint) -> Gathered | None:
+    """The parts of an adjoint, given as a module, if additions can be gathered.
+
+    Checks of bounds are about the accesses of the adjoint as it is, so a kernel in debug mode stays
+    whole.
+    """
+    if kernel.option("mode") == "debug":
+        return None
+    made = _native.gather_sums(adjoint)
+    return None if made is None else Gathered(kernel, made)
+
+
+def _extents(dim) -> tuple[int, ...]:
+    return tuple(map(int, dim)) if isinstance(dim, (tuple, list)) else (int(dim),)
