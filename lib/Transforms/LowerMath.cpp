@@ -9,6 +9,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "AngleGuard.h"
 #include "KernelFunction.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -73,6 +74,12 @@ const llvm::StringMap<Function> &functions() {
   return table;
 }
 
+Value withoutAngleGuard(Value operand) {
+  auto guard = operand.getDefiningOp<arith::SelectOp>();
+  return guard && guard->hasAttr(warp::angleGuardName) ? guard.getFalseValue()
+                                                       : operand;
+}
+
 struct LowerMath : warp::impl::LowerMathBase<LowerMath> {
   void runOnOperation() override {
     FunctionOpInterface entry = warp::findEntry(getOperation());
@@ -100,11 +107,13 @@ struct LowerMath : warp::impl::LowerMathBase<LowerMath> {
     if (type.getIntOrFloatBitWidth() < 32)
       computed = b.getF32Type();
     SmallVector<Value> operands;
-    for (Value operand : op->getOperands())
+    for (Value guarded : op->getOperands()) {
+      Value operand = withoutAngleGuard(guarded);
       operands.push_back(
           computed == type ? operand
                            : arith::ExtFOp::create(b, loc, computed, operand)
                                  .getResult());
+    }
     LLVM::LLVMFuncOp callee =
         declare(symbolName(function, computed), computed, operands.size());
     Value result = LLVM::CallOp::create(b, loc, callee, operands).getResult();

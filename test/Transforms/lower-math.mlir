@@ -44,3 +44,19 @@ llvm.func @calls(%x: f32, %y: f64, %h: f16, %n: i32)
   %7 = math.fpowi %x, %n : f32, i32
   llvm.return
 }
+
+// The call gets the operands themselves, other selects stay.
+// CPU-LABEL: llvm.func @call
+// CPU-SAME: (%[[X:.*]]: f32, %[[Y:.*]]: f32, %[[C:.*]]: i1)
+// CPU: llvm.call @warp_atan2f(%[[Y]], %[[X]])
+// CPU: %[[CHOSEN:.*]] = arith.select
+// CPU: llvm.call @warp_atan2f(%[[Y]], %[[CHOSEN]])
+llvm.func @call(%x: f32, %y: f32, %c: i1)
+    attributes {warp.target = "cpu"} {
+  %side = math.copysign %y, %x : f32
+  %guard = arith.select %c, %side, %x {warp.angle_guard} : f32
+  %a = math.atan2 %y, %guard : f32
+  %chosen = arith.select %c, %side, %x : f32
+  %b = math.atan2 %y, %chosen : f32
+  llvm.return
+}

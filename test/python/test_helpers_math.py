@@ -100,3 +100,20 @@ def test_decompose_of_singular_matrix_is_finite():
     _, turn, scale = wp.transform_decompose(m)
     assert np.isfinite(list(turn)).all()
     assert list(scale) == [1.0, 0.0, 1.0]
+
+
+@wp.kernel
+def angles_of_constants(out: wp.array(dtype=float)):
+    out[0] = wp.atan2(0.0, 0.0)
+    out[1] = wp.atan2(-0.0, -0.0)
+    # Here the coordinates become constants after the quaternions are taken apart.
+    q = wp.quat_from_euler(wp.vec3(0.6, wp.HALF_PI, 0.2), 2, 1, 0)
+    e = wp.quat_to_euler(q, 2, 1, 0)
+    r = wp.quat_from_euler(e, 2, 1, 0)
+    out[2] = wp.abs(q[0] * r[0] + q[1] * r[1] + q[2] * r[2] + q[3] * r[3])
+
+
+def test_angles_of_constants(device):
+    out = wp.zeros(3, device=device)
+    wp.launch(angles_of_constants, 1, [out], device=device)
+    assert np.allclose(out.numpy(), [0, -np.pi, 1], atol=1e-6)

@@ -6,6 +6,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "AngleGuard.h"
 #include "Lowerings/LoweringFunctions.h"
 #include "WarpDialect/WarpOps.h"
 
@@ -17,10 +18,27 @@ using namespace mlir;
 
 namespace warp::lowering {
 
+/// atan2 that no folding turns into NaN.
+static Value arcTangent(Emitter &emitter, Value y, Value x) {
+  Type type = x.getType();
+  Value reach = emitter.create<arith::MaximumFOp>(
+      emitter.create<math::AbsFOp>(y), emitter.create<math::AbsFOp>(x));
+  Value isOrigin = emitter.create<arith::CmpFOp>(
+      arith::CmpFPredicate::OEQ, reach, emitter.constant(type, 0).value);
+  Value side = emitter.create<math::CopySignOp>(
+      emitter.constant(type, 1).value, x);
+  Value guard = emitter.create<arith::SelectOp>(isOrigin, side, x);
+  guard.getDefiningOp()->setAttr(angleGuardName,
+                                 UnitAttr::get(type.getContext()));
+  return emitter.create<math::Atan2Op>(y, guard);
+}
+
 template <typename OpTy>
 static Value createOp(Emitter &emitter, ValueRange in) {
   if constexpr (std::is_void_v<OpTy>) {
     llvm_unreachable("the overloads of the builtin exclude this type");
+  } else if constexpr (std::is_same_v<OpTy, math::Atan2Op>) {
+    return arcTangent(emitter, in[0], in[1]);
   } else {
     return emitter.create<OpTy>(in.front().getType(), in);
   }
