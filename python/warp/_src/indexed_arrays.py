@@ -12,6 +12,7 @@ from __future__ import annotations
 import functools
 import typing
 
+from warp import _native
 from warp._src import annotations, errors, scalars, types
 from warp._src.annotations import ArrayType, IndexedArrayType
 from warp._src.array import allocate, array, new_array
@@ -109,6 +110,9 @@ class indexedarray(ArrayArithmetic):
         self.data = data
         self.indices = _checked(indices, data)
         self._record = None
+        # Memory of an index at least, for the dimensions without.
+        filled = [given for given in self.indices if given is not None and given.size]
+        self._readable = filled[0] if filled else _one_element(scalars.int32, data, bytes(4))
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -194,13 +198,7 @@ class indexedarray(ArrayArithmetic):
 
     def _stand_in(self, axis) -> array:
         """What kernels read, and do not use, as indices of a dimension that has none."""
-        filled = [given for given in self.indices if given is not None and given.size]
-        if filled:
-            source = filled[0]
-        else:
-            source = new_array()
-            allocate(source, (1,), scalars.int32, self.device_index)
-        return source._view(0, (self.data.shape[axis],), (0,))
+        return self._readable._view(0, (self.data.shape[axis],), (0,))
 
     def _check_writable(self) -> None:
         self.data._check_writable()
@@ -272,15 +270,20 @@ class indexedarray(ArrayArithmetic):
         self._fill(element_bytes(self.dtype, value))
 
     def _fill(self, pattern) -> None:
-        from warp import _native
         from warp._src.array_create import copy
 
         self._check_writable()
         if self.size:
-            element = new_array()
-            allocate(element, (1,), self.dtype, self.device_index)
-            _native.fill_array(element, pattern)
+            element = _one_element(self.dtype, self.data, pattern)
             copy(self, element._view(0, self.shape, (0,) * self.ndim))
+
+
+def _one_element(dtype, neighbour, pattern) -> array:
+    """An array of one element with these bytes, on the device of another array."""
+    element = new_array()
+    allocate(element, (1,), dtype, neighbour.device_index)
+    _native.fill_array(element, pattern)
+    return element
 
 
 def _checked(indices, data) -> list:
