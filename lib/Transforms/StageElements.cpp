@@ -93,11 +93,14 @@ static bool followsThreads(Value index, int depth = 8) {
   return isa<arith::SubIOp>(op) && follows(0) && isUniform(op->getOperand(1));
 }
 
+static bool areUniform(ValueRange values) {
+  return llvm::all_of(values, [](Value value) { return isUniform(value); });
+}
+
 /// Whether an array is the same for all threads and has no gaps.
 static bool isPacked(Value array) {
   if (auto view = array.getDefiningOp<warp::ViewOp>())
-    return isPacked(view.getArray()) &&
-           llvm::all_of(view.getIndices(), [](Value i) { return isUniform(i); });
+    return isPacked(view.getArray()) && areUniform(view.getIndices());
   if (auto grad = array.getDefiningOp<warp::GradOp>())
     return isPacked(grad.getArray());
   auto parameter = array.getDefiningOp<warp::ParameterOp>();
@@ -135,8 +138,7 @@ static bool isWide(Type element) {
 /// Whether elements at these indices follow each other in a warp.
 static bool isStretch(Value array, ValueRange indices, Block *block) {
   return isPacked(array) && followsThreads(indices.back()) &&
-         llvm::all_of(indices.drop_back(),
-                      [](Value i) { return isUniform(i); }) &&
+         areUniform(indices.drop_back()) &&
          warp::isNonNegative(indices.back(), block);
 }
 

@@ -56,6 +56,23 @@ def test_elements(shape, real, device):
             np.testing.assert_array_equal(out.numpy()[count], np.full(shape, 77))
 
 
+@pytest.mark.parametrize("real", REALS)
+@pytest.mark.parametrize("shape", SHAPES)
+def test_gradients_of_elements(shape, real, device):
+    """Those of what was stored are taken, and added to those of what was loaded."""
+    element = composite(shape, real)
+    kernel = define_scale(element, real)
+    for count in SIZES:
+        x, y = (wp.zeros(count, element, device=device, requires_grad=True) for _ in range(2))
+        before, seed = (numbers((count, *shape), wp.float32, number) for number in (3, 4))
+        x.grad.assign(before)
+        y.grad.assign(seed)
+        inputs, adjoints = [x, y, real(3.0)], [x.grad, y.grad, None]
+        wp.launch(kernel, count, inputs, adj_inputs=adjoints, adjoint=True, device=device)
+        np.testing.assert_array_equal(x.grad.numpy(), before + 3 * seed)
+        np.testing.assert_array_equal(y.grad.numpy(), np.zeros((count, *shape)))
+
+
 @wp.kernel
 def move(x: wp.array(dtype=wp.transform), y: wp.array(dtype=wp.transform), by: wp.transform):
     i = wp.tid()
@@ -82,9 +99,7 @@ def advance(x: wp.array(dtype=wp.mat33), steps: int):
 
 
 @wp.kernel
-def zigzag(
-    x: wp.array(dtype=wp.mat33), y: wp.array(dtype=wp.mat33), out: wp.array(dtype=wp.mat33)
-):
+def zigzag(x: wp.array(dtype=wp.mat33), y: wp.array(dtype=wp.mat33), out: wp.array(dtype=wp.mat33)):
     i = wp.tid()
     first = x[i]
     y[i] = 2.0 * first
@@ -278,9 +293,7 @@ def test_gradients(count, size, real, tolerance, device):
     adjoints = [item.grad for item in inputs]
     wp.launch(kernel, count, inputs, adj_inputs=adjoints, adjoint=True, device=device)
     inverse = np.linalg.inv(f).transpose(0, 2, 1)
-    expected = before + seed[:, None, None] * (
-        np.linalg.det(f)[:, None, None] * inverse + 2 * f
-    )
+    expected = before + seed[:, None, None] * (np.linalg.det(f)[:, None, None] * inverse + 2 * f)
     expected += f @ (seeds + seeds.transpose(0, 2, 1))
     np.testing.assert_allclose(array.grad.numpy(), expected, rtol=tolerance, atol=tolerance)
     np.testing.assert_array_equal(out.grad.numpy(), np.zeros((count, size, size)))
