@@ -293,3 +293,45 @@ def test_gradients_that_share_memory(device):
     wanted[1:7] += a[:6]
     wanted[:6] -= a[1:7]
     np.testing.assert_allclose(one.numpy(), wanted, rtol=1e-12)
+
+
+def test_second_derivatives(device):
+    x = wp.array(RNG.normal(size=6), dtype=REAL, device=device, requires_grad=True)
+    kernel = compiled(LOSS)
+
+    def total(x):
+        loss = wp.zeros(1, dtype=REAL, device=device, requires_grad=True)
+        wp.launch(kernel, 5, [x, loss], device=device)
+        return loss
+
+    vector = RNG.normal(size=6)
+    given = wp.array(vector, dtype=REAL, device=device)
+    slope = np.diff(np.eye(6), axis=0)
+    product = wp.autograd.hvp(total, inputs=[x], vectors=[given])
+    np.testing.assert_allclose(product.numpy(), 2.0 * slope.T @ slope @ vector, rtol=1e-12)
+
+
+def test_replayed_in_a_graph(device):
+    kernel = compiled(LINE)
+    x = wp.array(RNG.normal(size=9), dtype=REAL, device=device, requires_grad=True)
+    y = wp.zeros(9, dtype=REAL, device=device, requires_grad=True)
+
+    def backward():
+        wp.launch(kernel, 9, [x, y, 9], adjoint=True, device=device)
+
+    backward()
+    with wp.ScopedCapture(device) as capture:
+        backward()
+    x.grad.zero_()
+    for _ in range(3):
+        y.grad.fill_(1.0)
+        wp.capture_launch(capture.graph)
+    wanted = 3.0 * np.array([0.5, -0.5] + [1.5] * 5 + [1.0, 2.0])
+    np.testing.assert_allclose(x.grad.numpy(), wanted, rtol=1e-14)
+    assert y.grad.numpy().tolist() == [1.0] + [0.0] * 7 + [1.0]
+
+
+def test_debug_mode_leaves_the_adjoint_whole(device, monkeypatch):
+    monkeypatch.setattr(wp.config, "mode", "debug")
+    x = RNG.normal(size=9)
+    check(LINE, 9, [x, *zeros_like(x)], [9], device, gathered=False)

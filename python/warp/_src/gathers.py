@@ -10,20 +10,25 @@ from warp import _native
 
 
 class Gathered:
-    """The two parts of an adjoint.
+    """The two parts of an adjoint, native kernels.
 
     Args:
         kernel: the kernel in Python.
         made: what the compiler has made of its adjoint.
+
+    Attributes:
+        sums: what is launched first.
+        rest: what is launched after it, or None.
+        atomics: atomic additions in `rest`.
     """
 
     def __init__(self, kernel, made):
         self.atomics = made.atomics
         self._halo = made.halo
-        self._sums = kernel.compile_module(made.sums, f"{kernel.key}_adjoint_sums")
-        self._rest = None
+        self.sums = kernel.compile_module(made.sums, f"{kernel.key}_adjoint_sums")
+        self.rest = None
         if made.rest is not None:
-            self._rest = kernel.compile_module(made.rest, f"{kernel.key}_adjoint")
+            self.rest = kernel.compile_module(made.rest, f"{kernel.key}_adjoint")
 
     def fits(self, dim) -> bool:
         """Whether it is right for a launch of these extents."""
@@ -37,9 +42,9 @@ class Gathered:
         extents = _extents(call.dim)
         larger = tuple(extent + more for extent, more in zip(extents, self._halo, strict=True))
         place = (call.device, call.stream, call.block_dim or 0)
-        self._sums.launch(larger, values, [*hidden, *extents], *place)
-        if self._rest is not None:
-            self._rest.launch(call.dim, values, hidden, *place)
+        self.sums.launch(larger, values, [*hidden, *extents], *place)
+        if self.rest is not None:
+            self.rest.launch(call.dim, values, hidden, *place)
 
 
 def gather_sums(kernel, adjoint) -> Gathered | None:
