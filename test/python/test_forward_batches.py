@@ -37,7 +37,10 @@ def vectors(numbers, device):
 
 @pytest.mark.parametrize("count", COUNTS)
 def test_batch_equals_one_by_one(device, count):
-    """Of a function that overwrites its inputs, with an input that has no tangents."""
+    """Of a function that overwrites its inputs, with an input that has no tangents.
+
+    Not to the last bit: a product that directions share is not contracted with a sum.
+    """
     rng = np.random.default_rng(4)
     start = rng.normal(size=(5, 3)), rng.normal(size=(5, 3)), rng.uniform(1, 2, 5)
     dx, dm = rng.normal(size=(count, 5, 3)), rng.normal(size=(count, 5))

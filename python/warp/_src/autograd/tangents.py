@@ -50,9 +50,11 @@ class Tangents:
 
     def __init__(self, tape=None, width=1, previous=None, is_last=True):
         self.tape, self.width, self.is_last = tape, width, is_last
-        # By address: the allocation's array, and for each direction the bytes of its twin and those
-        # of the twin's gradient.
-        self._twins: dict[int, tuple[array, list[tuple[array, array | None]]]] = {}
+        # By address: the allocation's array, bytes from one direction's twin to the next one's, the
+        # bytes of all of them and those of their gradients.
+        self._twins: dict[int, tuple[array, int, array, array | None]] = {}
+        # Of arrays, by identity: the array, its gradient, its tangents along each direction.
+        self._views: dict[int, tuple[array, array | None, list[array]]] = {}
         # By address: the allocation's array and what it held before the first write; and the same
         # of the previous evaluation.
         self._kept: dict[int, tuple[array, array]] = {}
@@ -65,33 +67,38 @@ class Tangents:
 
     # Twins.
 
+    def has(self, one: array) -> bool:
+        """Whether an array has tangents; if not, they are all zero."""
+        return (_base(one).ptr or 0) in self._twins
+
     def find(self, one: array, direction=0) -> array | None:
         """The tangents of an array, None if they are all zero."""
-        base = _base(one)
-        if (base.ptr or 0) not in self._twins:
-            return None
-        return self._view(one, base, direction)
+        return self.twin(one, direction) if self.has(one) else None
 
     def twin(self, one: array, direction=0) -> array:
         """The tangents of an array, which become zeros if it had none."""
+        known = self._views.get(id(one))
+        if known is None or known[1] is not one.grad:
+            base = self._allocate(one)
+            views = [self._view(one, base, i) for i in range(self.width)]
+            known = self._views[id(one)] = (one, one.grad, views)
+        return known[2][direction]
+
+    def _allocate(self, one: array) -> array:
+        """Sees to it that the allocation of an array has twins; returns the allocation."""
         base = _base(one)
         if (base.ptr or 0) not in self._twins:
             box = Box(base)
-            size = (box.stop - box.start) * _widening(base.dtype)
-            made = [
-                (
-                    _zeros(size, base.device),
-                    None if self.tape is None else _zeros(size, base.device),
-                )
-                for _ in range(self.width)
-            ]
-            self._twins[base.ptr or 0] = (base, made)
-        return self._view(one, base, direction)
+            pitch = _pitch((box.stop - box.start) * _widening(base.dtype))
+            tangents = _zeros(self.width * pitch, base.device)
+            gradients = None if self.tape is None else _zeros(self.width * pitch, base.device)
+            self._twins[base.ptr or 0] = (base, pitch, tangents, gradients)
+        return base
 
     def _view(self, one: array, base: array, direction) -> array:
-        tangents, gradients = self._twins[base.ptr or 0][1][direction]
+        _, pitch, tangents, gradients = self._twins[base.ptr or 0]
         wide, dtype = _widening(one.dtype), gradient_type(one.dtype)
-        offset = ((one.ptr or 0) - (base.ptr or 0)) * wide
+        offset = ((one.ptr or 0) - (base.ptr or 0)) * wide + direction * pitch
         strides = [stride * wide for stride in one.strides]
         result = tangents._view(offset, one.shape, strides, dtype)
         if gradients is not None:
@@ -153,10 +160,7 @@ class Tangents:
 
     def _active(self, leaves, accesses) -> tuple[bool, ...]:
         """Arrays that have tangents, or get some from those that have."""
-        known = [
-            one is not None and has_gradient(one.dtype) and self.find(one) is not None
-            for _, one in leaves
-        ]
+        known = [one is not None and has_gradient(one.dtype) and self.has(one) for _, one in leaves]
         if not any(known):
             return tuple(known)
         return tuple(
@@ -183,9 +187,7 @@ class Tangents:
         again = call.other(made.native, (*values, *hidden))
         arrays = [one for _, one in again.leaves]
         active = tuple(
-            one is not None
-            and has_gradient(one.dtype)
-            and (self.find(one) is not None or one.grad is not None)
+            one is not None and has_gradient(one.dtype) and (self.has(one) or one.grad is not None)
             for one in arrays
         )
         second = _tangent_of(made, active, unique, self.width)
@@ -197,17 +199,17 @@ class Tangents:
         self._copy(dest, src, stream)
         if not has_gradient(dest.dtype):
             return
-        if self.find(src) is not None:
+        if self.has(src):
             for i in range(self.width):
-                self._copy(self.twin(dest, i), self.find(src, i), stream)
-        elif self.find(dest) is not None:
+                self._copy(self.twin(dest, i), self.twin(src, i), stream)
+        elif self.has(dest):
             self._clear(dest)
 
     def fill(self, target: array, pattern: bytes) -> None:
         """Fills with a constant, whose tangent is zero."""
         self._access((target,), (target,))
         self._fill(target, pattern)
-        if self.find(target) is not None:
+        if self.has(target):
             self._clear(target)
 
     def _clear(self, one: array) -> None:
@@ -224,6 +226,11 @@ class Tangents:
         _native.fill_array(target, pattern)
         if self.tape is not None:
             self.tape.add_fill(target, event("fill"))
+
+
+def _pitch(size: int) -> int:
+    """Bytes from one twin to the next; not a power of two, so that caches have room for all."""
+    return (size + 63) // 64 * 64 + 320
 
 
 def _zeros(size, device) -> array:
