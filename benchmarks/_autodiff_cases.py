@@ -52,6 +52,32 @@ def define_sines(real):
     return sines
 
 
+def define_mean():
+    @alone
+    def mean(x: wp.array(dtype=float), n: int, y: wp.array(dtype=float)):
+        i = wp.tid()
+        state = wp.rand_init(1, i)
+        s = float(0.0)
+        for _ in range(n):
+            s += wp.sin(x[i] * wp.randf(state))
+        y[i] = s / float(n)
+
+    return mean
+
+
+def define_growth():
+    @alone
+    def growth(x: wp.array(dtype=float), n: int, y: wp.array(dtype=float)):
+        i = wp.tid()
+        state = wp.rand_init(1, i)
+        s = x[i]
+        for _ in range(n):
+            s = s * (0.995 + 0.01 * wp.randf(state))
+        y[i] = s
+
+    return growth
+
+
 def define_relaxation(real):
     @alone
     def relaxation(k: wp.array(dtype=real), n: int, dt: real, y: wp.array(dtype=real)):
@@ -264,37 +290,56 @@ def reference(x, n):
     return product
 
 
-def measure_iterations(device, seconds):
-    """A loop of a million iterations, backwards: seconds, memory and error."""
-    n = 10**6
-    result = {"reference": reference(1.0, n)}
+def tapes():
+    """How long loops have their values again: ways that there are here, the default first."""
+    return ("checkpoints", "global") if hasattr(wp.config, "tape") else ("",)
+
+
+def timed_loop(kernel, threads, rest, device, real=wp.float32):
+    """One forward and one backward launch of a kernel of an array, `rest` and a result."""
     make = Arrays(device)
-    for real in (wp.float32, wp.float64):
-        x, y = make.array(np.ones(1), real), make.zeros(real, 1)
-        kernel = define_sines(real)
-        forward, backward = passes(kernel, 1, [x, n, y], device)
-        forward()
-        wp.synchronize_device(device)
+    x, y = make.array(np.ones(threads), real), make.zeros(real, threads)
+    forward, backward = passes(kernel, threads, [x, *rest, y], device)
+    forward()
+    passes(kernel, threads, [x, *[1] * len(rest), y], device)[1]()
+    x.grad.zero_()
+    y.grad.fill_(1.0)
+    wp.synchronize_device(device)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    times = []
+    for run in (forward, backward):
         begin = time.perf_counter()
-        forward()
+        run()
         wp.synchronize_device(device)
-        middle = time.perf_counter()
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        passes(kernel, 1, [x, 1, y], device)[1]()
-        x.grad.zero_()
-        y.grad.fill_(1.0)
-        wp.synchronize_device(device)
-        start = time.perf_counter()
-        backward()
-        wp.synchronize_device(device)
-        end = time.perf_counter()
-        result[real.__name__] = {
-            "forward": middle - begin,
-            "backward": end - start,
-            "kilobytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - peak,
-            "gradient": float(x.grad.numpy()[0]),
-            "counts": counts(kernel),
-        }
+        times.append(time.perf_counter() - begin)
+    return {
+        "forward": times[0],
+        "backward": times[1],
+        "kilobytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - peak,
+        "gradient": float(x.grad.numpy()[0]),
+        "counts": counts(kernel),
+    }
+
+
+def measure_iterations(device, seconds):
+    """A loop of a million iterations, backwards: seconds, memory and error; and many shorter."""
+    n = 10**6
+    result = {"reference": reference(1.0, n), "long": {}, "many": {}, "samples": {}}
+    for tape in tapes():
+        if tape:
+            wp.config.tape = tape
+        label = ", global tape" if tape == "global" else ""
+        for real in (wp.float32, wp.float64):
+            found = timed_loop(define_sines(real), 1, [n], device, real)
+            result["long"][real.__name__ + label] = found
+        found = timed_loop(define_sines(wp.float32), 10**4, [10**3], device)
+        result["many"]["10^4 threads of 10^3 iterations" + label] = found
+    result["samples"]["10^3 sums of 10^4 samples"] = timed_loop(
+        define_mean(), 10**3, [10**4], device
+    )
+    result["samples"]["10^3 products of 10^4 samples"] = timed_loop(
+        define_growth(), 10**3, [10**4], device
+    )
     return result
 
 

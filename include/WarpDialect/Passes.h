@@ -65,6 +65,8 @@ constexpr llvm::StringLiteral notices = "warp.notices";
 constexpr llvm::StringLiteral metrics = "warp.metrics";
 /// On a second function: the kernel, changed to save what its adjoint needs.
 constexpr llvm::StringLiteral augmented = "warp.augmented";
+/// On a function next to an adjoint: it finds how much tape each thread needs.
+constexpr llvm::StringLiteral counting = "warp.counting";
 /// On a second function: by how much its launch is larger, per dimension.
 constexpr llvm::StringLiteral halo = "warp.halo";
 /// On a function: the one that is its derivative, in reverse and in forward

@@ -149,6 +149,9 @@ def DifferentiateKernel : WarpPass<"warp-differentiate-kernel"> {
     Option<"unique", "unique", "bool", "true", "No two arrays overlap">,
     Option<"maxLocalTape", "max-local-tape", "int64_t", "256",
            "Bytes that a thread may keep of a loop with a known length">,
+    Option<"tape", "tape", "std::string", "\"checkpoints\"",
+           "How longer loops have what they need again: checkpoints, or global "
+           "for memory that the runtime allocates">,
     Option<"dumpRecovery", "dump-recovery", "bool", "false",
            "Say how each value that a loop carries is had again">,
   ];

@@ -50,6 +50,10 @@ struct AutodiffOptions {
   /// Bytes that a loop of known length may keep per thread; longer ones run
   /// parts of the forward sweep again.
   int maxLocalTape = 256;
+  /// What loops with more to keep do: "checkpoints" runs parts of the forward
+  /// sweep again in memory of a fixed size; "global" keeps all iterations in
+  /// memory that the runtime allocates for each launch.
+  std::string tape = "checkpoints";
 };
 
 /// An argument that the primal does not have.
@@ -65,6 +69,15 @@ struct HiddenArgument {
     Tangent,
     /// Zeros, one for each element of an array that has winners.
     Claims,
+    /// Per loop in the global tape (its number is the leaf) and thread, the
+    /// trips: zero before the counting launch. Of rank 4, like `Saved`.
+    Trips,
+    /// The same for where the thread's part of the tape begins.
+    Offsets,
+    /// Per loop the trips of all threads: zero before the counting launch.
+    Totals,
+    /// Memory for as many trips of a loop, in rows of 2^16 elements.
+    Tape,
   };
   Kind kind = Kind::Preserved;
   /// The array, as numbered by `AutodiffOptions::active`; -1 without.
@@ -82,8 +95,10 @@ struct Derivative {
   Module module;
   /// The primal, changed to fill the `Saved` arguments; it has those too.
   std::optional<Module> augmented;
-  /// After the arguments of the primal, in order.
-  std::vector<HiddenArgument> hidden;
+  /// The kernel that finds how much global tape each thread needs.
+  std::optional<Module> counting;
+  /// After the arguments of the primal, in order; those of `counting`.
+  std::vector<HiddenArgument> hidden, hiddenOfCounting;
   /// Arrays whose contents the derivative reads.
   std::vector<int> needed;
   /// Not empty if only launches of one thread are right; says why.

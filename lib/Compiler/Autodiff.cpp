@@ -103,6 +103,7 @@ LogicalResult warp::derive(ModuleOp module, const AutodiffOptions &options) {
   derivation.width = options.width;
   derivation.unique = options.unique;
   derivation.maxLocalTape = options.maxLocalTape;
+  derivation.tape = options.tape;
   PassManager differentiate(module.getContext());
   differentiate.enableVerifier(false);
   differentiate.addPass(createDifferentiateKernel(derivation));
@@ -198,6 +199,10 @@ static HiddenArgument readHidden(DictionaryAttr entry, mlir::Type type) {
                     .Case("counters", Kind::Counters)
                     .Case("tangent", Kind::Tangent)
                     .Case("claims", Kind::Claims)
+                    .Case("trips", Kind::Trips)
+                    .Case("offsets", Kind::Offsets)
+                    .Case("totals", Kind::Totals)
+                    .Case("tape", Kind::Tape)
                     .Default(Kind::Preserved);
   if (auto leaf = entry.getAs<IntegerAttr>("leaf"))
     hidden.leaf = static_cast<int>(leaf.getInt());
@@ -210,15 +215,22 @@ static HiddenArgument readHidden(DictionaryAttr entry, mlir::Type type) {
   return hidden;
 }
 
+static std::vector<HiddenArgument> takeHidden(func::FuncOp kernel) {
+  std::vector<HiddenArgument> hidden;
+  Attribute taken = kernel->removeAttr(warp::attr::hidden);
+  if (auto list = dyn_cast_or_null<ArrayAttr>(taken)) {
+    unsigned first = kernel.getNumArguments() - list.size();
+    for (auto [i, entry] : llvm::enumerate(list.getAsRange<DictionaryAttr>()))
+      hidden.push_back(
+          readHidden(entry, kernel.getArgumentTypes()[first + i]));
+  }
+  return hidden;
+}
+
 /// Takes the attributes off the kernel.
 static void readFacts(func::FuncOp kernel, Derivative &derivative) {
   auto take = [&](StringRef name) { return kernel->removeAttr(name); };
-  if (auto list = dyn_cast_or_null<ArrayAttr>(take(warp::attr::hidden))) {
-    unsigned first = kernel.getNumArguments() - list.size();
-    for (auto [i, entry] : llvm::enumerate(list.getAsRange<DictionaryAttr>()))
-      derivative.hidden.push_back(
-          readHidden(entry, kernel.getArgumentTypes()[first + i]));
-  }
+  derivative.hidden = takeHidden(kernel);
   if (auto list = dyn_cast_or_null<ArrayAttr>(take(warp::attr::needed)))
     for (auto leaf : list.getAsRange<IntegerAttr>())
       derivative.needed.push_back(static_cast<int>(leaf.getInt()));
@@ -234,17 +246,23 @@ static void readFacts(func::FuncOp kernel, Derivative &derivative) {
         derivative.metrics[entry.getName().str()] = number.getInt();
 }
 
-/// Parts the augmented primal, if there is one, from the adjoint.
-static std::optional<warp::Module> takeAugmented(ModuleOp module) {
-  if (!findMarked(module, warp::attr::augmented))
+/// Parts the function with a mark, if there is one, from the adjoint: it is the
+/// kernel of a module of its own.
+static std::optional<warp::Module> takeMarked(ModuleOp module, StringRef mark) {
+  func::FuncOp function = findMarked(module, mark);
+  if (!function)
     return std::nullopt;
   auto other = std::make_shared<warp::Module::Impl>();
   other->op = module.clone();
-  findMarked(*other->op, warp::kernelAttrName).erase();
-  func::FuncOp primal = findMarked(*other->op, warp::attr::augmented);
-  primal->removeAttr(warp::attr::augmented);
-  primal->setAttr(warp::kernelAttrName, UnitAttr::get(module.getContext()));
-  findMarked(module, warp::attr::augmented).erase();
+  func::FuncOp kernel = findMarked(*other->op, mark);
+  kernel->removeAttr(mark);
+  for (StringRef rest : {StringRef(warp::kernelAttrName),
+                         StringRef(warp::attr::augmented),
+                         StringRef(warp::attr::counting)})
+    if (func::FuncOp sibling = findMarked(*other->op, rest))
+      sibling.erase();
+  kernel->setAttr(warp::kernelAttrName, UnitAttr::get(module.getContext()));
+  function.erase();
   finish(*other->op);
   return warp::Module(std::move(other));
 }
@@ -273,6 +291,10 @@ static AutodiffOptions complete(const warp::Module &module,
     throw Error(Error::Kind::Value, "expects 'pinned', 'strict' or 'report' at "
                                     "singular points, but got '" +
                                         options.singular + "'");
+  if (options.tape != "checkpoints" && options.tape != "global")
+    throw Error(Error::Kind::Value, "expects the tape 'checkpoints' or "
+                                    "'global', but got '" +
+                                        options.tape + "'");
   return options;
 }
 
@@ -295,13 +317,16 @@ Derivative warp::differentiate(const Module &module,
   check(*copy->op,
         [&](ModuleOp module) { return derive(module, options); });
   keepCalls(*copy->op, false);
-  Derivative derivative{Module(copy), std::nullopt, {}, {}, {}, {}, {}};
+  Derivative derivative{Module(copy), {}, {}, {}, {}, {}, {}, {}, {}};
   func::FuncOp kernel = findMarked(*copy->op, kernelAttrName);
   readFacts(kernel, derivative);
   StringRef suffix = options.forward ? "_tangent" : "_adjoint";
   if (!kernel.getSymName().ends_with(suffix))
     kernel.setSymName((kernel.getSymName() + suffix).str());
-  derivative.augmented = takeAugmented(*copy->op);
+  if (func::FuncOp counting = findMarked(*copy->op, attr::counting))
+    derivative.hiddenOfCounting = takeHidden(counting);
+  derivative.counting = takeMarked(*copy->op, attr::counting);
+  derivative.augmented = takeMarked(*copy->op, attr::augmented);
   finish(*copy->op);
   return derivative;
 }

@@ -24,6 +24,14 @@ static const char *kindText(HiddenArgument::Kind kind) {
     return "tangent";
   case HiddenArgument::Kind::Claims:
     return "claims";
+  case HiddenArgument::Kind::Trips:
+    return "trips";
+  case HiddenArgument::Kind::Offsets:
+    return "offsets";
+  case HiddenArgument::Kind::Totals:
+    return "totals";
+  case HiddenArgument::Kind::Tape:
+    return "tape";
   }
   return "";
 }
@@ -99,6 +107,8 @@ void python::bindAutodiff(py::module_ &m) {
   py::class_<Derivative>(m, "Derivative", "A kernel's derivative.")
       .def_readonly("module", &Derivative::module)
       .def_readonly("augmented", &Derivative::augmented)
+      .def_readonly("counting", &Derivative::counting)
+      .def_readonly("hidden_of_counting", &Derivative::hiddenOfCounting)
       .def_readonly("hidden", &Derivative::hidden)
       .def_readonly("needed", &Derivative::needed)
       .def_readonly("one_thread", &Derivative::oneThread)
@@ -107,7 +117,8 @@ void python::bindAutodiff(py::module_ &m) {
   m.def(
       "differentiate",
       [](const Module &module, bool forward, int width, bool winners,
-         std::vector<bool> active, const std::string &singular, bool unique) {
+         std::vector<bool> active, const std::string &singular, bool unique,
+         const std::string &tape) {
         AutodiffOptions options;
         options.forward = forward;
         options.width = width;
@@ -115,13 +126,14 @@ void python::bindAutodiff(py::module_ &m) {
         options.active = std::move(active);
         options.singular = singular;
         options.unique = unique;
+        options.tape = tape;
         py::gil_scoped_release unlocked;
         return differentiate(module, options);
       },
       py::arg("module"), py::kw_only(), py::arg("forward") = false,
       py::arg("width") = 1, py::arg("winners") = false,
       py::arg("active") = std::vector<bool>(), py::arg("singular") = "pinned",
-      py::arg("unique") = true,
+      py::arg("unique") = true, py::arg("tape") = "checkpoints",
       "The derivative of a module's kernel.");
   m.def("shares_elements", sharesElements, py::arg("arrays"),
         "Whether an address may belong to two elements of the arrays.");

@@ -57,7 +57,7 @@ func.func @chosen(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
       -> (!warp.array<1 x si32>, !warp.array<1 x si32>, f32) : i32 {
     %at = warp.load %a[%i] : !warp.array<1 x si32>, si32 -> si32
     %v = warp.load %x[%at] : !warp.array<1 x f32>, si32 -> f32
-    %u = warp.add(%t, %v) : (f32, f32) -> f32
+    %u = warp.mul(%t, %v) : (f32, f32) -> f32
     scf.yield %b, %a, %u : !warp.array<1 x si32>, !warp.array<1 x si32>, f32
   }
   warp.store %s#2, %y[%i] : f32, !warp.array<1 x f32>, si32

@@ -72,6 +72,8 @@ static bool setOption(warp::AutodiffOptions &options, const std::string &key,
     options.unique = value != "0";
   else if (key == "width")
     options.width = std::atoi(value.c_str());
+  else if (key == "tape")
+    options.tape = value;
   else if (key == "max-local-tape")
     options.maxLocalTape = std::atoi(value.c_str());
   else
@@ -114,8 +116,11 @@ static void printDerivative(const warp::Module &module,
   std::cout << derivative.module.text();
   if (derivative.augmented)
     std::cout << "// augmented\n" << derivative.augmented->text();
+  if (derivative.counting)
+    std::cout << "// counting\n" << derivative.counting->text();
   static const char *const kinds[] = {"preserved", "saved", "counters",
-                                      "tangent",   "claims"};
+                                      "tangent",   "claims", "trips", "offsets",
+                                      "totals",    "tape"};
   for (const warp::HiddenArgument &hidden : derivative.hidden)
     std::cout << "// hidden " << kinds[int(hidden.kind)] << " of array "
               << hidden.leaf << ", " << hidden.perThread << ' ' << hidden.type

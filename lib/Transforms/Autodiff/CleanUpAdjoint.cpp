@@ -10,6 +10,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "../KernelFunction.h"
+#include "CountTrips.h"
 #include "DeadValues.h"
 #include "Reverse.h"
 
@@ -185,7 +186,9 @@ static unsigned describeHidden(func::FuncOp function) {
     hidden.push_back(entries.getDictionary(b.getContext()));
     function.removeArgAttr(i, warp::attr::hidden);
     int64_t leaf = cast<IntegerAttr>(description.get("leaf")).getInt();
-    names.push_back(b.getStringAttr(kind.getValue() + "." + Twine(leaf)));
+    // The tape of one loop may be several arguments.
+    int64_t part = kind.getValue() == "tape" ? i : leaf;
+    names.push_back(b.getStringAttr(kind.getValue() + "." + Twine(part)));
   }
   function->removeAttr(warp::attr::places);
   if (hidden.empty())
@@ -250,6 +253,10 @@ struct CleanUpAdjoint : warp::impl::CleanUpAdjointBase<CleanUpAdjoint> {
         augmented = function;
     mergeSums(adjoint.getBody().front());
     storeSums(adjoint);
+    if (func::FuncOp counting = takeCounting(adjoint)) {
+      dropUnused(counting, nullptr);
+      describeHidden(counting);
+    }
     dropUnused(adjoint, augmented);
     describeCode(adjoint, describeHidden(adjoint));
     if (augmented && describeHidden(augmented) == 0)

@@ -77,6 +77,9 @@ static void attachResults(func::FuncOp adjoint, const ReverseBuilder &builder) {
       b.getDictionaryAttr(
           {b.getNamedAttr("tape_bytes",
                           b.getI64IntegerAttr(builder.metrics.tapeBytes)),
+           b.getNamedAttr(
+               "tape_bytes_per_trip",
+               b.getI64IntegerAttr(builder.metrics.tapeBytesPerTrip)),
            b.getNamedAttr("replay_loops",
                           b.getI64IntegerAttr(builder.metrics.replayLoops))}));
 }
@@ -152,6 +155,10 @@ struct DifferentiateKernel
       return kernel.emitError("expects the mode 'reverse', 'forward' or "
                               "'winners', but got '")
              << mode << "'";
+    if (tape != "checkpoints" && tape != "global")
+      return kernel.emitError("expects the tape 'checkpoints' or 'global', but "
+                              "got '")
+             << tape << "'";
     auto policy = parseSingular(kernel, singular);
     if (failed(policy))
       return failure();
@@ -164,6 +171,7 @@ struct DifferentiateKernel
         options.active.push_back(flag == '1');
     options.unique = unique;
     options.maxLocalTape = maxLocalTape;
+    options.globalTape = tape == "global";
     options.dumpRecovery = dumpRecovery;
     return buildReverse(kernel, options);
   }
@@ -183,13 +191,21 @@ struct DifferentiateKernel
     return success();
   }
 
-  LogicalResult buildReverse(func::FuncOp kernel,
-                             const ReverseOptions &options) {
+  LogicalResult buildReverse(func::FuncOp kernel, ReverseOptions &options) {
     guardArms(kernel);
     func::FuncOp adjoint = createTwin(kernel, "_adjoint");
     ReverseBuilder builder(kernel, adjoint, options);
     if (failed(builder.build()))
       return failure();
+    // A loop turned out to need values from memory after those within it had
+    // got their tapes.
+    if (!builder.untaped.empty()) {
+      options.untaped.insert_range(builder.untaped);
+      adjoint.erase();
+      return buildReverse(kernel, options);
+    }
+    for (auto &[place, text] : builder.remarks)
+      emitRemark(place) << text;
     attachResults(adjoint, builder);
     SmallVector<BlockArgument> saved;
     for (BlockArgument argument : adjoint.getArguments()) {

@@ -14,13 +14,19 @@
 //
 //   rank 1   an invariant, or an integer plus a step: a formula of the number
 //            of the iteration
+//   rank 3   the order of the reverse iterations does not matter: they run
+//            forward and carry the needed values along
+//   rank 4   an integer whose update has an exact inverse: carried backwards
+//            from its last value
 //   rank 5   few iterations, their number a constant: a forward loop keeps the
 //            needed values of all of them in scratch memory
 //   rank 6   any number of iterations in memory of a fixed size, which is what
 //            Recovery.cpp builds
+//   rank 7   instead of that, if asked for: all of them, in memory that the
+//            runtime allocates
 //
-// Both run the loop forward again, but only the part of the state from which
-// the needed part follows (`closure`).
+// Ranks 5 to 7 run the loop forward again, but only the part of the state from
+// which the needed part follows (`closure`).
 //
 // Nested loops are reversed within the placeholder body of the outer one, with
 // a recovery of their own; their initial values come from the replay.
@@ -160,23 +166,39 @@ scf::ForOp LoopReversal::appendCaptures(scf::ForOp loop) {
     return loop;
   OpBuilder::InsertionGuard guard(b);
   b.setInsertionPoint(loop);
-  SmallVector<Value> inits(loop.getInitArgs());
+  SmallVector<Value> zeros;
   for (auto &[primal, sum] : captures)
-    inits.push_back(reverse.zeroCotangent(primal));
-  auto extended =
-      scf::ForOp::create(b, loc, loop.getLowerBound(), loop.getUpperBound(),
-                         loop.getStep(), inits, nullptr, loop.getUnsignedCmp());
-  extended.getRegion().takeBody(loop.getRegion());
-  Block *body = extended.getBody();
-  Operation *yield = body->getTerminator();
+    zeros.push_back(reverse.zeroCotangent(primal));
+  scf::ForOp extended = extend(loop, zeros);
+  Operation *yield = extended.getBody()->getTerminator();
   b.setInsertionPoint(yield);
   for (auto [i, capture] : llvm::enumerate(captures)) {
     unsigned at = active.size() + i;
-    Value sum = body->addArgument(capture.second.getType(), loc);
+    Value sum = extended.getRegionIterArg(at);
     yield->setOperand(at, addInAnyOrder(b, loc, sum, capture.second));
   }
+  return extended;
+}
+
+scf::ForOp LoopReversal::extend(scf::ForOp loop, ValueRange inits) {
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPoint(loop);
+  SmallVector<Value> all(loop.getInitArgs());
+  llvm::append_range(all, inits);
+  auto extended =
+      scf::ForOp::create(b, loc, loop.getLowerBound(), loop.getUpperBound(),
+                         loop.getStep(), all, nullptr, loop.getUnsignedCmp());
+  extended.getRegion().takeBody(loop.getRegion());
+  for (Value init : inits)
+    extended.getBody()->addArgument(init.getType(), loc);
   loop.erase();
   return extended;
+}
+
+SmallVector<Value> LoopReversal::getHeld() {
+  SmallVector<Value> held(placeholders);
+  held.push_back(number);
+  return held;
 }
 
 FailureOr<scf::ForOp> LoopReversal::buildReverse(Value trips,
@@ -202,9 +224,7 @@ FailureOr<scf::ForOp> LoopReversal::buildReverse(Value trips,
   if (failed(fillReverse(loop)))
     return failure();
   loop = appendCaptures(loop);
-  SmallVector<Value> held(placeholders);
-  held.push_back(number);
-  eraseDead(loop.getRegion(), held);
+  eraseDead(loop.getRegion(), getHeld());
   return loop;
 }
 
@@ -241,7 +261,7 @@ bool LoopReversal::hasFreeOrder(scf::ForOp reversed) {
     else if (auto load = dyn_cast<LoadOp>(op))
       read.insert(rootOf(load.getArray()));
     else
-      onlyAdds &= !hasOwnEffect(op);
+      onlyAdds &= !hasOwnEffect(op) || op->hasAttr(attr::taped);
   });
   return onlyAdds && llvm::none_of(added, [&](Value root) {
            return read.contains(root);
@@ -273,6 +293,45 @@ bool LoopReversal::isZero(ArrayRef<Value> cotangents) {
          !loop->walk(hasEffect).wasInterrupted();
 }
 
+/// The needed states of iterations that run from the last to the first.
+/// Returns what the reverse loop leaves.
+FailureOr<SmallVector<Value>>
+LoopReversal::recoverBackwards(scf::ForOp reversed, Value trips,
+                               ArrayRef<unsigned> needed) {
+  FailureOr<Inverses> inverses = findInverses(needed);
+  if (failed(inverses))
+    return failure();
+  SmallVector<unsigned> kept;
+  for (unsigned state : needed)
+    if (!llvm::is_contained(inverses->states, state))
+      kept.push_back(state);
+  // The states of checkpoints have to be there together.
+  if (kept.empty() || fitsTape(trips, kept) || fitsGlobalTape(kept))
+    carryBackwards(reversed, *inverses, needed);
+  else
+    kept.assign(needed.begin(), needed.end());
+  eraseDead(reversed.getRegion(), getHeld());
+  if (failed(checkKept(closure(kept))))
+    return failure();
+  if (!kept.empty() && !fitsTape(trips, kept)) {
+    keepTapesOut();
+    if (!fitsGlobalTape(kept))
+      return recoverFromCheckpoints(reversed, trips, kept);
+  }
+  LogicalResult done = success();
+  if (kept.empty()) {
+    startBackwards(reversed, {}, {});
+    bindNumber(reversed, trips);
+  } else if (fitsTape(trips, kept)) {
+    done = recoverFromTape(reversed, trips, kept);
+  } else {
+    done = recoverFromGlobalTape(reversed, trips, kept);
+  }
+  if (failed(done))
+    return failure();
+  return SmallVector<Value>(reversed.getResults());
+}
+
 LogicalResult LoopReversal::reverseAll(Value trips,
                                        ArrayRef<Value> cotangents) {
   FailureOr<scf::ForOp> built = buildReverse(trips, cotangents);
@@ -280,22 +339,16 @@ LogicalResult LoopReversal::reverseAll(Value trips,
     return failure();
   scf::ForOp reversed = *built;
   SmallVector<unsigned> needed = resolveFree();
-  if (failed(checkKept(closure(needed))))
-    return failure();
-  SmallVector<Value> sums(reversed.getResults());
-  if (needed.empty()) {
-    if (hasFreeOrder(reversed))
-      number.replaceAllUsesWith(reversed.getInductionVar());
-    else
-      bindNumber(reversed, trips);
-  } else if (fitsTape(trips, needed)) {
-    if (failed(recoverFromTape(reversed, trips, needed)))
+  SmallVector<Value> sums;
+  if (hasFreeOrder(reversed)) {
+    if (failed(carryAlong(reversed, needed)))
       return failure();
+    sums = reversed.getResults();
   } else {
-    auto outer = recoverFromCheckpoints(reversed, trips, needed);
-    if (failed(outer))
+    auto results = recoverBackwards(reversed, trips, needed);
+    if (failed(results))
       return failure();
-    sums = *outer;
+    sums = *results;
   }
   for (Value value : placeholders)
     value.getDefiningOp()->erase();
@@ -313,8 +366,13 @@ void LoopReversal::note(ArrayRef<unsigned> states, RecoveryRank rank,
                         int64_t bytes) {
   if (!reverse.options.dumpRecovery)
     return;
-  for (unsigned state : states)
-    emitRemark(loc) << "carried value " << state << " of type "
-                    << getStates()[state].getType() << ": rank "
-                    << static_cast<int>(rank) << ", " << bytes << " bytes";
+  for (unsigned state : states) {
+    std::string text;
+    llvm::raw_string_ostream(text)
+        << "carried value " << state << " of type '"
+        << getStates()[state].getType() << "': rank " << static_cast<int>(rank)
+        << ", " << bytes << " bytes"
+        << (rank == RecoveryRank::GlobalTape ? " per trip" : "");
+    reverse.remarks.emplace_back(loc, text);
+  }
 }

@@ -20,10 +20,16 @@ enum class RecoveryRank {
   NotNeeded = 0,
   /// The same in every iteration, or a step times the iteration.
   ClosedForm = 1,
+  /// Iterations may be reversed in any order, so they run forward.
+  CarriedAlong = 3,
+  /// From the value after the iteration, by exact inverses of integers.
+  Inverted = 4,
   /// All iterations are kept.
   Tape = 5,
   /// A few checkpoints; what is between two of them is run again.
   Checkpoints = 6,
+  /// All iterations are kept, in memory that the runtime allocates.
+  GlobalTape = 7,
 };
 
 /// One loop, as states that follow each other: `getStates` are the carried
@@ -41,6 +47,10 @@ protected:
   virtual mlir::ValueRange getStates() = 0;
   virtual mlir::ValueRange getNexts() = 0;
   virtual mlir::ValueRange getInits() = 0;
+  /// A carried value after the last iteration, in the adjoint.
+  virtual mlir::Value getFinal(unsigned state) = 0;
+  /// What counts the iterations of the primal loop; null if nothing does.
+  virtual mlir::Value getCounter() { return nullptr; }
   /// What a value within an iteration is a plain copy of.
   virtual mlir::Value trace(mlir::Value value) { return value; }
   /// Says what iteration it is.
@@ -79,6 +89,10 @@ private:
   buildReverse(mlir::Value trips, llvm::ArrayRef<mlir::Value> cotangents);
   mlir::LogicalResult fillReverse(mlir::scf::ForOp loop);
   mlir::scf::ForOp appendCaptures(mlir::scf::ForOp loop);
+  /// The loop with more carried values, whose next values are still missing.
+  mlir::scf::ForOp extend(mlir::scf::ForOp loop, mlir::ValueRange inits);
+  /// What has to stay while the reverse loop is not finished.
+  llvm::SmallVector<mlir::Value> getHeld();
   mlir::Value placeholder(mlir::Type type);
 
   /// The state in some iteration by a formula; null if there is none.
@@ -90,6 +104,26 @@ private:
   mlir::LogicalResult checkKept(llvm::ArrayRef<unsigned> states);
   void note(llvm::ArrayRef<unsigned> states, RecoveryRank rank,
             int64_t bytes);
+
+  mlir::FailureOr<llvm::SmallVector<mlir::Value>>
+  recoverBackwards(mlir::scf::ForOp loop, mlir::Value trips,
+                   llvm::ArrayRef<unsigned> needed);
+
+  // RecoveryInRegisters.cpp: states that the reverse loop carries.
+  struct Inverses {
+    llvm::SmallVector<unsigned> states;
+    /// Of the states: after an iteration, and before it.
+    llvm::SmallVector<mlir::Value> after, before;
+  };
+  mlir::LogicalResult carryAlong(mlir::scf::ForOp &loop,
+                                 llvm::ArrayRef<unsigned> needed);
+  mlir::FailureOr<Inverses> findInverses(llvm::ArrayRef<unsigned> needed);
+  mlir::FailureOr<llvm::SmallVector<mlir::Value>>
+  solve(llvm::ArrayRef<unsigned> states, mlir::ValueRange after);
+  void carryBackwards(mlir::scf::ForOp &loop, const Inverses &inverses,
+                      llvm::ArrayRef<unsigned> needed);
+  void startBackwards(mlir::scf::ForOp loop, llvm::ArrayRef<unsigned> states,
+                      mlir::ValueRange last);
 
   // Recovery.cpp: states from scratch memory.
   /// States that the next values of `states` are made of, those included, in
@@ -120,8 +154,19 @@ private:
                                    mlir::ValueRange carried,
                                    const Checkpoints &memory);
 
+  // GlobalTape.cpp: states from memory that the runtime allocates.
+  bool fitsGlobalTape(llvm::ArrayRef<unsigned> states);
+  mlir::LogicalResult recoverFromGlobalTape(mlir::scf::ForOp loop,
+                                            mlir::Value trips,
+                                            llvm::ArrayRef<unsigned> needed);
+  /// Loops within this one, which needs states from memory itself, have no
+  /// part in a tape.
+  void keepTapesOut();
+
   /// Which states get cotangents, in the order of the reverse loop's arguments.
   llvm::SmallVector<unsigned> active;
+  /// Which states it carries backwards, after the cotangents and captures.
+  llvm::SmallVector<unsigned> inverted;
   /// Stand for the number of the iteration and for its states while the
   /// reverse loop is built.
   mlir::Value number;

@@ -196,6 +196,7 @@ LogicalResult LoopReversal::recoverFromTape(scf::ForOp reversed, Value trips,
                      });
   if (failed(end))
     return failure();
+  startBackwards(reversed, states, *end);
   loadNeeded(needed, tape, bindNumber(reversed, trips));
   note(needed, RecoveryRank::Tape, slots * bytesOf(needed));
   return success();

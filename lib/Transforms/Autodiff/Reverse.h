@@ -34,6 +34,8 @@ namespace warp::attr {
 constexpr llvm::StringLiteral unrecoverable = "warp.unrecoverable";
 /// On a load of the adjoint: right if one thread ran the launch.
 constexpr llvm::StringLiteral assumesOneThread = "warp.assumes_one_thread";
+/// On a store of the adjoint: it only concerns the global tape.
+constexpr llvm::StringLiteral taped = "warp.taped";
 /// On an adjoint, until warp-clean-up-adjoint: places of its counters.
 constexpr llvm::StringLiteral places = "warp.places";
 } // namespace warp::attr
@@ -42,7 +44,7 @@ namespace warp::autodiff {
 
 /// An argument that only the adjoint has. The values are part of the interface
 /// to the runtime; see include/warp/Autodiff.h.
-enum class HiddenKind { Preserved, Saved, Counters };
+enum class HiddenKind { Preserved, Saved, Counters, Trips, Offsets, Tape };
 
 struct ReverseOptions {
   /// Per array leaf: it has a gradient.
@@ -52,6 +54,10 @@ struct ReverseOptions {
   bool unique = true;
   /// Bytes that a loop with a known number of trips may keep per thread.
   int64_t maxLocalTape = 256;
+  /// Loops that would need checkpoints keep all of their iterations, except
+  /// for `untaped`.
+  bool globalTape = false;
+  llvm::DenseSet<mlir::Operation *> untaped;
   /// Says how each value that a loop carries is had again.
   bool dumpRecovery = false;
 };
@@ -59,6 +65,8 @@ struct ReverseOptions {
 /// Counts of what the adjoint costs.
 struct ReverseMetrics {
   int64_t tapeBytes = 0, replayLoops = 0;
+  /// In the global tape, for one trip of each loop that is in it.
+  int64_t tapeBytesPerTrip = 0;
 };
 
 /// Builds the adjoint of one kernel; Reverse.cpp explains how.
@@ -141,6 +149,15 @@ public:
   /// first asked for. `leaf` says of which array it keeps contents; -1 without.
   /// An argument that clean-up leaves without a use is dropped.
   mlir::Value getHidden(HiddenKind kind, int64_t leaf, mlir::Type type);
+  /// The same, a new one each time.
+  mlir::Value addHidden(HiddenKind kind, int64_t leaf, mlir::Type type);
+
+  /// What --dump-recovery says, and where.
+  llvm::SmallVector<std::pair<mlir::Location, std::string>> remarks;
+
+  /// Loops in the global tape, by their number there, and those of them that
+  /// cannot be: `untaped` of the next attempt.
+  llvm::SmallVector<mlir::Operation *> taped, untaped;
 
   /// Places whose singular points are counted, in the order of the counters.
   llvm::ArrayRef<mlir::Location> getSingularPlaces() const {

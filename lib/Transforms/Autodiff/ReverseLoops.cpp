@@ -48,6 +48,10 @@ private:
   ValueRange getStates() override { return op.getRegionIterArgs(); }
   ValueRange getNexts() override { return op.getYieldedValues(); }
   ValueRange getInits() override { return op.getInitArgs(); }
+  Value getFinal(unsigned state) override {
+    return reverse.recover(op.getResult(state));
+  }
+  Value getCounter() override { return op.getInductionVar(); }
   void recoverIteration(Value number) override;
   LogicalResult replayIteration() override {
     return reverse.replay(*op.getBody());

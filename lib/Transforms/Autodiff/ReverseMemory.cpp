@@ -82,9 +82,13 @@ Value ReverseBuilder::getHidden(HiddenKind kind, int64_t leaf, Type type) {
   auto key = std::make_pair(int64_t(kind), leaf);
   auto [found, isNew] =
       hidden.try_emplace(key, adjoint.getNumArguments());
-  if (!isNew)
-    return adjoint.getArgument(found->second);
-  StringRef names[] = {"preserved", "saved", "counters"};
+  return isNew ? addHidden(kind, leaf, type)
+               : adjoint.getArgument(found->second);
+}
+
+Value ReverseBuilder::addHidden(HiddenKind kind, int64_t leaf, Type type) {
+  StringRef names[] = {"preserved", "saved",   "counters",
+                       "trips",     "offsets", "tape"};
   Builder attributes(builder.getContext());
   auto description = attributes.getDictionaryAttr(
       {attributes.getNamedAttr(

@@ -33,6 +33,7 @@ private:
   ValueRange getStates() override { return op.getBeforeArguments(); }
   ValueRange getNexts() override { return op.getYieldOp().getResults(); }
   ValueRange getInits() override { return op.getInits(); }
+  Value getFinal(unsigned state) override { return final[state]; }
   Value trace(Value value) override;
   LogicalResult replayIteration() override;
   LogicalResult reverseIteration() override;

@@ -10,6 +10,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "Lowerings/LoweringFunctions.h"
+#include "Lowerings/Pcg.h"
 
 #include "mlir/Dialect/Math/IR/Math.h"
 
@@ -20,10 +21,12 @@ namespace warp::lowering {
 static Scalar advance(Scalar state) {
   Emitter &e = *state.emitter;
   auto number = [&](uint32_t bits) { return e.integer(state.type, bits); };
-  Scalar next = state * number(747796405u) + number(2891336453u);
-  Scalar shift = shiftRightLogical(next, 28) + number(4);
-  Scalar word = (shiftRightLogical(next, shift) ^ next) * number(277803737u);
-  return shiftRightLogical(word, 22) ^ word;
+  Scalar next = state * number(pcg::multiplier) + number(pcg::increment);
+  Scalar shift =
+      shiftRightLogical(next, pcg::topShift) + number(pcg::leastShift);
+  Scalar word =
+      (shiftRightLogical(next, shift) ^ next) * number(pcg::mixer);
+  return shiftRightLogical(word, pcg::lastShift) ^ word;
 }
 
 /// The upper 24 bits as a fraction, which is exact.

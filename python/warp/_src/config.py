@@ -137,6 +137,15 @@ SETTINGS = {
         ),
         Setting("enable_backward", bool, True, "allow derivatives of kernels"),
         Setting(
+            "tape",
+            str,
+            "checkpoints",
+            "how derivatives of long loops have values of each iteration again: parts of the loop "
+            "are run again (`checkpoints`), or all are kept in memory allocated for the launch "
+            "(`global`)",
+            choices=("checkpoints", "global"),
+        ),
+        Setting(
             "verify_autograd_array_access",
             bool,
             False,

@@ -100,7 +100,8 @@ def _origin(record, values, before) -> list[str]:
             one.grad.assign(array(numbers, dtype=one.grad.dtype, device="cpu"))
 
     try:
-        found = find_origin(record.derivative(), record.call, values, restore)
+        made = record.derivative(tape="checkpoints")
+        found = find_origin(made, record.call, values, restore)
     except errors.WarpError:
         return []
     if found is None:

@@ -179,18 +179,19 @@ class Kernel:
             deterministic=self.is_deterministic,
         )
 
-    def adjoint(self, native, active, unique=True):
+    def adjoint(self, native, active, unique=True, tape=None):
         """The derivative of a native kernel in reverse mode, made on first use.
 
         Args:
             native: what `prepare` or `specialize` has returned.
             active: for each array among the arguments whether it has a gradient.
             unique: no array has an element twice, and no two share memory.
+            tape: in place of the option of that name.
 
         Raises:
             WarpCodegenError: something active has no derivative.
         """
-        return self._derive(native, active, False, unique)
+        return self._derive(native, active, False, unique, tape=tape or self.option("tape"))
 
     def tangent(self, native, active, unique=True, width=1, winners=False):
         """The same in forward mode, with tangents along `width` directions.
@@ -267,7 +268,10 @@ class Kernel:
         if stage in DERIVATIVES:
             from warp._src.kernel_derivatives import differentiate
 
-            return differentiate(self, self.prepare(), (), stage == "tangent").module.text()
+            made = differentiate(
+                self, self.prepare(), (), stage == "tangent", tape=self.option("tape")
+            )
+            return made.module.text()
         if stage not in STAGES:
             known = ", ".join(map(repr, STAGES + DERIVATIVES))
             raise ValueError(f"no stage {stage!r}, expects one of {known}")

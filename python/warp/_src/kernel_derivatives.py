@@ -26,8 +26,10 @@ class Derivative:
         kernel: the kernel in Python.
         native: what runs.
         augmented: the primal, changed to save what the adjoint needs, or None.
+        counting: finds how much memory the adjoint's loops need, or None if that is known.
         hidden: arguments after those of the primal; each has `kind`, `leaf`, `type`, `per_thread`
             and `places`.
+        hidden_of_counting: the same of `counting`.
         needed: numbers of the arrays whose contents are read.
         one_thread: why only launches of one thread are right; empty if all are.
     """
@@ -38,11 +40,17 @@ class Derivative:
         # An adjoint asserts what its derivatives require of the operands, always.
         checked = suffix == "adjoint" and made.metrics.get("assertions", 0) > 0
         self.native = kernel.compile_module(made.module, f"{kernel.key}_{suffix}", checked)
-        self._may_split = suffix == "adjoint" and unique and not checked
+        self._may_split = (
+            suffix == "adjoint" and unique and not checked and made.counting is None
+        )
         self.augmented = None
         if made.augmented is not None:
             self.augmented = kernel.compile_module(made.augmented, kernel.key)
+        self.counting = None
+        if made.counting is not None:
+            self.counting = kernel.compile_module(made.counting, f"{kernel.key}_count")
         self.hidden = made.hidden
+        self.hidden_of_counting = made.hidden_of_counting
         self.needed = made.needed
         self.one_thread = made.one_thread
         self._metrics = made.metrics
@@ -72,7 +80,7 @@ def differentiate(kernel, native, active, forward=False, unique=True, **options)
     """The derivative of a native kernel as the compiler's module, and what goes with it.
 
     Args:
-        options: `width` and `winners` of forward mode.
+        options: `width` and `winners` of forward mode, `tape` of reverse mode.
 
     Raises:
         WarpCodegenError: something active has no derivative.
@@ -104,13 +112,27 @@ def run(made: Derivative, call: Call, values, initial=None, saved=()) -> None:
         if isinstance(value, StructInstance):
             value.refresh()
     if _meet(call):
-        made = made.kernel.adjoint(call.native, call.active, unique=False)
-    hidden = hidden_values(made, call, initial or {}, saved)
+        tape = "checkpoints" if made.counting is None else "global"
+        made = made.kernel.adjoint(call.native, call.active, unique=False, tape=tape)
+    tapes = {}
+    if made.counting is not None:
+        tapes = _tapes(made, call, values, initial or {}, saved)
+    hidden = hidden_values(made, call, initial or {}, saved, tapes)
     if made.gathered is not None and made.gathered.fits(call.dim):
         made.gathered.launch(call, values, hidden)
     else:
         made.native.launch(call.dim, values, hidden, call.device, call.stream, call.block_dim or 0)
     count_singular(made, hidden)
+
+
+def _tapes(made, call, values, initial, saved) -> dict:
+    """Memory for the loops of the adjoint, see `global_tape.allocate`."""
+    from warp._src.global_tape import allocate
+
+    def known(wanted, own):
+        return hidden_values(made, call, initial, saved, own, wanted)
+
+    return allocate(made, call, values, known)
 
 
 def run_augmented(made: Derivative, call: Call) -> list[array]:
@@ -159,19 +181,28 @@ def _is_active(leaf) -> bool:
     return leaf is not None and leaf.grad is not None
 
 
-def hidden_values(made, call, initial, saved) -> list[array]:
-    """Values of the arguments that only the derivative has."""
+def hidden_values(made, call, initial, saved, tapes=None, wanted=None) -> list[array]:
+    """Values of the arguments that only the derivative has.
+
+    Args:
+        tapes: those of loops that keep their iterations, by kind and number of the loop.
+        wanted: the arguments; None stands for those of the derivative itself.
+    """
     from warp._src.array_create import zeros
 
-    left = list(saved)
+    notes = dict(zip([one.leaf for one in made.hidden if one.kind == "saved"], saved, strict=False))
+    left = {key: list(arrays) for key, arrays in (tapes or {}).items()}
     values = []
-    for hidden in made.hidden:
+    for hidden in made.hidden if wanted is None else wanted:
+        if (hidden.kind, hidden.leaf) in left:
+            values.append(left[hidden.kind, hidden.leaf].pop(0))
+            continue
         if hidden.kind == "counters":
             kind = types.dtype_of(hidden.type)
             values.append(zeros(len(hidden.places) or 1, kind.dtype, _device(call)))
             continue
-        if hidden.kind == "saved" and left:
-            values.append(left.pop(0))
+        if hidden.kind == "saved" and hidden.leaf in notes:
+            values.append(notes[hidden.leaf])
             continue
         if hidden.kind == "preserved" and hidden.leaf in initial:
             values.append(initial[hidden.leaf])

@@ -18,6 +18,7 @@ OPTIONS = {
     "mode": "mode",
     "optimization_level": "optimization_level",
     "deterministic": "deterministic",
+    "tape": "tape",
     "block_dim": None,
     "strip_hash": None,
 }

@@ -2,7 +2,8 @@
 
 The adjoint of a kernel depends on which of its arrays have a gradient, so a file has one for each
 such set. It is saved like any kernel, as `<kernel>.adjoint.<set>`, a digit for each array among
-the parameters; `<kernel>.augmented.<set>` is the forward launch that keeps what it needs, and
+the parameters; `<kernel>.augmented.<set>` is the forward launch that keeps what it needs,
+`<kernel>.counting.<set>` the one that finds how much memory its loops need, and
 `<kernel>.sums.<set>` with `<kernel>.rest.<set>` are the parts of an adjoint that gathers. A program
 that has loaded the file still derives the adjoint from the kernel's source, which takes a few
 milliseconds and says whether the saved code is that of today's source; it compiles nothing.
@@ -21,7 +22,11 @@ def saved_name(name: str, part: str, active) -> str:
 
 def parts(derivative) -> dict:
     """Native kernels that a derivative is made of."""
-    found = {"adjoint": derivative.native, "augmented": derivative.augmented}
+    found = {
+        "adjoint": derivative.native,
+        "augmented": derivative.augmented,
+        "counting": derivative.counting,
+    }
     if derivative.gathered is not None:
         found |= {"sums": derivative.gathered.sums, "rest": derivative.gathered.rest}
     return {part: native for part, native in found.items() if native is not None}

@@ -77,13 +77,16 @@ class LaunchRecord:
     def kernel(self):
         return self.call.kernel
 
-    def derivative(self):
+    def derivative(self, tape=None):
         """The derivative with respect to the arrays that have gradients.
+
+        Args:
+            tape: in place of the kernel's option of that name.
 
         Raises:
             WarpCodegenError: the kernel cannot be differentiated.
         """
-        return self.call.kernel.adjoint(self.call.native, self.call.active)
+        return self.call.kernel.adjoint(self.call.native, self.call.active, tape=tape)
 
     def run(self) -> None:
         """Runs the launch, with notes for the adjoint if that needs any."""
@@ -159,10 +162,10 @@ class LaunchRecord:
         self.pending = False
 
     def arguments(self) -> tuple | None:
-        """All arguments of the adjoint, None if there is nothing to run."""
+        """All arguments of the adjoint with checkpoints, None if there is nothing to run."""
         if not any(self.call.active):
             return None
-        derivative = self.derivative()
+        derivative = self.derivative(tape="checkpoints")
         hidden = kernel_derivatives.hidden_values(
             derivative, self.call, self.initial, self.saved
         )

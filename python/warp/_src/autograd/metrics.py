@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from warp._src.kernel import Kernel
 
-NAMES = ("tape_bytes", "replay_loops", "atomics", "block_reductions", "shadowed")
+NAMES = (
+    "tape_bytes",
+    "tape_bytes_per_trip",
+    "replay_loops",
+    "atomics",
+    "block_reductions",
+    "shadowed",
+)
 
 
 def adjoint_metrics(kernel: Kernel, inputs=None) -> dict[str, int]:
@@ -16,9 +23,10 @@ def adjoint_metrics(kernel: Kernel, inputs=None) -> dict[str, int]:
         inputs: arguments that a generic kernel is specialised for.
 
     Returns:
-        `tape_bytes` (memory per thread for values kept in loops), `replay_loops` (loops that are
-        run again), `atomics` (atomic additions to gradients), `block_reductions` (additions of a
-        block's threads that are joined first), `shadowed` (arrays with gradients).
+        `tape_bytes` (memory per thread for values kept in loops), `tape_bytes_per_trip` (memory
+        that is allocated for each iteration of loops with `tape="global"`), `replay_loops` (loops
+        that are run again), `atomics` (atomic additions to gradients), `block_reductions`
+        (additions of a block's threads that are joined first), `shadowed` (arrays with gradients).
 
     Raises:
         WarpCodegenError: the kernel cannot be differentiated.

@@ -181,8 +181,8 @@ class Tangents:
         """Runs the adjoint of a launch with tangents."""
         grads = [one.grad for _, one in call.leaves if one is not None and one.grad is not None]
         unique = not _native.shares_elements(grads)
-        if not unique:
-            made = call.kernel.adjoint(call.native, call.active, unique=False)
+        if not unique or made.counting is not None:
+            made = call.kernel.adjoint(call.native, call.active, unique, tape="checkpoints")
         hidden = kernel_derivatives.hidden_values(made, call, initial, saved)
         again = call.other(made.native, (*values, *hidden))
         arrays = [one for _, one in again.leaves]
