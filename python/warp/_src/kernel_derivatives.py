@@ -223,6 +223,8 @@ def check_overlap(call: Call, active, what: str) -> None:
     Raises:
         WarpGradientError: there is one.
     """
+    if not _native.shares_elements([leaf for _, leaf in call.leaves if leaf is not None]):
+        return
     boxes = [None if leaf is None else Box(leaf) for _, leaf in call.leaves]
     for i, (_, stored, combined, *_) in enumerate(call.accesses):
         if boxes[i] is None or not (stored or combined):
