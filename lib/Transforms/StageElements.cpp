@@ -16,7 +16,8 @@
 // This takes 32 threads whose elements follow each other. That indices do is
 // known here; that all threads are there is asked where the access is, and
 // otherwise (the last warp of a launch, a branch that some take) each accesses
-// its own element. The answer holds for the rest of a block of the IR.
+// its own element. The answer holds for the rest of a block of the IR. A loop
+// would access the same element again and again, which the cache is for.
 //
 // A thread's element is read and written by others, so barriers of the warp
 // keep the order of its accesses: there is one before every staged access,
@@ -37,6 +38,7 @@
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Interfaces/DataLayoutInterfaces.h"
+#include "mlir/Interfaces/LoopLikeInterface.h"
 #include "llvm/Support/MathExtras.h"
 
 using namespace mlir;
@@ -127,12 +129,20 @@ static Type getElement(Value array) {
   return cast<warp::ArrayType>(array.getType()).getElementType();
 }
 
-/// Whether hardware does not make up for the gaps between the words of one
-/// instruction; so measured.
-static bool isWide(Type element) {
-  if (!warp::isComposite(element) || getWordSize(element) < 2)
-    return false;
-  return warp::getComponentCount(element) >= (getWordSize(element) < 8 ? 5 : 4);
+/// Components of which an instruction each moves one, with gaps that hardware
+/// does not make up for; measured.
+static int64_t fewestComponents(Type element) {
+  return getWordSize(element) < 8 ? 5 : 4;
+}
+
+/// Components of an element that an access is about.
+static int64_t countComponents(warp::LoadComponentsOp load) {
+  return llvm::count_if(load.getComponents(),
+                        [](Value component) { return !component.use_empty(); });
+}
+
+static int64_t countComponents(warp::StoreComponentsOp store) {
+  return store.getComponents().size();
 }
 
 /// Whether elements at these indices follow each other in a warp.
@@ -171,7 +181,10 @@ private:
 
 template <typename Op> bool Finder::canStage(Op access) {
   Type element = getElement(access.getArray());
-  if (!isWide(element) || getSlabSize(element) > mostBytes ||
+  if (!warp::isComposite(element) || getWordSize(element) < 2 ||
+      countComponents(access) < fewestComponents(element) ||
+      getSlabSize(element) > mostBytes ||
+      access->template getParentOfType<LoopLikeOpInterface>() ||
       !isStretch(access.getArray(), access.getIndices(), access->getBlock()))
     return false;
   slabSize = std::max(slabSize, getSlabSize(element));

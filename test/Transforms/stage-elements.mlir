@@ -105,7 +105,7 @@ func.func @padded(%x: !warp.array<1 x !m>, %y: !warp.array<1 x f32>)
     attributes {warp.kernel} {
   %i = warp.tid : si32
   %v = warp.load %x[%i] : !warp.array<1 x !m>, si32 -> !m
-  %t = warp.trace(%v) : (!m) -> f32
+  %t = warp.determinant(%v) : (!m) -> f32
   warp.store %t, %y[%i] : f32, !warp.array<1 x f32>, si32
   return
 }
@@ -177,8 +177,9 @@ func.func @branch(%x: !warp.array<1 x !m>, %n: !warp.array<1 x f32>)
 
 // -----
 
-// Elements that are small, or do not follow each other: strided, reversed,
-// looked up, perhaps counted from the end, of an index that is loop-carried.
+// Elements that are small or of which little is used; those that do not follow
+// each other: strided, reversed, looked up, perhaps counted from the end; and
+// those that a loop accesses again.
 // CHECK-LABEL: llvm.func ptx_kernelcc @apart
 // CHECK-NOT: activemask
 !m = !warp.mat<3x3 x f32>
@@ -189,7 +190,11 @@ func.func @apart(%x: !warp.array<1 x !m>, %y: !warp.array<1 x !v>,
   %i = warp.tid : si32
   %small = warp.load %y[%i] : !warp.array<1 x !v>, si32 -> !v
   warp.store %small, %y[%i] : !v, !warp.array<1 x !v>, si32
+  %whole = warp.load %x[%i] : !warp.array<1 x !m>, si32 -> !m
+  %trace = warp.trace(%whole) : (!m) -> f32
   %one = warp.constant 1 : si32
+  %scaled = warp.mul(%small, %trace) : (!v, f32) -> !v
+  warp.store %scaled, %y[%i] : !v, !warp.array<1 x !v>, si32
   %two = warp.constant 2 : si32
   %double = warp.mul(%i, %two) : (si32, si32) -> si32
   %v0 = warp.load %x[%double] : !warp.array<1 x !m>, si32 -> !m
@@ -211,7 +216,7 @@ func.func @apart(%x: !warp.array<1 x !m>, %y: !warp.array<1 x !v>,
     %number = warp.cast %k : i32 to si32
     %at_k = warp.add(%i, %number) : (si32, si32) -> si32
     %v4 = warp.load %x[%at_k] : !warp.array<1 x !m>, si32 -> !m
-    warp.store %v4, %x[%one] : !m, !warp.array<1 x !m>, si32
+    warp.store %v4, %x[%i] : !m, !warp.array<1 x !m>, si32
   }
   return
 }
