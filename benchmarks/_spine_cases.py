@@ -102,6 +102,26 @@ def define_springs():
     return springs
 
 
+def define_sums(deterministic):
+    """A sum into one element and sums into scattered ones, both of vectors or floats."""
+    option = {"deterministic": deterministic}
+
+    @wp.kernel(module="unique", module_options=option)
+    def total(x: wp.array(dtype=float), s: wp.array(dtype=float)):
+        wp.atomic_add(s, 0, x[wp.tid()])
+
+    @wp.kernel(module="unique", module_options=option)
+    def pulls(x: wp.array(dtype=wp.vec3), ends: wp.array2d(dtype=int), f: wp.array(dtype=wp.vec3)):
+        t = wp.tid()
+        i, j = ends[t, 0], ends[t, 1]
+        d = x[j] - x[i]
+        force = d * (1.0 - 1.0 / (wp.length(d) + 0.1))
+        wp.atomic_add(f, i, force)
+        wp.atomic_sub(f, j, force)
+
+    return total, pulls
+
+
 def define_mandelbrot():
     @alone
     def mandelbrot(out: wp.array2d(dtype=float), w: int, h: int, iters: int):
@@ -261,6 +281,29 @@ def measure_arithmetic(device, seconds):
     math = define_math()
     items = steady(lambda: wp.launch(math, m, [x, y], device=device), device, seconds)
     return {"nbody": n * n / pairs, "math": m / items}
+
+
+def measure_sums(device, seconds):
+    """Seconds of sums by atomics and of exact ones: 16 M floats, 4 springs for each of n points."""
+    import numpy as np
+
+    scale = 1 << 24
+    x, s = arrays(device, scale, float)[0], wp.zeros(1, dtype=float, device=device)
+    n = 1 << (20 if "cuda" in device else 18)
+    points, f = arrays(device, n, wp.vec3, wp.vec3)
+    near = np.random.default_rng(2).integers(1, 50, 4 * n)
+    first = np.arange(4 * n) // 4
+    ends = wp.array(np.stack([first, (first + near) % n], 1), dtype=int, device=device)
+    result = {}
+    for name, deterministic in (("atomic", False), ("exact", True)):
+        total, pulls = define_sums(deterministic)
+        result[f"total_{name}"] = -steady(
+            lambda k=total: wp.launch(k, scale, [x, s], device=device), device, seconds
+        )
+        result[f"springs_{name}"] = -steady(
+            lambda k=pulls: wp.launch(k, 4 * n, [points, ends, f], device=device), device, seconds
+        )
+    return result
 
 
 def measure_launch(device, seconds):

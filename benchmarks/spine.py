@@ -177,6 +177,17 @@ def arithmetic_rows(runner):
     return rows
 
 
+def sum_rows(runner):
+    """Deterministic sums beside atomic ones."""
+    ours = runner.repeat("sums")
+    rows = []
+    for key, name in (("total", "16 M floats to one"), ("springs", "springs")):
+        exact, atomic = (-1e3 * ours[f"{key}_{kind}"] for kind in ("exact", "atomic"))
+        text = f"{exact:.2f} ms, {exact / atomic:.1f}x atomics with {atomic:.2f} ms"
+        rows.append(Row(f"deterministic sums, {name}", "", text))
+    return rows
+
+
 def launch_rows(runner, native):
     """Launch from Python with four arrays, and the bare driver launch."""
     ours = runner.repeat("launch")["median"]
@@ -229,6 +240,7 @@ def measure(device, options, native):
             cpu_bandwidth_rows(runner, native) if cpu else cuda_bandwidth_rows(runner)
         ),
         "math": lambda: arithmetic_rows(runner),
+        "sums": lambda: sum_rows(runner),
         "launch": lambda: launch_rows(runner, native),
         "start": lambda: start_rows(runner),
     }
@@ -243,7 +255,7 @@ def main():
     parser.add_argument("--device", help="cpu or cuda:N; both where there is a GPU")
     parser.add_argument("--peer", help="Python interpreter with NVIDIA Warp installed")
     parser.add_argument("--seconds", type=float, default=1.0, help="per steady measurement")
-    parser.add_argument("--only", default="", help="sections: compile,bandwidth,math,launch,start")
+    parser.add_argument("--only", default="", help="of compile,bandwidth,math,sums,launch,start")
     parser.add_argument("--json", help="file for the rows and all raw numbers")
     options = parser.parse_args()
 

@@ -147,6 +147,7 @@ static bool fits(const SavedVariant &variant, const VariantKey &key) {
   return variant.rank == key.rank &&
          (variant.contiguous & ~key.contiguous) == 0 &&
          (!variant.index32 || key.index32) && (!variant.large || key.large) &&
+         (!key.ordered || variant.code.sums.empty()) &&
          (key.device == cpuDevice ||
           ((variant.flat || !key.flat) && variant.blockDim == key.blockDim));
 }
