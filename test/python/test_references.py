@@ -49,6 +49,22 @@ def looked_at(x: wp.ref[float]):
     return x * 2.0
 
 
+@wp.func
+def bump(x: wp.ref[float], by: int):
+    x += float(by)
+
+
+@wp.func
+def bump(n: wp.ref[int], by: int):
+    n += by
+
+
+@wp.func
+def bump(by: int, count: wp.ref[wp.int64] = 3):
+    count += wp.int64(by)
+    return count
+
+
 def launched(kernel, device, *arrays, dim=1):
     made = [wp.array(one, dtype=float, device=device) for one in arrays]
     wp.launch(kernel, dim, made, device=device)
@@ -115,6 +131,23 @@ def test_loops_and_branches_carry_them(device):
     (x, _) = launched(update, device, [1.0, 9.0, 8.0, 9.0, 4.0], [5.0])
     # 1, then 9 clipped to 3, then 7.
     np.testing.assert_array_equal(x, [7, 9, 8, 9, 4])
+
+
+def test_overloads_and_defaults(device):
+    @wp.kernel
+    def update(x: wp.array(dtype=float)):
+        k = int(1)
+        bump(k, 4)
+        bump(x[0], by=k)
+        wide = wp.int64(10)
+        bump(7, wide)
+        x[1] = float(wide)
+        x[2] = float(bump(7))
+        x[3] = float(bump(1, count=wide))
+        x[4] = float(wide)
+
+    (x,) = launched(update, device, [0.5, 0.0, 0.0, 0.0, 0.0])
+    np.testing.assert_array_equal(x, [5.5, 17, 10, 18, 18])
 
 
 def test_what_is_not_assigned_is_not_stored(device):

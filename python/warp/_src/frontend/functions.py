@@ -147,7 +147,8 @@ class Overload:
         self.parameters = self.read_parameters()
         self.result = self.read_result()
         self.generic = sum(parameter.native is None for parameter in self.parameters)
-        self.has_references = any(parameter.by_reference for parameter in self.parameters)
+        # Position and name of the parameters by reference.
+        self.references = {i: one.name for i, one in enumerate(self.parameters) if one.by_reference}
 
     def read_parameters(self):
         arguments = self.source.tree.args
@@ -228,8 +229,8 @@ class Overload:
 class Specialization:
     """A translated function: its symbol and the shape of what it returns.
 
-    arguments: shapes of the arguments. results: types of all values that it returns. updated: names
-    of the parameters by reference whose new values follow the results.
+    arguments: shapes of the arguments. results: types of all values that it returns. updated:
+    position and name of each parameter by reference whose new value follows the results.
     """
 
     __slots__ = ("arguments", "results", "shape", "symbol", "updated")

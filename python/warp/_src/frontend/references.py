@@ -17,18 +17,15 @@ class References(UserCalls):
     """Translates calls of functions that have parameters by reference."""
 
     def call_by_reference(self, function, references, node):
-        arguments, slots = [], {}
+        """A call of a function with parameters at these positions and of these names."""
+        arguments, keywords, slots = [], {}, {}
         for position, argument in enumerate(node.args):
             if isinstance(argument, ast.Starred):
                 raise self.unsupported(argument, f"`*` in a call of '{function.key}'")
-            arguments.append(self.argument(argument, references.get(position), slots))
-        names = set(references.values())
-        keywords = {
-            keyword.arg: self.argument(
-                keyword.value, keyword.arg if keyword.arg in names else None, slots
-            )
-            for keyword in node.keywords
-        }
+            arguments.append(self.argument(argument, position, references, slots))
+        for keyword in node.keywords:
+            value = self.argument(keyword.value, keyword.arg, references, slots)
+            keywords[keyword.arg] = value
         overload, bound = self.select(function, arguments, keywords, node, by_reference=True)
         made = self.specialize(overload, bound, node)
         values = []
@@ -38,13 +35,18 @@ class References(UserCalls):
         self.at(node)
         results = iter(self.builder.call(made.symbol, values))
         result = None if made.shape is NOTHING else self.unflatten(made.shape, results)
-        for name in made.updated:
-            self.update(slots[name], next(results))
+        for position, name in made.updated:
+            place = slots.get(position) or slots.get(name)
+            value = next(results)
+            # The default of a parameter is nobody's.
+            if place is not None:
+                self.update(place, value)
         return result
 
-    def argument(self, node, name, slots):
+    def argument(self, node, key, references, slots):
         """An argument's binding; that of a reference is read from its place, which is kept."""
-        if name is None or not isinstance(node, (ast.Name, ast.Attribute, ast.Subscript)):
+        by_reference = key in references
+        if not by_reference or not isinstance(node, (ast.Name, ast.Attribute, ast.Subscript)):
             binding = self.expr(node)
             slot = None
         else:
@@ -54,12 +56,12 @@ class References(UserCalls):
             if node not in self.source.plan.updated:
                 raise self.type_error(
                     node,
-                    f"argument '{name}' is passed by reference to a function that is not known "
-                    "before its call",
+                    "an argument is passed by reference to a function that is not known before "
+                    "its call",
                     "call the function by its own name",
                 )
-        if name is not None:
-            slots[name] = slot, node
+        if by_reference:
+            slots[key] = slot, node
         return binding
 
     def check_variable(self, node):

@@ -10,15 +10,13 @@ from warp._src.annotations import Reference
 from warp._src.frontend.functions import overload_of
 
 
-def references_of(function) -> dict[int, str]:
-    """Parameters of a function that are references in some overload: position and name."""
-    found: dict[int, str] = {}
+def references_of(function) -> set:
+    """Positions and names of the parameters of a function that are references in some overload."""
+    found: set = set()
     if not any(map(_may_have_references, function.overloads)):
         return found
     for overload in map(overload_of, function.overloads):
-        for position, parameter in enumerate(overload.parameters):
-            if parameter.by_reference:
-                found[position] = parameter.name
+        found |= {*overload.references, *overload.references.values()}
     return found
 
 
@@ -38,14 +36,13 @@ def updated_arguments(function, inout_arguments):
     def updated(call):
         callee = _resolve(function, call.func)
         if hasattr(callee, "overloads"):
-            positions = references_of(callee)
-            names = set(positions.values())
+            keys = references_of(callee)
         else:
             name = getattr(call.func, "attr", None) or getattr(call.func, "id", None)
             positions = inout_arguments(name) if name else ()
-            names = _builtin_names(name, positions) if positions else ()
-        found = [call.args[position] for position in positions if position < len(call.args)]
-        return found + [keyword.value for keyword in call.keywords if keyword.arg in names]
+            keys = {*positions, *_builtin_names(name, positions)} if positions else ()
+        found = [argument for position, argument in enumerate(call.args) if position in keys]
+        return found + [keyword.value for keyword in call.keywords if keyword.arg in keys]
 
     return updated
 

@@ -50,7 +50,7 @@ class UserCalls(Targets):
         for overload in overloads:
             bound = overload.bind(self, arguments, keywords, node)
             if type(bound) is list:
-                if overload.has_references and (function.has_derivative or not by_reference):
+                if overload.references and (function.has_derivative or not by_reference):
                     raise self.no_references(overload, node)
                 return overload, bound
             reasons.append(f"{overload}: {bound}")
@@ -136,11 +136,11 @@ class UserCalls(Targets):
         emitter = type(self)(self.session, overload.function, overload.source, False)
         emitter.result_type = overload.result
         hidden = getattr(overload, "hidden", ())
-        references = [one.name for one in overload.parameters if one.by_reference]
+        references = overload.references
         plan_of(
             overload.source,
             updated_arguments(overload.function, self.builder.inout_arguments),
-            [*(name for name, *_ in hidden), *references],
+            [*(name for name, *_ in hidden), *references.values()],
         )
         arg_names, arg_types, shapes = [], [], []
         for parameter, binding in zip(overload.parameters, bound, strict=False):
@@ -159,7 +159,7 @@ class UserCalls(Targets):
             value = binding if shape is NOTHING else emitter.unflatten(shape, values)
             emitter.env[parameter.name] = value
             emitter.lines[parameter.name] = line
-        given = [emitter.env[name] for name in references]
+        given = [emitter.env[name] for name in references.values()]
         emitter.start_adjoints(hidden)
         try:
             result = emitter.body()
@@ -170,16 +170,20 @@ class UserCalls(Targets):
         if overload.source.plan.returns_value:
             flatten = emitter.take_apart if apart else emitter.flatten
             shape = flatten(result, overload.source.tree, results)
-        updated = [
-            name
-            for name, value in zip(references, given, strict=True)
-            if emitter.env[name] is not value
-        ]
-        tree = overload.source.tree
-        results += [emitter.materialize(emitter.env[name], tree) for name in updated]
+        updated = emitter.take_updates(references, given, results)
         self.builder.end_function(results)
         types = [value.type for value in results]
         return Specialization(symbol, shape, shapes, types, updated)
+
+    def take_updates(self, references, given, into):
+        """Appends the values of references that were assigned; gives their positions and names."""
+        updated = [
+            (position, name)
+            for (position, name), value in zip(references.items(), given, strict=True)
+            if self.env[name] is not value
+        ]
+        into += [self.materialize(self.env[name], self.source.tree) for _, name in updated]
+        return updated
 
     def start_adjoints(self, hidden):
         """Gives the hidden names of a pullback their first values."""
