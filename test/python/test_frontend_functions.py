@@ -1,7 +1,9 @@
 """Functions that kernels call, and what functions capture from Python."""
 
 import enum
+import importlib
 import math
+import sys
 from typing import Any, Callable
 
 import numpy as np
@@ -152,3 +154,26 @@ def test_assertions_hold_in_debug_mode_only(mode, config):
         out[1] = 1.0
 
     assert run(kernel)[1] == 1.0
+
+
+def test_kernels_call_what_a_reloaded_module_defines(tmp_path, monkeypatch, device):
+    source = "import warp as wp\n\n@wp.func\ndef weight(x: float):\n    return {} * x\n"
+    path = tmp_path / "reloaded_functions.py"
+    path.write_text(source.format("1.0"))
+    monkeypatch.syspath_prepend(tmp_path)
+    module = importlib.import_module("reloaded_functions")
+
+    @wp.kernel
+    def kernel(x: wp.array(dtype=float), y: wp.array(dtype=float)):
+        y[0] = module.weight(x[0])
+
+    for factor in (1.0, 20.0, 300.0):
+        path.write_text(source.format(factor))
+        importlib.reload(module)
+        x = wp.ones(1, device=device, requires_grad=True)
+        y = wp.zeros(1, device=device, requires_grad=True)
+        with wp.Tape() as tape:
+            wp.launch(kernel, 1, [x, y], device=device)
+        tape.backward(grads={y: wp.ones(1, device=device)})
+        assert y.numpy()[0] == factor and x.grad.numpy()[0] == factor
+    del sys.modules["reloaded_functions"]

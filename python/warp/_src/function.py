@@ -109,6 +109,10 @@ def func(f=None, *, name=None, module=None, inline=None):
         if isinstance(former, Function) and former.func.__qualname__ == function.__qualname__:
             again = former.redefined(function)
             if again is not None:
+                # Kernels that call it are translated anew.
+                from warp._src.kernel import Epoch
+
+                Epoch.advance()
                 return again
             former.add_overload(function)
             return former
