@@ -188,7 +188,8 @@ def test_gradients_that_come_later_and_of_16_bits(device):
     some = wp.indexedarray(x, [where])
     wp.launch(square, 2, [some], [y], device=device)
     assert some.grad is None
-    x.requires_grad = True
+    some.requires_grad = True
+    assert x.requires_grad
     half = wp.ones(3, dtype=wp.float16, device=device, requires_grad=True)
     with wp.Tape() as tape:
         wp.launch(square, 2, [some], [y], device=device)
@@ -215,6 +216,15 @@ def test_gradients_of_structs_as_elements(device):
     got = b.grad.numpy()
     np.testing.assert_array_equal(got["mass"], [3, 77])
     np.testing.assert_array_equal(got["velocity"], [[0, 2, 0], [0, 55, 0]])
+
+
+def test_seeds_are_of_the_array_behind(device):
+    x, y = floats([1.0, 2.0], device), floats(np.zeros(3), device)
+    some = y[ints([2, 2], device)]
+    with wp.Tape() as tape:
+        wp.launch(spread, 2, [x], [some], device=device)
+    with pytest.raises(TypeError, match=r"(?s)keys of `grads`, but got indexedarray.*behind"):
+        tape.backward(grads={some: wp.ones(2, dtype=float, device=device)})
 
 
 def test_memory_has_versions(device):

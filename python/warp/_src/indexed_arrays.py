@@ -160,6 +160,10 @@ class indexedarray(ArrayArithmetic):
         """Whether derivatives are wanted; they are those of `data`."""
         return self.data.requires_grad
 
+    @requires_grad.setter
+    def requires_grad(self, value):
+        self.data.requires_grad = value
+
     @property
     def grad(self):
         """The same elements of the gradient of `data`, or None."""

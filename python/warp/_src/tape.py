@@ -185,6 +185,11 @@ class Tape:
                 )
             seeds[loss] = None
         for target, seed in (grads or {}).items():
+            if not isinstance(target, array):
+                raise errors.WarpTypeError(
+                    f"backward: expects arrays as keys of `grads`, but got {target!r}",
+                    hint="name the array behind an indexed array",
+                )
             if target.grad is None:
                 target.requires_grad = True
             if not isinstance(seed, array) or seed.shape != target.shape:
