@@ -43,8 +43,9 @@ static constexpr int64_t largeLaunch = int64_t(1) << 21;
 /// of it.
 static constexpr int64_t fewPlanes = 64;
 
-/// Largest parameter block of a GPU kernel in the PTX version we emit.
-static constexpr size_t maxCudaParameters = 4096;
+/// Largest parameter block of a GPU kernel: PTX 8.1, which kernels for newer
+/// architectures are in, has room for more.
+static size_t maxCudaParameters(int arch) { return arch < 90 ? 4096 : 32764; }
 
 static Error launchError(Error::Kind kind, const std::string &kernel,
                          const std::string &message) {
@@ -223,10 +224,11 @@ Kernel::Variant *Kernel::Impl::make(const VariantKey &key) {
   if (Variant *made = find(key))
     return made;
   int arch = key.device == cpuDevice ? 0 : deviceInfo(key.device).arch;
-  if (arch != 0 && paramSize > maxCudaParameters)
+  if (arch != 0 && paramSize > maxCudaParameters(arch))
     throw launchError(Error::Kind::LaunchType, name,
-                      "expects at most 4096 bytes of arguments on CUDA "
-                      "devices, but got " +
+                      "expects at most " +
+                          std::to_string(maxCudaParameters(arch)) +
+                          " bytes of arguments on CUDA devices, but got " +
                           std::to_string(paramSize));
   auto variant = std::make_unique<Variant>();
   variant->key = key;

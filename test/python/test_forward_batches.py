@@ -216,3 +216,32 @@ def test_bad_batches(device):
     with pytest.raises(ValueError, match="one direction at a time"):
         wp.autograd.jvp(lambda x: x.reshape((1, 1, 1, 2)), [x], [two])
     assert wp.autograd.jvp(lambda x: x, [box], [box]).shape == box.shape
+
+
+real_array = wp.array(dtype=wp.float64)
+
+
+@wp.kernel
+def sum_of_many(
+    a: real_array, b: real_array, c: real_array, d: real_array, e: real_array, f: real_array,
+    g: real_array, h: real_array, j: real_array, k: real_array, y: real_array,
+):  # fmt: skip
+    i = wp.tid()
+    y[i] = a[i] * b[i] + c[i] * d[i] + e[i] * f[i] + g[i] * h[i] + j[i] * k[i]
+
+
+def test_batch_for_many_arrays(device):
+    """With all twins more arguments than 4096 bytes."""
+    rng = np.random.default_rng(9)
+    numbers, along = rng.normal(size=(10, 3)), rng.normal(size=(10, 8, 3))
+
+    def function(*inputs):
+        y = wp.zeros(3, dtype=wp.float64, device=device)
+        wp.launch(sum_of_many, 3, [*inputs, y], device=device)
+        return y
+
+    found = wp.autograd.jvp(
+        function, [values(x, device) for x in numbers], [values(v, device) for v in along]
+    )
+    pairs = numbers.reshape(5, 2, 3)[:, ::-1].reshape(10, 1, 3)
+    np.testing.assert_allclose(found.numpy(), (pairs * along).sum(0), rtol=1e-13, atol=1e-14)

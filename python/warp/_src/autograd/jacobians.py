@@ -146,9 +146,10 @@ def forward_columns(problem: Evaluation, mask, limit: int) -> dict[tuple, numpy.
         problem.reset()
         state = Tangents(width=width)
         for i, (source, column) in enumerate(columns[part.start : part.stop]):
-            numbers = numbers_of(state.twin(source.array, i))
+            tangent = state.twin(source.array, i)
+            numbers = numbers_of(tangent)
             numbers[column] = 1
-            set_numbers(state.twin(source.array, i), numbers)
+            set_numbers(tangent, numbers)
         with Watching(tape=None, executor=state):
             outputs = {one.key: one.array for one in problem.run()}
         for i, (source, column) in enumerate(columns[part.start : part.stop]):
