@@ -219,15 +219,19 @@ def counts(kernel):
 
 
 def measure_ratios(device, seconds):
-    """Seconds of forward and backward launches, and counts of the adjoint."""
+    """Seconds of forward and backward launches, and counts of the adjoint.
+
+    Launches of a GPU are queued, as those of a program are.
+    """
     result = {}
+    batch = 10 if "cuda" in device else 1
     for name, (define, dim, inputs) in problems(device).items():
         kernel = define()
         try:
             forward, backward = passes(kernel, dim, inputs, device)
-            before = steady(forward, device, seconds / 2)
-            after = steady(backward, device, seconds)
-            before = min(before, steady(forward, device, seconds / 2))
+            before = steady(forward, device, seconds / 2, batch)
+            after = steady(backward, device, seconds, batch)
+            before = min(before, steady(forward, device, seconds / 2, batch))
             result[name] = {"forward": before, "backward": after, "counts": counts(kernel)}
         except Exception as problem:
             result[name] = {"error": f"{type(problem).__name__}: {problem}"[:300]}
@@ -296,25 +300,25 @@ def tapes():
 
 
 def timed_loop(kernel, threads, rest, device, real=wp.float32):
-    """One forward and one backward launch of a kernel of an array, `rest` and a result."""
+    """A forward and a backward launch of a kernel of an array, `rest` and a result, best of 3."""
     make = Arrays(device)
     x, y = make.array(np.ones(threads), real), make.zeros(real, threads)
     forward, backward = passes(kernel, threads, [x, *rest, y], device)
     forward()
     passes(kernel, threads, [x, *[1] * len(rest), y], device)[1]()
-    x.grad.zero_()
-    y.grad.fill_(1.0)
-    wp.synchronize_device(device)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    times = []
-    for run in (forward, backward):
+    times = {}
+    for run in (forward, backward) * 3:
+        x.grad.zero_()
+        y.grad.fill_(1.0)
+        wp.synchronize_device(device)
         begin = time.perf_counter()
         run()
         wp.synchronize_device(device)
-        times.append(time.perf_counter() - begin)
+        times[run] = min(times.get(run, math.inf), time.perf_counter() - begin)
     return {
-        "forward": times[0],
-        "backward": times[1],
+        "forward": times[forward],
+        "backward": times[backward],
         "kilobytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - peak,
         "gradient": float(x.grad.numpy()[0]),
         "counts": counts(kernel),

@@ -81,7 +81,9 @@ def scatter(x: wp.array(dtype=float), y: wp.array(dtype=wp.float64), places: int
 @wp.kernel
 def matrices(a: wp.array(dtype=wp.mat33), b: wp.array(dtype=wp.vec3), q: wp.quat):
     i = wp.tid()
-    b[i] = wp.quat_rotate(q, wp.inverse(a[i]) * b[i])
+    inverse = wp.inverse(a[i])
+    b[i] = wp.quat_rotate(q, inverse * b[i])
+    a[i] = inverse
 
 
 @wp.kernel
@@ -191,10 +193,12 @@ def scattered():
 
 def linear_algebra():
     a, b = floats(N, 3, 3) + 2 * np.eye(3, dtype=np.float32), floats(N, 3)
-    card = on_card(b, wp.vec3)
-    wp.launch(matrices, N, [on_card(a, wp.mat33), card, wp.quat_identity()], device=CARD)
-    exact = np.linalg.solve(a.astype(np.float64), b[..., None].astype(np.float64))[..., 0]
-    np.testing.assert_allclose(card.numpy(), exact, rtol=1e-3, atol=1e-4)
+    inverses, card = on_card(a, wp.mat33), on_card(b, wp.vec3)
+    wp.launch(matrices, N, [inverses, card, wp.quat_identity()], device=CARD)
+    exact = np.linalg.inv(a.astype(np.float64))
+    np.testing.assert_allclose(inverses.numpy(), exact, rtol=1e-3, atol=1e-4)
+    solved = (exact @ b[..., None].astype(np.float64))[..., 0]
+    np.testing.assert_allclose(card.numpy(), solved, rtol=1e-3, atol=1e-4)
 
 
 def control_flow():

@@ -56,6 +56,17 @@ def test_elements(shape, real, device):
             np.testing.assert_array_equal(out.numpy()[count], np.full(shape, 77))
 
 
+@pytest.mark.parametrize("integer", [wp.uint8, wp.int16, wp.int32, wp.uint64])
+def test_integers(integer, device):
+    """Words of all sizes."""
+    vector = wp.types.vector(7, integer)
+    x = np.random.default_rng(9).integers(0, 40, (1000, 7)).astype(wp.dtype_to_numpy(integer))
+    out = wp.zeros(1000, dtype=vector, device=device)
+    inputs = [make(x, vector, device), out, integer(3)]
+    wp.launch(define_scale(vector, integer), 1000, inputs, device=device)
+    np.testing.assert_array_equal(out.numpy(), 3 * x)
+
+
 @pytest.mark.parametrize("real", REALS)
 @pytest.mark.parametrize("shape", SHAPES)
 def test_gradients_of_elements(shape, real, device):
