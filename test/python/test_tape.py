@@ -172,3 +172,20 @@ def test_bad_seeds(device):
     assert constant.grad.numpy()[0] == 0.0
     with pytest.raises(ValueError, match="'error' or 'auto'"):
         wp.Tape(preserve="always")
+
+
+def test_only_arrays_with_a_gradient_keep_it(device):
+    message = "retain_grad needs a gradient"
+    for make in (wp.zeros, wp.empty, wp.ones):
+        with pytest.raises(ValueError, match=message):
+            make(3, retain_grad=True, device=device)
+    with pytest.raises(ValueError, match=message):
+        wp.array([1.0], dtype=float, retain_grad=True, device=device)
+    x = wp.array([1.0], dtype=float, requires_grad=True, retain_grad=True, device=device)
+    assert x.retain_grad and x[:1].retain_grad
+    x.requires_grad = False
+    assert not x.retain_grad
+    with pytest.raises(ValueError, match=message):
+        x.retain_grad = True
+    x.requires_grad = x.retain_grad = True
+    assert x.retain_grad and not wp.zeros_like(x).retain_grad

@@ -110,16 +110,17 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
                 array_data.borrow(self, ptr, extents, strides, dtype, index, capacity, deleter)
         if ndim is not None and ndim != self.ndim:
             raise ValueError(f"expects {ndim} dimensions, but got shape {self.shape}")
-        self.retain_grad = retain_grad
         check_gradient_type(self.dtype, grad_dtype)
         if grad is not None:
             self.grad = grad
         elif requires_grad:
             self.requires_grad = True
+        if retain_grad:
+            self.retain_grad = True
 
     _grad = None
     _requires_grad = False
-    retain_grad = False
+    _retain_grad = False
     # Memory of a library that allows no writing. Kernels are not stopped.
     read_only = False
 
@@ -141,6 +142,21 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
             self.grad = None
 
     @property
+    def retain_grad(self) -> bool:
+        """Whether `backward` leaves the gradient by the last contents in `grad`.
+
+        Raises:
+            ValueError: it is set for an array without gradient.
+        """
+        return self._retain_grad
+
+    @retain_grad.setter
+    def retain_grad(self, value):
+        if value and not self._requires_grad:
+            raise ValueError("retain_grad needs a gradient: set `requires_grad=True`, too")
+        self._retain_grad = bool(value)
+
+    @property
     def grad(self):
         """The array of derivatives, or None; one of 16-bit floats is set as a copy of 32 bits."""
         return self._grad
@@ -151,6 +167,7 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
             value = fitting_gradient(self, value)
         self._grad = value
         self._requires_grad = value is not None
+        self._retain_grad = self._retain_grad and value is not None
         self.grad_ptr = value.ptr or 0 if value is not None else 0
 
     @property

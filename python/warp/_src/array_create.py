@@ -47,10 +47,10 @@ def empty(
     extents = check_shape(shape)
     allocate(result, extents, element_type(dtype), devices.resolve_index(device), pinned)
     check_gradient_type(result.dtype, grad_dtype)
-    if retain_grad:
-        result.retain_grad = True
     if requires_grad:
         result.requires_grad = True
+    if retain_grad:
+        result.retain_grad = True
     return result
 
 
