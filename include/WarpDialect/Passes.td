@@ -402,7 +402,9 @@ def PrivatizeAtomics : WarpPass<"warp-privatize-atomics"> {
   let description = [{
     An atomic whose address all threads share and whose old value nobody uses
     is accumulated privately and published once: per range of threads on the
-    CPU, per block on a GPU.
+    CPU, per block on a GPU. On a GPU, one whose address the threads of a warp
+    share, in one iteration of a loop or one row of the launch, is combined over
+    the warp.
 
     Where atomics remain on the CPU, and so few threads would share the launch that one
     thread without atomic instructions is faster, the entry is marked

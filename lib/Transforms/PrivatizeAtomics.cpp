@@ -17,6 +17,9 @@
 // would round. Gradients add up many contributions of similar size, so their
 // partial sums have 64 bits.
 //
+// Updates that are the same element for the threads of a warp only, or in one
+// iteration of a loop, are combined over the warp (WarpSums.cpp).
+//
 // What is left on the CPU are updates of elements that differ from thread to
 // thread. An atomic instruction costs ten times a plain update, so for few
 // threads it is quicker to run the launch on one of them without; the entry is
@@ -30,6 +33,7 @@
 #include "Atomics.h"
 #include "BlockReduce.h"
 #include "KernelFunction.h"
+#include "WarpSums.h"
 #include "WarpDialect/ParameterLayout.h"
 #include "WarpDialect/WarpOps.h"
 
@@ -271,8 +275,15 @@ struct PrivatizeAtomics : warp::impl::PrivatizeAtomicsBase<PrivatizeAtomics> {
       runOnCpu(function, debug);
     else if (entry->hasAttr(warp::attr::exclusive))
       runInOneBlock(function, debug);
-    else if (!debug && warp::hasWholeWarps(entry))
-      Privatizer(function).run();
+    else if (!debug)
+      runOnGpu(function);
+  }
+
+  void runOnGpu(LLVM::LLVMFuncOp entry) {
+    if (warp::hasWholeWarps(entry))
+      Privatizer(entry).run();
+    if (!entry->hasAttr(warp::attr::deterministic))
+      warp::combineOverWarps(entry);
   }
 
   void runOnCpu(LLVM::LLVMFuncOp entry, bool debug) {

@@ -15,9 +15,9 @@
 //
 // 32 updates of 32 different elements remain of 1024. Shuffles need all lanes
 // of the warp, with the same tiles: bounds and indices must be the same for all
-// threads, where they depend on counters of outer loops the lanes compare them,
-// and a warp with a lane missing goes through no tile. What is not in a tile
-// runs in the loop as it was, which comes after.
+// threads (lanes compare counters of outer loops that these depend on), and a
+// warp with a lane missing goes through no tile. What is not in a tile runs in
+// the loop as it was, which comes after.
 //
 // The order of iterations is open if the loop does nothing to memory but load
 // and update in ways that commute, and what it carries are integer sums or such
@@ -31,6 +31,7 @@
 #include "Atomics.h"
 #include "KernelFunction.h"
 #include "RotateLoops.h"
+#include "UniformValues.h"
 #include "WarpDialect/ParameterLayout.h"
 
 #include "mlir/IR/Matchers.h"
@@ -46,23 +47,14 @@ using warp::Rotation;
 /// Fewer iterations are not worth the code.
 constexpr int64_t minTrips = 2 * Rotation::lanes;
 
-/// Whether a value is the same for all threads in the same iteration of outer
-/// loops, whose counters are noted.
+/// Whether a value is the same for all lanes, and in all iterations.
 bool Rotation::isUniform(Value value) {
-  if (auto argument = dyn_cast<BlockArgument>(value)) {
-    Block *owner = argument.getOwner();
-    if (owner == &entry.getBody().front())
-      return true;
-    auto outer = dyn_cast<scf::ForOp>(owner->getParentOp());
-    if (!outer || outer == loop || argument != outer.getInductionVar())
-      return false;
-    counters.insert(value);
-    return isUniform(outer.getLowerBound()) && isUniform(outer.getStep());
-  }
-  Operation *op = value.getDefiningOp();
-  return isPure(op) && op->getNumRegions() == 0 &&
-         llvm::all_of(op->getOperands(),
-                      [&](Value operand) { return isUniform(operand); });
+  llvm::SetVector<Value> needed;
+  if (!warp::isUniform(value, entry, needed) ||
+      needed.contains(loop.getInductionVar()))
+    return false;
+  compared.insert_range(needed);
+  return true;
 }
 
 /// By how much an index grows from iteration to iteration, if that is a
@@ -115,8 +107,10 @@ bool Rotation::isOrderOpen() {
 }
 
 /// Finds updates of one element per iteration, the same for all threads. Sums
-/// of fewer than 32 bits would round.
+/// of fewer than 32 bits would round. Of updates that depend on the thread and
+/// the iteration, those of neighbours would no longer be neighbours.
 bool Rotation::collectUpdates() {
+  bool wouldScatter = false;
   loop.getBody()->walk([&](warp::AtomicComponentsOp op) {
     Operation *parent = op->getParentOp();
     while (isa<scf::IfOp>(parent))
@@ -130,8 +124,12 @@ bool Rotation::collectUpdates() {
     auto isWide = [](Type type) { return type.getIntOrFloatBitWidth() >= 32; };
     if (parent != loop || !isUniform(op.getArray()) ||
         !llvm::all_of(op.getResultTypes(), isWide) ||
-        !llvm::all_of(op.getIndices(), isKnown) || !differs)
+        !llvm::all_of(op.getIndices(), isKnown) || !differs) {
+      wouldScatter |= !llvm::all_of(op.getIndices(), [&](Value index) {
+        return loop.isDefinedOutsideOfLoop(index);
+      });
       return;
+    }
     SmallVector<warp::Leaf> leaves;
     warp::collectLeaves(
         cast<warp::ArrayType>(op.getArray().getType()).getElementType(), 0,
@@ -140,7 +138,7 @@ bool Rotation::collectUpdates() {
     for (warp::Leaf leaf : leaves)
       update.types.push_back(leaf.type);
   });
-  return !updates.empty();
+  return !updates.empty() && !wouldScatter;
 }
 
 /// Whether `value` is what the loop carries plus something, on every path;

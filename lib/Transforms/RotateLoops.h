@@ -62,7 +62,6 @@ private:
   bool collectUpdates();
 
   void makeSlots();
-  mlir::Value findWholeWarp();
   mlir::Value endOfTiles();
   void buildTile(mlir::Value tile, mlir::ValueRange carried);
   void buildStep(mlir::Value tile, mlir::Value number,
@@ -110,8 +109,8 @@ private:
   mlir::OpBuilder b;
   mlir::Location loc;
   llvm::SmallVector<Update> updates;
-  /// Counters of outer loops that bounds or indices depend on.
-  llvm::SetVector<mlir::Value> counters;
+  /// What lanes must agree on for bounds and indices to be the same.
+  llvm::SetVector<mlir::Value> compared;
   /// This lane's number, and that of the next.
   mlir::Value lane, next;
 };

@@ -20,6 +20,7 @@
 #include "Atomics.h"
 #include "GpuBlock.h"
 #include "RotateLoops.h"
+#include "UniformValues.h"
 #include "WarpDialect/Passes.h"
 
 using namespace mlir;
@@ -39,31 +40,6 @@ void Rotation::makeSlots() {
       update.reached =
           LLVM::AllocaOp::create(b, loc, pointer, b.getI32Type(), one);
   }
-}
-
-/// Whether all lanes are here, with the same counters of outer loops.
-Value Rotation::findWholeWarp() {
-  Value all = constant(-1);
-  Value active = warp::callIntrinsic(b, loc, b.getI32Type(),
-                                     "llvm.nvvm.activemask", {});
-  Value whole = compare(arith::CmpIPredicate::eq, active, all);
-  if (counters.empty())
-    return whole;
-  auto agree = scf::IfOp::create(b, loc, b.getI1Type(), whole,
-                                 /*withElseRegion=*/true);
-  OpBuilder::InsertionGuard guard(b);
-  b.setInsertionPointToStart(agree.elseBlock());
-  scf::YieldOp::create(b, loc, constant(b.getI1Type(), 0));
-  b.setInsertionPointToStart(agree.thenBlock());
-  Value same = constant(b.getI1Type(), 1);
-  for (Value counter : counters) {
-    Value first = warp::shuffle(b, loc, "idx", counter, constant(0));
-    same = bitAnd(same, compare(arith::CmpIPredicate::eq, counter, first));
-  }
-  same = warp::callIntrinsic(b, loc, b.getI1Type(), "llvm.nvvm.vote.all.sync",
-                             {all, same});
-  scf::YieldOp::create(b, loc, same);
-  return agree.getResult(0);
 }
 
 /// Adds what the update of one iteration adds to this lane's sums.
@@ -171,7 +147,8 @@ Value Rotation::endOfTiles() {
                       first, last);
   Value trips = arith::SubIOp::create(b, loc, last, first);
   trips = bitAnd(trips, constant(counterType(), -lanes));
-  trips = arith::SelectOp::create(b, loc, bitAnd(any, findWholeWarp()), trips,
+  Value together = warp::isWarpTogether(b, loc, compared.getArrayRef());
+  trips = arith::SelectOp::create(b, loc, bitAnd(any, together), trips,
                                   constant(counterType(), 0));
   Value end = add(first, trips);
   if (warp::isNonNegative(loop.getInductionVar(), loop->getBlock()))

@@ -62,6 +62,30 @@ func.func @one_element(
 
 // -----
 
+// Neighbours update neighbours, as in the adjoint of a matrix product, and would
+// not any more.
+// CHECK-LABEL: llvm.func {{.*}}@scattered
+// CHECK: scf.for
+// CHECK-NOT: scf.for
+func.func @scattered(
+    %x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
+    attributes {warp.kernel, warp.target = "sm_90", warp.index32} {
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  %i = warp.tid : i32
+  scf.for %j = %c0 to %n step %c1 : i32 {
+    %v = warp.load_components %x[%j] : !warp.array<1 x f32>, i32 -> f32
+    %old = warp.atomic_components add(%v), %y[%j]
+      : (f32), !warp.array<1 x f32>, i32 -> f32
+    %to = arith.addi %i, %j : i32
+    %other = warp.atomic_components add(%v), %y[%to]
+      : (f32), !warp.array<1 x f32>, i32 -> f32
+  }
+  return
+}
+
+// -----
+
 // The old value says in which order threads came.
 // CHECK-LABEL: llvm.func {{.*}}@old_value
 // CHECK: scf.for

@@ -152,7 +152,7 @@ Expr Formula::knownReciprocal(Expr divisor) {
     if (isa<DivOp>(user) && matchPattern(user->getOperand(0), m_OneFloat()) &&
         isBefore(user, context.builder))
       return isTwice ? number(0.5) * wrap(user->getResult(0))
-                      : wrap(user->getResult(0));
+                     : wrap(user->getResult(0));
   return number(0);
 }
 

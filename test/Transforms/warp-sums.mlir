@@ -1,0 +1,102 @@
+// RUN: warp-opt %s --split-input-file --warp-lower-launch \
+// RUN:     --warp-privatize-atomics | FileCheck %s
+
+// In one iteration all threads update the same element: lanes that are there
+// together and agree on the iteration combine, and the first makes one update.
+// CHECK-LABEL: llvm.func ptx_kernelcc @parameters
+// CHECK: scf.for %[[K:.*]] =
+// CHECK: "llvm.nvvm.activemask"
+// CHECK: %[[AGREE:.*]] = scf.if {{.*}} -> (i1)
+// CHECK: %[[FIRST:.*]] = llvm.call_intrinsic
+// CHECK-SAME: "llvm.nvvm.shfl.sync.idx.i32"(%{{.*}}, %[[K]],
+// CHECK: arith.cmpi eq, %[[K]], %[[FIRST]]
+// CHECK: "llvm.nvvm.vote.all.sync"
+// CHECK: scf.if %[[AGREE]] {
+// CHECK-COUNT-5: "llvm.nvvm.shfl.sync.bfly.i32"
+// CHECK: %[[TOTAL:.*]] = arith.addf {{.*}} fastmath<reassoc>
+// CHECK: %[[LANE:.*]] = llvm.call_intrinsic "llvm.nvvm.read.ptx.sreg.laneid"
+// CHECK: %[[IS_FIRST:.*]] = arith.cmpi eq, %[[LANE]]
+// CHECK: scf.if %[[IS_FIRST]]
+// CHECK: warp.atomic_components sub(%[[TOTAL]]), %{{.*}}[%[[K]]]
+// CHECK: } else {
+// CHECK: warp.atomic_components sub(%[[V:.*]]), %{{.*}}[%[[K]]]
+func.func @parameters(%x: !warp.array<1 x f32>, %w: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.target = "sm_90", warp.index32} {
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  %c4 = arith.constant 4 : i32
+  %i = warp.tid : i32
+  %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
+  scf.for %k = %c0 to %c4 step %c1 : i32 {
+    %old = warp.atomic_components sub(%v), %w[%k]
+      : (f32), !warp.array<1 x f32>, i32 -> f32
+  }
+  return
+}
+
+// -----
+
+// Threads of one row of the launch agree on the thread index of axis y.
+// CHECK-LABEL: llvm.func ptx_kernelcc @rows
+// CHECK: %[[ROW:.*]] = llvm.call_intrinsic "llvm.nvvm.read.ptx.sreg.tid.y"
+// CHECK: "llvm.nvvm.shfl.sync.idx.i32"(%{{.*}}, %[[ROW]],
+// CHECK: "llvm.nvvm.vote.all.sync"
+// CHECK-COUNT-10: "llvm.nvvm.shfl.sync.bfly.i32"
+// CHECK-NOT: bfly
+func.func @rows(%x: !warp.array<2 x f64>, %sum: !warp.array<1 x f64>)
+    attributes {warp.kernel, warp.target = "sm_90", warp.index32,
+                warp.rank = 2 : i64} {
+  %i, %j = warp.tid : i32, i32
+  %v = warp.load_components %x[%i, %j] : !warp.array<2 x f64>, i32, i32 -> f64
+  %old = warp.atomic_components add(%v), %sum[%i]
+    : (f64), !warp.array<1 x f64>, i32 -> f64
+  return
+}
+
+// -----
+
+// Threads of a row update elements of their own.
+// CHECK-LABEL: llvm.func ptx_kernelcc @columns
+// CHECK-NOT: shfl
+func.func @columns(%x: !warp.array<2 x f32>, %sum: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.target = "sm_90", warp.index32,
+                warp.rank = 2 : i64} {
+  %i, %j = warp.tid : i32, i32
+  %v = warp.load_components %x[%i, %j] : !warp.array<2 x f32>, i32, i32 -> f32
+  %old = warp.atomic_components add(%v), %sum[%j]
+    : (f32), !warp.array<1 x f32>, i32 -> f32
+  return
+}
+
+// -----
+
+// A thread that reads the array must find its own updates there.
+// CHECK-LABEL: llvm.func ptx_kernelcc @read_back
+// CHECK-NOT: shfl
+func.func @read_back(%x: !warp.array<2 x f32>, %sum: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.target = "sm_90", warp.index32,
+                warp.rank = 2 : i64} {
+  %i, %j = warp.tid : i32, i32
+  %v = warp.load_components %x[%i, %j] : !warp.array<2 x f32>, i32, i32 -> f32
+  %old = warp.atomic_components add(%v), %sum[%i]
+    : (f32), !warp.array<1 x f32>, i32 -> f32
+  %now = warp.load_components %sum[%j] : !warp.array<1 x f32>, i32 -> f32
+  warp.store_components(%now), %x[%i, %j]
+    : (f32), !warp.array<2 x f32>, i32, i32
+  return
+}
+
+// -----
+
+// A debugging launch names the thread that fails.
+// CHECK-LABEL: llvm.func ptx_kernelcc @debugging
+// CHECK-NOT: shfl
+func.func @debugging(%x: !warp.array<2 x f32>, %sum: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.target = "sm_90", warp.index32, warp.debug,
+                warp.rank = 2 : i64} {
+  %i, %j = warp.tid : i32, i32
+  %v = warp.load_components %x[%i, %j] : !warp.array<2 x f32>, i32, i32 -> f32
+  %old = warp.atomic_components add(%v), %sum[%i]
+    : (f32), !warp.array<1 x f32>, i32 -> f32
+  return
+}
