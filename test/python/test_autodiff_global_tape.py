@@ -213,6 +213,67 @@ def test_launches_of_rank_two(device):
     np.testing.assert_allclose(x.grad.numpy().ravel(), expected, rtol=1e-12)
 
 
+@pytest.mark.cuda
+def test_launches_on_other_streams():
+    x = wp.array([0.5, 0.9], dtype=F, device="cuda:0", requires_grad=True)
+    y = wp.zeros(2, dtype=F, device="cuda:0", requires_grad=True)
+    n = wp.array([70_000, 3], dtype=int, device="cuda:0")
+    y.grad.fill_(1.0)
+    wp.synchronize_device("cuda:0")
+    wp.launch(sines, 2, [x, n, y], adjoint=True, stream=wp.Stream("cuda:0"))
+    wp.synchronize_device("cuda:0")
+    expected = complex_step(sines_in_numpy, [0.5, 0.9], [70_000, 3])
+    np.testing.assert_allclose(x.grad.numpy(), expected, rtol=1e-9)
+
+
+def test_loops_that_atomics_decide_about(device):
+    """Counting has what the launch saved."""
+
+    @wp.kernel(module_options=GLOBAL)
+    def numbered(x: wp.array(dtype=F), count: wp.array(dtype=int), y: wp.array(dtype=F)):
+        i = wp.tid()
+        number = wp.atomic_add(count, 0, 3)
+        s = x[i]
+        for _ in range(number):
+            s = wp.sin(s) + F(0.4) * s
+        y[i] = s
+
+    x = wp.array([0.4] * 5, dtype=F, device=device, requires_grad=True)
+    y = wp.zeros(5, dtype=F, device=device, requires_grad=True)
+    count = wp.zeros(1, dtype=int, device=device)
+    with wp.Tape() as tape:
+        wp.launch(numbered, 5, [x, count, y], device=device)
+    tape.backward(grads={y: wp.ones(5, dtype=F, device=device)})
+    expected = complex_step(sines_in_numpy, [0.4] * 5, range(0, 15, 3))
+    np.testing.assert_allclose(sorted(x.grad.numpy()), sorted(expected), rtol=1e-12)
+    assert wp.autograd.adjoint_metrics(numbered)["tape_bytes_per_trip"] == 8
+
+
+def test_gradients_that_repeat():
+    """With exact sums, too, threads may have their parts of the tape in any order."""
+
+    @wp.kernel(module_options=GLOBAL | {"deterministic": True})
+    def shared(x: wp.array(dtype=F), n: wp.array(dtype=int), y: wp.array(dtype=F)):
+        i = wp.tid()
+        s = x[0]
+        for _ in range(n[i]):
+            s = wp.sin(s) + F(0.4) * s
+        wp.atomic_add(y, 0, s)
+
+    trips = [3, 500, 0, 41] * 16
+    found = []
+    for _ in range(3):
+        x = wp.array([0.4], dtype=F, requires_grad=True)
+        y = wp.zeros(1, dtype=F, requires_grad=True)
+        with wp.Tape() as tape:
+            wp.launch(shared, len(trips), [x, wp.array(trips, dtype=int), y])
+        tape.backward(grads={y: wp.ones(1, dtype=F)})
+        found.append(x.grad.numpy()[0])
+    expected = 16.0 * sum(complex_step(sines_in_numpy, [0.4] * 4, trips[:4]))
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+    assert len(set(found)) == 1
+
+
 def test_what_it_costs():
     """Checkpoints have memory in each thread, the tape has some per iteration."""
 

@@ -273,3 +273,46 @@ def test_what_has_no_inverse_is_kept(device):
     got, ratio = gradient(lossy, [300], device, 5)
     np.testing.assert_allclose(got, ratio, rtol=1e-12)
     assert wp.autograd.adjoint_metrics(lossy)["tape_bytes"] > 0
+
+
+def test_terms_that_come_from_arrays(device):
+    """Integers and floats are read again, but arithmetic of floats might round otherwise."""
+
+    def define(term):
+        return translate(
+            f"""
+@wp.kernel
+def steps(x: wp.array(dtype=F), table: wp.array(dtype=int), w: wp.array(dtype=float), n: int,
+          y: wp.array(dtype=F)):
+    i = wp.tid()
+    s = x[i]
+    k = i
+    for j in range(n):
+        s = s * (F(1.0) + F(k & 63) * F(1e-3))
+        k = k + {term}
+    y[i] = s
+""",
+            F=wp.float64,
+        )["steps"]
+
+    n, threads = 200, 3
+    rng = np.random.default_rng(5)
+    table = rng.integers(-(2**31), 2**31, n).astype(np.int32)
+    w = rng.uniform(-100.0, 100.0, n).astype(np.float32)
+    arguments = [wp.array(table, device=device), wp.array(w, device=device), n]
+    terms = {
+        "table[j]": table,
+        "int(w[j])": w.astype(np.int32),
+        "int(w[j] * 0.37 + 0.5)": None,
+    }
+    for term, steps in terms.items():
+        kernel = define(term)
+        got, ratio = gradient(kernel, arguments, device, threads)
+        np.testing.assert_allclose(got, ratio, rtol=1e-12)
+        if steps is None:
+            assert wp.autograd.adjoint_metrics(kernel)["tape_bytes"] > 0
+            continue
+        check_no_memory(kernel)
+        before = np.concatenate([[0], np.cumsum(steps, dtype=np.int64)[:-1]])
+        expected = [np.prod(1.0 + ((before + i) & 63) * 1e-3) for i in range(threads)]
+        np.testing.assert_allclose(got, expected, rtol=1e-12)

@@ -62,9 +62,18 @@ LogicalResult IterationSolver::run() {
   return success();
 }
 
+/// Whether an operation gives the same bits wherever it is. Arithmetic of floats
+/// may not: products are fused with sums in one place and not in another.
+static bool isExact(Operation *op) {
+  return isa<warp::LoadOp, warp::CastOp, warp::ConstantOp>(op) ||
+         (isMemoryEffectFree(op) &&
+          llvm::none_of(op->getResultTypes(), [](Type type) {
+            return bool(differentialType(type));
+          }));
+}
+
 LogicalResult IterationSolver::goForward(Operation *op) {
-  if (find(op->getResult(0)) ||
-      !(isMemoryEffectFree(op) || isa<warp::LoadOp>(op)) ||
+  if (find(op->getResult(0)) || !isExact(op) ||
       !llvm::all_of(op->getOperands(), [&](Value v) { return find(v); }))
     return success();
   for (Value operand : op->getOperands())

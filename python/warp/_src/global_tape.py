@@ -52,7 +52,14 @@ def allocate(made, call, values, known) -> dict[tuple[str, int], list]:
             file=call.event.file,
             line=call.event.line,
         ) from error
+    _join_stream(call)
     return found
+
+
+def _join_stream(call) -> None:
+    """Lets the launch's stream wait for that on which arrays are made."""
+    if call.stream is not None:
+        call.stream.wait_stream(devices.get_stream(call.stream.device))
 
 
 def _count(made, call, values, known):
@@ -66,6 +73,7 @@ def _count(made, call, values, known):
     kinds = [(kind, loop) for loop in range(loops) for kind in ("trips", "offsets")]
     found = {key: [zeros(shape, scalars.int64, device)] for key in kinds}
     totals = zeros(loops, scalars.int64, device)
+    _join_stream(call)
     hidden = known(made.hidden_of_counting, found | {("totals", -1): [totals]})
     made.counting.launch(call.dim, values, hidden, call.device, call.stream, call.block_dim or 0)
     return found, totals.numpy().tolist()
