@@ -238,7 +238,8 @@ def GatherSums : WarpPass<"warp-gather-sums"> {
       %t = scf.if %is_positive             // %i >= 1
         // warp.load %dy[%i - 1], or 0
       %u = warp.add(%s, %t)
-      warp.accumulate %u, %dx[%i] {unique = 1}
+      scf.if %is_any                       // %is_less or %is_positive
+        warp.accumulate %u, %dx[%i] {unique = 1}
     }
     ```
   }];

@@ -19,8 +19,8 @@
 namespace warp {
 
 /// An adjoint as two kernels: first `sums`, then `rest`. Right for launches of
-/// as many dimensions as `halo` has, whose threads access arrays within their
-/// bounds, and whose arrays do not share memory.
+/// as many dimensions as `halo` has, with extents below 2^29, whose threads
+/// access arrays within their bounds, and whose arrays do not share memory.
 struct GatheredAdjoint {
   /// Its parameters are those of the adjoint and then the extents of the
   /// launch, integers of 32 bits.

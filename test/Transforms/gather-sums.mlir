@@ -2,34 +2,31 @@
 // RUN: warp-opt %s --split-input-file --warp-gather-sums | FileCheck %s --check-prefix=RAW
 
 // Each sum is computed for the thread that would have sent it, if there is one.
-// The launch is larger by the distance between the outer neighbours.
+// The launch is larger by the largest offset.
 // CHECK-LABEL: func.func @line_sums
 // CHECK-SAME: %[[X:.*]]: !warp.array<1 x f32>, %[[Y:.*]]: !warp.array<1 x f32>, %[[N:.*]]: si32)
 // CHECK-SAME: warp.arg_names = ["x", "y", "launch.0"]
-// CHECK-SAME: warp.halo = array<i64: 2>
+// CHECK-SAME: warp.halo = array<i64: 1>
 // CHECK-DAG: %[[ONE:.*]] = warp.constant 1 : si32
 // CHECK-DAG: %[[TWO:.*]] = warp.constant 2 : si32
-// CHECK-DAG: %[[THREE:.*]] = warp.constant 3 : si32
 // CHECK-DAG: %[[I:.*]] = warp.tid : si32
-// CHECK-DAG: %[[I_1:.*]] = warp.sub(%[[I]], %[[ONE]])
-// CHECK-DAG: %[[I_2:.*]] = warp.sub(%[[I]], %[[TWO]])
+// CHECK-DAG: %[[BEFORE:.*]] = warp.sub(%[[I]], %[[ONE]])
+// CHECK-DAG: %[[AFTER:.*]] = warp.add(%[[I]], %[[ONE]])
+// CHECK: %[[END:.*]] = warp.add(%[[N]], %{{.*}})
+// CHECK: %[[IN:.*]] = warp.lt(%[[I]], %[[END]])
+// CHECK: scf.if %[[IN]] -> (f32) {
+// CHECK: warp.load %{{.*}}[%[[AFTER]]]
 // CHECK: %[[FROM:.*]] = warp.ge(%[[I]], %[[ONE]])
 // CHECK: %[[TO:.*]] = warp.lt(%[[I]], %[[N]])
 // CHECK: %[[IN:.*]] = warp.bit_and(%[[FROM]], %[[TO]])
 // CHECK: scf.if %[[IN]] -> (f32) {
-// CHECK: warp.load %{{.*}}[%[[I]]]
-// CHECK: %[[FROM:.*]] = warp.ge(%[[I]], %[[TWO]])
-// CHECK: %[[END:.*]] = warp.add(%[[N]], %[[ONE]])
-// CHECK: %[[TO:.*]] = warp.lt(%[[I]], %[[END]])
-// CHECK: %[[IN:.*]] = warp.bit_and(%[[FROM]], %[[TO]])
-// CHECK: scf.if %[[IN]] -> (f32) {
-// CHECK: %[[V:.*]] = warp.load %{{.*}}[%[[I_1]]]
+// CHECK: %[[V:.*]] = warp.load %{{.*}}[%[[I]]]
 // CHECK: warp.neg(%[[V]])
-// CHECK: %[[IN:.*]] = warp.ge(%[[I]], %[[THREE]])
+// CHECK: %[[IN:.*]] = warp.ge(%[[I]], %[[TWO]])
 // CHECK: scf.if %[[IN]] -> (f32) {
-// CHECK: warp.load %{{.*}}[%[[I_2]]]
+// CHECK: warp.load %{{.*}}[%[[BEFORE]]]
 // CHECK: %[[GX:.*]] = warp.grad %[[X]]
-// CHECK: warp.accumulate %{{.*}}, %[[GX]][%[[I_1]]] {unique = 1 : i64}
+// CHECK: warp.accumulate %{{.*}}, %[[GX]][%[[I]]] {unique = 1 : i64}
 // CHECK-NOT: warp.store
 // CHECK-NOT: warp.accumulate
 // CHECK-LABEL: func.func @line

@@ -42,3 +42,52 @@ func.func @store_first(%x: !warp.array<2 x f32>, %y: !warp.array<2 x f32>)
   }
   return
 }
+
+// -----
+
+// Loads under a condition go together, too.
+// CHECK-LABEL: llvm.func ptx_kernelcc @conditional
+// CHECK-SAME: warp.items = 8
+// CHECK-COUNT-8: llvm.load {{.*}} : !llvm.ptr<1> -> f32
+// CHECK-COUNT-8: llvm.store {{.*}} : f32, !llvm.ptr<1>
+// CHECK: llvm.load {{.*}} : !llvm.ptr<1> -> f32
+// CHECK: llvm.store {{.*}} : f32, !llvm.ptr<1>
+// CHECK-NOT: llvm.store
+func.func @conditional(%x: !warp.array<2 x f32>, %y: !warp.array<2 x f32>)
+    attributes {warp.kernel} {
+  %i, %j = warp.tid : si32, si32
+  %one = warp.constant 1 : si32
+  %none = warp.constant 0.0 : f32
+  %inside = warp.ge(%i, %one) : (si32, si32) -> i1
+  %v = scf.if %inside -> (f32) {
+    %before = warp.sub(%i, %one) : (si32, si32) -> si32
+    %w = warp.load %x[%before, %j] : !warp.array<2 x f32>, si32, si32 -> f32
+    scf.yield %w : f32
+  } else {
+    scf.yield %none : f32
+  }
+  warp.store %v, %y[%i, %j] : f32, !warp.array<2 x f32>, si32, si32
+  return
+}
+
+// -----
+
+// A branch that stores is none of them.
+// CHECK-LABEL: llvm.func ptx_kernelcc @conditional_store
+// CHECK-NOT: warp.items
+func.func @conditional_store(%x: !warp.array<2 x f32>, %y: !warp.array<2 x f32>)
+    attributes {warp.kernel} {
+  %i, %j = warp.tid : si32, si32
+  %one = warp.constant 1 : si32
+  %none = warp.constant 0.0 : f32
+  %inside = warp.ge(%i, %one) : (si32, si32) -> i1
+  %v = scf.if %inside -> (f32) {
+    warp.store %none, %x[%i, %j] : f32, !warp.array<2 x f32>, si32, si32
+    %w = warp.load %y[%j, %i] : !warp.array<2 x f32>, si32, si32 -> f32
+    scf.yield %w : f32
+  } else {
+    scf.yield %none : f32
+  }
+  warp.store %v, %y[%i, %j] : f32, !warp.array<2 x f32>, si32, si32
+  return
+}

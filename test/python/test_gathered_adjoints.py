@@ -135,6 +135,12 @@ def test_line(device, threads, n):
     check(LINE, threads, [x, *zeros_like(x)], [n], device)
 
 
+@pytest.mark.parametrize("n", [2**31 - 1, 2**30 + 1, 0, -5, 1 - 2**31])
+def test_bounds_of_any_size(device, n):
+    x = RNG.normal(size=9)
+    check(LINE, 8, [x, *zeros_like(x)], [n], device)
+
+
 @pytest.mark.parametrize("source", [CROSS, BOX])
 @pytest.mark.parametrize("dims", [(6, 5), (3, 5), (1, 1), (6, 9), (11, 2)])
 def test_grid(device, source, dims):

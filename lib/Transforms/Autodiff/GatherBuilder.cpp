@@ -2,9 +2,9 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Thread t has the element at t + low, where low is the least offset of all
-// sums. What is added at an offset comes from the thread `offset - low` steps
-// back; for each offset the code of the adjoint that leads to its sums is
+// A thread has the element with its own index: indices are not negative. What is
+// added at an offset comes from the thread that is as far away, in the other
+// direction; for each offset the code of the adjoint that leads to its sums is
 // cloned with the index of that thread. All of it is one expression per
 // gradient,
 //
@@ -69,8 +69,8 @@ private:
   const SumsByOffset &sums;
   unsigned rank;
   func::FuncOp function;
-  /// The least offset and the distance to the largest, by dimension.
-  Offsets low, span;
+  /// By how much the launch is larger.
+  Offsets halo;
   /// From the thread that sums come from to this one.
   Offsets back;
   /// Values before all others, by what they are.
@@ -103,7 +103,7 @@ void GatherBuilder::setAttributes() {
       names.push_back(b.getStringAttr("launch." + Twine(i)));
     function->setAttr(warp::attr::argNames, b.getArrayAttr(names));
   }
-  function->setAttr(warp::attr::halo, b.getDenseI64ArrayAttr(span));
+  function->setAttr(warp::attr::halo, b.getDenseI64ArrayAttr(halo));
 }
 
 /// A thread index plus a constant.
@@ -199,7 +199,7 @@ void GatherBuilder::addPartial(Partial &to, const Partial &from) {
 void GatherBuilder::addGuarded(
     const Guard &conditions, MutableArrayRef<Partial> partials,
     function_ref<void(MutableArrayRef<Partial>)> body) {
-  Value guard = conditions.build(*this, back, span);
+  Value guard = conditions.build(*this, back, halo);
   if (!guard)
     return body(partials);
   auto branch = scf::IfOp::create(b, loc, guard, /*withElseRegion=*/true);
@@ -286,13 +286,9 @@ void GatherBuilder::addBlock(Block &block, const Guard &guard, Group group,
 
 /// Adds to the element of this thread, if others would have.
 void GatherBuilder::store(const NeighborSums &all, const Partial &partial) {
-  Value condition = partial.any;
-  for (auto [i, offset] : llvm::enumerate(low))
-    if (offset < 0)
-      condition = both(condition, isAtLeast(i, -offset));
   OpBuilder::InsertionGuard insertion(b);
-  if (condition) {
-    auto branch = scf::IfOp::create(b, loc, condition);
+  if (partial.any) {
+    auto branch = scf::IfOp::create(b, loc, partial.any);
     b.setInsertionPointToStart(branch.thenBlock());
   }
   IRMapping map;
@@ -300,27 +296,21 @@ void GatherBuilder::store(const NeighborSums &all, const Partial &partial) {
           function.getArguments().take_front(adjoint.getNumArguments()));
   SmallVector<Value> indices;
   for (unsigned dimension : all.dimensions)
-    indices.push_back(shifted(dimension, low[dimension]));
+    indices.push_back(tid.getResult(dimension));
   warp::AccumulateOp::create(b, loc, partial.sum, clone(all.gradients, map),
                              indices, b.getI64IntegerAttr(rank));
 }
 
 void GatherBuilder::build() {
   createFunction();
-  low = span = sums.begin()->first;
+  halo.assign(rank, 0);
   for (auto &[offsets, group] : sums)
-    for (unsigned i = 0; i < rank; ++i) {
-      low[i] = std::min(low[i], offsets[i]);
-      span[i] = std::max(span[i], offsets[i]);
-    }
-  for (unsigned i = 0; i < rank; ++i)
-    span[i] -= low[i];
+    for (unsigned i = 0; i < rank; ++i)
+      halo[i] = std::max(halo[i], offsets[i]);
   setAttributes();
   SmallVector<Partial> partials(gathers.size());
   for (auto &[offsets, group] : sums) {
-    back.clear();
-    for (auto [offset, least] : llvm::zip_equal(offsets, low))
-      back.push_back(offset - least);
+    back = offsets;
     IRMapping map;
     map.map(adjoint.getArguments(),
             function.getArguments().take_front(adjoint.getNumArguments()));

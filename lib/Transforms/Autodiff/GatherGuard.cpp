@@ -113,13 +113,13 @@ void Guard::add(GatherEmitter &emitter, Value condition, bool holds,
 }
 
 Value Guard::build(GatherEmitter &emitter, ArrayRef<int64_t> back,
-                   ArrayRef<int64_t> span) const {
+                   ArrayRef<int64_t> halo) const {
   Value all;
   for (unsigned i = 0; i < least.size(); ++i) {
-    if (int64_t from = least[i] + back[i])
+    if (int64_t from = least[i] + back[i]; from > 0)
       all = emitter.both(all, emitter.isAtLeast(i, from));
     SmallVector<Value, 2> ends = bounds[i];
-    if (!extents.empty() && back[i] < span[i])
+    if (!extents.empty() && back[i] < halo[i])
       ends.push_back(extents[i]);
     if (ends.empty())
       continue;

@@ -58,9 +58,9 @@ public:
            Clone clone);
 
   /// Whether all that is true of the thread `back` steps before this one; null
-  /// if it always is. This one is less than `span` steps beyond the extents.
+  /// if it always is. This one is at most `halo` steps beyond the extents.
   mlir::Value build(GatherEmitter &emitter, llvm::ArrayRef<int64_t> back,
-                    llvm::ArrayRef<int64_t> span) const;
+                    llvm::ArrayRef<int64_t> halo) const;
 
 private:
   bool addComparison(GatherEmitter &emitter, mlir::Operation *op, bool holds,

@@ -17,8 +17,8 @@
 // the addition. That kernel runs before what is left of the adjoint, so it
 // finds all values as they are before the launch; NeighborSums.cpp makes sure
 // that those are what they should be. Its launch is larger than that of the
-// adjoint, by the distance between the first and the last neighbour in each
-// dimension, and it has the extents of the latter as further parameters.
+// adjoint, by the largest offset in each dimension, and it has the extents of
+// the latter as further parameters.
 //
 // Values are computed once per neighbour in place of once, which is cheaper
 // than an atomic addition unless it is a lot.

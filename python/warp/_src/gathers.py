@@ -6,6 +6,8 @@ one is the rest of the adjoint. The compiler takes them apart where it can (incl
 
 from __future__ import annotations
 
+import threading
+
 from warp import _native
 
 
@@ -24,6 +26,7 @@ class Gathered:
 
     def __init__(self, kernel, made):
         self.atomics = made.atomics
+        self._is_new = True
         self._halo = made.halo
         self.sums = kernel.compile_module(made.sums, f"{kernel.key}_adjoint_sums")
         self.rest = None
@@ -31,20 +34,27 @@ class Gathered:
             self.rest = kernel.compile_module(made.rest, f"{kernel.key}_adjoint")
 
     def fits(self, dim) -> bool:
-        """Whether it is right for a launch of these extents."""
+        """Whether it is right for a launch of these extents, see `GatheredAdjoint`."""
         extents = _extents(dim)
-        return len(extents) == len(self._halo) and all(
-            extent + more < 2**29 for extent, more in zip(extents, self._halo, strict=True)
-        )
+        return len(extents) == len(self._halo) and max(extents) < 2**29
 
     def launch(self, call, values, hidden) -> None:
         """Runs both parts; arguments are those of the adjoint."""
         extents = _extents(call.dim)
         larger = tuple(extent + more for extent, more in zip(extents, self._halo, strict=True))
         place = (call.device, call.stream, call.block_dim or 0)
+        if self._is_new and call.device < 0:
+            self._compile_both(call)
         self.sums.launch(larger, values, [*hidden, *extents], *place)
         if self.rest is not None:
             self.rest.launch(call.dim, values, hidden, *place)
+
+    def _compile_both(self, call) -> None:
+        """Compiles the second part on the CPU while the launch of the first one compiles that."""
+        self._is_new = False
+        if self.rest is not None:
+            job = (self.rest, call.device, call.block_dim or 0)
+            threading.Thread(target=_native.load_kernel, args=job).start()
 
 
 def gather_sums(kernel, adjoint) -> Gathered | None:
