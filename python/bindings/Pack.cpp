@@ -184,6 +184,12 @@ bool Packer::packBytes(PackParam &param, PyObject *value, char *out) {
   return true;
 }
 
+/// Whether a parameter is the struct of an indexed array.
+static bool isIndexedArray(const Param &param) {
+  return param.type.rfind("!warp.struct<\"indexedarray", 0) == 0 &&
+         param.type.find('(') < param.type.find('"', 15);
+}
+
 /// Copies the struct of an object that stands for one, as indexed arrays do.
 bool Packer::packStandIn(PackParam &param, PyObject *value, char *out) {
   PyObject *record = PyObject_CallMethod(value, "__ctype__", nullptr);
@@ -289,6 +295,11 @@ void Packer::packSlowly(PackParam &param, PyObject *value, int device,
   case Param::Kind::Composite:
     return packComposite(param, value, out);
   case Param::Kind::Struct:
+    // No indexed array: all of its arrays are null.
+    if (value == Py_None && isIndexedArray(*param.param)) {
+      std::memset(out, 0, param.size);
+      return;
+    }
     if (!(PyObject_CheckBuffer(value) ? packBytes(param, value, out)
                                       : packStandIn(param, value, out)))
       throw error(param, value);

@@ -1,5 +1,6 @@
 """Indexed arrays in kernels: accesses, functions, structs, and what is found wrong."""
 
+import contextlib
 import typing
 
 import numpy as np
@@ -27,6 +28,11 @@ def squared(a: wp.indexedarray2d(dtype=float), i: int, j: int):
 @wp.func
 def last(a: wp.indexedarray(dtype=typing.Any)):
     return a[-1]
+
+
+@wp.kernel
+def nested(o: Outer):
+    o.inner.a[0] = 1.0
 
 
 @wp.kernel
@@ -197,6 +203,24 @@ def test_structs(device):
     np.testing.assert_array_equal(data.numpy(), [0, 1, -1, 3, -1])
 
 
+def test_none_stands_for_no_elements(device):
+    @wp.kernel
+    def choose(a: wp.indexedarray2d(dtype=float), x: wp.array(dtype=float)):
+        if a:
+            x[0] = a[0, 0]
+        else:
+            x[0] = 10.0 + float(a.shape[0] + a.size)
+
+    x = wp.zeros(1, dtype=float, device=device)
+    some = wp.full((2, 2), 3.0, dtype=float, device=device)[ints([1], device)]
+    for value, expected in ((None, 10.0), (some, 3.0), (None, 10.0)):
+        wp.launch(choose, 1, [value, x], device=device)
+        assert x.numpy() == expected
+    with wp.Tape():
+        wp.launch(choose, 1, [None, x], device=device)
+    assert x.numpy() == 10.0
+
+
 def test_recorded_launches(device):
     x, y = floats(np.arange(5.0), device), wp.zeros(2, dtype=float, device=device)
     some = x[ints([4, 2], device)]
@@ -247,6 +271,9 @@ def test_arguments_that_do_not_fit(device):
         wp.launch(generic, 1, [x], device=device)
     with wp.Tape(), pytest.raises(TypeError, match="'x' expects 'indexedarray"):
         wp.launch(square, 1, [x], [y], device=device)
+    for watch in (wp.Tape(), contextlib.nullcontext()):
+        with watch, pytest.raises(TypeError, match="'o' expects 'Outer', but got 'None'"):
+            wp.launch(nested, 1, [None], device=device)
 
 
 @pytest.mark.cuda

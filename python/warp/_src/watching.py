@@ -15,7 +15,7 @@ from warp import _native
 from warp._src import errors, types
 from warp._src.annotations import ArrayType
 from warp._src.array import array
-from warp._src.indexed_arrays import indexedarray
+from warp._src.indexed_arrays import IndexedRecord, indexedarray
 from warp._src.structs import StructInstance
 from warp._src.tracking import Event, Watch, event
 
@@ -73,8 +73,7 @@ class Call:
         self.originals: list = []
         self.signature = signature_of(kernel, native, self.values)
         if not self.signature.flat:
-            self.values = tuple(map(struct_of, self.values))
-            self._check_structs()
+            self.values = self._structs()
 
     @property
     def event(self) -> Event:
@@ -158,19 +157,31 @@ class Call:
         made._event = self._event
         return made
 
-    def _check_structs(self) -> None:
+    def _structs(self) -> tuple:
+        """The arguments with structs in place of indexed arrays."""
+        values = []
         for parameter, value in zip(self.signature.parameters, self.values, strict=False):
-            if parameter[1] == "struct" and getattr(value, "_native_", "") != parameter[2]:
-                # Raises what says so.
-                self.run()
+            if parameter[1] == "struct":
+                value = struct_of(value, parameter[2])
+                if getattr(value, "_native_", "") != parameter[2]:
+                    # Raises what says so.
+                    self.run()
+            values.append(value)
+        return (*values, *self.values[len(values) :])
 
     def run(self) -> None:
         """Runs the launch as it is."""
         self.native.launch(self.dim, self.values, (), self.device, self.stream, self.block_dim or 0)
 
 
-def struct_of(value):
-    """The struct that an argument stands for, as an indexed array does; others as they are."""
+def struct_of(value, native=""):
+    """The struct that an argument stands for, as an indexed array does; others as they are.
+
+    native: text of the parameter's type; None stands for an indexed array without elements.
+    """
+    if value is None and native:
+        dtype = types.dtype_of(native)
+        return dtype() if issubclass(dtype, IndexedRecord) else None
     return value.__ctype__() if isinstance(value, indexedarray) else value
 
 
@@ -181,7 +192,7 @@ def leaves_of(parameters, values) -> list[tuple[str, array | None]]:
         if parameter[1] == "array":
             found.append((parameter[0], value if isinstance(value, array) else None))
         elif parameter[1] == "struct":
-            found += struct_leaves(parameter[0], struct_of(value))
+            found += struct_leaves(parameter[0], struct_of(value, parameter[2]))
     return found
 
 

@@ -9,6 +9,7 @@ from warp._src import types
 from warp._src.frontend import names
 from warp._src.frontend.access import COMPONENTS, Access
 from warp._src.frontend.emitter import BOOL, Value
+from warp._src.frontend.indexed import array_of
 
 _BINARY = {
     ast.Add: "add",
@@ -213,10 +214,9 @@ class Expressions(Access):
             if native == BOOL:
                 known = binding.constant()
                 return binding if known is None else bool(known)
-            if native.kind == "array":
+            if array_of(native) is not None:
                 # A null array, as `None` at a launch gives, has no extent.
-                self.at(node)
-                extent = self.builder.dim(binding, 0)
+                extent = self.extents(binding, node)[0]
                 return self.operator(node, "ne", extent, self.materialize(0, node))
             if native.kind not in ("int", "float"):
                 raise self.type_error(node, f"expects a condition, but got '{native.python_name}'")
