@@ -179,7 +179,7 @@ def test_gradients_that_do_not_fit():
     with pytest.raises(ValueError, match="expects an array as the gradient.*but got 'float'"):
         x.grad = 1.0
     with pytest.raises(ValueError, match="gradient of 'float32' for an array of 'float16'"):
-        wp.zeros(3, dtype=wp.float16, device="cpu").grad = wp.zeros(3, wp.float16, "cpu")
+        wp.zeros(3, dtype=wp.float16, device="cpu").grad = wp.zeros(3, wp.float64, "cpu")
 
 
 @wp.struct

@@ -100,7 +100,15 @@ def from_torch(t, dtype=None, requires_grad=None, grad=None, return_ctype=False,
         else:
             grad = _gradient(t)
     if grad is not None:
-        result.grad = grad if isinstance(grad, array) else _alias(grad, dtype)
+        grad = grad if isinstance(grad, array) else _alias(grad, dtype)
+        wide = gradient_type(result.dtype)
+        if wide is not result.dtype and grad.dtype is not wide:
+            # The array would take a copy, and the tensor never change.
+            raise ValueError(
+                f"from_torch(): expects a gradient of '{types.type_repr(wide)}' for an array of "
+                f"'{types.type_repr(result.dtype)}', but got '{types.type_repr(grad.dtype)}'"
+            )
+        result.grad = grad
     if retain_grad:
         result.retain_grad = True
     return result
