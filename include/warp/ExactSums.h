@@ -41,6 +41,9 @@ inline constexpr int countMarks(int width) { return countDigits(width) + 3; }
 /// After the digits, one word has a bit for each of these that was added.
 inline constexpr int addedInfinity = 1, addedMinusInfinity = 2, addedNaN = 4;
 
+/// Terms that a range of threads on the CPU collects before it adds them.
+inline constexpr int termsInBuffer = 256;
+
 /// An array that a launch with exact sums accesses.
 struct SummedArray {
   /// Bits of the floats that are summed; 0 if the launch loads or stores.

@@ -9,7 +9,8 @@
 //
 // A sum into one element for all threads is made by each range of threads in
 // memory of its own, a stack frame that stays in the cache, and added to the
-// element's at the end of the range. On a GPU the threads of a block do so
+// element's at the end of the range. The device library has what that takes
+// (DeviceLib/cpu/ExactSums.cpp). On a GPU the threads of a block make such a sum
 // together (BlockSums.cpp).
 //
 //===----------------------------------------------------------------------===//
@@ -52,6 +53,12 @@ public:
   void lower(warp::AtomicComponentsOp op);
 
 private:
+  /// Memory of a range: terms that are not added yet, how many these are, and
+  /// the digits of the others.
+  struct RangeSum {
+    Value terms, count, digits, touched;
+  };
+
   /// A field of the sums' descriptor.
   Value read(Type type, int64_t offset);
   warp::SumPlace sums(int64_t descriptor);
@@ -65,6 +72,8 @@ private:
   /// What an update adds.
   Value term(warp::AtomicComponentsOp op, Value component);
   Value makeZeros(Type word, int64_t count);
+  RangeSum makeRangeSum(Type type);
+  void callLibrary(StringRef name, ValueRange operands);
   Value constant(int64_t value) {
     return arith::ConstantOp::create(b, entry.getLoc(),
                                      b.getI64IntegerAttr(value));
@@ -177,24 +186,55 @@ Value SumLowering::makeZeros(Type word, int64_t count) {
   return memory;
 }
 
+/// Calls a function of the device library.
+void SumLowering::callLibrary(StringRef name, ValueRange operands) {
+  auto module = entry->getParentOfType<ModuleOp>();
+  auto function = module.lookupSymbol<LLVM::LLVMFuncOp>(name);
+  if (!function) {
+    OpBuilder inModule = OpBuilder::atBlockBegin(module.getBody());
+    auto type = LLVM::LLVMFunctionType::get(
+        LLVM::LLVMVoidType::get(b.getContext()),
+        llvm::to_vector(operands.getTypes()));
+    function =
+        LLVM::LLVMFuncOp::create(inModule, entry.getLoc(), name, type);
+  }
+  LLVM::CallOp::create(b, entry.getLoc(), function, operands);
+}
+
+SumLowering::RangeSum SumLowering::makeRangeSum(Type type) {
+  unsigned width = type.getIntOrFloatBitWidth();
+  RangeSum sum;
+  auto pointer = LLVM::LLVMPointerType::get(b.getContext());
+  Type terms = LLVM::LLVMArrayType::get(type, warp::termsInBuffer);
+  sum.terms = LLVM::AllocaOp::create(b, entry.getLoc(), pointer, terms,
+                                     constant(1), 64);
+  sum.count = makeZeros(b.getI64Type(), 1);
+  sum.digits = makeZeros(b.getI64Type(), warp::countDigits(width) + 1);
+  sum.touched = makeZeros(b.getI32Type(), warp::countMarks(width));
+  return sum;
+}
+
 void SumLowering::lowerInRange(warp::AtomicComponentsOp op) {
   Location loc = op.getLoc();
-  unsigned width = op.getResultTypes()[0].getIntOrFloatBitWidth();
-  SmallVector<warp::SumPlace> own;
+  Type type = op.getResultTypes()[0];
+  unsigned width = type.getIntOrFloatBitWidth();
+  std::string suffix = "_f" + std::to_string(width);
+  SmallVector<RangeSum> own;
   b.setInsertionPoint(first->getTerminator());
-  for (unsigned i = 0; i < op.getNumResults(); ++i) {
-    int64_t words = warp::countDigits(width) + 1;
-    own.push_back({makeZeros(b.getI64Type(), words),
-                   makeZeros(b.getI32Type(), warp::countMarks(width)),
-                   constant(1), constant(0)});
-  }
+  for (unsigned i = 0; i < op.getNumResults(); ++i)
+    own.push_back(makeRangeSum(type));
   b.setInsertionPoint(op);
   for (auto [sum, component] : llvm::zip_equal(own, op.getComponents()))
-    functions.add(b, loc, sum, term(op, component), /*shared=*/false);
+    callLibrary("warp_append_to_sum" + suffix,
+                {sum.terms, sum.count, sum.digits, sum.touched,
+                 term(op, component)});
 
   warp::SumPlace place = sums(warp::getFact(op, warp::attr::sum, 0));
   for (auto [number, sum] : llvm::zip_equal(numbersAtEnd(op), own)) {
     place.number = number;
+    Value count = LLVM::LoadOp::create(b, loc, b.getI64Type(), sum.count);
+    callLibrary("warp_flush_sum" + suffix,
+                {sum.terms, count, sum.digits, sum.touched});
     functions.addSum(b, loc, place, sum.digits, sum.touched, width, shared);
   }
 }

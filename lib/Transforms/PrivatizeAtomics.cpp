@@ -80,6 +80,8 @@ private:
   void publishRange(const Accumulator &sum, Value any);
   void publishBlock(const Accumulator &sum, Value any);
   void update(const Accumulator &sum, ValueRange totals);
+  void count(double updates);
+  void countSum(warp::AtomicComponentsOp op);
   int64_t blockDim() {
     return warp::getFact(entry, warp::attr::blockDim, 256);
   }
@@ -91,8 +93,9 @@ private:
   LLVM::LLVMFuncOp entry;
   Block *first;
   OpBuilder b;
-  /// Components that are still updated by each thread.
-  double remaining = 0;
+  /// Cycles of the updates that each thread still makes: as the estimate of cost
+  /// has them, plainly, and atomically.
+  double estimated = 0, plain = 0, atomic = 0;
 };
 
 } // namespace
@@ -225,17 +228,34 @@ static double estimatedTrips(Operation *op) {
   return trips;
 }
 
+void Privatizer::count(double updates) {
+  estimated += 20 * updates;
+  plain += 2 * updates;
+  atomic += 20 * updates;
+}
+
+/// An exact sum takes a float apart for two updates or three. One into the same
+/// element for all threads needs no atomic instructions.
+void Privatizer::countSum(warp::AtomicComponentsOp op) {
+  double updates = double(op.getComponents().size()) * estimatedTrips(op);
+  bool isShared = !llvm::all_of(
+      op.getIndices(), [&](Value index) { return isInvariant(index); });
+  estimated += 20 * updates;
+  plain += 15 * updates;
+  atomic += (isShared ? 50 : 15) * updates;
+}
+
 void Privatizer::run() {
   SmallVector<warp::AtomicComponentsOp> found;
   entry.walk([&](warp::AtomicComponentsOp op) {
     if (qualifies(op))
       found.push_back(op);
-    else if (!op->hasAttr(warp::attr::sum) ||
-             !llvm::all_of(op.getIndices(),
-                           [&](Value i) { return isInvariant(i); }))
-      remaining += double(op.getComponents().size()) * estimatedTrips(op);
+    else if (op->hasAttr(warp::attr::sum))
+      countSum(op);
+    else
+      count(double(op.getComponents().size()) * estimatedTrips(op));
   });
-  entry.walk([&](warp::AtomicCasOp op) { remaining += estimatedTrips(op); });
+  entry.walk([&](warp::AtomicCasOp op) { count(estimatedTrips(op)); });
   for (warp::AtomicComponentsOp op : found)
     privatize(op);
 }
@@ -250,13 +270,12 @@ bool Privatizer::coversOrder() {
   return !result.wasInterrupted();
 }
 
-/// Times in cycles: two operations take one, a plain update two, an atomic
-/// one twenty, which `cost` has counted already.
+/// Two operations take one cycle.
 bool Privatizer::isFasterAlone(int64_t threads, int64_t cost) {
-  if (remaining == 0)
+  if (atomic == 0)
     return false;
-  double rest = std::max(0.0, double(cost) - 20 * remaining) / 2;
-  return rest + 2 * remaining < (rest + 20 * remaining) / double(threads);
+  double rest = std::max(0.0, double(cost) - estimated) / 2;
+  return rest + plain < (rest + atomic) / double(threads);
 }
 
 namespace {

@@ -38,9 +38,11 @@ func.func @scatter(%x: !warp.array<1 x f32>, %to: !warp.array<1 x si32>,
 // A sum into one element is made by a range on its own, in memory on the stack,
 // or by a block in shared memory.
 // CHECK-LABEL: llvm.func @one_address
+// CHECK: llvm.alloca {{.*}} x !llvm.array<256 x f64>
 // CHECK: llvm.alloca {{.*}} x !llvm.array<76 x i64>
-// CHECK: llvm.call @warp_add_exactly_alone_f64
+// CHECK: llvm.call @warp_append_to_sum_f64
 // CHECK: llvm.cond_br {{.*}}loop_annotation
+// CHECK: llvm.call @warp_flush_sum_f64
 // CHECK: llvm.call @warp_add_sum_f64
 
 // GPU: llvm.mlir.global internal @exact_sum{{.*}}addr_space = 3

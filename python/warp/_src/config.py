@@ -172,8 +172,8 @@ SETTINGS = {
             "deterministic",
             (bool, str, DeterministicMode),
             False,
-            "sums have the same bits in every run: launches whose order of atomics would show run "
-            "on one thread, on CUDA devices in one block if all threads add to the same elements",
+            "sums that launches add to arrays are exact, so they have the same bits in every run; a "
+            "launch that also reads such an array runs on one thread or in one block",
         ),
         Setting("launch_array_access_mode", (int, str), "RELAXED", "reserved: overlap checks"),
         _inert("log_level", int, 30),
