@@ -26,3 +26,22 @@ func.func @largest(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
   %o = warp.atomic max %v, %y[%zero] : f32, !warp.array<1 x f32>, si32 -> f32
   return
 }
+
+// -----
+
+// Components have a winner each.
+// CHECK-LABEL: @corner_tangent(
+// CHECK-SAME: !warp.array<1 x !warp.vec<2 x si32>> {{{[^}]*}}kind = "claims", leaf = 1
+// CHECK-COUNT-2: warp.atomic exch
+// CHECK-NOT: warp.atomic
+func.func @corner(%x: !warp.array<1 x !warp.vec<2 x f32>>,
+                  %y: !warp.array<1 x !warp.vec<2 x f32>>)
+    attributes {warp.kernel} {
+  %i = warp.tid : si32
+  %zero = warp.constant 0 : si32
+  %v = warp.load %x[%i] : !warp.array<1 x !warp.vec<2 x f32>>, si32
+      -> !warp.vec<2 x f32>
+  %o = warp.atomic min %v, %y[%zero] : !warp.vec<2 x f32>,
+      !warp.array<1 x !warp.vec<2 x f32>>, si32 -> !warp.vec<2 x f32>
+  return
+}

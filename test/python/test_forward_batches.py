@@ -210,6 +210,8 @@ def test_bad_batches(device):
         wp.autograd.jvp(lambda x, y: x + y, [x, x], [two, three])
     with pytest.raises(ValueError, match="2 for input 0, one for input 1"):
         wp.autograd.jvp(lambda x, y: x + y, [x, x], [two, x])
+    with pytest.raises(ValueError, match=r"shape \(2,\), or \(k, 2\) for k directions, but got"):
+        wp.autograd.jvp(lambda x: x, [x], [values(np.ones((2, 3)), device)])
     with pytest.raises(ValueError, match="at least one direction"):
         wp.autograd.jvp(lambda x: x, [x], [values(np.ones((0, 2)), device)])
     box = wp.zeros((1, 1, 1, 2), dtype=wp.float64, device=device)

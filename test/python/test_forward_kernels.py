@@ -165,6 +165,36 @@ def test_equal_extremes_have_one_winner(device):
 
 
 @wp.kernel
+def bounds(x: wp.array(dtype=wp.vec3d), box: wp.array2d(dtype=wp.vec3d)):
+    i, j = wp.tid()
+    wp.atomic_min(box, i, 0, x[j] * wp.float64(float(i + 1)))
+    wp.atomic_max(box[i], 1, x[j])
+
+
+@pytest.mark.parametrize("count", [1, 500])
+def test_atomic_extremes_of_vectors(device, count):
+    """Each component has a winner of its own."""
+    random = np.random.default_rng(6)
+    x, v = random.normal(size=(count, 3)), random.normal(size=(4, count, 3))
+    box = np.array([[[9.0] * 3, [-9.0] * 3]] * 2)
+
+    def function(x):
+        made = wp.array(box, dtype=wp.vec3d, device=device)
+        wp.launch(bounds, (2, count), [x, made], device=device)
+        return made
+
+    found = wp.autograd.jvp(
+        function,
+        [wp.array(x, dtype=wp.vec3d, device=device)],
+        [wp.array(v, dtype=wp.vec3d, device=device)],
+    ).numpy()
+    axes = np.arange(3)
+    low, high = v[:, x.argmin(0), axes], v[:, x.argmax(0), axes]
+    expected = np.stack([np.stack([low, high], 1), np.stack([2 * low, high], 1)], 1)
+    np.testing.assert_allclose(found, expected, rtol=1e-15)
+
+
+@wp.kernel
 def overwritten(x: wp.array(dtype=wp.float64), y: wp.array(dtype=wp.float64)):
     i = wp.tid()
     x[i] = wp.float64(2.0) * x[i]

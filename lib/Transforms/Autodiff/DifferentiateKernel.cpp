@@ -184,6 +184,7 @@ struct DifferentiateKernel
     for (char flag : active)
       if (flag != ',')
         options.active.push_back(flag == '1');
+    splitExtrema(kernel);
     func::FuncOp dual = createTwin(kernel, "_tangent");
     if (failed(ForwardBuilder(kernel, dual, options).build()))
       return failure();

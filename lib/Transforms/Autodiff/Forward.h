@@ -130,6 +130,9 @@ private:
   llvm::SmallVector<mlir::Value> claims;
 };
 
+/// Makes atomic minima and maxima of composites those of their components.
+void splitExtrema(mlir::func::FuncOp kernel);
+
 /// What writes to an array, a view of it, or the parameter that it is passed
 /// for; null if nothing does.
 mlir::Operation *findWrite(mlir::Value array);

@@ -14,6 +14,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Cotangents.h"
 #include "Forward.h"
 #include "MemoryClasses.h"
 
@@ -29,6 +30,46 @@ static bool isExtremum(Operation *op) {
   auto atomic = dyn_cast<AtomicOp>(op);
   return atomic && (atomic.getKind() == AtomicKind::min ||
                     atomic.getKind() == AtomicKind::max);
+}
+
+void splitExtrema(func::FuncOp kernel) {
+  SmallVector<AtomicOp> atomics;
+  kernel.walk([&](AtomicOp op) {
+    Type type = op.getValue().getType();
+    if (isExtremum(op) && isComposite(type) && differentialType(type))
+      atomics.push_back(op);
+  });
+  for (AtomicOp op : atomics) {
+    OpBuilder builder(op);
+    Location loc = op.getLoc();
+    Type type = op.getValue().getType(), scalar = getElementScalar(type);
+    int64_t rank = cast<ArrayType>(op.getArray().getType()).getRank();
+    Type part = ArrayType::get(op.getContext(), rank, scalar);
+    SmallVector<Value> old;
+    for (int64_t i = 0, n = getComponentCount(type); i < n; ++i) {
+      auto at = getSlotIndices(builder, loc, type, i);
+      Value view = ComponentViewOp::create(builder, loc, part, op.getArray(),
+                                           at, StringAttr());
+      Value value =
+          ExtractOp::create(builder, loc, scalar, op.getValue(), at);
+      old.push_back(AtomicOp::create(builder, loc, scalar, op.getKind(), value,
+                                     view, op.getIndices()));
+    }
+    if (!op->use_empty())
+      op.getOld().replaceAllUsesWith(
+          ConstructOp::create(builder, loc, type, old).getResult());
+    op->erase();
+  }
+}
+
+/// Of an array's elements: one integer for each component, null if there is no
+/// such type.
+static Type getClaimType(Type element) {
+  if (!isScalar(element) && !isa<VecType, MatType>(element))
+    return {};
+  Type integer = IntegerType::get(element.getContext(), 32,
+                                  IntegerType::SignednessSemantics::Signed);
+  return isScalar(element) ? integer : withElementScalar(element, integer);
 }
 
 void ForwardBuilder::collectUpdates() {
@@ -52,9 +93,10 @@ void ForwardBuilder::collectUpdates() {
       if (claims[leaf] || twins[leaf].empty() || !isExtremum(op))
         continue;
       auto twin = cast<ArrayType>(twins[leaf][0].getType());
-      auto type = ArrayType::get(builder.getContext(), twin.getRank(),
-                                 builder.getIntegerType(32, true));
-      claims[leaf] = addHidden("claims", leaf, type);
+      if (Type element = getClaimType(twin.getElementType()))
+        claims[leaf] = addHidden("claims", leaf,
+                                 ArrayType::get(builder.getContext(),
+                                                twin.getRank(), element));
     }
   });
 }
@@ -124,16 +166,18 @@ LogicalResult ForwardBuilder::checkUpdates(AtomicOp op, unsigned leaf) {
 /// The argument for claims, seen through the views that the array was made by.
 Value ForwardBuilder::claimsOf(Value array) {
   Operation *op = array.getDefiningOp();
-  if (!isa_and_nonnull<ViewOp, SliceOp>(op))
+  if (!isa_and_nonnull<ViewOp, SliceOp, ComponentViewOp>(op))
     return claims[leaves.of(array).front()];
   Value base = claimsOf(op->getOperand(0));
+  Type element = cast<ArrayType>(base.getType()).getElementType();
+  if (isa<ComponentViewOp>(op))
+    element = getClaimType(cast<ArrayType>(array.getType()).getElementType());
   Operation *view = op->clone();
   view->setOperands(lookup(op->getOperands()));
   view->setOperand(0, base);
   view->getResult(0).setType(
       ArrayType::get(builder.getContext(),
-                     cast<ArrayType>(array.getType()).getRank(),
-                     cast<ArrayType>(base.getType()).getElementType()));
+                     cast<ArrayType>(array.getType()).getRank(), element));
   builder.insert(view);
   return view->getResult(0);
 }
@@ -142,11 +186,9 @@ LogicalResult ForwardBuilder::assignWinner(AtomicOp op) {
   Location loc = op.getLoc();
   Type type = op.getValue().getType();
   auto leaf = leaves.of(op.getArray());
-  bool isComponent = !isScalar(type) ||
-                     op.getArray().getDefiningOp<ComponentViewOp>();
-  if (isComponent || leaf.size() != 1)
-    return refuse(op) << "for arrays of numbers; launch one thread, or keep "
-                         "each component in an array of its own";
+  if (leaf.size() != 1 || !claims[leaf[0]])
+    return refuse(op) << "for arrays of numbers, vectors and matrices; launch "
+                         "one thread, or use such an array";
   if (failed(checkUpdates(op, leaf[0])))
     return failure();
   Value array = values.lookup(op.getArray());

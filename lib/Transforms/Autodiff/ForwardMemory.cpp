@@ -40,10 +40,9 @@ LogicalResult ForwardBuilder::runAtomic(AtomicOp op, Operation *clone,
     tangents[op.getOld()] = update(kind);
     return success();
   }
-  if (!isScalar(op.getValue().getType()) ||
-      (kind != AtomicKind::min && kind != AtomicKind::max))
-    return op.emitError("this atomic has no tangent; update the components one "
-                        "by one");
+  if (kind != AtomicKind::min && kind != AtomicKind::max)
+    return op.emitError("this atomic has no tangent; use 'atomic_add', "
+                        "'atomic_min', 'atomic_max' or 'atomic_exch'");
   // The value and its tangent are two updates, and other threads could come
   // between them.
   dual->setAttr(attr::oneThread,

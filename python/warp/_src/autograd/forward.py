@@ -196,9 +196,10 @@ def _directions(inputs, given, name) -> tuple[list, bool]:
         if not isinstance(one, array) or not isinstance(tangent, array):
             raise TypeError(f"expects arrays as {name}, but got '{type(tangent).__name__}'")
         if tangent.shape != one.shape and tangent.shape[1:] != one.shape:
+            several = ", ".join(["k", *map(str, one.shape)])
             raise errors.WarpShapeError(
-                f"expects {name} of shape {one.shape}, or (k, *{one.shape}) for k directions, but "
-                f"got {tangent.shape}"
+                f"expects {name} of shape {one.shape}, or ({several}) for k directions, but got "
+                f"{tangent.shape}"
             )
         counts[i] = None if tangent.shape == one.shape else tangent.shape[0]
     if len(set(counts.values())) > 1:

@@ -170,12 +170,14 @@ class Tangents:
 
     def _hidden(self, made, leaves) -> list:
         """Twins, and zeros for the claims of winners."""
-        return [
-            self.twin(leaves[hidden.leaf], hidden.direction)
-            if hidden.kind == "tangent"
-            else zeros(leaves[hidden.leaf].shape, scalars.int32, leaves[hidden.leaf].device)
-            for hidden in made.hidden
-        ]
+        values = []
+        for hidden in made.hidden:
+            one = leaves[hidden.leaf]
+            if hidden.kind == "tangent":
+                values.append(self.twin(one, hidden.direction))
+            else:
+                values.append(zeros(one.shape, types.dtype_of(hidden.type).dtype, one.device))
+        return values
 
     def launch_adjoint(self, made, call: Call, values, initial, saved) -> None:
         """Runs the adjoint of a launch with tangents."""
