@@ -7,6 +7,8 @@
 #ifndef WARP_TRANSFORMS_AUTODIFF_NEIGHBORSUMS_H
 #define WARP_TRANSFORMS_AUTODIFF_NEIGHBORSUMS_H
 
+#include "ThreadShift.h"
+
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/Func/IR/FuncOps.h"
@@ -14,24 +16,6 @@
 #include "llvm/ADT/SetVector.h"
 
 namespace warp::autodiff {
-
-/// A thread index plus a small constant.
-struct Shift {
-  unsigned dimension;
-  int64_t offset;
-  bool operator==(const Shift &other) const {
-    return dimension == other.dimension && offset == other.offset;
-  }
-};
-
-/// A value of that form; casts to wider integers do not matter.
-std::optional<Shift> getShift(mlir::Value value);
-
-/// The least thread index for which a comparison with a constant holds, or does
-/// not, as far as it says so by a lower bound or equality; indices are not
-/// negative.
-std::optional<int64_t> getLeast(mlir::Operation *comparison, bool holds,
-                                unsigned dimension);
 
 /// One addition to an element near the thread's own.
 struct NeighborSum {
