@@ -311,8 +311,7 @@ Derivative warp::differentiate(const Module &module,
         {/*keepDerivatives=*/true, options.forward, options.singular}));
     return resolve.run(module);
   });
-  if (options.forward)
-    callBodies(*copy->op);
+  callBodies(*copy->op);
   keepCalls(*copy->op, true);
   check(*copy->op,
         [&](ModuleOp module) { return derive(module, options); });

@@ -20,7 +20,7 @@ mlir::LogicalResult derive(mlir::ModuleOp module,
 void keepCalls(mlir::ModuleOp module, bool keep);
 
 /// Has pullbacks call the mere body of their function: a derivative of its own
-/// says nothing about its residuals, whose tangents are those of the body.
+/// says nothing about its residuals, which have that of the body.
 void callBodies(mlir::ModuleOp module);
 
 } // namespace warp

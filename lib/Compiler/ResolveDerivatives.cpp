@@ -373,8 +373,7 @@ LogicalResult ResolveDerivatives::differentiate(ModuleOp module,
   for (Type type : function.getResultTypes())
     if (warp::hasDifferential(type))
       options.active.push_back(true);
-  if (request.forward)
-    warp::callBodies(module);
+  warp::callBodies(module);
   warp::keepCalls(module, true);
   return warp::derive(module, options);
 }

@@ -124,6 +124,27 @@ def test_pullback_with_residuals(device):
 
 
 @wp.kernel
+def slope_of_own(x: wp.array(dtype=real), loss: wp.array(dtype=real)):
+    by_x, by_y = wp.grad(own)(x[0], x[1])
+    loss[0] = by_x
+
+
+def test_gradient_of_a_gradient_with_residuals(device):
+    """In reverse mode a residual varies, too; in forward mode over it, twice."""
+    x, y = 0.3, -0.7
+    e = np.exp(x * y)
+    array = wp.array([x, y], dtype=real, requires_grad=True, device=device)
+    function = evaluate(slope_of_own, 1)
+    with wp.Tape() as tape:
+        loss = function(array)
+    tape.backward(loss)
+    np.testing.assert_allclose(array.grad.numpy(), [y * y * e, (1 + x * y) * e], rtol=1e-14)
+    expected = e * np.array([[y**3, y * (2 + x * y)], [y * (2 + x * y), x * (2 + x * y)]])
+    found = hessian_of(slope_of_own, [x, y], device)
+    np.testing.assert_allclose(found, expected, rtol=1e-13)
+
+
+@wp.kernel
 def exp_times(x: wp.array(dtype=real), loss: wp.array(dtype=real)):
     loss[0] = wp.exp(x[0]) * x[1] + wp.sinh(x[2]) * x[1] + wp.cosh(x[3]) * x[1]
 
