@@ -180,6 +180,8 @@ void RoundingKernel::splitOld(N magnitude, N isNegative) {
   ownWeight = wrap(
       b.builtin("floordiv", {shift.value, number(digitBits).value}).values[0]);
   N rest = shift - ownWeight * digitBits;
+  // Zero has its digits where the sum has them.
+  ownWeight = choose(magnitude == 0, lowest, ownWeight);
   int64_t mask = (int64_t(1) << digitBits) - 1;
   own[0] = (fraction << rest) & mask;
   own[1] = (fraction >> (number(digitBits) - rest)) & mask;

@@ -10,8 +10,8 @@
 // A sum into one element for all threads is made by each range of threads in
 // memory of its own, a stack frame that stays in the cache, and added to the
 // element's at the end of the range. The device library has what that takes
-// (DeviceLib/cpu/ExactSums.cpp). On a GPU the threads of a block make such a sum
-// together (BlockSums.cpp).
+// (DeviceLib/cpu/ExactSums.cpp). On a GPU the threads of a block make such a
+// sum together (BlockSums.cpp).
 //
 //===----------------------------------------------------------------------===//
 

@@ -62,16 +62,15 @@ void SumFunctions::mark(const SumPlace &to, Value weight, unsigned width) {
   b.setInsertionPointToStart(ifNew.thenBlock());
   LLVM::StoreOp::create(b, loc, constant(i32, 1), place);
   int64_t count = countDigits(width);
-  auto raise = [&](int64_t number, Value to, Value bound) {
-    LLVM::AtomicRMWOp::create(
-        b, loc, LLVM::AtomicBinOp::max, element(i32, to, constant(i64, number)),
-        arith::TruncIOp::create(b, loc, i32, bound),
-        LLVM::AtomicOrdering::monotonic, gpu ? "device" : "", 4);
+  auto raise = [&](int64_t number, Value bound) {
+    LLVM::AtomicRMWOp::create(b, loc, LLVM::AtomicBinOp::max,
+                              element(i32, to.touched, constant(i64, number)),
+                              arith::TruncIOp::create(b, loc, i32, bound),
+                              LLVM::AtomicOrdering::monotonic,
+                              gpu ? "device" : "", 4);
   };
-  raise(count + 1, to.touched,
-        arith::SubIOp::create(b, loc, constant(i64, count), weight));
-  raise(count + 2, to.touched,
-        arith::AddIOp::create(b, loc, weight, constant(i64, 1)));
+  raise(count + 1, arith::SubIOp::create(b, loc, constant(i64, count), weight));
+  raise(count + 2, arith::AddIOp::create(b, loc, weight, constant(i64, 1)));
 }
 
 /// The word of a weight.
