@@ -17,6 +17,8 @@
 // would round. Gradients add up many contributions of similar size, so their
 // partial sums have 64 bits.
 //
+// Short loops over a few such elements are unrolled first (UnrollUpdates.cpp).
+//
 // Updates that are the same element for the threads of a warp only, or in one
 // iteration of a loop, are combined over the warp (WarpSums.cpp).
 //
@@ -33,6 +35,7 @@
 #include "Atomics.h"
 #include "BlockReduce.h"
 #include "KernelFunction.h"
+#include "UnrollUpdates.h"
 #include "WarpSums.h"
 #include "WarpDialect/ParameterLayout.h"
 #include "WarpDialect/WarpOps.h"
@@ -93,8 +96,8 @@ private:
   LLVM::LLVMFuncOp entry;
   Block *first;
   OpBuilder b;
-  /// Cycles of the updates that each thread still makes: as the estimate of cost
-  /// has them, plainly, and atomically.
+  /// Cycles of the updates that each thread still makes: as the estimate of
+  /// cost has them, plainly, and atomically.
   double estimated = 0, plain = 0, atomic = 0;
 };
 
@@ -290,6 +293,8 @@ struct PrivatizeAtomics : warp::impl::PrivatizeAtomicsBase<PrivatizeAtomics> {
       return;
     // A debugging launch names the thread that fails, so each does its own.
     bool debug = entry->hasAttr(warp::attr::debug);
+    if (!debug)
+      warp::unrollUpdates(function);
     if (!warp::isGpu(entry))
       runOnCpu(function, debug);
     else if (entry->hasAttr(warp::attr::exclusive))

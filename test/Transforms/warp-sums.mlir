@@ -24,10 +24,10 @@ func.func @parameters(%x: !warp.array<1 x f32>, %w: !warp.array<1 x f32>)
     attributes {warp.kernel, warp.target = "sm_90", warp.index32} {
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
-  %c4 = arith.constant 4 : i32
+  %c40 = arith.constant 40 : i32
   %i = warp.tid : i32
   %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
-  scf.for %k = %c0 to %c4 step %c1 : i32 {
+  scf.for %k = %c0 to %c40 step %c1 : i32 {
     %old = warp.atomic_components sub(%v), %w[%k]
       : (f32), !warp.array<1 x f32>, i32 -> f32
   }

@@ -1,0 +1,82 @@
+// RUN: warp-opt %s --split-input-file --warp-lower-launch \
+// RUN:     --warp-privatize-atomics | FileCheck %s
+
+// A short loop over parameters is unrolled: each sum has a place of its own,
+// and is published once.
+// CHECK-LABEL: llvm.func @parameters
+// CHECK: llvm.alloca {{.*}} x f32
+// CHECK: llvm.alloca {{.*}} x f32
+// CHECK: llvm.alloca {{.*}} x f32
+// CHECK-NOT: scf.for
+// CHECK: llvm.cond_br {{.*}}loop_annotation
+// CHECK: scf.if
+// CHECK: warp.atomic_components add(%{{.*}}), %{{.*}}[%{{.*}}]
+// CHECK: scf.if
+// CHECK: warp.atomic_components add(%{{.*}}), %{{.*}}[%{{.*}}]
+// CHECK: scf.if
+// CHECK: warp.atomic_components add(%{{.*}}), %{{.*}}[%{{.*}}]
+// CHECK-NOT: warp.atomic_components
+func.func @parameters(%x: !warp.array<1 x f32>, %w: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.index32} {
+  %c0 = arith.constant 0 : i32
+  %c2 = arith.constant 2 : i32
+  %c6 = arith.constant 6 : i32
+  %one = arith.constant 1.0 : f32
+  %i = warp.tid : i32
+  %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
+  %end = scf.for unsigned %k = %c0 to %c6 step %c2 iter_args(%p = %one)
+      -> (f32) : i32 {
+    %j = arith.subi %c6, %k : i32
+    %old = warp.atomic_components add(%p), %w[%j]
+      : (f32), !warp.array<1 x f32>, i32 -> f32
+    %next = arith.mulf %p, %v : f32
+    scf.yield %next : f32
+  }
+  warp.store_components(%end), %x[%i] : (f32), !warp.array<1 x f32>, i32
+  return
+}
+
+// -----
+
+// Too many for registers.
+// CHECK-LABEL: llvm.func @many
+// CHECK: scf.for
+func.func @many(%x: !warp.array<1 x f32>, %w: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.index32} {
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  %c17 = arith.constant 17 : i32
+  %i = warp.tid : i32
+  %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
+  scf.for %k = %c0 to %c17 step %c1 : i32 {
+    %old = warp.atomic_components add(%v), %w[%k]
+      : (f32), !warp.array<1 x f32>, i32 -> f32
+  }
+  return
+}
+
+// -----
+
+// Elements that differ from thread to thread, and updates that are looked at.
+// CHECK-LABEL: llvm.func @others
+// CHECK-COUNT-2: scf.for
+func.func @others(%x: !warp.array<1 x f32>, %w: !warp.array<1 x f32>,
+                  %y: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.index32} {
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  %c4 = arith.constant 4 : i32
+  %i = warp.tid : i32
+  %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
+  scf.for %k = %c0 to %c4 step %c1 : i32 {
+    %j = arith.addi %i, %k : i32
+    %old = warp.atomic_components add(%v), %w[%j]
+      : (f32), !warp.array<1 x f32>, i32 -> f32
+  }
+  scf.for %k = %c0 to %c4 step %c1 : i32 {
+    %old = warp.atomic_components add(%v), %y[%k]
+      : (f32), !warp.array<1 x f32>, i32 -> f32
+    warp.store_components(%old), %x[%i] : (f32), !warp.array<1 x f32>, i32
+  }
+  return
+}
