@@ -159,6 +159,42 @@ def test_long_loops(device):
     np.testing.assert_allclose(got, ratio, rtol=1e-9)
 
 
+@wp.kernel
+def samples(u: wp.array2d(dtype=float)):
+    i = wp.tid()
+    state = wp.rand_init(7, i)
+    for k in range(u.shape[0]):
+        u[k, i] = wp.randf(state)
+
+
+def drawn(threads, n, device):
+    """What n draws of each thread give, a row per draw."""
+    u = wp.zeros((n, threads), dtype=float, device=device)
+    wp.launch(samples, threads, [u], device=device)
+    return u.numpy().astype(np.float64)
+
+
+def test_short_loops_keep_floats_only(device):
+    """Of a float and a random state, the float is in the tape."""
+
+    @wp.kernel
+    def short(x: wp.array(dtype=wp.float64), y: wp.array(dtype=wp.float64)):
+        i = wp.tid()
+        state = wp.rand_init(7, i)
+        s = x[i]
+        for _ in range(20):
+            s = wp.sin(s) + wp.float64(wp.randf(state)) * s
+        y[i] = s
+
+    threads = 3
+    got, _ = gradient(short, [], device, threads)
+    s = np.linspace(0.5, 1.5, threads) + 1e-30j
+    for u in drawn(threads, 20, device):
+        s = np.sin(s) + u * s
+    np.testing.assert_allclose(got, s.imag * 1e30, rtol=1e-12)
+    assert wp.autograd.adjoint_metrics(short)["tape_bytes"] == 20 * 8
+
+
 def test_monte_carlo_sums_keep_nothing(device):
     """The gradient of a mean over samples: one loop, no memory."""
 
@@ -174,20 +210,11 @@ def test_monte_carlo_sums_keep_nothing(device):
             s += wp.sin(x[i] * time)
         y[i] = s
 
-    @wp.kernel
-    def samples(n: int, u: wp.array2d(dtype=float)):
-        i = wp.tid()
-        state = wp.rand_init(7, i)
-        for k in range(n):
-            u[i, k] = wp.randf(state)
-
     n, threads = 500, 3
     got, _ = gradient(mean, [n], device, threads)
-    drawn = wp.zeros((threads, n), dtype=float, device=device)
-    wp.launch(samples, threads, [n, drawn], device=device)
     time, expected = np.zeros(threads), np.zeros(threads)
     x = np.linspace(0.5, 1.5, threads)
-    for u in drawn.numpy().astype(np.float64).T:
+    for u in drawn(threads, n, device):
         time = 0.5 * time + u
         expected += time * np.cos(x * time)
     np.testing.assert_allclose(got, expected, rtol=1e-11)

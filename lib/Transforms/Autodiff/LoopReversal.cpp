@@ -305,26 +305,26 @@ LoopReversal::recoverBackwards(scf::ForOp reversed, Value trips,
   for (unsigned state : needed)
     if (!llvm::is_contained(inverses->states, state))
       kept.push_back(state);
+  if (failed(checkKept(closure(kept))))
+    return failure();
   // The states of checkpoints have to be there together.
   if (kept.empty() || fitsTape(trips, kept) || fitsGlobalTape(kept))
     carryBackwards(reversed, *inverses, needed);
   else
     kept.assign(needed.begin(), needed.end());
   eraseDead(reversed.getRegion(), getHeld());
-  if (failed(checkKept(closure(kept))))
+  LogicalResult done = checkKept(closure(kept));
+  if (failed(done))
     return failure();
-  if (!kept.empty() && !fitsTape(trips, kept)) {
-    keepTapesOut();
-    if (!fitsGlobalTape(kept))
-      return recoverFromCheckpoints(reversed, trips, kept);
-  }
-  LogicalResult done = success();
   if (kept.empty()) {
     startBackwards(reversed, {}, {});
     bindNumber(reversed, trips);
   } else if (fitsTape(trips, kept)) {
     done = recoverFromTape(reversed, trips, kept);
   } else {
+    keepTapesOut();
+    if (!fitsGlobalTape(kept))
+      return recoverFromCheckpoints(reversed, trips, kept);
     done = recoverFromGlobalTape(reversed, trips, kept);
   }
   if (failed(done))
