@@ -60,3 +60,25 @@ func.func @one_address(%x: !warp.array<1 x f64>, %sum: !warp.array<1 x f64>)
     : f64, !warp.array<1 x f64>, si32 -> f64
   return
 }
+
+// -----
+
+// Minima and integers have one result in any order; their launch is as usual.
+// CHECK-LABEL: llvm.func @any_order
+// CHECK-NOT: warp.exclusive
+// CHECK: llvm.atomicrmw fmin
+// CHECK: llvm.atomicrmw add
+// GPU-LABEL: llvm.func ptx_kernelcc @any_order
+// GPU-NOT: warp.exclusive
+// GPU: llvm.return
+func.func @any_order(%to: !warp.array<1 x si32>, %least: !warp.array<1 x f32>,
+                     %count: !warp.array<1 x si32>) attributes {warp.kernel} {
+  %i = warp.tid : si32
+  %j = warp.load %to[%i] : !warp.array<1 x si32>, si32 -> si32
+  %x = warp.cast %j : si32 to f32
+  %a = warp.atomic min %x, %least[%j]
+    : f32, !warp.array<1 x f32>, si32 -> f32
+  %b = warp.atomic add %i, %count[%j]
+    : si32, !warp.array<1 x si32>, si32 -> si32
+  return
+}
