@@ -50,11 +50,12 @@ class Gathered:
             self.rest.launch(call.dim, values, hidden, *place)
 
     def _compile_both(self, call) -> None:
-        """Compiles the second part on the CPU while the launch of the first one compiles that."""
+        """Compiles both parts for the CPU at the same time."""
         self._is_new = False
         if self.rest is not None:
-            job = (self.rest, call.device, call.block_dim or 0)
-            threading.Thread(target=_native.load_kernel, args=job).start()
+            place = (call.device, call.block_dim or 0)
+            threading.Thread(target=_native.load_kernel, args=(self.rest, *place)).start()
+            _native.load_kernel(self.sums, *place)
 
 
 def gather_sums(kernel, adjoint) -> Gathered | None:
