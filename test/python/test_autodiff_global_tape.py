@@ -186,6 +186,7 @@ def test_states_of_several_types_in_branches(device):
         for i, (v, n) in enumerate(zip(x, trips, strict=True))
     ]
     np.testing.assert_allclose(got, expected, rtol=1e-9)
+    assert wp.autograd.adjoint_metrics(branches)["tape_bytes"] == 0
 
 
 def test_no_iterations_at_all(device):

@@ -41,7 +41,8 @@ bool LoopReversal::fitsGlobalTape(ArrayRef<unsigned> states) {
          !reverse.options.untaped.contains(loop) &&
          llvm::all_of(states, [&](unsigned state) {
            Type type = getStates()[state].getType();
-           return warp::isArrayElement(type) && !type.isSignlessInteger() &&
+           bool hasSign = !type.isSignlessInteger() || type.isInteger(1);
+           return warp::isArrayElement(type) && hasSign &&
                   warp::getByteSize(type) <= maxElementBytes;
          });
 }
