@@ -305,7 +305,7 @@ def test_out_of_bounds(device):
         wp.synchronize_device(device)
 
 
-def test_too_much_memory(device):
+def test_arrays_that_have_no_exact_sums(device):
     @wp.kernel(module_options=DETERMINISTIC)
     def count(s: wp.array(dtype=float)):
         wp.atomic_add(s, 0, 1.0)
@@ -314,6 +314,9 @@ def test_too_much_memory(device):
     far = wp.array(ptr=s.ptr, dtype=float, shape=(2,), strides=(1 << 30,), device=device)
     with pytest.raises(Exception, match=r"deterministic sums into an array .* 2\^27"):
         wp.launch(count, 4, [far], device=device)
+    odd = wp.array(ptr=s.ptr, dtype=float, shape=(2,), strides=(2,), device=device)
+    with pytest.raises(Exception, match="strides that are multiples of 4 bytes, but got 2"):
+        wp.launch(count, 4, [odd], device=device)
 
 
 CHILD = """
