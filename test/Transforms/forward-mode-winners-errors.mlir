@@ -41,3 +41,21 @@ func.func @mixed(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
   %p = warp.atomic add %v, %y[%zero] : f32, !warp.array<1 x f32>, si32 -> f32
   return
 }
+
+// -----
+
+// What is read may be what is written.
+func.func @chosen(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %c: i1)
+    attributes {warp.kernel} {
+  %i = warp.tid : si32
+  %zero = warp.constant 0 : si32
+  %a = scf.if %c -> !warp.array<1 x f32> {
+    scf.yield %x : !warp.array<1 x f32>
+  } else {
+    scf.yield %y : !warp.array<1 x f32>
+  }
+  // expected-error @+1 {{but which array this accesses is not known}}
+  %v = warp.load %a[%i] : !warp.array<1 x f32>, si32 -> f32
+  %o = warp.atomic max %v, %y[%zero] : f32, !warp.array<1 x f32>, si32 -> f32
+  return
+}

@@ -109,7 +109,11 @@ static InFlightDiagnostic refuse(Operation *op) {
 
 /// Rejects arrays that do not hold any more what the first launch read.
 LogicalResult ForwardBuilder::checkRead(Operation *op, Value array) {
-  for (unsigned leaf : leaves.of(array)) {
+  auto read = leaves.of(array);
+  if (read.empty())
+    return refuse(op) << "but which array this accesses is not known; use two "
+                         "launches";
+  for (unsigned leaf : read) {
     if (updates[leaf].empty())
       continue;
     InFlightDiagnostic error = refuse(op)
@@ -139,6 +143,8 @@ std::optional<LogicalResult> ForwardBuilder::runForWinners(Operation *op) {
       return failure();
     return std::nullopt;
   }
+  if (leaves.of(access->array).empty())
+    return checkRead(op, access->array);
   if (op->getNumResults() != 0 && !op->getResult(0).use_empty())
     return refuse(op) << "but what this atomic returns depends on the order of "
                          "threads; use two launches";
