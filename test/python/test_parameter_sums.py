@@ -50,8 +50,9 @@ def test_polynomial(device, count):
     seed = rng.standard_normal(count).astype(np.float32)
     found = gradient(polynomial, rng.standard_normal(8), x, seed, float, device)
     terms = seed.astype(float) * x.astype(float) ** np.arange(8)[:, None]
-    # Rounding of the powers, and of the sum once; sums of 32 bits would lose more.
-    assert np.abs(found - terms.sum(1)).max() < 1e-6 * np.linalg.norm(terms, axis=1).max()
+    # Rounding of the powers, and of what each of up to 800 blocks adds; a sum of 32 bits over
+    # all threads would lose five times as much.
+    assert np.abs(found - terms.sum(1)).max() < 5e-6 * np.linalg.norm(terms, axis=1).max()
 
 
 @pytest.mark.parametrize("count", [1, 100, 10_000])
