@@ -295,8 +295,8 @@ def measure_sums(device, seconds):
     first = np.arange(4 * n) // 4
     ends = wp.array(np.stack([first, (first + near) % n], 1), dtype=int, device=device)
     result = {}
-    for name, deterministic in (("atomic", False), ("exact", True)):
-        total, pulls = define_sums(deterministic)
+    for name in ("not_guaranteed", "run_to_run", "gpu_to_gpu"):
+        total, pulls = define_sums(name)
         result[f"total_{name}"] = -steady(
             lambda k=total: wp.launch(k, scale, [x, s], device=device), device, seconds
         )

@@ -49,8 +49,8 @@ struct CompileOptions {
   bool fastMath = false;
   /// Sums have the same bits in every run.
   bool deterministic = false;
-  /// Deterministic: arrays of the launch overlap, so its sums are made in one
-  /// order. Otherwise they are exact.
+  /// Deterministic: sums are made in one order, because that is quicker or the
+  /// arrays of the launch overlap. Otherwise they are exact.
   bool ordered = false;
   bool lineinfo = false;
   int optLevel = 2;

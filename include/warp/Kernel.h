@@ -32,7 +32,11 @@ struct LaunchDim {
 struct KernelOptions {
   bool debug = false;
   bool fastMath = false;
+  /// Sums have the same bits in every run.
   bool deterministic = false;
+  /// Deterministic: also the same on every device. Sums are exact on the CPU as
+  /// they are on a GPU, where else they are made in one order.
+  bool sameOnDevices = false;
   bool lineinfo = false;
   int optLevel = 2;
   int blockDim = 256;

@@ -27,15 +27,11 @@
 #include <climits>
 #include <cstdio>
 #include <cstring>
-#include <new>
-#include <pthread.h>
-#include <shared_mutex>
 
 using namespace warp;
 
-/// Operations worth a second thread, and worth one chunk.
+/// Operations worth a second thread.
 static constexpr double parallelThreshold = 32768;
-static constexpr double chunkWork = 16384;
 
 /// Items that fill any card many times over.
 static constexpr int64_t largeLaunch = int64_t(1) << 21;
@@ -165,7 +161,9 @@ CompileOptions Kernel::Impl::compileOptions(const VariantKey &key,
   result.debug = options.debug;
   result.fastMath = options.fastMath;
   result.deterministic = options.deterministic;
-  result.ordered = key.ordered;
+  result.ordered =
+      options.deterministic &&
+      (key.ordered || (arch == 0 && !options.sameOnDevices));
   result.lineinfo = options.lineinfo;
   result.optLevel = options.optLevel;
   result.threads = arch == 0 ? std::min(ThreadPool::size(), 16) : 1;
@@ -354,39 +352,6 @@ static void setErrorRecord(void *params, uint64_t address) {
               &address, sizeof(address));
 }
 
-/// Held alone by code that updates arrays without atomic instructions, shared
-/// by code that does so with them: other threads may launch on the same array.
-static std::shared_mutex &updateGate() {
-  static std::shared_mutex gate;
-  // A thread that held it is not in the child.
-  static const int registered = pthread_atfork(
-      nullptr, nullptr, [] { new (&updateGate()) std::shared_mutex; });
-  (void)registered;
-  return gate;
-}
-
-static void runOnCpu(const Kernel::Variant &variant, const void *params,
-                     int64_t items, bool serial) {
-  CpuEntry entry = variant.cpu;
-  if (variant.code.exclusive) {
-    std::unique_lock<std::shared_mutex> alone(updateGate());
-    return entry(params, 0, items);
-  }
-  std::shared_lock<std::shared_mutex> shared;
-  if (variant.code.atomics)
-    shared = std::shared_lock<std::shared_mutex>(updateGate());
-  if (serial)
-    return entry(params, 0, items);
-  // Chunks are multiples of 64 so that two threads rarely share a line.
-  int64_t grain =
-      (static_cast<int64_t>(chunkWork / variant.code.cost) / 64 + 1) * 64;
-  if (variant.code.cost > chunkWork)
-    grain = 1;
-  ThreadPool::parallelFor(0, items, grain, [&](int64_t begin, int64_t end) {
-    entry(params, begin, end);
-  });
-}
-
 void Kernel::run(const Plan &plan, void *params, const Stream *stream) {
   if (!plan.variant)
     return;
@@ -410,11 +375,11 @@ void Kernel::Impl::run(const Plan &plan, void *params, const Stream *stream) {
     return launchOnCuda(variant, name, params, stream);
   }
   if (!options.debug) {
-    runOnCpu(variant, params, plan.items, isShort(plan));
+    launchOnCpu(variant, params, plan.items, isShort(plan));
   } else {
     ErrorRecord record;
     setErrorRecord(params, reinterpret_cast<uint64_t>(&record));
-    runOnCpu(variant, params, plan.items, isShort(plan));
+    launchOnCpu(variant, params, plan.items, isShort(plan));
     if (record.flag)
       raiseFailedCheck(record, variant.code.sites);
   }

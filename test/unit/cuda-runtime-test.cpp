@@ -309,7 +309,7 @@ TEST_F(Cuda, LaunchCoversTheGrid) {
   for (auto [z, y, x] : {std::array{1, 1, 1}, std::array{3, 5, 7},
                          std::array{2, 300, 3}, std::array{70, 2, 33}}) {
     Kernel::Variant variant;
-    variant.key = {0, 3, true, false, false, 256, 0};
+    variant.key = {.device = 0, .rank = 3, .blockDim = 256};
     variant.code.binary.assign(ptx, ptx + std::strlen(ptx) + 1);
     variant.code.entry = "mark";
     loadOnCuda(variant);
@@ -338,7 +338,7 @@ TEST_F(Cuda, BlocksAreShapedToTheLaunch) {
     GTEST_SKIP() << "needs the fake driver";
   auto shape = [&](int rank, std::array<int, 4> dim, bool flat = false) {
     Kernel::Variant variant;
-    variant.key = {0, rank, true, flat, false, 256, 0};
+    variant.key = {.device = 0, .rank = rank, .flat = flat, .blockDim = 256};
     variant.flat = flat;
     LaunchHeader header;
     std::copy(dim.begin(), dim.end(), header.dim);

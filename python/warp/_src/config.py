@@ -20,12 +20,20 @@ LOG_DEBUG, LOG_INFO, LOG_WARNING, LOG_ERROR = 10, 20, 30, 40
 class DeterministicMode(enum.IntEnum):
     """Values of `wp.config.deterministic` and of the option of that name.
 
-    Both guarantees make the order of sums the same in every run; they differ in nothing here.
+    Attributes:
+        NOT_GUARANTEED: sums are made in any order. The same as False.
+        RUN_TO_RUN: they have the same bits in every run on a device. The same as True.
+        GPU_TO_GPU: they have the same bits on every device, the CPU among them, and for any number
+            of threads: they are exact, which takes longer on CPUs with few cores.
     """
 
     NOT_GUARANTEED = 0
     RUN_TO_RUN = 1
     GPU_TO_GPU = 2
+
+
+# Values of the option that ask for the same bits on every device.
+SAME_ON_DEVICES = (DeterministicMode.GPU_TO_GPU, "gpu_to_gpu")
 
 
 class Setting:
@@ -172,8 +180,8 @@ SETTINGS = {
             "deterministic",
             (bool, str, DeterministicMode),
             False,
-            "sums that launches add to arrays are exact, so they have the same bits in every run; a "
-            "launch that also reads such an array runs on one thread or in one block",
+            "sums that launches add to arrays have the same bits in every run: on a GPU they are "
+            "exact, on the CPU they keep one order; see `DeterministicMode`",
         ),
         Setting("launch_array_access_mode", (int, str), "RELAXED", "reserved: overlap checks"),
         _inert("log_level", int, 30),

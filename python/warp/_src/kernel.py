@@ -177,6 +177,7 @@ class Kernel:
             max_threads=bounds[0],
             min_blocks=bounds[1],
             deterministic=self.is_deterministic,
+            same_on_devices=self.option("deterministic") in settings.SAME_ON_DEVICES,
         )
 
     def adjoint(self, native, active, unique=True, tape=None):
