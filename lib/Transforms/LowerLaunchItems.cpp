@@ -12,10 +12,10 @@
 //                plane serves the next plane too.
 //
 // Operations of the items are interleaved one by one, which puts all loads
-// before the first store, those under a condition too; threads of a launch are
-// independent, so the order between items is free. A body may end in a guard,
-// `if inside: ...`; where it holds for all items they go together. Threads that
-// miss an item, or whose guards differ, take their items one by one.
+// before the first store; threads of a launch are independent, so the order
+// between items is free. A body may end in a guard, `if inside: ...`; where it
+// holds for all items they go together. Threads that miss an item, or whose
+// guards differ, take their items one by one.
 //
 //===----------------------------------------------------------------------===//
 
@@ -48,17 +48,8 @@ struct Stretch {
 } // namespace
 
 /// Adds the bytes that an operation moves; fails where it does anything else
-/// to memory. Values may come from a branch that does no more than load.
+/// to memory.
 static LogicalResult countBytes(Operation &op, int64_t &bytes, bool &stores) {
-  if (auto branch = dyn_cast<scf::IfOp>(op);
-      branch && branch.getNumResults() != 0) {
-    bool storesInside = false;
-    for (Region &side : branch->getRegions())
-      for (Operation &inner : side.getOps())
-        if (failed(countBytes(inner, bytes, storesInside)))
-          return failure();
-    return success(!storesInside);
-  }
   Value array;
   if (auto load = dyn_cast<warp::LoadComponentsOp>(op))
     array = load.getArray();
