@@ -264,14 +264,9 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
 
     def assign(self, src) -> None:
         """Copies from an array, an indexed one, a NumPy array or lists of the same shape."""
-        from warp._src.array_create import copy
-        from warp._src.indexed_arrays import indexedarray
+        from warp._src.array_create import assign
 
-        if not isinstance(src, (array, indexedarray)):
-            src = array(src, dtype=self.dtype, device="cpu", copy=False)
-        if src.shape != self.shape:
-            raise ValueError(f"expects shape {self.shape} to assign, but got {src.shape}")
-        copy(self, src)
+        assign(self, src)
 
     def _check_writable(self) -> None:
         if self.read_only:

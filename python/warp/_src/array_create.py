@@ -189,6 +189,19 @@ def from_numpy(arr, dtype=None, shape=None, device=None, requires_grad=False):
     return array(arr, dtype=dtype, shape=shape, device=device, requires_grad=requires_grad)
 
 
+def assign(dest, src) -> None:
+    """Copies to an array, indexed or not, from one of the same shape or what can be made one.
+
+    Raises:
+        ValueError: the shapes differ.
+    """
+    if not isinstance(src, (array, indexedarray)):
+        src = array(src, dtype=dest.dtype, device="cpu", copy=False)
+    if src.shape != dest.shape:
+        raise ValueError(f"expects shape {dest.shape} to assign, but got {src.shape}")
+    copy(dest, src)
+
+
 def copy(dest, src, dest_offset=0, src_offset=0, count=0, stream=None) -> None:
     """Copies elements between arrays on any devices.
 

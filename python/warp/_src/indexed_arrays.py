@@ -251,13 +251,9 @@ class indexedarray(ArrayArithmetic):
 
     def assign(self, src) -> None:
         """Copies from an array, an indexed array, a NumPy array or lists of the same shape."""
-        from warp._src.array_create import copy
+        from warp._src.array_create import assign
 
-        if not isinstance(src, (array, indexedarray)):
-            src = array(src, dtype=self.dtype, device="cpu", copy=False)
-        if src.shape != self.shape:
-            raise ValueError(f"expects shape {self.shape} to assign, but got {src.shape}")
-        copy(self, src)
+        assign(self, src)
 
     def zero_(self) -> None:
         """Sets all bytes of the elements to zero."""
