@@ -54,6 +54,10 @@ def start_catalogue(python, device, after, cache):
     environment = os.environ | {"WARP_CACHE_PATH": cache}
     if python != sys.executable:
         environment.pop("PYTHONPATH", None)
+    elif "PYTHONPATH" in environment:
+        # It may be relative to where this runs.
+        folders = environment["PYTHONPATH"].split(os.pathsep)
+        environment["PYTHONPATH"] = os.pathsep.join(map(os.path.abspath, folders))
     try:
         done = subprocess.run(
             command, cwd=TESTS, env=environment, capture_output=True, text=True, timeout=LIMIT
