@@ -173,7 +173,7 @@ static bool usesResult(const Rule &rule, size_t overload) {
     if (formula->uses("result"))
       return true;
     return any_of(rule.given, [&](const Definition &definition) {
-      return Formula{definition.value, std::nullopt}.uses("result");
+      return Formula{definition.value, {}, {}, {}}.uses("result");
     });
   };
   return any_of(rule.adjoints[overload], uses) ||

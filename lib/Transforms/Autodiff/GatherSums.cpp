@@ -129,7 +129,8 @@ static void unroll(scf::ForOp loop, uint64_t trips) {
     for (Operation &op : loop.getBody()->without_terminator()) {
       Operation *copy = b.clone(op, map);
       SmallVector<Value> folded;
-      if (failed(b.tryFold(copy, folded)))
+      // What folds in place has no other results.
+      if (failed(b.tryFold(copy, folded)) || folded.empty())
         continue;
       map.map(op.getResults(), folded);
       copy->erase();
