@@ -1,4 +1,4 @@
-"""Scattered sums that much is computed for: stretches of threads, ranks, types, order of updates."""
+"""Scattered sums that much is computed for: stretches of threads, ranks, types, order."""
 
 import numpy as np
 import pytest
