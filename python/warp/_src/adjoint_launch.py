@@ -5,6 +5,8 @@ Gradients that the launch names take the place of those that its arrays have.
 
 from __future__ import annotations
 
+import functools
+
 from warp._src import errors
 from warp._src.array import array
 from warp._src.devices import by_index
@@ -27,10 +29,13 @@ class AdjointLaunch(LaunchParameters):
         self.kernel = kernel
         self.device = by_index(place[0])
         self._native, self._place = native, place
-        self._index = {parameter[0]: i for i, parameter in enumerate(native.parameters)}
         self._values = list(values)
         self._gradients = [*gradients, *[None] * (len(self._values) - len(gradients))]
         self.set_dim(dim)
+
+    @functools.cached_property
+    def _index(self) -> dict[str, int]:
+        return {parameter[0]: i for i, parameter in enumerate(self._native.parameters)}
 
     def set_dim(self, dim) -> None:
         """Changes the extents of the grid."""
@@ -57,10 +62,10 @@ class AdjointLaunch(LaunchParameters):
         """Runs the derivative."""
         from warp._src import kernel_derivatives
         from warp._src.tracking import Watching
-        from warp._src.watching import Call
+        from warp._src.watching import Call, signature_of
 
         index, own, block_dim = self._place
-        expected = len(self._index)
+        expected = len(signature_of(self.kernel, self._native, self._values).parameters)
         if len(self._values) != expected:
             raise errors.WarpLaunchTypeError(
                 f"launch('{self.kernel.key}'): expects {expected} arguments, "

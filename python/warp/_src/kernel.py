@@ -12,6 +12,7 @@ import os
 import re
 import types as python_types
 
+import warp
 from warp import _native
 from warp._src import config as settings
 from warp._src import errors
@@ -207,12 +208,10 @@ class Kernel:
         return made[-1] if made and self._derivatives_epoch is Epoch.current else None
 
     def _derive(self, native, active, forward, unique, **options):
-        from warp import config
-
         if self._derivatives_epoch is not Epoch.current:
             self._derivatives.clear()
             self._derivatives_epoch = Epoch.current
-        key = (native, tuple(active), forward, unique, config.singular, *options.items())
+        key = (native, tuple(active), forward, unique, warp.config.singular, *options.items())
         found = self._derivatives.get(key)
         if found is None:
             from warp._src.kernel_derivatives import Derivative, differentiate
@@ -233,14 +232,12 @@ class Kernel:
 
     def differentiated(self, native) -> list[tuple]:
         """Sets of arrays with a gradient that there are adjoints of a native kernel for."""
-        from warp import config
-
         if self._derivatives_epoch is not Epoch.current:
             return []
         return [
             active
             for made, active, forward, unique, singular, *_ in self._derivatives
-            if made is native and unique and not forward and singular == config.singular
+            if made is native and unique and not forward and singular == warp.config.singular
         ]
 
     def tagged_specializations(self) -> list:

@@ -107,10 +107,12 @@ def run(made: Derivative, call: Call, values, initial=None, saved=()) -> None:
         initial: copies of arrays as they were before the launch, by number.
         saved: what `run_augmented` has returned.
     """
-    check_threads(made, call)
-    for value in values:
-        if isinstance(value, StructInstance):
-            value.refresh()
+    if made.one_thread:
+        check_threads(made, call)
+    if not call.signature.flat:
+        for value in values:
+            if isinstance(value, StructInstance):
+                value.refresh()
     if _meet(call):
         tape = "checkpoints" if made.counting is None else "global"
         made = made.kernel.adjoint(call.native, call.active, unique=False, tape=tape)
@@ -164,8 +166,9 @@ def thread_count(dim) -> int:
 
 
 def check_threads(made, call) -> None:
+    """Rejects a launch of several threads where derivatives are right for one only."""
     threads = thread_count(call.dim)
-    if made.one_thread and threads > 1:
+    if threads > 1:
         raise errors.WarpGradientError(
             f"launch('{call.kernel.key}'): derivatives of this kernel are right for "
             f"one thread only, but the launch has {threads}: {made.one_thread}"
@@ -188,12 +191,16 @@ def hidden_values(made, call, initial, saved, tapes=None, wanted=None) -> list[a
         tapes: those of loops that keep their iterations, by kind and number of the loop.
         wanted: the arguments; None stands for those of the derivative itself.
     """
+    if wanted is None:
+        wanted = made.hidden
+    if not wanted:
+        return []
     from warp._src.array_create import zeros
 
     notes = dict(zip([one.leaf for one in made.hidden if one.kind == "saved"], saved, strict=False))
     left = {key: list(arrays) for key, arrays in (tapes or {}).items()}
     values = []
-    for hidden in made.hidden if wanted is None else wanted:
+    for hidden in wanted:
         if (hidden.kind, hidden.leaf) in left:
             values.append(left[hidden.kind, hidden.leaf].pop(0))
             continue
@@ -247,6 +254,7 @@ def launch(call: Call) -> None:
             f"launch('{call.kernel.key}', adjoint=True): the kernel has `enable_backward=False`, "
             f"remove that option"
         )
-    check_overlap(call, call.active, ", adjoint=True")
-    if any(call.active) and thread_count(call.dim):
-        run(call.kernel.adjoint(call.native, call.active), call, call.values)
+    active = call.active
+    check_overlap(call, active, ", adjoint=True")
+    if any(active) and thread_count(call.dim):
+        run(call.kernel.adjoint(call.native, active), call, call.values)

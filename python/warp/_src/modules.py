@@ -7,6 +7,7 @@ import sys
 import types
 import weakref
 
+import warp
 from warp._src import config as settings
 
 # Options that change compiled code, with the setting that gives the default.
@@ -74,10 +75,8 @@ class Module:
             return own[name]
         if name in self.options:
             return self.options[name]
-        from warp import config
-
         setting = OPTIONS[name]
-        return getattr(config, setting) if setting else None
+        return getattr(warp.config, setting) if setting else None
 
     def set_options(self, options: dict) -> None:
         check_options(options)

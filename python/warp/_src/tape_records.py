@@ -150,11 +150,12 @@ class LaunchRecord:
         return self.call.written
 
     def reverse(self, state) -> None:
-        if not any(self.call.active):
+        active = self.call.active
+        if not any(active):
             return
         if not self.call.kernel.option("enable_backward"):
             raise self._error("the kernel has `enable_backward=False`", "remove that option")
-        derivative = self.derivative()
+        derivative = self.call.kernel.adjoint(self.call.native, active)
         if self.aliases:
             self._check_aliases()
         values = self._values(derivative)

@@ -286,7 +286,9 @@ class Watching:
     """Replaces tape, executor or memory for a block."""
 
     def __init__(self, **changes):
-        self.changes = changes
+        self.changes = {
+            name: value for name, value in changes.items() if getattr(Watch, name) is not value
+        }
 
     def __enter__(self):
         self.saved = {name: getattr(Watch, name) for name in self.changes}
@@ -296,6 +298,8 @@ class Watching:
         self._set(self.saved)
 
     def _set(self, values):
+        if not values:
+            return
         for name, value in values.items():
             setattr(Watch, name, value)
         Watch.update()
