@@ -71,9 +71,7 @@ Value warp::BlockReduce::reduce(AtomicKind kind, Value value, Value identity,
     Value warp = arith::ShRUIOp::create(b, loc, thread, constant(5));
     LLVM::StoreOp::create(b, loc, value, slot(warp));
   }
-  LLVM::CallIntrinsicOp::create(
-      b, loc, b.getStringAttr("llvm.nvvm.barrier.cta.sync.aligned.all"),
-      ValueRange(constant(0)));
+  synchronizeBlock(b, loc);
   // Threads outside the first warp compute along; nobody looks.
   Value inside = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ult, lane,
                                        constant(warps));

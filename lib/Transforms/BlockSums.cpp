@@ -36,23 +36,12 @@ static Value slot(OpBuilder &b, Location loc, Value window, int64_t number) {
   return element(b, loc, window, constant(b, loc, number));
 }
 
-static void barrier(OpBuilder &b, Location loc) {
-  Value zero = arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(0));
-  LLVM::CallIntrinsicOp::create(
-      b, loc, b.getStringAttr("llvm.nvvm.barrier.cta.sync.aligned.all"),
-      ValueRange(zero));
-}
-
 /// Combines a value of each lane; all lanes get the result.
 template <typename Op>
 static Value overLanes(OpBuilder &b, Location loc, Value value) {
-  for (int64_t distance = warp::warpSize / 2; distance > 0; distance /= 2) {
-    Value mask =
-        arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(distance));
-    value = Op::create(b, loc, value,
-                       warp::shuffle(b, loc, "bfly", value, mask));
-  }
-  return value;
+  return warp::overLanes(b, loc, value, [&](Value x, Value y) -> Value {
+    return Op::create(b, loc, x, y);
+  });
 }
 
 /// A loop of the threads of the block over the words of an array.
@@ -134,9 +123,9 @@ void warp::addWindows(OpBuilder &b, Location loc, ModuleOp module,
     LLVM::StoreOp::create(b, loc, constant(b, loc, 0),
                           element(b, loc, words, weight));
   });
-  barrier(b, loc);
+  synchronizeBlock(b, loc);
   addLanes(b, loc, window, words, lane, width);
-  barrier(b, loc);
+  synchronizeBlock(b, loc);
   forEachWord(b, loc, thread, count, blockDim, [&](Value weight) {
     Value digit = LLVM::LoadOp::create(b, loc, i64,
                                        element(b, loc, words, weight));

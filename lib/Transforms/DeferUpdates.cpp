@@ -76,10 +76,6 @@ private:
 
 } // namespace
 
-static int64_t getBytes(Type type) {
-  return llvm::divideCeil(type.getIntOrFloatBitWidth(), 8);
-}
-
 /// Whether a value is there before the loop begins.
 bool Deferral::isBefore(Value value) {
   return value.getParentBlock() != loop;
@@ -105,7 +101,7 @@ bool Deferral::isWorthwhile() {
     llvm::append_range(values, update.getIndices());
     for (Value value : values)
       if (!isBefore(value))
-        bytes += getBytes(value.getType()), ++numbers;
+        bytes += warp::getByteSize(value.getType()), ++numbers;
   }
   if (numbers == 0 || work < leastWork * numbers)
     return false;

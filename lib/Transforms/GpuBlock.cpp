@@ -54,6 +54,23 @@ Value warp::shuffle(OpBuilder &b, Location loc, StringRef mode, Value value,
   return arith::BitcastOp::create(b, loc, type, bits);
 }
 
+Value warp::overLanes(OpBuilder &b, Location loc, Value value,
+                      function_ref<Value(Value, Value)> combine) {
+  for (int64_t distance = 1; distance < warpSize; distance *= 2) {
+    Value lane =
+        arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(distance));
+    value = combine(value, shuffle(b, loc, "bfly", value, lane));
+  }
+  return value;
+}
+
+void warp::synchronizeBlock(OpBuilder &b, Location loc) {
+  Value barrier = arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(0));
+  LLVM::CallIntrinsicOp::create(
+      b, loc, b.getStringAttr("llvm.nvvm.barrier.cta.sync.aligned.all"),
+      ValueRange(barrier));
+}
+
 Value warp::readSpecial(OpBuilder &b, Location loc, StringRef name) {
   return callIntrinsic(b, loc, b.getI32Type(),
                        ("llvm.nvvm.read.ptx.sreg." + name).str(), {});

@@ -28,6 +28,15 @@ mlir::Value readSpecial(mlir::OpBuilder &b, mlir::Location loc,
 /// Number of the thread in its block, which has any number of axes.
 mlir::Value threadInBlock(mlir::OpBuilder &b, mlir::Location loc);
 
+/// What all lanes of the warp have together; all of them must get here, and get
+/// it.
+mlir::Value
+overLanes(mlir::OpBuilder &b, mlir::Location loc, mlir::Value value,
+          llvm::function_ref<mlir::Value(mlir::Value, mlir::Value)> combine);
+
+/// Waits for all threads of the block.
+void synchronizeBlock(mlir::OpBuilder &b, mlir::Location loc);
+
 /// Address of new shared memory, a variable whose name begins with `name`.
 mlir::Value makeShared(mlir::OpBuilder &b, mlir::Location loc,
                        mlir::ModuleOp module, mlir::Type type,

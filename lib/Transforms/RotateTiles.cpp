@@ -96,10 +96,9 @@ Value Rotation::cloneIndex(Value value, IRMapping &clones) {
 void Rotation::publish(Update &update, Value iteration) {
   OpBuilder::InsertionGuard guard(b);
   if (update.isConditional()) {
-    Value reached = load(update.reached, b.getI32Type());
-    for (int64_t distance = 1; distance < lanes; distance *= 2)
-      reached = bitOr(reached, warp::shuffle(b, loc, "bfly", reached,
-                                             constant(distance)));
+    Value reached = warp::overLanes(
+        b, loc, load(update.reached, b.getI32Type()),
+        [&](Value x, Value y) { return bitOr(x, y); });
     Value bit = arith::ShRUIOp::create(b, loc, reached, lane);
     Value any = arith::TruncIOp::create(b, loc, b.getI1Type(), bit);
     auto branch = scf::IfOp::create(b, loc, any, /*withElseRegion=*/false);

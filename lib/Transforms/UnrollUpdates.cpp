@@ -12,11 +12,7 @@
 #include "UnrollUpdates.h"
 
 #include "Atomics.h"
-
-#include "mlir/Dialect/Arith/IR/Arith.h"
-#include "mlir/Dialect/SCF/IR/SCF.h"
-#include "mlir/IR/IRMapping.h"
-#include "mlir/IR/Matchers.h"
+#include "UnrollLoop.h"
 
 using namespace mlir;
 
@@ -24,20 +20,6 @@ using namespace mlir;
 constexpr int64_t maxSums = 16;
 /// Operations of all iterations together.
 constexpr int64_t maxOperations = 1024;
-
-/// The number of iterations if it is known and small, else 0.
-static int64_t countTrips(scf::ForOp loop) {
-  APInt begin, end, step;
-  if (!matchPattern(loop.getLowerBound(), m_ConstantInt(&begin)) ||
-      !matchPattern(loop.getUpperBound(), m_ConstantInt(&end)) ||
-      !matchPattern(loop.getStep(), m_ConstantInt(&step)) ||
-      !step.isStrictlyPositive() || begin.sge(end) ||
-      (loop.getUnsignedCmp() && begin.isNegative()))
-    return 0;
-  int64_t length = end.getSExtValue() - begin.getSExtValue();
-  int64_t trips = llvm::divideCeil(length, step.getSExtValue());
-  return trips <= maxSums ? trips : 0;
-}
 
 /// Whether a value depends on the counter of a loop, and else on nothing that
 /// threads do not share.
@@ -55,9 +37,10 @@ static bool followsCounter(Value value, scf::ForOp loop, Block *first,
 }
 
 static bool shouldUnroll(scf::ForOp loop, Block *first) {
-  int64_t trips = countTrips(loop), operations = 0, sums = 0;
-  if (trips == 0)
+  std::optional<int64_t> trips = warp::getConstantTrips(loop);
+  if (!trips || *trips > maxSums)
     return false;
+  int64_t operations = 0, sums = 0;
   loop.getBody()->walk([&](Operation *op) {
     ++operations;
     auto update = dyn_cast<warp::AtomicComponentsOp>(op);
@@ -69,32 +52,8 @@ static bool shouldUnroll(scf::ForOp loop, Block *first) {
         }) && depends)
       sums += update.getComponents().size();
   });
-  return sums > 0 && sums * trips <= maxSums &&
-         operations * trips <= maxOperations;
-}
-
-static void unroll(scf::ForOp loop) {
-  OpBuilder b(loop);
-  Value counter = loop.getInductionVar();
-  APInt begin, step;
-  matchPattern(loop.getLowerBound(), m_ConstantInt(&begin));
-  matchPattern(loop.getStep(), m_ConstantInt(&step));
-  SmallVector<Value> carried(loop.getInitArgs());
-  for (int64_t i = 0, trips = countTrips(loop); i < trips; ++i) {
-    IRMapping map;
-    int64_t number = begin.getSExtValue() + i * step.getSExtValue();
-    map.map(counter, arith::ConstantOp::create(
-                         b, loop.getLoc(),
-                         b.getIntegerAttr(counter.getType(), number)));
-    map.map(loop.getRegionIterArgs(), carried);
-    for (Operation &op : loop.getBody()->without_terminator())
-      b.clone(op, map);
-    carried.clear();
-    for (Value next : loop.getYieldedValues())
-      carried.push_back(map.lookupOrDefault(next));
-  }
-  loop.replaceAllUsesWith(carried);
-  loop.erase();
+  return sums > 0 && sums * *trips <= maxSums &&
+         operations * *trips <= maxOperations;
 }
 
 void warp::unrollUpdates(LLVM::LLVMFuncOp entry) {

@@ -43,18 +43,6 @@ static bool updatesOneElement(AtomicComponentsOp op, LLVM::LLVMFuncOp entry,
          });
 }
 
-/// What all lanes of the warp have together.
-static Value combineLanes(OpBuilder &b, Location loc, warp::AtomicKind kind,
-                          Value value, Type type) {
-  for (int64_t distance = 1; distance < warp::warpSize; distance *= 2) {
-    Value lane =
-        arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(distance));
-    Value other = warp::shuffle(b, loc, "bfly", value, lane);
-    value = warp::combine(b, loc, kind, value, other, type, /*anyOrder=*/true);
-  }
-  return value;
-}
-
 static void combineOverWarp(AtomicComponentsOp op, ArrayRef<Value> compared) {
   OpBuilder b(op);
   Location loc = op.getLoc();
@@ -68,9 +56,12 @@ static void combineOverWarp(AtomicComponentsOp op, ArrayRef<Value> compared) {
       cast<warp::ArrayType>(op.getArray().getType()).getElementType(), 0,
       leaves);
   SmallVector<Value> totals;
+  warp::AtomicKind kind = warp::combiningKind(op.getKind());
   for (auto [leaf, value] : llvm::zip_equal(leaves, op.getComponents()))
-    totals.push_back(combineLanes(b, loc, warp::combiningKind(op.getKind()),
-                                  value, leaf.type));
+    totals.push_back(
+        warp::overLanes(b, loc, value, [&, type = leaf.type](Value x, Value y) {
+          return warp::combine(b, loc, kind, x, y, type, /*anyOrder=*/true);
+        }));
   Value zero = arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(0));
   Value isFirst =
       arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq,

@@ -26,13 +26,13 @@
 //===----------------------------------------------------------------------===//
 
 #include "../KernelFunction.h"
+#include "../UnrollLoop.h"
 #include "DeadValues.h"
 #include "GatherBuilder.h"
 #include "IndexMath.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
-#include "mlir/IR/IRMapping.h"
 
 namespace warp {
 #define GEN_PASS_DEF_GATHERSUMS
@@ -113,36 +113,6 @@ static bool isWorthwhile(const SumsByOffset &sums) {
 // The pass
 //===----------------------------------------------------------------------===//
 
-/// Puts a number of copies of its body in the place of a loop.
-static void unroll(scf::ForOp loop, uint64_t trips) {
-  OpBuilder b(loop);
-  Type type = loop.getInductionVar().getType();
-  int64_t counter = *getConstantInteger(loop.getLowerBound());
-  int64_t step = *getConstantInteger(loop.getStep());
-  SmallVector<Value> carried(loop.getInitArgs());
-  for (uint64_t trip = 0; trip < trips; ++trip, counter += step) {
-    IRMapping map;
-    map.map(loop.getRegionIterArgs(), carried);
-    map.map(loop.getInductionVar(),
-            arith::ConstantOp::create(b, loop.getLoc(),
-                                      b.getIntegerAttr(type, counter)));
-    for (Operation &op : loop.getBody()->without_terminator()) {
-      Operation *copy = b.clone(op, map);
-      SmallVector<Value> folded;
-      // What folds in place has no other results.
-      if (failed(b.tryFold(copy, folded)) || folded.empty())
-        continue;
-      map.map(op.getResults(), folded);
-      copy->erase();
-    }
-    for (auto [value, next] :
-         llvm::zip_equal(carried, loop.getYieldedValues()))
-      value = map.lookupOrDefault(next);
-  }
-  loop.replaceAllUsesWith(carried);
-  loop.erase();
-}
-
 /// Unrolls short loops in which gradients are added to, inner ones first.
 static void unrollLoops(func::FuncOp function) {
   SmallVector<scf::ForOp> loops;
@@ -154,12 +124,9 @@ static void unrollLoops(func::FuncOp function) {
       ++size;
       adds |= isa<warp::AccumulateOp>(op);
     });
-    std::optional<llvm::APInt> trips = loop.getStaticTripCount();
-    if (adds && trips && trips->ule(maxTrips) &&
-        int64_t(trips->getZExtValue()) * size <= maxUnrolled &&
-        getConstantInteger(loop.getLowerBound()) &&
-        getConstantInteger(loop.getStep()))
-      unroll(loop, trips->getZExtValue());
+    std::optional<int64_t> trips = warp::getConstantTrips(loop);
+    if (adds && trips && *trips <= maxTrips && *trips * size <= maxUnrolled)
+      warp::unroll(loop);
   }
 }
 

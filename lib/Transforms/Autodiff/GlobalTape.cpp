@@ -127,9 +127,7 @@ LogicalResult LoopReversal::recoverFromGlobalTape(scf::ForOp reversed,
   reverse.metrics.tapeBytesPerTrip += bytesOf(needed);
 
   SmallVector<unsigned> states = closure(needed);
-  SmallVector<Value> first;
-  for (unsigned state : states)
-    first.push_back(reverse.recover(getInits()[state]));
+  SmallVector<Value> first = recoverInits(states);
   auto end = advance(constant(trips.getType(), 0), trips, states, first,
                      [&](Value count) {
                        SmallVector<Value> at = tape.indicesOf(count);

@@ -131,6 +131,9 @@ private:
   llvm::SmallVector<unsigned> closure(llvm::ArrayRef<unsigned> states);
   void recoverStates(mlir::Value number, llvm::ArrayRef<unsigned> states,
                      mlir::ValueRange values);
+  /// What states are before the loop.
+  llvm::SmallVector<mlir::Value>
+  recoverInits(llvm::ArrayRef<unsigned> states);
   mlir::FailureOr<llvm::SmallVector<mlir::Value>>
   advance(mlir::Value from, mlir::Value to, llvm::ArrayRef<unsigned> states,
           mlir::ValueRange values,

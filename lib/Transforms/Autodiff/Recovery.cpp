@@ -71,6 +71,13 @@ void LoopReversal::recoverStates(Value number, ArrayRef<unsigned> states,
   }
 }
 
+SmallVector<Value> LoopReversal::recoverInits(ArrayRef<unsigned> states) {
+  SmallVector<Value> inits;
+  for (unsigned state : states)
+    inits.push_back(reverse.recover(getInits()[state]));
+  return inits;
+}
+
 /// Runs the iterations from `from` up to `to`. `visit` is called at the start
 /// of each, when the states have been recovered. Returns the states at the end.
 FailureOr<SmallVector<Value>>
@@ -185,9 +192,7 @@ LogicalResult LoopReversal::recoverFromTape(scf::ForOp reversed, Value trips,
   int64_t slots = std::max<int64_t>(*knownTrips(trips), 1);
   SmallVector<Value> tape = makeScratch(needed, slots);
   SmallVector<unsigned> states = closure(needed);
-  SmallVector<Value> first;
-  for (unsigned state : states)
-    first.push_back(reverse.recover(getInits()[state]));
+  SmallVector<Value> first = recoverInits(states);
   auto end = advance(constant(trips.getType(), 0), trips, states, first,
                      [&](Value count) {
                        for (auto [state, memory] : llvm::zip(needed, tape))
@@ -328,10 +333,7 @@ LoopReversal::recoverFromCheckpoints(scf::ForOp reversed, Value trips,
   reverse.metrics.tapeBytes += getByteSize(type) * slots;
   Value zero = constant(type, 0);
   keep(memory.starts, zero, zero);
-  SmallVector<Value> first;
-  for (unsigned state : memory.stateNumbers)
-    first.push_back(reverse.recover(getInits()[state]));
-  keep(memory.states, zero, first);
+  keep(memory.states, zero, recoverInits(memory.stateNumbers));
 
   SmallVector<Value> inits{trips, zero};
   llvm::append_range(inits, reversed.getInitArgs());

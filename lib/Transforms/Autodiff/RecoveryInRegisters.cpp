@@ -40,10 +40,7 @@ LogicalResult LoopReversal::carryAlong(scf::ForOp &reversed,
   if (needed.empty())
     return success();
   SmallVector<unsigned> states = closure(needed);
-  SmallVector<Value> first;
-  for (unsigned state : states)
-    first.push_back(reverse.recover(getInits()[state]));
-  reversed = extend(reversed, first);
+  reversed = extend(reversed, recoverInits(states));
   ValueRange carried =
       ValueRange(reversed.getRegionIterArgs()).take_back(states.size());
   for (auto [state, value] : llvm::zip_equal(states, carried))
