@@ -1,5 +1,7 @@
 //===- ParameterLayout.h - Where kernel arguments lie -----------*- C++ -*-===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // The parameter block starts with the launch header; the arguments follow at
 // their natural alignment, in C layout. `warp/Launch.h` has the same numbers
 // for the runtime.

@@ -1,4 +1,8 @@
 //===- Passes.h - Passes of the warp dialect --------------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #ifndef WARPDIALECT_PASSES_H
 #define WARPDIALECT_PASSES_H

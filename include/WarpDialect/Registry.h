@@ -1,5 +1,7 @@
 //===- Registry.h - What is known about every builtin -----------*- C++ -*-===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // The TableGen records of the builtins, as data. A record's overloads are
 // matched against operand types in one place, `matchBuiltin`; the builder, the
 // verifier of operations and the error messages all use it.

@@ -1,5 +1,7 @@
 //===- Signature.h - Overloads of builtins as data --------------*- C++ -*-===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // The parsed form of an overload string such as
 // `(a: vec<n,F>, b: vec<n,F>) -> F`; WarpBuiltinBase.td explains the language.
 // Both the registry and warp-tblgen read overloads through this parser.

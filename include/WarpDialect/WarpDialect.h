@@ -1,4 +1,8 @@
 //===- WarpDialect.h - The warp dialect -------------------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #ifndef WARPDIALECT_WARPDIALECT_H
 #define WARPDIALECT_WARPDIALECT_H

@@ -1,4 +1,8 @@
 //===- WarpOps.h - Operations of the warp dialect ---------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #ifndef WARPDIALECT_WARPOPS_H
 #define WARPDIALECT_WARPOPS_H

@@ -1,5 +1,7 @@
 //===- WarpTypes.h - Types of the warp dialect ------------------*- C++ -*-===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // The dialect's types, and what the rest of the compiler asks about a type:
 // what kind of value it is, how many scalars it holds, how it lies in memory.
 //

@@ -1,5 +1,7 @@
 //===- Array.h - Arrays and launches for C++ programs -----------*- C++ -*-===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // What a C++ program needs beside `SavedModule` to run a kernel on its own
 // data: `view` makes a kernel argument of memory that the program has, `Array`
 // owns memory of a device, `launch` checks the arguments against the kernel's

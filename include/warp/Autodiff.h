@@ -1,5 +1,7 @@
 //===- Autodiff.h - From a kernel to its derivative -------------*- C++ -*-===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // `differentiate` takes the module of a kernel and returns another one, whose
 // kernel is compiled and launched like any other:
 //

@@ -1,5 +1,7 @@
 //===- Builder.h - Build kernels without seeing MLIR ------------*- C++ -*-===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // The front end's door into the compiler. A `Builder` holds one module: the
 // functions of one kernel, built in order of use, callees first. The caller
 // walks its own syntax tree and calls the methods below; every type rule

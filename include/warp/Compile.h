@@ -1,5 +1,7 @@
 //===- Compile.h - From a module to code that runs --------------*- C++ -*-===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // The compiler as the runtime sees it. `compile` takes a verified module of
 // the warp dialect and the facts of one launch variant, and returns an object
 // file (CPU) or PTX text (GPU) with what is needed to run it. Nothing here is

@@ -1,5 +1,7 @@
 //===- Device.h - CPU and CUDA devices, streams, events ---------*- C++ -*-===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Devices are numbered: -1 is the CPU, 0.. are the CUDA devices. The driver is
 // loaded with `dlopen` the first time somebody asks; where there is none,
 // `cudaDeviceCount` is 0 and `cudaUnavailableReason` says why. A device's

@@ -1,5 +1,7 @@
 //===- Error.h - The one exception of the public API ------------*- C++ -*-===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Everything that can go wrong because of user input is thrown as
 // `warp::Error`. It carries the place in the user's Python source when there
 // is one; the binding turns it into the exception class that `kind` names.

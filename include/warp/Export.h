@@ -1,5 +1,7 @@
 //===- Export.h - Symbols that leave libwarp.so -----------------*- C++ -*-===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // libwarp.so is built with hidden visibility so that its LLVM never meets
 // another LLVM of the same process. Public entry points carry `WARP_API`.
 //

@@ -1,5 +1,7 @@
 //===- Gather.h - Adjoints of stencils without atomics ----------*- C++ -*-===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // What a thread of a stencil reads around it, the same thread of the adjoint
 // adds to: the sums of an element come from many threads. `gatherSums` turns
 // that round where it can, with two launches in place of one.

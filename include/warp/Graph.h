@@ -1,5 +1,7 @@
 //===- Graph.h - Recorded work, replayed at once ----------------*- C++ -*-===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Between `Capture::begin` and `end`, launches, copies and fills are recorded
 // and not run; the graph that comes out repeats them with one call. On CUDA
 // the driver records what is queued on a stream, and on others that wait for

@@ -1,5 +1,7 @@
 //===- Kernel.h - A kernel and its compiled variants ------------*- C++ -*-===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // A kernel owns its module and whatever was compiled from it. `launch` takes a
 // packed parameter block (see "warp/Launch.h"), derives from it which variant
 // fits (launch rank, packed arrays, 32-bit indices), gets that variant from

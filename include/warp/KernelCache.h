@@ -1,5 +1,7 @@
 //===- KernelCache.h - Compiled code on disk --------------------*- C++ -*-===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // A folder of files, one per compiled variant, named by the fingerprint.
 // Any number of processes may use one folder: an entry is written under a
 // temporary name and renamed, so a reader sees all of it or nothing, whatever

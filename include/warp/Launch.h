@@ -1,5 +1,7 @@
 //===- Launch.h - Layouts shared by the runtime and compiled code -*- C++ -*-//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // What crosses the border between a compiled kernel and its caller. A kernel
 // gets one pointer (GPU: one by-value struct), the parameter block:
 //

@@ -1,5 +1,7 @@
 //===- Memory.h - Allocation, copies and fills ------------------*- C++ -*-===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Memory of any device by pointer and device number. Work on CUDA memory is
 // queued on a stream (null: the device's current one); copies that end in
 // pageable host memory have finished on return. A request that cannot be met

@@ -1,5 +1,7 @@
 //===- MemoryTracker.h - Who uses the memory --------------------*- C++ -*-===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // A list of the allocations that were made while somebody watched, with the
 // place in the user's program that each comes from. Nothing is noted, and
 // nothing is spent, for the others.

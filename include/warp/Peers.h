@@ -1,5 +1,7 @@
 //===- Peers.h - Memory that others reach -----------------------*- C++ -*-===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Access of one CUDA device to the memory of another one, the settings of the
 // memory pools, managed memory and memory of other processes.
 //

@@ -1,4 +1,8 @@
 //===- Runtime.h - Everything the runtime offers ----------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #ifndef WARP_RUNTIME_H
 #define WARP_RUNTIME_H

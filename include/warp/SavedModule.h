@@ -1,5 +1,7 @@
 //===- SavedModule.h - Kernels compiled ahead of time -----------*- C++ -*-===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // A saved module is one file with the code of some kernels. A program loads it
 // and launches them without Python and without compiling anything:
 //

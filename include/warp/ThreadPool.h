@@ -1,5 +1,7 @@
 //===- ThreadPool.h - Parallel loops on the CPU -----------------*- C++ -*-===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Persistent worker threads, one per CPU that the process may use, the caller
 // included. A loop gives every thread its own stretch of the range, taken in
 // chunks; a thread that is done takes chunks of others. Equal ranges therefore

@@ -1,4 +1,8 @@
 //===- Version.h - What build this is ---------------------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #ifndef WARP_VERSION_H
 #define WARP_VERSION_H

@@ -1,5 +1,7 @@
 //===- Accesses.cpp - Which arrays a kernel reads and writes --------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // The tape asks which arrays a launch changes. The answer is a data flow over
 // all functions of a module: every array, and every array in a struct, knows
 // the arguments of the kernel that it may stand for, and accesses mark those.

@@ -1,5 +1,7 @@
 //===- Autodiff.cpp - From a kernel to its derivative ---------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Runs on a copy of the primal's warp IR, before anything of a launch is known:
 //
 //   1  inline, canonicalise; functions with a derivative of their own stay

@@ -1,5 +1,7 @@
 //===- Builder.cpp - Functions, constants and calls -----------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // The implementation of "warp/Builder.h" over MLIR. A function is built from
 // front to back at one insertion point; a function that a caller needs is
 // begun while the caller's is open, so open functions form a stack.

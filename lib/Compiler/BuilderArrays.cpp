@@ -1,4 +1,8 @@
 //===- BuilderArrays.cpp - Array accesses and views -----------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "BuilderImpl.h"
 

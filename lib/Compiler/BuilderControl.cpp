@@ -1,5 +1,7 @@
 //===- BuilderControl.cpp - Branches and loops ----------------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Results of a branch, and what a loop carries besides its initial values,
 // are known only when it closes. So `scf.if` is created without results and
 // replaced by one with results that takes its regions; likewise loops, whose

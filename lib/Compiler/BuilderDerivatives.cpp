@@ -1,5 +1,7 @@
 //===- BuilderDerivatives.cpp - Functions and their derivatives -----------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // A function with a derivative of its own names it in `warp.vjp`, and stays
 // called until the engine has used that. With
 //

@@ -1,4 +1,8 @@
 //===- BuilderImpl.h - State of a kernel builder ----------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #ifndef WARP_LIB_COMPILER_BUILDERIMPL_H
 #define WARP_LIB_COMPILER_BUILDERIMPL_H

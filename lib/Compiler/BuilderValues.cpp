@@ -1,4 +1,8 @@
 //===- BuilderValues.cpp - Builtins, conversions, composites, structs -----===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "BuilderImpl.h"
 

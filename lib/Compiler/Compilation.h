@@ -1,4 +1,8 @@
 //===- Compilation.h - One run of the compiler ------------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #ifndef WARP_LIB_COMPILER_COMPILATION_H
 #define WARP_LIB_COMPILER_COMPILATION_H

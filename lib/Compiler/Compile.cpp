@@ -1,5 +1,7 @@
 //===- Compile.cpp - From a module to code that runs ----------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // One compilation is one `Compilation` object: it clones the module, runs the
 // phases of Pipelines.cpp under the context's lock, translates, and leaves the
 // lock for LLVM's part, which has a context of its own. Every step is timed

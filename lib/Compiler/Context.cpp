@@ -1,4 +1,8 @@
 //===- Context.cpp - The process-wide MLIR context ------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "Context.h"
 

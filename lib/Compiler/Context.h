@@ -1,5 +1,7 @@
 //===- Context.h - The process-wide MLIR context ----------------*- C++ -*-===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // One context serves every builder and every compilation of a process. Its
 // threading is off, so whoever touches IR holds the lock. `Diagnostics`
 // collects what MLIR reports while it lives and turns it into a

@@ -1,5 +1,7 @@
 //===- Cost.cpp - How much work one thread is -----------------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // The runtime decides from this whether a launch is worth waking its threads.
 // A factor of two does not matter; a missing loop does.
 //

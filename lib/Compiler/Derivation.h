@@ -1,4 +1,8 @@
 //===- Derivation.h - The passes that make a derivative ---------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #ifndef WARP_LIB_COMPILER_DERIVATION_H
 #define WARP_LIB_COMPILER_DERIVATION_H

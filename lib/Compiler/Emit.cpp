@@ -1,4 +1,8 @@
 //===- Emit.cpp - The compiler's door -------------------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "Compilation.h"
 

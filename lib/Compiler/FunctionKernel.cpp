@@ -1,8 +1,12 @@
 //===- FunctionKernel.cpp - Functions as kernels and back -----------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "FunctionKernel.h"
 
-#include "../Transforms/Autodiff/Rules.h"
+#include "../Transforms/Autodiff/Rules/Rules.h"
 
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/WarpDialect.h"

@@ -1,4 +1,8 @@
 //===- FunctionKernel.h - Functions as kernels and back ---------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #ifndef WARP_LIB_COMPILER_FUNCTIONKERNEL_H
 #define WARP_LIB_COMPILER_FUNCTIONKERNEL_H

@@ -1,4 +1,8 @@
 //===- Gather.cpp - Adjoints of stencils without atomics ------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "Context.h"
 #include "Pipelines.h"

@@ -1,5 +1,7 @@
 //===- Jit.cpp - Loads CPU objects into the process -----------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // One JITLink session per process. Every object gets a library of its own, so
 // names never clash and one kernel's code can go when its owner does. What an
 // object may call is listed here: the C library's mathematics, memory

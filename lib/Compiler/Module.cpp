@@ -1,4 +1,8 @@
 //===- Module.cpp - Modules as text ---------------------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "BuilderImpl.h"
 

@@ -1,4 +1,8 @@
 //===- Optimize.cpp - LLVM's optimiser, libraries and emission ------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "Target.h"
 

@@ -1,4 +1,8 @@
 //===- Parameters.cpp - What a kernel's parameter block holds -------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "Context.h"
 

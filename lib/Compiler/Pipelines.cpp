@@ -1,4 +1,8 @@
 //===- Pipelines.cpp - Named phases of the compiler -----------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "Pipelines.h"
 

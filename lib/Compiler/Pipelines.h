@@ -1,4 +1,8 @@
 //===- Pipelines.h - Named phases of the compiler ---------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #ifndef WARP_LIB_COMPILER_PIPELINES_H
 #define WARP_LIB_COMPILER_PIPELINES_H

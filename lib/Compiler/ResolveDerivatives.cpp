@@ -1,5 +1,7 @@
 //===- ResolveDerivatives.cpp - Derivatives that a kernel calls -----------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Replaces `warp.vjp @f` and `warp.jvp @f` by calls of functions that compute
 // them. If @f has a derivative of its own, that is the one for `warp.vjp`; else
 // the function is made by the same passes as the derivative of a kernel, from
@@ -15,7 +17,7 @@
 #include "Derivation.h"
 #include "FunctionKernel.h"
 
-#include "../Transforms/Autodiff/Rules.h"
+#include "../Transforms/Autodiff/Rules/Rules.h"
 #include "../Transforms/KernelFunction.h"
 
 #include "WarpDialect/Passes.h"

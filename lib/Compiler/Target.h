@@ -1,5 +1,7 @@
 //===- Target.h - From LLVM IR to machine code ------------------*- C++ -*-===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // The part of the compiler below the LLVM dialect. A `Target` is one back end:
 // it prepares an LLVM module (libraries linked, attributes set), optimises it
 // and emits it. CPU and GPU differ in a handful of virtual functions; both

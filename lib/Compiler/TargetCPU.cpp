@@ -1,5 +1,7 @@
 //===- TargetCPU.cpp - Code for x86-64 ------------------------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Code is for the processor that compiles it: "cpu" means the host, and
 // "cpu:skylake-avx512" another one, which tests use. The device library's
 // functions are linked in and inlined, so that the loop vectoriser meets

@@ -1,5 +1,7 @@
 //===- TargetNVPTX.cpp - Code for NVIDIA GPUs -----------------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // PTX text, which the driver assembles for its GPU. libdevice is linked from
 // the bytes embedded in this library; its `__nvvm_reflect` questions are
 // answered here: subnormals are kept and roots and quotients are correctly

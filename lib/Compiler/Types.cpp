@@ -1,4 +1,8 @@
 //===- Types.cpp - Handles of types and values ----------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "BuilderImpl.h"
 

@@ -1,4 +1,8 @@
 //===- Version.cpp - What build this is -----------------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "warp/Version.h"
 

@@ -1,4 +1,8 @@
 //===- ArrayOps.cpp - Verification of array operations --------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "Checks.h"
 #include "WarpDialect/WarpOps.h"

@@ -1,4 +1,8 @@
 //===- Checks.h - Checks that several operations share ----------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #ifndef WARP_LIB_DIALECT_CHECKS_H
 #define WARP_LIB_DIALECT_CHECKS_H

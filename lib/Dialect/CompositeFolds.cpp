@@ -1,4 +1,8 @@
 //===- CompositeFolds.cpp - Simplification of composite accesses ----------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "WarpDialect/WarpOps.h"
 

@@ -1,4 +1,8 @@
 //===- DerivativeOps.cpp - Verification of WarpDerivativeOps.td -----------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/WarpOps.h"

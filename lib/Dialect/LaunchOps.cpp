@@ -1,4 +1,8 @@
 //===- LaunchOps.cpp - Verification of WarpLaunchOps.td -------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "WarpDialect/WarpOps.h"
 

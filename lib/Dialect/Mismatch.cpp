@@ -1,5 +1,7 @@
 //===- Mismatch.cpp - Why operands fit no overload ------------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // The text names what was passed and lists what is accepted. When converting
 // some operands to another scalar type would make an overload fit, it says so:
 // mixing integers and floats is by far the most common cause.

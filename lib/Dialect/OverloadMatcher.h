@@ -1,4 +1,8 @@
 //===- OverloadMatcher.h - Unifies overloads with types ---------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #ifndef WARP_LIB_DIALECT_OVERLOADMATCHER_H
 #define WARP_LIB_DIALECT_OVERLOADMATCHER_H

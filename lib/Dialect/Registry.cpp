@@ -1,5 +1,7 @@
 //===- Registry.cpp - What is known about every builtin -------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // The table that warp-tblgen writes is constant data, sorted by Python name,
 // so the registry costs nothing at start-up. The overloads of a builtin are
 // parsed when it is first used. Matching walks the parsed overloads in the

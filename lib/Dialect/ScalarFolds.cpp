@@ -1,5 +1,7 @@
 //===- ScalarFolds.cpp - Simplification of scalar operations --------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Constants are computed exactly as the target computes them: integers wrap,
 // floats round once, to nearest even. Identities are used where they hold for
 // every value, so `x + 0` is folded for integers but not for floats, where it

@@ -1,4 +1,8 @@
 //===- ScratchOps.cpp - Verification of WarpScratchOps.td -----------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "WarpDialect/WarpOps.h"
 

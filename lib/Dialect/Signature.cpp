@@ -1,4 +1,8 @@
 //===- Signature.cpp - Overloads of builtins as data ----------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "WarpDialect/Signature.h"
 

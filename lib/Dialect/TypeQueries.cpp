@@ -1,4 +1,8 @@
 //===- TypeQueries.cpp - What the compiler asks about types ---------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "WarpDialect/WarpTypes.h"
 

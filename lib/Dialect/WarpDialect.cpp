@@ -1,4 +1,8 @@
 //===- WarpDialect.cpp - The warp dialect ---------------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "WarpDialect/WarpDialect.h"
 #include "WarpDialect/WarpOps.h"

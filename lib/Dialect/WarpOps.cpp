@@ -1,5 +1,7 @@
 //===- WarpOps.cpp - Verification of scalar and composite operations ------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Each check carries the label of the constraint it enforces, as the op's
 // description numbers them. Array operations are in ArrayOps.cpp, builtins in
 // Registry.cpp, simplifications in the *Folds.cpp files.

@@ -1,5 +1,7 @@
 //===- WarpTypes.cpp - Types of the warp dialect --------------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Printing, parsing and verification of the types. What other parts ask about
 // a type is in TypeQueries.cpp.
 //

@@ -1,5 +1,7 @@
 //===- Allocation.cpp - Memory with an owner ------------------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Host memory is aligned to a cache line; large blocks to huge pages, which
 // saves most page faults. CUDA memory comes from the device's stream-ordered
 // pool unless that is switched off or missing. When the pool holds back what a

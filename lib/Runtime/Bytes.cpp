@@ -1,4 +1,8 @@
 //===- Bytes.cpp - Numbers and strings in files ---------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "Bytes.h"
 

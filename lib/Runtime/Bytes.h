@@ -1,4 +1,8 @@
 //===- Bytes.h - Numbers and strings in files -------------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #ifndef WARP_LIB_RUNTIME_BYTES_H
 #define WARP_LIB_RUNTIME_BYTES_H

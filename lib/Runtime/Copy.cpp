@@ -1,5 +1,7 @@
 //===- Copy.cpp - Copies and fills of strided arrays ----------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // A copy between two views is first brought to its simplest form: dimensions
 // of extent one go away, neighbours that are packed on both sides become one,
 // and what is packed at the end becomes a run of bytes. What is left is a

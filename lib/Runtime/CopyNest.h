@@ -1,4 +1,8 @@
 //===- CopyNest.h - A strided copy in its simplest form ---------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #ifndef WARP_LIB_RUNTIME_COPYNEST_H
 #define WARP_LIB_RUNTIME_COPYNEST_H

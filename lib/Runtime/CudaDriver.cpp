@@ -1,4 +1,8 @@
 //===- CudaDriver.cpp - The CUDA driver, found at run time ----------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "CudaDriver.h"
 

@@ -1,5 +1,7 @@
 //===- CudaDriver.h - The CUDA driver, found at run time --------*- C++ -*-===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // The part of the driver API that the runtime uses, declared here so that no
 // CUDA toolkit is needed to build, and loaded from libcuda.so.1 so that none
 // is needed to run. `WARP_CUDA_SYMBOLS` is the one list of entry points: name

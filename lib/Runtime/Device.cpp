@@ -1,5 +1,7 @@
 //===- Device.cpp - CPU and CUDA devices ----------------------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // What a device is and what it has. CUDA devices are described once, when the
 // first question about any of them comes; asking creates no context except
 // where the answer needs one (free memory).

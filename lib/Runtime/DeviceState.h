@@ -1,4 +1,8 @@
 //===- DeviceState.h - What the runtime keeps per CUDA device ---*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #ifndef WARP_LIB_RUNTIME_DEVICESTATE_H
 #define WARP_LIB_RUNTIME_DEVICESTATE_H

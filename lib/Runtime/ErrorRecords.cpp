@@ -1,5 +1,7 @@
 //===- ErrorRecords.cpp - What debug-mode kernels report ------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // A failed check leaves one record. On the CPU it lives on the stack of the
 // launch. On CUDA each debug variant has one in pinned memory that the device
 // writes through a mapped address; the host looks at it after every

@@ -1,4 +1,8 @@
 //===- ExactSums.h - Launches with exact sums -------------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #ifndef WARP_LIB_RUNTIME_EXACTSUMS_H
 #define WARP_LIB_RUNTIME_EXACTSUMS_H

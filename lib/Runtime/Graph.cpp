@@ -1,5 +1,7 @@
 //===- Graph.cpp - Captures in progress -----------------------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // A list of the captures in progress, which the rest of the runtime consults:
 // memory freed meanwhile is not given back but put on the list of each capture
 // that may have recorded a use of it, and is released by the last graph that

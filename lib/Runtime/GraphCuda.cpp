@@ -1,5 +1,7 @@
 //===- GraphCuda.cpp - Graphs on CUDA devices -----------------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // The driver records what is queued on the capturing stream. Memory that is
 // allocated meanwhile is ordinary memory, made on a stream of its own (see
 // Memory.cpp), so that arrays born in a capture can be used like any other

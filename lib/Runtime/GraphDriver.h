@@ -1,5 +1,7 @@
 //===- GraphDriver.h - The driver's calls for graphs ------------*- C++ -*-===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Kept apart from the table in CudaDriver.h, since everything but graphs works
 // with a driver that lacks them. A missing entry is null.
 //

@@ -1,5 +1,7 @@
 //===- GraphHost.cpp - Graphs on the CPU ----------------------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // A CPU graph is a list of steps. A short launch is the entry point of the
 // compiled kernel with a parameter block of its own: replaying it is one call
 // through a pointer. Everything else, launches that are spread over threads or

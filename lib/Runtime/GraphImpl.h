@@ -1,5 +1,7 @@
 //===- GraphImpl.h - Inside of captures -------------------------*- C++ -*-===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // What the rest of the runtime asks before it does work: is somebody recording
 // it? Where no capture is in progress, that is one read of an atomic.
 //

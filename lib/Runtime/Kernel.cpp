@@ -1,5 +1,7 @@
 //===- Kernel.cpp - A kernel and its compiled variants --------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // A launch goes through three steps. `keyFor` checks the extents and reads the
 // array descriptors in the parameter block; the result, rank, which arrays are
 // packed, whether 32-bit indices do, names the variant. `find` walks the

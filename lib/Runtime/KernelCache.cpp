@@ -1,5 +1,7 @@
 //===- KernelCache.cpp - Compiled code on disk ----------------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // One file per entry, `<key>.code`:
 //
 //   magic "WARPCODE" | format version | key (64 characters)

@@ -1,5 +1,7 @@
 //===- KernelCpu.cpp - Launches on the CPU --------------------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // A launch is a range of linear indices, in chunks that the threads of the pool
 // take. Code that updates elements without atomic instructions runs on one
 // thread, and keeps out all other code that updates any.

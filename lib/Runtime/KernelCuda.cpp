@@ -1,5 +1,7 @@
 //===- KernelCuda.cpp - Kernels on CUDA devices ---------------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // The last dimension of a launch lies on the grid's x axis, the one before on
 // y, the product of the rest on z. Blocks are shaped to the launch: wide in x,
 // where memory is contiguous, and no wider than the launch is. Launches that

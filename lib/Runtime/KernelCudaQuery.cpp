@@ -1,4 +1,8 @@
 //===- KernelCudaQuery.cpp - What a CUDA kernel uses ----------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "KernelImpl.h"
 

@@ -1,4 +1,8 @@
 //===- KernelImpl.h - Inside of a kernel ------------------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #ifndef WARP_LIB_RUNTIME_KERNELIMPL_H
 #define WARP_LIB_RUNTIME_KERNELIMPL_H

@@ -1,5 +1,7 @@
 //===- KernelSaved.cpp - Kernels with code from a file --------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Saving a kernel compiles the variants that its launches are likely to need,
 // and one that fits every launch of its rank. A launch takes the first of them
 // whose conditions hold; `VariantKey` has the facts of the launch, so a variant

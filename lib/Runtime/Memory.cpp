@@ -1,5 +1,7 @@
 //===- Memory.cpp - Contiguous copies and fills ---------------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Host work on many bytes is spread over the thread pool. Work on CUDA memory
 // is queued and not waited for; only copies into pageable memory are, by the
 // driver, which also takes its own copy of pageable memory that it reads.

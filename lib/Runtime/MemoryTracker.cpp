@@ -1,4 +1,8 @@
 //===- MemoryTracker.cpp - Who uses the memory ----------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "warp/MemoryTracker.h"
 

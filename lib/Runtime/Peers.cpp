@@ -1,5 +1,7 @@
 //===- Peers.cpp - Memory that others reach -------------------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Two kinds of access exist side by side: that of a context to the plain
 // allocations of another context, and that of a device to the memory pool of
 // another one. Enabling either makes frees wait for the work of all devices,

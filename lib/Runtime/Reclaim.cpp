@@ -1,5 +1,7 @@
 //===- Reclaim.cpp - Freeing memory that may still be in use --------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // An array can be freed while kernels on any stream still read it. Arrays do
 // not know their streams, since noting that would cost every launch time;
 // instead every stream knows whether work was queued on it (`busy`).

@@ -1,5 +1,7 @@
 //===- SavedModule.cpp - Kernels compiled ahead of time -------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Reading and writing the file that SavedModule.h describes. As in the kernel
 // cache, reading trusts nothing: magic, version, length and hash are checked
 // before the payload is looked at, and every length in it against what is

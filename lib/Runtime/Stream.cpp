@@ -1,5 +1,7 @@
 //===- Stream.cpp - CUDA streams and events -------------------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Streams are created as blocking ones, so that work on the legacy default
 // stream, of other libraries too, keeps its order with ours. Each device has a
 // current stream, made at first use.

@@ -1,4 +1,8 @@
 //===- Support.cpp - Small helpers of the runtime -------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "Support.h"
 

@@ -1,4 +1,8 @@
 //===- Support.h - Small helpers of the runtime -----------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #ifndef WARP_LIB_RUNTIME_SUPPORT_H
 #define WARP_LIB_RUNTIME_SUPPORT_H

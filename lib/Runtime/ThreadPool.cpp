@@ -1,5 +1,7 @@
 //===- ThreadPool.cpp - Parallel loops on the CPU -------------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Workers wait for a job by watching one word, `epoch`: they spin for about
 // 50 microseconds (a launch that follows another finds them awake), then park
 // on a futex. A job is open while the pool's `state` lacks the Closed bit; the

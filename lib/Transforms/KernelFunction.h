@@ -1,4 +1,8 @@
 //===- KernelFunction.h - Finding the kernel of a module --------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #ifndef WARP_LIB_TRANSFORMS_KERNELFUNCTION_H
 #define WARP_LIB_TRANSFORMS_KERNELFUNCTION_H

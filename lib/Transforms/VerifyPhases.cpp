@@ -1,5 +1,7 @@
 //===- VerifyPhases.cpp - What may be left after each phase ---------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Every phase of the pipeline ends with one of these passes. A straggler is a
 // bug of the phase, and is named with its place before a later pass meets it.
 //

@@ -1,5 +1,7 @@
 //===- Array.cpp - warp._native.Array -------------------------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Base class of `wp.array`: the descriptor that kernels get, what its elements
 // are, on which device they lie and who owns them. Python decides how an array
 // comes about and calls `_setup` once; launches read the fields directly.

@@ -1,4 +1,8 @@
 //===- Autodiff.cpp - Derivatives of kernels ------------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "Native.h"
 

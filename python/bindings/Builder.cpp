@@ -1,5 +1,7 @@
 //===- Builder.cpp - The kernel builder in Python -------------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // One to one with "warp/Builder.h", in Python's spelling. Values and types are
 // small objects that compare by identity of what they stand for.
 //

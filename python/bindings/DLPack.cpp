@@ -1,5 +1,7 @@
 //===- DLPack.cpp - Tensors to and from other libraries -------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // DLPack hands a tensor over as a capsule that holds a struct with a deleter.
 // The structs below are the binary interface of DLPack 1.0 and of the older
 // version that knew no flags; libraries still use both.

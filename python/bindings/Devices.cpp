@@ -1,4 +1,8 @@
 //===- Devices.cpp - Devices, streams and events for Python ---------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "Native.h"
 

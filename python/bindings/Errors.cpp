@@ -1,5 +1,7 @@
 //===- Errors.cpp - From warp::Error to Python exceptions -----------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // The classes live in `warp._src.errors`, which also lays out the message with
 // the source line. Without that module (the extension used alone) an error is
 // a RuntimeError.

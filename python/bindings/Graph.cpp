@@ -1,5 +1,7 @@
 //===- Graph.cpp - Graphs and captures for Python -------------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // The runtime keeps alive what is freed during a capture. Arrays and kernels
 // that outlive the capture, but not the graph, are Python's business: while
 // captures are in progress, launches, copies and fills put what they use on

@@ -1,5 +1,7 @@
 //===- Kernel.cpp - warp._native.Kernel -----------------------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // The type: made from a module, asked for its parameters, its text and its
 // compile times. Launch.cpp has what runs it.
 //

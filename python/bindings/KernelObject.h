@@ -1,4 +1,8 @@
 //===- KernelObject.h - warp._native.Kernel ---------------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #ifndef WARP_PYTHON_BINDINGS_KERNELOBJECT_H
 #define WARP_PYTHON_BINDINGS_KERNELOBJECT_H

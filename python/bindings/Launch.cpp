@@ -1,5 +1,7 @@
 //===- Launch.cpp - Running kernels from Python ---------------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // A launch from Python: arguments are packed into a block on the stack, the
 // variant is looked up, and the kernel runs. That path allocates nothing and
 // holds the GIL, since it is over in a microsecond. The GIL is released where

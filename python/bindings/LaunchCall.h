@@ -1,5 +1,7 @@
 //===- LaunchCall.h - Parts of a launch from Python -------------*- C++ -*-===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Shared by launches that pack their arguments each time and by recorded ones.
 //
 //===----------------------------------------------------------------------===//

@@ -1,4 +1,8 @@
 //===- Memory.cpp - Allocation, copies and fills for Python ---------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "Native.h"
 

@@ -1,4 +1,8 @@
 //===- Module.cpp - The extension module warp._native ---------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "Native.h"
 

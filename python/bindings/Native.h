@@ -1,5 +1,7 @@
 //===- Native.h - The extension module's parts ------------------*- C++ -*-===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // `warp._native` is a thin layer over include/warp. What launches touch
 // (arrays, kernels) are types written against the C API, because a launch has
 // about a microsecond; everything else is pybind11.

@@ -1,5 +1,7 @@
 //===- Pack.cpp - From Python arguments to a parameter block --------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // The fast way is in Pack.h: an array whose class, element type, rank and
 // device are right is 56 bytes to copy; a number is one store. Everything else
 // comes here: composites and structs by their bytes, composites from any

@@ -1,4 +1,8 @@
 //===- Pack.h - From Python arguments to a parameter block ------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #ifndef WARP_PYTHON_BINDINGS_PACK_H
 #define WARP_PYTHON_BINDINGS_PACK_H

@@ -1,5 +1,7 @@
 //===- PackForeign.cpp - Arrays of other libraries as arguments -----------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // NumPy, CuPy, PyTorch and others describe their memory with a dictionary:
 // `__array_interface__` for the host, `__cuda_array_interface__` for a device.
 // Element types must agree exactly. The extents of a composite element are the

@@ -1,5 +1,7 @@
 //===- PackScalar.cpp - Python numbers as scalars -------------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Python's own ints and floats are recognised by their exact class and never
 // reach anything slow. Other numbers (bool, NumPy scalars, zero-dimensional
 // arrays, Warp scalars) are first turned into one of those. A float is no

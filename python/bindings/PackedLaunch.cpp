@@ -1,5 +1,7 @@
 //===- PackedLaunch.cpp - Launches packed once ----------------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // What `wp.launch(..., record_cmd=True)` returns is a subclass of this type.
 // The arguments are packed and the variant is chosen when they change; a
 // launch then only runs it. Launches that may take long, and those of debug

@@ -1,4 +1,8 @@
 //===- Peers.cpp - Access, pools, sharing and the tracker for Python ------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "Native.h"
 

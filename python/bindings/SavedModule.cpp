@@ -1,5 +1,7 @@
 //===- SavedModule.cpp - Compiling ahead of launches ----------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Functions on kernels that do not launch them: compile for a device, save to
 // and load from files, ask what the machine code uses.
 //

@@ -1,5 +1,7 @@
 //===- TypeText.cpp - Reading the text of native types --------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // The runtime half of the module knows types by their text alone. Here is the
 // little of the grammar that packing and messages need.
 //

@@ -1,5 +1,7 @@
 //===- XlaFfi.cpp - Kernels as calls of XLA -------------------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // XLA calls out to native code through a C interface: a function gets a "call
 // frame" with buffers, attributes and, on CUDA, a stream. Here is one such
 // function per platform for all kernels. The attribute `call` names an entry

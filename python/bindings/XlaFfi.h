@@ -1,5 +1,7 @@
 //===- XlaFfi.h - The binary interface of XLA's calls -----------*- C++ -*-===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // The part of XLA's foreign function interface, version 0.x, that is needed.
 // XLA only ever appends to it, and every struct begins with its size.
 //

@@ -1,4 +1,8 @@
 //===- autodiff-test.cpp - Derivatives from C++, without Python -----------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "warp/Array.h"
 #include "warp/Autodiff.h"

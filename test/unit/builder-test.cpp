@@ -1,4 +1,8 @@
 //===- builder-test.cpp - The kernel builder from C++ ---------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "warp/Builder.h"
 

@@ -1,5 +1,7 @@
 //===- cuda-reclaim-test.cpp - Frees, peers, faults on a fake driver ------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // What the runtime tells the driver when memory is freed while streams may
 // still use it. The fake driver logs events, waits and frees with the number of
 // the stream, and can pretend that streams never finish.

@@ -1,5 +1,7 @@
 //===- cuda-runtime-test.cpp - Devices, memory and launches on CUDA -------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Runs against the driver that WARP_CUDA_DRIVER names, by default a fake one
 // made of host memory. With WARP_CUDA_DRIVER=libcuda.so.1 the same tests run
 // on a GPU, apart from those that look inside the fake.

@@ -1,5 +1,7 @@
 //===- graph-test.cpp - Captures and graphs -------------------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // The CPU part runs anywhere; the CUDA part runs against the fake driver, or
 // on a GPU with WARP_CUDA_DRIVER=libcuda.so.1, like cuda-runtime-test.cpp.
 //

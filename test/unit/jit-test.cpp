@@ -1,4 +1,8 @@
 //===- jit-test.cpp - Compiled code in the process ------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "warp/Compile.h"
 #include "warp/Launch.h"

@@ -1,4 +1,8 @@
 //===- kernel-cache-test.cpp - Compiled code on disk ----------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "warp/KernelCache.h"
 

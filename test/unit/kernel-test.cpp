@@ -1,4 +1,8 @@
 //===- kernel-test.cpp - Kernels from C++, without Python -----------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "warp/Runtime.h"
 

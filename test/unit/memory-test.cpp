@@ -1,4 +1,8 @@
 //===- memory-test.cpp - Allocation, copies and fills on the host ---------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "warp/Error.h"
 #include "warp/Memory.h"

@@ -1,4 +1,8 @@
 //===- saved-module-test.cpp - Kernels from files, without their source ---===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "warp/Array.h"
 #include "warp/Runtime.h"

@@ -1,4 +1,8 @@
 //===- thread-pool-test.cpp - Parallel loops on the CPU -------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "warp/ThreadPool.h"
 

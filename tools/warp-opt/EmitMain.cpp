@@ -1,5 +1,7 @@
 //===- EmitMain.cpp - What the library emits, as text ---------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Goes through include/warp alone, as a user of the library would:
 //
 //   warp-opt in.mlir --warp-emit=STAGE [--warp-options=KEY[=VALUE],...]

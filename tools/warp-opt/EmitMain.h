@@ -1,4 +1,8 @@
 //===- EmitMain.h - What the library emits, as text -------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #ifndef WARP_TOOLS_WARPOPT_EMITMAIN_H
 #define WARP_TOOLS_WARPOPT_EMITMAIN_H

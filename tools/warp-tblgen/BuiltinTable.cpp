@@ -1,4 +1,8 @@
 //===- BuiltinTable.cpp - The registry's table for C++ --------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "Records.h"
 

@@ -1,5 +1,7 @@
 //===- Derivatives.cpp - The rules of differentiation for C++ -------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Writes the formulas of the records as functions on warp::autodiff::Expr, for
 // lib/Transforms/Autodiff/Rules.cpp to include.
 //

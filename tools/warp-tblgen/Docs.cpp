@@ -1,4 +1,8 @@
 //===- Docs.cpp - The reference of the builtins ---------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "Records.h"
 

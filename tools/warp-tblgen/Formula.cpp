@@ -1,4 +1,8 @@
 //===- Formula.cpp - Formulas of derivatives ------------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "Formula.h"
 

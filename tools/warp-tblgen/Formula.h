@@ -1,5 +1,7 @@
 //===- Formula.h - Formulas of derivatives ----------------------*- C++ -*-===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // The language of the `derivative` slot of a record, which is described at
 // class `Formulas` in WarpBuiltinBase.td. A formula is parsed to a tree; what
 // is wrong with it is reported at its record.

@@ -1,4 +1,8 @@
 //===- PythonTable.cpp - The registry's table for Python ------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "Records.h"
 

@@ -1,4 +1,8 @@
 //===- Records.cpp - The registry's records as the back ends see them -----===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #include "Records.h"
 

@@ -1,5 +1,7 @@
 //===- Records.h - The registry's records as the back ends see them -------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Reads every record of a builtin, checks it, and sorts by Python name. All
 // back ends start from this list, so what is wrong with a record is reported
 // once, at the record.

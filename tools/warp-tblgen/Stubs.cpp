@@ -1,5 +1,7 @@
 //===- Stubs.cpp - Type hints of the package ------------------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Writes `warp/__init__.pyi`: what `warp/__init__.py` imports, the named
 // composite types, and every builtin. Composites are generic over extents and
 // scalar type, so that a type checker infers `vec3` for `normalize(vec3)` and

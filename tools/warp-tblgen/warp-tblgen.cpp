@@ -1,5 +1,7 @@
 //===- warp-tblgen.cpp - Back ends of the registry ------------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Writes, from the TableGen records of the builtins, what else depends on
 // them: the C++ tables, the front end's table, the stubs, the reference.
 //

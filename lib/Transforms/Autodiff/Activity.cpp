@@ -11,7 +11,7 @@
 
 #include "Activity.h"
 
-#include "Rules.h"
+#include "Autodiff/Rules/Rules.h"
 
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/WarpOps.h"

@@ -9,10 +9,10 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "../KernelFunction.h"
-#include "CountTrips.h"
+#include "KernelFunction.h"
+#include "Autodiff/Loops/CountTrips.h"
 #include "DeadValues.h"
-#include "Reverse.h"
+#include "Autodiff/Reverse/Reverse.h"
 
 #include "WarpDialect/WarpOps.h"
 

@@ -8,10 +8,10 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "../KernelFunction.h"
-#include "Forward.h"
-#include "GuardArms.h"
-#include "Reverse.h"
+#include "KernelFunction.h"
+#include "Autodiff/Forward/Forward.h"
+#include "Autodiff/Reverse/GuardArms.h"
+#include "Autodiff/Reverse/Reverse.h"
 
 #include "WarpDialect/WarpOps.h"
 

@@ -14,9 +14,9 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "Rules.h"
+#include "Autodiff/Rules/Rules.h"
 
-#include "../Lowerings/Lowerings.h"
+#include "Lowerings/Lowerings.h"
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/WarpDialect.h"
 #include "WarpDialect/WarpOps.h"

@@ -9,8 +9,8 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "../KernelFunction.h"
-#include "CarryElements.h"
+#include "KernelFunction.h"
+#include "Autodiff/Loops/CarryElements.h"
 
 #include "WarpDialect/WarpOps.h"
 

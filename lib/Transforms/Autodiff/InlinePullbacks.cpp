@@ -10,9 +10,9 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "../KernelFunction.h"
+#include "KernelFunction.h"
 #include "Activity.h"
-#include "Rules.h"
+#include "Autodiff/Rules/Rules.h"
 
 #include "WarpDialect/WarpOps.h"
 

@@ -8,7 +8,7 @@
 #define WARP_TRANSFORMS_AUTODIFF_MEMORYCLASSES_H
 
 #include "Activity.h"
-#include "IndexMath.h"
+#include "Autodiff/Gather/IndexMath.h"
 
 namespace warp::autodiff {
 

@@ -21,9 +21,9 @@
 //===----------------------------------------------------------------------===//
 
 #include "DeadValues.h"
-#include "Rules.h"
+#include "Autodiff/Rules/Rules.h"
 
-#include "../KernelFunction.h"
+#include "KernelFunction.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"

@@ -7,7 +7,7 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "Lowerings/Scalar.h"
+#include "Scalar.h"
 
 #include "WarpDialect/WarpTypes.h"
 

@@ -12,7 +12,7 @@
 #ifndef WARP_TRANSFORMS_LOWERINGS_DECOMPOSITIONS_H
 #define WARP_TRANSFORMS_LOWERINGS_DECOMPOSITIONS_H
 
-#include "Lowerings/Lowerings.h"
+#include "Lowerings.h"
 
 #include <array>
 

@@ -10,7 +10,7 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "Lowerings/LoweringFunctions.h"
+#include "LoweringFunctions.h"
 
 using namespace mlir;
 

@@ -4,7 +4,7 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "Lowerings/Decompositions.h"
+#include "Decompositions.h"
 
 using namespace mlir;
 

@@ -8,7 +8,7 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "Lowerings/LoweringFunctions.h"
+#include "LoweringFunctions.h"
 
 using namespace mlir;
 

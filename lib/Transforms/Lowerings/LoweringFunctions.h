@@ -9,7 +9,7 @@
 #ifndef WARP_TRANSFORMS_LOWERINGS_LOWERINGFUNCTIONS_H
 #define WARP_TRANSFORMS_LOWERINGS_LOWERINGFUNCTIONS_H
 
-#include "Lowerings/Lowerings.h"
+#include "Lowerings.h"
 
 namespace warp::lowering {
 

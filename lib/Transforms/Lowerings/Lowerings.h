@@ -13,7 +13,7 @@
 #ifndef WARP_TRANSFORMS_LOWERINGS_LOWERINGS_H
 #define WARP_TRANSFORMS_LOWERINGS_LOWERINGS_H
 
-#include "Lowerings/Scalar.h"
+#include "Scalar.h"
 
 #include "WarpDialect/WarpTypes.h"
 

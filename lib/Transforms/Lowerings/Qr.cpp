@@ -8,8 +8,8 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "Lowerings/Decompositions.h"
-#include "Lowerings/LoweringFunctions.h"
+#include "Decompositions.h"
+#include "LoweringFunctions.h"
 
 using namespace mlir;
 

@@ -9,8 +9,8 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "Lowerings/LoweringFunctions.h"
-#include "Lowerings/Pcg.h"
+#include "LoweringFunctions.h"
+#include "Pcg.h"
 
 #include "mlir/Dialect/Math/IR/Math.h"
 

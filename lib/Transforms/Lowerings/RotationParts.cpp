@@ -6,7 +6,7 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "Lowerings/LoweringFunctions.h"
+#include "LoweringFunctions.h"
 
 using namespace mlir;
 

@@ -7,7 +7,7 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "Lowerings/LoweringFunctions.h"
+#include "LoweringFunctions.h"
 
 using namespace mlir;
 

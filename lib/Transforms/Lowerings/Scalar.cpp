@@ -9,7 +9,7 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "Lowerings/Scalar.h"
+#include "Scalar.h"
 
 #include "WarpDialect/WarpDialect.h"
 #include "WarpDialect/WarpTypes.h"

@@ -4,7 +4,7 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "Lowerings/LoweringFunctions.h"
+#include "LoweringFunctions.h"
 
 using namespace mlir;
 

@@ -7,7 +7,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "AngleGuard.h"
-#include "Lowerings/LoweringFunctions.h"
+#include "LoweringFunctions.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"

@@ -1,5 +1,7 @@
 //===- FakeCuda.cpp - A CUDA driver made of host memory -------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // Stands in for libcuda.so.1 where there is no GPU, so that the runtime's CUDA
 // paths run in every test: two devices, memory that is host memory, streams
 // that finish at once. `cuLaunchKernel` records the launch; tests read it back

@@ -1,4 +1,8 @@
 //===- FakeCuda.h - What the parts of the fake driver share -----*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #ifndef WARP_TEST_FAKE_CUDA_FAKECUDA_H
 #define WARP_TEST_FAKE_CUDA_FAKECUDA_H

@@ -1,5 +1,7 @@
 //===- FakeGraphs.cpp - Graphs of the fake driver -------------------------===//
 //
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
 // A graph is a list of calls. Streams that are captured into it append to it;
 // a stream joins by waiting for an event that was recorded on one of them. A
 // capture ends in an error if a stream that joined is not waited for, or if

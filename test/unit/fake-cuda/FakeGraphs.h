@@ -1,4 +1,8 @@
 //===- FakeGraphs.h - Graphs of the fake driver -----------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
 
 #ifndef WARP_TEST_FAKE_CUDA_FAKEGRAPHS_H
 #define WARP_TEST_FAKE_CUDA_FAKEGRAPHS_H

@@ -1,0 +1,311 @@
+//===- NeighborSums.cpp - Sums into elements around a thread's ------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Finds the sums of an adjoint that can be turned round, from "my value goes to
+// my neighbours" to "my sum comes from my neighbours". For one gradient array:
+//
+//   index    every access is an addition at `thread index + constant` in each
+//            dimension, and the dimensions of the launch and of the array
+//            correspond one to one. A negative index would count from the end,
+//            so the branches around have to exclude that.
+//   value    it and the conditions of the branches depend on thread indices,
+//            arguments, and on elements that hold, before the launch, what the
+//            thread is going to read: elements of arrays that the launch does
+//            not write, and those that only this thread writes, later.
+//
+// Loops are no branches; those of a few trips have been unrolled before.
+//
+//===----------------------------------------------------------------------===//
+
+#include "NeighborSums.h"
+
+#include "Autodiff/Activity.h"
+#include "Autodiff/DeadValues.h"
+#include "IndexMath.h"
+
+#include "mlir/Dialect/SCF/IR/SCF.h"
+
+using namespace mlir;
+
+namespace warp::autodiff {
+
+//===----------------------------------------------------------------------===//
+// Memory
+//===----------------------------------------------------------------------===//
+
+namespace {
+
+/// An argument's elements (of an array leaf), or their gradients.
+struct Memory {
+  unsigned leaf;
+  bool isGradient;
+  bool operator<(const Memory &other) const {
+    return std::tie(leaf, isGradient) < std::tie(other.leaf, other.isGradient);
+  }
+};
+
+class Finder {
+public:
+  explicit Finder(func::FuncOp adjoint) : adjoint(adjoint), leaves(adjoint) {}
+
+  SmallVector<NeighborSums> find(unsigned &rank);
+
+private:
+  bool collect();
+  std::optional<Memory> getMemory(Value array) const;
+  std::optional<SmallVector<std::optional<Shift>>>
+  getElement(Operation *op) const;
+  bool isOwn(Operation *op) const;
+  bool mayComeBefore(Operation *write, Operation *read) const;
+  bool readsInitialValue(LoadOp load);
+  bool isRecomputable(Operation *op);
+  bool areBranchesAround(Operation *op) const;
+  std::optional<NeighborSum> parse(AccumulateOp op, NeighborSums &all);
+
+  func::FuncOp adjoint;
+  ArrayLeaves leaves;
+  unsigned rank = 0;
+  /// What adds to, or otherwise changes, an array.
+  std::map<Memory, SmallVector<Operation *>> writes;
+  std::map<Memory, SmallVector<Operation *>> reads;
+  DenseMap<Operation *, unsigned> positions;
+  DenseMap<Operation *, bool> recomputable;
+};
+
+} // namespace
+
+std::optional<Memory> Finder::getMemory(Value array) const {
+  Value root = rootOf(array);
+  auto gradients = root.getDefiningOp<GradOp>();
+  if (gradients)
+    root = rootOf(gradients.getArray());
+  SmallVector<unsigned, 1> found = leaves.of(root);
+  if (found.size() != 1)
+    return std::nullopt;
+  return Memory{found.front(), bool(gradients)};
+}
+
+/// Lists accesses by array. False if an operation may do what is not known.
+bool Finder::collect() {
+  unsigned position = 0;
+  return !adjoint.getBody()
+              .walk<WalkOrder::PreOrder>([&](Operation *op) {
+                positions[op] = position++;
+                if (auto tid = dyn_cast<TidOp>(op)) {
+                  bool isUsual = llvm::all_of(tid.getResultTypes(), [](Type t) {
+                    return t.isSignedInteger(32);
+                  });
+                  if (!isUsual || (rank && rank != tid.getNumResults()))
+                    return WalkResult::interrupt();
+                  rank = tid.getNumResults();
+                }
+                bool isRead = isa<LoadOp>(op);
+                if (!isRead && (!hasOwnEffect(op) || isa<AssertOp>(op)))
+                  return WalkResult::advance();
+                for (Value operand : op->getOperands()) {
+                  if (!isa<ArrayType>(operand.getType()))
+                    continue;
+                  std::optional<Memory> memory = getMemory(operand);
+                  if (!memory)
+                    return WalkResult::interrupt();
+                  (isRead ? reads : writes)[*memory].push_back(op);
+                }
+                return isa<LoadOp, StoreOp, AccumulateOp, AtomicOp,
+                           AtomicCasOp, PrintfOp>(op)
+                           ? WalkResult::advance()
+                           : WalkResult::interrupt();
+              })
+              .wasInterrupted() &&
+         rank > 0;
+}
+
+/// The indices of a direct access of an array, as far as they are of the form
+/// that counts; none for other accesses.
+std::optional<SmallVector<std::optional<Shift>>>
+Finder::getElement(Operation *op) const {
+  Value array;
+  ValueRange indices;
+  if (auto load = dyn_cast<LoadOp>(op))
+    array = load.getArray(), indices = load.getIndices();
+  else if (auto store = dyn_cast<StoreOp>(op))
+    array = store.getArray(), indices = store.getIndices();
+  else if (auto sum = dyn_cast<AccumulateOp>(op))
+    array = sum.getArray(), indices = sum.getIndices();
+  if (!array || rootOf(array) != array)
+    return std::nullopt;
+  SmallVector<std::optional<Shift>> shifts;
+  for (Value index : indices) {
+    shifts.push_back(getShift(index));
+    if (shifts.back() && !isNonNegative(*shifts.back(), op))
+      shifts.back() = std::nullopt;
+  }
+  return shifts;
+}
+
+/// Whether all dimensions of the launch are among the indices, so that other
+/// threads access other elements.
+bool Finder::isOwn(Operation *op) const {
+  auto element = getElement(op);
+  if (!element)
+    return false;
+  SmallVector<bool> isThere(rank);
+  for (const std::optional<Shift> &shift : *element)
+    if (shift)
+      isThere[shift->dimension] = true;
+  return llvm::all_of(isThere, [](bool there) { return there; });
+}
+
+/// Whether a thread that gets to `read` may have been at `write`. Neither is in
+/// a loop that the other one is in.
+bool Finder::mayComeBefore(Operation *write, Operation *read) const {
+  if (positions.lookup(write) > positions.lookup(read))
+    return false;
+  for (Operation *op = read; op != adjoint; op = op->getParentOp()) {
+    auto branch = dyn_cast<scf::IfOp>(op->getParentOp());
+    Operation *other = branch ? branch->getRegion(0).findAncestorOpInRegion(
+                                    *write)
+                              : nullptr;
+    if (!branch || (!other && !branch->getRegion(1).findAncestorOpInRegion(
+                                  *write)))
+      continue;
+    return (op->getParentRegion() == &branch->getRegion(0)) == bool(other);
+  }
+  return true;
+}
+
+/// Whether a load gives what is there before the launch.
+bool Finder::readsInitialValue(LoadOp load) {
+  std::optional<Memory> memory = getMemory(load.getArray());
+  if (!memory)
+    return false;
+  ArrayRef<Operation *> changes = writes[*memory];
+  if (changes.empty())
+    return true;
+  if (!isOwn(load) || !areBranchesAround(load))
+    return false;
+  auto element = getElement(load);
+  return llvm::all_of(changes, [&](Operation *write) {
+    return getElement(write) == element && isOwn(write) &&
+           !mayComeBefore(write, load);
+  });
+}
+
+bool Finder::areBranchesAround(Operation *op) const {
+  while ((op = op->getParentOp()) != adjoint)
+    if (!isa<scf::IfOp>(op))
+      return false;
+  return true;
+}
+
+/// Whether the operation itself, without its operands, gives the same when it
+/// is done for the thread before the launch.
+bool Finder::isRecomputable(Operation *op) {
+  auto [found, isNew] = recomputable.try_emplace(op, false);
+  if (!isNew)
+    return found->second;
+  bool result = !op->walk([&](Operation *inner) {
+                     if (isa<LoadOp>(inner))
+                       return readsInitialValue(cast<LoadOp>(inner))
+                                  ? WalkResult::advance()
+                                  : WalkResult::interrupt();
+                     // What a branch does besides is left out.
+                     bool isDropped = inner != op && inner->use_empty() &&
+                                      inner->getNumRegions() == 0;
+                     bool isBranch = isa<scf::IfOp>(inner);
+                     return isDropped || isBranch || isMemoryEffectFree(inner)
+                                ? WalkResult::advance()
+                                : WalkResult::interrupt();
+                   })
+                     .wasInterrupted();
+  return recomputable[op] = result;
+}
+
+llvm::SetVector<Operation *> getSlice(Operation *op) {
+  llvm::SetVector<Operation *> slice;
+  SmallVector<Operation *> pending;
+  auto follow = [&](Operation *user, Operation *within) {
+    for (Value operand : user->getOperands()) {
+      Operation *definition = operand.getDefiningOp();
+      if (definition && !within->isAncestor(definition) &&
+          slice.insert(definition))
+        pending.push_back(definition);
+    }
+  };
+  follow(op, op);
+  for (Operation *parent = op->getParentOp(); isa<scf::IfOp>(parent);
+       parent = parent->getParentOp())
+    if (Operation *condition = parent->getOperand(0).getDefiningOp())
+      if (slice.insert(condition))
+        pending.push_back(condition);
+  while (!pending.empty()) {
+    Operation *next = pending.pop_back_val();
+    next->walk([&](Operation *inner) { follow(inner, next); });
+  }
+  return slice;
+}
+
+//===----------------------------------------------------------------------===//
+// Sums
+//===----------------------------------------------------------------------===//
+
+/// The sum if it is of that form and agrees with those found before.
+std::optional<NeighborSum> Finder::parse(AccumulateOp op, NeighborSums &all) {
+  auto element = getElement(op);
+  if (!element || element->size() != rank || !areBranchesAround(op))
+    return std::nullopt;
+  NeighborSum sum{op, SmallVector<int64_t, 3>(rank)};
+  SmallVector<unsigned, 3> dimensions;
+  SmallVector<bool> isThere(rank);
+  for (const std::optional<Shift> &shift : *element) {
+    if (!shift || isThere[shift->dimension])
+      return std::nullopt;
+    isThere[shift->dimension] = true;
+    dimensions.push_back(shift->dimension);
+    sum.offsets[shift->dimension] = shift->offset;
+  }
+  if (all.sums.empty())
+    all.dimensions = dimensions;
+  if (all.dimensions != dimensions)
+    return std::nullopt;
+  for (Operation *needed : getSlice(op))
+    if (!isRecomputable(needed))
+      return std::nullopt;
+  return sum;
+}
+
+SmallVector<NeighborSums> Finder::find(unsigned &launchRank) {
+  SmallVector<NeighborSums> result;
+  if (!collect())
+    return result;
+  launchRank = rank;
+  for (auto &[memory, operations] : writes) {
+    if (!memory.isGradient || reads.count(memory))
+      continue;
+    NeighborSums all;
+    bool isAtomic = false;
+    for (Operation *operation : operations) {
+      auto op = dyn_cast<AccumulateOp>(operation);
+      std::optional<NeighborSum> sum;
+      if (op)
+        sum = parse(op, all);
+      if (!sum) {
+        all.sums.clear();
+        break;
+      }
+      isAtomic |= op.getUnique().value_or(0) < rank;
+      all.gradients = op.getArray();
+      all.sums.push_back(std::move(*sum));
+    }
+    if (isAtomic && !all.sums.empty())
+      result.push_back(std::move(all));
+  }
+  return result;
+}
+
+SmallVector<NeighborSums> findNeighborSums(func::FuncOp adjoint,
+                                           unsigned &rank) {
+  return Finder(adjoint).find(rank);
+}
+
+} // namespace warp::autodiff

@@ -1,0 +1,324 @@
+//===- CarryElements.cpp - Elements that a loop updates become values -----===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// `for k in range(n): y[i] = y[i] * x[k]` overwrites in every iteration what
+// the derivative of that iteration needs. But one element is a value that the
+// loop carries: it is loaded before the loop, stores say what it is from then
+// on, and loads use it. How carried values are had again is what reversed loops
+// know. The stores stay.
+//
+// An element qualifies if its indices do not change in the loop and nothing
+// else of its array is accessed there, but for other components. It is loaded
+// early only if it is accessed for sure: around the loop, or by the body of a
+// counted loop that runs.
+//
+//===----------------------------------------------------------------------===//
+
+#include "CarryElements.h"
+
+#include "Autodiff/Rules/Rules.h"
+
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/Dialect/Arith/IR/Arith.h"
+#include "mlir/Dialect/Func/IR/FuncOps.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
+
+using namespace mlir;
+
+namespace warp::autodiff {
+
+namespace {
+
+/// Rewrites the accesses of one element.
+class Carrier {
+public:
+  Carrier(const Access &element, unsigned leaf, const ArrayLeaves &leaves)
+      : element(element), leaf(leaf), leaves(leaves) {}
+
+  /// Gives a loop or branch one more value, `current` before it; returns what
+  /// the element is after it.
+  Value carry(Operation *op, Value current);
+
+private:
+  bool isElement(Operation *op) const {
+    std::optional<Access> access = getAccess(op);
+    return access && leaves.of(access->array).front() == leaf &&
+           areSame(*access, element);
+  }
+  bool holdsStore(Operation *op) const {
+    return op
+        ->walk([&](StoreOp store) {
+          return isElement(store) ? WalkResult::interrupt()
+                                  : WalkResult::advance();
+        })
+        .wasInterrupted();
+  }
+
+  /// What the element is at the end of a block.
+  Value carry(Block &block, Value current);
+  Value carry(scf::ForOp loop, Value start);
+  Value carry(scf::IfOp branch, Value current);
+  Value carry(scf::WhileOp loop, Value start);
+
+  const Access &element;
+  unsigned leaf;
+  const ArrayLeaves &leaves;
+};
+
+} // namespace
+
+Value Carrier::carry(Block &block, Value current) {
+  for (Operation &op : llvm::make_early_inc_range(block)) {
+    if (op.getNumRegions() != 0) {
+      current = carry(&op, current);
+    } else if (isElement(&op)) {
+      if (auto store = dyn_cast<StoreOp>(op)) {
+        current = store.getValue();
+        continue;
+      }
+      op.getResult(0).replaceAllUsesWith(current);
+      op.erase();
+    }
+  }
+  return current;
+}
+
+Value Carrier::carry(Operation *op, Value current) {
+  if (!holdsStore(op)) {
+    for (Region &region : op->getRegions())
+      for (Block &block : region)
+        carry(block, current);
+    return current;
+  }
+  if (auto branch = dyn_cast<scf::IfOp>(op))
+    return carry(branch, current);
+  if (auto loop = dyn_cast<scf::ForOp>(op))
+    return carry(loop, current);
+  return carry(cast<scf::WhileOp>(op), current);
+}
+
+static void append(Operation *terminator, Value value) {
+  terminator->insertOperands(terminator->getNumOperands(), value);
+}
+
+/// The results but for the last one, which is new.
+static void replaceResults(Operation *old, Operation *extended) {
+  old->replaceAllUsesWith(extended->getResults().drop_back());
+  old->erase();
+}
+
+Value Carrier::carry(scf::IfOp branch, Value current) {
+  OpBuilder builder(branch);
+  SmallVector<Type> types(branch.getResultTypes());
+  types.push_back(current.getType());
+  auto extended = scf::IfOp::create(builder, branch.getLoc(), types,
+                                    branch.getCondition(), true);
+  for (auto [to, from] :
+       llvm::zip_equal(extended->getRegions(), branch->getRegions())) {
+    if (from.empty()) {
+      builder.setInsertionPointToStart(&to.front());
+      scf::YieldOp::create(builder, branch.getLoc(), current);
+      continue;
+    }
+    to.takeBody(from);
+    append(to.front().getTerminator(), carry(to.front(), current));
+  }
+  replaceResults(branch, extended);
+  return extended->getResults().back();
+}
+
+Value Carrier::carry(scf::ForOp loop, Value start) {
+  OpBuilder builder(loop);
+  SmallVector<Value> inits(loop.getInitArgs());
+  inits.push_back(start);
+  auto extended = scf::ForOp::create(
+      builder, loop.getLoc(), loop.getLowerBound(), loop.getUpperBound(),
+      loop.getStep(), inits, nullptr, loop.getUnsignedCmp());
+  extended.getRegion().takeBody(loop.getRegion());
+  Block &body = extended.getRegion().front();
+  Value current = body.addArgument(start.getType(), loop.getLoc());
+  append(body.getTerminator(), carry(body, current));
+  replaceResults(loop, extended);
+  return extended->getResults().back();
+}
+
+Value Carrier::carry(scf::WhileOp loop, Value start) {
+  OpBuilder builder(loop);
+  SmallVector<Value> inits(loop.getInits());
+  inits.push_back(start);
+  SmallVector<Type> types(loop.getResultTypes());
+  types.push_back(start.getType());
+  auto extended =
+      scf::WhileOp::create(builder, loop.getLoc(), types, inits);
+  Value current = start;
+  for (auto [to, from] :
+       llvm::zip_equal(extended->getRegions(), loop->getRegions())) {
+    to.takeBody(from);
+    current = to.front().addArgument(start.getType(), loop.getLoc());
+    append(to.front().getTerminator(), carry(to.front(), current));
+  }
+  replaceResults(loop, extended);
+  return extended->getResults().back();
+}
+
+//===----------------------------------------------------------------------===//
+// Elements that qualify
+//===----------------------------------------------------------------------===//
+
+static bool isOutside(Operation *loop, Value value) {
+  return !loop->isAncestor(value.getParentBlock()->getParentOp());
+}
+
+static bool isInvariant(const Access &access, Operation *loop) {
+  return llvm::all_of(access.indices, [&](auto &index) {
+    return index && llvm::all_of(index->terms, [&](auto &term) {
+             return isOutside(loop, term.first);
+           });
+  });
+}
+
+namespace {
+struct Element {
+  Access access;
+  unsigned leaf;
+};
+} // namespace
+
+/// All accesses within an operation; none if some may be of any array.
+static SmallVector<Element> gather(Operation *op, const ArrayLeaves &leaves) {
+  SmallVector<Element> all;
+  auto walk = op->walk([&](Operation *inner) {
+    std::optional<Access> access = getAccess(inner);
+    auto known = access ? leaves.of(access->array) : SmallVector<unsigned, 1>();
+    if (known.size() == 1)
+      all.push_back({*access, known.front()});
+    return isa<func::CallOp>(inner) || (access && known.size() != 1)
+               ? WalkResult::interrupt()
+               : WalkResult::advance();
+  });
+  return walk.wasInterrupted() ? SmallVector<Element>() : all;
+}
+
+/// Whether something loads it, something stores it, and nothing else accesses
+/// what may be the same.
+static bool isUpdated(const Element &element, ArrayRef<Element> all) {
+  bool isLoaded = false, isStored = false;
+  for (auto &[other, leaf] : all) {
+    if (leaf != element.leaf || haveOtherComponents(element.access, other))
+      continue;
+    if (!areSame(element.access, other) || !isa<LoadOp, StoreOp>(other.op))
+      return false;
+    isLoaded |= isa<LoadOp>(other.op);
+    isStored |= isa<StoreOp>(other.op);
+  }
+  return isLoaded && isStored;
+}
+
+/// Whether the element is accessed wherever the loop is, even if that does not
+/// run.
+static bool isSure(const Element &element, Operation *loop,
+                   ArrayRef<Element> all) {
+  return llvm::any_of(all, [&](const Element &other) {
+    return other.leaf == element.leaf &&
+           areSame(other.access, element.access) &&
+           !loop->isAncestor(other.access.op) &&
+           other.access.op->getBlock()->findAncestorOpInBlock(*loop);
+  });
+}
+
+//===----------------------------------------------------------------------===//
+// Elements before a loop
+//===----------------------------------------------------------------------===//
+
+/// A value that is made of values outside of the loop, made there.
+static Value cloneBefore(OpBuilder &builder, Operation *loop, Value value) {
+  if (isOutside(loop, value))
+    return value;
+  Operation *op = value.getDefiningOp();
+  SmallVector<Value> operands;
+  for (Value operand : op->getOperands())
+    operands.push_back(cloneBefore(builder, loop, operand));
+  Operation *clone = op->cloneWithoutRegions();
+  clone->setOperands(operands);
+  return builder.insert(clone)->getResult(
+      cast<OpResult>(value).getResultNumber());
+}
+
+static Value loadHere(OpBuilder &builder, Operation *loop,
+                      const Access &access) {
+  auto array = cast<ArrayType>(access.array.getType());
+  Value source = cloneBefore(builder, loop, access.array);
+  SmallVector<Value> indices;
+  for (Value index : access.op->getOperands().take_back(array.getRank()))
+    indices.push_back(cloneBefore(builder, loop, index));
+  return LoadOp::create(builder, access.op->getLoc(), array.getElementType(),
+                        source, indices);
+}
+
+/// The element before a loop whose body accesses it for sure, read only if the
+/// loop runs at all.
+static Value loadIfRuns(scf::ForOp loop, const Access &access) {
+  OpBuilder builder(loop);
+  Location loc = access.op->getLoc();
+  auto low = getConstantInteger(loop.getLowerBound());
+  auto high = getConstantInteger(loop.getUpperBound());
+  if (low && high && *low < *high)
+    return loadHere(builder, loop, access);
+  Type type = cast<ArrayType>(access.array.getType()).getElementType();
+  auto less = loop.getUnsignedCmp() ? arith::CmpIPredicate::ult
+                                    : arith::CmpIPredicate::slt;
+  Value runs = arith::CmpIOp::create(builder, loc, less, loop.getLowerBound(),
+                                     loop.getUpperBound());
+  auto branch =
+      scf::IfOp::create(builder, loc, type, runs, /*withElseRegion=*/true);
+  builder.setInsertionPointToStart(branch.thenBlock());
+  scf::YieldOp::create(builder, loc, loadHere(builder, loop, access));
+  builder.setInsertionPointToStart(branch.elseBlock());
+  scf::YieldOp::create(builder, loc, zero(builder, loc, type));
+  return branch.getResult(0);
+}
+
+/// Carries one element through the loop; returns whether there was one.
+static bool carryThrough(Operation *loop, ArrayRef<Element> function,
+                         const ArrayLeaves &leaves) {
+  SmallVector<Element> all = gather(loop, leaves);
+  auto counted = dyn_cast<scf::ForOp>(loop);
+  for (const Element &element : all) {
+    const Access &access = element.access;
+    if (!isInvariant(access, loop) || !isUpdated(element, all))
+      continue;
+    Value start;
+    if (isSure(element, loop, function)) {
+      OpBuilder builder(loop);
+      start = loadHere(builder, loop, access);
+    } else if (counted && access.op->getBlock() == counted.getBody()) {
+      start = loadIfRuns(counted, access);
+    } else {
+      continue;
+    }
+    Carrier(access, element.leaf, leaves).carry(loop, start);
+    return true;
+  }
+  return false;
+}
+
+static bool carryOne(FunctionOpInterface function, const ArrayLeaves &leaves) {
+  SmallVector<Element> all = gather(function, leaves);
+  return function
+      ->walk<WalkOrder::PreOrder>([&](Operation *op) {
+        return isa<scf::ForOp, scf::WhileOp>(op) &&
+                       carryThrough(op, all, leaves)
+                   ? WalkResult::interrupt()
+                   : WalkResult::advance();
+      })
+      .wasInterrupted();
+}
+
+void carryElements(FunctionOpInterface function, const ArrayLeaves &leaves) {
+  while (carryOne(function, leaves))
+    ;
+}
+
+} // namespace warp::autodiff

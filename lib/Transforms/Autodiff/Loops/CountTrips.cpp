@@ -1,0 +1,126 @@
+//===- CountTrips.cpp - How much tape a launch needs ----------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// An adjoint with a global tape notes the trips of each loop that has a part in
+// it. A copy of the adjoint without any other effect, and without what only
+// those used, counts: bounds are computed, loops with a condition run forward,
+// nothing is reversed. At its end each thread reserves its part,
+//
+//   offsets[thread] = atomic totals[loop] += trips[thread]
+//
+// and the adjoint gets both. It notes nothing itself.
+//
+//===----------------------------------------------------------------------===//
+
+#include "CountTrips.h"
+
+#include "KernelFunction.h"
+#include "Autodiff/DeadValues.h"
+#include "Autodiff/Reverse/Reverse.h"
+#include "WarpDialect/WarpOps.h"
+
+using namespace mlir;
+using namespace warp::autodiff;
+
+static DictionaryAttr getDescription(func::FuncOp function, unsigned argument) {
+  return function.getArgAttrOfType<DictionaryAttr>(argument,
+                                                   warp::attr::hidden);
+}
+
+/// The arguments of a kind, by the loop that they are for.
+static SmallVector<std::pair<int64_t, BlockArgument>>
+findHidden(func::FuncOp function, StringRef kind) {
+  SmallVector<std::pair<int64_t, BlockArgument>> found;
+  for (BlockArgument argument : function.getArguments()) {
+    DictionaryAttr description =
+        getDescription(function, argument.getArgNumber());
+    if (description &&
+        cast<StringAttr>(description.get("kind")).getValue() == kind)
+      found.emplace_back(cast<IntegerAttr>(description.get("leaf")).getInt(),
+                         argument);
+  }
+  return found;
+}
+
+/// Erases all that has an effect, other than on one of `kept`.
+static void eraseEffects(func::FuncOp function,
+                         ArrayRef<std::pair<int64_t, BlockArgument>> kept) {
+  SmallVector<Operation *> effects;
+  function.getBody().walk([&](Operation *op) {
+    auto store = dyn_cast<warp::StoreOp>(op);
+    bool isKept = store && llvm::any_of(kept, [&](auto &entry) {
+                    return entry.second == store.getArray();
+                  });
+    if (hasOwnEffect(op) && !isKept)
+      effects.push_back(op);
+  });
+  OpBuilder b(function.getContext());
+  for (Operation *op : effects) {
+    // Only cotangents come from these.
+    b.setInsertionPoint(op);
+    for (Value result : op->getResults())
+      if (differentialType(result.getType()))
+        result.replaceAllUsesWith(zero(b, op->getLoc(), result.getType()));
+    if (op->use_empty())
+      op->erase();
+  }
+}
+
+/// Reserves the part of this thread in each tape.
+static void reserve(func::FuncOp counting,
+                    ArrayRef<std::pair<int64_t, BlockArgument>> trips) {
+  OpBuilder b(counting.getBody().front().getTerminator());
+  Location loc = counting.getLoc();
+  Type type = b.getIntegerType(64, true), small = b.getIntegerType(32, true);
+  auto attribute = [&](StringRef name, Attribute value) {
+    return b.getNamedAttr(name, value);
+  };
+  auto description = b.getDictionaryAttr(
+      {attribute("kind", b.getStringAttr("totals")),
+       attribute("leaf", b.getI64IntegerAttr(-1))});
+  (void)counting.insertArgument(
+      counting.getNumArguments(),
+      warp::ArrayType::get(b.getContext(), 1, type),
+      b.getDictionaryAttr(attribute(warp::attr::hidden, description)), loc);
+  Value totals = counting.getArguments().back();
+  SmallVector<Type> types(4, small);
+  auto thread = warp::TidOp::create(b, loc, types);
+  auto offsets = findHidden(counting, "offsets");
+  for (auto [entry, other] : llvm::zip_equal(trips, offsets)) {
+    auto [site, array] = entry;
+    Value most = warp::LoadOp::create(b, loc, type, array, thread.getResults());
+    Value at = warp::ConstantOp::create(b, loc, b.getIntegerAttr(small, site));
+    Value offset = warp::AtomicOp::create(b, loc, type, warp::AtomicKind::add,
+                                          most, totals, ValueRange(at));
+    warp::StoreOp::create(b, loc, offset, other.second, thread.getResults());
+  }
+}
+
+func::FuncOp warp::autodiff::takeCounting(func::FuncOp adjoint) {
+  auto noted = findHidden(adjoint, "trips");
+  if (noted.empty())
+    return nullptr;
+  func::FuncOp counting = adjoint.clone();
+  counting.setName((adjoint.getName() + "_count").str());
+  for (StringRef name : {StringRef(kernelAttrName), StringRef(attr::metrics),
+                         StringRef(attr::oneThread), StringRef(attr::notices),
+                         StringRef(attr::places)})
+    counting->removeAttr(name);
+  counting->setAttr(attr::counting, UnitAttr::get(adjoint.getContext()));
+  adjoint->getParentOfType<ModuleOp>().insert(std::next(adjoint->getIterator()),
+                                              counting);
+  auto trips = findHidden(counting, "trips");
+  eraseEffects(counting, trips);
+  reserve(counting, trips);
+  eraseDead(counting.getBody());
+
+  for (auto [site, array] : noted)
+    for (Operation *user : llvm::make_early_inc_range(array.getUsers()))
+      if (isa<StoreOp>(user))
+        user->erase();
+  eraseDead(adjoint.getBody());
+  for (func::FuncOp function : {adjoint, counting})
+    function.walk([](StoreOp store) { store->removeAttr(attr::taped); });
+  return counting;
+}

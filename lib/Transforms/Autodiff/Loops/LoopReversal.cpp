@@ -1,0 +1,378 @@
+//===- LoopReversal.cpp - Reversing a loop of either kind -----------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// The reverse of a loop runs its iterations from the last to the first. It
+// carries the cotangents of the carried values, and of values from outside
+// that iterations use; each iteration is replayed, then reversed. A replay
+// starts from the values that the primal loop carried at that point, and how
+// to have those again is what this file is about.
+//
+// First the reverse loop is built as if all of them were at hand: they are
+// placeholders. What is left of a placeholder after dead code is gone is the
+// need. A sum needs nothing, and the loop is done. Otherwise, in this order:
+//
+//   rank 1   an invariant, or an integer plus a step: a formula of the number
+//            of the iteration
+//   rank 3   the order of the reverse iterations does not matter: they run
+//            forward and carry the needed values along
+//   rank 4   an integer whose update has an exact inverse: carried backwards
+//            from its last value
+//   rank 5   few iterations, their number a constant: a forward loop keeps the
+//            needed values of all of them in scratch memory
+//   rank 6   any number of iterations in memory of a fixed size, which is what
+//            Recovery.cpp builds
+//   rank 7   instead of that, if asked for: all of them, in memory that the
+//            runtime allocates
+//
+// Ranks 5 to 7 run the loop forward again, but only the part of the state from
+// which the needed part follows (`closure`).
+//
+// Nested loops are reversed within the placeholder body of the outer one, with
+// a recovery of their own; their initial values come from the replay.
+//
+//===----------------------------------------------------------------------===//
+
+#include "LoopReversal.h"
+
+#include "Autodiff/DeadValues.h"
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/Dialect/Arith/IR/Arith.h"
+#include "llvm/ADT/SmallPtrSet.h"
+
+using namespace mlir;
+using namespace warp::autodiff;
+
+//===----------------------------------------------------------------------===//
+// Small values
+//===----------------------------------------------------------------------===//
+
+Value LoopReversal::placeholder(Type type) {
+  return UnrealizedConversionCastOp::create(b, loc, type, ValueRange())
+      .getResult(0);
+}
+
+Value LoopReversal::constant(Type type, int64_t value) {
+  return arith::ConstantOp::create(b, loc, b.getIntegerAttr(type, value));
+}
+
+//===----------------------------------------------------------------------===//
+// Formulas
+//===----------------------------------------------------------------------===//
+
+/// The operand that is added to a state in every iteration, or subtracted from
+/// it, if it is always the same.
+Value LoopReversal::findStep(unsigned state, bool &isNegative) {
+  Value now = getStates()[state], next = getNexts()[state];
+  Operation *op = next.getDefiningOp();
+  if (!isa_and_nonnull<warp::AddOp, warp::SubOp>(op) ||
+      !isa<IntegerType>(next.getType()))
+    return nullptr;
+  isNegative = isa<warp::SubOp>(op);
+  bool isSecond = !isNegative && trace(op->getOperand(1)) == now;
+  if (!isSecond && trace(op->getOperand(0)) != now)
+    return nullptr;
+  Value step = op->getOperand(isSecond ? 0 : 1);
+  bool isOutside = !loop->isAncestor(step.getParentRegion()->getParentOp());
+  bool isConstant = step.getDefiningOp<warp::ConstantOp>() != nullptr;
+  return isOutside || isConstant ? step : nullptr;
+}
+
+bool LoopReversal::hasClosedForm(unsigned state) {
+  bool isNegative;
+  return trace(getNexts()[state]) == getStates()[state] ||
+         findStep(state, isNegative);
+}
+
+Value LoopReversal::closedForm(unsigned state, Value number) {
+  Value now = getStates()[state];
+  if (trace(getNexts()[state]) == now)
+    return reverse.recover(getInits()[state]);
+  bool isNegative = false;
+  Value step = findStep(state, isNegative);
+  if (!step)
+    return nullptr;
+  Operation *definition = step.getDefiningOp();
+  if (definition && loop->isAncestor(definition))
+    step = b.clone(*definition)->getResult(0);
+  else
+    step = reverse.recover(step);
+  Type type = now.getType();
+  Value count = number;
+  if (type.getIntOrFloatBitWidth() > number.getType().getIntOrFloatBitWidth())
+    count = arith::ExtUIOp::create(b, loc, b.getI64Type(), count);
+  count = CastOp::create(b, loc, type, count);
+  Value moved = MulOp::create(b, loc, TypeRange(type), ValueRange{count, step})
+                    ->getResult(0);
+  Value init = reverse.recover(getInits()[state]);
+  SmallVector<Value> sum{init, moved};
+  return isNegative ? SubOp::create(b, loc, TypeRange(type), sum)->getResult(0)
+                    : AddOp::create(b, loc, TypeRange(type), sum)->getResult(0);
+}
+
+//===----------------------------------------------------------------------===//
+// The reverse loop
+//===----------------------------------------------------------------------===//
+
+/// States whose cotangent is not zero in every iteration: those that flow to a
+/// result with one, or into memory.
+SmallVector<bool> LoopReversal::findCotangents(ArrayRef<Value> given) {
+  auto filter = [&](Value value) { return reverse.isActive(value); };
+  Needs needs(loop, filter);
+  for (auto [i, cotangent] : llvm::enumerate(given))
+    if (cotangent)
+      needs.mark(getNexts()[i]);
+  needs.markEffects(loop);
+  SmallVector<bool> found;
+  for (auto [i, state] : llvm::enumerate(getStates()))
+    found.push_back(given[i] || (needs.isNeeded(state) && filter(state)));
+  return found;
+}
+
+/// The body: replay and reverse one iteration.
+LogicalResult LoopReversal::fillReverse(scf::ForOp loop) {
+  number = placeholder(loop.getInductionVar().getType());
+  placeholders.clear();
+  for (Value state : getStates()) {
+    placeholders.push_back(placeholder(state.getType()));
+    reverse.setRecovered(state, placeholders.back());
+  }
+  recoverIteration(number);
+  SmallVector<Value> next;
+  auto left = reverse.inScope([&]() -> LogicalResult {
+    if (failed(replayIteration()))
+      return failure();
+    for (auto [i, state] : llvm::enumerate(active))
+      reverse.addCotangent(getNexts()[state], loop.getRegionIterArg(i));
+    if (failed(reverseIteration()))
+      return failure();
+    for (unsigned state : active)
+      next.push_back(reverse.takeCotangentOrZero(getStates()[state]));
+    return success();
+  });
+  if (failed(left))
+    return failure();
+  captures = std::move(*left);
+  for (auto &[primal, contribution] : captures)
+    next.push_back(contribution);
+  scf::YieldOp::create(b, loc, next);
+  return success();
+}
+
+/// Cotangents of values from outside are sums over the iterations.
+scf::ForOp LoopReversal::appendCaptures(scf::ForOp loop) {
+  if (captures.empty())
+    return loop;
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPoint(loop);
+  SmallVector<Value> zeros;
+  for (auto &[primal, sum] : captures)
+    zeros.push_back(reverse.zeroCotangent(primal));
+  scf::ForOp extended = extend(loop, zeros);
+  Operation *yield = extended.getBody()->getTerminator();
+  b.setInsertionPoint(yield);
+  for (auto [i, capture] : llvm::enumerate(captures)) {
+    unsigned at = active.size() + i;
+    Value sum = extended.getRegionIterArg(at);
+    yield->setOperand(at, addInAnyOrder(b, loc, sum, capture.second));
+  }
+  return extended;
+}
+
+scf::ForOp LoopReversal::extend(scf::ForOp loop, ValueRange inits) {
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPoint(loop);
+  SmallVector<Value> all(loop.getInitArgs());
+  llvm::append_range(all, inits);
+  auto extended =
+      scf::ForOp::create(b, loc, loop.getLowerBound(), loop.getUpperBound(),
+                         loop.getStep(), all, nullptr, loop.getUnsignedCmp());
+  extended.getRegion().takeBody(loop.getRegion());
+  for (Value init : inits)
+    extended.getBody()->addArgument(init.getType(), loc);
+  loop.erase();
+  return extended;
+}
+
+SmallVector<Value> LoopReversal::getHeld() {
+  SmallVector<Value> held(placeholders);
+  held.push_back(number);
+  return held;
+}
+
+FailureOr<scf::ForOp> LoopReversal::buildReverse(Value trips,
+                                                 ArrayRef<Value> cotangents) {
+  SmallVector<bool> has = findCotangents(cotangents);
+  active.clear();
+  SmallVector<Value> inits;
+  for (auto [i, state] : llvm::enumerate(getStates()))
+    if (has[i]) {
+      active.push_back(i);
+      inits.push_back(cotangents[i] ? cotangents[i]
+                                    : reverse.zeroCotangent(state));
+    }
+  Type type = trips.getType();
+  auto loop =
+      scf::ForOp::create(b, loc, constant(type, 0), trips, constant(type, 1),
+                         inits, nullptr, /*unsignedCmp=*/true);
+  OpBuilder::InsertionGuard guard(b);
+  Block *body = loop.getBody();
+  if (!body->empty())
+    body->back().erase();
+  b.setInsertionPointToEnd(body);
+  if (failed(fillReverse(loop)))
+    return failure();
+  loop = appendCaptures(loop);
+  eraseDead(loop.getRegion(), getHeld());
+  return loop;
+}
+
+/// Gives needed states that a formula has their value; returns the others.
+SmallVector<unsigned> LoopReversal::resolveFree() {
+  OpBuilder::InsertionGuard guard(b);
+  SmallVector<unsigned> needed;
+  for (auto [i, value] : llvm::enumerate(placeholders)) {
+    if (value.use_empty())
+      continue;
+    b.setInsertionPointAfterValue(value);
+    if (!hasClosedForm(i)) {
+      needed.push_back(i);
+      continue;
+    }
+    value.replaceAllUsesWith(closedForm(i, number));
+    note({unsigned(i)}, RecoveryRank::ClosedForm, 0);
+  }
+  return needed;
+}
+
+/// Whether iterations of the reverse loop only add, to what none of them reads;
+/// then they run forward, as hardware expects.
+bool LoopReversal::hasFreeOrder(scf::ForOp reversed) {
+  Operation *yield = reversed.getBody()->getTerminator();
+  for (unsigned i = 0; i < active.size(); ++i)
+    if (yield->getOperand(i) != reversed.getRegionIterArg(i))
+      return false;
+  llvm::SmallPtrSet<Value, 4> added, read;
+  bool onlyAdds = true;
+  reversed.walk([&](Operation *op) {
+    if (auto sum = dyn_cast<AccumulateOp>(op))
+      added.insert(rootOf(sum.getArray()));
+    else if (auto load = dyn_cast<LoadOp>(op))
+      read.insert(rootOf(load.getArray()));
+    else
+      onlyAdds &= !hasOwnEffect(op) || op->hasAttr(attr::taped);
+  });
+  return onlyAdds && llvm::none_of(added, [&](Value root) {
+           return read.contains(root);
+         });
+}
+
+/// A forward value that cannot be kept has no place in scratch memory.
+LogicalResult LoopReversal::checkKept(ArrayRef<unsigned> states) {
+  for (unsigned state : states)
+    if (Type type = getStates()[state].getType(); !isScalar(type) &&
+                                                  !isComposite(type))
+      return loop->emitError("the adjoint of this loop needs ")
+             << type << " values that it carries, which cannot be kept; "
+             << "choose the array outside of the loop, or by an index";
+  return success();
+}
+
+bool LoopReversal::isZero(ArrayRef<Value> cotangents) {
+  auto hasEffect = [&](Operation *op) {
+    bool matters = isa<func::CallOp>(op) ||
+                   llvm::any_of(op->getOperands(), [&](Value operand) {
+                     return isa<warp::ArrayType>(operand.getType()) &&
+                            reverse.getActivity().isActiveArray(operand);
+                   });
+    return matters && hasOwnEffect(op) ? WalkResult::interrupt()
+                                       : WalkResult::advance();
+  };
+  return llvm::none_of(cotangents, [](Value g) { return bool(g); }) &&
+         !loop->walk(hasEffect).wasInterrupted();
+}
+
+/// The needed states of iterations that run from the last to the first.
+/// Returns what the reverse loop leaves.
+FailureOr<SmallVector<Value>>
+LoopReversal::recoverBackwards(scf::ForOp reversed, Value trips,
+                               ArrayRef<unsigned> needed) {
+  FailureOr<Inverses> inverses = findInverses(needed);
+  if (failed(inverses))
+    return failure();
+  SmallVector<unsigned> kept;
+  for (unsigned state : needed)
+    if (!llvm::is_contained(inverses->states, state))
+      kept.push_back(state);
+  if (failed(checkKept(closure(kept))))
+    return failure();
+  // The states of checkpoints have to be there together.
+  if (kept.empty() || fitsTape(trips, kept) || fitsGlobalTape(kept))
+    carryBackwards(reversed, *inverses, needed);
+  else
+    kept.assign(needed.begin(), needed.end());
+  eraseDead(reversed.getRegion(), getHeld());
+  LogicalResult done = checkKept(closure(kept));
+  if (failed(done))
+    return failure();
+  if (kept.empty()) {
+    startBackwards(reversed, {}, {});
+    bindNumber(reversed, trips);
+  } else if (fitsTape(trips, kept)) {
+    done = recoverFromTape(reversed, trips, kept);
+  } else {
+    keepTapesOut();
+    if (!fitsGlobalTape(kept))
+      return recoverFromCheckpoints(reversed, trips, kept);
+    done = recoverFromGlobalTape(reversed, trips, kept);
+  }
+  if (failed(done))
+    return failure();
+  return SmallVector<Value>(reversed.getResults());
+}
+
+LogicalResult LoopReversal::reverseAll(Value trips,
+                                       ArrayRef<Value> cotangents) {
+  FailureOr<scf::ForOp> built = buildReverse(trips, cotangents);
+  if (failed(built))
+    return failure();
+  scf::ForOp reversed = *built;
+  SmallVector<unsigned> needed = resolveFree();
+  SmallVector<Value> sums;
+  if (hasFreeOrder(reversed)) {
+    if (failed(carryAlong(reversed, needed)))
+      return failure();
+    sums = reversed.getResults();
+  } else {
+    auto results = recoverBackwards(reversed, trips, needed);
+    if (failed(results))
+      return failure();
+    sums = *results;
+  }
+  for (Value value : placeholders)
+    value.getDefiningOp()->erase();
+  number.getDefiningOp()->erase();
+  for (auto [state, sum] : llvm::zip(active, sums))
+    reverse.addCotangent(getInits()[state], sum);
+  for (auto [capture, sum] :
+       llvm::zip(captures, ArrayRef(sums).drop_front(active.size())))
+    reverse.addCotangent(capture.first, sum);
+  return success();
+}
+
+/// What --dump-recovery says of each value.
+void LoopReversal::note(ArrayRef<unsigned> states, RecoveryRank rank,
+                        int64_t bytes) {
+  if (!reverse.options.dumpRecovery)
+    return;
+  for (unsigned state : states) {
+    std::string text;
+    llvm::raw_string_ostream(text)
+        << "carried value " << state << " of type '"
+        << getStates()[state].getType() << "': rank " << static_cast<int>(rank)
+        << ", " << bytes << " bytes"
+        << (rank == RecoveryRank::GlobalTape ? " per trip" : "");
+    reverse.remarks.emplace_back(loc, text);
+  }
+}

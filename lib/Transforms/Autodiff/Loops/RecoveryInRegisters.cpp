@@ -1,0 +1,160 @@
+//===- RecoveryInRegisters.cpp - Carried values without memory ------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Rank 3 is for loops whose reverse only adds, in any order: it runs forward
+// and carries the needed values as the primal loop does. A Monte Carlo sum is
+// such a loop: its random state comes along.
+//
+// Rank 4 is for integers that have to come in the reverse order and whose
+// update has an exact inverse (see IterationSolver.cpp). The reverse loop
+// carries them backwards from the value that the primal loop ends with,
+//
+//   (state after) = last
+//   for i = trips - 1 .. 0:
+//     before = inverse(after);  replay and reverse from `before`
+//     after = before
+//
+//===----------------------------------------------------------------------===//
+
+#include "LoopReversal.h"
+
+#include "Autodiff/DeadValues.h"
+#include "IterationSolver.h"
+
+using namespace mlir;
+using namespace warp::autodiff;
+
+static void appendToYield(scf::ForOp loop, ValueRange values) {
+  Operation *yield = loop.getBody()->getTerminator();
+  yield->insertOperands(yield->getNumOperands(), values);
+}
+
+//===----------------------------------------------------------------------===//
+// Rank 3
+//===----------------------------------------------------------------------===//
+
+LogicalResult LoopReversal::carryAlong(scf::ForOp &reversed,
+                                       ArrayRef<unsigned> needed) {
+  number.replaceAllUsesWith(reversed.getInductionVar());
+  if (needed.empty())
+    return success();
+  SmallVector<unsigned> states = closure(needed);
+  reversed = extend(reversed, recoverInits(states));
+  ValueRange carried =
+      ValueRange(reversed.getRegionIterArgs()).take_back(states.size());
+  for (auto [state, value] : llvm::zip_equal(states, carried))
+    placeholders[state].replaceAllUsesWith(value);
+
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPointToStart(reversed.getBody());
+  recoverStates(reversed.getInductionVar(), states, carried);
+  recoverIteration(reversed.getInductionVar());
+  if (failed(replayIteration()))
+    return failure();
+  appendToYield(reversed, llvm::map_to_vector(states, [&](unsigned state) {
+                  return reverse.recover(getNexts()[state]);
+                }));
+  eraseDead(reversed.getRegion(), getHeld());
+  note(needed, RecoveryRank::CarriedAlong, 0);
+  return success();
+}
+
+//===----------------------------------------------------------------------===//
+// Rank 4
+//===----------------------------------------------------------------------===//
+
+/// What `states` are before an iteration, from what they are after it; null for
+/// those that do not follow.
+FailureOr<SmallVector<Value>>
+LoopReversal::solve(ArrayRef<unsigned> states, ValueRange after) {
+  auto copies = [&](Value value) { return trace(value); };
+  IterationSolver solver(reverse, loop, copies);
+  recoverIteration(number);
+  if (Value counter = getCounter())
+    solver.learn(counter, reverse.recover(counter));
+  for (auto [i, state] : llvm::enumerate(getStates()))
+    if (Value value = closedForm(i, number))
+      solver.learn(state, value);
+  for (auto [state, value] : llvm::zip_equal(states, after))
+    solver.learn(getNexts()[state], value);
+  if (failed(solver.run()))
+    return failure();
+  return llvm::map_to_vector(
+      states, [&](unsigned state) { return solver.find(getStates()[state]); });
+}
+
+/// The largest set of integers that follow from their values after an
+/// iteration; empty if none of them is needed. The code for that is put where
+/// an iteration of the reverse loop begins.
+FailureOr<LoopReversal::Inverses>
+LoopReversal::findInverses(ArrayRef<unsigned> needed) {
+  auto isCandidate = [&](unsigned state) {
+    auto type = dyn_cast<IntegerType>(getStates()[state].getType());
+    return type && type.getWidth() > 1 && !hasClosedForm(state);
+  };
+  Inverses found;
+  for (unsigned state = 0; state < getStates().size(); ++state)
+    if (isCandidate(state))
+      found.states.push_back(state);
+  OpBuilder::InsertionGuard guard(b);
+  while (true) {
+    if (!llvm::any_of(needed, [&](unsigned state) {
+          return llvm::is_contained(found.states, state);
+        }))
+      return Inverses();
+    b.setInsertionPointAfterValue(number);
+    found.after.clear();
+    for (unsigned state : found.states)
+      found.after.push_back(placeholder(getStates()[state].getType()));
+    auto before = solve(found.states, found.after);
+    if (failed(before))
+      return failure();
+    found.before = *before;
+    if (!llvm::is_contained(found.before, Value()))
+      return found;
+    SmallVector<unsigned> rest;
+    for (auto [state, value] : llvm::zip_equal(found.states, found.before))
+      if (value)
+        rest.push_back(state);
+    found.states = rest;
+  }
+}
+
+void LoopReversal::carryBackwards(scf::ForOp &reversed,
+                                  const Inverses &inverses,
+                                  ArrayRef<unsigned> needed) {
+  SmallVector<Value> last = llvm::map_to_vector(
+      inverses.states, [&](unsigned state) { return getFinal(state); });
+  inverted = inverses.states;
+  reversed = extend(reversed, last);
+  appendToYield(reversed, inverses.before);
+  ValueRange carried =
+      ValueRange(reversed.getRegionIterArgs()).take_back(last.size());
+  for (auto [after, value] : llvm::zip_equal(inverses.after, carried))
+    Value(after).replaceAllUsesWith(value);
+  for (auto [state, value] :
+       llvm::zip_equal(inverses.states, inverses.before)) {
+    placeholders[state].replaceAllUsesWith(value);
+    if (llvm::is_contained(needed, state))
+      note({state}, RecoveryRank::Inverted, 0);
+  }
+}
+
+/// Uses what a forward run of `states` has found in the end instead of running
+/// the loop forward for its last values.
+void LoopReversal::startBackwards(scf::ForOp reversed,
+                                  ArrayRef<unsigned> states, ValueRange last) {
+  bool runsAgain = false;
+  unsigned first = active.size() + captures.size();
+  for (auto [i, state] : llvm::enumerate(inverted)) {
+    auto found = llvm::find(states, state);
+    if (found == states.end())
+      runsAgain = true;
+    else
+      reversed.getInitArgsMutable()[first + i].assign(
+          last[found - states.begin()]);
+  }
+  // One with a condition has run for its trips anyway.
+  reverse.metrics.replayLoops += runsAgain && isa<scf::ForOp>(loop);
+}

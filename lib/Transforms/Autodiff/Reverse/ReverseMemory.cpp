@@ -1,0 +1,295 @@
+//===- ReverseMemory.cpp - Adjoints of array accesses ---------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//   primal               adjoint, on the gradient h of the array
+//   v = a[i]             h[i] += cot(v)
+//   a[i] = v             cot(v) += h[i];  h[i] = 0
+//   atomic a[i] += v     cot(v) += h[i]
+//   atomic a[i] -= v     cot(v) -= h[i]
+//   atomic min, max      if a[i] == v: cot(v) += h[i], taken by one thread
+//
+// A store ends the life of what the element held before, so its gradient is
+// taken and left zero. An array without a gradient gets no code at all.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Reverse.h"
+
+#include "KernelFunction.h"
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/Dialect/SCF/IR/SCF.h"
+
+using namespace mlir;
+
+namespace warp::autodiff {
+
+//===----------------------------------------------------------------------===//
+// Arrays
+//===----------------------------------------------------------------------===//
+
+/// The type of the same view of another array.
+static Type viewType(Value view, Value base, Value newBase) {
+  auto type = cast<ArrayType>(view.getType());
+  if (base.getType() == newBase.getType())
+    return type;
+  return ArrayType::get(type.getContext(), type.getRank(),
+                        getGradientElement(type.getElementType()));
+}
+
+Value ReverseBuilder::rebase(Value array,
+                             function_ref<Value(Value)> replaceRoot) {
+  Operation *op = array.getDefiningOp();
+  if (!op || !isa<ViewOp, SliceOp, ComponentViewOp>(op))
+    return replaceRoot(array);
+  Value base = op->getOperand(0);
+  Value newBase = rebase(base, replaceRoot);
+  SmallVector<Value> operands = recover(op->getOperands());
+  operands[0] = newBase;
+  Operation *view = op->cloneWithoutRegions();
+  view->setOperands(operands);
+  view->getResult(0).setType(
+      cast<ArrayType>(viewType(array, base, newBase)));
+  builder.insert(view);
+  return view->getResult(0);
+}
+
+/// Makes the argument, or field of an argument, at the start of the adjoint.
+Value ReverseBuilder::recoverRoot(Value root) {
+  Operation *op = root.getDefiningOp();
+  if (!op)
+    return recover(root);
+  Operation *get = op->cloneWithoutRegions();
+  get->setOperand(0, recoverRoot(op->getOperand(0)));
+  builder.insert(get);
+  return get->getResult(0);
+}
+
+Value ReverseBuilder::gradOf(Value array) {
+  return rebase(array, [&](Value root) {
+    Value &gradient = gradients[root];
+    if (gradient)
+      return gradient;
+    OpBuilder::InsertionGuard guard(builder);
+    builder.setInsertionPointToStart(&adjoint.getBody().front());
+    gradient = GradOp::create(builder, root.getLoc(), recoverRoot(root));
+    return gradient;
+  });
+}
+
+Value ReverseBuilder::getHidden(HiddenKind kind, int64_t leaf, Type type) {
+  auto key = std::make_pair(int64_t(kind), leaf);
+  auto [found, isNew] =
+      hidden.try_emplace(key, adjoint.getNumArguments());
+  return isNew ? addHidden(kind, leaf, type)
+               : adjoint.getArgument(found->second);
+}
+
+Value ReverseBuilder::addHidden(HiddenKind kind, int64_t leaf, Type type) {
+  StringRef names[] = {"preserved", "saved",   "counters",
+                       "trips",     "offsets", "tape"};
+  Builder attributes(builder.getContext());
+  auto description = attributes.getDictionaryAttr(
+      {attributes.getNamedAttr(
+           "kind", attributes.getStringAttr(names[int64_t(kind)])),
+       attributes.getNamedAttr("leaf", attributes.getI64IntegerAttr(leaf))});
+  auto attrs = attributes.getDictionaryAttr(
+      attributes.getNamedAttr(attr::hidden, description));
+  (void)adjoint.insertArgument(adjoint.getNumArguments(), type, attrs,
+                               adjoint.getLoc());
+  return adjoint.getArguments().back();
+}
+
+//===----------------------------------------------------------------------===//
+// Forward sweep
+//===----------------------------------------------------------------------===//
+
+LogicalResult ReverseBuilder::replayLoad(LoadOp op) {
+  std::string why;
+  bool needsOneThread;
+  Recovery recovery = memory.getRecovery(op, why, needsOneThread);
+  if (recovery == Recovery::Impossible)
+    return replaySaved(op, why);
+  Value array;
+  if (recovery == Recovery::Preserved)
+    array = rebase(op.getArray(), [&](Value root) {
+      return getHidden(HiddenKind::Preserved, leaves.of(root).front(),
+                       root.getType());
+    });
+  else
+    array = recover(op.getArray());
+  auto load = LoadOp::create(builder, op.getLoc(), op.getType(), array,
+                             recover(op.getIndices()));
+  if (needsOneThread)
+    load->setAttr(attr::assumesOneThread, builder.getUnitAttr());
+  setRecovered(op.getResult(), load.getResult());
+  return success();
+}
+
+LogicalResult ReverseBuilder::replayAtomic(Operation *op) {
+  if (op->getResult(0).use_empty())
+    return success();
+  return replaySaved(op, "what an atomic returns within a loop depends on the "
+                         "order of threads; move it out of the loop");
+}
+
+/// What the launch overwrote, or what depends on the order of threads: the
+/// augmented kernel keeps it, one value per thread. A loop would have to keep
+/// one per iteration; there it is marked with the reason for an error.
+LogicalResult ReverseBuilder::replaySaved(Operation *op, StringRef why) {
+  Location loc = op->getLoc();
+  Type type = op->getResult(0).getType();
+  Value array;
+  SmallVector<Value> indices;
+  bool isSaved = !op->getParentOfType<LoopLikeOpInterface>();
+  if (isSaved) {
+    array = getHidden(HiddenKind::Saved, memory.getNumber(op),
+                      ArrayType::get(type.getContext(), 4, type));
+    SmallVector<Type> types(4, builder.getIntegerType(32, true));
+    llvm::append_range(indices,
+                       TidOp::create(builder, loc, types).getResults());
+  } else {
+    Value accessed = getAccess(op)->array;
+    array = recover(accessed);
+    indices = recover(op->getOperands().take_back(
+        cast<ArrayType>(accessed.getType()).getRank()));
+  }
+  auto load = LoadOp::create(builder, loc, type, array, indices);
+  if (!isSaved)
+    load->setAttr(attr::unrecoverable, builder.getStringAttr(why));
+  setRecovered(op->getResult(0), load.getResult());
+  return success();
+}
+
+//===----------------------------------------------------------------------===//
+// Reverse sweep
+//===----------------------------------------------------------------------===//
+
+LogicalResult ReverseBuilder::reverseLoad(LoadOp op) {
+  Value cotangent = takeCotangent(op.getResult());
+  if (!cotangent)
+    return success();
+  IntegerAttr unique;
+  if (int64_t rank = memory.getUniqueRank(op))
+    unique = builder.getI64IntegerAttr(rank);
+  AccumulateOp::create(builder, op.getLoc(), cotangent, gradOf(op.getArray()),
+                       recover(op.getIndices()), unique);
+  return success();
+}
+
+LogicalResult ReverseBuilder::reverseStore(StoreOp op) {
+  if (!activity.isActiveArray(op.getArray()))
+    return success();
+  Location loc = op.getLoc();
+  Value gradient = gradOf(op.getArray());
+  Type type = cast<ArrayType>(gradient.getType()).getElementType();
+  SmallVector<Value> indices = recover(op.getIndices());
+  if (!hasDerivative(type))
+    return success();
+  if (isActive(op.getValue()))
+    addCotangent(op.getValue(),
+                 LoadOp::create(builder, loc, type, gradient, indices));
+  StoreOp::create(builder, loc, zero(builder, loc, type), gradient, indices);
+  return success();
+}
+
+/// Whether an atomic takes part: it leaves a float in an array with a gradient.
+bool ReverseBuilder::updatesGradient(Operation *op, Value array) {
+  return activity.isActiveArray(array) &&
+         hasDerivative(op->getResult(0).getType());
+}
+
+static LogicalResult refuseOrder(Operation *op) {
+  return op->emitOpError("has no derivative: what it leaves depends on the "
+                         "order of threads; use 'atomic_add', 'atomic_min' or "
+                         "'atomic_max', or a function with a derivative of its "
+                         "own");
+}
+
+LogicalResult ReverseBuilder::reverseCas(AtomicCasOp op) {
+  return updatesGradient(op, op.getArray()) ? refuseOrder(op) : success();
+}
+
+LogicalResult ReverseBuilder::reverseAtomic(AtomicOp op) {
+  if (!updatesGradient(op, op.getArray()))
+    return success();
+  Location loc = op.getLoc();
+  if (!cotangents.isZero(op.getOld()))
+    return op.emitOpError("returns a value that depends on the order of "
+                          "threads; a derivative cannot go through it");
+  Value gradient = gradOf(op.getArray());
+  Type type = cast<ArrayType>(gradient.getType()).getElementType();
+  SmallVector<Value> indices = recover(op.getIndices());
+  switch (op.getKind()) {
+  case AtomicKind::add:
+  case AtomicKind::sub: {
+    if (!isActive(op.getValue()))
+      return success();
+    Value g = LoadOp::create(builder, loc, type, gradient, indices);
+    if (op.getKind() == AtomicKind::sub)
+      g = NegOp::create(builder, loc, type, g)->getResult(0);
+    addCotangent(op.getValue(), g);
+    return success();
+  }
+  case AtomicKind::min:
+  case AtomicKind::max:
+    return reverseExtremum(op, gradient, indices);
+  default:
+    return refuseOrder(op);
+  }
+}
+
+/// The gradient for the thread whose value is the extremum, zero for others. Of
+/// several with that value the first one gets it, because an exchange leaves
+/// zero for the others.
+static Value takeIfEqual(OpBuilder &builder, Location loc, Value left,
+                         Value value, Value gradient, ValueRange indices) {
+  Type type = cast<ArrayType>(gradient.getType()).getElementType();
+  Value wins = createBuiltin(builder, loc, EqOp::getSpec(), {left, value})
+                   ->getResult(0);
+  auto branch = scf::IfOp::create(builder, loc, TypeRange(type), wins, true);
+  OpBuilder::InsertionGuard guard(builder);
+  builder.setInsertionPointToStart(branch.thenBlock());
+  Value none = zero(builder, loc, type);
+  Value taken = AtomicOp::create(builder, loc, type, AtomicKind::exch, none,
+                                 gradient, indices);
+  scf::YieldOp::create(builder, loc, taken);
+  builder.setInsertionPointToStart(branch.elseBlock());
+  scf::YieldOp::create(builder, loc, zero(builder, loc, type));
+  return branch.getResult(0);
+}
+
+LogicalResult ReverseBuilder::reverseExtremum(AtomicOp op, Value gradient,
+                                              ValueRange indices) {
+  Location loc = op.getLoc();
+  Value value = recover(op.getValue());
+  Type type = value.getType();
+  Value left = LoadOp::create(builder, loc, type, recover(op.getArray()),
+                              indices);
+  if (!isComposite(type)) {
+    addCotangent(op.getValue(), takeIfEqual(builder, loc, left, value, gradient,
+                                            indices));
+    return success();
+  }
+  // Components are updated each on their own.
+  auto gradientType = cast<ArrayType>(gradient.getType());
+  Type part = ArrayType::get(op.getContext(), gradientType.getRank(),
+                             getElementScalar(gradientType.getElementType()));
+  for (int64_t i = 0, n = getComponentCount(type); i < n; ++i) {
+    auto at = getSlotIndices(builder, loc, type, i);
+    auto pick = [&](Value composite) -> Value {
+      return ExtractOp::create(builder, loc, getElementScalar(type), composite,
+                               at);
+    };
+    Value view =
+        ComponentViewOp::create(builder, loc, part, gradient, at, StringAttr());
+    Value taken =
+        takeIfEqual(builder, loc, pick(left), pick(value), view, indices);
+    if (isActive(op.getValue()))
+      cotangents.addSlot(builder, loc, op.getValue(), i, taken);
+  }
+  return success();
+}
+
+} // namespace warp::autodiff

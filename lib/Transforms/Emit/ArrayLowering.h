@@ -1,0 +1,170 @@
+//===- ArrayLowering.h - Arrays as pointers, extents, strides ---*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// What warp-lower-arrays knows while it rewrites an entry. `ArrayParts` is an
+// array taken apart; as long as an array does not pass through control flow it
+// never exists in any other form. Parts of one file each: addresses, atomics,
+// output and reports.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_TRANSFORMS_ARRAYLOWERING_H
+#define WARP_LIB_TRANSFORMS_ARRAYLOWERING_H
+
+#include "Launch/StageElements.h"
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/Dialect/LLVMIR/LLVMDialect.h"
+#include "mlir/IR/Builders.h"
+#include "llvm/ADT/DenseMap.h"
+
+namespace warp {
+
+/// An array, taken apart.
+struct ArrayParts {
+  mlir::Value data;
+  /// i32.
+  llvm::SmallVector<mlir::Value, 4> shape;
+  /// i64, in bytes; empty if the array is packed.
+  llvm::SmallVector<mlir::Value, 4> strides;
+  /// Packed: bytes from one element to the next; otherwise 0.
+  int64_t unit = 0;
+  /// How messages call the array.
+  llvm::StringRef name;
+};
+
+/// Where an access goes.
+struct Address {
+  mlir::Value pointer;
+  /// In a debugging launch: whether every index is within its extent.
+  mlir::Value inside;
+  /// The indices after wrapping.
+  llvm::SmallVector<mlir::Value, 4> indices;
+};
+
+/// What an error record says happened.
+enum class ReportKind { OutOfBounds = 0, Assertion = 1 };
+
+/// Whether an index can be told not to be negative, in a block if that helps.
+bool isNonNegative(mlir::Value index, mlir::Block *where);
+
+class ArrayLowering {
+public:
+  explicit ArrayLowering(mlir::LLVM::LLVMFuncOp entry);
+
+  /// Fails at a gradient that nothing leads to.
+  llvm::LogicalResult run();
+
+private:
+  void findAccessGroups();
+
+  // LowerArrays.cpp: one operation each.
+  void lower(mlir::Operation *op);
+  void lowerParameter(ParameterOp op);
+  void lowerView(ViewOp op);
+  std::pair<mlir::Value, mlir::Value> selectedForwards(SliceOp op,
+                                                       mlir::Value extent);
+  std::pair<mlir::Value, mlir::Value> selected(SliceOp op, mlir::Value extent);
+  mlir::Value clampBound(mlir::Value bound, mlir::Value low, mlir::Value high,
+                         mlir::Value extent);
+  void lowerSlice(SliceOp op);
+  void lowerComponentView(ComponentViewOp op);
+  void lowerDim(DimOp op);
+  void lowerGrad(GradOp op);
+  void lowerLoad(LoadComponentsOp op);
+  void lowerStore(StoreComponentsOp op);
+  void lowerAddress(AddressOp op);
+  void convertControlFlow(mlir::Operation *op);
+
+  // ArrayAddress.cpp: array values and addresses.
+  ArrayParts &getParts(mlir::Value array);
+  /// Type of an array value before this pass changed it.
+  ArrayType arrayType(mlir::Value array);
+  mlir::Type elementType(mlir::Value array) {
+    return arrayType(array).getElementType();
+  }
+  mlir::Value pack(mlir::Value array);
+  mlir::Type getDescriptorType(int64_t rank);
+  ArrayParts readDescriptor(mlir::Value base, int64_t offset, int64_t rank,
+                            int64_t unit);
+  mlir::Value stride(ArrayParts &parts, int64_t dim);
+  mlir::Value wrapIndex(mlir::Value index, mlir::Value extent);
+  mlir::Value wideIndex(mlir::Value index, int depth = 4);
+  Address address(mlir::Value array, mlir::ValueRange indices);
+  mlir::Value elementPointer(const ArrayParts &parts, mlir::ValueRange indices,
+                             mlir::Type elementType);
+  mlir::Value advance(mlir::Value pointer, int64_t bytes);
+  mlir::Value advance(mlir::Value pointer, mlir::Value bytes);
+  mlir::Value loadLeaf(mlir::Type type, mlir::Value pointer);
+  void storeLeaf(mlir::Value value, mlir::Type type, mlir::Value pointer);
+  mlir::Value zeroOf(mlir::Type type);
+  /// Runs `body`, whose results have these types, if the access is inside;
+  /// otherwise reports it and gives zeros.
+  llvm::SmallVector<mlir::Value>
+  guarded(mlir::Operation *op, mlir::Value array, const Address &address,
+          mlir::TypeRange types,
+          llvm::function_ref<llvm::SmallVector<mlir::Value>()> body);
+
+  // StageElements.cpp: accesses of whole warps.
+  mlir::Value isWhole(mlir::Operation *access);
+  void lowerStaged(llvm::ArrayRef<LoadComponentsOp> group);
+  void lowerStaged(StoreComponentsOp op);
+
+  // LowerAtomics.cpp
+  void lowerAtomic(AtomicComponentsOp op);
+  void lowerAtomicCas(AtomicCasOp op);
+  mlir::Value plainUpdate(AtomicKind kind, mlir::Value value, mlir::Type type,
+                          mlir::Value pointer);
+  mlir::Value atomicUpdate(AtomicKind kind, mlir::Value value, mlir::Type type,
+                           mlir::Value pointer);
+
+  // LowerScratch.cpp
+  void lowerScratch(ScratchOp op);
+  void lowerScratch(ScratchLoadOp op);
+  void lowerScratch(ScratchStoreOp op);
+  mlir::Value slot(mlir::Value scratch, mlir::Value index);
+
+  // LowerOutput.cpp
+  void lowerPrintf(PrintfOp op);
+  void lowerAssert(AssertOp op);
+  void report(mlir::Location at, ReportKind kind, llvm::StringRef what,
+              mlir::ValueRange indices, mlir::ValueRange shape);
+  mlir::LLVM::LLVMFuncOp getReportFunction();
+  mlir::Value formatString(llvm::StringRef text);
+  mlir::LLVM::LLVMFuncOp declare(llvm::StringRef name,
+                                 mlir::TypeRange arguments, bool isVariadic);
+  int64_t siteNumber(mlir::Location at, llvm::StringRef what);
+
+  mlir::Value constant(mlir::Type type, int64_t value);
+  mlir::Value widen(mlir::Value value, mlir::Type type);
+
+  mlir::LLVM::LLVMFuncOp entry;
+  mlir::ModuleOp module;
+  mlir::OpBuilder b;
+  mlir::Location loc;
+  mlir::Type i8, i32, i64, pointer, dataPointer;
+  bool gpu, index32, debug, exclusive;
+  /// Updates are plain, and may be performed by several threads together.
+  bool vectorUpdates = false;
+  /// Marks accesses of the thread loop, which is parallel.
+  mlir::ArrayAttr accessGroups;
+  llvm::DenseMap<mlir::Value, ArrayParts> known;
+  /// Where in the parameter block an array's descriptor lies.
+  llvm::DenseMap<mlir::Value, std::pair<mlir::Value, int64_t>> descriptors;
+  bool malformed = false;
+  llvm::DenseMap<mlir::Value, ArrayType> packedTypes;
+  /// Pointers to the memory of `warp.scratch` operations.
+  llvm::DenseMap<mlir::Value, mlir::Value> scratches;
+  StagedAccesses staged;
+  /// Of blocks with staged accesses: whether all threads of the warp are there.
+  llvm::DenseMap<mlir::Block *, mlir::Value> wholeWarps;
+  llvm::SmallVector<mlir::Operation *> dead;
+  /// Address of the error record, i64, in a debugging launch.
+  mlir::Value errorRecord;
+  llvm::SmallVector<mlir::Attribute> sites;
+};
+
+} // namespace warp
+
+#endif // WARP_LIB_TRANSFORMS_ARRAYLOWERING_H

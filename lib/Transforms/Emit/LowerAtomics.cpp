@@ -1,0 +1,120 @@
+//===- LowerAtomics.cpp - Atomic updates of array elements ----------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// One `atomicrmw` or `cmpxchg` per component, relaxed. What a processor does
+// not have (float minima on the CPU, half precision) LLVM expands to a loop of
+// compare and exchange, so every component type is covered here by one table.
+// Sums of floats on newer GPUs take two at once (PairedUpdates.cpp).
+//
+// An entry marked `warp.exclusive` runs alone; its updates are plain loads and
+// stores. They stay out of the loop's access group, as threads may meet there,
+// unless each is one of neighbours (AccessOrder.cpp).
+//
+//===----------------------------------------------------------------------===//
+
+#include "ArrayLowering.h"
+#include "Updates/Atomics.h"
+#include "Updates/PairedUpdates.h"
+#include "WarpDialect/ParameterLayout.h"
+
+#include "mlir/Dialect/Arith/IR/Arith.h"
+
+using namespace mlir;
+using namespace warp;
+
+/// `type` still has its sign.
+static LLVM::AtomicBinOp getBinOp(AtomicKind kind, mlir::Type type) {
+  bool isFloating = isFloat(type);
+  bool isUnsigned = type.isUnsignedInteger();
+  using Op = LLVM::AtomicBinOp;
+  switch (kind) {
+  case AtomicKind::add:
+  case AtomicKind::sub:
+    // A float is subtracted by adding its negative.
+    if (isFloating)
+      return Op::fadd;
+    return kind == AtomicKind::add ? Op::add : Op::sub;
+  case AtomicKind::min:
+    return isFloating ? Op::fmin : isUnsigned ? Op::umin : Op::min;
+  case AtomicKind::max:
+    return isFloating ? Op::fmax : isUnsigned ? Op::umax : Op::max;
+  case AtomicKind::bit_and:
+    return Op::_and;
+  case AtomicKind::bit_or:
+    return Op::_or;
+  case AtomicKind::bit_xor:
+    return Op::_xor;
+  case AtomicKind::exch:
+    return Op::xchg;
+  }
+  llvm_unreachable("unknown atomic");
+}
+
+/// Loads, combines and stores, for an entry that runs alone.
+mlir::Value ArrayLowering::plainUpdate(AtomicKind kind, mlir::Value value,
+                                       mlir::Type type, mlir::Value at) {
+  auto old = LLVM::LoadOp::create(b, loc, value.getType(), at,
+                                  getByteSize(type));
+  auto store = LLVM::StoreOp::create(
+      b, loc, combine(b, loc, kind, old, value, type), at, getByteSize(type));
+  if (vectorUpdates) {
+    old.setAccessGroupsAttr(accessGroups);
+    store.setAccessGroupsAttr(accessGroups);
+  }
+  return old;
+}
+
+mlir::Value ArrayLowering::atomicUpdate(AtomicKind kind, mlir::Value value,
+                                        mlir::Type type, mlir::Value at) {
+  if (exclusive)
+    return plainUpdate(kind, value, type, at);
+  if (kind == AtomicKind::sub && isFloat(type))
+    value = arith::NegFOp::create(b, loc, value);
+  return LLVM::AtomicRMWOp::create(b, loc, getBinOp(kind, type), at, value,
+                                   LLVM::AtomicOrdering::monotonic,
+                                   gpu ? "device" : StringRef(),
+                                   getByteSize(type));
+}
+
+void ArrayLowering::lowerAtomic(AtomicComponentsOp op) {
+  SmallVector<Leaf> leaves;
+  collectLeaves(elementType(op.getArray()), 0, leaves);
+  Address at = address(op.getArray(), op.getIndices());
+  if (!exclusive && canAddInPairs(entry, op, leaves)) {
+    SmallVector<mlir::Value> terms(op.getComponents());
+    if (op.getKind() == AtomicKind::sub)
+      for (mlir::Value &term : terms)
+        term = arith::NegFOp::create(b, loc, term);
+    return addInPairs(b, loc, terms, at.pointer);
+  }
+  auto old = guarded(op, op.getArray(), at, op.getComponents().getTypes(), [&] {
+    SmallVector<mlir::Value> results;
+    for (auto [leaf, value] : llvm::zip(leaves, op.getComponents()))
+      results.push_back(atomicUpdate(op.getKind(), value, leaf.type,
+                                     advance(at.pointer, leaf.offset)));
+    return results;
+  });
+  op->replaceAllUsesWith(old);
+}
+
+void ArrayLowering::lowerAtomicCas(AtomicCasOp op) {
+  Address at = address(op.getArray(), op.getIndices());
+  mlir::Type type = op.getValue().getType();
+  auto old = guarded(op, op.getArray(), at, type, [&] {
+    mlir::Value expected = op.getExpected(), value = op.getValue();
+    mlir::Type bits = b.getIntegerType(type.getIntOrFloatBitWidth());
+    if (isFloat(type)) {
+      expected = arith::BitcastOp::create(b, loc, bits, expected);
+      value = arith::BitcastOp::create(b, loc, bits, value);
+    }
+    mlir::Value pair = LLVM::AtomicCmpXchgOp::create(
+        b, loc, at.pointer, expected, value, LLVM::AtomicOrdering::monotonic,
+        LLVM::AtomicOrdering::monotonic, gpu ? "device" : StringRef());
+    mlir::Value result = LLVM::ExtractValueOp::create(b, loc, pair, 0);
+    if (isFloat(type))
+      result = arith::BitcastOp::create(b, loc, type, result);
+    return SmallVector<mlir::Value>{result};
+  });
+  op->replaceAllUsesWith(old);
+}

@@ -1,0 +1,212 @@
+//===- ElementStage.cpp - Code of accesses that warps share ---------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// See StageElements.cpp. In the slab, elements of an even number of words would
+// begin at few of the banks. Where they begin at the first one again a word of
+// padding moves the next ones on; so neither shares nor elements conflict, and
+// all words but the first are at constant offsets.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Emit/ArrayLowering.h"
+#include "GpuBlock.h"
+#include "WarpDialect/ParameterLayout.h"
+
+#include "mlir/Dialect/Arith/IR/Arith.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
+#include "mlir/IR/Matchers.h"
+#include "llvm/Support/MathExtras.h"
+
+#include <numeric>
+
+using namespace mlir;
+
+int64_t warp::getSlabPeriod(int64_t count) {
+  return std::lcm(count, warpSize);
+}
+
+Value warp::isWholeWarp(OpBuilder &b, Location loc,
+                        const StagedAccesses &staged) {
+  Type i32 = b.getI32Type();
+  Value mask = callIntrinsic(b, loc, i32, "llvm.nvvm.activemask", {});
+  Value all = arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(-1));
+  Value whole =
+      arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq, mask, all);
+  if (staged.inRow)
+    whole = arith::AndIOp::create(b, loc, whole, staged.inRow);
+  return whole;
+}
+
+void warp::warpBarrier(OpBuilder &b, Location loc) {
+  Value all = arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(-1));
+  LLVM::CallIntrinsicOp::create(
+      b, loc, b.getStringAttr("llvm.nvvm.bar.warp.sync"), ValueRange(all));
+}
+
+warp::ElementStage::ElementStage(OpBuilder &b, Location loc,
+                                 const StagedAccesses &staged, Type type,
+                                 Value pointer)
+    : b(b), loc(loc), word(getSignless(getElementScalar(type))),
+      bytes(getByteSize(word)), count(getComponentCount(type)),
+      period(getSlabPeriod(count)) {
+  auto mul = [&](int64_t factor) -> Value {
+    return arith::MulIOp::create(b, loc, staged.lane, constant(factor));
+  };
+  memory = advance(pointer, mul(1 - count));
+  share = advance(staged.slab, staged.lane);
+  Value begin = mul(count);
+  if (int64_t elements = period / count; elements < warpSize) {
+    Value pads = arith::ShRUIOp::create(b, loc, staged.lane,
+                                        constant(llvm::Log2_64(elements)));
+    begin = arith::AddIOp::create(b, loc, begin, pads);
+  }
+  element = advance(staged.slab, begin);
+}
+
+Value warp::ElementStage::constant(int64_t value) {
+  return arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(value));
+}
+
+Value warp::ElementStage::advance(Value base, Value words) {
+  return LLVM::GEPOp::create(b, loc, base.getType(), word, base,
+                             ArrayRef<LLVM::GEPArg>(words),
+                             LLVM::GEPNoWrapFlags::inbounds);
+}
+
+Value warp::ElementStage::advance(Value base, int64_t words) {
+  return LLVM::GEPOp::create(b, loc, base.getType(), word, base,
+                             ArrayRef<LLVM::GEPArg>(int32_t(words)),
+                             LLVM::GEPNoWrapFlags::inbounds);
+}
+
+/// Where the slab has word `i` of the share.
+Value warp::ElementStage::inShare(int64_t i) {
+  return advance(share, warpSize * i + warpSize * i / period);
+}
+
+SmallVector<Value> warp::ElementStage::load(Slot from) {
+  SmallVector<Value> words;
+  for (int64_t i = 0; i < count; ++i)
+    words.push_back(LLVM::LoadOp::create(b, loc, word, from(i), bytes));
+  return words;
+}
+
+void warp::ElementStage::store(ValueRange words, Slot to) {
+  for (auto [i, value] : llvm::enumerate(words))
+    LLVM::StoreOp::create(b, loc, value, to(i), bytes);
+}
+
+SmallVector<Value> warp::ElementStage::loadShare() {
+  return load([&](int64_t i) { return inMemory(i); });
+}
+
+void warp::ElementStage::storeShare(ValueRange words) {
+  store(words, [&](int64_t i) { return inMemory(i); });
+}
+
+SmallVector<Value> warp::ElementStage::shareToElement(ValueRange words) {
+  store(words, [&](int64_t i) { return inShare(i); });
+  warpBarrier(b, loc);
+  return load([&](int64_t i) { return advance(element, i); });
+}
+
+SmallVector<Value> warp::ElementStage::elementToShare(ValueRange words) {
+  store(words, [&](int64_t i) { return advance(element, i); });
+  warpBarrier(b, loc);
+  return load([&](int64_t i) { return inShare(i); });
+}
+
+//===----------------------------------------------------------------------===//
+// Lowering
+//===----------------------------------------------------------------------===//
+
+Value warp::ArrayLowering::isWhole(Operation *access) {
+  Value &known = wholeWarps[access->getBlock()];
+  if (!known)
+    known = isWholeWarp(b, loc, staged);
+  return known;
+}
+
+static SmallVector<warp::Leaf> getLeaves(Type element) {
+  SmallVector<warp::Leaf> leaves;
+  warp::collectLeaves(element, 0, leaves);
+  return leaves;
+}
+
+/// Loads of a group, as one conditional whose results are all components.
+void warp::ArrayLowering::lowerStaged(ArrayRef<LoadComponentsOp> group) {
+  if (group.empty())
+    return;
+  SmallVector<Type> types, elements;
+  SmallVector<Value> pointers;
+  for (LoadComponentsOp op : group) {
+    llvm::append_range(types, op.getResultTypes());
+    elements.push_back(elementType(op.getArray()));
+    pointers.push_back(address(op.getArray(), op.getIndices()).pointer);
+  }
+  LoadComponentsOp first = group.front();
+  auto branch = scf::IfOp::create(b, loc, types, isWhole(first),
+                                  /*addThenBlock=*/true,
+                                  /*addElseBlock=*/true);
+  OpBuilder::InsertionGuard insertion(b);
+  b.setInsertionPointToStart(branch.thenBlock());
+  warpBarrier(b, loc);
+  SmallVector<ElementStage> stages;
+  SmallVector<SmallVector<Value>> shares;
+  for (auto [element, pointer] : llvm::zip_equal(elements, pointers)) {
+    stages.emplace_back(b, loc, staged, element, pointer);
+    shares.push_back(stages.back().loadShare());
+  }
+  SmallVector<Value> loaded;
+  for (auto [i, share] : llvm::enumerate(shares)) {
+    if (i > 0)
+      warpBarrier(b, loc);
+    llvm::append_range(loaded, stages[i].shareToElement(share));
+  }
+  scf::YieldOp::create(b, loc, loaded);
+
+  b.setInsertionPointToStart(branch.elseBlock());
+  loaded.clear();
+  for (auto [element, pointer] : llvm::zip_equal(elements, pointers))
+    for (Leaf leaf : getLeaves(element))
+      loaded.push_back(loadLeaf(leaf.type, advance(pointer, leaf.offset)));
+  scf::YieldOp::create(b, loc, loaded);
+
+  ValueRange results = branch.getResults();
+  for (LoadComponentsOp op : group) {
+    op.replaceAllUsesWith(results.take_front(op.getNumResults()));
+    results = results.drop_front(op.getNumResults());
+  }
+}
+
+/// Whether all components are one constant, so that it does not matter which
+/// thread stores which.
+static bool isOneConstant(ValueRange components) {
+  Attribute first;
+  return matchPattern(components.front(), m_Constant(&first)) &&
+         llvm::all_of(components, [&](Value component) {
+           Attribute other;
+           return matchPattern(component, m_Constant(&other)) && other == first;
+         });
+}
+
+void warp::ArrayLowering::lowerStaged(StoreComponentsOp op) {
+  Type type = elementType(op.getArray());
+  Value pointer = address(op.getArray(), op.getIndices()).pointer;
+  auto branch = scf::IfOp::create(b, loc, isWhole(op), /*withElseRegion=*/true);
+  OpBuilder::InsertionGuard insertion(b);
+  b.setInsertionPointToStart(branch.thenBlock());
+  warpBarrier(b, loc);
+  ElementStage stage(b, loc, staged, type, pointer);
+  SmallVector<Value> words(op.getComponents());
+  if (!isOneConstant(words))
+    words = stage.elementToShare(words);
+  stage.storeShare(words);
+  warpBarrier(b, loc);
+
+  b.setInsertionPointToStart(branch.elseBlock());
+  for (auto [leaf, value] :
+       llvm::zip_equal(getLeaves(type), op.getComponents()))
+    storeLeaf(value, leaf.type, advance(pointer, leaf.offset));
+}

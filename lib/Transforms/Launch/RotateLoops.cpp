@@ -1,0 +1,227 @@
+//===- RotateLoops.cpp - Sums that travel through a warp ------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// In a loop over all pairs, and in its adjoint, every thread adds to element j
+// in iteration j. The 32 threads of a warp go through the iterations side by
+// side, so their updates queue at one address. Where the iterations may run in
+// any order, each lane begins at another one of a tile of 32, and what was
+// summed up for an iteration travels to the lane that runs it next:
+//
+//   step      0     1     2        31
+//   lane 0    j     j+1   j+2 ...  j+31      after 32 steps lane r holds the
+//   lane 1    j+1   j+2   j+3 ...  j         warp's sum for iteration j + r
+//   ...                                      and makes one update with it
+//
+// 32 updates of 32 different elements remain of 1024. Shuffles need all lanes
+// of the warp, with the same tiles: bounds and indices must be the same for all
+// threads (lanes compare counters of outer loops that these depend on), and a
+// warp with a lane missing goes through no tile. What is not in a tile runs in
+// the loop as it was, which comes after.
+//
+// The order of iterations is open if the loop does nothing to memory but load
+// and update in ways that commute, and what it carries are integer sums or such
+// whose order is declared open (`reassoc`), as cotangents are.
+//
+// Runs after warp-lower-launch and before warp-privatize-atomics, which makes
+// plain updates of those that have one address for the whole loop.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Updates/Atomics.h"
+#include "KernelFunction.h"
+#include "RotateLoops.h"
+#include "UniformValues.h"
+#include "WarpDialect/ParameterLayout.h"
+
+#include "mlir/IR/Matchers.h"
+
+namespace warp {
+#define GEN_PASS_DEF_ROTATELOOPS
+#include "WarpDialect/Passes.h.inc"
+} // namespace warp
+
+using namespace mlir;
+using warp::Rotation;
+
+/// Fewer iterations are not worth the code.
+constexpr int64_t minTrips = 2 * Rotation::lanes;
+
+/// Whether a value is the same for all lanes, and in all iterations.
+bool Rotation::isUniform(Value value) {
+  llvm::SetVector<Value> needed;
+  if (!warp::isUniform(value, entry, needed) ||
+      needed.contains(loop.getInductionVar()))
+    return false;
+  compared.insert_range(needed);
+  return true;
+}
+
+/// By how much an index grows from iteration to iteration, if that is a
+/// constant and all else about it is uniform.
+std::optional<int64_t> Rotation::strideOf(Value index) {
+  if (index == loop.getInductionVar())
+    return 1;
+  if (isUniform(index))
+    return 0;
+  Operation *op = index.getDefiningOp();
+  if (isa_and_nonnull<arith::ExtSIOp, arith::ExtUIOp, arith::TruncIOp,
+                      arith::IndexCastOp>(op))
+    return strideOf(op->getOperand(0));
+  if (!isa_and_nonnull<arith::AddIOp, arith::SubIOp, arith::MulIOp>(op))
+    return std::nullopt;
+  auto left = strideOf(op->getOperand(0)), right = strideOf(op->getOperand(1));
+  if (!left || !right)
+    return std::nullopt;
+  if (isa<arith::AddIOp>(op))
+    return *left + *right;
+  if (isa<arith::SubIOp>(op))
+    return *left - *right;
+  APInt factor;
+  if (matchPattern(op->getOperand(1), m_ConstantInt(&factor)))
+    return *left * factor.getSExtValue();
+  return std::nullopt;
+}
+
+/// Whether the loop surely has too few iterations.
+bool Rotation::isShort() {
+  APInt first, last;
+  return matchPattern(loop.getLowerBound(), m_ConstantInt(&first)) &&
+         matchPattern(loop.getUpperBound(), m_ConstantInt(&last)) &&
+         last.getSExtValue() - first.getSExtValue() < minTrips;
+}
+
+/// Whether nothing in the loop does to memory what iterations could see of each
+/// other. An array that a commuting update names is not accessed otherwise.
+bool Rotation::isOrderOpen() {
+  WalkResult result = loop.getBody()->walk([&](Operation *op) {
+    auto update = dyn_cast<warp::AtomicComponentsOp>(op);
+    bool open =
+        update ? warp::commutes(update)
+               : isa<warp::LoadComponentsOp>(op) ||
+                     op->hasTrait<OpTrait::HasRecursiveMemoryEffects>() ||
+                     isMemoryEffectFree(op);
+    return open ? WalkResult::advance() : WalkResult::interrupt();
+  });
+  return !result.wasInterrupted();
+}
+
+/// Finds updates of one element per iteration, the same for all threads. Sums
+/// of fewer than 32 bits would round. Of updates that depend on the thread and
+/// the iteration, those of neighbours would no longer be neighbours.
+bool Rotation::collectUpdates() {
+  bool wouldScatter = false;
+  loop.getBody()->walk([&](warp::AtomicComponentsOp op) {
+    Operation *parent = op->getParentOp();
+    while (isa<scf::IfOp>(parent))
+      parent = parent->getParentOp();
+    bool differs = false;
+    auto isKnown = [&](Value index) {
+      std::optional<int64_t> stride = strideOf(index);
+      differs |= stride.value_or(0) != 0;
+      return stride.has_value();
+    };
+    auto isWide = [](Type type) { return type.getIntOrFloatBitWidth() >= 32; };
+    if (parent != loop || !isUniform(op.getArray()) ||
+        !llvm::all_of(op.getResultTypes(), isWide) ||
+        !llvm::all_of(op.getIndices(), isKnown) || !differs) {
+      wouldScatter |= !llvm::all_of(op.getIndices(), [&](Value index) {
+        return loop.isDefinedOutsideOfLoop(index);
+      });
+      return;
+    }
+    SmallVector<warp::Leaf> leaves;
+    warp::collectLeaves(
+        cast<warp::ArrayType>(op.getArray().getType()).getElementType(), 0,
+        leaves);
+    Update &update = updates.emplace_back(Update{op, {}, {}, {}});
+    for (warp::Leaf leaf : leaves)
+      update.types.push_back(leaf.type);
+  });
+  return !updates.empty() && !wouldScatter;
+}
+
+/// Whether `value` is what the loop carries plus something, on every path;
+/// `links` are the uses that lead there.
+bool Rotation::isSum(Value value, Value carried,
+                     SmallPtrSetImpl<OpOperand *> &links) {
+  if (value == carried)
+    return true;
+  Operation *op = value.getDefiningOp();
+  if (!op || !loop->isProperAncestor(op))
+    return false;
+  auto follow = [&](OpOperand &link) {
+    if (!isSum(link.get(), carried, links))
+      return false;
+    links.insert(&link);
+    return true;
+  };
+  auto floats = dyn_cast<arith::ArithFastMathInterface>(op);
+  bool isOpen =
+      entry->hasAttr(warp::attr::fastMath) ||
+      (floats && bitEnumContainsAll(floats.getFastMathFlagsAttr().getValue(),
+                                    arith::FastMathFlags::reassoc));
+  if (isa<arith::AddIOp>(op) || (isa<arith::AddFOp>(op) && isOpen))
+    return follow(op->getOpOperand(0)) || follow(op->getOpOperand(1));
+  if (isa<arith::SubIOp>(op) || (isa<arith::SubFOp>(op) && isOpen))
+    return follow(op->getOpOperand(0));
+  if (isa<arith::SelectOp>(op))
+    return follow(op->getOpOperand(1)) && follow(op->getOpOperand(2));
+  auto branch = dyn_cast<scf::IfOp>(op);
+  if (!branch)
+    return false;
+  unsigned i = cast<OpResult>(value).getResultNumber();
+  return follow(branch.thenYield()->getOpOperand(i)) &&
+         follow(branch.elseYield()->getOpOperand(i));
+}
+
+bool Rotation::carriesSums() {
+  for (auto [carried, yielded] : llvm::zip_equal(
+           loop.getRegionIterArgs(),
+           loop.getBody()->getTerminator()->getOpOperands())) {
+    SmallPtrSet<OpOperand *, 8> links;
+    if (!isSum(yielded.get(), carried, links))
+      return false;
+    // Neither it nor what it becomes may be looked at on the way.
+    links.insert(&yielded);
+    auto isLink = [&](OpOperand &use) { return links.contains(&use); };
+    for (OpOperand *link : links)
+      if (!llvm::all_of(link->get().getUses(), isLink))
+        return false;
+    if (!llvm::all_of(carried.getUses(), isLink))
+      return false;
+  }
+  return true;
+}
+
+bool Rotation::qualifies() {
+  return matchPattern(loop.getStep(), m_One()) && !isShort() &&
+         isa<IntegerType>(counterType()) &&
+         counterType().getIntOrFloatBitWidth() >= 32 &&
+         isUniform(loop.getLowerBound()) && isUniform(loop.getUpperBound()) &&
+         isOrderOpen() && carriesSums() && collectUpdates();
+}
+
+namespace {
+
+struct RotateLoops : warp::impl::RotateLoopsBase<RotateLoops> {
+  void runOnOperation() override {
+    FunctionOpInterface found = warp::findEntry(getOperation());
+    if (!found)
+      return signalPassFailure();
+    auto entry = dyn_cast<LLVM::LLVMFuncOp>(found.getOperation());
+    // A debugging launch names the thread that fails; in a deterministic one
+    // sums keep their order, whichever lanes are there.
+    if (!entry || !warp::isGpu(entry) || entry->hasAttr(warp::attr::debug) ||
+        entry->hasAttr(warp::attr::deterministic))
+      return;
+    SmallVector<scf::ForOp> loops;
+    entry.walk([&](scf::ForOp loop) { loops.push_back(loop); });
+    // Inner loops come first; one with tiles inside does not qualify.
+    for (scf::ForOp loop : loops)
+      if (warp::Rotation rotation(loop, entry); rotation.qualifies())
+        rotation.run();
+  }
+};
+
+} // namespace

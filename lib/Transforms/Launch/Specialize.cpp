@@ -1,0 +1,163 @@
+//===- Specialize.cpp - Attach the facts of a launch ----------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// A kernel is compiled once per kind of launch: its rank, which arrays are
+// packed, whether 32 bits index everything. Those facts enter the IR here, as
+// attributes of the kernel function, and no pass after this one has options.
+//
+//===----------------------------------------------------------------------===//
+
+#include "KernelFunction.h"
+
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/IR/Builders.h"
+
+namespace warp {
+#define GEN_PASS_DEF_SPECIALIZE
+#include "WarpDialect/Passes.h.inc"
+} // namespace warp
+
+using namespace mlir;
+
+/// The kernel's argument whose gradient an array is, seen through views; null
+/// for any other array.
+static Value getGradientOf(Value array) {
+  while (Operation *op = array.getDefiningOp()) {
+    if (isa<warp::GradOp>(op))
+      return dyn_cast<BlockArgument>(op->getOperand(0));
+    if (!isa<warp::ViewOp, warp::SliceOp, warp::ComponentViewOp>(op))
+      break;
+    array = op->getOperand(0);
+  }
+  return {};
+}
+
+/// Whether an operation certainly leaves the gradient of an argument as it is.
+static bool leavesGradient(Operation *op, Value argument) {
+  if (isMemoryEffectFree(op) || isa<warp::LoadOp>(op))
+    return true;
+  Value written;
+  if (auto store = dyn_cast<warp::StoreOp>(op))
+    written = store.getArray();
+  else if (auto update = dyn_cast<warp::AccumulateOp>(op))
+    written = update.getArray();
+  Value other = written ? getGradientOf(written) : Value();
+  return other && other != argument;
+}
+
+/// Moves the load that an update begins with in front of all that does not
+/// concern it, so that loads of several updates are under way together.
+static void hoist(Operation *load, Value argument) {
+  Operation *place = load;
+  while (Operation *before = place->getPrevNode()) {
+    bool isOperand = llvm::is_contained(
+        llvm::map_range(load->getOperands(),
+                        [](Value value) { return value.getDefiningOp(); }),
+        before);
+    if (isOperand || !leavesGradient(before, argument))
+      break;
+    place = before;
+  }
+  load->moveBefore(place);
+}
+
+namespace {
+
+struct Specialize : warp::impl::SpecializeBase<Specialize> {
+  using SpecializeBase::SpecializeBase;
+
+  void runOnOperation() override {
+    FunctionOpInterface kernel = warp::findKernel(getOperation());
+    if (!kernel || failed(checkOptions(kernel)))
+      return signalPassFailure();
+    attachFacts(kernel);
+    getOperation().walk([&](Operation *op) {
+      if (auto tid = dyn_cast<warp::TidOp>(op))
+        dropDimensions(tid);
+      else if (auto update = dyn_cast<warp::AccumulateOp>(op))
+        expand(update);
+      else if (isa<warp::AssertOp>(op) && !debug)
+        op->erase();
+    });
+  }
+
+  LogicalResult checkOptions(FunctionOpInterface kernel) {
+    if (rank < 1 || rank > 4)
+      return kernel.emitError("expects a launch of 1 to 4 dimensions, but got ")
+             << rank.getValue();
+    StringRef name = target.getValue();
+    StringRef arch = name;
+    unsigned number;
+    if (name == "cpu" || name.starts_with("cpu:") ||
+        (arch.consume_front("sm_") && !arch.consumeInteger(10, number)))
+      return success();
+    return kernel.emitError("expects the target 'cpu' or 'sm_<number>', but "
+                            "got '")
+           << name << "'";
+  }
+
+  void attachFacts(FunctionOpInterface kernel) {
+    Builder b(&getContext());
+    kernel->setAttr(warp::attr::target, b.getStringAttr(target));
+    kernel->setAttr(warp::attr::rank, b.getI64IntegerAttr(rank));
+    kernel->setAttr(warp::attr::contiguous, b.getI64IntegerAttr(contiguous));
+    kernel->setAttr(warp::attr::blockDim, b.getI64IntegerAttr(blockDim));
+    kernel->setAttr(warp::attr::threads, b.getI64IntegerAttr(threads));
+    auto setFlag = [&](StringRef name, bool value) {
+      if (value)
+        kernel->setAttr(name, b.getUnitAttr());
+    };
+    setFlag(warp::attr::index32, index32);
+    setFlag(warp::attr::flat, flat);
+    setFlag(warp::attr::large, large);
+    setFlag(warp::attr::debug, debug);
+    setFlag(warp::attr::fastMath, fastMath);
+    setFlag(warp::attr::deterministic, deterministic);
+    setFlag(warp::attr::ordered, ordered);
+  }
+
+  /// Indices beyond the rank of the launch are zero.
+  void dropDimensions(warp::TidOp tid) {
+    unsigned kept = std::min<int64_t>(tid.getNumResults(), rank);
+    if (kept == tid.getNumResults())
+      return;
+    OpBuilder b(tid);
+    auto shorter = warp::TidOp::create(
+        b, tid.getLoc(), TypeRange(tid.getResults().take_front(kept)));
+    for (auto [i, index] : llvm::enumerate(tid.getResults())) {
+      if (i < kept) {
+        index.replaceAllUsesWith(shorter->getResult(i));
+        continue;
+      }
+      auto zero = b.getIntegerAttr(index.getType(), 0);
+      index.replaceAllUsesWith(
+          warp::ConstantOp::create(b, tid.getLoc(), zero));
+    }
+    tid->erase();
+  }
+
+  /// An element that no two threads of this launch share is updated plainly.
+  void expand(warp::AccumulateOp op) {
+    OpBuilder b(op);
+    Location loc = op.getLoc();
+    Value value = op.getValue(), array = op.getArray();
+    Type type = value.getType();
+    if (int64_t(op.getUnique().value_or(0)) < rank) {
+      warp::AtomicOp::create(b, loc, type, warp::AtomicKind::add, value, array,
+                             op.getIndices());
+    } else {
+      auto old = warp::LoadOp::create(b, loc, type, array, op.getIndices());
+      // Arguments of a kernel with unique updates do not overlap.
+      if (Value argument = getGradientOf(array))
+        hoist(old, argument);
+      auto sum = warp::AddOp::create(b, loc, TypeRange(type),
+                                     ValueRange{old.getResult(), value});
+      warp::StoreOp::create(b, loc, sum->getResult(0), array, op.getIndices());
+    }
+    op->erase();
+  }
+};
+
+} // namespace

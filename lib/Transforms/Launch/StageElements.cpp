@@ -1,0 +1,275 @@
+//===- StageElements.cpp - Warps move whole elements together -------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Where neighbouring threads of a GPU access neighbouring elements, those of a
+// warp are one stretch of memory. But one instruction moves one word of each,
+// and these lie an element apart: a matrix of nine words is loaded by nine
+// instructions that touch every line of the stretch, and stored in pieces of
+// lines, at a quarter of the memory's bandwidth. So a warp shares the work.
+// Thread l moves words l, l + 32, l + 64, ... of the stretch, and the threads
+// exchange them in a slab of shared memory that belongs to their warp:
+//
+//   load    memory -> share -> slab -> element
+//   store   element -> slab -> share -> memory
+//
+// This takes 32 threads whose elements follow each other. That indices do is
+// known here; that all threads are there is asked where the access is, and
+// otherwise (the last warp of a launch, a branch that some take) each accesses
+// its own element. The answer holds for the rest of a block of the IR. A loop
+// would access the same element again and again, which the cache is for.
+//
+// A thread's element is read and written by others, so barriers of the warp
+// keep the order of its accesses: there is one before every staged access,
+// which also frees the slab; one within, where share and element are exchanged;
+// and one after a store. Loads with nothing but arithmetic between them are
+// under way together.
+//
+// Here is what finds such accesses; ElementStage.cpp writes their code.
+//
+//===----------------------------------------------------------------------===//
+
+#include "StageElements.h"
+
+#include "Emit/ArrayLowering.h"
+#include "GpuBlock.h"
+#include "KernelFunction.h"
+#include "WarpDialect/ParameterLayout.h"
+
+#include "mlir/Dialect/Arith/IR/Arith.h"
+#include "mlir/Interfaces/DataLayoutInterfaces.h"
+#include "mlir/Interfaces/LoopLikeInterface.h"
+#include "llvm/Support/MathExtras.h"
+
+using namespace mlir;
+
+/// Bytes of shared memory that a block may have, and of those for slabs.
+constexpr int64_t mostShared = 48 * 1024;
+constexpr int64_t mostOfSlabs = 40 * 1024;
+/// Registers of loads that are under way together.
+constexpr int64_t mostInFlight = 96;
+
+//===----------------------------------------------------------------------===//
+// Indices
+//===----------------------------------------------------------------------===//
+
+/// Name of the special register that a value is read from, or nothing.
+static StringRef getSpecial(Value value) {
+  auto call = value.getDefiningOp<LLVM::CallIntrinsicOp>();
+  StringRef name = call ? call.getIntrin() : "";
+  return name.consume_front("llvm.nvvm.read.ptx.sreg.") ? name : "";
+}
+
+/// Whether a value is the same for the threads of a warp that lies in a row.
+static bool isUniform(Value value, int depth = 8) {
+  if (auto argument = dyn_cast<BlockArgument>(value))
+    return isa<LLVM::LLVMFuncOp>(argument.getOwner()->getParentOp()) &&
+           argument.getOwner()->isEntryBlock();
+  StringRef name = getSpecial(value);
+  if (!name.empty())
+    return name == "tid.y" || name == "tid.z" || name.starts_with("ctaid.") ||
+           name.starts_with("ntid.");
+  Operation *op = value.getDefiningOp();
+  return depth > 0 && isPure(op) && op->getNumRegions() == 0 &&
+         llvm::all_of(op->getOperands(), [&](Value operand) {
+           return isUniform(operand, depth - 1);
+         });
+}
+
+/// Whether an index is one more in the next thread of a row. Where it wraps
+/// around, an access is out of bounds.
+static bool followsThreads(Value index, int depth = 8) {
+  if (getSpecial(index) == "tid.x")
+    return true;
+  Operation *op = index.getDefiningOp();
+  if (!op || depth == 0 || index.getType().getIntOrFloatBitWidth() < 32)
+    return false;
+  auto follows = [&](unsigned i) {
+    return followsThreads(op->getOperand(i), depth - 1);
+  };
+  if (isa<arith::ExtUIOp, arith::ExtSIOp, arith::TruncIOp>(op))
+    return follows(0);
+  if (isa<arith::AddIOp>(op))
+    return (follows(0) && isUniform(op->getOperand(1))) ||
+           (follows(1) && isUniform(op->getOperand(0)));
+  return isa<arith::SubIOp>(op) && follows(0) && isUniform(op->getOperand(1));
+}
+
+static bool areUniform(ValueRange values) {
+  return llvm::all_of(values, [](Value value) { return isUniform(value); });
+}
+
+/// Whether an array is the same for all threads and has no gaps.
+static bool isPacked(Value array) {
+  if (auto view = array.getDefiningOp<warp::ViewOp>())
+    return isPacked(view.getArray()) && areUniform(view.getIndices());
+  if (auto grad = array.getDefiningOp<warp::GradOp>())
+    return isPacked(grad.getArray());
+  auto parameter = array.getDefiningOp<warp::ParameterOp>();
+  return parameter && parameter.getPacked();
+}
+
+//===----------------------------------------------------------------------===//
+// Accesses
+//===----------------------------------------------------------------------===//
+
+static int64_t getWordSize(Type element) {
+  return warp::getByteSize(warp::getElementScalar(element));
+}
+
+/// Bytes of the slab for elements of a type.
+static int64_t getSlabSize(Type element) {
+  int64_t count = warp::getComponentCount(element);
+  int64_t words = warp::warpSize * count;
+  words += words / warp::getSlabPeriod(count) - 1;
+  return llvm::alignTo(words * getWordSize(element), 8);
+}
+
+static Type getElement(Value array) {
+  return cast<warp::ArrayType>(array.getType()).getElementType();
+}
+
+/// Components of which an instruction each moves one, with gaps that hardware
+/// does not make up for; measured.
+static int64_t fewestComponents(Type element) {
+  return getWordSize(element) < 8 ? 5 : 4;
+}
+
+/// Components of an element that an access is about.
+static int64_t countComponents(warp::LoadComponentsOp load) {
+  return llvm::count_if(load.getComponents(),
+                        [](Value component) { return !component.use_empty(); });
+}
+
+static int64_t countComponents(warp::StoreComponentsOp store) {
+  return store.getComponents().size();
+}
+
+/// Whether elements at these indices follow each other in a warp.
+static bool isStretch(Value array, ValueRange indices, Block *block) {
+  return isPacked(array) && followsThreads(indices.back()) &&
+         areUniform(indices.drop_back()) &&
+         warp::isNonNegative(indices.back(), block);
+}
+
+namespace {
+
+/// Collects the accesses of one block of the IR after the other.
+class Finder {
+public:
+  /// `mostBytes` is what the slab of one warp may have.
+  Finder(warp::StagedAccesses &staged, int64_t mostBytes)
+      : staged(staged), mostBytes(mostBytes) {}
+
+  void visit(Block &block);
+
+  /// Bytes that the largest element found needs.
+  int64_t slabSize = 0;
+
+private:
+  template <typename Op> bool canStage(Op access);
+  void visitLoad(warp::LoadComponentsOp load);
+
+  warp::StagedAccesses &staged;
+  int64_t mostBytes;
+  /// The group that more loads may join.
+  warp::LoadComponentsOp first;
+  int64_t inFlight = 0;
+};
+
+} // namespace
+
+template <typename Op> bool Finder::canStage(Op access) {
+  Type element = getElement(access.getArray());
+  if (!warp::isComposite(element) || getWordSize(element) < 2 ||
+      countComponents(access) < fewestComponents(element) ||
+      getSlabSize(element) > mostBytes ||
+      access->template getParentOfType<LoopLikeOpInterface>() ||
+      !isStretch(access.getArray(), access.getIndices(), access->getBlock()))
+    return false;
+  slabSize = std::max(slabSize, getSlabSize(element));
+  return true;
+}
+
+void Finder::visitLoad(warp::LoadComponentsOp load) {
+  bool joins = first && llvm::all_of(load->getOperands(), [&](Value operand) {
+    Operation *op = operand.getDefiningOp();
+    return !op || op->getBlock() != first->getBlock() ||
+           op->isBeforeInBlock(first);
+  });
+  if (!canStage(load)) {
+    if (joins)
+      load->moveBefore(first);
+    return;
+  }
+  int64_t registers = llvm::divideCeil(
+      warp::getByteSize(getElement(load.getArray())), 4);
+  if (!joins || inFlight + registers > mostInFlight) {
+    first = load;
+    inFlight = 0;
+  }
+  inFlight += registers;
+  staged.loads[load];
+  staged.loads[first].push_back(load);
+}
+
+void Finder::visit(Block &block) {
+  first = nullptr;
+  for (Operation &op : llvm::make_early_inc_range(block)) {
+    if (auto load = dyn_cast<warp::LoadComponentsOp>(op)) {
+      visitLoad(load);
+      continue;
+    }
+    if (!isMemoryEffectFree(&op))
+      first = nullptr;
+    if (auto store = dyn_cast<warp::StoreComponentsOp>(op);
+        store && canStage(store))
+      staged.stores.insert(store);
+  }
+}
+
+/// Bytes of shared memory that are in use.
+static int64_t getSharedSize(ModuleOp module) {
+  int64_t bytes = 0;
+  DataLayout layout(module);
+  for (auto global : module.getOps<LLVM::GlobalOp>())
+    if (global.getAddrSpace() == warp::sharedSpace)
+      bytes += llvm::alignTo(layout.getTypeSize(global.getType()), 8);
+  return bytes;
+}
+
+warp::StagedAccesses warp::findStagedAccesses(LLVM::LLVMFuncOp entry) {
+  StagedAccesses staged;
+  int64_t blockDim = getFact(entry, attr::blockDim, 256);
+  int64_t warps = llvm::divideCeil(blockDim, warpSize);
+  auto module = entry->getParentOfType<ModuleOp>();
+  int64_t left = mostShared - getSharedSize(module);
+  Finder finder(staged, std::min(left, mostOfSlabs) / warps);
+  entry.walk([&](Block *block) { finder.visit(*block); });
+  int64_t slabSize = finder.slabSize;
+  if (slabSize == 0)
+    return staged;
+
+  OpBuilder b = OpBuilder::atBlockBegin(&entry.getBody().front());
+  Location loc = entry.getLoc();
+  auto constant = [&](int64_t value) -> Value {
+    return arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(value));
+  };
+  auto slabs = LLVM::LLVMArrayType::get(b.getI8Type(), warps * slabSize);
+  Value shared = makeShared(b, loc, module, slabs, "element_slabs");
+  Value last = constant(warpSize - 1);
+  Value x = readSpecial(b, loc, "tid.x"), thread = x;
+  if (getFact(entry, attr::rank, 1) > 1) {
+    thread = threadInBlock(b, loc);
+    Value rest = arith::AndIOp::create(b, loc, readSpecial(b, loc, "ntid.x"),
+                                       last);
+    staged.inRow = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq,
+                                         rest, constant(0));
+  }
+  staged.lane = arith::AndIOp::create(b, loc, x, last);
+  Value warp = arith::ShRUIOp::create(b, loc, thread, constant(5));
+  Value offset = arith::MulIOp::create(b, loc, warp, constant(slabSize));
+  staged.slab = LLVM::GEPOp::create(b, loc, shared.getType(), b.getI8Type(),
+                                    shared, ArrayRef<LLVM::GEPArg>(offset));
+  return staged;
+}

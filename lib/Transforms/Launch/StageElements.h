@@ -1,0 +1,83 @@
+//===- StageElements.h - Warps move whole elements together -----*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_TRANSFORMS_STAGEELEMENTS_H
+#define WARP_LIB_TRANSFORMS_STAGEELEMENTS_H
+
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/Dialect/LLVMIR/LLVMDialect.h"
+#include "mlir/IR/Builders.h"
+#include "llvm/ADT/DenseMap.h"
+#include "llvm/ADT/DenseSet.h"
+
+namespace warp {
+
+/// Accesses of an entry that whole warps perform together.
+struct StagedAccesses {
+  /// Loads that are under way together, under the first; the others have an
+  /// empty group.
+  llvm::DenseMap<mlir::Operation *, llvm::SmallVector<LoadComponentsOp>> loads;
+  llvm::DenseSet<mlir::Operation *> stores;
+  /// Number of the thread in its warp, i32.
+  mlir::Value lane;
+  /// Shared memory of the warp.
+  mlir::Value slab;
+  /// Whether threads of a warp differ in the last index of the launch only;
+  /// null if that is so anyway.
+  mlir::Value inRow;
+};
+
+/// Finds them in an entry for a GPU, and moves loads next to each other.
+StagedAccesses findStagedAccesses(mlir::LLVM::LLVMFuncOp entry);
+
+/// Words of a stretch between two of padding in the slab, where elements have
+/// `count` words.
+int64_t getSlabPeriod(int64_t count);
+
+/// Whether all threads of a warp come to the insertion point together.
+mlir::Value isWholeWarp(mlir::OpBuilder &b, mlir::Location loc,
+                        const StagedAccesses &staged);
+
+/// Waits for the threads of a whole warp, and what they did to memory.
+void warpBarrier(mlir::OpBuilder &b, mlir::Location loc);
+
+/// The elements of a whole warp, which lie side by side. A thread's share of
+/// them are words next to those of its neighbours.
+class ElementStage {
+public:
+  /// `pointer` is that of the thread's own element.
+  ElementStage(mlir::OpBuilder &b, mlir::Location loc,
+               const StagedAccesses &staged, mlir::Type element,
+               mlir::Value pointer);
+
+  llvm::SmallVector<mlir::Value> loadShare();
+  void storeShare(mlir::ValueRange words);
+  /// What the thread has of its own element, from what it has as its share.
+  llvm::SmallVector<mlir::Value> shareToElement(mlir::ValueRange words);
+  llvm::SmallVector<mlir::Value> elementToShare(mlir::ValueRange words);
+
+private:
+  using Slot = llvm::function_ref<mlir::Value(int64_t)>;
+  mlir::Value advance(mlir::Value base, int64_t words);
+  mlir::Value advance(mlir::Value base, mlir::Value words);
+  mlir::Value constant(int64_t value);
+  mlir::Value inMemory(int64_t i) { return advance(memory, 32 * i); }
+  mlir::Value inShare(int64_t i);
+  llvm::SmallVector<mlir::Value> load(Slot from);
+  void store(mlir::ValueRange words, Slot to);
+
+  mlir::OpBuilder &b;
+  mlir::Location loc;
+  mlir::Type word;
+  int64_t bytes, count, period;
+  /// Where the thread's share begins in memory, share and element in the slab.
+  mlir::Value memory, share, element;
+};
+
+} // namespace warp
+
+#endif // WARP_LIB_TRANSFORMS_STAGEELEMENTS_H

@@ -1,0 +1,27 @@
+//===- UnrollLoop.h - Copies in the place of a loop -------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_TRANSFORMS_UNROLLLOOP_H
+#define WARP_LIB_TRANSFORMS_UNROLLLOOP_H
+
+#include "mlir/Dialect/SCF/IR/SCF.h"
+
+#include <cstdint>
+#include <optional>
+
+namespace warp {
+
+/// The number of iterations if a loop begins at a constant and it, the step and
+/// the number are known.
+std::optional<int64_t> getConstantTrips(mlir::scf::ForOp loop);
+
+/// Puts a copy of the body for each of `getConstantTrips` iterations in the
+/// place of a loop, and folds their operations.
+void unroll(mlir::scf::ForOp loop);
+
+} // namespace warp
+
+#endif // WARP_LIB_TRANSFORMS_UNROLLLOOP_H

@@ -1,0 +1,50 @@
+//===- Atomics.h - What an atomic update computes ---------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_TRANSFORMS_ATOMICS_H
+#define WARP_LIB_TRANSFORMS_ATOMICS_H
+
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/IR/Builders.h"
+#include "mlir/IR/IRMapping.h"
+
+namespace warp {
+
+/// The value that an update of `old` by `value` leaves. `type` still has its
+/// sign. With `anyOrder` a sum may be reassociated.
+mlir::Value combine(mlir::OpBuilder &b, mlir::Location loc, AtomicKind kind,
+                    mlir::Value old, mlir::Value value, mlir::Type type,
+                    bool anyOrder = false);
+
+/// How results of an update combine: subtracting is adding a negative.
+AtomicKind combiningKind(AtomicKind kind);
+
+/// Whether an update may be made later, and others of its array before it: its
+/// old value is unused, and nothing in the kernel does anything else to the
+/// array than update it in a way that commutes. Exact sums go their own way.
+bool commutes(AtomicComponentsOp update);
+
+/// The value that changes nothing when it is combined. `type` still has its
+/// sign.
+mlir::Value identity(mlir::OpBuilder &b, mlir::Location loc, AtomicKind kind,
+                     mlir::Type type);
+
+/// Whether a value in an entry whose body begins with `first` is the same for
+/// every thread of the range, and safe to compute again.
+bool isInvariant(mlir::Value value, mlir::Block *first);
+/// Computes it again, at an insertion point that `first` dominates.
+mlir::Value cloneInvariant(mlir::OpBuilder &b, mlir::Value value,
+                           mlir::Block *first, mlir::IRMapping &clones);
+
+/// Whether the order of atomic updates in an entry may show: sums of floats
+/// round unless they are exact, and old values tell who came first.
+bool dependsOnOrder(mlir::Operation *update);
+bool hasOrderedUpdates(mlir::Operation *entry);
+
+} // namespace warp
+
+#endif // WARP_LIB_TRANSFORMS_ATOMICS_H

@@ -1,0 +1,46 @@
+//===- BlockReduce.h - Combine a value over a GPU block ---------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_TRANSFORMS_BLOCKREDUCE_H
+#define WARP_LIB_TRANSFORMS_BLOCKREDUCE_H
+
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/IR/Builders.h"
+#include "mlir/IR/BuiltinOps.h"
+
+namespace warp {
+
+/// Combines one value per thread over the threads of a block whose size is a
+/// multiple of the warp's 32. All of them must come to the insertion point.
+class BlockReduce {
+public:
+  /// Reads the thread's place in its block at the insertion point.
+  BlockReduce(mlir::OpBuilder &b, mlir::Location loc, mlir::ModuleOp module,
+              int64_t blockDim);
+
+  /// Whether `condition` holds for any thread; all threads learn it.
+  mlir::Value any(mlir::Value condition);
+  /// The combination of all values, in the thread where `isFirst` holds.
+  /// `type` still has its sign.
+  mlir::Value reduce(AtomicKind kind, mlir::Value value, mlir::Value identity,
+                     mlir::Type type);
+  mlir::Value isFirst();
+
+private:
+  mlir::Value constant(int64_t value);
+  mlir::Value overWarp(AtomicKind kind, mlir::Value value, mlir::Type type);
+
+  mlir::OpBuilder &b;
+  mlir::Location loc;
+  mlir::ModuleOp module;
+  int64_t warps;
+  mlir::Value thread, lane;
+};
+
+} // namespace warp
+
+#endif // WARP_LIB_TRANSFORMS_BLOCKREDUCE_H

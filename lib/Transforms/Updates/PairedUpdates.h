@@ -1,0 +1,28 @@
+//===- PairedUpdates.h - Two components per atomic addition -----*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_TRANSFORMS_PAIREDUPDATES_H
+#define WARP_LIB_TRANSFORMS_PAIREDUPDATES_H
+
+#include "WarpDialect/ParameterLayout.h"
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/IR/Builders.h"
+
+namespace warp {
+
+/// Whether the entry's GPU can perform this update, of an element with these
+/// parts, by `addInPairs`.
+bool canAddInPairs(mlir::Operation *entry, AtomicComponentsOp op,
+                   llvm::ArrayRef<Leaf> leaves);
+
+/// Adds floats atomically to those that follow each other from `pointer` on.
+void addInPairs(mlir::OpBuilder &b, mlir::Location loc, mlir::ValueRange values,
+                mlir::Value pointer);
+
+} // namespace warp
+
+#endif // WARP_LIB_TRANSFORMS_PAIREDUPDATES_H

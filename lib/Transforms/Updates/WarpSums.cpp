@@ -1,0 +1,83 @@
+//===- WarpSums.cpp - One atomic for the threads of a warp ----------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// In iteration k of a loop, or in row i of a launch over a plane, the threads
+// of a warp update the same element:
+//
+//   for k: atomic_add(w, k, v)          atomic_add(row, i, v)
+//
+// That is 32 updates one after the other at one address. Where all lanes come
+// to the update together and agree on k and i, they combine their values by
+// shuffles, and the first lane makes the only update.
+//
+// The array must not be accessed in other ways, as a thread may not find its
+// own update there yet. Partial results of fewer than 32 bits would round.
+//
+//===----------------------------------------------------------------------===//
+
+#include "WarpSums.h"
+
+#include "Atomics.h"
+#include "Launch/GpuBlock.h"
+#include "Launch/UniformValues.h"
+#include "WarpDialect/ParameterLayout.h"
+
+#include "mlir/Dialect/Arith/IR/Arith.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
+
+using namespace mlir;
+using warp::AtomicComponentsOp;
+
+/// Whether threads of a warp may be expected to update the same element; what
+/// they must agree on is added to `compared`.
+static bool updatesOneElement(AtomicComponentsOp op, LLVM::LLVMFuncOp entry,
+                              llvm::SetVector<Value> &compared) {
+  auto isKnown = [&](Value value) {
+    return warp::isUniform(value, entry, compared);
+  };
+  return warp::commutes(op) && isKnown(op.getArray()) &&
+         llvm::all_of(op.getIndices(), isKnown) && !compared.empty() &&
+         llvm::all_of(op.getResultTypes(), [](Type type) {
+           return type.getIntOrFloatBitWidth() >= 32;
+         });
+}
+
+static void combineOverWarp(AtomicComponentsOp op, ArrayRef<Value> compared) {
+  OpBuilder b(op);
+  Location loc = op.getLoc();
+  Value together = warp::isWarpTogether(b, loc, compared);
+  auto branch = scf::IfOp::create(b, loc, together, /*withElseRegion=*/true);
+  op->moveBefore(branch.elseBlock()->getTerminator());
+
+  b.setInsertionPointToStart(branch.thenBlock());
+  SmallVector<warp::Leaf> leaves;
+  warp::collectLeaves(
+      cast<warp::ArrayType>(op.getArray().getType()).getElementType(), 0,
+      leaves);
+  SmallVector<Value> totals;
+  warp::AtomicKind kind = warp::combiningKind(op.getKind());
+  for (auto [leaf, value] : llvm::zip_equal(leaves, op.getComponents()))
+    totals.push_back(
+        warp::overLanes(b, loc, value, [&, type = leaf.type](Value x, Value y) {
+          return warp::combine(b, loc, kind, x, y, type, /*anyOrder=*/true);
+        }));
+  Value zero = arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(0));
+  Value isFirst =
+      arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq,
+                            warp::readSpecial(b, loc, "laneid"), zero);
+  auto once = scf::IfOp::create(b, loc, isFirst, /*withElseRegion=*/false);
+  b.setInsertionPointToStart(once.thenBlock());
+  AtomicComponentsOp::create(b, loc, op.getResultTypes(), op.getKind(), totals,
+                             op.getArray(), op.getIndices());
+}
+
+void warp::combineOverWarps(LLVM::LLVMFuncOp entry) {
+  SmallVector<AtomicComponentsOp> updates;
+  entry.walk([&](AtomicComponentsOp op) { updates.push_back(op); });
+  for (AtomicComponentsOp op : updates) {
+    llvm::SetVector<Value> compared;
+    if (updatesOneElement(op, entry, compared))
+      combineOverWarp(op, compared.getArrayRef());
+  }
+}
