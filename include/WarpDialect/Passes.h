@@ -25,6 +25,10 @@ constexpr llvm::StringLiteral contiguous = "warp.contiguous";
 constexpr llvm::StringLiteral index32 = "warp.index32";
 /// On the parameter itself: an integer that `contiguous` says is not negative.
 constexpr llvm::StringLiteral nonNegative = "warp.non_negative";
+/// On an argument of a kernel in phase `launch`: an array without gaps in
+/// row-major order; how messages call it.
+constexpr llvm::StringLiteral packed = "warp.packed";
+constexpr llvm::StringLiteral name = "warp.name";
 constexpr llvm::StringLiteral flat = "warp.flat";
 constexpr llvm::StringLiteral debug = "warp.debug";
 constexpr llvm::StringLiteral fastMath = "warp.fast_math";
@@ -32,6 +36,8 @@ constexpr llvm::StringLiteral deterministic = "warp.deterministic";
 constexpr llvm::StringLiteral ordered = "warp.ordered";
 constexpr llvm::StringLiteral blockDim = "warp.block_dim";
 constexpr llvm::StringLiteral large = "warp.large";
+/// CPU: bits of a vector of the processor that code is for.
+constexpr llvm::StringLiteral vectorBits = "warp.vector_bits";
 constexpr llvm::StringLiteral threads = "warp.threads";
 /// Rough operations of one thread, which the compiler estimates.
 constexpr llvm::StringLiteral cost = "warp.cost";
@@ -42,7 +48,7 @@ constexpr llvm::StringLiteral exclusive = "warp.exclusive";
 /// GPU: launch indices that one thread takes; 1 without. Threads of the only
 /// block of an exclusive launch.
 constexpr llvm::StringLiteral items = "warp.items";
-/// The function that a launch calls, once warp-lower-launch has made it.
+/// The function that a launch calls, once warp-emit-entry has made it.
 constexpr llvm::StringLiteral entry = "warp.entry";
 /// What warp-sum-exactly found out, see include/warp/ExactSums.h. On the kernel:
 /// its arrays, the fields of a `SummedArray` each; on an update: where the

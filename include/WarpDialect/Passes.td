@@ -290,6 +290,8 @@ def Specialize : WarpPass<"warp-specialize"> {
            "GPU: the launch fills the card many times over">,
     Option<"threads", "threads", "int64_t", "16",
            "CPU: threads that would share the launch">,
+    Option<"vectorBits", "vector-bits", "int64_t", "256",
+           "CPU: bits of a vector">,
   ];
   let dependentDialects = ["::warp::WarpDialect"];
 }
@@ -342,26 +344,114 @@ def SumExactly : WarpPass<"warp-sum-exactly"> {
   }];
 }
 
-def LowerLaunch : WarpPass<"warp-lower-launch"> {
-  let summary = "Turn the kernel function into the entry of a launch";
+def FormLaunch : WarpPass<"warp-form-launch"> {
+  let summary = "Make the body of a kernel the region of its threads";
   let description = [{
-    The entry reads its arguments from the parameter block. On the CPU it runs
-    the threads of a range of linear indices, row by row, with an inner loop
-    over the last dimension; on the GPU it is one thread.
+    Begins phase `launch`. What the launch promises of arguments becomes
+    attributes of them.
 
     ```mlir
     func.func @f(%x: !warp.array<1 x f32>) attributes {warp.kernel} {
       %i = warp.tid : i32
       // body
     // ==>
-    func.func @f(%block: !llvm.ptr, %begin: i64, %end: i64) {
-      %x = warp.parameter %block[24] : !llvm.ptr -> !warp.array<1 x f32>
-      // loop over [begin, end): body
+    func.func @f(%x: !warp.array<1 x f32> {warp.packed}) {
+      warp.group {
+        warp.threads {
+        ^bb0(%i: i32):
+          // body
+    ```
+  }];
+  let dependentDialects = ["::mlir::arith::ArithDialect", "::warp::WarpDialect"];
+}
+
+def FuseMultiplyAdd : WarpPass<"warp-fuse-multiply-add"> {
+  let summary = "Make a product and a sum of it one operation";
+  let description = [{
+    Which products are rounded is settled here, before any schedule, so that
+    scalar code, lanes and debugging launches have the same bits. A product with
+    one use is fused with the sum that uses it, the left one of two. Nothing is
+    fused where the processor has no such instruction, or the operation is
+    marked `warp.exact`.
+
+    ```mlir
+    %p = arith.mulf %a, %b : f32
+    %s = arith.addf %p, %c : f32
+    // ==>
+    %s = math.fma %a, %b, %c : f32
+    ```
+  }];
+  let dependentDialects = ["::mlir::arith::ArithDialect",
+                           "::mlir::math::MathDialect"];
+}
+
+def WidenThreads : WarpPass<"warp-widen-threads"> {
+  let summary = "Make threads the lanes of vectors on a CPU";
+  let description = [{
+    Values that differ from thread to thread become vectors, control flow that
+    does becomes masks. Threads stay scalar where lanes cannot be right or do
+    not pay, and in a debugging launch.
+
+    ```mlir
+    ^bb0(%i: i32):
+      %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
+      %s = arith.addf %v, %v : f32
+    // ==>
+    ^bb0(%i: i32, %live: vector<16xi1>):
+      %v = warp.load_lanes unit %x[%i] mask %live : ... -> vector<16xf32>
+      %s = arith.addf %v, %v : vector<16xf32>
+    ```
+  }];
+  let options = [
+    Option<"lanes", "lanes", "int64_t", "0",
+           "Lanes of a vector; 0 leaves it to the pass">,
+  ];
+  let dependentDialects = [
+    "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect",
+    "::warp::WarpDialect"];
+}
+
+def LowerLanes : WarpPass<"warp-lower-lanes"> {
+  let summary = "Turn what lanes do together into operations on vectors";
+  let description = [{
+    Code for full vectors, whose mask is a constant, is simplified first. What
+    is done lane by lane becomes a loop over the lanes, with operands and results
+    in memory.
+
+    ```mlir
+    %any = warp.any %m : vector<16xi1>
+    // ==>
+    %any = "llvm.intr.vector.reduce.or"(%m) : (vector<16xi1>) -> i1
     ```
   }];
   let dependentDialects = [
-    "::mlir::arith::ArithDialect", "::mlir::LLVM::LLVMDialect",
-    "::warp::WarpDialect"];
+    "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect",
+    "::mlir::LLVM::LLVMDialect"];
+}
+
+def EmitEntry : WarpPass<"warp-emit-entry"> {
+  let summary = "Turn the group of threads into the entry of a launch";
+  let description = [{
+    The entry reads its arguments from the parameter block. On the CPU it runs
+    the threads of a range of linear indices, row by row, with an inner loop
+    over the last dimension; on the GPU it is one thread.
+
+    ```mlir
+    warp.group {
+      warp.threads {
+      ^bb0(%i: i32):
+        // body
+    // ==>
+    llvm.func @f(%block: !llvm.ptr, %begin: i64, %end: i64) {
+      %x = warp.parameter %block[24] : !llvm.ptr -> !warp.array<1 x f32>
+      scf.for %n = %begin to %end step %one {
+        %i = arith.trunci %n : i64 to i32
+        // body
+    ```
+  }];
+  let dependentDialects = [
+    "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect",
+    "::mlir::LLVM::LLVMDialect", "::warp::WarpDialect"];
 }
 
 def RotateLoops : WarpPass<"warp-rotate-loops"> {
@@ -399,29 +489,56 @@ def RotateLoops : WarpPass<"warp-rotate-loops"> {
 }
 
 def PrivatizeAtomics : WarpPass<"warp-privatize-atomics"> {
-  let summary = "Combine updates of one element over a range of threads";
+  let summary = "Combine updates of one element over a group of threads";
   let description = [{
     An atomic whose address all threads share and whose old value nobody uses
-    is accumulated privately and published once: per range of threads on the
-    CPU, per block on a GPU. On a GPU, one whose address the threads of a warp
-    share, in one iteration of a loop or one row of the launch, is combined over
-    the warp.
+    becomes a value that the threads yield, which is combined over the group
+    and published once.
 
     Where atomics remain on the CPU, and so few threads would share the launch that one
-    thread without atomic instructions is faster, the entry is marked
+    thread without atomic instructions is faster, the kernel is marked
     `warp.exclusive`: it runs on one thread and updates elements plainly. In a
-    deterministic launch so is every entry with atomics whose order would show,
+    deterministic launch so is every kernel with atomics whose order would show,
     sums that are exact aside; on a GPU that is a launch of one block, with one
     thread if its updates cannot be combined.
 
     ```mlir
-    // loop over threads:
-    %old = warp.atomic_components add %x, %sum[%c0] : ...
+    warp.threads {
+      %old = warp.atomic_components add(%x), %sum[%c0] : ...
+    }
     // ==>
-    // loop over threads:
-    %s1 = arith.addf %s0, %x fastmath<reassoc> : f32
-    // after the loop:
-    %old = warp.atomic_components add %s, %sum[%c0] : ...
+    %s = warp.threads kinds = [add] {
+      warp.yield %x : f32
+    } : f32
+    warp.once {
+      %old = warp.atomic_components add(%s), %sum[%c0] : ...
+    }
+    ```
+  }];
+  let dependentDialects = [
+    "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect",
+    "::warp::WarpDialect"];
+}
+
+def CombineOverWarps : WarpPass<"warp-combine-over-warps"> {
+  let summary = "Combine updates of one element over the threads of a warp";
+  let description = [{
+    On a GPU, an atomic whose address the threads of a warp share, in one
+    iteration of a loop or one row of the launch, becomes one update by the
+    first lane, of what shuffles have combined, where all lanes come to it
+    together.
+
+    ```mlir
+    %old = warp.atomic_components add(%x), %row[%i] : ...
+    // ==>
+    scf.if %together {
+      // %s: %x of all lanes
+      scf.if %is_first_lane {
+        %old = warp.atomic_components add(%s), %row[%i] : ...
+      }
+    } else {
+      %old = warp.atomic_components add(%x), %row[%i] : ...
+    }
     ```
   }];
   let dependentDialects = [
@@ -447,30 +564,6 @@ def LowerSums : WarpPass<"warp-lower-sums"> {
   let dependentDialects = [
     "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect",
     "::mlir::LLVM::LLVMDialect", "::warp::WarpDialect"];
-}
-
-def DeferUpdates : WarpPass<"warp-defer-updates"> {
-  let summary = "Compute in lanes, then update elements in order";
-  let description = [{
-    The loop over threads of a CPU entry that runs alone becomes two, for
-    stretches of a few hundred threads: the first leaves what is added to
-    elements, and their indices, in buffers, and can be vectorised; the second
-    performs the updates one by one. Done where a body without control flow
-    computes much for each update.
-
-    ```mlir
-    // loop over threads:
-    %old = warp.atomic_components add(%v), %f[%i] : ...
-    // ==>
-    // loop over threads of a stretch:
-    llvm.store %v, %values[%slot]
-    llvm.store %i, %places[%slot]
-    // loop over the same threads:
-    %old = warp.atomic_components add(%known), %f[%place] : ...
-    ```
-  }];
-  let dependentDialects = [
-    "::mlir::arith::ArithDialect", "::mlir::LLVM::LLVMDialect"];
 }
 
 def LowerArrays : WarpPass<"warp-lower-arrays"> {

@@ -6,6 +6,8 @@
 
 #include "Pipelines.h"
 
+#include "Target.h"
+
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/WarpDialect.h"
 
@@ -47,6 +49,8 @@ void warp::addSpecialize(OpPassManager &pm, const CompileOptions &options) {
   facts.ordered = options.ordered;
   facts.blockDim = options.blockDim;
   facts.threads = options.threads;
+  if (!isGpu(options))
+    facts.vectorBits = getVectorBits(options);
   pm.addPass(createSpecialize(facts));
 }
 
@@ -76,10 +80,14 @@ void warp::addPhase(OpPassManager &pm, Phase phase) {
     return;
   case Phase::LLVM:
     pm.addPass(createSumExactly());
-    pm.addPass(createLowerLaunch());
-    pm.addPass(createRotateLoops());
+    pm.addPass(createFuseMultiplyAdd());
+    pm.addPass(createFormLaunch());
     pm.addPass(createPrivatizeAtomics());
-    pm.addPass(createDeferUpdates());
+    pm.addPass(createWidenThreads());
+    pm.addPass(createEmitEntry());
+    pm.addPass(createLowerLanes());
+    pm.addPass(createRotateLoops());
+    pm.addPass(createCombineOverWarps());
     pm.addPass(createLowerSums());
     pm.addPass(createLowerArrays());
     pm.addPass(createLowerMath());

@@ -59,6 +59,8 @@ std::unique_ptr<llvm::TargetMachine>
 createGpuMachine(const CompileOptions &options);
 /// Name and features of the processor that code is generated for.
 std::string describeCpu(const CompileOptions &options);
+/// Bits of the vectors that its code should have.
+int getVectorBits(const CompileOptions &options);
 
 /// Sets triple, layout and function attributes, and links the libraries.
 void prepareCpuModule(llvm::Module &module, llvm::TargetMachine &machine,

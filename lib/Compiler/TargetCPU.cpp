@@ -17,6 +17,9 @@
 #include "llvm/Target/TargetMachine.h"
 #include "llvm/TargetParser/Host.h"
 #include "llvm/TargetParser/SubtargetFeature.h"
+#include "llvm/TargetParser/X86TargetParser.h"
+#include "llvm/ADT/STLExtras.h"
+#include "llvm/ADT/StringMap.h"
 
 extern "C" const char warp_devicelib_cpu_begin[], warp_devicelib_cpu_end[];
 
@@ -25,9 +28,16 @@ using namespace warp;
 namespace {
 struct Processor {
   std::string name, features;
-  bool wideVectors = false;
+  int vectorBits = 128;
 };
 } // namespace
+
+/// Since Ice Lake and Zen 4, 512-bit vectors don't lower the clock.
+static int chooseVectorBits(llvm::function_ref<bool(llvm::StringRef)> has) {
+  if (has("avx512vbmi2"))
+    return 512;
+  return has("avx2") && has("fma") ? 256 : 128;
+}
 
 static Processor findHost() {
   Processor host;
@@ -37,8 +47,8 @@ static Processor findHost() {
   for (auto &feature : found)
     list.AddFeature(feature.first(), feature.second);
   host.features = list.getString();
-  // Since Ice Lake and Zen 4, 512-bit vectors don't lower the clock.
-  host.wideVectors = found.lookup("avx512vbmi2");
+  host.vectorBits = chooseVectorBits(
+      [&](llvm::StringRef feature) { return found.lookup(feature); });
   return host;
 }
 
@@ -47,7 +57,16 @@ static Processor findProcessor(const CompileOptions &options) {
   llvm::StringRef name = options.target;
   if (!name.consume_front("cpu:"))
     return host;
-  return {name.str(), "", false};
+  llvm::SmallVector<llvm::StringRef> features;
+  llvm::X86::getFeaturesForCPU(name, features);
+  int bits = chooseVectorBits([&](llvm::StringRef feature) {
+    return llvm::is_contained(features, feature);
+  });
+  return {name.str(), "", bits};
+}
+
+int warp::getVectorBits(const CompileOptions &options) {
+  return findProcessor(options).vectorBits;
 }
 
 std::string warp::describeCpu(const CompileOptions &options) {
@@ -85,7 +104,7 @@ void warp::prepareCpuModule(llvm::Module &module, llvm::TargetMachine &machine,
               {warp_devicelib_cpu_begin,
                size_t(warp_devicelib_cpu_end - warp_devicelib_cpu_begin)},
               "device library");
-  bool wide = findProcessor(options).wideVectors;
+  bool wide = getVectorBits(options) == 512;
   for (llvm::Function &function : module) {
     if (function.isDeclaration())
       continue;

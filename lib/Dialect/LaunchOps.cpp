@@ -1,10 +1,13 @@
-//===- LaunchOps.cpp - Verification of WarpLaunchOps.td -------------------===//
+//===- LaunchOps.cpp - Verifiers of phase `launch` ------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 //===----------------------------------------------------------------------===//
 
 #include "WarpDialect/WarpOps.h"
+
+#include "mlir/IR/BuiltinTypes.h"
+#include "mlir/Interfaces/FunctionInterfaces.h"
 
 using namespace mlir;
 
@@ -17,5 +20,86 @@ LogicalResult warp::ParameterOp::verify() {
   if (getPacked() && !isa<warp::ArrayType>(getResult().getType()))
     return emitOpError("expects an array to be packed, but got ")
            << getResult().getType();
+  return success();
+}
+
+//===----------------------------------------------------------------------===//
+// Regions
+//===----------------------------------------------------------------------===//
+
+LogicalResult warp::GroupOp::verify() {
+  Operation *parent = (*this)->getParentOp();
+  if (!isa<FunctionOpInterface>(parent))
+    return emitOpError("(C1) expects to stand in a function");
+  auto threads = getBody().front().getOps<ThreadsOp>();
+  if (std::distance(threads.begin(), threads.end()) != 1)
+    return emitOpError("(C2) expects one 'warp.threads'");
+  return success();
+}
+
+LogicalResult warp::ThreadsOp::verify() {
+  unsigned rank = getIndices().size();
+  if (rank < 1 || rank > 4)
+    return emitOpError("(C1) expects 1 to 4 indices, but got ") << rank;
+  for (BlockArgument index : getIndices())
+    if (!index.getType().isInteger(32))
+      return emitOpError("(C1) expects indices of type i32, but got ")
+             << index.getType();
+  if (getLanes()) {
+    auto mask = dyn_cast<VectorType>(getLive().getType());
+    if (!mask || !mask.getElementType().isInteger(1) ||
+        mask.getNumElements() != getWidth())
+      return emitOpError("(C1) expects a mask of ")
+             << getWidth() << " lanes, but got " << getLive().getType();
+  }
+  size_t count = getTypes().size();
+  if (getKinds().size() != count || getCombined().size() != count ||
+      getYield()->getNumOperands() != count)
+    return emitOpError("(C2) expects as many kinds, types and results as "
+                       "values that are yielded");
+  for (auto [type, result, yielded] :
+       llvm::zip_equal(getTypes().getAsValueRange<TypeAttr>(), getResultTypes(),
+                       getYield()->getOperandTypes())) {
+    mlir::Type expected = result;
+    if (getLanes())
+      expected = VectorType::get(getWidth(), result);
+    if (getSignless(type) != result || yielded != expected)
+      return emitOpError("(C3) combines ")
+             << type << ", but yields " << yielded << " and results in "
+             << result;
+  }
+  return success();
+}
+
+LogicalResult warp::OnceOp::verify() {
+  if ((*this)->getParentOfType<ThreadsOp>() ||
+      !(*this)->getParentOfType<GroupOp>())
+    return emitOpError("(C1) expects to stand in a 'warp.group', outside of "
+                       "its threads");
+  return success();
+}
+
+LogicalResult warp::EachLaneOp::verify() {
+  Block &block = getBody().front();
+  if (block.getNumArguments() != getInputs().size())
+    return emitOpError("(C1) expects an argument for each operand");
+  int64_t lanes = cast<VectorType>(getMask().getType()).getNumElements();
+  auto fits = [&](mlir::Type vector, mlir::Type scalar) {
+    auto type = dyn_cast<VectorType>(vector);
+    return type && type.getNumElements() == lanes &&
+           type.getElementType() == scalar;
+  };
+  for (auto [operand, argument] :
+       llvm::zip_equal(getInputs(), block.getArguments()))
+    if (!fits(operand.getType(), argument.getType()))
+      return emitOpError("(C1) has an argument ")
+             << argument.getType() << " for an operand " << operand.getType();
+  Operation *yield = block.getTerminator();
+  if (yield->getNumOperands() != getNumResults())
+    return emitOpError("(C1) expects to yield a value for each result");
+  for (auto [result, value] :
+       llvm::zip_equal(getResultTypes(), yield->getOperandTypes()))
+    if (!fits(result, value))
+      return emitOpError("(C1) yields ") << value << " for a result " << result;
   return success();
 }

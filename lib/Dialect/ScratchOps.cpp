@@ -14,8 +14,11 @@ warp::ScratchType::verify(llvm::function_ref<InFlightDiagnostic()> emitError,
   if (slots < 1 || slots > maxComponents)
     return emitError() << "(C1) expects 1 to " << maxComponents
                        << " slots, but got " << slots;
-  if (!elementType ||
-      !(isThreadScalar(elementType) || isComposite(elementType)))
+  // Lanes have a value each in a slot.
+  mlir::Type value = elementType;
+  if (auto lanes = dyn_cast_or_null<VectorType>(elementType))
+    value = lanes.getElementType();
+  if (!value || !(isThreadScalar(value) || isComposite(value)))
     return emitError() << "(C2) expects a scalar or composite as element "
                           "type, but got "
                        << elementType;

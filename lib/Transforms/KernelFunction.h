@@ -9,6 +9,7 @@
 
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/WarpDialect.h"
+#include "WarpDialect/WarpOps.h"
 
 #include "mlir/IR/BuiltinOps.h"
 #include "mlir/Interfaces/FunctionInterfaces.h"
@@ -61,6 +62,14 @@ inline int64_t countSums(mlir::ArrayAttr sums) {
                         [](mlir::DenseI64ArrayAttr entry) {
                           return entry[0] != 0;
                         });
+}
+
+/// The threads of a kernel in phase `launch`; null in other phases.
+inline ThreadsOp findThreads(mlir::FunctionOpInterface kernel) {
+  for (auto group : kernel.getFunctionBody().getOps<GroupOp>())
+    for (auto threads : group.getBody().getOps<ThreadsOp>())
+      return threads;
+  return nullptr;
 }
 
 /// Passes of the module-level phases agree on the function they work on.

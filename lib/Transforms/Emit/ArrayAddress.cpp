@@ -192,10 +192,12 @@ mlir::Value ArrayLowering::advance(mlir::Value base, mlir::Value bytes) {
                              LLVM::GEPNoWrapFlags::inbounds);
 }
 
-/// Pointer to the element, or subarray, at these leading indices.
+/// Pointer to the element, or subarray, at these leading indices. `inside`: the
+/// array has that element.
 mlir::Value ArrayLowering::elementPointer(const ArrayParts &parts,
                                           ValueRange indices,
-                                          mlir::Type elementType) {
+                                          mlir::Type elementType,
+                                          bool inside) {
   if (parts.unit == 0) {
     mlir::Value pointer = parts.data;
     for (auto [index, bytes] : llvm::zip(indices, parts.strides)) {
@@ -228,7 +230,8 @@ mlir::Value ArrayLowering::elementPointer(const ArrayParts &parts,
       step = scalar;
   return LLVM::GEPOp::create(b, loc, dataPointer, step, parts.data,
                              ArrayRef<LLVM::GEPArg>(widen(number, i64)),
-                             LLVM::GEPNoWrapFlags::inbounds);
+                             inside ? LLVM::GEPNoWrapFlags::inbounds
+                                    : LLVM::GEPNoWrapFlags::none);
 }
 
 Address ArrayLowering::address(mlir::Value array, ValueRange indices) {

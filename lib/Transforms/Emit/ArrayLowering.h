@@ -12,6 +12,7 @@
 #ifndef WARP_LIB_TRANSFORMS_ARRAYLOWERING_H
 #define WARP_LIB_TRANSFORMS_ARRAYLOWERING_H
 
+#include "Analysis/NonNegative.h"
 #include "Launch/StageElements.h"
 #include "WarpDialect/WarpOps.h"
 
@@ -46,9 +47,6 @@ struct Address {
 /// What an error record says happened.
 enum class ReportKind { OutOfBounds = 0, Assertion = 1 };
 
-/// Whether an index can be told not to be negative, in a block if that helps.
-bool isNonNegative(mlir::Value index, mlir::Block *where);
-
 class ArrayLowering {
 public:
   explicit ArrayLowering(mlir::LLVM::LLVMFuncOp entry);
@@ -57,8 +55,6 @@ public:
   llvm::LogicalResult run();
 
 private:
-  void findAccessGroups();
-
   // LowerArrays.cpp: one operation each.
   void lower(mlir::Operation *op);
   void lowerParameter(ParameterOp op);
@@ -93,7 +89,7 @@ private:
   mlir::Value wideIndex(mlir::Value index, int depth = 4);
   Address address(mlir::Value array, mlir::ValueRange indices);
   mlir::Value elementPointer(const ArrayParts &parts, mlir::ValueRange indices,
-                             mlir::Type elementType);
+                             mlir::Type elementType, bool inside = true);
   mlir::Value advance(mlir::Value pointer, int64_t bytes);
   mlir::Value advance(mlir::Value pointer, mlir::Value bytes);
   mlir::Value loadLeaf(mlir::Type type, mlir::Value pointer);
@@ -110,6 +106,16 @@ private:
   mlir::Value isWhole(mlir::Operation *access);
   void lowerStaged(llvm::ArrayRef<LoadComponentsOp> group);
   void lowerStaged(StoreComponentsOp op);
+
+  // LowerLaneAccesses.cpp
+  struct LaneAccess;
+  LaneAccess laneAccess(mlir::Value array, mlir::ValueRange indices,
+                        mlir::Value mask, LaneForm form,
+                        llvm::ArrayRef<bool> nonNegative);
+  void lowerLanes(LoadLanesOp op);
+  void lowerLanes(StoreLanesOp op);
+  mlir::Value gatherOffsets(const ArrayParts &parts, mlir::ValueRange indices,
+                            llvm::ArrayRef<bool> nonNegative, int64_t lanes);
 
   // LowerAtomics.cpp
   void lowerAtomic(AtomicComponentsOp op);
@@ -145,10 +151,6 @@ private:
   mlir::Location loc;
   mlir::Type i8, i32, i64, pointer, dataPointer;
   bool gpu, index32, debug, exclusive;
-  /// Updates are plain, and may be performed by several threads together.
-  bool vectorUpdates = false;
-  /// Marks accesses of the thread loop, which is parallel.
-  mlir::ArrayAttr accessGroups;
   llvm::DenseMap<mlir::Value, ArrayParts> known;
   /// Where in the parameter block an array's descriptor lies.
   llvm::DenseMap<mlir::Value, std::pair<mlir::Value, int64_t>> descriptors;

@@ -3,10 +3,10 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // Structured control flow becomes branches, then arith, math and cf operations
-// become LLVM's in one conversion. Float operations may contract to fma, as C
-// compilers do; code that needs a product rounded uses `math.fma` where it
-// wants one. `warp.fast_math` allows reassociation and reciprocals as well,
-// but NaN and infinity keep their meaning.
+// become LLVM's in one conversion. Which products are fused with sums was
+// settled before (warp-fuse-multiply-add), so nothing may contract here.
+// `warp.fast_math` allows reassociation, reciprocals and more contraction, but
+// NaN and infinity keep their meaning.
 //
 //===----------------------------------------------------------------------===//
 
@@ -82,11 +82,11 @@ struct ConvertToLLVM : warp::impl::ConvertToLLVMBase<ConvertToLLVM> {
   }
 
   void setFloatFlags(FunctionOpInterface entry) {
-    auto flags = arith::FastMathFlags::contract;
-    if (entry->hasAttr(warp::attr::fastMath))
-      flags = flags | arith::FastMathFlags::reassoc |
-              arith::FastMathFlags::arcp | arith::FastMathFlags::afn |
-              arith::FastMathFlags::nsz;
+    if (!entry->hasAttr(warp::attr::fastMath))
+      return;
+    auto flags = arith::FastMathFlags::contract |
+                 arith::FastMathFlags::reassoc | arith::FastMathFlags::arcp |
+                 arith::FastMathFlags::afn | arith::FastMathFlags::nsz;
     entry.walk([&](arith::ArithFastMathInterface op) {
       // A conversion there and back rounds, whatever may contract.
       if (op->hasAttr(warp::exactAttrName) ||

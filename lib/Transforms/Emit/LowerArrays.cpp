@@ -14,8 +14,8 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "AccessOrder.h"
 #include "ArrayLowering.h"
+#include "ForwardElements.h"
 #include "KernelFunction.h"
 #include "WarpDialect/ParameterLayout.h"
 
@@ -45,21 +45,8 @@ ArrayLowering::ArrayLowering(LLVM::LLVMFuncOp entry)
   dataPointer = LLVM::LLVMPointerType::get(context, gpu ? 1 : 0);
 }
 
-/// Finds the access group of the loop over threads.
-void ArrayLowering::findAccessGroups() {
-  for (auto branch : entry.getBody().getOps<LLVM::CondBrOp>())
-    if (auto annotation = branch.getLoopAnnotationAttr();
-        annotation && !annotation.getParallelAccesses().empty()) {
-      SmallVector<Attribute> groups(annotation.getParallelAccesses());
-      accessGroups = b.getArrayAttr(groups);
-    }
-}
-
 LogicalResult ArrayLowering::run() {
   forwardStores(entry);
-  vectorUpdates = exclusive && updatesNeighbours(entry);
-  if (keepsOrderInVectors(entry, vectorUpdates))
-    findAccessGroups();
   if (gpu && !debug)
     staged = findStagedAccesses(entry);
   SmallVector<Operation *> operations;
@@ -105,6 +92,10 @@ void ArrayLowering::lower(Operation *op) {
     lowerAtomic(atomic);
   else if (auto cas = dyn_cast<AtomicCasOp>(op))
     lowerAtomicCas(cas);
+  else if (auto load = dyn_cast<LoadLanesOp>(op))
+    lowerLanes(load);
+  else if (auto store = dyn_cast<StoreLanesOp>(op))
+    lowerLanes(store);
   else if (auto address = dyn_cast<AddressOp>(op))
     lowerAddress(address);
   else if (auto scratch = dyn_cast<ScratchOp>(op))
@@ -269,9 +260,8 @@ mlir::Value ArrayLowering::zeroOf(mlir::Type type) {
 /// Reads a scalar, or an array's descriptor, signless.
 mlir::Value ArrayLowering::loadLeaf(mlir::Type type, mlir::Value from) {
   mlir::Type stored = isBool(type) ? i8 : getSignless(type);
-  auto load =
+  mlir::Value load =
       LLVM::LoadOp::create(b, loc, stored, from, getByteSize(type));
-  load.setAccessGroupsAttr(accessGroups);
   if (!isBool(type))
     return load;
   return arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ne, load,
@@ -282,8 +272,7 @@ void ArrayLowering::storeLeaf(mlir::Value value, mlir::Type type,
                               mlir::Value to) {
   if (isBool(type))
     value = arith::ExtUIOp::create(b, loc, i8, value);
-  auto store = LLVM::StoreOp::create(b, loc, value, to, getByteSize(type));
-  store.setAccessGroupsAttr(accessGroups);
+  LLVM::StoreOp::create(b, loc, value, to, getByteSize(type));
 }
 
 void ArrayLowering::lowerLoad(LoadComponentsOp op) {

@@ -8,8 +8,7 @@
 // Sums of floats on newer GPUs take two at once (PairedUpdates.cpp).
 //
 // An entry marked `warp.exclusive` runs alone; its updates are plain loads and
-// stores. They stay out of the loop's access group, as threads may meet there,
-// unless each is one of neighbours (AccessOrder.cpp).
+// stores.
 //
 //===----------------------------------------------------------------------===//
 
@@ -54,14 +53,10 @@ static LLVM::AtomicBinOp getBinOp(AtomicKind kind, mlir::Type type) {
 /// Loads, combines and stores, for an entry that runs alone.
 mlir::Value ArrayLowering::plainUpdate(AtomicKind kind, mlir::Value value,
                                        mlir::Type type, mlir::Value at) {
-  auto old = LLVM::LoadOp::create(b, loc, value.getType(), at,
+  mlir::Value old = LLVM::LoadOp::create(b, loc, value.getType(), at,
                                   getByteSize(type));
-  auto store = LLVM::StoreOp::create(
-      b, loc, combine(b, loc, kind, old, value, type), at, getByteSize(type));
-  if (vectorUpdates) {
-    old.setAccessGroupsAttr(accessGroups);
-    store.setAccessGroupsAttr(accessGroups);
-  }
+  LLVM::StoreOp::create(b, loc, combine(b, loc, kind, old, value, type), at,
+                        getByteSize(type));
   return old;
 }
 

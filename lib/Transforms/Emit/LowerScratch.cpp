@@ -18,7 +18,12 @@ using namespace warp;
 
 /// What a slot holds in memory: a boolean takes a byte.
 static mlir::Type storedType(mlir::Type element) {
-  return isBool(element) ? IntegerType::get(element.getContext(), 8) : element;
+  mlir::Type byte = IntegerType::get(element.getContext(), 8);
+  if (auto lanes = dyn_cast<VectorType>(element))
+    return isBool(lanes.getElementType())
+               ? VectorType::get(lanes.getNumElements(), byte)
+               : element;
+  return isBool(element) ? byte : element;
 }
 
 void ArrayLowering::lowerScratch(ScratchOp op) {
@@ -43,14 +48,15 @@ void ArrayLowering::lowerScratch(ScratchLoadOp op) {
   mlir::Type type = op.getType();
   mlir::Value value = LLVM::LoadOp::create(
       b, loc, storedType(type), slot(op.getScratch(), op.getIndex()));
-  if (isBool(type))
+  if (value.getType() != type)
     value = arith::TruncIOp::create(b, loc, type, value);
   op.getResult().replaceAllUsesWith(value);
 }
 
 void ArrayLowering::lowerScratch(ScratchStoreOp op) {
   mlir::Value value = op.getValue();
-  if (isBool(value.getType()))
-    value = arith::ExtUIOp::create(b, loc, i8, value);
+  mlir::Type stored = storedType(value.getType());
+  if (value.getType() != stored)
+    value = arith::ExtUIOp::create(b, loc, stored, value);
   LLVM::StoreOp::create(b, loc, value, slot(op.getScratch(), op.getIndex()));
 }

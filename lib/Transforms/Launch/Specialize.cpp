@@ -105,6 +105,7 @@ struct Specialize : warp::impl::SpecializeBase<Specialize> {
     kernel->setAttr(warp::attr::contiguous, b.getI64IntegerAttr(contiguous));
     kernel->setAttr(warp::attr::blockDim, b.getI64IntegerAttr(blockDim));
     kernel->setAttr(warp::attr::threads, b.getI64IntegerAttr(threads));
+    kernel->setAttr(warp::attr::vectorBits, b.getI64IntegerAttr(vectorBits));
     auto setFlag = [&](StringRef name, bool value) {
       if (value)
         kernel->setAttr(name, b.getUnitAttr());

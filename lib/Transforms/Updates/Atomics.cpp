@@ -9,6 +9,8 @@
 #include "WarpDialect/Passes.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
+#include "mlir/IR/TypeUtilities.h"
+#include "mlir/Interfaces/FunctionInterfaces.h"
 
 using namespace mlir;
 using warp::AtomicCasOp;
@@ -73,6 +75,13 @@ bool warp::hasOrderedUpdates(Operation *entry) {
       .wasInterrupted();
 }
 
+Value warp::negate(OpBuilder &b, Location loc, Value value) {
+  if (isa<FloatType>(getElementTypeOrSelf(value)))
+    return arith::NegFOp::create(b, loc, value);
+  Value zero = arith::ConstantOp::create(b, loc, b.getZeroAttr(value.getType()));
+  return arith::SubIOp::create(b, loc, zero, value);
+}
+
 AtomicKind warp::combiningKind(AtomicKind kind) {
   return kind == AtomicKind::sub ? AtomicKind::add : kind;
 }
@@ -80,11 +89,17 @@ AtomicKind warp::combiningKind(AtomicKind kind) {
 /// Whether an array is an argument, or the gradients of one, and has no other
 /// name.
 static bool hasOneName(Value array) {
+  auto isArgument = [](Value value) {
+    auto argument = dyn_cast<BlockArgument>(value);
+    return argument ? isa<FunctionOpInterface>(
+                          argument.getOwner()->getParentOp())
+                    : value.getDefiningOp<warp::ParameterOp>() != nullptr;
+  };
   auto grad = array.getDefiningOp<warp::GradOp>();
   if (!grad)
-    return array.getDefiningOp<warp::ParameterOp>() != nullptr;
+    return isArgument(array);
   Value parameter = grad.getArray();
-  return parameter.getDefiningOp<warp::ParameterOp>() &&
+  return isArgument(parameter) &&
          llvm::none_of(parameter.getUsers(), [&](Operation *user) {
            return isa<warp::GradOp>(user) && user != grad;
          });

@@ -20,6 +20,9 @@ mlir::Value combine(mlir::OpBuilder &b, mlir::Location loc, AtomicKind kind,
                     mlir::Value old, mlir::Value value, mlir::Type type,
                     bool anyOrder = false);
 
+/// A number with its sign changed.
+mlir::Value negate(mlir::OpBuilder &b, mlir::Location loc, mlir::Value value);
+
 /// How results of an update combine: subtracting is adding a negative.
 AtomicKind combiningKind(AtomicKind kind);
 

@@ -20,23 +20,20 @@
 // Short loops over a few such elements are unrolled first (UnrollUpdates.cpp).
 //
 // Updates that are the same element for the threads of a warp only, or in one
-// iteration of a loop, are combined over the warp (WarpSums.cpp).
+// iteration of a loop, are combined over the warp later (CombineOverWarps.cpp).
 //
 // What is left on the CPU are updates of elements that differ from thread to
 // thread. An atomic instruction costs ten times a plain update, so for few
 // threads it is quicker to run the launch on one of them without; the entry is
 // then marked `warp.exclusive`. So it is in a deterministic launch if the order
-// of its updates would show; on a GPU warp-lower-launch has made it one block.
-//
-// Runs between warp-lower-launch, which makes the loop, and warp-lower-arrays.
+// of its updates would show; on a GPU that is a launch of one block.
 //
 //===----------------------------------------------------------------------===//
 
 #include "Atomics.h"
-#include "BlockReduce.h"
+#include "CarryOut.h"
 #include "KernelFunction.h"
 #include "UnrollUpdates.h"
-#include "WarpSums.h"
 #include "WarpDialect/ParameterLayout.h"
 #include "WarpDialect/WarpOps.h"
 
@@ -55,20 +52,12 @@ using namespace mlir;
 
 namespace {
 
-/// The private memory of one atomic, a slot for each component.
-struct Accumulator {
-  warp::AtomicComponentsOp op;
-  warp::AtomicKind kind;
-  /// Types of the partial results, with their sign.
-  SmallVector<Type> types;
-  SmallVector<Value> slots, identities;
-};
-
-/// Gives the atomics of one entry function their private accumulators.
+/// Gives the atomics of one kernel their private sums.
 class Privatizer {
 public:
-  Privatizer(LLVM::LLVMFuncOp entry)
-      : entry(entry), first(&entry.getBody().front()), b(entry->getContext()) {}
+  Privatizer(FunctionOpInterface kernel, warp::ThreadsOp threads)
+      : threads(threads), first(&kernel.getFunctionBody().front()),
+        thread(threads.getThread()), b(kernel->getContext()) {}
 
   void run();
   /// Whether all updates whose order shows can be combined.
@@ -80,21 +69,14 @@ private:
   bool isInvariant(Value value) { return warp::isInvariant(value, first); }
   bool qualifies(warp::AtomicComponentsOp op);
   void privatize(warp::AtomicComponentsOp op);
-  void publishRange(const Accumulator &sum, Value any);
-  void publishBlock(const Accumulator &sum, Value any);
-  void update(const Accumulator &sum, ValueRange totals);
+  ValueRange yield(ArrayRef<warp::Carried> sums, ArrayRef<int32_t> kinds,
+                   ArrayRef<Type> types);
+  void publish(warp::AtomicComponentsOp op, ValueRange totals);
   void count(double updates);
   void countSum(warp::AtomicComponentsOp op);
-  int64_t blockDim() {
-    return warp::getFact(entry, warp::attr::blockDim, 256);
-  }
-  Value cloneInvariant(Value value, IRMapping &clones) {
-    return warp::cloneInvariant(b, value, first, clones);
-  }
-  Value makeSlot(Value initial);
 
-  LLVM::LLVMFuncOp entry;
-  Block *first;
+  warp::ThreadsOp threads;
+  Block *first, *thread;
   OpBuilder b;
   /// Cycles of the updates that each thread still makes: as the estimate of
   /// cost has them, plainly, and atomically.
@@ -104,7 +86,8 @@ private:
 } // namespace
 
 bool Privatizer::qualifies(warp::AtomicComponentsOp op) {
-  return warp::commutes(op) &&
+  return warp::commutes(op) && isInvariant(op.getArray()) &&
+         warp::canCarryOut(op->getBlock(), thread) &&
          llvm::all_of(op.getIndices(),
                       [&](Value index) { return isInvariant(index); }) &&
          llvm::all_of(op.getResultTypes(), [](Type type) {
@@ -112,113 +95,105 @@ bool Privatizer::qualifies(warp::AtomicComponentsOp op) {
          });
 }
 
-/// Memory at the start of the entry, for mem2reg to take away again.
-Value Privatizer::makeSlot(Value initial) {
-  Location loc = entry.getLoc();
-  Value one = LLVM::ConstantOp::create(b, loc, b.getI64IntegerAttr(1));
-  auto pointer = LLVM::LLVMPointerType::get(b.getContext());
-  Value slot = LLVM::AllocaOp::create(b, loc, pointer, initial.getType(), one);
-  LLVM::StoreOp::create(b, loc, initial, slot);
-  return slot;
-}
-
 void Privatizer::privatize(warp::AtomicComponentsOp op) {
   Location loc = op.getLoc();
-  Accumulator sum;
-  sum.op = op;
-  sum.kind = warp::combiningKind(op.getKind());
+  warp::AtomicKind kind = warp::combiningKind(op.getKind());
   SmallVector<warp::Leaf> leaves;
   warp::collectLeaves(
       cast<warp::ArrayType>(op.getArray().getType()).getElementType(), 0,
       leaves);
   bool isGradient = op.getArray().getDefiningOp<warp::GradOp>() != nullptr;
-
-  b.setInsertionPoint(first->getTerminator());
-  for (warp::Leaf leaf : leaves) {
-    bool widens = isGradient && leaf.type.isF32();
-    sum.types.push_back(widens ? b.getF64Type() : leaf.type);
-    sum.identities.push_back(
-        warp::identity(b, loc, sum.kind, sum.types.back()));
-    sum.slots.push_back(makeSlot(sum.identities.back()));
-  }
-  // A thread that never gets here must leave the array alone: it may be null.
-  Type flagType = b.getI32Type();
-  Value never = arith::ConstantOp::create(b, loc, b.getIntegerAttr(flagType, 0));
-  Value reached = makeSlot(never);
-
+  bool negates = op.getKind() == warp::AtomicKind::sub;
+  SmallVector<warp::Carried> sums;
+  SmallVector<int32_t> kinds;
+  SmallVector<Type> types;
+  OpBuilder atStart = OpBuilder::atBlockBegin(thread);
   b.setInsertionPoint(op);
-  for (auto [type, slot, component] :
-       llvm::zip_equal(sum.types, sum.slots, op.getComponents())) {
-    Value value = component;
-    if (type.isF64() && !value.getType().isF64())
+  for (auto [leaf, component] : llvm::zip_equal(leaves, op.getComponents())) {
+    bool widens = isGradient && leaf.type.isF32();
+    Type type = widens ? b.getF64Type() : leaf.type;
+    Value value = component, identity =
+                                 warp::identity(atStart, loc, kind, type);
+    if (widens)
       value = arith::ExtFOp::create(b, loc, type, value);
-    Value partial = LLVM::LoadOp::create(b, loc, value.getType(), slot);
-    Value next = warp::combine(b, loc, op.getKind(), partial, value, type,
-                               /*anyOrder=*/true);
-    LLVM::StoreOp::create(b, loc, next, slot);
+    if (negates)
+      value = warp::negate(b, loc, value);
+    auto combine = [=](OpBuilder &b, Value x, Value y) {
+      return warp::combine(b, loc, kind, x, y, type, /*anyOrder=*/true);
+    };
+    sums.push_back({value, identity, combine});
+    kinds.push_back(int32_t(kind));
+    types.push_back(type);
   }
-  Value once = arith::ConstantOp::create(b, loc, b.getIntegerAttr(flagType, 1));
-  Value flag = LLVM::LoadOp::create(b, loc, flagType, reached);
-  LLVM::StoreOp::create(b, loc, arith::OrIOp::create(b, loc, flag, once),
-                        reached);
-
-  b.setInsertionPoint(entry.getBody().back().getTerminator());
-  Value final = LLVM::LoadOp::create(b, loc, flagType, reached);
-  Value any = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ne, final,
-                                    never);
-  if (warp::isGpu(entry))
-    publishBlock(sum, any);
-  else
-    publishRange(sum, any);
+  // Where a group never gets here the array is left alone: it may be null.
+  bool isSure = op->getBlock() == thread;
+  if (!isSure) {
+    auto flag = [&](OpBuilder &b, bool value) -> Value {
+      return arith::ConstantOp::create(b, loc, b.getBoolAttr(value));
+    };
+    auto combine = [=](OpBuilder &b, Value x, Value y) -> Value {
+      return arith::OrIOp::create(b, loc, x, y);
+    };
+    sums.push_back({flag(b, true), flag(atStart, false), combine});
+    kinds.push_back(int32_t(warp::AtomicKind::bit_or));
+    types.push_back(b.getI1Type());
+  }
+  warp::carryOut(sums, op->getBlock(), thread);
+  ValueRange totals = yield(sums, kinds, types);
+  b.setInsertionPointToEnd(threads->getBlock());
+  if (!isSure) {
+    auto any = scf::IfOp::create(b, loc, totals.back(), /*withElse=*/false);
+    b.setInsertionPointToStart(any.thenBlock());
+    totals = totals.drop_back();
+  }
+  publish(op, totals);
   op->erase();
 }
 
-/// Totals of a CPU range go to the array if `any` thread of it got there.
-void Privatizer::publishRange(const Accumulator &sum, Value any) {
-  Location loc = entry.getLoc();
-  auto publish = scf::IfOp::create(b, loc, any, /*withElseRegion=*/false);
-  b.setInsertionPointToStart(publish.thenBlock());
-  SmallVector<Value> totals;
-  for (auto [slot, initial] : llvm::zip_equal(sum.slots, sum.identities))
-    totals.push_back(LLVM::LoadOp::create(b, loc, initial.getType(), slot));
-  update(sum, totals);
-}
-
-/// On a GPU the threads of a block combine what they have first.
-void Privatizer::publishBlock(const Accumulator &sum, Value any) {
-  Location loc = entry.getLoc();
-  warp::BlockReduce block(b, loc, entry->getParentOfType<ModuleOp>(),
-                          blockDim());
-  auto publish = scf::IfOp::create(b, loc, block.any(any),
-                                   /*withElseRegion=*/false);
-  b.setInsertionPointToStart(publish.thenBlock());
-  SmallVector<Value> totals;
-  for (auto [type, slot, initial] :
-       llvm::zip_equal(sum.types, sum.slots, sum.identities)) {
-    Value own = LLVM::LoadOp::create(b, loc, initial.getType(), slot);
-    totals.push_back(block.reduce(sum.kind, own, initial, type));
+/// Has the threads yield values more: their combinations over the group.
+ValueRange Privatizer::yield(ArrayRef<warp::Carried> sums,
+                             ArrayRef<int32_t> kinds, ArrayRef<Type> types) {
+  SmallVector<int32_t> allKinds(threads.getKinds());
+  llvm::append_range(allKinds, kinds);
+  SmallVector<Type> allTypes(threads.getTypes().getAsValueRange<TypeAttr>());
+  llvm::append_range(allTypes, types);
+  SmallVector<Type> results(threads.getResultTypes());
+  Operation *end = threads.getYield();
+  for (const warp::Carried &sum : sums) {
+    results.push_back(sum.value.getType());
+    end->insertOperands(end->getNumOperands(), sum.value);
   }
-  auto once = scf::IfOp::create(b, loc, block.isFirst(),
-                                /*withElseRegion=*/false);
-  b.setInsertionPointToStart(once.thenBlock());
-  update(sum, totals);
+  unsigned before = threads.getNumResults();
+  b.setInsertionPoint(threads);
+  auto made = warp::ThreadsOp::create(
+      b, threads.getLoc(), results, b.getDenseI32ArrayAttr(allKinds),
+      b.getTypeArrayAttr(allTypes), threads.getLanesAttr());
+  made.getBody().takeBody(threads.getBody());
+  threads->replaceAllUsesWith(made->getResults().take_front(before));
+  threads->erase();
+  threads = made;
+  return made->getResults().drop_front(before);
 }
 
-void Privatizer::update(const Accumulator &sum, ValueRange totals) {
-  warp::AtomicComponentsOp op = sum.op;
+/// One thread adds totals to the array.
+void Privatizer::publish(warp::AtomicComponentsOp op, ValueRange totals) {
+  Location loc = op.getLoc();
+  auto once = warp::OnceOp::create(b, loc);
+  b.createBlock(&once.getBody());
   IRMapping clones;
   SmallVector<Value> indices;
   for (Value index : op.getIndices())
-    indices.push_back(cloneInvariant(index, clones));
-  Value array = cloneInvariant(op.getArray(), clones);
+    indices.push_back(warp::cloneInvariant(b, index, first, clones));
+  Value array = warp::cloneInvariant(b, op.getArray(), first, clones);
   SmallVector<Value> components;
   for (auto [total, type] : llvm::zip_equal(totals, op.getResultTypes()))
     components.push_back(
         total.getType() == type
             ? total
-            : arith::TruncFOp::create(b, op.getLoc(), type, total));
-  warp::AtomicComponentsOp::create(b, op.getLoc(), op.getResultTypes(),
-                                   sum.kind, components, array, indices);
+            : arith::TruncFOp::create(b, loc, type, total));
+  warp::AtomicComponentsOp::create(b, loc, op.getResultTypes(),
+                                   warp::combiningKind(op.getKind()),
+                                   components, array, indices);
 }
 
 /// How often an operation runs per thread, as the estimate of cost has it.
@@ -250,7 +225,7 @@ void Privatizer::countSum(warp::AtomicComponentsOp op) {
 
 void Privatizer::run() {
   SmallVector<warp::AtomicComponentsOp> found;
-  entry.walk([&](warp::AtomicComponentsOp op) {
+  threads.walk([&](warp::AtomicComponentsOp op) {
     if (qualifies(op))
       found.push_back(op);
     else if (op->hasAttr(warp::attr::sum))
@@ -258,13 +233,13 @@ void Privatizer::run() {
     else
       count(double(op.getComponents().size()) * estimatedTrips(op));
   });
-  entry.walk([&](warp::AtomicCasOp op) { count(estimatedTrips(op)); });
+  threads.walk([&](warp::AtomicCasOp op) { count(estimatedTrips(op)); });
   for (warp::AtomicComponentsOp op : found)
     privatize(op);
 }
 
 bool Privatizer::coversOrder() {
-  WalkResult result = entry.walk([&](Operation *op) {
+  WalkResult result = threads.walk([&](Operation *op) {
     auto atomic = dyn_cast<warp::AtomicComponentsOp>(op);
     return warp::dependsOnOrder(op) && !(atomic && qualifies(atomic))
                ? WalkResult::interrupt()
@@ -285,56 +260,52 @@ namespace {
 
 struct PrivatizeAtomics : warp::impl::PrivatizeAtomicsBase<PrivatizeAtomics> {
   void runOnOperation() override {
-    FunctionOpInterface entry = warp::findEntry(getOperation());
-    if (!entry)
+    FunctionOpInterface kernel = warp::findKernel(getOperation());
+    if (!kernel)
       return signalPassFailure();
-    auto function = dyn_cast<LLVM::LLVMFuncOp>(entry.getOperation());
-    if (!function)
-      return;
+    warp::ThreadsOp threads = warp::findThreads(kernel);
+    if (!threads) {
+      kernel.emitError("expects a kernel in phase 'launch'");
+      return signalPassFailure();
+    }
     // A debugging launch names the thread that fails, so each does its own.
-    bool debug = entry->hasAttr(warp::attr::debug);
+    bool debug = kernel->hasAttr(warp::attr::debug);
     if (!debug)
-      warp::unrollUpdates(function);
-    if (!warp::isGpu(entry))
-      runOnCpu(function, debug);
-    else if (entry->hasAttr(warp::attr::exclusive))
-      runInOneBlock(function, debug);
-    else if (!debug)
-      runOnGpu(function);
+      warp::unrollUpdates(kernel);
+    Privatizer privatizer(kernel, threads);
+    if (!warp::isGpu(kernel))
+      runOnCpu(kernel, privatizer, debug);
+    else if (kernel->hasAttr(warp::attr::deterministic) &&
+             warp::hasOrderedUpdates(kernel))
+      runInOneBlock(kernel, privatizer, debug);
+    else if (!debug && warp::hasWholeWarps(kernel))
+      privatizer.run();
   }
 
-  void runOnGpu(LLVM::LLVMFuncOp entry) {
-    if (warp::hasWholeWarps(entry))
-      Privatizer(entry).run();
-    if (!entry->hasAttr(warp::attr::deterministic))
-      warp::combineOverWarps(entry);
-  }
-
-  void runOnCpu(LLVM::LLVMFuncOp entry, bool debug) {
-    bool alone = entry->hasAttr(warp::attr::deterministic) &&
-                 warp::hasOrderedUpdates(entry);
-    Privatizer privatizer(entry);
+  void runOnCpu(Operation *kernel, Privatizer &privatizer, bool debug) {
+    bool alone = kernel->hasAttr(warp::attr::deterministic) &&
+                 warp::hasOrderedUpdates(kernel);
     if (!debug) {
       privatizer.run();
       alone |= privatizer.isFasterAlone(
-          warp::getFact(entry, warp::attr::threads, 16),
-          warp::getFact(entry, warp::attr::cost, 0));
+          warp::getFact(kernel, warp::attr::threads, 16),
+          warp::getFact(kernel, warp::attr::cost, 0));
     }
     if (alone)
-      entry->setAttr(warp::attr::exclusive, UnitAttr::get(&getContext()));
+      kernel->setAttr(warp::attr::exclusive, UnitAttr::get(&getContext()));
   }
 
   /// The block combines its threads' results in a fixed order; where they
   /// cannot be combined, it has a single thread.
-  void runInOneBlock(LLVM::LLVMFuncOp entry, bool debug) {
-    int64_t threads = warp::getFact(entry, warp::attr::blockDim, 256);
-    Privatizer privatizer(entry);
+  void runInOneBlock(Operation *kernel, Privatizer &privatizer, bool debug) {
+    int64_t threads = warp::getFact(kernel, warp::attr::blockDim, 256);
     if (debug || threads % 32 != 0 || !privatizer.coversOrder())
       threads = 1;
     else
       privatizer.run();
-    entry->setAttr(warp::attr::items,
-                   OpBuilder(entry).getI64IntegerAttr(threads));
+    Builder b(&getContext());
+    kernel->setAttr(warp::attr::exclusive, b.getUnitAttr());
+    kernel->setAttr(warp::attr::items, b.getI64IntegerAttr(threads));
   }
 };
 

@@ -56,11 +56,11 @@ static bool shouldUnroll(scf::ForOp loop, Block *first) {
          operations * *trips <= maxOperations;
 }
 
-void warp::unrollUpdates(LLVM::LLVMFuncOp entry) {
-  Block *first = &entry.getBody().front();
+void warp::unrollUpdates(FunctionOpInterface kernel) {
+  Block *first = &kernel.getFunctionBody().front();
   // Inner loops come first.
   SmallVector<scf::ForOp> loops;
-  entry.walk([&](scf::ForOp loop) { loops.push_back(loop); });
+  kernel->walk([&](scf::ForOp loop) { loops.push_back(loop); });
   for (scf::ForOp loop : loops)
     if (shouldUnroll(loop, first))
       unroll(loop);

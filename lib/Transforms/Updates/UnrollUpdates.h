@@ -7,13 +7,13 @@
 #ifndef WARP_LIB_TRANSFORMS_UNROLLUPDATES_H
 #define WARP_LIB_TRANSFORMS_UNROLLUPDATES_H
 
-#include "mlir/Dialect/LLVMIR/LLVMDialect.h"
+#include "mlir/Interfaces/FunctionInterfaces.h"
 
 namespace warp {
 
 /// Unrolls short loops of constant length that update an element per iteration,
 /// the same for all threads, so that each has an address without a counter.
-void unrollUpdates(mlir::LLVM::LLVMFuncOp entry);
+void unrollUpdates(mlir::FunctionOpInterface kernel);
 
 } // namespace warp
 

@@ -1,4 +1,4 @@
-//===- LowerLaunchItems.cpp - Several indices for one GPU thread ----------===//
+//===- EmitEntryItems.cpp - Several indices for one GPU thread ------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -19,14 +19,14 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "Emit/ArrayLowering.h"
-#include "LowerLaunch.h"
+#include "Analysis/NonNegative.h"
+#include "EntryBuilder.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/IR/IRMapping.h"
 
 using namespace mlir;
-using warp::Launch;
+using warp::EntryBuilder;
 
 /// Bytes of loads and stores that keep a thread of the card busy.
 constexpr int64_t bytesInFlight = 48;
@@ -90,12 +90,12 @@ static FailureOr<Stretch> parseStretch(Block &block, int64_t &bytes) {
 }
 
 /// Items of one thread: 1 unless the body is of that form and moves little.
-int64_t Launch::chooseItems() {
+int64_t EntryBuilder::chooseItems() {
   if (rank > 3 || flat || !index32 || !kernel->hasAttr(warp::attr::large) ||
-      kernel->hasAttr(warp::attr::debug))
+      kernel->hasAttr(warp::attr::debug) || threads.getNumResults() != 0)
     return 1;
   int64_t bytes = 0;
-  for (Block *block = &kernel.getFunctionBody().front(); block;) {
+  for (Block *block = threads.getThread(); block;) {
     FailureOr<Stretch> stretch = parseStretch(*block, bytes);
     if (failed(stretch) || (stretch->guard && rank == 1))
       return 1;
@@ -118,122 +118,105 @@ static void markIndices(Block &block) {
       op.setAttr(warp::attr::nonNegative, UnitAttr::get(op.getContext()));
 }
 
-/// Copies of the body for several values of the first thread index, operation
-/// by operation, from the insertion point on. Control goes to `exit` when they
-/// are done, and to `single` if a guard does not hold for all.
-void Launch::cloneInterleaved(ArrayRef<SmallVector<Value>> items, Block *single,
-                              Value start, Block *exit) {
-  Block *body = &kernel.getFunctionBody().front();
-  SmallVector<IRMapping> clones(items.size());
-  for (IRMapping &clone : clones)
-    clone.map(body->getArguments(), arguments);
-  while (true) {
-    int64_t bytes = 0;
-    Stretch stretch = *parseStretch(*body, bytes);
-    for (Operation *op : stretch.ops)
-      for (auto [clone, indices] : llvm::zip_equal(clones, items)) {
-        auto tid = dyn_cast<warp::TidOp>(op);
-        if (!tid) {
-          b.clone(*op, clone);
-          continue;
-        }
-        for (auto [i, result] : llvm::enumerate(tid.getResults())) {
-          Type type = warp::getSignless(result.getType());
-          clone.map(result, i < indices.size() ? narrow(indices[i], type)
-                                               : constant(type, 0));
-        }
-      }
-    if (!stretch.guard)
-      break;
-    Value all;
-    for (IRMapping &clone : clones) {
-      Value holds = clone.lookupOrDefault(stretch.guard.getCondition());
-      if (stretch.inside == stretch.guard.elseBlock())
-        holds = arith::XOrIOp::create(b, loc, holds,
-                                      constant(b.getI1Type(), 1));
-      all = all ? arith::AndIOp::create(b, loc, all, holds) : holds;
-    }
-    Block *together = b.createBlock(single);
-    b.setInsertionPointToEnd(together->getPrevNode());
-    LLVM::CondBrOp::create(b, loc, all, together, ValueRange(), single,
-                           ValueRange(start));
-    b.setInsertionPointToEnd(together);
-    body = stretch.inside;
-    markIndices(*body);
+/// Copies of a stretch for several items, operation by operation, from the
+/// insertion point on. Returns whether it was performed: not if a guard in it
+/// does not hold for all, which it asks before anything is stored.
+Value EntryBuilder::cloneInterleaved(ArrayRef<Values> items, Block *body,
+                                     MutableArrayRef<IRMapping> clones) {
+  int64_t bytes = 0;
+  Stretch stretch = *parseStretch(*body, bytes);
+  for (Operation *op : stretch.ops)
+    for (IRMapping &clone : clones)
+      b.clone(*op, clone);
+  Type i1 = b.getI1Type();
+  if (!stretch.guard)
+    return constant(i1, 1);
+  Value all;
+  for (IRMapping &clone : clones) {
+    Value holds = clone.lookupOrDefault(stretch.guard.getCondition());
+    if (stretch.inside == stretch.guard.elseBlock())
+      holds = arith::XOrIOp::create(b, loc, holds, constant(i1, 1));
+    all = all ? arith::AndIOp::create(b, loc, all, holds) : holds;
   }
-  LLVM::BrOp::create(b, loc, ValueRange(), exit);
+  auto together =
+      scf::IfOp::create(b, loc, TypeRange(i1), all, /*withElseRegion=*/true);
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPointToStart(together.thenBlock());
+  markIndices(*stretch.inside);
+  Value done = cloneInterleaved(items, stretch.inside, clones);
+  scf::YieldOp::create(b, loc, done);
+  b.setInsertionPointToStart(together.elseBlock());
+  scf::YieldOp::create(b, loc, Value(constant(i1, 0)));
+  return together.getResult(0);
 }
 
 /// A thread's items begin at `lane` and are `step` apart; `rest` are its other
 /// indices. Those from `end` on do not exist.
-void Launch::buildItems(Block *exit, int64_t items, Value lane, Value step,
-                        Value end, ArrayRef<Value> rest, Value allExist) {
-  Block *before = b.getInsertionBlock();
-  Block *single = b.createBlock(exit, {b.getI32Type()}, {loc});
-  Block *run = b.createBlock(exit);
-  Block *next = b.createBlock(exit);
-  Block *all = b.createBlock(single);
-  b.setInsertionPointToEnd(before);
-  LLVM::CondBrOp::create(b, loc, allExist, all, ValueRange(), single,
-                         ValueRange(lane));
-
-  b.setInsertionPointToEnd(all);
-  SmallVector<SmallVector<Value>> indices;
+EntryBuilder::Values EntryBuilder::buildItems(int64_t items, Value lane,
+                                              Value step, Value end,
+                                              ArrayRef<Value> rest,
+                                              Value allExist) {
+  Type i1 = b.getI1Type();
+  auto whole =
+      scf::IfOp::create(b, loc, TypeRange(i1), allExist, /*withElse=*/true);
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPointToStart(whole.elseBlock());
+  scf::YieldOp::create(b, loc, Value(constant(i1, 0)));
+  b.setInsertionPointToStart(whole.thenBlock());
+  SmallVector<Values> indices;
+  SmallVector<IRMapping> clones(items);
   for (Value first = lane; int64_t(indices.size()) < items;
        first = add(first, step)) {
+    IRMapping &clone = clones[indices.size()];
     indices.push_back({first});
     llvm::append_range(indices.back(), rest);
+    clone.map(threads.getIndices(), indices.back());
   }
-  cloneInterleaved(indices, single, lane, exit);
+  Value done = cloneInterleaved(indices, threads.getThread(), clones);
+  scf::YieldOp::create(b, loc, done);
 
-  b.setInsertionPointToEnd(single);
-  Value index = single->getArgument(0);
-  LLVM::CondBrOp::create(b, loc, cmp(arith::CmpIPredicate::slt, index, dims[0]),
-                         run, ValueRange(), exit, ValueRange());
-  b.setInsertionPointToEnd(run);
-  LLVM::BrOp::create(b, loc, ValueRange(), next);
-  b.setInsertionPointToStart(run);
-  SmallVector<Value> indicesOfOne{index};
-  llvm::append_range(indicesOfOne, rest);
-  inlineBody(indicesOfOne);
-  b.setInsertionPointToEnd(next);
-  Value following = add(index, step);
-  LLVM::CondBrOp::create(b, loc, cmp(arith::CmpIPredicate::slt, following, end),
-                         single, ValueRange(following), exit, ValueRange());
+  b.setInsertionPointAfter(whole);
+  Value left = arith::XOrIOp::create(b, loc, whole.getResult(0),
+                                     constant(i1, 1));
+  auto alone = scf::IfOp::create(b, loc, left, /*withElseRegion=*/false);
+  b.setInsertionPointToStart(alone.thenBlock());
+  Value limit = arith::MinSIOp::create(b, loc, end, dims[0]);
+  auto loop = scf::ForOp::create(b, loc, lane, limit, step);
+  b.setInsertionPointToStart(loop.getBody());
+  Values one{loop.getInductionVar()};
+  llvm::append_range(one, rest);
+  takeThread(one);
   entry->setAttr(warp::attr::items, b.getI64IntegerAttr(items));
+  return {};
 }
 
 /// Items a block apart along the only axis.
-void Launch::buildStream(Block *first, Block *exit, int64_t items) {
+EntryBuilder::Values EntryBuilder::buildStream(int64_t items) {
   Type i32 = b.getI32Type();
-  b.setInsertionPointToEnd(first);
   Value width = readSpecial("ntid", "x");
   Value start = mul(mul(readSpecial("ctaid", "x"), width),
                     constant(i32, items));
   Value lane = add(start, readSpecial("tid", "x"));
   Value end = add(start, mul(width, constant(i32, items)));
-  buildItems(exit, items, lane, width, end, {},
-             cmp(arith::CmpIPredicate::sle, end, dims[0]));
+  return buildItems(items, lane, width, end, {},
+                    cmp(arith::CmpIPredicate::sle, end, dims[0]));
 }
 
 /// Items one after the other along the first of two or three axes.
-void Launch::buildPlanes(Block *first, Block *exit, int64_t items) {
+EntryBuilder::Values EntryBuilder::buildPlanes(int64_t items) {
   Type i32 = b.getI32Type();
-  b.setInsertionPointToEnd(first);
-  SmallVector<Value> rest;
+  Values rest;
   Value inside;
   for (int64_t i = 1; i < rank; ++i) {
     rest.push_back(gridIndex(i == rank - 1 ? "x" : "y", i32));
     Value fits = cmp(arith::CmpIPredicate::slt, rest.back(), dims[i]);
     inside = inside ? arith::AndIOp::create(b, loc, inside, fits) : fits;
   }
-  Block *exists = b.createBlock(exit);
-  b.setInsertionPointToEnd(first);
-  LLVM::CondBrOp::create(b, loc, inside, exists, ValueRange(), exit,
-                         ValueRange());
-  b.setInsertionPointToEnd(exists);
+  auto exists = scf::IfOp::create(b, loc, inside, /*withElseRegion=*/false);
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPointToStart(exists.thenBlock());
   Value start = mul(gridIndex(rank == 2 ? "y" : "z", i32), constant(i32, items));
   Value end = add(start, constant(i32, items));
-  buildItems(exit, items, start, constant(i32, 1), end, rest,
-             cmp(arith::CmpIPredicate::sle, end, dims[0]));
+  return buildItems(items, start, constant(i32, 1), end, rest,
+                    cmp(arith::CmpIPredicate::sle, end, dims[0]));
 }

@@ -10,19 +10,26 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "ArrayLowering.h"
-#include "KernelFunction.h"
+#include "NonNegative.h"
+
+#include "WarpDialect/Passes.h"
+#include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/IR/Matchers.h"
+#include "mlir/Interfaces/ControlFlowInterfaces.h"
+#include "mlir/Interfaces/FunctionInterfaces.h"
 
 using namespace mlir;
 using namespace warp;
 
-/// A thread index of a launch: it and its successor fit 32 bits. On the GPU it
-/// is the block's first index plus the one within; nothing else is marked so.
+/// A thread index of a launch: it and its successor fit 32 bits. In an entry it
+/// is the block's first index plus the one within, on a GPU, or what is left of
+/// a 64-bit counter; nothing else is marked so.
 static bool isThreadIndex(mlir::Value value) {
+  if (auto argument = dyn_cast<BlockArgument>(value))
+    return isa<ThreadsOp>(argument.getOwner()->getParentOp());
   constexpr auto noWrap =
       arith::IntegerOverflowFlags::nsw | arith::IntegerOverflowFlags::nuw;
   if (auto sum = value.getDefiningOp<arith::AddIOp>())
@@ -116,7 +123,13 @@ static bool isNonNegative(mlir::Value value, Block *where, bool mayOverflow,
   if (depth == 0)
     return false;
   if (auto argument = dyn_cast<BlockArgument>(value)) {
-    auto loop = dyn_cast<scf::ForOp>(argument.getOwner()->getParentOp());
+    Operation *parent = argument.getOwner()->getParentOp();
+    if (auto function = dyn_cast<FunctionOpInterface>(parent))
+      return bool(function.getArgAttr(argument.getArgNumber(),
+                                      warp::attr::nonNegative));
+    auto loop = dyn_cast<scf::ForOp>(parent);
+    if (isThreadIndex(value))
+      return true;
     // Beyond 2^31 trips an index is out of bounds, like a sum that overflows.
     return loop && loop.getInductionVar() == value &&
            (mayOverflow || !loop.getUnsignedCmp()) &&

@@ -1,4 +1,4 @@
-//===- WarpSums.cpp - One atomic for the threads of a warp ----------------===//
+//===- CombineOverWarps.cpp - One atomic for the threads of a warp --------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -16,15 +16,19 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "WarpSums.h"
-
 #include "Atomics.h"
+#include "KernelFunction.h"
 #include "Launch/GpuBlock.h"
 #include "Launch/UniformValues.h"
 #include "WarpDialect/ParameterLayout.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
+
+namespace warp {
+#define GEN_PASS_DEF_COMBINEOVERWARPS
+#include "WarpDialect/Passes.h.inc"
+} // namespace warp
 
 using namespace mlir;
 using warp::AtomicComponentsOp;
@@ -72,12 +76,25 @@ static void combineOverWarp(AtomicComponentsOp op, ArrayRef<Value> compared) {
                              op.getArray(), op.getIndices());
 }
 
-void warp::combineOverWarps(LLVM::LLVMFuncOp entry) {
-  SmallVector<AtomicComponentsOp> updates;
-  entry.walk([&](AtomicComponentsOp op) { updates.push_back(op); });
-  for (AtomicComponentsOp op : updates) {
-    llvm::SetVector<Value> compared;
-    if (updatesOneElement(op, entry, compared))
-      combineOverWarp(op, compared.getArrayRef());
+namespace {
+
+struct CombineOverWarps : warp::impl::CombineOverWarpsBase<CombineOverWarps> {
+  void runOnOperation() override {
+    FunctionOpInterface found = warp::findEntry(getOperation());
+    if (!found)
+      return signalPassFailure();
+    auto entry = dyn_cast<LLVM::LLVMFuncOp>(found.getOperation());
+    if (!entry || !warp::isGpu(entry) || entry->hasAttr(warp::attr::debug) ||
+        entry->hasAttr(warp::attr::deterministic))
+      return;
+    SmallVector<AtomicComponentsOp> updates;
+    entry.walk([&](AtomicComponentsOp op) { updates.push_back(op); });
+    for (AtomicComponentsOp op : updates) {
+      llvm::SetVector<Value> compared;
+      if (updatesOneElement(op, entry, compared))
+        combineOverWarp(op, compared.getArrayRef());
+    }
   }
-}
+};
+
+} // namespace

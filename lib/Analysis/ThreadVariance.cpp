@@ -1,0 +1,324 @@
+//===- ThreadVariance.cpp - How values vary over threads ------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// A forward data flow over structured control flow. Every value has the set of
+// things it depends on (thread indices, what only the thread knows, the moment)
+// and, if it is linear in the last thread index, its step. Sets only grow and
+// steps only get lost, so loops are visited until nothing changes.
+//
+// Control flow joins: what a branch yields depends on its condition unless both
+// arms yield the same value; what a loop results in depends on when it ends.
+// Inside of a loop that lanes leave at different times those that are still in
+// it agree on everything that does not depend on the thread, such as a counter;
+// after it they do not.
+//
+// A load of an array that the kernel writes may give other threads, which come
+// earlier or later, another value: it depends on the moment.
+//
+//===----------------------------------------------------------------------===//
+
+#include "ThreadVariance.h"
+
+#include "mlir/Dialect/Arith/IR/Arith.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
+#include "mlir/IR/Matchers.h"
+
+using namespace mlir;
+using warp::ThreadVariance;
+
+//===----------------------------------------------------------------------===//
+// Memory
+//===----------------------------------------------------------------------===//
+
+Value warp::getRoot(Value array) {
+  while (Operation *op = array.getDefiningOp()) {
+    if (!isa<warp::ViewOp, warp::SliceOp, warp::ComponentViewOp>(op))
+      break;
+    array = op->getOperand(0);
+  }
+  return array;
+}
+
+/// An argument of the kernel or its gradients; null for any other array.
+static Value getKnownRoot(Value array) {
+  Value root = warp::getRoot(array);
+  Value named = root;
+  if (auto grad = root.getDefiningOp<warp::GradOp>())
+    named = grad.getArray();
+  auto argument = dyn_cast<BlockArgument>(named);
+  bool known = argument && isa<FunctionOpInterface>(
+                               argument.getOwner()->getParentOp());
+  return known ? root : Value();
+}
+
+void ThreadVariance::collectWrites() {
+  function->walk([&](Operation *op) {
+    auto effects = dyn_cast<MemoryEffectOpInterface>(op);
+    if (!effects)
+      return;
+    SmallVector<MemoryEffects::EffectInstance> instances;
+    effects.getEffects(instances);
+    for (MemoryEffects::EffectInstance &effect : instances) {
+      Value array = effect.getValue();
+      if (!array || !isa<warp::ArrayType>(array.getType()) ||
+          !isa<MemoryEffects::Write>(effect.getEffect()))
+        continue;
+      Value root = getKnownRoot(array);
+      writesUnknown |= !root;
+      written.insert(root);
+    }
+  });
+}
+
+bool ThreadVariance::isWritten(Value array) const {
+  if (written.empty())
+    return false;
+  Value root = getKnownRoot(array);
+  return mayOverlap || writesUnknown || !root || written.contains(root);
+}
+
+//===----------------------------------------------------------------------===//
+// States
+//===----------------------------------------------------------------------===//
+
+ThreadVariance::ThreadVariance(FunctionOpInterface function)
+    : function(function) {
+  collectWrites();
+  unsigned rank = 1;
+  function->walk([&](Operation *op) {
+    if (auto threads = dyn_cast<warp::ThreadsOp>(op))
+      rank = threads.getIndices().size();
+    else if (isa<warp::TidOp>(op))
+      rank = std::max(rank, op->getNumResults());
+  });
+  lastIndex = 1 << (rank - 1);
+  for (BlockArgument argument : function.getArguments())
+    states[argument] = State();
+  do {
+    changed = false;
+    visit(function.getFunctionBody());
+  } while (changed);
+}
+
+ThreadVariance::State ThreadVariance::get(Value value) const {
+  auto found = states.find(value);
+  return found == states.end() ? State() : found->second;
+}
+
+void ThreadVariance::join(Value value, State state) {
+  auto [place, inserted] = states.try_emplace(value, state);
+  if (inserted) {
+    changed = true;
+    return;
+  }
+  State joined = place->second;
+  joined.sources |= state.sources;
+  if (joined.step != state.step)
+    joined.step = noStep;
+  if (!varies(joined))
+    joined.step = 0;
+  changed |= !(joined == place->second);
+  place->second = joined;
+}
+
+bool ThreadVariance::isUniform(Value value, Scope scope) const {
+  State state = get(value);
+  return scope == Scope::Launch ? state.sources == 0 : !varies(state);
+}
+
+std::optional<int64_t> ThreadVariance::step(Value value) const {
+  int64_t step = get(value).step;
+  return step == noStep ? std::nullopt : std::optional(step);
+}
+
+bool ThreadVariance::isDivergent(Operation *op) const {
+  if (auto branch = dyn_cast<scf::IfOp>(op))
+    return varies(get(branch.getCondition()));
+  if (auto loop = dyn_cast<scf::ForOp>(op))
+    return varies(get(loop.getLowerBound())) ||
+           varies(get(loop.getUpperBound())) || varies(get(loop.getStep()));
+  if (auto loop = dyn_cast<scf::WhileOp>(op))
+    return varies(get(loop.getConditionOp().getCondition()));
+  return false;
+}
+
+//===----------------------------------------------------------------------===//
+// Operations
+//===----------------------------------------------------------------------===//
+
+void ThreadVariance::visit(Region &region) {
+  for (Block &block : region)
+    for (Operation &op : block)
+      visit(&op);
+}
+
+void ThreadVariance::visit(Operation *op) {
+  if (auto threads = dyn_cast<warp::ThreadsOp>(op)) {
+    for (auto [d, index] : llvm::enumerate(threads.getIndices()))
+      join(index, {uint8_t(1 << d), lastIndex == 1 << d});
+    return visit(threads.getBody());
+  }
+  if (isa<scf::IfOp>(op))
+    return visitIf(op);
+  if (isa<scf::ForOp>(op))
+    return visitFor(op);
+  if (isa<scf::WhileOp>(op))
+    return visitWhile(op);
+  if (isa<warp::TidOp>(op)) {
+    for (OpResult index : op->getResults()) {
+      unsigned d = index.getResultNumber();
+      join(index, {uint8_t(1 << d), lastIndex == 1 << d});
+    }
+    return;
+  }
+  for (Region &region : op->getRegions())
+    visit(region);
+  State state = transfer(op);
+  for (Value result : op->getResults())
+    join(result, state);
+}
+
+/// What the results of an operation without regions depend on.
+ThreadVariance::State ThreadVariance::transfer(Operation *op) const {
+  State state;
+  for (Value operand : op->getOperands())
+    state.sources |= get(operand).sources;
+  bool isLoad = isa<warp::LoadOp, warp::LoadComponentsOp>(op);
+  if (isLoad && isWritten(op->getOperand(0)))
+    state.sources |= Moment;
+  else if (!isLoad && !isMemoryEffectFree(op))
+    state.sources |= Own;
+  // Indices of elements need not wrap as numbers do.
+  if (isa<warp::ScratchLoadOp>(op))
+    state.sources |= Own;
+  state.step = varies(state) ? stepOf(op) : 0;
+  return state;
+}
+
+int64_t ThreadVariance::stepOf(Operation *op) const {
+  auto of = [&](unsigned i) { return get(op->getOperand(i)).step; };
+  auto factor = [&](unsigned i) -> std::optional<int64_t> {
+    APInt number;
+    if (!matchPattern(op->getOperand(i), m_ConstantInt(&number)) ||
+        number.getSignificantBits() > 32)
+      return std::nullopt;
+    return number.getSExtValue();
+  };
+  auto scaled = [](int64_t step, int64_t by) {
+    int64_t product;
+    bool fits = step != noStep && !llvm::MulOverflow(step, by, product);
+    return fits ? product : noStep;
+  };
+  if (isa<arith::AddIOp, warp::AddOp>(op))
+    return of(0) == noStep || of(1) == noStep ? noStep : of(0) + of(1);
+  if (isa<arith::SubIOp, warp::SubOp>(op))
+    return of(0) == noStep || of(1) == noStep ? noStep : of(0) - of(1);
+  if (isa<arith::MulIOp, warp::MulOp>(op)) {
+    if (auto by = factor(1))
+      return scaled(of(0), *by);
+    if (auto by = factor(0))
+      return scaled(of(1), *by);
+    return noStep;
+  }
+  if (isa<arith::ShLIOp>(op))
+    if (auto by = factor(1); by && *by >= 0 && *by < 31)
+      return scaled(of(0), int64_t(1) << *by);
+  if (isa<arith::ExtSIOp, arith::ExtUIOp, arith::IndexCastOp>(op))
+    return op->getOperand(0).getType().isInteger(1) ? noStep : of(0);
+  if (isa<arith::TruncIOp>(op))
+    return op->getResult(0).getType().getIntOrFloatBitWidth() < 32 ? noStep
+                                                                   : of(0);
+  if (isa<arith::SelectOp>(op) && !varies(get(op->getOperand(0))))
+    return of(1) == of(2) ? of(1) : noStep;
+  return noStep;
+}
+
+//===----------------------------------------------------------------------===//
+// Control flow
+//===----------------------------------------------------------------------===//
+
+void ThreadVariance::visitIf(Operation *op) {
+  auto branch = cast<scf::IfOp>(op);
+  visit(branch.getThenRegion());
+  visit(branch.getElseRegion());
+  State condition = get(branch.getCondition());
+  for (OpResult result : op->getResults()) {
+    unsigned i = result.getResultNumber();
+    Value then = branch.thenYield().getOperand(i);
+    Value otherwise = branch.elseYield().getOperand(i);
+    State state = get(then), other = get(otherwise);
+    if (then != otherwise) {
+      if (state.step != other.step || varies(condition))
+        state.step = noStep;
+      state.sources |= other.sources | condition.sources;
+    }
+    if (!varies(state))
+      state.step = 0;
+    join(result, state);
+  }
+}
+
+void ThreadVariance::visitFor(Operation *op) {
+  auto loop = cast<scf::ForOp>(op);
+  State lower = get(loop.getLowerBound()), step = get(loop.getStep());
+  State counter{uint8_t(lower.sources | step.sources | Moment), noStep};
+  if (!varies(counter))
+    counter.step = 0;
+  else if (!varies(step))
+    counter.step = lower.step;
+  join(loop.getInductionVar(), counter);
+  auto moment = [&](State state) {
+    state.sources |= Moment;
+    return state;
+  };
+  for (auto [argument, init] :
+       llvm::zip_equal(loop.getRegionIterArgs(), loop.getInitArgs()))
+    join(argument, moment(get(init)));
+  visit(loop.getRegion());
+  uint8_t end = lower.sources | step.sources |
+                get(loop.getUpperBound()).sources;
+  for (auto [argument, yielded, result] :
+       llvm::zip_equal(loop.getRegionIterArgs(), loop.getYieldedValues(),
+                       loop.getResults())) {
+    if (yielded != argument)
+      join(argument, moment(get(yielded)));
+    State state = get(argument);
+    if (yielded != argument) {
+      state.sources |= end;
+      if (isDivergent(op))
+        state.step = noStep;
+    }
+    join(result, state);
+  }
+}
+
+void ThreadVariance::visitWhile(Operation *op) {
+  auto loop = cast<scf::WhileOp>(op);
+  for (auto [argument, init] :
+       llvm::zip_equal(loop.getBeforeArguments(), loop.getInits())) {
+    State state = get(init);
+    state.sources |= Moment;
+    join(argument, state);
+  }
+  visit(loop.getBefore());
+  scf::ConditionOp condition = loop.getConditionOp();
+  State end = get(condition.getCondition());
+  for (auto [argument, result, passed] :
+       llvm::zip_equal(loop.getAfterArguments(), loop.getResults(),
+                       condition.getArgs())) {
+    State state = get(passed);
+    join(argument, state);
+    state.sources |= end.sources;
+    if (varies(end))
+      state.step = noStep;
+    join(result, state);
+  }
+  visit(loop.getAfter());
+  for (auto [argument, yielded] : llvm::zip_equal(
+           loop.getBeforeArguments(), loop.getYieldOp().getOperands())) {
+    State state = get(yielded);
+    state.sources |= Moment;
+    join(argument, state);
+  }
+}

@@ -1,0 +1,105 @@
+//===- ThreadVariance.h - How values vary over threads ----------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_ANALYSIS_THREADVARIANCE_H
+#define WARP_LIB_ANALYSIS_THREADVARIANCE_H
+
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/Interfaces/FunctionInterfaces.h"
+
+#include "llvm/ADT/DenseMap.h"
+
+#include <optional>
+
+namespace warp {
+
+/// Sets of threads, the largest first.
+enum class Scope {
+  /// All threads of a launch.
+  Launch,
+  /// Threads that follow each other in the last dimension and run in step:
+  /// lanes of a vector. They need not agree with those elsewhere.
+  Lanes,
+};
+
+/// How the values of a kernel in structured form vary over its threads.
+///
+/// Thread indices are the results of `warp.tid` or the arguments of the block
+/// of `warp.threads`. Values that do not belong to the function have no answer.
+class ThreadVariance {
+public:
+  explicit ThreadVariance(mlir::FunctionOpInterface function);
+
+  /// Whether all threads of a set have the same value. For lanes: those that
+  /// run the code together, in the same iteration of the loops around it.
+  bool isUniform(mlir::Value value, Scope scope) const;
+
+  /// By how much the value of the next thread in the last dimension is larger,
+  /// if that is a constant, for a value that is used as an index: that no sum
+  /// wraps is assumed, as the access would be out of bounds. 0 if uniform.
+  std::optional<int64_t> step(mlir::Value value) const;
+
+  /// Whether lanes may come to different decisions at a branch, or leave a loop
+  /// in different iterations.
+  bool isDivergent(mlir::Operation *branchOrLoop) const;
+
+  /// Whether an array may be written by the kernel.
+  bool isWritten(mlir::Value array) const;
+
+private:
+  /// On what a value depends.
+  enum : uint8_t {
+    /// Bits 0 to 3: a thread index.
+    AnyIndex = 15,
+    /// What only this thread knows.
+    Own = 16,
+    /// The iteration, or the moment: the same for threads that run in step.
+    Moment = 32,
+  };
+  static constexpr int64_t noStep = INT64_MIN;
+  struct State {
+    uint8_t sources = 0;
+    /// Of the last dimension's index; `noStep` if unknown or not constant.
+    int64_t step = 0;
+    bool operator==(const State &other) const {
+      return sources == other.sources && step == other.step;
+    }
+  };
+
+  void collectWrites();
+  void visit(mlir::Region &region);
+  void visit(mlir::Operation *op);
+  void visitIf(mlir::Operation *op);
+  void visitFor(mlir::Operation *op);
+  void visitWhile(mlir::Operation *op);
+  State transfer(mlir::Operation *op) const;
+  int64_t stepOf(mlir::Operation *op) const;
+  State get(mlir::Value value) const;
+  /// Joins; a value that has no state yet takes it over.
+  void join(mlir::Value value, State state);
+  bool varies(State state) const {
+    return state.sources & (lastIndex | Own);
+  }
+
+  mlir::FunctionOpInterface function;
+  llvm::DenseMap<mlir::Value, State> states;
+  /// Roots of arrays that are written; all if one of them is not known.
+  llvm::DenseSet<mlir::Value> written;
+  bool writesUnknown = false;
+  /// Arguments may overlap, so that a write to one is one to all.
+  bool mayOverlap = true;
+  uint8_t lastIndex = 1;
+  bool changed = false;
+};
+
+/// The array that views were taken of: an argument, the gradients of one, or
+/// what control flow chose or memory held.
+mlir::Value getRoot(mlir::Value array);
+
+} // namespace warp
+
+#endif // WARP_LIB_ANALYSIS_THREADVARIANCE_H

@@ -1,0 +1,349 @@
+//===- LowerLaneAccesses.cpp - Elements of neighbouring threads -----------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Lanes whose elements follow each other read and write whole vectors. An
+// element of n numbers is taken apart in registers: the n vectors that hold N
+// elements are blended and permuted into one vector per component. Where n is
+// odd, the numbers of a component lie at different places in each vector, so
+// blends by constant masks bring them together and one permutation sorts them:
+//
+//     x0 y0 z0 x1 | y1 z1 x2 y2 | z2 x3 y3 z3
+//     x: take 0, 3 of the first, 2 of the second, 1 of the third
+//        x0 x3 x2 x1 -> x0 x1 x2 x3
+//
+// Otherwise a component is permuted out of pairs of vectors. Elements that lie
+// anywhere are gathered and scattered, component by component.
+//
+//===----------------------------------------------------------------------===//
+
+#include "ArrayLowering.h"
+#include "WarpDialect/ParameterLayout.h"
+
+#include "mlir/Dialect/Arith/IR/Arith.h"
+#include "mlir/IR/Matchers.h"
+
+#include <numeric>
+
+using namespace mlir;
+using namespace warp;
+
+/// Whether a mask certainly has all lanes.
+static bool isFull(mlir::Value mask) {
+  DenseElementsAttr known;
+  return matchPattern(mask, m_Constant(&known)) && known.isSplat() &&
+         known.getSplatValue<bool>();
+}
+
+/// The type of a component in memory, in lanes.
+static VectorType storedLanes(mlir::Type type, int64_t lanes) {
+  mlir::Type stored = isBool(type) ? IntegerType::get(type.getContext(), 8)
+                                   : getSignless(type);
+  return VectorType::get(lanes, stored);
+}
+
+namespace {
+
+/// Vectors in registers, whose lanes are numbered through.
+class Registers {
+public:
+  Registers(OpBuilder &b, Location loc, int64_t lanes)
+      : b(b), loc(loc), lanes(lanes) {}
+
+  mlir::Value shuffle(mlir::Value x, mlir::Value y,
+                      ArrayRef<int32_t> places) {
+    return LLVM::ShuffleVectorOp::create(b, loc, x, y, places);
+  }
+
+  /// The vector of what `source(lane)` numbers among the lanes of `vectors`.
+  mlir::Value select(ArrayRef<mlir::Value> vectors,
+                     function_ref<int64_t(int64_t)> source) {
+    SmallVector<int64_t> sources;
+    for (int64_t lane = 0; lane < lanes; ++lane)
+      sources.push_back(source(lane));
+    if (mlir::Value blended = blend(vectors, sources))
+      return blended;
+    return join(vectors, sources);
+  }
+
+private:
+  /// If no two of the numbers lie at the same place of a vector.
+  mlir::Value blend(ArrayRef<mlir::Value> vectors, ArrayRef<int64_t> sources);
+  mlir::Value join(ArrayRef<mlir::Value> vectors, ArrayRef<int64_t> sources);
+
+  OpBuilder &b;
+  Location loc;
+  int64_t lanes;
+};
+
+} // namespace
+
+mlir::Value Registers::blend(ArrayRef<mlir::Value> vectors,
+                             ArrayRef<int64_t> sources) {
+  SmallVector<int64_t> vectorAt(lanes, -1);
+  SmallVector<int32_t> order;
+  for (int64_t source : sources) {
+    int64_t place = source % lanes;
+    if (vectorAt[place] >= 0)
+      return {};
+    vectorAt[place] = source / lanes;
+    order.push_back(place);
+  }
+  mlir::Value blended;
+  for (auto [number, vector] : llvm::enumerate(vectors)) {
+    if (!llvm::is_contained(vectorAt, int64_t(number)))
+      continue;
+    if (!blended) {
+      blended = vector;
+      continue;
+    }
+    SmallVector<int32_t> places;
+    for (int64_t place = 0; place < lanes; ++place)
+      places.push_back(vectorAt[place] == int64_t(number) ? lanes + place
+                                                          : place);
+    blended = shuffle(blended, vector, places);
+  }
+  return shuffle(blended, blended, order);
+}
+
+/// Two vectors at a time.
+mlir::Value Registers::join(ArrayRef<mlir::Value> vectors,
+                            ArrayRef<int64_t> sources) {
+  mlir::Value joined;
+  SmallVector<bool> done(vectors.size(), false);
+  SmallVector<int32_t> places(lanes);
+  for (size_t number = 0; number < vectors.size(); ++number) {
+    bool used = llvm::any_of(sources, [&](int64_t source) {
+      return source / lanes == int64_t(number);
+    });
+    if (!used)
+      continue;
+    for (int64_t lane = 0; lane < lanes; ++lane) {
+      bool here = sources[lane] / lanes == int64_t(number);
+      places[lane] = here ? (joined ? lanes : 0) + sources[lane] % lanes : lane;
+    }
+    joined = shuffle(joined ? joined : vectors[number], vectors[number],
+                     places);
+  }
+  return joined;
+}
+
+//===----------------------------------------------------------------------===//
+// Addresses
+//===----------------------------------------------------------------------===//
+
+/// Where the lanes of an access find their elements.
+struct ArrayLowering::LaneAccess {
+  SmallVector<Leaf> leaves;
+  mlir::Value mask;
+  bool isFull = false;
+  int64_t lanes = 0;
+  /// `unit`: address of the first lane's element. Otherwise a vector of
+  /// addresses.
+  mlir::Value pointer;
+
+  /// The address so many bytes on. Where lanes are dead it may be outside of
+  /// the array.
+  mlir::Value move(OpBuilder &b, Location loc, int64_t bytes) const {
+    return LLVM::GEPOp::create(
+        b, loc, pointer.getType(), b.getI8Type(), pointer,
+        ArrayRef<LLVM::GEPArg>(int32_t(bytes)),
+        isFull ? LLVM::GEPNoWrapFlags::inbounds : LLVM::GEPNoWrapFlags::none);
+  }
+};
+
+/// Byte offsets of elements from the start of the array, i64.
+mlir::Value ArrayLowering::gatherOffsets(const ArrayParts &parts,
+                                         ValueRange indices,
+                                         ArrayRef<bool> nonNegative,
+                                         int64_t lanes) {
+  auto wide = VectorType::get(lanes, i64);
+  auto spread = [&](mlir::Value value) -> mlir::Value {
+    if (isa<VectorType>(value.getType()))
+      return value;
+    if (value.getType().isInteger(32))
+      value = widen(value, i64);
+    mlir::Value any = LLVM::PoisonOp::create(b, loc, wide);
+    mlir::Value one = LLVM::InsertElementOp::create(b, loc, any, value,
+                                                    constant(i32, 0));
+    return LLVM::ShuffleVectorOp::create(b, loc, one, any,
+                                         SmallVector<int32_t>(lanes, 0));
+  };
+  auto toWide = [&](mlir::Value value) -> mlir::Value {
+    value = spread(value);
+    mlir::Type element = cast<VectorType>(value.getType()).getElementType();
+    if (element.isIndex())
+      return arith::IndexCastOp::create(b, loc, wide, value);
+    if (element.getIntOrFloatBitWidth() < 64)
+      return arith::ExtSIOp::create(b, loc, wide, value);
+    return value;
+  };
+  mlir::Value zero =
+      arith::ConstantOp::create(b, loc, b.getZeroAttr(wide)), offset;
+  for (auto [d, index] : llvm::enumerate(indices)) {
+    mlir::Value number;
+    if (isa<VectorType>(index.getType())) {
+      number = toWide(index);
+      if (!nonNegative[d]) {
+        mlir::Value fromEnd = arith::AddIOp::create(
+            b, loc, number, toWide(parts.shape[d]));
+        mlir::Value isNegative = arith::CmpIOp::create(
+            b, loc, arith::CmpIPredicate::slt, number, zero);
+        number = arith::SelectOp::create(b, loc, isNegative, fromEnd, number);
+      }
+    } else {
+      number = toWide(nonNegative[d] ? index
+                                     : wrapIndex(index, parts.shape[d]));
+    }
+    if (parts.unit == 0)
+      number = arith::MulIOp::create(b, loc, number, toWide(parts.strides[d]));
+    else if (offset)
+      offset = arith::MulIOp::create(b, loc, offset, toWide(parts.shape[d]));
+    offset = offset ? arith::AddIOp::create(b, loc, offset, number).getResult()
+                    : number;
+  }
+  return offset;
+}
+
+ArrayLowering::LaneAccess
+ArrayLowering::laneAccess(mlir::Value array, ValueRange indices,
+                          mlir::Value mask, LaneForm form,
+                          ArrayRef<bool> nonNegative) {
+  LaneAccess access;
+  collectLeaves(elementType(array), 0, access.leaves);
+  access.mask = mask;
+  access.isFull = ::isFull(mask);
+  access.lanes = cast<VectorType>(mask.getType()).getNumElements();
+  ArrayParts parts = getParts(array);
+  if (form == LaneForm::unit) {
+    SmallVector<mlir::Value> wrapped;
+    for (auto [index, extent, isRight] :
+         llvm::zip_equal(indices, parts.shape, nonNegative))
+      wrapped.push_back(isRight ? index : wrapIndex(index, extent));
+    access.pointer = elementPointer(parts, wrapped, elementType(array),
+                                    /*inside=*/access.isFull);
+    return access;
+  }
+  mlir::Value offsets =
+      gatherOffsets(parts, indices, nonNegative, access.lanes);
+  auto pointers = LLVM::getVectorType(dataPointer, access.lanes);
+  mlir::Type step = parts.unit == 0
+                        ? mlir::Type(i8)
+                        : LLVM::LLVMArrayType::get(i8, parts.unit);
+  if (llvm::isPowerOf2_64(parts.unit) && parts.unit <= 8)
+    step = b.getIntegerType(8 * parts.unit);
+  access.pointer = LLVM::GEPOp::create(b, loc, pointers, step, parts.data,
+                                       ArrayRef<LLVM::GEPArg>(offsets));
+  return access;
+}
+
+//===----------------------------------------------------------------------===//
+// Accesses
+//===----------------------------------------------------------------------===//
+
+/// For each of `count` vectors that hold the elements one after the other: the
+/// lanes that are live.
+static SmallVector<mlir::Value> spreadMask(OpBuilder &b, Location loc,
+                                           mlir::Value mask, int64_t lanes,
+                                           int64_t count) {
+  if (count == 1)
+    return {mask};
+  SmallVector<mlir::Value> masks;
+  for (int64_t number = 0; number < count; ++number) {
+    SmallVector<int32_t> places;
+    for (int64_t lane = 0; lane < lanes; ++lane)
+      places.push_back((number * lanes + lane) / count);
+    masks.push_back(LLVM::ShuffleVectorOp::create(b, loc, mask, mask, places));
+  }
+  return masks;
+}
+
+void ArrayLowering::lowerLanes(LoadLanesOp op) {
+  LaneAccess access = laneAccess(op.getArray(), op.getIndices(), op.getMask(),
+                                 op.getForm(), op.getNonNegative());
+  int64_t count = access.leaves.size(), lanes = access.lanes;
+  SmallVector<mlir::Value> components;
+  if (op.getForm() == LaneForm::unit) {
+    mlir::Type leaf = access.leaves[0].type;
+    VectorType stored = storedLanes(leaf, lanes);
+    int64_t size = getByteSize(leaf);
+    SmallVector<mlir::Value> masks =
+        spreadMask(b, loc, access.mask, lanes, count), vectors;
+    mlir::Value none =
+        arith::ConstantOp::create(b, loc, b.getZeroAttr(stored));
+    for (int64_t i = 0; i < count; ++i) {
+      mlir::Value from = access.move(b, loc, i * lanes * size);
+      if (access.isFull)
+        vectors.push_back(LLVM::LoadOp::create(b, loc, stored, from, size));
+      else
+        vectors.push_back(LLVM::MaskedLoadOp::create(
+            b, loc, stored, from, masks[i], none, b.getI32IntegerAttr(size),
+            /*nontemporal=*/UnitAttr()));
+    }
+    Registers registers(b, loc, lanes);
+    for (int64_t c = 0; c < count; ++c)
+      components.push_back(count == 1 ? vectors[0]
+                                      : registers.select(vectors, [&](int64_t lane) {
+                                          return lane * count + c;
+                                        }));
+  } else {
+    for (Leaf leaf : access.leaves) {
+      VectorType stored = storedLanes(leaf.type, lanes);
+      mlir::Value none =
+          arith::ConstantOp::create(b, loc, b.getZeroAttr(stored));
+      mlir::Value from = access.move(b, loc, leaf.offset);
+      components.push_back(LLVM::masked_gather::create(
+          b, loc, stored, from, access.mask, ValueRange(none),
+          b.getI32IntegerAttr(getByteSize(leaf.type))));
+    }
+  }
+  for (auto [result, leaf, value] :
+       llvm::zip_equal(op.getComponents(), access.leaves, components)) {
+    if (isBool(leaf.type)) {
+      mlir::Value zero =
+          arith::ConstantOp::create(b, loc, b.getZeroAttr(value.getType()));
+      value = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ne, value,
+                                    zero);
+    }
+    result.replaceAllUsesWith(value);
+  }
+}
+
+void ArrayLowering::lowerLanes(StoreLanesOp op) {
+  LaneAccess access = laneAccess(op.getArray(), op.getIndices(), op.getMask(),
+                                 op.getForm(), op.getNonNegative());
+  int64_t count = access.leaves.size(), lanes = access.lanes;
+  SmallVector<mlir::Value> components;
+  for (auto [leaf, value] :
+       llvm::zip_equal(access.leaves, op.getComponents()))
+    components.push_back(isBool(leaf.type)
+                             ? arith::ExtUIOp::create(
+                                   b, loc, storedLanes(leaf.type, lanes), value)
+                                   .getResult()
+                             : value);
+  if (op.getForm() == LaneForm::gather) {
+    for (auto [leaf, value] : llvm::zip_equal(access.leaves, components))
+      LLVM::masked_scatter::create(
+          b, loc, value, access.move(b, loc, leaf.offset), access.mask,
+          b.getI32IntegerAttr(getByteSize(leaf.type)));
+    return;
+  }
+  int64_t size = getByteSize(access.leaves[0].type);
+  SmallVector<mlir::Value> masks =
+      spreadMask(b, loc, access.mask, lanes, count);
+  Registers registers(b, loc, lanes);
+  for (int64_t i = 0; i < count; ++i) {
+    mlir::Value vector = count == 1
+                             ? components[0]
+                             : registers.select(components, [&](int64_t lane) {
+                                 int64_t number = i * lanes + lane;
+                                 return number % count * lanes + number / count;
+                               });
+    mlir::Value to = access.move(b, loc, i * lanes * size);
+    if (access.isFull)
+      LLVM::StoreOp::create(b, loc, vector, to, size);
+    else
+      LLVM::MaskedStoreOp::create(b, loc, vector, to, masks[i],
+                                  b.getI32IntegerAttr(size));
+  }
+}

@@ -1,0 +1,294 @@
+//===- LanePlan.cpp - Whether and how wide threads become lanes -----------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Threads stay scalar where lanes cannot be right: an array that differs from
+// thread to thread has no form, and a loop that waits for what another thread
+// writes would wait for ever if that thread were another lane. They also stay
+// so where it does not pay: a count of operations says what lanes gain on
+// arithmetic and lose on gathers and on what is done lane by lane.
+//
+//===----------------------------------------------------------------------===//
+
+#include "LanePlan.h"
+
+#include "KernelFunction.h"
+#include "Updates/Atomics.h"
+
+#include "mlir/Dialect/Arith/IR/Arith.h"
+#include "mlir/Dialect/Math/IR/Math.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
+
+using namespace mlir;
+using warp::LanePlan;
+using warp::ThreadVariance;
+
+//===----------------------------------------------------------------------===//
+// Right
+//===----------------------------------------------------------------------===//
+
+/// What another thread may change while a loop runs.
+static bool isShared(Operation *op, const ThreadVariance &variance) {
+  if (isa<warp::AtomicComponentsOp, warp::AtomicCasOp>(op))
+    return true;
+  auto load = dyn_cast<warp::LoadComponentsOp>(op);
+  return load && variance.isWritten(load.getArray());
+}
+
+/// Whether a loop goes on until another thread has done something.
+static bool mayWait(Operation *loop, const ThreadVariance &variance) {
+  llvm::DenseSet<Value> shared;
+  auto isTainted = [&](ValueRange values) {
+    return llvm::any_of(values, [&](Value v) { return shared.contains(v); });
+  };
+  for (size_t before = ~size_t(0); before != shared.size();) {
+    before = shared.size();
+    loop->walk([&](Operation *op) {
+      bool tainted = isShared(op, variance) || isTainted(op->getOperands());
+      for (Region &region : op->getRegions())
+        for (Block &block : region) {
+          ValueRange ends = block.getTerminator()->getOperands();
+          tainted |= isTainted(ends);
+          if (isTainted(ends))
+            shared.insert_range(block.getArguments());
+        }
+      if (op != loop && tainted)
+        shared.insert_range(op->getResults());
+      if (auto inner = dyn_cast<scf::WhileOp>(op); inner && tainted) {
+        shared.insert_range(inner.getBeforeArguments());
+        shared.insert_range(inner.getAfterArguments());
+      }
+    });
+  }
+  auto condition = dyn_cast<scf::WhileOp>(loop);
+  return condition &&
+         shared.contains(condition.getConditionOp().getCondition());
+}
+
+/// Why lanes cannot do an operation; empty if they can.
+static std::string findObstacle(Operation *op, const ThreadVariance &variance) {
+  auto isVarying = [&](Value value) {
+    return !variance.isUniform(value, warp::Scope::Lanes);
+  };
+  if (op->getNumRegions() != 0 &&
+      !isa<scf::IfOp, scf::ForOp, scf::WhileOp>(op))
+    return "'" + op->getName().getStringRef().str() + "' has no form for lanes";
+  for (Value operand : op->getOperands())
+    if (isa<warp::ArrayType>(operand.getType()) && isVarying(operand))
+      return "an array differs from thread to thread";
+  if (llvm::any_of(op->getResultTypes(), llvm::IsaPred<warp::ArrayType>) &&
+      isVarying(op->getResult(0)))
+    return "an array differs from thread to thread";
+  if (isa<warp::ScratchLoadOp, warp::ScratchStoreOp>(op) &&
+      isVarying(isa<warp::ScratchLoadOp>(op) ? op->getOperand(1)
+                                             : op->getOperand(2)))
+    return "a place in memory of the thread differs from thread to thread";
+  if (isa<scf::WhileOp>(op) && mayWait(op, variance))
+    return "a loop may wait for another thread";
+  return "";
+}
+
+//===----------------------------------------------------------------------===//
+// Worth it
+//===----------------------------------------------------------------------===//
+
+namespace {
+
+/// Rough cycles of one thread, alone and as one of many lanes.
+struct Cost {
+  double scalar = 0, vector = 0;
+  /// Results by size, to find out how many lanes a vector has.
+  double wide = 0, narrow = 0;
+  double operations = 0;
+  bool hasLoop = false;
+};
+
+constexpr double loopTrips = 32;
+/// Part of the lanes that are live in a loop that they leave one by one.
+constexpr double laneUse = 0.6;
+constexpr double callCost = 20, rootCost = 6, divisionCost = 8;
+/// A lane's share of gathering a number; of doing an operation lane by lane.
+constexpr double gatherCost = 1.3, laneCost = 4;
+
+class CostCounter {
+public:
+  CostCounter(const ThreadVariance &variance) : variance(variance) {}
+
+  void count(Block &block, double trips, double use) {
+    for (Operation &op : block)
+      count(&op, trips, use);
+  }
+
+  Cost cost;
+
+private:
+  bool isVarying(Value value) const {
+    return !variance.isUniform(value, warp::Scope::Lanes);
+  }
+  void count(Operation *op, double trips, double use);
+  void add(double scalar, double vector, double trips, double use) {
+    cost.scalar += scalar * trips;
+    cost.vector += vector * trips / use;
+  }
+
+  const ThreadVariance &variance;
+};
+
+} // namespace
+
+void CostCounter::count(Operation *op, double trips, double use) {
+  if (isa<scf::ForOp, scf::WhileOp>(op)) {
+    cost.hasLoop = true;
+    trips *= loopTrips;
+    if (variance.isDivergent(op))
+      use = std::min(use, laneUse);
+  }
+  for (Region &region : op->getRegions())
+    for (Block &block : region)
+      count(block, trips, use);
+  if (op->getNumRegions() != 0 || op->hasTrait<OpTrait::ConstantLike>())
+    return;
+  cost.operations += trips;
+  // A lane's share: 16 of them in a vector, or as good as that.
+  constexpr double share = 1.0 / 12;
+  bool varies = llvm::any_of(op->getOperands(),
+                             [&](Value v) { return isVarying(v); }) ||
+                llvm::any_of(op->getResults(),
+                             [&](Value v) { return isVarying(v); });
+  if (!varies)
+    return add(1, share, trips, use);
+  for (Type type : op->getResultTypes())
+    if (type.isIntOrFloat() && !type.isInteger(1))
+      (type.getIntOrFloatBitWidth() > 32 ? cost.wide : cost.narrow) += trips;
+  bool isLoad = isa<warp::LoadComponentsOp>(op);
+  if (isLoad || isa<warp::StoreComponentsOp>(op)) {
+    double count =
+        isLoad ? op->getNumResults()
+               : cast<warp::StoreComponentsOp>(op).getComponents().size();
+    auto step = variance.step(op->getOperand(op->getNumOperands() - 1));
+    return add(count, step == 1 ? 2 * share * count : gatherCost * count,
+               trips, use);
+  }
+  if (auto update = dyn_cast<warp::AtomicComponentsOp>(op)) {
+    bool isOnePlace = llvm::none_of(update.getIndices(), [&](Value index) {
+      return isVarying(index);
+    });
+    double count = update.getComponents().size();
+    return add(4 * count, isOnePlace ? 1 : 4 * count + laneCost, trips, use);
+  }
+  if (!isMemoryEffectFree(op))
+    return add(laneCost, 2 * laneCost, trips, 1);
+  double work = 1;
+  if (isa<arith::DivFOp, math::SqrtOp>(op))
+    work = rootCost;
+  else if (isa<arith::DivSIOp, arith::DivUIOp, arith::RemSIOp, arith::RemUIOp>(
+               op))
+    work = divisionCost;
+  else if (isa<math::MathDialect>(op->getDialect()) &&
+           !isa<math::AbsFOp, math::FmaOp, math::FloorOp, math::CeilOp,
+                math::CopySignOp>(op))
+    work = callCost;
+  add(work, work * share, trips, use);
+}
+
+/// Vectors of that many bits, one or several at a time.
+static int64_t chooseLanes(const Cost &cost, int64_t bits) {
+  int64_t lanes = bits / (cost.wide > cost.narrow ? 64 : 32);
+  // Two vectors in turn hide the latency of short bodies.
+  bool isShort = cost.operations <= (cost.hasLoop ? 40 * loopTrips : 24);
+  return isShort ? 2 * lanes : lanes;
+}
+
+LanePlan warp::planLanes(FunctionOpInterface kernel, ThreadsOp threads,
+                         const ThreadVariance &variance, int64_t wanted) {
+  LanePlan plan;
+  threads.getBody().walk<WalkOrder::PreOrder>([&](Operation *op) {
+    plan.reason = findObstacle(op, variance);
+    return plan.reason.empty() ? WalkResult::advance()
+                               : WalkResult::interrupt();
+  });
+  if (!plan.reason.empty())
+    return plan;
+  CostCounter counter(variance);
+  counter.count(*threads.getThread(), 1, 1);
+  const Cost &cost = counter.cost;
+  if (wanted == 0 && cost.scalar < 1.2 * cost.vector) {
+    plan.reason = "most is done lane by lane";
+    return plan;
+  }
+  int64_t bits = getFact(kernel, attr::vectorBits, 256);
+  plan.lanes = wanted ? wanted : chooseLanes(cost, bits);
+  plan.reason = wanted ? "asked for" : "worth it";
+  return plan;
+}
+
+//===----------------------------------------------------------------------===//
+// Views
+//===----------------------------------------------------------------------===//
+
+/// Puts the indices of a view in front of those of an access to it, if the user
+/// is one.
+static bool accessThrough(warp::ViewOp view, Operation *user) {
+  OpBuilder b(user);
+  unsigned count = view.getIndices().size();
+  if (auto dim = dyn_cast<warp::DimOp>(user)) {
+    dim.getArrayMutable().assign(view.getArray());
+    dim.setDim(dim.getDim() + count);
+    return true;
+  }
+  if (auto inner = dyn_cast<warp::ViewOp>(user)) {
+    SmallVector<Value> indices(view.getIndices());
+    llvm::append_range(indices, inner.getIndices());
+    inner.getArrayMutable().assign(view.getArray());
+    inner.getIndicesMutable().assign(indices);
+    return true;
+  }
+  if (isa<warp::SliceOp, warp::ComponentViewOp>(user)) {
+    auto whole = cast<warp::ArrayType>(view.getArray().getType());
+    auto part = cast<warp::ArrayType>(user->getResult(0).getType());
+    Type viewType = part;
+    Operation *early = b.clone(*user);
+    early->setOperand(0, view.getArray());
+    early->getResult(0).setType(warp::ArrayType::get(
+        b.getContext(), whole.getRank(), part.getElementType()));
+    if (auto slice = dyn_cast<warp::SliceOp>(early))
+      slice.setDim(slice.getDim() + count);
+    Value late = warp::ViewOp::create(b, user->getLoc(), viewType,
+                                      early->getResult(0), view.getIndices());
+    user->getResult(0).replaceAllUsesWith(late);
+    user->erase();
+    return true;
+  }
+  auto assign = [&](auto access) {
+    SmallVector<Value> indices(view.getIndices());
+    llvm::append_range(indices, access.getIndices());
+    access.getArrayMutable().assign(view.getArray());
+    access.getIndicesMutable().assign(indices);
+  };
+  if (auto load = dyn_cast<warp::LoadComponentsOp>(user))
+    assign(load);
+  else if (auto store = dyn_cast<warp::StoreComponentsOp>(user))
+    assign(store);
+  else if (auto update = dyn_cast<warp::AtomicComponentsOp>(user))
+    assign(update);
+  else if (auto cas = dyn_cast<warp::AtomicCasOp>(user))
+    assign(cas);
+  else
+    return false;
+  return true;
+}
+
+void warp::foldViews(FunctionOpInterface kernel) {
+  for (bool changed = true; changed;) {
+    changed = false;
+    SmallVector<ViewOp> views;
+    kernel->walk([&](ViewOp view) { views.push_back(view); });
+    for (ViewOp view : views) {
+      for (Operation *user :
+           llvm::make_early_inc_range(view.getResult().getUsers()))
+        changed |= accessThrough(view, user);
+      if (view->use_empty())
+        view->erase();
+    }
+  }
+}

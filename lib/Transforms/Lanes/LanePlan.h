@@ -1,0 +1,33 @@
+//===- LanePlan.h - Whether and how wide threads become lanes ---*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_TRANSFORMS_LANEPLAN_H
+#define WARP_LIB_TRANSFORMS_LANEPLAN_H
+
+#include "Analysis/ThreadVariance.h"
+
+#include <string>
+
+namespace warp {
+
+struct LanePlan {
+  /// 1: threads stay scalar.
+  int64_t lanes = 1;
+  /// What decided that.
+  std::string reason;
+};
+
+/// `wanted` lanes if that is not 0 and they are possible at all.
+LanePlan planLanes(mlir::FunctionOpInterface kernel, ThreadsOp threads,
+                   const ThreadVariance &variance, int64_t wanted);
+
+/// Accesses arrays themselves instead of views of them, whose start may differ
+/// from thread to thread.
+void foldViews(mlir::FunctionOpInterface kernel);
+
+} // namespace warp
+
+#endif // WARP_LIB_TRANSFORMS_LANEPLAN_H

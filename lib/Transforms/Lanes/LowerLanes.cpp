@@ -1,0 +1,305 @@
+//===- LowerLanes.cpp - What lanes do together, as vector operations ------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// The copy of a body for full vectors has a constant mask, of which
+// simplification leaves little. What is done lane by lane goes through memory:
+// operands are stored as vectors, and a loop over the lanes takes them out one
+// by one, which keeps the code short whatever the number of lanes.
+//
+//===----------------------------------------------------------------------===//
+
+#include "KernelFunction.h"
+#include "Updates/Atomics.h"
+
+#include "mlir/Dialect/Arith/IR/Arith.h"
+#include "mlir/Dialect/LLVMIR/LLVMDialect.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
+#include "mlir/IR/Matchers.h"
+#include "mlir/Transforms/GreedyPatternRewriteDriver.h"
+
+#include <numeric>
+
+namespace warp {
+#define GEN_PASS_DEF_LOWERLANES
+#include "WarpDialect/Passes.h.inc"
+} // namespace warp
+
+using namespace mlir;
+
+static std::optional<bool> getConstantMask(Value mask) {
+  DenseElementsAttr known;
+  if (!matchPattern(mask, m_Constant(&known)) || !known.isSplat())
+    return std::nullopt;
+  return known.getSplatValue<bool>();
+}
+
+static LogicalResult foldAny(warp::AnyOp op, PatternRewriter &b) {
+  auto known = getConstantMask(op.getMask());
+  if (!known)
+    return failure();
+  b.replaceOpWithNewOp<arith::ConstantOp>(op, b.getBoolAttr(*known));
+  return success();
+}
+
+static LogicalResult foldBroadcast(warp::BroadcastOp op, PatternRewriter &b) {
+  Attribute value;
+  if (!matchPattern(op.getValue(), m_Constant(&value)) ||
+      !isa<IntegerAttr, FloatAttr>(value))
+    return failure();
+  auto type = cast<ShapedType>(op.getType());
+  b.replaceOpWithNewOp<arith::ConstantOp>(op,
+                                          DenseElementsAttr::get(type, value));
+  return success();
+}
+
+namespace {
+
+/// Lowers the operations of one entry.
+class LaneLowering {
+public:
+  explicit LaneLowering(LLVM::LLVMFuncOp entry)
+      : entry(entry), b(entry->getContext()), loc(entry.getLoc()) {}
+
+  void run();
+
+private:
+  void lower(warp::AnyOp op);
+  void lower(warp::BroadcastOp op);
+  void lower(warp::LaneNumbersOp op);
+  void lower(warp::CombineLanesOp op);
+  void lower(warp::EachLaneOp op);
+  Value makeSlots(VectorType type);
+  Value slot(Value slots, Type element, Value lane);
+  Value broadcast(Value value, int64_t lanes);
+  Value constant(int64_t value) {
+    return arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(value));
+  }
+  void replace(Operation *op, Value value) {
+    op->getResult(0).replaceAllUsesWith(value);
+    op->erase();
+  }
+
+  LLVM::LLVMFuncOp entry;
+  OpBuilder b;
+  Location loc;
+};
+
+} // namespace
+
+//===----------------------------------------------------------------------===//
+// Vectors
+//===----------------------------------------------------------------------===//
+
+void LaneLowering::lower(warp::AnyOp op) {
+  replace(op, LLVM::vector_reduce_or::create(b, loc, b.getI1Type(),
+                                             op.getMask()));
+}
+
+Value LaneLowering::broadcast(Value value, int64_t lanes) {
+  auto type = VectorType::get(lanes, value.getType());
+  Value none = LLVM::PoisonOp::create(b, loc, type);
+  Value one =
+      LLVM::InsertElementOp::create(b, loc, none, value, constant(0));
+  return LLVM::ShuffleVectorOp::create(b, loc, one, none,
+                                       SmallVector<int32_t>(lanes, 0));
+}
+
+void LaneLowering::lower(warp::BroadcastOp op) {
+  auto type = cast<VectorType>(op.getType());
+  Value value = op.getValue();
+  if (!value.getType().isIndex())
+    return replace(op, broadcast(value, type.getNumElements()));
+  value = arith::IndexCastOp::create(b, loc, b.getI64Type(), value);
+  value = broadcast(value, type.getNumElements());
+  replace(op, arith::IndexCastOp::create(b, loc, type, value));
+}
+
+void LaneLowering::lower(warp::LaneNumbersOp op) {
+  auto type = cast<VectorType>(op.getType());
+  SmallVector<Attribute> numbers;
+  for (int64_t lane = 0; lane < type.getNumElements(); ++lane)
+    numbers.push_back(b.getIntegerAttr(type.getElementType(), lane));
+  replace(op, arith::ConstantOp::create(
+                  b, loc, DenseElementsAttr::get(type, numbers)));
+}
+
+void LaneLowering::lower(warp::CombineLanesOp op) {
+  Value value = op.getValue();
+  auto kind = warp::AtomicKind(op.getKind());
+  for (int64_t lanes = cast<VectorType>(value.getType()).getNumElements();
+       lanes > 1; lanes /= 2) {
+    auto half = [&](int32_t first) -> Value {
+      SmallVector<int32_t> places(lanes / 2);
+      std::iota(places.begin(), places.end(), first);
+      return LLVM::ShuffleVectorOp::create(b, loc, value, value, places);
+    };
+    Value low = half(0), high = half(lanes / 2);
+    value = warp::combine(b, loc, kind, low, high, op.getType());
+  }
+  replace(op, LLVM::ExtractElementOp::create(b, loc, value, constant(0)));
+}
+
+//===----------------------------------------------------------------------===//
+// Lane by lane
+//===----------------------------------------------------------------------===//
+
+/// Memory for a vector, in the first block of the entry.
+Value LaneLowering::makeSlots(VectorType type) {
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPointToStart(&entry.getBody().front());
+  Value one = LLVM::ConstantOp::create(b, loc, b.getI64IntegerAttr(1));
+  auto pointer = LLVM::LLVMPointerType::get(b.getContext());
+  return LLVM::AllocaOp::create(b, loc, pointer, type, one);
+}
+
+Value LaneLowering::slot(Value slots, Type element, Value lane) {
+  return LLVM::GEPOp::create(b, loc, slots.getType(), element, slots,
+                             ArrayRef<LLVM::GEPArg>(lane));
+}
+
+/// What a lane's value is in memory, where booleans take a byte and an index
+/// 64 bits.
+static Type storedType(OpBuilder &b, Type type) {
+  return type.isInteger(1) ? b.getI8Type()
+         : type.isIndex()  ? b.getI64Type()
+                           : type;
+}
+
+static Value toStored(OpBuilder &b, Location loc, Value value) {
+  Type element = getElementTypeOrSelf(value), stored = storedType(b, element);
+  if (element == stored)
+    return value;
+  Type type = stored;
+  if (auto lanes = dyn_cast<VectorType>(value.getType()))
+    type = VectorType::get(lanes.getShape(), stored);
+  if (element.isIndex())
+    return arith::IndexCastOp::create(b, loc, type, value);
+  return arith::ExtUIOp::create(b, loc, type, value);
+}
+
+static Value fromStored(OpBuilder &b, Location loc, Value value, Type type) {
+  if (value.getType() == type)
+    return value;
+  if (getElementTypeOrSelf(type).isIndex())
+    return arith::IndexCastOp::create(b, loc, type, value);
+  return arith::TruncIOp::create(b, loc, type, value);
+}
+
+void LaneLowering::lower(warp::EachLaneOp op) {
+  auto maskType = cast<VectorType>(op.getMask().getType());
+  int64_t lanes = maskType.getNumElements();
+  SmallVector<Value> inputs(op.getInputs()), inSlots, outSlots;
+  bool isFull = getConstantMask(op.getMask()).value_or(false);
+  if (!isFull)
+    inputs.push_back(op.getMask());
+  for (Value input : inputs) {
+    Value stored = toStored(b, loc, input);
+    inSlots.push_back(makeSlots(cast<VectorType>(stored.getType())));
+    LLVM::StoreOp::create(b, loc, stored, inSlots.back());
+  }
+  auto vectorOf = [&](Type type) {
+    return VectorType::get(
+        lanes, storedType(b, cast<VectorType>(type).getElementType()));
+  };
+  for (Type type : op.getResultTypes())
+    outSlots.push_back(makeSlots(vectorOf(type)));
+
+  auto loop = scf::ForOp::create(b, loc, constant(0), constant(lanes),
+                                 constant(1));
+  b.setInsertionPointToStart(loop.getBody());
+  Value lane = loop.getInductionVar();
+  auto read = [&](Value slots, Type type) {
+    Type stored = storedType(b, type);
+    Value value =
+        LLVM::LoadOp::create(b, loc, stored, slot(slots, stored, lane));
+    return fromStored(b, loc, value, type);
+  };
+  if (!isFull) {
+    auto live = scf::IfOp::create(b, loc, read(inSlots.back(), b.getI1Type()),
+                                  /*withElseRegion=*/false);
+    b.setInsertionPointToStart(live.thenBlock());
+  }
+  Block &body = op.getBody().front();
+  for (auto [argument, slots] : llvm::zip(body.getArguments(), inSlots))
+    argument.replaceAllUsesWith(read(slots, argument.getType()));
+  Operation *end = body.getTerminator();
+  b.getInsertionBlock()->getOperations().splice(
+      b.getInsertionPoint(), body.getOperations(), body.begin(),
+      end->getIterator());
+  for (auto [value, slots] : llvm::zip_equal(end->getOperands(), outSlots)) {
+    Value stored = toStored(b, loc, value);
+    LLVM::StoreOp::create(b, loc, stored, slot(slots, stored.getType(), lane));
+  }
+  b.setInsertionPointAfter(loop);
+  for (auto [result, slots] : llvm::zip_equal(op.getResults(), outSlots)) {
+    Value stored = LLVM::LoadOp::create(b, loc, vectorOf(result.getType()),
+                                        slots);
+    result.replaceAllUsesWith(fromStored(b, loc, stored, result.getType()));
+  }
+  op->erase();
+}
+
+void LaneLowering::run() {
+  SmallVector<Operation *> found;
+  entry.walk([&](Operation *op) {
+    if (isa<warp::AnyOp, warp::BroadcastOp, warp::LaneNumbersOp,
+            warp::CombineLanesOp, warp::EachLaneOp>(op))
+      found.push_back(op);
+  });
+  for (Operation *op : found) {
+    b.setInsertionPoint(op);
+    loc = op->getLoc();
+    if (auto any = dyn_cast<warp::AnyOp>(op))
+      lower(any);
+    else if (auto spread = dyn_cast<warp::BroadcastOp>(op))
+      lower(spread);
+    else if (auto numbers = dyn_cast<warp::LaneNumbersOp>(op))
+      lower(numbers);
+    else if (auto combine = dyn_cast<warp::CombineLanesOp>(op))
+      lower(combine);
+    else
+      lower(cast<warp::EachLaneOp>(op));
+  }
+}
+
+namespace {
+
+struct LowerLanes : warp::impl::LowerLanesBase<LowerLanes> {
+  LogicalResult initialize(MLIRContext *context) override {
+    RewritePatternSet found(context);
+    found.add(foldAny);
+    found.add(foldBroadcast);
+    for (StringRef name : {"arith", "scf"})
+      for (RegisteredOperationName op :
+           context->getRegisteredOperationsByDialect(name))
+        op.getCanonicalizationPatterns(found, context);
+    patterns = std::make_shared<FrozenRewritePatternSet>(std::move(found));
+    return success();
+  }
+
+  void runOnOperation() override {
+    FunctionOpInterface found = warp::findEntry(getOperation());
+    if (!found)
+      return signalPassFailure();
+    auto entry = dyn_cast<LLVM::LLVMFuncOp>(found.getOperation());
+    if (!entry || warp::isGpu(entry) || !hasLanes(entry))
+      return;
+    (void)applyPatternsGreedily(entry, *patterns);
+    LaneLowering(entry).run();
+  }
+
+  static bool hasLanes(Operation *entry) {
+    return entry
+        ->walk([](Operation *op) {
+          return isa<warp::LaneNumbersOp, warp::AnyOp, warp::BroadcastOp>(op)
+                     ? WalkResult::interrupt()
+                     : WalkResult::advance();
+        })
+        .wasInterrupted();
+  }
+
+  std::shared_ptr<FrozenRewritePatternSet> patterns;
+};
+
+} // namespace

@@ -1,0 +1,244 @@
+//===- WidenAccesses.cpp - Memory accesses of lanes -----------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Lanes whose elements follow each other in a packed array access them as
+// vectors; other elements are gathered and scattered. An update of one element
+// by all lanes is one update by what they have together, an update of
+// neighbours in code that runs alone is a load and a store. What has no form
+// for lanes is done lane by lane, in their order.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Widening.h"
+
+#include "Analysis/NonNegative.h"
+#include "KernelFunction.h"
+#include "Updates/Atomics.h"
+#include "WarpDialect/ParameterLayout.h"
+
+#include "mlir/IR/IRMapping.h"
+
+using namespace mlir;
+using warp::Widening;
+
+/// Components of an element that are worth taking apart in registers.
+constexpr size_t mostComponents = 16;
+
+/// Whether the elements of the last dimension follow each other.
+static bool isPacked(Value array) {
+  while (Operation *op = array.getDefiningOp()) {
+    if (!isa<warp::ViewOp, warp::GradOp>(op))
+      return false;
+    array = op->getOperand(0);
+  }
+  auto argument = cast<BlockArgument>(array);
+  auto function =
+      dyn_cast<FunctionOpInterface>(argument.getOwner()->getParentOp());
+  return function &&
+         function.getArgAttr(argument.getArgNumber(), warp::attr::packed);
+}
+
+/// Whether an element is a few numbers of one type without gaps.
+static bool isDense(Type element) {
+  SmallVector<warp::Leaf> leaves;
+  warp::collectLeaves(element, 0, leaves);
+  int64_t size = warp::getByteSize(leaves[0].type);
+  for (auto [i, leaf] : llvm::enumerate(leaves))
+    if (isa<warp::ArrayType>(leaf.type) || leaf.type != leaves[0].type ||
+        leaf.offset != int64_t(i) * size)
+      return false;
+  return leaves.size() <= mostComponents &&
+         warp::getByteSize(element) == int64_t(leaves.size()) * size;
+}
+
+bool Widening::isUnit(Value array, ValueRange indices, Block *where) {
+  auto type = cast<warp::ArrayType>(array.getType());
+  return !indices.empty() && isDense(type.getElementType()) &&
+         isPacked(array) && variance.step(indices.back()) == 1 &&
+         llvm::none_of(indices.drop_back(),
+                       [&](Value index) { return isVarying(index); }) &&
+         warp::isNonNegative(indices.back(), where);
+}
+
+Widening::Values Widening::accessIndices(ValueRange indices,
+                                         warp::LaneForm form) {
+  Values made;
+  for (Value index : indices) {
+    bool isOne = form == warp::LaneForm::unit || !isVarying(index);
+    made.push_back(isOne ? scalar(index) : vector(index));
+  }
+  return made;
+}
+
+SmallVector<bool> Widening::nonNegative(ValueRange indices, Block *where) {
+  return llvm::map_to_vector(indices, [&](Value index) {
+    return warp::isNonNegative(index, where);
+  });
+}
+
+void Widening::widenLoad(warp::LoadComponentsOp op) {
+  if (llvm::none_of(op.getComponents(),
+                    [&](Value v) { return isVarying(v); }))
+    return cloneScalar(op);
+  Block *where = op->getBlock();
+  warp::LaneForm form = isUnit(op.getArray(), op.getIndices(), where)
+                            ? warp::LaneForm::unit
+                            : warp::LaneForm::gather;
+  SmallVector<Type> types;
+  for (Type type : op.getResultTypes())
+    types.push_back(lanesOf(type));
+  auto load = warp::LoadLanesOp::create(
+      b, loc, types, scalar(op.getArray()),
+      accessIndices(op.getIndices(), form), mask, form,
+      nonNegative(op.getIndices(), where));
+  for (auto [result, made] :
+       llvm::zip_equal(op.getComponents(), load.getComponents()))
+    setVector(result, made);
+}
+
+void Widening::widenStore(warp::StoreComponentsOp op) {
+  bool isOnePlace = llvm::none_of(op.getIndices(), [&](Value index) {
+    return isVarying(index);
+  });
+  if (isOnePlace) {
+    bool isOneValue = llvm::none_of(op.getComponents(), [&](Value v) {
+      return isVarying(v);
+    });
+    return isOneValue ? cloneScalar(op) : eachLane(op);
+  }
+  Block *where = op->getBlock();
+  warp::LaneForm form = isUnit(op.getArray(), op.getIndices(), where)
+                            ? warp::LaneForm::unit
+                            : warp::LaneForm::gather;
+  Values components;
+  for (Value component : op.getComponents())
+    components.push_back(vector(component));
+  warp::StoreLanesOp::create(b, loc, components, scalar(op.getArray()),
+                             accessIndices(op.getIndices(), form), mask, form,
+                             nonNegative(op.getIndices(), where));
+}
+
+//===----------------------------------------------------------------------===//
+// Updates
+//===----------------------------------------------------------------------===//
+
+void Widening::widenUpdate(warp::AtomicComponentsOp op) {
+  SmallVector<warp::Leaf> leaves;
+  warp::collectLeaves(
+      cast<warp::ArrayType>(op.getArray().getType()).getElementType(), 0,
+      leaves);
+  bool isExact = op->hasAttr(warp::attr::sum);
+  bool isWide = llvm::all_of(leaves, [](const warp::Leaf &leaf) {
+    return leaf.type.getIntOrFloatBitWidth() >= 32;
+  });
+  bool isOnePlace = llvm::none_of(op.getIndices(), [&](Value index) {
+    return isVarying(index);
+  });
+  if (isOnePlace && isWide && !isExact && warp::commutes(op)) {
+    warp::AtomicKind kind = warp::combiningKind(op.getKind());
+    Values totals;
+    for (auto [leaf, value] : llvm::zip_equal(leaves, op.getComponents())) {
+      Value none = broadcast(warp::identity(b, loc, kind, leaf.type));
+      Value term = vector(value);
+      if (op.getKind() != kind)
+        term = warp::negate(b, loc, term);
+      totals.push_back(warp::CombineLanesOp::create(
+          b, loc, value.getType(), int32_t(kind), leaf.type,
+          choose(mask, term, none)));
+    }
+    warp::AtomicComponentsOp::create(b, loc, op.getResultTypes(), kind, totals,
+                                     scalar(op.getArray()),
+                                     accessIndices(op.getIndices(),
+                                                   warp::LaneForm::gather));
+    return;
+  }
+  Block *where = op->getBlock();
+  if (!kernel->hasAttr(warp::attr::exclusive) || isExact ||
+      !isUnit(op.getArray(), op.getIndices(), where))
+    return eachLane(op);
+  // Lanes do not meet, and no other thread is there.
+  SmallVector<Type> types;
+  for (Type type : op.getResultTypes())
+    types.push_back(lanesOf(type));
+  Values indices = accessIndices(op.getIndices(), warp::LaneForm::unit);
+  SmallVector<bool> isRight = nonNegative(op.getIndices(), where);
+  auto old = warp::LoadLanesOp::create(b, loc, types, scalar(op.getArray()),
+                                       indices, mask, warp::LaneForm::unit,
+                                       isRight);
+  Values sums;
+  for (auto [leaf, before, value] : llvm::zip_equal(
+           leaves, old.getComponents(), op.getComponents()))
+    sums.push_back(warp::combine(b, loc, op.getKind(), before, vector(value),
+                                 leaf.type));
+  warp::StoreLanesOp::create(b, loc, sums, scalar(op.getArray()), indices, mask,
+                             warp::LaneForm::unit, isRight);
+  for (auto [result, before] :
+       llvm::zip_equal(op.getOld(), old.getComponents()))
+    setVector(result, before);
+}
+
+//===----------------------------------------------------------------------===//
+// Lane by lane
+//===----------------------------------------------------------------------===//
+
+void Widening::eachLane(Operation *op) {
+  Values inputs;
+  SmallVector<Value> varying;
+  for (Value operand : op->getOperands())
+    if (isVarying(operand) && !llvm::is_contained(varying, operand)) {
+      varying.push_back(operand);
+      inputs.push_back(vector(operand));
+    }
+  SmallVector<Type> types, results;
+  for (Value operand : varying)
+    types.push_back(operand.getType());
+  for (Value result : op->getResults())
+    if (!result.use_empty())
+      results.push_back(lanesOf(result.getType()));
+  auto each = warp::EachLaneOp::create(b, loc, results, mask, inputs);
+  OpBuilder::InsertionGuard guard(b);
+  Block *body = b.createBlock(&each.getBody(), {}, types,
+                              SmallVector<Location>(types.size(), loc));
+  IRMapping map;
+  for (Value operand : op->getOperands())
+    if (Value one = isVarying(operand) ? Value() : scalar(operand))
+      map.map(operand, one);
+  map.map(ValueRange(varying), body->getArguments());
+  Operation *copy = b.clone(*op, map);
+  Values yielded;
+  unsigned next = 0;
+  for (auto [result, made] : llvm::zip(op->getResults(), copy->getResults()))
+    if (!result.use_empty()) {
+      yielded.push_back(made);
+      setVector(result, each.getResult(next++));
+    }
+  warp::YieldOp::create(b, loc, yielded);
+}
+
+//===----------------------------------------------------------------------===//
+// Scratch memory
+//===----------------------------------------------------------------------===//
+
+/// A slot holds a value per lane; the slot's number is the same for all.
+void Widening::widenScratch(Operation *op) {
+  if (auto scratch = dyn_cast<warp::ScratchOp>(op)) {
+    auto type = cast<warp::ScratchType>(scratch.getType());
+    auto wide = warp::ScratchType::get(b.getContext(), type.getSlots(),
+                                       lanesOf(type.getElementType()));
+    setScalar(scratch, warp::ScratchOp::create(b, loc, wide));
+    return;
+  }
+  if (auto load = dyn_cast<warp::ScratchLoadOp>(op)) {
+    setVector(load, warp::ScratchLoadOp::create(
+                        b, loc, lanesOf(load.getType()),
+                        scalar(load.getScratch()), scalar(load.getIndex())));
+    return;
+  }
+  auto store = cast<warp::ScratchStoreOp>(op);
+  Value memory = scalar(store.getScratch()), slot = scalar(store.getIndex());
+  Value value = vector(store.getValue());
+  Value old =
+      warp::ScratchLoadOp::create(b, loc, value.getType(), memory, slot);
+  warp::ScratchStoreOp::create(b, loc, choose(mask, value, old), memory, slot);
+}

@@ -1,0 +1,306 @@
+//===- WidenThreads.cpp - Threads become lanes ----------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// The threads of a range on a CPU become the lanes of vectors: the body is
+// written again with a vector where values differ from thread to thread, with a
+// mask where control flow does, and as it was where they agree. An operation is
+// performed for all lanes before the next one, so that every thread keeps the
+// order of its own accesses, whatever overlaps.
+//
+//     for i in range:                     for i in range by 16:
+//       x = a[i]                            x = a[i : i + 16]
+//       if x > 0:                    =>     m = x > 0
+//         y = sqrt(x)                       y = sqrt(x)
+//       b[i] = y                            b[i : i + 16] = select(m, y, 0)
+//
+// Lanes outside of the mask compute with whatever they hold: they touch no
+// memory, divide by 1, and nobody looks at their results.
+//
+// Elementwise operations have the same bits in any number of lanes.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Widening.h"
+
+#include "KernelFunction.h"
+#include "LanePlan.h"
+#include "Updates/Atomics.h"
+
+#include "mlir/Dialect/LLVMIR/LLVMDialect.h"
+#include "mlir/Dialect/Math/IR/Math.h"
+#include "mlir/IR/Matchers.h"
+
+namespace warp {
+#define GEN_PASS_DEF_WIDENTHREADS
+#include "WarpDialect/Passes.h.inc"
+} // namespace warp
+
+using namespace mlir;
+using warp::Widening;
+
+//===----------------------------------------------------------------------===//
+// Values
+//===----------------------------------------------------------------------===//
+
+Value Widening::splat(TypedAttr value) {
+  auto type = lanesOf(value.getType());
+  return arith::ConstantOp::create(
+      b, loc, DenseElementsAttr::get(type, Attribute(value)));
+}
+
+Value Widening::broadcast(Value value) {
+  TypedAttr constant;
+  if (matchPattern(value, m_Constant(&constant)) &&
+      isa<IntegerAttr, FloatAttr>(constant))
+    return splat(constant);
+  return warp::BroadcastOp::create(b, loc, lanesOf(value.getType()), value);
+}
+
+Value Widening::any(Value mask) {
+  return warp::AnyOp::create(b, loc, b.getI1Type(), mask);
+}
+
+Value Widening::both(Value x, Value y) {
+  return arith::AndIOp::create(b, loc, x, y);
+}
+
+Value Widening::without(Value x, Value y) {
+  Value all = splat(b.getBoolAttr(true));
+  return both(x, arith::XOrIOp::create(b, loc, y, all));
+}
+
+Value Widening::choose(Value mask, Value x, Value y) {
+  return x == y ? x : arith::SelectOp::create(b, loc, mask, x, y).getResult();
+}
+
+bool Widening::hasBase(Value value) const {
+  return isVarying(value) && variance.step(value).has_value() &&
+         isa<IntegerType, IndexType>(value.getType()) &&
+         !value.getType().isInteger(1);
+}
+
+/// A scalar is broadcast right after its definition, but among the threads.
+Value Widening::vector(Value value) {
+  if (Value known = vectors.lookup(value))
+    return known;
+  Value one = scalar(value);
+  assert(one && "a value has no form yet");
+  OpBuilder::InsertionGuard guard(b);
+  if (!body->getParent()->isAncestor(one.getParentRegion()))
+    b.setInsertionPointToStart(body);
+  else
+    b.setInsertionPointAfterValue(one);
+  return vectors[value] = broadcast(one);
+}
+
+void Widening::appendForms(Value like, Value value, Values &forms) {
+  if (isVarying(like))
+    forms.push_back(vector(value));
+  if (!isVarying(like) || hasBase(like))
+    forms.push_back(scalar(value));
+}
+
+SmallVector<Type> Widening::formTypes(ValueRange values) {
+  SmallVector<Type> types;
+  for (Value value : values) {
+    if (isVarying(value))
+      types.push_back(lanesOf(value.getType()));
+    if (!isVarying(value) || hasBase(value))
+      types.push_back(value.getType());
+  }
+  return types;
+}
+
+void Widening::takeForms(ValueRange values, ValueRange forms) {
+  for (Value value : values) {
+    vectors.erase(value);
+    scalars.erase(value);
+    if (isVarying(value)) {
+      setVector(value, forms.front());
+      forms = forms.drop_front();
+    }
+    if (!isVarying(value) || hasBase(value)) {
+      setScalar(value, forms.front());
+      forms = forms.drop_front();
+    }
+  }
+}
+
+//===----------------------------------------------------------------------===//
+// Straight-line code
+//===----------------------------------------------------------------------===//
+
+void Widening::widen(Block &block) {
+  for (Operation &op : block.without_terminator())
+    widen(&op);
+}
+
+static bool isIntegerDivision(Operation *op) {
+  return isa<arith::DivSIOp, arith::DivUIOp, arith::RemSIOp, arith::RemUIOp>(
+      op);
+}
+
+void Widening::widen(Operation *op) {
+  loc = op->getLoc();
+  if (auto branch = dyn_cast<scf::IfOp>(op))
+    return widenIf(branch);
+  if (auto loop = dyn_cast<scf::ForOp>(op))
+    return widenFor(loop);
+  if (auto loop = dyn_cast<scf::WhileOp>(op))
+    return widenWhile(loop);
+  if (isa<warp::ScratchOp, warp::ScratchLoadOp, warp::ScratchStoreOp>(op))
+    return widenScratch(op);
+  if (auto load = dyn_cast<warp::LoadComponentsOp>(op))
+    return widenLoad(load);
+  if (auto store = dyn_cast<warp::StoreComponentsOp>(op))
+    return widenStore(store);
+  if (auto update = dyn_cast<warp::AtomicComponentsOp>(op))
+    return widenUpdate(update);
+  if (!isMemoryEffectFree(op))
+    return eachLane(op);
+  if (llvm::none_of(op->getResults(), [&](Value v) { return isVarying(v); }))
+    return cloneScalar(op);
+  if (isIntegerDivision(op))
+    return widenDivision(op);
+  widenElementwise(op);
+}
+
+/// An operation whose operands all lanes share.
+void Widening::cloneScalar(Operation *op) {
+  IRMapping map;
+  for (Value operand : op->getOperands())
+    map.map(operand, scalar(operand) ? scalar(operand) : operand);
+  Operation *copy = b.clone(*op, map);
+  for (auto [result, made] : llvm::zip(op->getResults(), copy->getResults()))
+    setScalar(result, made);
+}
+
+/// The same operation on vectors, and on the first lane's scalars if the result
+/// may be an index.
+void Widening::widenElementwise(Operation *op) {
+  SmallVector<Value> operands;
+  for (Value operand : op->getOperands()) {
+    // A condition that all lanes share chooses whole vectors.
+    bool isChoice = isa<arith::SelectOp>(op) && operands.empty();
+    operands.push_back(isChoice && !isVarying(operand) ? scalar(operand)
+                                                       : vector(operand));
+  }
+  OperationState state(loc, op->getName());
+  state.addOperands(operands);
+  state.addAttributes(op->getDiscardableAttrDictionary().getValue());
+  state.propertiesAttr = op->getPropertiesAsAttribute();
+  for (Type type : op->getResultTypes())
+    state.addTypes(lanesOf(type));
+  Operation *made = b.create(state);
+  for (auto [result, value] : llvm::zip(op->getResults(), made->getResults()))
+    setVector(result, value);
+  if (op->getNumResults() != 1 || !hasBase(op->getResult(0)))
+    return;
+  IRMapping map;
+  for (Value operand : op->getOperands())
+    map.map(operand, scalar(operand));
+  setScalar(op->getResult(0), b.clone(*op, map)->getResult(0));
+}
+
+/// Processors divide integers one by one, and a lane that is not live must not
+/// divide by zero. Quotients of 32 bits are exact in double precision.
+void Widening::widenDivision(Operation *op) {
+  Type type = op->getResult(0).getType();
+  Value x = vector(op->getOperand(0)), y = vector(op->getOperand(1));
+  APInt number;
+  bool isConstant = matchPattern(op->getOperand(1), m_ConstantInt(&number));
+  bool isSigned = isa<arith::DivSIOp, arith::RemSIOp>(op);
+  bool isRemainder = isa<arith::RemSIOp, arith::RemUIOp>(op);
+  if (isConstant || !type.isInteger(32)) {
+    if (!isConstant) {
+      y = choose(mask, y, splat(b.getIntegerAttr(type, 1)));
+      x = choose(mask, x, splat(b.getIntegerAttr(type, 0)));
+    }
+    OperationState state(loc, op->getName(), {x, y}, {x.getType()});
+    setVector(op->getResult(0), b.create(state)->getResult(0));
+    return;
+  }
+  Type wide = lanesOf(b.getF64Type());
+  auto toFloat = [&](Value v) -> Value {
+    return isSigned ? arith::SIToFPOp::create(b, loc, wide, v).getResult()
+                    : arith::UIToFPOp::create(b, loc, wide, v).getResult();
+  };
+  Value quotient = arith::DivFOp::create(b, loc, toFloat(x), toFloat(y));
+  Value result =
+      isSigned
+          ? arith::FPToSIOp::create(b, loc, x.getType(), quotient).getResult()
+          : arith::FPToUIOp::create(b, loc, x.getType(), quotient).getResult();
+  if (isRemainder)
+    result = arith::SubIOp::create(
+        b, loc, x, arith::MulIOp::create(b, loc, result, y));
+  setVector(op->getResult(0), result);
+}
+
+//===----------------------------------------------------------------------===//
+// The whole
+//===----------------------------------------------------------------------===//
+
+/// What the lanes yield: of those that are not live, what changes nothing.
+Widening::Values Widening::contributions() {
+  Values values;
+  for (auto [kind, type, yielded] : llvm::zip_equal(
+           threads.getKinds(), threads.getTypes().getAsValueRange<TypeAttr>(),
+           threads.getYield()->getOperands())) {
+    Value none = broadcast(
+        warp::identity(b, loc, warp::AtomicKind(kind), type));
+    values.push_back(choose(mask, vector(yielded), none));
+  }
+  return values;
+}
+
+void Widening::run() {
+  b.setInsertionPoint(threads);
+  auto made = warp::ThreadsOp::create(
+      b, loc, threads.getResultTypes(), threads.getKindsAttr(),
+      threads.getTypesAttr(), b.getI64IntegerAttr(lanes));
+  SmallVector<Type> types;
+  for (BlockArgument index : threads.getIndices())
+    types.push_back(index.getType());
+  types.push_back(lanesOf(b.getI1Type()));
+  body = b.createBlock(&made.getBody(), {}, types,
+                              SmallVector<Location>(types.size(), loc));
+  mask = body->getArguments().back();
+  for (BlockArgument argument : kernel.getArguments())
+    setScalar(argument, argument);
+  for (auto [index, argument] :
+       llvm::zip(threads.getIndices(), body->getArguments()))
+    setScalar(index, argument);
+  Value last = threads.getIndices().back();
+  auto numbers = warp::LaneNumbersOp::create(b, loc, lanesOf(last.getType()));
+  setVector(last, arith::AddIOp::create(b, loc, broadcast(scalar(last)),
+                                        numbers));
+  widen(*threads.getThread());
+  loc = threads.getLoc();
+  warp::YieldOp::create(b, loc, contributions());
+  threads->replaceAllUsesWith(made);
+  threads->erase();
+}
+
+namespace {
+
+struct WidenThreads : warp::impl::WidenThreadsBase<WidenThreads> {
+  using WidenThreadsBase::WidenThreadsBase;
+
+  void runOnOperation() override {
+    FunctionOpInterface kernel = warp::findKernel(getOperation());
+    if (!kernel)
+      return signalPassFailure();
+    warp::ThreadsOp threads = warp::findThreads(kernel);
+    if (!threads || warp::isGpu(kernel) ||
+        kernel->hasAttr(warp::attr::debug))
+      return;
+    warp::foldViews(kernel);
+    warp::ThreadVariance variance(kernel);
+    warp::LanePlan plan = warp::planLanes(kernel, threads, variance, lanes);
+    if (plan.lanes > 1)
+      Widening(kernel, threads, variance, plan.lanes).run();
+  }
+};
+
+} // namespace

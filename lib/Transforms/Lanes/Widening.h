@@ -1,0 +1,120 @@
+//===- Widening.h - Threads as the lanes of vectors -------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// What warp-widen-threads knows while it rewrites the body of a thread.
+// WidenThreads.cpp decides and walks straight-line code, WidenControlFlow.cpp
+// has branches and loops, WidenAccesses.cpp memory and what is done lane by
+// lane.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_TRANSFORMS_WIDENING_H
+#define WARP_LIB_TRANSFORMS_WIDENING_H
+
+#include "Analysis/ThreadVariance.h"
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/Dialect/Arith/IR/Arith.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
+#include "mlir/IR/Builders.h"
+
+namespace warp {
+
+/// Whether a kernel's threads can be lanes; otherwise why they cannot.
+std::optional<std::string> whyNotLanes(mlir::FunctionOpInterface kernel,
+                                       ThreadsOp threads,
+                                       const ThreadVariance &variance);
+
+/// Writes the body of a thread again for several threads.
+///
+/// A value that all lanes share stays a scalar; one that differs becomes a
+/// vector. One that differs by a constant step from lane to lane, and may be an
+/// index, is also kept as the scalar of the first lane.
+class Widening {
+public:
+  Widening(mlir::FunctionOpInterface kernel, ThreadsOp threads,
+           const ThreadVariance &variance, int64_t lanes)
+      : kernel(kernel), threads(threads), variance(variance), lanes(lanes),
+        b(threads), loc(threads.getLoc()) {}
+
+  /// Replaces the threads.
+  void run();
+
+private:
+  using Values = llvm::SmallVector<mlir::Value>;
+
+  bool isVarying(mlir::Value value) const {
+    return !variance.isUniform(value, Scope::Lanes);
+  }
+  /// Whether a value also has a scalar of the first lane.
+  bool hasBase(mlir::Value value) const;
+
+  // What has become of a value.
+  mlir::Value scalar(mlir::Value value) const { return scalars.lookup(value); }
+  mlir::Value vector(mlir::Value value);
+  void setScalar(mlir::Value value, mlir::Value made) { scalars[value] = made; }
+  void setVector(mlir::Value value, mlir::Value made) { vectors[value] = made; }
+  /// The forms in which control flow passes a value on: its vector, and its
+  /// scalar if it has one.
+  void appendForms(mlir::Value like, mlir::Value value, Values &forms);
+  llvm::SmallVector<mlir::Type> formTypes(mlir::ValueRange values);
+  /// Takes the forms of values from a list, in the order of `appendForms`.
+  void takeForms(mlir::ValueRange values, mlir::ValueRange forms);
+
+  // WidenThreads.cpp
+  void widen(mlir::Block &block);
+  void widen(mlir::Operation *op);
+  void cloneScalar(mlir::Operation *op);
+  void widenElementwise(mlir::Operation *op);
+  void widenDivision(mlir::Operation *op);
+  Values contributions();
+
+  // WidenControlFlow.cpp
+  void widenIf(mlir::scf::IfOp op);
+  void widenUniformIf(mlir::scf::IfOp op);
+  void flatten(mlir::scf::IfOp op);
+  Values widenArm(mlir::scf::IfOp op, mlir::Block *arm, mlir::Value mask);
+  void widenFor(mlir::scf::ForOp op);
+  void widenDivergentFor(mlir::scf::ForOp op);
+  void widenWhile(mlir::scf::WhileOp op);
+  void widenDivergentWhile(mlir::scf::WhileOp op);
+
+  // WidenAccesses.cpp
+  void widenLoad(LoadComponentsOp op);
+  void widenStore(StoreComponentsOp op);
+  void widenUpdate(AtomicComponentsOp op);
+  void widenScratch(mlir::Operation *op);
+  bool isUnit(mlir::Value array, mlir::ValueRange indices, mlir::Block *where);
+  Values accessIndices(mlir::ValueRange indices, LaneForm form);
+  llvm::SmallVector<bool> nonNegative(mlir::ValueRange indices,
+                                      mlir::Block *where);
+  void eachLane(mlir::Operation *op);
+
+  // Small pieces.
+  mlir::VectorType lanesOf(mlir::Type type) const {
+    return mlir::VectorType::get(lanes, type);
+  }
+  mlir::Value splat(mlir::TypedAttr value);
+  mlir::Value broadcast(mlir::Value value);
+  mlir::Value any(mlir::Value mask);
+  mlir::Value both(mlir::Value x, mlir::Value y);
+  mlir::Value without(mlir::Value x, mlir::Value y);
+  mlir::Value choose(mlir::Value mask, mlir::Value x, mlir::Value y);
+
+  mlir::FunctionOpInterface kernel;
+  ThreadsOp threads;
+  const ThreadVariance &variance;
+  int64_t lanes;
+  mlir::OpBuilder b;
+  mlir::Location loc;
+  /// Of the widened threads.
+  mlir::Block *body = nullptr;
+  /// Lanes that run the code at the insertion point; at least one of them.
+  mlir::Value mask;
+  llvm::DenseMap<mlir::Value, mlir::Value> scalars, vectors;
+};
+
+} // namespace warp
+
+#endif // WARP_LIB_TRANSFORMS_WIDENING_H

@@ -1,0 +1,255 @@
+//===- EmitEntry.cpp - From a group of threads to the entry of a launch ---===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// The entry that a launch calls gets the parameter block, reads the arguments
+// from it once, and runs the group:
+//
+//   CPU   entry(block, begin, end) runs the linear indices [begin, end). The
+//         last dimension varies fastest; rank 1 is one loop, higher ranks walk
+//         rows, with the divisions that find a row done once per row. With
+//         lanes, a loop takes full vectors of threads, and what is left is one
+//         vector with a mask.
+//   GPU   entry(block) is one thread. Its indices come from the grid, the last
+//         dimension on axis x, and a guard replaces the loop. A launch that
+//         does not fit the axes uses `warp.flat`: one 64-bit linear index.
+//
+// The function has three blocks: what is read before threads run, the group in
+// structured form, and the return.
+//
+// Whoever adds a fact about launches starts at `EntryBuilder::build`.
+//
+//===----------------------------------------------------------------------===//
+
+#include "EntryBuilder.h"
+#include "GpuBlock.h"
+#include "Updates/Atomics.h"
+#include "Updates/BlockReduce.h"
+#include "WarpDialect/ParameterLayout.h"
+#include "warp/ExactSums.h"
+
+#include "mlir/IR/IRMapping.h"
+
+namespace warp {
+#define GEN_PASS_DEF_EMITENTRY
+#include "WarpDialect/Passes.h.inc"
+} // namespace warp
+
+using namespace mlir;
+using warp::EntryBuilder;
+
+/// The arguments before they were taken apart; warp-form-launch checked them.
+static SmallVector<Type> getArgumentTypes(FunctionOpInterface kernel) {
+  if (auto types = kernel->getAttrOfType<ArrayAttr>(warp::attr::argTypes))
+    return llvm::to_vector(types.getAsValueRange<TypeAttr>());
+  return llvm::to_vector(kernel.getArgumentTypes());
+}
+
+void EntryBuilder::createEntry() {
+  MLIRContext *context = b.getContext();
+  Type pointer = LLVM::LLVMPointerType::get(context);
+  Type i64 = b.getI64Type();
+  SmallVector<Type> types{pointer};
+  if (!warp::isGpu(kernel))
+    types.append({i64, i64});
+  auto type = LLVM::LLVMFunctionType::get(
+      LLVM::LLVMVoidType::get(context), types);
+  b.setInsertionPoint(kernel);
+  // The name is free once the kernel is gone.
+  entry = LLVM::LLVMFuncOp::create(b, loc, kernel.getName(), type);
+  for (NamedAttribute fact : kernel->getDiscardableAttrs())
+    if (fact.getName().getValue().starts_with("warp."))
+      entry->setAttr(fact.getName(), fact.getValue());
+  entry->removeAttr(warp::kernelAttrName);
+  entry->setAttr(warp::attr::entry, b.getUnitAttr());
+  Block *first = entry.addEntryBlock(b);
+  block = first->getArgument(0);
+
+  int64_t size = warp::layOutParameters(getArgumentTypes(kernel)).size;
+  if (auto sums = kernel->getAttrOfType<ArrayAttr>(warp::attr::sums))
+    size += sizeof(warp::SumDescriptor) * warp::countSums(sums);
+  if (!warp::isGpu(kernel)) {
+    entry.setArgAttr(0, "llvm.noalias", b.getUnitAttr());
+    entry.setArgAttr(0, "llvm.readonly", b.getUnitAttr());
+    return;
+  }
+  entry.setCConv(LLVM::CConv::PTX_Kernel);
+  auto bytes = LLVM::LLVMArrayType::get(b.getI8Type(), size);
+  entry.setArgAttr(0, "llvm.byval", TypeAttr::get(bytes));
+  entry.setArgAttr(0, "llvm.align", b.getI64IntegerAttr(8));
+  auto limit = std::to_string(
+      warp::getFact(kernel, warp::attr::blockDim, 256));
+  entry.setPassthroughAttr(b.getArrayAttr(
+      {b.getStrArrayAttr({"nvvm.maxntid", limit})}));
+}
+
+/// Reads extents and arguments, and puts them in the place of the kernel's.
+void EntryBuilder::readArguments() {
+  for (int64_t i = 0; i < rank; ++i)
+    dims.push_back(parameter(b.getI32Type(), warp::launchDimOffset + 4 * i));
+  SmallVector<Type> types = getArgumentTypes(kernel);
+  warp::ParameterLayout layout = warp::layOutParameters(types);
+  unsigned next = 0;
+  for (auto [type, offset] : llvm::zip_equal(types, layout.offsets)) {
+    SmallVector<warp::Leaf> leaves;
+    warp::collectLeaves(type, offset, leaves);
+    for (warp::Leaf leaf : leaves) {
+      unsigned number = next++;
+      bool packed = bool(kernel.getArgAttr(number, warp::attr::packed));
+      auto name =
+          kernel.getArgAttrOfType<StringAttr>(number, warp::attr::name);
+      auto argument = warp::ParameterOp::create(
+          b, loc, warp::getSignless(leaf.type), block, leaf.offset, packed,
+          name);
+      if (Attribute fact = kernel.getArgAttr(number, warp::attr::nonNegative))
+        argument->setAttr(warp::attr::nonNegative, fact);
+      kernel.getArgument(number).replaceAllUsesWith(argument);
+    }
+  }
+}
+
+//===----------------------------------------------------------------------===//
+// Threads
+//===----------------------------------------------------------------------===//
+
+/// What combinations over the group begin with.
+EntryBuilder::Values EntryBuilder::identities(bool inLanes) {
+  Values values;
+  for (auto [kind, type] :
+       llvm::zip_equal(threads.getKinds(),
+                       threads.getTypes().getAsValueRange<TypeAttr>())) {
+    Value one = warp::identity(b, loc, warp::AtomicKind(kind), type);
+    if (inLanes)
+      one = warp::BroadcastOp::create(
+          b, loc, VectorType::get(threads.getWidth(), one.getType()), one);
+    values.push_back(one);
+  }
+  return values;
+}
+
+EntryBuilder::Values EntryBuilder::combine(ValueRange sums, ValueRange terms) {
+  Values combined;
+  for (auto [kind, type, sum, term] : llvm::zip_equal(
+           threads.getKinds(), threads.getTypes().getAsValueRange<TypeAttr>(),
+           sums, terms))
+    combined.push_back(warp::combine(b, loc, warp::AtomicKind(kind), sum, term,
+                                     type, /*anyOrder=*/true));
+  return combined;
+}
+
+/// A copy of the thread with these indices; with lanes also what is live.
+/// Returns what it yields.
+EntryBuilder::Values EntryBuilder::cloneThread(ValueRange indices, Value live) {
+  IRMapping map;
+  for (auto [argument, index] :
+       llvm::zip_equal(threads.getIndices(), indices))
+    map.map(argument, narrow(index, argument.getType()));
+  if (live)
+    map.map(threads.getLive(), live);
+  for (Operation &op : threads.getThread()->without_terminator())
+    b.clone(op, map);
+  return llvm::map_to_vector(threads.getYield()->getOperands(), [&](Value v) {
+    return map.lookupOrDefault(v);
+  });
+}
+
+/// Like `cloneThread` for the last copy: moves the operations.
+EntryBuilder::Values EntryBuilder::takeThread(ValueRange indices) {
+  for (auto [argument, index] :
+       llvm::zip_equal(threads.getIndices(), indices)) {
+    Value thisIndex = argument;
+    thisIndex.replaceAllUsesWith(narrow(index, argument.getType()));
+  }
+  Block *thread = threads.getThread();
+  b.getInsertionBlock()->getOperations().splice(
+      b.getInsertionPoint(), thread->getOperations(), thread->begin(),
+      std::prev(thread->end()));
+  return Values(threads.getYield()->getOperands());
+}
+
+/// Indices of the dimensions before the last, from the linear number of a row.
+EntryBuilder::Values EntryBuilder::unravel(Value row, int count) {
+  Values indices(count);
+  for (int d = count - 1; d > 0; --d) {
+    Value extent = narrow(dims[d], row.getType());
+    Value rest = div(row, extent);
+    indices[d] = sub(row, mul(rest, extent));
+    row = rest;
+  }
+  indices[0] = row;
+  return indices;
+}
+
+//===----------------------------------------------------------------------===//
+// Groups
+//===----------------------------------------------------------------------===//
+
+/// One thread of a block, or of a range, does it.
+static void inlineOnce(warp::OnceOp once, function_ref<Value()> isFirst) {
+  OpBuilder b(once);
+  Block *target = once->getBlock();
+  auto place = once->getIterator();
+  if (isFirst) {
+    auto branch = scf::IfOp::create(b, once.getLoc(), isFirst(),
+                                    /*withElseRegion=*/false);
+    target = branch.thenBlock();
+    place = target->getTerminator()->getIterator();
+  }
+  Block &body = once.getBody().front();
+  target->getOperations().splice(place, body.getOperations());
+  once->erase();
+}
+
+void EntryBuilder::build() {
+  createEntry();
+  Block *first = &entry.getBody().front();
+  Block *body = b.createBlock(&entry.getBody());
+  Block *exit = b.createBlock(&entry.getBody());
+  b.setInsertionPointToEnd(exit);
+  LLVM::ReturnOp::create(b, loc, ValueRange());
+  b.setInsertionPointToEnd(first);
+  readArguments();
+  LLVM::BrOp::create(b, loc, ValueRange(), body);
+  b.setInsertionPointToEnd(body);
+  auto leave = LLVM::BrOp::create(b, loc, ValueRange(), exit);
+  auto group = cast<warp::GroupOp>(threads->getParentOp());
+  body->getOperations().splice(leave->getIterator(),
+                               group.getBody().front().getOperations());
+
+  bool gpu = warp::isGpu(kernel);
+  b.setInsertionPoint(threads);
+  Values sums = gpu ? buildGpu() : buildCpu();
+  threads->replaceAllUsesWith(sums);
+  threads->erase();
+  SmallVector<warp::OnceOp> once;
+  entry.walk([&](warp::OnceOp op) { once.push_back(op); });
+  for (warp::OnceOp op : once) {
+    auto isFirst = [&] {
+      OpBuilder at(op);
+      Value zero = arith::ConstantOp::create(at, loc, at.getI32IntegerAttr(0));
+      return arith::CmpIOp::create(at, loc, arith::CmpIPredicate::eq,
+                                   warp::threadInBlock(at, loc), zero)
+          .getResult();
+    };
+    inlineOnce(op, gpu ? function_ref<Value()>(isFirst) : nullptr);
+  }
+  kernel->erase();
+}
+
+namespace {
+
+struct EmitEntry : warp::impl::EmitEntryBase<EmitEntry> {
+  void runOnOperation() override {
+    FunctionOpInterface kernel = warp::findKernel(getOperation());
+    if (!kernel)
+      return signalPassFailure();
+    warp::ThreadsOp threads = warp::findThreads(kernel);
+    if (!threads) {
+      kernel.emitError("expects a kernel in phase 'launch'");
+      return signalPassFailure();
+    }
+    EntryBuilder(kernel, threads).build();
+  }
+};
+
+} // namespace

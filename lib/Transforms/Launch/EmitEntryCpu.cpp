@@ -1,0 +1,186 @@
+//===- EmitEntryCpu.cpp - A range of threads on the CPU -------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// A range is rows of the last dimension, and rows are loops. With lanes a row
+// is a loop over full vectors, whose mask is a constant, and one vector more
+// for the threads that are left. Stores want a constant mask (a variable one
+// was three times slower in a stream), but a long body is not worth two copies:
+// there the mask is always a variable.
+//
+//===----------------------------------------------------------------------===//
+
+#include "EntryBuilder.h"
+#include "Updates/Atomics.h"
+
+#include "mlir/IR/IRMapping.h"
+
+using namespace mlir;
+using warp::EntryBuilder;
+
+/// Bodies of more operations have one copy.
+constexpr int64_t longestTwice = 400;
+
+static int64_t countOperations(Region &region) {
+  int64_t count = 0;
+  region.walk([&](Operation *) { ++count; });
+  return count;
+}
+
+EntryBuilder::Values EntryBuilder::buildCpu() {
+  Value begin = entry.getArgument(1), end = entry.getArgument(2);
+  bool inLanes = threads.getLanes().has_value();
+  Values sums = identities(inLanes);
+  sums = rank == 1 ? buildRange(begin, end, {}, sums)
+                   : buildRows(begin, end, sums);
+  if (!inLanes)
+    return sums;
+  Values combined;
+  for (auto [kind, type, sum] :
+       llvm::zip_equal(threads.getKinds(), threads.getTypes(), sums))
+    combined.push_back(warp::CombineLanesOp::create(
+        b, loc, cast<VectorType>(sum.getType()).getElementType(), kind,
+        cast<TypeAttr>(type).getValue(), sum));
+  return combined;
+}
+
+EntryBuilder::Values EntryBuilder::buildRows(Value begin, Value end,
+                                             ValueRange sums) {
+  Type i64 = b.getI64Type();
+  Type rowType = index32 ? b.getI32Type() : i64;
+  Value any = cmp(arith::CmpIPredicate::slt, begin, end);
+  auto enter = scf::IfOp::create(b, loc, TypeRange(sums), any,
+                                 /*withElseRegion=*/true);
+  OpBuilder::InsertionGuard guard(b);
+  if (!sums.empty()) {
+    b.setInsertionPointToStart(enter.elseBlock());
+    scf::YieldOp::create(b, loc, sums);
+  }
+  b.setInsertionPointToStart(enter.thenBlock());
+  Value one = constant(i64, 1), zero = constant(i64, 0);
+  Value width = narrow(dims[rank - 1], i64);
+  auto rowOf = [&](Value linear) {
+    Value divided = div(narrow(linear, rowType), narrow(width, rowType));
+    return narrow(divided, i64);
+  };
+  Value firstRow = rowOf(begin);
+  Value lastRow = rowOf(sub(end, one));
+  Value firstColumn = sub(begin, mul(firstRow, width));
+  Value endColumn = sub(end, mul(lastRow, width));
+  auto rows = scf::ForOp::create(b, loc, firstRow, add(lastRow, one), one, sums);
+  {
+    OpBuilder::InsertionGuard inRow(b);
+    b.setInsertionPointToStart(rows.getBody());
+    Value number = rows.getInductionVar();
+    Value isFirst = cmp(arith::CmpIPredicate::eq, number, firstRow);
+    Value isLast = cmp(arith::CmpIPredicate::eq, number, lastRow);
+    Value from = arith::SelectOp::create(b, loc, isFirst, firstColumn, zero);
+    Value to = arith::SelectOp::create(b, loc, isLast, endColumn, width);
+    Values outer = unravel(narrow(number, rowType), rank - 1);
+    Values next = buildRange(from, to, outer, rows.getRegionIterArgs());
+    if (!sums.empty())
+      scf::YieldOp::create(b, loc, next);
+  }
+  if (!sums.empty())
+    scf::YieldOp::create(b, loc, rows.getResults());
+  return Values(enter.getResults());
+}
+
+EntryBuilder::Values EntryBuilder::buildRange(Value begin, Value end,
+                                              ValueRange outer,
+                                              ValueRange sums) {
+  if (!threads.getLanes())
+    return buildScalarLoop(begin, end, outer, sums);
+  if (countOperations(threads.getBody()) > longestTwice)
+    return buildMaskedLanes(begin, end, outer, sums);
+  Value whole = arith::AndIOp::create(
+      b, loc, sub(end, begin), constant(b.getI64Type(), -threads.getWidth()));
+  Value last = add(begin, whole);
+  Values next = buildFullLanes(begin, last, outer, sums);
+  return buildLastLanes(last, end, outer, next);
+}
+
+EntryBuilder::Values EntryBuilder::buildScalarLoop(Value begin, Value end,
+                                                   ValueRange outer,
+                                                   ValueRange sums) {
+  Value one = constant(b.getI64Type(), 1);
+  auto loop = scf::ForOp::create(b, loc, begin, end, one, sums);
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPointToStart(loop.getBody());
+  Values indices(outer);
+  indices.push_back(loop.getInductionVar());
+  Values terms = takeThread(indices);
+  Values next = combine(loop.getRegionIterArgs(), terms);
+  if (!sums.empty())
+    scf::YieldOp::create(b, loc, next);
+  return Values(loop.getResults());
+}
+
+/// [begin, end) is a multiple of the width.
+EntryBuilder::Values EntryBuilder::buildFullLanes(Value begin, Value end,
+                                                  ValueRange outer,
+                                                  ValueRange sums) {
+  Value width = constant(b.getI64Type(), threads.getWidth());
+  auto loop = scf::ForOp::create(b, loc, begin, end, width, sums);
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPointToStart(loop.getBody());
+  auto mask = cast<ShapedType>(threads.getLive().getType());
+  Value all = arith::ConstantOp::create(
+      b, loc, DenseElementsAttr::get(mask, b.getBoolAttr(true)));
+  Values indices(outer);
+  indices.push_back(loop.getInductionVar());
+  Values terms = cloneThread(indices, all);
+  Values next = combine(loop.getRegionIterArgs(), terms);
+  if (!sums.empty())
+    scf::YieldOp::create(b, loc, next);
+  return Values(loop.getResults());
+}
+
+/// A mask of the first `count` lanes, or of all.
+Value EntryBuilder::liveLanes(Value count) {
+  Type i32 = b.getI32Type();
+  auto lanes = VectorType::get(threads.getWidth(), i32);
+  Value numbers = warp::LaneNumbersOp::create(b, loc, lanes);
+  Value limit = warp::BroadcastOp::create(b, loc, lanes, narrow(count, i32));
+  return cmp(arith::CmpIPredicate::slt, numbers, limit);
+}
+
+/// Fewer threads than the width.
+EntryBuilder::Values EntryBuilder::buildLastLanes(Value begin, Value end,
+                                                  ValueRange outer,
+                                                  ValueRange sums) {
+  Value any = cmp(arith::CmpIPredicate::slt, begin, end);
+  auto branch = scf::IfOp::create(b, loc, TypeRange(sums), any,
+                                  /*withElseRegion=*/!sums.empty());
+  OpBuilder::InsertionGuard guard(b);
+  if (!sums.empty()) {
+    b.setInsertionPointToStart(branch.elseBlock());
+    scf::YieldOp::create(b, loc, sums);
+  }
+  b.setInsertionPointToStart(branch.thenBlock());
+  Values indices(outer);
+  indices.push_back(begin);
+  Values terms = cloneThread(indices, liveLanes(sub(end, begin)));
+  Values next = combine(sums, terms);
+  if (!sums.empty())
+    scf::YieldOp::create(b, loc, next);
+  return Values(branch.getResults());
+}
+
+EntryBuilder::Values EntryBuilder::buildMaskedLanes(Value begin, Value end,
+                                                    ValueRange outer,
+                                                    ValueRange sums) {
+  Value width = constant(b.getI64Type(), threads.getWidth());
+  auto loop = scf::ForOp::create(b, loc, begin, end, width, sums);
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPointToStart(loop.getBody());
+  Value left = sub(end, loop.getInductionVar());
+  Value count = arith::MinSIOp::create(b, loc, left, width);
+  Values indices(outer);
+  indices.push_back(loop.getInductionVar());
+  Values terms = cloneThread(indices, liveLanes(count));
+  Values next = combine(loop.getRegionIterArgs(), terms);
+  if (!sums.empty())
+    scf::YieldOp::create(b, loc, next);
+  return Values(loop.getResults());
+}

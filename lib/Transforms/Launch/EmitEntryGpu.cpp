@@ -1,0 +1,131 @@
+//===- EmitEntryGpu.cpp - One thread of a GPU launch ----------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// A thread finds its indices on the axes of the grid and returns if the launch
+// does not have them.
+//
+// Where that pays, it takes several indices, not one (EmitEntryItems.cpp).
+//
+//===----------------------------------------------------------------------===//
+
+#include "EntryBuilder.h"
+#include "GpuBlock.h"
+#include "Updates/BlockReduce.h"
+#include "WarpDialect/ParameterLayout.h"
+
+using namespace mlir;
+using warp::EntryBuilder;
+
+/// A special register of the grid.
+Value EntryBuilder::readSpecial(StringRef name, StringRef axis) {
+  return warp::readSpecial(b, loc, (name + "." + axis).str());
+}
+
+/// block index * block size + thread index, along one axis.
+Value EntryBuilder::gridIndex(StringRef axis, Type type) {
+  auto read = [&](StringRef name) {
+    return narrow(readSpecial(name, axis), type);
+  };
+  Value start = mul(read("ctaid"), read("ntid"));
+  return add(start, read("tid"));
+}
+
+/// Thread indices, and whether the launch has that thread.
+EntryBuilder::Values EntryBuilder::gridIndices(Value &inside) {
+  Type i64 = b.getI64Type();
+  Type type = index32 ? b.getI32Type() : i64;
+  auto guard = [&](Value index, Value extent) {
+    Value fits = cmp(arith::CmpIPredicate::slt, index,
+                     narrow(extent, index.getType()));
+    inside = inside ? arith::AndIOp::create(b, loc, inside, fits) : fits;
+  };
+  if (flat) {
+    Value linear = gridIndex("x", i64);
+    guard(linear, countAll());
+    return unravel(linear, rank);
+  }
+  Values indices(rank);
+  indices[rank - 1] = gridIndex("x", type);
+  guard(indices[rank - 1], dims[rank - 1]);
+  if (rank > 1) {
+    indices[rank - 2] = gridIndex("y", type);
+    guard(indices[rank - 2], dims[rank - 2]);
+  }
+  if (rank > 2) {
+    Value slab = gridIndex("z", type);
+    Value extent = narrow(dims[0], type);
+    if (rank == 4)
+      extent = mul(extent, narrow(dims[1], type));
+    guard(slab, extent);
+    llvm::copy(unravel(slab, rank - 2), indices.begin());
+  }
+  return indices;
+}
+
+EntryBuilder::Values EntryBuilder::buildOneItem() {
+  Value inside;
+  Values indices = gridIndices(inside);
+  Values sums = identities(/*inLanes=*/false);
+  auto branch = scf::IfOp::create(b, loc, TypeRange(ValueRange(sums)), inside,
+                                  /*withElseRegion=*/!sums.empty());
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPointToStart(branch.thenBlock());
+  Values terms = takeThread(indices);
+  if (!sums.empty()) {
+    scf::YieldOp::create(b, loc, terms);
+    b.setInsertionPointToStart(branch.elseBlock());
+    scf::YieldOp::create(b, loc, sums);
+  }
+  return Values(branch.getResults());
+}
+
+/// Threads of the whole launch, i64.
+Value EntryBuilder::countAll() {
+  Type i64 = b.getI64Type();
+  Value total = narrow(dims[0], i64);
+  for (Value extent : ArrayRef(dims).drop_front())
+    total = mul(total, narrow(extent, i64));
+  return total;
+}
+
+/// The only block of the launch; its threads take turns at the indices, so that
+/// which thread runs which index does not depend on the card.
+EntryBuilder::Values EntryBuilder::buildOneBlock() {
+  Type i64 = b.getI64Type();
+  Value begin = narrow(readSpecial("tid", "x"), i64);
+  Value step = narrow(readSpecial("ntid", "x"), i64);
+  Values sums = identities(/*inLanes=*/false);
+  auto loop = scf::ForOp::create(b, loc, begin, countAll(), step, sums);
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPointToStart(loop.getBody());
+  Values terms = takeThread(unravel(loop.getInductionVar(), rank));
+  Values next = combine(loop.getRegionIterArgs(), terms);
+  if (!sums.empty())
+    scf::YieldOp::create(b, loc, next);
+  return Values(loop.getResults());
+}
+
+EntryBuilder::Values EntryBuilder::buildGpu() {
+  Values sums;
+  if (kernel->hasAttr(warp::attr::exclusive))
+    sums = buildOneBlock();
+  else if (int64_t items = chooseItems(); items > 1)
+    sums = rank == 1 ? buildStream(items) : buildPlanes(items);
+  else
+    sums = buildOneItem();
+  if (sums.empty())
+    return sums;
+  warp::BlockReduce reduce(b, loc, kernel->getParentOfType<ModuleOp>(),
+                           warp::getFact(kernel, warp::attr::blockDim, 256));
+  Values neutral = identities(/*inLanes=*/false), combined;
+  for (auto [kind, type, sum, identity] : llvm::zip_equal(
+           threads.getKinds(), threads.getTypes().getAsValueRange<TypeAttr>(),
+           sums, neutral)) {
+    auto atomic = warp::AtomicKind(kind);
+    combined.push_back(type.isInteger(1)
+                           ? reduce.any(sum)
+                           : reduce.reduce(atomic, sum, identity, type));
+  }
+  return combined;
+}

@@ -1,0 +1,128 @@
+//===- EntryBuilder.h - Building the entry of a launch ----------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// What warp-emit-entry knows while it builds an entry. EmitEntry.cpp has what
+// both targets share, EmitEntryCpu.cpp the loops over a range of threads,
+// EmitEntryGpu.cpp the thread of a GPU, EmitEntryItems.cpp a GPU thread with
+// several indices.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_TRANSFORMS_ENTRYBUILDER_H
+#define WARP_LIB_TRANSFORMS_ENTRYBUILDER_H
+
+#include "KernelFunction.h"
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/Dialect/Arith/IR/Arith.h"
+#include "mlir/Dialect/LLVMIR/LLVMDialect.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
+#include "mlir/IR/Builders.h"
+
+namespace warp {
+
+constexpr auto noWrap =
+    mlir::arith::IntegerOverflowFlags::nsw | mlir::arith::IntegerOverflowFlags::nuw;
+
+/// Builds the entry of one kernel of phase `launch`.
+class EntryBuilder {
+public:
+  EntryBuilder(mlir::FunctionOpInterface kernel, ThreadsOp threads)
+      : kernel(kernel), threads(threads), loc(kernel.getLoc()),
+        b(kernel->getContext()), rank(threads.getIndices().size()),
+        index32(kernel->hasAttr(attr::index32)),
+        flat(kernel->hasAttr(attr::flat)) {}
+
+  void build();
+
+private:
+  using Values = llvm::SmallVector<mlir::Value>;
+
+  void createEntry();
+  void readArguments();
+  Values identities(bool inLanes);
+  Values combine(mlir::ValueRange sums, mlir::ValueRange terms);
+  Values cloneThread(mlir::ValueRange indices, mlir::Value live);
+  Values takeThread(mlir::ValueRange indices);
+  Values unravel(mlir::Value row, int count);
+
+  // EmitEntryCpu.cpp
+  Values buildCpu();
+  Values buildRows(mlir::Value begin, mlir::Value end, mlir::ValueRange sums);
+  Values buildRange(mlir::Value begin, mlir::Value end,
+                    mlir::ValueRange outer, mlir::ValueRange sums);
+  Values buildScalarLoop(mlir::Value begin, mlir::Value end,
+                         mlir::ValueRange outer, mlir::ValueRange sums);
+  Values buildFullLanes(mlir::Value begin, mlir::Value end,
+                        mlir::ValueRange outer, mlir::ValueRange sums);
+  Values buildLastLanes(mlir::Value begin, mlir::Value end,
+                        mlir::ValueRange outer, mlir::ValueRange sums);
+  Values buildMaskedLanes(mlir::Value begin, mlir::Value end,
+                          mlir::ValueRange outer, mlir::ValueRange sums);
+  mlir::Value liveLanes(mlir::Value count);
+
+  // EmitEntryGpu.cpp and EmitEntryItems.cpp
+  Values buildGpu();
+  Values buildOneItem();
+  Values buildOneBlock();
+  Values buildStream(int64_t items);
+  Values buildPlanes(int64_t items);
+  Values buildItems(int64_t items, mlir::Value lane, mlir::Value step,
+                    mlir::Value end, llvm::ArrayRef<mlir::Value> rest,
+                    mlir::Value allExist);
+  mlir::Value cloneInterleaved(llvm::ArrayRef<Values> items,
+                               mlir::Block *body,
+                               llvm::MutableArrayRef<mlir::IRMapping> clones);
+  int64_t chooseItems();
+  Values gridIndices(mlir::Value &inside);
+  mlir::Value readSpecial(llvm::StringRef name, llvm::StringRef axis);
+  mlir::Value gridIndex(llvm::StringRef axis, mlir::Type type);
+  mlir::Value countAll();
+
+  // Small arithmetic, in the order of operands.
+  mlir::Value constant(mlir::Type type, int64_t value) {
+    return mlir::arith::ConstantOp::create(b, loc, b.getIntegerAttr(type, value));
+  }
+  mlir::Value cmp(mlir::arith::CmpIPredicate predicate, mlir::Value x, mlir::Value y) {
+    return mlir::arith::CmpIOp::create(b, loc, predicate, x, y);
+  }
+  mlir::Value add(mlir::Value x, mlir::Value y) {
+    return mlir::arith::AddIOp::create(b, loc, x, y, noWrap);
+  }
+  mlir::Value sub(mlir::Value x, mlir::Value y) {
+    return mlir::arith::SubIOp::create(b, loc, x, y, noWrap);
+  }
+  mlir::Value mul(mlir::Value x, mlir::Value y) {
+    return mlir::arith::MulIOp::create(b, loc, x, y, noWrap);
+  }
+  mlir::Value div(mlir::Value x, mlir::Value y) { return mlir::arith::DivUIOp::create(b, loc, x, y); }
+  mlir::Value narrow(mlir::Value x, mlir::Type type) {
+    unsigned from = x.getType().getIntOrFloatBitWidth();
+    unsigned to = type.getIntOrFloatBitWidth();
+    if (from == to)
+      return x;
+    if (from < to)
+      return mlir::arith::ExtUIOp::create(b, loc, type, x);
+    return mlir::arith::TruncIOp::create(b, loc, type, x, noWrap);
+  }
+  mlir::Value parameter(mlir::Type type, int64_t offset) {
+    return ParameterOp::create(b, loc, type, block, offset,
+                               /*packed=*/false, mlir::StringAttr());
+  }
+
+  mlir::FunctionOpInterface kernel;
+  ThreadsOp threads;
+  mlir::Location loc;
+  mlir::OpBuilder b;
+  int64_t rank;
+  bool index32, flat;
+  mlir::LLVM::LLVMFuncOp entry;
+  mlir::Value block;
+  /// Extents of the launch, i32.
+  Values dims;
+};
+
+} // namespace warp
+
+#endif // WARP_LIB_TRANSFORMS_ENTRYBUILDER_H
