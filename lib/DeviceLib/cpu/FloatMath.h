@@ -266,23 +266,27 @@ template <int n> struct FloatMath {
   // Logarithms
   //===--------------------------------------------------------------------===//
 
-  /// x = 2^exponent (1 + fraction), and log(1 + fraction) = fraction + rest.
+  /// x = 2^exponent (1 + f), |f| <= 1/3, and log(1 + f) = high + low.
   struct Logarithm {
-    F exponent, fraction, rest;
+    F exponent, high, low;
   };
 
   static Logarithm splitLog(F x) { // [2^-30]
-    constexpr f32 c[] = {0x1.555546p-2f,  -0x1.fffff0p-3f, 0x1.99a544p-3f,
-                         -0x1.55625ep-3f, 0x1.23327cp-3f,  -0x1.fb55f8p-4f,
-                         0x1.e666bep-4f,  -0x1.e281d4p-4f, 0x1.1a9648p-4f};
-    constexpr u32 sqrtHalf = 0x3f3504f3;
+    constexpr f32 c[] = {0x1.555558p-2f,  -0x1.ffff06p-3f, 0x1.9996dap-3f,
+                         -0x1.559a78p-3f, 0x1.2504bcp-3f,  -0x1.f3643ap-4f,
+                         0x1.b7344ep-4f,  -0x1.075fa2p-3f, 0x1.f06756p-4f};
+    constexpr u32 twoThirds = 0x3f2aaaab;
     auto subnormal = x < 0x1.0p-126f;
     U bits = cast<U>(subnormal ? x * 0x1.0p+23f : x);
-    I exponent = cast<I>(bits - sqrtHalf) >> 23;
+    I exponent = cast<I>(bits - twoThirds) >> 23;
     F f = cast<F>(bits - (cast<U>(exponent) << 23)) - 1.0f;
     F e = convert<F>(exponent);
     e = subnormal ? e - 23.0f : e;
-    return {e, f, f * f * fma(f, polynomial(f, c), F(-0.5f))};
+    // f - f^2/2 exactly, and the rest of the series.
+    F square = f * f, high = fma(square, F(-0.5f), f);
+    F low = fma(square, F(-0.5f), f - high);
+    low = fma(fma(f, f, -square), F(-0.5f), low);
+    return {e, high, fma(square * f, polynomial(f, c), low)};
   }
 
   static F finishLog(F x, F result) {
@@ -294,18 +298,18 @@ template <int n> struct FloatMath {
   static F log(F x) {
     constexpr f32 ln2 = 0x1.62e400p-1f, ln2Low = 0x1.7f7d1cp-20f;
     Logarithm l = splitLog(x);
-    F rest = fma(l.exponent, F(ln2Low), l.rest);
-    return finishLog(x, sum(l.exponent * ln2, l.fraction, rest));
+    F low = fma(l.exponent, F(ln2Low), l.low);
+    return finishLog(x, sum(l.exponent * ln2, l.high, low));
   }
 
-  /// exponent * unit + log(1 + fraction) * factor; factors in two parts.
+  /// exponent * unit + (high + low) * factor; factors in two parts.
   static F scaledLog(Logarithm l, f32 unit, f32 unitLow, f32 factor,
                      f32 factorLow) {
-    F product = l.fraction * factor;
-    F low = fma(l.fraction, F(factor), -product);
-    low = fma(l.fraction, F(factorLow), low);
+    F product = l.high * factor;
+    F low = fma(l.high, F(factor), -product);
+    low = fma(l.high, F(factorLow), low);
     low = fma(l.exponent, F(unitLow), low);
-    low = fma(l.rest, F(factor), low);
+    low = fma(l.low, F(factor), low);
     return sum(l.exponent * unit, product, low);
   }
 
