@@ -4,10 +4,14 @@
 //
 // Elementary functions become calls that an optimiser knows nothing about but
 // that they have no effects: of libdevice (`__nv_sinf`) on the GPU; on the CPU
-// of our device library (`warp_sinf`), which is inlined and vectorised, and of
-// the C library where ours has no version. Half precision computes in f32.
-// What processors do themselves (square roots, rounding, fma) is left to the
-// conversion to LLVM, which has intrinsics for it.
+// of our device library (`warp_sinf`), which is inlined, and of the C library
+// where ours has no version. Half precision computes in f32. What processors do
+// themselves (square roots, rounding, fma) is left to the conversion to LLVM,
+// which has intrinsics for it.
+//
+// A vector holds lanes of the CPU. Our library has its functions for a few
+// widths (`warp_sinf_x16`); other vectors are halved until they have one of
+// these, and what is left, or has no version of ours, is called lane by lane.
 //
 //===----------------------------------------------------------------------===//
 
@@ -17,6 +21,8 @@
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
 #include "mlir/Dialect/Math/IR/Math.h"
+#include "mlir/IR/TypeUtilities.h"
+#include "llvm/ADT/Sequence.h"
 #include "llvm/ADT/StringMap.h"
 
 namespace warp {
@@ -31,13 +37,19 @@ namespace {
 /// How the libraries have a function.
 enum Availability : unsigned {
   inLibm = 0,
-  /// Our device library has a version for f32.
-  ours = 1,
+  /// Our device library has versions for f32, for f64.
+  ours32 = 1,
+  ours64 = 2,
+  ours = ours32 | ours64,
   /// libdevice has a version of less accuracy.
-  fast = 2,
+  fast = 4,
   /// The CPU has an instruction, or LLVM an inline expansion.
-  nativeOnCpu = 4,
+  nativeOnCpu = 8,
 };
+
+/// Vectors that our device library has functions for, in bits; those of less
+/// than 4 floats have none (their place is not one register in C's convention).
+constexpr unsigned leastVector = 128, largestVector = 512;
 
 struct Function {
   StringRef name;
@@ -46,27 +58,27 @@ struct Function {
 
 const llvm::StringMap<Function> &functions() {
   static const llvm::StringMap<Function> table{
-      {"math.sin", {"sin", ours | fast}},
-      {"math.cos", {"cos", ours | fast}},
-      {"math.tan", {"tan", ours | fast}},
-      {"math.asin", {"asin", ours}},
-      {"math.acos", {"acos", ours}},
-      {"math.atan", {"atan", ours}},
-      {"math.atan2", {"atan2", ours}},
-      {"math.sinh", {"sinh", ours}},
-      {"math.cosh", {"cosh", ours}},
-      {"math.tanh", {"tanh", ours}},
+      {"math.sin", {"sin", ours32 | fast}},
+      {"math.cos", {"cos", ours32 | fast}},
+      {"math.tan", {"tan", ours32 | fast}},
+      {"math.asin", {"asin", ours32}},
+      {"math.acos", {"acos", ours32}},
+      {"math.atan", {"atan", ours32}},
+      {"math.atan2", {"atan2", ours32}},
+      {"math.sinh", {"sinh", ours32}},
+      {"math.cosh", {"cosh", ours32}},
+      {"math.tanh", {"tanh", ours32}},
       {"math.asinh", {"asinh", inLibm}},
       {"math.acosh", {"acosh", inLibm}},
       {"math.atanh", {"atanh", inLibm}},
-      {"math.exp", {"exp", ours | fast}},
-      {"math.exp2", {"exp2", ours}},
+      {"math.exp", {"exp", ours32 | fast}},
+      {"math.exp2", {"exp2", ours32}},
       {"math.expm1", {"expm1", inLibm}},
-      {"math.log", {"log", ours | fast}},
-      {"math.log2", {"log2", ours | fast}},
-      {"math.log10", {"log10", ours | fast}},
+      {"math.log", {"log", ours32 | fast}},
+      {"math.log2", {"log2", ours32 | fast}},
+      {"math.log10", {"log10", ours32 | fast}},
       {"math.log1p", {"log1p", inLibm}},
-      {"math.powf", {"pow", ours | fast}},
+      {"math.powf", {"pow", ours32 | fast}},
       {"math.cbrt", {"cbrt", inLibm}},
       {"math.erf", {"erf", inLibm}},
       {"math.erfc", {"erfc", inLibm}},
@@ -103,24 +115,18 @@ struct LowerMath : warp::impl::LowerMathBase<LowerMath> {
 
   void lower(Operation *op, const Function &function) {
     OpBuilder b(op);
-    Location loc = op->getLoc();
     Type type = op->getResult(0).getType();
     Type computed = type;
-    if (type.getIntOrFloatBitWidth() < 32)
-      computed = b.getF32Type();
+    if (getElementTypeOrSelf(type).getIntOrFloatBitWidth() < 32)
+      computed = withElement(type, b.getF32Type());
     SmallVector<Value> operands;
     for (Value guarded : op->getOperands()) {
       Value operand = withoutAngleGuard(guarded);
-      operands.push_back(
-          computed == type ? operand
-                           : arith::ExtFOp::create(b, loc, computed, operand)
-                                 .getResult());
+      operands.push_back(extend(b, operand, computed));
     }
-    LLVM::LLVMFuncOp callee =
-        declare(symbolName(function, computed), computed, operands.size());
-    Value result = LLVM::CallOp::create(b, loc, callee, operands).getResult();
+    Value result = call(b, op->getLoc(), function, operands);
     if (computed != type)
-      result = arith::TruncFOp::create(b, loc, type, result);
+      result = arith::TruncFOp::create(b, op->getLoc(), type, result);
     op->getResult(0).replaceAllUsesWith(result);
     op->erase();
   }
@@ -129,31 +135,100 @@ struct LowerMath : warp::impl::LowerMathBase<LowerMath> {
   void lowerIntegerPower(math::FPowIOp op) {
     OpBuilder b(op);
     Location loc = op.getLoc();
-    Type f64 = b.getF64Type(), type = op.getType();
-    Value base = op.getLhs();
-    if (type != f64)
-      base = arith::ExtFOp::create(b, loc, f64, base);
-    Value exponent = arith::SIToFPOp::create(b, loc, f64, op.getRhs());
-    LLVM::LLVMFuncOp callee = declare(gpu ? "__nv_pow" : "pow", f64, 2);
+    Type type = op.getType(), computed = withElement(type, b.getF64Type());
+    Value base = extend(b, op.getLhs(), computed);
+    Value exponent = arith::SIToFPOp::create(b, loc, computed, op.getRhs());
     Value result =
-        LLVM::CallOp::create(b, loc, callee, ValueRange{base, exponent})
-            .getResult();
-    if (type != f64)
+        call(b, loc, functions().at("math.powf"), {base, exponent});
+    if (type != computed)
       result = arith::TruncFOp::create(b, loc, type, result);
     op.replaceAllUsesWith(result);
     op->erase();
   }
 
-  std::string symbolName(const Function &function, Type type) {
+  static Type withElement(Type type, Type element) {
+    auto vector = dyn_cast<VectorType>(type);
+    return vector ? Type(vector.clone(element)) : element;
+  }
+
+  static Value extend(OpBuilder &b, Value x, Type type) {
+    if (x.getType() == type)
+      return x;
+    return arith::ExtFOp::create(b, x.getLoc(), type, x);
+  }
+
+  Value call(OpBuilder &b, Location loc, const Function &function,
+             ArrayRef<Value> operands) {
+    Type type = operands[0].getType();
+    auto vector = dyn_cast<VectorType>(type);
+    if (!vector || hasVersion(function, vector)) {
+      LLVM::LLVMFuncOp callee =
+          declare(symbolName(function, type), type, operands.size());
+      return LLVM::CallOp::create(b, loc, callee, operands).getResult();
+    }
+    int64_t lanes = vector.getNumElements(), half = lanes / 2;
+    bool halves = lanes % 2 == 0 && isOurs(function, vector) &&
+                  half * vector.getElementTypeBitWidth() >= leastVector;
+    return halves ? callHalves(b, loc, function, operands, half)
+                  : callLanes(b, loc, function, operands, lanes);
+  }
+
+  Value callHalves(OpBuilder &b, Location loc, const Function &function,
+                   ArrayRef<Value> operands, int32_t half) {
+    auto lower = llvm::to_vector(llvm::seq<int32_t>(0, half));
+    auto upper = llvm::to_vector(llvm::seq<int32_t>(half, 2 * half));
+    auto part = [&](ArrayRef<int32_t> lanes) {
+      SmallVector<Value> parts;
+      for (Value x : operands)
+        parts.push_back(LLVM::ShuffleVectorOp::create(b, loc, x, x, lanes));
+      return call(b, loc, function, parts);
+    };
+    Value first = part(lower), second = part(upper);
+    auto all = llvm::to_vector(llvm::seq<int32_t>(0, 2 * half));
+    return LLVM::ShuffleVectorOp::create(b, loc, first, second, all);
+  }
+
+  Value callLanes(OpBuilder &b, Location loc, const Function &function,
+                  ArrayRef<Value> operands, int64_t lanes) {
+    Value result = LLVM::PoisonOp::create(b, loc, operands[0].getType());
+    for (int64_t lane = 0; lane < lanes; ++lane) {
+      Value at = LLVM::ConstantOp::create(b, loc, b.getI64IntegerAttr(lane));
+      SmallVector<Value> scalars;
+      for (Value x : operands)
+        scalars.push_back(LLVM::ExtractElementOp::create(b, loc, x, at));
+      Value y = call(b, loc, function, scalars);
+      result = LLVM::InsertElementOp::create(b, loc, result, y, at);
+    }
+    return result;
+  }
+
+  bool isOurs(const Function &function, Type type) const {
+    bool single = getElementTypeOrSelf(type).isF32();
+    return !gpu && (function.availability & (single ? ours32 : ours64));
+  }
+
+  /// Whether our device library has a function for a vector as a whole.
+  bool hasVersion(const Function &function, VectorType type) const {
+    int64_t bits = type.getNumElements() * type.getElementTypeBitWidth();
+    return isOurs(function, type) && llvm::isPowerOf2_64(bits) &&
+           bits >= leastVector && bits <= largestVector;
+  }
+
+  std::string symbolName(const Function &function, Type type) const {
     std::string name = function.name.str();
-    bool single = type.isF32();
+    bool single = getElementTypeOrSelf(type).isF32();
     if (gpu && fastMath && single && (function.availability & fast))
       return "__nv_fast_" + name + "f";
     if (single)
       name += "f";
     if (gpu)
       return "__nv_" + name;
-    return single && (function.availability & ours) ? "warp_" + name : name;
+    if (!isOurs(function, type))
+      return name;
+    auto vector = dyn_cast<VectorType>(type);
+    std::string width =
+        vector ? "_x" + std::to_string(vector.getNumElements()) : "";
+    return "warp_" + name + width;
   }
 
   /// A function of floats without effects.
