@@ -11,48 +11,62 @@
 
 using namespace warp;
 
-/// Core time that is worth a thread, and time of the smallest chunk.
-static constexpr double share = 20e3;
-/// Launches shorter than this say too little about their width.
+/// Core time that is worth waking a thread, and time of the smallest chunk.
+static constexpr double share = 3e3;
+/// Shorter launches say too little to put threads to sleep.
 static constexpr double worthTrying = 100e3;
-/// Pairs of launches that a trial compares.
-static constexpr int trialPairs = 3;
+/// Pairs of launches in a trial, and the launches between two of them.
+static constexpr int pairsOfTrial = 4;
+static constexpr int betweenPairs = 61;
 /// More threads must be faster by this to be worth their cores.
 static constexpr double gain = 1.03;
-static constexpr int longestInterval = 4096;
+/// A difference that one pair is enough to show.
+static constexpr double plain = 1.25;
+/// Launches until more threads are tried, which costs next to nothing.
+static constexpr int untilWider = 64;
+static constexpr int longestInterval = 1024;
 
 //===----------------------------------------------------------------------===//
-// WidthPolicy
+// Widths
 //===----------------------------------------------------------------------===//
 
 WidthPolicy::Plan WidthPolicy::plan(int64_t items, int most) {
+  role = Role::None;
   if (work == 0)
     return {most, 0};
   double total = work * static_cast<double>(items);
-  int usual = static_cast<int>(std::clamp(total / share, 1.0, double(most)));
-  usual = std::min(usual, limit);
+  int widest = std::min(most, limit);
+  int usual = static_cast<int>(std::clamp(total / share, 1.0, double(widest)));
   int64_t chunk = static_cast<int64_t>(
       std::clamp(std::ceil(share / work), 1.0, double(items)));
-  // Narrow for lack of work, or too short to compare.
-  if (usual < std::min(most, limit) || total / usual < worthTrying)
-    return {usual, chunk};
-  if (trial.otherWidth && trial.usualWidth != usual)
+  Plan plan{usual, chunk};
+  // Narrow for lack of work, or nothing to compare with.
+  if (usual < widest || most == 1)
+    return plan;
+  // The way back to more threads stays open.
+  if (limit >= most && total / usual < worthTrying)
+    return plan;
+  if (trial.usualWidth != usual)
     trial = {};
-  if (!trial.otherWidth && --untilTrial <= 0)
+  if (--wait > 0)
+    return plan;
+  if (!trial.usualWidth)
     beginTrial(most);
-  if (trial.otherWidth && trial.launches % 2)
-    return {trial.otherWidth, chunk};
-  return {usual, chunk};
+  // The launch after the usual one of a pair is the other.
+  role = wait == 0 ? Role::Usual : Role::Other;
+  if (role == Role::Other)
+    plan.width = trial.otherWidth;
+  return plan;
 }
 
 void WidthPolicy::beginTrial(int most) {
-  trial = {};
-  untilTrial = interval;
   int usual = std::min(limit, most);
   bool widen = usual < most && (widenNext || usual == 1);
-  widenNext = !widen;
+  widenNext = !widen && usual < most;
+  trial = {};
   trial.usualWidth = usual;
   trial.otherWidth = widen ? std::min(most, 2 * usual) : usual / 2;
+  wait = 0;
 }
 
 void WidthPolicy::record(int64_t items, int width, double nanoseconds) {
@@ -60,22 +74,26 @@ void WidthPolicy::record(int64_t items, int width, double nanoseconds) {
   double sample = std::max(perItem * width, 1e-6);
   work = lastWork == 0 ? sample : std::min(sample, lastWork);
   lastWork = sample;
-  if (trial.otherWidth)
+  if (role != Role::None)
     recordTrial(width, perItem);
 }
 
 void WidthPolicy::recordTrial(int width, double perItem) {
-  bool other = trial.launches % 2;
-  // Fewer threads than planned were free: this says nothing.
+  bool other = role == Role::Other;
+  role = Role::None;
   if (width != (other ? trial.otherWidth : trial.usualWidth)) {
     trial = {};
     return;
   }
   double &best = other ? trial.other : trial.usual;
   best = best == 0 ? perItem : std::min(best, perItem);
-  ++trial.launches;
-  bool hopeless = other && trial.other > 1.25 * trial.usual;
-  if (hopeless || trial.launches == 2 * trialPairs)
+  if (!other)
+    return;
+  wait = betweenPairs;
+  bool worse = trial.other > plain * trial.usual;
+  bool better = trial.other * plain < trial.usual;
+  if (++trial.pairs == pairsOfTrial || worse ||
+      (better && trial.otherWidth > trial.usualWidth))
     endTrial();
 }
 
@@ -86,49 +104,13 @@ void WidthPolicy::endTrial() {
   if (adopt) {
     limit = trial.otherWidth;
     interval = 256;
-    untilTrial = 16;
     widenNext = widen;
-  } else {
+  } else if (!widen) {
     interval = std::min(2 * interval, longestInterval);
   }
+  bool narrowNext = limit > 1 && !widenNext;
+  wait = narrowNext && !adopt ? interval : untilWider;
   trial = {};
-}
-
-//===----------------------------------------------------------------------===//
-// CoreWatch
-//===----------------------------------------------------------------------===//
-
-/// Losses within so many launches or nanoseconds belong together, and a worker
-/// without any for that long is trusted.
-static constexpr int64_t windowLaunches = 32;
-static constexpr int64_t windowTime = 20'000'000;
-static constexpr int64_t shortestPause = 50'000'000;
-static constexpr int64_t longestPause = 1'000'000'000;
-
-void CoreWatch::enter(State next, int64_t atLaunch, int64_t nanoseconds) {
-  state = next;
-  launch = atLaunch;
-  time = nanoseconds;
-}
-
-void CoreWatch::join(int64_t atLaunch, int64_t nanoseconds) {
-  if (state == State::Trusted)
-    return;
-  if (state == State::Out)
-    enter(State::Probed, atLaunch, nanoseconds);
-  else if (atLaunch - launch >= windowLaunches &&
-           nanoseconds - time >= windowTime)
-    state = State::Trusted;
-}
-
-void CoreWatch::lost(int64_t atLaunch, int64_t nanoseconds) {
-  if (state == State::Out)
-    return;
-  if (state == State::Trusted)
-    return enter(State::Suspected, atLaunch, nanoseconds);
-  pause = state == State::Probed ? std::min(2 * pause, longestPause)
-                                 : shortestPause;
-  enter(State::Out, atLaunch, nanoseconds);
 }
 
 //===----------------------------------------------------------------------===//

@@ -6,14 +6,12 @@
 // their own: they are told the times.
 //
 // `WidthPolicy` learns from the launches of one kernel, of about one size, how
-// many threads are worth waking and how many items make a chunk. Work below 40
-// microseconds stays on the caller. Longer launches now and then try half as
-// many threads, or twice as many once they have fewer: threads that add nothing
-// (memory is the limit) stay asleep.
-//
-// `CoreWatch` leaves out a worker whose core others keep taking: it would hold
-// a chunk for milliseconds while all wait. After a pause, doubled each time
-// that it fails, the worker may prove itself again.
+// many threads are worth waking and how many items make a chunk. Work below 6
+// microseconds stays on the caller. Long launches now and then try half as many
+// threads, or twice as many once they have fewer: threads that add nothing
+// (memory is the limit) stay asleep. A trial is a few pairs of launches, far
+// from each other: what else runs on the machine comes in bursts of several
+// launches, which one pair would take for an effect of the width.
 //
 //===----------------------------------------------------------------------===//
 
@@ -41,14 +39,16 @@ public:
   void record(int64_t items, int width, double nanoseconds);
 
 private:
-  /// Launches of the usual width and of another one in turn.
+  /// What the pairs seen so far took, by the item.
   struct Trial {
     int usualWidth = 0;
     int otherWidth = 0;
-    int launches = 0;
+    int pairs = 0;
     double usual = 0;
     double other = 0;
   };
+  /// What the launch under way is to a trial.
+  enum class Role { None, Usual, Other };
 
   void beginTrial(int most);
   void recordTrial(int width, double perItem);
@@ -61,8 +61,11 @@ private:
   /// Threads beyond which more were found to add nothing.
   int limit = INT_MAX;
   Trial trial;
+  Role role = Role::None;
   bool widenNext = false;
-  int untilTrial = 16;
+  /// Launches until the next pair, or the next trial.
+  int wait = 16;
+  /// Launches between two attempts with fewer threads.
   int interval = 256;
 };
 
@@ -76,32 +79,6 @@ public:
 
 private:
   std::array<WidthPolicy, 63> policies;
-};
-
-class CoreWatch {
-public:
-  /// Whether the worker may take part in a launch at this time.
-  bool mayJoin(int64_t nanoseconds) const {
-    return state != State::Out || nanoseconds - time >= pause;
-  }
-
-  /// The worker takes part in launch number `launch`.
-  void join(int64_t launch, int64_t nanoseconds);
-
-  /// The worker lost its core for a good part of that launch.
-  void lost(int64_t launch, int64_t nanoseconds);
-
-private:
-  enum class State { Trusted, Suspected, Out, Probed };
-
-  void enter(State next, int64_t atLaunch, int64_t nanoseconds);
-
-  State state = State::Trusted;
-  /// When it entered that state.
-  int64_t launch = 0;
-  int64_t time = 0;
-  /// How long it stays out.
-  int64_t pause = 0;
 };
 
 /// Chunks shrink: a quarter of what is left of a stretch, never below `least`.
