@@ -34,10 +34,10 @@ public:
 
   /// Calls `body` on disjoint chunks of [begin, end) until all is done. `grain`
   /// items are worth handing to a thread; a history that has seen launches
-  /// knows better. Chunks of 64 items or more begin at multiples of 64 from
-  /// `begin`, of 16 or more at multiples of 16. The first exception of a body
-  /// is thrown again in the caller. A call from inside a body, or while another
-  /// thread's loop runs, is done by the caller alone.
+  /// knows better. Chunks begin at multiples of 64 from `begin`, or of 16, or
+  /// anywhere if there are few items that each take long. The first exception
+  /// of a body is thrown again in the caller. A call from inside a body, or
+  /// while another thread's loop runs, is done by the caller alone.
   static void parallelFor(int64_t begin, int64_t end, int64_t grain, Body body,
                           void *context, LoopHistory *history = nullptr);
 
