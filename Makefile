@@ -3,8 +3,8 @@
 #              pictures and tables in build/demo
 # make test    every test; ends with 'N passed, N failed, N skipped'
 # make docs    refresh the generated references under docs/
-# make bench   benchmarks/spine.py, gpu.py, autodiff.py, optimised build
-#              (build/release)
+# make bench   benchmarks/spine.py, gpu.py, autodiff.py, pool.py, optimised
+#              build (build/release)
 # make wheel   an optimised wheel in dist/
 # Everything that is missing (packages, .venv, build) is set up first.
 
@@ -35,6 +35,7 @@ bench: release
 	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/spine.py $(BENCH_ARGS)
 	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/gpu.py
 	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/autodiff.py
+	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/pool.py
 
 wheel: build
 	@$(PYTHON) -m pip wheel -q --no-deps -w dist .

@@ -7,6 +7,9 @@
 // chunks; a thread that is done takes chunks of others. Equal ranges therefore
 // meet the same caches launch after launch, and uneven work still spreads.
 //
+// A loop that comes again passes its history: the pool learns from it how many
+// threads are worth waking and how small chunks may be.
+//
 //===----------------------------------------------------------------------===//
 
 #ifndef WARP_THREADPOOL_H
@@ -19,6 +22,8 @@
 
 namespace warp {
 
+class LoopHistory;
+
 class WARP_API ThreadPool {
 public:
   using Body = void (*)(void *context, int64_t begin, int64_t end);
@@ -27,20 +32,23 @@ public:
   /// WARP_NUM_THREADS when that is set.
   static int size();
 
-  /// Calls `body` on disjoint chunks of [begin, end) until all is done. A
-  /// chunk has at least `grain` items, the last one excepted. The first
-  /// exception of a body is thrown again in the caller. A call from inside a
-  /// body, or while another thread's loop runs, is done by the caller alone.
+  /// Calls `body` on disjoint chunks of [begin, end) until all is done. `grain`
+  /// items are worth handing to a thread; a history that has seen launches
+  /// knows better. Chunks begin at multiples of 64 from `begin`, or of 16, or
+  /// anywhere if there are few items that each take long. The first exception
+  /// of a body is thrown again in the caller. A call from inside a body, or
+  /// while another thread's loop runs, is done by the caller alone.
   static void parallelFor(int64_t begin, int64_t end, int64_t grain, Body body,
-                          void *context);
+                          void *context, LoopHistory *history = nullptr);
 
   template <typename Fn>
-  static void parallelFor(int64_t begin, int64_t end, int64_t grain, Fn &&fn) {
+  static void parallelFor(int64_t begin, int64_t end, int64_t grain, Fn &&fn,
+                          LoopHistory *history = nullptr) {
     auto call = [](void *context, int64_t from, int64_t to) {
       (*static_cast<std::remove_reference_t<Fn> *>(context))(from, to);
     };
     parallelFor(begin, end, grain, call,
-                const_cast<void *>(static_cast<const void *>(&fn)));
+                const_cast<void *>(static_cast<const void *>(&fn)), history);
   }
 };
 

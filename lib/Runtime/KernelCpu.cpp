@@ -17,7 +17,8 @@
 
 using namespace warp;
 
-/// Operations that are worth handing to another thread.
+/// Operations that are worth handing to another thread, until launches have
+/// shown how long they take.
 static constexpr double chunkWork = 16384;
 
 /// Held alone by code that updates arrays without atomic instructions, shared
@@ -43,12 +44,11 @@ void warp::launchOnCpu(const Kernel::Variant &variant, const void *params,
     shared = std::shared_lock<std::shared_mutex>(updateGate());
   if (serial)
     return entry(params, 0, items);
-  // Chunks are multiples of 64 so that two threads rarely share a line.
+  // Multiples of 64 keep vector code whole, and threads off each other's lines.
   int64_t grain =
       (static_cast<int64_t>(chunkWork / variant.code.cost) / 64 + 1) * 64;
   if (variant.code.cost > chunkWork)
     grain = 1;
-  ThreadPool::parallelFor(0, items, grain, [&](int64_t begin, int64_t end) {
-    entry(params, begin, end);
-  });
+  auto run = [&](int64_t begin, int64_t end) { entry(params, begin, end); };
+  ThreadPool::parallelFor(0, items, grain, run, &variant.history);
 }

@@ -9,6 +9,7 @@
 
 #include "CudaDriver.h"
 #include "DeviceState.h"
+#include "WidthPolicy.h"
 #include "warp/Kernel.h"
 
 #include <atomic>
@@ -40,6 +41,8 @@ struct Kernel::Variant {
   /// Without the binary, which the loader has.
   Code code;
   CpuEntry cpu = nullptr;
+  /// What its launches taught the thread pool.
+  mutable LoopHistory history;
   cuda::ModuleHandle module = nullptr;
   cuda::Function function = nullptr;
   std::unique_ptr<DeviceErrorRecord> record;

@@ -4,15 +4,18 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Runtime/WidthPolicy.h"
 #include "warp/ThreadPool.h"
 
 #include <atomic>
 #include <chrono>
+#include <csignal>
 #include <gtest/gtest.h>
 #include <stdexcept>
 #include <sys/wait.h>
 #include <thread>
 #include <unistd.h>
+#include <utility>
 #include <vector>
 
 using warp::ThreadPool;
@@ -37,6 +40,56 @@ TEST(ThreadPool, ChunksAreMultiplesOfTheGrain) {
       ++odd;
   });
   EXPECT_EQ(odd.load(), 0);
+}
+
+// What the pool learns changes widths and chunks, never what is visited.
+TEST(ThreadPool, HistoriesKeepEveryIndex) {
+  warp::LoopHistory history;
+  std::vector<int> seen(300000);
+  for (int round = 1; round <= 300; ++round) {
+    int64_t size = round % 3 ? 300000 : 1000 + round;
+    auto visit = [&](int64_t begin, int64_t end) {
+      EXPECT_TRUE(begin % 64 == 0 || size < 300000);
+      for (int64_t i = begin; i < end; ++i)
+        ++seen[i];
+    };
+    ThreadPool::parallelFor(0, size, 256, visit, &history);
+    for (int64_t i = 0; i < 300000; ++i)
+      ASSERT_EQ(std::exchange(seen[i], 0), i < size) << "round " << round;
+  }
+}
+
+// Workers lose their cores with chunks in hand and are moved to the caller's.
+TEST(ThreadPool, FinishesBesideBusyProcesses) {
+  std::vector<pid_t> others;
+  for (int i = 0; i < ThreadPool::size(); ++i) {
+    pid_t child = fork();
+    if (child == 0) {
+      // The end of one that a failed test leaves behind.
+      alarm(30);
+      for (volatile bool forever = true; forever;) {
+      }
+    }
+    others.push_back(child);
+  }
+  warp::LoopHistory history;
+  std::vector<double> values(1 << 18);
+  auto stop = std::chrono::steady_clock::now() + std::chrono::milliseconds(500);
+  int rounds = 0;
+  for (; std::chrono::steady_clock::now() < stop; ++rounds)
+    ThreadPool::parallelFor(
+        0, int64_t(values.size()), 256,
+        [&](int64_t begin, int64_t end) {
+          for (int64_t i = begin; i < end; ++i)
+            values[i] += 1.0;
+        },
+        &history);
+  for (pid_t child : others) {
+    kill(child, SIGKILL);
+    waitpid(child, nullptr, 0);
+  }
+  for (double value : values)
+    ASSERT_EQ(value, rounds);
 }
 
 TEST(ThreadPool, EmptyRangeCallsNothing) {

@@ -1,0 +1,19 @@
+//===- PoolCpus.h - CPUs of the thread pool ---------------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_RUNTIME_POOLCPUS_H
+#define WARP_LIB_RUNTIME_POOLCPUS_H
+
+#include <vector>
+
+namespace warp {
+
+/// One entry per thread of the pool: its CPU, or -1 to leave it unpinned.
+std::vector<int> choosePoolCpus();
+
+} // namespace warp
+
+#endif // WARP_LIB_RUNTIME_POOLCPUS_H
