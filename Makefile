@@ -3,7 +3,7 @@
 #              pictures and tables in build/demo
 # make test    every test; ends with 'N passed, N failed, N skipped'
 # make docs    refresh the generated references under docs/
-# make bench   benchmarks/spine.py, gpu.py, autodiff.py, optimised build
+# make bench   benchmarks/spine.py, shapes.py, gpu.py, autodiff.py, optimised build
 #              (build/release)
 # make wheel   an optimised wheel in dist/
 # Everything that is missing (packages, .venv, build) is set up first.
@@ -33,6 +33,7 @@ release: build
 
 bench: release
 	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/spine.py $(BENCH_ARGS)
+	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/shapes.py
 	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/gpu.py
 	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/autodiff.py
 
