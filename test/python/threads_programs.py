@@ -168,14 +168,16 @@ class Program:
     Args:
         seed: what the choices follow from.
         rank: of the launch.
+        exact: whether all arithmetic is such that Python's gives the same bits: no sine, no product
+            that may become part of an `fma`.
 
     Attributes:
         text: the source.
     """
 
-    def __init__(self, seed, rank=1):
+    def __init__(self, seed, rank=1, exact=True):
         self.random = random.Random(seed)
-        self.rank = rank
+        self.rank, self.exact = rank, exact
         self.lines: list = []
         self.depth, self.loops, self.names = 1, 0, 0
         kinds = ["int32", *self.random.sample(INTS, 3)]
@@ -264,6 +266,9 @@ class Program:
             return self._pick(*leaves)
         one, other = self._real(kind, depth - 1), self._real(kind, depth - 1)
         forms = ["({0} + {1})", "({0} - {1})", f"wp.min({{0}} * {{1}}, wp.{kind}(64.0))"]
+        if not self.exact:
+            forms += ["{0} * {1}", "({0} * {1} + {0})", "({1} - {0} * {1})", "wp.sin({0})"]
+            forms += ["wp.exp(wp.min({0}, {1}))", "wp.log(wp.abs({0}))", "({0} * {0} - {1} * {1})"]
         forms += [f"({{0}} / (wp.abs({{1}}) + wp.{kind}(1.0)))", "wp.sqrt(wp.abs({0}))"]
         forms += ["wp.min({0}, {1})", "wp.max({0}, {1})", "({0} if {2} else {1})"]
         return self._pick(*forms).format(one, other, self._condition(depth - 1))
