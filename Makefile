@@ -5,6 +5,8 @@
 # make docs    refresh the generated references under docs/
 # make bench   benchmarks/spine.py, gpu.py, autodiff.py, pool.py, optimised
 #              build (build/release)
+# make bench   benchmarks/spine.py, shapes.py, gpu.py, autodiff.py, optimised build
+#              (build/release)
 # make wheel   an optimised wheel in dist/
 # Everything that is missing (packages, .venv, build) is set up first.
 
@@ -33,6 +35,7 @@ release: build
 
 bench: release
 	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/spine.py $(BENCH_ARGS)
+	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/shapes.py
 	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/gpu.py
 	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/autodiff.py
 	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/pool.py

@@ -23,6 +23,7 @@
 namespace llvm {
 class Function;
 class Module;
+class PassInstrumentationCallbacks;
 class TargetMachine;
 } // namespace llvm
 
@@ -77,6 +78,9 @@ void linkBitcode(llvm::Module &module, llvm::StringRef bitcode,
 /// that on the CPU the loop over threads will be vectorised.
 void optimize(llvm::Module &module, llvm::TargetMachine &machine,
               const CompileOptions &options, bool straightLine);
+
+/// Works around an error of InstCombine: see MaskedLoads.cpp.
+void keepLoadsBeforeStores(llvm::PassInstrumentationCallbacks &callbacks);
 
 /// Emits an object file (CPU), or PTX or assembly text.
 llvm::SmallVector<char, 0> emit(llvm::Module &module,

@@ -1,0 +1,150 @@
+"""Runs cases of shapes.py as they are asked for; under this package and under NVIDIA Warp.
+
+    python _shape_cases.py --device cpu --folder /tmp/results [--seconds 0.1]
+
+Every line of the standard input names a case, and is answered by a line of JSON. At its first
+request a case is compiled, and what it computes is written to the folder: outputs of one launch,
+then gradients of one adjoint launch with random seeds. Gradients are also held against the outputs
+themselves: `slope_error` is how far the squared length of the gradient, relatively, is from the
+central difference along it of the outputs times their seeds. Each request measures times.
+"""
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+import _shape_loops  # noqa: F401  (registers cases)
+import _shape_maps  # noqa: F401
+import _shape_sums  # noqa: F401
+import warp as wp
+from _shape_data import CASES, Data
+
+# Steps of central differences.
+STEPS = {np.dtype(np.float16): 3e-2, np.dtype(np.float32): 1e-3, np.dtype(np.float64): 1e-6}
+
+
+def flat(values):
+    """Numbers of an array of numbers or structs as one row of float64."""
+    if values.dtype.names:
+        return np.concatenate([flat(values[name]) for name in values.dtype.names])
+    return values.reshape(-1).astype(np.float64)
+
+
+def seeds_of(one):
+    """Random adjoints of the outputs."""
+    random = np.random.default_rng(11)
+    return [
+        random.uniform(0.5, 1.5, out.numpy().shape).astype(out.numpy().dtype) for out in one.outputs
+    ]
+
+
+def slope_error(one, seeds, device):
+    """Relative difference of the gradient's squared length and a central difference along it."""
+    given = [a for a in one.inputs if getattr(a, "requires_grad", False)]
+    values = [a.numpy() for a in given]
+    if not one.smooth or any(value.dtype not in STEPS for value in values):
+        return None
+    slopes = [a.grad.numpy().astype(np.float64) for a in given]
+    largest = max(np.abs(slope).max() for slope in slopes)
+    step = max(STEPS[value.dtype] for value in values) / max(largest, 1e-30)
+    sums, moved = [], []
+    for sign in (1.0, -1.0):
+        parts = []
+        for a, value, slope in zip(given, values, slopes, strict=True):
+            a.assign((value + sign * step * slope).astype(value.dtype))
+            parts.append(a.numpy().astype(np.float64))
+        for out in one.outputs:
+            out.zero_()
+        one.launch(device)
+        sums.append(
+            sum(
+                (out.numpy().astype(np.float64) * seed).sum()
+                for out, seed in zip(one.outputs, seeds, strict=True)
+            )
+        )
+        moved.append(parts)
+    for a, value in zip(given, values, strict=True):
+        a.assign(value)
+    predicted = sum(((b - c) * s).sum() for b, c, s in zip(*moved, slopes, strict=True))
+    return float(abs(sums[0] - sums[1] - predicted) / max(abs(predicted), 1e-30))
+
+
+class Worker:
+    """Cases that have been made, ready to be timed again."""
+
+    def __init__(self, device, folder, seconds):
+        self.device, self.folder, self.seconds = device, Path(folder), seconds
+        self.made = {}
+
+    def first(self, function):
+        """Seconds of a first launch."""
+        begin = time.perf_counter()
+        function(self.device)
+        wp.synchronize_device(self.device)
+        return time.perf_counter() - begin
+
+    def make(self, name):
+        """The case, and the times of its first launches."""
+        one = CASES[name](Data(self.device))
+        result = {"first": self.first(one.launch)}
+        arrays = {f"output {k}": flat(out.numpy()) for k, out in enumerate(one.outputs)}
+        if one.differentiable:
+            seeds = seeds_of(one)
+            for out, seed in zip(one.outputs, seeds, strict=True):
+                out.grad.assign(seed)
+            result["adjoint_first"] = self.first(one.launch_adjoint)
+            for k, given in enumerate(one.inputs):
+                if getattr(given, "requires_grad", False):
+                    arrays[f"gradient {k}"] = flat(given.grad.numpy())
+            result["slope_error"] = slope_error(one, seeds, self.device)
+        np.savez(self.folder / name, **arrays)
+        self.made[name] = one
+        return result
+
+    def fastest(self, function):
+        """Seconds per call in the fastest of many batches."""
+        once = max(self.first(function), 1e-6)
+        batch = max(1, int((0.01 if "cuda" in self.device else 0.002) / once))
+        times, end = [], time.perf_counter() + self.seconds
+        while time.perf_counter() < end or len(times) < 20:
+            begin = time.perf_counter()
+            for _ in range(batch):
+                function(self.device)
+            wp.synchronize_device(self.device)
+            times.append((time.perf_counter() - begin) / batch)
+        return min(times)
+
+    def answer(self, name):
+        """Times of one case, or the error that it ended with."""
+        try:
+            result = {} if name in self.made else self.make(name)
+            one = self.made[name]
+            result |= {"items": one.items, "unit": one.unit, "forward": self.fastest(one.launch)}
+            if one.differentiable:
+                result["adjoint"] = self.fastest(one.launch_adjoint)
+        except Exception as error:  # whatever a package raises is its result
+            result = {"error": f"{type(error).__name__}: {error}"[:400]}
+        return {"case": name} | result
+
+
+def main():
+    """Answer requests until the standard input ends."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--folder", required=True)
+    parser.add_argument("--seconds", type=float, default=0.1)
+    options = parser.parse_args()
+    wp.config.quiet = True
+    wp.init()
+    worker = Worker(options.device, options.folder, options.seconds)
+    for line in sys.stdin:
+        sys.stdout.write("\n" + json.dumps(worker.answer(line.strip())) + "\n")
+        sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()
