@@ -23,6 +23,7 @@
 
 #include "AccessOrder.h"
 
+#include "Analysis/ArrayOrigins.h"
 #include "ArrayLowering.h"
 #include "WarpDialect/WarpOps.h"
 
@@ -77,15 +78,6 @@ struct Access {
 };
 } // namespace
 
-static Value rootOf(Value array) {
-  while (Operation *op = array.getDefiningOp()) {
-    if (!isa<warp::ViewOp, warp::SliceOp, warp::ComponentViewOp>(op))
-      break;
-    array = op->getOperand(0);
-  }
-  return array;
-}
-
 /// Whether the next thread's index is this one plus 1.
 static bool hasUnitStep(Value index) {
   Operation *op = index.getDefiningOp();
@@ -122,18 +114,14 @@ static void collect(Region &region, bool updates,
     for (Operation &op : block) {
       if (accesses.size() > maxAccesses)
         return;
-      if (auto load = dyn_cast<warp::LoadComponentsOp>(op))
-        accesses.push_back({false, rootOf(load.getArray()), load.getArray(),
-                            SmallVector<Value, 2>(load.getIndices())});
-      else if (auto store = dyn_cast<warp::StoreComponentsOp>(op))
-        accesses.push_back({true, rootOf(store.getArray()), store.getArray(),
-                            SmallVector<Value, 2>(store.getIndices())});
-      else if (auto update = dyn_cast<warp::AtomicComponentsOp>(op);
-               update && updates)
-        for (bool isWrite : {false, true})
-          accesses.push_back({isWrite, rootOf(update.getArray()),
-                              update.getArray(),
-                              SmallVector<Value, 2>(update.getIndices())});
+      auto access = dyn_cast<warp::AccessOp>(op);
+      for (bool isWrite : {false, true}) {
+        bool counts = access && (updates || !access.isUpdate());
+        if (counts && (isWrite ? access.mayWrite() : access.mayRead()))
+          accesses.push_back({isWrite, warp::rootOf(access.getArray()),
+                              access.getArray(),
+                              SmallVector<Value, 2>(access.getIndices())});
+      }
       for (int i = 0; i < (isa<LoopLikeOpInterface>(op) ? 2 : 1); ++i)
         for (Region &nested : op.getRegions())
           collect(nested, updates, accesses);
