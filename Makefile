@@ -3,10 +3,8 @@
 #              pictures and tables in build/demo
 # make test    every test; ends with 'N passed, N failed, N skipped'
 # make docs    refresh the generated references under docs/
-# make bench   benchmarks/spine.py, gpu.py, autodiff.py, pool.py, optimised
-#              build (build/release)
-# make bench   benchmarks/spine.py, shapes.py, gpu.py, autodiff.py, optimised build
-#              (build/release)
+# make bench   benchmarks/spine.py, shapes.py, gpu.py, autodiff.py, pool.py,
+#              optimised build (build/release)
 # make wheel   an optimised wheel in dist/
 # Everything that is missing (packages, .venv, build) is set up first.
 

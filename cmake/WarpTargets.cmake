@@ -14,8 +14,8 @@ function(warp_add_objects name)
   add_library(${name} OBJECT ${sources})
   target_include_directories(${name} PUBLIC
     "${PROJECT_SOURCE_DIR}/include" "${PROJECT_BINARY_DIR}/include")
-  target_include_directories(${name} PRIVATE "${CMAKE_CURRENT_SOURCE_DIR}"
-    "${PROJECT_SOURCE_DIR}/lib")
+  target_include_directories(${name} PRIVATE
+    "${CMAKE_CURRENT_SOURCE_DIR}" "${PROJECT_SOURCE_DIR}/lib")
   target_compile_definitions(${name} PRIVATE
     WARP_VERSION="${PROJECT_VERSION}")
   if(arg_LLVM)

@@ -11,9 +11,28 @@
 
 include "mlir/IR/EnumAttr.td"
 include "mlir/Interfaces/SideEffectInterfaces.td"
+include "WarpInterfaces.td"
 include "WarpTypes.td"
 
-def Warp_LoadOp : Warp_Op<"load"> {
+/// An access: `written` is the number of the operand group that is stored or
+/// combined, -1 if none is; `combination` and `atomic` are C++ expressions.
+class Warp_AccessOp<string mnemonic, string effect, int written,
+                    string combination = "std::nullopt",
+                    string atomic = "false", list<Trait> traits = []>
+    : Warp_Op<mnemonic, traits # [Warp_AccessOpInterface]> {
+  let extraClassDeclaration =
+      "::warp::AccessEffect getEffect() { return ::warp::AccessEffect::"
+      # effect # "; }\n"
+      # "::mlir::OperandRange getWritten() { return "
+      # !if(!lt(written, 0), "getOperation()->getOperands().take_front(0)",
+            "getODSOperands(" # written # ")")
+      # "; }\n"
+      # "std::optional<::warp::AtomicKind> getCombination() { return "
+      # combination # "; }\n"
+      # "bool isAtomic() { return " # atomic # "; }\n";
+}
+
+def Warp_LoadOp : Warp_AccessOp<"load", "Read", -1> {
   let summary = "element of an array";
   let description = [{
     A negative index counts from the end.
@@ -35,7 +54,7 @@ def Warp_LoadOp : Warp_Op<"load"> {
   let hasVerifier = 1;
 }
 
-def Warp_StoreOp : Warp_Op<"store"> {
+def Warp_StoreOp : Warp_AccessOp<"store", "Write", 0> {
   let summary = "writes an element of an array";
   let description = [{
     (C1) as many indices as the rank. (C2) the value has the element type.
@@ -62,7 +81,8 @@ def Warp_AtomicKind : I32EnumAttr<"AtomicKind", "how an atomic combines", [
   let cppNamespace = "::warp";
 }
 
-def Warp_AtomicOp : Warp_Op<"atomic"> {
+def Warp_AtomicOp
+    : Warp_AccessOp<"atomic", "Update", 0, "getKind()", "true"> {
   let summary = "atomic read-modify-write of an array element";
   let description = [{
     Each component is updated atomically; the old value is returned. Ordering
@@ -87,7 +107,9 @@ def Warp_AtomicOp : Warp_Op<"atomic"> {
   let hasVerifier = 1;
 }
 
-def Warp_AtomicCasOp : Warp_Op<"atomic_cas"> {
+def Warp_AtomicCasOp
+    : Warp_AccessOp<"atomic_cas", "Update", 1, "std::nullopt", "true",
+                    [Warp_ThreadPhase]> {
   let summary = "atomic compare and exchange of an array element";
   let description = [{
     Writes `value` where the element equals `expected`; returns the old value.
@@ -111,7 +133,7 @@ def Warp_AtomicCasOp : Warp_Op<"atomic_cas"> {
 // Gradients
 //===----------------------------------------------------------------------===//
 
-def Warp_GradOp : Warp_Op<"grad", [Pure]> {
+def Warp_GradOp : Warp_Op<"grad", [Pure, Warp_ThreadPhase]> {
   let summary = "array of the gradients of an array's elements";
   let description = [{
     Same extents, and the memory that the descriptor names as the gradient's.
@@ -135,7 +157,9 @@ def Warp_GradOp : Warp_Op<"grad", [Pure]> {
   let hasVerifier = 1;
 }
 
-def Warp_AccumulateOp : Warp_Op<"accumulate"> {
+def Warp_AccumulateOp
+    : Warp_AccessOp<"accumulate", "Update", 0, "::warp::AtomicKind::add",
+                    "!getUnique()"> {
   let summary = "adds to an element of an array";
   let description = [{
     Threads may add to one element in any order. `unique = N` says that in a
@@ -164,7 +188,8 @@ def Warp_AccumulateOp : Warp_Op<"accumulate"> {
 // Views
 //===----------------------------------------------------------------------===//
 
-def Warp_ViewOp : Warp_Op<"view", [Pure]> {
+def Warp_ViewOp : Warp_Op<"view", [Pure, Warp_ThreadPhase,
+                                   Warp_ArrayViewOpInterface]> {
   let summary = "array of lower rank at leading indices";
   let description = [{
     `a[i]` of a rank-3 array is a view of rank 2.
@@ -182,7 +207,8 @@ def Warp_ViewOp : Warp_Op<"view", [Pure]> {
 }
 
 def Warp_SliceOp
-    : Warp_Op<"slice", [Pure, AllTypesMatch<["array", "result"]>]> {
+    : Warp_Op<"slice", [Pure, Warp_ThreadPhase, Warp_ArrayViewOpInterface,
+                        AllTypesMatch<["array", "result"]>]> {
   let summary = "part of an array along one dimension";
   let description = [{
     Elements `start`, `start + step`, ... before `stop` of dimension `dim`, as
@@ -202,7 +228,9 @@ def Warp_SliceOp
   let hasVerifier = 1;
 }
 
-def Warp_ComponentViewOp : Warp_Op<"component_view", [Pure]> {
+def Warp_ComponentViewOp
+    : Warp_Op<"component_view", [Pure, Warp_ThreadPhase,
+                                 Warp_ArrayViewOpInterface]> {
   let summary = "array of one component, row or field of each element";
   let description = [{
     Keeps extents and strides and moves the data pointer, so that a single slot
@@ -222,7 +250,7 @@ def Warp_ComponentViewOp : Warp_Op<"component_view", [Pure]> {
   let hasVerifier = 1;
 }
 
-def Warp_DimOp : Warp_Op<"dim", [Pure]> {
+def Warp_DimOp : Warp_Op<"dim", [Pure, Warp_ThreadPhase]> {
   let summary = "extent of an array along one dimension";
   let description = "(C1) `dim` is within the rank.";
   let arguments = (ins Warp_AnyArray:$array, I64Attr:$dim);

@@ -37,6 +37,11 @@ def Warp_Dialect : Dialect {
                            "::mlir::func::FuncDialect"];
 }
 
+/// An operation that thread IR may hold, see warp-verify-thread.
+def Warp_ThreadPhase : NativeOpTrait<"ThreadPhase"> {
+  let cppNamespace = "::warp";
+}
+
 class Warp_Op<string mnemonic, list<Trait> traits = []>
     : Op<Warp_Dialect, mnemonic, traits>;
 

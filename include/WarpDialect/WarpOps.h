@@ -18,6 +18,19 @@
 #include "mlir/Interfaces/SideEffectInterfaces.h"
 
 #include "WarpDialect/WarpEnums.h.inc"
+
+namespace warp {
+
+/// Trait of the operations that thread IR may hold.
+template <typename ConcreteType>
+class ThreadPhase
+    : public mlir::OpTrait::TraitBase<ConcreteType, ThreadPhase> {};
+
+/// What an access does to an element: an update reads it and writes it.
+enum class AccessEffect { Read, Write, Update };
+
+} // namespace warp
+
 #include "WarpDialect/WarpInterfaces.h.inc"
 
 #define GET_OP_CLASSES

@@ -181,7 +181,7 @@ include "WarpArrayOps.td"
 // Threads and output
 //===----------------------------------------------------------------------===//
 
-def Warp_TidOp : Warp_Op<"tid", [Pure]> {
+def Warp_TidOp : Warp_Op<"tid", [Pure, Warp_ThreadPhase]> {
   let summary = "indices of the thread within the launch";
   let description = [{
     One to four indices, of the first dimensions of the launch. Dimensions that
@@ -198,7 +198,8 @@ def Warp_TidOp : Warp_Op<"tid", [Pure]> {
   let hasVerifier = 1;
 }
 
-def Warp_PrintfOp : Warp_Op<"printf", [MemoryEffects<[MemWrite]>]> {
+def Warp_PrintfOp
+    : Warp_Op<"printf", [Warp_ThreadPhase, MemoryEffects<[MemWrite]>]> {
   let summary = "formatted output from a thread";
   let description = [{
     (C1) at most 32 scalar operands. (C2) as many conversions in the format as
@@ -214,7 +215,8 @@ def Warp_PrintfOp : Warp_Op<"printf", [MemoryEffects<[MemWrite]>]> {
   let hasVerifier = 1;
 }
 
-def Warp_AssertOp : Warp_Op<"assert", [MemoryEffects<[MemWrite]>]> {
+def Warp_AssertOp
+    : Warp_Op<"assert", [Warp_ThreadPhase, MemoryEffects<[MemWrite]>]> {
   let summary = "reports a failed condition in debug mode";
   let arguments = (ins I1:$condition, StrAttr:$message);
   let assemblyFormat = "$condition `,` $message attr-dict";

@@ -27,7 +27,7 @@ def Warp_ScratchType : Warp_Type<"Scratch", "scratch"> {
 def Warp_AnyScratch : Type<CPred<"::llvm::isa<::warp::ScratchType>($_self)">,
                            "memory of a thread">;
 
-def Warp_ScratchOp : Warp_Op<"scratch"> {
+def Warp_ScratchOp : Warp_Op<"scratch", [Warp_ThreadPhase]> {
   let summary = "memory of this thread";
   let description = [{
     Slots hold no particular value before the first store. One operation is one
@@ -42,7 +42,7 @@ def Warp_ScratchOp : Warp_Op<"scratch"> {
   let assemblyFormat = "attr-dict `:` type($result)";
 }
 
-def Warp_ScratchLoadOp : Warp_Op<"scratch_load"> {
+def Warp_ScratchLoadOp : Warp_Op<"scratch_load", [Warp_ThreadPhase]> {
   let summary = "value in a slot of the thread's memory";
   let description = [{
     The index is in range.
@@ -63,7 +63,7 @@ def Warp_ScratchLoadOp : Warp_Op<"scratch_load"> {
   let hasVerifier = 1;
 }
 
-def Warp_ScratchStoreOp : Warp_Op<"scratch_store"> {
+def Warp_ScratchStoreOp : Warp_Op<"scratch_store", [Warp_ThreadPhase]> {
   let summary = "sets a slot of the thread's memory";
   let description = [{
     The index is in range.

@@ -10,9 +10,11 @@
 #ifndef WARP_THREAD_OPS_TD
 #define WARP_THREAD_OPS_TD
 
-include "WarpTypes.td"
+include "WarpArrayOps.td"
 
-def Warp_LoadComponentsOp : Warp_Op<"load_components"> {
+def Warp_LoadComponentsOp
+    : Warp_AccessOp<"load_components", "Read", -1, "std::nullopt", "false",
+                    [Warp_ThreadPhase]> {
   let summary = "all components of an array element";
   let description = [{
     (C1) as many indices as the rank. (C2) the results are the flattened
@@ -33,8 +35,9 @@ def Warp_LoadComponentsOp : Warp_Op<"load_components"> {
   let hasVerifier = 1;
 }
 
-def Warp_StoreComponentsOp : Warp_Op<"store_components",
-                                     [AttrSizedOperandSegments]> {
+def Warp_StoreComponentsOp
+    : Warp_AccessOp<"store_components", "Write", 0, "std::nullopt", "false",
+                    [Warp_ThreadPhase, AttrSizedOperandSegments]> {
   let summary = "writes all components of an array element";
   let description = [{
     (C1) as many indices as the rank. (C2) the operands are the flattened
@@ -55,8 +58,9 @@ def Warp_StoreComponentsOp : Warp_Op<"store_components",
   let hasVerifier = 1;
 }
 
-def Warp_AtomicComponentsOp : Warp_Op<"atomic_components",
-                                      [AttrSizedOperandSegments]> {
+def Warp_AtomicComponentsOp
+    : Warp_AccessOp<"atomic_components", "Update", 0, "getKind()", "true",
+                    [Warp_ThreadPhase, AttrSizedOperandSegments]> {
   let summary = "atomic update of each component of an array element";
   let description = [{
     (C1) as many indices as the rank. (C2) operands and results are the

@@ -20,6 +20,8 @@
 
 #include "ThreadVariance.h"
 
+#include "Analysis/ArrayOrigins.h"
+
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/IR/Matchers.h"
@@ -31,18 +33,9 @@ using warp::ThreadVariance;
 // Memory
 //===----------------------------------------------------------------------===//
 
-Value warp::getRoot(Value array) {
-  while (Operation *op = array.getDefiningOp()) {
-    if (!isa<warp::ViewOp, warp::SliceOp, warp::ComponentViewOp>(op))
-      break;
-    array = op->getOperand(0);
-  }
-  return array;
-}
-
 /// An argument of the kernel or its gradients; null for any other array.
 static Value getKnownRoot(Value array) {
-  Value root = warp::getRoot(array);
+  Value root = warp::rootOf(array);
   Value named = root;
   if (auto grad = root.getDefiningOp<warp::GradOp>())
     named = grad.getArray();
@@ -54,20 +47,12 @@ static Value getKnownRoot(Value array) {
 
 void ThreadVariance::collectWrites() {
   function->walk([&](Operation *op) {
-    auto effects = dyn_cast<MemoryEffectOpInterface>(op);
-    if (!effects)
+    auto access = dyn_cast<warp::AccessOp>(op);
+    if (!access || !access.mayWrite())
       return;
-    SmallVector<MemoryEffects::EffectInstance> instances;
-    effects.getEffects(instances);
-    for (MemoryEffects::EffectInstance &effect : instances) {
-      Value array = effect.getValue();
-      if (!array || !isa<warp::ArrayType>(array.getType()) ||
-          !isa<MemoryEffects::Write>(effect.getEffect()))
-        continue;
-      Value root = getKnownRoot(array);
-      writesUnknown |= !root;
-      written.insert(root);
-    }
+    Value root = getKnownRoot(access.getArray());
+    writesUnknown |= !root;
+    written.insert(root);
   });
 }
 
@@ -184,8 +169,9 @@ ThreadVariance::State ThreadVariance::transfer(Operation *op) const {
   State state;
   for (Value operand : op->getOperands())
     state.sources |= get(operand).sources;
-  bool isLoad = isa<warp::LoadOp, warp::LoadComponentsOp>(op);
-  if (isLoad && isWritten(op->getOperand(0)))
+  auto access = dyn_cast<warp::AccessOp>(op);
+  bool isLoad = access && !access.mayWrite();
+  if (isLoad && isWritten(access.getArray()))
     state.sources |= Moment;
   else if (!isLoad && !isMemoryEffectFree(op))
     state.sources |= Own;

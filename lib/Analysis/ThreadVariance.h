@@ -96,10 +96,6 @@ private:
   bool changed = false;
 };
 
-/// The array that views were taken of: an argument, the gradients of one, or
-/// what control flow chose or memory held.
-mlir::Value getRoot(mlir::Value array);
-
 } // namespace warp
 
 #endif // WARP_LIB_ANALYSIS_THREADVARIANCE_H

@@ -33,12 +33,11 @@ static double costOf(Region &region) {
 static double costOf(Operation *op) {
   if (isa<math::MathDialect>(op->getDialect()))
     return mathCost;
-  if (isa<warp::AtomicComponentsOp, warp::AtomicCasOp>(op))
-    return atomicCost * std::max(1u, op->getNumResults());
-  if (isa<warp::LoadComponentsOp>(op))
-    return op->getNumResults();
-  if (auto store = dyn_cast<warp::StoreComponentsOp>(op))
-    return store.getComponents().size();
+  if (auto access = dyn_cast<warp::AccessOp>(op)) {
+    size_t components =
+        std::max(access.getRead().size(), access.getWritten().size());
+    return access.isUpdate() ? atomicCost * components : components;
+  }
   if (op->hasTrait<OpTrait::ConstantLike>())
     return 0;
   double inside = 0;
@@ -56,10 +55,12 @@ double warp::estimateCost(ModuleOp module) {
 bool warp::isStraightLine(ModuleOp module) {
   return !module
               .walk([](Operation *op) {
-                return isa<scf::ForOp, scf::WhileOp, AtomicComponentsOp,
-                           AtomicCasOp, PrintfOp>(op)
-                           ? WalkResult::interrupt()
-                           : WalkResult::advance();
+                auto access = dyn_cast<AccessOp>(op);
+                bool isStraight = access ? !access.isUpdate()
+                                         : !isa<scf::ForOp, scf::WhileOp,
+                                                PrintfOp>(op);
+                return isStraight ? WalkResult::advance()
+                                  : WalkResult::interrupt();
               })
               .wasInterrupted();
 }

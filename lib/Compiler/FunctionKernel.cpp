@@ -6,6 +6,8 @@
 
 #include "FunctionKernel.h"
 
+#include "Analysis/Effects.h"
+
 #include "../Transforms/Autodiff/Rules/Rules.h"
 
 #include "WarpDialect/Passes.h"
@@ -105,7 +107,7 @@ FailureOr<Value> FunctionKernel::promote(ArrayRef<Value> arrays,
     llvm::copy_if(array.getUsers(), std::back_inserter(accesses),
                   [](Operation *op) { return !isa<GradOp>(op); });
   bool isConstant = llvm::all_of(
-      accesses, [](Operation *op) { return isa<LoadOp>(op); });
+      accesses, [](Operation *op) { return isPlainRead(op); });
   auto isNested = [](Operation *op) {
     return !isa<func::FuncOp>(op->getParentOp());
   };
@@ -118,19 +120,21 @@ FailureOr<Value> FunctionKernel::promote(ArrayRef<Value> arrays,
   Value current = initial;
   for (Operation *op : accesses) {
     OpBuilder b(op);
-    if (auto load = dyn_cast<LoadOp>(op))
-      load.getResult().replaceAllUsesWith(
-          converted(b, op->getLoc(), current, load.getResult().getType()));
-    else if (auto store = dyn_cast<StoreOp>(op))
-      current = store.getValue();
-    else if (auto sum = dyn_cast<AccumulateOp>(op))
-      current = autodiff::add(b, op->getLoc(),
-                              current ? converted(b, op->getLoc(), current,
-                                                  sum.getValue().getType())
-                                      : Value(),
-                              sum.getValue());
-    else
+    auto access = dyn_cast<AccessOp>(op);
+    if (!access || access.getMask() || (access.isUpdate() && !isSum(op)))
       return fail(op);
+    Value value = access.mayWrite() ? access.getWritten().front()
+                                    : access.getRead().front();
+    auto before = [&]() {
+      return converted(b, op->getLoc(), current, value.getType());
+    };
+    if (access.isUpdate())
+      current = autodiff::add(b, op->getLoc(), current ? before() : Value(),
+                              value);
+    else if (access.mayWrite())
+      current = value;
+    else
+      value.replaceAllUsesWith(before());
     op->erase();
   }
   return current;

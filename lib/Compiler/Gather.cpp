@@ -4,6 +4,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Analysis/Effects.h"
 #include "Context.h"
 #include "Pipelines.h"
 
@@ -55,10 +56,8 @@ static func::FuncOp findMarked(ModuleOp module, StringRef attribute) {
 static bool hasEffects(ModuleOp module) {
   return module
       .walk([](Operation *op) {
-        return isa<warp::StoreOp, warp::AccumulateOp, warp::AtomicOp,
-                   warp::AtomicCasOp, warp::PrintfOp, warp::AssertOp>(op)
-                   ? WalkResult::interrupt()
-                   : WalkResult::advance();
+        return warp::isObservable(op) ? WalkResult::interrupt()
+                                      : WalkResult::advance();
       })
       .wasInterrupted();
 }

@@ -17,6 +17,7 @@
 #include "Derivation.h"
 #include "FunctionKernel.h"
 
+#include "Analysis/Effects.h"
 #include "../Transforms/Autodiff/Rules/Rules.h"
 #include "../Transforms/KernelFunction.h"
 
@@ -299,13 +300,12 @@ ResolveDerivatives::withoutEffects(func::FuncOp function) {
         return WalkResult::interrupt();
       isChanged |= *other != callee;
       call.setCallee(other->getName());
-    } else if (isa<warp::AtomicOp, warp::AtomicCasOp>(op) && !op->use_empty()) {
+    } else if (warp::isObservable(op) && !op->use_empty()) {
       op->emitError("the old value cannot be had again when '")
           << function.getName() << "' is differentiated; say with "
           << "`@wp.func_replay` how its results are";
       return WalkResult::interrupt();
-    } else if (isa<warp::StoreOp, warp::AccumulateOp, warp::AtomicOp,
-                   warp::AtomicCasOp, warp::PrintfOp, warp::AssertOp>(op)) {
+    } else if (warp::isObservable(op)) {
       isChanged = true;
       op->erase();
     }

@@ -44,16 +44,6 @@ checkOperations(ModuleOp module, StringRef phase,
   return failure(result.wasInterrupted());
 }
 
-/// Operations of thread IR that the warp dialect provides.
-static bool isThreadOp(Operation *op) {
-  return isa<warp::LoadComponentsOp, warp::StoreComponentsOp,
-             warp::AtomicComponentsOp, warp::AtomicCasOp, warp::GradOp,
-             warp::ViewOp, warp::SliceOp, warp::ComponentViewOp, warp::DimOp,
-             warp::TidOp,
-             warp::PrintfOp, warp::AssertOp, warp::ScratchOp,
-             warp::ScratchLoadOp, warp::ScratchStoreOp>(op);
-}
-
 static bool isThreadType(Type type) {
   return isa<warp::ArrayType, warp::ScratchType, IndexType>(type) ||
          warp::isFloat(type) || type.isSignlessInteger();
@@ -97,7 +87,7 @@ struct VerifyThread : warp::impl::VerifyThreadBase<VerifyThread> {
     auto allowed = [](Operation *op) {
       Dialect *dialect = op->getDialect();
       if (isa_and_nonnull<warp::WarpDialect>(dialect))
-        return isThreadOp(op);
+        return op->hasTrait<warp::ThreadPhase>();
       // Conversions that saturate have no form in arith.
       if (isa<LLVM::CallIntrinsicOp>(op))
         return true;

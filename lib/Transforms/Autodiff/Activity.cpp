@@ -29,76 +29,6 @@ bool hasDerivative(Type type) {
 }
 
 //===----------------------------------------------------------------------===//
-// Array leaves
-//===----------------------------------------------------------------------===//
-
-static unsigned countArrays(Type type) {
-  if (isa<ArrayType>(type))
-    return 1;
-  unsigned count = 0;
-  if (auto structure = dyn_cast<StructType>(type))
-    for (Type field : structure.getFieldTypes())
-      count += countArrays(field);
-  return count;
-}
-
-ArrayLeaves::ArrayLeaves(FunctionOpInterface function) : function(function) {
-  for (Type type : function.getArgumentTypes()) {
-    first.push_back(count);
-    count += countArrays(type);
-  }
-}
-
-SmallVector<unsigned, 1> ArrayLeaves::of(Value array) const {
-  Operation *op = array.getDefiningOp();
-  if (!op) {
-    auto argument = cast<BlockArgument>(array);
-    if (isa<FunctionOpInterface>(argument.getOwner()->getParentOp()))
-      return {first[argument.getArgNumber()]};
-    return {};
-  }
-  if (isa<ViewOp, SliceOp, ComponentViewOp>(op))
-    return of(op->getOperand(0));
-  if (auto get = dyn_cast<StructGetOp>(op)) {
-    SmallVector<unsigned, 1> leaf = of(get.getSource());
-    auto type = cast<StructType>(get.getSource().getType());
-    int64_t field = type.getFieldIndex(get.getField());
-    for (unsigned &number : leaf)
-      for (Type before : type.getFieldTypes().take_front(field))
-        number += countArrays(before);
-    return leaf;
-  }
-  return {};
-}
-
-/// The path to array number `leaf` of a value, after its name.
-static std::string getPath(Type type, unsigned leaf) {
-  auto structure = dyn_cast<StructType>(type);
-  if (!structure)
-    return "";
-  for (auto [name, field] :
-       llvm::zip(structure.getFieldNames(), structure.getFieldTypes())) {
-    unsigned count = countArrays(field);
-    if (leaf < count)
-      return "." + name.getValue().str() + getPath(field, leaf);
-    leaf -= count;
-  }
-  return "";
-}
-
-std::string ArrayLeaves::getName(unsigned leaf) const {
-  unsigned argument = first.size() - 1;
-  while (first[argument] > leaf)
-    --argument;
-  auto names = function->getAttrOfType<ArrayAttr>(attr::argNames);
-  std::string name = names && argument < names.size()
-                         ? cast<StringAttr>(names[argument]).getValue().str()
-                         : "argument " + std::to_string(argument);
-  Type type = function.getArgumentTypes()[argument];
-  return name + getPath(type, leaf - first[argument]);
-}
-
-//===----------------------------------------------------------------------===//
 // Marks
 //===----------------------------------------------------------------------===//
 
@@ -172,7 +102,8 @@ bool Activity::spreadUseful(Operation *op) {
     return changed;
   bool isUseful = llvm::any_of(
       op->getResults(), [&](Value result) { return useful.contains(result); });
-  if (isa<StoreOp, AtomicOp, AtomicCasOp, func::CallOp>(op))
+  auto access = dyn_cast<AccessOp>(op);
+  if (access ? access.mayWrite() : isa<func::CallOp>(op))
     isUseful |= llvm::any_of(op->getOperands(), [&](Value operand) {
       return isa<ArrayType>(operand.getType()) && isActiveArray(operand);
     });

@@ -11,8 +11,7 @@
 #ifndef WARP_TRANSFORMS_AUTODIFF_ACTIVITY_H
 #define WARP_TRANSFORMS_AUTODIFF_ACTIVITY_H
 
-#include "mlir/IR/Value.h"
-#include "mlir/Interfaces/FunctionInterfaces.h"
+#include "Analysis/ArrayOrigins.h"
 
 #include "llvm/ADT/DenseSet.h"
 #include "llvm/ADT/SetVector.h"
@@ -21,25 +20,6 @@ namespace warp::autodiff {
 
 /// Float scalars and composites of them.
 bool hasDerivative(mlir::Type type);
-
-/// Array leaves of a function's arguments: arguments in order, and the arrays
-/// within a struct in the order of its fields. The engine calls a leaf by its
-/// number in that order.
-class ArrayLeaves {
-public:
-  explicit ArrayLeaves(mlir::FunctionOpInterface function);
-
-  unsigned size() const { return count; }
-  /// Leaves that an array may be; no leaf if that is unknown.
-  llvm::SmallVector<unsigned, 1> of(mlir::Value array) const;
-  /// What the user calls a leaf: `x`, or `state.x`.
-  std::string getName(unsigned leaf) const;
-
-private:
-  mutable mlir::FunctionOpInterface function;
-  llvm::SmallVector<unsigned> first;
-  unsigned count = 0;
-};
 
 class Activity {
 public:

@@ -9,6 +9,8 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Analysis/ArrayOrigins.h"
+#include "Analysis/Effects.h"
 #include "KernelFunction.h"
 #include "Autodiff/Loops/CountTrips.h"
 #include "DeadValues.h"
@@ -35,7 +37,7 @@ static DictionaryAttr getDescription(func::FuncOp function, unsigned argument) {
 /// Reports loads of what the launch overwrote; notes what the others assume.
 static LogicalResult checkMarks(func::FuncOp adjoint) {
   bool hasFailed = false;
-  adjoint.walk([&](warp::LoadOp load) {
+  adjoint.walk([&](warp::AccessOp load) {
     auto why = load->getAttrOfType<StringAttr>(warp::attr::unrecoverable);
     if (why) {
       load.emitError(why.getValue());
@@ -60,9 +62,9 @@ static void mergeSums(Block &block) {
         mergeSums(inner);
     auto sum = dyn_cast<warp::AccumulateOp>(op);
     if (!sum) {
-      auto load = dyn_cast<warp::LoadOp>(op);
       bool readsPrimal =
-          load && !rootOf(load.getArray()).getDefiningOp<warp::GradOp>();
+          warp::isPlainRead(&op) &&
+          !warp::gradientOwner(cast<warp::AccessOp>(op).getArray());
       if (!isMemoryEffectFree(&op) && !readsPrimal)
         last = nullptr;
       continue;
@@ -89,18 +91,12 @@ static bool isZeroConstant(Value value) {
 
 /// The first operation from `op` on that may touch gradients in `array`.
 static Operation *findUse(Operation *op, Value array) {
-  Value root = rootOf(array);
-  auto isElsewhere = [&](Value other) {
-    auto gradients = rootOf(other).getDefiningOp<warp::GradOp>();
-    return !gradients || gradients.getResult() != root;
-  };
+  Value owner = warp::gradientOwner(array);
   for (; op; op = op->getNextNode()) {
-    auto load = dyn_cast<warp::LoadOp>(op);
-    auto store = dyn_cast<warp::StoreOp>(op);
-    auto sum = dyn_cast<warp::AccumulateOp>(op);
-    if (!isMemoryEffectFree(op) && !(load && isElsewhere(load.getArray())) &&
-        !(store && isElsewhere(store.getArray())) &&
-        !(sum && isElsewhere(sum.getArray())))
+    auto access = dyn_cast<warp::AccessOp>(op);
+    bool isElsewhere =
+        access && warp::gradientOwner(access.getArray()) != owner;
+    if (!isMemoryEffectFree(op) && !isElsewhere)
       return op;
   }
   return nullptr;
@@ -112,7 +108,7 @@ static void storeSums(func::FuncOp adjoint) {
   SmallVector<warp::StoreOp> stores;
   adjoint.walk([&](warp::StoreOp store) {
     if (isZeroConstant(store.getValue()) &&
-        rootOf(store.getArray()).getDefiningOp<warp::GradOp>())
+        warp::gradientOwner(store.getArray()))
       stores.push_back(store);
   });
   for (warp::StoreOp store : stores) {
@@ -210,7 +206,7 @@ static bool isShared(warp::AccumulateOp sum) {
 
 /// Lists the leaves whose contents the adjoint reads, and counts.
 static void describeCode(func::FuncOp adjoint, unsigned hiddenCount) {
-  ArrayLeaves leaves(adjoint);
+  warp::ArrayLeaves leaves(adjoint);
   unsigned count = leaves.size() - hiddenCount;
   llvm::BitVector needed(count);
   int64_t atomics = 0, reductions = 0, shadowed = 0, assertions = 0;
@@ -221,8 +217,8 @@ static void describeCode(func::FuncOp adjoint, unsigned hiddenCount) {
       ++atomics;
       reductions += isShared(sum);
     }
-    if (auto load = dyn_cast<warp::LoadOp>(op))
-      for (unsigned leaf : leaves.of(load.getArray()))
+    if (warp::isPlainRead(op))
+      for (unsigned leaf : leaves.of(cast<warp::AccessOp>(op).getArray()))
         if (leaf < count)
           needed.set(leaf);
   });

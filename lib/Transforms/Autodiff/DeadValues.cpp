@@ -40,15 +40,6 @@ bool warp::autodiff::hasOwnEffect(Operation *op) {
   });
 }
 
-Value warp::autodiff::rootOf(Value array) {
-  while (Operation *op = array.getDefiningOp()) {
-    if (!isa<warp::ViewOp, warp::SliceOp, warp::ComponentViewOp>(op))
-      break;
-    array = op->getOperand(0);
-  }
-  return array;
-}
-
 void Needs::push(Value value) {
   if (!within->isAncestor(value.getParentRegion()->getParentOp()) ||
       (filter && !filter(value)))

@@ -65,9 +65,6 @@ private:
 /// Stores to scratch memory count as computing: they matter if a load does.
 bool hasOwnEffect(mlir::Operation *op);
 
-/// The array that views were taken of.
-mlir::Value rootOf(mlir::Value array);
-
 /// Erases what neither an effect within the region nor a value in `keep` needs,
 /// with results and carried values of the loops and branches inside.
 void eraseDead(mlir::Region &region, mlir::ValueRange keep = {});

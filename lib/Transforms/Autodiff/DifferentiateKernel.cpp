@@ -119,7 +119,8 @@ static void augment(func::FuncOp kernel, const ReverseBuilder &builder,
   }
   SmallVector<Operation *> reads;
   kernel.walk([&](Operation *op) {
-    if (isa<warp::LoadOp, warp::AtomicOp, warp::AtomicCasOp>(op))
+    auto access = dyn_cast<warp::AccessOp>(op);
+    if (access && !access.getRead().empty())
       reads.push_back(op);
   });
   for (Operation *op : reads) {

@@ -9,6 +9,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Analysis/Effects.h"
 #include "KernelFunction.h"
 #include "Autodiff/Loops/CarryElements.h"
 
@@ -41,7 +42,7 @@ struct ForwardStores : warp::impl::ForwardStoresBase<ForwardStores> {
     FunctionOpInterface kernel = warp::findKernel(getOperation());
     if (!kernel)
       return signalPassFailure();
-    ArrayLeaves leavesOfKernel(kernel);
+    warp::ArrayLeaves leavesOfKernel(kernel);
     leaves = &leavesOfKernel;
     if (unique)
       carryElements(kernel, leavesOfKernel);
@@ -53,8 +54,8 @@ struct ForwardStores : warp::impl::ForwardStoresBase<ForwardStores> {
     for (Operation &op : llvm::make_early_inc_range(block)) {
       if (op.getNumRegions() != 0)
         forwardRegions(&op, contents);
-      else if (auto load = dyn_cast<warp::LoadOp>(op))
-        forwardLoad(load, contents);
+      else if (warp::isPlainRead(&op))
+        forwardLoad(cast<warp::AccessOp>(op), contents);
       else
         forget(&op, contents);
     }
@@ -75,19 +76,20 @@ struct ForwardStores : warp::impl::ForwardStoresBase<ForwardStores> {
       }
   }
 
-  void forwardLoad(warp::LoadOp load, Contents &contents) {
+  void forwardLoad(warp::AccessOp load, Contents &contents) {
     std::optional<Access> access = getAccess(load);
     auto leaf = leaves->of(load.getArray());
-    if (leaf.size() != 1)
+    if (leaf.size() != 1 || load.getMask())
       return;
+    Value result = load.getRead().front();
     for (Known &known : contents)
       if (known.leaf == leaf.front() && areSame(known.access, *access) &&
-          known.value.getType() == load.getType()) {
-        load.getResult().replaceAllUsesWith(known.value);
-        load.erase();
+          known.value.getType() == result.getType()) {
+        result.replaceAllUsesWith(known.value);
+        load->erase();
         return;
       }
-    contents.push_back({*access, leaf.front(), load.getResult()});
+    contents.push_back({*access, leaf.front(), result});
   }
 
   /// Takes what an operation may write out of the list, and adds what it does.
@@ -99,18 +101,22 @@ struct ForwardStores : warp::impl::ForwardStoresBase<ForwardStores> {
     if (!access || !access->isWrite)
       return;
     auto leaf = leaves->of(access->array);
+    // Nothing is known of gradients, which no argument's elements overlap.
+    if (unique && warp::gradientOwner(access->array))
+      return;
     llvm::erase_if(contents, [&](Known &known) {
       if (leaf.size() != 1 || !unique)
         return leaf.size() != 1 || known.leaf != leaf.front() ||
                !areApart(known.access, *access);
       return known.leaf == leaf.front() && !areApart(known.access, *access);
     });
-    auto store = dyn_cast<warp::StoreOp>(op);
-    if (store && leaf.size() == 1)
-      contents.push_back({*access, leaf.front(), store.getValue()});
+    auto store = cast<warp::AccessOp>(op);
+    if (leaf.size() == 1 && store.getEffect() == warp::AccessEffect::Write &&
+        !store.getMask())
+      contents.push_back({*access, leaf.front(), store.getWritten().front()});
   }
 
-  const ArrayLeaves *leaves = nullptr;
+  const warp::ArrayLeaves *leaves = nullptr;
 };
 
 } // namespace

@@ -30,12 +30,11 @@ using namespace mlir;
 
 /// The gradient of an array that is a view of one with a gradient.
 static Value gradientOf(OpBuilder &b, Value array) {
-  Operation *op = array.getDefiningOp();
-  if (!isa_and_nonnull<warp::ViewOp, warp::SliceOp, warp::ComponentViewOp>(op))
+  auto op = array.getDefiningOp<warp::ArrayViewOp>();
+  if (!op)
     return warp::GradOp::create(b, array.getLoc(), array);
-  Value base = gradientOf(b, op->getOperand(0));
   IRMapping map;
-  map.map(op->getOperand(0), base);
+  map.map(op.getArray(), gradientOf(b, op.getArray()));
   Operation *view = b.clone(*op, map);
   auto type = cast<warp::ArrayType>(array.getType());
   view->getResult(0).setType(
@@ -50,19 +49,20 @@ static LogicalResult eraseAccesses(Value gradients) {
   for (Operation *user : llvm::make_early_inc_range(gradients.getUsers())) {
     if (isa<warp::DimOp>(user))
       continue;
-    if (isa<warp::ViewOp, warp::SliceOp, warp::ComponentViewOp>(user)) {
+    auto access = dyn_cast<warp::AccessOp>(user);
+    if (isa<warp::ArrayViewOp>(user)) {
       if (failed(eraseAccesses(user->getResult(0))))
         return failure();
-    } else if (isa<warp::LoadOp, warp::AtomicOp>(user)) {
-      Value result = user->getResult(0);
-      OpBuilder b(user);
-      if (!result.use_empty())
-        result.replaceAllUsesWith(
-            warp::autodiff::zero(b, user->getLoc(), result.getType()));
-    } else if (!isa<warp::StoreOp, warp::AccumulateOp>(user)) {
+    } else if (!access || (access.isUpdate() && !access.getCombination())) {
       return user->emitError("'") << user->getName() << "' cannot be applied "
                                   << "to the gradients of an array";
     }
+    OpBuilder b(user);
+    if (access)
+      for (Value result : access.getRead())
+        if (!result.use_empty())
+          result.replaceAllUsesWith(
+              warp::autodiff::zero(b, user->getLoc(), result.getType()));
     if (user->use_empty())
       user->erase();
   }
@@ -76,7 +76,7 @@ struct InlinePullbacks : warp::impl::InlinePullbacksBase<InlinePullbacks> {
 
   void runOnOperation() override;
   LogicalResult settle(warp::GradOp grad,
-                       const warp::autodiff::ArrayLeaves &leaves);
+                       const warp::ArrayLeaves &leaves);
 };
 
 } // namespace
@@ -94,7 +94,7 @@ void InlinePullbacks::runOnOperation() {
   FunctionOpInterface kernel;
   if (failed(runPipeline(pm, module)) || !(kernel = warp::findKernel(module)))
     return signalPassFailure();
-  warp::autodiff::ArrayLeaves leaves(kernel);
+  warp::ArrayLeaves leaves(kernel);
   SmallVector<warp::GradOp> grads;
   kernel->walk([&](warp::GradOp op) { grads.push_back(op); });
   for (warp::GradOp grad : grads)
@@ -104,7 +104,7 @@ void InlinePullbacks::runOnOperation() {
 
 LogicalResult
 InlinePullbacks::settle(warp::GradOp grad,
-                        const warp::autodiff::ArrayLeaves &leaves) {
+                        const warp::ArrayLeaves &leaves) {
   SmallVector<unsigned, 1> leaf = leaves.of(grad.getArray());
   if (leaf.size() != 1)
     return grad.emitError("cannot tell which array this gradient is of");

@@ -17,6 +17,7 @@
 
 #include "MemoryClasses.h"
 
+#include "Analysis/Effects.h"
 #include "WarpDialect/WarpOps.h"
 
 using namespace mlir;
@@ -29,18 +30,18 @@ namespace warp::autodiff {
 
 /// Adds what views say about an access, from its array up to the leaf.
 static void followViews(Value array, Access &access) {
-  Operation *op = array.getDefiningOp();
-  if (!op || !isa<ViewOp, SliceOp, ComponentViewOp>(op))
+  auto op = array.getDefiningOp<ArrayViewOp>();
+  if (!op)
     return;
-  if (auto view = dyn_cast<ViewOp>(op)) {
+  if (auto view = dyn_cast<ViewOp>(op.getOperation())) {
     SmallVector<std::optional<IndexSum>, 2> leading;
     for (Value index : view.getIndices())
       leading.push_back(IndexSum::of(index));
     access.indices.insert(access.indices.begin(), leading.begin(),
                           leading.end());
-  } else if (auto slice = dyn_cast<SliceOp>(op)) {
+  } else if (auto slice = dyn_cast<SliceOp>(op.getOperation())) {
     access.indices[slice.getDim()] = std::nullopt;
-  } else if (auto part = dyn_cast<ComponentViewOp>(op)) {
+  } else if (auto part = dyn_cast<ComponentViewOp>(op.getOperation())) {
     SmallVector<Attribute, 2> component;
     if (StringAttr field = part.getFieldAttr())
       component.push_back(field);
@@ -58,28 +59,18 @@ static void followViews(Value array, Access &access) {
     access.component.insert(access.component.begin(), component.begin(),
                             component.end());
   }
-  followViews(op->getOperand(0), access);
-}
-
-static OperandRange getAccessIndices(Operation *op) {
-  if (auto load = dyn_cast<LoadOp>(op))
-    return load.getIndices();
-  if (auto store = dyn_cast<StoreOp>(op))
-    return store.getIndices();
-  if (auto atomic = dyn_cast<AtomicOp>(op))
-    return atomic.getIndices();
-  return cast<AtomicCasOp>(op).getIndices();
+  followViews(op.getArray(), access);
 }
 
 std::optional<Access> getAccess(Operation *op) {
-  if (!isa<LoadOp, StoreOp, AtomicOp, AtomicCasOp>(op))
+  auto accessOp = dyn_cast<AccessOp>(op);
+  if (!accessOp)
     return std::nullopt;
-  OperandRange indices = getAccessIndices(op);
   Access access;
   access.op = op;
-  access.array = op->getOperand(op->getNumOperands() - indices.size() - 1);
-  access.isWrite = !isa<LoadOp>(op);
-  for (Value index : indices)
+  access.array = accessOp.getArray();
+  access.isWrite = accessOp.mayWrite();
+  for (Value index : accessOp.getIndices())
     access.indices.push_back(IndexSum::of(index));
   followViews(access.array, access);
   return access;
@@ -107,7 +98,8 @@ void MemoryClasses::collect(Operation *op) {
   access->isActive = access->isWrite ? activity.isActiveArray(access->array)
                                      : activity.isActive(op->getResult(0));
   SmallVector<unsigned, 1> known = leaves.of(access->array);
-  if (known.empty())
+  // What is added to gradients is no element that a derivative is by.
+  if (known.empty() && !(isSum(op) && gradientOwner(access->array)))
     unknown.push_back(op);
   for (unsigned leaf : known) {
     places[op] = {leaf, accesses[leaf].size()};

@@ -23,6 +23,8 @@
 #include "DeadValues.h"
 #include "Autodiff/Rules/Rules.h"
 
+#include "Analysis/ArrayOrigins.h"
+#include "Analysis/Effects.h"
 #include "KernelFunction.h"
 #include "WarpDialect/WarpOps.h"
 
@@ -41,19 +43,19 @@ using namespace warp::autodiff;
 /// Whether the loop does nothing to the array, or to one that may be the same,
 /// but add.
 static bool onlyAdds(scf::ForOp loop, Value array) {
-  Value root = rootOf(array);
-  if (!root.getDefiningOp<warp::GradOp>())
+  Value root = warp::rootOf(array);
+  if (!warp::gradientOwner(array))
     return false;
   return !loop
               .walk([&](Operation *op) {
-                if (isMemoryEffectFree(op) || isa<warp::AccumulateOp>(op) ||
+                if (isMemoryEffectFree(op) || warp::isSum(op) ||
                     isa<scf::ForOp, scf::IfOp, scf::WhileOp>(op) ||
                     isa<warp::ScratchLoadOp, warp::ScratchStoreOp,
                         warp::ScratchOp>(op))
                   return WalkResult::advance();
                 for (Value operand : op->getOperands())
                   if (isa<warp::ArrayType>(operand.getType()) &&
-                      rootOf(operand) == root)
+                      warp::rootOf(operand) == root)
                     return WalkResult::interrupt();
                 return isa<func::CallOp>(op) ? WalkResult::interrupt()
                                              : WalkResult::advance();

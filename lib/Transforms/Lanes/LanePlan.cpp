@@ -29,10 +29,10 @@ using warp::ThreadVariance;
 
 /// What another thread may change while a loop runs.
 static bool isShared(Operation *op, const ThreadVariance &variance) {
-  if (isa<warp::AtomicComponentsOp, warp::AtomicCasOp>(op))
-    return true;
-  auto load = dyn_cast<warp::LoadComponentsOp>(op);
-  return load && variance.isWritten(load.getArray());
+  auto access = dyn_cast<warp::AccessOp>(op);
+  return access && (access.isUpdate() ||
+                    (access.mayRead() &&
+                     variance.isWritten(access.getArray())));
 }
 
 /// Whether a loop goes on until another thread has done something.

@@ -8,6 +8,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Analysis/ArrayOrigins.h"
 #include "KernelFunction.h"
 
 #include "WarpDialect/WarpOps.h"
@@ -24,26 +25,15 @@ using namespace mlir;
 /// The kernel's argument whose gradient an array is, seen through views; null
 /// for any other array.
 static Value getGradientOf(Value array) {
-  while (Operation *op = array.getDefiningOp()) {
-    if (isa<warp::GradOp>(op))
-      return dyn_cast<BlockArgument>(op->getOperand(0));
-    if (!isa<warp::ViewOp, warp::SliceOp, warp::ComponentViewOp>(op))
-      break;
-    array = op->getOperand(0);
-  }
-  return {};
+  return dyn_cast_or_null<BlockArgument>(warp::gradientOwner(array));
 }
 
 /// Whether an operation certainly leaves the gradient of an argument as it is.
 static bool leavesGradient(Operation *op, Value argument) {
-  if (isMemoryEffectFree(op) || isa<warp::LoadOp>(op))
-    return true;
-  Value written;
-  if (auto store = dyn_cast<warp::StoreOp>(op))
-    written = store.getArray();
-  else if (auto update = dyn_cast<warp::AccumulateOp>(op))
-    written = update.getArray();
-  Value other = written ? getGradientOf(written) : Value();
+  auto access = dyn_cast<warp::AccessOp>(op);
+  if (!access || !access.mayWrite())
+    return access || isMemoryEffectFree(op);
+  Value other = getGradientOf(access.getArray());
   return other && other != argument;
 }
 

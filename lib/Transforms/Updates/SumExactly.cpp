@@ -30,13 +30,14 @@ namespace warp {
 using namespace mlir;
 
 /// Bits of the floats that an update adds, 0 if it does anything else.
-static int64_t sumWidth(warp::AtomicComponentsOp op) {
-  auto kind = op.getKind();
+static int64_t sumWidth(warp::AccessOp op) {
+  auto kind = op.getCombination();
   if (!op->use_empty() ||
       (kind != warp::AtomicKind::add && kind != warp::AtomicKind::sub))
     return 0;
-  Type type = op.getResultTypes()[0];
-  return llvm::all_equal(op.getResultTypes()) && (type.isF32() || type.isF64())
+  auto types = op.getWritten().getTypes();
+  Type type = types.front();
+  return llvm::all_equal(types) && (type.isF32() || type.isF64())
              ? type.getIntOrFloatBitWidth()
              : 0;
 }
@@ -45,7 +46,7 @@ namespace {
 
 /// What the kernel does to an array, by all its views.
 struct Uses {
-  SmallVector<warp::AtomicComponentsOp> sums;
+  SmallVector<warp::AccessOp> sums;
   bool others = false;
 
   void collect(Value array);
@@ -68,13 +69,13 @@ void Uses::collect(Value array) {
   for (Operation *user : array.getUsers()) {
     if (isa<warp::DimOp, warp::GradOp>(user))
       continue;
-    if (isa<warp::ViewOp, warp::SliceOp, warp::ComponentViewOp>(user)) {
+    if (isa<warp::ArrayViewOp>(user)) {
       collect(user->getResult(0));
       continue;
     }
-    auto atomic = dyn_cast<warp::AtomicComponentsOp>(user);
-    if (atomic && sumWidth(atomic))
-      sums.push_back(atomic);
+    auto access = dyn_cast<warp::AccessOp>(user);
+    if (access && sumWidth(access))
+      sums.push_back(access);
     else
       others = true;
   }
@@ -92,7 +93,7 @@ void SumExactly::record(const Uses &uses, int64_t descriptor, bool gradient,
   Builder b(&getContext());
   for (int64_t width : {32, 64}) {
     bool any = false;
-    for (warp::AtomicComponentsOp op : uses.sums)
+    for (warp::AccessOp op : uses.sums)
       if (sumWidth(op) == width) {
         op->setAttr(warp::attr::sum,
                     b.getI64IntegerAttr(argumentsEnd +

@@ -14,7 +14,7 @@
 #include "mlir/IR/IRMapping.h"
 
 namespace warp {
-class AtomicOp;
+class AccessOp;
 } // namespace warp
 
 namespace warp::autodiff {
@@ -83,17 +83,21 @@ private:
   /// In the launch that looks for winners. Returns nothing for what it does
   /// like the other one.
   std::optional<mlir::LogicalResult> runForWinners(mlir::Operation *op);
-  mlir::LogicalResult assignWinner(AtomicOp op);
+  mlir::LogicalResult assignWinner(AccessOp op);
   mlir::LogicalResult checkRead(mlir::Operation *op, mlir::Value array);
-  mlir::LogicalResult checkUpdates(AtomicOp op, unsigned leaf);
+  mlir::LogicalResult checkUpdates(AccessOp op, unsigned leaf);
   void collectUpdates();
   mlir::Value claimsOf(mlir::Value array);
   /// Returns nothing if the operation touches no memory.
   std::optional<mlir::LogicalResult> runMemory(mlir::Operation *op,
                                                mlir::Operation *clone,
                                                TangentMap &tangents);
-  mlir::LogicalResult runAtomic(AtomicOp op, mlir::Operation *clone,
+  mlir::LogicalResult runAccess(AccessOp op, mlir::Operation *clone,
                                 TangentMap &tangents);
+  mlir::LogicalResult runUpdate(AccessOp op, mlir::Operation *clone,
+                                TangentMap &tangents);
+  mlir::Operation *accessTwin(mlir::Operation *clone, mlir::Value twin,
+                              mlir::Value tangent);
   /// Views and other descriptors made of an array: the same of its twin.
   mlir::Value viewTwin(mlir::Operation *clone, mlir::Value twin);
 

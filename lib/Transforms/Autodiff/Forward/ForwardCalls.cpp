@@ -36,7 +36,7 @@ static Operation *findUse(Value array,
     Value inner;
     if (isMeant(user))
       return user;
-    if (isa<ViewOp, SliceOp, ComponentViewOp>(user)) {
+    if (isa<ArrayViewOp>(user)) {
       inner = user->getResult(0);
     } else if (auto call = dyn_cast<func::CallOp>(user)) {
       auto callee = SymbolTable::lookupNearestSymbolFrom<func::FuncOp>(
@@ -52,7 +52,8 @@ static Operation *findUse(Value array,
 
 Operation *findWrite(Value array) {
   return findUse(array, [](Operation *user) {
-    return isa<StoreOp, AccumulateOp, AtomicOp, AtomicCasOp>(user);
+    auto access = dyn_cast<AccessOp>(user);
+    return access && access.mayWrite();
   });
 }
 

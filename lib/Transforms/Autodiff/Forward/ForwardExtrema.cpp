@@ -27,9 +27,9 @@ using namespace mlir;
 namespace warp::autodiff {
 
 static bool isExtremum(Operation *op) {
-  auto atomic = dyn_cast<AtomicOp>(op);
-  return atomic && (atomic.getKind() == AtomicKind::min ||
-                    atomic.getKind() == AtomicKind::max);
+  auto access = dyn_cast<AccessOp>(op);
+  auto kind = access ? access.getCombination() : std::nullopt;
+  return kind == AtomicKind::min || kind == AtomicKind::max;
 }
 
 void splitExtrema(func::FuncOp kernel) {
@@ -143,21 +143,23 @@ std::optional<LogicalResult> ForwardBuilder::runForWinners(Operation *op) {
       return failure();
     return std::nullopt;
   }
+  if (gradientOwner(access->array) && op->use_empty())
+    return success();
   if (leaves.of(access->array).empty())
     return checkRead(op, access->array);
   if (op->getNumResults() != 0 && !op->getResult(0).use_empty())
     return refuse(op) << "but what this atomic returns depends on the order of "
                          "threads; use two launches";
   if (isExtremum(op) && directions[0].contains(access->array))
-    return assignWinner(cast<AtomicOp>(op));
+    return assignWinner(cast<AccessOp>(op));
   return success();
 }
 
 /// Rejects elements that the launch changes in other ways, too.
-LogicalResult ForwardBuilder::checkUpdates(AtomicOp op, unsigned leaf) {
+LogicalResult ForwardBuilder::checkUpdates(AccessOp op, unsigned leaf) {
   for (Operation *other : updates[leaf]) {
-    auto atomic = dyn_cast<AtomicOp>(other);
-    if ((atomic && atomic.getKind() == op.getKind()) ||
+    auto access = dyn_cast<AccessOp>(other);
+    if ((access && access.getCombination() == op.getCombination()) ||
         areApart(*getAccess(op), *getAccess(other)))
       continue;
     InFlightDiagnostic error =
@@ -171,12 +173,12 @@ LogicalResult ForwardBuilder::checkUpdates(AtomicOp op, unsigned leaf) {
 
 /// The argument for claims, seen through the views that the array was made by.
 Value ForwardBuilder::claimsOf(Value array) {
-  Operation *op = array.getDefiningOp();
-  if (!isa_and_nonnull<ViewOp, SliceOp, ComponentViewOp>(op))
+  auto op = array.getDefiningOp<ArrayViewOp>();
+  if (!op)
     return claims[leaves.of(array).front()];
-  Value base = claimsOf(op->getOperand(0));
+  Value base = claimsOf(op.getArray());
   Type element = cast<ArrayType>(base.getType()).getElementType();
-  if (isa<ComponentViewOp>(op))
+  if (isa<ComponentViewOp>(op.getOperation()))
     element = getClaimType(cast<ArrayType>(array.getType()).getElementType());
   Operation *view = op->clone();
   view->setOperands(lookup(op->getOperands()));
@@ -188,9 +190,10 @@ Value ForwardBuilder::claimsOf(Value array) {
   return view->getResult(0);
 }
 
-LogicalResult ForwardBuilder::assignWinner(AtomicOp op) {
+LogicalResult ForwardBuilder::assignWinner(AccessOp op) {
   Location loc = op.getLoc();
-  Type type = op.getValue().getType();
+  Value updating = op.getWritten().front();
+  Type type = updating.getType();
   auto leaf = leaves.of(op.getArray());
   if (leaf.size() != 1 || !claims[leaf[0]])
     return refuse(op) << "for arrays of numbers, vectors and matrices; launch "
@@ -198,7 +201,7 @@ LogicalResult ForwardBuilder::assignWinner(AtomicOp op) {
   if (failed(checkUpdates(op, leaf[0])))
     return failure();
   Value array = values.lookup(op.getArray());
-  Value value = values.lookup(op.getValue());
+  Value value = values.lookup(updating);
   SmallVector<Value> indices = lookup(op.getIndices());
   auto isEqual = [&](Value a, Value b) {
     return createBuiltin(builder, loc, "eq", {a, b})->getResult(0);
@@ -220,7 +223,7 @@ LogicalResult ForwardBuilder::assignWinner(AtomicOp op) {
                                   number(1), claim, indices);
   open(isEqual(before, number(0)));
   for (TangentMap &tangents : directions)
-    StoreOp::create(builder, loc, getTangentOrZero(op.getValue(), tangents),
+    StoreOp::create(builder, loc, getTangentOrZero(updating, tangents),
                     tangents.lookup(op.getArray()), indices);
   return success();
 }

@@ -23,38 +23,80 @@ Value ForwardBuilder::viewTwin(Operation *clone, Value twin) {
   return view->getResult(0);
 }
 
-/// The old value of an atomic has the tangent that the twin had.
-LogicalResult ForwardBuilder::runAtomic(AtomicOp op, Operation *clone,
+/// The same access of a twin: `tangent`, if any, is written.
+Operation *ForwardBuilder::accessTwin(Operation *clone, Value twin,
+                                      Value tangent) {
+  auto access = cast<AccessOp>(clone->clone());
+  access.getArrayMutable().assign(twin);
+  if (tangent)
+    access->setOperand(access.getWritten().getBeginOperandIndex(), tangent);
+  for (Value result : access.getRead())
+    result.setType(cast<ArrayType>(twin.getType()).getElementType());
+  builder.insert(access);
+  return access;
+}
+
+LogicalResult ForwardBuilder::runAccess(AccessOp op, Operation *clone,
+                                        TangentMap &tangents) {
+  Value twin = tangents.lookup(op.getArray());
+  if (!twin)
+    return success();
+  switch (op.getEffect()) {
+  case AccessEffect::Read:
+    if (differentialType(op.getRead().front().getType()))
+      tangents[op.getRead().front()] =
+          accessTwin(clone, twin, {})->getResult(0);
+    return success();
+  case AccessEffect::Write:
+    accessTwin(clone, twin,
+               getTangentOrZero(op.getWritten().front(), tangents));
+    return success();
+  case AccessEffect::Update:
+    return runUpdate(op, clone, tangents);
+  }
+  llvm_unreachable("unknown effect");
+}
+
+/// The old value has the tangent that the twin had.
+LogicalResult ForwardBuilder::runUpdate(AccessOp op, Operation *clone,
                                         TangentMap &tangents) {
   Location loc = op.getLoc();
   Value twin = tangents.lookup(op.getArray());
-  Type type = cast<ArrayType>(twin.getType()).getElementType();
-  ValueRange indices = clone->getOperands().drop_front(2);
-  Value tangent = getTangentOrZero(op.getValue(), tangents);
-  auto update = [&](AtomicKind kind) -> Value {
-    return AtomicOp::create(builder, loc, type, kind, tangent, twin, indices);
-  };
-  AtomicKind kind = op.getKind();
+  Value value = op.getWritten().front();
+  std::optional<AtomicKind> kind = op.getCombination();
+  if (!kind)
+    return op->emitError("'")
+           << op->getName().stripDialect()
+           << "' has no tangent, because its result depends on the order of "
+              "threads";
+  if (op.getRead().empty() && !tangents.lookup(value))
+    return success();
+  Value tangent = getTangentOrZero(value, tangents);
   if (kind == AtomicKind::add || kind == AtomicKind::sub ||
       kind == AtomicKind::exch) {
-    tangents[op.getOld()] = update(kind);
+    Operation *update = accessTwin(clone, twin, tangent);
+    for (auto [old, of] : llvm::zip_equal(op.getRead(), update->getResults()))
+      tangents[old] = of;
     return success();
   }
   if (kind != AtomicKind::min && kind != AtomicKind::max)
-    return op.emitError("this atomic has no tangent; use 'atomic_add', "
+    return op->emitError("this atomic has no tangent; use 'atomic_add', "
                         "'atomic_min', 'atomic_max' or 'atomic_exch'");
   // The value and its tangent are two updates, and other threads could come
   // between them.
   dual->setAttr(attr::oneThread,
                 builder.getStringAttr("an atomic minimum or maximum has to "
                                       "keep its tangent with it"));
-  tangents[op.getOld()] = LoadOp::create(builder, loc, type, twin, indices);
+  Type type = cast<ArrayType>(twin.getType()).getElementType();
+  ValueRange indices = cast<AccessOp>(clone).getIndices();
+  Value before = LoadOp::create(builder, loc, type, twin, indices);
+  tangents[op.getRead().front()] = before;
   Value replaces =
       createBuiltin(builder, loc, kind == AtomicKind::min ? "lt" : "gt",
                     {clone->getOperand(0), clone->getResult(0)})
           ->getResult(0);
   Value kept = createBuiltin(builder, loc, "where",
-                             {replaces, tangent, tangents[op.getOld()]})
+                             {replaces, tangent, before})
                    ->getResult(0);
   StoreOp::create(builder, loc, kept, twin, indices);
   return success();
@@ -65,17 +107,14 @@ ForwardBuilder::runMemory(Operation *op, Operation *clone,
                           TangentMap &tangents) {
   Location loc = op->getLoc();
   auto twinOf = [&](Value array) { return tangents.lookup(array); };
-  auto elementOf = [](Value twin) {
-    return cast<ArrayType>(twin.getType()).getElementType();
-  };
   auto setTangent = [&](Value tangent) {
     tangents[op->getResult(0)] = tangent;
   };
   ValueRange operands = clone->getOperands();
   return llvm::TypeSwitch<Operation *, std::optional<LogicalResult>>(op)
-      .Case<ViewOp, SliceOp, ComponentViewOp, GradOp>([&](auto view) {
+      .Case<ArrayViewOp, GradOp>([&](auto view) {
         Value twin = twinOf(view.getArray());
-        if (twin && getTangentType(view.getType()))
+        if (twin && getTangentType(view->getResult(0).getType()))
           setTangent(viewTwin(clone, twin));
         return success();
       })
@@ -86,38 +125,8 @@ ForwardBuilder::runMemory(Operation *op, Operation *clone,
               setTangent(twins[leaf][&tangents - directions.data()]);
         return success();
       })
-      .Case([&](LoadOp load) {
-        Value twin = twinOf(load.getArray());
-        if (twin && differentialType(load.getType()))
-          setTangent(LoadOp::create(builder, loc, elementOf(twin), twin,
-                                    operands.drop_front(1)));
-        return success();
-      })
-      .Case([&](StoreOp store) {
-        if (Value twin = twinOf(store.getArray()))
-          StoreOp::create(builder, loc,
-                          getTangentOrZero(store.getValue(), tangents), twin,
-                          operands.drop_front(2));
-        return success();
-      })
-      .Case([&](AccumulateOp accumulate) {
-        Value twin = twinOf(accumulate.getArray());
-        Value tangent = tangents.lookup(accumulate.getValue());
-        if (twin && tangent)
-          AccumulateOp::create(builder, loc, tangent, twin,
-                               operands.drop_front(2),
-                               accumulate.getUniqueAttr());
-        return success();
-      })
-      .Case([&](AtomicOp atomic) -> LogicalResult {
-        return twinOf(atomic.getArray()) ? runAtomic(atomic, clone, tangents)
-                                         : success();
-      })
-      .Case([&](AtomicCasOp cas) -> LogicalResult {
-        if (!twinOf(cas.getArray()))
-          return success();
-        return cas.emitError("'atomic_cas' has no tangent, because its result "
-                             "depends on the order of threads");
+      .Case([&](AccessOp access) {
+        return runAccess(access, clone, tangents);
       })
       .Case([&](ScratchOp scratch) {
         if (varied.contains(scratch.getResult()))

@@ -6,6 +6,7 @@
 
 #include "GatherGuard.h"
 
+#include "Analysis/Effects.h"
 #include "IndexMath.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
@@ -38,7 +39,7 @@ bool isSpeculatable(Value value) {
   if (!op)
     return true;
   return !op->walk([&](Operation *inner) {
-              bool isLoad = isa<LoadOp>(inner);
+              bool isLoad = isPlainRead(inner);
               for (Value operand : inner->getOperands())
                 if (isLoad || (!op->isAncestor(operand.getParentRegion()
                                                    ->getParentOp()) &&

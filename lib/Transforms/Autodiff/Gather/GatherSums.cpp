@@ -25,6 +25,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Analysis/Effects.h"
 #include "KernelFunction.h"
 #include "Launch/UnrollLoop.h"
 #include "Autodiff/DeadValues.h"
@@ -71,7 +72,8 @@ static int64_t getCost(Operation *op) {
       warp::isComposite(op->getResult(0).getType()))
     components = warp::getComponentCount(op->getResult(0).getType());
   bool isCheap =
-      isa<warp::LoadOp, warp::AddOp, warp::SubOp, warp::MulOp, warp::NegOp,
+      warp::isPlainRead(op) ||
+      isa<warp::AddOp, warp::SubOp, warp::MulOp, warp::NegOp,
           warp::EqOp, warp::NeOp, warp::LtOp, warp::LeOp, warp::GtOp,
           warp::GeOp, warp::BitAndOp, warp::BitOrOp, warp::UNotOp,
           warp::CastOp, warp::ExtractOp, warp::ConstructOp>(op);

@@ -6,6 +6,7 @@
 
 #include "IndexMath.h"
 
+#include "Analysis/Effects.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
@@ -117,7 +118,7 @@ bool isUniform(Value value, bool withCounters) {
            isOperandUniform(loop.getStep());
   }
   Operation *op = value.getDefiningOp();
-  return op->getNumRegions() == 0 && (isPure(op) || isa<LoadOp>(op)) &&
+  return op->getNumRegions() == 0 && (isPure(op) || isPlainRead(op)) &&
          !isa<TidOp>(op) && llvm::all_of(op->getOperands(), isOperandUniform);
 }
 

@@ -20,7 +20,8 @@
 
 #include "NeighborSums.h"
 
-#include "Autodiff/Activity.h"
+#include "Analysis/ArrayOrigins.h"
+#include "Analysis/Effects.h"
 #include "Autodiff/DeadValues.h"
 #include "IndexMath.h"
 
@@ -36,15 +37,6 @@ namespace warp::autodiff {
 
 namespace {
 
-/// An argument's elements (of an array leaf), or their gradients.
-struct Memory {
-  unsigned leaf;
-  bool isGradient;
-  bool operator<(const Memory &other) const {
-    return std::tie(leaf, isGradient) < std::tie(other.leaf, other.isGradient);
-  }
-};
-
 class Finder {
 public:
   explicit Finder(func::FuncOp adjoint) : adjoint(adjoint), leaves(adjoint) {}
@@ -53,12 +45,12 @@ public:
 
 private:
   bool collect();
-  std::optional<Memory> getMemory(Value array) const;
+  std::optional<ArrayMemory> getMemory(Value array) const;
   std::optional<SmallVector<std::optional<Shift>>>
   getElement(Operation *op) const;
   bool isOwn(Operation *op) const;
   bool mayComeBefore(Operation *write, Operation *read) const;
-  bool readsInitialValue(LoadOp load);
+  bool readsInitialValue(AccessOp load);
   bool isRecomputable(Operation *op);
   bool areBranchesAround(Operation *op) const;
   std::optional<NeighborSum> parse(AccumulateOp op, NeighborSums &all);
@@ -67,23 +59,20 @@ private:
   ArrayLeaves leaves;
   unsigned rank = 0;
   /// What adds to, or otherwise changes, an array.
-  std::map<Memory, SmallVector<Operation *>> writes;
-  std::map<Memory, SmallVector<Operation *>> reads;
+  std::map<ArrayMemory, SmallVector<Operation *>> writes;
+  std::map<ArrayMemory, SmallVector<Operation *>> reads;
   DenseMap<Operation *, unsigned> positions;
   DenseMap<Operation *, bool> recomputable;
 };
 
 } // namespace
 
-std::optional<Memory> Finder::getMemory(Value array) const {
-  Value root = rootOf(array);
-  auto gradients = root.getDefiningOp<GradOp>();
-  if (gradients)
-    root = rootOf(gradients.getArray());
-  SmallVector<unsigned, 1> found = leaves.of(root);
+std::optional<ArrayMemory> Finder::getMemory(Value array) const {
+  Value owner = gradientOwner(array);
+  SmallVector<unsigned, 1> found = leaves.of(owner ? owner : array);
   if (found.size() != 1)
     return std::nullopt;
-  return Memory{found.front(), bool(gradients)};
+  return ArrayMemory{found.front(), bool(owner)};
 }
 
 /// Lists accesses by array. False if an operation may do what is not known.
@@ -100,21 +89,19 @@ bool Finder::collect() {
                     return WalkResult::interrupt();
                   rank = tid.getNumResults();
                 }
-                bool isRead = isa<LoadOp>(op);
+                bool isRead = isPlainRead(op);
                 if (!isRead && (!hasOwnEffect(op) || isa<AssertOp>(op)))
                   return WalkResult::advance();
                 for (Value operand : op->getOperands()) {
                   if (!isa<ArrayType>(operand.getType()))
                     continue;
-                  std::optional<Memory> memory = getMemory(operand);
+                  std::optional<ArrayMemory> memory = getMemory(operand);
                   if (!memory)
                     return WalkResult::interrupt();
                   (isRead ? reads : writes)[*memory].push_back(op);
                 }
-                return isa<LoadOp, StoreOp, AccumulateOp, AtomicOp,
-                           AtomicCasOp, PrintfOp>(op)
-                           ? WalkResult::advance()
-                           : WalkResult::interrupt();
+                return isa<AccessOp, PrintfOp>(op) ? WalkResult::advance()
+                                                   : WalkResult::interrupt();
               })
               .wasInterrupted() &&
          rank > 0;
@@ -124,18 +111,11 @@ bool Finder::collect() {
 /// that counts; none for other accesses.
 std::optional<SmallVector<std::optional<Shift>>>
 Finder::getElement(Operation *op) const {
-  Value array;
-  ValueRange indices;
-  if (auto load = dyn_cast<LoadOp>(op))
-    array = load.getArray(), indices = load.getIndices();
-  else if (auto store = dyn_cast<StoreOp>(op))
-    array = store.getArray(), indices = store.getIndices();
-  else if (auto sum = dyn_cast<AccumulateOp>(op))
-    array = sum.getArray(), indices = sum.getIndices();
-  if (!array || rootOf(array) != array)
+  auto access = dyn_cast<AccessOp>(op);
+  if (!access || access.getArray().getDefiningOp<ArrayViewOp>())
     return std::nullopt;
   SmallVector<std::optional<Shift>> shifts;
-  for (Value index : indices) {
+  for (Value index : access.getIndices()) {
     shifts.push_back(getShift(index));
     if (shifts.back() && !isNonNegative(*shifts.back(), op))
       shifts.back() = std::nullopt;
@@ -175,8 +155,8 @@ bool Finder::mayComeBefore(Operation *write, Operation *read) const {
 }
 
 /// Whether a load gives what is there before the launch.
-bool Finder::readsInitialValue(LoadOp load) {
-  std::optional<Memory> memory = getMemory(load.getArray());
+bool Finder::readsInitialValue(AccessOp load) {
+  std::optional<ArrayMemory> memory = getMemory(load.getArray());
   if (!memory)
     return false;
   ArrayRef<Operation *> changes = writes[*memory];
@@ -205,8 +185,8 @@ bool Finder::isRecomputable(Operation *op) {
   if (!isNew)
     return found->second;
   bool result = !op->walk([&](Operation *inner) {
-                     if (isa<LoadOp>(inner))
-                       return readsInitialValue(cast<LoadOp>(inner))
+                     if (isPlainRead(inner))
+                       return readsInitialValue(cast<AccessOp>(inner))
                                   ? WalkResult::advance()
                                   : WalkResult::interrupt();
                      // What a branch does besides is left out.

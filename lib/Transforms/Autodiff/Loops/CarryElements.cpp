@@ -49,9 +49,10 @@ private:
   }
   bool holdsStore(Operation *op) const {
     return op
-        ->walk([&](StoreOp store) {
-          return isElement(store) ? WalkResult::interrupt()
-                                  : WalkResult::advance();
+        ->walk([&](AccessOp access) {
+          return access.mayWrite() && isElement(access)
+                     ? WalkResult::interrupt()
+                     : WalkResult::advance();
         })
         .wasInterrupted();
   }
@@ -74,8 +75,8 @@ Value Carrier::carry(Block &block, Value current) {
     if (op.getNumRegions() != 0) {
       current = carry(&op, current);
     } else if (isElement(&op)) {
-      if (auto store = dyn_cast<StoreOp>(op)) {
-        current = store.getValue();
+      if (auto access = cast<AccessOp>(op); access.mayWrite()) {
+        current = access.getWritten().front();
         continue;
       }
       op.getResult(0).replaceAllUsesWith(current);
@@ -191,6 +192,9 @@ static SmallVector<Element> gather(Operation *op, const ArrayLeaves &leaves) {
   SmallVector<Element> all;
   auto walk = op->walk([&](Operation *inner) {
     std::optional<Access> access = getAccess(inner);
+    // Gradients are no elements of arguments, which do not overlap.
+    if (access && gradientOwner(access->array))
+      return WalkResult::advance();
     auto known = access ? leaves.of(access->array) : SmallVector<unsigned, 1>();
     if (known.size() == 1)
       all.push_back({*access, known.front()});
@@ -208,10 +212,11 @@ static bool isUpdated(const Element &element, ArrayRef<Element> all) {
   for (auto &[other, leaf] : all) {
     if (leaf != element.leaf || haveOtherComponents(element.access, other))
       continue;
-    if (!areSame(element.access, other) || !isa<LoadOp, StoreOp>(other.op))
+    auto access = cast<AccessOp>(other.op);
+    if (!areSame(element.access, other) || access.isUpdate() ||
+        access.getMask())
       return false;
-    isLoaded |= isa<LoadOp>(other.op);
-    isStored |= isa<StoreOp>(other.op);
+    (access.mayWrite() ? isStored : isLoaded) = true;
   }
   return isLoaded && isStored;
 }

@@ -22,6 +22,7 @@
 #include "IterationSolver.h"
 
 #include "Lowerings/Pcg.h"
+#include "Analysis/Effects.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/IR/Matchers.h"
@@ -65,7 +66,7 @@ LogicalResult IterationSolver::run() {
 /// Whether an operation gives the same bits wherever it is. Arithmetic of floats
 /// may not: products are fused with sums in one place and not in another.
 static bool isExact(Operation *op) {
-  return isa<warp::LoadOp, warp::CastOp, warp::ConstantOp>(op) ||
+  return warp::isPlainRead(op) || isa<warp::CastOp, warp::ConstantOp>(op) ||
          (isMemoryEffectFree(op) &&
           llvm::none_of(op->getResultTypes(), [](Type type) {
             return bool(differentialType(type));

@@ -36,6 +36,7 @@
 #include "LoopReversal.h"
 
 #include "Autodiff/DeadValues.h"
+#include "Analysis/Effects.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -256,10 +257,10 @@ bool LoopReversal::hasFreeOrder(scf::ForOp reversed) {
   llvm::SmallPtrSet<Value, 4> added, read;
   bool onlyAdds = true;
   reversed.walk([&](Operation *op) {
-    if (auto sum = dyn_cast<AccumulateOp>(op))
-      added.insert(rootOf(sum.getArray()));
-    else if (auto load = dyn_cast<LoadOp>(op))
-      read.insert(rootOf(load.getArray()));
+    if (isSum(op))
+      added.insert(rootOf(cast<AccessOp>(op).getArray()));
+    else if (isPlainRead(op))
+      read.insert(rootOf(cast<AccessOp>(op).getArray()));
     else
       onlyAdds &= !hasOwnEffect(op) || op->hasAttr(attr::taped);
   });

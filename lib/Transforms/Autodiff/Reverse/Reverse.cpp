@@ -94,10 +94,8 @@ LogicalResult ReverseBuilder::replay(Operation *op) {
   // What has no results only has effects.
   if (op->getNumResults() == 0)
     return success();
-  if (auto load = dyn_cast<LoadOp>(op))
-    return replayLoad(load);
-  if (isa<AtomicOp, AtomicCasOp>(op))
-    return replayAtomic(op);
+  if (auto access = dyn_cast<AccessOp>(op))
+    return access.mayWrite() ? replayUpdate(access) : replayLoad(access);
   if (op->getNumRegions() != 0)
     return replayRegions(op);
   if (auto call = dyn_cast<func::CallOp>(op))
@@ -214,14 +212,8 @@ LogicalResult ReverseBuilder::reverse(Operation *op) {
     return reverseFor(*this, loop);
   if (auto loop = dyn_cast<scf::WhileOp>(op))
     return reverseWhile(*this, loop);
-  if (auto load = dyn_cast<LoadOp>(op))
-    return reverseLoad(load);
-  if (auto store = dyn_cast<StoreOp>(op))
-    return reverseStore(store);
-  if (auto atomic = dyn_cast<AtomicOp>(op))
-    return reverseAtomic(atomic);
-  if (auto cas = dyn_cast<AtomicCasOp>(op))
-    return reverseCas(cas);
+  if (auto access = dyn_cast<AccessOp>(op))
+    return reverseAccess(access);
   if (auto call = dyn_cast<func::CallOp>(op))
     return reverseCall(call);
   if (auto extract = dyn_cast<ExtractOp>(op))

@@ -21,11 +21,8 @@ class WhileOp;
 } // namespace mlir::scf
 
 namespace warp {
-class AtomicCasOp;
-class AtomicOp;
+class AccessOp;
 class ExtractOp;
-class LoadOp;
-class StoreOp;
 } // namespace warp
 
 namespace warp::attr {
@@ -166,19 +163,18 @@ public:
 
 private:
   mlir::LogicalResult replayRegions(mlir::Operation *op);
-  mlir::LogicalResult replayLoad(LoadOp op);
-  mlir::LogicalResult replayAtomic(mlir::Operation *op);
+  mlir::LogicalResult replayLoad(AccessOp op);
+  mlir::LogicalResult replayUpdate(AccessOp op);
   mlir::LogicalResult replaySaved(mlir::Operation *op, llvm::StringRef why);
   mlir::LogicalResult replayCall(mlir::func::CallOp op);
 
   mlir::LogicalResult reverseIf(mlir::scf::IfOp op);
   void finishIf(mlir::scf::IfOp draft, llvm::ArrayRef<Captures> sides);
-  mlir::LogicalResult reverseLoad(LoadOp op);
-  mlir::LogicalResult reverseStore(StoreOp op);
-  mlir::LogicalResult reverseAtomic(AtomicOp op);
-  mlir::LogicalResult reverseCas(AtomicCasOp op);
-  bool updatesGradient(mlir::Operation *op, mlir::Value array);
-  mlir::LogicalResult reverseExtremum(AtomicOp op, mlir::Value gradient,
+  mlir::LogicalResult reverseAccess(AccessOp op);
+  mlir::LogicalResult reverseRead(AccessOp op);
+  mlir::LogicalResult reverseWrite(AccessOp op);
+  mlir::LogicalResult reverseUpdate(AccessOp op);
+  mlir::LogicalResult reverseExtremum(AccessOp op, mlir::Value gradient,
                                       mlir::ValueRange indices);
   mlir::LogicalResult reverseCall(mlir::func::CallOp op);
   mlir::LogicalResult reverseByRule(mlir::Operation *op);

@@ -13,6 +13,8 @@
 
 #include "Reverse.h"
 
+#include "Analysis/Effects.h"
+
 #include "WarpDialect/WarpOps.h"
 
 #include "KernelFunction.h"
@@ -29,16 +31,15 @@ static func::FuncOp getCallee(func::CallOp call) {
 /// Takes what a function writes out of it; what an atomic returns can't be had.
 static void removeEffects(func::FuncOp function) {
   function.walk([](Operation *op) {
-    if (isa<StoreOp, PrintfOp, AssertOp>(op))
-      op->erase();
-    if (!isa<AtomicOp, AtomicCasOp>(op))
+    if (!isObservable(op))
       return;
-    Value array = getAccess(op)->array;
+    if (op->getNumResults() == 0)
+      return op->erase();
+    auto update = cast<AccessOp>(op);
     OpBuilder builder(op);
-    auto load = LoadOp::create(builder, op->getLoc(),
-                               op->getResult(0).getType(), array,
-                               op->getOperands().take_back(
-                                   cast<ArrayType>(array.getType()).getRank()));
+    auto load =
+        LoadOp::create(builder, op->getLoc(), op->getResult(0).getType(),
+                       update.getArray(), update.getIndices());
     load->setAttr(attr::unrecoverable,
                   builder.getStringAttr(
                       "what an atomic returns depends on the order of threads; "
@@ -55,10 +56,8 @@ static StringRef getReplayed(func::FuncOp callee) {
     return replay.getValue();
   bool writes = callee
                     .walk([](Operation *op) {
-                      return isa<StoreOp, AtomicOp, AtomicCasOp, PrintfOp,
-                                 AssertOp>(op)
-                                 ? WalkResult::interrupt()
-                                 : WalkResult::advance();
+                      return isObservable(op) ? WalkResult::interrupt()
+                                              : WalkResult::advance();
                     })
                     .wasInterrupted();
   if (!writes)

@@ -40,10 +40,10 @@ static Type viewType(Value view, Value base, Value newBase) {
 
 Value ReverseBuilder::rebase(Value array,
                              function_ref<Value(Value)> replaceRoot) {
-  Operation *op = array.getDefiningOp();
-  if (!op || !isa<ViewOp, SliceOp, ComponentViewOp>(op))
+  auto op = array.getDefiningOp<ArrayViewOp>();
+  if (!op)
     return replaceRoot(array);
-  Value base = op->getOperand(0);
+  Value base = op.getArray();
   Value newBase = rebase(base, replaceRoot);
   SmallVector<Value> operands = recover(op->getOperands());
   operands[0] = newBase;
@@ -105,7 +105,7 @@ Value ReverseBuilder::addHidden(HiddenKind kind, int64_t leaf, Type type) {
 // Forward sweep
 //===----------------------------------------------------------------------===//
 
-LogicalResult ReverseBuilder::replayLoad(LoadOp op) {
+LogicalResult ReverseBuilder::replayLoad(AccessOp op) {
   std::string why;
   bool needsOneThread;
   Recovery recovery = memory.getRecovery(op, why, needsOneThread);
@@ -119,16 +119,16 @@ LogicalResult ReverseBuilder::replayLoad(LoadOp op) {
     });
   else
     array = recover(op.getArray());
-  auto load = LoadOp::create(builder, op.getLoc(), op.getType(), array,
+  auto load = LoadOp::create(builder, op.getLoc(), op->getResultTypes(), array,
                              recover(op.getIndices()));
   if (needsOneThread)
     load->setAttr(attr::assumesOneThread, builder.getUnitAttr());
-  setRecovered(op.getResult(), load.getResult());
+  setRecovered(op.getRead(), load->getResults());
   return success();
 }
 
-LogicalResult ReverseBuilder::replayAtomic(Operation *op) {
-  if (op->getResult(0).use_empty())
+LogicalResult ReverseBuilder::replayUpdate(AccessOp op) {
+  if (op->use_empty())
     return success();
   return replaySaved(op, "what an atomic returns within a loop depends on the "
                          "order of threads; move it out of the loop");
@@ -150,10 +150,9 @@ LogicalResult ReverseBuilder::replaySaved(Operation *op, StringRef why) {
     llvm::append_range(indices,
                        TidOp::create(builder, loc, types).getResults());
   } else {
-    Value accessed = getAccess(op)->array;
-    array = recover(accessed);
-    indices = recover(op->getOperands().take_back(
-        cast<ArrayType>(accessed.getType()).getRank()));
+    auto access = cast<AccessOp>(op);
+    array = recover(access.getArray());
+    indices = recover(access.getIndices());
   }
   auto load = LoadOp::create(builder, loc, type, array, indices);
   if (!isSaved)
@@ -166,8 +165,20 @@ LogicalResult ReverseBuilder::replaySaved(Operation *op, StringRef why) {
 // Reverse sweep
 //===----------------------------------------------------------------------===//
 
-LogicalResult ReverseBuilder::reverseLoad(LoadOp op) {
-  Value cotangent = takeCotangent(op.getResult());
+LogicalResult ReverseBuilder::reverseAccess(AccessOp op) {
+  switch (op.getEffect()) {
+  case AccessEffect::Read:
+    return reverseRead(op);
+  case AccessEffect::Write:
+    return reverseWrite(op);
+  case AccessEffect::Update:
+    return reverseUpdate(op);
+  }
+  llvm_unreachable("unknown effect");
+}
+
+LogicalResult ReverseBuilder::reverseRead(AccessOp op) {
+  Value cotangent = takeCotangent(op.getRead().front());
   if (!cotangent)
     return success();
   IntegerAttr unique;
@@ -178,7 +189,7 @@ LogicalResult ReverseBuilder::reverseLoad(LoadOp op) {
   return success();
 }
 
-LogicalResult ReverseBuilder::reverseStore(StoreOp op) {
+LogicalResult ReverseBuilder::reverseWrite(AccessOp op) {
   if (!activity.isActiveArray(op.getArray()))
     return success();
   Location loc = op.getLoc();
@@ -187,17 +198,11 @@ LogicalResult ReverseBuilder::reverseStore(StoreOp op) {
   SmallVector<Value> indices = recover(op.getIndices());
   if (!hasDerivative(type))
     return success();
-  if (isActive(op.getValue()))
-    addCotangent(op.getValue(),
-                 LoadOp::create(builder, loc, type, gradient, indices));
+  Value value = op.getWritten().front();
+  if (isActive(value))
+    addCotangent(value, LoadOp::create(builder, loc, type, gradient, indices));
   StoreOp::create(builder, loc, zero(builder, loc, type), gradient, indices);
   return success();
-}
-
-/// Whether an atomic takes part: it leaves a float in an array with a gradient.
-bool ReverseBuilder::updatesGradient(Operation *op, Value array) {
-  return activity.isActiveArray(array) &&
-         hasDerivative(op->getResult(0).getType());
 }
 
 static LogicalResult refuseOrder(Operation *op) {
@@ -207,29 +212,31 @@ static LogicalResult refuseOrder(Operation *op) {
                          "own");
 }
 
-LogicalResult ReverseBuilder::reverseCas(AtomicCasOp op) {
-  return updatesGradient(op, op.getArray()) ? refuseOrder(op) : success();
-}
-
-LogicalResult ReverseBuilder::reverseAtomic(AtomicOp op) {
-  if (!updatesGradient(op, op.getArray()))
+LogicalResult ReverseBuilder::reverseUpdate(AccessOp op) {
+  Value value = op.getWritten().front();
+  // It takes part if it leaves a float in an array with a gradient.
+  if (!activity.isActiveArray(op.getArray()) || !hasDerivative(value.getType()))
     return success();
   Location loc = op.getLoc();
-  if (!cotangents.isZero(op.getOld()))
-    return op.emitOpError("returns a value that depends on the order of "
+  std::optional<AtomicKind> kind = op.getCombination();
+  if (!kind)
+    return refuseOrder(op);
+  if (!llvm::all_of(op.getRead(),
+                    [&](Value old) { return cotangents.isZero(old); }))
+    return op->emitOpError("returns a value that depends on the order of "
                           "threads; a derivative cannot go through it");
   Value gradient = gradOf(op.getArray());
   Type type = cast<ArrayType>(gradient.getType()).getElementType();
   SmallVector<Value> indices = recover(op.getIndices());
-  switch (op.getKind()) {
+  switch (*kind) {
   case AtomicKind::add:
   case AtomicKind::sub: {
-    if (!isActive(op.getValue()))
+    if (!isActive(value))
       return success();
     Value g = LoadOp::create(builder, loc, type, gradient, indices);
-    if (op.getKind() == AtomicKind::sub)
+    if (kind == AtomicKind::sub)
       g = NegOp::create(builder, loc, type, g)->getResult(0);
-    addCotangent(op.getValue(), g);
+    addCotangent(value, g);
     return success();
   }
   case AtomicKind::min:
@@ -260,21 +267,22 @@ static Value takeIfEqual(OpBuilder &builder, Location loc, Value left,
   return branch.getResult(0);
 }
 
-LogicalResult ReverseBuilder::reverseExtremum(AtomicOp op, Value gradient,
+LogicalResult ReverseBuilder::reverseExtremum(AccessOp op, Value gradient,
                                               ValueRange indices) {
   Location loc = op.getLoc();
-  Value value = recover(op.getValue());
+  Value updating = op.getWritten().front();
+  Value value = recover(updating);
   Type type = value.getType();
   Value left = LoadOp::create(builder, loc, type, recover(op.getArray()),
                               indices);
   if (!isComposite(type)) {
-    addCotangent(op.getValue(), takeIfEqual(builder, loc, left, value, gradient,
-                                            indices));
+    addCotangent(updating, takeIfEqual(builder, loc, left, value, gradient,
+                                       indices));
     return success();
   }
   // Components are updated each on their own.
   auto gradientType = cast<ArrayType>(gradient.getType());
-  Type part = ArrayType::get(op.getContext(), gradientType.getRank(),
+  Type part = ArrayType::get(op->getContext(), gradientType.getRank(),
                              getElementScalar(gradientType.getElementType()));
   for (int64_t i = 0, n = getComponentCount(type); i < n; ++i) {
     auto at = getSlotIndices(builder, loc, type, i);
@@ -286,8 +294,8 @@ LogicalResult ReverseBuilder::reverseExtremum(AtomicOp op, Value gradient,
         ComponentViewOp::create(builder, loc, part, gradient, at, StringAttr());
     Value taken =
         takeIfEqual(builder, loc, pick(left), pick(value), view, indices);
-    if (isActive(op.getValue()))
-      cotangents.addSlot(builder, loc, op.getValue(), i, taken);
+    if (isActive(updating))
+      cotangents.addSlot(builder, loc, updating, i, taken);
   }
   return success();
 }

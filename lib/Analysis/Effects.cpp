@@ -1,0 +1,25 @@
+//===- Effects.cpp - What an operation does besides computing -------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Analysis/Effects.h"
+
+using namespace mlir;
+
+bool warp::isPlainRead(Operation *op) {
+  auto access = dyn_cast<AccessOp>(op);
+  return access && !access.mayWrite();
+}
+
+bool warp::isSum(Operation *op) {
+  auto access = dyn_cast<AccessOp>(op);
+  return access && access.getCombination() == AtomicKind::add &&
+         op->use_empty();
+}
+
+bool warp::isObservable(Operation *op) {
+  auto access = dyn_cast<AccessOp>(op);
+  return access ? access.mayWrite() : isa<PrintfOp, AssertOp>(op);
+}

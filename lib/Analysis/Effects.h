@@ -1,0 +1,27 @@
+//===- Effects.h - What an operation does besides computing -----*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_ANALYSIS_EFFECTS_H
+#define WARP_LIB_ANALYSIS_EFFECTS_H
+
+#include "WarpDialect/WarpOps.h"
+
+namespace warp {
+
+/// Whether an operation reads an array, and nothing else.
+bool isPlainRead(mlir::Operation *op);
+
+/// Whether it adds to an element and returns nothing, so that such operations
+/// may trade places.
+bool isSum(mlir::Operation *op);
+
+/// Whether it is seen after the launch that an operation ran: it writes to an
+/// array, prints or asserts. Calls and nested operations are not looked into.
+bool isObservable(mlir::Operation *op);
+
+} // namespace warp
+
+#endif // WARP_LIB_ANALYSIS_EFFECTS_H
