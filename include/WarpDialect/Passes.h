@@ -32,6 +32,8 @@ constexpr llvm::StringLiteral deterministic = "warp.deterministic";
 constexpr llvm::StringLiteral ordered = "warp.ordered";
 constexpr llvm::StringLiteral blockDim = "warp.block_dim";
 constexpr llvm::StringLiteral large = "warp.large";
+/// No array that the kernel writes overlaps another array of the launch.
+constexpr llvm::StringLiteral disjoint = "warp.disjoint";
 constexpr llvm::StringLiteral threads = "warp.threads";
 /// Rough operations of one thread, which the compiler estimates.
 constexpr llvm::StringLiteral cost = "warp.cost";

@@ -60,6 +60,7 @@ private:
   void visitCall(func::CallOp call);
   void visitRegions(Operation *op);
   void mark(Operation *op);
+  void locate(func::FuncOp kernel);
   Origins &of(Value value);
   void join(Value target, Value source, unsigned to = 0, unsigned from = 0);
 
@@ -85,6 +86,34 @@ AccessFlow::AccessFlow(ModuleOp module, func::FuncOp kernel) : module(module) {
     module.walk([&](Operation *op) { visit(op); });
   }
   module.walk([&](Operation *op) { mark(op); });
+  locate(kernel);
+}
+
+/// Where the arrays lie in the parameter block.
+void AccessFlow::locate(func::FuncOp kernel) {
+  bool usesGradients =
+      module.walk([](warp::GradOp) { return WalkResult::interrupt(); })
+          .wasInterrupted();
+  warp::ParameterLayout layout =
+      warp::layOutParameters(kernel.getArgumentTypes());
+  unsigned next = 0;
+  for (auto [type, offset] :
+       llvm::zip_equal(kernel.getArgumentTypes(), layout.offsets)) {
+    SmallVector<warp::Leaf> leaves;
+    warp::collectLeaves(type, offset, leaves);
+    for (warp::Leaf leaf : leaves) {
+      auto array = dyn_cast<warp::ArrayType>(leaf.type);
+      if (!array)
+        continue;
+      warp::Access &access = accesses[next++];
+      access.offset = leaf.offset;
+      mlir::Type element = array.getElementType();
+      access.elementSize = warp::getByteSize(element);
+      if (usesGradients)
+        access.gradientSize =
+            warp::getByteSize(warp::getGradientElement(element));
+    }
+  }
 }
 
 Origins &AccessFlow::of(Value value) {

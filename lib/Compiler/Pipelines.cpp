@@ -41,6 +41,7 @@ void warp::addSpecialize(OpPassManager &pm, const CompileOptions &options) {
   facts.index32 = options.index32;
   facts.flat = options.flat;
   facts.large = options.large;
+  facts.disjoint = options.disjoint;
   facts.debug = options.debug;
   facts.fastMath = options.fastMath;
   facts.deterministic = options.deterministic;
@@ -81,6 +82,7 @@ void warp::addPhase(OpPassManager &pm, Phase phase) {
     pm.addPass(createPrivatizeAtomics());
     pm.addPass(createDeferUpdates());
     pm.addPass(createLowerSums());
+    pm.addPass(createOrderAccesses());
     pm.addPass(createLowerArrays());
     pm.addPass(createLowerMath());
     pm.addPass(createConvertToLLVM());

@@ -21,48 +21,6 @@ namespace warp {
 
 using namespace mlir;
 
-/// The kernel's argument whose gradient an array is, seen through views; null
-/// for any other array.
-static Value getGradientOf(Value array) {
-  while (Operation *op = array.getDefiningOp()) {
-    if (isa<warp::GradOp>(op))
-      return dyn_cast<BlockArgument>(op->getOperand(0));
-    if (!isa<warp::ViewOp, warp::SliceOp, warp::ComponentViewOp>(op))
-      break;
-    array = op->getOperand(0);
-  }
-  return {};
-}
-
-/// Whether an operation certainly leaves the gradient of an argument as it is.
-static bool leavesGradient(Operation *op, Value argument) {
-  if (isMemoryEffectFree(op) || isa<warp::LoadOp>(op))
-    return true;
-  Value written;
-  if (auto store = dyn_cast<warp::StoreOp>(op))
-    written = store.getArray();
-  else if (auto update = dyn_cast<warp::AccumulateOp>(op))
-    written = update.getArray();
-  Value other = written ? getGradientOf(written) : Value();
-  return other && other != argument;
-}
-
-/// Moves the load that an update begins with in front of all that does not
-/// concern it, so that loads of several updates are under way together.
-static void hoist(Operation *load, Value argument) {
-  Operation *place = load;
-  while (Operation *before = place->getPrevNode()) {
-    bool isOperand = llvm::is_contained(
-        llvm::map_range(load->getOperands(),
-                        [](Value value) { return value.getDefiningOp(); }),
-        before);
-    if (isOperand || !leavesGradient(before, argument))
-      break;
-    place = before;
-  }
-  load->moveBefore(place);
-}
-
 namespace {
 
 struct Specialize : warp::impl::SpecializeBase<Specialize> {
@@ -112,6 +70,7 @@ struct Specialize : warp::impl::SpecializeBase<Specialize> {
     setFlag(warp::attr::index32, index32);
     setFlag(warp::attr::flat, flat);
     setFlag(warp::attr::large, large);
+    setFlag(warp::attr::disjoint, disjoint);
     setFlag(warp::attr::debug, debug);
     setFlag(warp::attr::fastMath, fastMath);
     setFlag(warp::attr::deterministic, deterministic);
@@ -149,9 +108,6 @@ struct Specialize : warp::impl::SpecializeBase<Specialize> {
                              op.getIndices());
     } else {
       auto old = warp::LoadOp::create(b, loc, type, array, op.getIndices());
-      // Arguments of a kernel with unique updates do not overlap.
-      if (Value argument = getGradientOf(array))
-        hoist(old, argument);
       auto sum = warp::AddOp::create(b, loc, TypeRange(type),
                                      ValueRange{old.getResult(), value});
       warp::StoreOp::create(b, loc, sum->getResult(0), array, op.getIndices());
