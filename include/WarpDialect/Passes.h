@@ -38,6 +38,8 @@ constexpr llvm::StringLiteral blockDim = "warp.block_dim";
 constexpr llvm::StringLiteral large = "warp.large";
 /// CPU: bits of a vector of the processor that code is for.
 constexpr llvm::StringLiteral vectorBits = "warp.vector_bits";
+/// No array that the kernel writes overlaps another array of the launch.
+constexpr llvm::StringLiteral disjoint = "warp.disjoint";
 constexpr llvm::StringLiteral threads = "warp.threads";
 /// Rough operations of one thread, which the compiler estimates.
 constexpr llvm::StringLiteral cost = "warp.cost";

@@ -288,6 +288,8 @@ def Specialize : WarpPass<"warp-specialize"> {
     Option<"blockDim", "block-dim", "int64_t", "256", "Threads of a GPU block">,
     Option<"large", "large", "bool", "false",
            "GPU: the launch fills the card many times over">,
+    Option<"disjoint", "disjoint", "bool", "false",
+           "No array that the kernel writes overlaps another of the launch">,
     Option<"threads", "threads", "int64_t", "16",
            "CPU: threads that would share the launch">,
     Option<"vectorBits", "vector-bits", "int64_t", "256",
@@ -564,6 +566,28 @@ def LowerSums : WarpPass<"warp-lower-sums"> {
   let dependentDialects = [
     "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect",
     "::mlir::LLVM::LLVMDialect", "::warp::WarpDialect"];
+}
+
+def OrderAccesses : WarpPass<"warp-order-accesses"> {
+  let summary = "Load first and store last";
+  let description = [{
+    Between barriers, calls and loops that write, the stores of a thread sink
+    below its loads, and loads rise above its arithmetic, where their arrays
+    cannot overlap (`warp.disjoint`). An element that is loaded twice is loaded
+    once.
+
+    ```mlir
+    %g = warp.load_components %dy[%i] : ...
+    warp.store_components (%zero), %dy[%i] : ...
+    %s = math.cos %v : f32
+    %h = warp.load_components %dx[%i] : ...
+    // ==> where the entry has `warp.disjoint`
+    %g = warp.load_components %dy[%i] : ...
+    %h = warp.load_components %dx[%i] : ...
+    %s = math.cos %v : f32
+    warp.store_components (%zero), %dy[%i] : ...
+    ```
+  }];
 }
 
 def LowerArrays : WarpPass<"warp-lower-arrays"> {

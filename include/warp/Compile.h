@@ -46,6 +46,9 @@ struct CompileOptions {
   /// GPU: the launch fills the card many times over, so a thread may take
   /// several items.
   bool large = false;
+  /// No array that the kernel writes overlaps another array of the launch, or
+  /// any gradient.
+  bool disjoint = false;
   /// Bounds checks that report through the error record.
   bool debug = false;
   bool fastMath = false;
@@ -138,7 +141,7 @@ struct Param {
 
 WARP_API std::vector<Param> parameters(const Module &module);
 
-/// What a kernel may do with an array.
+/// What a kernel may do with an array, and where the launch describes it.
 struct Access {
   /// By loads, by stores, by atomics.
   bool loaded = false, stored = false, combined = false;
@@ -146,6 +149,11 @@ struct Access {
   bool fetched = false;
   /// Source line of the first store or atomic, 0 if there is none.
   unsigned line = 0;
+  /// Byte offset of the descriptor in the parameter block.
+  int64_t offset = 0;
+  /// Bytes of an element; of one of the gradient, 0 if the kernel has no use
+  /// for gradients.
+  int64_t elementSize = 0, gradientSize = 0;
 };
 
 /// One for each array among the kernel's arguments: in order, those in structs

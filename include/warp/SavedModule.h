@@ -47,6 +47,7 @@ struct SavedVariant {
   bool index32 = false;
   bool flat = false;
   bool large = false;
+  bool disjoint = false;
   /// GPU: threads per block.
   int blockDim = 0;
   Code code;
@@ -63,6 +64,7 @@ struct SavedKernel {
   std::string source;
   KernelOptions options;
   std::vector<Param> params;
+  std::vector<Access> accesses;
   std::vector<SavedVariant> variants;
 };
 

@@ -12,6 +12,7 @@
 
 #include "warp/Compile.h"
 
+#include "WarpDialect/ParameterLayout.h"
 #include "WarpDialect/WarpDialect.h"
 #include "WarpDialect/WarpOps.h"
 
@@ -28,6 +29,7 @@ public:
       : origins(kernel), accesses(origins.getLeaves().size()) {}
 
   void add(warp::AccessOp op);
+  void locate(func::FuncOp kernel, bool usesGradients);
   std::vector<warp::Access> take() { return std::move(accesses); }
 
 private:
@@ -50,6 +52,30 @@ void Summary::add(warp::AccessOp op) {
   }
 }
 
+/// Where the arrays lie in the parameter block.
+void Summary::locate(func::FuncOp kernel, bool usesGradients) {
+  warp::ParameterLayout layout =
+      warp::layOutParameters(kernel.getArgumentTypes());
+  unsigned next = 0;
+  for (auto [type, offset] :
+       llvm::zip_equal(kernel.getArgumentTypes(), layout.offsets)) {
+    SmallVector<warp::Leaf> leaves;
+    warp::collectLeaves(type, offset, leaves);
+    for (warp::Leaf leaf : leaves) {
+      auto array = dyn_cast<warp::ArrayType>(leaf.type);
+      if (!array)
+        continue;
+      warp::Access &access = accesses[next++];
+      access.offset = leaf.offset;
+      mlir::Type element = array.getElementType();
+      access.elementSize = warp::getByteSize(element);
+      if (usesGradients)
+        access.gradientSize =
+            warp::getByteSize(warp::getGradientElement(element));
+    }
+  }
+}
+
 std::vector<warp::Access> warp::accesses(const Module &module) {
   ContextLock lock;
   ModuleOp op = *module.getImpl()->op;
@@ -58,6 +84,10 @@ std::vector<warp::Access> warp::accesses(const Module &module) {
       continue;
     Summary summary(function);
     op.walk([&](AccessOp access) { summary.add(access); });
+    bool usesGradients =
+        op.walk([](GradOp) { return WalkResult::interrupt(); })
+            .wasInterrupted();
+    summary.locate(function, usesGradients);
     return summary.take();
   }
   throw Error(Error::Kind::Compile, "the module has no kernel");

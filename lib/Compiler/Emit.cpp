@@ -78,7 +78,8 @@ static std::string describe(const warp::CompileOptions &options) {
          << options.lineinfo
          << ' ' << options.optLevel
          << ' ' << options.blockDim << ' ' << options.driverVersion << ' '
-         << options.large << ' ' << options.threads << ' '
+         << options.large << options.disjoint << ' '
+         << options.threads << ' '
          << options.maxRegisters << ' ' << options.minBlocks << '\n';
   if (!warp::isGpu(options))
     stream << warp::describeCpu(options) << '\n';

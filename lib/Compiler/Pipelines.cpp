@@ -43,6 +43,7 @@ void warp::addSpecialize(OpPassManager &pm, const CompileOptions &options) {
   facts.index32 = options.index32;
   facts.flat = options.flat;
   facts.large = options.large;
+  facts.disjoint = options.disjoint;
   facts.debug = options.debug;
   facts.fastMath = options.fastMath;
   facts.deterministic = options.deterministic;
@@ -89,6 +90,7 @@ void warp::addPhase(OpPassManager &pm, Phase phase) {
     pm.addPass(createRotateLoops());
     pm.addPass(createCombineOverWarps());
     pm.addPass(createLowerSums());
+    pm.addPass(createOrderAccesses());
     pm.addPass(createLowerArrays());
     pm.addPass(createLowerMath());
     pm.addPass(createConvertToLLVM());

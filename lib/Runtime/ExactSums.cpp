@@ -12,6 +12,7 @@
 
 #include "ExactSums.h"
 
+#include "Overlap.h"
 #include "Support.h"
 #include "warp/Memory.h"
 
@@ -28,13 +29,6 @@ static constexpr int64_t maxNumbers = int64_t(1) << 27;
 /// Memory of the host that is worth a request to the system.
 static constexpr size_t manyBytes = size_t(256) << 10;
 
-namespace {
-/// The addresses of an array's elements.
-struct Range {
-  uint64_t begin = 0, end = 0;
-};
-} // namespace
-
 static ArrayDescriptor descriptorOf(const SummedArray &array,
                                     const void *params) {
   ArrayDescriptor descriptor;
@@ -44,33 +38,20 @@ static ArrayDescriptor descriptorOf(const SummedArray &array,
   return descriptor;
 }
 
-static Range rangeOf(const SummedArray &array, const void *params) {
+static AddressRange addressesOf(const SummedArray &array, const void *params) {
   ArrayDescriptor descriptor = descriptorOf(array, params);
-  auto data = reinterpret_cast<uint64_t>(array.gradient ? descriptor.grad
-                                                        : descriptor.data);
-  if (!data)
-    return {};
-  Range range{data, data + array.elementSize};
-  for (int i = 0; i < descriptor.ndim; ++i) {
-    int64_t extent = descriptor.shape[i];
-    if (extent <= 0)
-      return {};
-    int64_t span = (extent - 1) * descriptor.strides[i] * array.strideScale;
-    (span < 0 ? range.begin : range.end) += span;
-  }
-  return range;
+  return rangeOf(array.gradient ? descriptor.grad : descriptor.data, descriptor,
+                 array.elementSize, array.strideScale);
 }
 
 bool warp::overlap(const std::vector<SummedArray> &arrays, const void *params) {
   for (const SummedArray &sum : arrays) {
     if (!sum.width)
       break;
-    Range own = rangeOf(sum, params);
-    for (const SummedArray &other : arrays) {
-      Range range = other.width ? Range() : rangeOf(other, params);
-      if (std::max(own.begin, range.begin) < std::min(own.end, range.end))
+    AddressRange own = addressesOf(sum, params);
+    for (const SummedArray &other : arrays)
+      if (!other.width && own.overlaps(addressesOf(other, params)))
         return true;
-    }
   }
   return false;
 }
@@ -114,7 +95,7 @@ ExactSums::ExactSums(const std::string &kernel, int device,
     if (!array.width)
       break;
     int width = static_cast<int>(array.width);
-    Range range = rangeOf(array, params);
+    AddressRange range = addressesOf(array, params);
     Sum sum{width, {}};
     sum.descriptor.base = range.begin;
     sum.descriptor.count = int64_t(range.end - range.begin) / (width / 8);

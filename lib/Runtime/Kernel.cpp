@@ -19,6 +19,7 @@
 #include "ExactSums.h"
 #include "GraphImpl.h"
 #include "KernelImpl.h"
+#include "Overlap.h"
 #include "Support.h"
 #include "warp/KernelCache.h"
 #include "warp/SavedModule.h"
@@ -142,6 +143,24 @@ VariantKey Kernel::Impl::keyFor(int device, const LaunchDim &dim,
   return key;
 }
 
+void Kernel::Impl::findAccesses() {
+  std::lock_guard<std::mutex> lock(mutex);
+  if (hasAccesses.load(std::memory_order_relaxed))
+    return;
+  if (module.getImpl())
+    accesses = warp::accesses(module);
+  hasAccesses.store(true, std::memory_order_release);
+}
+
+/// On the CPU only adjoints have another order of accesses without overlaps.
+bool Kernel::Impl::isDisjoint(const VariantKey &key,
+                              const void *params) const {
+  if (key.device == cpuDevice &&
+      (accesses.empty() || accesses.front().gradientSize == 0))
+    return false;
+  return areDisjoint(accesses, params);
+}
+
 Kernel::Variant *Kernel::Impl::find(const VariantKey &key) const {
   Variant *variant = variants.load(std::memory_order_acquire);
   while (variant && !(variant->key == key))
@@ -158,6 +177,7 @@ CompileOptions Kernel::Impl::compileOptions(const VariantKey &key,
   result.index32 = key.index32;
   result.flat = key.flat;
   result.large = key.large;
+  result.disjoint = key.disjoint;
   if (arch != 0 && key.device != cpuDevice)
     result.driverVersion = cuda::driver()->version;
   result.debug = options.debug;
@@ -300,6 +320,7 @@ CompileOptions Kernel::optionsFor(int arch, int rank) const {
     if (impl->params[i].kind == Param::Kind::Array ||
         isIntegerScalar(impl->params[i]))
       key.contiguous |= uint64_t(1) << i;
+  key.disjoint = arch != 0;
   return impl->compileOptions(key, arch);
 }
 
@@ -310,6 +331,12 @@ Kernel::Plan Kernel::Impl::plan(int device, const LaunchDim &dim, void *params,
   VariantKey key = keyFor(device, dim, params, blockDim, plan.items);
   if (plan.items == 0)
     return plan;
+  if (!hasAccesses.load(std::memory_order_acquire)) {
+    if (!mayMake)
+      return plan;
+    findAccesses();
+  }
+  key.disjoint = isDisjoint(key, params);
   LaunchHeader header;
   for (int i = 0; i < dim.rank; ++i)
     header.dim[i] = static_cast<int32_t>(dim.extent[i]);

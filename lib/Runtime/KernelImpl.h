@@ -24,6 +24,7 @@ struct VariantKey {
   bool index32 = true;
   bool flat = false;
   bool large = false;
+  bool disjoint = false;
   bool ordered = false;
   int blockDim = 0;
   uint64_t contiguous = 0;
@@ -31,7 +32,8 @@ struct VariantKey {
   bool operator==(const VariantKey &other) const {
     return device == other.device && rank == other.rank &&
            index32 == other.index32 && flat == other.flat &&
-           large == other.large && ordered == other.ordered &&
+           large == other.large && disjoint == other.disjoint &&
+           ordered == other.ordered &&
            blockDim == other.blockDim && contiguous == other.contiguous;
   }
 };
@@ -62,6 +64,9 @@ struct Kernel::Impl {
   KernelOptions options;
   std::vector<Param> params;
   size_t paramSize = 0;
+  /// What the kernel does with its arrays; found at the first launch.
+  std::vector<Access> accesses;
+  std::atomic<bool> hasAccesses{false};
   /// Read without a lock by launches.
   std::atomic<Variant *> variants{nullptr};
   /// Held while a variant is made.
@@ -80,6 +85,8 @@ struct Kernel::Impl {
             bool mayMake);
   /// Runs a variant whose parameters are complete.
   void run(const Plan &plan, void *params, const Stream *stream);
+  void findAccesses();
+  bool isDisjoint(const VariantKey &key, const void *params) const;
   VariantKey keyFor(int device, const LaunchDim &dim, const void *params,
                     int blockDim, int64_t &items) const;
   CompileOptions compileOptions(const VariantKey &key, int arch) const;

@@ -26,6 +26,8 @@ Kernel::Kernel(const SavedKernel &saved)
   impl->name = saved.name;
   impl->options = saved.options;
   impl->setParameters(saved.params);
+  impl->accesses = saved.accesses;
+  impl->hasAccesses = true;
   impl->saved.push_back(std::make_unique<SavedKernel>(saved));
 }
 
@@ -74,9 +76,9 @@ static std::vector<VariantKey> keysToSave(const std::vector<Param> &params,
   key.contiguous = arrays | integers;
   if (!gpu || rank <= 3) {
     if (gpu && rank == 1) {
-      key.large = true;
+      key.large = key.disjoint = true;
       keys.push_back(key);
-      key.large = false;
+      key.large = key.disjoint = false;
     }
     keys.push_back(key);
     key.contiguous = arrays;
@@ -99,6 +101,8 @@ SavedKernel Kernel::save(int arch, int device) {
   saved.source = sourceHash(impl->module);
   saved.options = impl->options;
   saved.params = impl->params;
+  impl->findAccesses();
+  saved.accesses = impl->accesses;
   int rank = threadRank(impl->module);
   std::lock_guard<std::mutex> lock(impl->mutex);
   for (VariantKey key : keysToSave(impl->params, rank, arch != 0)) {
@@ -112,6 +116,7 @@ SavedKernel Kernel::save(int arch, int device) {
     variant.index32 = key.index32;
     variant.flat = key.flat;
     variant.large = key.large;
+    variant.disjoint = key.disjoint;
     variant.blockDim = arch == 0 ? 0 : options.blockDim;
     variant.code = impl->obtain(device, options);
     saved.variants.push_back(std::move(variant));
@@ -149,6 +154,7 @@ static bool fits(const SavedVariant &variant, const VariantKey &key) {
   return variant.rank == key.rank &&
          (variant.contiguous & ~key.contiguous) == 0 &&
          (!variant.index32 || key.index32) && (!variant.large || key.large) &&
+         (!variant.disjoint || key.disjoint) &&
          (!key.ordered || variant.code.sums.empty()) &&
          (key.device == cpuDevice ||
           ((variant.flat || !key.flat) && variant.blockDim == key.blockDim));
@@ -243,6 +249,7 @@ Kernel::Variant &Kernel::Impl::loaded(int device, int blockDim) {
   if (device != cpuDevice) {
     key.blockDim = checkedBlockDim(blockDim);
     key.flat = key.rank > 3;
+    key.disjoint = true;
   }
   Variant *variant = find(key);
   return variant ? *variant : *make(key);

@@ -26,7 +26,7 @@ using namespace warp;
 
 static constexpr char magic[] = {'W', 'A', 'R', 'P', 'S', 'A', 'V', 'E'};
 /// Goes up when the file, the parameter block or what code calls changes.
-static constexpr uint32_t formatVersion = 2;
+static constexpr uint32_t formatVersion = 3;
 static constexpr size_t headerSize = 8 + 4 + 8 + 8;
 
 //===----------------------------------------------------------------------===//
@@ -63,6 +63,28 @@ static Param readParam(Reader &in) {
   return param;
 }
 
+static void writeAccess(Writer &out, const Access &access) {
+  for (bool fact :
+       {access.loaded, access.stored, access.combined, access.fetched})
+    out.number<uint8_t>(fact);
+  out.number<uint32_t>(access.line);
+  for (int64_t size :
+       {access.offset, access.elementSize, access.gradientSize})
+    out.number<int64_t>(size);
+}
+
+static Access readAccess(Reader &in) {
+  Access access;
+  for (bool *fact :
+       {&access.loaded, &access.stored, &access.combined, &access.fetched})
+    *fact = in.number<uint8_t>();
+  access.line = in.number<uint32_t>();
+  for (int64_t *size :
+       {&access.offset, &access.elementSize, &access.gradientSize})
+    *size = in.number<int64_t>();
+  return access;
+}
+
 static void writeOptions(Writer &out, const KernelOptions &options) {
   out.number<uint8_t>(options.debug);
   out.number<uint8_t>(options.fastMath);
@@ -93,6 +115,7 @@ static void writeVariant(Writer &out, const SavedVariant &variant) {
   out.number<uint8_t>(variant.index32);
   out.number<uint8_t>(variant.flat);
   out.number<uint8_t>(variant.large);
+  out.number<uint8_t>(variant.disjoint);
   out.number<int32_t>(variant.blockDim);
   writeCode(out, variant.code);
 }
@@ -104,6 +127,7 @@ static SavedVariant readVariant(Reader &in) {
   variant.index32 = in.number<uint8_t>();
   variant.flat = in.number<uint8_t>();
   variant.large = in.number<uint8_t>();
+  variant.disjoint = in.number<uint8_t>();
   variant.blockDim = in.number<int32_t>();
   variant.code = readCode(in);
   return variant;
@@ -118,6 +142,9 @@ static void writeKernel(Writer &out, const SavedKernel &kernel) {
   out.number<uint64_t>(kernel.params.size());
   for (const Param &param : kernel.params)
     writeParam(out, param);
+  out.number<uint64_t>(kernel.accesses.size());
+  for (const Access &access : kernel.accesses)
+    writeAccess(out, access);
   out.number<uint64_t>(kernel.variants.size());
   for (const SavedVariant &variant : kernel.variants)
     writeVariant(out, variant);
@@ -133,6 +160,9 @@ static SavedKernel readKernel(Reader &in) {
   auto params = in.number<uint64_t>();
   for (uint64_t i = 0; i < params && in.ok(); ++i)
     kernel.params.push_back(readParam(in));
+  auto accesses = in.number<uint64_t>();
+  for (uint64_t i = 0; i < accesses && in.ok(); ++i)
+    kernel.accesses.push_back(readAccess(in));
   auto variants = in.number<uint64_t>();
   for (uint64_t i = 0; i < variants && in.ok(); ++i)
     kernel.variants.push_back(readVariant(in));

@@ -102,3 +102,24 @@ def test_updates_of_neighbours_meet_in_one_vector(device):
     x = wp.zeros(9, dtype=float, device=device)
     wp.launch(wrapped, 10, [x], device=device)
     np.testing.assert_array_equal(x.numpy(), [1] * 8 + [2])
+
+
+def test_a_gradient_that_is_cleared_between_loads(device):
+    """Loads move over the store only where the arrays are different ones."""
+
+    @wp.kernel(module="unique")
+    def clear(x: wp.array(dtype=float), y: wp.array(dtype=float), out: wp.array(dtype=float)):
+        i = wp.tid()
+        a = y[i]
+        y[i] = 0.0
+        out[i] = wp.cos(a) + x[i]
+
+    data = np.linspace(-3.0, 3.0, COUNT, dtype=np.float32)
+    for shared in (False, True, False):
+        y = wp.array(data, dtype=float, device=device)
+        x = y if shared else wp.array(data, dtype=float, device=device)
+        out = wp.zeros(COUNT, dtype=float, device=device)
+        wp.launch(clear, dim=COUNT, inputs=[x, y, out], device=device)
+        expected = np.cos(data.astype(float)) + (0.0 if shared else data)
+        np.testing.assert_allclose(out.numpy(), expected, rtol=0, atol=1e-6)
+        np.testing.assert_array_equal(y.numpy(), np.zeros(COUNT))

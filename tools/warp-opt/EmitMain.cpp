@@ -43,6 +43,10 @@ static bool setOption(warp::CompileOptions &options, const std::string &key,
     options.index32 = number != 0;
   else if (key == "flat")
     options.flat = number != 0;
+  else if (key == "large")
+    options.large = number != 0;
+  else if (key == "disjoint")
+    options.disjoint = number != 0;
   else if (key == "debug")
     options.debug = number != 0;
   else if (key == "fast-math")

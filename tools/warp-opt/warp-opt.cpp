@@ -52,6 +52,9 @@ struct PipelineOptions : PassPipelineOptions<PipelineOptions> {
                        llvm::cl::desc("They do by one order of updates")};
   Option<bool> large{*this, "large", llvm::cl::init(false),
                      llvm::cl::desc("The launch fills the GPU many times over")};
+  Option<bool> disjoint{
+      *this, "disjoint", llvm::cl::init(false),
+      llvm::cl::desc("No array that is written overlaps another one")};
   Option<int> threads{*this, "threads", llvm::cl::init(16),
                       llvm::cl::desc("Threads that would share a CPU launch")};
   Option<int> blockDim{*this, "block-dim", llvm::cl::init(256),
@@ -74,6 +77,7 @@ static void addPipeline(OpPassManager &pm, const PipelineOptions &given) {
   options.blockDim = given.blockDim;
   options.threads = given.threads;
   options.large = given.large;
+  options.disjoint = given.disjoint;
   warp::Phase last = given.toWarp     ? warp::Phase::Warp
                      : given.toThread ? warp::Phase::Thread
                                       : warp::Phase::LLVM;

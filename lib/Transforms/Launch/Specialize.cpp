@@ -22,37 +22,6 @@ namespace warp {
 
 using namespace mlir;
 
-/// The kernel's argument whose gradient an array is, seen through views; null
-/// for any other array.
-static Value getGradientOf(Value array) {
-  return dyn_cast_or_null<BlockArgument>(warp::gradientOwner(array));
-}
-
-/// Whether an operation certainly leaves the gradient of an argument as it is.
-static bool leavesGradient(Operation *op, Value argument) {
-  auto access = dyn_cast<warp::AccessOp>(op);
-  if (!access || !access.mayWrite())
-    return access || isMemoryEffectFree(op);
-  Value other = getGradientOf(access.getArray());
-  return other && other != argument;
-}
-
-/// Moves the load that an update begins with in front of all that does not
-/// concern it, so that loads of several updates are under way together.
-static void hoist(Operation *load, Value argument) {
-  Operation *place = load;
-  while (Operation *before = place->getPrevNode()) {
-    bool isOperand = llvm::is_contained(
-        llvm::map_range(load->getOperands(),
-                        [](Value value) { return value.getDefiningOp(); }),
-        before);
-    if (isOperand || !leavesGradient(before, argument))
-      break;
-    place = before;
-  }
-  load->moveBefore(place);
-}
-
 namespace {
 
 struct Specialize : warp::impl::SpecializeBase<Specialize> {
@@ -103,6 +72,7 @@ struct Specialize : warp::impl::SpecializeBase<Specialize> {
     setFlag(warp::attr::index32, index32);
     setFlag(warp::attr::flat, flat);
     setFlag(warp::attr::large, large);
+    setFlag(warp::attr::disjoint, disjoint);
     setFlag(warp::attr::debug, debug);
     setFlag(warp::attr::fastMath, fastMath);
     setFlag(warp::attr::deterministic, deterministic);
@@ -140,9 +110,6 @@ struct Specialize : warp::impl::SpecializeBase<Specialize> {
                              op.getIndices());
     } else {
       auto old = warp::LoadOp::create(b, loc, type, array, op.getIndices());
-      // Arguments of a kernel with unique updates do not overlap.
-      if (Value argument = getGradientOf(array))
-        hoist(old, argument);
       auto sum = warp::AddOp::create(b, loc, TypeRange(type),
                                      ValueRange{old.getResult(), value});
       warp::StoreOp::create(b, loc, sum->getResult(0), array, op.getIndices());
