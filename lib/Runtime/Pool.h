@@ -85,7 +85,7 @@ private:
     /// Its CPU; entry 0 has the one that is free for the caller.
     std::atomic<int> cpu{-1};
     clockid_t clock{};
-    /// What its clock said at the last look of a caller that waits; 0 if none.
+    /// What its clock said at the last look of a caller that waits.
     int64_t lookedAt = 0;
     int64_t coreAtLook = 0;
     /// Written at every job: on a line that callers seldom read.
@@ -104,9 +104,9 @@ private:
   void cut(int64_t begin, int64_t end);
   void wakeInvited();
   void waitForWorkers();
-  bool rescueLost();
-  bool hasLostCore(Worker &worker);
-  void sleepUntilDone();
+  bool rescueLost(int64_t begin);
+  bool hasLostCore(Worker &worker, int64_t begin);
+  void sleepUntilDone(int64_t begin);
   void sendHome(const Worker &worker);
 
   alignas(64) std::atomic<uint32_t> epoch{0};

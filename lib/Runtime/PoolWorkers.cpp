@@ -179,8 +179,6 @@ void Pool::waitForWorkers() {
   if (state.load(std::memory_order_acquire) == closed)
     return;
   int64_t begin = wallTime();
-  for (Worker &worker : workers)
-    worker.lookedAt = 0;
   while (true) {
     for (int i = 0; i < 64; ++i) {
       if (state.load(std::memory_order_acquire) == closed)
@@ -188,31 +186,33 @@ void Pool::waitForWorkers() {
       relax();
     }
     int64_t waited = wallTime() - begin;
-    if (waited > politeWait || (waited > patience && rescueLost()))
-      return sleepUntilDone();
+    if (waited > politeWait || (waited > patience && rescueLost(begin)))
+      return sleepUntilDone(begin);
   }
 }
 
-/// Whether its clock stood still since the last look; false at the first one.
-bool Pool::hasLostCore(Worker &worker) {
+/// Whether its clock stood still since the last look, if that is of this wait.
+bool Pool::hasLostCore(Worker &worker, int64_t begin) {
   int64_t now = wallTime();
   int64_t passed = now - worker.lookedAt;
-  if (worker.lookedAt && passed < lookTime)
+  bool again = worker.lookedAt >= begin;
+  if (again && passed < lookTime)
     return false;
   int64_t core = coreTime(worker.clock);
-  bool lost = worker.lookedAt && core - worker.coreAtLook < passed / 4;
+  bool lost = again && core - worker.coreAtLook < passed / 4;
   worker.lookedAt = now;
   worker.coreAtLook = core;
   return lost;
 }
 
 /// Moves workers inside that lost their core to this thread's; true if any.
-bool Pool::rescueLost() {
+bool Pool::rescueLost(int64_t begin) {
   bool any = false;
   for (int i = 1; i < width; ++i) {
     Worker &worker = workers[i];
     if (!worker.inside.load(std::memory_order_relaxed) ||
-        worker.rescued.load(std::memory_order_relaxed) || !hasLostCore(worker))
+        worker.rescued.load(std::memory_order_relaxed) ||
+        !hasLostCore(worker, begin))
       continue;
     worker.rescued.store(true);
     pinThread(worker.thread.load(std::memory_order_relaxed), sched_getcpu());
@@ -224,14 +224,14 @@ bool Pool::rescueLost() {
   return any;
 }
 
-void Pool::sleepUntilDone() {
+void Pool::sleepUntilDone(int64_t begin) {
   const timespec look{0, patience};
   uint32_t now = state.fetch_or(watched, std::memory_order_acq_rel) | watched;
   while (now != (closed | watched)) {
     syscall(SYS_futex, &state, FUTEX_WAIT_PRIVATE, now, &look, nullptr, 0);
     now = state.load(std::memory_order_acquire);
     if (now != (closed | watched))
-      rescueLost();
+      rescueLost(begin);
   }
   state.store(closed, std::memory_order_relaxed);
 }
