@@ -184,15 +184,17 @@ def Warp_LoadLanesOp : Warp_Op<"load_lanes"> {
   let summary = "an array element for each lane";
   let description = [{
     `unit`: indices are those of the first lane, not negative, and the elements
-    of the lanes follow each other in the array's last dimension, which is
-    packed. `gather`: an index is a value per lane, or the same for all.
+    of the lanes are `stride` elements apart in the array's last dimension,
+    which is packed. `gather`: an index is a value per lane, or the same for
+    all.
 
     (C1) as many indices as the rank. (C2) the results are the flattened
     element, with a value per lane.
   }];
   let arguments = (ins Arg<Warp_AnyArray, "", [MemRead]>:$array,
                        Variadic<AnyType>:$indices, Warp_Mask:$mask,
-                       Warp_LaneForm:$form, DenseBoolArrayAttr:$nonNegative);
+                       Warp_LaneForm:$form, DenseBoolArrayAttr:$nonNegative,
+                       DefaultValuedAttr<I64Attr, "1">:$stride);
   let results = (outs Variadic<Warp_LanesOf>:$components);
   let assemblyFormat = [{
     $form $array `[` $indices `]` `mask` $mask attr-dict `:` type($array) `,`
@@ -212,6 +214,24 @@ def Warp_StoreLanesOp : Warp_Op<"store_lanes", [AttrSizedOperandSegments]> {
                        Warp_LaneForm:$form, DenseBoolArrayAttr:$nonNegative);
   let assemblyFormat = [{
     $form `(` $components `)` `,` $array `[` $indices `]` `mask` $mask attr-dict
+    `:` `(` type($components) `)` `,` type($array) `,` type($indices) `,`
+    type($mask)
+  }];
+}
+
+def Warp_UpdateLanesOp : Warp_Op<"update_lanes", [AttrSizedOperandSegments]> {
+  let summary = "updates an array element for each lane";
+  let description = [{
+    Lanes do it one after the other, so they may meet. An index is a value per
+    lane, or the same for all.
+  }];
+  let arguments = (ins Warp_AtomicKind:$kind,
+                       Variadic<Warp_LanesOf>:$components,
+                       Arg<Warp_AnyArray, "", [MemRead, MemWrite]>:$array,
+                       Variadic<AnyType>:$indices, Warp_Mask:$mask,
+                       DenseBoolArrayAttr:$nonNegative);
+  let assemblyFormat = [{
+    $kind `(` $components `)` `,` $array `[` $indices `]` `mask` $mask attr-dict
     `:` `(` type($components) `)` `,` type($array) `,` type($indices) `,`
     type($mask)
   }];

@@ -107,13 +107,29 @@ private:
   void lowerStaged(llvm::ArrayRef<LoadComponentsOp> group);
   void lowerStaged(StoreComponentsOp op);
 
-  // LowerLaneAccesses.cpp
+  // LowerLaneAccesses.cpp, LowerLaneWords.cpp
   struct LaneAccess;
   LaneAccess laneAccess(mlir::Value array, mlir::ValueRange indices,
                         mlir::Value mask, LaneForm form,
                         llvm::ArrayRef<bool> nonNegative);
   void lowerLanes(LoadLanesOp op);
   void lowerLanes(StoreLanesOp op);
+  void lowerLanes(UpdateLanesOp op);
+  llvm::SmallVector<mlir::Value> loadUnit(const LaneAccess &access,
+                                          int64_t stride);
+  llvm::SmallVector<mlir::Value> loadGathered(const LaneAccess &access);
+  void storeUnit(const LaneAccess &access,
+                 llvm::ArrayRef<mlir::Value> components);
+  void storeScattered(const LaneAccess &access,
+                      llvm::ArrayRef<mlir::Value> components);
+  llvm::SmallVector<mlir::Value> loadWords(const LaneAccess &access);
+  void updateWords(const LaneAccess &access, AtomicKind kind,
+                   llvm::ArrayRef<mlir::Value> components);
+  void updateEach(const LaneAccess &access, AtomicKind kind,
+                  llvm::ArrayRef<mlir::Value> components);
+  mlir::Value spill(mlir::Value value);
+  void forLiveLanes(const LaneAccess &access,
+                    llvm::function_ref<void(mlir::Value)> body);
   mlir::Value gatherOffsets(const ArrayParts &parts, mlir::ValueRange indices,
                             llvm::ArrayRef<bool> nonNegative, int64_t lanes);
 

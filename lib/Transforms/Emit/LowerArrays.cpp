@@ -96,6 +96,8 @@ void ArrayLowering::lower(Operation *op) {
     lowerLanes(load);
   else if (auto store = dyn_cast<StoreLanesOp>(op))
     lowerLanes(store);
+  else if (auto update = dyn_cast<UpdateLanesOp>(op))
+    lowerLanes(update);
   else if (auto address = dyn_cast<AddressOp>(op))
     lowerAddress(address);
   else if (auto scratch = dyn_cast<ScratchOp>(op))

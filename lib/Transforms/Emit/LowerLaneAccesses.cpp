@@ -17,30 +17,13 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "ArrayLowering.h"
+#include "LaneAccess.h"
 #include "WarpDialect/ParameterLayout.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
-#include "mlir/IR/Matchers.h"
-
-#include <numeric>
 
 using namespace mlir;
 using namespace warp;
-
-/// Whether a mask certainly has all lanes.
-static bool isFull(mlir::Value mask) {
-  DenseElementsAttr known;
-  return matchPattern(mask, m_Constant(&known)) && known.isSplat() &&
-         known.getSplatValue<bool>();
-}
-
-/// The type of a component in memory, in lanes.
-static VectorType storedLanes(mlir::Type type, int64_t lanes) {
-  mlir::Type stored = isBool(type) ? IntegerType::get(type.getContext(), 8)
-                                   : getSignless(type);
-  return VectorType::get(lanes, stored);
-}
 
 namespace {
 
@@ -132,26 +115,6 @@ mlir::Value Registers::join(ArrayRef<mlir::Value> vectors,
 // Addresses
 //===----------------------------------------------------------------------===//
 
-/// Where the lanes of an access find their elements.
-struct ArrayLowering::LaneAccess {
-  SmallVector<Leaf> leaves;
-  mlir::Value mask;
-  bool isFull = false;
-  int64_t lanes = 0;
-  /// `unit`: address of the first lane's element. Otherwise a vector of
-  /// addresses.
-  mlir::Value pointer;
-
-  /// The address so many bytes on. Where lanes are dead it may be outside of
-  /// the array.
-  mlir::Value move(OpBuilder &b, Location loc, int64_t bytes) const {
-    return LLVM::GEPOp::create(
-        b, loc, pointer.getType(), b.getI8Type(), pointer,
-        ArrayRef<LLVM::GEPArg>(int32_t(bytes)),
-        isFull ? LLVM::GEPNoWrapFlags::inbounds : LLVM::GEPNoWrapFlags::none);
-  }
-};
-
 /// Byte offsets of elements from the start of the array, i64.
 mlir::Value ArrayLowering::gatherOffsets(const ArrayParts &parts,
                                          ValueRange indices,
@@ -212,7 +175,7 @@ ArrayLowering::laneAccess(mlir::Value array, ValueRange indices,
   LaneAccess access;
   collectLeaves(elementType(array), 0, access.leaves);
   access.mask = mask;
-  access.isFull = ::isFull(mask);
+  access.isFull = isFullMask(mask);
   access.lanes = cast<VectorType>(mask.getType()).getNumElements();
   ArrayParts parts = getParts(array);
   if (form == LaneForm::unit) {
@@ -258,45 +221,77 @@ static SmallVector<mlir::Value> spreadMask(OpBuilder &b, Location loc,
   return masks;
 }
 
+/// Of a vector that holds the numbers from `first` on: those that belong to
+/// elements which are taken, `count` numbers of every `period`.
+static mlir::Value patternMask(OpBuilder &b, Location loc, int64_t lanes,
+                               int64_t first, int64_t count, int64_t period) {
+  SmallVector<bool> taken;
+  for (int64_t lane = 0; lane < lanes; ++lane)
+    taken.push_back((first + lane) % period < count);
+  auto type = VectorType::get(lanes, b.getI1Type());
+  return arith::ConstantOp::create(b, loc,
+                                   DenseElementsAttr::get(type, taken));
+}
+
+SmallVector<mlir::Value> ArrayLowering::loadUnit(const LaneAccess &access,
+                                                 int64_t stride) {
+  int64_t count = access.leaves.size(), lanes = access.lanes;
+  int64_t period = count * stride;
+  VectorType stored = storedLanes(access.leaves[0].type, lanes);
+  int64_t size = getByteSize(access.leaves[0].type);
+  SmallVector<mlir::Value> masks, vectors, components;
+  if (!access.isFull)
+    masks = spreadMask(b, loc, access.mask, lanes, period);
+  mlir::Value none = arith::ConstantOp::create(b, loc, b.getZeroAttr(stored));
+  for (int64_t i = 0; i < period; ++i) {
+    mlir::Value from = access.move(b, loc, i * lanes * size);
+    // Numbers between the elements exist, but not after the last one.
+    bool isLast = stride > 1 && (i + 1) * lanes > period * (lanes - 1) + count;
+    mlir::Value mask = access.isFull ? mlir::Value() : masks[i];
+    if (stride > 1 && (isLast || mask)) {
+      mlir::Value taken =
+          patternMask(b, loc, lanes, i * lanes, count, period);
+      mask = mask ? arith::AndIOp::create(b, loc, mask, taken).getResult()
+                  : taken;
+    }
+    if (!mask)
+      vectors.push_back(LLVM::LoadOp::create(b, loc, stored, from, size));
+    else
+      vectors.push_back(LLVM::MaskedLoadOp::create(
+          b, loc, stored, from, mask, none, b.getI32IntegerAttr(size),
+          /*nontemporal=*/UnitAttr()));
+  }
+  if (period == 1)
+    return vectors;
+  Registers registers(b, loc, lanes);
+  for (int64_t c = 0; c < count; ++c)
+    components.push_back(registers.select(
+        vectors, [&](int64_t lane) { return lane * period + c; }));
+  return components;
+}
+
+SmallVector<mlir::Value>
+ArrayLowering::loadGathered(const LaneAccess &access) {
+  if (access.hasWords())
+    return loadWords(access);
+  SmallVector<mlir::Value> components;
+  for (Leaf leaf : access.leaves) {
+    VectorType stored = storedLanes(leaf.type, access.lanes);
+    mlir::Value none =
+        arith::ConstantOp::create(b, loc, b.getZeroAttr(stored));
+    components.push_back(LLVM::masked_gather::create(
+        b, loc, stored, access.move(b, loc, leaf.offset), access.mask,
+        ValueRange(none), b.getI32IntegerAttr(getByteSize(leaf.type))));
+  }
+  return components;
+}
+
 void ArrayLowering::lowerLanes(LoadLanesOp op) {
   LaneAccess access = laneAccess(op.getArray(), op.getIndices(), op.getMask(),
                                  op.getForm(), op.getNonNegative());
-  int64_t count = access.leaves.size(), lanes = access.lanes;
-  SmallVector<mlir::Value> components;
-  if (op.getForm() == LaneForm::unit) {
-    mlir::Type leaf = access.leaves[0].type;
-    VectorType stored = storedLanes(leaf, lanes);
-    int64_t size = getByteSize(leaf);
-    SmallVector<mlir::Value> masks =
-        spreadMask(b, loc, access.mask, lanes, count), vectors;
-    mlir::Value none =
-        arith::ConstantOp::create(b, loc, b.getZeroAttr(stored));
-    for (int64_t i = 0; i < count; ++i) {
-      mlir::Value from = access.move(b, loc, i * lanes * size);
-      if (access.isFull)
-        vectors.push_back(LLVM::LoadOp::create(b, loc, stored, from, size));
-      else
-        vectors.push_back(LLVM::MaskedLoadOp::create(
-            b, loc, stored, from, masks[i], none, b.getI32IntegerAttr(size),
-            /*nontemporal=*/UnitAttr()));
-    }
-    Registers registers(b, loc, lanes);
-    for (int64_t c = 0; c < count; ++c)
-      components.push_back(count == 1 ? vectors[0]
-                                      : registers.select(vectors, [&](int64_t lane) {
-                                          return lane * count + c;
-                                        }));
-  } else {
-    for (Leaf leaf : access.leaves) {
-      VectorType stored = storedLanes(leaf.type, lanes);
-      mlir::Value none =
-          arith::ConstantOp::create(b, loc, b.getZeroAttr(stored));
-      mlir::Value from = access.move(b, loc, leaf.offset);
-      components.push_back(LLVM::masked_gather::create(
-          b, loc, stored, from, access.mask, ValueRange(none),
-          b.getI32IntegerAttr(getByteSize(leaf.type))));
-    }
-  }
+  SmallVector<mlir::Value> components = op.getForm() == LaneForm::unit
+                                            ? loadUnit(access, op.getStride())
+                                            : loadGathered(access);
   for (auto [result, leaf, value] :
        llvm::zip_equal(op.getComponents(), access.leaves, components)) {
     if (isBool(leaf.type)) {
@@ -309,36 +304,20 @@ void ArrayLowering::lowerLanes(LoadLanesOp op) {
   }
 }
 
-void ArrayLowering::lowerLanes(StoreLanesOp op) {
-  LaneAccess access = laneAccess(op.getArray(), op.getIndices(), op.getMask(),
-                                 op.getForm(), op.getNonNegative());
+void ArrayLowering::storeUnit(const LaneAccess &access,
+                              ArrayRef<mlir::Value> components) {
   int64_t count = access.leaves.size(), lanes = access.lanes;
-  SmallVector<mlir::Value> components;
-  for (auto [leaf, value] :
-       llvm::zip_equal(access.leaves, op.getComponents()))
-    components.push_back(isBool(leaf.type)
-                             ? arith::ExtUIOp::create(
-                                   b, loc, storedLanes(leaf.type, lanes), value)
-                                   .getResult()
-                             : value);
-  if (op.getForm() == LaneForm::gather) {
-    for (auto [leaf, value] : llvm::zip_equal(access.leaves, components))
-      LLVM::masked_scatter::create(
-          b, loc, value, access.move(b, loc, leaf.offset), access.mask,
-          b.getI32IntegerAttr(getByteSize(leaf.type)));
-    return;
-  }
   int64_t size = getByteSize(access.leaves[0].type);
   SmallVector<mlir::Value> masks =
       spreadMask(b, loc, access.mask, lanes, count);
   Registers registers(b, loc, lanes);
   for (int64_t i = 0; i < count; ++i) {
-    mlir::Value vector = count == 1
-                             ? components[0]
-                             : registers.select(components, [&](int64_t lane) {
-                                 int64_t number = i * lanes + lane;
-                                 return number % count * lanes + number / count;
-                               });
+    auto source = [&](int64_t lane) {
+      int64_t number = i * lanes + lane;
+      return number % count * lanes + number / count;
+    };
+    mlir::Value vector =
+        count == 1 ? components[0] : registers.select(components, source);
     mlir::Value to = access.move(b, loc, i * lanes * size);
     if (access.isFull)
       LLVM::StoreOp::create(b, loc, vector, to, size);
@@ -346,4 +325,30 @@ void ArrayLowering::lowerLanes(StoreLanesOp op) {
       LLVM::MaskedStoreOp::create(b, loc, vector, to, masks[i],
                                   b.getI32IntegerAttr(size));
   }
+}
+
+void ArrayLowering::storeScattered(const LaneAccess &access,
+                                   ArrayRef<mlir::Value> components) {
+  for (auto [leaf, value] : llvm::zip_equal(access.leaves, components))
+    LLVM::masked_scatter::create(b, loc, value,
+                                 access.move(b, loc, leaf.offset), access.mask,
+                                 b.getI32IntegerAttr(getByteSize(leaf.type)));
+}
+
+void ArrayLowering::lowerLanes(StoreLanesOp op) {
+  LaneAccess access = laneAccess(op.getArray(), op.getIndices(), op.getMask(),
+                                 op.getForm(), op.getNonNegative());
+  SmallVector<mlir::Value> components;
+  for (auto [leaf, value] : llvm::zip_equal(access.leaves, op.getComponents()))
+    components.push_back(
+        isBool(leaf.type)
+            ? arith::ExtUIOp::create(b, loc,
+                                     storedLanes(leaf.type, access.lanes),
+                                     value)
+                  .getResult()
+            : value);
+  if (op.getForm() == LaneForm::unit)
+    storeUnit(access, components);
+  else
+    storeScattered(access, components);
 }

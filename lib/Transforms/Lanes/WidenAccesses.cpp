@@ -24,6 +24,8 @@ using warp::Widening;
 
 /// Components of an element that are worth taking apart in registers.
 constexpr size_t mostComponents = 16;
+/// Elements of which one is taken.
+constexpr int64_t largestStride = 4;
 
 /// Whether the elements of the last dimension follow each other.
 static bool isPacked(Value array) {
@@ -52,13 +54,18 @@ static bool isDense(Type element) {
          warp::getByteSize(element) == int64_t(leaves.size()) * size;
 }
 
-bool Widening::isUnit(Value array, ValueRange indices, Block *where) {
+/// By how many elements of a packed last dimension lanes are apart; 0 if that is
+/// not known or not worth whole vectors.
+int64_t Widening::unitStride(Value array, ValueRange indices, Block *where) {
   auto type = cast<warp::ArrayType>(array.getType());
-  return !indices.empty() && isDense(type.getElementType()) &&
-         isPacked(array) && variance.step(indices.back()) == 1 &&
-         llvm::none_of(indices.drop_back(),
-                       [&](Value index) { return isVarying(index); }) &&
-         warp::isNonNegative(indices.back(), where);
+  int64_t stride = indices.empty() ? 0 : variance.step(indices.back())
+                                             .value_or(0);
+  bool fits = stride >= 1 && stride <= largestStride &&
+              isDense(type.getElementType()) && isPacked(array) &&
+              llvm::none_of(indices.drop_back(),
+                            [&](Value index) { return isVarying(index); }) &&
+              warp::isNonNegative(indices.back(), where);
+  return fits ? stride : 0;
 }
 
 Widening::Values Widening::accessIndices(ValueRange indices,
@@ -82,16 +89,16 @@ void Widening::widenLoad(warp::LoadComponentsOp op) {
                     [&](Value v) { return isVarying(v); }))
     return cloneScalar(op);
   Block *where = op->getBlock();
-  warp::LaneForm form = isUnit(op.getArray(), op.getIndices(), where)
-                            ? warp::LaneForm::unit
-                            : warp::LaneForm::gather;
+  int64_t stride = unitStride(op.getArray(), op.getIndices(), where);
+  warp::LaneForm form =
+      stride ? warp::LaneForm::unit : warp::LaneForm::gather;
   SmallVector<Type> types;
   for (Type type : op.getResultTypes())
     types.push_back(lanesOf(type));
   auto load = warp::LoadLanesOp::create(
       b, loc, types, scalar(op.getArray()),
       accessIndices(op.getIndices(), form), mask, form,
-      nonNegative(op.getIndices(), where));
+      nonNegative(op.getIndices(), where), std::max<int64_t>(stride, 1));
   for (auto [result, made] :
        llvm::zip_equal(op.getComponents(), load.getComponents()))
     setVector(result, made);
@@ -108,9 +115,10 @@ void Widening::widenStore(warp::StoreComponentsOp op) {
     return isOneValue ? cloneScalar(op) : eachLane(op);
   }
   Block *where = op->getBlock();
-  warp::LaneForm form = isUnit(op.getArray(), op.getIndices(), where)
-                            ? warp::LaneForm::unit
-                            : warp::LaneForm::gather;
+  warp::LaneForm form =
+      unitStride(op.getArray(), op.getIndices(), where) == 1
+          ? warp::LaneForm::unit
+          : warp::LaneForm::gather;
   Values components;
   for (Value component : op.getComponents())
     components.push_back(vector(component));
@@ -154,9 +162,19 @@ void Widening::widenUpdate(warp::AtomicComponentsOp op) {
     return;
   }
   Block *where = op->getBlock();
-  if (!kernel->hasAttr(warp::attr::exclusive) || isExact ||
-      !isUnit(op.getArray(), op.getIndices(), where))
+  if (isExact || !op->use_empty())
     return eachLane(op);
+  if (!kernel->hasAttr(warp::attr::exclusive) ||
+      unitStride(op.getArray(), op.getIndices(), where) != 1) {
+    Values components;
+    for (Value component : op.getComponents())
+      components.push_back(vector(component));
+    warp::UpdateLanesOp::create(
+        b, loc, op.getKind(), components, scalar(op.getArray()),
+        accessIndices(op.getIndices(), warp::LaneForm::gather), mask,
+        nonNegative(op.getIndices(), where));
+    return;
+  }
   // Lanes do not meet, and no other thread is there.
   SmallVector<Type> types;
   for (Type type : op.getResultTypes())
@@ -165,7 +183,7 @@ void Widening::widenUpdate(warp::AtomicComponentsOp op) {
   SmallVector<bool> isRight = nonNegative(op.getIndices(), where);
   auto old = warp::LoadLanesOp::create(b, loc, types, scalar(op.getArray()),
                                        indices, mask, warp::LaneForm::unit,
-                                       isRight);
+                                       isRight, /*stride=*/1);
   Values sums;
   for (auto [leaf, before, value] : llvm::zip_equal(
            leaves, old.getComponents(), op.getComponents()))
@@ -173,9 +191,6 @@ void Widening::widenUpdate(warp::AtomicComponentsOp op) {
                                  leaf.type));
   warp::StoreLanesOp::create(b, loc, sums, scalar(op.getArray()), indices, mask,
                              warp::LaneForm::unit, isRight);
-  for (auto [result, before] :
-       llvm::zip_equal(op.getOld(), old.getComponents()))
-    setVector(result, before);
 }
 
 //===----------------------------------------------------------------------===//

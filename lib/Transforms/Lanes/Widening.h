@@ -85,7 +85,8 @@ private:
   void widenStore(StoreComponentsOp op);
   void widenUpdate(AtomicComponentsOp op);
   void widenScratch(mlir::Operation *op);
-  bool isUnit(mlir::Value array, mlir::ValueRange indices, mlir::Block *where);
+  int64_t unitStride(mlir::Value array, mlir::ValueRange indices,
+                     mlir::Block *where);
   Values accessIndices(mlir::ValueRange indices, LaneForm form);
   llvm::SmallVector<bool> nonNegative(mlir::ValueRange indices,
                                       mlir::Block *where);
