@@ -3,11 +3,12 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // A kernel's result must not depend on how many of its threads are computed at
-// once: functions of 4, 8 and 16 lanes have the bits of the one for a single
-// number, whatever stands in the other lanes.
+// once: functions of a vector have the bits of the one for a single number,
+// whatever stands in the other lanes.
 //
 //===----------------------------------------------------------------------===//
 
+#include "../../lib/DeviceLib/cpu/DoublePower.h"
 #include "../../lib/DeviceLib/cpu/FloatMath.h"
 #include "../../lib/DeviceLib/cpu/FloatPower.h"
 
@@ -62,28 +63,33 @@ void compare(const char *name, Function function, One one) {
   compare<type, lanes>(                                                        \
       #name, [](auto x, auto y) { return home<lanes>::name(x, y); },           \
       [](type x, type y) { return home<1>::name(x, y); })
-#define FLOAT(kind, home, name)                                                \
+#define FUNCTION(kind, home, name)                                             \
   TEST(FloatLanes, name) {                                                     \
-    kind(float, home, name, 4);                                                \
-    kind(float, home, name, 8);                                                \
-    kind(float, home, name, 16);                                               \
+    kind(float, Float##home, name, 4);                                         \
+    kind(float, Float##home, name, 8);                                         \
+    kind(float, Float##home, name, 16);                                        \
+  }                                                                            \
+  TEST(DoubleLanes, name) {                                                    \
+    kind(double, Double##home, name, 2);                                       \
+    kind(double, Double##home, name, 4);                                       \
+    kind(double, Double##home, name, 8);                                       \
   }
 
-FLOAT(COMPARE, FloatMath, sin)
-FLOAT(COMPARE, FloatMath, cos)
-FLOAT(COMPARE, FloatMath, tan)
-FLOAT(COMPARE, FloatMath, asin)
-FLOAT(COMPARE, FloatMath, acos)
-FLOAT(COMPARE, FloatMath, atan)
-FLOAT(COMPARE, FloatMath, exp)
-FLOAT(COMPARE, FloatMath, exp2)
-FLOAT(COMPARE, FloatMath, log)
-FLOAT(COMPARE, FloatMath, log2)
-FLOAT(COMPARE, FloatMath, log10)
-FLOAT(COMPARE, FloatMath, sinh)
-FLOAT(COMPARE, FloatMath, cosh)
-FLOAT(COMPARE, FloatMath, tanh)
-FLOAT(COMPARE_BINARY, FloatMath, atan2)
-FLOAT(COMPARE_BINARY, FloatPower, pow)
+FUNCTION(COMPARE, Math, sin)
+FUNCTION(COMPARE, Math, cos)
+FUNCTION(COMPARE, Math, tan)
+FUNCTION(COMPARE, Math, asin)
+FUNCTION(COMPARE, Math, acos)
+FUNCTION(COMPARE, Math, atan)
+FUNCTION(COMPARE, Math, exp)
+FUNCTION(COMPARE, Math, exp2)
+FUNCTION(COMPARE, Math, log)
+FUNCTION(COMPARE, Math, log2)
+FUNCTION(COMPARE, Math, log10)
+FUNCTION(COMPARE, Math, sinh)
+FUNCTION(COMPARE, Math, cosh)
+FUNCTION(COMPARE, Math, tanh)
+FUNCTION(COMPARE_BINARY, Math, atan2)
+FUNCTION(COMPARE_BINARY, Power, pow)
 
 } // namespace
