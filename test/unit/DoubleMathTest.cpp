@@ -8,7 +8,7 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "../../lib/DeviceLib/cpu/DoublePower.h"
+#include "../../lib/DeviceLib/cpu/DoubleInverses.h"
 
 #include <algorithm>
 #include <cmath>
@@ -48,7 +48,9 @@ public:
     return std::uniform_real_distribution<double>(-span, span)(random);
   }
   /// Close to zero or to a number.
-  double near(double x) { return x + std::ldexp(within(1), -int(random() % 50)); }
+  double near(double x) {
+    return x + std::ldexp(within(1), -int(random() % 50));
+  }
   /// Close to a zero of a function of angles.
   double angle() { return std::rint(within(1e6)) * 1.5707963267948966; }
 
@@ -91,14 +93,20 @@ TEST_P(DoubleFunction, IsWithinOneUlp) {
   }
 }
 
-#define UNARY(name, span) Unary{#name, DoubleMath<1>::name, ::name##l, span}
+#define UNARY(name, span) UNARY_OF(DoubleMath, name, span)
+#define INVERSE(name, span) UNARY_OF(DoubleInverses, name, span)
+#define UNARY_OF(home, name, span)                                             \
+  Unary { #name, home<1>::name, ::name##l, span }
 INSTANTIATE_TEST_SUITE_P(
     All, DoubleFunction,
     testing::Values(UNARY(sin, 100), UNARY(cos, 100), UNARY(tan, 100),
                     UNARY(asin, 1), UNARY(acos, 1), UNARY(atan, 10),
                     UNARY(exp, 750), UNARY(exp2, 1100), UNARY(log, 1e5),
                     UNARY(log2, 10), UNARY(log10, 10), UNARY(sinh, 720),
-                    UNARY(cosh, 720), UNARY(tanh, 5)),
+                    UNARY(cosh, 720), UNARY(tanh, 5), UNARY(expm1, 50),
+                    UNARY(log1p, 10), INVERSE(asinh, 100),
+                    INVERSE(acosh, 100), INVERSE(atanh, 1),
+                    INVERSE(cbrt, 1000)),
     [](const auto &info) { return std::string(info.param.name); });
 
 template <class Ours, class Reference>

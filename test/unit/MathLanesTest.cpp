@@ -8,9 +8,9 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "../../lib/DeviceLib/cpu/DoublePower.h"
 #include "../../lib/DeviceLib/cpu/FloatMath.h"
 #include "../../lib/DeviceLib/cpu/FloatPower.h"
+#include "../../lib/DeviceLib/cpu/FloatWide.h"
 
 #include <cstring>
 #include <gtest/gtest.h>
@@ -63,33 +63,39 @@ void compare(const char *name, Function function, One one) {
   compare<type, lanes>(                                                        \
       #name, [](auto x, auto y) { return home<lanes>::name(x, y); },           \
       [](type x, type y) { return home<1>::name(x, y); })
-#define FUNCTION(kind, home, name)                                             \
+#define FUNCTION(kind, floats, doubles, name)                                  \
   TEST(FloatLanes, name) {                                                     \
-    kind(float, Float##home, name, 4);                                         \
-    kind(float, Float##home, name, 8);                                         \
-    kind(float, Float##home, name, 16);                                        \
+    kind(float, floats, name, 4);                                              \
+    kind(float, floats, name, 8);                                              \
+    kind(float, floats, name, 16);                                             \
   }                                                                            \
   TEST(DoubleLanes, name) {                                                    \
-    kind(double, Double##home, name, 2);                                       \
-    kind(double, Double##home, name, 4);                                       \
-    kind(double, Double##home, name, 8);                                       \
+    kind(double, doubles, name, 2);                                            \
+    kind(double, doubles, name, 4);                                            \
+    kind(double, doubles, name, 8);                                            \
   }
 
-FUNCTION(COMPARE, Math, sin)
-FUNCTION(COMPARE, Math, cos)
-FUNCTION(COMPARE, Math, tan)
-FUNCTION(COMPARE, Math, asin)
-FUNCTION(COMPARE, Math, acos)
-FUNCTION(COMPARE, Math, atan)
-FUNCTION(COMPARE, Math, exp)
-FUNCTION(COMPARE, Math, exp2)
-FUNCTION(COMPARE, Math, log)
-FUNCTION(COMPARE, Math, log2)
-FUNCTION(COMPARE, Math, log10)
-FUNCTION(COMPARE, Math, sinh)
-FUNCTION(COMPARE, Math, cosh)
-FUNCTION(COMPARE, Math, tanh)
-FUNCTION(COMPARE_BINARY, Math, atan2)
-FUNCTION(COMPARE_BINARY, Power, pow)
+FUNCTION(COMPARE, FloatMath, DoubleMath, sin)
+FUNCTION(COMPARE, FloatMath, DoubleMath, cos)
+FUNCTION(COMPARE, FloatMath, DoubleMath, tan)
+FUNCTION(COMPARE, FloatMath, DoubleMath, asin)
+FUNCTION(COMPARE, FloatMath, DoubleMath, acos)
+FUNCTION(COMPARE, FloatMath, DoubleMath, atan)
+FUNCTION(COMPARE, FloatMath, DoubleMath, exp)
+FUNCTION(COMPARE, FloatMath, DoubleMath, exp2)
+FUNCTION(COMPARE, FloatMath, DoubleMath, log)
+FUNCTION(COMPARE, FloatMath, DoubleMath, log2)
+FUNCTION(COMPARE, FloatMath, DoubleMath, log10)
+FUNCTION(COMPARE, FloatMath, DoubleMath, sinh)
+FUNCTION(COMPARE, FloatMath, DoubleMath, cosh)
+FUNCTION(COMPARE, FloatMath, DoubleMath, tanh)
+FUNCTION(COMPARE_BINARY, FloatMath, DoubleMath, atan2)
+FUNCTION(COMPARE_BINARY, FloatPower, DoublePower, pow)
+FUNCTION(COMPARE, FloatWide, DoubleMath, expm1)
+FUNCTION(COMPARE, FloatWide, DoubleMath, log1p)
+FUNCTION(COMPARE, FloatWide, DoubleInverses, asinh)
+FUNCTION(COMPARE, FloatWide, DoubleInverses, acosh)
+FUNCTION(COMPARE, FloatWide, DoubleInverses, atanh)
+FUNCTION(COMPARE, FloatWide, DoubleInverses, cbrt)
 
 } // namespace

@@ -374,15 +374,19 @@ template <int n> struct DoubleMath {
                                   0x1.95355baaafad3p-57));
   }
 
-  /// 1 + x is m 2^k in a double, and the rest of the sum counts at its slope.
-  static D log1p(D x) {
+  /// log(high + low) + shift log(2), where low is small.
+  static D logOfSum(D high, D low, D shift) {
     constexpr f64 ln2 = 0x1.62e42fefa2000p-1, ln2Low = 0x1.9ef35793c7673p-41;
-    D m = 1.0 + x;
-    D rest = x > 1.0 ? 1.0 - (m - x) : x - (m - 1.0);
-    Logarithm l = splitLog(m);
-    D slope = 1.0 / m;
-    D low = fma(l.exponent, D(ln2Low), fma(rest, slope, l.low));
-    D value = finishLog(m, sum(l.exponent * ln2, l.high, low));
+    Logarithm l = splitLog(high);
+    D exponent = l.exponent + shift;
+    D rest = fma(exponent, D(ln2Low), fma(low, 1.0 / high, l.low));
+    return finishLog(high, sum(exponent * ln2, l.high, rest));
+  }
+
+  static D log1p(D x) {
+    D high = 1.0 + x;
+    D low = x > 1.0 ? 1.0 - (high - x) : x - (high - 1.0);
+    D value = logOfSum(high, low, D(0.0));
     return abs(x) < 0x1.0p-40 ? fma(x * x, D(-0.5), x) : value;
   }
 };

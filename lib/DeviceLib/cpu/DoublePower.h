@@ -42,15 +42,13 @@ template <int n> struct DoublePower {
     return {high, fma(a, bLow, fma(aLow, b, low))};
   }
 
-  /// log(m) / 2 for m in [sqrt(1/2), sqrt(2)].
-  static Sum halfLog(D m) { // [2^-66]
+  /// log((g + f) / (g - f)) / 2 between sqrt(1/2) and sqrt(2), g in two parts.
+  static Sum halfLog(D f, D g, D gLow) { // [2^-66]
     constexpr f64 fifth = 0x1.9999999999b2ep-3;
     constexpr f64 c[] = {0x1.24924924580d2p-3, 0x1.c71c722d25b85p-4,
                          0x1.745ce9f4e0d00p-4, 0x1.3b1ee9af5833ap-4,
                          0x1.0f800f3d201e6p-4, 0x1.0e41e32a22b1ap-4};
     constexpr f64 third = 0x1.5555555555555p-2, thirdLow = third / 0x1.0p+54;
-    D f = m - 1.0, g = m + 1.0, gLow = (m - g) + 1.0;
-    gLow = m > 1.0 ? gLow : (1.0 - g) + m;
     D s = f / g;
     D sLow = fma(-s, gLow, fma(-s, g, f)) / g;
     Sum z = multiply(s, sLow, s, sLow);
@@ -69,7 +67,8 @@ template <int n> struct DoublePower {
     constexpr f64 twoLog2OfE = 0x1.71547652b82fep+1;
     constexpr f64 twoLog2OfELow = 0x1.777d0ffda0d24p-55;
     D m, exponent = Math::splitExponent(x, m);
-    Sum half = halfLog(m);
+    D g = m + 1.0, gLow = m > 1.0 ? (m - g) + 1.0 : (1.0 - g) + m;
+    Sum half = halfLog(m - 1.0, g, gLow);
     Sum log = multiply(half.high, half.low, D(twoLog2OfE), D(twoLog2OfELow));
     D high = exponent + log.high;
     D low = exponent == 0.0 ? D(0.0) : (exponent - high) + log.high;

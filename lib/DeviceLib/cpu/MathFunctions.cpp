@@ -11,9 +11,10 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "DoublePower.h"
+#include "DoubleInverses.h"
 #include "FloatMath.h"
 #include "FloatPower.h"
+#include "FloatWide.h"
 
 #define UNARY(symbol, function, type)                                          \
   extern "C" __attribute__((always_inline, used)) type symbol(type x) {        \
@@ -25,29 +26,35 @@
     return function(x, y);                                                     \
   }
 #define COMMA ,
-#define FUNCTION(kind, home, name)                                             \
-  kind(warp_##name##f, Float##home<1>::name, f32)                              \
-  kind(warp_##name##f_x4, Float##home<4>::name, Lanes<f32 COMMA 4>)            \
-  kind(warp_##name##f_x8, Float##home<8>::name, Lanes<f32 COMMA 8>)            \
-  kind(warp_##name##f_x16, Float##home<16>::name, Lanes<f32 COMMA 16>)         \
-  kind(warp_##name, Double##home<1>::name, f64)                                \
-  kind(warp_##name##_x2, Double##home<2>::name, Lanes<f64 COMMA 2>)            \
-  kind(warp_##name##_x4, Double##home<4>::name, Lanes<f64 COMMA 4>)            \
-  kind(warp_##name##_x8, Double##home<8>::name, Lanes<f64 COMMA 8>)
+#define FUNCTION(kind, floats, doubles, name)                                  \
+  kind(warp_##name##f, floats<1>::name, f32)                                   \
+  kind(warp_##name##f_x4, floats<4>::name, Lanes<f32 COMMA 4>)                 \
+  kind(warp_##name##f_x8, floats<8>::name, Lanes<f32 COMMA 8>)                 \
+  kind(warp_##name##f_x16, floats<16>::name, Lanes<f32 COMMA 16>)              \
+  kind(warp_##name, doubles<1>::name, f64)                                     \
+  kind(warp_##name##_x2, doubles<2>::name, Lanes<f64 COMMA 2>)                 \
+  kind(warp_##name##_x4, doubles<4>::name, Lanes<f64 COMMA 4>)                 \
+  kind(warp_##name##_x8, doubles<8>::name, Lanes<f64 COMMA 8>)
 
-FUNCTION(UNARY, Math, sin)
-FUNCTION(UNARY, Math, cos)
-FUNCTION(UNARY, Math, tan)
-FUNCTION(UNARY, Math, asin)
-FUNCTION(UNARY, Math, acos)
-FUNCTION(UNARY, Math, atan)
-FUNCTION(BINARY, Math, atan2)
-FUNCTION(UNARY, Math, exp)
-FUNCTION(UNARY, Math, exp2)
-FUNCTION(UNARY, Math, log)
-FUNCTION(UNARY, Math, log2)
-FUNCTION(UNARY, Math, log10)
-FUNCTION(UNARY, Math, sinh)
-FUNCTION(UNARY, Math, cosh)
-FUNCTION(UNARY, Math, tanh)
-FUNCTION(BINARY, Power, pow)
+FUNCTION(UNARY, FloatMath, DoubleMath, sin)
+FUNCTION(UNARY, FloatMath, DoubleMath, cos)
+FUNCTION(UNARY, FloatMath, DoubleMath, tan)
+FUNCTION(UNARY, FloatMath, DoubleMath, asin)
+FUNCTION(UNARY, FloatMath, DoubleMath, acos)
+FUNCTION(UNARY, FloatMath, DoubleMath, atan)
+FUNCTION(BINARY, FloatMath, DoubleMath, atan2)
+FUNCTION(UNARY, FloatMath, DoubleMath, exp)
+FUNCTION(UNARY, FloatMath, DoubleMath, exp2)
+FUNCTION(UNARY, FloatMath, DoubleMath, log)
+FUNCTION(UNARY, FloatMath, DoubleMath, log2)
+FUNCTION(UNARY, FloatMath, DoubleMath, log10)
+FUNCTION(UNARY, FloatMath, DoubleMath, sinh)
+FUNCTION(UNARY, FloatMath, DoubleMath, cosh)
+FUNCTION(UNARY, FloatMath, DoubleMath, tanh)
+FUNCTION(BINARY, FloatPower, DoublePower, pow)
+FUNCTION(UNARY, FloatWide, DoubleMath, expm1)
+FUNCTION(UNARY, FloatWide, DoubleMath, log1p)
+FUNCTION(UNARY, FloatWide, DoubleInverses, asinh)
+FUNCTION(UNARY, FloatWide, DoubleInverses, acosh)
+FUNCTION(UNARY, FloatWide, DoubleInverses, atanh)
+FUNCTION(UNARY, FloatWide, DoubleInverses, cbrt)
