@@ -9,13 +9,17 @@
 // CHECK: %[[WIDE:.*]] = arith.extf %{{.*}} : vector<4xf16> to vector<4xf32>
 // CHECK: %[[LOG:.*]] = llvm.call @warp_logf_x4(%[[WIDE]])
 // CHECK: arith.truncf %[[LOG]] : vector<4xf32> to vector<4xf16>
+// CHECK: llvm.call @warp_atan2_x8(
+// CHECK: llvm.call @warp_cos_x2(
 llvm.func @whole(%a: vector<16xf32>, %b: vector<8xf32>, %c: vector<4xf32>,
-                 %d: vector<4xf16>)
+                 %d: vector<4xf16>, %e: vector<8xf64>, %f: vector<2xf64>)
     attributes {warp.entry, warp.target = "cpu"} {
   %0 = math.sin %a : vector<16xf32>
   %1 = math.powf %b, %b : vector<8xf32>
   %2 = math.exp %c : vector<4xf32>
   %3 = math.log %d : vector<4xf16>
+  %4 = math.atan2 %e, %e : vector<8xf64>
+  %5 = math.cos %f : vector<2xf64>
   llvm.return
 }
 
@@ -37,11 +41,13 @@ llvm.func @halves(%a: vector<32xf32>) attributes {warp.target = "cpu"} {
 // CHECK: %[[Y:.*]] = llvm.call @warp_sinf(%[[X]])
 // CHECK: llvm.insertelement %[[Y]]
 // CHECK: llvm.call @warp_sinf(
+// CHECK-COUNT-2: llvm.call @erf(
 // CHECK: llvm.return
-llvm.func @lanes(%a: vector<2xf32>) -> vector<2xf32>
+llvm.func @lanes(%a: vector<2xf32>, %b: vector<2xf64>)
     attributes {warp.target = "cpu"} {
   %0 = math.sin %a : vector<2xf32>
-  llvm.return %0 : vector<2xf32>
+  %1 = math.erf %b : vector<2xf64>
+  llvm.return
 }
 
 // Operations that stay have vector forms in LLVM.
@@ -64,7 +70,7 @@ llvm.func @native(%a: vector<16xf32>) attributes {warp.target = "cpu"} {
 // LLVM-LABEL: llvm.func @power
 // LLVM: llvm.fpext %{{.*}} : vector<4xf32> to vector<4xf64>
 // LLVM: llvm.sitofp %{{.*}} : vector<4xi32> to vector<4xf64>
-// LLVM-COUNT-4: llvm.call @pow(
+// LLVM: llvm.call @warp_pow_x4(
 // LLVM: llvm.fptrunc %{{.*}} : vector<4xf64> to vector<4xf32>
 llvm.func @power(%a: vector<4xf32>, %n: vector<4xi32>)
     attributes {warp.target = "cpu"} {

@@ -3,14 +3,14 @@
 // RUN: sed 's/"cpu"/"sm_90", warp.fast_math/' %s | warp-opt --warp-lower-math | FileCheck %s --check-prefix=FAST
 
 // Functions have no effects, so that LLVM may move and merge calls.
-// CPU: llvm.func @pow(f64, f64) -> f64 attributes {memory_effects = #llvm.memory_effects<other = none
+// CPU: llvm.func @warp_pow(f64, f64) -> f64 attributes {memory_effects = #llvm.memory_effects<other = none
 // CPU: llvm.func @erff(f32) -> f32
-// CPU: llvm.func @sin(f64) -> f64
+// CPU: llvm.func @warp_sin(f64) -> f64
 // CPU: llvm.func @warp_sinf(f32) -> f32
 
 // CPU-LABEL: llvm.func @calls
 // CPU: llvm.call @warp_sinf
-// CPU: llvm.call @sin(
+// CPU: llvm.call @warp_sin(
 // CPU: llvm.call @erff
 // CPU: %[[WIDE:.*]] = arith.extf %{{.*}} : f16 to f32
 // CPU: %[[SINE:.*]] = llvm.call @warp_sinf(%[[WIDE]])
@@ -18,7 +18,7 @@
 // CPU: math.sqrt
 // CPU: math.rsqrt
 // CPU: arith.remf
-// CPU: llvm.call @pow(
+// CPU: llvm.call @warp_pow(
 
 // GPU-LABEL: llvm.func @calls
 // GPU: llvm.call @__nv_sinf

@@ -10,6 +10,7 @@
 
 #include "../../lib/DeviceLib/cpu/FloatMath.h"
 #include "../../lib/DeviceLib/cpu/FloatPower.h"
+#include "../../lib/DeviceLib/cpu/FloatWide.h"
 
 #include <cmath>
 #include <cstdint>
@@ -70,13 +71,16 @@ TEST_P(FloatFunction, IsRightAtSpecialOperands) {
 }
 
 #define UNARY(name, bound) Unary{#name, FloatMath<1>::name, std::name, bound}
+#define WIDE(name) Unary{#name, FloatWide<1>::name, std::name, 0.502}
 INSTANTIATE_TEST_SUITE_P(
     All, FloatFunction,
     testing::Values(UNARY(sin, 0.88), UNARY(cos, 0.88), UNARY(tan, 0.95),
                     UNARY(asin, 0.72), UNARY(acos, 0.69), UNARY(atan, 0.76),
                     UNARY(exp, 0.79), UNARY(exp2, 0.89), UNARY(log, 0.60),
                     UNARY(log2, 0.66), UNARY(log10, 0.64), UNARY(sinh, 0.76),
-                    UNARY(cosh, 0.89), UNARY(tanh, 0.96)),
+                    UNARY(cosh, 0.89), UNARY(tanh, 0.96), WIDE(expm1),
+                    WIDE(log1p), WIDE(asinh), WIDE(acosh), WIDE(atanh),
+                    WIDE(cbrt)),
     [](const auto &info) { return std::string(info.param.name); });
 
 constexpr float special[] = {0.0f,   -0.0f,     1.0f,      -1.0f, INFINITY,

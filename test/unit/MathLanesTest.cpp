@@ -3,13 +3,14 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // A kernel's result must not depend on how many of its threads are computed at
-// once: functions of 4, 8 and 16 lanes have the bits of the one for a single
-// number, whatever stands in the other lanes.
+// once: functions of a vector have the bits of the one for a single number,
+// whatever stands in the other lanes.
 //
 //===----------------------------------------------------------------------===//
 
 #include "../../lib/DeviceLib/cpu/FloatMath.h"
 #include "../../lib/DeviceLib/cpu/FloatPower.h"
+#include "../../lib/DeviceLib/cpu/FloatWide.h"
 
 #include <cstring>
 #include <gtest/gtest.h>
@@ -62,28 +63,39 @@ void compare(const char *name, Function function, One one) {
   compare<type, lanes>(                                                        \
       #name, [](auto x, auto y) { return home<lanes>::name(x, y); },           \
       [](type x, type y) { return home<1>::name(x, y); })
-#define FLOAT(kind, home, name)                                                \
+#define FUNCTION(kind, floats, doubles, name)                                  \
   TEST(FloatLanes, name) {                                                     \
-    kind(float, home, name, 4);                                                \
-    kind(float, home, name, 8);                                                \
-    kind(float, home, name, 16);                                               \
+    kind(float, floats, name, 4);                                              \
+    kind(float, floats, name, 8);                                              \
+    kind(float, floats, name, 16);                                             \
+  }                                                                            \
+  TEST(DoubleLanes, name) {                                                    \
+    kind(double, doubles, name, 2);                                            \
+    kind(double, doubles, name, 4);                                            \
+    kind(double, doubles, name, 8);                                            \
   }
 
-FLOAT(COMPARE, FloatMath, sin)
-FLOAT(COMPARE, FloatMath, cos)
-FLOAT(COMPARE, FloatMath, tan)
-FLOAT(COMPARE, FloatMath, asin)
-FLOAT(COMPARE, FloatMath, acos)
-FLOAT(COMPARE, FloatMath, atan)
-FLOAT(COMPARE, FloatMath, exp)
-FLOAT(COMPARE, FloatMath, exp2)
-FLOAT(COMPARE, FloatMath, log)
-FLOAT(COMPARE, FloatMath, log2)
-FLOAT(COMPARE, FloatMath, log10)
-FLOAT(COMPARE, FloatMath, sinh)
-FLOAT(COMPARE, FloatMath, cosh)
-FLOAT(COMPARE, FloatMath, tanh)
-FLOAT(COMPARE_BINARY, FloatMath, atan2)
-FLOAT(COMPARE_BINARY, FloatPower, pow)
+FUNCTION(COMPARE, FloatMath, DoubleMath, sin)
+FUNCTION(COMPARE, FloatMath, DoubleMath, cos)
+FUNCTION(COMPARE, FloatMath, DoubleMath, tan)
+FUNCTION(COMPARE, FloatMath, DoubleMath, asin)
+FUNCTION(COMPARE, FloatMath, DoubleMath, acos)
+FUNCTION(COMPARE, FloatMath, DoubleMath, atan)
+FUNCTION(COMPARE, FloatMath, DoubleMath, exp)
+FUNCTION(COMPARE, FloatMath, DoubleMath, exp2)
+FUNCTION(COMPARE, FloatMath, DoubleMath, log)
+FUNCTION(COMPARE, FloatMath, DoubleMath, log2)
+FUNCTION(COMPARE, FloatMath, DoubleMath, log10)
+FUNCTION(COMPARE, FloatMath, DoubleMath, sinh)
+FUNCTION(COMPARE, FloatMath, DoubleMath, cosh)
+FUNCTION(COMPARE, FloatMath, DoubleMath, tanh)
+FUNCTION(COMPARE_BINARY, FloatMath, DoubleMath, atan2)
+FUNCTION(COMPARE_BINARY, FloatPower, DoublePower, pow)
+FUNCTION(COMPARE, FloatWide, DoubleMath, expm1)
+FUNCTION(COMPARE, FloatWide, DoubleMath, log1p)
+FUNCTION(COMPARE, FloatWide, DoubleInverses, asinh)
+FUNCTION(COMPARE, FloatWide, DoubleInverses, acosh)
+FUNCTION(COMPARE, FloatWide, DoubleInverses, atanh)
+FUNCTION(COMPARE, FloatWide, DoubleInverses, cbrt)
 
 } // namespace

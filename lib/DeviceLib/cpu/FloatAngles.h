@@ -183,14 +183,14 @@ template <int n> struct FloatAngle {
     } else {
 #pragma clang loop unroll(disable)
       for (int i = 0; i < n; ++i) {
-        if (!isLarge[i])
+        if (!laneOf(isLarge, i))
           continue;
         f32 oneHigh, oneLow;
         u32 oneQuadrant;
-        callReduceLargeFloat(x[i], oneHigh, oneLow, oneQuadrant);
-        high[i] = oneHigh;
-        low[i] = oneLow;
-        quadrant[i] = oneQuadrant;
+        callReduceLargeFloat(laneOf(x, i), oneHigh, oneLow, oneQuadrant);
+        setLane(high, i, oneHigh);
+        setLane(low, i, oneLow);
+        setLane(quadrant, i, oneQuadrant);
       }
     }
   }

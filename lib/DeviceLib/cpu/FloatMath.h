@@ -290,9 +290,9 @@ template <int n> struct FloatMath {
   }
 
   static F finishLog(F x, F result) {
-    result = x < infinity ? result : x;
-    result = x < 0.0f ? F(notANumber) : result;
-    return x == 0.0f ? F(-infinity) : result;
+    F special = x < 0.0f ? F(notANumber) : x;
+    special = x == 0.0f ? F(-infinity) : special;
+    return ((x > 0.0f) & (x < infinity)) ? result : special;
   }
 
   static F log(F x) {

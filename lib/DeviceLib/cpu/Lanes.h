@@ -67,6 +67,20 @@ template <class Mask> inline bool any(Mask mask) {
     return mask;
 }
 
+template <class V> inline auto laneOf(V x, int lane) {
+  if constexpr (requires { x[0]; })
+    return x[lane];
+  else
+    return x;
+}
+
+template <class V, class T> inline void setLane(V &x, int lane, T value) {
+  if constexpr (requires { x[0]; })
+    x[lane] = value;
+  else
+    x = value;
+}
+
 /// Horner's rule, from the constant term.
 template <class V, class T, int n>
 inline V polynomial(V x, const T (&c)[n]) {
@@ -75,6 +89,27 @@ inline V polynomial(V x, const T (&c)[n]) {
   for (int i = n - 2; i >= 0; --i)
     sum = fma(sum, x, V(c[i]));
   return sum;
+}
+
+/// The same as a sum of pairs, of pairs of pairs and so on (Estrin's scheme).
+/// Polynomials of doubles are long: one term after the other would take most of
+/// the time of a function.
+template <class V, class T, int n>
+inline V polynomialOfPairs(V x, const T (&c)[n]) {
+  V terms[n];
+#pragma clang loop unroll(full)
+  for (int i = 0; i < n; ++i)
+    terms[i] = V(c[i]);
+#pragma clang loop unroll(full)
+  for (int count = n; count > 1; count = (count + 1) / 2) {
+#pragma clang loop unroll(full)
+    for (int i = 0; i < count / 2; ++i)
+      terms[i] = fma(x, terms[2 * i + 1], terms[2 * i]);
+    if (count % 2)
+      terms[count / 2] = terms[count - 1];
+    x = x * x;
+  }
+  return terms[0];
 }
 
 /// Keeps NaN.
