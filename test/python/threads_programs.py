@@ -13,7 +13,6 @@ import numpy as np
 
 import threads_reference as reference
 import warp as wp
-from frontend_programs import define
 
 INDENT = "    "
 SIGNED = ("int8", "int16", "int32", "int64")
@@ -134,13 +133,6 @@ def extents(dim):
     return math.prod(dim), (1, *dim)[-2], dim[-1]
 
 
-def compile_program(text, options):
-    """The names of a program, compiled with these options of its module."""
-    space = define(text)
-    wp.set_module_options(options, space["k"].module)
-    return space
-
-
 def run(space, dim, seed, device):
     """Outputs of a launch, by name."""
     n, h, w = extents(dim)
@@ -198,7 +190,7 @@ class Program:
             f"{name}: wp.{shaped.get(name, 'array')}(dtype={element})"
             for name, element, _, _ in ARRAYS
         ]
-        self.lines += ["@wp.kernel(module='unique')", "def k("]
+        self.lines += ["@wp.kernel(module_options=OPTIONS)", "def k("]
         self.lines += [f"{INDENT}{one}," for one in [*parameters, "n: int", "h: int", "w: int"]]
         self.lines.append("):")
         for line in HEADS[self.rank]:
@@ -239,11 +231,17 @@ class Program:
         same = [name for name, other in self.ints.items() if other == kind]
         if depth == 0 or self.random.random() < 0.2:
             place = self._index(self._counter())
-            leaves = [f"wp.{kind}({self.random.randrange(10)})", f"wp.{kind}({self._pick('a', 'i')})"]
+            leaves = [
+                f"wp.{kind}({self.random.randrange(10)})",
+                f"wp.{kind}({self._pick('a', 'i')})",
+            ]
             leaves += [f"r{INTS.index(kind)}[{place}]", f"wp.{kind}(x)", *same, *same]
             if kind == "int32":
                 leaves += ["s[a & 7]", "t.a", "o32[i]"]
-                leaves += ["collatz(a & 63, wp.int32(20))", "int(wp.dot(points[near[i]], points[i]))"]
+                leaves += [
+                    "collatz(a & 63, wp.int32(20))",
+                    "int(wp.dot(points[near[i]], points[i]))",
+                ]
             return self._pick(*leaves)
         one, other = self._integer(kind, depth - 1), self._integer(kind, depth - 1)
         forms = ["({0} + {1})", "({0} - {1})", "({0} * {1})", "({0} & {1})", "({0} ^ {1})"]
@@ -262,7 +260,12 @@ class Program:
             leaves = [f"wp.{kind}({quarter})", f"x{FLOATS.index(kind)}[{place}]", *same, *same]
             leaves += [f"wp.{kind}(a & wp.int32(63))"]
             if kind == "float32":
-                leaves += ["p[1]", "soften(x, wp.float32(2.0))", "wp.float32(y)", f"turns[{place}][1, 0]"]
+                leaves += [
+                    "p[1]",
+                    "soften(x, wp.float32(2.0))",
+                    "wp.float32(y)",
+                    f"turns[{place}][1, 0]",
+                ]
             return self._pick(*leaves)
         one, other = self._real(kind, depth - 1), self._real(kind, depth - 1)
         forms = ["({0} + {1})", "({0} - {1})", f"wp.min({{0}} * {{1}}, wp.{kind}(64.0))"]
@@ -377,7 +380,9 @@ class Program:
     def _while(self, depth):
         counter = f"k{self.loops}"
         self._add(f"{counter} = int(0)")
-        self._add(f"while {counter} < {self._pick('5', '(a & 7)', 'i % 7')} and {self._condition(0)}:")
+        self._add(
+            f"while {counter} < {self._pick('5', '(a & 7)', 'i % 7')} and {self._condition(0)}:"
+        )
         self.depth += 1
         self._add(f"{counter} += 1")
         self.loops += 1

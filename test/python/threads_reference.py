@@ -240,7 +240,7 @@ class CopyElements(ast.NodeTransformer):
 def load(text):
     """The names that the text defines."""
     space = {"wp": WP, "int": INTEGER, "float": SINGLE, "range": count}
-    space |= {"min": smaller, "max": larger, "abs": abs, "copied": copied}
+    space |= {"min": smaller, "max": larger, "abs": abs, "copied": copied, "OPTIONS": {}}
     exec(compile(CopyElements().visit(ast.parse(text)), "<reference>", "exec"), space)
     return space
 
