@@ -147,6 +147,8 @@ struct Access {
   bool loaded = false, stored = false, combined = false;
   /// Whether something depends on what an atomic returned.
   bool fetched = false;
+  /// Whether it is loaded in a loop that may end by what is loaded.
+  bool watched = false;
   /// Source line of the first store or atomic, 0 if there is none.
   unsigned line = 0;
   /// Byte offset of the descriptor in the parameter block.

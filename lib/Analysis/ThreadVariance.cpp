@@ -21,6 +21,7 @@
 #include "ThreadVariance.h"
 
 #include "Analysis/ArrayOrigins.h"
+#include "WarpDialect/Passes.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
@@ -78,6 +79,7 @@ ThreadVariance::ThreadVariance(FunctionOpInterface function)
       rank = std::max(rank, op->getNumResults());
   });
   lastIndex = 1 << (rank - 1);
+  mayOverlap = !function->hasAttr(warp::attr::disjoint);
   for (BlockArgument argument : function.getArguments())
     states[argument] = State();
   do {
@@ -157,6 +159,8 @@ void ThreadVariance::visit(Operation *op) {
     }
     return;
   }
+  if (isa<warp::ScratchOp, warp::ScratchLoadOp, warp::ScratchStoreOp>(op))
+    return visitScratch(op);
   for (Region &region : op->getRegions())
     visit(region);
   State state = transfer(op);
@@ -175,11 +179,30 @@ ThreadVariance::State ThreadVariance::transfer(Operation *op) const {
     state.sources |= Moment;
   else if (!isLoad && !isMemoryEffectFree(op))
     state.sources |= Own;
-  // Indices of elements need not wrap as numbers do.
-  if (isa<warp::ScratchLoadOp>(op))
-    state.sources |= Own;
   state.step = varies(state) ? stepOf(op) : 0;
   return state;
+}
+
+/// Memory of the thread has the state of everything that is stored there: where,
+/// and whether all lanes come to the store.
+void ThreadVariance::visitScratch(Operation *op) {
+  if (auto scratch = dyn_cast<warp::ScratchOp>(op))
+    return join(scratch.getResult(), {Moment, 0});
+  if (auto load = dyn_cast<warp::ScratchLoadOp>(op)) {
+    State state = get(load.getScratch());
+    state.sources |= get(load.getIndex()).sources;
+    state.step = varies(state) ? noStep : 0;
+    return join(load.getResult(), state);
+  }
+  auto store = cast<warp::ScratchStoreOp>(op);
+  State state = get(store.getValue());
+  state.sources |= get(store.getIndex()).sources | Moment;
+  for (Operation *around = op->getParentOp(); around != function;
+       around = around->getParentOp())
+    if (isDivergent(around))
+      state.sources |= Own;
+  state.step = varies(state) ? noStep : 0;
+  join(store.getScratch(), state);
 }
 
 int64_t ThreadVariance::stepOf(Operation *op) const {

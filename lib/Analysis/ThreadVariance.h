@@ -76,6 +76,7 @@ private:
   void visitIf(mlir::Operation *op);
   void visitFor(mlir::Operation *op);
   void visitWhile(mlir::Operation *op);
+  void visitScratch(mlir::Operation *op);
   State transfer(mlir::Operation *op) const;
   int64_t stepOf(mlir::Operation *op) const;
   State get(mlir::Value value) const;

@@ -17,6 +17,7 @@
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/Func/IR/FuncOps.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
 
 using namespace mlir;
 
@@ -47,6 +48,7 @@ void Summary::add(warp::AccessOp op) {
     access.stored |= !op.mayRead();
     access.combined |= op.isUpdate();
     access.fetched |= op.isUpdate() && !op->use_empty();
+    access.watched |= op.mayRead() && op->getParentOfType<scf::WhileOp>();
     if (op.mayWrite() && place && !access.line)
       access.line = place.getLine();
   }

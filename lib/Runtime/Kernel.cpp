@@ -152,11 +152,14 @@ void Kernel::Impl::findAccesses() {
   hasAccesses.store(true, std::memory_order_release);
 }
 
-/// On the CPU only adjoints have another order of accesses without overlaps.
+/// On the CPU adjoints have another order of accesses without overlaps, and
+/// loops that end by what they load have lanes.
 bool Kernel::Impl::isDisjoint(const VariantKey &key,
                               const void *params) const {
-  if (key.device == cpuDevice &&
-      (accesses.empty() || accesses.front().gradientSize == 0))
+  bool matters = key.device != cpuDevice;
+  for (const Access &access : accesses)
+    matters |= access.gradientSize != 0 || access.watched;
+  if (!matters)
     return false;
   return areDisjoint(accesses, params);
 }
@@ -320,7 +323,7 @@ CompileOptions Kernel::optionsFor(int arch, int rank) const {
     if (impl->params[i].kind == Param::Kind::Array ||
         isIntegerScalar(impl->params[i]))
       key.contiguous |= uint64_t(1) << i;
-  key.disjoint = arch != 0;
+  key.disjoint = true;
   return impl->compileOptions(key, arch);
 }
 

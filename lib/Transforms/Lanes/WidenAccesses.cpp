@@ -235,8 +235,16 @@ void Widening::eachLane(Operation *op) {
 // Scratch memory
 //===----------------------------------------------------------------------===//
 
-/// A slot holds a value per lane; the slot's number is the same for all.
+/// A slot holds a value per lane, or one for all; the slot's number is the same
+/// for all.
 void Widening::widenScratch(Operation *op) {
+  bool isOne = llvm::none_of(op->getOperands(), [&](Value v) {
+                 return isVarying(v);
+               }) &&
+               llvm::none_of(op->getResults(),
+                             [&](Value v) { return isVarying(v); });
+  if (isOne)
+    return cloneScalar(op);
   if (auto scratch = dyn_cast<warp::ScratchOp>(op)) {
     auto type = cast<warp::ScratchType>(scratch.getType());
     auto wide = warp::ScratchType::get(b.getContext(), type.getSlots(),
