@@ -8,7 +8,7 @@ import pytest
 
 from programs import run, write_program
 
-LIMIT = 60
+LIMIT = 300
 WAITS = {
     "spin lock": """
     while wp.atomic_cas(lock, 0, 0, 1) == 1:
