@@ -1,4 +1,4 @@
-// RUN: warp-opt %s --split-input-file --verify-diagnostics --warp-lower-launch
+// RUN: warp-opt %s --split-input-file --verify-diagnostics --warp-form-launch
 
 // expected-error @below {{arguments do not match 'warp.arg_types'}}
 func.func @mismatch(%x: f32) attributes {
