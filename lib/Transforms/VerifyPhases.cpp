@@ -150,11 +150,12 @@ struct VerifyLaunch : warp::impl::VerifyLaunchBase<VerifyLaunch> {
     if (!isa_and_nonnull<warp::WarpDialect>(op->getDialect()))
       return isScalarCode(op);
     bool ofThreads = op->hasTrait<warp::ThreadPhase>() && !isa<warp::TidOp>(op);
-    return ofThreads ||
-           isa<warp::GroupOp, warp::ThreadsOp, warp::OnceOp, warp::YieldOp,
-               warp::AnyOp, warp::LaneNumbersOp, warp::BroadcastOp,
-               warp::CombineLanesOp, warp::EachLaneOp, warp::LoadLanesOp,
-               warp::StoreLanesOp>(op);
+    // What lanes do has a value per lane.
+    bool ofLanes =
+        llvm::any_of(op->getOperandTypes(), llvm::IsaPred<VectorType>) ||
+        llvm::any_of(op->getResultTypes(), llvm::IsaPred<VectorType>);
+    return ofThreads || ofLanes ||
+           isa<warp::GroupOp, warp::ThreadsOp, warp::OnceOp, warp::YieldOp>(op);
   }
 
   static LogicalResult checkGroup(FunctionOpInterface kernel) {
@@ -170,8 +171,8 @@ struct VerifyLaunch : warp::impl::VerifyLaunchBase<VerifyLaunch> {
       if (isa<warp::ThreadsOp, warp::OnceOp>(op))
         return WalkResult::skip();
       if (op->hasTrait<OpTrait::HasRecursiveMemoryEffects>() ||
-          isa<FunctionOpInterface>(op) || op->hasTrait<OpTrait::IsTerminator>()
-          || isMemoryEffectFree(op))
+          isa<FunctionOpInterface>(op) ||
+          op->hasTrait<OpTrait::IsTerminator>() || isMemoryEffectFree(op))
         return WalkResult::advance();
       op->emitOpError("expects to stand in 'warp.threads' or 'warp.once', as "
                       "it has effects");
