@@ -327,7 +327,7 @@ def VerifyThread : WarpPass<"warp-verify-thread"> {
 }
 
 //===----------------------------------------------------------------------===//
-// Phase `llvm`
+// Phase `launch`
 //===----------------------------------------------------------------------===//
 
 def SumExactly : WarpPass<"warp-sum-exactly"> {
@@ -412,6 +412,38 @@ def WidenThreads : WarpPass<"warp-widen-threads"> {
     "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect",
     "::warp::WarpDialect"];
 }
+
+def VerifyLaunch : WarpPass<"warp-verify-launch"> {
+  let summary = "Check that a module is launch IR";
+  let description = [{
+    The kernel function is one `warp.group`; what has effects stands in its
+    `warp.threads` or in `warp.once`; values are signless scalars, arrays, or
+    vectors of scalars; and of the LLVM dialect there are only calls of
+    intrinsics, which convert numbers.
+  }];
+}
+
+def PrintVariance : WarpPass<"warp-print-variance"> {
+  let summary = "Print how the values of a kernel vary over its threads";
+  let description = [{
+    A line for each value: it is the same for all threads of the launch, or for
+    the lanes of a vector, or grows by a constant step from thread to thread, or
+    varies in another way. A line for each branch and loop: whether lanes may
+    part there. Takes thread and launch IR, and leaves it as it is.
+
+    ```mlir
+    %i = warp.tid : i32
+    %j = arith.addi %i, %i : i32
+    // prints
+    //   %0 = warp.tid: step 1
+    //   %1 = arith.addi: step 2
+    ```
+  }];
+}
+
+//===----------------------------------------------------------------------===//
+// Phase `llvm`
+//===----------------------------------------------------------------------===//
 
 def LowerLanes : WarpPass<"warp-lower-lanes"> {
   let summary = "Turn what lanes do together into operations on vectors";

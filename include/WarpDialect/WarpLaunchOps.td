@@ -200,13 +200,14 @@ def Warp_LoadLanesOp : Warp_Op<"load_lanes"> {
     $form $array `[` $indices `]` `mask` $mask attr-dict `:` type($array) `,`
     type($indices) `,` type($mask) `->` type($components)
   }];
+  let hasVerifier = 1;
 }
 
 def Warp_StoreLanesOp : Warp_Op<"store_lanes", [AttrSizedOperandSegments]> {
   let summary = "writes an array element for each lane";
   let description = [{
-    Forms are those of `warp.load_lanes`. Where lanes meet, the last one's value
-    stays.
+    Forms and constraints are those of `warp.load_lanes`. Where lanes meet, the
+    last one's value stays.
   }];
   let arguments = (ins Variadic<Warp_LanesOf>:$components,
                        Arg<Warp_AnyArray, "", [MemWrite]>:$array,
@@ -217,6 +218,7 @@ def Warp_StoreLanesOp : Warp_Op<"store_lanes", [AttrSizedOperandSegments]> {
     `:` `(` type($components) `)` `,` type($array) `,` type($indices) `,`
     type($mask)
   }];
+  let hasVerifier = 1;
 }
 
 def Warp_UpdateLanesOp : Warp_Op<"update_lanes", [AttrSizedOperandSegments]> {

@@ -31,6 +31,7 @@ std::optional<warp::Phase> warp::parsePhase(StringRef name) {
   return llvm::StringSwitch<std::optional<Phase>>(name)
       .Case("warp", Phase::Warp)
       .Case("thread", Phase::Thread)
+      .Case("launch", Phase::Launch)
       .Case("llvm", Phase::LLVM)
       .Default(std::nullopt);
 }
@@ -79,12 +80,15 @@ void warp::addPhase(OpPassManager &pm, Phase phase) {
     pm.addPass(createCSEPass());
     pm.addPass(createVerifyThread());
     return;
-  case Phase::LLVM:
+  case Phase::Launch:
     pm.addPass(createSumExactly());
     pm.addPass(createFuseMultiplyAdd());
     pm.addPass(createFormLaunch());
     pm.addPass(createPrivatizeAtomics());
     pm.addPass(createWidenThreads());
+    pm.addPass(createVerifyLaunch());
+    return;
+  case Phase::LLVM:
     pm.addPass(createEmitEntry());
     pm.addPass(createLowerLanes());
     pm.addPass(createRotateLoops());
@@ -105,9 +109,9 @@ void warp::addPipeline(OpPassManager &pm, Phase last,
   if (last == Phase::Warp)
     return;
   addSpecialize(pm, options);
-  addPhase(pm, Phase::Thread);
-  if (last == Phase::LLVM)
-    addPhase(pm, Phase::LLVM);
+  for (Phase phase : {Phase::Thread, Phase::Launch, Phase::LLVM})
+    if (phase <= last)
+      addPhase(pm, phase);
 }
 
 void warp::registerCompilerDialects(DialectRegistry &registry) {

@@ -103,3 +103,44 @@ LogicalResult warp::EachLaneOp::verify() {
       return emitOpError("(C1) yields ") << value << " for a result " << result;
   return success();
 }
+
+//===----------------------------------------------------------------------===//
+// Accesses of lanes
+//===----------------------------------------------------------------------===//
+
+/// (C1) and (C2) of accesses: the array's indices, and a value per lane of each
+/// scalar that its elements are made of.
+static LogicalResult verifyLanes(Operation *op, warp::ArrayType array,
+                                 ValueRange indices, ValueRange components,
+                                 Value mask) {
+  if (int64_t(indices.size()) != array.getRank())
+    return op->emitOpError("(C1) expects ")
+           << array.getRank() << " indices for " << array << ", but got "
+           << indices.size();
+  int64_t lanes = cast<VectorType>(mask.getType()).getNumElements();
+  SmallVector<mlir::Type> expected;
+  warp::flatten(array.getElementType(), expected);
+  for (mlir::Type &type : expected)
+    type = warp::getSignless(type);
+  if (components.size() != expected.size())
+    return op->emitOpError("(C2) expects ")
+           << expected.size() << " components for " << array << ", but got "
+           << components.size();
+  for (auto [component, type] : llvm::zip_equal(components, expected)) {
+    auto vector = cast<VectorType>(component.getType());
+    if (vector.getElementType() != type || vector.getNumElements() != lanes)
+      return op->emitOpError("(C2) expects a component of ")
+             << lanes << " lanes of " << type << ", but got " << vector;
+  }
+  return success();
+}
+
+LogicalResult warp::LoadLanesOp::verify() {
+  return verifyLanes(*this, cast<warp::ArrayType>(getArray().getType()),
+                     getIndices(), getComponents(), getMask());
+}
+
+LogicalResult warp::StoreLanesOp::verify() {
+  return verifyLanes(*this, cast<warp::ArrayType>(getArray().getType()),
+                     getIndices(), getComponents(), getMask());
+}

@@ -20,6 +20,7 @@
 namespace warp {
 #define GEN_PASS_DEF_VERIFYWARP
 #define GEN_PASS_DEF_VERIFYTHREAD
+#define GEN_PASS_DEF_VERIFYLAUNCH
 #define GEN_PASS_DEF_VERIFYLLVM
 #include "WarpDialect/Passes.h.inc"
 } // namespace warp
@@ -47,6 +48,45 @@ checkOperations(ModuleOp module, StringRef phase,
 static bool isThreadType(Type type) {
   return isa<warp::ArrayType, warp::ScratchType, IndexType>(type) ||
          warp::isFloat(type) || type.isSignlessInteger();
+}
+
+/// A value of one thread, or one per lane.
+static bool isLaunchType(Type type) {
+  auto lanes = dyn_cast<VectorType>(type);
+  if (!lanes)
+    return isThreadType(type);
+  Type element = lanes.getElementType();
+  return lanes.getRank() == 1 && !lanes.isScalable() &&
+         (element.isIndex() || warp::isFloat(element) ||
+          element.isSignlessInteger());
+}
+
+/// Fails at the first result or argument of a type that `allowed` refuses.
+static LogicalResult checkTypes(ModuleOp module, StringRef phase,
+                                function_ref<bool(Type)> allowed) {
+  auto refuse = [&](Operation *op, Type type) {
+    op->emitError("type ") << type << " is not part of phase '" << phase << "'";
+    return WalkResult::interrupt();
+  };
+  WalkResult result = module.walk([&](Operation *op) {
+    for (Type type : op->getResultTypes())
+      if (!allowed(type))
+        return refuse(op, type);
+    for (Region &region : op->getRegions())
+      for (Type type : region.getArgumentTypes())
+        if (!allowed(type))
+          return refuse(op, type);
+    return WalkResult::advance();
+  });
+  return failure(result.wasInterrupted());
+}
+
+/// What thread and launch IR share.
+static bool isScalarCode(Operation *op) {
+  // Conversions that saturate have no form in arith.
+  return isa<LLVM::CallIntrinsicOp>(op) ||
+         isa_and_nonnull<arith::ArithDialect, math::MathDialect,
+                         scf::SCFDialect, func::FuncDialect>(op->getDialect());
 }
 
 namespace {
@@ -88,34 +128,57 @@ struct VerifyThread : warp::impl::VerifyThreadBase<VerifyThread> {
       Dialect *dialect = op->getDialect();
       if (isa_and_nonnull<warp::WarpDialect>(dialect))
         return op->hasTrait<warp::ThreadPhase>();
-      // Conversions that saturate have no form in arith.
-      if (isa<LLVM::CallIntrinsicOp>(op))
-        return true;
-      return isa_and_nonnull<arith::ArithDialect, math::MathDialect,
-                             scf::SCFDialect, func::FuncDialect>(dialect);
+      return isScalarCode(op);
     };
     if (failed(checkOperations(getOperation(), "thread", allowed)) ||
-        failed(checkTypes()))
+        failed(checkTypes(getOperation(), "thread", isThreadType)))
+      signalPassFailure();
+  }
+};
+
+struct VerifyLaunch : warp::impl::VerifyLaunchBase<VerifyLaunch> {
+  void runOnOperation() override {
+    FunctionOpInterface kernel = warp::findKernel(getOperation());
+    if (!kernel ||
+        failed(checkOperations(getOperation(), "launch", isAllowed)) ||
+        failed(checkTypes(getOperation(), "launch", isLaunchType)) ||
+        failed(checkGroup(kernel)))
       signalPassFailure();
   }
 
-  LogicalResult checkTypes() {
-    auto refuse = [](Operation *op, Type type) {
-      op->emitError("type ") << type << " is not part of phase 'thread'";
+  static bool isAllowed(Operation *op) {
+    if (!isa_and_nonnull<warp::WarpDialect>(op->getDialect()))
+      return isScalarCode(op);
+    bool ofThreads = op->hasTrait<warp::ThreadPhase>() && !isa<warp::TidOp>(op);
+    // What lanes do has a value per lane.
+    bool ofLanes =
+        llvm::any_of(op->getOperandTypes(), llvm::IsaPred<VectorType>) ||
+        llvm::any_of(op->getResultTypes(), llvm::IsaPred<VectorType>);
+    return ofThreads || ofLanes ||
+           isa<warp::GroupOp, warp::ThreadsOp, warp::OnceOp, warp::YieldOp>(op);
+  }
+
+  static LogicalResult checkGroup(FunctionOpInterface kernel) {
+    unsigned groups = 0;
+    for (Operation &op : kernel.getFunctionBody().getOps()) {
+      groups += isa<warp::GroupOp>(op);
+      if (!isa<warp::GroupOp, func::ReturnOp>(op))
+        return op.emitOpError("expects to stand in the 'warp.group'");
+    }
+    if (groups != 1)
+      return kernel.emitError("expects one 'warp.group', but got ") << groups;
+    WalkResult result = kernel->walk<WalkOrder::PreOrder>([](Operation *op) {
+      if (isa<warp::ThreadsOp, warp::OnceOp>(op))
+        return WalkResult::skip();
+      if (op->hasTrait<OpTrait::HasRecursiveMemoryEffects>() ||
+          isa<FunctionOpInterface>(op) ||
+          op->hasTrait<OpTrait::IsTerminator>() || isMemoryEffectFree(op))
+        return WalkResult::advance();
+      op->emitOpError("expects to stand in 'warp.threads' or 'warp.once', as "
+                      "it has effects");
       return WalkResult::interrupt();
-    };
-    return failure(getOperation()
-                       .walk([&](Operation *op) {
-                         for (Type type : op->getResultTypes())
-                           if (!isThreadType(type))
-                             return refuse(op, type);
-                         for (Region &region : op->getRegions())
-                           for (Type type : region.getArgumentTypes())
-                             if (!isThreadType(type))
-                               return refuse(op, type);
-                         return WalkResult::advance();
-                       })
-                       .wasInterrupted());
+    });
+    return failure(result.wasInterrupted());
   }
 };
 

@@ -1,6 +1,7 @@
 // RUN: warp-opt %s --warp-pipeline="to-warp contiguous=3" | FileCheck %s --check-prefix=WARP
 // RUN: warp-opt %s --warp-pipeline="to-thread contiguous=3" | FileCheck %s --check-prefix=THREAD
 // RUN: warp-opt %s --warp-pipeline="to-thread contiguous=3" | warp-opt | FileCheck %s --check-prefix=THREAD
+// RUN: warp-opt %s --warp-pipeline="to-launch contiguous=3" | FileCheck %s --check-prefix=LAUNCH
 // RUN: warp-opt %s --warp-pipeline="to-llvm contiguous=3" | FileCheck %s --check-prefix=LLVM
 // RUN: warp-opt %s --warp-emit=llvm --warp-options=contiguous=3,target=cpu:skylake-avx512 | FileCheck %s --check-prefix=IR
 // RUN: warp-opt %s --warp-emit=asm --warp-options=contiguous=3,target=cpu:skylake-avx512 | FileCheck %s --check-prefix=ASM
@@ -20,21 +21,37 @@
 // THREAD: arith.mulf
 // THREAD: warp.store_components
 
-// LLVM-LABEL: llvm.func @saxpy
-// LLVM: llvm.load %{{.*}} {access_groups
-// LLVM: llvm.store %{{.*}} {access_groups
-// LLVM: llvm.cond_br %{{.*}} {loop_annotation
+// LAUNCH-LABEL: func.func @saxpy
+// LAUNCH: warp.group
+// LAUNCH: warp.threads
+// LAUNCH: warp.load_lanes unit
+// LAUNCH: math.fma
+// LAUNCH: warp.store_lanes unit
 
-// The loop over threads is vectorised, without checks for aliasing.
+// LLVM-LABEL: llvm.func @saxpy
+// LLVM: llvm.load %{{.*}} : !llvm.ptr -> vector<[[LANES:[0-9]+]]xf32>
+// LLVM: llvm.intr.fma
+// LLVM: llvm.store %{{.*}} : vector<[[LANES]]xf32>, !llvm.ptr
+// LLVM: llvm.intr.masked.load
+// LLVM: llvm.intr.masked.store
+
+// Threads are lanes in a loop without a mask and without checks for aliasing;
+// those that are left over are one vector with a mask.
 // IR-LABEL: define void @saxpy
-// IR-NOT: vector.memcheck
-// IR: vector.body:
-// IR: load <8 x float>
-// IR: fmul contract <8 x float>
-// IR: store <8 x float>
+// IR-NOT: memcheck
+// IR: br label %[[LOOP:[0-9]+]]
+// IR: [[LOOP]]:
+// IR: load <16 x float>
+// IR: load <16 x float>
+// IR: call <16 x float> @llvm.fma.v16f32
+// IR-NOT: masked
+// IR: store <16 x float>
+// IR: br i1 %{{.*}}, label %[[LOOP]]
+// IR-COUNT-2: @llvm.masked.load.v16f32
+// IR: @llvm.masked.store.v16f32
 
 // ASM-LABEL: saxpy:
-// ASM: vfmadd{{[0-9]+}}ps {{.*}}%ymm
+// ASM: vfmadd{{[0-9]+}}ps {{.*}}%zmm
 
 // One thread: no loop, no division, no stride.
 // PTX: .version 8.1

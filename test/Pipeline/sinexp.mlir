@@ -1,13 +1,16 @@
 // RUN: warp-opt %s --warp-emit=llvm --warp-options=contiguous=3,target=cpu:skylake-avx512 | FileCheck %s
 // RUN: warp-opt %s --warp-emit=ptx --warp-options=contiguous=3,target=sm_90 | FileCheck %s --check-prefix=PTX
 
-// The device library is inlined and runs in vectors: no call is left.
+// The device library is inlined and runs in vectors of floats: no call of a
+// function of it is left, and nothing is widened to double precision.
 // CHECK-LABEL: define void @sinexp
-// CHECK-NOT: call {{.*}}@{{(warp_)?}}sin
-// CHECK: vector.body:
-// CHECK: call <{{[0-9]+}} x double> @llvm.fma
-// CHECK: store <{{[0-9]+}} x float>
-// CHECK-NOT: define
+// CHECK-NOT: @{{(warp_)?(sin|exp)}}
+// CHECK-NOT: x double>
+// CHECK: load <16 x float>
+// CHECK-COUNT-8: call noundef <16 x float> @llvm.fma.v16f32
+// CHECK: store <16 x float>
+// CHECK-NOT: @{{(warp_)?(sin|exp)f?\(}}
+// CHECK: ret void
 
 // libdevice is linked in, as far as it is used.
 // PTX-NOT: .extern

@@ -1,14 +1,14 @@
 // RUN: warp-opt %s --warp-emit=ptx --warp-options=contiguous=3,target=sm_90 | FileCheck %s
 
 // A sum into one address: over the warp by shuffles, over the block through a
-// few words of shared memory, then one atomic per block. No thread leaves
-// before the barriers.
+// few words of shared memory, then one atomic per block. Each thread comes to
+// the update, so nobody asks whether one did, and none leaves before the
+// barrier.
 // CHECK-LABEL: .entry sum
 // CHECK-NOT: .local
 // CHECK: .shared {{.*}}[128]
 // CHECK-NOT: ret;
 // CHECK: ld.global.b32
-// CHECK: bar.red.or.pred
 // CHECK-COUNT-5: shfl.sync.down.b32
 // CHECK: st.shared
 // CHECK: bar.sync

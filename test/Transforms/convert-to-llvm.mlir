@@ -1,11 +1,12 @@
 // RUN: warp-opt %s --warp-convert-to-llvm --warp-verify-llvm | FileCheck %s
 // RUN: sed 's/warp.entry/warp.entry, warp.fast_math/' %s | warp-opt --warp-convert-to-llvm | FileCheck %s --check-prefix=FAST
 
-// Structured control flow becomes branches; products and sums may contract.
+// Structured control flow becomes branches; products and sums stay as
+// rounded as they are, unless the launch asks for fast arithmetic.
 // CHECK-LABEL: llvm.func @loop
 // CHECK: llvm.cond_br
-// CHECK: llvm.fmul %{{.*}} {fastmathFlags = #llvm.fastmath<contract>}
-// CHECK: llvm.fadd %{{.*}} {fastmathFlags = #llvm.fastmath<contract>}
+// CHECK: llvm.fmul %{{[^ ]*}}, %{{[^ ]*}} : f32
+// CHECK: llvm.fadd %{{[^ ]*}}, %{{[^ ]*}} : f32
 // CHECK: llvm.intr.sqrt
 // CHECK: llvm.return
 // FAST: llvm.fmul %{{.*}} {fastmathFlags = #llvm.fastmath<nsz, arcp, contract, afn, reassoc>}

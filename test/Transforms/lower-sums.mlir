@@ -40,8 +40,10 @@ func.func @scatter(%x: !warp.array<1 x f32>, %to: !warp.array<1 x si32>,
 // CHECK-LABEL: llvm.func @one_address
 // CHECK: llvm.alloca {{.*}} x !llvm.array<256 x f64>
 // CHECK: llvm.alloca {{.*}} x !llvm.array<76 x i64>
+// CHECK: ^[[LOOP:bb[0-9]+]](%{{[^:]*}}: i64):
 // CHECK: llvm.call @warp_append_to_sum_f64
-// CHECK: llvm.cond_br {{.*}}loop_annotation
+// CHECK: llvm.br ^[[LOOP]](
+// CHECK-NOT: ^[[LOOP]](
 // CHECK: llvm.call @warp_flush_sum_f64
 // CHECK: llvm.call @warp_add_sum_f64
 

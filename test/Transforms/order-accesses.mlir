@@ -1,4 +1,4 @@
-// RUN: warp-opt %s --split-input-file --warp-lower-launch --warp-order-accesses --mlir-print-local-scope | FileCheck %s
+// RUN: warp-opt %s --split-input-file --warp-form-launch --warp-emit-entry --warp-order-accesses --mlir-print-local-scope | FileCheck %s
 
 // The store waits for the load, and the load does not wait for the arithmetic.
 // CHECK-LABEL: llvm.func {{.*}}@adjoint

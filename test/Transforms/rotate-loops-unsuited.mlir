@@ -1,4 +1,4 @@
-// RUN: warp-opt %s --split-input-file --warp-lower-launch --warp-rotate-loops \
+// RUN: warp-opt %s --split-input-file --warp-form-launch --warp-emit-entry --warp-rotate-loops \
 // RUN:   | FileCheck %s --implicit-check-not=shfl
 
 // Threads go through different iterations.
@@ -327,9 +327,10 @@ func.func @debugging(
 
 // -----
 
-// Threads of a CPU are no lanes.
+// Threads of a CPU are no warp: the outer loop is the one over them.
 // CHECK-LABEL: llvm.func {{.*}}@on_cpu
-// CHECK: scf.for
+// CHECK: scf.for {{.*}} : i64 {
+// CHECK: scf.for {{.*}} : i32 {
 // CHECK-NOT: scf.for
 func.func @on_cpu(
     %x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)

@@ -1,4 +1,4 @@
-// RUN: warp-opt %s --split-input-file --warp-lower-launch --warp-rotate-loops \
+// RUN: warp-opt %s --split-input-file --warp-form-launch --warp-emit-entry --warp-rotate-loops \
 // RUN:   | FileCheck %s
 
 // Lanes of a whole warp begin a tile at different iterations; the sum of one

@@ -1,20 +1,22 @@
-// RUN: warp-opt %s --split-input-file --warp-lower-launch \
+// RUN: warp-opt %s --split-input-file --warp-form-launch \
 // RUN:     --warp-privatize-atomics | FileCheck %s
 
-// A short loop over parameters is unrolled: each sum has a place of its own,
-// and is published once.
-// CHECK-LABEL: llvm.func @parameters
-// CHECK: llvm.alloca {{.*}} x f32
-// CHECK: llvm.alloca {{.*}} x f32
-// CHECK: llvm.alloca {{.*}} x f32
+// A short loop over parameters is unrolled: each element has a sum of its
+// own, which is published once.
+// CHECK-LABEL: func.func @parameters
+// CHECK: %[[SUMS:.*]]:3 = warp.threads attributes {kinds = array<i32: 0, 0, 0>, types = [f32, f32, f32]}
 // CHECK-NOT: scf.for
-// CHECK: llvm.cond_br {{.*}}loop_annotation
-// CHECK: scf.if
-// CHECK: warp.atomic_components add(%{{.*}}), %{{.*}}[%{{.*}}]
-// CHECK: scf.if
-// CHECK: warp.atomic_components add(%{{.*}}), %{{.*}}[%{{.*}}]
-// CHECK: scf.if
-// CHECK: warp.atomic_components add(%{{.*}}), %{{.*}}[%{{.*}}]
+// CHECK-NOT: warp.atomic_components
+// CHECK: warp.yield %{{.*}}, %{{.*}}, %{{.*}} : f32, f32, f32
+// CHECK: warp.once
+// CHECK: %[[SIX:.*]] = arith.constant 6 : i32
+// CHECK: warp.atomic_components add(%[[SUMS]]#0), %{{.*}}[%[[SIX]]]
+// CHECK: warp.once
+// CHECK: %[[FOUR:.*]] = arith.constant 4 : i32
+// CHECK: warp.atomic_components add(%[[SUMS]]#1), %{{.*}}[%[[FOUR]]]
+// CHECK: warp.once
+// CHECK: %[[TWO:.*]] = arith.constant 2 : i32
+// CHECK: warp.atomic_components add(%[[SUMS]]#2), %{{.*}}[%[[TWO]]]
 // CHECK-NOT: warp.atomic_components
 func.func @parameters(%x: !warp.array<1 x f32>, %w: !warp.array<1 x f32>)
     attributes {warp.kernel, warp.index32} {
@@ -39,7 +41,7 @@ func.func @parameters(%x: !warp.array<1 x f32>, %w: !warp.array<1 x f32>)
 // -----
 
 // Too many for registers.
-// CHECK-LABEL: llvm.func @many
+// CHECK-LABEL: func.func @many
 // CHECK: scf.for
 func.func @many(%x: !warp.array<1 x f32>, %w: !warp.array<1 x f32>)
     attributes {warp.kernel, warp.index32} {
@@ -58,7 +60,7 @@ func.func @many(%x: !warp.array<1 x f32>, %w: !warp.array<1 x f32>)
 // -----
 
 // Elements that differ from thread to thread, and updates that are looked at.
-// CHECK-LABEL: llvm.func @others
+// CHECK-LABEL: func.func @others
 // CHECK-COUNT-2: scf.for
 func.func @others(%x: !warp.array<1 x f32>, %w: !warp.array<1 x f32>,
                   %y: !warp.array<1 x f32>)

@@ -43,8 +43,6 @@ static LogicalResult collectArguments(FunctionOpInterface kernel,
     warp::flatten(type, flattened);
   for (Type &type : flattened)
     type = warp::getSignless(type);
-  if (kernel.getNumResults() != 0)
-    return kernel.emitError("expects a kernel without results");
   if (!llvm::equal(flattened, kernel.getArgumentTypes()))
     return kernel.emitError("arguments do not match 'warp.arg_types'");
   if (!llvm::hasSingleElement(kernel.getFunctionBody()))

@@ -19,9 +19,11 @@ from warp._src import errors
 from warp._src.annotations import ArrayType, IndexedArrayType, is_generic
 from warp._src.modules import Module, check_options, get_module
 
-STAGES = ("warp", "thread", "llvm", "ptx", "asm")
+STAGES = ("warp", "thread", "launch", "llvm", "ptx", "asm")
 DERIVATIVES = ("adjoint", "tangent")
-_SUFFIX = {"warp": "mlir", "thread": "mlir", "llvm": "ll", "ptx": "ptx", "asm": "s"}
+_SUFFIX = {
+    "warp": "mlir", "thread": "mlir", "launch": "mlir", "llvm": "ll", "ptx": "ptx", "asm": "s",
+}
 
 
 class Epoch:

@@ -1,4 +1,4 @@
-// RUN: warp-opt %s --split-input-file --warp-lower-launch | FileCheck %s
+// RUN: warp-opt %s --split-input-file --warp-form-launch --warp-emit-entry | FileCheck %s
 
 // One thread: the last dimension is axis x, the one before it y, and a guard
 // stands where the CPU has loops. Nothing is divided.
@@ -10,10 +10,12 @@
 // CHECK: "llvm.nvvm.read.ptx.sreg.tid.x"
 // CHECK: "llvm.nvvm.read.ptx.sreg.ctaid.y"
 // CHECK-NOT: arith.div
-// CHECK: llvm.cond_br %{{.*}}, ^[[BODY:bb[0-9]+]], ^[[EXIT:bb[0-9]+]]
-// CHECK: ^[[BODY]]:
-// CHECK: warp.store_components
-// CHECK: llvm.br ^[[EXIT]]
+// CHECK: %[[INSIDE:.*]] = arith.andi
+// CHECK-NEXT: scf.if %[[INSIDE]] {
+// CHECK-NEXT: warp.store_components(%[[I:.*]]), %{{.*}}[%[[I]], %{{.*}}]
+// CHECK-NEXT: }
+// CHECK-NOT: warp.store_components
+// CHECK: llvm.return
 func.func @plane(%a: !warp.array<2 x si32>) attributes {
     warp.kernel, warp.rank = 2 : i64, warp.index32, warp.target = "sm_90",
     warp.block_dim = 128 : i64} {
@@ -28,7 +30,9 @@ func.func @plane(%a: !warp.array<2 x si32>) attributes {
 // CHECK-LABEL: llvm.func ptx_kernelcc @flat
 // CHECK: "llvm.nvvm.read.ptx.sreg.ctaid.x"
 // CHECK-NOT: ctaid.y
-// CHECK: arith.divui %{{.*}} : i64
+// CHECK-COUNT-1: arith.divui %{{.*}} : i64
+// CHECK-NOT: arith.divui
+// CHECK: llvm.return
 func.func @flat(%a: !warp.array<2 x si32>) attributes {
     warp.kernel, warp.rank = 2 : i64, warp.flat, warp.target = "sm_90"} {
   %i, %j = warp.tid : i32, i32

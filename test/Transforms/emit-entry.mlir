@@ -1,21 +1,18 @@
-// RUN: warp-opt %s --split-input-file --warp-lower-launch | FileCheck %s
+// RUN: warp-opt %s --split-input-file --warp-form-launch --warp-emit-entry | FileCheck %s
 
-// A launch of rank 1 is one loop, marked parallel; arguments are read before.
-// CHECK: #[[GROUP:.*]] = #llvm.access_group
-// CHECK: #[[LOOP:.*]] = #llvm.loop_annotation<{{.*}}parallelAccesses = #[[GROUP]]>
+// A launch of rank 1 is one loop; arguments are read before.
 // CHECK-LABEL: llvm.func @line
 // CHECK-SAME: (%[[BLOCK:.*]]: !llvm.ptr {llvm.noalias, llvm.readonly}, %[[BEGIN:.*]]: i64, %[[END:.*]]: i64)
 // CHECK-SAME: warp.entry
 // CHECK: %[[A:.*]] = warp.parameter %[[BLOCK]][24] packed {name = "a"} : !llvm.ptr -> !warp.array<1 x f32>
 // CHECK: %[[S:.*]] = warp.parameter %[[BLOCK]][80] {name = "s"} : !llvm.ptr -> f32
-// CHECK: %[[ANY:.*]] = arith.cmpi slt, %[[BEGIN]], %[[END]]
-// CHECK: llvm.cond_br %[[ANY]]
-// CHECK: ^[[BODY:bb[0-9]+]](%[[INDEX:.*]]: i64):
-// CHECK: %[[I:.*]] = arith.trunci %[[INDEX]] overflow<nsw, nuw> : i64 to i32
-// CHECK: warp.store_components(%[[S]]), %[[A]][%[[I]]]
-// CHECK: %[[NEXT:.*]] = arith.addi %[[INDEX]]
-// CHECK: %[[MORE:.*]] = arith.cmpi slt, %[[NEXT]], %[[END]]
-// CHECK: llvm.cond_br %[[MORE]], ^[[BODY]](%[[NEXT]] : i64), ^{{.*}} {loop_annotation = #[[LOOP]]}
+// CHECK: ^bb1:
+// CHECK-NEXT: %[[ONE:.*]] = arith.constant 1 : i64
+// CHECK-NEXT: scf.for %[[INDEX:.*]] = %[[BEGIN]] to %[[END]] step %[[ONE]] : i64 {
+// CHECK-NEXT: %[[I:.*]] = arith.trunci %[[INDEX]] overflow<nsw, nuw> : i64 to i32
+// CHECK-NEXT: warp.store_components(%[[S]]), %[[A]][%[[I]]]
+// CHECK-NEXT: }
+// CHECK: llvm.return
 func.func @line(%a: !warp.array<1 x f32>, %s: f32) attributes {
     warp.kernel, warp.rank = 1 : i64, warp.contiguous = 1 : i64,
     warp.index32, warp.target = "cpu", warp.arg_names = ["a", "s"]} {
@@ -29,13 +26,24 @@ func.func @line(%a: !warp.array<1 x f32>, %s: f32) attributes {
 // Rank 3 walks rows: two divisions find the first and the last row, one per
 // row finds its indices, and none is in the inner loop.
 // CHECK-LABEL: llvm.func @rows
+// CHECK-SAME: %[[BEGIN:[^ ]+]]: i64, %[[END:[^ ]+]]: i64)
+// CHECK: %[[ROWS:.*]] = warp.parameter %{{.*}}[4] : !llvm.ptr -> i32
+// CHECK: %[[ANY:.*]] = arith.cmpi slt, %[[BEGIN]], %[[END]]
+// CHECK: scf.if %[[ANY]] {
 // CHECK-COUNT-2: arith.divui
-// CHECK: ^[[ROW:bb[0-9]+]](%{{.*}}: i64):
-// CHECK-COUNT-1: arith.divui
 // CHECK-NOT: arith.divui
-// CHECK: llvm.cond_br %{{.*}} {loop_annotation
+// CHECK: scf.for %[[ROW:.*]] = %[[FIRST:.*]] to
+// CHECK: %[[IS_FIRST:.*]] = arith.cmpi eq, %[[ROW]], %[[FIRST]]
+// CHECK: %[[FROM:.*]] = arith.select %[[IS_FIRST]]
+// CHECK: %[[TO:.*]] = arith.select
+// CHECK: %[[I:.*]] = arith.divui %{{.*}}, %[[ROWS]]
+// CHECK: %[[J:.*]] = arith.subi
 // CHECK-NOT: arith.divui
-// CHECK: llvm.cond_br %{{.*}}, ^[[ROW]](
+// CHECK: scf.for %[[COLUMN:.*]] = %[[FROM]] to %[[TO]] step
+// CHECK-NEXT: %[[K:.*]] = arith.trunci %[[COLUMN]]
+// CHECK-NEXT: warp.store_components({{.*}}), %{{.*}}[%[[I]], %[[J]], %[[K]]]
+// CHECK-NOT: arith.divui
+// CHECK: llvm.return
 func.func @rows(%a: !warp.array<3 x f32>, %s: f32) attributes {
     warp.kernel, warp.rank = 3 : i64, warp.index32, warp.target = "cpu"} {
   %i, %j, %k = warp.tid : i32, i32, i32

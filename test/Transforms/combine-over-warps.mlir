@@ -1,5 +1,5 @@
-// RUN: warp-opt %s --split-input-file --warp-lower-launch \
-// RUN:     --warp-privatize-atomics | FileCheck %s
+// RUN: warp-opt %s --split-input-file --warp-form-launch --warp-emit-entry \
+// RUN:     --warp-combine-over-warps | FileCheck %s
 
 // In one iteration all threads update the same element: lanes that are there
 // together and agree on the iteration combine, and the first makes one update.
