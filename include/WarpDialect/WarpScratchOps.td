@@ -45,16 +45,18 @@ def Warp_ScratchOp : Warp_Op<"scratch", [Warp_ThreadPhase]> {
 def Warp_ScratchLoadOp : Warp_Op<"scratch_load", [Warp_ThreadPhase]> {
   let summary = "value in a slot of the thread's memory";
   let description = [{
-    The index is in range.
+    The index is in range. Where slots hold a value per lane, it may differ from
+    lane to lane.
 
-    (C1) the result has the element type.
+    (C1) the result has the element type. (C2) the index is an integer, or with
+    lanes one for each.
 
     ```mlir
     %x = warp.scratch_load %s[%i] : !warp.scratch<8 x f32>, si32 -> f32
     ```
   }];
   let arguments = (ins Arg<Warp_AnyScratch, "", [MemRead]>:$scratch,
-                       Warp_Integer:$index);
+                       AnyType:$index);
   let results = (outs AnyType:$result);
   let assemblyFormat = [{
     $scratch `[` $index `]` attr-dict `:` type($scratch) `,` type($index) `->`
@@ -66,9 +68,11 @@ def Warp_ScratchLoadOp : Warp_Op<"scratch_load", [Warp_ThreadPhase]> {
 def Warp_ScratchStoreOp : Warp_Op<"scratch_store", [Warp_ThreadPhase]> {
   let summary = "sets a slot of the thread's memory";
   let description = [{
-    The index is in range.
+    The index is in range. Where slots hold a value per lane, it may differ from
+    lane to lane.
 
-    (C1) the value has the element type.
+    (C1) the value has the element type. (C2) the index is an integer, or with
+    lanes one for each.
 
     ```mlir
     warp.scratch_store %x, %s[%i] : f32, !warp.scratch<8 x f32>, si32
@@ -76,7 +80,7 @@ def Warp_ScratchStoreOp : Warp_Op<"scratch_store", [Warp_ThreadPhase]> {
   }];
   let arguments = (ins AnyType:$value,
                        Arg<Warp_AnyScratch, "", [MemWrite]>:$scratch,
-                       Warp_Integer:$index);
+                       AnyType:$index);
   let assemblyFormat = [{
     $value `,` $scratch `[` $index `]` attr-dict `:` type($value) `,`
     type($scratch) `,` type($index)

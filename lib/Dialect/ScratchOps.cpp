@@ -6,6 +6,8 @@
 
 #include "WarpDialect/WarpOps.h"
 
+#include "mlir/IR/TypeUtilities.h"
+
 using namespace mlir;
 
 LogicalResult
@@ -25,9 +27,18 @@ warp::ScratchType::verify(llvm::function_ref<InFlightDiagnostic()> emitError,
   return success();
 }
 
-/// (C1) what goes in or out has the element type.
+/// (C1) what goes in or out has the element type. (C2) the index is an integer,
+/// or with lanes one for each.
 static LogicalResult verifyElement(Operation *op, warp::ScratchType scratch,
-                                   StringRef what, mlir::Type actual) {
+                                   StringRef what, mlir::Type actual,
+                                   mlir::Type index) {
+  auto value = dyn_cast<VectorType>(scratch.getElementType());
+  auto perLane = dyn_cast<VectorType>(index);
+  bool isInteger = isa<IntegerType, IndexType>(getElementTypeOrSelf(index));
+  if (!isInteger || (perLane && (!value || value.getNumElements() !=
+                                               perLane.getNumElements())))
+    return op->emitOpError("(C2) slots of ")
+           << scratch << " have no index of type " << index;
   if (actual == scratch.getElementType())
     return success();
   return op->emitOpError("(C1) slots of ")
@@ -37,10 +48,10 @@ static LogicalResult verifyElement(Operation *op, warp::ScratchType scratch,
 
 LogicalResult warp::ScratchLoadOp::verify() {
   return verifyElement(*this, cast<ScratchType>(getScratch().getType()),
-                       "the result", getResult().getType());
+                       "the result", getResult().getType(), getIndex().getType());
 }
 
 LogicalResult warp::ScratchStoreOp::verify() {
   return verifyElement(*this, cast<ScratchType>(getScratch().getType()),
-                       "the value", getValue().getType());
+                       "the value", getValue().getType(), getIndex().getType());
 }

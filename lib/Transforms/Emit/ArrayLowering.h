@@ -146,6 +146,7 @@ private:
   void lowerScratch(ScratchLoadOp op);
   void lowerScratch(ScratchStoreOp op);
   mlir::Value slot(mlir::Value scratch, mlir::Value index);
+  mlir::Value laneSlots(mlir::Value scratch, mlir::Value index);
 
   // LowerOutput.cpp
   void lowerPrintf(PrintfOp op);

@@ -79,10 +79,6 @@ static std::string findObstacle(Operation *op, const ThreadVariance &variance) {
   if (llvm::any_of(op->getResultTypes(), llvm::IsaPred<warp::ArrayType>) &&
       isVarying(op->getResult(0)))
     return "an array differs from thread to thread";
-  if (isa<warp::ScratchLoadOp, warp::ScratchStoreOp>(op) &&
-      isVarying(isa<warp::ScratchLoadOp>(op) ? op->getOperand(1)
-                                             : op->getOperand(2)))
-    return "a place in memory of the thread differs from thread to thread";
   if (isa<scf::WhileOp>(op) && mayWait(op, variance))
     return "a loop may wait for another thread";
   return "";

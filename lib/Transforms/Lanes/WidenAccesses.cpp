@@ -235,8 +235,15 @@ void Widening::eachLane(Operation *op) {
 // Scratch memory
 //===----------------------------------------------------------------------===//
 
-/// A slot holds a value per lane, or one for all; the slot's number is the same
-/// for all.
+Value Widening::slotOf(Value index) {
+  if (!isVarying(index))
+    return scalar(index);
+  return choose(mask, vector(index),
+                splat(b.getIntegerAttr(index.getType(), 0)));
+}
+
+/// A slot holds a value per lane, or one for all. Lanes may use different slots;
+/// one that is not live must not leave the memory.
 void Widening::widenScratch(Operation *op) {
   bool isOne = llvm::none_of(op->getOperands(), [&](Value v) {
                  return isVarying(v);
@@ -255,11 +262,11 @@ void Widening::widenScratch(Operation *op) {
   if (auto load = dyn_cast<warp::ScratchLoadOp>(op)) {
     setVector(load, warp::ScratchLoadOp::create(
                         b, loc, lanesOf(load.getType()),
-                        scalar(load.getScratch()), scalar(load.getIndex())));
+                        scalar(load.getScratch()), slotOf(load.getIndex())));
     return;
   }
   auto store = cast<warp::ScratchStoreOp>(op);
-  Value memory = scalar(store.getScratch()), slot = scalar(store.getIndex());
+  Value memory = scalar(store.getScratch()), slot = slotOf(store.getIndex());
   Value value = vector(store.getValue());
   Value old =
       warp::ScratchLoadOp::create(b, loc, value.getType(), memory, slot);

@@ -85,6 +85,7 @@ private:
   void widenStore(StoreComponentsOp op);
   void widenUpdate(AtomicComponentsOp op);
   void widenScratch(mlir::Operation *op);
+  mlir::Value slotOf(mlir::Value index);
   int64_t unitStride(mlir::Value array, mlir::ValueRange indices,
                      mlir::Block *where);
   Values accessIndices(mlir::ValueRange indices, LaneForm form);
