@@ -22,6 +22,11 @@ def test_launches_of_every_size(device, seed):
     check(programs.Program(seed), [(n,) for n in SIZES], device)
 
 
+@pytest.mark.parametrize("seed", range(300, 360))
+def test_short_programs(device, seed):
+    check(programs.Program(seed, short=True), [(n,) for n in (1, 15, 17, 64, 65, 200)], device)
+
+
 @pytest.mark.parametrize("rank", SHAPES)
 @pytest.mark.parametrize("seed", range(100, 110))
 def test_launches_of_more_dimensions(device, seed, rank):

@@ -162,14 +162,15 @@ class Program:
         rank: of the launch.
         exact: whether all arithmetic is such that Python's gives the same bits: no sine, no product
             that may become part of an `fma`.
+        short: whether there are few statements, as vectorisers like it.
 
     Attributes:
         text: the source.
     """
 
-    def __init__(self, seed, rank=1, exact=True):
+    def __init__(self, seed, rank=1, exact=True, short=False):
         self.random = random.Random(seed)
-        self.rank, self.exact = rank, exact
+        self.rank, self.exact, self.short = rank, exact, short
         self.lines: list = []
         self.depth, self.loops, self.names = 1, 0, 0
         kinds = ["int32", *self.random.sample(INTS, 3)]
@@ -202,12 +203,12 @@ class Program:
         self._add(f"p = points[{self._index()}]")
         self._add(f"t = things[{self._index()}]")
         self._add("s = Local()")
-        self._block(3, self.random.randint(5, 9))
-        self._add("o32[i] = a + s[a & 7] + t.a")
-        self._add(f"o64[i] = wp.int64({self._pick(*self.ints)})")
-        for name, kind in (("of", "float32"), ("od", "float64"), ("oh", "float16")):
-            self._add(f"{name}[i] = {self._real(kind, 1)}")
-        self._add("ov[i] = p")
+        self._block(*((2, self.random.randint(1, 2)) if self.short else (3, 7)))
+        kinds = (("of", "float32"), ("od", "float64"), ("oh", "float16"))
+        stores = ["o32[i] = a + s[a & 7] + t.a", f"o64[i] = wp.int64({self._pick(*self.ints)})"]
+        stores += [f"{name}[i] = {self._real(kind, 1)}" for name, kind in kinds] + ["ov[i] = p"]
+        for line in self.random.sample(stores, 1 if self.short else len(stores)):
+            self._add(line)
 
     def _index(self, counter=None):
         """A place in an input."""
