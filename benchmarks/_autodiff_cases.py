@@ -241,7 +241,7 @@ def measure_ratios(device, seconds):
 def measure_directions(device, seconds):
     """Seconds of launches with tangents along 1, 4 and 8 directions, and of those without."""
     from warp._src.autograd.tangents import WIDTHS, Tangents
-    from warp._src.tracking import Watching
+    from warp._src.derivatives.versions import Watching
 
     result = {}
     for name, (define, dim, inputs) in problems(device).items():

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from warp._src import errors
-from warp._src.array import array
+from warp._src.arrays.array import array
 from warp._src.autograd.revolve import Reversal, first_sweep
-from warp._src.backward import BackwardPass
-from warp._src.boxes import Box
-from warp._src.tape import Tape
-from warp._src.tracking import Event, Memory, Watch, Watching, copy_layout, event
-from warp._src.watching import Call
+from warp._src.derivatives.backward import BackwardPass
+from warp._src.arrays.boxes import Box
+from warp._src.derivatives.tape import Tape
+from warp._src.derivatives.versions import Event, Memory, Watch, Watching, copy_layout, event
+from warp._src.derivatives.observers import Call
 
 
 def checkpoint(

@@ -8,13 +8,15 @@ from collections.abc import Callable, Sequence
 
 import numpy
 
-from warp._src import errors, scalars, types
-from warp._src.array import array
-from warp._src.kernel import Kernel
-from warp._src.launch import launch
-from warp._src.structs import StructInstance
-from warp._src.tracking import Watching, copy_layout
-from warp._src.watching import signature_of, struct_leaves, struct_of
+from warp._src import errors
+from warp._src.types import scalars
+from warp._src.types import dtypes as types
+from warp._src.arrays.array import array
+from warp._src.kernels.kernel import Kernel
+from warp._src.kernels.launch import launch
+from warp._src.types.structs import StructInstance
+from warp._src.derivatives.versions import Watching, copy_layout
+from warp._src.derivatives.observers import signature_of, struct_leaves, struct_of
 
 
 @dataclasses.dataclass

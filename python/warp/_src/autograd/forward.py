@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from warp._src import errors
-from warp._src.array import array
-from warp._src.array_create import clone, copy, zeros, zeros_like
-from warp._src.array_gradients import gradient_type
+from warp._src.arrays.array import array
+from warp._src.arrays.create import clone, copy, zeros, zeros_like
+from warp._src.arrays.gradients import gradient_type
 from warp._src.autograd.evaluation import components, numbers_of, set_numbers
 from warp._src.autograd.tangents import Tangents, chunks
-from warp._src.tape import Tape
-from warp._src.tracking import Watch, Watching, copy_layout
+from warp._src.derivatives.tape import Tape
+from warp._src.derivatives.versions import Watch, Watching, copy_layout
 
 
 def jvp(function: Callable, inputs: Sequence, tangents: Sequence) -> array | list[array]:

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 
 import numpy
 
-from warp._src.array import array
-from warp._src.array_create import zeros_like
+from warp._src.arrays.array import array
+from warp._src.arrays.create import zeros_like
 from warp._src.autograd.evaluation import (
     Evaluation,
     FunctionMetadata,
@@ -16,9 +16,9 @@ from warp._src.autograd.evaluation import (
     set_numbers,
 )
 from warp._src.autograd.tangents import Tangents, chunks
-from warp._src.kernel import Kernel
-from warp._src.tape import Tape
-from warp._src.tracking import Watching
+from warp._src.kernels.kernel import Kernel
+from warp._src.derivatives.tape import Tape
+from warp._src.derivatives.versions import Watching
 
 
 def jacobian(

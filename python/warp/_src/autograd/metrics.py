@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from warp._src.kernel import Kernel
+from warp._src.kernels.kernel import Kernel
 
 NAMES = (
     "tape_bytes",

@@ -15,13 +15,15 @@ overwrote in between put back.
 from __future__ import annotations
 
 from warp import _native
-from warp._src import kernel_derivatives, scalars, types
-from warp._src.array import array
-from warp._src.array_create import empty, zeros
-from warp._src.array_gradients import gradient_type, has_gradient
-from warp._src.boxes import Box
-from warp._src.tracking import Watching, copy_layout, event
-from warp._src.watching import Call
+from warp._src.derivatives import kernel_derivative as kernel_derivatives
+from warp._src.types import scalars
+from warp._src.types import dtypes as types
+from warp._src.arrays.array import array
+from warp._src.arrays.create import empty, zeros
+from warp._src.arrays.gradients import gradient_type, has_gradient
+from warp._src.arrays.boxes import Box
+from warp._src.derivatives.versions import Watching, copy_layout, event
+from warp._src.derivatives.observers import Call
 
 # Numbers of directions that kernels are made for.
 WIDTHS = (1, 4, 8)

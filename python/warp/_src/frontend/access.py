@@ -6,7 +6,9 @@ import ast
 import enum
 import types as python_types
 
-from warp._src import derivatives, errors, types
+from warp._src import errors
+from warp._src.derivatives import functions as derivatives
+from warp._src.types import dtypes as types
 from warp._src.frontend import names
 from warp._src.frontend.emitter import INT32, Value
 from warp._src.frontend.indexed import Indexed, array_of

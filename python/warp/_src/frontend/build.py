@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 
 from warp import _native
-from warp._src import errors, types
+from warp._src import errors
+from warp._src.types import dtypes as types
 from warp._src.frontend.control import plan_of
 from warp._src.frontend.emitter import Session, Value
 from warp._src.frontend.functions import Overload, fits_native

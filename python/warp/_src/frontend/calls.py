@@ -10,17 +10,18 @@ from __future__ import annotations
 import ast
 import inspect
 
-from warp._src import errors, types
-from warp._src.builtins import lookup
-from warp._src.derivatives import FACTORIES, Derivative
+from warp._src import errors
+from warp._src.types import dtypes as types
+from warp._src.language.builtins import lookup
+from warp._src.derivatives.functions import FACTORIES, Derivative
 from warp._src.frontend import names
 from warp._src.frontend.emitter import Value
 from warp._src.frontend.indexed import array_of
 from warp._src.frontend.names import BuiltinRef
 from warp._src.frontend.output import Output
 from warp._src.frontend.updates import references_of
-from warp._src.kernel import Kernel
-from warp._src.public import LIBRARY_NAMES
+from warp._src.kernels.kernel import Kernel
+from warp._src.language.public import LIBRARY_NAMES
 
 _PYTHON_FUNCTIONS = {
     abs: "abs",
@@ -140,7 +141,7 @@ class Calls(Output):
             return special(node)
         arguments, keywords = self.arguments(node)
         if name in LIBRARY_NAMES:
-            from warp._src.library import LIBRARY
+            from warp._src.language.library import LIBRARY
 
             return self.call_function(LIBRARY[name], arguments, keywords, node)
         places = list(node.args)
@@ -246,7 +247,7 @@ class Calls(Output):
 
     def builtin_lower_bound(self, node):
         """`lower_bound(arr, value)` or, for a part of the array, `(arr, begin, end, value)`."""
-        from warp._src.library import LOWER_BOUND
+        from warp._src.language.library import LOWER_BOUND
 
         arguments, keywords = self.arguments(node)
         if len(arguments) == 2 and not keywords:
@@ -258,7 +259,7 @@ class Calls(Output):
 
     def builtin_sample_cdf(self, node):
         """`sample_cdf(state, cdf)`, which advances the state."""
-        from warp._src.library import LOWER_BOUND
+        from warp._src.language.library import LOWER_BOUND
 
         state, cdf = self.exactly(node, 2, "sample_cdf")
         draw = self.apply_builtin("randf", [state], node, node.args)
@@ -268,7 +269,7 @@ class Calls(Output):
 
     def builtin_poisson(self, node):
         """`poisson(state, lam)`, which advances the state."""
-        from warp._src.random_functions import POISSON
+        from warp._src.language.random_functions import POISSON
 
         arguments = self.exactly(node, 2, "poisson")
         count, state = self.call_function(POISSON, list(arguments), {}, node)
@@ -278,7 +279,7 @@ class Calls(Output):
 
     def builtin_sym_fn3(self, node):
         """`sym_fn3(A, f)`, whose second argument is a function."""
-        from warp._src.symmetric import matrix_function
+        from warp._src.language.symmetric import matrix_function
 
         if len(node.args) != 2 or node.keywords:
             raise self.type_error(node, "'sym_fn3' expects a matrix and a function")

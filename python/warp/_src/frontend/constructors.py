@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import builtins
 
-from warp._src import types
+from warp._src.types import dtypes as types
 from warp._src.frontend import names
 from warp._src.frontend.derivatives import Derivatives
 from warp._src.frontend.emitter import BOOL, FLOAT32, INT32, Value

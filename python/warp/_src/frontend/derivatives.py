@@ -7,8 +7,9 @@ the compiler where `vjp` or `jvp` says so.
 
 from __future__ import annotations
 
-from warp._src import derivatives, types
-from warp._src.derivatives import is_differentiable
+from warp._src.derivatives import functions as derivatives
+from warp._src.types import dtypes as types
+from warp._src.derivatives.functions import is_differentiable
 from warp._src.frontend import functions
 from warp._src.frontend.own_derivatives import OwnDerivatives
 
@@ -153,7 +154,7 @@ class Derivatives(OwnDerivatives):
         return found if len(bound) > 1 else (found,)
 
     def builtin_fixed_point(self, node):
-        from warp._src.fixed_point import FIXED_POINT
+        from warp._src.language.fixed_point import FIXED_POINT
 
         arguments, keywords = self.arguments(node)
         if keywords or len(arguments) < 2 or not hasattr(arguments[0], "overloads"):

@@ -17,9 +17,10 @@ from __future__ import annotations
 import enum
 
 from warp import _native
-from warp._src import errors, types
-from warp._src.builtins import Builtin
-from warp._src.composites import scalars_of
+from warp._src import errors
+from warp._src.types import dtypes as types
+from warp._src.language.builtins import Builtin
+from warp._src.types.composites import scalars_of
 from warp._src.frontend import names
 
 Value = _native.Value

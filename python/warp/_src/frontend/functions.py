@@ -10,8 +10,10 @@ from __future__ import annotations
 import inspect
 import typing
 
-from warp._src import annotations, errors, types
-from warp._src.annotations import ArrayType, IndexedArrayType, Reference
+from warp._src import errors
+from warp._src.types import annotations
+from warp._src.types import dtypes as types
+from warp._src.types.annotations import ArrayType, IndexedArrayType, Reference
 from warp._src.frontend import names
 from warp._src.frontend.emitter import Value
 from warp._src.frontend.indexed import array_of

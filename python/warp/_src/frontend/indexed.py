@@ -8,8 +8,8 @@ without a branch, so that equal ones are seen to be equal.
 
 from __future__ import annotations
 
-from warp._src import types
-from warp._src.annotations import IndexedArrayType
+from warp._src.types import dtypes as types
+from warp._src.types.annotations import IndexedArrayType
 from warp._src.frontend.emitter import BOOL, INT32, EmitterBase, Value
 
 _NAMES = ("indexedarray(", *(f"indexedarray{ndim}d(" for ndim in (2, 3, 4)))

@@ -9,7 +9,7 @@ lib/Compiler/BuilderDerivatives.cpp.
 from __future__ import annotations
 
 from warp._src import errors
-from warp._src.derivatives import is_differentiable
+from warp._src.derivatives.functions import is_differentiable
 from warp._src.frontend import functions
 from warp._src.frontend.functions import NOTHING, overload_of
 from warp._src.frontend.pullbacks import mismatch, pullback_of

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import ast
 
-from warp._src import errors, types
+from warp._src import errors
+from warp._src.types import dtypes as types
 from warp._src.frontend.calls import Calls
 from warp._src.frontend.control import RESULT, RETURNED
 from warp._src.frontend.emitter import Value

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import ast
 
-from warp._src import errors, types
+from warp._src import errors
+from warp._src.types import dtypes as types
 from warp._src.frontend.access import COMPONENTS, places_of
 from warp._src.frontend.emitter import INT32, Value
 from warp._src.frontend.indexed import array_of

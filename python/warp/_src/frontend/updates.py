@@ -6,7 +6,7 @@ import ast
 import types as python_types
 
 from warp import _native
-from warp._src.annotations import Reference
+from warp._src.types.annotations import Reference
 from warp._src.frontend.functions import overload_of
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from warp._src import errors
-from warp._src.derivatives import is_differentiable
+from warp._src.derivatives.functions import is_differentiable
 from warp._src.frontend import functions
 from warp._src.frontend.control import plan_of
 from warp._src.frontend.emitter import Value

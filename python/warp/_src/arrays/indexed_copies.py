@@ -1,0 +1,66 @@
+"""Copies from and to indexed arrays, by kernels: a tape records and differentiates them."""
+
+from __future__ import annotations
+
+import typing
+
+import warp as wp
+from warp._src.types import dtypes as types
+from warp._src.arrays.array import array
+from warp._src.arrays.create import copy
+from warp._src.arrays.indexed import indexedarray
+
+
+@wp.kernel
+def copy1(src: typing.Any, dest: typing.Any):
+    i = wp.tid()
+    dest[i] = src[i]
+
+
+@wp.kernel
+def copy2(src: typing.Any, dest: typing.Any):
+    i, j = wp.tid()
+    dest[i, j] = src[i, j]
+
+
+@wp.kernel
+def copy3(src: typing.Any, dest: typing.Any):
+    i, j, k = wp.tid()
+    dest[i, j, k] = src[i, j, k]
+
+
+@wp.kernel
+def copy4(src: typing.Any, dest: typing.Any):
+    i, j, k, m = wp.tid()
+    dest[i, j, k, m] = src[i, j, k, m]
+
+
+_KERNELS = {1: copy1, 2: copy2, 3: copy3, 4: copy4}
+
+
+def copy_elements(dest, src, stream=None) -> None:
+    """Copies all elements between arrays of one shape, of which one is indexed at least."""
+    if dest.device_index != src.device_index:
+        # What is indexed is gathered and scattered where it lives.
+        if isinstance(src, indexedarray):
+            src = src.contiguous()
+        if isinstance(dest, indexedarray):
+            src = src.to(dest.device)
+        else:
+            copy(dest, src, stream=stream)
+            return
+    if types.is_struct(dest.dtype) and not src.requires_grad:
+        # Kernels know of a struct's arrays what they use, not all of its bytes.
+        words, odd = divmod(dest.item_size, 4)
+        raw = types.vector(dest.item_size, types.uint8) if odd else types.vector(words, types.uint32)
+        dest = _viewed(dest, raw)
+    if dest.dtype is not src.dtype:
+        src = _viewed(src, dest.dtype)
+    wp.launch(_KERNELS[dest.ndim], dest.shape, [src], [dest], device=dest.device, stream=stream)
+
+
+def _viewed(source, dtype):
+    """The same memory as elements of another type of equal size."""
+    if isinstance(source, array):
+        return source.view(dtype)
+    return source.over(source.data.view(dtype))

@@ -1,0 +1,64 @@
+"""The protocols by which other libraries read an array: array interfaces and DLPack."""
+
+from __future__ import annotations
+
+from warp._src.devices import device as devices
+from warp._src.types.numpy_types import element_layout
+from warp._src.derivatives.versions import Watch
+
+
+class ArrayProtocols:
+    """Mixin of `array`."""
+
+    __slots__ = ()
+
+    @property
+    def __array_interface__(self):
+        if self.device_index != devices.CPU:
+            raise AttributeError(f"no `__array_interface__`: the array is on '{self.device}'")
+        if Watch.active:
+            Watch.memory.lend(self)
+        return self._interface()
+
+    @property
+    def __cuda_array_interface__(self):
+        if self.device_index == devices.CPU:
+            raise AttributeError("no `__cuda_array_interface__`: the array is on 'cpu'")
+        interface = self._interface()
+        from warp._src.interop.exchange import current_handle
+
+        # Readers wait for this stream before they touch the memory.
+        interface["stream"] = current_handle(self.device_index)
+        return interface
+
+    def _interface(self) -> dict:
+        number, inner = element_layout(self.dtype)
+        strides = list(self.strides)
+        step = self.item_size
+        for extent in inner:
+            step //= extent
+            strides.append(step)
+        interface = {
+            "data": (self.ptr or 0, self.read_only),
+            "shape": self.shape + inner,
+            "strides": tuple(strides),
+            "typestr": number.str,
+            "version": 3,
+        }
+        if number.names:
+            interface["descr"] = number.descr
+        return interface
+
+    def __dlpack__(self, stream=None, max_version=None, dl_device=None, copy=None):
+        """A DLPack capsule over the memory, for `from_dlpack` of other libraries."""
+        from warp._src.interop.dlpack import export
+
+        if Watch.active and self.device_index == devices.CPU:
+            Watch.memory.lend(self)
+        return export(self, stream, max_version, dl_device, copy)
+
+    def __dlpack_device__(self) -> tuple[int, int]:
+        """Kind and number of the device, as DLPack counts them."""
+        from warp._src.interop.dlpack import dlpack_device
+
+        return dlpack_device(self)

@@ -1,0 +1,89 @@
+"""What a tape does with gradients: seeds, sums, and running the adjoints of launches.
+
+The derivative of a launch is what `Kernel.adjoint` makes for a native kernel and the set of its
+arrays that have gradients. Arrays are numbered as in `Call.leaves`.
+"""
+
+from __future__ import annotations
+
+from warp._src import errors
+from warp._src.derivatives import kernel_derivative as kernel_derivatives
+from warp._src.types import dtypes as types
+from warp._src.types.annotations import ArrayType
+from warp._src.arrays.array import array
+from warp._src.arrays.gradients import gradient_type, widened
+from warp._src.derivatives.versions import Watch
+
+
+def preserved(made) -> set[int]:
+    """Arrays of which it reads the contents before the launch."""
+    return {hidden.leaf for hidden in made.hidden if hidden.kind == "preserved"}
+
+
+def with_gradient_of(contents: array, original: array) -> array:
+    """An array with the contents of one and the gradient of another."""
+    result = contents._view(0, contents.shape, contents.strides)
+    if original.grad is not None:
+        result.grad = original.grad
+    return result
+
+
+def as_gradient(seed: array, target: array) -> array:
+    """A seed with elements like those of an array's gradient; 16 bits become 32.
+
+    Raises:
+        WarpTypeError: it has elements of another type.
+    """
+    expected = target.grad.dtype
+    if types.types_equal(seed.dtype, expected):
+        return seed
+    if gradient_type(seed.dtype) is not expected:
+        raise errors.WarpTypeError(
+            f"backward: expects a gradient with elements of '{types.type_repr(expected)}', but got "
+            f"'{types.type_repr(seed.dtype)}'"
+        )
+    return widened(seed)
+
+
+def gradient_struct(value):
+    """A copy of a struct whose arrays are the gradients of its arrays."""
+    result = value.__copy__()
+    for name, dtype in value._wp_fields_.items():
+        if isinstance(dtype, ArrayType):
+            field = getattr(value, name)
+            setattr(result, name, None if field is None else field.grad)
+        elif types.is_struct(dtype):
+            setattr(result, name, gradient_struct(value._inner(name)))
+    return result
+
+
+def launch_adjoint(made, call, values, initial, saved) -> None:
+    """Runs the adjoint of a launch."""
+    if Watch.executor is not None:
+        Watch.executor.launch_adjoint(made, call, values, initial, saved)
+    else:
+        kernel_derivatives.run(made, call, values, initial, saved)
+
+
+def add_into(target: array, source: array) -> None:
+    """Adds the elements of one array to those of another of equal size, on any devices."""
+    if source.device_index != target.device_index:
+        source = source.to(target.device)
+    if source.shape != target.shape:
+        target, source = target.flatten(), source.flatten()
+    if types.is_struct(target.dtype):
+        from warp._src.derivatives.struct_sums import add_structs
+
+        add_structs(target, source)
+        return
+    if source.dtype is not target.dtype:
+        scalar = getattr(target.dtype, "_wp_scalar_type_", target.dtype)
+        target, source = _as_scalars(target, scalar), _as_scalars(source, scalar)
+    target += source
+
+
+def _as_scalars(one: array, scalar) -> array:
+    """The scalars of packed elements in one row."""
+    if one.dtype is scalar:
+        return one.flatten()
+    return one.flatten().view(scalar).flatten()

@@ -1,0 +1,49 @@
+"""Public names that are made when first asked for: builtins and submodules."""
+
+from __future__ import annotations
+
+import importlib
+
+_SUBMODULES = ("autograd", "optim", "types")
+# Written in the kernel language.
+LIBRARY_NAMES = (
+    *("curlnoise", "quat_from_euler", "quat_to_euler", "spatial_adjoint", "spatial_bottom"),
+    *("spatial_cross", "spatial_cross_dual", "spatial_dot", "spatial_top", "transform_twist"),
+    *("transform_wrench", "velocity_at_point"),
+)
+
+
+def find(name: str):
+    """What `warp.<name>` is, for names that the package does not hold itself.
+
+    Raises:
+        AttributeError: there is no such name.
+    """
+    if name in _SUBMODULES:
+        return importlib.import_module(f"warp.{name}")
+    if not name.startswith("_"):
+        from warp._src.language.builtins import lookup
+        from warp._src.language.checks import CHECKS
+        from warp._src.language.constructors import CONSTRUCTORS
+
+        if name == "sym_fn3":
+            from warp._src.language.symmetric import sym_fn3
+
+            return sym_fn3
+        found = CONSTRUCTORS.get(name) or CHECKS.get(name)
+        if found is None and name in LIBRARY_NAMES:
+            from warp._src.language.library import LIBRARY
+
+            found = LIBRARY[name]
+        found = found or lookup(name)
+        if found is not None:
+            return found
+    raise AttributeError(f"module 'warp' has no attribute '{name}'")
+
+
+def names(held) -> list[str]:
+    """All public names."""
+    from warp._src.language.builtins import names as builtin_names
+
+    public = {name for name in held if not name.startswith("_")}
+    return sorted(public | set(builtin_names()) | set(_SUBMODULES) | set(LIBRARY_NAMES))
