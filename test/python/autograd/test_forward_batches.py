@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from test_autograd_forward import Body, chain, rosenbrock_hessian, rosenbrock_of, values, weigh
 
 import warp as wp
-from test_autograd_forward import Body, chain, rosenbrock_hessian, rosenbrock_of, values, weigh
 
 COUNTS = [1, 3, 8, 13]
 

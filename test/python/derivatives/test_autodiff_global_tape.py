@@ -3,10 +3,10 @@
 Expected gradients are complex-step derivatives of the same computation in NumPy.
 """
 
-import autodiff_catalogue
 import numpy as np
 import pytest
 
+import autodiff_catalogue
 import warp as wp
 
 LOOPS = ("T54", "T55", "T57", "T58", "T59", "T61", "T63", "T67", "T68", "T69", "T71")

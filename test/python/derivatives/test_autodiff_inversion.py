@@ -6,9 +6,9 @@ product is the product of those factors: Python's integers give it, cut to the w
 
 import numpy as np
 import pytest
-from frontend_programs import define as translate
 
 import warp as wp
+from frontend_programs import define as translate
 
 TRIPS = [0, 1, 2, 33, 1000]
 

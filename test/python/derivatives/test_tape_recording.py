@@ -4,10 +4,11 @@ import gc
 
 import numpy as np
 import pytest
+from test_tape import Params, recorded, square, total, variables, weigh
 
 import warp as wp
-from test_tape import Params, recorded, square, total, variables, weigh
-from warp._src.derivatives.versions import Memory, Watch
+from warp._src.arrays.observers import Observers, copy_layout
+from warp._src.arrays.versions import Memory
 
 
 @wp.kernel
@@ -123,7 +124,7 @@ def test_launches_on_other_streams():
 
 
 def test_memory_that_nobody_wants_is_forgotten():
-    memory = Memory()
+    memory = Memory(copy_layout)
     memory.limit = 8
     arrays = [wp.zeros(3, dtype=float, device="cpu") for _ in range(40)]
     kept = [memory.observe(one) for one in arrays[:3]]
@@ -134,13 +135,13 @@ def test_memory_that_nobody_wants_is_forgotten():
     assert [version.ended for version in kept] == [None, "write", None]
 
 
-def test_nothing_watches_once_tapes_are_gone(device):
+def test_nobody_observes_once_tapes_are_gone(device):
 
     tape, *_ = recorded(device)
-    assert Watch.active
+    assert Observers.active
     tape.reset()
     other, *_ = recorded(device)
     del other
     gc.collect()
-    assert not Watch.active
+    assert not Observers.active
     assert "launch" not in vars(wp.Launch)

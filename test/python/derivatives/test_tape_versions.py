@@ -8,7 +8,7 @@ import pytest
 
 import warp as wp
 from warp._src.arrays.boxes import Box
-from warp._src.derivatives.versions import copy_layout
+from warp._src.arrays.observers import copy_layout
 
 
 @wp.struct

@@ -5,7 +5,7 @@ import pytest
 
 import warp as wp
 from builtin_values import to_numpy
-from noise_values import STATE, advance, noise
+from noise_values import STATE, noise
 
 SEED = 42
 

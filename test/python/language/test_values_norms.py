@@ -2,9 +2,6 @@
 
 import numpy as np
 import pytest
-
-import warp as wp
-from builtin_values import apply, assert_ulps, rounded
 from test_values_rotations import (
     KINDS,
     assert_close,
@@ -14,6 +11,9 @@ from test_values_rotations import (
     random_vectors,
     unit_roundoff,
 )
+
+import warp as wp
+from builtin_values import apply, assert_ulps, rounded
 
 DTYPES = [wp.float32, wp.float64]
 

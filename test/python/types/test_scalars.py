@@ -98,8 +98,8 @@ def test_half_precision_matches_numpy(value):
 
 @pytest.mark.parametrize("value", [0.0, 1.0, -2.5, 3.14159, 1e38, math.inf, 1.00390625])
 def test_bfloat16_rounds_to_even(value):
-    from warp._src.types.numpy_types import bfloat16_bits
     from warp._src.types.arithmetic import bfloat16_from_bits, bfloat16_to_bits
+    from warp._src.types.numpy_types import bfloat16_bits
 
     bits = bfloat16_to_bits(value)
     assert bits == int(bfloat16_bits(np.array([value]))[0])

@@ -1,8 +1,8 @@
 """`wp.array`: a typed, strided view of device memory.
 
 The descriptor (address, shape, byte strides, element type, device) lives in the native base class,
-where launches read it without Python. This file adds what users see; `array_data` turns lists,
-NumPy arrays and interface objects into arrays, `array_create` has `zeros`, `full` and so on.
+where launches read it without Python. This file adds what users see; `data` turns lists, NumPy
+arrays and interface objects into arrays, `create` has `zeros`, `full` and so on.
 A view keeps the object that owns the memory alive through `owner`.
 """
 
@@ -12,20 +12,23 @@ import typing
 
 from warp import _native
 from warp._src import errors
-from warp._src.devices import allocators
-from warp._src.types import annotations
-from warp._src.devices import device as devices
-from warp._src.types import scalars
-from warp._src.types import dtypes as types
-from warp._src.types.annotations import ArrayType
-from warp._src.types.arithmetic import bfloat16_from_bits
-from warp._src.arrays.operators import ArrayArithmetic
+from warp._src.arrays.allocation import allocate
+from warp._src.arrays.copies import assign, clone
+from warp._src.arrays.data import borrow, element_bytes, fill_from_data
 from warp._src.arrays.gradients import check_gradient_type, fitting_gradient, make_gradient
-from warp._src.arrays.layout import check_shape, element_type, type_id
+from warp._src.arrays.layout import check_shape, element_type
+from warp._src.arrays.observers import Observers, observed_fill
+from warp._src.arrays.operators import ArrayArithmetic
 from warp._src.arrays.protocols import ArrayProtocols
 from warp._src.arrays.views import ArrayViews
+from warp._src.devices import device as devices
+from warp._src.devices import memory
+from warp._src.types import annotations, scalars
+from warp._src.types import dtypes as types
+from warp._src.types.arithmetic import bfloat16_from_bits
+from warp._src.types.native import ArrayType
 from warp._src.types.numpy_types import element_layout
-from warp._src.derivatives.versions import Watch
+from warp._src.types.struct_fields import describe
 
 
 class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
@@ -94,8 +97,6 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
         length=None,
         grad_dtype=None,
     ):
-        from warp._src.arrays import data as array_data
-
         if length is not None:
             if shape is not None:
                 raise ValueError("expects `shape` or `length`, but got both")
@@ -104,7 +105,7 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
         if data is not None:
             if ptr is not None:
                 raise ValueError("expects `data` or `ptr`, but got both")
-            array_data.fill_from_data(self, data, dtype, shape, device, pinned, copy)
+            fill_from_data(self, data, dtype, shape, device, pinned, copy)
         else:
             dtype = element_type(float) if dtype is None else dtype
             index = devices.resolve_index(device)
@@ -112,7 +113,7 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
             if ptr is None:
                 allocate(self, extents, dtype, index, pinned)
             else:
-                array_data.borrow(self, ptr, extents, strides, dtype, index, capacity, deleter)
+                borrow(self, ptr, extents, strides, dtype, index, capacity, deleter)
         if ndim is not None and ndim != self.ndim:
             raise ValueError(f"expects {ndim} dimensions, but got shape {self.shape}")
         check_gradient_type(self.dtype, grad_dtype)
@@ -123,6 +124,7 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
         if retain_grad:
             self.retain_grad = True
 
+    _wp_array_ = True
     _grad = None
     _requires_grad = False
     _retain_grad = False
@@ -209,8 +211,8 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
             return self.to("cpu", requires_grad=False).numpy()
         if self.pinned:
             _native.synchronize_busy_streams()
-        if Watch.active:
-            Watch.memory.lend(self)
+        if Observers.active:
+            Observers.memory.lend(self)
         return self._host_view()
 
     def _host_view(self):
@@ -248,29 +250,21 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
         Raises:
             RuntimeError: the memory comes from a pool, or is not on a CUDA device.
         """
-        from warp._src.devices.memory import ipc_handle
-
-        return ipc_handle(self)
+        return memory.ipc_handle(self)
 
     @property
     def memory_kind(self):
         """What kind of memory backs the array."""
-        from warp._src.devices.memory import memory_kind
-
-        return memory_kind(self)
+        return memory.memory_kind(self)
 
     def to(self, device, requires_grad=None):
         """The array itself if it is on `device`, else a copy there."""
         if devices.resolve_index(device) == self.device_index:
             return self
-        from warp._src.arrays.create import clone
-
         return clone(self, device=device, requires_grad=requires_grad)
 
     def assign(self, src) -> None:
         """Copies from an array, an indexed one, a NumPy array or lists of the same shape."""
-        from warp._src.arrays.create import assign
-
         assign(self, src)
 
     def _check_writable(self) -> None:
@@ -285,10 +279,8 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
         self._fill(bytes(self.item_size), "zero_")
 
     def _fill(self, pattern, name) -> None:
-        if Watch.active:
-            from warp._src.derivatives.observers import watched_fill
-
-            watched_fill(self, pattern, name)
+        if Observers.active:
+            observed_fill(self, pattern, name)
         else:
             _native.fill_array(self, pattern)
 
@@ -298,16 +290,12 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
         Raises:
             TypeError, ValueError: `value` is no element of the array's type.
         """
-        from warp._src.arrays.data import element_bytes
-
         self._check_writable()
         pattern = element_bytes(self.dtype, value)
         if self.size:
             self._fill(pattern, "fill_")
 
     def __ctype__(self):
-        from warp._src.types.structs import describe
-
         return describe(self)
 
 
@@ -333,30 +321,6 @@ class _Memory:
             "typestr": "|u1",
             "version": 3,
         }
-
-
-def new_array(cls=array):
-    """An array without memory, to be set up by the caller."""
-    return _native.Array.__new__(cls)
-
-
-def allocate(target, extents, dtype, device_index, pinned=False) -> None:
-    """Gives an array packed memory of its own; the contents are undefined."""
-    size = item_size = types.type_size_in_bytes(dtype)
-    for extent in extents:
-        size *= extent
-    if size >= 1 << 63:
-        raise errors.WarpMemoryError(f"an array of shape {extents} has more bytes than can exist")
-    if not size:
-        buffer = None
-    elif allocators.special:
-        buffer = allocators.make_buffer(device_index, size, pinned)
-    else:
-        buffer = _native.Buffer(device_index, size, pinned)
-    pointer = buffer.ptr if buffer is not None else 0
-    target._setup(
-        pointer, extents, None, dtype, type_id(dtype), item_size, device_index, buffer, pinned
-    )
 
 
 class RankedArray:

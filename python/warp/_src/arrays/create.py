@@ -1,16 +1,17 @@
-"""Making arrays without data, and copying between them."""
+"""Making arrays."""
 
 from __future__ import annotations
 
-from warp import _native
-from warp._src import errors
-from warp._src.devices import device as devices
-from warp._src.types import dtypes as types
-from warp._src.arrays.array import allocate, array, new_array
+from warp._src.arrays.allocation import allocate, new_array
+from warp._src.arrays.array import array
+from warp._src.arrays.copies import empty_like
+from warp._src.arrays.data import borrow
 from warp._src.arrays.gradients import check_gradient_type
 from warp._src.arrays.layout import check_shape, element_type
-from warp._src.arrays.indexed import indexedarray
-from warp._src.derivatives.versions import Watch
+from warp._src.devices import device as devices
+from warp._src.devices import memory
+from warp._src.types import dtypes as types
+from warp._src.types.numpy_types import dtype_from_numpy
 
 
 def empty(
@@ -45,7 +46,7 @@ def empty(
         if shape is not None:
             raise ValueError("expects `shape` or `length`, but got both")
         shape = length
-    result = new_array()
+    result = new_array(array)
     extents = check_shape(shape)
     allocate(result, extents, element_type(dtype), devices.resolve_index(device), pinned)
     check_gradient_type(result.dtype, grad_dtype)
@@ -68,9 +69,7 @@ def zeros(
     grad_dtype=None,
 ):
     """An array of zeros; arguments as for `empty`."""
-    result = empty(
-        shape, dtype, device, requires_grad, pinned, retain_grad, length, n, grad_dtype
-    )
+    result = empty(shape, dtype, device, requires_grad, pinned, retain_grad, length, n, grad_dtype)
     result.zero_()
     return result
 
@@ -105,9 +104,7 @@ def full(
     """An array of equal elements; the element type is by default that of `value`."""
     if dtype is None:
         dtype = _type_of_value(value)
-    result = empty(
-        shape, dtype, device, requires_grad, pinned, retain_grad, length, n, grad_dtype
-    )
+    result = empty(shape, dtype, device, requires_grad, pinned, retain_grad, length, n, grad_dtype)
     result.fill_(value)
     return result
 
@@ -116,8 +113,6 @@ def _type_of_value(value):
     if isinstance(value, bool):
         return bool
     if hasattr(value, "dtype") and hasattr(value, "shape"):
-        from warp._src.types.numpy_types import dtype_from_numpy
-
         scalar = dtype_from_numpy(value.dtype)
         if value.shape == ():
             return scalar
@@ -132,25 +127,9 @@ def _type_of_value(value):
     return type(value)
 
 
-def _like(src, device, dtype, requires_grad, pinned):
-    if not isinstance(src, (array, indexedarray)):
-        raise TypeError(f"expects an array, but got '{type(src).__name__}'")
-    where = src.device if device is None else devices.get_device(device)
-    if requires_grad is None:
-        requires_grad = src.requires_grad
-    if pinned is None:
-        pinned = src.pinned and where.is_cpu
-    return empty(src.shape, dtype or src.dtype, where, requires_grad, pinned)
-
-
-def empty_like(src, device=None, requires_grad=None, pinned=None, dtype=None):
-    """An array with shape and element type of `src` and undefined contents."""
-    return _like(src, device, dtype, requires_grad, pinned)
-
-
 def zeros_like(src, device=None, requires_grad=None, pinned=None, dtype=None):
     """An array of zeros with shape and element type of `src`."""
-    result = _like(src, device, dtype, requires_grad, pinned)
+    result = empty_like(src, device, requires_grad, pinned, dtype)
     result.zero_()
     return result
 
@@ -162,15 +141,8 @@ def ones_like(src, device=None, requires_grad=None, pinned=None, dtype=None):
 
 def full_like(src, value, device=None, requires_grad=None, pinned=None, dtype=None):
     """An array of equal elements with shape and element type of `src`."""
-    result = _like(src, device, dtype, requires_grad, pinned)
+    result = empty_like(src, device, requires_grad, pinned, dtype)
     result.fill_(value)
-    return result
-
-
-def clone(src, device=None, requires_grad=None, pinned=None):
-    """A contiguous copy, on the device of `src` unless another one is named."""
-    result = _like(src, device, None, requires_grad, pinned)
-    copy(result, src)
     return result
 
 
@@ -180,8 +152,6 @@ def from_numpy(arr, dtype=None, shape=None, device=None, requires_grad=False):
     An array of shape (n, 2..4) becomes vectors and one of shape (n, 2..4, same) matrices.
     """
     if dtype is None:
-        from warp._src.types.numpy_types import dtype_from_numpy
-
         dtype = dtype_from_numpy(arr.dtype)
         inner = arr.shape[1:]
         if len(inner) == 2 and inner[0] == inner[1] and 2 <= inner[0] <= 4:
@@ -189,91 +159,6 @@ def from_numpy(arr, dtype=None, shape=None, device=None, requires_grad=False):
         elif len(inner) == 1 and 2 <= inner[0] <= 4:
             dtype = types.vector(inner[0], dtype)
     return array(arr, dtype=dtype, shape=shape, device=device, requires_grad=requires_grad)
-
-
-def assign(dest, src) -> None:
-    """Copies to an array, indexed or not, from one of the same shape or what can be made one.
-
-    Raises:
-        ValueError: the shapes differ.
-    """
-    if not isinstance(src, (array, indexedarray)):
-        src = array(src, dtype=dest.dtype, device="cpu", copy=False)
-    if src.shape != dest.shape:
-        raise ValueError(f"expects shape {dest.shape} to assign, but got {src.shape}")
-    copy(dest, src)
-
-
-def copy(dest, src, dest_offset=0, src_offset=0, count=0, stream=None) -> None:
-    """Copies elements between arrays on any devices.
-
-    Args:
-        dest, src: arrays of equal shape, or of equal element size if offsets or count are given.
-            With offsets or count, those that are indexed have one dimension.
-        dest_offset, src_offset: first element to write and read.
-        count: number of elements, 0 for all of `src`.
-        stream: CUDA stream to use.
-
-    Raises:
-        ValueError: shapes, element sizes or ranges do not fit together.
-    """
-    for name, value in (("dest", dest), ("src", src)):
-        if not isinstance(value, (array, indexedarray)):
-            raise TypeError(f"expects an array as '{name}', but got '{type(value).__name__}'")
-    dest._check_writable()
-    if dest.item_size != src.item_size:
-        raise errors.WarpShapeError(
-            f"expects elements of equal size to copy, but got '{types.type_repr(src.dtype)}' "
-            f"({src.item_size} bytes) and '{types.type_repr(dest.dtype)}' ({dest.item_size} bytes)"
-        )
-    whole = not dest_offset and not src_offset and count in (0, src.size)
-    if whole and dest.shape == src.shape:
-        if src.size:
-            _copy_all(dest, src, stream)
-        return
-    count = count or src.size - src_offset
-    views = [
-        _range(array, offset, count, name)
-        for array, offset, name in ((dest, dest_offset, "dest"), (src, src_offset, "src"))
-    ]
-    if count:
-        _copy_all(*views, stream)
-
-
-def _copy_all(dest, src, stream):
-    if isinstance(dest, indexedarray) or isinstance(src, indexedarray):
-        from warp._src.arrays.indexed_copies import copy_elements
-
-        copy_elements(dest, src, stream)
-    elif Watch.active:
-        from warp._src.derivatives.observers import watched_copy
-
-        watched_copy(dest, src, stream)
-    else:
-        _native.copy_array(dest, src, stream)
-
-
-def _range(source, offset, count, name):
-    """Elements offset .. offset+count of an array in row-major order, as a view."""
-    if offset < 0 or count < 0 or offset + count > source.size:
-        raise errors.WarpShapeError(
-            f"elements {offset} to {offset + count} are out of range for '{name}' with "
-            f"{source.size} elements"
-        )
-    if isinstance(source, indexedarray):
-        return source.part(offset, count, name)
-    if source.ndim == 1:
-        stride = source.strides[0]
-    elif source.is_contiguous:
-        stride = source.item_size
-    else:
-        raise errors.WarpShapeError(
-            f"expects '{name}' to be contiguous or one-dimensional to copy a part of it"
-        )
-    part = source._view(offset * stride, (count,), (stride,))
-    if source.grad is not None:
-        part.grad = _range(source.grad, offset, count, name)
-    return part
 
 
 def from_ptr(ptr, length, dtype=None, shape=None, device=None):
@@ -285,3 +170,22 @@ def from_ptr(ptr, length, dtype=None, shape=None, device=None):
         device=device,
         capacity=None if shape is None else length * types.type_size_in_bytes(dtype or float),
     )
+
+
+def from_ipc_handle(handle: bytes, dtype, shape, strides=None, device=None):
+    """An array over the memory of an array of another process.
+
+    Args:
+        handle: what `array.ipc_handle()` gave there.
+        dtype, shape, strides: those of that array.
+        device: the CUDA device that the memory is on.
+    """
+    device = devices.get_device(device)
+    if not device.is_cuda:
+        raise RuntimeError(f"expects a CUDA device to share memory on, but got '{device}'")
+    mapped = memory.Imported(device.index, handle[: memory.HANDLE_BYTES])
+    offset = int.from_bytes(handle[memory.HANDLE_BYTES :], "little")
+    result, extents, dtype = new_array(array), check_shape(shape), element_type(dtype)
+    pointer = mapped.ptr + offset
+    borrow(result, pointer, extents, strides, dtype, device.index, None, None, owner=mapped)
+    return result

@@ -12,10 +12,12 @@ import math
 
 from warp import _native
 from warp._src import errors
-from warp._src.devices import device as devices
-from warp._src.types import scalars
-from warp._src.types import dtypes as types
+from warp._src.arrays.allocation import allocate, new_array
 from warp._src.arrays.layout import check_shape, type_id
+from warp._src.devices import device as devices
+from warp._src.interop import exchange as interop
+from warp._src.types import dtypes as types
+from warp._src.types import scalars
 from warp._src.types.composites import Composite
 from warp._src.types.numpy_types import bfloat16_bits, dtype_from_numpy, element_layout
 from warp._src.types.scalars import scalar_base
@@ -23,9 +25,7 @@ from warp._src.types.scalars import scalar_base
 
 def fill_from_data(target, data, dtype, shape, device, pinned, copy) -> None:
     """Sets up `target` from anything that holds numbers."""
-    from warp._src.arrays.array import array
-
-    if isinstance(data, array):
+    if isinstance(data, _native.Array):
         _from_array(target, data, dtype, shape, device, pinned, copy)
         return
     index = devices.resolve_index(device)
@@ -167,8 +167,6 @@ def _store(target, source, extents, dtype, index, pinned, copy):
     """Puts NumPy data into an array, by alias where allowed."""
     import numpy
 
-    from warp._src.arrays.array import allocate, new_array
-
     layout, inner = element_layout(dtype)
     scalar = getattr(dtype, "_wp_scalar_type_", dtype)
     if scalar is scalars.bfloat16 and source.dtype.kind == "f":
@@ -185,7 +183,7 @@ def _store(target, source, extents, dtype, index, pinned, copy):
         return
     host = target
     if index != devices.CPU:
-        host = new_array()
+        host = new_array(type(target))
         allocate(host, extents, dtype, devices.CPU)
     with numpy.errstate(invalid="ignore", over="ignore"):
         host._host_view()[...] = source.reshape(extents + inner)
@@ -228,8 +226,6 @@ def _alias(target, source, extents, dtype, inner) -> bool:
 
 
 def _from_array(target, data, dtype, shape, device, pinned, copy):
-    from warp._src.arrays.array import allocate
-
     index = data.device_index if device is None else devices.resolve_index(device)
     source = data
     if dtype is not None and not types.types_equal(dtype, data.dtype):
@@ -261,8 +257,6 @@ def _from_cuda(target, data, interface, dtype, shape, device, pinned, copy):
     """From another library's CUDA array, after what its stream still has to do."""
     import numpy
 
-    from warp._src.interop import exchange as interop
-
     if interface.get("mask") is not None:
         raise errors.WarpTypeError("an array with a mask cannot be used as data")
     where = _cuda_device_of(data)
@@ -280,14 +274,12 @@ def _from_cuda(target, data, interface, dtype, shape, device, pinned, copy):
         scalar = scalars.bfloat16 if raw_bytes else dtype_from_numpy(interface["typestr"])
         fits = dtype is None or interop.same_bits(scalar, getattr(dtype, "_wp_scalar_type_", dtype))
         layout = interop.fold(scalar, extents, strides, dtype if fits else None)
-    source = interop.alias(pointer or 0, layout, where, data, read_only=read_only)
+    source = interop.alias(type(target), pointer or 0, layout, where, data, read_only=read_only)
     _from_array(target, source, dtype, shape, device, pinned, copy)
 
 
 def _cuda_device_of(data) -> int:
     """The array interface does not name the device; DLPack, which most have too, does."""
-    from warp._src.interop import exchange as interop
-
     if hasattr(data, "__dlpack_device__"):
         return interop.cuda_index(data.__dlpack_device__()[1])
     return devices.resolve_index("cuda")

@@ -9,10 +9,13 @@ from __future__ import annotations
 
 import functools
 
+from warp import _native
 from warp._src import errors
-from warp._src.types import dtypes as types
-from warp._src.types.annotations import ArrayType
+from warp._src.arrays.allocation import new_array
 from warp._src.arrays.layout import element_type, type_id
+from warp._src.types import dtypes as types
+from warp._src.types.native import ArrayType
+from warp._src.types.scalars import uint8
 
 
 @functools.cache
@@ -55,23 +58,19 @@ def check_gradient_type(dtype, wanted) -> None:
 
 def make_gradient(source):
     """Zeros with the layout of an array, for its gradient."""
-    from warp._src.arrays.array import new_array
-    from warp._src.arrays.create import zeros
-    from warp._src.types.scalars import uint8
-
     dtype = gradient_type(source.dtype)
     item_size = types.type_size_in_bytes(dtype)
     strides = _gradient_strides(source, item_size)
     if source.is_contiguous or not source.size:
-        made = zeros(source.shape, dtype, source.device, pinned=source.pinned)
+        made = _zeros(source, source.shape, dtype)
         if not source.size or made.strides == strides:
             return made
     below, above = 0, item_size
     for extent, stride in zip(source.shape, strides, strict=True):
         reach = stride * (extent - 1)
         below, above = below + min(reach, 0), above + max(reach, 0)
-    memory = zeros(above - below, uint8, source.device, pinned=source.pinned)
-    made = new_array()
+    memory = _zeros(source, above - below, uint8)
+    made = new_array(type(source))
     made._setup(
         memory.ptr - below,
         source.shape,
@@ -86,16 +85,23 @@ def make_gradient(source):
     return made
 
 
+def _zeros(neighbour, shape, dtype):
+    """An array of zeros of the kind and on the device of another one."""
+    made = type(neighbour)(
+        shape=shape, dtype=dtype, device=neighbour.device, pinned=neighbour.pinned
+    )
+    made.zero_()
+    return made
+
+
 def _gradient_strides(source, item_size) -> tuple:
     return tuple(stride * item_size // source.item_size for stride in source.strides)
 
 
 def widened(value):
     """A copy of an array of 16-bit floats with elements of 32 bits, as gradients have."""
-    from warp._src.arrays.array import array
-
     dtype = gradient_type(value.dtype)
-    return array(value.list(), dtype=dtype, device=value.device).reshape(value.shape)
+    return type(value)(value.list(), dtype=dtype, device=value.device).reshape(value.shape)
 
 
 def fitting_gradient(source, value):
@@ -104,10 +110,8 @@ def fitting_gradient(source, value):
     Raises:
         ValueError: shape, element type, strides or device do not fit.
     """
-    from warp._src.arrays.array import array
-
     expected = gradient_type(source.dtype)
-    if not isinstance(value, array):
+    if not isinstance(value, _native.Array):
         raise ValueError(
             f"expects an array as the gradient of {source!r}, but got '{type(value).__name__}'"
         )

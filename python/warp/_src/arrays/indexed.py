@@ -14,12 +14,17 @@ import typing
 
 from warp import _native
 from warp._src import errors
-from warp._src.types import annotations
-from warp._src.types import scalars
-from warp._src.types import dtypes as types
-from warp._src.types.annotations import ArrayType, IndexedArrayType
-from warp._src.arrays.array import allocate, array, new_array
+from warp._src.arrays import hooks
+from warp._src.arrays.allocation import allocate, new_array
+from warp._src.arrays.array import array
+from warp._src.arrays.copies import assign, clone, copy
+from warp._src.arrays.data import element_bytes
+from warp._src.arrays.observers import Observing
 from warp._src.arrays.operators import ArrayArithmetic
+from warp._src.devices import device as devices
+from warp._src.types import annotations, scalars
+from warp._src.types import dtypes as types
+from warp._src.types.native import ArrayType, IndexedArrayType
 from warp._src.types.structs import StructInstance, make_struct
 
 MAX_DIMENSIONS = 4
@@ -64,6 +69,9 @@ def record_class(dtype, ndim):
     return make_struct(name, fields, IndexedRecord, about)
 
 
+IndexedArrayType.make_record = staticmethod(record_class)
+
+
 class indexedarray(ArrayArithmetic):
     """Elements of an array, chosen by an array of indices for each dimension.
 
@@ -88,6 +96,7 @@ class indexedarray(ArrayArithmetic):
         ValueError: `data` or an array of indices is none, or they do not fit together.
     """
 
+    _wp_array_ = True
     is_contiguous = False
 
     def __new__(cls, data=None, indices=None, dtype=None, ndim=None):
@@ -223,8 +232,6 @@ class indexedarray(ArrayArithmetic):
 
     def contiguous(self) -> array:
         """A packed copy of the elements."""
-        from warp._src.arrays.create import clone
-
         return clone(self)
 
     def numpy(self):
@@ -237,25 +244,17 @@ class indexedarray(ArrayArithmetic):
 
     def _read(self) -> array:
         """A packed copy that no tape records."""
-        from warp._src.arrays.create import clone
-        from warp._src.derivatives.versions import Watching
-
-        with Watching(tape=None):
+        with Observing(tape=None):
             return clone(self, requires_grad=False)
 
     def to(self, device, requires_grad=None):
         """The indexed array itself if it is on `device`, else an array of its elements there."""
-        from warp._src.devices import device as devices
-        from warp._src.arrays.create import clone
-
         if devices.resolve_index(device) == self.device_index:
             return self
         return clone(self, device=device, requires_grad=requires_grad)
 
     def assign(self, src) -> None:
         """Copies from an array, an indexed array, a NumPy array or lists of the same shape."""
-        from warp._src.arrays.create import assign
-
         assign(self, src)
 
     def zero_(self) -> None:
@@ -268,13 +267,9 @@ class indexedarray(ArrayArithmetic):
         Raises:
             TypeError, ValueError: `value` is no element of the array's type.
         """
-        from warp._src.arrays.data import element_bytes
-
         self._fill(element_bytes(self.dtype, value))
 
     def _fill(self, pattern) -> None:
-        from warp._src.arrays.create import copy
-
         self._check_writable()
         if self.size:
             element = _one_element(self.dtype, self.data, pattern)
@@ -283,7 +278,7 @@ class indexedarray(ArrayArithmetic):
 
 def _one_element(dtype, neighbour, pattern) -> array:
     """An array of one element with these bytes, on the device of another array."""
-    element = new_array()
+    element = new_array(array)
     allocate(element, (1,), dtype, neighbour.device_index)
     _native.fill_array(element, pattern)
     return element
@@ -332,6 +327,9 @@ def select(source, key) -> indexedarray:
     # Dimensions with one index are gone.
     left = [one for one in keys if isinstance(one, (slice, array))]
     return indexedarray(data, [one if isinstance(one, array) else None for one in left])
+
+
+hooks.select = select
 
 
 class RankedIndexedArray:

@@ -6,8 +6,11 @@ types do not mix; a Python number takes the scalar type of the array.
 
 from __future__ import annotations
 
-from warp._src.types import scalars
+from warp._src.arrays import hooks
 from warp._src.types import dtypes as types
+from warp._src.types import scalars
+from warp._src.types.composites import Composite, canonical_class
+from warp._src.types.numpy_types import dtype_from_numpy
 
 
 class ArrayArithmetic:
@@ -94,18 +97,14 @@ def _binary(name, sign, own, other, swapped=False, out=None):
 
 
 def _apply(name, expression, operands, out):
-    from warp._src.kernels.maps import apply
-
-    return apply(f"array_{name}", expression, {}, expression, operands, out, False, None, None)
+    return hooks.apply(
+        f"array_{name}", expression, {}, expression, operands, out, False, None, None
+    )
 
 
 def _operand(own, value):
     """(type, value) of the other operand; None if it is nothing to calculate with."""
-    from warp._src.arrays.array import array
-    from warp._src.types.composites import Composite, canonical_class
-    from warp._src.arrays.indexed import indexedarray
-
-    if isinstance(value, (array, indexedarray)):
+    if types.type_is_array(type(value)):
         return None, value
     if isinstance(value, Composite):
         return canonical_class(type(value)), value
@@ -121,7 +120,5 @@ def _operand(own, value):
             )
         return scalar, value
     if hasattr(value, "dtype") and getattr(value, "shape", None) == ():
-        from warp._src.types.numpy_types import dtype_from_numpy
-
         return dtype_from_numpy(value.dtype), value
     return None

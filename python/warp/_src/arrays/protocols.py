@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from warp._src.arrays.observers import Observers
 from warp._src.devices import device as devices
+from warp._src.interop.dlpack_export import dlpack_device, export
+from warp._src.interop.exchange import current_handle
 from warp._src.types.numpy_types import element_layout
-from warp._src.derivatives.versions import Watch
 
 
 class ArrayProtocols:
@@ -16,8 +18,8 @@ class ArrayProtocols:
     def __array_interface__(self):
         if self.device_index != devices.CPU:
             raise AttributeError(f"no `__array_interface__`: the array is on '{self.device}'")
-        if Watch.active:
-            Watch.memory.lend(self)
+        if Observers.active:
+            Observers.memory.lend(self)
         return self._interface()
 
     @property
@@ -25,8 +27,6 @@ class ArrayProtocols:
         if self.device_index == devices.CPU:
             raise AttributeError("no `__cuda_array_interface__`: the array is on 'cpu'")
         interface = self._interface()
-        from warp._src.interop.exchange import current_handle
-
         # Readers wait for this stream before they touch the memory.
         interface["stream"] = current_handle(self.device_index)
         return interface
@@ -51,14 +51,10 @@ class ArrayProtocols:
 
     def __dlpack__(self, stream=None, max_version=None, dl_device=None, copy=None):
         """A DLPack capsule over the memory, for `from_dlpack` of other libraries."""
-        from warp._src.interop.dlpack import export
-
-        if Watch.active and self.device_index == devices.CPU:
-            Watch.memory.lend(self)
+        if Observers.active and self.device_index == devices.CPU:
+            Observers.memory.lend(self)
         return export(self, stream, max_version, dl_device, copy)
 
     def __dlpack_device__(self) -> tuple[int, int]:
         """Kind and number of the device, as DLPack counts them."""
-        from warp._src.interop.dlpack import dlpack_device
-
         return dlpack_device(self)

@@ -10,9 +10,12 @@ from __future__ import annotations
 import math
 
 from warp._src import errors
-from warp._src.types import dtypes as types
+from warp._src.arrays import hooks
+from warp._src.arrays.allocation import new_array
+from warp._src.arrays.copies import clone
 from warp._src.arrays.gradients import gradient_type
 from warp._src.arrays.layout import check_shape, element_type, type_id
+from warp._src.types import dtypes as types
 
 
 class ArrayViews:
@@ -21,11 +24,9 @@ class ArrayViews:
     __slots__ = ()
 
     def _view(self, offset, shape, strides, dtype=None):
-        from warp._src.arrays.array import new_array
-
         dtype = dtype or self.dtype
         item_size = types.type_size_in_bytes(dtype)
-        result = new_array()
+        result = new_array(type(self))
         result._setup(
             (self.ptr or 0) + offset,
             tuple(shape),
@@ -50,9 +51,7 @@ class ArrayViews:
 
     def __getitem__(self, key):
         if _has_arrays(key):
-            from warp._src.arrays.indexed import select
-
-            return select(self, key)
+            return hooks.select(self, key)
         offset, shape, strides = self._select(key)
         if not shape:
             raise errors.WarpError(
@@ -215,11 +214,7 @@ class ArrayViews:
         """The array itself if it is packed in row-major order, else a packed copy."""
         if self.is_contiguous:
             return self
-        from warp._src.arrays.create import copy, empty_like
-
-        result = empty_like(self)
-        copy(result, self)
-        return result
+        return clone(self)
 
 
 def _has_arrays(key) -> bool:

@@ -9,14 +9,14 @@ from collections.abc import Callable, Sequence
 import numpy
 
 from warp._src import errors
-from warp._src.types import scalars
-from warp._src.types import dtypes as types
 from warp._src.arrays.array import array
+from warp._src.arrays.observers import Observing, copy_layout
+from warp._src.kernels.call import signature_of, struct_leaves, struct_of
 from warp._src.kernels.kernel import Kernel
 from warp._src.kernels.launch import launch
+from warp._src.types import dtypes as types
+from warp._src.types import scalars
 from warp._src.types.structs import StructInstance
-from warp._src.derivatives.versions import Watching, copy_layout
-from warp._src.derivatives.observers import signature_of, struct_leaves, struct_of
 
 
 @dataclasses.dataclass
@@ -171,7 +171,7 @@ class Evaluation:
 
     def reset(self) -> None:
         """Gives the arrays the contents that they had at first."""
-        with Watching(tape=None):
+        with Observing(tape=None):
             for one, contents in self._saved:
                 one.assign(contents)
 

@@ -9,9 +9,11 @@ import functools
 
 from warp._src import errors
 from warp._src.arrays.array import array
-from warp._src.devices.device import by_index
 from warp._src.arrays.indexed import indexedarray
-from warp._src.kernels.launch import LaunchParameters
+from warp._src.arrays.observers import Observing
+from warp._src.devices.device import by_index
+from warp._src.kernels.call import Call, signature_of
+from warp._src.kernels.parameters import LaunchParameters
 from warp._src.types.structs import StructInstance
 
 
@@ -60,10 +62,6 @@ class AdjointLaunch(LaunchParameters):
 
     def launch(self, stream=None) -> None:
         """Runs the derivative."""
-        from warp._src.derivatives import kernel_derivative as kernel_derivatives
-        from warp._src.derivatives.versions import Watching
-        from warp._src.derivatives.observers import Call, signature_of
-
         index, own, block_dim = self._place
         expected = len(signature_of(self.kernel, self._native, self._values).parameters)
         if len(self._values) != expected:
@@ -73,8 +71,8 @@ class AdjointLaunch(LaunchParameters):
             )
         values = with_gradients(self._values, self._gradients, self.kernel.key)
         call = Call(self.kernel, self._native, self._dim, values, index, stream or own, block_dim)
-        with Watching(tape=None):
-            kernel_derivatives.launch(call)
+        with Observing(tape=None):
+            self.kernel.derivatives.launch(call)
 
 
 def with_gradients(values, adjoints, key) -> tuple:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import functools
 
-from warp._src.derivatives import cotangents as adjoint
-from warp._src.devices import device as devices
-from warp._src.types import dtypes as types
 from warp._src.arrays.array import array
-from warp._src.devices.graphs import _captures
+from warp._src.arrays.observers import Observers, Observing, copy_layout
+from warp._src.derivatives import cotangents
 from warp._src.derivatives.singular import one_report
 from warp._src.derivatives.tape_records import LaunchRecord
-from warp._src.derivatives.versions import Watch, Watching, copy_layout
+from warp._src.devices import device as devices
+from warp._src.devices.graphs import _captures
+from warp._src.types import dtypes as types
 
 
 class BackwardPass:
@@ -39,7 +39,7 @@ class BackwardPass:
 
     def run(self) -> None:
         """Does all of it."""
-        with Watching(tape=None), one_report():
+        with Observing(tape=None), one_report():
             self._wait_for_streams()
             found = self._set_aside()
             for target, seed in self.seeds.items():
@@ -49,7 +49,7 @@ class BackwardPass:
                     target.grad.assign(seed)
             retained = self._reverse()
             for grad, before in found:
-                adjoint.add_into(grad, before)
+                cotangents.add_into(grad, before)
             for one, copy in retained:
                 one.grad.assign(copy)
             self._remember()
@@ -126,7 +126,7 @@ class BackwardPass:
                     found[one.grad_ptr, one.size] = one.grad
         if len(found) > 1:
             found = dict(sorted(found.items(), key=lambda item: -item[0][1]))
-        self.tape._left = [Watch.memory.observe(grad) for grad in found.values() if grad.size]
+        self.tape._left = [Observers.memory.observe(grad) for grad in found.values() if grad.size]
         self.tape._seeded = list(self.seeds)
 
     def _wait_for_streams(self) -> None:

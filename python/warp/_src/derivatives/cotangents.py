@@ -1,23 +1,16 @@
-"""What a tape does with gradients: seeds, sums, and running the adjoints of launches.
+"""Gradients that come from outside or from several launches: seeds and sums.
 
-The derivative of a launch is what `Kernel.adjoint` makes for a native kernel and the set of its
-arrays that have gradients. Arrays are numbered as in `Call.leaves`.
+Arrays are numbered as in `Call.leaves`.
 """
 
 from __future__ import annotations
 
 from warp._src import errors
-from warp._src.derivatives import kernel_derivative as kernel_derivatives
-from warp._src.types import dtypes as types
-from warp._src.types.annotations import ArrayType
 from warp._src.arrays.array import array
 from warp._src.arrays.gradients import gradient_type, widened
-from warp._src.derivatives.versions import Watch
-
-
-def preserved(made) -> set[int]:
-    """Arrays of which it reads the contents before the launch."""
-    return {hidden.leaf for hidden in made.hidden if hidden.kind == "preserved"}
+from warp._src.derivatives.struct_sums import add_structs
+from warp._src.types import dtypes as types
+from warp._src.types.native import ArrayType
 
 
 def with_gradient_of(contents: array, original: array) -> array:
@@ -57,14 +50,6 @@ def gradient_struct(value):
     return result
 
 
-def launch_adjoint(made, call, values, initial, saved) -> None:
-    """Runs the adjoint of a launch."""
-    if Watch.executor is not None:
-        Watch.executor.launch_adjoint(made, call, values, initial, saved)
-    else:
-        kernel_derivatives.run(made, call, values, initial, saved)
-
-
 def add_into(target: array, source: array) -> None:
     """Adds the elements of one array to those of another of equal size, on any devices."""
     if source.device_index != target.device_index:
@@ -72,8 +57,6 @@ def add_into(target: array, source: array) -> None:
     if source.shape != target.shape:
         target, source = target.flatten(), source.flatten()
     if types.is_struct(target.dtype):
-        from warp._src.derivatives.struct_sums import add_structs
-
         add_structs(target, source)
         return
     if source.dtype is not target.dtype:

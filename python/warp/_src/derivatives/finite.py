@@ -13,10 +13,10 @@ import linecache
 import numpy
 
 from warp._src import errors
-from warp._src.types import dtypes as types
 from warp._src.arrays.array import array
 from warp._src.derivatives.origin import find_origin
 from warp._src.derivatives.tape_records import LaunchRecord
+from warp._src.types import dtypes as types
 
 # Elements shown of each array.
 _SHOWN = 4

@@ -11,8 +11,8 @@ from __future__ import annotations
 import types as python_types
 
 from warp._src import errors
-from warp._src.language.builtins import Builtin
 from warp._src.kernels.function import Function
+from warp._src.language.builtins import Builtin
 
 
 def _only_in_kernels(name):
@@ -286,5 +286,3 @@ def is_differentiable(native) -> bool:
     """Whether a type of the compiler has cotangents: floats and composites of floats."""
     scalar = native.element or native
     return native.kind != "array" and scalar.kind == "float"
-
-

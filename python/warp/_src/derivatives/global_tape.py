@@ -11,9 +11,10 @@ import math
 
 from warp import _native
 from warp._src import errors
+from warp._src.arrays.create import empty, zeros
 from warp._src.devices import device as devices
-from warp._src.types import scalars
 from warp._src.types import dtypes as types
+from warp._src.types import scalars
 
 # A tape has rows of so many elements (lib/Transforms/Autodiff/GlobalTape.cpp).
 ROW = 1 << 16
@@ -67,8 +68,6 @@ def _join_stream(call) -> None:
 
 def _count(made, call, values, known):
     """The arrays of trips and offsets by kind and loop, and per loop the trips of all threads."""
-    from warp._src.arrays.create import zeros
-
     extents = tuple(call.dim) if isinstance(call.dim, (tuple, list)) else (int(call.dim),)
     loops = 1 + max(hidden.leaf for hidden in made.hidden_of_counting if hidden.kind == "trips")
     device = devices.by_index(call.device)
@@ -87,7 +86,5 @@ def _item_size(hidden) -> int:
 
 
 def _empty(hidden, count, call):
-    from warp._src.arrays.create import empty
-
     shape = (1, count) if count <= ROW else (math.ceil(count / ROW), ROW)
     return empty(shape, types.dtype_of(hidden.type).dtype, devices.by_index(call.device))

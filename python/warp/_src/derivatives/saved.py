@@ -60,13 +60,13 @@ def adjoints(kernel, native, name, wanted=None) -> list:
     """
     leaves = _leaves(native.parameters)
     if wanted is None:
-        sets = [tuple(real for _, real in leaves), *kernel.differentiated(native)]
+        sets = [tuple(real for _, real in leaves), *kernel.derivatives.active_sets(native)]
     else:
         sets = [_set(kernel, leaves, names) for names in wanted]
     pairs = []
     for active in dict.fromkeys(one for one in sets if any(one)):
         try:
-            made = kernel.adjoint(native, active)
+            made = kernel.derivatives.adjoint(native, active)
         except errors.WarpError:
             if wanted is None:
                 continue

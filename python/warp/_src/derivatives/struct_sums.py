@@ -4,24 +4,21 @@ from __future__ import annotations
 
 import functools
 
-from warp._src.types import dtypes as types
 from warp._src.arrays.array import array
 from warp._src.arrays.gradients import has_gradient
 from warp._src.kernels.function import Function
+from warp._src.kernels.maps import define, map
+from warp._src.types import dtypes as types
 
 
 def add_structs(target: array, source: array) -> None:
     """Adds the floating-point fields of one array's elements to those of another's."""
-    from warp._src.kernels.maps import map
-
     map(_sum_of(target.dtype), target, source, out=target)
 
 
 @functools.cache
 def _sum_of(dtype) -> Function:
     """A function for kernels that adds two structs; fields without derivative are the first's."""
-    from warp._src.kernels.maps import define
-
     lines = [f"def add_{dtype.__name__}(x: Struct, y: Struct):", "    result = x"]
     lines += [f"    result{path} = x{path} + y{path}" for path in _paths(dtype)]
     lines.append("    return result")

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from warp._src import errors
-from warp._src.derivatives import cotangents as adjoint
 from warp._src.arrays.array import array
-from warp._src.types.structs import StructInstance
+from warp._src.arrays.observers import Observers, Observing
+from warp._src.arrays.versions import event
+from warp._src.derivatives import cotangents
 from warp._src.derivatives.tape_records import CopyRecord, FillRecord, FunctionRecord, LaunchRecord
-from warp._src.derivatives.versions import Watch, Watching, event
-from warp._src.derivatives.observers import Call
+from warp._src.devices.device import resolve_index
+from warp._src.kernels.call import Call
+from warp._src.types.structs import StructInstance
 
 
 class Tape:
@@ -54,22 +56,22 @@ class Tape:
     # Recording.
 
     def __enter__(self):
-        if Watch.tape is not None:
+        if Observers.tape is not None:
             raise errors.WarpError(
                 "a tape is recording already: leave its block before, or record both parts on it"
             )
-        Watch.tape = self
-        Watch.update()
+        Observers.tape = self
+        Observers.update()
         return self
 
     def __exit__(self, *exception):
-        if Watch.tape is self:
-            Watch.tape = None
-            Watch.update()
+        if Observers.tape is self:
+            Observers.tape = None
+            Observers.update()
 
     def _add(self, record) -> None:
         self._records.append(record)
-        Watch.retain(self)
+        Observers.retain(self)
 
     def begin_launch(self, call: Call) -> LaunchRecord:
         """Called before a launch that is to be recorded."""
@@ -77,7 +79,7 @@ class Tape:
 
     def end_launch(self, record: LaunchRecord) -> None:
         """Called after it."""
-        Watch.retain(self)
+        Observers.retain(self)
         record.observe()
         self._add(record)
 
@@ -103,8 +105,6 @@ class Tape:
         metadata=None,
     ) -> None:
         """Records a launch without running it."""
-        from warp._src.devices.device import resolve_index
-
         values = (*inputs, *outputs)
         native = kernel.specialize(values) if kernel.is_generic else kernel.prepare()
         call = Call(kernel, native, dim, values, resolve_index(device), None, block_dim)
@@ -197,7 +197,7 @@ class Tape:
                 raise errors.WarpShapeError(
                     f"backward: expects a gradient of shape {target.shape}, but got {seed!r}"
                 )
-            seeds[target] = adjoint.as_gradient(seed, target)
+            seeds[target] = cotangents.as_gradient(seed, target)
         return seeds
 
     def arrays(self) -> list[array]:
@@ -212,7 +212,7 @@ class Tape:
 
     def zero(self) -> None:
         """Sets the gradients of all recorded arrays to zero."""
-        with Watching(tape=None):
+        with Observing(tape=None):
             for one in self.arrays():
                 if one.grad is not None:
                     one.grad.zero_()
@@ -225,7 +225,7 @@ class Tape:
         self._left.clear()
         self._seeded.clear()
         self.loss = None
-        Watch.release(self)
+        Observers.release(self)
 
     @property
     def gradients(self) -> dict:
@@ -244,7 +244,7 @@ class Tape:
         if isinstance(a, array):
             return a.grad
         if isinstance(a, StructInstance):
-            return adjoint.gradient_struct(a)
+            return cotangents.gradient_struct(a)
         return a
 
     def visualize(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import html
 
-from warp._src.types import dtypes as types
 from warp._src.derivatives.tape_records import LaunchRecord
+from warp._src.types import dtypes as types
 
 _HEADER = """digraph tape {{
     rankdir={direction};

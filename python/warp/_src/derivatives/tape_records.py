@@ -11,16 +11,16 @@ from __future__ import annotations
 
 import sys
 
-from warp import _native
+from warp import _native, config
 from warp._src import errors
-from warp._src.derivatives import cotangents as adjoint
-from warp._src.derivatives import kernel_derivative as kernel_derivatives
-from warp._src.types import dtypes as types
 from warp._src.arrays.array import array
 from warp._src.arrays.boxes import Box
+from warp._src.arrays.observers import Observers, copy_layout
+from warp._src.arrays.versions import Event
+from warp._src.derivatives import cotangents
+from warp._src.kernels.call import Call
+from warp._src.types import dtypes as types
 from warp._src.types.scalars import float_base
-from warp._src.derivatives.versions import Event, Watch, copy_layout
-from warp._src.derivatives.observers import Call
 
 
 class LaunchRecord:
@@ -64,7 +64,7 @@ class LaunchRecord:
         except errors.WarpError:
             # Says so when gradients are asked for.
             return
-        wanted = adjoint.preserved(derivative)
+        wanted = derivative.preserved
         wanted |= {reader for _, reader in self.aliases} & set(derivative.needed)
         for leaf in wanted:
             found = self.call.leaves[leaf][1]
@@ -89,7 +89,7 @@ class LaunchRecord:
         Raises:
             WarpCodegenError: the kernel cannot be differentiated.
         """
-        return self.call.kernel.adjoint(self.call.native, self.call.active, tape=tape)
+        return self.call.kernel.derivatives.adjoint(self.call.native, self.call.active, tape=tape)
 
     def run(self) -> None:
         """Runs the launch, with notes for the adjoint if that needs any."""
@@ -100,24 +100,22 @@ class LaunchRecord:
             except errors.WarpError:
                 derivative = None
         if derivative is not None and derivative.augmented is not None:
-            self.saved = kernel_derivatives.run_augmented(derivative, self.call)
+            self.saved = derivative.run_augmented(self.call)
         else:
             self.call.run()
 
     def observe(self) -> None:
         """Notes the versions of all arrays."""
-        from warp import config
-
         if not any(self.call.active):
             return
         for _, leaf in self.call.leaves:
             version = None
             if leaf is not None and leaf.size:
-                version = Watch.memory.observe(leaf)
+                version = Observers.memory.observe(leaf)
                 if self.preserve:
                     version.keep_for(self)
                 elif config.verify_autograd_array_access:
-                    version.watch_for(self)
+                    version.tell(self)
             self.versions.append(version)
 
     def needs(self, version) -> bool:
@@ -158,11 +156,12 @@ class LaunchRecord:
             return
         if not self.call.kernel.option("enable_backward"):
             raise self._error("the kernel has `enable_backward=False`", "remove that option")
-        derivative = self.call.kernel.adjoint(self.call.native, active)
+        derivative = self.call.kernel.derivatives.adjoint(self.call.native, active)
         if self.aliases:
             self._check_aliases()
         values = self._values(derivative)
-        adjoint.launch_adjoint(derivative, self.call, values, self.initial, self.saved)
+        runner = Observers.executor or self.call.kernel.derivatives
+        runner.run_adjoint(self.call, values, self.initial, self.saved)
         self.pending = False
 
     def arguments(self) -> tuple | None:
@@ -170,9 +169,7 @@ class LaunchRecord:
         if not any(self.call.active):
             return None
         derivative = self.derivative(tape="checkpoints")
-        hidden = kernel_derivatives.hidden_values(
-            derivative, self.call, self.initial, self.saved
-        )
+        hidden = derivative.hidden_values(self.call, self.initial, self.saved)
         return (*self._values(derivative), *hidden)
 
     def _check_aliases(self) -> None:
@@ -202,9 +199,9 @@ class LaunchRecord:
                 continue
             name, found = self.call.leaves[leaf]
             if leaf in aliased and leaf in self.initial:
-                replaced[leaf] = adjoint.with_gradient_of(self.initial[leaf], found)
+                replaced[leaf] = cotangents.with_gradient_of(self.initial[leaf], found)
             elif version.copy is not None:
-                replaced[leaf] = adjoint.with_gradient_of(version.copy, found)
+                replaced[leaf] = cotangents.with_gradient_of(version.copy, found)
             elif version.overwriter() is not None:
                 raise self._overwritten(name, version.ended)
         return self.call.with_leaves(replaced)
@@ -258,7 +255,7 @@ class CopyRecord:
         if self.src.grad is not None and _scalar(self.src) is _scalar(self.dest):
             if (self.src.ptr, self.src.strides) == (self.dest.ptr, self.dest.strides):
                 return
-            adjoint.add_into(self.src.grad, self.dest.grad)
+            cotangents.add_into(self.src.grad, self.dest.grad)
         self.dest.grad.zero_()
 
 

@@ -10,6 +10,7 @@ import typing
 
 from warp import _native
 from warp._src.devices import device as devices
+from warp._src.devices.call_sites import call_site
 
 
 @typing.runtime_checkable
@@ -86,8 +87,6 @@ def make_buffer(device: int, size: int, pinned: bool):
     else:
         buffer = CustomBuffer(allocator, device, size)
     if "tracker" in special:
-        from warp._src.devices.memory_tracker import call_site
-
         buffer.track(call_site())
     return buffer
 

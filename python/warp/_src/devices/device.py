@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import sys
 
-from warp import _native
+from warp import _native, config
 from warp._src.version import VERSION
 
 CPU = -1
@@ -181,8 +181,6 @@ def initialize() -> None:
     if _cuda:
         index_of["cuda"] = 0
     _set_default(_cuda[0] if _cuda else _cpu)
-    from warp import config
-
     if not config.enable_mempools_at_init:
         for device in _cuda:
             _native.set_pool_enabled(device.index, False)

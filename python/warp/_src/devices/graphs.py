@@ -11,12 +11,14 @@ from __future__ import annotations
 import enum
 import threading
 
-from warp import _native
+from warp import _native, config
 from warp._src import errors
+from warp._src.arrays.array import array
+from warp._src.arrays.observers import Observers
 from warp._src.devices import device as devices
 from warp._src.devices.device import get_device
+from warp._src.kernels.modules import force_load
 from warp._src.types.scalars import int32
-from warp._src.derivatives.versions import Watch
 
 
 class CaptureMode(enum.IntEnum):
@@ -93,11 +95,7 @@ def capture_begin(
     if key in _captures:
         raise errors.WarpError(f"a graph is being captured on '{device}' already")
     if force_module_load:
-        from warp._src.kernels.modules import force_load
-
         force_load(device)
-    from warp import config
-
     if config.verify_cuda and device.is_cuda:
         raise errors.WarpError("cannot capture a graph while `wp.config.verify_cuda` is on")
     _captures[key] = _native.Capture(device.index, stream, int(capture_mode), external)
@@ -123,7 +121,7 @@ def capture_launch(graph, stream=None) -> None:
     if _captures:
         for capture in _captures.values():
             capture.hold(graph.native)
-    if Watch.tape is not None:
+    if Observers.tape is not None:
         raise errors.WarpError(
             "a graph cannot be recorded on a tape: capture the backward pass with the rest, or "
             "launch the graph outside of the tape's block"
@@ -188,8 +186,6 @@ class ScopedCapture:
 
 def _active(condition, stream):
     """The capture that a branch on `condition` belongs to, or None."""
-    from warp._src.arrays.array import array
-
     if not isinstance(condition, array):
         raise errors.WarpTypeError(
             f"expects an array as condition, but got '{type(condition).__name__}'"

@@ -208,7 +208,7 @@ class ScopedPeerAccess:
 
 # ---- Other processes -----------------------------------------------------------------------------
 
-_HANDLE_BYTES = 64
+HANDLE_BYTES = 64
 
 
 def ipc_handle(array) -> bytes:
@@ -219,7 +219,7 @@ def ipc_handle(array) -> bytes:
     return handle + (offset.to_bytes(8, "little") if offset else b"")
 
 
-class _Imported:
+class Imported:
     """Memory of another process, closed with the last array over it."""
 
     def __init__(self, device: int, handle: bytes):
@@ -229,29 +229,6 @@ class _Imported:
     def __del__(self):
         if hasattr(self, "ptr"):
             _native.close_imported(self.device, self.ptr)
-
-
-def from_ipc_handle(handle: bytes, dtype, shape, strides=None, device=None):
-    """An array over the memory of an array of another process.
-
-    Args:
-        handle: what `array.ipc_handle()` gave there.
-        dtype, shape, strides: those of that array.
-        device: the CUDA device that the memory is on.
-    """
-    from warp._src.arrays.array import new_array
-    from warp._src.arrays.data import borrow
-    from warp._src.arrays.layout import check_shape, element_type
-
-    device = get_device(device)
-    if not device.is_cuda:
-        raise RuntimeError(f"expects a CUDA device to share memory on, but got '{device}'")
-    memory = _Imported(device.index, handle[:_HANDLE_BYTES])
-    offset = int.from_bytes(handle[_HANDLE_BYTES:], "little")
-    result, extents, dtype = new_array(), check_shape(shape), element_type(dtype)
-    pointer = memory.ptr + offset
-    borrow(result, pointer, extents, strides, dtype, device.index, None, None, owner=memory)
-    return result
 
 
 def event_from_ipc_handle(handle: bytes, device=None):

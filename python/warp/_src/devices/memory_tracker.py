@@ -6,18 +6,15 @@ before are not seen. Out-of-memory errors name the largest users while something
 
 from __future__ import annotations
 
-import os
 import sys
-import threading
 
 from warp import _native
-from warp._src.devices import allocators
-from warp._src.version import PACKAGE
 from warp._src import config as settings
+from warp._src.devices import allocators
+from warp._src.devices.call_sites import scopes
 
 _PINNED = -2
 
-_scopes = threading.local()
 _state = {"active": 0, "config": False}
 
 
@@ -32,17 +29,6 @@ def _set_from_config(value) -> None:
 
 
 settings.on_change("track_memory", _set_from_config)
-
-
-def call_site() -> str:
-    """File, line and function outside of the package that led here, after the scopes."""
-    frame = sys._getframe(1)
-    while frame.f_back is not None and os.path.abspath(frame.f_code.co_filename).startswith(PACKAGE):
-        frame = frame.f_back
-    code = frame.f_code
-    site = f"{os.path.basename(code.co_filename)}:{frame.f_lineno} ({code.co_name})"
-    names = getattr(_scopes, "names", None)
-    return f"{'/'.join(names)}: {site}" if names else site
 
 
 class ScopedMemoryTracker:
@@ -63,9 +49,9 @@ class ScopedMemoryTracker:
 
     def __enter__(self):
         if self.active:
-            if not hasattr(_scopes, "names"):
-                _scopes.names = []
-            _scopes.names.append(self.name)
+            if not hasattr(scopes, "names"):
+                scopes.names = []
+            scopes.names.append(self.name)
             _state["active"] += 1
             _update()
         return self
@@ -73,7 +59,7 @@ class ScopedMemoryTracker:
     def __exit__(self, *exception):
         if not self.active:
             return
-        _scopes.names.pop()
+        scopes.names.pop()
         try:
             if self.print:
                 self.report()

@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import sys
 
-from warp import _native
+from warp import _native, config
 from warp._src import config as settings
 from warp._src.devices import device as devices
+from warp._src.types import dtypes as types
 
 
 def init() -> None:
@@ -26,8 +27,6 @@ def clear_lto_cache() -> None:
 
 def print_diagnostics() -> None:
     """Prints version, devices and settings that differ from their default."""
-    from warp import config
-
     print(f"warp-mlir {config.version}, Python {sys.version.split()[0]}")
     print(f"kernel cache: {_native.cache_directory()}")
     for device in devices.get_devices():
@@ -42,16 +41,12 @@ def print_diagnostics() -> None:
 
 
 def _notice(message: str) -> None:
-    from warp import config
-
     if not config.quiet:
         print(message, file=sys.stderr)
 
 
 def _type_text(cls):
     """What the runtime asks when it meets a value of a new class in a launch."""
-    from warp._src.types import dtypes as types
-
     try:
         return types.native_text(cls)
     except TypeError:
@@ -72,8 +67,6 @@ def _set_threads(count) -> None:
 
 def connect() -> None:
     """Hands settings, notices and type names to the runtime."""
-    from warp import config
-
     _native.set_type_resolver(_type_text)
     _native.set_notice_handler(_notice)
     settings.on_change("kernel_cache_dir", _set_cache_directory)

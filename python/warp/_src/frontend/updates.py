@@ -6,8 +6,8 @@ import ast
 import types as python_types
 
 from warp import _native
-from warp._src.types.annotations import Reference
 from warp._src.frontend.functions import overload_of
+from warp._src.types.annotations import Reference
 
 
 def references_of(function) -> set:

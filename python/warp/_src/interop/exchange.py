@@ -12,10 +12,11 @@ import math
 
 from warp import _native
 from warp._src import errors
-from warp._src.devices import device as devices
-from warp._src.types import scalars
-from warp._src.types import dtypes as types
+from warp._src.arrays.allocation import new_array
 from warp._src.arrays.layout import check_shape, element_type, type_id
+from warp._src.devices import device as devices
+from warp._src.types import dtypes as types
+from warp._src.types import scalars
 
 # Numbers that stand for streams in DLPack and in the CUDA array interface.
 LEGACY_STREAM = 1
@@ -86,12 +87,10 @@ def fold(scalar, extents, strides, dtype):
     return dtype, extents, strides
 
 
-def alias(pointer, layout, index, owner, pinned=False, read_only=False):
-    """An array over foreign memory; `layout` is what `fold` gave."""
-    from warp._src.arrays.array import new_array
-
+def alias(cls, pointer, layout, index, owner, pinned=False, read_only=False):
+    """An array, of a class of arrays, over foreign memory; `layout` is what `fold` gave."""
     dtype, extents, strides = layout
-    result = new_array()
+    result = new_array(cls)
     size = types.type_size_in_bytes(dtype)
     result._setup(pointer, extents, strides, dtype, type_id(dtype), size, index, owner, pinned)
     if read_only:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import functools
 
 from warp._src.devices import device as devices
-from warp._src.types import scalars
 from warp._src.interop.dlpack import from_dlpack
+from warp._src.types import scalars
 
 _NAMES = {
     scalars.bool: "bool_",

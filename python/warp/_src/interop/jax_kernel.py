@@ -11,9 +11,9 @@ from __future__ import annotations
 import functools
 
 from warp import _native
-from warp._src.types import dtypes as types
 from warp._src.interop.jax import dtype_from_jax, dtype_to_jax
 from warp._src.kernels.kernel import Kernel
+from warp._src.types import dtypes as types
 
 TARGET = "warp_mlir_kernel"
 _CODE_OPTIONS = ("mode", "fast_math", "lineinfo", "optimization_level", "block_dim")

@@ -5,12 +5,12 @@ from __future__ import annotations
 import functools
 
 from warp import _native
-from warp._src.devices import device as devices
-from warp._src.interop import exchange as interop
-from warp._src.types import scalars
-from warp._src.types import dtypes as types
 from warp._src.arrays.array import array
 from warp._src.arrays.gradients import gradient_type
+from warp._src.devices import device as devices
+from warp._src.interop import exchange as interop
+from warp._src.types import dtypes as types
+from warp._src.types import scalars
 
 _NAMES = {
     scalars.bool: "bool",
@@ -123,7 +123,7 @@ def _alias(t, dtype):
     layout = interop.fold(scalar, tuple(t.shape), [step * size for step in t.stride()], dtype)
     index = device_from_torch(t.device).index
     pinned = index == devices.CPU and t.is_pinned()
-    return interop.alias(t.data_ptr(), layout, index, t, pinned)
+    return interop.alias(array, t.data_ptr(), layout, index, t, pinned)
 
 
 def _gradient(t):

@@ -12,7 +12,7 @@ import os
 from pathlib import Path
 
 from warp import _native
-from warp._src.devices.device import get_device
+from warp._src.devices.device import get_cuda_devices, get_device
 from warp._src.kernels.modules import Module, imported_module
 
 _SUFFIX = ".warp"
@@ -179,8 +179,6 @@ def _targets(device, arch, use_ptx):
 
 
 def _assembler(arch: int) -> int:
-    from warp._src.devices.device import get_cuda_devices
-
     for device in get_cuda_devices():
         if device.arch == arch:
             return device.index

@@ -5,7 +5,10 @@ from __future__ import annotations
 import sys
 import types as python_types
 
-from warp._src.types.annotations import ArrayType, is_generic
+from warp._src.kernels.epoch import Epoch
+from warp._src.types import dtypes as types
+from warp._src.types.annotations import is_generic
+from warp._src.types.native import ArrayType
 
 
 class Function:
@@ -71,8 +74,6 @@ class Function:
 def _accepts(func, args, kwargs) -> bool:
     import inspect
 
-    from warp._src.types import dtypes as types
-
     try:
         bound = inspect.signature(func).bind(*args, **kwargs)
     except TypeError:
@@ -110,8 +111,6 @@ def func(f=None, *, name=None, module=None, inline=None):
             again = former.redefined(function)
             if again is not None:
                 # Kernels that call it are translated anew.
-                from warp._src.kernels.kernel import Epoch
-
                 Epoch.advance()
                 return again
             former.add_overload(function)

@@ -12,38 +12,22 @@ import os
 import re
 import types as python_types
 
-import warp
-from warp import _native
+from warp import _native, config
 from warp._src import config as settings
 from warp._src import errors
-from warp._src.types.annotations import ArrayType, IndexedArrayType, is_generic
+from warp._src.arrays.array import array
+from warp._src.arrays.indexed import indexedarray
+from warp._src.derivatives.kernel_derivatives import KernelDerivatives, differentiate
+from warp._src.devices.device import get_device
+from warp._src.kernels.epoch import Epoch
 from warp._src.kernels.modules import Module, check_options, get_module
+from warp._src.types import dtypes
+from warp._src.types.annotations import is_generic
+from warp._src.types.native import ArrayType, IndexedArrayType
 
 STAGES = ("warp", "thread", "llvm", "ptx", "asm")
 DERIVATIVES = ("adjoint", "tangent")
 _SUFFIX = {"warp": "mlir", "thread": "mlir", "llvm": "ll", "ptx": "ptx", "asm": "s"}
-
-
-class Epoch:
-    """Identity of the settings that compiled code depends on; replaced when one changes."""
-
-    current = object()
-
-    @classmethod
-    def advance(cls, value=None):
-        cls.current = object()
-
-
-for _name in (
-    "mode",
-    "fast_math",
-    "lineinfo",
-    "optimization_level",
-    "max_unroll",
-    "dump",
-    "deterministic",
-):
-    settings.on_change(_name, Epoch.advance)
 
 
 class Kernel:
@@ -69,11 +53,7 @@ class Kernel:
         self.epoch = None
         self.native = None
         self._specialized: dict = {}
-        self._derivatives: dict = {}
-        self._derivatives_epoch = None
-        # Lines about derivatives that were printed.
-        self.noticed: set = set()
-        # What launches need to know of native kernels while somebody watches.
+        # What launches need to know of native kernels while somebody observes.
         self.signatures: dict = {}
         # Made by `wp.overload`, by the types of the parameters.
         self.overloads: dict = {}
@@ -107,7 +87,8 @@ class Kernel:
         self.epoch = None
         self.native = None
         self._specialized.clear()
-        self._derivatives.clear()
+        if "derivatives" in self.__dict__:
+            self.derivatives.clear()
         self.signatures.clear()
 
     def prepare(self):
@@ -141,15 +122,15 @@ class Kernel:
         return found
 
     def _translate(self, arguments):
-        from warp._src.frontend import build_kernel
+        from warp._src.frontend.build import build_kernel
 
         native = self.compile_module(build_kernel(self, arguments), self.key)
         self._dump(native)
         name = self.key if arguments is None else f"{self.key}_{type_tag(arguments)}"
-        self._use_saved(native, name)
+        self.use_saved(native, name)
         return native
 
-    def _use_saved(self, native, name) -> None:
+    def use_saved(self, native, name) -> None:
         """Lets a native kernel launch what a module in a file has for it."""
         for saved in self.module.saved:
             try:
@@ -181,64 +162,10 @@ class Kernel:
             same_on_devices=self.option("deterministic") in settings.SAME_ON_DEVICES,
         )
 
-    def adjoint(self, native, active, unique=True, tape=None):
-        """The derivative of a native kernel in reverse mode, made on first use.
-
-        Args:
-            native: what `prepare` or `specialize` has returned.
-            active: for each array among the arguments whether it has a gradient.
-            unique: no array has an element twice, and no two share memory.
-            tape: in place of the option of that name.
-
-        Raises:
-            WarpCodegenError: something active has no derivative.
-        """
-        return self._derive(native, active, False, unique, tape=tape or self.option("tape"))
-
-    def tangent(self, native, active, unique=True, width=1, winners=False):
-        """The same in forward mode, with tangents along `width` directions.
-
-        With `winners`, what is launched after it if several threads met at atomic extrema.
-        """
-        return self._derive(native, active, True, unique, width=width, winners=winners)
-
-    def last_adjoint(self):
-        """The derivative in reverse mode that was made last, None if there is none."""
-        made = [one for key, one in self._derivatives.items() if not key[2]]
-        return made[-1] if made and self._derivatives_epoch is Epoch.current else None
-
-    def _derive(self, native, active, forward, unique, **options):
-        if self._derivatives_epoch is not Epoch.current:
-            self._derivatives.clear()
-            self._derivatives_epoch = Epoch.current
-        key = (native, tuple(active), forward, unique, warp.config.singular, *options.items())
-        found = self._derivatives.get(key)
-        if found is None:
-            from warp._src.derivatives.kernel_derivative import Derivative, differentiate
-
-            made = differentiate(self, native, active, forward, unique, **options)
-            found = Derivative(self, made, "tangent" if forward else "adjoint", unique)
-            self._derivatives[key] = found
-            if self.module.saved and unique and not forward:
-                self._use_saved_adjoint(found, native, active)
-        return found
-
-    def _use_saved_adjoint(self, derivative, native, active) -> None:
-        from warp._src.derivatives.saved import parts, saved_name
-
-        tags = {made: f"{self.key}_{tag}" for tag, made in self.tagged_specializations()}
-        for part, made in parts(derivative).items():
-            self._use_saved(made, saved_name(tags.get(native, self.key), part, active))
-
-    def differentiated(self, native) -> list[tuple]:
-        """Sets of arrays with a gradient that there are adjoints of a native kernel for."""
-        if self._derivatives_epoch is not Epoch.current:
-            return []
-        return [
-            active
-            for made, active, forward, unique, singular, *_ in self._derivatives
-            if made is native and unique and not forward and singular == warp.config.singular
-        ]
+    @functools.cached_property
+    def derivatives(self) -> KernelDerivatives:
+        """Its derivatives, each made on first use."""
+        return KernelDerivatives(self)
 
     def tagged_specializations(self) -> list:
         """What was made for the arguments of a generic kernel, as (tag, native kernel)."""
@@ -264,11 +191,7 @@ class Kernel:
             ValueError: there is no such stage or architecture.
         """
         if stage in DERIVATIVES:
-            from warp._src.derivatives.kernel_derivative import differentiate
-
-            made = differentiate(
-                self, self.prepare(), (), stage == "tangent", tape=self.option("tape")
-            )
+            made = differentiate(self.prepare(), (), stage == "tangent", tape=self.option("tape"))
             return made.module.text()
         if stage not in STAGES:
             known = ", ".join(map(repr, STAGES + DERIVATIVES))
@@ -280,8 +203,6 @@ class Kernel:
         return self.prepare().ir(stage, arch, rank)
 
     def _dump(self, native) -> None:
-        from warp import config
-
         if not config.dump:
             return
         os.makedirs(config.dump, exist_ok=True)
@@ -301,8 +222,6 @@ class Kernel:
 
 
 def _architecture(stage, device) -> int:
-    from warp._src.devices.device import get_device
-
     if stage == "asm":
         return 0
     if device is not None:
@@ -356,16 +275,12 @@ def _check_registers(count) -> int:
 
 def _argument_type(value):
     """The compiler's type of a launch argument; None where it cannot be told."""
-    from warp._src.types import dtypes as types
-    from warp._src.arrays.array import array
-    from warp._src.arrays.indexed import indexedarray
-
     try:
         if isinstance(value, array):
-            return types.native_type(ArrayType(value.dtype, value.ndim))
+            return dtypes.native_type(ArrayType(value.dtype, value.ndim))
         if isinstance(value, indexedarray):
-            return types.native_type(IndexedArrayType(value.dtype, value.ndim))
-        return types.native_type(types.canonical(type(value)))
+            return dtypes.native_type(IndexedArrayType(value.dtype, value.ndim))
+        return dtypes.native_type(dtypes.canonical(type(value)))
     except TypeError:
         return None
 

@@ -9,31 +9,34 @@ from __future__ import annotations
 
 import sys
 
-from warp import _native
+from warp import _native, config
 from warp._src import config as settings
 from warp._src import errors
+from warp._src.arrays.array import array
+from warp._src.arrays.observers import Observers, observed_launch
+from warp._src.derivatives.adjoint_launch import AdjointLaunch
 from warp._src.devices.device import by_index, index_of, resolve_index
-from warp._src.kernels.kernel import Epoch, Kernel
-from warp._src.derivatives.versions import Watch
+from warp._src.kernels.call import Call
+from warp._src.kernels.epoch import Epoch
+from warp._src.kernels.kernel import Kernel
+from warp._src.kernels.parameters import LaunchParameters
 
 
-class _Watch:
+class _Checked:
     """Whether a setting asks for something to be done at each launch."""
 
     active = False
 
     @classmethod
     def update(cls, value=None):
-        from warp import config
-
         cls.active = (
-            config.print_launches or config.verify_fp or config.verify_cuda or Watch.active
+            config.print_launches or config.verify_fp or config.verify_cuda or Observers.active
         )
 
 
-Watch.on_change(_Watch.update)
+Observers.on_change(_Checked.update)
 for _name in ("print_launches", "verify_fp", "verify_cuda"):
-    settings.on_change(_name, _Watch.update)
+    settings.on_change(_name, _Checked.update)
 
 
 def launch(
@@ -83,7 +86,7 @@ def launch(
         or kernel.epoch is not Epoch.current
         or adjoint
         or record_cmd
-        or _Watch.active
+        or _Checked.active
     ):
         kernel.native.launch(dim, inputs, outputs, index, None, block_dim or 0)
         return None
@@ -121,15 +124,11 @@ def _launch_checked(
         return _launch_adjoint(kernel, native, dim, inputs, outputs, gradients, place, record_cmd)
     if record_cmd:
         return Launch(kernel, native, dim, inputs, outputs, index, stream, block_dim or 0)
-    from warp import config
-
     if config.print_launches:
         print(f"kernel: {kernel.key} dim: {dim} device: {by_index(index).alias}")
-    if Watch.active:
-        from warp._src.derivatives.observers import Call, watched_launch
-
+    if Observers.active:
         values = (*inputs, *outputs)
-        watched_launch(Call(kernel, native, dim, values, index, stream, block_dim), record_tape)
+        observed_launch(Call(kernel, native, dim, values, index, stream, block_dim), record_tape)
     else:
         native.launch(dim, inputs, outputs, index, stream, block_dim or 0)
     if config.verify_cuda and index >= 0:
@@ -142,8 +141,6 @@ def _launch_checked(
 
 
 def _launch_adjoint(kernel, native, dim, inputs, outputs, gradients, place, record_cmd):
-    from warp._src.derivatives.adjoint_launch import AdjointLaunch
-
     first, second = (_sequence(given, kernel, "gradients") for given in gradients)
     if len(first) > len(inputs):
         raise errors.WarpLaunchValueError(
@@ -181,8 +178,6 @@ def _verify(kernel, native, values) -> None:
     """Rejects arrays that hold infinite numbers or NaN."""
     import numpy
 
-    from warp._src.arrays.array import array
-
     names = [parameter[0] for parameter in native.parameters]
     for name, value in zip(names, values, strict=True):
         if not isinstance(value, array):
@@ -194,51 +189,15 @@ def _verify(kernel, native, values) -> None:
             )
 
 
-def _watch_recorded() -> None:
-    """Recorded launches go the slow way while somebody watches, and cost nothing otherwise."""
-    if Watch.active:
-        Launch.launch = Launch._launch_watched
+def _observe_recorded() -> None:
+    """Recorded launches go the slow way while somebody observes, and cost nothing otherwise."""
+    if Observers.active:
+        Launch.launch = Launch._launch_observed
     elif "launch" in vars(Launch):
         del Launch.launch
 
 
-Watch.on_change(_watch_recorded)
-
-
-class LaunchParameters:
-    """Names of the parameters of a launch to be run later."""
-
-    def _position(self, name) -> int:
-        if name not in self._index:
-            raise errors.WarpLaunchValueError(
-                f"kernel '{self.kernel.key}' has no parameter '{name}', it has: "
-                + ", ".join(self._index)
-            )
-        return self._index[name]
-
-    def set_param_at_index(self, index, value, adjoint=False) -> None:
-        """Changes the value of a parameter by position, or with `adjoint` its gradient."""
-        self.set_param(index, value, *self._flags(adjoint))
-
-    def set_param_at_index_from_ctype(self, index, value, adjoint=False) -> None:
-        """The same from a ctypes object with the bytes of the argument, or from a number."""
-        self.set_param_bytes(index, value, *self._flags(adjoint))
-
-    def set_param_by_name(self, name, value, adjoint=False) -> None:
-        """Changes the value of a parameter by name, or with `adjoint` its gradient."""
-        self.set_param(self._position(name), value, *self._flags(adjoint))
-
-    def set_param_by_name_from_ctype(self, name, value, adjoint=False) -> None:
-        """The same from a ctypes object with the bytes of the argument, or from a number."""
-        self.set_param_bytes(self._position(name), value, *self._flags(adjoint))
-
-    def set_params_from_ctypes(self, values) -> None:
-        """Changes the values of the first parameters from ctypes objects and numbers."""
-        for index, value in enumerate(values):
-            self.set_param_bytes(index, value)
-
-    def _flags(self, adjoint):
-        return (True,) if adjoint else ()
+Observers.on_change(_observe_recorded)
 
 
 class Launch(LaunchParameters, _native.PackedLaunch):
@@ -263,18 +222,16 @@ class Launch(LaunchParameters, _native.PackedLaunch):
         made._values = [*inputs, *outputs]
         return made
 
-    def _launch_watched(self, stream=None) -> None:
-        """Takes the place of `launch` while somebody watches."""
-        from warp._src.derivatives.observers import Call, watched_launch
-
+    def _launch_observed(self, stream=None) -> None:
+        """Takes the place of `launch` while somebody observes."""
         index, own, block_dim = self._place
         values = self._values
         call = Call(self.kernel, self._native, self._dim, values, index, stream or own, block_dim)
-        if Watch.tape is not None or Watch.executor is not None:
-            watched_launch(call)
+        if Observers.tape is not None or Observers.executor is not None:
+            observed_launch(call)
             return
         for written in call.written:
-            Watch.memory.writing(written, call)
+            Observers.memory.writing(written, call)
         _native.PackedLaunch.launch(self, stream)
 
     def set_dim(self, dim) -> None:

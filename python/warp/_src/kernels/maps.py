@@ -15,17 +15,22 @@ import types as python_types
 import typing
 
 from warp._src import errors
-from warp._src.types import dtypes as types
-from warp._src.types.annotations import ArrayType
+from warp._src.arrays import hooks
 from warp._src.arrays.array import array
+from warp._src.arrays.copies import clone, empty_like
+from warp._src.arrays.create import empty
 from warp._src.arrays.gradients import has_gradient
-from warp._src.language.builtins import Builtin
-from warp._src.types.composites import Composite, canonical_class
+from warp._src.arrays.indexed import indexedarray
 from warp._src.devices.device import by_index, resolve_index
 from warp._src.kernels.function import Function
-from warp._src.arrays.indexed import indexedarray
 from warp._src.kernels.kernel import Kernel
 from warp._src.kernels.launch import launch
+from warp._src.language import namespace
+from warp._src.language.builtins import Builtin
+from warp._src.types import dtypes as types
+from warp._src.types.composites import Composite, canonical_class
+from warp._src.types.native import ArrayType
+from warp._src.types.numpy_types import dtype_from_numpy
 from warp._src.types.scalars import scalar_base
 
 _kernels: dict = {}
@@ -137,8 +142,6 @@ def _annotation(value):
     if isinstance(value, (bool, int, float, scalar_base)) or types.is_struct(type(value)):
         return types.canonical(type(value))
     if hasattr(value, "dtype") and getattr(value, "shape", None) == ():
-        from warp._src.types.numpy_types import dtype_from_numpy
-
         return dtype_from_numpy(value.dtype)
     raise TypeError(f"map: expects arrays and values, but got '{type(value).__name__}'")
 
@@ -154,8 +157,6 @@ def _scatter(outputs, made) -> None:
 
 
 def _new_outputs(arrays, shape, dtypes, device) -> list[array]:
-    from warp._src.arrays.create import empty
-
     varies = any(found.requires_grad for found in arrays)
     return [
         empty(shape, dtype, device, requires_grad=varies and has_gradient(dtype))
@@ -164,8 +165,6 @@ def _new_outputs(arrays, shape, dtypes, device) -> list[array]:
 
 
 def _packed_like(output):
-    from warp._src.arrays.create import empty_like
-
     return empty_like(output) if isinstance(output, indexedarray) else output
 
 
@@ -237,8 +236,6 @@ def _separate(value, outputs):
         first, last = _range(output)
         same = (output.ptr, output.shape, output.strides) == (value.ptr, value.shape, value.strides)
         if start < last and first < end and not same and value.device_index == output.device_index:
-            from warp._src.arrays.create import clone
-
             return clone(value)
     return value
 
@@ -287,9 +284,7 @@ def _compile(name, expression, names, annotations, rank, dtypes):
     elif outputs:
         lines.append(f"    {', '.join(f'r{i}' for i in range(len(outputs)))} = result")
         lines += [f"    o{i}[{where}] = r{i}" for i in range(len(outputs))]
-    import warp
-
-    function = define(name, "\n".join(lines) + "\n", {"wp": warp, **names})
+    function = define(name, "\n".join(lines) + "\n", {"wp": namespace, **names})
     function.__annotations__ = annotated
     return function
 
@@ -395,3 +390,13 @@ def _same_code(text, code) -> bool:
         code.co_consts,
         code.co_names,
     )
+
+
+def _copy_elements(dest, src, stream=None) -> None:
+    from warp._src.kernels.indexed_copies import copy_elements
+
+    copy_elements(dest, src, stream)
+
+
+hooks.apply = apply
+hooks.copy_elements = _copy_elements

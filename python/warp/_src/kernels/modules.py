@@ -7,8 +7,9 @@ import sys
 import types
 import weakref
 
-import warp
+from warp import _native, config
 from warp._src import config as settings
+from warp._src.devices import device as devices
 
 # Options that change compiled code, with the setting that gives the default.
 OPTIONS = {
@@ -76,7 +77,7 @@ class Module:
         if name in self.options:
             return self.options[name]
         setting = OPTIONS[name]
-        return getattr(warp.config, setting) if setting else None
+        return getattr(config, setting) if setting else None
 
     def set_options(self, options: dict) -> None:
         check_options(options)
@@ -165,9 +166,6 @@ def imported_module(module) -> Module:
 
 def load_kernels(natives, device, block_dim=None, max_workers=None) -> None:
     """Compiles native kernels for a device, devices or all, several at a time."""
-    from warp import _native, config
-    from warp._src.devices import device as devices
-
     if device is None:
         chosen = devices.get_devices()
     else:

@@ -6,11 +6,11 @@ import inspect
 import types as python_types
 
 from warp._src import errors
+from warp._src.kernels.kernel import Kernel, kernel_name
+from warp._src.kernels.modules import get_module
 from warp._src.types import annotations
 from warp._src.types import dtypes as types
 from warp._src.types.annotations import is_generic
-from warp._src.kernels.kernel import Kernel, kernel_name
-from warp._src.kernels.modules import get_module
 
 
 def overload(kernel, arg_types=None):

@@ -79,7 +79,7 @@ def get_cmake_dir() -> str:
 
 
 def _package() -> str:
-    return PACKAGE.rstrip(os.sep)
+    return os.path.abspath(PACKAGE)
 
 
 def _prepared(kernel, caller: str):

@@ -11,11 +11,13 @@ import ctypes
 
 from warp import _native
 from warp._src import errors
-from warp._src.types import dtypes as types
-from warp._src.arrays.array import allocate, array, new_array
+from warp._src.arrays.allocation import allocate, new_array
+from warp._src.arrays.array import array
 from warp._src.builtin_table import BUILTINS
-from warp._src.types.composites import Composite, canonical_class
 from warp._src.devices.device import CPU
+from warp._src.types import dtypes as types
+from warp._src.types.composites import Composite, canonical_class
+from warp._src.types.numpy_types import dtype_from_numpy
 from warp._src.types.scalars import scalar_base
 
 # They need a thread, or change an array: nothing that a single call could give.
@@ -130,8 +132,6 @@ def _value(name, argument):
         # A subclass, such as a member of an enumeration or NumPy's float64.
         return float(argument) if isinstance(argument, float) else int(argument)
     if hasattr(argument, "dtype") and getattr(argument, "shape", None) == ():
-        from warp._src.types.numpy_types import dtype_from_numpy
-
         return dtype_from_numpy(argument.dtype)(argument.item())
     raise TypeError(
         f"'{name}' at Python scope expects numbers, vectors, matrices, quaternions or transforms, "

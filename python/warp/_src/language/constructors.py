@@ -8,6 +8,7 @@ from __future__ import annotations
 import ctypes
 
 from warp._src.types import dtypes as types
+from warp._src.types import scalars
 from warp._src.types.composites import Composite, flatten_numbers
 from warp._src.types.matrices import matrix_from_cols, matrix_from_rows
 from warp._src.types.scalars import scalar_base
@@ -93,16 +94,12 @@ def cast(a, dtype):
     found = ctype.from_buffer_copy(source)
     if isinstance(found, Composite):
         return found
-    from warp._src.types import scalars
-
     canonical = types.canonical(dtype)
     bits = scalars.BITS.get(canonical)
     return canonical(bits[1](found.value) if bits else found.value)
 
 
 def _number(a):
-    from warp._src.types import scalars
-
     number = a.value if isinstance(a, scalar_base) else a
     bits = scalars.BITS.get(type(a))
     return bits[0](number) if bits else number

@@ -2,9 +2,9 @@
 
 import typing
 
-import warp as wp
 from warp._src.derivatives.functions import CustomFunction
 from warp._src.kernels.function import Function
+from warp._src.language import namespace as wp
 from warp._src.types.dtypes import Float, matrix, quaternion, vector
 
 # Steps after which an iteration ends that does not converge.

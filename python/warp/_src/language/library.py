@@ -6,11 +6,11 @@ The front end calls them under their public names; in Python they run as they ar
 import math
 import typing
 
-import warp as wp
-from warp._src.types.annotations import ArrayType
 from warp._src.kernels.function import Function
+from warp._src.language import namespace as wp
 from warp._src.language.random_functions import CURLNOISE
 from warp._src.types.dtypes import Float, Scalar, matrix, quaternion, transformation, vec3f, vector
+from warp._src.types.native import ArrayType
 
 _Vector, _Spatial, _Square = vector(3, Float), vector(6, Float), matrix((3, 3), Float)
 _Quaternion, _Transform = quaternion(Float), transformation(Float)

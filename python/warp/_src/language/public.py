@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import importlib
 
+from warp._src.language import namespace
+from warp._src.language.builtins import names as builtin_names
+
 _SUBMODULES = ("autograd", "optim", "types")
 # Written in the kernel language.
 LIBRARY_NAMES = (
@@ -21,29 +24,21 @@ def find(name: str):
     """
     if name in _SUBMODULES:
         return importlib.import_module(f"warp.{name}")
-    if not name.startswith("_"):
-        from warp._src.language.builtins import lookup
-        from warp._src.language.checks import CHECKS
-        from warp._src.language.constructors import CONSTRUCTORS
+    if name == "sym_fn3":
+        from warp._src.language.symmetric import sym_fn3
 
-        if name == "sym_fn3":
-            from warp._src.language.symmetric import sym_fn3
+        return sym_fn3
+    found = None if name.startswith("_") else namespace.find(name)
+    if name in LIBRARY_NAMES:
+        from warp._src.language.library import LIBRARY
 
-            return sym_fn3
-        found = CONSTRUCTORS.get(name) or CHECKS.get(name)
-        if found is None and name in LIBRARY_NAMES:
-            from warp._src.language.library import LIBRARY
-
-            found = LIBRARY[name]
-        found = found or lookup(name)
-        if found is not None:
-            return found
-    raise AttributeError(f"module 'warp' has no attribute '{name}'")
+        found = LIBRARY[name]
+    if found is None:
+        raise AttributeError(f"module 'warp' has no attribute '{name}'")
+    return found
 
 
 def names(held) -> list[str]:
     """All public names."""
-    from warp._src.language.builtins import names as builtin_names
-
     public = {name for name in held if not name.startswith("_")}
     return sorted(public | set(builtin_names()) | set(_SUBMODULES) | set(LIBRARY_NAMES))

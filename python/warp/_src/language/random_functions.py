@@ -1,9 +1,9 @@
 """Random functions that are written in the kernel language: curl noise, Poisson's distribution."""
 
-import warp as wp
 from warp._src.kernels.function import Function
-from warp._src.types.scalars import uint32
+from warp._src.language import namespace as wp
 from warp._src.types.dtypes import Scalar, vec2f, vec3f, vec4f
+from warp._src.types.scalars import uint32
 
 
 def curlnoise(

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 
-import warp as wp
 from warp._src.kernels.function import Function
+from warp._src.language import namespace as wp
 from warp._src.types.dtypes import Float, matrix
 
 _Symmetric = matrix((3, 3), Float)

@@ -8,9 +8,10 @@ least 32 bits, whatever the parameter has.
 from __future__ import annotations
 
 from warp._src import errors
-from warp._src.types import dtypes as types
 from warp._src.arrays.array import array
-from warp._src.arrays.create import copy, zeros
+from warp._src.arrays.copies import copy
+from warp._src.arrays.create import zeros
+from warp._src.types import dtypes as types
 from warp._src.types.numpy_types import element_layout
 
 _NARROW = (types.float16, types.bfloat16)

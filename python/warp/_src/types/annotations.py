@@ -11,65 +11,9 @@ from __future__ import annotations
 import sys
 import typing
 
-from warp._src.types import dtypes as types
-
-
-class ArrayType:
-    """Type of an array: `dtype` (a class, or `typing.Any`) and `ndim`."""
-
-    __slots__ = ("dtype", "ndim")
-
-    def __init__(self, dtype, ndim=1):
-        if ndim not in (1, 2, 3, 4):
-            raise ValueError(f"expects an array of 1 to 4 dimensions, but got {ndim!r}")
-        if dtype is None:
-            dtype = typing.Any
-        if dtype is not typing.Any and not isinstance(dtype, typing.TypeVar):
-            dtype = _element_type(dtype)
-        self.dtype = dtype
-        self.ndim = ndim
-
-    @property
-    def _native_(self):
-        return f"!warp.array<{self.ndim} x {types.native_text(self.dtype)}>"
-
-    def __eq__(self, other):
-        if type(self) is not type(other):
-            return NotImplemented
-        return self.dtype is other.dtype and self.ndim == other.ndim
-
-    def __hash__(self):
-        return hash((self.dtype, self.ndim))
-
-    def __repr__(self):
-        suffix = "" if self.ndim == 1 else f"{self.ndim}d"
-        return f"array{suffix}(dtype={types.type_repr(self.dtype)})"
-
-    def __call__(self, *args, **kwargs):
-        raise TypeError(f"'{self!r}' is an annotation, use `wp.array(data, ...)` to make an array")
-
-
-class IndexedArrayType(ArrayType):
-    """Type of an indexed array: `dtype` and `ndim`."""
-
-    __slots__ = ()
-
-    @property
-    def _native_(self):
-        return self.record._native_
-
-    @property
-    def record(self):
-        """The struct that kernels know it as."""
-        from warp._src.arrays.indexed import record_class
-
-        return record_class(self.dtype, self.ndim)
-
-    def __repr__(self):
-        return "indexed" + super().__repr__()
-
-    def __call__(self, *args, **kwargs):
-        raise TypeError(f"'{self!r}' is an annotation, use `wp.indexedarray(data, indices)`")
+from warp._src.types import native
+from warp._src.types.native import ArrayType, IndexedArrayType
+from warp._src.types.vectors import GenericAnnotation
 
 
 class Reference:
@@ -92,7 +36,7 @@ class Reference:
         return hash((Reference, self.dtype))
 
     def __repr__(self):
-        return f"wp.ref[{types.type_repr(self.dtype)}]"
+        return f"wp.ref[{native.type_repr(self.dtype)}]"
 
 
 class ref:
@@ -111,17 +55,6 @@ class ref:
 
     def __class_getitem__(cls, dtype):
         return Reference(dtype)
-
-
-def _element_type(dtype):
-    from warp._src.types.vectors import GenericAnnotation
-
-    if isinstance(dtype, GenericAnnotation):
-        return dtype
-    try:
-        return types.canonical(dtype)
-    except TypeError as error:
-        raise TypeError(f"cannot make an array of this element type: {error}") from None
 
 
 def from_subscript(params, ndim, made=ArrayType):
@@ -162,7 +95,7 @@ def resolve(annotation):
         return annotation.record
     if isinstance(annotation, ArrayType) or annotation is typing.Any:
         return annotation
-    return types.canonical(annotation)
+    return native.canonical(annotation)
 
 
 def caller_namespaces(cls, depth=2):
@@ -174,8 +107,6 @@ def caller_namespaces(cls, depth=2):
 
 def is_generic(annotation) -> bool:
     """Whether an annotation leaves the type open."""
-    from warp._src.types.vectors import GenericAnnotation
-
     if isinstance(annotation, ArrayType):
         annotation = annotation.dtype
     return annotation is typing.Any or isinstance(annotation, (typing.TypeVar, GenericAnnotation))

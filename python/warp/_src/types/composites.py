@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import ctypes
 
-from warp._src.types import arithmetic
-from warp._src.types import scalars
+from warp._src.types import arithmetic, scalars
 from warp._src.types.scalars import scalar_base
 
 ArrayMeta = type(ctypes.Array)

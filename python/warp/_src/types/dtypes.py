@@ -1,8 +1,4 @@
-"""The types of the package under their public names, and questions about types.
-
-`canonical(dtype)` maps Python's own types and user subclasses to the one class that stands for a
-type; `native_type` and `dtype_of` translate to and from the types of the compiler.
-"""
+"""The types of the package under their public names, and questions about types."""
 
 from __future__ import annotations
 
@@ -11,14 +7,24 @@ import ctypes
 import typing
 
 from warp._src.types import scalars
-from warp._src.types.composites import Composite, canonical_class
+from warp._src.types.composites import Composite
 from warp._src.types.matrices import Matrix, matrix
 from warp._src.types.matrices import matrix_from_cols as matrix_from_cols
 from warp._src.types.matrices import matrix_from_rows as matrix_from_rows
+from warp._src.types.native import (
+    ArrayType,
+    canonical,
+    is_struct,
+    register,
+)
+from warp._src.types.native import dtype_of as dtype_of
+from warp._src.types.native import native_text as native_text
+from warp._src.types.native import native_type as native_type
+from warp._src.types.native import type_repr as type_repr
+from warp._src.types.native import types_equal as types_equal
 from warp._src.types.scalars import (
     FLOAT_TYPES,
     INT_TYPES,
-    PYTHON_TYPES,
     SCALAR_TYPES,
     ScalarType,
     float16,
@@ -28,17 +34,18 @@ from warp._src.types.scalars import (
     int16,
     int32,
     int64,
-    scalar_base,
     uint8,
     uint16,
     uint32,
     uint64,
 )
+from warp._src.types.scalars import PYTHON_TYPES as PYTHON_TYPES
 from warp._src.types.scalars import bfloat16 as bfloat16
 from warp._src.types.scalars import bool as bool
 from warp._src.types.scalars import float_base as float_base
 from warp._src.types.scalars import handle as handle
 from warp._src.types.scalars import int_base as int_base
+from warp._src.types.scalars import scalar_base as scalar_base
 from warp._src.types.vectors import (
     Quaternion,
     Transformation,
@@ -104,86 +111,6 @@ scalar_and_bool_types = (*scalar_types, scalars.bool)
 # What users write for generic vectors: `wp.vec[3, float]`.
 vec = Vector
 mat = Matrix
-
-
-def canonical(dtype):
-    """The one class that stands for `dtype`.
-
-    Raises:
-        TypeError: `dtype` is not a scalar, composite or struct type.
-    """
-    found = PYTHON_TYPES.get(dtype, dtype) if isinstance(dtype, builtins.type) else dtype
-    if isinstance(found, type):
-        if "_native_" in found.__dict__:
-            return found
-        if issubclass(found, (Composite, scalar_base)) and hasattr(found, "_native_"):
-            return canonical_class(found)
-    shown = getattr(dtype, "__name__", None) or repr(dtype)
-    raise TypeError(f"expects a scalar, vector, matrix or struct type, but got '{shown}'")
-
-
-_native_types: dict = {}
-_dtypes: dict = {}
-
-
-def register(dtype) -> None:
-    """Makes `dtype_of` find `dtype` by the text of its native type."""
-    _dtypes[dtype._native_] = dtype
-
-
-def native_text(dtype) -> str:
-    """The compiler's spelling of a type: `f32`, `!warp.vec<3 x f32>`, `!warp.array<1 x f32>`."""
-    text = getattr(dtype, "_native_", None)
-    if text is not None and not isinstance(text, property):
-        return text
-    return canonical(dtype)._native_
-
-
-def native_type(dtype):
-    """The compiler's type for a scalar, composite, struct or array type."""
-    found = _native_types.get(dtype)
-    if found is None:
-        from warp import _native
-
-        found = _native_types[dtype] = _native.Type.parse(native_text(dtype))
-    return found
-
-
-def dtype_of(native):
-    """The Python type for a type of the compiler (or its text)."""
-    text = str(native)
-    found = _dtypes.get(text)
-    if found is None:
-        found = _dtypes[text] = _parse(text)
-    return found
-
-
-def _parse(text: str):
-    from warp._src.types.annotations import ArrayType
-
-    for dtype in (scalars.bool, *SCALAR_TYPES):
-        if dtype._native_ == text:
-            return dtype
-    family, _, rest = text.partition("<")
-    rest = rest[:-1]
-    if family == "!warp.array":
-        rank, _, element = rest.partition(" x ")
-        return ArrayType(dtype_of(element), int(rank))
-    if family == "!warp.vec":
-        length, _, element = rest.partition(" x ")
-        return vector(int(length), dtype_of(element))
-    if family == "!warp.mat":
-        shape, _, element = rest.partition(" x ")
-        return matrix(tuple(map(int, shape.split("x"))), dtype_of(element))
-    if family == "!warp.quat":
-        return quaternion(dtype_of(rest))
-    if family == "!warp.transform":
-        return transformation(dtype_of(rest))
-    raise TypeError(f"no Python type for '{text}'")
-
-
-def is_struct(dtype) -> builtins.bool:
-    return getattr(dtype, "_wp_struct_", False) is True
 
 
 def _class_of(x):
@@ -271,11 +198,7 @@ def type_is_transformation(t) -> builtins.bool:
 
 
 def type_is_array(t) -> builtins.bool:
-    from warp._src.types.annotations import ArrayType
-    from warp._src.arrays.array import array
-    from warp._src.arrays.indexed import indexedarray
-
-    return isinstance(t, ArrayType) or _is_family(t, (array, indexedarray))
+    return isinstance(t, ArrayType) or (isinstance(t, type) and hasattr(t, "_wp_array_"))
 
 
 def type_is_struct(t) -> builtins.bool:
@@ -306,31 +229,6 @@ def type_size_in_bytes(t) -> int:
 def type_size(t) -> int:
     """Number of scalars in an element of type `t`; 1 for a struct."""
     return getattr(canonical(t), "_length_", 1)
-
-
-def type_repr(t) -> str:
-    """Short name of a type, as in messages."""
-    if isinstance(t, type):
-        return PYTHON_TYPES.get(t, t).__name__
-    return repr(t)
-
-
-def types_equal(a, b) -> builtins.bool:
-    """Whether two types or annotations mean the same."""
-    try:
-        return native_text(a) == native_text(b)
-    except TypeError:
-        return a is b or a == b
-
-
-def __getattr__(name):
-    """`np_dtype_to_warp_type`, a table that needs NumPy, is made when it is asked for."""
-    if name != "np_dtype_to_warp_type":
-        raise AttributeError(f"module 'warp.types' has no attribute '{name}'")
-    from warp._src.types.numpy_types import scalar_types
-
-    globals()[name] = scalar_types()
-    return globals()[name]
 
 
 for _dtype in (scalars.bool, *SCALAR_TYPES, *set(NAMED_TYPES.values())):

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from warp._src.types import scalars
 from warp._src.types import dtypes as types
+from warp._src.types import scalars
 
 
 def dtype_to_numpy(dtype):

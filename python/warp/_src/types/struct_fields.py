@@ -8,10 +8,11 @@ from __future__ import annotations
 import ctypes
 import typing
 
-from warp._src.types import scalars
+from warp import _native
 from warp._src.types import dtypes as types
-from warp._src.types.annotations import ArrayType
+from warp._src.types import scalars
 from warp._src.types.composites import Composite, flatten_numbers, is_number
+from warp._src.types.native import ArrayType
 from warp._src.types.scalars import ScalarType, scalar_base
 
 
@@ -123,11 +124,9 @@ class Field:
         self.raw.__set__(instance, dtype(*numbers))
 
     def _set_array(self, instance, value):
-        from warp._src.arrays.array import array
-
         expected = self.dtype
         if value is not None:
-            if not isinstance(value, array):
+            if not isinstance(value, _native.Array):
                 raise self._error(value)
             if expected.dtype is not typing.Any and not types.types_equal(
                 value.dtype, expected.dtype
@@ -139,7 +138,7 @@ class Field:
         instance._held[self.name] = value
 
     def _error(self, value):
-        got = repr(value) if isinstance(value, _array_classes()) else type(value).__name__
+        got = repr(value) if types.type_is_array(type(value)) else type(value).__name__
         message = (
             f"field '{self.name}' of struct '{self.struct}' expects "
             f"'{types.type_repr(self.dtype)}', but got '{got}'"
@@ -147,10 +146,3 @@ class Field:
         if isinstance(self.dtype, type) and issubclass(self.dtype, Composite) and is_number(value):
             message += f", construct the value: `{self.dtype.__name__}(...)`"
         return TypeError(message)
-
-
-def _array_classes():
-    from warp._src.arrays.array import array
-    from warp._src.arrays.indexed import indexedarray
-
-    return array, indexedarray

@@ -14,7 +14,7 @@ import typing
 
 from warp._src.types import annotations
 from warp._src.types import dtypes as types
-from warp._src.types.annotations import ArrayType
+from warp._src.types.native import ArrayType
 from warp._src.types.scalars import ScalarType
 from warp._src.types.struct_fields import ArrayDescriptor, Field, describe
 

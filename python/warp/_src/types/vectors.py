@@ -5,8 +5,7 @@ from __future__ import annotations
 import ctypes
 import typing
 
-from warp._src.types import arithmetic
-from warp._src.types import scalars
+from warp._src.types import arithmetic, scalars
 from warp._src.types.composites import (
     ArrayMeta,
     Composite,
@@ -198,7 +197,7 @@ def make_composite(name, mixin, length, dtype, attributes):
     """Creates the `ctypes.Array` class of a composite type."""
     namespace = {
         "__slots__": (),
-        "__module__": "warp._src.types",
+        "__module__": "warp.types",
         "_length_": length,
         "_type_": dtype._type_,
         "_wp_scalar_type_": dtype,

@@ -8,20 +8,20 @@ the compiler where `vjp` or `jvp` says so.
 from __future__ import annotations
 
 from warp._src.derivatives import functions as derivatives
-from warp._src.types import dtypes as types
 from warp._src.derivatives.functions import is_differentiable
 from warp._src.frontend import functions
-from warp._src.frontend.own_derivatives import OwnDerivatives
+from warp._src.frontend.context import Part
+from warp._src.types import dtypes as types
 
 
-class Derivatives(OwnDerivatives):
+class DerivativeCalls(Part):
     """Translates calls of derivatives."""
 
     # Derivatives that are called.
 
     def call_derivative(self, derivative, node):
         """`wp.grad(f)(...)` and `wp.hessian(f)(...)`."""
-        arguments, keywords = self.arguments(node)
+        arguments, keywords = self.context.constructors.arguments(node)
         if isinstance(derivative, derivatives.Hessian):
             return self.call_hessian(derivative, arguments, keywords, node)
         made, bound, values = self.differentiated(derivative.func, arguments, keywords, node)
@@ -31,12 +31,14 @@ class Derivatives(OwnDerivatives):
             if is_differentiable(native)
         ]
         if not seeds:
-            raise self.type_error(node, f"{derivative!r}: no result is a float or made of floats")
+            raise self.context.type_error(
+                node, f"{derivative!r}: no result is a float or made of floats"
+            )
         return self.cotangents(made, bound, values, seeds, False, node)
 
     def cotangents(self, made, bound, values, seeds, arrays, node):
         """What `vjp` gives, as one binding per argument."""
-        self.at(node)
+        self.context.at(node)
         results = iter(self.builder.vjp(made.symbol, values, seeds, arrays))
         bindings = [
             self.cotangent(shape, binding, results, node)
@@ -50,11 +52,13 @@ class Derivatives(OwnDerivatives):
             return tuple(
                 [self.cotangent(s, b, results, node) for s, b in zip(shape, binding, strict=True)]
             )
-        native = self.static_type(binding)
+        native = self.context.static_type(binding)
         if native.kind == "array":
             return 0
         if native.kind == "struct":
-            derivatives.check_no_struct_of_arrays(native, "an argument", self.source.place(node))
+            derivatives.check_no_struct_of_arrays(
+                native, "an argument", self.context.source.place(node)
+            )
         return self.struct_cotangent(native, results)
 
     def struct_cotangent(self, native, results):
@@ -67,37 +71,39 @@ class Derivatives(OwnDerivatives):
         """A function to differentiate: its translation, the arguments, and their values."""
         if not hasattr(function, "overloads"):
             return self.wrapped_builtin(function, arguments, keywords, node)
-        overload, bound = self.select(function, arguments, keywords, node)
-        made = self.specialize(overload, bound, node, apart=True, owner=function)
+        overload, bound = self.context.user_calls.select(function, arguments, keywords, node)
+        made = self.context.user_calls.specialize(overload, bound, node, apart=True, owner=function)
         if function.has_derivative:
-            self.derive(function, overload, made, bound, node)
+            self.context.custom_derivatives.derive(function, overload, made, bound, node)
             if function.pullback is not None and type(made.shape) is tuple:
                 made = made.without_residuals()
         values = []
         for binding in bound:
             if not functions.is_static(binding):
-                self.take_apart(binding, node, values)
+                self.context.user_calls.take_apart(binding, node, values)
         return made, bound, values
 
     def wrapped_builtin(self, builtin, arguments, keywords, node):
         """A function that calls a builtin."""
         name = getattr(builtin, "key", None) or builtin.name
         if keywords or any(type(argument) is tuple for argument in arguments):
-            raise self.type_error(node, f"derivatives of '{name}' expect arguments in order")
-        values = [self.materialize(argument, node) for argument in arguments]
+            raise self.context.type_error(
+                node, f"derivatives of '{name}' expect arguments in order"
+            )
+        values = [self.context.materialize(argument, node) for argument in arguments]
         natives = [value.type for value in values]
         key = (name, *natives)
-        if key not in self.session.calls:
-            symbol = self.session.symbol(f"{name}_builtin")
-            self.at(node)
+        if key not in self.context.session.calls:
+            symbol = self.context.session.symbol(f"{name}_builtin")
+            self.context.at(node)
             inner = self.builder.begin_function(symbol, ["x"] * len(natives), natives, False)
             results = self.builder.builtin(name, inner)[0]
             self.builder.end_function(results)
             shape = None if len(results) == 1 else (None,) * len(results)
             made = functions.Specialization(symbol, shape)
             made.arguments, made.results = [None] * len(natives), [r.type for r in results]
-            self.session.calls[key] = made
-        return self.session.calls[key], values, values
+            self.context.session.calls[key] = made
+        return self.context.session.calls[key], values, values
 
     def call_hessian(self, derivative, arguments, keywords, node):
         made, _, values = self.differentiated(derivative.func, arguments, keywords, node)
@@ -105,18 +111,18 @@ class Derivatives(OwnDerivatives):
         scalar = native is not None and native.kind == "float"
         vector = native is not None and native.kind == "vec" and native.element.kind == "float"
         if not (scalar or vector) or type(made.arguments[0]) is not type(None):
-            raise self.type_error(
+            raise self.context.type_error(
                 node, f"{derivative!r} expects a float or a vector of floats as first argument"
             )
         element = native if scalar else native.element
         if made.results != [element]:
             shown = ", ".join(result.python_name for result in made.results)
-            raise self.type_error(
+            raise self.context.type_error(
                 node, f"{derivative!r} expects one result of type '{element.python_name}', "
                 f"but got '({shown})'",
             )  # fmt: skip
         symbol = self.gradient_function(made, native, [v.type for v in values], node)
-        self.at(node)
+        self.context.at(node)
         one, zero = self.builder.constant(element, 1.0), self.builder.constant(element, 0.0)
         if scalar:
             return self.builder.jvp(symbol, values, [one])[0]
@@ -126,48 +132,48 @@ class Derivatives(OwnDerivatives):
             seed = [one if column == row else zero for column in range(count)]
             seed = self.builder.construct(native, seed)
             found = self.builder.jvp(symbol, values, [seed])[0]
-            components += self.components(found, count, node)
+            components += self.context.targets.components(found, count, node)
         matrix = types.native_type(types.matrix((count, count), types.dtype_of(element)))
         return self.builder.construct(matrix, components)
 
     def gradient_function(self, made, native, natives, node):
         """A function that gives the gradient by the first argument."""
         key = ("gradient", made.symbol)
-        if key not in self.session.calls:
-            symbol = self.session.symbol(f"{made.symbol}_gradient")
-            self.at(node)
+        if key not in self.context.session.calls:
+            symbol = self.context.session.symbol(f"{made.symbol}_gradient")
+            self.context.at(node)
             values = self.builder.begin_function(symbol, ["x"] * len(natives), natives, False)
             one = self.builder.constant(made.results[0], 1.0)
             self.builder.end_function(self.builder.vjp(made.symbol, values, [one], False)[:1])
-            self.session.calls[key] = symbol
-        return self.session.calls[key]
+            self.context.session.calls[key] = symbol
+        return self.context.session.calls[key]
 
     # What the library of the kernel language is written with.
 
     def builtin_pulled_back(self, node):
         """`pulled_back(f, arrays, cotangent, *arguments)`: the arguments' cotangents, a tuple."""
-        arguments, _ = self.arguments(node)
+        arguments, _ = self.context.constructors.arguments(node)
         function, arrays, seed, *rest = arguments
         made, bound, values = self.differentiated(function, rest, {}, node)
-        seeds = [self.materialize(seed, node)]
+        seeds = [self.context.materialize(seed, node)]
         found = self.cotangents(made, bound, values, seeds, arrays, node)
         return found if len(bound) > 1 else (found,)
 
     def builtin_fixed_point(self, node):
         from warp._src.language.fixed_point import FIXED_POINT
 
-        arguments, keywords = self.arguments(node)
+        arguments, keywords = self.context.constructors.arguments(node)
         if keywords or len(arguments) < 2 or not hasattr(arguments[0], "overloads"):
-            raise self.type_error(
+            raise self.context.type_error(
                 node, "fixed_point expects a function, where to start, and parameters"
             )
-        start = self.materialize(arguments[1], node)
+        start = self.context.materialize(arguments[1], node)
         if start.type.kind not in ("float", "vec", "mat", "quat") or not is_differentiable(
             start.type
         ):
-            raise self.type_error(
+            raise self.context.type_error(
                 node,
                 f"fixed_point expects to start at floats, but got '{start.type.python_name}'",
             )
         given = [arguments[0], start, tuple(arguments[2:])]
-        return self.call_function(FIXED_POINT, given, {}, node)
+        return self.context.user_calls.call_function(FIXED_POINT, given, {}, node)

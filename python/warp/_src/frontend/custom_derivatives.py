@@ -11,28 +11,27 @@ from __future__ import annotations
 from warp._src import errors
 from warp._src.derivatives.functions import is_differentiable
 from warp._src.frontend import functions
+from warp._src.frontend.context import Part, Parts
 from warp._src.frontend.functions import NOTHING, overload_of
 from warp._src.frontend.pullbacks import mismatch, pullback_of
-from warp._src.frontend.references import References
-from warp._src.frontend.user_calls import Parts
 
 
-class OwnDerivatives(References):
+class CustomDerivatives(Part):
     """Translates calls of such functions."""
 
     def call_custom(self, function, overload, bound, node):
         """Calls a function that has a derivative of its own."""
-        made = self.specialize(overload, bound, node, apart=True, owner=function)
+        made = self.context.user_calls.specialize(overload, bound, node, apart=True, owner=function)
         self.derive(function, overload, made, bound, node)
         values = []
         for binding in bound:
             if not functions.is_static(binding):
-                self.take_apart(binding, node, values)
-        self.at(node)
+                self.context.user_calls.take_apart(binding, node, values)
+        self.context.at(node)
         results = iter(self.builder.call(made.symbol, values))
         if made.shape is NOTHING:
             return None
-        binding = self.unflatten(made.shape, results)
+        binding = self.context.unflatten(made.shape, results)
         if function.pullback is not None and type(binding) is tuple:
             return binding[0]
         return binding
@@ -41,18 +40,18 @@ class OwnDerivatives(References):
 
     def derive(self, function, overload, made, bound, node):
         """Attaches the derivative to a translated function; done once."""
-        if made.symbol in self.session.derived:
+        if made.symbol in self.context.session.derived:
             return
-        self.session.derived.add(made.symbol)
+        self.context.session.derived.add(made.symbol)
         results = self.natives_of(made)
         if function.pullback is not None:
             self.attach_pullback(function, made, bound, results, node)
         given = [*bound, *results]
         chosen = self.registered(function.pullbacks, given)
         if chosen is not None:
-            natives = [self.static_type(binding) for binding in bound]
+            natives = [self.context.static_type(binding) for binding in bound]
             pullback = pullback_of(chosen, overload, natives)
-            attached = self.specialize(pullback, given, node, apart=True)
+            attached = self.context.user_calls.specialize(pullback, given, node, apart=True)
             self.builder.set_pullback(made.symbol, attached.symbol, 0)
         elif function.pullbacks and len(function.overloads) == 1:
             raise mismatch(function, overload_of(function.pullbacks[0]), "func_grad", results)
@@ -67,13 +66,13 @@ class OwnDerivatives(References):
         for function in reversed(candidates):
             parameters = overload_of(function).parameters
             pairs = zip(parameters, given, strict=False)
-            if len(parameters) == len(given) and all(p.accepts(self, b) for p, b in pairs):
+            if len(parameters) == len(given) and all(p.accepts(self.context, b) for p, b in pairs):
                 return function
         return None
 
     def attach_replay(self, function, replay, made, bound, results, node):
         overload = overload_of(replay)
-        attached = self.specialize(overload, bound, node, apart=True)
+        attached = self.context.user_calls.specialize(overload, bound, node, apart=True)
         found = self.natives_of(attached)
         if found != results:
             shown = [", ".join(n.python_name for n in natives) for natives in (results, found)]
@@ -93,32 +92,36 @@ class OwnDerivatives(References):
         pullback = function.pullback
         chosen = [form for form in forms if self.takes(pullback, form)]
         if not chosen:
-            shown = " or ".join(f"({', '.join(map(self.type_name, form))})" for form in forms)
-            raise self.type_error(
+            shown = " or ".join(
+                f"({', '.join(map(self.context.type_name, form))})" for form in forms
+            )
+            raise self.context.type_error(
                 node, f"pullback '{pullback.key}' of '{function.key}' expects to take {shown}"
             )
         arguments, kept, seeds = [], [], []
         shapes = [
-            binding if functions.is_static(binding) else self.types_of(binding, arguments, True)
+            binding
+            if functions.is_static(binding)
+            else self.context.user_calls.types_of(binding, arguments, True)
             for binding in bound
         ]
-        kept_shapes = [self.types_of(native, kept, True) for native in residuals]
-        seed_shape = self.types_of(value, seeds, True)
+        kept_shapes = [self.context.user_calls.types_of(native, kept, True) for native in residuals]
+        seed_shape = self.context.user_calls.types_of(value, seeds, True)
         natives = [*arguments, *kept, *filter(is_differentiable, seeds)]
-        symbol = self.session.symbol(f"{pullback.key}_pullback")
-        self.at(node)
+        symbol = self.context.session.symbol(f"{pullback.key}_pullback")
+        self.context.at(node)
         values = iter(self.builder.begin_function(symbol, ["x"] * len(natives), natives, False))
         inputs = [
-            shape if functions.is_static(shape) else self.unflatten(shape, values)
+            shape if functions.is_static(shape) else self.context.unflatten(shape, values)
             for shape in shapes
         ]
-        inputs = [*inputs, *(self.unflatten(shape, values) for shape in kept_shapes)]
-        inputs.append(self.unflatten(seed_shape, values))
+        inputs = [*inputs, *(self.context.unflatten(shape, values) for shape in kept_shapes)]
+        inputs.append(self.context.unflatten(seed_shape, values))
         given = inputs if len(chosen[0]) == len(inputs) else inputs[len(bound) :]
         returned = []
-        result = self.call_function(pullback, given, {}, node)
+        result = self.context.user_calls.call_function(pullback, given, {}, node)
         if result is not None:
-            self.take_apart(result, node, returned)
+            self.context.user_calls.take_apart(result, node, returned)
         returned = [v for v in returned if is_differentiable(v.type)]
         self.builder.end_function(returned)
         wanted = [native for native in arguments if is_differentiable(native)]
@@ -135,31 +138,35 @@ class OwnDerivatives(References):
         pushforward = function.pushforward
         arguments, wanted = [], []
         shapes = [
-            binding if functions.is_static(binding) else self.types_of(binding, arguments, True)
+            binding
+            if functions.is_static(binding)
+            else self.context.user_calls.types_of(binding, arguments, True)
             for binding in bound
         ]
-        self.types_of(tuple(results if function.pullback is None else results[:1]), wanted, True)
+        self.context.user_calls.types_of(
+            tuple(results if function.pullback is None else results[:1]), wanted, True
+        )
         wanted = [native for native in wanted if is_differentiable(native)]
         tangents = [native for native in arguments if is_differentiable(native)]
         form = [*bound, *tangents]
         if not self.takes(pushforward, form):
-            raise self.type_error(
+            raise self.context.type_error(
                 node,
                 f"pushforward '{pushforward.key}' of '{function.key}' expects to take "
-                f"({', '.join(map(self.type_name, form))})",
+                f"({', '.join(map(self.context.type_name, form))})",
             )
-        symbol = self.session.symbol(f"{pushforward.key}_pushforward")
+        symbol = self.context.session.symbol(f"{pushforward.key}_pushforward")
         natives = [*arguments, *tangents]
-        self.at(node)
+        self.context.at(node)
         values = iter(self.builder.begin_function(symbol, ["x"] * len(natives), natives, False))
         inputs = [
-            shape if functions.is_static(shape) else self.unflatten(shape, values)
+            shape if functions.is_static(shape) else self.context.unflatten(shape, values)
             for shape in shapes
         ]
         returned = []
-        result = self.call_function(pushforward, [*inputs, *values], {}, node)
+        result = self.context.user_calls.call_function(pushforward, [*inputs, *values], {}, node)
         if result is not None:
-            self.take_apart(result, node, returned)
+            self.context.user_calls.take_apart(result, node, returned)
         returned = [v for v in returned if is_differentiable(v.type)]
         self.builder.end_function(returned)
         self.check_returned(
@@ -173,9 +180,9 @@ class OwnDerivatives(References):
 
     def transposed(self, symbol, arguments, tangents, results, node):
         """The pullback that belongs to a pushforward: its derivative by the tangents."""
-        made = self.session.symbol(f"{symbol}_transposed")
+        made = self.context.session.symbol(f"{symbol}_transposed")
         natives = [*arguments, *results]
-        self.at(node)
+        self.context.at(node)
         values = self.builder.begin_function(made, ["x"] * len(natives), natives, False)
         given = [*values[: len(arguments)], *(self.builder.zero(native) for native in tangents)]
         found = self.builder.vjp(symbol, given, list(values[len(arguments) :]), False)
@@ -184,7 +191,8 @@ class OwnDerivatives(References):
 
     def takes(self, function, given) -> bool:
         return any(
-            type(overload_of(f).bind(self, given, {}, None)) is list for f in function.overloads
+            type(overload_of(f).bind(self.context, given, {}, None)) is list
+            for f in function.overloads
         )
 
     def spread_types(self, natives):

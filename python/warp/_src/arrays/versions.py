@@ -13,14 +13,12 @@ from __future__ import annotations
 
 import bisect
 import os
-import sys
 import typing
 import weakref
 import zlib
 
-from warp import _native
 from warp._src.arrays.boxes import Box
-from warp._src.version import PACKAGE
+from warp._src.version import calling_frame
 
 
 class Event(typing.NamedTuple):
@@ -34,12 +32,9 @@ class Event(typing.NamedTuple):
         return f"{self.what} at {os.path.basename(self.file)}:{self.line}"
 
 
-
 def event(what: str) -> Event:
     """An event at the innermost line of the program that is not this package's."""
-    frame = sys._getframe(1)
-    while frame.f_back is not None and frame.f_code.co_filename.startswith(PACKAGE):
-        frame = frame.f_back
+    frame = calling_frame()
     return Event(what, frame.f_code.co_filename, frame.f_lineno)
 
 
@@ -51,21 +46,25 @@ class Version:
         ended: the event that overwrote it, or None.
         copy: the contents with the array's strides, if they were kept.
         readers: recorded launches that want them kept.
-        watchers: recorded launches that want to be told who overwrites it.
+        listeners: recorded launches that want to be told who overwrites it.
         lent: the event that lent the memory to others and the checksum at that time, or None.
     """
 
-    __slots__ = ("__weakref__", "array", "copy", "ended", "lent", "readers", "watchers")
+    __slots__ = (
+        *("__weakref__", "_copy_of", "array", "copy", "ended"),
+        *("lent", "listeners", "readers"),
+    )
 
-    def __init__(self, array):
+    def __init__(self, array, copy_of):
         self.array = array
+        self._copy_of = copy_of
         self.ended = self.copy = self.lent = None
         self.readers: list = []
-        self.watchers: tuple = ()
+        self.listeners: tuple = ()
 
-    def watch_for(self, reader) -> None:
+    def tell(self, reader) -> None:
         """Calls `reader.overwriting` before the memory is overwritten."""
-        self.watchers += (weakref.ref(reader),)
+        self.listeners += (weakref.ref(reader),)
 
     def keep_for(self, reader) -> None:
         """Asks for a copy before the memory is overwritten, if `reader.needs` it then."""
@@ -74,8 +73,8 @@ class Version:
     def end(self, by: Event) -> None:
         """Called before the memory is overwritten."""
         self._keep()
-        for watcher in self.watchers:
-            reader = watcher()
+        for listener in self.listeners:
+            reader = listener()
             if reader is not None:
                 reader.overwriting(self, by)
         self.ended = by
@@ -89,7 +88,7 @@ class Version:
     def _keep(self) -> None:
         readers = [reader() for reader in self.readers]
         if any(reader is not None and reader.needs(self) for reader in readers):
-            self.copy = copy_layout(self.array)
+            self.copy = self._copy_of(self.array)
         self.readers = []
 
     def overwriter(self) -> Event | None:
@@ -123,9 +122,14 @@ class _Region:
 
 
 class Memory:
-    """All regions, by layout and by address."""
+    """All regions, by layout and by address.
 
-    def __init__(self):
+    Args:
+        copy_of: makes a copy of an array whose elements have the same offsets.
+    """
+
+    def __init__(self, copy_of):
+        self._copy_of = copy_of
         self.regions: dict = {}
         # Starts and regions in order, by the number of bits of the size.
         self.sorted: dict = {}
@@ -147,7 +151,7 @@ class Memory:
         version = region.current()
         lent = version is not None and version.overwriter() is not None
         if version is None or lent:
-            version = Version(array)
+            version = Version(array, self._copy_of)
             region.current = weakref.ref(version)
             if lent:
                 version.lend()
@@ -208,97 +212,3 @@ class Memory:
             for region in regions[first : bisect.bisect_left(starts, box.stop)]:
                 if region.box.stop > box.start:
                     yield region
-
-
-def copy_layout(source, stream=None):
-    """A copy with the strides of `source`, so that both have their elements at the same offsets."""
-    from warp._src.arrays.create import empty
-    from warp._src.types.scalars import uint8
-
-    box = Box(source)
-    bytes_ = empty(box.stop - box.start, uint8, source.device)
-    strides = source.strides
-    result = bytes_._view(0, source.shape, strides, source.dtype)
-    if source.size:
-        shape = [n if step else 1 for n, step in zip(source.shape, strides, strict=True)]
-        target = bytes_._view(0, shape, strides, source.dtype)
-        elements = source._view(0, shape, strides)
-        if Watch.executor is not None:
-            Watch.executor.copy(target, elements, stream)
-        else:
-            _native.copy_array(target, elements, stream)
-    return result
-
-
-class Watch:
-    """Who watches.
-
-    Attributes:
-        active: whether anybody does.
-        tape: the tape that records, or None.
-        executor: runs operations instead of the runtime, or None.
-        memory: versions of what is recorded.
-    """
-
-    active = False
-    tape = None
-    executor = None
-    memory = Memory()
-    _owners: typing.ClassVar[set] = set()
-    _listeners: typing.ClassVar[list] = []
-
-    @classmethod
-    def update(cls) -> None:
-        before = cls.active
-        cls.active = bool(cls._owners) or cls.tape is not None or cls.executor is not None
-        # Tapes die at any time, also while another one is about to take its first record.
-        if not cls.active:
-            cls.memory.clear()
-        if cls.active != before:
-            for listener in cls._listeners:
-                listener()
-
-    @classmethod
-    def retain(cls, owner) -> None:
-        """Keeps watch over memory for something that has records, as long as it lives."""
-        if id(owner) not in cls._owners:
-            cls._owners.add(id(owner))
-            weakref.finalize(owner, cls._drop, id(owner))
-            cls.update()
-
-    @classmethod
-    def release(cls, owner) -> None:
-        cls._drop(id(owner))
-
-    @classmethod
-    def _drop(cls, identity) -> None:
-        cls._owners.discard(identity)
-        cls.update()
-
-    @classmethod
-    def on_change(cls, listener) -> None:
-        """Calls `listener()` when `active` changes."""
-        cls._listeners.append(listener)
-
-
-class Watching:
-    """Replaces tape, executor or memory for a block."""
-
-    def __init__(self, **changes):
-        self.changes = {
-            name: value for name, value in changes.items() if getattr(Watch, name) is not value
-        }
-
-    def __enter__(self):
-        self.saved = {name: getattr(Watch, name) for name in self.changes}
-        self._set(self.changes)
-
-    def __exit__(self, *exception):
-        self._set(self.saved)
-
-    def _set(self, values):
-        if not values:
-            return
-        for name, value in values.items():
-            setattr(Watch, name, value)
-        Watch.update()

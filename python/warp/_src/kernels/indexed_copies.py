@@ -4,32 +4,34 @@ from __future__ import annotations
 
 import typing
 
-import warp as wp
-from warp._src.types import dtypes as types
 from warp._src.arrays.array import array
-from warp._src.arrays.create import copy
+from warp._src.arrays.copies import copy
 from warp._src.arrays.indexed import indexedarray
+from warp._src.kernels.kernel import kernel
+from warp._src.kernels.launch import launch
+from warp._src.language import namespace as wp
+from warp._src.types import dtypes as types
 
 
-@wp.kernel
+@kernel
 def copy1(src: typing.Any, dest: typing.Any):
     i = wp.tid()
     dest[i] = src[i]
 
 
-@wp.kernel
+@kernel
 def copy2(src: typing.Any, dest: typing.Any):
     i, j = wp.tid()
     dest[i, j] = src[i, j]
 
 
-@wp.kernel
+@kernel
 def copy3(src: typing.Any, dest: typing.Any):
     i, j, k = wp.tid()
     dest[i, j, k] = src[i, j, k]
 
 
-@wp.kernel
+@kernel
 def copy4(src: typing.Any, dest: typing.Any):
     i, j, k, m = wp.tid()
     dest[i, j, k, m] = src[i, j, k, m]
@@ -52,11 +54,13 @@ def copy_elements(dest, src, stream=None) -> None:
     if types.is_struct(dest.dtype) and not src.requires_grad:
         # Kernels know of a struct's arrays what they use, not all of its bytes.
         words, odd = divmod(dest.item_size, 4)
-        raw = types.vector(dest.item_size, types.uint8) if odd else types.vector(words, types.uint32)
+        raw = (
+            types.vector(dest.item_size, types.uint8) if odd else types.vector(words, types.uint32)
+        )
         dest = _viewed(dest, raw)
     if dest.dtype is not src.dtype:
         src = _viewed(src, dest.dtype)
-    wp.launch(_KERNELS[dest.ndim], dest.shape, [src], [dest], device=dest.device, stream=stream)
+    launch(_KERNELS[dest.ndim], dest.shape, [src], [dest], device=dest.device, stream=stream)
 
 
 def _viewed(source, dtype):

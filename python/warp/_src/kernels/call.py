@@ -1,24 +1,17 @@
-"""Launches, copies and fills while somebody watches them.
-
-`wp.launch`, `wp.copy`, `fill_` and `zero_` look at one flag, `Watch.active`. While it is set they
-come here: memory that is about to change ends the versions of what tapes have recorded
-(`tracking`), a recording tape notes the operation, and an executor may run it in its own way
-(forward mode computes tangents along with the values).
-"""
+"""A launch with everything it was given, and what is known of its kernel's arrays."""
 
 from __future__ import annotations
 
 import copy
 import ctypes
 
-from warp import _native
 from warp._src import errors
-from warp._src.types import dtypes as types
-from warp._src.types.annotations import ArrayType
 from warp._src.arrays.array import array
 from warp._src.arrays.indexed import IndexedRecord, indexedarray
+from warp._src.arrays.versions import Event, event
+from warp._src.types import dtypes as types
+from warp._src.types.native import ArrayType
 from warp._src.types.structs import StructInstance
-from warp._src.derivatives.versions import Event, Watch, event
 
 
 class Signature:
@@ -235,56 +228,3 @@ def replace_in_struct(value, replaced):
                 setattr(result, field, replace_in_struct(inner, inside))
             first += count
     return result
-
-
-def watched_launch(call: Call, record: bool = True) -> None:
-    """Runs a launch."""
-    entry = Watch.tape.begin_launch(call) if record and Watch.tape is not None else None
-    for written in call.written:
-        Watch.memory.writing(written, call)
-    if Watch.executor is not None:
-        Watch.executor.launch(call)
-    elif entry is not None:
-        entry.run()
-    else:
-        call.run()
-    if entry is not None:
-        Watch.tape.end_launch(entry)
-
-
-class _Place:
-    """Makes the event of what is going on when somebody wants it."""
-
-    def __init__(self, what):
-        self.what = what
-        self._event = None
-
-    @property
-    def event(self) -> Event:
-        if self._event is None:
-            self._event = event(self.what)
-        return self._event
-
-
-def watched_copy(dest, src, stream=None) -> None:
-    """Copies all elements."""
-    place = _Place("copy")
-    Watch.memory.writing(dest, place)
-    if Watch.executor is not None:
-        Watch.executor.copy(dest, src, stream)
-    else:
-        _native.copy_array(dest, src, stream)
-    if Watch.tape is not None:
-        Watch.tape.add_copy(dest, src, place.event)
-
-
-def watched_fill(target, pattern, name) -> None:
-    """Fills an array with an element's bytes."""
-    place = _Place(name)
-    Watch.memory.writing(target, place)
-    if Watch.executor is not None:
-        Watch.executor.fill(target, pattern)
-    else:
-        _native.fill_array(target, pattern)
-    if Watch.tape is not None:
-        Watch.tape.add_fill(target, place.event)

@@ -18,10 +18,10 @@ import enum
 
 from warp import _native
 from warp._src import errors
-from warp._src.types import dtypes as types
-from warp._src.language.builtins import Builtin
-from warp._src.types.composites import scalars_of
 from warp._src.frontend import names
+from warp._src.language.builtins import Builtin
+from warp._src.types import dtypes as types
+from warp._src.types.composites import scalars_of
 
 Value = _native.Value
 NativeType = _native.Type
@@ -54,8 +54,21 @@ class Session:
         return f"{name}_{count}" if count else name
 
 
-class EmitterBase:
-    """Translates one function for given argument types."""
+class Parts:
+    """Shape of a struct that is passed field by field."""
+
+    __slots__ = ("native", "parts")
+
+    def __init__(self, native, parts):
+        self.native = native
+        self.parts = parts
+
+
+class Context:
+    """What the parts of a translator share: the state of translating one function.
+
+    `Translator`, which is what there is, has the parts too, under the names of their files.
+    """
 
     def __init__(self, session: Session, function, source, is_kernel: bool):
         self.session = session
@@ -66,9 +79,13 @@ class EmitterBase:
         self.env = {}
         # Line of the last assignment of each name, for messages.
         self.lines = {}
-        self.loops = []
+        # Loops around the place that is being translated, outermost first.
+        self.frames = []
         self.node = source.tree
         self.captured = {}
+        # Native types of the declared results, and the returns so far as (line, type).
+        self.result_type = None
+        self.returned = []
 
     # Places and errors.
 
@@ -223,6 +240,9 @@ class EmitterBase:
         """Rebuilds a binding from an iterator over values."""
         if type(shape) is tuple:
             return tuple([self.unflatten(part, values) for part in shape])
+        if type(shape) is Parts:
+            parts = [self.unflatten(part, values) for part in shape.parts]
+            return self.builder.struct_create(shape.native, parts)
         return next(values)
 
     def type_name(self, binding) -> str:
@@ -285,7 +305,7 @@ class EmitterBase:
             return binding
         if name in self.source.plan.local_names:
             hint = None
-            if any(name in loop.pending for loop in self.loops):
+            if any(name in loop.pending for loop in self.frames):
                 hint = "assign it before the loop"
             raise self.error(
                 node, f"'{name}' is used before it is assigned", hint, errors.WarpCodegenKeyError
@@ -293,3 +313,18 @@ class EmitterBase:
         if name not in self.captured:
             self.captured[name] = self.capture(names.resolve(self, name, node), node)
         return self.captured[name]
+
+
+class Part:
+    """A part of a translator, for one topic.
+
+    Attributes:
+        context: the translator.
+        builder: its builder.
+    """
+
+    __slots__ = ("builder", "context")
+
+    def __init__(self, context):
+        self.context = context
+        self.builder = context.builder
