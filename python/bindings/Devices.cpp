@@ -52,7 +52,7 @@ static uintptr_t address(void *pointer) {
 
 /// The package's object for a device, as users know it.
 static py::object deviceObject(int index) {
-  return py::module_::import("warp._src.devices.device").attr("by_index")(index);
+  return py::module_::import("warp._src.devices.devices").attr("by_index")(index);
 }
 
 static int cudaIndex(const py::object &device) {

@@ -6,7 +6,7 @@ from warp import _native
 from warp._src import errors
 from warp._src.arrays.layout import type_id
 from warp._src.devices import allocators
-from warp._src.types import dtypes as types
+from warp._src.types import dtypes
 
 
 def new_array(cls):
@@ -16,7 +16,7 @@ def new_array(cls):
 
 def allocate(target, extents, dtype, device_index, pinned=False) -> None:
     """Gives an array packed memory of its own; the contents are undefined."""
-    size = item_size = types.type_size_in_bytes(dtype)
+    size = item_size = dtypes.type_size_in_bytes(dtype)
     for extent in extents:
         size *= extent
     if size >= 1 << 63:

@@ -21,10 +21,8 @@ from warp._src.arrays.observers import Observers, observed_fill
 from warp._src.arrays.operators import ArrayArithmetic
 from warp._src.arrays.protocols import ArrayProtocols
 from warp._src.arrays.views import ArrayViews
-from warp._src.devices import device as devices
-from warp._src.devices import memory
-from warp._src.types import annotations, scalars
-from warp._src.types import dtypes as types
+from warp._src.devices import devices, memory
+from warp._src.types import annotations, dtypes, scalars
 from warp._src.types.arithmetic import bfloat16_from_bits
 from warp._src.types.native import ArrayType
 from warp._src.types.numpy_types import element_layout
@@ -189,7 +187,7 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
         return True
 
     def __repr__(self):
-        return f"array(shape={self.shape}, dtype={types.type_repr(self.dtype)})"
+        return f"array(shape={self.shape}, dtype={dtypes.type_repr(self.dtype)})"
 
     def __str__(self):
         return str(self.numpy())

@@ -11,13 +11,13 @@ from warp._src.arrays import hooks
 from warp._src.arrays.allocation import allocate, new_array
 from warp._src.arrays.layout import element_type
 from warp._src.arrays.observers import Observers, observed_copy
-from warp._src.devices import device as devices
-from warp._src.types import dtypes as types
+from warp._src.devices import devices
+from warp._src.types import dtypes
 
 
 def empty_like(src, device=None, requires_grad=None, pinned=None, dtype=None):
     """An array with shape and element type of `src` and undefined contents."""
-    if not types.type_is_array(type(src)):
+    if not dtypes.type_is_array(type(src)):
         raise TypeError(f"expects an array, but got '{type(src).__name__}'")
     where = src.device if device is None else devices.get_device(device)
     if requires_grad is None:
@@ -50,7 +50,7 @@ def assign(dest, src) -> None:
     Raises:
         ValueError: the shapes differ.
     """
-    if not types.type_is_array(type(src)):
+    if not dtypes.type_is_array(type(src)):
         src = _class_of(dest)(src, dtype=dest.dtype, device="cpu", copy=False)
     if src.shape != dest.shape:
         raise ValueError(f"expects shape {dest.shape} to assign, but got {src.shape}")
@@ -71,13 +71,13 @@ def copy(dest, src, dest_offset=0, src_offset=0, count=0, stream=None) -> None:
         ValueError: shapes, element sizes or ranges do not fit together.
     """
     for name, value in (("dest", dest), ("src", src)):
-        if not types.type_is_array(type(value)):
+        if not dtypes.type_is_array(type(value)):
             raise TypeError(f"expects an array as '{name}', but got '{type(value).__name__}'")
     dest._check_writable()
     if dest.item_size != src.item_size:
         raise errors.WarpShapeError(
-            f"expects elements of equal size to copy, but got '{types.type_repr(src.dtype)}' "
-            f"({src.item_size} bytes) and '{types.type_repr(dest.dtype)}' ({dest.item_size} bytes)"
+            f"expects elements of equal size to copy, but got '{dtypes.type_repr(src.dtype)}' "
+            f"({src.item_size} bytes) and '{dtypes.type_repr(dest.dtype)}' ({dest.item_size} bytes)"
         )
     whole = not dest_offset and not src_offset and count in (0, src.size)
     if whole and dest.shape == src.shape:

@@ -8,9 +8,8 @@ from warp._src.arrays.copies import empty_like
 from warp._src.arrays.data import borrow
 from warp._src.arrays.gradients import check_gradient_type
 from warp._src.arrays.layout import check_shape, element_type
-from warp._src.devices import device as devices
-from warp._src.devices import memory
-from warp._src.types import dtypes as types
+from warp._src.devices import devices, memory
+from warp._src.types import dtypes
 from warp._src.types.numpy_types import dtype_from_numpy
 
 
@@ -116,14 +115,14 @@ def _type_of_value(value):
         scalar = dtype_from_numpy(value.dtype)
         if value.shape == ():
             return scalar
-        make = types.vector if len(value.shape) == 1 else types.matrix
+        make = dtypes.vector if len(value.shape) == 1 else dtypes.matrix
         return make(value.shape[0] if len(value.shape) == 1 else value.shape, scalar)
     if isinstance(value, (list, tuple)):
         rows = [len(row) if isinstance(row, (list, tuple)) else 0 for row in value]
         if any(rows):
-            return types.matrix((len(rows), rows[0]), float)
+            return dtypes.matrix((len(rows), rows[0]), float)
         integers = all(isinstance(number, int) for number in value)
-        return types.vector(len(value), int if integers else float)
+        return dtypes.vector(len(value), int if integers else float)
     return type(value)
 
 
@@ -155,9 +154,9 @@ def from_numpy(arr, dtype=None, shape=None, device=None, requires_grad=False):
         dtype = dtype_from_numpy(arr.dtype)
         inner = arr.shape[1:]
         if len(inner) == 2 and inner[0] == inner[1] and 2 <= inner[0] <= 4:
-            dtype = types.matrix(inner, dtype)
+            dtype = dtypes.matrix(inner, dtype)
         elif len(inner) == 1 and 2 <= inner[0] <= 4:
-            dtype = types.vector(inner[0], dtype)
+            dtype = dtypes.vector(inner[0], dtype)
     return array(arr, dtype=dtype, shape=shape, device=device, requires_grad=requires_grad)
 
 
@@ -168,7 +167,7 @@ def from_ptr(ptr, length, dtype=None, shape=None, device=None):
         shape=shape if shape is not None else length,
         dtype=dtype or float,
         device=device,
-        capacity=None if shape is None else length * types.type_size_in_bytes(dtype or float),
+        capacity=None if shape is None else length * dtypes.type_size_in_bytes(dtype or float),
     )
 
 

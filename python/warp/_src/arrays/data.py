@@ -14,10 +14,9 @@ from warp import _native
 from warp._src import errors
 from warp._src.arrays.allocation import allocate, new_array
 from warp._src.arrays.layout import check_shape, type_id
-from warp._src.devices import device as devices
-from warp._src.interop import exchange as interop
-from warp._src.types import dtypes as types
-from warp._src.types import scalars
+from warp._src.devices import devices
+from warp._src.interop import exchange
+from warp._src.types import dtypes, scalars
 from warp._src.types.composites import Composite
 from warp._src.types.numpy_types import bfloat16_bits, dtype_from_numpy, element_layout
 from warp._src.types.scalars import scalar_base
@@ -40,7 +39,7 @@ def fill_from_data(target, data, dtype, shape, device, pinned, copy) -> None:
         if math.prod(requested) != math.prod(extents):
             raise errors.WarpShapeError(
                 f"expects data for shape {requested}, but got shape {extents} of "
-                f"'{types.type_repr(dtype)}'"
+                f"'{dtypes.type_repr(dtype)}'"
             )
         extents = requested
     check_shape(extents)
@@ -70,7 +69,7 @@ def to_numpy(data, dtype):
             source = numpy.asarray(data)
         except (TypeError, ValueError) as error:
             raise errors.WarpTypeError(f"cannot make an array of the data: {error}") from None
-    if dtype is not None and types.is_struct(dtype):
+    if dtype is not None and dtypes.is_struct(dtype):
         if source.dtype != element_layout(dtype)[0]:
             raise errors.WarpTypeError(
                 f"expects records of struct '{dtype.__name__}', but got '{source.dtype}'"
@@ -95,7 +94,7 @@ def _from_sequence(data, dtype):
     kind = type(leaf)
     if isinstance(leaf, (Composite, ctypes.Structure)):
         shape, leaves = _flatten(data, kind)
-        layout, inner = element_layout(types.canonical(kind))
+        layout, inner = element_layout(dtypes.canonical(kind))
         return numpy.frombuffer(b"".join(map(bytes, leaves)), layout).reshape(shape + inner)
     try:
         if isinstance(leaf, scalar_base):
@@ -144,7 +143,7 @@ def _flatten(data, kind):
 def element_shape(source, dtype):
     """Extents that remain when the inner dimensions are folded into the element type."""
     inner = getattr(dtype, "_shape_", ())
-    if not inner or types.is_struct(dtype):
+    if not inner or dtypes.is_struct(dtype):
         return source.shape
     length = math.prod(inner)
     if source.ndim > len(inner) and source.shape[-len(inner) :] == inner:
@@ -158,7 +157,7 @@ def element_shape(source, dtype):
     if source.ndim == 1 and source.size % length == 0:
         return (source.size // length,)
     raise errors.WarpShapeError(
-        f"expects inner dimensions {inner} for elements of type '{types.type_repr(dtype)}', "
+        f"expects inner dimensions {inner} for elements of type '{dtypes.type_repr(dtype)}', "
         f"but got shape {source.shape}"
     )
 
@@ -202,7 +201,7 @@ def _alias(target, source, extents, dtype, inner) -> bool:
         shaped = source.reshape(extents + inner)
     outer = len(extents)
     strides = shaped.strides
-    item_size = types.type_size_in_bytes(dtype)
+    item_size = dtypes.type_size_in_bytes(dtype)
     step = item_size
     for extent, stride in zip(inner, strides[outer:], strict=True):
         step //= extent
@@ -228,7 +227,7 @@ def _alias(target, source, extents, dtype, inner) -> bool:
 def _from_array(target, data, dtype, shape, device, pinned, copy):
     index = data.device_index if device is None else devices.resolve_index(device)
     source = data
-    if dtype is not None and not types.types_equal(dtype, data.dtype):
+    if dtype is not None and not dtypes.types_equal(dtype, data.dtype):
         converted = type(data)(data.numpy(), dtype=dtype, device=device or data.device)
         source, copy = converted, False
     if shape is not None:
@@ -261,33 +260,35 @@ def _from_cuda(target, data, interface, dtype, shape, device, pinned, copy):
         raise errors.WarpTypeError("an array with a mask cannot be used as data")
     where = _cuda_device_of(data)
     if interface.get("stream") is not None:
-        interop.wait_for(interface["stream"], where)
+        exchange.wait_for(interface["stream"], where)
     pointer, read_only = interface["data"]
     extents, strides = tuple(interface["shape"]), interface.get("strides")
-    if dtype is not None and types.is_struct(dtype):
-        if numpy.dtype(interface["typestr"]).itemsize != types.type_size_in_bytes(dtype):
+    if dtype is not None and dtypes.is_struct(dtype):
+        if numpy.dtype(interface["typestr"]).itemsize != dtypes.type_size_in_bytes(dtype):
             raise errors.WarpTypeError(f"expects records of struct '{dtype.__name__}'")
         layout = dtype, extents, strides
     else:
         # NumPy has no bfloat16; the libraries that do spell it as two raw bytes.
         raw_bytes = interface["typestr"][1:] == "V2"
         scalar = scalars.bfloat16 if raw_bytes else dtype_from_numpy(interface["typestr"])
-        fits = dtype is None or interop.same_bits(scalar, getattr(dtype, "_wp_scalar_type_", dtype))
-        layout = interop.fold(scalar, extents, strides, dtype if fits else None)
-    source = interop.alias(type(target), pointer or 0, layout, where, data, read_only=read_only)
+        fits = dtype is None or exchange.same_bits(
+            scalar, getattr(dtype, "_wp_scalar_type_", dtype)
+        )
+        layout = exchange.fold(scalar, extents, strides, dtype if fits else None)
+    source = exchange.alias(type(target), pointer or 0, layout, where, data, read_only=read_only)
     _from_array(target, source, dtype, shape, device, pinned, copy)
 
 
 def _cuda_device_of(data) -> int:
     """The array interface does not name the device; DLPack, which most have too, does."""
     if hasattr(data, "__dlpack_device__"):
-        return interop.cuda_index(data.__dlpack_device__()[1])
+        return exchange.cuda_index(data.__dlpack_device__()[1])
     return devices.resolve_index("cuda")
 
 
 def borrow(target, ptr, extents, strides, dtype, index, capacity, deleter, owner=None) -> None:
     """Sets up an array over memory that somebody else owns."""
-    item_size = types.type_size_in_bytes(dtype)
+    item_size = dtypes.type_size_in_bytes(dtype)
     if strides is None:
         needed = item_size * math.prod(extents)
     else:
@@ -321,10 +322,10 @@ def element_bytes(dtype, value) -> bytes:
     Raises:
         TypeError, ValueError: `value` cannot be converted.
     """
-    shown = types.type_repr(dtype)
-    if types.is_struct(dtype):
+    shown = dtypes.type_repr(dtype)
+    if dtypes.is_struct(dtype):
         if value == 0 and not isinstance(value, ctypes.Structure):
-            return bytes(types.type_size_in_bytes(dtype))
+            return bytes(dtypes.type_size_in_bytes(dtype))
         if type(value) is not dtype:
             raise TypeError(f"expects a '{shown}' value, but got '{type(value).__name__}'")
         return bytes(value)

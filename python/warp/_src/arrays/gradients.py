@@ -13,7 +13,7 @@ from warp import _native
 from warp._src import errors
 from warp._src.arrays.allocation import new_array
 from warp._src.arrays.layout import element_type, type_id
-from warp._src.types import dtypes as types
+from warp._src.types import dtypes
 from warp._src.types.native import ArrayType
 from warp._src.types.scalars import uint8
 
@@ -21,22 +21,22 @@ from warp._src.types.scalars import uint8
 @functools.cache
 def gradient_type(dtype):
     """Element type of the gradient of an array with elements of `dtype`."""
-    if types.is_struct(dtype):
+    if dtypes.is_struct(dtype):
         return dtype
-    text = types.native_text(dtype)
+    text = dtypes.native_text(dtype)
     wide = text.replace("bf16", "f32").replace("f16", "f32")
-    return dtype if wide == text else types.dtype_of(wide)
+    return dtype if wide == text else dtypes.dtype_of(wide)
 
 
 @functools.cache
 def has_gradient(dtype) -> bool:
     """Whether elements of this type have components with derivatives."""
-    if types.is_struct(dtype):
+    if dtypes.is_struct(dtype):
         return any(
             not isinstance(field, ArrayType) and has_gradient(field)
             for field in dtype._wp_fields_.values()
         )
-    return getattr(dtype, "_wp_scalar_type_", dtype) in types.FLOAT_TYPES
+    return getattr(dtype, "_wp_scalar_type_", dtype) in dtypes.FLOAT_TYPES
 
 
 def check_gradient_type(dtype, wanted) -> None:
@@ -51,15 +51,15 @@ def check_gradient_type(dtype, wanted) -> None:
     scalar = getattr(expected, "_wp_scalar_type_", expected)
     if element_type(wanted) not in (expected, scalar):
         raise TypeError(
-            f"expects '{types.type_repr(expected)}' as `grad_dtype` of an array of "
-            f"'{types.type_repr(dtype)}', but got '{types.type_repr(element_type(wanted))}'"
+            f"expects '{dtypes.type_repr(expected)}' as `grad_dtype` of an array of "
+            f"'{dtypes.type_repr(dtype)}', but got '{dtypes.type_repr(element_type(wanted))}'"
         )
 
 
 def make_gradient(source):
     """Zeros with the layout of an array, for its gradient."""
     dtype = gradient_type(source.dtype)
-    item_size = types.type_size_in_bytes(dtype)
+    item_size = dtypes.type_size_in_bytes(dtype)
     strides = _gradient_strides(source, item_size)
     if source.is_contiguous or not source.size:
         made = _zeros(source, source.shape, dtype)
@@ -120,12 +120,12 @@ def fitting_gradient(source, value):
             f"expects a gradient like {source!r}, that is of shape {source.shape}, "
             f"but got shape {value.shape}"
         )
-    if expected is not source.dtype and types.types_equal(value.dtype, source.dtype):
+    if expected is not source.dtype and dtypes.types_equal(value.dtype, source.dtype):
         value = widened(value)
-    if value.dtype is not expected and not types.types_equal(value.dtype, expected):
+    if value.dtype is not expected and not dtypes.types_equal(value.dtype, expected):
         raise ValueError(
-            f"expects a gradient of '{types.type_repr(expected)}' for an array of "
-            f"'{types.type_repr(source.dtype)}', but got '{types.type_repr(value.dtype)}'"
+            f"expects a gradient of '{dtypes.type_repr(expected)}' for an array of "
+            f"'{dtypes.type_repr(source.dtype)}', but got '{dtypes.type_repr(value.dtype)}'"
         )
     if value.device_index != source.device_index:
         raise ValueError(

@@ -21,9 +21,8 @@ from warp._src.arrays.copies import assign, clone, copy
 from warp._src.arrays.data import element_bytes
 from warp._src.arrays.observers import Observing
 from warp._src.arrays.operators import ArrayArithmetic
-from warp._src.devices import device as devices
-from warp._src.types import annotations, scalars
-from warp._src.types import dtypes as types
+from warp._src.devices import devices
+from warp._src.types import annotations, dtypes, scalars
 from warp._src.types.native import ArrayType, IndexedArrayType
 from warp._src.types.structs import StructInstance, make_struct
 
@@ -112,10 +111,10 @@ class indexedarray(ArrayArithmetic):
     def __init__(self, data=None, indices=None, dtype=None, ndim=None):
         if not isinstance(data, array):
             raise ValueError(f"expects an array as `data`, but got '{type(data).__name__}'")
-        if dtype is not None and not types.types_equal(dtype, data.dtype):
+        if dtype is not None and not dtypes.types_equal(dtype, data.dtype):
             raise ValueError(
-                f"expects `data` with elements of '{types.type_repr(dtype)}', but got "
-                f"'{types.type_repr(data.dtype)}'"
+                f"expects `data` with elements of '{dtypes.type_repr(dtype)}', but got "
+                f"'{dtypes.type_repr(data.dtype)}'"
             )
         if ndim is not None and ndim != data.ndim:
             raise ValueError(f"expects {ndim} dimensions, but got shape {data.shape}")
@@ -192,7 +191,7 @@ class indexedarray(ArrayArithmetic):
         return True
 
     def __repr__(self):
-        return f"indexedarray(shape={self.shape}, dtype={types.type_repr(self.dtype)})"
+        return f"indexedarray(shape={self.shape}, dtype={dtypes.type_repr(self.dtype)})"
 
     def __str__(self):
         return str(self.numpy())
@@ -311,7 +310,7 @@ def _check_indices(given, axis, data) -> None:
     if given.ndim != 1 or given.dtype is not scalars.int32:
         raise ValueError(
             f"expects a one-dimensional array of 'int32' as indices of dimension {axis}, but got "
-            f"one of shape {given.shape} and '{types.type_repr(given.dtype)}'"
+            f"one of shape {given.shape} and '{dtypes.type_repr(given.dtype)}'"
         )
     if given.device_index != data.device_index:
         raise ValueError(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from warp import _native
-from warp._src.types import dtypes as types
+from warp._src.types import dtypes
 
 MAX_EXTENT = 2**31 - 1
 
@@ -15,7 +15,7 @@ def element_type(dtype):
         TypeError: arrays of it are not possible.
     """
     try:
-        return types.canonical(dtype)
+        return dtypes.canonical(dtype)
     except TypeError as error:
         raise TypeError(f"cannot make an array of this element type: {error}") from None
 
@@ -49,7 +49,7 @@ def type_id(dtype) -> int:
     """Number of an element type in the runtime."""
     found = _type_ids.get(dtype)
     if found is None:
-        found = _type_ids[dtype] = _native.type_id(types.native_text(dtype))
+        found = _type_ids[dtype] = _native.type_id(dtypes.native_text(dtype))
     return found
 
 

@@ -7,8 +7,7 @@ types do not mix; a Python number takes the scalar type of the array.
 from __future__ import annotations
 
 from warp._src.arrays import hooks
-from warp._src.types import dtypes as types
-from warp._src.types import scalars
+from warp._src.types import dtypes, scalars
 from warp._src.types.composites import Composite, canonical_class
 from warp._src.types.numpy_types import dtype_from_numpy
 
@@ -104,15 +103,15 @@ def _apply(name, expression, operands, out):
 
 def _operand(own, value):
     """(type, value) of the other operand; None if it is nothing to calculate with."""
-    if types.type_is_array(type(value)):
+    if dtypes.type_is_array(type(value)):
         return None, value
     if isinstance(value, Composite):
         return canonical_class(type(value)), value
     if isinstance(value, scalars.scalar_base):
-        return types.canonical(type(value)), value
+        return dtypes.canonical(type(value)), value
     if isinstance(value, (int, float)):
         scalar = getattr(own.dtype, "_wp_scalar_type_", own.dtype)
-        if types.is_struct(scalar):
+        if dtypes.is_struct(scalar):
             return None
         if isinstance(value, float) and not issubclass(scalar, scalars.float_base):
             raise TypeError(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from warp._src.arrays.observers import Observers
-from warp._src.devices import device as devices
+from warp._src.devices import devices
 from warp._src.interop.dlpack_export import dlpack_device, export
 from warp._src.interop.exchange import current_handle
 from warp._src.types.numpy_types import element_layout

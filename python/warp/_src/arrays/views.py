@@ -15,7 +15,7 @@ from warp._src.arrays.allocation import new_array
 from warp._src.arrays.copies import clone
 from warp._src.arrays.gradients import gradient_type
 from warp._src.arrays.layout import check_shape, element_type, type_id
-from warp._src.types import dtypes as types
+from warp._src.types import dtypes
 
 
 class ArrayViews:
@@ -25,7 +25,7 @@ class ArrayViews:
 
     def _view(self, offset, shape, strides, dtype=None):
         dtype = dtype or self.dtype
-        item_size = types.type_size_in_bytes(dtype)
+        item_size = dtypes.type_size_in_bytes(dtype)
         result = new_array(type(self))
         result._setup(
             (self.ptr or 0) + offset,
@@ -170,7 +170,7 @@ class ArrayViews:
         dimensions), or a composite of it (which takes the inner dimensions away).
         """
         dtype = element_type(dtype)
-        size = types.type_size_in_bytes(dtype)
+        size = dtypes.type_size_in_bytes(dtype)
         shape, strides = list(self.shape), list(self.strides)
         if size != self.item_size:
             inner = getattr(self.dtype, "_shape_", ())
@@ -185,9 +185,9 @@ class ArrayViews:
                 del shape[-len(taken) :], strides[-len(taken) :]
             else:
                 raise TypeError(
-                    f"cannot view elements of type '{types.type_repr(self.dtype)}' "
+                    f"cannot view elements of type '{dtypes.type_repr(self.dtype)}' "
                     f"({self.item_size} bytes) with shape {self.shape} as "
-                    f"'{types.type_repr(dtype)}' ({size} bytes)"
+                    f"'{dtypes.type_repr(dtype)}' ({size} bytes)"
                 )
         if not 1 <= len(shape) <= 4:
             raise errors.WarpShapeError(f"expects 1 to 4 dimensions, but got {len(shape)}")

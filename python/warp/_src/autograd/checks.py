@@ -10,7 +10,7 @@ from warp._src import errors
 from warp._src.autograd.evaluation import Evaluation
 from warp._src.autograd.jacobians import difference_columns, reverse_rows
 from warp._src.derivatives.tape_records import LaunchRecord
-from warp._src.devices.device import by_index
+from warp._src.devices.devices import by_index
 from warp._src.kernels.kernel import Kernel
 
 

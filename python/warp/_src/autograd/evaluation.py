@@ -14,8 +14,7 @@ from warp._src.arrays.observers import Observing, copy_layout
 from warp._src.kernels.call import signature_of, struct_leaves, struct_of
 from warp._src.kernels.kernel import Kernel
 from warp._src.kernels.launch import launch
-from warp._src.types import dtypes as types
-from warp._src.types import scalars
+from warp._src.types import dtypes, scalars
 from warp._src.types.structs import StructInstance
 
 
@@ -225,7 +224,7 @@ def _variables(names, values) -> list[Variable]:
 
 def is_real(dtype) -> bool:
     """Whether elements are made of floating-point numbers that NumPy has."""
-    if types.is_struct(dtype):
+    if dtypes.is_struct(dtype):
         return False
     scalar = getattr(dtype, "_wp_scalar_type_", dtype)
     return issubclass(scalar, scalars.float_base) and scalar is not scalars.bfloat16

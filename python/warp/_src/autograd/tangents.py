@@ -23,8 +23,7 @@ from warp._src.arrays.observers import Observing, copy_layout
 from warp._src.arrays.versions import event
 from warp._src.derivatives.kernel_derivatives import check_overlap, thread_count
 from warp._src.kernels.call import Call
-from warp._src.types import dtypes as types
-from warp._src.types import scalars
+from warp._src.types import dtypes, scalars
 
 # Numbers of directions that kernels are made for.
 WIDTHS = (1, 4, 8)
@@ -180,7 +179,7 @@ class Tangents:
             if hidden.kind == "tangent":
                 values.append(self.twin(one, hidden.direction))
             else:
-                values.append(zeros(one.shape, types.dtype_of(hidden.type).dtype, one.device))
+                values.append(zeros(one.shape, dtypes.dtype_of(hidden.type).dtype, one.device))
         return values
 
     def run_adjoint(self, call: Call, values, initial, saved) -> None:
@@ -258,4 +257,4 @@ def _base(one: array) -> array:
 
 def _widening(dtype) -> int:
     """How many times more bytes the tangent of an element has."""
-    return types.type_size_in_bytes(gradient_type(dtype)) // types.type_size_in_bytes(dtype)
+    return dtypes.type_size_in_bytes(gradient_type(dtype)) // dtypes.type_size_in_bytes(dtype)

@@ -11,7 +11,7 @@ from warp._src import errors
 from warp._src.arrays.array import array
 from warp._src.arrays.indexed import indexedarray
 from warp._src.arrays.observers import Observing
-from warp._src.devices.device import by_index
+from warp._src.devices.devices import by_index
 from warp._src.kernels.call import Call, signature_of
 from warp._src.kernels.parameters import LaunchParameters
 from warp._src.types.structs import StructInstance

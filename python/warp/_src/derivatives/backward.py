@@ -9,9 +9,9 @@ from warp._src.arrays.observers import Observers, Observing, copy_layout
 from warp._src.derivatives import cotangents
 from warp._src.derivatives.singular import one_report
 from warp._src.derivatives.tape_records import LaunchRecord
-from warp._src.devices import device as devices
+from warp._src.devices import devices
 from warp._src.devices.graphs import _captures
-from warp._src.types import dtypes as types
+from warp._src.types import dtypes
 
 
 class BackwardPass:
@@ -144,7 +144,7 @@ class BackwardPass:
 
 def _is_zero(grad) -> bool:
     """Whether a gradient is known to be zero, where looking costs little."""
-    if grad.device_index != devices.CPU or grad.pinned or _captures or types.is_struct(grad.dtype):
+    if grad.device_index != devices.CPU or grad.pinned or _captures or dtypes.is_struct(grad.dtype):
         return False
     return not grad._host_view().any()
 

@@ -9,7 +9,7 @@ from warp._src import errors
 from warp._src.arrays.array import array
 from warp._src.arrays.gradients import gradient_type, widened
 from warp._src.derivatives.struct_sums import add_structs
-from warp._src.types import dtypes as types
+from warp._src.types import dtypes
 from warp._src.types.native import ArrayType
 
 
@@ -28,12 +28,12 @@ def as_gradient(seed: array, target: array) -> array:
         WarpTypeError: it has elements of another type.
     """
     expected = target.grad.dtype
-    if types.types_equal(seed.dtype, expected):
+    if dtypes.types_equal(seed.dtype, expected):
         return seed
     if gradient_type(seed.dtype) is not expected:
         raise errors.WarpTypeError(
-            f"backward: expects a gradient with elements of '{types.type_repr(expected)}', but got "
-            f"'{types.type_repr(seed.dtype)}'"
+            f"backward: expects a gradient with elements of '{dtypes.type_repr(expected)}', but "
+            f"got '{dtypes.type_repr(seed.dtype)}'"
         )
     return widened(seed)
 
@@ -45,7 +45,7 @@ def gradient_struct(value):
         if isinstance(dtype, ArrayType):
             field = getattr(value, name)
             setattr(result, name, None if field is None else field.grad)
-        elif types.is_struct(dtype):
+        elif dtypes.is_struct(dtype):
             setattr(result, name, gradient_struct(value._inner(name)))
     return result
 
@@ -56,7 +56,7 @@ def add_into(target: array, source: array) -> None:
         source = source.to(target.device)
     if source.shape != target.shape:
         target, source = target.flatten(), source.flatten()
-    if types.is_struct(target.dtype):
+    if dtypes.is_struct(target.dtype):
         add_structs(target, source)
         return
     if source.dtype is not target.dtype:

@@ -16,7 +16,7 @@ from warp._src import errors
 from warp._src.arrays.array import array
 from warp._src.derivatives.origin import find_origin
 from warp._src.derivatives.tape_records import LaunchRecord
-from warp._src.types import dtypes as types
+from warp._src.types import dtypes
 
 # Elements shown of each array.
 _SHOWN = 4
@@ -51,7 +51,7 @@ def _gradients(record) -> list[tuple[str, array]]:
         named = [(f"array {i}", one) for i, one in enumerate(record.arrays())]
     found = {}
     for name, one in named:
-        if one.grad is not None and one.size and not types.is_struct(one.dtype):
+        if one.grad is not None and one.size and not dtypes.is_struct(one.dtype):
             found.setdefault(one.grad.ptr, (name, one))
     return list(found.values())
 

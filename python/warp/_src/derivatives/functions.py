@@ -3,7 +3,7 @@
 `@wp.func_grad`, `@wp.func_replay`, `wp.custom_vjp` and `wp.custom_jvp` give a function a derivative
 of its own.
 `wp.grad(f)` and `wp.hessian(f)` are derivatives to be called in kernels, `wp.fixed_point` solves
-x = step(x) there. `warp._src.frontend.derivatives` translates all of them.
+x = step(x) there. `warp._src.frontend.derivative_calls` translates all of them.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def _check_registered(forward_fn, function, name):
     check_parameters(forward_fn, function, name)
 
 
-class Derivative:
+class FunctionDerivative:
     """What `wp.grad` and `wp.hessian` return."""
 
     def __init__(self, func, name):
@@ -115,11 +115,11 @@ class Derivative:
         return f"{self.name}({shown})"
 
 
-class Gradient(Derivative):
+class Gradient(FunctionDerivative):
     """`wp.grad(func)`."""
 
 
-class Hessian(Derivative):
+class Hessian(FunctionDerivative):
     """`wp.hessian(func)`."""
 
 

@@ -12,9 +12,8 @@ import math
 from warp import _native
 from warp._src import errors
 from warp._src.arrays.create import empty, zeros
-from warp._src.devices import device as devices
-from warp._src.types import dtypes as types
-from warp._src.types import scalars
+from warp._src.devices import devices
+from warp._src.types import dtypes, scalars
 
 # A tape has rows of so many elements (lib/Transforms/Autodiff/GlobalTape.cpp).
 ROW = 1 << 16
@@ -82,9 +81,9 @@ def _count(made, call, values, known):
 
 
 def _item_size(hidden) -> int:
-    return types.type_size_in_bytes(types.dtype_of(hidden.type).dtype)
+    return dtypes.type_size_in_bytes(dtypes.dtype_of(hidden.type).dtype)
 
 
 def _empty(hidden, count, call):
     shape = (1, count) if count <= ROW else (math.ceil(count / ROW), ROW)
-    return empty(shape, types.dtype_of(hidden.type).dtype, devices.by_index(call.device))
+    return empty(shape, dtypes.dtype_of(hidden.type).dtype, devices.by_index(call.device))

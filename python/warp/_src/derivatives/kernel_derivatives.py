@@ -18,10 +18,10 @@ from warp._src.arrays.boxes import Box
 from warp._src.arrays.create import zeros
 from warp._src.derivatives.gathers import gather_sums
 from warp._src.derivatives.singular import count_singular
-from warp._src.devices.device import by_index
+from warp._src.devices.devices import by_index
 from warp._src.kernels.call import Call
 from warp._src.kernels.epoch import Epoch
-from warp._src.types import dtypes as types
+from warp._src.types import dtypes
 from warp._src.types.structs import StructInstance
 
 
@@ -248,7 +248,7 @@ class KernelDerivative:
         saved = []
         for hidden in self.hidden:
             if hidden.kind == "saved":
-                dtype = types.dtype_of(hidden.type).dtype
+                dtype = dtypes.dtype_of(hidden.type).dtype
                 saved.append(zeros(shape, dtype, by_index(call.device)))
         self.augmented.launch(
             call.dim, call.values, saved, call.device, call.stream, call.block_dim or 0
@@ -276,7 +276,7 @@ class KernelDerivative:
             if key in left:
                 values.append(left[key].pop(0))
             elif hidden.kind == "counters":
-                dtype = types.dtype_of(hidden.type).dtype
+                dtype = dtypes.dtype_of(hidden.type).dtype
                 values.append(zeros(len(hidden.places) or 1, dtype, by_index(call.device)))
             elif hidden.kind == "saved" and hidden.leaf in notes:
                 values.append(notes[hidden.leaf])

@@ -19,7 +19,7 @@ import numpy
 
 from warp import _native
 from warp._src.arrays.create import zeros
-from warp._src.devices.device import by_index
+from warp._src.devices.devices import by_index
 from warp._src.types.scalars import float64
 
 _OPERATION = re.compile(r"^\s*(?:%(\w+)(?::\d+)? = )?([\w.]+)(.*)$")

@@ -8,7 +8,7 @@ from warp._src.arrays.array import array
 from warp._src.arrays.gradients import has_gradient
 from warp._src.kernels.function import Function
 from warp._src.kernels.maps import define, map
-from warp._src.types import dtypes as types
+from warp._src.types import dtypes
 
 
 def add_structs(target: array, source: array) -> None:
@@ -32,7 +32,7 @@ def _paths(dtype) -> list[str]:
     """The fields that have gradients, those of structs in structs included."""
     found: list[str] = []
     for name, field in dtype._wp_fields_.items():
-        if types.is_struct(field):
+        if dtypes.is_struct(field):
             found += [f".{name}{path}" for path in _paths(field)]
         elif has_gradient(field):
             found.append(f".{name}")

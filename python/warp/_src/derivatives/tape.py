@@ -8,7 +8,7 @@ from warp._src.arrays.observers import Observers, Observing
 from warp._src.arrays.versions import event
 from warp._src.derivatives import cotangents
 from warp._src.derivatives.tape_records import CopyRecord, FillRecord, FunctionRecord, LaunchRecord
-from warp._src.devices.device import resolve_index
+from warp._src.devices.devices import resolve_index
 from warp._src.kernels.call import Call
 from warp._src.types.structs import StructInstance
 

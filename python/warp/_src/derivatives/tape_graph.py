@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 
 from warp._src.derivatives.tape_records import LaunchRecord
-from warp._src.types import dtypes as types
+from warp._src.types import dtypes
 
 _HEADER = """digraph tape {{
     rankdir={direction};
@@ -114,7 +114,7 @@ class _Drawing:
                 continue
             color = _CONSTANT if one.grad is None else _GRADIENT
             width = ", penwidth=3" if key in tracked else ""
-            about = f"array: dtype={types.type_repr(one.dtype)} shape={one.shape} on {one.device}"
+            about = f"array: dtype={dtypes.type_repr(one.dtype)} shape={one.shape} on {one.device}"
             lines.append(
                 f"    {_node_of(key)} [shape=ellipse, style=filled, "
                 f'fillcolor="{color}"{width}, label={_quoted(self.names[key] or "array")}, '

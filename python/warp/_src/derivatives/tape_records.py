@@ -19,7 +19,7 @@ from warp._src.arrays.observers import Observers, copy_layout
 from warp._src.arrays.versions import Event
 from warp._src.derivatives import cotangents
 from warp._src.kernels.call import Call
-from warp._src.types import dtypes as types
+from warp._src.types import dtypes
 from warp._src.types.scalars import float_base
 
 
@@ -261,7 +261,7 @@ class CopyRecord:
 
 def _scalar(value):
     """Type of the components of an array's elements, None if they have no gradient."""
-    if types.is_struct(value.dtype):
+    if dtypes.is_struct(value.dtype):
         return value.dtype
     scalar = getattr(value.dtype, "_wp_scalar_type_", value.dtype)
     return scalar if issubclass(scalar, float_base) else None

@@ -9,7 +9,7 @@ from __future__ import annotations
 import typing
 
 from warp import _native
-from warp._src.devices import device as devices
+from warp._src.devices import devices
 from warp._src.devices.call_sites import call_site
 
 

@@ -15,8 +15,8 @@ from warp import _native, config
 from warp._src import errors
 from warp._src.arrays.array import array
 from warp._src.arrays.observers import Observers
-from warp._src.devices import device as devices
-from warp._src.devices.device import get_device
+from warp._src.devices import devices
+from warp._src.devices.devices import get_device
 from warp._src.kernels.modules import force_load
 from warp._src.types.scalars import int32
 

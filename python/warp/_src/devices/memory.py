@@ -5,8 +5,8 @@ from __future__ import annotations
 import enum
 
 from warp import _native
-from warp._src.devices import device as devices
-from warp._src.devices.device import get_device, resolve_index
+from warp._src.devices import devices
+from warp._src.devices.devices import get_device, resolve_index
 
 
 class MemoryKind(enum.IntEnum):

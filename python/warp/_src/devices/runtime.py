@@ -7,8 +7,8 @@ import sys
 
 from warp import _native, config
 from warp._src import config as settings
-from warp._src.devices import device as devices
-from warp._src.types import dtypes as types
+from warp._src.devices import devices
+from warp._src.types import dtypes
 
 
 def init() -> None:
@@ -48,7 +48,7 @@ def _notice(message: str) -> None:
 def _type_text(cls):
     """What the runtime asks when it meets a value of a new class in a launch."""
     try:
-        return types.native_text(cls)
+        return dtypes.native_text(cls)
     except TypeError:
         return None
 

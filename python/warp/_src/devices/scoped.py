@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from warp._src.devices import device as devices
+from warp._src.devices import devices
 
 
 class ScopedTimer:

@@ -8,8 +8,8 @@ current stream.
 from __future__ import annotations
 
 from warp import _native
-from warp._src.devices import device as devices
-from warp._src.devices.device import get_device
+from warp._src.devices import devices
+from warp._src.devices.devices import get_device
 
 Stream = _native.Stream
 Event = _native.Event

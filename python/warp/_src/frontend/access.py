@@ -7,12 +7,12 @@ import enum
 import types as python_types
 
 from warp._src import errors
-from warp._src.derivatives import functions as derivatives
+from warp._src.derivatives.functions import adjoint
 from warp._src.frontend import names
 from warp._src.frontend.context import INT32, Part, Value
 from warp._src.frontend.indexed import array_of
 from warp._src.frontend.names import BuiltinRef
-from warp._src.types import dtypes as types
+from warp._src.types import dtypes
 
 COMPONENTS = {"x": 0, "y": 1, "z": 2, "w": 3}
 # What to do without attributes that arrays have in Python only.
@@ -58,12 +58,12 @@ class Access(Part):
             )
         if isinstance(base, (tuple, BuiltinRef)):
             raise self.no_attribute(base, name, node)
-        if isinstance(base, types.Composite):
+        if isinstance(base, dtypes.Composite):
             return self.value_attribute(self.context.materialize(base, node), name, node)
-        if types.type_is_composite(base) and name in ("dtype", "length", "shape"):
+        if dtypes.type_is_composite(base) and name in ("dtype", "length", "shape"):
             extents = {"length": base._length_, "shape": base._shape_}
             return extents.get(name, base._wp_scalar_type_)
-        if types.is_struct(type(base)) and name in type(base)._wp_fields_:
+        if dtypes.is_struct(type(base)) and name in type(base)._wp_fields_:
             return self.struct_constant(type(base)._wp_fields_[name], getattr(base, name))
         try:
             return self.context.capture(getattr(base, name), node)
@@ -77,9 +77,9 @@ class Access(Part):
     @staticmethod
     def struct_constant(dtype, number):
         """A field of a captured struct; a number keeps the type of the field."""
-        if not types.type_is_scalar(dtype) or isinstance(number, types.scalar_base):
+        if not dtypes.type_is_scalar(dtype) or isinstance(number, dtypes.scalar_base):
             return number
-        return number if dtype in (types.bool, types.int32, types.float32) else dtype(number)
+        return number if dtype in (dtypes.bool, dtypes.int32, dtypes.float32) else dtype(number)
 
     def value_attribute(self, base, name, node):
         native = base.type
@@ -94,7 +94,7 @@ class Access(Part):
             if name == "ndim":
                 return array.rank
             if name == "dtype":
-                return types.dtype_of(array.element)
+                return dtypes.dtype_of(array.element)
             if name == "size":
                 return self.array_size(base, node)
         if kind in ("vec", "quat") and name in COMPONENTS:
@@ -109,7 +109,7 @@ class Access(Part):
         if name == "shape" and kind in ("vec", "mat"):
             return tuple(native.shape)
         if name == "dtype" and kind in ("vec", "mat", "quat", "transform"):
-            return types.dtype_of(native.element)
+            return dtypes.dtype_of(native.element)
         raise self.no_attribute(base, name, node)
 
     def no_attribute(self, base, name, node):
@@ -130,14 +130,14 @@ class Access(Part):
     def expr_Subscript(self, node):
         base = self.context.expressions.expr(node.value)
         if isinstance(base, type) or (
-            type(base) is not Value and not isinstance(base, (tuple, types.Composite))
+            type(base) is not Value and not isinstance(base, (tuple, dtypes.Composite))
         ):
             return self.static_subscript(base, node)
         return self.subscript(base, node.slice, node)
 
     def static_subscript(self, base, node):
         """A subscripted type, as in `wp.array[float]`."""
-        if base is derivatives.adjoint:
+        if base is adjoint:
             raise self.context.error(
                 node,
                 "`wp.adjoint` can be used in functions with `@wp.func_grad` only, for parameters",
@@ -159,7 +159,7 @@ class Access(Part):
     def subscript(self, base, index, node):
         if type(base) is tuple:
             return self.tuple_item(base, index, node)
-        if isinstance(base, types.Composite):
+        if isinstance(base, dtypes.Composite):
             base = self.context.materialize(base, node)
         items = index.elts if isinstance(index, ast.Tuple) else [index]
         kind = base.type.kind
@@ -202,7 +202,7 @@ class Access(Part):
             known = binding.constant()
             if isinstance(known, int):
                 return int(known)
-        elif isinstance(binding, (int, types.scalar_base)):
+        elif isinstance(binding, (int, dtypes.scalar_base)):
             return int(getattr(binding, "value", binding))
         raise self.context.type_error(node, f"{what} must be an integer known at compile time")
 
@@ -320,8 +320,10 @@ class Access(Part):
         values = [self.builder.extract(base, place) for place in places_of(selections)]
         lengths = [len(choices) for choices, remains in selections if remains]
         if not values:
-            dtype = types.dtype_of(base.type.element)
-            return (types.vector(0, dtype) if len(lengths) == 1 else types.matrix((0, 0), dtype))()
+            dtype = dtypes.dtype_of(base.type.element)
+            return (
+                dtypes.vector(0, dtype) if len(lengths) == 1 else dtypes.matrix((0, 0), dtype)
+            )()
         return self.builder.construct(self.composite_type(lengths, base.type.element), values)
 
     def composite_type(self, lengths, element):
@@ -340,7 +342,7 @@ class Access(Part):
             binding = self.context.expressions.expr(node.value)
         if type(binding) is tuple:
             return binding
-        if isinstance(binding, types.Composite):
+        if isinstance(binding, dtypes.Composite):
             binding = self.context.materialize(binding, node)
         if type(binding) is Value and binding.type.kind == "array":
             raise self.context.type_error(

@@ -11,7 +11,7 @@ from warp._src.frontend.control import plan_of
 from warp._src.frontend.functions import Overload, fits_native
 from warp._src.frontend.translator import Translator
 from warp._src.frontend.updates import updated_arguments
-from warp._src.types import dtypes as types
+from warp._src.types import dtypes
 
 
 def build_kernel(kernel, arguments=None):
@@ -106,7 +106,7 @@ def _parameter_types(overload, name, arguments) -> list:
             raise errors.WarpCodegenTypeError(message, **place)
         if parameter.native is None and not fits_native(parameter.annotation, native):
             raise errors.WarpCodegenTypeError(
-                f"{what} expects '{types.type_repr(parameter.annotation)}', but got "
+                f"{what} expects '{dtypes.type_repr(parameter.annotation)}', but got "
                 f"'{native.python_name}'",
                 **place,
             )

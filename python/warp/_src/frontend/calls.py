@@ -11,7 +11,7 @@ import ast
 import inspect
 
 from warp._src import errors
-from warp._src.derivatives.functions import FACTORIES, Derivative
+from warp._src.derivatives.functions import FACTORIES, FunctionDerivative
 from warp._src.frontend import names
 from warp._src.frontend.context import Part, Value
 from warp._src.frontend.indexed import array_of
@@ -19,7 +19,7 @@ from warp._src.frontend.names import BuiltinRef
 from warp._src.frontend.updates import references_of
 from warp._src.language.builtins import lookup
 from warp._src.language.public import LIBRARY_NAMES
-from warp._src.types import dtypes as types
+from warp._src.types import dtypes
 
 _PYTHON_FUNCTIONS = {
     abs: "abs",
@@ -38,7 +38,7 @@ _INSTEAD = {
 
 
 def _makes_types(function) -> bool:
-    factories = (types.vector, types.matrix, types.quaternion, types.transformation)
+    factories = (dtypes.vector, dtypes.matrix, dtypes.quaternion, dtypes.transformation)
     return any(function is factory for factory in factories)
 
 
@@ -47,7 +47,7 @@ class Shaped:
 
     def __init__(self, native):
         self.shape = tuple(native.shape or [4 if native.kind == "quat" else 7])
-        self.dtype = types.dtype_of(native.element)
+        self.dtype = dtypes.dtype_of(native.element)
 
     def __len__(self):
         return self.shape[0]
@@ -69,7 +69,7 @@ class Calls(Part):
             return self.context.user_calls.call_function(
                 function, *self.context.constructors.arguments(node), node
             )
-        if isinstance(function, Derivative):
+        if isinstance(function, FunctionDerivative):
             return self.context.derivative_calls.call_derivative(function, node)
         if any(function is factory for factory in FACTORIES):
             return self.call_at_compile_time(function, node)
@@ -205,7 +205,7 @@ class Calls(Part):
         (binding,) = self.context.constructors.exactly(node, 1, "len")
         if type(binding) is tuple:
             return len(binding)
-        if isinstance(binding, types.Composite):
+        if isinstance(binding, dtypes.Composite):
             return len(binding)
         if type(binding) is Value:
             native = binding.type

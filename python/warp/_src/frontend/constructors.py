@@ -7,7 +7,7 @@ import builtins
 
 from warp._src.frontend import names
 from warp._src.frontend.context import BOOL, FLOAT32, INT32, Part, Value
-from warp._src.types import dtypes as types
+from warp._src.types import dtypes
 
 _MISUSED = {range: "a range outside `for`", reversed: "`reversed` outside `for`"}
 
@@ -43,7 +43,7 @@ class Constructors(Part):
     def native(self, dtype, node):
         """The compiler's type for a Python type."""
         try:
-            return types.native_type(dtype)
+            return dtypes.native_type(dtype)
         except TypeError as problem:
             raise self.context.type_error(node, str(problem)) from None
 
@@ -61,25 +61,25 @@ class Constructors(Part):
                     node, f"expects a tuple, but got '{self.context.type_name(binding)}'"
                 )
             return binding
-        if types.is_struct(kind):
+        if dtypes.is_struct(kind):
             return self.call_struct(kind, node)
-        if types.type_is_composite(kind):
+        if dtypes.type_is_composite(kind):
             if kind._length_ == 0 and not node.args and not node.keywords:
                 return kind()
             arguments, keywords = self.arguments(node)
             return self.construct(self.native(kind, node), arguments, keywords, node)
-        if types.type_is_scalar(kind):
+        if dtypes.type_is_scalar(kind):
             return self.call_scalar(self.native(kind, node), node)
         raise self.context.type_error(
             node, f"the type '{kind.__name__}' cannot be called in a kernel"
         )
 
     def type_of(self, binding, node):
-        python_types = {bool: types.bool, int: types.int32, float: types.float32}
+        python_types = {bool: dtypes.bool, int: dtypes.int32, float: dtypes.float32}
         if type(binding) in python_types:
             return python_types[type(binding)]
         if type(binding) is Value:
-            return types.dtype_of(binding.type)
+            return dtypes.dtype_of(binding.type)
         raise self.context.type_error(node, f"no type of {names.describe(binding)}")
 
     def call_scalar(self, native, node):
@@ -88,7 +88,7 @@ class Constructors(Part):
             self.context.at(node)
             return self.builder.zero(native)
         (binding,) = self.exactly(node, 1, native.python_name)
-        if isinstance(binding, types.scalar_base):
+        if isinstance(binding, dtypes.scalar_base):
             binding = binding.value
         if type(binding) in (int, float, builtins.bool):
             unsigned = type(binding) is int and native.kind == "int" and not native.signed

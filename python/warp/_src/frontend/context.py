@@ -20,7 +20,7 @@ from warp import _native
 from warp._src import errors
 from warp._src.frontend import names
 from warp._src.language.builtins import Builtin
-from warp._src.types import dtypes as types
+from warp._src.types import dtypes
 from warp._src.types.composites import scalars_of
 
 Value = _native.Value
@@ -166,14 +166,14 @@ class Context:
 
     def materialize_object(self, binding, node):
         kind = type(binding)
-        if isinstance(binding, types.scalar_base):
+        if isinstance(binding, dtypes.scalar_base):
             self.at(node)
-            return self.builder.constant(types.native_type(kind), binding.value)
-        if isinstance(binding, types.Composite):
+            return self.builder.constant(dtypes.native_type(kind), binding.value)
+        if isinstance(binding, dtypes.Composite):
             if not binding._length_:
                 raise self.type_error(node, "expects a value, but got a slice without components")
             self.at(node)
-            native = types.native_type(kind)
+            native = dtypes.native_type(kind)
             element = native.element
             parts = [self.builder.constant(element, c) for c in scalars_of(binding)]
             return self.builder.construct(native, parts)
@@ -181,7 +181,7 @@ class Context:
             raise self.type_error(node, "expects a value, but got a tuple")
         if binding is None:
             raise self.type_error(node, "expects a value, but got 'None'")
-        if types.is_struct(kind):
+        if dtypes.is_struct(kind):
             return self.materialize_struct(binding, node)
         what = names.describe(binding)
         raise self.type_error(
@@ -192,7 +192,7 @@ class Context:
 
     def materialize_struct(self, binding, node):
         self.at(node)
-        native = types.native_type(type(binding))
+        native = dtypes.native_type(type(binding))
         fields = []
         for name, field in native.fields:
             part = getattr(binding, name)
@@ -216,7 +216,7 @@ class Context:
         if plain is not None or kind is tuple or isinstance(binding, type):
             return plain
         try:
-            return types.native_type(kind)
+            return dtypes.native_type(kind)
         except TypeError:
             return None
 
@@ -278,8 +278,8 @@ class Context:
     def can_be_bound(binding):
         if isinstance(binding, (Value, bool, int, float, str, tuple, enum.Enum)):
             return True
-        kinds = (types.scalar_base, types.Composite, names.BuiltinRef)
-        return isinstance(binding, kinds) or callable(binding) or types.is_struct(type(binding))
+        kinds = (dtypes.scalar_base, dtypes.Composite, names.BuiltinRef)
+        return isinstance(binding, kinds) or callable(binding) or dtypes.is_struct(type(binding))
 
     def check_same_type(self, name, old, binding, node):
         """A variable keeps its type."""

@@ -1,17 +1,16 @@
 """Derivatives in kernels: `wp.grad`, `wp.hessian`, `wp.fixed_point`.
 
 A function that is differentiated is translated once more, with structs passed field by field. One
-that has a derivative of its own brings it along (`own_derivatives`); others are differentiated by
-the compiler where `vjp` or `jvp` says so.
+that has a derivative of its own brings it along (`custom_derivatives`); others are differentiated
+by the compiler where `vjp` or `jvp` says so.
 """
 
 from __future__ import annotations
 
-from warp._src.derivatives import functions as derivatives
-from warp._src.derivatives.functions import is_differentiable
+from warp._src.derivatives.functions import Hessian, check_no_struct_of_arrays, is_differentiable
 from warp._src.frontend import functions
 from warp._src.frontend.context import Part
-from warp._src.types import dtypes as types
+from warp._src.types import dtypes
 
 
 class DerivativeCalls(Part):
@@ -22,7 +21,7 @@ class DerivativeCalls(Part):
     def call_derivative(self, derivative, node):
         """`wp.grad(f)(...)` and `wp.hessian(f)(...)`."""
         arguments, keywords = self.context.constructors.arguments(node)
-        if isinstance(derivative, derivatives.Hessian):
+        if isinstance(derivative, Hessian):
             return self.call_hessian(derivative, arguments, keywords, node)
         made, bound, values = self.differentiated(derivative.func, arguments, keywords, node)
         seeds = [
@@ -56,9 +55,7 @@ class DerivativeCalls(Part):
         if native.kind == "array":
             return 0
         if native.kind == "struct":
-            derivatives.check_no_struct_of_arrays(
-                native, "an argument", self.context.source.place(node)
-            )
+            check_no_struct_of_arrays(native, "an argument", self.context.source.place(node))
         return self.struct_cotangent(native, results)
 
     def struct_cotangent(self, native, results):
@@ -133,7 +130,7 @@ class DerivativeCalls(Part):
             seed = self.builder.construct(native, seed)
             found = self.builder.jvp(symbol, values, [seed])[0]
             components += self.context.targets.components(found, count, node)
-        matrix = types.native_type(types.matrix((count, count), types.dtype_of(element)))
+        matrix = dtypes.native_type(dtypes.matrix((count, count), dtypes.dtype_of(element)))
         return self.builder.construct(matrix, components)
 
     def gradient_function(self, made, native, natives, node):

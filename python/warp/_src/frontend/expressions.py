@@ -9,7 +9,7 @@ from warp._src.frontend import names
 from warp._src.frontend.access import COMPONENTS
 from warp._src.frontend.context import BOOL, Part, Value
 from warp._src.frontend.indexed import array_of
-from warp._src.types import dtypes as types
+from warp._src.types import dtypes
 
 _BINARY = {
     ast.Add: "add",
@@ -193,7 +193,7 @@ class Expressions(Part):
                 return fold(left, right)
             static = False
         if static and kind in (ast.Eq, ast.NotEq):
-            if not isinstance(left, types.Composite) or not len(left):
+            if not isinstance(left, dtypes.Composite) or not len(left):
                 return fold(left, right)
         left, right = self.context.materialize(left, node), self.context.materialize(right, node)
         kinds = {left.type.kind, right.type.kind}
@@ -225,7 +225,7 @@ class Expressions(Part):
                 )
             self.context.at(node)
             return self.builder.cast(binding, BOOL)
-        if isinstance(binding, (bool, int, float, str, types.scalar_base)) or binding is None:
+        if isinstance(binding, (bool, int, float, str, dtypes.scalar_base)) or binding is None:
             return bool(binding)
         raise self.context.type_error(
             node, f"expects a condition, but got {names.describe(binding)}"

@@ -15,8 +15,7 @@ from warp._src.frontend import names
 from warp._src.frontend.context import Value
 from warp._src.frontend.indexed import array_of
 from warp._src.frontend.source import source_of
-from warp._src.types import annotations
-from warp._src.types import dtypes as types
+from warp._src.types import annotations, dtypes
 from warp._src.types.annotations import Reference
 from warp._src.types.native import ArrayType, IndexedArrayType
 
@@ -37,7 +36,7 @@ class Parameter:
             annotation = annotation.dtype
         self.annotation = annotation
         if not is_generic(annotation):
-            self.native = types.native_type(annotations.resolve(annotation))
+            self.native = dtypes.native_type(annotations.resolve(annotation))
 
     def accepts(self, context, binding) -> bool:
         if self.native is not None:
@@ -93,7 +92,7 @@ def fits_native(annotation, native) -> bool:
     family = getattr(annotation, "family", None)
     if family is None:
         return True
-    kind = {types.Vector: "vec", types.Matrix: "mat", types.Quaternion: "quat"}.get(family)
+    kind = {dtypes.Vector: "vec", dtypes.Matrix: "mat", dtypes.Quaternion: "quat"}.get(family)
     return native.kind == (kind or "transform") and fits_extents(annotation.params, native)
 
 
@@ -118,7 +117,7 @@ def fits_element(dtype, native) -> bool:
         return kinds is None or native.kind in kinds
     if type(dtype).__name__ == "GenericAnnotation":
         return native.kind in ("vec", "mat", "quat", "transform")
-    return types.native_type(dtype) == native
+    return dtypes.native_type(dtype) == native
 
 
 def fits_extents(params, native) -> bool:
@@ -195,11 +194,11 @@ class Overload:
         if declared is typing.Any or declared is None or is_generic(declared):
             if typing.get_origin(declared) is tuple:
                 return [
-                    None if is_generic(part) else types.native_type(annotations.resolve(part))
+                    None if is_generic(part) else dtypes.native_type(annotations.resolve(part))
                     for part in typing.get_args(declared)
                 ]
             return None
-        return [types.native_type(annotations.resolve(declared))]
+        return [dtypes.native_type(annotations.resolve(declared))]
 
     def bind(self, context, arguments, keywords, node):
         """Bindings in the order of the parameters, or the reason why not."""

@@ -1,7 +1,7 @@
 """Indexed arrays: accesses of their elements become accesses of the array behind them.
 
 An indexed array is a struct of that array, one array of indices per dimension, and an integer whose
-bits say which dimensions have indices (`warp._src.indexed_arrays`). The arrays of indices of the
+bits say which dimensions have indices (`warp._src.arrays.indexed`). The arrays of indices of the
 others have the extents of their dimension and can be read, but mean nothing: a position is found
 without a branch, so that equal ones are seen to be equal.
 """
@@ -9,7 +9,7 @@ without a branch, so that equal ones are seen to be equal.
 from __future__ import annotations
 
 from warp._src.frontend.context import BOOL, INT32, Part
-from warp._src.types import dtypes as types
+from warp._src.types import dtypes
 from warp._src.types.native import IndexedArrayType
 
 _NAMES = ("indexedarray(", *(f"indexedarray{ndim}d(" for ndim in (2, 3, 4)))
@@ -59,8 +59,8 @@ class Indexed(Part):
         """The indexed array of fewer dimensions that is left if the first have an index."""
         data, positions = self.resolved(indexed, leading, node)
         view = self.builder.view(data, positions)
-        dtype = types.dtype_of(view.type.element)
-        native = types.native_type(IndexedArrayType(dtype, view.type.rank))
+        dtype = dtypes.dtype_of(view.type.element)
+        native = dtypes.native_type(IndexedArrayType(dtype, view.type.rank))
         axes = range(len(leading), data.type.rank)
         rest = [self.builder.struct_get(indexed, f"indices{axis}") for axis in axes]
         bits = self.builder.struct_get(indexed, "indexed")

@@ -8,7 +8,7 @@ from warp._src import errors
 from warp._src.frontend.context import Part, Value
 from warp._src.frontend.control import RESULT, RETURNED
 from warp._src.frontend.names import BuiltinRef
-from warp._src.types import dtypes as types
+from warp._src.types import dtypes
 
 _UNSUPPORTED = {
     "FunctionDef": "a nested function",
@@ -100,7 +100,7 @@ class Statements(Part):
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             return None
         try:
-            return types.native_type(self.context.expressions.expr(node))
+            return dtypes.native_type(self.context.expressions.expr(node))
         except TypeError:
             raise self.context.type_error(node, "annotation is not a type of kernels") from None
 

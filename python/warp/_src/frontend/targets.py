@@ -13,7 +13,7 @@ from warp._src import errors
 from warp._src.frontend.access import COMPONENTS, places_of
 from warp._src.frontend.context import INT32, Part, Value
 from warp._src.frontend.indexed import array_of
-from warp._src.types import dtypes as types
+from warp._src.types import dtypes
 
 _ATOMIC = {
     ast.Add: "add",
@@ -95,7 +95,7 @@ class Targets(Part):
         kind = type(node)
         if kind is ast.Name:
             binding = self.context.read_name(node.id, node)
-            if type(binding) is not Value and not isinstance(binding, types.Composite):
+            if type(binding) is not Value and not isinstance(binding, dtypes.Composite):
                 raise self.context.type_error(node, f"cannot assign to a part of '{node.id}'")
             value = self.context.materialize(binding, node)
             name = node.id if node.id in self.context.env else None

@@ -6,8 +6,8 @@ import ctypes
 
 from warp import _native
 from warp._src.arrays.array import array
-from warp._src.devices import device as devices
-from warp._src.interop import exchange as interop
+from warp._src.devices import devices
+from warp._src.interop import exchange
 from warp._src.interop.dlpack_export import CODES, CPU, CUDA, CUDA_HOST, CUDA_MANAGED, READ_ONLY
 
 
@@ -50,10 +50,10 @@ def from_dlpack(source, dtype=None):
         raise TypeError(f"no scalar type for DLPack type {code} of {bits} bits and {lanes} lanes")
     if strides is not None:
         strides = [stride * ctypes.sizeof(scalar._type_) for stride in strides]
-    layout = interop.fold(scalar, extents, strides, dtype)
+    layout = exchange.fold(scalar, extents, strides, dtype)
     index = _index(kind, number)
     owner = _native.dlpack_take(capsule)
-    return interop.alias(
+    return exchange.alias(
         array, pointer, layout, index, owner, kind == CUDA_HOST, bool(flags & READ_ONLY)
     )
 
@@ -62,7 +62,7 @@ def _index(kind, number) -> int:
     if kind in (CPU, CUDA_HOST):
         return devices.CPU
     if kind in (CUDA, CUDA_MANAGED):
-        return interop.cuda_index(number)
+        return exchange.cuda_index(number)
     raise TypeError(f"expects memory of the CPU or of CUDA, but got DLPack device type {kind}")
 
 
@@ -71,7 +71,7 @@ def _request(source):
     kind, number = source.__dlpack_device__()
     options = {}
     if kind in (CUDA, CUDA_MANAGED):
-        options["stream"] = interop.current_handle(_index(kind, number))
+        options["stream"] = exchange.current_handle(_index(kind, number))
     try:
         return source.__dlpack__(max_version=(1, 0), **options)
     except TypeError:

@@ -9,10 +9,9 @@ from __future__ import annotations
 
 from warp import _native
 from warp._src.arrays.copies import clone
-from warp._src.devices import device as devices
-from warp._src.interop import exchange as interop
-from warp._src.types import dtypes as types
-from warp._src.types import scalars
+from warp._src.devices import devices
+from warp._src.interop import exchange
+from warp._src.types import dtypes, scalars
 
 CPU, CUDA, CUDA_HOST, CUDA_MANAGED = 1, 2, 3, 13
 READ_ONLY, COPIED = 1, 2
@@ -42,7 +41,7 @@ def export(array, stream=None, max_version=None, dl_device=None, copy=None):
         ValueError: `stream` is no stream.
     """
     dtype = array.dtype
-    if types.is_struct(dtype):
+    if dtypes.is_struct(dtype):
         raise BufferError(f"DLPack has no type for elements of struct '{dtype.__name__}'")
     source, array = array, _moved(array, dl_device, copy)
     device = dlpack_device(array)
@@ -80,7 +79,7 @@ def _moved(array, dl_device, copy):
 def _order(index, stream) -> None:
     """Makes the consumer's stream wait for ours."""
     if stream is None:
-        stream = interop.LEGACY_STREAM
+        stream = exchange.LEGACY_STREAM
     if isinstance(stream, bool) or not hasattr(stream, "__index__"):
         raise TypeError(f"expects an int or None as stream, but got {stream!r}")
     stream = stream.__index__()
@@ -88,4 +87,4 @@ def _order(index, stream) -> None:
         return
     if stream <= 0:
         raise ValueError(f"expects -1, 1, 2 or the address of a stream, but got {stream}")
-    interop.let_wait(stream, index)
+    exchange.let_wait(stream, index)

@@ -14,9 +14,8 @@ from warp import _native
 from warp._src import errors
 from warp._src.arrays.allocation import new_array
 from warp._src.arrays.layout import check_shape, element_type, type_id
-from warp._src.devices import device as devices
-from warp._src.types import dtypes as types
-from warp._src.types import scalars
+from warp._src.devices import devices
+from warp._src.types import dtypes, scalars
 
 # Numbers that stand for streams in DLPack and in the CUDA array interface.
 LEGACY_STREAM = 1
@@ -57,9 +56,9 @@ def fold(scalar, extents, strides, dtype):
     """
     dtype = scalar if dtype is None else element_type(dtype)
     own = getattr(dtype, "_wp_scalar_type_", dtype)
-    if types.is_struct(dtype) or not same_bits(scalar, own):
+    if dtypes.is_struct(dtype) or not same_bits(scalar, own):
         raise errors.WarpTypeError(
-            f"expects elements of type '{types.type_repr(dtype)}', "
+            f"expects elements of type '{dtypes.type_repr(dtype)}', "
             f"but got memory of '{scalar.__name__}'"
         )
     item_size = ctypes.sizeof(scalar._type_)
@@ -70,15 +69,15 @@ def fold(scalar, extents, strides, dtype):
         if outer < 0 or tuple(extents[outer:]) != inner:
             raise errors.WarpShapeError(
                 f"expects inner dimensions {inner} for elements of type "
-                f"'{types.type_repr(dtype)}', but got shape {tuple(extents)}"
+                f"'{dtypes.type_repr(dtype)}', but got shape {tuple(extents)}"
             )
         if math.prod(extents) and strides[outer:] != packed_strides(inner, item_size):
             raise errors.WarpShapeError(
                 f"expects packed inner dimensions for elements of type "
-                f"'{types.type_repr(dtype)}', but got strides {strides} in bytes"
+                f"'{dtypes.type_repr(dtype)}', but got strides {strides} in bytes"
             )
     if not outer:
-        return dtype, (1,), (types.type_size_in_bytes(dtype),)
+        return dtype, (1,), (dtypes.type_size_in_bytes(dtype),)
     extents, strides = check_shape(extents[:outer]), strides[:outer]
     if any(stride < 0 for stride in strides):
         raise errors.WarpShapeError(
@@ -91,7 +90,7 @@ def alias(cls, pointer, layout, index, owner, pinned=False, read_only=False):
     """An array, of a class of arrays, over foreign memory; `layout` is what `fold` gave."""
     dtype, extents, strides = layout
     result = new_array(cls)
-    size = types.type_size_in_bytes(dtype)
+    size = dtypes.type_size_in_bytes(dtype)
     result._setup(pointer, extents, strides, dtype, type_id(dtype), size, index, owner, pinned)
     if read_only:
         result.read_only = True

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 
-from warp._src.devices import device as devices
+from warp._src.devices import devices
 from warp._src.interop.dlpack import from_dlpack
 from warp._src.types import scalars
 

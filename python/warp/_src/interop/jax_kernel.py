@@ -13,7 +13,7 @@ import functools
 from warp import _native
 from warp._src.interop.jax import dtype_from_jax, dtype_to_jax
 from warp._src.kernels.kernel import Kernel
-from warp._src.types import dtypes as types
+from warp._src.types import dtypes
 
 TARGET = "warp_mlir_kernel"
 _CODE_OPTIONS = ("mode", "fast_math", "lineinfo", "optimization_level", "block_dim")
@@ -261,11 +261,11 @@ class _Parameter:
         self.holds_arrays = kind == "struct" and "!warp.array" in type_text
         self.rank = rank
         if self.is_array:
-            dtype = types.dtype_of(element)
+            dtype = dtypes.dtype_of(element)
             self.scalar = getattr(dtype, "_wp_scalar_type_", dtype)
             self.inner = tuple(getattr(dtype, "_shape_", ()))
             # Arrays of structs have no counterpart in JAX.
-            self.holds_arrays = types.is_struct(dtype)
+            self.holds_arrays = dtypes.is_struct(dtype)
 
 
 class _Plan:

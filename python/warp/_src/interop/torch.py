@@ -7,10 +7,9 @@ import functools
 from warp import _native
 from warp._src.arrays.array import array
 from warp._src.arrays.gradients import gradient_type
-from warp._src.devices import device as devices
-from warp._src.interop import exchange as interop
-from warp._src.types import dtypes as types
-from warp._src.types import scalars
+from warp._src.devices import devices
+from warp._src.interop import exchange
+from warp._src.types import dtypes, scalars
 
 _NAMES = {
     scalars.bool: "bool",
@@ -108,8 +107,8 @@ def from_torch(t, dtype=None, requires_grad=None, grad=None, return_ctype=False,
         if wide is not result.dtype and grad.dtype is not wide:
             # The array would take a copy, and the tensor never change.
             raise ValueError(
-                f"from_torch(): expects a gradient of '{types.type_repr(wide)}' for an array of "
-                f"'{types.type_repr(result.dtype)}', but got '{types.type_repr(grad.dtype)}'"
+                f"from_torch(): expects a gradient of '{dtypes.type_repr(wide)}' for an array of "
+                f"'{dtypes.type_repr(result.dtype)}', but got '{dtypes.type_repr(grad.dtype)}'"
             )
         result.grad = grad
     if retain_grad:
@@ -120,10 +119,10 @@ def from_torch(t, dtype=None, requires_grad=None, grad=None, return_ctype=False,
 def _alias(t, dtype):
     scalar = dtype_from_torch(t.dtype)
     size = t.element_size()
-    layout = interop.fold(scalar, tuple(t.shape), [step * size for step in t.stride()], dtype)
+    layout = exchange.fold(scalar, tuple(t.shape), [step * size for step in t.stride()], dtype)
     index = device_from_torch(t.device).index
     pinned = index == devices.CPU and t.is_pinned()
-    return interop.alias(array, t.data_ptr(), layout, index, t, pinned)
+    return exchange.alias(array, t.data_ptr(), layout, index, t, pinned)
 
 
 def _gradient(t):
@@ -153,7 +152,7 @@ def to_torch(a, requires_grad=None):
 
     if not isinstance(a, array):
         raise TypeError(f"expects an array, but got '{type(a).__name__}'")
-    if types.is_struct(a.dtype):
+    if dtypes.is_struct(a.dtype):
         raise TypeError(f"PyTorch has no type for elements of struct '{a.dtype.__name__}'")
     t = _tensor(a)
     if a.requires_grad if requires_grad is None else requires_grad:
@@ -183,8 +182,8 @@ def stream_from_torch(stream_or_device=None):
     stream = stream_or_device
     if not isinstance(stream, torch.cuda.Stream):
         stream = torch.cuda.current_stream(stream)
-    index = interop.cuda_index(stream.device.index)
-    return _native.Stream.from_handle(index, stream.cuda_stream or interop.LEGACY_STREAM)
+    index = exchange.cuda_index(stream.device.index)
+    return _native.Stream.from_handle(index, stream.cuda_stream or exchange.LEGACY_STREAM)
 
 
 def stream_to_torch(stream_or_device=None):
@@ -194,7 +193,7 @@ def stream_to_torch(stream_or_device=None):
     stream = stream_or_device
     if not isinstance(stream, _native.Stream):
         stream = devices.get_stream(stream)
-    if stream.cuda_stream in (0, interop.LEGACY_STREAM):
+    if stream.cuda_stream in (0, exchange.LEGACY_STREAM):
         return torch.cuda.default_stream(stream.device.ordinal)
     result = torch.cuda.ExternalStream(
         stream.cuda_stream, device=torch.device("cuda", stream.device.ordinal)

@@ -12,7 +12,7 @@ import os
 from pathlib import Path
 
 from warp import _native
-from warp._src.devices.device import get_cuda_devices, get_device
+from warp._src.devices.devices import get_cuda_devices, get_device
 from warp._src.kernels.modules import Module, imported_module
 
 _SUFFIX = ".warp"

@@ -9,7 +9,7 @@ from warp._src import errors
 from warp._src.arrays.array import array
 from warp._src.arrays.indexed import IndexedRecord, indexedarray
 from warp._src.arrays.versions import Event, event
-from warp._src.types import dtypes as types
+from warp._src.types import dtypes
 from warp._src.types.native import ArrayType
 from warp._src.types.structs import StructInstance
 
@@ -174,7 +174,7 @@ def struct_of(value, native=""):
     native: text of the parameter's type; None stands for an indexed array without elements.
     """
     if value is None and native:
-        dtype = types.dtype_of(native)
+        dtype = dtypes.dtype_of(native)
         return dtype() if issubclass(dtype, IndexedRecord) else None
     return value.__ctype__() if isinstance(value, indexedarray) else value
 
@@ -207,7 +207,7 @@ def struct_leaves(name, value) -> list[tuple[str, array | None]]:
     for field, dtype in value._wp_fields_.items():
         if isinstance(dtype, ArrayType):
             found.append((f"{name}.{field}", getattr(value, field)))
-        elif types.is_struct(dtype):
+        elif dtypes.is_struct(dtype):
             found += struct_leaves(f"{name}.{field}", value._inner(field))
     return found
 
@@ -220,7 +220,7 @@ def replace_in_struct(value, replaced):
             if first in replaced:
                 setattr(result, field, replaced[first])
             first += 1
-        elif types.is_struct(dtype):
+        elif dtypes.is_struct(dtype):
             inner = value._inner(field)
             count = len(struct_leaves("", inner))
             inside = {i - first: a for i, a in replaced.items() if first <= i < first + count}

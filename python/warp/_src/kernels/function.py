@@ -6,7 +6,7 @@ import sys
 import types as python_types
 
 from warp._src.kernels.epoch import Epoch
-from warp._src.types import dtypes as types
+from warp._src.types import dtypes
 from warp._src.types.annotations import is_generic
 from warp._src.types.native import ArrayType
 
@@ -83,10 +83,10 @@ def _accepts(func, args, kwargs) -> bool:
         if expected is None or is_generic(expected):
             continue
         if isinstance(expected, ArrayType):
-            fits = types.is_array(value) and value.ndim == expected.ndim
-            if not fits or not types.types_equal(value.dtype, expected.dtype):
+            fits = dtypes.is_array(value) and value.ndim == expected.ndim
+            if not fits or not dtypes.types_equal(value.dtype, expected.dtype):
                 return False
-        elif isinstance(expected, type) and not types.types_equal(type(value), expected):
+        elif isinstance(expected, type) and not dtypes.types_equal(type(value), expected):
             return False
     return True
 

@@ -10,7 +10,7 @@ from warp._src.arrays.indexed import indexedarray
 from warp._src.kernels.kernel import kernel
 from warp._src.kernels.launch import launch
 from warp._src.language import namespace as wp
-from warp._src.types import dtypes as types
+from warp._src.types import dtypes
 
 
 @kernel
@@ -51,11 +51,13 @@ def copy_elements(dest, src, stream=None) -> None:
         else:
             copy(dest, src, stream=stream)
             return
-    if types.is_struct(dest.dtype) and not src.requires_grad:
+    if dtypes.is_struct(dest.dtype) and not src.requires_grad:
         # Kernels know of a struct's arrays what they use, not all of its bytes.
         words, odd = divmod(dest.item_size, 4)
         raw = (
-            types.vector(dest.item_size, types.uint8) if odd else types.vector(words, types.uint32)
+            dtypes.vector(dest.item_size, dtypes.uint8)
+            if odd
+            else dtypes.vector(words, dtypes.uint32)
         )
         dest = _viewed(dest, raw)
     if dest.dtype is not src.dtype:

@@ -18,7 +18,7 @@ from warp._src import errors
 from warp._src.arrays.array import array
 from warp._src.arrays.indexed import indexedarray
 from warp._src.derivatives.kernel_derivatives import KernelDerivatives, differentiate
-from warp._src.devices.device import get_device
+from warp._src.devices.devices import get_device
 from warp._src.kernels.epoch import Epoch
 from warp._src.kernels.modules import Module, check_options, get_module
 from warp._src.types import dtypes

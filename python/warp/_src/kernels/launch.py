@@ -15,7 +15,7 @@ from warp._src import errors
 from warp._src.arrays.array import array
 from warp._src.arrays.observers import Observers, observed_launch
 from warp._src.derivatives.adjoint_launch import AdjointLaunch
-from warp._src.devices.device import by_index, index_of, resolve_index
+from warp._src.devices.devices import by_index, index_of, resolve_index
 from warp._src.kernels.call import Call
 from warp._src.kernels.epoch import Epoch
 from warp._src.kernels.kernel import Kernel

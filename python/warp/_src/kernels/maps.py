@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import ast
 import itertools
-import linecache
 import math
 import types as python_types
 import typing
@@ -21,13 +20,13 @@ from warp._src.arrays.copies import clone, empty_like
 from warp._src.arrays.create import empty
 from warp._src.arrays.gradients import has_gradient
 from warp._src.arrays.indexed import indexedarray
-from warp._src.devices.device import by_index, resolve_index
+from warp._src.devices.devices import by_index, resolve_index
 from warp._src.kernels.function import Function
 from warp._src.kernels.kernel import Kernel
 from warp._src.kernels.launch import launch
 from warp._src.language import namespace
 from warp._src.language.builtins import Builtin
-from warp._src.types import dtypes as types
+from warp._src.types import dtypes
 from warp._src.types.composites import Composite, canonical_class
 from warp._src.types.native import ArrayType
 from warp._src.types.numpy_types import dtype_from_numpy
@@ -114,13 +113,13 @@ def apply(name, expression, names, identity, inputs, out, return_kernel, block_d
         ArrayType(value.dtype, rank) if annotation is None else annotation
         for annotation, value in inputs
     ]
-    kernel, dtypes = _kernel(name, expression, names, identity, annotations, rank)
-    several = len(dtypes) > 1
+    kernel, kinds = _kernel(name, expression, names, identity, annotations, rank)
+    several = len(kinds) > 1
     if return_kernel:
         return kernel
     if outputs is None:
-        outputs = _new_outputs(arrays, shape, dtypes, by_index(index))
-    _check_types(outputs, dtypes)
+        outputs = _new_outputs(arrays, shape, kinds, by_index(index))
+    _check_types(outputs, kinds)
     extents = (math.prod(shape),) if flat else shape
     arguments = [_spread(value, extents) if isinstance(value, array) else value for value in values]
     targets = [output.reshape(extents) if flat else output for output in outputs]
@@ -139,8 +138,8 @@ def _annotation(value):
         return None
     if isinstance(value, Composite):
         return canonical_class(type(value))
-    if isinstance(value, (bool, int, float, scalar_base)) or types.is_struct(type(value)):
-        return types.canonical(type(value))
+    if isinstance(value, (bool, int, float, scalar_base)) or dtypes.is_struct(type(value)):
+        return dtypes.canonical(type(value))
     if hasattr(value, "dtype") and getattr(value, "shape", None) == ():
         return dtype_from_numpy(value.dtype)
     raise TypeError(f"map: expects arrays and values, but got '{type(value).__name__}'")
@@ -156,11 +155,10 @@ def _scatter(outputs, made) -> None:
             output.assign(result)
 
 
-def _new_outputs(arrays, shape, dtypes, device) -> list[array]:
+def _new_outputs(arrays, shape, kinds, device) -> list[array]:
     varies = any(found.requires_grad for found in arrays)
     return [
-        empty(shape, dtype, device, requires_grad=varies and has_gradient(dtype))
-        for dtype in dtypes
+        empty(shape, dtype, device, requires_grad=varies and has_gradient(dtype)) for dtype in kinds
     ]
 
 
@@ -213,11 +211,11 @@ def _check_outputs(outputs, shape) -> None:
         output._check_writable()
 
 
-def _check_types(outputs, dtypes) -> None:
+def _check_types(outputs, kinds) -> None:
     found = [output.dtype for output in outputs]
-    if found != dtypes:
-        shown = ", ".join(f"'{types.type_repr(dtype)}'" for dtype in dtypes)
-        got = ", ".join(f"'{types.type_repr(dtype)}'" for dtype in found)
+    if found != kinds:
+        shown = ", ".join(f"'{dtypes.type_repr(dtype)}'" for dtype in kinds)
+        got = ", ".join(f"'{dtypes.type_repr(dtype)}'" for dtype in found)
         raise errors.WarpTypeError(f"expects outputs of type {shown}, but got {got}")
 
 
@@ -257,21 +255,21 @@ def _kernel(name, expression, names, identity, annotations, rank):
             shown = ", ".join(_element_text(annotation) for annotation in annotations)
             problem.notes = (*problem.notes, f"in '{name}' for elements of {shown}")
             raise
-        dtypes = [types.dtype_of(native) for native in natives]
-        function = _compile(name, expression, names, annotations, rank, dtypes)
-        found = _kernels[key] = Kernel(function, name, "warp.map"), dtypes
+        kinds = [dtypes.dtype_of(native) for native in natives]
+        function = _compile(name, expression, names, annotations, rank, kinds)
+        found = _kernels[key] = Kernel(function, name, "warp.map"), kinds
     return found
 
 
 def _element_text(annotation) -> str:
     dtype = annotation.dtype if isinstance(annotation, ArrayType) else annotation
-    return f"'{types.type_repr(dtype)}'"
+    return f"'{dtypes.type_repr(dtype)}'"
 
 
-def _compile(name, expression, names, annotations, rank, dtypes):
-    """A Python function with the kernel's source; without outputs if `dtypes` is None."""
+def _compile(name, expression, names, annotations, rank, kinds):
+    """A Python function with the kernel's source; without outputs if `kinds` is None."""
     annotated = {f"a{i}": annotation for i, annotation in enumerate(annotations)}
-    outputs = [ArrayType(dtype, rank) for dtype in dtypes or ()]
+    outputs = [ArrayType(dtype, rank) for dtype in kinds or ()]
     annotated |= {f"o{i}": annotation for i, annotation in enumerate(outputs)}
     where = ", ".join("ijkl"[:rank])
     lines = [f"def {name}({', '.join(annotated)}):", f"    {where} = wp.tid()"]
@@ -291,6 +289,8 @@ def _compile(name, expression, names, annotations, rank, dtypes):
 
 def define(name, text, names):
     """Defines a function from text that the front end finds again."""
+    import linecache
+
     file = f"<{name} {next(_numbers)}>"
     linecache.cache[file] = (len(text), None, text.splitlines(True), file)
     names = {"__name__": "warp.map", **names}
@@ -344,6 +344,8 @@ def _from_lambda(func):
     Raises:
         WarpCodegenError: the source cannot be found.
     """
+    import linecache
+
     code = func.__code__
     lines = linecache.getlines(code.co_filename, func.__globals__)
     try:

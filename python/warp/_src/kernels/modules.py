@@ -9,7 +9,7 @@ import weakref
 
 from warp import _native, config
 from warp._src import config as settings
-from warp._src.devices import device as devices
+from warp._src.devices import devices
 
 # Options that change compiled code, with the setting that gives the default.
 OPTIONS = {

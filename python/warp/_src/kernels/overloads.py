@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import inspect
 import types as python_types
 
 from warp._src import errors
 from warp._src.kernels.kernel import Kernel, kernel_name
 from warp._src.kernels.modules import get_module
-from warp._src.types import annotations
-from warp._src.types import dtypes as types
+from warp._src.types import annotations, dtypes
 from warp._src.types.annotations import is_generic
 
 
@@ -59,6 +57,8 @@ def _named(function):
 
 
 def _declared(function) -> dict:
+    import inspect
+
     spaces = [inspect.getclosurevars(function).nonlocals, function.__globals__]
     found = function.__annotations__.items()
     return {name: annotations.evaluate(value, spaces) for name, value in found if name != "return"}
@@ -83,7 +83,7 @@ def _specialized(kernel, arg_types):
         if is_generic(wanted) or not _fits(annotation, wanted):
             raise TypeError(
                 f"overload('{kernel.key}'): parameter '{name}' expects a type for "
-                f"'{types.type_repr(annotation)}', but got '{types.type_repr(wanted)}'"
+                f"'{dtypes.type_repr(annotation)}', but got '{dtypes.type_repr(wanted)}'"
             )
         chosen[name] = wanted
     return _made(kernel, chosen)
@@ -93,13 +93,13 @@ def _fits(annotation, wanted) -> bool:
     from warp._src.frontend.functions import fits_native
 
     if not is_generic(annotation):
-        return types.types_equal(annotation, wanted)
-    return fits_native(annotation, types.native_type(annotations.resolve(wanted)))
+        return dtypes.types_equal(annotation, wanted)
+    return fits_native(annotation, dtypes.native_type(annotations.resolve(wanted)))
 
 
 def _made(kernel, chosen):
     """The overload for concrete types; made once."""
-    signature = ", ".join(types.native_text(annotations.resolve(t)) for t in chosen.values())
+    signature = ", ".join(dtypes.native_text(annotations.resolve(t)) for t in chosen.values())
     found = kernel.overloads.get(signature)
     if found is None:
         func = kernel.func

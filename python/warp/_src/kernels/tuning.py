@@ -6,7 +6,7 @@ import os
 import platform
 
 from warp import _native
-from warp._src.devices.device import get_device
+from warp._src.devices.devices import get_device
 from warp._src.kernels.kernel import Kernel
 from warp._src.version import PACKAGE, VERSION
 

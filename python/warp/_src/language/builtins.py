@@ -14,8 +14,8 @@ from warp._src import errors
 from warp._src.arrays.allocation import allocate, new_array
 from warp._src.arrays.array import array
 from warp._src.builtin_table import BUILTINS
-from warp._src.devices.device import CPU
-from warp._src.types import dtypes as types
+from warp._src.devices.devices import CPU
+from warp._src.types import dtypes
 from warp._src.types.composites import Composite, canonical_class
 from warp._src.types.numpy_types import dtype_from_numpy
 from warp._src.types.scalars import scalar_base
@@ -74,9 +74,9 @@ class Evaluator:
     """
 
     def __init__(self, name, classes):
-        texts = [types.native_text(cls) for cls in classes]
+        texts = [dtypes.native_text(cls) for cls in classes]
         results, self.changed = _build(_native.Builder(name), name, texts)
-        self.dtypes = [types.dtype_of(text) for text in results]
+        self.dtypes = [dtypes.dtype_of(text) for text in results]
         builder = _native.Builder(name)
         _build(builder, name, texts, results)
         self.kernel = _native.Kernel(builder.finish(), name)

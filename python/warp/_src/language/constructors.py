@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import ctypes
 
-from warp._src.types import dtypes as types
-from warp._src.types import scalars
+from warp._src.types import dtypes, scalars
 from warp._src.types.composites import Composite, flatten_numbers
 from warp._src.types.matrices import matrix_from_cols, matrix_from_rows
 from warp._src.types.scalars import scalar_base
@@ -33,11 +32,11 @@ def vector(*components, length=None, dtype=None):
     Called with a length and a type alone (`wp.vector(3, float)`), the vector type.
     """
     if len(components) == 2 and isinstance(components[1], type):
-        return types.vector(*components)
+        return dtypes.vector(*components)
     if not components and length is not None and dtype is None:
         raise TypeError("expects `dtype` for a vector without components")
     count = length or sum(map(len, map(flatten_numbers, components)))
-    return types.vector(count, _scalar(components, dtype))(*components)
+    return dtypes.vector(count, _scalar(components, dtype))(*components)
 
 
 def matrix(*components, shape=None, dtype=None):
@@ -46,27 +45,27 @@ def matrix(*components, shape=None, dtype=None):
     Called with a shape and a type alone (`wp.matrix((3, 3), float)`), the matrix type.
     """
     if len(components) == 2 and isinstance(components[1], type):
-        return types.matrix(*components)
+        return dtypes.matrix(*components)
     if shape is None:
         raise TypeError("expects `shape` for a matrix")
-    return types.matrix(tuple(shape), _scalar(components, dtype))(*components)
+    return dtypes.matrix(tuple(shape), _scalar(components, dtype))(*components)
 
 
 def quaternion(*components, dtype=None):
     """A quaternion from x, y, z, w, or from the imaginary part and w."""
     scalar = _scalar(components, dtype)
-    return types.quaternion(float if scalar is int else scalar)(*components)
+    return dtypes.quaternion(float if scalar is int else scalar)(*components)
 
 
 def transformation(*components, dtype=None, p=None, q=None):
     """A rigid transform from a translation and a rotation, or from seven numbers."""
     scalar = _scalar((*components, p, q), dtype)
-    return types.transformation(float if scalar is int else scalar)(*components, p=p, q=q)
+    return dtypes.transformation(float if scalar is int else scalar)(*components, p=p, q=q)
 
 
 def identity(n, dtype=float):
     """The identity matrix of n rows."""
-    result = types.matrix((n, n), dtype)()
+    result = dtypes.matrix((n, n), dtype)()
     for row in range(n):
         result[row, row] = 1
     return result
@@ -74,18 +73,18 @@ def identity(n, dtype=float):
 
 def quat_identity(dtype=float):
     """The rotation that changes nothing."""
-    return types.quaternion(dtype)(0, 0, 0, 1)
+    return dtypes.quaternion(dtype)(0, 0, 0, 1)
 
 
 def transform_identity(dtype=float):
     """The rigid transform that changes nothing."""
-    return types.transformation(dtype)()
+    return dtypes.transformation(dtype)()
 
 
 def cast(a, dtype):
     """The bits of `a` as another type of the same size."""
-    ctype = types.type_ctype(dtype)
-    source = a if isinstance(a, Composite) else types.type_ctype(type(a))(_number(a))
+    ctype = dtypes.type_ctype(dtype)
+    source = a if isinstance(a, Composite) else dtypes.type_ctype(type(a))(_number(a))
     if ctypes.sizeof(source) != ctypes.sizeof(ctype):
         raise TypeError(
             f"expects types of one size to cast, but got {ctypes.sizeof(source)} and "
@@ -94,7 +93,7 @@ def cast(a, dtype):
     found = ctype.from_buffer_copy(source)
     if isinstance(found, Composite):
         return found
-    canonical = types.canonical(dtype)
+    canonical = dtypes.canonical(dtype)
     bits = scalars.BITS.get(canonical)
     return canonical(bits[1](found.value) if bits else found.value)
 

@@ -12,12 +12,13 @@ from warp._src.types import dtypes
 
 
 def find(name: str):
-    """The type, constructor, check or builtin of a name, or None."""
+    """The constructor, check or builtin of a name, or None."""
     return CONSTRUCTORS.get(name) or CHECKS.get(name) or lookup(name)
 
 
 def __getattr__(name):
-    found = getattr(dtypes, name, None) or find(name)
+    # Factories of types come last: `vector` makes a value here.
+    found = find(name) or getattr(dtypes, name, None)
     if found is None:
         raise AttributeError(f"the kernel language has no '{name}'")
     return found

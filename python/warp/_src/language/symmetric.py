@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 
+from warp._src.derivatives.functions import grad
 from warp._src.kernels.function import Function
 from warp._src.language import namespace as wp
 from warp._src.types.dtypes import Float, matrix
@@ -60,8 +61,8 @@ def _define_slope(f):
         else:
             middle = y + type(x)(0.5) * gap
             reach = type(x)(_HALF_NODE) * gap
-            ends = wp.grad(f)(middle - reach) + wp.grad(f)(middle + reach)
-            result = (type(x)(5.0) * ends + type(x)(8.0) * wp.grad(f)(middle)) / type(x)(18.0)
+            ends = grad(f)(middle - reach) + grad(f)(middle + reach)
+            result = (type(x)(5.0) * ends + type(x)(8.0) * grad(f)(middle)) / type(x)(18.0)
         return result
 
     return slope

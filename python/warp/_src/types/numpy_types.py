@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from warp._src.types import dtypes as types
-from warp._src.types import scalars
+from warp._src.types import dtypes, scalars
 
 
 def dtype_to_numpy(dtype):
@@ -56,7 +55,7 @@ def scalar_types() -> dict:
 
 def element_layout(dtype):
     """NumPy dtype and inner shape of one array element of type `dtype`."""
-    if types.is_struct(dtype):
+    if dtypes.is_struct(dtype):
         return dtype.__numpy_dtype__, ()
     if issubclass(dtype, scalars.scalar_base):
         return dtype.__numpy_dtype__, ()

@@ -9,8 +9,7 @@ import ctypes
 import typing
 
 from warp import _native
-from warp._src.types import dtypes as types
-from warp._src.types import scalars
+from warp._src.types import dtypes, scalars
 from warp._src.types.composites import Composite, flatten_numbers, is_number
 from warp._src.types.native import ArrayType
 from warp._src.types.scalars import ScalarType, scalar_base
@@ -68,7 +67,7 @@ class Field:
         dtype = self.dtype
         if isinstance(dtype, ArrayType):
             return instance._held.get(self.name)
-        if types.is_struct(dtype):
+        if dtypes.is_struct(dtype):
             return self.inner(instance)._shown()
         number = self.raw.__get__(instance, owner)
         bits = scalars.BITS.get(dtype)
@@ -85,7 +84,7 @@ class Field:
         dtype = self.dtype
         if isinstance(dtype, ArrayType):
             self._set_array(instance, value)
-        elif types.is_struct(dtype):
+        elif dtypes.is_struct(dtype):
             given = dtype._accepted(value)
             if given is None:
                 raise self._error(value)
@@ -108,7 +107,7 @@ class Field:
 
     def _set_composite(self, instance, value):
         dtype = self.dtype
-        if value is None or is_number(value) or types.is_struct(type(value)):
+        if value is None or is_number(value) or dtypes.is_struct(type(value)):
             raise self._error(value)
         if isinstance(value, Composite) and value._shape_ != dtype._shape_:
             raise self._error(value)
@@ -128,7 +127,7 @@ class Field:
         if value is not None:
             if not isinstance(value, _native.Array):
                 raise self._error(value)
-            if expected.dtype is not typing.Any and not types.types_equal(
+            if expected.dtype is not typing.Any and not dtypes.types_equal(
                 value.dtype, expected.dtype
             ):
                 raise self._error(value)
@@ -138,10 +137,10 @@ class Field:
         instance._held[self.name] = value
 
     def _error(self, value):
-        got = repr(value) if types.type_is_array(type(value)) else type(value).__name__
+        got = repr(value) if dtypes.type_is_array(type(value)) else type(value).__name__
         message = (
             f"field '{self.name}' of struct '{self.struct}' expects "
-            f"'{types.type_repr(self.dtype)}', but got '{got}'"
+            f"'{dtypes.type_repr(self.dtype)}', but got '{got}'"
         )
         if isinstance(self.dtype, type) and issubclass(self.dtype, Composite) and is_number(value):
             message += f", construct the value: `{self.dtype.__name__}(...)`"

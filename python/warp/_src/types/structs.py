@@ -12,8 +12,7 @@ import ctypes
 import types as python_types
 import typing
 
-from warp._src.types import annotations
-from warp._src.types import dtypes as types
+from warp._src.types import annotations, dtypes
 from warp._src.types.native import ArrayType
 from warp._src.types.scalars import ScalarType
 from warp._src.types.struct_fields import ArrayDescriptor, Field, describe
@@ -111,7 +110,7 @@ class StructInstance(ctypes.Structure):
     def refresh(self) -> None:
         """Looks again at the arrays in fields, which may have got gradients since."""
         for name, dtype in self._wp_fields_.items():
-            if types.is_struct(dtype):
+            if dtypes.is_struct(dtype):
                 self._inner(name).refresh()
             elif isinstance(dtype, ArrayType) and getattr(self, name) is not None:
                 type(self).__dict__[name].raw.__set__(self, describe(getattr(self, name)))
@@ -121,7 +120,7 @@ class StructInstance(ctypes.Structure):
         copy = type(self)()
         for name, dtype in self._wp_fields_.items():
             value = getattr(self, name)
-            if types.is_struct(dtype):
+            if dtypes.is_struct(dtype):
                 value = self._inner(name).to(device)
             elif isinstance(dtype, ArrayType) and value is not None:
                 value = value.to(device)
@@ -148,7 +147,7 @@ class StructInstance(ctypes.Structure):
     def arrays(self):
         """All arrays held by the struct and the structs in it."""
         for name, dtype in self._wp_fields_.items():
-            if types.is_struct(dtype):
+            if dtypes.is_struct(dtype):
                 yield from self._inner(name).arrays()
             elif isinstance(dtype, ArrayType) and getattr(self, name) is not None:
                 yield getattr(self, name)
@@ -224,7 +223,7 @@ def _make_struct(cls, namespaces):
 
 def make_struct(name, fields, base, attributes):
     """A struct class of this name, with types by field."""
-    spelled = ", ".join(f"{field}: {types.native_text(dtype)}" for field, dtype in fields.items())
+    spelled = ", ".join(f"{field}: {dtypes.native_text(dtype)}" for field, dtype in fields.items())
     namespace = {
         **attributes,
         "_fields_": [(field, _ctype(dtype)) for field, dtype in fields.items()],
@@ -235,7 +234,7 @@ def make_struct(name, fields, base, attributes):
     for field, dtype in fields.items():
         setattr(made, field, Field(name, field, dtype, made.__dict__[field]))
     made._wp_fields_ = fields
-    types.register(made)
+    dtypes.register(made)
     return made
 
 
@@ -256,13 +255,13 @@ _RESERVED = {name for name in dir(StructInstance) if not name.startswith("__")}
 
 
 def _ctype(dtype):
-    return ArrayDescriptor if isinstance(dtype, ArrayType) else types.type_ctype(dtype)
+    return ArrayDescriptor if isinstance(dtype, ArrayType) else dtypes.type_ctype(dtype)
 
 
 def _numpy_format(dtype):
     if isinstance(dtype, ArrayType):
         return ArrayDescriptor.numpy_format
-    if types.is_struct(dtype):
+    if dtypes.is_struct(dtype):
         return dtype.numpy_dtype()
     if isinstance(dtype, ScalarType):
         return dtype.__numpy_dtype__.str
