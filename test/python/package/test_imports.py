@@ -8,8 +8,9 @@ import pytest
 from import_graph import cycles, import_graph
 
 # What `import warp` leaves to those who need it.
-LAZY = ("numpy", "torch", "jax", "matplotlib", "inspect", "linecache", "warp._src.frontend")
-LAZY += ("warp._src.autograd", "warp._src.optim", "warp._src.derivatives.backward")
+LAZY = ("numpy", "torch", "jax", "matplotlib", "inspect", "linecache", "pathlib", "ast")
+LAZY += ("warp._src.frontend", "warp._src.derivatives.backward")
+LAZY += ("warp._src.autograd", "warp._src.optim")
 
 
 def test_no_cycles():

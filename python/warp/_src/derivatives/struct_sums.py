@@ -7,7 +7,8 @@ import functools
 from warp._src.arrays.array import array
 from warp._src.arrays.gradients import has_gradient
 from warp._src.kernels.function import Function
-from warp._src.kernels.maps import define, map
+from warp._src.kernels.map_functions import define
+from warp._src.kernels.maps import map
 from warp._src.types import dtypes
 
 

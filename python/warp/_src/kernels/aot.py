@@ -9,11 +9,14 @@ compiling.
 from __future__ import annotations
 
 import os
-from pathlib import Path
+import typing
 
 from warp import _native
 from warp._src.devices.devices import get_cuda_devices, get_device
 from warp._src.kernels.modules import Module, imported_module
+
+if typing.TYPE_CHECKING:
+    from pathlib import Path
 
 _SUFFIX = ".warp"
 
@@ -113,6 +116,8 @@ def _set_strip(module, strip_hash) -> None:
 
 
 def _folder(module_dir) -> Path:
+    from pathlib import Path
+
     return Path(_native.cache_directory() if module_dir is None else os.fspath(module_dir))
 
 

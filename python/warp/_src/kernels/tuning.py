@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import platform
 
 from warp import _native
 from warp._src.devices.devices import get_device
@@ -63,6 +62,7 @@ def get_cpu_kernel_cache_key(*, cpu_compiler_flags=None) -> str:
         cpu_compiler_flags: accepted for compatibility; code is always for the host.
     """
     import hashlib
+    import platform
 
     digest = hashlib.blake2b(_native.host_processor().encode(), digest_size=4).hexdigest()
     return f"{VERSION}-{platform.system()}-{platform.machine()}-{digest}"
