@@ -55,6 +55,21 @@ def test_int_and_float_do_not_mix():
     refused(define, "float", "int", kind=TypeError)
 
 
+def test_call_of_a_kernel():
+    def define():
+        @wp.kernel
+        def inner():
+            wp.printf("")
+
+        @wp.kernel
+        def kernel():
+            inner()  # here
+
+        return kernel
+
+    refused(define, "inner' cannot be called from a kernel", "make it a `@wp.func`")
+
+
 def test_parameter_without_annotation():
     def define():
         @wp.kernel

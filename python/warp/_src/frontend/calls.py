@@ -17,6 +17,7 @@ from warp._src.frontend.context import Part, Value
 from warp._src.frontend.indexed import array_of
 from warp._src.frontend.names import BuiltinRef
 from warp._src.frontend.updates import references_of
+from warp._src.kernels.function import Function
 from warp._src.language.builtins import lookup
 from warp._src.language.public import LIBRARY_NAMES
 from warp._src.types import dtypes
@@ -62,7 +63,7 @@ class Calls(Part):
             return self.call_builtin(function.name, node)
         if isinstance(function, type):
             return self.context.constructors.call_type(function, node)
-        if hasattr(function, "overloads"):
+        if isinstance(function, Function):
             references = references_of(function)
             if references:
                 return self.context.references.call_by_reference(function, references, node)
@@ -295,7 +296,7 @@ class Calls(Part):
         )
         if isinstance(function, BuiltinRef):
             function = lookup(function.name)
-        elif not hasattr(function, "overloads"):
+        elif not isinstance(function, Function):
             raise self.context.type_error(
                 node.args[1],
                 f"'sym_fn3' expects a builtin or a `@wp.func`, but got {names.describe(function)}",

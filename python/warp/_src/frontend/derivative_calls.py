@@ -10,6 +10,7 @@ from __future__ import annotations
 from warp._src.derivatives.functions import Hessian, check_no_struct_of_arrays, is_differentiable
 from warp._src.frontend import functions
 from warp._src.frontend.context import Part
+from warp._src.kernels.function import Function
 from warp._src.types import dtypes
 
 
@@ -66,7 +67,7 @@ class DerivativeCalls(Part):
 
     def differentiated(self, function, arguments, keywords, node):
         """A function to differentiate: its translation, the arguments, and their values."""
-        if not hasattr(function, "overloads"):
+        if not isinstance(function, Function):
             return self.wrapped_builtin(function, arguments, keywords, node)
         overload, bound = self.context.user_calls.select(function, arguments, keywords, node)
         made = self.context.user_calls.specialize(overload, bound, node, apart=True, owner=function)
@@ -160,7 +161,7 @@ class DerivativeCalls(Part):
         from warp._src.language.fixed_point import FIXED_POINT
 
         arguments, keywords = self.context.constructors.arguments(node)
-        if keywords or len(arguments) < 2 or not hasattr(arguments[0], "overloads"):
+        if keywords or len(arguments) < 2 or not isinstance(arguments[0], Function):
             raise self.context.type_error(
                 node, "fixed_point expects a function, where to start, and parameters"
             )

@@ -9,6 +9,7 @@ from warp._src.frontend import names
 from warp._src.frontend.access import COMPONENTS
 from warp._src.frontend.context import BOOL, Part, Value
 from warp._src.frontend.indexed import array_of
+from warp._src.kernels.function import Function
 from warp._src.types import dtypes
 
 _BINARY = {
@@ -134,7 +135,7 @@ class Expressions(Part):
 
     def user_operator(self, node, name, operands):
         function = self.context.function.__globals__.get(name)
-        if function is None or not hasattr(function, "overloads"):
+        if not isinstance(function, Function):
             shown = " and ".join(f"'{self.context.type_name(v)}'" for v in operands)
             raise self.context.type_error(
                 node,

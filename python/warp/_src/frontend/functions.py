@@ -15,6 +15,7 @@ from warp._src.frontend import names
 from warp._src.frontend.context import Value
 from warp._src.frontend.indexed import array_of
 from warp._src.frontend.source import source_of
+from warp._src.kernels.function import Function
 from warp._src.types import annotations, dtypes
 from warp._src.types.annotations import Reference
 from warp._src.types.native import ArrayType, IndexedArrayType
@@ -271,4 +272,4 @@ def overload_of(function) -> Overload:
 
 def is_static(binding) -> bool:
     """Whether a binding is passed by specialising the callee."""
-    return isinstance(binding, (type, str, names.BuiltinRef)) or hasattr(binding, "overloads")
+    return isinstance(binding, (type, str, names.BuiltinRef, Function))
