@@ -151,7 +151,7 @@ class KernelDerivative:
         native: what runs.
         augmented: the primal, changed to save what the adjoint needs, or None.
         counting: finds how much memory the adjoint's loops need, or None if that is known.
-        hidden: arguments after those of the primal; each has `kind`, `leaf`, `type`, `per_thread`
+        hidden: arguments after those of the primal; each has `kind`, `leaf`, `type`
             and `places`.
         hidden_of_counting: the same of `counting`.
         needed: numbers of the arrays whose contents are read.
