@@ -240,8 +240,8 @@ def measure_ratios(device, seconds):
 
 def measure_directions(device, seconds):
     """Seconds of launches with tangents along 1, 4 and 8 directions, and of those without."""
+    from warp._src.arrays.observers import Observing
     from warp._src.autograd.tangents import WIDTHS, Tangents
-    from warp._src.tracking import Watching
 
     result = {}
     for name, (define, dim, inputs) in problems(device).items():
@@ -258,7 +258,7 @@ def measure_directions(device, seconds):
             for one in inputs:
                 if isinstance(one, wp.array):
                     state.twin(one)
-            with Watching(executor=state):
+            with Observing(executor=state):
                 result[name][str(width)] = steady(forward, device, seconds / 2)
     return result
 

@@ -2,8 +2,8 @@
 
     python benchmarks/autodiff.py [--device cpu] [--peer /path/to/python] [--json out.json]
 
-The sections are `catalogue` (numbered cases with expected gradients, test/python), `time`
-(backward over forward), `directions` (tangents over forward), `compile`, `loops` (a million
+The sections are `catalogue` (numbered cases with expected gradients, in test/python/support),
+`time` (backward over forward), `directions` (tangents over forward), `compile`, `loops` (a million
 iterations backwards, many shorter loops, random samples) and `precision` (error beside time, of a
 stiff and an extreme case). `--peer` names a Python that has NVIDIA Warp: it runs the same cases,
 and ratios are taken within this run. Every measurement runs in a process of its own; a case that
@@ -24,7 +24,7 @@ import spine
 from spine import Row, Runner
 
 HERE = Path(__file__).resolve().parent
-TESTS = HERE.parent / "test" / "python"
+TESTS = HERE.parent / "test" / "python" / "support"
 sys.path.insert(0, str(TESTS))
 # Backward over forward.
 RATIO_GOALS = {"saxpy": 1.5, "springs": 1.5}

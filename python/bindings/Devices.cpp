@@ -52,13 +52,13 @@ static uintptr_t address(void *pointer) {
 
 /// The package's object for a device, as users know it.
 static py::object deviceObject(int index) {
-  return py::module_::import("warp._src.devices").attr("by_index")(index);
+  return py::module_::import("warp._src.devices.devices").attr("by_index")(index);
 }
 
 static int cudaIndex(const py::object &device) {
   if (PyLong_CheckExact(device.ptr()))
     return device.cast<int>();
-  return py::module_::import("warp._src.streams")
+  return py::module_::import("warp._src.devices.streams")
       .attr("cuda_index")(device)
       .cast<int>();
 }

@@ -1,8 +1,17 @@
 """Type factories and questions about types, under the names that users know."""
 
-from warp._src.annotations import ArrayType as ArrayType
-from warp._src.array import array as array
-from warp._src.composites import Composite as Composite
-from warp._src.constants import *  # noqa: F403
-from warp._src.structs import StructInstance as StructInstance
-from warp._src.types import *  # noqa: F403
+from warp._src.arrays.array import array as array
+from warp._src.types import numpy_types as _numpy_types
+from warp._src.types.composites import Composite as Composite
+from warp._src.types.constants import *  # noqa: F403
+from warp._src.types.dtypes import *  # noqa: F403
+from warp._src.types.native import ArrayType as ArrayType
+from warp._src.types.structs import StructInstance as StructInstance
+
+
+def __getattr__(name):
+    """`np_dtype_to_warp_type`, a table that needs NumPy, is made when it is asked for."""
+    if name != "np_dtype_to_warp_type":
+        raise AttributeError(f"module 'warp.types' has no attribute '{name}'")
+    globals()[name] = _numpy_types.scalar_types()
+    return globals()[name]

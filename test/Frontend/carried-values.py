@@ -2,7 +2,7 @@
 """Loops and branches carry what is assigned in them and read later, and nothing else."""
 
 import warp as wp
-from warp._src.frontend import build_kernel
+from warp._src.frontend.build import build_kernel
 
 
 # `t` is dead after the loop and assigned before it is read: not carried.

@@ -2,7 +2,7 @@
 """An error shows the place with a caret under the whole expression, and the fix."""
 
 import warp as wp
-from warp._src.frontend import build_kernel
+from warp._src.frontend.build import build_kernel
 
 
 def show(kernel):

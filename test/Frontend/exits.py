@@ -2,7 +2,7 @@
 """break, continue and early return become flags, and only where something must test them."""
 
 import warp as wp
-from warp._src.frontend import build_kernel
+from warp._src.frontend.build import build_kernel
 
 
 # A branch that always leaves takes the rest of the body into the other branch: no flag.

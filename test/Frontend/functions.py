@@ -4,7 +4,7 @@
 from typing import Any
 
 import warp as wp
-from warp._src.frontend import build_kernel
+from warp._src.frontend.build import build_kernel
 
 
 @wp.func

@@ -2,7 +2,7 @@
 """Parts of array elements are stored and updated alone, through a component view."""
 
 import warp as wp
-from warp._src.frontend import build_kernel
+from warp._src.frontend.build import build_kernel
 
 
 @wp.struct

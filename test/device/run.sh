@@ -90,7 +90,7 @@ run_sanitizer() {
 
 run_pair() {
   timeout -k 10 "$(share 120)" "$python" -m pytest -q --no-header -rs \
-    -p no:cacheprovider test/python/test_two_devices.py "$@"
+    -p no:cacheprovider test/python/devices/test_two_devices.py "$@"
 }
 
 run_benchmarks() {

@@ -100,7 +100,7 @@ def main():
     given = sys.argv[1:]
     cut = given.index("--") if "--" in given else len(given)
     options, arguments = parser.parse_args(given[:cut]), given[cut + 1 :]
-    files = options.files or sorted(ROOT.glob("test/python/test_*.py"))
+    files = options.files or sorted(ROOT.glob("test/python/*/test_*.py"))
     folder = options.log or tempfile.mkdtemp(prefix="warp-suite-")
     Path(folder).mkdir(parents=True, exist_ok=True)
     end = time.perf_counter() + options.timeout

@@ -1,1 +1,22 @@
-"""Implementation of the package, by topic."""
+"""The implementation of the package. No module imports one that needs it, not even in functions.
+
+    config, errors, version   settings, exceptions, who calls the package
+    types         scalars, vectors, matrices, structs, annotations; `native`: the compiler's types
+    devices       devices, streams, memory, allocators, graphs, start of the runtime (`runtime`)
+    arrays        `array`: the class, with views, operators, protocols, gradients, data, copies;
+                  `create`, `indexed`; `observers`, `versions`: who sees what is done with memory
+    interop       DLPack, PyTorch, JAX; `exchange`: what all exchanges share
+    language      builtins at Python scope, and what of the language is written in itself
+    frontend      from a Python function to a module of the dialect
+    kernels       `kernel`, `function`, `launch`, `maps`, modules and their options, saved code;
+                  `call`: a launch with everything it was given
+    derivatives   `kernel_derivatives`: adjoints and tangents of a kernel; `tape`, its records and
+                  its backward pass; `functions`: derivatives that users write
+    autograd      Jacobians, forward mode, checkpoints, checks, for `wp.autograd`
+    optim         optimisers, for `wp.optim`
+
+Arrays are below kernels, and what arrays do by kernels is put into `arrays.hooks`. The kernel
+language's own functions use `language.namespace` in place of `warp`. Modules that few programs need
+(the front end before the first kernel, backward passes, `autograd`, `optim`) and other libraries
+are imported in functions.
+"""

@@ -14,8 +14,6 @@ The C++ side throws one exception class; `from_native` turns its kind into a cla
 
 from __future__ import annotations
 
-import linecache
-
 
 class WarpError(RuntimeError):
     """Base of all errors raised by this package.
@@ -185,6 +183,8 @@ def format_error(error: WarpError) -> str:
     lines = [f"{place}: {error.message}" if place else error.message]
     source = error.source
     if source is None and error.file and error.line:
+        import linecache
+
         source = linecache.getline(error.file, error.line)
     if source and source.strip():
         lines += _caret(source.rstrip("\n"), error.column, error.end_column)

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from warp._src import errors
-from warp._src.array import array
+from warp._src.arrays.array import array
+from warp._src.arrays.boxes import Box
+from warp._src.arrays.observers import Observers, Observing, copy_layout
+from warp._src.arrays.versions import Event, Memory, event
 from warp._src.autograd.revolve import Reversal, first_sweep
-from warp._src.backward import BackwardPass
-from warp._src.boxes import Box
-from warp._src.tape import Tape
-from warp._src.tracking import Event, Memory, Watch, Watching, copy_layout, event
-from warp._src.watching import Call
+from warp._src.derivatives.backward import BackwardPass
+from warp._src.derivatives.tape import Tape
+from warp._src.kernels.call import Call
 
 
 def checkpoint(
@@ -57,7 +58,7 @@ def checkpoint(
     for one in state:
         if not isinstance(one, array):
             raise TypeError(f"checkpoint expects arrays as state, but got '{type(one).__name__}'")
-    tape = Watch.tape
+    tape = Observers.tape
     if tape is None or not steps:
         for number in range(steps):
             step(number)
@@ -159,7 +160,7 @@ class _CheckpointRecord:
         """Runs all steps and keeps the copies that the backward pass begins with."""
         self.kept = first_sweep(self.steps, self.slots)
         starts = {start for start, _ in self.kept}
-        with Watching(tape=self.observer):
+        with Observing(tape=self.observer):
             for number in range(self.steps):
                 if number in starts:
                     self._keep(number)
@@ -167,7 +168,7 @@ class _CheckpointRecord:
                 self.step(number)
                 self.observer.end_step()
         for one in self.observer.constants():
-            version = Watch.memory.observe(one)
+            version = Observers.memory.observe(one)
             if preserve:
                 version.keep_for(self)
             self.versions.append(version)
@@ -189,7 +190,7 @@ class _CheckpointRecord:
         self._seen_before = any(state.seen_before(one) for one in self.written())
         end = [copy_layout(one) for one in self.state] if self.keeps_end else None
         reversal = Reversal(self._keep, self._restore, self._drop, self.step, self._reverse_step)
-        with Watching(tape=None, memory=Memory()):
+        with Observing(tape=None, memory=Memory(copy_layout)):
             if len(self.copies) < len(self.kept):
                 self._sweep_again()
             reversal.run(self.steps, self.kept)
@@ -199,7 +200,7 @@ class _CheckpointRecord:
         inside = [Box(one) for one in self.state]
         for one in self.observer.written.values():
             if not any(Box(one).overlaps(box) for box in inside):
-                Watch.memory.writing(one, self)
+                Observers.memory.writing(one, self)
 
     def _drop(self, number) -> None:
         """Frees a copy; that of the beginning is kept for another backward pass."""

@@ -9,8 +9,9 @@ import numpy
 from warp._src import errors
 from warp._src.autograd.evaluation import Evaluation
 from warp._src.autograd.jacobians import difference_columns, reverse_rows
-from warp._src.kernel import Kernel
-from warp._src.tape_records import LaunchRecord
+from warp._src.derivatives.tape_records import LaunchRecord
+from warp._src.devices.devices import by_index
+from warp._src.kernels.kernel import Kernel
 
 
 def gradcheck(
@@ -199,6 +200,4 @@ def gradcheck_tape(
 
 
 def _device(call):
-    from warp._src.devices import by_index
-
     return by_index(call.device)

@@ -8,13 +8,14 @@ from collections.abc import Callable, Sequence
 
 import numpy
 
-from warp._src import errors, scalars, types
-from warp._src.array import array
-from warp._src.kernel import Kernel
-from warp._src.launch import launch
-from warp._src.structs import StructInstance
-from warp._src.tracking import Watching, copy_layout
-from warp._src.watching import signature_of, struct_leaves, struct_of
+from warp._src import errors
+from warp._src.arrays.array import array
+from warp._src.arrays.observers import Observing, copy_layout
+from warp._src.kernels.call import signature_of, struct_leaves, struct_of
+from warp._src.kernels.kernel import Kernel
+from warp._src.kernels.launch import launch
+from warp._src.types import dtypes, scalars
+from warp._src.types.structs import StructInstance
 
 
 @dataclasses.dataclass
@@ -169,7 +170,7 @@ class Evaluation:
 
     def reset(self) -> None:
         """Gives the arrays the contents that they had at first."""
-        with Watching(tape=None):
+        with Observing(tape=None):
             for one, contents in self._saved:
                 one.assign(contents)
 
@@ -223,7 +224,7 @@ def _variables(names, values) -> list[Variable]:
 
 def is_real(dtype) -> bool:
     """Whether elements are made of floating-point numbers that NumPy has."""
-    if types.is_struct(dtype):
+    if dtypes.is_struct(dtype):
         return False
     scalar = getattr(dtype, "_wp_scalar_type_", dtype)
     return issubclass(scalar, scalars.float_base) and scalar is not scalars.bfloat16

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from warp._src import errors
-from warp._src.array import array
-from warp._src.array_create import clone, copy, zeros, zeros_like
-from warp._src.array_gradients import gradient_type
+from warp._src.arrays.array import array
+from warp._src.arrays.copies import clone, copy
+from warp._src.arrays.create import zeros, zeros_like
+from warp._src.arrays.gradients import gradient_type
+from warp._src.arrays.observers import Observers, Observing, copy_layout
 from warp._src.autograd.evaluation import components, numbers_of, set_numbers
 from warp._src.autograd.tangents import Tangents, chunks
-from warp._src.tape import Tape
-from warp._src.tracking import Watch, Watching, copy_layout
+from warp._src.derivatives.tape import Tape
 
 
 def jvp(function: Callable, inputs: Sequence, tangents: Sequence) -> array | list[array]:
@@ -53,9 +54,9 @@ def jvp(function: Callable, inputs: Sequence, tangents: Sequence) -> array | lis
     made: list = []
     state = None
     for part, width in chunks(len(directions)):
-        state = Tangents(Watch.tape, width, state, part.stop == len(directions))
+        state = Tangents(Observers.tape, width, state, part.stop == len(directions))
         _start(state, inputs, directions[part.start : part.stop])
-        with Watching(tape=None, executor=state):
+        with Observing(tape=None, executor=state):
             result = function(*inputs)
         results = list(result) if isinstance(result, (list, tuple)) else [result]
         for one in results:
@@ -66,7 +67,9 @@ def jvp(function: Callable, inputs: Sequence, tangents: Sequence) -> array | lis
             pairs = zip(results, found[0], strict=True)
             made = [zeros_like(a, requires_grad=False) if t is None else clone(t) for a, t in pairs]
         else:
-            made = made or [_rows(one, len(directions), Watch.tape is not None) for one in results]
+            made = made or [
+                _rows(one, len(directions), Observers.tape is not None) for one in results
+            ]
             for k, tangents_of_one in zip(part, found, strict=True):
                 _set_row(made, k, tangents_of_one)
     return made if isinstance(result, (list, tuple)) else made[0]
@@ -279,7 +282,7 @@ def _second_derivatives(function, inputs, chosen, directions):
 def _run_twice(state, function, inputs) -> list:
     """Runs a function forwards and backwards with tangents; gradients as they were before."""
     saved: list = []
-    with Watching(tape=None, executor=state):
+    with Observing(tape=None, executor=state):
         with Tape(preserve="auto") as tape:
             loss = function(*inputs)
         if not isinstance(loss, array) or loss.size != 1:

@@ -6,8 +6,9 @@ from collections.abc import Callable, Sequence
 
 import numpy
 
-from warp._src.array import array
-from warp._src.array_create import zeros_like
+from warp._src.arrays.array import array
+from warp._src.arrays.create import zeros_like
+from warp._src.arrays.observers import Observing
 from warp._src.autograd.evaluation import (
     Evaluation,
     FunctionMetadata,
@@ -16,9 +17,8 @@ from warp._src.autograd.evaluation import (
     set_numbers,
 )
 from warp._src.autograd.tangents import Tangents, chunks
-from warp._src.kernel import Kernel
-from warp._src.tape import Tape
-from warp._src.tracking import Watching
+from warp._src.derivatives.tape import Tape
+from warp._src.kernels.kernel import Kernel
 
 
 def jacobian(
@@ -111,7 +111,7 @@ def jacobian_fd(
 def reverse_rows(problem: Evaluation, mask, limit: int) -> dict[tuple, numpy.ndarray]:
     """Matrices of scalars, found row by row."""
     problem.reset()
-    with Watching(tape=None), Tape(preserve="auto") as tape:
+    with Observing(tape=None), Tape(preserve="auto") as tape:
         problem.run()
     pairs = problem.pairs(mask)
     result = _unknown(pairs)
@@ -136,7 +136,7 @@ def reverse_rows(problem: Evaluation, mask, limit: int) -> dict[tuple, numpy.nda
 def forward_columns(problem: Evaluation, mask, limit: int) -> dict[tuple, numpy.ndarray]:
     """Matrices of scalars, found several columns at a time."""
     problem.reset()
-    with Watching(tape=None):
+    with Observing(tape=None):
         problem.run()
     pairs = problem.pairs(mask)
     result = _unknown(pairs)
@@ -150,7 +150,7 @@ def forward_columns(problem: Evaluation, mask, limit: int) -> dict[tuple, numpy.
             numbers = numbers_of(tangent)
             numbers[column] = 1
             set_numbers(tangent, numbers)
-        with Watching(tape=None, executor=state):
+        with Observing(tape=None, executor=state):
             outputs = {one.key: one.array for one in problem.run()}
         for i, (source, column) in enumerate(columns[part.start : part.stop]):
             for key in [target.key for other, target in pairs if other is source]:
@@ -175,7 +175,7 @@ def _unknown(pairs) -> dict[tuple, numpy.ndarray]:
 def difference_columns(problem: Evaluation, mask, limit: int, eps: float) -> dict:
     """Matrices of scalars, found column by column."""
     problem.reset()
-    with Watching(tape=None):
+    with Observing(tape=None):
         problem.run()
         pairs = problem.pairs(mask)
         result = _unknown(pairs)

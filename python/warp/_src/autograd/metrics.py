@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from warp._src.kernel import Kernel
+from warp._src.kernels.kernel import Kernel
 
 NAMES = (
     "tape_bytes",
@@ -33,8 +33,8 @@ def adjoint_metrics(kernel: Kernel, inputs=None) -> dict[str, int]:
     """
     if not isinstance(kernel, Kernel):
         raise TypeError(f"expects a kernel, but got '{type(kernel).__name__}'")
-    made = kernel.last_adjoint()
+    made = kernel.derivatives.last_adjoint()
     if made is None or inputs is not None:
         native = kernel.specialize(inputs or ()) if kernel.is_generic else kernel.prepare()
-        made = kernel.adjoint(native, (True,) * len(native.accesses))
+        made = kernel.derivatives.adjoint(native, (True,) * len(native.accesses))
     return {**dict.fromkeys(NAMES, 0), **made.metrics}

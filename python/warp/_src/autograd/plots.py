@@ -6,9 +6,9 @@ import inspect
 
 import numpy
 
-from warp._src.array import array
+from warp._src.arrays.array import array
 from warp._src.autograd.evaluation import FunctionMetadata
-from warp._src.kernel import Kernel
+from warp._src.kernels.kernel import Kernel
 
 
 def jacobian_plot(

@@ -2,7 +2,7 @@
 
 Every allocation that depends on the inputs has a twin of the same layout, which holds the tangents
 of its elements; a view of the array is the same view of the twin. `Tangents` is an executor (see
-`watching`): as long as it is in place, each launch is replaced by one that reads and writes the
+`observers`): as long as it is in place, each launch is replaced by one that reads and writes the
 twins too, a copy also copies tangents, and filling clears them. An adjoint is a launch like any
 other, so tangents of gradients, second derivatives, need nothing more: the twin of an array has a
 gradient, which is the twin of the array's gradient.
@@ -15,13 +15,15 @@ overwrote in between put back.
 from __future__ import annotations
 
 from warp import _native
-from warp._src import kernel_derivatives, scalars, types
-from warp._src.array import array
-from warp._src.array_create import empty, zeros
-from warp._src.array_gradients import gradient_type, has_gradient
-from warp._src.boxes import Box
-from warp._src.tracking import Watching, copy_layout, event
-from warp._src.watching import Call
+from warp._src.arrays.array import array
+from warp._src.arrays.boxes import Box
+from warp._src.arrays.create import empty, zeros
+from warp._src.arrays.gradients import gradient_type, has_gradient
+from warp._src.arrays.observers import Observing, copy_layout
+from warp._src.arrays.versions import event
+from warp._src.derivatives.kernel_derivatives import check_overlap, thread_count
+from warp._src.kernels.call import Call
+from warp._src.types import dtypes, scalars
 
 # Numbers of directions that kernels are made for.
 WIDTHS = (1, 4, 8)
@@ -120,7 +122,7 @@ class Tangents:
                 self._kept[base.ptr or 0] = (base, self._keep(base))
 
     def _keep(self, base: array) -> array:
-        with Watching(executor=None):
+        with Observing(executor=None):
             kept = copy_layout(base)
         if self.tape is not None and base.grad is not None:
             kept.requires_grad = True
@@ -130,7 +132,7 @@ class Tangents:
     def _restore(self, address: int) -> None:
         if address in self._changed:
             base, kept = self._changed.pop(address)
-            with Watching(executor=None, tape=self.tape):
+            with Observing(executor=None, tape=self.tape):
                 base.assign(kept)
 
     # Operations.
@@ -142,10 +144,11 @@ class Tangents:
         if not any(active):
             self._run(call)
             return
-        made = [call.kernel.tangent(call.native, active, width=self.width)]
-        if made[0].one_thread and kernel_derivatives.thread_count(call.dim) > 1:
-            kernel_derivatives.check_overlap(call, active, "")
-            made.append(call.kernel.tangent(call.native, active, width=self.width, winners=True))
+        derivatives = call.kernel.derivatives
+        made = [derivatives.tangent(call.native, active, width=self.width)]
+        if made[0].one_thread and thread_count(call.dim) > 1:
+            check_overlap(call, active, "")
+            made.append(derivatives.tangent(call.native, active, width=self.width, winners=True))
         arrays = [one for _, one in call.leaves]
         for one in made:
             self._run(call.other(one.native, (*call.values, *self._hidden(one, arrays))))
@@ -176,23 +179,26 @@ class Tangents:
             if hidden.kind == "tangent":
                 values.append(self.twin(one, hidden.direction))
             else:
-                values.append(zeros(one.shape, types.dtype_of(hidden.type).dtype, one.device))
+                values.append(zeros(one.shape, dtypes.dtype_of(hidden.type).dtype, one.device))
         return values
 
-    def launch_adjoint(self, made, call: Call, values, initial, saved) -> None:
+    def run_adjoint(self, call: Call, values, initial, saved) -> None:
         """Runs the adjoint of a launch with tangents."""
         grads = [one.grad for _, one in call.leaves if one is not None and one.grad is not None]
         unique = not _native.shares_elements(grads)
+        made = call.kernel.derivatives.adjoint(call.native, call.active)
         if not unique or made.counting is not None:
-            made = call.kernel.adjoint(call.native, call.active, unique, tape="checkpoints")
-        hidden = kernel_derivatives.hidden_values(made, call, initial, saved)
+            made = call.kernel.derivatives.adjoint(
+                call.native, call.active, unique, tape="checkpoints"
+            )
+        hidden = made.hidden_values(call, initial, saved)
         again = call.other(made.native, (*values, *hidden))
         arrays = [one for _, one in again.leaves]
         active = tuple(
             one is not None and has_gradient(one.dtype) and (self.has(one) or one.grad is not None)
             for one in arrays
         )
-        second = _tangent_of(made, active, unique, self.width)
+        second = made.tangent(active, unique, self.width)
         call.other(second.native, (*again.values, *self._hidden(second, arrays))).run()
 
     def copy(self, dest: array, src: array, stream=None) -> None:
@@ -241,18 +247,6 @@ def _zeros(size, device) -> array:
     return made
 
 
-def _tangent_of(made, active, unique, width):
-    """The tangent of a derivative, kept with it."""
-    known = made.__dict__.setdefault("tangents", {})
-    key = (active, unique, width)
-    if key not in known:
-        second = kernel_derivatives.differentiate(
-            made.kernel, made.native, active, True, unique, width=width
-        )
-        known[key] = kernel_derivatives.Derivative(made.kernel, second, "adjoint_tangent")
-    return known[key]
-
-
 def _base(one: array) -> array:
     """The array that a view was made of."""
     owner = one.owner
@@ -263,4 +257,4 @@ def _base(one: array) -> array:
 
 def _widening(dtype) -> int:
     """How many times more bytes the tangent of an element has."""
-    return types.type_size_in_bytes(gradient_type(dtype)) // types.type_size_in_bytes(dtype)
+    return dtypes.type_size_in_bytes(gradient_type(dtype)) // dtypes.type_size_in_bytes(dtype)

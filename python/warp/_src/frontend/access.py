@@ -6,11 +6,13 @@ import ast
 import enum
 import types as python_types
 
-from warp._src import derivatives, errors, types
+from warp._src import errors
+from warp._src.derivatives.functions import adjoint
 from warp._src.frontend import names
-from warp._src.frontend.emitter import INT32, Value
-from warp._src.frontend.indexed import Indexed, array_of
+from warp._src.frontend.context import INT32, Part, Value
+from warp._src.frontend.indexed import array_of
 from warp._src.frontend.names import BuiltinRef
+from warp._src.types import dtypes
 
 COMPONENTS = {"x": 0, "y": 1, "z": 2, "w": 3}
 # What to do without attributes that arrays have in Python only.
@@ -29,20 +31,20 @@ def places_of(selections) -> list[list]:
     return places
 
 
-class Access(Indexed):
+class Access(Part):
     """Translates `a.b` and `a[b]`."""
 
     def expr_Attribute(self, node):
         member = self.enum_member(node.value)
         if member is not None and hasattr(member, node.attr):
-            return self.capture(getattr(member, node.attr), node)
-        return self.attribute(self.expr(node.value), node.attr, node)
+            return self.context.capture(getattr(member, node.attr), node)
+        return self.attribute(self.context.expressions.expr(node.value), node.attr, node)
 
     def enum_member(self, node):
         """The member that `Class.NAME` stands for, which `expr` would turn into its value."""
         if not isinstance(node, ast.Attribute) or not isinstance(node.value, ast.Name):
             return None
-        owner = self.expr(node.value)
+        owner = self.context.expressions.expr(node.value)
         if isinstance(owner, type) and issubclass(owner, enum.Enum):
             return getattr(owner, node.attr, None)
         return None
@@ -51,20 +53,22 @@ class Access(Indexed):
         if type(base) is Value:
             return self.value_attribute(base, name, node)
         if isinstance(base, python_types.ModuleType):
-            return self.capture(names.module_attribute(self, base, name, node), node)
+            return self.context.capture(
+                names.module_attribute(self.context, base, name, node), node
+            )
         if isinstance(base, (tuple, BuiltinRef)):
             raise self.no_attribute(base, name, node)
-        if isinstance(base, types.Composite):
-            return self.value_attribute(self.materialize(base, node), name, node)
-        if types.type_is_composite(base) and name in ("dtype", "length", "shape"):
+        if isinstance(base, dtypes.Composite):
+            return self.value_attribute(self.context.materialize(base, node), name, node)
+        if dtypes.type_is_composite(base) and name in ("dtype", "length", "shape"):
             extents = {"length": base._length_, "shape": base._shape_}
             return extents.get(name, base._wp_scalar_type_)
-        if types.is_struct(type(base)) and name in type(base)._wp_fields_:
+        if dtypes.is_struct(type(base)) and name in type(base)._wp_fields_:
             return self.struct_constant(type(base)._wp_fields_[name], getattr(base, name))
         try:
-            return self.capture(getattr(base, name), node)
+            return self.context.capture(getattr(base, name), node)
         except AttributeError:
-            raise self.error(
+            raise self.context.error(
                 node,
                 f"{names.describe(base)} has no attribute '{name}'",
                 kind=errors.WarpCodegenAttributeError,
@@ -73,24 +77,24 @@ class Access(Indexed):
     @staticmethod
     def struct_constant(dtype, number):
         """A field of a captured struct; a number keeps the type of the field."""
-        if not types.type_is_scalar(dtype) or isinstance(number, types.scalar_base):
+        if not dtypes.type_is_scalar(dtype) or isinstance(number, dtypes.scalar_base):
             return number
-        return number if dtype in (types.bool, types.int32, types.float32) else dtype(number)
+        return number if dtype in (dtypes.bool, dtypes.int32, dtypes.float32) else dtype(number)
 
     def value_attribute(self, base, name, node):
         native = base.type
         kind = native.kind
-        self.at(node)
+        self.context.at(node)
         array = array_of(native)
         if kind == "struct" and array is None:
             return self.builder.struct_get(base, name)
         if array is not None:
             if name == "shape":
-                return self.extents(base, node)
+                return self.context.indexed.extents(base, node)
             if name == "ndim":
                 return array.rank
             if name == "dtype":
-                return types.dtype_of(array.element)
+                return dtypes.dtype_of(array.element)
             if name == "size":
                 return self.array_size(base, node)
         if kind in ("vec", "quat") and name in COMPONENTS:
@@ -105,58 +109,58 @@ class Access(Indexed):
         if name == "shape" and kind in ("vec", "mat"):
             return tuple(native.shape)
         if name == "dtype" and kind in ("vec", "mat", "quat", "transform"):
-            return types.dtype_of(native.element)
+            return dtypes.dtype_of(native.element)
         raise self.no_attribute(base, name, node)
 
     def no_attribute(self, base, name, node):
         is_array = type(base) is Value and array_of(base.type) is not None
-        return self.error(
+        return self.context.error(
             node,
-            f"'{self.type_name(base)}' has no attribute '{name}'",
+            f"'{self.context.type_name(base)}' has no attribute '{name}'",
             _OF_ARRAYS.get(name) if is_array else None,
             errors.WarpCodegenAttributeError,
         )
 
     def array_size(self, array, node):
-        size, *others = self.extents(array, node)
+        size, *others = self.context.indexed.extents(array, node)
         for extent in others:
             size = self.builder.builtin("mul", [size, extent])[0][0]
         return size
 
     def expr_Subscript(self, node):
-        base = self.expr(node.value)
+        base = self.context.expressions.expr(node.value)
         if isinstance(base, type) or (
-            type(base) is not Value and not isinstance(base, (tuple, types.Composite))
+            type(base) is not Value and not isinstance(base, (tuple, dtypes.Composite))
         ):
             return self.static_subscript(base, node)
         return self.subscript(base, node.slice, node)
 
     def static_subscript(self, base, node):
         """A subscripted type, as in `wp.array[float]`."""
-        if base is derivatives.adjoint:
-            raise self.error(
+        if base is adjoint:
+            raise self.context.error(
                 node,
                 "`wp.adjoint` can be used in functions with `@wp.func_grad` only, for parameters",
             )
         if not callable(base):
-            raise self.type_error(
+            raise self.context.type_error(
                 node,
                 f"{names.describe(base)} cannot be indexed in a kernel",
                 "pass an array, or use a tuple of constants",
             )
-        index = self.expr(node.slice)
+        index = self.context.expressions.expr(node.slice)
         try:
             return base[index]
         except Exception:
-            raise self.type_error(
+            raise self.context.type_error(
                 node, f"{names.describe(base)} cannot be indexed in a kernel"
             ) from None
 
     def subscript(self, base, index, node):
         if type(base) is tuple:
             return self.tuple_item(base, index, node)
-        if isinstance(base, types.Composite):
-            base = self.materialize(base, node)
+        if isinstance(base, dtypes.Composite):
+            base = self.context.materialize(base, node)
         items = index.elts if isinstance(index, ast.Tuple) else [index]
         kind = base.type.kind
         if kind == "array" or array_of(base.type) is not None:
@@ -165,13 +169,13 @@ class Access(Indexed):
             if any(isinstance(item, ast.Slice) for item in items):
                 return self.composite_slice(base, items, node)
             indices = [self.index(item) for item in items]
-            self.at(node)
+            self.context.at(node)
             return self.builder.extract(base, indices)
-        raise self.type_error(node, f"'{self.type_name(base)}' cannot be indexed")
+        raise self.context.type_error(node, f"'{self.context.type_name(base)}' cannot be indexed")
 
     def index(self, node):
         """An index as an SSA value; its type is checked by the builder."""
-        return self.value(node)
+        return self.context.expressions.value(node)
 
     def tuple_item(self, base, index, node):
         if isinstance(index, ast.Slice):
@@ -186,30 +190,30 @@ class Access(Indexed):
         return base[position]
 
     def index_error(self, node, index, extent, what):
-        return self.error(
+        return self.context.error(
             node,
             f"{what} {index} is out of range for {extent} elements",
             kind=errors.WarpCodegenIndexError,
         )
 
     def constant_int(self, node, what) -> int:
-        binding = self.expr(node)
+        binding = self.context.expressions.expr(node)
         if type(binding) is Value:
             known = binding.constant()
             if isinstance(known, int):
                 return int(known)
-        elif isinstance(binding, (int, types.scalar_base)):
+        elif isinstance(binding, (int, dtypes.scalar_base)):
             return int(getattr(binding, "value", binding))
-        raise self.type_error(node, f"{what} must be an integer known at compile time")
+        raise self.context.type_error(node, f"{what} must be an integer known at compile time")
 
     def array_item(self, array, items, node):
         """An element if all dimensions are indexed, else a view."""
         rank = array_of(array.type).rank
         if len(items) > rank:
-            raise self.error(
+            raise self.context.error(
                 node,
                 f"expects at most {rank} {'index' if rank == 1 else 'indices'} for "
-                f"'{self.type_name(array)}', but got {len(items)}",
+                f"'{self.context.type_name(array)}', but got {len(items)}",
                 kind=errors.WarpCodegenIndexError,
             )
         if any(isinstance(item, ast.Slice) for item in items):
@@ -219,27 +223,29 @@ class Access(Indexed):
 
     def part(self, array, indices, node):
         """An element, or a view if there are more dimensions than indices."""
-        self.at(node)
+        self.context.at(node)
         if len(indices) == array_of(array.type).rank:
-            return self.builder.load(*self.resolved(array, indices, node))
+            return self.builder.load(*self.context.indexed.resolved(array, indices, node))
         if array.type.kind == "struct":
-            return self.indexed_view(array, indices, node)
+            return self.context.indexed.indexed_view(array, indices, node)
         return self.builder.view(array, indices)
 
     def array_slice(self, array, items, node):
         """Leading plain indices, then slices."""
         if array.type.kind == "struct":
-            raise self.unsupported(node, "a slice of an indexed array", "slice the array behind it")
+            raise self.context.unsupported(
+                node, "a slice of an indexed array", "slice the array behind it"
+            )
         plain = 0
         while not isinstance(items[plain], ast.Slice):
             plain += 1
         leading = [self.index(item) for item in items[:plain]]
-        self.at(node)
+        self.context.at(node)
         if leading:
             array = self.builder.view(array, leading)
         for axis, item in enumerate(items[plain:]):
             if not isinstance(item, ast.Slice):
-                raise self.unsupported(
+                raise self.context.unsupported(
                     item, "a plain index after a slice", "index first, then slice"
                 )
             array = self.builder.slice(array, axis, *self.slice_bounds(item, node))
@@ -248,15 +254,15 @@ class Access(Indexed):
     def slice_bounds(self, item, node) -> list:
         """Start, stop and step; None stands for the defaults of a step of 1."""
         bounds = [
-            None if part is None else self.value(part)
+            None if part is None else self.context.expressions.value(part)
             for part in (item.lower, item.upper, item.step)
         ]
-        self.at(node)
+        self.context.at(node)
         if bounds[2] is None:
             return bounds
         step = bounds[2].constant()
         if step == 0:
-            raise self.error(item, "slice step is zero", kind=errors.WarpCodegenValueError)
+            raise self.context.error(item, "slice step is zero", kind=errors.WarpCodegenValueError)
         ends = [self.builder.constant(INT32, end) for end in (0, 2**31 - 1, -(2**31))]
         for i in range(2):
             if bounds[i] is not None:
@@ -265,8 +271,10 @@ class Access(Indexed):
                 bounds[i] = ends[i] if step > 0 else ends[i + 1]
             else:
                 zero = self.builder.cast(ends[0], bounds[2].type)
-                backwards = self.operator(node, "lt", bounds[2], zero)
-                bounds[i] = self.operator(node, "where", backwards, ends[i + 1], ends[i])
+                backwards = self.context.expressions.operator(node, "lt", bounds[2], zero)
+                bounds[i] = self.context.expressions.operator(
+                    node, "where", backwards, ends[i + 1], ends[i]
+                )
         return bounds
 
     def slice_range(self, item, extent, node) -> range:
@@ -277,16 +285,16 @@ class Access(Indexed):
             for part in (item.lower, item.upper, item.step)
         ]
         if bounds[2] == 0:
-            raise self.error(node, "slice step is zero", kind=errors.WarpCodegenValueError)
+            raise self.context.error(node, "slice step is zero", kind=errors.WarpCodegenValueError)
         return range(extent)[slice(*bounds)]
 
     def selections(self, native, items, node):
         """For each axis of a composite: the chosen indices, and whether the axis remains."""
         shape = native.shape or {"quat": [4], "transform": [7]}.get(native.kind)
         if shape is None:
-            raise self.type_error(node, f"'{native.python_name}' cannot be sliced")
+            raise self.context.type_error(node, f"'{native.python_name}' cannot be sliced")
         if len(items) > len(shape):
-            raise self.error(
+            raise self.context.error(
                 node,
                 f"expects at most {len(shape)} indices for '{native.python_name}', "
                 f"but got {len(items)}",
@@ -308,12 +316,14 @@ class Access(Indexed):
 
     def selected(self, base, selections, node):
         """The components at `selections`; a constant without components if there are none."""
-        self.at(node)
+        self.context.at(node)
         values = [self.builder.extract(base, place) for place in places_of(selections)]
         lengths = [len(choices) for choices, remains in selections if remains]
         if not values:
-            dtype = types.dtype_of(base.type.element)
-            return (types.vector(0, dtype) if len(lengths) == 1 else types.matrix((0, 0), dtype))()
+            dtype = dtypes.dtype_of(base.type.element)
+            return (
+                dtypes.vector(0, dtype) if len(lengths) == 1 else dtypes.matrix((0, 0), dtype)
+            )()
         return self.builder.construct(self.composite_type(lengths, base.type.element), values)
 
     def composite_type(self, lengths, element):
@@ -324,18 +334,18 @@ class Access(Indexed):
     def spread(self, node):
         """Bindings of a starred expression."""
         if isinstance(node.value, ast.Subscript) and isinstance(node.value.slice, ast.Slice):
-            base = self.expr(node.value.value)
+            base = self.context.expressions.expr(node.value.value)
             if type(base) is Value and base.type.kind == "array":
                 return self.spread_array(base, node.value.slice, node)
             binding = self.subscript(base, node.value.slice, node.value)
         else:
-            binding = self.expr(node.value)
+            binding = self.context.expressions.expr(node.value)
         if type(binding) is tuple:
             return binding
-        if isinstance(binding, types.Composite):
-            binding = self.materialize(binding, node)
+        if isinstance(binding, dtypes.Composite):
+            binding = self.context.materialize(binding, node)
         if type(binding) is Value and binding.type.kind == "array":
-            raise self.type_error(
+            raise self.context.type_error(
                 node,
                 "the elements that `*` takes from an array must be known at compile time",
                 "write `*a[0:3]`",
@@ -343,15 +353,16 @@ class Access(Indexed):
         if type(binding) is Value and binding.type.kind in ("vec", "quat", "transform"):
             native = binding.type
             count = {"quat": 4, "transform": 7}.get(native.kind) or native.shape[0]
-            self.at(node)
+            self.context.at(node)
             indices = [self.builder.constant(INT32, i) for i in range(count)]
             return tuple([self.builder.extract(binding, [index]) for index in indices])
         if type(binding) is Value and binding.type.kind == "mat":
-            self.at(node)
+            self.context.at(node)
             rows = [self.builder.constant(INT32, i) for i in range(binding.type.shape[0])]
             return tuple([self.builder.extract(binding, [row]) for row in rows])
-        raise self.type_error(
-            node, f"expects a tuple or vector after `*`, but got '{self.type_name(binding)}'"
+        raise self.context.type_error(
+            node,
+            f"expects a tuple or vector after `*`, but got '{self.context.type_name(binding)}'",
         )
 
     def spread_array(self, array, item, node):
@@ -362,12 +373,12 @@ class Access(Indexed):
         ]
         low, high, step = bounds
         if high is None or low < 0 or high < 0 or step <= 0:
-            raise self.error(
+            raise self.context.error(
                 node,
                 "`*` of a part of an array expects bounds of at least 0 and an end",
                 "write `*a[0:3]`",
                 errors.WarpCodegenValueError,
             )
-        self.at(node)
+        self.context.at(node)
         read = self.builder.load if array.type.rank == 1 else self.builder.view
         return tuple([read(array, [self.builder.constant(INT32, i)]) for i in range(*bounds)])

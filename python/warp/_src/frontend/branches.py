@@ -8,29 +8,28 @@ there: that of the enclosing loop's last iteration, or zero.
 from __future__ import annotations
 
 from warp._src import errors
+from warp._src.frontend.context import Part, Value
 from warp._src.frontend.control import RESULT, Flag, If, Loop, Return, Simple
-from warp._src.frontend.emitter import Value
-from warp._src.frontend.expressions import Expressions
 
 _MISSING = object()
 
 
-class Branches(Expressions):
+class Branches(Part):
     """Translates `if` nodes, and expressions that evaluate one of two sides."""
 
     def block(self, nodes):
         for node in nodes:
             kind = type(node)
             if kind is Simple:
-                self.statement(node.syntax)
+                self.context.statements.statement(node.syntax)
             elif kind is If:
                 self.branch(node)
             elif kind is Loop:
-                self.loop(node)
+                self.context.loops.loop(node)
             elif kind is Flag:
-                self.env[node.name] = node.value
+                self.context.env[node.name] = node.value
             elif kind is Return:
-                self.return_statement(node.syntax)
+                self.context.statements.return_statement(node.syntax)
 
     # Branches.
 
@@ -39,28 +38,28 @@ class Branches(Expressions):
             condition = self.none_set(node.flags, node.syntax)
         else:
             test = node.syntax.test
-            condition = self.truth(self.expr(test), test)
+            condition = self.context.expressions.truth(self.context.expressions.expr(test), test)
         if type(condition) is bool:
             self.block(node.then if condition else node.orelse)
             return
-        self.at(node.syntax)
+        self.context.at(node.syntax)
         self.builder.begin_if(condition)
-        before = self.env
-        lines = self.lines
-        self.env, self.lines = dict(before), dict(lines)
+        before = self.context.env
+        lines = self.context.lines
+        self.context.env, self.context.lines = dict(before), dict(lines)
         self.block(node.then)
-        then, then_lines = self.env, self.lines
+        then, then_lines = self.context.env, self.context.lines
         self.builder.begin_else()
-        self.env, self.lines = dict(before), dict(lines)
+        self.context.env, self.context.lines = dict(before), dict(lines)
         self.block(node.orelse)
-        orelse, else_lines = self.env, self.lines
+        orelse, else_lines = self.context.env, self.context.lines
         changed = [
             name
             for name in {**then, **orelse}
             if name in node.live and then.get(name, _MISSING) is not orelse.get(name, _MISSING)
         ]
-        self.env = before
-        self.lines = {**then_lines, **else_lines}
+        self.context.env = before
+        self.context.lines = {**then_lines, **else_lines}
         lines = (then_lines, else_lines)
         self.merge(node.syntax, changed, then, orelse, lines)
         for name in node.live:
@@ -71,7 +70,7 @@ class Branches(Expressions):
         """Whether no flag is set."""
         condition = True
         for flag in flags:
-            value = self.env.get(flag, False)
+            value = self.context.env.get(flag, False)
             if type(value) is bool:
                 if value:
                     return False
@@ -81,7 +80,7 @@ class Branches(Expressions):
                 if known:
                     return False
                 continue
-            self.at(syntax)
+            self.context.at(syntax)
             clear = self.builder.builtin("unot", [value])[0][0]
             if condition is True:
                 condition = clear
@@ -100,17 +99,17 @@ class Branches(Expressions):
                 left, right = (other, known) if left is _MISSING else (known, other)
                 if left is right:
                     # The branch saw the loop's value that was just introduced.
-                    self.env[name] = left
+                    self.context.env[name] = left
             if self.same_constant(left, right):
-                self.env[name] = left
+                self.context.env[name] = left
                 shapes.append(_MISSING)
                 continue
             shapes.append(self.pair(name, left, right, syntax, lines, then_values, else_values))
-        self.at(syntax)
+        self.context.at(syntax)
         results = iter(self.builder.end_if(then_values, else_values))
         for name, shape in zip(changed, shapes, strict=False):
             if shape is not _MISSING:
-                self.env[name] = self.unflatten(shape, results)
+                self.context.env[name] = self.context.unflatten(shape, results)
 
     @staticmethod
     def same_constant(left, right):
@@ -126,8 +125,8 @@ class Branches(Expressions):
         """Appends both sides of a name; gives their shape."""
         left_values, right_values = [], []
         try:
-            shape = self.flatten(left, syntax, left_values)
-            other = self.flatten(right, syntax, right_values)
+            shape = self.context.flatten(left, syntax, left_values)
+            other = self.context.flatten(right, syntax, right_values)
         except errors.WarpCodegenTypeError:
             raise self.branches_differ(name, left, right, syntax, lines) from None
         types = [value.type for value in left_values]
@@ -138,11 +137,11 @@ class Branches(Expressions):
         return shape
 
     def branches_differ(self, name, left, right, syntax, lines):
-        left_type, right_type = self.type_name(left), self.type_name(right)
+        left_type, right_type = self.context.type_name(left), self.context.type_name(right)
         if name == RESULT:
-            return self.type_error(
+            return self.context.type_error(
                 syntax,
-                f"'{self.source.name}' returns '{left_type}' in one branch "
+                f"'{self.context.source.name}' returns '{left_type}' in one branch "
                 f"and '{right_type}' in the other",
                 notes=self.return_notes(),
             )
@@ -151,7 +150,7 @@ class Branches(Expressions):
             for side, kind in zip(lines, (left_type, right_type), strict=False)
             if name in side
         ]
-        return self.type_error(
+        return self.context.type_error(
             syntax,
             f"'{name}' is '{left_type}' in one branch and '{right_type}' in the other",
             self.conversion_hint(left_type, right_type),
@@ -159,7 +158,7 @@ class Branches(Expressions):
         )
 
     def return_notes(self):
-        return [f"returns '{shown}' at line {line}" for line, shown in self.returned]
+        return [f"returns '{shown}' at line {line}" for line, shown in self.context.returned]
 
     @staticmethod
     def conversion_hint(left, right):
@@ -170,34 +169,34 @@ class Branches(Expressions):
 
     def branch_value(self, node, condition, then, orelse):
         """Value of one of two expressions, of which only one is evaluated."""
-        before = self.env
-        self.at(node)
+        before = self.context.env
+        self.context.at(node)
         self.builder.begin_if(condition)
-        self.env = dict(before)
+        self.context.env = dict(before)
         left = then()
         left_values = []
-        left_shape = self.flatten(left, node, left_values)
-        left_env = self.env
-        self.at(node)
+        left_shape = self.context.flatten(left, node, left_values)
+        left_env = self.context.env
+        self.context.at(node)
         self.builder.begin_else()
-        self.env = dict(before)
+        self.context.env = dict(before)
         right = orelse()
         right_values = []
-        right_shape = self.flatten(right, node, right_values)
-        right_env = self.env
-        self.env = before
+        right_shape = self.context.flatten(right, node, right_values)
+        right_env = self.context.env
+        self.context.env = before
         if left_shape != right_shape or [v.type for v in left_values] != [
             v.type for v in right_values
         ]:
-            raise self.branch_types_differ(node, left, right)
+            raise self.context.expressions.branch_types_differ(node, left, right)
         # Builtins that update a variable may have done so on one side.
         changed = [name for name in before if left_env[name] is not right_env[name]]
         for name in changed:
-            left_values.append(self.materialize(left_env[name], node))
-            right_values.append(self.materialize(right_env[name], node))
-        self.at(node)
+            left_values.append(self.context.materialize(left_env[name], node))
+            right_values.append(self.context.materialize(right_env[name], node))
+        self.context.at(node)
         results = iter(self.builder.end_if(left_values, right_values))
-        binding = self.unflatten(left_shape, results)
+        binding = self.context.unflatten(left_shape, results)
         for name in changed:
             before[name] = next(results)
         return binding
@@ -205,19 +204,19 @@ class Branches(Expressions):
     def before_assignment(self, name, known, syntax):
         """Value of a name on a path that has not assigned it: the loop's, or zero."""
         values = []
-        shape = self.flatten(known, syntax, values)
-        self.at(syntax)
+        shape = self.context.flatten(known, syntax, values)
+        self.context.at(syntax)
         olds = [self.zero(value.type, name, syntax) for value in values]
-        for frame in self.loops:
+        for frame in self.context.frames:
             if name in frame.pending:
                 olds = [self.builder.carry(frame.level, old) for old in olds]
                 frame.pending.discard(name)
                 frame.promoted.append((name, shape, olds))
-        return self.unflatten(shape, iter(olds))
+        return self.context.unflatten(shape, iter(olds))
 
     def zero(self, native, name, syntax):
         if native.kind == "array" or self.has_array(native):
-            raise self.error(
+            raise self.context.error(
                 syntax,
                 f"'{name}' is not assigned on every path",
                 "assign it before the branch",

@@ -5,12 +5,13 @@ from __future__ import annotations
 import re
 
 from warp import _native
-from warp._src import errors, types
+from warp._src import errors
+from warp._src.frontend.context import Session, Value
 from warp._src.frontend.control import plan_of
-from warp._src.frontend.emitter import Session, Value
 from warp._src.frontend.functions import Overload, fits_native
-from warp._src.frontend.statements import Emitter
+from warp._src.frontend.translator import Translator
 from warp._src.frontend.updates import updated_arguments
+from warp._src.types import dtypes
 
 
 def build_kernel(kernel, arguments=None):
@@ -43,11 +44,11 @@ def types_of_local(function, name, local) -> list:
     Raises:
         WarpCodegenError: the function cannot be translated, or the variable holds no value.
     """
-    emitter = _translate(function, name, None, 16)
-    found = emitter.env.get(local)
+    translator = _translate(function, name, None, 16)
+    found = translator.env.get(local)
     bindings = found if type(found) is tuple else (found,)
     natives = [
-        binding.type if type(binding) is Value else emitter.static_type(binding)
+        binding.type if type(binding) is Value else translator.static_type(binding)
         for binding in bindings
     ]
     if any(native is None for native in natives):
@@ -64,26 +65,25 @@ def _translate(function, name, arguments, max_unroll):
     session = Session(builder, max_unroll)
     session.active.append(overload)
     plan_of(source, updated_arguments(function, builder.inout_arguments))
-    emitter = Emitter(session, function, source, True)
-    emitter.result_type = None
-    emitter.at(source.tree)
+    translator = Translator(session, function, source, True)
+    translator.at(source.tree)
     parameters = [parameter.name for parameter in overload.parameters]
     symbol = session.symbol(symbol_name(name))
     values = builder.begin_function(symbol, parameters, natives, True)
     for parameter, value in zip(parameters, values, strict=False):
-        emitter.env[parameter] = value
-        emitter.lines[parameter] = source.line(source.tree)
+        translator.env[parameter] = value
+        translator.lines[parameter] = source.line(source.tree)
     try:
-        emitter.body()
+        translator.statements.body()
     except errors.WarpError as problem:
-        raise emitter.locate(problem) from problem.__cause__
+        raise translator.locate(problem) from problem.__cause__
     except RecursionError:
-        raise emitter.error(
-            emitter.node,
+        raise translator.error(
+            translator.node,
             f"kernel '{name}' is nested too deeply for Python's recursion limit",
             "split the expression, or raise `sys.setrecursionlimit`",
         ) from None
-    return emitter
+    return translator
 
 
 def _parameter_types(overload, name, arguments) -> list:
@@ -106,7 +106,7 @@ def _parameter_types(overload, name, arguments) -> list:
             raise errors.WarpCodegenTypeError(message, **place)
         if parameter.native is None and not fits_native(parameter.annotation, native):
             raise errors.WarpCodegenTypeError(
-                f"{what} expects '{types.type_repr(parameter.annotation)}', but got "
+                f"{what} expects '{dtypes.type_repr(parameter.annotation)}', but got "
                 f"'{native.python_name}'",
                 **place,
             )

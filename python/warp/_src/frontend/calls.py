@@ -10,17 +10,17 @@ from __future__ import annotations
 import ast
 import inspect
 
-from warp._src import errors, types
-from warp._src.builtins import lookup
-from warp._src.derivatives import FACTORIES, Derivative
+from warp._src import errors
+from warp._src.derivatives.functions import FACTORIES, FunctionDerivative
 from warp._src.frontend import names
-from warp._src.frontend.emitter import Value
+from warp._src.frontend.context import Part, Value
 from warp._src.frontend.indexed import array_of
 from warp._src.frontend.names import BuiltinRef
-from warp._src.frontend.output import Output
 from warp._src.frontend.updates import references_of
-from warp._src.kernel import Kernel
-from warp._src.public import LIBRARY_NAMES
+from warp._src.kernels.function import Function
+from warp._src.language.builtins import lookup
+from warp._src.language.public import LIBRARY_NAMES
+from warp._src.types import dtypes
 
 _PYTHON_FUNCTIONS = {
     abs: "abs",
@@ -39,7 +39,7 @@ _INSTEAD = {
 
 
 def _makes_types(function) -> bool:
-    factories = (types.vector, types.matrix, types.quaternion, types.transformation)
+    factories = (dtypes.vector, dtypes.matrix, dtypes.quaternion, dtypes.transformation)
     return any(function is factory for factory in factories)
 
 
@@ -48,13 +48,13 @@ class Shaped:
 
     def __init__(self, native):
         self.shape = tuple(native.shape or [4 if native.kind == "quat" else 7])
-        self.dtype = types.dtype_of(native.element)
+        self.dtype = dtypes.dtype_of(native.element)
 
     def __len__(self):
         return self.shape[0]
 
 
-class Calls(Output):
+class Calls(Part):
     """Translates call expressions."""
 
     def expr_Call(self, node):
@@ -62,14 +62,16 @@ class Calls(Output):
         if isinstance(function, BuiltinRef):
             return self.call_builtin(function.name, node)
         if isinstance(function, type):
-            return self.call_type(function, node)
-        if hasattr(function, "overloads"):
+            return self.context.constructors.call_type(function, node)
+        if isinstance(function, Function):
             references = references_of(function)
             if references:
-                return self.call_by_reference(function, references, node)
-            return self.call_function(function, *self.arguments(node), node)
-        if isinstance(function, Derivative):
-            return self.call_derivative(function, node)
+                return self.context.references.call_by_reference(function, references, node)
+            return self.context.user_calls.call_function(
+                function, *self.context.constructors.arguments(node), node
+            )
+        if isinstance(function, FunctionDerivative):
+            return self.context.derivative_calls.call_derivative(function, node)
         if any(function is factory for factory in FACTORIES):
             return self.call_at_compile_time(function, node)
         try:
@@ -83,10 +85,10 @@ class Calls(Output):
     def callee(self, node):
         """What is called; in `wp.types.vector(5, float)(...)` that is made here."""
         if isinstance(node, ast.Call):
-            factory = self.expr(node.func)
+            factory = self.context.expressions.expr(node.func)
             if _makes_types(factory) or any(factory is one for one in FACTORIES):
                 return self.call_at_compile_time(factory, node)
-        return self.expr(node)
+        return self.context.expressions.expr(node)
 
     def call_other(self, function, node):
         """Objects that cannot be called, and constructors under the names of type factories."""
@@ -94,55 +96,57 @@ class Calls(Output):
             return self.call_builtin(function.__name__, node)
         if callable(function) and getattr(function, "__module__", "").startswith("warp."):
             name = getattr(function, "__name__", None)
-            if name and (hasattr(self, "builtin_" + name) or self.builder.has_builtin(name)):
+            if name and (name in names.SPECIAL_BUILTINS or self.builder.has_builtin(name)):
                 return self.call_builtin(name, node)
-        if isinstance(function, Kernel):
-            raise self.error(
+        if hasattr(function, "specializations"):
+            raise self.context.error(
                 node,
                 f"kernel '{function.key}' cannot be called from a kernel",
                 "make it a `@wp.func`",
             )
         if inspect.isfunction(function) and function.__module__.partition(".")[0] == "warp":
-            raise self.error(
+            raise self.context.error(
                 node,
                 f"'{function.__name__}' can be called in Python only",
                 _INSTEAD.get(function.__name__),
             )
         if inspect.isfunction(function):
-            raise self.error(
+            raise self.context.error(
                 node,
                 f"'{function.__name__}' is a plain Python function",
                 "decorate it with `@wp.func`",
                 errors.WarpCodegenKeyError,
             )
         what = (
-            f"'{self.type_name(function)}'" if type(function) is Value else names.describe(function)
+            f"'{self.context.type_name(function)}'"
+            if type(function) is Value
+            else names.describe(function)
         )
-        raise self.type_error(node, f"{what} cannot be called in a kernel")
+        raise self.context.type_error(node, f"{what} cannot be called in a kernel")
 
     def call_at_compile_time(self, function, node):
-        arguments, keywords = self.arguments(node)
+        arguments, keywords = self.context.constructors.arguments(node)
         for binding in (*arguments, *keywords.values()):
             if type(binding) is Value:
-                raise self.type_error(
+                raise self.context.type_error(
                     node, f"'{function.__name__}' expects arguments known at compile time"
                 )
         try:
             return function(*arguments, **keywords)
         except Exception as problem:
-            raise self.type_error(node, str(problem)) from problem
+            raise self.context.type_error(node, str(problem)) from problem
 
     # Builtins.
 
     def call_builtin(self, name, node):
-        special = getattr(self, "builtin_" + name, None)
+        special = self.context.handler("builtin_" + name)
         if special is not None:
             return special(node)
-        arguments, keywords = self.arguments(node)
+        arguments, keywords = self.context.constructors.arguments(node)
         if name in LIBRARY_NAMES:
-            from warp._src.library import LIBRARY
+            from warp._src.language.library import LIBRARY
 
-            return self.call_function(LIBRARY[name], arguments, keywords, node)
+            return self.context.user_calls.call_function(LIBRARY[name], arguments, keywords, node)
         places = list(node.args)
         if keywords:
             order = self.keyword_order(name, len(arguments), keywords, node)
@@ -152,18 +156,20 @@ class Calls(Output):
         if name in ("min", "max") and len(arguments) > 2:
             return self.fold_call(name, arguments, node)
         if name == "where" and arguments:
-            arguments[0] = self.truth(arguments[0], places[0])
+            arguments[0] = self.context.expressions.truth(arguments[0], places[0])
         return self.apply_builtin(name, arguments, node, places)
 
     def apply_builtin(self, name, arguments, node, places=()):
         """Calls a builtin; what it updates is written back to the arguments at `places`."""
-        values = [self.materialize(argument, node) for argument in arguments]
-        self.at(node)
+        values = [self.context.materialize(argument, node) for argument in arguments]
+        self.context.at(node)
         results, updated = self.builder.builtin(name, values)
         for position, value in updated:
             # The result of a call is nobody's variable: its new value is dropped.
             if position < len(places) and not isinstance(places[position], ast.Call):
-                self.write(self.slot(places[position]), value, places[position])
+                self.context.targets.write(
+                    self.context.targets.slot(places[position]), value, places[position]
+                )
         if not results:
             return None
         return results[0] if len(results) == 1 else tuple(results)
@@ -181,116 +187,121 @@ class Calls(Output):
             if set(wanted) == set(keywords):
                 return wanted
         shown = ", ".join(keywords)
-        raise self.type_error(node, f"'{name}' has no overload with the keywords: {shown}")
+        raise self.context.type_error(node, f"'{name}' has no overload with the keywords: {shown}")
 
     def builtin_tid(self, node):
-        self.exactly(node, 0, "tid")
+        self.context.constructors.exactly(node, 0, "tid")
         return self.tid(1, node)[0]
 
     def tid(self, count, node):
-        self.at(node)
+        self.context.at(node)
         if not 1 <= count <= 4:
-            raise self.error(
+            raise self.context.error(
                 node, f"tid gives 1 to 4 indices, but got {count} names",
                 kind=errors.WarpCodegenValueError,
             )  # fmt: skip
         return self.builder.tid(count)
 
     def builtin_len(self, node):
-        (binding,) = self.exactly(node, 1, "len")
+        (binding,) = self.context.constructors.exactly(node, 1, "len")
         if type(binding) is tuple:
             return len(binding)
-        if isinstance(binding, types.Composite):
+        if isinstance(binding, dtypes.Composite):
             return len(binding)
         if type(binding) is Value:
             native = binding.type
             if array_of(native) is not None:
-                return self.extents(binding, node)[0]
+                return self.context.indexed.extents(binding, node)[0]
             if native.kind in ("vec", "mat"):
                 return native.shape[0]
             if native.kind in ("quat", "transform"):
                 return 4 if native.kind == "quat" else 7
-        raise self.type_error(node, f"'{self.type_name(binding)}' has no length")
+        raise self.context.type_error(node, f"'{self.context.type_name(binding)}' has no length")
 
     def builtin_static(self, node):
         """`wp.static(expr)`: Python's value of an expression."""
         if len(node.args) != 1 or node.keywords:
-            raise self.type_error(node, "static expects 1 argument")
-        space = dict(self.function.__globals__)
-        code = self.function.__code__
-        for name, cell in zip(code.co_freevars, self.function.__closure__ or (), strict=False):
+            raise self.context.type_error(node, "static expects 1 argument")
+        space = dict(self.context.function.__globals__)
+        code = self.context.function.__code__
+        for name, cell in zip(
+            code.co_freevars, self.context.function.__closure__ or (), strict=False
+        ):
             try:
                 space[name] = cell.cell_contents
             except ValueError:
                 continue
-        for name in self.source.plan.local_names:
+        for name in self.context.source.plan.local_names:
             space.pop(name, None)
         space.update(
             (name, Shaped(binding.type) if type(binding) is Value else binding)
-            for name, binding in self.env.items()
+            for name, binding in self.context.env.items()
             if type(binding) is not Value or (binding.type.element and binding.type.kind != "array")
         )
         try:
-            compiled = compile(ast.Expression(node.args[0]), self.source.file, "eval")
-            return self.capture(eval(compiled, space), node)
+            compiled = compile(ast.Expression(node.args[0]), self.context.source.file, "eval")
+            return self.context.capture(eval(compiled, space), node)
         except errors.WarpError:
             raise
         except Exception as problem:
-            raise self.error(node, f"static expression failed: {problem}") from problem
+            raise self.context.error(node, f"static expression failed: {problem}") from problem
 
     def builtin_cast(self, node):
-        value, target = self.exactly(node, 2, "cast")
-        self.at(node)
-        wanted = self.native(target, node)
-        return self.builder.bitcast(self.materialize(value, node), wanted)
+        value, target = self.context.constructors.exactly(node, 2, "cast")
+        self.context.at(node)
+        wanted = self.context.constructors.native(target, node)
+        return self.builder.bitcast(self.context.materialize(value, node), wanted)
 
     def builtin_lower_bound(self, node):
         """`lower_bound(arr, value)` or, for a part of the array, `(arr, begin, end, value)`."""
-        from warp._src.library import LOWER_BOUND
+        from warp._src.language.library import LOWER_BOUND
 
-        arguments, keywords = self.arguments(node)
+        arguments, keywords = self.context.constructors.arguments(node)
         if len(arguments) == 2 and not keywords:
-            array = self.materialize(arguments[0], node)
+            array = self.context.materialize(arguments[0], node)
             if array.type.kind == "array":
-                self.at(node)
+                self.context.at(node)
                 arguments = [array, 0, self.builder.dim(array, 0), arguments[1]]
-        return self.call_function(LOWER_BOUND, arguments, keywords, node)
+        return self.context.user_calls.call_function(LOWER_BOUND, arguments, keywords, node)
 
     def builtin_sample_cdf(self, node):
         """`sample_cdf(state, cdf)`, which advances the state."""
-        from warp._src.library import LOWER_BOUND
+        from warp._src.language.library import LOWER_BOUND
 
-        state, cdf = self.exactly(node, 2, "sample_cdf")
+        state, cdf = self.context.constructors.exactly(node, 2, "sample_cdf")
         draw = self.apply_builtin("randf", [state], node, node.args)
-        self.at(node)
+        self.context.at(node)
         arguments = [cdf, 0, self.builder.dim(cdf, 0), draw]
-        return self.call_function(LOWER_BOUND, arguments, {}, node)
+        return self.context.user_calls.call_function(LOWER_BOUND, arguments, {}, node)
 
     def builtin_poisson(self, node):
         """`poisson(state, lam)`, which advances the state."""
-        from warp._src.random_functions import POISSON
+        from warp._src.language.random_functions import POISSON
 
-        arguments = self.exactly(node, 2, "poisson")
-        count, state = self.call_function(POISSON, list(arguments), {}, node)
+        arguments = self.context.constructors.exactly(node, 2, "poisson")
+        count, state = self.context.user_calls.call_function(POISSON, list(arguments), {}, node)
         if not isinstance(node.args[0], ast.Call):
-            self.write(self.slot(node.args[0]), state, node.args[0])
+            self.context.targets.write(self.context.targets.slot(node.args[0]), state, node.args[0])
         return count
 
     def builtin_sym_fn3(self, node):
         """`sym_fn3(A, f)`, whose second argument is a function."""
-        from warp._src.symmetric import matrix_function
+        from warp._src.language.symmetric import matrix_function
 
         if len(node.args) != 2 or node.keywords:
-            raise self.type_error(node, "'sym_fn3' expects a matrix and a function")
-        value, function = self.expr(node.args[0]), self.expr(node.args[1])
+            raise self.context.type_error(node, "'sym_fn3' expects a matrix and a function")
+        value, function = (
+            self.context.expressions.expr(node.args[0]),
+            self.context.expressions.expr(node.args[1]),
+        )
         if isinstance(function, BuiltinRef):
             function = lookup(function.name)
-        elif not hasattr(function, "overloads"):
-            raise self.type_error(
+        elif not isinstance(function, Function):
+            raise self.context.type_error(
                 node.args[1],
                 f"'sym_fn3' expects a builtin or a `@wp.func`, but got {names.describe(function)}",
             )
-        return self.call_function(matrix_function(function), [value], {}, node)
+        return self.context.user_calls.call_function(matrix_function(function), [value], {}, node)
 
     def builtin_load(self, node):
         array, *indices = self.element_arguments(node, "load", 0)
@@ -301,13 +312,15 @@ class Calls(Output):
         self.builder.store(array, indices, value)
 
     def element_arguments(self, node, name, extra):
-        arguments, keywords = self.arguments(node)
+        arguments, keywords = self.context.constructors.arguments(node)
         if keywords or len(arguments) < 2 + extra:
-            raise self.type_error(node, f"'{name}' expects an array, indices and values in order")
-        values = [self.materialize(argument, node) for argument in arguments]
+            raise self.context.type_error(
+                node, f"'{name}' expects an array, indices and values in order"
+            )
+        values = [self.context.materialize(argument, node) for argument in arguments]
         last = len(values) - extra
-        array, indices = self.resolved(values[0], values[1:last], node)
-        self.at(node)
+        array, indices = self.context.indexed.resolved(values[0], values[1:last], node)
+        self.context.at(node)
         return [array, *indices, *values[last:]]
 
     def atomic(self, node, kind):
@@ -341,8 +354,3 @@ class Calls(Output):
     def builtin_atomic_cas(self, node):
         array, *indices, expected, value = self.element_arguments(node, "atomic_cas", 2)
         return self.builder.atomic_cas(array, indices, expected, value)
-
-
-names.SPECIAL_BUILTINS.update(
-    name.removeprefix("builtin_") for name in dir(Calls) if name.startswith("builtin_")
-)

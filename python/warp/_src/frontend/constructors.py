@@ -5,15 +5,14 @@ from __future__ import annotations
 import ast
 import builtins
 
-from warp._src import types
 from warp._src.frontend import names
-from warp._src.frontend.derivatives import Derivatives
-from warp._src.frontend.emitter import BOOL, FLOAT32, INT32, Value
+from warp._src.frontend.context import BOOL, FLOAT32, INT32, Part, Value
+from warp._src.types import dtypes
 
 _MISUSED = {range: "a range outside `for`", reversed: "`reversed` outside `for`"}
 
 
-class Constructors(Derivatives):
+class Constructors(Part):
     """Translates calls that make a value of a named type."""
 
     def arguments(self, node):
@@ -21,20 +20,20 @@ class Constructors(Derivatives):
         positional = []
         for argument in node.args:
             if isinstance(argument, ast.Starred):
-                positional += self.spread(argument)
+                positional += self.context.access.spread(argument)
             else:
-                positional.append(self.expr(argument))
+                positional.append(self.context.expressions.expr(argument))
         keywords = {}
         for keyword in node.keywords:
             if keyword.arg is None:
-                raise self.unsupported(keyword.value, "`**` in a call")
-            keywords[keyword.arg] = self.expr(keyword.value)
+                raise self.context.unsupported(keyword.value, "`**` in a call")
+            keywords[keyword.arg] = self.context.expressions.expr(keyword.value)
         return positional, keywords
 
     def exactly(self, node, count, name):
         arguments, keywords = self.arguments(node)
         if keywords or len(arguments) != count:
-            raise self.type_error(
+            raise self.context.type_error(
                 node,
                 f"'{name}' expects {count} argument{'s' if count != 1 else ''}, "
                 f"but got {len(arguments) + len(keywords)}",
@@ -44,63 +43,67 @@ class Constructors(Derivatives):
     def native(self, dtype, node):
         """The compiler's type for a Python type."""
         try:
-            return types.native_type(dtype)
+            return dtypes.native_type(dtype)
         except TypeError as problem:
-            raise self.type_error(node, str(problem)) from None
+            raise self.context.type_error(node, str(problem)) from None
 
     def call_type(self, kind, node):
         """A conversion or a constructor."""
         if kind in _MISUSED:
-            raise self.unsupported(node, _MISUSED[kind])
+            raise self.context.unsupported(node, _MISUSED[kind])
         if kind is type:
             (binding,) = self.exactly(node, 1, "type")
             return self.type_of(binding, node)
         if kind is tuple:
             (binding,) = self.exactly(node, 1, "tuple")
             if type(binding) is not tuple:
-                raise self.type_error(node, f"expects a tuple, but got '{self.type_name(binding)}'")
+                raise self.context.type_error(
+                    node, f"expects a tuple, but got '{self.context.type_name(binding)}'"
+                )
             return binding
-        if types.is_struct(kind):
+        if dtypes.is_struct(kind):
             return self.call_struct(kind, node)
-        if types.type_is_composite(kind):
+        if dtypes.type_is_composite(kind):
             if kind._length_ == 0 and not node.args and not node.keywords:
                 return kind()
             arguments, keywords = self.arguments(node)
             return self.construct(self.native(kind, node), arguments, keywords, node)
-        if types.type_is_scalar(kind):
+        if dtypes.type_is_scalar(kind):
             return self.call_scalar(self.native(kind, node), node)
-        raise self.type_error(node, f"the type '{kind.__name__}' cannot be called in a kernel")
+        raise self.context.type_error(
+            node, f"the type '{kind.__name__}' cannot be called in a kernel"
+        )
 
     def type_of(self, binding, node):
-        python_types = {bool: types.bool, int: types.int32, float: types.float32}
+        python_types = {bool: dtypes.bool, int: dtypes.int32, float: dtypes.float32}
         if type(binding) in python_types:
             return python_types[type(binding)]
         if type(binding) is Value:
-            return types.dtype_of(binding.type)
-        raise self.type_error(node, f"no type of {names.describe(binding)}")
+            return dtypes.dtype_of(binding.type)
+        raise self.context.type_error(node, f"no type of {names.describe(binding)}")
 
     def call_scalar(self, native, node):
         """`float(x)`, `wp.uint8(x)`; a literal is taken at full precision."""
         if not node.args and not node.keywords:
-            self.at(node)
+            self.context.at(node)
             return self.builder.zero(native)
         (binding,) = self.exactly(node, 1, native.python_name)
-        if isinstance(binding, types.scalar_base):
+        if isinstance(binding, dtypes.scalar_base):
             binding = binding.value
         if type(binding) in (int, float, builtins.bool):
             unsigned = type(binding) is int and native.kind == "int" and not native.signed
             if unsigned and -(1 << (native.width - 1)) <= binding < 0:
                 # The bits of a negative number, as the conversion of a variable takes them.
                 binding += 1 << native.width
-            self.at(node)
+            self.context.at(node)
             return self.builder.constant(native, binding)
-        value = self.materialize(binding, node.args[0])
+        value = self.context.materialize(binding, node.args[0])
         if value.type.kind not in ("bool", "int", "float"):
-            raise self.type_error(
+            raise self.context.type_error(
                 node,
                 f"cannot convert '{value.type.python_name}' to '{native.python_name}'",
             )
-        self.at(node)
+        self.context.at(node)
         return self.builder.cast(value, native)
 
     def construct(self, native, arguments, keywords, node):
@@ -111,18 +114,18 @@ class Constructors(Derivatives):
         values = []
         for argument in arguments:
             if isinstance(argument, (int, float)) and not isinstance(argument, Value):
-                self.at(node)
+                self.context.at(node)
                 values.append(self.builder.constant(element, argument))
             else:
-                values.append(self.materialize(argument, node))
-        self.at(node)
+                values.append(self.context.materialize(argument, node))
+        self.context.at(node)
         if native.kind == "transform" and [value.type.shape for value in values] == [[3]]:
             unit = type(element).parse(f"!warp.quat<{element}>")
             values.append(self.construct(unit, [0, 0, 0, 1], {}, node))
         if len(values) == 1 and values[0].type.kind == native.kind and values[0].type != native:
             return self.builder.cast(values[0], native)
         if native.kind == "mat" and len(values) > 1 and values[0].type.kind == "vec":
-            raise self.type_error(
+            raise self.context.type_error(
                 node,
                 f"'{native.python_name}' cannot be made from vectors",
                 "use `wp.matrix_from_rows(...)` or `wp.matrix_from_cols(...)`",
@@ -139,13 +142,17 @@ class Constructors(Derivatives):
         if shape is not None and native.shape:
             shape = list(shape) if isinstance(shape, tuple) else [shape]
             if shape != list(native.shape):
-                raise self.type_error(node, f"'{native.python_name}' is not of shape {shape}")
+                raise self.context.type_error(
+                    node, f"'{native.python_name}' is not of shape {shape}"
+                )
         given = ("dtype", "shape", "length") if native.shape else ("dtype",)
         keywords = {key: value for key, value in keywords.items() if key not in given}
         order = [key for key in orders.get(native.kind, ()) if key in keywords]
         if len(order) != len(keywords):
             unknown = next(key for key in keywords if key not in order)
-            raise self.type_error(node, f"'{native.python_name}' has no parameter '{unknown}'")
+            raise self.context.type_error(
+                node, f"'{native.python_name}' has no parameter '{unknown}'"
+            )
         return [keywords[key] for key in order]
 
     def call_struct(self, kind, node):
@@ -154,21 +161,23 @@ class Constructors(Derivatives):
         arguments, keywords = self.arguments(node)
         fields = native.fields
         if len(arguments) > len(fields):
-            raise self.type_error(
+            raise self.context.type_error(
                 node, f"struct '{kind.__name__}' has {len(fields)} fields, but got {len(arguments)}"
             )
         given = {name: argument for (name, _), argument in zip(fields, arguments, strict=False)}
         for name, binding in keywords.items():
             if name in given or name not in dict(fields):
-                raise self.type_error(node, f"bad field '{name}' for struct '{kind.__name__}'")
+                raise self.context.type_error(
+                    node, f"bad field '{name}' for struct '{kind.__name__}'"
+                )
             given[name] = binding
         values = []
         for name, field in fields:
             if name in given:
-                values.append(self.materialize(given[name], node))
+                values.append(self.context.materialize(given[name], node))
             else:
-                values.append(self.zero(field, name, node))
-        self.at(node)
+                values.append(self.context.branches.zero(field, name, node))
+        self.context.at(node)
         return self.builder.struct_create(native, values)
 
     # Constructors by builtin name.
@@ -178,24 +187,28 @@ class Constructors(Derivatives):
         length, dtype = keywords.pop("length", None), keywords.pop("dtype", None)
         element = self.component_type(arguments, dtype, node)
         if length is None and not arguments:
-            raise self.type_error(node, "vector expects components or `length`")
+            raise self.context.type_error(node, "vector expects components or `length`")
         if length is None:
             length = sum(
                 part.type.shape[0] if type(part) is Value and part.type.kind == "vec" else 1
                 for part in arguments
             )
-        return self.construct(self.composite_type([length], element), arguments, keywords, node)
+        return self.construct(
+            self.context.access.composite_type([length], element), arguments, keywords, node
+        )
 
     def builtin_matrix(self, node):
         arguments, keywords = self.arguments(node)
         shape, dtype = keywords.pop("shape", None), keywords.pop("dtype", None)
         element = self.component_type(arguments, dtype, node)
         if shape is None and not arguments:
-            raise self.type_error(node, "matrix expects components or `shape`")
+            raise self.context.type_error(node, "matrix expects components or `shape`")
         if shape is None:
             side = round(len(arguments) ** 0.5)
             shape = (side, side)
-        return self.construct(self.composite_type(list(shape), element), arguments, keywords, node)
+        return self.construct(
+            self.context.access.composite_type(list(shape), element), arguments, keywords, node
+        )
 
     def component_type(self, arguments, dtype, node):
         if dtype is not None:
@@ -238,17 +251,19 @@ class Constructors(Derivatives):
         arguments, keywords = self.arguments(node)
         given = dict(zip(("n", "dtype"), arguments, strict=False)) | keywords
         if type(given.get("n")) is not int or "dtype" not in given:
-            raise self.type_error(node, "identity expects `n` and `dtype` known at compile time")
+            raise self.context.type_error(
+                node, "identity expects `n` and `dtype` known at compile time"
+            )
         n = given["n"]
-        native = self.composite_type([n, n], self.native(given["dtype"], node))
+        native = self.context.access.composite_type([n, n], self.native(given["dtype"], node))
         return self.construct(native, [int(i % (n + 1) == 0) for i in range(n * n)], {}, node)
 
     def builtin_matrix_from_rows(self, node):
-        arguments = [self.materialize(binding, node) for binding in self.arguments(node)[0]]
-        native = self.composite_type(
+        arguments = [self.context.materialize(binding, node) for binding in self.arguments(node)[0]]
+        native = self.context.access.composite_type(
             [len(arguments), arguments[0].type.shape[0]], arguments[0].type.element
         )
-        self.at(node)
+        self.context.at(node)
         return self.builder.construct(native, arguments)
 
     def builtin_matrix_from_cols(self, node):

@@ -5,11 +5,12 @@ from __future__ import annotations
 import ast
 import operator
 
-from warp._src import types
 from warp._src.frontend import names
-from warp._src.frontend.access import COMPONENTS, Access
-from warp._src.frontend.emitter import BOOL, Value
+from warp._src.frontend.access import COMPONENTS
+from warp._src.frontend.context import BOOL, Part, Value
 from warp._src.frontend.indexed import array_of
+from warp._src.kernels.function import Function
+from warp._src.types import dtypes
 
 _BINARY = {
     ast.Add: "add",
@@ -71,15 +72,15 @@ def _truncated(a, b):
     return quotient if (a < 0) == (b < 0) else -quotient
 
 
-class Expressions(Access):
+class Expressions(Part):
     """Methods named after the syntax node they translate."""
 
     def expr(self, node):
         """Binding of an expression."""
-        method = getattr(self, "expr_" + type(node).__name__, None)
+        method = self.context.handler("expr_" + type(node).__name__)
         if method is None:
             what = _UNSUPPORTED.get(type(node).__name__, f"`ast.{type(node).__name__}`")
-            raise self.unsupported(node, what)
+            raise self.context.unsupported(node, what)
         return method(node)
 
     def value(self, node):
@@ -87,22 +88,22 @@ class Expressions(Access):
         binding = self.expr(node)
         if type(binding) is Value:
             return binding
-        return self.materialize(binding, node)
+        return self.context.materialize(binding, node)
 
     def expr_Name(self, node):
-        return self.read_name(node.id, node)
+        return self.context.read_name(node.id, node)
 
     def expr_Constant(self, node):
         value = node.value
         if value is Ellipsis or isinstance(value, (bytes, complex)):
-            raise self.unsupported(node, f"a '{type(value).__name__}' literal")
+            raise self.context.unsupported(node, f"a '{type(value).__name__}' literal")
         return value
 
     def expr_Tuple(self, node):
         parts = []
         for item in node.elts:
             if isinstance(item, ast.Starred):
-                parts.extend(self.spread(item))
+                parts.extend(self.context.access.spread(item))
             else:
                 parts.append(self.expr(item))
         return tuple(parts)
@@ -120,8 +121,8 @@ class Expressions(Access):
             return _FOLD[kind](left, right)
         if type(left) is tuple and type(right) is tuple and kind is ast.Add:
             return left + right
-        left = self.materialize(left, node)
-        right = self.materialize(right, node)
+        left = self.context.materialize(left, node)
+        right = self.context.materialize(right, node)
         return self.operator(node, _BINARY[kind], left, right)
 
     def operator(self, node, name, *operands):
@@ -129,19 +130,19 @@ class Expressions(Access):
         for operand in operands:
             if operand.type.kind == "struct":
                 return self.user_operator(node, name, operands)
-        self.at(node)
+        self.context.at(node)
         return self.builder.builtin(name, operands)[0][0]
 
     def user_operator(self, node, name, operands):
-        function = self.function.__globals__.get(name)
-        if function is None or not hasattr(function, "overloads"):
-            shown = " and ".join(f"'{self.type_name(v)}'" for v in operands)
-            raise self.type_error(
+        function = self.context.function.__globals__.get(name)
+        if not isinstance(function, Function):
+            shown = " and ".join(f"'{self.context.type_name(v)}'" for v in operands)
+            raise self.context.type_error(
                 node,
                 f"operator '{name}' is not defined for {shown}",
                 f"define `@wp.func def {name}(...)`",
             )
-        return self.call_function(function, list(operands), {}, node)
+        return self.context.user_calls.call_function(function, list(operands), {}, node)
 
     def expr_UnaryOp(self, node):
         operand = self.expr(node.operand)
@@ -150,7 +151,7 @@ class Expressions(Access):
             operand = self.truth(operand, node.operand)
             if type(operand) is bool:
                 return not operand
-            self.at(node)
+            self.context.at(node)
             return self.builder.builtin("unot", [operand])[0][0]
         if type(operand) in (int, float):
             if kind is ast.USub:
@@ -160,7 +161,7 @@ class Expressions(Access):
             if type(operand) is int:
                 return ~operand
         name = {ast.USub: "neg", ast.UAdd: "pos", ast.Invert: "invert"}[kind]
-        return self.operator(node, name, self.materialize(operand, node))
+        return self.operator(node, name, self.context.materialize(operand, node))
 
     def expr_Compare(self, node):
         left = self.expr(node.left)
@@ -185,7 +186,7 @@ class Expressions(Access):
     def compare_one(self, node, op, left, right):
         kind = type(op)
         if kind not in _COMPARE:
-            raise self.unsupported(node, f"the operator `{_COMPARE_WORDS[kind]}`")
+            raise self.context.unsupported(node, f"the operator `{_COMPARE_WORDS[kind]}`")
         name, fold = _COMPARE[kind]
         static = type(left) is not Value and type(right) is not Value
         if static and type(left) in _NUMBERS and type(right) in _NUMBERS:
@@ -193,14 +194,15 @@ class Expressions(Access):
                 return fold(left, right)
             static = False
         if static and kind in (ast.Eq, ast.NotEq):
-            if not isinstance(left, types.Composite) or not len(left):
+            if not isinstance(left, dtypes.Composite) or not len(left):
                 return fold(left, right)
-        left, right = self.materialize(left, node), self.materialize(right, node)
+        left, right = self.context.materialize(left, node), self.context.materialize(right, node)
         kinds = {left.type.kind, right.type.kind}
         if len(kinds) == 2 and "bool" in kinds:
-            raise self.type_error(
+            raise self.context.type_error(
                 node,
-                f"'{self.type_name(left)}' and '{self.type_name(right)}' cannot be compared",
+                f"'{self.context.type_name(left)}' and '{self.context.type_name(right)}' "
+                "cannot be compared",
                 "use `bool(...)` or `int(...)`",
             )
         return self.operator(node, name, left, right)
@@ -216,15 +218,19 @@ class Expressions(Access):
                 return binding if known is None else bool(known)
             if array_of(native) is not None:
                 # A null array, as `None` at a launch gives, has no extent.
-                extent = self.extents(binding, node)[0]
-                return self.operator(node, "ne", extent, self.materialize(0, node))
+                extent = self.context.indexed.extents(binding, node)[0]
+                return self.operator(node, "ne", extent, self.context.materialize(0, node))
             if native.kind not in ("int", "float"):
-                raise self.type_error(node, f"expects a condition, but got '{native.python_name}'")
-            self.at(node)
+                raise self.context.type_error(
+                    node, f"expects a condition, but got '{native.python_name}'"
+                )
+            self.context.at(node)
             return self.builder.cast(binding, BOOL)
-        if isinstance(binding, (bool, int, float, str, types.scalar_base)) or binding is None:
+        if isinstance(binding, (bool, int, float, str, dtypes.scalar_base)) or binding is None:
             return bool(binding)
-        raise self.type_error(node, f"expects a condition, but got {names.describe(binding)}")
+        raise self.context.type_error(
+            node, f"expects a condition, but got {names.describe(binding)}"
+        )
 
     def expr_BoolOp(self, node):
         return self.logic(node, node.values, isinstance(node.op, ast.And))
@@ -244,18 +250,18 @@ class Expressions(Access):
         """`first and rest()`."""
         if pure:
             return self.combine(node, "bit_and", first, rest())
-        return self.branch_value(node, first, rest, lambda: False)
+        return self.context.branches.branch_value(node, first, rest, lambda: False)
 
     def either(self, node, first, rest, pure):
         """`first or rest()`."""
         if pure:
             return self.combine(node, "bit_or", first, rest())
-        return self.branch_value(node, first, lambda: True, rest)
+        return self.context.branches.branch_value(node, first, lambda: True, rest)
 
     def combine(self, node, name, first, second):
         if type(second) is bool:
             return first if second is (name == "bit_and") else second
-        self.at(node)
+        self.context.at(node)
         return self.builder.builtin(name, [first, second])[0][0]
 
     def expr_IfExp(self, node):
@@ -270,23 +276,23 @@ class Expressions(Access):
     def choose(self, node, condition, then, orelse, pure):
         """One of two bindings; only the chosen side is evaluated unless both are pure."""
         if not pure:
-            return self.branch_value(node, condition, then, orelse)
+            return self.context.branches.branch_value(node, condition, then, orelse)
         left, right = then(), orelse()
         if type(left) is type(right) and type(left) in (bool, int, float) and left == right:
             return left
         if type(left) is tuple or type(right) is tuple:
-            raise self.unsupported(node, "a choice between tuples")
-        left, right = self.materialize(left, node), self.materialize(right, node)
-        self.at(node)
+            raise self.context.unsupported(node, "a choice between tuples")
+        left, right = self.context.materialize(left, node), self.context.materialize(right, node)
+        self.context.at(node)
         if left.type != right.type:
             raise self.branch_types_differ(node, left, right)
         return self.builder.builtin("where", [condition, left, right])[0][0]
 
     def branch_types_differ(self, node, left, right):
-        return self.type_error(
+        return self.context.type_error(
             node,
             f"expects both sides of a choice to have one type, but got "
-            f"'{self.type_name(left)}' and '{self.type_name(right)}'",
+            f"'{self.context.type_name(left)}' and '{self.context.type_name(right)}'",
         )
 
     def is_cheap(self, node) -> bool:
@@ -310,7 +316,7 @@ class Expressions(Access):
             elif kind is ast.Attribute and item.attr in COMPONENTS:
                 stack.append(item.value)
             elif kind is ast.Name:
-                bound = self.env.get(item.id)
+                bound = self.context.env.get(item.id)
                 if type(bound) is Value and bound.type.kind not in ("bool", "int", "float"):
                     return False
             elif kind is not ast.Constant:

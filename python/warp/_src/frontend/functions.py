@@ -10,12 +10,15 @@ from __future__ import annotations
 import inspect
 import typing
 
-from warp._src import annotations, errors, types
-from warp._src.annotations import ArrayType, IndexedArrayType, Reference
+from warp._src import errors
 from warp._src.frontend import names
-from warp._src.frontend.emitter import Value
+from warp._src.frontend.context import Value
 from warp._src.frontend.indexed import array_of
 from warp._src.frontend.source import source_of
+from warp._src.kernels.function import Function
+from warp._src.types import annotations, dtypes
+from warp._src.types.annotations import Reference
+from warp._src.types.native import ArrayType, IndexedArrayType
 
 _KINDS = {"Int": ("int",), "Float": ("float",), "Scalar": ("int", "float")}
 
@@ -34,14 +37,14 @@ class Parameter:
             annotation = annotation.dtype
         self.annotation = annotation
         if not is_generic(annotation):
-            self.native = types.native_type(annotations.resolve(annotation))
+            self.native = dtypes.native_type(annotations.resolve(annotation))
 
-    def accepts(self, emitter, binding) -> bool:
+    def accepts(self, context, binding) -> bool:
         if self.native is not None:
             if type(binding) is Value:
                 return binding.type == self.native
-            return type(binding) is not tuple and emitter.static_type(binding) == self.native
-        return fits_generic(emitter, self.annotation, binding)
+            return type(binding) is not tuple and context.static_type(binding) == self.native
+        return fits_generic(context, self.annotation, binding)
 
     def __str__(self):
         if self.native is not None:
@@ -61,15 +64,15 @@ def is_generic(annotation) -> bool:
     return type(annotation).__name__ in ("GenericAnnotation", "FunctionAnnotation")
 
 
-def fits_generic(emitter, annotation, binding) -> bool:
+def fits_generic(context, annotation, binding) -> bool:
     """Whether a binding is what a generic annotation asks for."""
     if annotation is typing.Any:
         return True
     if typing.get_origin(annotation) is tuple:
-        return type(binding) is tuple and fits_parts(emitter, annotation, binding)
+        return type(binding) is tuple and fits_parts(context, annotation, binding)
     if typing.get_origin(annotation) is not None or annotation is typing.Callable:
         return type(binding) is not Value and callable(binding)
-    native = binding.type if type(binding) is Value else emitter.static_type(binding)
+    native = binding.type if type(binding) is Value else context.static_type(binding)
     return native is not None and fits_native(annotation, native)
 
 
@@ -90,11 +93,11 @@ def fits_native(annotation, native) -> bool:
     family = getattr(annotation, "family", None)
     if family is None:
         return True
-    kind = {types.Vector: "vec", types.Matrix: "mat", types.Quaternion: "quat"}.get(family)
+    kind = {dtypes.Vector: "vec", dtypes.Matrix: "mat", dtypes.Quaternion: "quat"}.get(family)
     return native.kind == (kind or "transform") and fits_extents(annotation.params, native)
 
 
-def fits_parts(emitter, annotation, parts) -> bool:
+def fits_parts(context, annotation, parts) -> bool:
     """Whether a tuple is what `tuple[float, int]` or `tuple[float, ...]` asks for."""
     wanted = typing.get_args(annotation)
     if len(wanted) == 2 and wanted[1] is Ellipsis:
@@ -102,7 +105,7 @@ def fits_parts(emitter, annotation, parts) -> bool:
     if len(parts) != len(wanted):
         return False
     return all(
-        Parameter("", dtype, None).accepts(emitter, part)
+        Parameter("", dtype, None).accepts(context, part)
         for dtype, part in zip(wanted, parts, strict=True)
     )
 
@@ -115,7 +118,7 @@ def fits_element(dtype, native) -> bool:
         return kinds is None or native.kind in kinds
     if type(dtype).__name__ == "GenericAnnotation":
         return native.kind in ("vec", "mat", "quat", "transform")
-    return types.native_type(dtype) == native
+    return dtypes.native_type(dtype) == native
 
 
 def fits_extents(params, native) -> bool:
@@ -192,13 +195,13 @@ class Overload:
         if declared is typing.Any or declared is None or is_generic(declared):
             if typing.get_origin(declared) is tuple:
                 return [
-                    None if is_generic(part) else types.native_type(annotations.resolve(part))
+                    None if is_generic(part) else dtypes.native_type(annotations.resolve(part))
                     for part in typing.get_args(declared)
                 ]
             return None
-        return [types.native_type(annotations.resolve(declared))]
+        return [dtypes.native_type(annotations.resolve(declared))]
 
-    def bind(self, emitter, arguments, keywords, node):
+    def bind(self, context, arguments, keywords, node):
         """Bindings in the order of the parameters, or the reason why not."""
         if len(arguments) > len(self.parameters):
             return f"takes {len(self.parameters)} arguments, but got {len(arguments)}"
@@ -212,14 +215,14 @@ class Overload:
             elif name in keywords:
                 bound.append(keywords.pop(name))
             elif parameter.default is not inspect.Parameter.empty:
-                bound.append(emitter.default_value(parameter, node))
+                bound.append(context.user_calls.default_value(parameter, node))
             else:
                 return f"argument '{name}' is missing"
         if keywords:
             return f"no parameter '{next(iter(keywords))}'"
         for parameter, binding in zip(self.parameters, bound, strict=False):
-            if not parameter.accepts(emitter, binding):
-                return f"argument '{parameter.name}' does not take '{emitter.type_name(binding)}'"
+            if not parameter.accepts(context, binding):
+                return f"argument '{parameter.name}' does not take '{context.type_name(binding)}'"
         return bound
 
     def __str__(self):
@@ -269,4 +272,4 @@ def overload_of(function) -> Overload:
 
 def is_static(binding) -> bool:
     """Whether a binding is passed by specialising the callee."""
-    return isinstance(binding, (type, str, names.BuiltinRef)) or hasattr(binding, "overloads")
+    return isinstance(binding, (type, str, names.BuiltinRef, Function))

@@ -1,16 +1,16 @@
 """Indexed arrays: accesses of their elements become accesses of the array behind them.
 
 An indexed array is a struct of that array, one array of indices per dimension, and an integer whose
-bits say which dimensions have indices (`warp._src.indexed_arrays`). The arrays of indices of the
+bits say which dimensions have indices (`warp._src.arrays.indexed`). The arrays of indices of the
 others have the extents of their dimension and can be read, but mean nothing: a position is found
 without a branch, so that equal ones are seen to be equal.
 """
 
 from __future__ import annotations
 
-from warp._src import types
-from warp._src.annotations import IndexedArrayType
-from warp._src.frontend.emitter import BOOL, INT32, EmitterBase, Value
+from warp._src.frontend.context import BOOL, INT32, Part
+from warp._src.types import dtypes
+from warp._src.types.native import IndexedArrayType
 
 _NAMES = ("indexedarray(", *(f"indexedarray{ndim}d(" for ndim in (2, 3, 4)))
 
@@ -25,7 +25,7 @@ def array_of(native):
     return None
 
 
-class Indexed(EmitterBase):
+class Indexed(Part):
     """Translates accesses of indexed arrays."""
 
     def resolved(self, binding, indices, node):
@@ -33,12 +33,12 @@ class Indexed(EmitterBase):
         if binding.type.kind != "struct" or array_of(binding.type) is None:
             return binding, indices
         positions = [self.position(binding, *one, node) for one in enumerate(indices)]
-        self.at(node)
+        self.context.at(node)
         return self.builder.struct_get(binding, "data"), positions
 
     def position(self, indexed, axis, index, node):
         """Index into the data for an index of a dimension."""
-        self.at(node)
+        self.context.at(node)
         bits = self.builder.struct_get(indexed, "indexed")
         bit = self.builder.constant(INT32, 1 << axis)
         chosen = self.builder.cast(self.builder.builtin("bit_and", [bits, bit])[0][0], BOOL)
@@ -48,7 +48,7 @@ class Indexed(EmitterBase):
 
     def extents(self, array, node):
         """Extents of an array or indexed array."""
-        self.at(node)
+        self.context.at(node)
         axes = range(array_of(array.type).rank)
         if array.type.kind == "array":
             return tuple([self.builder.dim(array, axis) for axis in axes])
@@ -59,8 +59,8 @@ class Indexed(EmitterBase):
         """The indexed array of fewer dimensions that is left if the first have an index."""
         data, positions = self.resolved(indexed, leading, node)
         view = self.builder.view(data, positions)
-        dtype = types.dtype_of(view.type.element)
-        native = types.native_type(IndexedArrayType(dtype, view.type.rank))
+        dtype = dtypes.dtype_of(view.type.element)
+        native = dtypes.native_type(IndexedArrayType(dtype, view.type.rank))
         axes = range(len(leading), data.type.rank)
         rest = [self.builder.struct_get(indexed, f"indices{axis}") for axis in axes]
         bits = self.builder.struct_get(indexed, "indexed")

@@ -13,9 +13,8 @@ from __future__ import annotations
 import ast
 
 from warp._src import errors
-from warp._src.frontend.branches import Branches
+from warp._src.frontend.context import INT32, Part, Value
 from warp._src.frontend.control import If, Loop
-from warp._src.frontend.emitter import INT32, Value
 
 _MISSING = object()
 
@@ -41,7 +40,7 @@ class LoopFrame:
         self.inits = []
 
 
-class Loops(Branches):
+class Loops(Part):
     """Translates `for` and `while` nodes."""
 
     def loop(self, node: Loop):
@@ -49,7 +48,7 @@ class Loops(Branches):
         is_for = isinstance(syntax, ast.For)
         if syntax.orelse:
             word = "for" if is_for else "while"
-            raise self.unsupported(
+            raise self.context.unsupported(
                 syntax.orelse[0], f"the `else` of a `{word}` loop", "set a flag before `break`"
             )
         if not is_for:
@@ -60,7 +59,7 @@ class Loops(Branches):
             static = range(*bounds)
             if not static:
                 return
-            few = len(static) <= self.session.max_unroll
+            few = len(static) <= self.context.session.max_unroll
             if self.calls_static(syntax) or (few and self.indexes_tuples(syntax)):
                 self.unroll(node, static)
                 return
@@ -72,10 +71,11 @@ class Loops(Branches):
     # What is carried.
 
     def open_frame(self, node: Loop, targets=frozenset()) -> LoopFrame:
-        frame = LoopFrame(node, self.env, dict(self.lines))
+        frame = LoopFrame(node, self.context.env, dict(self.context.lines))
         frame.names, frame.pending = self.carried(node, targets)
         frame.shapes = [
-            self.flatten(self.env[name], node.syntax, frame.inits) for name in frame.names
+            self.context.flatten(self.context.env[name], node.syntax, frame.inits)
+            for name in frame.names
         ]
         return frame
 
@@ -83,7 +83,7 @@ class Loops(Branches):
         """Names carried around a loop: with a value already, and pending."""
         known, pending = [], set()
         for name in sorted((node.defs | node.parts) & node.head):
-            binding = self.env.get(name, _MISSING)
+            binding = self.context.env.get(name, _MISSING)
             if binding is _MISSING:
                 if name in node.defs:
                     pending.add(name)
@@ -100,17 +100,17 @@ class Loops(Branches):
     def bind(self, names, shapes, values):
         values = iter(values)
         for name, shape in zip(names, shapes, strict=False):
-            self.env[name] = self.unflatten(shape, values)
+            self.context.env[name] = self.context.unflatten(shape, values)
 
     def head_scope(self, frame, heads):
         """Environment at the start of an iteration."""
-        self.env = dict(frame.before)
+        self.context.env = dict(frame.before)
         self.bind(frame.names, frame.shapes, heads)
 
     def body_scope(self, frame, heads):
         frame.level = self.builder.loop_depth - 1
-        self.loops.append(frame)
-        self.env = dict(self.env)
+        self.context.frames.append(frame)
+        self.context.env = dict(self.context.env)
         self.bind(frame.names, frame.shapes, heads)
 
     def yields(self, frame):
@@ -118,7 +118,7 @@ class Loops(Branches):
         values = []
         for name, shape in zip(frame.names, frame.shapes, strict=False):
             found = []
-            same = self.flatten(self.env[name], frame.node.syntax, found) == shape
+            same = self.context.flatten(self.context.env[name], frame.node.syntax, found) == shape
             expected = frame.inits[len(values) : len(values) + len(found)]
             self.check_type_kept(frame, name, shape, same, found, expected)
             values += found
@@ -127,17 +127,17 @@ class Loops(Branches):
     def check_type_kept(self, frame, name, shape, same, found, expected):
         if same and [v.type for v in found] == [v.type for v in expected]:
             return
-        before = self.type_name(expected[0]) if shape is None else "tuple"
-        after = self.type_name(self.env[name])
+        before = self.context.type_name(expected[0]) if shape is None else "tuple"
+        after = self.context.type_name(self.context.env[name])
         notes = []
         if name in frame.lines:
             notes.append(f"'{name}' is '{before}' at line {frame.lines[name]}")
-        if name in self.lines:
-            notes.append(f"'{name}' is '{after}' at line {self.lines[name]}")
-        raise self.type_error(
+        if name in self.context.lines:
+            notes.append(f"'{name}' is '{after}' at line {self.context.lines[name]}")
+        raise self.context.type_error(
             frame.node.syntax,
             f"'{name}' is '{before}' before the loop and '{after}' after an iteration",
-            self.conversion_hint(before, after) or "keep one type in the loop",
+            self.context.branches.conversion_hint(before, after) or "keep one type in the loop",
             notes=notes,
         )
 
@@ -146,28 +146,30 @@ class Loops(Branches):
         node = frame.node
         for name in sorted(frame.pending):
             # An outer loop's old value is what remains if this loop makes no trip.
-            if name in self.env and any(name in outer.pending for outer in self.loops[:-1]):
-                self.before_assignment(name, self.env[name], node.syntax)
+            if name in self.context.env and any(
+                name in outer.pending for outer in self.context.frames[:-1]
+            ):
+                self.context.branches.before_assignment(name, self.context.env[name], node.syntax)
         values = self.yields(frame)
         names, shapes = list(frame.names), list(frame.shapes)
         for name, shape, heads in frame.promoted:
             found = []
-            same = self.flatten(self.env[name], node.syntax, found) == shape
+            same = self.context.flatten(self.context.env[name], node.syntax, found) == shape
             self.check_type_kept(frame, name, shape, same, found, heads)
             values += found
             names.append(name)
             shapes.append(shape)
         late = []
         for name in sorted(frame.pending):
-            if name in self.env and name in node.live:
+            if name in self.context.env and name in node.live:
                 names.append(name)
-                shapes.append(self.flatten(self.env[name], node.syntax, late))
-        self.loops.pop()
-        self.at(node.syntax)
+                shapes.append(self.context.flatten(self.context.env[name], node.syntax, late))
+        self.context.frames.pop()
+        self.context.at(node.syntax)
         return values, late, names, shapes
 
     def leave(self, frame, names, shapes, results):
-        self.env = frame.before
+        self.context.env = frame.before
         self.bind(names, shapes, results)
 
     # for
@@ -176,11 +178,11 @@ class Loops(Branches):
         syntax = node.syntax
         low, high, step = self.common_bounds(bounds, syntax)
         frame = self.open_frame(node, self.target_names(syntax.target))
-        self.at(syntax)
+        self.context.at(syntax)
         counter, *heads = self.builder.begin_for(low, high, step, frame.inits)
         self.body_scope(frame, heads)
-        self.assign_target(syntax.target, counter, syntax.target)
-        self.block(node.body)
+        self.context.targets.assign_target(syntax.target, counter, syntax.target)
+        self.context.branches.block(node.body)
         values, late, names, shapes = self.final_values(frame)
         self.leave(frame, names, shapes, self.builder.end_for(values, late))
 
@@ -189,23 +191,23 @@ class Loops(Branches):
         syntax, builder = node.syntax, self.builder
         low, high, step = self.common_bounds(bounds, syntax)
         frame = self.open_frame(node, self.target_names(syntax.target))
-        self.at(syntax)
+        self.context.at(syntax)
         trips = builder.trip_count(low, high, step)
         zero, one = builder.constant(trips.type, 0), builder.constant(trips.type, 1)
         trip, *heads = builder.begin_while([zero, *frame.inits])
         self.head_scope(frame, heads)
         more = builder.builtin("lt", [trip, trips])[0][0]
-        clear = self.none_set(node.exits, syntax)
+        clear = self.context.branches.none_set(node.exits, syntax)
         if clear is not True:
-            more = builder.builtin("bit_and", [more, self.materialize(clear, syntax)])[0][0]
+            more = builder.builtin("bit_and", [more, self.context.materialize(clear, syntax)])[0][0]
         trip, *heads = builder.while_condition(more, [trip, *heads])
         self.body_scope(frame, heads)
         offset = builder.cast(trip, low.type)
         if step.constant() != 1:
             offset = builder.builtin("mul", [offset, step])[0][0]
         counter = builder.builtin("add", [low, offset])[0][0]
-        self.assign_target(syntax.target, counter, syntax.target)
-        self.block(node.body)
+        self.context.targets.assign_target(syntax.target, counter, syntax.target)
+        self.context.branches.block(node.body)
         values, late, names, shapes = self.final_values(frame)
         following = builder.builtin("add", [trip, one])[0][0]
         results = builder.end_while([following, *values], late)
@@ -216,11 +218,11 @@ class Loops(Branches):
         guarded = If(node.syntax, node.body, [], node.exits)
         guarded.live = node.head
         for position in static:
-            self.assign_target(node.syntax.target, position, node.syntax.target)
+            self.context.targets.assign_target(node.syntax.target, position, node.syntax.target)
             if node.exits:
-                self.branch(guarded)
+                self.context.branches.branch(guarded)
             else:
-                self.block(node.body)
+                self.context.branches.block(node.body)
 
     def indexes_tuples(self, syntax):
         """Whether a body may need the counter at compile time as index of a tuple."""
@@ -248,12 +250,12 @@ class Loops(Branches):
             root = root.value
         if not isinstance(root, ast.Name):
             return False
-        if root is node and root.id in self.env:
-            return type(self.env[root.id]) is tuple
-        if root.id in self.env or root.id in self.source.plan.local_names:
+        if root is node and root.id in self.context.env:
+            return type(self.context.env[root.id]) is tuple
+        if root.id in self.context.env or root.id in self.context.source.plan.local_names:
             return False
         try:
-            return type(self.expr(node)) is tuple
+            return type(self.context.expressions.expr(node)) is tuple
         except errors.WarpError:
             return False
 
@@ -266,12 +268,12 @@ class Loops(Branches):
     def range_bounds(self, node):
         """Bindings of start, stop and step of `range(...)`, maybe reversed."""
         if isinstance(node, ast.Call) and not node.keywords:
-            function = self.expr(node.func)
+            function = self.context.expressions.expr(node.func)
             if function is reversed and len(node.args) == 1:
                 return self.reversed_bounds(self.range_bounds(node.args[0]), node)
             if function is range:
                 return self.range_arguments(node)
-        raise self.unsupported(
+        raise self.context.unsupported(
             node, "a loop over anything but `range(...)`", "use `for i in range(len(a))`"
         )
 
@@ -279,27 +281,29 @@ class Loops(Branches):
         arguments = []
         for argument in node.args:
             if isinstance(argument, ast.Starred):
-                arguments += self.spread(argument)
+                arguments += self.context.access.spread(argument)
             else:
                 arguments.append(self.range_argument(argument))
         if not 1 <= len(arguments) <= 3:
-            raise self.type_error(node, f"range expects 1 to 3 arguments, but got {len(arguments)}")
+            raise self.context.type_error(
+                node, f"range expects 1 to 3 arguments, but got {len(arguments)}"
+            )
         if len(arguments) == 1:
             arguments = [0, *arguments]
         if len(arguments) == 2:
             arguments = [*arguments, 1]
         if type(arguments[2]) is int and arguments[2] == 0:
-            raise self.error(node, "range step is zero", kind=errors.WarpCodegenValueError)
+            raise self.context.error(node, "range step is zero", kind=errors.WarpCodegenValueError)
         return arguments
 
     def range_argument(self, node):
         """A Python int if known at compile time, else an integer value."""
-        binding = self.expr(node)
+        binding = self.context.expressions.expr(node)
         if type(binding) in (int, bool):
             return int(binding)
-        value = self.materialize(binding, node)
+        value = self.context.materialize(binding, node)
         if value.type.kind != "int":
-            raise self.type_error(
+            raise self.context.type_error(
                 node,
                 f"range expects integers, but got '{value.type.python_name}'",
                 "use `int(...)`",
@@ -314,7 +318,7 @@ class Loops(Branches):
         if type(bounds[2]) is not int or bounds[2] != 1:
             return self.reversed_steps(bounds, node)
         low, high, _ = self.common_bounds(bounds, node)
-        self.at(node)
+        self.context.at(node)
         one = self.builder.constant(low.type, 1)
         last = self.builder.builtin("sub", [high, one])[0][0]
         stop = self.builder.builtin("sub", [low, one])[0][0]
@@ -324,13 +328,13 @@ class Loops(Branches):
         """`low, low + step, ...` from its last number down (or up) to `low`."""
         low, high, step = self.common_bounds(bounds, node)
         if not low.type.signed:
-            raise self.unsupported(node, "reversing an unsigned range whose step is not 1")
-        self.at(node)
+            raise self.context.unsupported(node, "reversing an unsigned range whose step is not 1")
+        self.context.at(node)
         trips = self.builder.cast(self.builder.trip_count(low, high, step), low.type)
-        length = self.operator(node, "mul", trips, step)
-        stop = self.operator(node, "sub", low, step)
-        last = self.operator(node, "add", stop, length)
-        return [last, stop, self.operator(node, "neg", step)]
+        length = self.context.expressions.operator(node, "mul", trips, step)
+        stop = self.context.expressions.operator(node, "sub", low, step)
+        last = self.context.expressions.operator(node, "add", stop, length)
+        return [last, stop, self.context.expressions.operator(node, "neg", step)]
 
     def common_bounds(self, bounds, node):
         """Bounds as values of one type: literals follow the dynamic ones."""
@@ -338,12 +342,12 @@ class Loops(Branches):
         native = dynamic[0].type if dynamic else INT32
         for bound in dynamic:
             if bound.type != native:
-                raise self.type_error(
+                raise self.context.type_error(
                     node,
                     f"range expects bounds of one type, but got '{native.python_name}' "
                     f"and '{bound.type.python_name}'",
                 )
-        self.at(node)
+        self.context.at(node)
         return [
             bound if type(bound) is Value else self.builder.constant(native, bound)
             for bound in bounds
@@ -354,15 +358,15 @@ class Loops(Branches):
     def while_loop(self, node: Loop):
         syntax = node.syntax
         frame = self.open_frame(node)
-        self.at(syntax)
+        self.context.at(syntax)
         heads = self.builder.begin_while(frame.inits)
         self.head_scope(frame, heads)
         condition = self.while_test(node, syntax)
         forwarded = self.yields(frame)
-        self.at(syntax)
+        self.context.at(syntax)
         heads = self.builder.while_condition(condition, forwarded)
         self.body_scope(frame, heads)
-        self.block(node.body)
+        self.context.branches.block(node.body)
         values, late, names, shapes = self.final_values(frame)
         self.leave(frame, names, shapes, self.builder.end_while(values, late))
 
@@ -370,12 +374,14 @@ class Loops(Branches):
         """The condition of an iteration: no exit flag, then the test."""
 
         def test():
-            return self.truth(self.expr(syntax.test), syntax.test)
+            return self.context.expressions.truth(
+                self.context.expressions.expr(syntax.test), syntax.test
+            )
 
-        condition = self.none_set(node.exits, syntax)
+        condition = self.context.branches.none_set(node.exits, syntax)
         if condition is True:
             condition = test()
         elif condition is not False:
-            pure = self.is_cheap(syntax.test)
-            condition = self.both(syntax.test, condition, test, pure)
-        return self.materialize(condition, syntax.test)
+            pure = self.context.expressions.is_cheap(syntax.test)
+            condition = self.context.expressions.both(syntax.test, condition, test, pure)
+        return self.context.materialize(condition, syntax.test)

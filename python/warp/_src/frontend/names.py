@@ -7,6 +7,8 @@ import difflib
 
 from warp import _native
 from warp._src import errors
+from warp._src.language import namespace
+from warp._src.types import dtypes
 
 # Python's own functions and types that mean something in a kernel.
 PYTHON_NAMES = frozenset(
@@ -31,7 +33,7 @@ MATH_NAMES = {
     "power": "pow",
     "hypot": None,
 }
-# Builtins that the translator expands itself; `calls` fills in their names.
+# Builtins that the translator expands itself; `translator` fills in their names.
 SPECIAL_BUILTINS: set[str] = set()
 
 
@@ -72,15 +74,15 @@ def describe(value) -> str:
     return f"{article} '{type(value).__name__}'"
 
 
-def resolve(emitter, name, node):
+def resolve(context, name, node):
     """The Python object a free name refers to: closure, global, builtin."""
-    function = emitter.function
+    function = context.function
     free = function.__code__.co_freevars
     if name in free:
         try:
             return function.__closure__[free.index(name)].cell_contents
         except ValueError:
-            raise emitter.error(
+            raise context.error(
                 node,
                 f"'{name}' has no value yet in the enclosing function",
                 kind=errors.WarpCodegenKeyError,
@@ -93,28 +95,26 @@ def resolve(emitter, name, node):
     if name in SPECIAL_BUILTINS or _native.Builder.has_builtin(name):
         return BuiltinRef(name)
     # Names of types may be used bare, as `vec3(...)`.
-    import warp
-
-    found = getattr(warp, name, None)
+    found = getattr(dtypes, name, None)
     if isinstance(found, type):
         return found
-    raise undefined(emitter, name, node)
+    raise undefined(context, name, node)
 
 
-def undefined(emitter, name, node):
-    known = [*emitter.env, *emitter.function.__globals__, *PYTHON_NAMES]
+def undefined(context, name, node):
+    known = [*context.env, *context.function.__globals__, *PYTHON_NAMES]
     close = difflib.get_close_matches(name, [n for n in known if " " not in n], n=1)
     hint = f"did you mean `{close[0]}`?" if close else None
     if hasattr(builtins, name):
-        return emitter.error(
+        return context.error(
             node,
             f"Python's '{name}' is not supported in kernels",
             kind=errors.WarpCodegenKeyError,
         )
-    return emitter.error(node, f"'{name}' is not defined", hint, errors.WarpCodegenKeyError)
+    return context.error(node, f"'{name}' is not defined", hint, errors.WarpCodegenKeyError)
 
 
-def module_attribute(emitter, module, name, node):
+def module_attribute(context, module, name, node):
     """What `module.name` means in a kernel."""
     root = module.__name__.partition(".")[0]
     if root in ("math", "numpy"):
@@ -126,7 +126,7 @@ def module_attribute(emitter, module, name, node):
             return BuiltinRef(target)
         if isinstance(value, type):
             return value
-        raise emitter.error(
+        raise context.error(
             node,
             f"'{module.__name__}.{name}' has no counterpart in kernels",
             kind=errors.WarpCodegenAttributeError,
@@ -135,23 +135,23 @@ def module_attribute(emitter, module, name, node):
         value = getattr(module, name, None)
         if isinstance(value, type) or (value is not None and not callable(value)):
             return value
-        top = module.__name__ == "warp"
+        top = module is namespace or module.__name__ == "warp"
         if top and name in ("int", "float"):
             return getattr(builtins, name)
         if top and (name in SPECIAL_BUILTINS or _native.Builder.has_builtin(name)):
             return BuiltinRef(name)
         if value is not None:
             return value
-        raise _missing(emitter, module, name, node)
+        raise _missing(context, module, name, node)
     try:
         return getattr(module, name)
     except AttributeError:
-        raise _missing(emitter, module, name, node) from None
+        raise _missing(context, module, name, node) from None
 
 
-def _missing(emitter, module, name, node):
+def _missing(context, module, name, node):
     close = difflib.get_close_matches(name, dir(module), n=1)
-    return emitter.error(
+    return context.error(
         node,
         f"module '{module.__name__}' has no attribute '{name}'",
         f"did you mean `{close[0]}`?" if close else None,

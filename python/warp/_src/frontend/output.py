@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from warp._src.frontend.constructors import Constructors
+from warp._src.frontend.context import Part
 
 _CONVERSION = re.compile(r"%%|%[^a-zA-Z%]*(?:hh|ll|[hlzjt])?[a-zA-Z]")
 _FORMATS = {"bool": "%d", "int": "%d", "float": "%g"}
@@ -12,16 +12,16 @@ _FORMATS = {"bool": "%d", "int": "%d", "float": "%g"}
 _MOST = 32
 
 
-class Output(Constructors):
+class Output(Part):
     """Translates calls that write to standard output."""
 
     def builtin_printf(self, node):
-        arguments, keywords = self.arguments(node)
+        arguments, keywords = self.context.constructors.arguments(node)
         if keywords or not arguments or not isinstance(arguments[0], str):
-            raise self.type_error(node, "printf expects a format string first")
+            raise self.context.type_error(node, "printf expects a format string first")
         texts = iter([argument for argument in arguments[1:] if isinstance(argument, str)])
         values = [
-            self.materialize(argument, node)
+            self.context.materialize(argument, node)
             for argument in arguments[1:]
             if not isinstance(argument, str)
         ]
@@ -31,21 +31,21 @@ class Output(Constructors):
             arguments[0],
         )
         if next(texts, None) is not None:
-            raise self.type_error(node, "printf has more strings than `%s` conversions")
-        self.at(node)
+            raise self.context.type_error(node, "printf has more strings than `%s` conversions")
+        self.context.at(node)
         self.builder.printf(spliced, values)
 
     def builtin_print(self, node):
         """`print(x)`: components separated by spaces, and a new line."""
-        (binding,) = self.exactly(node, 1, "print")
+        (binding,) = self.context.constructors.exactly(node, 1, "print")
         if isinstance(binding, str):
-            self.at(node)
+            self.context.at(node)
             self.builder.printf(binding.replace("%", "%%") + "\n", [])
             return
-        value = self.materialize(binding, node)
+        value = self.context.materialize(binding, node)
         native = value.type
         if native.kind in ("array", "struct"):
-            raise self.type_error(node, f"print expects a number or composite, but got "
+            raise self.context.type_error(node, f"print expects a number or composite, but got "
                                         f"'{native.python_name}'")  # fmt: skip
         if native.kind == "bool":
             self.print_bool(value, node)
@@ -54,13 +54,11 @@ class Output(Constructors):
         parts = self.parts(value, node)
         columns = native.shape[-1] if native.shape else len(parts)
         row = " ".join([self.scalar_format(scalar)] * columns) + "\n"
-        self.at(node)
-        self.print_pieces(
-            [(row, parts[at : at + columns]) for at in range(0, len(parts), columns)]
-        )
+        self.context.at(node)
+        self.print_pieces([(row, parts[at : at + columns]) for at in range(0, len(parts), columns)])
 
     def print_bool(self, value, node):
-        self.at(node)
+        self.context.at(node)
         self.builder.begin_if(value)
         self.builder.printf("True\n", [])
         self.builder.begin_else()
@@ -84,9 +82,9 @@ class Output(Constructors):
 
     def expect(self, node, name, failure):
         """Prints both operands where the comparison `failure` is true."""
-        left, right = self.compared(self.exactly(node, 2, name), node)
+        left, right = self.compared(self.context.constructors.exactly(node, 2, name), node)
         title = f"Error, {name}() failed:\n"
-        failed = self.operator(node, failure, left, right)
+        failed = self.context.expressions.operator(node, failure, left, right)
         self.builder.begin_if(failed)
         if left.type.kind == "bool":
             self.builder.begin_if(left)
@@ -103,20 +101,20 @@ class Output(Constructors):
 
     def builtin_expect_near(self, node):
         """Components differ by at most `tolerance`; NaN is near to nothing."""
-        arguments, keywords = self.arguments(node)
+        arguments, keywords = self.context.constructors.arguments(node)
         given = dict(zip(("a", "b", "tolerance"), arguments, strict=False)) | keywords
         if len(arguments) > 3 or not {"a", "b"} <= set(given) <= {"a", "b", "tolerance"}:
-            raise self.type_error(node, "'expect_near' expects two values and a tolerance")
+            raise self.context.type_error(node, "'expect_near' expects two values and a tolerance")
         left, right = self.compared([given["a"], given["b"]], node)
         scalar = left.type.element or left.type
         if scalar.kind != "float":
-            raise self.type_error(
+            raise self.context.type_error(
                 node, f"'expect_near' expects floats, but got '{left.type.python_name}'"
             )
-        tolerance = self.convert_constant(given.get("tolerance", 1e-6), scalar, node)
-        self.at(node)
+        tolerance = self.context.convert_constant(given.get("tolerance", 1e-6), scalar, node)
+        self.context.at(node)
         gap, near = self.gap(left, right, tolerance, node)
-        self.builder.begin_if(self.operator(node, "unot", near))
+        self.builder.begin_if(self.context.expressions.operator(node, "unot", near))
         label = "Absolute" if left.type == scalar else "Max absolute"
         self.print_pieces(
             self.pieces("Error, expect_near() failed with tolerance ", tolerance, node),
@@ -131,32 +129,46 @@ class Output(Constructors):
         gap = near = None
         count = len(self.parts(left, node))
         for one, other in zip(
-            self.components(left, count, node), self.components(right, count, node), strict=True
+            self.context.targets.components(left, count, node),
+            self.context.targets.components(right, count, node),
+            strict=True,
         ):
-            difference = self.operator(node, "abs", self.operator(node, "sub", one, other))
-            close = self.operator(node, "le", difference, tolerance)
+            difference = self.context.expressions.operator(
+                node, "abs", self.context.expressions.operator(node, "sub", one, other)
+            )
+            close = self.context.expressions.operator(node, "le", difference, tolerance)
             # Infinities of one sign have no difference.
-            close = self.operator(node, "bit_or", close, self.operator(node, "eq", one, other))
-            gap = difference if gap is None else self.operator(node, "max", gap, difference)
-            near = close if near is None else self.operator(node, "bit_and", near, close)
+            close = self.context.expressions.operator(
+                node, "bit_or", close, self.context.expressions.operator(node, "eq", one, other)
+            )
+            gap = (
+                difference
+                if gap is None
+                else self.context.expressions.operator(node, "max", gap, difference)
+            )
+            near = (
+                close
+                if near is None
+                else self.context.expressions.operator(node, "bit_and", near, close)
+            )
         return gap, near
 
     def compared(self, operands, node):
         """The operands of a check; a plain number takes the type of the other one."""
         left, right = operands
         for one, other in ((left, right), (right, left)):
-            native = self.static_type(other)
+            native = self.context.static_type(other)
             if native is not None and type(one) in (int, float) and type(other) is not type(one):
                 left, right = (
-                    self.convert_constant(binding, native, node)
+                    self.context.convert_constant(binding, native, node)
                     if binding is one
-                    else self.materialize(binding, node)
+                    else self.context.materialize(binding, node)
                     for binding in operands
                 )
                 break
-        left, right = self.materialize(left, node), self.materialize(right, node)
+        left, right = self.context.materialize(left, node), self.context.materialize(right, node)
         if left.type != right.type or left.type.kind in ("array", "struct"):
-            raise self.type_error(
+            raise self.context.type_error(
                 node,
                 f"expects two numbers or composites of one type to compare, but got "
                 f"'{left.type.python_name}' and '{right.type.python_name}'",
@@ -166,7 +178,9 @@ class Output(Constructors):
     def parts(self, value, node):
         native = value.type
         places = native.shape or {"quat": [4], "transform": [7]}.get(native.kind, [1])
-        return self.components(value, places[0] * (places[1] if len(places) == 2 else 1), node)
+        return self.context.targets.components(
+            value, places[0] * (places[1] if len(places) == 2 else 1), node
+        )
 
     def pieces(self, label, value, node):
         """A line that shows a value, as formats with their numbers."""

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import ast
 
+from warp._src.frontend.context import Part
 from warp._src.frontend.functions import NOTHING, is_static
-from warp._src.frontend.user_calls import UserCalls
 
 
-class References(UserCalls):
+class References(Part):
     """Translates calls of functions that have parameters by reference."""
 
     def call_by_reference(self, function, references, node):
@@ -21,20 +21,22 @@ class References(UserCalls):
         arguments, keywords, slots = [], {}, {}
         for position, argument in enumerate(node.args):
             if isinstance(argument, ast.Starred):
-                raise self.unsupported(argument, f"`*` in a call of '{function.key}'")
+                raise self.context.unsupported(argument, f"`*` in a call of '{function.key}'")
             arguments.append(self.argument(argument, position, references, slots))
         for keyword in node.keywords:
             value = self.argument(keyword.value, keyword.arg, references, slots)
             keywords[keyword.arg] = value
-        overload, bound = self.select(function, arguments, keywords, node, by_reference=True)
-        made = self.specialize(overload, bound, node)
+        overload, bound = self.context.user_calls.select(
+            function, arguments, keywords, node, by_reference=True
+        )
+        made = self.context.user_calls.specialize(overload, bound, node)
         values = []
         for binding in bound:
             if not is_static(binding):
-                self.flatten(binding, node, values)
-        self.at(node)
+                self.context.flatten(binding, node, values)
+        self.context.at(node)
         results = iter(self.builder.call(made.symbol, values))
-        result = None if made.shape is NOTHING else self.unflatten(made.shape, results)
+        result = None if made.shape is NOTHING else self.context.unflatten(made.shape, results)
         for position, name in made.updated:
             place = slots.get(position) or slots.get(name)
             value = next(results)
@@ -47,14 +49,14 @@ class References(UserCalls):
         """An argument's binding; that of a reference is read from its place, which is kept."""
         by_reference = key in references
         if not by_reference or not isinstance(node, (ast.Name, ast.Attribute, ast.Subscript)):
-            binding = self.expr(node)
+            binding = self.context.expressions.expr(node)
             slot = None
         else:
             self.check_variable(node)
-            slot = self.slot(node)
-            binding = self.read(slot, node)
-            if node not in self.source.plan.updated:
-                raise self.type_error(
+            slot = self.context.targets.slot(node)
+            binding = self.context.targets.read(slot, node)
+            if node not in self.context.source.plan.updated:
+                raise self.context.type_error(
                     node,
                     "an argument is passed by reference to a function that is not known before "
                     "its call",
@@ -66,10 +68,10 @@ class References(UserCalls):
 
     def check_variable(self, node):
         """Rejects a name that stands for a number known at compile time."""
-        number = self.env.get(node.id) if isinstance(node, ast.Name) else None
+        number = self.context.env.get(node.id) if isinstance(node, ast.Name) else None
         if isinstance(number, (bool, int)):
-            made = f"wp.{self.type_name(number)}({number})"
-            raise self.type_error(
+            made = f"wp.{self.context.type_name(number)}({number})"
+            raise self.context.type_error(
                 node,
                 f"'{node.id}' is the constant {number} and cannot be passed by reference",
                 f"declare it as `{node.id} = {made}`",
@@ -79,9 +81,9 @@ class References(UserCalls):
         """Stores what a function has assigned to a parameter."""
         slot, node = place
         if slot is None or (slot.name is None and slot.array is None):
-            raise self.type_error(
+            raise self.context.type_error(
                 node,
                 "expects a variable or an element of an array, to pass by reference",
                 "assign the value to a variable before",
             )
-        self.write(slot, value, node)
+        self.context.targets.write(slot, value, node)

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import ast
 
-from warp._src import errors, types
+from warp._src import errors
 from warp._src.frontend.access import COMPONENTS, places_of
-from warp._src.frontend.emitter import INT32, Value
+from warp._src.frontend.context import INT32, Part, Value
 from warp._src.frontend.indexed import array_of
-from warp._src.frontend.loops import Loops
+from warp._src.types import dtypes
 
 _ATOMIC = {
     ast.Add: "add",
@@ -46,13 +46,13 @@ class Slot:
         return Slot(native, self.name, self.value, self.array, self.indices, (*self.path, step))
 
 
-class Targets(Loops):
+class Targets(Part):
     """Translates assignments."""
 
     def assign_target(self, target, binding, node):
         kind = type(target)
         if kind is ast.Name:
-            self.assign_name(target.id, binding, node)
+            self.context.assign_name(target.id, binding, node)
         elif kind in (ast.Tuple, ast.List):
             self.unpack(target, binding, node)
         elif kind is ast.Subscript and self.has_slice(target):
@@ -60,26 +60,27 @@ class Targets(Loops):
         elif kind in (ast.Attribute, ast.Subscript):
             self.write(self.slot(target), binding, target)
         else:
-            raise self.unsupported(target, f"assignment to `ast.{kind.__name__}`")
+            raise self.context.unsupported(target, f"assignment to `ast.{kind.__name__}`")
 
     def unpack(self, target, binding, node):
         for item in target.elts:
             if isinstance(item, ast.Starred):
-                raise self.unsupported(item, "unpacking with `*`")
+                raise self.context.unsupported(item, "unpacking with `*`")
         if type(binding) is not tuple:
             if type(binding) is Value and binding.type.kind in ("vec", "quat"):
                 count = (binding.type.shape or [4])[0]
-                self.at(node)
+                self.context.at(node)
                 binding = tuple(
                     self.builder.extract(binding, [self.builder.constant(INT32, i)])
                     for i in range(count)
                 )
             else:
-                raise self.type_error(
-                    target, f"expects a tuple to unpack, but got '{self.type_name(binding)}'"
+                raise self.context.type_error(
+                    target,
+                    f"expects a tuple to unpack, but got '{self.context.type_name(binding)}'",
                 )
         if len(binding) != len(target.elts):
-            raise self.error(
+            raise self.context.error(
                 target,
                 f"expects {len(target.elts)} values to unpack, but got {len(binding)}",
                 kind=errors.WarpCodegenValueError,
@@ -93,20 +94,20 @@ class Targets(Loops):
         """The place that an expression names."""
         kind = type(node)
         if kind is ast.Name:
-            binding = self.read_name(node.id, node)
-            if type(binding) is not Value and not isinstance(binding, types.Composite):
-                raise self.type_error(node, f"cannot assign to a part of '{node.id}'")
-            value = self.materialize(binding, node)
-            name = node.id if node.id in self.env else None
+            binding = self.context.read_name(node.id, node)
+            if type(binding) is not Value and not isinstance(binding, dtypes.Composite):
+                raise self.context.type_error(node, f"cannot assign to a part of '{node.id}'")
+            value = self.context.materialize(binding, node)
+            name = node.id if node.id in self.context.env else None
             return Slot(value.type, name=name, value=value)
         if kind is ast.Attribute:
             return self.attribute_slot(self.slot(node.value), node)
         if kind is ast.Subscript:
             if getattr(node.value, "attr", None) == "adjoint":
                 # An error, which says where `wp.adjoint` may be used.
-                self.expr(node)
+                self.context.expressions.expr(node)
             return self.subscript_slot(self.slot(node.value), node)
-        value = self.value(node)
+        value = self.context.expressions.value(node)
         return Slot(value.type, value=value)
 
     def attribute_slot(self, base, node):
@@ -116,7 +117,7 @@ class Targets(Loops):
                 if field == name:
                     return base.extended(("field", name), field_type)
             # The builder's error lists the fields.
-            self.at(node)
+            self.context.at(node)
             self.builder.struct_get(self.read(base, node), name)
         if native.kind in ("vec", "quat") and name in COMPONENTS:
             position = COMPONENTS[name]
@@ -131,8 +132,8 @@ class Targets(Loops):
             )
             return base.extended(("part", name), type(native).parse(text))
         if native.kind == "array":
-            raise self.unsupported(node, f"assignment to '{name}' of an array")
-        raise self.error(
+            raise self.context.unsupported(node, f"assignment to '{name}' of an array")
+        raise self.context.error(
             node,
             f"'{native.python_name}' has no attribute '{name}'",
             kind=errors.WarpCodegenAttributeError,
@@ -145,22 +146,22 @@ class Targets(Loops):
         if known is not None:
             array = self.read(base, node)
             if len(items) > known.rank or self.has_slice(node):
-                value = self.array_item(array, items, node)
+                value = self.context.access.array_item(array, items, node)
                 return Slot(value.type, value=value)
-            indices = [self.index(item) for item in items]
+            indices = [self.context.access.index(item) for item in items]
             if len(items) < known.rank:
-                view = self.part(array, indices, node)
+                view = self.context.access.part(array, indices, node)
                 return Slot(view.type, value=view)
-            array, indices = self.resolved(array, indices, node)
+            array, indices = self.context.indexed.resolved(array, indices, node)
             return Slot(known.element, array=array, indices=indices)
-        indices = [self.index(item) for item in items]
-        self.at(node)
+        indices = [self.context.access.index(item) for item in items]
+        self.context.at(node)
         part = self.builder.part_type(native, indices)
         return base.extended(("index", indices), part)
 
     def read(self, slot, node):
         """Value of a slot."""
-        self.at(node)
+        self.context.at(node)
         value = slot.value
         if slot.array is not None:
             value = self.builder.load(slot.array, slot.indices)
@@ -173,25 +174,25 @@ class Targets(Loops):
             elif step == "index":
                 value = self.builder.extract(value, key)
             else:
-                value = self.value_attribute(value, key, node)
+                value = self.context.access.value_attribute(value, key, node)
         return value
 
     def write(self, slot, binding, node):
         if slot.name is None and slot.array is None:
             if array_of(slot.type) is not None:
-                raise self.type_error(
+                raise self.context.type_error(
                     node,
                     f"cannot assign to a whole '{slot.type.python_name}'",
                     "index every dimension",
                 )
-            raise self.type_error(node, "expects a variable or array element to assign to")
-        value = self.materialize(binding, node)
-        self.at(node)
+            raise self.context.type_error(node, "expects a variable or array element to assign to")
+        value = self.context.materialize(binding, node)
+        self.context.at(node)
         if slot.array is None:
-            root = self.env[slot.name]
+            root = self.context.env[slot.name]
             root = root if type(root) is Value else slot.value
-            self.env[slot.name] = self.with_part(root, slot.path, value, node)
-            self.lines[slot.name] = self.source.line(node)
+            self.context.env[slot.name] = self.with_part(root, slot.path, value, node)
+            self.context.lines[slot.name] = self.context.source.line(node)
         elif any(step == "part" for step, _ in slot.path):
             old = self.builder.load(slot.array, slot.indices)
             self.builder.store(
@@ -232,20 +233,22 @@ class Targets(Loops):
         """The place that is sliced, and the selected indices of each of its axes."""
         slot = self.slot(target.value)
         if array_of(slot.type) is not None:
-            raise self.unsupported(target, "assignment to a slice of an array", "use a loop")
+            raise self.context.unsupported(
+                target, "assignment to a slice of an array", "use a loop"
+            )
         items = target.slice.elts if isinstance(target.slice, ast.Tuple) else [target.slice]
-        return slot, self.selections(slot.type, items, target)
+        return slot, self.context.access.selections(slot.type, items, target)
 
     def assign_slice(self, target, binding, node):
         """`v[0:2] = w` and `m[:, j] = c` of a local or an element; a scalar fills."""
         slot, selections = self.slice_slot(target)
-        value = self.materialize(binding, node)
+        value = self.context.materialize(binding, node)
         self.write_slice(slot, selections, self.read(slot, target), value, target)
 
     def write_slice(self, slot, selections, whole, value, target):
         places = places_of(selections)
         parts = self.components(value, len(places), target)
-        self.at(target)
+        self.context.at(target)
         for place, part in zip(places, parts, strict=True):
             whole = self.builder.insert(whole, place, part)
         self.write(slot, whole, target)
@@ -254,30 +257,32 @@ class Targets(Loops):
         """`v[0:2] += w`; components of an array's element are updated one by one if atomic."""
         target, op = node.target, node.op
         slot, selections = self.slice_slot(target)
-        right = self.materialize(self.expr(node.value), node.value)
+        right = self.context.materialize(self.context.expressions.expr(node.value), node.value)
         composite = right.type.kind not in ("bool", "int", "float")
         if slot.array is not None and composite and self.is_atomic(slot, op):
             places = places_of(selections)
             parts = self.components(right, len(places), target)
-            self.at(node)
+            self.context.at(node)
             view = self.slot_view(slot)
             for place, part in zip(places, parts, strict=True):
                 element = self.builder.component_view(view, place)
                 self.builder.atomic(_ATOMIC[type(op)], element, slot.indices, part)
             return
         whole = self.read(slot, target)
-        left = self.selected(whole, selections, target)
-        self.write_slice(slot, selections, whole, self.binary(node, op, left, right), target)
+        left = self.context.access.selected(whole, selections, target)
+        self.write_slice(
+            slot, selections, whole, self.context.expressions.binary(node, op, left, right), target
+        )
 
     def components(self, value, count, node):
         """The components of a value in row-major order; a scalar repeats."""
         native = value.type
-        self.at(node)
+        self.context.at(node)
         if native.kind in ("bool", "int", "float"):
             return [value] * count
         shape = native.shape or {"quat": [4], "transform": [7]}.get(native.kind)
         if shape is None:
-            raise self.type_error(node, f"cannot assign '{native.python_name}' to a slice")
+            raise self.context.type_error(node, f"cannot assign '{native.python_name}' to a slice")
         places = [[]]
         for extent in shape:
             places = [
@@ -286,7 +291,7 @@ class Targets(Loops):
                 for i in range(extent)
             ]
         if len(places) != count:
-            raise self.error(
+            raise self.context.error(
                 node,
                 f"slice has {count} components, but '{native.python_name}' has {len(places)}",
                 kind=errors.WarpCodegenValueError,
@@ -298,22 +303,28 @@ class Targets(Loops):
     def augmented(self, node):
         target, op = node.target, node.op
         if isinstance(target, ast.Name):
-            left = self.read_name(target.id, target)
-            self.assign_name(target.id, self.binary(node, op, left, self.expr(node.value)), node)
+            left = self.context.read_name(target.id, target)
+            self.context.assign_name(
+                target.id,
+                self.context.expressions.binary(
+                    node, op, left, self.context.expressions.expr(node.value)
+                ),
+                node,
+            )
             return
         if isinstance(target, ast.Subscript) and self.has_slice(target):
             self.update_slice(node)
             return
         slot = self.slot(target)
-        right = self.materialize(self.expr(node.value), node.value)
+        right = self.context.materialize(self.context.expressions.expr(node.value), node.value)
         if slot.array is not None and self.is_atomic(slot, op):
-            self.at(node)
+            self.context.at(node)
             self.builder.atomic(_ATOMIC[type(op)], self.slot_view(slot), slot.indices, right)
             return
         if slot.name is None and slot.array is None:
             self.write(slot, right, node)
         left = self.read(slot, target)
-        self.write(slot, self.binary(node, op, left, right), node)
+        self.write(slot, self.context.expressions.binary(node, op, left, right), node)
 
     @staticmethod
     def is_atomic(slot, op):

@@ -6,8 +6,9 @@ import ast
 import types as python_types
 
 from warp import _native
-from warp._src.annotations import Reference
 from warp._src.frontend.functions import overload_of
+from warp._src.kernels.function import Function
+from warp._src.types.annotations import Reference
 
 
 def references_of(function) -> set:
@@ -35,7 +36,7 @@ def updated_arguments(function, inout_arguments):
 
     def updated(call):
         callee = _resolve(function, call.func)
-        if hasattr(callee, "overloads"):
+        if isinstance(callee, Function):
             keys = references_of(callee)
         else:
             name = getattr(call.func, "attr", None) or getattr(call.func, "id", None)

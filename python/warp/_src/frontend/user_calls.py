@@ -3,40 +3,29 @@
 from __future__ import annotations
 
 from warp._src import errors
-from warp._src.derivatives import is_differentiable
+from warp._src.derivatives.functions import is_differentiable
 from warp._src.frontend import functions
+from warp._src.frontend.context import Part, Parts, Value
 from warp._src.frontend.control import plan_of
-from warp._src.frontend.emitter import Value
 from warp._src.frontend.functions import NOTHING, Specialization
-from warp._src.frontend.targets import Targets
 from warp._src.frontend.updates import updated_arguments
 
 
-class Parts:
-    """Shape of a struct that is passed field by field."""
-
-    __slots__ = ("native", "parts")
-
-    def __init__(self, native, parts):
-        self.native = native
-        self.parts = parts
-
-
-class UserCalls(Targets):
+class UserCalls(Part):
     """Translates calls of `@wp.func` functions."""
 
     def call_function(self, function, arguments, keywords, node):
         overload, bound = self.select(function, arguments, keywords, node)
         if function.has_derivative:
-            return self.call_custom(function, overload, bound, node)
+            return self.context.custom_derivatives.call_custom(function, overload, bound, node)
         made = self.specialize(overload, bound, node)
         values = []
         for binding in bound:
             if not functions.is_static(binding):
-                self.flatten(binding, node, values)
-        self.at(node)
+                self.context.flatten(binding, node, values)
+        self.context.at(node)
         results = iter(self.builder.call(made.symbol, values))
-        return None if made.shape is NOTHING else self.unflatten(made.shape, results)
+        return None if made.shape is NOTHING else self.context.unflatten(made.shape, results)
 
     def select(self, function, arguments, keywords, node, by_reference=False):
         """The first overload that takes the arguments, concrete ones before generic ones.
@@ -48,23 +37,23 @@ class UserCalls(Targets):
             overloads.sort(key=lambda overload: overload.generic)
         reasons = []
         for overload in overloads:
-            bound = overload.bind(self, arguments, keywords, node)
+            bound = overload.bind(self.context, arguments, keywords, node)
             if type(bound) is list:
                 if overload.references and (function.has_derivative or not by_reference):
                     raise self.no_references(overload, node)
                 return overload, bound
             reasons.append(f"{overload}: {bound}")
-        shown = ", ".join(f"'{self.type_name(argument)}'" for argument in arguments)
+        shown = ", ".join(f"'{self.context.type_name(argument)}'" for argument in arguments)
         if len(reasons) == 1:
             message = f"cannot call '{function.key}' with ({shown}): {bound}"
             notes = (f"declared as {overloads[0]}",)
         else:
             message = f"no overload of '{function.key}' takes ({shown})"
             notes = tuple(reasons)
-        raise self.type_error(node, message, self.call_hint(overloads, arguments), notes)
+        raise self.context.type_error(node, message, self.call_hint(overloads, arguments), notes)
 
     def no_references(self, overload, node):
-        return self.type_error(
+        return self.context.type_error(
             node,
             f"'{overload.function.__name__}' has parameters by reference; it can be called by its "
             "own name alone, and has no derivative of its own",
@@ -76,7 +65,7 @@ class UserCalls(Targets):
         if len(overloads) != 1:
             return None
         for parameter, binding in zip(overloads[0].parameters, arguments, strict=False):
-            if parameter.native is None or parameter.accepts(self, binding):
+            if parameter.native is None or parameter.accepts(self.context, binding):
                 continue
             if parameter.native.kind in ("int", "float", "bool") and type(binding) is not tuple:
                 name = parameter.native.python_name
@@ -85,9 +74,9 @@ class UserCalls(Targets):
 
     def default_value(self, parameter, node):
         """A parameter's default as a binding of the declared type."""
-        binding = self.capture(parameter.default, node)
+        binding = self.context.capture(parameter.default, node)
         if parameter.native is not None and type(binding) in (int, float, bool):
-            return self.convert_constant(binding, parameter.native, node)
+            return self.context.convert_constant(binding, parameter.native, node)
         return binding
 
     def specialize(self, overload, bound, node, apart=False, owner=None) -> Specialization:
@@ -96,18 +85,18 @@ class UserCalls(Targets):
         apart: pass structs field by field. owner: the function, if it may have a derivative.
         """
         key = (overload, apart, owner, *map(self.signature_of, bound))
-        calls = self.session.calls
+        calls = self.context.session.calls
         if key in calls:
             return calls[key]
         self.check_recursion(overload, node)
-        self.session.active.append(overload)
+        self.context.session.active.append(overload)
         try:
             made = calls[key] = self.translate(overload, bound, apart)
         except errors.WarpError as problem:
-            where = f"{self.source.file}:{self.source.line(node)}"
-            problem.notes = (*problem.notes, f"called from '{self.source.name}' at {where}")
+            where = f"{self.context.source.file}:{self.context.source.line(node)}"
+            problem.notes = (*problem.notes, f"called from '{self.context.source.name}' at {where}")
             raise
-        self.session.active.pop()
+        self.context.session.active.pop()
         return made
 
     def signature_of(self, binding):
@@ -118,23 +107,23 @@ class UserCalls(Targets):
             return tuple(map(self.signature_of, binding))
         if functions.is_static(binding):
             return getattr(binding, "name", None) or binding
-        return self.static_type(binding)
+        return self.context.static_type(binding)
 
     def check_recursion(self, overload, node):
-        active = self.session.active
+        active = self.context.session.active
         if overload not in active:
             return
         chain = [o.function.__name__ for o in active[active.index(overload) :]]
         chain.append(overload.function.__name__)
-        raise self.error(
+        raise self.context.error(
             node,
             f"recursion is not supported in kernels: {' -> '.join(chain)}",
             "use a loop",
         )
 
     def translate(self, overload, bound, apart) -> Specialization:
-        emitter = type(self)(self.session, overload.function, overload.source, False)
-        emitter.result_type = overload.result
+        inner = type(self.context)(self.context.session, overload.function, overload.source, False)
+        inner.result_type = overload.result
         hidden = getattr(overload, "hidden", ())
         references = overload.references
         plan_of(
@@ -151,26 +140,26 @@ class UserCalls(Targets):
             shapes.append(self.types_of(binding, natives, apart))
             arg_names += [parameter.name] * len(natives)
             arg_types += natives
-        symbol = self.session.symbol(overload.function.__name__)
-        emitter.at(overload.source.tree)
+        symbol = self.context.session.symbol(overload.function.__name__)
+        inner.at(overload.source.tree)
         values = iter(self.builder.begin_function(symbol, arg_names, arg_types, False))
         line = overload.source.line(overload.source.tree)
         for parameter, shape, binding in zip(overload.parameters, shapes, bound, strict=False):
-            value = binding if shape is NOTHING else emitter.unflatten(shape, values)
-            emitter.env[parameter.name] = value
-            emitter.lines[parameter.name] = line
-        given = [emitter.env[name] for name in references.values()]
-        emitter.start_adjoints(hidden)
+            value = binding if shape is NOTHING else inner.unflatten(shape, values)
+            inner.env[parameter.name] = value
+            inner.lines[parameter.name] = line
+        given = [inner.env[name] for name in references.values()]
+        inner.user_calls.start_adjoints(hidden)
         try:
-            result = emitter.body()
+            result = inner.statements.body()
         except errors.WarpError as problem:
-            raise emitter.locate(problem) from problem.__cause__
-        results = emitter.adjoints(hidden)
+            raise inner.locate(problem) from problem.__cause__
+        results = inner.user_calls.adjoints(hidden)
         shape = NOTHING
         if overload.source.plan.returns_value:
-            flatten = emitter.take_apart if apart else emitter.flatten
+            flatten = inner.user_calls.take_apart if apart else inner.flatten
             shape = flatten(result, overload.source.tree, results)
-        updated = emitter.take_updates(references, given, results)
+        updated = inner.user_calls.take_updates(references, given, results)
         self.builder.end_function(results)
         types = [value.type for value in results]
         return Specialization(symbol, shape, shapes, types, updated)
@@ -180,9 +169,12 @@ class UserCalls(Targets):
         updated = [
             (position, name)
             for (position, name), value in zip(references.items(), given, strict=True)
-            if self.env[name] is not value
+            if self.context.env[name] is not value
         ]
-        into += [self.materialize(self.env[name], self.source.tree) for _, name in updated]
+        into += [
+            self.context.materialize(self.context.env[name], self.context.source.tree)
+            for _, name in updated
+        ]
         return updated
 
     def start_adjoints(self, hidden):
@@ -190,26 +182,27 @@ class UserCalls(Targets):
         for name, path, native in hidden:
             if native.kind == "array":
                 root, *fields = path.split(".")
-                array = self.env[root]
+                array = self.context.env[root]
                 for field in fields:
                     array = self.builder.struct_get(array, field)
                 if native.element.kind != "struct" and not is_differentiable(native.element):
                     continue
-                self.env[name] = self.builder.grad(array)
+                self.context.env[name] = self.builder.grad(array)
             elif is_differentiable(native):
-                self.env[name] = self.builder.zero(native)
-            self.lines[name] = self.source.line(self.source.tree)
+                self.context.env[name] = self.builder.zero(native)
+            self.context.lines[name] = self.context.source.line(self.context.source.tree)
 
     def adjoints(self, hidden):
         """The cotangents that a pullback returns."""
-        if hidden and self.source.plan.returns_value:
-            raise self.error(
-                self.source.tree,
-                f"'{self.source.name}' is a `@wp.func_grad` function, which returns nothing",
+        if hidden and self.context.source.plan.returns_value:
+            raise self.context.error(
+                self.context.source.tree,
+                f"'{self.context.source.name}' is a `@wp.func_grad` function, "
+                "which returns nothing",
                 "add to `wp.adjoint[...]`",
             )
         return [
-            self.materialize(self.env[name], self.source.tree)
+            self.context.materialize(self.context.env[name], self.context.source.tree)
             for name, _, native in hidden
             if is_differentiable(native)
         ]
@@ -220,9 +213,9 @@ class UserCalls(Targets):
         """Appends the types of a binding's values; gives its shape for `unflatten`."""
         if type(binding) is tuple:
             return tuple([self.types_of(part, into, apart) for part in binding])
-        native = self.static_type(binding)
+        native = self.context.static_type(binding)
         if native is None:
-            native = self.materialize(binding, self.node).type
+            native = self.context.materialize(binding, self.context.node).type
         if apart and native.kind == "struct":
             parts = [self.types_of(field, into, apart) for _, field in native.fields]
             return Parts(native, parts)
@@ -233,19 +226,13 @@ class UserCalls(Targets):
         """Like `flatten`, with structs as their fields."""
         if type(binding) is tuple:
             return tuple([self.take_apart(part, node, into) for part in binding])
-        value = self.materialize(binding, node)
+        value = self.context.materialize(binding, node)
         if value.type.kind != "struct":
             into.append(value)
             return None
-        self.at(node)
+        self.context.at(node)
         parts = [
             self.take_apart(self.builder.struct_get(value, name), node, into)
             for name, _ in value.type.fields
         ]
         return Parts(value.type, parts)
-
-    def unflatten(self, shape, values):
-        if type(shape) is not Parts:
-            return super().unflatten(shape, values)
-        parts = [self.unflatten(part, values) for part in shape.parts]
-        return self.builder.struct_create(shape.native, parts)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from warp._src import errors
-from warp._src.array import array
+from warp._src.arrays.array import array
 from warp._src.optim import parameters
 from warp._src.optim.lbfgs_vectors import Vectors
 from warp._src.optim.line_search import LineSearch, Point, backtrack

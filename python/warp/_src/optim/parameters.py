@@ -7,12 +7,14 @@ least 32 bits, whatever the parameter has.
 
 from __future__ import annotations
 
-from warp._src import errors, types
-from warp._src.array import array
-from warp._src.array_create import copy, zeros
-from warp._src.numpy_types import element_layout
+from warp._src import errors
+from warp._src.arrays.array import array
+from warp._src.arrays.copies import copy
+from warp._src.arrays.create import zeros
+from warp._src.types import dtypes
+from warp._src.types.numpy_types import element_layout
 
-_NARROW = (types.float16, types.bfloat16)
+_NARROW = (dtypes.float16, dtypes.bfloat16)
 
 
 def scalar_of(dtype):
@@ -27,20 +29,21 @@ def state_dtype(dtype):
         WarpTypeError: the elements are not made of floating-point numbers.
     """
     scalar = scalar_of(dtype)
-    if scalar not in types.FLOAT_TYPES:
+    if scalar not in dtypes.FLOAT_TYPES:
         raise errors.WarpTypeError(
-            f"expects parameters made of floating-point numbers, but got '{types.type_repr(dtype)}'"
+            f"expects parameters made of floating-point numbers, but got "
+            f"'{dtypes.type_repr(dtype)}'"
         )
     if scalar not in _NARROW:
         return dtype
     if dtype is scalar:
-        return types.float32
-    if issubclass(dtype, types.Quaternion):
-        return types.quaternion(types.float32)
-    if issubclass(dtype, types.Transformation):
-        return types.transformation(types.float32)
-    make = types.matrix if len(dtype._shape_) == 2 else types.vector
-    return make(dtype._shape_ if len(dtype._shape_) == 2 else dtype._length_, types.float32)
+        return dtypes.float32
+    if issubclass(dtype, dtypes.Quaternion):
+        return dtypes.quaternion(dtypes.float32)
+    if issubclass(dtype, dtypes.Transformation):
+        return dtypes.transformation(dtypes.float32)
+    make = dtypes.matrix if len(dtype._shape_) == 2 else dtypes.vector
+    return make(dtype._shape_ if len(dtype._shape_) == 2 else dtype._length_, dtypes.float32)
 
 
 def check_list(params, name):
@@ -79,8 +82,8 @@ def check_gradient(gradient, param, name) -> None:
     """Rejects a gradient that is not like its parameter, or like its state."""
     if gradient.dtype is not param.dtype and gradient.dtype is not state_dtype(param.dtype):
         raise TypeError(
-            f"{name} gradient dtype must match parameter dtype {types.type_repr(param.dtype)}, "
-            f"got {types.type_repr(gradient.dtype)}"
+            f"{name} gradient dtype must match parameter dtype {dtypes.type_repr(param.dtype)}, "
+            f"got {dtypes.type_repr(gradient.dtype)}"
         )
     if gradient.shape != param.shape:
         raise ValueError(
@@ -100,7 +103,7 @@ def check_gradients(gradients, params, name) -> None:
 def flat(packed):
     """The components of an array without gaps as a one-dimensional view."""
     scalar = scalar_of(packed.dtype)
-    size = types.type_size_in_bytes(scalar)
+    size = dtypes.type_size_in_bytes(scalar)
     return packed._view(0, (packed.capacity // size,), (size,), scalar)
 
 
@@ -116,6 +119,6 @@ def epsilon(dtype) -> float:
     """Distance from 1 to the next number of a floating-point type."""
     import numpy
 
-    if dtype is types.bfloat16:
+    if dtype is dtypes.bfloat16:
         return 2.0**-7
     return float(numpy.finfo(element_layout(dtype)[0]).eps)

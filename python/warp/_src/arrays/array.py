@@ -1,0 +1,348 @@
+"""`wp.array`: a typed, strided view of device memory.
+
+The descriptor (address, shape, byte strides, element type, device) lives in the native base class,
+where launches read it without Python. This file adds what users see; `data` turns lists, NumPy
+arrays and interface objects into arrays, `create` has `zeros`, `full` and so on.
+A view keeps the object that owns the memory alive through `owner`.
+"""
+
+from __future__ import annotations
+
+import typing
+
+from warp import _native
+from warp._src import errors
+from warp._src.arrays.allocation import allocate
+from warp._src.arrays.copies import assign, clone
+from warp._src.arrays.data import borrow, element_bytes, fill_from_data
+from warp._src.arrays.gradients import check_gradient_type, fitting_gradient, make_gradient
+from warp._src.arrays.layout import check_shape, element_type
+from warp._src.arrays.observers import Observers, observed_fill
+from warp._src.arrays.operators import ArrayArithmetic
+from warp._src.arrays.protocols import ArrayProtocols
+from warp._src.arrays.views import ArrayViews
+from warp._src.devices import devices, memory
+from warp._src.types import annotations, dtypes, scalars
+from warp._src.types.arithmetic import bfloat16_from_bits
+from warp._src.types.native import ArrayType
+from warp._src.types.numpy_types import element_layout
+from warp._src.types.struct_fields import describe
+
+
+class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
+    """An array of scalars, vectors, matrices, quaternions, transforms or structs.
+
+    Args:
+        data: nested lists or tuples, a NumPy array, another array, or an object with
+            `__array_interface__` or `__cuda_array_interface__`. Inner dimensions that match the
+            shape of `dtype` become part of the element.
+        dtype: element type; by default that of `data`.
+        shape: extents, at most 4; by default those of `data`.
+        strides: distance of neighbours along each dimension in bytes, for use with `ptr`.
+        ptr: address of existing memory on `device`.
+        capacity: bytes available at `ptr`.
+        device: where the array lives.
+        pinned: host memory that CUDA devices reach directly.
+        copy: False uses the memory of `data` if type and device allow it.
+        deleter: called with address and size when memory given by `ptr` is no longer used.
+        ndim: number of dimensions, checked against the data.
+        grad: array of the same shape and strides for derivatives.
+        requires_grad: whether derivatives are wanted; allocates `grad`.
+        retain_grad: keep derivatives of intermediate results.
+        length: extent of a one-dimensional array, instead of `shape`.
+        grad_dtype: element type of the gradient; it is that of the array, or for elements of 16
+            bits the same with 32.
+
+    Without data, `shape` and `ptr` the call gives an annotation: `wp.array(dtype=wp.vec3)`.
+
+    Example:
+        >>> import warp as wp
+        >>> a = wp.array([[0.0, 1.0, 2.0]], dtype=wp.vec3, device="cpu")
+        >>> a.shape
+        (1,)
+
+    Raises:
+        TypeError: element type or data cannot be used.
+        ValueError: shapes do not fit together.
+    """
+
+    def __new__(cls, data=None, dtype=typing.Any, shape=None, *args, ptr=None, length=None, **kw):
+        if data is None and shape is None and ptr is None and length is None and not args:
+            if kw.keys() - {"ndim"}:
+                raise ValueError("expects `data`, `shape` or `ptr` to make an array")
+            return ArrayType(dtype, kw.get("ndim") or 1)
+        return _native.Array.__new__(cls)
+
+    def __class_getitem__(cls, params):
+        return annotations.from_subscript(params, 1)
+
+    def __init__(
+        self,
+        data=None,
+        dtype=typing.Any,
+        shape=None,
+        strides=None,
+        ptr=None,
+        capacity=None,
+        device=None,
+        pinned=False,
+        copy=True,
+        deleter=None,
+        ndim=None,
+        grad=None,
+        requires_grad=False,
+        retain_grad=False,
+        length=None,
+        grad_dtype=None,
+    ):
+        if length is not None:
+            if shape is not None:
+                raise ValueError("expects `shape` or `length`, but got both")
+            shape = (length,)
+        dtype = None if dtype is typing.Any or dtype is None else element_type(dtype)
+        if data is not None:
+            if ptr is not None:
+                raise ValueError("expects `data` or `ptr`, but got both")
+            fill_from_data(self, data, dtype, shape, device, pinned, copy)
+        else:
+            dtype = element_type(float) if dtype is None else dtype
+            index = devices.resolve_index(device)
+            extents = check_shape(shape)
+            if ptr is None:
+                allocate(self, extents, dtype, index, pinned)
+            else:
+                borrow(self, ptr, extents, strides, dtype, index, capacity, deleter)
+        if ndim is not None and ndim != self.ndim:
+            raise ValueError(f"expects {ndim} dimensions, but got shape {self.shape}")
+        check_gradient_type(self.dtype, grad_dtype)
+        if grad is not None:
+            self.grad = grad
+        elif requires_grad:
+            self.requires_grad = True
+        if retain_grad:
+            self.retain_grad = True
+
+    _wp_array_ = True
+    _grad = None
+    _requires_grad = False
+    _retain_grad = False
+    # Memory of a library that allows no writing. Kernels are not stopped.
+    read_only = False
+
+    @property
+    def device(self):
+        """The device that the memory belongs to."""
+        return devices.by_index(self.device_index)
+
+    @property
+    def requires_grad(self) -> bool:
+        """Whether derivatives are wanted; setting it to True allocates `grad`."""
+        return self._requires_grad
+
+    @requires_grad.setter
+    def requires_grad(self, value):
+        if value and self._grad is None:
+            self.grad = make_gradient(self)
+        elif not value:
+            self.grad = None
+
+    @property
+    def retain_grad(self) -> bool:
+        """Whether `backward` leaves the gradient by the last contents in `grad`.
+
+        Raises:
+            ValueError: it is set for an array without gradient.
+        """
+        return self._retain_grad
+
+    @retain_grad.setter
+    def retain_grad(self, value):
+        if value and not self._requires_grad:
+            raise ValueError("retain_grad needs a gradient: set `requires_grad=True`, too")
+        self._retain_grad = bool(value)
+
+    @property
+    def grad(self):
+        """The array of derivatives, or None; one of 16-bit floats is set as a copy of 32 bits."""
+        return self._grad
+
+    @grad.setter
+    def grad(self, value):
+        if value is not None:
+            value = fitting_gradient(self, value)
+        self._grad = value
+        self._requires_grad = value is not None
+        self._retain_grad = self._retain_grad and value is not None
+        self.grad_ptr = value.ptr or 0 if value is not None else 0
+
+    @property
+    def capacity(self) -> int:
+        """Size of the elements in bytes."""
+        return self.size * self.item_size
+
+    def __len__(self):
+        return self.shape[0] if self.ndim else 1
+
+    def __bool__(self):
+        return True
+
+    def __repr__(self):
+        return f"array(shape={self.shape}, dtype={dtypes.type_repr(self.dtype)})"
+
+    def __str__(self):
+        return str(self.numpy())
+
+    def __matmul__(self, other):
+        raise TypeError("`@` is not defined for arrays, use `wp.tile_matmul` or NumPy")
+
+    def numpy(self):
+        """The elements as a NumPy array; shares memory with a `cpu` array, else a copy.
+
+        Waits for work on CUDA streams that may still write them.
+        """
+        if self.device_index != devices.CPU:
+            if _native.is_capturing(self.device_index):
+                raise errors.WarpError(
+                    f"cannot read an array on '{self.device}' while a graph is being captured on it"
+                )
+            _native.join_streams(_native.current_stream(self.device_index))
+            return self.to("cpu", requires_grad=False).numpy()
+        if self.pinned:
+            _native.synchronize_busy_streams()
+        if Observers.active:
+            Observers.memory.lend(self)
+        return self._host_view()
+
+    def _host_view(self):
+        import numpy
+
+        number, inner = element_layout(self.dtype)
+        if self.size == 0:
+            return numpy.empty(self.shape + inner, number)
+        interface = self._interface()
+        if not number.names:
+            return numpy.asarray(_Lent(self, interface))
+        view = numpy.ndarray(
+            interface["shape"],
+            number,
+            numpy.asarray(_Memory(self)),
+            strides=interface["strides"],
+        )
+        return view
+
+    def list(self) -> list:
+        """All elements in row-major order, as Python numbers, composites or structs."""
+        flat = self.contiguous().numpy()
+        if issubclass(self.dtype, scalars.scalar_base):
+            numbers = flat.reshape(-1).tolist()
+            if self.dtype is scalars.bfloat16:
+                return [bfloat16_from_bits(bits) for bits in numbers]
+            return numbers
+        data, step = flat.tobytes(), self.item_size
+        starts = range(0, len(data), step)
+        return [self.dtype.from_buffer_copy(data[start : start + step]) for start in starts]
+
+    def ipc_handle(self) -> bytes:
+        """What another process needs to use the memory, see `wp.from_ipc_handle`.
+
+        Raises:
+            RuntimeError: the memory comes from a pool, or is not on a CUDA device.
+        """
+        return memory.ipc_handle(self)
+
+    @property
+    def memory_kind(self):
+        """What kind of memory backs the array."""
+        return memory.memory_kind(self)
+
+    def to(self, device, requires_grad=None):
+        """The array itself if it is on `device`, else a copy there."""
+        if devices.resolve_index(device) == self.device_index:
+            return self
+        return clone(self, device=device, requires_grad=requires_grad)
+
+    def assign(self, src) -> None:
+        """Copies from an array, an indexed one, a NumPy array or lists of the same shape."""
+        assign(self, src)
+
+    def _check_writable(self) -> None:
+        if self.read_only:
+            raise ValueError("the array is read-only, its memory is another library's")
+
+    def zero_(self) -> None:
+        """Sets all bytes to zero."""
+        self._check_writable()
+        if self.size == 0:
+            return
+        self._fill(bytes(self.item_size), "zero_")
+
+    def _fill(self, pattern, name) -> None:
+        if Observers.active:
+            observed_fill(self, pattern, name)
+        else:
+            _native.fill_array(self, pattern)
+
+    def fill_(self, value) -> None:
+        """Sets every element to `value`: a number, or what the element type can be made from.
+
+        Raises:
+            TypeError, ValueError: `value` is no element of the array's type.
+        """
+        self._check_writable()
+        pattern = element_bytes(self.dtype, value)
+        if self.size:
+            self._fill(pattern, "fill_")
+
+    def __ctype__(self):
+        return describe(self)
+
+
+class _Lent:
+    """Lends the memory of an array to NumPy."""
+
+    def __init__(self, owner, interface):
+        self.owner = owner
+        self.__array_interface__ = interface
+
+
+class _Memory:
+    """Lends the memory of an array to NumPy as bytes."""
+
+    def __init__(self, owner):
+        self.owner = owner
+        length = owner.strides[0] * (owner.shape[0] - 1) + owner.item_size
+        for extent, stride in zip(owner.shape[1:], owner.strides[1:], strict=True):
+            length += stride * (extent - 1)
+        self.__array_interface__ = {
+            "data": (owner.ptr, False),
+            "shape": (length,),
+            "typestr": "|u1",
+            "version": 3,
+        }
+
+
+class RankedArray:
+    """`wp.array2d` and its like: `wp.array` with a given number of dimensions."""
+
+    def __init__(self, ndim):
+        self.ndim = ndim
+        self.__name__ = f"array{ndim}d"
+
+    def __call__(self, *args, **kwargs):
+        kwargs.setdefault("ndim", self.ndim)
+        return array(*args, **kwargs)
+
+    def __getitem__(self, params):
+        return annotations.from_subscript(params, self.ndim)
+
+    def __instancecheck__(self, value):
+        return isinstance(value, array) and value.ndim == self.ndim
+
+    def __repr__(self):
+        return f"warp.{self.__name__}"
+
+
+array1d = RankedArray(1)
+array2d = RankedArray(2)
+array3d = RankedArray(3)
+array4d = RankedArray(4)

@@ -1,0 +1,343 @@
+"""From Python data to arrays: lists, NumPy arrays, array interfaces, single elements.
+
+Data becomes a NumPy array first. If type and place already fit and no copy is asked for, the array
+aliases it; otherwise NumPy converts straight into the new array's memory (on CUDA into a host
+buffer that is then copied).
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+
+from warp import _native
+from warp._src import errors
+from warp._src.arrays.allocation import allocate, new_array
+from warp._src.arrays.layout import check_shape, type_id
+from warp._src.devices import devices
+from warp._src.interop import exchange
+from warp._src.types import dtypes, scalars
+from warp._src.types.composites import Composite
+from warp._src.types.numpy_types import bfloat16_bits, dtype_from_numpy, element_layout
+from warp._src.types.scalars import scalar_base
+
+
+def fill_from_data(target, data, dtype, shape, device, pinned, copy) -> None:
+    """Sets up `target` from anything that holds numbers."""
+    if isinstance(data, _native.Array):
+        _from_array(target, data, dtype, shape, device, pinned, copy)
+        return
+    index = devices.resolve_index(device)
+    interface = getattr(data, "__cuda_array_interface__", None)
+    if interface is not None:
+        _from_cuda(target, data, interface, dtype, shape, device, pinned, copy)
+        return
+    source, dtype = to_numpy(data, dtype)
+    extents = element_shape(source, dtype)
+    if shape is not None:
+        requested = check_shape(_infer(shape, math.prod(extents)))
+        if math.prod(requested) != math.prod(extents):
+            raise errors.WarpShapeError(
+                f"expects data for shape {requested}, but got shape {extents} of "
+                f"'{dtypes.type_repr(dtype)}'"
+            )
+        extents = requested
+    check_shape(extents)
+    _store(target, source, extents, dtype, index, pinned, copy)
+
+
+def _infer(shape, size):
+    extents = [shape] if hasattr(shape, "__index__") else list(shape)
+    if extents.count(-1) == 1:
+        rest = math.prod(extent for extent in extents if extent != -1)
+        extents[extents.index(-1)] = size // rest if rest else 0
+    return extents
+
+
+def to_numpy(data, dtype):
+    """A NumPy array of `data`, and the element type (that of the data if `dtype` is None)."""
+    import numpy
+
+    if isinstance(data, (list, tuple)):
+        source = _from_sequence(data, dtype)
+    elif isinstance(data, (Composite, ctypes.Structure)):
+        source = _from_sequence([data], dtype)
+    elif isinstance(data, (int, float, scalar_base)):
+        raise errors.WarpTypeError(f"expects a sequence or an array as data, but got {data!r}")
+    else:
+        try:
+            source = numpy.asarray(data)
+        except (TypeError, ValueError) as error:
+            raise errors.WarpTypeError(f"cannot make an array of the data: {error}") from None
+    if dtype is not None and dtypes.is_struct(dtype):
+        if source.dtype != element_layout(dtype)[0]:
+            raise errors.WarpTypeError(
+                f"expects records of struct '{dtype.__name__}', but got '{source.dtype}'"
+            )
+        return source, dtype
+    if source.dtype.kind not in "biuf" and source.dtype.name != "bfloat16":
+        raise errors.WarpTypeError(f"expects numbers as data, but got '{source.dtype}'")
+    if source.ndim == 0:
+        raise errors.WarpTypeError(f"expects a sequence or an array as data, but got {data!r}")
+    if dtype is None:
+        dtype = dtype_from_numpy(source.dtype)
+    return source, dtype
+
+
+def _from_sequence(data, dtype):
+    """A NumPy array of nested lists of numbers, scalars, composites or structs."""
+    import numpy
+
+    leaf = data
+    while isinstance(leaf, (list, tuple)) and leaf:
+        leaf = leaf[0]
+    kind = type(leaf)
+    if isinstance(leaf, (Composite, ctypes.Structure)):
+        shape, leaves = _flatten(data, kind)
+        layout, inner = element_layout(dtypes.canonical(kind))
+        return numpy.frombuffer(b"".join(map(bytes, leaves)), layout).reshape(shape + inner)
+    try:
+        if isinstance(leaf, scalar_base):
+            shape, leaves = _flatten(data, kind)
+            return numpy.array([leaf.value for leaf in leaves]).reshape(shape)
+        source = numpy.array(data)
+    except ValueError as error:
+        raise errors.WarpShapeError(f"cannot make an array of the data: {error}") from None
+    if dtype is not None and source.size and source.dtype.kind in "iu":
+        _check_range(source, getattr(dtype, "_wp_scalar_type_", dtype))
+    return source
+
+
+def _check_range(source, scalar):
+    import numpy
+
+    if not (isinstance(scalar, type) and issubclass(scalar, scalars.int_base)):
+        return
+    if scalar is scalars.bool:
+        return
+    limits = numpy.iinfo(scalar._numpy_name_)
+    for value in (int(source.min()), int(source.max())):
+        if not limits.min <= value <= limits.max:
+            raise errors.WarpOverflowError(f"{value} does not fit '{scalar.__name__}'")
+
+
+def _flatten(data, kind):
+    """Shape of nested lists and their leaves, which must all be of one type."""
+    if not isinstance(data, (list, tuple)):
+        if type(data) is not kind:
+            raise errors.WarpTypeError(
+                f"expects elements of one type, but got '{kind.__name__}' and "
+                f"'{type(data).__name__}'"
+            )
+        return (), [data]
+    shapes, leaves = set(), []
+    for item in data:
+        shape, inner = _flatten(item, kind)
+        shapes.add(shape)
+        leaves += inner
+    if len(shapes) > 1:
+        raise errors.WarpShapeError("expects rows of one length in nested lists")
+    return (len(data), *(shapes.pop() if shapes else ())), leaves
+
+
+def element_shape(source, dtype):
+    """Extents that remain when the inner dimensions are folded into the element type."""
+    inner = getattr(dtype, "_shape_", ())
+    if not inner or dtypes.is_struct(dtype):
+        return source.shape
+    length = math.prod(inner)
+    if source.ndim > len(inner) and source.shape[-len(inner) :] == inner:
+        return source.shape[: -len(inner)]
+    if source.ndim > 1 and source.shape[-1] == length:
+        return source.shape[:-1]
+    if source.shape == inner:
+        return (1,)
+    if source.ndim > len(inner) + 1 and source.shape[-len(inner) - 1 :] == (*inner, 1):
+        return source.shape[: -len(inner) - 1]
+    if source.ndim == 1 and source.size % length == 0:
+        return (source.size // length,)
+    raise errors.WarpShapeError(
+        f"expects inner dimensions {inner} for elements of type '{dtypes.type_repr(dtype)}', "
+        f"but got shape {source.shape}"
+    )
+
+
+def _store(target, source, extents, dtype, index, pinned, copy):
+    """Puts NumPy data into an array, by alias where allowed."""
+    import numpy
+
+    layout, inner = element_layout(dtype)
+    scalar = getattr(dtype, "_wp_scalar_type_", dtype)
+    if scalar is scalars.bfloat16 and source.dtype.kind == "f":
+        source = bfloat16_bits(source)
+    if (
+        not copy
+        and index == devices.CPU
+        and source.dtype == layout
+        and _alias(target, source, extents, dtype, inner)
+    ):
+        return
+    allocate(target, extents, dtype, index, pinned)
+    if not target.size:
+        return
+    host = target
+    if index != devices.CPU:
+        host = new_array(type(target))
+        allocate(host, extents, dtype, devices.CPU)
+    with numpy.errstate(invalid="ignore", over="ignore"):
+        host._host_view()[...] = source.reshape(extents + inner)
+    if host is not target:
+        _native.copy_array(target, host)
+
+
+def _alias(target, source, extents, dtype, inner) -> bool:
+    """Lets `target` use the memory of a NumPy array; False if its layout does not allow it."""
+    if not source.flags.writeable or not source.flags.aligned:
+        return False
+    shaped = source if source.shape == extents + inner else None
+    if shaped is None:
+        if not source.flags.c_contiguous:
+            return False
+        shaped = source.reshape(extents + inner)
+    outer = len(extents)
+    strides = shaped.strides
+    item_size = dtypes.type_size_in_bytes(dtype)
+    step = item_size
+    for extent, stride in zip(inner, strides[outer:], strict=True):
+        step //= extent
+        if stride != step:
+            return False
+    if any(stride < 0 or stride > 2**31 - 1 for stride in strides[:outer]):
+        return False
+    pointer = source.__array_interface__["data"][0] if source.size else 0
+    target._setup(
+        pointer,
+        extents,
+        strides[:outer],
+        dtype,
+        type_id(dtype),
+        item_size,
+        devices.CPU,
+        source,
+        False,
+    )
+    return True
+
+
+def _from_array(target, data, dtype, shape, device, pinned, copy):
+    index = data.device_index if device is None else devices.resolve_index(device)
+    source = data
+    if dtype is not None and not dtypes.types_equal(dtype, data.dtype):
+        converted = type(data)(data.numpy(), dtype=dtype, device=device or data.device)
+        source, copy = converted, False
+    if shape is not None:
+        source = source.contiguous().reshape(check_shape(_infer(shape, source.size)))
+    if not copy and source.device_index == index:
+        target._setup(
+            source.ptr or 0,
+            source.shape,
+            source.strides,
+            source.dtype,
+            source.type_id,
+            source.item_size,
+            index,
+            source,
+            source.pinned,
+        )
+        if source.read_only:
+            target.read_only = True
+        return
+    allocate(target, source.shape, source.dtype, index, pinned)
+    if source.size:
+        _native.copy_array(target, source)
+
+
+def _from_cuda(target, data, interface, dtype, shape, device, pinned, copy):
+    """From another library's CUDA array, after what its stream still has to do."""
+    import numpy
+
+    if interface.get("mask") is not None:
+        raise errors.WarpTypeError("an array with a mask cannot be used as data")
+    where = _cuda_device_of(data)
+    if interface.get("stream") is not None:
+        exchange.wait_for(interface["stream"], where)
+    pointer, read_only = interface["data"]
+    extents, strides = tuple(interface["shape"]), interface.get("strides")
+    if dtype is not None and dtypes.is_struct(dtype):
+        if numpy.dtype(interface["typestr"]).itemsize != dtypes.type_size_in_bytes(dtype):
+            raise errors.WarpTypeError(f"expects records of struct '{dtype.__name__}'")
+        layout = dtype, extents, strides
+    else:
+        # NumPy has no bfloat16; the libraries that do spell it as two raw bytes.
+        raw_bytes = interface["typestr"][1:] == "V2"
+        scalar = scalars.bfloat16 if raw_bytes else dtype_from_numpy(interface["typestr"])
+        fits = dtype is None or exchange.same_bits(
+            scalar, getattr(dtype, "_wp_scalar_type_", dtype)
+        )
+        layout = exchange.fold(scalar, extents, strides, dtype if fits else None)
+    source = exchange.alias(type(target), pointer or 0, layout, where, data, read_only=read_only)
+    _from_array(target, source, dtype, shape, device, pinned, copy)
+
+
+def _cuda_device_of(data) -> int:
+    """The array interface does not name the device; DLPack, which most have too, does."""
+    if hasattr(data, "__dlpack_device__"):
+        return exchange.cuda_index(data.__dlpack_device__()[1])
+    return devices.resolve_index("cuda")
+
+
+def borrow(target, ptr, extents, strides, dtype, index, capacity, deleter, owner=None) -> None:
+    """Sets up an array over memory that somebody else owns."""
+    item_size = dtypes.type_size_in_bytes(dtype)
+    if strides is None:
+        needed = item_size * math.prod(extents)
+    else:
+        strides = (strides,) if hasattr(strides, "__index__") else tuple(strides)
+        if len(strides) != len(extents):
+            raise errors.WarpShapeError(
+                f"expects {len(extents)} strides for shape {extents}, but got {len(strides)}"
+            )
+        spans = (stride * (extent - 1) for extent, stride in zip(extents, strides, strict=True))
+        needed = item_size + sum(spans) if math.prod(extents) else 0
+    if capacity is not None and capacity < needed:
+        raise errors.WarpShapeError(f"expects a capacity of {needed} bytes, but got {capacity}")
+    if deleter is not None:
+        owner = Deleter(ptr, capacity or needed, deleter)
+    target._setup(ptr, extents, strides, dtype, type_id(dtype), item_size, index, owner, False)
+
+
+class Deleter:
+    """Calls `deleter(ptr, size)` when the last array over the memory is gone."""
+
+    def __init__(self, ptr, size, deleter):
+        self.ptr, self.size, self.deleter = ptr, size, deleter
+
+    def __del__(self):
+        self.deleter(self.ptr, self.size)
+
+
+def element_bytes(dtype, value) -> bytes:
+    """Memory of one array element made from `value`.
+
+    Raises:
+        TypeError, ValueError: `value` cannot be converted.
+    """
+    shown = dtypes.type_repr(dtype)
+    if dtypes.is_struct(dtype):
+        if value == 0 and not isinstance(value, ctypes.Structure):
+            return bytes(dtypes.type_size_in_bytes(dtype))
+        if type(value) is not dtype:
+            raise TypeError(f"expects a '{shown}' value, but got '{type(value).__name__}'")
+        return bytes(value)
+    if hasattr(value, "tolist") and not isinstance(value, Composite):
+        value = value.tolist()
+    try:
+        if issubclass(dtype, Composite):
+            return bytes(value if isinstance(value, dtype) else dtype(value))
+        number = value.value if isinstance(value, scalar_base) else value
+        bits = scalars.BITS.get(dtype)
+        return bytes(dtype._type_(bits[0](number) if bits else number))
+    except TypeError:
+        raise TypeError(f"expects a '{shown}' value, but got {value!r}") from None
+    except ValueError as error:
+        raise ValueError(f"cannot make a '{shown}' of {value!r}: {error}") from None

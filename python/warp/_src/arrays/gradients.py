@@ -1,0 +1,142 @@
+"""Gradients of arrays: their element type, their layout, and checks of those that users give.
+
+The gradient of an array has its shape and its strides, so that one index leads to both. Elements of
+16 bits are the exception: sums of many small contributions would be lost in them, so the gradient
+has elements of 32 bits and strides twice as large.
+"""
+
+from __future__ import annotations
+
+import functools
+
+from warp import _native
+from warp._src import errors
+from warp._src.arrays.allocation import new_array
+from warp._src.arrays.layout import element_type, type_id
+from warp._src.types import dtypes
+from warp._src.types.native import ArrayType
+from warp._src.types.scalars import uint8
+
+
+@functools.cache
+def gradient_type(dtype):
+    """Element type of the gradient of an array with elements of `dtype`."""
+    if dtypes.is_struct(dtype):
+        return dtype
+    text = dtypes.native_text(dtype)
+    wide = text.replace("bf16", "f32").replace("f16", "f32")
+    return dtype if wide == text else dtypes.dtype_of(wide)
+
+
+@functools.cache
+def has_gradient(dtype) -> bool:
+    """Whether elements of this type have components with derivatives."""
+    if dtypes.is_struct(dtype):
+        return any(
+            not isinstance(field, ArrayType) and has_gradient(field)
+            for field in dtype._wp_fields_.values()
+        )
+    return getattr(dtype, "_wp_scalar_type_", dtype) in dtypes.FLOAT_TYPES
+
+
+def check_gradient_type(dtype, wanted) -> None:
+    """Checks the option `grad_dtype`.
+
+    Raises:
+        TypeError: gradients cannot have elements of that type.
+    """
+    if wanted is None:
+        return
+    expected = gradient_type(dtype)
+    scalar = getattr(expected, "_wp_scalar_type_", expected)
+    if element_type(wanted) not in (expected, scalar):
+        raise TypeError(
+            f"expects '{dtypes.type_repr(expected)}' as `grad_dtype` of an array of "
+            f"'{dtypes.type_repr(dtype)}', but got '{dtypes.type_repr(element_type(wanted))}'"
+        )
+
+
+def make_gradient(source):
+    """Zeros with the layout of an array, for its gradient."""
+    dtype = gradient_type(source.dtype)
+    item_size = dtypes.type_size_in_bytes(dtype)
+    strides = _gradient_strides(source, item_size)
+    if source.is_contiguous or not source.size:
+        made = _zeros(source, source.shape, dtype)
+        if not source.size or made.strides == strides:
+            return made
+    below, above = 0, item_size
+    for extent, stride in zip(source.shape, strides, strict=True):
+        reach = stride * (extent - 1)
+        below, above = below + min(reach, 0), above + max(reach, 0)
+    memory = _zeros(source, above - below, uint8)
+    made = new_array(type(source))
+    made._setup(
+        memory.ptr - below,
+        source.shape,
+        strides,
+        dtype,
+        type_id(dtype),
+        item_size,
+        source.device_index,
+        memory,
+        source.pinned,
+    )
+    return made
+
+
+def _zeros(neighbour, shape, dtype):
+    """An array of zeros of the kind and on the device of another one."""
+    made = type(neighbour)(
+        shape=shape, dtype=dtype, device=neighbour.device, pinned=neighbour.pinned
+    )
+    made.zero_()
+    return made
+
+
+def _gradient_strides(source, item_size) -> tuple:
+    return tuple(stride * item_size // source.item_size for stride in source.strides)
+
+
+def widened(value):
+    """A copy of an array of 16-bit floats with elements of 32 bits, as gradients have."""
+    dtype = gradient_type(value.dtype)
+    return type(value)(value.list(), dtype=dtype, device=value.device).reshape(value.shape)
+
+
+def fitting_gradient(source, value):
+    """An array that is to be the gradient of another one; a copy if it has elements of 16 bits.
+
+    Raises:
+        ValueError: shape, element type, strides or device do not fit.
+    """
+    expected = gradient_type(source.dtype)
+    if not isinstance(value, _native.Array):
+        raise ValueError(
+            f"expects an array as the gradient of {source!r}, but got '{type(value).__name__}'"
+        )
+    if value.shape != source.shape:
+        raise errors.WarpShapeError(
+            f"expects a gradient like {source!r}, that is of shape {source.shape}, "
+            f"but got shape {value.shape}"
+        )
+    if expected is not source.dtype and dtypes.types_equal(value.dtype, source.dtype):
+        value = widened(value)
+    if value.dtype is not expected and not dtypes.types_equal(value.dtype, expected):
+        raise ValueError(
+            f"expects a gradient of '{dtypes.type_repr(expected)}' for an array of "
+            f"'{dtypes.type_repr(source.dtype)}', but got '{dtypes.type_repr(value.dtype)}'"
+        )
+    if value.device_index != source.device_index:
+        raise ValueError(
+            f"expects a gradient on '{source.device}' like the array, but got one on "
+            f"'{value.device}', use `.to('{source.device}')`"
+        )
+    strides = _gradient_strides(source, value.item_size)
+    steps = zip(source.shape, strides, value.strides, strict=True)
+    if source.size and any(extent > 1 and ours != theirs for extent, ours, theirs in steps):
+        raise errors.WarpShapeError(
+            f"expects a gradient with strides {strides} like the array's, but got "
+            f"{value.strides}, copy it to the one that `requires_grad = True` makes"
+        )
+    return value

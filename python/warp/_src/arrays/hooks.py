@@ -1,0 +1,15 @@
+"""What arrays can do that is written with kernels, or with indexed arrays, and so above them.
+
+`arrays.indexed` and `kernels.maps` put their functions here. Both are part of `import warp`.
+"""
+
+from __future__ import annotations
+
+import typing
+
+# apply(name, expression, names, text, operands, out, ...): a function of elements, see `maps`.
+apply: typing.Callable
+# copy_elements(dest, src, stream): a copy between arrays of which one is indexed at least.
+copy_elements: typing.Callable
+# select(source, key): what `source[key]` is if there are arrays in the key.
+select: typing.Callable

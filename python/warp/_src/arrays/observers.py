@@ -1,0 +1,161 @@
+"""Launches, copies and fills while somebody observes them.
+
+`wp.launch`, `wp.copy`, `fill_` and `zero_` look at one flag, `Observers.active`. While it is set
+they come here: memory that is about to change ends the versions of what tapes have recorded
+(`versions`), a recording tape notes the operation, and an executor may run it in its own way
+(forward mode computes tangents along with the values).
+"""
+
+from __future__ import annotations
+
+import typing
+import weakref
+
+from warp import _native
+from warp._src.arrays.boxes import Box
+from warp._src.arrays.versions import Event, Memory, event
+from warp._src.types.scalars import uint8
+
+
+def copy_layout(source, stream=None):
+    """A copy with the strides of `source`, so that both have their elements at the same offsets."""
+    box = Box(source)
+    bytes_ = type(source)(shape=box.stop - box.start, dtype=uint8, device=source.device)
+    strides = source.strides
+    result = bytes_._view(0, source.shape, strides, source.dtype)
+    if source.size:
+        shape = [n if step else 1 for n, step in zip(source.shape, strides, strict=True)]
+        target = bytes_._view(0, shape, strides, source.dtype)
+        elements = source._view(0, shape, strides)
+        if Observers.executor is not None:
+            Observers.executor.copy(target, elements, stream)
+        else:
+            _native.copy_array(target, elements, stream)
+    return result
+
+
+class Observers:
+    """Who observes what is done with memory.
+
+    Attributes:
+        active: whether anybody does.
+        tape: the tape that records, or None.
+        executor: runs operations instead of the runtime, or None.
+        memory: versions of what is recorded.
+    """
+
+    active = False
+    tape = None
+    executor = None
+    memory = Memory(copy_layout)
+    _owners: typing.ClassVar[set] = set()
+    _listeners: typing.ClassVar[list] = []
+
+    @classmethod
+    def update(cls) -> None:
+        before = cls.active
+        cls.active = bool(cls._owners) or cls.tape is not None or cls.executor is not None
+        # Tapes die at any time, also while another one is about to take its first record.
+        if not cls.active:
+            cls.memory.clear()
+        if cls.active != before:
+            for listener in cls._listeners:
+                listener()
+
+    @classmethod
+    def retain(cls, owner) -> None:
+        """Keeps an eye on memory for something that has records, as long as it lives."""
+        if id(owner) not in cls._owners:
+            cls._owners.add(id(owner))
+            weakref.finalize(owner, cls._drop, id(owner))
+            cls.update()
+
+    @classmethod
+    def release(cls, owner) -> None:
+        cls._drop(id(owner))
+
+    @classmethod
+    def _drop(cls, identity) -> None:
+        cls._owners.discard(identity)
+        cls.update()
+
+    @classmethod
+    def on_change(cls, listener) -> None:
+        """Calls `listener()` when `active` changes."""
+        cls._listeners.append(listener)
+
+
+class Observing:
+    """Replaces tape, executor or memory for a block."""
+
+    def __init__(self, **changes):
+        self.changes = {
+            name: value for name, value in changes.items() if getattr(Observers, name) is not value
+        }
+
+    def __enter__(self):
+        self.saved = {name: getattr(Observers, name) for name in self.changes}
+        self._set(self.changes)
+
+    def __exit__(self, *exception):
+        self._set(self.saved)
+
+    def _set(self, values):
+        if not values:
+            return
+        for name, value in values.items():
+            setattr(Observers, name, value)
+        Observers.update()
+
+
+def observed_launch(call, record: bool = True) -> None:
+    """Runs a launch."""
+    entry = Observers.tape.begin_launch(call) if record and Observers.tape is not None else None
+    for written in call.written:
+        Observers.memory.writing(written, call)
+    if Observers.executor is not None:
+        Observers.executor.launch(call)
+    elif entry is not None:
+        entry.run()
+    else:
+        call.run()
+    if entry is not None:
+        Observers.tape.end_launch(entry)
+
+
+class _Place:
+    """Makes the event of what is going on when somebody wants it."""
+
+    def __init__(self, what):
+        self.what = what
+        self._event = None
+
+    @property
+    def event(self) -> Event:
+        if self._event is None:
+            self._event = event(self.what)
+        return self._event
+
+
+def observed_copy(dest, src, stream=None) -> None:
+    """Copies all elements."""
+    place = _Place("copy")
+    Observers.memory.writing(dest, place)
+    if Observers.executor is not None:
+        Observers.executor.copy(dest, src, stream)
+    else:
+        _native.copy_array(dest, src, stream)
+    if Observers.tape is not None:
+        Observers.tape.add_copy(dest, src, place.event)
+
+
+def observed_fill(target, pattern, name) -> None:
+    """Fills an array with an element's bytes."""
+    place = _Place(name)
+    Observers.memory.writing(target, place)
+    if Observers.executor is not None:
+        Observers.executor.fill(target, pattern)
+    else:
+        _native.fill_array(target, pattern)
+    if Observers.tape is not None:
+        Observers.tape.add_fill(target, place.event)

@@ -1,0 +1,60 @@
+"""The protocols by which other libraries read an array: array interfaces and DLPack."""
+
+from __future__ import annotations
+
+from warp._src.arrays.observers import Observers
+from warp._src.devices import devices
+from warp._src.interop.dlpack_export import dlpack_device, export
+from warp._src.interop.exchange import current_handle
+from warp._src.types.numpy_types import element_layout
+
+
+class ArrayProtocols:
+    """Mixin of `array`."""
+
+    __slots__ = ()
+
+    @property
+    def __array_interface__(self):
+        if self.device_index != devices.CPU:
+            raise AttributeError(f"no `__array_interface__`: the array is on '{self.device}'")
+        if Observers.active:
+            Observers.memory.lend(self)
+        return self._interface()
+
+    @property
+    def __cuda_array_interface__(self):
+        if self.device_index == devices.CPU:
+            raise AttributeError("no `__cuda_array_interface__`: the array is on 'cpu'")
+        interface = self._interface()
+        # Readers wait for this stream before they touch the memory.
+        interface["stream"] = current_handle(self.device_index)
+        return interface
+
+    def _interface(self) -> dict:
+        number, inner = element_layout(self.dtype)
+        strides = list(self.strides)
+        step = self.item_size
+        for extent in inner:
+            step //= extent
+            strides.append(step)
+        interface = {
+            "data": (self.ptr or 0, self.read_only),
+            "shape": self.shape + inner,
+            "strides": tuple(strides),
+            "typestr": number.str,
+            "version": 3,
+        }
+        if number.names:
+            interface["descr"] = number.descr
+        return interface
+
+    def __dlpack__(self, stream=None, max_version=None, dl_device=None, copy=None):
+        """A DLPack capsule over the memory, for `from_dlpack` of other libraries."""
+        if Observers.active and self.device_index == devices.CPU:
+            Observers.memory.lend(self)
+        return export(self, stream, max_version, dl_device, copy)
+
+    def __dlpack_device__(self) -> tuple[int, int]:
+        """Kind and number of the device, as DLPack counts them."""
+        return dlpack_device(self)

@@ -1,0 +1,1 @@
+"""Derivatives: adjoints of launches, and tapes that run them."""

@@ -1,0 +1,157 @@
+"""One backward pass over the records of a tape."""
+
+from __future__ import annotations
+
+import functools
+
+from warp._src.arrays.array import array
+from warp._src.arrays.observers import Observers, Observing, copy_layout
+from warp._src.derivatives import cotangents
+from warp._src.derivatives.singular import one_report
+from warp._src.derivatives.tape_records import LaunchRecord
+from warp._src.devices import devices
+from warp._src.devices.graphs import _captures
+from warp._src.types import dtypes
+
+
+class BackwardPass:
+    """Seeds gradients, runs the records in reverse and leaves the gradients to be read.
+
+    The gradient of an array that records write has several readings in the course of the pass. In
+    the end it is that with respect to what the array held before the first record; with
+    `retain_grad` that with respect to what it held after the last one, put there at the very end so
+    that the pass does not depend on who looks.
+
+    Args:
+        tape: whose records.
+        seeds: by array the array to copy to its gradient, or None for ones.
+        check_finite: whether to look for what is not finite after each record.
+        first: whether the tape is the beginning of the computation, and not a part of it.
+    """
+
+    def __init__(self, tape, seeds: dict, check_finite: bool = False, first: bool = True):
+        self.tape = tape
+        self.seeds = seeds
+        self.records = tape._records
+        self.check_finite = check_finite
+        self.first = first
+        self.position = 0
+
+    def run(self) -> None:
+        """Does all of it."""
+        with Observing(tape=None), one_report():
+            self._wait_for_streams()
+            found = self._set_aside()
+            for target, seed in self.seeds.items():
+                if seed is None:
+                    target.grad.fill_(1)
+                else:
+                    target.grad.assign(seed)
+            retained = self._reverse()
+            for grad, before in found:
+                cotangents.add_into(grad, before)
+            for one, copy in retained:
+                one.grad.assign(copy)
+            self._remember()
+
+    def _reverse(self) -> list:
+        shown = self._last_writes()
+        retained: list = []
+        for position in range(len(self.records) - 1, -1, -1):
+            self.position = position
+            record = self.records[position]
+            for one in shown.get(position, ()):
+                retained.append((one, copy_layout(one.grad)))
+            if self.check_finite:
+                from warp._src.derivatives.finite import reverse_checked
+
+                reverse_checked(record, self)
+            else:
+                record.reverse(self)
+        return retained
+
+    # What belongs to which record.
+
+    @functools.cached_property
+    def _first_use(self) -> dict:
+        """Position of the first record that uses an allocation."""
+        first: dict = {}
+        for position, record in enumerate(self.records):
+            for one in record.arrays():
+                first.setdefault(_root(one), position)
+        return first
+
+    def seen_before(self, one: array) -> bool:
+        """Whether a record before the one that is being reversed uses the array's allocation."""
+        if not self.first:
+            return True
+        return self._first_use.get(_root(one), self.position) < self.position
+
+    def _last_writes(self) -> dict:
+        """Arrays to be shown with `retain_grad`, by the position of the last record that writes."""
+        last: dict = {}
+        for position, record in enumerate(self.records):
+            for one in record.written():
+                if one.retain_grad and one.grad is not None:
+                    last[id(one)] = (position, one)
+        result: dict = {}
+        for position, one in last.values():
+            result.setdefault(position, []).append(one)
+        return result
+
+    # Several passes over one tape.
+
+    def _set_aside(self) -> list:
+        """Clears what the last pass has left in gradients of results; (gradient, contents).
+
+        What the caller has written since is a seed and stays.
+        """
+        seeded = {id(one.grad) for one in self.seeds}
+        kept: list = []
+        for version in self.tape._left:
+            grad = version.array
+            if version.overwriter() is not None or _is_zero(grad):
+                continue
+            if id(grad) not in seeded:
+                kept.append((grad, copy_layout(grad)))
+            grad.zero_()
+        return kept
+
+    def _remember(self) -> None:
+        """Notes the gradients of results as they are left, the largest first."""
+        found: dict = {}
+        for record in self.records:
+            for one in record.written():
+                if one.grad is not None:
+                    found[one.grad_ptr, one.size] = one.grad
+        if len(found) > 1:
+            found = dict(sorted(found.items(), key=lambda item: -item[0][1]))
+        self.tape._left = [Observers.memory.observe(grad) for grad in found.values() if grad.size]
+        self.tape._seeded = list(self.seeds)
+
+    def _wait_for_streams(self) -> None:
+        """Lets the current streams wait for those that the launches were queued on."""
+        streams = {
+            id(record.call.stream): record.call.stream
+            for record in self.records
+            if isinstance(record, LaunchRecord) and record.call.stream is not None
+        }
+        if _captures:
+            return
+        for stream in streams.values():
+            devices.get_stream(stream.device).wait_stream(stream)
+
+
+def _is_zero(grad) -> bool:
+    """Whether a gradient is known to be zero, where looking costs little."""
+    if grad.device_index != devices.CPU or grad.pinned or _captures or dtypes.is_struct(grad.dtype):
+        return False
+    return not grad._host_view().any()
+
+
+def _root(one) -> int:
+    """Address of the array that a view was made of."""
+    owner = one.owner
+    while isinstance(owner, array):
+        one, owner = owner, owner.owner
+    return one.ptr or 0

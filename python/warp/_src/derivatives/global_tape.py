@@ -1,0 +1,89 @@
+"""Memory for loops that keep all of their iterations: the option `tape="global"`.
+
+Before the adjoint, a kernel made from it is launched that only counts: it finds how many trips each
+loop makes in each thread, and where in the tape of the loop the thread's part begins. The host
+reads the totals and allocates the tapes, which last as long as the adjoint runs.
+"""
+
+from __future__ import annotations
+
+import math
+
+from warp import _native
+from warp._src import errors
+from warp._src.arrays.create import empty, zeros
+from warp._src.devices import devices
+from warp._src.types import dtypes, scalars
+
+# A tape has rows of so many elements (lib/Transforms/Autodiff/GlobalTape.cpp).
+ROW = 1 << 16
+
+
+def allocate(made, call, values, known) -> dict[tuple[str, int], list]:
+    """The hidden arguments that an adjoint has for its tapes, by kind and number of the loop.
+
+    Args:
+        made: the derivative.
+        call: the launch, and `values` its arguments.
+        known: function that gives the values of other hidden arguments, from a list of those.
+
+    Raises:
+        WarpGradientError: a graph is being captured.
+        WarpMemoryError: there is not enough memory. Nothing has been changed then.
+    """
+    if _native.is_capturing(call.device):
+        raise errors.WarpGradientError(
+            f"launch('{call.kernel.key}', adjoint=True): how long its loops are is read from the "
+            f"device, which cannot be done while a graph is being captured",
+            hint="set the option `tape` of the kernel to 'checkpoints'",
+            file=call.event.file,
+            line=call.event.line,
+        )
+    found, totals = _count(made, call, values, known)
+    tapes = [hidden for hidden in made.hidden if hidden.kind == "tape"]
+    needed = sum(totals[hidden.leaf] * _item_size(hidden) for hidden in tapes)
+    try:
+        for hidden in tapes:
+            made_for = found.setdefault(("tape", hidden.leaf), [])
+            made_for.append(_empty(hidden, totals[hidden.leaf], call))
+    except MemoryError as error:
+        raise errors.WarpMemoryError(
+            f"launch('{call.kernel.key}', adjoint=True): the tape of {sum(totals)} iterations "
+            f"needs {needed} bytes on '{devices.by_index(call.device).alias}': {error}",
+            hint="set the option `tape` of the kernel to 'checkpoints', or launch fewer threads "
+            "at once",
+            file=call.event.file,
+            line=call.event.line,
+        ) from error
+    _join_stream(call)
+    return found
+
+
+def _join_stream(call) -> None:
+    """Lets the launch's stream wait for that on which arrays are made."""
+    if call.stream is not None:
+        call.stream.wait_stream(devices.get_stream(call.stream.device))
+
+
+def _count(made, call, values, known):
+    """The arrays of trips and offsets by kind and loop, and per loop the trips of all threads."""
+    extents = tuple(call.dim) if isinstance(call.dim, (tuple, list)) else (int(call.dim),)
+    loops = 1 + max(hidden.leaf for hidden in made.hidden_of_counting if hidden.kind == "trips")
+    device = devices.by_index(call.device)
+    shape = extents + (1,) * (4 - len(extents))
+    kinds = [(kind, loop) for loop in range(loops) for kind in ("trips", "offsets")]
+    found = {key: [zeros(shape, scalars.int64, device)] for key in kinds}
+    totals = zeros(loops, scalars.int64, device)
+    _join_stream(call)
+    hidden = known(made.hidden_of_counting, found | {("totals", -1): [totals]})
+    made.counting.launch(call.dim, values, hidden, call.device, call.stream, call.block_dim or 0)
+    return found, totals.numpy().tolist()
+
+
+def _item_size(hidden) -> int:
+    return dtypes.type_size_in_bytes(dtypes.dtype_of(hidden.type).dtype)
+
+
+def _empty(hidden, count, call):
+    shape = (1, count) if count <= ROW else (math.ceil(count / ROW), ROW)
+    return empty(shape, dtypes.dtype_of(hidden.type).dtype, devices.by_index(call.device))

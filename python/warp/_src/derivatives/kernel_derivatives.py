@@ -1,0 +1,353 @@
+"""Derivatives of kernels: made on first use, kept with the kernel, run like any launch.
+
+The compiler turns the module of a native kernel into that of its adjoint (or of its tangent) for a
+given set of arrays that have gradients. `KernelDerivatives` belongs to a kernel and has all that
+were made; `launch` and `run_adjoint` choose one of them. What comes with a derivative (which arrays
+it reads, arguments that the primal does not have) is in `KernelDerivative`.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+
+from warp import _native, config
+from warp._src import errors
+from warp._src.arrays.array import array
+from warp._src.arrays.boxes import Box
+from warp._src.arrays.create import zeros
+from warp._src.derivatives.gathers import gather_sums
+from warp._src.derivatives.singular import count_singular
+from warp._src.devices.devices import by_index
+from warp._src.kernels.call import Call
+from warp._src.kernels.epoch import Epoch
+from warp._src.types import dtypes
+from warp._src.types.structs import StructInstance
+
+
+class KernelDerivatives:
+    """The derivatives of one kernel.
+
+    Attributes:
+        kernel: the kernel in Python.
+    """
+
+    def __init__(self, kernel):
+        self.kernel = kernel
+        self._made: dict = {}
+        self._epoch = None
+        # Lines that were printed.
+        self._noticed: set = set()
+
+    def clear(self) -> None:
+        """Forgets all."""
+        self._made.clear()
+
+    def adjoint(self, native, active, unique=True, tape=None) -> KernelDerivative:
+        """The derivative of a native kernel in reverse mode.
+
+        Args:
+            native: what `prepare` or `specialize` of the kernel has returned.
+            active: for each array among the arguments whether it has a gradient.
+            unique: no array has an element twice, and no two share memory.
+            tape: in place of the option of that name.
+
+        Raises:
+            WarpCodegenError: something active has no derivative.
+        """
+        tape = tape or self.kernel.option("tape")
+        return self._find(native, active, False, unique, tape=tape)
+
+    def tangent(self, native, active, unique=True, width=1, winners=False) -> KernelDerivative:
+        """The same in forward mode, with tangents along `width` directions.
+
+        With `winners`, what is launched after it if several threads met at atomic extrema.
+        """
+        return self._find(native, active, True, unique, width=width, winners=winners)
+
+    def last_adjoint(self) -> KernelDerivative | None:
+        """The derivative in reverse mode that was made last, None if there is none."""
+        made = [one for key, one in self._made.items() if not key[2]]
+        return made[-1] if made and self._epoch is Epoch.current else None
+
+    def active_sets(self, native) -> list[tuple]:
+        """Sets of arrays with a gradient that there are adjoints of a native kernel for."""
+        if self._epoch is not Epoch.current:
+            return []
+        return [
+            active
+            for made, active, forward, unique, singular, *_ in self._made
+            if made is native and unique and not forward and singular == config.singular
+        ]
+
+    def _find(self, native, active, forward, unique, **options):
+        if self._epoch is not Epoch.current:
+            self._made.clear()
+            self._epoch = Epoch.current
+        key = (native, tuple(active), forward, unique, config.singular, *options.items())
+        found = self._made.get(key)
+        if found is None:
+            made = differentiate(native, active, forward, unique, **options)
+            found = KernelDerivative(self.kernel, made, "tangent" if forward else "adjoint", unique)
+            self._made[key] = found
+            self.notice(made.notices)
+            if self.kernel.module.saved and unique and not forward:
+                self._use_saved(found, native, active)
+        return found
+
+    def notice(self, lines) -> None:
+        """Prints lines about derivatives, each once."""
+        for line in lines:
+            if line not in self._noticed:
+                self._noticed.add(line)
+                print(line, flush=True)
+
+    def _use_saved(self, derivative, native, active) -> None:
+        from warp._src.derivatives.saved import parts, saved_name
+
+        kernel = self.kernel
+        tags = {made: f"{kernel.key}_{tag}" for tag, made in kernel.tagged_specializations()}
+        for part, made in parts(derivative).items():
+            kernel.use_saved(made, saved_name(tags.get(native, kernel.key), part, active))
+
+    def launch(self, call: Call) -> None:
+        """Runs the adjoint of a launch whose arrays have their gradients."""
+        if not self.kernel.option("enable_backward"):
+            raise errors.WarpGradientError(
+                f"launch('{self.kernel.key}', adjoint=True): the kernel has "
+                f"`enable_backward=False`, remove that option"
+            )
+        active = call.active
+        check_overlap(call, active, ", adjoint=True")
+        if any(active) and thread_count(call.dim):
+            self.run_adjoint(call, call.values)
+
+    def run_adjoint(self, call: Call, values, initial=None, saved=()) -> None:
+        """Runs the adjoint of a launch.
+
+        Args:
+            call: the launch.
+            values: its arguments.
+            initial: copies of arrays as they were before the launch, by number.
+            saved: what `run_augmented` of the adjoint has returned.
+        """
+        made = self.adjoint(call.native, call.active)
+        made.check_threads(call)
+        if not call.signature.flat:
+            for value in values:
+                if isinstance(value, StructInstance):
+                    value.refresh()
+        if _meet(call):
+            tape = "checkpoints" if made.counting is None else "global"
+            made = self.adjoint(call.native, call.active, unique=False, tape=tape)
+        made.run(call, values, initial or {}, saved)
+
+
+class KernelDerivative:
+    """One derivative of a native kernel, itself a native kernel.
+
+    Attributes:
+        kernel: the kernel in Python.
+        native: what runs.
+        augmented: the primal, changed to save what the adjoint needs, or None.
+        counting: finds how much memory the adjoint's loops need, or None if that is known.
+        hidden: arguments after those of the primal; each has `kind`, `leaf`, `type`
+            and `places`.
+        hidden_of_counting: the same of `counting`.
+        needed: numbers of the arrays whose contents are read.
+        one_thread: why only launches of one thread are right; empty if all are.
+    """
+
+    def __init__(self, kernel, made, suffix, unique=False):
+        self.kernel = kernel
+        self.module = made.module
+        # An adjoint asserts what its derivatives require of the operands, always.
+        checked = suffix == "adjoint" and made.metrics.get("assertions", 0) > 0
+        self._tangents: dict = {}
+        self.native = kernel.compile_module(made.module, f"{kernel.key}_{suffix}", checked)
+        self._may_split = suffix == "adjoint" and unique and not checked and made.counting is None
+        self.augmented = None
+        if made.augmented is not None:
+            self.augmented = kernel.compile_module(made.augmented, kernel.key)
+        self.counting = None
+        if made.counting is not None:
+            self.counting = kernel.compile_module(made.counting, f"{kernel.key}_count")
+        self.hidden = made.hidden
+        self.hidden_of_counting = made.hidden_of_counting
+        self.needed = made.needed
+        self.one_thread = made.one_thread
+        self._metrics = made.metrics
+
+    @functools.cached_property
+    def gathered(self):
+        """The adjoint in two parts that have fewer atomic additions, or None."""
+        if not self._may_split or not self._metrics.get("atomics"):
+            return None
+        return gather_sums(self.kernel, self.module)
+
+    @property
+    def metrics(self) -> dict[str, int]:
+        """Numbers about the code."""
+        if self.gathered is None:
+            return self._metrics
+        return {**self._metrics, "atomics": self.gathered.atomics}
+
+    @property
+    def preserved(self) -> set[int]:
+        """Arrays of which it reads the contents before the launch."""
+        return {hidden.leaf for hidden in self.hidden if hidden.kind == "preserved"}
+
+    def tangent(self, active, unique, width) -> KernelDerivative:
+        """Its own derivative in forward mode."""
+        key = (active, unique, width)
+        if key not in self._tangents:
+            made = differentiate(self.native, active, True, unique, width=width)
+            self._tangents[key] = KernelDerivative(self.kernel, made, "adjoint_tangent")
+            self.kernel.derivatives.notice(made.notices)
+        return self._tangents[key]
+
+    def check_threads(self, call: Call) -> None:
+        """Rejects a launch of several threads where the derivative is right for one only."""
+        if not self.one_thread:
+            return
+        threads = thread_count(call.dim)
+        if threads > 1:
+            raise errors.WarpGradientError(
+                f"launch('{call.kernel.key}'): derivatives of this kernel are right for "
+                f"one thread only, but the launch has {threads}: {self.one_thread}"
+            )
+
+    def run(self, call: Call, values, initial, saved) -> None:
+        """Runs it for a launch."""
+        tapes = {}
+        if self.counting is not None:
+            tapes = self._tapes(call, values, initial, saved)
+        hidden = self.hidden_values(call, initial, saved, tapes)
+        if self.gathered is not None and self.gathered.fits(call.dim):
+            self.gathered.launch(call, values, hidden)
+        else:
+            self.native.launch(
+                call.dim, values, hidden, call.device, call.stream, call.block_dim or 0
+            )
+        count_singular(self, hidden)
+
+    def _tapes(self, call, values, initial, saved) -> dict:
+        """Memory for the loops of the adjoint, see `global_tape.allocate`."""
+        from warp._src.derivatives.global_tape import allocate
+
+        def known(wanted, own):
+            return self.hidden_values(call, initial, saved, own, wanted)
+
+        return allocate(self, call, values, known)
+
+    def run_augmented(self, call: Call) -> list[array]:
+        """Runs a launch that saves what its adjoint needs, and returns that."""
+        # An element for each thread, at its index.
+        extents = tuple(call.dim) if isinstance(call.dim, (tuple, list)) else (int(call.dim),)
+        shape = extents + (1,) * (4 - len(extents))
+        saved = []
+        for hidden in self.hidden:
+            if hidden.kind == "saved":
+                dtype = dtypes.dtype_of(hidden.type).dtype
+                saved.append(zeros(shape, dtype, by_index(call.device)))
+        self.augmented.launch(
+            call.dim, call.values, saved, call.device, call.stream, call.block_dim or 0
+        )
+        return saved
+
+    def hidden_values(self, call, initial, saved, tapes=None, wanted=None) -> list[array]:
+        """Values of the arguments that only the derivative has.
+
+        Args:
+            tapes: those of loops that keep their iterations, by kind and number of the loop.
+            wanted: the arguments; None stands for those of the derivative itself.
+        """
+        if wanted is None:
+            wanted = self.hidden
+        if not wanted:
+            return []
+        notes = dict(
+            zip([one.leaf for one in self.hidden if one.kind == "saved"], saved, strict=False)
+        )
+        left = {key: list(arrays) for key, arrays in (tapes or {}).items()}
+        values = []
+        for hidden in wanted:
+            key = hidden.kind, hidden.leaf
+            if key in left:
+                values.append(left[key].pop(0))
+            elif hidden.kind == "counters":
+                dtype = dtypes.dtype_of(hidden.type).dtype
+                values.append(zeros(len(hidden.places) or 1, dtype, by_index(call.device)))
+            elif hidden.kind == "saved" and hidden.leaf in notes:
+                values.append(notes[hidden.leaf])
+            elif hidden.kind == "preserved" and hidden.leaf in initial:
+                values.append(initial[hidden.leaf])
+            else:
+                raise _not_recorded(call, hidden)
+        return values
+
+
+def differentiate(native, active, forward=False, unique=True, **options):
+    """The derivative of a native kernel as the compiler's module, and what goes with it.
+
+    Args:
+        options: `width` and `winners` of forward mode, `tape` of reverse mode.
+
+    Raises:
+        WarpCodegenError: something active has no derivative.
+    """
+    return _native.differentiate(
+        native.module,
+        forward=forward,
+        active=list(active),
+        singular=config.singular,
+        unique=unique,
+        **options,
+    )
+
+
+def thread_count(dim) -> int:
+    return math.prod(dim) if isinstance(dim, (tuple, list)) else int(dim)
+
+
+def _meet(call) -> bool:
+    """Whether threads with different indices may meet at a gradient."""
+    return _native.shares_elements([leaf.grad for _, leaf in call.leaves if _is_active(leaf)])
+
+
+def _is_active(leaf) -> bool:
+    return leaf is not None and leaf.grad is not None
+
+
+def _not_recorded(call, hidden):
+    """The error for a value that only a tape could have."""
+    what = "values that the launch overwrote, or that atomics returned"
+    if hidden.kind == "preserved":
+        what = f"array '{call.leaves[hidden.leaf][0]}' as it was before the launch"
+    return errors.WarpGradientError(
+        f"launch('{call.kernel.key}', adjoint=True): the derivative depends on {what}, "
+        f"record the launch on a `wp.Tape`"
+    )
+
+
+def check_overlap(call: Call, active, what: str) -> None:
+    """Rejects a written array that shares memory with another one if one of both is active.
+
+    Raises:
+        WarpGradientError: there is one.
+    """
+    if not _native.shares_elements([leaf for _, leaf in call.leaves if leaf is not None]):
+        return
+    boxes = [None if leaf is None else Box(leaf) for _, leaf in call.leaves]
+    for i, (_, stored, combined, *_) in enumerate(call.accesses):
+        if boxes[i] is None or not (stored or combined):
+            continue
+        for j, other in enumerate(boxes):
+            if j == i or other is None or not boxes[i].overlaps(other):
+                continue
+            if active[i] or active[j]:
+                raise errors.WarpGradientError(
+                    f"launch('{call.kernel.key}'{what}): arguments "
+                    f"'{call.leaves[i][0]}', which is written, and '{call.leaves[j][0]}' overlap, "
+                    f"give the kernel one array for both, or write to another array"
+                )

@@ -1,0 +1,391 @@
+"""Devices: `cpu` and `cuda:0`, `cuda:1`, ...
+
+A device is looked up by name; everything below this file names it by number (-1 is the CPU). The
+CUDA driver is asked the first time that a device other than `cpu` matters; a machine without one
+has the device `cpu` and nothing fails until a CUDA device is asked for by name.
+"""
+
+from __future__ import annotations
+
+import sys
+
+from warp import _native, config
+from warp._src.version import VERSION
+
+CPU = -1
+
+
+class Device:
+    """A place where kernels run and arrays live. Made by `get_device`, compared by identity."""
+
+    def __init__(self, index: int, alias: str | None = None):
+        self.index = index
+        self.alias = alias or ("cpu" if index == CPU else f"cuda:{index}")
+        self.is_cpu = index == CPU
+        self.is_cuda = index != CPU
+        self.ordinal = index
+        self._info = None
+
+    @property
+    def info(self) -> dict:
+        if self._info is None:
+            self._info = _native.device_info(self.index)
+        return self._info
+
+    @property
+    def name(self) -> str:
+        return self.info["name"]
+
+    @property
+    def arch(self) -> int:
+        """Compute capability as 10 * major + minor; 0 for the CPU."""
+        return self.info["arch"]
+
+    @property
+    def sm_count(self) -> int:
+        return self.info["sm_count"]
+
+    @property
+    def max_shared_memory_per_block(self) -> int:
+        return self.info["max_shared_memory_per_block"]
+
+    @property
+    def is_uva(self) -> bool:
+        return self.info["is_uva"]
+
+    @property
+    def is_mempool_supported(self) -> bool:
+        return self.info["has_memory_pool"]
+
+    @property
+    def is_mempool_enabled(self) -> bool:
+        return _native.is_pool_enabled(self.index)
+
+    @property
+    def is_managed_memory_supported(self) -> bool:
+        return self.info["has_managed_memory"]
+
+    @property
+    def is_ipc_supported(self) -> bool:
+        return self.is_cuda and sys.platform == "linux"
+
+    @property
+    def uuid(self) -> str | None:
+        return self.info["uuid"] or None
+
+    @property
+    def pci_bus_id(self) -> str | None:
+        return self.info["pci_bus_id"] or None
+
+    @property
+    def free_memory(self) -> int:
+        return _native.device_memory(self.index)[0]
+
+    @property
+    def total_memory(self) -> int:
+        return _native.device_memory(self.index)[1]
+
+    @property
+    def context(self) -> int | None:
+        """The CUDA context, for other libraries; None for the CPU."""
+        return None if self.is_cpu else _native.cuda_context(self.index)
+
+    @property
+    def is_primary(self) -> bool:
+        """Whether this is the primary context of a CUDA device."""
+        return self.index not in _mapped
+
+    @property
+    def is_capturing(self) -> bool:
+        """Whether a graph is being recorded, on the CPU by this thread."""
+        return _native.is_capturing(self.index)
+
+    @property
+    def has_stream(self) -> bool:
+        return self.is_cuda
+
+    @property
+    def stream(self):
+        """The stream that launches and copies use when none is named; None for the CPU."""
+        if self.is_cpu:
+            return None
+        return _native.current_stream(self.index)
+
+    @stream.setter
+    def stream(self, stream):
+        set_stream(stream, self)
+
+    def get_stream(self):
+        return self.stream
+
+    def set_stream(self, stream, sync=True):
+        set_stream(stream, self, sync)
+
+    def can_access(self, other) -> bool:
+        """Whether kernels on this device can read memory of the other one."""
+        other = get_device(other)
+        if other is self or (self.is_cuda and other.is_cuda and other.context == self.context):
+            return True
+        if self.is_cpu or other.is_cpu:
+            return False
+        return _native.is_peer_access_enabled(other.index, self.index)
+
+    def make_current(self):
+        """Nothing to do: contexts are made current where they are used."""
+
+    def __str__(self):
+        return self.alias
+
+    def __repr__(self):
+        return f"'{self.alias}'"
+
+    def __hash__(self):
+        return hash(self.alias)
+
+    def __eq__(self, other):
+        if self is other:
+            return True
+        if isinstance(other, str):
+            return self.alias == other or (other == "cuda" and self is _first_cuda())
+        return False
+
+    def __deepcopy__(self, memo):
+        return self
+
+    def __reduce__(self):
+        return (get_device, (self.alias,))
+
+
+DeviceLike = Device | str | None
+
+_cpu = Device(CPU)
+_cuda: list[Device] = []
+# Devices that are contexts which users mapped, by number.
+_mapped: dict[int, Device] = {}
+_state = {"initialized": False, "default": None}
+
+# Device numbers by everything that may name a device; the fast path of launches. `None` is the
+# default device and is there once the runtime is initialized.
+index_of: dict = {"cpu": CPU, _cpu: CPU}
+
+
+def initialize() -> None:
+    """Finds the devices; the first call prints one line unless `wp.config.quiet`."""
+    if _state["initialized"]:
+        return
+    _state["initialized"] = True
+    for index in range(_native.cuda_device_count()):
+        device = Device(index)
+        _cuda.append(device)
+        index_of[device] = index_of[device.alias] = index
+    if _cuda:
+        index_of["cuda"] = 0
+    _set_default(_cuda[0] if _cuda else _cpu)
+    if not config.enable_mempools_at_init:
+        for device in _cuda:
+            _native.set_pool_enabled(device.index, False)
+    if not config.quiet:
+        found = ", ".join(f"{d.alias} ({d.name})" for d in [_cpu, *_cuda])
+        print(
+            f"warp-mlir {VERSION}: {found}; kernel cache {_native.cache_directory()}",
+            file=sys.stderr,
+        )
+
+
+def _set_default(device) -> None:
+    _state["default"] = device
+    index_of[None] = device.index
+    if device.is_cuda:
+        index_of["cuda"] = device.index
+
+
+def _first_cuda():
+    initialize()
+    return _cuda[index_of["cuda"]] if _cuda else None
+
+
+def by_index(index: int) -> Device:
+    """The device of a number."""
+    if index == CPU:
+        return _cpu
+    initialize()
+    return _mapped[index] if index in _mapped else _cuda[index]
+
+
+def map_cuda_device(alias: str, context: int | None = None) -> Device:
+    """Gives a CUDA context a device name.
+
+    Args:
+        alias: the name, which must be new.
+        context: address of the CUDA context; by default the one that is current on this thread.
+            The primary context of a device only gives that device a second name.
+
+    Raises:
+        RuntimeError: the name is taken, or there is no context.
+    """
+    initialize()
+    if alias in index_of:
+        raise RuntimeError(f"there is a device '{alias}' already")
+    context = int(getattr(context, "value", context) or _native.current_context())
+    if not context:
+        raise RuntimeError("expects a CUDA context, but none is current on this thread")
+    index = _native.map_context(context)
+    if index >= len(_cuda) and index not in _mapped:
+        _mapped[index] = Device(index, alias)
+    device = by_index(index)
+    index_of[alias] = index_of[device] = index
+    return device
+
+
+def unmap_cuda_device(alias: str) -> None:
+    """Takes a name that `map_cuda_device` gave back.
+
+    Raises:
+        RuntimeError: there is no such name.
+    """
+    if alias not in index_of or alias in ("cpu", "cuda") or alias in (d.alias for d in _cuda):
+        raise RuntimeError(f"no device was mapped as '{alias}'")
+    del index_of[alias]
+
+
+def resolve_index(device) -> int:
+    """The number of a device given by name, object or None for the default."""
+    try:
+        return index_of[device]
+    except (KeyError, TypeError):
+        return get_device(device).index
+
+
+def get_device(ident: DeviceLike = None) -> Device:
+    """The device of a name: `cpu`, `cuda`, `cuda:0`; None is the current default.
+
+    Raises:
+        ValueError: there is no such device; the message says why.
+    """
+    if isinstance(ident, Device):
+        return ident
+    if ident == "cpu":
+        return _cpu
+    initialize()
+    if ident is None:
+        return _state["default"]
+    index = index_of.get(ident if isinstance(ident, str) else str(ident))
+    if index is None:
+        raise ValueError(_unknown_device(ident))
+    return by_index(index)
+
+
+def _unknown_device(ident) -> str:
+    known = ", ".join(f"'{device.alias}'" for device in [_cpu, *_cuda])
+    message = f"no device '{ident}', there is: {known}"
+    reason = "" if _cuda else _native.cuda_unavailable_reason()
+    return f"{message} (no CUDA device: {reason})" if reason else message
+
+
+def set_device(ident: DeviceLike) -> None:
+    """Makes a device the default."""
+    device = get_device(ident)
+    initialize()
+    _set_default(device)
+
+
+def get_devices() -> list[Device]:
+    """All devices."""
+    initialize()
+    return [_cpu, *_cuda, *(d for d in _mapped.values() if d.alias in index_of)]
+
+
+def get_preferred_device() -> Device:
+    """The first CUDA device, or the CPU where there is none."""
+    initialize()
+    return _cuda[0] if _cuda else _cpu
+
+
+def is_cpu_available() -> bool:
+    return True
+
+
+def is_cuda_available() -> bool:
+    """Whether there is a CUDA device."""
+    initialize()
+    return bool(_cuda)
+
+
+def is_device_available(device) -> bool:
+    return device in get_devices()
+
+
+def get_cuda_devices() -> list[Device]:
+    initialize()
+    return list(_cuda)
+
+
+def get_cuda_device_count() -> int:
+    initialize()
+    return len(_cuda)
+
+
+def get_cuda_device(ordinal: int | None = None) -> Device:
+    """The CUDA device of a number, or the current one.
+
+    Raises:
+        RuntimeError: there is no such device.
+    """
+    return get_device("cuda" if ordinal is None else f"cuda:{ordinal}")
+
+
+def get_cuda_driver_version() -> tuple[int, int] | None:
+    """Version of the CUDA driver, None without one."""
+    version = _native.cuda_driver_version()
+    return (version // 1000, version % 1000 // 10) if version else None
+
+
+def get_cuda_toolkit_version() -> tuple[int, int] | None:
+    """None: compiled kernels need the driver alone."""
+    return None
+
+
+def get_stream(device: DeviceLike = None):
+    """The current stream of a CUDA device."""
+    return _cuda_device(device).stream
+
+
+def set_stream(stream, device: DeviceLike = None, sync: bool = False) -> None:
+    """Makes a stream the current one of its device; `sync` lets it wait for the former one."""
+    if device is None:
+        device = stream.device
+    device = _cuda_device(device)
+    if sync:
+        stream.wait_stream(device.stream)
+    _native.set_current_stream(device.index, stream)
+
+
+def _cuda_device(device) -> Device:
+    device = get_device(device)
+    if not device.is_cuda:
+        raise RuntimeError(f"device '{device}' has no streams, expects a CUDA device")
+    return device
+
+
+def synchronize() -> None:
+    """Waits for all devices, and raises what kernels reported in debug mode."""
+    _native.synchronize_all()
+
+
+def synchronize_device(device: DeviceLike = None) -> None:
+    """Waits for all work of one device."""
+    _native.synchronize_device(resolve_index(device))
+
+
+def synchronize_stream(stream_or_device=None) -> None:
+    """Waits for one stream, or for the current stream of a device."""
+    if isinstance(stream_or_device, _native.Stream):
+        stream_or_device.synchronize()
+        return
+    stream = get_device(stream_or_device).stream
+    if stream is not None:
+        stream.synchronize()
+
+
+def synchronize_event(event) -> None:
+    event.synchronize()

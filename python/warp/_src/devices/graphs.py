@@ -1,0 +1,267 @@
+"""Graphs: work that is recorded once and replayed with one call.
+
+A capture records launches, copies and fills on one device instead of running them. On CUDA the
+driver records what goes to the captured stream; on the CPU the runtime records what this thread
+does. The graph keeps alive whatever its work touches. Inside a capture `capture_if` and
+`capture_while` become branches and loops of the graph, outside they run at once.
+"""
+
+from __future__ import annotations
+
+import enum
+import threading
+
+from warp import _native, config
+from warp._src import errors
+from warp._src.arrays.array import array
+from warp._src.arrays.observers import Observers
+from warp._src.devices import devices
+from warp._src.devices.devices import get_device
+from warp._src.kernels.modules import force_load
+from warp._src.types.scalars import int32
+
+
+class CaptureMode(enum.IntEnum):
+    """Which threads may not do what a CUDA capture cannot hold: any, the capturing one, none."""
+
+    GLOBAL = 0
+    THREAD_LOCAL = 1
+    RELAXED = 2
+
+
+class Graph:
+    """What `capture_end` returns; run it with `capture_launch`.
+
+    Attributes:
+        device: where it runs.
+        node_count: number of operations; those inside of branches and loops are not counted.
+    """
+
+    def __init__(self, native):
+        self.native = native
+        self.device = devices.by_index(native.device_index)
+
+    @property
+    def node_count(self) -> int:
+        return self.native.node_count
+
+    def __repr__(self):
+        return f"<graph of {self.node_count} operations on '{self.device}'>"
+
+
+# Captures in progress: by stream handle on CUDA, by thread on the CPU.
+_captures: dict = {}
+
+
+def _key(device, stream):
+    if device.is_cpu:
+        return threading.get_ident()
+    return (device.index, stream.cuda_stream)
+
+
+def _place(device, stream):
+    """Device, stream (None on the CPU) and key of a capture."""
+    if stream is not None:
+        device = stream.device
+    else:
+        device = get_device(device)
+        stream = device.stream if device.is_cuda else None
+    return device, stream, _key(device, stream)
+
+
+def capture_begin(
+    device=None,
+    stream=None,
+    force_module_load=None,
+    external=False,
+    apic=False,
+    capture_mode=CaptureMode.THREAD_LOCAL,
+) -> None:
+    """Begins to record a graph.
+
+    Args:
+        device: device to record on, by default the current one.
+        stream: CUDA stream to record on, by default the device's current one.
+        force_module_load: translate the kernels of all modules before; not needed, since kernels
+            may be compiled and loaded while a graph is recorded.
+        external: somebody else is capturing the stream already and will end it.
+        apic: accepted for compatibility, changes nothing.
+        capture_mode: how strict the driver is with what a graph cannot hold.
+
+    Raises:
+        WarpError: a graph is being recorded there already.
+    """
+    device, stream, key = _place(device, stream)
+    if key in _captures:
+        raise errors.WarpError(f"a graph is being captured on '{device}' already")
+    if force_module_load:
+        force_load(device)
+    if config.verify_cuda and device.is_cuda:
+        raise errors.WarpError("cannot capture a graph while `wp.config.verify_cuda` is on")
+    _captures[key] = _native.Capture(device.index, stream, int(capture_mode), external)
+
+
+def capture_end(device=None, stream=None) -> Graph:
+    """Ends the recording and returns the graph.
+
+    Raises:
+        WarpError: nothing is being recorded there, or something was done that a graph cannot hold.
+    """
+    device, stream, key = _place(device, stream)
+    capture = _captures.pop(key, None)
+    if capture is None:
+        raise errors.WarpError(f"no graph is being captured on '{device}'")
+    return Graph(capture.end())
+
+
+def capture_launch(graph, stream=None) -> None:
+    """Runs a graph: on CUDA queued on `stream` or the current one, on the CPU at once."""
+    if type(graph) is not Graph:
+        raise errors.WarpLaunchTypeError(f"expects a graph, but got '{type(graph).__name__}'")
+    if _captures:
+        for capture in _captures.values():
+            capture.hold(graph.native)
+    if Observers.tape is not None:
+        raise errors.WarpError(
+            "a graph cannot be recorded on a tape: capture the backward pass with the rest, or "
+            "launch the graph outside of the tape's block"
+        )
+    graph.native.launch(stream)
+
+
+def capture_debug_dot_print(graph, path, verbose=True) -> None:
+    """Writes a graph as a Graphviz file."""
+    graph.native.write_dot(str(path), verbose)
+
+
+def is_conditional_graph_supported() -> bool:
+    """Whether the CUDA driver has branches and loops in graphs. Graphs on the CPU always do."""
+    return _native.supports_conditional_graphs()
+
+
+class ScopedCapture:
+    """Records a block as a graph; arguments as for `capture_begin`.
+
+    Attributes:
+        graph: the graph, once the block is left without an error.
+
+    Example:
+        >>> import warp as wp
+        >>> a = wp.zeros(4, device="cpu")
+        >>> with wp.ScopedCapture(device="cpu") as capture:
+        ...     a.fill_(2.0)
+        >>> wp.capture_launch(capture.graph)
+    """
+
+    def __init__(
+        self,
+        device=None,
+        stream=None,
+        force_module_load=None,
+        external=False,
+        apic=False,
+        capture_mode=CaptureMode.THREAD_LOCAL,
+    ):
+        self.device, self.stream = device, stream
+        self.options = (force_module_load, external, apic, capture_mode)
+        self.active = False
+        self.graph = None
+
+    def __enter__(self):
+        self.device, stream, self._key = _place(self.device, self.stream)
+        capture_begin(self.device, stream, *self.options)
+        self.active = True
+        return self
+
+    def __exit__(self, kind, value, traceback):
+        self.active = False
+        capture = _captures.pop(self._key, None)
+        if capture is None:
+            return
+        if kind is not None:
+            capture.abandon()
+            return
+        self.graph = Graph(capture.end())
+
+
+def _active(condition, stream):
+    """The capture that a branch on `condition` belongs to, or None."""
+    if not isinstance(condition, array):
+        raise errors.WarpTypeError(
+            f"expects an array as condition, but got '{type(condition).__name__}'"
+        )
+    if condition.dtype is not int32 or condition.size == 0:
+        raise errors.WarpTypeError(
+            f"expects an array of int32 with one element as condition, but got {condition!r}"
+        )
+    if not _captures:
+        return None
+    return _captures.get(_place(condition.device, stream)[2])
+
+
+def _holds(condition, stream) -> bool:
+    """The value of a condition now."""
+    if condition.device.is_cuda and stream is not None:
+        stream.synchronize()
+    return bool(condition.flatten()[:1].numpy()[0])
+
+
+def _run(body, stream, arguments) -> None:
+    if isinstance(body, Graph):
+        capture_launch(body, stream)
+    elif callable(body):
+        body(**arguments)
+    elif body is not None:
+        raise errors.WarpTypeError(
+            f"expects a function or a graph as body, but got '{type(body).__name__}'"
+        )
+
+
+def capture_if(condition, on_true=None, on_false=None, stream=None, **kwargs) -> None:
+    """Runs one of two functions or graphs, by the value of an array of one int32.
+
+    Inside a capture the choice is part of the graph and made at each replay; otherwise it is made
+    now.
+
+    Args:
+        condition: array whose first element is zero or not.
+        on_true, on_false: functions, called with the keyword arguments, or graphs.
+        stream: stream that the condition was written on, by default the device's current one.
+    """
+    if on_true is None and on_false is None:
+        return
+    capture = _active(condition, stream)
+    if capture is None:
+        _run(on_true if _holds(condition, stream) else on_false, stream, kwargs)
+        return
+    branches = [
+        (capture.add_condition(condition, negated), body)
+        for negated, body in ((False, on_true), (True, on_false))
+        if body is not None
+    ]
+    for handle, body in branches:
+        capture.begin_body(handle, False)
+        _run(body, stream, kwargs)
+        capture.end_body()
+
+
+def capture_while(condition, while_body, stream=None, **kwargs) -> None:
+    """Runs a function or graph as long as an array of one int32 is not zero.
+
+    Inside a capture the loop is part of the graph; otherwise it runs now.
+
+    Args:
+        condition: array whose first element is looked at before each turn.
+        while_body: function, called with the keyword arguments, or graph.
+        stream: stream that the condition was written on, by default the device's current one.
+    """
+    capture = _active(condition, stream)
+    if capture is None:
+        while _holds(condition, stream):
+            _run(while_body, stream, kwargs)
+        return
+    handle = capture.add_condition(condition, False)
+    capture.begin_body(handle, True)
+    _run(while_body, stream, kwargs)
+    capture.update_condition(handle, condition, False)
+    capture.end_body()

@@ -1,0 +1,239 @@
+"""Memory pools, access of devices to each other's memory, and sharing between processes."""
+
+from __future__ import annotations
+
+import enum
+
+from warp import _native
+from warp._src.devices import devices
+from warp._src.devices.devices import get_device, resolve_index
+
+
+class MemoryKind(enum.IntEnum):
+    """What kind of memory backs an array."""
+
+    UNKNOWN = 0
+    HOST = 1
+    PINNED = 2
+    CUDA_DEVICE = 3
+    CUDA_MEMPOOL = 4
+    CUDA_MANAGED = 5
+
+
+# ---- Pools ---------------------------------------------------------------------------------------
+
+
+def _with_pool(device):
+    device = get_device(device)
+    if not device.is_cuda:
+        raise ValueError(f"expects a CUDA device, which has a memory pool, but got '{device}'")
+    if not device.is_mempool_supported:
+        raise RuntimeError(f"device '{device}' does not support memory pools")
+    return device
+
+
+def is_mempool_supported(device) -> bool:
+    """Whether a device has a stream-ordered memory pool."""
+    return get_device(device).is_mempool_supported
+
+
+def is_mempool_enabled(device) -> bool:
+    """Whether new arrays of a device come from its pool."""
+    return get_device(device).is_mempool_enabled
+
+
+def set_mempool_enabled(device, enable: bool) -> None:
+    """Lets new arrays of a device come from its pool, or not.
+
+    Raises:
+        ValueError, RuntimeError: the device has no pool.
+    """
+    device = get_device(device)
+    if enable:
+        _with_pool(device)
+    elif not device.is_cuda:
+        return
+    _native.set_pool_enabled(device.index, bool(enable))
+
+
+def set_mempool_release_threshold(device, threshold: int | float) -> None:
+    """Sets how much freed memory the pool keeps.
+
+    Args:
+        device: a CUDA device.
+        threshold: bytes, or a float from 0 to 1 as a share of the device's memory.
+    """
+    device = _with_pool(device)
+    if isinstance(threshold, float) and 0 < threshold <= 1:
+        threshold = threshold * device.total_memory
+    _native.set_pool_release_threshold(device.index, max(0, int(threshold)))
+
+
+def get_mempool_release_threshold(device=None) -> int:
+    """How many bytes of freed memory the pool keeps."""
+    return _native.pool_release_threshold(_with_pool(device).index)
+
+
+def get_mempool_used_mem_current(device=None) -> int:
+    """Bytes in use from the pool."""
+    return _native.pool_use(_with_pool(device).index)[0]
+
+
+def get_mempool_used_mem_high(device=None) -> int:
+    """Bytes that were in use from the pool at most."""
+    return _native.pool_use(_with_pool(device).index)[1]
+
+
+# ---- Access --------------------------------------------------------------------------------------
+
+
+def is_peer_access_supported(target_device, peer_device) -> bool:
+    """Whether the hardware lets `peer_device` reach the memory of `target_device`."""
+    target, peer = get_device(target_device), get_device(peer_device)
+    if not target.is_cuda or not peer.is_cuda:
+        return False
+    return _native.can_peers_link(target.index, peer.index)
+
+
+def is_peer_access_enabled(target_device, peer_device) -> bool:
+    """Whether `peer_device` may reach memory of `target_device` that comes from no pool."""
+    target, peer = get_device(target_device), get_device(peer_device)
+    if not target.is_cuda or not peer.is_cuda:
+        return False
+    return _native.is_peer_access_enabled(target.index, peer.index)
+
+
+def set_peer_access_enabled(target_device, peer_device, enable: bool) -> None:
+    """Lets `peer_device` reach memory of `target_device` that comes from no pool, or not.
+
+    Raises:
+        ValueError: one of them is the CPU.
+        RuntimeError: the devices are not connected.
+    """
+    target, peer = get_device(target_device), get_device(peer_device)
+    if not target.is_cuda or not peer.is_cuda:
+        if enable:
+            raise ValueError(f"expects two CUDA devices, but got '{target}' and '{peer}'")
+        return
+    _native.set_peer_access_enabled(target.index, peer.index, bool(enable))
+
+
+def is_mempool_access_supported(target_device, peer_device) -> bool:
+    """Whether `peer_device` can be given access to the memory pool of `target_device`."""
+    target = get_device(target_device)
+    return target.is_mempool_supported and is_peer_access_supported(target, peer_device)
+
+
+def is_mempool_access_enabled(target_device, peer_device) -> bool:
+    """Whether `peer_device` may reach the memory pool of `target_device`."""
+    target, peer = get_device(target_device), get_device(peer_device)
+    if not target.is_cuda or not peer.is_cuda:
+        return False
+    return _native.is_pool_access_enabled(target.index, peer.index)
+
+
+def set_mempool_access_enabled(target_device, peer_device, enable: bool) -> None:
+    """Lets `peer_device` reach the memory pool of `target_device`, or not.
+
+    Raises:
+        ValueError: one of them is the CPU.
+        RuntimeError: there is no pool, or the devices are not connected.
+    """
+    target, peer = get_device(target_device), get_device(peer_device)
+    if not target.is_cuda or not peer.is_cuda:
+        if enable:
+            raise ValueError(f"expects two CUDA devices, but got '{target}' and '{peer}'")
+        return
+    _native.set_pool_access_enabled(target.index, peer.index, bool(enable))
+
+
+def can_access(device, resource) -> bool:
+    """Whether kernels on a device can use an array.
+
+    Raises:
+        TypeError: `resource` is no array.
+    """
+    if not isinstance(resource, _native.Array):
+        raise TypeError(f"expects an array, but got '{type(resource).__name__}'")
+    index = resolve_index(device)
+    return _native.can_access(index, resource.device_index, resource.ptr or 0)
+
+
+def memory_kind(array) -> MemoryKind:
+    """What kind of memory backs an array."""
+    return MemoryKind(_native.memory_kind(array.device_index, array.ptr or 0))
+
+
+class ScopedMempool:
+    """Lets new arrays of a device come from its pool, or not, for a block."""
+
+    def __init__(self, device, enable: bool):
+        self.device, self.enable = get_device(device), enable
+
+    def __enter__(self):
+        self._saved = is_mempool_enabled(self.device)
+        set_mempool_enabled(self.device, self.enable)
+
+    def __exit__(self, *exception):
+        set_mempool_enabled(self.device, self._saved)
+
+
+class ScopedMempoolAccess:
+    """Gives a device access to the memory pool of another one for a block, or takes it."""
+
+    def __init__(self, target_device, peer_device, enable: bool):
+        self.devices, self.enable = (target_device, peer_device), enable
+
+    def __enter__(self):
+        self._saved = is_mempool_access_enabled(*self.devices)
+        set_mempool_access_enabled(*self.devices, self.enable)
+
+    def __exit__(self, *exception):
+        set_mempool_access_enabled(*self.devices, self._saved)
+
+
+class ScopedPeerAccess:
+    """Gives a device access to the plain memory of another one for a block, or takes it."""
+
+    def __init__(self, target_device, peer_device, enable: bool):
+        self.devices, self.enable = (target_device, peer_device), enable
+
+    def __enter__(self):
+        self._saved = is_peer_access_enabled(*self.devices)
+        set_peer_access_enabled(*self.devices, self.enable)
+
+    def __exit__(self, *exception):
+        set_peer_access_enabled(*self.devices, self._saved)
+
+
+# ---- Other processes -----------------------------------------------------------------------------
+
+HANDLE_BYTES = 64
+
+
+def ipc_handle(array) -> bytes:
+    """What another process needs to use the memory of an array, see `from_ipc_handle`."""
+    if array.device_index == devices.CPU:
+        raise RuntimeError("expects an array on a CUDA device to share with another process")
+    handle, offset = _native.export_memory(array.device_index, array.ptr or 0)
+    return handle + (offset.to_bytes(8, "little") if offset else b"")
+
+
+class Imported:
+    """Memory of another process, closed with the last array over it."""
+
+    def __init__(self, device: int, handle: bytes):
+        self.device = device
+        self.ptr = _native.import_memory(device, handle)
+
+    def __del__(self):
+        if hasattr(self, "ptr"):
+            _native.close_imported(self.device, self.ptr)
+
+
+def event_from_ipc_handle(handle: bytes, device=None):
+    """An event of another process, from what `event.ipc_handle()` gave there."""
+    device = get_device(device)
+    if not device.is_cuda:
+        raise RuntimeError(f"expects a CUDA device for an event, but got '{device}'")
+    return _native.import_event(device.index, handle)

@@ -1,0 +1,330 @@
+"""What all parts of the translator share: bindings, constants, errors.
+
+A name in a kernel is bound to one of
+
+* a native `Value`: an SSA value of the module under construction;
+* a Python `int`, `float` or `bool`: a literal or captured constant. It becomes `int32`, `float32`
+  or `bool` where a value is needed, and stays a number where a constant is (`range`, indices);
+* a tuple of bindings;
+* any other Python object, known at compile time: a function, type, module, string, enum.
+
+The translator has no type rules. It asks the builder, and turns what the builder reports into an
+error at the syntax node it was working on.
+"""
+
+from __future__ import annotations
+
+import enum
+
+from warp import _native
+from warp._src import errors
+from warp._src.frontend import names
+from warp._src.language.builtins import Builtin
+from warp._src.types import dtypes
+from warp._src.types.composites import scalars_of
+
+Value = _native.Value
+NativeType = _native.Type
+BOOL = _native.Type.parse("i1")
+INT32 = _native.Type.parse("si32")
+FLOAT32 = _native.Type.parse("f32")
+_MISSING = object()
+
+
+class Session:
+    """State shared by the functions of one kernel."""
+
+    __slots__ = ("active", "builder", "calls", "debug", "derived", "max_unroll", "taken")
+
+    def __init__(self, builder, max_unroll=16):
+        self.builder = builder
+        self.max_unroll = max_unroll
+        # Finished functions by overload and argument types, and symbol names in use.
+        self.calls = {}
+        self.taken = {}
+        # Functions whose own derivative, if they have one, has been attached.
+        self.derived = set()
+        # Functions being translated, outermost first.
+        self.active = []
+
+    def symbol(self, name: str) -> str:
+        """A name for a function that no other function of the module has."""
+        count = self.taken.get(name, 0)
+        self.taken[name] = count + 1
+        return f"{name}_{count}" if count else name
+
+
+class Parts:
+    """Shape of a struct that is passed field by field."""
+
+    __slots__ = ("native", "parts")
+
+    def __init__(self, native, parts):
+        self.native = native
+        self.parts = parts
+
+
+class Context:
+    """What the parts of a translator share: the state of translating one function.
+
+    `Translator`, which is what there is, has the parts too, under the names of their files.
+    """
+
+    def __init__(self, session: Session, function, source, is_kernel: bool):
+        self.session = session
+        self.builder = session.builder
+        self.function = function
+        self.source = source
+        self.is_kernel = is_kernel
+        self.env = {}
+        # Line of the last assignment of each name, for messages.
+        self.lines = {}
+        # Loops around the place that is being translated, outermost first.
+        self.frames = []
+        self.node = source.tree
+        self.captured = {}
+        # Native types of the declared results, and the returns so far as (line, type).
+        self.result_type = None
+        self.returned = []
+
+    # Places and errors.
+
+    def at(self, node):
+        """What the builder makes next comes from this node."""
+        self.node = node
+        self.builder.set_location(
+            self.source.encoded_file, node.lineno + self.source.line_offset, node.col_offset + 1
+        )
+
+    def error(self, node, message, hint=None, kind=errors.WarpCodegenError, notes=()):
+        """The exception for a message about a node."""
+        return kind(message, hint=hint, notes=notes, **self.source.place(node))
+
+    def type_error(self, node, message, hint=None, notes=()):
+        return self.error(node, message, hint, errors.WarpCodegenTypeError, notes)
+
+    def unsupported(self, node, what, hint=None):
+        return self.error(node, f"{what} is not supported in kernels", hint)
+
+    def locate(self, error: errors.WarpError):
+        """Completes an error of the builder with the place in the source."""
+        if error.end_column:
+            return error
+        place = self.source.place(self.node)
+        # The first line says what is wrong, and after `; ` the fix; overloads follow.
+        message, _, details = error.message.partition("\n")
+        message, _, fix = message.partition("; use ")
+        hint = f"use {fix}" if fix else error.hint
+        notes = (*error.notes, details.strip()) if details else error.notes
+        return type(error)(message, hint=hint, notes=notes, **place)
+
+    # Constants.
+
+    def capture(self, value, node):
+        """Binding of a Python object that a kernel refers to."""
+        kind = type(value)
+        if kind in (bool, int, float, str) or kind is Value:
+            return value
+        if isinstance(value, Builtin):
+            return names.BuiltinRef(value.key)
+        if isinstance(value, enum.Enum):
+            if isinstance(value, int):
+                return int(value)
+            return value
+        if isinstance(value, int):
+            return int(value)
+        if isinstance(value, float):
+            return float(value)
+        if kind.__module__ == "numpy" and hasattr(value, "item") and not hasattr(value, "__len__"):
+            return value.item()
+        return value
+
+    def materialize(self, binding, node):
+        """The SSA value of a binding."""
+        kind = type(binding)
+        if kind is Value:
+            return binding
+        if kind is bool:
+            return self.builder.constant(BOOL, binding)
+        if kind is int:
+            return self.integer(binding, node)
+        if kind is float:
+            return self.builder.constant(FLOAT32, binding)
+        return self.materialize_object(binding, node)
+
+    def integer(self, number, node):
+        """An `int32` constant; a number that does not fit is an error."""
+        if not -(2**31) <= number < 2**31:
+            wide = "wp.int64" if -(2**63) <= number < 2**63 else "wp.uint64"
+            raise self.error(
+                node,
+                f"integer {number} does not fit 'int32'",
+                f"use `{wide}({number})`" if -(2**63) <= number < 2**64 else None,
+                errors.WarpCodegenOverflowError,
+            )
+        return self.builder.constant(INT32, number)
+
+    def materialize_object(self, binding, node):
+        kind = type(binding)
+        if isinstance(binding, dtypes.scalar_base):
+            self.at(node)
+            return self.builder.constant(dtypes.native_type(kind), binding.value)
+        if isinstance(binding, dtypes.Composite):
+            if not binding._length_:
+                raise self.type_error(node, "expects a value, but got a slice without components")
+            self.at(node)
+            native = dtypes.native_type(kind)
+            element = native.element
+            parts = [self.builder.constant(element, c) for c in scalars_of(binding)]
+            return self.builder.construct(native, parts)
+        if kind is tuple:
+            raise self.type_error(node, "expects a value, but got a tuple")
+        if binding is None:
+            raise self.type_error(node, "expects a value, but got 'None'")
+        if dtypes.is_struct(kind):
+            return self.materialize_struct(binding, node)
+        what = names.describe(binding)
+        raise self.type_error(
+            node,
+            f"expects a value, but got {what}",
+            "pass arrays and structs as kernel arguments" if hasattr(binding, "dtype") else None,
+        )
+
+    def materialize_struct(self, binding, node):
+        self.at(node)
+        native = dtypes.native_type(type(binding))
+        fields = []
+        for name, field in native.fields:
+            part = getattr(binding, name)
+            if field.kind == "array":
+                raise self.type_error(
+                    node,
+                    f"field '{name}' of a captured struct is an array",
+                    "pass it as an argument",
+                )
+            fields.append(self.convert_constant(part, field, node))
+        return self.builder.struct_create(native, fields)
+
+    def static_type(self, binding):
+        """Native type that a binding has or would get, or None; a type stands for its values."""
+        kind = type(binding)
+        if kind is Value:
+            return binding.type
+        if kind is NativeType:
+            return binding
+        plain = {bool: BOOL, int: INT32, float: FLOAT32}.get(kind)
+        if plain is not None or kind is tuple or isinstance(binding, type):
+            return plain
+        try:
+            return dtypes.native_type(kind)
+        except TypeError:
+            return None
+
+    def convert_constant(self, binding, native, node):
+        """Like `materialize`, but a plain number takes the given scalar type."""
+        if type(binding) in (int, float, bool) and native.kind in ("bool", "int", "float"):
+            self.at(node)
+            return self.builder.constant(native, binding)
+        return self.materialize(binding, node)
+
+    # Bindings as lists of values.
+
+    def flatten(self, binding, node, into):
+        """Appends the values of a binding; gives its shape for `unflatten`."""
+        if type(binding) is tuple:
+            return tuple([self.flatten(part, node, into) for part in binding])
+        into.append(self.materialize(binding, node))
+        return None
+
+    def unflatten(self, shape, values):
+        """Rebuilds a binding from an iterator over values."""
+        if type(shape) is tuple:
+            return tuple([self.unflatten(part, values) for part in shape])
+        if type(shape) is Parts:
+            parts = [self.unflatten(part, values) for part in shape.parts]
+            return self.builder.struct_create(shape.native, parts)
+        return next(values)
+
+    def type_name(self, binding) -> str:
+        """Python's name for the type of a binding, for messages."""
+        if type(binding) is Value:
+            return binding.type.python_name
+        if type(binding) is NativeType:
+            return binding.python_name
+        if type(binding) is tuple:
+            return "tuple(" + ", ".join(map(self.type_name, binding)) + ")"
+        return names.literal_name(binding)
+
+    # Names.
+
+    def assign_name(self, name, binding, node):
+        if type(binding) is int and not -(2**31) <= binding < 2**31:
+            self.integer(binding, getattr(node, "value", node))
+        if type(binding) is float:
+            binding = self.builder.constant(FLOAT32, binding)
+        if not self.can_be_bound(binding):
+            raise self.type_error(
+                node,
+                f"{names.describe(binding)} cannot be a variable of a kernel",
+                "kernels can capture numbers, vectors, matrices, structs, functions and tuples",
+            )
+        old = self.env.get(name)
+        if old is not None:
+            self.check_same_type(name, old, binding, node)
+        self.env[name] = binding
+        self.lines[name] = self.source.line(node)
+
+    @staticmethod
+    def can_be_bound(binding):
+        if isinstance(binding, (Value, bool, int, float, str, tuple, enum.Enum)):
+            return True
+        kinds = (dtypes.scalar_base, dtypes.Composite, names.BuiltinRef)
+        return isinstance(binding, kinds) or callable(binding) or dtypes.is_struct(type(binding))
+
+    def check_same_type(self, name, old, binding, node):
+        """A variable keeps its type."""
+        before, after = self.static_type(old), self.static_type(binding)
+        if before == after or before is None or after is None:
+            return
+        before, after = before.python_name, after.python_name
+        hint = None
+        if (before, after) == ("int32", "float32"):
+            hint = f"declare it as `{name} = float(...)`"
+        if before == "float32" and after == "int32":
+            hint = "use `float(...)`"
+        raise self.type_error(
+            node,
+            f"'{name}' is '{before}' and cannot become '{after}'",
+            hint or "use another name",
+            notes=[f"'{name}' is '{before}' at line {self.lines[name]}"],
+        )
+
+    def read_name(self, name, node):
+        binding = self.env.get(name, _MISSING)
+        if binding is not _MISSING:
+            return binding
+        if name in self.source.plan.local_names:
+            hint = None
+            if any(name in loop.pending for loop in self.frames):
+                hint = "assign it before the loop"
+            raise self.error(
+                node, f"'{name}' is used before it is assigned", hint, errors.WarpCodegenKeyError
+            )
+        if name not in self.captured:
+            self.captured[name] = self.capture(names.resolve(self, name, node), node)
+        return self.captured[name]
+
+
+class Part:
+    """A part of a translator, for one topic.
+
+    Attributes:
+        context: the translator.
+        builder: its builder.
+    """
+
+    __slots__ = ("builder", "context")
+
+    def __init__(self, context):
+        self.context = context
+        self.builder = context.builder

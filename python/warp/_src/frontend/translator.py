@@ -1,0 +1,61 @@
+"""The translator of a function: a context, and a part for each topic."""
+
+from __future__ import annotations
+
+from warp._src.frontend import names
+from warp._src.frontend.access import Access
+from warp._src.frontend.branches import Branches
+from warp._src.frontend.calls import Calls
+from warp._src.frontend.constructors import Constructors
+from warp._src.frontend.context import Context, Session
+from warp._src.frontend.custom_derivatives import CustomDerivatives
+from warp._src.frontend.derivative_calls import DerivativeCalls
+from warp._src.frontend.expressions import Expressions
+from warp._src.frontend.indexed import Indexed
+from warp._src.frontend.loops import Loops
+from warp._src.frontend.output import Output
+from warp._src.frontend.references import References
+from warp._src.frontend.statements import Statements
+from warp._src.frontend.targets import Targets
+from warp._src.frontend.user_calls import UserCalls
+
+_PARTS = {
+    "access": Access,
+    "branches": Branches,
+    "calls": Calls,
+    "constructors": Constructors,
+    "custom_derivatives": CustomDerivatives,
+    "derivative_calls": DerivativeCalls,
+    "expressions": Expressions,
+    "indexed": Indexed,
+    "loops": Loops,
+    "output": Output,
+    "references": References,
+    "statements": Statements,
+    "targets": Targets,
+    "user_calls": UserCalls,
+}
+# The part that translates a kind of expression or a special builtin, by the name of its method.
+_HANDLERS = {
+    method: part
+    for part, kind in _PARTS.items()
+    for method in vars(kind)
+    if method.startswith(("expr_", "builtin_"))
+}
+names.SPECIAL_BUILTINS.update(
+    name.removeprefix("builtin_") for name in _HANDLERS if name.startswith("builtin_")
+)
+
+
+class Translator(Context):
+    """Translates one function for given argument types."""
+
+    def __init__(self, session: Session, function, source, is_kernel: bool):
+        super().__init__(session, function, source, is_kernel)
+        for name, kind in _PARTS.items():
+            setattr(self, name, kind(self))
+
+    def handler(self, name):
+        """The method of that name, of the part that has it; None if none has."""
+        part = _HANDLERS.get(name)
+        return None if part is None else getattr(getattr(self, part), name)

@@ -1,0 +1,1 @@
+"""Exchange of arrays and kernels with other libraries."""

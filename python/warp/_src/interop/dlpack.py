@@ -1,0 +1,79 @@
+"""DLPack, to here: arrays over the memory of other libraries' tensors."""
+
+from __future__ import annotations
+
+import ctypes
+
+from warp import _native
+from warp._src.arrays.array import array
+from warp._src.devices import devices
+from warp._src.interop import exchange
+from warp._src.interop.dlpack_export import CODES, CPU, CUDA, CUDA_HOST, CUDA_MANAGED, READ_ONLY
+
+
+def to_dlpack(array):
+    """A DLPack capsule over an array's memory, for consumers that want no object.
+
+    The capsule is for one use. Work that the array still waits for is ordered before what is queued
+    on the CUDA default stream later.
+
+    Raises:
+        BufferError: the elements are structs, or the array is read-only.
+    """
+    return array.__dlpack__()
+
+
+def from_dlpack(source, dtype=None):
+    """An array over the memory of another library's array or tensor; nothing is copied.
+
+    Args:
+        source: an object with `__dlpack__`, or a DLPack capsule.
+        dtype: element type; with a vector or matrix type the trailing dimensions become part of
+            the elements. By default the scalar type of the data.
+
+    Example:
+        >>> import numpy as np
+        >>> import warp as wp
+        >>> a = wp.from_dlpack(np.zeros((5, 3), dtype=np.float32), dtype=wp.vec3)
+        >>> a.shape
+        (5,)
+
+    Raises:
+        TypeError: `source` cannot be exchanged, or holds other scalars than `dtype`.
+        ValueError: shape or strides do not fit.
+    """
+    capsule = _request(source) if hasattr(source, "__dlpack__") else source
+    found = _native.dlpack_inspect(capsule)
+    pointer, kind, number, code, bits, lanes, extents, strides, flags = found
+    scalar = CODES.get((code, bits)) if lanes == 1 else None
+    if scalar is None:
+        raise TypeError(f"no scalar type for DLPack type {code} of {bits} bits and {lanes} lanes")
+    if strides is not None:
+        strides = [stride * ctypes.sizeof(scalar._type_) for stride in strides]
+    layout = exchange.fold(scalar, extents, strides, dtype)
+    index = _index(kind, number)
+    owner = _native.dlpack_take(capsule)
+    return exchange.alias(
+        array, pointer, layout, index, owner, kind == CUDA_HOST, bool(flags & READ_ONLY)
+    )
+
+
+def _index(kind, number) -> int:
+    if kind in (CPU, CUDA_HOST):
+        return devices.CPU
+    if kind in (CUDA, CUDA_MANAGED):
+        return exchange.cuda_index(number)
+    raise TypeError(f"expects memory of the CPU or of CUDA, but got DLPack device type {kind}")
+
+
+def _request(source):
+    """Asks for a capsule that the current stream may use."""
+    kind, number = source.__dlpack_device__()
+    options = {}
+    if kind in (CUDA, CUDA_MANAGED):
+        options["stream"] = exchange.current_handle(_index(kind, number))
+    try:
+        return source.__dlpack__(max_version=(1, 0), **options)
+    except TypeError:
+        # Producers of before DLPack 1.0 do not know the argument.
+        return source.__dlpack__(**options)

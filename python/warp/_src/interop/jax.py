@@ -1,0 +1,113 @@
+"""Exchange with JAX. JAX is imported when one of these functions is first called."""
+
+from __future__ import annotations
+
+import functools
+
+from warp._src.devices import devices
+from warp._src.interop.dlpack import from_dlpack
+from warp._src.types import scalars
+
+_NAMES = {
+    scalars.bool: "bool_",
+    **{t: t.__name__ for t in scalars.SCALAR_TYPES},
+}
+
+
+@functools.cache
+def _dtypes():
+    """JAX's scalar types by ours."""
+    import jax.numpy
+
+    return {scalar: getattr(jax.numpy, name) for scalar, name in _NAMES.items()}
+
+
+@functools.cache
+def _scalars():
+    import jax.numpy
+
+    return {jax.numpy.dtype(dtype): scalar for scalar, dtype in _dtypes().items()}
+
+
+def dtype_to_jax(dtype):
+    """JAX's scalar type for a scalar type.
+
+    Raises:
+        TypeError: `dtype` is not a scalar type.
+    """
+    return _dtypes()[scalars.canonical_scalar(dtype)]
+
+
+def dtype_from_jax(dtype):
+    """The scalar type for a dtype of JAX.
+
+    Raises:
+        TypeError: there is none, for example for complex numbers.
+    """
+    import jax.numpy
+
+    found = _scalars().get(jax.numpy.dtype(dtype))
+    if found is None:
+        raise TypeError(f"no scalar type for '{dtype}'")
+    return found
+
+
+def device_to_jax(device=None):
+    """JAX's device for one of ours.
+
+    Raises:
+        RuntimeError: JAX has no such device in this process.
+    """
+    import jax
+
+    device = devices.get_device(device)
+    try:
+        found = jax.local_devices(backend="cuda" if device.is_cuda else "cpu")
+    except RuntimeError:
+        found = []
+    for candidate in found:
+        if device.is_cpu or candidate.local_hardware_id == device.ordinal:
+            return candidate
+    raise RuntimeError(f"JAX has no device for '{device}'")
+
+
+def device_from_jax(device):
+    """The device for one of JAX's in this process.
+
+    Raises:
+        ValueError: JAX's device belongs to another process, or is neither CPU nor CUDA.
+    """
+    import jax
+
+    if device.process_index != jax.process_index():
+        raise ValueError(f"JAX's device '{device}' belongs to another process")
+    if device.platform == "cpu":
+        return devices.get_device("cpu")
+    if device.platform not in ("gpu", "cuda"):
+        raise ValueError(f"expects a CPU or CUDA device of JAX, but got '{device}'")
+    return devices.get_device(f"cuda:{device.local_hardware_id}")
+
+
+def to_jax(a):
+    """A JAX array over the memory of an array; nothing is copied.
+
+    JAX takes its arrays for immutable: do not write to `a` while the JAX array is in use.
+    """
+    import jax.dlpack
+
+    return jax.dlpack.from_dlpack(a)
+
+
+def from_jax(jax_array, dtype=None):
+    """An array over the memory of a JAX array; nothing is copied.
+
+    JAX takes its arrays for immutable: kernels may read the array, and must not write to it.
+
+    Args:
+        jax_array: a JAX array that lives on one device.
+        dtype: element type; with a vector or matrix type the trailing dimensions become part of
+            the elements. By default the scalar type of the data.
+    """
+    result = from_dlpack(jax_array, dtype)
+    result.read_only = True
+    return result

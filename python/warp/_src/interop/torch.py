@@ -1,0 +1,203 @@
+"""Exchange with PyTorch. PyTorch is imported when one of these functions is first called."""
+
+from __future__ import annotations
+
+import functools
+
+from warp import _native
+from warp._src.arrays.array import array
+from warp._src.arrays.gradients import gradient_type
+from warp._src.devices import devices
+from warp._src.interop import exchange
+from warp._src.types import dtypes, scalars
+
+_NAMES = {
+    scalars.bool: "bool",
+    **{t: t.__name__ for t in scalars.SCALAR_TYPES},
+}
+
+
+@functools.cache
+def _dtypes():
+    """PyTorch's dtypes by our scalar types."""
+    import torch
+
+    return {scalar: getattr(torch, name) for scalar, name in _NAMES.items()}
+
+
+@functools.cache
+def _scalars():
+    return {dtype: scalar for scalar, dtype in _dtypes().items()}
+
+
+def dtype_to_torch(dtype):
+    """PyTorch's dtype for a scalar type.
+
+    Raises:
+        TypeError: `dtype` is not a scalar type.
+    """
+    return _dtypes()[scalars.canonical_scalar(dtype)]
+
+
+def dtype_from_torch(dtype):
+    """The scalar type for PyTorch's dtype.
+
+    Raises:
+        TypeError: there is none, for example for complex numbers.
+    """
+    found = _scalars().get(dtype)
+    if found is None:
+        raise TypeError(f"no scalar type for '{dtype}'")
+    return found
+
+
+def device_to_torch(device=None) -> str:
+    """PyTorch's name of a device."""
+    device = devices.get_device(device)
+    return "cpu" if device.is_cpu else f"cuda:{device.ordinal}"
+
+
+def device_from_torch(device):
+    """The device for a `torch.device` or its name.
+
+    Raises:
+        ValueError: there is no such device here.
+    """
+    return devices.get_device(str(device))
+
+
+def from_torch(t, dtype=None, requires_grad=None, grad=None, return_ctype=False, retain_grad=False):
+    """An array over the memory of a tensor; nothing is copied, and writes are seen on both sides.
+
+    Work on the array is ordered after work on PyTorch's default stream. Around work on other
+    streams use `stream_from_torch`, or exchange by `wp.from_dlpack`, which orders them.
+
+    Args:
+        t: a strided tensor.
+        dtype: element type; with a vector or matrix type the trailing dimensions become part of
+            the elements. By default the scalar type of the tensor.
+        requires_grad: whether the array has a gradient, which is that of the tensor and is made
+            if there is none yet; for 16-bit floats it is one of its own, with 32 bits. By default
+            as the tensor says.
+        grad: array or tensor to use as the gradient, with the strides of `t`.
+        return_ctype: accepted and ignored; the array itself is fast to launch with.
+        retain_grad: as for `wp.array`.
+
+    Raises:
+        TypeError: the tensor is sparse, or holds other scalars than `dtype`.
+        ValueError: shape or strides do not fit.
+    """
+    import torch
+
+    if not isinstance(t, torch.Tensor):
+        raise TypeError(f"expects a tensor, but got '{type(t).__name__}'")
+    if t.layout is not torch.strided or t.is_neg():
+        raise TypeError(
+            "expects a strided tensor in memory, use `to_dense` or `resolve_neg` before"
+        )
+    result = _alias(t, dtype)
+    if grad is None and (t.requires_grad if requires_grad is None else requires_grad):
+        if gradient_type(result.dtype) is not result.dtype:
+            result.requires_grad = True
+        else:
+            grad = _gradient(t)
+    if grad is not None:
+        grad = grad if isinstance(grad, array) else _alias(grad, dtype)
+        wide = gradient_type(result.dtype)
+        if wide is not result.dtype and grad.dtype is not wide:
+            # The array would take a copy, and the tensor never change.
+            raise ValueError(
+                f"from_torch(): expects a gradient of '{dtypes.type_repr(wide)}' for an array of "
+                f"'{dtypes.type_repr(result.dtype)}', but got '{dtypes.type_repr(grad.dtype)}'"
+            )
+        result.grad = grad
+    if retain_grad:
+        result.retain_grad = True
+    return result
+
+
+def _alias(t, dtype):
+    scalar = dtype_from_torch(t.dtype)
+    size = t.element_size()
+    layout = exchange.fold(scalar, tuple(t.shape), [step * size for step in t.stride()], dtype)
+    index = device_from_torch(t.device).index
+    pinned = index == devices.CPU and t.is_pinned()
+    return exchange.alias(array, t.data_ptr(), layout, index, t, pinned)
+
+
+def _gradient(t):
+    """The gradient of a tensor, made and attached to it if there is none."""
+    import torch
+
+    holds = t.is_leaf or t.retains_grad
+    if holds and t.grad is not None:
+        return t.grad
+    made = torch.empty_strided(t.shape, t.stride(), dtype=t.dtype, device=t.device).zero_()
+    if holds:
+        t.grad = made
+    return made
+
+
+def to_torch(a, requires_grad=None):
+    """A tensor over the memory of an array; nothing is copied, and writes are seen on both sides.
+
+    Vector and matrix elements become trailing dimensions. What PyTorch queues on its current stream
+    is ordered after work on the array.
+
+    Args:
+        a: an array of anything but structs.
+        requires_grad: whether the tensor has the array's gradient as `grad`; by default as the
+            array says.
+    """
+
+    if not isinstance(a, array):
+        raise TypeError(f"expects an array, but got '{type(a).__name__}'")
+    if dtypes.is_struct(a.dtype):
+        raise TypeError(f"PyTorch has no type for elements of struct '{a.dtype.__name__}'")
+    t = _tensor(a)
+    if a.requires_grad if requires_grad is None else requires_grad:
+        t.requires_grad_()
+        if a.grad is not None and a.grad.dtype is a.dtype:
+            t.grad = _tensor(a.grad)
+    return t
+
+
+def _tensor(a):
+    import torch
+
+    # A capsule is faster than the protocol, which PyTorch needs for streams and read-only memory.
+    plain = a.device_index == devices.CPU and not a.read_only
+    return torch.from_dlpack(a.__dlpack__() if plain else a)
+
+
+def stream_from_torch(stream_or_device=None):
+    """A stream of ours for PyTorch's stream, or for the current one of a device.
+
+    Example:
+        with wp.ScopedStream(wp.stream_from_torch()):
+            wp.launch(...)  # in order with what PyTorch queues
+    """
+    import torch
+
+    stream = stream_or_device
+    if not isinstance(stream, torch.cuda.Stream):
+        stream = torch.cuda.current_stream(stream)
+    index = exchange.cuda_index(stream.device.index)
+    return _native.Stream.from_handle(index, stream.cuda_stream or exchange.LEGACY_STREAM)
+
+
+def stream_to_torch(stream_or_device=None):
+    """PyTorch's stream for one of ours, or for the current one of a device."""
+    import torch
+
+    stream = stream_or_device
+    if not isinstance(stream, _native.Stream):
+        stream = devices.get_stream(stream)
+    if stream.cuda_stream in (0, exchange.LEGACY_STREAM):
+        return torch.cuda.default_stream(stream.device.ordinal)
+    result = torch.cuda.ExternalStream(
+        stream.cuda_stream, device=torch.device("cuda", stream.device.ordinal)
+    )
+    # PyTorch does not own the stream; the object keeps ours from being destroyed.
+    result.warp_stream = stream
+    return result

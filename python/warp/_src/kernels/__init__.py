@@ -1,0 +1,1 @@
+"""Kernels and functions: translation on first use, options, launches, saved code."""

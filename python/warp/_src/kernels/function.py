@@ -1,0 +1,120 @@
+"""`@wp.func`: functions that kernels and Python can call."""
+
+from __future__ import annotations
+
+import sys
+import types as python_types
+
+from warp._src.kernels.epoch import Epoch
+from warp._src.types import dtypes
+from warp._src.types.annotations import is_generic
+from warp._src.types.native import ArrayType
+
+
+class Function:
+    """A function that kernels can call, and Python too.
+
+    `overloads` lists the Python functions of that name; a call takes the one whose annotations fit.
+    `pullbacks` and `replays` hold what `@wp.func_grad` and `@wp.func_replay` have registered.
+    """
+
+    # What `wp.custom_vjp` and `wp.custom_jvp` were given as derivatives.
+    pullback = None
+    pushforward = None
+
+    def __init__(self, func, key=None):
+        self.func = func
+        self.key = key or func.__name__
+        self.overloads = [func]
+        self.pullbacks: list = []
+        self.replays: list = []
+        self.__name__ = func.__name__
+        self.__qualname__ = func.__qualname__
+        self.__module__ = func.__module__
+        self.__doc__ = func.__doc__
+        self.__wrapped__ = func
+
+    @property
+    def has_derivative(self) -> bool:
+        """Whether a derivative of its own belongs to the function."""
+        return bool(self.pullbacks or self.replays or self.pullback or self.pushforward)
+
+    def add_overload(self, func) -> None:
+        """Adds a function whose annotations no other one has."""
+        self.overloads.append(func)
+
+    def redefined(self, func):
+        """The functions of this name with one in place of that with the same annotations.
+
+        None if there is none to replace. This object keeps the old one, under other names.
+        """
+        types = list(func.__annotations__.values())
+        kept = [f for f in self.overloads if list(f.__annotations__.values()) != types]
+        if len(kept) == len(self.overloads):
+            return None
+        made = Function(func, self.key)
+        made.overloads += kept
+        if kept:
+            made.pullbacks, made.replays = list(self.pullbacks), list(self.replays)
+        return made
+
+    def __call__(self, *args, **kwargs):
+        if len(self.overloads) == 1:
+            return self.func(*args, **kwargs)
+        for func in self.overloads:
+            if _accepts(func, args, kwargs):
+                return func(*args, **kwargs)
+        shown = ", ".join(type(value).__name__ for value in args)
+        raise TypeError(f"no overload of '{self.key}' takes ({shown})")
+
+    def __repr__(self):
+        return f"<function '{self.key}'>"
+
+
+def _accepts(func, args, kwargs) -> bool:
+    import inspect
+
+    try:
+        bound = inspect.signature(func).bind(*args, **kwargs)
+    except TypeError:
+        return False
+    for name, value in bound.arguments.items():
+        expected = func.__annotations__.get(name)
+        if expected is None or is_generic(expected):
+            continue
+        if isinstance(expected, ArrayType):
+            fits = dtypes.is_array(value) and value.ndim == expected.ndim
+            if not fits or not dtypes.types_equal(value.dtype, expected.dtype):
+                return False
+        elif isinstance(expected, type) and not dtypes.types_equal(type(value), expected):
+            return False
+    return True
+
+
+def func(f=None, *, name=None, module=None, inline=None):
+    """Makes a function that kernels can call. It stays callable from Python.
+
+    Decorating several functions of one name in one scope makes overloads, chosen by annotations.
+
+    Example:
+        >>> import warp as wp
+        >>> @wp.func
+        ... def square(x: float):
+        ...     return x * x
+    """
+
+    def decorate(function, depth):
+        if not isinstance(function, python_types.FunctionType):
+            raise TypeError(f"expects a function, but got '{type(function).__name__}'")
+        former = sys._getframe(depth).f_locals.get(function.__name__)
+        if isinstance(former, Function) and former.func.__qualname__ == function.__qualname__:
+            again = former.redefined(function)
+            if again is not None:
+                # Kernels that call it are translated anew.
+                Epoch.advance()
+                return again
+            former.add_overload(function)
+            return former
+        return Function(function, name)
+
+    return (lambda function: decorate(function, 2)) if f is None else decorate(f, 2)

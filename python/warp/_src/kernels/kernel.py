@@ -1,0 +1,340 @@
+"""`@wp.kernel`: Python functions that become device code.
+
+Decorating only records the function. The first launch translates it (`warp._src.frontend`) and
+makes the native kernel, which compiles a variant for each kind of launch it sees. A change of a
+setting or module option that matters to code drops the native kernel, not the Python object.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+import re
+import types as python_types
+
+from warp import _native, config
+from warp._src import config as settings
+from warp._src import errors
+from warp._src.arrays.array import array
+from warp._src.arrays.indexed import indexedarray
+from warp._src.derivatives.kernel_derivatives import KernelDerivatives, differentiate
+from warp._src.devices.devices import get_device
+from warp._src.kernels.epoch import Epoch
+from warp._src.kernels.modules import Module, check_options, get_module
+from warp._src.types import dtypes
+from warp._src.types.annotations import is_generic
+from warp._src.types.native import ArrayType, IndexedArrayType
+
+STAGES = ("warp", "thread", "launch", "llvm", "ptx", "asm")
+DERIVATIVES = ("adjoint", "tangent")
+_SUFFIX = {
+    "warp": "mlir", "thread": "mlir", "launch": "mlir", "llvm": "ll", "ptx": "ptx", "asm": "s",
+}
+
+
+class Kernel:
+    """A function that runs once per thread of a launch.
+
+    Args:
+        func: the Python function; every parameter is annotated.
+        key: name in messages and in compiled code.
+        module: module whose options apply, by default that of the function.
+        options: the kernel's own options, by name.
+    """
+
+    def __init__(self, func, key=None, module=None, options=None):
+        if not isinstance(func, python_types.FunctionType):
+            raise TypeError(f"expects a function as kernel, but got '{type(func).__name__}'")
+        self.func = func
+        self.key = key or kernel_name(func)
+        self.module = (
+            module if isinstance(module, Module) else get_module(module or func.__module__)
+        )
+        self.options = dict(options or {})
+        self.module.kernels[self.key] = self
+        self.epoch = None
+        self.native = None
+        self._specialized: dict = {}
+        # What launches need to know of native kernels while somebody observes.
+        self.signatures: dict = {}
+        # Made by `wp.overload`, by the types of the parameters.
+        self.overloads: dict = {}
+        self.__name__ = func.__name__
+        self.__qualname__ = func.__qualname__
+        self.__module__ = func.__module__
+        self.__doc__ = func.__doc__
+        self.__wrapped__ = func
+
+    @functools.cached_property
+    def is_generic(self) -> bool:
+        """Whether a parameter's type is left open."""
+        from warp._src.frontend.functions import annotations_of
+
+        try:
+            return any(map(is_generic, annotations_of(self.func).values()))
+        except Exception:
+            # The translation says what is wrong.
+            return False
+
+    @property
+    def specializations(self) -> list:
+        """Native kernels made for the arguments of a generic kernel."""
+        return [native for native, _ in self._specialized.values()]
+
+    def option(self, name):
+        return self.module.option(name, self.options)
+
+    def reset(self) -> None:
+        """Forgets the translation."""
+        self.epoch = None
+        self.native = None
+        self._specialized.clear()
+        if "derivatives" in self.__dict__:
+            self.derivatives.clear()
+        self.signatures.clear()
+
+    def prepare(self):
+        """Translates the kernel if that is due, and returns the native kernel.
+
+        Raises:
+            WarpCodegenError: the function cannot be translated.
+        """
+        epoch = Epoch.current
+        if self.epoch is not epoch:
+            self.native = self._translate(None)
+            self.epoch = epoch
+        return self.native
+
+    def specialize(self, arguments):
+        """The native kernel of a generic kernel for the types of these arguments.
+
+        Raises:
+            WarpLaunchTypeError: there are more or fewer arguments than parameters.
+        """
+        count = self.func.__code__.co_argcount
+        if len(arguments) != count:
+            raise errors.WarpLaunchTypeError(
+                f"launch('{self.key}'): expects {count} arguments, but got {len(arguments)}"
+            )
+        types = tuple(map(_argument_type, arguments))
+        found, epoch = self._specialized.get(types, (None, None))
+        if epoch is not Epoch.current:
+            found = self._translate(types)
+            self._specialized[types] = (found, Epoch.current)
+        return found
+
+    def _translate(self, arguments):
+        from warp._src.frontend.build import build_kernel
+
+        native = self.compile_module(build_kernel(self, arguments), self.key)
+        self._dump(native)
+        name = self.key if arguments is None else f"{self.key}_{type_tag(arguments)}"
+        self.use_saved(native, name)
+        return native
+
+    def use_saved(self, native, name) -> None:
+        """Lets a native kernel launch what a module in a file has for it."""
+        for saved in self.module.saved:
+            try:
+                saved.attach(native, name)
+            except errors.WarpError:
+                continue
+
+    @property
+    def is_deterministic(self) -> bool:
+        """Whether sums have to have the same bits in every run."""
+        return self.option("deterministic") not in (False, None, "", "not_guaranteed")
+
+    def compile_module(self, module, name, checked=False):
+        """A native kernel from a module, with the kernel's options; `checked` keeps assertions."""
+        level = self.option("optimization_level")
+        bounds = self.options.get("launch_bounds", (0, 0))
+        return _native.Kernel(
+            module,
+            name,
+            debug=checked or self.option("mode") == "debug",
+            fast_math=self.option("fast_math"),
+            lineinfo=self.option("lineinfo"),
+            opt_level=2 if level is None else level,
+            block_dim=self.option("block_dim") or 256,
+            max_registers=self.options.get("cuda_max_registers") or 0,
+            max_threads=bounds[0],
+            min_blocks=bounds[1],
+            deterministic=self.is_deterministic,
+            same_on_devices=self.option("deterministic") in settings.SAME_ON_DEVICES,
+        )
+
+    @functools.cached_property
+    def derivatives(self) -> KernelDerivatives:
+        """Its derivatives, each made on first use."""
+        return KernelDerivatives(self)
+
+    def tagged_specializations(self) -> list:
+        """What was made for the arguments of a generic kernel, as (tag, native kernel)."""
+        current = Epoch.current
+        return [
+            (type_tag(types), native)
+            for types, (native, epoch) in self._specialized.items()
+            if epoch is current
+        ]
+
+    def ir(self, stage: str = "warp", device=None, rank: int = 1, arch=None) -> str:
+        """The kernel as text at one stage of compilation.
+
+        Args:
+            stage: `warp` (what the front end built), `thread` (scalars, one thread), `llvm`, `ptx`
+                or `asm`; or `adjoint` or `tangent`, the derivative if every array has a gradient.
+            device: with `thread` and `llvm`, the device to lower for; `ptx` is always for a GPU
+                (that of the device, or a current one if there is none) and `asm` for the CPU.
+            rank: number of launch dimensions.
+            arch: GPU architecture to lower for, `90` for `sm_90`; no such GPU is needed.
+
+        Raises:
+            ValueError: there is no such stage or architecture.
+        """
+        if stage in DERIVATIVES:
+            made = differentiate(self.prepare(), (), stage == "tangent", tape=self.option("tape"))
+            return made.module.text()
+        if stage not in STAGES:
+            known = ", ".join(map(repr, STAGES + DERIVATIVES))
+            raise ValueError(f"no stage {stage!r}, expects one of {known}")
+        if arch is None:
+            arch = _architecture(stage, device)
+        elif stage == "asm" or arch not in _native.gpu_architectures():
+            raise ValueError(f"there is no stage {stage!r} for architecture {arch!r}")
+        return self.prepare().ir(stage, arch, rank)
+
+    def _dump(self, native) -> None:
+        if not config.dump:
+            return
+        os.makedirs(config.dump, exist_ok=True)
+        for stage in STAGES:
+            text = native.ir(stage, _architecture(stage, None), 1)
+            path = os.path.join(config.dump, f"{self.key}.{stage}.{_SUFFIX[stage]}")
+            with open(path, "w", encoding="utf-8") as file:
+                file.write(text)
+
+    def __call__(self, *args, **kwargs):
+        raise errors.WarpLaunchTypeError(
+            f"kernel '{self.key}' cannot be called, use `wp.launch({self.key}, dim, inputs)`"
+        )
+
+    def __repr__(self):
+        return f"<kernel '{self.key}'>"
+
+
+def _architecture(stage, device) -> int:
+    if stage == "asm":
+        return 0
+    if device is not None:
+        arch = get_device(device).arch
+        if arch or stage != "ptx":
+            return arch
+    return DEFAULT_GPU if stage == "ptx" else 0
+
+
+# What PTX is shown for where no device is named: the newest architecture with a stable ISA.
+DEFAULT_GPU = 90
+
+
+def kernel_name(func) -> str:
+    """Name of a function without the parts that Python adds for enclosing functions."""
+    return (
+        func.__qualname__.replace(".<locals>", "").replace(".", "_").replace("<lambda>", "lambda")
+    )
+
+
+def type_tag(types) -> str:
+    """Native types as part of a name: "array1xf32_f32"."""
+    texts = (str(one).replace("!warp.", "") for one in types)
+    return "_".join(re.sub(r"\W+", "", text) for text in texts)
+
+
+def check_launch_bounds(bounds) -> tuple[int, int]:
+    """Launch bounds as (threads of a block, blocks of a multiprocessor or 0).
+
+    Raises:
+        TypeError, ValueError: they are not one or two positive ints.
+    """
+    values = bounds if isinstance(bounds, (tuple, list)) else (bounds,)
+    if not all(isinstance(value, int) and not isinstance(value, bool) for value in values):
+        raise TypeError(f"launch_bounds expects an int or two, but got {bounds!r}")
+    if not 1 <= len(values) <= 2 or min(values) < 1 or values[0] > 1024:
+        raise ValueError(
+            "launch_bounds expects 1 to 1024 threads, and perhaps a positive number of blocks, "
+            f"but got {bounds!r}"
+        )
+    return values[0], values[1] if len(values) == 2 else 0
+
+
+def _check_registers(count) -> int:
+    if not isinstance(count, int) or isinstance(count, bool):
+        raise TypeError(f"cuda_max_registers expects an int, but got {count!r}")
+    if not 1 <= count <= 255:
+        raise ValueError(f"cuda_max_registers expects 1 to 255, but got {count}")
+    return count
+
+
+def _argument_type(value):
+    """The compiler's type of a launch argument; None where it cannot be told."""
+    try:
+        if isinstance(value, array):
+            return dtypes.native_type(ArrayType(value.dtype, value.ndim))
+        if isinstance(value, indexedarray):
+            return dtypes.native_type(IndexedArrayType(value.dtype, value.ndim))
+        return dtypes.native_type(dtypes.canonical(type(value)))
+    except TypeError:
+        return None
+
+
+def kernel(
+    f=None,
+    *,
+    name=None,
+    enable_backward=None,
+    launch_bounds=None,
+    cuda_max_registers=None,
+    module=None,
+    module_options=None,
+    **options,
+):
+    """Makes a kernel from a function whose parameters are annotated.
+
+    Args:
+        name: name in messages and compiled code, by default that of the function.
+        enable_backward: False if no derivatives will be asked for.
+        launch_bounds: largest block, and fewest blocks per multiprocessor, for CUDA; a launch with
+            a larger block is an error.
+        cuda_max_registers: registers that a CUDA thread may use; not together with `launch_bounds`.
+        module: module whose options apply, by default that of the function.
+        module_options: options for this kernel alone.
+
+    Example:
+        >>> import warp as wp
+        >>> @wp.kernel
+        ... def scale(x: wp.array(dtype=float), s: float):
+        ...     i = wp.tid()
+        ...     x[i] = x[i] * s
+    """
+    own = dict(module_options or {})
+    check_options(own)
+    if enable_backward is not None:
+        own["enable_backward"] = enable_backward
+    if launch_bounds is not None:
+        if cuda_max_registers is not None:
+            raise ValueError("launch_bounds and cuda_max_registers exclude each other")
+        own["launch_bounds"] = check_launch_bounds(launch_bounds)
+    if cuda_max_registers is not None:
+        own["cuda_max_registers"] = _check_registers(cuda_max_registers)
+    unknown = set(options) - _INERT
+    if unknown:
+        raise TypeError(f"kernel has no option '{unknown.pop()}'")
+
+    def decorate(func):
+        where = None if module == "unique" else module
+        return Kernel(func, name, where, own)
+
+    return decorate if f is None else decorate(f)
+
+
+_INERT = {"enable_cuda_smem_spilling", "cluster_dim", "entry_point_abi", "grid_stride"}

@@ -1,0 +1,263 @@
+"""`wp.launch`: runs a kernel over a grid of threads.
+
+The work is done by the native kernel, which checks and packs the arguments, picks the compiled
+variant and starts it. This function finds the device, and sends the rare cases (printing, checking,
+recording, adjoints) to a slower path.
+"""
+
+from __future__ import annotations
+
+import sys
+
+from warp import _native, config
+from warp._src import config as settings
+from warp._src import errors
+from warp._src.arrays.array import array
+from warp._src.arrays.observers import Observers, observed_launch
+from warp._src.derivatives.adjoint_launch import AdjointLaunch
+from warp._src.devices.devices import by_index, index_of, resolve_index
+from warp._src.kernels.call import Call
+from warp._src.kernels.epoch import Epoch
+from warp._src.kernels.kernel import Kernel
+from warp._src.kernels.parameters import LaunchParameters
+
+
+class _Checked:
+    """Whether a setting asks for something to be done at each launch."""
+
+    active = False
+
+    @classmethod
+    def update(cls, value=None):
+        cls.active = (
+            config.print_launches or config.verify_fp or config.verify_cuda or Observers.active
+        )
+
+
+Observers.on_change(_Checked.update)
+for _name in ("print_launches", "verify_fp", "verify_cuda"):
+    settings.on_change(_name, _Checked.update)
+
+
+def launch(
+    kernel,
+    dim,
+    inputs=(),
+    outputs=(),
+    adj_inputs=(),
+    adj_outputs=(),
+    device=None,
+    stream=None,
+    adjoint=False,
+    record_tape=True,
+    record_cmd=False,
+    max_blocks=0,
+    block_dim=0,
+):
+    """Runs a kernel once per index of a grid.
+
+    Args:
+        kernel: what `@wp.kernel` made.
+        dim: extent, or up to four extents, of the grid; a zero makes the launch do nothing.
+        inputs: one value per kernel parameter, in order.
+        outputs: values of the remaining parameters.
+        device: where to run; the arrays must be reachable from there.
+        stream: CUDA stream to queue on.
+        adj_inputs, adj_outputs: with `adjoint`, arrays of gradients to use in place of those that
+            the arguments have; None, and whatever belongs to no array, stands for the latter.
+        adjoint: run the derivative instead: it takes the gradients of what the launch has written,
+            and adds to those of what it has read.
+        record_tape: False keeps the launch from the tape that is recording.
+        record_cmd: return a `Launch` to be run later, and do not run now.
+        block_dim: CUDA threads per block.
+
+    Raises:
+        WarpLaunchError: an argument has the wrong type, rank or device, or `dim` is impossible.
+        WarpCodegenError: the kernel cannot be translated.
+    """
+    try:
+        index = index_of.get(device)
+    except TypeError:
+        index = None
+    if not (
+        index is None
+        or stream is not None
+        or type(kernel) is not Kernel
+        or kernel.epoch is not Epoch.current
+        or adjoint
+        or record_cmd
+        or _Checked.active
+    ):
+        kernel.native.launch(dim, inputs, outputs, index, None, block_dim or 0)
+        return None
+    return _launch_checked(
+        kernel,
+        dim,
+        inputs,
+        outputs,
+        device,
+        stream,
+        (adj_inputs, adj_outputs) if adjoint else None,
+        record_tape,
+        record_cmd,
+        block_dim,
+    )
+
+
+def _launch_checked(
+    kernel, dim, inputs, outputs, device, stream, gradients, record_tape, record_cmd, block_dim
+):
+    """The same with all checks, for the first launch and for what the fast path leaves."""
+    if not isinstance(kernel, Kernel):
+        raise errors.WarpLaunchTypeError(
+            f"launch: expects a kernel, but got '{type(kernel).__name__}', "
+            f"decorate the function with `@wp.kernel`"
+        )
+    if device is None and stream is not None:
+        index = stream.device_index
+    else:
+        index = resolve_index(device)
+    inputs, outputs = _sequence(inputs, kernel, "inputs"), _sequence(outputs, kernel, "outputs")
+    native = kernel.specialize((*inputs, *outputs)) if kernel.is_generic else kernel.prepare()
+    if gradients is not None:
+        place = (index, stream, block_dim or 0)
+        return _launch_adjoint(kernel, native, dim, inputs, outputs, gradients, place, record_cmd)
+    if record_cmd:
+        return Launch(kernel, native, dim, inputs, outputs, index, stream, block_dim or 0)
+    if config.print_launches:
+        print(f"kernel: {kernel.key} dim: {dim} device: {by_index(index).alias}")
+    if Observers.active:
+        values = (*inputs, *outputs)
+        observed_launch(Call(kernel, native, dim, values, index, stream, block_dim), record_tape)
+    else:
+        native.launch(dim, inputs, outputs, index, stream, block_dim or 0)
+    if config.verify_cuda and index >= 0:
+        _native.synchronize_device(index)
+    if config.verify_fp:
+        _verify(kernel, native, (*inputs, *outputs))
+    if config.verbose:
+        _report(kernel, native)
+    return None
+
+
+def _launch_adjoint(kernel, native, dim, inputs, outputs, gradients, place, record_cmd):
+    first, second = (_sequence(given, kernel, "gradients") for given in gradients)
+    if len(first) > len(inputs):
+        raise errors.WarpLaunchValueError(
+            f"launch('{kernel.key}', adjoint=True): expects at most {len(inputs)} 'adj_inputs', "
+            f"but got {len(first)}"
+        )
+    missing = [None] * (len(inputs) - len(first))
+    recorded = AdjointLaunch(
+        kernel, native, dim, (*inputs, *outputs), (*first, *missing, *second), place
+    )
+    if record_cmd:
+        return recorded
+    recorded.launch()
+    return None
+
+
+def _report(kernel, native) -> None:
+    """Prints where the time of a compilation went."""
+    times = {name: f"{value:.1f}" for name, value in native.compile_times().items()}
+    shown = ", ".join(f"{name} {value}" for name, value in times.items())
+    print(f"kernel '{kernel.key}': {shown} ms", file=sys.stderr)
+
+
+def _sequence(values, kernel, what):
+    if isinstance(values, (list, tuple)):
+        return values
+    if values is None:
+        return ()
+    raise errors.WarpLaunchTypeError(
+        f"launch('{kernel.key}'): expects a list as '{what}', but got '{type(values).__name__}'"
+    )
+
+
+def _verify(kernel, native, values) -> None:
+    """Rejects arrays that hold infinite numbers or NaN."""
+    import numpy
+
+    names = [parameter[0] for parameter in native.parameters]
+    for name, value in zip(names, values, strict=True):
+        if not isinstance(value, array):
+            continue
+        numbers = value.numpy()
+        if numbers.dtype.kind == "f" and not numpy.isfinite(numbers).all():
+            raise errors.WarpLaunchError(
+                f"launch('{kernel.key}'): array '{name}' has elements that are not finite"
+            )
+
+
+def _observe_recorded() -> None:
+    """Recorded launches go the slow way while somebody observes, and cost nothing otherwise."""
+    if Observers.active:
+        Launch.launch = Launch._launch_observed
+    elif "launch" in vars(Launch):
+        del Launch.launch
+
+
+Observers.on_change(_observe_recorded)
+
+
+class Launch(LaunchParameters, _native.PackedLaunch):
+    """A launch with packed arguments, to be run many times.
+
+    Made by `wp.launch(..., record_cmd=True)`. Arguments are read when they are set: an array that
+    is resized or a struct that is changed later has to be set again.
+
+    Attributes:
+        kernel: the kernel.
+        device: where it runs.
+    """
+
+    def __new__(cls, kernel, native, dim, inputs, outputs, index, stream=None, block_dim=0):
+        made = super().__new__(cls, native, dim, inputs, outputs, index, stream, block_dim)
+        made.kernel = kernel
+        made.device = by_index(index)
+        made._index = {parameter[0]: i for i, parameter in enumerate(native.parameters)}
+        made._native = native
+        made._place = (index, stream, block_dim)
+        made._dim = dim
+        made._values = [*inputs, *outputs]
+        return made
+
+    def _launch_observed(self, stream=None) -> None:
+        """Takes the place of `launch` while somebody observes."""
+        index, own, block_dim = self._place
+        values = self._values
+        call = Call(self.kernel, self._native, self._dim, values, index, stream or own, block_dim)
+        if Observers.tape is not None or Observers.executor is not None:
+            observed_launch(call)
+            return
+        for written in call.written:
+            Observers.memory.writing(written, call)
+        _native.PackedLaunch.launch(self, stream)
+
+    def set_dim(self, dim) -> None:
+        """Changes the extents of the grid."""
+        super().set_dim(dim)
+        self._dim = dim
+
+    def set_param(self, index, value) -> None:
+        """Changes the value of a parameter by position."""
+        super().set_param(index, value)
+        self._values[index] = value
+
+    def set_param_bytes(self, index, value) -> None:
+        """The same from a ctypes object with the bytes of the argument, or from a number."""
+        super().set_param_bytes(index, value)
+        self._values[index] = getattr(value, "value", value)
+
+    def set_params(self, values) -> None:
+        """Changes the values of the first parameters."""
+        super().set_params(values)
+        self._values[: len(values)] = values
+
+    def _flags(self, adjoint):
+        if adjoint:
+            raise errors.WarpLaunchError(
+                f"launch('{self.kernel.key}'): the launch has no gradients, "
+                f"record it with `adjoint=True`"
+            )
+        return ()

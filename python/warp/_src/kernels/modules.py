@@ -1,0 +1,231 @@
+"""Modules: the kernels and functions of one Python module, and the options they share."""
+
+from __future__ import annotations
+
+import os
+import sys
+import types
+import weakref
+
+from warp import _native, config
+from warp._src import config as settings
+from warp._src.devices import devices
+
+# Options that change compiled code, with the setting that gives the default.
+OPTIONS = {
+    "max_unroll": "max_unroll",
+    "enable_backward": "enable_backward",
+    "fast_math": "fast_math",
+    "lineinfo": "lineinfo",
+    "mode": "mode",
+    "optimization_level": "optimization_level",
+    "deterministic": "deterministic",
+    "tape": "tape",
+    "block_dim": None,
+    "strip_hash": None,
+}
+# Options of the peer that change nothing here.
+INERT_OPTIONS = {
+    "fuse_fp",
+    "cuda_output",
+    "cpu_compiler_flags",
+    "deterministic_max_records",
+    "enable_mathdx_gemm",
+    "enable_mathdx_solver",
+    "enable_mathdx_fft",
+    "compile_time_trace",
+    "extra_build_options",
+    "default_grid_stride",
+}
+
+
+# What options of no effect are where nobody has set them.
+DEFAULTS = {"fuse_fp": True, "deterministic_max_records": 0}
+
+
+class Options(dict):
+    """Options that were set; asked for another one it gives the value in effect."""
+
+    def __init__(self, module):
+        super().__init__()
+        self.module = weakref.ref(module)
+
+    def __missing__(self, name):
+        if name in OPTIONS:
+            return self.module().option(name)
+        if name in INERT_OPTIONS:
+            return DEFAULTS.get(name)
+        raise KeyError(name)
+
+
+class Module:
+    """What one Python module has declared."""
+
+    def __init__(self, name: str):
+        self.name = name
+        self.kernels = weakref.WeakValueDictionary()
+        self.options = Options(self)
+        # What `load_aot_module` has read.
+        self.saved: list = []
+        # Changes with each call that makes compiled kernels stale.
+        self.version = 0
+
+    def option(self, name, own=None):
+        """Value of an option: the kernel's own, the module's, the setting's."""
+        if own is not None and name in own:
+            return own[name]
+        if name in self.options:
+            return self.options[name]
+        setting = OPTIONS[name]
+        return getattr(config, setting) if setting else None
+
+    def set_options(self, options: dict) -> None:
+        check_options(options)
+        self.options.update(options)
+        self.mark_modified()
+
+    def load(self, device=None, block_dim=None, max_workers=None) -> bool:
+        """Compiles all kernels for a device, or for all, so that errors show now."""
+        load_kernels(self.natives(), device, block_dim, max_workers)
+        return True
+
+    def natives(self) -> list:
+        """Native kernels of this module; of a generic one, those made so far."""
+        found = []
+        for kernel in list(self.kernels.values()):
+            found += kernel.specializations if kernel.is_generic else [kernel.prepare()]
+        return found
+
+    def unload(self) -> None:
+        self.mark_modified()
+
+    def mark_modified(self) -> None:
+        """Lets kernels be translated anew, for example after a captured constant changed."""
+        self.version += 1
+        for kernel in self.kernels.values():
+            kernel.reset()
+
+    def __repr__(self):
+        return f"Module({self.name!r}, kernels={list(self.kernels)})"
+
+
+def check_options(options: dict) -> None:
+    for name, value in options.items():
+        if name in INERT_OPTIONS:
+            continue
+        if name not in OPTIONS:
+            known = ", ".join(OPTIONS)
+            raise ValueError(f"no module option '{name}', there is: {known}")
+        if OPTIONS[name] and value is not None:
+            settings.SETTINGS[OPTIONS[name]].check(value)
+
+
+_modules: dict[str, Module] = {}
+
+
+def get_module(name: str) -> Module:
+    """The module of a name; made if there is none."""
+    found = _modules.get(name)
+    if found is None:
+        found = _modules[name] = Module(name)
+    return found
+
+
+def all_modules() -> list[Module]:
+    return list(_modules.values())
+
+
+def caller_module(depth: int = 2) -> Module:
+    return get_module(sys._getframe(depth).f_globals.get("__name__", "__main__"))
+
+
+def _named(module) -> Module:
+    if module is None:
+        return caller_module(3)
+    if isinstance(module, Module):
+        return module
+    return get_module(module if isinstance(module, str) else module.__name__)
+
+
+def imported_module(module) -> Module:
+    """The module that a Python module, a name or a `Module` stands for.
+
+    Raises:
+        TypeError: it is none of these.
+        RuntimeError: it has no kernels.
+    """
+    if not isinstance(module, (Module, str, types.ModuleType)):
+        raise TypeError(f"expects a module or its name, but got '{type(module).__name__}'")
+    if not isinstance(module, Module):
+        name = module if isinstance(module, str) else module.__name__
+        module = _modules.get(name)
+        if module is None:
+            raise RuntimeError(f"module '{name}' has no kernels, or was not imported yet")
+    return module
+
+
+def load_kernels(natives, device, block_dim=None, max_workers=None) -> None:
+    """Compiles native kernels for a device, devices or all, several at a time."""
+    if device is None:
+        chosen = devices.get_devices()
+    else:
+        several = isinstance(device, (list, tuple))
+        chosen = [devices.get_device(one) for one in (device if several else [device])]
+    jobs = [(native, one.index, block_dim or 0) for one in chosen for native in natives]
+    workers = config.load_module_max_workers if max_workers is None else max_workers
+    if workers is None:
+        workers = os.cpu_count() or 1
+    if workers > 1 and len(jobs) > 1:
+        from concurrent import futures
+
+        with futures.ThreadPoolExecutor(workers) as pool:
+            list(pool.map(lambda job: _native.load_kernel(*job), jobs))
+    else:
+        for job in jobs:
+            _native.load_kernel(*job)
+
+
+def set_module_options(options: dict, module=None) -> None:
+    """Sets options for the kernels of the calling module (or of `module`).
+
+    Raises:
+        ValueError, TypeError: an option is unknown or has an impossible value.
+    """
+    _named(module).set_options(options)
+
+
+def get_module_options(module=None) -> dict:
+    """The options in effect for the kernels of the calling module (or of `module`)."""
+    module = _named(module)
+    return {name: module.options[name] for name in (*OPTIONS, *sorted(INERT_OPTIONS))}
+
+
+def load_module(module=None, device=None, recursive=False, block_dim=None, max_workers=None):
+    """Compiles the kernels of the calling module (or of `module`) before their first launch.
+
+    Args:
+        module: a module, its name, or what `wp.get_module` gives.
+        device: device or devices, by default all.
+        recursive: the modules below it, too.
+        block_dim: CUDA threads per block that launches will ask for.
+        max_workers: threads that compile; 0 is serial, None what
+            `wp.config.load_module_max_workers` says.
+
+    Raises:
+        WarpCodegenError: a kernel cannot be translated.
+    """
+    module = _named(module)
+    natives = module.natives()
+    if recursive:
+        for other in all_modules():
+            if other.name.startswith(module.name + "."):
+                natives += other.natives()
+    load_kernels(natives, device, block_dim, max_workers)
+
+
+def force_load(device=None, modules=None, block_dim=None, max_workers=None) -> None:
+    """Compiles the kernels of all modules (or of `modules`) before their first launch."""
+    natives = []
+    for module in all_modules() if modules is None else modules:
+        natives += _named(module).natives()
+    load_kernels(natives, device, block_dim, max_workers)

@@ -1,0 +1,41 @@
+"""Parameters of launches that are made later, by position and by name."""
+
+from __future__ import annotations
+
+from warp._src import errors
+
+
+class LaunchParameters:
+    """Names of the parameters of a launch to be run later."""
+
+    def _position(self, name) -> int:
+        if name not in self._index:
+            raise errors.WarpLaunchValueError(
+                f"kernel '{self.kernel.key}' has no parameter '{name}', it has: "
+                + ", ".join(self._index)
+            )
+        return self._index[name]
+
+    def set_param_at_index(self, index, value, adjoint=False) -> None:
+        """Changes the value of a parameter by position, or with `adjoint` its gradient."""
+        self.set_param(index, value, *self._flags(adjoint))
+
+    def set_param_at_index_from_ctype(self, index, value, adjoint=False) -> None:
+        """The same from a ctypes object with the bytes of the argument, or from a number."""
+        self.set_param_bytes(index, value, *self._flags(adjoint))
+
+    def set_param_by_name(self, name, value, adjoint=False) -> None:
+        """Changes the value of a parameter by name, or with `adjoint` its gradient."""
+        self.set_param(self._position(name), value, *self._flags(adjoint))
+
+    def set_param_by_name_from_ctype(self, name, value, adjoint=False) -> None:
+        """The same from a ctypes object with the bytes of the argument, or from a number."""
+        self.set_param_bytes(self._position(name), value, *self._flags(adjoint))
+
+    def set_params_from_ctypes(self, values) -> None:
+        """Changes the values of the first parameters from ctypes objects and numbers."""
+        for index, value in enumerate(values):
+            self.set_param_bytes(index, value)
+
+    def _flags(self, adjoint):
+        return (True,) if adjoint else ()

@@ -1,0 +1,90 @@
+"""Questions about compiled kernels: what they use, and which block size suits them."""
+
+from __future__ import annotations
+
+import os
+
+from warp import _native
+from warp._src.devices.devices import get_device
+from warp._src.kernels.kernel import Kernel
+from warp._src.version import PACKAGE, VERSION
+
+
+def get_suggested_block_size(kernel, device=None) -> tuple[int, int]:
+    """Threads per block that fill a multiprocessor best, and how many such blocks fill the device.
+
+    A small launch may run faster with smaller blocks, which spread over more multiprocessors. The
+    CPU has no blocks; the answer is `(1, 1)`.
+
+    Raises:
+        TypeError: `kernel` is not a kernel.
+        RuntimeError: it is generic; overloads of it are not.
+    """
+    native = _prepared(kernel, "get_suggested_block_size")
+    device = get_device(device)
+    if device.is_cpu:
+        return 1, 1
+    return _native.suggested_block(native, device.index)
+
+
+def get_cuda_kernel_properties(kernel, device=None, block_dim=None) -> dict:
+    """What a kernel's machine code uses on a CUDA device.
+
+    Returns:
+        Per thread `register_count` and `local_memory_size` (bytes); `shared_memory_size` and
+        `constant_memory_size` (bytes); `max_threads_per_block`; `binary_version` (90 for `sm_90`);
+        for blocks of `block_dim` threads the `blocks_per_multiprocessor` and the `occupancy`, the
+        share of a multiprocessor's threads that can be resident.
+
+    Raises:
+        TypeError: `kernel` is not a kernel.
+        ValueError: `block_dim` is not positive.
+        RuntimeError: the device is no CUDA device, or the kernel is generic.
+    """
+    native = _prepared(kernel, "get_cuda_kernel_properties")
+    if block_dim is not None and (not isinstance(block_dim, int) or block_dim < 1):
+        raise ValueError(f"block_dim expects a positive int, but got {block_dim!r}")
+    device = get_device(device)
+    if device.is_cpu:
+        raise RuntimeError(f"kernel '{kernel.key}' has no CUDA properties on device '{device}'")
+    return _native.cuda_kernel_properties(native, device.index, block_dim or 0)
+
+
+def get_cuda_supported_archs() -> list[int]:
+    """GPU architectures that kernels can be compiled for, 90 for `sm_90`."""
+    return _native.gpu_architectures()
+
+
+def get_cpu_kernel_cache_key(*, cpu_compiler_flags=None) -> str:
+    """A name for caches of CPU kernels: it differs where compiled code may.
+
+    Args:
+        cpu_compiler_flags: accepted for compatibility; code is always for the host.
+    """
+    import hashlib
+    import platform
+
+    digest = hashlib.blake2b(_native.host_processor().encode(), digest_size=4).hexdigest()
+    return f"{VERSION}-{platform.system()}-{platform.machine()}-{digest}"
+
+
+def get_include() -> str:
+    """Folder of the C++ headers, for `#include "warp/SavedModule.h"`."""
+    return os.path.join(_package(), "include")
+
+
+def get_cmake_dir() -> str:
+    """Folder where CMake's `find_package(warp)` finds headers and library."""
+    return os.path.join(_package(), "cmake")
+
+
+def _package() -> str:
+    return os.path.abspath(PACKAGE)
+
+
+def _prepared(kernel, caller: str):
+    if not isinstance(kernel, Kernel):
+        raise TypeError(f"{caller}: expects a kernel, but got '{type(kernel).__name__}'")
+    if kernel.is_generic:
+        raise RuntimeError(f"{caller}: kernel '{kernel.key}' is generic, its types are open")
+    return kernel.prepare()

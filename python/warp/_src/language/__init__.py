@@ -1,0 +1,1 @@
+"""The kernel language at Python scope, and what of it is written in itself."""

@@ -1,0 +1,1 @@
+"""Types of kernels: scalars, vectors, matrices, structs, and annotations of parameters."""

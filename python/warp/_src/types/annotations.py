@@ -1,0 +1,112 @@
+"""Annotations of kernel parameters and struct fields.
+
+`wp.array(dtype=wp.vec3)`, `wp.array2d(dtype=float)` and `wp.array[wp.vec3]` give an `ArrayType`, a
+value that compares by element type and rank; `wp.indexedarray` and its like an `IndexedArrayType`.
+`resolve` turns any annotation into the canonical form that the front end and the launch use: a
+scalar, composite or struct class, or an `ArrayType`. An indexed array is a struct there.
+"""
+
+from __future__ import annotations
+
+import sys
+import typing
+
+from warp._src.types import native
+from warp._src.types.native import ArrayType, IndexedArrayType
+from warp._src.types.vectors import GenericAnnotation
+
+
+class Reference:
+    """Annotation of a parameter that a function may assign to for its caller."""
+
+    __slots__ = ("dtype",)
+
+    def __init__(self, dtype):
+        self.dtype = dtype
+
+    @property
+    def value_type(self):
+        """The type behind the reference."""
+        return self.dtype
+
+    def __eq__(self, other):
+        return self.dtype == other.dtype if isinstance(other, Reference) else NotImplemented
+
+    def __hash__(self):
+        return hash((Reference, self.dtype))
+
+    def __repr__(self):
+        return f"wp.ref[{native.type_repr(self.dtype)}]"
+
+
+class ref:
+    """`wp.ref[T]`: annotates a parameter of a `@wp.func` that is passed by reference.
+
+    What the function assigns to it, or to a part of it, the caller finds in the variable or the
+    element of an array that it has passed. The place is read before the call and written after it,
+    without atomics. Derivatives take it into account.
+
+    Example:
+        >>> import warp as wp
+        >>> @wp.func
+        ... def advance(x: wp.ref[float], step: float):
+        ...     x += step
+    """
+
+    def __class_getitem__(cls, dtype):
+        return Reference(dtype)
+
+
+def from_subscript(params, ndim, made=ArrayType):
+    """The type for `wp.array[dtype]` and `wp.array[dtype, typing.Literal[n]]`."""
+    if isinstance(params, tuple):
+        if len(params) != 2:
+            raise TypeError(f"expects `wp.array[dtype, ndim]`, but got {len(params)} parameters")
+        dtype, rank = params
+        arguments = typing.get_args(rank)
+        ndim = arguments[0] if arguments else rank
+    else:
+        dtype = params
+    return made(dtype, ndim)
+
+
+def evaluate(annotation, namespaces):
+    """Evaluates an annotation written as a string, as `from __future__ import annotations` does.
+
+    Args:
+        annotation: what `__annotations__` holds.
+        namespaces: dictionaries to look names up in, first match wins.
+    """
+    if not isinstance(annotation, str):
+        return annotation
+    merged = {}
+    for namespace in reversed(namespaces):
+        merged.update(namespace)
+    return eval(annotation, merged)
+
+
+def resolve(annotation):
+    """The canonical form of an annotation.
+
+    Raises:
+        TypeError: it names no type that kernels know.
+    """
+    if isinstance(annotation, IndexedArrayType) and not is_generic(annotation):
+        return annotation.record
+    if isinstance(annotation, ArrayType) or annotation is typing.Any:
+        return annotation
+    return native.canonical(annotation)
+
+
+def caller_namespaces(cls, depth=2):
+    """Where string annotations of a decorated class may refer to: locals, globals, its module."""
+    module = sys.modules.get(cls.__module__)
+    frame = sys._getframe(depth)
+    return [frame.f_locals, frame.f_globals, vars(module) if module else {}]
+
+
+def is_generic(annotation) -> bool:
+    """Whether an annotation leaves the type open."""
+    if isinstance(annotation, ArrayType):
+        annotation = annotation.dtype
+    return annotation is typing.Any or isinstance(annotation, (typing.TypeVar, GenericAnnotation))

@@ -1,0 +1,246 @@
+"""What vectors, matrices, quaternions and transforms share at Python scope.
+
+Each composite type is a `ctypes.Array` of its scalars in row-major order, so it has C layout, the
+buffer protocol, and can be read by NumPy without a copy. The mixins here give it construction,
+indexing and arithmetic with the rules of kernels: `vec * vec` is an error, results are rounded to
+the scalar type. `float16` and `bfloat16` components are stored as bits and converted on access.
+"""
+
+from __future__ import annotations
+
+import ctypes
+
+from warp._src.types import arithmetic, scalars
+from warp._src.types.scalars import scalar_base
+
+ArrayMeta = type(ctypes.Array)
+_raw_get = ctypes.Array.__getitem__
+_raw_set = ctypes.Array.__setitem__
+_ALL = slice(None)
+
+
+class Composite:
+    """Mixin of all composite types; `_length_` counts scalars."""
+
+    __slots__ = ()
+
+    # Set by the factories.
+    _wp_scalar_type_ = None
+    _wp_type_params_ = ()
+    _shape_ = ()
+
+    def __repr__(self):
+        return f"{type(self).__name__}({self})"
+
+    def __str__(self):
+        return f"[{', '.join(map(str, scalars_of(self)))}]"
+
+    def __reduce__(self):
+        return (_from_bytes, (canonical_class(type(self)), bytes(self)))
+
+    def __copy__(self):
+        return type(self).from_buffer_copy(self)
+
+    def __deepcopy__(self, memo):
+        return type(self).from_buffer_copy(self)
+
+    def __eq__(self, other):
+        if isinstance(other, Composite):
+            if other._shape_ != self._shape_:
+                return False
+        elif not hasattr(other, "__len__") or not hasattr(other, "__getitem__"):
+            return NotImplemented
+        try:
+            return scalars_of(self) == flatten_numbers(other)
+        except (TypeError, ValueError):
+            return False
+
+    __hash__ = None
+
+    @classmethod
+    def from_ptr(cls, ptr):
+        """Copies the value stored at an address of host memory."""
+        if not ptr:
+            raise RuntimeError("expects a valid address, but got a null pointer")
+        return cls.from_buffer_copy((ctypes.c_char * ctypes.sizeof(cls)).from_address(ptr))
+
+    @classmethod
+    def scalar_export(cls, number):
+        """What an element access returns for a stored number."""
+        bits = scalars.BITS.get(cls._wp_scalar_type_)
+        return cls._wp_scalar_type_(bits[1](number)) if bits else number
+
+    @classmethod
+    def scalar_import(cls, number):
+        """What is stored for a number or scalar."""
+        bits = scalars.BITS.get(cls._wp_scalar_type_)
+        if bits:
+            return bits[0](number.value if isinstance(number, scalar_base) else number)
+        return number.value if isinstance(number, scalar_base) else number
+
+    def _get(self, index):
+        return self.scalar_export(_raw_get(self, index))
+
+    def _set(self, index, number):
+        try:
+            _raw_set(self, index, self.scalar_import(number))
+        except TypeError:
+            raise TypeError(
+                f"expects a '{self._wp_scalar_type_.__name__}' component for "
+                f"'{type(self).__name__}', but got '{type(number).__name__}'"
+            ) from None
+
+    def _fill(self, numbers):
+        if not self._wp_is_bit_converted_:
+            try:
+                _raw_set(self, _ALL, numbers)
+                return
+            except TypeError:
+                pass
+        for index, number in enumerate(numbers):
+            self._set(index, number)
+
+    def __add__(self, other):
+        return _componentwise("add", self, other, lambda a, b: a + b)
+
+    def __sub__(self, other):
+        return _componentwise("sub", self, other, lambda a, b: a - b)
+
+    def __mul__(self, other):
+        return _scale("mul", self, other, lambda a, b: a * b)
+
+    def __rmul__(self, other):
+        return _scale("mul", self, other, lambda a, b: b * a)
+
+    def __truediv__(self, other):
+        return _scale("div", self, other, arithmetic.divide)
+
+    def __rtruediv__(self, other):
+        return _scale("div", self, other, lambda a, b: arithmetic.divide(b, a))
+
+    def __neg__(self):
+        return self._from_numbers(-a for a in scalars_of(self))
+
+    def __pos__(self):
+        return self._from_numbers(scalars_of(self))
+
+    @classmethod
+    def _from_numbers(cls, numbers):
+        result = cls.__new__(cls)
+        result._fill(list(numbers))
+        return result
+
+
+def scalars_of(value):
+    """The components of a composite as plain Python numbers."""
+    bits = scalars.BITS.get(value._wp_scalar_type_)
+    raw = _raw_get(value, _ALL)
+    return [bits[1](number) for number in raw] if bits else raw
+
+
+def flatten_numbers(value):
+    """Numbers of a scalar, composite, NumPy array or nested sequence, in order."""
+    if isinstance(value, Composite):
+        return scalars_of(value)
+    if isinstance(value, scalar_base):
+        return [value.value]
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, (int, float)):
+        return [value]
+    if isinstance(value, str) or not hasattr(value, "__iter__"):
+        raise TypeError(f"expects numbers, but got '{type(value).__name__}'")
+    numbers = []
+    for item in value:
+        if isinstance(item, (int, float)):
+            numbers.append(item)
+        else:
+            numbers += flatten_numbers(item)
+    return numbers
+
+
+def is_number(value):
+    """Whether `value` is one number: Python's, a Warp scalar or a NumPy scalar."""
+    return isinstance(value, (int, float, scalar_base)) or (
+        hasattr(value, "dtype") and getattr(value, "shape", None) == ()
+    )
+
+
+def construct_components(self, args):
+    """Initialises a composite from nothing, one number for all, or its components."""
+    length = self._length_
+    if len(args) == 1 and not is_number(args[0]):
+        numbers = flatten_numbers(args[0])
+        if len(numbers) != length:
+            _bad_count(self, len(numbers))
+    elif len(args) == 1:
+        numbers = list(args) * length
+    elif len(args) == length:
+        numbers = args
+    else:
+        _bad_count(self, len(args))
+    self._fill(numbers)
+
+
+def _bad_count(self, count):
+    raise ValueError(
+        f"expects {self._length_} components for '{type(self).__name__}', but got {count}"
+    )
+
+
+def canonical_class(cls):
+    """The factory-made class that a user's subclass stands for."""
+    for base in cls.__mro__:
+        if "_native_" in base.__dict__:
+            return base
+    return cls
+
+
+def _from_bytes(cls, data):
+    return cls.from_buffer_copy(data)
+
+
+def _componentwise(name, a, b, operation):
+    if not isinstance(b, Composite):
+        if is_number(b):
+            raise operand_error(name, a, b)
+        return NotImplemented
+    if canonical_class(type(a)) is not canonical_class(type(b)):
+        raise operand_error(name, a, b)
+    integers = _integer_rounding(a)
+    pairs = zip(scalars_of(a), scalars_of(b), strict=True)
+    return a._from_numbers([integers(operation(x, y)) for x, y in pairs])
+
+
+def _scale(name, a, factor, operation):
+    scalar = a._wp_scalar_type_
+    if isinstance(factor, scalar_base):
+        if type(factor) is not scalar:
+            raise operand_error(name, a, factor)
+        factor = factor.value
+    elif hasattr(factor, "dtype") and getattr(factor, "shape", None) == ():
+        factor = factor.item()
+    elif not isinstance(factor, (int, float)):
+        if isinstance(factor, Composite):
+            raise operand_error(name, a, factor)
+        return NotImplemented
+    if issubclass(scalar, scalars.int_base) and isinstance(factor, float):
+        raise operand_error(name, a, factor)
+    if issubclass(scalar, scalars.float_base):
+        factor = scalar.round(float(factor))
+    integers = _integer_rounding(a)
+    return a._from_numbers([integers(operation(x, factor)) for x in scalars_of(a)])
+
+
+def _integer_rounding(a):
+    if issubclass(a._wp_scalar_type_, scalars.int_base):
+        return a._wp_scalar_type_.round
+    return lambda number: number
+
+
+def operand_error(name, a, b):
+    """The exception for operands that `name` does not take."""
+    message = f"no overload of '{name}' takes '{type(a).__name__}' and '{type(b).__name__}'"
+    if name == "mul" and isinstance(b, Composite):
+        message += ", use `wp.cw_mul` or `wp.dot`"
+    return TypeError(message)

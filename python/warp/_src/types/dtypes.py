@@ -1,0 +1,241 @@
+"""The types of the package under their public names, and questions about types."""
+
+from __future__ import annotations
+
+import builtins
+import ctypes
+import typing
+
+from warp._src.types import scalars
+from warp._src.types.composites import Composite
+from warp._src.types.matrices import Matrix, matrix
+from warp._src.types.matrices import matrix_from_cols as matrix_from_cols
+from warp._src.types.matrices import matrix_from_rows as matrix_from_rows
+from warp._src.types.native import (
+    ArrayType,
+    canonical,
+    is_struct,
+    register,
+)
+from warp._src.types.native import dtype_of as dtype_of
+from warp._src.types.native import native_text as native_text
+from warp._src.types.native import native_type as native_type
+from warp._src.types.native import type_repr as type_repr
+from warp._src.types.native import types_equal as types_equal
+from warp._src.types.scalars import (
+    FLOAT_TYPES,
+    INT_TYPES,
+    SCALAR_TYPES,
+    ScalarType,
+    float16,
+    float32,
+    float64,
+    int8,
+    int16,
+    int32,
+    int64,
+    uint8,
+    uint16,
+    uint32,
+    uint64,
+)
+from warp._src.types.scalars import PYTHON_TYPES as PYTHON_TYPES
+from warp._src.types.scalars import bfloat16 as bfloat16
+from warp._src.types.scalars import bool as bool
+from warp._src.types.scalars import float_base as float_base
+from warp._src.types.scalars import handle as handle
+from warp._src.types.scalars import int_base as int_base
+from warp._src.types.scalars import scalar_base as scalar_base
+from warp._src.types.vectors import (
+    Quaternion,
+    Transformation,
+    Vector,
+    quaternion,
+    transformation,
+    vector,
+)
+
+# Generic annotations: any int, any float, any of both.
+Int = typing.TypeVar("Int", *INT_TYPES)
+Float = typing.TypeVar("Float", *FLOAT_TYPES)
+Scalar = typing.TypeVar("Scalar", *SCALAR_TYPES)
+
+spatial_vectorh = vector(6, float16, name="spatial_vectorh")
+spatial_vectorf = vector(6, float32, name="spatial_vectorf")
+spatial_vectord = vector(6, float64, name="spatial_vectord")
+spatial_matrixh = matrix((6, 6), float16, name="spatial_matrixh")
+spatial_matrixf = matrix((6, 6), float32, name="spatial_matrixf")
+spatial_matrixd = matrix((6, 6), float64, name="spatial_matrixd")
+spatial_vector = spatial_vectorf
+spatial_matrix = spatial_matrixf
+
+
+def _named_types() -> dict:
+    """`vec2b` ... `vec4d`, `mat22h` ... `mat44d`, `quath` ..., and those without a suffix."""
+    suffixes = {
+        "b": int8,
+        "ub": uint8,
+        "s": int16,
+        "us": uint16,
+        "i": int32,
+        "ui": uint32,
+        "l": int64,
+        "ul": uint64,
+        "h": float16,
+        "f": float32,
+        "d": float64,
+    }
+    named = {}
+    for suffix, dtype in suffixes.items():
+        for length in (2, 3, 4):
+            named[f"vec{length}{suffix}"] = vector(length, dtype)
+        if dtype in FLOAT_TYPES:
+            for n in (2, 3, 4):
+                named[f"mat{n}{n}{suffix}"] = matrix((n, n), dtype)
+            named[f"quat{suffix}"] = quaternion(dtype)
+            named[f"transform{suffix}"] = transformation(dtype)
+    for name in [name for name in named if name.endswith("f")]:
+        named[name[:-1]] = named[name]
+    return named
+
+
+NAMED_TYPES = _named_types()
+globals().update(NAMED_TYPES)
+
+# Families of scalar types.
+int_types = tuple(INT_TYPES)
+float_types = tuple(FLOAT_TYPES)
+scalar_types = tuple(SCALAR_TYPES)
+scalar_and_bool_types = (*scalar_types, scalars.bool)
+
+# What users write for generic vectors: `wp.vec[3, float]`.
+vec = Vector
+mat = Matrix
+
+
+def _class_of(x):
+    return x if isinstance(x, type) else type(x)
+
+
+def is_array(x) -> builtins.bool:
+    """Whether `x` is an array, indexed or not, such a class or an annotation."""
+    return type_is_array(x) or type_is_array(type(x))
+
+
+def is_value(x) -> builtins.bool:
+    """Whether `x` is passed by value: a number, scalar, composite or struct (or such a type)."""
+    return is_scalar(x) or is_composite(x) or type_is_struct(_class_of(x))
+
+
+def is_int(x) -> builtins.bool:
+    return type_is_int(_class_of(x))
+
+
+def is_float(x) -> builtins.bool:
+    return type_is_float(_class_of(x))
+
+
+def is_scalar(x) -> builtins.bool:
+    return type_is_scalar(_class_of(x))
+
+
+def is_composite(x) -> builtins.bool:
+    return type_is_composite(_class_of(x))
+
+
+def is_vector(x) -> builtins.bool:
+    return type_is_vector(_class_of(x))
+
+
+def is_matrix(x) -> builtins.bool:
+    return type_is_matrix(_class_of(x))
+
+
+def is_quaternion(x) -> builtins.bool:
+    return type_is_quaternion(_class_of(x))
+
+
+def is_transformation(x) -> builtins.bool:
+    return type_is_transformation(_class_of(x))
+
+
+def type_is_int(t) -> builtins.bool:
+    return t is int or (
+        isinstance(t, ScalarType) and issubclass(t, scalars.int_base) and t is not scalars.bool
+    )
+
+
+def type_is_float(t) -> builtins.bool:
+    return t is float or (isinstance(t, ScalarType) and issubclass(t, scalars.float_base))
+
+
+def type_is_scalar(t) -> builtins.bool:
+    return type_is_int(t) or type_is_float(t) or t in (scalars.bool, builtins.bool)
+
+
+def _is_family(t, family) -> builtins.bool:
+    return isinstance(t, type) and issubclass(t, family)
+
+
+def type_is_composite(t) -> builtins.bool:
+    return _is_family(t, Composite)
+
+
+def type_is_vector(t) -> builtins.bool:
+    return _is_family(t, Vector) and not _is_family(t, (Quaternion, Transformation))
+
+
+def type_is_matrix(t) -> builtins.bool:
+    return _is_family(t, Matrix)
+
+
+def type_is_quaternion(t) -> builtins.bool:
+    return _is_family(t, Quaternion)
+
+
+def type_is_transformation(t) -> builtins.bool:
+    return _is_family(t, Transformation)
+
+
+def type_is_array(t) -> builtins.bool:
+    return isinstance(t, ArrayType) or (isinstance(t, type) and hasattr(t, "_wp_array_"))
+
+
+def type_is_struct(t) -> builtins.bool:
+    return is_struct(t)
+
+
+def type_is_value(t) -> builtins.bool:
+    return type_is_scalar(t) or type_is_composite(t) or type_is_struct(t)
+
+
+def type_scalar_type(t):
+    """The scalar type of a scalar or composite type."""
+    t = canonical(t)
+    return getattr(t, "_wp_scalar_type_", t)
+
+
+def type_ctype(t):
+    """The ctypes type with the layout of `t`; float16 and bfloat16 are `c_ushort`."""
+    t = canonical(t)
+    return t._type_ if isinstance(t, ScalarType) else t
+
+
+def type_size_in_bytes(t) -> int:
+    """Size of an element of type `t` in bytes."""
+    return ctypes.sizeof(type_ctype(t))
+
+
+def type_size(t) -> int:
+    """Number of scalars in an element of type `t`; 1 for a struct."""
+    return getattr(canonical(t), "_length_", 1)
+
+
+for _dtype in (scalars.bool, *SCALAR_TYPES, *set(NAMED_TYPES.values())):
+    register(_dtype)
+
+__all__ = sorted(
+    name
+    for name in globals()
+    if name[0] != "_" and name not in ("annotations", "builtins", "ctypes", "scalars", "typing")
+)

@@ -1,0 +1,233 @@
+"""Matrix types: the factory and their behaviour at Python scope. Storage is row-major."""
+
+from __future__ import annotations
+
+from warp._src.types.composites import (
+    Composite,
+    canonical_class,
+    construct_components,
+    flatten_numbers,
+    is_number,
+    operand_error,
+    scalars_of,
+)
+from warp._src.types.scalars import canonical_scalar
+from warp._src.types.vectors import (
+    SUFFIX,
+    GenericAnnotation,
+    Quaternion,
+    Vector,
+    _cache,
+    is_open,
+    make_composite,
+    vector,
+)
+
+
+class Matrix(Composite):
+    """Mixin of matrices; `wp.types.matrix` makes the classes. Also the generic annotation."""
+
+    __slots__ = ()
+    _wp_generic_type_str_ = "mat_t"
+    _wp_constructor_ = "matrix"
+
+    def __init__(self, *args):
+        if not args:
+            return
+        rows = self._shape_[0]
+        if len(args) == rows and not any(map(is_number, args)):
+            args = ([number for row in args for number in self._row_numbers(row)],)
+        construct_components(self, args)
+
+    def __class_getitem__(cls, params):
+        params = params if isinstance(params, tuple) else (params,)
+        extents = tuple(p for p in params if isinstance(p, int))
+        dtypes = [p for p in params if not isinstance(p, int)]
+        if len(extents) == 2 and len(dtypes) == 1:
+            try:
+                return matrix(extents, dtypes[0])
+            except TypeError:
+                pass
+        return GenericAnnotation(cls, params)
+
+    def __len__(self):
+        return self._shape_[0]
+
+    def __iter__(self):
+        return (self.get_row(row) for row in range(self._shape_[0]))
+
+    def __str__(self):
+        numbers, (count, columns) = scalars_of(self), self._shape_
+        rows = (numbers[i * columns : (i + 1) * columns] for i in range(count))
+        return "[" + ",\n ".join(f"[{', '.join(map(str, row))}]" for row in rows) + "]"
+
+    def __repr__(self):
+        return f"{type(self).__name__}({str(self)[1:-1]})".replace("\n", "")
+
+    def get_row(self, row):
+        """Copy of a row, as a vector."""
+        return self[row]
+
+    def get_col(self, column):
+        """Copy of a column, as a vector."""
+        return self[:, column]
+
+    def set_row(self, row, value):
+        self[row] = value
+
+    def set_col(self, column, value):
+        self[:, column] = value
+
+    def __getitem__(self, key):
+        rows, columns = self._select(key)
+        stride = self._shape_[1]
+        if isinstance(rows, int) and isinstance(columns, int):
+            return self._get(rows * stride + columns)
+        numbers = scalars_of(self)
+        row_list = [rows] if isinstance(rows, int) else rows
+        column_list = [columns] if isinstance(columns, int) else columns
+        picked = [numbers[r * stride + c] for r in row_list for c in column_list]
+        if isinstance(rows, int) or isinstance(columns, int):
+            return vector(len(picked), self._wp_scalar_type_)._from_numbers(picked)
+        shape = (len(row_list), len(column_list)) if picked else (0, 0)
+        return matrix(shape, self._wp_scalar_type_)._from_numbers(picked)
+
+    def __setitem__(self, key, value):
+        rows, columns = self._select(key)
+        row_list = [rows] if isinstance(rows, int) else list(rows)
+        column_list = [columns] if isinstance(columns, int) else list(columns)
+        count = len(row_list) * len(column_list)
+        numbers = [value] * count if is_number(value) else flatten_numbers(value)
+        if len(numbers) != count:
+            raise ValueError(f"expects {count} components to assign, but got {len(numbers)}")
+        stride = self._shape_[1]
+        targets = (r * stride + c for r in row_list for c in column_list)
+        for index, number in zip(targets, numbers, strict=True):
+            self._set(index, number)
+
+    def __mul__(self, other):
+        if isinstance(other, Matrix):
+            return self._product(other)
+        if isinstance(other, Vector) and not isinstance(other, Quaternion):
+            self._check(other, self._shape_[1] == other._length_)
+            rows = _rows(self)
+            values = scalars_of(other)
+            return _vector_like(other, [_dot(row, values) for row in rows])
+        return Composite.__mul__(self, other)
+
+    def __matmul__(self, other):
+        if isinstance(other, (Matrix, Vector)):
+            return self * other
+        return NotImplemented
+
+    def _left_multiply(self, values):
+        self._check(values, self._shape_[0] == values._length_, swapped=True)
+        numbers = scalars_of(values)
+        return _vector_like(
+            values, [_dot(column, numbers) for column in zip(*_rows(self), strict=True)]
+        )
+
+    def _product(self, other):
+        self._check(other, self._shape_[1] == other._shape_[0])
+        columns = list(zip(*_rows(other), strict=True))
+        numbers = [_dot(row, column) for row in _rows(self) for column in columns]
+        cls = matrix((self._shape_[0], other._shape_[1]), self._wp_scalar_type_)
+        return cls._from_numbers(numbers)
+
+    def _check(self, other, fits, swapped=False):
+        if not fits or other._wp_scalar_type_ is not self._wp_scalar_type_:
+            raise operand_error("mul", *((other, self) if swapped else (self, other)))
+
+    def _row_numbers(self, row):
+        numbers = flatten_numbers(row)
+        if len(numbers) != self._shape_[1]:
+            raise ValueError(
+                f"expects rows of {self._shape_[1]} components for '{type(self).__name__}', "
+                f"but got {len(numbers)}"
+            )
+        return numbers
+
+    def _select(self, key):
+        """Rows and columns named by a key: an index or a range each."""
+        keys = key if isinstance(key, tuple) else (key, slice(None))
+        if len(keys) != 2:
+            raise IndexError(f"expects 1 or 2 indices for a matrix, but got {len(keys)}")
+        return tuple(map(_resolve, keys, self._shape_, ("row", "column")))
+
+
+def _resolve(key, extent, what):
+    if isinstance(key, slice):
+        return range(extent)[key]
+    index = key.__index__()
+    if not -extent <= index < extent:
+        raise IndexError(f"{what} index {index} is out of range for extent {extent}")
+    return index % extent
+
+
+def _rows(m):
+    numbers, columns = scalars_of(m), m._shape_[1]
+    return [numbers[i : i + columns] for i in range(0, m._length_, columns)]
+
+
+def _dot(a, b):
+    total = a[0] * b[0]
+    for x, y in zip(a[1:], b[1:], strict=True):
+        total += x * y
+    return total
+
+
+def _vector_like(value, numbers):
+    if len(numbers) == value._length_:
+        return canonical_class(type(value))._from_numbers(numbers)
+    return vector(len(numbers), value._wp_scalar_type_)._from_numbers(numbers)
+
+
+def matrix(shape=None, dtype=None, *, name=None):
+    """The matrix type of `shape` (rows, columns) and scalar type `dtype`."""
+    if not isinstance(shape, (tuple, list)) or len(shape) != 2:
+        raise ValueError(f"expects a matrix shape of two extents, but got {shape!r}")
+    rows, columns = shape
+    if is_open(rows) or is_open(columns) or is_open(dtype):
+        return GenericAnnotation(Matrix, (rows, columns, dtype))
+    if min(rows, columns) < 0:
+        raise ValueError(f"expects matrix extents of at least 0, but got {tuple(shape)}")
+    dtype = canonical_scalar(dtype)
+    key = (Matrix, rows, columns, dtype)
+    if key not in _cache:
+        attributes = {
+            "_shape_": (rows, columns),
+            "_wp_type_params_": (rows, columns, dtype),
+            "_wp_type_args_": {"shape": (rows, columns), "dtype": dtype},
+            "_wp_row_type_": vector(columns, dtype),
+            "_native_": f"!warp.mat<{rows}x{columns} x {dtype._native_}>",
+        }
+        short = f"{rows}{columns}" if max(rows, columns) < 10 else f"{rows}x{columns}"
+        name = name or f"mat{short}{SUFFIX[dtype]}"
+        _cache[key] = make_composite(name, Matrix, rows * columns, dtype, attributes)
+    return _cache[key]
+
+
+def matrix_from_rows(*rows):
+    """The matrix whose rows are the given vectors."""
+    return _stack(rows)
+
+
+def matrix_from_cols(*columns):
+    """The matrix whose columns are the given vectors."""
+    stacked = _stack(columns)
+    shape = stacked._shape_
+    numbers = [number for column in zip(*_rows(stacked), strict=True) for number in column]
+    return matrix((shape[1], shape[0]), stacked._wp_scalar_type_)._from_numbers(numbers)
+
+
+def _stack(vectors):
+    if not vectors or not all(isinstance(v, Vector) for v in vectors):
+        raise TypeError("expects vectors of one type")
+    first = canonical_class(type(vectors[0]))
+    for v in vectors:
+        if canonical_class(type(v)) is not first:
+            raise TypeError(
+                f"expects vectors of one type, but got '{first.__name__}' and '{type(v).__name__}'"
+            )
+    numbers = [number for v in vectors for number in scalars_of(v)]
+    return matrix((len(vectors), first._length_), first._wp_scalar_type_)._from_numbers(numbers)

@@ -1,0 +1,174 @@
+"""Types in Python and in the compiler: which one stands for which, and the types of arrays.
+
+`canonical(dtype)` maps Python's own types and user subclasses to the one class that stands for a
+type; `native_type` and `dtype_of` translate to and from the types of the compiler.
+"""
+
+from __future__ import annotations
+
+import typing
+
+from warp import _native
+from warp._src.types import scalars
+from warp._src.types.composites import Composite, canonical_class
+from warp._src.types.matrices import matrix
+from warp._src.types.scalars import PYTHON_TYPES, SCALAR_TYPES, scalar_base
+from warp._src.types.vectors import GenericAnnotation, quaternion, transformation, vector
+
+
+def canonical(dtype):
+    """The one class that stands for `dtype`.
+
+    Raises:
+        TypeError: `dtype` is not a scalar, composite or struct type.
+    """
+    found = PYTHON_TYPES.get(dtype, dtype) if isinstance(dtype, type) else dtype
+    if isinstance(found, type):
+        if "_native_" in found.__dict__:
+            return found
+        if issubclass(found, (Composite, scalar_base)) and hasattr(found, "_native_"):
+            return canonical_class(found)
+    shown = getattr(dtype, "__name__", None) or repr(dtype)
+    raise TypeError(f"expects a scalar, vector, matrix or struct type, but got '{shown}'")
+
+
+_native_types: dict = {}
+_dtypes: dict = {}
+
+
+def register(dtype) -> None:
+    """Makes `dtype_of` find `dtype` by the text of its native type."""
+    _dtypes[dtype._native_] = dtype
+
+
+def native_text(dtype) -> str:
+    """The compiler's spelling of a type: `f32`, `!warp.vec<3 x f32>`, `!warp.array<1 x f32>`."""
+    text = getattr(dtype, "_native_", None)
+    if text is not None and not isinstance(text, property):
+        return text
+    return canonical(dtype)._native_
+
+
+def native_type(dtype):
+    """The compiler's type for a scalar, composite, struct or array type."""
+    found = _native_types.get(dtype)
+    if found is None:
+        found = _native_types[dtype] = _native.Type.parse(native_text(dtype))
+    return found
+
+
+def dtype_of(native):
+    """The Python type for a type of the compiler (or its text)."""
+    text = str(native)
+    found = _dtypes.get(text)
+    if found is None:
+        found = _dtypes[text] = _parse(text)
+    return found
+
+
+def _parse(text: str):
+    for dtype in (scalars.bool, *SCALAR_TYPES):
+        if dtype._native_ == text:
+            return dtype
+    family, _, rest = text.partition("<")
+    rest = rest[:-1]
+    if family == "!warp.array":
+        rank, _, element = rest.partition(" x ")
+        return ArrayType(dtype_of(element), int(rank))
+    if family == "!warp.vec":
+        length, _, element = rest.partition(" x ")
+        return vector(int(length), dtype_of(element))
+    if family == "!warp.mat":
+        shape, _, element = rest.partition(" x ")
+        return matrix(tuple(map(int, shape.split("x"))), dtype_of(element))
+    if family == "!warp.quat":
+        return quaternion(dtype_of(rest))
+    if family == "!warp.transform":
+        return transformation(dtype_of(rest))
+    raise TypeError(f"no Python type for '{text}'")
+
+
+def is_struct(dtype) -> bool:
+    return getattr(dtype, "_wp_struct_", False) is True
+
+
+def type_repr(t) -> str:
+    """Short name of a type, as in messages."""
+    if isinstance(t, type):
+        return PYTHON_TYPES.get(t, t).__name__
+    return repr(t)
+
+
+def types_equal(a, b) -> bool:
+    """Whether two types or annotations mean the same."""
+    try:
+        return native_text(a) == native_text(b)
+    except TypeError:
+        return a is b or a == b
+
+
+def _element_type(dtype):
+    if isinstance(dtype, GenericAnnotation):
+        return dtype
+    try:
+        return canonical(dtype)
+    except TypeError as error:
+        raise TypeError(f"cannot make an array of this element type: {error}") from None
+
+
+class ArrayType:
+    """Type of an array: `dtype` (a class, or `typing.Any`) and `ndim`."""
+
+    __slots__ = ("dtype", "ndim")
+
+    def __init__(self, dtype, ndim=1):
+        if ndim not in (1, 2, 3, 4):
+            raise ValueError(f"expects an array of 1 to 4 dimensions, but got {ndim!r}")
+        if dtype is None:
+            dtype = typing.Any
+        if dtype is not typing.Any and not isinstance(dtype, typing.TypeVar):
+            dtype = _element_type(dtype)
+        self.dtype = dtype
+        self.ndim = ndim
+
+    @property
+    def _native_(self):
+        return f"!warp.array<{self.ndim} x {native_text(self.dtype)}>"
+
+    def __eq__(self, other):
+        if type(self) is not type(other):
+            return NotImplemented
+        return self.dtype is other.dtype and self.ndim == other.ndim
+
+    def __hash__(self):
+        return hash((self.dtype, self.ndim))
+
+    def __repr__(self):
+        suffix = "" if self.ndim == 1 else f"{self.ndim}d"
+        return f"array{suffix}(dtype={type_repr(self.dtype)})"
+
+    def __call__(self, *args, **kwargs):
+        raise TypeError(f"'{self!r}' is an annotation, use `wp.array(data, ...)` to make an array")
+
+
+class IndexedArrayType(ArrayType):
+    """Type of an indexed array: `dtype` and `ndim`."""
+
+    __slots__ = ()
+    # Makes the struct for an element type and a rank; `arrays.indexed`, which has it, sets this.
+    make_record: typing.ClassVar[typing.Callable]
+
+    @property
+    def _native_(self):
+        return self.record._native_
+
+    @property
+    def record(self):
+        """The struct that kernels know it as."""
+        return self.make_record(self.dtype, self.ndim)
+
+    def __repr__(self):
+        return "indexed" + super().__repr__()
+
+    def __call__(self, *args, **kwargs):
+        raise TypeError(f"'{self!r}' is an annotation, use `wp.indexedarray(data, indices)`")

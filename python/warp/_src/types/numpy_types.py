@@ -1,0 +1,71 @@
+"""Between NumPy's dtypes and ours."""
+
+from __future__ import annotations
+
+from warp._src.types import dtypes, scalars
+
+
+def dtype_to_numpy(dtype):
+    """NumPy's scalar type for a scalar type; bfloat16 is `uint16`.
+
+    Raises:
+        TypeError: `dtype` is not a scalar type.
+    """
+    import numpy
+
+    scalar = scalars.canonical_scalar(dtype)
+    if scalar is scalars.bool:
+        return numpy.bool_
+    return getattr(numpy, scalar._numpy_name_)
+
+
+def dtype_from_numpy(dtype):
+    """The scalar type for a NumPy dtype, type or dtype name.
+
+    Raises:
+        TypeError: there is no such scalar type, for example for complex numbers.
+    """
+    import numpy
+
+    name = numpy.dtype(dtype).name
+    found = _BY_NAME.get(name)
+    if found is None:
+        raise TypeError(f"no scalar type for the NumPy dtype '{name}'")
+    return found
+
+
+_BY_NAME = {
+    "bool": scalars.bool,
+    "bfloat16": scalars.bfloat16,
+    **{t._numpy_name_: t for t in scalars.SCALAR_TYPES if t is not scalars.bfloat16},
+}
+
+
+def scalar_types() -> dict:
+    """The scalar types that NumPy has, by its dtypes and by its types."""
+    import numpy
+
+    found = {}
+    for name, scalar in _BY_NAME.items():
+        if scalar is not scalars.bfloat16:
+            dtype = numpy.dtype(name)
+            found[dtype] = found[dtype.type] = scalar
+    return found
+
+
+def element_layout(dtype):
+    """NumPy dtype and inner shape of one array element of type `dtype`."""
+    if dtypes.is_struct(dtype):
+        return dtype.__numpy_dtype__, ()
+    if issubclass(dtype, scalars.scalar_base):
+        return dtype.__numpy_dtype__, ()
+    return dtype._wp_scalar_type_.__numpy_dtype__, dtype._shape_
+
+
+def bfloat16_bits(numbers):
+    """Bits of the nearest bfloat16 of each number, ties to even."""
+    import numpy
+
+    bits = numpy.ascontiguousarray(numbers, dtype=numpy.float32).view(numpy.uint32)
+    rounded = (bits + 0x7FFF + ((bits >> 16) & 1)) >> 16
+    return numpy.where(numpy.isnan(numbers), 0x7FC0, rounded).astype(numpy.uint16)

@@ -1,0 +1,346 @@
+"""Scalar types: `wp.float32(0.5)`, `wp.uint8(7)`, ...
+
+A scalar type is used as an annotation, as the `dtype` of an array, as a conversion in kernels, and
+at Python scope as a small value object. Values wrap as in C (`wp.uint8(300)` holds 44); floats keep
+the Python number and are rounded where they are stored. Arithmetic gives plain Python numbers: ints
+wrap to the type and divide as in C, and types do not mix.
+"""
+
+from __future__ import annotations
+
+import builtins
+import ctypes
+
+from warp._src.types.arithmetic import (
+    bfloat16_from_bits,
+    bfloat16_to_bits,
+    divide,
+    floor_divide,
+    half_from_bits,
+    half_to_bits,
+    remainder,
+)
+
+
+class ScalarType(type):
+    """Metaclass of the scalar types: lets NumPy read them as dtypes."""
+
+    @property
+    def __numpy_dtype__(cls):
+        import numpy
+
+        return numpy.dtype(cls._numpy_name_)
+
+    @property
+    def dtype(cls):
+        if "_numpy_name_" not in cls.__dict__:
+            raise AttributeError(f"'{cls.__name__}' has no attribute 'dtype'")
+        return cls.__numpy_dtype__
+
+
+class scalar_base(metaclass=ScalarType):
+    """A number of one fixed type; `value` is the Python number."""
+
+    __slots__ = ("value",)
+    _length_ = 1
+    _shape_ = ()
+
+    def __repr__(self):
+        return f"{type(self).__name__}({self.value})"
+
+    def __str__(self):
+        return str(self.value)
+
+    def __hash__(self):
+        return hash(self.value)
+
+    def __bool__(self):
+        return self.value != 0
+
+    def __float__(self):
+        return float(self.value)
+
+    def __reduce__(self):
+        return (type(self), (self.value,))
+
+    def __eq__(self, other):
+        return self.value == _plain(other)
+
+    def __ne__(self, other):
+        return self.value != _plain(other)
+
+    def __lt__(self, other):
+        return self.value < _plain(other)
+
+    def __le__(self, other):
+        return self.value <= _plain(other)
+
+    def __gt__(self, other):
+        return self.value > _plain(other)
+
+    def __ge__(self, other):
+        return self.value >= _plain(other)
+
+    def __add__(self, other):
+        return _arithmetic("add", self, other, False, lambda a, b: a + b)
+
+    def __radd__(self, other):
+        return _arithmetic("add", self, other, True, lambda a, b: a + b)
+
+    def __sub__(self, other):
+        return _arithmetic("sub", self, other, False, lambda a, b: a - b)
+
+    def __rsub__(self, other):
+        return _arithmetic("sub", self, other, True, lambda a, b: a - b)
+
+    def __mul__(self, other):
+        return _arithmetic("mul", self, other, False, lambda a, b: a * b)
+
+    def __rmul__(self, other):
+        return _arithmetic("mul", self, other, True, lambda a, b: a * b)
+
+    def __truediv__(self, other):
+        return _arithmetic("div", self, other, False, divide)
+
+    def __rtruediv__(self, other):
+        return _arithmetic("div", self, other, True, divide)
+
+    def __floordiv__(self, other):
+        return _arithmetic("floordiv", self, other, False, floor_divide)
+
+    def __rfloordiv__(self, other):
+        return _arithmetic("floordiv", self, other, True, floor_divide)
+
+    def __mod__(self, other):
+        return _arithmetic("mod", self, other, False, remainder)
+
+    def __rmod__(self, other):
+        return _arithmetic("mod", self, other, True, remainder)
+
+    def __pow__(self, other):
+        return _arithmetic("pow", self, other, False, lambda a, b: a**b)
+
+    def __rpow__(self, other):
+        return _arithmetic("pow", self, other, True, lambda a, b: a**b)
+
+    def __neg__(self):
+        return self.round(-self.value)
+
+    def __pos__(self):
+        return self.round(self.value)
+
+    def __abs__(self):
+        return type(self)(abs(self.value))
+
+
+class int_base(scalar_base):
+    __slots__ = ()
+
+    def __init__(self, value=0):
+        if isinstance(value, scalar_base):
+            value = value.value
+        self.value = self._type_(value).value
+
+    @classmethod
+    def round(cls, value):
+        return cls._type_(value).value
+
+    def __int__(self):
+        return self.value
+
+    def __index__(self):
+        return self.value
+
+    def __and__(self, other):
+        return _arithmetic("bit_and", self, other, False, lambda a, b: a & b)
+
+    __rand__ = __and__
+
+    def __or__(self, other):
+        return _arithmetic("bit_or", self, other, False, lambda a, b: a | b)
+
+    __ror__ = __or__
+
+    def __xor__(self, other):
+        return _arithmetic("bit_xor", self, other, False, lambda a, b: a ^ b)
+
+    __rxor__ = __xor__
+
+    def __lshift__(self, other):
+        return _arithmetic("lshift", self, other, False, self._shift_left)
+
+    def __rshift__(self, other):
+        return _arithmetic("rshift", self, other, False, self._shift_right)
+
+    def __invert__(self):
+        return self.round(~self.value)
+
+    def _shift_left(self, a, b):
+        return a << b if 0 <= b < self._bits_ else 0
+
+    def _shift_right(self, a, b):
+        return a >> b if 0 <= b < self._bits_ else (-1 if a < 0 else 0)
+
+
+class float_base(scalar_base):
+    __slots__ = ()
+
+    def __init__(self, value=0.0):
+        if isinstance(value, scalar_base):
+            value = value.value
+        if not isinstance(value, (float, int)):
+            value = float(value)
+        self.value = value
+
+    @classmethod
+    def round(cls, value):
+        return cls._type_(value).value
+
+    def __int__(self):
+        return int(self.value)
+
+
+class bool(int_base):
+    """Truth value, one byte in memory."""
+
+    __slots__ = ()
+    _type_ = ctypes.c_bool
+    _native_ = "i1"
+    _numpy_name_ = "bool"
+    _bits_ = 8
+
+    def __init__(self, value=False):
+        self.value = builtins.bool(value)
+
+
+def _plain(value):
+    return value.value if isinstance(value, scalar_base) else value
+
+
+def _arithmetic(name, self, other, swapped, operation):
+    cls = type(self)
+    if isinstance(other, scalar_base):
+        if type(other) is not cls:
+            raise TypeError(
+                f"expects operands of one type for '{name}', but got '{cls.__name__}' and "
+                f"'{type(other).__name__}', convert one of them"
+            )
+        other = other.value
+    elif isinstance(other, int):
+        pass
+    elif isinstance(other, float):
+        if issubclass(cls, int_base):
+            raise TypeError(
+                f"expects operands of one type for '{name}', but got '{cls.__name__}' and "
+                f"'float', convert one of them"
+            )
+    else:
+        return NotImplemented
+    a, b = (other, self.value) if swapped else (self.value, other)
+    if issubclass(cls, float_base):
+        a, b = float(a), float(b)
+    return self.round(operation(a, b))
+
+
+def _make_int(bits, signed):
+    name = f"{'' if signed else 'u'}int{bits}"
+    return ScalarType(
+        name,
+        (int_base,),
+        {
+            "__slots__": (),
+            "__module__": __name__,
+            "__doc__": f"{'Signed' if signed else 'Unsigned'} integer of {bits} bits.",
+            "_type_": getattr(ctypes, f"c_{name}"),
+            "_native_": f"{'si' if signed else 'ui'}{bits}",
+            "_numpy_name_": name,
+            "_bits_": bits,
+        },
+    )
+
+
+int8 = _make_int(8, True)
+int16 = _make_int(16, True)
+int32 = _make_int(32, True)
+int64 = _make_int(64, True)
+uint8 = _make_int(8, False)
+uint16 = _make_int(16, False)
+uint32 = _make_int(32, False)
+uint64 = _make_int(64, False)
+
+
+class handle(uint64):
+    """Identifier of a native object, such as a mesh."""
+
+    __slots__ = ()
+    _native_ = "ui64"
+    _numpy_name_ = "uint64"
+
+
+class float16(float_base):
+    """IEEE half precision."""
+
+    __slots__ = ()
+    _type_ = ctypes.c_ushort
+    _native_ = "f16"
+    _numpy_name_ = "float16"
+    _bits_ = 16
+
+    @classmethod
+    def round(cls, value):
+        return half_from_bits(half_to_bits(value))
+
+
+class bfloat16(float_base):
+    """The upper half of a float32. NumPy sees its bits as `uint16`."""
+
+    __slots__ = ()
+    _type_ = ctypes.c_ushort
+    _native_ = "bf16"
+    _numpy_name_ = "uint16"
+    _bits_ = 16
+
+    @classmethod
+    def round(cls, value):
+        return bfloat16_from_bits(bfloat16_to_bits(value))
+
+
+class float32(float_base):
+    """IEEE single precision."""
+
+    __slots__ = ()
+    _type_ = ctypes.c_float
+    _native_ = "f32"
+    _numpy_name_ = "float32"
+    _bits_ = 32
+
+
+class float64(float_base):
+    """IEEE double precision."""
+
+    __slots__ = ()
+    _type_ = ctypes.c_double
+    _native_ = "f64"
+    _numpy_name_ = "float64"
+    _bits_ = 64
+
+
+# Scalars stored as raw bits: value to bits and back.
+BITS = {
+    float16: (half_to_bits, half_from_bits),
+    bfloat16: (bfloat16_to_bits, bfloat16_from_bits),
+}
+
+INT_TYPES = (int8, uint8, int16, uint16, int32, uint32, int64, uint64)
+FLOAT_TYPES = (float16, bfloat16, float32, float64)
+SCALAR_TYPES = (*INT_TYPES, *FLOAT_TYPES)
+# Python's own types in annotations.
+PYTHON_TYPES = {int: int32, float: float32, builtins.bool: bool}
+
+
+def canonical_scalar(dtype):
+    """The scalar type that `dtype` (a scalar type or Python's int, float, bool) stands for."""
+    scalar = PYTHON_TYPES.get(dtype, dtype)
+    if isinstance(scalar, ScalarType) and "_native_" in scalar.__dict__:
+        return scalar
+    raise TypeError(f"expects a scalar type, but got '{getattr(dtype, '__name__', dtype)}'")

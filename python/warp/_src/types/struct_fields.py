@@ -1,0 +1,147 @@
+"""Fields of structs: what is assigned is checked and stored, and the arrays behind it are kept.
+
+An array is stored as the 56-byte descriptor that kernels use.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import typing
+
+from warp import _native
+from warp._src.types import dtypes, scalars
+from warp._src.types.composites import Composite, flatten_numbers, is_number
+from warp._src.types.native import ArrayType
+from warp._src.types.scalars import ScalarType, scalar_base
+
+
+class ArrayDescriptor(ctypes.Structure):
+    """An array as kernels see it; strides are in bytes."""
+
+    _fields_ = [
+        ("data", ctypes.c_uint64),
+        ("grad", ctypes.c_uint64),
+        ("shape", ctypes.c_int32 * 4),
+        ("strides", ctypes.c_int32 * 4),
+        ("ndim", ctypes.c_int32),
+        ("flags", ctypes.c_int32),
+    ]
+
+    numpy_format = {
+        "names": ["data", "grad", "shape", "strides", "ndim", "flags"],
+        "formats": ["<u8", "<u8", "4<i4", "4<i4", "<i4", "<i4"],
+        "offsets": [0, 8, 16, 32, 48, 52],
+        "itemsize": 56,
+    }
+
+
+def describe(array) -> ArrayDescriptor:
+    """The descriptor of an array; all zero for None."""
+    descriptor = ArrayDescriptor()
+    if array is None:
+        return descriptor
+    descriptor.data = array.ptr or 0
+    descriptor.grad = (array.grad.ptr or 0) if array.grad is not None else 0
+    for axis, (extent, stride) in enumerate(zip(array.shape, array.strides, strict=True)):
+        descriptor.shape[axis] = extent
+        descriptor.strides[axis] = stride
+    descriptor.ndim = array.ndim
+    # Lets a launch see that the array is out of reach; 0 says nothing.
+    descriptor.flags = 0 if array.pinned else array.device_index + 2
+    return descriptor
+
+
+class Field:
+    """Descriptor of one field: checks and converts around the raw ctypes field."""
+
+    def __init__(self, struct, name, dtype, raw):
+        self.struct = struct
+        self.name = name
+        self.dtype = dtype
+        self.raw = raw
+        self.offset = raw.offset
+
+    def __get__(self, instance, owner=None):
+        if instance is None:
+            return self
+        dtype = self.dtype
+        if isinstance(dtype, ArrayType):
+            return instance._held.get(self.name)
+        if dtypes.is_struct(dtype):
+            return self.inner(instance)._shown()
+        number = self.raw.__get__(instance, owner)
+        bits = scalars.BITS.get(dtype)
+        return bits[1](number) if bits else number
+
+    def inner(self, instance):
+        """The struct in the field, over the memory of the instance."""
+        held = instance._held
+        if self.name not in held:
+            held[self.name] = self.dtype.from_buffer(instance, self.offset)
+        return held[self.name]
+
+    def __set__(self, instance, value):
+        dtype = self.dtype
+        if isinstance(dtype, ArrayType):
+            self._set_array(instance, value)
+        elif dtypes.is_struct(dtype):
+            given = dtype._accepted(value)
+            if given is None:
+                raise self._error(value)
+            self.inner(instance).assign(given)
+        elif isinstance(dtype, ScalarType):
+            self._set_scalar(instance, value)
+        else:
+            self._set_composite(instance, value)
+
+    def _set_scalar(self, instance, value):
+        if not is_number(value):
+            raise self._error(value)
+        if isinstance(value, scalar_base):
+            value = value.value
+        try:
+            bits = scalars.BITS.get(self.dtype)
+            self.raw.__set__(instance, bits[0](value) if bits else value)
+        except TypeError:
+            raise self._error(value) from None
+
+    def _set_composite(self, instance, value):
+        dtype = self.dtype
+        if value is None or is_number(value) or dtypes.is_struct(type(value)):
+            raise self._error(value)
+        if isinstance(value, Composite) and value._shape_ != dtype._shape_:
+            raise self._error(value)
+        try:
+            numbers = flatten_numbers(value)
+        except TypeError:
+            raise self._error(value) from None
+        if len(numbers) != dtype._length_:
+            raise ValueError(
+                f"field '{self.name}' of struct '{self.struct}' expects {dtype._length_} "
+                f"components for '{dtype.__name__}', but got {len(numbers)}"
+            )
+        self.raw.__set__(instance, dtype(*numbers))
+
+    def _set_array(self, instance, value):
+        expected = self.dtype
+        if value is not None:
+            if not isinstance(value, _native.Array):
+                raise self._error(value)
+            if expected.dtype is not typing.Any and not dtypes.types_equal(
+                value.dtype, expected.dtype
+            ):
+                raise self._error(value)
+            if value.ndim != expected.ndim:
+                raise self._error(value)
+        self.raw.__set__(instance, describe(value))
+        instance._held[self.name] = value
+
+    def _error(self, value):
+        got = repr(value) if dtypes.type_is_array(type(value)) else type(value).__name__
+        message = (
+            f"field '{self.name}' of struct '{self.struct}' expects "
+            f"'{dtypes.type_repr(self.dtype)}', but got '{got}'"
+        )
+        if isinstance(self.dtype, type) and issubclass(self.dtype, Composite) and is_number(value):
+            message += f", construct the value: `{self.dtype.__name__}(...)`"
+        return TypeError(message)

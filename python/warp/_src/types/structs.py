@@ -1,0 +1,270 @@
+"""`@wp.struct`: records shared by Python and kernels.
+
+A decorated class becomes a `ctypes.Structure` with C layout, so an instance is the bytes that a
+kernel gets, and arrays of structs are plain memory. On top of ctypes each field has a `Field`
+descriptor that checks what is assigned, says what it expects, and keeps referenced arrays alive
+(`struct_fields`).
+"""
+
+from __future__ import annotations
+
+import ctypes
+import types as python_types
+import typing
+
+from warp._src.types import annotations, dtypes
+from warp._src.types.native import ArrayType
+from warp._src.types.scalars import ScalarType
+from warp._src.types.struct_fields import ArrayDescriptor, Field, describe
+
+
+class StructType(type(ctypes.Structure)):
+    """Metaclass of struct classes; describes the struct."""
+
+    @property
+    def key(cls):
+        return cls.__name__
+
+    @property
+    def vars(cls):
+        """Fields by name, each with `label` and `type`."""
+        return {
+            name: python_types.SimpleNamespace(label=name, type=dtype)
+            for name, dtype in cls._wp_fields_.items()
+        }
+
+    @property
+    def ctype(cls):
+        return cls
+
+    @property
+    def cls(cls):
+        return cls
+
+    @property
+    def native_name(cls):
+        return cls._native_
+
+    @property
+    def __numpy_dtype__(cls):
+        import numpy
+
+        return numpy.dtype(cls.numpy_dtype())
+
+    def __setattr__(cls, name, value):
+        if "_wp_fields_" in cls.__dict__ and name in cls._wp_fields_:
+            raise AttributeError(f"field '{name}' of struct '{cls.__name__}' cannot be replaced")
+        super().__setattr__(name, value)
+
+
+class StructInstance(ctypes.Structure):
+    """Base of struct classes. `Name(field=value, ...)`; fields not given are zero."""
+
+    # Instances are keys of `Tape.gradients`, each for itself.
+    __hash__ = object.__hash__
+
+    def __init__(self, **fields):
+        super().__init__()
+        for name, value in fields.items():
+            setattr(self, name, value)
+
+    @property
+    def _held(self):
+        """Objects behind array and struct fields, by field name."""
+        held = self.__dict__.get("_objects_held")
+        if held is None:
+            held = self.__dict__["_objects_held"] = {}
+        return held
+
+    def __setattr__(self, name, value):
+        if name not in self._wp_fields_:
+            raise AttributeError(
+                f"struct '{type(self).__name__}' has no field '{name}', it has: "
+                + ", ".join(self._wp_fields_)
+            )
+        super().__setattr__(name, value)
+
+    def assign(self, value):
+        """Copies all fields from another instance of the same struct, and returns self."""
+        if type(value) is not type(self):
+            raise TypeError(
+                f"expects a '{type(self).__name__}' to assign, but got '{type(value).__name__}'"
+            )
+        for name in self._wp_fields_:
+            setattr(self, name, getattr(value, name))
+        return self
+
+    @classmethod
+    def _accepted(cls, value):
+        """The instance that a value assigned to a field of this type stands for, or None."""
+        return value if type(value) is cls else None
+
+    def _shown(self):
+        """What users see of a field of this type."""
+        return self
+
+    def _inner(self, name):
+        """The struct in a field."""
+        return type(self).__dict__[name].inner(self)
+
+    def refresh(self) -> None:
+        """Looks again at the arrays in fields, which may have got gradients since."""
+        for name, dtype in self._wp_fields_.items():
+            if dtypes.is_struct(dtype):
+                self._inner(name).refresh()
+            elif isinstance(dtype, ArrayType) and getattr(self, name) is not None:
+                type(self).__dict__[name].raw.__set__(self, describe(getattr(self, name)))
+
+    def to(self, device):
+        """Copy of the struct whose arrays live on `device`."""
+        copy = type(self)()
+        for name, dtype in self._wp_fields_.items():
+            value = getattr(self, name)
+            if dtypes.is_struct(dtype):
+                value = self._inner(name).to(device)
+            elif isinstance(dtype, ArrayType) and value is not None:
+                value = value.to(device)
+            setattr(copy, name, value)
+        return copy
+
+    @classmethod
+    def numpy_dtype(cls):
+        """Description of the layout that `numpy.dtype` accepts."""
+        formats = [_numpy_format(dtype) for dtype in cls._wp_fields_.values()]
+        return {
+            "names": list(cls._wp_fields_),
+            "formats": formats,
+            "offsets": [cls.__dict__[name].offset for name in cls._wp_fields_],
+            "itemsize": ctypes.sizeof(cls),
+        }
+
+    def numpy_value(self):
+        """The fields as a NumPy record."""
+        import numpy
+
+        return numpy.frombuffer(bytes(self), dtype=type(self).numpy_dtype())[0]
+
+    def arrays(self):
+        """All arrays held by the struct and the structs in it."""
+        for name, dtype in self._wp_fields_.items():
+            if dtypes.is_struct(dtype):
+                yield from self._inner(name).arrays()
+            elif isinstance(dtype, ArrayType) and getattr(self, name) is not None:
+                yield getattr(self, name)
+
+    @classmethod
+    def from_ptr(cls, ptr):
+        """Copies an instance stored at an address of host memory; array fields become None."""
+        if not ptr:
+            raise RuntimeError("expects a valid address, but got a null pointer")
+        result = cls()
+        ctypes.memmove(ctypes.addressof(result), ptr, ctypes.sizeof(cls))
+        return result
+
+    def __ctype__(self):
+        return self
+
+    def __copy__(self):
+        return type(self)().assign(self)
+
+    def __repr__(self):
+        lines = "".join(
+            f"\t{name}={getattr(self, name)!r},\n".replace("\n\t", "\n\t\t").replace("\n)", "\n\t)")
+            for name in self._wp_fields_
+        )
+        return f"{type(self).__name__}(\n{lines})"
+
+
+def struct(cls=None, *, module=None):
+    """Makes a struct type from a class with annotated fields.
+
+    Fields are scalars, vectors, matrices, quaternions, transforms, arrays and other structs. The
+    layout is that of C. Use the class to make instances, as an annotation and as `dtype` of arrays.
+
+    Example:
+        >>> import warp as wp
+        >>> @wp.struct
+        ... class Particle:
+        ...     position: wp.vec3
+        ...     mass: float
+        >>> p = Particle()
+        >>> p.mass = 2.0
+
+    Raises:
+        TypeError: the class has bases, methods, default values or a field of an unknown type.
+    """
+    if cls is None:
+        return lambda decorated: _make_struct(decorated, annotations.caller_namespaces(decorated))
+    return _make_struct(cls, annotations.caller_namespaces(cls))
+
+
+def _make_struct(cls, namespaces):
+    import inspect
+
+    if not isinstance(cls, type):
+        raise TypeError(f"expects a class to decorate, but got '{type(cls).__name__}'")
+    name = cls.__name__
+    if cls.__bases__ != (object,):
+        bases = ", ".join(base.__name__ for base in cls.__bases__)
+        raise TypeError(f"struct '{name}' cannot inherit from '{bases}'")
+    declared = inspect.get_annotations(cls)
+    for attribute, value in cls.__dict__.items():
+        if attribute in declared:
+            raise TypeError(f"field '{attribute}' of struct '{name}' cannot have a default value")
+        if isinstance(value, python_types.FunctionType):
+            raise TypeError(f"struct '{name}' cannot have the method '{attribute}'")
+    fields = {
+        field: _field_type(name, field, annotation, [*namespaces, {name: None}])
+        for field, annotation in declared.items()
+    }
+    about = {name: getattr(cls, name) for name in ("__module__", "__qualname__", "__doc__")}
+    return make_struct(name, fields, StructInstance, about)
+
+
+def make_struct(name, fields, base, attributes):
+    """A struct class of this name, with types by field."""
+    spelled = ", ".join(f"{field}: {dtypes.native_text(dtype)}" for field, dtype in fields.items())
+    namespace = {
+        **attributes,
+        "_fields_": [(field, _ctype(dtype)) for field, dtype in fields.items()],
+        "_wp_struct_": True,
+        "_native_": f'!warp.struct<"{name}", {{{spelled}}}>',
+    }
+    made = StructType(name, (base,), namespace)
+    for field, dtype in fields.items():
+        setattr(made, field, Field(name, field, dtype, made.__dict__[field]))
+    made._wp_fields_ = fields
+    dtypes.register(made)
+    return made
+
+
+def _field_type(struct_name, field, annotation, namespaces):
+    place = f"field '{field}' of struct '{struct_name}'"
+    if field in _RESERVED:
+        raise TypeError(f"{place}: the name is taken, choose another")
+    try:
+        dtype = annotations.resolve(annotations.evaluate(annotation, namespaces))
+    except (TypeError, NameError) as error:
+        raise TypeError(f"{place}: {error}") from None
+    if dtype is typing.Any or (isinstance(dtype, ArrayType) and dtype.dtype is typing.Any):
+        raise TypeError(f"{place} expects a concrete type, but got 'Any'")
+    return dtype
+
+
+_RESERVED = {name for name in dir(StructInstance) if not name.startswith("__")}
+
+
+def _ctype(dtype):
+    return ArrayDescriptor if isinstance(dtype, ArrayType) else dtypes.type_ctype(dtype)
+
+
+def _numpy_format(dtype):
+    if isinstance(dtype, ArrayType):
+        return ArrayDescriptor.numpy_format
+    if dtypes.is_struct(dtype):
+        return dtype.numpy_dtype()
+    if isinstance(dtype, ScalarType):
+        return dtype.__numpy_dtype__.str
+    number = dtype._wp_scalar_type_.__numpy_dtype__.str
+    shape = dtype._shape_
+    return f"{shape[0]}{number}" if len(shape) == 1 else f"{shape}{number}"

@@ -1,0 +1,294 @@
+"""Vector, quaternion and transform types: the factories and their behaviour at Python scope."""
+
+from __future__ import annotations
+
+import ctypes
+import typing
+
+from warp._src.types import arithmetic, scalars
+from warp._src.types.composites import (
+    ArrayMeta,
+    Composite,
+    _componentwise,
+    canonical_class,
+    construct_components,
+    flatten_numbers,
+    operand_error,
+    scalars_of,
+)
+from warp._src.types.scalars import canonical_scalar
+
+
+class Vector(Composite):
+    """Mixin of vectors; `wp.types.vector` makes the classes. Also the generic annotation."""
+
+    __slots__ = ()
+    _wp_generic_type_str_ = "vec_t"
+    _wp_constructor_ = "vector"
+
+    def __init__(self, *args):
+        if args:
+            construct_components(self, args)
+
+    def __class_getitem__(cls, params):
+        return generic_annotation(cls, params)
+
+    def __getitem__(self, key):
+        if isinstance(key, slice):
+            numbers = scalars_of(self)[key]
+            return vector(len(numbers), self._wp_scalar_type_)._from_numbers(numbers)
+        return self._get(key)
+
+    def __setitem__(self, key, value):
+        if not isinstance(key, slice):
+            self._set(key, value)
+            return
+        indices = range(self._length_)[key]
+        if isinstance(value, (int, float, scalars.scalar_base)):
+            numbers = [value] * len(indices)
+        else:
+            numbers = flatten_numbers(value)
+        if len(numbers) != len(indices):
+            raise ValueError(
+                f"expects {len(indices)} components for the slice, but got {len(numbers)}"
+            )
+        for index, number in zip(indices, numbers, strict=True):
+            self._set(index, number)
+
+    def __mod__(self, other):
+        return _componentwise("mod", self, other, arithmetic.remainder)
+
+    def __matmul__(self, other):
+        return self * other
+
+    def __mul__(self, other):
+        if hasattr(other, "_left_multiply"):
+            return other._left_multiply(self)
+        return Composite.__mul__(self, other)
+
+
+class Quaternion(Vector):
+    """Mixin of quaternions, stored as x, y, z, w."""
+
+    __slots__ = ()
+    _wp_generic_type_str_ = "quat_t"
+    _wp_constructor_ = "quaternion"
+
+    def __init__(self, *args):
+        if len(args) == 2:
+            args = (*flatten_numbers(args[0]), args[1])
+        if args:
+            construct_components(self, args)
+
+    def __mul__(self, other):
+        if not isinstance(other, Quaternion):
+            return Composite.__mul__(self, other)
+        if canonical_class(type(self)) is not canonical_class(type(other)):
+            raise operand_error("mul", self, other)
+        return self._from_numbers(_hamilton(scalars_of(self), scalars_of(other)))
+
+
+class Transformation(Vector):
+    """Mixin of rigid transforms: a translation `p` and a rotation `q`, seven numbers."""
+
+    __slots__ = ()
+    _wp_generic_type_str_ = "transform_t"
+    _wp_constructor_ = "transformation"
+
+    def __init__(self, *args, p=None, q=None):
+        if p is not None or q is not None:
+            args = (p if p is not None else (0, 0, 0), *args, *(() if q is None else (q,)))
+        if not args:
+            self._set(6, 1)
+        elif len(args) == 1 and isinstance(args[0], (tuple, list, Composite)):
+            numbers = flatten_numbers(args[0])
+            construct_components(self, (numbers if len(numbers) == 7 else [*numbers, 0, 0, 0, 1],))
+        elif len(args) == 2:
+            construct_components(self, ([*flatten_numbers(args[0]), *flatten_numbers(args[1])],))
+        else:
+            construct_components(self, args)
+
+    @property
+    def p(self):
+        return vector(3, self._wp_scalar_type_)._from_numbers(scalars_of(self)[:3])
+
+    @p.setter
+    def p(self, value):
+        self[0:3] = value
+
+    @property
+    def q(self):
+        return quaternion(self._wp_scalar_type_)._from_numbers(scalars_of(self)[3:])
+
+    @q.setter
+    def q(self, value):
+        self[3:7] = value
+
+    def __mul__(self, other):
+        if not isinstance(other, Transformation):
+            return Composite.__mul__(self, other)
+        if canonical_class(type(self)) is not canonical_class(type(other)):
+            raise operand_error("mul", self, other)
+        a, b = scalars_of(self), scalars_of(other)
+        rotated = _rotate(a[3:], b[:3])
+        position = [x + y for x, y in zip(a[:3], rotated, strict=True)]
+        return self._from_numbers([*position, *_hamilton(a[3:], b[3:])])
+
+
+def _hamilton(a, b):
+    ax, ay, az, aw = a
+    bx, by, bz, bw = b
+    return [
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by + ay * bw + az * bx - ax * bz,
+        aw * bz + az * bw + ax * by - ay * bx,
+        aw * bw - ax * bx - ay * by - az * bz,
+    ]
+
+
+def _rotate(q, v):
+    """As kernels do it, which takes the quaternion to have length 1."""
+    t = [2.0 * x for x in _cross(q[:3], v)]
+    return [x + q[3] * y + z for x, y, z in zip(v, t, _cross(q[:3], t), strict=True)]
+
+
+def _cross(a, b):
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+
+
+class GenericAnnotation:
+    """A partly specified type such as `wp.Vector[wp.Float, 3]`, for generic kernels."""
+
+    def __init__(self, family, params):
+        self.family = family
+        self.params = params
+
+    def __repr__(self):
+        return f"{self.family.__name__}{list(self.params)}"
+
+
+def generic_annotation(family, params):
+    """`Vector[3, float]` and `Vector[float, 3]` give the type when both are concrete."""
+    params = params if isinstance(params, tuple) else (params,)
+    extents = [p for p in params if isinstance(p, int)]
+    dtypes = [p for p in params if not isinstance(p, int)]
+    if len(extents) == 1 and len(dtypes) == 1 and family is Vector:
+        try:
+            return vector(extents[0], dtypes[0])
+        except TypeError:
+            pass
+    return GenericAnnotation(family, params)
+
+
+def is_open(param) -> bool:
+    """Whether a parameter of a type is left to the call: `typing.Any`, `wp.Float`."""
+    return param is typing.Any or isinstance(param, typing.TypeVar)
+
+
+def _component(index):
+    return property(lambda self: self._get(index), lambda self, value: self._set(index, value))
+
+
+_COMPONENTS = [_component(index) for index in range(4)]
+_cache: dict = {}
+
+
+def make_composite(name, mixin, length, dtype, attributes):
+    """Creates the `ctypes.Array` class of a composite type."""
+    namespace = {
+        "__slots__": (),
+        "__module__": "warp.types",
+        "_length_": length,
+        "_type_": dtype._type_,
+        "_wp_scalar_type_": dtype,
+        "_wp_is_bit_converted_": dtype in scalars.BITS,
+        "_wp_generic_type_hint_": mixin,
+        **attributes,
+    }
+    return ArrayMeta(name, (mixin, ctypes.Array), namespace)
+
+
+def vector(length=None, dtype=None, *, name=None):
+    """The vector type of `length` components of scalar type `dtype`.
+
+    Without components it is what an empty slice gives; kernels have no such values.
+    """
+    if not isinstance(length, int) or isinstance(length, bool):
+        length, dtype = dtype, length
+    if is_open(length) or is_open(dtype):
+        return GenericAnnotation(Vector, (length, dtype))
+    if not isinstance(length, int) or length < 0:
+        raise ValueError(f"expects a vector length of at least 0, but got {length!r}")
+    dtype = canonical_scalar(dtype)
+    key = (Vector, length, dtype)
+    if key not in _cache:
+        attributes = {
+            "_shape_": (length,),
+            "_wp_type_params_": (length, dtype),
+            "_wp_type_args_": {"length": length, "dtype": dtype},
+            "_native_": f"!warp.vec<{length} x {dtype._native_}>",
+        }
+        attributes.update(zip("xyzw"[:length], _COMPONENTS[:length], strict=True))
+        name = name or f"vec{length}{SUFFIX[dtype]}"
+        _cache[key] = make_composite(name, Vector, length, dtype, attributes)
+    return _cache[key]
+
+
+def quaternion(dtype=None):
+    """The quaternion type of scalar type `dtype`."""
+    if is_open(dtype):
+        return GenericAnnotation(Quaternion, (dtype,))
+    dtype = canonical_scalar(dtype)
+    key = (Quaternion, dtype)
+    if key not in _cache:
+        attributes = {
+            "_shape_": (4,),
+            "_wp_type_params_": (dtype,),
+            "_wp_type_args_": {"dtype": dtype},
+            "_native_": f"!warp.quat<{_float_native('quaternion', dtype)}>",
+            **dict(zip("xyzw", _COMPONENTS, strict=True)),
+        }
+        _cache[key] = make_composite(f"quat{SUFFIX[dtype]}", Quaternion, 4, dtype, attributes)
+    return _cache[key]
+
+
+def transformation(dtype=None):
+    """The rigid transform type of scalar type `dtype`."""
+    if is_open(dtype):
+        return GenericAnnotation(Transformation, (dtype,))
+    dtype = canonical_scalar(dtype)
+    key = (Transformation, dtype)
+    if key not in _cache:
+        attributes = {
+            "_shape_": (7,),
+            "_wp_type_params_": (dtype,),
+            "_wp_type_args_": {"dtype": dtype},
+            "_native_": f"!warp.transform<{_float_native('transformation', dtype)}>",
+        }
+        name = f"transform{SUFFIX[dtype]}"
+        _cache[key] = make_composite(name, Transformation, 7, dtype, attributes)
+    return _cache[key]
+
+
+def _float_native(what, dtype):
+    if dtype not in scalars.FLOAT_TYPES:
+        raise TypeError(f"expects a float type for a {what}, but got '{dtype.__name__}'")
+    return dtype._native_
+
+
+SUFFIX = {
+    scalars.bool: "bool",
+    scalars.int8: "b",
+    scalars.uint8: "ub",
+    scalars.int16: "s",
+    scalars.uint16: "us",
+    scalars.int32: "i",
+    scalars.uint32: "ui",
+    scalars.int64: "l",
+    scalars.uint64: "ul",
+    scalars.handle: "handle",
+    scalars.float16: "h",
+    scalars.bfloat16: "bf",
+    scalars.float32: "f",
+    scalars.float64: "d",
+}

@@ -1,0 +1,48 @@
+"""Which module imports which: no cycles, and nothing heavy before it is needed."""
+
+import subprocess
+import sys
+
+import pytest
+
+from import_graph import cycles, import_graph
+
+# What `import warp` leaves to those who need it.
+LAZY = ("numpy", "torch", "jax", "matplotlib", "inspect", "linecache", "pathlib", "ast")
+LAZY += ("warp._src.frontend", "warp._src.derivatives.backward")
+LAZY += ("warp._src.autograd", "warp._src.optim")
+
+
+def test_no_cycles():
+    assert cycles(import_graph()) == []
+
+
+# The search for cycles sees those that only a function closes, and whole packages.
+def test_cycles_are_found():
+    assert cycles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}) == [["a", "b", "c"]]
+    graph = import_graph()
+    graph["warp._src.version"].add("warp._src.arrays.array")
+    (found,) = cycles(graph)
+    assert {"warp._src.version", "warp._src.arrays.array"} <= set(found)
+    assert "warp._src.frontend.build" in import_graph()["warp._src.kernels.kernel"]
+    assert "warp._src.frontend.build" not in import_graph(False)["warp._src.kernels.kernel"]
+
+
+# Nothing but the package itself asks for names of the package.
+def test_nothing_imports_the_public_names():
+    graph = import_graph()
+    importers = {name for name, found in graph.items() if "warp" in found}
+    assert all(name.startswith("warp._src.optim.") for name in importers), importers
+
+
+@pytest.mark.parametrize("name", LAZY)
+def test_import_is_lazy(name, loaded):
+    assert name not in loaded
+
+
+@pytest.fixture(scope="module")
+def loaded():
+    """Modules that a process has after `import warp`, and not before."""
+    code = "import sys; before = set(sys.modules); import warp; print(*sys.modules.keys() - before)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return set(done.stdout.split())

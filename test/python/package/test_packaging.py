@@ -1,0 +1,92 @@
+"""What the build hands out: exported symbols, dependencies, committed docs."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[3]
+LIBRARY = ROOT / "build" / "python" / "warp" / "libwarp.so"
+LLVM_BIN = Path("/usr/lib/llvm-22/bin")
+
+needs_build = pytest.mark.skipif(
+    not (LIBRARY.is_file() and (LLVM_BIN / "llvm-nm").is_file()),
+    reason="needs a build tree and LLVM's tools",
+)
+
+
+def run(*command: object) -> str:
+    return subprocess.run(
+        [str(part) for part in command], check=True, capture_output=True, text=True
+    ).stdout
+
+
+@needs_build
+def test_only_namespace_warp_is_exported():
+    names = [
+        line.split()[-1]
+        for line in run(LLVM_BIN / "llvm-nm", "-D", "--defined-only", LIBRARY).splitlines()
+    ]
+    prefixes = ("_ZN4warp", "_ZNK4warp", "_ZTIN4warp", "_ZTSN4warp", "_ZTVN4warp")
+    strangers = [name for name in names if not name.startswith(prefixes)]
+    assert strangers == []
+    assert len(names) > 1
+
+
+@needs_build
+def test_library_needs_only_the_c_and_cpp_run_time():
+    lines = run(LLVM_BIN / "llvm-readelf", "-d", LIBRARY).splitlines()
+    needed = {line.split("[")[1].rstrip("]") for line in lines if "(NEEDED)" in line}
+    allowed = {"libc.so.6", "libm.so.6", "libstdc++.so.6", "libgcc_s.so.1", "ld-linux-x86-64.so.2"}
+    assert needed <= allowed
+
+
+PROGRAM = """
+import ctypes
+{first}
+{second}
+import warp as wp
+
+@wp.kernel
+def scale(x: wp.array(dtype=float), a: float):
+    i = wp.tid()
+    x[i] = a * x[i]
+
+x = wp.ones(5, dtype=float, device="cpu")
+wp.launch(scale, dim=5, inputs=[x, 3.0], device="cpu")
+print(x.numpy().sum())
+"""
+
+
+@needs_build
+@pytest.mark.parametrize("order", ["warp-first", "other-first"])
+def test_lives_beside_another_mlir(order, tmp_path):
+    """The same LLVM and MLIR with public symbols in the process change nothing."""
+    others = sorted(LLVM_BIN.parent.joinpath("lib").glob("libMLIR.so.*"))
+    if not others:
+        pytest.skip("no shared MLIR here")
+    steps = ["import warp", f"ctypes.CDLL({str(others[0])!r}, ctypes.RTLD_GLOBAL)"]
+    if order == "other-first":
+        steps.reverse()
+    script = tmp_path / "program.py"
+    script.write_text(PROGRAM.format(first=steps[0], second=steps[1]))
+    environment = os.environ | {"WARP_CACHE_PATH": str(tmp_path / "cache")}
+    done = subprocess.run(
+        [sys.executable, script], capture_output=True, text=True, env=environment
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip().endswith("15.0")
+
+
+@needs_build
+def test_committed_references_are_up_to_date(tmp_path):
+    subprocess.run([ROOT / "scripts" / "make_docs.sh", tmp_path], check=True)
+    stale = [
+        page.name
+        for page in sorted(tmp_path.iterdir())
+        if not (ROOT / "docs" / page.name).is_file()
+        or (ROOT / "docs" / page.name).read_text() != page.read_text()
+    ]
+    assert stale == [], "run 'make docs' and commit the result"
