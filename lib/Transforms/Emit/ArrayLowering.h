@@ -128,6 +128,9 @@ private:
   void updateEach(const LaneAccess &access, AtomicKind kind,
                   llvm::ArrayRef<mlir::Value> components);
   mlir::Value spill(mlir::Value value);
+  mlir::Value spillMask(const LaneAccess &access);
+  void ifLive(mlir::Value live, mlir::Value lane,
+              llvm::function_ref<void()> body);
   void forLiveLanes(const LaneAccess &access,
                     llvm::function_ref<void(mlir::Value)> body);
   mlir::Value gatherOffsets(const ArrayParts &parts, mlir::ValueRange indices,

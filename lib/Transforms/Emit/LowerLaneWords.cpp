@@ -188,30 +188,41 @@ mlir::Value ArrayLowering::spill(mlir::Value value) {
   return slots;
 }
 
+/// A byte per lane in memory; null if all are live.
+mlir::Value ArrayLowering::spillMask(const LaneAccess &access) {
+  if (access.isFull)
+    return {};
+  auto bytes = VectorType::get(access.lanes, i8);
+  return spill(arith::ExtUIOp::create(b, loc, bytes, access.mask));
+}
+
+/// Runs code for a lane if it is live.
+void ArrayLowering::ifLive(mlir::Value live, mlir::Value lane,
+                           function_ref<void()> body) {
+  if (!live)
+    return body();
+  mlir::Value at = LLVM::GEPOp::create(b, loc, pointer, i8, live,
+                                       ArrayRef<LLVM::GEPArg>(lane));
+  mlir::Value is = arith::CmpIOp::create(
+      b, loc, arith::CmpIPredicate::ne,
+      LLVM::LoadOp::create(b, loc, i8, at).getResult(), constant(i8, 0));
+  auto branch = scf::IfOp::create(b, loc, is, /*withElseRegion=*/false);
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPointToStart(branch.thenBlock());
+  body();
+}
+
 /// A loop over the lanes; `body` gets the number of one that is live.
 void ArrayLowering::forLiveLanes(const LaneAccess &access,
                                  function_ref<void(mlir::Value)> body) {
-  mlir::Value live;
-  if (!access.isFull) {
-    auto bytes = VectorType::get(access.lanes, i8);
-    live = spill(arith::ExtUIOp::create(b, loc, bytes, access.mask));
-  }
+  mlir::Value live = spillMask(access);
   auto loop =
       scf::ForOp::create(b, loc, constant(i64, 0), constant(i64, access.lanes),
                          constant(i64, 1));
   OpBuilder::InsertionGuard guard(b);
   b.setInsertionPointToStart(loop.getBody());
   mlir::Value lane = loop.getInductionVar();
-  if (live) {
-    mlir::Value at = LLVM::GEPOp::create(b, loc, pointer, i8, live,
-                                         ArrayRef<LLVM::GEPArg>(lane));
-    mlir::Value is = arith::CmpIOp::create(
-        b, loc, arith::CmpIPredicate::ne,
-        LLVM::LoadOp::create(b, loc, i8, at).getResult(), constant(i8, 0));
-    auto branch = scf::IfOp::create(b, loc, is, /*withElseRegion=*/false);
-    b.setInsertionPointToStart(branch.thenBlock());
-  }
-  body(lane);
+  ifLive(live, lane, [&] { body(lane); });
 }
 
 /// Plain updates of elements that fit a row.
@@ -229,12 +240,15 @@ void ArrayLowering::updateWords(const LaneAccess &access, AtomicKind kind,
   mlir::Value pointers = spill(
       LLVM::PtrToIntOp::create(b, loc, VectorType::get(lanes, i64),
                                access.pointer));
+  mlir::Value live = spillMask(access);
   auto row = VectorType::get(rowSize, getSignless(type));
-  auto forRows = [&](mlir::Value square, int64_t k) {
-    mlir::Value lane = arith::AddIOp::create(
+  auto laneOf = [&](mlir::Value square, int64_t k) -> mlir::Value {
+    return arith::AddIOp::create(
         b, loc,
         arith::MulIOp::create(b, loc, square, constant(i64, rowSize)),
         constant(i64, k));
+  };
+  auto updateLane = [&](mlir::Value square, mlir::Value lane, int64_t k) {
     mlir::Value at = LLVM::GEPOp::create(b, loc, pointer, i64, pointers,
                                          ArrayRef<LLVM::GEPArg>(lane));
     mlir::Value to = LLVM::LoadOp::create(b, loc, dataPointer, at);
@@ -248,8 +262,11 @@ void ArrayLowering::updateWords(const LaneAccess &access, AtomicKind kind,
                                  constant(i64, 1));
   OpBuilder::InsertionGuard guard(b);
   b.setInsertionPointToStart(loop.getBody());
-  for (int64_t k = 0; k < rowSize; ++k)
-    forRows(loop.getInductionVar(), k);
+  mlir::Value square = loop.getInductionVar();
+  for (int64_t k = 0; k < rowSize; ++k) {
+    mlir::Value lane = laneOf(square, k);
+    ifLive(live, lane, [&] { updateLane(square, lane, k); });
+  }
 }
 
 /// Updates number by number.
@@ -279,7 +296,7 @@ void ArrayLowering::lowerLanes(UpdateLanesOp op) {
   LaneAccess access = laneAccess(op.getArray(), op.getIndices(), op.getMask(),
                                  LaneForm::gather, op.getNonNegative());
   SmallVector<mlir::Value> components(op.getComponents());
-  if (exclusive && access.isFull && access.hasWords())
+  if (exclusive && access.hasWords())
     updateWords(access, op.getKind(), components);
   else
     updateEach(access, op.getKind(), components);

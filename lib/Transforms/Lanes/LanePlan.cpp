@@ -103,12 +103,16 @@ constexpr double loopTrips = 32;
 /// Part of the lanes that are live in a loop that they leave one by one.
 constexpr double laneUse = 0.6;
 constexpr double callCost = 20, rootCost = 6, divisionCost = 8;
+/// How much quicker a loop is whose iterations are made lanes.
+constexpr double streamGain = 8;
 /// A lane's share of gathering a number; of doing an operation lane by lane.
 constexpr double gatherCost = 1.3, laneCost = 4;
 
 class CostCounter {
 public:
-  CostCounter(const ThreadVariance &variance) : variance(variance) {}
+  /// `exclusive`: updates are plain.
+  CostCounter(const ThreadVariance &variance, bool exclusive)
+      : variance(variance), exclusive(exclusive) {}
 
   void count(Block &block, double trips, double use) {
     for (Operation &op : block)
@@ -122,17 +126,68 @@ private:
     return !variance.isUniform(value, warp::Scope::Lanes);
   }
   void count(Operation *op, double trips, double use);
+  bool isStream(scf::ForOp loop) const;
   void add(double scalar, double vector, double trips, double use) {
     cost.scalar += scalar * trips;
     cost.vector += vector * trips / use;
   }
 
   const ThreadVariance &variance;
+  bool exclusive;
 };
 
 } // namespace
 
+/// Whether an index is a loop's counter, or that and something that does not
+/// change in the loop; or nothing that does.
+static bool followsCounter(Value index, scf::ForOp loop, bool &follows) {
+  if (index == loop.getInductionVar())
+    return follows = true;
+  if (loop.isDefinedOutsideOfLoop(index))
+    return true;
+  Operation *op = index.getDefiningOp();
+  return isa_and_nonnull<arith::AddIOp, arith::ExtSIOp, arith::ExtUIOp,
+                         arith::IndexCastOp>(op) &&
+         llvm::all_of(op->getOperands(), [&](Value operand) {
+           return followsCounter(operand, loop, follows);
+         });
+}
+
+/// Whether the iterations of one thread are as good as lanes: straight-line
+/// code that carries nothing, over elements that follow each other while those
+/// of neighbouring threads do not.
+bool CostCounter::isStream(scf::ForOp loop) const {
+  bool scatters = false;
+  if (loop.getNumRegionIterArgs() != 0)
+    return false;
+  for (Operation &op : loop.getBody()->without_terminator()) {
+    auto access = dyn_cast<warp::AccessOp>(op);
+    if (!access && (op.getNumRegions() != 0 || !isMemoryEffectFree(&op)))
+      return false;
+    if (!access || access.getIndices().empty())
+      continue;
+    bool follows = false;
+    if ((access.isUpdate() && !(exclusive && op.use_empty())) ||
+        !followsCounter(access.getIndices().back(), loop, follows))
+      return false;
+    scatters |= access.mayWrite() && follows &&
+                llvm::any_of(access.getIndices(),
+                             [&](Value index) { return isVarying(index); }) &&
+                variance.step(access.getIndices().back()) != 1;
+  }
+  return scatters;
+}
+
 void CostCounter::count(Operation *op, double trips, double use) {
+  if (auto loop = dyn_cast<scf::ForOp>(op); loop && isStream(loop)) {
+    CostCounter inside(variance, exclusive);
+    inside.count(*loop.getBody(), trips * loopTrips, use);
+    cost.hasLoop = true;
+    cost.scalar += inside.cost.scalar / streamGain;
+    cost.vector += inside.cost.vector;
+    cost.operations += inside.cost.operations;
+    return;
+  }
   if (isa<scf::ForOp, scf::WhileOp>(op)) {
     cost.hasLoop = true;
     trips *= loopTrips;
@@ -205,7 +260,7 @@ LanePlan warp::planLanes(FunctionOpInterface kernel, ThreadsOp threads,
   });
   if (!plan.reason.empty())
     return plan;
-  CostCounter counter(variance);
+  CostCounter counter(variance, kernel->hasAttr(attr::exclusive));
   counter.count(*threads.getThread(), 1, 1);
   const Cost &cost = counter.cost;
   if (wanted == 0 && cost.scalar < 1.2 * cost.vector) {

@@ -143,7 +143,7 @@ void Widening::widenUpdate(warp::AtomicComponentsOp op) {
   bool isOnePlace = llvm::none_of(op.getIndices(), [&](Value index) {
     return isVarying(index);
   });
-  if (isOnePlace && isWide && !isExact && warp::commutes(op)) {
+  if (isOnePlace && isWide && !isExact && commuting.contains(op)) {
     warp::AtomicKind kind = warp::combiningKind(op.getKind());
     Values totals;
     for (auto [leaf, value] : llvm::zip_equal(leaves, op.getComponents())) {

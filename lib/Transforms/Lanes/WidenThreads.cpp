@@ -255,6 +255,10 @@ Widening::Values Widening::contributions() {
 }
 
 void Widening::run() {
+  threads.walk([&](warp::AtomicComponentsOp op) {
+    if (warp::commutes(op))
+      commuting.insert(op);
+  });
   b.setInsertionPoint(threads);
   auto made = warp::ThreadsOp::create(
       b, loc, threads.getResultTypes(), threads.getKindsAttr(),

@@ -115,6 +115,8 @@ private:
   /// Lanes that run the code at the insertion point; at least one of them.
   mlir::Value mask;
   llvm::DenseMap<mlir::Value, mlir::Value> scalars, vectors;
+  /// Updates whose order is open, as the kernel was before.
+  llvm::DenseSet<mlir::Operation *> commuting;
 };
 
 } // namespace warp
