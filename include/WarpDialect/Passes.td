@@ -648,8 +648,8 @@ def LowerMath : WarpPass<"warp-lower-math"> {
   let summary = "Call the target's math library";
   let description = [{
     Operations that a processor has stay as they are; the others become calls:
-    of libdevice on the GPU, of the C library or of our device library on the
-    CPU.
+    of libdevice on the GPU, of our device library on the CPU, which has functions
+    of vectors too.
 
     ```mlir
     %y = math.sin %x : f32

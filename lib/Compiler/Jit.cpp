@@ -98,13 +98,8 @@ static std::vector<Symbol> knownSymbols() {
 #define BINARY(name)                                                           \
   add(#name "f", static_cast<Float2>(::name##f));                              \
   add(#name, static_cast<Double2>(::name));
-  UNARY(sin) UNARY(cos) UNARY(tan) UNARY(asin) UNARY(acos) UNARY(atan)
-  UNARY(sinh) UNARY(cosh) UNARY(tanh) UNARY(asinh) UNARY(acosh) UNARY(atanh)
-  UNARY(exp) UNARY(exp2) UNARY(expm1) UNARY(log) UNARY(log2) UNARY(log10)
-  UNARY(log1p) UNARY(cbrt) UNARY(erf) UNARY(erfc) UNARY(sqrt) UNARY(floor)
-  UNARY(ceil) UNARY(trunc) UNARY(round) UNARY(rint) UNARY(nearbyint)
-  BINARY(pow) BINARY(atan2) BINARY(fmod) BINARY(fmin) BINARY(fmax)
-  BINARY(hypot) BINARY(copysign)
+  UNARY(sqrt) UNARY(floor) UNARY(ceil) UNARY(trunc) UNARY(round) UNARY(rint)
+  UNARY(nearbyint) BINARY(fmod) BINARY(fmin) BINARY(fmax) BINARY(copysign)
 #undef UNARY
 #undef BINARY
   add("roundevenf", static_cast<Float1>(::rintf));
@@ -113,9 +108,6 @@ static std::vector<Symbol> knownSymbols() {
   add("fma", static_cast<double (*)(double, double, double)>(::fma));
   add("ldexpf", static_cast<float (*)(float, int)>(::ldexpf));
   add("ldexp", static_cast<double (*)(double, int)>(::ldexp));
-  add("sincosf",
-      static_cast<void (*)(float, float *, float *)>(::sincosf));
-  add("sincos", static_cast<void (*)(double, double *, double *)>(::sincos));
   add("memcpy", &std::memcpy);
   add("memmove", &std::memmove);
   add("memset", &std::memset);

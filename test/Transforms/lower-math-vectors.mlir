@@ -35,18 +35,18 @@ llvm.func @halves(%a: vector<32xf32>) attributes {warp.target = "cpu"} {
   llvm.return
 }
 
-// What has no version is called lane by lane: narrow vectors, libm's functions.
+// Narrow vectors, and those of an odd length, are called lane by lane.
 // CHECK-LABEL: llvm.func @lanes
 // CHECK: %[[X:.*]] = llvm.extractelement %{{.*}} : vector<2xf32>
 // CHECK: %[[Y:.*]] = llvm.call @warp_sinf(%[[X]])
 // CHECK: llvm.insertelement %[[Y]]
 // CHECK: llvm.call @warp_sinf(
-// CHECK-COUNT-2: llvm.call @erf(
+// CHECK-COUNT-3: llvm.call @warp_erf(
 // CHECK: llvm.return
-llvm.func @lanes(%a: vector<2xf32>, %b: vector<2xf64>)
+llvm.func @lanes(%a: vector<2xf32>, %b: vector<3xf64>)
     attributes {warp.target = "cpu"} {
   %0 = math.sin %a : vector<2xf32>
-  %1 = math.erf %b : vector<2xf64>
+  %1 = math.erf %b : vector<3xf64>
   llvm.return
 }
 

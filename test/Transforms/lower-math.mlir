@@ -4,14 +4,14 @@
 
 // Functions have no effects, so that LLVM may move and merge calls.
 // CPU: llvm.func @warp_pow(f64, f64) -> f64 attributes {memory_effects = #llvm.memory_effects<other = none
-// CPU: llvm.func @erff(f32) -> f32
+// CPU: llvm.func @warp_erff(f32) -> f32
 // CPU: llvm.func @warp_sin(f64) -> f64
 // CPU: llvm.func @warp_sinf(f32) -> f32
 
 // CPU-LABEL: llvm.func @calls
 // CPU: llvm.call @warp_sinf
 // CPU: llvm.call @warp_sin(
-// CPU: llvm.call @erff
+// CPU: llvm.call @warp_erff
 // CPU: %[[WIDE:.*]] = arith.extf %{{.*}} : f16 to f32
 // CPU: %[[SINE:.*]] = llvm.call @warp_sinf(%[[WIDE]])
 // CPU: arith.truncf %[[SINE]] : f32 to f16

@@ -8,6 +8,8 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "../../lib/DeviceLib/cpu/DoubleArcs.h"
+#include "../../lib/DeviceLib/cpu/DoubleErrors.h"
 #include "../../lib/DeviceLib/cpu/DoubleInverses.h"
 
 #include <algorithm>
@@ -94,19 +96,21 @@ TEST_P(DoubleFunction, IsWithinOneUlp) {
 }
 
 #define UNARY(name, span) UNARY_OF(DoubleMath, name, span)
+#define ARC(name, span) UNARY_OF(DoubleArcs, name, span)
 #define INVERSE(name, span) UNARY_OF(DoubleInverses, name, span)
+#define ERROR(name, span) UNARY_OF(DoubleErrors, name, span)
 #define UNARY_OF(home, name, span)                                             \
   Unary { #name, home<1>::name, ::name##l, span }
 INSTANTIATE_TEST_SUITE_P(
     All, DoubleFunction,
     testing::Values(UNARY(sin, 100), UNARY(cos, 100), UNARY(tan, 100),
-                    UNARY(asin, 1), UNARY(acos, 1), UNARY(atan, 10),
+                    ARC(asin, 1), ARC(acos, 1), ARC(atan, 10),
                     UNARY(exp, 750), UNARY(exp2, 1100), UNARY(log, 1e5),
                     UNARY(log2, 10), UNARY(log10, 10), UNARY(sinh, 720),
                     UNARY(cosh, 720), UNARY(tanh, 5), UNARY(expm1, 50),
                     UNARY(log1p, 10), INVERSE(asinh, 100),
                     INVERSE(acosh, 100), INVERSE(atanh, 1),
-                    INVERSE(cbrt, 1000)),
+                    INVERSE(cbrt, 1000), ERROR(erf, 3), ERROR(erfc, 27)),
     [](const auto &info) { return std::string(info.param.name); });
 
 template <class Ours, class Reference>
@@ -137,7 +141,7 @@ TEST(DoubleFunctionOfTwo, Atan2IsWithinOneUlp) {
   auto other = [](Operands &operands, double x) {
     return x * operands.within(4);
   };
-  compare(DoubleMath<1>::atan2, ::atan2l, other);
+  compare(DoubleArcs<1>::atan2, ::atan2l, other);
 }
 
 } // namespace

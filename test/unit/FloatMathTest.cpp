@@ -80,7 +80,7 @@ INSTANTIATE_TEST_SUITE_P(
                     UNARY(log2, 0.66), UNARY(log10, 0.64), UNARY(sinh, 0.76),
                     UNARY(cosh, 0.89), UNARY(tanh, 0.96), WIDE(expm1),
                     WIDE(log1p), WIDE(asinh), WIDE(acosh), WIDE(atanh),
-                    WIDE(cbrt)),
+                    WIDE(cbrt), WIDE(erf), WIDE(erfc)),
     [](const auto &info) { return std::string(info.param.name); });
 
 constexpr float special[] = {0.0f,   -0.0f,     1.0f,      -1.0f, INFINITY,

@@ -8,6 +8,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "../../lib/DeviceLib/cpu/DoubleArcs.h"
 #include "../../lib/DeviceLib/cpu/FloatMath.h"
 #include "../../lib/DeviceLib/cpu/FloatPower.h"
 #include "../../lib/DeviceLib/cpu/FloatWide.h"
@@ -78,9 +79,9 @@ void compare(const char *name, Function function, One one) {
 FUNCTION(COMPARE, FloatMath, DoubleMath, sin)
 FUNCTION(COMPARE, FloatMath, DoubleMath, cos)
 FUNCTION(COMPARE, FloatMath, DoubleMath, tan)
-FUNCTION(COMPARE, FloatMath, DoubleMath, asin)
-FUNCTION(COMPARE, FloatMath, DoubleMath, acos)
-FUNCTION(COMPARE, FloatMath, DoubleMath, atan)
+FUNCTION(COMPARE, FloatMath, DoubleArcs, asin)
+FUNCTION(COMPARE, FloatMath, DoubleArcs, acos)
+FUNCTION(COMPARE, FloatMath, DoubleArcs, atan)
 FUNCTION(COMPARE, FloatMath, DoubleMath, exp)
 FUNCTION(COMPARE, FloatMath, DoubleMath, exp2)
 FUNCTION(COMPARE, FloatMath, DoubleMath, log)
@@ -89,7 +90,7 @@ FUNCTION(COMPARE, FloatMath, DoubleMath, log10)
 FUNCTION(COMPARE, FloatMath, DoubleMath, sinh)
 FUNCTION(COMPARE, FloatMath, DoubleMath, cosh)
 FUNCTION(COMPARE, FloatMath, DoubleMath, tanh)
-FUNCTION(COMPARE_BINARY, FloatMath, DoubleMath, atan2)
+FUNCTION(COMPARE_BINARY, FloatMath, DoubleArcs, atan2)
 FUNCTION(COMPARE_BINARY, FloatPower, DoublePower, pow)
 FUNCTION(COMPARE, FloatWide, DoubleMath, expm1)
 FUNCTION(COMPARE, FloatWide, DoubleMath, log1p)
@@ -97,5 +98,7 @@ FUNCTION(COMPARE, FloatWide, DoubleInverses, asinh)
 FUNCTION(COMPARE, FloatWide, DoubleInverses, acosh)
 FUNCTION(COMPARE, FloatWide, DoubleInverses, atanh)
 FUNCTION(COMPARE, FloatWide, DoubleInverses, cbrt)
+FUNCTION(COMPARE, FloatWide, DoubleErrors, erf)
+FUNCTION(COMPARE, FloatWide, DoubleErrors, erfc)
 
 } // namespace

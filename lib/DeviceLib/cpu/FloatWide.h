@@ -10,6 +10,7 @@
 #ifndef WARP_DEVICELIB_CPU_FLOATWIDE_H
 #define WARP_DEVICELIB_CPU_FLOATWIDE_H
 
+#include "DoubleErrors.h"
 #include "DoubleInverses.h"
 
 namespace {
@@ -27,6 +28,8 @@ template <int n> struct FloatWide {
   static F acosh(F x) { return round(DoubleInverses<n>::acosh(convert<D>(x))); }
   static F atanh(F x) { return round(DoubleInverses<n>::atanh(convert<D>(x))); }
   static F cbrt(F x) { return round(DoubleInverses<n>::cbrt(convert<D>(x))); }
+  static F erf(F x) { return round(DoubleErrors<n>::erf(convert<D>(x))); }
+  static F erfc(F x) { return round(DoubleErrors<n>::erfc(convert<D>(x))); }
 
 private:
   static F round(D x) { return convert<F>(x); }

@@ -6,12 +6,15 @@
 // (`warp_sinf`, `warp_sin`) or for a vector of 128, 256 or 512 bits of them
 // (`warp_sinf_x16`, `warp_sin_x8`). They are linked into the kernel as bitcode
 // and inlined, so they are written for what the kernel's processor has: vector
-// arithmetic that LLVM knows, no branch but for what is rare. What is listed
-// here is `ours` in LowerMath.cpp.
+// arithmetic that LLVM knows, no branch but for what is rare. LowerMath.cpp
+// has the same list.
 //
 //===----------------------------------------------------------------------===//
 
+#include "DoubleArcs.h"
+#include "DoubleErrors.h"
 #include "DoubleInverses.h"
+#include "DoublePower.h"
 #include "FloatMath.h"
 #include "FloatPower.h"
 #include "FloatWide.h"
@@ -39,10 +42,10 @@
 FUNCTION(UNARY, FloatMath, DoubleMath, sin)
 FUNCTION(UNARY, FloatMath, DoubleMath, cos)
 FUNCTION(UNARY, FloatMath, DoubleMath, tan)
-FUNCTION(UNARY, FloatMath, DoubleMath, asin)
-FUNCTION(UNARY, FloatMath, DoubleMath, acos)
-FUNCTION(UNARY, FloatMath, DoubleMath, atan)
-FUNCTION(BINARY, FloatMath, DoubleMath, atan2)
+FUNCTION(UNARY, FloatMath, DoubleArcs, asin)
+FUNCTION(UNARY, FloatMath, DoubleArcs, acos)
+FUNCTION(UNARY, FloatMath, DoubleArcs, atan)
+FUNCTION(BINARY, FloatMath, DoubleArcs, atan2)
 FUNCTION(UNARY, FloatMath, DoubleMath, exp)
 FUNCTION(UNARY, FloatMath, DoubleMath, exp2)
 FUNCTION(UNARY, FloatMath, DoubleMath, log)
@@ -58,3 +61,5 @@ FUNCTION(UNARY, FloatWide, DoubleInverses, asinh)
 FUNCTION(UNARY, FloatWide, DoubleInverses, acosh)
 FUNCTION(UNARY, FloatWide, DoubleInverses, atanh)
 FUNCTION(UNARY, FloatWide, DoubleInverses, cbrt)
+FUNCTION(UNARY, FloatWide, DoubleErrors, erf)
+FUNCTION(UNARY, FloatWide, DoubleErrors, erfc)

@@ -4,14 +4,13 @@
 //
 // Elementary functions become calls that an optimiser knows nothing about but
 // that they have no effects: of libdevice (`__nv_sinf`) on the GPU; on the CPU
-// of our device library (`warp_sinf`), which is inlined, and of the C library
-// where ours has no version. Half precision computes in f32. What processors do
-// themselves (square roots, rounding, fma) is left to the conversion to LLVM,
-// which has intrinsics for it.
+// of our device library (`warp_sinf`), which is inlined. Half precision is
+// computed in f32. What processors do themselves (square roots, rounding, fma)
+// is left to the conversion to LLVM, which has intrinsics for it.
 //
 // A vector holds lanes of the CPU. Our library has its functions for a few
 // widths (`warp_sinf_x16`); other vectors are halved until they have one of
-// these, and what is left, or has no version of ours, is called lane by lane.
+// these, and what is left is called lane by lane.
 //
 //===----------------------------------------------------------------------===//
 
@@ -36,15 +35,12 @@ namespace {
 
 /// How the libraries have a function.
 enum Availability : unsigned {
-  inLibm = 0,
-  /// Our device library has versions for f32, for f64.
-  ours32 = 1,
-  ours64 = 2,
-  ours = ours32 | ours64,
+  usual = 0,
   /// libdevice has a version of less accuracy.
-  fast = 4,
-  /// The CPU has an instruction, or LLVM an inline expansion.
-  nativeOnCpu = 8,
+  fast = 1,
+  /// The CPU has an instruction, or LLVM an inline expansion; our device
+  /// library has all others.
+  nativeOnCpu = 2,
 };
 
 /// Vectors that our device library has functions for, in bits; those of less
@@ -58,30 +54,30 @@ struct Function {
 
 const llvm::StringMap<Function> &functions() {
   static const llvm::StringMap<Function> table{
-      {"math.sin", {"sin", ours | fast}},
-      {"math.cos", {"cos", ours | fast}},
-      {"math.tan", {"tan", ours | fast}},
-      {"math.asin", {"asin", ours}},
-      {"math.acos", {"acos", ours}},
-      {"math.atan", {"atan", ours}},
-      {"math.atan2", {"atan2", ours}},
-      {"math.sinh", {"sinh", ours}},
-      {"math.cosh", {"cosh", ours}},
-      {"math.tanh", {"tanh", ours}},
-      {"math.asinh", {"asinh", ours}},
-      {"math.acosh", {"acosh", ours}},
-      {"math.atanh", {"atanh", ours}},
-      {"math.exp", {"exp", ours | fast}},
-      {"math.exp2", {"exp2", ours}},
-      {"math.expm1", {"expm1", ours}},
-      {"math.log", {"log", ours | fast}},
-      {"math.log2", {"log2", ours | fast}},
-      {"math.log10", {"log10", ours | fast}},
-      {"math.log1p", {"log1p", ours}},
-      {"math.powf", {"pow", ours | fast}},
-      {"math.cbrt", {"cbrt", ours}},
-      {"math.erf", {"erf", inLibm}},
-      {"math.erfc", {"erfc", inLibm}},
+      {"math.sin", {"sin", fast}},
+      {"math.cos", {"cos", fast}},
+      {"math.tan", {"tan", fast}},
+      {"math.asin", {"asin", usual}},
+      {"math.acos", {"acos", usual}},
+      {"math.atan", {"atan", usual}},
+      {"math.atan2", {"atan2", usual}},
+      {"math.sinh", {"sinh", usual}},
+      {"math.cosh", {"cosh", usual}},
+      {"math.tanh", {"tanh", usual}},
+      {"math.asinh", {"asinh", usual}},
+      {"math.acosh", {"acosh", usual}},
+      {"math.atanh", {"atanh", usual}},
+      {"math.exp", {"exp", fast}},
+      {"math.exp2", {"exp2", usual}},
+      {"math.expm1", {"expm1", usual}},
+      {"math.log", {"log", fast}},
+      {"math.log2", {"log2", fast}},
+      {"math.log10", {"log10", fast}},
+      {"math.log1p", {"log1p", usual}},
+      {"math.powf", {"pow", fast}},
+      {"math.cbrt", {"cbrt", usual}},
+      {"math.erf", {"erf", usual}},
+      {"math.erfc", {"erfc", usual}},
       {"math.rsqrt", {"rsqrt", nativeOnCpu}},
       {"arith.remf", {"fmod", nativeOnCpu}},
   };
@@ -161,13 +157,13 @@ struct LowerMath : warp::impl::LowerMathBase<LowerMath> {
              ArrayRef<Value> operands) {
     Type type = operands[0].getType();
     auto vector = dyn_cast<VectorType>(type);
-    if (!vector || hasVersion(function, vector)) {
+    if (!vector || hasVersions(vector)) {
       LLVM::LLVMFuncOp callee =
           declare(symbolName(function, type), type, operands.size());
       return LLVM::CallOp::create(b, loc, callee, operands).getResult();
     }
     int64_t lanes = vector.getNumElements(), half = lanes / 2;
-    bool halves = lanes % 2 == 0 && isOurs(function, vector) &&
+    bool halves = lanes % 2 == 0 &&
                   half * vector.getElementTypeBitWidth() >= leastVector;
     return halves ? callHalves(b, loc, function, operands, half)
                   : callLanes(b, loc, function, operands, lanes);
@@ -202,16 +198,11 @@ struct LowerMath : warp::impl::LowerMathBase<LowerMath> {
     return result;
   }
 
-  bool isOurs(const Function &function, Type type) const {
-    bool single = getElementTypeOrSelf(type).isF32();
-    return !gpu && (function.availability & (single ? ours32 : ours64));
-  }
-
-  /// Whether our device library has a function for a vector as a whole.
-  bool hasVersion(const Function &function, VectorType type) const {
+  /// Whether our device library has functions for a vector as a whole.
+  static bool hasVersions(VectorType type) {
     int64_t bits = type.getNumElements() * type.getElementTypeBitWidth();
-    return isOurs(function, type) && llvm::isPowerOf2_64(bits) &&
-           bits >= leastVector && bits <= largestVector;
+    return llvm::isPowerOf2_64(bits) && bits >= leastVector &&
+           bits <= largestVector;
   }
 
   std::string symbolName(const Function &function, Type type) const {
@@ -223,8 +214,6 @@ struct LowerMath : warp::impl::LowerMathBase<LowerMath> {
       name += "f";
     if (gpu)
       return "__nv_" + name;
-    if (!isOurs(function, type))
-      return name;
     auto vector = dyn_cast<VectorType>(type);
     std::string width =
         vector ? "_x" + std::to_string(vector.getNumElements()) : "";
