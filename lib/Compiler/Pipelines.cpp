@@ -82,8 +82,11 @@ void warp::addPhase(OpPassManager &pm, Phase phase) {
     pm.addPass(createPrivatizeAtomics());
     pm.addPass(createDeferUpdates());
     pm.addPass(createLowerSums());
+    pm.addPass(createUnrollLoops());
+    pm.addPass(createStageLoads());
     pm.addPass(createOrderAccesses());
     pm.addPass(createLowerArrays());
+    pm.addPass(createExpandRoots());
     pm.addPass(createLowerMath());
     pm.addPass(createConvertToLLVM());
     pm.addPass(createVerifyLLVM());
