@@ -600,6 +600,77 @@ def LowerSums : WarpPass<"warp-lower-sums"> {
     "::mlir::LLVM::LLVMDialect", "::warp::WarpDialect"];
 }
 
+def StageLoads : WarpPass<"warp-stage-loads"> {
+  let summary = "Let a GPU warp load what its lanes share";
+  let description = [{
+    In front of a loop in whose iterations all threads load the same element,
+    the next one in the next iteration, goes one over tiles of 32 iterations.
+    Each lane of a warp loads one of their elements, which all find in shared
+    memory. A warp with a lane missing, and what is left after the last full
+    tile, go through the loop as it was.
+
+    ```mlir
+    scf.for %j = %c0 to %n step %c1 {
+      %x = warp.load_components %a[%j] : ...
+    }
+    // ==>
+    scf.for %tile = %c0 to %end step %c32 {
+      // %slab gets %a[%tile + %lane]
+      scf.for %step = %c0 to %c32 step %c1 {
+        %x = llvm.load %slot             // %slab[%step]
+      }
+    }
+    scf.for %j = %end to %n step %c1 {
+      // as before
+    ```
+  }];
+  let dependentDialects = [
+    "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect",
+    "::mlir::LLVM::LLVMDialect"];
+}
+
+def ExpandRoots : WarpPass<"warp-expand-roots"> {
+  let summary = "Compute a GPU's square roots without branches";
+  let description = [{
+    Roots of f32 are correctly rounded, reciprocals of roots within 1 ulp.
+
+    ```mlir
+    %s = math.sqrt %x : f32
+    %r = arith.divf %one, %s : f32
+    // ==>
+    %y = llvm.call_intrinsic "llvm.nvvm.rsqrt.approx.f"(%x)
+    // %r = %y + %y/2 (1 - %x %y %y), or %y
+    ```
+  }];
+  let dependentDialects = [
+    "::mlir::arith::ArithDialect", "::mlir::math::MathDialect",
+    "::mlir::LLVM::LLVMDialect"];
+}
+
+def UnrollLoops : WarpPass<"warp-unroll-loops"> {
+  let summary = "Copy the bodies of a GPU's small loops";
+  let description = [{
+    A counted loop that loads and computes is marked for LLVM to copy its body.
+    In front of a loop with a condition, which computes only, goes one that runs
+    several iterations and asks for all of their conditions at once.
+
+    ```mlir
+    %r = scf.while (%s = %init) {        // %c from %s
+      scf.condition(%c) %s
+    } do { ... }                         // f
+    // ==>
+    %t:2 = scf.while (%s = %init) {      // %c, %c1 from %s, f(%s)
+      %all = arith.andi %c, %c1
+      scf.condition(%all) %s, %s2        // f(f(%s))
+    } do { ... scf.yield %s2 }
+    %r = scf.while (%s = %t#0) {         // as before
+    ```
+  }];
+  let dependentDialects = [
+    "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect",
+    "::mlir::LLVM::LLVMDialect"];
+}
+
 def OrderAccesses : WarpPass<"warp-order-accesses"> {
   let summary = "Load first and store last";
   let description = [{

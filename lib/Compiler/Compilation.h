@@ -41,7 +41,8 @@ public:
   std::vector<Site> sites;
   double cost = 0;
   bool usesPrintf = false;
-  bool straightLine = false;
+  /// Threads are lanes already.
+  bool hasLanes = false;
   bool exclusive = false, atomics = false;
   int items = 1;
   std::vector<SummedArray> sums;
@@ -69,8 +70,6 @@ private:
 
 /// Rough operations of one thread of thread IR; loops count 32 times.
 double estimateCost(mlir::ModuleOp module);
-/// Whether a thread has no loop, no atomic and no output.
-bool isStraightLine(mlir::ModuleOp module);
 
 } // namespace warp
 

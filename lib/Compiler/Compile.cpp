@@ -192,7 +192,6 @@ void Compilation::lowerTo(Phase last) {
     start = now();
     runPhase(*op, Phase::Thread, options);
     cost = estimateCost(*op);
-    straightLine = isStraightLine(*op);
     mlir::Builder b(op->getContext());
     for (auto kernel : op->getOps<FunctionOpInterface>())
       kernel->setAttr(attr::cost,
@@ -249,6 +248,7 @@ void Compilation::collectFacts(ModuleOp module) {
       continue;
     entry = function.getName().str();
     exclusive = function->hasAttr(attr::exclusive);
+    hasLanes = function->hasAttr(attr::lanes);
     atomics = function
                   .walk([](Operation *op) {
                     return isa<LLVM::AtomicRMWOp, LLVM::AtomicCmpXchgOp>(op)
@@ -282,8 +282,7 @@ void Compilation::optimizeModule() {
   time("libraries", start);
   dump("input.ll");
   start = now();
-  optimize(*llvmModule, **machine, options,
-           straightLine && !isGpu(options));
+  optimize(*llvmModule, **machine, options, hasLanes);
   time("optimise", start);
   dump("ll");
 }

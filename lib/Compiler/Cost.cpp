@@ -51,16 +51,3 @@ static double costOf(Operation *op) {
 double warp::estimateCost(ModuleOp module) {
   return costOf(module.getBodyRegion());
 }
-
-bool warp::isStraightLine(ModuleOp module) {
-  return !module
-              .walk([](Operation *op) {
-                auto access = dyn_cast<AccessOp>(op);
-                bool isStraight = access ? !access.isUpdate()
-                                         : !isa<scf::ForOp, scf::WhileOp,
-                                                PrintfOp>(op);
-                return isStraight ? WalkResult::advance()
-                                  : WalkResult::interrupt();
-              })
-              .wasInterrupted();
-}

@@ -129,13 +129,13 @@ static void turnOffEpilogueVectorization() {
 }
 
 void warp::optimize(llvm::Module &module, llvm::TargetMachine &machine,
-                    const CompileOptions &options, bool straightLine) {
+                    const CompileOptions &options, bool hasLanes) {
   static const bool once = (turnOffEpilogueVectorization(), true);
   (void)once;
   llvm::PipelineTuningOptions tuning;
-  tuning.LoopVectorization = true;
-  // Where threads become lanes, nothing is left to pair within one.
-  tuning.SLPVectorization = !straightLine;
+  // Where threads are lanes, nothing is left to pair or to widen.
+  tuning.LoopVectorization = !hasLanes;
+  tuning.SLPVectorization = !hasLanes;
   llvm::LoopAnalysisManager loops;
   llvm::FunctionAnalysisManager functions;
   llvm::CGSCCAnalysisManager calls;

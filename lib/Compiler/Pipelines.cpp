@@ -94,8 +94,11 @@ void warp::addPhase(OpPassManager &pm, Phase phase) {
     pm.addPass(createRotateLoops());
     pm.addPass(createCombineOverWarps());
     pm.addPass(createLowerSums());
+    pm.addPass(createUnrollLoops());
+    pm.addPass(createStageLoads());
     pm.addPass(createOrderAccesses());
     pm.addPass(createLowerArrays());
+    pm.addPass(createExpandRoots());
     pm.addPass(createLowerMath());
     pm.addPass(createConvertToLLVM());
     pm.addPass(createVerifyLLVM());

@@ -74,10 +74,9 @@ void prepareGpuModule(llvm::Module &module, llvm::TargetMachine &machine,
 void linkBitcode(llvm::Module &module, llvm::StringRef bitcode,
                  llvm::StringRef name);
 
-/// Runs the optimiser. `straightLine`: a thread has no loop and no atomic, so
-/// that on the CPU the loop over threads will be vectorised.
+/// Runs the optimiser. `hasLanes`: threads are lanes of vectors already.
 void optimize(llvm::Module &module, llvm::TargetMachine &machine,
-              const CompileOptions &options, bool straightLine);
+              const CompileOptions &options, bool hasLanes);
 
 /// Works around an error of InstCombine: see MaskedLoads.cpp.
 void keepLoadsBeforeStores(llvm::PassInstrumentationCallbacks &callbacks);

@@ -302,8 +302,11 @@ struct WidenThreads : warp::impl::WidenThreadsBase<WidenThreads> {
     warp::foldViews(kernel);
     warp::ThreadVariance variance(kernel);
     warp::LanePlan plan = warp::planLanes(kernel, threads, variance, lanes);
-    if (plan.lanes > 1)
-      Widening(kernel, threads, variance, plan.lanes).run();
+    if (plan.lanes == 1)
+      return;
+    Widening(kernel, threads, variance, plan.lanes).run();
+    kernel->setAttr(warp::attr::lanes,
+                    Builder(&getContext()).getI64IntegerAttr(plan.lanes));
   }
 };
 

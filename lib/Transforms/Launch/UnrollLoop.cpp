@@ -10,6 +10,7 @@
 #include "UnrollLoop.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
+#include "mlir/Dialect/LLVMIR/LLVMDialect.h"
 #include "mlir/IR/IRMapping.h"
 #include "mlir/IR/Matchers.h"
 
@@ -58,4 +59,17 @@ void warp::unroll(scf::ForOp loop) {
   }
   loop.replaceAllUsesWith(carried);
   loop.erase();
+}
+
+/// The name is what llvm.br calls the attribute, to which the conversions of
+/// loops copy it.
+void warp::setCopies(scf::ForOp loop, int64_t copies) {
+  MLIRContext *context = loop.getContext();
+  Builder b(context);
+  auto unroll = LLVM::LoopUnrollAttr::get(
+      context, {}, b.getI32IntegerAttr(int32_t(copies)), {}, {}, {}, {}, {});
+  loop->setAttr("loop_annotation",
+                LLVM::LoopAnnotationAttr::get(context, {}, {}, {}, unroll, {},
+                                              {}, {}, {}, {}, {}, {}, {}, {},
+                                              {}, {}));
 }

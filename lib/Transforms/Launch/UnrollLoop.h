@@ -22,6 +22,9 @@ std::optional<int64_t> getConstantTrips(mlir::scf::ForOp loop);
 /// place of a loop, and folds their operations.
 void unroll(mlir::scf::ForOp loop);
 
+/// Asks LLVM to make that many copies of a loop's body.
+void setCopies(mlir::scf::ForOp loop, int64_t copies);
+
 } // namespace warp
 
 #endif // WARP_LIB_TRANSFORMS_UNROLLLOOP_H

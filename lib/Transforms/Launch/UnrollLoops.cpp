@@ -1,0 +1,264 @@
+//===- UnrollLoops.cpp - Several iterations of a GPU's loops at once ------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// A warp of a GPU runs its instructions in order, and each takes a few cycles
+// until its result is there, a load or a square root dozens. A small loop
+// without copies of its body leaves the card waiting unless many warps share
+// it. Two kinds of innermost loops get copies; what they carry is computed in
+// the same order as before.
+//
+// A counted loop that only loads and computes is marked for LLVM, which copies
+// the body and adds a loop for the iterations that are left.
+//
+// A loop with a condition, whose iterations compute and do nothing else, runs
+// several of them ahead and then asks for all conditions at once:
+//
+//   while (c(s)) s = f(s)
+//   ==>
+//   while (c(s) & c(f(s)) & c(f(f(s)))) s = f(f(f(s)))
+//   while (c(s)) s = f(s)
+//
+// The second loop finds the exit. It runs the last few iterations again, so
+// this is not for loops inside of loops. A part of the condition that compares
+// a counter with a bound is asked once:
+//
+//   k < n & k + 1 < n & k + 2 < n   ==>   k < n - 2
+//
+//===----------------------------------------------------------------------===//
+
+#include "KernelFunction.h"
+#include "UnrollLoop.h"
+
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/Dialect/Arith/IR/Arith.h"
+#include "mlir/Dialect/LLVMIR/LLVMDialect.h"
+#include "mlir/Dialect/Math/IR/Math.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
+#include "mlir/IR/IRMapping.h"
+#include "mlir/IR/Matchers.h"
+#include "mlir/Interfaces/LoopLikeInterface.h"
+
+namespace warp {
+#define GEN_PASS_DEF_UNROLLLOOPS
+#include "WarpDialect/Passes.h.inc"
+} // namespace warp
+
+using namespace mlir;
+
+/// Copies of a body.
+constexpr int64_t copies = 4;
+/// Instructions of a body that is worth copies.
+constexpr int64_t mostInstructions = 40;
+/// What a function that is called counts, or a division in f64.
+constexpr int64_t manyInstructions = 24;
+
+/// Rough instructions of an operation; 0 if it is none.
+static int64_t countInstructions(Operation *op) {
+  if (op->hasTrait<OpTrait::ConstantLike>() ||
+      op->hasTrait<OpTrait::IsTerminator>())
+    return 0;
+  if (isa<warp::LoadComponentsOp>(op))
+    return op->getNumResults();
+  if (isa<math::SqrtOp, math::RsqrtOp, arith::DivFOp>(op))
+    return op->getResult(0).getType().isF64() ? manyInstructions : 4;
+  if (isa<math::AbsFOp, math::FmaOp, math::FloorOp, math::CeilOp,
+          math::RoundEvenOp, math::TruncOp, math::CopySignOp>(op))
+    return 1;
+  if (isa<math::MathDialect>(op->getDialect()) ||
+      isa<arith::DivSIOp, arith::DivUIOp, arith::RemSIOp, arith::RemUIOp,
+          arith::RemFOp>(op))
+    return manyInstructions;
+  return 1;
+}
+
+/// Whether a block does nothing but load, if it may, and compute; adds up its
+/// instructions.
+static bool isSimple(Block &block, bool mayLoad, int64_t &instructions) {
+  for (Operation &op : block) {
+    bool isLoad = isa<warp::LoadComponentsOp>(op);
+    if (op.getNumRegions() != 0 || (isLoad && !mayLoad) ||
+        (!isLoad && !op.hasTrait<OpTrait::IsTerminator>() && !isPure(&op)))
+      return false;
+    instructions += countInstructions(&op);
+  }
+  return instructions <= mostInstructions;
+}
+
+//===----------------------------------------------------------------------===//
+// Counted loops
+//===----------------------------------------------------------------------===//
+
+static void markCopies(scf::ForOp loop) {
+  int64_t instructions = 0;
+  APInt first, last;
+  bool isShort = matchPattern(loop.getLowerBound(), m_ConstantInt(&first)) &&
+                 matchPattern(loop.getUpperBound(), m_ConstantInt(&last));
+  // LLVM knows what to do with a known number of iterations.
+  if (isShort || !isSimple(*loop.getBody(), /*mayLoad=*/true, instructions))
+    return;
+  warp::setCopies(loop, copies);
+}
+
+//===----------------------------------------------------------------------===//
+// Loops with a condition
+//===----------------------------------------------------------------------===//
+
+namespace {
+
+/// The loop of several iterations that goes in front of a loop.
+class Ahead {
+public:
+  explicit Ahead(scf::WhileOp loop) : loop(loop), b(loop) {}
+
+  bool qualifies();
+  void build();
+
+private:
+  void collectTests(Value condition);
+  bool isBound(Value test);
+  Value buildBound(arith::CmpIOp test);
+  SmallVector<Value> clone(Block &from, ValueRange arguments, IRMapping &map);
+
+  scf::WhileOp loop;
+  OpBuilder b;
+  /// The condition is that all of these hold. Those of `bounds` compare a
+  /// counter that grows by 1 with something that stays.
+  SmallVector<Value> tests;
+  SmallVector<arith::CmpIOp> bounds;
+};
+
+} // namespace
+
+/// Takes a conjunction apart.
+void Ahead::collectTests(Value condition) {
+  auto both = condition.getDefiningOp<arith::AndIOp>();
+  if (both && both->getBlock() == loop.getBeforeBody()) {
+    collectTests(both.getLhs());
+    collectTests(both.getRhs());
+  } else if (isBound(condition)) {
+    bounds.push_back(condition.getDefiningOp<arith::CmpIOp>());
+  } else {
+    tests.push_back(condition);
+  }
+}
+
+bool Ahead::isBound(Value test) {
+  auto compare = test.getDefiningOp<arith::CmpIOp>();
+  if (!compare || compare.getPredicate() != arith::CmpIPredicate::slt ||
+      !loop.isDefinedOutsideOfLoop(compare.getRhs()))
+    return false;
+  auto counter = dyn_cast<BlockArgument>(compare.getLhs());
+  if (!counter || counter.getOwner() != loop.getBeforeBody())
+    return false;
+  // The body sees it as the argument that the condition passes on.
+  auto next = loop.getYieldOp()
+                  .getOperand(counter.getArgNumber())
+                  .getDefiningOp<arith::AddIOp>();
+  auto inBody = next ? dyn_cast<BlockArgument>(next.getLhs()) : nullptr;
+  return inBody && inBody.getOwner() == loop.getAfterBody() &&
+         matchPattern(next.getRhs(), m_One()) &&
+         loop.getConditionOp().getArgs()[inBody.getArgNumber()] == counter;
+}
+
+bool Ahead::qualifies() {
+  int64_t instructions = 0;
+  if (loop->getParentOfType<LoopLikeOpInterface>() ||
+      !isSimple(*loop.getBeforeBody(), /*mayLoad=*/false, instructions) ||
+      !isSimple(*loop.getAfterBody(), /*mayLoad=*/false, instructions))
+    return false;
+  collectTests(loop.getConditionOp().getCondition());
+  return true;
+}
+
+/// Copies the operations of a block; returns what its terminator passes on.
+SmallVector<Value> Ahead::clone(Block &from, ValueRange arguments,
+                                IRMapping &map) {
+  map.map(from.getArguments(), arguments);
+  for (Operation &op : from.without_terminator())
+    b.clone(op, map);
+  SmallVector<Value> passed;
+  for (Value value : from.getTerminator()->getOperands())
+    passed.push_back(map.lookupOrDefault(value));
+  return passed;
+}
+
+/// The bound that the counter of the first of the iterations has to be below
+/// for all of them to be below theirs; the least integer if there is none.
+Value Ahead::buildBound(arith::CmpIOp test) {
+  Location loc = loop.getLoc();
+  Value bound = test.getRhs();
+  Type type = bound.getType();
+  unsigned width = type.getIntOrFloatBitWidth();
+  auto constant = [&](const APInt &value) -> Value {
+    return arith::ConstantOp::create(b, loc, b.getIntegerAttr(type, value));
+  };
+  Value least = constant(APInt::getSignedMinValue(width) + (copies - 1));
+  Value clamped = arith::MaxSIOp::create(b, loc, bound, least);
+  return arith::SubIOp::create(b, loc, clamped,
+                               constant(APInt(width, copies - 1)));
+}
+
+void Ahead::build() {
+  Location loc = loop.getLoc();
+  SmallVector<Value> limits;
+  for (arith::CmpIOp bound : bounds)
+    limits.push_back(buildBound(bound));
+  SmallVector<Type> types(loop.getInits().getTypes());
+  SmallVector<Location> locs(types.size(), loc);
+  SmallVector<Type> twice(types);
+  twice.append(types);
+  auto ahead = scf::WhileOp::create(b, loc, twice, loop.getInits());
+  Block *before = b.createBlock(&ahead.getBefore(), {}, types, locs);
+  SmallVector<Value> state(before->getArguments());
+  Value all;
+  auto require = [&](Value holds) {
+    all = all ? arith::AndIOp::create(b, loc, all, holds).getResult() : holds;
+  };
+  for (auto [bound, limit] : llvm::zip_equal(bounds, limits)) {
+    unsigned i = cast<BlockArgument>(bound.getLhs()).getArgNumber();
+    require(arith::CmpIOp::create(b, loc, arith::CmpIPredicate::slt, state[i],
+                                  limit));
+  }
+  for (int64_t copy = 0; copy < copies; ++copy) {
+    IRMapping map;
+    SmallVector<Value> passed = clone(*loop.getBeforeBody(), state, map);
+    for (Value test : tests)
+      require(map.lookupOrDefault(test));
+    state = clone(*loop.getAfterBody(), ArrayRef(passed).drop_front(), map);
+  }
+  SmallVector<Value> forwarded(before->getArguments());
+  llvm::append_range(forwarded, state);
+  if (!all)
+    all = arith::ConstantOp::create(b, loc, b.getBoolAttr(true));
+  scf::ConditionOp::create(b, loc, all, forwarded);
+  locs.append(types.size(), loc);
+  Block *after = b.createBlock(&ahead.getAfter(), {}, twice, locs);
+  scf::YieldOp::create(b, loc, after->getArguments().drop_front(types.size()));
+  loop.getInitsMutable().assign(ahead.getResults().take_front(types.size()));
+}
+
+namespace {
+
+struct UnrollLoops : warp::impl::UnrollLoopsBase<UnrollLoops> {
+  void runOnOperation() override {
+    FunctionOpInterface entry = warp::findEntry(getOperation());
+    if (!entry)
+      return signalPassFailure();
+    if (!warp::isGpu(entry) || entry->hasAttr(warp::attr::debug))
+      return;
+    SmallVector<scf::WhileOp> conditional;
+    entry->walk([&](Operation *op) {
+      if (auto loop = dyn_cast<scf::ForOp>(op))
+        markCopies(loop);
+      else if (auto loop = dyn_cast<scf::WhileOp>(op))
+        conditional.push_back(loop);
+    });
+    for (scf::WhileOp loop : conditional)
+      if (Ahead ahead(loop); ahead.qualifies())
+        ahead.build();
+  }
+};
+
+} // namespace

@@ -1,0 +1,54 @@
+// RUN: warp-opt %s --split-input-file --warp-lower-launch --warp-expand-roots | FileCheck %s
+
+// A root and a reciprocal of one; the root has no other use than that.
+// CHECK-LABEL: llvm.func {{.*}}@roots
+// CHECK-NOT: math.sqrt
+// CHECK-NOT: arith.divf
+// CHECK: llvm.call_intrinsic "llvm.nvvm.rsqrt.approx.ftz.f"
+// CHECK: llvm.call_intrinsic "llvm.nvvm.rsqrt.approx.f"
+// CHECK-NOT: llvm.nvvm.rsqrt
+// CHECK: llvm.return
+func.func @roots(%x: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.rank = 1 : i64, warp.target = "sm_90"} {
+  %i = warp.tid : i32
+  %one = arith.constant 1.0 : f32
+  %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
+  %s = math.sqrt %v : f32
+  %t = math.sqrt %s : f32
+  %r = arith.divf %one, %t : f32
+  warp.store_components(%r), %x[%i] : (f32), !warp.array<1 x f32>, i32
+  return
+}
+
+// -----
+
+// Fast math is the approximation itself.
+// CHECK-LABEL: llvm.func {{.*}}@fast
+// CHECK: %[[Y:.*]] = llvm.call_intrinsic "llvm.nvvm.rsqrt.approx.ftz.f"
+// CHECK-NEXT: warp.store_components(%[[Y]])
+func.func @fast(%x: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.fast_math, warp.rank = 1 : i64,
+                warp.target = "sm_90"} {
+  %i = warp.tid : i32
+  %one = arith.constant 1.0 : f32
+  %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
+  %s = math.sqrt %v : f32
+  %r = arith.divf %one, %s : f32
+  warp.store_components(%r), %x[%i] : (f32), !warp.array<1 x f32>, i32
+  return
+}
+
+// -----
+
+// Doubles, and processors, have instructions for it.
+// CHECK-LABEL: llvm.func {{.*}}@double
+// CHECK: math.sqrt
+// CHECK-NOT: rsqrt
+func.func @double(%x: !warp.array<1 x f64>)
+    attributes {warp.kernel, warp.rank = 1 : i64, warp.target = "sm_90"} {
+  %i = warp.tid : i32
+  %v = warp.load_components %x[%i] : !warp.array<1 x f64>, i32 -> f64
+  %s = math.sqrt %v : f64
+  warp.store_components(%s), %x[%i] : (f64), !warp.array<1 x f64>, i32
+  return
+}
