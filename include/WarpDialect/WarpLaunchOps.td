@@ -50,7 +50,7 @@ def Warp_ThreadsOp : Warp_Op<"threads", [SingleBlock,
     `lanes` vectors of them are yielded.
 
     ```mlir
-    %sum = warp.threads combine [add] types [f64] {
+    %sum = warp.threads attributes {kinds = array<i32: 0>, types = [f64]} {
     ^bb0(%i: i32):
       // %v
       warp.yield %v : f64
@@ -170,7 +170,7 @@ def Warp_EachLaneOp : Warp_Op<"each_lane", [SingleBlock,
   let regions = (region SizedRegion<1>:$body);
   let assemblyFormat = [{
     $mask `(` $inputs `)` attr-dict-with-keyword $body `:` type($mask)
-    `,` type($inputs) `->` type($outputs)
+    (`,` type($inputs)^)? (`->` type($outputs)^)?
   }];
   let hasVerifier = 1;
 }
@@ -198,7 +198,7 @@ def Warp_LoadLanesOp : Warp_Op<"load_lanes"> {
   let results = (outs Variadic<Warp_LanesOf>:$components);
   let assemblyFormat = [{
     $form $array `[` $indices `]` `mask` $mask attr-dict `:` type($array) `,`
-    type($indices) `,` type($mask) `->` type($components)
+    `(` type($indices) `)` `,` type($mask) `->` type($components)
   }];
   let hasVerifier = 1;
 }
@@ -215,8 +215,8 @@ def Warp_StoreLanesOp : Warp_Op<"store_lanes", [AttrSizedOperandSegments]> {
                        Warp_LaneForm:$form, DenseBoolArrayAttr:$nonNegative);
   let assemblyFormat = [{
     $form `(` $components `)` `,` $array `[` $indices `]` `mask` $mask attr-dict
-    `:` `(` type($components) `)` `,` type($array) `,` type($indices) `,`
-    type($mask)
+    `:` `(` type($components) `)` `,` type($array) `,` `(` type($indices) `)`
+    `,` type($mask)
   }];
   let hasVerifier = 1;
 }

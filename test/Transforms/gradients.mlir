@@ -18,11 +18,15 @@
 // TWO: warp.atomic add
 
 // The gradient's pointer is 8 bytes into the descriptor, which lies 24 into
-// the parameter block; it is read once, before the loop over threads. Elements
-// of 16 bits have gradients of 32.
+// the parameter block; it is read before the loop over threads, once for the
+// threads that are left after it, once for the loop. Elements of 16 bits have
+// gradients of 32.
 // LLVM-LABEL: llvm.func @update
+// LLVM: %[[OF_LAST:.*]] = llvm.getelementptr inbounds %{{.*}}[32]
+// LLVM: llvm.load %[[OF_LAST]] invariant {alignment = 8 : i64} : !llvm.ptr -> !llvm.ptr
 // LLVM: %[[AT:.*]] = llvm.getelementptr inbounds %{{.*}}[32]
 // LLVM: %[[DATA:.*]] = llvm.load %[[AT]] invariant {alignment = 8 : i64} : !llvm.ptr -> !llvm.ptr
+// LLVM-NEXT: llvm.br ^bb1
 // LLVM: llvm.getelementptr inbounds %[[DATA]][%{{.*}}] : (!llvm.ptr, i64) -> !llvm.ptr, f32
 
 // A debugging launch names the array and its gradient.

@@ -183,3 +183,25 @@ func.func @scratch(%s: !warp.array<1 x f32>, %x: !warp.array<1 x f32>, %n: i32)
   warp.store_components(%u), %s[%i] : (f32), !warp.array<1 x f32>, i32
   return
 }
+
+// -----
+
+// Lanes may use different slots; one that is not live uses the first.
+// CHECK-LABEL: func.func @slots
+// CHECK: ^bb0(%{{.*}}: i32, %[[LIVE:.*]]: vector<4xi1>):
+// CHECK: %[[AT:.*]] = warp.load_lanes unit %arg1
+// CHECK: %[[FIRST:.*]] = arith.constant dense<0> : vector<4xi32>
+// CHECK: %[[SLOT:.*]] = arith.select %[[LIVE]], %[[AT]], %[[FIRST]]
+// CHECK: warp.scratch_load %{{.*}}[%[[SLOT]]]
+func.func @slots(%x: !warp.array<1 x f32>, %at: !warp.array<1 x si32>, %a: f32)
+    attributes {warp.kernel, warp.contiguous = 3 : i64} {
+  %i = warp.tid : i32
+  %c1 = arith.constant 1 : i32
+  %m = warp.scratch : !warp.scratch<8 x f32>
+  %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
+  warp.scratch_store %v, %m[%c1] : f32, !warp.scratch<8 x f32>, i32
+  %j = warp.load_components %at[%i] : !warp.array<1 x si32>, i32 -> i32
+  %u = warp.scratch_load %m[%j] : !warp.scratch<8 x f32>, i32 -> f32
+  warp.store_components(%u), %x[%i] : (f32), !warp.array<1 x f32>, i32
+  return
+}

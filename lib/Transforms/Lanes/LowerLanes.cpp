@@ -270,9 +270,8 @@ struct LowerLanes : warp::impl::LowerLanesBase<LowerLanes> {
     RewritePatternSet found(context);
     found.add(foldAny);
     found.add(foldBroadcast);
-    for (StringRef name : {"arith", "scf"})
-      for (RegisteredOperationName op :
-           context->getRegisteredOperationsByDialect(name))
+    for (RegisteredOperationName op : context->getRegisteredOperations())
+      if (llvm::is_contained({"arith", "scf"}, op.getDialectNamespace()))
         op.getCanonicalizationPatterns(found, context);
     patterns = std::make_shared<FrozenRewritePatternSet>(std::move(found));
     return success();

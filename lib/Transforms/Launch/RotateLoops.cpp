@@ -23,8 +23,8 @@
 // and update in ways that commute, and what it carries are integer sums or such
 // whose order is declared open (`reassoc`), as cotangents are.
 //
-// Runs after warp-lower-launch and before warp-privatize-atomics, which makes
-// plain updates of those that have one address for the whole loop.
+// Runs on an entry. Of updates that have one address for all threads
+// warp-privatize-atomics has made sums before.
 //
 //===----------------------------------------------------------------------===//
 

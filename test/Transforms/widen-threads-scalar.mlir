@@ -1,0 +1,95 @@
+// RUN: warp-opt %s --split-input-file --warp-form-launch \
+// RUN:     --warp-widen-threads=lanes=4 \
+// RUN:   | FileCheck %s --implicit-check-not=vector
+// RUN: warp-opt %s --split-input-file --warp-form-launch --warp-widen-threads \
+// RUN:   | FileCheck %s --implicit-check-not=vector
+
+// Threads that take a lock one after the other: the lane that has it would wait
+// for those that wait for it.
+// CHECK-LABEL: func.func @spin
+// CHECK: scf.while
+func.func @spin(%lock: !warp.array<1 x si32>, %x: !warp.array<1 x f32>)
+    attributes {warp.kernel} {
+  %i = warp.tid : i32
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  scf.while : () -> () {
+    %old = warp.atomic_components exch(%c1), %lock[%c0]
+      : (i32), !warp.array<1 x si32>, i32 -> i32
+    %taken = arith.cmpi ne, %old, %c0 : i32
+    scf.condition(%taken)
+  } do {
+    scf.yield
+  }
+  %v = warp.load_components %x[%c0] : !warp.array<1 x f32>, i32 -> f32
+  warp.store_components(%v), %x[%c0] : (f32), !warp.array<1 x f32>, i32
+  warp.store_components(%c0), %lock[%c0] : (i32), !warp.array<1 x si32>, i32
+  return
+}
+
+// -----
+
+// A thread may wait for a flag that another one stores, also where the
+// condition gets to know of it by what an iteration leaves to the next.
+// CHECK-LABEL: func.func @flag
+// CHECK: scf.while
+func.func @flag(%flags: !warp.array<1 x si32>) attributes {warp.kernel} {
+  %i = warp.tid : i32
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  %before = arith.subi %i, %c1 : i32
+  %done = scf.while (%f = %c0) : (i32) -> i32 {
+    %wait = arith.cmpi eq, %f, %c0 : i32
+    scf.condition(%wait) %f : i32
+  } do {
+  ^bb0(%f: i32):
+    %now = warp.load_components %flags[%before]
+      : !warp.array<1 x si32>, i32 -> i32
+    scf.yield %now : i32
+  }
+  warp.store_components(%c1), %flags[%i] : (i32), !warp.array<1 x si32>, i32
+  return
+}
+
+// -----
+
+// Which array a thread reads differs from thread to thread.
+// CHECK-LABEL: func.func @arrays
+// CHECK: arith.select
+func.func @arrays(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
+                  %z: !warp.array<1 x f32>) attributes {warp.kernel} {
+  %i = warp.tid : i32
+  %c1 = arith.constant 1 : i32
+  %odd = arith.andi %i, %c1 : i32
+  %is_odd = arith.cmpi eq, %odd, %c1 : i32
+  %a = arith.select %is_odd, %x, %y : !warp.array<1 x f32>
+  %v = warp.load_components %a[%i] : !warp.array<1 x f32>, i32 -> f32
+  warp.store_components(%v), %z[%i] : (f32), !warp.array<1 x f32>, i32
+  return
+}
+
+// -----
+
+// A debugging launch names the thread that fails.
+// CHECK-LABEL: func.func @debugging
+// CHECK: warp.load_components
+func.func @debugging(%x: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.debug, warp.contiguous = 1 : i64} {
+  %i = warp.tid : i32
+  %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
+  warp.store_components(%v), %x[%i] : (f32), !warp.array<1 x f32>, i32
+  return
+}
+
+// -----
+
+// Threads of a GPU are lanes of a warp already.
+// CHECK-LABEL: func.func @on_gpu
+// CHECK: warp.load_components
+func.func @on_gpu(%x: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.target = "sm_90", warp.contiguous = 1 : i64} {
+  %i = warp.tid : i32
+  %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
+  warp.store_components(%v), %x[%i] : (f32), !warp.array<1 x f32>, i32
+  return
+}

@@ -1,0 +1,121 @@
+// RUN: warp-opt %s --split-input-file --warp-form-launch \
+// RUN:     --warp-widen-threads=lanes=4 | FileCheck %s
+
+// What all lanes add to one element is combined first, and of lanes that are
+// not live what changes nothing; a difference adds what is negated.
+// CHECK-LABEL: func.func @one_element
+// CHECK: ^bb0(%{{.*}}: i32, %[[LIVE:.*]]: vector<4xi1>):
+// CHECK: %[[V:.*]] = warp.load_lanes
+// CHECK: scf.for %[[K:[^ ]+]] =
+// CHECK: %[[NONE:.*]] = arith.constant dense<-0.000000e+00> : vector<4xf32>
+// CHECK: %[[TERM:.*]] = arith.negf %[[V]]
+// CHECK: %[[TERMS:.*]] = arith.select %[[LIVE]], %[[TERM]], %[[NONE]]
+// CHECK: %[[SUM:.*]] = warp.combine_lanes %[[TERMS]] {kind = 0 : i32, type = f32}
+// CHECK: warp.atomic_components add(%[[SUM]]), %arg0[%[[K]]]
+func.func @one_element(%s: !warp.array<1 x f32>, %x: !warp.array<1 x f32>,
+                       %n: i32)
+    attributes {warp.kernel, warp.contiguous = 3 : i64} {
+  %i = warp.tid : i32
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
+  scf.for %k = %c0 to %n step %c1 : i32 {
+    %old = warp.atomic_components sub(%v), %s[%k]
+      : (f32), !warp.array<1 x f32>, i32 -> f32
+  }
+  return
+}
+
+// -----
+
+// An old value that is used, or an exchange, says which lane was first: they
+// take turns, with what they share as it is.
+// CHECK-LABEL: func.func @turns
+// CHECK: ^bb0(%{{.*}}: i32, %[[LIVE:.*]]: vector<4xi1>):
+// CHECK: %[[V:.*]] = warp.load_lanes
+// CHECK: %[[OLD:.*]] = warp.each_lane %[[LIVE]](%[[V]]) {
+// CHECK-NEXT: ^bb0(%[[ONE:.*]]: f32):
+// CHECK-NEXT: %[[WAS:.*]] = warp.atomic_components exch(%[[ONE]]), %arg0[%arg2]
+// CHECK-NEXT: warp.yield %[[WAS]] : f32
+// CHECK: warp.store_lanes unit(%[[OLD]]), %arg1
+// CHECK: warp.each_lane %[[LIVE]](%{{.*}}) {
+// CHECK: warp.atomic_cas
+func.func @turns(%s: !warp.array<1 x f32>, %x: !warp.array<1 x f32>, %n: i32,
+                 %a: f32)
+    attributes {warp.kernel, warp.contiguous = 3 : i64} {
+  %i = warp.tid : i32
+  %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
+  %old = warp.atomic_components exch(%v), %s[%n]
+    : (f32), !warp.array<1 x f32>, i32 -> f32
+  warp.store_components(%old), %x[%i] : (f32), !warp.array<1 x f32>, i32
+  %was = warp.atomic_cas %a, %v, %s[%n]
+    : f32, f32, !warp.array<1 x f32>, i32 -> f32
+  return
+}
+
+// -----
+
+// A store of different values into one element: the last thread's stays.
+// CHECK-LABEL: func.func @one_place
+// CHECK: warp.each_lane %{{.*}}(%[[V:.*]]) {
+// CHECK-NEXT: ^bb0(%[[ONE:.*]]: f32):
+// CHECK-NEXT: warp.store_components(%[[ONE]]), %arg0[%arg2]
+func.func @one_place(%s: !warp.array<1 x f32>, %x: !warp.array<1 x f32>,
+                     %n: i32)
+    attributes {warp.kernel, warp.contiguous = 3 : i64} {
+  %i = warp.tid : i32
+  %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
+  warp.store_components(%v), %s[%n] : (f32), !warp.array<1 x f32>, i32
+  return
+}
+
+// -----
+
+// In code that runs alone, neighbours that update neighbours do not meet: their
+// update is a load and a store. Index -1 is the last element, which another
+// lane may update, and so may half the index: these stay updates.
+// CHECK-LABEL: func.func @neighbours
+// CHECK: %[[V:.*]] = warp.load_lanes unit %arg1
+// CHECK: %[[OLD:.*]] = warp.load_lanes unit %arg0[%[[J:.*]]] mask %[[LIVE:[^ ]+]]
+// CHECK: %[[NEW:.*]] = arith.addf %[[OLD]], %[[V]]
+// CHECK: warp.store_lanes unit(%[[NEW]]), %arg0[%[[J]]] mask %[[LIVE]]
+// CHECK-NOT: warp.store_lanes
+// CHECK: warp.{{update_lanes|each_lane}}
+// CHECK-NOT: warp.store_lanes
+// CHECK: warp.{{update_lanes|each_lane}}
+// CHECK-NOT: warp.store_lanes
+// CHECK: warp.yield
+// CHECK: return
+func.func @neighbours(%s: !warp.array<1 x f32>, %x: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.contiguous = 3 : i64, warp.exclusive} {
+  %i = warp.tid : i32
+  %c1 = arith.constant 1 : i32
+  %c2 = arith.constant 2 : i32
+  %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
+  %after = arith.addi %i, %c1 : i32
+  %a = warp.atomic_components add(%v), %s[%after]
+    : (f32), !warp.array<1 x f32>, i32 -> f32
+  %before = arith.subi %i, %c1 : i32
+  %b = warp.atomic_components add(%v), %s[%before]
+    : (f32), !warp.array<1 x f32>, i32 -> f32
+  %half = arith.divui %i, %c2 : i32
+  %c = warp.atomic_components add(%v), %s[%half]
+    : (f32), !warp.array<1 x f32>, i32 -> f32
+  return
+}
+
+// -----
+
+// Other threads may be at work on the neighbours: updates stay atomic.
+// CHECK-LABEL: func.func @shared
+// CHECK-NOT: warp.store_lanes
+// CHECK: warp.{{update_lanes|each_lane}}
+// CHECK-NOT: warp.store_lanes
+// CHECK: return
+func.func @shared(%s: !warp.array<1 x f32>, %a: f32)
+    attributes {warp.kernel, warp.contiguous = 1 : i64} {
+  %i = warp.tid : i32
+  %old = warp.atomic_components add(%a), %s[%i]
+    : (f32), !warp.array<1 x f32>, i32 -> f32
+  return
+}
