@@ -1,21 +1,31 @@
 // RUN: warp-opt %s --split-input-file --warp-lower-launch --warp-expand-roots | FileCheck %s
 
-// A root and a reciprocal of one; the root has no other use than that.
+// A root in a loop, and a reciprocal of one that has no other use. The root
+// that nothing waits for stays.
 // CHECK-LABEL: llvm.func {{.*}}@roots
+// CHECK: math.sqrt
+// CHECK: scf.for
+// CHECK: llvm.call_intrinsic "llvm.nvvm.rsqrt.approx.ftz.f"
+// CHECK: scf.yield
 // CHECK-NOT: math.sqrt
 // CHECK-NOT: arith.divf
-// CHECK: llvm.call_intrinsic "llvm.nvvm.rsqrt.approx.ftz.f"
 // CHECK: llvm.call_intrinsic "llvm.nvvm.rsqrt.approx.f"
 // CHECK-NOT: llvm.nvvm.rsqrt
 // CHECK: llvm.return
-func.func @roots(%x: !warp.array<1 x f32>)
+func.func @roots(%x: !warp.array<1 x f32>, %n: i32)
     attributes {warp.kernel, warp.rank = 1 : i64, warp.target = "sm_90"} {
   %i = warp.tid : i32
   %one = arith.constant 1.0 : f32
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
   %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
   %s = math.sqrt %v : f32
-  %t = math.sqrt %s : f32
-  %r = arith.divf %one, %t : f32
+  %t = scf.for %j = %c0 to %n step %c1 iter_args(%a = %s) -> f32 : i32 {
+    %b = math.sqrt %a : f32
+    scf.yield %b : f32
+  }
+  %u = math.sqrt %t : f32
+  %r = arith.divf %one, %u : f32
   warp.store_components(%r), %x[%i] : (f32), !warp.array<1 x f32>, i32
   return
 }

@@ -8,17 +8,18 @@
 // so the copies of an unrolled loop wait for each other. These roots of floats
 // have no branch:
 //
-//   sqrt(x)       correctly rounded for all x. With y near 1/sqrt(x), g = x y is
-//                 near the root, and g + (x - g g) y/2, each in one rounding, is
-//                 the root. Small x, for which x - g g would be lost, are scaled
-//                 by a power of 4; 0 and infinity are their own roots.
-//   1/sqrt(x)     y + y/2 (1 - x y y), one step of Newton's method: at most 1 ulp
-//                 from the true value, where a quotient of two rounded operations
-//                 is up to 1.5 ulp from it. Where y is 0 or infinite the step
-//                 gives a NaN, and y is right.
+//   sqrt(x)     correctly rounded for all x. With y near 1/sqrt(x), g = x y is
+//               near the root, and g + (x - g g) y/2, each in one rounding, is
+//               the root. Small x, for which x - g g would be lost, are scaled
+//               by a power of 4; 0 and infinity are their own roots.
+//   1/sqrt(x)   y + y/2 (1 - x y y), one step of Newton's method: at most 1 ulp
+//               from the true value, where a quotient of two rounded operations
+//               is up to 1.5 ulp from it. Where y is 0 or infinite the step
+//               gives a NaN, and y is right.
 //
-// With `warp.fast_math` the approximation of 1/sqrt(x) is the result, and a root
-// is left to the conversion to LLVM, which knows a short one.
+// A root outside of loops has nothing to wait for and is left to the assembler,
+// whose instructions are fewer. With `warp.fast_math` the approximation of
+// 1/sqrt(x) is the result, and the conversion to LLVM knows a short root.
 //
 //===----------------------------------------------------------------------===//
 
@@ -29,6 +30,9 @@
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
 #include "mlir/Dialect/Math/IR/Math.h"
 #include "mlir/IR/Matchers.h"
+#include "mlir/Interfaces/LoopLikeInterface.h"
+
+#include <limits>
 
 namespace warp {
 #define GEN_PASS_DEF_EXPANDROOTS
@@ -81,8 +85,9 @@ static Value buildRoot(FloatBuilder f, Value x) {
   Value root = f.fma(rest, f.mul(y, f.constant(0.5f)), g);
   root = f.select(isSmall, f.mul(root, f.constant(1 / rootOfScale)), root);
   Value zero = f.compare(arith::CmpFPredicate::OEQ, x, f.constant(0));
-  Value infinite = f.compare(arith::CmpFPredicate::OEQ, x,
-                             f.constant(std::numeric_limits<float>::infinity()));
+  constexpr float infinity = std::numeric_limits<float>::infinity();
+  Value infinite =
+      f.compare(arith::CmpFPredicate::OEQ, x, f.constant(infinity));
   Value itself = arith::OrIOp::create(f.b, f.loc, zero, infinite);
   return f.select(itself, x, root);
 }
@@ -127,7 +132,7 @@ struct ExpandRoots : warp::impl::ExpandRootsBase<ExpandRoots> {
     for (math::SqrtOp root : roots)
       if (root->use_empty())
         root.erase();
-      else if (!isFast)
+      else if (!isFast && root->getParentOfType<LoopLikeOpInterface>())
         replace(root, buildRoot(FloatBuilder(root), root.getOperand()));
   }
 
