@@ -78,6 +78,7 @@ struct Phases {
     };
     create(Phase::Warp);
     create(Phase::Thread);
+    create(Phase::Gpu);
     create(Phase::LLVM);
   }
 
@@ -197,6 +198,10 @@ void Compilation::lowerTo(Phase last) {
       kernel->setAttr(attr::cost,
                       b.getI64IntegerAttr(int64_t(std::min(cost, 1e12))));
     dump("thread.mlir");
+  }
+  if (last >= Phase::Gpu) {
+    runPhase(*op, Phase::Gpu, options);
+    dump("gpu.mlir");
   }
   if (last == Phase::LLVM) {
     runPhase(*op, Phase::LLVM, options);

@@ -15,12 +15,15 @@
 #include "mlir/Dialect/ControlFlow/IR/ControlFlow.h"
 #include "mlir/Dialect/Func/Extensions/InlinerExtension.h"
 #include "mlir/Dialect/Func/IR/FuncOps.h"
+#include "mlir/Dialect/GPU/IR/GPUDialect.h"
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
 #include "mlir/Dialect/Math/IR/Math.h"
+#include "mlir/Dialect/MemRef/IR/MemRef.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/Pass/PassManager.h"
 #include "mlir/Target/LLVMIR/Dialect/Builtin/BuiltinToLLVMIRTranslation.h"
 #include "mlir/Target/LLVMIR/Dialect/LLVMIR/LLVMToLLVMIRTranslation.h"
+#include "mlir/Target/LLVMIR/Dialect/NVVM/NVVMToLLVMIRTranslation.h"
 #include "mlir/Transforms/Passes.h"
 
 #include "llvm/ADT/StringSwitch.h"
@@ -31,6 +34,7 @@ std::optional<warp::Phase> warp::parsePhase(StringRef name) {
   return llvm::StringSwitch<std::optional<Phase>>(name)
       .Case("warp", Phase::Warp)
       .Case("thread", Phase::Thread)
+      .Case("gpu", Phase::Gpu)
       .Case("llvm", Phase::LLVM)
       .Default(std::nullopt);
 }
@@ -79,7 +83,7 @@ void warp::addPhase(OpPassManager &pm, Phase phase) {
     pm.addPass(createCSEPass());
     pm.addPass(createVerifyThread());
     return;
-  case Phase::LLVM:
+  case Phase::Gpu:
     pm.addPass(createSumExactly());
     pm.addPass(createFuseMultiplyAdd());
     pm.addPass(createFormLaunch());
@@ -93,6 +97,10 @@ void warp::addPhase(OpPassManager &pm, Phase phase) {
     pm.addPass(createOrderAccesses());
     pm.addPass(createLowerArrays());
     pm.addPass(createLowerMath());
+    pm.addPass(createFormGpuModule());
+    pm.addPass(createVerifyGpu());
+    return;
+  case Phase::LLVM:
     pm.addPass(createConvertToLLVM());
     pm.addPass(createVerifyLLVM());
     return;
@@ -106,15 +114,19 @@ void warp::addPipeline(OpPassManager &pm, Phase last,
     return;
   addSpecialize(pm, options);
   addPhase(pm, Phase::Thread);
+  if (last == Phase::Thread)
+    return;
+  addPhase(pm, Phase::Gpu);
   if (last == Phase::LLVM)
     addPhase(pm, Phase::LLVM);
 }
 
 void warp::registerCompilerDialects(DialectRegistry &registry) {
   registry.insert<WarpDialect, arith::ArithDialect, cf::ControlFlowDialect,
-                  func::FuncDialect, LLVM::LLVMDialect, math::MathDialect,
-                  scf::SCFDialect>();
+                  func::FuncDialect, gpu::GPUDialect, LLVM::LLVMDialect,
+                  math::MathDialect, memref::MemRefDialect, scf::SCFDialect>();
   func::registerInlinerExtension(registry);
   registerBuiltinDialectTranslation(registry);
   registerLLVMDialectTranslation(registry);
+  registerNVVMDialectTranslation(registry);
 }

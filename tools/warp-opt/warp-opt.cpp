@@ -30,6 +30,8 @@ struct PipelineOptions : PassPipelineOptions<PipelineOptions> {
   Option<bool> toWarp{*this, "to-warp", llvm::cl::desc("Stop at warp IR")};
   Option<bool> toThread{*this, "to-thread",
                         llvm::cl::desc("Stop at thread IR")};
+  Option<bool> toGpu{*this, "to-gpu",
+                     llvm::cl::desc("Stop before the target's operations")};
   Option<bool> toLLVM{*this, "to-llvm",
                       llvm::cl::desc("Stop at the LLVM dialect")};
   Option<std::string> target{*this, "target", llvm::cl::init("cpu"),
@@ -80,6 +82,7 @@ static void addPipeline(OpPassManager &pm, const PipelineOptions &given) {
   options.disjoint = given.disjoint;
   warp::Phase last = given.toWarp     ? warp::Phase::Warp
                      : given.toThread ? warp::Phase::Thread
+                     : given.toGpu    ? warp::Phase::Gpu
                                       : warp::Phase::LLVM;
   warp::addPipeline(pm, last, options);
 }
@@ -91,7 +94,8 @@ int main(int argc, char **argv) {
   warp::registerWarpPasses();
   PassPipelineRegistration<PipelineOptions> pipeline(
       "warp-pipeline",
-      "The compiler up to a phase: to-warp, to-thread, to-llvm", addPipeline);
+      "The compiler up to a phase: to-warp, to-thread, to-gpu, to-llvm",
+      addPipeline);
   DialectRegistry registry;
   warp::registerCompilerDialects(registry);
   return asMainReturnCode(
