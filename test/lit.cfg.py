@@ -1,6 +1,7 @@
 """lit configuration: suites, substitutions and features.
 
-Features: `cuda` (a device answers), `ptxas` (the assembler is installed).
+Features: `cuda` (a device answers), `ptxas` (the assembler is installed), `amdgpu` (LLVM's mlir-opt
+is installed and generates code for AMD's GPUs).
 WARP_VERIFY_ROUNDTRIP=1 makes every warp-opt run also check that its input
 survives printing and parsing, as text and as bytecode.
 """
@@ -9,6 +10,7 @@ import ctypes
 import importlib.util
 import os
 import shutil
+import subprocess
 
 import lit.formats
 
@@ -36,6 +38,14 @@ def find_ptxas():
     return shutil.which("ptxas") or shutil.which("ptxas", path=os.pathsep.join(places))
 
 
+def has_amdgpu():
+    try:
+        targets = subprocess.run([llvm_tool("llc"), "--version"], capture_output=True, text=True)
+    except OSError:
+        return False
+    return "amdgcn" in targets.stdout and os.path.exists(llvm_tool("mlir-opt"))
+
+
 def count_cuda_devices():
     try:
         driver = ctypes.CDLL("libcuda.so.1")
@@ -51,10 +61,14 @@ ptxas = find_ptxas()
 if ptxas:
     config.available_features.add("ptxas")
     config.substitutions.append((r"\bptxas\b", ptxas))
+if has_amdgpu():
+    config.available_features.add("amdgpu")
 if count_cuda_devices():
     config.available_features.add("cuda")
 
-for tool in ("FileCheck", "not", "split-file", "llvm-readobj", "llvm-nm", "llvm-objdump"):
+llvm_tools = ["FileCheck", "not", "split-file", "mlir-opt"]
+llvm_tools += ["llvm-readobj", "llvm-nm", "llvm-objdump"]
+for tool in llvm_tools:
     config.substitutions.append((rf"(?<![-\w/]){tool}(?![-\w])", llvm_tool(tool)))
 config.substitutions.append((r"(?<![-\w/])warp-opt(?![-\w])", warp_opt))
 warp_tblgen = [

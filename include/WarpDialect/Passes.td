@@ -463,6 +463,10 @@ def LowerLanes : WarpPass<"warp-lower-lanes"> {
     "::mlir::LLVM::LLVMDialect"];
 }
 
+//===----------------------------------------------------------------------===//
+// Phase `gpu`: an entry in structured control flow, on both targets
+//===----------------------------------------------------------------------===//
+
 def EmitEntry : WarpPass<"warp-emit-entry"> {
   let summary = "Turn the group of threads into the entry of a launch";
   let description = [{
@@ -507,7 +511,7 @@ def RotateLoops : WarpPass<"warp-rotate-loops"> {
       %total = scf.for %step = %c0 to %c32 step %c1 iter_args(%sum = %zero) {
         // %j = %tile + (%lane + %step) mod 32, %v
         %next = arith.addf %sum, %v fastmath<reassoc> : f32
-        %moved = llvm.call_intrinsic "llvm.nvvm.shfl.sync.idx.i32"(...) // %next
+        %moved, %valid = gpu.shuffle idx %next, %lane_after, %c32 : f32
         scf.yield %moved : f32
       }
       // %mine = %tile + %lane
@@ -732,9 +736,61 @@ def LowerMath : WarpPass<"warp-lower-math"> {
     "::mlir::arith::ArithDialect", "::mlir::LLVM::LLVMDialect"];
 }
 
+def FormGpuModule : WarpPass<"warp-form-gpu-module"> {
+  let summary = "Make the entry of a GPU launch a kernel of the gpu dialect";
+  let description = [{
+    All functions and variables move to a `gpu.module`, the entry becomes its
+    `gpu.func kernel`, and the variables of a block become workgroup buffers of
+    the kernel. An entry for the CPU stays as it is.
+
+    ```mlir
+    llvm.mlir.global internal @sums_0() {addr_space = 3 : i32}
+        : !llvm.array<32 x f32>
+    llvm.func @f(%block: !llvm.ptr) {
+      %p = llvm.mlir.addressof @sums_0 : !llvm.ptr<3>
+    // ==>
+    gpu.module @f {
+      gpu.func @f(%block: !llvm.ptr)
+          workgroup(%sums: memref<32xf32, #gpu.address_space<workgroup>>)
+          kernel {
+        // %p: where %sums begins
+    ```
+  }];
+  let dependentDialects = [
+    "::mlir::arith::ArithDialect", "::mlir::gpu::GPUDialect",
+    "::mlir::LLVM::LLVMDialect", "::mlir::memref::MemRefDialect"];
+}
+
+def VerifyGpu : WarpPass<"warp-verify-gpu"> {
+  let summary = "Check that a module is an entry in structured control flow";
+  let description = [{
+    No operation of the warp dialect is left, and a kernel for a GPU is in a
+    `gpu.module`.
+  }];
+}
+
+//===----------------------------------------------------------------------===//
+// Phase `llvm`
+//===----------------------------------------------------------------------===//
+
 def ConvertToLLVM : WarpPass<"warp-convert-to-llvm"> {
   let summary = "Convert what is left to the LLVM dialect";
+  let description = [{
+    A kernel of the `gpu` dialect becomes one of NVIDIA's on the way, and moves
+    out of its `gpu.module`.
+
+    ```mlir
+    gpu.module @f {
+      gpu.func @f(%block: !llvm.ptr) kernel {
+        %i = gpu.thread_id x
+    // ==>
+    llvm.func @f(%block: !llvm.ptr) attributes {nvvm.kernel} {
+      %t = nvvm.read.ptx.sreg.tid.x : i32
+      %i = llvm.sext %t : i32 to i64
+    ```
+  }];
   let dependentDialects = ["::mlir::LLVM::LLVMDialect",
+                           "::mlir::NVVM::NVVMDialect",
                            "::mlir::cf::ControlFlowDialect"];
 }
 

@@ -79,6 +79,7 @@ struct Phases {
     create(Phase::Warp);
     create(Phase::Thread);
     create(Phase::Launch);
+    create(Phase::Gpu);
     create(Phase::LLVM);
   }
 
@@ -201,6 +202,10 @@ void Compilation::lowerTo(Phase last) {
   if (last >= Phase::Launch) {
     runPhase(*op, Phase::Launch, options);
     dump("launch.mlir");
+  }
+  if (last >= Phase::Gpu) {
+    runPhase(*op, Phase::Gpu, options);
+    dump("gpu.mlir");
   }
   if (last == Phase::LLVM) {
     runPhase(*op, Phase::LLVM, options);

@@ -54,7 +54,7 @@ std::string warp::emitText(const Module &module, const CompileOptions &options,
   if (stage != "llvm" && stage != "ptx" && stage != "asm")
     throw Error(Error::Kind::Value,
                 "no stage '" + stage +
-                    "'; there are warp, thread, launch, llvm, ptx and asm");
+                    "'; there are warp, thread, launch, gpu, llvm, ptx and asm");
   if (stage == "ptx" && !isGpu(options))
     throw Error(Error::Kind::Value,
                 "stage 'ptx' needs a GPU target, but the target is '" +

@@ -15,12 +15,15 @@
 #include "mlir/Dialect/ControlFlow/IR/ControlFlow.h"
 #include "mlir/Dialect/Func/Extensions/InlinerExtension.h"
 #include "mlir/Dialect/Func/IR/FuncOps.h"
+#include "mlir/Dialect/GPU/IR/GPUDialect.h"
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
 #include "mlir/Dialect/Math/IR/Math.h"
+#include "mlir/Dialect/MemRef/IR/MemRef.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/Pass/PassManager.h"
 #include "mlir/Target/LLVMIR/Dialect/Builtin/BuiltinToLLVMIRTranslation.h"
 #include "mlir/Target/LLVMIR/Dialect/LLVMIR/LLVMToLLVMIRTranslation.h"
+#include "mlir/Target/LLVMIR/Dialect/NVVM/NVVMToLLVMIRTranslation.h"
 #include "mlir/Transforms/Passes.h"
 
 #include "llvm/ADT/StringSwitch.h"
@@ -32,6 +35,7 @@ std::optional<warp::Phase> warp::parsePhase(StringRef name) {
       .Case("warp", Phase::Warp)
       .Case("thread", Phase::Thread)
       .Case("launch", Phase::Launch)
+      .Case("gpu", Phase::Gpu)
       .Case("llvm", Phase::LLVM)
       .Default(std::nullopt);
 }
@@ -88,7 +92,7 @@ void warp::addPhase(OpPassManager &pm, Phase phase) {
     pm.addPass(createWidenThreads());
     pm.addPass(createVerifyLaunch());
     return;
-  case Phase::LLVM:
+  case Phase::Gpu:
     pm.addPass(createEmitEntry());
     pm.addPass(createLowerLanes());
     pm.addPass(createRotateLoops());
@@ -100,6 +104,10 @@ void warp::addPhase(OpPassManager &pm, Phase phase) {
     pm.addPass(createLowerArrays());
     pm.addPass(createExpandRoots());
     pm.addPass(createLowerMath());
+    pm.addPass(createFormGpuModule());
+    pm.addPass(createVerifyGpu());
+    return;
+  case Phase::LLVM:
     pm.addPass(createConvertToLLVM());
     pm.addPass(createVerifyLLVM());
     return;
@@ -112,16 +120,18 @@ void warp::addPipeline(OpPassManager &pm, Phase last,
   if (last == Phase::Warp)
     return;
   addSpecialize(pm, options);
-  for (Phase phase : {Phase::Thread, Phase::Launch, Phase::LLVM})
+  for (Phase phase :
+       {Phase::Thread, Phase::Launch, Phase::Gpu, Phase::LLVM})
     if (phase <= last)
       addPhase(pm, phase);
 }
 
 void warp::registerCompilerDialects(DialectRegistry &registry) {
   registry.insert<WarpDialect, arith::ArithDialect, cf::ControlFlowDialect,
-                  func::FuncDialect, LLVM::LLVMDialect, math::MathDialect,
-                  scf::SCFDialect>();
+                  func::FuncDialect, gpu::GPUDialect, LLVM::LLVMDialect,
+                  math::MathDialect, memref::MemRefDialect, scf::SCFDialect>();
   func::registerInlinerExtension(registry);
   registerBuiltinDialectTranslation(registry);
   registerLLVMDialectTranslation(registry);
+  registerNVVMDialectTranslation(registry);
 }

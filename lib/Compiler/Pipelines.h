@@ -24,7 +24,7 @@ namespace warp {
 
 /// Where a module can stop on its way to the LLVM dialect. Each phase ends
 /// with the pass that verifies it.
-enum class Phase { Warp, Thread, Launch, LLVM };
+enum class Phase { Warp, Thread, Launch, Gpu, LLVM };
 
 std::optional<Phase> parsePhase(llvm::StringRef name);
 

@@ -21,6 +21,7 @@ namespace warp {
 #define GEN_PASS_DEF_VERIFYWARP
 #define GEN_PASS_DEF_VERIFYTHREAD
 #define GEN_PASS_DEF_VERIFYLAUNCH
+#define GEN_PASS_DEF_VERIFYGPU
 #define GEN_PASS_DEF_VERIFYLLVM
 #include "WarpDialect/Passes.h.inc"
 } // namespace warp
@@ -182,10 +183,34 @@ struct VerifyLaunch : warp::impl::VerifyLaunchBase<VerifyLaunch> {
   }
 };
 
+struct VerifyGpu : warp::impl::VerifyGpuBase<VerifyGpu> {
+  void runOnOperation() override {
+    auto allowed = [](Operation *op) {
+      Dialect *dialect = op->getDialect();
+      // Their headers cost more than names.
+      if (dialect && (dialect->getNamespace() == "gpu" ||
+                      dialect->getNamespace() == "memref"))
+        return true;
+      return isa_and_nonnull<arith::ArithDialect, LLVM::LLVMDialect,
+                             math::MathDialect, scf::SCFDialect>(dialect);
+    };
+    if (failed(checkOperations(getOperation(), "gpu", allowed)))
+      return signalPassFailure();
+    for (auto function : getOperation().getOps<FunctionOpInterface>())
+      if (function->hasAttr(warp::attr::entry) && warp::isGpu(function)) {
+        function.emitError("expects the entry '")
+            << function.getName() << "' in a 'gpu.module'";
+        return signalPassFailure();
+      }
+  }
+};
+
 struct VerifyLLVM : warp::impl::VerifyLLVMBase<VerifyLLVM> {
   void runOnOperation() override {
     if (failed(checkOperations(getOperation(), "llvm", [](Operation *op) {
-          return isa_and_nonnull<LLVM::LLVMDialect>(op->getDialect());
+          Dialect *dialect = op->getDialect();
+          return dialect && (isa<LLVM::LLVMDialect>(dialect) ||
+                             dialect->getNamespace() == "nvvm");
         })))
       signalPassFailure();
   }

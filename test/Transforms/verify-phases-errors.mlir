@@ -2,6 +2,8 @@
 // RUN: warp-opt %t/warp.mlir --verify-diagnostics --warp-verify-warp
 // RUN: warp-opt %t/thread-op.mlir --verify-diagnostics --warp-verify-thread
 // RUN: warp-opt %t/thread-type.mlir --verify-diagnostics --warp-verify-thread
+// RUN: warp-opt %t/gpu-op.mlir --verify-diagnostics --warp-verify-gpu
+// RUN: warp-opt %t/gpu-entry.mlir --verify-diagnostics --warp-verify-gpu
 // RUN: warp-opt %t/llvm.mlir --verify-diagnostics --warp-verify-llvm
 
 // RUN: warp-opt %t/recursion.mlir --verify-diagnostics --warp-pipeline=to-warp
@@ -37,6 +39,21 @@ func.func @k(%x: f32) attributes {warp.kernel} {
 // expected-error @below {{type 'si32' is not part of phase 'thread'}}
 func.func @k(%x: si32) attributes {warp.kernel} {
   return
+}
+
+//--- gpu-op.mlir
+gpu.module @k {
+  gpu.func @k(%block: !llvm.ptr) kernel attributes {warp.entry} {
+    // expected-error @below {{operation 'warp.parameter' is not part of phase 'gpu'}}
+    %0 = warp.parameter %block[24] : !llvm.ptr -> f32
+    gpu.return
+  }
+}
+
+//--- gpu-entry.mlir
+// expected-error @below {{expects the entry 'k' in a 'gpu.module'}}
+llvm.func @k(%block: !llvm.ptr) attributes {warp.entry, warp.target = "sm_90"} {
+  llvm.return
 }
 
 //--- llvm.mlir

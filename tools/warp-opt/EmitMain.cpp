@@ -6,7 +6,7 @@
 //
 //   warp-opt in.mlir --warp-emit=STAGE [--warp-options=KEY[=VALUE],...]
 //
-// STAGE is warp, thread, launch, llvm, ptx, asm, times (milliseconds by phase),
+// STAGE is warp, thread, launch, gpu, llvm, ptx, asm, times (milliseconds by phase),
 // parameters, fingerprint, or adjoint or tangent: the derivative's warp IR, and
 // as comments what goes with it.
 //

@@ -32,6 +32,8 @@ struct PipelineOptions : PassPipelineOptions<PipelineOptions> {
                         llvm::cl::desc("Stop at thread IR")};
   Option<bool> toLaunch{*this, "to-launch",
                         llvm::cl::desc("Stop at launch IR")};
+  Option<bool> toGpu{*this, "to-gpu",
+                     llvm::cl::desc("Stop before the target's operations")};
   Option<bool> toLLVM{*this, "to-llvm",
                       llvm::cl::desc("Stop at the LLVM dialect")};
   Option<std::string> target{*this, "target", llvm::cl::init("cpu"),
@@ -83,6 +85,7 @@ static void addPipeline(OpPassManager &pm, const PipelineOptions &given) {
   warp::Phase last = given.toWarp     ? warp::Phase::Warp
                      : given.toThread ? warp::Phase::Thread
                      : given.toLaunch ? warp::Phase::Launch
+                     : given.toGpu    ? warp::Phase::Gpu
                                       : warp::Phase::LLVM;
   warp::addPipeline(pm, last, options);
 }
@@ -94,7 +97,9 @@ int main(int argc, char **argv) {
   warp::registerWarpPasses();
   PassPipelineRegistration<PipelineOptions> pipeline(
       "warp-pipeline",
-      "The compiler up to a phase: to-warp, to-thread, to-launch, to-llvm", addPipeline);
+      "The compiler up to a phase: to-warp, to-thread, to-launch, to-gpu, "
+      "to-llvm",
+      addPipeline);
   DialectRegistry registry;
   warp::registerCompilerDialects(registry);
   return asMainReturnCode(

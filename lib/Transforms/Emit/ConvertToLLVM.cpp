@@ -5,24 +5,33 @@
 // Structured control flow becomes branches, then arith, math and cf operations
 // become LLVM's in one conversion. Which products are fused with sums was
 // settled before (warp-fuse-multiply-add), so nothing may contract here.
+// Operations of the gpu dialect become NVIDIA's in the same conversion, by
+// MLIR's patterns.
 // `warp.fast_math` allows reassociation, reciprocals and more contraction, but
 // NaN and infinity keep their meaning.
 //
 //===----------------------------------------------------------------------===//
 
 #include "KernelFunction.h"
+#include "Launch/GpuBlock.h"
 
 #include "WarpDialect/WarpDialect.h"
 
 #include "mlir/Conversion/ArithToLLVM/ArithToLLVM.h"
 #include "mlir/Conversion/ControlFlowToLLVM/ControlFlowToLLVM.h"
+#include "mlir/Conversion/GPUCommon/GPUCommonPass.h"
+#include "mlir/Conversion/GPUToNVVM/GPUToNVVMPass.h"
 #include "mlir/Conversion/LLVMCommon/TypeConverter.h"
 #include "mlir/Conversion/MathToLLVM/MathToLLVM.h"
+#include "mlir/Conversion/MemRefToLLVM/MemRefToLLVM.h"
 #include "mlir/Conversion/SCFToControlFlow/SCFToControlFlow.h"
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/ControlFlow/IR/ControlFlow.h"
+#include "mlir/Dialect/GPU/IR/GPUDialect.h"
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
+#include "mlir/Dialect/LLVMIR/NVVMDialect.h"
 #include "mlir/Dialect/Math/IR/Math.h"
+#include "mlir/Dialect/MemRef/IR/MemRef.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/Transforms/DialectConversion.h"
 
@@ -46,7 +55,19 @@ struct Conversion {
     cf::populateControlFlowToLLVMConversionPatterns(types, rest);
     populateMathToLLVMConversionPatterns(types, rest,
                                          /*approximateLog1p=*/false);
+    addGpuPatterns(rest);
     toLLVM = std::move(rest);
+  }
+
+  void addGpuPatterns(RewritePatternSet &patterns) {
+    populateGpuMemorySpaceAttributeConversions(
+        types, [](gpu::AddressSpace space) -> unsigned {
+          return space == gpu::AddressSpace::Workgroup ? warp::sharedSpace : 0;
+        });
+    // These would call libdevice for operations of math that warp-lower-math
+    // left alone on purpose, so those of math come first.
+    populateGpuToNVVMConversionPatterns(types, patterns, /*benefit=*/0);
+    populateFinalizeMemRefToLLVMConversionPatterns(types, patterns);
   }
 
   LLVMTypeConverter types;
@@ -60,10 +81,14 @@ struct ConvertToLLVM : warp::impl::ConvertToLLVMBase<ConvertToLLVM> {
   }
 
   void runOnOperation() override {
-    FunctionOpInterface entry = warp::findEntry(getOperation());
+    gpu::GPUFuncOp kernel = findKernel();
+    FunctionOpInterface entry =
+        kernel ? kernel : warp::findEntry(getOperation());
     if (!entry)
       return signalPassFailure();
     setFloatFlags(entry);
+    int64_t blockDim = warp::getFact(entry, warp::attr::blockDim, 256);
+    DictionaryAttr parameterFacts = kernel ? kernel.getArgAttrDict(0) : nullptr;
 
     ConversionTarget branches(getContext());
     branches.addIllegalDialect<scf::SCFDialect>();
@@ -73,12 +98,41 @@ struct ConvertToLLVM : warp::impl::ConvertToLLVMBase<ConvertToLLVM> {
       return signalPassFailure();
 
     ConversionTarget llvm(getContext());
-    llvm.addLegalDialect<LLVM::LLVMDialect>();
+    llvm.addLegalDialect<LLVM::LLVMDialect, NVVM::NVVMDialect>();
     llvm.addIllegalDialect<arith::ArithDialect, cf::ControlFlowDialect,
-                           math::MathDialect>();
+                           gpu::GPUDialect, math::MathDialect,
+                           memref::MemRefDialect>();
+    llvm.addLegalOp<gpu::GPUModuleOp>();
     if (failed(applyPartialConversion(getOperation(), llvm,
                                       conversion->toLLVM)))
       return signalPassFailure();
+    if (kernel)
+      takeOut(parameterFacts, blockDim);
+  }
+
+  /// The kernel of the only `gpu.module`; null if there is none.
+  gpu::GPUFuncOp findKernel() {
+    for (auto module : getOperation().getOps<gpu::GPUModuleOp>())
+      for (auto kernel : module.getOps<gpu::GPUFuncOp>())
+        return kernel;
+    return nullptr;
+  }
+
+  /// Moves everything out of the `gpu.module`, as LLVM has one module for it
+  /// all, and says of the kernel what the conversion does not know of.
+  void takeOut(DictionaryAttr parameterFacts, int64_t blockDim) {
+    auto module = *getOperation().getOps<gpu::GPUModuleOp>().begin();
+    for (auto function : module.getOps<LLVM::LLVMFuncOp>())
+      if (function->hasAttr(warp::attr::entry)) {
+        function.setArgAttrs(0, parameterFacts);
+        function->setAttr(
+            NVVM::NVVMDialect::getMaxntidAttrName(),
+            DenseI32ArrayAttr::get(&getContext(), int32_t(blockDim)));
+      }
+    Block *inside = &module.getBodyRegion().front();
+    module->getBlock()->getOperations().splice(module->getIterator(),
+                                               inside->getOperations());
+    module.erase();
   }
 
   void setFloatFlags(FunctionOpInterface entry) {

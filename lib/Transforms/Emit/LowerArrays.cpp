@@ -17,6 +17,7 @@
 #include "ArrayLowering.h"
 #include "ForwardElements.h"
 #include "KernelFunction.h"
+#include "Launch/GpuBlock.h"
 #include "WarpDialect/ParameterLayout.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -360,6 +361,11 @@ void ArrayLowering::lowerAddress(AddressOp op) {
 
 namespace {
 struct LowerArrays : warp::impl::LowerArraysBase<LowerArrays> {
+  void getDependentDialects(DialectRegistry &registry) const override {
+    LowerArraysBase::getDependentDialects(registry);
+    warp::registerGpuDialect(registry);
+  }
+
   void runOnOperation() override {
     auto entry = dyn_cast_or_null<LLVM::LLVMFuncOp>(
         findEntry(getOperation()).getOperation());

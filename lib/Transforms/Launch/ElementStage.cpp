@@ -28,20 +28,10 @@ int64_t warp::getSlabPeriod(int64_t count) {
 
 Value warp::isWholeWarp(OpBuilder &b, Location loc,
                         const StagedAccesses &staged) {
-  Type i32 = b.getI32Type();
-  Value mask = callIntrinsic(b, loc, i32, "llvm.nvvm.activemask", {});
-  Value all = arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(-1));
-  Value whole =
-      arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq, mask, all);
+  Value whole = isFullWarp(b, loc);
   if (staged.inRow)
     whole = arith::AndIOp::create(b, loc, whole, staged.inRow);
   return whole;
-}
-
-void warp::warpBarrier(OpBuilder &b, Location loc) {
-  Value all = arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(-1));
-  LLVM::CallIntrinsicOp::create(
-      b, loc, b.getStringAttr("llvm.nvvm.bar.warp.sync"), ValueRange(all));
 }
 
 warp::ElementStage::ElementStage(OpBuilder &b, Location loc,
@@ -107,13 +97,13 @@ void warp::ElementStage::storeShare(ValueRange words) {
 
 SmallVector<Value> warp::ElementStage::shareToElement(ValueRange words) {
   store(words, [&](int64_t i) { return inShare(i); });
-  warpBarrier(b, loc);
+  synchronizeWarp(b, loc);
   return load([&](int64_t i) { return advance(element, i); });
 }
 
 SmallVector<Value> warp::ElementStage::elementToShare(ValueRange words) {
   store(words, [&](int64_t i) { return advance(element, i); });
-  warpBarrier(b, loc);
+  synchronizeWarp(b, loc);
   return load([&](int64_t i) { return inShare(i); });
 }
 
@@ -151,7 +141,7 @@ void warp::ArrayLowering::lowerStaged(ArrayRef<LoadComponentsOp> group) {
                                   /*addElseBlock=*/true);
   OpBuilder::InsertionGuard insertion(b);
   b.setInsertionPointToStart(branch.thenBlock());
-  warpBarrier(b, loc);
+  synchronizeWarp(b, loc);
   SmallVector<ElementStage> stages;
   SmallVector<SmallVector<Value>> shares;
   for (auto [element, pointer] : llvm::zip_equal(elements, pointers)) {
@@ -161,7 +151,7 @@ void warp::ArrayLowering::lowerStaged(ArrayRef<LoadComponentsOp> group) {
   SmallVector<Value> loaded;
   for (auto [i, share] : llvm::enumerate(shares)) {
     if (i > 0)
-      warpBarrier(b, loc);
+      synchronizeWarp(b, loc);
     llvm::append_range(loaded, stages[i].shareToElement(share));
   }
   scf::YieldOp::create(b, loc, loaded);
@@ -197,13 +187,13 @@ void warp::ArrayLowering::lowerStaged(StoreComponentsOp op) {
   auto branch = scf::IfOp::create(b, loc, isWhole(op), /*withElseRegion=*/true);
   OpBuilder::InsertionGuard insertion(b);
   b.setInsertionPointToStart(branch.thenBlock());
-  warpBarrier(b, loc);
+  synchronizeWarp(b, loc);
   ElementStage stage(b, loc, staged, type, pointer);
   SmallVector<Value> words(op.getComponents());
   if (!isOneConstant(words))
     words = stage.elementToShare(words);
   stage.storeShare(words);
-  warpBarrier(b, loc);
+  synchronizeWarp(b, loc);
 
   b.setInsertionPointToStart(branch.elseBlock());
   for (auto [leaf, value] :

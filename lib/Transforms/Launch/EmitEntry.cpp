@@ -22,7 +22,6 @@
 //===----------------------------------------------------------------------===//
 
 #include "EntryBuilder.h"
-#include "GpuBlock.h"
 #include "Updates/Atomics.h"
 #include "Updates/BlockReduce.h"
 #include "WarpDialect/ParameterLayout.h"
@@ -77,10 +76,6 @@ void EntryBuilder::createEntry() {
   auto bytes = LLVM::LLVMArrayType::get(b.getI8Type(), size);
   entry.setArgAttr(0, "llvm.byval", TypeAttr::get(bytes));
   entry.setArgAttr(0, "llvm.align", b.getI64IntegerAttr(8));
-  auto limit = std::to_string(
-      warp::getFact(kernel, warp::attr::blockDim, 256));
-  entry.setPassthroughAttr(b.getArrayAttr(
-      {b.getStrArrayAttr({"nvvm.maxntid", limit})}));
 }
 
 /// Reads extents and arguments, and puts them in the place of the kernel's.
@@ -239,6 +234,11 @@ void EntryBuilder::build() {
 namespace {
 
 struct EmitEntry : warp::impl::EmitEntryBase<EmitEntry> {
+  void getDependentDialects(DialectRegistry &registry) const override {
+    EmitEntryBase::getDependentDialects(registry);
+    warp::registerGpuDialect(registry);
+  }
+
   void runOnOperation() override {
     FunctionOpInterface kernel = warp::findKernel(getOperation());
     if (!kernel)

@@ -10,25 +10,20 @@
 //===----------------------------------------------------------------------===//
 
 #include "EntryBuilder.h"
-#include "GpuBlock.h"
 #include "Updates/BlockReduce.h"
 #include "WarpDialect/ParameterLayout.h"
 
 using namespace mlir;
 using warp::EntryBuilder;
 
-/// A special register of the grid.
-Value EntryBuilder::readSpecial(StringRef name, StringRef axis) {
-  return warp::readSpecial(b, loc, (name + "." + axis).str());
-}
-
 /// block index * block size + thread index, along one axis.
-Value EntryBuilder::gridIndex(StringRef axis, Type type) {
-  auto read = [&](StringRef name) {
-    return narrow(readSpecial(name, axis), type);
+Value EntryBuilder::gridIndex(warp::Axis axis, Type type) {
+  auto read = [&](warp::GridValue value) {
+    return narrow(warp::readGrid(b, loc, value, axis), type);
   };
-  Value start = mul(read("ctaid"), read("ntid"));
-  return add(start, read("tid"));
+  Value start = mul(read(warp::GridValue::blockId),
+                    read(warp::GridValue::blockDim));
+  return add(start, read(warp::GridValue::threadId));
 }
 
 /// Thread indices, and whether the launch has that thread.
@@ -41,19 +36,19 @@ EntryBuilder::Values EntryBuilder::gridIndices(Value &inside) {
     inside = inside ? arith::AndIOp::create(b, loc, inside, fits) : fits;
   };
   if (flat) {
-    Value linear = gridIndex("x", i64);
+    Value linear = gridIndex(warp::Axis::x, i64);
     guard(linear, countAll());
     return unravel(linear, rank);
   }
   Values indices(rank);
-  indices[rank - 1] = gridIndex("x", type);
+  indices[rank - 1] = gridIndex(warp::Axis::x, type);
   guard(indices[rank - 1], dims[rank - 1]);
   if (rank > 1) {
-    indices[rank - 2] = gridIndex("y", type);
+    indices[rank - 2] = gridIndex(warp::Axis::y, type);
     guard(indices[rank - 2], dims[rank - 2]);
   }
   if (rank > 2) {
-    Value slab = gridIndex("z", type);
+    Value slab = gridIndex(warp::Axis::z, type);
     Value extent = narrow(dims[0], type);
     if (rank == 4)
       extent = mul(extent, narrow(dims[1], type));
@@ -93,8 +88,8 @@ Value EntryBuilder::countAll() {
 /// which thread runs which index does not depend on the card.
 EntryBuilder::Values EntryBuilder::buildOneBlock() {
   Type i64 = b.getI64Type();
-  Value begin = narrow(readSpecial("tid", "x"), i64);
-  Value step = narrow(readSpecial("ntid", "x"), i64);
+  Value begin = narrow(warp::readGrid(b, loc, warp::GridValue::threadId), i64);
+  Value step = narrow(warp::readGrid(b, loc, warp::GridValue::blockDim), i64);
   Values sums = identities(/*inLanes=*/false);
   auto loop = scf::ForOp::create(b, loc, begin, countAll(), step, sums);
   OpBuilder::InsertionGuard guard(b);

@@ -193,10 +193,10 @@ EntryBuilder::Values EntryBuilder::buildItems(int64_t items, Value lane,
 /// Items a block apart along the only axis.
 EntryBuilder::Values EntryBuilder::buildStream(int64_t items) {
   Type i32 = b.getI32Type();
-  Value width = readSpecial("ntid", "x");
-  Value start = mul(mul(readSpecial("ctaid", "x"), width),
-                    constant(i32, items));
-  Value lane = add(start, readSpecial("tid", "x"));
+  Value width = warp::readGrid(b, loc, warp::GridValue::blockDim);
+  Value block = warp::readGrid(b, loc, warp::GridValue::blockId);
+  Value start = mul(mul(block, width), constant(i32, items));
+  Value lane = add(start, warp::readGrid(b, loc, warp::GridValue::threadId));
   Value end = add(start, mul(width, constant(i32, items)));
   return buildItems(items, lane, width, end, {},
                     cmp(arith::CmpIPredicate::sle, end, dims[0]));
@@ -208,14 +208,15 @@ EntryBuilder::Values EntryBuilder::buildPlanes(int64_t items) {
   Values rest;
   Value inside;
   for (int64_t i = 1; i < rank; ++i) {
-    rest.push_back(gridIndex(i == rank - 1 ? "x" : "y", i32));
+    rest.push_back(gridIndex(i == rank - 1 ? warp::Axis::x : warp::Axis::y, i32));
     Value fits = cmp(arith::CmpIPredicate::slt, rest.back(), dims[i]);
     inside = inside ? arith::AndIOp::create(b, loc, inside, fits) : fits;
   }
   auto exists = scf::IfOp::create(b, loc, inside, /*withElseRegion=*/false);
   OpBuilder::InsertionGuard guard(b);
   b.setInsertionPointToStart(exists.thenBlock());
-  Value start = mul(gridIndex(rank == 2 ? "y" : "z", i32), constant(i32, items));
+  warp::Axis axis = rank == 2 ? warp::Axis::y : warp::Axis::z;
+  Value start = mul(gridIndex(axis, i32), constant(i32, items));
   Value end = add(start, constant(i32, items));
   return buildItems(items, start, constant(i32, 1), end, rest,
                     cmp(arith::CmpIPredicate::sle, end, dims[0]));

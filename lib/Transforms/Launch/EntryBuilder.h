@@ -12,6 +12,7 @@
 #ifndef WARP_LIB_TRANSFORMS_ENTRYBUILDER_H
 #define WARP_LIB_TRANSFORMS_ENTRYBUILDER_H
 
+#include "GpuBlock.h"
 #include "KernelFunction.h"
 #include "WarpDialect/WarpOps.h"
 
@@ -76,8 +77,7 @@ private:
                                llvm::MutableArrayRef<mlir::IRMapping> clones);
   int64_t chooseItems();
   Values gridIndices(mlir::Value &inside);
-  mlir::Value readSpecial(llvm::StringRef name, llvm::StringRef axis);
-  mlir::Value gridIndex(llvm::StringRef axis, mlir::Type type);
+  mlir::Value gridIndex(Axis axis, mlir::Type type);
   mlir::Value countAll();
 
   // Small arithmetic, in the order of operands.

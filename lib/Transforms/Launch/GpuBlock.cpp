@@ -2,16 +2,168 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// What passes need that let the threads of a block work together.
+// What passes need that let the threads of a block work together, so that none
+// of them names an operation of the `gpu` dialect, whose header is costly, or
+// an intrinsic of one maker's GPUs.
 //
 //===----------------------------------------------------------------------===//
 
 #include "GpuBlock.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
+#include "mlir/Dialect/GPU/IR/GPUDialect.h"
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
 
 using namespace mlir;
+
+void warp::registerGpuDialect(DialectRegistry &registry) {
+  registry.insert<gpu::GPUDialect>();
+}
+
+static Value constant(OpBuilder &b, Location loc, int32_t value) {
+  return arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(value));
+}
+
+//===----------------------------------------------------------------------===//
+// The grid
+//===----------------------------------------------------------------------===//
+
+static gpu::Dimension toDimension(warp::Axis axis) {
+  switch (axis) {
+  case warp::Axis::x:
+    return gpu::Dimension::x;
+  case warp::Axis::y:
+    return gpu::Dimension::y;
+  case warp::Axis::z:
+    return gpu::Dimension::z;
+  }
+  llvm_unreachable("no such axis");
+}
+
+static warp::Axis toAxis(gpu::Dimension dimension) {
+  switch (dimension) {
+  case gpu::Dimension::x:
+    return warp::Axis::x;
+  case gpu::Dimension::y:
+    return warp::Axis::y;
+  case gpu::Dimension::z:
+    return warp::Axis::z;
+  }
+  llvm_unreachable("no such dimension");
+}
+
+static Value readIndex(OpBuilder &b, Location loc, warp::GridValue value,
+                       gpu::Dimension dimension) {
+  switch (value) {
+  case warp::GridValue::threadId:
+    return gpu::ThreadIdOp::create(b, loc, dimension);
+  case warp::GridValue::blockId:
+    return gpu::BlockIdOp::create(b, loc, dimension);
+  case warp::GridValue::blockDim:
+    return gpu::BlockDimOp::create(b, loc, dimension);
+  case warp::GridValue::laneId:
+    return gpu::LaneIdOp::create(b, loc, /*upper_bound=*/nullptr);
+  }
+  llvm_unreachable("no such value");
+}
+
+Value warp::readGrid(OpBuilder &b, Location loc, GridValue value, Axis axis) {
+  return arith::IndexCastOp::create(b, loc, b.getI32Type(),
+                                    readIndex(b, loc, value,
+                                              toDimension(axis)));
+}
+
+std::optional<warp::GridRead> warp::getGridRead(Value value) {
+  auto cast = value.getDefiningOp<arith::IndexCastOp>();
+  Operation *op = cast ? cast.getIn().getDefiningOp() : nullptr;
+  if (auto read = dyn_cast_or_null<gpu::ThreadIdOp>(op))
+    return GridRead{GridValue::threadId, toAxis(read.getDimension())};
+  if (auto read = dyn_cast_or_null<gpu::BlockIdOp>(op))
+    return GridRead{GridValue::blockId, toAxis(read.getDimension())};
+  if (auto read = dyn_cast_or_null<gpu::BlockDimOp>(op))
+    return GridRead{GridValue::blockDim, toAxis(read.getDimension())};
+  if (isa_and_nonnull<gpu::LaneIdOp>(op))
+    return GridRead{GridValue::laneId, Axis::x};
+  return std::nullopt;
+}
+
+Value warp::threadInBlock(OpBuilder &b, Location loc) {
+  auto thread = [&](Axis axis) {
+    return readGrid(b, loc, GridValue::threadId, axis);
+  };
+  auto extent = [&](Axis axis) {
+    return readGrid(b, loc, GridValue::blockDim, axis);
+  };
+  auto mul = [&](Value x, Value y) -> Value {
+    return arith::MulIOp::create(b, loc, x, y);
+  };
+  auto add = [&](Value x, Value y) -> Value {
+    return arith::AddIOp::create(b, loc, x, y);
+  };
+  Value row = add(thread(Axis::y), mul(extent(Axis::y), thread(Axis::z)));
+  return add(thread(Axis::x), mul(extent(Axis::x), row));
+}
+
+//===----------------------------------------------------------------------===//
+// Lanes and threads together
+//===----------------------------------------------------------------------===//
+
+static gpu::ShuffleMode toGpu(warp::ShuffleMode mode) {
+  switch (mode) {
+  case warp::ShuffleMode::index:
+    return gpu::ShuffleMode::IDX;
+  case warp::ShuffleMode::down:
+    return gpu::ShuffleMode::DOWN;
+  case warp::ShuffleMode::exclusiveOr:
+    return gpu::ShuffleMode::XOR;
+  }
+  llvm_unreachable("no such mode");
+}
+
+/// 64 bits travel in two halves.
+Value warp::shuffle(OpBuilder &b, Location loc, ShuffleMode mode, Value value,
+                    Value lane) {
+  Type type = value.getType(), i32 = b.getI32Type(), i64 = b.getI64Type();
+  Value width = constant(b, loc, warpSize);
+  auto move = [&](Value word) -> Value {
+    return gpu::ShuffleOp::create(b, loc, word, lane, width, toGpu(mode))
+        .getShuffleResult();
+  };
+  if (type.getIntOrFloatBitWidth() == 32)
+    return move(value);
+  Value bits = value;
+  if (type != i64)
+    bits = arith::BitcastOp::create(b, loc, i64, value);
+  Value half = arith::ConstantOp::create(b, loc, b.getI64IntegerAttr(32));
+  Value high = arith::ShRUIOp::create(b, loc, bits, half);
+  high = move(arith::TruncIOp::create(b, loc, i32, high));
+  Value low = move(arith::TruncIOp::create(b, loc, i32, bits));
+  high = arith::ExtUIOp::create(b, loc, i64, high);
+  low = arith::ExtUIOp::create(b, loc, i64, low);
+  high = arith::ShLIOp::create(b, loc, high, half);
+  bits = arith::OrIOp::create(b, loc, high, low);
+  if (type == i64)
+    return bits;
+  return arith::BitcastOp::create(b, loc, type, bits);
+}
+
+bool warp::isShuffle(Operation *op) { return isa<gpu::ShuffleOp>(op); }
+
+Value warp::overLanes(OpBuilder &b, Location loc, Value value,
+                      function_ref<Value(Value, Value)> combine) {
+  for (int64_t distance = 1; distance < warpSize; distance *= 2)
+    value = combine(value, shuffle(b, loc, ShuffleMode::exclusiveOr, value,
+                                   constant(b, loc, distance)));
+  return value;
+}
+
+void warp::synchronizeBlock(OpBuilder &b, Location loc) {
+  gpu::BarrierOp::create(b, loc);
+}
+
+//===----------------------------------------------------------------------===//
+// Intrinsics
+//===----------------------------------------------------------------------===//
 
 Value warp::callIntrinsic(OpBuilder &b, Location loc, Type type,
                           StringRef name, ValueRange operands) {
@@ -20,73 +172,33 @@ Value warp::callIntrinsic(OpBuilder &b, Location loc, Type type,
       .getResult(0);
 }
 
-/// 64 bits travel in two halves.
-Value warp::shuffle(OpBuilder &b, Location loc, StringRef mode, Value value,
-                    Value lane) {
-  Type type = value.getType(), i32 = b.getI32Type();
-  unsigned width = type.getIntOrFloatBitWidth();
-  Value all = arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(-1));
-  Value clamp =
-      arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(warpSize - 1));
-  auto move = [&](Value word) {
-    return callIntrinsic(b, loc, i32,
-                         ("llvm.nvvm.shfl.sync." + mode + ".i32").str(),
-                         {all, word, lane, clamp});
-  };
-  Value bits = value;
-  Type bitsType = b.getIntegerType(width);
-  if (type != bitsType)
-    bits = arith::BitcastOp::create(b, loc, bitsType, value);
-  if (width == 32) {
-    bits = move(bits);
-  } else {
-    Value half = arith::ConstantOp::create(b, loc, b.getI64IntegerAttr(32));
-    Value high = arith::ShRUIOp::create(b, loc, bits, half);
-    high = move(arith::TruncIOp::create(b, loc, i32, high));
-    Value low = move(arith::TruncIOp::create(b, loc, i32, bits));
-    high = arith::ExtUIOp::create(b, loc, bitsType, high);
-    low = arith::ExtUIOp::create(b, loc, bitsType, low);
-    high = arith::ShLIOp::create(b, loc, high, half);
-    bits = arith::OrIOp::create(b, loc, high, low);
-  }
-  if (type == bitsType)
-    return bits;
-  return arith::BitcastOp::create(b, loc, type, bits);
+Value warp::isFullWarp(OpBuilder &b, Location loc) {
+  Value active =
+      callIntrinsic(b, loc, b.getI32Type(), "llvm.nvvm.activemask", {});
+  return arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq, active,
+                               constant(b, loc, -1));
 }
 
-Value warp::overLanes(OpBuilder &b, Location loc, Value value,
-                      function_ref<Value(Value, Value)> combine) {
-  for (int64_t distance = 1; distance < warpSize; distance *= 2) {
-    Value lane =
-        arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(distance));
-    value = combine(value, shuffle(b, loc, "bfly", value, lane));
-  }
-  return value;
+Value warp::holdsInWarp(OpBuilder &b, Location loc, Value condition) {
+  return callIntrinsic(b, loc, b.getI1Type(), "llvm.nvvm.vote.all.sync",
+                       {constant(b, loc, -1), condition});
 }
 
-void warp::synchronizeBlock(OpBuilder &b, Location loc) {
-  Value barrier = arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(0));
-  LLVM::CallIntrinsicOp::create(
-      b, loc, b.getStringAttr("llvm.nvvm.barrier.cta.sync.aligned.all"),
-      ValueRange(barrier));
+Value warp::holdsAnywhere(OpBuilder &b, Location loc, Value condition) {
+  return callIntrinsic(b, loc, b.getI1Type(),
+                       "llvm.nvvm.barrier.cta.red.or.aligned.all",
+                       {constant(b, loc, 0), condition});
 }
 
-Value warp::readSpecial(OpBuilder &b, Location loc, StringRef name) {
-  return callIntrinsic(b, loc, b.getI32Type(),
-                       ("llvm.nvvm.read.ptx.sreg." + name).str(), {});
+void warp::synchronizeWarp(OpBuilder &b, Location loc) {
+  LLVM::CallIntrinsicOp::create(b, loc,
+                                b.getStringAttr("llvm.nvvm.bar.warp.sync"),
+                                ValueRange(constant(b, loc, -1)));
 }
 
-Value warp::threadInBlock(OpBuilder &b, Location loc) {
-  auto read = [&](StringRef name) { return readSpecial(b, loc, name); };
-  auto mul = [&](Value x, Value y) -> Value {
-    return arith::MulIOp::create(b, loc, x, y);
-  };
-  auto add = [&](Value x, Value y) -> Value {
-    return arith::AddIOp::create(b, loc, x, y);
-  };
-  Value row = add(read("tid.y"), mul(read("ntid.y"), read("tid.z")));
-  return add(read("tid.x"), mul(read("ntid.x"), row));
-}
+//===----------------------------------------------------------------------===//
+// Memory of a block
+//===----------------------------------------------------------------------===//
 
 Value warp::makeShared(OpBuilder &b, Location loc, ModuleOp module, Type type,
                        StringRef name) {

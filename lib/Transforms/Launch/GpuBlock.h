@@ -10,24 +10,50 @@
 #include "mlir/IR/Builders.h"
 #include "mlir/IR/BuiltinOps.h"
 
+#include <optional>
+
 namespace warp {
 
 constexpr int64_t warpSize = 32;
 /// Address space of the memory that the threads of a block share.
 constexpr unsigned sharedSpace = 3;
 
-mlir::Value callIntrinsic(mlir::OpBuilder &b, mlir::Location loc,
-                          mlir::Type type, llvm::StringRef name,
-                          mlir::ValueRange operands);
+/// For passes whose code for a GPU has operations of the `gpu` dialect.
+void registerGpuDialect(mlir::DialectRegistry &registry);
 
-/// A value of 32 or 64 bits of another lane: `mode` is one of PTX's shfl.sync
-/// and says which lane `lane` means. All lanes of the warp must get here.
-mlir::Value shuffle(mlir::OpBuilder &b, mlir::Location loc,
-                    llvm::StringRef mode, mlir::Value value, mlir::Value lane);
+//===----------------------------------------------------------------------===//
+// Operations of the `gpu` dialect
+//===----------------------------------------------------------------------===//
 
-/// A special register: `tid.x`, `ntid.y`.
-mlir::Value readSpecial(mlir::OpBuilder &b, mlir::Location loc,
-                        llvm::StringRef name);
+enum class Axis { x, y, z };
+
+/// Where a thread is in the grid of its launch; a lane id has no axis.
+enum class GridValue { threadId, blockId, blockDim, laneId };
+
+struct GridRead {
+  GridValue value;
+  Axis axis;
+};
+
+/// Reads it, as i32.
+mlir::Value readGrid(mlir::OpBuilder &b, mlir::Location loc, GridValue value,
+                     Axis axis = Axis::x);
+
+/// What `readGrid` read, if it made this value.
+std::optional<GridRead> getGridRead(mlir::Value value);
+
+/// Which lane the operand `lane` of a shuffle means: this one, or one at that
+/// distance from the own.
+enum class ShuffleMode { index, down, exclusiveOr };
+
+/// A value of 32 or 64 bits of another lane. All lanes of the warp must get
+/// here.
+mlir::Value shuffle(mlir::OpBuilder &b, mlir::Location loc, ShuffleMode mode,
+                    mlir::Value value, mlir::Value lane);
+
+/// Whether an operation exchanges values between lanes, so that it must stay
+/// where all of them get to, though it does nothing to memory.
+bool isShuffle(mlir::Operation *op);
 
 /// Number of the thread in its block, which has any number of axes.
 mlir::Value threadInBlock(mlir::OpBuilder &b, mlir::Location loc);
@@ -40,6 +66,32 @@ overLanes(mlir::OpBuilder &b, mlir::Location loc, mlir::Value value,
 
 /// Waits for all threads of the block.
 void synchronizeBlock(mlir::OpBuilder &b, mlir::Location loc);
+
+//===----------------------------------------------------------------------===//
+// Intrinsics of NVIDIA's, for what the `gpu` dialect does not have
+//===----------------------------------------------------------------------===//
+
+mlir::Value callIntrinsic(mlir::OpBuilder &b, mlir::Location loc,
+                          mlir::Type type, llvm::StringRef name,
+                          mlir::ValueRange operands);
+
+/// Whether all lanes of the warp get here together.
+mlir::Value isFullWarp(mlir::OpBuilder &b, mlir::Location loc);
+
+/// Whether a condition holds in all lanes of a full warp.
+mlir::Value holdsInWarp(mlir::OpBuilder &b, mlir::Location loc,
+                        mlir::Value condition);
+
+/// Whether a condition holds in any thread of the block; waits for all of them.
+mlir::Value holdsAnywhere(mlir::OpBuilder &b, mlir::Location loc,
+                          mlir::Value condition);
+
+/// Waits for the lanes of a full warp, and what they did to memory.
+void synchronizeWarp(mlir::OpBuilder &b, mlir::Location loc);
+
+//===----------------------------------------------------------------------===//
+// Memory of a block
+//===----------------------------------------------------------------------===//
 
 /// Address of new shared memory, a variable whose name begins with `name`.
 mlir::Value makeShared(mlir::OpBuilder &b, mlir::Location loc,

@@ -28,6 +28,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "GpuBlock.h"
 #include "KernelFunction.h"
 
 #include "WarpDialect/WarpOps.h"
@@ -108,9 +109,7 @@ static ValueRange getWrittenValues(Operation *op) {
 /// Whether an operation can stand anywhere between those that its operands come
 /// from and its uses.
 static bool isPureOp(Operation *op) {
-  if (auto call = dyn_cast<LLVM::CallIntrinsicOp>(op))
-    return call.getIntrin().starts_with("llvm.nvvm.read.ptx.sreg.");
-  return isMemoryEffectFree(op);
+  return isMemoryEffectFree(op) && !warp::isShuffle(op);
 }
 
 /// Memory of a thread's own, which no array is in.

@@ -29,6 +29,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "Updates/Atomics.h"
+#include "GpuBlock.h"
 #include "KernelFunction.h"
 #include "RotateLoops.h"
 #include "UniformValues.h"
@@ -205,6 +206,11 @@ bool Rotation::qualifies() {
 namespace {
 
 struct RotateLoops : warp::impl::RotateLoopsBase<RotateLoops> {
+  void getDependentDialects(DialectRegistry &registry) const override {
+    RotateLoopsBase::getDependentDialects(registry);
+    warp::registerGpuDialect(registry);
+  }
+
   void runOnOperation() override {
     FunctionOpInterface found = warp::findEntry(getOperation());
     if (!found)

@@ -73,7 +73,9 @@ void Rotation::buildStep(Value tile, Value number, ValueRange carried) {
     accumulate(update, cast<warp::AtomicComponentsOp>(op), offset);
     for (auto [slot, type] :
          llvm::zip_equal(update.slots, update.op.getResultTypes()))
-      store(warp::shuffle(b, loc, "idx", load(slot, type), next), slot);
+      store(warp::shuffle(b, loc, warp::ShuffleMode::index, load(slot, type),
+                          next),
+            slot);
   }
   SmallVector<Value> sums;
   for (Value sum : loop.getBody()->getTerminator()->getOperands())
@@ -157,7 +159,7 @@ Value Rotation::endOfTiles() {
 
 void Rotation::run() {
   makeSlots();
-  lane = warp::readSpecial(b, loc, "laneid");
+  lane = warp::readGrid(b, loc, warp::GridValue::laneId);
   next = add(lane, constant(1));
   Value end = endOfTiles();
   auto tiles = scf::ForOp::create(

@@ -53,22 +53,16 @@ constexpr int64_t mostInFlight = 96;
 // Indices
 //===----------------------------------------------------------------------===//
 
-/// Name of the special register that a value is read from, or nothing.
-static StringRef getSpecial(Value value) {
-  auto call = value.getDefiningOp<LLVM::CallIntrinsicOp>();
-  StringRef name = call ? call.getIntrin() : "";
-  return name.consume_front("llvm.nvvm.read.ptx.sreg.") ? name : "";
-}
-
 /// Whether a value is the same for the threads of a warp that lies in a row.
 static bool isUniform(Value value, int depth = 8) {
   if (auto argument = dyn_cast<BlockArgument>(value))
     return isa<LLVM::LLVMFuncOp>(argument.getOwner()->getParentOp()) &&
            argument.getOwner()->isEntryBlock();
-  StringRef name = getSpecial(value);
-  if (!name.empty())
-    return name == "tid.y" || name == "tid.z" || name.starts_with("ctaid.") ||
-           name.starts_with("ntid.");
+  if (auto read = warp::getGridRead(value)) {
+    if (read->value == warp::GridValue::threadId)
+      return read->axis != warp::Axis::x;
+    return read->value != warp::GridValue::laneId;
+  }
   Operation *op = value.getDefiningOp();
   return depth > 0 && isPure(op) && op->getNumRegions() == 0 &&
          llvm::all_of(op->getOperands(), [&](Value operand) {
@@ -79,8 +73,9 @@ static bool isUniform(Value value, int depth = 8) {
 /// Whether an index is one more in the next thread of a row. Where it wraps
 /// around, an access is out of bounds.
 static bool followsThreads(Value index, int depth = 8) {
-  if (getSpecial(index) == "tid.x")
-    return true;
+  if (auto read = warp::getGridRead(index))
+    return read->value == warp::GridValue::threadId &&
+           read->axis == warp::Axis::x;
   Operation *op = index.getDefiningOp();
   if (!op || depth == 0 || index.getType().getIntOrFloatBitWidth() < 32)
     return false;
@@ -258,11 +253,11 @@ warp::StagedAccesses warp::findStagedAccesses(LLVM::LLVMFuncOp entry) {
   auto slabs = LLVM::LLVMArrayType::get(b.getI8Type(), warps * slabSize);
   Value shared = makeShared(b, loc, module, slabs, "element_slabs");
   Value last = constant(warpSize - 1);
-  Value x = readSpecial(b, loc, "tid.x"), thread = x;
+  Value x = readGrid(b, loc, GridValue::threadId), thread = x;
   if (getFact(entry, attr::rank, 1) > 1) {
     thread = threadInBlock(b, loc);
-    Value rest = arith::AndIOp::create(b, loc, readSpecial(b, loc, "ntid.x"),
-                                       last);
+    Value rest = arith::AndIOp::create(
+        b, loc, readGrid(b, loc, GridValue::blockDim), last);
     staged.inRow = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq,
                                          rest, constant(0));
   }

@@ -42,9 +42,6 @@ int64_t getSlabPeriod(int64_t count);
 mlir::Value isWholeWarp(mlir::OpBuilder &b, mlir::Location loc,
                         const StagedAccesses &staged);
 
-/// Waits for the threads of a whole warp, and what they did to memory.
-void warpBarrier(mlir::OpBuilder &b, mlir::Location loc);
-
 /// The elements of a whole warp, which lie side by side. A thread's share of
 /// them are words next to those of its neighbours.
 class ElementStage {

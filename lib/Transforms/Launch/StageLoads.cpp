@@ -345,7 +345,7 @@ void LoadStage::buildTiles(Value end) {
 }
 
 void LoadStage::build() {
-  lane = warp::readSpecial(b, loc, "laneid");
+  lane = warp::readGrid(b, loc, warp::GridValue::laneId);
   buildSlab();
   Value end = endOfTiles();
   Value any = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ne, end,

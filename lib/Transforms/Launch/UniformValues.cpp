@@ -31,14 +31,12 @@ bool warp::isUniform(Value value, LLVM::LLVMFuncOp entry,
            isUniform(loop.getStep(), entry, compared);
   }
   Operation *op = value.getDefiningOp();
-  if (auto call = dyn_cast<LLVM::CallIntrinsicOp>(op)) {
-    StringRef name = call.getIntrin();
-    if (!name.consume_front("llvm.nvvm.read.ptx.sreg."))
-      return false;
-    if (name == "tid.y" || name == "tid.z")
+  if (auto read = getGridRead(value)) {
+    bool isRow = read->value == GridValue::threadId && read->axis != Axis::x;
+    if (isRow)
       compared.insert(value);
-    return name.starts_with("ctaid.") || name.starts_with("ntid.") ||
-           compared.contains(value);
+    return isRow || read->value == GridValue::blockId ||
+           read->value == GridValue::blockDim;
   }
   return isPure(op) && op->getNumRegions() == 0 &&
          llvm::all_of(op->getOperands(), [&](Value operand) {
@@ -55,9 +53,7 @@ Value warp::isWarpTogether(OpBuilder &b, Location loc,
     return arith::ConstantOp::create(b, loc, b.getIntegerAttr(type, value));
   };
   Type i1 = b.getI1Type(), i32 = b.getI32Type();
-  Value all = constant(i32, -1);
-  Value active = callIntrinsic(b, loc, i32, "llvm.nvvm.activemask", {});
-  Value whole = equal(active, all);
+  Value whole = isFullWarp(b, loc);
   if (compared.empty())
     return whole;
   auto agree = scf::IfOp::create(b, loc, i1, whole, /*withElseRegion=*/true);
@@ -67,10 +63,10 @@ Value warp::isWarpTogether(OpBuilder &b, Location loc,
   b.setInsertionPointToStart(agree.thenBlock());
   Value same = constant(i1, 1);
   for (Value value : compared) {
-    Value first = shuffle(b, loc, "idx", value, constant(i32, 0));
+    Value first =
+        shuffle(b, loc, ShuffleMode::index, value, constant(i32, 0));
     same = arith::AndIOp::create(b, loc, same, equal(value, first));
   }
-  same = callIntrinsic(b, loc, i1, "llvm.nvvm.vote.all.sync", {all, same});
-  scf::YieldOp::create(b, loc, same);
+  scf::YieldOp::create(b, loc, holdsInWarp(b, loc, same));
   return agree.getResult(0);
 }

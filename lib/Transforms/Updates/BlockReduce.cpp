@@ -36,15 +36,15 @@ Value warp::BlockReduce::isFirst() {
 }
 
 Value warp::BlockReduce::any(Value condition) {
-  return callIntrinsic(b, loc, b.getI1Type(),
-                       "llvm.nvvm.barrier.cta.red.or.aligned.all",
-                       {constant(0), condition});
+  return holdsAnywhere(b, loc, condition);
 }
 
 Value warp::BlockReduce::overWarp(AtomicKind kind, Value value, Type type) {
   for (int64_t distance = warpSize / 2; distance > 0; distance /= 2)
     value = combine(b, loc, kind, value,
-                    shuffle(b, loc, "down", value, constant(distance)), type);
+                    shuffle(b, loc, ShuffleMode::down, value,
+                            constant(distance)),
+                    type);
   return value;
 }
 

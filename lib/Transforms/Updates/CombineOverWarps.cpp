@@ -67,9 +67,9 @@ static void combineOverWarp(AtomicComponentsOp op, ArrayRef<Value> compared) {
           return warp::combine(b, loc, kind, x, y, type, /*anyOrder=*/true);
         }));
   Value zero = arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(0));
-  Value isFirst =
-      arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq,
-                            warp::readSpecial(b, loc, "laneid"), zero);
+  Value lane = warp::readGrid(b, loc, warp::GridValue::laneId);
+  Value isFirst = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq, lane,
+                                        zero);
   auto once = scf::IfOp::create(b, loc, isFirst, /*withElseRegion=*/false);
   b.setInsertionPointToStart(once.thenBlock());
   AtomicComponentsOp::create(b, loc, op.getResultTypes(), op.getKind(), totals,
@@ -79,6 +79,11 @@ static void combineOverWarp(AtomicComponentsOp op, ArrayRef<Value> compared) {
 namespace {
 
 struct CombineOverWarps : warp::impl::CombineOverWarpsBase<CombineOverWarps> {
+  void getDependentDialects(DialectRegistry &registry) const override {
+    CombineOverWarpsBase::getDependentDialects(registry);
+    warp::registerGpuDialect(registry);
+  }
+
   void runOnOperation() override {
     FunctionOpInterface found = warp::findEntry(getOperation());
     if (!found)

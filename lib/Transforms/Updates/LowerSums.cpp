@@ -18,6 +18,7 @@
 #include "Atomics.h"
 #include "BlockSums.h"
 #include "KernelFunction.h"
+#include "Launch/GpuBlock.h"
 #include "SumFunctions.h"
 #include "WarpDialect/ParameterLayout.h"
 #include "WarpDialect/WarpOps.h"
@@ -287,6 +288,11 @@ void SumLowering::lower(warp::AtomicComponentsOp op) {
 namespace {
 
 struct LowerSums : warp::impl::LowerSumsBase<LowerSums> {
+  void getDependentDialects(DialectRegistry &registry) const override {
+    LowerSumsBase::getDependentDialects(registry);
+    warp::registerGpuDialect(registry);
+  }
+
   void runOnOperation() override {
     auto entry = dyn_cast_or_null<LLVM::LLVMFuncOp>(
         warp::findEntry(getOperation()).getOperation());
