@@ -85,7 +85,8 @@ static gpu::GPUFuncOp toGpuFunc(LLVM::LLVMFuncOp entry) {
   auto type = b.getFunctionType(entry.getArgumentTypes(), TypeRange());
   auto kernel =
       gpu::GPUFuncOp::create(b, entry.getLoc(), entry.getName(), type);
-  kernel->setDiscardableAttrs(entry->getDiscardableAttrDictionary());
+  for (NamedAttribute fact : entry->getDiscardableAttrs())
+    kernel->setAttr(fact.getName(), fact.getValue());
   kernel->setAttr(gpu::GPUDialect::getKernelFuncAttrName(), b.getUnitAttr());
   if (ArrayAttr facts = entry.getArgAttrsAttr())
     kernel.setArgAttrsAttr(facts);
