@@ -36,7 +36,8 @@ constexpr llvm::StringLiteral deterministic = "warp.deterministic";
 constexpr llvm::StringLiteral ordered = "warp.ordered";
 constexpr llvm::StringLiteral blockDim = "warp.block_dim";
 constexpr llvm::StringLiteral large = "warp.large";
-/// CPU: threads that one pass through the entry's loop stands for, if several.
+/// CPU: threads that are to be lanes of a vector; after warp-widen-threads those
+/// that are, if several.
 constexpr llvm::StringLiteral lanes = "warp.lanes";
 /// CPU: bits of a vector of the processor that code is for.
 constexpr llvm::StringLiteral vectorBits = "warp.vector_bits";

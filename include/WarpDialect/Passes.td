@@ -294,6 +294,8 @@ def Specialize : WarpPass<"warp-specialize"> {
            "CPU: threads that would share the launch">,
     Option<"vectorBits", "vector-bits", "int64_t", "256",
            "CPU: bits of a vector">,
+    Option<"lanes", "lanes", "int64_t", "0",
+           "CPU: threads that are lanes of a vector; 0 leaves it open">,
   ];
   let dependentDialects = ["::warp::WarpDialect"];
 }

@@ -225,7 +225,7 @@ def Warp_UpdateLanesOp : Warp_Op<"update_lanes", [AttrSizedOperandSegments]> {
   let summary = "updates an array element for each lane";
   let description = [{
     Lanes do it one after the other, so they may meet. An index is a value per
-    lane, or the same for all.
+    lane, or the same for all. Constraints are those of `warp.load_lanes`.
   }];
   let arguments = (ins Warp_AtomicKind:$kind,
                        Variadic<Warp_LanesOf>:$components,
@@ -234,9 +234,10 @@ def Warp_UpdateLanesOp : Warp_Op<"update_lanes", [AttrSizedOperandSegments]> {
                        DenseBoolArrayAttr:$nonNegative);
   let assemblyFormat = [{
     $kind `(` $components `)` `,` $array `[` $indices `]` `mask` $mask attr-dict
-    `:` `(` type($components) `)` `,` type($array) `,` type($indices) `,`
-    type($mask)
+    `:` `(` type($components) `)` `,` type($array) `,` `(` type($indices) `)`
+    `,` type($mask)
   }];
+  let hasVerifier = 1;
 }
 
 //===----------------------------------------------------------------------===//

@@ -70,6 +70,9 @@ struct CompileOptions {
   int maxRegisters = 0;
   /// GPU: fewest blocks that a multiprocessor shall hold; 0 leaves it open.
   int minBlocks = 0;
+  /// CPU: threads that are lanes of a vector together, a power of two; 0 leaves
+  /// it to the compiler, 1 keeps threads scalar.
+  int lanes = 0;
 };
 
 /// A place in the user's source that an error record can name. `array` is the

@@ -47,6 +47,8 @@ struct KernelOptions {
   /// multiprocessor shall hold at a time; 0 leaves it open.
   int maxThreads = 0;
   int minBlocks = 0;
+  /// CPU: threads that are lanes of a vector together; 0 leaves it open.
+  int lanes = 0;
 };
 
 struct SavedKernel;

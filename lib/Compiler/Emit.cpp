@@ -80,7 +80,8 @@ static std::string describe(const warp::CompileOptions &options) {
          << ' ' << options.blockDim << ' ' << options.driverVersion << ' '
          << options.large << options.disjoint << ' '
          << options.threads << ' '
-         << options.maxRegisters << ' ' << options.minBlocks << '\n';
+         << options.maxRegisters << ' ' << options.minBlocks << ' '
+         << options.lanes << '\n';
   if (!warp::isGpu(options))
     stream << warp::describeCpu(options) << '\n';
   return text;

@@ -49,6 +49,7 @@ void warp::addSpecialize(OpPassManager &pm, const CompileOptions &options) {
   facts.flat = options.flat;
   facts.large = options.large;
   facts.disjoint = options.disjoint;
+  facts.lanes = options.lanes;
   facts.debug = options.debug;
   facts.fastMath = options.fastMath;
   facts.deterministic = options.deterministic;

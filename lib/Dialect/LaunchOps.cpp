@@ -144,3 +144,8 @@ LogicalResult warp::StoreLanesOp::verify() {
   return verifyLanes(*this, cast<warp::ArrayType>(getArray().getType()),
                      getIndices(), getComponents(), getMask());
 }
+
+LogicalResult warp::UpdateLanesOp::verify() {
+  return verifyLanes(*this, cast<warp::ArrayType>(getArray().getType()),
+                     getIndices(), getComponents(), getMask());
+}

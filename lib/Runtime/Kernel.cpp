@@ -197,6 +197,7 @@ CompileOptions Kernel::Impl::compileOptions(const VariantKey &key,
     result.blockDim = std::min(result.blockDim, options.maxThreads);
   result.maxRegisters = options.maxRegisters;
   result.minBlocks = options.minBlocks;
+  result.lanes = arch == 0 ? options.lanes : 0;
   return result;
 }
 

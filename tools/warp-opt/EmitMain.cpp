@@ -61,6 +61,8 @@ static bool setOption(warp::CompileOptions &options, const std::string &key,
     options.blockDim = int(number);
   else if (key == "max-registers")
     options.maxRegisters = int(number);
+  else if (key == "lanes")
+    options.lanes = int(number);
   else
     return false;
   return true;

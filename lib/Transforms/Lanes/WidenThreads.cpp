@@ -301,7 +301,9 @@ struct WidenThreads : warp::impl::WidenThreadsBase<WidenThreads> {
       return;
     warp::foldViews(kernel);
     warp::ThreadVariance variance(kernel);
-    warp::LanePlan plan = warp::planLanes(kernel, threads, variance, lanes);
+    int64_t wanted = warp::getFact(kernel, warp::attr::lanes, lanes);
+    kernel->removeAttr(warp::attr::lanes);
+    warp::LanePlan plan = warp::planLanes(kernel, threads, variance, wanted);
     if (plan.lanes == 1)
       return;
     Widening(kernel, threads, variance, plan.lanes).run();

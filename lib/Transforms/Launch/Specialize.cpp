@@ -46,6 +46,11 @@ struct Specialize : warp::impl::SpecializeBase<Specialize> {
     if (rank < 1 || rank > 4)
       return kernel.emitError("expects a launch of 1 to 4 dimensions, but got ")
              << rank.getValue();
+    if (lanes < 0 || lanes > 64 ||
+        (lanes > 0 && !llvm::isPowerOf2_64(lanes)))
+      return kernel.emitError("expects 1 to 64 lanes, a power of two, or 0, "
+                              "but got ")
+             << lanes.getValue();
     StringRef name = target.getValue();
     StringRef arch = name;
     unsigned number;
@@ -65,6 +70,8 @@ struct Specialize : warp::impl::SpecializeBase<Specialize> {
     kernel->setAttr(warp::attr::blockDim, b.getI64IntegerAttr(blockDim));
     kernel->setAttr(warp::attr::threads, b.getI64IntegerAttr(threads));
     kernel->setAttr(warp::attr::vectorBits, b.getI64IntegerAttr(vectorBits));
+    if (lanes != 0)
+      kernel->setAttr(warp::attr::lanes, b.getI64IntegerAttr(lanes));
     auto setFlag = [&](StringRef name, bool value) {
       if (value)
         kernel->setAttr(name, b.getUnitAttr());

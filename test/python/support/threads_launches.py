@@ -7,7 +7,11 @@ import warp as wp
 from frontend_programs import define
 
 # Options of kernels for each way to run threads.
-MODES = {"normal": {}, "debug": {"mode": "debug"}}
+MODES = {
+    "normal": {},
+    "debug": {"mode": "debug"},
+    **{f"{lanes} lanes": {"cpu_lanes": lanes} for lanes in (1, 4, 8, 16)},
+}
 # Around widths of vectors and of chunks.
 SIZES = (0, 1, 3, 15, 16, 17, 63, 64, 65, 1000)
 

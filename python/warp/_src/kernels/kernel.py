@@ -160,6 +160,7 @@ class Kernel:
             max_registers=self.options.get("cuda_max_registers") or 0,
             max_threads=bounds[0],
             min_blocks=bounds[1],
+            lanes=self.option("cpu_lanes") or 0,
             deterministic=self.is_deterministic,
             same_on_devices=self.option("deterministic") in settings.SAME_ON_DEVICES,
         )

@@ -21,6 +21,7 @@ OPTIONS = {
     "optimization_level": "optimization_level",
     "deterministic": "deterministic",
     "tape": "tape",
+    "cpu_lanes": None,
     "block_dim": None,
     "strip_hash": None,
 }
