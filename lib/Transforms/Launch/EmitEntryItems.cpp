@@ -24,6 +24,7 @@
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/IR/IRMapping.h"
+#include "mlir/Interfaces/LoopLikeInterface.h"
 
 using namespace mlir;
 using warp::EntryBuilder;
@@ -48,7 +49,8 @@ struct Stretch {
 } // namespace
 
 /// Adds the bytes that an operation moves; fails where it does anything else
-/// to memory.
+/// to memory, or loops: a few threads with several long items would keep the
+/// card waiting at the end.
 static LogicalResult countBytes(Operation &op, int64_t &bytes, bool &stores) {
   Value array;
   if (auto load = dyn_cast<warp::LoadComponentsOp>(op))
@@ -56,7 +58,10 @@ static LogicalResult countBytes(Operation &op, int64_t &bytes, bool &stores) {
   else if (auto store = dyn_cast<warp::StoreComponentsOp>(op))
     array = store.getArray();
   else
-    return success(isMemoryEffectFree(&op));
+    return success(isMemoryEffectFree(&op) &&
+                   !op.walk([](LoopLikeOpInterface) {
+                        return WalkResult::interrupt();
+                      }).wasInterrupted());
   stores |= isa<warp::StoreComponentsOp>(op);
   bytes += warp::getByteSize(
       cast<warp::ArrayType>(array.getType()).getElementType());
