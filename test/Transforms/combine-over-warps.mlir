@@ -58,7 +58,7 @@ func.func @rows(%x: !warp.array<2 x f64>, %sum: !warp.array<1 x f64>)
 
 // Threads of a row update elements of their own.
 // CHECK-LABEL: llvm.func ptx_kernelcc @columns
-// CHECK-NOT: shuffle
+// CHECK-NOT: gpu.shuffle
 func.func @columns(%x: !warp.array<2 x f32>, %sum: !warp.array<1 x f32>)
     attributes {warp.kernel, warp.target = "sm_90", warp.index32,
                 warp.rank = 2 : i64} {
@@ -73,7 +73,7 @@ func.func @columns(%x: !warp.array<2 x f32>, %sum: !warp.array<1 x f32>)
 
 // A thread that reads the array must find its own updates there.
 // CHECK-LABEL: llvm.func ptx_kernelcc @read_back
-// CHECK-NOT: shuffle
+// CHECK-NOT: gpu.shuffle
 func.func @read_back(%x: !warp.array<2 x f32>, %sum: !warp.array<1 x f32>)
     attributes {warp.kernel, warp.target = "sm_90", warp.index32,
                 warp.rank = 2 : i64} {
@@ -91,7 +91,7 @@ func.func @read_back(%x: !warp.array<2 x f32>, %sum: !warp.array<1 x f32>)
 
 // A debugging launch names the thread that fails.
 // CHECK-LABEL: llvm.func ptx_kernelcc @debugging
-// CHECK-NOT: shuffle
+// CHECK-NOT: gpu.shuffle
 func.func @debugging(%x: !warp.array<2 x f32>, %sum: !warp.array<1 x f32>)
     attributes {warp.kernel, warp.target = "sm_90", warp.index32, warp.debug,
                 warp.rank = 2 : i64} {

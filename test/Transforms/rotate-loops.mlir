@@ -30,7 +30,7 @@
 // CHECK: %[[TOTAL:.*]] = llvm.load %[[SLOT]]
 // CHECK: warp.atomic_components add(%[[TOTAL]]), %{{.*}}[%[[MINE]]]
 // CHECK: scf.for %[[K:.*]] = %[[END]] to %[[N]] step
-// CHECK-NOT: shuffle
+// CHECK-NOT: gpu.shuffle
 // CHECK: warp.atomic_components add({{.*}}), %{{.*}}[%[[K]]]
 func.func @pairs(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
     attributes {warp.kernel, warp.target = "sm_90", warp.index32} {
@@ -93,7 +93,7 @@ func.func @guarded(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
 // CHECK: %[[OF_TILES:.*]]:2 = scf.for {{.*}} -> (f64, i64)
 // CHECK: %[[OF_STEPS:.*]]:2 = scf.for {{.*}} -> (f64, i64)
 // CHECK-COUNT-2: gpu.shuffle idx {{.*}} : i32
-// CHECK-NOT: shuffle
+// CHECK-NOT: gpu.shuffle
 // CHECK: scf.yield %[[OF_STEPS]]#0, %[[OF_STEPS]]#1
 // CHECK: scf.for {{.*}} iter_args(
 // CHECK-SAME: %{{.*}} = %[[OF_TILES]]#0, %{{.*}} = %[[OF_TILES]]#1)
