@@ -6,7 +6,7 @@
 // RUN: echo "func.func @f() {" | not warp-opt --warp-emit=warp 2>&1 | FileCheck %s --check-prefix=TEXT
 // RUN: echo "module {}" | not warp-opt --warp-emit=llvm 2>&1 | FileCheck %s --check-prefix=EMPTY
 
-// STAGE: no stage 'riscv'; there are warp, thread, launch, llvm, ptx and asm
+// STAGE: no stage 'riscv'; there are warp, thread, launch, gpu, llvm, ptx and asm
 // PTX: stage 'ptx' needs a GPU target, but the target is 'cpu'
 // TARGET: expects the target 'cpu' or 'sm_<number>', but got 'gpu'
 // SM: no code generator for target 'sm_1'

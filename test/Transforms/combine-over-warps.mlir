@@ -7,14 +7,14 @@
 // CHECK: scf.for %[[K:.*]] =
 // CHECK: "llvm.nvvm.activemask"
 // CHECK: %[[AGREE:.*]] = scf.if {{.*}} -> (i1)
-// CHECK: %[[FIRST:.*]] = llvm.call_intrinsic
-// CHECK-SAME: "llvm.nvvm.shfl.sync.idx.i32"(%{{.*}}, %[[K]],
+// CHECK: %[[FIRST:.*]], %{{.*}} = gpu.shuffle idx %[[K]], %c0_i32{{.*}}, %{{.*}} : i32
 // CHECK: arith.cmpi eq, %[[K]], %[[FIRST]]
 // CHECK: "llvm.nvvm.vote.all.sync"
 // CHECK: scf.if %[[AGREE]] {
-// CHECK-COUNT-5: "llvm.nvvm.shfl.sync.bfly.i32"
+// CHECK-COUNT-5: gpu.shuffle xor {{.*}} : f32
 // CHECK: %[[TOTAL:.*]] = arith.addf {{.*}} fastmath<reassoc>
-// CHECK: %[[LANE:.*]] = llvm.call_intrinsic "llvm.nvvm.read.ptx.sreg.laneid"
+// CHECK: %[[LANE_INDEX:.*]] = gpu.lane_id
+// CHECK: %[[LANE:.*]] = arith.index_cast %[[LANE_INDEX]] : index to i32
 // CHECK: %[[IS_FIRST:.*]] = arith.cmpi eq, %[[LANE]]
 // CHECK: scf.if %[[IS_FIRST]]
 // CHECK: warp.atomic_components sub(%[[TOTAL]]), %{{.*}}[%[[K]]]
@@ -38,11 +38,12 @@ func.func @parameters(%x: !warp.array<1 x f32>, %w: !warp.array<1 x f32>)
 
 // Threads of one row of the launch agree on the thread index of axis y.
 // CHECK-LABEL: llvm.func ptx_kernelcc @rows
-// CHECK: %[[ROW:.*]] = llvm.call_intrinsic "llvm.nvvm.read.ptx.sreg.tid.y"
-// CHECK: "llvm.nvvm.shfl.sync.idx.i32"(%{{.*}}, %[[ROW]],
+// CHECK: %[[ROW_INDEX:.*]] = gpu.thread_id y
+// CHECK: %[[ROW:.*]] = arith.index_cast %[[ROW_INDEX]] : index to i32
+// CHECK: gpu.shuffle idx %[[ROW]], %c0_i32{{.*}}, %{{.*}} : i32
 // CHECK: "llvm.nvvm.vote.all.sync"
-// CHECK-COUNT-10: "llvm.nvvm.shfl.sync.bfly.i32"
-// CHECK-NOT: bfly
+// CHECK-COUNT-10: gpu.shuffle xor {{.*}} : i32
+// CHECK-NOT: gpu.shuffle xor
 func.func @rows(%x: !warp.array<2 x f64>, %sum: !warp.array<1 x f64>)
     attributes {warp.kernel, warp.target = "sm_90", warp.index32,
                 warp.rank = 2 : i64} {
@@ -57,7 +58,7 @@ func.func @rows(%x: !warp.array<2 x f64>, %sum: !warp.array<1 x f64>)
 
 // Threads of a row update elements of their own.
 // CHECK-LABEL: llvm.func ptx_kernelcc @columns
-// CHECK-NOT: shfl
+// CHECK-NOT: gpu.shuffle
 func.func @columns(%x: !warp.array<2 x f32>, %sum: !warp.array<1 x f32>)
     attributes {warp.kernel, warp.target = "sm_90", warp.index32,
                 warp.rank = 2 : i64} {
@@ -72,7 +73,7 @@ func.func @columns(%x: !warp.array<2 x f32>, %sum: !warp.array<1 x f32>)
 
 // A thread that reads the array must find its own updates there.
 // CHECK-LABEL: llvm.func ptx_kernelcc @read_back
-// CHECK-NOT: shfl
+// CHECK-NOT: gpu.shuffle
 func.func @read_back(%x: !warp.array<2 x f32>, %sum: !warp.array<1 x f32>)
     attributes {warp.kernel, warp.target = "sm_90", warp.index32,
                 warp.rank = 2 : i64} {
@@ -90,7 +91,7 @@ func.func @read_back(%x: !warp.array<2 x f32>, %sum: !warp.array<1 x f32>)
 
 // A debugging launch names the thread that fails.
 // CHECK-LABEL: llvm.func ptx_kernelcc @debugging
-// CHECK-NOT: shfl
+// CHECK-NOT: gpu.shuffle
 func.func @debugging(%x: !warp.array<2 x f32>, %sum: !warp.array<1 x f32>)
     attributes {warp.kernel, warp.target = "sm_90", warp.index32, warp.debug,
                 warp.rank = 2 : i64} {

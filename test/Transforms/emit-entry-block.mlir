@@ -5,15 +5,15 @@
 // CHECK-LABEL: llvm.func ptx_kernelcc @block
 // CHECK: %[[ROWS:.*]] = warp.parameter %{{.*}}[0] : !llvm.ptr -> i32
 // CHECK: %[[COLUMNS:.*]] = warp.parameter %{{.*}}[4] : !llvm.ptr -> i32
-// CHECK-NOT: ctaid
-// CHECK-DAG: "llvm.nvvm.read.ptx.sreg.tid.x"
-// CHECK-DAG: "llvm.nvvm.read.ptx.sreg.ntid.x"
+// CHECK-NOT: gpu.block_id
+// CHECK-DAG: gpu.thread_id x
+// CHECK-DAG: gpu.block_dim x
 // CHECK: %[[SUM:.*]] = scf.for %[[N:[^ ]+]] = {{.*}} -> (f32)
 // CHECK: arith.divui %[[N]]
 // CHECK: warp.load_components
 // CHECK: arith.addf {{.*}} fastmath<reassoc> : f32
-// CHECK-COUNT-5: "llvm.nvvm.shfl.sync.down.i32"
-// CHECK: "llvm.nvvm.barrier.cta.sync.aligned.all"
+// CHECK-COUNT-5: gpu.shuffle down
+// CHECK: gpu.barrier
 // CHECK: scf.if
 // CHECK: warp.atomic_components add
 func.func @block(%x: !warp.array<2 x f32>, %s: !warp.array<1 x f32>)

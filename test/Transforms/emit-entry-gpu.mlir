@@ -4,11 +4,11 @@
 // stands where the CPU has loops. Nothing is divided.
 // CHECK-LABEL: llvm.func ptx_kernelcc @plane
 // CHECK-SAME: (%[[BLOCK:.*]]: !llvm.ptr {llvm.align = 8 : i64, llvm.byval = !llvm.array<80 x i8>})
-// CHECK-SAME: passthrough = {{\[\[}}"nvvm.maxntid", "128"]]
-// CHECK: "llvm.nvvm.read.ptx.sreg.ctaid.x"
-// CHECK: "llvm.nvvm.read.ptx.sreg.ntid.x"
-// CHECK: "llvm.nvvm.read.ptx.sreg.tid.x"
-// CHECK: "llvm.nvvm.read.ptx.sreg.ctaid.y"
+// CHECK-SAME: warp.block_dim = 128
+// CHECK: gpu.block_id x
+// CHECK: gpu.block_dim x
+// CHECK: gpu.thread_id x
+// CHECK: gpu.block_id y
 // CHECK-NOT: arith.div
 // CHECK: %[[INSIDE:.*]] = arith.andi
 // CHECK-NEXT: scf.if %[[INSIDE]] {
@@ -28,8 +28,8 @@ func.func @plane(%a: !warp.array<2 x si32>) attributes {
 
 // The flat variant divides one 64-bit linear index.
 // CHECK-LABEL: llvm.func ptx_kernelcc @flat
-// CHECK: "llvm.nvvm.read.ptx.sreg.ctaid.x"
-// CHECK-NOT: ctaid.y
+// CHECK: gpu.block_id x
+// CHECK-NOT: gpu.block_id y
 // CHECK-COUNT-1: arith.divui %{{.*}} : i64
 // CHECK-NOT: arith.divui
 // CHECK: llvm.return

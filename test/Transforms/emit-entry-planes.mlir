@@ -3,7 +3,8 @@
 // A body that ends in a guard takes neighbours of the first of two dimensions
 // together where the guard holds for all, else one by one: two copies of the
 // body, one with all loads before the first store.
-// CHECK-LABEL: llvm.func ptx_kernelcc @guarded
+// CHECK-LABEL: llvm.func @guarded(
+// CHECK-SAME: nvvm.kernel
 // CHECK-SAME: warp.items = 8
 // CHECK-COUNT-8: llvm.load {{.*}} : !llvm.ptr<1> -> f32
 // CHECK-COUNT-8: llvm.store {{.*}} : f32, !llvm.ptr<1>
@@ -28,7 +29,8 @@ func.func @guarded(%x: !warp.array<2 x f32>, %y: !warp.array<2 x f32>)
 // -----
 
 // A store before a guard would happen twice where guards differ.
-// CHECK-LABEL: llvm.func ptx_kernelcc @store_first
+// CHECK-LABEL: llvm.func @store_first(
+// CHECK-SAME: nvvm.kernel
 // CHECK-NOT: warp.items
 func.func @store_first(%x: !warp.array<2 x f32>, %y: !warp.array<2 x f32>)
     attributes {warp.kernel} {

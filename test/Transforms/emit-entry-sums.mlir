@@ -15,10 +15,11 @@
 // CHECK: llvm.atomicrmw fadd {{.*}}, %[[TOTAL]] monotonic
 // CHECK-NOT: atomicrmw
 // CHECK: llvm.return
-// GPU-LABEL: llvm.func ptx_kernelcc @one_address
+// GPU-LABEL: llvm.func @one_address(
+// GPU-SAME: nvvm.kernel
 // GPU-NOT: barrier.cta.red
-// GPU: "llvm.nvvm.shfl.sync.down.i32"
-// GPU: "llvm.nvvm.barrier.cta.sync.aligned.all"
+// GPU: nvvm.shfl.sync down
+// GPU: nvvm.barrier
 // GPU: llvm.atomicrmw fadd {{.*}} syncscope("device") monotonic
 // GPU: llvm.return
 func.func @one_address(%x: !warp.array<1 x f32>, %sum: !warp.array<1 x f32>)
@@ -42,7 +43,8 @@ func.func @one_address(%x: !warp.array<1 x f32>, %sum: !warp.array<1 x f32>)
 // CHECK: llvm.cond_br %[[CAME]]
 // CHECK: llvm.atomicrmw fadd
 // CHECK: llvm.return
-// GPU-LABEL: llvm.func ptx_kernelcc @guarded
+// GPU-LABEL: llvm.func @guarded(
+// GPU-SAME: nvvm.kernel
 // GPU: "llvm.nvvm.barrier.cta.red.or.aligned.all"
 // GPU: llvm.atomicrmw fadd
 // GPU: llvm.return
@@ -69,9 +71,10 @@ func.func @guarded(%x: !warp.array<1 x f32>, %sum: !warp.array<1 x f32>)
 // CHECK: llvm.fadd %[[SUM]], {{.*}} {fastmathFlags = #llvm.fastmath<reassoc>} : vector<{{[0-9]+}}xf64>
 // CHECK: llvm.fptrunc {{.*}} : f64 to f32
 // CHECK: llvm.atomicrmw fadd {{.*}}, f32
-// GPU-LABEL: llvm.func ptx_kernelcc @one_gradient
+// GPU-LABEL: llvm.func @one_gradient(
+// GPU-SAME: nvvm.kernel
 // GPU: llvm.fpext {{.*}} : f32 to f64
-// GPU-COUNT-2: "llvm.nvvm.shfl.sync.down.i32"
+// GPU-COUNT-2: nvvm.shfl.sync down
 // GPU: llvm.fptrunc {{.*}} : f64 to f32
 // GPU: llvm.atomicrmw fadd {{.*}}, f32
 func.func @one_gradient(%x: !warp.array<1 x f32>, %p: !warp.array<1 x f32>)

@@ -1,4 +1,4 @@
-// RUN: warp-opt %s --split-input-file --warp-lower-launch --warp-expand-roots | FileCheck %s
+// RUN: warp-opt %s --split-input-file --warp-form-launch --warp-emit-entry --warp-expand-roots | FileCheck %s
 
 // A root in a loop, and a reciprocal of one that has no other use. The root
 // that nothing waits for stays.

@@ -19,8 +19,9 @@
 
 // The block knows the arguments, and where the sums are.
 // GPU: llvm.atomicrmw add {{.*}} syncscope("device")
-// GPU-LABEL: llvm.func ptx_kernelcc @scatter
+// GPU-LABEL: llvm.func @scatter(
 // GPU-SAME: !llvm.array<224 x i8>
+// GPU-SAME: nvvm.kernel
 // GPU-NOT: warp.exclusive
 // GPU: llvm.call @warp_add_exactly_f32
 func.func @scatter(%x: !warp.array<1 x f32>, %to: !warp.array<1 x si32>,
@@ -47,10 +48,11 @@ func.func @scatter(%x: !warp.array<1 x f32>, %to: !warp.array<1 x si32>,
 // CHECK: llvm.call @warp_flush_sum_f64
 // CHECK: llvm.call @warp_add_sum_f64
 
-// GPU: llvm.mlir.global internal @exact_sum{{.*}}addr_space = 3
-// GPU-LABEL: llvm.func ptx_kernelcc @one_address
+// GPU: llvm.mlir.global internal @__wg_one_address_0() {addr_space = 3 {{.*}} : !llvm.array<75 x i64>
+// GPU-LABEL: llvm.func @one_address(
+// GPU-SAME: nvvm.kernel
 // GPU: llvm.call @warp_add_to_window_f64
-// GPU: "llvm.nvvm.shfl.sync.bfly.i32"
+// GPU: nvvm.shfl.sync bfly
 // GPU: llvm.atomicrmw add {{.*}} syncscope("block")
 // GPU: llvm.call @warp_add_digit
 func.func @one_address(%x: !warp.array<1 x f64>, %sum: !warp.array<1 x f64>)
@@ -70,7 +72,8 @@ func.func @one_address(%x: !warp.array<1 x f64>, %sum: !warp.array<1 x f64>)
 // CHECK-NOT: warp.exclusive
 // CHECK: llvm.atomicrmw fmin
 // CHECK: llvm.atomicrmw add
-// GPU-LABEL: llvm.func ptx_kernelcc @any_order
+// GPU-LABEL: llvm.func @any_order(
+// GPU-SAME: nvvm.kernel
 // GPU-NOT: warp.exclusive
 // GPU: llvm.return
 func.func @any_order(%to: !warp.array<1 x si32>, %least: !warp.array<1 x f32>,

@@ -9,7 +9,8 @@
 // Two floats are added at once, from an address on that is a multiple of eight;
 // the one left over is the last of an element that begins there, else the
 // first.
-// CHECK-LABEL: llvm.func ptx_kernelcc @vector
+// CHECK-LABEL: llvm.func @vector(
+// CHECK-SAME: nvvm.kernel
 // CHECK: %[[MINUS:.*]] = llvm.fneg
 // CHECK: %[[ADDRESS:.*]] = llvm.ptrtoint %[[POINTER:.*]] : !llvm.ptr<1> to i64
 // CHECK: %[[SHIFT:.*]] = llvm.and %[[ADDRESS]]
@@ -23,7 +24,8 @@
 // CHECK: llvm.inline_asm has_side_effects "red.global.add.v2.f32
 // CHECK-SAME: "l,f,f,~{memory}" %{{.*}}, %[[FIRST]], %[[SECOND]]
 // CHECK-NOT: atomicrmw
-// OLD-LABEL: llvm.func ptx_kernelcc @vector
+// OLD-LABEL: llvm.func @vector(
+// OLD-SAME: nvvm.kernel
 // OLD-COUNT-3: llvm.atomicrmw fadd
 func.func @vector(%to: !warp.array<1 x si32>, %v: !warp.vec<3 x f32>,
                   %sum: !warp.array<1 x !warp.vec<3 x f32>>)
@@ -40,10 +42,12 @@ func.func @vector(%to: !warp.array<1 x si32>, %v: !warp.vec<3 x f32>,
 
 // Where the old value is used, each component has an update of its own; so do
 // pairs, which might all begin between two multiples, and doubles.
-// CHECK-LABEL: llvm.func ptx_kernelcc @others
+// CHECK-LABEL: llvm.func @others(
+// CHECK-SAME: nvvm.kernel
 // CHECK-COUNT-8: llvm.atomicrmw fadd
 // CHECK-NOT: inline_asm
-// OLD-LABEL: llvm.func ptx_kernelcc @others
+// OLD-LABEL: llvm.func @others(
+// OLD-SAME: nvvm.kernel
 func.func @others(%to: !warp.array<1 x si32>, %v: !warp.vec<3 x f32>,
                   %sum: !warp.array<1 x !warp.vec<3 x f32>>,
                   %w: !warp.vec<2 x f32>,

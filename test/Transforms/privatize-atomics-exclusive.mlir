@@ -59,10 +59,11 @@ func.func @any_order(%to: !warp.array<1 x si32>, %sum: !warp.array<1 x si32>)
 
 // On a GPU a deterministic launch is one block. Where its threads' sums can be
 // combined they are, in the block's order; else the block has one thread.
-// BLOCK-LABEL: llvm.func ptx_kernelcc @combined
+// BLOCK-LABEL: llvm.func @combined(
+// BLOCK-SAME: nvvm.kernel
 // BLOCK-SAME: warp.exclusive
 // BLOCK-SAME: warp.items = 256
-// BLOCK: "llvm.nvvm.shfl.sync.down.i32"
+// BLOCK: nvvm.shfl.sync down
 func.func @combined(%x: !warp.array<2 x f32>, %sum: !warp.array<1 x f32>)
     attributes {warp.kernel} {
   %i, %j = warp.tid : si32, si32
@@ -75,7 +76,8 @@ func.func @combined(%x: !warp.array<2 x f32>, %sum: !warp.array<1 x f32>)
 
 // -----
 
-// BLOCK-LABEL: llvm.func ptx_kernelcc @scattered
+// BLOCK-LABEL: llvm.func @scattered(
+// BLOCK-SAME: nvvm.kernel
 // BLOCK-SAME: warp.exclusive
 // BLOCK-SAME: warp.items = 1 :
 // BLOCK: llvm.atomicrmw fadd

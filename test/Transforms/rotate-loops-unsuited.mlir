@@ -1,5 +1,5 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch --warp-emit-entry --warp-rotate-loops \
-// RUN:   | FileCheck %s --implicit-check-not=shfl
+// RUN:   | FileCheck %s --implicit-check-not=gpu.shuffle
 
 // Threads go through different iterations.
 // CHECK-LABEL: llvm.func {{.*}}@own_bounds

@@ -6,7 +6,8 @@
 // The loop as it was follows.
 // CHECK-LABEL: llvm.func ptx_kernelcc @pairs
 // CHECK: %[[SLOT:.*]] = llvm.alloca {{.*}} x f32
-// CHECK: %[[LANE:.*]] = llvm.call_intrinsic "llvm.nvvm.read.ptx.sreg.laneid"
+// CHECK: %[[LANE_INDEX:.*]] = gpu.lane_id
+// CHECK: %[[LANE:.*]] = arith.index_cast %[[LANE_INDEX]] : index to i32
 // CHECK: %[[NEXT:.*]] = arith.addi %[[LANE]], %c1_i32
 // CHECK: %[[TRIPS:.*]] = arith.subi %[[N:.*]], %[[FIRST:.*]] : i32
 // CHECK: %[[FULL:.*]] = arith.andi %[[TRIPS]], %c-32_i32
@@ -22,16 +23,14 @@
 // CHECK: warp.load_components %{{.*}}[%[[J]]]
 // CHECK-NOT: warp.atomic_components
 // CHECK: arith.addf {{.*}} fastmath<reassoc> : f32
-// CHECK: %[[MOVED:.*]] = llvm.call_intrinsic
-// CHECK-SAME: "llvm.nvvm.shfl.sync.idx.i32"({{.*}}, %[[NEXT]], %{{.*}})
-// CHECK: %[[SUM:.*]] = arith.bitcast %[[MOVED]] : i32 to f32
+// CHECK: %[[SUM:.*]], %{{.*}} = gpu.shuffle idx %{{.*}}, %[[NEXT]], %{{.*}} : f32
 // CHECK: llvm.store %[[SUM]], %[[SLOT]]
 // CHECK: }
 // CHECK: %[[MINE:.*]] = arith.addi %[[TILE]], %[[LANE]]
 // CHECK: %[[TOTAL:.*]] = llvm.load %[[SLOT]]
 // CHECK: warp.atomic_components add(%[[TOTAL]]), %{{.*}}[%[[MINE]]]
 // CHECK: scf.for %[[K:.*]] = %[[END]] to %[[N]] step
-// CHECK-NOT: shfl
+// CHECK-NOT: gpu.shuffle
 // CHECK: warp.atomic_components add({{.*}}), %{{.*}}[%[[K]]]
 func.func @pairs(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
     attributes {warp.kernel, warp.target = "sm_90", warp.index32} {
@@ -61,10 +60,10 @@ func.func @pairs(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
 // CHECK: %[[BITS:.*]] = arith.ori %{{.*}}, %[[BIT]]
 // CHECK: llvm.store %[[BITS]], %[[REACHED:.*]] : i32
 // CHECK: }
-// CHECK: "llvm.nvvm.shfl.sync.idx.i32"
+// CHECK: gpu.shuffle idx
 // CHECK: }
 // CHECK: llvm.load %[[REACHED]]
-// CHECK-COUNT-5: "llvm.nvvm.shfl.sync.bfly.i32"
+// CHECK-COUNT-5: gpu.shuffle xor
 // CHECK: scf.if
 // CHECK: %[[MINE:.*]] = arith.muli
 // CHECK: warp.atomic_components add({{.*}}), %{{.*}}[%[[MINE]]]
@@ -93,8 +92,8 @@ func.func @guarded(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
 // CHECK-LABEL: llvm.func ptx_kernelcc @sums
 // CHECK: %[[OF_TILES:.*]]:2 = scf.for {{.*}} -> (f64, i64)
 // CHECK: %[[OF_STEPS:.*]]:2 = scf.for {{.*}} -> (f64, i64)
-// CHECK-COUNT-2: "llvm.nvvm.shfl.sync.idx.i32"
-// CHECK-NOT: shfl
+// CHECK-COUNT-2: gpu.shuffle idx {{.*}} : i32
+// CHECK-NOT: gpu.shuffle
 // CHECK: scf.yield %[[OF_STEPS]]#0, %[[OF_STEPS]]#1
 // CHECK: scf.for {{.*}} iter_args(
 // CHECK-SAME: %{{.*}} = %[[OF_TILES]]#0, %{{.*}} = %[[OF_TILES]]#1)
@@ -135,11 +134,11 @@ func.func @sums(%x: !warp.array<1 x f64>, %y: !warp.array<1 x f64>, %n: i32,
 // CHECK: scf.for %[[ROW:.*]] =
 // CHECK: "llvm.nvvm.activemask"
 // CHECK: scf.if
-// CHECK: "llvm.nvvm.shfl.sync.idx.i32"(%{{.*}}, %[[ROW]],
+// CHECK: gpu.shuffle idx %[[ROW]], %c0_i32{{.*}}, %{{.*}} : i32
 // CHECK: "llvm.nvvm.vote.all.sync"
 // CHECK: scf.for %[[TILE:.*]] =
 // CHECK: scf.for
-// CHECK: "llvm.nvvm.shfl.sync.idx.i32"
+// CHECK: gpu.shuffle idx
 // CHECK: %[[MINE:.*]] = arith.addi %[[TILE]]
 // CHECK: warp.atomic_components add({{.*}}), %{{.*}}[%[[ROW]], %[[MINE]]]
 func.func @rows(%x: !warp.array<1 x si32>, %y: !warp.array<2 x si32>, %n: i32)

@@ -12,8 +12,9 @@
 // A whole warp loads neighbouring words, a line apart in one thread, and
 // exchanges them in its slab; so it stores. Otherwise each thread accesses its
 // own element.
-// CHECK: llvm.mlir.global internal @element_slabs_0() {{{.*}}addr_space = 3{{.*}}} : !llvm.array<9216 x i8>
-// CHECK-LABEL: llvm.func ptx_kernelcc @both
+// CHECK: llvm.mlir.global internal @{{.*}}() {addr_space = 3 {{.*}}} : !llvm.array<9216 x i8>
+// CHECK-LABEL: llvm.func @both(
+// CHECK-SAME: nvvm.kernel
 // CHECK: %[[MASK:.*]] = llvm.call_intrinsic "llvm.nvvm.activemask"
 // CHECK: %[[WHOLE:.*]] = llvm.icmp "eq" %[[MASK]]
 // CHECK: llvm.cond_br %[[WHOLE]]
@@ -50,7 +51,8 @@ func.func @both(%x: !warp.array<1 x !m>, %y: !warp.array<1 x !m>)
 // Loads with nothing but arithmetic between them are all on their way before
 // the first exchange, those of smaller elements, too. It does not matter which
 // thread stores a zero.
-// CHECK-LABEL: llvm.func ptx_kernelcc @together
+// CHECK-LABEL: llvm.func @together(
+// CHECK-SAME: nvvm.kernel
 // CHECK-COUNT-3: llvm.load {{.*}} : !llvm.ptr<1> -> f32
 // CHECK: "llvm.nvvm.activemask"
 // CHECK: "llvm.nvvm.bar.warp.sync"
@@ -92,11 +94,13 @@ func.func @together(%x: !warp.array<1 x !m>, %y: !warp.array<1 x !m>,
 
 // Sixteen words would begin at two banks; a word of padding per 32 keeps the
 // elements of a warp apart. There is no memory for 32 warps.
-// BLOCK-LABEL: llvm.func ptx_kernelcc @padded
+// BLOCK-LABEL: llvm.func @padded(
+// BLOCK-SAME: nvvm.kernel
 // BLOCK-NOT: activemask
 // BLOCK: llvm.return
-// CHECK: llvm.mlir.global internal @element_slabs_0() {{.*}} : !llvm.array<16896 x i8>
-// CHECK-LABEL: llvm.func ptx_kernelcc @padded
+// CHECK: llvm.mlir.global internal @{{.*}}() {addr_space = 3 {{.*}}} : !llvm.array<16896 x i8>
+// CHECK-LABEL: llvm.func @padded(
+// CHECK-SAME: nvvm.kernel
 // CHECK: %[[SLOT:.*]] = llvm.getelementptr {{.*}} -> !llvm.ptr<3>, f32
 // CHECK: llvm.getelementptr inbounds %[[SLOT]][33] : (!llvm.ptr<3>) -> !llvm.ptr<3>, f32
 // CHECK: llvm.getelementptr inbounds %[[SLOT]][495] : (!llvm.ptr<3>) -> !llvm.ptr<3>, f32
@@ -114,7 +118,8 @@ func.func @padded(%x: !warp.array<1 x !m>, %y: !warp.array<1 x f32>)
 
 // Sums over the block have 16 kB of the shared memory, so the slabs of 36-word
 // elements do not fit.
-// CHECK-LABEL: llvm.func ptx_kernelcc @full
+// CHECK-LABEL: llvm.func @full(
+// CHECK-SAME: nvvm.kernel
 // CHECK-NOT: activemask
 // CHECK: llvm.return
 !m = !warp.mat<6x6 x f32>
@@ -135,8 +140,9 @@ func.func @full(%x: !warp.array<1 x !m>, %y: !warp.array<1 x !l>,
 
 // Threads of a row follow each other along the last dimension, if warps do not
 // hold parts of several rows.
-// GRID-LABEL: llvm.func ptx_kernelcc @rows
-// GRID: %[[WIDTH:.*]] = llvm.call_intrinsic "llvm.nvvm.read.ptx.sreg.ntid.x"
+// GRID-LABEL: llvm.func @rows(
+// GRID-SAME: nvvm.kernel
+// GRID: %[[WIDTH:.*]] = nvvm.read.ptx.sreg.ntid.x
 // GRID: %[[REST:.*]] = llvm.and %{{.*}}, %{{.*}} : i32
 // GRID: %[[ROW:.*]] = llvm.icmp "eq" %[[REST]]
 // GRID: %[[ALL:.*]] = llvm.icmp "eq"
@@ -155,7 +161,8 @@ func.func @rows(%x: !warp.array<2 x !m>, %y: !warp.array<2 x !m>)
 // -----
 
 // Elsewhere threads may be missing, so the question is asked again.
-// CHECK-LABEL: llvm.func ptx_kernelcc @branch
+// CHECK-LABEL: llvm.func @branch(
+// CHECK-SAME: nvvm.kernel
 // CHECK: "llvm.nvvm.activemask"
 // CHECK: llvm.store {{.*}} : f32, !llvm.ptr<3>
 // CHECK: "llvm.nvvm.activemask"
@@ -180,7 +187,8 @@ func.func @branch(%x: !warp.array<1 x !m>, %n: !warp.array<1 x f32>)
 // Elements that are small or of which little is used; those that do not follow
 // each other: strided, reversed, looked up, perhaps counted from the end; and
 // those that a loop accesses again.
-// CHECK-LABEL: llvm.func ptx_kernelcc @apart
+// CHECK-LABEL: llvm.func @apart(
+// CHECK-SAME: nvvm.kernel
 // CHECK-NOT: activemask
 !m = !warp.mat<3x3 x f32>
 !v = !warp.vec<4 x f32>

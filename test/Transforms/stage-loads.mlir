@@ -1,11 +1,12 @@
-// RUN: warp-opt %s --split-input-file --warp-lower-launch --warp-stage-loads --mlir-print-local-scope | FileCheck %s
+// RUN: warp-opt %s --split-input-file --warp-form-launch --warp-emit-entry --warp-stage-loads --mlir-print-local-scope | FileCheck %s
 
 // The lane's element of the first tile is loaded before the tiles, that of the
 // next tile between slab and iterations. The iterations load from the slab; the
 // loop as it was goes on where the tiles end.
 // CHECK-LABEL: llvm.func {{.*}}@pairs
 // CHECK: %[[X:.*]] = warp.parameter %{{.*}}[24]
-// CHECK: %[[LANE:.*]] = llvm.call_intrinsic "llvm.nvvm.read.ptx.sreg.laneid"
+// CHECK: %[[LANE_INDEX:.*]] = gpu.lane_id
+// CHECK: %[[LANE:.*]] = arith.index_cast %[[LANE_INDEX]] : index to i32
 // CHECK: llvm.call_intrinsic "llvm.nvvm.activemask"
 // CHECK: %[[TILES:.*]]:3 = scf.if
 // CHECK: %[[FIRST:.*]] = arith.addi %{{.*}}, %[[LANE]]

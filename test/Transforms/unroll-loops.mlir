@@ -1,4 +1,4 @@
-// RUN: warp-opt %s --split-input-file --warp-lower-launch --warp-unroll-loops --mlir-print-local-scope | FileCheck %s
+// RUN: warp-opt %s --split-input-file --warp-form-launch --warp-emit-entry --warp-unroll-loops --mlir-print-local-scope | FileCheck %s
 
 // A small loop that loads and adds is marked.
 // CHECK-LABEL: llvm.func {{.*}}@counted

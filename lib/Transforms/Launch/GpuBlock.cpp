@@ -73,9 +73,10 @@ Value warp::readGrid(OpBuilder &b, Location loc, GridValue value, Axis axis) {
                                               toDimension(axis)));
 }
 
+/// So is the index that was cast to i32: who looks through casts finds that.
 std::optional<warp::GridRead> warp::getGridRead(Value value) {
   auto cast = value.getDefiningOp<arith::IndexCastOp>();
-  Operation *op = cast ? cast.getIn().getDefiningOp() : nullptr;
+  Operation *op = (cast ? cast.getIn() : value).getDefiningOp();
   if (auto read = dyn_cast_or_null<gpu::ThreadIdOp>(op))
     return GridRead{GridValue::threadId, toAxis(read.getDimension())};
   if (auto read = dyn_cast_or_null<gpu::BlockIdOp>(op))
