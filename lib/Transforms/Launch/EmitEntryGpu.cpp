@@ -105,6 +105,8 @@ EntryBuilder::Values EntryBuilder::buildGpu() {
   Values sums;
   if (kernel->hasAttr(warp::attr::exclusive))
     sums = buildOneBlock();
+  else if (sumsManyItems())
+    sums = buildSums();
   else if (int64_t items = chooseItems(); items > 1)
     sums = rank == 1 ? buildStream(items) : buildPlanes(items);
   else

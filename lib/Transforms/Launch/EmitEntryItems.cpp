@@ -35,6 +35,11 @@ constexpr int64_t bytesInFlight = 48;
 constexpr int64_t bytesOfPlanes = 256;
 constexpr int64_t maxItems = 4;
 constexpr int64_t maxPlanes = 8;
+/// Items of a thread whose block combines what they add up to.
+constexpr int64_t summedItems = 32;
+/// Those of them whose loads are under way together; of longer bodies none.
+constexpr int64_t summedTogether = 8;
+constexpr int64_t longestTogether = 64;
 
 namespace {
 
@@ -113,6 +118,22 @@ int64_t EntryBuilder::chooseItems() {
   while (items > 1 && items * bytes > most)
     items /= 2;
   return items;
+}
+
+/// Whether threads that combine values over their block are so many, and each
+/// so short, that to combine them is most of the work.
+bool EntryBuilder::sumsManyItems() {
+  if (rank != 1 || flat || !index32 || threads.getNumResults() == 0 ||
+      !kernel->hasAttr(warp::attr::large) ||
+      kernel->hasAttr(warp::attr::debug))
+    return false;
+  int64_t count = 0;
+  WalkResult result = threads.getBody().walk([&](Operation *op) {
+    return isa<LoopLikeOpInterface>(op) || ++count > longestTogether
+               ? WalkResult::interrupt()
+               : WalkResult::advance();
+  });
+  return !result.wasInterrupted();
 }
 
 /// Notes what the guard around a block says about indices, before it is gone.
@@ -205,6 +226,45 @@ EntryBuilder::Values EntryBuilder::buildStream(int64_t items) {
   Value end = add(start, mul(width, constant(i32, items)));
   return buildItems(items, lane, width, end, {},
                     cmp(arith::CmpIPredicate::sle, end, dims[0]));
+}
+
+/// Items a block apart whose sums a thread carries along, so that the block
+/// combines once for all of them. Where all exist, loads of several are under
+/// way together.
+EntryBuilder::Values EntryBuilder::buildSums() {
+  Type i32 = b.getI32Type();
+  Value width = warp::readGrid(b, loc, warp::GridValue::blockDim);
+  Value size = mul(width, constant(i32, summedItems));
+  Value start = mul(warp::readGrid(b, loc, warp::GridValue::blockId), size);
+  Value lane = warp::readGrid(b, loc, warp::GridValue::threadId);
+  // Counted from the block's first: an index beyond the last may not fit.
+  Value left = sub(dims[0], start);
+  Value whole = cmp(arith::CmpIPredicate::sge, left, size);
+  Values none = identities(/*inLanes=*/false);
+  auto branch = scf::IfOp::create(b, loc, TypeRange(ValueRange(none)), whole,
+                                  /*withElseRegion=*/true);
+  entry->setAttr(warp::attr::items, b.getI64IntegerAttr(summedItems));
+  OpBuilder::InsertionGuard guard(b);
+  auto addUp = [&](Value limit, int64_t together, bool isLast) {
+    Value step = mul(width, constant(i32, together));
+    auto loop = scf::ForOp::create(b, loc, lane, limit, step, none);
+    OpBuilder::InsertionGuard inLoop(b);
+    b.setInsertionPointToStart(loop.getBody());
+    Values sums(loop.getRegionIterArgs());
+    Value index = add(start, loop.getInductionVar());
+    for (int64_t i = 0; i < together; ++i, index = add(index, width))
+      sums = combine(sums, isLast ? takeThread(index)
+                                  : cloneThread(index, /*live=*/Value()));
+    scf::YieldOp::create(b, loc, sums);
+    return loop;
+  };
+  b.setInsertionPointToStart(branch.thenBlock());
+  auto all = addUp(size, summedTogether, /*isLast=*/false);
+  scf::YieldOp::create(b, loc, all.getResults());
+  b.setInsertionPointToStart(branch.elseBlock());
+  auto some = addUp(left, 1, /*isLast=*/true);
+  scf::YieldOp::create(b, loc, some.getResults());
+  return Values(branch.getResults());
 }
 
 /// Items one after the other along the first of two or three axes.

@@ -69,6 +69,7 @@ private:
   Values buildOneBlock();
   Values buildStream(int64_t items);
   Values buildPlanes(int64_t items);
+  Values buildSums();
   Values buildItems(int64_t items, mlir::Value lane, mlir::Value step,
                     mlir::Value end, llvm::ArrayRef<mlir::Value> rest,
                     mlir::Value allExist);
@@ -76,6 +77,7 @@ private:
                                mlir::Block *body,
                                llvm::MutableArrayRef<mlir::IRMapping> clones);
   int64_t chooseItems();
+  bool sumsManyItems();
   Values gridIndices(mlir::Value &inside);
   mlir::Value gridIndex(Axis axis, mlir::Type type);
   mlir::Value countAll();
