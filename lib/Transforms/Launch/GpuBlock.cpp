@@ -74,8 +74,10 @@ Value warp::readGrid(OpBuilder &b, Location loc, GridValue value, Axis axis) {
 }
 
 std::optional<warp::GridRead> warp::getGridRead(Value value) {
-  auto cast = value.getDefiningOp<arith::IndexCastOp>();
-  Operation *op = cast ? cast.getIn().getDefiningOp() : nullptr;
+  Operation *op = value.getDefiningOp();
+  // Analyses that look through casts come to the index itself.
+  if (auto cast = dyn_cast_or_null<arith::IndexCastOp>(op))
+    op = cast.getIn().getDefiningOp();
   if (auto read = dyn_cast_or_null<gpu::ThreadIdOp>(op))
     return GridRead{GridValue::threadId, toAxis(read.getDimension())};
   if (auto read = dyn_cast_or_null<gpu::BlockIdOp>(op))
