@@ -124,7 +124,6 @@ struct ConvertToLLVM : warp::impl::ConvertToLLVMBase<ConvertToLLVM> {
     auto module = *getOperation().getOps<gpu::GPUModuleOp>().begin();
     for (auto function : module.getOps<LLVM::LLVMFuncOp>())
       if (function->hasAttr(warp::attr::entry)) {
-        function.setCConv(LLVM::CConv::PTX_Kernel);
         function.setArgAttrs(0, parameterFacts);
         function->setAttr(
             NVVM::NVVMDialect::getMaxntidAttrName(),
