@@ -1,7 +1,7 @@
 """lit configuration: suites, substitutions and features.
 
-Features: `cuda` (a device answers), `ptxas` (the assembler is installed), `amdgpu` (LLVM's tools
-are installed and generate code for AMD's GPUs).
+Features: `cuda` (a device answers), `ptxas` (the assembler is installed), `amdgpu` (LLVM's mlir-opt
+is installed and generates code for AMD's GPUs).
 WARP_VERIFY_ROUNDTRIP=1 makes every warp-opt run also check that its input
 survives printing and parsing, as text and as bytecode.
 """
@@ -43,8 +43,7 @@ def has_amdgpu():
         targets = subprocess.run([llvm_tool("llc"), "--version"], capture_output=True, text=True)
     except OSError:
         return False
-    tools = (llvm_tool("mlir-opt"), llvm_tool("mlir-translate"))
-    return "amdgcn" in targets.stdout and all(os.path.exists(tool) for tool in tools)
+    return "amdgcn" in targets.stdout and os.path.exists(llvm_tool("mlir-opt"))
 
 
 def count_cuda_devices():
@@ -67,7 +66,7 @@ if has_amdgpu():
 if count_cuda_devices():
     config.available_features.add("cuda")
 
-llvm_tools = ["FileCheck", "not", "split-file", "llc", "mlir-opt", "mlir-translate"]
+llvm_tools = ["FileCheck", "not", "split-file", "mlir-opt"]
 llvm_tools += ["llvm-readobj", "llvm-nm", "llvm-objdump"]
 for tool in llvm_tools:
     config.substitutions.append((rf"(?<![-\w/]){tool}(?![-\w])", llvm_tool(tool)))

@@ -74,10 +74,8 @@ Value warp::readGrid(OpBuilder &b, Location loc, GridValue value, Axis axis) {
 }
 
 std::optional<warp::GridRead> warp::getGridRead(Value value) {
-  Operation *op = value.getDefiningOp();
-  // Analyses that look through casts come to the index itself.
-  if (auto cast = dyn_cast_or_null<arith::IndexCastOp>(op))
-    op = cast.getIn().getDefiningOp();
+  auto cast = value.getDefiningOp<arith::IndexCastOp>();
+  Operation *op = cast ? cast.getIn().getDefiningOp() : nullptr;
   if (auto read = dyn_cast_or_null<gpu::ThreadIdOp>(op))
     return GridRead{GridValue::threadId, toAxis(read.getDimension())};
   if (auto read = dyn_cast_or_null<gpu::BlockIdOp>(op))

@@ -39,7 +39,7 @@ struct GridRead {
 mlir::Value readGrid(mlir::OpBuilder &b, mlir::Location loc, GridValue value,
                      Axis axis = Axis::x);
 
-/// What was read, if `readGrid` made this value or what it casts.
+/// What `readGrid` read, if it made this value.
 std::optional<GridRead> getGridRead(mlir::Value value);
 
 /// Which lane the operand `lane` of a shuffle means: this one, or one at that
