@@ -21,13 +21,16 @@
 // CHECK: gpu.return
 
 // The conversion leaves one function of LLVM's, with all that was said of it.
+// Ids are never wider than they are.
 // LLVM-NOT: gpu.{{module|func}}
 // LLVM-LABEL: llvm.func @saxpy(%{{.*}}: !llvm.ptr {llvm.align = 8 : i64, llvm.byval = !llvm.array<144 x i8>})
 // LLVM-SAME: nvvm.kernel
 // LLVM-SAME: nvvm.maxntid = array<i32: 256>
-// LLVM: nvvm.read.ptx.sreg.ctaid.x
-// LLVM: nvvm.read.ptx.sreg.ntid.x
-// LLVM: nvvm.read.ptx.sreg.tid.x
+// LLVM: %[[BLOCK:.*]] = nvvm.read.ptx.sreg.ctaid.x
+// LLVM: %[[WIDTH:.*]] = nvvm.read.ptx.sreg.ntid.x
+// LLVM: %[[FIRST:.*]] = llvm.mul %[[BLOCK]], %[[WIDTH]] overflow<nsw, nuw> : i32
+// LLVM: %[[THREAD:.*]] = nvvm.read.ptx.sreg.tid.x
+// LLVM: llvm.add %[[FIRST]], %[[THREAD]] overflow<nsw, nuw> : i32
 // LLVM: llvm.intr.fma
 // LLVM: llvm.return
 

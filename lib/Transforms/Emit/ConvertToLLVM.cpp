@@ -21,6 +21,7 @@
 #include "mlir/Conversion/ControlFlowToLLVM/ControlFlowToLLVM.h"
 #include "mlir/Conversion/GPUCommon/GPUCommonPass.h"
 #include "mlir/Conversion/GPUToNVVM/GPUToNVVMPass.h"
+#include "mlir/Conversion/LLVMCommon/Pattern.h"
 #include "mlir/Conversion/LLVMCommon/TypeConverter.h"
 #include "mlir/Conversion/MathToLLVM/MathToLLVM.h"
 #include "mlir/Conversion/MemRefToLLVM/MemRefToLLVM.h"
@@ -43,6 +44,22 @@ namespace warp {
 using namespace mlir;
 
 namespace {
+
+/// Ids have 32 bits, become an index of 64, and are cast to 32 again. LLVM
+/// would take that as leave to compute with 64.
+struct NarrowIndex : ConvertOpToLLVMPattern<arith::IndexCastOp> {
+  using ConvertOpToLLVMPattern::ConvertOpToLLVMPattern;
+
+  LogicalResult
+  matchAndRewrite(arith::IndexCastOp op, OpAdaptor adaptor,
+                  ConversionPatternRewriter &rewriter) const override {
+    auto wide = adaptor.getIn().getDefiningOp<LLVM::SExtOp>();
+    if (!wide || wide.getArg().getType() != op.getType())
+      return failure();
+    rewriter.replaceOp(op, wide.getArg());
+    return success();
+  }
+};
 
 /// Patterns live as long as the pass; the type converter must, too.
 struct Conversion {
@@ -67,6 +84,7 @@ struct Conversion {
     // These would call libdevice for operations of math that warp-lower-math
     // left alone on purpose, so those of math come first.
     populateGpuToNVVMConversionPatterns(types, patterns, /*benefit=*/0);
+    patterns.add<NarrowIndex>(types, /*benefit=*/2);
     populateFinalizeMemRefToLLVMConversionPatterns(types, patterns);
   }
 

@@ -273,7 +273,8 @@ EntryBuilder::Values EntryBuilder::buildPlanes(int64_t items) {
   Values rest;
   Value inside;
   for (int64_t i = 1; i < rank; ++i) {
-    rest.push_back(gridIndex(i == rank - 1 ? warp::Axis::x : warp::Axis::y, i32));
+    warp::Axis ofRest = i == rank - 1 ? warp::Axis::x : warp::Axis::y;
+    rest.push_back(gridIndex(ofRest, i32));
     Value fits = cmp(arith::CmpIPredicate::slt, rest.back(), dims[i]);
     inside = inside ? arith::AndIOp::create(b, loc, inside, fits) : fits;
   }

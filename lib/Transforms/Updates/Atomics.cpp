@@ -6,6 +6,7 @@
 
 #include "Atomics.h"
 
+#include "Launch/GpuBlock.h"
 #include "WarpDialect/Passes.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -144,6 +145,9 @@ Value warp::identity(OpBuilder &b, Location loc, AtomicKind kind, Type type) {
 bool warp::isInvariant(Value value, Block *first) {
   if (auto argument = dyn_cast<BlockArgument>(value))
     return argument.getOwner() == first;
+  // To read where a thread is has no effect, and no operands that differ.
+  if (getGridRead(value))
+    return false;
   Operation *op = value.getDefiningOp();
   return isPure(op) && op->getNumRegions() == 0 &&
          llvm::all_of(op->getOperands(), [&](Value operand) {
