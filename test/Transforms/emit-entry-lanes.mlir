@@ -1,9 +1,11 @@
 // RUN: warp-opt %s --split-input-file --warp-emit-entry | FileCheck %s
 
 // A range is a loop over full vectors, whose mask is a constant, and one vector
-// more for the threads that are left, if there are any.
+// more for the threads that are left, if there are any. A range that ends before
+// it begins has none.
 // CHECK-LABEL: llvm.func @line
-// CHECK-SAME: %[[BEGIN:[^ ]+]]: i64, %[[END:[^ ]+]]: i64)
+// CHECK-SAME: %[[BEGIN:[^ ]+]]: i64, %[[GIVEN:[^ ]+]]: i64)
+// CHECK: %[[END:.*]] = arith.maxsi %[[BEGIN]], %[[GIVEN]]
 // CHECK: %[[COUNT:.*]] = arith.subi %[[END]], %[[BEGIN]]
 // CHECK: %[[MULTIPLE:.*]] = arith.constant -4 : i64
 // CHECK: %[[WHOLE:.*]] = arith.andi %[[COUNT]], %[[MULTIPLE]]

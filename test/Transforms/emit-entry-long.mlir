@@ -7,8 +7,9 @@
 // threads that are left, or of all lanes.
 // CHECK-LABEL: llvm.func @long
 // CHECK-NOT: dense<true>
-// CHECK: scf.for %[[N:[^ ]+]] = %arg1 to %arg2 step %[[WIDTH:[^ ]+]]
-// CHECK: %[[LEFT:.*]] = arith.subi %arg2, %[[N]]
+// CHECK: %[[END:.*]] = arith.maxsi %arg1, %arg2
+// CHECK: scf.for %[[N:[^ ]+]] = %arg1 to %[[END]] step %[[WIDTH:[^ ]+]]
+// CHECK: %[[LEFT:.*]] = arith.subi %[[END]], %[[N]]
 // CHECK: %[[COUNT:.*]] = arith.minsi %[[LEFT]], %[[WIDTH]]
 // CHECK: %[[MASK:.*]] = arith.cmpi slt, %{{.*}}, %{{.*}} : vector<4xi32>
 // CHECK: warp.any %[[MASK]]

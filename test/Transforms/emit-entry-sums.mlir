@@ -19,7 +19,7 @@
 // GPU-SAME: nvvm.kernel
 // GPU-NOT: barrier.cta.red
 // GPU: nvvm.shfl.sync down
-// GPU: nvvm.barrier
+// GPU: nvvm.barrier0
 // GPU: llvm.atomicrmw fadd {{.*}} syncscope("device") monotonic
 // GPU: llvm.return
 func.func @one_address(%x: !warp.array<1 x f32>, %sum: !warp.array<1 x f32>)

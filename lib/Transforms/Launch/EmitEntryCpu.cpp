@@ -30,6 +30,9 @@ static int64_t countOperations(Region &region) {
 EntryBuilder::Values EntryBuilder::buildCpu() {
   Value begin = entry.getArgument(1), end = entry.getArgument(2);
   bool inLanes = threads.getLanes().has_value();
+  // Of a range that ends before it begins, vectors would be counted wrongly.
+  if (inLanes && rank == 1)
+    end = arith::MaxSIOp::create(b, loc, begin, end);
   Values sums = identities(inLanes);
   sums = rank == 1 ? buildRange(begin, end, {}, sums)
                    : buildRows(begin, end, sums);
