@@ -44,6 +44,7 @@ public:
   bool straightLine = false;
   bool exclusive = false, atomics = false;
   int items = 1;
+  CopiedArrays copied;
   std::vector<SummedArray> sums;
   std::map<std::string, double> phaseMs;
 
