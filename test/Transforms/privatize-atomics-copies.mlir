@@ -16,7 +16,9 @@ func.func @forces(%at: !warp.array<1 x si32>,
     attributes {warp.kernel} {
   %i = warp.tid : si32
   %j = warp.load %at[%i] : !warp.array<1 x si32>, si32 -> si32
-  %v = warp.constant dense<[1.0, 2.0, 3.0]> : !warp.vec<3 x f32>
+  %one = warp.constant 1.0 : f32
+  %two = warp.constant 2.0 : f32
+  %v = warp.construct(%one, %two, %one) : (f32, f32, f32) -> !warp.vec<3 x f32>
   %0 = warp.atomic add %v, %f[%j]
     : !warp.vec<3 x f32>, !warp.array<1 x !warp.vec<3 x f32>>, si32
       -> !warp.vec<3 x f32>
