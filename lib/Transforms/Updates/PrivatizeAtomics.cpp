@@ -260,9 +260,9 @@ bool Privatizer::coversOrder() {
   return !result.wasInterrupted();
 }
 
-/// Two operations take one cycle, and most are done for many threads at once.
+/// Two operations take one cycle.
 double Privatizer::restOf(int64_t cost) {
-  return std::max(0.0, double(cost) - estimated) / (2 * gainOfLanes);
+  return std::max(0.0, double(cost) - estimated) / 2;
 }
 
 bool Privatizer::isFasterAlone(int64_t threads, int64_t cost) {
@@ -275,7 +275,7 @@ bool Privatizer::isFasterAlone(int64_t threads, int64_t cost) {
 bool Privatizer::offerCopies(FunctionOpInterface kernel, int64_t cost) {
   if (atomic == 0)
     return false;
-  double rest = restOf(cost);
+  double rest = restOf(cost) / gainOfLanes;
   warp::CopiedArrays copied{warp::findCopied(kernel),
                             (rest + plain) / cyclesPerNanosecond,
                             (rest + atomic) / cyclesPerNanosecond};
