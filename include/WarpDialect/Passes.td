@@ -542,6 +542,10 @@ def PrivatizeAtomics : WarpPass<"warp-privatize-atomics"> {
     sums that are exact aside; on a GPU that is a launch of one block, with one
     thread if its updates cannot be combined.
 
+    Where all atomics that remain add numbers to arrays, or gradients, that the
+    kernel does nothing else to, and arrays are disjoint, `warp.copied` lists
+    those arrays: the code runs on several threads if each has copies of them.
+
     ```mlir
     warp.threads {
       %old = warp.atomic_components add(%x), %sum[%c0] : ...

@@ -20,6 +20,7 @@
 #include "warp/Error.h"
 #include "warp/ExactSums.h"
 #include "warp/Export.h"
+#include "warp/PrivateCopies.h"
 
 #include <cstdint>
 #include <map>
@@ -97,8 +98,11 @@ struct Code {
   int items = 1;
   /// CPU: the code updates elements without atomic instructions, because so
   /// few threads would lose more by those than they gain. It must have the
-  /// arrays to itself and run on one thread. GPU: the launch is one block.
+  /// arrays to itself and run on one thread, or have copies of those in
+  /// `copied` for each. GPU: the launch is one block.
   bool exclusive = false;
+  /// CPU: what exclusive code may add to in private copies.
+  CopiedArrays copied;
   /// CPU: the code has atomic instructions, so no exclusive code may run.
   bool atomics = false;
   /// Arrays with exact sums, for each of which the parameter block has a

@@ -32,6 +32,11 @@ public:
   /// WARP_NUM_THREADS when that is set.
   static int size();
 
+  /// The number of the calling thread in the loop whose body it runs, below
+  /// `size()` and different for threads that run the body at the same time; 0
+  /// for a caller, and outside of loops.
+  static int worker();
+
   /// Calls `body` on disjoint chunks of [begin, end) until all is done. `grain`
   /// items are worth handing to a thread; a history that has seen launches
   /// knows better. Chunks begin at multiples of 64 from `begin`, or of 16, or

@@ -45,6 +45,7 @@ public:
   bool hasLanes = false;
   bool exclusive = false, atomics = false;
   int items = 1;
+  CopiedArrays copied;
   std::vector<SummedArray> sums;
   std::map<std::string, double> phaseMs;
 

@@ -17,6 +17,7 @@
 
 #include "Context.h"
 #include "Pipelines.h"
+#include "Transforms/Updates/CopiedArrays.h"
 
 #include "WarpDialect/Passes.h"
 
@@ -266,6 +267,7 @@ void Compilation::collectFacts(ModuleOp module) {
     if (auto list = function->getAttrOfType<ArrayAttr>(attr::sums))
       for (auto facts : list.getAsRange<DenseI64ArrayAttr>())
         sums.push_back({facts[0], facts[1], facts[2], facts[3], facts[4]});
+    copied = readCopied(function);
     auto table = function->getAttrOfType<ArrayAttr>(attr::sites);
     if (!table)
       continue;

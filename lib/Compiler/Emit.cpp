@@ -37,6 +37,7 @@ warp::Code warp::compile(const Module &module, const CompileOptions &options) {
   code.usesPrintf = run.usesPrintf;
   code.exclusive = run.exclusive;
   code.atomics = run.atomics;
+  code.copied = std::move(run.copied);
   code.items = run.items;
   code.sums = std::move(run.sums);
   code.phaseMs = std::move(run.phaseMs);

@@ -20,6 +20,11 @@ void warp::writeCode(Writer &out, const Code &code) {
   out.number<uint8_t>(code.usesPrintf);
   out.number<uint8_t>(code.exclusive);
   out.number<uint8_t>(code.atomics);
+  out.number<int32_t>(code.copied.list.size());
+  for (const CopiedArray &array : code.copied.list)
+    out.number(array);
+  out.number(code.copied.plainTime);
+  out.number(code.copied.atomicTime);
   out.number<int32_t>(code.items);
   out.number<int32_t>(code.sums.size());
   for (const SummedArray &array : code.sums)
@@ -43,6 +48,11 @@ Code warp::readCode(Reader &in) {
   code.usesPrintf = in.number<uint8_t>();
   code.exclusive = in.number<uint8_t>();
   code.atomics = in.number<uint8_t>();
+  auto copies = in.number<int32_t>();
+  for (int32_t i = 0; i < copies && in.ok(); ++i)
+    code.copied.list.push_back(in.number<CopiedArray>());
+  code.copied.plainTime = in.number<double>();
+  code.copied.atomicTime = in.number<double>();
   code.items = in.number<int32_t>();
   auto sums = in.number<int32_t>();
   for (int32_t i = 0; i < sums && in.ok(); ++i)

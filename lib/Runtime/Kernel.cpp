@@ -20,6 +20,7 @@
 #include "GraphImpl.h"
 #include "KernelImpl.h"
 #include "Overlap.h"
+#include "PrivateCopies.h"
 #include "Support.h"
 #include "warp/KernelCache.h"
 #include "warp/SavedModule.h"
@@ -62,20 +63,6 @@ Kernel::Variant::~Variant() {
 //===----------------------------------------------------------------------===//
 // Variants
 //===----------------------------------------------------------------------===//
-
-/// Whether an array is packed; its number of elements goes to `count`.
-static bool isPacked(const ArrayDescriptor &array, int64_t elementSize,
-                     int64_t &count) {
-  int64_t expected = elementSize;
-  bool packed = true;
-  count = 1;
-  for (int i = array.ndim - 1; i >= 0; --i) {
-    packed &= array.strides[i] == expected || array.shape[i] == 1;
-    expected *= array.shape[i];
-    count *= array.shape[i];
-  }
-  return packed || count == 0;
-}
 
 static void checkExtents(const std::string &kernel, const LaunchDim &dim) {
   if (dim.rank < 1 || dim.rank > maxRank)
@@ -152,13 +139,14 @@ void Kernel::Impl::findAccesses() {
   hasAccesses.store(true, std::memory_order_release);
 }
 
-/// On the CPU adjoints have another order of accesses without overlaps, and
-/// loops that end by what they load have lanes.
+/// On the CPU adjoints have another order of accesses without overlaps, loops
+/// that end by what they load have lanes, and sums may be made in copies.
 bool Kernel::Impl::isDisjoint(const VariantKey &key,
                               const void *params) const {
   bool matters = key.device != cpuDevice;
   for (const Access &access : accesses)
-    matters |= access.gradientSize != 0 || access.watched;
+    matters |= access.gradientSize != 0 || access.watched ||
+               (access.combined && !access.fetched);
   if (!matters)
     return false;
   return areDisjoint(accesses, params);
@@ -356,8 +344,19 @@ Kernel::Plan Kernel::Impl::plan(int device, const LaunchDim &dim, void *params,
     key.ordered = true;
     choose();
   }
-  if (plan.variant)
-    plan.work = plan.variant->code.cost * static_cast<double>(plan.items);
+  auto estimate = [&] {
+    if (plan.variant)
+      plan.work = plan.variant->code.cost * static_cast<double>(plan.items);
+  };
+  estimate();
+  if (!isShort(plan) && !plan.variant->code.copied.list.empty() &&
+      chooseUpdates(plan.variant->code.copied, params, plan.items) ==
+          UpdateMode::Atomic) {
+    // Code that does not know that arrays are disjoint makes no copies.
+    key.disjoint = false;
+    choose();
+    estimate();
+  }
   return plan;
 }
 
@@ -408,11 +407,11 @@ void Kernel::Impl::run(const Plan &plan, void *params, const Stream *stream) {
     return launchOnCuda(variant, name, params, stream);
   }
   if (!options.debug) {
-    launchOnCpu(variant, params, plan.items, isShort(plan));
+    launchOnCpu(variant, params, paramSize, plan.items, isShort(plan));
   } else {
     ErrorRecord record;
     setErrorRecord(params, reinterpret_cast<uint64_t>(&record));
-    launchOnCpu(variant, params, plan.items, isShort(plan));
+    launchOnCpu(variant, params, paramSize, plan.items, isShort(plan));
     if (record.flag)
       raiseFailedCheck(record, variant.code.sites);
   }

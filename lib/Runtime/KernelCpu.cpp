@@ -4,11 +4,13 @@
 //
 // A launch is a range of linear indices, in chunks that the threads of the pool
 // take. Code that updates elements without atomic instructions runs on one
-// thread, and keeps out all other code that updates any.
+// thread, or on all with copies of the arrays (PrivateCopies.h), and keeps out
+// all other code that updates any.
 //
 //===----------------------------------------------------------------------===//
 
 #include "KernelImpl.h"
+#include "PrivateCopies.h"
 #include "warp/ThreadPool.h"
 
 #include <new>
@@ -26,29 +28,56 @@ static constexpr double chunkWork = 16384;
 static std::shared_mutex &updateGate() {
   static std::shared_mutex gate;
   // A thread that held it is not in the child.
-  static const int registered = pthread_atfork(
-      nullptr, nullptr, [] { new (&updateGate()) std::shared_mutex; });
+  static const int registered = pthread_atfork(nullptr, nullptr, [] {
+    new (&updateGate()) std::shared_mutex;
+    forgetCopiesInChild();
+  });
   (void)registered;
   return gate;
 }
 
+/// Items that are worth handing to another thread. Multiples of 64 keep vector
+/// code whole, and threads off each other's lines.
+static int64_t grainOf(const Code &code) {
+  if (code.cost > chunkWork)
+    return 1;
+  return (static_cast<int64_t>(chunkWork / code.cost) / 64 + 1) * 64;
+}
+
+static void launchOnCopies(const Kernel::Variant &variant, const void *params,
+                           size_t paramSize, int64_t items) {
+  PrivateCopies copies(variant.code.copied, params, paramSize);
+  auto run = [&](int64_t begin, int64_t end) {
+    variant.cpu(copies.paramsOf(ThreadPool::worker()), begin, end);
+  };
+  ThreadPool::parallelFor(0, items, grainOf(variant.code), run,
+                          &variant.history);
+  copies.merge();
+}
+
+/// Runs code that must have its arrays to itself.
+static void launchAlone(const Kernel::Variant &variant, const void *params,
+                        size_t paramSize, int64_t items, bool serial) {
+  std::unique_lock<std::shared_mutex> alone(updateGate());
+  const CopiedArrays &copied = variant.code.copied;
+  if (!serial && !copied.list.empty() &&
+      chooseUpdates(copied, params, items) == UpdateMode::Copies)
+    return launchOnCopies(variant, params, paramSize, items);
+  freeIdleCopies();
+  variant.cpu(params, 0, items);
+}
+
 void warp::launchOnCpu(const Kernel::Variant &variant, const void *params,
-                       int64_t items, bool serial) {
+                       size_t paramSize, int64_t items, bool serial) {
   CpuEntry entry = variant.cpu;
-  if (variant.code.exclusive) {
-    std::unique_lock<std::shared_mutex> alone(updateGate());
-    return entry(params, 0, items);
-  }
+  if (variant.code.exclusive)
+    return launchAlone(variant, params, paramSize, items, serial);
   std::shared_lock<std::shared_mutex> shared;
   if (variant.code.atomics)
     shared = std::shared_lock<std::shared_mutex>(updateGate());
   if (serial)
     return entry(params, 0, items);
-  // Multiples of 64 keep vector code whole, and threads off each other's lines.
-  int64_t grain =
-      (static_cast<int64_t>(chunkWork / variant.code.cost) / 64 + 1) * 64;
-  if (variant.code.cost > chunkWork)
-    grain = 1;
   auto run = [&](int64_t begin, int64_t end) { entry(params, begin, end); };
-  ThreadPool::parallelFor(0, items, grain, run, &variant.history);
+  ThreadPool::parallelFor(0, items, grainOf(variant.code), run,
+                          &variant.history);
 }

@@ -106,7 +106,7 @@ bool isIntegerScalar(const Param &param);
 
 /// Runs the indices below `items`; on this thread if `serial`.
 void launchOnCpu(const Kernel::Variant &variant, const void *params,
-                 int64_t items, bool serial);
+                 size_t paramSize, int64_t items, bool serial);
 /// Loads PTX on a device.
 void loadOnCuda(Kernel::Variant &variant);
 /// Unloads it; while a graph is recorded that may use it, later.

@@ -1,9 +1,9 @@
-//===- Overlap.cpp - Whether arrays of a launch share memory --------------===//
+//===- Overlap.cpp - What memory the arrays of a launch have --------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Asked at every launch, so it compares ranges of addresses: two columns of
-// one matrix count as overlapping.
+// Asked at every launch, so overlaps are found by ranges of addresses: two
+// columns of one matrix count as overlapping.
 //
 //===----------------------------------------------------------------------===//
 
@@ -30,6 +30,19 @@ AddressRange warp::rangeOf(const void *data, const ArrayDescriptor &array,
     (span < 0 ? range.begin : range.end) += span;
   }
   return range;
+}
+
+bool warp::isPacked(const ArrayDescriptor &array, int64_t elementSize,
+                    int64_t &count) {
+  int64_t expected = elementSize;
+  bool packed = true;
+  count = 1;
+  for (int i = array.ndim - 1; i >= 0; --i) {
+    packed &= array.strides[i] == expected || array.shape[i] == 1;
+    expected *= array.shape[i];
+    count *= array.shape[i];
+  }
+  return packed || count == 0;
 }
 
 bool warp::areDisjoint(const std::vector<Access> &accesses,

@@ -1,4 +1,4 @@
-//===- Overlap.h - Whether arrays of a launch share memory ------*- C++ -*-===//
+//===- Overlap.h - What memory the arrays of a launch have ------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -27,6 +27,11 @@ struct AddressRange {
 /// descriptor and its strides times `strideScale`; empty without elements.
 AddressRange rangeOf(const void *data, const ArrayDescriptor &array,
                      int64_t elementSize, int64_t strideScale);
+
+/// Whether an array of elements of that size is packed in row-major order; its
+/// number of elements goes to `count`.
+bool isPacked(const ArrayDescriptor &array, int64_t elementSize,
+              int64_t &count);
 
 /// Whether no array that the kernel writes, and none of the gradients of such,
 /// overlaps another array of the launch or its gradient.

@@ -22,8 +22,9 @@
 
 using namespace warp;
 
-/// True on threads that run a body at this moment.
-static thread_local bool insideLoop = false;
+/// The number of a thread in the loop whose body it runs at this moment.
+static constexpr int outside = -1;
+static thread_local int numberInLoop = outside;
 
 //===----------------------------------------------------------------------===//
 // Chunks
@@ -49,13 +50,13 @@ bool Pool::runNextChunk(Stretch &stretch) {
 }
 
 void Pool::work(int index) {
-  insideLoop = true;
+  numberInLoop = index;
   for (int turn = 0; turn < width; ++turn) {
     Stretch &stretch = stretches[(index + turn) % width];
     while (!failed.load(std::memory_order_relaxed) && runNextChunk(stretch)) {
     }
   }
-  insideLoop = false;
+  numberInLoop = outside;
 }
 
 void Pool::cut(int64_t begin, int64_t end) {
@@ -112,7 +113,7 @@ std::mutex poolMutex;
 static void forgetPoolInChild() {
   pool.store(nullptr);
   new (&poolMutex) std::mutex;
-  insideLoop = false;
+  numberInLoop = outside;
 }
 
 static Pool &getPool() {
@@ -133,13 +134,15 @@ static Pool &getPool() {
 
 int ThreadPool::size() { return getPool().size(); }
 
+int ThreadPool::worker() { return std::max(numberInLoop, 0); }
+
 void ThreadPool::parallelFor(int64_t begin, int64_t end, int64_t grain,
                              Body body, void *context, LoopHistory *history) {
   if (begin >= end)
     return;
   grain = std::max<int64_t>(grain, 1);
   int64_t items = end - begin;
-  if (insideLoop || items <= grain)
+  if (numberInLoop != outside || items <= grain)
     return body(context, begin, end);
   Pool &shared = getPool();
   std::unique_lock<std::mutex> lock(shared.busy, std::try_to_lock);

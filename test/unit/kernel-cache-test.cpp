@@ -33,6 +33,9 @@ Code sampleCode(size_t size = 5000) {
   code.sites = {{"saxpy", "a.py", "x", 3, 12}, {"saxpy", "a.py", "y", 4, 5}};
   code.cost = 4.5;
   code.usesPrintf = true;
+  code.copied.list = {{80, 1, 12, 3, 64, 1}, {136, 0, 4, 1, 32, 0}};
+  code.copied.plainTime = 3.25;
+  code.copied.atomicTime = 17.5;
   return code;
 }
 
@@ -41,6 +44,17 @@ void expectSame(const Code &a, const Code &b) {
   EXPECT_EQ(a.binary, b.binary);
   EXPECT_EQ(a.cost, b.cost);
   EXPECT_EQ(a.usesPrintf, b.usesPrintf);
+  EXPECT_EQ(a.copied.plainTime, b.copied.plainTime);
+  EXPECT_EQ(a.copied.atomicTime, b.copied.atomicTime);
+  ASSERT_EQ(a.copied.list.size(), b.copied.list.size());
+  for (size_t i = 0; i < a.copied.list.size(); ++i) {
+    EXPECT_EQ(a.copied.list[i].descriptor, b.copied.list[i].descriptor);
+    EXPECT_EQ(a.copied.list[i].gradient, b.copied.list[i].gradient);
+    EXPECT_EQ(a.copied.list[i].elementSize, b.copied.list[i].elementSize);
+    EXPECT_EQ(a.copied.list[i].numbers, b.copied.list[i].numbers);
+    EXPECT_EQ(a.copied.list[i].width, b.copied.list[i].width);
+    EXPECT_EQ(a.copied.list[i].floating, b.copied.list[i].floating);
+  }
   ASSERT_EQ(a.sites.size(), b.sites.size());
   for (size_t i = 0; i < a.sites.size(); ++i) {
     EXPECT_EQ(a.sites[i].kernel, b.sites[i].kernel);

@@ -33,6 +33,30 @@ TEST(ThreadPool, VisitsEveryIndexOnce) {
   }
 }
 
+// No two threads have a number at the same time, nested loops included, and
+// that of the caller is 0.
+TEST(ThreadPool, NumbersItsThreads) {
+  std::vector<std::atomic<int>> inside(ThreadPool::size());
+  std::atomic<int> wrong{0};
+  auto caller = std::this_thread::get_id();
+  for (int round = 0; round < 50; ++round)
+    ThreadPool::parallelFor(0, 4096, 1, [&](int64_t, int64_t) {
+      int number = ThreadPool::worker();
+      if (number < 0 || number >= ThreadPool::size()) {
+        ++wrong;
+        return;
+      }
+      wrong += inside[number]++ != 0;
+      wrong += (number == 0) != (std::this_thread::get_id() == caller);
+      ThreadPool::parallelFor(0, 10000, 1, [&](int64_t, int64_t) {
+        wrong += ThreadPool::worker() != number;
+      });
+      --inside[number];
+    });
+  EXPECT_EQ(wrong.load(), 0);
+  EXPECT_EQ(ThreadPool::worker(), 0);
+}
+
 TEST(ThreadPool, ChunksAreMultiplesOfTheGrain) {
   std::atomic<int> odd{0};
   ThreadPool::parallelFor(0, 100000, 64, [&](int64_t begin, int64_t end) {

@@ -23,15 +23,18 @@
 // iteration of a loop, are combined over the warp later (CombineOverWarps.cpp).
 //
 // What is left on the CPU are updates of elements that differ from thread to
-// thread. An atomic instruction costs ten times a plain update, so for few
-// threads it is quicker to run the launch on one of them without; the entry is
-// then marked `warp.exclusive`. So it is in a deterministic launch if the order
-// of its updates would show; on a GPU that is a launch of one block.
+// thread. An atomic instruction costs ten times a plain update, so it is
+// quicker to do without, by one thread if only few would share the launch, or
+// by all if each has copies of the arrays (CopiedArrays.h). The entry is then
+// marked `warp.exclusive`. So it is in a deterministic launch if the order of
+// its updates would show, by one thread; on a GPU that is a launch of one
+// block.
 //
 //===----------------------------------------------------------------------===//
 
 #include "Atomics.h"
 #include "CarryOut.h"
+#include "CopiedArrays.h"
 #include "KernelFunction.h"
 #include "UnrollUpdates.h"
 #include "WarpDialect/ParameterLayout.h"
@@ -64,6 +67,9 @@ public:
   bool coversOrder();
   /// After `run`: whether one thread is quicker than sharing the launch.
   bool isFasterAlone(int64_t threads, int64_t cost);
+  /// After `run`: lists the arrays that copies would spare atomic instructions,
+  /// if those would spare all; whether there are any.
+  bool offerCopies(FunctionOpInterface kernel, int64_t cost);
 
 private:
   bool isInvariant(Value value) { return warp::isInvariant(value, first); }
@@ -74,6 +80,8 @@ private:
   void publish(warp::AtomicComponentsOp op, ValueRange totals);
   void count(double updates);
   void countSum(warp::AtomicComponentsOp op);
+  /// Cycles of what a thread does besides.
+  double restOf(int64_t cost);
 
   warp::ThreadsOp threads;
   Block *first, *thread;
@@ -196,6 +204,10 @@ void Privatizer::publish(warp::AtomicComponentsOp op, ValueRange totals) {
                                    components, array, indices);
 }
 
+/// How much quicker threads as lanes do what is neither update nor loop.
+static constexpr double gainOfLanes = 6;
+static constexpr double cyclesPerNanosecond = 3;
+
 /// How often an operation runs per thread, as the estimate of cost has it.
 static double estimatedTrips(Operation *op) {
   double trips = 1;
@@ -249,11 +261,28 @@ bool Privatizer::coversOrder() {
 }
 
 /// Two operations take one cycle.
+double Privatizer::restOf(int64_t cost) {
+  return std::max(0.0, double(cost) - estimated) / 2;
+}
+
 bool Privatizer::isFasterAlone(int64_t threads, int64_t cost) {
   if (atomic == 0)
     return false;
-  double rest = std::max(0.0, double(cost) - estimated) / 2;
+  double rest = restOf(cost);
   return rest + plain < (rest + atomic) / double(threads);
+}
+
+bool Privatizer::offerCopies(FunctionOpInterface kernel, int64_t cost) {
+  if (atomic == 0)
+    return false;
+  double rest = restOf(cost) / gainOfLanes;
+  warp::CopiedArrays copied{warp::findCopied(kernel),
+                            (rest + plain) / cyclesPerNanosecond,
+                            (rest + atomic) / cyclesPerNanosecond};
+  if (copied.list.empty())
+    return false;
+  warp::attachCopied(kernel, copied);
+  return true;
 }
 
 namespace {
@@ -282,16 +311,19 @@ struct PrivatizeAtomics : warp::impl::PrivatizeAtomicsBase<PrivatizeAtomics> {
       privatizer.run();
   }
 
-  void runOnCpu(Operation *kernel, Privatizer &privatizer, bool debug) {
-    bool alone = kernel->hasAttr(warp::attr::deterministic) &&
-                 warp::hasOrderedUpdates(kernel);
+  void runOnCpu(FunctionOpInterface kernel, Privatizer &privatizer, bool debug) {
+    bool deterministic = kernel->hasAttr(warp::attr::deterministic);
+    bool exclusive = deterministic && warp::hasOrderedUpdates(kernel);
     if (!debug) {
+      int64_t threads = warp::getFact(kernel, warp::attr::threads, 16);
+      int64_t cost = warp::getFact(kernel, warp::attr::cost, 0);
       privatizer.run();
-      alone |= privatizer.isFasterAlone(
-          warp::getFact(kernel, warp::attr::threads, 16),
-          warp::getFact(kernel, warp::attr::cost, 0));
+      exclusive |= privatizer.isFasterAlone(threads, cost);
+      if (!deterministic && threads > 1 &&
+          kernel->hasAttr(warp::attr::disjoint))
+        exclusive |= privatizer.offerCopies(kernel, cost);
     }
-    if (alone)
+    if (exclusive)
       kernel->setAttr(warp::attr::exclusive, UnitAttr::get(&getContext()));
   }
 

@@ -1,0 +1,48 @@
+//===- PrivateCopies.h - Arrays that each worker sums by itself -*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Code whose threads add to elements that other threads add to runs on several
+// workers without atomic instructions if each has an array of its own: all but
+// the first get a copy of zeros, and what the copies have received is added to
+// the arrays after the launch. The compiler lists the arrays
+// (lib/Transforms/Updates/CopiedArrays.h), the runtime decides launch by launch
+// whether copies pay (lib/Runtime/PrivateCopies.h).
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_PRIVATECOPIES_H
+#define WARP_PRIVATECOPIES_H
+
+#include <cstdint>
+#include <vector>
+
+namespace warp {
+
+/// An array, or the gradients of one, that a kernel only adds numbers to.
+struct CopiedArray {
+  /// Where the array's descriptor lies in the parameter block; whether it is
+  /// about the gradient there.
+  int64_t descriptor = 0;
+  int64_t gradient = 0;
+  /// Bytes of an element of the array itself.
+  int64_t elementSize = 0;
+  /// Numbers of one element, or of its gradient; their bits, 32 or 64, and
+  /// whether they are floats.
+  int64_t numbers = 1;
+  int64_t width = 32;
+  int64_t floating = 1;
+};
+
+/// What the compiler says about copies for a kernel.
+struct CopiedArrays {
+  /// None if copies would not do.
+  std::vector<CopiedArray> list;
+  /// Nanoseconds that a launch index is estimated to take without atomic
+  /// instructions, and with them.
+  double plainTime = 0, atomicTime = 0;
+};
+
+} // namespace warp
+
+#endif // WARP_PRIVATECOPIES_H

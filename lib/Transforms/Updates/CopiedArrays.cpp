@@ -1,0 +1,193 @@
+//===- CopiedArrays.cpp - Arrays that workers may have copies of ----------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// A worker may add to a copy in place of an array if nothing but sums happens
+// to the array in the launch: then nobody sees before the end of it which of
+// the two a number went to. Every access of the kernel is asked for the memory
+// it may mean (Analysis/ArrayOrigins.h), so views and fields of structs count.
+// One access of unknown memory is enough to give up, since it may mean a copied
+// array; so is one atomic update that copies cannot take over, since all
+// updates of the code lose their atomic instructions together.
+//
+//===----------------------------------------------------------------------===//
+
+#include "CopiedArrays.h"
+
+#include "Analysis/ArrayOrigins.h"
+#include "KernelFunction.h"
+#include "WarpDialect/ParameterLayout.h"
+#include "WarpDialect/WarpOps.h"
+#include "WarpDialect/WarpTypes.h"
+
+#include "mlir/IR/Builders.h"
+#include "mlir/Interfaces/CallInterfaces.h"
+
+#include <map>
+
+using namespace mlir;
+
+static constexpr llvm::StringLiteral arraysName = "warp.copied";
+/// Picoseconds.
+static constexpr llvm::StringLiteral timesName = "warp.update_times";
+
+/// The type of the numbers that an update adds; null if it does anything else.
+static Type typeOfSum(warp::AccessOp op) {
+  auto kind = op.getCombination();
+  if (!op.isUpdate() || !op->use_empty() || op->hasAttr(warp::attr::sum) ||
+      (kind != warp::AtomicKind::add && kind != warp::AtomicKind::sub))
+    return {};
+  auto types = op.getWritten().getTypes();
+  Type type = types.front();
+  if (!llvm::all_equal(types) ||
+      !(type.isF32() || type.isF64() || type.isInteger(32) ||
+        type.isInteger(64)))
+    return {};
+  return type;
+}
+
+namespace {
+
+/// What a kernel does to one memory.
+struct Uses {
+  /// Of all its sums.
+  Type number;
+  bool isAtomic = false, others = false;
+};
+
+class Finder {
+public:
+  explicit Finder(FunctionOpInterface kernel)
+      : kernel(kernel), origins(kernel, /*disjoint=*/true) {}
+
+  std::vector<warp::CopiedArray> run();
+
+private:
+  bool visit(Operation *op);
+  void locate();
+  std::optional<warp::CopiedArray> describe(warp::ArrayMemory memory,
+                                            Type number);
+
+  FunctionOpInterface kernel;
+  warp::ArrayOrigins origins;
+  std::map<warp::ArrayMemory, Uses> uses;
+  /// The array leaves of the arguments, as the parameter block has them.
+  SmallVector<warp::Leaf> arrays;
+};
+
+} // namespace
+
+/// False if the operation rules out copies.
+bool Finder::visit(Operation *op) {
+  if (isa<CallOpInterface>(op))
+    return llvm::none_of(op->getOperandTypes(), [](Type type) {
+      return isa<warp::ArrayType>(type);
+    });
+  auto access = dyn_cast<warp::AccessOp>(op);
+  if (!access)
+    return true;
+  warp::ArrayOrigin origin = origins.of(access.getArray());
+  if (!origin.isComplete)
+    return false;
+  Type number = typeOfSum(access);
+  bool isAtomic = access.isUpdate() && access.isAtomic();
+  if (isAtomic && !number)
+    return false;
+  for (warp::ArrayMemory memory : origin.memories) {
+    Uses &use = uses[memory];
+    use.others |= !number || (use.number && use.number != number);
+    use.number = number;
+    use.isAtomic |= isAtomic;
+  }
+  return true;
+}
+
+void Finder::locate() {
+  SmallVector<Type> types(kernel.getArgumentTypes());
+  if (auto declared = kernel->getAttrOfType<ArrayAttr>(warp::attr::argTypes)) {
+    auto values = declared.getAsValueRange<TypeAttr>();
+    types.assign(values.begin(), values.end());
+  }
+  warp::ParameterLayout layout = warp::layOutParameters(types);
+  SmallVector<warp::Leaf> leaves;
+  for (auto [type, offset] : llvm::zip_equal(types, layout.offsets))
+    warp::collectLeaves(type, offset, leaves);
+  for (warp::Leaf leaf : leaves)
+    if (isa<warp::ArrayType>(leaf.type))
+      arrays.push_back(leaf);
+}
+
+/// None if an element is more than numbers of that type.
+std::optional<warp::CopiedArray> Finder::describe(warp::ArrayMemory memory,
+                                                  Type number) {
+  warp::Leaf leaf = arrays[memory.leaf];
+  Type element = cast<warp::ArrayType>(leaf.type).getElementType();
+  int64_t size = warp::getByteSize(element);
+  if (memory.isGradient)
+    element = warp::getGradientElement(element);
+  SmallVector<warp::Leaf> leaves;
+  warp::collectLeaves(element, 0, leaves);
+  int64_t width = number.getIntOrFloatBitWidth(), count = leaves.size();
+  bool fits = llvm::all_of(leaves, [&](warp::Leaf part) {
+    return part.type.isIntOrFloat() &&
+           int64_t(part.type.getIntOrFloatBitWidth()) == width &&
+           isa<FloatType>(part.type) == isa<FloatType>(number);
+  });
+  if (!fits || count * width / 8 != warp::getByteSize(element))
+    return std::nullopt;
+  return warp::CopiedArray{leaf.offset, memory.isGradient, size, count, width,
+                           isa<FloatType>(number)};
+}
+
+std::vector<warp::CopiedArray> Finder::run() {
+  bool allowed = !kernel
+                      ->walk([&](Operation *op) {
+                        return visit(op) ? WalkResult::advance()
+                                         : WalkResult::interrupt();
+                      })
+                      .wasInterrupted();
+  std::vector<warp::CopiedArray> found;
+  if (!allowed)
+    return found;
+  locate();
+  for (auto &[memory, use] : uses) {
+    if (!use.isAtomic)
+      continue;
+    auto array = use.others ? std::nullopt : describe(memory, use.number);
+    if (!array)
+      return {};
+    found.push_back(*array);
+  }
+  return found;
+}
+
+std::vector<warp::CopiedArray> warp::findCopied(FunctionOpInterface kernel) {
+  return Finder(kernel).run();
+}
+
+void warp::attachCopied(Operation *kernel, const CopiedArrays &copied) {
+  Builder b(kernel->getContext());
+  SmallVector<Attribute> list;
+  for (const CopiedArray &array : copied.list)
+    list.push_back(b.getDenseI64ArrayAttr(
+        {array.descriptor, array.gradient, array.elementSize, array.numbers,
+         array.width, array.floating}));
+  kernel->setAttr(arraysName, b.getArrayAttr(list));
+  kernel->setAttr(timesName,
+                  b.getDenseI64ArrayAttr({int64_t(copied.plainTime * 1e3),
+                                          int64_t(copied.atomicTime * 1e3)}));
+}
+
+warp::CopiedArrays warp::readCopied(Operation *entry) {
+  CopiedArrays copied;
+  auto list = entry->getAttrOfType<ArrayAttr>(arraysName);
+  auto times = entry->getAttrOfType<DenseI64ArrayAttr>(timesName);
+  if (!list || !times)
+    return copied;
+  for (auto facts : list.getAsRange<DenseI64ArrayAttr>())
+    copied.list.push_back(
+        {facts[0], facts[1], facts[2], facts[3], facts[4], facts[5]});
+  copied.plainTime = double(times[0]) / 1e3;
+  copied.atomicTime = double(times[1]) / 1e3;
+  return copied;
+}

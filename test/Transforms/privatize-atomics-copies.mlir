@@ -1,0 +1,97 @@
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-launch disjoint" | FileCheck %s
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-launch" | FileCheck %s --check-prefix=OVERLAP
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-launch disjoint debug" | FileCheck %s --check-prefix=OVERLAP
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-launch disjoint deterministic" | FileCheck %s --check-prefix=OVERLAP
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-launch disjoint threads=1" | FileCheck %s --check-prefix=OVERLAP
+
+// OVERLAP-NOT: warp.copied
+
+// Sixteen workers do without atomic instructions if each has an array of its
+// own: that of three floats an element, described at byte 80.
+// CHECK-LABEL: func.func @forces
+// CHECK-SAME: warp.copied = [array<i64: 80, 0, 12, 3, 32, 1>]
+// CHECK-SAME: warp.exclusive
+func.func @forces(%at: !warp.array<1 x si32>,
+                  %f: !warp.array<1 x !warp.vec<3 x f32>>)
+    attributes {warp.kernel} {
+  %i = warp.tid : si32
+  %j = warp.load %at[%i] : !warp.array<1 x si32>, si32 -> si32
+  %one = warp.constant 1.0 : f32
+  %two = warp.constant 2.0 : f32
+  %v = warp.construct(%one, %two, %one) : (f32, f32, f32) -> !warp.vec<3 x f32>
+  %0 = warp.atomic add %v, %f[%j]
+    : !warp.vec<3 x f32>, !warp.array<1 x !warp.vec<3 x f32>>, si32
+      -> !warp.vec<3 x f32>
+  %1 = warp.atomic sub %v, %f[%i]
+    : !warp.vec<3 x f32>, !warp.array<1 x !warp.vec<3 x f32>>, si32
+      -> !warp.vec<3 x f32>
+  return
+}
+
+// -----
+
+// An array that is loaded, too, would show what is missing in it.
+// CHECK-LABEL: func.func @loaded
+// CHECK-NOT: warp.copied
+// CHECK: return
+func.func @loaded(%at: !warp.array<1 x si32>, %x: !warp.array<1 x f32>)
+    attributes {warp.kernel} {
+  %i = warp.tid : si32
+  %j = warp.load %at[%i] : !warp.array<1 x si32>, si32 -> si32
+  %v = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
+  %0 = warp.atomic add %v, %x[%j] : f32, !warp.array<1 x f32>, si32 -> f32
+  return
+}
+
+// -----
+
+// All updates of the code lose their atomic instructions, so a minimum beside
+// the sum keeps both.
+// CHECK-LABEL: func.func @minimum
+// CHECK-NOT: warp.copied
+// CHECK: return
+func.func @minimum(%at: !warp.array<1 x si32>, %x: !warp.array<1 x si32>,
+                   %y: !warp.array<1 x si32>) attributes {warp.kernel} {
+  %i = warp.tid : si32
+  %j = warp.load %at[%i] : !warp.array<1 x si32>, si32 -> si32
+  %0 = warp.atomic add %i, %x[%j]
+    : si32, !warp.array<1 x si32>, si32 -> si32
+  %1 = warp.atomic min %i, %y[%j]
+    : si32, !warp.array<1 x si32>, si32 -> si32
+  return
+}
+
+// -----
+
+// So does an old value that somebody uses.
+// CHECK-LABEL: func.func @fetched
+// CHECK-NOT: warp.copied
+// CHECK: return
+func.func @fetched(%at: !warp.array<1 x si32>, %x: !warp.array<1 x si32>,
+                   %y: !warp.array<1 x si32>) attributes {warp.kernel} {
+  %i = warp.tid : si32
+  %j = warp.load %at[%i] : !warp.array<1 x si32>, si32 -> si32
+  %0 = warp.atomic add %i, %x[%j]
+    : si32, !warp.array<1 x si32>, si32 -> si32
+  warp.store %0, %y[%i] : si32, !warp.array<1 x si32>, si32
+  return
+}
+
+// -----
+
+// Copies take numbers of one kind: 64-bit integers, described at byte 80, and
+// the floats of the other array, at byte 136.
+// CHECK-LABEL: func.func @kinds
+// CHECK-SAME: warp.copied = [array<i64: 80, 0, 8, 1, 64, 0>, array<i64: 136, 0, 8, 1, 64, 1>]
+func.func @kinds(%at: !warp.array<1 x si32>, %x: !warp.array<1 x si64>,
+                 %y: !warp.array<1 x f64>) attributes {warp.kernel} {
+  %i = warp.tid : si32
+  %j = warp.load %at[%i] : !warp.array<1 x si32>, si32 -> si32
+  %one = warp.constant 1 : si64
+  %half = warp.constant 0.5 : f64
+  %0 = warp.atomic add %one, %x[%j]
+    : si64, !warp.array<1 x si64>, si32 -> si64
+  %1 = warp.atomic add %half, %y[%j]
+    : f64, !warp.array<1 x f64>, si32 -> f64
+  return
+}
