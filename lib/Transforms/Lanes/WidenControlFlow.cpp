@@ -198,10 +198,13 @@ void Widening::widenFor(scf::ForOp op) {
     if (!next.empty())
       scf::YieldOp::create(b, loc, next);
   }
-  // A result has the forms of the argument, or fewer.
-  ValueRange forms = loop.getResults();
-  for (auto [argument, result] :
-       llvm::zip_equal(op.getRegionIterArgs(), op.getResults())) {
+  takeResults(op.getRegionIterArgs(), op.getResults(), loop.getResults());
+}
+
+/// A result of a loop has the forms of the argument that it was, or fewer.
+void Widening::takeResults(ValueRange arguments, ValueRange results,
+                           ValueRange forms) {
+  for (auto [argument, result] : llvm::zip_equal(arguments, results)) {
     unsigned count = formTypes(ValueRange(argument)).size();
     takeForms(ValueRange(argument), forms.take_front(count));
     if (isVarying(result))
@@ -323,17 +326,7 @@ void Widening::widenWhile(scf::WhileOp op) {
   scf::YieldOp::create(b, loc, next);
 
   b.setInsertionPointAfter(loop);
-  ValueRange forms = loop.getResults();
-  for (auto [argument, result] :
-       llvm::zip_equal(op.getAfterArguments(), op.getResults())) {
-    unsigned count = formTypes(ValueRange(argument)).size();
-    takeForms(ValueRange(argument), forms.take_front(count));
-    if (isVarying(result))
-      setVector(result, vector(argument));
-    if (!isVarying(result) || hasBase(result))
-      setScalar(result, scalar(argument));
-    forms = forms.drop_front(count);
-  }
+  takeResults(op.getAfterArguments(), op.getResults(), loop.getResults());
 }
 
 void Widening::widenDivergentWhile(scf::WhileOp op) {

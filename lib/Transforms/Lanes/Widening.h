@@ -61,6 +61,8 @@ private:
   llvm::SmallVector<mlir::Type> formTypes(mlir::ValueRange values);
   /// Takes the forms of values from a list, in the order of `appendForms`.
   void takeForms(mlir::ValueRange values, mlir::ValueRange forms);
+  void takeResults(mlir::ValueRange arguments, mlir::ValueRange results,
+                   mlir::ValueRange forms);
 
   // WidenThreads.cpp
   void widen(mlir::Block &block);

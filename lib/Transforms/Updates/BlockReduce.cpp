@@ -30,11 +30,6 @@ Value warp::BlockReduce::constant(int64_t value) {
   return arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(value));
 }
 
-Value warp::BlockReduce::isFirst() {
-  return arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq, thread,
-                               constant(0));
-}
-
 Value warp::BlockReduce::any(Value condition) {
   return holdsAnywhere(b, loc, condition);
 }

@@ -24,11 +24,10 @@ public:
 
   /// Whether `condition` holds for any thread; all threads learn it.
   mlir::Value any(mlir::Value condition);
-  /// The combination of all values, in the thread where `isFirst` holds.
+  /// The combination of all values, in the first thread of the block.
   /// `type` still has its sign.
   mlir::Value reduce(AtomicKind kind, mlir::Value value, mlir::Value identity,
                      mlir::Type type);
-  mlir::Value isFirst();
 
 private:
   mlir::Value constant(int64_t value);
