@@ -24,6 +24,10 @@ struct LanePlan {
 LanePlan planLanes(mlir::FunctionOpInterface kernel, ThreadsOp threads,
                    const ThreadVariance &variance, int64_t wanted);
 
+/// Whether the elements of an array's last dimension follow each other, and are
+/// a few numbers of one type each, so that lanes can load them as vectors.
+bool hasDenseElements(mlir::Value array);
+
 /// Accesses arrays themselves instead of views of them, whose start may differ
 /// from thread to thread.
 void foldViews(mlir::FunctionOpInterface kernel);

@@ -14,6 +14,7 @@
 
 #include "Analysis/NonNegative.h"
 #include "KernelFunction.h"
+#include "LanePlan.h"
 #include "Updates/Atomics.h"
 #include "WarpDialect/ParameterLayout.h"
 
@@ -54,14 +55,18 @@ static bool isDense(Type element) {
          warp::getByteSize(element) == int64_t(leaves.size()) * size;
 }
 
+bool warp::hasDenseElements(Value array) {
+  return isPacked(array) &&
+         isDense(cast<warp::ArrayType>(array.getType()).getElementType());
+}
+
 /// By how many elements of a packed last dimension lanes are apart; 0 if that is
 /// not known or not worth whole vectors.
 int64_t Widening::unitStride(Value array, ValueRange indices, Block *where) {
-  auto type = cast<warp::ArrayType>(array.getType());
   int64_t stride = indices.empty() ? 0 : variance.step(indices.back())
                                              .value_or(0);
   bool fits = stride >= 1 && stride <= largestStride &&
-              isDense(type.getElementType()) && isPacked(array) &&
+              warp::hasDenseElements(array) &&
               llvm::none_of(indices.drop_back(),
                             [&](Value index) { return isVarying(index); }) &&
               warp::isNonNegative(indices.back(), where);
