@@ -221,8 +221,11 @@ void CostCounter::count(Operation *op, double trips, double use) {
                : cast<warp::StoreComponentsOp>(op).getComponents().size();
     bool follows =
         variance.step(op->getOperand(op->getNumOperands() - 1)) == 1;
-    bool isDense = warp::hasDenseElements(cast<warp::AccessOp>(op).getArray());
-    double each = !follows ? gatherCost : isDense ? 2 * share : fieldCost;
+    Value array = cast<warp::AccessOp>(op).getArray();
+    double each = !follows                        ? gatherCost
+                  : warp::isPartOfPacked(array)   ? fieldCost
+                  : warp::hasDenseElements(array) ? 2 * share
+                                                  : gatherCost;
     return add(count, each * count, trips, use);
   }
   if (auto update = dyn_cast<warp::AtomicComponentsOp>(op)) {

@@ -28,6 +28,10 @@ LanePlan planLanes(mlir::FunctionOpInterface kernel, ThreadsOp threads,
 /// a few numbers of one type each, so that lanes can load them as vectors.
 bool hasDenseElements(mlir::Value array);
 
+/// Whether it is an array of structs without gaps, or one field or component of
+/// such elements.
+bool isPartOfPacked(mlir::Value array);
+
 /// Accesses arrays themselves instead of views of them, whose start may differ
 /// from thread to thread.
 void foldViews(mlir::FunctionOpInterface kernel);

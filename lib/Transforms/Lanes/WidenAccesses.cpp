@@ -60,6 +60,14 @@ bool warp::hasDenseElements(Value array) {
          isDense(cast<warp::ArrayType>(array.getType()).getElementType());
 }
 
+bool warp::isPartOfPacked(Value array) {
+  if (hasDenseElements(array))
+    return false;
+  while (auto part = array.getDefiningOp<warp::ComponentViewOp>())
+    array = part.getArray();
+  return isPacked(array);
+}
+
 /// By how many elements of a packed last dimension lanes are apart; 0 if that is
 /// not known or not worth whole vectors.
 int64_t Widening::unitStride(Value array, ValueRange indices, Block *where) {
