@@ -39,6 +39,7 @@ def kind(x: wp.vec3):  # noqa: F811
         ("warp", "!warp.array<1 x f32>"),
         ("thread", "warp.load_components"),
         ("launch", "warp.threads"),
+        ("gpu", "gpu.func"),
         ("llvm", "define "),
         ("ptx", ".visible .entry"),
         ("asm", "ret"),
@@ -49,7 +50,7 @@ def test_every_stage_can_be_seen(stage, text):
 
 
 def test_unknown_stage():
-    with pytest.raises(ValueError, match="'warp', 'thread', 'launch', 'llvm', 'ptx', 'asm'"):
+    with pytest.raises(ValueError, match="'launch', 'gpu', 'llvm', 'ptx', 'asm'"):
         twice.ir(stage="mlir")
 
 
@@ -57,8 +58,8 @@ def test_dump(config, tmp_path, device):
     config.dump = str(tmp_path / "dump")
     wp.launch(twice, 1, [wp.zeros(1, device=device)], device=device)
     assert sorted(path.name for path in (tmp_path / "dump").iterdir()) == [
-        "twice.asm.s", "twice.launch.mlir", "twice.llvm.ll", "twice.ptx.ptx",
-        "twice.thread.mlir", "twice.warp.mlir",
+        "twice.asm.s", "twice.gpu.mlir", "twice.launch.mlir", "twice.llvm.ll",
+        "twice.ptx.ptx", "twice.thread.mlir", "twice.warp.mlir",
     ]
 
 

@@ -25,10 +25,11 @@ from warp._src.types import dtypes
 from warp._src.types.annotations import is_generic
 from warp._src.types.native import ArrayType, IndexedArrayType
 
-STAGES = ("warp", "thread", "launch", "llvm", "ptx", "asm")
+STAGES = ("warp", "thread", "launch", "gpu", "llvm", "ptx", "asm")
 DERIVATIVES = ("adjoint", "tangent")
 _SUFFIX = {
-    "warp": "mlir", "thread": "mlir", "launch": "mlir", "llvm": "ll", "ptx": "ptx", "asm": "s",
+    "warp": "mlir", "thread": "mlir", "launch": "mlir", "gpu": "mlir", "llvm": "ll", "ptx": "ptx",
+    "asm": "s",
 }
 
 
@@ -183,10 +184,12 @@ class Kernel:
         """The kernel as text at one stage of compilation.
 
         Args:
-            stage: `warp` (what the front end built), `thread` (scalars, one thread), `llvm`, `ptx`
-                or `asm`; or `adjoint` or `tangent`, the derivative if every array has a gradient.
-            device: with `thread` and `llvm`, the device to lower for; `ptx` is always for a GPU
-                (that of the device, or a current one if there is none) and `asm` for the CPU.
+            stage: `warp` (what the front end built), `thread` (scalars, one thread), `launch`,
+                `gpu` (MLIR's dialect for GPUs of any maker), `llvm`, `ptx` or `asm`; or `adjoint`
+                or `tangent`, the derivative if every array has a gradient.
+            device: with `thread`, `launch` and `llvm`, the device to lower for; `gpu` and `ptx` are
+                always for a GPU (that of the device, or a current one if there is none) and `asm`
+                for the CPU.
             rank: number of launch dimensions.
             arch: GPU architecture to lower for, `90` for `sm_90`; no such GPU is needed.
 
@@ -229,12 +232,12 @@ def _architecture(stage, device) -> int:
         return 0
     if device is not None:
         arch = get_device(device).arch
-        if arch or stage != "ptx":
+        if arch or stage not in ("gpu", "ptx"):
             return arch
-    return DEFAULT_GPU if stage == "ptx" else 0
+    return DEFAULT_GPU if stage in ("gpu", "ptx") else 0
 
 
-# What PTX is shown for where no device is named: the newest architecture with a stable ISA.
+# What code for GPUs is shown for where no device is named: the newest architecture with a stable ISA.
 DEFAULT_GPU = 90
 
 
