@@ -255,10 +255,13 @@ def GatherSums : WarpPass<"warp-gather-sums"> {
 def Specialize : WarpPass<"warp-specialize"> {
   let summary = "Attach the facts of a launch and fold what they decide";
   let description = [{
-    The facts become attributes of the kernel function. Thread indices of
-    dimensions that the launch does not have become zero, and assertions
-    disappear unless the launch is a debugging one. `warp.accumulate` becomes
-    an atomic update, or a plain one where its indices are unique.
+    The kernel gets a `#warp.variant` from the options of the pass, which are
+    those of `CompileOptions` (lib/Transforms/Variant.cpp lists them): a `key`
+    or `key=value` each. Without options, a variant that it has remains. Thread
+    indices of dimensions that the launch does not have become zero, and
+    assertions disappear unless the launch is a debugging one.
+    `warp.accumulate` becomes an atomic update, or a plain one where its indices
+    are unique.
 
     ```mlir
     %i, %j = warp.tid : si32, si32
@@ -267,30 +270,6 @@ def Specialize : WarpPass<"warp-specialize"> {
     %j = warp.constant 0 : si32
     ```
   }];
-  let options = [
-    Option<"target", "target", "std::string", "\"cpu\"",
-           "cpu, or a GPU architecture such as sm_90">,
-    Option<"rank", "rank", "int64_t", "1", "Dimensions of the launch, 1 to 4">,
-    Option<"contiguous", "contiguous", "uint64_t", "0",
-           "Bit i: argument i is an array packed in row-major order, or an "
-           "integer that is not negative">,
-    Option<"index32", "index32", "bool", "true",
-           "No array and no launch has 2^31 elements or more">,
-    Option<"flat", "flat", "bool", "false",
-           "GPU: one linear grid axis for all dimensions">,
-    Option<"debug", "debug", "bool", "false", "Check bounds and assertions">,
-    Option<"fastMath", "fast-math", "bool", "false",
-           "Reassociate, and approximate math functions">,
-    Option<"deterministic", "deterministic", "bool", "false",
-           "Sums have the same bits in every run">,
-    Option<"ordered", "ordered", "bool", "false",
-           "Deterministic: by one order of updates, as arrays overlap">,
-    Option<"blockDim", "block-dim", "int64_t", "256", "Threads of a GPU block">,
-    Option<"large", "large", "bool", "false",
-           "GPU: the launch fills the card many times over">,
-    Option<"threads", "threads", "int64_t", "16",
-           "CPU: threads that would share the launch">,
-  ];
   let dependentDialects = ["::warp::WarpDialect"];
 }
 
@@ -407,9 +386,9 @@ def PrivatizeAtomics : WarpPass<"warp-privatize-atomics"> {
     share, in one iteration of a loop or one row of the launch, is combined over
     the warp.
 
-    Where atomics remain on the CPU, and so few threads would share the launch that one
-    thread without atomic instructions is faster, the entry is marked
-    `warp.exclusive`: it runs on one thread and updates elements plainly. In a
+    Where atomics remain on the CPU, and so few threads would share the launch
+    that one thread without atomic instructions is faster, the entry gets an
+    exclusive recipe: it runs on one thread and updates elements plainly. In a
     deterministic launch so is every entry with atomics whose order would show,
     sums that are exact aside; on a GPU that is a launch of one block, with one
     thread if its updates cannot be combined.
@@ -427,26 +406,6 @@ def PrivatizeAtomics : WarpPass<"warp-privatize-atomics"> {
   let dependentDialects = [
     "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect",
     "::mlir::LLVM::LLVMDialect"];
-}
-
-def LowerSums : WarpPass<"warp-lower-sums"> {
-  let summary = "Add to exact sums by integers";
-  let description = [{
-    A float is a whole multiple of the least subnormal one. Its digits are
-    added to those of the sum, which the runtime keeps beside the array and
-    rounds after the launch.
-
-    ```mlir
-    %old = warp.atomic_components add (%x), %sum[%j] {warp.sum = 192} : ...
-    // ==>
-    %p = warp.address %sum[%j] : !warp.array<1 x f32>, i32
-    // %number: of the element, by %p
-    llvm.call @warp_add_exactly_f32(%digits, %touched, %count, %number, %x)
-    ```
-  }];
-  let dependentDialects = [
-    "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect",
-    "::mlir::LLVM::LLVMDialect", "::warp::WarpDialect"];
 }
 
 def DeferUpdates : WarpPass<"warp-defer-updates"> {
@@ -471,6 +430,26 @@ def DeferUpdates : WarpPass<"warp-defer-updates"> {
   }];
   let dependentDialects = [
     "::mlir::arith::ArithDialect", "::mlir::LLVM::LLVMDialect"];
+}
+
+def LowerSums : WarpPass<"warp-lower-sums"> {
+  let summary = "Add to exact sums by integers";
+  let description = [{
+    A float is a whole multiple of the least subnormal one. Its digits are
+    added to those of the sum, which the runtime keeps beside the array and
+    rounds after the launch.
+
+    ```mlir
+    %old = warp.atomic_components add (%x), %sum[%j] {warp.sum = 192} : ...
+    // ==>
+    %p = warp.address %sum[%j] : !warp.array<1 x f32>, i32
+    // %number: of the element, by %p
+    llvm.call @warp_add_exactly_f32(%digits, %touched, %count, %number, %x)
+    ```
+  }];
+  let dependentDialects = [
+    "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect",
+    "::mlir::LLVM::LLVMDialect", "::warp::WarpDialect"];
 }
 
 def LowerArrays : WarpPass<"warp-lower-arrays"> {

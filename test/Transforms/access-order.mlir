@@ -1,5 +1,7 @@
 // RUN: warp-opt %s --split-input-file --warp-lower-launch --warp-lower-arrays | FileCheck %s
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 128>, index32 = false>
+
 // A component is read before, another after, a write that may be to the same
 // element: the loop is not marked, or lanes would read the second one early.
 // CHECK-LABEL: llvm.func @between
@@ -8,7 +10,7 @@
 func.func @between(%x: !warp.array<1 x !warp.vec<2 x f32>>,
                    %y: !warp.array<1 x !warp.vec<2 x f32>>,
                    %z: !warp.array<1 x f32>)
-    attributes {warp.kernel, warp.rank = 1 : i64, warp.target = "cpu"} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
@@ -27,6 +29,8 @@ func.func @between(%x: !warp.array<1 x !warp.vec<2 x f32>>,
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 128>, index32 = false>
+
 // What a thread has just stored is not loaded again, and then the order of
 // loads and stores is harmless.
 // CHECK-LABEL: llvm.func @forward
@@ -35,7 +39,7 @@ func.func @between(%x: !warp.array<1 x !warp.vec<2 x f32>>,
 // CHECK: llvm.return
 func.func @forward(%x: !warp.array<1 x !warp.vec<2 x f32>>,
                    %v: !warp.array<1 x !warp.vec<2 x f32>>)
-    attributes {warp.kernel, warp.rank = 1 : i64, warp.target = "cpu"} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %v0, %v1 = warp.load_components %v[%i]
     : !warp.array<1 x !warp.vec<2 x f32>>, i32 -> f32, f32
@@ -54,6 +58,8 @@ func.func @forward(%x: !warp.array<1 x !warp.vec<2 x f32>>,
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 128>, index32 = false>
+
 // Neighbouring threads that read neighbouring numbers leave nothing to move.
 // CHECK-LABEL: llvm.func @dense
 // CHECK: llvm.load %{{.*}} {access_groups
@@ -61,7 +67,7 @@ func.func @forward(%x: !warp.array<1 x !warp.vec<2 x f32>>,
 // CHECK: llvm.load %{{.*}} {access_groups
 // CHECK: llvm.store %{{.*}} {access_groups
 func.func @dense(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
-    attributes {warp.kernel, warp.rank = 1 : i64, warp.target = "cpu"} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %c1 = arith.constant 1 : i32
   %j = arith.addi %i, %c1 : i32
@@ -74,13 +80,15 @@ func.func @dense(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 128>, index32 = false>
+
 // A loop may be unrolled, so its next iteration follows this one.
 // CHECK-LABEL: llvm.func @iterations
 // CHECK-NOT: access_groups
 // CHECK: llvm.return
 func.func @iterations(%x: !warp.array<1 x !warp.vec<2 x f32>>,
                       %y: !warp.array<1 x !warp.vec<2 x f32>>)
-    attributes {warp.kernel, warp.rank = 1 : i64, warp.target = "cpu"} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32

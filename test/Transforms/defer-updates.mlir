@@ -6,7 +6,7 @@
 // indices in buffers, and a second loop adds them.
 // CHECK: #[[THREADS:.*]] = #llvm.loop_annotation<{{.*}}parallelAccesses = #[[GROUP:.*]]>
 // CHECK-LABEL: llvm.func @polynomial
-// CHECK-SAME: warp.exclusive
+// CHECK-SAME: #warp.recipe<{{.*}}exclusive = true
 // CHECK-DAG: %[[VALUES:.*]] = llvm.alloca %{{.*}} x f32
 // CHECK-DAG: %[[PLACES:.*]] = llvm.alloca %{{.*}} x i32
 // CHECK: llvm.intr.smin
@@ -47,7 +47,7 @@ func.func @polynomial(%at: !warp.array<1 x si32>, %x: !warp.array<1 x f32>,
 
 // A histogram computes nothing.
 // CHECK-LABEL: llvm.func @histogram
-// CHECK-SAME: warp.exclusive
+// CHECK-SAME: #warp.recipe<{{.*}}exclusive = true
 // CHECK-NOT: llvm.alloca
 // CHECK: llvm.return
 func.func @histogram(%at: !warp.array<1 x si32>, %sum: !warp.array<1 x f32>)

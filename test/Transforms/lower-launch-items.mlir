@@ -4,14 +4,14 @@
 // A large launch that moves 8 bytes per item has all loads of four items before
 // the first store; the last block goes item by item.
 // CHECK-LABEL: llvm.func ptx_kernelcc @stream
-// CHECK-SAME: warp.items = 4
+// CHECK-SAME: #warp.recipe<items = 4
 // CHECK-COUNT-4: llvm.load {{.*}} : !llvm.ptr<1> -> f32
 // CHECK-COUNT-4: llvm.store {{.*}} : f32, !llvm.ptr<1>
 // CHECK: llvm.load {{.*}} : !llvm.ptr<1> -> f32
 // CHECK: llvm.store {{.*}} : f32, !llvm.ptr<1>
 // CHECK-NOT: llvm.store
 // SMALL-LABEL: llvm.func ptx_kernelcc @stream
-// SMALL-NOT: warp.items
+// SMALL-NOT: #warp.recipe<{{.*}}items =
 // SMALL-COUNT-1: llvm.store
 // SMALL-NOT: llvm.store
 // SMALL: llvm.return
@@ -28,7 +28,7 @@ func.func @stream(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
 
 // A thread that moves 48 bytes keeps the card busy by itself.
 // CHECK-LABEL: llvm.func ptx_kernelcc @wide
-// CHECK-NOT: warp.items
+// CHECK-NOT: #warp.recipe<{{.*}}items =
 func.func @wide(%x: !warp.array<1 x !warp.vec<6 x f32>>,
                 %y: !warp.array<1 x !warp.vec<6 x f32>>)
     attributes {warp.kernel} {
@@ -44,7 +44,7 @@ func.func @wide(%x: !warp.array<1 x !warp.vec<6 x f32>>,
 
 // Control flow may differ between items.
 // CHECK-LABEL: llvm.func ptx_kernelcc @branch
-// CHECK-NOT: warp.items
+// CHECK-NOT: #warp.recipe<{{.*}}items =
 func.func @branch(%x: !warp.array<1 x f32>, %c: i1)
     attributes {warp.kernel} {
   %i = warp.tid : si32

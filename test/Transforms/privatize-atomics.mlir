@@ -47,12 +47,12 @@ func.func @read_back(%x: !warp.array<1 x f32>, %sum: !warp.array<1 x f32>)
 
 // Two threads are slower than one without atomic instructions; sixteen are not.
 // CHECK-LABEL: llvm.func @scatter
-// CHECK-SAME: warp.exclusive
+// CHECK-SAME: #warp.recipe<{{.*}}exclusive = true
 // CHECK-NOT: atomicrmw
 // CHECK: %[[OLD:.*]] = llvm.load %{{[0-9]+}} {alignment = 4 : i64}
 // CHECK: llvm.fadd %[[OLD]]
 // MANY-LABEL: llvm.func @scatter
-// MANY-NOT: warp.exclusive
+// MANY-NOT: exclusive = true
 // MANY: llvm.atomicrmw fadd
 func.func @scatter(%at: !warp.array<1 x si32>, %sum: !warp.array<1 x f32>)
     attributes {warp.kernel} {
@@ -91,7 +91,7 @@ func.func @one_gradient(%x: !warp.array<1 x f32>, %p: !warp.array<1 x f32>)
 // A deterministic launch keeps the order of updates whose order shows, if it
 // cannot make exact sums.
 // IN-ORDER-LABEL: llvm.func @in_order
-// IN-ORDER-SAME: warp.exclusive
+// IN-ORDER-SAME: #warp.recipe<{{.*}}exclusive = true
 // IN-ORDER-NOT: atomicrmw
 func.func @in_order(%x: !warp.array<1 x f32>, %to: !warp.array<1 x si32>,
                     %sum: !warp.array<1 x f32>) attributes {warp.kernel} {
@@ -122,8 +122,7 @@ func.func @any_order(%to: !warp.array<1 x si32>, %sum: !warp.array<1 x si32>)
 // On a GPU a deterministic launch is one block. Where its threads' sums can be
 // combined they are, in the block's order; else the block has one thread.
 // BLOCK-LABEL: llvm.func ptx_kernelcc @combined
-// BLOCK-SAME: warp.exclusive
-// BLOCK-SAME: warp.items = 256
+// BLOCK-SAME: warp.recipe = #warp.recipe<items = 256, exclusive = true
 // BLOCK: "llvm.nvvm.shfl.sync.down.i32"
 func.func @combined(%x: !warp.array<2 x f32>, %sum: !warp.array<1 x f32>)
     attributes {warp.kernel} {
@@ -138,8 +137,7 @@ func.func @combined(%x: !warp.array<2 x f32>, %sum: !warp.array<1 x f32>)
 // -----
 
 // BLOCK-LABEL: llvm.func ptx_kernelcc @scattered
-// BLOCK-SAME: warp.exclusive
-// BLOCK-SAME: warp.items = 1 :
+// BLOCK-SAME: warp.recipe = #warp.recipe<exclusive = true
 // BLOCK: llvm.atomicrmw fadd
 func.func @scattered(%x: !warp.array<1 x f32>, %to: !warp.array<1 x si32>,
                      %sum: !warp.array<1 x f32>) attributes {warp.kernel} {

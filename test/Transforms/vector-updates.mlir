@@ -3,7 +3,7 @@
 // Neighbouring threads update neighbouring elements: lanes of one update do not
 // meet, so it belongs to the loop that may be vectorised.
 // CHECK-LABEL: llvm.func @neighbours
-// CHECK-SAME: warp.exclusive
+// CHECK-SAME: #warp.recipe<{{.*}}exclusive = true
 // CHECK: llvm.load {{.*}}access_groups
 // CHECK: llvm.store {{.*}}access_groups
 func.func @neighbours(%x: !warp.array<1 x f32>, %v: f32)
@@ -20,7 +20,7 @@ func.func @neighbours(%x: !warp.array<1 x f32>, %v: f32)
 // Index -1 is the last element, which another thread of the same vector may
 // update.
 // CHECK-LABEL: llvm.func @wrapped
-// CHECK-SAME: warp.exclusive
+// CHECK-SAME: #warp.recipe<{{.*}}exclusive = true
 // CHECK-NOT: access_groups
 // CHECK: llvm.return
 func.func @wrapped(%x: !warp.array<1 x f32>, %v: f32)
@@ -37,7 +37,7 @@ func.func @wrapped(%x: !warp.array<1 x f32>, %v: f32)
 
 // So does half the index.
 // CHECK-LABEL: llvm.func @same
-// CHECK-SAME: warp.exclusive
+// CHECK-SAME: #warp.recipe<{{.*}}exclusive = true
 // CHECK-NOT: access_groups
 // CHECK: llvm.return
 func.func @same(%x: !warp.array<1 x f32>, %v: f32) attributes {warp.kernel} {

@@ -5,8 +5,8 @@
 // Structured control flow becomes branches, then arith, math and cf operations
 // become LLVM's in one conversion. Float operations may contract to fma, as C
 // compilers do; code that needs a product rounded uses `math.fma` where it
-// wants one. `warp.fast_math` allows reassociation and reciprocals as well,
-// but NaN and infinity keep their meaning.
+// wants one. A variant with fast math allows reassociation and reciprocals as
+// well, but NaN and infinity keep their meaning.
 //
 //===----------------------------------------------------------------------===//
 
@@ -83,7 +83,7 @@ struct ConvertToLLVM : warp::impl::ConvertToLLVMBase<ConvertToLLVM> {
 
   void setFloatFlags(FunctionOpInterface entry) {
     auto flags = arith::FastMathFlags::contract;
-    if (entry->hasAttr(warp::attr::fastMath))
+    if (warp::getVariant(entry).getFastMath())
       flags = flags | arith::FastMathFlags::reassoc |
               arith::FastMathFlags::arcp | arith::FastMathFlags::afn |
               arith::FastMathFlags::nsz;

@@ -21,6 +21,7 @@
 #include "LowerLaunch.h"
 #include "WarpDialect/ParameterLayout.h"
 #include "warp/ExactSums.h"
+#include "warp/Launch.h"
 
 namespace warp {
 #define GEN_PASS_DEF_LOWERLAUNCH
@@ -80,8 +81,7 @@ void Launch::createEntry() {
   b.setInsertionPointToStart(first);
 
   int64_t size = warp::layOutParameters(argTypes).size;
-  if (auto sums = kernel->getAttrOfType<ArrayAttr>(warp::attr::sums))
-    size += sizeof(warp::SumDescriptor) * warp::countSums(sums);
+  size += sizeof(warp::SumDescriptor) * warp::getRecipe(kernel).countSums();
   if (!warp::isGpu(kernel)) {
     entry.setArgAttr(0, "llvm.noalias", b.getUnitAttr());
     entry.setArgAttr(0, "llvm.readonly", b.getUnitAttr());
@@ -91,8 +91,7 @@ void Launch::createEntry() {
   auto bytes = LLVM::LLVMArrayType::get(b.getI8Type(), size);
   entry.setArgAttr(0, "llvm.byval", TypeAttr::get(bytes));
   entry.setArgAttr(0, "llvm.align", b.getI64IntegerAttr(8));
-  auto limit = std::to_string(
-      warp::getFact(kernel, warp::attr::blockDim, 256));
+  auto limit = std::to_string(warp::getVariant(kernel).getBlock());
   entry.setPassthroughAttr(b.getArrayAttr(
       {b.getStrArrayAttr({"nvvm.maxntid", limit})}));
 }
@@ -113,8 +112,9 @@ static void collectNames(Type type, const Twine &name,
 
 void Launch::readArguments() {
   for (int64_t i = 0; i < rank; ++i)
-    dims.push_back(parameter(b.getI32Type(), warp::launchDimOffset + 4 * i));
-  uint64_t contiguous = warp::getFact(kernel, warp::attr::contiguous, 0);
+    dims.push_back(parameter(b.getI32Type(), offsetof(warp::LaunchHeader, dim) +
+                                                 sizeof(int32_t) * i));
+  warp::VariantAttr variant = warp::getVariant(kernel);
   auto names = kernel->getAttrOfType<ArrayAttr>(warp::attr::argNames);
   warp::ParameterLayout layout = warp::layOutParameters(argTypes);
   for (auto [i, type] : llvm::enumerate(argTypes)) {
@@ -122,7 +122,7 @@ void Launch::readArguments() {
     if (names && i < names.size())
       name = dyn_cast<StringAttr>(names[i]);
     bool isArray = isa<warp::ArrayType>(type);
-    bool isRegular = i < 64 && (contiguous >> i & 1);
+    bool isRegular = variant.isContiguous(i);
     bool packed = isArray && isRegular;
     SmallVector<warp::Leaf> leaves;
     warp::collectLeaves(type, layout.offsets[i], leaves);

@@ -28,9 +28,9 @@ class Launch {
 public:
   Launch(mlir::FunctionOpInterface kernel)
       : kernel(kernel), loc(kernel.getLoc()), b(kernel->getContext()),
-        rank(getFact(kernel, attr::rank, 1)),
-        index32(kernel->hasAttr(attr::index32)),
-        flat(kernel->hasAttr(attr::flat)) {}
+        rank(getVariant(kernel).getRank()),
+        index32(getVariant(kernel).getIndex32()),
+        flat(getVariant(kernel).getFlat()) {}
 
   llvm::LogicalResult build() {
     if (mlir::failed(collectArguments()))

@@ -99,13 +99,13 @@ void Launch::buildOneBlock(Block *first, Block *exit) {
   Value next = add(index, step);
   LLVM::CondBrOp::create(b, loc, cmp(arith::CmpIPredicate::slt, next, total),
                          loop, ValueRange(next), exit, ValueRange());
-  entry->setAttr(warp::attr::exclusive, b.getUnitAttr());
+  warp::setRecipe(entry, warp::getRecipe(entry).withExclusive());
 }
 
 void Launch::buildGpu() {
   Block *first = b.getInsertionBlock();
   Block *exit = b.createBlock(&entry.getBody());
-  if (kernel->hasAttr(warp::attr::deterministic) &&
+  if (warp::getVariant(kernel).isDeterministic() &&
       warp::hasOrderedUpdates(kernel))
     buildOneBlock(first, exit);
   else if (int64_t items = chooseItems(); items > 1)

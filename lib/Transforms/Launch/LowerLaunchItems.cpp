@@ -91,8 +91,8 @@ static FailureOr<Stretch> parseStretch(Block &block, int64_t &bytes) {
 
 /// Items of one thread: 1 unless the body is of that form and moves little.
 int64_t Launch::chooseItems() {
-  if (rank > 3 || flat || !index32 || !kernel->hasAttr(warp::attr::large) ||
-      kernel->hasAttr(warp::attr::debug))
+  if (rank > 3 || flat || !index32 || !warp::getVariant(kernel).getLarge() ||
+      warp::getVariant(kernel).getDebug())
     return 1;
   int64_t bytes = 0;
   for (Block *block = &kernel.getFunctionBody().front(); block;) {
@@ -200,7 +200,7 @@ void Launch::buildItems(Block *exit, int64_t items, Value lane, Value step,
   Value following = add(index, step);
   LLVM::CondBrOp::create(b, loc, cmp(arith::CmpIPredicate::slt, following, end),
                          single, ValueRange(following), exit, ValueRange());
-  entry->setAttr(warp::attr::items, b.getI64IntegerAttr(items));
+  warp::setRecipe(entry, warp::getRecipe(entry).withItems(items));
 }
 
 /// Items a block apart along the only axis.

@@ -2,13 +2,13 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// An entry that runs alone (`warp.exclusive`) updates elements plainly, but
-// threads may meet at one, `f[idx[t]] += v`, so the loop over threads cannot be
-// vectorised, and all of the arithmetic that leads to `v` is scalar. Here the
-// loop becomes two, in stretches of a few hundred threads: the first computes
-// values and indices and leaves them in buffers, and LLVM makes lanes of its
-// threads; the second performs the updates, thread by thread, in the order in
-// which they were.
+// An entry with an exclusive recipe runs alone and updates elements plainly.
+// But threads may meet at one, `f[idx[t]] += v`, so the loop over threads can't
+// be vectorised, and all of the arithmetic that leads to `v` is scalar. Here
+// the loop becomes two, in stretches of a few hundred threads: the first
+// computes values and indices and leaves them in buffers, and LLVM makes lanes
+// of its threads; the second performs the updates, thread by thread, in the
+// order in which they were.
 //
 //     for t:                         for t in stretch:
 //       v, i = compute(t)      =>      buffer[t], place[t] = compute(t)
@@ -228,8 +228,8 @@ struct DeferUpdates : warp::impl::DeferUpdatesBase<DeferUpdates> {
     if (!found)
       return signalPassFailure();
     auto entry = dyn_cast<LLVM::LLVMFuncOp>(found.getOperation());
-    if (!entry || warp::isGpu(entry) || entry->hasAttr(warp::attr::debug) ||
-        !entry->hasAttr(warp::attr::exclusive) ||
+    if (!entry || warp::isGpu(entry) || warp::getVariant(entry).getDebug() ||
+        !warp::getRecipe(entry).getExclusive() ||
         warp::updatesNeighbours(entry))
       return;
     for (auto latch :

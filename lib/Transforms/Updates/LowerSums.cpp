@@ -38,6 +38,11 @@ using namespace mlir;
 /// Components of an element that a range has sums of its own for.
 constexpr unsigned fewComponents = 16;
 
+/// Where the descriptor of an exact update's sums lies.
+static int64_t getDescriptor(Operation *op) {
+  return op->getAttrOfType<IntegerAttr>(warp::attr::sum).getInt();
+}
+
 namespace {
 
 /// Rewrites the exact sums of one entry.
@@ -47,8 +52,8 @@ public:
       : entry(entry), first(&entry.getBody().front()),
         b(entry->getContext()),
         functions(entry->getParentOfType<ModuleOp>(), warp::isGpu(entry)),
-        debug(entry->hasAttr(warp::attr::debug)),
-        shared(warp::isGpu(entry) || !entry->hasAttr(warp::attr::exclusive)) {}
+        debug(warp::getVariant(entry).getDebug()),
+        shared(warp::isGpu(entry) || !warp::getRecipe(entry).getExclusive()) {}
 
   void lower(warp::AtomicComponentsOp op);
 
@@ -116,7 +121,7 @@ warp::SumPlace SumLowering::sums(int64_t descriptor) {
 SmallVector<Value> SumLowering::numbers(warp::AtomicComponentsOp op,
                                         Value address) {
   Location loc = op.getLoc();
-  int64_t descriptor = warp::getFact(op, warp::attr::sum, 0);
+  int64_t descriptor = getDescriptor(op);
   Value base;
   {
     OpBuilder::InsertionGuard guard(b);
@@ -167,7 +172,7 @@ void SumLowering::lowerShared(warp::AtomicComponentsOp op) {
     auto guard = scf::IfOp::create(b, loc, inside, /*withElseRegion=*/false);
     b.setInsertionPointToStart(guard.thenBlock());
   }
-  warp::SumPlace place = sums(warp::getFact(op, warp::attr::sum, 0));
+  warp::SumPlace place = sums(getDescriptor(op));
   for (auto [number, component] :
        llvm::zip_equal(numbers(op, address), op.getComponents())) {
     place.number = number;
@@ -229,7 +234,7 @@ void SumLowering::lowerInRange(warp::AtomicComponentsOp op) {
                 {sum.terms, sum.count, sum.digits, sum.touched,
                  term(op, component)});
 
-  warp::SumPlace place = sums(warp::getFact(op, warp::attr::sum, 0));
+  warp::SumPlace place = sums(getDescriptor(op));
   for (auto [number, sum] : llvm::zip_equal(numbersAtEnd(op), own)) {
     place.number = number;
     Value count = LLVM::LoadOp::create(b, loc, b.getI64Type(), sum.count);
@@ -247,7 +252,7 @@ void SumLowering::lowerInBlock(warp::AtomicComponentsOp op) {
   for (unsigned i = 0; i < op.getNumResults(); ++i)
     windows.push_back(warp::makeWindow(b, loc, width));
   b.setInsertionPoint(op);
-  warp::SumPlace place = sums(warp::getFact(op, warp::attr::sum, 0));
+  warp::SumPlace place = sums(getDescriptor(op));
   Value address =
       warp::AddressOp::create(b, loc, op.getArray(), op.getIndices());
   for (auto [number, component, window] :
@@ -257,7 +262,7 @@ void SumLowering::lowerInBlock(warp::AtomicComponentsOp op) {
   }
 
   auto module = entry->getParentOfType<ModuleOp>();
-  int64_t blockDim = warp::getFact(entry, warp::attr::blockDim, 256);
+  int64_t blockDim = warp::getVariant(entry).getBlock();
   for (auto [number, window] : llvm::zip_equal(numbersAtEnd(op), windows)) {
     place.number = number;
     warp::addWindows(b, loc, module, functions, place, window, width, blockDim);
@@ -272,8 +277,8 @@ void SumLowering::lower(warp::AtomicComponentsOp op) {
                     return warp::isInvariant(index, first);
                   });
   // The threads of a single block are not all there at its end.
-  if (gpu && (entry->hasAttr(warp::attr::exclusive) ||
-              !warp::hasWholeWarps(entry)))
+  if (gpu && (warp::getRecipe(entry).getExclusive() ||
+              !warp::getVariant(entry).hasWholeWarps()))
     together = false;
   if (!together)
     lowerShared(op);

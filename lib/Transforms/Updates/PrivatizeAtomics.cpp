@@ -24,14 +24,15 @@
 //
 // What is left on the CPU are updates of elements that differ from thread to
 // thread. An atomic instruction costs ten times a plain update, so for few
-// threads it is quicker to run the launch on one of them without; the entry is
-// then marked `warp.exclusive`. So it is in a deterministic launch if the order
-// of its updates would show; on a GPU warp-lower-launch has made it one block.
+// threads it is quicker to run the launch on one of them without; its recipe is
+// exclusive then. So it is in a deterministic launch if the order of its
+// updates would show; on a GPU warp-lower-launch has made it one block.
 //
 // Runs between warp-lower-launch, which makes the loop, and warp-lower-arrays.
 //
 //===----------------------------------------------------------------------===//
 
+#include "Analysis/CostModel.h"
 #include "Atomics.h"
 #include "BlockReduce.h"
 #include "KernelFunction.h"
@@ -86,7 +87,7 @@ private:
   void count(double updates);
   void countSum(warp::AtomicComponentsOp op);
   int64_t blockDim() {
-    return warp::getFact(entry, warp::attr::blockDim, 256);
+    return warp::getVariant(entry).getBlock();
   }
   Value cloneInvariant(Value value, IRMapping &clones) {
     return warp::cloneInvariant(b, value, first, clones);
@@ -227,14 +228,14 @@ static double estimatedTrips(Operation *op) {
   for (Operation *parent = op->getParentOp(); parent;
        parent = parent->getParentOp())
     if (isa<scf::ForOp, scf::WhileOp>(parent))
-      trips *= 32;
+      trips *= warp::cost::loopTrips;
   return trips;
 }
 
 void Privatizer::count(double updates) {
-  estimated += 20 * updates;
+  estimated += warp::cost::atomic * updates;
   plain += 2 * updates;
-  atomic += 20 * updates;
+  atomic += warp::cost::atomic * updates;
 }
 
 /// An exact sum takes a float apart for two updates or three. One into the same
@@ -243,7 +244,7 @@ void Privatizer::countSum(warp::AtomicComponentsOp op) {
   double updates = double(op.getComponents().size()) * estimatedTrips(op);
   bool isShared = !llvm::all_of(
       op.getIndices(), [&](Value index) { return isInvariant(index); });
-  estimated += 20 * updates;
+  estimated += warp::cost::atomic * updates;
   plain += 15 * updates;
   atomic += (isShared ? 50 : 15) * updates;
 }
@@ -292,49 +293,47 @@ struct PrivatizeAtomics : warp::impl::PrivatizeAtomicsBase<PrivatizeAtomics> {
     if (!function)
       return;
     // A debugging launch names the thread that fails, so each does its own.
-    bool debug = entry->hasAttr(warp::attr::debug);
+    bool debug = warp::getVariant(entry).getDebug();
     if (!debug)
       warp::unrollUpdates(function);
     if (!warp::isGpu(entry))
       runOnCpu(function, debug);
-    else if (entry->hasAttr(warp::attr::exclusive))
+    else if (warp::getRecipe(entry).getExclusive())
       runInOneBlock(function, debug);
     else if (!debug)
       runOnGpu(function);
   }
 
   void runOnGpu(LLVM::LLVMFuncOp entry) {
-    if (warp::hasWholeWarps(entry))
+    if (warp::getVariant(entry).hasWholeWarps())
       Privatizer(entry).run();
-    if (!entry->hasAttr(warp::attr::deterministic))
+    if (!warp::getVariant(entry).isDeterministic())
       warp::combineOverWarps(entry);
   }
 
   void runOnCpu(LLVM::LLVMFuncOp entry, bool debug) {
-    bool alone = entry->hasAttr(warp::attr::deterministic) &&
+    bool alone = warp::getVariant(entry).isDeterministic() &&
                  warp::hasOrderedUpdates(entry);
     Privatizer privatizer(entry);
     if (!debug) {
       privatizer.run();
-      alone |= privatizer.isFasterAlone(
-          warp::getFact(entry, warp::attr::threads, 16),
-          warp::getFact(entry, warp::attr::cost, 0));
+      alone |= privatizer.isFasterAlone(warp::getVariant(entry).getThreads(),
+                                        warp::getRecipe(entry).getCost());
     }
     if (alone)
-      entry->setAttr(warp::attr::exclusive, UnitAttr::get(&getContext()));
+      warp::setRecipe(entry, warp::getRecipe(entry).withExclusive());
   }
 
   /// The block combines its threads' results in a fixed order; where they
   /// cannot be combined, it has a single thread.
   void runInOneBlock(LLVM::LLVMFuncOp entry, bool debug) {
-    int64_t threads = warp::getFact(entry, warp::attr::blockDim, 256);
+    int64_t threads = warp::getVariant(entry).getBlock();
     Privatizer privatizer(entry);
     if (debug || threads % 32 != 0 || !privatizer.coversOrder())
       threads = 1;
     else
       privatizer.run();
-    entry->setAttr(warp::attr::items,
-                   OpBuilder(entry).getI64IntegerAttr(threads));
+    warp::setRecipe(entry, warp::getRecipe(entry).withItems(threads));
   }
 };
 
