@@ -105,4 +105,4 @@ def test_a_derivative_names_the_kernel(device, debug):
         wp.synchronize_device(device)
     message = str(caught.value)
     assert f"kernel '{shifted.key}'" in message and "_adjoint" not in message
-    assert "'values'" in message and "test_debug_mode.py" in message
+    assert "'values.grad'" in message and "test_debug_mode.py" in message
