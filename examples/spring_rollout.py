@@ -5,8 +5,8 @@
 A net of masses and springs is pushed at the start and swings; asked for is how the place of its
 middle at the end depends on all initial velocities. Recording every step keeps every state;
 `wp.autograd.checkpoint` keeps a few and runs parts of the rollout again: less memory, more time,
-and the same gradient, bit by bit (on a GPU but for the order of its atomic sums). Writes
-build/demo/spring_rollout_<device>.png.
+and the same gradient, on a CPU bit by bit, as sums are asked to be the same in every run.
+Writes build/demo/spring_rollout_<device>.png.
 """
 
 import argparse
@@ -23,6 +23,8 @@ import warp as wp
 
 OUTPUT = Path(__file__).resolve().parent.parent / "build" / "demo"
 SNAPSHOTS = (4, 6, 8, 16, 32, 64, 128)
+# Threads add up in any order otherwise.
+wp.set_module_options({"deterministic": "run_to_run"})
 
 
 @wp.func
