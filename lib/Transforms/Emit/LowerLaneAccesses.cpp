@@ -18,6 +18,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "LaneAccess.h"
+#include "Lanes/Spread.h"
 #include "WarpDialect/ParameterLayout.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -93,7 +94,6 @@ mlir::Value Registers::blend(ArrayRef<mlir::Value> vectors,
 mlir::Value Registers::join(ArrayRef<mlir::Value> vectors,
                             ArrayRef<int64_t> sources) {
   mlir::Value joined;
-  SmallVector<bool> done(vectors.size(), false);
   SmallVector<int32_t> places(lanes);
   for (size_t number = 0; number < vectors.size(); ++number) {
     bool used = llvm::any_of(sources, [&](int64_t source) {
@@ -121,19 +121,15 @@ mlir::Value ArrayLowering::gatherOffsets(const ArrayParts &parts,
                                          ArrayRef<bool> nonNegative,
                                          int64_t lanes) {
   auto wide = VectorType::get(lanes, i64);
-  auto spread = [&](mlir::Value value) -> mlir::Value {
+  auto toLanes = [&](mlir::Value value) -> mlir::Value {
     if (isa<VectorType>(value.getType()))
       return value;
     if (value.getType().isInteger(32))
       value = widen(value, i64);
-    mlir::Value any = LLVM::PoisonOp::create(b, loc, wide);
-    mlir::Value one = LLVM::InsertElementOp::create(b, loc, any, value,
-                                                    constant(i32, 0));
-    return LLVM::ShuffleVectorOp::create(b, loc, one, any,
-                                         SmallVector<int32_t>(lanes, 0));
+    return spread(b, loc, value, lanes);
   };
   auto toWide = [&](mlir::Value value) -> mlir::Value {
-    value = spread(value);
+    value = toLanes(value);
     mlir::Type element = cast<VectorType>(value.getType()).getElementType();
     if (element.isIndex())
       return arith::IndexCastOp::create(b, loc, wide, value);

@@ -18,6 +18,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "LaneAccess.h"
+#include "Lanes/Spread.h"
 #include "Updates/Atomics.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -149,13 +150,8 @@ SmallVector<mlir::Value> ArrayLowering::loadWords(const LaneAccess &access) {
         LLVM::BitcastOp::create(b, loc, bitsType, access.mask);
     mlir::Value first = LLVM::CountTrailingZerosOp::create(
         b, loc, bitsType, bits, /*is_zero_poison=*/true);
-    mlir::Value safe = extract(first);
-    mlir::Value any = LLVM::PoisonOp::create(b, loc, pointers.getType());
-    mlir::Value one = LLVM::InsertElementOp::create(b, loc, any, safe,
-                                                    constant(i32, 0));
-    mlir::Value all = LLVM::ShuffleVectorOp::create(
-        b, loc, one, any, SmallVector<int32_t>(lanes, 0));
-    pointers = LLVM::SelectOp::create(b, loc, access.mask, pointers, all);
+    mlir::Value safe = spread(b, loc, extract(first), lanes);
+    pointers = LLVM::SelectOp::create(b, loc, access.mask, pointers, safe);
   }
   SmallVector<mlir::Value> stacked;
   for (int64_t k = 0; k < rowSize; ++k) {

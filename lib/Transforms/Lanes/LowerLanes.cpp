@@ -10,6 +10,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "KernelFunction.h"
+#include "Spread.h"
 #include "Updates/Atomics.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -71,7 +72,6 @@ private:
   void lower(warp::EachLaneOp op);
   Value makeSlots(VectorType type);
   Value slot(Value slots, Type element, Value lane);
-  Value broadcast(Value value, int64_t lanes);
   Value constant(int64_t value) {
     return arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(value));
   }
@@ -96,22 +96,13 @@ void LaneLowering::lower(warp::AnyOp op) {
                                              op.getMask()));
 }
 
-Value LaneLowering::broadcast(Value value, int64_t lanes) {
-  auto type = VectorType::get(lanes, value.getType());
-  Value none = LLVM::PoisonOp::create(b, loc, type);
-  Value one =
-      LLVM::InsertElementOp::create(b, loc, none, value, constant(0));
-  return LLVM::ShuffleVectorOp::create(b, loc, one, none,
-                                       SmallVector<int32_t>(lanes, 0));
-}
-
 void LaneLowering::lower(warp::BroadcastOp op) {
   auto type = cast<VectorType>(op.getType());
   Value value = op.getValue();
   if (!value.getType().isIndex())
-    return replace(op, broadcast(value, type.getNumElements()));
+    return replace(op, warp::spread(b, loc, value, type.getNumElements()));
   value = arith::IndexCastOp::create(b, loc, b.getI64Type(), value);
-  value = broadcast(value, type.getNumElements());
+  value = warp::spread(b, loc, value, type.getNumElements());
   replace(op, arith::IndexCastOp::create(b, loc, type, value));
 }
 
