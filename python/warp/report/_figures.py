@@ -47,9 +47,7 @@ def _svg(figure):
     figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
     plt.close(figure)
     text = buffer.getvalue().replace(INK, "currentColor")
-    style = (
-        "<style>svg{color:#222}@media (prefers-color-scheme: dark){svg{color:#ddd}}</style>"
-    )
+    style = "<style>svg{color:#222}@media (prefers-color-scheme: dark){svg{color:#ddd}}</style>"
     return re.sub(r"(<svg[^>]*>)", rf"\1{style}", text[text.index("<svg") :], count=1)
 
 
@@ -233,9 +231,7 @@ def times(scene, records, fixed):
     if not rows:
         return None
     with plt.rc_context(STYLE):
-        figure, axes = plt.subplots(
-            figsize=(8.4, 1.2 + 0.32 * len(rows)), layout="constrained"
-        )
+        figure, axes = plt.subplots(figsize=(8.4, 1.2 + 0.32 * len(rows)), layout="constrained")
         left = np.zeros(len(rows))
         for index, (name, label) in enumerate(zip(TIMES, TIME_LABELS)):
             width = np.array([1e3 * record["seconds"].get(name, 0.0) for _, record in rows])

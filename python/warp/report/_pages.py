@@ -128,7 +128,9 @@ def _section(scene, records):
     bars = {name: bar for name, bar in bars.items() if bar > 0.0}
     if bars:
         text = ", ".join(f"{name} {bar:.1e}" for name, bar in bars.items())
-        lines += [f"Error bar of the reference: {text}. Errors below ten times that are not judged."]
+        lines += [
+            f"Error bar of the reference: {text}. Errors below ten times that are not judged."
+        ]
     hidden = sum(len(record["unjudged"]) for record in records)
     if hidden:
         lines += [f"{hidden} errors were too small for the reference and are left out."]

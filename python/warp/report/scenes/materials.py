@@ -17,8 +17,11 @@ def make_stress(real):
 
     @wp.kernel
     def stress(
-        F: wp.array(dtype=mat33), mu: real, lam: real,
-        P: wp.array(dtype=mat33), energy: wp.array(dtype=real),
+        F: wp.array(dtype=mat33),
+        mu: real,
+        lam: real,
+        P: wp.array(dtype=mat33),
+        energy: wp.array(dtype=real),
     ):
         i = wp.tid()
         f = F[i]
@@ -91,9 +94,7 @@ def make_chain(real):
     """Two masses on inextensible rods under gravity: XPBD with zero compliance, at rest."""
 
     @wp.kernel
-    def relax(
-        ratio: real, dt: real, steps: int, iterations: int, tension: wp.array(dtype=real)
-    ):
+    def relax(ratio: real, dt: real, steps: int, iterations: int, tension: wp.array(dtype=real)):
         i = wp.tid()
         w1, w2 = real(1.0), real(1.0) / ratio
         x1, x2 = real(1.0), real(2.0)

@@ -131,7 +131,11 @@ def make_van_der_pol(real):
 
     @wp.kernel
     def oscillate(
-        y: wp.array(dtype=vec2), end: real, mu: real, tolerance: real, most: int,
+        y: wp.array(dtype=vec2),
+        end: real,
+        mu: real,
+        tolerance: real,
+        most: int,
         taken: wp.array(dtype=int),
     ):
         i = wp.tid()

@@ -14,7 +14,9 @@ def make_wave(real):
 
     @wp.kernel
     def wave(
-        before: wp.array(dtype=real), now: wp.array(dtype=real), c2: real,
+        before: wp.array(dtype=real),
+        now: wp.array(dtype=real),
+        c2: real,
         after: wp.array(dtype=real),
     ):
         i = wp.tid()
