@@ -134,7 +134,7 @@ def errors(scene, records, fixed):
                 name,
                 lambda record: 1e3 * record["seconds"]["median"] if "seconds" in record else None,
             )
-            right.set(title=f"{name}: work–precision", xlabel="run time [ms]")
+            right.set(title=f"{name}: work-precision", xlabel="run time [ms]")
         _legend(figure, left)
         return _svg(figure)
 

@@ -66,7 +66,7 @@ def _summary(head, records):
         ("devices", devices or "none"),
         ("processor", f"{head['processor']}, {head['cores']} cores"),
         ("versions", f"warp {head['warp']}, Python {head['python']}, NumPy {head['numpy']}"),
-        ("commit", head["commit"] or "–"),
+        ("commit", head["commit"] or "-"),
         ("sizes", "quick" if head.get("quick") else "full"),
     ]
     return lines + _table(("", ""), rows)
@@ -118,7 +118,7 @@ def _section(scene, records):
         ]
         for name in error_names(records):
             rows = [
-                (label_of(key, varying), "–" if order is None else f"{order:.2f}")
+                (label_of(key, varying), "-" if order is None else f"{order:.2f}")
                 + tuple(map(_milliseconds, times))
                 for key, order, times in table_of_times(records, scene.sweep.name, name)
             ]

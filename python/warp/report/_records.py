@@ -1,5 +1,6 @@
 """Records as JSON lines, with where they come from."""
 
+import contextlib
 import datetime
 import json
 import os
@@ -70,7 +71,7 @@ class RecordFile:
         self._file = None
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = open(self.path, "w", encoding="utf-8")
+            self._file = open(self.path, "w", encoding="utf-8")  # noqa: SIM115
         except OSError as error:
             self._fail(error)
         self._write(head)
@@ -93,10 +94,8 @@ class RecordFile:
         print(f"warp.report: {self.error}; figures are kept in memory", file=sys.stderr)
         if self._file is not None:
             file, self._file = self._file, None
-            try:
+            with contextlib.suppress(OSError):
                 file.close()
-            except OSError:
-                pass
 
     def close(self):
         if self._file is not None:

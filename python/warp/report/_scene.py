@@ -70,7 +70,8 @@ class Sweep:
         except ValueError as error:
             hint = f" ({error})" if str(error).startswith("sweep of") else ""
             raise ValueError(
-                f"sweep expects 'name=first:last:count' or 'name=value,value', but got '{text}'{hint}"
+                "sweep expects 'name=first:last:count' or 'name=value,value', "
+                f"but got '{text}'{hint}"
             ) from None
 
 

@@ -5,6 +5,7 @@ passes it is killed and the next point starts a fresh one. A scene that takes th
 a failed point, not a failed report.
 """
 
+import contextlib
 import multiprocessing
 import runpy
 import signal
@@ -117,10 +118,8 @@ class Worker:
         if self.process is None:
             return
         process, pipe, self.process, self.pipe = self.process, self.pipe, None, None
-        try:
+        with contextlib.suppress(OSError, ValueError):
             pipe.send(None)
-        except (OSError, ValueError):
-            pass
         process.join(0.5 if process.exitcode is None else 0.0)
         if process.is_alive():
             process.kill()

@@ -109,7 +109,9 @@ def test_compare_tells_worse_from_noise():
 
 
 def test_interrupted_and_full_disk_keep_what_was_measured(tmp_path, monkeypatch, capsys):
-    def interrupt(self, case, count=[]):
+    count = []
+
+    def interrupt(self, case):
         count.append(1)
         if len(count) > 2:
             raise KeyboardInterrupt

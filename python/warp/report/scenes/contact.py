@@ -57,7 +57,7 @@ def exact_slide(case):
     limits=lambda case: {"creep": 0.0},
 )
 def slope(case):
-    """64 blocks on slopes around the friction cone for one second; those that stick do not creep."""
+    """64 blocks on slopes around the friction cone for 1 s; those that stick do not creep."""
     angles = slopes(case)
     angle = wp.array(angles, dtype=case.real, device=case.device)
     distance = wp.zeros_like(angle)
@@ -116,7 +116,7 @@ def starts():
     diverged=10.0,
 )
 def bounce(case):
-    """Elastic bounce on a stiff wall: where the ball is after 1 s, and the gradient, which is -1."""
+    """Elastic bounce on a stiff wall: where the ball is after 1 s, and the gradient, -1."""
     start = wp.array(starts(), dtype=case.real, device=case.device, requires_grad=True)
     end = wp.zeros_like(start)
     seed = wp.ones_like(start)

@@ -26,7 +26,7 @@ def make_logistic(real):
 
 
 def exact_logistic(case):
-    """x_n = sin^2(2^n a) with sin^2 a = x_0, and its derivative; a as the run's precision has it."""
+    """x_n = sin^2(2^n a) with sin^2 a = x_0 as the run's precision has it, and its derivative."""
     start = np.float64(np.dtype(case.dtype).type(START))
     angle = np.arcsin(np.sqrt(start))
     phase = 2.0**case.horizon * angle
