@@ -39,7 +39,8 @@ def make_slope(real):
 def slopes(case):
     """Slopes from flat to 60 degrees, and two at 1e-3 beside the cone's edge."""
     edge = np.arctan(case.mu)
-    angles = np.concatenate([np.linspace(0.0, np.pi / 3.0, 62), [edge - 1e-3, edge + 1e-3]])
+    beside = [max(edge - 1e-3, 0.0), edge + 1e-3]
+    angles = np.concatenate([np.linspace(0.0, np.pi / 3.0, 62), beside])
     return angles.astype(case.dtype)
 
 
