@@ -25,6 +25,7 @@ namespace warp {
 
 struct Access;
 struct LaunchDim;
+class Module;
 
 /// Elements at `start` plus sums of multiples of strides.
 struct MemoryBlock {
@@ -133,6 +134,9 @@ struct RegionFormula {
   /// Arrays of which accesses are missing in the list.
   std::vector<bool> unknown;
 };
+
+/// What a module's kernel touches of its arrays.
+WARP_API RegionFormula regionFormula(const Module &module);
 
 /// What a launch does with one array.
 struct ArrayRegions {

@@ -16,6 +16,7 @@ PYBIND11_MODULE(_native, m) {
   warp::python::bindMemory(m);
   warp::python::bindPeers(m);
   warp::python::bindArray(m);
+  warp::python::bindRegions(m);
   warp::python::bindKernel(m);
   warp::python::bindSavedModule(m);
   warp::python::bindGraph(m);

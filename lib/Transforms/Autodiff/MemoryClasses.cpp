@@ -112,6 +112,8 @@ MemoryClasses::MemoryClasses(FunctionOpInterface function,
                              const Activity &activity, bool unique)
     : leaves(leaves), activity(activity), unique(unique),
       accesses(leaves.size()) {
+  if (auto flags = function->getAttrOfType<DenseBoolArrayAttr>(apartAttrName))
+    llvm::append_range(apart, flags.asArrayRef());
   function->walk<WalkOrder::PreOrder>([&](Operation *op) { collect(op); });
 }
 
@@ -221,8 +223,14 @@ int64_t MemoryClasses::getUniqueRank(Operation *op) const {
     return 0;
   if (!oneThread.empty())
     return 4;
-  return countOwnedDimensions(select(leaf, /*onlyActive=*/true),
-                              /*mayWrap=*/false);
+  SmallVector<const Access *> others = select(leaf, /*onlyActive=*/true);
+  if (isApart(leaf)) {
+    bool isWrite = cast<AccessOp>(op).mayWrite();
+    llvm::erase_if(others, [&](const Access *access) {
+      return access->isWrite != isWrite;
+    });
+  }
+  return countOwnedDimensions(others, /*mayWrap=*/false);
 }
 
 LogicalResult MemoryClasses::verify() {
@@ -237,7 +245,7 @@ LogicalResult MemoryClasses::verify() {
     auto isWrite = [](const Access *access) { return access->isWrite; };
     const auto *write = llvm::find_if(active, isWrite);
     const auto *read = llvm::find_if_not(active, isWrite);
-    if (write == active.end() || read == active.end())
+    if (write == active.end() || read == active.end() || isApart(leaf))
       continue;
     Sharing sharing = getSharing(active);
     std::string name = leaves.getName(leaf);
@@ -279,7 +287,7 @@ Recovery MemoryClasses::getRecovery(Operation *load, std::string &why,
   unsigned leaf;
   const Access *read = lookup(load, leaf);
   needsOneThread = false;
-  if (!read || !isWritten(leaf))
+  if (!read || !isWritten(leaf) || isApart(leaf))
     return Recovery::Reload;
   Sharing sharing = getSharing(select(leaf, /*onlyActive=*/false));
   const Access *before = nullptr, *after = nullptr;

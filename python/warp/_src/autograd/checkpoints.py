@@ -64,14 +64,14 @@ def checkpoint(
             step(number)
         return
     record = _CheckpointRecord(step, steps, list(state), snapshots, event("checkpoint"))
-    record.first_sweep(tape.preserve == "auto")
+    record.first_sweep(tape.preserve == "auto", tape._budget)
     tape._add(record)
 
 
 class _Observer:
     """Takes the place of the tape in the first sweep: sees what the steps read and write."""
 
-    preserve = "error"
+    preserve, _budget = "never", None
 
     def __init__(self, state):
         self.state = [Box(one) for one in state]
@@ -156,7 +156,7 @@ class _CheckpointRecord:
 
     # Forward.
 
-    def first_sweep(self, preserve: bool) -> None:
+    def first_sweep(self, preserve: bool, budget) -> None:
         """Runs all steps and keeps the copies that the backward pass begins with."""
         self.kept = first_sweep(self.steps, self.slots)
         starts = {start for start, _ in self.kept}
@@ -170,7 +170,7 @@ class _CheckpointRecord:
         for one in self.observer.constants():
             version = Observers.memory.observe(one)
             if preserve:
-                version.keep_for(self)
+                version.keep_for(self, budget)
             self.versions.append(version)
 
     def needs(self, version) -> bool:
@@ -190,7 +190,7 @@ class _CheckpointRecord:
         self._seen_before = any(state.seen_before(one) for one in self.written())
         end = [copy_layout(one) for one in self.state] if self.keeps_end else None
         reversal = Reversal(self._keep, self._restore, self._drop, self.step, self._reverse_step)
-        with Observing(tape=None, memory=Memory(copy_layout)):
+        with Observing(tape=None, memory=Memory(copy_elements)):
             if len(self.copies) < len(self.kept):
                 self._sweep_again()
             reversal.run(self.steps, self.kept)
@@ -208,7 +208,7 @@ class _CheckpointRecord:
             del self.copies[number]
 
     def _reverse_step(self, number) -> None:
-        with Tape(preserve="auto") as tape:
+        with Tape() as tape:
             self.step(number)
         BackwardPass(tape, {}, first=number == 0 and not self._seen_before).run()
         tape._records.clear()
@@ -237,16 +237,17 @@ class _CheckpointRecord:
         """Exchanges what has been overwritten since; returns the present contents."""
         swapped = []
         for version in self.versions:
-            if version.overwriter() is None:
-                continue
-            if version.copy is None:
+            by = version.overwriter()
+            if by is not None:
                 raise errors.WarpGradientError(
                     f"gradient of the {self.event}: an array that its steps read, "
-                    f"{version.array!r}, has been overwritten by the {version.ended}",
+                    f"{version.array!r}, has been overwritten by the {by}",
                     file=self.event.file,
                     line=self.event.line,
                     hint="write to another array, or use `wp.Tape(preserve='auto')`",
                 )
-            swapped.append((version.array, copy_layout(version.array)))
-            version.array.assign(version.copy)
+            contents = version.contents()
+            if contents is not None:
+                swapped.append((version.array, copy_layout(version.array)))
+                version.array.assign(contents)
         return swapped

@@ -182,14 +182,14 @@ class Tangents:
                 values.append(zeros(one.shape, dtypes.dtype_of(hidden.type).dtype, one.device))
         return values
 
-    def run_adjoint(self, call: Call, values, initial, saved) -> None:
+    def run_adjoint(self, call: Call, values, initial, saved, apart=()) -> None:
         """Runs the adjoint of a launch with tangents."""
         grads = [one.grad for _, one in call.leaves if one is not None and one.grad is not None]
         unique = not _native.shares_elements(grads)
-        made = call.kernel.derivatives.adjoint(call.native, call.active)
+        made = call.kernel.derivatives.adjoint(call.native, call.active, apart=apart)
         if not unique or made.counting is not None:
             made = call.kernel.derivatives.adjoint(
-                call.native, call.active, unique, tape="checkpoints"
+                call.native, call.active, unique, "checkpoints", apart
             )
         hidden = made.hidden_values(call, initial, saved)
         again = call.other(made.native, (*values, *hidden))

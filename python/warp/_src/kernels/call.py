@@ -55,7 +55,7 @@ class Call:
     """
 
     __slots__ = (
-        *("_event", "_leaves", "block_dim", "device", "dim", "kernel", "native"),
+        *("_event", "_leaves", "_regions", "block_dim", "device", "dim", "kernel", "native"),
         *("originals", "signature", "stream", "values"),
     )
 
@@ -63,7 +63,7 @@ class Call:
         self.kernel, self.native, self.dim = kernel, native, dim
         self.values = tuple(values)
         self.device, self.stream, self.block_dim = device, stream, block_dim
-        self._event = self._leaves = None
+        self._event = self._leaves = self._regions = None
         self.originals: list = []
         self.signature = signature_of(kernel, native, self.values)
         if not self.signature.flat:
@@ -89,6 +89,17 @@ class Call:
             else:
                 self._leaves = leaves_of(known.parameters, values)
         return self._leaves
+
+    @property
+    def regions(self):
+        """What the launch may read and write of each of them; forgotten by `done`."""
+        if self._regions is None:
+            self._regions = self.native.regions(self.dim, self.values, self.device)
+        return self._regions
+
+    def done(self) -> None:
+        """Called when nobody will ask for regions any more."""
+        self._regions = None
 
     @property
     def accesses(self) -> list[tuple]:
