@@ -24,8 +24,6 @@
 
 namespace warp {
 
-struct ArrayRegions;
-
 /// Extents of a launch.
 struct LaunchDim {
   int rank = 1;
@@ -113,11 +111,6 @@ public:
   void run(const Plan &plan, void *params, const Stream *stream = nullptr);
   void launch(int device, const LaunchDim &dim, void *params,
               const Stream *stream = nullptr, int blockDim = 0);
-
-  /// What a launch with these arguments may read and write, by array. Says so
-  /// of whole arrays where the kernel has no source.
-  void findRegions(const LaunchDim &dim, const void *params,
-                   std::vector<ArrayRegions> &regions);
 
   /// Whether a launch gives its thread back at once, or nearly so.
   static bool isShort(const Plan &plan);

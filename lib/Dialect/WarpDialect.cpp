@@ -5,6 +5,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "WarpDialect/WarpDialect.h"
+#include "WarpDialect/Passes.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"

@@ -139,25 +139,6 @@ void Kernel::Impl::findAccesses() {
   hasAccesses.store(true, std::memory_order_release);
 }
 
-void Kernel::Impl::findRegionFormula() {
-  std::lock_guard<std::mutex> lock(mutex);
-  if (hasRegions.load(std::memory_order_relaxed))
-    return;
-  if (module.getImpl())
-    regions = warp::regionFormula(module);
-  hasRegions.store(true, std::memory_order_release);
-}
-
-void Kernel::findRegions(const LaunchDim &dim, const void *params,
-                         std::vector<ArrayRegions> &regions) {
-  checkExtents(impl->name, dim);
-  if (!impl->hasAccesses.load(std::memory_order_acquire))
-    impl->findAccesses();
-  if (!impl->hasRegions.load(std::memory_order_acquire))
-    impl->findRegionFormula();
-  warp::findRegions(impl->regions, impl->accesses, dim, params, regions);
-}
-
 /// On the CPU adjoints have another order of accesses without overlaps, loops
 /// that end by what they load have lanes, and sums may be made in copies.
 bool Kernel::Impl::isDisjoint(const VariantKey &key,

@@ -11,7 +11,6 @@
 #include "DeviceState.h"
 #include "WidthPolicy.h"
 #include "warp/Kernel.h"
-#include "warp/Regions.h"
 
 #include <atomic>
 #include <mutex>
@@ -68,9 +67,6 @@ struct Kernel::Impl {
   /// What the kernel does with its arrays; found at the first launch.
   std::vector<Access> accesses;
   std::atomic<bool> hasAccesses{false};
-  /// What it touches of them; found when a tape first records a launch.
-  RegionFormula regions;
-  std::atomic<bool> hasRegions{false};
   /// Read without a lock by launches.
   std::atomic<Variant *> variants{nullptr};
   /// Held while a variant is made.
@@ -90,7 +86,6 @@ struct Kernel::Impl {
   /// Runs a variant whose parameters are complete.
   void run(const Plan &plan, void *params, const Stream *stream);
   void findAccesses();
-  void findRegionFormula();
   bool isDisjoint(const VariantKey &key, const void *params) const;
   VariantKey keyFor(int device, const LaunchDim &dim, const void *params,
                     int blockDim, int64_t &items) const;

@@ -140,8 +140,6 @@ void python::bindKernel(py::module_ &m) {
       {"launch", asMethod(launch), METH_FASTCALL,
        "launch(dim, inputs, outputs=None, device=-1, stream=None, "
        "block_dim=0)\n\nRuns the kernel; arguments are positional."},
-      {"regions", asMethod(launchRegions), METH_FASTCALL,
-       "regions(dim, values, device)\n\nWhat a launch may read and write."},
       {"ir", asMethod(printIr), METH_VARARGS | METH_KEYWORDS,
        "ir(stage, arch=0, rank=1)\n\nText of a stage: warp, thread, llvm, "
        "ptx or asm."},

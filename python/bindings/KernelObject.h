@@ -44,9 +44,6 @@ template <typename Fn> PyObject *guarded(Fn &&fn) {
 
 /// The method that runs kernels, in Launch.cpp.
 PyObject *launch(PyObject *self, PyObject *const *args, Py_ssize_t count);
-/// What a launch would touch, in Regions.cpp.
-PyObject *launchRegions(PyObject *self, PyObject *const *args,
-                        Py_ssize_t count);
 void bindPackedLaunch(pybind11::module_ &m);
 
 } // namespace warp::python

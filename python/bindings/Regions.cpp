@@ -82,24 +82,46 @@ std::vector<bool> LaunchRegions::apart() const {
   return flags;
 }
 
-PyObject *python::launchRegions(PyObject *self, PyObject *const *args,
-                                Py_ssize_t count) {
-  if (count != 3)
-    return PyErr_Format(PyExc_TypeError,
-                        "regions expects 3 arguments, but got %zd", count);
-  return guarded([&]() -> PyObject * {
-    Kernel &kernel = *asKernel(self)->kernel;
-    LaunchDim dim = readDim(kernel, args[0]);
-    Items values(args[1]);
-    int device = py::handle(args[2]).cast<int>();
-    Block block(kernel.parameterSize());
-    std::vector<py::object> keep;
-    packArguments(*asKernel(self)->packer, values, Items(nullptr), device,
-                  block.data(), keep);
-    auto regions = std::make_unique<LaunchRegions>();
-    kernel.findRegions(dim, block.data(), regions->arrays);
-    return py::cast(std::move(regions)).release().ptr();
-  });
+namespace {
+
+/// What launches of one kernel touch.
+class RegionFinder {
+public:
+  explicit RegionFinder(py::object object);
+  std::unique_ptr<LaunchRegions> find(const py::object &dim,
+                                      const py::object &values,
+                                      int device) const;
+
+private:
+  py::object owner;
+  std::vector<Access> known;
+  RegionFormula formula;
+};
+
+} // namespace
+
+RegionFinder::RegionFinder(py::object object) : owner(std::move(object)) {
+  if (Py_TYPE(owner.ptr()) != kernelType)
+    throw py::type_error("expects a kernel");
+  const Module &module = asKernel(owner.ptr())->kernel->module();
+  py::gil_scoped_release unlocked;
+  known = accesses(module);
+  formula = regionFormula(module);
+}
+
+std::unique_ptr<LaunchRegions> RegionFinder::find(const py::object &dim,
+                                                  const py::object &values,
+                                                  int device) const {
+  KernelObject *object = asKernel(owner.ptr());
+  Items items(values.ptr());
+  Block block(object->kernel->parameterSize());
+  std::vector<py::object> keep;
+  packArguments(*object->packer, items, Items(nullptr), device, block.data(),
+                keep);
+  auto regions = std::make_unique<LaunchRegions>();
+  findRegions(formula, known, readDim(*object->kernel, dim.ptr()),
+              block.data(), regions->arrays);
+  return regions;
 }
 
 //===----------------------------------------------------------------------===//
@@ -153,8 +175,16 @@ static void bindRegion(py::module_ &m) {
            "Arrays of which no element is both read and written.");
 }
 
+namespace warp::python {
+void bindRegions(py::module_ &m);
+} // namespace warp::python
+
 void python::bindRegions(py::module_ &m) {
   bindRegion(m);
+  py::class_<RegionFinder>(m, "RegionFinder", "What a kernel touches.")
+      .def(py::init<py::object>(), py::arg("kernel"))
+      .def("find", &RegionFinder::find, py::arg("dim"), py::arg("values"),
+           py::arg("device"), "What a launch may read and write.");
   py::class_<RegionMap>(m, "RegionMap", "Regions by place.")
       .def(py::init())
       .def("add", &RegionMap::add, py::arg("region"),

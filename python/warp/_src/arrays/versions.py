@@ -246,10 +246,15 @@ class Memory:
 
     def launching(self, call) -> None:
         """The same of what a launch writes."""
-        if self._current:
-            met = self.regions.meeting_writes(call.regions)
-            if met:
-                self._end(met, call.regions.all_written(), call)
+        if not self._current:
+            return
+        if call.regions is None:
+            for array in call.written:
+                self.writing(array, call)
+            return
+        met = self.regions.meeting_writes(call.regions)
+        if met:
+            self._end(met, call.regions.all_written(), call)
 
     def _end(self, numbers, regions, by) -> None:
         pieces: list = []

@@ -56,7 +56,7 @@ class LaunchRecord:
         self.aliases: list[tuple[int, int]] = []
         # Which arrays are read and written in different places; empty if none is.
         self.apart: tuple = ()
-        if not any(call.active):
+        if not any(call.active) or call.regions is None:
             return
         if call.signature.written and len(call.leaves) > 1:
             self.aliases = call.regions.meetings()
@@ -123,7 +123,9 @@ class LaunchRecord:
             for i, (_, leaf) in enumerate(call.leaves):
                 version = None
                 if leaf is not None and leaf.size:
-                    version = Observers.memory.observe(leaf, call.regions, i)
+                    # What is written elsewhere is of no concern to the adjoint.
+                    reads = bool(self.apart) and self.apart[i]
+                    version = Observers.memory.observe(leaf, call.regions, i, reads)
                     if self.budget is not None:
                         version.keep_for(self, self.budget)
                     elif config.verify_autograd_array_access:
