@@ -18,6 +18,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -137,6 +138,9 @@ struct RegionFormula {
 
 /// What a module's kernel touches of its arrays.
 WARP_API RegionFormula regionFormula(const Module &module);
+/// The same as text, a line per access: "write x[(k + 1), 0 + 1 * extent(0)]",
+/// where `factor * count` is factor times 0, 1, ... below count.
+WARP_API std::string regionText(const Module &module);
 
 /// What a launch does with one array.
 struct ArrayRegions {

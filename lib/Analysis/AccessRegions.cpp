@@ -26,7 +26,7 @@
 
 using namespace mlir;
 
-using Op = warp::RegionFormula::Op;
+using Kind = warp::RegionFormula::Op;
 using Node = warp::RegionFormula::Node;
 
 /// Forms that one index may have; more are any index.
@@ -58,10 +58,10 @@ public:
 
 private:
   // Nodes.
-  int32_t node(Op op, int64_t a, int64_t b = 0, Type type = {});
-  int32_t constant(int64_t value) { return node(Op::Constant, value); }
+  int32_t node(Kind op, int64_t a, int64_t b = 0, Type type = {});
+  int32_t constant(int64_t value) { return node(Kind::Constant, value); }
   std::optional<int64_t> constantOf(int32_t node) const;
-  int32_t combine(Op op, int32_t a, int32_t b, Type type = {});
+  int32_t combine(Kind op, int32_t a, int32_t b, Type type = {});
 
   // Values.
   const Forms &formsOf(Value value);
@@ -70,7 +70,7 @@ private:
   Forms ofField(warp::StructGetOp get);
   Forms ofExtent(warp::DimOp dim);
   Forms ofCounter(scf::ForOp loop);
-  Forms ofUniform(Op op, Operation *operation);
+  Forms ofUniform(Kind op, Operation *operation);
   Forms pairs(Operation *op, llvm::function_ref<std::optional<Form>(
                                  const Form &, const Form &)>
                                  join);
@@ -116,13 +116,13 @@ RegionBuilder::RegionBuilder(func::FuncOp kernel)
 // Nodes
 //===----------------------------------------------------------------------===//
 
-int32_t RegionBuilder::node(Op op, int64_t a, int64_t b, Type type) {
+int32_t RegionBuilder::node(Kind op, int64_t a, int64_t b, Type type) {
   Node made{op, 64, true, a, b};
   if (auto integer = dyn_cast_or_null<IntegerType>(type)) {
     made.bits = integer.getWidth();
     made.isSigned = !integer.isUnsigned();
   }
-  auto *found = llvm::find(formula.nodes, made);
+  auto found = llvm::find(formula.nodes, made);
   if (found == formula.nodes.end())
     formula.nodes.push_back(made);
   return static_cast<int32_t>(found - formula.nodes.begin());
@@ -130,18 +130,18 @@ int32_t RegionBuilder::node(Op op, int64_t a, int64_t b, Type type) {
 
 std::optional<int64_t> RegionBuilder::constantOf(int32_t node) const {
   const Node &known = formula.nodes[node];
-  return known.op == Op::Constant ? std::optional(known.a) : std::nullopt;
+  return known.op == Kind::Constant ? std::optional(known.a) : std::nullopt;
 }
 
 /// Sums with zero and products with one need no node.
-int32_t RegionBuilder::combine(Op op, int32_t a, int32_t b, Type type) {
-  if ((op == Op::Add || op == Op::Sub) && constantOf(b) == 0)
+int32_t RegionBuilder::combine(Kind op, int32_t a, int32_t b, Type type) {
+  if ((op == Kind::Add || op == Kind::Sub) && constantOf(b) == 0)
     return a;
-  if (op == Op::Add && constantOf(a) == 0)
+  if (op == Kind::Add && constantOf(a) == 0)
     return b;
-  if (op == Op::Mul && constantOf(b) == 1)
+  if (op == Kind::Mul && constantOf(b) == 1)
     return a;
-  if (op == Op::Mul && constantOf(a) == 1)
+  if (op == Kind::Mul && constantOf(a) == 1)
     return b;
   return node(op, a, b, type);
 }
@@ -152,7 +152,7 @@ int32_t RegionBuilder::combine(Op op, int32_t a, int32_t b, Type type) {
 
 Form RegionBuilder::sum(const Form &a, const Form &b, bool negate) {
   Form result = a;
-  Op op = negate ? Op::Sub : Op::Add;
+  Kind op = negate ? Kind::Sub : Kind::Add;
   result.base = combine(op, a.base, b.base);
   for (Form::Symbol symbol : b.symbols) {
     auto *same = llvm::find_if(result.symbols, [&](const auto &other) {
@@ -160,7 +160,7 @@ Form RegionBuilder::sum(const Form &a, const Form &b, bool negate) {
     });
     if (same == result.symbols.end()) {
       if (negate)
-        symbol.factor = node(Op::Sub, constant(0), symbol.factor);
+        symbol.factor = node(Kind::Sub, constant(0), symbol.factor);
       result.symbols.push_back(symbol);
       continue;
     }
@@ -176,10 +176,10 @@ Form RegionBuilder::sum(const Form &a, const Form &b, bool negate) {
 Form RegionBuilder::scaled(const Form &form, int32_t factor, Type type) {
   Form result = form;
   // Without symbols this is the kernel's own arithmetic, which may wrap.
-  result.base = combine(Op::Mul, form.base, factor,
+  result.base = combine(Kind::Mul, form.base, factor,
                         form.symbols.empty() ? type : Type());
   for (Form::Symbol &symbol : result.symbols)
-    symbol.factor = combine(Op::Mul, symbol.factor, factor);
+    symbol.factor = combine(Kind::Mul, symbol.factor, factor);
   return result;
 }
 
@@ -212,7 +212,7 @@ Forms RegionBuilder::pairs(
   return all;
 }
 
-Forms RegionBuilder::ofUniform(Op op, Operation *operation) {
+Forms RegionBuilder::ofUniform(Kind op, Operation *operation) {
   return pairs(operation,
                [&](const Form &a, const Form &b) -> std::optional<Form> {
                  if (!a.symbols.empty() || !b.symbols.empty())
@@ -245,7 +245,7 @@ Forms RegionBuilder::ofArgument(BlockArgument argument) {
   if (!type || type.getWidth() < 8)
     return {};
   int64_t offset = layout.offsets[argument.getArgNumber()];
-  return {Form{node(Op::Argument, offset, 0, type), {}}};
+  return {Form{node(Kind::Argument, offset, 0, type), {}}};
 }
 
 /// A field of a struct that is an argument.
@@ -264,7 +264,7 @@ Forms RegionBuilder::ofField(warp::StructGetOp get) {
       argument.getOwner() != &kernel.getBody().front())
     return {};
   offset += layout.offsets[argument.getArgNumber()];
-  return {Form{node(Op::Argument, offset, 0, type), {}}};
+  return {Form{node(Kind::Argument, offset, 0, type), {}}};
 }
 
 Forms RegionBuilder::ofExtent(warp::DimOp dim) {
@@ -280,7 +280,7 @@ Forms RegionBuilder::ofExtent(warp::DimOp dim) {
   SmallVector<unsigned, 1> leaf = origins.getLeaves().of(array);
   if (leaf.size() != 1)
     return {};
-  return {Form{node(Op::ArrayExtent, offsets[leaf.front()], number), {}}};
+  return {Form{node(Kind::ArrayExtent, offsets[leaf.front()], number), {}}};
 }
 
 Forms RegionBuilder::ofCounter(scf::ForOp loop) {
@@ -295,10 +295,10 @@ Forms RegionBuilder::ofCounter(scf::ForOp loop) {
   if (!length.symbols.empty())
     return {};
   int32_t stride = step.front().base;
-  int32_t up = combine(Op::Add, length.base,
-                       combine(Op::Sub, stride, constant(1)));
+  int32_t up = combine(Kind::Add, length.base,
+                       combine(Kind::Sub, stride, constant(1)));
   int32_t count =
-      constantOf(stride) == 1 ? up : node(Op::FloorDiv, up, stride);
+      constantOf(stride) == 1 ? up : node(Kind::FloorDiv, up, stride);
   Form form = lower.front();
   form.symbols.push_back({loop.getOperation(), stride, count});
   return {form};
@@ -325,14 +325,14 @@ Forms RegionBuilder::compute(Value value) {
     return pairs(op, [&](const Form &a, const Form &b) -> std::optional<Form> {
       if (!a.symbols.empty() || !b.symbols.empty())
         return sum(a, b, negate);
-      Op kind = negate ? Op::Sub : Op::Add;
+      Kind kind = negate ? Kind::Sub : Kind::Add;
       return Form{combine(kind, a.base, b.base, type), {}};
     });
   };
   return llvm::TypeSwitch<Operation *, Forms>(op)
       .Case([&](warp::TidOp) {
         unsigned dim = cast<OpResult>(value).getResultNumber();
-        int32_t count = node(Op::Extent, dim);
+        int32_t count = node(Kind::Extent, dim);
         const void *key = reinterpret_cast<const void *>(uintptr_t(dim + 1));
         return Forms{Form{constant(0), {{key, constant(1), count}}}};
       })
@@ -342,7 +342,7 @@ Forms RegionBuilder::compute(Value value) {
         Forms forms = formsOf(cast.getSource());
         for (Form &form : forms)
           if (form.symbols.empty() && !constantOf(form.base))
-            form.base = node(Op::Cast, form.base, 0, type);
+            form.base = node(Kind::Cast, form.base, 0, type);
         return forms;
       })
       .Case([&](warp::StructGetOp get) { return ofField(get); })
@@ -366,21 +366,21 @@ Forms RegionBuilder::compute(Value value) {
                        return std::nullopt;
                      });
       })
-      .Case([&](warp::DivOp) { return ofUniform(Op::Div, op); })
-      .Case([&](warp::FloorDivOp) { return ofUniform(Op::FloorDiv, op); })
-      .Case([&](warp::ModOp) { return ofUniform(Op::Mod, op); })
-      .Case([&](warp::BitAndOp) { return ofUniform(Op::And, op); })
-      .Case([&](warp::BitOrOp) { return ofUniform(Op::Or, op); })
-      .Case([&](warp::BitXorOp) { return ofUniform(Op::Xor, op); })
-      .Case([&](warp::LShiftOp) { return ofUniform(Op::ShiftLeft, op); })
-      .Case([&](warp::RShiftOp) { return ofUniform(Op::ShiftRight, op); })
+      .Case([&](warp::DivOp) { return ofUniform(Kind::Div, op); })
+      .Case([&](warp::FloorDivOp) { return ofUniform(Kind::FloorDiv, op); })
+      .Case([&](warp::ModOp) { return ofUniform(Kind::Mod, op); })
+      .Case([&](warp::BitAndOp) { return ofUniform(Kind::And, op); })
+      .Case([&](warp::BitOrOp) { return ofUniform(Kind::Or, op); })
+      .Case([&](warp::BitXorOp) { return ofUniform(Kind::Xor, op); })
+      .Case([&](warp::LShiftOp) { return ofUniform(Kind::ShiftLeft, op); })
+      .Case([&](warp::RShiftOp) { return ofUniform(Kind::ShiftRight, op); })
       .Case([&](warp::MinOp) {
-        Forms forms = ofUniform(Op::Min, op);
+        Forms forms = ofUniform(Kind::Min, op);
         return forms.empty() ? any({op->getOperand(0), op->getOperand(1)})
                              : forms;
       })
       .Case([&](warp::MaxOp) {
-        Forms forms = ofUniform(Op::Max, op);
+        Forms forms = ofUniform(Kind::Max, op);
         return forms.empty() ? any({op->getOperand(0), op->getOperand(1)})
                              : forms;
       })

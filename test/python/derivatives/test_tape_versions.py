@@ -5,9 +5,9 @@ import random
 
 import numpy as np
 import pytest
+from warp._native import Region
 
 import warp as wp
-from warp._src.arrays.boxes import Box
 from warp._src.arrays.observers import copy_layout
 
 
@@ -242,7 +242,7 @@ def test_overlap_of_views_is_never_missed():
     for _ in range(500):
         one, other = view(), view()
         shared = bool(addresses(one) & addresses(other))
-        found = Box(one).overlaps(Box(other))
+        found = Region(one).overlaps(Region(other))
         assert found or not shared
         wrong += found and not shared
     assert wrong < 60

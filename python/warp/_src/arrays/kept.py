@@ -8,7 +8,7 @@ taken back in time piece by piece while a backward pass goes through its records
 from __future__ import annotations
 
 from warp import _native
-from warp._src.arrays.boxes import Box
+from warp._src.arrays.layout import bytes_spanned
 from warp._src.types.scalars import uint8
 
 
@@ -50,9 +50,8 @@ class Budget:
         """What has cost most."""
         dearest = sorted(self.costs.items(), key=lambda item: -item[1][0])[:3]
         named = ", ".join(f"the {by} ({size} bytes in {count})" for by, (size, count) in dearest)
-        return (
-            f"copies may have {self.max_bytes} bytes and {self.refused} more were needed; "
-            + (f"most was kept because of {named}" if named else "none was kept")
+        return f"copies may have {self.max_bytes} bytes and {self.refused} more were needed; " + (
+            f"most was kept because of {named}" if named else "none was kept"
         )
 
 
@@ -150,8 +149,7 @@ class Images:
         return image
 
     def _blank(self, one):
-        box = Box(one)
-        return empty_like(one, one.shape, one.strides, box.stop - box.start)
+        return empty_like(one, one.shape, one.strides, bytes_spanned(one))
 
     def _places(self, image, one, region) -> list:
         shift = (image.ptr or 0) - (one.ptr or 0)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from warp._native import Region
 from warp._src import errors
 from warp._src.arrays.array import array
-from warp._src.arrays.boxes import Box
-from warp._src.arrays.observers import Observers, Observing, copy_layout
+from warp._src.arrays.observers import Observers, Observing, copy_elements, copy_layout
 from warp._src.arrays.versions import Event, Memory, event
 from warp._src.autograd.revolve import Reversal, first_sweep
 from warp._src.derivatives.backward import BackwardPass
@@ -74,10 +74,10 @@ class _Observer:
     preserve, _budget = "never", None
 
     def __init__(self, state):
-        self.state = [Box(one) for one in state]
+        self.state = [Region(one) for one in state]
         self.read: dict = {}
         self.written: dict = {}
-        self._filled: list[Box] = []
+        self._filled: list = []
         self._early: dict = {}
 
     def begin_step(self) -> None:
@@ -101,20 +101,19 @@ class _Observer:
         self._writes(target)
 
     def _reads(self, one, name, place) -> None:
-        box = Box(one)
-        self.read.setdefault((one.ptr, one.shape, one.strides), one)
-        inside = any(box.overlaps(known) for known in (*self.state, *self._filled))
+        region, layout = Region(one), (one.ptr, one.shape, one.strides)
+        self.read.setdefault(layout, one)
+        inside = any(region.overlaps(known) for known in (*self.state, *self._filled))
         if not inside:
-            self._early.setdefault((box.start, box.stop), (box, name, place))
+            self._early.setdefault(layout, (region, name, place))
 
     def _writes(self, one) -> None:
-        box = Box(one)
         self.written.setdefault((one.ptr, one.shape, one.strides), one)
-        self._filled.append(box)
+        self._filled.append(Region(one))
 
     def end_step(self) -> None:
-        for box, name, place in self._early.values():
-            if any(box.overlaps(other) for other in self._filled):
+        for region, name, place in self._early.values():
+            if any(region.overlaps(other) for other in self._filled):
                 raise errors.WarpGradientError(
                     f"checkpoint: a step reads and changes array '{name}' of the {place}, "
                     f"which is not in `state`",
@@ -125,9 +124,11 @@ class _Observer:
 
     def constants(self) -> list[array]:
         """Arrays that are read and never written."""
-        changed = [Box(one) for one in self.written.values()] + self.state
+        changed = [Region(one) for one in self.written.values()] + self.state
         return [
-            one for one in self.read.values() if not any(Box(one).overlaps(box) for box in changed)
+            one
+            for one in self.read.values()
+            if not any(Region(one).overlaps(other) for other in changed)
         ]
 
 
@@ -197,9 +198,9 @@ class _CheckpointRecord:
             self._bring_back(end)
         for one, contents in swapped:
             one.assign(contents)
-        inside = [Box(one) for one in self.state]
+        inside = [Region(one) for one in self.state]
         for one in self.observer.written.values():
-            if not any(Box(one).overlaps(box) for box in inside):
+            if not any(Region(one).overlaps(other) for other in inside):
                 Observers.memory.writing(one, self)
 
     def _drop(self, number) -> None:

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from warp import _native
 from warp._src.arrays.array import array
-from warp._src.arrays.boxes import Box
+from warp._src.arrays.layout import bytes_spanned
 from warp._src.arrays.create import empty, zeros
 from warp._src.arrays.gradients import gradient_type, has_gradient
 from warp._src.arrays.observers import Observing, copy_layout
@@ -90,8 +90,7 @@ class Tangents:
         """Sees to it that the allocation of an array has twins; returns the allocation."""
         base = _base(one)
         if (base.ptr or 0) not in self._twins:
-            box = Box(base)
-            pitch = _pitch((box.stop - box.start) * _widening(base.dtype))
+            pitch = _pitch(bytes_spanned(base) * _widening(base.dtype))
             tangents = _zeros(self.width * pitch, base.device)
             gradients = None if self.tape is None else _zeros(self.width * pitch, base.device)
             self._twins[base.ptr or 0] = (base, pitch, tangents, gradients)

@@ -49,7 +49,6 @@ class Signature:
         self.fetches = any(access[3] for access in self.accesses)
         self.looks_back = self.fetches or any(self.accesses[i][0] for i in self.written)
 
-
     @functools.cached_property
     def region_finder(self):
         """Finds which elements of arrays a launch touches; made when that is first asked."""
