@@ -6,7 +6,7 @@ func.func private @many(%x: f32) -> (f32, f32) attributes {warp.residuals = 3 : 
   return %x, %x : f32, f32
 }
 func.func @calls(%x: f32) {
-  %d = warp.vjp @many(%x) cotangents(%x) : (f32, f32) -> f32
+  %d = warp.vjp @many(%x) of (%x) : (f32), (f32) -> (f32)
   return
 }
 

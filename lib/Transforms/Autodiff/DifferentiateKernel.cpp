@@ -92,7 +92,7 @@ static func::FuncOp createTwin(func::FuncOp kernel, StringRef suffix) {
   auto twin = func::FuncOp::create(b, kernel.getLoc(), name,
                                    kernel.getFunctionType());
   for (NamedAttribute attr : kernel->getDiscardableAttrs())
-    if (attr.getName() != warp::autodiff::apartAttrName)
+    if (attr.getName() != "warp.apart")
       twin->setAttr(attr.getName(), attr.getValue());
   twin.addEntryBlock();
   return twin;
@@ -234,7 +234,7 @@ struct DifferentiateKernel
                              StringAttr::get(&getContext(), "saved"))
         saved.push_back(argument);
     }
-    kernel->removeAttr(warp::autodiff::apartAttrName);
+    kernel->removeAttr("warp.apart");
     if (saved.empty())
       kernel.erase();
     else

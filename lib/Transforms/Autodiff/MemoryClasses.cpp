@@ -112,8 +112,6 @@ MemoryClasses::MemoryClasses(FunctionOpInterface function,
                              const Activity &activity, bool unique)
     : leaves(leaves), activity(activity), unique(unique),
       accesses(leaves.size()) {
-  if (auto flags = function->getAttrOfType<DenseBoolArrayAttr>(apartAttrName))
-    llvm::append_range(apart, flags.asArrayRef());
   function->walk<WalkOrder::PreOrder>([&](Operation *op) { collect(op); });
 }
 
@@ -137,6 +135,14 @@ SmallVector<const Access *> MemoryClasses::select(unsigned leaf,
 bool MemoryClasses::isWritten(unsigned leaf) const {
   return llvm::any_of(accesses[leaf],
                       [](const Access &access) { return access.isWrite; });
+}
+
+/// Whether no element of a leaf is both read and written by the launch that the
+/// derivative is for.
+static bool isApart(const ArrayLeaves &leaves, unsigned leaf) {
+  auto flags = leaves.getFunction()->getAttrOfType<DenseBoolArrayAttr>(
+      "warp.apart");
+  return flags && leaf < flags.size() && flags[leaf];
 }
 
 //===----------------------------------------------------------------------===//
@@ -224,7 +230,7 @@ int64_t MemoryClasses::getUniqueRank(Operation *op) const {
   if (!oneThread.empty())
     return 4;
   SmallVector<const Access *> others = select(leaf, /*onlyActive=*/true);
-  if (isApart(leaf)) {
+  if (isApart(leaves, leaf)) {
     bool isWrite = cast<AccessOp>(op).mayWrite();
     llvm::erase_if(others, [&](const Access *access) {
       return access->isWrite != isWrite;
@@ -245,7 +251,7 @@ LogicalResult MemoryClasses::verify() {
     auto isWrite = [](const Access *access) { return access->isWrite; };
     const auto *write = llvm::find_if(active, isWrite);
     const auto *read = llvm::find_if_not(active, isWrite);
-    if (write == active.end() || read == active.end() || isApart(leaf))
+    if (write == active.end() || read == active.end() || isApart(leaves, leaf))
       continue;
     Sharing sharing = getSharing(active);
     std::string name = leaves.getName(leaf);
@@ -287,7 +293,7 @@ Recovery MemoryClasses::getRecovery(Operation *load, std::string &why,
   unsigned leaf;
   const Access *read = lookup(load, leaf);
   needsOneThread = false;
-  if (!read || !isWritten(leaf) || isApart(leaf))
+  if (!read || !isWritten(leaf) || isApart(leaves, leaf))
     return Recovery::Reload;
   Sharing sharing = getSharing(select(leaf, /*onlyActive=*/false));
   const Access *before = nullptr, *after = nullptr;

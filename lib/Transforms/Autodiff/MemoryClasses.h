@@ -64,10 +64,6 @@ bool areApart(const Access &a, const Access &b);
 /// for what the indices are made of.
 bool areSame(const Access &a, const Access &b);
 
-/// Of a kernel, a flag per leaf: no element of it is both read and written by
-/// a launch, which is known for this launch alone.
-constexpr llvm::StringLiteral apartAttrName = "warp.apart";
-
 class MemoryClasses {
 public:
   MemoryClasses(mlir::FunctionOpInterface function, const ArrayLeaves &leaves,
@@ -78,10 +74,6 @@ public:
   mlir::LogicalResult verify();
 
   bool isWritten(unsigned leaf) const;
-  /// Whether reads and writes of a leaf meet nowhere.
-  bool isApart(unsigned leaf) const {
-    return leaf < apart.size() && apart[leaf];
-  }
   /// How to get the value of a load again; the reason if that is impossible.
   /// `needsOneThread` if that is so in a launch of one thread only.
   Recovery getRecovery(mlir::Operation *load, std::string &why,
@@ -106,7 +98,6 @@ private:
   const ArrayLeaves &leaves;
   const Activity &activity;
   bool unique;
-  llvm::SmallVector<bool> apart;
   llvm::SmallVector<llvm::SmallVector<Access>> accesses;
   llvm::DenseMap<mlir::Operation *, std::pair<unsigned, unsigned>> places;
   llvm::DenseMap<mlir::Operation *, int64_t> numbers;
