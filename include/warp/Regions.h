@@ -29,7 +29,7 @@ struct LaunchDim;
 class Module;
 
 /// Elements at `start` plus sums of multiples of strides.
-struct MemoryBlock {
+struct WARP_API MemoryBlock {
   /// Multiples 0, step, 2 step, ... of a stride, `count` of them.
   struct Dim {
     int64_t stride = 0, step = 1, count = 1;

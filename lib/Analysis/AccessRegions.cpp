@@ -66,6 +66,13 @@ private:
   // Values.
   const Forms &formsOf(Value value);
   Forms compute(Value value);
+  Forms ofResult(OpResult value);
+  Forms ofThread(unsigned dim);
+  Forms ofCast(warp::CastOp cast);
+  Forms ofSum(Operation *op, bool negate);
+  Forms ofNegation(Operation *op);
+  Forms ofProduct(Operation *op);
+  Forms ofExtremum(Kind kind, Operation *op);
   Forms ofArgument(BlockArgument argument);
   Forms ofField(warp::StructGetOp get);
   Forms ofExtent(warp::DimOp dim);
@@ -133,8 +140,14 @@ std::optional<int64_t> RegionBuilder::constantOf(int32_t node) const {
   return known.op == Kind::Constant ? std::optional(known.a) : std::nullopt;
 }
 
-/// Sums with zero and products with one need no node.
+/// Sums with zero, products with one, and what is made of constants alone need
+/// no node.
 int32_t RegionBuilder::combine(Kind op, int32_t a, int32_t b, Type type) {
+  std::optional<int64_t> first = constantOf(a), second = constantOf(b);
+  if (first && second && !type && op == Kind::Sub)
+    return constant(*first - *second);
+  if (first && second && !type && op == Kind::Add)
+    return constant(*first + *second);
   if ((op == Kind::Add || op == Kind::Sub) && constantOf(b) == 0)
     return a;
   if (op == Kind::Add && constantOf(a) == 0)
@@ -304,6 +317,60 @@ Forms RegionBuilder::ofCounter(scf::ForOp loop) {
   return {form};
 }
 
+Forms RegionBuilder::ofNegation(Operation *op) {
+  Forms forms;
+  for (const Form &form : Forms(formsOf(op->getOperand(0))))
+    forms.push_back(scaled(form, constant(-1), op->getResult(0).getType()));
+  return forms;
+}
+
+Forms RegionBuilder::ofThread(unsigned dim) {
+  const void *key = reinterpret_cast<const void *>(uintptr_t(dim + 1));
+  return {Form{constant(0), {{key, constant(1), node(Kind::Extent, dim)}}}};
+}
+
+Forms RegionBuilder::ofCast(warp::CastOp cast) {
+  Type type = cast.getType();
+  if (!isa<IntegerType, IndexType>(cast.getSource().getType()))
+    return {};
+  bool mayWrap = isa<IntegerType>(type) && type.getIntOrFloatBitWidth() < 32;
+  Forms forms = formsOf(cast.getSource());
+  for (Form &form : forms) {
+    if (form.symbols.empty() && (mayWrap || !constantOf(form.base)))
+      form.base = node(Kind::Cast, form.base, 0, type);
+    if (!form.symbols.empty() && mayWrap)
+      return {};
+  }
+  return forms;
+}
+
+Forms RegionBuilder::ofSum(Operation *op, bool negate) {
+  return pairs(op, [&](const Form &a, const Form &b) -> std::optional<Form> {
+    if (!a.symbols.empty() || !b.symbols.empty())
+      return sum(a, b, negate);
+    return Form{combine(negate ? Kind::Sub : Kind::Add, a.base, b.base,
+                        op->getResult(0).getType()),
+                {}};
+  });
+}
+
+Forms RegionBuilder::ofProduct(Operation *op) {
+  Type type = op->getResult(0).getType();
+  return pairs(op, [&](const Form &a, const Form &b) -> std::optional<Form> {
+    if (b.symbols.empty())
+      return scaled(a, b.base, type);
+    if (a.symbols.empty())
+      return scaled(b, a.base, type);
+    return std::nullopt;
+  });
+}
+
+/// A minimum or maximum: what all threads agree on, or one of both.
+Forms RegionBuilder::ofExtremum(Kind kind, Operation *op) {
+  Forms forms = ofUniform(kind, op);
+  return forms.empty() ? any({op->getOperand(0), op->getOperand(1)}) : forms;
+}
+
 Forms RegionBuilder::compute(Value value) {
   if (auto argument = dyn_cast<BlockArgument>(value)) {
     Operation *owner = argument.getOwner()->getParentOp();
@@ -319,53 +386,21 @@ Forms RegionBuilder::compute(Value value) {
                               ? int64_t(attr.getValue().getZExtValue())
                               : attr.getValue().getSExtValue()),
                  {}}};
-  Operation *op = value.getDefiningOp();
-  Type type = value.getType();
-  auto addition = [&](bool negate) {
-    return pairs(op, [&](const Form &a, const Form &b) -> std::optional<Form> {
-      if (!a.symbols.empty() || !b.symbols.empty())
-        return sum(a, b, negate);
-      Kind kind = negate ? Kind::Sub : Kind::Add;
-      return Form{combine(kind, a.base, b.base, type), {}};
-    });
-  };
+  return ofResult(cast<OpResult>(value));
+}
+
+Forms RegionBuilder::ofResult(OpResult value) {
+  Operation *op = value.getOwner();
+  unsigned number = value.getResultNumber();
   return llvm::TypeSwitch<Operation *, Forms>(op)
-      .Case([&](warp::TidOp) {
-        unsigned dim = cast<OpResult>(value).getResultNumber();
-        int32_t count = node(Kind::Extent, dim);
-        const void *key = reinterpret_cast<const void *>(uintptr_t(dim + 1));
-        return Forms{Form{constant(0), {{key, constant(1), count}}}};
-      })
-      .Case([&](warp::CastOp cast) -> Forms {
-        if (!isa<IntegerType, IndexType>(cast.getSource().getType()))
-          return {};
-        Forms forms = formsOf(cast.getSource());
-        for (Form &form : forms)
-          if (form.symbols.empty() && !constantOf(form.base))
-            form.base = node(Kind::Cast, form.base, 0, type);
-        return forms;
-      })
+      .Case([&](warp::TidOp) { return ofThread(number); })
+      .Case([&](warp::CastOp cast) { return ofCast(cast); })
       .Case([&](warp::StructGetOp get) { return ofField(get); })
       .Case([&](warp::DimOp dim) { return ofExtent(dim); })
-      .Case([&](warp::AddOp) { return addition(false); })
-      .Case([&](warp::SubOp) { return addition(true); })
-      .Case([&](warp::NegOp neg) -> Forms {
-        Forms forms;
-        for (const Form &form : Forms(formsOf(neg->getOperand(0))))
-          forms.push_back(scaled(form, constant(-1), type));
-        return forms;
-      })
-      .Case([&](warp::MulOp) {
-        return pairs(op,
-                     [&](const Form &a,
-                         const Form &b) -> std::optional<Form> {
-                       if (b.symbols.empty())
-                         return scaled(a, b.base, type);
-                       if (a.symbols.empty())
-                         return scaled(b, a.base, type);
-                       return std::nullopt;
-                     });
-      })
+      .Case([&](warp::AddOp) { return ofSum(op, /*negate=*/false); })
+      .Case([&](warp::SubOp) { return ofSum(op, /*negate=*/true); })
+      .Case([&](warp::NegOp) { return ofNegation(op); })
+      .Case([&](warp::MulOp) { return ofProduct(op); })
       .Case([&](warp::DivOp) { return ofUniform(Kind::Div, op); })
       .Case([&](warp::FloorDivOp) { return ofUniform(Kind::FloorDiv, op); })
       .Case([&](warp::ModOp) { return ofUniform(Kind::Mod, op); })
@@ -374,16 +409,8 @@ Forms RegionBuilder::compute(Value value) {
       .Case([&](warp::BitXorOp) { return ofUniform(Kind::Xor, op); })
       .Case([&](warp::LShiftOp) { return ofUniform(Kind::ShiftLeft, op); })
       .Case([&](warp::RShiftOp) { return ofUniform(Kind::ShiftRight, op); })
-      .Case([&](warp::MinOp) {
-        Forms forms = ofUniform(Kind::Min, op);
-        return forms.empty() ? any({op->getOperand(0), op->getOperand(1)})
-                             : forms;
-      })
-      .Case([&](warp::MaxOp) {
-        Forms forms = ofUniform(Kind::Max, op);
-        return forms.empty() ? any({op->getOperand(0), op->getOperand(1)})
-                             : forms;
-      })
+      .Case([&](warp::MinOp) { return ofExtremum(Kind::Min, op); })
+      .Case([&](warp::MaxOp) { return ofExtremum(Kind::Max, op); })
       .Case([&](warp::ClampOp) {
         return any({op->getOperand(0), op->getOperand(1), op->getOperand(2)});
       })
@@ -391,7 +418,6 @@ Forms RegionBuilder::compute(Value value) {
         return any({op->getOperand(1), op->getOperand(2)});
       })
       .Case([&](scf::IfOp branch) {
-        unsigned number = cast<OpResult>(value).getResultNumber();
         return any({branch.thenYield().getOperand(number),
                     branch.elseYield().getOperand(number)});
       })

@@ -41,7 +41,7 @@ module {
 //--- loop.mlir
 // A counter goes from its bound in steps, the last of which may be a part of
 // one; views add their indices in front; an extent is read from the array.
-// CHECK: read x[(k + 1), 2 + 3 * ((((x.shape[1] - 2) + 2) // 3))]
+// CHECK: read x[(k + 1), 2 + 3 * (((x.shape[1] - 2) + 2) // 3)]
 // CHECK-NEXT: write y[0 + n * extent(0)]
 module {
   func.func @loop(%x: !warp.array<2 x f32>, %y: !warp.array<1 x f32>,

@@ -44,7 +44,13 @@ class Budget:
         return True
 
     def give_back(self, size) -> None:
+        """Called when a copy dies."""
         self.used -= size
+
+    def forget(self) -> None:
+        """Begins anew, but for copies that are still there."""
+        self.refused = 0
+        self.costs.clear()
 
     def report(self) -> str:
         """What has cost most."""
@@ -152,10 +158,9 @@ class Images:
         return empty_like(one, one.shape, one.strides, bytes_spanned(one))
 
     def _places(self, image, one, region) -> list:
-        shift = (image.ptr or 0) - (one.ptr or 0)
-        start = image.ptr or 0
+        start = one.ptr or 0
         return [
-            image._view(address + shift - start, shape, strides)
+            image._view(address - start, shape, strides)
             for address, shape, strides in region.parts()
         ]
 

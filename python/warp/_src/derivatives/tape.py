@@ -232,6 +232,8 @@ class Tape:
         """Sets the gradients to zero and forgets the records."""
         self.zero()
         self._records.clear()
+        if self._budget is not None:
+            self._budget.forget()
         self.scopes.clear()
         self._left.clear()
         self._seeded.clear()
