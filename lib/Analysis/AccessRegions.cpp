@@ -129,10 +129,10 @@ int32_t RegionBuilder::node(Kind op, int64_t a, int64_t b, Type type) {
     made.bits = integer.getWidth();
     made.isSigned = !integer.isUnsigned();
   }
-  auto found = llvm::find(formula.nodes, made);
-  if (found == formula.nodes.end())
+  auto number = llvm::find(formula.nodes, made) - formula.nodes.begin();
+  if (number == std::ssize(formula.nodes))
     formula.nodes.push_back(made);
-  return static_cast<int32_t>(found - formula.nodes.begin());
+  return static_cast<int32_t>(number);
 }
 
 std::optional<int64_t> RegionBuilder::constantOf(int32_t node) const {
@@ -152,6 +152,8 @@ int32_t RegionBuilder::combine(Kind op, int32_t a, int32_t b, Type type) {
     return a;
   if (op == Kind::Add && constantOf(a) == 0)
     return b;
+  if (op == Kind::Mul && (first == 0 || second == 0))
+    return constant(0);
   if (op == Kind::Mul && constantOf(b) == 1)
     return a;
   if (op == Kind::Mul && constantOf(a) == 1)
