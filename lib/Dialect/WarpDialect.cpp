@@ -73,6 +73,7 @@ void warp::WarpDialect::getCanonicalizationPatterns(
 }
 
 void warp::WarpDialect::initialize() {
+  registerAttributes();
   registerTypes();
   registerOps();
   addInterfaces<WarpAsmInterface, WarpInlinerInterface>();

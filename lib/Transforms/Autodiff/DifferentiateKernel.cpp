@@ -9,6 +9,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "KernelFunction.h"
+#include "Autodiff/Derivation.h"
 #include "Autodiff/Forward/Forward.h"
 #include "Autodiff/Reverse/GuardArms.h"
 #include "Autodiff/Reverse/Reverse.h"
@@ -92,7 +93,7 @@ static func::FuncOp createTwin(func::FuncOp kernel, StringRef suffix) {
   auto twin = func::FuncOp::create(b, kernel.getLoc(), name,
                                    kernel.getFunctionType());
   for (NamedAttribute attr : kernel->getDiscardableAttrs())
-    if (attr.getName() != "warp.apart")
+    if (attr.getName() != apartAttrName)
       twin->setAttr(attr.getName(), attr.getValue());
   twin.addEntryBlock();
   return twin;
@@ -103,20 +104,8 @@ static void augment(func::FuncOp kernel, const ReverseBuilder &builder,
                     ArrayRef<BlockArgument> saved) {
   llvm::DenseMap<int64_t, BlockArgument> byNumber;
   for (BlockArgument argument : saved) {
-    auto description = cast<DictionaryAttr>(
-        builder.getAdjoint().getArgAttr(argument.getArgNumber(),
-                                        warp::attr::hidden));
-    auto number = cast<IntegerAttr>(description.get("leaf")).getInt();
-    unsigned position = kernel.getNumArguments();
-    (void)kernel.insertArgument(
-        position, argument.getType(),
-        DictionaryAttr::get(
-            kernel.getContext(),
-            NamedAttribute(StringAttr::get(kernel.getContext(),
-                                           warp::attr::hidden),
-                           description)),
-        kernel.getLoc());
-    byNumber[number] = kernel.getArgument(position);
+    warp::HiddenAttr hidden = getHidden(argument);
+    byNumber[hidden.getLeaf()] = addHidden(kernel, hidden, argument.getType());
   }
   SmallVector<Operation *> reads;
   kernel.walk([&](Operation *op) {
@@ -228,13 +217,11 @@ struct DifferentiateKernel
     attachResults(adjoint, builder);
     SmallVector<BlockArgument> saved;
     for (BlockArgument argument : adjoint.getArguments()) {
-      auto description = adjoint.getArgAttrOfType<DictionaryAttr>(
-          argument.getArgNumber(), warp::attr::hidden);
-      if (description && description.get("kind") ==
-                             StringAttr::get(&getContext(), "saved"))
+      warp::HiddenAttr hidden = getHidden(argument);
+      if (hidden && hidden.getKind() == warp::HiddenKind::Saved)
         saved.push_back(argument);
     }
-    kernel->removeAttr("warp.apart");
+    kernel->removeAttr(apartAttrName);
     if (saved.empty())
       kernel.erase();
     else

@@ -18,6 +18,7 @@
 #include "MemoryClasses.h"
 
 #include "Analysis/Effects.h"
+#include "Autodiff/Derivation.h"
 #include "WarpDialect/WarpOps.h"
 
 using namespace mlir;
@@ -140,8 +141,8 @@ bool MemoryClasses::isWritten(unsigned leaf) const {
 /// Whether no element of a leaf is both read and written by the launch that the
 /// derivative is for.
 static bool isApart(const ArrayLeaves &leaves, unsigned leaf) {
-  auto flags = leaves.getFunction()->getAttrOfType<DenseBoolArrayAttr>(
-      "warp.apart");
+  auto flags =
+      leaves.getFunction()->getAttrOfType<DenseBoolArrayAttr>(apartAttrName);
   return flags && leaf < flags.size() && flags[leaf];
 }
 
