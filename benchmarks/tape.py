@@ -2,7 +2,7 @@
 
     python benchmarks/tape.py [launches]
 
-Prints a line per program. `recorded` is the time of a launch on a tape, `plain` that of the same
+Prints a line per program. `recorded` is the time of the processor for a launch on a tape, `plain` that of the same
 launch without one; `bytes` is the growth of the process per recorded launch, with the copies of
 what was overwritten; `checks` is the time to find the regions of a launch, what they meet among all
 that the tape knows, and to enter them.
@@ -49,10 +49,10 @@ def resident() -> int:
 
 def run(kernel, x, arguments, count) -> float:
     dim = x.shape[1]
-    start = time.perf_counter()
+    start = time.process_time()
     for k in range(count):
         wp.launch(kernel, dim, [x, *arguments(k)], device="cpu")
-    return (time.perf_counter() - start) / count * 1e6
+    return (time.process_time() - start) / count * 1e6
 
 
 def checks(kernel, x, arguments, count) -> float:
@@ -60,12 +60,12 @@ def checks(kernel, x, arguments, count) -> float:
     finder = _native.RegionFinder(kernel.prepare())
     known = _native.RegionMap()
     values = [(x, *arguments(k)) for k in range(count)]
-    start = time.perf_counter()
+    start = time.process_time()
     for one in values:
         regions = finder.find(x.shape[1], one, -1)
         known.meeting_writes(regions)
         known.add_read(regions, 0)
-    return (time.perf_counter() - start) / count * 1e6
+    return (time.process_time() - start) / count * 1e6
 
 
 def measure(name, kernel, rows, arguments, count, columns) -> None:
@@ -76,9 +76,9 @@ def measure(name, kernel, rows, arguments, count, columns) -> None:
     with wp.Tape() as tape:
         recorded = run(kernel, x, arguments, count)
     kept = (resident() - before) / count
-    start = time.perf_counter()
+    start = time.process_time()
     tape.backward(grads={x: wp.ones(x.shape, dtype=float, device="cpu")})
-    back = (time.perf_counter() - start) / count * 1e6
+    back = (time.process_time() - start) / count * 1e6
     copies = tape.kept_bytes / count
     tape.reset()
     checked = checks(kernel, x, arguments, count)

@@ -20,6 +20,7 @@
 
 #include "Context.h"
 #include "Pipelines.h"
+#include "Transforms/Autodiff/ApartArrays.h"
 #include "Transforms/Autodiff/Derivation.h"
 
 #include "warp/Autodiff.h"

@@ -13,10 +13,6 @@
 
 namespace warp::autodiff {
 
-/// On a kernel that is differentiated, a flag per array leaf, as
-/// `AutodiffOptions::apart` has them.
-constexpr llvm::StringLiteral apartAttrName = "warp.apart";
-
 /// From a kernel with the functions that it calls to its derivative. Functions
 /// that have a derivative of their own must be kept as calls.
 using Derive = mlir::LogicalResult (*)(mlir::ModuleOp module,

@@ -9,7 +9,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "KernelFunction.h"
-#include "Autodiff/Derivation.h"
+#include "Autodiff/ApartArrays.h"
 #include "Autodiff/Forward/Forward.h"
 #include "Autodiff/Reverse/GuardArms.h"
 #include "Autodiff/Reverse/Reverse.h"

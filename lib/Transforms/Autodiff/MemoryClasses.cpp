@@ -18,7 +18,7 @@
 #include "MemoryClasses.h"
 
 #include "Analysis/Effects.h"
-#include "Autodiff/Derivation.h"
+#include "Autodiff/ApartArrays.h"
 #include "WarpDialect/WarpOps.h"
 
 using namespace mlir;

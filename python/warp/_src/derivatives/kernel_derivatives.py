@@ -177,6 +177,7 @@ class KernelDerivative:
         self.hidden = made.hidden
         self.hidden_of_counting = made.hidden_of_counting
         self.needed = made.needed
+        self._preserved = {hidden.leaf for hidden in self.hidden if hidden.kind == "preserved"}
         self.one_thread = made.one_thread
         self._metrics = made.metrics
 
@@ -197,7 +198,7 @@ class KernelDerivative:
     @property
     def preserved(self) -> set[int]:
         """Arrays of which it reads the contents before the launch."""
-        return {hidden.leaf for hidden in self.hidden if hidden.kind == "preserved"}
+        return set(self._preserved)
 
     def tangent(self, active, unique, width) -> KernelDerivative:
         """Its own derivative in forward mode."""

@@ -29,6 +29,7 @@ class LaunchRecord:
 
     __slots__ = (
         "__weakref__",
+        "_made",
         "aliases",
         "apart",
         "before",
@@ -56,25 +57,33 @@ class LaunchRecord:
         self.aliases: list[tuple[int, int]] = []
         # Which arrays are read and written in different places; empty if none is.
         self.apart: tuple = ()
-        if not any(call.active) or call.regions is None:
-            return
+        # The derivative while the launch runs, if that was asked for.
+        self._made = None
+        if any(call.active) and call.regions is not None:
+            self._look_back()
+
+    def _look_back(self) -> None:
+        """Finds out whether the launch overwrites what its own adjoint reads."""
+        call = self.call
+        looks_back = call.signature.looks_back
         if call.signature.written and len(call.leaves) > 1:
             self.aliases = call.regions.meetings()
-        if call.signature.looks_back:
+        if looks_back:
             flags = tuple(call.regions.apart())
             self.apart = flags if any(flags) else ()
-        if self.aliases or call.signature.looks_back:
-            self._prepare()
+        if self.aliases or looks_back:
+            try:
+                self._made = self.derivative()
+            except errors.WarpError:
+                # Says so when gradients are asked for.
+                return
+            self._prepare(self._made)
 
-    def _prepare(self) -> None:
+    def _prepare(self, derivative) -> None:
         """Sees to it that what the launch itself is going to overwrite is kept."""
-        try:
-            derivative = self.derivative()
-        except errors.WarpError:
-            # Says so when gradients are asked for.
-            return
         wanted = derivative.preserved
-        wanted |= {reader for _, reader in self.aliases} & set(derivative.needed)
+        if self.aliases:
+            wanted |= {reader for _, reader in self.aliases} & set(derivative.needed)
         for leaf in wanted:
             found = self.call.leaves[leaf][1]
             if found is not None and found.size:
@@ -105,16 +114,11 @@ class LaunchRecord:
 
     def run(self) -> None:
         """Runs the launch, with notes for the adjoint if that needs any."""
-        derivative = None
-        if self.call.signature.looks_back and any(self.call.active):
-            try:
-                derivative = self.derivative()
-            except errors.WarpError:
-                derivative = None
-        if derivative is not None and derivative.augmented is not None:
-            self.saved = derivative.run_augmented(self.call)
+        if self._made is not None and self._made.augmented is not None:
+            self.saved = self._made.run_augmented(self.call)
         else:
             self.call.run()
+        self._made = None
 
     def observe(self) -> None:
         """Notes the versions of all arrays."""
@@ -131,6 +135,7 @@ class LaunchRecord:
                     elif config.verify_autograd_array_access:
                         version.tell(self)
                 self.versions.append(version)
+        self._made = None
         call.done()
 
     def needs(self, version) -> bool:
