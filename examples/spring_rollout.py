@@ -110,7 +110,7 @@ def measured(net, steps, snapshots=None):
     with wp.ScopedMemoryTracker("rollout", report_func=found.append) as memory:
         memory.clear()
         begin = time.perf_counter()
-        with wp.Tape(preserve="auto") as tape:
+        with wp.Tape() as tape:
             if snapshots is None:
                 for k in range(steps):
                     net.step(k)

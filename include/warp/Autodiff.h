@@ -44,6 +44,9 @@ struct AutodiffOptions {
   /// One flag for each array among the arguments, in order, those in structs in
   /// the order of the fields: it has a gradient. Empty: all have.
   std::vector<bool> active;
+  /// The same: no element of it is both read and written by a launch. Empty:
+  /// that is not known of any.
+  std::vector<bool> apart;
   /// What a derivative is where a function has none: "pinned", "strict" or
   /// "report".
   std::string singular = "pinned";

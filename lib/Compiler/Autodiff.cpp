@@ -20,6 +20,7 @@
 
 #include "Context.h"
 #include "Pipelines.h"
+#include "Transforms/Autodiff/ApartArrays.h"
 #include "Transforms/Autodiff/Derivation.h"
 
 #include "warp/Autodiff.h"
@@ -70,7 +71,18 @@ struct Stages {
 
 } // namespace
 
+/// What is known of one launch stands at the kernel while it is differentiated.
+static void markApart(ModuleOp module, const AutodiffOptions &options) {
+  SmallVector<bool> flags(options.apart.begin(), options.apart.end());
+  for (auto function : module.getOps<func::FuncOp>())
+    if (function->hasAttr(warp::kernelAttrName) && !flags.empty())
+      function->setAttr(
+          warp::autodiff::apartAttrName,
+          DenseBoolArrayAttr::get(module.getContext(), flags));
+}
+
 LogicalResult warp::derive(ModuleOp module, const AutodiffOptions &options) {
+  markApart(module, options);
   PassManager differentiate(module.getContext());
   differentiate.enableVerifier(false);
   addDifferentiation(differentiate, options);
@@ -203,6 +215,12 @@ static AutodiffOptions complete(const warp::Module &module,
                 "expects " + std::to_string(count) +
                     " flags for the arrays of the kernel, but got " +
                     std::to_string(options.active.size()));
+  if (!options.apart.empty() && options.apart.size() != count)
+    throw Error(Error::Kind::Value,
+                "expects " + std::to_string(count) +
+                    " flags of arrays read and written in different places, "
+                    "but got " +
+                    std::to_string(options.apart.size()));
   if (options.width < 1)
     throw Error(Error::Kind::Value,
                 "expects tangents along at least one direction, but got " +

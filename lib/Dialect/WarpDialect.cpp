@@ -5,6 +5,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "WarpDialect/WarpDialect.h"
+#include "WarpDialect/Passes.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -88,9 +89,24 @@ Operation *warp::WarpDialect::materializeConstant(OpBuilder &builder,
   return ConstantOp::create(builder, loc, typed);
 }
 
+/// How many of a function's last results are for its pullback.
+static LogicalResult verifyResiduals(Operation *op, Attribute attribute) {
+  auto function = dyn_cast<func::FuncOp>(op);
+  auto count = dyn_cast<IntegerAttr>(attribute);
+  if (!function || !count)
+    return op->emitOpError("'warp.residuals' is an integer of a 'func.func'");
+  if (count.getInt() < 0 || count.getInt() > function.getNumResults())
+    return op->emitOpError("'warp.residuals' is from 0 to the number of "
+                           "results, ")
+           << function.getNumResults() << ", but is " << count.getInt();
+  return success();
+}
+
 LogicalResult
 warp::WarpDialect::verifyOperationAttribute(Operation *op,
                                             NamedAttribute attribute) {
+  if (attribute.getName() == attr::residuals)
+    return verifyResiduals(op, attribute.getValue());
   if (attribute.getName() != kernelAttrName)
     return success();
   auto function = dyn_cast<func::FuncOp>(op);

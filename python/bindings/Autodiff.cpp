@@ -121,7 +121,7 @@ void python::bindAutodiff(py::module_ &m) {
       "differentiate",
       [](const Module &module, bool forward, int width, bool winners,
          std::vector<bool> active, const std::string &singular, bool unique,
-         const std::string &tape) {
+         const std::string &tape, std::vector<bool> apart) {
         AutodiffOptions options;
         options.forward = forward;
         options.width = width;
@@ -130,6 +130,7 @@ void python::bindAutodiff(py::module_ &m) {
         options.singular = singular;
         options.unique = unique;
         options.tape = tape;
+        options.apart = std::move(apart);
         py::gil_scoped_release unlocked;
         return differentiate(module, options);
       },
@@ -137,6 +138,7 @@ void python::bindAutodiff(py::module_ &m) {
       py::arg("width") = 1, py::arg("winners") = false,
       py::arg("active") = std::vector<bool>(), py::arg("singular") = "pinned",
       py::arg("unique") = true, py::arg("tape") = "checkpoints",
+      py::arg("apart") = std::vector<bool>(),
       "The derivative of a module's kernel.");
   m.def("shares_elements", sharesElements, py::arg("arrays"),
         "Whether an address may belong to two elements of the arrays.");

@@ -76,9 +76,9 @@ LaunchDim python::readDim(const Kernel &kernel, PyObject *value) {
   return dim;
 }
 
-static void packArguments(Packer &packer, const Items &inputs,
-                          const Items &outputs, int device, char *block,
-                          std::vector<py::object> &keep) {
+void python::packArguments(Packer &packer, const Items &inputs,
+                           const Items &outputs, int device, char *block,
+                           std::vector<py::object> &keep) {
   size_t count = inputs.size();
   if (count + outputs.size() != packer.size())
     packer.raiseCount(count + outputs.size());

@@ -66,6 +66,10 @@ private:
 };
 
 LaunchDim readDim(const Kernel &kernel, PyObject *value);
+/// Packs all arguments of a launch; `keep` holds what was made to read them.
+void packArguments(Packer &packer, const Items &inputs, const Items &outputs,
+                   int device, char *block,
+                   std::vector<pybind11::object> &keep);
 /// The stream of a Python object; null for None.
 const Stream *asStream(PyObject *object);
 /// What Python has printed comes before what the kernel prints.

@@ -6,6 +6,10 @@
 
 #include "Native.h"
 
+namespace warp::python {
+void bindRegions(pybind11::module_ &m);
+} // namespace warp::python
+
 PYBIND11_MODULE(_native, m) {
   m.doc() = "Compiler and runtime of the warp package; use `warp` instead.";
   warp::python::bindErrors(m);
@@ -17,6 +21,7 @@ PYBIND11_MODULE(_native, m) {
   warp::python::bindPeers(m);
   warp::python::bindArray(m);
   warp::python::bindKernel(m);
+  warp::python::bindRegions(m);
   warp::python::bindSavedModule(m);
   warp::python::bindGraph(m);
   warp::python::bindDlpack(m);

@@ -7,8 +7,9 @@
 //   warp-opt in.mlir --warp-emit=STAGE [--warp-options=KEY[=VALUE],...]
 //
 // STAGE is warp, thread, launch, gpu, llvm, ptx, asm, times (milliseconds by phase),
-// parameters, fingerprint, or adjoint or tangent: the derivative's warp IR, and
-// as comments what goes with it.
+// parameters, fingerprint, regions (what the kernel touches of its arrays), or
+// adjoint or tangent: the derivative's warp IR, and as comments what goes with
+// it.
 //
 //===----------------------------------------------------------------------===//
 
@@ -16,6 +17,7 @@
 
 #include "warp/Autodiff.h"
 #include "warp/Compile.h"
+#include "warp/Regions.h"
 
 #include "Transforms/Variant.h"
 
@@ -30,12 +32,16 @@ static bool consumePrefix(std::string &text, const std::string &prefix) {
   return true;
 }
 
-/// Sets one option of a derivative; `active` is one digit per array.
+/// Sets one option of a derivative; `active` and `apart` are one digit per
+/// array.
 static bool setOption(warp::AutodiffOptions &options, const std::string &key,
                       const std::string &value) {
   if (key == "active")
     for (char digit : value)
       options.active.push_back(digit != '0');
+  else if (key == "apart")
+    for (char digit : value)
+      options.apart.push_back(digit != '0');
   else if (key == "singular")
     options.singular = value;
   else if (key == "unique")
@@ -123,6 +129,8 @@ static int emitStage(const std::string &input, const std::string &stage,
       printParameters(module);
     else if (stage == "fingerprint")
       std::cout << warp::fingerprint(module, options) << '\n';
+    else if (stage == "regions")
+      std::cout << warp::regionText(module);
     else if (stage == "adjoint" || stage == "tangent") {
       derivation.forward = stage == "tangent";
       printDerivative(module, derivation);

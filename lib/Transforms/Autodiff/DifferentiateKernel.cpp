@@ -9,6 +9,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "KernelFunction.h"
+#include "Autodiff/ApartArrays.h"
 #include "Autodiff/Forward/Forward.h"
 #include "Autodiff/Reverse/GuardArms.h"
 #include "Autodiff/Reverse/Reverse.h"
@@ -92,7 +93,8 @@ static func::FuncOp createTwin(func::FuncOp kernel, StringRef suffix) {
   auto twin = func::FuncOp::create(b, kernel.getLoc(), name,
                                    kernel.getFunctionType());
   for (NamedAttribute attr : kernel->getDiscardableAttrs())
-    twin->setAttr(attr.getName(), attr.getValue());
+    if (attr.getName() != apartAttrName)
+      twin->setAttr(attr.getName(), attr.getValue());
   twin.addEntryBlock();
   return twin;
 }
@@ -139,6 +141,24 @@ struct DifferentiateKernel
       signalPassFailure();
   }
 
+  /// Reads `active`.
+  FailureOr<SmallVector<bool>> readFlags(func::FuncOp kernel) {
+    SmallVector<bool> flags;
+    for (char flag : active) {
+      if (flag == ',')
+        continue;
+      if (flag != '0' && flag != '1')
+        return kernel.emitError("expects 0 and 1 in 'active', but got '")
+               << flag << "'";
+      flags.push_back(flag == '1');
+    }
+    unsigned count = warp::ArrayLeaves(kernel).size();
+    if (!flags.empty() && flags.size() != count)
+      return kernel.emitError("expects a flag in 'active' for each of ")
+             << count << " arrays, but got " << flags.size();
+    return flags;
+  }
+
   LogicalResult differentiate(func::FuncOp kernel) {
     if (mode != "reverse" && mode != "forward" && mode != "winners")
       return kernel.emitError("expects the mode 'reverse', 'forward' or "
@@ -149,15 +169,14 @@ struct DifferentiateKernel
                               "got '")
              << tape << "'";
     auto policy = parseSingular(kernel, singular);
-    if (failed(policy))
+    FailureOr<SmallVector<bool>> flags = readFlags(kernel);
+    if (failed(policy) || failed(flags))
       return failure();
     if (mode != "reverse")
-      return buildForward(kernel, *policy);
+      return buildForward(kernel, *policy, *flags);
     ReverseOptions options;
     options.singular = *policy;
-    for (char flag : active)
-      if (flag != ',')
-        options.active.push_back(flag == '1');
+    options.active = *flags;
     options.unique = unique;
     options.maxLocalTape = maxLocalTape;
     options.globalTape = tape == "global";
@@ -165,14 +184,13 @@ struct DifferentiateKernel
     return buildReverse(kernel, options);
   }
 
-  LogicalResult buildForward(func::FuncOp kernel, Singular policy) {
+  LogicalResult buildForward(func::FuncOp kernel, Singular policy,
+                             ArrayRef<bool> flags) {
     ForwardOptions options;
     options.singular = policy;
     options.width = width;
     options.winners = mode == "winners";
-    for (char flag : active)
-      if (flag != ',')
-        options.active.push_back(flag == '1');
+    options.active.assign(flags.begin(), flags.end());
     splitExtrema(kernel);
     func::FuncOp dual = createTwin(kernel, "_tangent");
     if (failed(ForwardBuilder(kernel, dual, options).build()))
@@ -203,6 +221,7 @@ struct DifferentiateKernel
       if (hidden && hidden.getKind() == warp::HiddenKind::Saved)
         saved.push_back(argument);
     }
+    kernel->removeAttr(apartAttrName);
     if (saved.empty())
       kernel.erase();
     else

@@ -18,6 +18,7 @@
 #include "MemoryClasses.h"
 
 #include "Analysis/Effects.h"
+#include "Autodiff/ApartArrays.h"
 #include "WarpDialect/WarpOps.h"
 
 using namespace mlir;
@@ -137,6 +138,14 @@ bool MemoryClasses::isWritten(unsigned leaf) const {
                       [](const Access &access) { return access.isWrite; });
 }
 
+/// Whether no element of a leaf is both read and written by the launch that the
+/// derivative is for.
+static bool isApart(const ArrayLeaves &leaves, unsigned leaf) {
+  auto flags =
+      leaves.getFunction()->getAttrOfType<DenseBoolArrayAttr>(apartAttrName);
+  return flags && leaf < flags.size() && flags[leaf];
+}
+
 //===----------------------------------------------------------------------===//
 // Threads
 //===----------------------------------------------------------------------===//
@@ -221,8 +230,14 @@ int64_t MemoryClasses::getUniqueRank(Operation *op) const {
     return 0;
   if (!oneThread.empty())
     return 4;
-  return countOwnedDimensions(select(leaf, /*onlyActive=*/true),
-                              /*mayWrap=*/false);
+  SmallVector<const Access *> others = select(leaf, /*onlyActive=*/true);
+  if (isApart(leaves, leaf)) {
+    bool isWrite = cast<AccessOp>(op).mayWrite();
+    llvm::erase_if(others, [&](const Access *access) {
+      return access->isWrite != isWrite;
+    });
+  }
+  return countOwnedDimensions(others, /*mayWrap=*/false);
 }
 
 LogicalResult MemoryClasses::verify() {
@@ -237,7 +252,7 @@ LogicalResult MemoryClasses::verify() {
     auto isWrite = [](const Access *access) { return access->isWrite; };
     const auto *write = llvm::find_if(active, isWrite);
     const auto *read = llvm::find_if_not(active, isWrite);
-    if (write == active.end() || read == active.end())
+    if (write == active.end() || read == active.end() || isApart(leaves, leaf))
       continue;
     Sharing sharing = getSharing(active);
     std::string name = leaves.getName(leaf);
@@ -279,7 +294,7 @@ Recovery MemoryClasses::getRecovery(Operation *load, std::string &why,
   unsigned leaf;
   const Access *read = lookup(load, leaf);
   needsOneThread = false;
-  if (!read || !isWritten(leaf))
+  if (!read || !isWritten(leaf) || isApart(leaves, leaf))
     return Recovery::Reload;
   Sharing sharing = getSharing(select(leaf, /*onlyActive=*/false));
   const Access *before = nullptr, *after = nullptr;

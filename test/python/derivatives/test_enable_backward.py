@@ -160,7 +160,7 @@ def variables(device):
 
 def test_overwriting_is_told_where_it_happens(device, verify, capsys):
     x, y = variables(device)
-    with wp.Tape():
+    with wp.Tape(preserve="never"):
         wp.launch(square, 3, [x, y], device=device)
         wp.launch(double, 3, [y, x], device=device)
     told = capsys.readouterr().err.splitlines()
@@ -169,7 +169,7 @@ def test_overwriting_is_told_where_it_happens(device, verify, capsys):
     assert "the gradient of the launch of 'square' at test_enable_backward.py" in told[0]
     for write in (lambda: x.assign(y), lambda: x[1:].zero_(), lambda: wp.copy(x, y, count=1)):
         x, y = variables(device)
-        with wp.Tape() as tape:
+        with wp.Tape(preserve="never") as tape:
             wp.launch(square, 3, [x, y], device=device)
         write()
         assert "depends on its array 'x'" in capsys.readouterr().err
@@ -181,7 +181,7 @@ def test_nothing_is_told_of_what_no_gradient_needs(device, verify, capsys):
     seed = wp.ones(3, device=device)
     for _ in range(2):
         x, y = variables(device)
-        with wp.Tape() as tape:
+        with wp.Tape(preserve="never") as tape:
             wp.launch(square, 3, [x, y], device=device)
             # Linear: no gradient depends on what 'y' holds.
             wp.launch(double, 3, [y, wp.zeros_like(x)], device=device)
@@ -190,7 +190,7 @@ def test_nothing_is_told_of_what_no_gradient_needs(device, verify, capsys):
         x.zero_()
         assert capsys.readouterr().err == ""
     x, y = variables(device)
-    with wp.Tape(preserve="auto") as tape:
+    with wp.Tape() as tape:
         wp.launch(square, 3, [x, y], device=device)
         x.zero_()
     tape.backward(grads={y: seed})

@@ -170,7 +170,7 @@ def test_bad_seeds(device):
         tape.backward(grads={y: constant})
     tape.backward(grads={constant: constant})
     assert constant.grad.numpy()[0] == 0.0
-    with pytest.raises(ValueError, match="'error' or 'auto'"):
+    with pytest.raises(ValueError, match="'auto' or 'never'"):
         wp.Tape(preserve="always")
 
 

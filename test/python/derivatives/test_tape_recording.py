@@ -7,7 +7,7 @@ import pytest
 from test_tape import Params, recorded, square, total, variables, weigh
 
 import warp as wp
-from warp._src.arrays.observers import Observers, copy_layout
+from warp._src.arrays.observers import Observers, copy_elements
 from warp._src.arrays.versions import Memory
 
 
@@ -124,7 +124,7 @@ def test_launches_on_other_streams():
 
 
 def test_memory_that_nobody_wants_is_forgotten():
-    memory = Memory(copy_layout)
+    memory = Memory(copy_elements)
     memory.limit = 8
     arrays = [wp.zeros(3, dtype=float, device="cpu") for _ in range(40)]
     kept = [memory.observe(one) for one in arrays[:3]]

@@ -5,9 +5,9 @@ import random
 
 import numpy as np
 import pytest
+from warp._native import Region
 
 import warp as wp
-from warp._src.arrays.boxes import Box
 from warp._src.arrays.observers import copy_layout
 
 
@@ -70,7 +70,7 @@ WRITES = {
 @pytest.mark.parametrize("write", WRITES)
 def test_overwritten_inputs_are_an_error(write, device):
     x, y = pair(device)
-    with wp.Tape() as tape:
+    with wp.Tape(preserve="never") as tape:
         wp.launch(square, 3, [x], [y], device=device)
     WRITES[write](x)
     with pytest.raises(RuntimeError) as caught:
@@ -108,7 +108,7 @@ def through_a_view(x):
 @pytest.mark.parametrize("write", [through_numpy, through_an_interface, through_a_view])
 def test_writes_through_numpy(write):
     x, y = pair("cpu")
-    with wp.Tape() as tape:
+    with wp.Tape(preserve="never") as tape:
         wp.launch(square, 3, [x], [y], device="cpu")
     assert x.numpy()[1] == 2 and np.asarray(y)[1] == 4
     tape.backward(grads={y: ones("cpu")})
@@ -126,7 +126,7 @@ def test_writes_through_numpy(write):
 def test_writes_through_numpy_between_launches():
     x, y = pair("cpu")
     z = wp.zeros_like(y)
-    with wp.Tape() as tape:
+    with wp.Tape(preserve="never") as tape:
         wp.launch(twice, 3, [x], [z], device="cpu")
         view = x.numpy()
         view[:] = 3.0
@@ -151,11 +151,11 @@ def test_seeds_written_through_numpy():
 
 def test_arrays_in_structs(device):
     x, y = pair(device)
-    for preserve in ("error", "auto"):
+    for preserve in ("never", "auto"):
         with wp.Tape(preserve=preserve) as tape:
             wp.launch(square_held, 3, [Holder(x=x)], [y], device=device)
         x.fill_(9.0)
-        if preserve == "error":
+        if preserve == "never":
             with pytest.raises(RuntimeError, match=r"array 'h\.x'"):
                 tape.backward(grads={y: ones(device)})
         else:
@@ -242,7 +242,7 @@ def test_overlap_of_views_is_never_missed():
     for _ in range(500):
         one, other = view(), view()
         shared = bool(addresses(one) & addresses(other))
-        found = Box(one).overlaps(Box(other))
+        found = Region(one).overlaps(Region(other))
         assert found or not shared
         wrong += found and not shared
     assert wrong < 60

@@ -48,6 +48,9 @@ LogicalResult ForwardBuilder::runAccess(AccessOp op, Operation *clone,
           accessTwin(clone, twin, {})->getResult(0);
     return success();
   case AccessEffect::Write:
+    // Integers have no tangent.
+    if (!differentialType(op.getWritten().front().getType()))
+      return success();
     accessTwin(clone, twin,
                getTangentOrZero(op.getWritten().front(), tangents));
     return success();

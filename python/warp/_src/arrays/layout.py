@@ -8,6 +8,14 @@ from warp._src.types import dtypes
 MAX_EXTENT = 2**31 - 1
 
 
+def bytes_spanned(array) -> int:
+    """Bytes from the first element of an array to the end of the last one."""
+    if not array.size:
+        return 0
+    steps = zip(array.shape, array.strides, strict=True)
+    return array.item_size + sum((extent - 1) * stride for extent, stride in steps)
+
+
 def element_type(dtype):
     """The canonical element type for what a user gave as `dtype`.
 

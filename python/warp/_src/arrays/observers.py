@@ -12,25 +12,29 @@ import typing
 import weakref
 
 from warp import _native
-from warp._src.arrays.boxes import Box
+from warp._src.arrays.layout import bytes_spanned
 from warp._src.arrays.versions import Event, Memory, event
 from warp._src.types.scalars import uint8
 
 
+def copy_elements(dest, source, stream=None) -> None:
+    """Copies all elements, with their tangents in forward mode; nobody observes."""
+    if Observers.executor is not None:
+        Observers.executor.copy(dest, source, stream)
+    else:
+        _native.copy_array(dest, source, stream)
+
+
 def copy_layout(source, stream=None):
     """A copy with the strides of `source`, so that both have their elements at the same offsets."""
-    box = Box(source)
-    bytes_ = type(source)(shape=box.stop - box.start, dtype=uint8, device=source.device)
+    bytes_ = type(source)(shape=bytes_spanned(source), dtype=uint8, device=source.device)
     strides = source.strides
     result = bytes_._view(0, source.shape, strides, source.dtype)
     if source.size:
         shape = [n if step else 1 for n, step in zip(source.shape, strides, strict=True)]
         target = bytes_._view(0, shape, strides, source.dtype)
         elements = source._view(0, shape, strides)
-        if Observers.executor is not None:
-            Observers.executor.copy(target, elements, stream)
-        else:
-            _native.copy_array(target, elements, stream)
+        copy_elements(target, elements, stream)
     return result
 
 
@@ -47,7 +51,7 @@ class Observers:
     active = False
     tape = None
     executor = None
-    memory = Memory(copy_layout)
+    memory = Memory(copy_elements)
     _owners: typing.ClassVar[set] = set()
     _listeners: typing.ClassVar[list] = []
 
@@ -111,8 +115,7 @@ class Observing:
 def observed_launch(call, record: bool = True) -> None:
     """Runs a launch."""
     entry = Observers.tape.begin_launch(call) if record and Observers.tape is not None else None
-    for written in call.written:
-        Observers.memory.writing(written, call)
+    Observers.memory.launching(call)
     if Observers.executor is not None:
         Observers.executor.launch(call)
     elif entry is not None:
@@ -141,10 +144,7 @@ def observed_copy(dest, src, stream=None) -> None:
     """Copies all elements."""
     place = _Place("copy")
     Observers.memory.writing(dest, place)
-    if Observers.executor is not None:
-        Observers.executor.copy(dest, src, stream)
-    else:
-        _native.copy_array(dest, src, stream)
+    copy_elements(dest, src, stream)
     if Observers.tape is not None:
         Observers.tape.add_copy(dest, src, place.event)
 

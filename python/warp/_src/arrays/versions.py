@@ -1,23 +1,27 @@
 """Versions of memory: finds out when something that a tape has to read again is overwritten.
 
-A recorded launch asks for the current version of each array it was given. Whatever writes to
-memory says so beforehand, and thereby ends the versions of all arrays that share bytes with it. A
-version that has ended knows who did it; one that is to be kept has a copy of the contents.
+A recorded launch asks for the current version of the region it touches of each array. Whatever
+writes to memory says so beforehand, and thereby ends the versions of all regions that share bytes
+with it, or has the shared part kept (`kept`). A version that has ended knows who did it.
 
-Arrays are compared as boxes of bytes, so rows, columns and components of one allocation have
-versions of their own. A version whose memory is lent to NumPy on the CPU gets a checksum, which
-tells later whether somebody wrote there. Other ways past the package are not seen.
+What was kept of a region is a chain: a version has the pieces that were overwritten before the
+next version of the same region was asked for, and that one the rest, until all is kept or memory
+itself has it. So each byte that is overwritten is copied once, however many versions it was in.
+
+Regions are boxes of elements, so rows, columns and components of one allocation have versions of
+their own. A version whose memory is lent to NumPy on the CPU gets a checksum, which tells later
+whether somebody wrote there. Other ways past the package are not seen.
 """
 
 from __future__ import annotations
 
-import bisect
 import os
 import typing
 import weakref
 import zlib
 
-from warp._src.arrays.boxes import Box
+from warp import _native
+from warp._src.arrays.kept import Images, blocks, keep
 from warp._src.version import calling_frame
 
 
@@ -39,176 +43,254 @@ def event(what: str) -> Event:
 
 
 class Version:
-    """What an array held between two writes.
+    """What a region of memory held between two writes.
 
     Attributes:
-        array: holds the memory.
-        ended: the event that overwrote it, or None.
-        copy: the contents with the array's strides, if they were kept.
-        readers: recorded launches that want them kept.
-        listeners: recorded launches that want to be told who overwrites it.
+        array: has the memory.
+        region: which elements of it, once it matters.
+        pieces: what was kept before writes, the oldest first.
+        complete: whether pieces are all there was.
+        successor: the next version of the same region; what is not in pieces is as it says.
+        ended: the event that overwrote what was not kept, or None.
+        refused: the budget that had no room for it, or None.
         lent: the event that lent the memory to others and the checksum at that time, or None.
     """
 
     __slots__ = (
-        *("__weakref__", "_copy_of", "array", "copy", "ended"),
-        *("lent", "listeners", "readers"),
+        *("__weakref__", "_copy", "_listeners", "_readers", "_rest", "array", "complete"),
+        *("ended", "lent", "pieces", "predecessor", "refused", "region", "successor"),
     )
 
-    def __init__(self, array, copy_of):
-        self.array = array
-        self._copy_of = copy_of
-        self.ended = self.copy = self.lent = None
-        self.readers: list = []
-        self.listeners: tuple = ()
+    def __init__(self, array, copy):
+        self.array, self._copy = array, copy
+        self.region = self.ended = self.lent = self.refused = None
+        self.successor = self.predecessor = None
+        self.complete = False
+        self.pieces: list = []
+        # Recorded launches that want it kept, or to be told who overwrites it.
+        self._readers: tuple = ()
+        self._listeners: tuple = ()
 
     def tell(self, reader) -> None:
         """Calls `reader.overwriting` before the memory is overwritten."""
-        self.listeners += (weakref.ref(reader),)
+        self._listeners += (weakref.ref(reader),)
 
-    def keep_for(self, reader) -> None:
-        """Asks for a copy before the memory is overwritten, if `reader.needs` it then."""
-        self.readers.append(weakref.ref(reader))
+    def keep_for(self, reader, budget=None) -> None:
+        """Asks for copies before the memory is overwritten, if `reader.needs` it then."""
+        self._readers += ((weakref.ref(reader), budget),)
 
-    def end(self, by: Event) -> None:
-        """Called before the memory is overwritten."""
-        self._keep()
-        for listener in self.listeners:
+    # Writes.
+
+    def end(self, region, by: Event, known) -> bool:
+        """Called before a region is overwritten that meets this one.
+
+        Args:
+            known: pieces that the same write has made.
+
+        Returns:
+            Whether later writes are of no concern.
+        """
+        if self.complete or self.ended is not None:
+            return True
+        part = self.region.shared(region)
+        if not part or any(part.is_within(piece.region) for piece in self.pieces):
+            return False
+        for listener in self._listeners:
             reader = listener()
             if reader is not None:
                 reader.overwriting(self, by)
-        self.ended = by
+        if not self._keep(part, by, known):
+            self.ended = by
+            return True
+        return self.complete
 
     def lend(self) -> None:
         """Called when others get to see the memory."""
-        if self.lent is None:
-            self._keep()
-            self.lent = event("writer of what was lent to NumPy"), _checksum(self.array)
+        if self.lent is not None or self.complete:
+            return
+        # What was overwritten in part is to have no new readers.
+        checksum = None if self.pieces else self._checksum()
+        self.lent = event("writer of what was lent to NumPy"), checksum
+        self._keep(self.region, self.lent[0], [])
 
-    def _keep(self) -> None:
-        readers = [reader() for reader in self.readers]
-        if any(reader is not None and reader.needs(self) for reader in readers):
-            self.copy = self._copy_of(self.array)
-        self.readers = []
+    def _keep(self, part, by, known) -> bool:
+        """Keeps a part if anybody needs it and there is room."""
+        wanted, budget = self._wanted()
+        if not wanted:
+            return False
+        dtype = self.array.dtype
+        piece = next((one for kind, one in known if kind is dtype and one.region == part), None)
+        if piece is None:
+            if budget is not None and not budget.take(part.bytes, by, self.array.device):
+                self.refused = budget
+                return False
+            piece = keep(part, self.array, self._copy, budget)
+            known.append((dtype, piece))
+        if not any(part.overlaps(other.region) for other in self.pieces):
+            self._rest = (self.region.bytes if not self.pieces else self._rest) - part.bytes
+            self.complete = self._rest <= 0
+        self.pieces.append(piece)
+        self.complete = self.complete or self.region.is_within(part)
+        return True
+
+    def _wanted(self):
+        """Whether anybody needs what this is of, and whose budget a copy is to count for."""
+        version = self
+        while version is not None:
+            for reader, budget in version._readers:
+                found = reader()
+                if found is not None and found.needs(version):
+                    return True, budget
+            version = None if version.predecessor is None else version.predecessor()
+        return False, None
+
+    def _checksum(self) -> int:
+        import numpy
+
+        value = 0
+        for part in blocks(self.region, self.array):
+            contents = numpy.ascontiguousarray(part._host_view()).reshape(-1)
+            value = zlib.crc32(contents.view(numpy.uint8), value)
+        return value
+
+    # Reading.
+
+    @property
+    def changed(self) -> bool:
+        """Whether the memory may hold something else now."""
+        if self.lent is not None:
+            return self.lent[1] != self._checksum()
+        return bool(self.pieces) or self.ended is not None
 
     def overwriter(self) -> Event | None:
-        """Who has overwritten the memory, None if nobody has."""
-        if self.ended is None and self.lent is not None and self.lent[1] != _checksum(self.array):
-            self.ended = self.lent[0]
-        return self.ended
+        """Who has overwritten what was not kept, None if nobody has."""
+        step = self
+        while step is not None and not step.complete:
+            if step.ended is None and step.lent is not None and step.changed:
+                step.ended = step.lent[0]
+            if step.ended is not None:
+                self.refused = self.refused or step.refused
+                return step.ended
+            step = step.successor
+        return None
 
+    def contents(self, images=None, like=None):
+        """An array with what the region held, None if the memory still does.
 
-def _checksum(array) -> int:
-    import numpy
-
-    return zlib.crc32(numpy.ascontiguousarray(array._host_view()).reshape(-1).view(numpy.uint8))
-
-
-class _Region:
-    """Memory of which a version is known."""
-
-    __slots__ = ("box", "current", "neighbours")
-
-    def __init__(self, box):
-        self.box = box
-        self.current = lambda: None
-        self.neighbours: list = []
-
-    def end(self, by) -> None:
-        version = self.current()
-        if version is not None:
-            version.end(by)
-            self.current = lambda: None
+        Args:
+            images: of the backward pass that asks.
+            like: has the layout that is asked for, by default that of `array`.
+        """
+        like = like or self.array
+        if not self.pieces:
+            return None
+        return (images or Images(self._copy)).of(self, like)
 
 
 class Memory:
-    """All regions, by layout and by address.
+    """The current versions of all regions.
 
     Args:
-        copy_of: makes a copy of an array whose elements have the same offsets.
+        copy: copies the elements of an array (dest, src).
     """
 
-    def __init__(self, copy_of):
-        self._copy_of = copy_of
-        self.regions: dict = {}
-        # Starts and regions in order, by the number of bits of the size.
-        self.sorted: dict = {}
+    def __init__(self, copy):
+        self._copy = copy
+        self.regions = _native.RegionMap()
+        self._current: dict = {}
         # Number of regions at which those without a version are forgotten.
         self.limit = 4096
 
     def clear(self) -> None:
         self.regions.clear()
-        self.sorted.clear()
+        self._current.clear()
 
-    def observe(self, array) -> Version:
-        """The current version of an array."""
-        key = (array.descriptor(), array.item_size)
-        region = self.regions.get(key)
-        if region is None:
-            if len(self.regions) >= self.limit:
-                self._prune()
-            region = self.regions[key] = self._add(_Region(Box(array)))
-        version = region.current()
-        lent = version is not None and version.overwriter() is not None
-        if version is None or lent:
-            version = Version(array, self._copy_of)
-            region.current = weakref.ref(version)
-            if lent:
-                version.lend()
+    def observe(self, array, launch=None, leaf=0, reads=False) -> Version | None:
+        """The current version of an array, or of what a launch touches (or reads) of it.
+
+        Returns:
+            None if that is nothing.
+        """
+        regions = self.regions
+        if launch is None:
+            number = regions.add(_native.Region(array))
+        elif reads:
+            number = regions.add_read(launch, leaf)
+        else:
+            number = regions.add_touched(launch, leaf)
+        known = self._current.get(number)
+        version = None if known is None else known()
+        if version is None or version.changed:
+            version = self._renew(version, array, number)
+        return version
+
+    def _renew(self, before, array, number) -> Version:
+        version = Version(array, self._copy)
+        if before is None:
+            if len(self._current) >= self.limit:
+                self._prune(number)
+        else:
+            if not before.complete:
+                before.successor, version.predecessor = version, weakref.ref(before)
+            if before.lent is not None:
+                version.region = self.regions[number]
+                version.lent = before.lent[0], version._checksum()
+        self._current[number] = weakref.ref(version)
         return version
 
     def writing(self, array, by) -> None:
         """Says that an array is about to be written; `by.event` is made if it is wanted."""
-        region = self.regions.get((array.descriptor(), array.item_size))
-        if region is None:
-            if not self.regions:
-                return
-            box = Box(array)
-            for other in self._near(box):
-                if other.current() is not None and box.overlaps(other.box):
-                    other.end(by.event)
+        if self._current:
+            region = _native.Region(array)
+            self._end(self.regions.meeting(region), [region], by)
+
+    def launching(self, call) -> None:
+        """The same of what a launch writes."""
+        if not self._current:
             return
-        if region.current() is not None:
-            region.end(by.event)
-        for other in region.neighbours:
-            if other.current() is not None:
-                other.end(by.event)
+        if call.regions is None:
+            for array in call.written:
+                self.writing(array, call)
+            return
+        met = self.regions.meeting_writes(call.regions)
+        if met:
+            self._end(met, call.regions.all_written(), call)
+
+    def _end(self, numbers, regions, by) -> None:
+        pieces: list = []
+        for number in numbers:
+            version = self._find(number)
+            if version is not None and any(
+                version.end(region, by.event, pieces) for region in regions
+            ):
+                self._forget(number)
+
+    def _find(self, number) -> Version | None:
+        """The version of a region with that, so that it can end; None if there is none."""
+        known = self._current.get(number)
+        version = None if known is None else known()
+        if version is None:
+            self._forget(number)
+        elif version.region is None:
+            version.region = self.regions[number]
+        return version
+
+    def _forget(self, number) -> None:
+        self._current.pop(number, None)
+        self.regions.remove(number)
 
     def lend(self, array) -> None:
         """Says that others get to see, and may write, an array on the CPU."""
-        if not self.regions or array.pinned or not array.size:
+        if not self._current or array.pinned or not array.size:
             return
-        box = Box(array)
-        for region in self._near(box):
-            version = region.current()
-            if version is not None and box.overlaps(region.box):
+        for number in self.regions.meeting(_native.Region(array)):
+            version = self._find(number)
+            if version is not None:
                 version.lend()
 
-    def _prune(self) -> None:
-        """Forgets regions that nobody has a version of."""
-        living = {key: one for key, one in self.regions.items() if one.current() is not None}
-        self.clear()
-        for key, region in living.items():
-            region.neighbours = []
-            self.regions[key] = self._add(region)
-        self.limit = max(4096, 2 * len(living))
-
-    def _add(self, region):
-        box = region.box
-        for other in self._near(box):
-            if box.overlaps(other.box):
-                region.neighbours.append(other)
-                other.neighbours.append(region)
-        starts, regions = self.sorted.setdefault((box.stop - box.start).bit_length(), ([], []))
-        place = bisect.bisect(starts, box.start)
-        starts.insert(place, box.start)
-        regions.insert(place, region)
-        return region
-
-    def _near(self, box):
-        """Regions whose range of addresses meets that of the box."""
-        for bits, (starts, regions) in list(self.sorted.items()):
-            first = bisect.bisect(starts, box.start - (1 << bits))
-            for region in regions[first : bisect.bisect_left(starts, box.stop)]:
-                if region.box.stop > box.start:
-                    yield region
+    def _prune(self, fresh) -> None:
+        """Forgets regions that nobody has a version of, but for a new one."""
+        for number in [one for one, known in self._current.items() if known() is None]:
+            if number != fresh:
+                self._forget(number)
+        self.limit = max(4096, 2 * len(self._current))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from warp._native import Region
 from warp._src import errors
 from warp._src.arrays.array import array
-from warp._src.arrays.boxes import Box
-from warp._src.arrays.observers import Observers, Observing, copy_layout
+from warp._src.arrays.observers import Observers, Observing, copy_elements, copy_layout
 from warp._src.arrays.versions import Event, Memory, event
 from warp._src.autograd.revolve import Reversal, first_sweep
 from warp._src.derivatives.backward import BackwardPass
@@ -64,20 +64,20 @@ def checkpoint(
             step(number)
         return
     record = _CheckpointRecord(step, steps, list(state), snapshots, event("checkpoint"))
-    record.first_sweep(tape.preserve == "auto")
+    record.first_sweep(tape.preserve == "auto", tape._budget)
     tape._add(record)
 
 
 class _Observer:
     """Takes the place of the tape in the first sweep: sees what the steps read and write."""
 
-    preserve = "error"
+    preserve, _budget = "never", None
 
     def __init__(self, state):
-        self.state = [Box(one) for one in state]
+        self.state = [Region(one) for one in state]
         self.read: dict = {}
         self.written: dict = {}
-        self._filled: list[Box] = []
+        self._filled: list = []
         self._early: dict = {}
 
     def begin_step(self) -> None:
@@ -101,20 +101,19 @@ class _Observer:
         self._writes(target)
 
     def _reads(self, one, name, place) -> None:
-        box = Box(one)
-        self.read.setdefault((one.ptr, one.shape, one.strides), one)
-        inside = any(box.overlaps(known) for known in (*self.state, *self._filled))
+        region, layout = Region(one), (one.ptr, one.shape, one.strides)
+        self.read.setdefault(layout, one)
+        inside = any(region.overlaps(known) for known in (*self.state, *self._filled))
         if not inside:
-            self._early.setdefault((box.start, box.stop), (box, name, place))
+            self._early.setdefault(layout, (region, name, place))
 
     def _writes(self, one) -> None:
-        box = Box(one)
         self.written.setdefault((one.ptr, one.shape, one.strides), one)
-        self._filled.append(box)
+        self._filled.append(Region(one))
 
     def end_step(self) -> None:
-        for box, name, place in self._early.values():
-            if any(box.overlaps(other) for other in self._filled):
+        for region, name, place in self._early.values():
+            if any(region.overlaps(other) for other in self._filled):
                 raise errors.WarpGradientError(
                     f"checkpoint: a step reads and changes array '{name}' of the {place}, "
                     f"which is not in `state`",
@@ -125,9 +124,11 @@ class _Observer:
 
     def constants(self) -> list[array]:
         """Arrays that are read and never written."""
-        changed = [Box(one) for one in self.written.values()] + self.state
+        changed = [Region(one) for one in self.written.values()] + self.state
         return [
-            one for one in self.read.values() if not any(Box(one).overlaps(box) for box in changed)
+            one
+            for one in self.read.values()
+            if not any(Region(one).overlaps(other) for other in changed)
         ]
 
 
@@ -156,7 +157,7 @@ class _CheckpointRecord:
 
     # Forward.
 
-    def first_sweep(self, preserve: bool) -> None:
+    def first_sweep(self, preserve: bool, budget) -> None:
         """Runs all steps and keeps the copies that the backward pass begins with."""
         self.kept = first_sweep(self.steps, self.slots)
         starts = {start for start, _ in self.kept}
@@ -170,7 +171,7 @@ class _CheckpointRecord:
         for one in self.observer.constants():
             version = Observers.memory.observe(one)
             if preserve:
-                version.keep_for(self)
+                version.keep_for(self, budget)
             self.versions.append(version)
 
     def needs(self, version) -> bool:
@@ -190,16 +191,16 @@ class _CheckpointRecord:
         self._seen_before = any(state.seen_before(one) for one in self.written())
         end = [copy_layout(one) for one in self.state] if self.keeps_end else None
         reversal = Reversal(self._keep, self._restore, self._drop, self.step, self._reverse_step)
-        with Observing(tape=None, memory=Memory(copy_layout)):
+        with Observing(tape=None, memory=Memory(copy_elements)):
             if len(self.copies) < len(self.kept):
                 self._sweep_again()
             reversal.run(self.steps, self.kept)
             self._bring_back(end)
         for one, contents in swapped:
             one.assign(contents)
-        inside = [Box(one) for one in self.state]
+        inside = [Region(one) for one in self.state]
         for one in self.observer.written.values():
-            if not any(Box(one).overlaps(box) for box in inside):
+            if not any(Region(one).overlaps(other) for other in inside):
                 Observers.memory.writing(one, self)
 
     def _drop(self, number) -> None:
@@ -208,7 +209,7 @@ class _CheckpointRecord:
             del self.copies[number]
 
     def _reverse_step(self, number) -> None:
-        with Tape(preserve="auto") as tape:
+        with Tape() as tape:
             self.step(number)
         BackwardPass(tape, {}, first=number == 0 and not self._seen_before).run()
         tape._records.clear()
@@ -237,16 +238,17 @@ class _CheckpointRecord:
         """Exchanges what has been overwritten since; returns the present contents."""
         swapped = []
         for version in self.versions:
-            if version.overwriter() is None:
-                continue
-            if version.copy is None:
+            by = version.overwriter()
+            if by is not None:
                 raise errors.WarpGradientError(
                     f"gradient of the {self.event}: an array that its steps read, "
-                    f"{version.array!r}, has been overwritten by the {version.ended}",
+                    f"{version.array!r}, has been overwritten by the {by}",
                     file=self.event.file,
                     line=self.event.line,
                     hint="write to another array, or use `wp.Tape(preserve='auto')`",
                 )
-            swapped.append((version.array, copy_layout(version.array)))
-            version.array.assign(version.copy)
+            contents = version.contents()
+            if contents is not None:
+                swapped.append((version.array, copy_layout(version.array)))
+                version.array.assign(contents)
         return swapped

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from warp import _native
 from warp._src.arrays.array import array
-from warp._src.arrays.boxes import Box
+from warp._src.arrays.layout import bytes_spanned
 from warp._src.arrays.create import empty, zeros
 from warp._src.arrays.gradients import gradient_type, has_gradient
 from warp._src.arrays.observers import Observing, copy_layout
@@ -90,8 +90,7 @@ class Tangents:
         """Sees to it that the allocation of an array has twins; returns the allocation."""
         base = _base(one)
         if (base.ptr or 0) not in self._twins:
-            box = Box(base)
-            pitch = _pitch((box.stop - box.start) * _widening(base.dtype))
+            pitch = _pitch(bytes_spanned(base) * _widening(base.dtype))
             tangents = _zeros(self.width * pitch, base.device)
             gradients = None if self.tape is None else _zeros(self.width * pitch, base.device)
             self._twins[base.ptr or 0] = (base, pitch, tangents, gradients)
@@ -182,14 +181,14 @@ class Tangents:
                 values.append(zeros(one.shape, dtypes.dtype_of(hidden.type).dtype, one.device))
         return values
 
-    def run_adjoint(self, call: Call, values, initial, saved) -> None:
+    def run_adjoint(self, call: Call, values, initial, saved, apart=()) -> None:
         """Runs the adjoint of a launch with tangents."""
         grads = [one.grad for _, one in call.leaves if one is not None and one.grad is not None]
         unique = not _native.shares_elements(grads)
-        made = call.kernel.derivatives.adjoint(call.native, call.active)
+        made = call.kernel.derivatives.adjoint(call.native, call.active, apart=apart)
         if not unique or made.counting is not None:
             made = call.kernel.derivatives.adjoint(
-                call.native, call.active, unique, tape="checkpoints"
+                call.native, call.active, unique, "checkpoints", apart
             )
         hidden = made.hidden_values(call, initial, saved)
         again = call.other(made.native, (*values, *hidden))

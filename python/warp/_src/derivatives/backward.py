@@ -5,7 +5,8 @@ from __future__ import annotations
 import functools
 
 from warp._src.arrays.array import array
-from warp._src.arrays.observers import Observers, Observing, copy_layout
+from warp._src.arrays.kept import Images
+from warp._src.arrays.observers import Observers, Observing, copy_elements, copy_layout
 from warp._src.derivatives import cotangents
 from warp._src.derivatives.singular import one_report
 from warp._src.derivatives.tape_records import LaunchRecord
@@ -36,6 +37,8 @@ class BackwardPass:
         self.check_finite = check_finite
         self.first = first
         self.position = 0
+        # Of what has been overwritten.
+        self.images = Images(copy_elements)
 
     def run(self) -> None:
         """Does all of it."""

@@ -34,7 +34,7 @@ def reverse_checked(record, state) -> None:
         index = _first_bad(numbers)
         if index is not None:
             raise _seed_error(record, name, one, index, numbers)
-    values = record.arguments() if isinstance(record, LaunchRecord) and named else None
+    values = record.arguments(state) if isinstance(record, LaunchRecord) and named else None
     record.reverse(state)
     for name, one, _ in before:
         numbers = _numbers(one.grad)

@@ -14,7 +14,6 @@ import math
 from warp import _native, config
 from warp._src import errors
 from warp._src.arrays.array import array
-from warp._src.arrays.boxes import Box
 from warp._src.arrays.create import zeros
 from warp._src.derivatives.gathers import gather_sums
 from warp._src.derivatives.singular import count_singular
@@ -43,7 +42,7 @@ class KernelDerivatives:
         """Forgets all."""
         self._made.clear()
 
-    def adjoint(self, native, active, unique=True, tape=None) -> KernelDerivative:
+    def adjoint(self, native, active, unique=True, tape=None, apart=()) -> KernelDerivative:
         """The derivative of a native kernel in reverse mode.
 
         Args:
@@ -51,12 +50,14 @@ class KernelDerivatives:
             active: for each array among the arguments whether it has a gradient.
             unique: no array has an element twice, and no two share memory.
             tape: in place of the option of that name.
+            apart: for each array whether no element of it is both read and written; may be
+                empty.
 
         Raises:
             WarpCodegenError: something active has no derivative.
         """
         tape = tape or self.kernel.option("tape")
-        return self._find(native, active, False, unique, tape=tape)
+        return self._find(native, active, False, unique, tape=tape, apart=apart)
 
     def tangent(self, native, active, unique=True, width=1, winners=False) -> KernelDerivative:
         """The same in forward mode, with tangents along `width` directions.
@@ -91,7 +92,7 @@ class KernelDerivatives:
             found = KernelDerivative(self.kernel, made, "tangent" if forward else "adjoint", unique)
             self._made[key] = found
             self.notice(made.notices)
-            if self.kernel.module.saved and unique and not forward:
+            if self.kernel.module.saved and unique and not forward and not options.get("apart"):
                 self._use_saved(found, native, active)
         return found
 
@@ -122,7 +123,7 @@ class KernelDerivatives:
         if any(active) and thread_count(call.dim):
             self.run_adjoint(call, call.values)
 
-    def run_adjoint(self, call: Call, values, initial=None, saved=()) -> None:
+    def run_adjoint(self, call: Call, values, initial=None, saved=(), apart=()) -> None:
         """Runs the adjoint of a launch.
 
         Args:
@@ -130,8 +131,9 @@ class KernelDerivatives:
             values: its arguments.
             initial: copies of arrays as they were before the launch, by number.
             saved: what `run_augmented` of the adjoint has returned.
+            apart: arrays that are read and written in different places, see `adjoint`.
         """
-        made = self.adjoint(call.native, call.active)
+        made = self.adjoint(call.native, call.active, apart=apart)
         made.check_threads(call)
         if not call.signature.flat:
             for value in values:
@@ -139,7 +141,7 @@ class KernelDerivatives:
                     value.refresh()
         if _meet(call):
             tape = "checkpoints" if made.counting is None else "global"
-            made = self.adjoint(call.native, call.active, unique=False, tape=tape)
+            made = self.adjoint(call.native, call.active, False, tape, apart)
         made.run(call, values, initial or {}, saved)
 
 
@@ -175,6 +177,7 @@ class KernelDerivative:
         self.hidden = made.hidden
         self.hidden_of_counting = made.hidden_of_counting
         self.needed = made.needed
+        self._preserved = {hidden.leaf for hidden in self.hidden if hidden.kind == "preserved"}
         self.one_thread = made.one_thread
         self._metrics = made.metrics
 
@@ -195,7 +198,7 @@ class KernelDerivative:
     @property
     def preserved(self) -> set[int]:
         """Arrays of which it reads the contents before the launch."""
-        return {hidden.leaf for hidden in self.hidden if hidden.kind == "preserved"}
+        return set(self._preserved)
 
     def tangent(self, active, unique, width) -> KernelDerivative:
         """Its own derivative in forward mode."""
@@ -331,23 +334,17 @@ def _not_recorded(call, hidden):
 
 
 def check_overlap(call: Call, active, what: str) -> None:
-    """Rejects a written array that shares memory with another one if one of both is active.
+    """Rejects a launch that writes elements of one array by another one, if one is active.
 
     Raises:
-        WarpGradientError: there is one.
+        WarpGradientError: there are such arrays.
     """
     if not _native.shares_elements([leaf for _, leaf in call.leaves if leaf is not None]):
         return
-    boxes = [None if leaf is None else Box(leaf) for _, leaf in call.leaves]
-    for i, (_, stored, combined, *_) in enumerate(call.accesses):
-        if boxes[i] is None or not (stored or combined):
-            continue
-        for j, other in enumerate(boxes):
-            if j == i or other is None or not boxes[i].overlaps(other):
-                continue
-            if active[i] or active[j]:
-                raise errors.WarpGradientError(
-                    f"launch('{call.kernel.key}'{what}): arguments "
-                    f"'{call.leaves[i][0]}', which is written, and '{call.leaves[j][0]}' overlap, "
-                    f"give the kernel one array for both, or write to another array"
-                )
+    for i, j in call.regions.meetings():
+        if active[i] or active[j]:
+            raise errors.WarpGradientError(
+                f"launch('{call.kernel.key}'{what}): arguments "
+                f"'{call.leaves[i][0]}', which is written, and '{call.leaves[j][0]}' overlap, "
+                f"give the kernel one array for both, or write to another array"
+            )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from warp._src import errors
 from warp._src.arrays.array import array
+from warp._src.arrays.kept import Budget
 from warp._src.arrays.observers import Observers, Observing
 from warp._src.arrays.versions import event
 from warp._src.derivatives import cotangents
@@ -20,8 +21,10 @@ class Tape:
     and `zero_`. `backward` adds to the gradients (`array.grad`) of all arrays that have one.
 
     Args:
-        preserve: "error" makes it an error to overwrite what a gradient depends on; "auto" keeps a
-            copy of it.
+        preserve: "auto" keeps what a gradient depends on when it is overwritten; "never" makes
+            that an error of `backward`, but for what a launch itself overwrites.
+        max_bytes: how much "auto" may keep; by default a quarter of the device's memory. What
+            does not fit is an error of `backward` that says what most of it was kept for.
 
     Example:
         >>> import warp as wp
@@ -42,10 +45,13 @@ class Tape:
         scopes: (number of records before, name or None at the end, metadata) of each scope's ends.
     """
 
-    def __init__(self, preserve: str = "error"):
-        if preserve not in ("error", "auto"):
-            raise ValueError(f"preserve expects 'error' or 'auto', but got {preserve!r}")
+    def __init__(self, preserve: str = "auto", max_bytes: int | None = None):
+        if preserve not in ("auto", "never"):
+            raise ValueError(f"preserve expects 'auto' or 'never', but got {preserve!r}")
+        if max_bytes is not None and (not isinstance(max_bytes, int) or max_bytes < 0):
+            raise ValueError(f"max_bytes expects a number of bytes or None, but got {max_bytes!r}")
         self.preserve = preserve
+        self._budget = Budget(max_bytes) if preserve == "auto" else None
         self.loss: array | None = None
         self.scopes: list = []
         self._records: list = []
@@ -75,7 +81,7 @@ class Tape:
 
     def begin_launch(self, call: Call) -> LaunchRecord:
         """Called before a launch that is to be recorded."""
-        return LaunchRecord(call.settled(), self.preserve == "auto")
+        return LaunchRecord(call.settled(), self._budget)
 
     def end_launch(self, record: LaunchRecord) -> None:
         """Called after it."""
@@ -139,6 +145,11 @@ class Tape:
             if depth < 0:
                 return i
         raise errors.WarpError("record_scope_end: no scope is open")
+
+    @property
+    def kept_bytes(self) -> int:
+        """Bytes of copies of what was overwritten; freed when the records are forgotten."""
+        return 0 if self._budget is None else self._budget.used
 
     @property
     def launches(self) -> list:
@@ -221,6 +232,8 @@ class Tape:
         """Sets the gradients to zero and forgets the records."""
         self.zero()
         self._records.clear()
+        if self._budget is not None:
+            self._budget.forget()
         self.scopes.clear()
         self._left.clear()
         self._seeded.clear()

@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import sys
 
-from warp import _native, config
+from warp import config
 from warp._src import errors
 from warp._src.arrays.array import array
-from warp._src.arrays.boxes import Box
-from warp._src.arrays.observers import Observers, copy_layout
+from warp._src.arrays.kept import Budget
+from warp._src.arrays.observers import Observers
 from warp._src.arrays.versions import Event
 from warp._src.derivatives import cotangents
+from warp._src.devices import devices
 from warp._src.kernels.call import Call
 from warp._src.types import dtypes
 from warp._src.types.scalars import float_base
@@ -28,48 +29,67 @@ class LaunchRecord:
 
     __slots__ = (
         "__weakref__",
+        "_made",
         "aliases",
+        "apart",
+        "before",
+        "budget",
         "call",
         "event",
-        "initial",
         "pending",
-        "preserve",
         "saved",
         "versions",
     )
 
-    def __init__(self, call: Call, preserve: bool = False):
+    def __init__(self, call: Call, budget: Budget | None = None):
+        """`budget`: of the copies that are to be made when something is overwritten."""
         self.call = call
         self.event: Event = call.event
-        self.preserve = preserve
+        self.budget = budget
         # No backward pass has run it yet.
         self.pending = True
         self.versions: list = []
-        # Copies of arrays as they were before the launch, by number.
-        self.initial: dict[int, array] = {}
+        # Of arrays as they were before the launch, by number.
+        self.before: dict = {}
         # What the augmented kernel has noted, in the order of the hidden arguments.
         self.saved: list[array] = []
-        # Pairs (written, other) of arguments that share memory.
+        # Pairs (written, other) of arguments of which elements meet.
         self.aliases: list[tuple[int, int]] = []
-        if not any(call.active):
-            return
-        self.aliases = _aliases(call)
-        if self.aliases or call.signature.looks_back:
-            self._prepare()
+        # Which arrays are read and written in different places; empty if none is.
+        self.apart: tuple = ()
+        # The derivative while the launch runs, if that was asked for.
+        self._made = None
+        if any(call.active) and call.regions is not None:
+            self._look_back()
 
-    def _prepare(self) -> None:
-        """Keeps what the launch itself is going to overwrite."""
-        try:
-            derivative = self.derivative()
-        except errors.WarpError:
-            # Says so when gradients are asked for.
-            return
+    def _look_back(self) -> None:
+        """Finds out whether the launch overwrites what its own adjoint reads."""
+        call = self.call
+        looks_back = call.signature.looks_back
+        if call.signature.written and len(call.leaves) > 1:
+            self.aliases = call.regions.meetings()
+        if looks_back:
+            flags = tuple(call.regions.apart())
+            self.apart = flags if any(flags) else ()
+        if self.aliases or looks_back:
+            try:
+                self._made = self.derivative()
+            except errors.WarpError:
+                # Says so when gradients are asked for.
+                return
+            self._prepare(self._made)
+
+    def _prepare(self, derivative) -> None:
+        """Sees to it that what the launch itself is going to overwrite is kept."""
         wanted = derivative.preserved
-        wanted |= {reader for _, reader in self.aliases} & set(derivative.needed)
+        if self.aliases:
+            wanted |= {reader for _, reader in self.aliases} & set(derivative.needed)
         for leaf in wanted:
             found = self.call.leaves[leaf][1]
-            if found is not None:
-                self.initial[leaf] = copy_layout(found, self.call.stream)
+            if found is not None and found.size:
+                version = Observers.memory.observe(found, self.call.regions, leaf, reads=True)
+                version.keep_for(self, self.budget)
+                self.before[leaf] = version
 
     @property
     def structs(self) -> list:
@@ -89,34 +109,34 @@ class LaunchRecord:
         Raises:
             WarpCodegenError: the kernel cannot be differentiated.
         """
-        return self.call.kernel.derivatives.adjoint(self.call.native, self.call.active, tape=tape)
+        call = self.call
+        return call.kernel.derivatives.adjoint(call.native, call.active, True, tape, self.apart)
 
     def run(self) -> None:
         """Runs the launch, with notes for the adjoint if that needs any."""
-        derivative = None
-        if self.call.signature.looks_back and any(self.call.active):
-            try:
-                derivative = self.derivative()
-            except errors.WarpError:
-                derivative = None
-        if derivative is not None and derivative.augmented is not None:
-            self.saved = derivative.run_augmented(self.call)
+        if self._made is not None and self._made.augmented is not None:
+            self.saved = self._made.run_augmented(self.call)
         else:
             self.call.run()
+        self._made = None
 
     def observe(self) -> None:
         """Notes the versions of all arrays."""
-        if not any(self.call.active):
-            return
-        for _, leaf in self.call.leaves:
-            version = None
-            if leaf is not None and leaf.size:
-                version = Observers.memory.observe(leaf)
-                if self.preserve:
-                    version.keep_for(self)
-                elif config.verify_autograd_array_access:
-                    version.tell(self)
-            self.versions.append(version)
+        call = self.call
+        if any(call.active):
+            for i, (_, leaf) in enumerate(call.leaves):
+                version = None
+                if leaf is not None and leaf.size:
+                    # What is written elsewhere is of no concern to the adjoint.
+                    reads = bool(self.apart) and self.apart[i]
+                    version = Observers.memory.observe(leaf, call.regions, i, reads)
+                    if self.budget is not None:
+                        version.keep_for(self, self.budget)
+                    elif config.verify_autograd_array_access:
+                        version.tell(self)
+                self.versions.append(version)
+        self._made = None
+        call.done()
 
     def needs(self, version) -> bool:
         """Whether the adjoint reads what this version is of."""
@@ -124,6 +144,9 @@ class LaunchRecord:
 
     def _needed_name(self, version) -> str | None:
         """Name of the array that the adjoint reads and this version is of."""
+        for leaf, known in self.before.items():
+            if known is version:
+                return self.call.leaves[leaf][0]
         try:
             wanted = self.derivative().needed
         except errors.WarpError:
@@ -151,26 +174,28 @@ class LaunchRecord:
         return self.call.written
 
     def reverse(self, state) -> None:
-        active = self.call.active
-        if not any(active):
+        if not any(self.call.active):
             return
         if not self.call.kernel.option("enable_backward"):
             raise self._error("the kernel has `enable_backward=False`", "remove that option")
-        derivative = self.call.kernel.derivatives.adjoint(self.call.native, active)
+        derivative = self.derivative()
         if self.aliases:
             self._check_aliases()
-        values = self._values(derivative)
+        values = self._values(derivative, state.images)
+        initial = self._initial(state.images)
         runner = Observers.executor or self.call.kernel.derivatives
-        runner.run_adjoint(self.call, values, self.initial, self.saved)
+        if self.call.stream is not None:
+            self.call.stream.wait_stream(devices.get_stream(self.call.stream.device))
+        runner.run_adjoint(self.call, values, initial, self.saved, self.apart)
         self.pending = False
 
-    def arguments(self) -> tuple | None:
+    def arguments(self, state) -> tuple | None:
         """All arguments of the adjoint with checkpoints, None if there is nothing to run."""
         if not any(self.call.active):
             return None
         derivative = self.derivative(tape="checkpoints")
-        hidden = derivative.hidden_values(self.call, self.initial, self.saved)
-        return (*self._values(derivative), *hidden)
+        hidden = derivative.hidden_values(self.call, self._initial(state.images), self.saved)
+        return (*self._values(derivative, state.images), *hidden)
 
     def _check_aliases(self) -> None:
         elementwise = self.call.kernel.module.name == "warp.map"
@@ -189,28 +214,48 @@ class LaunchRecord:
                 "give the kernel one array for both, or write to another array",
             )
 
-    def _values(self, derivative) -> tuple:
+    def _initial(self, images) -> dict[int, array]:
+        """Arrays as they were before the launch, by number."""
+        return {
+            leaf: self._contents(leaf, version, images) for leaf, version in self.before.items()
+        }
+
+    def _values(self, derivative, images) -> tuple:
         """The arguments as they were, with the arrays of gradients that they have."""
         replaced = {}
         aliased = {reader for _, reader in self.aliases}
         for leaf in derivative.needed:
             version = self.versions[leaf] if leaf < len(self.versions) else None
+            if leaf in aliased and leaf in self.before:
+                version = self.before[leaf]
             if version is None:
                 continue
-            name, found = self.call.leaves[leaf]
-            if leaf in aliased and leaf in self.initial:
-                replaced[leaf] = cotangents.with_gradient_of(self.initial[leaf], found)
-            elif version.copy is not None:
-                replaced[leaf] = cotangents.with_gradient_of(version.copy, found)
-            elif version.overwriter() is not None:
-                raise self._overwritten(name, version.ended)
+            found = self.call.leaves[leaf][1]
+            contents = self._contents(leaf, version, images)
+            if contents is not found:
+                replaced[leaf] = cotangents.with_gradient_of(contents, found)
         return self.call.with_leaves(replaced)
 
-    def _overwritten(self, name, by):
-        return self._error(
+    def _contents(self, leaf, version, images) -> array:
+        """The array itself, or what it held if that is something else now."""
+        name, found = self.call.leaves[leaf]
+        by = version.overwriter()
+        if by is not None:
+            raise self._overwritten(name, by, version.refused)
+        contents = version.contents(images, found)
+        return found if contents is None else contents
+
+    def _overwritten(self, name, by, budget):
+        what = (
             f"its array '{name}' has been overwritten by the {by}, "
-            f"but the gradient depends on what it held",
-            "write to another array, or use `wp.Tape(preserve='auto')`",
+            f"but the gradient depends on what it held"
+        )
+        if budget is None:
+            return self._error(what, "write to another array, or use `wp.Tape(preserve='auto')`")
+        return self._error(
+            f"{what}; {budget.report()}",
+            "write to another array, raise `max_bytes` of the tape, or use "
+            "`wp.autograd.checkpoint`",
         )
 
     def _error(self, what, hint):
@@ -218,21 +263,6 @@ class LaunchRecord:
         return errors.WarpGradientError(
             f"gradient of the {place}: {what}", file=place.file, line=place.line, hint=hint
         )
-
-
-def _aliases(call) -> list[tuple[int, int]]:
-    """Pairs (written, other) of arguments that share memory."""
-    written = call.signature.written
-    arrays = [leaf for _, leaf in call.leaves if leaf is not None]
-    if not written or len(arrays) < 2 or not _native.shares_elements(arrays):
-        return []
-    boxes = [None if leaf is None else Box(leaf) for _, leaf in call.leaves]
-    return [
-        (i, j)
-        for i in written
-        for j, other in enumerate(boxes)
-        if i != j and boxes[i] and other and boxes[i].overlaps(other)
-    ]
 
 
 class CopyRecord:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import copy
 import ctypes
+import functools
 
+from warp import _native
 from warp._src import errors
 from warp._src.arrays.array import array
 from warp._src.arrays.indexed import IndexedRecord, indexedarray
@@ -26,6 +28,7 @@ class Signature:
     """
 
     def __init__(self, native, values):
+        self._native = native
         self.parameters = native.parameters
         self.flat = all(kind != "struct" for _, kind, *_ in self.parameters)
         self.mutable = [
@@ -36,13 +39,20 @@ class Signature:
         ]
         try:
             self.accesses = native.accesses
+            self._has_source = True
         except RuntimeError:
             # Saved code without source.
+            self._has_source = False
             count = len(leaves_of(self.parameters, values))
             self.accesses = [(True, True, True, False, 0)] * count
         self.written = [i for i, access in enumerate(self.accesses) if access[1] or access[2]]
         self.fetches = any(access[3] for access in self.accesses)
         self.looks_back = self.fetches or any(self.accesses[i][0] for i in self.written)
+
+    @functools.cached_property
+    def region_finder(self):
+        """Finds which elements of arrays a launch touches; made when that is first asked."""
+        return _native.RegionFinder(self._native) if self._has_source else None
 
 
 class Call:
@@ -55,7 +65,7 @@ class Call:
     """
 
     __slots__ = (
-        *("_event", "_leaves", "block_dim", "device", "dim", "kernel", "native"),
+        *("_event", "_leaves", "_regions", "block_dim", "device", "dim", "kernel", "native"),
         *("originals", "signature", "stream", "values"),
     )
 
@@ -63,7 +73,7 @@ class Call:
         self.kernel, self.native, self.dim = kernel, native, dim
         self.values = tuple(values)
         self.device, self.stream, self.block_dim = device, stream, block_dim
-        self._event = self._leaves = None
+        self._event = self._leaves = self._regions = None
         self.originals: list = []
         self.signature = signature_of(kernel, native, self.values)
         if not self.signature.flat:
@@ -89,6 +99,21 @@ class Call:
             else:
                 self._leaves = leaves_of(known.parameters, values)
         return self._leaves
+
+    @property
+    def regions(self):
+        """What the launch may read and write of each of them; forgotten by `done`.
+
+        None if the kernel has no source to tell.
+        """
+        finder = self.signature.region_finder
+        if self._regions is None and finder is not None:
+            self._regions = finder.find(self.dim, self.values, self.device)
+        return self._regions
+
+    def done(self) -> None:
+        """Called when nobody will ask for regions any more."""
+        self._regions = None
 
     @property
     def accesses(self) -> list[tuple]:

@@ -230,8 +230,7 @@ class Launch(LaunchParameters, _native.PackedLaunch):
         if Observers.tape is not None or Observers.executor is not None:
             observed_launch(call)
             return
-        for written in call.written:
-            Observers.memory.writing(written, call)
+        Observers.memory.launching(call)
         _native.PackedLaunch.launch(self, stream)
 
     def set_dim(self, dim) -> None:

@@ -1,0 +1,21 @@
+//===- ApartArrays.h - Read and written in different places -----*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_TRANSFORMS_AUTODIFF_APARTARRAYS_H
+#define WARP_TRANSFORMS_AUTODIFF_APARTARRAYS_H
+
+#include "llvm/ADT/StringRef.h"
+
+namespace warp::autodiff {
+
+/// On a kernel that is differentiated, a flag per array leaf: no element of it
+/// is both read and written by the launch that the derivative is for. The
+/// runtime finds that out from the launch's regions.
+constexpr llvm::StringLiteral apartAttrName = "warp.apart";
+
+} // namespace warp::autodiff
+
+#endif // WARP_TRANSFORMS_AUTODIFF_APARTARRAYS_H

@@ -1,0 +1,215 @@
+//===- Regions.cpp - What launches touch, for the tape --------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#include "LaunchCall.h"
+
+#include "warp/RegionMap.h"
+
+#include <pybind11/stl.h>
+
+namespace py = pybind11;
+using namespace warp;
+using namespace warp::python;
+
+static Region regionOf(const py::object &object) {
+  if (!isArray(object.ptr()))
+    throw py::type_error("expects an array");
+  Region region;
+  ArrayObject *array = asArray(object.ptr());
+  region.add(blockOf(array->descriptor, array->itemSize));
+  return region;
+}
+
+/// (address, shape, strides) of each block.
+static py::list partsOf(const Region &region) {
+  py::list parts;
+  for (const MemoryBlock &block : region.blocks) {
+    py::tuple shape(std::max(block.rank, 1)), strides(std::max(block.rank, 1));
+    shape[0] = 1;
+    strides[0] = block.item;
+    for (int i = 0; i < block.rank; ++i) {
+      shape[i] = block.dims[i].count;
+      strides[i] = block.dims[i].stride * block.dims[i].step;
+    }
+    parts.append(py::make_tuple(block.start, shape, strides));
+  }
+  return parts;
+}
+
+//===----------------------------------------------------------------------===//
+// Launches
+//===----------------------------------------------------------------------===//
+
+namespace {
+
+/// What a launch touches, by array.
+struct LaunchRegions {
+  std::vector<ArrayRegions> arrays;
+
+  Region touched(size_t array) const {
+    Region region = arrays.at(array).read;
+    for (const MemoryBlock &block : arrays.at(array).written.blocks)
+      region.add(block);
+    return region;
+  }
+  /// Pairs (written, other) of different arrays that meet.
+  std::vector<std::pair<size_t, size_t>> meetings() const;
+  /// Arrays of which no element is both read and written.
+  std::vector<bool> apart() const;
+};
+
+} // namespace
+
+std::vector<std::pair<size_t, size_t>> LaunchRegions::meetings() const {
+  std::vector<std::pair<size_t, size_t>> pairs;
+  for (size_t i = 0; i < arrays.size(); ++i)
+    for (size_t j = 0; j < arrays.size(); ++j)
+      if (i != j && (arrays[i].written.overlaps(arrays[j].written) ||
+                     arrays[i].written.overlaps(arrays[j].read)))
+        pairs.emplace_back(i, j);
+  return pairs;
+}
+
+std::vector<bool> LaunchRegions::apart() const {
+  std::vector<bool> flags;
+  for (const ArrayRegions &array : arrays)
+    flags.push_back(!array.read.blocks.empty() &&
+                    !array.written.blocks.empty() &&
+                    !array.read.overlaps(array.written));
+  return flags;
+}
+
+namespace {
+
+/// What launches of one kernel touch.
+class RegionFinder {
+public:
+  explicit RegionFinder(py::object object);
+  std::unique_ptr<LaunchRegions> find(const py::object &dim,
+                                      const py::object &values,
+                                      int device) const;
+
+private:
+  py::object owner;
+  std::vector<Access> known;
+  RegionFormula formula;
+};
+
+} // namespace
+
+RegionFinder::RegionFinder(py::object object) : owner(std::move(object)) {
+  if (Py_TYPE(owner.ptr()) != kernelType)
+    throw py::type_error("expects a kernel");
+  const Module &module = asKernel(owner.ptr())->kernel->module();
+  py::gil_scoped_release unlocked;
+  known = accesses(module);
+  formula = regionFormula(module);
+}
+
+std::unique_ptr<LaunchRegions> RegionFinder::find(const py::object &dim,
+                                                  const py::object &values,
+                                                  int device) const {
+  KernelObject *object = asKernel(owner.ptr());
+  Items items(values.ptr());
+  Block block(object->kernel->parameterSize());
+  std::vector<py::object> keep;
+  packArguments(*object->packer, items, Items(nullptr), device, block.data(),
+                keep);
+  auto regions = std::make_unique<LaunchRegions>();
+  findRegions(formula, known, readDim(*object->kernel, dim.ptr()),
+              block.data(), regions->arrays);
+  return regions;
+}
+
+//===----------------------------------------------------------------------===//
+// Python
+//===----------------------------------------------------------------------===//
+
+static std::vector<int64_t> meetingWrites(const RegionMap &map,
+                                          const LaunchRegions &launch) {
+  std::vector<int64_t> all, found;
+  for (const ArrayRegions &array : launch.arrays) {
+    if (array.written.blocks.empty())
+      continue;
+    map.meeting(array.written, found);
+    all.insert(all.end(), found.begin(), found.end());
+  }
+  return all;
+}
+
+static void bindRegion(py::module_ &m) {
+  py::class_<Region>(m, "Region", "Elements of arrays, as memory.")
+      .def(py::init([](const py::object &array) { return regionOf(array); }),
+           py::arg("array"), "All elements of an array.")
+      .def("shared", &Region::shared, py::arg("other"),
+           "The elements that share bytes with another region.")
+      .def("is_within", &Region::isWithin, py::arg("other"),
+           "Whether it is known that all elements are in another region.")
+      .def("overlaps", &Region::overlaps, py::arg("other"),
+           "Whether two regions share a byte; may say so of strides that do "
+           "not nest.")
+      .def("parts", &partsOf, "(address, shape, strides) of each block.")
+      .def_property_readonly("bytes", &Region::bytes)
+      .def("__len__", [](const Region &region) { return region.blocks.size(); })
+      .def("__eq__", &Region::operator==);
+  py::class_<LaunchRegions>(m, "LaunchRegions", "What a launch may touch.")
+      .def("read", [](const LaunchRegions &launch,
+                      size_t i) { return launch.arrays.at(i).read; })
+      .def("written", [](const LaunchRegions &launch,
+                         size_t i) { return launch.arrays.at(i).written; })
+      .def("all_written",
+           [](const LaunchRegions &launch) {
+             std::vector<Region> regions;
+             for (const ArrayRegions &array : launch.arrays)
+               if (!array.written.blocks.empty())
+                 regions.push_back(array.written);
+             return regions;
+           })
+      .def("touched", &LaunchRegions::touched)
+      .def("meetings", &LaunchRegions::meetings,
+           "Pairs (written, other) of different arrays that meet.")
+      .def("apart", &LaunchRegions::apart,
+           "Arrays of which no element is both read and written.");
+}
+
+namespace warp::python {
+void bindRegions(py::module_ &m);
+} // namespace warp::python
+
+void python::bindRegions(py::module_ &m) {
+  bindRegion(m);
+  py::class_<RegionFinder>(m, "RegionFinder", "What a kernel touches.")
+      .def(py::init<py::object>(), py::arg("kernel"))
+      .def("find", &RegionFinder::find, py::arg("dim"), py::arg("values"),
+           py::arg("device"), "What a launch may read and write.");
+  py::class_<RegionMap>(m, "RegionMap", "Regions by place.")
+      .def(py::init())
+      .def("add", &RegionMap::add, py::arg("region"),
+           "The number of a region; the same one if it is there.")
+      .def("add_read",
+           [](RegionMap &map, const LaunchRegions &launch, size_t array) {
+             return map.add(launch.arrays.at(array).read);
+           })
+      .def("add_touched",
+           [](RegionMap &map, const LaunchRegions &launch, size_t array) {
+             return map.add(launch.touched(array));
+           })
+      .def("remove", &RegionMap::remove, py::arg("number"))
+      .def("__getitem__",
+           [](const RegionMap &map, int64_t number) { return map[number]; })
+      .def("__len__", &RegionMap::size)
+      .def("clear", &RegionMap::clear)
+      .def(
+          "meeting",
+          [](const RegionMap &map, const Region &region) {
+            std::vector<int64_t> found;
+            map.meeting(region, found);
+            return found;
+          },
+          py::arg("region"), "Numbers of the regions that share a byte.")
+      .def("meeting_writes", &meetingWrites, py::arg("launch"),
+           "Numbers of the regions that a launch may write to; may repeat.");
+}

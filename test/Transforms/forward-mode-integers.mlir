@@ -1,0 +1,30 @@
+// RUN: split-file %s %t
+// RUN: warp-opt %t/stores.mlir --warp-emit=tangent | FileCheck %t/stores.mlir
+// RUN: warp-opt %t/flags.mlir --warp-differentiate-kernel="mode=forward active=1" --verify-diagnostics
+// RUN: warp-opt %t/flags.mlir --warp-differentiate-kernel="mode=reverse active=1" --verify-diagnostics
+
+//--- stores.mlir
+// What is stored to an array of integers has no tangent.
+// CHECK-LABEL: func.func @stores_tangent
+// CHECK: warp.store {{.*}} : si32
+// CHECK-NOT: warp.store {{.*}} : si32
+// CHECK: warp.store {{.*}} : f32
+// CHECK-NEXT: warp.store {{.*}} : f32
+module {
+  func.func @stores(%n: !warp.array<1 x si32>, %x: !warp.array<1 x f32>)
+      attributes {warp.arg_names = ["n", "x"], warp.kernel} {
+    %i = warp.tid : si32
+    warp.store %i, %n[%i] : si32, !warp.array<1 x si32>, si32
+    %v = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
+    %r = warp.mul(%v, %v) : (f32, f32) -> f32
+    warp.store %r, %x[%i] : f32, !warp.array<1 x f32>, si32
+    return
+  }
+}
+
+//--- flags.mlir
+// expected-error @+1 {{expects a flag in 'active' for each of 2 arrays, but got 1}}
+func.func @flags(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
+    attributes {warp.arg_names = ["x", "y"], warp.kernel} {
+  return
+}
