@@ -15,6 +15,7 @@ PYBIND11_MODULE(_native, m) {
   warp::python::bindDevices(m);
   warp::python::bindMemory(m);
   warp::python::bindPeers(m);
+  warp::python::bindSequences(m);
   warp::python::bindArray(m);
   warp::python::bindKernel(m);
   warp::python::bindSavedModule(m);
