@@ -15,7 +15,6 @@
 #include "warp/Launch.h"
 #include "warp/Memory.h"
 #include "warp/SavedModule.h"
-#include "warp/Sequences.h"
 #include "warp/ThreadPool.h"
 
 #endif // WARP_RUNTIME_H

@@ -1,7 +1,5 @@
 """Sums of matrices, and products with numbers."""
 
-from __future__ import annotations
-
 import functools
 
 import warp as wp

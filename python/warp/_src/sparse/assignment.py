@@ -1,7 +1,5 @@
 """Copies of matrices, also to other types and shapes of blocks, and compression."""
 
-from __future__ import annotations
-
 
 import warp as wp
 from warp._src.sparse import sums

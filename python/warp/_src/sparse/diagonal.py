@@ -1,7 +1,5 @@
 """Diagonals: of a matrix, and matrices made of one."""
 
-from __future__ import annotations
-
 import functools
 
 import warp as wp

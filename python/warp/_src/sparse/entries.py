@@ -10,8 +10,6 @@ room that each row has, and sets the status of the matrix where it does not suff
 the blocks that there are. Contributions to rows or columns outside of the matrix are left out.
 """
 
-from __future__ import annotations
-
 import functools
 from dataclasses import dataclass
 

@@ -9,6 +9,9 @@ class Operators:
     `+`, `-` and `@` make a new matrix, products with numbers are put off until they are used.
     """
 
+    # Arrays leave products to what has this.
+    _wp_multiplies_vectors_ = True
+
     def __add__(self, y):
         from warp._src.sparse.addition import bsr_axpy
         from warp._src.sparse.assignment import bsr_copy

@@ -62,7 +62,7 @@ class BsrMatrix(Operators):
     @property
     def block_shape(self) -> tuple[int, int]:
         """Rows and columns of a block."""
-        return getattr(self.values.dtype, "_shape_", (1, 1))
+        return getattr(self.values.dtype, "_shape_", ()) or (1, 1)
 
     @property
     def block_size(self) -> int:

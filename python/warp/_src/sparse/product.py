@@ -4,8 +4,6 @@ A contribution is the product of a block (i, k) of the left matrix and a block (
 one. They are counted, listed and collected like those of any other operation (`entries`).
 """
 
-from __future__ import annotations
-
 import functools
 
 import warp as wp

@@ -1,7 +1,5 @@
 """Empty matrices, and the room that rows have."""
 
-from __future__ import annotations
-
 import warp as wp
 from warp import _native
 from warp._src.sparse.entries import check_topology, make_compact

@@ -3,8 +3,6 @@
 One thread per number of a block. They are ordinary kernels, so tapes differentiate them.
 """
 
-from __future__ import annotations
-
 import functools
 
 import warp as wp

@@ -1,7 +1,5 @@
 """Matrices from lists of rows, columns and values."""
 
-from __future__ import annotations
-
 import functools
 
 import warp as wp

@@ -1,7 +1,5 @@
 """Products of a matrix and a vector."""
 
-from __future__ import annotations
-
 import functools
 
 import warp as wp

@@ -1,7 +1,5 @@
 """Sorts of segments and runs on CUDA, made of scans, sorts and kernels. Nothing waits for them."""
 
-from __future__ import annotations
-
 import functools
 
 import warp as wp

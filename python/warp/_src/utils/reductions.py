@@ -1,7 +1,5 @@
 """Sums, inner products and casts of arrays, by kernels that are made per type."""
 
-from __future__ import annotations
-
 import functools
 import operator
 
