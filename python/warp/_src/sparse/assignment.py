@@ -150,7 +150,8 @@ def bsr_copy(
         raise ValueError(f"Unsupported topology policy: {topology}")
     scalar = source.scalar_type if scalar_type is None else scalar_type
     shape = source.block_shape if block_shape is None else tuple(block_shape)
-    for extent, block in zip(source.shape, shape, strict=True):
+    for extent, block, own in zip(source.shape, shape, source.block_shape, strict=True):
+        _pieces(own, block)
         if extent % block:
             raise ValueError(
                 f"The requested block shape {shape} does not evenly divide the source matrix of "

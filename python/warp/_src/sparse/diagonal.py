@@ -7,7 +7,7 @@ from warp._src.sparse import sums
 from warp._src.sparse.entries import make_compact
 from warp._src.sparse.expressions import matrix_and_factor
 from warp._src.sparse.lookup import bsr_block_index
-from warp._src.sparse.matrix import BsrMatrix, bsr_matrix_t, new_matrix
+from warp._src.sparse.matrix import BsrMatrix, as_blocks, bsr_matrix_t, new_matrix
 from warp._src.types.dtypes import is_array, is_scalar, is_value, type_is_matrix, types_equal
 
 
@@ -57,9 +57,7 @@ def bsr_get_diag(A, out=None):
     elif out.shape[0] < count:
         raise ValueError(f"Output array must be of length at least {count}, got {out.shape[0]}")
     inputs = [matrix.offsets, matrix.columns, matrix._counts(), factor, matrix.scalar_values]
-    blocks = out.view(matrix.scalar_type) if matrix.block_size > 1 or type_is_matrix(out.dtype) else (
-        out.reshape((out.size, 1, 1))
-    )
+    blocks = as_blocks(out)
     kernel, dim = _diagonal_kernel(matrix.scalar_type), (count, *matrix.block_shape)
     wp.launch(kernel, dim, inputs, [blocks], device=matrix.device)
     return out

@@ -60,6 +60,13 @@ class Operators:
 
         return bsr_mv(self, x, transpose=True) if is_array(x) else bsr_mm(x, self)
 
+    def eval(self):
+        """The matrix, multiplied by its factor if there is one."""
+        from warp._src.sparse.assignment import bsr_copy
+
+        matrix, factor = self.scaled
+        return matrix if factor == 1.0 else bsr_copy(self)
+
     def transpose(self):
         """A transposed copy."""
         from warp._src.sparse.transposition import bsr_transposed

@@ -15,6 +15,7 @@ from warp._src.types.dtypes import (
     type_is_matrix,
     type_repr,
     type_scalar_type,
+    type_size,
 )
 
 BSR_STATUS_SUCCESS = 0
@@ -23,6 +24,14 @@ _MESSAGES = {
     BSR_STATUS_SUCCESS: "success",
     BSR_STATUS_ROW_CAPACITY_EXCEEDED: "row capacity exceeded",
 }
+
+
+def as_blocks(values):
+    """An array of numbers or matrices as one of three dimensions: block, row, column."""
+    scalar = type_scalar_type(values.dtype)
+    if type_size(values.dtype) > 1:
+        return values.view(scalar)
+    return values.view(scalar).reshape((values.size, 1, 1))
 
 
 class BsrMatrix(Operators):
@@ -92,9 +101,7 @@ class BsrMatrix(Operators):
     @property
     def scalar_values(self):
         """The blocks as an array of three dimensions: block, row, column."""
-        if self.block_size == 1 and self.values.dtype is self.scalar_type:
-            return self.values.reshape((self.values.size, 1, 1))
-        return self.values.view(self.scalar_type)
+        return as_blocks(self.values)
 
     def __repr__(self):
         return (

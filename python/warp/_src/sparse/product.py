@@ -140,8 +140,8 @@ def bsr_mm(
 ) -> BsrMatrix:
     """Sets `z` to `alpha * x y + beta * z` and returns it. Differentiable.
 
-    The number of products of blocks is read from the device, except with `max_new_nnz`,
-    `reuse_topology` or topology "masked"; only those can go into a graph.
+    The number of products of blocks is read from the device, except with `reuse_topology`, topology
+    "masked", or in a graph, where `max_new_nnz` stands for it.
 
     Args:
         x, y: matrices.
@@ -152,8 +152,8 @@ def bsr_mm(
         reuse_topology: the topology of all matrices is that of the call that `work_arrays` is
             from.
         tile_size: accepted for compatibility.
-        max_new_nnz: upper bound of the number of products of blocks. If it does not suffice,
-            products are missing and `z.status_sync()` says so.
+        max_new_nnz: in a graph, upper bound of the number of products of blocks. If it does not
+            suffice, products are missing and `z.status_sync()` says so.
         topology: "compact", "masked" (the blocks of `z`) or "padded" (within the room of its
             rows; `z.status_sync()` says whether it sufficed).
 
@@ -219,19 +219,18 @@ def _check_shapes(x, y, z) -> None:
 
 
 def _number_of_products(ends, max_new_nnz, z) -> int:
-    if max_new_nnz is not None:
-        if ends.size:
-            inputs = [ends, int(max_new_nnz), z._ensure_status()]
-            wp.launch(_check_count, 1, inputs, device=z.device)
-        return int(max_new_nnz)
     if ends.size == 0:
         return 0
-    if _native.is_capturing(z.device.index):
+    if not _native.is_capturing(z.device.index):
+        return int(ends[ends.size - 1 :].numpy()[0])
+    if max_new_nnz is None:
         raise RuntimeError(
             "`max_new_nnz` or `reuse_topology` is required to compute the product of matrices in "
             "a graph, which cannot read the number of products"
         )
-    return int(ends[ends.size - 1 :].numpy()[0])
+    inputs = [ends, int(max_new_nnz), z._ensure_status()]
+    wp.launch(_check_count, 1, inputs, device=z.device)
+    return int(max_new_nnz)
 
 
 def _list(x, y, z, beta, max_new_nnz, topology) -> _Plan:

@@ -33,7 +33,11 @@ def gather_kernel(scalar):
     ):
         slot, i, j = wp.tid()
         total = scalar(0.0)
-        for entry in range(begins[slot], ends[slot]):
+        begin, end = begins[slot], ends[slot]
+        # A single contribution is copied, with the sign of a zero.
+        if begin < end:
+            total = source[order[begin], i, j]
+        for entry in range(begin + 1, end):
             total += source[order[entry], i, j]
         dest[slot, i, j] = total
 
@@ -56,7 +60,10 @@ def transpose_kernel(scalar):
     ):
         slot, i, j = wp.tid()
         total = scalar(0.0)
-        for entry in range(begins[slot], ends[slot]):
+        begin, end = begins[slot], ends[slot]
+        if begin < end:
+            total = source[order[begin], j, i]
+        for entry in range(begin + 1, end):
             total += source[order[entry], j, i]
         dest[slot, i, j] = factor * total
 

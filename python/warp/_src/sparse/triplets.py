@@ -5,7 +5,7 @@ import functools
 import warp as wp
 from warp._src.sparse import sums
 from warp._src.sparse.entries import check_topology, collect, fresh_values
-from warp._src.sparse.matrix import BsrMatrix, new_matrix
+from warp._src.sparse.matrix import BsrMatrix, as_blocks, new_matrix
 from warp._src.types.dtypes import type_repr, type_scalar_type, type_size, types_equal
 
 
@@ -77,7 +77,9 @@ def nonzero_blocks(values):
     kept = wp.empty(values.shape[0], dtype=int, device=values.device)
     if kept.size:
         kernel = _nonzero_kernel(values.dtype)
-        wp.launch(kernel, kept.size, [values, kept], device=values.device)
+        # No gradient goes through a choice of blocks.
+        inputs = [values, kept]
+        wp.launch(kernel, kept.size, inputs, device=values.device, record_tape=False)
     return kept
 
 
@@ -109,9 +111,7 @@ def _blocks(values, dest):
             f"Values array type must correspond to that of the dest matrix, "
             f"{type_repr(dest.dtype)}, got {type_repr(values.dtype)}"
         )
-    if values.dtype is dest.scalar_type:
-        return values.reshape((values.size, 1, 1))
-    return values.view(dest.scalar_type)
+    return as_blocks(values)
 
 
 def _check_places(dest, rows, columns, count) -> None:

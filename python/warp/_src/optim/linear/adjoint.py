@@ -10,8 +10,9 @@ import functools
 import warp as wp
 from warp._src.arrays.observers import Observers
 from warp._src.optim.linear.operators import LinearOperator, dense_matvec, numbers
-from warp._src.sparse.matrix import BsrMatrix
+from warp._src.sparse.matrix import BsrMatrix, as_blocks
 from warp._src.sparse.transposition import bsr_transposed
+from warp._src.types.dtypes import type_scalar_type
 
 
 @functools.cache
@@ -96,17 +97,7 @@ def _transposed(solver):
 
 
 def _grad_scalar(array):
-    from warp._src.types.dtypes import type_scalar_type
-
     return type_scalar_type(array.grad.dtype)
-
-
-def _scaled_values(array, matrix):
-    """The gradient of the values of a sparse matrix, as blocks of numbers."""
-    grad = array.grad
-    if grad.dtype is _grad_scalar(array):
-        return grad.reshape((grad.size, 1, 1))
-    return grad.view(_grad_scalar(array))
 
 
 def record(solver) -> None:
@@ -146,7 +137,7 @@ def record(solver) -> None:
             return
         _, add_dense, add_diagonal, add_sparse = _kernels(solver.scalar, _grad_scalar(values))
         if isinstance(matrix, BsrMatrix):
-            grad = _scaled_values(values, matrix)[: matrix.nnz]
+            grad = as_blocks(values.grad)[: matrix.nnz]
             inputs = [source, solution, matrix.uncompress_rows(), matrix.columns, grad]
             wp.launch(add_sparse, grad.shape, inputs, device=b.device)
         elif matrix.ndim == 2:

@@ -3,7 +3,7 @@
 import functools
 
 import warp as wp
-from warp._src.optim.linear.conjugate import quotient
+from warp._src.optim.linear.conjugate import quotient, step_length, watch
 from warp._src.optim.linear.operators import numbers
 from warp._src.optim.linear.state import LinearSolverState
 
@@ -25,21 +25,29 @@ def _kernels(scalar, real):
         limits: reals,
         progress: counters,
         broken: counters,
+        shortest: wp.array(dtype=wp.float64),
         factors: factors_type,
     ):
         i = wp.tid()
         residual, limit = wp.float64(residuals[i]), wp.float64(limits[i])
-        factors[_ALPHA, i] = quotient(
+        length = quotient(
             factors[_RHO, i], product[i], False, residual, limit, progress[0], broken, i
         )
+        factors[_ALPHA, i] = step_length(length, shortest, progress[0], broken, i)
 
     @kernel(name=f"bicgstab_omega_{suffix}")
-    def set_omega(products: wp.array2d(dtype=wp.float64), factors: factors_type):
+    def set_omega(
+        products: wp.array2d(dtype=wp.float64),
+        progress: counters,
+        broken: counters,
+        shortest: wp.array(dtype=wp.float64),
+        factors: factors_type,
+    ):
         i = wp.tid()
         omega = wp.float64(0.0)
         if products[1, i] > wp.float64(0.0) and factors[_ALPHA, i] != wp.float64(0.0):
             omega = products[0, i] / products[1, i]
-        factors[_OMEGA, i] = omega
+        factors[_OMEGA, i] = step_length(omega, shortest, progress[0], broken, i)
 
     @kernel(name=f"bicgstab_beta_{suffix}")
     def set_beta(
@@ -48,12 +56,14 @@ def _kernels(scalar, real):
         limits: reals,
         progress: counters,
         broken: counters,
+        least: wp.array(dtype=wp.float64),
         factors: factors_type,
     ):
         """`products`: of the residual with itself, and with the first one."""
         i = wp.tid()
         if factors[_ALPHA, i] != wp.float64(0.0):
             residuals[i] = real(products[0, i])
+            watch(products[0, i], least, progress[0], broken, i)
         residual, limit = wp.float64(residuals[i]), wp.float64(limits[i])
         rho = products[1, i]
         factors[_BETA, i] = quotient(
@@ -157,14 +167,15 @@ class BiCGSTAB(LinearSolverState):
 
     def cycle(self):
         set_alpha, set_omega, set_beta, move_halfway, move, turn = self.kernels
-        state = (self.r_norm_sq, self.atol_sq, self.progress, self.broken, self.factors)
+        state = (self.r_norm_sq, self.atol_sq, self.progress, self.broken)
         r, x, v = numbers(self.r), numbers(self.x), numbers(self.v)
         vectors = (self.factors, self.batch_of)
 
         y = self.precondition(self.p, self.y)
         self.A.matvec(y, self.v, self.v, 1.0, 0.0)
         self.dots.compute(numbers(self.first), v)
-        self.launch(set_alpha, self.batches, self.dots.row(), *state)
+        lengths = (self.shortest, self.factors)
+        self.launch(set_alpha, self.batches, self.dots.row(), *state, *lengths)
         self.launch(move_halfway, self.count, *vectors, numbers(y), v, x, r)
 
         z = self.precondition(self.r, self.z)
@@ -174,11 +185,13 @@ class BiCGSTAB(LinearSolverState):
             seen, target = z, self.precondition(self.t, self.Mt)
         self.dots.compute(numbers(target), numbers(seen))
         self.dots.compute(numbers(target), numbers(target), first=1)
-        self.launch(set_omega, self.batches, self.dots.results, self.factors)
+        self.launch(set_omega, self.batches, self.dots.results, *state[2:], *lengths)
         # Without M, z is the residual, which is about to change.
         self.launch(move, self.count, *vectors, numbers(z), numbers(self.t), x, r)
 
         self.dots.compute(r, r)
         self.dots.compute(numbers(self.first), r, first=1)
-        self.launch(set_beta, self.batches, self.dots.results, *state)
+        self.launch(
+            set_beta, self.batches, self.dots.results, *state, self.least, self.factors
+        )
         self.launch(turn, self.count, *vectors, r, v, numbers(self.p))

@@ -36,6 +36,43 @@ def quotient(
     return result
 
 
+@wp.func
+def step_length(
+    length: wp.float64,
+    shortest: wp.array(dtype=wp.float64),
+    iteration: int,
+    broken: wp.array(dtype=int),
+    batch: int,
+) -> wp.float64:
+    """`length`, or zero if it is out of proportion, which is noted as a breakdown.
+
+    Lengths of steps are the reciprocals of averages of eigenvalues: if one is 1e14 times another,
+    the matrix is as good as singular, and the step would ruin the solution.
+    """
+    size = wp.abs(length)
+    if size > wp.float64(1e14) * shortest[batch]:
+        if broken[batch] < 0:
+            broken[batch] = iteration
+        return wp.float64(0.0)
+    if size > wp.float64(0.0):
+        shortest[batch] = wp.min(shortest[batch], size)
+    return length
+
+
+@wp.func
+def watch(
+    residual: wp.float64,
+    least: wp.array(dtype=wp.float64),
+    iteration: int,
+    broken: wp.array(dtype=int),
+    batch: int,
+):
+    """Notes a system whose residual has become 1e8 times what it was, or no number."""
+    if not residual <= wp.float64(1e16) * least[batch] and broken[batch] < 0:
+        broken[batch] = iteration
+    least[batch] = wp.min(least[batch], residual)
+
+
 @functools.cache
 def _factor_kernels(real):
     kernel = functools.partial(wp.kernel, module=__name__, enable_backward=False)
@@ -49,13 +86,15 @@ def _factor_kernels(real):
         limits: wp.array(dtype=real),
         progress: wp.array(dtype=int),
         broken: wp.array(dtype=int),
+        shortest: wp.array(dtype=wp.float64),
         alpha: wp.array(dtype=wp.float64),
     ):
         i = wp.tid()
         residual, limit = wp.float64(residuals[i]), wp.float64(limits[i])
-        alpha[i] = quotient(
+        length = quotient(
             above[i], below[i], positive, residual, limit, progress[0], broken, i
         )
+        alpha[i] = step_length(length, shortest, progress[0], broken, i)
 
     @kernel(name=f"linear_turn_{real.__name__}")
     def set_turn(
@@ -64,6 +103,9 @@ def _factor_kernels(real):
         before: wp.array(dtype=wp.float64),
         alpha: wp.array(dtype=wp.float64),
         residuals: wp.array(dtype=real),
+        progress: wp.array(dtype=int),
+        broken: wp.array(dtype=int),
+        least: wp.array(dtype=wp.float64),
         beta: wp.array(dtype=wp.float64),
     ):
         i = wp.tid()
@@ -71,6 +113,7 @@ def _factor_kernels(real):
         # A system at rest keeps its residual.
         if alpha[i] != wp.float64(0.0):
             residuals[i] = real(squares[i])
+            watch(squares[i], least, progress[0], broken, i)
             if before[i] != wp.float64(0.0):
                 beta[i] = product[i] / before[i]
         before[i] = product[i]
@@ -174,13 +217,14 @@ class _Restartable(LinearSolverState):
 
     def set_step(self, above, below, positive):
         kernel, _ = _factor_kernels(self.real)
-        state = (self.r_norm_sq, self.atol_sq, self.progress, self.broken, self.alpha)
-        self.launch(kernel, self.batches, above, below, positive, *state)
+        state = (self.r_norm_sq, self.atol_sq, self.progress, self.broken, self.shortest)
+        self.launch(kernel, self.batches, above, below, positive, *state, self.alpha)
 
     def set_turn(self, squares, product):
         _, kernel = _factor_kernels(self.real)
-        arrays = (squares, product, self.before, self.alpha, self.r_norm_sq, self.beta)
-        self.launch(kernel, self.batches, *arrays)
+        arrays = (squares, product, self.before, self.alpha, self.r_norm_sq)
+        state = (self.progress, self.broken, self.least, self.beta)
+        self.launch(kernel, self.batches, *arrays, *state)
 
     def move(self, p, q, x, r):
         kernel, _ = vector_kernels(self.scalar)

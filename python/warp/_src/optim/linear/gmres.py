@@ -69,6 +69,7 @@ def _kernels(scalar, real):
         column: int,
         H: hessenberg,
         norms: wp.array(dtype=wp.float64),
+        exhausted: counters,
     ):
         """The norm of what is left of a vector, zero if that is rounding only."""
         batch = wp.tid()
@@ -78,6 +79,7 @@ def _kernels(scalar, real):
             whole += H[batch, row, column] * H[batch, row, column]
         if not norm > wp.float64(wp.static(4e-16 if scalar is wp.float64 else 2e-7)) * wp.sqrt(whole):
             norm = wp.float64(0.0)
+            exhausted[batch] = 1
         norms[batch] = norm
         H[batch, column + 1, column] = norm
 
@@ -128,14 +130,14 @@ def _kernels(scalar, real):
         before: wp.array(dtype=real),
         residuals: wp.array(dtype=real),
         limits: wp.array(dtype=real),
-        H: hessenberg,
+        exhausted: counters,
         progress: counters,
         broken: counters,
     ):
-        """A cycle that got nowhere, and could not go on, is a breakdown."""
+        """A cycle that got nowhere in a space that cannot be extended is a breakdown."""
         i = wp.tid()
         rest = residuals[i]
-        if broken[i] < 0 and not rest <= limits[i]:
+        if broken[i] < 0 and exhausted[i] != 0 and not rest <= limits[i]:
             if not rest < real(0.999999) * before[i]:
                 broken[i] = progress[0]
         before[i] = rest
@@ -186,6 +188,7 @@ class GMRES(LinearSolverState):
             wp.zeros(self.batches, dtype=wp.float64, device=device) for _ in range(2)
         )
         self.before = wp.zeros_like(self.r_norm_sq)
+        self.exhausted = wp.zeros_like(self.broken)
         self.projections = Dots(self.offsets, self.length, self.scalar, size + 1)
         self.kernels = _kernels(self.scalar, self.real)
         self.w, self.u = (
@@ -210,6 +213,7 @@ class GMRES(LinearSolverState):
     def cycle(self):
         normalize, _, combine, add, _, _, root, solve, judge = self.kernels
         self.H.zero_()
+        self.exhausted.zero_()
         z = self.r.flatten()
         if self.left and self.M is not None:
             self.M.matvec(z, self.w, self.w, 1.0, 0.0)
@@ -230,8 +234,8 @@ class GMRES(LinearSolverState):
             step = self.u
         self.launch(add, self.count, numbers(step), self.batch_of, numbers(self.x))
         self.residual(self.r)
-        state = (self.before, self.r_norm_sq, self.atol_sq, self.H, self.progress, self.broken)
-        self.launch(judge, self.batches, *state)
+        state = (self.before, self.r_norm_sq, self.atol_sq, self.exhausted, self.progress)
+        self.launch(judge, self.batches, *state, self.broken)
 
     def _extend(self, k) -> None:
         """Finds the next vector of the basis."""
@@ -246,7 +250,8 @@ class GMRES(LinearSolverState):
             self.launch(subtract, self.count, self.basis, factors, k + 1, self.batch_of, w)
             self.launch(note, (k + 1, self.batches), factors, k, self.H)
         self.dots.compute(w, w)
-        self.launch(note_norm, self.batches, self.dots.row(), k, self.H, self.norms)
+        arrays = (self.H, self.norms, self.exhausted)
+        self.launch(note_norm, self.batches, self.dots.row(), k, *arrays)
         self.launch(normalize, self.count, w, self.norms, self.batch_of, self.basis[k + 1])
 
 

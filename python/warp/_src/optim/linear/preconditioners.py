@@ -3,9 +3,10 @@
 import functools
 
 import warp as wp
+from warp._src.arrays.observers import Observing
 from warp._src.optim.linear.operators import LinearOperator, diagonal_matvec, numbers
 from warp._src.sparse.diagonal import bsr_get_diag
-from warp._src.sparse.matrix import BsrMatrix
+from warp._src.sparse.matrix import BsrMatrix, as_blocks
 from warp._src.types.dtypes import is_array, type_repr
 
 
@@ -158,16 +159,12 @@ def _diagonal(A):
     if isinstance(A, LinearOperator) and A.matrix is not None:
         A = A.matrix
     if isinstance(A, BsrMatrix):
-        blocks = bsr_get_diag(A)
-        if blocks.dtype is A.scalar_type:
-            return blocks.reshape((blocks.size, 1, 1))
-        return blocks.view(A.scalar_type)
+        return as_blocks(bsr_get_diag(A))
     if is_array(A) and A.ndim == 2 and A.is_contiguous:
         step = (A.shape[1] + 1) * A.item_size
         return A._view(0, (min(A.shape), 1, 1), (step, step, step))
     if is_array(A) and A.ndim == 1:
-        values = numbers(A)
-        return values.reshape((values.size, 1, 1))
+        return as_blocks(numbers(A))
     raise ValueError("Unsupported source matrix type for building diagonal preconditioner")
 
 
@@ -235,10 +232,12 @@ def preconditioner(A, ptype: str = "diag") -> LinearOperator | None:
     """
     if ptype == "id":
         return None
-    if ptype in ("diag", "diag_abs"):
-        return _jacobi(A, ptype == "diag_abs")
-    if ptype in ("block_jacobi_direct", "block_jacobi_sequential", "block_jacobi_tile"):
-        return _block_jacobi(A, ptype)
+    # Solutions do not depend on the preconditioner.
+    with Observing(tape=None):
+        if ptype in ("diag", "diag_abs"):
+            return _jacobi(A, ptype == "diag_abs")
+        if ptype in ("block_jacobi_direct", "block_jacobi_sequential", "block_jacobi_tile"):
+            return _block_jacobi(A, ptype)
     if ptype == "fsai":
         raise NotImplementedError("factorized sparse approximate inverses are not there yet")
     raise ValueError(f"Unsupported preconditioner type '{ptype}'")

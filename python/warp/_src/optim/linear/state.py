@@ -16,6 +16,7 @@ from warp._src.arrays.observers import Observers, Observing
 from warp._src.optim.linear.dots import Dots
 from warp._src.optim.linear.operators import aslinearoperator, numbers
 from warp._src.types.dtypes import type_scalar_type, types_equal
+from warp._src.version import calling_frame
 
 _EPSILON = {wp.float64: 1e-16, wp.float32: 1e-8, wp.float16: 1e-4}
 
@@ -167,6 +168,10 @@ class LinearSolverState:
         self.r_norm_sq = wp.zeros(self.batches, dtype=self.real, device=self.device)
         self.atol_sq = wp.zeros(self.batches, dtype=self.real, device=self.device)
         self.broken = wp.empty(self.batches, dtype=int, device=self.device)
+        # The smallest residual so far, squared, and the shortest step.
+        self.least, self.shortest = (
+            wp.empty(self.batches, dtype=wp.float64, device=self.device) for _ in range(2)
+        )
         # Iterations so far, and whether there shall be more.
         self.progress = wp.zeros(2, dtype=int, device=self.device)
         self.dots = Dots(self.offsets, self.length, self.scalar, 2)
@@ -252,6 +257,8 @@ class LinearSolverState:
         tol, atol = tolerances(self.scalar, tol, atol)
         set_tolerance, set_condition, _ = _kernels(self.real)
         self.broken.fill_(-1)
+        self.least.fill_(math.inf)
+        self.shortest.fill_(math.inf)
         self.breakdown = None
         self.dots.compute(numbers(self.b), numbers(self.b))
         self.launch(set_tolerance, self.batches, self.dots.row(), tol, atol, self.atol_sq)
@@ -294,6 +301,7 @@ class LinearSolverState:
                 self.start()
                 squares = self.r_norm_sq.numpy().astype(float)
                 if (broken >= 0).any() or squares.max() > true_before / 2:
+                    # As good as numbers of this type get.
                     break
                 true_before = squares.max()
             if callback is not None and not (squares <= limits).all():
@@ -314,11 +322,14 @@ class LinearSolverState:
         if unsolved.any():
             batch = int(unsolved.argmax())
             system = f" of system {batch}" if self.batches > 1 else ""
-            warnings.warn(
+            frame = calling_frame()
+            warnings.warn_explicit(
                 f"{self.name}: breakdown{system} in iteration {broken[batch]}: the matrix is "
                 f"singular, or not of the kind that this method needs; the residual is "
                 f"{math.sqrt(abs(squares[batch])):.3g}",
-                stacklevel=4,
+                UserWarning,
+                frame.f_code.co_filename,
+                frame.f_lineno,
             )
 
     def _loop_on_device(self, callback, use_graph, set_condition) -> None:
