@@ -239,8 +239,8 @@ static void checkSegments(const Pairs &pairs, const int32_t *begins,
   for (int64_t i = 0; i < segments; ++i)
     if (begins[i] < 0 || begins[i] > ends[i] || ends[i] > pairs.count)
       throw Error(Error::Kind::Value,
-                  "Invalid segment range at index " + std::to_string(i) + ": [" +
-                      std::to_string(begins[i]) + ", " +
+                  "Invalid segment range at index " + std::to_string(i) +
+                      ": [" + std::to_string(begins[i]) + ", " +
                       std::to_string(ends[i]) + "), expected 0 <= start <= " +
                       "end <= " + std::to_string(pairs.count));
 }

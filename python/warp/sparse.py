@@ -4,6 +4,7 @@ Made of triplets of row, column and block; then sums, products, transposed matri
 Operations leave new topologies on the device; `BsrMatrix.nnz_sync` waits for the number of blocks.
 """
 
+from warp._src.sparse import operations as _operations  # noqa: F401 (operators of matrices)
 from warp._src.sparse.addition import bsr_axpy as bsr_axpy
 from warp._src.sparse.addition import bsr_axpy_work_arrays as bsr_axpy_work_arrays
 from warp._src.sparse.addition import bsr_scale as bsr_scale

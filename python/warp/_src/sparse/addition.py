@@ -4,6 +4,7 @@ import functools
 
 import warp as wp
 from warp._src.sparse import sums
+from warp._src.sparse.assignment import bsr_copy
 from warp._src.sparse.entries import check_topology, collect, fresh_values
 from warp._src.sparse.expressions import matrix_and_factor
 from warp._src.sparse.matrix import BsrMatrix, new_matrix
@@ -28,8 +29,6 @@ def bsr_scale(x, alpha) -> BsrMatrix:
     """Multiplies a matrix by a number, in place, and returns it. Differentiable."""
     matrix, factor = matrix_and_factor(x)
     if matrix is not x:
-        from warp._src.sparse.assignment import bsr_copy
-
         return bsr_copy(x * alpha)
     if alpha * factor != 1.0:
         blocks = matrix.scalar_values
@@ -85,9 +84,7 @@ def bsr_axpy(
     topology = check_topology(y, topology)
     if y is None:
         if topology != "compact":
-            raise ValueError(
-                "Left-hand-side 'y' matrix must be provided for this topology policy"
-            )
+            raise ValueError("Left-hand-side 'y' matrix must be provided for this topology policy")
         y, beta = new_matrix(x.nrow, x.ncol, x.dtype, x.device), 0.0
         y.values.requires_grad = x.requires_grad
     check_operands(x, y)

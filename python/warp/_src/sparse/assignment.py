@@ -1,6 +1,5 @@
 """Copies of matrices, also to other types and shapes of blocks, and compression."""
 
-
 import warp as wp
 from warp._src.sparse import sums
 from warp._src.sparse.entries import (
@@ -10,6 +9,7 @@ from warp._src.sparse.entries import (
 )
 from warp._src.sparse.expressions import matrix_and_factor
 from warp._src.sparse.matrix import BsrMatrix, new_matrix
+from warp._src.sparse.storage import bsr_set_zero
 from warp._src.sparse.triplets import nonzero_blocks
 
 
@@ -185,8 +185,6 @@ def _gather_room(
 
 
 def _copy_room(result, source) -> None:
-    from warp._src.sparse.storage import bsr_set_zero
-
     down = max(1, source.block_shape[0] // result.block_shape[0])
     up = max(1, result.block_shape[0] // source.block_shape[0])
     factor = max(1, source.block_shape[1] // result.block_shape[1])

@@ -51,9 +51,7 @@ def bsr_get_diag(A, out=None):
     elif not types_equal(out.dtype, matrix.dtype):
         raise ValueError(f"Output array must have type {matrix.dtype}, got {out.dtype}")
     elif out.device != matrix.device:
-        raise ValueError(
-            f"Output array must reside on device {matrix.device}, got {out.device}"
-        )
+        raise ValueError(f"Output array must reside on device {matrix.device}, got {out.device}")
     elif out.shape[0] < count:
         raise ValueError(f"Output array must be of length at least {count}, got {out.shape[0]}")
     inputs = [matrix.offsets, matrix.columns, matrix._counts(), factor, matrix.scalar_values]
@@ -110,7 +108,9 @@ def bsr_set_diag(
         wp.copy(A.values, diag, count=count)
     elif is_scalar(diag) and type_is_matrix(A.dtype):
         rows, cols = A.block_shape
-        A.values.fill_(A.dtype([float(diag) if i == j else 0.0 for i in range(rows) for j in range(cols)]))
+        A.values.fill_(
+            A.dtype([float(diag) if i == j else 0.0 for i in range(rows) for j in range(cols)])
+        )
     else:
         A.values.fill_(diag)
 

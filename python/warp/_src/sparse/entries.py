@@ -86,7 +86,9 @@ def _kernels(key):
         marks[i] = wp.where(new, 1, 0)
 
     @kernel(name=f"sparse_offsets_{suffix}")
-    def offsets_of(keys: keys_type, places: wp.array(dtype=int), ncol: int, offsets: wp.array(dtype=int)):
+    def offsets_of(
+        keys: keys_type, places: wp.array(dtype=int), ncol: int, offsets: wp.array(dtype=int)
+    ):
         row = wp.tid()
         before = first_not_below(keys, key(row) * key(ncol))
         offsets[row] = 0

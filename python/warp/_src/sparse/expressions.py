@@ -2,6 +2,14 @@
 
 from __future__ import annotations
 
+from warp._src.types.dtypes import is_array
+
+
+class Operations:
+    """What operators do, which is made of matrices: put here by `sparse.operations`."""
+
+    axpy = copy = product = vector_product = transposed = None
+
 
 class Operators:
     """Operators of what has `scaled`, a pair of a matrix and a factor.
@@ -13,25 +21,16 @@ class Operators:
     _wp_multiplies_vectors_ = True
 
     def __add__(self, y):
-        from warp._src.sparse.addition import bsr_axpy
-        from warp._src.sparse.assignment import bsr_copy
-
-        return bsr_axpy(y, bsr_copy(self))
+        return Operations.axpy(y, Operations.copy(self))
 
     def __radd__(self, x):
         return self.__add__(x)
 
     def __sub__(self, y):
-        from warp._src.sparse.addition import bsr_axpy
-        from warp._src.sparse.assignment import bsr_copy
-
-        return bsr_axpy(y, bsr_copy(self), alpha=-1.0)
+        return Operations.axpy(y, Operations.copy(self), alpha=-1.0)
 
     def __rsub__(self, x):
-        from warp._src.sparse.addition import bsr_axpy
-        from warp._src.sparse.assignment import bsr_copy
-
-        return bsr_axpy(self, bsr_copy(x), alpha=-1.0)
+        return Operations.axpy(self, Operations.copy(x), alpha=-1.0)
 
     def __mul__(self, y):
         matrix, factor = self.scaled
@@ -47,31 +46,23 @@ class Operators:
         return self.__mul__(-1.0)
 
     def __matmul__(self, y):
-        from warp._src.sparse.product import bsr_mm
-        from warp._src.sparse.vector_product import bsr_mv
-        from warp._src.types.dtypes import is_array
-
-        return bsr_mv(self, y) if is_array(y) else bsr_mm(self, y)
+        return Operations.vector_product(self, y) if is_array(y) else Operations.product(self, y)
 
     def __rmatmul__(self, x):
-        from warp._src.sparse.product import bsr_mm
-        from warp._src.sparse.vector_product import bsr_mv
-        from warp._src.types.dtypes import is_array
-
-        return bsr_mv(self, x, transpose=True) if is_array(x) else bsr_mm(x, self)
+        return (
+            Operations.vector_product(self, x, transpose=True)
+            if is_array(x)
+            else Operations.product(x, self)
+        )
 
     def eval(self):
         """The matrix, multiplied by its factor if there is one."""
-        from warp._src.sparse.assignment import bsr_copy
-
         matrix, factor = self.scaled
-        return matrix if factor == 1.0 else bsr_copy(self)
+        return matrix if factor == 1.0 else Operations.copy(self)
 
     def transpose(self):
         """A transposed copy."""
-        from warp._src.sparse.transposition import bsr_transposed
-
-        return bsr_transposed(self)
+        return Operations.transposed(self)
 
 
 class Scaled(Operators):

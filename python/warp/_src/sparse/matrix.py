@@ -132,9 +132,7 @@ class BsrMatrix(Operators):
         if out is None:
             out = wp.empty(self.nnz, dtype=int, device=self.device)
         elif out.ndim != 1 or out.size < self.nnz or out.dtype is not wp.int32:
-            raise ValueError(
-                f"expects an int32 array of at least {self.nnz} elements, got {out!r}"
-            )
+            raise ValueError(f"expects an int32 array of at least {self.nnz} elements, got {out!r}")
         inputs = [self.offsets, self.nrow, self._counts(), out]
         wp.launch(_write_rows, self.nnz, inputs, device=self.device)
         return out

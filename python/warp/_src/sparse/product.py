@@ -169,9 +169,7 @@ def bsr_mm(
         raise ValueError("reuse_topology is only supported with topology='compact'")
     if z is None:
         if topology != "compact":
-            raise ValueError(
-                "Left-hand-side 'z' matrix must be provided for this topology policy"
-            )
+            raise ValueError("Left-hand-side 'z' matrix must be provided for this topology policy")
         z, beta = _result(x, y), 0.0
     _check_shapes(x, y, z)
     if topology == "masked":

@@ -36,9 +36,7 @@ def _set_room(bsr, row_capacity, nnz_capacity) -> None:
     if row_capacity.dtype is not wp.int32:
         raise TypeError("row_capacity array must have dtype int32")
     if row_capacity.device != device:
-        raise ValueError(
-            f"row_capacity array must reside on {device}, got {row_capacity.device}"
-        )
+        raise ValueError(f"row_capacity array must reside on {device}, got {row_capacity.device}")
     bsr.offsets = wp.zeros(bsr.nrow + 1, dtype=int, device=device)
     if bsr.nrow:
         wp.copy(bsr.offsets, row_capacity.contiguous(), dest_offset=1, count=bsr.nrow)
@@ -136,7 +134,5 @@ def bsr_zeros(
         raise ValueError(f"Unsupported topology policy: {topology}")
     if topology == "padded" and row_capacity is None:
         row_capacity = 0
-    bsr_set_zero(
-        result, topology=topology, row_capacity=row_capacity, nnz_capacity=nnz_capacity
-    )
+    bsr_set_zero(result, topology=topology, row_capacity=row_capacity, nnz_capacity=nnz_capacity)
     return result

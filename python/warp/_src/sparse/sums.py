@@ -174,7 +174,9 @@ def cast_kernel(source_type, target_type):
         for entry in range(begins[slot], ends[slot]):
             block = order[entry] // pieces
             row = dest_rows[slot] * dest.shape[1] + i - source_rows[block] * source.shape[1]
-            column = dest_columns[slot] * dest.shape[2] + j - source_columns[block] * source.shape[2]
+            column = (
+                dest_columns[slot] * dest.shape[2] + j - source_columns[block] * source.shape[2]
+            )
             inside = row >= 0 and row < source.shape[1]
             if inside and column >= 0 and column < source.shape[2]:
                 total += factor * target_type(source[block, row, column])

@@ -86,8 +86,7 @@ def _vector(array, name, scalar, count, width):
     length = type_size(array.dtype)
     if not types_equal(type_scalar_type(array.dtype), scalar):
         why = (
-            f"Incompatible scalar types, expected {type_repr(scalar)}, got "
-            f"{type_repr(array.dtype)}"
+            f"Incompatible scalar types, expected {type_repr(scalar)}, got {type_repr(array.dtype)}"
         )
     elif array.ndim not in (1, 2):
         why = f"Incompatible array number of dimensions, expected 1 or 2, got {array.ndim}"

@@ -60,7 +60,10 @@ def _axis_kernels(dtype):
 
     @kernel(name=f"array_inner_axis_{type_repr(dtype)}")
     def multiply(
-        a: wp.array4d(dtype=dtype), b: wp.array4d(dtype=dtype), count: int, out: wp.array3d(dtype=real)
+        a: wp.array4d(dtype=dtype),
+        b: wp.array4d(dtype=dtype),
+        count: int,
+        out: wp.array3d(dtype=real),
     ):
         i, j, k = wp.tid()
         total = real()
@@ -107,8 +110,10 @@ class _Reduction:
         count = length if count is None else count
         if not 0 <= count <= length:
             raise errors.WarpError(f"{name}() takes 0 to {length} elements, got a count of {count}")
-        shape = (1,) if axis is None else tuple(
-            1 if i == axis else n for i, n in enumerate(first.shape)
+        shape = (
+            (1,)
+            if axis is None
+            else tuple(1 if i == axis else n for i, n in enumerate(first.shape))
         )
         self.axis, self.count, self.on_host = axis, count, out is None
         if out is None:
@@ -269,9 +274,7 @@ def array_cast(in_array, out_array, count: int | None = None) -> None:
             wp.copy(out_array, in_array, count=count)
         return
     if in_array.ndim > 1 and in_array.shape != out_array.shape:
-        raise errors.WarpError(
-            f"Array shapes do not match ({in_array.shape} vs {out_array.shape})"
-        )
+        raise errors.WarpError(f"Array shapes do not match ({in_array.shape} vs {out_array.shape})")
     if not 0 <= count <= min(in_array.size, out_array.size):
         raise errors.WarpError(
             f"Cast count ({count}) exceeds the input size ({in_array.size}) or output size "

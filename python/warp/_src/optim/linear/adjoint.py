@@ -9,10 +9,16 @@ import functools
 
 import warp as wp
 from warp._src.arrays.observers import Observers
-from warp._src.optim.linear.operators import LinearOperator, dense_matvec, numbers
+from warp._src.optim.linear.operators import (
+    LinearOperator,
+    dense_matvec,
+    numbers,
+    sparse_matvec,
+)
 from warp._src.sparse.matrix import BsrMatrix, as_blocks
 from warp._src.sparse.transposition import bsr_transposed
 from warp._src.types.dtypes import type_scalar_type
+from warp._src.utils.reductions import array_cast
 
 
 @functools.cache
@@ -74,8 +80,6 @@ def _transposed(solver):
     if solver.symmetric:
         return operator
     if isinstance(matrix, BsrMatrix):
-        from warp._src.optim.linear.operators import sparse_matvec
-
         matvec = sparse_matvec(bsr_transposed(matrix))
     elif matrix is not None and matrix.ndim == 2:
         matvec = dense_matvec(matrix, transposed=True)
@@ -112,7 +116,7 @@ def record(solver) -> None:
     def backward():
         matrix = A.matrix
         seed = wp.empty_like(x, requires_grad=False)
-        wp.utils.array_cast(x.grad, seed)
+        array_cast(x.grad, seed)
         left = wp.zeros_like(seed)
         options = dict(tol=tol, atol=0.0 if atol is None else atol, maxiter=solver.maxiter)
         # A preconditioner for A is none for its transposed.

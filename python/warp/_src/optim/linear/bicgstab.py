@@ -90,9 +90,7 @@ def _kernels(scalar, real):
             r[i] = scalar(wp.float64(r[i]) - alpha * wp.float64(v[i]))
 
     @kernel(name=f"bicgstab_move_{suffix}")
-    def move(
-        factors: factors_type, batch_of: counters, z: vector, t: vector, x: vector, r: vector
-    ):
+    def move(factors: factors_type, batch_of: counters, z: vector, t: vector, x: vector, r: vector):
         i = wp.tid()
         batch = batch_of[i]
         if batch >= 0:
@@ -191,7 +189,5 @@ class BiCGSTAB(LinearSolverState):
 
         self.dots.compute(r, r)
         self.dots.compute(numbers(self.first), r, first=1)
-        self.launch(
-            set_beta, self.batches, self.dots.results, *state, self.least, self.factors
-        )
+        self.launch(set_beta, self.batches, self.dots.results, *state, self.least, self.factors)
         self.launch(turn, self.count, *vectors, r, v, numbers(self.p))

@@ -30,7 +30,11 @@ def quotient(
     if broken[batch] >= 0 or residual <= limit:
         return wp.float64(0.0)
     result = above / below
-    if below == wp.float64(0.0) or not wp.isfinite(result) or (positive and below < wp.float64(0.0)):
+    if (
+        below == wp.float64(0.0)
+        or not wp.isfinite(result)
+        or (positive and below < wp.float64(0.0))
+    ):
         broken[batch] = iteration
         return wp.float64(0.0)
     return result
@@ -91,9 +95,7 @@ def _factor_kernels(real):
     ):
         i = wp.tid()
         residual, limit = wp.float64(residuals[i]), wp.float64(limits[i])
-        length = quotient(
-            above[i], below[i], positive, residual, limit, progress[0], broken, i
-        )
+        length = quotient(above[i], below[i], positive, residual, limit, progress[0], broken, i)
         alpha[i] = step_length(length, shortest, progress[0], broken, i)
 
     @kernel(name=f"linear_turn_{real.__name__}")

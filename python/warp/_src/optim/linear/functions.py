@@ -32,7 +32,9 @@ def cg(
         Iterations, norm of the residual b - A x, and absolute tolerance; arrays on the device, the
         last two squared, if `check_every` is zero.
     """
-    solver = CG(A, b, x, tol, atol, maxiter, M, callback, check_every, use_cuda_graph, restart=restart)
+    solver = CG(
+        A, b, x, tol, atol, maxiter, M, callback, check_every, use_cuda_graph, restart=restart
+    )
     return solver() if run else solver
 
 
@@ -52,7 +54,9 @@ def cr(
     restart: int | None = None,
 ):
     """Solves A x = b for a symmetric matrix by conjugate residuals; see `cg`."""
-    solver = CR(A, b, x, tol, atol, maxiter, M, callback, check_every, use_cuda_graph, restart=restart)
+    solver = CR(
+        A, b, x, tol, atol, maxiter, M, callback, check_every, use_cuda_graph, restart=restart
+    )
     return solver() if run else solver
 
 

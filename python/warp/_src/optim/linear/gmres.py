@@ -21,9 +21,7 @@ def _kernels(scalar, real):
     hessenberg = wp.array3d(dtype=wp.float64)
 
     @kernel(name=f"gmres_normalize_{suffix}")
-    def normalize(
-        w: vector, norms: wp.array(dtype=wp.float64), batch_of: counters, result: vector
-    ):
+    def normalize(w: vector, norms: wp.array(dtype=wp.float64), batch_of: counters, result: vector):
         i = wp.tid()
         batch = batch_of[i]
         if batch >= 0:
@@ -77,7 +75,9 @@ def _kernels(scalar, real):
         whole = norm * norm
         for row in range(column + 1):
             whole += H[batch, row, column] * H[batch, row, column]
-        if not norm > wp.float64(wp.static(4e-16 if scalar is wp.float64 else 2e-7)) * wp.sqrt(whole):
+        if not norm > wp.float64(wp.static(4e-16 if scalar is wp.float64 else 2e-7)) * wp.sqrt(
+            whole
+        ):
             norm = wp.float64(0.0)
             exhausted[batch] = 1
         norms[batch] = norm
@@ -89,9 +89,7 @@ def _kernels(scalar, real):
         norms[batch] = wp.sqrt(square[batch])
 
     @kernel(name=f"gmres_solve_{suffix}")
-    def solve(
-        H: hessenberg, first: wp.array(dtype=wp.float64), rhs: squares, y: squares
-    ):
+    def solve(H: hessenberg, first: wp.array(dtype=wp.float64), rhs: squares, y: squares):
         """Least squares of H y = first e_0, by rotations and substitution."""
         batch = wp.tid()
         size = y.shape[0]
@@ -191,9 +189,7 @@ class GMRES(LinearSolverState):
         self.exhausted = wp.zeros_like(self.broken)
         self.projections = Dots(self.offsets, self.length, self.scalar, size + 1)
         self.kernels = _kernels(self.scalar, self.real)
-        self.w, self.u = (
-            wp.zeros(length, dtype=self.b.dtype, device=device) for _ in range(2)
-        )
+        self.w, self.u = (wp.zeros(length, dtype=self.b.dtype, device=device) for _ in range(2))
 
     def start(self):
         self.residual(self.r)
@@ -220,9 +216,7 @@ class GMRES(LinearSolverState):
             z = self.w
         self.dots.compute(numbers(z), numbers(z))
         self.launch(root, self.batches, self.dots.row(), self.first)
-        self.launch(
-            normalize, self.count, numbers(z), self.first, self.batch_of, self.basis[0]
-        )
+        self.launch(normalize, self.count, numbers(z), self.first, self.batch_of, self.basis[0])
         for k in range(self.cycle_size):
             self._extend(k)
         self.launch(solve, self.batches, self.H, self.first, self.rhs, self.y)

@@ -15,9 +15,7 @@ def _inverse_kernel(scalar):
     """Inverses of the numbers on the diagonals of blocks; zeros count as ones."""
 
     @wp.kernel(name=f"linear_inverse_{scalar.__name__}", module=__name__, enable_backward=False)
-    def invert(
-        blocks: wp.array3d(dtype=scalar), absolute: bool, result: wp.array2d(dtype=scalar)
-    ):
+    def invert(blocks: wp.array3d(dtype=scalar), absolute: bool, result: wp.array2d(dtype=scalar)):
         block, i = wp.tid()
         value = blocks[block, i, i]
         if absolute:

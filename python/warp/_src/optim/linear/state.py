@@ -13,6 +13,7 @@ import warnings
 import warp as wp
 from warp import _native
 from warp._src.arrays.observers import Observers, Observing
+from warp._src.optim.linear.adjoint import record
 from warp._src.optim.linear.dots import Dots
 from warp._src.optim.linear.operators import aslinearoperator, numbers
 from warp._src.types.dtypes import type_scalar_type, types_equal
@@ -137,7 +138,9 @@ class LinearSolverState:
             raise ValueError(f"expects a square matrix, got shape {A.shape}")
         for name, vector in (("b", b), ("x", x)):
             if vector.device != A.device:
-                raise ValueError(f"Incompatible {name}.device: expected {A.device}, got {vector.device}")
+                raise ValueError(
+                    f"Incompatible {name}.device: expected {A.device}, got {vector.device}"
+                )
             if not types_equal(type_scalar_type(vector.dtype), A.scalar_type):
                 raise ValueError(
                     f"Incompatible {name}.dtype: expected numbers of type {A.scalar_type.__name__}, "
@@ -213,8 +216,6 @@ class LinearSolverState:
         """
         self._replace(A, b, x, M)
         if Observers.tape is not None:
-            from warp._src.optim.linear.adjoint import record
-
             record(self)
         with Observing(tape=None):
             return self._solve()
