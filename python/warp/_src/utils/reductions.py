@@ -9,7 +9,7 @@ import warp as wp
 from warp import _native
 from warp._src import errors
 from warp._src.types.dtypes import (
-    dtype_of,
+    canonical,
     float32,
     float64,
     type_repr,
@@ -164,7 +164,7 @@ def array_sum(values, out=None, value_count: int | None = None, axis: int | None
         RuntimeError: device, type or shape of `out` do not fit, or the type of `values`.
         NotImplementedError: a graph is being captured and there is no `out`.
     """
-    task = _Reduction("array_sum", values, out, dtype_of(values.dtype), value_count, axis)
+    task = _Reduction("array_sum", values, out, canonical(values.dtype), value_count, axis)
     return task.run(_sum_kernel, lambda dtype: _axis_kernels(dtype)[0], values)
 
 
