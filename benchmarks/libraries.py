@@ -116,7 +116,7 @@ class Bench:
             )
 
     def laplacian(self, block):
-        """The matrix of a five-point stencil, in blocks; and its numbers for others."""
+        """The matrix of a five-point stencil, in blocks."""
         side = self.side // block
         n = side * side
         i = np.arange(n)
@@ -134,10 +134,9 @@ class Bench:
         data = wp.array(numbers, dtype=wp.float32, device=self.device)
         matrix = wp.sparse.bsr_from_triplets(n, n, *parts, data)
         matrix.nnz_sync()
-        return matrix, (rows, columns, numbers)
+        return matrix
 
-    def other_products(self, matrix, parts, x, block):
-        rows, columns, numbers = parts
+    def other_products(self, matrix, x, block):
         scipy = optional("scipy.sparse") if self.device.is_cpu else None
         if scipy:
             arrays = (matrix.values.numpy(), matrix.columns.numpy(), matrix.offsets.numpy())
@@ -156,11 +155,11 @@ class Bench:
 
     def sparse(self) -> None:
         for block in (1, 3):
-            matrix, parts = self.laplacian(block)
+            matrix = self.laplacian(block)
             dtype = wp.float32 if block == 1 else wp.vec3
             x = wp.ones(matrix.ncol, dtype=dtype, device=self.device)
             y = wp.zeros_like(x)
-            others = self.other_products(matrix, parts, x, block)
+            others = self.other_products(matrix, x, block)
             name = f"product with a vector, blocks of {block}"
             moved = matrix.nnz * (4 + 4 * block * block) + 12 * matrix.shape[0]
             self.add(
@@ -172,7 +171,7 @@ class Bench:
             )
 
     def solves(self) -> None:
-        matrix, _ = self.laplacian(1)
+        matrix = self.laplacian(1)
         b = wp.ones(matrix.nrow, dtype=wp.float32, device=self.device)
         x = wp.zeros_like(b)
         # 100 iterations without checks.
@@ -197,7 +196,7 @@ class Bench:
             x.zero_()
             solver()
 
-        self.add("100 iterations of CG", ours, others, 1e-7, "kiteration/s")
+        self.add("100 iterations of CG", ours, others, 1e8, "kiteration/s")
 
     def run(self) -> dict:
         for case in (self.sorts, self.scans, self.sparse, self.solves):
