@@ -6,6 +6,9 @@
 #
 # warp_add_device_bitcode(NAME TARGET x86-64|nvptx SOURCES file...) compiles
 # freestanding C++ to one LLVM bitcode module and embeds it under NAME.
+#
+# warp_add_device_kernels(SOURCE) compiles a file of kernels in freestanding C++
+# to PTX and embeds it, terminated by a zero, as cuda_<stem of the file>.
 
 function(warp_embed_file name file)
   cmake_parse_arguments(arg "" "" "DEPENDS" ${ARGN})
@@ -69,4 +72,24 @@ function(warp_add_device_bitcode name)
   add_custom_target(${name}_bitcode DEPENDS "${linked}")
   warp_embed_file(${name} "${linked}")
   add_dependencies(warp_embed_${name} ${name}_bitcode)
+endfunction()
+
+function(warp_add_device_kernels source)
+  get_filename_component(source "${source}" ABSOLUTE)
+  get_filename_component(stem "${source}" NAME_WE)
+  set(folder "${PROJECT_BINARY_DIR}/bitcode/cuda")
+  file(MAKE_DIRECTORY "${folder}")
+  set(ptx "${folder}/${stem}.ptx")
+  add_custom_command(OUTPUT "${ptx}"
+    COMMAND "${WARP_CLANG}" --target=nvptx64-nvidia-cuda -march=sm_75 -nogpulib
+      -Xclang -target-feature -Xclang -ptx88 -Xclang -target-feature -Xclang +ptx80
+      -std=c++20 -O3 -ffreestanding
+      -fno-exceptions -fno-rtti -ffp-contract=off -fvisibility=hidden
+      -nostdinc++ -Wall -Wextra -MD -MF "${ptx}.d" -MT "${ptx}"
+      -S "${source}" -o "${ptx}"
+    DEPENDS "${source}" DEPFILE "${ptx}.d"
+    COMMENT "Building PTX ${stem}" VERBATIM)
+  add_custom_target(cuda_${stem}_ptx DEPENDS "${ptx}")
+  warp_embed_file(cuda_${stem} "${ptx}")
+  add_dependencies(warp_embed_cuda_${stem} cuda_${stem}_ptx)
 endfunction()

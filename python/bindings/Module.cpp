@@ -8,6 +8,7 @@
 
 namespace warp::python {
 void bindRegions(pybind11::module_ &m);
+void bindSequences(pybind11::module_ &m);
 } // namespace warp::python
 
 PYBIND11_MODULE(_native, m) {
@@ -19,6 +20,7 @@ PYBIND11_MODULE(_native, m) {
   warp::python::bindDevices(m);
   warp::python::bindMemory(m);
   warp::python::bindPeers(m);
+  warp::python::bindSequences(m);
   warp::python::bindArray(m);
   warp::python::bindKernel(m);
   warp::python::bindRegions(m);

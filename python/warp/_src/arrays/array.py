@@ -193,6 +193,8 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
         return str(self.numpy())
 
     def __matmul__(self, other):
+        if hasattr(other, "_wp_multiplies_vectors_"):
+            return NotImplemented
         raise TypeError("`@` is not defined for arrays, use `wp.tile_matmul` or NumPy")
 
     def numpy(self):

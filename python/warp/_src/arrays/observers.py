@@ -126,7 +126,7 @@ def observed_launch(call, record: bool = True) -> None:
         Observers.tape.end_launch(entry)
 
 
-class _Place:
+class Place:
     """Makes the event of what is going on when somebody wants it."""
 
     def __init__(self, what):
@@ -142,7 +142,7 @@ class _Place:
 
 def observed_copy(dest, src, stream=None) -> None:
     """Copies all elements."""
-    place = _Place("copy")
+    place = Place("copy")
     Observers.memory.writing(dest, place)
     copy_elements(dest, src, stream)
     if Observers.tape is not None:
@@ -151,7 +151,7 @@ def observed_copy(dest, src, stream=None) -> None:
 
 def observed_fill(target, pattern, name) -> None:
     """Fills an array with an element's bytes."""
-    place = _Place(name)
+    place = Place(name)
     Observers.memory.writing(target, place)
     if Observers.executor is not None:
         Observers.executor.fill(target, pattern)

@@ -7,7 +7,7 @@ import importlib
 from warp._src.language import namespace
 from warp._src.language.builtins import names as builtin_names
 
-_SUBMODULES = ("autograd", "optim", "types")
+_SUBMODULES = ("autograd", "optim", "sparse", "types", "utils")
 # Written in the kernel language.
 LIBRARY_NAMES = (
     *("curlnoise", "quat_from_euler", "quat_to_euler", "spatial_adjoint", "spatial_bottom"),

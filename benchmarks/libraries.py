@@ -1,0 +1,241 @@
+"""Sorts, scans, sparse products and solves: times, and ratios beside other libraries.
+
+    libraries.py [--device cuda:0] [--size small|large] [--peer PYTHON] [--json FILE]
+
+Beside NumPy and SciPy on the CPU, and PyTorch (whose sorts and scans are CUB's) and CuPy on a GPU,
+as far as they are installed. `--peer` names a Python that has warp-lang: the same script runs there
+as well, and its times are put beside ours. A ratio above 1 says that ours is faster.
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+import time
+
+import numpy as np
+
+import warp as wp
+import warp.sparse
+import warp.utils
+from warp.optim import linear
+
+SIZES = {"small": 1_000_000, "large": 30_000_000}
+# Rows of a square grid whose Laplacian is the matrix.
+GRIDS = {"small": 300, "large": 2000}
+
+
+def best(run, finish, repeats=7) -> float:
+    """Seconds of the fastest of some runs, after one to warm up."""
+    times = []
+    for _ in range(repeats + 1):
+        finish()
+        start = time.perf_counter()
+        run()
+        finish()
+        times.append(time.perf_counter() - start)
+    return min(times[1:])
+
+
+def optional(name):
+    try:
+        return __import__(name, fromlist=["_"])
+    except ImportError:
+        return None
+
+
+class Bench:
+    """The cases on one device."""
+
+    def __init__(self, device, size):
+        self.device, self.count, self.side = wp.get_device(device), SIZES[size], GRIDS[size]
+        self.rng = np.random.default_rng(1)
+        self.torch = optional("torch") if self.device.is_cuda else None
+        self.finish = lambda: wp.synchronize_device(self.device)
+        self.results = {}
+
+    def add(self, name, ours, others, amount, unit) -> None:
+        """Times ours and others', given as functions; `amount` in units of 1e9."""
+        seconds = best(ours, self.finish)
+        row = {"seconds": seconds, "rate": amount / seconds / 1e9, "unit": unit}
+        for library, (run, finish) in others.items():
+            row[library] = best(run, finish) / seconds
+        self.results[name] = row
+
+    def torch_case(self, run):
+        return {"torch": (run, self.torch.cuda.synchronize)} if self.torch else {}
+
+    def sorts(self) -> None:
+        n = self.count
+        for bits in (32, 64):
+            keys = self.rng.integers(0, 2**63, n, dtype=np.uint64).astype(f"u{bits // 8}")
+            dtype = wp.uint32 if bits == 32 else wp.uint64
+            source = wp.array(keys, dtype=dtype, device=self.device)
+            k = wp.empty(2 * n, dtype=dtype, device=self.device)
+            v = wp.empty(2 * n, dtype=wp.int32, device=self.device)
+
+            def ours(k=k, v=v, source=source):
+                wp.copy(k, source, count=n)
+                wp.utils.radix_sort_pairs(k, v, n)
+
+            others = {}
+            if self.device.is_cpu:
+                others["numpy"] = (
+                    lambda keys=keys: np.argsort(keys, kind="stable"),
+                    lambda: None,
+                )
+            elif self.torch:
+                signed = self.torch.from_numpy(keys.view(f"i{bits // 8}")).cuda()
+                others = self.torch_case(lambda t=signed: self.torch.sort(t, stable=True))
+            self.add(f"sort pairs, {bits}-bit keys", ours, others, n, "Gpair/s")
+
+    def scans(self) -> None:
+        n = self.count
+        for dtype in (wp.int32, wp.float32, wp.float64):
+            numbers = self.rng.integers(0, 9, n).astype(dtype.__name__)
+            source = wp.array(numbers, dtype=dtype, device=self.device)
+            result = wp.empty_like(source)
+            others = {}
+            if self.device.is_cpu:
+                others["numpy"] = (
+                    lambda a=numbers, out=numbers.copy(): np.cumsum(a, dtype=a.dtype, out=out),
+                    lambda: None,
+                )
+            elif self.torch:
+                t = self.torch.from_numpy(numbers).cuda()
+                others = self.torch_case(
+                    lambda t=t: self.torch.cumsum(t, 0, dtype=t.dtype, out=self.torch.empty_like(t))
+                )
+            moved = 2 * n * numbers.itemsize
+            self.add(
+                f"scan {dtype.__name__}",
+                lambda source=source, result=result: wp.utils.array_scan(source, result),
+                others,
+                moved,
+                "GB/s",
+            )
+
+    def laplacian(self, block):
+        """The matrix of a five-point stencil, in blocks."""
+        side = self.side // block
+        n = side * side
+        i = np.arange(n)
+        x, y = i % side, i // side
+        rows, columns, values = [i], [i], [np.full(n, 4.01)]
+        for inside, step in ((x > 0, -1), (x < side - 1, 1), (y > 0, -side), (y < side - 1, side)):
+            rows.append(i[inside])
+            columns.append(i[inside] + step)
+            values.append(np.full(inside.sum(), -1.0))
+        rows, columns, values = map(np.concatenate, (rows, columns, values))
+        numbers = values.astype(np.float32)
+        if block > 1:
+            numbers = numbers[:, None, None] * np.eye(block, dtype=np.float32) + np.float32(1e-3)
+        parts = [wp.array(a, dtype=int, device=self.device) for a in (rows, columns)]
+        data = wp.array(numbers, dtype=wp.float32, device=self.device)
+        matrix = wp.sparse.bsr_from_triplets(n, n, *parts, data)
+        matrix.nnz_sync()
+        return matrix
+
+    def other_products(self, matrix, x, block):
+        scipy = optional("scipy.sparse") if self.device.is_cpu else None
+        if scipy:
+            arrays = (matrix.values.numpy(), matrix.columns.numpy(), matrix.offsets.numpy())
+            count = matrix.nnz
+            arrays = (arrays[0][:count], arrays[1][:count], arrays[2])
+            kind = scipy.csr_matrix if block == 1 else scipy.bsr_matrix
+            other = kind(arrays, shape=matrix.shape)
+            v = x.numpy().ravel()
+            return {"scipy": (lambda: other @ v, lambda: None)}
+        if self.torch and block == 1:
+            tensors = (matrix.offsets, matrix.columns[: matrix.nnz], matrix.values[: matrix.nnz])
+            other = self.torch.sparse_csr_tensor(*map(wp.to_torch, tensors), size=matrix.shape)
+            v = wp.to_torch(x)
+            return self.torch_case(lambda: other @ v)
+        return {}
+
+    def sparse(self) -> None:
+        for block in (1, 3):
+            matrix = self.laplacian(block)
+            dtype = wp.float32 if block == 1 else wp.vec3
+            x = wp.ones(matrix.ncol, dtype=dtype, device=self.device)
+            y = wp.zeros_like(x)
+            others = self.other_products(matrix, x, block)
+            name = f"product with a vector, blocks of {block}"
+            moved = matrix.nnz * (4 + 4 * block * block) + 12 * matrix.shape[0]
+            self.add(
+                name,
+                lambda matrix=matrix, x=x, y=y: wp.sparse.bsr_mv(matrix, x, y, beta=0.0),
+                others,
+                moved,
+                "GB/s",
+            )
+
+    def solves(self) -> None:
+        matrix = self.laplacian(1)
+        b = wp.ones(matrix.nrow, dtype=wp.float32, device=self.device)
+        x = wp.zeros_like(b)
+        # 100 iterations without checks.
+        solver = linear.cg(
+            matrix, b, x, tol=0.0, atol=1e-30, maxiter=100, check_every=100, run=False
+        )
+        others = {}
+        scipy = optional("scipy.sparse") if self.device.is_cpu else None
+        if scipy:
+            import scipy.sparse.linalg as linalg
+
+            count = matrix.nnz
+            arrays = [matrix.values.numpy()[:count], matrix.columns.numpy()[:count]]
+            other = scipy.csr_matrix((*arrays, matrix.offsets.numpy()), shape=matrix.shape)
+            right = b.numpy()
+            others["scipy"] = (
+                lambda: linalg.cg(other, right, rtol=0.0, atol=0.0, maxiter=100),
+                lambda: None,
+            )
+
+        def ours():
+            x.zero_()
+            solver()
+
+        self.add("100 iterations of CG", ours, others, 1e8, "kiteration/s")
+
+    def run(self) -> dict:
+        for case in (self.sorts, self.scans, self.sparse, self.solves):
+            case()
+        return self.results
+
+
+def peer_results(python, arguments) -> dict:
+    """What this script measures there."""
+    command = [python, __file__, "--device", arguments.device, "--size", arguments.size]
+    done = subprocess.run([*command, "--json", "-"], capture_output=True, text=True, check=True)
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--size", choices=SIZES, default="small")
+    parser.add_argument("--peer")
+    parser.add_argument("--json")
+    arguments = parser.parse_args()
+    results = Bench(arguments.device, arguments.size).run()
+    if arguments.peer:
+        for name, row in peer_results(arguments.peer, arguments).items():
+            results[name]["peer"] = row["seconds"] / results[name]["seconds"]
+    if arguments.json == "-":
+        print(json.dumps(results))
+        return
+    for name, row in results.items():
+        beside = [
+            f"{row[other]:6.2f} x {other}"
+            for other in ("numpy", "scipy", "torch", "peer")
+            if other in row
+        ]
+        print(f"{name:40} {row['rate']:8.3f} {row['unit']:12} {'  '.join(beside)}")
+    if arguments.json:
+        with open(arguments.json, "w") as file:
+            json.dump(results, file, indent=1)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

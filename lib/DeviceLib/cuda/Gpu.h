@@ -1,0 +1,76 @@
+//===- Gpu.h - What kernels in C++ use of a GPU -----------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Freestanding: names for the compiler's builtins, and no more.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_DEVICELIB_CUDA_GPU_H
+#define WARP_DEVICELIB_CUDA_GPU_H
+
+using uint32_t = unsigned;
+using uint64_t = unsigned long;
+using int32_t = int;
+using int64_t = long;
+static_assert(sizeof(uint64_t) == 8);
+
+#define WARP_KERNEL extern "C" __attribute__((nvptx_kernel))
+#define WARP_SHARED static __attribute__((address_space(3)))
+
+namespace gpu {
+
+constexpr int warpSize = 32;
+
+inline int thread() { return __nvvm_read_ptx_sreg_tid_x(); }
+inline int block() { return __nvvm_read_ptx_sreg_ctaid_x(); }
+inline int blockRow() { return __nvvm_read_ptx_sreg_ctaid_y(); }
+inline int blocks() { return __nvvm_read_ptx_sreg_nctaid_x(); }
+inline int lane() { return __nvvm_read_ptx_sreg_laneid(); }
+/// The lanes before this one.
+inline uint32_t lanesBefore() { return (1u << lane()) - 1; }
+
+/// Waits for all threads of the block, or of the warp.
+inline void meet() { __nvvm_bar_sync(0); }
+inline void meetWarp() { __nvvm_bar_warp_sync(~0u); }
+
+/// The lanes for which `value` holds.
+inline uint32_t ballot(bool value) {
+  return __nvvm_vote_ballot_sync(~0u, value);
+}
+
+/// The value that the lane `distance` before this one has; its own at the
+/// start of the warp.
+inline uint32_t fromBefore(uint32_t value, int distance) {
+  return __nvvm_shfl_sync_up_i32(~0u, value, distance, 0);
+}
+inline int32_t fromBefore(int32_t value, int distance) {
+  return __nvvm_shfl_sync_up_i32(~0u, value, distance, 0);
+}
+inline float fromBefore(float value, int distance) {
+  return __nvvm_shfl_sync_up_f32(~0u, value, distance, 0);
+}
+inline uint64_t fromBefore(uint64_t value, int distance) {
+  uint64_t low = fromBefore(static_cast<uint32_t>(value), distance);
+  uint64_t high = fromBefore(static_cast<uint32_t>(value >> 32), distance);
+  return high << 32 | low;
+}
+inline double fromBefore(double value, int distance) {
+  return __builtin_bit_cast(
+      double, fromBefore(__builtin_bit_cast(uint64_t, value), distance));
+}
+
+/// The sum of the values of this lane and those before it.
+template <typename T> inline T sumOfLanes(T value) {
+#pragma unroll
+  for (int distance = 1; distance < warpSize; distance *= 2) {
+    T other = fromBefore(value, distance);
+    if (lane() >= distance)
+      value += other;
+  }
+  return value;
+}
+
+} // namespace gpu
+
+#endif // WARP_DEVICELIB_CUDA_GPU_H

@@ -1,0 +1,23 @@
+//===- Sequences.h - Inside of scans and sorts ------------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_RUNTIME_SEQUENCES_H
+#define WARP_LIB_RUNTIME_SEQUENCES_H
+
+#include "warp/Sequences.h"
+
+namespace warp {
+
+/// SequencesCuda.cpp.
+void scanOnCuda(int device, NumberType kind, int width, Sequence out,
+                Sequence in, int64_t count, bool inclusive,
+                const Stream *stream);
+void sortOnCuda(int device, const Pairs &pairs, int beginBit, int endBit,
+                const Stream *stream);
+
+} // namespace warp
+
+#endif // WARP_LIB_RUNTIME_SEQUENCES_H

@@ -1,0 +1,177 @@
+//===- SequencesCuda.cpp - Scans and sorts on CUDA ------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Launches of the kernels in lib/DeviceLib/cuda, which Clang has made PTX when
+// the library was built. Everything is queued on one stream, temporary memory
+// included, so it can be captured. The constants here are those of the
+// kernels.
+//
+//===----------------------------------------------------------------------===//
+
+#include "DeviceState.h"
+#include "GraphDriver.h"
+#include "Sequences.h"
+#include "warp/Error.h"
+#include "warp/Memory.h"
+
+#include <algorithm>
+#include <map>
+#include <mutex>
+#include <string>
+#include <utility>
+
+using namespace warp;
+
+extern "C" const char warp_cuda_Scan_begin[], warp_cuda_Sort_begin[];
+
+/// Threads of a block, elements of a round, and most stretches of a scan.
+static constexpr int threads = 256;
+static constexpr int64_t scanTile = 1024;
+static constexpr int64_t mostStretches = 1024;
+/// Blocks that count radix.
+static constexpr int64_t mostCounters = 1024;
+static constexpr int radixBits = 8;
+static constexpr int radix = 1 << radixBits;
+/// What fits into a count with its two marks.
+static constexpr int64_t mostPairs = (int64_t(1) << 30) - 1;
+
+static int64_t ceilDivide(int64_t a, int64_t b) { return (a + b - 1) / b; }
+
+/// A kernel by its name; its file is loaded once per device, never unloaded.
+static cuda::Function kernelOf(int device, const char *code,
+                               const std::string &name) {
+  static std::mutex mutex;
+  static auto *modules =
+      new std::map<std::pair<int, const char *>, cuda::ModuleHandle>;
+  static auto *functions =
+      new std::map<std::pair<int, std::string>, cuda::Function>;
+  std::lock_guard<std::mutex> lock(mutex);
+  cuda::Function &function = (*functions)[{device, name}];
+  if (function)
+    return function;
+  cuda::RelaxedCaptures relaxed;
+  cuda::ModuleHandle &module = (*modules)[{device, code}];
+  if (!module)
+    WARP_CUDA(moduleLoadDataEx, &module, code, 0, nullptr, nullptr);
+  WARP_CUDA(moduleGetFunction, &function, module, name.c_str());
+  return function;
+}
+
+template <typename... Args>
+static void launch(const QueuedWork &work, cuda::Function function,
+                   int64_t blocks, int64_t rows, Args... args) {
+  void *arguments[] = {&args...};
+  WARP_CUDA(launchKernel, function, blocks, rows, 1, threads, 1, 1, 0,
+            work.stream(), arguments, nullptr);
+}
+
+//===----------------------------------------------------------------------===//
+// Scans
+//===----------------------------------------------------------------------===//
+
+static const char *sumName(NumberType kind) {
+  switch (kind) {
+  case NumberType::Int32:
+  case NumberType::UInt32:
+    return "u32";
+  case NumberType::Float32:
+    return "f32";
+  case NumberType::Int64:
+  case NumberType::UInt64:
+    return "u64";
+  case NumberType::Float64:
+    return "f64";
+  }
+  return nullptr;
+}
+
+void warp::scanOnCuda(int device, NumberType kind, int width, Sequence out,
+                      Sequence in, int64_t count, bool inclusive,
+                      const Stream *stream) {
+  int64_t length =
+      ceilDivide(ceilDivide(count, mostStretches), scanTile) * scanTile;
+  int64_t stretches = ceilDivide(count, length);
+  Buffer sums(device, stretches * width * sizeOf(kind), false, stream);
+  QueuedWork work(device, stream);
+  auto kernel = [&](const char *name) {
+    return kernelOf(device, warp_cuda_Scan_begin,
+                    std::string(name) + sumName(kind));
+  };
+  launch(work, kernel("scan_sum_"), stretches, width, in.data, in.stride, count,
+         length, sums.data());
+  launch(work, kernel("scan_sums_"), 1, width, sums.data(), int(stretches));
+  launch(work, kernel("scan_write_"), stretches, width, in.data, in.stride,
+         out.data, out.stride, count, length, sums.data(), int(inclusive));
+}
+
+//===----------------------------------------------------------------------===//
+// Sorts
+//===----------------------------------------------------------------------===//
+
+/// KeyOrder of the kernels.
+static int orderOf(NumberType kind) {
+  switch (kind) {
+  case NumberType::UInt32:
+  case NumberType::UInt64:
+    return 0;
+  case NumberType::Int32:
+  case NumberType::Int64:
+    return 1;
+  case NumberType::Float32:
+  case NumberType::Float64:
+    return 2;
+  }
+  return 0;
+}
+
+void warp::sortOnCuda(int device, const Pairs &pairs, int beginBit, int endBit,
+                      const Stream *stream) {
+  if (pairs.count > mostPairs)
+    throw Error(Error::Kind::Value,
+                "a sort on CUDA takes at most " + std::to_string(mostPairs) +
+                    " pairs, but got " + std::to_string(pairs.count));
+  int keySize = sizeOf(pairs.kind), order = orderOf(pairs.kind);
+  int64_t tile = threads * (keySize + pairs.valueSize > 12 ? 12 : 16);
+  int64_t tiles = ceilDivide(pairs.count, tile);
+  int passes = (endBit - beginBit + radixBits - 1) / radixBits;
+  // Counts of each pass and digit, then the next tile of each pass, then what
+  // each tile publishes.
+  int64_t counts = int64_t(keySize) * radix, heads = keySize;
+  int64_t words = counts + heads + passes * tiles * radix;
+  Buffer buffer(device, words * 4, false, stream);
+  auto *state = static_cast<uint32_t *>(buffer.data());
+  setMemory(state, device, 0, words * 4, stream);
+
+  QueuedWork work(device, stream);
+  std::string key = std::to_string(8 * keySize);
+  std::string value = std::to_string(8 * pairs.valueSize);
+  auto kernel = [&](const std::string &name) {
+    return kernelOf(device, warp_cuda_Sort_begin, name);
+  };
+  int64_t counters =
+      std::min(mostCounters, ceilDivide(pairs.count, 4 * threads));
+  launch(work, kernel("sort_count_" + key), counters, 1, pairs.keys,
+         pairs.count, order, beginBit, endBit, state);
+  launch(work, kernel("sort_starts"), passes, 1, state);
+
+  auto *keys = static_cast<char *>(pairs.keys);
+  auto *values = static_cast<char *>(pairs.values);
+  char *otherKeys = keys + pairs.count * keySize;
+  char *otherValues = values + pairs.count * pairs.valueSize;
+  cuda::Function move = kernel("sort_move_" + key + "_" + value);
+  for (int pass = 0; pass < passes; ++pass) {
+    int shift = beginBit + pass * radixBits;
+    launch(work, move, tiles, 1, keys, values, otherKeys, otherValues,
+           pairs.count, order, shift, std::min(radixBits, endBit - shift),
+           state + pass * radix, state + counts + pass,
+           state + counts + heads + pass * tiles * radix);
+    std::swap(keys, otherKeys);
+    std::swap(values, otherValues);
+  }
+  if (passes % 2 == 0)
+    return;
+  copyMemory(otherKeys, device, keys, device, pairs.count * keySize, stream);
+  copyMemory(otherValues, device, values, device, pairs.count * pairs.valueSize,
+             stream);
+}

@@ -1,0 +1,111 @@
+//===- Sequences.cpp - Scans, sorts and runs for Python -------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Shapes, types and devices have been checked in Python (warp/_src/sequences).
+//
+//===----------------------------------------------------------------------===//
+
+#include "Native.h"
+
+#include "warp/Sequences.h"
+
+namespace py = pybind11;
+using namespace warp;
+using namespace warp::python;
+
+namespace {
+/// An array as an argument: what a capture keeps, and its memory.
+struct Argument {
+  explicit Argument(const py::object &object) : array(asArray(object.ptr())) {
+    if (!isArray(object.ptr()))
+      throw Error(Error::Kind::LaunchType, "expects an array");
+    hold(array->device, object.ptr());
+  }
+
+  int device() const { return array->device; }
+  void *data() const { return array->descriptor.data; }
+  template <typename T> T *as() const { return static_cast<T *>(data()); }
+  /// Elements in a row, whatever the rank of a contiguous array.
+  Sequence sequence() const {
+    bool packed = array->contiguous || array->descriptor.ndim != 1;
+    return {data(), packed ? array->itemSize : array->descriptor.strides[0]};
+  }
+
+  ArrayObject *array;
+};
+} // namespace
+
+static NumberType numberOf(const std::string &kind) {
+  for (auto [name, number] : {std::pair{"int32", NumberType::Int32},
+                              {"uint32", NumberType::UInt32},
+                              {"float32", NumberType::Float32},
+                              {"int64", NumberType::Int64},
+                              {"uint64", NumberType::UInt64},
+                              {"float64", NumberType::Float64}})
+    if (kind == name)
+      return number;
+  throw Error(Error::Kind::LaunchType, "no numbers of type '" + kind + "'");
+}
+
+static void scan(const py::object &in, const py::object &out,
+                 const std::string &kind, int width, int64_t count,
+                 bool inclusive) {
+  Argument from(in), to(out);
+  py::gil_scoped_release unlocked;
+  scanNumbers(to.device(), numberOf(kind), width, to.sequence(),
+              from.sequence(), count, inclusive);
+}
+
+static Pairs pairsOf(const Argument &keys, const Argument &values,
+                     const std::string &kind, int64_t count) {
+  return {numberOf(kind), keys.data(), values.data(),
+          static_cast<int>(values.array->itemSize), count};
+}
+
+static void sort(const py::object &keys, const py::object &values,
+                 const std::string &kind, int64_t count, int beginBit,
+                 int endBit) {
+  Argument first(keys), second(values);
+  py::gil_scoped_release unlocked;
+  sortPairs(first.device(), pairsOf(first, second, kind, count), beginBit,
+            endBit);
+}
+
+static void sortEach(const py::object &keys, const py::object &values,
+                     const std::string &kind, int64_t count,
+                     const py::object &begins, const py::object &ends,
+                     int64_t segments) {
+  Argument first(keys), second(values), from(begins), to(ends);
+  py::gil_scoped_release unlocked;
+  sortSegments(pairsOf(first, second, kind, count), from.as<int32_t>(),
+               to.as<int32_t>(), segments);
+}
+
+static void encode(const py::object &numbers, int64_t count,
+                   const py::object &runNumbers, const py::object &runLengths,
+                   const py::object &runCount) {
+  Argument all(numbers), starts(runNumbers), lengths(runLengths),
+      total(runCount);
+  py::gil_scoped_release unlocked;
+  findRuns({static_cast<int>(all.array->itemSize), all.data(), count,
+            starts.data(), lengths.as<int32_t>(), total.as<int32_t>()});
+}
+
+namespace warp::python {
+void bindSequences(py::module_ &m);
+}
+
+void python::bindSequences(py::module_ &m) {
+  m.def("scan_numbers", &scan, py::arg("source"), py::arg("target"),
+        py::arg("kind"), py::arg("width"), py::arg("count"),
+        py::arg("inclusive"));
+  m.def("sort_pairs", &sort, py::arg("keys"), py::arg("values"),
+        py::arg("kind"), py::arg("count"), py::arg("begin_bit"),
+        py::arg("end_bit"));
+  m.def("sort_segments", &sortEach, py::arg("keys"), py::arg("values"),
+        py::arg("kind"), py::arg("count"), py::arg("begins"), py::arg("ends"),
+        py::arg("segments"));
+  m.def("find_runs", &encode, py::arg("numbers"), py::arg("count"),
+        py::arg("run_numbers"), py::arg("run_lengths"), py::arg("run_count"));
+}

@@ -1,0 +1,6 @@
+"""Iterative solvers of linear systems, for `warp.optim.linear`.
+
+`operators`: what a system is given by; `preconditioners`; `dots`: inner products on the device;
+`state`: what all solvers share, with the loop; `conjugate`, `bicgstab`, `gmres`: their iterations;
+`adjoint`: gradients of solutions.
+"""

@@ -1,0 +1,313 @@
+"""Conjugate gradients and conjugate residuals.
+
+After Saad, "Iterative methods for sparse linear systems", 2nd edition, algorithms 6.20 and 9.1,
+with a preconditioner. Factors of vectors stay on the device, one per system, in 64 bits.
+"""
+
+import functools
+import operator
+
+import warp as wp
+from warp._src.optim.linear.operators import numbers
+from warp._src.optim.linear.state import LinearSolverState
+
+
+@wp.func
+def quotient(
+    above: wp.float64,
+    below: wp.float64,
+    positive: bool,
+    residual: wp.float64,
+    limit: wp.float64,
+    iteration: int,
+    broken: wp.array(dtype=int),
+    batch: int,
+) -> wp.float64:
+    """`above / below`, or zero for a system that has converged or broken down; the latter is noted.
+
+    A denominator that is zero, no number or, where it must not be, negative is a breakdown.
+    """
+    if broken[batch] >= 0 or residual <= limit:
+        return wp.float64(0.0)
+    result = above / below
+    if (
+        below == wp.float64(0.0)
+        or not wp.isfinite(result)
+        or (positive and below < wp.float64(0.0))
+    ):
+        broken[batch] = iteration
+        return wp.float64(0.0)
+    return result
+
+
+@wp.func
+def step_length(
+    length: wp.float64,
+    shortest: wp.array(dtype=wp.float64),
+    iteration: int,
+    broken: wp.array(dtype=int),
+    batch: int,
+) -> wp.float64:
+    """`length`, or zero if it is out of proportion, which is noted as a breakdown.
+
+    Lengths of steps are the reciprocals of averages of eigenvalues: if one is 1e14 times another,
+    the matrix is as good as singular, and the step would ruin the solution.
+    """
+    size = wp.abs(length)
+    if size > wp.float64(1e14) * shortest[batch]:
+        if broken[batch] < 0:
+            broken[batch] = iteration
+        return wp.float64(0.0)
+    if size > wp.float64(0.0):
+        shortest[batch] = wp.min(shortest[batch], size)
+    return length
+
+
+@wp.func
+def watch(
+    residual: wp.float64,
+    least: wp.array(dtype=wp.float64),
+    iteration: int,
+    broken: wp.array(dtype=int),
+    batch: int,
+):
+    """Notes a system whose residual has become 1e8 times what it was, or no number."""
+    if not residual <= wp.float64(1e16) * least[batch] and broken[batch] < 0:
+        broken[batch] = iteration
+    least[batch] = wp.min(least[batch], residual)
+
+
+@functools.cache
+def _factor_kernels(real):
+    kernel = functools.partial(wp.kernel, module=__name__, enable_backward=False)
+
+    @kernel(name=f"linear_step_length_{real.__name__}")
+    def set_step(
+        above: wp.array(dtype=wp.float64),
+        below: wp.array(dtype=wp.float64),
+        positive: bool,
+        residuals: wp.array(dtype=real),
+        limits: wp.array(dtype=real),
+        progress: wp.array(dtype=int),
+        broken: wp.array(dtype=int),
+        shortest: wp.array(dtype=wp.float64),
+        alpha: wp.array(dtype=wp.float64),
+    ):
+        i = wp.tid()
+        residual, limit = wp.float64(residuals[i]), wp.float64(limits[i])
+        length = quotient(above[i], below[i], positive, residual, limit, progress[0], broken, i)
+        alpha[i] = step_length(length, shortest, progress[0], broken, i)
+
+    @kernel(name=f"linear_turn_{real.__name__}")
+    def set_turn(
+        squares: wp.array(dtype=wp.float64),
+        product: wp.array(dtype=wp.float64),
+        before: wp.array(dtype=wp.float64),
+        alpha: wp.array(dtype=wp.float64),
+        residuals: wp.array(dtype=real),
+        progress: wp.array(dtype=int),
+        broken: wp.array(dtype=int),
+        least: wp.array(dtype=wp.float64),
+        beta: wp.array(dtype=wp.float64),
+    ):
+        i = wp.tid()
+        beta[i] = wp.float64(0.0)
+        # A system at rest keeps its residual.
+        if alpha[i] != wp.float64(0.0):
+            residuals[i] = real(squares[i])
+            watch(squares[i], least, progress[0], broken, i)
+            if before[i] != wp.float64(0.0):
+                beta[i] = product[i] / before[i]
+        before[i] = product[i]
+
+    return set_step, set_turn
+
+
+@functools.cache
+def vector_kernels(scalar):
+    """Sums of vectors with a factor for each system; numbers of no system stay as they are."""
+    kernel = functools.partial(wp.kernel, module=__name__, enable_backward=False)
+    vector = wp.array(dtype=scalar)
+
+    @kernel(name=f"linear_move_{scalar.__name__}")
+    def move(
+        factor: wp.array(dtype=wp.float64),
+        batch_of: wp.array(dtype=int),
+        p: vector,
+        q: vector,
+        x: vector,
+        r: vector,
+    ):
+        """x += factor p, r -= factor q."""
+        i = wp.tid()
+        batch = batch_of[i]
+        if batch >= 0:
+            x[i] = scalar(wp.float64(x[i]) + factor[batch] * wp.float64(p[i]))
+            r[i] = scalar(wp.float64(r[i]) - factor[batch] * wp.float64(q[i]))
+
+    @kernel(name=f"linear_turn_to_{scalar.__name__}")
+    def turn(
+        factor: wp.array(dtype=wp.float64), batch_of: wp.array(dtype=int), z: vector, p: vector
+    ):
+        """p = z + factor p."""
+        i = wp.tid()
+        batch = batch_of[i]
+        if batch >= 0:
+            p[i] = scalar(wp.float64(z[i]) + factor[batch] * wp.float64(p[i]))
+
+    return move, turn
+
+
+class _Restartable(LinearSolverState):
+    """A method that may begin anew after every `restart` iterations.
+
+    Raises:
+        TypeError, ValueError: `restart` is no positive integer.
+    """
+
+    symmetric = True
+
+    def __init__(
+        self,
+        A,
+        b,
+        x,
+        tol=None,
+        atol=None,
+        maxiter=0,
+        M=None,
+        callback=None,
+        check_every=10,
+        use_cuda_graph=True,
+        *,
+        restart: int | None = None,
+    ):
+        if restart is not None:
+            try:
+                restart = None if isinstance(restart, bool) else operator.index(restart)
+            except TypeError:
+                restart = None
+            if restart is None:
+                raise TypeError("restart must be an integer or None")
+            if restart <= 0:
+                raise ValueError("restart must be positive")
+            self.cycle_size = restart
+        self.restart = restart
+        super().__init__(A, b, x, tol, atol, maxiter, M, callback, check_every, use_cuda_graph)
+
+    def _allocate(self):
+        super()._allocate()
+        self.alpha, self.beta, self.before = (
+            wp.zeros(self.batches, dtype=wp.float64, device=self.device) for _ in range(3)
+        )
+
+    def cycle(self):
+        for _ in range(self.cycle_size):
+            self.iterate()
+        if self.restart is not None:
+            self.start()
+
+    def iterate(self) -> None:
+        raise NotImplementedError
+
+    def precondition(self, source, target):
+        """The vector that `M` makes of `source`: `target`, or `source` itself without `M`."""
+        if self.M is None:
+            return source
+        self.M.matvec(source, target, target, 1.0, 0.0)
+        return target
+
+    def set_step(self, above, below, positive):
+        kernel, _ = _factor_kernels(self.real)
+        state = (self.r_norm_sq, self.atol_sq, self.progress, self.broken, self.shortest)
+        self.launch(kernel, self.batches, above, below, positive, *state, self.alpha)
+
+    def set_turn(self, squares, product):
+        _, kernel = _factor_kernels(self.real)
+        arrays = (squares, product, self.before, self.alpha, self.r_norm_sq)
+        state = (self.progress, self.broken, self.least, self.beta)
+        self.launch(kernel, self.batches, *arrays, *state)
+
+    def move(self, p, q, x, r):
+        kernel, _ = vector_kernels(self.scalar)
+        vectors = (numbers(v) for v in (p, q, x, r))
+        self.launch(kernel, self.count, self.alpha, self.batch_of, *vectors)
+
+    def turn(self, z, p):
+        _, kernel = vector_kernels(self.scalar)
+        self.launch(kernel, self.count, self.beta, self.batch_of, numbers(z), numbers(p))
+
+
+class CG(_Restartable):
+    """The method of conjugate gradients, for symmetric positive definite matrices.
+
+    Arguments as for `LinearSolverState`, and `restart`: after how many iterations to begin anew,
+    with the residual as it is by definition; checks lie between such cycles.
+    """
+
+    name = "cg"
+
+    def _allocate(self):
+        super()._allocate()
+        self.p, self.q = self.vector(), self.vector()
+        self.z = self.vector()
+
+    def start(self):
+        self.residual(self.r)
+        z = self.precondition(self.r, self.z)
+        self.dots.compute(numbers(self.r), numbers(z))
+        wp.copy(self.before, self.dots.row())
+        wp.copy(self.p, z)
+
+    def iterate(self):
+        self.A.matvec(self.p, self.q, self.q, 1.0, 0.0)
+        self.dots.compute(numbers(self.p), numbers(self.q))
+        self.set_step(self.before, self.dots.row(), True)
+        self.move(self.p, self.q, self.x, self.r)
+        z = self.precondition(self.r, self.z)
+        self.dots.compute(numbers(self.r), numbers(self.r))
+        product = self.dots.row()
+        if self.M is not None:
+            self.dots.compute(numbers(self.r), numbers(z), first=1)
+            product = self.dots.row(1)
+        self.set_turn(self.dots.row(), product)
+        self.turn(z, self.p)
+
+
+class CR(_Restartable):
+    """The method of conjugate residuals, for symmetric matrices; arguments as for `CG`.
+
+    The residual never grows for a positive definite matrix.
+    """
+
+    name = "cr"
+
+    def _allocate(self):
+        super()._allocate()
+        self.p, self.Ap, self.Az = (self.vector() for _ in range(3))
+        self.z, self.MAp, self.unused = (self.vector() for _ in range(3))
+
+    def start(self):
+        self.residual(self.r)
+        z = self.precondition(self.r, self.z)
+        wp.copy(self.p, z)
+        self.A.matvec(z, self.Az, self.Az, 1.0, 0.0)
+        wp.copy(self.Ap, self.Az)
+        self.dots.compute(numbers(z), numbers(self.Az))
+        wp.copy(self.before, self.dots.row())
+
+    def iterate(self):
+        MAp = self.precondition(self.Ap, self.MAp)
+        self.dots.compute(numbers(self.Ap), numbers(MAp))
+        self.set_step(self.before, self.dots.row(), False)
+        self.move(self.p, self.Ap, self.x, self.r)
+        z = self.r
+        if self.M is not None:
+            z = self.z
+            self.move(MAp, MAp, self.unused, z)
+        self.A.matvec(z, self.Az, self.Az, 1.0, 0.0)
+        self.dots.compute(numbers(self.r), numbers(self.r))
+        self.dots.compute(numbers(z), numbers(self.Az), first=1)
+        self.set_turn(self.dots.row(), self.dots.row(1))
+        self.turn(z, self.p)
+        self.turn(self.Az, self.Ap)

@@ -1,0 +1,101 @@
+"""The solvers as functions: make the state, and run it."""
+
+from warp._src.optim.linear.bicgstab import BiCGSTAB
+from warp._src.optim.linear.conjugate import CG, CR
+from warp._src.optim.linear.gmres import GMRES
+
+
+def cg(
+    A,
+    b,
+    x,
+    tol=None,
+    atol=None,
+    maxiter=0,
+    M=None,
+    callback=None,
+    check_every=10,
+    use_cuda_graph=True,
+    run: bool = True,
+    *,
+    restart: int | None = None,
+):
+    """Solves A x = b for a symmetric positive definite matrix by conjugate gradients.
+
+    Arguments: see `LinearSolverState`.
+
+    Args:
+        run: False returns the solver, a `CG`, to be called again and again.
+        restart: after how many iterations to begin anew.
+
+    Returns:
+        Iterations, norm of the residual b - A x, and absolute tolerance; arrays on the device, the
+        last two squared, if `check_every` is zero.
+    """
+    solver = CG(
+        A, b, x, tol, atol, maxiter, M, callback, check_every, use_cuda_graph, restart=restart
+    )
+    return solver() if run else solver
+
+
+def cr(
+    A,
+    b,
+    x,
+    tol=None,
+    atol=None,
+    maxiter=0,
+    M=None,
+    callback=None,
+    check_every=10,
+    use_cuda_graph=True,
+    run: bool = True,
+    *,
+    restart: int | None = None,
+):
+    """Solves A x = b for a symmetric matrix by conjugate residuals; see `cg`."""
+    solver = CR(
+        A, b, x, tol, atol, maxiter, M, callback, check_every, use_cuda_graph, restart=restart
+    )
+    return solver() if run else solver
+
+
+def bicgstab(
+    A,
+    b,
+    x,
+    tol=None,
+    atol=None,
+    maxiter=0,
+    M=None,
+    callback=None,
+    check_every=10,
+    use_cuda_graph=True,
+    is_left_preconditioner=False,
+    run: bool = True,
+):
+    """Solves A x = b by stabilised biconjugate gradients; see `cg` and `BiCGSTAB`."""
+    options = (tol, atol, maxiter, M, callback, check_every, use_cuda_graph, is_left_preconditioner)
+    solver = BiCGSTAB(A, b, x, *options)
+    return solver() if run else solver
+
+
+def gmres(
+    A,
+    b,
+    x,
+    tol=None,
+    atol=None,
+    restart=31,
+    maxiter=0,
+    M=None,
+    callback=None,
+    check_every=31,
+    use_cuda_graph=True,
+    is_left_preconditioner=False,
+    run: bool = True,
+):
+    """Solves A x = b by generalised minimal residuals; see `cg` and `GMRES`."""
+    options = (tol, atol, restart, maxiter, M, callback, check_every, use_cuda_graph)
+    solver = GMRES(A, b, x, *options, is_left_preconditioner)
+    return solver() if run else solver

@@ -1,0 +1,198 @@
+"""Linear operators: matrices of any kind by what they do to a vector."""
+
+import functools
+
+import warp as wp
+from warp._src.sparse.matrix import BsrMatrix
+from warp._src.sparse.vector_product import bsr_mv
+from warp._src.types.dtypes import is_array, type_scalar_type, type_size
+
+
+class LinearOperator:
+    """A linear operator, for the left-hand side or as a preconditioner.
+
+    Args:
+        shape: numbers of rows and columns.
+        dtype: type of the elements, a scalar or a block.
+        device: where it works.
+        matvec: `matvec(x, y, z, alpha, beta)` sets `z` to `alpha * A x + beta * y`; `y` may be
+            `z`, and is not to be read if `beta` is zero.
+        batch_offsets: int32, where each of several independent systems begins and the last one
+            ends, in numbers. What lies behind belongs to none and is ignored.
+        max_batch_length: upper bound of the numbers of one system.
+
+    Raises:
+        ValueError: `max_batch_length` is negative or comes without `batch_offsets`.
+    """
+
+    def __init__(self, shape, dtype, device, matvec, batch_offsets=None, max_batch_length=None):
+        if max_batch_length is not None:
+            if batch_offsets is None:
+                raise ValueError("max_batch_length requires batch_offsets")
+            if max_batch_length < 0:
+                raise ValueError("max_batch_length must be non-negative")
+        self._shape, self._dtype, self._device = tuple(shape), dtype, device
+        self._matvec = matvec
+        self._batch_offsets, self._max_batch_length = batch_offsets, max_batch_length
+        # The matrix, where there is one: gradients and preconditioners ask for it.
+        self.matrix = None
+
+    @property
+    def shape(self):
+        return self._shape
+
+    @property
+    def dtype(self):
+        return self._dtype
+
+    @property
+    def device(self):
+        return self._device
+
+    @property
+    def matvec(self):
+        return self._matvec
+
+    @property
+    def scalar_type(self):
+        """The type of the numbers."""
+        return type_scalar_type(self._dtype)
+
+    @property
+    def batch_offsets(self):
+        return self._batch_offsets
+
+    @property
+    def batch_count(self) -> int:
+        """The number of independent systems."""
+        return 1 if self._batch_offsets is None else self._batch_offsets.shape[0] - 1
+
+    @property
+    def max_batch_length(self):
+        return self._max_batch_length
+
+
+def numbers(array):
+    """The numbers of a packed vector, as one dimension.
+
+    Raises:
+        ValueError: it is not packed.
+    """
+    if not array.is_contiguous:
+        raise ValueError("Array is not contiguous along its last dimension")
+    array = array.flatten()
+    scalar = type_scalar_type(array.dtype)
+    return array if array.dtype is scalar else array.view(scalar).flatten()
+
+
+@functools.cache
+def _dense_kernel(scalar):
+    # Sums of 16 bits would lose everything.
+    wide = wp.float32 if scalar is wp.float16 else scalar
+
+    @wp.kernel(name=f"linear_dense_{scalar.__name__}", module=__name__, enable_backward=False)
+    def multiply(
+        A: wp.array2d(dtype=scalar),
+        x: wp.array(dtype=scalar),
+        y: wp.array(dtype=scalar),
+        z: wp.array(dtype=scalar),
+        alpha: scalar,
+        beta: scalar,
+        transposed: bool,
+    ):
+        i = wp.tid()
+        total = wide(0.0)
+        if transposed:
+            for j in range(A.shape[0]):
+                total += wide(A[j, i]) * wide(x[j])
+        else:
+            for j in range(A.shape[1]):
+                total += wide(A[i, j]) * wide(x[j])
+        result = wide(alpha) * total
+        if beta != scalar(0.0):
+            result += wide(beta) * wide(y[i])
+        z[i] = scalar(result)
+
+    return multiply
+
+
+@functools.cache
+def _diagonal_kernel(scalar):
+    @wp.kernel(name=f"linear_diagonal_{scalar.__name__}", module=__name__, enable_backward=False)
+    def multiply(
+        A: wp.array(dtype=scalar),
+        x: wp.array(dtype=scalar),
+        y: wp.array(dtype=scalar),
+        z: wp.array(dtype=scalar),
+        alpha: scalar,
+        beta: scalar,
+    ):
+        i = wp.tid()
+        result = alpha * (A[i] * x[i])
+        if beta != scalar(0.0):
+            result += beta * y[i]
+        z[i] = result
+
+    return multiply
+
+
+def dense_matvec(A, transposed=False):
+    """What a dense matrix, or its transposed, does."""
+    kernel = _dense_kernel(A.dtype)
+
+    def matvec(x, y, z, alpha, beta):
+        target = numbers(z)
+        inputs = [A, numbers(x), numbers(y), target, alpha, beta, transposed]
+        wp.launch(kernel, target.size, inputs, device=A.device)
+
+    return matvec
+
+
+def diagonal_matvec(A):
+    """What a diagonal matrix does, given by its elements."""
+    A = numbers(A)
+    kernel = _diagonal_kernel(A.dtype)
+
+    def matvec(x, y, z, alpha, beta):
+        target = numbers(z)
+        inputs = [A, numbers(x), numbers(y), target, alpha, beta]
+        wp.launch(kernel, target.size, inputs, device=A.device)
+
+    return matvec
+
+
+def sparse_matvec(A):
+    """What a sparse matrix does."""
+
+    def matvec(x, y, z, alpha, beta):
+        if beta != 0.0 and y.ptr != z.ptr:
+            wp.copy(z, y)
+        bsr_mv(A, x, z, alpha, beta)
+
+    return matvec
+
+
+def aslinearoperator(A, batch_offsets=None, max_batch_length=None) -> LinearOperator:
+    """A matrix as an operator.
+
+    Args:
+        A: a sparse matrix; an array of two dimensions, dense; one of one dimension, the diagonal;
+            or an operator, which is returned as it is.
+        batch_offsets, max_batch_length: see `LinearOperator`.
+
+    Raises:
+        ValueError: it is none of these, or the other arguments do not fit.
+    """
+    if A is None or isinstance(A, LinearOperator):
+        return A
+    if isinstance(A, BsrMatrix):
+        shape, matvec = A.shape, sparse_matvec(A)
+    elif is_array(A) and A.ndim == 2:
+        shape, matvec = A.shape, dense_matvec(A)
+    elif is_array(A) and A.ndim == 1:
+        shape, matvec = (A.size * type_size(A.dtype),) * 2, diagonal_matvec(A)
+    else:
+        raise ValueError(f"Unable to create LinearOperator from {A}")
+    operator = LinearOperator(shape, A.dtype, A.device, matvec, batch_offsets, max_batch_length)
+    operator.matrix = A
+    return operator

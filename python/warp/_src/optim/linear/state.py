@@ -1,0 +1,390 @@
+"""What all solvers share: arguments, tolerances, the loop, and what it tells about the result.
+
+A solver is a `start`, which computes the residual for the vector at hand, and a `cycle` of one or
+more iterations. Convergence is judged by each system's own tolerance. When the residual that the
+iterations carry along has converged, it is computed anew from its definition; if that one has not,
+the solver starts again from where it is, as long as that makes a difference.
+"""
+
+import functools
+import math
+import warnings
+
+import warp as wp
+from warp import _native
+from warp._src.arrays.observers import Observers, Observing
+from warp._src.optim.linear.adjoint import record
+from warp._src.optim.linear.dots import Dots
+from warp._src.optim.linear.operators import aslinearoperator, numbers
+from warp._src.types.dtypes import type_scalar_type, types_equal
+from warp._src.version import calling_frame
+
+_EPSILON = {wp.float64: 1e-16, wp.float32: 1e-8, wp.float16: 1e-4}
+
+
+def tolerances(scalar, tol, atol) -> tuple[float, float]:
+    """Relative and absolute tolerance; one stands for the other where it is not given."""
+    epsilon = _EPSILON.get(scalar, 1e-8)
+    if tol is None and atol is None:
+        tol = atol = epsilon ** (3 / 4)
+    tol = atol if tol is None else tol
+    atol = tol if atol is None else atol
+    if not (tol >= 0 and atol >= 0):
+        raise ValueError(f"expects tolerances >= 0, got tol={tol} and atol={atol}")
+    return tol, max(atol, epsilon ** (9 / 4))
+
+
+@functools.cache
+def _kernels(real):
+    kernel = functools.partial(wp.kernel, module=__name__, enable_backward=False)
+
+    @kernel(name=f"linear_tolerance_{real.__name__}")
+    def set_tolerance(
+        norms: wp.array(dtype=wp.float64),
+        tol: wp.float64,
+        atol: wp.float64,
+        result: wp.array(dtype=real),
+    ):
+        i = wp.tid()
+        own = wp.max(tol * wp.sqrt(norms[i]), atol)
+        result[i] = real(own * own)
+
+    @kernel(name=f"linear_condition_{real.__name__}")
+    def set_condition(
+        residuals: wp.array(dtype=real),
+        limits: wp.array(dtype=real),
+        broken: wp.array(dtype=int),
+        most: int,
+        step: int,
+        state: wp.array(dtype=int),
+    ):
+        """Counts iterations; goes on while a system that has not broken down has not converged."""
+        state[0] = state[0] + step
+        going = int(0)
+        for i in range(residuals.shape[0]):
+            if broken[i] < 0 and not residuals[i] <= limits[i]:
+                going = 1
+        if state[0] >= most:
+            going = 0
+        state[1] = going
+
+    @kernel(name=f"linear_norm_{real.__name__}")
+    def set_norm(squares: wp.array(dtype=wp.float64), result: wp.array(dtype=real)):
+        i = wp.tid()
+        result[i] = real(squares[i])
+
+    return set_tolerance, set_condition, set_norm
+
+
+class LinearSolverState:
+    """A solver with all the memory that it needs, to be called again and again.
+
+    Made by `CG`, `CR`, `BiCGSTAB`, `GMRES`, or by `cg(..., run=False)` and the like.
+
+    Args:
+        A: the matrix: see `aslinearoperator`.
+        b: the right-hand side.
+        x: the first guess, and the solution.
+        tol: tolerance of the residual relative to the norm of `b`.
+        atol: absolute tolerance; the larger one counts.
+        maxiter: most iterations, by default the number of rows.
+        M: preconditioner.
+        callback: `callback(iteration, residual, tolerance)`, called at every check; a kernel of
+            arrays of these (squared) if `check_every` is zero.
+        check_every: how many iterations lie between checks by the host; 0: none, the device
+            decides, and the solver can be captured in a graph.
+        use_cuda_graph: on CUDA, replay iterations as a graph.
+
+    Attributes:
+        breakdown: the iteration in which the method could not go on for a singular or unsuitable
+            matrix, None if it did not happen. Known after a call with checks by the host.
+    """
+
+    name = "solver"
+    # Whether the transposed system is solved by the same method with the same matrix.
+    symmetric = False
+    cycle_size = 1
+
+    def __init__(
+        self,
+        A,
+        b,
+        x,
+        tol=None,
+        atol=None,
+        maxiter=0,
+        M=None,
+        callback=None,
+        check_every=10,
+        use_cuda_graph=True,
+    ):
+        if type(self) is LinearSolverState:
+            raise NotImplementedError("use CG, CR, BiCGSTAB or GMRES")
+        self.options = (tol, atol, callback, check_every, use_cuda_graph)
+        self._source, self._source_M = A, M
+        self.A, self.M = aslinearoperator(A), aslinearoperator(M)
+        self.b, self.x = b, x
+        self._check(b, x)
+        self.maxiter = int(maxiter) or self.A.shape[0]
+        self.scalar = type_scalar_type(b.dtype)
+        self.real = wp.float64 if self.scalar is wp.float64 else wp.float32
+        self.device, self.breakdown = b.device, None
+        self._plan()
+        self._allocate()
+
+    def _check(self, b, x) -> None:
+        A = self.A
+        if A.shape[0] != A.shape[1]:
+            raise ValueError(f"expects a square matrix, got shape {A.shape}")
+        for name, vector in (("b", b), ("x", x)):
+            if vector.device != A.device:
+                raise ValueError(
+                    f"Incompatible {name}.device: expected {A.device}, got {vector.device}"
+                )
+            if not types_equal(type_scalar_type(vector.dtype), A.scalar_type):
+                raise ValueError(
+                    f"Incompatible {name}.dtype: expected numbers of type {A.scalar_type.__name__}, "
+                    f"got {vector.dtype}"
+                )
+            if numbers(vector).size != A.shape[0]:
+                raise ValueError(
+                    f"Incompatible {name}.shape: expected {A.shape[0]} numbers, got "
+                    f"{numbers(vector).size}"
+                )
+        if type_scalar_type(b.dtype) not in (wp.float16, wp.float32, wp.float64):
+            raise ValueError(f"expects vectors of floats, got {b.dtype}")
+
+    def _plan(self) -> None:
+        """What the batches need: where they begin, and the batch of each number."""
+        offsets = self.A.batch_offsets
+        self.count = self.A.shape[0]
+        length = self.A.max_batch_length or self.count
+        self.batches = self.A.batch_count
+        if offsets is None:
+            offsets = wp.array([0, self.count], dtype=int, device=self.device)
+        self.offsets, self.length = offsets, length
+        self.batch_of = wp.empty(self.count, dtype=int, device=self.device)
+        inputs = [offsets, self.batch_of]
+        wp.launch(_find_batches, self.count, inputs, device=self.device)
+
+    def _allocate(self) -> None:
+        self.r_norm_sq = wp.zeros(self.batches, dtype=self.real, device=self.device)
+        self.atol_sq = wp.zeros(self.batches, dtype=self.real, device=self.device)
+        self.broken = wp.empty(self.batches, dtype=int, device=self.device)
+        # The smallest residual so far, squared, and the shortest step.
+        self.least, self.shortest = (
+            wp.empty(self.batches, dtype=wp.float64, device=self.device) for _ in range(2)
+        )
+        # Iterations so far, and whether there shall be more.
+        self.progress = wp.zeros(2, dtype=int, device=self.device)
+        self.dots = Dots(self.offsets, self.length, self.scalar, 2)
+        self.r = self.vector()
+
+    def vector(self):
+        """A vector like the right-hand side."""
+        return wp.zeros_like(self.b, requires_grad=False)
+
+    def launch(self, kernel, dim, *inputs) -> None:
+        wp.launch(kernel, dim, list(inputs), device=self.device)
+
+    def residual(self, target, norm=True) -> None:
+        """`target = b - A x`, and the squares of its norms."""
+        self.A.matvec(self.x, self.b, target, -1.0, 1.0)
+        if norm:
+            self.dots.compute(numbers(target), numbers(target))
+            _, _, set_norm = _kernels(self.real)
+            self.launch(set_norm, self.batches, self.dots.row(), self.r_norm_sq)
+
+    def start(self) -> None:
+        """Computes the residual `r` and its norm, and what else the first cycle needs."""
+        raise NotImplementedError
+
+    def cycle(self) -> None:
+        """Goes on by `cycle_size` iterations."""
+        raise NotImplementedError
+
+    def __call__(self, A=None, b=None, x=None, M=None):
+        """Solves the system, or one of the same sizes and types.
+
+        Returns:
+            The number of iterations, the norm of the residual (computed from its definition, the
+            largest of all batches) and the absolute tolerance; as arrays, the last two squared,
+            if `check_every` is zero.
+
+        Raises:
+            ValueError: an argument does not have the size, type, device or batches of the first.
+        """
+        self._replace(A, b, x, M)
+        if Observers.tape is not None:
+            record(self)
+        with Observing(tape=None):
+            return self._solve()
+
+    def _replace(self, A, b, x, M) -> None:
+        if A is not None:
+            self._source, own = A, aslinearoperator(A)
+            for name in ("shape", "dtype", "device", "batch_count"):
+                mine, other = getattr(self.A, name), getattr(own, name)
+                if mine != other:
+                    raise ValueError(f"Incompatible A.{name}: expected {mine}, got {other}")
+            if own.batch_offsets is not self.A.batch_offsets:
+                raise ValueError("A.batch_offsets must be the same array as at construction")
+            if own.max_batch_length != self.A.max_batch_length:
+                raise ValueError(
+                    "For batched systems, A.max_batch_length must match the value used at construction"
+                )
+            self.A = own
+        if M is not None:
+            own = aslinearoperator(M)
+            if own.shape != self.A.shape:
+                raise ValueError(f"Incompatible M.shape: expected {self.A.shape}, got {own.shape}")
+            if not types_equal(own.scalar_type, self.scalar):
+                raise ValueError(
+                    f"Incompatible M.dtype: expected {self.scalar}, got {own.scalar_type}"
+                )
+            self._source_M, self.M = M, own
+        for name, vector in (("b", b), ("x", x)):
+            if vector is None:
+                continue
+            held = getattr(self, name)
+            for what in ("shape", "dtype", "device"):
+                mine, other = getattr(held, what), getattr(vector, what)
+                if mine != other:
+                    raise ValueError(f"Incompatible {name}.{what}: expected {mine}, got {other}")
+            setattr(self, name, vector)
+
+    def _solve(self):
+        tol, atol, callback, check_every, use_graph = self.options
+        tol, atol = tolerances(self.scalar, tol, atol)
+        set_tolerance, set_condition, _ = _kernels(self.real)
+        self.broken.fill_(-1)
+        self.least.fill_(math.inf)
+        self.shortest.fill_(math.inf)
+        self.breakdown = None
+        self.dots.compute(numbers(self.b), numbers(self.b))
+        self.launch(set_tolerance, self.batches, self.dots.row(), tol, atol, self.atol_sq)
+        self.progress.zero_()
+        self.start()
+        if check_every > 0:
+            return self._loop_on_host(callback, check_every, use_graph and self.device.is_cuda)
+        self._loop_on_device(callback, use_graph, set_condition)
+        return self.progress[0:1], self.r_norm_sq, self.atol_sq
+
+    def _advance(self) -> None:
+        self.cycle()
+        self.launch(_count, 1, self.cycle_size, self.progress)
+
+    def _loop_on_host(self, callback, check_every, use_graph):
+        limits = self.atol_sq.numpy().astype(float)
+        atol = math.sqrt(limits.max())
+        graph, done, true_before = None, 0, math.inf
+        squares = self.r_norm_sq.numpy().astype(float)
+        if callback is not None:
+            callback(0, math.sqrt(squares.max()), atol)
+        while not (squares <= limits).all() and done < self.maxiter:
+            # Steps until the next check.
+            for _ in range(max(1, check_every // self.cycle_size)):
+                if use_graph and done:
+                    if graph is None:
+                        with wp.ScopedCapture(device=self.device) as capture:
+                            self._advance()
+                        graph = capture.graph
+                    wp.capture_launch(graph)
+                else:
+                    self._advance()
+                done += self.cycle_size
+                if done >= self.maxiter:
+                    break
+            squares = self.r_norm_sq.numpy().astype(float)
+            broken = self.broken.numpy()
+            stuck = ((broken >= 0) | (squares <= limits)).all()
+            if stuck or done >= self.maxiter:
+                self.start()
+                squares = self.r_norm_sq.numpy().astype(float)
+                if (broken >= 0).any() or squares.max() > true_before / 2:
+                    # As good as numbers of this type get.
+                    break
+                true_before = squares.max()
+            if callback is not None and not (squares <= limits).all():
+                callback(done, math.sqrt(squares.max()), atol)
+        error = math.sqrt(squares.max()) if squares.max() >= 0 else math.nan
+        if callback is not None:
+            callback(done, error, atol)
+        self._report(squares, limits)
+        return done, error, atol
+
+    def _report(self, squares, limits) -> None:
+        """Notes a breakdown, and warns of one that left a system unsolved."""
+        broken = self.broken.numpy()
+        if not (broken >= 0).any():
+            return
+        self.breakdown = int(broken[broken >= 0].min())
+        unsolved = (broken >= 0) & ~(squares <= limits)
+        if unsolved.any():
+            batch = int(unsolved.argmax())
+            system = f" of system {batch}" if self.batches > 1 else ""
+            frame = calling_frame()
+            warnings.warn_explicit(
+                f"{self.name}: breakdown{system} in iteration {broken[batch]}: the matrix is "
+                f"singular, or not of the kind that this method needs; the residual is "
+                f"{math.sqrt(abs(squares[batch])):.3g}",
+                UserWarning,
+                frame.f_code.co_filename,
+                frame.f_lineno,
+            )
+
+    def _loop_on_device(self, callback, use_graph, set_condition) -> None:
+        condition = self.progress[1:2]
+        state = (self.r_norm_sq, self.atol_sq, self.broken, self.maxiter)
+
+        def check(step):
+            self.launch(set_condition, 1, *state, step, self.progress)
+            if isinstance(callback, wp.Kernel):
+                arrays = (self.progress[0:1], self.r_norm_sq, self.atol_sq)
+                self.launch(callback, 1, *arrays)
+
+        def turn():
+            self.cycle()
+            check(self.cycle_size)
+
+        def run():
+            # Two rounds: where the residual of the first one is not the true one, a second one.
+            for _ in range(2):
+                wp.capture_while(condition, turn)
+                self.start()
+                check(0)
+
+        check(0)
+        if not use_graph or not self.device.is_cuda or wp.is_conditional_graph_supported():
+            if self.device.is_cuda and use_graph and not _native.is_capturing(self.device.index):
+                with wp.ScopedCapture(device=self.device) as capture:
+                    run()
+                wp.capture_launch(capture.graph)
+            else:
+                run()
+            return
+        for _ in range(0, self.maxiter, self.cycle_size):
+            turn()
+
+
+@wp.kernel(enable_backward=False)
+def _count(step: int, progress: wp.array(dtype=int)):
+    progress[0] = progress[0] + step
+
+
+@wp.kernel(enable_backward=False)
+def _find_batches(offsets: wp.array(dtype=int), batch_of: wp.array(dtype=int)):
+    """The batch of each number, -1 for those behind the last one."""
+    i = wp.tid()
+    low = int(0)
+    high = int(offsets.shape[0] - 1)
+    if i < offsets[0] or i >= offsets[high]:
+        batch_of[i] = -1
+    else:
+        while high - low > 1:
+            middle = low + (high - low) // 2
+            if offsets[middle] <= i:
+                low = middle
+            else:
+                high = middle
+        batch_of[i] = low

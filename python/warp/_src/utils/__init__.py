@@ -1,0 +1,1 @@
+"""What `warp.utils` offers, by topic."""

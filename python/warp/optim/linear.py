@@ -1,0 +1,14 @@
+"""Iterative solvers of linear systems, on sparse or dense matrices or operators made by hand."""
+
+from warp._src.optim.linear.bicgstab import BiCGSTAB as BiCGSTAB
+from warp._src.optim.linear.conjugate import CG as CG
+from warp._src.optim.linear.conjugate import CR as CR
+from warp._src.optim.linear.functions import bicgstab as bicgstab
+from warp._src.optim.linear.functions import cg as cg
+from warp._src.optim.linear.functions import cr as cr
+from warp._src.optim.linear.functions import gmres as gmres
+from warp._src.optim.linear.gmres import GMRES as GMRES
+from warp._src.optim.linear.operators import LinearOperator as LinearOperator
+from warp._src.optim.linear.operators import aslinearoperator as aslinearoperator
+from warp._src.optim.linear.preconditioners import preconditioner as preconditioner
+from warp._src.optim.linear.state import LinearSolverState as LinearSolverState

@@ -1,0 +1,11 @@
+"""Operations on whole arrays: scans, sorts, runs, sums, casts."""
+
+from warp._src.utils.mesh_adjacency import MeshAdjacency as MeshAdjacency
+from warp._src.utils.mesh_adjacency import MeshEdge as MeshEdge
+from warp._src.utils.reductions import array_cast as array_cast
+from warp._src.utils.reductions import array_inner as array_inner
+from warp._src.utils.reductions import array_sum as array_sum
+from warp._src.utils.sequences import array_scan as array_scan
+from warp._src.utils.sequences import radix_sort_pairs as radix_sort_pairs
+from warp._src.utils.sequences import runlength_encode as runlength_encode
+from warp._src.utils.sequences import segmented_sort_pairs as segmented_sort_pairs
