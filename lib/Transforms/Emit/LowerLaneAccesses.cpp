@@ -4,15 +4,21 @@
 //
 // Lanes whose elements follow each other read and write whole vectors. An
 // element of n numbers is taken apart in registers: the n vectors that hold N
-// elements are blended and permuted into one vector per component. Where n is
-// odd, the numbers of a component lie at different places in each vector, so
-// blends by constant masks bring them together and one permutation sorts them:
+// elements become one vector per component. Where n is even, pairs of vectors
+// are split into the numbers at even and at odd places, which leaves two
+// elements of n / 2 numbers each:
+//
+//     x0 y0 z0 w0 | x1 y1 z1 w1 ...  =>  x0 z0 x1 z1 ...  and  y0 w0 y1 w1 ...
+//
+// Where n is odd, the numbers of a component lie at different places in each
+// vector, so blends by constant masks bring them together and one permutation
+// sorts them:
 //
 //     x0 y0 z0 x1 | y1 z1 x2 y2 | z2 x3 y3 z3
 //     x: take 0, 3 of the first, 2 of the second, 1 of the third
 //        x0 x3 x2 x1 -> x0 x1 x2 x3
 //
-// Otherwise a component is permuted out of pairs of vectors. Elements that lie
+// An element of n = 2^k numbers thus costs n k permutations. Elements that lie
 // anywhere are gathered and scattered, component by component.
 //
 //===----------------------------------------------------------------------===//
@@ -34,26 +40,23 @@ public:
   Registers(OpBuilder &b, Location loc, int64_t lanes)
       : b(b), loc(loc), lanes(lanes) {}
 
-  mlir::Value shuffle(mlir::Value x, mlir::Value y,
-                      ArrayRef<int32_t> places) {
+  mlir::Value shuffle(mlir::Value x, mlir::Value y, ArrayRef<int32_t> places) {
     return LLVM::ShuffleVectorOp::create(b, loc, x, y, places);
   }
 
-  /// The vector of what `source(lane)` numbers among the lanes of `vectors`.
-  mlir::Value select(ArrayRef<mlir::Value> vectors,
-                     function_ref<int64_t(int64_t)> source) {
-    SmallVector<int64_t> sources;
-    for (int64_t lane = 0; lane < lanes; ++lane)
-      sources.push_back(source(lane));
-    if (mlir::Value blended = blend(vectors, sources))
-      return blended;
-    return join(vectors, sources);
-  }
+  /// One vector per component out of those that hold elements one after the
+  /// other; null where `isWanted` says so.
+  SmallVector<mlir::Value> takeApart(ArrayRef<mlir::Value> vectors,
+                                     function_ref<bool(int64_t)> isWanted);
+  /// The inverse.
+  SmallVector<mlir::Value> putTogether(ArrayRef<mlir::Value> components);
 
 private:
-  /// If no two of the numbers lie at the same place of a vector.
-  mlir::Value blend(ArrayRef<mlir::Value> vectors, ArrayRef<int64_t> sources);
-  mlir::Value join(ArrayRef<mlir::Value> vectors, ArrayRef<int64_t> sources);
+  mlir::Value takeOdd(ArrayRef<mlir::Value> vectors, int64_t c);
+  mlir::Value permute(mlir::Value x, function_ref<int64_t(int64_t)> from);
+  /// Of each place the number that the vector `which(place)` has there.
+  mlir::Value blend(ArrayRef<mlir::Value> vectors,
+                    function_ref<int64_t(int64_t)> which);
 
   OpBuilder &b;
   Location loc;
@@ -62,53 +65,101 @@ private:
 
 } // namespace
 
-mlir::Value Registers::blend(ArrayRef<mlir::Value> vectors,
-                             ArrayRef<int64_t> sources) {
-  SmallVector<int64_t> vectorAt(lanes, -1);
-  SmallVector<int32_t> order;
-  for (int64_t source : sources) {
-    int64_t place = source % lanes;
-    if (vectorAt[place] >= 0)
-      return {};
-    vectorAt[place] = source / lanes;
-    order.push_back(place);
-  }
-  mlir::Value blended;
-  for (auto [number, vector] : llvm::enumerate(vectors)) {
-    if (!llvm::is_contained(vectorAt, int64_t(number)))
-      continue;
-    if (!blended) {
-      blended = vector;
-      continue;
-    }
-    SmallVector<int32_t> places;
-    for (int64_t place = 0; place < lanes; ++place)
-      places.push_back(vectorAt[place] == int64_t(number) ? lanes + place
-                                                          : place);
-    blended = shuffle(blended, vector, places);
-  }
-  return shuffle(blended, blended, order);
+mlir::Value Registers::permute(mlir::Value x,
+                               function_ref<int64_t(int64_t)> from) {
+  SmallVector<int32_t> places;
+  for (int64_t place = 0; place < lanes; ++place)
+    places.push_back(from(place));
+  return shuffle(x, x, places);
 }
 
-/// Two vectors at a time.
-mlir::Value Registers::join(ArrayRef<mlir::Value> vectors,
-                            ArrayRef<int64_t> sources) {
-  mlir::Value joined;
-  SmallVector<int32_t> places(lanes);
-  for (size_t number = 0; number < vectors.size(); ++number) {
-    bool used = llvm::any_of(sources, [&](int64_t source) {
-      return source / lanes == int64_t(number);
-    });
-    if (!used)
-      continue;
-    for (int64_t lane = 0; lane < lanes; ++lane) {
-      bool here = sources[lane] / lanes == int64_t(number);
-      places[lane] = here ? (joined ? lanes : 0) + sources[lane] % lanes : lane;
-    }
-    joined = shuffle(joined ? joined : vectors[number], vectors[number],
-                     places);
+mlir::Value Registers::blend(ArrayRef<mlir::Value> vectors,
+                             function_ref<int64_t(int64_t)> which) {
+  mlir::Value blended = vectors[0];
+  for (int64_t number = 1, end = vectors.size(); number < end; ++number) {
+    SmallVector<int32_t> places;
+    for (int64_t place = 0; place < lanes; ++place)
+      places.push_back(which(place) == number ? lanes + place : place);
+    blended = shuffle(blended, vectors[number], places);
   }
-  return joined;
+  return blended;
+}
+
+/// One component of elements of an odd number of them.
+mlir::Value Registers::takeOdd(ArrayRef<mlir::Value> vectors, int64_t c) {
+  int64_t count = vectors.size();
+  SmallVector<int64_t> vectorAt(lanes);
+  for (int64_t lane = 0; lane < lanes; ++lane)
+    vectorAt[(lane * count + c) % lanes] = (lane * count + c) / lanes;
+  mlir::Value blended =
+      blend(vectors, [&](int64_t place) { return vectorAt[place]; });
+  return permute(blended,
+                 [&](int64_t lane) { return (lane * count + c) % lanes; });
+}
+
+SmallVector<mlir::Value>
+Registers::takeApart(ArrayRef<mlir::Value> vectors,
+                     function_ref<bool(int64_t)> isWanted) {
+  int64_t count = vectors.size();
+  SmallVector<mlir::Value> components(count);
+  if (count == 1 && isWanted(0))
+    return {vectors[0]};
+  if (count % 2 != 0) {
+    for (int64_t c = 0; c < count; ++c)
+      if (isWanted(c))
+        components[c] = takeOdd(vectors, c);
+    return components;
+  }
+  for (int64_t parity : {0, 1}) {
+    auto isWantedHere = [&](int64_t c) { return isWanted(2 * c + parity); };
+    if (llvm::none_of(llvm::seq<int64_t>(0, count / 2), isWantedHere))
+      continue;
+    SmallVector<int32_t> places;
+    for (int64_t lane = 0; lane < lanes; ++lane)
+      places.push_back(2 * lane + parity);
+    SmallVector<mlir::Value> half;
+    for (int64_t i = 0; i < count; i += 2)
+      half.push_back(shuffle(vectors[i], vectors[i + 1], places));
+    for (auto [c, component] : llvm::enumerate(takeApart(half, isWantedHere)))
+      components[2 * c + parity] = component;
+  }
+  return components;
+}
+
+SmallVector<mlir::Value>
+Registers::putTogether(ArrayRef<mlir::Value> components) {
+  int64_t count = components.size();
+  SmallVector<mlir::Value> vectors;
+  if (count == 1)
+    return {components[0]};
+  if (count % 2 != 0) {
+    SmallVector<mlir::Value> ordered;
+    for (auto [c, component] : llvm::enumerate(components)) {
+      SmallVector<int64_t> laneAt(lanes);
+      for (int64_t lane = 0; lane < lanes; ++lane)
+        laneAt[(lane * count + c) % lanes] = lane;
+      ordered.push_back(
+          permute(component, [&](int64_t place) { return laneAt[place]; }));
+    }
+    for (int64_t i = 0; i < count; ++i)
+      vectors.push_back(blend(
+          ordered, [&](int64_t place) { return (i * lanes + place) % count; }));
+    return vectors;
+  }
+  SmallVector<mlir::Value> halves[2];
+  for (int64_t parity : {0, 1}) {
+    SmallVector<mlir::Value> half;
+    for (int64_t c = parity; c < count; c += 2)
+      half.push_back(components[c]);
+    halves[parity] = putTogether(half);
+  }
+  for (int64_t i = 0; i < count; ++i) {
+    SmallVector<int32_t> places;
+    for (int64_t lane = 0; lane < lanes; ++lane)
+      places.push_back(i % 2 * (lanes / 2) + lane / 2 + lane % 2 * lanes);
+    vectors.push_back(shuffle(halves[0][i / 2], halves[1][i / 2], places));
+  }
+  return vectors;
 }
 
 //===----------------------------------------------------------------------===//
@@ -137,22 +188,22 @@ mlir::Value ArrayLowering::gatherOffsets(const ArrayParts &parts,
       return arith::ExtSIOp::create(b, loc, wide, value);
     return value;
   };
-  mlir::Value zero =
-      arith::ConstantOp::create(b, loc, b.getZeroAttr(wide)), offset;
+  mlir::Value zero = arith::ConstantOp::create(b, loc, b.getZeroAttr(wide)),
+              offset;
   for (auto [d, index] : llvm::enumerate(indices)) {
     mlir::Value number;
     if (isa<VectorType>(index.getType())) {
       number = toWide(index);
       if (!nonNegative[d]) {
-        mlir::Value fromEnd = arith::AddIOp::create(
-            b, loc, number, toWide(parts.shape[d]));
+        mlir::Value fromEnd =
+            arith::AddIOp::create(b, loc, number, toWide(parts.shape[d]));
         mlir::Value isNegative = arith::CmpIOp::create(
             b, loc, arith::CmpIPredicate::slt, number, zero);
         number = arith::SelectOp::create(b, loc, isNegative, fromEnd, number);
       }
     } else {
-      number = toWide(nonNegative[d] ? index
-                                     : wrapIndex(index, parts.shape[d]));
+      number =
+          toWide(nonNegative[d] ? index : wrapIndex(index, parts.shape[d]));
     }
     if (parts.unit == 0)
       number = arith::MulIOp::create(b, loc, number, toWide(parts.strides[d]));
@@ -186,9 +237,8 @@ ArrayLowering::laneAccess(mlir::Value array, ValueRange indices,
   mlir::Value offsets =
       gatherOffsets(parts, indices, nonNegative, access.lanes);
   auto pointers = LLVM::getVectorType(dataPointer, access.lanes);
-  mlir::Type step = parts.unit == 0
-                        ? mlir::Type(i8)
-                        : LLVM::LLVMArrayType::get(i8, parts.unit);
+  mlir::Type step = parts.unit == 0 ? mlir::Type(i8)
+                                    : LLVM::LLVMArrayType::get(i8, parts.unit);
   if (llvm::isPowerOf2_64(parts.unit) && parts.unit <= 8)
     step = b.getIntegerType(8 * parts.unit);
   access.pointer = LLVM::GEPOp::create(b, loc, pointers, step, parts.data,
@@ -225,8 +275,7 @@ static mlir::Value patternMask(OpBuilder &b, Location loc, int64_t lanes,
   for (int64_t lane = 0; lane < lanes; ++lane)
     taken.push_back((first + lane) % period < count);
   auto type = VectorType::get(lanes, b.getI1Type());
-  return arith::ConstantOp::create(b, loc,
-                                   DenseElementsAttr::get(type, taken));
+  return arith::ConstantOp::create(b, loc, DenseElementsAttr::get(type, taken));
 }
 
 SmallVector<mlir::Value> ArrayLowering::loadUnit(const LaneAccess &access,
@@ -245,10 +294,9 @@ SmallVector<mlir::Value> ArrayLowering::loadUnit(const LaneAccess &access,
     bool isLast = stride > 1 && (i + 1) * lanes > period * (lanes - 1) + count;
     mlir::Value mask = access.isFull ? mlir::Value() : masks[i];
     if (stride > 1 && (isLast || mask)) {
-      mlir::Value taken =
-          patternMask(b, loc, lanes, i * lanes, count, period);
-      mask = mask ? arith::AndIOp::create(b, loc, mask, taken).getResult()
-                  : taken;
+      mlir::Value taken = patternMask(b, loc, lanes, i * lanes, count, period);
+      mask =
+          mask ? arith::AndIOp::create(b, loc, mask, taken).getResult() : taken;
     }
     if (!mask)
       vectors.push_back(LLVM::LoadOp::create(b, loc, stored, from, size));
@@ -260,21 +308,19 @@ SmallVector<mlir::Value> ArrayLowering::loadUnit(const LaneAccess &access,
   if (period == 1)
     return vectors;
   Registers registers(b, loc, lanes);
-  for (int64_t c = 0; c < count; ++c)
-    components.push_back(registers.select(
-        vectors, [&](int64_t lane) { return lane * period + c; }));
+  components =
+      registers.takeApart(vectors, [&](int64_t c) { return c < count; });
+  components.truncate(count);
   return components;
 }
 
-SmallVector<mlir::Value>
-ArrayLowering::loadGathered(const LaneAccess &access) {
+SmallVector<mlir::Value> ArrayLowering::loadGathered(const LaneAccess &access) {
   if (access.hasWords())
     return loadWords(access);
   SmallVector<mlir::Value> components;
   for (Leaf leaf : access.leaves) {
     VectorType stored = storedLanes(leaf.type, access.lanes);
-    mlir::Value none =
-        arith::ConstantOp::create(b, loc, b.getZeroAttr(stored));
+    mlir::Value none = arith::ConstantOp::create(b, loc, b.getZeroAttr(stored));
     components.push_back(LLVM::masked_gather::create(
         b, loc, stored, access.move(b, loc, leaf.offset), access.mask,
         ValueRange(none), b.getI32IntegerAttr(getByteSize(leaf.type))));
@@ -293,8 +339,8 @@ void ArrayLowering::lowerLanes(LoadLanesOp op) {
     if (isBool(leaf.type)) {
       mlir::Value zero =
           arith::ConstantOp::create(b, loc, b.getZeroAttr(value.getType()));
-      value = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ne, value,
-                                    zero);
+      value =
+          arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ne, value, zero);
     }
     result.replaceAllUsesWith(value);
   }
@@ -307,13 +353,7 @@ void ArrayLowering::storeUnit(const LaneAccess &access,
   SmallVector<mlir::Value> masks =
       spreadMask(b, loc, access.mask, lanes, count);
   Registers registers(b, loc, lanes);
-  for (int64_t i = 0; i < count; ++i) {
-    auto source = [&](int64_t lane) {
-      int64_t number = i * lanes + lane;
-      return number % count * lanes + number / count;
-    };
-    mlir::Value vector =
-        count == 1 ? components[0] : registers.select(components, source);
+  for (auto [i, vector] : llvm::enumerate(registers.putTogether(components))) {
     mlir::Value to = access.move(b, loc, i * lanes * size);
     if (access.isFull)
       LLVM::StoreOp::create(b, loc, vector, to, size);
@@ -338,9 +378,8 @@ void ArrayLowering::lowerLanes(StoreLanesOp op) {
   for (auto [leaf, value] : llvm::zip_equal(access.leaves, op.getComponents()))
     components.push_back(
         isBool(leaf.type)
-            ? arith::ExtUIOp::create(b, loc,
-                                     storedLanes(leaf.type, access.lanes),
-                                     value)
+            ? arith::ExtUIOp::create(
+                  b, loc, storedLanes(leaf.type, access.lanes), value)
                   .getResult()
             : value);
   if (op.getForm() == LaneForm::unit)
