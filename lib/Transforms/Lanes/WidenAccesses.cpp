@@ -43,13 +43,14 @@ static bool isPacked(Value array) {
          function.getArgAttr(argument.getArgNumber(), warp::attr::packed);
 }
 
-/// Whether an element is a few numbers of one type without gaps.
+/// Whether an element is a few numbers of one size without gaps.
 static bool isDense(Type element) {
   SmallVector<warp::Leaf> leaves;
   warp::collectLeaves(element, 0, leaves);
   int64_t size = warp::getByteSize(leaves[0].type);
   for (auto [i, leaf] : llvm::enumerate(leaves))
-    if (isa<warp::ArrayType>(leaf.type) || leaf.type != leaves[0].type ||
+    if (isa<warp::ArrayType>(leaf.type) ||
+        warp::getByteSize(leaf.type) != size ||
         leaf.offset != int64_t(i) * size)
       return false;
   return leaves.size() <= mostComponents &&

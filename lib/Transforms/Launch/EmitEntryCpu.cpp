@@ -19,7 +19,7 @@ using namespace mlir;
 using warp::EntryBuilder;
 
 /// Bodies of more operations have one copy.
-constexpr int64_t longestTwice = 400;
+constexpr int64_t longestTwice = 160;
 
 static int64_t countOperations(Region &region) {
   int64_t count = 0;
