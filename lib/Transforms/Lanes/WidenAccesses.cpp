@@ -241,7 +241,7 @@ void Widening::widenUpdate(warp::AtomicComponentsOp op) {
   if (isOpen &&
       llvm::all_of(op.getIndices(), [&](Value index) { return isSlow(index); }))
     return updateMaybeTogether(op);
-  if (!kernel->hasAttr(warp::attr::exclusive) ||
+  if (!warp::getRecipe(kernel).getExclusive() ||
       unitStride(op.getArray(), op.getIndices(), where) != 1)
     return updateOneByOne(op);
   // Lanes do not meet, and no other thread is there.
