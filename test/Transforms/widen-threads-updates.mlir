@@ -138,6 +138,9 @@ func.func @shared(%s: !warp.array<1 x f32>, %a: f32)
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 7,
+      lanes = 4>
+
 // Neighbours mostly have the same quotient: where all lanes do, they are one
 // update. Not so where a quotient is that of two neighbours only, or where an
 // index was loaded.
@@ -159,7 +162,7 @@ func.func @shared(%s: !warp.array<1 x f32>, %a: f32)
 // CHECK: return
 func.func @quotients(%s: !warp.array<1 x f32>, %x: !warp.array<1 x f32>,
                      %at: !warp.array<1 x si32>, %n: i32)
-    attributes {warp.kernel, warp.contiguous = 7 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %c2 = arith.constant 2 : i32
   %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
