@@ -100,7 +100,8 @@ llvm.func @each(%m: vector<4xi1>, %v: vector<4xf32>) -> vector<4xf32>
 // CHECK: %[[SUMS:.*]] = arith.addi %[[PAIRS]], %[[TWO]]
 // CHECK: %[[TOTAL:.*]] = llvm.extractelement %[[SUMS]]
 // CHECK: %[[OLD:.*]] = warp.atomic_components add(%[[TOTAL]])
-// CHECK: %[[BASE:.*]] = llvm.shufflevector {{.*}} [0, 0, 0, 0]
+// CHECK: %[[AT_FIRST:.*]] = llvm.insertelement %[[OLD]]
+// CHECK: %[[BASE:.*]] = llvm.shufflevector %[[AT_FIRST]], {{.*}} [0, 0, 0, 0]
 // CHECK: %[[BEFORE:.*]] = arith.subi %[[SUMS]], %[[TERMS]]
 // CHECK: %[[EACH:.*]] = arith.addi %[[BASE]], %[[BEFORE]]
 // CHECK: llvm.return %[[EACH]]

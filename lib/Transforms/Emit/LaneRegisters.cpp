@@ -16,7 +16,8 @@
 //     x: take 0, 3 of the first, 2 of the second, 1 of the third
 //        x0 x3 x2 x1 -> x0 x1 x2 x3
 //
-// An element of n = 2^k numbers thus costs n k permutations.
+// An element of n = 2^k numbers thus costs n k permutations. Rows are better
+// for most elements of 32 or 64 bits (LowerLaneRows.cpp).
 //
 //===----------------------------------------------------------------------===//
 

@@ -225,7 +225,7 @@ void LaneLowering::count(warp::EachLaneOp op, warp::AtomicComponentsOp update) {
   auto made = warp::AtomicComponentsOp::create(
       b, loc, update.getResultTypes(), warp::AtomicKind::add, total,
       update.getArray(), update.getIndices());
-  Value old = warp::spread(b, loc, made.getComponents()[0], lanes);
+  Value old = warp::spread(b, loc, made->getResult(0), lanes);
   Value before = arith::SubIOp::create(b, loc, sums, step);
   replace(op, arith::AddIOp::create(b, loc, old, before));
 }

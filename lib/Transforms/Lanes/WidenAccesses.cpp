@@ -153,7 +153,8 @@ bool Widening::isSlow(Value index, int depth) {
   Operation *op = index.getDefiningOp();
   if (!isVarying(index))
     return true;
-  if (!op || depth == 0 || op->getNumRegions() != 0 || !isPure(op))
+  if (!op || depth == 0 || op->getNumRegions() != 0 ||
+      !isMemoryEffectFree(op))
     return false;
   if (isa<arith::DivSIOp, arith::DivUIOp, arith::ShRSIOp, arith::ShRUIOp>(op) &&
       variance.step(op->getOperand(0)) && !isVarying(op->getOperand(1))) {
