@@ -86,3 +86,66 @@ llvm.func @each(%m: vector<4xi1>, %v: vector<4xf32>) -> vector<4xf32>
   } : vector<4xi1>, vector<4xf32> -> vector<4xf32>
   llvm.return %r : vector<4xf32>
 }
+
+// -----
+
+// Lanes that take numbers from a counter make one update by the sum of theirs;
+// sums over the lanes before each say what it would have seen.
+// CHECK-LABEL: llvm.func @counter
+// CHECK-NOT: scf.for
+// CHECK: %[[TERMS:.*]] = arith.select %arg0, %arg1, %[[NONE:.*]] :
+// CHECK: %[[ONE:.*]] = llvm.shufflevector %[[NONE]], %[[TERMS]] [3, 4, 5, 6]
+// CHECK: %[[PAIRS:.*]] = arith.addi %[[TERMS]], %[[ONE]]
+// CHECK: %[[TWO:.*]] = llvm.shufflevector %[[NONE]], %[[PAIRS]] [2, 3, 4, 5]
+// CHECK: %[[SUMS:.*]] = arith.addi %[[PAIRS]], %[[TWO]]
+// CHECK: %[[TOTAL:.*]] = llvm.extractelement %[[SUMS]]
+// CHECK: %[[OLD:.*]] = warp.atomic_components add(%[[TOTAL]])
+// CHECK: %[[AT_FIRST:.*]] = llvm.insertelement %[[OLD]]
+// CHECK: %[[BASE:.*]] = llvm.shufflevector %[[AT_FIRST]], {{.*}} [0, 0, 0, 0]
+// CHECK: %[[BEFORE:.*]] = arith.subi %[[SUMS]], %[[TERMS]]
+// CHECK: %[[EACH:.*]] = arith.addi %[[BASE]], %[[BEFORE]]
+// CHECK: llvm.return %[[EACH]]
+llvm.func @counter(%m: vector<4xi1>, %v: vector<4xi32>, %block: !llvm.ptr)
+    -> vector<4xi32> attributes {warp.entry} {
+  %c0 = arith.constant 0 : i32
+  %s = warp.parameter %block[24] packed
+    : !llvm.ptr -> !warp.array<1 x si32>
+  %any = warp.any %m : vector<4xi1>
+  %r = warp.each_lane %m (%v) {
+  ^bb0(%x: i32):
+    %old = warp.atomic_components add(%x), %s[%c0]
+      : (i32), !warp.array<1 x si32>, i32 -> i32
+    warp.yield %old : i32
+  } : vector<4xi1>, vector<4xi32> -> vector<4xi32>
+  llvm.return %r : vector<4xi32>
+}
+
+// -----
+
+// Where lanes have counters of their own, or exchange, they take turns.
+// CHECK-LABEL: llvm.func @turns
+// CHECK: scf.for
+// CHECK: warp.atomic_components add
+// CHECK: scf.for
+// CHECK: warp.atomic_components exch
+llvm.func @turns(%m: vector<4xi1>, %at: vector<4xi32>, %block: !llvm.ptr)
+    -> vector<4xi32> attributes {warp.entry} {
+  %c0 = arith.constant 0 : i32
+  %s = warp.parameter %block[24] packed
+    : !llvm.ptr -> !warp.array<1 x si32>
+  %any = warp.any %m : vector<4xi1>
+  %own = warp.each_lane %m (%at) {
+  ^bb0(%i: i32):
+    %old = warp.atomic_components add(%i), %s[%i]
+      : (i32), !warp.array<1 x si32>, i32 -> i32
+    warp.yield %old : i32
+  } : vector<4xi1>, vector<4xi32> -> vector<4xi32>
+  %swapped = warp.each_lane %m (%at) {
+  ^bb0(%i: i32):
+    %old = warp.atomic_components exch(%i), %s[%c0]
+      : (i32), !warp.array<1 x si32>, i32 -> i32
+    warp.yield %old : i32
+  } : vector<4xi1>, vector<4xi32> -> vector<4xi32>
+  %sum = arith.addi %own, %swapped : vector<4xi32>
+  llvm.return %sum : vector<4xi32>
+}

@@ -135,3 +135,46 @@ func.func @shared(%s: !warp.array<1 x f32>, %a: f32)
     : (f32), !warp.array<1 x f32>, i32 -> f32
   return
 }
+
+// -----
+
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 7,
+      lanes = 4>
+
+// Neighbours mostly have the same quotient: where all lanes do, they are one
+// update. Not so where a quotient is that of two neighbours only, or where an
+// index was loaded.
+// CHECK-LABEL: func.func @quotients
+// CHECK: %[[V:.*]] = warp.load_lanes unit %arg1
+// CHECK: %[[LEAST:.*]] = warp.combine_lanes %{{.*}} {kind = 2 : i32
+// CHECK: %[[MOST:.*]] = warp.combine_lanes %{{.*}} {kind = 3 : i32
+// CHECK: %[[IS_ONE:.*]] = arith.cmpi eq, %[[LEAST]], %[[MOST]]
+// CHECK: scf.if %[[IS_ONE]] {
+// CHECK: %[[TOTAL:.*]] = warp.combine_lanes
+// CHECK: warp.atomic_components max(%[[TOTAL]]), %arg0[%[[LEAST]]]
+// CHECK: } else {
+// CHECK: warp.update_lanes max(%[[V]]), %arg0
+// CHECK: }
+// CHECK-NOT: scf.if
+// CHECK: warp.update_lanes max
+// CHECK-NOT: scf.if
+// CHECK: warp.update_lanes max
+// CHECK: return
+func.func @quotients(%s: !warp.array<1 x f32>, %x: !warp.array<1 x f32>,
+                     %at: !warp.array<1 x si32>, %n: i32)
+    attributes {warp.kernel, warp.variant = #cpu} {
+  %i = warp.tid : i32
+  %c2 = arith.constant 2 : i32
+  %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
+  %row = arith.divsi %i, %n : i32
+  %a = warp.atomic_components max(%v), %s[%row]
+    : (f32), !warp.array<1 x f32>, i32 -> f32
+  %pair = arith.divsi %i, %c2 : i32
+  %b = warp.atomic_components max(%v), %s[%pair]
+    : (f32), !warp.array<1 x f32>, i32 -> f32
+  %j = warp.load_components %at[%i] : !warp.array<1 x si32>, i32 -> i32
+  %k = arith.divsi %j, %n : i32
+  %c = warp.atomic_components max(%v), %s[%k]
+    : (f32), !warp.array<1 x f32>, i32 -> f32
+  return
+}

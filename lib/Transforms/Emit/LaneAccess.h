@@ -24,17 +24,43 @@ struct ArrayLowering::LaneAccess {
   /// addresses.
   mlir::Value pointer;
 
-  /// Whether an element is two to four numbers of 32 or 64 bits that follow
-  /// each other, so that a lane can take it as a whole.
+  /// Whether an element is several numbers of 32 or 64 bits that follow each
+  /// other, so that a lane can take it in pieces of up to four.
   bool hasWords() const {
-    size_t count = leaves.size();
     int64_t size = getByteSize(leaves[0].type);
-    if (count < 2 || count > 4 || (size != 4 && size != 8) || lanes % 4 != 0)
+    if (leaves.size() < 2 || (size != 4 && size != 8) || lanes % 4 != 0)
       return false;
     for (auto [i, leaf] : llvm::enumerate(leaves))
-      if (leaf.type != leaves[0].type || leaf.offset != int64_t(i) * size)
+      if (getByteSize(leaf.type) != size || leaf.offset != int64_t(i) * size)
         return false;
     return true;
+  }
+
+  /// Lanes of what an element is made of: numbers of one type, or the bits of
+  /// several.
+  mlir::VectorType wordLanes() const;
+
+  /// Whether an element is better taken in rows than in whole vectors: by
+  /// half for 8 or 16 numbers, and with few instructions. Blends are a little
+  /// quicker for 5 or 7, but masks of whole vectors are dear.
+  bool prefersRows(int64_t stride) const {
+    size_t count = leaves.size();
+    bool hasBlends = isFull && stride == 1 && (count == 5 || count == 7);
+    return hasWords() && count >= 4 && !hasBlends;
+  }
+
+  /// `unit`: the address of each lane's element, so many bytes apart. Lanes
+  /// that are not live have that of one that is.
+  llvm::SmallVector<mlir::Value> lanePointers(mlir::OpBuilder &b,
+                                              mlir::Location loc,
+                                              int64_t step) const;
+
+  /// The number of a live lane.
+  mlir::Value firstLive(mlir::OpBuilder &b, mlir::Location loc) const {
+    mlir::Type type = b.getIntegerType(lanes);
+    mlir::Value bits = mlir::LLVM::BitcastOp::create(b, loc, type, mask);
+    return mlir::LLVM::CountTrailingZerosOp::create(b, loc, type, bits,
+                                                    /*is_zero_poison=*/true);
   }
 
   /// The address so many bytes on. Where lanes are dead it may be outside of
@@ -61,6 +87,43 @@ inline mlir::VectorType storedLanes(mlir::Type type, int64_t lanes) {
                    : getSignless(type);
   return mlir::VectorType::get(lanes, stored);
 }
+
+inline mlir::VectorType ArrayLowering::LaneAccess::wordLanes() const {
+  bool isOne = llvm::all_of(leaves, [&](const Leaf &leaf) {
+    return getSignless(leaf.type) == getSignless(leaves[0].type);
+  });
+  if (isOne)
+    return storedLanes(leaves[0].type, lanes);
+  return mlir::VectorType::get(
+      lanes, mlir::IntegerType::get(leaves[0].type.getContext(),
+                                    8 * getByteSize(leaves[0].type)));
+}
+
+/// One vector per component out of those that hold elements one after the
+/// other; null where nobody wants it (LaneRegisters.cpp).
+llvm::SmallVector<mlir::Value>
+takeApart(mlir::OpBuilder &b, mlir::Location loc,
+          llvm::ArrayRef<mlir::Value> vectors,
+          llvm::function_ref<bool(int64_t)> isWanted);
+/// The inverse.
+llvm::SmallVector<mlir::Value>
+putTogether(mlir::OpBuilder &b, mlir::Location loc,
+            llvm::ArrayRef<mlir::Value> components);
+
+/// Components of elements of which `pointerOf(lane)` is the address, lane by
+/// lane (LowerLaneRows.cpp).
+llvm::SmallVector<mlir::Value>
+loadRows(mlir::OpBuilder &b, mlir::Location loc, mlir::VectorType component,
+         int64_t count, llvm::function_ref<mlir::Value(int64_t)> pointerOf);
+/// The inverse; four components or more.
+void storeRows(mlir::OpBuilder &b, mlir::Location loc,
+               llvm::ArrayRef<mlir::Value> components,
+               llvm::function_ref<mlir::Value(int64_t)> pointerOf);
+/// Exchanges rows and columns of the 4 x 4 squares that four vectors form.
+llvm::SmallVector<mlir::Value> transpose(mlir::OpBuilder &b, mlir::Location loc,
+                                         llvm::ArrayRef<mlir::Value> rows);
+/// Numbers of a row.
+constexpr int64_t rowSize = 4;
 
 } // namespace warp
 

@@ -2,18 +2,10 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Lanes whose elements follow each other read and write whole vectors. An
-// element of n numbers is taken apart in registers: the n vectors that hold N
-// elements are blended and permuted into one vector per component. Where n is
-// odd, the numbers of a component lie at different places in each vector, so
-// blends by constant masks bring them together and one permutation sorts them:
-//
-//     x0 y0 z0 x1 | y1 z1 x2 y2 | z2 x3 y3 z3
-//     x: take 0, 3 of the first, 2 of the second, 1 of the third
-//        x0 x3 x2 x1 -> x0 x1 x2 x3
-//
-// Otherwise a component is permuted out of pairs of vectors. Elements that lie
-// anywhere are gathered and scattered, component by component.
+// Lanes whose elements follow each other read and write whole vectors, which
+// are taken apart and put together in registers (LaneRegisters.cpp), or rows
+// of each element (LowerLaneRows.cpp). Elements that lie anywhere are rows,
+// or are gathered and scattered, component by component.
 //
 //===----------------------------------------------------------------------===//
 
@@ -25,91 +17,6 @@
 
 using namespace mlir;
 using namespace warp;
-
-namespace {
-
-/// Vectors in registers, whose lanes are numbered through.
-class Registers {
-public:
-  Registers(OpBuilder &b, Location loc, int64_t lanes)
-      : b(b), loc(loc), lanes(lanes) {}
-
-  mlir::Value shuffle(mlir::Value x, mlir::Value y,
-                      ArrayRef<int32_t> places) {
-    return LLVM::ShuffleVectorOp::create(b, loc, x, y, places);
-  }
-
-  /// The vector of what `source(lane)` numbers among the lanes of `vectors`.
-  mlir::Value select(ArrayRef<mlir::Value> vectors,
-                     function_ref<int64_t(int64_t)> source) {
-    SmallVector<int64_t> sources;
-    for (int64_t lane = 0; lane < lanes; ++lane)
-      sources.push_back(source(lane));
-    if (mlir::Value blended = blend(vectors, sources))
-      return blended;
-    return join(vectors, sources);
-  }
-
-private:
-  /// If no two of the numbers lie at the same place of a vector.
-  mlir::Value blend(ArrayRef<mlir::Value> vectors, ArrayRef<int64_t> sources);
-  mlir::Value join(ArrayRef<mlir::Value> vectors, ArrayRef<int64_t> sources);
-
-  OpBuilder &b;
-  Location loc;
-  int64_t lanes;
-};
-
-} // namespace
-
-mlir::Value Registers::blend(ArrayRef<mlir::Value> vectors,
-                             ArrayRef<int64_t> sources) {
-  SmallVector<int64_t> vectorAt(lanes, -1);
-  SmallVector<int32_t> order;
-  for (int64_t source : sources) {
-    int64_t place = source % lanes;
-    if (vectorAt[place] >= 0)
-      return {};
-    vectorAt[place] = source / lanes;
-    order.push_back(place);
-  }
-  mlir::Value blended;
-  for (auto [number, vector] : llvm::enumerate(vectors)) {
-    if (!llvm::is_contained(vectorAt, int64_t(number)))
-      continue;
-    if (!blended) {
-      blended = vector;
-      continue;
-    }
-    SmallVector<int32_t> places;
-    for (int64_t place = 0; place < lanes; ++place)
-      places.push_back(vectorAt[place] == int64_t(number) ? lanes + place
-                                                          : place);
-    blended = shuffle(blended, vector, places);
-  }
-  return shuffle(blended, blended, order);
-}
-
-/// Two vectors at a time.
-mlir::Value Registers::join(ArrayRef<mlir::Value> vectors,
-                            ArrayRef<int64_t> sources) {
-  mlir::Value joined;
-  SmallVector<int32_t> places(lanes);
-  for (size_t number = 0; number < vectors.size(); ++number) {
-    bool used = llvm::any_of(sources, [&](int64_t source) {
-      return source / lanes == int64_t(number);
-    });
-    if (!used)
-      continue;
-    for (int64_t lane = 0; lane < lanes; ++lane) {
-      bool here = sources[lane] / lanes == int64_t(number);
-      places[lane] = here ? (joined ? lanes : 0) + sources[lane] % lanes : lane;
-    }
-    joined = shuffle(joined ? joined : vectors[number], vectors[number],
-                     places);
-  }
-  return joined;
-}
 
 //===----------------------------------------------------------------------===//
 // Addresses
@@ -137,22 +44,22 @@ mlir::Value ArrayLowering::gatherOffsets(const ArrayParts &parts,
       return arith::ExtSIOp::create(b, loc, wide, value);
     return value;
   };
-  mlir::Value zero =
-      arith::ConstantOp::create(b, loc, b.getZeroAttr(wide)), offset;
+  mlir::Value zero = arith::ConstantOp::create(b, loc, b.getZeroAttr(wide)),
+              offset;
   for (auto [d, index] : llvm::enumerate(indices)) {
     mlir::Value number;
     if (isa<VectorType>(index.getType())) {
       number = toWide(index);
       if (!nonNegative[d]) {
-        mlir::Value fromEnd = arith::AddIOp::create(
-            b, loc, number, toWide(parts.shape[d]));
+        mlir::Value fromEnd =
+            arith::AddIOp::create(b, loc, number, toWide(parts.shape[d]));
         mlir::Value isNegative = arith::CmpIOp::create(
             b, loc, arith::CmpIPredicate::slt, number, zero);
         number = arith::SelectOp::create(b, loc, isNegative, fromEnd, number);
       }
     } else {
-      number = toWide(nonNegative[d] ? index
-                                     : wrapIndex(index, parts.shape[d]));
+      number =
+          toWide(nonNegative[d] ? index : wrapIndex(index, parts.shape[d]));
     }
     if (parts.unit == 0)
       number = arith::MulIOp::create(b, loc, number, toWide(parts.strides[d]));
@@ -186,9 +93,8 @@ ArrayLowering::laneAccess(mlir::Value array, ValueRange indices,
   mlir::Value offsets =
       gatherOffsets(parts, indices, nonNegative, access.lanes);
   auto pointers = LLVM::getVectorType(dataPointer, access.lanes);
-  mlir::Type step = parts.unit == 0
-                        ? mlir::Type(i8)
-                        : LLVM::LLVMArrayType::get(i8, parts.unit);
+  mlir::Type step = parts.unit == 0 ? mlir::Type(i8)
+                                    : LLVM::LLVMArrayType::get(i8, parts.unit);
   if (llvm::isPowerOf2_64(parts.unit) && parts.unit <= 8)
     step = b.getIntegerType(8 * parts.unit);
   access.pointer = LLVM::GEPOp::create(b, loc, pointers, step, parts.data,
@@ -225,16 +131,50 @@ static mlir::Value patternMask(OpBuilder &b, Location loc, int64_t lanes,
   for (int64_t lane = 0; lane < lanes; ++lane)
     taken.push_back((first + lane) % period < count);
   auto type = VectorType::get(lanes, b.getI1Type());
-  return arith::ConstantOp::create(b, loc,
-                                   DenseElementsAttr::get(type, taken));
+  return arith::ConstantOp::create(b, loc, DenseElementsAttr::get(type, taken));
+}
+
+SmallVector<mlir::Value>
+ArrayLowering::LaneAccess::lanePointers(OpBuilder &b, Location loc,
+                                        int64_t step) const {
+  SmallVector<mlir::Value> pointers;
+  SmallVector<int64_t> offsets;
+  for (int64_t lane = 0; lane < lanes; ++lane) {
+    offsets.push_back(lane * step);
+    if (isFull)
+      pointers.push_back(move(b, loc, lane * step));
+  }
+  if (isFull)
+    return pointers;
+  auto type = VectorType::get(lanes, b.getI64Type());
+  mlir::Value all = arith::ConstantOp::create(
+      b, loc, DenseElementsAttr::get(type, ArrayRef(offsets)));
+  mlir::Value one =
+      LLVM::ExtractElementOp::create(b, loc, all, firstLive(b, loc));
+  mlir::Value safe =
+      arith::SelectOp::create(b, loc, mask, all, spread(b, loc, one, lanes));
+  for (int64_t lane = 0; lane < lanes; ++lane) {
+    mlir::Value number =
+        arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(lane));
+    mlir::Value offset = LLVM::ExtractElementOp::create(b, loc, safe, number);
+    pointers.push_back(LLVM::GEPOp::create(b, loc, pointer.getType(),
+                                           b.getI8Type(), pointer,
+                                           ArrayRef<LLVM::GEPArg>(offset)));
+  }
+  return pointers;
 }
 
 SmallVector<mlir::Value> ArrayLowering::loadUnit(const LaneAccess &access,
                                                  int64_t stride) {
   int64_t count = access.leaves.size(), lanes = access.lanes;
   int64_t period = count * stride;
-  VectorType stored = storedLanes(access.leaves[0].type, lanes);
+  VectorType stored = access.wordLanes();
   int64_t size = getByteSize(access.leaves[0].type);
+  if (access.prefersRows(stride)) {
+    auto pointers = access.lanePointers(b, loc, period * size);
+    return loadRows(b, loc, stored, count,
+                    [&](int64_t lane) { return pointers[lane]; });
+  }
   SmallVector<mlir::Value> masks, vectors, components;
   if (!access.isFull)
     masks = spreadMask(b, loc, access.mask, lanes, period);
@@ -245,10 +185,9 @@ SmallVector<mlir::Value> ArrayLowering::loadUnit(const LaneAccess &access,
     bool isLast = stride > 1 && (i + 1) * lanes > period * (lanes - 1) + count;
     mlir::Value mask = access.isFull ? mlir::Value() : masks[i];
     if (stride > 1 && (isLast || mask)) {
-      mlir::Value taken =
-          patternMask(b, loc, lanes, i * lanes, count, period);
-      mask = mask ? arith::AndIOp::create(b, loc, mask, taken).getResult()
-                  : taken;
+      mlir::Value taken = patternMask(b, loc, lanes, i * lanes, count, period);
+      mask =
+          mask ? arith::AndIOp::create(b, loc, mask, taken).getResult() : taken;
     }
     if (!mask)
       vectors.push_back(LLVM::LoadOp::create(b, loc, stored, from, size));
@@ -259,22 +198,18 @@ SmallVector<mlir::Value> ArrayLowering::loadUnit(const LaneAccess &access,
   }
   if (period == 1)
     return vectors;
-  Registers registers(b, loc, lanes);
-  for (int64_t c = 0; c < count; ++c)
-    components.push_back(registers.select(
-        vectors, [&](int64_t lane) { return lane * period + c; }));
+  components = takeApart(b, loc, vectors, [&](int64_t c) { return c < count; });
+  components.truncate(count);
   return components;
 }
 
-SmallVector<mlir::Value>
-ArrayLowering::loadGathered(const LaneAccess &access) {
+SmallVector<mlir::Value> ArrayLowering::loadGathered(const LaneAccess &access) {
   if (access.hasWords())
     return loadWords(access);
   SmallVector<mlir::Value> components;
   for (Leaf leaf : access.leaves) {
     VectorType stored = storedLanes(leaf.type, access.lanes);
-    mlir::Value none =
-        arith::ConstantOp::create(b, loc, b.getZeroAttr(stored));
+    mlir::Value none = arith::ConstantOp::create(b, loc, b.getZeroAttr(stored));
     components.push_back(LLVM::masked_gather::create(
         b, loc, stored, access.move(b, loc, leaf.offset), access.mask,
         ValueRange(none), b.getI32IntegerAttr(getByteSize(leaf.type))));
@@ -290,11 +225,14 @@ void ArrayLowering::lowerLanes(LoadLanesOp op) {
                                             : loadGathered(access);
   for (auto [result, leaf, value] :
        llvm::zip_equal(op.getComponents(), access.leaves, components)) {
+    VectorType stored = storedLanes(leaf.type, access.lanes);
+    if (value.getType() != stored)
+      value = arith::BitcastOp::create(b, loc, stored, value);
     if (isBool(leaf.type)) {
       mlir::Value zero =
           arith::ConstantOp::create(b, loc, b.getZeroAttr(value.getType()));
-      value = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ne, value,
-                                    zero);
+      value =
+          arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ne, value, zero);
     }
     result.replaceAllUsesWith(value);
   }
@@ -304,16 +242,21 @@ void ArrayLowering::storeUnit(const LaneAccess &access,
                               ArrayRef<mlir::Value> components) {
   int64_t count = access.leaves.size(), lanes = access.lanes;
   int64_t size = getByteSize(access.leaves[0].type);
+  VectorType stored = access.wordLanes();
+  SmallVector<mlir::Value> words;
+  for (mlir::Value component : components)
+    words.push_back(
+        component.getType() == stored
+            ? component
+            : arith::BitcastOp::create(b, loc, stored, component).getResult());
+  if (access.isFull && access.prefersRows(/*stride=*/1)) {
+    auto pointers = access.lanePointers(b, loc, count * size);
+    return storeRows(b, loc, words,
+                     [&](int64_t lane) { return pointers[lane]; });
+  }
   SmallVector<mlir::Value> masks =
       spreadMask(b, loc, access.mask, lanes, count);
-  Registers registers(b, loc, lanes);
-  for (int64_t i = 0; i < count; ++i) {
-    auto source = [&](int64_t lane) {
-      int64_t number = i * lanes + lane;
-      return number % count * lanes + number / count;
-    };
-    mlir::Value vector =
-        count == 1 ? components[0] : registers.select(components, source);
+  for (auto [i, vector] : llvm::enumerate(putTogether(b, loc, words))) {
     mlir::Value to = access.move(b, loc, i * lanes * size);
     if (access.isFull)
       LLVM::StoreOp::create(b, loc, vector, to, size);
@@ -338,9 +281,8 @@ void ArrayLowering::lowerLanes(StoreLanesOp op) {
   for (auto [leaf, value] : llvm::zip_equal(access.leaves, op.getComponents()))
     components.push_back(
         isBool(leaf.type)
-            ? arith::ExtUIOp::create(b, loc,
-                                     storedLanes(leaf.type, access.lanes),
-                                     value)
+            ? arith::ExtUIOp::create(
+                  b, loc, storedLanes(leaf.type, access.lanes), value)
                   .getResult()
             : value);
   if (op.getForm() == LaneForm::unit)

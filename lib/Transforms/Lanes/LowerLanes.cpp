@@ -5,7 +5,9 @@
 // The copy of a body for full vectors has a constant mask, of which
 // simplification leaves little. What is done lane by lane goes through memory:
 // operands are stored as vectors, and a loop over the lanes takes them out one
-// by one, which keeps the code short whatever the number of lanes.
+// by one, which keeps the code short whatever the number of lanes. Lanes that
+// take numbers from one counter need no turns: sums over the lanes before each
+// say what it would have seen.
 //
 //===----------------------------------------------------------------------===//
 
@@ -70,6 +72,7 @@ private:
   void lower(warp::LaneNumbersOp op);
   void lower(warp::CombineLanesOp op);
   void lower(warp::EachLaneOp op);
+  void count(warp::EachLaneOp op, warp::AtomicComponentsOp update);
   Value makeSlots(VectorType type);
   Value slot(Value slots, Type element, Value lane);
   Value constant(int64_t value) {
@@ -92,8 +95,8 @@ private:
 //===----------------------------------------------------------------------===//
 
 void LaneLowering::lower(warp::AnyOp op) {
-  replace(op, LLVM::vector_reduce_or::create(b, loc, b.getI1Type(),
-                                             op.getMask()));
+  replace(op,
+          LLVM::vector_reduce_or::create(b, loc, b.getI1Type(), op.getMask()));
 }
 
 void LaneLowering::lower(warp::BroadcastOp op) {
@@ -111,8 +114,8 @@ void LaneLowering::lower(warp::LaneNumbersOp op) {
   SmallVector<Attribute> numbers;
   for (int64_t lane = 0; lane < type.getNumElements(); ++lane)
     numbers.push_back(b.getIntegerAttr(type.getElementType(), lane));
-  replace(op, arith::ConstantOp::create(
-                  b, loc, DenseElementsAttr::get(type, numbers)));
+  replace(op, arith::ConstantOp::create(b, loc,
+                                        DenseElementsAttr::get(type, numbers)));
 }
 
 void LaneLowering::lower(warp::CombineLanesOp op) {
@@ -177,7 +180,59 @@ static Value fromStored(OpBuilder &b, Location loc, Value value, Type type) {
   return arith::TruncIOp::create(b, loc, type, value);
 }
 
+/// The update that is all of what lanes do, if it adds integers to one element.
+static warp::AtomicComponentsOp findCounter(warp::EachLaneOp op) {
+  Block &body = op.getBody().front();
+  auto update = dyn_cast<warp::AtomicComponentsOp>(body.front());
+  auto end =
+      dyn_cast_or_null<warp::YieldOp>(update ? update->getNextNode() : nullptr);
+  if (!end || update.getComponents().size() != 1 ||
+      end->getOperands() != ValueRange(update->getResults()) ||
+      warp::combiningKind(update.getKind()) != warp::AtomicKind::add ||
+      !isa<IntegerType>(update.getComponents()[0].getType()))
+    return {};
+  auto isInside = [&](Value value) { return value.getParentBlock() == &body; };
+  bool isOnePlace = !isInside(update.getArray()) &&
+                    llvm::none_of(update.getIndices(), isInside);
+  return isOnePlace ? update : warp::AtomicComponentsOp();
+}
+
+/// Lanes that take numbers from a counter: one update by their sum, of which a
+/// lane's old value is what was there and what the lanes before it add.
+void LaneLowering::count(warp::EachLaneOp op, warp::AtomicComponentsOp update) {
+  int64_t lanes = cast<VectorType>(op.getMask().getType()).getNumElements();
+  Value step = update.getComponents()[0];
+  auto type = VectorType::get(lanes, step.getType());
+  if (auto argument = dyn_cast<BlockArgument>(step);
+      argument && argument.getOwner() == &op.getBody().front())
+    step = op.getInputs()[argument.getArgNumber()];
+  else
+    step = warp::spread(b, loc, step, lanes);
+  Value none = arith::ConstantOp::create(b, loc, b.getZeroAttr(type));
+  if (update.getKind() == warp::AtomicKind::sub)
+    step = arith::SubIOp::create(b, loc, none, step);
+  step = arith::SelectOp::create(b, loc, op.getMask(), step, none);
+  Value sums = step;
+  for (int64_t distance = 1; distance < lanes; distance *= 2) {
+    SmallVector<int32_t> places;
+    for (int64_t lane = 0; lane < lanes; ++lane)
+      places.push_back(lanes + lane - distance);
+    Value moved = LLVM::ShuffleVectorOp::create(b, loc, none, sums, places);
+    sums = arith::AddIOp::create(b, loc, sums, moved);
+  }
+  Value total =
+      LLVM::ExtractElementOp::create(b, loc, sums, constant(lanes - 1));
+  auto made = warp::AtomicComponentsOp::create(
+      b, loc, update.getResultTypes(), warp::AtomicKind::add, total,
+      update.getArray(), update.getIndices());
+  Value old = warp::spread(b, loc, made->getResult(0), lanes);
+  Value before = arith::SubIOp::create(b, loc, sums, step);
+  replace(op, arith::AddIOp::create(b, loc, old, before));
+}
+
 void LaneLowering::lower(warp::EachLaneOp op) {
+  if (warp::AtomicComponentsOp update = findCounter(op))
+    return count(op, update);
   auto maskType = cast<VectorType>(op.getMask().getType());
   int64_t lanes = maskType.getNumElements();
   SmallVector<Value> inputs(op.getInputs()), inSlots, outSlots;
@@ -196,8 +251,8 @@ void LaneLowering::lower(warp::EachLaneOp op) {
   for (Type type : op.getResultTypes())
     outSlots.push_back(makeSlots(vectorOf(type)));
 
-  auto loop = scf::ForOp::create(b, loc, constant(0), constant(lanes),
-                                 constant(1));
+  auto loop =
+      scf::ForOp::create(b, loc, constant(0), constant(lanes), constant(1));
   b.setInsertionPointToStart(loop.getBody());
   Value lane = loop.getInductionVar();
   auto read = [&](Value slots, Type type) {
@@ -224,8 +279,8 @@ void LaneLowering::lower(warp::EachLaneOp op) {
   }
   b.setInsertionPointAfter(loop);
   for (auto [result, slots] : llvm::zip_equal(op.getResults(), outSlots)) {
-    Value stored = LLVM::LoadOp::create(b, loc, vectorOf(result.getType()),
-                                        slots);
+    Value stored =
+        LLVM::LoadOp::create(b, loc, vectorOf(result.getType()), slots);
     result.replaceAllUsesWith(fromStored(b, loc, stored, result.getType()));
   }
   op->erase();

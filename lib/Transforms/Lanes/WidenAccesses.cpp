@@ -19,6 +19,7 @@
 #include "WarpDialect/ParameterLayout.h"
 
 #include "mlir/IR/IRMapping.h"
+#include "mlir/IR/Matchers.h"
 
 using namespace mlir;
 using warp::Widening;
@@ -42,13 +43,14 @@ static bool isPacked(Value array) {
          function.getArgAttr(argument.getArgNumber(), warp::attr::packed);
 }
 
-/// Whether an element is a few numbers of one type without gaps.
+/// Whether an element is a few numbers of one size without gaps.
 static bool isDense(Type element) {
   SmallVector<warp::Leaf> leaves;
   warp::collectLeaves(element, 0, leaves);
   int64_t size = warp::getByteSize(leaves[0].type);
   for (auto [i, leaf] : llvm::enumerate(leaves))
-    if (isa<warp::ArrayType>(leaf.type) || leaf.type != leaves[0].type ||
+    if (isa<warp::ArrayType>(leaf.type) ||
+        warp::getByteSize(leaf.type) != size ||
         leaf.offset != int64_t(i) * size)
       return false;
   return leaves.size() <= mostComponents &&
@@ -68,11 +70,11 @@ bool warp::isPartOfPacked(Value array) {
   return isPacked(array);
 }
 
-/// By how many elements of a packed last dimension lanes are apart; 0 if that is
-/// not known or not worth whole vectors.
+/// By how many elements of a packed last dimension lanes are apart; 0 if that
+/// is not known or not worth whole vectors.
 int64_t Widening::unitStride(Value array, ValueRange indices, Block *where) {
-  int64_t stride = indices.empty() ? 0 : variance.step(indices.back())
-                                             .value_or(0);
+  int64_t stride =
+      indices.empty() ? 0 : variance.step(indices.back()).value_or(0);
   bool fits = stride >= 1 && stride <= largestStride &&
               warp::hasDenseElements(array) &&
               llvm::none_of(indices.drop_back(),
@@ -92,19 +94,16 @@ Widening::Values Widening::accessIndices(ValueRange indices,
 }
 
 SmallVector<bool> Widening::nonNegative(ValueRange indices, Block *where) {
-  return llvm::map_to_vector(indices, [&](Value index) {
-    return warp::isNonNegative(index, where);
-  });
+  return llvm::map_to_vector(
+      indices, [&](Value index) { return warp::isNonNegative(index, where); });
 }
 
 void Widening::widenLoad(warp::LoadComponentsOp op) {
-  if (llvm::none_of(op.getComponents(),
-                    [&](Value v) { return isVarying(v); }))
+  if (llvm::none_of(op.getComponents(), [&](Value v) { return isVarying(v); }))
     return cloneScalar(op);
   Block *where = op->getBlock();
   int64_t stride = unitStride(op.getArray(), op.getIndices(), where);
-  warp::LaneForm form =
-      stride ? warp::LaneForm::unit : warp::LaneForm::gather;
+  warp::LaneForm form = stride ? warp::LaneForm::unit : warp::LaneForm::gather;
   SmallVector<Type> types;
   for (Type type : op.getResultTypes())
     types.push_back(lanesOf(type));
@@ -118,20 +117,17 @@ void Widening::widenLoad(warp::LoadComponentsOp op) {
 }
 
 void Widening::widenStore(warp::StoreComponentsOp op) {
-  bool isOnePlace = llvm::none_of(op.getIndices(), [&](Value index) {
-    return isVarying(index);
-  });
+  bool isOnePlace = llvm::none_of(
+      op.getIndices(), [&](Value index) { return isVarying(index); });
   if (isOnePlace) {
-    bool isOneValue = llvm::none_of(op.getComponents(), [&](Value v) {
-      return isVarying(v);
-    });
+    bool isOneValue = llvm::none_of(op.getComponents(),
+                                    [&](Value v) { return isVarying(v); });
     return isOneValue ? cloneScalar(op) : eachLane(op);
   }
   Block *where = op->getBlock();
-  warp::LaneForm form =
-      unitStride(op.getArray(), op.getIndices(), where) == 1
-          ? warp::LaneForm::unit
-          : warp::LaneForm::gather;
+  warp::LaneForm form = unitStride(op.getArray(), op.getIndices(), where) == 1
+                            ? warp::LaneForm::unit
+                            : warp::LaneForm::gather;
   Values components;
   for (Value component : op.getComponents())
     components.push_back(vector(component));
@@ -144,50 +140,111 @@ void Widening::widenStore(warp::StoreComponentsOp op) {
 // Updates
 //===----------------------------------------------------------------------===//
 
-void Widening::widenUpdate(warp::AtomicComponentsOp op) {
+static SmallVector<warp::Leaf> leavesOf(warp::AtomicComponentsOp op) {
   SmallVector<warp::Leaf> leaves;
   warp::collectLeaves(
       cast<warp::ArrayType>(op.getArray().getType()).getElementType(), 0,
       leaves);
+  return leaves;
+}
+
+/// A quotient of what goes on by a step, and what is made of such.
+bool Widening::isSlow(Value index, int depth) {
+  Operation *op = index.getDefiningOp();
+  if (!isVarying(index))
+    return true;
+  if (!op || depth == 0 || op->getNumRegions() != 0 ||
+      !isMemoryEffectFree(op))
+    return false;
+  if (isa<arith::DivSIOp, arith::DivUIOp, arith::ShRSIOp, arith::ShRUIOp>(op) &&
+      variance.step(op->getOperand(0)) && !isVarying(op->getOperand(1))) {
+    APInt by;
+    bool isKnown = matchPattern(op->getOperand(1), m_ConstantInt(&by));
+    bool isShift = isa<arith::ShRSIOp, arith::ShRUIOp>(op);
+    return !isKnown || (isShift ? by.uge(llvm::Log2_64(lanes)) : by.sge(lanes));
+  }
+  return llvm::all_of(op->getOperands(), [&](Value operand) {
+    return operand.getType().isInteger(1) || isSlow(operand, depth - 1);
+  });
+}
+
+/// One update by what all lanes have together.
+void Widening::updateTogether(warp::AtomicComponentsOp op, ValueRange indices) {
+  warp::AtomicKind kind = warp::combiningKind(op.getKind());
+  Values totals;
+  for (auto [leaf, value] : llvm::zip_equal(leavesOf(op), op.getComponents())) {
+    Value none = broadcast(warp::identity(b, loc, kind, leaf.type));
+    Value term = vector(value);
+    if (op.getKind() != kind)
+      term = warp::negate(b, loc, term);
+    totals.push_back(warp::CombineLanesOp::create(b, loc, value.getType(),
+                                                  int32_t(kind), leaf.type,
+                                                  choose(mask, term, none)));
+  }
+  warp::AtomicComponentsOp::create(b, loc, op.getResultTypes(), kind, totals,
+                                   scalar(op.getArray()), indices);
+}
+
+/// Asks first whether all lanes are at one element.
+void Widening::updateMaybeTogether(warp::AtomicComponentsOp op) {
+  Values first;
+  Value isOne;
+  for (Value index : op.getIndices()) {
+    if (!isVarying(index)) {
+      first.push_back(scalar(index));
+      continue;
+    }
+    Type type = index.getType();
+    auto end = [&](warp::AtomicKind kind) -> Value {
+      Value none = broadcast(warp::identity(b, loc, kind, type));
+      return warp::CombineLanesOp::create(b, loc, type, int32_t(kind), type,
+                                          choose(mask, vector(index), none));
+    };
+    Value least = end(warp::AtomicKind::min), most = end(warp::AtomicKind::max);
+    first.push_back(least);
+    Value agree =
+        arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq, least, most);
+    isOne = isOne ? both(isOne, agree) : agree;
+  }
+  auto branch = scf::IfOp::create(b, loc, isOne, /*withElseRegion=*/true);
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPointToStart(branch.thenBlock());
+  updateTogether(op, first);
+  b.setInsertionPointToStart(branch.elseBlock());
+  updateOneByOne(op);
+}
+
+void Widening::updateOneByOne(warp::AtomicComponentsOp op) {
+  Values components;
+  for (Value component : op.getComponents())
+    components.push_back(vector(component));
+  warp::UpdateLanesOp::create(
+      b, loc, op.getKind(), components, scalar(op.getArray()),
+      accessIndices(op.getIndices(), warp::LaneForm::gather), mask,
+      nonNegative(op.getIndices(), op->getBlock()));
+}
+
+void Widening::widenUpdate(warp::AtomicComponentsOp op) {
+  SmallVector<warp::Leaf> leaves = leavesOf(op);
   bool isExact = op->hasAttr(warp::attr::sum);
   bool isWide = llvm::all_of(leaves, [](const warp::Leaf &leaf) {
     return leaf.type.getIntOrFloatBitWidth() >= 32;
   });
-  bool isOnePlace = llvm::none_of(op.getIndices(), [&](Value index) {
-    return isVarying(index);
-  });
-  if (isOnePlace && isWide && !isExact && commuting.contains(op)) {
-    warp::AtomicKind kind = warp::combiningKind(op.getKind());
-    Values totals;
-    for (auto [leaf, value] : llvm::zip_equal(leaves, op.getComponents())) {
-      Value none = broadcast(warp::identity(b, loc, kind, leaf.type));
-      Value term = vector(value);
-      if (op.getKind() != kind)
-        term = warp::negate(b, loc, term);
-      totals.push_back(warp::CombineLanesOp::create(
-          b, loc, value.getType(), int32_t(kind), leaf.type,
-          choose(mask, term, none)));
-    }
-    warp::AtomicComponentsOp::create(b, loc, op.getResultTypes(), kind, totals,
-                                     scalar(op.getArray()),
-                                     accessIndices(op.getIndices(),
-                                                   warp::LaneForm::gather));
-    return;
-  }
+  bool isOnePlace = llvm::none_of(
+      op.getIndices(), [&](Value index) { return isVarying(index); });
+  bool isOpen = isWide && !isExact && commuting.contains(op);
+  if (isOnePlace && isOpen)
+    return updateTogether(
+        op, accessIndices(op.getIndices(), warp::LaneForm::gather));
   Block *where = op->getBlock();
   if (isExact || !op->use_empty())
     return eachLane(op);
+  if (isOpen &&
+      llvm::all_of(op.getIndices(), [&](Value index) { return isSlow(index); }))
+    return updateMaybeTogether(op);
   if (!warp::getRecipe(kernel).getExclusive() ||
-      unitStride(op.getArray(), op.getIndices(), where) != 1) {
-    Values components;
-    for (Value component : op.getComponents())
-      components.push_back(vector(component));
-    warp::UpdateLanesOp::create(
-        b, loc, op.getKind(), components, scalar(op.getArray()),
-        accessIndices(op.getIndices(), warp::LaneForm::gather), mask,
-        nonNegative(op.getIndices(), where));
-    return;
-  }
+      unitStride(op.getArray(), op.getIndices(), where) != 1)
+    return updateOneByOne(op);
   // Lanes do not meet, and no other thread is there.
   SmallVector<Type> types;
   for (Type type : op.getResultTypes())
@@ -198,10 +255,10 @@ void Widening::widenUpdate(warp::AtomicComponentsOp op) {
                                        indices, mask, warp::LaneForm::unit,
                                        isRight, /*stride=*/1);
   Values sums;
-  for (auto [leaf, before, value] : llvm::zip_equal(
-           leaves, old.getComponents(), op.getComponents()))
-    sums.push_back(warp::combine(b, loc, op.getKind(), before, vector(value),
-                                 leaf.type));
+  for (auto [leaf, before, value] :
+       llvm::zip_equal(leaves, old.getComponents(), op.getComponents()))
+    sums.push_back(
+        warp::combine(b, loc, op.getKind(), before, vector(value), leaf.type));
   warp::StoreLanesOp::create(b, loc, sums, scalar(op.getArray()), indices, mask,
                              warp::LaneForm::unit, isRight);
 }
@@ -255,14 +312,12 @@ Value Widening::slotOf(Value index) {
                 splat(b.getIntegerAttr(index.getType(), 0)));
 }
 
-/// A slot holds a value per lane, or one for all. Lanes may use different slots;
-/// one that is not live must not leave the memory.
+/// A slot holds a value per lane, or one for all. Lanes may use different
+/// slots; one that is not live must not leave the memory.
 void Widening::widenScratch(Operation *op) {
-  bool isOne = llvm::none_of(op->getOperands(), [&](Value v) {
-                 return isVarying(v);
-               }) &&
-               llvm::none_of(op->getResults(),
-                             [&](Value v) { return isVarying(v); });
+  bool isOne =
+      llvm::none_of(op->getOperands(), [&](Value v) { return isVarying(v); }) &&
+      llvm::none_of(op->getResults(), [&](Value v) { return isVarying(v); });
   if (isOne)
     return cloneScalar(op);
   if (auto scratch = dyn_cast<warp::ScratchOp>(op)) {
@@ -273,9 +328,9 @@ void Widening::widenScratch(Operation *op) {
     return;
   }
   if (auto load = dyn_cast<warp::ScratchLoadOp>(op)) {
-    setVector(load, warp::ScratchLoadOp::create(
-                        b, loc, lanesOf(load.getType()),
-                        scalar(load.getScratch()), slotOf(load.getIndex())));
+    setVector(load, warp::ScratchLoadOp::create(b, loc, lanesOf(load.getType()),
+                                                scalar(load.getScratch()),
+                                                slotOf(load.getIndex())));
     return;
   }
   auto store = cast<warp::ScratchStoreOp>(op);

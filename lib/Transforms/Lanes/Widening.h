@@ -86,6 +86,11 @@ private:
   void widenLoad(LoadComponentsOp op);
   void widenStore(StoreComponentsOp op);
   void widenUpdate(AtomicComponentsOp op);
+  /// Whether neighbours mostly have the same index.
+  bool isSlow(mlir::Value index, int depth = 6);
+  void updateTogether(AtomicComponentsOp op, mlir::ValueRange indices);
+  void updateMaybeTogether(AtomicComponentsOp op);
+  void updateOneByOne(AtomicComponentsOp op);
   void widenScratch(mlir::Operation *op);
   mlir::Value slotOf(mlir::Value index);
   int64_t unitStride(mlir::Value array, mlir::ValueRange indices,
