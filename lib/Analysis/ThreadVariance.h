@@ -7,6 +7,8 @@
 #ifndef WARP_LIB_ANALYSIS_THREADVARIANCE_H
 #define WARP_LIB_ANALYSIS_THREADVARIANCE_H
 
+#include "Ranges.h"
+
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Interfaces/FunctionInterfaces.h"
@@ -49,6 +51,17 @@ public:
 
   /// Whether an array may be written by the kernel.
   bool isWritten(mlir::Value array) const;
+
+  /// An integer as a sum over thread indices, trips, extents and other values.
+  const Form &form(mlir::Value value) const { return forms.of(value); }
+  Range range(mlir::Value value, mlir::Block *at = nullptr,
+              Use use = Use::Exact) const {
+    return ranges.of(value, at, use);
+  }
+  /// Whether an index does not count from the end, in a block if that helps.
+  bool isNonNegative(mlir::Value index, mlir::Block *at) const {
+    return ranges.of(index, at, Use::Index).low >= 0;
+  }
 
 private:
   /// On what a value depends.
@@ -95,6 +108,8 @@ private:
   bool mayOverlap = true;
   uint8_t lastIndex = 1;
   bool changed = false;
+  mutable Forms forms;
+  mutable Ranges ranges{forms};
 };
 
 } // namespace warp
