@@ -16,6 +16,7 @@
 
 #include "Forms.h"
 
+#include "GridReads.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -42,6 +43,15 @@ static std::optional<int64_t> getConstant(Value value) {
     return std::nullopt;
   return attr.getType().isUnsignedInteger() ? attr.getValue().getZExtValue()
                                             : attr.getValue().getSExtValue();
+}
+
+std::optional<int64_t> warp::getConstantInteger(Value value) {
+  while (auto cast = value.getDefiningOp<CastOp>()) {
+    if (getIntegerBits(cast.getSource().getType()) == 0)
+      break;
+    value = cast.getSource();
+  }
+  return getConstant(value);
 }
 
 //===----------------------------------------------------------------------===//
@@ -119,7 +129,8 @@ static SmallVector<Value, 2> getParts(Value value) {
     return {op->getOperand(1), op->getOperand(2)};
   if (isa<arith::ExtSIOp, arith::ExtUIOp, arith::IndexCastOp, arith::TruncIOp,
           warp::CastOp, warp::NegOp, warp::PosOp>(op) &&
-      warp::getIntegerBits(op->getOperand(0).getType()) > 1)
+      warp::getIntegerBits(op->getOperand(0).getType()) > 1 &&
+      !warp::getGridRead(value))
     return {op->getOperand(0)};
   auto branch = dyn_cast<scf::IfOp>(op);
   if (!branch)

@@ -143,6 +143,9 @@ private:
   llvm::DenseMap<void *, std::unique_ptr<Resolved>> resolved;
 };
 
+/// The value of an integer constant, through casts.
+std::optional<int64_t> getConstantInteger(mlir::Value value);
+
 /// Bits of an integer or index type; 0 for other types.
 unsigned getIntegerBits(mlir::Type type);
 

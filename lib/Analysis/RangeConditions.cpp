@@ -17,7 +17,7 @@
 
 using namespace mlir;
 using warp::Form;
-using warp::Range;
+using warp::Interval;
 using warp::Ranges;
 using warp::Use;
 using Predicate = arith::CmpIPredicate;
@@ -159,7 +159,7 @@ const std::vector<Ranges::Bound> &Ranges::getBounds(Block *block) {
 /// By bounds of values whose difference to this one is constant. If the bound is
 /// a difference of two values, or the value lies beyond it, a sum may have
 /// wrapped in between.
-void Ranges::refine(const Form &form, Place place, Range &range) {
+void Ranges::refine(const Form &form, Place place, Interval &range) {
   auto [value, context] = place;
   Block *at = context.getPointer();
   if (!at || form.getConstant())
@@ -180,12 +180,12 @@ void Ranges::refine(const Form &form, Place place, Range &range) {
       continue;
     if (auto more = getExcess(bound.greater, bound.less);
         more && (!mayWrap || (bound.less.getConstant() && *more <= 0))) {
-      Range::Number least = Range::Number(bound.least) + *more;
+      Interval::Number least = Interval::Number(bound.least) + *more;
       range.low = std::max(range.low, std::min(least, range.high));
     }
     if (auto more = getExcess(bound.less, bound.greater);
         more && (!mayWrap || (bound.greater.getConstant() && *more >= 0))) {
-      Range::Number most = Range::Number(*more) - bound.least;
+      Interval::Number most = Interval::Number(*more) - bound.least;
       range.high = std::min(range.high, std::max(most, range.low));
     }
   }

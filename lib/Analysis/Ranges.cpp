@@ -16,6 +16,7 @@
 
 #include "Ranges.h"
 
+#include "GridReads.h"
 #include "NonNegative.h"
 
 #include "WarpDialect/Passes.h"
@@ -27,11 +28,11 @@
 
 using namespace mlir;
 using warp::Form;
-using warp::Range;
+using warp::Interval;
 using warp::Ranges;
 using warp::Symbol;
 using warp::Use;
-using Number = Range::Number;
+using Number = Interval::Number;
 
 /// Of the indices of a launch: they and their successors fit 32 bits.
 constexpr int64_t lastThread = INT32_MAX - 1;
@@ -42,7 +43,7 @@ constexpr Number infinity = Number(1) << 100;
 // Arithmetic
 //===----------------------------------------------------------------------===//
 
-static Range getTypeRange(Type type) {
+static Interval getTypeRange(Type type) {
   unsigned bits = std::max(warp::getIntegerBits(type), 1u);
   if (type.isUnsignedInteger() || bits == 1)
     return {0, (Number(1) << bits) - 1};
@@ -60,15 +61,15 @@ static Number multiply(Number a, Number b) {
   return (a < 0) == (b < 0) ? infinity : -infinity;
 }
 
-static Range operator+(Range a, Range b) {
+static Interval operator+(Interval a, Interval b) {
   return {clamp(a.low + b.low), clamp(a.high + b.high)};
 }
 
-static Range operator-(Range a, Range b) {
+static Interval operator-(Interval a, Interval b) {
   return {clamp(a.low - b.high), clamp(a.high - b.low)};
 }
 
-static Range operator*(Range a, Range b) {
+static Interval operator*(Interval a, Interval b) {
   auto [low, high] = std::minmax({multiply(a.low, b.low),
                                   multiply(a.low, b.high),
                                   multiply(a.high, b.low),
@@ -76,25 +77,25 @@ static Range operator*(Range a, Range b) {
   return {low, high};
 }
 
-static Range join(Range a, Range b) {
+static Interval join(Interval a, Interval b) {
   return {std::min(a.low, b.low), std::max(a.high, b.high)};
 }
 
-static Range intersect(Range a, Range b) {
-  Range both{std::max(a.low, b.low), std::min(a.high, b.high)};
+static Interval intersect(Interval a, Interval b) {
+  Interval both{std::max(a.low, b.low), std::min(a.high, b.high)};
   // What contradicts itself is never executed.
   return both.low <= both.high ? both : a;
 }
 
 /// Of a sum or product that may leave the range of its type, where it wraps.
-static Range fit(Range range, Range type, Use use) {
+static Interval fit(Interval range, Interval type, Use use) {
   if (range.isWithin(type))
     return range;
   return use == Use::Index ? intersect(type, range) : type;
 }
 
 /// The numbers of as many bits as both have, if none is negative.
-static Range joinBits(Range a, Range b) {
+static Interval joinBits(Interval a, Interval b) {
   Number high = 1;
   while (high <= std::max(a.high, b.high))
     high *= 2;
@@ -102,7 +103,7 @@ static Range joinBits(Range a, Range b) {
 }
 
 /// Of a quotient rounded towards zero, or down.
-static Range divide(Range a, Range b, Range type) {
+static Interval divide(Interval a, Interval b, Interval type) {
   if (a.low >= 0 && b.low >= 0)
     return {0, a.high / std::max(b.low, Number(1))};
   if (b.low < 1)
@@ -112,9 +113,9 @@ static Range divide(Range a, Range b, Range type) {
 }
 
 /// Of a remainder that has the sign of the dividend.
-static Range remainder(Range a, Range b, Range type) {
+static Interval remainder(Interval a, Interval b, Interval type) {
   if (b.low < 1)
-    return a.low >= 0 ? Range{0, a.high} : type;
+    return a.low >= 0 ? Interval{0, a.high} : type;
   return {a.low >= 0 ? 0 : std::max(a.low, 1 - b.high),
           a.high < 0 ? 0 : std::min(a.high, b.high - 1)};
 }
@@ -136,7 +137,7 @@ static bool isMarkedThread(Operation *op) {
 }
 
 /// What an operation says of its result, by the ranges of its operands.
-static Range transfer(Operation *op, ArrayRef<Range> of, Range type, Use use) {
+static Interval transfer(Operation *op, ArrayRef<Interval> of, Interval type, Use use) {
   if (isMarkedThread(op))
     return {0, lastThread};
   if (isa<arith::AddIOp, warp::AddOp>(op))
@@ -157,7 +158,7 @@ static Range transfer(Operation *op, ArrayRef<Range> of, Range type, Use use) {
   // By a positive number it is less than that, also if of a negative one.
   if (isa<arith::RemUIOp>(op))
     return areNonNegative      ? remainder(of[0], of[1], type)
-           : of[1].low >= 1    ? Range{0, of[1].high - 1}
+           : of[1].low >= 1    ? Interval{0, of[1].high - 1}
                                : type;
   if (isa<arith::MinSIOp, warp::MinOp>(op))
     return {std::min(of[0].low, of[1].low), std::min(of[0].high, of[1].high)};
@@ -172,12 +173,12 @@ static Range transfer(Operation *op, ArrayRef<Range> of, Range type, Use use) {
   if (isa<arith::OrIOp, arith::XOrIOp, warp::BitOrOp, warp::BitXorOp>(op))
     return areNonNegative ? joinBits(of[0], of[1]) : type;
   if (isa<arith::ShRSIOp, arith::ShRUIOp, warp::RShiftOp>(op))
-    return areNonNegative ? Range{0, of[0].high} : type;
+    return areNonNegative ? Interval{0, of[0].high} : type;
   return type;
 }
 
 /// Of a number that is cast.
-static Range transferCast(Operation *op, Range of, Range type) {
+static Interval transferCast(Operation *op, Interval of, Interval type) {
   if (isMarkedThread(op))
     return {0, lastThread};
   if (of.isWithin(type) && !(isa<arith::ExtUIOp>(op) && of.low < 0))
@@ -253,12 +254,12 @@ SmallVector<Ranges::Place, 2> Ranges::getParts(Place place) {
   return parts;
 }
 
-Range Ranges::fromArgument(BlockArgument argument, Context context) {
-  Range type = getTypeRange(argument.getType());
+Interval Ranges::fromArgument(BlockArgument argument, Context context) {
+  Interval type = getTypeRange(argument.getType());
   Operation *owner = argument.getOwner()->getParentOp();
   if (auto function = dyn_cast<FunctionOpInterface>(owner))
     return function.getArgAttr(argument.getArgNumber(), attr::nonNegative)
-               ? Range{0, type.high}
+               ? Interval{0, type.high}
                : type;
   auto loop = dyn_cast<scf::ForOp>(owner);
   if (!loop || loop.getInductionVar() != argument)
@@ -273,19 +274,21 @@ Range Ranges::fromArgument(BlockArgument argument, Context context) {
 }
 
 /// By what a value is computed from, and no other facts.
-Range Ranges::fromOperation(Place place) {
+Interval Ranges::fromOperation(Place place) {
   auto [value, context] = place;
   if (auto argument = dyn_cast<BlockArgument>(value))
     return fromArgument(argument, context);
   Operation *op = value.getDefiningOp();
-  Range type = getTypeRange(value.getType());
+  Interval type = getTypeRange(value.getType());
+  if (getGridRead(value))
+    return {0, INT32_MAX};
   if (op->hasAttr(attr::nonNegative))
     return {0, type.high};
   bool isChoice = isa<scf::IfOp, arith::SelectOp, WhereOp>(op);
   if (!isChoice && !hasTransfer(op) && !isNumberCast(op) && !isa<ClampOp>(op))
     return type;
   // The last parts are those that the operation itself has.
-  SmallVector<Range, 3> of;
+  SmallVector<Interval, 3> of;
   for (Place part : getParts(place))
     of.push_back(known.at(part));
   auto last = [&](size_t count) { return ArrayRef(of).take_back(count); };
@@ -298,7 +301,7 @@ Range Ranges::fromOperation(Place place) {
   return transfer(op, last(op->getNumOperands()), type, context.getInt());
 }
 
-Range Ranges::ofSymbol(Symbol symbol, Place place) {
+Interval Ranges::ofSymbol(Symbol symbol, Place place) {
   switch (symbol.kind) {
   case Symbol::Kind::Thread:
     return {0, lastThread};
@@ -314,10 +317,10 @@ Range Ranges::ofSymbol(Symbol symbol, Place place) {
   llvm_unreachable("no such symbol");
 }
 
-Range Ranges::fromForm(const Form &form, Place place) {
-  Range sum{form.constant, form.constant};
+Interval Ranges::fromForm(const Form &form, Place place) {
+  Interval sum{form.constant, form.constant};
   for (const Term &term : form.terms) {
-    Range product{term.factor, term.factor};
+    Interval product{term.factor, term.factor};
     for (Symbol symbol : term.product)
       product = product * ofSymbol(symbol, place);
     sum = sum + product;
@@ -325,11 +328,11 @@ Range Ranges::fromForm(const Form &form, Place place) {
   return sum;
 }
 
-Range Ranges::combine(Place place) {
+Interval Ranges::combine(Place place) {
   auto [value, context] = place;
   const Form &form = forms.of(value);
-  Range type = getTypeRange(value.getType());
-  Range range = intersect(type, fromOperation(place));
+  Interval type = getTypeRange(value.getType());
+  Interval range = intersect(type, fromOperation(place));
   Use use = context.getInt();
   if (form.isExact || use == Use::Index)
     range = intersect(range, fit(fromForm(form, place), type, use));
@@ -337,7 +340,7 @@ Range Ranges::combine(Place place) {
   return range;
 }
 
-Range Ranges::of(Value value, Block *at, Use use) {
+Interval Ranges::of(Value value, Block *at, Use use) {
   Place asked{value, Context(at, use)};
   SmallVector<Place> pending{asked};
   while (!pending.empty()) {
@@ -352,7 +355,7 @@ Range Ranges::of(Value value, Block *at, Use use) {
       continue;
     pending.pop_back();
     if (!known.contains(next)) {
-      Range range = combine(next);
+      Interval range = combine(next);
       known.try_emplace(next, range);
     }
   }

@@ -16,11 +16,11 @@
 namespace warp {
 
 /// low <= value <= high. Wide enough for products of what 64 bits hold.
-struct Range {
+struct Interval {
   using Number = __int128;
   Number low, high;
 
-  bool isWithin(const Range &other) const {
+  bool isWithin(const Interval &other) const {
     return other.low <= low && high <= other.high;
   }
 };
@@ -42,7 +42,7 @@ public:
   explicit Ranges(Forms &forms) : forms(forms) {}
 
   /// Of an integer: in a block, or wherever it is.
-  Range of(mlir::Value value, mlir::Block *at = nullptr, Use use = Use::Exact);
+  Interval of(mlir::Value value, mlir::Block *at = nullptr, Use use = Use::Exact);
 
 private:
   /// A value, the block that it is asked about in, and what it is used for.
@@ -56,12 +56,12 @@ private:
   };
 
   llvm::SmallVector<Place, 2> getParts(Place place);
-  Range combine(Place place);
-  Range fromOperation(Place place);
-  Range fromArgument(mlir::BlockArgument argument, Context context);
-  Range fromForm(const Form &form, Place place);
-  Range ofSymbol(Symbol symbol, Place place);
-  void refine(const Form &form, Place place, Range &range);
+  Interval combine(Place place);
+  Interval fromOperation(Place place);
+  Interval fromArgument(mlir::BlockArgument argument, Context context);
+  Interval fromForm(const Form &form, Place place);
+  Interval ofSymbol(Symbol symbol, Place place);
+  void refine(const Form &form, Place place, Interval &range);
   const std::vector<Bound> &getBounds(mlir::Block *block);
   void addCondition(mlir::Value condition, bool truth,
                     std::vector<Bound> &bounds);
@@ -69,7 +69,7 @@ private:
                      std::vector<Bound> &bounds);
 
   Forms &forms;
-  llvm::DenseMap<Place, Range> known;
+  llvm::DenseMap<Place, Interval> known;
   llvm::DenseMap<mlir::Block *, std::unique_ptr<std::vector<Bound>>>
       boundsAt;
 };

@@ -53,7 +53,7 @@ void VariancePrinter::printNumber(Value value) {
     stream << " = ";
     form.print(stream, names);
   }
-  warp::Range range = variance.range(value, value.getParentBlock());
+  warp::Interval range = variance.range(value, value.getParentBlock());
   bool isFromZero = range.low >= 0, isBounded = range.high < INT32_MAX - 1;
   if (form.getConstant() || (!isFromZero && !isBounded))
     return;

@@ -30,7 +30,6 @@
 #include "Launch/UnrollLoop.h"
 #include "Autodiff/DeadValues.h"
 #include "GatherBuilder.h"
-#include "IndexMath.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
