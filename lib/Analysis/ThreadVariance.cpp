@@ -23,6 +23,7 @@
 #include "ArrayOrigins.h"
 #include "GridReads.h"
 #include "WarpDialect/Passes.h"
+#include "WarpDialect/WarpAttributes.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
@@ -81,7 +82,9 @@ ThreadVariance::ThreadVariance(FunctionOpInterface function,
       rank = std::max(rank, op->getNumResults());
   });
   lastIndex = 1 << (rank - 1);
-  mayOverlap = !disjoint.value_or(function->hasAttr(warp::attr::disjoint));
+  auto variant =
+      function->getAttrOfType<warp::VariantAttr>(warp::attr::variant);
+  mayOverlap = !disjoint.value_or(variant && variant.getDisjoint());
   for (BlockArgument argument : function.getArguments())
     states[argument] = State();
   do {

@@ -371,13 +371,15 @@ struct CheckVariance : warp::impl::CheckVarianceBase<CheckVariance> {
     if (!kernel)
       return signalPassFailure();
     auto names = kernel->getAttrOfType<ArrayAttr>(warp::attr::argNames);
-    if (!names)
+    bool isTested = !kernel->hasAttr(warp::attr::variant) ||
+                    warp::getVariant(kernel).getDebug();
+    if (!names || !isTested)
       return;
     for (auto [name, argument] : llvm::zip(names.getAsRange<StringAttr>(),
                                            kernel.getArguments()))
       if (auto type = dyn_cast<warp::ArrayType>(argument.getType());
           name == recordName && type && type.getRank() == 1 &&
-          type.getElementType().isInteger(64))
+          type.getElementType().isSignedInteger(64))
         return ClaimTests(kernel, argument).run();
   }
 };
