@@ -187,7 +187,7 @@ ThreadVariance::State ThreadVariance::transfer(Operation *op) const {
   auto access = dyn_cast<warp::AccessOp>(op);
   bool isLoad = access && !access.mayWrite();
   if (isLoad && isWritten(access.getArray()))
-    state.sources |= Moment;
+    state.sources |= Moment | Written;
   else if (!isLoad && !isMemoryEffectFree(op))
     state.sources |= Own;
   state.step = varies(state) ? stepOf(op) : 0;

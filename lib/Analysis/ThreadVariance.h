@@ -70,6 +70,10 @@ public:
   bool dependsOnMoment(mlir::Value value) const {
     return get(value).sources & Moment;
   }
+  /// Whether it does because of other threads.
+  bool dependsOnWrites(mlir::Value value) const {
+    return get(value).sources & Written;
+  }
 
   /// Whether the lanes of a warp have the same value if they agree on those that
   /// this adds: counters of loops, and thread indices of the axes y and z. So
@@ -125,6 +129,8 @@ private:
     Moment = 32,
     /// Where the group is in the launch.
     Place = 64,
+    /// What other threads may have written; that is also a moment.
+    Written = 128,
   };
   static constexpr int64_t noStep = INT64_MIN;
   struct State {

@@ -104,9 +104,6 @@ private:
   DenseMap<Operation *, Value> trips;
   /// Where tests of a block's arguments go: behind the counting of trips.
   DenseMap<Block *, Operation *> starts;
-  /// The kernel loads what it writes: threads in step would find other values
-  /// than those that run one after the other.
-  bool readsWrites = false;
   int64_t number = 0;
 };
 
@@ -216,8 +213,6 @@ void ClaimTests::prepare() {
       rank = std::max(rank, op->getNumResults());
     if (isa<scf::ForOp, scf::WhileOp>(op))
       loops.push_back(op);
-    if (auto access = dyn_cast<warp::AccessOp>(op))
-      readsWrites |= access.mayRead() && variance.isWritten(access.getArray());
   });
   for (Operation *loop : loops)
     countTrips(loop);
@@ -240,7 +235,9 @@ void ClaimTests::testAgreement(Value value) {
     return requireSame({}, bits);
   Agreement agreement = variance.agreement(value, Scope::Lanes);
   std::optional<int64_t> step = variance.step(value);
-  if (!step || readsWrites)
+  // Of what is written, threads in step find other values than these, which run
+  // one after the other.
+  if (!step || variance.dependsOnWrites(value))
     return;
   Values key = groupOf();
   if (agreement != Agreement::Yes)
