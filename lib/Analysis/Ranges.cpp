@@ -17,6 +17,7 @@
 #include "Ranges.h"
 
 #include "GridReads.h"
+#include "NonNegative.h"
 
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/WarpOps.h"

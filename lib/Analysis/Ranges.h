@@ -74,9 +74,6 @@ private:
       boundsAt;
 };
 
-/// Whether an index can be told not to be negative, in a block if that helps.
-bool isNonNegative(mlir::Value index, mlir::Block *at);
-
 } // namespace warp
 
 #endif // WARP_LIB_ANALYSIS_RANGES_H

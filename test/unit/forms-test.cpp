@@ -4,7 +4,7 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "Analysis/Ranges.h"
+#include "Analysis/NonNegative.h"
 #include "WarpDialect/WarpDialect.h"
 #include "WarpDialect/WarpOps.h"
 

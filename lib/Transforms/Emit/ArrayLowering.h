@@ -12,7 +12,7 @@
 #ifndef WARP_LIB_TRANSFORMS_ARRAYLOWERING_H
 #define WARP_LIB_TRANSFORMS_ARRAYLOWERING_H
 
-#include "Analysis/Ranges.h"
+#include "Analysis/NonNegative.h"
 #include "Launch/StageElements.h"
 #include "WarpDialect/WarpOps.h"
 #include "warp/Launch.h"

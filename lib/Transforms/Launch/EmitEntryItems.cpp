@@ -19,7 +19,7 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "Analysis/Ranges.h"
+#include "Analysis/NonNegative.h"
 #include "EntryBuilder.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"

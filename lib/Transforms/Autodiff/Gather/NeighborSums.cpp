@@ -22,7 +22,7 @@
 
 #include "Analysis/ArrayOrigins.h"
 #include "Analysis/Effects.h"
-#include "Analysis/Ranges.h"
+#include "Analysis/NonNegative.h"
 #include "Autodiff/DeadValues.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
