@@ -5,6 +5,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "Analysis/NonNegative.h"
+#include "Analysis/Ranges.h"
 #include "WarpDialect/WarpDialect.h"
 #include "WarpDialect/WarpOps.h"
 

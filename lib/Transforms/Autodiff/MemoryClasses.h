@@ -11,6 +11,8 @@
 
 #include "Analysis/ThreadVariance.h"
 
+#include <vector>
+
 namespace warp::autodiff {
 
 /// How an adjoint, which runs after the launch, gets what a load read.
@@ -43,7 +45,7 @@ struct Access {
   /// Position in program order.
   unsigned position = 0;
   /// One per dimension of the leaf; none for an index within a slice.
-  llvm::SmallVector<std::optional<Form>, 2> indices;
+  std::vector<std::optional<Form>> indices;
   /// Component or field of the element, as far as it is constant.
   llvm::SmallVector<mlir::Attribute, 2> component;
   /// A component that is known only at run time is accessed.

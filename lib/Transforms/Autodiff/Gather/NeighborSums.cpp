@@ -22,6 +22,7 @@
 
 #include "Analysis/ArrayOrigins.h"
 #include "Analysis/Effects.h"
+#include "Analysis/Forms.h"
 #include "Analysis/NonNegative.h"
 #include "Autodiff/DeadValues.h"
 
