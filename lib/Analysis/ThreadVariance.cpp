@@ -20,7 +20,8 @@
 
 #include "ThreadVariance.h"
 
-#include "Analysis/ArrayOrigins.h"
+#include "ArrayOrigins.h"
+#include "GridReads.h"
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/WarpAttributes.h"
 
@@ -69,7 +70,8 @@ bool ThreadVariance::isWritten(Value array) const {
 // States
 //===----------------------------------------------------------------------===//
 
-ThreadVariance::ThreadVariance(FunctionOpInterface function)
+ThreadVariance::ThreadVariance(FunctionOpInterface function,
+                               std::optional<bool> disjoint)
     : function(function) {
   collectWrites();
   unsigned rank = 1;
@@ -82,7 +84,7 @@ ThreadVariance::ThreadVariance(FunctionOpInterface function)
   lastIndex = 1 << (rank - 1);
   auto variant =
       function->getAttrOfType<warp::VariantAttr>(warp::attr::variant);
-  mayOverlap = !variant || !variant.getDisjoint();
+  mayOverlap = !disjoint.value_or(variant && variant.getDisjoint());
   for (BlockArgument argument : function.getArguments())
     states[argument] = State();
   do {
@@ -112,27 +114,6 @@ void ThreadVariance::join(Value value, State state) {
   place->second = joined;
 }
 
-bool ThreadVariance::isUniform(Value value, Scope scope) const {
-  State state = get(value);
-  return scope == Scope::Launch ? state.sources == 0 : !varies(state);
-}
-
-std::optional<int64_t> ThreadVariance::step(Value value) const {
-  int64_t step = get(value).step;
-  return step == noStep ? std::nullopt : std::optional(step);
-}
-
-bool ThreadVariance::isDivergent(Operation *op) const {
-  if (auto branch = dyn_cast<scf::IfOp>(op))
-    return varies(get(branch.getCondition()));
-  if (auto loop = dyn_cast<scf::ForOp>(op))
-    return varies(get(loop.getLowerBound())) ||
-           varies(get(loop.getUpperBound())) || varies(get(loop.getStep()));
-  if (auto loop = dyn_cast<scf::WhileOp>(op))
-    return varies(get(loop.getConditionOp().getCondition()));
-  return false;
-}
-
 //===----------------------------------------------------------------------===//
 // Operations
 //===----------------------------------------------------------------------===//
@@ -141,6 +122,38 @@ void ThreadVariance::visit(Region &region) {
   for (Block &block : region)
     for (Operation &op : block)
       visit(&op);
+}
+
+/// Whether an operation does nothing but say which thread this is.
+bool ThreadVariance::visitIndices(Operation *op) {
+  auto index = [&](unsigned d) {
+    return State{uint8_t(1 << d), lastIndex == 1 << d};
+  };
+  if (auto tid = dyn_cast<warp::TidOp>(op)) {
+    for (OpResult result : tid->getResults())
+      join(result, index(result.getResultNumber()));
+    return true;
+  }
+  auto read = op->getNumResults() == 1 ? warp::getGridRead(op->getResult(0))
+                                       : std::nullopt;
+  if (!read)
+    return false;
+  State state;
+  switch (read->value) {
+  case warp::GridValue::threadId:
+    state = index(unsigned(read->axis));
+    break;
+  case warp::GridValue::blockId:
+    state.sources = Place;
+    break;
+  case warp::GridValue::blockDim:
+    break;
+  case warp::GridValue::laneId:
+    state = {Own, noStep};
+    break;
+  }
+  join(op->getResult(0), state);
+  return true;
 }
 
 void ThreadVariance::visit(Operation *op) {
@@ -155,13 +168,8 @@ void ThreadVariance::visit(Operation *op) {
     return visitFor(op);
   if (isa<scf::WhileOp>(op))
     return visitWhile(op);
-  if (isa<warp::TidOp>(op)) {
-    for (OpResult index : op->getResults()) {
-      unsigned d = index.getResultNumber();
-      join(index, {uint8_t(1 << d), lastIndex == 1 << d});
-    }
+  if (visitIndices(op))
     return;
-  }
   if (isa<warp::ScratchOp, warp::ScratchLoadOp, warp::ScratchStoreOp>(op))
     return visitScratch(op);
   for (Region &region : op->getRegions())
@@ -179,7 +187,7 @@ ThreadVariance::State ThreadVariance::transfer(Operation *op) const {
   auto access = dyn_cast<warp::AccessOp>(op);
   bool isLoad = access && !access.mayWrite();
   if (isLoad && isWritten(access.getArray()))
-    state.sources |= Moment;
+    state.sources |= Moment | Written;
   else if (!isLoad && !isMemoryEffectFree(op))
     state.sources |= Own;
   state.step = varies(state) ? stepOf(op) : 0;
@@ -236,14 +244,29 @@ int64_t ThreadVariance::stepOf(Operation *op) const {
   if (isa<arith::ShLIOp>(op))
     if (auto by = factor(1); by && *by >= 0 && *by < 31)
       return scaled(of(0), int64_t(1) << *by);
-  if (isa<arith::ExtSIOp, arith::ExtUIOp, arith::IndexCastOp>(op))
-    return op->getOperand(0).getType().isInteger(1) ? noStep : of(0);
-  if (isa<arith::TruncIOp>(op))
-    return op->getResult(0).getType().getIntOrFloatBitWidth() < 32 ? noStep
-                                                                   : of(0);
+  if (isa<arith::ExtSIOp, arith::ExtUIOp, arith::IndexCastOp, arith::TruncIOp,
+          warp::CastOp>(op))
+    return stepOfCast(op);
   if (isa<arith::SelectOp>(op) && !varies(get(op->getOperand(0))))
     return of(1) == of(2) ? of(1) : noStep;
   return noStep;
+}
+
+/// An unsigned number that may have been a negative one before has no step:
+/// where it wraps, in a lane that is not there or does not come to the access,
+/// others would count from it.
+int64_t ThreadVariance::stepOfCast(Operation *op) const {
+  Value source = op->getOperand(0);
+  unsigned from = getIntegerBits(source.getType());
+  unsigned to = getIntegerBits(op->getResult(0).getType());
+  if (from <= 1 || to < 32)
+    return noStep;
+  bool isSigned = isa<arith::ExtSIOp, arith::IndexCastOp>(op) ||
+                  (isa<warp::CastOp>(op) &&
+                   !source.getType().isUnsignedInteger());
+  if (to > from && !isSigned && !isNonNegative(source, nullptr))
+    return noStep;
+  return get(source).step;
 }
 
 //===----------------------------------------------------------------------===//

@@ -7,11 +7,15 @@
 #ifndef WARP_LIB_ANALYSIS_THREADVARIANCE_H
 #define WARP_LIB_ANALYSIS_THREADVARIANCE_H
 
+#include "Ranges.h"
+
 #include "WarpDialect/WarpOps.h"
 
+#include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/Interfaces/FunctionInterfaces.h"
 
 #include "llvm/ADT/DenseMap.h"
+#include "llvm/ADT/SetVector.h"
 
 #include <optional>
 
@@ -21,34 +25,98 @@ namespace warp {
 enum class Scope {
   /// All threads of a launch.
   Launch,
-  /// Threads that follow each other in the last dimension and run in step:
-  /// lanes of a vector. They need not agree with those elsewhere.
+  /// Those of a block on a GPU, of a range on a CPU.
+  Group,
+  /// Threads that follow each other in the last dimension: lanes of a vector,
+  /// or of a warp that lies in a row. They need not agree with those elsewhere.
   Lanes,
+};
+
+/// Whether the threads of a set have the same value.
+enum class Agreement {
+  No,
+  /// If they are in the same iteration of the loops around it, and load at the
+  /// same moment: lanes of a vector are, those of a warp have to compare.
+  InStep,
+  Yes,
 };
 
 /// How the values of a kernel in structured form vary over its threads.
 ///
-/// Thread indices are the results of `warp.tid` or the arguments of the block
-/// of `warp.threads`. Values that do not belong to the function have no answer.
+/// Thread indices are the results of `warp.tid`, the arguments of the block of
+/// `warp.threads`, or in an entry for a GPU what is read from the grid. Values
+/// that do not belong to the function have no answer.
 class ThreadVariance {
 public:
-  explicit ThreadVariance(mlir::FunctionOpInterface function);
+  /// `disjoint`: no array that the kernel writes overlaps another one; by
+  /// default what the launch says.
+  explicit ThreadVariance(mlir::FunctionOpInterface function,
+                          std::optional<bool> disjoint = std::nullopt);
 
-  /// Whether all threads of a set have the same value. For lanes: those that
-  /// run the code together, in the same iteration of the loops around it.
-  bool isUniform(mlir::Value value, Scope scope) const;
+  Agreement agreement(mlir::Value value, Scope scope) const;
+  /// Trips agree if the threads are in the same iteration.
+  Agreement agreement(Symbol symbol, Scope scope) const;
+
+  /// Whether threads of a set have the same value, for lanes: those that run the
+  /// code together.
+  bool isUniform(mlir::Value value, Scope scope) const {
+    Agreement found = agreement(value, scope);
+    return found == Agreement::Yes ||
+           (found == Agreement::InStep && scope == Scope::Lanes);
+  }
+
+  /// Whether it counts when a value is computed: in which iteration, or after
+  /// which writes of other threads.
+  bool dependsOnMoment(mlir::Value value) const {
+    return get(value).sources & Moment;
+  }
+  /// Whether it does because of other threads.
+  bool dependsOnWrites(mlir::Value value) const {
+    return get(value).sources & Written;
+  }
+
+  /// Whether the lanes of a warp have the same value if they agree on those that
+  /// this adds: counters of loops, and thread indices of the axes y and z. So
+  /// that they can compare them, and compute the value again, it takes nothing
+  /// but arithmetic to get from those to it.
+  bool isUniformIfEqual(mlir::Value value,
+                        llvm::SetVector<mlir::Value> &ifEqual) const;
+
+  /// By how much a value grows from iteration to iteration of a loop, if that is
+  /// a constant and the rest of it is uniform as above.
+  std::optional<int64_t> strideIfEqual(mlir::Value value, mlir::scf::ForOp loop,
+                                       llvm::SetVector<mlir::Value> &ifEqual)
+      const;
 
   /// By how much the value of the next thread in the last dimension is larger,
   /// if that is a constant, for a value that is used as an index: that no sum
   /// wraps is assumed, as the access would be out of bounds. 0 if uniform.
   std::optional<int64_t> step(mlir::Value value) const;
 
-  /// Whether lanes may come to different decisions at a branch, or leave a loop
-  /// in different iterations.
-  bool isDivergent(mlir::Operation *branchOrLoop) const;
+  /// Whether these indices tell threads apart by a dimension of the launch: all
+  /// are c * thread index + r with the same c, and 0 <= r < |c|. With `mayWrap`
+  /// they may all have more terms, the same in all threads and indices.
+  bool tellThreadsApart(llvm::ArrayRef<const Form *> indices, unsigned dim,
+                        bool mayWrap) const;
+
+  /// Whether threads may come to different decisions at a branch, or leave a
+  /// loop in different iterations.
+  bool isDivergent(mlir::Operation *branchOrLoop,
+                   Scope scope = Scope::Lanes) const;
 
   /// Whether an array may be written by the kernel.
   bool isWritten(mlir::Value array) const;
+
+  /// An integer as a sum over thread indices, trips, extents and other values.
+  const Form &form(mlir::Value value) const { return forms.of(value); }
+  Interval range(mlir::Value value, mlir::Block *at = nullptr,
+              Use use = Use::Exact) const {
+    return ranges.of(value, at, use);
+  }
+  /// Whether an index does not count from the end, in a block if that helps.
+  bool isNonNegative(mlir::Value index, mlir::Block *at) const {
+    return ranges.of(index, at, Use::Index).low >= 0;
+  }
 
 private:
   /// On what a value depends.
@@ -59,6 +127,10 @@ private:
     Own = 16,
     /// The iteration, or the moment: the same for threads that run in step.
     Moment = 32,
+    /// Where the group is in the launch.
+    Place = 64,
+    /// What other threads may have written; that is also a moment.
+    Written = 128,
   };
   static constexpr int64_t noStep = INT64_MIN;
   struct State {
@@ -73,13 +145,16 @@ private:
   void collectWrites();
   void visit(mlir::Region &region);
   void visit(mlir::Operation *op);
+  bool visitIndices(mlir::Operation *op);
   void visitIf(mlir::Operation *op);
   void visitFor(mlir::Operation *op);
   void visitWhile(mlir::Operation *op);
   void visitScratch(mlir::Operation *op);
   State transfer(mlir::Operation *op) const;
   int64_t stepOf(mlir::Operation *op) const;
+  int64_t stepOfCast(mlir::Operation *op) const;
   State get(mlir::Value value) const;
+  Agreement agreement(uint8_t sources, Scope scope) const;
   /// Joins; a value that has no state yet takes it over.
   void join(mlir::Value value, State state);
   bool varies(State state) const {
@@ -95,6 +170,8 @@ private:
   bool mayOverlap = true;
   uint8_t lastIndex = 1;
   bool changed = false;
+  mutable Forms forms;
+  mutable Ranges ranges{forms};
 };
 
 } // namespace warp

@@ -11,6 +11,7 @@
 
 #include "Analysis/ArrayOrigins.h"
 #include "Analysis/Effects.h"
+#include "Analysis/ThreadVariance.h"
 #include "KernelFunction.h"
 #include "Autodiff/Loops/CountTrips.h"
 #include "DeadValues.h"
@@ -191,9 +192,10 @@ static unsigned describeHidden(func::FuncOp function) {
 
 /// Whether all threads of a launch add to one element, so that warps or blocks
 /// of them add up first.
-static bool isShared(warp::AccumulateOp sum) {
-  auto isSame = [](Value value) {
-    return isUniform(value, /*withCounters=*/false);
+static bool isShared(warp::AccumulateOp sum,
+                     const warp::ThreadVariance &variance) {
+  auto isSame = [&](Value value) {
+    return variance.isUniform(value, warp::Scope::Launch);
   };
   return isSame(sum.getArray()) && llvm::all_of(sum.getIndices(), isSame);
 }
@@ -204,12 +206,13 @@ static void describeCode(func::FuncOp adjoint, unsigned hiddenCount) {
   unsigned count = leaves.size() - hiddenCount;
   llvm::BitVector needed(count);
   int64_t atomics = 0, reductions = 0, shadowed = 0, assertions = 0;
+  warp::ThreadVariance variance(adjoint, /*disjoint=*/true);
   adjoint.walk([&](Operation *op) {
     shadowed += isa<warp::GradOp>(op);
     assertions += isa<warp::AssertOp>(op);
     if (auto sum = dyn_cast<warp::AccumulateOp>(op); sum && !sum.getUnique()) {
       ++atomics;
-      reductions += isShared(sum);
+      reductions += isShared(sum, variance);
     }
     if (warp::isPlainRead(op))
       for (unsigned leaf : leaves.of(cast<warp::AccessOp>(op).getArray()))

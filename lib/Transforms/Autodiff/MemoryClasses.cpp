@@ -35,9 +35,9 @@ static void followViews(Value array, Access &access) {
   if (!op)
     return;
   if (auto view = dyn_cast<ViewOp>(op.getOperation())) {
-    SmallVector<std::optional<IndexSum>, 2> leading;
+    SmallVector<std::optional<Form>, 2> leading;
     for (Value index : view.getIndices())
-      leading.push_back(IndexSum::of(index));
+      leading.push_back(Forms().of(index));
     access.indices.insert(access.indices.begin(), leading.begin(),
                           leading.end());
   } else if (auto slice = dyn_cast<SliceOp>(op.getOperation())) {
@@ -72,7 +72,7 @@ std::optional<Access> getAccess(Operation *op) {
   access.array = accessOp.getArray();
   access.isWrite = accessOp.mayWrite();
   for (Value index : accessOp.getIndices())
-    access.indices.push_back(IndexSum::of(index));
+    access.indices.push_back(Forms().of(index));
   followViews(access.array, access);
   return access;
 }
@@ -83,7 +83,7 @@ bool areSame(const Access &a, const Access &b) {
     return false;
   return llvm::all_of(llvm::zip(a.indices, b.indices), [](auto pair) {
     auto &[x, y] = pair;
-    return x && y && (*x - *y).getConstant() == 0;
+    return x && y && x->equals(*y);
   });
 }
 
@@ -111,7 +111,8 @@ void MemoryClasses::collect(Operation *op) {
 MemoryClasses::MemoryClasses(FunctionOpInterface function,
                              const ArrayLeaves &leaves,
                              const Activity &activity, bool unique)
-    : leaves(leaves), activity(activity), unique(unique),
+    : leaves(leaves), activity(activity),
+      variance(function, /*disjoint=*/true), unique(unique),
       accesses(leaves.size()) {
   function->walk<WalkOrder::PreOrder>([&](Operation *op) { collect(op); });
 }
@@ -150,37 +151,16 @@ static bool isApart(const ArrayLeaves &leaves, unsigned leaf) {
 // Threads
 //===----------------------------------------------------------------------===//
 
-/// Whether these indices tell threads apart by dimension `dim` of the launch:
-/// all are c * thread index + r with the same c, and 0 <= r < |c|. With
-/// `mayWrap` they may all have more terms, the same for all of them.
-static bool isOwnedAlong(ArrayRef<const Access *> accesses, unsigned axis,
-                         unsigned dim, bool mayWrap) {
-  std::optional<IndexSum> first;
-  int64_t factor = 0, low = 0, high = 0;
+bool MemoryClasses::isOwnedAlong(ArrayRef<const Access *> accesses,
+                                 unsigned axis, unsigned dim,
+                                 bool mayWrap) const {
+  SmallVector<const Form *> indices;
   for (const Access *access : accesses) {
     if (axis >= access->indices.size() || !access->indices[axis])
       return false;
-    const IndexSum &sum = *access->indices[axis];
-    const auto *own = llvm::find_if(sum.terms, [&](auto &term) {
-      return getThreadDimension(term.first) == dim;
-    });
-    if (own == sum.terms.end() || (!mayWrap && sum.terms.size() > 1))
-      return false;
-    for (auto &term : sum.terms)
-      if (&term != own && !isUniform(term.first, /*withCounters=*/false))
-        return false;
-    if (!first) {
-      first = sum;
-      factor = std::abs(own->second);
-      low = high = sum.constant;
-    }
-    std::optional<int64_t> offset = (sum - *first).getConstant();
-    if (!offset)
-      return false;
-    low = std::min(low, first->constant + *offset);
-    high = std::max(high, first->constant + *offset);
+    indices.push_back(&*access->indices[axis]);
   }
-  return high - low < factor && (mayWrap || low >= 0);
+  return variance.tellThreadsApart(indices, dim, mayWrap);
 }
 
 unsigned
@@ -205,18 +185,20 @@ Sharing MemoryClasses::getSharing(ArrayRef<const Access *> accesses) const {
   for (const Access *access : accesses)
     for (auto [index, other] :
          llvm::zip_equal(access->indices, accesses.front()->indices)) {
-      isSame &= index && other && (*index - *other).getConstant() == 0;
+      isSame &= index && other && index->equals(*other);
       isSingle &= index.has_value();
       if (!index)
         continue;
-      for (auto &term : index->terms) {
-        std::optional<unsigned> dim = getThreadDimension(term.first);
-        bool isKnown = isUniform(term.first, /*withCounters=*/true);
-        isSingle &= isKnown;
-        isComputed |= !isKnown && !dim;
-        if (dim)
-          dims.insert(*dim);
-      }
+      for (const Term &term : index->terms)
+        for (Symbol symbol : term.product) {
+          bool isThread = symbol.kind == Symbol::Kind::Thread;
+          bool isKnown = variance.agreement(symbol, Scope::Launch) !=
+                         Agreement::No;
+          isSingle &= isKnown;
+          isComputed |= !isKnown && !isThread;
+          if (isThread)
+            dims.insert(symbol.number);
+        }
     }
   if (isSingle)
     return Sharing::Single;

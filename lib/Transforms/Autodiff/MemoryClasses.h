@@ -8,7 +8,10 @@
 #define WARP_TRANSFORMS_AUTODIFF_MEMORYCLASSES_H
 
 #include "Activity.h"
-#include "Autodiff/Gather/IndexMath.h"
+
+#include "Analysis/ThreadVariance.h"
+
+#include <vector>
 
 namespace warp::autodiff {
 
@@ -42,7 +45,7 @@ struct Access {
   /// Position in program order.
   unsigned position = 0;
   /// One per dimension of the leaf; none for an index within a slice.
-  llvm::SmallVector<std::optional<IndexSum>, 2> indices;
+  std::vector<std::optional<Form>> indices;
   /// Component or field of the element, as far as it is constant.
   llvm::SmallVector<mlir::Attribute, 2> component;
   /// A component that is known only at run time is accessed.
@@ -92,11 +95,15 @@ private:
   Sharing getSharing(llvm::ArrayRef<const Access *> accesses) const;
   llvm::SmallVector<const Access *> select(unsigned leaf,
                                            bool onlyActive) const;
+  bool isOwnedAlong(llvm::ArrayRef<const Access *> accesses, unsigned axis,
+                    unsigned dim, bool mayWrap) const;
   unsigned countOwnedDimensions(llvm::ArrayRef<const Access *> accesses,
                                 bool mayWrap) const;
 
   const ArrayLeaves &leaves;
   const Activity &activity;
+  /// Arguments are taken to be different arrays, as everywhere in a derivative.
+  ThreadVariance variance;
   bool unique;
   llvm::SmallVector<llvm::SmallVector<Access>> accesses;
   llvm::DenseMap<mlir::Operation *, std::pair<unsigned, unsigned>> places;

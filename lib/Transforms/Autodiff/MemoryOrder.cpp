@@ -25,13 +25,18 @@ bool haveOtherComponents(const Access &a, const Access &b) {
   return false;
 }
 
+/// By how much one index is more than another one, if that is constant.
+static std::optional<int64_t> getDistance(const Form &x, const Form &y) {
+  std::optional<Form> difference = x - y;
+  return difference ? difference->getConstant() : std::nullopt;
+}
+
 /// Whether the indices can be equal in one pass over the common loops.
 static bool mayBeEqual(const Access &a, const Access &b) {
   for (auto [x, y] : llvm::zip_equal(a.indices, b.indices)) {
     if (!x || !y)
       continue;
-    std::optional<int64_t> difference = (*x - *y).getConstant();
-    if (difference && *difference != 0)
+    if (getDistance(*x, *y).value_or(0) != 0)
       return false;
   }
   return true;
@@ -62,36 +67,22 @@ static bool areExclusive(Operation *a, Operation *b) {
   return false;
 }
 
-static bool isInvariant(const IndexSum &sum, Operation *loop, Value counter) {
-  return llvm::all_of(sum.terms, [&](auto term) {
-    Value value = term.first;
-    return value == counter ||
-           !loop->isAncestor(value.getParentBlock()->getParentOp());
-  });
-}
-
 /// Whether one dimension keeps the write, any number of iterations of the loop
 /// later (`sign` 1) or earlier (-1), away from what is read.
-static bool isApartAlong(const IndexSum &read, const IndexSum &write,
-                         Operation *loop, int sign) {
-  Value counter;
-  std::optional<int64_t> step = 0;
-  if (auto counted = dyn_cast<scf::ForOp>(loop)) {
-    counter = counted.getInductionVar();
-    step = getConstantInteger(counted.getStep());
-  }
-  int64_t factor = counter ? write.coefficientOf(counter) : 0;
-  std::optional<int64_t> distance = (write - read).getConstant();
-  if (!distance || !isInvariant(read, loop, counter) ||
-      !isInvariant(write, loop, counter))
+static bool isApartAlong(const Form &read, const Form &write, Operation *loop,
+                         int sign) {
+  Symbol trip = Symbol::trip(loop);
+  std::optional<Form> coefficient = write.coefficientOf(trip);
+  std::optional<int64_t> pace =
+      coefficient ? coefficient->getConstant() : std::nullopt;
+  std::optional<int64_t> distance = getDistance(write, read);
+  if (!distance || !pace || !read.without(trip).isDefinedOutside(loop) ||
+      !write.without(trip).isDefinedOutside(loop))
     return false;
-  if (factor == 0)
+  if (*pace == 0)
     return *distance != 0;
-  if (!step || *step == 0)
-    return false;
-  int64_t pace = factor * *step;
   // They meet `-distance / pace` iterations away.
-  return *distance % pace != 0 || -*distance / pace * sign < 1;
+  return *distance % *pace != 0 || -*distance / *pace * sign < 1;
 }
 
 static bool mayMeet(const Access &read, const Access &write, Operation *loop,

@@ -141,21 +141,6 @@ private:
 
 } // namespace
 
-/// Whether an index is a loop's counter, or that and something that does not
-/// change in the loop; or nothing that does.
-static bool followsCounter(Value index, scf::ForOp loop, bool &follows) {
-  if (index == loop.getInductionVar())
-    return follows = true;
-  if (loop.isDefinedOutsideOfLoop(index))
-    return true;
-  Operation *op = index.getDefiningOp();
-  return isa_and_nonnull<arith::AddIOp, arith::ExtSIOp, arith::ExtUIOp,
-                         arith::IndexCastOp>(op) &&
-         llvm::all_of(op->getOperands(), [&](Value operand) {
-           return followsCounter(operand, loop, follows);
-         });
-}
-
 /// Whether the iterations of one thread are as good as lanes: straight-line
 /// code that carries nothing, over elements that follow each other while those
 /// of neighbouring threads do not.
@@ -169,9 +154,14 @@ bool CostCounter::isStream(scf::ForOp loop) const {
       return false;
     if (!access || access.getIndices().empty())
       continue;
-    bool follows = false;
+    // By how much it grows from one iteration to the next.
+    const warp::Form &index = variance.form(access.getIndices().back());
+    warp::Symbol trip = warp::Symbol::trip(loop);
+    bool follows = index.has(trip);
+    std::optional<warp::Form> pace = index.coefficientOf(trip);
     if ((access.isUpdate() && !(exclusive && op.use_empty())) ||
-        !followsCounter(access.getIndices().back(), loop, follows))
+        (follows && !(pace && pace->equals(variance.form(loop.getStep())))) ||
+        !index.without(trip).isDefinedOutside(loop))
       return false;
     scatters |= access.mayWrite() && follows &&
                 llvm::any_of(access.getIndices(),

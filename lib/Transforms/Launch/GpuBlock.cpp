@@ -13,6 +13,7 @@
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/GPU/IR/GPUDialect.h"
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
 
 using namespace mlir;
 
@@ -40,18 +41,6 @@ static gpu::Dimension toDimension(warp::Axis axis) {
   llvm_unreachable("no such axis");
 }
 
-static warp::Axis toAxis(gpu::Dimension dimension) {
-  switch (dimension) {
-  case gpu::Dimension::x:
-    return warp::Axis::x;
-  case gpu::Dimension::y:
-    return warp::Axis::y;
-  case gpu::Dimension::z:
-    return warp::Axis::z;
-  }
-  llvm_unreachable("no such dimension");
-}
-
 static Value readIndex(OpBuilder &b, Location loc, warp::GridValue value,
                        gpu::Dimension dimension) {
   switch (value) {
@@ -71,21 +60,6 @@ Value warp::readGrid(OpBuilder &b, Location loc, GridValue value, Axis axis) {
   return arith::IndexCastOp::create(b, loc, b.getI32Type(),
                                     readIndex(b, loc, value,
                                               toDimension(axis)));
-}
-
-/// So is the index that was cast to i32: who looks through casts finds that.
-std::optional<warp::GridRead> warp::getGridRead(Value value) {
-  auto cast = value.getDefiningOp<arith::IndexCastOp>();
-  Operation *op = (cast ? cast.getIn() : value).getDefiningOp();
-  if (auto read = dyn_cast_or_null<gpu::ThreadIdOp>(op))
-    return GridRead{GridValue::threadId, toAxis(read.getDimension())};
-  if (auto read = dyn_cast_or_null<gpu::BlockIdOp>(op))
-    return GridRead{GridValue::blockId, toAxis(read.getDimension())};
-  if (auto read = dyn_cast_or_null<gpu::BlockDimOp>(op))
-    return GridRead{GridValue::blockDim, toAxis(read.getDimension())};
-  if (isa_and_nonnull<gpu::LaneIdOp>(op))
-    return GridRead{GridValue::laneId, Axis::x};
-  return std::nullopt;
 }
 
 Value warp::threadInBlock(OpBuilder &b, Location loc) {
@@ -183,6 +157,33 @@ Value warp::isFullWarp(OpBuilder &b, Location loc) {
 Value warp::holdsInWarp(OpBuilder &b, Location loc, Value condition) {
   return callIntrinsic(b, loc, b.getI1Type(), "llvm.nvvm.vote.all.sync",
                        {constant(b, loc, -1), condition});
+}
+
+Value warp::isWarpTogether(OpBuilder &b, Location loc,
+                           ArrayRef<Value> compared) {
+  auto equal = [&](Value x, Value y) {
+    return arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq, x, y);
+  };
+  auto constant = [&](Type type, int64_t value) {
+    return arith::ConstantOp::create(b, loc, b.getIntegerAttr(type, value));
+  };
+  Type i1 = b.getI1Type(), i32 = b.getI32Type();
+  Value whole = isFullWarp(b, loc);
+  if (compared.empty())
+    return whole;
+  auto agree = scf::IfOp::create(b, loc, i1, whole, /*withElseRegion=*/true);
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPointToStart(agree.elseBlock());
+  scf::YieldOp::create(b, loc, Value(constant(i1, 0)));
+  b.setInsertionPointToStart(agree.thenBlock());
+  Value same = constant(i1, 1);
+  for (Value value : compared) {
+    Value first =
+        shuffle(b, loc, ShuffleMode::index, value, constant(i32, 0));
+    same = arith::AndIOp::create(b, loc, same, equal(value, first));
+  }
+  scf::YieldOp::create(b, loc, holdsInWarp(b, loc, same));
+  return agree.getResult(0);
 }
 
 Value warp::holdsAnywhere(OpBuilder &b, Location loc, Value condition) {

@@ -7,10 +7,10 @@
 #ifndef WARP_LIB_TRANSFORMS_GPUBLOCK_H
 #define WARP_LIB_TRANSFORMS_GPUBLOCK_H
 
+#include "Analysis/GridReads.h"
+
 #include "mlir/IR/Builders.h"
 #include "mlir/IR/BuiltinOps.h"
-
-#include <optional>
 
 namespace warp {
 
@@ -25,22 +25,9 @@ void registerGpuDialect(mlir::DialectRegistry &registry);
 // Operations of the `gpu` dialect
 //===----------------------------------------------------------------------===//
 
-enum class Axis { x, y, z };
-
-/// Where a thread is in the grid of its launch; a lane id has no axis.
-enum class GridValue { threadId, blockId, blockDim, laneId };
-
-struct GridRead {
-  GridValue value;
-  Axis axis;
-};
-
 /// Reads it, as i32.
 mlir::Value readGrid(mlir::OpBuilder &b, mlir::Location loc, GridValue value,
                      Axis axis = Axis::x);
-
-/// What `readGrid` read, if it made this value.
-std::optional<GridRead> getGridRead(mlir::Value value);
 
 /// Which lane the operand `lane` of a shuffle means: this one, or one at that
 /// distance from the own.
@@ -81,6 +68,11 @@ mlir::Value isFullWarp(mlir::OpBuilder &b, mlir::Location loc);
 /// Whether a condition holds in all lanes of a full warp.
 mlir::Value holdsInWarp(mlir::OpBuilder &b, mlir::Location loc,
                         mlir::Value condition);
+
+/// Whether all lanes of the warp come to the insertion point together, and agree
+/// on these values.
+mlir::Value isWarpTogether(mlir::OpBuilder &b, mlir::Location loc,
+                           llvm::ArrayRef<mlir::Value> compared);
 
 /// Whether a condition holds in any thread of the block; waits for all of them.
 mlir::Value holdsAnywhere(mlir::OpBuilder &b, mlir::Location loc,

@@ -28,6 +28,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Analysis/ArrayOrigins.h"
 #include "GpuBlock.h"
 #include "KernelFunction.h"
 
@@ -55,55 +56,22 @@ constexpr size_t mostMoved = 24;
 // Accesses
 //===----------------------------------------------------------------------===//
 
-namespace {
-
-/// The memory that an array lies in: the parameter block's descriptor at an
-/// offset, or anything.
-struct Origin {
-  std::optional<int64_t> offset;
-  bool isGradient = false;
-
-  bool operator==(const Origin &other) const {
-    return offset == other.offset && isGradient == other.isGradient;
-  }
-};
-
-} // namespace
-
-static Origin getOrigin(Value array) {
-  Origin origin;
-  while (Operation *op = array.getDefiningOp()) {
-    if (auto parameter = dyn_cast<warp::ParameterOp>(op)) {
-      origin.offset = parameter.getOffset();
-      break;
-    }
-    if (!isa<warp::GradOp, warp::ViewOp, warp::SliceOp,
-             warp::ComponentViewOp>(op))
-      break;
-    origin.isGradient |= isa<warp::GradOp>(op);
-    array = op->getOperand(0);
-  }
-  return origin;
-}
-
-/// The array that a load reads.
+/// The array that an operation does nothing but read; what lanes read under a
+/// mask stays where it is.
 static Value getLoaded(Operation *op) {
-  auto load = dyn_cast<warp::LoadComponentsOp>(op);
-  return load ? load.getArray() : Value();
+  auto access = dyn_cast<warp::AccessOp>(op);
+  bool isLoad = access && !access.mayWrite() && !access.getMask();
+  return isLoad ? access.getArray() : Value();
 }
 
 /// The array that an operation does nothing but write.
 static Value getWritten(Operation *op) {
-  if (auto store = dyn_cast<warp::StoreComponentsOp>(op))
-    return store.getArray();
-  auto update = dyn_cast<warp::AtomicComponentsOp>(op);
-  return update && update->use_empty() ? update.getArray() : Value();
-}
-
-static ValueRange getWrittenValues(Operation *op) {
-  if (auto store = dyn_cast<warp::StoreComponentsOp>(op))
-    return store.getComponents();
-  return cast<warp::AtomicComponentsOp>(op).getComponents();
+  auto access = dyn_cast<warp::AccessOp>(op);
+  if (!access || !access.mayWrite() || access.getMask())
+    return Value();
+  bool isOnlyWritten = !access.isUpdate() ||
+                       (access.getCombination() && op->use_empty());
+  return isOnlyWritten ? access.getArray() : Value();
 }
 
 /// Whether an operation can stand anywhere between those that its operands come
@@ -150,34 +118,26 @@ namespace {
 
 class WriteOrder {
 public:
-  explicit WriteOrder(bool disjoint) : disjoint(disjoint) {}
+  WriteOrder(FunctionOpInterface entry, bool disjoint)
+      : origins(entry, disjoint) {}
 
   void sink(Block &block);
 
 private:
-  bool mayMeet(Value a, Value b) const;
   void flush(size_t count, Operation *place);
-  bool reuse(warp::LoadComponentsOp load);
+  bool reuse(Operation *load);
   void visit(Operation *op);
   void visitWrite(Operation *op, Value array);
 
-  bool disjoint;
+  warp::ArrayOrigins origins;
   /// Writes that have not found their place.
   SmallVector<Operation *> pending;
   int64_t held = 0;
   /// Loads whose elements nobody has written since.
-  SmallVector<warp::LoadComponentsOp> known;
+  SmallVector<warp::AccessOp> known;
 };
 
 } // namespace
-
-/// Whether an access to one array and a write to another may be to one element.
-bool WriteOrder::mayMeet(Value a, Value b) const {
-  if (!disjoint)
-    return true;
-  Origin first = getOrigin(a), second = getOrigin(b);
-  return !first.offset || !second.offset || first == second;
-}
 
 /// Puts the first writes that are pending in front of an operation.
 void WriteOrder::flush(size_t count, Operation *place) {
@@ -189,22 +149,23 @@ void WriteOrder::flush(size_t count, Operation *place) {
 }
 
 /// Takes what is known of an element instead of loading it.
-bool WriteOrder::reuse(warp::LoadComponentsOp load) {
-  for (warp::LoadComponentsOp other : known)
-    if (llvm::equal(other->getOperands(), load->getOperands())) {
-      load.replaceAllUsesWith(other.getResults());
-      load.erase();
+bool WriteOrder::reuse(Operation *load) {
+  for (warp::AccessOp other : known)
+    if (other->getName() == load->getName() &&
+        llvm::equal(other->getOperands(), load->getOperands())) {
+      load->replaceAllUsesWith(other->getResults());
+      load->erase();
       return true;
     }
-  known.push_back(load);
+  known.push_back(cast<warp::AccessOp>(load));
   return false;
 }
 
 void WriteOrder::visitWrite(Operation *op, Value array) {
-  llvm::erase_if(known, [&](warp::LoadComponentsOp load) {
-    return mayMeet(load.getArray(), array);
+  llvm::erase_if(known, [&](warp::AccessOp load) {
+    return origins.mayAlias(load.getArray(), array);
   });
-  int64_t words = countWords(getWrittenValues(op));
+  int64_t words = countWords(cast<warp::AccessOp>(op).getWritten());
   if (held + words > mostHeld)
     flush(pending.size(), op);
   pending.push_back(op);
@@ -216,7 +177,7 @@ void WriteOrder::visit(Operation *op) {
     return visitWrite(op, array);
   SmallVector<Value> loaded;
   if (Value array = getLoaded(op)) {
-    if (reuse(cast<warp::LoadComponentsOp>(op)))
+    if (reuse(op))
       return;
     loaded.push_back(array);
   } else if (isPureOp(op) || isScratchOp(op)) {
@@ -227,7 +188,7 @@ void WriteOrder::visit(Operation *op) {
   }
   for (size_t i = pending.size(); i-- > 0;)
     if (llvm::any_of(loaded, [&](Value array) {
-          return mayMeet(array, getWritten(pending[i]));
+          return origins.mayAlias(array, getWritten(pending[i]));
         }))
       return flush(i + 1, op);
 }
@@ -320,7 +281,7 @@ void LoadOrder::raise(Block &block) {
   restart(&block.front());
   for (Operation &op : llvm::make_early_inc_range(block.without_terminator())) {
     SmallVector<Value> loaded;
-    if (isa<warp::LoadComponentsOp>(op))
+    if (getLoaded(&op))
       raise(&op);
     else if (!isPureOp(&op) && !isScratchOp(&op) &&
              (isa<LoopLikeOpInterface>(op) ||
@@ -339,7 +300,7 @@ struct OrderAccesses : warp::impl::OrderAccessesBase<OrderAccesses> {
     // A debugging launch reports the first access that fails.
     if (warp::getVariant(entry).getDebug())
       return;
-    WriteOrder writes(warp::getVariant(entry).getDisjoint());
+    WriteOrder writes(entry, warp::getVariant(entry).getDisjoint());
     LoadOrder loads;
     entry->walk([&](Block *block) {
       writes.sink(*block);

@@ -36,6 +36,7 @@ private:
   void print(Region &region, unsigned depth);
   void print(Operation &op, unsigned depth);
   void print(Value value);
+  void printNumber(Value value);
 
   FunctionOpInterface kernel;
   warp::ThreadVariance variance;
@@ -45,16 +46,39 @@ private:
 
 } // namespace
 
+/// A sum, and bounds that are closer than those of the type.
+void VariancePrinter::printNumber(Value value) {
+  const warp::Form &form = variance.form(value);
+  if (form.getSymbol() != warp::Symbol::opaque(value)) {
+    stream << " = ";
+    form.print(stream, names);
+  }
+  warp::Interval range = variance.range(value, value.getParentBlock());
+  bool isFromZero = range.low >= 0, isBounded = range.high < INT32_MAX - 1;
+  if (form.getConstant() || (!isFromZero && !isBounded))
+    return;
+  stream << " in [";
+  if (range.low >= -INT32_MAX)
+    stream << int64_t(range.low);
+  stream << ", ";
+  if (isBounded)
+    stream << int64_t(range.high);
+  stream << ']';
+}
+
 void VariancePrinter::print(Value value) {
   if (variance.isUniform(value, warp::Scope::Launch)) {
-    stream << "uniform over the launch\n";
+    stream << "uniform over the launch";
   } else if (variance.isUniform(value, warp::Scope::Lanes)) {
-    stream << "uniform over lanes\n";
+    stream << "uniform over lanes";
   } else if (std::optional<int64_t> step = variance.step(value)) {
-    stream << "step " << *step << '\n';
+    stream << "step " << *step;
   } else {
-    stream << "varies\n";
+    stream << "varies";
   }
+  if (warp::getIntegerBits(value.getType()) > 1)
+    printNumber(value);
+  stream << '\n';
 }
 
 void VariancePrinter::print(Operation &op, unsigned depth) {

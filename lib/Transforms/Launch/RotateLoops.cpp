@@ -32,7 +32,6 @@
 #include "GpuBlock.h"
 #include "KernelFunction.h"
 #include "RotateLoops.h"
-#include "UniformValues.h"
 #include "WarpDialect/ParameterLayout.h"
 
 #include "mlir/IR/Matchers.h"
@@ -50,38 +49,7 @@ constexpr int64_t minTrips = 2 * Rotation::lanes;
 
 /// Whether a value is the same for all lanes, and in all iterations.
 bool Rotation::isUniform(Value value) {
-  llvm::SetVector<Value> needed;
-  if (!warp::isUniform(value, entry, needed) ||
-      needed.contains(loop.getInductionVar()))
-    return false;
-  compared.insert_range(needed);
-  return true;
-}
-
-/// By how much an index grows from iteration to iteration, if that is a
-/// constant and all else about it is uniform.
-std::optional<int64_t> Rotation::strideOf(Value index) {
-  if (index == loop.getInductionVar())
-    return 1;
-  if (isUniform(index))
-    return 0;
-  Operation *op = index.getDefiningOp();
-  if (isa_and_nonnull<arith::ExtSIOp, arith::ExtUIOp, arith::TruncIOp,
-                      arith::IndexCastOp>(op))
-    return strideOf(op->getOperand(0));
-  if (!isa_and_nonnull<arith::AddIOp, arith::SubIOp, arith::MulIOp>(op))
-    return std::nullopt;
-  auto left = strideOf(op->getOperand(0)), right = strideOf(op->getOperand(1));
-  if (!left || !right)
-    return std::nullopt;
-  if (isa<arith::AddIOp>(op))
-    return *left + *right;
-  if (isa<arith::SubIOp>(op))
-    return *left - *right;
-  APInt factor;
-  if (matchPattern(op->getOperand(1), m_ConstantInt(&factor)))
-    return *left * factor.getSExtValue();
-  return std::nullopt;
+  return variance.strideIfEqual(value, loop, compared) == 0;
 }
 
 /// Whether the loop surely has too few iterations.
@@ -90,6 +58,12 @@ bool Rotation::isShort() {
   return matchPattern(loop.getLowerBound(), m_ConstantInt(&first)) &&
          matchPattern(loop.getUpperBound(), m_ConstantInt(&last)) &&
          last.getSExtValue() - first.getSExtValue() < minTrips;
+}
+
+static bool holdsUpdates(scf::ForOp loop) {
+  return loop
+      ->walk([](warp::AtomicComponentsOp) { return WalkResult::interrupt(); })
+      .wasInterrupted();
 }
 
 /// Whether nothing in the loop does to memory what iterations could see of each
@@ -118,7 +92,8 @@ bool Rotation::collectUpdates() {
       parent = parent->getParentOp();
     bool differs = false;
     auto isKnown = [&](Value index) {
-      std::optional<int64_t> stride = strideOf(index);
+      std::optional<int64_t> stride =
+          variance.strideIfEqual(index, loop, compared);
       differs |= stride.value_or(0) != 0;
       return stride.has_value();
     };
@@ -144,17 +119,24 @@ bool Rotation::collectUpdates() {
 
 /// Whether `value` is what the loop carries plus something, on every path;
 /// `links` are the uses that lead there.
-bool Rotation::isSum(Value value, Value carried,
-                     SmallPtrSetImpl<OpOperand *> &links) {
+bool Rotation::isSum(Value value, Value carried, Links &links) {
   if (value == carried)
     return true;
+  auto known = links.sums.find(value);
+  if (known != links.sums.end())
+    return known->second;
+  bool result = isSumByOperation(value, carried, links);
+  return links.sums[value] = result;
+}
+
+bool Rotation::isSumByOperation(Value value, Value carried, Links &links) {
   Operation *op = value.getDefiningOp();
   if (!op || !loop->isProperAncestor(op))
     return false;
   auto follow = [&](OpOperand &link) {
     if (!isSum(link.get(), carried, links))
       return false;
-    links.insert(&link);
+    links.uses.insert(&link);
     return true;
   };
   auto floats = dyn_cast<arith::ArithFastMathInterface>(op);
@@ -180,13 +162,13 @@ bool Rotation::carriesSums() {
   for (auto [carried, yielded] : llvm::zip_equal(
            loop.getRegionIterArgs(),
            loop.getBody()->getTerminator()->getOpOperands())) {
-    SmallPtrSet<OpOperand *, 8> links;
+    Links links;
     if (!isSum(yielded.get(), carried, links))
       return false;
     // Neither it nor what it becomes may be looked at on the way.
-    links.insert(&yielded);
-    auto isLink = [&](OpOperand &use) { return links.contains(&use); };
-    for (OpOperand *link : links)
+    links.uses.insert(&yielded);
+    auto isLink = [&](OpOperand &use) { return links.uses.contains(&use); };
+    for (OpOperand *link : links.uses)
       if (!llvm::all_of(link->get().getUses(), isLink))
         return false;
     if (!llvm::all_of(carried.getUses(), isLink))
@@ -224,9 +206,18 @@ struct RotateLoops : warp::impl::RotateLoopsBase<RotateLoops> {
     SmallVector<scf::ForOp> loops;
     entry.walk([&](scf::ForOp loop) { loops.push_back(loop); });
     // Inner loops come first; one with tiles inside does not qualify.
-    for (scf::ForOp loop : loops)
-      if (warp::Rotation rotation(loop, entry); rotation.qualifies())
-        rotation.run();
+    std::optional<warp::ThreadVariance> variance;
+    for (scf::ForOp loop : loops) {
+      if (!holdsUpdates(loop))
+        continue;
+      if (!variance)
+        variance.emplace(entry);
+      warp::Rotation rotation(loop, entry, *variance);
+      if (!rotation.qualifies())
+        continue;
+      rotation.run();
+      variance.reset();
+    }
   }
 };
 

@@ -10,6 +10,7 @@
 #ifndef WARP_LIB_TRANSFORMS_ROTATELOOPS_H
 #define WARP_LIB_TRANSFORMS_ROTATELOOPS_H
 
+#include "Analysis/ThreadVariance.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -29,8 +30,10 @@ public:
   /// Lanes of a warp, and iterations of a tile.
   static constexpr int64_t lanes = 32;
 
-  Rotation(mlir::scf::ForOp loop, mlir::LLVM::LLVMFuncOp entry)
-      : loop(loop), entry(entry), b(loop), loc(loop.getLoc()) {}
+  Rotation(mlir::scf::ForOp loop, mlir::LLVM::LLVMFuncOp entry,
+           const ThreadVariance &variance)
+      : loop(loop), entry(entry), variance(variance), b(loop),
+        loc(loop.getLoc()) {}
 
   bool qualifies();
   void run();
@@ -52,12 +55,17 @@ private:
     }
   };
 
+  /// How a loop's value becomes the next iteration's.
+  struct Links {
+    llvm::SmallPtrSet<mlir::OpOperand *, 8> uses;
+    llvm::DenseMap<mlir::Value, bool> sums;
+  };
+
   bool isShort();
   bool isUniform(mlir::Value value);
-  std::optional<int64_t> strideOf(mlir::Value index);
   bool isOrderOpen();
-  bool isSum(mlir::Value value, mlir::Value carried,
-             llvm::SmallPtrSetImpl<mlir::OpOperand *> &links);
+  bool isSum(mlir::Value value, mlir::Value carried, Links &links);
+  bool isSumByOperation(mlir::Value value, mlir::Value carried, Links &links);
   bool carriesSums();
   bool collectUpdates();
 
@@ -106,6 +114,7 @@ private:
 
   mlir::scf::ForOp loop;
   mlir::LLVM::LLVMFuncOp entry;
+  const ThreadVariance &variance;
   mlir::OpBuilder b;
   mlir::Location loc;
   llvm::SmallVector<Update> updates;

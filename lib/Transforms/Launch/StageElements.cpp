@@ -31,6 +31,7 @@
 
 #include "StageElements.h"
 
+#include "Analysis/ThreadVariance.h"
 #include "Emit/ArrayLowering.h"
 #include "GpuBlock.h"
 #include "KernelFunction.h"
@@ -53,53 +54,32 @@ constexpr int64_t mostInFlight = 96;
 // Indices
 //===----------------------------------------------------------------------===//
 
-/// Whether a value is the same for the threads of a warp that lies in a row.
-static bool isUniform(Value value, int depth = 8) {
-  if (auto argument = dyn_cast<BlockArgument>(value))
-    return isa<LLVM::LLVMFuncOp>(argument.getOwner()->getParentOp()) &&
-           argument.getOwner()->isEntryBlock();
-  if (auto read = warp::getGridRead(value)) {
-    if (read->value == warp::GridValue::threadId)
-      return read->axis != warp::Axis::x;
-    return read->value != warp::GridValue::laneId;
-  }
-  Operation *op = value.getDefiningOp();
-  return depth > 0 && isPure(op) && op->getNumRegions() == 0 &&
-         llvm::all_of(op->getOperands(), [&](Value operand) {
-           return isUniform(operand, depth - 1);
-         });
-}
-
 /// Whether an index is one more in the next thread of a row. Where it wraps
 /// around, an access is out of bounds.
-static bool followsThreads(Value index, int depth = 8) {
-  if (auto read = warp::getGridRead(index))
-    return read->value == warp::GridValue::threadId &&
-           read->axis == warp::Axis::x;
-  Operation *op = index.getDefiningOp();
-  if (!op || depth == 0 || index.getType().getIntOrFloatBitWidth() < 32)
-    return false;
-  auto follows = [&](unsigned i) {
-    return followsThreads(op->getOperand(i), depth - 1);
-  };
-  if (isa<arith::ExtUIOp, arith::ExtSIOp, arith::TruncIOp>(op))
-    return follows(0);
-  if (isa<arith::AddIOp>(op))
-    return (follows(0) && isUniform(op->getOperand(1))) ||
-           (follows(1) && isUniform(op->getOperand(0)));
-  return isa<arith::SubIOp>(op) && follows(0) && isUniform(op->getOperand(1));
+static bool followsThreads(Value index, const warp::ThreadVariance &variance) {
+  return variance.step(index) == 1 && !variance.dependsOnMoment(index);
 }
 
-static bool areUniform(ValueRange values) {
-  return llvm::all_of(values, [](Value value) { return isUniform(value); });
+/// Whether values are the same for the threads of a warp that lies in a row.
+static bool areUniform(ValueRange values,
+                       const warp::ThreadVariance &variance) {
+  return llvm::all_of(values, [&](Value value) {
+    return variance.agreement(value, warp::Scope::Lanes) ==
+           warp::Agreement::Yes;
+  });
 }
 
 /// Whether an array is the same for all threads and has no gaps.
-static bool isPacked(Value array) {
-  if (auto view = array.getDefiningOp<warp::ViewOp>())
-    return isPacked(view.getArray()) && areUniform(view.getIndices());
-  if (auto grad = array.getDefiningOp<warp::GradOp>())
-    return isPacked(grad.getArray());
+static bool isPacked(Value array, const warp::ThreadVariance &variance) {
+  while (Operation *op = array.getDefiningOp()) {
+    if (auto view = dyn_cast<warp::ViewOp>(op)) {
+      if (!areUniform(view.getIndices(), variance))
+        return false;
+    } else if (!isa<warp::GradOp>(op)) {
+      break;
+    }
+    array = op->getOperand(0);
+  }
   auto parameter = array.getDefiningOp<warp::ParameterOp>();
   return parameter && parameter.getPacked();
 }
@@ -140,21 +120,15 @@ static int64_t countComponents(warp::StoreComponentsOp store) {
   return store.getComponents().size();
 }
 
-/// Whether elements at these indices follow each other in a warp.
-static bool isStretch(Value array, ValueRange indices, Block *block) {
-  return isPacked(array) && followsThreads(indices.back()) &&
-         areUniform(indices.drop_back()) &&
-         warp::isNonNegative(indices.back(), block);
-}
-
 namespace {
 
 /// Collects the accesses of one block of the IR after the other.
 class Finder {
 public:
   /// `mostBytes` is what the slab of one warp may have.
-  Finder(warp::StagedAccesses &staged, int64_t mostBytes)
-      : staged(staged), mostBytes(mostBytes) {}
+  Finder(LLVM::LLVMFuncOp entry, warp::StagedAccesses &staged,
+         int64_t mostBytes)
+      : entry(entry), staged(staged), mostBytes(mostBytes) {}
 
   void visit(Block &block);
 
@@ -163,8 +137,12 @@ public:
 
 private:
   template <typename Op> bool canStage(Op access);
+  bool isStretch(Value array, ValueRange indices, Block *block);
   void visitLoad(warp::LoadComponentsOp load);
 
+  LLVM::LLVMFuncOp entry;
+  /// Once it is needed.
+  std::optional<warp::ThreadVariance> variance;
   warp::StagedAccesses &staged;
   int64_t mostBytes;
   /// The group that more loads may join.
@@ -173,6 +151,16 @@ private:
 };
 
 } // namespace
+
+/// Whether elements at these indices follow each other in a warp.
+bool Finder::isStretch(Value array, ValueRange indices, Block *block) {
+  if (!variance)
+    variance.emplace(entry);
+  return isPacked(array, *variance) &&
+         followsThreads(indices.back(), *variance) &&
+         areUniform(indices.drop_back(), *variance) &&
+         variance->isNonNegative(indices.back(), block);
+}
 
 template <typename Op> bool Finder::canStage(Op access) {
   Type element = getElement(access.getArray());
@@ -239,7 +227,7 @@ warp::StagedAccesses warp::findStagedAccesses(LLVM::LLVMFuncOp entry) {
   int64_t warps = llvm::divideCeil(blockDim, warpSize);
   auto module = entry->getParentOfType<ModuleOp>();
   int64_t left = mostShared - getSharedSize(module);
-  Finder finder(staged, std::min(left, mostOfSlabs) / warps);
+  Finder finder(entry, staged, std::min(left, mostOfSlabs) / warps);
   entry.walk([&](Block *block) { finder.visit(*block); });
   int64_t slabSize = finder.slabSize;
   if (slabSize == 0)

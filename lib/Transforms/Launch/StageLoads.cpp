@@ -25,9 +25,9 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Analysis/ThreadVariance.h"
 #include "GpuBlock.h"
 #include "KernelFunction.h"
-#include "UniformValues.h"
 #include "UnrollLoop.h"
 
 #include "WarpDialect/WarpOps.h"
@@ -67,15 +67,16 @@ struct Staged {
 /// Puts tiles in front of one loop.
 class LoadStage {
 public:
-  LoadStage(scf::ForOp loop, LLVM::LLVMFuncOp entry)
-      : loop(loop), entry(entry), b(loop), loc(loop.getLoc()) {}
+  LoadStage(scf::ForOp loop, LLVM::LLVMFuncOp entry,
+            const warp::ThreadVariance &variance)
+      : loop(loop), entry(entry), variance(variance), b(loop),
+        loc(loop.getLoc()) {}
 
   bool qualifies();
   void build();
 
 private:
   bool isUniform(Value value);
-  bool followsCounter(Value index);
   void collect(warp::LoadComponentsOp load);
   bool isShort();
 
@@ -86,7 +87,6 @@ private:
   void fillSlab(ValueRange loaded);
   SmallVector<Value> buildStep(Value tile, Value step, ValueRange carried);
   Value slot(Staged &staged, Value number, int64_t component);
-  void synchronize();
 
   Value constant(Type type, int64_t value) {
     return arith::ConstantOp::create(b, loc, b.getIntegerAttr(type, value));
@@ -102,6 +102,7 @@ private:
 
   scf::ForOp loop;
   LLVM::LLVMFuncOp entry;
+  const warp::ThreadVariance &variance;
   OpBuilder b;
   Location loc;
   SmallVector<Staged> stages;
@@ -119,27 +120,7 @@ private:
 
 /// Whether a value is the same for the warp, and in all iterations.
 bool LoadStage::isUniform(Value value) {
-  llvm::SetVector<Value> needed;
-  if (!warp::isUniform(value, entry, needed) ||
-      needed.contains(loop.getInductionVar()))
-    return false;
-  compared.insert_range(needed);
-  return true;
-}
-
-/// Whether an index is one more in the next iteration.
-bool LoadStage::followsCounter(Value index) {
-  if (index == loop.getInductionVar())
-    return true;
-  Operation *op = index.getDefiningOp();
-  if (isa_and_nonnull<arith::ExtSIOp, arith::ExtUIOp, arith::TruncIOp>(op))
-    return followsCounter(op->getOperand(0));
-  if (isa_and_nonnull<arith::AddIOp>(op))
-    return (followsCounter(op->getOperand(0)) &&
-            isUniform(op->getOperand(1))) ||
-           (followsCounter(op->getOperand(1)) && isUniform(op->getOperand(0)));
-  return isa_and_nonnull<arith::SubIOp>(op) &&
-         followsCounter(op->getOperand(0)) && isUniform(op->getOperand(1));
+  return variance.strideIfEqual(value, loop, compared) == 0;
 }
 
 void LoadStage::collect(warp::LoadComponentsOp load) {
@@ -155,7 +136,7 @@ void LoadStage::collect(warp::LoadComponentsOp load) {
   if (bytes + size > mostBytes || !isUniform(load.getArray()) ||
       !llvm::all_of(load.getIndices().drop_back(),
                     [&](Value index) { return isUniform(index); }) ||
-      !followsCounter(load.getIndices().back()))
+      variance.strideIfEqual(load.getIndices().back(), loop, compared) != 1)
     return;
   stages.push_back({load, tileSize * bytes, size});
   bytes += size;
@@ -228,12 +209,6 @@ Value LoadStage::endOfTiles() {
   return add(first, trips);
 }
 
-void LoadStage::synchronize() {
-  LLVM::CallIntrinsicOp::create(
-      b, loc, b.getStringAttr("llvm.nvvm.bar.warp.sync"),
-      ValueRange(constant(-1)));
-}
-
 /// Address of a component of an element in the slab.
 Value LoadStage::slot(Staged &staged, Value number, int64_t component) {
   int64_t before = staged.offset;
@@ -273,7 +248,7 @@ SmallVector<Value> LoadStage::loadAhead(Value first) {
 }
 
 void LoadStage::fillSlab(ValueRange loaded) {
-  synchronize();
+  warp::synchronizeWarp(b, loc);
   size_t next = 0;
   for (Staged &staged : stages)
     for (size_t i = 0, end = staged.load.getNumResults(); i < end; ++i) {
@@ -281,7 +256,7 @@ void LoadStage::fillSlab(ValueRange loaded) {
       LLVM::StoreOp::create(b, loc, value, slot(staged, lane, i),
                             value.getType().getIntOrFloatBitWidth() / 8);
     }
-  synchronize();
+  warp::synchronizeWarp(b, loc);
 }
 
 /// One iteration with what the slab has for it.
@@ -378,9 +353,18 @@ struct StageLoads : warp::impl::StageLoadsBase<StageLoads> {
       return;
     SmallVector<scf::ForOp> loops;
     entry.walk([&](scf::ForOp loop) { loops.push_back(loop); });
-    for (scf::ForOp loop : loops)
-      if (LoadStage stage(loop, entry); stage.qualifies())
-        stage.build();
+    std::optional<warp::ThreadVariance> variance;
+    for (scf::ForOp loop : loops) {
+      if (loop.getBody()->getOps<warp::LoadComponentsOp>().empty())
+        continue;
+      if (!variance)
+        variance.emplace(entry);
+      LoadStage stage(loop, entry, *variance);
+      if (!stage.qualifies())
+        continue;
+      stage.build();
+      variance.reset();
+    }
   }
 };
 

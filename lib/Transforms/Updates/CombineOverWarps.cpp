@@ -16,10 +16,10 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Analysis/ThreadVariance.h"
 #include "Atomics.h"
 #include "KernelFunction.h"
 #include "Launch/GpuBlock.h"
-#include "Launch/UniformValues.h"
 #include "WarpDialect/ParameterLayout.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -35,10 +35,11 @@ using warp::AtomicComponentsOp;
 
 /// Whether threads of a warp may be expected to update the same element; what
 /// they must agree on is added to `compared`.
-static bool updatesOneElement(AtomicComponentsOp op, LLVM::LLVMFuncOp entry,
+static bool updatesOneElement(AtomicComponentsOp op,
+                              const warp::ThreadVariance &variance,
                               llvm::SetVector<Value> &compared) {
   auto isKnown = [&](Value value) {
-    return warp::isUniform(value, entry, compared);
+    return variance.isUniformIfEqual(value, compared);
   };
   return warp::commutes(op) && isKnown(op.getArray()) &&
          llvm::all_of(op.getIndices(), isKnown) && !compared.empty() &&
@@ -94,9 +95,13 @@ struct CombineOverWarps : warp::impl::CombineOverWarpsBase<CombineOverWarps> {
       return;
     SmallVector<AtomicComponentsOp> updates;
     entry.walk([&](AtomicComponentsOp op) { updates.push_back(op); });
+    if (updates.empty())
+      return;
+    // What is built leaves the values that the analysis knows as they are.
+    warp::ThreadVariance variance(entry);
     for (AtomicComponentsOp op : updates) {
       llvm::SetVector<Value> compared;
-      if (updatesOneElement(op, entry, compared))
+      if (updatesOneElement(op, variance, compared))
         combineOverWarp(op, compared.getArrayRef());
     }
   }

@@ -204,10 +204,6 @@ void Privatizer::publish(warp::AtomicComponentsOp op, ValueRange totals) {
                                    components, array, indices);
 }
 
-/// How much quicker threads as lanes do what is neither update nor loop.
-static constexpr double gainOfLanes = 6;
-static constexpr double cyclesPerNanosecond = 3;
-
 /// How often an operation runs per thread, as the estimate of cost has it.
 static double estimatedTrips(Operation *op) {
   double trips = 1;
@@ -220,19 +216,20 @@ static double estimatedTrips(Operation *op) {
 
 void Privatizer::count(double updates) {
   estimated += warp::cost::atomic * updates;
-  plain += 2 * updates;
+  plain += warp::cost::plainUpdate * updates;
   atomic += warp::cost::atomic * updates;
 }
 
-/// An exact sum takes a float apart for two updates or three. One into the same
-/// element for all threads needs no atomic instructions.
+/// An exact sum into the same element for all threads needs no atomic
+/// instructions.
 void Privatizer::countSum(warp::AtomicComponentsOp op) {
   double updates = double(op.getComponents().size()) * estimatedTrips(op);
   bool isShared = !llvm::all_of(
       op.getIndices(), [&](Value index) { return isInvariant(index); });
   estimated += warp::cost::atomic * updates;
-  plain += 15 * updates;
-  atomic += (isShared ? 50 : 15) * updates;
+  plain += warp::cost::exactSum * updates;
+  atomic += (isShared ? warp::cost::atomicExactSum : warp::cost::exactSum) *
+            updates;
 }
 
 void Privatizer::run() {
@@ -275,10 +272,10 @@ bool Privatizer::isFasterAlone(int64_t threads, int64_t cost) {
 bool Privatizer::offerCopies(FunctionOpInterface kernel, int64_t cost) {
   if (atomic == 0)
     return false;
-  double rest = restOf(cost) / gainOfLanes;
+  double rest = restOf(cost) / warp::cost::gainOfLanes;
   warp::CopiedArrays copied{warp::findCopied(kernel),
-                            (rest + plain) / cyclesPerNanosecond,
-                            (rest + atomic) / cyclesPerNanosecond};
+                            (rest + plain) / warp::cost::cyclesPerNanosecond,
+                            (rest + atomic) / warp::cost::cyclesPerNanosecond};
   if (copied.list.empty())
     return false;
   warp::attachCopied(kernel, copied);

@@ -11,6 +11,7 @@
 
 #include "UnrollUpdates.h"
 
+#include "Analysis/ThreadVariance.h"
 #include "Atomics.h"
 #include "Launch/UnrollLoop.h"
 
@@ -21,22 +22,20 @@ constexpr int64_t maxSums = 16;
 /// Operations of all iterations together.
 constexpr int64_t maxOperations = 1024;
 
-/// Whether a value depends on the counter of a loop, and else on nothing that
-/// threads do not share.
-static bool followsCounter(Value value, scf::ForOp loop, Block *first,
-                           bool &depends) {
-  if (value == loop.getInductionVar())
-    return depends = true;
-  if (warp::isInvariant(value, first))
-    return true;
-  Operation *op = value.getDefiningOp();
-  return op && isPure(op) && op->getNumRegions() == 0 &&
-         llvm::all_of(op->getOperands(), [&](Value operand) {
-           return followsCounter(operand, loop, first, depends);
-         });
+/// Whether an element is one in each iteration of a loop, for all threads, and
+/// another one in the next. Outer loops do not count: those are longer.
+static bool followsCounter(warp::AtomicComponentsOp update, scf::ForOp loop,
+                           const warp::ThreadVariance &variance) {
+  llvm::SetVector<Value> counters;
+  return llvm::all_of(update.getIndices(),
+                      [&](Value index) {
+                        return variance.isUniformIfEqual(index, counters);
+                      }) &&
+         counters.size() == 1 && counters.front() == loop.getInductionVar();
 }
 
-static bool shouldUnroll(scf::ForOp loop, Block *first) {
+static bool shouldUnroll(scf::ForOp loop,
+                         const warp::ThreadVariance &variance) {
   std::optional<int64_t> trips = warp::getConstantTrips(loop);
   if (!trips || *trips > maxSums)
     return false;
@@ -46,10 +45,7 @@ static bool shouldUnroll(scf::ForOp loop, Block *first) {
     auto update = dyn_cast<warp::AtomicComponentsOp>(op);
     if (!update || !warp::commutes(update))
       return;
-    bool depends = false;
-    if (llvm::all_of(update.getIndices(), [&](Value index) {
-          return followsCounter(index, loop, first, depends);
-        }) && depends)
+    if (followsCounter(update, loop, variance))
       sums += update.getComponents().size();
   });
   return sums > 0 && sums * *trips <= maxSums &&
@@ -57,11 +53,18 @@ static bool shouldUnroll(scf::ForOp loop, Block *first) {
 }
 
 void warp::unrollUpdates(FunctionOpInterface kernel) {
-  Block *first = &kernel.getFunctionBody().front();
   // Inner loops come first.
   SmallVector<scf::ForOp> loops;
   kernel->walk([&](scf::ForOp loop) { loops.push_back(loop); });
-  for (scf::ForOp loop : loops)
-    if (shouldUnroll(loop, first))
-      unroll(loop);
+  std::optional<ThreadVariance> variance;
+  for (scf::ForOp loop : loops) {
+    if (!getConstantTrips(loop))
+      continue;
+    if (!variance)
+      variance.emplace(kernel);
+    if (!shouldUnroll(loop, *variance))
+      continue;
+    unroll(loop);
+    variance.reset();
+  }
 }

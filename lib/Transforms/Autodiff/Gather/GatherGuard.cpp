@@ -7,7 +7,7 @@
 #include "GatherGuard.h"
 
 #include "Analysis/Effects.h"
-#include "IndexMath.h"
+#include "Analysis/ThreadVariance.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
 
@@ -50,6 +50,41 @@ bool isSpeculatable(Value value) {
               .wasInterrupted();
 }
 
+/// The least thread index for which a comparison with a constant holds, or does
+/// not, as far as it says so by a lower bound or equality; indices are not
+/// negative.
+static std::optional<int64_t> getLeast(Operation *compare, bool truth,
+                                unsigned dimension) {
+  Value left = compare->getOperand(0), right = compare->getOperand(1);
+  std::optional<Shift> shift = getShift(left);
+  bool isSwapped = !shift;
+  if (isSwapped) {
+    std::swap(left, right);
+    shift = getShift(left);
+  }
+  std::optional<int64_t> number = getConstantInteger(right);
+  if (!shift || !number || shift->dimension != dimension)
+    return std::nullopt;
+  int64_t bound = *number - shift->offset;
+  if (isa<EqOp, NeOp>(compare)) {
+    if (isa<EqOp>(compare) == truth)
+      return bound;
+    return bound == 0 ? std::optional<int64_t>(1) : std::nullopt;
+  }
+  bool isGreater = isa<GtOp, GeOp>(compare) != isSwapped;
+  bool isStrict = isa<GtOp, LtOp>(compare);
+  if (isGreater != truth)
+    return std::nullopt;
+  return bound + (truth == isStrict);
+}
+
+/// Whether a value is the same in all threads of the launch.
+static bool isUniform(Value value) {
+  auto adjoint = value.getParentRegion()->getParentOfType<FunctionOpInterface>();
+  return ThreadVariance(adjoint, /*disjoint=*/true)
+      .isUniform(value, Scope::Launch);
+}
+
 /// Adds a comparison of a thread index with a value that is the same in all
 /// threads; false if it is not of that form.
 bool Guard::addComparison(GatherEmitter &emitter, Operation *op, bool holds,
@@ -70,7 +105,7 @@ bool Guard::addComparison(GatherEmitter &emitter, Operation *op, bool holds,
   }
   if (!isa<LtOp, LeOp, GtOp, GeOp>(op) ||
       (isa<LtOp, LeOp>(op) != isSwapped) != holds ||
-      !isUniform(bound, /*withCounters=*/false) || !isSpeculatable(bound))
+      !isUniform(bound) || !isSpeculatable(bound))
     return false;
   // index + offset < bound, or <=; no launch reaches the larger limit.
   bool isStrict = isa<LtOp, GtOp>(op) == holds;

@@ -26,12 +26,12 @@
 //===----------------------------------------------------------------------===//
 
 #include "Analysis/CostModel.h"
+#include "Analysis/CostModel.h"
 #include "Analysis/Effects.h"
 #include "KernelFunction.h"
 #include "Launch/UnrollLoop.h"
 #include "Autodiff/DeadValues.h"
 #include "GatherBuilder.h"
-#include "IndexMath.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
@@ -44,8 +44,6 @@ namespace warp {
 using namespace mlir;
 using namespace warp::autodiff;
 
-/// Operations that one atomic addition is worth.
-constexpr int64_t atomicCost = 64;
 /// Loops up to this many trips, and operations, are unrolled.
 constexpr int64_t maxTrips = 32;
 constexpr int64_t maxUnrolled = 1024;
@@ -103,7 +101,7 @@ static bool isWorthwhile(const SumsByOffset &sums) {
     llvm::SetVector<Operation *> slice;
     for (auto [number, op] : group) {
       slice.set_union(getSlice(op));
-      saved += atomicCost;
+      saved += int64_t(warp::cost::gatheredAtomic);
     }
     total += getTotal(slice);
     once.set_union(slice);

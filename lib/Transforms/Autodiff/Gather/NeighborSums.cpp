@@ -22,14 +22,33 @@
 
 #include "Analysis/ArrayOrigins.h"
 #include "Analysis/Effects.h"
+#include "Analysis/Forms.h"
+#include "Analysis/NonNegative.h"
 #include "Autodiff/DeadValues.h"
-#include "IndexMath.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
 
 using namespace mlir;
 
 namespace warp::autodiff {
+
+/// Keeps sums of an index, an offset and the extents of a launch in 32 bits.
+constexpr int64_t maxOffset = 1024;
+
+std::optional<Shift> getShift(Value value) {
+  if (!value.getType().isSignedInteger())
+    return std::nullopt;
+  Forms forms;
+  const Form &form = forms.of(value);
+  if (form.terms.size() != 1 || form.terms[0].factor != 1 ||
+      form.terms[0].product.size() != 1 ||
+      std::abs(form.constant) > maxOffset)
+    return std::nullopt;
+  Symbol symbol = form.terms[0].product[0];
+  if (symbol.kind != Symbol::Kind::Thread)
+    return std::nullopt;
+  return Shift{symbol.number, form.constant};
+}
 
 //===----------------------------------------------------------------------===//
 // Memory
@@ -117,7 +136,7 @@ Finder::getElement(Operation *op) const {
   SmallVector<std::optional<Shift>> shifts;
   for (Value index : access.getIndices()) {
     shifts.push_back(getShift(index));
-    if (shifts.back() && !isNonNegative(*shifts.back(), op))
+    if (shifts.back() && !isNonNegative(index, op->getBlock()))
       shifts.back() = std::nullopt;
   }
   return shifts;

@@ -7,8 +7,6 @@
 #ifndef WARP_TRANSFORMS_AUTODIFF_NEIGHBORSUMS_H
 #define WARP_TRANSFORMS_AUTODIFF_NEIGHBORSUMS_H
 
-#include "ThreadShift.h"
-
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/Func/IR/FuncOps.h"
@@ -16,6 +14,18 @@
 #include "llvm/ADT/SetVector.h"
 
 namespace warp::autodiff {
+
+/// A thread index plus a small constant.
+struct Shift {
+  unsigned dimension;
+  int64_t offset;
+  bool operator==(const Shift &other) const {
+    return dimension == other.dimension && offset == other.offset;
+  }
+};
+
+/// A signed value of that form.
+std::optional<Shift> getShift(mlir::Value value);
 
 /// One addition to an element near the thread's own.
 struct NeighborSum {

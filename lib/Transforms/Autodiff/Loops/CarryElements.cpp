@@ -24,6 +24,7 @@
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/Func/IR/FuncOps.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
+#include "mlir/IR/IRMapping.h"
 
 using namespace mlir;
 
@@ -172,12 +173,30 @@ static bool isOutside(Operation *loop, Value value) {
   return !loop->isAncestor(value.getParentBlock()->getParentOp());
 }
 
+/// Whether a value can be made outside of the loop: by operations without
+/// regions from what is there.
+static bool isMadeOutside(Operation *loop, Value value) {
+  SmallVector<Value> pending{value};
+  DenseSet<Value> seen;
+  while (!pending.empty()) {
+    Value next = pending.pop_back_val();
+    if (isOutside(loop, next) || !seen.insert(next).second)
+      continue;
+    Operation *op = next.getDefiningOp();
+    if (!op || op->getNumRegions() != 0 || !isMemoryEffectFree(op))
+      return false;
+    llvm::append_range(pending, op->getOperands());
+  }
+  return true;
+}
+
 static bool isInvariant(const Access &access, Operation *loop) {
-  return llvm::all_of(access.indices, [&](auto &index) {
-    return index && llvm::all_of(index->terms, [&](auto &term) {
-             return isOutside(loop, term.first);
-           });
-  });
+  auto isMade = [&](Value value) { return isMadeOutside(loop, value); };
+  return isMade(access.array) &&
+         llvm::all_of(cast<AccessOp>(access.op).getIndices(), isMade) &&
+         llvm::all_of(access.indices, [&](auto &index) {
+           return index && index->isDefinedOutside(loop);
+         });
 }
 
 namespace {
@@ -238,26 +257,25 @@ static bool isSure(const Element &element, Operation *loop,
 //===----------------------------------------------------------------------===//
 
 /// A value that is made of values outside of the loop, made there.
-static Value cloneBefore(OpBuilder &builder, Operation *loop, Value value) {
-  if (isOutside(loop, value))
-    return value;
+static Value cloneBefore(OpBuilder &builder, Operation *loop, Value value,
+                         IRMapping &clones) {
+  if (isOutside(loop, value) || clones.contains(value))
+    return clones.lookupOrDefault(value);
   Operation *op = value.getDefiningOp();
-  SmallVector<Value> operands;
   for (Value operand : op->getOperands())
-    operands.push_back(cloneBefore(builder, loop, operand));
-  Operation *clone = op->cloneWithoutRegions();
-  clone->setOperands(operands);
-  return builder.insert(clone)->getResult(
-      cast<OpResult>(value).getResultNumber());
+    clones.map(operand, cloneBefore(builder, loop, operand, clones));
+  builder.clone(*op, clones);
+  return clones.lookup(value);
 }
 
 static Value loadHere(OpBuilder &builder, Operation *loop,
                       const Access &access) {
   auto array = cast<ArrayType>(access.array.getType());
-  Value source = cloneBefore(builder, loop, access.array);
+  IRMapping clones;
+  Value source = cloneBefore(builder, loop, access.array, clones);
   SmallVector<Value> indices;
   for (Value index : access.op->getOperands().take_back(array.getRank()))
-    indices.push_back(cloneBefore(builder, loop, index));
+    indices.push_back(cloneBefore(builder, loop, index, clones));
   return LoadOp::create(builder, access.op->getLoc(), array.getElementType(),
                         source, indices);
 }

@@ -11,7 +11,7 @@
 
 #include "Cotangents.h"
 
-#include "Autodiff/Gather/IndexMath.h"
+#include "Analysis/Forms.h"
 #include "Autodiff/Rules/Rules.h"
 
 #include "WarpDialect/WarpOps.h"

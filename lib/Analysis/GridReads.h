@@ -1,0 +1,31 @@
+//===- GridReads.h - Where a thread is in a GPU's grid ----------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_ANALYSIS_GRIDREADS_H
+#define WARP_LIB_ANALYSIS_GRIDREADS_H
+
+#include "mlir/IR/Value.h"
+
+#include <optional>
+
+namespace warp {
+
+enum class Axis { x, y, z };
+
+/// Where a thread is in the grid of its launch; a lane id has no axis.
+enum class GridValue { threadId, blockId, blockDim, laneId };
+
+struct GridRead {
+  GridValue value;
+  Axis axis;
+};
+
+/// What is read there, be it cast from `index` or not.
+std::optional<GridRead> getGridRead(mlir::Value value);
+
+} // namespace warp
+
+#endif // WARP_LIB_ANALYSIS_GRIDREADS_H
