@@ -47,6 +47,8 @@ struct CompileOptions {
   /// GPU: the launch fills the card many times over, so a thread may take
   /// several items.
   bool large = false;
+  /// GPU: the launch has too few threads to fill the card.
+  bool under = false;
   /// No array that the kernel writes overlaps another array of the launch, or
   /// any gradient.
   bool disjoint = false;
@@ -101,6 +103,16 @@ struct Code {
   /// arrays to itself and run on one thread, or have copies of those in
   /// `copied` for each. GPU: the launch is one block.
   bool exclusive = false;
+  /// GPU: threads of a block wait for each other, or count on their number, so
+  /// a launch has blocks of the size that the code is for.
+  bool fixedBlock = false;
+  /// GPU: a block takes a square of that many indices of the last two
+  /// dimensions on each side; 0 without squares.
+  int tile = 0;
+  /// GPU: threads of a block that share the work of one index.
+  int split = 1;
+  /// GPU: launches of another size would have other code.
+  bool sized = false;
   /// CPU: what exclusive code may add to in private copies.
   CopiedArrays copied;
   /// CPU: the code has atomic instructions, so no exclusive code may run.
@@ -115,6 +127,17 @@ struct Code {
 
 /// Compiles one variant. Throws `Error` of kind `Compile`.
 WARP_API Code compile(const Module &module, const CompileOptions &options);
+
+/// A decision of the compiler about launches: what it is about, how it was
+/// settled and why, and the source line, 0 for the kernel as a whole.
+struct Choice {
+  std::string what, value, reason;
+  int line = 0;
+};
+
+/// The decisions about one variant. Compiles it to find out.
+WARP_API std::vector<Choice> schedule(const Module &module,
+                                      const CompileOptions &options);
 
 /// IR or code of a stage as text: warp, thread, llvm, ptx or asm.
 WARP_API std::string emitText(const Module &module,

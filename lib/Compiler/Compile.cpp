@@ -17,11 +17,13 @@
 
 #include "Context.h"
 #include "Pipelines.h"
+#include "Transforms/Schedule.h"
 #include "Transforms/Updates/CopiedArrays.h"
 
 #include "WarpDialect/Passes.h"
 
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
+#include "mlir/Dialect/LLVMIR/NVVMDialect.h"
 #include "mlir/Dialect/LLVMIR/Transforms/Passes.h"
 #include "mlir/IR/Verifier.h"
 #include "mlir/Pass/PassInstrumentation.h"
@@ -195,9 +197,12 @@ void Compilation::lowerTo(Phase last) {
     runPhase(*op, Phase::Thread, options);
     cost = estimateCost(*op);
     mlir::Builder b(op->getContext());
-    for (auto kernel : op->getOps<FunctionOpInterface>())
+    for (auto kernel : op->getOps<FunctionOpInterface>()) {
       kernel->setAttr(attr::cost,
                       b.getI64IntegerAttr(int64_t(std::min(cost, 1e12))));
+      if (options.under)
+        kernel->setAttr(attr::under, b.getUnitAttr());
+    }
     dump("thread.mlir");
   }
   if (last >= Phase::Launch) {
@@ -245,6 +250,13 @@ void Compilation::translate() {
   time("translate", start);
 }
 
+/// Whether threads of a block wait for each other.
+static bool waitsForBlock(Operation *op) {
+  auto call = dyn_cast<LLVM::CallIntrinsicOp>(op);
+  return isa<NVVM::Barrier0Op, NVVM::BarrierOp>(op) ||
+         (call && call.getIntrin().starts_with("llvm.nvvm.barrier"));
+}
+
 /// What the LLVM dialect's module says about the code.
 void Compilation::collectFacts(ModuleOp module) {
   for (auto function : module.getOps<LLVM::LLVMFuncOp>()) {
@@ -264,6 +276,18 @@ void Compilation::collectFacts(ModuleOp module) {
                   .wasInterrupted();
     if (auto count = function->getAttrOfType<IntegerAttr>(attr::items))
       items = int(count.getInt());
+    fixedBlock = function
+                     .walk([](Operation *op) {
+                       return waitsForBlock(op) ? WalkResult::interrupt()
+                                                : WalkResult::advance();
+                     })
+                     .wasInterrupted();
+    sized = function->hasAttr(attr::sized);
+    if (auto side = function->getAttrOfType<IntegerAttr>(attr::tile))
+      tile = int(side.getInt());
+    if (auto count = function->getAttrOfType<IntegerAttr>(attr::split))
+      split = int(count.getInt());
+    choices = readChoices(function);
     if (auto list = function->getAttrOfType<ArrayAttr>(attr::sums))
       for (auto facts : list.getAsRange<DenseI64ArrayAttr>())
         sums.push_back({facts[0], facts[1], facts[2], facts[3], facts[4]});

@@ -39,6 +39,10 @@ warp::Code warp::compile(const Module &module, const CompileOptions &options) {
   code.atomics = run.atomics;
   code.copied = std::move(run.copied);
   code.items = run.items;
+  code.fixedBlock = run.fixedBlock;
+  code.tile = run.tile;
+  code.split = run.split;
+  code.sized = run.sized;
   code.sums = std::move(run.sums);
   code.phaseMs = std::move(run.phaseMs);
   return code;
@@ -79,7 +83,7 @@ static std::string describe(const warp::CompileOptions &options) {
          << options.lineinfo
          << ' ' << options.optLevel
          << ' ' << options.blockDim << ' ' << options.driverVersion << ' '
-         << options.large << options.disjoint << ' '
+         << options.large << options.under << options.disjoint << ' '
          << options.threads << ' '
          << options.maxRegisters << ' ' << options.minBlocks << ' '
          << options.lanes << '\n';

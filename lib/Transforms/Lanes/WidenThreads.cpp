@@ -25,6 +25,7 @@
 
 #include "KernelFunction.h"
 #include "LanePlan.h"
+#include "Schedule.h"
 #include "Updates/Atomics.h"
 
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
@@ -304,6 +305,7 @@ struct WidenThreads : warp::impl::WidenThreadsBase<WidenThreads> {
     int64_t wanted = warp::getFact(kernel, warp::attr::lanes, lanes);
     kernel->removeAttr(warp::attr::lanes);
     warp::LanePlan plan = warp::planLanes(kernel, threads, variance, wanted);
+    warp::noteChoice(kernel, "lanes", Twine(plan.lanes), plan.reason);
     if (plan.lanes == 1)
       return;
     Widening(kernel, threads, variance, plan.lanes).run();

@@ -28,6 +28,7 @@
 
 using namespace mlir;
 using warp::EntryBuilder;
+using warp::summedItems;
 
 /// Bytes of loads and stores that keep a thread of the card busy.
 constexpr int64_t bytesInFlight = 48;
@@ -35,9 +36,7 @@ constexpr int64_t bytesInFlight = 48;
 constexpr int64_t bytesOfPlanes = 256;
 constexpr int64_t maxItems = 4;
 constexpr int64_t maxPlanes = 8;
-/// Items of a thread whose block combines what they add up to.
-constexpr int64_t summedItems = 32;
-/// Those of them whose loads are under way together; of longer bodies none.
+/// Items with sums whose loads are under way together; of longer bodies none.
 constexpr int64_t summedTogether = 8;
 constexpr int64_t longestTogether = 64;
 
@@ -99,10 +98,11 @@ static FailureOr<Stretch> parseStretch(Block &block, int64_t &bytes) {
   return result;
 }
 
-/// Items of one thread: 1 unless the body is of that form and moves little.
-int64_t EntryBuilder::chooseItems() {
-  if (rank > 3 || flat || !index32 || !kernel->hasAttr(warp::attr::large) ||
-      kernel->hasAttr(warp::attr::debug) || threads.getNumResults() != 0)
+/// Items of one thread of a large launch: 1 unless the body is of that form and
+/// moves little.
+int64_t EntryBuilder::countItems() {
+  if (rank > 3 || flat || !index32 || kernel->hasAttr(warp::attr::debug) ||
+      threads.getNumResults() != 0)
     return 1;
   int64_t bytes = 0;
   for (Block *block = threads.getThread(); block;) {
@@ -120,11 +120,10 @@ int64_t EntryBuilder::chooseItems() {
   return items;
 }
 
-/// Whether threads that combine values over their block are so many, and each
-/// so short, that to combine them is most of the work.
+/// Whether threads that combine values over their block are each so short that
+/// to combine them is most of the work of a large launch.
 bool EntryBuilder::sumsManyItems() {
   if (rank != 1 || flat || !index32 || threads.getNumResults() == 0 ||
-      !kernel->hasAttr(warp::attr::large) ||
       kernel->hasAttr(warp::attr::debug))
     return false;
   int64_t count = 0;

@@ -36,6 +36,7 @@
 #include "CarryOut.h"
 #include "CopiedArrays.h"
 #include "KernelFunction.h"
+#include "Schedule.h"
 #include "UnrollUpdates.h"
 #include "WarpDialect/ParameterLayout.h"
 #include "WarpDialect/WarpOps.h"
@@ -314,14 +315,24 @@ struct PrivatizeAtomics : warp::impl::PrivatizeAtomicsBase<PrivatizeAtomics> {
   void runOnCpu(FunctionOpInterface kernel, Privatizer &privatizer, bool debug) {
     bool deterministic = kernel->hasAttr(warp::attr::deterministic);
     bool exclusive = deterministic && warp::hasOrderedUpdates(kernel);
+    if (exclusive)
+      warp::noteChoice(kernel, "updates", "plain, by one thread",
+                       "sums are in one order");
     if (!debug) {
       int64_t threads = warp::getFact(kernel, warp::attr::threads, 16);
       int64_t cost = warp::getFact(kernel, warp::attr::cost, 0);
       privatizer.run();
-      exclusive |= privatizer.isFasterAlone(threads, cost);
-      if (!deterministic && threads > 1 &&
-          kernel->hasAttr(warp::attr::disjoint))
-        exclusive |= privatizer.offerCopies(kernel, cost);
+      bool alone = privatizer.isFasterAlone(threads, cost);
+      if (alone)
+        warp::noteChoice(kernel, "updates", "plain, by one thread",
+                         "atomic ones by several would take longer");
+      bool copies = !deterministic && threads > 1 &&
+                    kernel->hasAttr(warp::attr::disjoint) &&
+                    privatizer.offerCopies(kernel, cost);
+      if (copies)
+        warp::noteChoice(kernel, "updates", "plain, in copies of arrays",
+                         "where a launch is large enough to merge them");
+      exclusive |= alone || copies;
     }
     if (exclusive)
       kernel->setAttr(warp::attr::exclusive, UnitAttr::get(&getContext()));
