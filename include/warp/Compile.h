@@ -49,6 +49,8 @@ struct CompileOptions {
   bool large = false;
   /// GPU: the launch has too few threads to fill the card.
   bool under = false;
+  /// GPU: squares of indices of the last two dimensions would not fill.
+  bool narrow = false;
   /// No array that the kernel writes overlaps another array of the launch, or
   /// any gradient.
   bool disjoint = false;
@@ -106,8 +108,12 @@ struct Code {
   /// GPU: threads of a block wait for each other, or count on their number, so
   /// a launch has blocks of the size that the code is for.
   bool fixedBlock = false;
+  /// GPU: those of them that follow each other in the dimension before the
+  /// last; the others do in the first.
+  int rows = 1;
   /// GPU: a block takes a square of that many indices of the last two
-  /// dimensions on each side; 0 without squares.
+  /// dimensions on each side; 0 without squares. Blocks are numbered along one
+  /// axis.
   int tile = 0;
   /// GPU: threads of a block that share the work of one index.
   int split = 1;

@@ -48,7 +48,7 @@ public:
   bool exclusive = false, atomics = false;
   int items = 1;
   bool fixedBlock = false, sized = false;
-  int tile = 0, split = 1;
+  int rows = 1, tile = 0, split = 1;
   CopiedArrays copied;
   std::vector<SummedArray> sums;
   /// What passes noted about the schedule.

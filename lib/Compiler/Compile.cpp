@@ -202,6 +202,8 @@ void Compilation::lowerTo(Phase last) {
                       b.getI64IntegerAttr(int64_t(std::min(cost, 1e12))));
       if (options.under)
         kernel->setAttr(attr::under, b.getUnitAttr());
+      if (options.narrow)
+        kernel->setAttr(attr::narrow, b.getUnitAttr());
     }
     dump("thread.mlir");
   }
@@ -283,6 +285,8 @@ void Compilation::collectFacts(ModuleOp module) {
                      })
                      .wasInterrupted();
     sized = function->hasAttr(attr::sized);
+    if (auto count = function->getAttrOfType<IntegerAttr>(attr::rows))
+      rows = int(count.getInt());
     if (auto side = function->getAttrOfType<IntegerAttr>(attr::tile))
       tile = int(side.getInt());
     if (auto count = function->getAttrOfType<IntegerAttr>(attr::split))

@@ -40,6 +40,7 @@ warp::Code warp::compile(const Module &module, const CompileOptions &options) {
   code.copied = std::move(run.copied);
   code.items = run.items;
   code.fixedBlock = run.fixedBlock;
+  code.rows = run.rows;
   code.tile = run.tile;
   code.split = run.split;
   code.sized = run.sized;
@@ -83,7 +84,7 @@ static std::string describe(const warp::CompileOptions &options) {
          << options.lineinfo
          << ' ' << options.optLevel
          << ' ' << options.blockDim << ' ' << options.driverVersion << ' '
-         << options.large << options.under << options.disjoint << ' '
+         << options.large << options.under << options.narrow << options.disjoint << ' '
          << options.threads << ' '
          << options.maxRegisters << ' ' << options.minBlocks << ' '
          << options.lanes << '\n';

@@ -41,6 +41,8 @@ static constexpr double parallelThreshold = 32768;
 static constexpr int64_t largeLaunch = int64_t(1) << 21;
 /// Launches below so many threads per multiprocessor leave a card waiting.
 static constexpr int64_t fewThreads = 768;
+/// Extents from which on squares of 32 indices are mostly full.
+static constexpr int64_t wideExtent = 96;
 /// Several threads must share the first dimension for one to take many indices
 /// of it.
 static constexpr int64_t fewPlanes = 64;
@@ -96,6 +98,8 @@ void Kernel::Impl::setSize(VariantKey &key, const LaunchDim &dim,
   key.large = items >= largeLaunch &&
               (dim.rank == 1 || dim.extent[0] >= fewPlanes);
   key.under = items < fewThreads * smCount;
+  key.narrow = dim.rank > 1 && (dim.extent[dim.rank - 1] < wideExtent ||
+                                dim.extent[dim.rank - 2] < wideExtent);
 }
 
 VariantKey Kernel::Impl::keyFor(int device, const LaunchDim &dim,
@@ -177,6 +181,7 @@ CompileOptions Kernel::Impl::compileOptions(const VariantKey &key,
   result.flat = key.flat;
   result.large = key.large;
   result.under = key.under;
+  result.narrow = key.narrow;
   result.disjoint = key.disjoint;
   if (arch != 0 && key.device != cpuDevice)
     result.driverVersion = cuda::driver()->version;

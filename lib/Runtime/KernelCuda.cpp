@@ -79,14 +79,15 @@ static Shape shapeOf(const int32_t *dim, int rank, bool flat, int blockDim,
           block};
 }
 
-/// A square of indices of the last two dimensions for each block.
+/// A square of indices of the last two dimensions for each block, all along one
+/// axis.
 static Shape tiledShape(const int32_t *dim, int rank, int64_t side,
                         int64_t blockDim) {
-  Shape shape = {{ceilDivide(dim[rank - 1], side), ceilDivide(dim[rank - 2], side)},
-                 {side, blockDim / side}};
+  int64_t count =
+      ceilDivide(dim[rank - 1], side) * ceilDivide(dim[rank - 2], side);
   for (int i = 0; i < rank - 2; ++i)
-    shape.grid.z *= dim[i];
-  return shape;
+    count *= dim[i];
+  return {{count}, {side, blockDim / side}};
 }
 
 int warp::chooseBlock(const Kernel::Variant &variant, int64_t threads,
@@ -208,7 +209,11 @@ void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,
   } else {
     // A thread takes several indices of the first dimension, or several threads
     // share one.
-    header.dim[0] = int32_t(ceilDivide(header.dim[0], variant.code.items));
+    const Code &code = variant.code;
+    header.dim[0] = int32_t(ceilDivide(header.dim[0], code.items / code.rows));
+    if (code.rows > 1)
+      header.dim[key.rank - 2] =
+          int32_t(ceilDivide(header.dim[key.rank - 2], code.rows));
     int blockDim = key.blockDim;
     if (openBlock)
       blockDim = chooseBlock(variant, countThreads(header.dim, key.rank),

@@ -25,6 +25,7 @@ struct VariantKey {
   bool flat = false;
   bool large = false;
   bool under = false;
+  bool narrow = false;
   bool disjoint = false;
   bool ordered = false;
   int blockDim = 0;
@@ -34,6 +35,7 @@ struct VariantKey {
     return device == other.device && rank == other.rank &&
            index32 == other.index32 && flat == other.flat &&
            large == other.large && under == other.under &&
+           narrow == other.narrow &&
            disjoint == other.disjoint && ordered == other.ordered &&
            blockDim == other.blockDim && contiguous == other.contiguous;
   }
@@ -42,6 +44,7 @@ struct VariantKey {
   bool matches(VariantKey other) const {
     other.large = large;
     other.under = under;
+    other.narrow = narrow;
     return *this == other;
   }
 };

@@ -26,6 +26,10 @@ constexpr llvm::StringLiteral tile = "warp.tile";
 constexpr llvm::StringLiteral split = "warp.split";
 /// GPU: the launch has too few threads to fill the card.
 constexpr llvm::StringLiteral under = "warp.under";
+/// GPU: squares of the last two dimensions would not fill.
+constexpr llvm::StringLiteral narrow = "warp.narrow";
+/// GPU: items of a thread that lie in the dimension before the last.
+constexpr llvm::StringLiteral rows = "warp.rows";
 /// GPU: the size of the launch matters to this code.
 constexpr llvm::StringLiteral sized = "warp.sized";
 } // namespace attr

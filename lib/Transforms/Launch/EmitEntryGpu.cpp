@@ -113,7 +113,10 @@ void EntryBuilder::planGpu() {
     form = Form::Block;
     return warp::noteChoice(kernel, "blocks", "1", "sums are in one order");
   }
-  if (planTiles()) {
+  bool turns = planTiles();
+  if (turns)
+    kernel->setAttr(warp::attr::sized, b.getUnitAttr());
+  if (turns && !kernel->hasAttr(warp::attr::narrow)) {
     form = Form::Tiles;
     return warp::noteChoice(kernel, "tiles", "32 x 32",
                             "indices are exchanged; warps touch whole lines",
@@ -162,7 +165,7 @@ EntryBuilder::Values EntryBuilder::buildForm() {
   case Form::Sums:
     return buildSums();
   case Form::Items:
-    return rank == 1 ? buildStream(items) : buildPlanes(items);
+    return rank == 1 ? buildStream() : buildPlanes();
   case Form::Jammed:
     return buildJammed();
   case Form::Split:

@@ -309,14 +309,26 @@ EntryBuilder::Values EntryBuilder::buildTiles() {
   };
   Value column = read(warp::GridValue::threadId, warp::Axis::x);
   Value row = read(warp::GridValue::threadId, warp::Axis::y);
-  Value left = mul(read(warp::GridValue::blockId, warp::Axis::x),
-                   constant(i32, side));
-  Value top = mul(read(warp::GridValue::blockId, warp::Axis::y),
-                  constant(i32, side));
+  Value width = dims[rank - 1], height = dims[rank - 2];
+  auto count = [&](Value extent) {
+    return div(add(extent, constant(i32, side - 1)), constant(i32, side));
+  };
+  // Blocks that run together lie side by side where they store.
+  bool down = llvm::any_of(turned, isStore);
+  Value block = read(warp::GridValue::blockId, warp::Axis::x);
+  auto next = [&](Value extent) {
+    Value rest = div(block, extent);
+    Value place = sub(block, mul(rest, extent));
+    block = rest;
+    return place;
+  };
+  Value first = next(count(down ? height : width));
+  Value second = rank == 2 ? block : next(count(down ? width : height));
+  Value left = mul(down ? second : first, constant(i32, side));
+  Value top = mul(down ? first : second, constant(i32, side));
   Values outer;
   if (rank == 3)
-    outer.push_back(read(warp::GridValue::blockId, warp::Axis::z));
-  Value width = dims[rank - 1], height = dims[rank - 2];
+    outer.push_back(block);
   auto fits = [&](Value start, Value extent) {
     return cmp(arith::CmpIPredicate::sle, add(start, constant(i32, side)),
                extent);

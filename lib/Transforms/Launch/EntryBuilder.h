@@ -81,12 +81,13 @@ private:
   Values buildForm();
   Values buildOneItem();
   Values buildOneBlock();
-  Values buildStream(int64_t items);
-  Values buildPlanes(int64_t items);
+  Values buildStream();
+  Values buildPlanes();
   Values buildSums();
-  Values buildItems(int64_t items, mlir::Value lane, mlir::Value step,
-                    mlir::Value end, llvm::ArrayRef<mlir::Value> rest,
-                    mlir::Value allExist);
+  Values buildItems(llvm::ArrayRef<Values> indices, mlir::Value allExist,
+                    llvm::function_ref<void()> buildAlone);
+  mlir::Value buildLoop(mlir::Value begin, mlir::Value end, mlir::Value extent,
+                        mlir::Value step);
   mlir::Value cloneInterleaved(llvm::ArrayRef<Values> items,
                                mlir::Block *body,
                                llvm::MutableArrayRef<mlir::IRMapping> clones);
