@@ -109,7 +109,7 @@ EntryBuilder::Values EntryBuilder::buildOneBlock() {
 /// Decides how the launch is made, and notes whether one of another size would
 /// be made in another way.
 void EntryBuilder::planGpu() {
-  if (kernel->hasAttr(warp::attr::exclusive)) {
+  if (warp::getRecipe(kernel).getExclusive()) {
     form = Form::Block;
     return warp::noteChoice(kernel, "blocks", "1", "sums are in one order");
   }
@@ -122,7 +122,7 @@ void EntryBuilder::planGpu() {
                             "indices are exchanged; warps touch whole lines",
                             *turned.begin());
   }
-  bool large = kernel->hasAttr(warp::attr::large);
+  bool large = variant.getLarge();
   bool under = kernel->hasAttr(warp::attr::under);
   int64_t most = countItems();
   bool sums = sumsManyItems();
@@ -181,7 +181,7 @@ EntryBuilder::Values EntryBuilder::buildGpu() {
   if (sums.empty())
     return sums;
   warp::BlockReduce reduce(b, loc, kernel->getParentOfType<ModuleOp>(),
-                           warp::getFact(kernel, warp::attr::blockDim, 256));
+                           variant.getBlock());
   Values neutral = identities(/*inLanes=*/false), combined;
   for (auto [kind, type, sum, identity] : llvm::zip_equal(
            threads.getKinds(), threads.getTypes().getAsValueRange<TypeAttr>(),

@@ -3,7 +3,7 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // A kernel that only streams a few bytes per item leaves a GPU waiting: too
-// few loads are under way. Where the launch is large (`warp.large`), such a
+// few loads are under way. Where the launch is large (`large`), such a
 // thread takes several items, of the first dimension mostly:
 //
 //   rank 1       a block apart, so that neighbours still touch neighbouring
@@ -102,7 +102,7 @@ static FailureOr<Stretch> parseStretch(Block &block, int64_t &bytes) {
 /// Items of one thread of a large launch: 1 unless the body is of that form and
 /// moves little.
 int64_t EntryBuilder::countItems() {
-  if (rank > 3 || flat || !index32 || kernel->hasAttr(warp::attr::debug) ||
+  if (rank > 3 || flat || !index32 || variant.getDebug() ||
       threads.getNumResults() != 0)
     return 1;
   int64_t bytes = 0;
@@ -125,7 +125,7 @@ int64_t EntryBuilder::countItems() {
 /// to combine them is most of the work of a large launch.
 bool EntryBuilder::sumsManyItems() {
   if (rank != 1 || flat || !index32 || threads.getNumResults() == 0 ||
-      kernel->hasAttr(warp::attr::debug))
+      variant.getDebug())
     return false;
   int64_t count = 0;
   WalkResult result = threads.getBody().walk([&](Operation *op) {
@@ -200,8 +200,8 @@ EntryBuilder::buildItems(ArrayRef<Values> indices, Value allExist,
   auto alone = scf::IfOp::create(b, loc, left, /*withElseRegion=*/false);
   b.setInsertionPointToStart(alone.thenBlock());
   buildAlone();
-  entry->setAttr(warp::attr::items,
-                 b.getI64IntegerAttr(int64_t(indices.size())));
+  warp::setRecipe(entry, warp::getRecipe(entry).withItems(
+                             int64_t(indices.size())));
   return {};
 }
 
@@ -244,7 +244,7 @@ EntryBuilder::Values EntryBuilder::buildSums() {
   Values none = identities(/*inLanes=*/false);
   auto branch = scf::IfOp::create(b, loc, TypeRange(ValueRange(none)), whole,
                                   /*withElseRegion=*/true);
-  entry->setAttr(warp::attr::items, b.getI64IntegerAttr(summedItems));
+  warp::setRecipe(entry, warp::getRecipe(entry).withItems(summedItems));
   OpBuilder::InsertionGuard guard(b);
   auto addUp = [&](Value limit, int64_t together, bool isLast) {
     Value step = mul(width, constant(i32, together));

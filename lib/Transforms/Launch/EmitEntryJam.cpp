@@ -74,7 +74,7 @@ static bool isShared(scf::ForOp loop, const warp::ThreadVariance &variance) {
 /// around it is nothing but loads, arithmetic and stores.
 scf::ForOp EntryBuilder::findSharedLoop() {
   if (rank != 1 || flat || !index32 || threads.getNumResults() != 0 ||
-      kernel->hasAttr(warp::attr::debug))
+      variant.getDebug())
     return {};
   scf::ForOp found;
   for (Operation &op : threads.getThread()->without_terminator()) {
@@ -154,7 +154,7 @@ EntryBuilder::Values EntryBuilder::buildJammed() {
     return cmp(arith::CmpIPredicate::slt, index, dims[0]);
   };
   auto any = scf::IfOp::create(b, loc, exists(first), /*withElse=*/false);
-  entry->setAttr(warp::attr::items, b.getI64IntegerAttr(items));
+  warp::setRecipe(entry, warp::getRecipe(entry).withItems(items));
   OpBuilder::InsertionGuard guard(b);
   b.setInsertionPointToStart(any.thenBlock());
   Value both = exists(second);

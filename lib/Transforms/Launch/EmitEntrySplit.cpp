@@ -35,7 +35,7 @@ constexpr int64_t mostBytes = 40 * 1024, fewestTrips = 512;
 
 int64_t warp::countParts(Operation *kernel) {
   int64_t warps =
-      warp::getFact(kernel, warp::attr::blockDim, 256) / warp::warpSize;
+      warp::getVariant(kernel).getBlock() / warp::warpSize;
   return warps <= 8 ? warps : 0;
 }
 
@@ -63,8 +63,8 @@ static bool isShort(scf::ForOp loop) {
 scf::ForOp EntryBuilder::findSplitLoop() {
   int64_t parts = countParts(kernel);
   if (rank != 1 || flat || !index32 || threads.getNumResults() != 0 ||
-      kernel->hasAttr(warp::attr::debug) || parts < 2 ||
-      !warp::hasWholeWarps(kernel))
+      variant.getDebug() || parts < 2 ||
+      !variant.hasWholeWarps())
     return {};
   for (Operation &op : threads.getThread()->without_terminator()) {
     if (!onlyLoads(op))
@@ -90,7 +90,7 @@ scf::ForOp EntryBuilder::findSplitLoop() {
                 isa<IntegerType>(loop.getInductionVar().getType()) &&
                 variance.isUniform(loop.getUpperBound(), Scope::Launch) &&
                 variance.isUniform(loop.getLowerBound(), Scope::Launch) &&
-                warp::carriesSums(loop, kernel->hasAttr(attr::fastMath));
+                warp::carriesSums(loop, variant.getFastMath());
     return fits ? loop : scf::ForOp();
   }
   return {};

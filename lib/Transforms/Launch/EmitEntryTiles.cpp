@@ -145,11 +145,11 @@ static bool isOrdered(Block *thread, bool disjoint) {
 
 /// Finds the accesses for which squares pay; whether there are any.
 bool EntryBuilder::planTiles() {
-  int64_t blockDim = warp::getFact(kernel, warp::attr::blockDim, 256);
+  int64_t blockDim = variant.getBlock();
   if (rank < 2 || rank > 3 || flat || !index32 || threads.getNumResults() != 0 ||
-      kernel->hasAttr(warp::attr::debug) || blockDim < 128 ||
+      variant.getDebug() || blockDim < 128 ||
       side * side % blockDim != 0 ||
-      !isOrdered(threads.getThread(), kernel->hasAttr(warp::attr::disjoint)))
+      !isOrdered(threads.getThread(), variant.getDisjoint()))
     return false;
   warp::ThreadVariance variance(kernel);
   int64_t loaded = 0, stored = 0;
@@ -302,7 +302,7 @@ void EntryBuilder::buildSquare(MutableArrayRef<IRMapping> own,
 
 EntryBuilder::Values EntryBuilder::buildTiles() {
   Type i32 = b.getI32Type();
-  int64_t blockDim = warp::getFact(kernel, warp::attr::blockDim, 256);
+  int64_t blockDim = variant.getBlock();
   int64_t rows = blockDim / side, items = side / rows;
   auto read = [&](warp::GridValue value, warp::Axis axis) {
     return warp::readGrid(b, loc, value, axis);

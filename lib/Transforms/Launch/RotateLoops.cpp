@@ -150,7 +150,7 @@ bool Rotation::qualifies() {
          counterType().getIntOrFloatBitWidth() >= 32 &&
          isUniform(loop.getLowerBound()) && isUniform(loop.getUpperBound()) &&
          isOrderOpen() &&
-         carriesSums(loop, entry->hasAttr(warp::attr::fastMath)) &&
+         carriesSums(loop, warp::getVariant(entry).getFastMath()) &&
          collectUpdates();
 }
 
@@ -169,8 +169,8 @@ struct RotateLoops : warp::impl::RotateLoopsBase<RotateLoops> {
     auto entry = dyn_cast<LLVM::LLVMFuncOp>(found.getOperation());
     // A debugging launch names the thread that fails; in a deterministic one
     // sums keep their order, whichever lanes are there.
-    if (!entry || !warp::isGpu(entry) || entry->hasAttr(warp::attr::debug) ||
-        entry->hasAttr(warp::attr::deterministic))
+    if (!entry || !warp::isGpu(entry) || warp::getVariant(entry).getDebug() ||
+        warp::getVariant(entry).isDeterministic())
       return;
     SmallVector<scf::ForOp> loops;
     entry.walk([&](scf::ForOp loop) { loops.push_back(loop); });
