@@ -47,10 +47,6 @@ struct CompileOptions {
   /// GPU: the launch fills the card many times over, so a thread may take
   /// several items.
   bool large = false;
-  /// GPU: the launch has too few threads to fill the card.
-  bool under = false;
-  /// GPU: squares of indices of the last two dimensions would not fill.
-  bool narrow = false;
   /// No memory that the launch writes overlaps another of its arrays or their
   /// gradients.
   bool disjoint = false;
@@ -78,6 +74,10 @@ struct CompileOptions {
   /// CPU: threads that are lanes of a vector together, a power of two; 0 leaves
   /// it to the compiler, 1 keeps threads scalar.
   int lanes = 0;
+  /// GPU: the launch has too few threads to fill the card.
+  bool under = false;
+  /// GPU: squares of indices of the last two dimensions would not fill.
+  bool narrow = false;
 };
 
 /// A place in the user's source that an error record can name. `array` is the
@@ -105,6 +105,16 @@ struct Code {
   /// arrays to itself and run on one thread, or have copies of those in
   /// `copied` for each. GPU: the launch is one block.
   bool exclusive = false;
+  /// CPU: what exclusive code may add to in private copies.
+  CopiedArrays copied;
+  /// CPU: the code has atomic instructions, so no exclusive code may run.
+  bool atomics = false;
+  /// Arrays with exact sums, for each of which the parameter block has a
+  /// `SumDescriptor` after the arguments; then the others. Empty if there are
+  /// no exact sums.
+  std::vector<SummedArray> sums;
+  /// Milliseconds by compile phase; empty when it comes from a cache.
+  std::map<std::string, double> phaseMs;
   /// GPU: threads of a block wait for each other, or count on their number, so
   /// a launch has blocks of the size that the code is for.
   bool fixedBlock = false;
@@ -119,16 +129,6 @@ struct Code {
   int split = 1;
   /// GPU: launches of another size would have other code.
   bool sized = false;
-  /// CPU: what exclusive code may add to in private copies.
-  CopiedArrays copied;
-  /// CPU: the code has atomic instructions, so no exclusive code may run.
-  bool atomics = false;
-  /// Arrays with exact sums, for each of which the parameter block has a
-  /// `SumDescriptor` after the arguments; then the others. Empty if there are
-  /// no exact sums.
-  std::vector<SummedArray> sums;
-  /// Milliseconds by compile phase; empty when it comes from a cache.
-  std::map<std::string, double> phaseMs;
 };
 
 /// Compiles one variant. Throws `Error` of kind `Compile`.

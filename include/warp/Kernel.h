@@ -101,9 +101,9 @@ public:
   struct Plan {
     Variant *variant = nullptr;
     int device = cpuDevice;
-    int64_t items = 0;
     /// CUDA: nobody asked for a block of a certain size.
     bool openBlock = false;
+    int64_t items = 0;
     /// CPU: rough operations of the whole launch.
     double work = 0;
   };
