@@ -146,11 +146,7 @@ static LogicalResult attachVariant(ModuleOp module,
                                    [&] { return kernel.emitError(); });
   if (!variant)
     return failure();
-  kernel->setAttr(attr::variant, variant);
-  if (options.under)
-    kernel->setAttr(attr::under, UnitAttr::get(module.getContext()));
-  if (options.narrow)
-    kernel->setAttr(attr::narrow, UnitAttr::get(module.getContext()));
+  warp::attachVariant(kernel, variant, options);
   return success();
 }
 

@@ -25,7 +25,7 @@ static int64_t getLine(Operation *op) {
 
 void warp::noteChoice(Operation *function, StringRef what, const Twine &value,
                       const Twine &reason, Operation *place) {
-  Builder b(function->getContext());
+  mlir::Builder b(function->getContext());
   SmallVector<Attribute> notes;
   if (auto before = function->getAttrOfType<ArrayAttr>(attr::schedule))
     llvm::append_range(notes, before);

@@ -3,7 +3,7 @@
 // Two indices of a thread go through the loop together and load once for both;
 // the second one stores if there is one.
 // CHECK-LABEL: llvm.func @pairs(
-// CHECK-SAME: warp.items = 2
+// CHECK-SAME: items = 2
 // CHECK-SAME: warp.sized
 // CHECK: %[[SECOND:.*]] = arith.addi %[[FIRST:.*]], %{{.*}} overflow<nsw, nuw> : i32
 // CHECK: scf.if
