@@ -31,7 +31,9 @@
 #include "Updates/Atomics.h"
 #include "GpuBlock.h"
 #include "KernelFunction.h"
+#include "LoopSums.h"
 #include "RotateLoops.h"
+#include "Schedule.h"
 #include "WarpDialect/ParameterLayout.h"
 
 #include "mlir/IR/Matchers.h"
@@ -117,72 +119,14 @@ bool Rotation::collectUpdates() {
   return !updates.empty() && !wouldScatter;
 }
 
-/// Whether `value` is what the loop carries plus something, on every path;
-/// `links` are the uses that lead there.
-bool Rotation::isSum(Value value, Value carried, Links &links) {
-  if (value == carried)
-    return true;
-  auto known = links.sums.find(value);
-  if (known != links.sums.end())
-    return known->second;
-  bool result = isSumByOperation(value, carried, links);
-  return links.sums[value] = result;
-}
-
-bool Rotation::isSumByOperation(Value value, Value carried, Links &links) {
-  Operation *op = value.getDefiningOp();
-  if (!op || !loop->isProperAncestor(op))
-    return false;
-  auto follow = [&](OpOperand &link) {
-    if (!isSum(link.get(), carried, links))
-      return false;
-    links.uses.insert(&link);
-    return true;
-  };
-  auto floats = dyn_cast<arith::ArithFastMathInterface>(op);
-  bool isOpen =
-      warp::getVariant(entry).getFastMath() ||
-      (floats && bitEnumContainsAll(floats.getFastMathFlagsAttr().getValue(),
-                                    arith::FastMathFlags::reassoc));
-  if (isa<arith::AddIOp>(op) || (isa<arith::AddFOp>(op) && isOpen))
-    return follow(op->getOpOperand(0)) || follow(op->getOpOperand(1));
-  if (isa<arith::SubIOp>(op) || (isa<arith::SubFOp>(op) && isOpen))
-    return follow(op->getOpOperand(0));
-  if (isa<arith::SelectOp>(op))
-    return follow(op->getOpOperand(1)) && follow(op->getOpOperand(2));
-  auto branch = dyn_cast<scf::IfOp>(op);
-  if (!branch)
-    return false;
-  unsigned i = cast<OpResult>(value).getResultNumber();
-  return follow(branch.thenYield()->getOpOperand(i)) &&
-         follow(branch.elseYield()->getOpOperand(i));
-}
-
-bool Rotation::carriesSums() {
-  for (auto [carried, yielded] : llvm::zip_equal(
-           loop.getRegionIterArgs(),
-           loop.getBody()->getTerminator()->getOpOperands())) {
-    Links links;
-    if (!isSum(yielded.get(), carried, links))
-      return false;
-    // Neither it nor what it becomes may be looked at on the way.
-    links.uses.insert(&yielded);
-    auto isLink = [&](OpOperand &use) { return links.uses.contains(&use); };
-    for (OpOperand *link : links.uses)
-      if (!llvm::all_of(link->get().getUses(), isLink))
-        return false;
-    if (!llvm::all_of(carried.getUses(), isLink))
-      return false;
-  }
-  return true;
-}
-
 bool Rotation::qualifies() {
   return matchPattern(loop.getStep(), m_One()) && !isShort() &&
          isa<IntegerType>(counterType()) &&
          counterType().getIntOrFloatBitWidth() >= 32 &&
          isUniform(loop.getLowerBound()) && isUniform(loop.getUpperBound()) &&
-         isOrderOpen() && carriesSums() && collectUpdates();
+         isOrderOpen() &&
+         carriesSums(loop, warp::getVariant(entry).getFastMath()) &&
+         collectUpdates();
 }
 
 namespace {
@@ -215,6 +159,8 @@ struct RotateLoops : warp::impl::RotateLoopsBase<RotateLoops> {
       warp::Rotation rotation(loop, entry, *variance);
       if (!rotation.qualifies())
         continue;
+      warp::noteChoice(entry, "loop", "each lane begins elsewhere",
+                       "sums travel to the lane that adds to them next", loop);
       rotation.run();
       variance.reset();
     }

@@ -20,7 +20,6 @@
 #include "mlir/IR/IRMapping.h"
 
 #include "llvm/ADT/SetVector.h"
-#include "llvm/ADT/SmallPtrSet.h"
 
 namespace warp {
 
@@ -55,18 +54,9 @@ private:
     }
   };
 
-  /// How a loop's value becomes the next iteration's.
-  struct Links {
-    llvm::SmallPtrSet<mlir::OpOperand *, 8> uses;
-    llvm::DenseMap<mlir::Value, bool> sums;
-  };
-
   bool isShort();
   bool isUniform(mlir::Value value);
   bool isOrderOpen();
-  bool isSum(mlir::Value value, mlir::Value carried, Links &links);
-  bool isSumByOperation(mlir::Value value, mlir::Value carried, Links &links);
-  bool carriesSums();
   bool collectUpdates();
 
   void makeSlots();

@@ -28,6 +28,7 @@
 #include "Analysis/ThreadVariance.h"
 #include "GpuBlock.h"
 #include "KernelFunction.h"
+#include "Schedule.h"
 #include "UnrollLoop.h"
 
 #include "WarpDialect/WarpOps.h"
@@ -362,6 +363,8 @@ struct StageLoads : warp::impl::StageLoadsBase<StageLoads> {
       LoadStage stage(loop, entry, *variance);
       if (!stage.qualifies())
         continue;
+      warp::noteChoice(entry, "loop", "tiles of " + Twine(tileSize),
+                       "a warp loads for all of its lanes", loop);
       stage.build();
       variance.reset();
     }

@@ -20,6 +20,7 @@
 #include "Atomics.h"
 #include "KernelFunction.h"
 #include "Launch/GpuBlock.h"
+#include "Schedule.h"
 #include "WarpDialect/ParameterLayout.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -101,8 +102,11 @@ struct CombineOverWarps : warp::impl::CombineOverWarpsBase<CombineOverWarps> {
     warp::ThreadVariance variance(entry);
     for (AtomicComponentsOp op : updates) {
       llvm::SetVector<Value> compared;
-      if (updatesOneElement(op, variance, compared))
+      if (updatesOneElement(op, variance, compared)) {
+        warp::noteChoice(entry, "update", "one for a warp",
+                         "its threads update the same element", op);
         combineOverWarp(op, compared.getArrayRef());
+      }
     }
   }
 };
