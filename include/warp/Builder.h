@@ -227,6 +227,12 @@ public:
   Value grad(Value array);
   /// Extent of a dimension as an `si32`.
   Value dim(Value array, int dimension);
+  /// Bytes between neighbours along a dimension, as an `si32`.
+  Value stride(Value array, int dimension);
+  /// Address of the first element, as a `ui64`.
+  Value pointer(Value array);
+  /// A packed array of this type at an address.
+  Value arrayAt(Type type, Value address, const Values &extents);
 
   void beginIf(Value condition);
   void beginElse();

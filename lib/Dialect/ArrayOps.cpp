@@ -221,6 +221,19 @@ LogicalResult warp::DimOp::verify() {
   return verifyDim(*this, getArray().getType(), getDim());
 }
 
+LogicalResult warp::StrideOp::verify() {
+  return verifyDim(*this, getArray().getType(), getDim());
+}
+
+LogicalResult warp::ArrayAtOp::verify() {
+  auto array = cast<ArrayType>(getResult().getType());
+  int64_t rank = array.getRank(), given = getExtents().size();
+  if (given == rank)
+    return success();
+  return emitOpError("(C1) expects ") << rank << " extents for " << array
+                                      << ", but got " << given;
+}
+
 //===----------------------------------------------------------------------===//
 // Thread IR
 //===----------------------------------------------------------------------===//

@@ -163,7 +163,10 @@ static void bindArrays(py::class_<Builder> &c) {
                             stop.value_or(Value()), step.value_or(Value()));
            })
       .def("grad", &Builder::grad)
-      .def("dim", &Builder::dim);
+      .def("dim", &Builder::dim)
+      .def("stride", &Builder::stride)
+      .def("pointer", &Builder::pointer)
+      .def("array_at", &Builder::arrayAt);
 }
 
 static void bindValues(py::class_<Builder> &c) {

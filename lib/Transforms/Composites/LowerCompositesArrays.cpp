@@ -125,7 +125,7 @@ std::optional<LogicalResult> CompositeLowering::lowerArrayOp(Operation *op) {
         return keep({lookupOne(slice.getArray()), getIndex(slice.getStart()),
                      getIndex(slice.getStop()), getIndex(slice.getStep())});
       })
-      .Case<DimOp, GradOp, TidOp, AssertOp>(
+      .Case<DimOp, StrideOp, PointerOp, ArrayAtOp, GradOp, TidOp, AssertOp>(
           [&](Operation *op) { return keep(lookup(op->getOperands())); })
       .Case([&](PrintfOp print) {
         return keep(llvm::map_to_vector(print.getArgs(), [&](Value x) {

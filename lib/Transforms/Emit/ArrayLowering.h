@@ -67,6 +67,9 @@ private:
   void lowerSlice(SliceOp op);
   void lowerComponentView(ComponentViewOp op);
   void lowerDim(DimOp op);
+  void lowerStride(StrideOp op);
+  void lowerPointer(PointerOp op);
+  void lowerArrayAt(ArrayAtOp op);
   void lowerGrad(GradOp op);
   void lowerLoad(LoadComponentsOp op);
   void lowerStore(StoreComponentsOp op);

@@ -28,6 +28,24 @@ def strides_from_shape(shape, dtype) -> tuple:
     return tuple(reversed(strides))
 
 
+def _np_float32_to_bfloat16_bits(values):
+    """The bits of NumPy's float32 rounded to bfloat16, ties to even; a NaN stays one."""
+    import numpy
+
+    values = numpy.ascontiguousarray(values, numpy.float32)
+    bits = values.view(numpy.uint32)
+    rounded = bits + (0x7FFF + ((bits >> 16) & 1)).astype(numpy.uint32)
+    quiet = bits | numpy.uint32(0x400000)
+    return (numpy.where(numpy.isnan(values), quiet, rounded) >> 16).astype(numpy.uint16)
+
+
+def _np_bfloat16_bits_to_float32(bits):
+    """NumPy's float32 for bits of bfloat16."""
+    import numpy
+
+    return (numpy.asarray(bits).astype(numpy.uint32) << 16).view(numpy.float32)
+
+
 def __getattr__(name):
     if name.startswith("__"):
         raise AttributeError(name)

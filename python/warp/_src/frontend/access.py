@@ -9,7 +9,7 @@ import types as python_types
 from warp._src import errors
 from warp._src.derivatives.functions import adjoint
 from warp._src.frontend import names
-from warp._src.frontend.context import INT32, Part, Value
+from warp._src.frontend.context import INT32, LocalArray, Part, Value
 from warp._src.frontend.indexed import array_of
 from warp._src.frontend.names import BuiltinRef
 from warp._src.types import dtypes
@@ -21,6 +21,11 @@ _OF_ARRAYS = {
     "strides": "index the array, or pass the numbers as arguments",
     "grad": "pass the gradient as an argument of its own",
 }
+
+
+def is_shape(node) -> bool:
+    """Whether an expression is written as `a.shape`."""
+    return isinstance(node, ast.Attribute) and node.attr == "shape"
 
 
 def places_of(selections) -> list[list]:
@@ -42,7 +47,12 @@ class Access(Part):
 
     def enum_member(self, node):
         """The member that `Class.NAME` stands for, which `expr` would turn into its value."""
-        if not isinstance(node, ast.Attribute) or not isinstance(node.value, ast.Name):
+        if not isinstance(node, ast.Attribute):
+            return None
+        root = node.value
+        while isinstance(root, ast.Attribute):
+            root = root.value
+        if not isinstance(root, ast.Name) or type(self.context.env.get(root.id)) is Value:
             return None
         owner = self.context.expressions.expr(node.value)
         if isinstance(owner, type) and issubclass(owner, enum.Enum):
@@ -56,6 +66,8 @@ class Access(Part):
             return self.context.capture(
                 names.module_attribute(self.context, base, name, node), node
             )
+        if type(base) is LocalArray:
+            return self.context.local_arrays.attribute(base, name, node)
         if isinstance(base, (tuple, BuiltinRef)):
             raise self.no_attribute(base, name, node)
         if isinstance(base, dtypes.Composite):
@@ -130,7 +142,8 @@ class Access(Part):
     def expr_Subscript(self, node):
         base = self.context.expressions.expr(node.value)
         if isinstance(base, type) or (
-            type(base) is not Value and not isinstance(base, (tuple, dtypes.Composite))
+            type(base) is not Value
+            and not isinstance(base, (tuple, dtypes.Composite, LocalArray))
         ):
             return self.static_subscript(base, node)
         return self.subscript(base, node.slice, node)
@@ -158,7 +171,12 @@ class Access(Part):
 
     def subscript(self, base, index, node):
         if type(base) is tuple:
+            if is_shape(node.value) and self.is_missing_axis(base, index):
+                return 0
             return self.tuple_item(base, index, node)
+        if type(base) is LocalArray:
+            items = index.elts if isinstance(index, ast.Tuple) else [index]
+            return self.context.local_arrays.subscript(base, items, node)
         if isinstance(base, dtypes.Composite):
             base = self.context.materialize(base, node)
         items = index.elts if isinstance(index, ast.Tuple) else [index]
@@ -172,6 +190,14 @@ class Access(Part):
             self.context.at(node)
             return self.builder.extract(base, indices)
         raise self.context.type_error(node, f"'{self.context.type_name(base)}' cannot be indexed")
+
+    def is_missing_axis(self, shape, index):
+        """Whether `a.shape[k]` asks for a dimension, up to the fourth, that the array lacks."""
+        if isinstance(index, ast.Slice):
+            return False
+        known = self.context.expressions.expr(index)
+        known = known.constant() if type(known) is Value else getattr(known, "value", known)
+        return isinstance(known, int) and len(shape) <= known < 4
 
     def index(self, node):
         """An index as an SSA value; its type is checked by the builder."""

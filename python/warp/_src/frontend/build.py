@@ -64,7 +64,6 @@ def _translate(function, name, arguments, max_unroll):
     builder = _native.Builder(symbol_name(name))
     session = Session(builder, max_unroll)
     session.active.append(overload)
-    plan_of(source, updated_arguments(function, builder.inout_arguments))
     translator = Translator(session, function, source, True)
     translator.at(source.tree)
     parameters = [parameter.name for parameter in overload.parameters]
@@ -74,6 +73,7 @@ def _translate(function, name, arguments, max_unroll):
         translator.env[parameter] = value
         translator.lines[parameter] = source.line(source.tree)
     try:
+        plan_of(source, updated_arguments(function, builder.inout_arguments))
         translator.statements.body()
     except errors.WarpError as problem:
         raise translator.locate(problem) from problem.__cause__

@@ -91,10 +91,11 @@ class Constructors(Part):
         if isinstance(binding, dtypes.scalar_base):
             binding = binding.value
         if type(binding) in (int, float, builtins.bool):
-            unsigned = type(binding) is int and native.kind == "int" and not native.signed
-            if unsigned and -(1 << (native.width - 1)) <= binding < 0:
-                # The bits of a negative number, as the conversion of a variable takes them.
-                binding += 1 << native.width
+            if type(binding) is int and native.kind == "int":
+                # What is converted in so many words keeps its low bits, as a variable does.
+                binding &= (1 << native.width) - 1
+                if native.signed and binding >> (native.width - 1):
+                    binding -= 1 << native.width
             self.context.at(node)
             return self.builder.constant(native, binding)
         value = self.context.materialize(binding, node.args[0])

@@ -12,12 +12,12 @@ import typing
 
 from warp._src import errors
 from warp._src.frontend import names
-from warp._src.frontend.context import Value
+from warp._src.frontend.context import LocalArray, Value
 from warp._src.frontend.indexed import array_of
 from warp._src.frontend.source import source_of
 from warp._src.kernels.function import Function
 from warp._src.types import annotations, dtypes
-from warp._src.types.annotations import Reference
+from warp._src.types.annotations import FixedArrayType, Reference
 from warp._src.types.native import ArrayType, IndexedArrayType
 
 _KINDS = {"Int": ("int",), "Float": ("float",), "Scalar": ("int", "float")}
@@ -26,7 +26,7 @@ _KINDS = {"Int": ("int",), "Float": ("float",), "Scalar": ("int", "float")}
 class Parameter:
     """One parameter: native type, or a generic annotation (None accepts everything)."""
 
-    __slots__ = ("annotation", "by_reference", "default", "name", "native")
+    __slots__ = ("annotation", "by_reference", "default", "may_be_updated", "name", "native")
 
     def __init__(self, name, annotation, default):
         self.name = name
@@ -36,10 +36,14 @@ class Parameter:
         if self.by_reference:
             annotation = annotation.dtype
         self.annotation = annotation
+        # An argument for an array may be one of the thread, which is passed by value.
+        self.may_be_updated = self.by_reference or isinstance(annotation, ArrayType)
         if not is_generic(annotation):
             self.native = dtypes.native_type(annotations.resolve(annotation))
 
     def accepts(self, context, binding) -> bool:
+        if type(binding) is LocalArray:
+            return fits_local(self.annotation, binding)
         if self.native is not None:
             if type(binding) is Value:
                 return binding.type == self.native
@@ -74,6 +78,18 @@ def fits_generic(context, annotation, binding) -> bool:
         return type(binding) is not Value and callable(binding)
     native = binding.type if type(binding) is Value else context.static_type(binding)
     return native is not None and fits_native(annotation, native)
+
+
+def fits_local(annotation, array) -> bool:
+    """Whether a parameter takes an array of a thread: it is an array of its rank and element."""
+    if annotation is typing.Any:
+        return True
+    return (
+        isinstance(annotation, ArrayType)
+        and not isinstance(annotation, IndexedArrayType)
+        and annotation.ndim == len(array.shape)
+        and fits_element(annotation.dtype, array.element)
+    )
 
 
 def fits_native(annotation, native) -> bool:
@@ -152,6 +168,8 @@ class Overload:
         self.generic = sum(parameter.native is None for parameter in self.parameters)
         # Position and name of the parameters by reference.
         self.references = {i: one.name for i, one in enumerate(self.parameters) if one.by_reference}
+        # Names whose values a caller may ask for at the end, and the arguments they stand for.
+        self.outputs = [one.name for one in self.parameters if one.may_be_updated]
 
     def read_parameters(self):
         arguments = self.source.tree.args
@@ -199,6 +217,8 @@ class Overload:
                     for part in typing.get_args(declared)
                 ]
             return None
+        if isinstance(declared, FixedArrayType):
+            return [LocalArray(declared.shape, dtypes.native_type(declared.dtype))]
         return [dtypes.native_type(annotations.resolve(declared))]
 
     def bind(self, context, arguments, keywords, node):

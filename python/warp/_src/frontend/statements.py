@@ -33,17 +33,25 @@ class Statements(Part):
     """Methods named after the statement they translate."""
 
     def body(self):
-        """Translates the function's body; gives the binding it returns."""
+        """Translates the function's body; gives the binding it returns.
+
+        A path that ends without `return` gives zero, and in debug mode an error.
+        """
         plan = self.context.source.plan
         self.context.env[RETURNED] = False
         self.context.branches.block(plan.body)
         if not plan.returns_value:
             return None
-        if not plan.always_returns and self.context.env[RETURNED] is not True:
-            raise self.context.error(
-                self.context.source.tree.body[-1],
-                f"'{self.context.source.name}' does not return a value on every path",
-                "end the function with a `return`",
+        returned = self.context.env[RETURNED]
+        if RESULT not in self.context.env:
+            # What returns a value was left out at compile time.
+            return None
+        if not plan.always_returns and returned is not True:
+            self.context.at(self.context.source.tree.body[-1])
+            name = self.context.source.name
+            self.builder.assertion(
+                self.context.materialize(returned, self.context.source.tree),
+                f"'{name}' ends without the value that it returns elsewhere, zero is taken",
             )
         return self.context.env[RESULT]
 
@@ -147,7 +155,7 @@ class Statements(Part):
             return
         given = binding if type(binding) is tuple else (binding,)
         matches = len(given) == len(wanted) and all(
-            native is None or (type(part) is Value and part.type == native)
+            native is None or part == native or (type(part) is Value and part.type == native)
             for part, native in zip(given, wanted, strict=False)
         )
         if not matches:

@@ -12,6 +12,7 @@ from warp._src.frontend.custom_derivatives import CustomDerivatives
 from warp._src.frontend.derivative_calls import DerivativeCalls
 from warp._src.frontend.expressions import Expressions
 from warp._src.frontend.indexed import Indexed
+from warp._src.frontend.local_arrays import LocalArrays
 from warp._src.frontend.loops import Loops
 from warp._src.frontend.output import Output
 from warp._src.frontend.references import References
@@ -28,6 +29,7 @@ _PARTS = {
     "derivative_calls": DerivativeCalls,
     "expressions": Expressions,
     "indexed": Indexed,
+    "local_arrays": LocalArrays,
     "loops": Loops,
     "output": Output,
     "references": References,
