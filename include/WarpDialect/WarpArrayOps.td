@@ -278,6 +278,31 @@ def Warp_SliceOp
   let hasVerifier = 1;
 }
 
+def Warp_IndexDimOp
+    : Warp_Op<"index_dim", [Pure, Warp_ThreadPhase,
+                            Warp_ArrayViewOpInterface]> {
+  let summary = "array of lower rank at an index of any dimension";
+  let description = [{
+    `a[:, j]` of a rank-2 array is one of rank 1. Of a leading dimension this is
+    a `view`.
+
+    (C1) `dim` is within the rank. (C2) the result has one dimension less, at
+    least one, and the same element type.
+
+    ```mlir
+    %c = warp.index_dim %a[%j] dim 1 : !warp.array<2 x f32>, si32
+           -> !warp.array<1 x f32>
+    ```
+  }];
+  let arguments = (ins Warp_AnyArray:$array, I64Attr:$dim, Warp_Integer:$index);
+  let results = (outs Warp_AnyArray:$result);
+  let assemblyFormat = [{
+    $array `[` $index `]` `dim` $dim attr-dict `:` type($array) `,`
+    type($index) `->` type($result)
+  }];
+  let hasVerifier = 1;
+}
+
 def Warp_ComponentViewOp
     : Warp_Op<"component_view", [Pure, Warp_ThreadPhase,
                                  Warp_ArrayViewOpInterface]> {

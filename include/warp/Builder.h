@@ -223,6 +223,8 @@ public:
   Value componentView(Value array, const Values &indices);
   /// Restricts dimension `dimension` to start, stop, step (null = default).
   Value slice(Value array, int dimension, Value start, Value stop, Value step);
+  /// The array without a dimension, at an index of it.
+  Value indexDim(Value array, int dimension, Value index);
   /// The array of an array's gradients.
   Value grad(Value array);
   /// Extent of a dimension as an `si32`.

@@ -173,6 +173,20 @@ warp::Value warp::Builder::slice(Value array, int dimension, Value start,
                   .getResult());
 }
 
+warp::Value warp::Builder::indexDim(Value array, int dimension, Value index) {
+  ContextLock lock;
+  ArrayType type = arrayType(*impl, unwrap(array), unwrap(index), "index");
+  if (dimension < 0 || dimension >= type.getRank() || type.getRank() < 2)
+    impl->fail(Error::Kind::Index, "no dimension " +
+                                       std::to_string(dimension) +
+                                       " to leave out of " + quoted(type));
+  auto result = ArrayType::get(type.getContext(), type.getRank() - 1,
+                               type.getElementType());
+  return wrap(IndexDimOp::create(impl->builder, impl->loc, result,
+                                 unwrap(array), dimension, unwrap(index))
+                  .getResult());
+}
+
 warp::Value warp::Builder::dim(Value array, int dimension) {
   ContextLock lock;
   ArrayType type = arrayType(*impl, unwrap(array), {}, "shape");

@@ -190,6 +190,18 @@ LogicalResult warp::SliceOp::verify() {
   return verifyDim(*this, getArray().getType(), getDim());
 }
 
+LogicalResult warp::IndexDimOp::verify() {
+  auto array = cast<ArrayType>(getArray().getType());
+  if (failed(verifyDim(*this, array, getDim())))
+    return failure();
+  auto result = cast<ArrayType>(getResult().getType());
+  if (result.getRank() == array.getRank() - 1 &&
+      result.getElementType() == array.getElementType())
+    return success();
+  return emitOpError("(C2) expects an array of one dimension less than ")
+         << array << ", but got " << result;
+}
+
 LogicalResult warp::ComponentViewOp::verify() {
   auto array = cast<ArrayType>(getArray().getType());
   mlir::Type element = array.getElementType(), part;

@@ -121,6 +121,9 @@ std::optional<LogicalResult> CompositeLowering::lowerArrayOp(Operation *op) {
         operands.append(indicesOf(view.getIndices()));
         return keep(operands);
       })
+      .Case([&](IndexDimOp view) {
+        return keep({lookupOne(view.getArray()), getIndex(view.getIndex())});
+      })
       .Case([&](SliceOp slice) {
         return keep({lookupOne(slice.getArray()), getIndex(slice.getStart()),
                      getIndex(slice.getStop()), getIndex(slice.getStep())});

@@ -65,6 +65,7 @@ private:
   mlir::Value clampBound(mlir::Value bound, mlir::Value low, mlir::Value high,
                          mlir::Value extent);
   void lowerSlice(SliceOp op);
+  void lowerIndexDim(IndexDimOp op);
   void lowerComponentView(ComponentViewOp op);
   void lowerDim(DimOp op);
   void lowerStride(StrideOp op);

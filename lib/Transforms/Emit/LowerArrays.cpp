@@ -79,6 +79,8 @@ void ArrayLowering::lower(Operation *op) {
     lowerView(view);
   else if (auto slice = dyn_cast<SliceOp>(op))
     lowerSlice(slice);
+  else if (auto view = dyn_cast<IndexDimOp>(op))
+    lowerIndexDim(view);
   else if (auto view = dyn_cast<ComponentViewOp>(op))
     lowerComponentView(view);
   else if (auto dim = dyn_cast<DimOp>(op))

@@ -77,8 +77,7 @@ static Origin getOrigin(Value array) {
       origin.offset = parameter.getOffset();
       break;
     }
-    if (!isa<warp::GradOp, warp::ViewOp, warp::SliceOp,
-             warp::ComponentViewOp>(op))
+    if (!isa<warp::GradOp, warp::ArrayViewOp>(op))
       break;
     origin.isGradient |= isa<warp::GradOp>(op);
     array = op->getOperand(0);

@@ -17,8 +17,6 @@ from warp._src.types import dtypes
 COMPONENTS = {"x": 0, "y": 1, "z": 2, "w": 3}
 # What to do without attributes that arrays have in Python only.
 _OF_ARRAYS = {
-    "ptr": "pass the array itself, or a view of it",
-    "strides": "index the array, or pass the numbers as arguments",
     "grad": "pass the gradient as an argument of its own",
 }
 
@@ -109,6 +107,10 @@ class Access(Part):
                 return dtypes.dtype_of(array.element)
             if name == "size":
                 return self.array_size(base, node)
+            if name == "strides" and kind == "array":
+                return tuple([self.builder.stride(base, axis) for axis in range(array.rank)])
+            if name == "ptr" and kind == "array":
+                return self.builder.pointer(base)
         if kind in ("vec", "quat") and name in COMPONENTS:
             index = COMPONENTS[name]
             if index < (native.shape[0] if kind == "vec" else 4):
@@ -257,7 +259,7 @@ class Access(Part):
         return self.builder.view(array, indices)
 
     def array_slice(self, array, items, node):
-        """Leading plain indices, then slices."""
+        """Slices, and plain indices, which leave their dimension out."""
         if array.type.kind == "struct":
             raise self.context.unsupported(
                 node, "a slice of an indexed array", "slice the array behind it"
@@ -269,12 +271,13 @@ class Access(Part):
         self.context.at(node)
         if leading:
             array = self.builder.view(array, leading)
-        for axis, item in enumerate(items[plain:]):
-            if not isinstance(item, ast.Slice):
-                raise self.context.unsupported(
-                    item, "a plain index after a slice", "index first, then slice"
-                )
-            array = self.builder.slice(array, axis, *self.slice_bounds(item, node))
+        axis = 0
+        for item in items[plain:]:
+            if isinstance(item, ast.Slice):
+                array = self.builder.slice(array, axis, *self.slice_bounds(item, node))
+                axis += 1
+            else:
+                array = self.builder.index_dim(array, axis, self.index(item))
         return array
 
     def slice_bounds(self, item, node) -> list:
@@ -288,7 +291,7 @@ class Access(Part):
             return bounds
         step = bounds[2].constant()
         if step == 0:
-            raise self.context.error(item, "slice step is zero", kind=errors.WarpCodegenValueError)
+            raise self.zero_step(item)
         ends = [self.builder.constant(INT32, end) for end in (0, 2**31 - 1, -(2**31))]
         for i in range(2):
             if bounds[i] is not None:
@@ -303,6 +306,14 @@ class Access(Part):
                 )
         return bounds
 
+    def zero_step(self, node):
+        return self.context.error(
+            node,
+            "slice step is zero",
+            kind=errors.WarpCodegenValueError,
+            also="Slice step cannot be zero",
+        )
+
     def slice_range(self, item, extent, node) -> range:
         """Positions selected by a constant slice or index of a composite."""
         what = "the bound of a vector's slice"
@@ -311,7 +322,7 @@ class Access(Part):
             for part in (item.lower, item.upper, item.step)
         ]
         if bounds[2] == 0:
-            raise self.context.error(node, "slice step is zero", kind=errors.WarpCodegenValueError)
+            raise self.zero_step(node)
         return range(extent)[slice(*bounds)]
 
     def selections(self, native, items, node):

@@ -215,7 +215,8 @@ class Branches(Part):
         return self.context.unflatten(shape, iter(olds))
 
     def zero(self, native, name, syntax):
-        if native.kind == "array" or self.has_array(native):
+        """What a name holds that nothing was assigned to; a struct of it has null arrays."""
+        if native.kind == "array":
             raise self.context.error(
                 syntax,
                 f"'{name}' is not assigned on every path",
@@ -223,8 +224,3 @@ class Branches(Part):
                 errors.WarpCodegenKeyError,
             )
         return self.builder.zero(native)
-
-    def has_array(self, native):
-        if native.kind != "struct":
-            return native.kind == "array"
-        return any(self.has_array(field) for _, field in native.fields)

@@ -63,6 +63,8 @@ class Constructors(Part):
             return binding
         if dtypes.is_struct(kind):
             return self.call_struct(kind, node)
+        if dtypes.type_is_array(kind):
+            return self.array_at(node)
         if dtypes.type_is_composite(kind):
             if kind._length_ == 0 and not node.args and not node.keywords:
                 return kind()
@@ -177,9 +179,35 @@ class Constructors(Part):
             if name in given:
                 values.append(self.context.materialize(given[name], node))
             else:
-                values.append(self.context.branches.zero(field, name, node))
+                self.context.at(node)
+                values.append(self.builder.zero(field))
         self.context.at(node)
         return self.builder.struct_create(native, values)
+
+    def array_at(self, node):
+        """`wp.array(ptr=..., shape=..., dtype=...)`: a packed array at an address."""
+        arguments, keywords = self.arguments(node)
+        if arguments or set(keywords) != {"ptr", "shape", "dtype"}:
+            raise self.context.type_error(
+                node, "an array in a kernel is made of `ptr`, `shape` and `dtype`, by name"
+            )
+        shape = keywords["shape"]
+        extents = [
+            self.context.materialize(extent, node)
+            for extent in (shape if type(shape) is tuple else (shape,))
+        ]
+        element = self.native(keywords["dtype"], node)
+        address = self.convert(keywords["ptr"], node)
+        native = type(element).parse(f"!warp.array<{len(extents)} x {element}>")
+        self.context.at(node)
+        return self.builder.array_at(native, address, extents)
+
+    def convert(self, binding, node):
+        """An address, which may be a number known at compile time."""
+        if isinstance(binding, int):
+            self.context.at(node)
+            return self.builder.constant(self.native(dtypes.uint64, node), binding)
+        return self.context.materialize(binding, node)
 
     # Constructors by builtin name.
 
