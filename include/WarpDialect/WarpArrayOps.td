@@ -115,7 +115,7 @@ def Warp_AtomicCasOp
     Writes `value` where the element equals `expected`; returns the old value.
 
     (C1) as many indices as the rank. (C2) `expected`, `value` and the result
-    have the element type. (C3) the element is a number of 4 or 8 bytes.
+    have the element type. (C3) the element is a number.
   }];
   let arguments = (ins Warp_ThreadScalar:$expected, Warp_ThreadScalar:$value,
                        Arg<Warp_AnyArray, "", [MemRead, MemWrite]>:$array,

@@ -128,7 +128,7 @@ LogicalResult warp::AtomicCasOp::verify() {
   if (isScalar(element) &&
       (getByteSize(element) == 4 || getByteSize(element) == 8))
     return success();
-  return emitOpError("(C3) expects numbers of 4 or 8 bytes, but got ")
+  return emitOpError("(C3) expects numbers, but got ")
          << element;
 }
 

@@ -82,6 +82,7 @@ class Access(Part):
                 node,
                 f"{names.describe(base)} has no attribute '{name}'",
                 kind=errors.WarpCodegenAttributeError,
+                also=f"`{name}` is not an attribute of '{base}'",
             ) from None
 
     @staticmethod
@@ -133,6 +134,10 @@ class Access(Part):
             f"'{self.context.type_name(base)}' has no attribute '{name}'",
             _OF_ARRAYS.get(name) if is_array else None,
             errors.WarpCodegenAttributeError,
+            also=f"`{name}` is not an attribute of '{ast.unparse(node.value)}' "
+            f"({self.context.type_name(base)})"
+            if isinstance(node, ast.Attribute)
+            else None,
         )
 
     def array_size(self, array, node):
@@ -162,6 +167,7 @@ class Access(Part):
                 node,
                 f"{names.describe(base)} cannot be indexed in a kernel",
                 "pass an array, or use a tuple of constants",
+                also=names.external_words(base),
             )
         index = self.context.expressions.expr(node.slice)
         try:

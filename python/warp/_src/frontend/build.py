@@ -73,6 +73,8 @@ def _translate(function, name, arguments, max_unroll):
         translator.env[parameter] = value
         translator.lines[parameter] = source.line(source.tree)
     try:
+        if overload.declares_result:
+            raise translator.statements.kernel_returns(source.tree.returns or source.tree)
         plan_of(source, updated_arguments(function, builder.inout_arguments))
         translator.statements.body()
     except errors.WarpError as problem:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import builtins
 
+from warp._src import errors
 from warp._src.frontend import names
 from warp._src.frontend.context import BOOL, FLOAT32, INT32, Part, Value
 from warp._src.types import dtypes
@@ -120,7 +121,7 @@ class Constructors(Part):
                 self.context.at(node)
                 values.append(self.builder.constant(element, argument))
             else:
-                values.append(self.context.materialize(argument, node))
+                values.append(self.constant_component(argument, element, node))
         self.context.at(node)
         if native.kind == "transform" and [value.type.shape for value in values] == [[3]]:
             unit = type(element).parse(f"!warp.quat<{element}>")
@@ -133,7 +134,49 @@ class Constructors(Part):
                 f"'{native.python_name}' cannot be made from vectors",
                 "use `wp.matrix_from_rows(...)` or `wp.matrix_from_cols(...)`",
             )
-        return self.builder.construct(native, values)
+        try:
+            return self.builder.construct(native, values)
+        except errors.WarpCodegenError as problem:
+            problem.also = self.construct_words(native, values)
+            raise
+
+    def constant_component(self, argument, element, node):
+        """A component; a constant held by a variable is converted like the literal it was."""
+        value = self.context.materialize(argument, node)
+        if value.type != element and value.type in (INT32, FLOAT32):
+            known = value.constant()
+            if known is not None and element.kind in ("int", "float"):
+                if element.kind == "float" or value.type == INT32:
+                    self.context.at(node)
+                    return self.builder.constant(element, known)
+        return value
+
+    def construct_words(self, native, values):
+        """How NVIDIA Warp says that a composite cannot be made of values."""
+        family = {"vec": "vector", "mat": "matrix", "quat": "quaternion"}.get(
+            native.kind, "transformation"
+        )
+        shape = tuple(native.shape)
+        of_shape = f"{family} of shape {shape}" if family == "matrix" else family
+        if len(values) == 1 and values[0].type.kind == native.kind:
+            return (
+                f"incompatible {family} of shape {tuple(values[0].type.shape)} given when copy "
+                f"constructing a {of_shape}"
+            )
+        others = [value.type for value in values if value.type != native.element]
+        if others and all(other.kind in ("bool", "int", "float") for other in others):
+            if len(values) == 1:
+                return (
+                    f"the value used to fill this {family} is expected to be of the type "
+                    f"`{native.element.python_name}`"
+                )
+            return (
+                f"all values given when constructing a {family} are expected to be of the type "
+                f"`{native.element.python_name}`"
+            )
+        return (
+            f"incompatible number of values given ({len(values)}) when constructing a {of_shape}"
+        )
 
     def composite_keywords(self, native, keywords, node):
         orders = {
@@ -234,6 +277,16 @@ class Constructors(Part):
             raise self.context.type_error(node, "matrix expects components or `shape`")
         if shape is None:
             side = round(len(arguments) ** 0.5)
+            if side * side != len(arguments) and not any(
+                type(part) is Value and part.type.kind == "mat" for part in arguments
+            ):
+                raise self.context.type_error(
+                    node,
+                    f"{len(arguments)} components make no square matrix",
+                    "give its `shape`",
+                    also="the `shape` argument must be specified when initializing a matrix by "
+                    "value",
+                )
             shape = (side, side)
         return self.construct(
             self.context.access.composite_type(list(shape), element), arguments, keywords, node

@@ -224,6 +224,7 @@ class Context:
             node,
             f"expects a value, but got {what}",
             "pass arrays and structs as kernel arguments" if hasattr(binding, "dtype") else None,
+            also=names.external_words(binding),
         )
 
     def materialize_struct(self, binding, node):

@@ -20,6 +20,8 @@ from warp._src.types import annotations, dtypes
 from warp._src.types.annotations import FixedArrayType, Reference
 from warp._src.types.native import ArrayType, IndexedArrayType
 
+# What annotates a parameter that takes a function.
+_CALLABLES = (typing.Callable, Function)
 _KINDS = {"Int": ("int",), "Float": ("float",), "Scalar": ("int", "float")}
 
 
@@ -63,7 +65,7 @@ def is_generic(annotation) -> bool:
         annotation = annotation.dtype
     if annotation is typing.Any or isinstance(annotation, typing.TypeVar):
         return True
-    if typing.get_origin(annotation) is not None or annotation is typing.Callable:
+    if typing.get_origin(annotation) is not None or annotation in _CALLABLES:
         return True
     return type(annotation).__name__ in ("GenericAnnotation", "FunctionAnnotation")
 
@@ -74,8 +76,10 @@ def fits_generic(context, annotation, binding) -> bool:
         return True
     if typing.get_origin(annotation) is tuple:
         return type(binding) is tuple and fits_parts(context, annotation, binding)
-    if typing.get_origin(annotation) is not None or annotation is typing.Callable:
-        return type(binding) is not Value and callable(binding)
+    if typing.get_origin(annotation) is not None or annotation in _CALLABLES:
+        return type(binding) is not Value and (
+            callable(binding) or isinstance(binding, names.BuiltinRef)
+        )
     native = binding.type if type(binding) is Value else context.static_type(binding)
     return native is not None and fits_native(annotation, native)
 
@@ -157,6 +161,9 @@ def annotations_of(function) -> dict:
     return {name: annotations.evaluate(value, spaces) for name, value in found.items()}
 
 
+NOTHING_DECLARED = (typing.Any, None, type(None))
+
+
 class Overload:
     """One Python function that kernels can call."""
 
@@ -210,7 +217,7 @@ class Overload:
     def read_result(self):
         """Native types of the declared results; None where left open."""
         declared = self.read_annotations().get("return", typing.Any)
-        if declared is typing.Any or declared is None or is_generic(declared):
+        if declared in NOTHING_DECLARED or is_generic(declared):
             if typing.get_origin(declared) is tuple:
                 return [
                     None if is_generic(part) else dtypes.native_type(annotations.resolve(part))
@@ -220,6 +227,11 @@ class Overload:
         if isinstance(declared, FixedArrayType):
             return [LocalArray(declared.shape, dtypes.native_type(declared.dtype))]
         return [dtypes.native_type(annotations.resolve(declared))]
+
+    @property
+    def declares_result(self) -> bool:
+        """Whether it is annotated to return a value, which a kernel cannot."""
+        return self.read_annotations().get("return") not in (None, type(None))
 
     def bind(self, context, arguments, keywords, node):
         """Bindings in the order of the parameters, or the reason why not."""

@@ -172,6 +172,7 @@ class Output(Part):
                 node,
                 f"expects two numbers or composites of one type to compare, but got "
                 f"'{left.type.python_name}' and '{right.type.python_name}'",
+                also="Can't test equality for objects with different types",
             )
         return left, right
 
