@@ -1,6 +1,7 @@
 """The implementation of the package. No module imports one that needs it, not even in functions.
 
     config, errors, version   settings, exceptions, who calls the package
+    forks         what a fork waits for
     types         scalars, vectors, matrices, structs, annotations; `native`: the compiler's types
     devices       devices, streams, memory, allocators, graphs, start of the runtime (`runtime`)
     arrays        `array`: the class, with views, operators, protocols, gradients, data, copies;

@@ -19,6 +19,7 @@ from warp._src.arrays.array import array
 from warp._src.arrays.indexed import indexedarray
 from warp._src.derivatives.kernel_derivatives import KernelDerivatives, differentiate
 from warp._src.devices.devices import get_device
+from warp._src.forks import translating
 from warp._src.kernels.epoch import Epoch
 from warp._src.kernels.modules import Module, check_options, get_module
 from warp._src.types import dtypes
@@ -55,6 +56,7 @@ class Kernel:
         self.module.kernels[self.key] = self
         self.epoch = None
         self.native = None
+        self._generic = None
         self._specialized: dict = {}
         # What launches need to know of native kernels while somebody observes.
         self.signatures: dict = {}
@@ -66,13 +68,20 @@ class Kernel:
         self.__doc__ = func.__doc__
         self.__wrapped__ = func
 
-    @functools.cached_property
+    @property
     def is_generic(self) -> bool:
         """Whether a parameter's type is left open."""
+        if self._generic is None:
+            with translating:
+                self._generic = self._find_generic()
+        return self._generic
+
+    def _find_generic(self) -> bool:
         from warp._src.frontend.functions import annotations_of
 
         try:
-            return any(map(is_generic, annotations_of(self.func).values()))
+            found = annotations_of(self.func).items()
+            return any(is_generic(one) for name, one in found if name != "return")
         except Exception:
             # The translation says what is wrong.
             return False
@@ -125,9 +134,11 @@ class Kernel:
         return found
 
     def _translate(self, arguments):
-        from warp._src.frontend.build import build_kernel
+        with translating:
+            from warp._src.frontend.build import build_kernel
 
-        native = self.compile_module(build_kernel(self, arguments), self.key)
+            module = build_kernel(self, arguments)
+        native = self.compile_module(module, self.key)
         self._dump(native)
         name = self.key if arguments is None else f"{self.key}_{type_tag(arguments)}"
         self.use_saved(native, name)
