@@ -117,8 +117,16 @@ class WarpIndexError(WarpError, IndexError):
     """An array is indexed out of its bounds."""
 
 
+class WarpKeyError(WarpError, KeyError, TypeError):
+    """A key that is no index."""
+
+
 class WarpTypeError(WarpError, TypeError):
     """Data of a type that cannot be used."""
+
+
+class WarpRowError(WarpTypeError, ValueError):
+    """A row of a matrix has more or fewer components."""
 
 
 class WarpOverflowError(WarpError, OverflowError):

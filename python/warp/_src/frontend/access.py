@@ -406,21 +406,41 @@ class Access(Part):
         raise self.context.type_error(
             node,
             f"expects a tuple or vector after `*`, but got '{self.context.type_name(binding)}'",
+            also="Starred expressions are only supported for tuples, vectors, matrices and slices "
+            "of arrays",
         )
+
+    def spread_bound(self, node) -> int:
+        """A bound of `*a[i:j]`, which says how many values there are."""
+        try:
+            return self.constant_int(node, "the bound of `*a[i:j]`")
+        except errors.WarpCodegenTypeError as problem:
+            raise self.context.error(
+                node,
+                problem.message,
+                kind=errors.WarpCodegenValueError,
+                also="Slice component must be a compile-time constant",
+            ) from None
 
     def spread_array(self, array, item, node):
         """The elements of `*a[0:3]`: loads, or views of an array of several dimensions."""
         bounds = [
-            default if part is None else self.constant_int(part, "the bound of `*a[i:j]`")
+            default if part is None else self.spread_bound(part)
             for part, default in ((item.lower, 0), (item.upper, None), (item.step, 1))
         ]
         low, high, step = bounds
         if high is None or low < 0 or high < 0 or step <= 0:
+            words = "slice indices cannot be negative for arrays"
+            if high is None:
+                words = "unpacking an array requires explicit upper bound"
+            elif low >= 0 and high >= 0:
+                words = "slice step cannot be negative"
             raise self.context.error(
                 node,
                 "`*` of a part of an array expects bounds of at least 0 and an end",
                 "write `*a[0:3]`",
                 errors.WarpCodegenValueError,
+                also=words,
             )
         self.context.at(node)
         read = self.builder.load if array.type.rank == 1 else self.builder.view

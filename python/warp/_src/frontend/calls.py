@@ -258,7 +258,12 @@ class Calls(Part):
         except errors.WarpError:
             raise
         except Exception as problem:
-            raise self.context.error(node, f"static expression failed: {problem}") from problem
+            raise self.context.error(
+                node,
+                f"static expression failed: {problem}",
+                also=f"Error evaluating static expression: {problem}. Make sure all variables "
+                "used in the static expression are constant.",
+            ) from problem
 
     def builtin_select(self, node):
         """`select(condition, if_false, if_true)`, the older spelling of `where`."""

@@ -127,7 +127,12 @@ class Constructors(Part):
             unit = type(element).parse(f"!warp.quat<{element}>")
             values.append(self.construct(unit, [0, 0, 0, 1], {}, node))
         if len(values) == 1 and values[0].type.kind == native.kind and values[0].type != native:
-            return self.builder.cast(values[0], native)
+            try:
+                return self.builder.cast(values[0], native)
+            except errors.WarpCodegenError as problem:
+                if native.kind in ("vec", "mat"):
+                    problem.also = self.copy_words(native, values[0].type)
+                raise
         if native.kind == "mat" and len(values) > 1 and values[0].type.kind == "vec":
             raise self.context.type_error(
                 node,
@@ -158,11 +163,10 @@ class Constructors(Part):
         )
         shape = tuple(native.shape)
         of_shape = f"{family} of shape {shape}" if family == "matrix" else family
+        if family == "vector":
+            of_shape = f"vector of length {shape[0]}"
         if len(values) == 1 and values[0].type.kind == native.kind:
-            return (
-                f"incompatible {family} of shape {tuple(values[0].type.shape)} given when copy "
-                f"constructing a {of_shape}"
-            )
+            return self.copy_words(native, values[0].type)
         others = [value.type for value in values if value.type != native.element]
         if others and all(other.kind in ("bool", "int", "float") for other in others):
             if len(values) == 1:
@@ -171,11 +175,24 @@ class Constructors(Part):
                     f"`{native.element.python_name}`"
                 )
             return (
-                f"all values given when constructing a {family} are expected to be of the type "
+                f"all values used to initialize this {family} are expected to be of the type "
                 f"`{native.element.python_name}`"
             )
         return (
             f"incompatible number of values given ({len(values)}) when constructing a {of_shape}"
+        )
+
+    @staticmethod
+    def copy_words(native, given):
+        """How NVIDIA Warp says that one composite cannot be made from another."""
+        if native.kind == "vec":
+            return (
+                f"incompatible vector of length {given.shape[0]} given when copy constructing a "
+                f"vector of length {native.shape[0]}"
+            )
+        return (
+            f"incompatible matrix of shape {tuple(given.shape)} given when copy constructing a "
+            f"matrix of shape {tuple(native.shape)}"
         )
 
     def composite_keywords(self, native, keywords, node):
@@ -259,7 +276,11 @@ class Constructors(Part):
         length, dtype = keywords.pop("length", None), keywords.pop("dtype", None)
         element = self.component_type(arguments, dtype, node)
         if length is None and not arguments:
-            raise self.context.type_error(node, "vector expects components or `length`")
+            raise self.context.type_error(
+                node,
+                "vector expects components or `length`",
+                also="the `length` argument must be specified when zero-initializing a vector",
+            )
         if length is None:
             length = sum(
                 part.type.shape[0] if type(part) is Value and part.type.kind == "vec" else 1
