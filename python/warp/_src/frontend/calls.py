@@ -172,10 +172,10 @@ class Calls(Part):
         try:
             results, updated = self.builder.builtin(name, values)
         except errors.WarpCodegenTypeError as problem:
-            shown = ", ".join(value.type.python_name for value in values)
+            shown = [value.type.python_name for value in values]
             problem.also = (
                 f"Couldn't find function overload for '{name}' that matched inputs with types: "
-                f"[{shown}]"
+                f"[{', '.join(shown)}]. Input types must be exactly the same, got {shown}"
             )
             raise
         for position, value in updated:

@@ -8,6 +8,7 @@ import builtins
 from warp._src import errors
 from warp._src.frontend import names
 from warp._src.frontend.context import BOOL, FLOAT32, INT32, Part, Value
+from warp._src.frontend.local_arrays import LocalPointer
 from warp._src.types import dtypes
 
 _MISUSED = {range: "a range outside `for`", reversed: "`reversed` outside `for`"}
@@ -252,11 +253,14 @@ class Constructors(Part):
                 node, "an array in a kernel is made of `ptr`, `shape` and `dtype`, by name"
             )
         shape = keywords["shape"]
+        element = self.native(keywords["dtype"], node)
+        if isinstance(keywords["ptr"], LocalPointer):
+            array = keywords["ptr"].array
+            return self.context.local_arrays.reinterpreted(array, shape, element, node)
         extents = [
             self.context.materialize(extent, node)
             for extent in (shape if type(shape) is tuple else (shape,))
         ]
-        element = self.native(keywords["dtype"], node)
         address = self.convert(keywords["ptr"], node)
         native = type(element).parse(f"!warp.array<{len(extents)} x {element}>")
         self.context.at(node)

@@ -143,6 +143,13 @@ class Expressions(Part):
             if operand.type.kind == "struct":
                 return self.user_operator(node, name, operands)
         self.context.at(node)
+        if name in ("eq", "ne") and operands[0].type.shape and operands[0].type.element == BOOL:
+            # The registry compares composites of numbers.
+            wide = self.context.access.composite_type(list(operands[0].type.shape), INT32)
+            operands = [
+                self.builder.cast(one, wide) if one.type == operands[0].type else one
+                for one in operands
+            ]
         try:
             return self.builder.builtin(name, operands)[0][0]
         except errors.WarpCodegenTypeError as problem:
@@ -218,10 +225,6 @@ class Expressions(Part):
             if not isinstance(left, dtypes.Composite) or not len(left):
                 return fold(left, right)
         left, right = self.context.materialize(left, node), self.context.materialize(right, node)
-        if left.type == right.type and left.type.element == BOOL and kind in (ast.Eq, ast.NotEq):
-            # Compared as numbers: the registry's comparisons of composites are of those.
-            wide = self.context.access.composite_type(list(left.type.shape), INT32)
-            left, right = self.builder.cast(left, wide), self.builder.cast(right, wide)
         kinds = {left.type.kind, right.type.kind}
         if len(kinds) == 2 and "bool" in kinds:
             raise self.context.type_error(

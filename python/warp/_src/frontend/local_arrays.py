@@ -36,6 +36,15 @@ def places_in(native) -> list[tuple]:
     return list(itertools.product(*map(range, shape)))
 
 
+class LocalPointer:
+    """What `ptr` of a thread's array is: an address to make an array of, with other elements."""
+
+    __slots__ = ("array",)
+
+    def __init__(self, array):
+        self.array = array
+
+
 class LocalArrays(Part):
     """Translates what is done with arrays of a thread."""
 
@@ -103,7 +112,23 @@ class LocalArrays(Part):
             return math.prod(array.shape)
         if name == "dtype":
             return dtypes.dtype_of(array.element)
+        if name == "ptr":
+            return LocalPointer(array)
         raise self.context.access.no_attribute(array, name, node)
+
+    def reinterpreted(self, array, shape, native, node):
+        """A copy of the numbers of an array as elements of another type."""
+        shape = self.shape(shape, node)
+        old, new = leaves_of(array.element), leaves_of(native)
+        size = math.prod(shape) * sum(count for _, count in new)
+        given = math.prod(array.shape) * sum(count for _, count in old)
+        if len(old) != 1 or len(new) != 1 or old[0][0] != new[0][0] or size != given:
+            raise self.context.type_error(
+                node,
+                f"the numbers of a '{array.python_name}' are not those of shape {shape} of "
+                f"'{native.python_name}'",
+            )
+        return LocalArray(shape, native, array.parts, is_copy=True)
 
     # Elements.
 
