@@ -52,7 +52,8 @@ gpu.module @k {
 
 //--- gpu-entry.mlir
 // expected-error @below {{expects the entry 'k' in a 'gpu.module'}}
-llvm.func @k(%block: !llvm.ptr) attributes {warp.entry, warp.target = "sm_90"} {
+llvm.func @k(%block: !llvm.ptr) attributes {warp.entry, warp.variant =
+    #warp.variant<target = <platform = cuda, version = 90>>} {
   llvm.return
 }
 
