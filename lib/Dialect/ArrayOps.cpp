@@ -125,11 +125,9 @@ LogicalResult warp::AtomicCasOp::verify() {
       failed(verifyElement(*this, array, "the result", getOld().getType())))
     return failure();
   mlir::Type element = array.getElementType();
-  if (isScalar(element) &&
-      (getByteSize(element) == 4 || getByteSize(element) == 8))
+  if (isScalar(element) && !isBool(element))
     return success();
-  return emitOpError("(C3) expects numbers, but got ")
-         << element;
+  return emitOpError("(C3) expects numbers, but got ") << element;
 }
 
 //===----------------------------------------------------------------------===//

@@ -265,6 +265,23 @@ class Calls(Part):
                 "used in the static expression are constant.",
             ) from problem
 
+    def builtin_address_of(self, node):
+        """`address_of(a[i])`: where an element of an array, or a part of it, lies."""
+        if len(node.args) != 1 or node.keywords:
+            raise self.context.type_error(node, "'address_of' expects an element of an array")
+        slot = self.context.targets.slot(node.args[0])
+        if slot.array is None:
+            raise self.context.type_error(
+                node,
+                "'address_of' expects an element of an array; variables have no address",
+                "put the value into an array",
+            )
+        part = self.context.targets.slot_view(slot)
+        self.context.at(node)
+        for axis, index in enumerate(slot.indices):
+            part = self.builder.slice(part, axis, index, None, None)
+        return self.builder.pointer(part)
+
     def builtin_select(self, node):
         """`select(condition, if_false, if_true)`, the older spelling of `where`."""
         condition, no, yes = self.context.constructors.exactly(node, 3, "select")

@@ -167,9 +167,9 @@ NOTHING_DECLARED = (typing.Any, None, type(None))
 class Overload:
     """One Python function that kernels can call."""
 
-    def __init__(self, function):
+    def __init__(self, function, source=None):
         self.function = function
-        self.source = source_of(function)
+        self.source = source or source_of(function)
         self.parameters = self.read_parameters()
         self.result = self.read_result()
         self.generic = sum(parameter.native is None for parameter in self.parameters)

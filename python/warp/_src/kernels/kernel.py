@@ -42,9 +42,11 @@ class Kernel:
         key: name in messages and in compiled code.
         module: module whose options apply, by default that of the function.
         options: the kernel's own options, by name.
+        code_transformers: `ast.NodeTransformer`s, which get the syntax tree of the function, one
+            after the other, before it is translated.
     """
 
-    def __init__(self, func, key=None, module=None, options=None):
+    def __init__(self, func, key=None, module=None, options=None, code_transformers=None):
         if not isinstance(func, python_types.FunctionType):
             raise TypeError(f"expects a function as kernel, but got '{type(func).__name__}'")
         self.func = func
@@ -53,6 +55,7 @@ class Kernel:
             module if isinstance(module, Module) else get_module(module or func.__module__)
         )
         self.options = dict(options or {})
+        self.code_transformers = tuple(code_transformers or ())
         self.module.kernels[self.key] = self
         self.epoch = None
         self.native = None
