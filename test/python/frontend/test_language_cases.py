@@ -1,5 +1,6 @@
 """Cases of the language that programs meet: results, names, casts, annotations."""
 
+import ast
 import enum
 
 import numpy as np
@@ -144,3 +145,37 @@ def test_results_in_python_have_the_type_of_the_arguments():
     assert type(wp.abs(wp.int8(-3))) is wp.int8
     assert type(wp.vec3d(1.0, 2.0, 3.0)[0]) is wp.float64
     assert type(wp.vec3(1.0, 2.0, 3.0)[0]) is float
+
+
+def test_defaults_of_struct_fields():
+    @wp.struct
+    class Root:
+        root: int = 0
+        offset: wp.vec2 = wp.vec2(0.0, 0.0)
+
+    @wp.kernel
+    def kernel(out: wp.array(dtype=float)):
+        r = Root()
+        r.root += 2
+        out[0] = float(r.root) + r.offset[1]
+
+    assert run(kernel)[0] == 2.0
+    with pytest.warns(UserWarning, match="default of field 'root' of struct 'Other' is not used"):
+
+        @wp.struct
+        class Other:
+            root: int = 3
+
+    assert Other().root == 0
+
+
+def test_transformed_code():
+    class Doubled(ast.NodeTransformer):
+        def visit_Constant(self, node):
+            return ast.Constant(node.value * 2.0) if node.value == 2.0 else node
+
+    def kernel(out: wp.array(dtype=float)):
+        out[0] = 2.0
+
+    assert run(wp.Kernel(kernel, key="doubled", code_transformers=[Doubled()]))[0] == 4.0
+    assert run(wp.Kernel(kernel, key="plain"))[0] == 2.0
