@@ -79,7 +79,8 @@ def to_numpy(data, dtype):
     if source.dtype.kind not in "biuf" and source.dtype.name != "bfloat16":
         raise errors.WarpTypeError(f"expects numbers as data, but got '{source.dtype}'")
     if source.ndim == 0:
-        raise errors.WarpTypeError(f"expects a sequence or an array as data, but got {data!r}")
+        # NumPy's own arrays of one number; a plain number is refused above.
+        source = source.reshape(1)
     if dtype is None:
         dtype = dtype_from_numpy(source.dtype)
     return source, dtype
