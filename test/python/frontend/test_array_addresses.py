@@ -85,7 +85,9 @@ def test_a_struct_in_a_kernel_starts_without_arrays():
 
 def test_addresses_and_strides():
     @wp.kernel
-    def kernel(a: wp.array2d(dtype=float), found: wp.array(dtype=wp.uint64), out: wp.array(dtype=float)):
+    def kernel(
+        a: wp.array2d(dtype=float), found: wp.array(dtype=wp.uint64), out: wp.array(dtype=float)
+    ):
         found[0] = a.ptr
         found[1] = wp.address_of(a[1, 2])
         out[0] = float(a.strides[0])

@@ -211,7 +211,10 @@ class ArrayViews:
             size_ours = dtypes.type_size_in_bytes(ours)
             source = f"source scalar dtype {ours.__name__} has size {size_ours} bytes"
         elif ours is self.dtype and other is not dtype:
-            target, size = f"target scalar dtype {other.__name__} has size", dtypes.type_size_in_bytes(other)
+            target, size = (
+                f"target scalar dtype {other.__name__} has size",
+                dtypes.type_size_in_bytes(other),
+            )
         return (
             f"cannot create an array view with dtype {dtypes.type_repr(dtype)} from source dtype "
             f"{dtypes.type_repr(self.dtype)}: {source}, but {target} {size} bytes"

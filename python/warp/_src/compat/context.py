@@ -7,6 +7,7 @@ nvalchemi-toolkit-ops; the classes stand in annotations of many packages.
 from __future__ import annotations
 
 from warp._src.builtin_table import BUILTINS
+
 from warp._src.devices import devices
 from warp._src.devices.allocators import Allocator as Allocator
 from warp._src.devices.devices import Device as Device

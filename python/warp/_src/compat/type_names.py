@@ -14,7 +14,9 @@ from warp._src.types.scalars import int8, int16, uint8, uint16
 Any = typing.Any
 Reference = annotations.Reference
 vector_types = tuple(
-    dtype for name, dtype in dtypes.NAMED_TYPES.items() if name[:3] == "vec" and not name[-1:].isdigit()
+    dtype
+    for name, dtype in dtypes.NAMED_TYPES.items()
+    if name[:3] == "vec" and not name[-1:].isdigit()
 )
 non_atomic_types = (int8, int16, uint8, uint16)
 

@@ -22,7 +22,7 @@ class Constructors(Part):
         positional = []
         for argument in node.args:
             if isinstance(argument, ast.Starred):
-                positional += self.context.access.spread(argument)
+                positional += self.context.spreads.spread(argument)
             else:
                 positional.append(self.context.expressions.expr(argument))
         keywords = {}
@@ -179,9 +179,7 @@ class Constructors(Part):
                 f"all values used to initialize this {family} are expected to be of the type "
                 f"`{native.element.python_name}`"
             )
-        return (
-            f"incompatible number of values given ({len(values)}) when constructing a {of_shape}"
-        )
+        return f"incompatible number of values given ({len(values)}) when constructing a {of_shape}"
 
     @staticmethod
     def copy_words(native, given):

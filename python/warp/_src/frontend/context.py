@@ -126,9 +126,7 @@ class Context:
             self.source.encoded_file, node.lineno + self.source.line_offset, node.col_offset + 1
         )
 
-    def error(
-        self, node, message, hint=None, kind=errors.WarpCodegenError, notes=(), also=None
-    ):
+    def error(self, node, message, hint=None, kind=errors.WarpCodegenError, notes=(), also=None):
         """The exception for a message about a node."""
         return kind(message, hint=hint, notes=notes, also=also, **self.source.place(node))
 
@@ -203,7 +201,9 @@ class Context:
             return self.builder.constant(dtypes.native_type(kind), binding.value)
         if kind is LocalArray:
             raise self.type_error(
-                node, "an array of a thread cannot be used here", "index it, or pass it to functions"
+                node,
+                "an array of a thread cannot be used here",
+                "index it, or pass it to functions",
             )
         if isinstance(binding, dtypes.Composite):
             if not binding._length_:

@@ -105,7 +105,7 @@ class Expressions(Part):
         parts = []
         for item in node.elts:
             if isinstance(item, ast.Starred):
-                parts.extend(self.context.access.spread(item))
+                parts.extend(self.context.spreads.spread(item))
             else:
                 parts.append(self.expr(item))
         return tuple(parts)

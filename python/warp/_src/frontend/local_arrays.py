@@ -207,8 +207,7 @@ class LocalArrays(Part):
         count = leaves_of(native)[0][1]
         first = self.times(number, count, node)
         found = [
-            self.builder.extract(part, [self.place(first, offset, node)])
-            for offset in range(count)
+            self.builder.extract(part, [self.place(first, offset, node)]) for offset in range(count)
         ]
         if native.kind in ("vec", "mat", "quat", "transform"):
             return self.builder.construct(native, found)

@@ -291,7 +291,7 @@ class Loops(Part):
         arguments = []
         for argument in node.args:
             if isinstance(argument, ast.Starred):
-                arguments += self.context.access.spread(argument)
+                arguments += self.context.spreads.spread(argument)
             else:
                 arguments.append(self.range_argument(argument))
         if not 1 <= len(arguments) <= 3:

@@ -80,7 +80,11 @@ def external_words(value) -> str | None:
     kind = type(value)
     shown = "warp._src.types.array" if dtypes.type_is_array(kind) else None
     if shown is None:
-        shown = kind.__qualname__ if kind.__module__ == "builtins" else f"{kind.__module__}.{kind.__qualname__}"
+        shown = (
+            kind.__qualname__
+            if kind.__module__ == "builtins"
+            else f"{kind.__module__}.{kind.__qualname__}"
+        )
     return f"Invalid external reference type: <class '{shown}'>"
 
 

@@ -16,6 +16,7 @@ from warp._src.frontend.local_arrays import LocalArrays
 from warp._src.frontend.loops import Loops
 from warp._src.frontend.output import Output
 from warp._src.frontend.references import References
+from warp._src.frontend.spreads import Spreads
 from warp._src.frontend.statements import Statements
 from warp._src.frontend.targets import Targets
 from warp._src.frontend.user_calls import UserCalls
@@ -33,6 +34,7 @@ _PARTS = {
     "loops": Loops,
     "output": Output,
     "references": References,
+    "spreads": Spreads,
     "statements": Statements,
     "targets": Targets,
     "user_calls": UserCalls,

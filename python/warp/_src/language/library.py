@@ -147,6 +147,8 @@ LOWER_BOUND = Function(_lower_bound, "lower_bound")
 about_axis = Function(_about_axis, "about_axis")
 wrapped = Function(_wrapped, "wrapped")
 top, bottom = _public(spatial_top), _public(spatial_bottom)
+
+
 def quat_between_vectors(a: vec3f, b: vec3f):
     """The shortest rotation that turns the direction of `a` into that of `b`.
 
