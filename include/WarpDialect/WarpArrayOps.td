@@ -115,7 +115,7 @@ def Warp_AtomicCasOp
     Writes `value` where the element equals `expected`; returns the old value.
 
     (C1) as many indices as the rank. (C2) `expected`, `value` and the result
-    have the element type. (C3) the element is a number of 4 or 8 bytes.
+    have the element type. (C3) the element is a number.
   }];
   let arguments = (ins Warp_ThreadScalar:$expected, Warp_ThreadScalar:$value,
                        Arg<Warp_AnyArray, "", [MemRead, MemWrite]>:$array,
@@ -185,6 +185,56 @@ def Warp_AccumulateOp
 }
 
 //===----------------------------------------------------------------------===//
+// Addresses
+//===----------------------------------------------------------------------===//
+
+def Warp_ArrayAtOp : Warp_Op<"array_at", [Pure, Warp_ThreadPhase]> {
+  let summary = "packed array at an address";
+  let description = [{
+    Nothing is known of the memory: it may be that of any other array. An array
+    at address 0 is no array, as where a launch is given none.
+
+    (C1) as many extents as the rank.
+
+    ```mlir
+    %a = warp.array_at %p[%n] : ui64, si32 -> !warp.array<1 x f32>
+    ```
+  }];
+  let arguments = (ins Warp_Integer:$address, Variadic<Warp_Integer>:$extents);
+  let results = (outs Warp_AnyArray:$result);
+  let assemblyFormat = [{
+    $address `[` $extents `]` attr-dict `:` type($address) `,` type($extents)
+    `->` type($result)
+  }];
+  let hasVerifier = 1;
+}
+
+def Warp_PointerOp : Warp_Op<"pointer", [Pure, Warp_ThreadPhase]> {
+  let summary = "address of an array's first element";
+  let description = [{
+    ```mlir
+    %p = warp.pointer %a : !warp.array<1 x f32> -> ui64
+    ```
+  }];
+  let arguments = (ins Warp_AnyArray:$array);
+  let results = (outs Warp_Integer:$result);
+  let assemblyFormat = [{
+    $array attr-dict `:` type($array) `->` type($result)
+  }];
+}
+
+def Warp_StrideOp : Warp_Op<"stride", [Pure, Warp_ThreadPhase]> {
+  let summary = "bytes from one element to the next along one dimension";
+  let description = "(C1) `dim` is within the rank.";
+  let arguments = (ins Warp_AnyArray:$array, I64Attr:$dim);
+  let results = (outs Warp_Integer:$result);
+  let assemblyFormat = [{
+    $array `,` $dim attr-dict `:` type($array) `->` type($result)
+  }];
+  let hasVerifier = 1;
+}
+
+//===----------------------------------------------------------------------===//
 // Views
 //===----------------------------------------------------------------------===//
 
@@ -224,6 +274,31 @@ def Warp_SliceOp
   let assemblyFormat = [{
     $array `[` $start `:` $stop `:` $step `]` `dim` $dim attr-dict `:`
     type($array) `,` type($start) `,` type($stop) `,` type($step)
+  }];
+  let hasVerifier = 1;
+}
+
+def Warp_IndexDimOp
+    : Warp_Op<"index_dim", [Pure, Warp_ThreadPhase,
+                            Warp_ArrayViewOpInterface]> {
+  let summary = "array of lower rank at an index of any dimension";
+  let description = [{
+    `a[:, j]` of a rank-2 array is one of rank 1. Of a leading dimension this is
+    a `view`.
+
+    (C1) `dim` is within the rank. (C2) the result has one dimension less, at
+    least one, and the same element type.
+
+    ```mlir
+    %c = warp.index_dim %a[%j] dim 1 : !warp.array<2 x f32>, si32
+           -> !warp.array<1 x f32>
+    ```
+  }];
+  let arguments = (ins Warp_AnyArray:$array, I64Attr:$dim, Warp_Integer:$index);
+  let results = (outs Warp_AnyArray:$result);
+  let assemblyFormat = [{
+    $array `[` $index `]` `dim` $dim attr-dict `:` type($array) `,`
+    type($index) `->` type($result)
   }];
   let hasVerifier = 1;
 }

@@ -223,10 +223,18 @@ public:
   Value componentView(Value array, const Values &indices);
   /// Restricts dimension `dimension` to start, stop, step (null = default).
   Value slice(Value array, int dimension, Value start, Value stop, Value step);
+  /// The array without a dimension, at an index of it.
+  Value indexDim(Value array, int dimension, Value index);
   /// The array of an array's gradients.
   Value grad(Value array);
   /// Extent of a dimension as an `si32`.
   Value dim(Value array, int dimension);
+  /// Bytes between neighbours along a dimension, as an `si32`.
+  Value stride(Value array, int dimension);
+  /// Address of the first element, as a `ui64`.
+  Value pointer(Value array);
+  /// A packed array of this type at an address.
+  Value arrayAt(Type type, Value address, const Values &extents);
 
   void beginIf(Value condition);
   void beginElse();

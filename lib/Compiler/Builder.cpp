@@ -254,7 +254,12 @@ mlir::Value warp::Builder::Impl::zero(mlir::Type type) {
     return known;
   SmallVector<mlir::Value> fields;
   auto structType = dyn_cast<StructType>(type);
-  if (structType)
+  auto arrayType = dyn_cast<ArrayType>(type);
+  if (arrayType)
+    fields.assign(arrayType.getRank() + 1,
+                  constant(numberAttr(builder.getIntegerType(64, false),
+                                      int64_t(0))));
+  else if (structType)
     for (mlir::Type field : structType.getFieldTypes())
       fields.push_back(zero(field));
   else if (!isComposite(type))
@@ -263,6 +268,9 @@ mlir::Value warp::Builder::Impl::zero(mlir::Type type) {
   mlir::Value made = hoist([&]() -> mlir::Value {
     if (structType)
       return StructCreateOp::create(builder, place, type, fields);
+    if (arrayType)
+      return ArrayAtOp::create(builder, place, type, fields[0],
+                               ArrayRef(fields).drop_front());
     return ConstructOp::create(builder, place, type, ValueRange());
   });
   return function().zeros[type] = made;

@@ -173,6 +173,20 @@ warp::Value warp::Builder::slice(Value array, int dimension, Value start,
                   .getResult());
 }
 
+warp::Value warp::Builder::indexDim(Value array, int dimension, Value index) {
+  ContextLock lock;
+  ArrayType type = arrayType(*impl, unwrap(array), unwrap(index), "index");
+  if (dimension < 0 || dimension >= type.getRank() || type.getRank() < 2)
+    impl->fail(Error::Kind::Index, "no dimension " +
+                                       std::to_string(dimension) +
+                                       " to leave out of " + quoted(type));
+  auto result = ArrayType::get(type.getContext(), type.getRank() - 1,
+                               type.getElementType());
+  return wrap(IndexDimOp::create(impl->builder, impl->loc, result,
+                                 unwrap(array), dimension, unwrap(index))
+                  .getResult());
+}
+
 warp::Value warp::Builder::dim(Value array, int dimension) {
   ContextLock lock;
   ArrayType type = arrayType(*impl, unwrap(array), {}, "shape");
@@ -183,5 +197,46 @@ warp::Value warp::Builder::dim(Value array, int dimension) {
   mlir::Type result = impl->builder.getIntegerType(32, /*isSigned=*/true);
   return wrap(DimOp::create(impl->builder, impl->loc, result, unwrap(array),
                             dimension)
+                  .getResult());
+}
+
+warp::Value warp::Builder::stride(Value array, int dimension) {
+  ContextLock lock;
+  ArrayType type = arrayType(*impl, unwrap(array), {}, "strides");
+  if (dimension < 0 || dimension >= type.getRank())
+    impl->fail(Error::Kind::Index, "no dimension " +
+                                       std::to_string(dimension) + " in " +
+                                       quoted(type));
+  mlir::Type result = impl->builder.getIntegerType(32, /*isSigned=*/true);
+  return wrap(StrideOp::create(impl->builder, impl->loc, result, unwrap(array),
+                               dimension)
+                  .getResult());
+}
+
+warp::Value warp::Builder::pointer(Value array) {
+  ContextLock lock;
+  arrayType(*impl, unwrap(array), {}, "ptr");
+  mlir::Type result = impl->builder.getIntegerType(64, /*isSigned=*/false);
+  return wrap(PointerOp::create(impl->builder, impl->loc, result,
+                                unwrap(array))
+                  .getResult());
+}
+
+warp::Value warp::Builder::arrayAt(Type type, Value address,
+                                   const Values &extents) {
+  ContextLock lock;
+  SmallVector<mlir::Value> shape = unwrap(extents);
+  auto wanted = dyn_cast<ArrayType>(unwrap(type));
+  if (!wanted || wanted.getRank() != static_cast<int64_t>(shape.size()))
+    impl->failType("expects an extent for each dimension of " +
+                   quoted(unwrap(type)));
+  shape.push_back(unwrap(address));
+  for (mlir::Value number : shape)
+    if (!isInteger(number.getType()))
+      impl->failType("expects integers as address and extents, but got " +
+                     quoted(number.getType()));
+  shape.pop_back();
+  return wrap(ArrayAtOp::create(impl->builder, impl->loc, wanted,
+                                unwrap(address), shape)
                   .getResult());
 }

@@ -125,11 +125,9 @@ LogicalResult warp::AtomicCasOp::verify() {
       failed(verifyElement(*this, array, "the result", getOld().getType())))
     return failure();
   mlir::Type element = array.getElementType();
-  if (isScalar(element) &&
-      (getByteSize(element) == 4 || getByteSize(element) == 8))
+  if (isScalar(element) && !isBool(element))
     return success();
-  return emitOpError("(C3) expects numbers of 4 or 8 bytes, but got ")
-         << element;
+  return emitOpError("(C3) expects numbers, but got ") << element;
 }
 
 //===----------------------------------------------------------------------===//
@@ -190,6 +188,18 @@ LogicalResult warp::SliceOp::verify() {
   return verifyDim(*this, getArray().getType(), getDim());
 }
 
+LogicalResult warp::IndexDimOp::verify() {
+  auto array = cast<ArrayType>(getArray().getType());
+  if (failed(verifyDim(*this, array, getDim())))
+    return failure();
+  auto result = cast<ArrayType>(getResult().getType());
+  if (result.getRank() == array.getRank() - 1 &&
+      result.getElementType() == array.getElementType())
+    return success();
+  return emitOpError("(C2) expects an array of one dimension less than ")
+         << array << ", but got " << result;
+}
+
 LogicalResult warp::ComponentViewOp::verify() {
   auto array = cast<ArrayType>(getArray().getType());
   mlir::Type element = array.getElementType(), part;
@@ -219,6 +229,19 @@ LogicalResult warp::ComponentViewOp::verify() {
 
 LogicalResult warp::DimOp::verify() {
   return verifyDim(*this, getArray().getType(), getDim());
+}
+
+LogicalResult warp::StrideOp::verify() {
+  return verifyDim(*this, getArray().getType(), getDim());
+}
+
+LogicalResult warp::ArrayAtOp::verify() {
+  auto array = cast<ArrayType>(getResult().getType());
+  int64_t rank = array.getRank(), given = getExtents().size();
+  if (given == rank)
+    return success();
+  return emitOpError("(C1) expects ") << rank << " extents for " << array
+                                      << ", but got " << given;
 }
 
 //===----------------------------------------------------------------------===//

@@ -4,6 +4,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Gil.h"
 #include "Native.h"
 
 #include "warp/Autodiff.h"
@@ -131,7 +132,7 @@ void python::bindAutodiff(py::module_ &m) {
         options.unique = unique;
         options.tape = tape;
         options.apart = std::move(apart);
-        py::gil_scoped_release unlocked;
+        warp::python::Unlocked unlocked;
         return differentiate(module, options);
       },
       py::arg("module"), py::kw_only(), py::arg("forward") = false,

@@ -162,8 +162,12 @@ static void bindArrays(py::class_<Builder> &c) {
              return b.slice(array, dimension, start.value_or(Value()),
                             stop.value_or(Value()), step.value_or(Value()));
            })
+      .def("index_dim", &Builder::indexDim)
       .def("grad", &Builder::grad)
-      .def("dim", &Builder::dim);
+      .def("dim", &Builder::dim)
+      .def("stride", &Builder::stride)
+      .def("pointer", &Builder::pointer)
+      .def("array_at", &Builder::arrayAt);
 }
 
 static void bindValues(py::class_<Builder> &c) {

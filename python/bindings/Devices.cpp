@@ -4,6 +4,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Gil.h"
 #include "Native.h"
 
 #include "warp/Device.h"
@@ -16,7 +17,7 @@
 
 namespace py = pybind11;
 using namespace warp;
-using Unlocked = py::call_guard<py::gil_scoped_release>;
+using WithoutLock = py::call_guard<warp::python::Unlocked>;
 
 static std::string uuidText(const DeviceInfo &info) {
   std::string text = "GPU-";
@@ -105,7 +106,7 @@ static void bindStreams(py::module_ &m) {
       .def_property_readonly("is_capturing", &Stream::isCapturing)
       .def_property_readonly("is_blocking", &Stream::isBlocking)
       .def_property_readonly("priority", &Stream::priority)
-      .def("synchronize", &Stream::synchronize, Unlocked())
+      .def("synchronize", &Stream::synchronize, WithoutLock())
       .def(
           "record_event",
           [](Stream &self, std::shared_ptr<Event> event, bool) {
@@ -155,10 +156,10 @@ static void bindStreams(py::module_ &m) {
       .def_property_readonly("cuda_event",
                              [](Event &self) { return address(self.handle()); })
       .def_property_readonly("is_complete", &Event::isComplete)
-      .def("synchronize", &Event::synchronize, Unlocked());
+      .def("synchronize", &Event::synchronize, WithoutLock());
   m.def("elapsed_time", &elapsedMilliseconds, py::arg("start"), py::arg("end"),
         "Milliseconds between two recorded events.");
-  m.def("synchronize_busy_streams", &synchronizeBusyStreams, Unlocked(),
+  m.def("synchronize_busy_streams", &synchronizeBusyStreams, WithoutLock(),
         "Waits for the streams that have work, without looking at reports.");
   m.def("join_streams", &joinStreams, py::arg("stream"),
         "Lets a stream wait for all work queued on its device.");
@@ -221,8 +222,8 @@ void python::bindDevices(py::module_ &m) {
       "cuda_context", [](int device) { return address(cudaContext(device)); },
       py::arg("device"));
   m.def("synchronize_device", &synchronizeDevice, py::arg("device"),
-        Unlocked());
-  m.def("synchronize_all", &synchronizeAll, Unlocked());
+        WithoutLock());
+  m.def("synchronize_all", &synchronizeAll, WithoutLock());
   m.def("num_threads", &ThreadPool::size, "Threads that CPU launches use.");
   bindStreams(m);
   bindCache(m);

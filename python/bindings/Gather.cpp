@@ -4,6 +4,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Gil.h"
 #include "Native.h"
 
 #include "warp/Gather.h"
@@ -20,6 +21,6 @@ void python::bindGather(py::module_ &m) {
       .def_readonly("rest", &GatheredAdjoint::rest)
       .def_readonly("atomics", &GatheredAdjoint::atomics);
   m.def("gather_sums", gatherSums, py::arg("adjoint"),
-        py::call_guard<py::gil_scoped_release>(),
+        py::call_guard<warp::python::Unlocked>(),
         "Takes sums over neighbours out of an adjoint; None without such.");
 }

@@ -9,6 +9,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Gil.h"
 #include "Native.h"
 
 #include "warp/Graph.h"
@@ -31,7 +32,7 @@ public:
   void launch(const Stream *stream) {
     if (graph->isShort())
       return graph->launch(stream);
-    py::gil_scoped_release unlocked;
+    warp::python::Unlocked unlocked;
     graph->launch(stream);
   }
 

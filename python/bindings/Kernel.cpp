@@ -7,6 +7,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Gil.h"
 #include "KernelObject.h"
 
 #include "warp/Builder.h"
@@ -118,7 +119,7 @@ static PyObject *printIr(PyObject *self, PyObject *args, PyObject *names) {
     Kernel &kernel = *asKernel(self)->kernel;
     std::string text;
     {
-      py::gil_scoped_release unlocked;
+      warp::python::Unlocked unlocked;
       text = emitText(kernel.module(), kernel.optionsFor(arch, rank), stage);
     }
     return py::str(text).release().ptr();

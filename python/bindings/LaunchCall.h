@@ -9,6 +9,7 @@
 #ifndef WARP_PYTHON_BINDINGS_LAUNCHCALL_H
 #define WARP_PYTHON_BINDINGS_LAUNCHCALL_H
 
+#include "Gil.h"
 #include "KernelObject.h"
 
 #include <vector>
@@ -85,7 +86,7 @@ void runPlan(Kernel &kernel, const Kernel::Plan &plan, void *block,
   if (Kernel::isShort(plan))
     return kernel.run(plan, block, stream);
   auto hold = makeHold();
-  pybind11::gil_scoped_release unlocked;
+  Unlocked unlocked;
   kernel.run(plan, block, stream);
 }
 
@@ -98,7 +99,8 @@ void launchPacked(Kernel &kernel, int device, const LaunchDim &dim,
     return;
   if (!plan.variant) {
     auto hold = makeHold();
-    pybind11::gil_scoped_release unlocked;
+    Unlocked unlocked;
+    Compiling compiling;
     plan = kernel.prepare(device, dim, block, blockDim);
   }
   runPlan(kernel, plan, block, stream, makeHold);

@@ -4,6 +4,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Gil.h"
 #include "Native.h"
 
 #include "warp/Memory.h"
@@ -23,7 +24,7 @@ static void *pointer(uintptr_t address) {
 template <typename Fn> static void runUnlocked(size_t bytes, Fn &&fn) {
   if (bytes < shortCopy)
     return fn();
-  py::gil_scoped_release unlocked;
+  warp::python::Unlocked unlocked;
   fn();
 }
 

@@ -4,6 +4,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Gil.h"
 #include "Native.h"
 
 namespace warp::python {
@@ -28,4 +29,5 @@ PYBIND11_MODULE(_native, m) {
   warp::python::bindGraph(m);
   warp::python::bindDlpack(m);
   warp::python::bindXlaFfi(m);
+  warp::python::watchExit(m);
 }

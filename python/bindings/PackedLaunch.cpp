@@ -9,6 +9,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Gil.h"
 #include "LaunchCall.h"
 
 #include <cstring>
@@ -137,7 +138,8 @@ void PackedLaunch::makePlan() {
     LaunchDim copiedDim = dim;
     unsigned before = version;
     {
-      py::gil_scoped_release unlocked;
+      warp::python::Unlocked unlocked;
+      warp::python::Compiling compiling;
       native().prepare(device, copiedDim, copy.data(), blockDim);
     }
     if (before == version)

@@ -7,6 +7,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Gil.h"
 #include "KernelObject.h"
 
 #include "warp/SavedModule.h"
@@ -32,7 +33,7 @@ static void saveModule(const std::string &path, const std::string &name,
   module.name = name;
   for (const auto &[object, savedName] : kernels) {
     Kernel &kernel = kernelOf(object);
-    py::gil_scoped_release unlocked;
+    warp::python::Unlocked unlocked;
     module.kernels.push_back(kernel.save(arch, device));
     module.kernels.back().name = savedName;
   }
@@ -68,7 +69,7 @@ static py::dict propertiesOf(const py::object &object, int device,
   Kernel &kernel = kernelOf(object);
   CudaProperties found;
   {
-    py::gil_scoped_release unlocked;
+    warp::python::Unlocked unlocked;
     found = kernel.cudaProperties(device, blockDim);
   }
   py::dict result;
@@ -89,7 +90,7 @@ void python::bindSavedModule(py::module_ &m) {
       "load_kernel",
       [](const py::object &object, int device, int blockDim) {
         Kernel &kernel = kernelOf(object);
-        py::gil_scoped_release unlocked;
+        warp::python::Unlocked unlocked;
         kernel.load(device, blockDim);
       },
       py::arg("kernel"), py::arg("device"), py::arg("block_dim") = 0,
@@ -103,7 +104,7 @@ void python::bindSavedModule(py::module_ &m) {
       "suggested_block",
       [](const py::object &object, int device) {
         Kernel &kernel = kernelOf(object);
-        py::gil_scoped_release unlocked;
+        warp::python::Unlocked unlocked;
         return kernel.suggestedBlock(device);
       },
       py::arg("kernel"), py::arg("device"));

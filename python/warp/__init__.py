@@ -135,6 +135,7 @@ from warp._src.errors import WarpCodegenKeyError as WarpCodegenKeyError
 from warp._src.errors import WarpCodegenOverflowError as WarpCodegenOverflowError
 from warp._src.errors import WarpCodegenTypeError as WarpCodegenTypeError
 from warp._src.errors import WarpCodegenValueError as WarpCodegenValueError
+from warp._src.errors import WarpDeterminismError as WarpDeterminismError
 from warp._src.errors import WarpError as WarpError
 from warp._src.errors import WarpLaunchError as WarpLaunchError
 from warp._src.interop.dlpack import from_dlpack as from_dlpack
@@ -158,6 +159,7 @@ from warp._src.kernels.aot import compile_aot_module as compile_aot_module
 from warp._src.kernels.aot import load_aot_module as load_aot_module
 from warp._src.kernels.function import Function as Function
 from warp._src.kernels.function import func as func
+from warp._src.kernels.function import func_native as func_native
 from warp._src.kernels.kernel import Kernel as Kernel
 from warp._src.kernels.kernel import kernel as kernel
 from warp._src.kernels.launch import Launch as Launch
@@ -177,6 +179,7 @@ from warp._src.kernels.tuning import get_cuda_supported_archs as get_cuda_suppor
 from warp._src.kernels.tuning import get_include as get_include
 from warp._src.kernels.tuning import get_suggested_block_size as get_suggested_block_size
 from warp._src.types import dtypes as _types
+from warp._src.types.annotations import fixedarray as fixedarray
 from warp._src.types.annotations import ref as ref
 from warp._src.types.constants import HALF_PI as HALF_PI
 from warp._src.types.constants import INF as INF

@@ -72,9 +72,41 @@ func.func @atomic_c3_bitwise(%a: !warp.array<1 x f32>, %x: f32, %i: si32) {
 
 // -----
 
-func.func @atomic_cas_c3(%a: !warp.array<1 x si16>, %x: si16, %i: si32) {
-  // expected-error@+1 {{(C3) expects numbers of 4 or 8 bytes, but got 'si16'}}
-  %0 = warp.atomic_cas %x, %x, %a[%i] : si16, si16, !warp.array<1 x si16>, si32 -> si16
+func.func @atomic_cas_c3(%a: !warp.array<1 x i1>, %x: i1, %i: si32) {
+  // expected-error@+1 {{(C3) expects numbers, but got 'i1'}}
+  %0 = warp.atomic_cas %x, %x, %a[%i] : i1, i1, !warp.array<1 x i1>, si32 -> i1
+  return
+}
+
+// -----
+
+func.func @array_at_c1(%p: ui64, %n: si32) {
+  // expected-error@+1 {{(C1) expects 2 extents for '!warp.array<2 x f32>', but got 1}}
+  %0 = warp.array_at %p[%n] : ui64, si32 -> !warp.array<2 x f32>
+  return
+}
+
+// -----
+
+func.func @stride_c1(%a: !warp.array<1 x f32>) {
+  // expected-error@+1 {{(C1) dimension 1 is out of range for '!warp.array<1 x f32>'}}
+  %0 = warp.stride %a, 1 : !warp.array<1 x f32> -> si32
+  return
+}
+
+// -----
+
+func.func @index_dim_c1(%a: !warp.array<2 x f32>, %i: si32) {
+  // expected-error@+1 {{(C1) dimension 2 is out of range for '!warp.array<2 x f32>'}}
+  %0 = warp.index_dim %a[%i] dim 2 : !warp.array<2 x f32>, si32 -> !warp.array<1 x f32>
+  return
+}
+
+// -----
+
+func.func @index_dim_c2(%a: !warp.array<2 x f32>, %i: si32) {
+  // expected-error@+1 {{(C2) expects an array of one dimension less than '!warp.array<2 x f32>', but got '!warp.array<2 x f32>'}}
+  %0 = warp.index_dim %a[%i] dim 1 : !warp.array<2 x f32>, si32 -> !warp.array<2 x f32>
   return
 }
 

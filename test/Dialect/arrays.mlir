@@ -72,6 +72,19 @@ func.func @threads(%x: f32, %c: i1) attributes {warp.kernel} {
   return
 }
 
+// CHECK-LABEL: func.func @addresses
+func.func @addresses(%a: !a3, %p: ui64, %n: si32) -> !warp.array<2 x f32> {
+  // CHECK: warp.pointer %{{.*}} : !warp.array<3 x f32> -> ui64
+  %0 = warp.pointer %a : !a3 -> ui64
+  // CHECK: warp.stride %{{.*}}, 2 : !warp.array<3 x f32> -> si32
+  %1 = warp.stride %a, 2 : !a3 -> si32
+  // CHECK: warp.array_at %{{.*}}[%{{.*}}] : ui64, si32 -> !warp.array<1 x f32>
+  %2 = warp.array_at %p[%n] : ui64, si32 -> !warp.array<1 x f32>
+  // CHECK: warp.index_dim %{{.*}}[%{{.*}}] dim 1 : !warp.array<3 x f32>, si32 -> !warp.array<2 x f32>
+  %3 = warp.index_dim %a[%n] dim 1 : !a3, si32 -> !warp.array<2 x f32>
+  return %3 : !warp.array<2 x f32>
+}
+
 // Thread IR: one operation for all components of an element.
 // CHECK-LABEL: func.func @thread_ir
 func.func @thread_ir(%a: !a1, %s: !warp.array<2 x !s>, %i: i32, %j: i64, %x: f32) {

@@ -40,6 +40,9 @@ static void followViews(Value array, Access &access) {
       leading.push_back(Forms().of(index));
     access.indices.insert(access.indices.begin(), leading.begin(),
                           leading.end());
+  } else if (auto view = dyn_cast<IndexDimOp>(op.getOperation())) {
+    access.indices.insert(access.indices.begin() + view.getDim(),
+                          IndexSum::of(view.getIndex()));
   } else if (auto slice = dyn_cast<SliceOp>(op.getOperation())) {
     access.indices[slice.getDim()] = std::nullopt;
   } else if (auto part = dyn_cast<ComponentViewOp>(op.getOperation())) {

@@ -121,11 +121,14 @@ std::optional<LogicalResult> CompositeLowering::lowerArrayOp(Operation *op) {
         operands.append(indicesOf(view.getIndices()));
         return keep(operands);
       })
+      .Case([&](IndexDimOp view) {
+        return keep({lookupOne(view.getArray()), getIndex(view.getIndex())});
+      })
       .Case([&](SliceOp slice) {
         return keep({lookupOne(slice.getArray()), getIndex(slice.getStart()),
                      getIndex(slice.getStop()), getIndex(slice.getStep())});
       })
-      .Case<DimOp, GradOp, TidOp, AssertOp>(
+      .Case<DimOp, StrideOp, PointerOp, ArrayAtOp, GradOp, TidOp, AssertOp>(
           [&](Operation *op) { return keep(lookup(op->getOperands())); })
       .Case([&](PrintfOp print) {
         return keep(llvm::map_to_vector(print.getArgs(), [&](Value x) {

@@ -72,8 +72,12 @@ private:
   mlir::Value clampBound(mlir::Value bound, mlir::Value low, mlir::Value high,
                          mlir::Value extent);
   void lowerSlice(SliceOp op);
+  void lowerIndexDim(IndexDimOp op);
   void lowerComponentView(ComponentViewOp op);
   void lowerDim(DimOp op);
+  void lowerStride(StrideOp op);
+  void lowerPointer(PointerOp op);
+  void lowerArrayAt(ArrayAtOp op);
   void lowerGrad(GradOp op);
   void lowerLoad(LoadComponentsOp op);
   void lowerStore(StoreComponentsOp op);

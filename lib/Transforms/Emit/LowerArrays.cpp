@@ -79,10 +79,18 @@ void ArrayLowering::lower(Operation *op) {
     lowerView(view);
   else if (auto slice = dyn_cast<SliceOp>(op))
     lowerSlice(slice);
+  else if (auto view = dyn_cast<IndexDimOp>(op))
+    lowerIndexDim(view);
   else if (auto view = dyn_cast<ComponentViewOp>(op))
     lowerComponentView(view);
   else if (auto dim = dyn_cast<DimOp>(op))
     lowerDim(dim);
+  else if (auto stride = dyn_cast<StrideOp>(op))
+    lowerStride(stride);
+  else if (auto pointer = dyn_cast<PointerOp>(op))
+    lowerPointer(pointer);
+  else if (auto array = dyn_cast<ArrayAtOp>(op))
+    lowerArrayAt(array);
   else if (auto grad = dyn_cast<GradOp>(op))
     lowerGrad(grad);
   else if (auto load = dyn_cast<LoadComponentsOp>(op))
@@ -219,6 +227,27 @@ void ArrayLowering::lowerDim(DimOp op) {
   mlir::Value extent = getParts(op.getArray()).shape[op.getDim()];
   op.getResult().replaceAllUsesWith(
       widen(extent, getSignless(op.getType())));
+}
+
+void ArrayLowering::lowerStride(StrideOp op) {
+  mlir::Value bytes = stride(getParts(op.getArray()), op.getDim());
+  op.getResult().replaceAllUsesWith(
+      arith::TruncIOp::create(b, loc, getSignless(op.getType()), bytes));
+}
+
+void ArrayLowering::lowerPointer(PointerOp op) {
+  op.getResult().replaceAllUsesWith(LLVM::PtrToIntOp::create(
+      b, loc, getSignless(op.getType()), getParts(op.getArray()).data));
+}
+
+void ArrayLowering::lowerArrayAt(ArrayAtOp op) {
+  ArrayParts parts;
+  parts.data = LLVM::IntToPtrOp::create(b, loc, dataPointer,
+                                        widen(op.getAddress(), i64));
+  for (mlir::Value extent : op.getExtents())
+    parts.shape.push_back(widen(extent, i32));
+  parts.unit = getByteSize(elementType(op));
+  known[op] = parts;
 }
 
 /// Extents and strides of the array with the descriptor's other pointer. Read

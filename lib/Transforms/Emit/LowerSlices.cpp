@@ -12,6 +12,7 @@
 #include "ArrayLowering.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/IR/Matchers.h"
 
 using namespace mlir;
@@ -87,6 +88,41 @@ void ArrayLowering::lowerSlice(SliceOp op) {
                        arith::MulIOp::create(b, loc, start, strides[dim]));
   strides[dim] = arith::MulIOp::create(
       b, loc, widen(op.getStep(), i64), strides[dim]);
+  parts.strides = strides;
+  parts.unit = 0;
+  known[op] = parts;
+}
+
+/// All elements of the others dimensions at one index; none if that is out of
+/// bounds, which a debugging launch reports.
+void ArrayLowering::lowerIndexDim(IndexDimOp op) {
+  ArrayParts parts = getParts(op.getArray());
+  int64_t dim = op.getDim(), rank = parts.shape.size();
+  SmallVector<mlir::Value, 4> strides;
+  for (int64_t d = 0; d < rank; ++d)
+    strides.push_back(stride(parts, d));
+  Address at;
+  at.indices.push_back(wrapIndex(op.getIndex(), parts.shape[dim]));
+  if (debug) {
+    mlir::Value index = at.indices.front();
+    at.inside = arith::CmpIOp::create(
+        b, loc, arith::CmpIPredicate::ult, index,
+        widen(parts.shape[dim], index.getType()));
+    auto check = scf::IfOp::create(b, loc, at.inside, /*withElseRegion=*/true);
+    OpBuilder::InsertionGuard insertion(b);
+    b.setInsertionPointToStart(check.elseBlock());
+    report(op->getLoc(), ReportKind::OutOfBounds, parts.name, at.indices,
+           parts.shape[dim]);
+  }
+  mlir::Value offset = arith::MulIOp::create(
+      b, loc, wideIndex(at.indices.front()), strides[dim]);
+  parts.data = advance(parts.data, offset);
+  parts.shape.erase(parts.shape.begin() + dim);
+  strides.erase(strides.begin() + dim);
+  if (at.inside)
+    for (mlir::Value &extent : parts.shape)
+      extent = arith::SelectOp::create(b, loc, at.inside, extent,
+                                       constant(i32, 0));
   parts.strides = strides;
   parts.unit = 0;
   known[op] = parts;

@@ -1,6 +1,7 @@
 """The implementation of the package. No module imports one that needs it, not even in functions.
 
     config, errors, version   settings, exceptions, who calls the package
+    forks         what a fork waits for
     types         scalars, vectors, matrices, structs, annotations; `native`: the compiler's types
     devices       devices, streams, memory, allocators, graphs, start of the runtime (`runtime`)
     arrays        `array`: the class, with views, operators, protocols, gradients, data, copies;
@@ -20,3 +21,20 @@ language's own functions use `language.namespace` in place of `warp`. Modules th
 (the front end before the first kernel, backward passes, `autograd`, `optim`) and other libraries
 are imported in functions.
 """
+
+import os
+
+# Names of the peer's private modules that public packages use are in one folder. They are found
+# under this package, as those packages spell them, and imported when somebody asks for them.
+__path__.append(os.path.join(__path__[0], "compat"))
+_COMPAT = frozenset(
+    ("build", "codegen", "context", "fabric", "lang", "logger", "thirdparty", "utils")
+)
+
+
+def __getattr__(name):
+    if name not in _COMPAT:
+        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+    import importlib
+
+    return importlib.import_module(f"{__name__}.{name}")

@@ -186,7 +186,12 @@ SETTINGS = {
         Setting("launch_array_access_mode", (int, str), "RELAXED", "reserved: overlap checks"),
         _inert("log_level", int, 30),
         _inert("enable_vector_component_overwrites", bool, False),
-        _inert("legacy_scalar_return_types", bool, False),
+        Setting(
+            "legacy_scalar_return_types",
+            bool,
+            False,
+            "components of vectors and matrices of any type are numbers of Python",
+        ),
         _inert("cuda_output", _MAYBE_STR, None),
         _inert("ptx_target_arch", _MAYBE_INT, None),
         _inert("cuda_arch_suffix", _MAYBE_STR, None),

@@ -25,6 +25,7 @@ class WarpError(RuntimeError):
         hint: what to do about it, when there is one answer.
         notes: further places or facts, one per line.
         source: text of the source line, when it cannot be read from `file`.
+        also: the words that NVIDIA Warp has for this error, which programs may look for.
     """
 
     def __init__(
@@ -38,6 +39,7 @@ class WarpError(RuntimeError):
         hint: str | None = None,
         notes: tuple[str, ...] = (),
         source: str | None = None,
+        also: str | None = None,
     ):
         super().__init__(message)
         self.message = message
@@ -48,6 +50,7 @@ class WarpError(RuntimeError):
         self.hint = hint
         self.notes = tuple(notes)
         self.source = source
+        self.also = also
 
     def __str__(self) -> str:
         return format_error(self)
@@ -114,8 +117,16 @@ class WarpIndexError(WarpError, IndexError):
     """An array is indexed out of its bounds."""
 
 
+class WarpKeyError(WarpError, KeyError, TypeError):
+    """A key that is no index."""
+
+
 class WarpTypeError(WarpError, TypeError):
     """Data of a type that cannot be used."""
+
+
+class WarpRowError(WarpTypeError, ValueError):
+    """A row of a matrix has more or fewer components."""
 
 
 class WarpOverflowError(WarpError, OverflowError):
@@ -174,7 +185,7 @@ def from_native(
 
 
 def format_error(error: WarpError) -> str:
-    """The text of an error: place, message, source line with caret, notes, hint."""
+    """The text of an error: place, message, source line with caret, notes, hint, other words."""
     place = error.file or ""
     if place and error.line:
         place += f":{error.line}"
@@ -191,6 +202,8 @@ def format_error(error: WarpError) -> str:
     lines += [f"note: {note}" for note in error.notes]
     if error.hint:
         lines.append(f"hint: {error.hint}")
+    if error.also:
+        lines.append(f"as Warp says: {error.also}")
     return "\n".join(lines)
 
 

@@ -183,9 +183,6 @@ def test_bad_declarations():
         def f(self):
             pass
 
-    class Default:
-        x: float = 1.0
-
     class Derived(Unknown):
         y: float
 
@@ -196,7 +193,6 @@ def test_bad_declarations():
         (Unknown, "field 'x' of struct 'Unknown'.*'str'"),
         (Open, "concrete type"),
         (Method, "method 'f'"),
-        (Default, "default value"),
         (Derived, "inherit"),
         (Reserved, "taken"),
     ):

@@ -16,7 +16,7 @@ from warp._src.arrays.allocation import allocate
 from warp._src.arrays.copies import assign, clone
 from warp._src.arrays.data import borrow, element_bytes, fill_from_data
 from warp._src.arrays.gradients import check_gradient_type, fitting_gradient, make_gradient
-from warp._src.arrays.layout import check_shape, element_type
+from warp._src.arrays.layout import bytes_of, check_shape, element_type
 from warp._src.arrays.observers import Observers, observed_fill
 from warp._src.arrays.operators import ArrayArithmetic
 from warp._src.arrays.protocols import ArrayProtocols
@@ -38,7 +38,7 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
             shape of `dtype` become part of the element.
         dtype: element type; by default that of `data`.
         shape: extents, at most 4; by default those of `data`.
-        strides: distance of neighbours along each dimension in bytes, for use with `ptr`.
+        strides: distance of neighbours along each dimension in bytes, without data.
         ptr: address of existing memory on `device`.
         capacity: bytes available at `ptr`.
         device: where the array lives.
@@ -109,7 +109,7 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
             index = devices.resolve_index(device)
             extents = check_shape(shape)
             if ptr is None:
-                allocate(self, extents, dtype, index, pinned)
+                allocate(self, extents, dtype, index, pinned, strides)
             else:
                 borrow(self, ptr, extents, strides, dtype, index, capacity, deleter)
         if ndim is not None and ndim != self.ndim:
@@ -177,8 +177,8 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
 
     @property
     def capacity(self) -> int:
-        """Size of the elements in bytes."""
-        return self.size * self.item_size
+        """Bytes from the first element to the end of the last."""
+        return bytes_of(self.shape, self.strides, self.item_size)
 
     def __len__(self):
         return self.shape[0] if self.ndim else 1

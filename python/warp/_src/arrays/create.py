@@ -23,6 +23,8 @@ def empty(
     length=None,
     n=None,
     grad_dtype=None,
+    strides=None,
+    ndim=None,
 ):
     """An array with undefined contents.
 
@@ -35,6 +37,8 @@ def empty(
         retain_grad: keep derivatives of intermediate results.
         length, n: extent of a one-dimensional array, instead of `shape`.
         grad_dtype: element type of the gradient, as for `wp.array`.
+        strides: bytes between neighbours along each dimension; packed if None.
+        ndim: number of dimensions, checked against `shape`.
 
     Raises:
         TypeError, ValueError: element type, shape or device cannot be used.
@@ -47,7 +51,10 @@ def empty(
         shape = length
     result = new_array(array)
     extents = check_shape(shape)
-    allocate(result, extents, element_type(dtype), devices.resolve_index(device), pinned)
+    if ndim is not None and ndim != len(extents):
+        raise ValueError(f"expects {ndim} dimensions, but got shape {extents}")
+    index = devices.resolve_index(device)
+    allocate(result, extents, element_type(dtype), index, pinned, strides)
     check_gradient_type(result.dtype, grad_dtype)
     if requires_grad:
         result.requires_grad = True
@@ -66,9 +73,12 @@ def zeros(
     length=None,
     n=None,
     grad_dtype=None,
+    **layout,
 ):
     """An array of zeros; arguments as for `empty`."""
-    result = empty(shape, dtype, device, requires_grad, pinned, retain_grad, length, n, grad_dtype)
+    result = empty(
+        shape, dtype, device, requires_grad, pinned, retain_grad, length, n, grad_dtype, **layout
+    )
     result.zero_()
     return result
 
@@ -83,9 +93,12 @@ def ones(
     length=None,
     n=None,
     grad_dtype=None,
+    **layout,
 ):
     """An array whose components are all one; arguments as for `empty`."""
-    return full(shape, 1, dtype, device, requires_grad, pinned, retain_grad, length, n, grad_dtype)
+    return full(
+        shape, 1, dtype, device, requires_grad, pinned, retain_grad, length, n, grad_dtype, **layout
+    )
 
 
 def full(
@@ -99,11 +112,14 @@ def full(
     length=None,
     n=None,
     grad_dtype=None,
+    **layout,
 ):
     """An array of equal elements; the element type is by default that of `value`."""
     if dtype is None:
         dtype = _type_of_value(value)
-    result = empty(shape, dtype, device, requires_grad, pinned, retain_grad, length, n, grad_dtype)
+    result = empty(
+        shape, dtype, device, requires_grad, pinned, retain_grad, length, n, grad_dtype, **layout
+    )
     result.fill_(value)
     return result
 

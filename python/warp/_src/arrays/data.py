@@ -13,7 +13,7 @@ import math
 from warp import _native
 from warp._src import errors
 from warp._src.arrays.allocation import allocate, new_array
-from warp._src.arrays.layout import check_shape, type_id
+from warp._src.arrays.layout import bytes_of, check_shape, check_strides, type_id
 from warp._src.devices import devices
 from warp._src.interop import exchange
 from warp._src.types import dtypes, scalars
@@ -29,7 +29,8 @@ def fill_from_data(target, data, dtype, shape, device, pinned, copy) -> None:
         return
     index = devices.resolve_index(device)
     interface = getattr(data, "__cuda_array_interface__", None)
-    if interface is not None:
+    on_host = index == devices.CPU and hasattr(data, "__array_interface__")
+    if interface is not None and not on_host:
         _from_cuda(target, data, interface, dtype, shape, device, pinned, copy)
         return
     source, dtype = to_numpy(data, dtype)
@@ -78,7 +79,8 @@ def to_numpy(data, dtype):
     if source.dtype.kind not in "biuf" and source.dtype.name != "bfloat16":
         raise errors.WarpTypeError(f"expects numbers as data, but got '{source.dtype}'")
     if source.ndim == 0:
-        raise errors.WarpTypeError(f"expects a sequence or an array as data, but got {data!r}")
+        # NumPy's own arrays of one number; a plain number is refused above.
+        source = source.reshape(1)
     if dtype is None:
         dtype = dtype_from_numpy(source.dtype)
     return source, dtype
@@ -156,6 +158,8 @@ def element_shape(source, dtype):
         return source.shape[: -len(inner) - 1]
     if source.ndim == 1 and source.size % length == 0:
         return (source.size // length,)
+    if source.ndim > 1 and source.shape[-1] % length == 0:
+        return (*source.shape[:-1], source.shape[-1] // length)
     raise errors.WarpShapeError(
         f"expects inner dimensions {inner} for elements of type '{dtypes.type_repr(dtype)}', "
         f"but got shape {source.shape}"
@@ -292,13 +296,8 @@ def borrow(target, ptr, extents, strides, dtype, index, capacity, deleter, owner
     if strides is None:
         needed = item_size * math.prod(extents)
     else:
-        strides = (strides,) if hasattr(strides, "__index__") else tuple(strides)
-        if len(strides) != len(extents):
-            raise errors.WarpShapeError(
-                f"expects {len(extents)} strides for shape {extents}, but got {len(strides)}"
-            )
-        spans = (stride * (extent - 1) for extent, stride in zip(extents, strides, strict=True))
-        needed = item_size + sum(spans) if math.prod(extents) else 0
+        strides = check_strides(strides, extents)
+        needed = bytes_of(extents, strides, item_size)
     if capacity is not None and capacity < needed:
         raise errors.WarpShapeError(f"expects a capacity of {needed} bytes, but got {capacity}")
     if deleter is not None:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import math
+import operator
+
 from warp import _native
+from warp._src import errors
 from warp._src.types import dtypes
 
 MAX_EXTENT = 2**31 - 1
@@ -36,7 +40,10 @@ def check_shape(shape) -> tuple:
     """
     if shape is None:
         raise ValueError("expects a `shape`")
-    extents = (shape,) if hasattr(shape, "__index__") else tuple(shape)
+    try:
+        extents = (operator.index(shape),)
+    except TypeError:
+        extents = tuple(shape)
     if not 1 <= len(extents) <= 4:
         raise ValueError(f"expects 1 to 4 dimensions, but got {len(extents)}")
     try:
@@ -45,12 +52,48 @@ def check_shape(shape) -> tuple:
         raise TypeError(f"expects integers as extents, but got {shape!r}") from None
     for axis, extent in enumerate(extents):
         if extent < 0:
-            raise ValueError(f"expects extents of at least 0, but got {extent} in dimension {axis}")
+            raise errors.WarpShapeError(
+                f"expects extents of at least 0, but got {extent} in dimension {axis}",
+                also="Array shapes must be non-negative",
+            )
         if extent > MAX_EXTENT:
             raise ValueError(
                 f"expects extents of at most {MAX_EXTENT}, but got {extent} in dimension {axis}"
             )
     return extents
+
+
+def check_strides(strides, extents) -> tuple:
+    """Byte strides of an array as a tuple, one for each extent.
+
+    Raises:
+        ValueError: there are more or fewer.
+        NotImplementedError: one is negative.
+    """
+    try:
+        strides = (operator.index(strides),)
+    except TypeError:
+        strides = tuple(int(stride) for stride in strides)
+    if len(strides) != len(extents):
+        raise errors.WarpShapeError(
+            f"expects {len(extents)} strides for shape {extents}, but got {len(strides)}",
+            also=f"Invalid number of strides, expected {len(extents)} strides, got {len(strides)}",
+        )
+    if min(strides) < 0:
+        raise NotImplementedError(
+            f"Negative strides are not supported, but got {strides}: give the address of the last "
+            "element as `ptr`, or reverse a view"
+        )
+    return strides
+
+
+def bytes_of(extents, strides, item_size) -> int:
+    """Bytes from the first element of an array to the end of its last."""
+    count = math.prod(extents)
+    if not count or strides is None:
+        return count * item_size
+    spans = (stride * (extent - 1) for extent, stride in zip(extents, strides, strict=True))
+    return item_size + sum(spans)
 
 
 def type_id(dtype) -> int:

@@ -134,7 +134,9 @@ class ArrayViews:
                 extents[extents.index(-1)] = self.size // rest
         if -1 in extents or math.prod(check_shape(extents)) != self.size:
             raise errors.WarpShapeError(
-                f"cannot reshape an array of shape {self.shape} into {_shown(shape)}"
+                f"cannot reshape an array of shape {self.shape} into {_shown(shape)}",
+                also=f"cannot reshape array of shape {self.shape} (size {self.size}) into shape "
+                f"{tuple(extents)} (size {math.prod(extents)})",
             )
         if not self.is_contiguous:
             raise errors.WarpShapeError(
@@ -184,10 +186,11 @@ class ArrayViews:
             elif taken and self._inner_packed(taken) and self.item_size * math.prod(taken) == size:
                 del shape[-len(taken) :], strides[-len(taken) :]
             else:
-                raise TypeError(
+                raise errors.WarpTypeError(
                     f"cannot view elements of type '{dtypes.type_repr(self.dtype)}' "
                     f"({self.item_size} bytes) with shape {self.shape} as "
-                    f"'{dtypes.type_repr(dtype)}' ({size} bytes)"
+                    f"'{dtypes.type_repr(dtype)}' ({size} bytes)",
+                    also=self._view_words(dtype),
                 )
         if not 1 <= len(shape) <= 4:
             raise errors.WarpShapeError(f"expects 1 to 4 dimensions, but got {len(shape)}")
@@ -198,6 +201,24 @@ class ArrayViews:
                 return view
             dtype = gradient_type(dtype)
         return self._with_grad(view, lambda grad: grad.view(dtype))
+
+    def _view_words(self, dtype) -> str:
+        """How NVIDIA Warp says that sizes do not fit."""
+        ours, other = dtypes.type_scalar_type(self.dtype), dtypes.type_scalar_type(dtype)
+        source, target = f"source dtype has size {self.item_size} bytes", "target dtype has size"
+        size = dtypes.type_size_in_bytes(dtype)
+        if ours is not self.dtype and other is dtype:
+            size_ours = dtypes.type_size_in_bytes(ours)
+            source = f"source scalar dtype {ours.__name__} has size {size_ours} bytes"
+        elif ours is self.dtype and other is not dtype:
+            target, size = (
+                f"target scalar dtype {other.__name__} has size",
+                dtypes.type_size_in_bytes(other),
+            )
+        return (
+            f"cannot create an array view with dtype {dtypes.type_repr(dtype)} from source dtype "
+            f"{dtypes.type_repr(self.dtype)}: {source}, but {target} {size} bytes"
+        )
 
     def _inner_packed(self, inner) -> bool:
         """Whether the last dimensions have these extents and lie packed."""
@@ -235,7 +256,11 @@ def _resolve_slice(key, extent, axis):
     """First index, number of indices and step of a slice."""
     step = 1 if key.step is None else key.step.__index__()
     if step <= 0:
-        raise errors.WarpIndexError(f"expects a positive step in a slice, but got {step}")
+        kind = errors.WarpShapeError if step == 0 else errors.WarpIndexError
+        raise kind(
+            f"expects a positive step in a slice, but got {step}",
+            also="slice step cannot be zero" if step == 0 else None,
+        )
     bounds = []
     for bound, default in ((key.start, 0), (key.stop, extent)):
         bound = default if bound is None else bound.__index__()

@@ -161,6 +161,8 @@ def can_access(device, resource) -> bool:
 
 def memory_kind(array) -> MemoryKind:
     """What kind of memory backs an array."""
+    if array.device_index < 0 and not array.pinned:
+        return MemoryKind.HOST
     return MemoryKind(_native.memory_kind(array.device_index, array.ptr or 0))
 
 

@@ -9,7 +9,7 @@ import types as python_types
 from warp._src import errors
 from warp._src.derivatives.functions import adjoint
 from warp._src.frontend import names
-from warp._src.frontend.context import INT32, Part, Value
+from warp._src.frontend.context import INT32, LocalArray, Part, Value
 from warp._src.frontend.indexed import array_of
 from warp._src.frontend.names import BuiltinRef
 from warp._src.types import dtypes
@@ -17,10 +17,13 @@ from warp._src.types import dtypes
 COMPONENTS = {"x": 0, "y": 1, "z": 2, "w": 3}
 # What to do without attributes that arrays have in Python only.
 _OF_ARRAYS = {
-    "ptr": "pass the array itself, or a view of it",
-    "strides": "index the array, or pass the numbers as arguments",
     "grad": "pass the gradient as an argument of its own",
 }
+
+
+def is_shape(node) -> bool:
+    """Whether an expression is written as `a.shape`."""
+    return isinstance(node, ast.Attribute) and node.attr == "shape"
 
 
 def places_of(selections) -> list[list]:
@@ -42,7 +45,12 @@ class Access(Part):
 
     def enum_member(self, node):
         """The member that `Class.NAME` stands for, which `expr` would turn into its value."""
-        if not isinstance(node, ast.Attribute) or not isinstance(node.value, ast.Name):
+        if not isinstance(node, ast.Attribute):
+            return None
+        root = node.value
+        while isinstance(root, ast.Attribute):
+            root = root.value
+        if not isinstance(root, ast.Name) or type(self.context.env.get(root.id)) is Value:
             return None
         owner = self.context.expressions.expr(node.value)
         if isinstance(owner, type) and issubclass(owner, enum.Enum):
@@ -56,6 +64,8 @@ class Access(Part):
             return self.context.capture(
                 names.module_attribute(self.context, base, name, node), node
             )
+        if type(base) is LocalArray:
+            return self.context.local_arrays.attribute(base, name, node)
         if isinstance(base, (tuple, BuiltinRef)):
             raise self.no_attribute(base, name, node)
         if isinstance(base, dtypes.Composite):
@@ -72,6 +82,7 @@ class Access(Part):
                 node,
                 f"{names.describe(base)} has no attribute '{name}'",
                 kind=errors.WarpCodegenAttributeError,
+                also=f"`{name}` is not an attribute of '{base}'",
             ) from None
 
     @staticmethod
@@ -97,6 +108,10 @@ class Access(Part):
                 return dtypes.dtype_of(array.element)
             if name == "size":
                 return self.array_size(base, node)
+            if name == "strides" and kind == "array":
+                return tuple([self.builder.stride(base, axis) for axis in range(array.rank)])
+            if name == "ptr" and kind == "array":
+                return self.builder.pointer(base)
         if kind in ("vec", "quat") and name in COMPONENTS:
             index = COMPONENTS[name]
             if index < (native.shape[0] if kind == "vec" else 4):
@@ -119,6 +134,10 @@ class Access(Part):
             f"'{self.context.type_name(base)}' has no attribute '{name}'",
             _OF_ARRAYS.get(name) if is_array else None,
             errors.WarpCodegenAttributeError,
+            also=f"`{name}` is not an attribute of '{ast.unparse(node.value)}' "
+            f"({self.context.type_name(base)})"
+            if isinstance(node, ast.Attribute)
+            else None,
         )
 
     def array_size(self, array, node):
@@ -130,7 +149,7 @@ class Access(Part):
     def expr_Subscript(self, node):
         base = self.context.expressions.expr(node.value)
         if isinstance(base, type) or (
-            type(base) is not Value and not isinstance(base, (tuple, dtypes.Composite))
+            type(base) is not Value and not isinstance(base, (tuple, dtypes.Composite, LocalArray))
         ):
             return self.static_subscript(base, node)
         return self.subscript(base, node.slice, node)
@@ -147,6 +166,7 @@ class Access(Part):
                 node,
                 f"{names.describe(base)} cannot be indexed in a kernel",
                 "pass an array, or use a tuple of constants",
+                also=names.external_words(base),
             )
         index = self.context.expressions.expr(node.slice)
         try:
@@ -158,7 +178,12 @@ class Access(Part):
 
     def subscript(self, base, index, node):
         if type(base) is tuple:
+            if is_shape(node.value) and self.is_missing_axis(base, index):
+                return 0
             return self.tuple_item(base, index, node)
+        if type(base) is LocalArray:
+            items = index.elts if isinstance(index, ast.Tuple) else [index]
+            return self.context.local_arrays.subscript(base, items, node)
         if isinstance(base, dtypes.Composite):
             base = self.context.materialize(base, node)
         items = index.elts if isinstance(index, ast.Tuple) else [index]
@@ -172,6 +197,14 @@ class Access(Part):
             self.context.at(node)
             return self.builder.extract(base, indices)
         raise self.context.type_error(node, f"'{self.context.type_name(base)}' cannot be indexed")
+
+    def is_missing_axis(self, shape, index):
+        """Whether `a.shape[k]` asks for a dimension, up to the fourth, that the array lacks."""
+        if isinstance(index, ast.Slice):
+            return False
+        known = self.context.expressions.expr(index)
+        known = known.constant() if type(known) is Value else getattr(known, "value", known)
+        return isinstance(known, int) and len(shape) <= known < 4
 
     def index(self, node):
         """An index as an SSA value; its type is checked by the builder."""
@@ -231,7 +264,7 @@ class Access(Part):
         return self.builder.view(array, indices)
 
     def array_slice(self, array, items, node):
-        """Leading plain indices, then slices."""
+        """Slices, and plain indices, which leave their dimension out."""
         if array.type.kind == "struct":
             raise self.context.unsupported(
                 node, "a slice of an indexed array", "slice the array behind it"
@@ -243,12 +276,13 @@ class Access(Part):
         self.context.at(node)
         if leading:
             array = self.builder.view(array, leading)
-        for axis, item in enumerate(items[plain:]):
-            if not isinstance(item, ast.Slice):
-                raise self.context.unsupported(
-                    item, "a plain index after a slice", "index first, then slice"
-                )
-            array = self.builder.slice(array, axis, *self.slice_bounds(item, node))
+        axis = 0
+        for item in items[plain:]:
+            if isinstance(item, ast.Slice):
+                array = self.builder.slice(array, axis, *self.slice_bounds(item, node))
+                axis += 1
+            else:
+                array = self.builder.index_dim(array, axis, self.index(item))
         return array
 
     def slice_bounds(self, item, node) -> list:
@@ -262,7 +296,7 @@ class Access(Part):
             return bounds
         step = bounds[2].constant()
         if step == 0:
-            raise self.context.error(item, "slice step is zero", kind=errors.WarpCodegenValueError)
+            raise self.zero_step(item)
         ends = [self.builder.constant(INT32, end) for end in (0, 2**31 - 1, -(2**31))]
         for i in range(2):
             if bounds[i] is not None:
@@ -277,6 +311,14 @@ class Access(Part):
                 )
         return bounds
 
+    def zero_step(self, node):
+        return self.context.error(
+            node,
+            "slice step is zero",
+            kind=errors.WarpCodegenValueError,
+            also="Slice step cannot be zero",
+        )
+
     def slice_range(self, item, extent, node) -> range:
         """Positions selected by a constant slice or index of a composite."""
         what = "the bound of a vector's slice"
@@ -285,7 +327,7 @@ class Access(Part):
             for part in (item.lower, item.upper, item.step)
         ]
         if bounds[2] == 0:
-            raise self.context.error(node, "slice step is zero", kind=errors.WarpCodegenValueError)
+            raise self.zero_step(node)
         return range(extent)[slice(*bounds)]
 
     def selections(self, native, items, node):
@@ -330,55 +372,3 @@ class Access(Part):
         shape = "x".join(map(str, lengths))
         family = "vec" if len(lengths) == 1 else "mat"
         return type(element).parse(f"!warp.{family}<{shape} x {element}>")
-
-    def spread(self, node):
-        """Bindings of a starred expression."""
-        if isinstance(node.value, ast.Subscript) and isinstance(node.value.slice, ast.Slice):
-            base = self.context.expressions.expr(node.value.value)
-            if type(base) is Value and base.type.kind == "array":
-                return self.spread_array(base, node.value.slice, node)
-            binding = self.subscript(base, node.value.slice, node.value)
-        else:
-            binding = self.context.expressions.expr(node.value)
-        if type(binding) is tuple:
-            return binding
-        if isinstance(binding, dtypes.Composite):
-            binding = self.context.materialize(binding, node)
-        if type(binding) is Value and binding.type.kind == "array":
-            raise self.context.type_error(
-                node,
-                "the elements that `*` takes from an array must be known at compile time",
-                "write `*a[0:3]`",
-            )
-        if type(binding) is Value and binding.type.kind in ("vec", "quat", "transform"):
-            native = binding.type
-            count = {"quat": 4, "transform": 7}.get(native.kind) or native.shape[0]
-            self.context.at(node)
-            indices = [self.builder.constant(INT32, i) for i in range(count)]
-            return tuple([self.builder.extract(binding, [index]) for index in indices])
-        if type(binding) is Value and binding.type.kind == "mat":
-            self.context.at(node)
-            rows = [self.builder.constant(INT32, i) for i in range(binding.type.shape[0])]
-            return tuple([self.builder.extract(binding, [row]) for row in rows])
-        raise self.context.type_error(
-            node,
-            f"expects a tuple or vector after `*`, but got '{self.context.type_name(binding)}'",
-        )
-
-    def spread_array(self, array, item, node):
-        """The elements of `*a[0:3]`: loads, or views of an array of several dimensions."""
-        bounds = [
-            default if part is None else self.constant_int(part, "the bound of `*a[i:j]`")
-            for part, default in ((item.lower, 0), (item.upper, None), (item.step, 1))
-        ]
-        low, high, step = bounds
-        if high is None or low < 0 or high < 0 or step <= 0:
-            raise self.context.error(
-                node,
-                "`*` of a part of an array expects bounds of at least 0 and an end",
-                "write `*a[0:3]`",
-                errors.WarpCodegenValueError,
-            )
-        self.context.at(node)
-        read = self.builder.load if array.type.rank == 1 else self.builder.view
-        return tuple([read(array, [self.builder.constant(INT32, i)]) for i in range(*bounds)])

@@ -8,7 +8,7 @@ there: that of the enclosing loop's last iteration, or zero.
 from __future__ import annotations
 
 from warp._src import errors
-from warp._src.frontend.context import Part, Value
+from warp._src.frontend.context import LocalArray, Part, Value
 from warp._src.frontend.control import RESULT, Flag, If, Loop, Return, Simple
 
 _MISSING = object()
@@ -114,7 +114,7 @@ class Branches(Part):
     @staticmethod
     def same_constant(left, right):
         kind = type(left)
-        if kind is not type(right) or kind is Value or kind is tuple:
+        if kind is not type(right) or kind in (Value, tuple, LocalArray):
             return False
         try:
             return bool(left == right)
@@ -215,7 +215,8 @@ class Branches(Part):
         return self.context.unflatten(shape, iter(olds))
 
     def zero(self, native, name, syntax):
-        if native.kind == "array" or self.has_array(native):
+        """What a name holds that nothing was assigned to; a struct of it has null arrays."""
+        if native.kind == "array":
             raise self.context.error(
                 syntax,
                 f"'{name}' is not assigned on every path",
@@ -223,8 +224,3 @@ class Branches(Part):
                 errors.WarpCodegenKeyError,
             )
         return self.builder.zero(native)
-
-    def has_array(self, native):
-        if native.kind != "struct":
-            return native.kind == "array"
-        return any(self.has_array(field) for _, field in native.fields)

@@ -9,6 +9,7 @@ from warp._src import errors
 from warp._src.frontend.context import Session, Value
 from warp._src.frontend.control import plan_of
 from warp._src.frontend.functions import Overload, fits_native
+from warp._src.frontend.source import source_of, transformed
 from warp._src.frontend.translator import Translator
 from warp._src.frontend.updates import updated_arguments
 from warp._src.types import dtypes
@@ -28,12 +29,17 @@ def build_kernel(kernel, arguments=None):
         WarpCodegenError: the function cannot be translated; says where and why.
     """
     limit = kernel.option("max_unroll")
-    return build_function(kernel.func, kernel.key, arguments, 16 if limit is None else limit)
+    source = None
+    if kernel.code_transformers:
+        source = transformed(source_of(kernel.func), kernel.code_transformers)
+    return build_function(
+        kernel.func, kernel.key, arguments, 16 if limit is None else limit, source
+    )
 
 
-def build_function(function, name, arguments=None, max_unroll=16):
-    """Translates a Python function as a kernel of that name."""
-    builder = _translate(function, name, arguments, max_unroll).builder
+def build_function(function, name, arguments=None, max_unroll=16, source=None):
+    """Translates a Python function, or another source in its place, as a kernel of that name."""
+    builder = _translate(function, name, arguments, max_unroll, source).builder
     builder.end_function([])
     return builder.finish()
 
@@ -56,15 +62,14 @@ def types_of_local(function, name, local) -> list:
     return natives
 
 
-def _translate(function, name, arguments, max_unroll):
+def _translate(function, name, arguments, max_unroll, source=None):
     """The translator at the end of the function's body."""
-    overload = Overload(function)
+    overload = Overload(function, source)
     source = overload.source
     natives = _parameter_types(overload, name, arguments)
     builder = _native.Builder(symbol_name(name))
     session = Session(builder, max_unroll)
     session.active.append(overload)
-    plan_of(source, updated_arguments(function, builder.inout_arguments))
     translator = Translator(session, function, source, True)
     translator.at(source.tree)
     parameters = [parameter.name for parameter in overload.parameters]
@@ -74,6 +79,9 @@ def _translate(function, name, arguments, max_unroll):
         translator.env[parameter] = value
         translator.lines[parameter] = source.line(source.tree)
     try:
+        if overload.declares_result:
+            raise translator.statements.kernel_returns(source.tree.returns or source.tree)
+        plan_of(source, updated_arguments(function, builder.inout_arguments))
         translator.statements.body()
     except errors.WarpError as problem:
         raise translator.locate(problem) from problem.__cause__

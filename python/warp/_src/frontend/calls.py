@@ -17,7 +17,7 @@ from warp._src.frontend.context import Part, Value
 from warp._src.frontend.indexed import array_of
 from warp._src.frontend.names import BuiltinRef
 from warp._src.frontend.updates import references_of
-from warp._src.kernels.function import Function
+from warp._src.kernels.function import Function, NativeFunction
 from warp._src.language.builtins import lookup
 from warp._src.language.public import LIBRARY_NAMES
 from warp._src.types import dtypes
@@ -63,6 +63,12 @@ class Calls(Part):
             return self.call_builtin(function.name, node)
         if isinstance(function, type):
             return self.context.constructors.call_type(function, node)
+        if isinstance(function, NativeFunction):
+            raise self.context.unsupported(
+                node,
+                f"the native code of '{function.key}'",
+                "write the function in Python with `@wp.func`",
+            )
         if isinstance(function, Function):
             references = references_of(function)
             if references:
@@ -163,7 +169,15 @@ class Calls(Part):
         """Calls a builtin; what it updates is written back to the arguments at `places`."""
         values = [self.context.materialize(argument, node) for argument in arguments]
         self.context.at(node)
-        results, updated = self.builder.builtin(name, values)
+        try:
+            results, updated = self.builder.builtin(name, values)
+        except errors.WarpCodegenTypeError as problem:
+            shown = [value.type.python_name for value in values]
+            problem.also = (
+                f"Couldn't find function overload for '{name}' that matched inputs with types: "
+                f"[{', '.join(shown)}]. Input types must be exactly the same, got {shown}"
+            )
+            raise
         for position, value in updated:
             # The result of a call is nobody's variable: its new value is dropped.
             if position < len(places) and not isinstance(places[position], ast.Call):
@@ -244,7 +258,35 @@ class Calls(Part):
         except errors.WarpError:
             raise
         except Exception as problem:
-            raise self.context.error(node, f"static expression failed: {problem}") from problem
+            raise self.context.error(
+                node,
+                f"static expression failed: {problem}",
+                also=f"Error evaluating static expression: {problem}. Make sure all variables "
+                "used in the static expression are constant.",
+            ) from problem
+
+    def builtin_address_of(self, node):
+        """`address_of(a[i])`: where an element of an array, or a part of it, lies."""
+        if len(node.args) != 1 or node.keywords:
+            raise self.context.type_error(node, "'address_of' expects an element of an array")
+        slot = self.context.targets.slot(node.args[0])
+        if slot.array is None:
+            raise self.context.type_error(
+                node,
+                "'address_of' expects an element of an array; variables have no address",
+                "put the value into an array",
+            )
+        part = self.context.targets.slot_view(slot)
+        self.context.at(node)
+        for axis, index in enumerate(slot.indices):
+            part = self.builder.slice(part, axis, index, None, None)
+        return self.builder.pointer(part)
+
+    def builtin_select(self, node):
+        """`select(condition, if_false, if_true)`, the older spelling of `where`."""
+        condition, no, yes = self.context.constructors.exactly(node, 3, "select")
+        condition = self.context.expressions.truth(condition, node.args[0])
+        return self.apply_builtin("where", [condition, yes, no], node)
 
     def builtin_cast(self, node):
         value, target = self.context.constructors.exactly(node, 2, "cast")

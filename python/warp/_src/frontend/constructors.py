@@ -5,8 +5,10 @@ from __future__ import annotations
 import ast
 import builtins
 
+from warp._src import errors
 from warp._src.frontend import names
 from warp._src.frontend.context import BOOL, FLOAT32, INT32, Part, Value
+from warp._src.frontend.local_arrays import LocalPointer
 from warp._src.types import dtypes
 
 _MISUSED = {range: "a range outside `for`", reversed: "`reversed` outside `for`"}
@@ -20,7 +22,7 @@ class Constructors(Part):
         positional = []
         for argument in node.args:
             if isinstance(argument, ast.Starred):
-                positional += self.context.access.spread(argument)
+                positional += self.context.spreads.spread(argument)
             else:
                 positional.append(self.context.expressions.expr(argument))
         keywords = {}
@@ -63,6 +65,8 @@ class Constructors(Part):
             return binding
         if dtypes.is_struct(kind):
             return self.call_struct(kind, node)
+        if dtypes.type_is_array(kind):
+            return self.array_at(node)
         if dtypes.type_is_composite(kind):
             if kind._length_ == 0 and not node.args and not node.keywords:
                 return kind()
@@ -91,10 +95,11 @@ class Constructors(Part):
         if isinstance(binding, dtypes.scalar_base):
             binding = binding.value
         if type(binding) in (int, float, builtins.bool):
-            unsigned = type(binding) is int and native.kind == "int" and not native.signed
-            if unsigned and -(1 << (native.width - 1)) <= binding < 0:
-                # The bits of a negative number, as the conversion of a variable takes them.
-                binding += 1 << native.width
+            if type(binding) is int and native.kind == "int":
+                # What is converted in so many words keeps its low bits, as a variable does.
+                binding &= (1 << native.width) - 1
+                if native.signed and binding >> (native.width - 1):
+                    binding -= 1 << native.width
             self.context.at(node)
             return self.builder.constant(native, binding)
         value = self.context.materialize(binding, node.args[0])
@@ -117,20 +122,77 @@ class Constructors(Part):
                 self.context.at(node)
                 values.append(self.builder.constant(element, argument))
             else:
-                values.append(self.context.materialize(argument, node))
+                values.append(self.constant_component(argument, element, node))
         self.context.at(node)
         if native.kind == "transform" and [value.type.shape for value in values] == [[3]]:
             unit = type(element).parse(f"!warp.quat<{element}>")
             values.append(self.construct(unit, [0, 0, 0, 1], {}, node))
         if len(values) == 1 and values[0].type.kind == native.kind and values[0].type != native:
-            return self.builder.cast(values[0], native)
+            try:
+                return self.builder.cast(values[0], native)
+            except errors.WarpCodegenError as problem:
+                if native.kind in ("vec", "mat"):
+                    problem.also = self.copy_words(native, values[0].type)
+                raise
         if native.kind == "mat" and len(values) > 1 and values[0].type.kind == "vec":
             raise self.context.type_error(
                 node,
                 f"'{native.python_name}' cannot be made from vectors",
                 "use `wp.matrix_from_rows(...)` or `wp.matrix_from_cols(...)`",
             )
-        return self.builder.construct(native, values)
+        try:
+            return self.builder.construct(native, values)
+        except errors.WarpCodegenError as problem:
+            problem.also = self.construct_words(native, values)
+            raise
+
+    def constant_component(self, argument, element, node):
+        """A component; a constant held by a variable is converted like the literal it was."""
+        value = self.context.materialize(argument, node)
+        if value.type != element and value.type in (INT32, FLOAT32):
+            known = value.constant()
+            if known is not None and element.kind in ("int", "float"):
+                if element.kind == "float" or value.type == INT32:
+                    self.context.at(node)
+                    return self.builder.constant(element, known)
+        return value
+
+    def construct_words(self, native, values):
+        """How NVIDIA Warp says that a composite cannot be made of values."""
+        family = {"vec": "vector", "mat": "matrix", "quat": "quaternion"}.get(
+            native.kind, "transformation"
+        )
+        shape = tuple(native.shape)
+        of_shape = f"{family} of shape {shape}" if family == "matrix" else family
+        if family == "vector":
+            of_shape = f"vector of length {shape[0]}"
+        if len(values) == 1 and values[0].type.kind == native.kind:
+            return self.copy_words(native, values[0].type)
+        others = [value.type for value in values if value.type != native.element]
+        if others and all(other.kind in ("bool", "int", "float") for other in others):
+            if len(values) == 1:
+                return (
+                    f"the value used to fill this {family} is expected to be of the type "
+                    f"`{native.element.python_name}`"
+                )
+            return (
+                f"all values used to initialize this {family} are expected to be of the type "
+                f"`{native.element.python_name}`"
+            )
+        return f"incompatible number of values given ({len(values)}) when constructing a {of_shape}"
+
+    @staticmethod
+    def copy_words(native, given):
+        """How NVIDIA Warp says that one composite cannot be made from another."""
+        if native.kind == "vec":
+            return (
+                f"incompatible vector of length {given.shape[0]} given when copy constructing a "
+                f"vector of length {native.shape[0]}"
+            )
+        return (
+            f"incompatible matrix of shape {tuple(given.shape)} given when copy constructing a "
+            f"matrix of shape {tuple(native.shape)}"
+        )
 
     def composite_keywords(self, native, keywords, node):
         orders = {
@@ -176,9 +238,38 @@ class Constructors(Part):
             if name in given:
                 values.append(self.context.materialize(given[name], node))
             else:
-                values.append(self.context.branches.zero(field, name, node))
+                self.context.at(node)
+                values.append(self.builder.zero(field))
         self.context.at(node)
         return self.builder.struct_create(native, values)
+
+    def array_at(self, node):
+        """`wp.array(ptr=..., shape=..., dtype=...)`: a packed array at an address."""
+        arguments, keywords = self.arguments(node)
+        if arguments or set(keywords) != {"ptr", "shape", "dtype"}:
+            raise self.context.type_error(
+                node, "an array in a kernel is made of `ptr`, `shape` and `dtype`, by name"
+            )
+        shape = keywords["shape"]
+        element = self.native(keywords["dtype"], node)
+        if isinstance(keywords["ptr"], LocalPointer):
+            array = keywords["ptr"].array
+            return self.context.local_arrays.reinterpreted(array, shape, element, node)
+        extents = [
+            self.context.materialize(extent, node)
+            for extent in (shape if type(shape) is tuple else (shape,))
+        ]
+        address = self.convert(keywords["ptr"], node)
+        native = type(element).parse(f"!warp.array<{len(extents)} x {element}>")
+        self.context.at(node)
+        return self.builder.array_at(native, address, extents)
+
+    def convert(self, binding, node):
+        """An address, which may be a number known at compile time."""
+        if isinstance(binding, int):
+            self.context.at(node)
+            return self.builder.constant(self.native(dtypes.uint64, node), binding)
+        return self.context.materialize(binding, node)
 
     # Constructors by builtin name.
 
@@ -187,7 +278,11 @@ class Constructors(Part):
         length, dtype = keywords.pop("length", None), keywords.pop("dtype", None)
         element = self.component_type(arguments, dtype, node)
         if length is None and not arguments:
-            raise self.context.type_error(node, "vector expects components or `length`")
+            raise self.context.type_error(
+                node,
+                "vector expects components or `length`",
+                also="the `length` argument must be specified when zero-initializing a vector",
+            )
         if length is None:
             length = sum(
                 part.type.shape[0] if type(part) is Value and part.type.kind == "vec" else 1
@@ -205,6 +300,16 @@ class Constructors(Part):
             raise self.context.type_error(node, "matrix expects components or `shape`")
         if shape is None:
             side = round(len(arguments) ** 0.5)
+            if side * side != len(arguments) and not any(
+                type(part) is Value and part.type.kind == "mat" for part in arguments
+            ):
+                raise self.context.type_error(
+                    node,
+                    f"{len(arguments)} components make no square matrix",
+                    "give its `shape`",
+                    also="the `shape` argument must be specified when initializing a matrix by "
+                    "value",
+                )
             shape = (side, side)
         return self.construct(
             self.context.access.composite_type(list(shape), element), arguments, keywords, node

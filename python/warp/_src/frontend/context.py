@@ -54,6 +54,36 @@ class Session:
         return f"{name}_{count}" if count else name
 
 
+class LocalArray:
+    """An array of one thread: its shape, the type of an element, and the vectors that hold it.
+
+    is_copy: it is a part of another one and only to be read. As a shape for `unflatten` the vectors
+    are left out.
+    """
+
+    __slots__ = ("element", "is_copy", "parts", "shape")
+    # Like the kinds of the compiler's types.
+    kind = "local array"
+
+    def __init__(self, shape, element, parts=(), is_copy=False):
+        self.shape = shape
+        self.element = element
+        self.parts = parts
+        self.is_copy = is_copy
+
+    def __eq__(self, other):
+        if type(other) is not LocalArray:
+            return NotImplemented
+        return self.shape == other.shape and self.element == other.element
+
+    def __hash__(self):
+        return hash((self.shape, self.element))
+
+    @property
+    def python_name(self):
+        return f"fixedarray(shape={self.shape}, dtype={self.element.python_name})"
+
+
 class Parts:
     """Shape of a struct that is passed field by field."""
 
@@ -96,15 +126,15 @@ class Context:
             self.source.encoded_file, node.lineno + self.source.line_offset, node.col_offset + 1
         )
 
-    def error(self, node, message, hint=None, kind=errors.WarpCodegenError, notes=()):
+    def error(self, node, message, hint=None, kind=errors.WarpCodegenError, notes=(), also=None):
         """The exception for a message about a node."""
-        return kind(message, hint=hint, notes=notes, **self.source.place(node))
+        return kind(message, hint=hint, notes=notes, also=also, **self.source.place(node))
 
-    def type_error(self, node, message, hint=None, notes=()):
-        return self.error(node, message, hint, errors.WarpCodegenTypeError, notes)
+    def type_error(self, node, message, hint=None, notes=(), also=None):
+        return self.error(node, message, hint, errors.WarpCodegenTypeError, notes, also)
 
-    def unsupported(self, node, what, hint=None):
-        return self.error(node, f"{what} is not supported in kernels", hint)
+    def unsupported(self, node, what, hint=None, also=None):
+        return self.error(node, f"{what} is not supported in kernels", hint, also=also)
 
     def locate(self, error: errors.WarpError):
         """Completes an error of the builder with the place in the source."""
@@ -116,7 +146,7 @@ class Context:
         message, _, fix = message.partition("; use ")
         hint = f"use {fix}" if fix else error.hint
         notes = (*error.notes, details.strip()) if details else error.notes
-        return type(error)(message, hint=hint, notes=notes, **place)
+        return type(error)(message, hint=hint, notes=notes, also=error.also, **place)
 
     # Constants.
 
@@ -169,6 +199,12 @@ class Context:
         if isinstance(binding, dtypes.scalar_base):
             self.at(node)
             return self.builder.constant(dtypes.native_type(kind), binding.value)
+        if kind is LocalArray:
+            raise self.type_error(
+                node,
+                "an array of a thread cannot be used here",
+                "index it, or pass it to functions",
+            )
         if isinstance(binding, dtypes.Composite):
             if not binding._length_:
                 raise self.type_error(node, "expects a value, but got a slice without components")
@@ -188,6 +224,7 @@ class Context:
             node,
             f"expects a value, but got {what}",
             "pass arrays and structs as kernel arguments" if hasattr(binding, "dtype") else None,
+            also=names.external_words(binding),
         )
 
     def materialize_struct(self, binding, node):
@@ -212,6 +249,8 @@ class Context:
             return binding.type
         if kind is NativeType:
             return binding
+        if kind is LocalArray:
+            return None
         plain = {bool: BOOL, int: INT32, float: FLOAT32}.get(kind)
         if plain is not None or kind is tuple or isinstance(binding, type):
             return plain
@@ -233,6 +272,9 @@ class Context:
         """Appends the values of a binding; gives its shape for `unflatten`."""
         if type(binding) is tuple:
             return tuple([self.flatten(part, node, into) for part in binding])
+        if type(binding) is LocalArray:
+            into += binding.parts
+            return LocalArray(binding.shape, binding.element, len(binding.parts), binding.is_copy)
         into.append(self.materialize(binding, node))
         return None
 
@@ -240,6 +282,9 @@ class Context:
         """Rebuilds a binding from an iterator over values."""
         if type(shape) is tuple:
             return tuple([self.unflatten(part, values) for part in shape])
+        if type(shape) is LocalArray:
+            parts = [next(values) for _ in range(shape.parts)]
+            return LocalArray(shape.shape, shape.element, parts, shape.is_copy)
         if type(shape) is Parts:
             parts = [self.unflatten(part, values) for part in shape.parts]
             return self.builder.struct_create(shape.native, parts)
@@ -249,7 +294,7 @@ class Context:
         """Python's name for the type of a binding, for messages."""
         if type(binding) is Value:
             return binding.type.python_name
-        if type(binding) is NativeType:
+        if type(binding) in (NativeType, LocalArray):
             return binding.python_name
         if type(binding) is tuple:
             return "tuple(" + ", ".join(map(self.type_name, binding)) + ")"
@@ -278,12 +323,21 @@ class Context:
     def can_be_bound(binding):
         if isinstance(binding, (Value, bool, int, float, str, tuple, enum.Enum)):
             return True
-        kinds = (dtypes.scalar_base, dtypes.Composite, names.BuiltinRef)
+        kinds = (dtypes.scalar_base, dtypes.Composite, names.BuiltinRef, LocalArray)
         return isinstance(binding, kinds) or callable(binding) or dtypes.is_struct(type(binding))
 
     def check_same_type(self, name, old, binding, node):
         """A variable keeps its type."""
         before, after = self.static_type(old), self.static_type(binding)
+        if LocalArray in (type(old), type(binding)):
+            before, after = old, binding
+            if type(before) is not type(after) or before != after:
+                raise self.type_error(
+                    node,
+                    f"'{name}' is '{self.type_name(old)}' and cannot become "
+                    f"'{self.type_name(binding)}'",
+                    "use another name",
+                )
         if before == after or before is None or after is None:
             return
         before, after = before.python_name, after.python_name

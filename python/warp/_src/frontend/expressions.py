@@ -5,9 +5,10 @@ from __future__ import annotations
 import ast
 import operator
 
+from warp._src import errors
 from warp._src.frontend import names
 from warp._src.frontend.access import COMPONENTS
-from warp._src.frontend.context import BOOL, Part, Value
+from warp._src.frontend.context import BOOL, INT32, Part, Value
 from warp._src.frontend.indexed import array_of
 from warp._src.kernels.function import Function
 from warp._src.types import dtypes
@@ -52,7 +53,6 @@ _NUMBERS = (int, float, bool)
 _UNSUPPORTED = {
     "JoinedStr": "an f-string",
     "Lambda": "a lambda",
-    "List": "a list",
     "Dict": "a dictionary",
     "Set": "a set",
     "ListComp": "a list comprehension",
@@ -79,8 +79,10 @@ class Expressions(Part):
         """Binding of an expression."""
         method = self.context.handler("expr_" + type(node).__name__)
         if method is None:
-            what = _UNSUPPORTED.get(type(node).__name__, f"`ast.{type(node).__name__}`")
-            raise self.context.unsupported(node, what)
+            kind = type(node).__name__
+            what = _UNSUPPORTED.get(kind, f"`ast.{kind}`")
+            also = f"Construct `ast.{kind}` not supported in kernels."
+            raise self.context.unsupported(node, what, also=also)
         return method(node)
 
     def value(self, node):
@@ -103,10 +105,20 @@ class Expressions(Part):
         parts = []
         for item in node.elts:
             if isinstance(item, ast.Starred):
-                parts.extend(self.context.access.spread(item))
+                parts.extend(self.context.spreads.spread(item))
             else:
                 parts.append(self.expr(item))
         return tuple(parts)
+
+    def expr_List(self, node):
+        raise self.context.unsupported(
+            node,
+            "a list",
+            "use a vector, or `wp.zeros(shape, dtype)` for an array of the thread",
+            also="List constructs are not supported in kernels. Use vectors like `wp.vec3()` for "
+            "small fixed-size collections, or `wp.zeros(shape=N, dtype=...)` for stack-allocated "
+            "arrays.",
+        )
 
     # Operators.
 
@@ -131,7 +143,23 @@ class Expressions(Part):
             if operand.type.kind == "struct":
                 return self.user_operator(node, name, operands)
         self.context.at(node)
-        return self.builder.builtin(name, operands)[0][0]
+        if name in ("eq", "ne") and operands[0].type.shape and operands[0].type.element == BOOL:
+            # The registry compares composites of numbers.
+            wide = self.context.access.composite_type(list(operands[0].type.shape), INT32)
+            operands = [
+                self.builder.cast(one, wide) if one.type == operands[0].type else one
+                for one in operands
+            ]
+        try:
+            return self.builder.builtin(name, operands)[0][0]
+        except errors.WarpCodegenTypeError as problem:
+            shown = [operand.type.python_name for operand in operands]
+            composite = all(operand.type.element is not None for operand in operands)
+            problem.also = (
+                f"Couldn't find function overload for '{name}': Input types must be "
+                f"{'exactly ' if composite else ''}the same, got {shown}"
+            )
+            raise
 
     def user_operator(self, node, name, operands):
         function = self.context.function.__globals__.get(name)

@@ -12,21 +12,23 @@ import typing
 
 from warp._src import errors
 from warp._src.frontend import names
-from warp._src.frontend.context import Value
+from warp._src.frontend.context import LocalArray, Value
 from warp._src.frontend.indexed import array_of
 from warp._src.frontend.source import source_of
 from warp._src.kernels.function import Function
 from warp._src.types import annotations, dtypes
-from warp._src.types.annotations import Reference
+from warp._src.types.annotations import FixedArrayType, Reference
 from warp._src.types.native import ArrayType, IndexedArrayType
 
+# What annotates a parameter that takes a function.
+_CALLABLES = (typing.Callable, Function)
 _KINDS = {"Int": ("int",), "Float": ("float",), "Scalar": ("int", "float")}
 
 
 class Parameter:
     """One parameter: native type, or a generic annotation (None accepts everything)."""
 
-    __slots__ = ("annotation", "by_reference", "default", "name", "native")
+    __slots__ = ("annotation", "by_reference", "default", "may_be_updated", "name", "native")
 
     def __init__(self, name, annotation, default):
         self.name = name
@@ -36,10 +38,14 @@ class Parameter:
         if self.by_reference:
             annotation = annotation.dtype
         self.annotation = annotation
+        # An argument for an array may be one of the thread, which is passed by value.
+        self.may_be_updated = self.by_reference or isinstance(annotation, ArrayType)
         if not is_generic(annotation):
             self.native = dtypes.native_type(annotations.resolve(annotation))
 
     def accepts(self, context, binding) -> bool:
+        if type(binding) is LocalArray:
+            return fits_local(self.annotation, binding)
         if self.native is not None:
             if type(binding) is Value:
                 return binding.type == self.native
@@ -59,7 +65,7 @@ def is_generic(annotation) -> bool:
         annotation = annotation.dtype
     if annotation is typing.Any or isinstance(annotation, typing.TypeVar):
         return True
-    if typing.get_origin(annotation) is not None or annotation is typing.Callable:
+    if typing.get_origin(annotation) is not None or annotation in _CALLABLES:
         return True
     return type(annotation).__name__ in ("GenericAnnotation", "FunctionAnnotation")
 
@@ -70,10 +76,24 @@ def fits_generic(context, annotation, binding) -> bool:
         return True
     if typing.get_origin(annotation) is tuple:
         return type(binding) is tuple and fits_parts(context, annotation, binding)
-    if typing.get_origin(annotation) is not None or annotation is typing.Callable:
-        return type(binding) is not Value and callable(binding)
+    if typing.get_origin(annotation) is not None or annotation in _CALLABLES:
+        return type(binding) is not Value and (
+            callable(binding) or isinstance(binding, names.BuiltinRef)
+        )
     native = binding.type if type(binding) is Value else context.static_type(binding)
     return native is not None and fits_native(annotation, native)
+
+
+def fits_local(annotation, array) -> bool:
+    """Whether a parameter takes an array of a thread: it is an array of its rank and element."""
+    if annotation is typing.Any:
+        return True
+    return (
+        isinstance(annotation, ArrayType)
+        and not isinstance(annotation, IndexedArrayType)
+        and annotation.ndim == len(array.shape)
+        and fits_element(annotation.dtype, array.element)
+    )
 
 
 def fits_native(annotation, native) -> bool:
@@ -141,17 +161,22 @@ def annotations_of(function) -> dict:
     return {name: annotations.evaluate(value, spaces) for name, value in found.items()}
 
 
+NOTHING_DECLARED = (typing.Any, None, type(None))
+
+
 class Overload:
     """One Python function that kernels can call."""
 
-    def __init__(self, function):
+    def __init__(self, function, source=None):
         self.function = function
-        self.source = source_of(function)
+        self.source = source or source_of(function)
         self.parameters = self.read_parameters()
         self.result = self.read_result()
         self.generic = sum(parameter.native is None for parameter in self.parameters)
         # Position and name of the parameters by reference.
         self.references = {i: one.name for i, one in enumerate(self.parameters) if one.by_reference}
+        # Names whose values a caller may ask for at the end, and the arguments they stand for.
+        self.outputs = [one.name for one in self.parameters if one.may_be_updated]
 
     def read_parameters(self):
         arguments = self.source.tree.args
@@ -192,14 +217,21 @@ class Overload:
     def read_result(self):
         """Native types of the declared results; None where left open."""
         declared = self.read_annotations().get("return", typing.Any)
-        if declared is typing.Any or declared is None or is_generic(declared):
+        if declared in NOTHING_DECLARED or is_generic(declared):
             if typing.get_origin(declared) is tuple:
                 return [
                     None if is_generic(part) else dtypes.native_type(annotations.resolve(part))
                     for part in typing.get_args(declared)
                 ]
             return None
+        if isinstance(declared, FixedArrayType):
+            return [LocalArray(declared.shape, dtypes.native_type(declared.dtype))]
         return [dtypes.native_type(annotations.resolve(declared))]
+
+    @property
+    def declares_result(self) -> bool:
+        """Whether it is annotated to return a value, which a kernel cannot."""
+        return self.read_annotations().get("return") not in (None, type(None))
 
     def bind(self, context, arguments, keywords, node):
         """Bindings in the order of the parameters, or the reason why not."""

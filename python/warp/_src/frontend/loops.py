@@ -13,7 +13,7 @@ from __future__ import annotations
 import ast
 
 from warp._src import errors
-from warp._src.frontend.context import INT32, Part, Value
+from warp._src.frontend.context import INT32, LocalArray, Part, Value
 from warp._src.frontend.control import If, Loop
 
 _MISSING = object()
@@ -55,6 +55,7 @@ class Loops(Part):
             self.while_loop(node)
             return
         bounds = self.range_bounds(syntax.iter)
+        self.free_targets(syntax.target)
         if all(type(bound) is int for bound in bounds):
             static = range(*bounds)
             if not static:
@@ -67,6 +68,13 @@ class Loops(Part):
             self.for_with_exits(node, bounds)
         else:
             self.counted_for(node, bounds)
+
+    def free_targets(self, target):
+        """Lets a loop count with a name that something else than an integer had so far."""
+        for name in self.target_names(target):
+            old = self.context.static_type(self.context.env.get(name, 0))
+            if old is None or old.kind != "int":
+                del self.context.env[name]
 
     # What is carried.
 
@@ -95,7 +103,9 @@ class Loops(Part):
 
     @staticmethod
     def may_change_part(binding):
-        return type(binding) is Value and binding.type.kind != "array"
+        return type(binding) is LocalArray or (
+            type(binding) is Value and binding.type.kind != "array"
+        )
 
     def bind(self, names, shapes, values):
         values = iter(values)
@@ -281,7 +291,7 @@ class Loops(Part):
         arguments = []
         for argument in node.args:
             if isinstance(argument, ast.Starred):
-                arguments += self.context.access.spread(argument)
+                arguments += self.context.spreads.spread(argument)
             else:
                 arguments.append(self.range_argument(argument))
         if not 1 <= len(arguments) <= 3:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import builtins
 import difflib
 
@@ -74,6 +75,19 @@ def describe(value) -> str:
     return f"{article} '{type(value).__name__}'"
 
 
+def external_words(value) -> str | None:
+    """How NVIDIA Warp says that a kernel cannot refer to an object."""
+    kind = type(value)
+    shown = "warp._src.types.array" if dtypes.type_is_array(kind) else None
+    if shown is None:
+        shown = (
+            kind.__qualname__
+            if kind.__module__ == "builtins"
+            else f"{kind.__module__}.{kind.__qualname__}"
+        )
+    return f"Invalid external reference type: <class '{shown}'>"
+
+
 def resolve(context, name, node):
     """The Python object a free name refers to: closure, global, builtin."""
     function = context.function
@@ -111,7 +125,13 @@ def undefined(context, name, node):
             f"Python's '{name}' is not supported in kernels",
             kind=errors.WarpCodegenKeyError,
         )
-    return context.error(node, f"'{name}' is not defined", hint, errors.WarpCodegenKeyError)
+    return context.error(
+        node,
+        f"'{name}' is not defined",
+        hint,
+        errors.WarpCodegenKeyError,
+        also=f"Referencing undefined symbol: {name}",
+    )
 
 
 def module_attribute(context, module, name, node):
@@ -156,4 +176,16 @@ def _missing(context, module, name, node):
         f"module '{module.__name__}' has no attribute '{name}'",
         f"did you mean `{close[0]}`?" if close else None,
         errors.WarpCodegenAttributeError,
+        also=f"`{name}` is not an attribute of '{module.__name__}'\n"
+        f"Could not find function {_written(node)}",
     )
+
+
+def _written(node) -> str:
+    """A chain of names as it is written."""
+    parts = []
+    while isinstance(node, ast.Attribute):
+        parts.append(node.attr)
+        node = node.value
+    parts.append(getattr(node, "id", ""))
+    return ".".join(reversed(parts))

@@ -32,6 +32,14 @@ class Output(Part):
         )
         if next(texts, None) is not None:
             raise self.context.type_error(node, "printf has more strings than `%s` conversions")
+        if len(values) > _MOST:
+            raise self.context.error(
+                node,
+                f"printf expects at most {_MOST} values, but got {len(values)}",
+                "print in several calls",
+                also="the maximum number of variadic arguments that can be passed to `printf` is "
+                f"{_MOST}",
+            )
         self.context.at(node)
         self.builder.printf(spliced, values)
 
@@ -172,6 +180,7 @@ class Output(Part):
                 node,
                 f"expects two numbers or composites of one type to compare, but got "
                 f"'{left.type.python_name}' and '{right.type.python_name}'",
+                also="Can't test equality for objects with different types",
             )
         return left, right
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import ast
 
-from warp._src.frontend.context import Part
+from warp._src.frontend.context import LocalArray, Part
 from warp._src.frontend.functions import NOTHING, is_static
 
 
@@ -37,9 +37,12 @@ class References(Part):
         self.context.at(node)
         results = iter(self.builder.call(made.symbol, values))
         result = None if made.shape is NOTHING else self.context.unflatten(made.shape, results)
-        for position, name in made.updated:
+        for position, name, shape in made.updated:
+            value = self.context.unflatten(shape, results)
+            if type(value) is LocalArray:
+                self.context.local_arrays.update(node, position, name, value)
+                continue
             place = slots.get(position) or slots.get(name)
-            value = next(results)
             # The default of a parameter is nobody's.
             if place is not None:
                 self.update(place, value)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import ast
 
-from warp._src import errors
-from warp._src.frontend.context import Part, Value
+from warp._src.frontend.context import LocalArray, Part, Value
 from warp._src.frontend.control import RESULT, RETURNED
 from warp._src.frontend.names import BuiltinRef
 from warp._src.types import dtypes
@@ -33,17 +32,25 @@ class Statements(Part):
     """Methods named after the statement they translate."""
 
     def body(self):
-        """Translates the function's body; gives the binding it returns."""
+        """Translates the function's body; gives the binding it returns.
+
+        A path that ends without `return` gives zero, and in debug mode an error.
+        """
         plan = self.context.source.plan
         self.context.env[RETURNED] = False
         self.context.branches.block(plan.body)
         if not plan.returns_value:
             return None
-        if not plan.always_returns and self.context.env[RETURNED] is not True:
-            raise self.context.error(
-                self.context.source.tree.body[-1],
-                f"'{self.context.source.name}' does not return a value on every path",
-                "end the function with a `return`",
+        returned = self.context.env[RETURNED]
+        if RESULT not in self.context.env:
+            # What returns a value was left out at compile time.
+            return None
+        if not plan.always_returns and returned is not True:
+            self.context.at(self.context.source.tree.body[-1])
+            name = self.context.source.name
+            self.builder.assertion(
+                self.context.materialize(returned, self.context.source.tree),
+                f"'{name}' ends without the value that it returns elsewhere, zero is taken",
             )
         return self.context.env[RESULT]
 
@@ -122,14 +129,14 @@ class Statements(Part):
         self.builder.assertion(condition, message)
 
     def return_statement(self, node):
+        if self.context.is_kernel and node.value is not None:
+            raise self.kernel_returns(node)
         if node.value is None:
             if self.context.source.plan.returns_value:
                 raise self.context.error(
                     node, f"'{self.context.source.name}' returns a value elsewhere"
                 )
             return
-        if self.context.is_kernel:
-            raise self.context.error(node, "a kernel cannot return a value", "store it in an array")
         binding = self.context.expressions.expr(node.value)
         values = []
         shape = self.context.flatten(binding, node.value, values)
@@ -140,6 +147,15 @@ class Statements(Part):
         self.check_result(binding, node)
         self.context.env[RESULT] = binding
 
+    def kernel_returns(self, node):
+        return self.context.type_error(
+            node,
+            "a kernel cannot return a value",
+            "store it in an array",
+            also="Warp kernels cannot return values. Write results to output arguments, and omit "
+            "the return annotation or use `-> None`.",
+        )
+
     def check_result(self, binding, node):
         """The declared result type, if any."""
         wanted = self.context.result_type
@@ -147,15 +163,49 @@ class Statements(Part):
             return
         given = binding if type(binding) is tuple else (binding,)
         matches = len(given) == len(wanted) and all(
-            native is None or (type(part) is Value and part.type == native)
+            native is None or part == native or (type(part) is Value and part.type == native)
             for part, native in zip(given, wanted, strict=False)
         )
         if not matches:
             shown = ", ".join("Any" if t is None else t.python_name for t in wanted)
             shown = f"tuple({shown})" if len(wanted) > 1 else shown
-            raise self.context.error(
+            raise self.context.type_error(
                 node,
                 f"'{self.context.source.name}' is annotated to return '{shown}', "
                 f"but returns '{self.context.type_name(binding)}'",
-                kind=errors.WarpCodegenTypeError,
+                also=self.result_words(wanted, given),
             )
+
+    def result_words(self, wanted, given):
+        """How NVIDIA Warp says that a function returns something else than annotated."""
+        head = f"The function `{self.context.source.name}`"
+        names = [self.context.type_name(part) for part in given]
+        declared = ["Any" if native is None else native.python_name for native in wanted]
+        if type(given[0]) is LocalArray:
+            element = getattr(wanted[0], "element", None)
+            shown = f"Array[{element.python_name}]" if element else declared[0]
+            return (
+                f"{head} returns a fixed-size array whereas it has its return type annotated as "
+                f"`{shown}`."
+            )
+        if len(wanted) == 1 and len(given) == 1:
+            return (
+                f"{head} has its return type annotated as `{declared[0]}` but the code returns a "
+                f"value of type `{names[0]}`."
+            )
+        if len(wanted) == 1:
+            shown = {"int32": "int", "float32": "float"}.get(declared[0], declared[0])
+            return (
+                f"{head} has its return type annotated as `{shown}` but the code returns "
+                f"{len(given)} values."
+            )
+        if len(wanted) != len(given):
+            return (
+                f"{head} has its return type annotated as a tuple of {len(wanted)} elements but "
+                f"the code returns {len(given)} values."
+            )
+        short = [{"int32": "int", "float32": "float"}.get(name, name) for name in declared]
+        return (
+            f"{head} has its return type annotated as `tuple[{', '.join(short)}]` but the code "
+            f"returns a tuple with types `({', '.join(names)})`."
+        )

@@ -11,7 +11,7 @@ import ast
 
 from warp._src import errors
 from warp._src.frontend.access import COMPONENTS, places_of
-from warp._src.frontend.context import INT32, Part, Value
+from warp._src.frontend.context import INT32, LocalArray, Part, Value
 from warp._src.frontend.indexed import array_of
 from warp._src.types import dtypes
 
@@ -95,6 +95,9 @@ class Targets(Part):
         kind = type(node)
         if kind is ast.Name:
             binding = self.context.read_name(node.id, node)
+            if type(binding) is LocalArray:
+                name = node.id if node.id in self.context.env else None
+                return Slot(binding, name=name, value=binding)
             if type(binding) is not Value and not isinstance(binding, dtypes.Composite):
                 raise self.context.type_error(node, f"cannot assign to a part of '{node.id}'")
             value = self.context.materialize(binding, node)
@@ -112,6 +115,9 @@ class Targets(Part):
 
     def attribute_slot(self, base, node):
         native, name = base.type, node.attr
+        if type(native) is LocalArray:
+            value = self.context.local_arrays.attribute(native, name, node)
+            return Slot(self.context.static_type(value), value=value)
         if native.kind == "struct":
             for field, field_type in native.fields:
                 if field == name:
@@ -142,6 +148,8 @@ class Targets(Part):
     def subscript_slot(self, base, node):
         native = base.type
         items = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+        if type(native) is LocalArray:
+            return self.local_slot(base, native, items, node)
         known = array_of(native)
         if known is not None:
             array = self.read(base, node)
@@ -159,6 +167,21 @@ class Targets(Part):
         part = self.builder.part_type(native, indices)
         return base.extended(("index", indices), part)
 
+    def local_slot(self, base, array, items, node):
+        """An element of a thread's array; of `a[i][j]` the first index waits for the second."""
+        step, given = base.path[-1] if base.path else (None, None)
+        first = given if step == "row" else []
+        if self.has_slice(node) or len(first) + len(items) > len(array.shape):
+            value = self.context.expressions.expr(node)
+            return Slot(self.context.static_type(value) or value, value=value)
+        indices = [*first, *(self.context.expressions.expr(item) for item in items)]
+        path = base.path[:-1] if step == "row" else base.path
+        slot = Slot(array, base.name, base.value, path=path)
+        if len(indices) < len(array.shape):
+            return slot.extended(("row", indices), array)
+        number = self.context.local_arrays.number(array, indices, node)
+        return slot.extended(("element", number), array.element)
+
     def read(self, slot, node):
         """Value of a slot."""
         self.context.at(node)
@@ -173,6 +196,10 @@ class Targets(Part):
                 value = self.builder.struct_get(value, key)
             elif step == "index":
                 value = self.builder.extract(value, key)
+            elif step == "element":
+                value = self.context.local_arrays.read(value, key, node)
+            elif step == "row":
+                raise self.context.error(node, "index all dimensions of a thread's array")
             else:
                 value = self.context.access.value_attribute(value, key, node)
         return value
@@ -190,7 +217,7 @@ class Targets(Part):
         self.context.at(node)
         if slot.array is None:
             root = self.context.env[slot.name]
-            root = root if type(root) is Value else slot.value
+            root = root if type(root) in (Value, LocalArray) else slot.value
             self.context.env[slot.name] = self.with_part(root, slot.path, value, node)
             self.context.lines[slot.name] = self.context.source.line(node)
         elif any(step == "part" for step, _ in slot.path):
@@ -219,6 +246,10 @@ class Targets(Part):
             return self.builder.struct_set(whole, key, value)
         if step == "index":
             return self.builder.insert(whole, key, value)
+        if step == "element":
+            return self.context.local_arrays.written(whole, key, value, node)
+        if step == "row":
+            raise self.context.error(node, "index all dimensions of a thread's array to assign")
         name = "transform_set_translation" if key == "p" else "transform_set_rotation"
         return self.builder.builtin(name, [whole, value])[1][0][1]
 

@@ -12,9 +12,11 @@ from warp._src.frontend.custom_derivatives import CustomDerivatives
 from warp._src.frontend.derivative_calls import DerivativeCalls
 from warp._src.frontend.expressions import Expressions
 from warp._src.frontend.indexed import Indexed
+from warp._src.frontend.local_arrays import LocalArrays
 from warp._src.frontend.loops import Loops
 from warp._src.frontend.output import Output
 from warp._src.frontend.references import References
+from warp._src.frontend.spreads import Spreads
 from warp._src.frontend.statements import Statements
 from warp._src.frontend.targets import Targets
 from warp._src.frontend.user_calls import UserCalls
@@ -28,9 +30,11 @@ _PARTS = {
     "derivative_calls": DerivativeCalls,
     "expressions": Expressions,
     "indexed": Indexed,
+    "local_arrays": LocalArrays,
     "loops": Loops,
     "output": Output,
     "references": References,
+    "spreads": Spreads,
     "statements": Statements,
     "targets": Targets,
     "user_calls": UserCalls,

@@ -9,6 +9,7 @@ from warp import _native
 from warp._src.frontend.functions import overload_of
 from warp._src.kernels.function import Function
 from warp._src.types.annotations import Reference
+from warp._src.types.native import ArrayType
 
 
 def references_of(function) -> set:
@@ -18,6 +19,16 @@ def references_of(function) -> set:
         return found
     for overload in map(overload_of, function.overloads):
         found |= {*overload.references, *overload.references.values()}
+    return found
+
+
+def _arrays_of(function) -> set:
+    """Positions and names of the parameters that take an array, maybe one of the thread."""
+    found: set = set()
+    for one in function.overloads:
+        for position, (name, annotation) in enumerate(one.__annotations__.items()):
+            if isinstance(annotation, ArrayType):
+                found |= {position, name}
     return found
 
 
@@ -37,7 +48,7 @@ def updated_arguments(function, inout_arguments):
     def updated(call):
         callee = _resolve(function, call.func)
         if isinstance(callee, Function):
-            keys = references_of(callee)
+            keys = references_of(callee) | _arrays_of(callee)
         else:
             name = getattr(call.func, "attr", None) or getattr(call.func, "id", None)
             positions = inout_arguments(name) if name else ()

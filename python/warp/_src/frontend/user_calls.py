@@ -5,7 +5,7 @@ from __future__ import annotations
 from warp._src import errors
 from warp._src.derivatives.functions import is_differentiable
 from warp._src.frontend import functions
-from warp._src.frontend.context import Part, Parts, Value
+from warp._src.frontend.context import LocalArray, Part, Parts, Value
 from warp._src.frontend.control import plan_of
 from warp._src.frontend.functions import NOTHING, Specialization
 from warp._src.frontend.updates import updated_arguments
@@ -25,7 +25,11 @@ class UserCalls(Part):
                 self.context.flatten(binding, node, values)
         self.context.at(node)
         results = iter(self.builder.call(made.symbol, values))
-        return None if made.shape is NOTHING else self.context.unflatten(made.shape, results)
+        result = None if made.shape is NOTHING else self.context.unflatten(made.shape, results)
+        for position, name, shape in made.updated:
+            array = self.context.unflatten(shape, results)
+            self.context.local_arrays.update(node, position, name, array)
+        return result
 
     def select(self, function, arguments, keywords, node, by_reference=False):
         """The first overload that takes the arguments, concrete ones before generic ones.
@@ -105,6 +109,8 @@ class UserCalls(Part):
             return binding.type
         if type(binding) is tuple:
             return tuple(map(self.signature_of, binding))
+        if type(binding) is LocalArray:
+            return LocalArray(binding.shape, binding.element)
         if functions.is_static(binding):
             return getattr(binding, "name", None) or binding
         return self.context.static_type(binding)
@@ -125,11 +131,18 @@ class UserCalls(Part):
         inner = type(self.context)(self.context.session, overload.function, overload.source, False)
         inner.result_type = overload.result
         hidden = getattr(overload, "hidden", ())
-        references = overload.references
+        references = dict(overload.references)
+        references.update(
+            (position, parameter.name)
+            for position, (parameter, binding) in enumerate(
+                zip(overload.parameters, bound, strict=False)
+            )
+            if type(binding) is LocalArray
+        )
         plan_of(
             overload.source,
             updated_arguments(overload.function, self.builder.inout_arguments),
-            [*(name for name, *_ in hidden), *references.values()],
+            [*(name for name, *_ in hidden), *overload.outputs],
         )
         arg_names, arg_types, shapes = [], [], []
         for parameter, binding in zip(overload.parameters, bound, strict=False):
@@ -156,7 +169,7 @@ class UserCalls(Part):
             raise inner.locate(problem) from problem.__cause__
         results = inner.user_calls.adjoints(hidden)
         shape = NOTHING
-        if overload.source.plan.returns_value:
+        if overload.source.plan.returns_value and result is not None:
             flatten = inner.user_calls.take_apart if apart else inner.flatten
             shape = flatten(result, overload.source.tree, results)
         updated = inner.user_calls.take_updates(references, given, results)
@@ -165,16 +178,13 @@ class UserCalls(Part):
         return Specialization(symbol, shape, shapes, types, updated)
 
     def take_updates(self, references, given, into):
-        """Appends the values of references that were assigned; gives their positions and names."""
-        updated = [
-            (position, name)
-            for (position, name), value in zip(references.items(), given, strict=True)
-            if self.context.env[name] is not value
-        ]
-        into += [
-            self.context.materialize(self.context.env[name], self.context.source.tree)
-            for _, name in updated
-        ]
+        """Appends the values of references that were assigned; gives position, name and shape."""
+        updated = []
+        for (position, name), value in zip(references.items(), given, strict=True):
+            last = self.context.env[name]
+            if last is not value:
+                shape = self.context.flatten(last, self.context.source.tree, into)
+                updated.append((position, name, shape))
         return updated
 
     def start_adjoints(self, hidden):
@@ -213,6 +223,9 @@ class UserCalls(Part):
         """Appends the types of a binding's values; gives its shape for `unflatten`."""
         if type(binding) is tuple:
             return tuple([self.types_of(part, into, apart) for part in binding])
+        if type(binding) is LocalArray:
+            into += [part.type for part in binding.parts]
+            return LocalArray(binding.shape, binding.element, len(binding.parts), binding.is_copy)
         native = self.context.static_type(binding)
         if native is None:
             native = self.context.materialize(binding, self.context.node).type
@@ -226,6 +239,8 @@ class UserCalls(Part):
         """Like `flatten`, with structs as their fields."""
         if type(binding) is tuple:
             return tuple([self.take_apart(part, node, into) for part in binding])
+        if type(binding) is LocalArray:
+            return self.context.flatten(binding, node, into)
         value = self.context.materialize(binding, node)
         if value.type.kind != "struct":
             into.append(value)

@@ -118,3 +118,35 @@ def func(f=None, *, name=None, module=None, inline=None):
         return Function(function, name)
 
     return (lambda function: decorate(function, 2)) if f is None else decorate(f, 2)
+
+
+class NativeFunction(Function):
+    """A function whose body is C++ or CUDA text. It can be declared, not compiled.
+
+    Attributes:
+        native_snippet, adj_native_snippet, replay_snippet: the texts.
+    """
+
+    def __init__(self, func, snippet, adj_snippet, replay_snippet):
+        super().__init__(func)
+        self.native_snippet = snippet
+        self.adj_native_snippet = adj_snippet
+        self.replay_snippet = replay_snippet
+
+    def __call__(self, *args, **kwargs):
+        raise TypeError(f"'{self.key}' is native code and can be called in kernels only")
+
+
+def func_native(snippet, adj_snippet=None, replay_snippet=None):
+    """Declares a function by its C++ or CUDA text.
+
+    Kernels are compiled without a C++ compiler, so a kernel that calls it is refused, with the
+    place of the call. Modules that declare such functions can be imported, and their other kernels
+    used.
+
+    Args:
+        snippet: body of the function.
+        adj_snippet: body of its adjoint.
+        replay_snippet: body that a backward pass runs in place of the first.
+    """
+    return lambda func: NativeFunction(func, snippet, adj_snippet, replay_snippet)

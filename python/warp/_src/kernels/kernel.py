@@ -19,6 +19,7 @@ from warp._src.arrays.array import array
 from warp._src.arrays.indexed import indexedarray
 from warp._src.derivatives.kernel_derivatives import KernelDerivatives, differentiate
 from warp._src.devices.devices import get_device
+from warp._src.forks import translating
 from warp._src.kernels.epoch import Epoch
 from warp._src.kernels.modules import Module, check_options, get_module
 from warp._src.types import dtypes
@@ -28,7 +29,12 @@ from warp._src.types.native import ArrayType, IndexedArrayType
 STAGES = ("warp", "thread", "launch", "gpu", "llvm", "ptx", "asm")
 DERIVATIVES = ("adjoint", "tangent")
 _SUFFIX = {
-    "warp": "mlir", "thread": "mlir", "launch": "mlir", "gpu": "mlir", "llvm": "ll", "ptx": "ptx",
+    "warp": "mlir",
+    "thread": "mlir",
+    "launch": "mlir",
+    "gpu": "mlir",
+    "llvm": "ll",
+    "ptx": "ptx",
     "asm": "s",
 }
 
@@ -41,9 +47,11 @@ class Kernel:
         key: name in messages and in compiled code.
         module: module whose options apply, by default that of the function.
         options: the kernel's own options, by name.
+        code_transformers: `ast.NodeTransformer`s, which get the syntax tree of the function, one
+            after the other, before it is translated.
     """
 
-    def __init__(self, func, key=None, module=None, options=None):
+    def __init__(self, func, key=None, module=None, options=None, code_transformers=None):
         if not isinstance(func, python_types.FunctionType):
             raise TypeError(f"expects a function as kernel, but got '{type(func).__name__}'")
         self.func = func
@@ -52,9 +60,11 @@ class Kernel:
             module if isinstance(module, Module) else get_module(module or func.__module__)
         )
         self.options = dict(options or {})
+        self.code_transformers = tuple(code_transformers or ())
         self.module.kernels[self.key] = self
         self.epoch = None
         self.native = None
+        self._generic = None
         self._specialized: dict = {}
         # What launches need to know of native kernels while somebody observes.
         self.signatures: dict = {}
@@ -66,13 +76,20 @@ class Kernel:
         self.__doc__ = func.__doc__
         self.__wrapped__ = func
 
-    @functools.cached_property
+    @property
     def is_generic(self) -> bool:
         """Whether a parameter's type is left open."""
+        if self._generic is None:
+            with translating:
+                self._generic = self._find_generic()
+        return self._generic
+
+    def _find_generic(self) -> bool:
         from warp._src.frontend.functions import annotations_of
 
         try:
-            return any(map(is_generic, annotations_of(self.func).values()))
+            found = annotations_of(self.func).items()
+            return any(is_generic(one) for name, one in found if name != "return")
         except Exception:
             # The translation says what is wrong.
             return False
@@ -125,9 +142,11 @@ class Kernel:
         return found
 
     def _translate(self, arguments):
-        from warp._src.frontend.build import build_kernel
+        with translating:
+            from warp._src.frontend.build import build_kernel
 
-        native = self.compile_module(build_kernel(self, arguments))
+            module = build_kernel(self, arguments)
+        native = self.compile_module(module)
         self._dump(native)
         name = self.key if arguments is None else f"{self.key}_{type_tag(arguments)}"
         self.use_saved(native, name)

@@ -7,7 +7,9 @@ recording, adjoints) to a slower path.
 
 from __future__ import annotations
 
+import math
 import sys
+import typing
 
 from warp import _native, config
 from warp._src import config as settings
@@ -200,6 +202,14 @@ def _observe_recorded() -> None:
 Observers.on_change(_observe_recorded)
 
 
+class LaunchBounds(typing.NamedTuple):
+    """Extents of a grid of threads, their number, and the number of threads."""
+
+    shape: tuple
+    ndim: int
+    size: int
+
+
 class Launch(LaunchParameters, _native.PackedLaunch):
     """A launch with packed arguments, to be run many times.
 
@@ -209,6 +219,7 @@ class Launch(LaunchParameters, _native.PackedLaunch):
     Attributes:
         kernel: the kernel.
         device: where it runs.
+        bounds: its grid: `shape`, `ndim`, `size`.
     """
 
     def __new__(cls, kernel, native, dim, inputs, outputs, index, stream=None, block_dim=0):
@@ -232,6 +243,13 @@ class Launch(LaunchParameters, _native.PackedLaunch):
             return
         Observers.memory.launching(call)
         _native.PackedLaunch.launch(self, stream)
+
+    @property
+    def bounds(self) -> LaunchBounds:
+        """The grid of the launch."""
+        dim = self._dim
+        shape = tuple(dim) if isinstance(dim, (tuple, list)) else (dim,)
+        return LaunchBounds(shape, len(shape), math.prod(shape))
 
     def set_dim(self, dim) -> None:
         """Changes the extents of the grid."""

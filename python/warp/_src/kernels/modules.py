@@ -121,19 +121,19 @@ def check_options(options: dict) -> None:
             settings.SETTINGS[OPTIONS[name]].check(value)
 
 
-_modules: dict[str, Module] = {}
+modules_by_name: dict[str, Module] = {}
 
 
 def get_module(name: str) -> Module:
     """The module of a name; made if there is none."""
-    found = _modules.get(name)
+    found = modules_by_name.get(name)
     if found is None:
-        found = _modules[name] = Module(name)
+        found = modules_by_name[name] = Module(name)
     return found
 
 
 def all_modules() -> list[Module]:
-    return list(_modules.values())
+    return list(modules_by_name.values())
 
 
 def caller_module(depth: int = 2) -> Module:
@@ -159,7 +159,7 @@ def imported_module(module) -> Module:
         raise TypeError(f"expects a module or its name, but got '{type(module).__name__}'")
     if not isinstance(module, Module):
         name = module if isinstance(module, str) else module.__name__
-        module = _modules.get(name)
+        module = modules_by_name.get(name)
         if module is None:
             raise RuntimeError(f"module '{name}' has no kernels, or was not imported yet")
     return module

@@ -36,8 +36,11 @@ def overload(kernel, arg_types=None):
         return _specialized(kernel, arg_types or {})
     if not isinstance(kernel, python_types.FunctionType):
         raise TypeError(f"expects a generic kernel, but got '{type(kernel).__name__}'")
-    if kernel.__annotations__.get("return") not in (None, "None"):
-        raise TypeError(f"overload of '{kernel.__name__}' has a return annotation, leave it out")
+    if kernel.__annotations__.get("return") not in (None, "None", type(None)):
+        raise errors.WarpTypeError(
+            f"overload of '{kernel.__name__}' has a return annotation, leave it out",
+            also="Return annotations are not allowed on @wp.overload stubs",
+        )
     generic = _named(kernel)
     _specialized(generic, _declared(kernel))
     return generic
@@ -52,7 +55,10 @@ def _named(function):
     ]
     if len(named) != 1:
         found = "there are several kernels" if named else "there is no generic kernel"
-        raise errors.WarpError(f"{found} '{kernel_name(function)}' to overload")
+        raise errors.WarpError(
+            f"{found} '{kernel_name(function)}' to overload",
+            also=f"Ambiguous kernel lookup for '{kernel_name(function)}'" if named else None,
+        )
     return named[0]
 
 

@@ -18,7 +18,7 @@ from warp._src.devices.devices import CPU
 from warp._src.types import dtypes
 from warp._src.types.composites import Composite, canonical_class
 from warp._src.types.numpy_types import dtype_from_numpy
-from warp._src.types.scalars import scalar_base
+from warp._src.types.scalars import PYTHON_TYPES, ScalarType, scalar_base
 
 # They need a thread, or change an array: nothing that a single call could give.
 _KERNEL_ONLY = frozenset(
@@ -51,7 +51,14 @@ class Builtin:
         classes = tuple(map(type, values))
         evaluator = self._evaluators.get(classes)
         if evaluator is None:
-            evaluator = self._evaluators[classes] = Evaluator(self.key, classes)
+            try:
+                evaluator = self._evaluators[classes] = Evaluator(self.key, classes)
+            except errors.WarpCodegenTypeError as problem:
+                shown = ", ".join(dtypes.type_repr(cls) for cls in classes)
+                problem.also = (
+                    f"Couldn't find a function '{self.key}' compatible with the arguments '{shown}'"
+                )
+                raise
         return evaluator(values, args)
 
     def _positional(self, args, named):
@@ -86,13 +93,22 @@ class Evaluator:
         for output, dtype in zip(outputs, self.dtypes, strict=True):
             allocate(output, (1,), dtype, CPU)
         self.kernel.launch(1, values, outputs, CPU)
-        results = [output.list()[0] for output in outputs]
+        results = [_python_value(output) for output in outputs]
         for position in reversed(self.changed):
             result = results.pop()
             # Numbers, such as the state of a generator, are values in Python.
             if isinstance(given[position], Composite):
                 ctypes.memmove(ctypes.addressof(given[position]), result, ctypes.sizeof(result))
         return results[0] if len(results) == 1 else (tuple(results) or None)
+
+
+def _python_value(output):
+    """The only element: a number of Python for its own types, else one of the element's type."""
+    value = output.list()[0]
+    dtype = output.dtype
+    if isinstance(dtype, ScalarType) and dtype not in PYTHON_TYPES.values():
+        return dtype(value)
+    return value
 
 
 def _build(builder, name, texts, result_texts=None):

@@ -147,8 +147,30 @@ LOWER_BOUND = Function(_lower_bound, "lower_bound")
 about_axis = Function(_about_axis, "about_axis")
 wrapped = Function(_wrapped, "wrapped")
 top, bottom = _public(spatial_top), _public(spatial_bottom)
+
+
+def quat_between_vectors(a: vec3f, b: vec3f):
+    """The shortest rotation that turns the direction of `a` into that of `b`.
+
+    Half the angle comes from the sum of the two directions, which stays exact for small angles; of
+    opposite directions any axis across them is taken.
+    """
+    a = wp.normalize(a)
+    b = wp.normalize(b)
+    cosine = wp.dot(a, b)
+    if cosine < -0.999999:
+        axis = wp.cross(a, wp.vec3(1.0, 0.0, 0.0))
+        if wp.length_sq(axis) < 0.01:
+            axis = wp.cross(a, wp.vec3(0.0, 1.0, 0.0))
+        axis = wp.normalize(axis)
+        return wp.quat(axis[0], axis[1], axis[2], 0.0)
+    axis = wp.cross(a, b)
+    return wp.normalize(wp.quat(axis[0], axis[1], axis[2], 1.0 + cosine))
+
+
 LIBRARY: dict[str, typing.Any] = {
     "curlnoise": CURLNOISE,
+    "quat_between_vectors": _public(quat_between_vectors),
     "quat_from_euler": _public(quat_from_euler),
     "quat_to_euler": _public(quat_to_euler),
     "spatial_adjoint": _public(spatial_adjoint),

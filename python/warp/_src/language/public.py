@@ -10,7 +10,14 @@ from warp._src.language.builtins import names as builtin_names
 _SUBMODULES = ("autograd", "optim", "sparse", "types", "utils")
 # Written in the kernel language.
 LIBRARY_NAMES = (
-    *("curlnoise", "quat_from_euler", "quat_to_euler", "spatial_adjoint", "spatial_bottom"),
+    *(
+        "curlnoise",
+        "quat_between_vectors",
+        "quat_from_euler",
+        "quat_to_euler",
+        "spatial_adjoint",
+        "spatial_bottom",
+    ),
     *("spatial_cross", "spatial_cross_dual", "spatial_dot", "spatial_top", "transform_twist"),
     *("transform_wrench", "velocity_at_point"),
 )
@@ -33,6 +40,8 @@ def find(name: str):
         from warp._src.language.library import LIBRARY
 
         found = LIBRARY[name]
+    if found is None and not name.startswith("_"):
+        found = importlib.import_module("warp._src.absent").find(name)
     if found is None:
         raise AttributeError(f"module 'warp' has no attribute '{name}'")
     return found

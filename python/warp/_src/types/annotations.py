@@ -39,6 +39,48 @@ class Reference:
         return f"wp.ref[{native.type_repr(self.dtype)}]"
 
 
+class FixedArrayType:
+    """What `wp.fixedarray(shape, dtype)` gives: the type of an array of one thread."""
+
+    __slots__ = ("dtype", "shape")
+
+    def __init__(self, dtype, shape):
+        self.dtype = native.canonical(dtype)
+        self.shape = tuple(shape) if isinstance(shape, (tuple, list)) else (shape,)
+        if not 1 <= len(self.shape) <= 4 or not all(
+            isinstance(extent, int) and extent > 0 for extent in self.shape
+        ):
+            raise ValueError(f"expects 1 to 4 positive extents, but got {shape!r}")
+
+    @property
+    def ndim(self):
+        return len(self.shape)
+
+    def __eq__(self, other):
+        if not isinstance(other, FixedArrayType):
+            return NotImplemented
+        return self.dtype is other.dtype and self.shape == other.shape
+
+    def __hash__(self):
+        return hash((self.dtype, self.shape))
+
+    def __repr__(self):
+        return f"fixedarray(shape={self.shape}, dtype={native.type_repr(self.dtype)})"
+
+
+def fixedarray(dtype=float, shape=None) -> FixedArrayType:
+    """Annotates what a `@wp.func` returns: an array that `wp.zeros` made in it.
+
+    Args:
+        dtype: type of an element.
+        shape: extents, known at compile time.
+
+    Raises:
+        TypeError, ValueError: the type or an extent cannot be used.
+    """
+    return FixedArrayType(dtype, () if shape is None else shape)
+
+
 class ref:
     """`wp.ref[T]`: annotates a parameter of a `@wp.func` that is passed by reference.
 

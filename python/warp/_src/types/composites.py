@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import ctypes
 
+from warp import config
+from warp._src import errors
 from warp._src.types import arithmetic, scalars
 from warp._src.types.scalars import scalar_base
 
@@ -17,6 +19,7 @@ ArrayMeta = type(ctypes.Array)
 _raw_get = ctypes.Array.__getitem__
 _raw_set = ctypes.Array.__setitem__
 _ALL = slice(None)
+_PYTHON_OWN = frozenset(scalars.PYTHON_TYPES.values())
 
 
 class Composite:
@@ -30,7 +33,8 @@ class Composite:
     _shape_ = ()
 
     def __repr__(self):
-        return f"{type(self).__name__}({self})"
+        components = ", ".join(repr(self._get(i)) for i in range(self._length_))
+        return f"{type(self).__name__}([{components}])"
 
     def __str__(self):
         return f"[{', '.join(map(str, scalars_of(self)))}]"
@@ -61,14 +65,25 @@ class Composite:
     def from_ptr(cls, ptr):
         """Copies the value stored at an address of host memory."""
         if not ptr:
-            raise RuntimeError("expects a valid address, but got a null pointer")
+            raise errors.WarpError(
+                "expects a valid address, but got a null pointer", also="NULL pointer exception"
+            )
         return cls.from_buffer_copy((ctypes.c_char * ctypes.sizeof(cls)).from_address(ptr))
 
     @classmethod
     def scalar_export(cls, number):
-        """What an element access returns for a stored number."""
-        bits = scalars.BITS.get(cls._wp_scalar_type_)
-        return cls._wp_scalar_type_(bits[1](number)) if bits else number
+        """What an element access returns for a stored number.
+
+        A number of Python for the types that are Python's own, else one of the scalar type; with
+        `wp.config.legacy_scalar_return_types` always a number of Python.
+        """
+        scalar = cls._wp_scalar_type_
+        bits = scalars.BITS.get(scalar)
+        if bits:
+            number = bits[1](number)
+        if scalar in _PYTHON_OWN or config.legacy_scalar_return_types:
+            return number
+        return scalar(number)
 
     @classmethod
     def scalar_import(cls, number):
@@ -85,9 +100,15 @@ class Composite:
         try:
             _raw_set(self, index, self.scalar_import(number))
         except TypeError:
-            raise TypeError(
-                f"expects a '{self._wp_scalar_type_.__name__}' component for "
-                f"'{type(self).__name__}', but got '{type(number).__name__}'"
+            if not hasattr(index, "__index__"):
+                raise errors.WarpKeyError(
+                    f"expects an int or slice as index of '{type(self).__name__}'",
+                    also=f"Invalid key {index}, expected int or slice",
+                ) from None
+            wanted, given = self._wp_scalar_type_.__name__, type(number).__name__
+            raise errors.WarpTypeError(
+                f"expects a '{wanted}' component for '{type(self).__name__}', but got '{given}'",
+                also=f"Expected to assign a `{wanted}` value but got `{given}` instead",
             ) from None
 
     def _fill(self, numbers):
@@ -183,8 +204,10 @@ def construct_components(self, args):
 
 
 def _bad_count(self, count):
-    raise ValueError(
-        f"expects {self._length_} components for '{type(self).__name__}', but got {count}"
+    raise errors.WarpShapeError(
+        f"expects {self._length_} components for '{type(self).__name__}', but got {count}",
+        also=f"Invalid number of arguments in {self._wp_constructor_} constructor, expected "
+        f"{self._length_} elements, got {count}",
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from warp._src import errors
 from warp._src.types.composites import (
     Composite,
     canonical_class,
@@ -36,6 +37,15 @@ class Matrix(Composite):
             return
         rows = self._shape_[0]
         if len(args) == rows and not any(map(is_number, args)):
+            columns = self._shape_[1]
+            for row in args:
+                if hasattr(row, "__len__") and len(row) != columns:
+                    raise errors.WarpRowError(
+                        f"expects rows of {columns} components for '{type(self).__name__}', but "
+                        f"got {len(row)}",
+                        also="Invalid argument in matrix constructor, expected row of length "
+                        f"{columns}, got {row}",
+                    )
             args = ([number for row in args for number in self._row_numbers(row)],)
         construct_components(self, args)
 

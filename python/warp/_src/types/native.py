@@ -108,7 +108,8 @@ def types_equal(a, b) -> bool:
 
 
 def _element_type(dtype):
-    if isinstance(dtype, GenericAnnotation):
+    # What is not in this package yet is named in annotations, and refused when it is used.
+    if isinstance(dtype, GenericAnnotation) or getattr(dtype, "_wp_absent_", False):
         return dtype
     try:
         return canonical(dtype)
@@ -117,9 +118,15 @@ def _element_type(dtype):
 
 
 class ArrayType:
-    """Type of an array: `dtype` (a class, or `typing.Any`) and `ndim`."""
+    """Type of an array: `dtype` (a class, or `typing.Any`) and `ndim`.
 
-    __slots__ = ("dtype", "ndim")
+    Programs put attributes of their own on annotations, such as the extents they mean by `shape`.
+    """
+
+    def __getattr__(self, name):
+        if name == "shape":
+            return (0,) * self.ndim
+        raise AttributeError(f"an annotation of an array has no attribute '{name}'")
 
     def __init__(self, dtype, ndim=1):
         if ndim not in (1, 2, 3, 4):
@@ -151,10 +158,13 @@ class ArrayType:
         raise TypeError(f"'{self!r}' is an annotation, use `wp.array(data, ...)` to make an array")
 
 
+# Packages tell annotations from arrays by this name.
+ArrayType.__name__ = "_ArrayAnnotation"
+
+
 class IndexedArrayType(ArrayType):
     """Type of an indexed array: `dtype` and `ndim`."""
 
-    __slots__ = ()
     # Makes the struct for an element type and a rank; `arrays.indexed`, which has it, sets this.
     make_record: typing.ClassVar[typing.Callable]
 

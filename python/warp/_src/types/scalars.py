@@ -54,6 +54,11 @@ class scalar_base(metaclass=ScalarType):
     def __hash__(self):
         return hash(self.value)
 
+    @property
+    def __numpy_dtype__(self):
+        """Lets NumPy take the type of a number."""
+        return type(self).__numpy_dtype__
+
     def __bool__(self):
         return self.value != 0
 

@@ -11,8 +11,10 @@ from __future__ import annotations
 import ctypes
 import types as python_types
 import typing
+import warnings
 
 from warp._src.types import annotations, dtypes
+from warp._src.types.composites import flatten_numbers
 from warp._src.types.native import ArrayType
 from warp._src.types.scalars import ScalarType
 from warp._src.types.struct_fields import ArrayDescriptor, Field, describe
@@ -179,7 +181,8 @@ def struct(cls=None, *, module=None):
     """Makes a struct type from a class with annotated fields.
 
     Fields are scalars, vectors, matrices, quaternions, transforms, arrays and other structs. The
-    layout is that of C. Use the class to make instances, as an annotation and as `dtype` of arrays.
+    layout is that of C. Fields start at zero; a default that says otherwise is not used, which a
+    warning tells. Use the class to make instances, as an annotation and as `dtype` of arrays.
 
     Example:
         >>> import warp as wp
@@ -191,7 +194,7 @@ def struct(cls=None, *, module=None):
         >>> p.mass = 2.0
 
     Raises:
-        TypeError: the class has bases, methods, default values or a field of an unknown type.
+        TypeError: the class has bases, methods or a field of an unknown type.
     """
     if cls is None:
         return lambda decorated: _make_struct(decorated, annotations.caller_namespaces(decorated))
@@ -209,8 +212,12 @@ def _make_struct(cls, namespaces):
         raise TypeError(f"struct '{name}' cannot inherit from '{bases}'")
     declared = inspect.get_annotations(cls)
     for attribute, value in cls.__dict__.items():
-        if attribute in declared:
-            raise TypeError(f"field '{attribute}' of struct '{name}' cannot have a default value")
+        if attribute in declared and not _is_zero(value):
+            warnings.warn(
+                f"the default of field '{attribute}' of struct '{name}' is not used, fields start "
+                "at zero: assign it after making the struct",
+                stacklevel=3,
+            )
         if isinstance(value, python_types.FunctionType):
             raise TypeError(f"struct '{name}' cannot have the method '{attribute}'")
     fields = {
@@ -219,6 +226,13 @@ def _make_struct(cls, namespaces):
     }
     about = {name: getattr(cls, name) for name in ("__module__", "__qualname__", "__doc__")}
     return make_struct(name, fields, StructInstance, about)
+
+
+def _is_zero(value) -> bool:
+    try:
+        return not any(flatten_numbers(value))
+    except TypeError:
+        return value is None
 
 
 def make_struct(name, fields, base, attributes):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import typing
 
+from warp._src import errors
 from warp._src.types import arithmetic, scalars
 from warp._src.types.composites import (
     ArrayMeta,
@@ -37,6 +38,11 @@ class Vector(Composite):
         if isinstance(key, slice):
             numbers = scalars_of(self)[key]
             return vector(len(numbers), self._wp_scalar_type_)._from_numbers(numbers)
+        if not hasattr(key, "__index__"):
+            raise errors.WarpKeyError(
+                f"expects an int or slice as index of '{type(self).__name__}'",
+                also=f"Invalid key {key}, expected int or slice",
+            )
         return self._get(key)
 
     def __setitem__(self, key, value):
@@ -49,8 +55,9 @@ class Vector(Composite):
         else:
             numbers = flatten_numbers(value)
         if len(numbers) != len(indices):
-            raise ValueError(
-                f"expects {len(indices)} components for the slice, but got {len(numbers)}"
+            raise errors.WarpShapeError(
+                f"expects {len(indices)} components for the slice, but got {len(numbers)}",
+                also="Can only assign sequence of same size",
             )
         for index, number in zip(indices, numbers, strict=True):
             self._set(index, number)
@@ -189,6 +196,16 @@ def _component(index):
     return property(lambda self: self._get(index), lambda self, value: self._set(index, value))
 
 
+def _no_component(name):
+    """A component that a short vector lacks; other attributes may be added to instances."""
+
+    def refuse(self, value=None):
+        raise AttributeError(f"'{type(self).__name__}' object has no attribute '{name}'")
+
+    return property(refuse, refuse)
+
+
+_NO_COMPONENTS = {name: _no_component(name) for name in "xyzw"}
 _COMPONENTS = [_component(index) for index in range(4)]
 _cache: dict = {}
 
@@ -196,7 +213,6 @@ _cache: dict = {}
 def make_composite(name, mixin, length, dtype, attributes):
     """Creates the `ctypes.Array` class of a composite type."""
     namespace = {
-        "__slots__": (),
         "__module__": "warp.types",
         "_length_": length,
         "_type_": dtype._type_,
@@ -228,6 +244,7 @@ def vector(length=None, dtype=None, *, name=None):
             "_wp_type_args_": {"length": length, "dtype": dtype},
             "_native_": f"!warp.vec<{length} x {dtype._native_}>",
         }
+        attributes.update(_NO_COMPONENTS)
         attributes.update(zip("xyzw"[:length], _COMPONENTS[:length], strict=True))
         name = name or f"vec{length}{SUFFIX[dtype]}"
         _cache[key] = make_composite(name, Vector, length, dtype, attributes)

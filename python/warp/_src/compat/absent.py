@@ -1,0 +1,75 @@
+"""Public names of the peer that this package has nothing for yet.
+
+Packages name them at import: in annotations, as defaults, to look for subclasses. So they exist,
+and say what is missing when they are used. A name goes from here when the thing comes.
+"""
+
+from __future__ import annotations
+
+import enum
+
+from warp._src import errors
+
+_CLASSES = frozenset(
+    (
+        *("Bvh", "BvhQuery", "BvhQueryTiled", "GLTextureResource", "HashGrid", "HashGridQuery"),
+        *("MarchingCubes", "Mesh", "MeshQuery", "MeshQueryAABB", "MeshQueryAABBTiled"),
+        *("MeshQueryPoint", "MeshQueryRay", "RegisteredGLBuffer", "Texture", "Texture1D"),
+        *("Texture2D", "Texture3D", "Volume", "fabricarray", "fabricarrayarray"),
+        *("indexedfabricarray", "indexedfabricarrayarray"),
+    )
+)
+_FUNCTIONS = frozenset(("capture_load", "capture_save", "launch_tiled"))
+
+
+class TextureFilterMode(enum.IntEnum):
+    """How a texture is read between its points."""
+
+    CLOSEST = 0
+    LINEAR = 1
+
+
+class TextureAddressMode(enum.IntEnum):
+    """How a texture is read outside."""
+
+    WRAP = 0
+    CLAMP = 1
+    MIRROR = 2
+    BORDER = 3
+
+
+_ENUMS = {kind.__name__: kind for kind in (TextureFilterMode, TextureAddressMode)}
+
+
+class _Absent(type):
+    """Metaclass of the classes that are not there."""
+
+    _wp_absent_ = True
+
+    def __call__(cls, *args, **kwargs):
+        raise _error(cls.__name__)
+
+    def __getitem__(cls, params):
+        return cls
+
+
+def _error(name):
+    return errors.WarpError(f"'wp.{name}' is not in this package yet")
+
+
+def find(name):
+    """What stands for a name that is not there; None if nobody knows the name."""
+    if name in _CLASSES:
+        made = _Absent(name, (), {"__module__": "warp", "__doc__": "Not in this package yet."})
+    elif name in _FUNCTIONS:
+
+        def made(*args, **kwargs):
+            raise _error(name)
+
+        made.__name__ = made.__qualname__ = name
+    else:
+        return _ENUMS.get(name)
+    return _made.setdefault(name, made)
+
+
+_made: dict = {}

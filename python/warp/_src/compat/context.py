@@ -1,0 +1,114 @@
+"""`warp._src.context`: names that public packages import, with who does.
+
+Nothing here is promised to stay. `runtime` and `user_modules` are used by Newton and
+nvalchemi-toolkit-ops; the classes stand in annotations of many packages.
+"""
+
+from __future__ import annotations
+
+from warp._src.builtin_table import BUILTINS
+
+from warp._src.devices import devices
+from warp._src.devices.allocators import Allocator as Allocator
+from warp._src.devices.devices import Device as Device
+from warp._src.devices.devices import DeviceLike as DeviceLike
+from warp._src.devices.devices import get_device as get_device
+from warp._src.devices.graphs import Graph as Graph
+from warp._src.devices.runtime import init as init
+from warp._src.devices.streams import Event as Event
+from warp._src.devices.streams import Stream as Stream
+from warp._src.kernels.function import Function as Function
+from warp._src.kernels.kernel import Kernel as Kernel
+from warp._src.kernels.launch import Launch as Launch
+from warp._src.kernels.launch import launch as launch
+from warp._src.kernels.modules import Module as Module
+from warp._src.kernels.modules import get_module as get_module
+from warp._src.kernels.modules import modules_by_name
+from warp._src.language.builtins import lookup
+
+# Modules by name: nvalchemi-toolkit-ops renames kernels in it, Newton's tests look modules up.
+user_modules = modules_by_name
+
+
+class _Core:
+    """The peer's C functions. There are none: what this package calls is in `warp._native`."""
+
+    def __getattr__(self, name):
+        raise AttributeError(
+            f"there is no native function '{name}', the functions of this package are called by "
+            "their public names in `warp`"
+        )
+
+
+class _Runtime:
+    """What packages read of the peer's runtime object: its devices and versions."""
+
+    core = _Core()
+
+    @property
+    def cpu_device(self):
+        return devices.by_index(devices.CPU)
+
+    @property
+    def cuda_devices(self):
+        return devices.get_cuda_devices()
+
+    @property
+    def is_cuda_enabled(self) -> bool:
+        return devices.is_cuda_available()
+
+    @property
+    def device_map(self) -> dict:
+        return {device.alias: device for device in devices.get_devices()}
+
+    @property
+    def default_device(self):
+        return devices.get_device()
+
+    @property
+    def driver_version(self):
+        return devices.get_cuda_driver_version()
+
+    @property
+    def toolkit_version(self):
+        return devices.get_cuda_toolkit_version()
+
+    @property
+    def tape(self):
+        """The tape that is recording, or None."""
+        from warp._src.arrays.observers import Observers
+
+        return Observers.tape
+
+    def get_device(self, ident=None):
+        return devices.get_device(ident)
+
+
+runtime = _Runtime()
+
+
+class _BuiltinFunctions:
+    """Builtins by name, as a read-only dictionary: Newton looks for names in it."""
+
+    def __contains__(self, name) -> bool:
+        return name in BUILTINS
+
+    def __getitem__(self, name):
+        if name not in BUILTINS:
+            raise KeyError(name)
+        return lookup(name)
+
+    def get(self, name, default=None):
+        return lookup(name) or default
+
+    def __iter__(self):
+        return iter(BUILTINS)
+
+    def __len__(self):
+        return len(BUILTINS)
+
+    def keys(self):
+        return BUILTINS.keys()
+
+
+builtin_functions = _BuiltinFunctions()
