@@ -43,16 +43,14 @@ constexpr int64_t pointsPerChunk = 4096;
 
 } // namespace
 
-/// The cell of a coordinate before it is wrapped: clamped so that one more
-/// still fits; -1 for NaN only together with `false`.
+/// The cell of a coordinate before it is wrapped, as a kernel's `int(floor(x))`
+/// has it; false for NaN.
 template <class F> static bool cellOf(F scaled, int32_t &cell) {
   F down = std::floor(scaled);
-  if (!(down >= F(-2147483648.0))) {
-    cell = INT32_MIN;
-    return down == down;
-  }
-  cell = down < F(2147483520.0) ? int32_t(down) : INT32_MAX - 1;
-  return true;
+  cell = down >= F(2147483648.0)    ? INT32_MAX
+         : down >= F(-2147483648.0) ? int32_t(down)
+                                    : INT32_MIN;
+  return down == down;
 }
 
 static int32_t wrap(int32_t cell, int32_t count) {

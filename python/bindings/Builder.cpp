@@ -163,7 +163,9 @@ static void bindArrays(py::class_<Builder> &c) {
                             stop.value_or(Value()), step.value_or(Value()));
            })
       .def("grad", &Builder::grad)
-      .def("dim", &Builder::dim);
+      .def("dim", &Builder::dim)
+      .def("array_at", &Builder::arrayAt)
+      .def("library_call", &Builder::libraryCall);
 }
 
 static void bindValues(py::class_<Builder> &c) {

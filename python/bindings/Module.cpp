@@ -18,6 +18,7 @@ PYBIND11_MODULE(_native, m) {
   warp::python::bindArray(m);
   warp::python::bindKernel(m);
   warp::python::bindSavedModule(m);
+  warp::python::bindGeometry(m);
   warp::python::bindGraph(m);
   warp::python::bindDlpack(m);
   warp::python::bindXlaFfi(m);

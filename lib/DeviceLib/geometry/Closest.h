@@ -161,8 +161,10 @@ inline ClosestPoint findClosest(const Tree &tree, Point<f32> p, f32 maxDist,
     return result;
   f32 bound = maxDist * tree.scale;
   Point<f32> at{p.x * tree.scale, p.y * tree.scale, p.z * tree.scale};
-  // A distance below zero finds nothing; its square would.
-  ClosestSearch search(tree, at, bound > 0 ? bound * bound : 0);
+  // A distance below zero finds nothing; its square would. That of a tiny one
+  // must not vanish.
+  f32 squared = bound > 0 ? greatest(bound * bound, 1e-37f) : 0;
+  ClosestSearch search(tree, at, squared);
   result.face = search.run(root);
   if (result.face < 0)
     return result;
@@ -176,6 +178,50 @@ inline ClosestPoint findClosest(const Tree &tree, Point<f32> p, f32 maxDist,
   OnTriangle<f64> point = closestOnTriangle(corner(0), corner(1), corner(2));
   result.u = f32(1.0 - point.second - point.third);
   result.v = f32(point.second);
+  return result;
+}
+
+/// The corner furthest from p, of all that are further than `minDist`.
+inline ClosestPoint findFurthest(const Tree &tree, Point<f32> p, f32 minDist) {
+  ClosestPoint result{-1, 0, 0};
+  if (!tree.nodes)
+    return result;
+  f32 bound = minDist * tree.scale;
+  f32 best = bound > 0 ? bound * bound : 0;
+  Point<f32> at{p.x * tree.scale, p.y * tree.scale, p.z * tree.scale};
+  auto *blocks = static_cast<const TriangleBlock *>(tree.blocks);
+  i32 stack[maxDepth * (width - 1) + 1] = {0};
+  for (int count = 1; count;) {
+    const Node &node = tree.nodes[stack[--count]];
+    auto reach = [&](int axis, f32 x) {
+      return greatest(x - node.low[axis], node.high[axis] - x);
+    };
+    Point<Floats> offset{reach(0, at.x), reach(1, at.y), reach(2, at.z)};
+    // Bounds are rounded, and ties are to be seen.
+    u32 far = bitsOf(dot(offset, offset) * 1.000001f >= Floats(best)) &
+              node.children();
+    for (; far; far &= far - 1) {
+      int child = lowestBit(far);
+      if (node.nodes >> child & 1) {
+        stack[count++] = node.nodeAt(child);
+        continue;
+      }
+      const TriangleBlock &block = blocks[node.blockAt(child)];
+      for (int corner = 0; corner < 3; ++corner) {
+        Point<Floats> arm = block.corner(corner) - spread(at);
+        Floats squared = dot(arm, arm);
+        for (int lane = 0; lane < width; ++lane) {
+          bool further =
+              squared[lane] > best ||
+              (squared[lane] == best && block.id[lane] < result.face);
+          if (!further)
+            continue;
+          best = squared[lane];
+          result = {block.id[lane], f32(corner == 0), f32(corner == 1)};
+        }
+      }
+    }
+  }
   return result;
 }
 

@@ -108,6 +108,8 @@ inline u32 meetBoxes(const Node &node, const Ray &ray, f32 limit,
 /// What a ray meets of a block: weights of the first two corners, parameter.
 struct Meeting {
   Floats u, v, t;
+  /// The sum of the weights before they are normalised: its sign is the side.
+  Floats weights;
   Ints isMet;
 };
 
@@ -130,7 +132,7 @@ inline Meeting meetTriangles(const TriangleBlock &block, const Ray &ray) {
   Floats sum = u + v + w;
   isMet &= sum != zero;
   Floats t = fma(u, z[0], fma(v, z[1], w * z[2])) * ray.shearZ / sum;
-  return {u / sum, v / sum, t, isMet & (t >= zero)};
+  return {u / sum, v / sum, t, sum, isMet & (t >= zero)};
 }
 
 struct RayHit {
@@ -162,6 +164,9 @@ public:
     }
     return hit;
   }
+
+  /// Whether the triangle that was met faces away from the start.
+  bool leavesThroughFront() const { return away; }
 
 private:
   void push(i32 ref, f32 entry) {
@@ -205,12 +210,16 @@ private:
     int lane = lowestBit(bitsOf(first & (block.id == Ints(hit.face))));
     hit.u = meeting.u[lane];
     hit.v = meeting.v[lane];
+    // Shearing keeps the winding: seen from the start, a face that shows its
+    // front has a positive sum of weights.
+    away = meeting.weights[lane] < 0;
   }
 
   const Tree &tree;
   const Ray &ray;
   bool any;
   RayHit hit{-1, 0, 0, 0};
+  bool away = false;
   int count = 0;
   i32 refs[maxDepth * (width - 1) + 1];
   f32 entries[maxDepth * (width - 1) + 1];
@@ -232,6 +241,21 @@ inline RayHit castRay(const Tree &tree, Point<f32> start, Point<f32> direction,
     return none;
   hit.t = ray.toUser(hit.t);
   return hit;
+}
+
+/// -1 for a point inside of a mesh, else 1: what most of three rays along the
+/// axes say by the side of the first triangle that they meet.
+inline f32 sideOf(const Tree &tree, Point<f32> p) {
+  int inside = 0;
+  if (!tree.nodes)
+    return 1;
+  for (int axis = 0; axis < 3; ++axis) {
+    Ray ray(tree, p, {f32(axis == 0), f32(axis == 1), f32(axis == 2)});
+    RaySearch search(tree, ray, infinity, false);
+    if (search.run(0).face >= 0 && search.leavesThroughFront())
+      ++inside;
+  }
+  return inside >= 2 ? -1 : 1;
 }
 
 } // namespace warp::geometry

@@ -11,6 +11,7 @@ from warp._src.frontend.context import Context, Session
 from warp._src.frontend.custom_derivatives import CustomDerivatives
 from warp._src.frontend.derivative_calls import DerivativeCalls
 from warp._src.frontend.expressions import Expressions
+from warp._src.frontend.geometry import Geometry
 from warp._src.frontend.indexed import Indexed
 from warp._src.frontend.loops import Loops
 from warp._src.frontend.output import Output
@@ -27,6 +28,7 @@ _PARTS = {
     "custom_derivatives": CustomDerivatives,
     "derivative_calls": DerivativeCalls,
     "expressions": Expressions,
+    "geometry": Geometry,
     "indexed": Indexed,
     "loops": Loops,
     "output": Output,
