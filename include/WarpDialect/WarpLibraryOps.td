@@ -40,18 +40,20 @@ def Warp_LibraryCallOp : Warp_Op<"library_call",
 def Warp_ArrayAtOp : Warp_Op<"array_at", [Pure, Warp_ThreadPhase]> {
   let summary = "packed array at an address";
   let description = [{
-    (C1) the address has 64 bits. (C2) there are as many integer extents as the
-    array has dimensions.
+    (C1) the address has 64 bits. (C2) there are as many integer extents of 32
+    bits as the array has dimensions. Where arrays are descriptors of LLVM's,
+    the result is one.
 
     ```mlir
-    %a = warp.array_at %address[%n] : ui64, si32 -> !warp.array<1 x f32>
+    %a = warp.array_at %address[%n], 4 : ui64, si32 -> !warp.array<1 x f32>
     ```
   }];
-  let arguments = (ins AnyInteger:$address, Variadic<AnyInteger>:$extents);
-  let results = (outs Warp_AnyArray:$array);
+  let arguments = (ins AnyInteger:$address, Variadic<AnyInteger>:$extents,
+                       I64Attr:$elementSize);
+  let results = (outs AnyType:$array);
   let assemblyFormat = [{
-    $address `[` $extents `]` attr-dict `:` type($address) `,` type($extents)
-    `->` type($array)
+    $address `[` $extents `]` `,` $elementSize attr-dict `:` type($address) `,`
+    type($extents) `->` type($array)
   }];
   let hasVerifier = 1;
 }

@@ -227,10 +227,6 @@ public:
   Value grad(Value array);
   /// Extent of a dimension as an `si32`.
   Value dim(Value array, int dimension);
-  /// A packed array in memory that nobody passed.
-  Value arrayAt(Value address, const Values &extents, Type element);
-  /// Calls a function of the device library.
-  Values libraryCall(const std::string &symbol, const Values &args);
 
   void beginIf(Value condition);
   void beginElse();

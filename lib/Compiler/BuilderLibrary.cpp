@@ -4,32 +4,48 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "BuilderImpl.h"
+#include "BuilderLibrary.h"
 
 #include "WarpDialect/LibraryOps.h"
 
 using namespace mlir;
 
-warp::Value warp::Builder::arrayAt(Value address, const Values &extents,
-                                   Type element) {
-  ContextLock lock;
-  mlir::Type type = ArrayType::get(impl->builder.getContext(),
-                                   int64_t(extents.size()), unwrap(element));
-  return wrap(ArrayAtOp::create(impl->builder, impl->loc, type, unwrap(address),
-                                unwrap(extents))
-                  .getResult());
+/// `_array_at(address, like, extents...)`: elements are as `like` is.
+static SmallVector<mlir::Value> arrayAt(warp::Builder::Impl &impl,
+                                        ValueRange args) {
+  if (args.size() < 3)
+    impl.failType("'_array_at' expects an address, an element and extents");
+  ValueRange extents = args.drop_front(2);
+  mlir::Type type =
+      warp::ArrayType::get(impl.builder.getContext(), int64_t(extents.size()),
+                           args[1].getType());
+  return {warp::ArrayAtOp::create(
+      impl.builder, impl.loc, type, args[0], extents,
+      impl.builder.getI64IntegerAttr(warp::getByteSize(args[1].getType())))};
 }
 
-warp::Builder::Values warp::Builder::libraryCall(const std::string &symbol,
-                                                 const Values &args) {
-  ContextLock lock;
-  const LibraryFunction *function = findLibraryFunction(symbol);
+std::optional<SmallVector<mlir::Value>>
+warp::buildLibraryCall(Builder::Impl &impl, StringRef name, ValueRange args) {
+  if (name == "_array_at")
+    return arrayAt(impl, args);
+  if (!name.consume_front("_"))
+    return std::nullopt;
+  const LibraryFunction *function = findLibraryFunction(name);
   if (!function)
-    impl->failType("the device library has no function '" + symbol + "'");
+    return std::nullopt;
   SmallVector<mlir::Type> results;
   for (char letter : function->results)
-    results.push_back(getLibraryType(impl->builder.getContext(), letter));
-  auto call = LibraryCallOp::create(impl->builder, impl->loc, results, symbol,
-                                    unwrap(args));
-  return wrap(ValueRange(call.getResults()));
+    results.push_back(getLibraryType(impl.builder.getContext(), letter));
+  if (args.size() != function->operands.size())
+    impl.failType("'" + name.str() + "' expects " +
+                  std::to_string(function->operands.size()) + " arguments");
+  for (auto [arg, letter] : llvm::zip(args, function->operands)) {
+    mlir::Type wanted = getLibraryType(impl.builder.getContext(), letter);
+    if (arg.getType() != wanted)
+      impl.failType("'" + name.str() + "' expects " + quoted(wanted) +
+                    ", but got " + quoted(arg.getType()));
+  }
+  auto call =
+      LibraryCallOp::create(impl.builder, impl.loc, results, name, args);
+  return SmallVector<mlir::Value>(call.getResults());
 }

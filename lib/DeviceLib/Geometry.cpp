@@ -11,6 +11,7 @@
 #include "geometry/Closest.h"
 #include "geometry/Overlap.h"
 #include "geometry/Ray.h"
+#include "geometry/Sign.h"
 
 using namespace warp::geometry;
 
@@ -87,7 +88,27 @@ WARP_GEOMETRY warp_mesh_furthest(u64 mesh, f32 x, f32 y, f32 z, f32 minDist,
 }
 
 WARP_GEOMETRY warp_mesh_side(u64 mesh, f32 x, f32 y, f32 z, f32 *result) {
-  *result = sideOf(treeOf(mesh, kindOfMesh), {x, y, z});
+  *result = sideByRays(treeOf(mesh, kindOfMesh), {x, y, z});
+}
+
+/// The closest point and its side by normals.
+struct SignedPoint {
+  ClosestPoint point;
+  f32 sign;
+};
+
+WARP_GEOMETRY warp_mesh_closest_signed(u64 mesh, f32 x, f32 y, f32 z,
+                                       f32 maxDist, f32 epsilon,
+                                       SignedPoint *result) {
+  const Tree &tree = treeOf(mesh, kindOfMesh);
+  BlockLane place{0, 0};
+  ClosestPoint found = findClosest(tree, {x, y, z}, maxDist, 0, &place);
+  *result = {found, 0};
+  if (found.face >= 0)
+    result->sign = sideByNormal(
+        tree, {x, y, z}, found,
+        static_cast<const TriangleBlock *>(tree.blocks)[place.block],
+        place.lane, epsilon);
 }
 
 WARP_GEOMETRY warp_mesh_ray(u64 mesh, f32 x, f32 y, f32 z, f32 dx, f32 dy,
@@ -141,7 +162,7 @@ WARP_GEOMETRY warp_overlap_next(u64 id, i32 shape, f32 a, f32 b, f32 c, f32 d,
                                 i32 level, i32 block, i32 left, u64 lowTrail,
                                 u64 highTrail, NextOverlap *result) {
   const f32 numbers[7] = {a, b, c, d, e, f, g};
-  Cursor cursor{node, level, block, u32(left), lowTrail, highTrail};
+  Cursor cursor{node, level, block, u32(left), lowTrail, highTrail, 0};
   const Tree &mesh = treeOf(id, kindOfMesh);
   i32 primitive =
       mesh.nodes ? next<TriangleBlock>(mesh, shape, numbers, limit, cursor)

@@ -17,6 +17,8 @@ static constexpr warp::LibraryFunction functions[] = {
     // A point and the largest distance: face, weights of two corners.
     {"warp_mesh_closest", "lffff", "iff"},
     {"warp_mesh_furthest", "lffff", "iff"},
+    // The same and where corners are one: also the side by normals.
+    {"warp_mesh_closest_signed", "lfffff", "ifff"},
     // A point: -1 inside, 1 outside.
     {"warp_mesh_side", "lfff", "f"},
     // Start, direction, largest parameter, root: face, weights, parameter.
@@ -68,10 +70,13 @@ LogicalResult warp::ArrayAtOp::verify() {
   if (getAddress().getType().getIntOrFloatBitWidth() != 64)
     return emitOpError("(C1) expects an address of 64 bits, but got ")
            << getAddress().getType();
-  int64_t rank = cast<ArrayType>(getArray().getType()).getRank();
-  if (int64_t(getExtents().size()) != rank)
+  for (mlir::Type type : getExtents().getTypes())
+    if (type.getIntOrFloatBitWidth() != 32)
+      return emitOpError("(C2) expects extents of 32 bits, but got ") << type;
+  auto array = dyn_cast<ArrayType>(getArray().getType());
+  if (array && int64_t(getExtents().size()) != array.getRank())
     return emitOpError("(C2) expects ")
-           << rank << " extents, but got " << getExtents().size();
+           << array.getRank() << " extents, but got " << getExtents().size();
   return success();
 }
 

@@ -163,9 +163,7 @@ static void bindArrays(py::class_<Builder> &c) {
                             stop.value_or(Value()), step.value_or(Value()));
            })
       .def("grad", &Builder::grad)
-      .def("dim", &Builder::dim)
-      .def("array_at", &Builder::arrayAt)
-      .def("library_call", &Builder::libraryCall);
+      .def("dim", &Builder::dim);
 }
 
 static void bindValues(py::class_<Builder> &c) {

@@ -6,6 +6,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Geometry.h"
 #include "Native.h"
 
 #include "warp/HashGrid.h"

@@ -4,6 +4,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Geometry.h"
 #include "Native.h"
 
 PYBIND11_MODULE(_native, m) {

@@ -26,7 +26,6 @@ void bindDevices(pybind11::module_ &m);
 void bindDlpack(pybind11::module_ &m);
 void bindErrors(pybind11::module_ &m);
 void bindGather(pybind11::module_ &m);
-void bindGeometry(pybind11::module_ &m);
 void bindGraph(pybind11::module_ &m);
 void bindKernel(pybind11::module_ &m);
 void bindMemory(pybind11::module_ &m);

@@ -4,6 +4,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "DeviceLib/geometry/Sign.h"
 #include "GeometryScenes.h"
 
 #include <gtest/gtest.h>
@@ -143,7 +144,7 @@ TEST(GeometryRay, MostAxesSayWhichSide) {
     double surface = 1 + 0.1 * std::sin(7 * p[0] / r) * std::cos(5 * p[1] / r);
     if (std::abs(r - surface) < 0.02)
       continue;
-    EXPECT_EQ(sideOf(treeOf(mesh.id()), {p[0], p[1], p[2]}),
+    EXPECT_EQ(sideByRays(treeOf(mesh.id()), {p[0], p[1], p[2]}),
               r < surface ? -1 : 1)
         << p[0] << " " << p[1] << " " << p[2];
   }

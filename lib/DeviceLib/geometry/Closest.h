@@ -153,9 +153,14 @@ struct ClosestPoint {
   f32 u, v;
 };
 
+/// Where the closest triangle lies.
+struct BlockLane {
+  i32 block, lane;
+};
+
 /// The closest point within less than `maxDist` of p; face -1 if there is none.
 inline ClosestPoint findClosest(const Tree &tree, Point<f32> p, f32 maxDist,
-                                i32 root) {
+                                i32 root, BlockLane *place = nullptr) {
   ClosestPoint result{-1, 0, 0};
   if (!tree.nodes)
     return result;
@@ -168,6 +173,8 @@ inline ClosestPoint findClosest(const Tree &tree, Point<f32> p, f32 maxDist,
   result.face = search.run(root);
   if (result.face < 0)
     return result;
+  if (place)
+    *place = {search.block, search.lane};
   const TriangleBlock &block =
       static_cast<const TriangleBlock *>(tree.blocks)[search.block];
   auto corner = [&](int i) -> Point<f64> {

@@ -21,6 +21,8 @@ struct Cursor {
   i32 node, level, block;
   u32 left;
   u64 lowTrail, highTrail;
+  /// Which one of the block was found last.
+  int lane = 0;
 
   u32 remaining() const {
     u64 trail = level < 8 ? lowTrail : highTrail;
@@ -138,9 +140,9 @@ inline i32 nextOverlap(const Tree &tree, const Shape &shape, Cursor &cursor) {
       enter(node.nodeAt(child));
     }
   }
-  int lane = lowestBit(cursor.left);
+  cursor.lane = lowestBit(cursor.left);
   cursor.left &= cursor.left - 1;
-  return blocks[cursor.block].id[lane];
+  return blocks[cursor.block].id[cursor.lane];
 }
 
 } // namespace warp::geometry

@@ -243,21 +243,6 @@ inline RayHit castRay(const Tree &tree, Point<f32> start, Point<f32> direction,
   return hit;
 }
 
-/// -1 for a point inside of a mesh, else 1: what most of three rays along the
-/// axes say by the side of the first triangle that they meet.
-inline f32 sideOf(const Tree &tree, Point<f32> p) {
-  int inside = 0;
-  if (!tree.nodes)
-    return 1;
-  for (int axis = 0; axis < 3; ++axis) {
-    Ray ray(tree, p, {f32(axis == 0), f32(axis == 1), f32(axis == 2)});
-    RaySearch search(tree, ray, infinity, false);
-    if (search.run(0).face >= 0 && search.leavesThroughFront())
-      ++inside;
-  }
-  return inside >= 2 ? -1 : 1;
-}
-
 } // namespace warp::geometry
 
 #endif // WARP_DEVICELIB_GEOMETRY_RAY_H

@@ -14,7 +14,6 @@
 
 #include "Analysis/NonNegative.h"
 #include "Launch/StageElements.h"
-#include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
@@ -59,7 +58,6 @@ private:
   // LowerArrays.cpp: one operation each.
   void lower(mlir::Operation *op);
   void lowerParameter(ParameterOp op);
-  void lowerArrayAt(ArrayAtOp op);
   void lowerView(ViewOp op);
   std::pair<mlir::Value, mlir::Value> selectedForwards(SliceOp op,
                                                        mlir::Value extent);

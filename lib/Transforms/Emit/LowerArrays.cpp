@@ -75,8 +75,6 @@ void ArrayLowering::lower(Operation *op) {
   bool replaced = true;
   if (auto parameter = dyn_cast<ParameterOp>(op))
     lowerParameter(parameter);
-  else if (auto at = dyn_cast<ArrayAtOp>(op))
-    lowerArrayAt(at);
   else if (auto view = dyn_cast<ViewOp>(op))
     lowerView(view);
   else if (auto slice = dyn_cast<SliceOp>(op))
@@ -166,16 +164,6 @@ void ArrayLowering::lowerParameter(ParameterOp op) {
     value = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ne, value,
                                   constant(i8, 0));
   op.replaceAllUsesWith(value);
-}
-
-void ArrayLowering::lowerArrayAt(ArrayAtOp op) {
-  ArrayParts parts;
-  parts.unit = getByteSize(elementType(op));
-  parts.data =
-      LLVM::IntToPtrOp::create(b, loc, dataPointer, op.getAddress());
-  for (mlir::Value extent : op.getExtents())
-    parts.shape.push_back(widen(extent, i32));
-  known[op] = parts;
 }
 
 void ArrayLowering::lowerView(ViewOp op) {

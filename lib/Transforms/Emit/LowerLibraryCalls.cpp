@@ -59,9 +59,43 @@ static void lower(warp::LibraryCallOp op, ModuleOp module, Block &first) {
   op->erase();
 }
 
+/// The descriptor that warp-lower-arrays has given the array: data, extents and
+/// strides in bytes.
+static void lower(warp::ArrayAtOp op, int64_t elementSize) {
+  OpBuilder b(op);
+  Location loc = op.getLoc();
+  auto type = cast<LLVM::LLVMStructType>(op.getArray().getType());
+  Value made = LLVM::UndefOp::create(b, loc, type);
+  auto insert = [&](Value part, int64_t place) {
+    made = LLVM::InsertValueOp::create(b, loc, made, part, place);
+  };
+  insert(LLVM::IntToPtrOp::create(b, loc, type.getBody()[0], op.getAddress()),
+         0);
+  int64_t rank = op.getExtents().size();
+  Value stride =
+      LLVM::ConstantOp::create(b, loc, b.getI64IntegerAttr(elementSize));
+  for (int64_t d = rank - 1; d >= 0; --d) {
+    Value extent = op.getExtents()[d];
+    insert(extent, 1 + d);
+    insert(stride, 1 + rank + d);
+    Value wide = LLVM::SExtOp::create(b, loc, b.getI64Type(), extent);
+    stride = LLVM::MulOp::create(b, loc, stride, wide);
+  }
+  op.getArray().replaceAllUsesWith(made);
+  op->erase();
+}
+
 void warp::lowerLibraryCalls(ModuleOp module, FunctionOpInterface entry) {
   SmallVector<LibraryCallOp> calls;
-  entry->walk([&](LibraryCallOp op) { calls.push_back(op); });
+  SmallVector<ArrayAtOp> arrays;
+  entry->walk([&](Operation *op) {
+    if (auto call = dyn_cast<LibraryCallOp>(op))
+      calls.push_back(call);
+    else if (auto array = dyn_cast<ArrayAtOp>(op))
+      arrays.push_back(array);
+  });
   for (LibraryCallOp op : calls)
     lower(op, module, entry.getFunctionBody().front());
+  for (ArrayAtOp op : arrays)
+    lower(op, op.getElementSize());
 }

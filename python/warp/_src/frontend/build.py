@@ -18,7 +18,8 @@ def build_kernel(kernel, arguments=None):
     """Translates a kernel.
 
     Args:
-        kernel: has `func` (the Python function), `key` (its name) and `option(name)`.
+        kernel: has `func` (the Python function), `key` (its name), `option(name)` and
+            `check_handles(kinds)`, which is told which arguments are handles of geometry.
         arguments: native types of the arguments, where annotations leave them open.
 
     Returns:
@@ -28,14 +29,21 @@ def build_kernel(kernel, arguments=None):
         WarpCodegenError: the function cannot be translated; says where and why.
     """
     limit = kernel.option("max_unroll")
-    return build_function(kernel.func, kernel.key, arguments, 16 if limit is None else limit)
+    limit = 16 if limit is None else limit
+    translator = _translate(kernel.func, kernel.key, arguments, limit)
+    if translator.session.handles:
+        kernel.check_handles(translator.session.handles)
+    return _finish(translator)
 
 
 def build_function(function, name, arguments=None, max_unroll=16):
     """Translates a Python function as a kernel of that name."""
-    builder = _translate(function, name, arguments, max_unroll).builder
-    builder.end_function([])
-    return builder.finish()
+    return _finish(_translate(function, name, arguments, max_unroll))
+
+
+def _finish(translator):
+    translator.builder.end_function([])
+    return translator.builder.finish()
 
 
 def types_of_local(function, name, local) -> list:
@@ -71,7 +79,7 @@ def _translate(function, name, arguments, max_unroll):
     symbol = session.symbol(symbol_name(name))
     values = builder.begin_function(symbol, parameters, natives, True)
     for parameter, value in zip(parameters, values, strict=False):
-        translator.env[parameter] = value
+        translator.env[parameter] = session.parameters[parameter] = value
         translator.lines[parameter] = source.line(source.tree)
     try:
         translator.statements.body()

@@ -64,6 +64,8 @@ class Calls(Part):
         if isinstance(function, type):
             return self.context.constructors.call_type(function, node)
         if isinstance(function, Function):
+            if function.handle is not None:
+                self.context.geometry.note_handle(function, node)
             references = references_of(function)
             if references:
                 return self.context.references.call_by_reference(function, references, node)

@@ -19,17 +19,27 @@ class Geometry(Part):
         """`_array_at(address, extent, dtype)`: a packed array."""
         address, extent, dtype = self.context.constructors.exactly(node, 3, "_array_at")
         element = self.context.constructors.native(dtype, node)
-        values = [self.context.materialize(binding, node) for binding in (address, extent)]
+        address, extent = (self.context.materialize(part, node) for part in (address, extent))
         self.context.at(node)
-        return self.builder.array_at(values[0], values[1:], element)
+        like = self.builder.zero(element)
+        return self.builder.builtin("_array_at", [address, like, extent])[0][0]
 
     def builtin__library_call(self, node):
         """`_library_call("symbol", ...)`: a tuple of results, or the only one."""
         symbol, *arguments = self.context.constructors.arguments(node)[0]
         values = [self.context.materialize(binding, node) for binding in arguments]
         self.context.at(node)
-        results = self.builder.library_call(symbol, values)
+        results, _ = self.builder.builtin("_" + symbol, values)
         return results[0] if len(results) == 1 else tuple(results)
+
+    def note_handle(self, function, node):
+        """Lets launches check an argument of the kernel that goes to a query unchanged."""
+        first = node.args[0] if node.args else None
+        if not self.context.is_kernel or not isinstance(first, ast.Name):
+            return
+        given = self.context.session.parameters.get(first.id)
+        if given is not None and self.context.env.get(first.id) is given:
+            self.context.session.handles[first.id] = function.handle
 
     def query_of(self, node):
         """The query that a loop is over, and the function that advances it; or None."""

@@ -147,6 +147,17 @@ def mesh_query_point(id: uint64, point: vec3f, max_dist: float):
     return found
 
 
+def mesh_query_point_sign_normal(id: uint64, point: vec3f, max_dist: float, epsilon: float = 1e-3):
+    """The closest point of a mesh that is nearer than `max_dist`, and the side by normals.
+
+    epsilon: corners of faces are one if they are this close, in parts of the longest edge there.
+    """
+    face, u, v, sign = wp._library_call(
+        "warp_mesh_closest_signed", id, point[0], point[1], point[2], max_dist, epsilon
+    )
+    return MeshQueryPoint(face >= 0, sign, face, u, v)
+
+
 def _point_into(
     id: uint64,
     point: vec3f,
@@ -239,6 +250,7 @@ FUNCTIONS = {
         *(mesh_eval_position, mesh_eval_velocity, mesh_eval_face_normal),
         *(mesh_query_furthest_point_no_sign, mesh_query_ray_anyhit),
         *(mesh_query_point, mesh_query_point_no_sign, mesh_query_ray),
+        mesh_query_point_sign_normal,
     )
 }
 FUNCTIONS["mesh_query_point"].add_overload(_point_into)
