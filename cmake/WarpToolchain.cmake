@@ -2,8 +2,14 @@
 
 find_program(WARP_CCACHE ccache)
 if(WARP_CCACHE)
-  set(CMAKE_CXX_COMPILER_LAUNCHER "${WARP_CCACHE}")
-  set(CMAKE_C_COMPILER_LAUNCHER "${WARP_CCACHE}")
+  # Clones at different places share compiled objects; a precompiled header
+  # counts by the checksum beside it.
+  set(launcher "${CMAKE_COMMAND}" -E env
+    "CCACHE_BASEDIR=${PROJECT_SOURCE_DIR}" CCACHE_NOHASHDIR=1
+    CCACHE_SLOPPINESS=pch_defines,time_macros CCACHE_PCH_EXTSUM=1
+    "${WARP_CCACHE}")
+  set(CMAKE_CXX_COMPILER_LAUNCHER "${launcher}")
+  set(CMAKE_C_COMPILER_LAUNCHER "${launcher}")
 endif()
 
 add_compile_options(

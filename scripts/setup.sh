@@ -55,8 +55,6 @@ build() {
     }
   }
   say "building"
-  # Clones at different places share compiled objects.
-  export CCACHE_BASEDIR=$PWD CCACHE_NOHASHDIR=1
   ninja -C build --quiet
 }
 

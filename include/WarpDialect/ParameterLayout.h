@@ -2,9 +2,8 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// The parameter block starts with the launch header; the arguments follow at
-// their natural alignment, in C layout. `warp/Launch.h` has the same numbers
-// for the runtime.
+// The parameter block starts with the `LaunchHeader` of warp/Launch.h; the
+// arguments follow at their natural alignment, in C layout.
 //
 //===----------------------------------------------------------------------===//
 
@@ -14,14 +13,6 @@
 #include "mlir/IR/BuiltinTypes.h"
 
 namespace warp {
-
-/// Offsets in the launch header.
-constexpr int64_t launchDimOffset = 0;
-constexpr int64_t errorRecordOffset = 16;
-constexpr int64_t firstArgumentOffset = 24;
-
-/// Offset of the gradient's pointer in an array's descriptor.
-constexpr int64_t gradOffset = 8;
 
 /// A scalar or array somewhere in a value, as `flatten` orders them.
 struct Leaf {

@@ -11,63 +11,38 @@
 
 namespace warp {
 
-/// Attributes that warp-specialize leaves on the kernel function, for the
-/// passes after it.
+/// Attributes of functions and operations that passes leave for later ones.
 namespace attr {
 /// How the kernel's arguments looked before they were taken apart.
 constexpr llvm::StringLiteral argTypes = "warp.arg_types";
 /// Names of those arguments.
 constexpr llvm::StringLiteral argNames = "warp.arg_names";
-/// Facts of the launch.
-constexpr llvm::StringLiteral target = "warp.target";
-constexpr llvm::StringLiteral rank = "warp.rank";
-constexpr llvm::StringLiteral contiguous = "warp.contiguous";
-constexpr llvm::StringLiteral index32 = "warp.index32";
-/// On the parameter itself: an integer that `contiguous` says is not negative.
+/// On a derivative: the kernel that it is of, for messages.
+constexpr llvm::StringLiteral primal = "warp.primal";
+/// The kind of launch, a `#warp.variant`, from warp-specialize on; how to make
+/// it, a `#warp.recipe`. See KernelFunction.h of lib/Transforms.
+constexpr llvm::StringLiteral variant = "warp.variant";
+constexpr llvm::StringLiteral recipe = "warp.recipe";
+/// On an operation: the integer that it gives is not negative.
 constexpr llvm::StringLiteral nonNegative = "warp.non_negative";
 /// On an argument of a kernel in phase `launch`: an array without gaps in
 /// row-major order; how messages call it.
 constexpr llvm::StringLiteral packed = "warp.packed";
 constexpr llvm::StringLiteral name = "warp.name";
-constexpr llvm::StringLiteral flat = "warp.flat";
-constexpr llvm::StringLiteral debug = "warp.debug";
-constexpr llvm::StringLiteral fastMath = "warp.fast_math";
-constexpr llvm::StringLiteral deterministic = "warp.deterministic";
-constexpr llvm::StringLiteral ordered = "warp.ordered";
-constexpr llvm::StringLiteral blockDim = "warp.block_dim";
-constexpr llvm::StringLiteral large = "warp.large";
-/// CPU: threads that are to be lanes of a vector; after warp-widen-threads those
-/// that are, if several.
-constexpr llvm::StringLiteral lanes = "warp.lanes";
-/// CPU: bits of a vector of the processor that code is for.
-constexpr llvm::StringLiteral vectorBits = "warp.vector_bits";
-/// No array that the kernel writes overlaps another array of the launch.
-constexpr llvm::StringLiteral disjoint = "warp.disjoint";
-constexpr llvm::StringLiteral threads = "warp.threads";
-/// Rough operations of one thread, which the compiler estimates.
-constexpr llvm::StringLiteral cost = "warp.cost";
 /// On a sum of floats of an adjoint: its terms may be added in any order.
 constexpr llvm::StringLiteral anyOrder = "warp.any_order";
-/// What follows for the code: one thread runs the launch; GPU: one block.
-constexpr llvm::StringLiteral exclusive = "warp.exclusive";
-/// GPU: launch indices that one thread takes; 1 without. Threads of the only
-/// block of an exclusive launch.
-constexpr llvm::StringLiteral items = "warp.items";
 /// The function that a launch calls, once warp-emit-entry has made it.
 constexpr llvm::StringLiteral entry = "warp.entry";
-/// What warp-sum-exactly found out, see include/warp/ExactSums.h. On the kernel:
-/// its arrays, the fields of a `SummedArray` each; on an update: where the
-/// `SumDescriptor` lies in the parameter block.
-constexpr llvm::StringLiteral sums = "warp.sums";
+/// On an update that is made exactly: where its `SumDescriptor` lies in the
+/// parameter block, see include/warp/ExactSums.h.
 constexpr llvm::StringLiteral sum = "warp.sum";
 /// Places that error records refer to by number.
 constexpr llvm::StringLiteral sites = "warp.sites";
 
 // What warp-autodiff leaves on the kernel that it differentiates, see
 // include/warp/Autodiff.h.
-/// Arguments that the primal does not have, one dictionary each: `kind`
-/// ("preserved", "saved", "counters", "tangent"), `leaf`, `per_thread`, and
-/// for counters `places`, a line of text each.
+/// On an argument that the primal does not have, a `#warp.hidden`; at the end
+/// on the function, a list of them.
 constexpr llvm::StringLiteral hidden = "warp.hidden";
 /// Array leaves whose contents the derivative reads.
 constexpr llvm::StringLiteral needed = "warp.needed";

@@ -255,10 +255,13 @@ def GatherSums : WarpPass<"warp-gather-sums"> {
 def Specialize : WarpPass<"warp-specialize"> {
   let summary = "Attach the facts of a launch and fold what they decide";
   let description = [{
-    The facts become attributes of the kernel function. Thread indices of
-    dimensions that the launch does not have become zero, and assertions
-    disappear unless the launch is a debugging one. `warp.accumulate` becomes
-    an atomic update, or a plain one where its indices are unique.
+    The kernel gets a `#warp.variant` from the options of the pass, which are
+    those of `CompileOptions` (lib/Transforms/Variant.cpp lists them): a `key`
+    or `key=value` each. Without options, a variant that it has remains. Thread
+    indices of dimensions that the launch does not have become zero, and
+    assertions disappear unless the launch is a debugging one.
+    `warp.accumulate` becomes an atomic update, or a plain one where its indices
+    are unique.
 
     ```mlir
     %i, %j = warp.tid : si32, si32
@@ -267,36 +270,6 @@ def Specialize : WarpPass<"warp-specialize"> {
     %j = warp.constant 0 : si32
     ```
   }];
-  let options = [
-    Option<"target", "target", "std::string", "\"cpu\"",
-           "cpu, or a GPU architecture such as sm_90">,
-    Option<"rank", "rank", "int64_t", "1", "Dimensions of the launch, 1 to 4">,
-    Option<"contiguous", "contiguous", "uint64_t", "0",
-           "Bit i: argument i is an array packed in row-major order, or an "
-           "integer that is not negative">,
-    Option<"index32", "index32", "bool", "true",
-           "No array and no launch has 2^31 elements or more">,
-    Option<"flat", "flat", "bool", "false",
-           "GPU: one linear grid axis for all dimensions">,
-    Option<"debug", "debug", "bool", "false", "Check bounds and assertions">,
-    Option<"fastMath", "fast-math", "bool", "false",
-           "Reassociate, and approximate math functions">,
-    Option<"deterministic", "deterministic", "bool", "false",
-           "Sums have the same bits in every run">,
-    Option<"ordered", "ordered", "bool", "false",
-           "Deterministic: by one order of updates, as arrays overlap">,
-    Option<"blockDim", "block-dim", "int64_t", "256", "Threads of a GPU block">,
-    Option<"large", "large", "bool", "false",
-           "GPU: the launch fills the card many times over">,
-    Option<"disjoint", "disjoint", "bool", "false",
-           "No array that the kernel writes overlaps another of the launch">,
-    Option<"threads", "threads", "int64_t", "16",
-           "CPU: threads that would share the launch">,
-    Option<"vectorBits", "vector-bits", "int64_t", "256",
-           "CPU: bits of a vector">,
-    Option<"lanes", "lanes", "int64_t", "0",
-           "CPU: threads that are lanes of a vector; 0 leaves it open">,
-  ];
   let dependentDialects = ["::warp::WarpDialect"];
 }
 
@@ -348,6 +321,26 @@ def SumExactly : WarpPass<"warp-sum-exactly"> {
   }];
 }
 
+def FuseMultiplyAdd : WarpPass<"warp-fuse-multiply-add"> {
+  let summary = "Make a product and a sum of it one operation";
+  let description = [{
+    Which products are rounded is settled here, before any schedule, so that
+    scalar code, lanes and debugging launches have the same bits. A product with
+    one use is fused with the sum that uses it, the left one of two. Nothing is
+    fused where the processor has no such instruction, or the operation is
+    marked `warp.exact`.
+
+    ```mlir
+    %p = arith.mulf %a, %b : f32
+    %s = arith.addf %p, %c : f32
+    // ==>
+    %s = math.fma %a, %b, %c : f32
+    ```
+  }];
+  let dependentDialects = ["::mlir::arith::ArithDialect",
+                           "::mlir::math::MathDialect"];
+}
+
 def FormLaunch : WarpPass<"warp-form-launch"> {
   let summary = "Make the body of a kernel the region of its threads";
   let description = [{
@@ -369,24 +362,40 @@ def FormLaunch : WarpPass<"warp-form-launch"> {
   let dependentDialects = ["::mlir::arith::ArithDialect", "::warp::WarpDialect"];
 }
 
-def FuseMultiplyAdd : WarpPass<"warp-fuse-multiply-add"> {
-  let summary = "Make a product and a sum of it one operation";
+def PrivatizeAtomics : WarpPass<"warp-privatize-atomics"> {
+  let summary = "Combine updates of one element over a group of threads";
   let description = [{
-    Which products are rounded is settled here, before any schedule, so that
-    scalar code, lanes and debugging launches have the same bits. A product with
-    one use is fused with the sum that uses it, the left one of two. Nothing is
-    fused where the processor has no such instruction, or the operation is
-    marked `warp.exact`.
+    An atomic whose address all threads share and whose old value nobody uses
+    becomes a value that the threads yield, which is combined over the group
+    and published once.
+
+    Where atomics remain on the CPU, and so few threads would share the launch
+    that one thread without atomic instructions is faster, the kernel gets an
+    exclusive recipe: it runs on one thread and updates elements plainly. In a
+    deterministic launch so does every kernel with atomics whose order would
+    show, sums that are exact aside; on a GPU that is a launch of one block, with
+    one thread if its updates cannot be combined.
+
+    Where all atomics that remain add numbers to arrays, or gradients, that the
+    kernel does nothing else to, and arrays are disjoint, `warp.copied` lists
+    those arrays: the code runs on several threads if each has copies of them.
 
     ```mlir
-    %p = arith.mulf %a, %b : f32
-    %s = arith.addf %p, %c : f32
+    warp.threads {
+      %old = warp.atomic_components add(%x), %sum[%c0] : ...
+    }
     // ==>
-    %s = math.fma %a, %b, %c : f32
+    %s = warp.threads kinds = [add] {
+      warp.yield %x : f32
+    } : f32
+    warp.once {
+      %old = warp.atomic_components add(%s), %sum[%c0] : ...
+    }
     ```
   }];
-  let dependentDialects = ["::mlir::arith::ArithDialect",
-                           "::mlir::math::MathDialect"];
+  let dependentDialects = [
+    "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect",
+    "::warp::WarpDialect"];
 }
 
 def WidenThreads : WarpPass<"warp-widen-threads"> {
@@ -406,10 +415,6 @@ def WidenThreads : WarpPass<"warp-widen-threads"> {
       %s = arith.addf %v, %v : vector<16xf32>
     ```
   }];
-  let options = [
-    Option<"lanes", "lanes", "int64_t", "0",
-           "Lanes of a vector; 0 leaves it to the pass">,
-  ];
   let dependentDialects = [
     "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect",
     "::warp::WarpDialect"];
@@ -424,6 +429,10 @@ def VerifyLaunch : WarpPass<"warp-verify-launch"> {
     intrinsics, which convert numbers.
   }];
 }
+
+//===----------------------------------------------------------------------===//
+// What is known of values, for people
+//===----------------------------------------------------------------------===//
 
 def PrintVariance : WarpPass<"warp-print-variance"> {
   let summary = "Print how the values of a kernel vary over its threads";
@@ -441,28 +450,6 @@ def PrintVariance : WarpPass<"warp-print-variance"> {
     //   %1 = arith.addi: step 2
     ```
   }];
-}
-
-//===----------------------------------------------------------------------===//
-// Phase `llvm`
-//===----------------------------------------------------------------------===//
-
-def LowerLanes : WarpPass<"warp-lower-lanes"> {
-  let summary = "Turn what lanes do together into operations on vectors";
-  let description = [{
-    Code for full vectors, whose mask is a constant, is simplified first. What
-    is done lane by lane becomes a loop over the lanes, with operands and results
-    in memory.
-
-    ```mlir
-    %any = warp.any %m : vector<16xi1>
-    // ==>
-    %any = "llvm.intr.vector.reduce.or"(%m) : (vector<16xi1>) -> i1
-    ```
-  }];
-  let dependentDialects = [
-    "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect",
-    "::mlir::LLVM::LLVMDialect"];
 }
 
 //===----------------------------------------------------------------------===//
@@ -492,6 +479,24 @@ def EmitEntry : WarpPass<"warp-emit-entry"> {
   let dependentDialects = [
     "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect",
     "::mlir::LLVM::LLVMDialect", "::warp::WarpDialect"];
+}
+
+def LowerLanes : WarpPass<"warp-lower-lanes"> {
+  let summary = "Turn what lanes do together into operations on vectors";
+  let description = [{
+    Code for full vectors, whose mask is a constant, is simplified first. What
+    is done lane by lane becomes a loop over the lanes, with operands and results
+    in memory.
+
+    ```mlir
+    %any = warp.any %m : vector<16xi1>
+    // ==>
+    %any = "llvm.intr.vector.reduce.or"(%m) : (vector<16xi1>) -> i1
+    ```
+  }];
+  let dependentDialects = [
+    "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect",
+    "::mlir::LLVM::LLVMDialect"];
 }
 
 def RotateLoops : WarpPass<"warp-rotate-loops"> {
@@ -526,42 +531,6 @@ def RotateLoops : WarpPass<"warp-rotate-loops"> {
   let dependentDialects = [
     "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect",
     "::mlir::LLVM::LLVMDialect"];
-}
-
-def PrivatizeAtomics : WarpPass<"warp-privatize-atomics"> {
-  let summary = "Combine updates of one element over a group of threads";
-  let description = [{
-    An atomic whose address all threads share and whose old value nobody uses
-    becomes a value that the threads yield, which is combined over the group
-    and published once.
-
-    Where atomics remain on the CPU, and so few threads would share the launch that one
-    thread without atomic instructions is faster, the kernel is marked
-    `warp.exclusive`: it runs on one thread and updates elements plainly. In a
-    deterministic launch so is every kernel with atomics whose order would show,
-    sums that are exact aside; on a GPU that is a launch of one block, with one
-    thread if its updates cannot be combined.
-
-    Where all atomics that remain add numbers to arrays, or gradients, that the
-    kernel does nothing else to, and arrays are disjoint, `warp.copied` lists
-    those arrays: the code runs on several threads if each has copies of them.
-
-    ```mlir
-    warp.threads {
-      %old = warp.atomic_components add(%x), %sum[%c0] : ...
-    }
-    // ==>
-    %s = warp.threads kinds = [add] {
-      warp.yield %x : f32
-    } : f32
-    warp.once {
-      %old = warp.atomic_components add(%s), %sum[%c0] : ...
-    }
-    ```
-  }];
-  let dependentDialects = [
-    "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect",
-    "::warp::WarpDialect"];
 }
 
 def CombineOverWarps : WarpPass<"warp-combine-over-warps"> {
@@ -610,6 +579,30 @@ def LowerSums : WarpPass<"warp-lower-sums"> {
     "::mlir::LLVM::LLVMDialect", "::warp::WarpDialect"];
 }
 
+def UnrollLoops : WarpPass<"warp-unroll-loops"> {
+  let summary = "Copy the bodies of a GPU's small loops";
+  let description = [{
+    A counted loop that loads and computes is marked for LLVM to copy its body.
+    In front of a loop with a condition, which computes only, goes one that runs
+    several iterations and asks for all of their conditions at once.
+
+    ```mlir
+    %r = scf.while (%s = %init) {        // %c from %s
+      scf.condition(%c) %s
+    } do { ... }                         // f
+    // ==>
+    %t:2 = scf.while (%s = %init) {      // %c, %c1 from %s, f(%s)
+      %all = arith.andi %c, %c1
+      scf.condition(%all) %s, %s2        // f(f(%s))
+    } do { ... scf.yield %s2 }
+    %r = scf.while (%s = %t#0) {         // as before
+    ```
+  }];
+  let dependentDialects = [
+    "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect",
+    "::mlir::LLVM::LLVMDialect"];
+}
+
 def StageLoads : WarpPass<"warp-stage-loads"> {
   let summary = "Let a GPU warp load what its lanes share";
   let description = [{
@@ -639,54 +632,12 @@ def StageLoads : WarpPass<"warp-stage-loads"> {
     "::mlir::LLVM::LLVMDialect"];
 }
 
-def ExpandRoots : WarpPass<"warp-expand-roots"> {
-  let summary = "Compute a GPU's square roots without branches";
-  let description = [{
-    Roots of f32 are correctly rounded, reciprocals of roots within 1 ulp.
-
-    ```mlir
-    %s = math.sqrt %x : f32
-    %r = arith.divf %one, %s : f32
-    // ==>
-    %y = llvm.call_intrinsic "llvm.nvvm.rsqrt.approx.f"(%x)
-    // %r = %y + %y/2 (1 - %x %y %y), or %y
-    ```
-  }];
-  let dependentDialects = [
-    "::mlir::arith::ArithDialect", "::mlir::math::MathDialect",
-    "::mlir::LLVM::LLVMDialect"];
-}
-
-def UnrollLoops : WarpPass<"warp-unroll-loops"> {
-  let summary = "Copy the bodies of a GPU's small loops";
-  let description = [{
-    A counted loop that loads and computes is marked for LLVM to copy its body.
-    In front of a loop with a condition, which computes only, goes one that runs
-    several iterations and asks for all of their conditions at once.
-
-    ```mlir
-    %r = scf.while (%s = %init) {        // %c from %s
-      scf.condition(%c) %s
-    } do { ... }                         // f
-    // ==>
-    %t:2 = scf.while (%s = %init) {      // %c, %c1 from %s, f(%s)
-      %all = arith.andi %c, %c1
-      scf.condition(%all) %s, %s2        // f(f(%s))
-    } do { ... scf.yield %s2 }
-    %r = scf.while (%s = %t#0) {         // as before
-    ```
-  }];
-  let dependentDialects = [
-    "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect",
-    "::mlir::LLVM::LLVMDialect"];
-}
-
 def OrderAccesses : WarpPass<"warp-order-accesses"> {
   let summary = "Load first and store last";
   let description = [{
     Between barriers, calls and loops that write, the stores of a thread sink
     below its loads, and loads rise above its arithmetic, where their arrays
-    cannot overlap (`warp.disjoint`). An element that is loaded twice is loaded
+    cannot overlap (`disjoint`). An element that is loaded twice is loaded
     once.
 
     ```mlir
@@ -694,7 +645,7 @@ def OrderAccesses : WarpPass<"warp-order-accesses"> {
     warp.store_components (%zero), %dy[%i] : ...
     %s = math.cos %v : f32
     %h = warp.load_components %dx[%i] : ...
-    // ==> where the entry has `warp.disjoint`
+    // ==> where arrays are disjoint
     %g = warp.load_components %dy[%i] : ...
     %h = warp.load_components %dx[%i] : ...
     %s = math.cos %v : f32
@@ -722,6 +673,24 @@ def LowerArrays : WarpPass<"warp-lower-arrays"> {
   }];
   let dependentDialects = [
     "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect",
+    "::mlir::LLVM::LLVMDialect"];
+}
+
+def ExpandRoots : WarpPass<"warp-expand-roots"> {
+  let summary = "Compute a GPU's square roots without branches";
+  let description = [{
+    Roots of f32 are correctly rounded, reciprocals of roots within 1 ulp.
+
+    ```mlir
+    %s = math.sqrt %x : f32
+    %r = arith.divf %one, %s : f32
+    // ==>
+    %y = llvm.call_intrinsic "llvm.nvvm.rsqrt.approx.f"(%x)
+    // %r = %y + %y/2 (1 - %x %y %y), or %y
+    ```
+  }];
+  let dependentDialects = [
+    "::mlir::arith::ArithDialect", "::mlir::math::MathDialect",
     "::mlir::LLVM::LLVMDialect"];
 }
 

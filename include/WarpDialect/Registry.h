@@ -23,6 +23,10 @@ class OpBuilder;
 
 namespace warp {
 
+/// What a builtin's derivative is: none, zero almost everywhere, or a function
+/// of the operands.
+enum class DerivativeKind { None, Zero, Function };
+
 /// One TableGen record. Records are static and compared by address.
 struct BuiltinSpec {
   /// Name under `warp` in Python; operators are named after their method.
@@ -34,7 +38,7 @@ struct BuiltinSpec {
   llvm::StringLiteral group;
   llvm::StringLiteral doc;
   llvm::ArrayRef<llvm::StringLiteral> overloads;
-  llvm::StringLiteral derivative;
+  DerivativeKind derivative;
   /// The overloads are only for display: the operation has its own rules.
   bool isSpecial;
 };

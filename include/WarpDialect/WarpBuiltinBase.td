@@ -39,10 +39,14 @@ class Elementwise<string floatOp, string signedOp = "", string unsignedOp = "">
 /// By the C++ function `lower<Operation>`, such as `lowerCross` for CrossOp.
 def ByFunction : Lowering;
 
-/// What a derivative of the builtin is.
-class Derivative<string textOf> { string text = textOf; }
+/// What a derivative of the builtin is. `kind` is a `DerivativeKind` of
+/// Registry.h, `text` its name in the documentation.
+class Derivative<string kindOf, string textOf> {
+  string kind = kindOf;
+  string text = textOf;
+}
 /// Has one almost everywhere: that of the scalars it is expanded into.
-def Smooth : Derivative<"differentiable">;
+def Smooth : Derivative<"Function", "differentiable">;
 
 /// Has one by formulas: for each overload, or for all of them at once, one per
 /// operand. A formula gives the cotangent of its operand from the cotangent
@@ -62,7 +66,8 @@ def Smooth : Derivative<"differentiable">;
 ///   a formula of the operands, `result` and the tangents `da` of each operand
 ///   `a`.
 class Formulas<list<list<string>> adjointsOf, list<string> tangentsOf,
-               list<string> givenOf = []> : Derivative<"differentiable"> {
+               list<string> givenOf = []>
+    : Derivative<"Function", "differentiable"> {
   list<list<string>> adjoints = adjointsOf;
   list<string> tangents = tangentsOf;
   /// `name = formula`, which later ones and the adjoints can use.
@@ -74,16 +79,16 @@ class Partials<list<string> formulas, list<string> given = []>
     : Formulas<[formulas], ["partials"], given>;
 /// Has one by the C++ functions `pullback<Operation>` and
 /// `pushforward<Operation>`.
-def RuleByFunction : Derivative<"differentiable">;
+def RuleByFunction : Derivative<"Function", "differentiable">;
 
 /// Linear in each operand.
 class Multilinear<list<list<string>> formulas>
     : Formulas<formulas, ["substitution"]>;
 
 /// Zero wherever it exists.
-def PiecewiseConstant : Derivative<"zero almost everywhere">;
+def PiecewiseConstant : Derivative<"Zero", "zero almost everywhere">;
 /// Has none; an active use is an error.
-def NotDifferentiable : Derivative<"not differentiable">;
+def NotDifferentiable : Derivative<"None", "not differentiable">;
 
 class Warp_Builtin<string mnemonic, string groupOf, list<string> overloadsOf,
                    string summaryOf, Lowering loweringOf = ByFunction,

@@ -26,10 +26,12 @@ def Warp_Dialect : Dialect {
     operands and results are checked against the overloads of the record.
   }];
   let useDefaultTypePrinterParser = 1;
+  let useDefaultAttributePrinterParser = 1;
   let hasCanonicalizer = 1;
   let hasConstantMaterializer = 1;
   let hasOperationAttrVerify = 1;
   let extraClassDeclaration = [{
+    void registerAttributes();
     void registerTypes();
     void registerOps();
   }];

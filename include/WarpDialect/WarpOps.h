@@ -8,6 +8,7 @@
 #define WARPDIALECT_WARPOPS_H
 
 #include "WarpDialect/Registry.h"
+#include "WarpDialect/WarpAttributes.h"
 #include "WarpDialect/WarpTypes.h"
 
 #include "mlir/Bytecode/BytecodeOpInterface.h"
@@ -17,7 +18,6 @@
 #include "mlir/IR/SymbolTable.h"
 #include "mlir/Interfaces/SideEffectInterfaces.h"
 
-#include "WarpDialect/WarpEnums.h.inc"
 
 namespace warp {
 
@@ -35,15 +35,5 @@ enum class AccessEffect { Read, Write, Update };
 
 #define GET_OP_CLASSES
 #include "WarpDialect/WarpOps.h.inc"
-
-namespace warp {
-
-/// Reports a constant index that is out of range for a composite. Only a
-/// front end may ask: a pass that folds may leave such an index in dead code.
-llvm::LogicalResult checkConstantIndices(mlir::Location location,
-                                         mlir::Type composite,
-                                         mlir::ValueRange indices);
-
-} // namespace warp
 
 #endif // WARPDIALECT_WARPOPS_H

@@ -18,10 +18,6 @@
 
 namespace warp {
 
-/// Bytes of an array descriptor, in memory and in a kernel's parameters.
-constexpr int64_t arrayDescriptorSize = 56;
-constexpr int64_t arrayDescriptorAlign = 8;
-
 /// More components than this in one value are an error, so that no text can
 /// make the compiler run out of memory.
 constexpr int64_t maxComponents = 1 << 16;

@@ -63,9 +63,9 @@ struct HiddenArgument {
   enum class Kind {
     /// A copy of an array as it was before the launch.
     Preserved,
-    /// What the augmented primal saved, `perThread` elements for each thread.
+    /// What the augmented primal saved, one element for each thread.
     Saved,
-    /// `perThread` counters of singular points, zero at first.
+    /// Counters of singular points, one for each place, zero at first.
     Counters,
     /// The twin of an active argument in forward mode.
     Tangent,
@@ -88,7 +88,6 @@ struct HiddenArgument {
   int direction = 0;
   /// Text of the type.
   std::string type;
-  int64_t perThread = 0;
   /// The source line that each counter is of.
   std::vector<std::string> places;
 };

@@ -47,8 +47,8 @@ struct CompileOptions {
   /// GPU: the launch fills the card many times over, so a thread may take
   /// several items.
   bool large = false;
-  /// No array that the kernel writes overlaps another array of the launch, or
-  /// any gradient.
+  /// No memory that the launch writes overlaps another of its arrays or their
+  /// gradients.
   bool disjoint = false;
   /// Bounds checks that report through the error record.
   bool debug = false;
@@ -63,7 +63,7 @@ struct CompileOptions {
   /// Threads of a GPU block.
   int blockDim = 256;
   /// CPU: threads that would share the launch; above 16 makes no difference.
-  int threads = 1;
+  int threads = 16;
   /// GPU: the driver that turns the PTX into machine code, which is what is
   /// kept then; 0 keeps the PTX.
   int driverVersion = 0;
@@ -134,7 +134,8 @@ struct Param {
   Kind kind = Kind::Scalar;
   /// Text of the type: "f32", "!warp.vec<3 x f32>", "!warp.array<...>".
   std::string type;
-  /// Place in the parameter block; the first argument starts at 24.
+  /// Place in the parameter block; the first argument starts at
+  /// `firstArgument`.
   int64_t offset = 0;
   int64_t size = 0;
   /// Arrays: number of dimensions, text and byte size of the element type.

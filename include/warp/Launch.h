@@ -2,8 +2,11 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// What crosses the border between a compiled kernel and its caller. A kernel
-// gets one pointer (GPU: one by-value struct), the parameter block:
+// What crosses the border between a compiled kernel and its caller, defined
+// here and nowhere else: the compiler takes sizes and offsets from these types,
+// Python from the bindings. Code on disk has them too, so each is asserted.
+//
+// A kernel gets one pointer (GPU: one by-value struct), the parameter block:
 //
 //   offset  0  LaunchHeader: extents of the launch, error record
 //          24  the arguments in order, each at its natural alignment;
@@ -19,6 +22,7 @@
 
 #include "warp/Export.h"
 
+#include <cstddef>
 #include <cstdint>
 
 namespace warp {
@@ -34,13 +38,23 @@ struct ArrayDescriptor {
   int32_t ndim = 0;
   int32_t flags = 0;
 };
-static_assert(sizeof(ArrayDescriptor) == 56);
+static_assert(sizeof(ArrayDescriptor) == 56 && alignof(ArrayDescriptor) == 8 &&
+              offsetof(ArrayDescriptor, data) == 0 &&
+              offsetof(ArrayDescriptor, grad) == 8 &&
+              offsetof(ArrayDescriptor, shape) == 16 &&
+              offsetof(ArrayDescriptor, strides) == 32 &&
+              offsetof(ArrayDescriptor, ndim) == 48 &&
+              offsetof(ArrayDescriptor, flags) == 52);
 
 struct LaunchHeader {
   int32_t dim[maxRank] = {1, 1, 1, 1};
   uint64_t errorRecord = 0;
 };
-static_assert(sizeof(LaunchHeader) == 24);
+static_assert(sizeof(LaunchHeader) == 24 && offsetof(LaunchHeader, dim) == 0 &&
+              offsetof(LaunchHeader, errorRecord) == 16);
+
+/// Where the first argument may lie in the parameter block.
+inline constexpr size_t firstArgument = sizeof(LaunchHeader);
 
 /// What a debug check found.
 enum class CheckKind : uint8_t { OutOfBounds = 0, Assertion = 1 };
@@ -57,7 +71,12 @@ struct ErrorRecord {
   uint8_t rank = 0;
   int16_t pad[3] = {0, 0, 0};
 };
-static_assert(sizeof(ErrorRecord) == 64);
+static_assert(sizeof(ErrorRecord) == 64 && offsetof(ErrorRecord, flag) == 0 &&
+              offsetof(ErrorRecord, site) == 4 &&
+              offsetof(ErrorRecord, index) == 8 &&
+              offsetof(ErrorRecord, shape) == 40 &&
+              offsetof(ErrorRecord, kind) == 56 &&
+              offsetof(ErrorRecord, rank) == 57);
 
 using CpuEntry = void (*)(const void *params, int64_t begin, int64_t end);
 

@@ -22,6 +22,7 @@
 
 #include "Analysis/ArrayOrigins.h"
 #include "WarpDialect/Passes.h"
+#include "WarpDialect/WarpAttributes.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
@@ -79,7 +80,9 @@ ThreadVariance::ThreadVariance(FunctionOpInterface function)
       rank = std::max(rank, op->getNumResults());
   });
   lastIndex = 1 << (rank - 1);
-  mayOverlap = !function->hasAttr(warp::attr::disjoint);
+  auto variant =
+      function->getAttrOfType<warp::VariantAttr>(warp::attr::variant);
+  mayOverlap = !variant || !variant.getDisjoint();
   for (BlockArgument argument : function.getArguments())
     states[argument] = State();
   do {

@@ -2,7 +2,8 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Runs on a copy of the primal's warp IR, before anything of a launch is known:
+// Runs on a copy of the primal's warp IR, before anything of a launch is known
+// (Pipelines.cpp has the passes):
 //
 //   1  inline, canonicalise; functions with a derivative of their own stay
 //   2  structs become their fields, builtins without a rule those with one,
@@ -18,21 +19,20 @@
 //===----------------------------------------------------------------------===//
 
 #include "Context.h"
-#include "Derivation.h"
 #include "Pipelines.h"
+#include "Transforms/Autodiff/Derivation.h"
 
 #include "warp/Autodiff.h"
 #include "warp/Compile.h"
 
 #include "WarpDialect/Passes.h"
+#include "WarpDialect/WarpAttributes.h"
 #include "WarpDialect/WarpDialect.h"
 
 #include "mlir/Dialect/Func/IR/FuncOps.h"
 #include "mlir/IR/Verifier.h"
 #include "mlir/Pass/PassManager.h"
-#include "mlir/Transforms/Passes.h"
 
-#include "llvm/ADT/StringSwitch.h"
 #include "llvm/Support/raw_ostream.h"
 
 using namespace mlir;
@@ -45,33 +45,15 @@ using warp::HiddenArgument;
 // The pipeline
 //===----------------------------------------------------------------------===//
 
-static void addInlining(OpPassManager &pm) {
-  pm.addPass(createInlinerPass({}, [](OpPassManager &) {}));
-  pm.addPass(createSymbolDCEPass());
-  pm.addPass(warp::createWarpCanonicalizer());
-  pm.addPass(createCSEPass());
-}
-
 namespace {
 
 /// Passes without options of a derivative. They are kept for the life of the
 /// process: to build a canonicalizer's patterns takes longer than to run it.
 struct Stages {
   Stages() {
-    addInlining(inlining);
-    addInlining(prepare);
-    prepare.addPass(warp::createFlattenStructs());
-    prepare.addPass(warp::createExpandBuiltins());
-    prepare.addPass(warp::createWarpCanonicalizer());
-    prepare.addPass(createCSEPass());
-    prepare.addPass(warp::createForwardStores());
-    tidy.addPass(warp::createWarpCanonicalizer());
-    tidy.addPass(createCSEPass());
-    tidy.addPass(createLoopInvariantCodeMotionPass());
-    tidy.addPass(warp::createSimplifyAdjoint());
-    tidy.addPass(warp::createWarpCanonicalizer());
-    tidy.addPass(createCSEPass());
-    tidy.addPass(warp::createCleanUpAdjoint());
+    warp::addInlining(inlining);
+    warp::addPreparation(prepare);
+    warp::addTidying(tidy);
     for (PassManager *stage : {&inlining, &prepare, &tidy})
       stage->enableVerifier(false);
   }
@@ -88,69 +70,14 @@ struct Stages {
 
 } // namespace
 
-static std::string activeFlags(const AutodiffOptions &options) {
-  std::string text;
-  for (bool flag : options.active)
-    text += flag ? '1' : '0';
-  return text;
-}
-
 LogicalResult warp::derive(ModuleOp module, const AutodiffOptions &options) {
-  DifferentiateKernelOptions derivation;
-  derivation.mode = options.winners   ? "winners"
-                    : options.forward ? "forward"
-                                      : "reverse";
-  derivation.active = activeFlags(options);
-  derivation.singular = options.singular;
-  derivation.width = options.width;
-  derivation.unique = options.unique;
-  derivation.maxLocalTape = options.maxLocalTape;
-  derivation.tape = options.tape;
   PassManager differentiate(module.getContext());
   differentiate.enableVerifier(false);
-  differentiate.addPass(createDifferentiateKernel(derivation));
-  differentiate.addPass(createInlinePullbacks({activeFlags(options)}));
+  addDifferentiation(differentiate, options);
   Stages &stages = Stages::get();
   return success(succeeded(stages.prepare.run(module)) &&
                  succeeded(differentiate.run(module)) &&
                  succeeded(stages.tidy.run(module)));
-}
-
-void warp::keepCalls(ModuleOp module, bool keep) {
-  for (auto function : module.getOps<func::FuncOp>()) {
-    if (!function->hasAttr(warp::attr::vjp) &&
-        !function->hasAttr(warp::attr::replay))
-      continue;
-    if (keep)
-      function.setNoInline(true);
-    else
-      function.removeNoInlineAttr();
-  }
-}
-
-void warp::callBodies(ModuleOp module) {
-  SmallVector<func::CallOp> calls;
-  module.walk([&](func::CallOp call) {
-    auto callee = module.lookupSymbol<func::FuncOp>(call.getCallee());
-    auto count =
-        callee ? callee->getAttrOfType<IntegerAttr>(attr::residuals) : nullptr;
-    if (count && !llvm::all_of(call.getResults().take_back(count.getInt()),
-                               [](OpResult v) { return v.use_empty(); }))
-      calls.push_back(call);
-  });
-  for (func::CallOp call : calls) {
-    auto callee = module.lookupSymbol<func::FuncOp>(call.getCallee());
-    std::string name = (callee.getName() + "_body").str();
-    if (!module.lookupSymbol(name)) {
-      func::FuncOp body = callee.clone();
-      body.setName(name);
-      for (StringRef attribute :
-           {attr::vjp, attr::jvp, attr::replay, attr::residuals})
-        body->removeAttr(attribute);
-      module.insert(callee, body);
-    }
-    call.setCallee(name);
-  }
 }
 
 /// Throws what the passes of a step reported if one of them failed.
@@ -167,7 +94,7 @@ static void finish(ModuleOp module) {
   check(module, [](ModuleOp module) {
     PassManager verifier(module.getContext());
     verifier.enableVerifier(false);
-    verifier.addPass(warp::createVerifyWarp());
+    warp::addVerification(verifier);
     return success(succeeded(Stages::get().inlining.run(module)) &&
                    succeeded(verifier.run(module)));
   });
@@ -192,27 +119,19 @@ static std::vector<std::string> readLines(Attribute attribute) {
   return lines;
 }
 
-static HiddenArgument readHidden(DictionaryAttr entry, mlir::Type type) {
-  using Kind = HiddenArgument::Kind;
+/// The kinds of the attribute and of the interface are the same list.
+static_assert(int(warp::HiddenKind::Preserved) ==
+                  int(HiddenArgument::Kind::Preserved) &&
+              int(warp::HiddenKind::Tape) == int(HiddenArgument::Kind::Tape) &&
+              warp::getMaxEnumValForHiddenKind() ==
+                  int(HiddenArgument::Kind::Tape));
+
+static HiddenArgument readHidden(warp::HiddenAttr entry, mlir::Type type) {
   HiddenArgument hidden;
-  auto kind = entry.getAs<StringAttr>("kind");
-  hidden.kind = llvm::StringSwitch<Kind>(kind ? kind.getValue() : "")
-                    .Case("saved", Kind::Saved)
-                    .Case("counters", Kind::Counters)
-                    .Case("tangent", Kind::Tangent)
-                    .Case("claims", Kind::Claims)
-                    .Case("trips", Kind::Trips)
-                    .Case("offsets", Kind::Offsets)
-                    .Case("totals", Kind::Totals)
-                    .Case("tape", Kind::Tape)
-                    .Default(Kind::Preserved);
-  if (auto leaf = entry.getAs<IntegerAttr>("leaf"))
-    hidden.leaf = static_cast<int>(leaf.getInt());
-  if (auto direction = entry.getAs<IntegerAttr>("direction"))
-    hidden.direction = static_cast<int>(direction.getInt());
-  if (auto count = entry.getAs<IntegerAttr>("per_thread"))
-    hidden.perThread = count.getInt();
-  hidden.places = readLines(entry.get("places"));
+  hidden.kind = static_cast<HiddenArgument::Kind>(entry.getKind());
+  hidden.leaf = static_cast<int>(entry.getLeaf());
+  hidden.direction = static_cast<int>(entry.getDirection());
+  hidden.places = readLines(entry.getPlaces());
   llvm::raw_string_ostream(hidden.type) << type;
   return hidden;
 }
@@ -222,7 +141,7 @@ static std::vector<HiddenArgument> takeHidden(func::FuncOp kernel) {
   Attribute taken = kernel->removeAttr(warp::attr::hidden);
   if (auto list = dyn_cast_or_null<ArrayAttr>(taken)) {
     unsigned first = kernel.getNumArguments() - list.size();
-    for (auto [i, entry] : llvm::enumerate(list.getAsRange<DictionaryAttr>()))
+    for (auto [i, entry] : llvm::enumerate(list.getAsRange<warp::HiddenAttr>()))
       hidden.push_back(
           readHidden(entry, kernel.getArgumentTypes()[first + i]));
   }
@@ -300,24 +219,30 @@ static AutodiffOptions complete(const warp::Module &module,
   return options;
 }
 
+/// Has messages of all that becomes of a kernel name what the user wrote.
+static void nameAfterItself(func::FuncOp kernel) {
+  if (!kernel->hasAttr(warp::attr::primal))
+    kernel->setAttr(warp::attr::primal, kernel.getSymNameAttr());
+}
+
 Derivative warp::differentiate(const Module &module,
                                const AutodiffOptions &given) {
   ContextLock lock;
   AutodiffOptions options = complete(module, given);
   auto copy = std::make_shared<Module::Impl>();
   copy->op = module.getImpl()->op->clone();
+  nameAfterItself(findMarked(*copy->op, kernelAttrName));
   check(*copy->op, [&](ModuleOp module) {
     PassManager resolve(module.getContext());
     resolve.enableVerifier(false);
-    resolve.addPass(createResolveDerivatives(
-        {/*keepDerivatives=*/true, options.forward, options.singular}));
+    addResolution(resolve, options);
     return resolve.run(module);
   });
-  callBodies(*copy->op);
-  keepCalls(*copy->op, true);
+  autodiff::callBodies(*copy->op);
+  autodiff::keepCalls(*copy->op, true);
   check(*copy->op,
         [&](ModuleOp module) { return derive(module, options); });
-  keepCalls(*copy->op, false);
+  autodiff::keepCalls(*copy->op, false);
   Derivative derivative{Module(copy), {}, {}, {}, {}, {}, {}, {}, {}};
   func::FuncOp kernel = findMarked(*copy->op, kernelAttrName);
   readFacts(kernel, derivative);

@@ -11,6 +11,8 @@
 #include "Pipelines.h"
 #include "Target.h"
 
+#include "warp/Compile.h"
+
 #include "llvm/ADT/SmallVector.h"
 
 #include <optional>
@@ -56,6 +58,10 @@ public:
 
 private:
   void time(const std::string &phase, double since);
+  /// Runs one phase on the module; on failure throws with all that is known.
+  void runPhase(Phase phase);
+  mlir::LogicalResult runPasses(mlir::ModuleOp module, Phase phase);
+  std::string textBefore(Phase phase, const std::string &pass);
   void collectFacts(mlir::ModuleOp module);
 
   CompileOptions options;

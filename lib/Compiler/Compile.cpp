@@ -17,7 +17,9 @@
 
 #include "Context.h"
 #include "Pipelines.h"
+#include "Transforms/KernelFunction.h"
 #include "Transforms/Updates/CopiedArrays.h"
+#include "Transforms/Variant.h"
 
 #include "WarpDialect/Passes.h"
 
@@ -132,26 +134,55 @@ void Compilation::time(const std::string &phase, double since) {
   phaseMs[phase] += now() - since;
 }
 
-/// Runs one phase; on failure throws with all that is known.
-static void runPhase(ModuleOp module, Phase phase,
-                     const CompileOptions &options) {
-  Diagnostics diagnostics;
-  auto index = static_cast<size_t>(phase);
-  FailureRecorder &recorder = *Phases::get().recorders[index];
-  recorder.failed.clear();
+/// Has the kernel say what the code is for.
+static LogicalResult attachVariant(ModuleOp module,
+                                   const CompileOptions &options) {
+  FunctionOpInterface kernel = findKernel(module);
+  if (!kernel)
+    return failure();
+  VariantAttr variant = getVariant(module.getContext(), options,
+                                   [&] { return kernel.emitError(); });
+  if (!variant)
+    return failure();
+  kernel->setAttr(attr::variant, variant);
+  return success();
+}
+
+LogicalResult Compilation::runPasses(ModuleOp module, Phase phase) {
+  if (phase == Phase::Thread && failed(attachVariant(module, options)))
+    return failure();
+  if (failed(Phases::get().managers[size_t(phase)]->run(module)))
+    return failure();
+  if (phase != Phase::Thread)
+    return success();
+  cost = estimateCost(module);
+  for (auto kernel : module.getOps<FunctionOpInterface>())
+    setRecipe(kernel,
+              getRecipe(kernel).withCost(int64_t(std::min(cost, 1e12))));
+  return success();
+}
+
+/// The IR before a pass that fails, had by doing everything once more.
+std::string Compilation::textBefore(Phase phase, const std::string &pass) {
+  Diagnostics ignored;
+  OwningOpRef<ModuleOp> again = source->op->clone();
+  for (int earlier = 0; earlier < int(phase); ++earlier)
+    if (failed(runPasses(*again, Phase(earlier))))
+      return "";
+  FailureRecorder &recorder = *Phases::get().recorders[size_t(phase)];
+  recorder.wanted = pass;
+  (void)runPasses(*again, phase);
   recorder.wanted.clear();
-  if (phase == Phase::Thread) {
-    PassManager specialize(module.getContext());
-    specialize.enableVerifier(false);
-    addSpecialize(specialize, options);
-    if (failed(specialize.run(module)))
-      throw diagnostics.toError(Error::Kind::Compile,
-                                "the kernel cannot be specialised");
-  }
-  OwningOpRef<ModuleOp> before = module.clone();
-  bool finished = succeeded(Phases::get().managers[index]->run(module));
+  return std::exchange(recorder.before, "");
+}
+
+void Compilation::runPhase(Phase phase) {
+  Diagnostics diagnostics;
+  FailureRecorder &recorder = *Phases::get().recorders[size_t(phase)];
+  recorder.failed.clear();
+  bool finished = succeeded(runPasses(*op, phase));
   // Passes are not verified one by one; a phase is.
-  if (finished && succeeded(verify(module)))
+  if (finished && succeeded(verify(*op)))
     return;
   if (finished)
     throw diagnostics.toError(Error::Kind::Compile,
@@ -159,11 +190,9 @@ static void runPhase(ModuleOp module, Phase phase,
   Error error = diagnostics.toError(Error::Kind::Compile,
                                     "a pass of the compiler failed");
   std::string pass = recorder.failed;
-  recorder.wanted = pass;
-  recorder.before.clear();
-  Diagnostics ignored;
-  (void)Phases::get().managers[index]->run(*before);
-  std::string path = saveText(recorder.before);
+  if (pass.empty())
+    throw error;
+  std::string path = saveText(textBefore(phase, pass));
   error.message += "\n  note: in pass '" + pass + "'";
   if (!path.empty())
     error.message += "; the IR before it is in '" + path + "'";
@@ -186,30 +215,25 @@ void Compilation::lowerTo(Phase last) {
   double start = now();
   if (!op) {
     op = source->op->clone();
-    runPhase(*op, Phase::Warp, options);
+    runPhase(Phase::Warp);
     time("canonicalise", start);
     dump("warp.mlir");
     if (last == Phase::Warp)
       return;
     start = now();
-    runPhase(*op, Phase::Thread, options);
-    cost = estimateCost(*op);
-    mlir::Builder b(op->getContext());
-    for (auto kernel : op->getOps<FunctionOpInterface>())
-      kernel->setAttr(attr::cost,
-                      b.getI64IntegerAttr(int64_t(std::min(cost, 1e12))));
+    runPhase(Phase::Thread);
     dump("thread.mlir");
   }
   if (last >= Phase::Launch) {
-    runPhase(*op, Phase::Launch, options);
+    runPhase(Phase::Launch);
     dump("launch.mlir");
   }
   if (last >= Phase::Gpu) {
-    runPhase(*op, Phase::Gpu, options);
+    runPhase(Phase::Gpu);
     dump("gpu.mlir");
   }
   if (last == Phase::LLVM) {
-    runPhase(*op, Phase::LLVM, options);
+    runPhase(Phase::LLVM);
     dump("llvm.mlir");
     if (options.lineinfo)
       attachLineTable(*op, isGpu(options));
@@ -253,8 +277,15 @@ void Compilation::collectFacts(ModuleOp module) {
     if (!function->hasAttr(attr::entry))
       continue;
     entry = function.getName().str();
-    exclusive = function->hasAttr(attr::exclusive);
-    hasLanes = function->hasAttr(attr::lanes);
+    RecipeAttr recipe = getRecipe(function);
+    exclusive = recipe.getExclusive();
+    items = int(recipe.getItems());
+    hasLanes = recipe.getLanes() > 1;
+    for (SummedArrayAttr array : recipe.getSummedArrays())
+      sums.push_back({array.getWidth(), array.getDescriptor(),
+                      array.getGradient(), array.getElementSize(),
+                      array.getStrideScale()});
+    copied = readCopied(function);
     atomics = function
                   .walk([](Operation *op) {
                     return isa<LLVM::AtomicRMWOp, LLVM::AtomicCmpXchgOp>(op)
@@ -262,17 +293,13 @@ void Compilation::collectFacts(ModuleOp module) {
                                : WalkResult::advance();
                   })
                   .wasInterrupted();
-    if (auto count = function->getAttrOfType<IntegerAttr>(attr::items))
-      items = int(count.getInt());
-    if (auto list = function->getAttrOfType<ArrayAttr>(attr::sums))
-      for (auto facts : list.getAsRange<DenseI64ArrayAttr>())
-        sums.push_back({facts[0], facts[1], facts[2], facts[3], facts[4]});
-    copied = readCopied(function);
     auto table = function->getAttrOfType<ArrayAttr>(attr::sites);
     if (!table)
       continue;
+    auto primal = function->getAttrOfType<StringAttr>(attr::primal);
+    std::string kernel = primal ? primal.str() : entry;
     for (auto site : table.getAsRange<ArrayAttr>())
-      sites.push_back({entry, cast<StringAttr>(site[0]).str(),
+      sites.push_back({kernel, cast<StringAttr>(site[0]).str(),
                        cast<StringAttr>(site[3]).str(),
                        int(cast<IntegerAttr>(site[1]).getInt()),
                        int(cast<IntegerAttr>(site[2]).getInt())});

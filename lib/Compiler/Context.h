@@ -38,7 +38,6 @@ struct ContextLock {
 class Diagnostics : mlir::ScopedDiagnosticHandler {
 public:
   Diagnostics();
-  bool hasError() const { return !firstError.empty(); }
   /// Everything reported so far, notes indented, as an error of that kind at
   /// the first error's place; `fallback` if nothing was reported.
   Error toError(Error::Kind kind, const std::string &fallback) const;

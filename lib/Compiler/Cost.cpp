@@ -3,10 +3,10 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // The runtime decides from this whether a launch is worth waking its threads.
-// A factor of two does not matter; a missing loop does.
 //
 //===----------------------------------------------------------------------===//
 
+#include "Analysis/CostModel.h"
 #include "Compilation.h"
 
 #include "WarpDialect/WarpOps.h"
@@ -15,10 +15,6 @@
 #include "mlir/Dialect/SCF/IR/SCF.h"
 
 using namespace mlir;
-
-constexpr double loopTrips = 32;
-constexpr double mathCost = 10;
-constexpr double atomicCost = 20;
 
 static double costOf(Operation *op);
 
@@ -32,11 +28,11 @@ static double costOf(Region &region) {
 
 static double costOf(Operation *op) {
   if (isa<math::MathDialect>(op->getDialect()))
-    return mathCost;
+    return warp::cost::function;
   if (auto access = dyn_cast<warp::AccessOp>(op)) {
     size_t components =
         std::max(access.getRead().size(), access.getWritten().size());
-    return access.isUpdate() ? atomicCost * components : components;
+    return access.isUpdate() ? warp::cost::atomic * components : components;
   }
   if (op->hasTrait<OpTrait::ConstantLike>())
     return 0;
@@ -44,7 +40,7 @@ static double costOf(Operation *op) {
   for (Region &region : op->getRegions())
     inside += costOf(region);
   if (isa<scf::ForOp, scf::WhileOp>(op))
-    inside *= loopTrips;
+    inside *= warp::cost::loopTrips;
   return 1 + inside;
 }
 

@@ -6,6 +6,8 @@
 
 #include "Compilation.h"
 
+#include "Transforms/Variant.h"
+
 #include "warp/Version.h"
 
 #include "WarpDialect/Passes.h"
@@ -69,23 +71,12 @@ std::string warp::emitText(const Module &module, const CompileOptions &options,
   return std::string(bytes.begin(), bytes.end());
 }
 
-/// Every option that changes the code, as text.
+/// What code depends on besides its module.
 static std::string describe(const warp::CompileOptions &options) {
-  std::string text;
-  llvm::raw_string_ostream stream(text);
-  stream << options.target << ' ' << options.rank << ' ' << options.contiguous
-         << ' ' << options.index32 << options.flat << options.debug
-         << options.fastMath << options.deterministic << options.ordered
-         << options.lineinfo
-         << ' ' << options.optLevel
-         << ' ' << options.blockDim << ' ' << options.driverVersion << ' '
-         << options.large << options.disjoint << ' '
-         << options.threads << ' '
-         << options.maxRegisters << ' ' << options.minBlocks << ' '
-         << options.lanes << '\n';
+  std::string text = warp::toText(options);
   if (!warp::isGpu(options))
-    stream << warp::describeCpu(options) << '\n';
-  return text;
+    text += warp::describeCpu(options);
+  return text + "\n";
 }
 
 std::string warp::sourceHash(const Module &module) {

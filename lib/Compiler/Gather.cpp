@@ -17,7 +17,6 @@
 #include "mlir/Dialect/Func/IR/FuncOps.h"
 #include "mlir/IR/Verifier.h"
 #include "mlir/Pass/PassManager.h"
-#include "mlir/Transforms/Passes.h"
 
 using namespace mlir;
 using warp::Error;
@@ -35,9 +34,7 @@ static void split(ModuleOp module) {
   static auto *passes = [] {
     auto *pm = new PassManager(&warp::compilerContext());
     pm->enableVerifier(false);
-    pm->addPass(warp::createGatherSums());
-    pm->addPass(warp::createWarpCanonicalizer());
-    pm->addPass(createCSEPass());
+    warp::addGathering(*pm);
     return pm;
   }();
   warp::Diagnostics diagnostics;

@@ -1,13 +1,16 @@
-//===- Pipelines.cpp - Named phases of the compiler -----------------------===//
+//===- Pipelines.cpp - Every sequence of passes ---------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Which passes run, in which order and why there: for launches, in named phases
+// that end with the pass that verifies them, and for derivatives, in stages.
+// Only warp-inline-pullbacks runs passes of its own: it inlines.
 //
 //===----------------------------------------------------------------------===//
 
 #include "Pipelines.h"
 
-#include "Target.h"
-
+#include "Transforms/Autodiff/Derivation.h"
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/WarpDialect.h"
 
@@ -40,71 +43,146 @@ std::optional<warp::Phase> warp::parsePhase(StringRef name) {
       .Default(std::nullopt);
 }
 
-void warp::addSpecialize(OpPassManager &pm, const CompileOptions &options) {
-  SpecializeOptions facts;
-  facts.target = options.target;
-  facts.rank = options.rank;
-  facts.contiguous = options.contiguous;
-  facts.index32 = options.index32;
-  facts.flat = options.flat;
-  facts.large = options.large;
-  facts.disjoint = options.disjoint;
-  facts.lanes = options.lanes;
-  facts.debug = options.debug;
-  facts.fastMath = options.fastMath;
-  facts.deterministic = options.deterministic;
-  facts.ordered = options.ordered;
-  facts.blockDim = options.blockDim;
-  facts.threads = options.threads;
-  if (!isGpu(options))
-    facts.vectorBits = getVectorBits(options);
-  pm.addPass(createSpecialize(facts));
-}
-
 /// Arith's rewrites of a select expect signless integers and make invalid
 /// operations of others, so in this phase small branches stay branches.
-std::unique_ptr<Pass> warp::createWarpCanonicalizer() {
+static std::unique_ptr<Pass> createWarpCanonicalizer() {
   return createCanonicalizerPass(
       GreedyRewriteConfig(),
       {"(anonymous namespace)::ConvertTrivialIfToSelect"});
 }
 
+/// What rewrites leave behind: constants to fold, code said twice.
+static void addSimplification(OpPassManager &pm) {
+  pm.addPass(createWarpCanonicalizer());
+  pm.addPass(createCSEPass());
+}
+
+//===----------------------------------------------------------------------===//
+// Derivatives
+//===----------------------------------------------------------------------===//
+
+void warp::addInlining(OpPassManager &pm) {
+  pm.addPass(createInlinerPass({}, [](OpPassManager &) {}));
+  // Only what could not be inlined, or has a derivative of its own, is left.
+  pm.addPass(createSymbolDCEPass());
+  addSimplification(pm);
+}
+
+void warp::addResolution(OpPassManager &pm, const AutodiffOptions &options) {
+  pm.addPass(createResolveDerivatives(
+      {/*keepDerivatives=*/true, options.forward, options.singular}));
+}
+
+void warp::addPreparation(OpPassManager &pm) {
+  addInlining(pm);
+  // Rules are about numbers and composites of them.
+  pm.addPass(createFlattenStructs());
+  // What has no rule of its own is differentiated as what it consists of.
+  pm.addPass(createExpandBuiltins());
+  addSimplification(pm);
+  // Last, on the indices that are left: a value that goes through memory has
+  // no derivative on the way, and an element that a loop updates becomes one.
+  pm.addPass(createForwardStores());
+}
+
+static std::string activeFlags(const warp::AutodiffOptions &options) {
+  std::string text;
+  for (bool flag : options.active)
+    text += flag ? '1' : '0';
+  return text;
+}
+
+void warp::addDifferentiation(OpPassManager &pm,
+                              const AutodiffOptions &options) {
+  DifferentiateKernelOptions derivation;
+  derivation.mode = options.winners   ? "winners"
+                    : options.forward ? "forward"
+                                      : "reverse";
+  derivation.active = activeFlags(options);
+  derivation.singular = options.singular;
+  derivation.width = options.width;
+  derivation.unique = options.unique;
+  derivation.maxLocalTape = options.maxLocalTape;
+  derivation.tape = options.tape;
+  pm.addPass(createDifferentiateKernel(derivation));
+  // Calls of functions with a derivative of their own are reversed by now.
+  pm.addPass(createInlinePullbacks({derivation.active}));
+}
+
+void warp::addTidying(OpPassManager &pm) {
+  addSimplification(pm);
+  // The forward sweep that reversed loops run again is often the same in each
+  // iteration; and a sum that moves out of a loop needs its index outside.
+  pm.addPass(createLoopInvariantCodeMotionPass());
+  pm.addPass(createSimplifyAdjoint());
+  addSimplification(pm);
+  // Last: what is left says what the derivative needs.
+  pm.addPass(createCleanUpAdjoint());
+}
+
+void warp::addGathering(OpPassManager &pm) {
+  pm.addPass(createGatherSums());
+  addSimplification(pm);
+}
+
+void warp::addVerification(OpPassManager &pm) {
+  pm.addPass(createVerifyWarp());
+}
+
+//===----------------------------------------------------------------------===//
+// Launches
+//===----------------------------------------------------------------------===//
+
 void warp::addPhase(OpPassManager &pm, Phase phase) {
   switch (phase) {
   case Phase::Warp:
+    // While functions are called by name, which derivatives refer to.
     pm.addPass(createResolveDerivatives());
-    pm.addPass(createInlinerPass({}, [](OpPassManager &) {}));
-    pm.addPass(createSymbolDCEPass());
-    pm.addPass(createWarpCanonicalizer());
-    pm.addPass(createCSEPass());
+    addInlining(pm);
     pm.addPass(createVerifyWarp());
     return;
   case Phase::Thread:
+    // First, so that what the launch decides is folded.
+    pm.addPass(createSpecialize());
     pm.addPass(createLowerComposites());
+    // Values are signless from here on.
     pm.addPass(createCanonicalizerPass());
     pm.addPass(createCSEPass());
     pm.addPass(createVerifyThread());
     return;
   case Phase::Launch:
+    // Sees every view of an array, and claims updates before others do.
     pm.addPass(createSumExactly());
+    // Before any schedule, so that all of them have the same bits.
     pm.addPass(createFuseMultiplyAdd());
     pm.addPass(createFormLaunch());
+    // Before lanes: what threads yield, lanes combine; and a launch that one
+    // thread runs widens its updates in another way.
     pm.addPass(createPrivatizeAtomics());
     pm.addPass(createWidenThreads());
     pm.addPass(createVerifyLaunch());
     return;
   case Phase::Gpu:
     pm.addPass(createEmitEntry());
+    // Masks of full vectors are constants now.
     pm.addPass(createLowerLanes());
+    // Needs loops whole, and updates that no warp has combined.
     pm.addPass(createRotateLoops());
     pm.addPass(createCombineOverWarps());
+    // Needs the updates that are left, and loops to hoist out of.
     pm.addPass(createLowerSums());
+    // Copies of an iteration next to each other; StageLoads leaves alone what
+    // has become short, and OrderAccesses brings their loads together.
     pm.addPass(createUnrollLoops());
     pm.addPass(createStageLoads());
+    // Last to move accesses, as no later pass may mix them.
     pm.addPass(createOrderAccesses());
+    // The last that knows arrays.
     pm.addPass(createLowerArrays());
+    // Has slow paths of its own for roots, before the rest of math is called.
     pm.addPass(createExpandRoots());
     pm.addPass(createLowerMath());
+    // Nothing of our own dialect is left to move along.
     pm.addPass(createFormGpuModule());
     pm.addPass(createVerifyGpu());
     return;
@@ -115,22 +193,27 @@ void warp::addPhase(OpPassManager &pm, Phase phase) {
   }
 }
 
-void warp::addPipeline(OpPassManager &pm, Phase last,
-                       const CompileOptions &options) {
+LogicalResult
+warp::addPipeline(OpPassManager &pm, Phase last, StringRef variant,
+                  function_ref<LogicalResult(const Twine &)> errorHandler) {
+  std::unique_ptr<Pass> specialize = createSpecialize();
+  if (failed(specialize->initializeOptions(variant, errorHandler)))
+    return failure();
   addPhase(pm, Phase::Warp);
   if (last == Phase::Warp)
-    return;
-  addSpecialize(pm, options);
-  for (Phase phase :
-       {Phase::Thread, Phase::Launch, Phase::Gpu, Phase::LLVM})
+    return success();
+  pm.addPass(std::move(specialize));
+  for (Phase phase : {Phase::Thread, Phase::Launch, Phase::Gpu, Phase::LLVM})
     if (phase <= last)
       addPhase(pm, phase);
+  return success();
 }
 
 void warp::registerCompilerDialects(DialectRegistry &registry) {
   registry.insert<WarpDialect, arith::ArithDialect, cf::ControlFlowDialect,
                   func::FuncDialect, gpu::GPUDialect, LLVM::LLVMDialect,
                   math::MathDialect, memref::MemRefDialect, scf::SCFDialect>();
+  autodiff::setDerive(derive);
   func::registerInlinerExtension(registry);
   registerBuiltinDialectTranslation(registry);
   registerLLVMDialectTranslation(registry);

@@ -7,20 +7,23 @@
 #ifndef WARP_LIB_COMPILER_PIPELINES_H
 #define WARP_LIB_COMPILER_PIPELINES_H
 
-#include "warp/Compile.h"
+#include "mlir/Support/LLVM.h"
 
+#include "llvm/ADT/STLFunctionalExtras.h"
 #include "llvm/ADT/StringRef.h"
+#include "llvm/ADT/Twine.h"
 
-#include <memory>
 #include <optional>
 
 namespace mlir {
 class DialectRegistry;
+class ModuleOp;
 class OpPassManager;
-class Pass;
 } // namespace mlir
 
 namespace warp {
+
+struct AutodiffOptions;
 
 /// Where a module can stop on its way to the LLVM dialect. Each phase ends
 /// with the pass that verifies it.
@@ -28,18 +31,36 @@ enum class Phase { Warp, Thread, Launch, Gpu, LLVM };
 
 std::optional<Phase> parsePhase(llvm::StringRef name);
 
-/// Appends warp-specialize with these options.
-void addSpecialize(mlir::OpPassManager &pm, const CompileOptions &options);
-
-/// The canonicalizer for IR whose integers have a sign.
-std::unique_ptr<mlir::Pass> createWarpCanonicalizer();
-
-/// Appends one phase. That of thread IR expects a specialised kernel.
+/// Appends one phase.
 void addPhase(mlir::OpPassManager &pm, Phase phase);
 
-/// Appends everything up to a phase.
-void addPipeline(mlir::OpPassManager &pm, Phase last,
-                 const CompileOptions &options);
+/// Appends everything up to a phase, for the variant that the text of
+/// warp-specialize's options describes.
+mlir::LogicalResult
+addPipeline(mlir::OpPassManager &pm, Phase last, llvm::StringRef variant,
+            llvm::function_ref<mlir::LogicalResult(const llvm::Twine &)>
+                errorHandler);
+
+// Stages of a derivative, which `derive` runs in this order.
+
+/// Inlines functions that have no derivative of their own, and simplifies.
+void addInlining(mlir::OpPassManager &pm);
+/// Makes what `warp.vjp` and `warp.jvp` ask for.
+void addResolution(mlir::OpPassManager &pm, const AutodiffOptions &options);
+void addPreparation(mlir::OpPassManager &pm);
+void addDifferentiation(mlir::OpPassManager &pm,
+                        const AutodiffOptions &options);
+void addTidying(mlir::OpPassManager &pm);
+/// Checks that a derivative is legal warp IR.
+void addVerification(mlir::OpPassManager &pm);
+
+/// Takes the sums of an adjoint apart from the rest, and simplifies both.
+void addGathering(mlir::OpPassManager &pm);
+
+/// Autodiff.cpp: from a kernel with the functions that it calls to its
+/// derivative. The caller has the context's lock.
+mlir::LogicalResult derive(mlir::ModuleOp module,
+                           const AutodiffOptions &options);
 
 /// Dialects, extensions and translations that the phases need.
 void registerCompilerDialects(mlir::DialectRegistry &registry);

@@ -2,10 +2,10 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// The part of the compiler below the LLVM dialect. A `Target` is one back end:
-// it prepares an LLVM module (libraries linked, attributes set), optimises it
-// and emits it. CPU and GPU differ in a handful of virtual functions; both
-// files have the same shape.
+// The part of the compiler below the LLVM dialect: a machine is made, an LLVM
+// module prepared (libraries linked, attributes set), optimised and emitted.
+// What differs between CPU and GPU is a pair of functions each, in two files of
+// the same shape.
 //
 //===----------------------------------------------------------------------===//
 
@@ -60,8 +60,6 @@ std::unique_ptr<llvm::TargetMachine>
 createGpuMachine(const CompileOptions &options);
 /// Name and features of the processor that code is generated for.
 std::string describeCpu(const CompileOptions &options);
-/// Bits of the vectors that its code should have.
-int getVectorBits(const CompileOptions &options);
 
 /// Sets triple, layout and function attributes, and links the libraries.
 void prepareCpuModule(llvm::Module &module, llvm::TargetMachine &machine,

@@ -11,15 +11,14 @@
 
 #include "Target.h"
 
+#include "Transforms/Variant.h"
+
 #include "llvm/IR/Module.h"
 #include "llvm/MC/TargetRegistry.h"
 #include "llvm/Support/TargetSelect.h"
 #include "llvm/Target/TargetMachine.h"
 #include "llvm/TargetParser/Host.h"
 #include "llvm/TargetParser/SubtargetFeature.h"
-#include "llvm/TargetParser/X86TargetParser.h"
-#include "llvm/ADT/STLExtras.h"
-#include "llvm/ADT/StringMap.h"
 
 extern "C" const char warp_devicelib_cpu_begin[], warp_devicelib_cpu_end[];
 
@@ -28,16 +27,8 @@ using namespace warp;
 namespace {
 struct Processor {
   std::string name, features;
-  int vectorBits = 128;
 };
 } // namespace
-
-/// Since Ice Lake and Zen 4, 512-bit vectors don't lower the clock.
-static int chooseVectorBits(llvm::function_ref<bool(llvm::StringRef)> has) {
-  if (has("avx512vbmi2"))
-    return 512;
-  return has("avx2") && has("fma") ? 256 : 128;
-}
 
 static Processor findHost() {
   Processor host;
@@ -47,8 +38,6 @@ static Processor findHost() {
   for (auto &feature : found)
     list.AddFeature(feature.first(), feature.second);
   host.features = list.getString();
-  host.vectorBits = chooseVectorBits(
-      [&](llvm::StringRef feature) { return found.lookup(feature); });
   return host;
 }
 
@@ -57,16 +46,7 @@ static Processor findProcessor(const CompileOptions &options) {
   llvm::StringRef name = options.target;
   if (!name.consume_front("cpu:"))
     return host;
-  llvm::SmallVector<llvm::StringRef> features;
-  llvm::X86::getFeaturesForCPU(name, features);
-  int bits = chooseVectorBits([&](llvm::StringRef feature) {
-    return llvm::is_contained(features, feature);
-  });
-  return {name.str(), "", bits};
-}
-
-int warp::getVectorBits(const CompileOptions &options) {
-  return findProcessor(options).vectorBits;
+  return {name.str(), ""};
 }
 
 std::string warp::describeCpu(const CompileOptions &options) {
@@ -104,7 +84,7 @@ void warp::prepareCpuModule(llvm::Module &module, llvm::TargetMachine &machine,
               {warp_devicelib_cpu_begin,
                size_t(warp_devicelib_cpu_end - warp_devicelib_cpu_begin)},
               "device library");
-  bool wide = getVectorBits(options) == 512;
+  bool wide = getVectorBits(options.target) == 512;
   for (llvm::Function &function : module) {
     if (function.isDeclaration())
       continue;

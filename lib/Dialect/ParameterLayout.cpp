@@ -7,6 +7,7 @@
 #include "WarpDialect/ParameterLayout.h"
 
 #include "WarpDialect/WarpTypes.h"
+#include "warp/Launch.h"
 
 #include "mlir/IR/TypeRange.h"
 #include "llvm/Support/MathExtras.h"
@@ -32,7 +33,7 @@ void warp::collectLeaves(Type type, int64_t offset,
 
 warp::ParameterLayout warp::layOutParameters(TypeRange arguments) {
   ParameterLayout layout;
-  int64_t end = firstArgumentOffset;
+  int64_t end = firstArgument;
   for (Type type : arguments) {
     end = llvm::alignTo(end, getByteAlign(type));
     layout.offsets.push_back(end);

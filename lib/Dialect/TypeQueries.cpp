@@ -5,6 +5,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "WarpDialect/WarpTypes.h"
+#include "warp/Launch.h"
 
 #include "llvm/ADT/StringExtras.h"
 #include "llvm/ADT/TypeSwitch.h"
@@ -148,7 +149,7 @@ static int64_t getScalarSize(mlir::Type type) {
 
 int64_t warp::getByteAlign(mlir::Type type) {
   if (isa<ArrayType>(type))
-    return arrayDescriptorAlign;
+    return alignof(ArrayDescriptor);
   if (auto structure = dyn_cast<StructType>(type)) {
     int64_t align = 1;
     for (mlir::Type field : structure.getFieldTypes())
@@ -172,7 +173,7 @@ static int64_t layOut(warp::StructType type, int64_t stop) {
 
 int64_t warp::getByteSize(mlir::Type type) {
   if (isa<ArrayType>(type))
-    return arrayDescriptorSize;
+    return sizeof(ArrayDescriptor);
   if (auto structure = dyn_cast<StructType>(type))
     return layOut(structure, -1);
   return getComponentCount(type) * getScalarSize(getElementScalar(type));

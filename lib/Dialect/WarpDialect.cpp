@@ -72,6 +72,7 @@ void warp::WarpDialect::getCanonicalizationPatterns(
 }
 
 void warp::WarpDialect::initialize() {
+  registerAttributes();
   registerTypes();
   registerOps();
   addInterfaces<WarpAsmInterface, WarpInlinerInterface>();

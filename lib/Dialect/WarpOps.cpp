@@ -101,27 +101,6 @@ static LogicalResult verifyIndexed(Operation *op, mlir::Type composite,
   return success();
 }
 
-LogicalResult warp::checkConstantIndices(Location location,
-                                         mlir::Type composite,
-                                         ValueRange indices) {
-  for (auto [position, value] : llvm::enumerate(indices)) {
-    APInt constant;
-    if (!matchPattern(value, m_ConstantInt(&constant)))
-      continue;
-    llvm::APSInt index(constant, value.getType().isUnsignedInteger());
-    int64_t extent = getComponentCount(composite);
-    if (auto matrix = dyn_cast<MatType>(composite))
-      extent = position == 0 ? matrix.getRows() : matrix.getCols();
-    std::optional<int64_t> number = index.tryExtValue();
-    if (number && *number < extent && *number >= -extent)
-      continue;
-    return emitError(location) << "index " << llvm::toString(index, 10)
-                               << " is out of range for extent " << extent
-                               << " of '" << getPythonName(composite) << "'";
-  }
-  return success();
-}
-
 LogicalResult warp::ExtractOp::verify() {
   return verifyIndexed(*this, getSource().getType(), getIndices(),
                        getResult().getType());

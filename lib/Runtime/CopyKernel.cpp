@@ -106,7 +106,7 @@ bool warp::copyByKernel(const CopyNest &nest, int device,
     LaunchHeader header;
     ArrayDescriptor dst, src;
   } block;
-  static_assert(sizeof(block) == 24 + 2 * 56);
+  static_assert(sizeof(block) == firstArgument + 2 * sizeof(ArrayDescriptor));
   LaunchDim launch;
   launch.rank = block.dst.ndim = block.src.ndim = rank;
   block.dst.data = nest.dst;

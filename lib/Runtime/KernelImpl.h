@@ -113,9 +113,9 @@ void loadOnCuda(Kernel::Variant &variant);
 void unloadFromCuda(int device, cuda::ModuleHandle module);
 void launchOnCuda(const Kernel::Variant &variant, const std::string &name,
                   void *params, const Stream *stream);
-/// Whether one grid axis per dimension can express the launch.
 /// Turns PTX into the machine code of a device.
 void assembleOnCuda(int device, Code &code);
+/// Whether one grid axis per dimension can express the launch.
 bool fitsGrid(const int32_t *dim, int rank, int blockDim);
 
 } // namespace warp

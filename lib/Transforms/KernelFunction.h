@@ -8,6 +8,7 @@
 #define WARP_LIB_TRANSFORMS_KERNELFUNCTION_H
 
 #include "WarpDialect/Passes.h"
+#include "WarpDialect/WarpAttributes.h"
 #include "WarpDialect/WarpDialect.h"
 #include "WarpDialect/WarpOps.h"
 
@@ -35,33 +36,27 @@ inline mlir::FunctionOpInterface findKernel(mlir::ModuleOp module) {
   return found;
 }
 
-/// An integer attribute that warp-specialize attached; `fallback` without.
-inline int64_t getFact(mlir::Operation *func, llvm::StringRef name,
-                       int64_t fallback) {
-  auto value = func->getAttrOfType<mlir::IntegerAttr>(name);
-  return value ? value.getValue().getSExtValue() : fallback;
+/// The kind of launch that a function is compiled for. Without that attribute
+/// nothing is known of it.
+inline VariantAttr getVariant(mlir::Operation *func) {
+  auto variant = func->getAttrOfType<VariantAttr>(attr::variant);
+  return variant ? variant : VariantAttr::getUnknown(func->getContext());
 }
 
 /// Whether the launch is for a GPU.
-inline bool isGpu(mlir::Operation *func) {
-  auto target = func->getAttrOfType<mlir::StringAttr>(attr::target);
-  return target && target.getValue().starts_with("sm_");
+inline bool isGpu(mlir::Operation *func) { return getVariant(func).isGpu(); }
+
+/// What passes found out about how a function is to be launched.
+inline RecipeAttr getRecipe(mlir::Operation *func) {
+  auto recipe = func->getAttrOfType<RecipeAttr>(attr::recipe);
+  return recipe ? recipe
+                : RecipeAttr::get(func->getContext(), /*items=*/1,
+                                  /*exclusive=*/false, /*cost=*/0,
+                                  /*lanes=*/1, mlir::ArrayAttr());
 }
 
-/// Whether the blocks of a GPU launch are made of full warps.
-inline bool hasWholeWarps(mlir::Operation *entry) {
-  int64_t blockDim = getFact(entry, attr::blockDim, 256);
-  bool oneAxis =
-      getFact(entry, attr::rank, 1) == 1 || entry->hasAttr(attr::flat);
-  return blockDim % 32 == 0 && (oneAxis || llvm::isPowerOf2_64(blockDim));
-}
-
-/// How many entries of `attr::sums` are arrays with exact sums.
-inline int64_t countSums(mlir::ArrayAttr sums) {
-  return llvm::count_if(sums.getAsRange<mlir::DenseI64ArrayAttr>(),
-                        [](mlir::DenseI64ArrayAttr entry) {
-                          return entry[0] != 0;
-                        });
+inline void setRecipe(mlir::Operation *func, RecipeAttr recipe) {
+  func->setAttr(attr::recipe, recipe);
 }
 
 /// The threads of a kernel in phase `launch`; null in other phases.

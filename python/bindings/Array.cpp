@@ -317,6 +317,23 @@ static PyMemberDef members[] = {
     {nullptr, 0, 0, 0, nullptr}};
 #undef WARP_FIELD
 
+/// Name, offset, bytes of a number and count of each field of a descriptor.
+static py::tuple describeLayout() {
+  ArrayDescriptor example;
+  auto field = [&](const char *name, auto &member) {
+    using Member = std::remove_reference_t<decltype(member)>;
+    using Number = std::remove_extent_t<Member>;
+    auto offset = reinterpret_cast<char *>(&member) -
+                  reinterpret_cast<char *>(&example);
+    return py::make_tuple(name, offset, sizeof(Number),
+                          sizeof(member) / sizeof(Number));
+  };
+  return py::make_tuple(
+      field("data", example.data), field("grad", example.grad),
+      field("shape", example.shape), field("strides", example.strides),
+      field("ndim", example.ndim), field("flags", example.flags));
+}
+
 void python::bindArray(py::module_ &m) {
   static PyMethodDef methods[] = {
       {"_setup", asMethod(setupArray), METH_VARARGS | METH_KEYWORDS,
@@ -324,7 +341,7 @@ void python::bindArray(py::module_ &m) {
        "owner=None, pinned=False)\n\nMakes the array one of that memory. "
        "Strides are in bytes; None means packed."},
       {"descriptor", describeArray, METH_NOARGS,
-       "The 56 bytes that kernels get."},
+       "The `ArrayDescriptor` that kernels get, as bytes."},
       {nullptr, nullptr, 0, nullptr}};
   PyType_Slot slots[] = {
       {Py_tp_new, reinterpret_cast<void *>(newArray)},
@@ -345,6 +362,8 @@ void python::bindArray(py::module_ &m) {
     throw py::error_already_set();
   arrayType = reinterpret_cast<PyTypeObject *>(type);
   m.add_object("Array", py::reinterpret_steal<py::object>(type));
+  m.attr("DESCRIPTOR_FIELDS") = describeLayout();
+  m.attr("DESCRIPTOR_SIZE") = sizeof(ArrayDescriptor);
   m.def(
       "type_id", [](const std::string &text) { return typeId(text); },
       py::arg("text"), "Number of a native type's text.");

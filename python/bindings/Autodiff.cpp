@@ -106,7 +106,6 @@ void python::bindAutodiff(py::module_ &m) {
       .def_readonly("leaf", &HiddenArgument::leaf)
       .def_readonly("direction", &HiddenArgument::direction)
       .def_readonly("type", &HiddenArgument::type)
-      .def_readonly("per_thread", &HiddenArgument::perThread)
       .def_readonly("places", &HiddenArgument::places);
   py::class_<Derivative>(m, "Derivative", "A kernel's derivative.")
       .def_readonly("module", &Derivative::module)

@@ -3,8 +3,8 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // The fast way is in Pack.h: an array whose class, element type, rank and
-// device are right is 56 bytes to copy; a number is one store. Everything else
-// comes here: composites and structs by their bytes, composites from any
+// device are right is a descriptor to copy; a number is one store. Everything
+// else comes here: composites and structs by their bytes, composites from any
 // sequence of numbers, null arrays, arrays of other libraries, objects that
 // stand for a struct, and errors.
 //

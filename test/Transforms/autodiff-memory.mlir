@@ -4,7 +4,7 @@
 // CHECK-LABEL: func.func @in_place_adjoint
 // CHECK-SAME: %[[A:.*]]: !warp.array<1 x f32>, %[[B:.*]]: !warp.array<1 x f32>, %[[OLD:.*]]: !warp.array<1 x f32>)
 // CHECK-SAME: warp.arg_names = ["a", "b", "preserved.0"]
-// CHECK-SAME: warp.hidden = [{kind = "preserved", leaf = 0 : i64
+// CHECK-SAME: warp.hidden = [#warp.hidden<kind = preserved, leaf = 0>
 // CHECK-SAME: warp.needed = [1]
 // CHECK-DAG: warp.load %[[OLD]]
 // CHECK-DAG: warp.load %[[B]]
@@ -103,14 +103,15 @@ func.func @stencil(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
 // CHECK: warp.store %[[J]], %[[SAVE]]
 // CHECK-LABEL: func.func @claim_adjoint
 // CHECK-SAME: %[[SAVED:[a-z0-9]*]]: !warp.array<4 x si32>)
-// CHECK-SAME: warp.hidden = [{kind = "saved"
+// CHECK-SAME: warp.hidden = [#warp.hidden<kind = saved
 // CHECK: warp.load %[[SAVED]]
 func.func @claim(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
                  %n: !warp.array<1 x si32>) attributes {warp.kernel} {
   %i = warp.tid : si32
   %zero = warp.constant 0 : si32
   %one = warp.constant 1 : si32
-  %j = warp.atomic add %one, %n[%zero] : si32, !warp.array<1 x si32>, si32 -> si32
+  %j = warp.atomic add %one, %n[%zero] : si32, !warp.array<1 x si32>,
+      si32 -> si32
   %v = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
   warp.store %v, %y[%j] : f32, !warp.array<1 x f32>, si32
   return

@@ -26,8 +26,8 @@
 // CLEAN: return
 // The twins of both arrays are arguments; the loop carries value and tangent.
 // FORWARD-LABEL: func.func @product
-// FORWARD-SAME: kind = "tangent", leaf = 0
-// FORWARD-SAME: kind = "tangent", leaf = 1
+// FORWARD-SAME: kind = tangent, leaf = 0
+// FORWARD-SAME: kind = tangent, leaf = 1
 // FORWARD: scf.for {{.*}} -> (f32, f32)
 // FORWARD-COUNT-2: warp.store
 func.func @product(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
@@ -51,7 +51,7 @@ func.func @product(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
 // The old contents are an argument from the start, whether needed or not; a
 // sum does not need them.
 // RAW-LABEL: func.func @shift_adjoint
-// RAW-SAME: warp.hidden = {kind = "preserved", leaf = 0 : i64}
+// RAW-SAME: warp.hidden = #warp.hidden<kind = preserved, leaf = 0>
 // RAW: %[[GRADIENT:.*]] = warp.grad %arg0
 // RAW: %[[G:.*]] = warp.load %[[GRADIENT]]
 // RAW: warp.store %{{.*}}, %[[GRADIENT]]

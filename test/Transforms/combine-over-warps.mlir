@@ -1,6 +1,8 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch --warp-emit-entry \
 // RUN:     --warp-combine-over-warps | FileCheck %s
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+
 // In one iteration all threads update the same element: lanes that are there
 // together and agree on the iteration combine, and the first makes one update.
 // CHECK-LABEL: llvm.func ptx_kernelcc @parameters
@@ -21,7 +23,7 @@
 // CHECK: } else {
 // CHECK: warp.atomic_components sub(%[[V:.*]]), %{{.*}}[%[[K]]]
 func.func @parameters(%x: !warp.array<1 x f32>, %w: !warp.array<1 x f32>)
-    attributes {warp.kernel, warp.target = "sm_90", warp.index32} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
   %c40 = arith.constant 40 : i32
@@ -36,6 +38,8 @@ func.func @parameters(%x: !warp.array<1 x f32>, %w: !warp.array<1 x f32>)
 
 // -----
 
+#gpu2 = #warp.variant<target = <platform = cuda, version = 90>, rank = 2>
+
 // Threads of one row of the launch agree on the thread index of axis y.
 // CHECK-LABEL: llvm.func ptx_kernelcc @rows
 // CHECK: %[[ROW_INDEX:.*]] = gpu.thread_id y
@@ -45,8 +49,7 @@ func.func @parameters(%x: !warp.array<1 x f32>, %w: !warp.array<1 x f32>)
 // CHECK-COUNT-10: gpu.shuffle xor {{.*}} : i32
 // CHECK-NOT: gpu.shuffle xor
 func.func @rows(%x: !warp.array<2 x f64>, %sum: !warp.array<1 x f64>)
-    attributes {warp.kernel, warp.target = "sm_90", warp.index32,
-                warp.rank = 2 : i64} {
+    attributes {warp.kernel, warp.variant = #gpu2} {
   %i, %j = warp.tid : i32, i32
   %v = warp.load_components %x[%i, %j] : !warp.array<2 x f64>, i32, i32 -> f64
   %old = warp.atomic_components add(%v), %sum[%i]
@@ -56,12 +59,13 @@ func.func @rows(%x: !warp.array<2 x f64>, %sum: !warp.array<1 x f64>)
 
 // -----
 
+#gpu2 = #warp.variant<target = <platform = cuda, version = 90>, rank = 2>
+
 // Threads of a row update elements of their own.
 // CHECK-LABEL: llvm.func ptx_kernelcc @columns
 // CHECK-NOT: gpu.shuffle
 func.func @columns(%x: !warp.array<2 x f32>, %sum: !warp.array<1 x f32>)
-    attributes {warp.kernel, warp.target = "sm_90", warp.index32,
-                warp.rank = 2 : i64} {
+    attributes {warp.kernel, warp.variant = #gpu2} {
   %i, %j = warp.tid : i32, i32
   %v = warp.load_components %x[%i, %j] : !warp.array<2 x f32>, i32, i32 -> f32
   %old = warp.atomic_components add(%v), %sum[%j]
@@ -71,12 +75,13 @@ func.func @columns(%x: !warp.array<2 x f32>, %sum: !warp.array<1 x f32>)
 
 // -----
 
+#gpu2 = #warp.variant<target = <platform = cuda, version = 90>, rank = 2>
+
 // A thread that reads the array must find its own updates there.
 // CHECK-LABEL: llvm.func ptx_kernelcc @read_back
 // CHECK-NOT: gpu.shuffle
 func.func @read_back(%x: !warp.array<2 x f32>, %sum: !warp.array<1 x f32>)
-    attributes {warp.kernel, warp.target = "sm_90", warp.index32,
-                warp.rank = 2 : i64} {
+    attributes {warp.kernel, warp.variant = #gpu2} {
   %i, %j = warp.tid : i32, i32
   %v = warp.load_components %x[%i, %j] : !warp.array<2 x f32>, i32, i32 -> f32
   %old = warp.atomic_components add(%v), %sum[%i]
@@ -89,12 +94,14 @@ func.func @read_back(%x: !warp.array<2 x f32>, %sum: !warp.array<1 x f32>)
 
 // -----
 
+#gpu3 = #warp.variant<target = <platform = cuda, version = 90>, rank = 2,
+      debug = true>
+
 // A debugging launch names the thread that fails.
 // CHECK-LABEL: llvm.func ptx_kernelcc @debugging
 // CHECK-NOT: gpu.shuffle
 func.func @debugging(%x: !warp.array<2 x f32>, %sum: !warp.array<1 x f32>)
-    attributes {warp.kernel, warp.target = "sm_90", warp.index32, warp.debug,
-                warp.rank = 2 : i64} {
+    attributes {warp.kernel, warp.variant = #gpu3} {
   %i, %j = warp.tid : i32, i32
   %v = warp.load_components %x[%i, %j] : !warp.array<2 x f32>, i32, i32 -> f32
   %old = warp.atomic_components add(%v), %sum[%i]

@@ -1,5 +1,7 @@
 // RUN: warp-opt %s --warp-emit-entry | FileCheck %s
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2>
+
 // A launch of one block: its threads take turns at all indices of the launch,
 // and their sums are combined in the block's order.
 // CHECK-LABEL: llvm.func ptx_kernelcc @block
@@ -17,8 +19,8 @@
 // CHECK: scf.if
 // CHECK: warp.atomic_components add
 func.func @block(%x: !warp.array<2 x f32>, %s: !warp.array<1 x f32>)
-    attributes {warp.kernel, warp.rank = 2 : i64, warp.index32,
-      warp.target = "sm_90", warp.exclusive, warp.items = 256 : i64} {
+    attributes {warp.kernel, warp.variant = #gpu,
+      warp.recipe = #warp.recipe<items = 256, exclusive = true>} {
   warp.group {
     %sum = warp.threads attributes {kinds = array<i32: 0>, types = [f32]} {
     ^bb0(%j: i32, %i: i32):

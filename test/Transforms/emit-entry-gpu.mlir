@@ -1,10 +1,13 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch --warp-emit-entry | FileCheck %s
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2,
+      block = 128>
+
 // One thread: the last dimension is axis x, the one before it y, and a guard
 // stands where the CPU has loops. Nothing is divided.
 // CHECK-LABEL: llvm.func ptx_kernelcc @plane
 // CHECK-SAME: (%[[BLOCK:.*]]: !llvm.ptr {llvm.align = 8 : i64, llvm.byval = !llvm.array<80 x i8>})
-// CHECK-SAME: warp.block_dim = 128
+// CHECK-SAME: block = 128
 // CHECK: gpu.block_id x
 // CHECK: gpu.block_dim x
 // CHECK: gpu.thread_id x
@@ -17,14 +20,16 @@
 // CHECK-NOT: warp.store_components
 // CHECK: llvm.return
 func.func @plane(%a: !warp.array<2 x si32>) attributes {
-    warp.kernel, warp.rank = 2 : i64, warp.index32, warp.target = "sm_90",
-    warp.block_dim = 128 : i64} {
+    warp.kernel, warp.variant = #gpu} {
   %i, %j = warp.tid : i32, i32
   warp.store_components(%i), %a[%i, %j] : (i32), !warp.array<2 x si32>, i32, i32
   return
 }
 
 // -----
+
+#gpu2 = #warp.variant<target = <platform = cuda, version = 90>, rank = 2,
+      index32 = false, flat = true>
 
 // The flat variant divides one 64-bit linear index.
 // CHECK-LABEL: llvm.func ptx_kernelcc @flat
@@ -34,7 +39,7 @@ func.func @plane(%a: !warp.array<2 x si32>) attributes {
 // CHECK-NOT: arith.divui
 // CHECK: llvm.return
 func.func @flat(%a: !warp.array<2 x si32>) attributes {
-    warp.kernel, warp.rank = 2 : i64, warp.flat, warp.target = "sm_90"} {
+    warp.kernel, warp.variant = #gpu2} {
   %i, %j = warp.tid : i32, i32
   warp.store_components(%i), %a[%i, %j] : (i32), !warp.array<2 x si32>, i32, i32
   return

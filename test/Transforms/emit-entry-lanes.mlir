@@ -1,5 +1,7 @@
 // RUN: warp-opt %s --split-input-file --warp-emit-entry | FileCheck %s
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+
 // A range is a loop over full vectors, whose mask is a constant, and one vector
 // more for the threads that are left, if there are any. A range that ends before
 // it begins has none.
@@ -23,8 +25,8 @@
 // CHECK: %[[LIMIT:.*]] = warp.broadcast
 // CHECK: %[[SOME:.*]] = arith.cmpi slt, %[[NUMBERS]], %[[LIMIT]]
 // CHECK: warp.each_lane %[[SOME]](
-func.func @line(%x: !warp.array<1 x si32>, %n: i32) attributes {
-    warp.kernel, warp.rank = 1 : i64, warp.index32, warp.target = "cpu"} {
+func.func @line(%x: !warp.array<1 x si32>, %n: i32)
+    attributes {warp.kernel, warp.variant = #cpu} {
   warp.group {
     warp.threads attributes {kinds = array<i32>, lanes = 4 : i64, types = []} {
     ^bb0(%i: i32, %live: vector<4xi1>):
@@ -41,6 +43,8 @@ func.func @line(%x: !warp.array<1 x si32>, %n: i32) attributes {
 }
 
 // -----
+
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, rank = 2>
 
 // Rows of a plane are such ranges; sums go through all of them as vectors, and
 // their lanes are combined at the end, before they are published.
@@ -61,8 +65,8 @@ func.func @line(%x: !warp.array<1 x si32>, %n: i32) attributes {
 // CHECK: scf.yield %[[START]]
 // CHECK: %[[TOTAL:.*]] = warp.combine_lanes %[[ALL]] {kind = 0 : i32, type = f32}
 // CHECK: warp.atomic_components add(%[[TOTAL]])
-func.func @plane(%x: !warp.array<1 x f32>, %a: f32) attributes {
-    warp.kernel, warp.rank = 2 : i64, warp.index32, warp.target = "cpu"} {
+func.func @plane(%x: !warp.array<1 x f32>, %a: f32)
+    attributes {warp.kernel, warp.variant = #cpu} {
   warp.group {
     %sum = warp.threads attributes {
         kinds = array<i32: 0>, lanes = 4 : i64, types = [f32]} {

@@ -3,6 +3,8 @@
 // RUN: warp-opt %t.long --warp-emit-entry | FileCheck %s
 // RUN: warp-opt %t.short --warp-emit-entry | FileCheck %s --check-prefix=SHORT
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+
 // A long body is not worth two copies: the mask is always a variable, of the
 // threads that are left, or of all lanes.
 // CHECK-LABEL: llvm.func @long
@@ -19,8 +21,7 @@
 // SHORT: dense<true>
 // SHORT: warp.any
 // SHORT: warp.any
-func.func @long(%a: f32) attributes {
-    warp.kernel, warp.rank = 1 : i64, warp.index32, warp.target = "cpu"} {
+func.func @long(%a: f32) attributes {warp.kernel, warp.variant = #cpu} {
   warp.group {
     warp.threads attributes {kinds = array<i32>, lanes = 4 : i64, types = []} {
     ^bb0(%i: i32, %live: vector<4xi1>):

@@ -14,14 +14,15 @@
 // CHECK-NEXT: }
 // CHECK: llvm.return
 func.func @line(%a: !warp.array<1 x f32>, %s: f32) attributes {
-    warp.kernel, warp.rank = 1 : i64, warp.contiguous = 1 : i64,
-    warp.index32, warp.target = "cpu", warp.arg_names = ["a", "s"]} {
+    warp.kernel, warp.arg_names = ["a", "s"], warp.variant = #cpu} {
   %i = warp.tid : i32
   warp.store_components(%s), %a[%i] : (f32), !warp.array<1 x f32>, i32
   return
 }
 
 // -----
+
+#cpu2 = #warp.variant<target = <platform = cpu, bits = 128>, rank = 3>
 
 // Rank 3 walks rows: two divisions find the first and the last row, one per
 // row finds its indices, and none is in the inner loop.
@@ -45,7 +46,7 @@ func.func @line(%a: !warp.array<1 x f32>, %s: f32) attributes {
 // CHECK-NOT: arith.divui
 // CHECK: llvm.return
 func.func @rows(%a: !warp.array<3 x f32>, %s: f32) attributes {
-    warp.kernel, warp.rank = 3 : i64, warp.index32, warp.target = "cpu"} {
+    warp.kernel, warp.variant = #cpu2} {
   %i, %j, %k = warp.tid : i32, i32, i32
   warp.store_components(%s), %a[%i, %j, %k]
     : (f32), !warp.array<3 x f32>, i32, i32, i32
@@ -63,8 +64,9 @@ func.func @rows(%a: !warp.array<3 x f32>, %s: f32) attributes {
 // CHECK: warp.parameter %[[BLOCK]][40] {name = "s.a"} : !llvm.ptr -> !warp.array<1 x f32>
 // CHECK: warp.parameter %[[BLOCK]][96] {name = "s.n"} : !llvm.ptr -> i64
 func.func @layout(%b: i1, %x: f32, %y: f32, %a: !warp.array<1 x f32>, %n: i64)
-    attributes {warp.kernel, warp.rank = 1 : i64, warp.target = "cpu",
-      warp.arg_names = ["b", "v", "s"], warp.arg_types = [i1, !warp.vec<2 x f32>,
+    attributes {warp.kernel,
+      warp.arg_names = ["b", "v", "s"], warp.arg_types = [i1,
+      !warp.vec<2 x f32>,
         !warp.struct<"S", {a: !warp.array<1 x f32>, n: si64}>]} {
   return
 }

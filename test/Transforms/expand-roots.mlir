@@ -1,5 +1,7 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch --warp-emit-entry --warp-expand-roots | FileCheck %s
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+
 // A root in a loop, and a reciprocal of one that has no other use. The root
 // that nothing waits for stays.
 // CHECK-LABEL: llvm.func {{.*}}@roots
@@ -13,7 +15,7 @@
 // CHECK-NOT: llvm.nvvm.rsqrt
 // CHECK: llvm.return
 func.func @roots(%x: !warp.array<1 x f32>, %n: i32)
-    attributes {warp.kernel, warp.rank = 1 : i64, warp.target = "sm_90"} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %i = warp.tid : i32
   %one = arith.constant 1.0 : f32
   %c0 = arith.constant 0 : i32
@@ -32,13 +34,14 @@ func.func @roots(%x: !warp.array<1 x f32>, %n: i32)
 
 // -----
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>, fast_math = true>
+
 // Fast math is the approximation itself.
 // CHECK-LABEL: llvm.func {{.*}}@fast
 // CHECK: %[[Y:.*]] = llvm.call_intrinsic "llvm.nvvm.rsqrt.approx.ftz.f"
 // CHECK-NEXT: warp.store_components(%[[Y]])
 func.func @fast(%x: !warp.array<1 x f32>)
-    attributes {warp.kernel, warp.fast_math, warp.rank = 1 : i64,
-                warp.target = "sm_90"} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %i = warp.tid : i32
   %one = arith.constant 1.0 : f32
   %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
@@ -50,12 +53,14 @@ func.func @fast(%x: !warp.array<1 x f32>)
 
 // -----
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+
 // Doubles, and processors, have instructions for it.
 // CHECK-LABEL: llvm.func {{.*}}@double
 // CHECK: math.sqrt
 // CHECK-NOT: rsqrt
 func.func @double(%x: !warp.array<1 x f64>)
-    attributes {warp.kernel, warp.rank = 1 : i64, warp.target = "sm_90"} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %i = warp.tid : i32
   %v = warp.load_components %x[%i] : !warp.array<1 x f64>, i32 -> f64
   %s = math.sqrt %v : f64

@@ -2,6 +2,8 @@
 // RUN: warp-opt %s --split-input-file --warp-form-gpu-module \
 // RUN:     --warp-convert-to-llvm --warp-verify-llvm | FileCheck %s --check-prefix=LLVM
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>, block = 64>
+
 // All that runs on the card moves into one module. The block's variable is a
 // buffer of the kernel, as aligned as it was, and its address is taken wherever
 // the variable's was.
@@ -13,7 +15,7 @@
 // CHECK: gpu.func @sum(%[[BLOCK:.*]]: !llvm.ptr {llvm.byval = !llvm.array<32 x i8>})
 // CHECK-SAME: workgroup(%[[BUFFER:.*]] : memref<32xf32, #gpu.address_space<workgroup>> {llvm.align = 8 : i64})
 // CHECK-SAME: kernel
-// CHECK-SAME: warp.target = "sm_90"
+// CHECK-SAME: warp.variant = #warp.variant<target = <platform = cuda, version = 90>>
 // CHECK: llvm.mlir.addressof @text
 // CHECK: %[[AT:.*]] = memref.extract_aligned_pointer_as_index %[[BUFFER]]
 // CHECK: %[[NUMBER:.*]] = arith.index_cast %[[AT]] : index to i64
@@ -34,9 +36,10 @@
 // LLVM: llvm.return
 llvm.func @sinf(f32) -> f32
 llvm.mlir.global internal constant @text("text")
-llvm.mlir.global internal @sums() {addr_space = 3 : i32, alignment = 8 : i64} : !llvm.array<32 x f32>
+llvm.mlir.global internal @sums() {addr_space = 3 : i32,
+      alignment = 8 : i64} : !llvm.array<32 x f32>
 llvm.func ptx_kernelcc @sum(%block: !llvm.ptr {llvm.byval = !llvm.array<32 x i8>})
-    attributes {warp.entry, warp.target = "sm_90", warp.block_dim = 64 : i64} {
+    attributes {warp.entry, warp.variant = #gpu} {
   %text = llvm.mlir.addressof @text : !llvm.ptr
   %x = llvm.load %block : !llvm.ptr -> f32
   %c1 = arith.constant 1 : i32
@@ -54,10 +57,13 @@ llvm.func ptx_kernelcc @sum(%block: !llvm.ptr {llvm.byval = !llvm.array<32 x i8>
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+
 // An entry for the CPU stays a function.
 // CHECK-NOT: gpu
 // CHECK: llvm.func @range(%{{.*}}: !llvm.ptr)
 // CHECK-NOT: gpu
-llvm.func @range(%block: !llvm.ptr) attributes {warp.entry, warp.target = "cpu"} {
+llvm.func @range(%block: !llvm.ptr)
+    attributes {warp.entry, warp.variant = #cpu} {
   llvm.return
 }

@@ -3,8 +3,8 @@
 // Each direction has a twin; what is known of values is computed once.
 // CHECK-LABEL: @twice_tangent(
 // CHECK-SAME: %[[X:.*]]: !warp.array<1 x f32>, %[[Y:.*]]: !warp.array<1 x f32>,
-// CHECK-SAME: %[[A:[^ ]*]]: !warp.array<1 x f32> {warp.hidden = {direction = 0 : i64, kind = "tangent", leaf = 0 : i64
-// CHECK-SAME: %[[B:[^ ]*]]: !warp.array<1 x f32> {warp.hidden = {direction = 1 : i64, kind = "tangent", leaf = 0
+// CHECK-SAME: %[[A:[^ ]*]]: !warp.array<1 x f32> {warp.hidden = #warp.hidden<kind = tangent, leaf = 0>
+// CHECK-SAME: %[[B:[^ ]*]]: !warp.array<1 x f32> {warp.hidden = #warp.hidden<kind = tangent, leaf = 0, direction = 1>
 // CHECK-SAME: leaf = 1
 // CHECK-SAME: leaf = 1
 // CHECK: %[[V:.*]] = warp.load %[[X]]

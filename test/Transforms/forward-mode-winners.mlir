@@ -4,9 +4,9 @@
 // value and claims the element first.
 // CHECK-LABEL: @largest_tangent(
 // CHECK-SAME: %[[X:[^ :]*]]: !warp.array<1 x f32>, %[[Y:[^ :]*]]: !warp.array<1 x f32>,
-// CHECK-SAME: %[[DX:[^ :]*]]: !warp.array<1 x f32> {{{[^}]*}}kind = "tangent", leaf = 0
-// CHECK-SAME: %[[DY:[^ :]*]]: !warp.array<1 x f32> {{{[^}]*}}kind = "tangent", leaf = 1
-// CHECK-SAME: %[[C:[^ :]*]]: !warp.array<1 x si32> {{{[^}]*}}kind = "claims", leaf = 1
+// CHECK-SAME: %[[DX:[^ :]*]]: !warp.array<1 x f32> {{{[^}]*}}kind = tangent, leaf = 0
+// CHECK-SAME: %[[DY:[^ :]*]]: !warp.array<1 x f32> {{{[^}]*}}kind = tangent, leaf = 1
+// CHECK-SAME: %[[C:[^ :]*]]: !warp.array<1 x si32> {{{[^}]*}}kind = claims, leaf = 1
 // CHECK: %[[V:.*]] = warp.load %[[X]]
 // CHECK: %[[T:.*]] = warp.load %[[DX]]
 // CHECK: %[[L:.*]] = warp.load %[[Y]]
@@ -31,7 +31,7 @@ func.func @largest(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
 
 // Components have a winner each.
 // CHECK-LABEL: @corner_tangent(
-// CHECK-SAME: !warp.array<1 x !warp.vec<2 x si32>> {{{[^}]*}}kind = "claims", leaf = 1
+// CHECK-SAME: !warp.array<1 x !warp.vec<2 x si32>> {{{[^}]*}}kind = claims, leaf = 1
 // CHECK-COUNT-2: warp.atomic exch
 // CHECK-NOT: warp.atomic
 func.func @corner(%x: !warp.array<1 x !warp.vec<2 x f32>>,

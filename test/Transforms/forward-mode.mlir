@@ -3,8 +3,8 @@
 // An active array has a twin, which is read and written like it.
 // CHECK-LABEL: @straight_tangent(
 // CHECK-SAME: %[[X:.*]]: !warp.array<1 x f32>, %[[Y:.*]]: !warp.array<1 x f32>,
-// CHECK-SAME: %[[DX:.*]]: !warp.array<1 x f32> {warp.hidden = {direction = 0 : i64, kind = "tangent", leaf = 0 : i64{{.*}}}},
-// CHECK-SAME: %[[DY:.*]]: !warp.array<1 x f32> {warp.hidden = {direction = 0 : i64, kind = "tangent", leaf = 1
+// CHECK-SAME: %[[DX:.*]]: !warp.array<1 x f32> {warp.hidden = #warp.hidden<kind = tangent, leaf = 0>},
+// CHECK-SAME: %[[DY:.*]]: !warp.array<1 x f32> {warp.hidden = #warp.hidden<kind = tangent, leaf = 1
 // CHECK: %[[V:.*]] = warp.load %[[X]]
 // CHECK: %[[DV:.*]] = warp.load %[[DX]]
 // CHECK: %[[S:.*]] = warp.sin(%[[V]])

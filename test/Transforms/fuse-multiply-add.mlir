@@ -70,11 +70,13 @@ func.func @kept(%a: f32, %n: i32, %h: f16, %y: !warp.array<1 x f32>,
 
 // -----
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+
 // A GPU fuses 16 bits, too.
 // CHECK-LABEL: func.func @gpu
 // CHECK: math.fma %{{.*}} : f16
 func.func @gpu(%h: f16, %z: !warp.array<1 x f16>)
-    attributes {warp.kernel, warp.target = "sm_90"} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %i = warp.tid : i32
   %g = arith.mulf %h, %h : f16
   %j = arith.addf %g, %h : f16
@@ -84,12 +86,14 @@ func.func @gpu(%h: f16, %z: !warp.array<1 x f16>)
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 128>>
+
 // Processors with vectors of less than 256 bits have no such instruction.
 // CHECK-LABEL: func.func @small
 // CHECK-NOT: math.fma
 // CHECK: return
 func.func @small(%a: f64, %y: !warp.array<1 x f64>)
-    attributes {warp.kernel, warp.vector_bits = 128 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %p = arith.mulf %a, %a : f64
   %s = arith.addf %p, %a : f64

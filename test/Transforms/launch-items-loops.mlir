@@ -3,7 +3,7 @@
 // A loop may take long in some threads: each of them has one item, however few
 // bytes it moves.
 // CHECK-LABEL: llvm.func {{.*}}@loop
-// CHECK-NOT: warp.items
+// CHECK-NOT: #warp.recipe<items
 // CHECK: llvm.return
 func.func @loop(%y: !warp.array<1 x f32>, %n: si32) attributes {warp.kernel} {
   %i = warp.tid : si32
@@ -22,7 +22,7 @@ func.func @loop(%y: !warp.array<1 x f32>, %n: si32) attributes {warp.kernel} {
 // -----
 
 // CHECK-LABEL: llvm.func {{.*}}@straight
-// CHECK-SAME: warp.items
+// CHECK-SAME: #warp.recipe<items
 func.func @straight(%y: !warp.array<1 x f32>, %n: si32)
     attributes {warp.kernel} {
   %i = warp.tid : si32

@@ -2,6 +2,7 @@
 
 
 
+
 // The three loads of one element are adjacent, and so are its stores; a thread
 // index is never wrapped, and the address of a packed array has no stride.
 // CHECK-LABEL: llvm.func @packed
@@ -83,6 +84,8 @@ llvm.func @choice(%block: !llvm.ptr, %i: i32, %c: i1) attributes {warp.entry} {
 
 // -----
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+
 // On the GPU data is in global memory, and packed elements are counted in 32
 // bits.
 // CHECK-LABEL: llvm.func @global
@@ -90,7 +93,7 @@ llvm.func @choice(%block: !llvm.ptr, %i: i32, %c: i1) attributes {warp.entry} {
 // CHECK: %[[WIDE:.*]] = arith.extsi %[[NUMBER]] : i32 to i64
 // CHECK: llvm.getelementptr inbounds %{{.*}}[%[[WIDE]]] : (!llvm.ptr<1>, i64) -> !llvm.ptr<1>, f32
 llvm.func @global(%block: !llvm.ptr, %t: i64, %v: f32)
-    attributes {warp.entry, warp.target = "sm_90", warp.index32} {
+    attributes {warp.entry, warp.variant = #gpu} {
   %a = warp.parameter %block[24] packed : !llvm.ptr -> !warp.array<2 x f32>
   %i = arith.trunci %t overflow<nsw, nuw> : i64 to i32
   warp.store_components(%v), %a[%i, %i] : (f32), !warp.array<2 x f32>, i32, i32

@@ -1,5 +1,6 @@
 // RUN: warp-opt %s --split-input-file --warp-lower-arrays | FileCheck %s
 
+
 // One relaxed update per component; a float is subtracted by adding its
 // negative.
 // CHECK-LABEL: llvm.func @vector
@@ -39,6 +40,8 @@ llvm.func @minima(%block: !llvm.ptr, %i: i32, %v: i32)
 
 // -----
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>, index32 = false>
+
 // Floats are compared by their bits; the GPU's scope is the device.
 // CHECK-LABEL: llvm.func @exchange
 // CHECK: %[[OLD:.*]] = arith.bitcast %{{.*}} : f32 to i32
@@ -46,7 +49,7 @@ llvm.func @minima(%block: !llvm.ptr, %i: i32, %v: i32)
 // CHECK: llvm.cmpxchg %{{.*}}, %[[OLD]], %[[NEW]] syncscope("device") monotonic monotonic
 // CHECK: llvm.atomicrmw xchg %{{.*}}, %{{.*}} syncscope("device") monotonic
 llvm.func @exchange(%block: !llvm.ptr, %i: i32, %v: f32)
-    attributes {warp.entry, warp.target = "sm_90"} {
+    attributes {warp.entry, warp.variant = #gpu} {
   %a = warp.parameter %block[24] : !llvm.ptr -> !warp.array<1 x f32>
   %0 = warp.atomic_cas %v, %v, %a[%i]
     : f32, f32, !warp.array<1 x f32>, i32 -> f32

@@ -1,6 +1,8 @@
 // RUN: warp-opt %s --warp-lower-math | FileCheck %s
 // RUN: warp-opt %s --warp-lower-math --warp-convert-to-llvm | FileCheck %s --check-prefix=LLVM
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+
 // A function of ours takes the vector; half precision computes in f32.
 // CHECK-LABEL: llvm.func @whole
 // CHECK: llvm.call @warp_sinf_x16(%{{.*}}) : (vector<16xf32>) -> vector<16xf32>
@@ -13,7 +15,7 @@
 // CHECK: llvm.call @warp_cos_x2(
 llvm.func @whole(%a: vector<16xf32>, %b: vector<8xf32>, %c: vector<4xf32>,
                  %d: vector<4xf16>, %e: vector<8xf64>, %f: vector<2xf64>)
-    attributes {warp.entry, warp.target = "cpu"} {
+    attributes {warp.entry, warp.variant = #cpu} {
   %0 = math.sin %a : vector<16xf32>
   %1 = math.powf %b, %b : vector<8xf32>
   %2 = math.exp %c : vector<4xf32>
@@ -30,7 +32,7 @@ llvm.func @whole(%a: vector<16xf32>, %b: vector<8xf32>, %c: vector<4xf32>,
 // CHECK: %[[HIGH:.*]] = llvm.shufflevector %{{.*}} [16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31]
 // CHECK: %[[B:.*]] = llvm.call @warp_sinf_x16(%[[HIGH]])
 // CHECK: llvm.shufflevector %[[A]], %[[B]] [0, 1, {{.*}}, 31] : vector<16xf32>
-llvm.func @halves(%a: vector<32xf32>) attributes {warp.target = "cpu"} {
+llvm.func @halves(%a: vector<32xf32>) attributes {warp.variant = #cpu} {
   %0 = math.sin %a : vector<32xf32>
   llvm.return
 }
@@ -44,7 +46,7 @@ llvm.func @halves(%a: vector<32xf32>) attributes {warp.target = "cpu"} {
 // CHECK-COUNT-3: llvm.call @warp_erf(
 // CHECK: llvm.return
 llvm.func @lanes(%a: vector<2xf32>, %b: vector<3xf64>)
-    attributes {warp.target = "cpu"} {
+    attributes {warp.variant = #cpu} {
   %0 = math.sin %a : vector<2xf32>
   %1 = math.erf %b : vector<3xf64>
   llvm.return
@@ -58,7 +60,7 @@ llvm.func @lanes(%a: vector<2xf32>, %b: vector<3xf64>)
 // LLVM: llvm.intr.floor(
 // LLVM: llvm.intr.fma(
 // LLVM-NOT: math.
-llvm.func @native(%a: vector<16xf32>) attributes {warp.target = "cpu"} {
+llvm.func @native(%a: vector<16xf32>) attributes {warp.variant = #cpu} {
   %0 = math.rsqrt %a : vector<16xf32>
   %1 = arith.remf %0, %a : vector<16xf32>
   %2 = math.floor %1 : vector<16xf32>
@@ -73,7 +75,7 @@ llvm.func @native(%a: vector<16xf32>) attributes {warp.target = "cpu"} {
 // LLVM: llvm.call @warp_pow_x4(
 // LLVM: llvm.fptrunc %{{.*}} : vector<4xf64> to vector<4xf32>
 llvm.func @power(%a: vector<4xf32>, %n: vector<4xi32>)
-    attributes {warp.target = "cpu"} {
+    attributes {warp.variant = #cpu} {
   %0 = math.fpowi %a, %n : vector<4xf32>, vector<4xi32>
   llvm.return
 }

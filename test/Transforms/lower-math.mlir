@@ -1,6 +1,11 @@
 // RUN: warp-opt %s --warp-lower-math | FileCheck %s --check-prefix=CPU
-// RUN: sed 's/"cpu"/"sm_90"/' %s | warp-opt --warp-lower-math | FileCheck %s --check-prefix=GPU
-// RUN: sed 's/"cpu"/"sm_90", warp.fast_math/' %s | warp-opt --warp-lower-math | FileCheck %s --check-prefix=FAST
+// RUN: sed 's/= #cpu/= #gpu/' %s | warp-opt --warp-lower-math | FileCheck %s --check-prefix=GPU
+// RUN: sed 's/= #cpu/= #fast/' %s | warp-opt --warp-lower-math | FileCheck %s --check-prefix=FAST
+
+#cpu = #warp.variant<target = <platform = cpu, bits = 128>>
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#fast = #warp.variant<target = <platform = cuda, version = 90>,
+      fast_math = true>
 
 // Functions have no effects, so that LLVM may move and merge calls.
 // CPU: llvm.func @warp_pow(f64, f64) -> f64 attributes {memory_effects = #llvm.memory_effects<other = none
@@ -33,7 +38,7 @@
 // FAST: llvm.call @__nv_fast_sinf
 // FAST: llvm.call @__nv_sin(
 llvm.func @calls(%x: f32, %y: f64, %h: f16, %n: i32)
-    attributes {warp.entry, warp.target = "cpu"} {
+    attributes {warp.entry, warp.variant = #cpu} {
   %0 = math.sin %x : f32
   %1 = math.sin %y : f64
   %2 = math.erf %x : f32
@@ -52,7 +57,7 @@ llvm.func @calls(%x: f32, %y: f64, %h: f16, %n: i32)
 // CPU: %[[CHOSEN:.*]] = arith.select
 // CPU: llvm.call @warp_atan2f(%[[Y]], %[[CHOSEN]])
 llvm.func @call(%x: f32, %y: f32, %c: i1)
-    attributes {warp.target = "cpu"} {
+    attributes {warp.variant = #cpu} {
   %side = math.copysign %y, %x : f32
   %guard = arith.select %c, %side, %x {warp.angle_guard} : f32
   %a = math.atan2 %y, %guard : f32

@@ -1,5 +1,6 @@
 // RUN: warp-opt %s --split-input-file --warp-lower-arrays | FileCheck %s
 
+
 // Arguments are promoted as C does, and lengths in the format follow them.
 // CHECK: llvm.func @warp_printf(!llvm.ptr, ...) -> i32
 // CHECK: llvm.mlir.global internal constant @warp_text0("%d %lld %u %f 100%%\0A\00")
@@ -27,6 +28,8 @@ llvm.func @unsuitable(%block: !llvm.ptr, %a: f64, %b: i64, %c: i32)
 
 // -----
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>, index32 = false>
+
 // The GPU gets a buffer.
 // CHECK: llvm.func @vprintf(!llvm.ptr, !llvm.ptr) -> i32
 // CHECK: llvm.mlir.global internal constant @warp_text0("%f\00") {addr_space = 1
@@ -36,12 +39,15 @@ llvm.func @unsuitable(%block: !llvm.ptr, %a: f64, %b: i64, %c: i32)
 // CHECK: llvm.store %{{.*}}, %[[SLOT]] : f64
 // CHECK: llvm.call @vprintf(%{{.*}}, %[[BUFFER]])
 llvm.func @gpu(%block: !llvm.ptr, %x: f64)
-    attributes {warp.entry, warp.target = "sm_90"} {
+    attributes {warp.entry, warp.variant = #gpu} {
   warp.printf "%f"(%x) : f64
   llvm.return
 }
 
 // -----
+
+#cpu = #warp.variant<target = <platform = cpu, bits = 128>, index32 = false,
+      debug = true>
 
 // A debugging launch checks every access: outside, it reports the site and
 // loads zero.
@@ -60,7 +66,7 @@ llvm.func @gpu(%block: !llvm.ptr, %x: f64)
 // CHECK: scf.if
 // CHECK: llvm.call @warp_report
 llvm.func @checked(%block: !llvm.ptr, %i: i32, %ok: i1)
-    attributes {warp.entry, warp.debug} {
+    attributes {warp.entry, warp.variant = #cpu} {
   %a = warp.parameter %block[24] {name = "a"}
     : !llvm.ptr -> !warp.array<1 x f32>
   %v = warp.load_components %a[%i] : !warp.array<1 x f32>, i32 -> f32

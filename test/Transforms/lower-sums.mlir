@@ -8,7 +8,7 @@
 // CHECK-COUNT-2: llvm.atomicrmw add
 // CHECK: llvm.atomicrmw _or
 // CHECK-LABEL: llvm.func @scatter
-// CHECK-NOT: warp.exclusive
+// CHECK-NOT: exclusive = true
 // CHECK: llvm.call @warp_add_exactly_f32
 // CHECK: llvm.return
 
@@ -22,7 +22,7 @@
 // GPU-LABEL: llvm.func @scatter(
 // GPU-SAME: !llvm.array<224 x i8>
 // GPU-SAME: nvvm.kernel
-// GPU-NOT: warp.exclusive
+// GPU-NOT: exclusive = true
 // GPU: llvm.call @warp_add_exactly_f32
 func.func @scatter(%x: !warp.array<1 x f32>, %to: !warp.array<1 x si32>,
                    %sum: !warp.array<1 x f32>) attributes {warp.kernel} {
@@ -69,12 +69,12 @@ func.func @one_address(%x: !warp.array<1 x f64>, %sum: !warp.array<1 x f64>)
 
 // Minima and integers have one result in any order; their launch is as usual.
 // CHECK-LABEL: llvm.func @any_order
-// CHECK-NOT: warp.exclusive
+// CHECK-NOT: exclusive = true
 // CHECK: llvm.atomicrmw fmin
 // CHECK: llvm.atomicrmw add
 // GPU-LABEL: llvm.func @any_order(
 // GPU-SAME: nvvm.kernel
-// GPU-NOT: warp.exclusive
+// GPU-NOT: exclusive = true
 // GPU: llvm.return
 func.func @any_order(%to: !warp.array<1 x si32>, %least: !warp.array<1 x f32>,
                      %count: !warp.array<1 x si32>) attributes {warp.kernel} {

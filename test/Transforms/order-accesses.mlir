@@ -1,5 +1,7 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch --warp-emit-entry --warp-order-accesses --mlir-print-local-scope | FileCheck %s
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>, disjoint = true>
+
 // The store waits for the load, and the load does not wait for the arithmetic.
 // CHECK-LABEL: llvm.func {{.*}}@adjoint
 // CHECK: warp.load_components
@@ -8,8 +10,7 @@
 // CHECK: warp.store_components
 // CHECK-NEXT: warp.store_components
 func.func @adjoint(%dx: !warp.array<1 x f32>, %dy: !warp.array<1 x f32>)
-    attributes {warp.kernel, warp.disjoint, warp.rank = 1 : i64,
-                warp.target = "sm_90"} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %i = warp.tid : i32
   %zero = arith.constant 0.0 : f32
   %g = warp.load_components %dy[%i] : !warp.array<1 x f32>, i32 -> f32
@@ -23,13 +24,15 @@ func.func @adjoint(%dx: !warp.array<1 x f32>, %dy: !warp.array<1 x f32>)
 
 // -----
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+
 // Where arrays may overlap, the load may be of what was stored.
 // CHECK-LABEL: llvm.func {{.*}}@overlapping
 // CHECK: warp.load_components
 // CHECK: warp.store_components
 // CHECK: warp.load_components
 func.func @overlapping(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
-    attributes {warp.kernel, warp.rank = 1 : i64, warp.target = "sm_90"} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %i = warp.tid : i32
   %zero = arith.constant 0.0 : f32
   %g = warp.load_components %y[%i] : !warp.array<1 x f32>, i32 -> f32
@@ -40,6 +43,8 @@ func.func @overlapping(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
 }
 
 // -----
+
+#gpu = #warp.variant<target = <platform = cuda, version = 90>, disjoint = true>
 
 // An array's own elements may be the same one; its gradient's are others. Equal
 // loads are one, unless a write to the array is between them.
@@ -54,8 +59,7 @@ func.func @overlapping(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
 // CHECK: %[[SUM:.*]] = arith.addf %[[B]], %[[B]]
 // CHECK: warp.store_components(%[[SUM]]), %[[G]][
 func.func @own(%x: !warp.array<1 x f32>)
-    attributes {warp.kernel, warp.disjoint, warp.rank = 1 : i64,
-                warp.target = "sm_90"} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %i = warp.tid : i32
   %one = arith.constant 1 : i32
   %j = arith.addi %i, %one : i32
@@ -73,6 +77,8 @@ func.func @own(%x: !warp.array<1 x f32>)
 
 // -----
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>, disjoint = true>
+
 // Nothing passes an update whose old value is used: it may be a lock.
 // CHECK-LABEL: llvm.func {{.*}}@lock
 // CHECK: warp.store_components
@@ -80,8 +86,7 @@ func.func @own(%x: !warp.array<1 x f32>)
 // CHECK: warp.load_components
 // CHECK: warp.store_components
 func.func @lock(%x: !warp.array<1 x f32>, %lock: !warp.array<1 x si32>)
-    attributes {warp.kernel, warp.disjoint, warp.rank = 1 : i64,
-                warp.target = "sm_90"} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %i = warp.tid : i32
   %zero = arith.constant 0.0 : f32
   warp.store_components(%zero), %x[%i] : (f32), !warp.array<1 x f32>, i32
@@ -93,6 +98,8 @@ func.func @lock(%x: !warp.array<1 x f32>, %lock: !warp.array<1 x si32>)
 }
 
 // -----
+
+#gpu = #warp.variant<target = <platform = cuda, version = 90>, disjoint = true>
 
 // A store passes a loop that loads from other arrays; the load after the loop
 // stays there, but in front of the store.
@@ -106,8 +113,7 @@ func.func @lock(%x: !warp.array<1 x f32>, %lock: !warp.array<1 x si32>)
 // CHECK-NEXT: warp.store_components
 func.func @loop(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
                 %z: !warp.array<1 x f32>, %n: i32)
-    attributes {warp.kernel, warp.disjoint, warp.rank = 1 : i64,
-                warp.target = "sm_90"} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %i = warp.tid : i32
   %zero = arith.constant 0.0 : f32
   %c0 = arith.constant 0 : i32

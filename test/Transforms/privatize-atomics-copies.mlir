@@ -10,7 +10,7 @@
 // own: that of three floats an element, described at byte 80.
 // CHECK-LABEL: func.func @forces
 // CHECK-SAME: warp.copied = [array<i64: 80, 0, 12, 3, 32, 1>]
-// CHECK-SAME: warp.exclusive
+// CHECK-SAME: exclusive = true
 func.func @forces(%at: !warp.array<1 x si32>,
                   %f: !warp.array<1 x !warp.vec<3 x f32>>)
     attributes {warp.kernel} {

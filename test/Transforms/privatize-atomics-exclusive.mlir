@@ -5,13 +5,13 @@
 
 // Two threads are slower than one without atomic instructions; sixteen are not.
 // CHECK-LABEL: llvm.func @scatter
-// CHECK-SAME: warp.exclusive
+// CHECK-SAME: exclusive = true
 // CHECK-NOT: atomicrmw
 // CHECK: %[[OLD:.*]] = llvm.load %[[AT:[0-9]+]] {alignment = 4 : i64} : !llvm.ptr -> f32
 // CHECK: %[[NEW:.*]] = llvm.fadd %[[OLD]], %{{[^ ]*}} : f32
 // CHECK: llvm.store %[[NEW]], %[[AT]]
 // MANY-LABEL: llvm.func @scatter
-// MANY-NOT: warp.exclusive
+// MANY-NOT: exclusive = true
 // MANY: llvm.atomicrmw fadd
 // MANY: llvm.return
 func.func @scatter(%at: !warp.array<1 x si32>, %sum: !warp.array<1 x f32>)
@@ -29,7 +29,7 @@ func.func @scatter(%at: !warp.array<1 x si32>, %sum: !warp.array<1 x f32>)
 // A deterministic launch keeps the order of updates whose order shows, if it
 // cannot make exact sums.
 // IN-ORDER-LABEL: llvm.func @in_order
-// IN-ORDER-SAME: warp.exclusive
+// IN-ORDER-SAME: exclusive = true
 // IN-ORDER-NOT: atomicrmw
 func.func @in_order(%x: !warp.array<1 x f32>, %to: !warp.array<1 x si32>,
                     %sum: !warp.array<1 x f32>) attributes {warp.kernel} {
@@ -61,8 +61,7 @@ func.func @any_order(%to: !warp.array<1 x si32>, %sum: !warp.array<1 x si32>)
 // combined they are, in the block's order; else the block has one thread.
 // BLOCK-LABEL: llvm.func @combined(
 // BLOCK-SAME: nvvm.kernel
-// BLOCK-SAME: warp.exclusive
-// BLOCK-SAME: warp.items = 256
+// BLOCK-SAME: #warp.recipe<items = 256, exclusive = true
 // BLOCK: nvvm.shfl.sync down
 func.func @combined(%x: !warp.array<2 x f32>, %sum: !warp.array<1 x f32>)
     attributes {warp.kernel} {
@@ -78,8 +77,7 @@ func.func @combined(%x: !warp.array<2 x f32>, %sum: !warp.array<1 x f32>)
 
 // BLOCK-LABEL: llvm.func @scattered(
 // BLOCK-SAME: nvvm.kernel
-// BLOCK-SAME: warp.exclusive
-// BLOCK-SAME: warp.items = 1 :
+// BLOCK-SAME: #warp.recipe<exclusive = true
 // BLOCK: llvm.atomicrmw fadd
 func.func @scattered(%x: !warp.array<1 x f32>, %to: !warp.array<1 x si32>,
                      %sum: !warp.array<1 x f32>) attributes {warp.kernel} {

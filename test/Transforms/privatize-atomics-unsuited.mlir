@@ -1,12 +1,14 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch \
 // RUN:     --warp-privatize-atomics | FileCheck %s --implicit-check-not=warp.once
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+
 // A thread that reads the array finds its own update there.
 // CHECK-LABEL: func.func @read_back
 // CHECK: warp.atomic_components
 // CHECK: warp.load_components %arg1
 func.func @read_back(%x: !warp.array<1 x f32>, %sum: !warp.array<1 x f32>)
-    attributes {warp.kernel, warp.threads = 16 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %c0 = arith.constant 0 : i32
   %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
@@ -19,11 +21,13 @@ func.func @read_back(%x: !warp.array<1 x f32>, %sum: !warp.array<1 x f32>)
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+
 // The old value tells threads apart.
 // CHECK-LABEL: func.func @ticket
 // CHECK: warp.atomic_components
 func.func @ticket(%x: !warp.array<1 x si32>, %next: !warp.array<1 x si32>)
-    attributes {warp.kernel, warp.threads = 16 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %c0 = arith.constant 0 : i32
   %old = warp.atomic_components add(%i), %next[%c0]
@@ -34,11 +38,13 @@ func.func @ticket(%x: !warp.array<1 x si32>, %next: !warp.array<1 x si32>)
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+
 // The last exchange counts, not a combination of all.
 // CHECK-LABEL: func.func @exchange
 // CHECK: warp.atomic_components exch
 func.func @exchange(%last: !warp.array<1 x si32>)
-    attributes {warp.kernel, warp.threads = 16 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %c0 = arith.constant 0 : i32
   %old = warp.atomic_components exch(%i), %last[%c0]
@@ -48,11 +54,13 @@ func.func @exchange(%last: !warp.array<1 x si32>)
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+
 // Elements that differ from thread to thread.
 // CHECK-LABEL: func.func @scatter
 // CHECK: warp.atomic_components
 func.func @scatter(%at: !warp.array<1 x si32>, %sum: !warp.array<1 x f32>)
-    attributes {warp.kernel, warp.threads = 16 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %one = arith.constant 1.0 : f32
   %j = warp.load_components %at[%i] : !warp.array<1 x si32>, i32 -> i32
@@ -63,11 +71,13 @@ func.func @scatter(%at: !warp.array<1 x si32>, %sum: !warp.array<1 x f32>)
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+
 // Partial sums of 16 bits would round.
 // CHECK-LABEL: func.func @half
 // CHECK: warp.atomic_components
 func.func @half(%x: !warp.array<1 x f16>, %sum: !warp.array<1 x f16>)
-    attributes {warp.kernel, warp.threads = 16 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %c0 = arith.constant 0 : i32
   %v = warp.load_components %x[%i] : !warp.array<1 x f16>, i32 -> f16
@@ -78,11 +88,13 @@ func.func @half(%x: !warp.array<1 x f16>, %sum: !warp.array<1 x f16>)
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, debug = true>
+
 // A debugging launch names the thread that fails.
 // CHECK-LABEL: func.func @debugging
 // CHECK: warp.atomic_components
 func.func @debugging(%x: !warp.array<1 x f32>, %sum: !warp.array<1 x f32>)
-    attributes {warp.kernel, warp.debug, warp.threads = 16 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %c0 = arith.constant 0 : i32
   %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32

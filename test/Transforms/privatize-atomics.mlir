@@ -1,6 +1,8 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch \
 // RUN:     --warp-privatize-atomics | FileCheck %s
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+
 // What threads add to one element they yield; the group adds it up, and one of
 // its threads publishes the total.
 // CHECK-LABEL: func.func @one_address
@@ -12,7 +14,7 @@
 // CHECK-NEXT: warp.once {
 // CHECK: warp.atomic_components add(%[[SUM]]), %arg1[%
 func.func @one_address(%x: !warp.array<1 x f32>, %sum: !warp.array<1 x f32>)
-    attributes {warp.kernel, warp.threads = 16 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %c0 = arith.constant 0 : i32
   %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
@@ -22,6 +24,8 @@ func.func @one_address(%x: !warp.array<1 x f32>, %sum: !warp.array<1 x f32>)
 }
 
 // -----
+
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
 
 // An update in a branch leaves it with what changes nothing, -0, and a flag: a
 // group of which no thread came here leaves the array alone.
@@ -40,7 +44,7 @@ func.func @one_address(%x: !warp.array<1 x f32>, %sum: !warp.array<1 x f32>)
 // CHECK: warp.atomic_components add(%[[ALL]]#0)
 func.func @branch(%x: !warp.array<1 x f32>, %sum: !warp.array<1 x f32>,
                   %b: i1)
-    attributes {warp.kernel, warp.threads = 16 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %c0 = arith.constant 0 : i32
   %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
@@ -52,6 +56,8 @@ func.func @branch(%x: !warp.array<1 x f32>, %sum: !warp.array<1 x f32>,
 }
 
 // -----
+
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
 
 // Loops carry the sums of their iterations; a difference is the sum of what is
 // negated.
@@ -72,7 +78,7 @@ func.func @branch(%x: !warp.array<1 x f32>, %sum: !warp.array<1 x f32>,
 // CHECK: warp.atomic_components add(
 // CHECK-NOT: warp.atomic_components
 func.func @loops(%x: !warp.array<1 x f32>, %sum: !warp.array<1 x f32>, %n: i32)
-    attributes {warp.kernel, warp.threads = 16 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
@@ -94,6 +100,8 @@ func.func @loops(%x: !warp.array<1 x f32>, %sum: !warp.array<1 x f32>, %n: i32)
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+
 // Several sums, each by its own kind; an element's components are apart.
 // CHECK-LABEL: func.func @several
 // CHECK: %[[ALL:.*]]:4 = warp.threads attributes {kinds = array<i32: 0, 0, 3, 2>, types = [f32, f32, ui32, si32]} {
@@ -107,7 +115,7 @@ func.func @loops(%x: !warp.array<1 x f32>, %sum: !warp.array<1 x f32>, %n: i32)
 func.func @several(%x: !warp.array<1 x !warp.vec<2 x f32>>,
                    %sum: !warp.array<1 x !warp.vec<2 x f32>>,
                    %most: !warp.array<1 x ui32>, %least: !warp.array<1 x si32>)
-    attributes {warp.kernel, warp.threads = 16 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %c0 = arith.constant 0 : i32
   %v:2 = warp.load_components %x[%i]
@@ -123,6 +131,8 @@ func.func @several(%x: !warp.array<1 x !warp.vec<2 x f32>>,
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+
 // Gradients add up many contributions of similar size: their sum has 64 bits.
 // CHECK-LABEL: func.func @gradient
 // CHECK: %[[SUM:.*]] = warp.threads attributes {kinds = array<i32: 0>, types = [f64]} {
@@ -132,7 +142,7 @@ func.func @several(%x: !warp.array<1 x !warp.vec<2 x f32>>,
 // CHECK: %[[TOTAL:.*]] = arith.truncf %[[SUM]] : f64 to f32
 // CHECK: warp.atomic_components add(%[[TOTAL]])
 func.func @gradient(%x: !warp.array<1 x f32>, %p: !warp.array<1 x f32>)
-    attributes {warp.kernel, warp.threads = 16 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %c0 = arith.constant 0 : i32
   %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32

@@ -1,13 +1,15 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch --warp-emit-entry --warp-rotate-loops \
 // RUN:   | FileCheck %s --implicit-check-not=gpu.shuffle
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+
 // Threads go through different iterations.
 // CHECK-LABEL: llvm.func {{.*}}@own_bounds
 // CHECK: scf.for
 // CHECK-NOT: scf.for
 func.func @own_bounds(
     %x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
-    attributes {warp.kernel, warp.target = "sm_90", warp.index32} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
   %i = warp.tid : i32
@@ -21,13 +23,15 @@ func.func @own_bounds(
 
 // -----
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+
 // Threads update different elements.
 // CHECK-LABEL: llvm.func {{.*}}@own_element
 // CHECK: scf.for
 // CHECK-NOT: scf.for
 func.func @own_element(
     %x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
-    attributes {warp.kernel, warp.target = "sm_90", warp.index32} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
   %i = warp.tid : i32
@@ -42,13 +46,15 @@ func.func @own_element(
 
 // -----
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+
 // Iterations update one element.
 // CHECK-LABEL: llvm.func {{.*}}@one_element
 // CHECK: scf.for
 // CHECK-NOT: scf.for
 func.func @one_element(
     %x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
-    attributes {warp.kernel, warp.target = "sm_90", warp.index32} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
   %i = warp.tid : i32
@@ -62,6 +68,8 @@ func.func @one_element(
 
 // -----
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+
 // Neighbours update neighbours, as in the adjoint of a matrix product, and would
 // not any more.
 // CHECK-LABEL: llvm.func {{.*}}@scattered
@@ -69,7 +77,7 @@ func.func @one_element(
 // CHECK-NOT: scf.for
 func.func @scattered(
     %x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
-    attributes {warp.kernel, warp.target = "sm_90", warp.index32} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
   %i = warp.tid : i32
@@ -86,13 +94,15 @@ func.func @scattered(
 
 // -----
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+
 // The old value says in which order threads came.
 // CHECK-LABEL: llvm.func {{.*}}@old_value
 // CHECK: scf.for
 // CHECK-NOT: scf.for
 func.func @old_value(
     %x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
-    attributes {warp.kernel, warp.target = "sm_90", warp.index32} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
   %i = warp.tid : i32
@@ -107,13 +117,15 @@ func.func @old_value(
 
 // -----
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+
 // Another iteration, or thread, could read what this one stores.
 // CHECK-LABEL: llvm.func {{.*}}@store
 // CHECK: scf.for
 // CHECK-NOT: scf.for
 func.func @store(
     %x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
-    attributes {warp.kernel, warp.target = "sm_90", warp.index32} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
   %i = warp.tid : i32
@@ -128,13 +140,15 @@ func.func @store(
 
 // -----
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+
 // Exchanges do not commute.
 // CHECK-LABEL: llvm.func {{.*}}@exchange
 // CHECK: scf.for
 // CHECK-NOT: scf.for
 func.func @exchange(
     %x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
-    attributes {warp.kernel, warp.target = "sm_90", warp.index32} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
   %i = warp.tid : i32
@@ -148,13 +162,15 @@ func.func @exchange(
 
 // -----
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+
 // The kernel looks at what it adds up.
 // CHECK-LABEL: llvm.func {{.*}}@read_back
 // CHECK: scf.for
 // CHECK-NOT: scf.for
 func.func @read_back(
     %x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
-    attributes {warp.kernel, warp.target = "sm_90", warp.index32} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
   %i = warp.tid : i32
@@ -170,13 +186,15 @@ func.func @read_back(
 
 // -----
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+
 // A sum of floats keeps its order unless that is declared open.
 // CHECK-LABEL: llvm.func {{.*}}@ordered_sum
 // CHECK: scf.for
 // CHECK-NOT: scf.for
 func.func @ordered_sum(
     %x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
-    attributes {warp.kernel, warp.target = "sm_90", warp.index32} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
   %zero = arith.constant 0.0 : f32
@@ -195,13 +213,15 @@ func.func @ordered_sum(
 
 // -----
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+
 // What a sum has come to is looked at on the way.
 // CHECK-LABEL: llvm.func {{.*}}@observed_sum
 // CHECK: scf.for
 // CHECK-NOT: scf.for
 func.func @observed_sum(
     %x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
-    attributes {warp.kernel, warp.target = "sm_90", warp.index32} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
   %zero = arith.constant 0.0 : f32
@@ -220,13 +240,15 @@ func.func @observed_sum(
 
 // -----
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+
 // An iteration needs the one before.
 // CHECK-LABEL: llvm.func {{.*}}@state
 // CHECK: scf.for
 // CHECK-NOT: scf.for
 func.func @state(
     %x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
-    attributes {warp.kernel, warp.target = "sm_90", warp.index32} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
   %zero = arith.constant 0.0 : f32
@@ -244,13 +266,15 @@ func.func @state(
 
 // -----
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+
 // Fewer than two tiles are not worth it.
 // CHECK-LABEL: llvm.func {{.*}}@short
 // CHECK: scf.for
 // CHECK-NOT: scf.for
 func.func @short(
     %x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
-    attributes {warp.kernel, warp.target = "sm_90", warp.index32} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
   %c63 = arith.constant 63 : i32
@@ -265,13 +289,15 @@ func.func @short(
 
 // -----
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+
 // Iterations of a tile are neighbours.
 // CHECK-LABEL: llvm.func {{.*}}@every_other
 // CHECK: scf.for
 // CHECK-NOT: scf.for
 func.func @every_other(
     %x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
-    attributes {warp.kernel, warp.target = "sm_90", warp.index32} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
   %c2 = arith.constant 2 : i32
@@ -286,13 +312,15 @@ func.func @every_other(
 
 // -----
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+
 // Partial sums of 16 bits would round.
 // CHECK-LABEL: llvm.func {{.*}}@narrow
 // CHECK: scf.for
 // CHECK-NOT: scf.for
 func.func @narrow(
     %x: !warp.array<1 x f32>, %y: !warp.array<1 x f16>, %n: i32)
-    attributes {warp.kernel, warp.target = "sm_90", warp.index32} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
   %i = warp.tid : i32
@@ -307,13 +335,15 @@ func.func @narrow(
 
 // -----
 
+#gpu2 = #warp.variant<target = <platform = cuda, version = 90>, debug = true>
+
 // A debugging launch names the thread that fails.
 // CHECK-LABEL: llvm.func {{.*}}@debugging
 // CHECK: scf.for
 // CHECK-NOT: scf.for
 func.func @debugging(
     %x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
-    attributes {warp.kernel, warp.target = "sm_90", warp.index32, warp.debug} {
+    attributes {warp.kernel, warp.variant = #gpu2} {
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
   %i = warp.tid : i32
@@ -334,7 +364,7 @@ func.func @debugging(
 // CHECK-NOT: scf.for
 func.func @on_cpu(
     %x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
-    attributes {warp.kernel, warp.target = "cpu", warp.index32} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
   %i = warp.tid : i32

@@ -1,6 +1,8 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch --warp-emit-entry --warp-rotate-loops \
 // RUN:   | FileCheck %s
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+
 // Lanes of a whole warp begin a tile at different iterations; the sum of one
 // goes to the lane before, and each lane updates the element that it ends with.
 // The loop as it was follows.
@@ -33,7 +35,7 @@
 // CHECK-NOT: gpu.shuffle
 // CHECK: warp.atomic_components add({{.*}}), %{{.*}}[%[[K]]]
 func.func @pairs(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
-    attributes {warp.kernel, warp.target = "sm_90", warp.index32} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
   %i = warp.tid : i32
@@ -48,6 +50,8 @@ func.func @pairs(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
 }
 
 // -----
+
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
 
 // An update that iterations may leave out: a bit says which did not, and an
 // element that none reached is left alone, as the array may end before it.
@@ -68,7 +72,7 @@ func.func @pairs(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
 // CHECK: %[[MINE:.*]] = arith.muli
 // CHECK: warp.atomic_components add({{.*}}), %{{.*}}[%[[MINE]]]
 func.func @guarded(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
-    attributes {warp.kernel, warp.target = "sm_90", warp.index32} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
   %c3 = arith.constant 3 : i32
@@ -87,6 +91,8 @@ func.func @guarded(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
 
 // -----
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+
 // Sums whose order is open are carried along, on every path; 64 bits take two
 // shuffles.
 // CHECK-LABEL: llvm.func ptx_kernelcc @sums
@@ -99,7 +105,7 @@ func.func @guarded(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
 // CHECK-SAME: %{{.*}} = %[[OF_TILES]]#0, %{{.*}} = %[[OF_TILES]]#1)
 func.func @sums(%x: !warp.array<1 x f64>, %y: !warp.array<1 x f64>, %n: i32,
                 %z: !warp.array<1 x f64>, %k: !warp.array<1 x si64>)
-    attributes {warp.kernel, warp.target = "sm_90", warp.index32} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
   %zero = arith.constant 0.0 : f64
@@ -128,6 +134,8 @@ func.func @sums(%x: !warp.array<1 x f64>, %y: !warp.array<1 x f64>, %n: i32,
 
 // -----
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+
 // What depends on the counter of an outer loop is the same for all lanes if
 // they agree on that counter.
 // CHECK-LABEL: llvm.func ptx_kernelcc @rows
@@ -142,7 +150,7 @@ func.func @sums(%x: !warp.array<1 x f64>, %y: !warp.array<1 x f64>, %n: i32,
 // CHECK: %[[MINE:.*]] = arith.addi %[[TILE]]
 // CHECK: warp.atomic_components add({{.*}}), %{{.*}}[%[[ROW]], %[[MINE]]]
 func.func @rows(%x: !warp.array<1 x si32>, %y: !warp.array<2 x si32>, %n: i32)
-    attributes {warp.kernel, warp.target = "sm_90", warp.index32} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
   scf.for %k = %c0 to %n step %c1 : i32 {

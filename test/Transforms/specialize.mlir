@@ -1,23 +1,17 @@
 // RUN: warp-opt %s --warp-specialize="rank=1 contiguous=1 block-dim=128" | FileCheck %s
 // RUN: warp-opt %s --warp-specialize="rank=2 target=sm_90 index32=false debug=true" | FileCheck %s --check-prefix=GPU
 
-// The facts become attributes; dimensions beyond the rank are zero, and a
+// The facts become an attribute; dimensions beyond the rank are zero, and a
 // release build has no assertions.
 // CHECK-LABEL: func.func @indices
-// CHECK-SAME: warp.block_dim = 128
-// CHECK-SAME: warp.contiguous = 1
-// CHECK-SAME: warp.index32
-// CHECK-SAME: warp.rank = 1
-// CHECK-SAME: warp.target = "cpu"
+// CHECK-SAME: warp.variant = #warp.variant<target = <platform = cpu, bits = {{128|256|512}}>, contiguous = 1, block = 128>
 // CHECK: %[[I:.*]] = warp.tid : si32
 // CHECK: %[[ZERO:.*]] = warp.constant 0 : si32
 // CHECK-NOT: warp.assert
 // CHECK: warp.store %[[ZERO]], %{{.*}}[%[[I]]]
 
 // GPU-LABEL: func.func @indices
-// GPU-NOT: warp.index32
-// GPU-SAME: warp.debug
-// GPU-SAME: warp.target = "sm_90"
+// GPU-SAME: #warp.variant<target = <platform = cuda, version = 90>, rank = 2, index32 = false, debug = true>
 // GPU: warp.tid : si32, si32
 // GPU: warp.assert
 func.func @indices(%a: !warp.array<1 x si32>, %ok: i1)

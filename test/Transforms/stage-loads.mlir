@@ -1,5 +1,7 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch --warp-emit-entry --warp-stage-loads --mlir-print-local-scope | FileCheck %s
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+
 // The lane's element of the first tile is loaded before the tiles, that of the
 // next tile between slab and iterations. The iterations load from the slab; the
 // loop as it was goes on where the tiles end.
@@ -25,7 +27,7 @@
 // CHECK: warp.load_components %[[X]][%[[J]]]
 func.func @pairs(%x: !warp.array<1 x !warp.vec<3 x f32>>,
                  %y: !warp.array<1 x !warp.vec<3 x f32>>, %n: i32)
-    attributes {warp.kernel, warp.rank = 1 : i64, warp.target = "sm_90"} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %i = warp.tid : i32
   %zero = arith.constant 0.0 : f32
   %c0 = arith.constant 0 : i32
@@ -46,12 +48,14 @@ func.func @pairs(%x: !warp.array<1 x !warp.vec<3 x f32>>,
 
 // -----
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+
 // Not where lanes load different elements, begin at different iterations, or
 // where the loop writes.
 // CHECK-LABEL: llvm.func {{.*}}@unsuited
 // CHECK-NOT: activemask
 func.func @unsuited(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
-    attributes {warp.kernel, warp.rank = 1 : i64, warp.target = "sm_90"} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %i = warp.tid : i32
   %zero = arith.constant 0.0 : f32
   %c0 = arith.constant 0 : i32

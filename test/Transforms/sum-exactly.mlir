@@ -7,7 +7,7 @@
 // An array that is only added to has exact sums; the others are listed after
 // it. Their descriptors follow the arguments.
 // CHECK-LABEL: func.func @scatter
-// CHECK-SAME: warp.sums = [array<i64: 32, 136, 0, 4, 1>, array<i64: 0, 24, 0, 4, 1>, array<i64: 0, 80, 0, 4, 1>]
+// CHECK-SAME: sums = [#warp.summed_array<width = 32, descriptor = 136, element_size = 4>, #warp.summed_array<descriptor = 24, element_size = 4>, #warp.summed_array<descriptor = 80, element_size = 4>]
 // CHECK: warp.atomic_components add{{.*}}{warp.sum = 192 : i64}
 // CHECK: warp.atomic_components sub{{.*}}{warp.sum = 192 : i64}
 func.func @scatter(%x: !warp.array<1 x f32>, %to: !warp.array<1 x si32>,
@@ -26,7 +26,7 @@ func.func @scatter(%x: !warp.array<1 x f32>, %to: !warp.array<1 x si32>,
 
 // All components of an element, by a view, and gradients.
 // CHECK-LABEL: func.func @views
-// CHECK-SAME: warp.sums = [array<i64: 64, 24, 0, 24, 1>, array<i64: 32, 80, 1, 4, 2>]
+// CHECK-SAME: sums = [#warp.summed_array<width = 64, descriptor = 24, element_size = 24>, #warp.summed_array<width = 32, descriptor = 80, gradient = true, element_size = 4, stride_scale = 2>]
 // CHECK: warp.atomic_components add{{.*}}{warp.sum = 136 : i64}
 // CHECK: warp.atomic_components add{{.*}}{warp.sum = 168 : i64}
 func.func @views(%sum: !warp.array<2 x !warp.vec<3 x f64>>,

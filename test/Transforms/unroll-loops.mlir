@@ -1,11 +1,13 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch --warp-emit-entry --warp-unroll-loops --mlir-print-local-scope | FileCheck %s
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+
 // A small loop that loads and adds is marked.
 // CHECK-LABEL: llvm.func {{.*}}@counted
 // CHECK: scf.for
 // CHECK: loop_annotation = #llvm.loop_annotation<unroll = <count = 4 : i32>>
 func.func @counted(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
-    attributes {warp.kernel, warp.rank = 1 : i64, warp.target = "sm_90"} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %i = warp.tid : i32
   %zero = arith.constant 0.0 : f32
   %c0 = arith.constant 0 : i32
@@ -21,11 +23,13 @@ func.func @counted(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
 
 // -----
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+
 // One that calls a function is not, nor is one that stores.
 // CHECK-LABEL: llvm.func {{.*}}@heavy
 // CHECK-NOT: loop_annotation
 func.func @heavy(%x: !warp.array<1 x f32>, %n: i32)
-    attributes {warp.kernel, warp.rank = 1 : i64, warp.target = "sm_90"} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %i = warp.tid : i32
   %one = arith.constant 1.0 : f32
   %c0 = arith.constant 0 : i32
@@ -42,6 +46,8 @@ func.func @heavy(%x: !warp.array<1 x f32>, %n: i32)
 }
 
 // -----
+
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
 
 // Four iterations run ahead. The counter is asked once, with a limit that
 // cannot overflow; the square four times.
@@ -60,7 +66,7 @@ func.func @heavy(%x: !warp.array<1 x f32>, %n: i32)
 // CHECK: scf.while (%{{.*}} = %[[AHEAD]]#0, %{{.*}} = %[[AHEAD]]#1)
 // CHECK: arith.cmpi slt, %{{.*}}, %[[N]]
 func.func @conditional(%y: !warp.array<1 x f32>, %n: i32)
-    attributes {warp.kernel, warp.rank = 1 : i64, warp.target = "sm_90"} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %i = warp.tid : i32
   %zero = arith.constant 0.0 : f32
   %four = arith.constant 4.0 : f32
@@ -84,13 +90,15 @@ func.func @conditional(%y: !warp.array<1 x f32>, %n: i32)
 
 // -----
 
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+
 // What loads may not run ahead: the element need not exist. A loop in a loop
 // would run iterations twice each time.
 // CHECK-LABEL: llvm.func {{.*}}@unsuited
 // CHECK-COUNT-2: scf.while
 // CHECK-NOT: scf.while
 func.func @unsuited(%x: !warp.array<1 x si32>, %n: i32)
-    attributes {warp.kernel, warp.rank = 1 : i64, warp.target = "sm_90"} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %i = warp.tid : i32
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
@@ -118,11 +126,13 @@ func.func @unsuited(%x: !warp.array<1 x si32>, %n: i32)
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+
 // The CPU has lanes instead.
 // CHECK-LABEL: llvm.func @cpu
 // CHECK-NOT: loop_annotation = #llvm.loop_annotation<unroll = <count
 func.func @cpu(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
-    attributes {warp.kernel, warp.rank = 1 : i64, warp.target = "cpu"} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %zero = arith.constant 0.0 : f32
   %c0 = arith.constant 0 : i32

@@ -19,7 +19,7 @@
 // CHECK: warp.atomic_components add(%[[SUMS]]#2), %{{.*}}[%[[TWO]]]
 // CHECK-NOT: warp.atomic_components
 func.func @parameters(%x: !warp.array<1 x f32>, %w: !warp.array<1 x f32>)
-    attributes {warp.kernel, warp.index32} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %c0 = arith.constant 0 : i32
   %c2 = arith.constant 2 : i32
   %c6 = arith.constant 6 : i32
@@ -40,11 +40,13 @@ func.func @parameters(%x: !warp.array<1 x f32>, %w: !warp.array<1 x f32>)
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 128>>
+
 // Too many for registers.
 // CHECK-LABEL: func.func @many
 // CHECK: scf.for
 func.func @many(%x: !warp.array<1 x f32>, %w: !warp.array<1 x f32>)
-    attributes {warp.kernel, warp.index32} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
   %c17 = arith.constant 17 : i32
@@ -59,12 +61,14 @@ func.func @many(%x: !warp.array<1 x f32>, %w: !warp.array<1 x f32>)
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 128>>
+
 // Elements that differ from thread to thread, and updates that are looked at.
 // CHECK-LABEL: func.func @others
 // CHECK-COUNT-2: scf.for
 func.func @others(%x: !warp.array<1 x f32>, %w: !warp.array<1 x f32>,
                   %y: !warp.array<1 x f32>)
-    attributes {warp.kernel, warp.index32} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
   %c4 = arith.constant 4 : i32

@@ -1,5 +1,8 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch \
-// RUN:     --warp-widen-threads=lanes=4 | FileCheck %s
+// RUN:     --warp-widen-threads | FileCheck %s
+
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 1,
+      lanes = 4>
 
 // Where lanes disagree, short arms without effects are both computed.
 // CHECK-LABEL: func.func @flattened
@@ -10,7 +13,7 @@
 // CHECK: arith.select %[[IS]], %[[THEN]], %[[ELSE]] : vector<4xi1>, vector<4xf32>
 // CHECK: return
 func.func @flattened(%x: !warp.array<1 x f32>, %z: f32)
-    attributes {warp.kernel, warp.contiguous = 1 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
   %p = arith.cmpf ogt, %v, %z : f32
@@ -26,6 +29,9 @@ func.func @flattened(%x: !warp.array<1 x f32>, %z: f32)
 }
 
 // -----
+
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 3,
+      lanes = 4>
 
 // Arms with accesses run if a lane wants them, each under its own mask, which
 // is that of the code around it and the condition.
@@ -46,7 +52,7 @@ func.func @flattened(%x: !warp.array<1 x f32>, %z: f32)
 // CHECK: arith.select %[[IS]], %[[A]], %[[B]]
 // CHECK: warp.store_lanes unit({{.*}}), %arg0[{{.*}}] mask %[[LIVE]]
 func.func @masked(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %z: f32)
-    attributes {warp.kernel, warp.contiguous = 3 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
   %p = arith.cmpf ogt, %v, %z : f32
@@ -63,6 +69,9 @@ func.func @masked(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %z: f32)
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 3,
+      lanes = 4>
+
 // An early return is a branch around the rest: what follows has its mask, and
 // nested masks are part of those around them.
 // CHECK-LABEL: func.func @nested
@@ -77,7 +86,7 @@ func.func @masked(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %z: f32)
 // CHECK: warp.store_lanes unit({{.*}}), %arg0[{{.*}}] mask %[[INNER]]
 // CHECK: warp.store_lanes unit({{.*}}), %arg1[{{.*}}] mask %[[OUTER]]
 func.func @nested(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %z: f32)
-    attributes {warp.kernel, warp.contiguous = 3 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
   %p = arith.cmpf ogt, %v, %z : f32
@@ -94,6 +103,9 @@ func.func @nested(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %z: f32)
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 1,
+      lanes = 4>
+
 // A condition that threads share is a branch, and its arms have the mask of the
 // code around it.
 // CHECK-LABEL: func.func @agreed
@@ -104,7 +116,7 @@ func.func @nested(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %z: f32)
 // CHECK: } else {
 // CHECK: warp.store_lanes unit(%[[R]])
 func.func @agreed(%x: !warp.array<1 x f32>, %b: i1, %z: f32)
-    attributes {warp.kernel, warp.contiguous = 1 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %r = scf.if %b -> f32 {
     %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
@@ -117,6 +129,9 @@ func.func @agreed(%x: !warp.array<1 x f32>, %b: i1, %z: f32)
 }
 
 // -----
+
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 3,
+      lanes = 4>
 
 // Integers are divided as doubles, which is exact for 32 bits; by a constant as
 // they are. Of 64 bits a lane that is not live divides 0 by 1. Division does
@@ -142,7 +157,7 @@ func.func @agreed(%x: !warp.array<1 x f32>, %b: i1, %z: f32)
 // CHECK: arith.remsi %[[OF]], %[[BY]] : vector<4xi64>
 func.func @division(%x: !warp.array<1 x si32>, %y: !warp.array<1 x si64>,
                     %n: i32, %m: i64)
-    attributes {warp.kernel, warp.contiguous = 3 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %c3 = arith.constant 3 : i32
   %zero = arith.constant 0 : i64

@@ -1,4 +1,6 @@
-// RUN: warp-opt %s --warp-widen-threads=lanes=4 | FileCheck %s
+// RUN: warp-opt %s --warp-widen-threads | FileCheck %s
+
+#lanes = #warp.variant<target = <platform = cpu, bits = 256>, lanes = 4>
 
 // Values that threads yield are combined over the group later; lanes that are
 // not live yield what changes nothing.
@@ -10,7 +12,7 @@
 // CHECK: warp.yield %[[TERM]] : vector<4xf32>
 // CHECK-NEXT: } : f32
 func.func @combined(%s: !warp.array<1 x f32>, %x: !warp.array<1 x f32>)
-    attributes {warp.kernel} {
+    attributes {warp.kernel, warp.variant = #lanes} {
   warp.group {
     %sum = warp.threads attributes {kinds = array<i32: 0>, types = [f32]} {
     ^bb0(%i: i32):

@@ -4,6 +4,8 @@
 // RUN:   | warp-opt --split-input-file --warp-form-launch --warp-widen-threads \
 // RUN:   | FileCheck %s --check-prefix=WIDE
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 512>, contiguous = 1>
+
 // A vector of 512 bits has 16 floats or 8 doubles; two of them in turn hide the
 // latency of a short body.
 // CHECK-LABEL: func.func @arithmetic
@@ -11,8 +13,7 @@
 // WIDE-LABEL: func.func @arithmetic
 // WIDE: lanes = 16
 func.func @arithmetic(%x: !warp.array<1 x f32>)
-    attributes {warp.kernel, warp.contiguous = 1 : i64,
-                warp.vector_bits = 512 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
   %w = math.sqrt %v : f32
@@ -23,14 +24,15 @@ func.func @arithmetic(%x: !warp.array<1 x f32>)
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 1>
+
 // Half as many with 256 bits.
 // CHECK-LABEL: func.func @small
 // CHECK: lanes = 16
 // WIDE-LABEL: func.func @small
 // WIDE: lanes = 8
 func.func @small(%x: !warp.array<1 x f32>)
-    attributes {warp.kernel, warp.contiguous = 1 : i64,
-                warp.vector_bits = 256 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
   %w = math.sqrt %v : f32
@@ -39,6 +41,8 @@ func.func @small(%x: !warp.array<1 x f32>)
 }
 
 // -----
+
+#cpu = #warp.variant<target = <platform = cpu, bits = 512>>
 
 // A histogram is updates alone, which lanes make one by one. With much to
 // compute for each of them lanes are worth it.
@@ -51,7 +55,7 @@ func.func @small(%x: !warp.array<1 x f32>)
 // WIDE-LABEL: func.func @polynomial
 // WIDE: lanes =
 func.func @histogram(%at: !warp.array<1 x si32>, %sum: !warp.array<1 x f32>)
-    attributes {warp.kernel, warp.vector_bits = 512 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %one = arith.constant 1.0 : f32
   %j = warp.load_components %at[%i] : !warp.array<1 x si32>, i32 -> i32
@@ -62,9 +66,11 @@ func.func @histogram(%at: !warp.array<1 x si32>, %sum: !warp.array<1 x f32>)
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 512>>
+
 func.func @polynomial(%at: !warp.array<1 x si32>, %x: !warp.array<1 x f32>,
                       %sum: !warp.array<1 x f32>)
-    attributes {warp.kernel, warp.vector_bits = 512 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %j = warp.load_components %at[%i] : !warp.array<1 x si32>, i32 -> i32
   %a = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32

@@ -1,5 +1,8 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch \
-// RUN:     --warp-widen-threads=lanes=4 | FileCheck %s
+// RUN:     --warp-widen-threads | FileCheck %s
+
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 3,
+      lanes = 4>
 
 // Lanes with bounds of their own leave a loop one by one; it ends with the
 // last. What is used afterwards is held as they leave, and only that: the
@@ -25,7 +28,7 @@
 // CHECK: warp.store_lanes unit(%[[LOOP]]#1), %arg1[%[[I]]] mask %[[LIVE]]
 func.func @own_bounds(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
                       %z: f32)
-    attributes {warp.kernel, warp.contiguous = 3 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
@@ -42,6 +45,9 @@ func.func @own_bounds(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 5,
+      lanes = 4>
+
 // Lanes that begin at different places count in vectors, beside the first
 // lane's scalar, which finds the elements that follow each other.
 // CHECK-LABEL: func.func @own_begin
@@ -51,7 +57,7 @@ func.func @own_bounds(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
 // CHECK-DAG: arith.addi %[[KS]], %{{.*}} : vector<4xi32>
 // CHECK-DAG: arith.addi %[[K]], %{{.*}} : i32
 func.func @own_begin(%x: !warp.array<1 x f32>, %z: f32, %n: i32)
-    attributes {warp.kernel, warp.contiguous = 5 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %c8 = arith.constant 8 : i32
   scf.for %k = %i to %n step %c8 : i32 {
@@ -61,6 +67,9 @@ func.func @own_begin(%x: !warp.array<1 x f32>, %z: f32, %n: i32)
 }
 
 // -----
+
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 3,
+      lanes = 4>
 
 // As the loop's condition depends on the lane, so do its results, but not what
 // counts in it.
@@ -79,7 +88,7 @@ func.func @own_begin(%x: !warp.array<1 x f32>, %z: f32, %n: i32)
 // CHECK: warp.store_lanes unit(%[[LOOP]]#1), %arg1[%[[I]]] mask %[[LIVE]]
 func.func @escape(%x: !warp.array<1 x f32>, %y: !warp.array<1 x si32>,
                   %limit: f32)
-    attributes {warp.kernel, warp.contiguous = 3 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
@@ -99,6 +108,9 @@ func.func @escape(%x: !warp.array<1 x f32>, %y: !warp.array<1 x si32>,
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 1,
+      lanes = 4>
+
 // A loop that all lanes leave together needs no mask.
 // CHECK-LABEL: func.func @together
 // CHECK: ^bb0(%{{.*}}: i32, %[[LIVE:.*]]: vector<4xi1>):
@@ -108,7 +120,7 @@ func.func @escape(%x: !warp.array<1 x f32>, %y: !warp.array<1 x si32>,
 // CHECK: scf.condition(%[[MORE]])
 // CHECK: warp.store_lanes unit(%[[R]]#0), %arg0[{{.*}}] mask %[[LIVE]]
 func.func @together(%x: !warp.array<1 x f32>, %n: i32)
-    attributes {warp.kernel, warp.contiguous = 1 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32

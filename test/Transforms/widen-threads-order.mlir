@@ -1,5 +1,8 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch \
-// RUN:     --warp-widen-threads=lanes=4 | FileCheck %s
+// RUN:     --warp-widen-threads | FileCheck %s
+
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 7,
+      lanes = 4>
 
 // Arrays may overlap under two names. Lanes perform one operation after the
 // other, so each thread's accesses stay in its order: here it may read x[2i+1]
@@ -12,7 +15,7 @@
 // CHECK: warp.store_lanes unit({{.*}}), %arg2[
 func.func @twice(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
                  %z: !warp.array<1 x f32>)
-    attributes {warp.kernel, warp.contiguous = 7 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %c1 = arith.constant 1 : i32
   %even = arith.addi %i, %i : i32
@@ -26,6 +29,9 @@ func.func @twice(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 7,
+      lanes = 4>
+
 // A component is read before, another after, a write that may be to the same
 // element.
 // CHECK-LABEL: func.func @between
@@ -38,7 +44,7 @@ func.func @twice(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
 func.func @between(%x: !warp.array<1 x !warp.vec<2 x f32>>,
                    %y: !warp.array<1 x !warp.vec<2 x f32>>,
                    %z: !warp.array<1 x f32>)
-    attributes {warp.kernel, warp.contiguous = 7 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
@@ -57,6 +63,9 @@ func.func @between(%x: !warp.array<1 x !warp.vec<2 x f32>>,
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 3,
+      lanes = 4>
+
 // Also where lanes have a form for one access and none for the other, and from
 // one iteration to the next.
 // CHECK-LABEL: func.func @iterations
@@ -70,7 +79,7 @@ func.func @between(%x: !warp.array<1 x !warp.vec<2 x f32>>,
 // CHECK: warp.yield
 func.func @iterations(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
                       %n: i32)
-    attributes {warp.kernel, warp.contiguous = 3 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32

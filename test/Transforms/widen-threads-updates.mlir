@@ -1,5 +1,8 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch \
-// RUN:     --warp-widen-threads=lanes=4 | FileCheck %s
+// RUN:     --warp-widen-threads | FileCheck %s
+
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 3,
+      lanes = 4>
 
 // What all lanes add to one element is combined first, and of lanes that are
 // not live what changes nothing; a difference adds what is negated.
@@ -14,7 +17,7 @@
 // CHECK: warp.atomic_components add(%[[SUM]]), %arg0[%[[K]]]
 func.func @one_element(%s: !warp.array<1 x f32>, %x: !warp.array<1 x f32>,
                        %n: i32)
-    attributes {warp.kernel, warp.contiguous = 3 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
@@ -27,6 +30,9 @@ func.func @one_element(%s: !warp.array<1 x f32>, %x: !warp.array<1 x f32>,
 }
 
 // -----
+
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 3,
+      lanes = 4>
 
 // An old value that is used, or an exchange, says which lane was first: they
 // take turns, with what they share as it is.
@@ -42,7 +48,7 @@ func.func @one_element(%s: !warp.array<1 x f32>, %x: !warp.array<1 x f32>,
 // CHECK: warp.atomic_cas
 func.func @turns(%s: !warp.array<1 x f32>, %x: !warp.array<1 x f32>, %n: i32,
                  %a: f32)
-    attributes {warp.kernel, warp.contiguous = 3 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
   %old = warp.atomic_components exch(%v), %s[%n]
@@ -55,6 +61,9 @@ func.func @turns(%s: !warp.array<1 x f32>, %x: !warp.array<1 x f32>, %n: i32,
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 3,
+      lanes = 4>
+
 // A store of different values into one element: the last thread's stays.
 // CHECK-LABEL: func.func @one_place
 // CHECK: warp.each_lane %{{.*}}(%[[V:.*]]) {
@@ -62,7 +71,7 @@ func.func @turns(%s: !warp.array<1 x f32>, %x: !warp.array<1 x f32>, %n: i32,
 // CHECK-NEXT: warp.store_components(%[[ONE]]), %arg0[%arg2]
 func.func @one_place(%s: !warp.array<1 x f32>, %x: !warp.array<1 x f32>,
                      %n: i32)
-    attributes {warp.kernel, warp.contiguous = 3 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
   warp.store_components(%v), %s[%n] : (f32), !warp.array<1 x f32>, i32
@@ -70,6 +79,9 @@ func.func @one_place(%s: !warp.array<1 x f32>, %x: !warp.array<1 x f32>,
 }
 
 // -----
+
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 3,
+      lanes = 4>
 
 // In code that runs alone, neighbours that update neighbours do not meet: their
 // update is a load and a store. Index -1 is the last element, which another
@@ -87,7 +99,8 @@ func.func @one_place(%s: !warp.array<1 x f32>, %x: !warp.array<1 x f32>,
 // CHECK: warp.yield
 // CHECK: return
 func.func @neighbours(%s: !warp.array<1 x f32>, %x: !warp.array<1 x f32>)
-    attributes {warp.kernel, warp.contiguous = 3 : i64, warp.exclusive} {
+    attributes {warp.kernel, warp.variant = #cpu,
+      warp.recipe = #warp.recipe<exclusive = true>} {
   %i = warp.tid : i32
   %c1 = arith.constant 1 : i32
   %c2 = arith.constant 2 : i32
@@ -106,6 +119,9 @@ func.func @neighbours(%s: !warp.array<1 x f32>, %x: !warp.array<1 x f32>)
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 1,
+      lanes = 4>
+
 // Other threads may be at work on the neighbours: updates stay atomic.
 // CHECK-LABEL: func.func @shared
 // CHECK-NOT: warp.store_lanes
@@ -113,7 +129,7 @@ func.func @neighbours(%s: !warp.array<1 x f32>, %x: !warp.array<1 x f32>)
 // CHECK-NOT: warp.store_lanes
 // CHECK: return
 func.func @shared(%s: !warp.array<1 x f32>, %a: f32)
-    attributes {warp.kernel, warp.contiguous = 1 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %old = warp.atomic_components add(%a), %s[%i]
     : (f32), !warp.array<1 x f32>, i32 -> f32

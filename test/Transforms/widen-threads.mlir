@@ -1,5 +1,8 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch \
-// RUN:     --warp-widen-threads=lanes=4 | FileCheck %s
+// RUN:     --warp-widen-threads | FileCheck %s
+
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 3,
+      lanes = 4>
 
 // Elements that follow each other are vectors; arithmetic has the mask's lanes,
 // and a value that threads share is broadcast. The last lanes are not all live,
@@ -12,7 +15,7 @@
 // CHECK: %[[W:.*]] = arith.mulf %[[V]], %[[A]] : vector<4xf32>
 // CHECK: warp.store_lanes unit(%[[W]]), %arg1[%[[I]]] mask %[[LIVE]]
 func.func @unit(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %a: f32)
-    attributes {warp.kernel, warp.contiguous = 3 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
   %w = arith.mulf %v, %a : f32
@@ -22,6 +25,9 @@ func.func @unit(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %a: f32)
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 1,
+      lanes = 4>
+
 // Components of packed elements are vectors, too.
 // CHECK-LABEL: func.func @aos
 // CHECK: ^bb0(%[[I:.*]]: i32, %[[LIVE:.*]]: vector<4xi1>):
@@ -29,7 +35,7 @@ func.func @unit(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %a: f32)
 // CHECK-SAME: -> vector<4xf32>, vector<4xf32>, vector<4xf32>
 // CHECK: warp.store_lanes unit(%[[V]]#2, %[[V]]#1, %[[V]]#0), %arg0[%[[I]]]
 func.func @aos(%x: !warp.array<1 x !warp.vec<3 x f32>>)
-    attributes {warp.kernel, warp.contiguous = 1 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %v:3 = warp.load_components %x[%i]
     : !warp.array<1 x !warp.vec<3 x f32>>, i32 -> f32, f32, f32
@@ -40,6 +46,9 @@ func.func @aos(%x: !warp.array<1 x !warp.vec<3 x f32>>)
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, rank = 2,
+      contiguous = 3, lanes = 4>
+
 // Only the last dimension has neighbours: a fixed row is unit, a column is not.
 // CHECK-LABEL: func.func @rows
 // CHECK: ^bb0(%[[ROW:.*]]: i32, %[[I:.*]]: i32, %{{.*}}: vector<4xi1>):
@@ -47,7 +56,7 @@ func.func @aos(%x: !warp.array<1 x !warp.vec<3 x f32>>)
 // CHECK: warp.load_lanes unit %arg0[%[[ROW]], %[[I]]]
 // CHECK: warp.store_lanes gather(%{{.*}}), %arg1[%[[LANES]], %[[ROW]]]
 func.func @rows(%x: !warp.array<2 x f32>, %y: !warp.array<2 x f32>)
-    attributes {warp.kernel, warp.contiguous = 3 : i64, warp.rank = 2 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %j, %i = warp.tid : i32, i32
   %v = warp.load_components %x[%j, %i] : !warp.array<2 x f32>, i32, i32 -> f32
   warp.store_components(%v), %y[%i, %j]
@@ -56,6 +65,9 @@ func.func @rows(%x: !warp.array<2 x f32>, %y: !warp.array<2 x f32>)
 }
 
 // -----
+
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 3,
+      lanes = 4>
 
 // What is not packed, indices that were loaded, and stores two elements apart
 // are gathered and scattered. Index -1 is the last element: a difference of the
@@ -74,7 +86,7 @@ func.func @rows(%x: !warp.array<2 x f32>, %y: !warp.array<2 x f32>)
 // CHECK: warp.store_lanes gather(%{{.*}}), %arg1[%[[TWICE]]]
 func.func @gather(%at: !warp.array<1 x si32>, %x: !warp.array<1 x f32>,
                   %strided: !warp.array<1 x f32>)
-    attributes {warp.kernel, warp.contiguous = 3 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %c1 = arith.constant 1 : i32
   %j = warp.load_components %at[%i] : !warp.array<1 x si32>, i32 -> i32
@@ -94,12 +106,15 @@ func.func @gather(%at: !warp.array<1 x si32>, %x: !warp.array<1 x f32>,
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 3,
+      lanes = 4>
+
 // A guard says that the index before is there.
 // CHECK-LABEL: func.func @guarded
 // CHECK: %[[BEFORE:.*]] = arith.subi %{{.*}}, %{{.*}} : i32
 // CHECK: warp.load_lanes unit %arg0[%[[BEFORE]]]
 func.func @guarded(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
-    attributes {warp.kernel, warp.contiguous = 3 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
@@ -114,6 +129,9 @@ func.func @guarded(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 3,
+      lanes = 4>
+
 // What threads share stays scalar, loops and loads included, until a lane needs
 // it.
 // CHECK-LABEL: func.func @uniform
@@ -125,7 +143,7 @@ func.func @guarded(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
 // CHECK: warp.store_lanes unit(%[[LANES]])
 func.func @uniform(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
                    %n: i32, %a: f32)
-    attributes {warp.kernel, warp.contiguous = 3 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
@@ -141,6 +159,9 @@ func.func @uniform(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 3,
+      lanes = 4>
+
 // Where a row begins differs from thread to thread: the array itself is
 // accessed, with all indices.
 // CHECK-LABEL: func.func @view
@@ -149,7 +170,7 @@ func.func @uniform(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
 // CHECK-NOT: warp.view
 // CHECK: warp.load_lanes gather %arg0[%[[LANES]], %arg2]
 func.func @view(%x: !warp.array<2 x f32>, %y: !warp.array<1 x f32>, %n: i32)
-    attributes {warp.kernel, warp.contiguous = 3 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %row = warp.view %x[%i] : !warp.array<2 x f32>, i32 -> !warp.array<1 x f32>
   %v = warp.load_components %row[%n] : !warp.array<1 x f32>, i32 -> f32
@@ -158,6 +179,9 @@ func.func @view(%x: !warp.array<2 x f32>, %y: !warp.array<1 x f32>, %n: i32)
 }
 
 // -----
+
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 3,
+      lanes = 4>
 
 // Memory of a thread has a value per lane in each slot; lanes that are not live
 // keep theirs.
@@ -170,7 +194,7 @@ func.func @view(%x: !warp.array<2 x f32>, %y: !warp.array<1 x f32>, %n: i32)
 // CHECK: %[[NEW:.*]] = arith.select %[[LIVE]], %[[V]], %[[OLD]]
 // CHECK: warp.scratch_store %[[NEW]], %[[MEMORY]][%[[K]]]
 func.func @scratch(%s: !warp.array<1 x f32>, %x: !warp.array<1 x f32>, %n: i32)
-    attributes {warp.kernel, warp.contiguous = 3 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
@@ -186,6 +210,9 @@ func.func @scratch(%s: !warp.array<1 x f32>, %x: !warp.array<1 x f32>, %n: i32)
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 3,
+      lanes = 4>
+
 // Lanes may use different slots; one that is not live uses the first.
 // CHECK-LABEL: func.func @slots
 // CHECK: ^bb0(%{{.*}}: i32, %[[LIVE:.*]]: vector<4xi1>):
@@ -194,7 +221,7 @@ func.func @scratch(%s: !warp.array<1 x f32>, %x: !warp.array<1 x f32>, %n: i32)
 // CHECK: %[[SLOT:.*]] = arith.select %[[LIVE]], %[[AT]], %[[FIRST]]
 // CHECK: warp.scratch_load %{{.*}}[%[[SLOT]]]
 func.func @slots(%x: !warp.array<1 x f32>, %at: !warp.array<1 x si32>, %a: f32)
-    attributes {warp.kernel, warp.contiguous = 3 : i64} {
+    attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
   %c1 = arith.constant 1 : i32
   %m = warp.scratch : !warp.scratch<8 x f32>

@@ -26,10 +26,10 @@ def Warp_TellName : Warp_Special<"tell", "Functions",
 // TABLE-LABEL: builtinTable[] = {
 // TABLE-NEXT: {"apply", "", "warp.apply", "Functions",
 // TABLE: {"tell", "", "", "Functions",
-// TABLE: "", true},
+// TABLE: warp::DerivativeKind::None, true},
 // TABLE: {"zip", "~~", "warp.zip", "Pairs",
 // TABLE-NEXT: "puts \"both\" together",
-// TABLE-NEXT: overloadsOf_zip, "zero almost everywhere", false},
+// TABLE-NEXT: overloadsOf_zip, warp::DerivativeKind::Zero, false},
 
 // LOWER: WARP_BY_FUNCTION(Apply)
 // LOWER: WARP_ELEMENTWISE(ZipOp, ::mlir::arith::AddFOp, ::mlir::arith::AddIOp, ::mlir::arith::AddIOp)

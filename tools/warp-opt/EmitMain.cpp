@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Goes through include/warp alone, as a user of the library would:
+// Compiles as a user of the library does:
 //
 //   warp-opt in.mlir --warp-emit=STAGE [--warp-options=KEY[=VALUE],...]
 //
@@ -17,10 +17,11 @@
 #include "warp/Autodiff.h"
 #include "warp/Compile.h"
 
+#include "Transforms/Variant.h"
+
 #include <fstream>
 #include <iostream>
 #include <iterator>
-#include <sstream>
 
 static bool consumePrefix(std::string &text, const std::string &prefix) {
   if (text.rfind(prefix, 0) != 0)
@@ -29,46 +30,7 @@ static bool consumePrefix(std::string &text, const std::string &prefix) {
   return true;
 }
 
-/// Sets one option; returns whether there is one of that name.
-static bool setOption(warp::CompileOptions &options, const std::string &key,
-                      const std::string &value) {
-  int64_t number = value.empty() ? 1 : std::strtoll(value.c_str(), nullptr, 0);
-  if (key == "target")
-    options.target = value;
-  else if (key == "rank")
-    options.rank = int(number);
-  else if (key == "contiguous")
-    options.contiguous = uint64_t(number);
-  else if (key == "index32")
-    options.index32 = number != 0;
-  else if (key == "flat")
-    options.flat = number != 0;
-  else if (key == "large")
-    options.large = number != 0;
-  else if (key == "disjoint")
-    options.disjoint = number != 0;
-  else if (key == "debug")
-    options.debug = number != 0;
-  else if (key == "fast-math")
-    options.fastMath = number != 0;
-  else if (key == "deterministic")
-    options.deterministic = number != 0;
-  else if (key == "lineinfo")
-    options.lineinfo = number != 0;
-  else if (key == "opt-level")
-    options.optLevel = int(number);
-  else if (key == "block-dim")
-    options.blockDim = int(number);
-  else if (key == "max-registers")
-    options.maxRegisters = int(number);
-  else if (key == "lanes")
-    options.lanes = int(number);
-  else
-    return false;
-  return true;
-}
-
-/// The same for options of derivatives; `active` is one digit per array.
+/// Sets one option of a derivative; `active` is one digit per array.
 static bool setOption(warp::AutodiffOptions &options, const std::string &key,
                       const std::string &value) {
   if (key == "active")
@@ -126,13 +88,10 @@ static void printDerivative(const warp::Module &module,
     std::cout << "// augmented\n" << derivative.augmented->text();
   if (derivative.counting)
     std::cout << "// counting\n" << derivative.counting->text();
-  static const char *const kinds[] = {"preserved", "saved", "counters",
-                                      "tangent",   "claims", "trips", "offsets",
-                                      "totals",    "tape"};
   for (const warp::HiddenArgument &hidden : derivative.hidden)
-    std::cout << "// hidden " << kinds[int(hidden.kind)] << " of array "
-              << hidden.leaf << ", " << hidden.perThread << ' ' << hidden.type
-              << '\n';
+    std::cout << "// hidden "
+              << stringifyHiddenKind(warp::HiddenKind(hidden.kind)).str()
+              << " of array " << hidden.leaf << ", " << hidden.type << '\n';
   for (int leaf : derivative.needed)
     std::cout << "// needs array " << leaf << '\n';
   if (!derivative.oneThread.empty())
@@ -191,20 +150,19 @@ std::optional<int> emitMain(int argc, char **argv) {
   if (stage.empty())
     return std::nullopt;
   for (int i = 1; i < argc; ++i) {
-    std::string argument = argv[i], item;
+    std::string argument = argv[i];
     if (!consumePrefix(argument, "--warp-options="))
       continue;
-    std::istringstream items(argument);
-    while (std::getline(items, item, ',')) {
-      std::string key = item.substr(0, item.find('='));
-      std::string value =
-          key.size() < item.size() ? item.substr(key.size() + 1) : "";
-      if (!setOption(options, key, value) &&
-          !setOption(derivation, key, value)) {
-        std::cerr << "warp-opt: no option '" << key << "'\n";
-        return 1;
-      }
-    }
+    auto set = [&](llvm::StringRef key, llvm::StringRef value) {
+      bool isSet = warp::setOption(options, key, value) ||
+                   setOption(derivation, key.str(), value.str());
+      if (!isSet)
+        std::cerr << "warp-opt: no option '" << key.str()
+                  << "' with the value '" << value.str() << "'\n";
+      return llvm::success(isSet);
+    };
+    if (llvm::failed(warp::parseOptions(argument, set)))
+      return 1;
   }
   return emitStage(input, stage, options, derivation);
 }

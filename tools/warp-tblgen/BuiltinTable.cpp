@@ -28,7 +28,8 @@ static void emitBuiltinTable(const RecordKeeper &records, raw_ostream &os) {
     os << "    {" << quote(builtin.pythonName) << ", " << quote(builtin.symbol)
        << ", " << quote(builtin.opName) << ", " << quote(builtin.group)
        << ",\n     " << quote(builtin.summary) << ",\n     overloadsOf_"
-       << builtin.pythonName << ", " << quote(builtin.derivative) << ", "
+       << builtin.pythonName << ", warp::DerivativeKind::"
+       << builtin.derivativeKind << ", "
        << (builtin.isSpecial() ? "true" : "false") << "},\n";
   os << "};\n";
 }

@@ -50,7 +50,7 @@ static void emitAdjoints(const warp::Signature &signature,
 
 static void emitDerivative(const Builtin &builtin, raw_ostream &os) {
   const Record *derivative = builtin.record->getValueAsDef("derivative");
-  if (builtin.derivative != "differentiable") {
+  if (!builtin.isDifferentiable()) {
     os << " Derivative: " << builtin.derivative << ".";
     return;
   }

@@ -67,7 +67,7 @@ static void emitPythonTable(const RecordKeeper &records, raw_ostream &os) {
     }
   os << "}\n\nSMOOTH_DOMAINS = {\n";
   for (const Builtin &builtin : builtins)
-    if (!builtin.isSpecial() && builtin.derivative == "differentiable") {
+    if (!builtin.isSpecial() && builtin.isDifferentiable()) {
       os << "    " << quote(builtin.pythonName) << ": ";
       emitStrings(toStrings(builtin.smoothDomain), 4, os);
       os << ",\n";

@@ -84,7 +84,7 @@ static void checkDomains(const Builtin &builtin) {
   };
   if (!builtin.domain.empty())
     check(builtin.domain);
-  if (builtin.derivative != "differentiable")
+  if (!builtin.isDifferentiable())
     return;
   if (builtin.smoothDomain.empty())
     PrintFatalError(builtin.record,
@@ -100,8 +100,9 @@ static Builtin readOperation(const Record *record) {
   builtin.symbol = record->getValueAsString("symbol");
   builtin.opName = ("warp." + record->getValueAsString("opName")).str();
   builtin.className = record->getName().split('_').second.str();
-  builtin.derivative =
-      record->getValueAsDef("derivative")->getValueAsString("text");
+  const Record *derivative = record->getValueAsDef("derivative");
+  builtin.derivativeKind = derivative->getValueAsString("kind");
+  builtin.derivative = derivative->getValueAsString("text");
   for (StringRef interval : record->getValueAsListOfStrings("domain"))
     builtin.domain.push_back(interval);
   for (StringRef interval : record->getValueAsListOfStrings("smoothDomain"))

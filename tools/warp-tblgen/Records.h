@@ -26,10 +26,12 @@ struct Builtin {
   std::vector<Signature> signatures;
   /// Name of the operation and of its C++ class; empty for a special name.
   std::string opName, className;
-  llvm::StringRef derivative;
+  /// Of the derivative, its kind and how the documentation calls it.
+  llvm::StringRef derivativeKind = "None", derivative;
   std::vector<llvm::StringRef> domain, smoothDomain;
 
   bool isSpecial() const { return opName.empty(); }
+  bool isDifferentiable() const { return derivativeKind == "Function"; }
 };
 
 std::vector<Builtin> readBuiltins(const llvm::RecordKeeper &records);

@@ -14,6 +14,7 @@
 #include "KernelFunction.h"
 #include "Autodiff/Loops/CountTrips.h"
 #include "DeadValues.h"
+#include "HiddenArguments.h"
 #include "Autodiff/Reverse/Reverse.h"
 
 #include "WarpDialect/WarpOps.h"
@@ -28,11 +29,6 @@ namespace warp {
 
 using namespace mlir;
 using namespace warp::autodiff;
-
-static DictionaryAttr getDescription(func::FuncOp function, unsigned argument) {
-  return function.getArgAttrOfType<DictionaryAttr>(argument,
-                                                   warp::attr::hidden);
-}
 
 /// Reports loads of what the launch overwrote; notes what the others assume.
 static LogicalResult checkMarks(func::FuncOp adjoint) {
@@ -135,29 +131,27 @@ static void storeSums(func::FuncOp adjoint) {
 
 /// Drops the hidden arguments that nothing uses, in both functions.
 static void dropUnused(func::FuncOp adjoint, func::FuncOp augmented) {
-  auto isUnused = [&](DictionaryAttr description) {
+  auto isUnused = [&](warp::HiddenAttr hidden) {
     for (BlockArgument argument : adjoint.getArguments())
-      if (getDescription(adjoint, argument.getArgNumber()) == description)
+      if (getHidden(argument) == hidden)
         return argument.use_empty();
     return true;
   };
   if (augmented) {
     llvm::BitVector dropped(augmented.getNumArguments());
     for (BlockArgument argument : augmented.getArguments()) {
-      unsigned number = argument.getArgNumber();
-      DictionaryAttr description = getDescription(augmented, number);
-      if (!description || !isUnused(description))
+      warp::HiddenAttr hidden = getHidden(argument);
+      if (!hidden || !isUnused(hidden))
         continue;
       for (Operation *user : llvm::make_early_inc_range(argument.getUsers()))
         user->erase();
-      dropped.set(number);
+      dropped.set(argument.getArgNumber());
     }
     (void)augmented.eraseArguments(dropped);
   }
   llvm::BitVector dropped(adjoint.getNumArguments());
   for (BlockArgument argument : adjoint.getArguments())
-    if (getDescription(adjoint, argument.getArgNumber()) &&
-        argument.use_empty())
+    if (getHidden(argument) && argument.use_empty())
       dropped.set(argument.getArgNumber());
   (void)adjoint.eraseArguments(dropped);
 }
@@ -169,22 +163,22 @@ static unsigned describeHidden(func::FuncOp function) {
   SmallVector<Attribute> hidden, names;
   if (auto known = function->getAttrOfType<ArrayAttr>(warp::attr::argNames))
     llvm::append_range(names, known);
-  for (unsigned i = 0; i < function.getNumArguments(); ++i) {
-    DictionaryAttr description = getDescription(function, i);
-    if (!description)
+  for (BlockArgument argument : function.getArguments()) {
+    warp::HiddenAttr entry = getHidden(argument);
+    if (!entry)
       continue;
-    NamedAttrList entries(description);
-    entries.set("per_thread", b.getI64IntegerAttr(0));
-    auto kind = cast<StringAttr>(description.get("kind"));
-    if (auto places = function->getAttr(warp::attr::places);
-        places && kind.getValue() == "counters")
-      entries.set("places", places);
-    hidden.push_back(entries.getDictionary(b.getContext()));
-    function.removeArgAttr(i, warp::attr::hidden);
-    int64_t leaf = cast<IntegerAttr>(description.get("leaf")).getInt();
+    unsigned number = argument.getArgNumber();
+    warp::HiddenKind kind = entry.getKind();
+    if (kind == warp::HiddenKind::Counters)
+      entry = warp::HiddenAttr::get(
+          b.getContext(), kind, entry.getLeaf(), entry.getDirection(),
+          function->getAttrOfType<ArrayAttr>(warp::attr::places));
+    hidden.push_back(entry);
+    function.removeArgAttr(number, warp::attr::hidden);
     // The tape of one loop may be several arguments.
-    int64_t part = kind.getValue() == "tape" ? i : leaf;
-    names.push_back(b.getStringAttr(kind.getValue() + "." + Twine(part)));
+    int64_t part = kind == warp::HiddenKind::Tape ? number : entry.getLeaf();
+    names.push_back(
+        b.getStringAttr(stringifyHiddenKind(kind) + "." + Twine(part)));
   }
   function->removeAttr(warp::attr::places);
   if (hidden.empty())

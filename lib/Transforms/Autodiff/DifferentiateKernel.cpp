@@ -102,20 +102,8 @@ static void augment(func::FuncOp kernel, const ReverseBuilder &builder,
                     ArrayRef<BlockArgument> saved) {
   llvm::DenseMap<int64_t, BlockArgument> byNumber;
   for (BlockArgument argument : saved) {
-    auto description = cast<DictionaryAttr>(
-        builder.getAdjoint().getArgAttr(argument.getArgNumber(),
-                                        warp::attr::hidden));
-    auto number = cast<IntegerAttr>(description.get("leaf")).getInt();
-    unsigned position = kernel.getNumArguments();
-    (void)kernel.insertArgument(
-        position, argument.getType(),
-        DictionaryAttr::get(
-            kernel.getContext(),
-            NamedAttribute(StringAttr::get(kernel.getContext(),
-                                           warp::attr::hidden),
-                           description)),
-        kernel.getLoc());
-    byNumber[number] = kernel.getArgument(position);
+    warp::HiddenAttr hidden = getHidden(argument);
+    byNumber[hidden.getLeaf()] = addHidden(kernel, hidden, argument.getType());
   }
   SmallVector<Operation *> reads;
   kernel.walk([&](Operation *op) {
@@ -211,10 +199,8 @@ struct DifferentiateKernel
     attachResults(adjoint, builder);
     SmallVector<BlockArgument> saved;
     for (BlockArgument argument : adjoint.getArguments()) {
-      auto description = adjoint.getArgAttrOfType<DictionaryAttr>(
-          argument.getArgNumber(), warp::attr::hidden);
-      if (description && description.get("kind") ==
-                             StringAttr::get(&getContext(), "saved"))
+      warp::HiddenAttr hidden = getHidden(argument);
+      if (hidden && hidden.getKind() == warp::HiddenKind::Saved)
         saved.push_back(argument);
     }
     if (saved.empty())

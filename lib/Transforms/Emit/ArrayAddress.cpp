@@ -106,13 +106,13 @@ ArrayParts ArrayLowering::readDescriptor(mlir::Value base, int64_t offset,
   parts.unit = unit;
   parts.data = read(dataPointer, 0, 8);
   for (int64_t d = 0; d < rank; ++d) {
-    parts.shape.push_back(read(i32, 16 + 4 * d, 4));
+    parts.shape.push_back(read(i32, shapeOffset(d), 4));
     parts.shape.back().getDefiningOp()->setAttr(attr::nonNegative,
                                                 b.getUnitAttr());
   }
   if (unit == 0)
     for (int64_t d = 0; d < rank; ++d)
-      parts.strides.push_back(widen(read(i32, 32 + 4 * d, 4), i64));
+      parts.strides.push_back(widen(read(i32, stridesOffset(d), 4), i64));
   return parts;
 }
 
@@ -266,7 +266,7 @@ ArrayLowering::guarded(Operation *op, mlir::Value array, const Address &address,
   scf::YieldOp::create(b, loc, body());
   b.setInsertionPointToStart(guard.elseBlock());
   const ArrayParts &parts = getParts(array);
-  report(op->getLoc(), ReportKind::OutOfBounds, parts.name, address.indices,
+  report(op->getLoc(), CheckKind::OutOfBounds, parts.name, address.indices,
          parts.shape);
   SmallVector<mlir::Value> zeros;
   for (mlir::Type type : types)

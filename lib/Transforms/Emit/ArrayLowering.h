@@ -15,6 +15,7 @@
 #include "Analysis/NonNegative.h"
 #include "Launch/StageElements.h"
 #include "WarpDialect/WarpOps.h"
+#include "warp/Launch.h"
 
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
 #include "mlir/IR/Builders.h"
@@ -44,8 +45,14 @@ struct Address {
   llvm::SmallVector<mlir::Value, 4> indices;
 };
 
-/// What an error record says happened.
-enum class ReportKind { OutOfBounds = 0, Assertion = 1 };
+/// Offsets in the descriptor of an array.
+constexpr int64_t gradOffset = offsetof(ArrayDescriptor, grad);
+constexpr int64_t shapeOffset(int64_t dim) {
+  return offsetof(ArrayDescriptor, shape) + sizeof(int32_t) * dim;
+}
+constexpr int64_t stridesOffset(int64_t dim) {
+  return offsetof(ArrayDescriptor, strides) + sizeof(int32_t) * dim;
+}
 
 class ArrayLowering {
 public:
@@ -102,7 +109,7 @@ private:
           mlir::TypeRange types,
           llvm::function_ref<llvm::SmallVector<mlir::Value>()> body);
 
-  // StageElements.cpp: accesses of whole warps.
+  // ElementStage.cpp: accesses of whole warps.
   mlir::Value isWhole(mlir::Operation *access);
   void lowerStaged(llvm::ArrayRef<LoadComponentsOp> group);
   void lowerStaged(StoreComponentsOp op);
@@ -154,7 +161,7 @@ private:
   // LowerOutput.cpp
   void lowerPrintf(PrintfOp op);
   void lowerAssert(AssertOp op);
-  void report(mlir::Location at, ReportKind kind, llvm::StringRef what,
+  void report(mlir::Location at, CheckKind kind, llvm::StringRef what,
               mlir::ValueRange indices, mlir::ValueRange shape);
   mlir::LLVM::LLVMFuncOp getReportFunction();
   mlir::Value formatString(llvm::StringRef text);

@@ -7,8 +7,8 @@
 // settled before (warp-fuse-multiply-add), so nothing may contract here.
 // Operations of the gpu dialect become NVIDIA's in the same conversion, by
 // MLIR's patterns.
-// `warp.fast_math` allows reassociation, reciprocals and more contraction, but
-// NaN and infinity keep their meaning.
+// A variant with fast math allows reassociation, reciprocals and more
+// contraction, but NaN and infinity keep their meaning.
 //
 //===----------------------------------------------------------------------===//
 
@@ -105,7 +105,7 @@ struct ConvertToLLVM : warp::impl::ConvertToLLVMBase<ConvertToLLVM> {
     if (!entry)
       return signalPassFailure();
     setFloatFlags(entry);
-    int64_t blockDim = warp::getFact(entry, warp::attr::blockDim, 256);
+    int64_t blockDim = warp::getVariant(entry).getBlock();
     DictionaryAttr parameterFacts = kernel ? kernel.getArgAttrDict(0) : nullptr;
 
     ConversionTarget branches(getContext());
@@ -154,7 +154,7 @@ struct ConvertToLLVM : warp::impl::ConvertToLLVMBase<ConvertToLLVM> {
   }
 
   void setFloatFlags(FunctionOpInterface entry) {
-    if (!entry->hasAttr(warp::attr::fastMath))
+    if (!warp::getVariant(entry).getFastMath())
       return;
     auto flags = arith::FastMathFlags::contract |
                  arith::FastMathFlags::reassoc | arith::FastMathFlags::arcp |

@@ -18,7 +18,7 @@
 //               gives a NaN, and y is right.
 //
 // A root outside of loops has nothing to wait for and is left to the assembler,
-// whose instructions are fewer. With `warp.fast_math` the approximation of
+// whose instructions are fewer. With fast math the approximation of
 // 1/sqrt(x) is the result, and the conversion to LLVM knows a short root.
 //
 //===----------------------------------------------------------------------===//
@@ -111,7 +111,7 @@ struct ExpandRoots : warp::impl::ExpandRootsBase<ExpandRoots> {
       return signalPassFailure();
     if (!warp::isGpu(entry))
       return;
-    bool isFast = entry->hasAttr(warp::attr::fastMath);
+    bool isFast = warp::getVariant(entry).getFastMath();
     SmallVector<arith::DivFOp> quotients;
     SmallVector<math::SqrtOp> roots;
     entry->walk([&](Operation *op) {

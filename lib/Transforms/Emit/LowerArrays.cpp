@@ -35,9 +35,9 @@ using namespace warp;
 ArrayLowering::ArrayLowering(LLVM::LLVMFuncOp entry)
     : entry(entry), module(entry->getParentOfType<ModuleOp>()),
       b(entry.getContext()), loc(entry.getLoc()), gpu(isGpu(entry)),
-      index32(entry->hasAttr(attr::index32)),
-      debug(entry->hasAttr(attr::debug)),
-      exclusive(!gpu && entry->hasAttr(attr::exclusive)) {
+      index32(getVariant(entry).getIndex32()),
+      debug(getVariant(entry).getDebug()),
+      exclusive(!gpu && getRecipe(entry).getExclusive()) {
   MLIRContext *context = b.getContext();
   i8 = b.getI8Type();
   i32 = b.getI32Type();
@@ -57,7 +57,7 @@ LogicalResult ArrayLowering::run() {
     b.setInsertionPointToStart(&entry.getBody().front());
     mlir::Value block = entry.getArgument(0);
     errorRecord = LLVM::LoadOp::create(
-        b, loc, i64, advance(block, errorRecordOffset), 8);
+        b, loc, i64, advance(block, offsetof(LaunchHeader, errorRecord)), 8);
   }
   for (Operation *op : operations)
     if (op != entry)
@@ -335,16 +335,18 @@ void ArrayLowering::lowerStore(StoreComponentsOp op) {
       ArrayParts parts = getParts(value);
       LLVM::StoreOp::create(b, loc, parts.data, to, 8);
       for (int64_t d = 0, rank = parts.shape.size(); d < rank; ++d) {
-        LLVM::StoreOp::create(b, loc, parts.shape[d], advance(to, 16 + 4 * d),
-                              4);
+        LLVM::StoreOp::create(b, loc, parts.shape[d],
+                              advance(to, shapeOffset(d)), 4);
         mlir::Value bytes = widen(stride(parts, d), i32);
-        LLVM::StoreOp::create(b, loc, bytes, advance(to, 32 + 4 * d), 4);
+        LLVM::StoreOp::create(b, loc, bytes, advance(to, stridesOffset(d)),
+                              4);
       }
       // The array has no gradient there. The rank comes with no flags.
       LLVM::StoreOp::create(b, loc, constant(i64, 0), advance(to, gradOffset),
                             8);
       mlir::Value rank = constant(i64, parts.shape.size());
-      LLVM::StoreOp::create(b, loc, rank, advance(to, 48), 8);
+      LLVM::StoreOp::create(b, loc, rank,
+                            advance(to, offsetof(ArrayDescriptor, ndim)), 8);
     }
     return SmallVector<mlir::Value>();
   });

@@ -7,7 +7,7 @@
 // compare and exchange, so every component type is covered here by one table.
 // Sums of floats on newer GPUs take two at once (PairedUpdates.cpp).
 //
-// An entry marked `warp.exclusive` runs alone; its updates are plain loads and
+// An entry with an exclusive recipe runs alone; its updates are plain loads and
 // stores.
 //
 //===----------------------------------------------------------------------===//

@@ -97,7 +97,7 @@ struct LowerMath : warp::impl::LowerMathBase<LowerMath> {
     if (!entry)
       return signalPassFailure();
     gpu = warp::isGpu(entry);
-    fastMath = entry->hasAttr(warp::attr::fastMath);
+    fastMath = warp::getVariant(entry).getFastMath();
     getOperation().walk([&](Operation *op) {
       if (auto power = dyn_cast<math::FPowIOp>(op))
         return lowerIntegerPower(power);

@@ -156,7 +156,7 @@ void ArrayLowering::lowerAssert(AssertOp op) {
       b, loc, op.getCondition(), constant(b.getI1Type(), 1));
   auto guard = scf::IfOp::create(b, loc, failed, /*withElseRegion=*/false);
   b.setInsertionPointToStart(guard.thenBlock());
-  report(op.getLoc(), ReportKind::Assertion, op.getMessage(), {}, {});
+  report(op.getLoc(), CheckKind::Assertion, op.getMessage(), {}, {});
 }
 
 /// Number of a place in the table that goes with the code.
@@ -177,7 +177,7 @@ int64_t ArrayLowering::siteNumber(Location at, StringRef what) {
   return found - sites.begin();
 }
 
-void ArrayLowering::report(Location at, ReportKind kind, StringRef what,
+void ArrayLowering::report(Location at, CheckKind kind, StringRef what,
                            ValueRange indices, ValueRange shape) {
   SmallVector<mlir::Value> args{errorRecord,
                                 constant(i32, siteNumber(at, what)),
@@ -192,7 +192,8 @@ void ArrayLowering::report(Location at, ReportKind kind, StringRef what,
 }
 
 /// void warp_report(i64 record, i32 site, i32 kind, 4 indices, 4 extents)
-/// The second byte of `kind` is the number of indices.
+/// The second byte of `kind`, which is that of the record's `rank`, is the
+/// number of indices.
 LLVM::LLVMFuncOp ArrayLowering::getReportFunction() {
   StringRef name = "warp_report";
   if (auto found = module.lookupSymbol<LLVM::LLVMFuncOp>(name))
@@ -236,11 +237,11 @@ LLVM::LLVMFuncOp ArrayLowering::getReportFunction() {
     LLVM::StoreOp::create(b, loc, function.getArgument(argument),
                           advance(record, offset));
   };
-  store(1, 4);
-  store(2, 56);
-  for (int d = 0; d < 4; ++d) {
-    store(3 + d, 8 + 8 * d);
-    store(7 + d, 40 + 4 * d);
+  store(1, offsetof(ErrorRecord, site));
+  store(2, offsetof(ErrorRecord, kind));
+  for (int d = 0; d < maxRank; ++d) {
+    store(3 + d, offsetof(ErrorRecord, index) + sizeof(int64_t) * d);
+    store(3 + maxRank + d, offsetof(ErrorRecord, shape) + sizeof(int32_t) * d);
   }
   LLVM::BrOp::create(b, loc, ValueRange(), exit);
   return function;

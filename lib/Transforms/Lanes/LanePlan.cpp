@@ -264,7 +264,7 @@ static int64_t chooseLanes(const Cost &cost, int64_t bits) {
 }
 
 LanePlan warp::planLanes(FunctionOpInterface kernel, ThreadsOp threads,
-                         const ThreadVariance &variance, int64_t wanted) {
+                         const ThreadVariance &variance) {
   LanePlan plan;
   threads.getBody().walk<WalkOrder::PreOrder>([&](Operation *op) {
     plan.reason = findObstacle(op, variance);
@@ -273,14 +273,15 @@ LanePlan warp::planLanes(FunctionOpInterface kernel, ThreadsOp threads,
   });
   if (!plan.reason.empty())
     return plan;
-  CostCounter counter(variance, kernel->hasAttr(attr::exclusive));
+  CostCounter counter(variance, getRecipe(kernel).getExclusive());
   counter.count(*threads.getThread(), 1, 1);
   const Cost &cost = counter.cost;
+  int64_t wanted = getVariant(kernel).getLanes();
   if (wanted == 0 && cost.scalar < 1.2 * cost.vector) {
     plan.reason = "most is done lane by lane";
     return plan;
   }
-  int64_t bits = getFact(kernel, attr::vectorBits, 256);
+  int64_t bits = getVariant(kernel).getTarget().getBits();
   plan.lanes = wanted ? wanted : chooseLanes(cost, bits);
   plan.reason = wanted ? "asked for" : "worth it";
   return plan;

@@ -20,9 +20,10 @@ struct LanePlan {
   std::string reason;
 };
 
-/// `wanted` lanes if that is not 0 and they are possible at all.
+/// As many lanes as the variant asks for, if it does and they are possible at
+/// all.
 LanePlan planLanes(mlir::FunctionOpInterface kernel, ThreadsOp threads,
-                   const ThreadVariance &variance, int64_t wanted);
+                   const ThreadVariance &variance);
 
 /// Whether the elements of an array's last dimension follow each other, and are
 /// a few numbers of one type each, so that lanes can load them as vectors.

@@ -177,7 +177,7 @@ void Widening::widenUpdate(warp::AtomicComponentsOp op) {
   Block *where = op->getBlock();
   if (isExact || !op->use_empty())
     return eachLane(op);
-  if (!kernel->hasAttr(warp::attr::exclusive) ||
+  if (!warp::getRecipe(kernel).getExclusive() ||
       unitStride(op.getArray(), op.getIndices(), where) != 1) {
     Values components;
     for (Value component : op.getComponents())

@@ -292,26 +292,21 @@ void Widening::run() {
 namespace {
 
 struct WidenThreads : warp::impl::WidenThreadsBase<WidenThreads> {
-  using WidenThreadsBase::WidenThreadsBase;
-
   void runOnOperation() override {
     FunctionOpInterface kernel = warp::findKernel(getOperation());
     if (!kernel)
       return signalPassFailure();
     warp::ThreadsOp threads = warp::findThreads(kernel);
     if (!threads || warp::isGpu(kernel) ||
-        kernel->hasAttr(warp::attr::debug))
+        warp::getVariant(kernel).getDebug())
       return;
     warp::foldViews(kernel);
     warp::ThreadVariance variance(kernel);
-    int64_t wanted = warp::getFact(kernel, warp::attr::lanes, lanes);
-    kernel->removeAttr(warp::attr::lanes);
-    warp::LanePlan plan = warp::planLanes(kernel, threads, variance, wanted);
+    warp::LanePlan plan = warp::planLanes(kernel, threads, variance);
     if (plan.lanes == 1)
       return;
     Widening(kernel, threads, variance, plan.lanes).run();
-    kernel->setAttr(warp::attr::lanes,
-                    Builder(&getContext()).getI64IntegerAttr(plan.lanes));
+    warp::setRecipe(kernel, warp::getRecipe(kernel).withLanes(plan.lanes));
   }
 };
 

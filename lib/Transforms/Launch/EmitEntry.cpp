@@ -12,7 +12,7 @@
 //         vector with a mask.
 //   GPU   entry(block) is one thread. Its indices come from the grid, the last
 //         dimension on axis x, and a guard replaces the loop. A launch that
-//         does not fit the axes uses `warp.flat`: one 64-bit linear index.
+//         does not fit the axes is `flat`: one 64-bit linear index.
 //
 // The function has three blocks: what is read before threads run, the group in
 // structured form, and the return.
@@ -26,6 +26,7 @@
 #include "Updates/BlockReduce.h"
 #include "WarpDialect/ParameterLayout.h"
 #include "warp/ExactSums.h"
+#include "warp/Launch.h"
 
 #include "mlir/IR/IRMapping.h"
 
@@ -65,8 +66,7 @@ void EntryBuilder::createEntry() {
   block = first->getArgument(0);
 
   int64_t size = warp::layOutParameters(getArgumentTypes(kernel)).size;
-  if (auto sums = kernel->getAttrOfType<ArrayAttr>(warp::attr::sums))
-    size += sizeof(warp::SumDescriptor) * warp::countSums(sums);
+  size += sizeof(warp::SumDescriptor) * warp::getRecipe(kernel).countSums();
   if (!warp::isGpu(kernel)) {
     entry.setArgAttr(0, "llvm.noalias", b.getUnitAttr());
     entry.setArgAttr(0, "llvm.readonly", b.getUnitAttr());
@@ -81,7 +81,8 @@ void EntryBuilder::createEntry() {
 /// Reads extents and arguments, and puts them in the place of the kernel's.
 void EntryBuilder::readArguments() {
   for (int64_t i = 0; i < rank; ++i)
-    dims.push_back(parameter(b.getI32Type(), warp::launchDimOffset + 4 * i));
+    dims.push_back(parameter(b.getI32Type(), offsetof(warp::LaunchHeader, dim) +
+                                                 sizeof(int32_t) * i));
   SmallVector<Type> types = getArgumentTypes(kernel);
   warp::ParameterLayout layout = warp::layOutParameters(types);
   unsigned next = 0;

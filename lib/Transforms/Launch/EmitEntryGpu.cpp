@@ -103,7 +103,7 @@ EntryBuilder::Values EntryBuilder::buildOneBlock() {
 
 EntryBuilder::Values EntryBuilder::buildGpu() {
   Values sums;
-  if (kernel->hasAttr(warp::attr::exclusive))
+  if (warp::getRecipe(kernel).getExclusive())
     sums = buildOneBlock();
   else if (sumsManyItems())
     sums = buildSums();
@@ -114,7 +114,7 @@ EntryBuilder::Values EntryBuilder::buildGpu() {
   if (sums.empty())
     return sums;
   warp::BlockReduce reduce(b, loc, kernel->getParentOfType<ModuleOp>(),
-                           warp::getFact(kernel, warp::attr::blockDim, 256));
+                           variant.getBlock());
   Values neutral = identities(/*inLanes=*/false), combined;
   for (auto [kind, type, sum, identity] : llvm::zip_equal(
            threads.getKinds(), threads.getTypes().getAsValueRange<TypeAttr>(),

@@ -3,7 +3,7 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // A kernel that only streams a few bytes per item leaves a GPU waiting: too
-// few loads are under way. Where the launch is large (`warp.large`), such a
+// few loads are under way. Where the launch is large (`large`), such a
 // thread takes several items of the first dimension:
 //
 //   rank 1       a block apart, so that neighbours still touch neighbouring
@@ -101,8 +101,8 @@ static FailureOr<Stretch> parseStretch(Block &block, int64_t &bytes) {
 
 /// Items of one thread: 1 unless the body is of that form and moves little.
 int64_t EntryBuilder::chooseItems() {
-  if (rank > 3 || flat || !index32 || !kernel->hasAttr(warp::attr::large) ||
-      kernel->hasAttr(warp::attr::debug) || threads.getNumResults() != 0)
+  if (rank > 3 || flat || !index32 || !variant.getLarge() ||
+      variant.getDebug() || threads.getNumResults() != 0)
     return 1;
   int64_t bytes = 0;
   for (Block *block = threads.getThread(); block;) {
@@ -124,8 +124,8 @@ int64_t EntryBuilder::chooseItems() {
 /// so short, that to combine them is most of the work.
 bool EntryBuilder::sumsManyItems() {
   if (rank != 1 || flat || !index32 || threads.getNumResults() == 0 ||
-      !kernel->hasAttr(warp::attr::large) ||
-      kernel->hasAttr(warp::attr::debug))
+      !variant.getLarge() ||
+      variant.getDebug())
     return false;
   int64_t count = 0;
   WalkResult result = threads.getBody().walk([&](Operation *op) {
@@ -212,7 +212,7 @@ EntryBuilder::Values EntryBuilder::buildItems(int64_t items, Value lane,
   Values one{loop.getInductionVar()};
   llvm::append_range(one, rest);
   takeThread(one);
-  entry->setAttr(warp::attr::items, b.getI64IntegerAttr(items));
+  warp::setRecipe(entry, warp::getRecipe(entry).withItems(items));
   return {};
 }
 
@@ -243,7 +243,7 @@ EntryBuilder::Values EntryBuilder::buildSums() {
   Values none = identities(/*inLanes=*/false);
   auto branch = scf::IfOp::create(b, loc, TypeRange(ValueRange(none)), whole,
                                   /*withElseRegion=*/true);
-  entry->setAttr(warp::attr::items, b.getI64IntegerAttr(summedItems));
+  warp::setRecipe(entry, warp::getRecipe(entry).withItems(summedItems));
   OpBuilder::InsertionGuard guard(b);
   auto addUp = [&](Value limit, int64_t together, bool isLast) {
     Value step = mul(width, constant(i32, together));

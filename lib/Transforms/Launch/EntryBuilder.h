@@ -32,8 +32,8 @@ public:
   EntryBuilder(mlir::FunctionOpInterface kernel, ThreadsOp threads)
       : kernel(kernel), threads(threads), loc(kernel.getLoc()),
         b(kernel->getContext()), rank(threads.getIndices().size()),
-        index32(kernel->hasAttr(attr::index32)),
-        flat(kernel->hasAttr(attr::flat)) {}
+        variant(getVariant(kernel)), index32(variant.getIndex32()),
+        flat(variant.getFlat()) {}
 
   void build();
 
@@ -118,6 +118,7 @@ private:
   mlir::Location loc;
   mlir::OpBuilder b;
   int64_t rank;
+  VariantAttr variant;
   bool index32, flat;
   mlir::LLVM::LLVMFuncOp entry;
   mlir::Value block;

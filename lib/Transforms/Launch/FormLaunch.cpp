@@ -67,14 +67,14 @@ static void collectNames(Type type, const Twine &name,
 static void describeArguments(FunctionOpInterface kernel,
                               ArrayRef<Type> types) {
   Builder b(kernel.getContext());
-  uint64_t contiguous = warp::getFact(kernel, warp::attr::contiguous, 0);
+  warp::VariantAttr variant = warp::getVariant(kernel);
   auto names = kernel->getAttrOfType<ArrayAttr>(warp::attr::argNames);
   unsigned next = 0;
   for (auto [i, type] : llvm::enumerate(types)) {
     StringAttr name;
     if (names && i < names.size())
       name = dyn_cast<StringAttr>(names[i]);
-    bool isRegular = i < 64 && (contiguous >> i & 1);
+    bool isRegular = variant.isContiguous(i);
     SmallVector<warp::Leaf> leaves;
     warp::collectLeaves(type, 0, leaves);
     SmallVector<std::string> leafNames;
@@ -99,7 +99,7 @@ static void formThreads(FunctionOpInterface kernel) {
   OpBuilder b(kernel.getContext());
   Location loc = kernel.getLoc();
   Block *body = &kernel.getFunctionBody().front();
-  int64_t rank = warp::getFact(kernel, warp::attr::rank, 1);
+  int64_t rank = warp::getVariant(kernel).getRank();
 
   b.setInsertionPointToStart(body);
   auto group = warp::GroupOp::create(b, loc);

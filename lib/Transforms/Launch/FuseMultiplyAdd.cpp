@@ -66,9 +66,9 @@ struct FuseMultiplyAdd : warp::impl::FuseMultiplyAddBase<FuseMultiplyAdd> {
     FunctionOpInterface kernel = warp::findKernel(getOperation());
     if (!kernel)
       return signalPassFailure();
-    bool gpu = warp::isGpu(kernel);
-    if (!gpu && warp::getFact(kernel, warp::attr::vectorBits, fusingBits) <
-                    fusingBits)
+    warp::TargetAttr target = warp::getVariant(kernel).getTarget();
+    bool gpu = target.isGpu();
+    if (!gpu && target.getBits() < fusingBits)
       return;
     SmallVector<Operation *> sums;
     kernel->walk([&](Operation *op) {

@@ -22,7 +22,7 @@
 //
 // Both moves keep values alive for longer, so they end at a number of
 // registers. Two accesses meet only if their arrays may overlap: the launch
-// says that no written array does (`warp.disjoint`), and an array's gradient
+// says that no written array does (`disjoint`), and an array's gradient
 // counts as an array of its own. Arrays that come from anywhere but the
 // parameter block may be any.
 //
@@ -337,9 +337,9 @@ struct OrderAccesses : warp::impl::OrderAccessesBase<OrderAccesses> {
     if (!entry)
       return signalPassFailure();
     // A debugging launch reports the first access that fails.
-    if (entry->hasAttr(warp::attr::debug))
+    if (warp::getVariant(entry).getDebug())
       return;
-    WriteOrder writes(entry->hasAttr(warp::attr::disjoint));
+    WriteOrder writes(warp::getVariant(entry).getDisjoint());
     LoadOrder loads;
     entry->walk([&](Block *block) {
       writes.sink(*block);

@@ -159,7 +159,7 @@ bool Rotation::isSum(Value value, Value carried,
   };
   auto floats = dyn_cast<arith::ArithFastMathInterface>(op);
   bool isOpen =
-      entry->hasAttr(warp::attr::fastMath) ||
+      warp::getVariant(entry).getFastMath() ||
       (floats && bitEnumContainsAll(floats.getFastMathFlagsAttr().getValue(),
                                     arith::FastMathFlags::reassoc));
   if (isa<arith::AddIOp>(op) || (isa<arith::AddFOp>(op) && isOpen))
@@ -218,8 +218,8 @@ struct RotateLoops : warp::impl::RotateLoopsBase<RotateLoops> {
     auto entry = dyn_cast<LLVM::LLVMFuncOp>(found.getOperation());
     // A debugging launch names the thread that fails; in a deterministic one
     // sums keep their order, whichever lanes are there.
-    if (!entry || !warp::isGpu(entry) || entry->hasAttr(warp::attr::debug) ||
-        entry->hasAttr(warp::attr::deterministic))
+    if (!entry || !warp::isGpu(entry) || warp::getVariant(entry).getDebug() ||
+        warp::getVariant(entry).isDeterministic())
       return;
     SmallVector<scf::ForOp> loops;
     entry.walk([&](scf::ForOp loop) { loops.push_back(loop); });

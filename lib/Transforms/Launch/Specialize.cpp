@@ -4,12 +4,14 @@
 //
 // A kernel is compiled once per kind of launch: its rank, which arrays are
 // packed, whether 32 bits index everything. Those facts enter the IR here, as
-// attributes of the kernel function, and no pass after this one has options.
+// an attribute of the kernel function unless it has that already, and no pass
+// after this one has options.
 //
 //===----------------------------------------------------------------------===//
 
 #include "Analysis/ArrayOrigins.h"
 #include "KernelFunction.h"
+#include "Variant.h"
 
 #include "WarpDialect/WarpOps.h"
 
@@ -25,65 +27,40 @@ using namespace mlir;
 namespace {
 
 struct Specialize : warp::impl::SpecializeBase<Specialize> {
-  using SpecializeBase::SpecializeBase;
+  /// The options of the pass are those of a compilation.
+  LogicalResult initializeOptions(
+      StringRef text,
+      function_ref<LogicalResult(const Twine &)> errorHandler) override {
+    areGiven |= !text.empty();
+    return warp::parseOptions(text, [&](StringRef key, StringRef value) {
+      return warp::setOption(options, key, value)
+                 ? success()
+                 : errorHandler("no option '" + key + "' with the value '" +
+                                value + "'");
+    });
+  }
 
   void runOnOperation() override {
     FunctionOpInterface kernel = warp::findKernel(getOperation());
-    if (!kernel || failed(checkOptions(kernel)))
+    if (!kernel)
       return signalPassFailure();
-    attachFacts(kernel);
+    if (areGiven || !kernel->hasAttr(warp::attr::variant)) {
+      auto variant = warp::getVariant(&getContext(), options,
+                                      [&] { return kernel.emitError(); });
+      if (!variant)
+        return signalPassFailure();
+      kernel->setAttr(warp::attr::variant, variant);
+    }
+    warp::VariantAttr variant = warp::getVariant(kernel);
+    rank = variant.getRank();
     getOperation().walk([&](Operation *op) {
       if (auto tid = dyn_cast<warp::TidOp>(op))
         dropDimensions(tid);
       else if (auto update = dyn_cast<warp::AccumulateOp>(op))
         expand(update);
-      else if (isa<warp::AssertOp>(op) && !debug)
+      else if (isa<warp::AssertOp>(op) && !variant.getDebug())
         op->erase();
     });
-  }
-
-  LogicalResult checkOptions(FunctionOpInterface kernel) {
-    if (rank < 1 || rank > 4)
-      return kernel.emitError("expects a launch of 1 to 4 dimensions, but got ")
-             << rank.getValue();
-    if (lanes < 0 || lanes > 64 ||
-        (lanes > 0 && !llvm::isPowerOf2_64(lanes)))
-      return kernel.emitError("expects 1 to 64 lanes, a power of two, or 0, "
-                              "but got ")
-             << lanes.getValue();
-    StringRef name = target.getValue();
-    StringRef arch = name;
-    unsigned number;
-    if (name == "cpu" || name.starts_with("cpu:") ||
-        (arch.consume_front("sm_") && !arch.consumeInteger(10, number)))
-      return success();
-    return kernel.emitError("expects the target 'cpu' or 'sm_<number>', but "
-                            "got '")
-           << name << "'";
-  }
-
-  void attachFacts(FunctionOpInterface kernel) {
-    Builder b(&getContext());
-    kernel->setAttr(warp::attr::target, b.getStringAttr(target));
-    kernel->setAttr(warp::attr::rank, b.getI64IntegerAttr(rank));
-    kernel->setAttr(warp::attr::contiguous, b.getI64IntegerAttr(contiguous));
-    kernel->setAttr(warp::attr::blockDim, b.getI64IntegerAttr(blockDim));
-    kernel->setAttr(warp::attr::threads, b.getI64IntegerAttr(threads));
-    kernel->setAttr(warp::attr::vectorBits, b.getI64IntegerAttr(vectorBits));
-    if (lanes != 0)
-      kernel->setAttr(warp::attr::lanes, b.getI64IntegerAttr(lanes));
-    auto setFlag = [&](StringRef name, bool value) {
-      if (value)
-        kernel->setAttr(name, b.getUnitAttr());
-    };
-    setFlag(warp::attr::index32, index32);
-    setFlag(warp::attr::flat, flat);
-    setFlag(warp::attr::large, large);
-    setFlag(warp::attr::disjoint, disjoint);
-    setFlag(warp::attr::debug, debug);
-    setFlag(warp::attr::fastMath, fastMath);
-    setFlag(warp::attr::deterministic, deterministic);
-    setFlag(warp::attr::ordered, ordered);
   }
 
   /// Indices beyond the rank of the launch are zero.
@@ -123,6 +100,10 @@ struct Specialize : warp::impl::SpecializeBase<Specialize> {
     }
     op->erase();
   }
+
+  warp::CompileOptions options;
+  bool areGiven = false;
+  int64_t rank = 1;
 };
 
 } // namespace

@@ -235,7 +235,7 @@ static int64_t getSharedSize(ModuleOp module) {
 
 warp::StagedAccesses warp::findStagedAccesses(LLVM::LLVMFuncOp entry) {
   StagedAccesses staged;
-  int64_t blockDim = getFact(entry, attr::blockDim, 256);
+  int64_t blockDim = getVariant(entry).getBlock();
   int64_t warps = llvm::divideCeil(blockDim, warpSize);
   auto module = entry->getParentOfType<ModuleOp>();
   int64_t left = mostShared - getSharedSize(module);
@@ -254,7 +254,7 @@ warp::StagedAccesses warp::findStagedAccesses(LLVM::LLVMFuncOp entry) {
   Value shared = makeShared(b, loc, module, slabs, "element_slabs");
   Value last = constant(warpSize - 1);
   Value x = readGrid(b, loc, GridValue::threadId), thread = x;
-  if (getFact(entry, attr::rank, 1) > 1) {
+  if (getVariant(entry).getRank() > 1) {
     thread = threadInBlock(b, loc);
     Value rest = arith::AndIOp::create(
         b, loc, readGrid(b, loc, GridValue::blockDim), last);

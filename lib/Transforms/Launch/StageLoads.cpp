@@ -196,7 +196,7 @@ bool LoadStage::qualifies() {
 void LoadStage::buildSlab() {
   auto module = entry->getParentOfType<ModuleOp>();
   int64_t warps = llvm::divideCeil(
-      warp::getFact(entry, warp::attr::blockDim, 256), warp::warpSize);
+      warp::getVariant(entry).getBlock(), warp::warpSize);
   int64_t slabSize = tileSize * bytes;
   auto type = LLVM::LLVMArrayType::get(b.getI8Type(), warps * slabSize);
   Value shared = warp::makeShared(b, loc, module, type, "load_slabs");
@@ -373,8 +373,8 @@ struct StageLoads : warp::impl::StageLoadsBase<StageLoads> {
     if (!found)
       return signalPassFailure();
     auto entry = dyn_cast<LLVM::LLVMFuncOp>(found.getOperation());
-    if (!entry || !warp::isGpu(entry) || entry->hasAttr(warp::attr::debug) ||
-        !warp::hasWholeWarps(entry))
+    if (!entry || !warp::isGpu(entry) || warp::getVariant(entry).getDebug() ||
+        !warp::getVariant(entry).hasWholeWarps())
       return;
     SmallVector<scf::ForOp> loops;
     entry.walk([&](scf::ForOp loop) { loops.push_back(loop); });

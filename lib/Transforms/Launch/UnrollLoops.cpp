@@ -246,7 +246,7 @@ struct UnrollLoops : warp::impl::UnrollLoopsBase<UnrollLoops> {
     FunctionOpInterface entry = warp::findEntry(getOperation());
     if (!entry)
       return signalPassFailure();
-    if (!warp::isGpu(entry) || entry->hasAttr(warp::attr::debug))
+    if (!warp::isGpu(entry) || warp::getVariant(entry).getDebug())
       return;
     SmallVector<scf::WhileOp> conditional;
     entry->walk([&](Operation *op) {

@@ -89,8 +89,8 @@ struct CombineOverWarps : warp::impl::CombineOverWarpsBase<CombineOverWarps> {
     if (!found)
       return signalPassFailure();
     auto entry = dyn_cast<LLVM::LLVMFuncOp>(found.getOperation());
-    if (!entry || !warp::isGpu(entry) || entry->hasAttr(warp::attr::debug) ||
-        entry->hasAttr(warp::attr::deterministic))
+    if (!entry || !warp::isGpu(entry) || warp::getVariant(entry).getDebug() ||
+        warp::getVariant(entry).isDeterministic())
       return;
     SmallVector<AtomicComponentsOp> updates;
     entry.walk([&](AtomicComponentsOp op) { updates.push_back(op); });

@@ -39,6 +39,11 @@ using namespace mlir;
 /// Components of an element that a range has sums of its own for.
 constexpr unsigned fewComponents = 16;
 
+/// Where the descriptor of an exact update's sums lies.
+static int64_t getDescriptor(Operation *op) {
+  return op->getAttrOfType<IntegerAttr>(warp::attr::sum).getInt();
+}
+
 namespace {
 
 /// Rewrites the exact sums of one entry.
@@ -48,8 +53,8 @@ public:
       : entry(entry), first(&entry.getBody().front()),
         b(entry->getContext()),
         functions(entry->getParentOfType<ModuleOp>(), warp::isGpu(entry)),
-        debug(entry->hasAttr(warp::attr::debug)),
-        shared(warp::isGpu(entry) || !entry->hasAttr(warp::attr::exclusive)) {}
+        debug(warp::getVariant(entry).getDebug()),
+        shared(warp::isGpu(entry) || !warp::getRecipe(entry).getExclusive()) {}
 
   void lower(warp::AtomicComponentsOp op);
 
@@ -117,7 +122,7 @@ warp::SumPlace SumLowering::sums(int64_t descriptor) {
 SmallVector<Value> SumLowering::numbers(warp::AtomicComponentsOp op,
                                         Value address) {
   Location loc = op.getLoc();
-  int64_t descriptor = warp::getFact(op, warp::attr::sum, 0);
+  int64_t descriptor = getDescriptor(op);
   Value base;
   {
     OpBuilder::InsertionGuard guard(b);
@@ -168,7 +173,7 @@ void SumLowering::lowerShared(warp::AtomicComponentsOp op) {
     auto guard = scf::IfOp::create(b, loc, inside, /*withElseRegion=*/false);
     b.setInsertionPointToStart(guard.thenBlock());
   }
-  warp::SumPlace place = sums(warp::getFact(op, warp::attr::sum, 0));
+  warp::SumPlace place = sums(getDescriptor(op));
   for (auto [number, component] :
        llvm::zip_equal(numbers(op, address), op.getComponents())) {
     place.number = number;
@@ -230,7 +235,7 @@ void SumLowering::lowerInRange(warp::AtomicComponentsOp op) {
                 {sum.terms, sum.count, sum.digits, sum.touched,
                  term(op, component)});
 
-  warp::SumPlace place = sums(warp::getFact(op, warp::attr::sum, 0));
+  warp::SumPlace place = sums(getDescriptor(op));
   for (auto [number, sum] : llvm::zip_equal(numbersAtEnd(op), own)) {
     place.number = number;
     Value count = LLVM::LoadOp::create(b, loc, b.getI64Type(), sum.count);
@@ -248,7 +253,7 @@ void SumLowering::lowerInBlock(warp::AtomicComponentsOp op) {
   for (unsigned i = 0; i < op.getNumResults(); ++i)
     windows.push_back(warp::makeWindow(b, loc, width));
   b.setInsertionPoint(op);
-  warp::SumPlace place = sums(warp::getFact(op, warp::attr::sum, 0));
+  warp::SumPlace place = sums(getDescriptor(op));
   Value address =
       warp::AddressOp::create(b, loc, op.getArray(), op.getIndices());
   for (auto [number, component, window] :
@@ -258,7 +263,7 @@ void SumLowering::lowerInBlock(warp::AtomicComponentsOp op) {
   }
 
   auto module = entry->getParentOfType<ModuleOp>();
-  int64_t blockDim = warp::getFact(entry, warp::attr::blockDim, 256);
+  int64_t blockDim = warp::getVariant(entry).getBlock();
   for (auto [number, window] : llvm::zip_equal(numbersAtEnd(op), windows)) {
     place.number = number;
     warp::addWindows(b, loc, module, functions, place, window, width, blockDim);
@@ -273,8 +278,8 @@ void SumLowering::lower(warp::AtomicComponentsOp op) {
                     return warp::isInvariant(index, first);
                   });
   // The threads of a single block are not all there at its end.
-  if (gpu && (entry->hasAttr(warp::attr::exclusive) ||
-              !warp::hasWholeWarps(entry)))
+  if (gpu && (warp::getRecipe(entry).getExclusive() ||
+              !warp::getVariant(entry).hasWholeWarps()))
     together = false;
   if (!together)
     lowerShared(op);

@@ -29,14 +29,10 @@ constexpr int64_t floatSize = 4;
 
 bool warp::canAddInPairs(Operation *entry, AtomicComponentsOp op,
                          ArrayRef<Leaf> leaves) {
-  if (!isGpu(entry) || entry->hasAttr(attr::debug) || !op->use_empty() ||
+  VariantAttr variant = getVariant(entry);
+  if (!variant.getTarget().has(Feature::PairedFloatUpdates) ||
+      variant.getDebug() || !op->use_empty() ||
       combiningKind(op.getKind()) != AtomicKind::add)
-    return false;
-  StringRef target =
-      entry->getAttrOfType<StringAttr>(attr::target).getValue();
-  unsigned architecture = 0;
-  if (!target.consume_front("sm_") ||
-      target.consumeInteger(10, architecture) || architecture < 90)
     return false;
   for (auto [i, leaf] : llvm::enumerate(leaves))
     if (!leaf.type.isF32() || leaf.offset != int64_t(i) * floatSize)

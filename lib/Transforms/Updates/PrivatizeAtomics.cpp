@@ -25,13 +25,13 @@
 // What is left on the CPU are updates of elements that differ from thread to
 // thread. An atomic instruction costs ten times a plain update, so it is
 // quicker to do without, by one thread if only few would share the launch, or
-// by all if each has copies of the arrays (CopiedArrays.h). The entry is then
-// marked `warp.exclusive`. So it is in a deterministic launch if the order of
-// its updates would show, by one thread; on a GPU that is a launch of one
-// block.
+// by all if each has copies of the arrays (CopiedArrays.h). The recipe is then
+// exclusive. So it is in a deterministic launch if the order of updates would
+// show, by one thread; on a GPU that is a launch of one block.
 //
 //===----------------------------------------------------------------------===//
 
+#include "Analysis/CostModel.h"
 #include "Atomics.h"
 #include "CarryOut.h"
 #include "CopiedArrays.h"
@@ -214,14 +214,14 @@ static double estimatedTrips(Operation *op) {
   for (Operation *parent = op->getParentOp(); parent;
        parent = parent->getParentOp())
     if (isa<scf::ForOp, scf::WhileOp>(parent))
-      trips *= 32;
+      trips *= warp::cost::loopTrips;
   return trips;
 }
 
 void Privatizer::count(double updates) {
-  estimated += 20 * updates;
+  estimated += warp::cost::atomic * updates;
   plain += 2 * updates;
-  atomic += 20 * updates;
+  atomic += warp::cost::atomic * updates;
 }
 
 /// An exact sum takes a float apart for two updates or three. One into the same
@@ -230,7 +230,7 @@ void Privatizer::countSum(warp::AtomicComponentsOp op) {
   double updates = double(op.getComponents().size()) * estimatedTrips(op);
   bool isShared = !llvm::all_of(
       op.getIndices(), [&](Value index) { return isInvariant(index); });
-  estimated += 20 * updates;
+  estimated += warp::cost::atomic * updates;
   plain += 15 * updates;
   atomic += (isShared ? 50 : 15) * updates;
 }
@@ -298,46 +298,44 @@ struct PrivatizeAtomics : warp::impl::PrivatizeAtomicsBase<PrivatizeAtomics> {
       return signalPassFailure();
     }
     // A debugging launch names the thread that fails, so each does its own.
-    bool debug = kernel->hasAttr(warp::attr::debug);
+    warp::VariantAttr variant = warp::getVariant(kernel);
+    bool debug = variant.getDebug();
     if (!debug)
       warp::unrollUpdates(kernel);
     Privatizer privatizer(kernel, threads);
     if (!warp::isGpu(kernel))
       runOnCpu(kernel, privatizer, debug);
-    else if (kernel->hasAttr(warp::attr::deterministic) &&
-             warp::hasOrderedUpdates(kernel))
+    else if (variant.isDeterministic() && warp::hasOrderedUpdates(kernel))
       runInOneBlock(kernel, privatizer, debug);
-    else if (!debug && warp::hasWholeWarps(kernel))
+    else if (!debug && variant.hasWholeWarps())
       privatizer.run();
   }
 
   void runOnCpu(FunctionOpInterface kernel, Privatizer &privatizer, bool debug) {
-    bool deterministic = kernel->hasAttr(warp::attr::deterministic);
-    bool exclusive = deterministic && warp::hasOrderedUpdates(kernel);
+    warp::VariantAttr variant = warp::getVariant(kernel);
+    warp::RecipeAttr recipe = warp::getRecipe(kernel);
+    bool exclusive = variant.isDeterministic() && warp::hasOrderedUpdates(kernel);
     if (!debug) {
-      int64_t threads = warp::getFact(kernel, warp::attr::threads, 16);
-      int64_t cost = warp::getFact(kernel, warp::attr::cost, 0);
+      int64_t threads = variant.getThreads(), cost = recipe.getCost();
       privatizer.run();
       exclusive |= privatizer.isFasterAlone(threads, cost);
-      if (!deterministic && threads > 1 &&
-          kernel->hasAttr(warp::attr::disjoint))
+      if (!variant.isDeterministic() && threads > 1 && variant.getDisjoint())
         exclusive |= privatizer.offerCopies(kernel, cost);
     }
     if (exclusive)
-      kernel->setAttr(warp::attr::exclusive, UnitAttr::get(&getContext()));
+      warp::setRecipe(kernel, recipe.withExclusive());
   }
 
   /// The block combines its threads' results in a fixed order; where they
   /// cannot be combined, it has a single thread.
   void runInOneBlock(Operation *kernel, Privatizer &privatizer, bool debug) {
-    int64_t threads = warp::getFact(kernel, warp::attr::blockDim, 256);
+    int64_t threads = warp::getVariant(kernel).getBlock();
     if (debug || threads % 32 != 0 || !privatizer.coversOrder())
       threads = 1;
     else
       privatizer.run();
-    Builder b(&getContext());
-    kernel->setAttr(warp::attr::exclusive, b.getUnitAttr());
-    kernel->setAttr(warp::attr::items, b.getI64IntegerAttr(threads));
+    warp::RecipeAttr recipe = warp::getRecipe(kernel).withExclusive();
+    warp::setRecipe(kernel, recipe.withItems(threads));
   }
 };
 

@@ -60,7 +60,7 @@ struct SumExactly : warp::impl::SumExactlyBase<SumExactly> {
 
   /// Of the parameter block; descriptors of sums come next.
   int64_t argumentsEnd = 0;
-  SmallVector<SmallVector<int64_t>> sums, accessed;
+  SmallVector<Attribute> sums, accessed;
 };
 
 } // namespace
@@ -83,8 +83,10 @@ void Uses::collect(Value array) {
 
 void SumExactly::record(const Uses &uses, int64_t descriptor, bool gradient,
                         Type element, int64_t scale) {
-  auto entry = [&](int64_t width) -> SmallVector<int64_t> {
-    return {width, descriptor, gradient, warp::getByteSize(element), scale};
+  auto entry = [&](int64_t width) {
+    return warp::SummedArrayAttr::get(&getContext(), width, descriptor,
+                                      gradient, warp::getByteSize(element),
+                                      scale);
   };
   if (uses.others) {
     accessed.push_back(entry(0));
@@ -129,8 +131,7 @@ void SumExactly::runOnOperation() {
   FunctionOpInterface kernel = warp::findKernel(getOperation());
   if (!kernel)
     return signalPassFailure();
-  if (!kernel->hasAttr(warp::attr::deterministic) ||
-      kernel->hasAttr(warp::attr::ordered))
+  if (warp::getVariant(kernel).getDeterministic() != warp::Determinism::exact)
     return;
   SmallVector<Type> types(kernel.getArgumentTypes());
   if (auto declared = kernel->getAttrOfType<ArrayAttr>(warp::attr::argTypes)) {
@@ -148,9 +149,7 @@ void SumExactly::runOnOperation() {
   if (sums.empty())
     return;
   Builder b(&getContext());
-  SmallVector<Attribute> list;
-  for (ArrayRef<int64_t> entry :
-       llvm::concat<SmallVector<int64_t>>(sums, accessed))
-    list.push_back(b.getDenseI64ArrayAttr(entry));
-  kernel->setAttr(warp::attr::sums, b.getArrayAttr(list));
+  llvm::append_range(sums, accessed);
+  warp::setRecipe(kernel,
+                  warp::getRecipe(kernel).withSums(b.getArrayAttr(sums)));
 }

@@ -91,3 +91,18 @@ def test_launches_after_an_error_work(device, debug):
     wp.launch(maybe, 4, [a, 0], device=device)
     wp.synchronize_device(device)
     assert a.numpy().tolist() == [1.0] * 4
+
+
+def test_a_derivative_names_the_kernel(device, debug):
+    @wp.kernel
+    def shifted(values: wp.array(dtype=float), out: wp.array(dtype=float)):
+        i = wp.tid()
+        out[i] = values[i + 3] * values[i + 3]  # here
+
+    values, out = (wp.zeros(10, dtype=float, device=device, requires_grad=True) for _ in range(2))
+    with pytest.raises(errors.WarpError) as caught:
+        wp.launch(shifted, 8, [values], [out], device=device, adjoint=True)
+        wp.synchronize_device(device)
+    message = str(caught.value)
+    assert f"kernel '{shifted.key}'" in message and "_adjoint" not in message
+    assert "'values.grad'" in message and "test_debug_mode.py" in message

@@ -238,3 +238,19 @@ def test_arrays_that_kernels_store_have_no_gradient(device):
         assert found["ndim"] == one.ndim
         assert found["shape"][: one.ndim].tolist() == list(one.shape)
         assert found["strides"][: one.ndim].tolist() == list(one.strides)
+
+
+def test_descriptors_lie_as_the_compiler_has_them():
+    from warp import _native
+    from warp._src.struct_fields import ArrayDescriptor
+
+    layout = np.dtype(ArrayDescriptor.numpy_format)
+    assert ctypes.sizeof(ArrayDescriptor) == layout.itemsize == _native.DESCRIPTOR_SIZE
+    for name, offset, size, count in _native.DESCRIPTOR_FIELDS:
+        field = getattr(ArrayDescriptor, name)
+        assert (field.offset, field.size) == (offset, size * count)
+        assert layout.fields[name][1] == offset
+    x = wp.zeros((2, 3), dtype=wp.vec2, device="cpu")
+    known = ArrayDescriptor.from_buffer_copy(x.descriptor())
+    assert (known.data, known.ndim) == (x.ptr, 2)
+    assert (list(known.shape[:2]), list(known.strides[:2])) == ([2, 3], [24, 8])

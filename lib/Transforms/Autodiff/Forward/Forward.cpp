@@ -87,22 +87,6 @@ static void collectArrays(Type type, SmallVectorImpl<ArrayType> &arrays) {
       collectArrays(field, arrays);
 }
 
-BlockArgument ForwardBuilder::addHidden(StringRef kind, unsigned leaf,
-                                        Type type, unsigned direction) {
-  Builder b(dual.getContext());
-  auto description = b.getDictionaryAttr(
-      {b.getNamedAttr("kind", b.getStringAttr(kind)),
-       b.getNamedAttr("leaf", b.getI64IntegerAttr(leaf)),
-       b.getNamedAttr("direction", b.getI64IntegerAttr(direction)),
-       b.getNamedAttr("per_thread", b.getI64IntegerAttr(0))});
-  unsigned position = dual.getNumArguments();
-  (void)dual.insertArgument(
-      position, type,
-      b.getDictionaryAttr(b.getNamedAttr(attr::hidden, description)),
-      dual.getLoc());
-  return dual.getArgument(position);
-}
-
 void ForwardBuilder::addTwins() {
   SmallVector<ArrayType> arrays;
   for (Type type : primal.getArgumentTypes())
@@ -114,7 +98,11 @@ void ForwardBuilder::addTwins() {
     if (!type)
       continue;
     for (unsigned direction = 0; direction < options.width; ++direction)
-      twins.back().push_back(addHidden("tangent", leaf, type, direction));
+      twins.back().push_back(addHidden(
+          dual,
+          HiddenAttr::get(dual.getContext(), HiddenKind::Tangent, leaf,
+                          direction),
+          type));
   }
   for (BlockArgument argument : primal.getArguments())
     if (isa<ArrayType>(argument.getType()))

@@ -7,6 +7,7 @@
 #ifndef WARP_TRANSFORMS_AUTODIFF_FORWARD_H
 #define WARP_TRANSFORMS_AUTODIFF_FORWARD_H
 
+#include "Autodiff/HiddenArguments.h"
 #include "Autodiff/Activity.h"
 #include "Autodiff/Rules/Rules.h"
 
@@ -62,8 +63,6 @@ public:
   mlir::LogicalResult build();
 
 private:
-  mlir::BlockArgument addHidden(llvm::StringRef kind, unsigned leaf,
-                                mlir::Type type, unsigned direction = 0);
   void addTwins();
   mlir::LogicalResult run(mlir::Block &block);
   mlir::LogicalResult run(mlir::Operation *op);

@@ -94,9 +94,9 @@ void ForwardBuilder::collectUpdates() {
         continue;
       auto twin = cast<ArrayType>(twins[leaf][0].getType());
       if (Type element = getClaimType(twin.getElementType()))
-        claims[leaf] = addHidden("claims", leaf,
-                                 ArrayType::get(builder.getContext(),
-                                                twin.getRank(), element));
+        claims[leaf] = addHidden(
+            dual, HiddenAttr::get(dual.getContext(), HiddenKind::Claims, leaf),
+            ArrayType::get(dual.getContext(), twin.getRank(), element));
     }
   });
 }

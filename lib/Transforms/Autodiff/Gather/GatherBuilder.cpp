@@ -104,6 +104,8 @@ void GatherBuilder::setAttributes() {
     function->setAttr(warp::attr::argNames, b.getArrayAttr(names));
   }
   function->setAttr(warp::attr::halo, b.getDenseI64ArrayAttr(halo));
+  if (Attribute primal = adjoint->getAttr(warp::attr::primal))
+    function->setAttr(warp::attr::primal, primal);
 }
 
 /// A thread index plus a constant.

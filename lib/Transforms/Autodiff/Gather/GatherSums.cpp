@@ -25,6 +25,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Analysis/CostModel.h"
 #include "Analysis/Effects.h"
 #include "KernelFunction.h"
 #include "Launch/UnrollLoop.h"
@@ -45,7 +46,6 @@ using namespace warp::autodiff;
 
 /// Operations that one atomic addition is worth.
 constexpr int64_t atomicCost = 64;
-constexpr int64_t functionCost = 10;
 /// Loops up to this many trips, and operations, are unrolled.
 constexpr int64_t maxTrips = 32;
 constexpr int64_t maxUnrolled = 1024;
@@ -64,7 +64,7 @@ static int64_t getCost(Operation *op) {
     for (Operation &inner : region.getOps())
       inside += getCost(&inner);
   if (isa<scf::ForOp, scf::WhileOp>(op))
-    return 32 * inside;
+    return warp::cost::loopTrips * inside;
   if (isa<scf::IfOp>(op))
     return 1 + inside;
   int64_t components = 1;
@@ -77,7 +77,7 @@ static int64_t getCost(Operation *op) {
           warp::EqOp, warp::NeOp, warp::LtOp, warp::LeOp, warp::GtOp,
           warp::GeOp, warp::BitAndOp, warp::BitOrOp, warp::UNotOp,
           warp::CastOp, warp::ExtractOp, warp::ConstructOp>(op);
-  return components * (isCheap ? 1 : functionCost);
+  return components * (isCheap ? 1 : int64_t(warp::cost::function));
 }
 
 static SumsByOffset sortByOffset(ArrayRef<NeighborSums> gathers) {

@@ -17,28 +17,21 @@
 
 #include "KernelFunction.h"
 #include "Autodiff/DeadValues.h"
+#include "Autodiff/HiddenArguments.h"
 #include "Autodiff/Reverse/Reverse.h"
 #include "WarpDialect/WarpOps.h"
 
 using namespace mlir;
 using namespace warp::autodiff;
 
-static DictionaryAttr getDescription(func::FuncOp function, unsigned argument) {
-  return function.getArgAttrOfType<DictionaryAttr>(argument,
-                                                   warp::attr::hidden);
-}
-
 /// The arguments of a kind, by the loop that they are for.
 static SmallVector<std::pair<int64_t, BlockArgument>>
-findHidden(func::FuncOp function, StringRef kind) {
+findHidden(func::FuncOp function, warp::HiddenKind kind) {
   SmallVector<std::pair<int64_t, BlockArgument>> found;
   for (BlockArgument argument : function.getArguments()) {
-    DictionaryAttr description =
-        getDescription(function, argument.getArgNumber());
-    if (description &&
-        cast<StringAttr>(description.get("kind")).getValue() == kind)
-      found.emplace_back(cast<IntegerAttr>(description.get("leaf")).getInt(),
-                         argument);
+    warp::HiddenAttr hidden = getHidden(argument);
+    if (hidden && hidden.getKind() == kind)
+      found.emplace_back(hidden.getLeaf(), argument);
   }
   return found;
 }
@@ -73,20 +66,13 @@ static void reserve(func::FuncOp counting,
   OpBuilder b(counting.getBody().front().getTerminator());
   Location loc = counting.getLoc();
   Type type = b.getIntegerType(64, true), small = b.getIntegerType(32, true);
-  auto attribute = [&](StringRef name, Attribute value) {
-    return b.getNamedAttr(name, value);
-  };
-  auto description = b.getDictionaryAttr(
-      {attribute("kind", b.getStringAttr("totals")),
-       attribute("leaf", b.getI64IntegerAttr(-1))});
-  (void)counting.insertArgument(
-      counting.getNumArguments(),
-      warp::ArrayType::get(b.getContext(), 1, type),
-      b.getDictionaryAttr(attribute(warp::attr::hidden, description)), loc);
-  Value totals = counting.getArguments().back();
+  Value totals = addHidden(
+      counting,
+      warp::HiddenAttr::get(b.getContext(), warp::HiddenKind::Totals),
+      warp::ArrayType::get(b.getContext(), 1, type));
   SmallVector<Type> types(4, small);
   auto thread = warp::TidOp::create(b, loc, types);
-  auto offsets = findHidden(counting, "offsets");
+  auto offsets = findHidden(counting, warp::HiddenKind::Offsets);
   for (auto [entry, other] : llvm::zip_equal(trips, offsets)) {
     auto [site, array] = entry;
     Value most = warp::LoadOp::create(b, loc, type, array, thread.getResults());
@@ -98,7 +84,7 @@ static void reserve(func::FuncOp counting,
 }
 
 func::FuncOp warp::autodiff::takeCounting(func::FuncOp adjoint) {
-  auto noted = findHidden(adjoint, "trips");
+  auto noted = findHidden(adjoint, HiddenKind::Trips);
   if (noted.empty())
     return nullptr;
   func::FuncOp counting = adjoint.clone();
@@ -110,7 +96,7 @@ func::FuncOp warp::autodiff::takeCounting(func::FuncOp adjoint) {
   counting->setAttr(attr::counting, UnitAttr::get(adjoint.getContext()));
   adjoint->getParentOfType<ModuleOp>().insert(std::next(adjoint->getIterator()),
                                               counting);
-  auto trips = findHidden(counting, "trips");
+  auto trips = findHidden(counting, HiddenKind::Trips);
   eraseEffects(counting, trips);
   reserve(counting, trips);
   eraseDead(counting.getBody());

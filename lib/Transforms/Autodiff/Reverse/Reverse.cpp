@@ -29,8 +29,8 @@
 //
 // Cotangents are SSA values in a map from primal values; one that is absent is
 // zero and costs nothing. What cannot be had again, such as an element that
-// the launch overwrote, becomes a marked operation; warp-adjoint-cleanup, after
-// dead code is gone, reports the marks that are left.
+// the launch overwrote, becomes a marked operation; warp-clean-up-adjoint,
+// after dead code is gone, reports the marks that are left.
 //
 //===----------------------------------------------------------------------===//
 

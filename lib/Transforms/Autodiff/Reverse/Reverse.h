@@ -7,6 +7,7 @@
 #ifndef WARP_TRANSFORMS_AUTODIFF_REVERSE_H
 #define WARP_TRANSFORMS_AUTODIFF_REVERSE_H
 
+#include "Autodiff/HiddenArguments.h"
 #include "Autodiff/Activity.h"
 #include "Cotangents.h"
 #include "Autodiff/MemoryClasses.h"
@@ -41,7 +42,6 @@ namespace warp::autodiff {
 
 /// An argument that only the adjoint has. The values are part of the interface
 /// to the runtime; see include/warp/Autodiff.h.
-enum class HiddenKind { Preserved, Saved, Counters, Trips, Offsets, Tape };
 
 struct ReverseOptions {
   /// Per array leaf: it has a gradient.
@@ -139,7 +139,6 @@ public:
   const ReverseOptions &options;
   const Activity &getActivity() const { return activity; }
   const MemoryClasses &getMemory() const { return memory; }
-  mlir::func::FuncOp getAdjoint() const { return adjoint; }
   ReverseMetrics metrics;
 
   /// An argument that the adjoint has beyond those of the primal, added when

@@ -87,18 +87,8 @@ Value ReverseBuilder::getHidden(HiddenKind kind, int64_t leaf, Type type) {
 }
 
 Value ReverseBuilder::addHidden(HiddenKind kind, int64_t leaf, Type type) {
-  StringRef names[] = {"preserved", "saved",   "counters",
-                       "trips",     "offsets", "tape"};
-  Builder attributes(builder.getContext());
-  auto description = attributes.getDictionaryAttr(
-      {attributes.getNamedAttr(
-           "kind", attributes.getStringAttr(names[int64_t(kind)])),
-       attributes.getNamedAttr("leaf", attributes.getI64IntegerAttr(leaf))});
-  auto attrs = attributes.getDictionaryAttr(
-      attributes.getNamedAttr(attr::hidden, description));
-  (void)adjoint.insertArgument(adjoint.getNumArguments(), type, attrs,
-                               adjoint.getLoc());
-  return adjoint.getArguments().back();
+  return autodiff::addHidden(
+      adjoint, HiddenAttr::get(builder.getContext(), kind, leaf), type);
 }
 
 //===----------------------------------------------------------------------===//

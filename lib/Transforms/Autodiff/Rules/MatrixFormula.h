@@ -25,7 +25,6 @@ public:
     return input.seeds[i] ? f.wrap(input.seeds[i]) : f.number(0);
   }
   int getSize() const { return size; }
-  mlir::Operation *getOp() const { return input.op; }
   Expr number(double number) { return f.number(number); }
   Expr call(llvm::StringRef name, std::initializer_list<Expr> args) {
     return f.call(name, args);

@@ -74,9 +74,9 @@ static FunctionRule lookupFunctionRule(Operation *op) {
   return table.lookup(op->getName().getStringRef());
 }
 
-static StringRef getDerivative(Operation *op) {
+static DerivativeKind getDerivative(Operation *op) {
   auto builtin = dyn_cast<BuiltinOp>(op);
-  return builtin ? StringRef(builtin.getSpec().derivative) : StringRef();
+  return builtin ? builtin.getSpec().derivative : DerivativeKind::None;
 }
 
 bool needsResults(Operation *op) {
@@ -90,14 +90,14 @@ bool isSingular(Operation *op) {
 }
 
 bool isDifferentiable(Operation *op) {
-  return isa<BuiltinOp>(op) ? getDerivative(op) == "differentiable"
+  return isa<BuiltinOp>(op) ? getDerivative(op) == DerivativeKind::Function
                             : isCompositeOp(op);
 }
 
 bool hasRule(Operation *op) {
   return isCompositeOp(op) || lookupRule(op) ||
          lookupFunctionRule(op).pullback ||
-         getDerivative(op) == "zero almost everywhere";
+         getDerivative(op) == DerivativeKind::Zero;
 }
 
 /// Reports an operation that nothing differentiates.
@@ -124,7 +124,7 @@ pullback(RuleContext &context, Operation *op, ValueRange operands,
          ValueRange results, ArrayRef<Value> cotangents,
          ArrayRef<bool> wanted) {
   SmallVector<Value> adjoints(op->getNumOperands());
-  if (getDerivative(op) == "zero almost everywhere" ||
+  if (getDerivative(op) == DerivativeKind::Zero ||
       llvm::none_of(cotangents, [](Value g) { return bool(g); }))
     return adjoints;
   if (isCompositeOp(op)) {
@@ -180,7 +180,7 @@ FailureOr<SmallVector<Value>> pushforward(RuleContext &context, Operation *op,
                                           ValueRange results,
                                           ArrayRef<Value> tangents) {
   SmallVector<Value> derivatives(op->getNumResults());
-  if (getDerivative(op) == "zero almost everywhere" ||
+  if (getDerivative(op) == DerivativeKind::Zero ||
       llvm::none_of(tangents, [](Value t) { return bool(t); }) ||
       llvm::none_of(op->getResultTypes(), differentialType))
     return derivatives;

@@ -28,10 +28,10 @@ class Gathered:
         self.atomics = made.atomics
         self._is_new = True
         self._halo = made.halo
-        self.sums = kernel.compile_module(made.sums, f"{kernel.key}_adjoint_sums")
+        self.sums = kernel.compile_module(made.sums)
         self.rest = None
         if made.rest is not None:
-            self.rest = kernel.compile_module(made.rest, f"{kernel.key}_adjoint")
+            self.rest = kernel.compile_module(made.rest)
 
     def fits(self, dim) -> bool:
         """Whether it is right for a launch of these extents, see `GatheredAdjoint`."""

@@ -158,20 +158,20 @@ class KernelDerivative:
         one_thread: why only launches of one thread are right; empty if all are.
     """
 
-    def __init__(self, kernel, made, suffix, unique=False):
+    def __init__(self, kernel, made, mode, unique=False):
         self.kernel = kernel
         self.module = made.module
         # An adjoint asserts what its derivatives require of the operands, always.
-        checked = suffix == "adjoint" and made.metrics.get("assertions", 0) > 0
+        checked = mode == "adjoint" and made.metrics.get("assertions", 0) > 0
         self._tangents: dict = {}
-        self.native = kernel.compile_module(made.module, f"{kernel.key}_{suffix}", checked)
-        self._may_split = suffix == "adjoint" and unique and not checked and made.counting is None
+        self.native = kernel.compile_module(made.module, checked)
+        self._may_split = mode == "adjoint" and unique and not checked and made.counting is None
         self.augmented = None
         if made.augmented is not None:
-            self.augmented = kernel.compile_module(made.augmented, kernel.key)
+            self.augmented = kernel.compile_module(made.augmented)
         self.counting = None
         if made.counting is not None:
-            self.counting = kernel.compile_module(made.counting, f"{kernel.key}_count")
+            self.counting = kernel.compile_module(made.counting)
         self.hidden = made.hidden
         self.hidden_of_counting = made.hidden_of_counting
         self.needed = made.needed

@@ -64,7 +64,7 @@ def find_origin(made, call, values, restore) -> Origin | None:
 
 
 def _run(made, call, values, restore, notes, target) -> numpy.ndarray:
-    native = made.kernel.compile_module(_native.Module.from_text(notes.text), "origin")
+    native = made.kernel.compile_module(_native.Module.from_text(notes.text))
     dim = call.dim if isinstance(call.dim, (tuple, list)) else (call.dim,)
     extents = [*dim, 1, 1, 1, 1][1:4]
     board = zeros(len(notes.lines) + 2, float64, by_index(call.device))

@@ -134,7 +134,7 @@ class Kernel:
     def _translate(self, arguments):
         from warp._src.frontend.build import build_kernel
 
-        native = self.compile_module(build_kernel(self, arguments), self.key)
+        native = self.compile_module(build_kernel(self, arguments))
         self._dump(native)
         name = self.key if arguments is None else f"{self.key}_{type_tag(arguments)}"
         self.use_saved(native, name)
@@ -153,13 +153,17 @@ class Kernel:
         """Whether sums have to have the same bits in every run."""
         return self.option("deterministic") not in (False, None, "", "not_guaranteed")
 
-    def compile_module(self, module, name, checked=False):
-        """A native kernel from a module, with the kernel's options; `checked` keeps assertions."""
+    def compile_module(self, module, checked=False):
+        """A native kernel from a module: this kernel or what is made of it, with its options.
+
+        Args:
+            checked: keeps assertions.
+        """
         level = self.option("optimization_level")
         bounds = self.options.get("launch_bounds", (0, 0))
         return _native.Kernel(
             module,
-            name,
+            self.key,
             debug=checked or self.option("mode") == "debug",
             fast_math=self.option("fast_math"),
             lineinfo=self.option("lineinfo"),

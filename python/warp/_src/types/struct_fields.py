@@ -1,6 +1,6 @@
 """Fields of structs: what is assigned is checked and stored, and the arrays behind it are kept.
 
-An array is stored as the 56-byte descriptor that kernels use.
+An array is stored as the descriptor that kernels use; its layout is the native module's.
 """
 
 from __future__ import annotations
@@ -14,24 +14,27 @@ from warp._src.types.composites import Composite, flatten_numbers, is_number
 from warp._src.types.native import ArrayType
 from warp._src.types.scalars import ScalarType, scalar_base
 
+# Addresses have 8 bytes, numbers 4.
+_NUMBERS = {8: ctypes.c_uint64, 4: ctypes.c_int32}
+_FORMATS = {8: "<u8", 4: "<i4"}
+
 
 class ArrayDescriptor(ctypes.Structure):
     """An array as kernels see it; strides are in bytes."""
 
     _fields_ = [
-        ("data", ctypes.c_uint64),
-        ("grad", ctypes.c_uint64),
-        ("shape", ctypes.c_int32 * 4),
-        ("strides", ctypes.c_int32 * 4),
-        ("ndim", ctypes.c_int32),
-        ("flags", ctypes.c_int32),
+        (name, _NUMBERS[size] * count if count > 1 else _NUMBERS[size])
+        for name, _, size, count in _native.DESCRIPTOR_FIELDS
     ]
 
     numpy_format = {
-        "names": ["data", "grad", "shape", "strides", "ndim", "flags"],
-        "formats": ["<u8", "<u8", "4<i4", "4<i4", "<i4", "<i4"],
-        "offsets": [0, 8, 16, 32, 48, 52],
-        "itemsize": 56,
+        "names": [name for name, *_ in _native.DESCRIPTOR_FIELDS],
+        "formats": [
+            (_FORMATS[size], (count,)) if count > 1 else _FORMATS[size]
+            for _, _, size, count in _native.DESCRIPTOR_FIELDS
+        ],
+        "offsets": [offset for _, offset, *_ in _native.DESCRIPTOR_FIELDS],
+        "itemsize": _native.DESCRIPTOR_SIZE,
     }
 
 

@@ -14,12 +14,11 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Analysis/Effects.h"
+#include "Autodiff/Rules/Rules.h"
 #include "Derivation.h"
 #include "FunctionKernel.h"
-
-#include "Analysis/Effects.h"
-#include "../Transforms/Autodiff/Rules/Rules.h"
-#include "../Transforms/KernelFunction.h"
+#include "KernelFunction.h"
 
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/WarpOps.h"
@@ -375,7 +374,7 @@ LogicalResult ResolveDerivatives::differentiate(ModuleOp module,
   for (Type type : function.getResultTypes())
     if (warp::hasDifferential(type))
       options.active.push_back(true);
-  warp::callBodies(module);
-  warp::keepCalls(module, true);
-  return warp::derive(module, options);
+  warp::autodiff::callBodies(module);
+  warp::autodiff::keepCalls(module, true);
+  return warp::autodiff::derive(module, options);
 }

@@ -4,8 +4,8 @@
 //
 //===----------------------------------------------------------------------===//
 
-#ifndef WARP_LIB_COMPILER_FUNCTIONKERNEL_H
-#define WARP_LIB_COMPILER_FUNCTIONKERNEL_H
+#ifndef WARP_TRANSFORMS_AUTODIFF_FUNCTIONKERNEL_H
+#define WARP_TRANSFORMS_AUTODIFF_FUNCTIONKERNEL_H
 
 #include "mlir/Dialect/Func/IR/FuncOps.h"
 
@@ -64,4 +64,4 @@ private:
 
 } // namespace warp
 
-#endif // WARP_LIB_COMPILER_FUNCTIONKERNEL_H
+#endif // WARP_TRANSFORMS_AUTODIFF_FUNCTIONKERNEL_H

@@ -1,21 +1,26 @@
-//===- Derivation.h - The passes that make a derivative ---------*- C++ -*-===//
+//===- Derivation.h - Derivatives that passes ask for -----------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 //===----------------------------------------------------------------------===//
 
-#ifndef WARP_LIB_COMPILER_DERIVATION_H
-#define WARP_LIB_COMPILER_DERIVATION_H
+#ifndef WARP_TRANSFORMS_AUTODIFF_DERIVATION_H
+#define WARP_TRANSFORMS_AUTODIFF_DERIVATION_H
 
 #include "warp/Autodiff.h"
 
 #include "mlir/IR/BuiltinOps.h"
 
-namespace warp {
+namespace warp::autodiff {
 
 /// From a kernel with the functions that it calls to its derivative. Functions
-/// that have a derivative of their own must be kept as calls. The caller has
-/// the context's lock.
+/// that have a derivative of their own must be kept as calls.
+using Derive = mlir::LogicalResult (*)(mlir::ModuleOp module,
+                                       const AutodiffOptions &options);
+
+/// Has `derive` use a pipeline: which passes that are is the compiler's to say,
+/// but one of them, warp-resolve-derivatives, needs derivatives itself.
+void setDerive(Derive pipeline);
 mlir::LogicalResult derive(mlir::ModuleOp module,
                            const AutodiffOptions &options);
 
@@ -27,6 +32,6 @@ void keepCalls(mlir::ModuleOp module, bool keep);
 /// says nothing about its residuals, which have that of the body.
 void callBodies(mlir::ModuleOp module);
 
-} // namespace warp
+} // namespace warp::autodiff
 
-#endif // WARP_LIB_COMPILER_DERIVATION_H
+#endif // WARP_TRANSFORMS_AUTODIFF_DERIVATION_H

@@ -8,7 +8,7 @@
 
 #include "Analysis/Effects.h"
 
-#include "../Transforms/Autodiff/Rules/Rules.h"
+#include "Autodiff/Rules/Rules.h"
 
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/WarpDialect.h"
@@ -146,11 +146,9 @@ static Value findTwin(func::FuncOp dual, unsigned leaf) {
   if (!hidden)
     return nullptr;
   unsigned first = dual.getNumArguments() - hidden.size();
-  for (auto [i, entry] : llvm::enumerate(hidden.getAsRange<DictionaryAttr>())) {
-    auto number = entry.getAs<IntegerAttr>("leaf");
-    if (number && number.getInt() == leaf)
+  for (auto [i, entry] : llvm::enumerate(hidden.getAsRange<warp::HiddenAttr>()))
+    if (entry.getLeaf() == leaf)
       return dual.getArgument(first + i);
-  }
   return nullptr;
 }
 

@@ -1,0 +1,142 @@
+//===- WarpAttributes.cpp - What is known of a launch ---------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#include "WarpDialect/WarpAttributes.h"
+
+#include "WarpDialect/WarpDialect.h"
+
+#include "mlir/IR/Builders.h"
+#include "mlir/IR/DialectImplementation.h"
+
+#include "llvm/ADT/TypeSwitch.h"
+
+using namespace mlir;
+
+#define GET_ATTRDEF_CLASSES
+#include "WarpDialect/WarpAttributes.cpp.inc"
+
+void warp::WarpDialect::registerAttributes() {
+  addAttributes<
+#define GET_ATTRDEF_LIST
+#include "WarpDialect/WarpAttributes.cpp.inc"
+      >();
+}
+
+//===----------------------------------------------------------------------===//
+// Target
+//===----------------------------------------------------------------------===//
+
+using EmitError = function_ref<InFlightDiagnostic()>;
+
+LogicalResult warp::TargetAttr::verify(EmitError emitError, Platform platform,
+                                       int64_t version, StringRef processor,
+                                       int64_t bits) {
+  if (platform == Platform::cuda) {
+    if (version > 0 && bits == 0 && processor.empty())
+      return success();
+    return emitError() << "(C1) expects a GPU with a version and no vectors";
+  }
+  if (version != 0)
+    return emitError() << "(C2) expects a CPU without a version, but got "
+                       << version;
+  if (bits != 128 && bits != 256 && bits != 512)
+    return emitError() << "(C2) expects vectors of 128, 256 or 512 bits, but "
+                          "got "
+                       << bits;
+  return success();
+}
+
+bool warp::TargetAttr::has(Feature feature) const {
+  switch (feature) {
+  case Feature::PairedFloatUpdates:
+    return isGpu() && getVersion() >= 90;
+  }
+  llvm_unreachable("unknown feature");
+}
+
+int64_t warp::TargetAttr::getLanes(Type type) const {
+  if (isGpu())
+    return 1;
+  // Booleans are computed with as bytes.
+  int64_t width = std::max(8u, type.getIntOrFloatBitWidth());
+  return std::max<int64_t>(1, getBits() / width);
+}
+
+//===----------------------------------------------------------------------===//
+// Variant
+//===----------------------------------------------------------------------===//
+
+LogicalResult warp::VariantAttr::verify(
+    EmitError emitError, TargetAttr, int64_t rank, uint64_t, bool, bool, bool,
+    bool, int64_t block, int64_t threads, int64_t, int64_t lanes, bool, bool,
+    Determinism) {
+  if (rank < 1 || rank > 4)
+    return emitError() << "(C1) expects a launch of 1 to 4 dimensions, but got "
+                       << rank;
+  if (block < 1 || threads < 1)
+    return emitError() << "(C2) expects 1 thread or more, but got "
+                       << std::min(block, threads);
+  if (lanes < 0 || lanes > 64 || (lanes > 0 && !llvm::isPowerOf2_64(lanes)))
+    return emitError() << "(C3) expects 1 to 64 lanes, a power of two, or 0, "
+                          "but got "
+                       << lanes;
+  return success();
+}
+
+warp::VariantAttr warp::VariantAttr::getUnknown(MLIRContext *context) {
+  auto target = TargetAttr::get(context, Platform::cpu, 0, "", 256);
+  return get(context, target, /*rank=*/1, /*contiguous=*/0, /*index32=*/false,
+             /*flat=*/false, /*large=*/false, /*disjoint=*/false,
+             /*block=*/256, /*threads=*/16, /*min_blocks=*/0, /*lanes=*/0,
+             /*debug=*/false, /*fast_math=*/false, Determinism::none);
+}
+
+bool warp::VariantAttr::hasWholeWarps() const {
+  bool oneAxis = getRank() == 1 || getFlat();
+  return getBlock() % 32 == 0 &&
+         (oneAxis || llvm::isPowerOf2_64(getBlock()));
+}
+
+//===----------------------------------------------------------------------===//
+// Recipe
+//===----------------------------------------------------------------------===//
+
+warp::RecipeAttr warp::RecipeAttr::withItems(int64_t items) const {
+  return get(getContext(), items, getExclusive(), getCost(), getLanes(),
+             getSums());
+}
+
+warp::RecipeAttr warp::RecipeAttr::withExclusive() const {
+  return get(getContext(), getItems(), true, getCost(), getLanes(), getSums());
+}
+
+warp::RecipeAttr warp::RecipeAttr::withCost(int64_t cost) const {
+  return get(getContext(), getItems(), getExclusive(), cost, getLanes(),
+             getSums());
+}
+
+warp::RecipeAttr warp::RecipeAttr::withLanes(int64_t lanes) const {
+  return get(getContext(), getItems(), getExclusive(), getCost(), lanes,
+             getSums());
+}
+
+warp::RecipeAttr warp::RecipeAttr::withSums(ArrayAttr sums) const {
+  return get(getContext(), getItems(), getExclusive(), getCost(), getLanes(),
+             sums);
+}
+
+SmallVector<warp::SummedArrayAttr> warp::RecipeAttr::getSummedArrays() const {
+  SmallVector<SummedArrayAttr> arrays;
+  if (getSums())
+    llvm::append_range(arrays, getSums().getAsRange<SummedArrayAttr>());
+  return arrays;
+}
+
+int64_t warp::RecipeAttr::countSums() const {
+  return llvm::count_if(getSummedArrays(), [](SummedArrayAttr array) {
+    return array.getWidth() != 0;
+  });
+}

@@ -1,0 +1,51 @@
+// RUN: warp-opt %s --split-input-file --verify-diagnostics
+// RUN: echo "module {}" | not warp-opt --warp-pipeline="to-warp large=perhaps" 2>&1 | FileCheck %s --check-prefix=VALUE
+// RUN: echo "module {}" | not warp-opt --warp-pipeline="to-thread lagre" 2>&1 | FileCheck %s --check-prefix=NAME
+// RUN: echo "module {}" | not warp-opt --warp-pipeline="to-trhead" 2>&1 | FileCheck %s --check-prefix=PHASE
+// RUN: not warp-opt %s --warp-emit=ptx --warp-options=target=sm_90,min-block=1 2>&1 | FileCheck %s --check-prefix=EMIT
+
+// VALUE: no option 'large' with the value 'perhaps'
+// NAME: no option 'lagre'
+// PHASE: no phase 'trhead'
+// EMIT: no option 'min-block'
+
+// expected-error @+2 {{(C1) expects a GPU with a version and no vectors}}
+func.func private @no_version() attributes {warp.target =
+    #warp.target<platform = cuda>}
+
+// -----
+
+// expected-error @+2 {{(C2) expects a CPU without a version, but got 90}}
+func.func private @cpu_version() attributes {warp.target =
+    #warp.target<platform = cpu, version = 90, bits = 256>}
+
+// -----
+
+// expected-error @+2 {{(C2) expects vectors of 128, 256 or 512 bits, but got 0}}
+func.func private @no_vectors() attributes {warp.target =
+    #warp.target<platform = cpu>}
+
+// -----
+
+// expected-error @+2 {{(C1) expects a launch of 1 to 4 dimensions, but got 0}}
+func.func private @rank() attributes {warp.variant =
+    #warp.variant<target = <platform = cuda, version = 90>, rank = 0>}
+
+// -----
+
+// expected-error @+2 {{(C2) expects 1 thread or more, but got 0}}
+func.func private @block() attributes {warp.variant =
+    #warp.variant<target = <platform = cuda, version = 90>, block = 0>}
+
+// -----
+
+// expected-error @+2 {{(C3) expects 1 to 64 lanes, a power of two, or 0, but got 12}}
+func.func private @lanes() attributes {warp.variant =
+    #warp.variant<target = <platform = cpu, bits = 256>, lanes = 12>}
+
+// -----
+
+// expected-error @+3 {{expected ::warp::HiddenKind to be one of: preserved, saved}}
+// expected-error @+2 {{failed to parse Warp_HiddenAttr parameter 'kind'}}
+func.func private @kind(
+    f32 {warp.hidden = #warp.hidden<kind = unheard, leaf = 0>})
