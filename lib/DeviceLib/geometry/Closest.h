@@ -183,7 +183,9 @@ inline ClosestPoint findClosest(const Tree &tree, Point<f32> p, f32 maxDist,
             f64(block.vertex[i][2][search.lane]) - at.z};
   };
   OnTriangle<f64> point = closestOnTriangle(corner(0), corner(1), corner(2));
-  result.u = f32(1.0 - point.second - point.third);
+  // On the edge between the other two it is 0, but for what they are rounded.
+  f64 first = 1.0 - point.second - point.third;
+  result.u = first < 1e-14 ? 0 : f32(first);
   result.v = f32(point.second);
   return result;
 }

@@ -2,5 +2,6 @@
 
     handles       kinds of handles, and their slots in kernels
     grid          `HashGrid`; `grid_queries`: what kernels ask it
-    bvh, mesh     `Bvh` and `Mesh`; `tree_queries`, `mesh_queries`: what kernels ask them
+    bvh, mesh     `Bvh` and `Mesh`; `tree_queries`, `mesh_queries`: what kernels ask them;
+                  `mesh_arrays`, `mesh_derivatives`
 """

@@ -5,21 +5,15 @@ kernel does not read of a result costs nothing. Functions with parameters by ref
 forms of these queries: they leave variables as they are if nothing is found.
 """
 
-from warp._src.geometry.handles import MESH, words
+from warp._src.geometry.mesh_arrays import corners, indices, points, velocities
+from warp._src.geometry.mesh_derivatives import constant, meeting, weights
 from warp._src.kernels.function import Function
 from warp._src.language import namespace as wp
 from warp._src.types.annotations import ref
 from warp._src.types.dtypes import vec3f
-from warp._src.types.native import ArrayType
 from warp._src.types.scalars import bool as bool_
 from warp._src.types.scalars import float32, int32, uint64
 from warp._src.types.structs import struct
-
-# Words of the slot, as lib/Geometry/Mesh.cpp writes it: address and extent of each array.
-_POINTS, _POINT_COUNT = 4, 6
-_VELOCITIES, _VELOCITY_COUNT = 11, 13
-_INDICES, _INDEX_COUNT = 18, 20
-
 
 @struct
 class MeshQueryPoint:
@@ -50,36 +44,6 @@ class MeshQueryRay:
     u: float32
     v: float32
     normal: vec3f
-
-
-def _array_vec3(address: uint64, count: uint64):
-    return wp._array_at(address, int(count & uint64(0xFFFFFFFF)), vec3f)
-
-
-def _points(id: uint64):
-    slot = words(id, MESH)
-    return array_vec3(slot[_POINTS], slot[_POINT_COUNT])
-
-
-def _velocities(id: uint64):
-    slot = words(id, MESH)
-    return array_vec3(slot[_VELOCITIES], slot[_VELOCITY_COUNT])
-
-
-def _indices(id: uint64):
-    slot = words(id, MESH)
-    return wp._array_at(slot[_INDICES], int(slot[_INDEX_COUNT] & uint64(0xFFFFFFFF)), int32)
-
-
-def _corners(values: ArrayType(vec3f, 1), corners: ArrayType(int32, 1), face: int):
-    a = wp.vec3f()
-    b = wp.vec3f()
-    c = wp.vec3f()
-    if face >= 0 and 3 * face + 2 < len(corners):
-        a = values[corners[3 * face]]
-        b = values[corners[3 * face + 1]]
-        c = values[corners[3 * face + 2]]
-    return a, b, c
 
 
 def mesh_get_point(id: uint64, index: int) -> vec3f:
@@ -125,7 +89,8 @@ def mesh_query_point_no_sign(id: uint64, point: vec3f, max_dist: float):
     face, u, v = wp._library_call(
         "warp_mesh_closest", id, point[0], point[1], point[2], max_dist
     )
-    return MeshQueryPoint(face >= 0, 0.0, face, u, v)
+    at = weights(id, face, point, constant(u), constant(v))
+    return MeshQueryPoint(face >= 0, 0.0, face, at[0], at[1])
 
 
 def mesh_query_furthest_point_no_sign(id: uint64, point: vec3f, min_dist: float):
@@ -133,7 +98,7 @@ def mesh_query_furthest_point_no_sign(id: uint64, point: vec3f, min_dist: float)
     face, u, v = wp._library_call(
         "warp_mesh_furthest", id, point[0], point[1], point[2], min_dist
     )
-    return MeshQueryPoint(face >= 0, 0.0, face, u, v)
+    return MeshQueryPoint(face >= 0, 0.0, face, constant(u), constant(v))
 
 
 def mesh_query_point(id: uint64, point: vec3f, max_dist: float):
@@ -143,7 +108,8 @@ def mesh_query_point(id: uint64, point: vec3f, max_dist: float):
     """
     found = no_sign(id, point, max_dist)
     if found.result:
-        found.sign = wp._library_call("warp_mesh_side", id, point[0], point[1], point[2])
+        side = wp._library_call("warp_mesh_side", id, point[0], point[1], point[2])
+        found.sign = constant(side)
     return found
 
 
@@ -155,7 +121,8 @@ def mesh_query_point_sign_normal(id: uint64, point: vec3f, max_dist: float, epsi
     face, u, v, sign = wp._library_call(
         "warp_mesh_closest_signed", id, point[0], point[1], point[2], max_dist, epsilon
     )
-    return MeshQueryPoint(face >= 0, sign, face, u, v)
+    at = weights(id, face, point, constant(u), constant(v))
+    return MeshQueryPoint(face >= 0, constant(sign), face, at[0], at[1])
 
 
 def _point_into(
@@ -199,7 +166,8 @@ def mesh_query_ray(id: uint64, start: vec3f, dir: vec3f, max_t: float, root: int
     )  # fmt: skip
     normal = face_normal(id, face)
     sign = wp.where(wp.dot(normal, dir) < 0.0, 1.0, -1.0)
-    return MeshQueryRay(face >= 0, sign, face, t, u, v, normal)
+    at = meeting(id, face, start, dir, constant(u), constant(v), constant(t))
+    return MeshQueryRay(face >= 0, sign, face, at[2], at[0], at[1], normal)
 
 
 def _ray_into(
@@ -236,9 +204,6 @@ def mesh_query_ray_anyhit(
     return met != 0
 
 
-array_vec3 = Function(_array_vec3, "array_vec3")
-points, velocities = Function(_points, "points"), Function(_velocities, "velocities")
-indices, corners = Function(_indices, "indices"), Function(_corners, "corners")
 face_normal = Function(mesh_eval_face_normal)
 no_sign = Function(mesh_query_point_no_sign)
 point_and_side = Function(mesh_query_point)
