@@ -17,7 +17,9 @@ def is_median(constructor) -> bool:
         ValueError: there is no such constructor.
     """
     if constructor not in _CONSTRUCTORS:
-        raise ValueError(f"expects the constructor 'sah', 'median' or 'lbvh', but got {constructor!r}")
+        raise ValueError(
+            f"expects the constructor 'sah', 'median' or 'lbvh', but got {constructor!r}"
+        )
     return _CONSTRUCTORS[constructor]
 
 

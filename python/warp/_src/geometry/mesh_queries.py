@@ -15,6 +15,7 @@ from warp._src.types.scalars import bool as bool_
 from warp._src.types.scalars import float32, int32, uint64
 from warp._src.types.structs import struct
 
+
 @struct
 class MeshQueryPoint:
     """A point of a mesh: u and v are the weights of the first two corners of `face`.
@@ -86,18 +87,14 @@ def mesh_get_bvh(id: uint64) -> uint64:
 
 def mesh_query_point_no_sign(id: uint64, point: vec3f, max_dist: float):
     """The closest point of a mesh that is nearer than `max_dist`."""
-    face, u, v = wp._library_call(
-        "warp_mesh_closest", id, point[0], point[1], point[2], max_dist
-    )
+    face, u, v = wp._library_call("warp_mesh_closest", id, point[0], point[1], point[2], max_dist)
     at = weights(id, face, point, constant(u), constant(v))
     return MeshQueryPoint(face >= 0, 0.0, face, at[0], at[1])
 
 
 def mesh_query_furthest_point_no_sign(id: uint64, point: vec3f, min_dist: float):
     """The corner of a mesh that is furthest, if it is further than `min_dist`."""
-    face, u, v = wp._library_call(
-        "warp_mesh_furthest", id, point[0], point[1], point[2], min_dist
-    )
+    face, u, v = wp._library_call("warp_mesh_furthest", id, point[0], point[1], point[2], min_dist)
     return MeshQueryPoint(face >= 0, 0.0, face, constant(u), constant(v))
 
 
