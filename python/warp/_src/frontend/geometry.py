@@ -26,7 +26,8 @@ class Geometry(Part):
 
     def builtin__library_call(self, node):
         """`_library_call("symbol", ...)`: a tuple of results, or the only one."""
-        symbol, *arguments = self.context.constructors.arguments(node)[0]
+        symbol = node.args[0].value
+        arguments = [self.context.expressions.expr(argument) for argument in node.args[1:]]
         values = [self.context.materialize(binding, node) for binding in arguments]
         self.context.at(node)
         results, _ = self.builder.builtin("_" + symbol, values)

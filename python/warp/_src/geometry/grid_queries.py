@@ -61,19 +61,19 @@ def _begin(first: int, last: int, cells: int):
 
 
 def _query(slot: ArrayType(uint64, 1), low: vec3i, high: vec3i, asks: bool):
-    query = HashGridQuery()
-    query.x_cells = int(slot[_CELLS_XY] & uint64(0xFFFFFFFF))
-    query.y_cells = int(slot[_CELLS_XY] >> uint64(32))
-    query.z_cells = int(slot[_CELLS_Z] & uint64(0xFFFFFFFF))
-    cells = query.x_cells * query.y_cells * query.z_cells
-    query.starts = integers(slot[_STARTS], cells + 1)
-    query.order = integers(slot[_ORDER], number_of_points(slot))
-    query.x, query.x_count = begin(low[0], high[0], query.x_cells)
-    query.y, query.y_count = begin(low[1], high[1], query.y_cells)
-    query.z, query.z_count = begin(low[2], high[2], query.z_cells)
-    if not asks or query.x_count <= 0 or query.y_count <= 0:
-        query.z_count = 0
-    return query
+    nx = int(slot[_CELLS_XY] & uint64(0xFFFFFFFF))
+    ny = int(slot[_CELLS_XY] >> uint64(32))
+    nz = int(slot[_CELLS_Z] & uint64(0xFFFFFFFF))
+    starts = integers(slot[_STARTS], nx * ny * nz + 1)
+    order = integers(slot[_ORDER], number_of_points(slot))
+    x, x_count = begin(low[0], high[0], nx)
+    y, y_count = begin(low[1], high[1], ny)
+    z, z_count = begin(low[2], high[2], nz)
+    if not asks or x_count <= 0 or y_count <= 0:
+        z_count = 0
+    return HashGridQuery(
+        starts, order, x, x_count, nx, y, y_count, ny, z, z_count, nz, 0, 0, 0, 0, 0
+    )
 
 
 def _cells(point: vector(3, Float), offset: Float, inverse: Float):

@@ -51,10 +51,7 @@ class MeshQuery:
 
 
 def _start(root: int):
-    cursor = Cursor()
-    cursor.node = wp.max(root, 0)
-    cursor.level = -1
-    return cursor
+    return Cursor(wp.max(root, 0), -1, 0, 0, uint64(0), uint64(0))
 
 
 def bvh_query_aabb(id: uint64, low: vec3f, high: vec3f, root: int = -1):
@@ -83,14 +80,11 @@ def mesh_query_sphere(id: uint64, center: vec3f, radius: float):
 
 
 def _step(id: uint64, shape: int, a: vec3f, b: vec3f, r: float, limit: float, at: Cursor):
-    moved = Cursor()
-    index, moved.node, moved.level, moved.block, moved.left, moved.low, moved.high = (
-        wp._library_call(
-            "warp_overlap_next", id, shape, a[0], a[1], a[2], b[0], b[1], b[2], r, limit,
-            at.node, at.level, at.block, at.left, at.low, at.high,
-        )
+    index, node, level, block, left, low, high = wp._library_call(
+        "warp_overlap_next", id, shape, a[0], a[1], a[2], b[0], b[1], b[2], r, limit,
+        at.node, at.level, at.block, at.left, at.low, at.high,
     )  # fmt: skip
-    return index, moved
+    return index, Cursor(node, level, block, left, low, high)
 
 
 def bvh_query_next(query: ref[BvhQuery], index: ref[int32], max_dist: float = _INFINITY) -> bool:
@@ -98,9 +92,10 @@ def bvh_query_next(query: ref[BvhQuery], index: ref[int32], max_dist: float = _I
 
     max_dist: a ray's end, in units of its direction.
     """
-    found, query.cursor = step(
+    found, at = step(
         query.id, query.shape, query.first, query.second, query.radius, max_dist, query.cursor
     )
+    query.cursor = at
     if found >= 0:
         index = found
     return found >= 0
@@ -108,25 +103,28 @@ def bvh_query_next(query: ref[BvhQuery], index: ref[int32], max_dist: float = _I
 
 def mesh_query_next(query: ref[MeshQuery], index: ref[int32]) -> bool:
     """The next face of a query in `index`; False when there is none."""
-    found, query.cursor = step(
+    found, at = step(
         query.id, query.shape, query.first, query.second, query.radius, 0.0, query.cursor
     )
+    query.cursor = at
     if found >= 0:
         index = found
     return found >= 0
 
 
 def _advance_bvh(query: BvhQuery):
-    found, query.cursor = step(
+    found, at = step(
         query.id, query.shape, query.first, query.second, query.radius, _INFINITY, query.cursor
     )
+    query.cursor = at
     return found >= 0, found, query
 
 
 def _advance_mesh(query: MeshQuery):
-    found, query.cursor = step(
+    found, at = step(
         query.id, query.shape, query.first, query.second, query.radius, 0.0, query.cursor
     )
+    query.cursor = at
     return found >= 0, found, query
 
 
