@@ -5,6 +5,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "BuilderImpl.h"
+#include "BuilderLibrary.h"
 
 #include "mlir/IR/Matchers.h"
 
@@ -126,6 +127,8 @@ warp::Builder::parameterNames(const std::string &name) {
 warp::Builder::Results warp::Builder::builtin(const std::string &name,
                                               const Values &args) {
   ContextLock lock;
+  if (auto built = buildLibraryCall(*impl, name, unwrap(args)))
+    return {wrap(ValueRange(*built)), {}};
   const BuiltinSpec *spec = lookupBuiltin(name);
   if (!spec || spec->opName.empty() || spec->isSpecial)
     impl->fail(Error::Kind::Key, "no builtin '" + name + "'");

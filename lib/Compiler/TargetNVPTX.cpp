@@ -18,6 +18,7 @@
 #include "llvm/Target/TargetMachine.h"
 
 extern "C" const char warp_libdevice_begin[], warp_libdevice_end[];
+extern "C" const char warp_devicelib_cuda_begin[], warp_devicelib_cuda_end[];
 
 using namespace warp;
 
@@ -76,6 +77,10 @@ void warp::prepareGpuModule(llvm::Module &module, llvm::TargetMachine &machine,
                             const CompileOptions &options) {
   module.setTargetTriple(machine.getTargetTriple());
   module.setDataLayout(machine.createDataLayout());
+  linkBitcode(module,
+              {warp_devicelib_cuda_begin,
+               size_t(warp_devicelib_cuda_end - warp_devicelib_cuda_begin)},
+              "device library");
   linkBitcode(module,
               {warp_libdevice_begin,
                size_t(warp_libdevice_end - warp_libdevice_begin)},

@@ -10,6 +10,7 @@
 
 #include "WarpDialect/WarpOps.h"
 #include "Checks.h"
+#include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/WarpDialect.h"
 
 #include "mlir/IR/Builders.h"
@@ -29,6 +30,10 @@ void warp::WarpDialect::registerOps() {
   addOperations<
 #define GET_OP_LIST
 #include "WarpDialect/WarpOps.cpp.inc"
+      >();
+  addOperations<
+#define GET_OP_LIST
+#include "WarpDialect/WarpLibraryOps.cpp.inc"
       >();
 }
 

@@ -4,6 +4,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Geometry.h"
 #include "Gil.h"
 #include "Native.h"
 
@@ -26,6 +27,7 @@ PYBIND11_MODULE(_native, m) {
   warp::python::bindKernel(m);
   warp::python::bindRegions(m);
   warp::python::bindSavedModule(m);
+  warp::python::bindGeometry(m);
   warp::python::bindGraph(m);
   warp::python::bindDlpack(m);
   warp::python::bindXlaFfi(m);

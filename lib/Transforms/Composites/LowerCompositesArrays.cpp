@@ -12,6 +12,7 @@
 #include "LowerComposites.h"
 
 #include "Lowerings/Lowerings.h"
+#include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "llvm/ADT/TypeSwitch.h"
@@ -128,7 +129,8 @@ std::optional<LogicalResult> CompositeLowering::lowerArrayOp(Operation *op) {
         return keep({lookupOne(slice.getArray()), getIndex(slice.getStart()),
                      getIndex(slice.getStop()), getIndex(slice.getStep())});
       })
-      .Case<DimOp, StrideOp, PointerOp, ArrayAtOp, GradOp, TidOp, AssertOp>(
+      .Case<DimOp, StrideOp, PointerOp, ArrayAtOp, GradOp, TidOp, AssertOp,
+            LibraryCallOp>(
           [&](Operation *op) { return keep(lookup(op->getOperands())); })
       .Case([&](PrintfOp print) {
         return keep(llvm::map_to_vector(print.getArgs(), [&](Value x) {

@@ -16,6 +16,7 @@
 
 #include "Lowerings/AngleGuard.h"
 #include "KernelFunction.h"
+#include "LowerLibraryCalls.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
@@ -107,6 +108,7 @@ struct LowerMath : warp::impl::LowerMathBase<LowerMath> {
         return;
       lower(op, found->second);
     });
+    warp::lowerLibraryCalls(getOperation(), entry);
   }
 
   void lower(Operation *op, const Function &function) {

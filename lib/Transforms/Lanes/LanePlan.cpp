@@ -14,6 +14,7 @@
 
 #include "KernelFunction.h"
 #include "Updates/Atomics.h"
+#include "WarpDialect/LibraryOps.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/Math/IR/Math.h"
@@ -107,6 +108,8 @@ constexpr double callCost = 20, rootCost = 6, divisionCost = 8;
 constexpr double streamGain = 8;
 /// A lane's share of gathering a number; of doing an operation lane by lane.
 constexpr double gatherCost = 1.3, laneCost = 4;
+/// A call of the device library, which lanes do one by one.
+constexpr double searchCost = 500;
 /// The same of a field of neighbouring structs, which scalar code finds in one
 /// line: bodies of a simulation were 3.6 times slower as lanes.
 constexpr double fieldCost = 6;
@@ -225,6 +228,8 @@ void CostCounter::count(Operation *op, double trips, double use) {
     double count = update.getComponents().size();
     return add(4 * count, isOnePlace ? 1 : 4 * count + laneCost, trips, use);
   }
+  if (isa<warp::LibraryCallOp>(op))
+    return add(searchCost, searchCost + laneCost, trips, 1);
   if (!isMemoryEffectFree(op))
     return add(laneCost, 2 * laneCost, trips, 1);
   double work = 1;

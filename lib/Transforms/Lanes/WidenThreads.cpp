@@ -27,6 +27,7 @@
 #include "LanePlan.h"
 #include "Schedule.h"
 #include "Updates/Atomics.h"
+#include "WarpDialect/LibraryOps.h"
 
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
 #include "mlir/Dialect/Math/IR/Math.h"
@@ -162,6 +163,8 @@ void Widening::widen(Operation *op) {
     return eachLane(op);
   if (llvm::none_of(op->getResults(), [&](Value v) { return isVarying(v); }))
     return cloneScalar(op);
+  if (isa<warp::LibraryCallOp>(op))
+    return eachLane(op);
   if (isIntegerDivision(op))
     return widenDivision(op);
   widenElementwise(op);

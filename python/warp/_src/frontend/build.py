@@ -19,7 +19,8 @@ def build_kernel(kernel, arguments=None):
     """Translates a kernel.
 
     Args:
-        kernel: has `func` (the Python function), `key` (its name) and `option(name)`.
+        kernel: has `func` (the Python function), `key` (its name), `option(name)` and
+            `check_handles(kinds)`, which is told which arguments are handles of geometry.
         arguments: native types of the arguments, where annotations leave them open.
 
     Returns:
@@ -29,19 +30,24 @@ def build_kernel(kernel, arguments=None):
         WarpCodegenError: the function cannot be translated; says where and why.
     """
     limit = kernel.option("max_unroll")
+    limit = 16 if limit is None else limit
     source = None
     if kernel.code_transformers:
         source = transformed(source_of(kernel.func), kernel.code_transformers)
-    return build_function(
-        kernel.func, kernel.key, arguments, 16 if limit is None else limit, source
-    )
+    translator = _translate(kernel.func, kernel.key, arguments, limit, source)
+    if translator.session.handles:
+        kernel.check_handles(translator.session.handles)
+    return _finish(translator)
 
 
 def build_function(function, name, arguments=None, max_unroll=16, source=None):
     """Translates a Python function, or another source in its place, as a kernel of that name."""
-    builder = _translate(function, name, arguments, max_unroll, source).builder
-    builder.end_function([])
-    return builder.finish()
+    return _finish(_translate(function, name, arguments, max_unroll, source))
+
+
+def _finish(translator):
+    translator.builder.end_function([])
+    return translator.builder.finish()
 
 
 def types_of_local(function, name, local) -> list:
@@ -76,7 +82,7 @@ def _translate(function, name, arguments, max_unroll, source=None):
     symbol = session.symbol(symbol_name(name))
     values = builder.begin_function(symbol, parameters, natives, True)
     for parameter, value in zip(parameters, values, strict=False):
-        translator.env[parameter] = value
+        translator.env[parameter] = session.parameters[parameter] = value
         translator.lines[parameter] = source.line(source.tree)
     try:
         if overload.declares_result:

@@ -70,6 +70,8 @@ class Calls(Part):
                 "write the function in Python with `@wp.func`",
             )
         if isinstance(function, Function):
+            if function.handle is not None:
+                self.context.geometry.note_handle(function, node)
             references = references_of(function)
             if references:
                 return self.context.references.call_by_reference(function, references, node)

@@ -34,7 +34,10 @@ _MISSING = object()
 class Session:
     """State shared by the functions of one kernel."""
 
-    __slots__ = ("active", "builder", "calls", "debug", "derived", "max_unroll", "taken")
+    __slots__ = (
+        *("active", "builder", "calls", "debug", "derived", "handles", "max_unroll", "parameters"),
+        "taken",
+    )
 
     def __init__(self, builder, max_unroll=16):
         self.builder = builder
@@ -46,6 +49,9 @@ class Session:
         self.derived = set()
         # Functions being translated, outermost first.
         self.active = []
+        # The kernel's arguments by name, and the kinds of those that are handles of geometry.
+        self.parameters = {}
+        self.handles = {}
 
     def symbol(self, name: str) -> str:
         """A name for a function that no other function of the module has."""

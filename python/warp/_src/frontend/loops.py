@@ -54,6 +54,10 @@ class Loops(Part):
         if not is_for:
             self.while_loop(node)
             return
+        query = self.context.geometry.query_of(syntax.iter)
+        if query is not None:
+            self.context.geometry.query_loop(node, *query)
+            return
         bounds = self.range_bounds(syntax.iter)
         self.free_targets(syntax.target)
         if all(type(bound) is int for bound in bounds):

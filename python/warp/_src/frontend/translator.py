@@ -11,6 +11,7 @@ from warp._src.frontend.context import Context, Session
 from warp._src.frontend.custom_derivatives import CustomDerivatives
 from warp._src.frontend.derivative_calls import DerivativeCalls
 from warp._src.frontend.expressions import Expressions
+from warp._src.frontend.geometry import Geometry
 from warp._src.frontend.indexed import Indexed
 from warp._src.frontend.local_arrays import LocalArrays
 from warp._src.frontend.loops import Loops
@@ -29,6 +30,7 @@ _PARTS = {
     "custom_derivatives": CustomDerivatives,
     "derivative_calls": DerivativeCalls,
     "expressions": Expressions,
+    "geometry": Geometry,
     "indexed": Indexed,
     "local_arrays": LocalArrays,
     "loops": Loops,

@@ -21,6 +21,8 @@ class Function:
     # What `wp.custom_vjp` and `wp.custom_jvp` were given as derivatives.
     pullback = None
     pushforward = None
+    # Kind of geometry whose handle is the first argument (geometry.handles), or None.
+    handle = None
 
     def __init__(self, func, key=None):
         self.func = func

@@ -123,6 +123,13 @@ class Kernel:
             self.epoch = epoch
         return self.native
 
+    def check_handles(self, kinds) -> None:
+        """Makes every launch check that these arguments, by name, are handles of these kinds."""
+        from warp._src.kernels.searching import SearchingKernel
+
+        self.__class__ = SearchingKernel
+        self.handles = dict(kinds)
+
     def specialize(self, arguments):
         """The native kernel of a generic kernel for the types of these arguments.
 

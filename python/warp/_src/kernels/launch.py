@@ -121,6 +121,8 @@ def _launch_checked(
         index = resolve_index(device)
     inputs, outputs = _sequence(inputs, kernel, "inputs"), _sequence(outputs, kernel, "outputs")
     native = kernel.specialize((*inputs, *outputs)) if kernel.is_generic else kernel.prepare()
+    if type(kernel) is not Kernel:
+        kernel.check((*inputs, *outputs), index)
     if gradients is not None:
         place = (index, stream, block_dim or 0)
         return _launch_adjoint(kernel, native, dim, inputs, outputs, gradients, place, record_cmd)

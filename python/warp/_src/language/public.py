@@ -21,6 +21,31 @@ LIBRARY_NAMES = (
     *("spatial_cross", "spatial_cross_dual", "spatial_dot", "spatial_top", "transform_twist"),
     *("transform_wrench", "velocity_at_point"),
 )
+# Host classes, by module, and what kernels ask them; loaded when first used.
+_GEOMETRY_CLASSES = {"Bvh": "bvh", "HashGrid": "grid", "Mesh": "mesh"}
+_GEOMETRY_QUERIES = frozenset(
+    (
+        *("BvhQuery", "HashGridQuery", "MeshQuery", "MeshQueryAABB", "MeshQueryPoint"),
+        *("MeshQueryRay", "bvh_query_aabb", "bvh_query_next", "bvh_query_ray", "bvh_query_sphere"),
+        *("hash_grid_point_id", "hash_grid_query", "hash_grid_query_next", "mesh_eval_face_normal"),
+        *("mesh_eval_position", "mesh_eval_velocity", "mesh_get_bvh", "mesh_get_index"),
+        *("mesh_get_point", "mesh_get_velocity", "mesh_query_aabb", "mesh_query_aabb_next"),
+        *("mesh_query_furthest_point_no_sign", "mesh_query_next", "mesh_query_point"),
+        *("mesh_query_point_no_sign", "mesh_query_ray", "mesh_query_ray_anyhit"),
+        *("mesh_query_point_sign_normal", "mesh_query_sphere"),
+    )
+)
+
+
+def _find_geometry(name: str):
+    """A name of `warp._src.geometry`, or None."""
+    if name in _GEOMETRY_CLASSES:
+        module = importlib.import_module(f"warp._src.geometry.{_GEOMETRY_CLASSES[name]}")
+        return getattr(module, name)
+    if name in _GEOMETRY_QUERIES:
+        queries = importlib.import_module("warp._src.geometry.queries")
+        return queries.FUNCTIONS.get(name) or queries.TYPES[name]
+    return None
 
 
 def find(name: str):
@@ -43,6 +68,8 @@ def find(name: str):
     if found is None and not name.startswith("_"):
         found = importlib.import_module("warp._src.absent").find(name)
     if found is None:
+        found = _find_geometry(name)
+    if found is None:
         raise AttributeError(f"module 'warp' has no attribute '{name}'")
     return found
 
@@ -50,4 +77,5 @@ def find(name: str):
 def names(held) -> list[str]:
     """All public names."""
     public = {name for name in held if not name.startswith("_")}
-    return sorted(public | set(builtin_names()) | set(_SUBMODULES) | set(LIBRARY_NAMES))
+    geometry = {*_GEOMETRY_CLASSES, *_GEOMETRY_QUERIES}
+    return sorted(public | set(builtin_names()) | {*_SUBMODULES, *LIBRARY_NAMES} | geometry)

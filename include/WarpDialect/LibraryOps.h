@@ -1,0 +1,31 @@
+//===- LibraryOps.h - Calls of the device library ---------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARPDIALECT_LIBRARYOPS_H
+#define WARPDIALECT_LIBRARYOPS_H
+
+#include "WarpDialect/WarpOps.h"
+
+#define GET_OP_CLASSES
+#include "WarpDialect/WarpLibraryOps.h.inc"
+
+namespace warp {
+
+/// A function of the device library. Types are letters: i (si32), l (ui64) and
+/// f (f32). In C it takes its operands by value, then a pointer to a struct of
+/// its results.
+struct LibraryFunction {
+  llvm::StringRef symbol, operands, results;
+};
+
+/// Null if the library has no such function.
+const LibraryFunction *findLibraryFunction(llvm::StringRef symbol);
+/// The type of a letter.
+mlir::Type getLibraryType(mlir::MLIRContext *context, char letter);
+
+} // namespace warp
+
+#endif // WARPDIALECT_LIBRARYOPS_H

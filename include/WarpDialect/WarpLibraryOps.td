@@ -1,0 +1,39 @@
+//===- WarpLibraryOps.td - Calls of the device library -------*- tablegen -*-=//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// What kernels do in C++ of ours. In a header of its own: few passes know it.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIBRARY_OPS_TD
+#define WARP_LIBRARY_OPS_TD
+
+include "mlir/Interfaces/SideEffectInterfaces.td"
+include "WarpTypes.td"
+
+def Warp_LibraryCallOp : Warp_Op<"library_call",
+    [Warp_ThreadPhase, NoMemoryEffect]> {
+  let summary = "calls a function of the device library";
+  let description = [{
+    The function reads what geometry handles describe. Nothing writes that while
+    a kernel runs, so for passes it reads nothing. Lanes of a CPU call it one by
+    one. Which functions there are says lib/Dialect/LibraryOps.cpp.
+
+    (C1) the library has the function. (C2) operands and results are its
+    scalars, of either sign.
+
+    ```mlir
+    %face, %u, %v = warp.library_call "warp_mesh_closest"(%id, %x, %y, %z, %d)
+      : (ui64, f32, f32, f32, f32) -> (si32, f32, f32)
+    ```
+  }];
+  let arguments = (ins StrAttr:$callee, Variadic<AnyType>:$args);
+  let results = (outs Variadic<AnyType>:$results);
+  let assemblyFormat = [{
+    $callee `(` $args `)` attr-dict `:` functional-type($args, $results)
+  }];
+  let hasVerifier = 1;
+}
+
+#endif // WARP_LIBRARY_OPS_TD

@@ -1,0 +1,55 @@
+//===- Bvh.h - Bounding volume hierarchies ----------------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// A hierarchy over boxes, which kernels search by its `id`. It has bounds of
+// its own: the arrays it was made from are read when it is made and refitted.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_BVH_H
+#define WARP_BVH_H
+
+#include "warp/Export.h"
+#include "warp/Handle.h"
+#include "warp/Launch.h"
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+
+namespace warp {
+
+/// How primitives are split: by the surface area heuristic, or in the middle.
+enum class BvhConstructor { Sah, Median };
+
+/// What is in a hierarchy.
+struct BvhReport {
+  /// Primitives that are NaN, infinite or inverted, and are never found.
+  int64_t skipped = 0;
+  int64_t nodes = 0, blocks = 0, bytes = 0;
+  int depth = 0;
+};
+
+class WARP_API Bvh {
+public:
+  /// Arrays of the lower and upper corners of boxes, of three floats each.
+  Bvh(const ArrayDescriptor &lowers, const ArrayDescriptor &uppers, int device,
+      BvhConstructor constructor = BvhConstructor::Sah);
+  ~Bvh();
+
+  uint64_t id() const;
+  /// Takes over moved boxes; which of them are neighbours stays.
+  void refit(const ArrayDescriptor &lowers, const ArrayDescriptor &uppers);
+  void rebuild(const ArrayDescriptor &lowers, const ArrayDescriptor &uppers,
+               BvhConstructor constructor = BvhConstructor::Sah);
+  BvhReport report() const;
+
+private:
+  struct Impl;
+  std::unique_ptr<Impl> impl;
+};
+
+} // namespace warp
+
+#endif // WARP_BVH_H

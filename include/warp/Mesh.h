@@ -1,0 +1,47 @@
+//===- Mesh.h - Triangle meshes that kernels search -------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// The arrays stay the caller's and must live as long as the mesh: kernels read
+// positions and velocities from them. What a search touches is a copy, taken
+// when the mesh is made and refitted.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_MESH_H
+#define WARP_MESH_H
+
+#include "warp/Bvh.h"
+
+namespace warp {
+
+struct MeshArrays {
+  /// Of three floats each; velocities may be empty.
+  ArrayDescriptor points, velocities;
+  /// Three corners of each face, counter-clockwise seen from outside.
+  ArrayDescriptor indices;
+};
+
+class WARP_API Mesh {
+public:
+  /// Throws `Error` of kind `Runtime` that names the first face with an index
+  /// out of range.
+  Mesh(const MeshArrays &arrays, int device,
+       BvhConstructor constructor = BvhConstructor::Sah);
+  ~Mesh();
+
+  uint64_t id() const;
+  /// Takes over positions that moved, perhaps to another array.
+  void refit(const MeshArrays &arrays);
+  void rebuild(const MeshArrays &arrays,
+               BvhConstructor constructor = BvhConstructor::Sah);
+  BvhReport report() const;
+
+private:
+  struct Impl;
+  std::unique_ptr<Impl> impl;
+};
+
+} // namespace warp
+
+#endif // WARP_MESH_H

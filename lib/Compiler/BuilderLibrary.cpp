@@ -1,0 +1,35 @@
+//===- BuilderLibrary.cpp - Calls of the device library -------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#include "BuilderLibrary.h"
+
+#include "WarpDialect/LibraryOps.h"
+
+using namespace mlir;
+
+std::optional<SmallVector<mlir::Value>>
+warp::buildLibraryCall(Builder::Impl &impl, StringRef name, ValueRange args) {
+  if (!name.consume_front("_"))
+    return std::nullopt;
+  const LibraryFunction *function = findLibraryFunction(name);
+  if (!function)
+    return std::nullopt;
+  SmallVector<mlir::Type> results;
+  for (char letter : function->results)
+    results.push_back(getLibraryType(impl.builder.getContext(), letter));
+  if (args.size() != function->operands.size())
+    impl.failType("'" + name.str() + "' expects " +
+                  std::to_string(function->operands.size()) + " arguments");
+  for (auto [arg, letter] : llvm::zip(args, function->operands)) {
+    mlir::Type wanted = getLibraryType(impl.builder.getContext(), letter);
+    if (arg.getType() != wanted)
+      impl.failType("'" + name.str() + "' expects " + quoted(wanted) +
+                    ", but got " + quoted(arg.getType()));
+  }
+  auto call =
+      LibraryCallOp::create(impl.builder, impl.loc, results, name, args);
+  return SmallVector<mlir::Value>(call.getResults());
+}

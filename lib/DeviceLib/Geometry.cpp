@@ -1,0 +1,173 @@
+//===- Geometry.cpp - Searches that kernels call --------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// One function per row of the table in lib/Dialect/LibraryOps.cpp. A handle
+// that is not, or no longer, one of the right kind finds nothing; that of
+// another device is not even looked at.
+//
+//===----------------------------------------------------------------------===//
+
+#include "geometry/Closest.h"
+#include "geometry/Overlap.h"
+#include "geometry/Ray.h"
+#include "geometry/Sign.h"
+
+using namespace warp::geometry;
+
+#define WARP_GEOMETRY extern "C" __attribute__((used, noinline)) void
+
+namespace {
+
+/// As lib/Geometry/Slots.h and include/warp/Handle.h have them.
+constexpr int generationShift = 49, deviceShift = 58;
+constexpr u64 slotSize = 256;
+constexpr u64 kindOfGrid = 1, kindOfBvh = 2, kindOfMesh = 3;
+
+/// As include/warp/Launch.h has it.
+struct ArrayDescriptor {
+  const void *data, *grad;
+  i32 shape[4], strides[4], rank, flags;
+};
+
+/// What a slot is without a handle: an empty tree.
+constexpr Tree noTree{0, nullptr, nullptr, 1, 0};
+constexpr ArrayDescriptor noArray{nullptr, nullptr, {}, {}, 1, 0};
+constexpr struct {
+  Tree tree;
+  ArrayDescriptor arrays[3];
+} noMesh{noTree, {noArray, noArray, noArray}};
+
+/// A grid of one cell with no points (lib/Geometry/HashGrid.cpp).
+constexpr i32 noPoints[2] = {0, 0};
+constexpr struct {
+  u64 tag;
+  i32 cells[3], points;
+  f64 inverse;
+  ArrayDescriptor starts, order;
+} noGrid{0, {1, 1, 1}, 0, 0, {noPoints, nullptr, {2}, {4}, 1, 0}, noArray};
+
+/// The slot of a live handle of a kind that is for this device, or null.
+const void *slotOf(u64 id, u64 kind) {
+  u64 address = id & ((u64(1) << generationShift) - 1);
+#ifdef __NVPTX__
+  bool isHere = (id >> deviceShift & 31) != 0;
+#else
+  bool isHere = (id >> deviceShift & 31) == 0;
+#endif
+  if (!isHere || address < 4096 || address % slotSize)
+    return nullptr;
+  auto *tag = reinterpret_cast<const u64 *>(address);
+  return *tag == (id >> generationShift << 8 | kind) ? tag : nullptr;
+}
+
+const Tree &treeOf(u64 id, u64 kind) {
+  const void *slot = slotOf(id, kind);
+  return slot ? *static_cast<const Tree *>(slot) : noTree;
+}
+
+} // namespace
+
+/// Where a handle's slot is, or one that has nothing.
+WARP_GEOMETRY warp_slot(u64 id, i32 kind, u64 *result) {
+  const void *slot = slotOf(id, u64(kind));
+  const void *none = u64(kind) == kindOfGrid
+                         ? static_cast<const void *>(&noGrid)
+                         : &noMesh;
+  *result = reinterpret_cast<u64>(slot ? slot : none);
+}
+
+WARP_GEOMETRY warp_mesh_closest(u64 mesh, f32 x, f32 y, f32 z, f32 maxDist,
+                                ClosestPoint *result) {
+  *result = findClosest(treeOf(mesh, kindOfMesh), {x, y, z}, maxDist, 0);
+}
+
+WARP_GEOMETRY warp_mesh_furthest(u64 mesh, f32 x, f32 y, f32 z, f32 minDist,
+                                 ClosestPoint *result) {
+  *result = findFurthest(treeOf(mesh, kindOfMesh), {x, y, z}, minDist);
+}
+
+WARP_GEOMETRY warp_mesh_side(u64 mesh, f32 x, f32 y, f32 z, f32 *result) {
+  *result = sideByRays(treeOf(mesh, kindOfMesh), {x, y, z});
+}
+
+/// The closest point and its side by normals.
+struct SignedPoint {
+  ClosestPoint point;
+  f32 sign;
+};
+
+WARP_GEOMETRY warp_mesh_closest_signed(u64 mesh, f32 x, f32 y, f32 z,
+                                       f32 maxDist, f32 epsilon,
+                                       SignedPoint *result) {
+  const Tree &tree = treeOf(mesh, kindOfMesh);
+  BlockLane place{0, 0};
+  ClosestPoint found = findClosest(tree, {x, y, z}, maxDist, 0, &place);
+  *result = {found, 0};
+  if (found.face >= 0)
+    result->sign = sideByNormal(
+        tree, {x, y, z}, found,
+        static_cast<const TriangleBlock *>(tree.blocks)[place.block],
+        place.lane, epsilon);
+}
+
+WARP_GEOMETRY warp_mesh_ray(u64 mesh, f32 x, f32 y, f32 z, f32 dx, f32 dy,
+                            f32 dz, f32 maxT, i32 root, RayHit *result) {
+  *result = castRay(treeOf(mesh, kindOfMesh), {x, y, z}, {dx, dy, dz}, maxT,
+                    root < 0 ? 0 : root);
+}
+
+WARP_GEOMETRY warp_mesh_ray_any(u64 mesh, f32 x, f32 y, f32 z, f32 dx, f32 dy,
+                                f32 dz, f32 maxT, i32 root, i32 *result) {
+  *result = castRay(treeOf(mesh, kindOfMesh), {x, y, z}, {dx, dy, dz}, maxT,
+                    root < 0 ? 0 : root, /*any=*/true)
+                .face >= 0;
+}
+
+/// What an iterator gives: a primitive or -1, and where it is then.
+struct NextOverlap {
+  i32 primitive, node, level, block, left;
+  u64 lowTrail, highTrail;
+};
+
+template <class Block>
+static i32 next(const Tree &tree, i32 shape, const f32 (&s)[7], f32 limit,
+                Cursor &cursor) {
+  f32 k = tree.scale;
+  if (shape == 0)
+    return nextOverlap<Block>(tree,
+                              BoxShape{{s[0] * k, s[1] * k, s[2] * k},
+                                       {s[3] * k, s[4] * k, s[5] * k}},
+                              cursor);
+  if (shape == 1) {
+    f32 radius = s[3] * k;
+    return radius >= 0
+               ? nextOverlap<Block>(tree,
+                                    SphereShape{{s[0] * k, s[1] * k, s[2] * k},
+                                                radius * radius},
+                                    cursor)
+               : -1;
+  }
+  Ray ray(tree, {s[0], s[1], s[2]}, {s[3], s[4], s[5]});
+  if (!ray.isValid)
+    return -1;
+  return nextOverlap<Block>(tree, RayShape{ray, limit / ray.first / ray.second},
+                            cursor);
+}
+
+/// Shapes: 0 a box by its corners, 1 a ball by center and radius, 2 a ray by
+/// start and direction, up to `limit`.
+WARP_GEOMETRY warp_overlap_next(u64 id, i32 shape, f32 a, f32 b, f32 c, f32 d,
+                                f32 e, f32 f, f32 g, f32 limit, i32 node,
+                                i32 level, i32 block, i32 left, u64 lowTrail,
+                                u64 highTrail, NextOverlap *result) {
+  const f32 numbers[7] = {a, b, c, d, e, f, g};
+  Cursor cursor{node, level, block, u32(left), lowTrail, highTrail, 0};
+  const Tree &mesh = treeOf(id, kindOfMesh);
+  i32 primitive =
+      mesh.nodes ? next<TriangleBlock>(mesh, shape, numbers, limit, cursor)
+                 : next<BoxBlock>(treeOf(id, kindOfBvh), shape, numbers, limit,
+                                  cursor);
+  *result = {primitive,        cursor.node,     cursor.level,    cursor.block,
+             i32(cursor.left), cursor.lowTrail, cursor.highTrail};
+}

@@ -1,0 +1,248 @@
+//===- Ray.h - Where a ray meets a mesh -----------------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Triangles are sheared so that the ray is an axis (Woop, Benthin, Wald,
+// "Watertight ray/triangle intersection", JCGT 2(1), 2013). Which side of an
+// edge the ray passes is the sign of a difference of products whose sign is
+// exact for the sheared corners, and neighbours shear a corner to the same
+// bits: no ray slips between them. A ray in a triangle's plane misses it.
+//
+// Boxes are tested by slabs, a few units in the last place wider (Ize, "Robust
+// BVH ray traversal", JCGT 2(2), 2013). An axis along which the ray does not
+// move asks whether the origin is within the slab, borders included.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_DEVICELIB_GEOMETRY_RAY_H
+#define WARP_DEVICELIB_GEOMETRY_RAY_H
+
+#include "Tree.h"
+
+namespace warp::geometry {
+
+inline f32 powerOfTwo(i32 exponent) {
+  return __builtin_bit_cast(f32, u32(exponent + 127) << 23);
+}
+
+/// The binary exponent of a positive number, of its least normal one at least.
+inline i32 exponentOf(f32 x) {
+  i32 exponent = i32(__builtin_bit_cast(u32, x) >> 23 & 0xff) - 127;
+  return exponent < -126 ? -126 : exponent;
+}
+
+/// A ray in the coordinates of a tree. Its direction is scaled by a power of
+/// two so that the largest component is in [1, 2).
+struct Ray {
+  Point<f32> origin;
+  f32 start[3], direction[3], inverse[3];
+  int kx, ky, kz;
+  f32 shearX, shearY, shearZ;
+  /// The user's parameter is `t * first * second` of ours.
+  f32 first, second;
+  bool isValid;
+
+  Ray(const Tree &tree, Point<f32> from, Point<f32> along) {
+    origin = {from.x * tree.scale, from.y * tree.scale, from.z * tree.scale};
+    f32 given[3] = {along.x, along.y, along.z};
+    f32 from3[3] = {origin.x, origin.y, origin.z};
+    f32 size[3];
+    for (int i = 0; i < 3; ++i)
+      size[i] = __builtin_elementwise_abs(given[i]);
+    kz = size[0] > size[1] ? (size[0] > size[2] ? 0 : 2)
+                           : (size[1] > size[2] ? 1 : 2);
+    f32 largest = size[kz];
+    isValid = largest > 0 && largest < infinity && size[0] <= largest &&
+              size[1] <= largest && size[2] <= largest;
+    i32 exponent = isValid ? exponentOf(largest) : 0;
+    // In two steps, as 2^-exponent need not be a float.
+    i32 half = exponent / 2;
+    f32 down = powerOfTwo(-half), further = powerOfTwo(half - exponent);
+    for (int i = 0; i < 3; ++i) {
+      start[i] = from3[i];
+      direction[i] = given[i] * down * further;
+      inverse[i] = 1 / direction[i];
+      if (!(__builtin_elementwise_abs(inverse[i]) < infinity))
+        direction[i] = 0;
+    }
+    first = down / tree.scale;
+    second = further;
+    kx = kz == 2 ? 0 : kz + 1;
+    ky = kx == 2 ? 0 : kx + 1;
+    // Keeps the winding.
+    if (direction[kz] < 0) {
+      int swap = kx;
+      kx = ky;
+      ky = swap;
+    }
+    shearX = direction[kx] / direction[kz];
+    shearY = direction[ky] / direction[kz];
+    shearZ = 1 / direction[kz];
+  }
+
+  f32 toUser(f32 t) const { return t * first * second; }
+};
+
+/// Children of a node that the ray may meet before `limit`, and where.
+inline u32 meetBoxes(const Node &node, const Ray &ray, f32 limit,
+                     Floats &entry) {
+  entry = Floats(0);
+  Floats leave = Floats(limit);
+  Ints within = lanesOf(node.children());
+#pragma unroll
+  for (int axis = 0; axis < 3; ++axis) {
+    Floats low = node.low[axis] - ray.start[axis];
+    Floats high = node.high[axis] - ray.start[axis];
+    f32 direction = ray.direction[axis], inverse = ray.inverse[axis];
+    if (direction == 0) {
+      within &= (low <= Floats(0)) & (high >= Floats(0));
+      continue;
+    }
+    entry = greatest(entry, (direction > 0 ? low : high) * inverse);
+    leave = least(leave, (direction > 0 ? high : low) * inverse);
+  }
+  // Each bound is off by 3 roundings at most.
+  return bitsOf(within & (entry <= leave * 1.000001f));
+}
+
+/// What a ray meets of a block: weights of the first two corners, parameter.
+struct Meeting {
+  Floats u, v, t;
+  /// The sum of the weights before they are normalised: its sign is the side.
+  Floats weights;
+  Ints isMet;
+};
+
+inline Meeting meetTriangles(const TriangleBlock &block, const Ray &ray) {
+  Floats x[3], y[3], z[3];
+#pragma unroll
+  for (int i = 0; i < 3; ++i) {
+    z[i] = block.vertex[i][ray.kz] - ray.start[ray.kz];
+    x[i] = fma(Floats(-ray.shearX), z[i],
+               block.vertex[i][ray.kx] - ray.start[ray.kx]);
+    y[i] = fma(Floats(-ray.shearY), z[i],
+               block.vertex[i][ray.ky] - ray.start[ray.ky]);
+  }
+  Floats u = differenceOfProducts(x[2], y[1], y[2], x[1]);
+  Floats v = differenceOfProducts(x[0], y[2], y[0], x[2]);
+  Floats w = differenceOfProducts(x[1], y[0], y[1], x[0]);
+  Floats zero = Floats(0);
+  Ints isMet = ((u >= zero) & (v >= zero) & (w >= zero)) |
+               ((u <= zero) & (v <= zero) & (w <= zero));
+  Floats sum = u + v + w;
+  isMet &= sum != zero;
+  Floats t = fma(u, z[0], fma(v, z[1], w * z[2])) * ray.shearZ / sum;
+  return {u / sum, v / sum, t, sum, isMet & (t >= zero)};
+}
+
+struct RayHit {
+  i32 face;
+  f32 u, v, t;
+};
+
+/// Finds the first triangle along a ray, or any. Equal parameters go to the
+/// lower face.
+class RaySearch {
+public:
+  RaySearch(const Tree &tree, const Ray &ray, f32 limit, bool any)
+      : tree(tree), ray(ray), any(any) {
+    hit.t = limit;
+  }
+
+  RayHit run(i32 root) {
+    push(root, 0);
+    while (count) {
+      --count;
+      if (!(entries[count] <= hit.t))
+        continue;
+      if (refs[count] < 0)
+        visit(~refs[count]);
+      else
+        enter(refs[count]);
+      if (any && hit.face >= 0)
+        break;
+    }
+    return hit;
+  }
+
+  /// Whether the triangle that was met faces away from the start.
+  bool leavesThroughFront() const { return away; }
+
+private:
+  void push(i32 ref, f32 entry) {
+    refs[count] = ref;
+    entries[count++] = entry;
+  }
+
+  /// Pushes the children that are met, the nearest last.
+  void enter(i32 index) {
+    const Node &node = tree.nodes[index];
+    Floats entry;
+    u32 met = meetBoxes(node, ray, hit.t, entry);
+    int bottom = count;
+    for (; met; met &= met - 1) {
+      int child = lowestBit(met);
+      i32 ref = node.blocks >> child & 1 ? ~node.blockAt(child)
+                                         : node.nodeAt(child);
+      f32 at = entry[child];
+      int place = count++;
+      for (; place > bottom && entries[place - 1] < at; --place) {
+        refs[place] = refs[place - 1];
+        entries[place] = entries[place - 1];
+      }
+      refs[place] = ref;
+      entries[place] = at;
+    }
+  }
+
+  void visit(i32 index) {
+    const TriangleBlock &block =
+        static_cast<const TriangleBlock *>(tree.blocks)[index];
+    Meeting meeting = meetTriangles(block, ray);
+    Ints closer =
+        meeting.isMet & ((meeting.t < hit.t) |
+                         ((meeting.t == hit.t) & (block.id < Ints(hit.face))));
+    if (!bitsOf(closer))
+      return;
+    hit.t = leastOf(choose(closer, meeting.t, Floats(infinity)));
+    Ints first = closer & (meeting.t == Floats(hit.t));
+    hit.face = leastOf(choose(first, block.id, Ints(largestInt)));
+    int lane = lowestBit(bitsOf(first & (block.id == Ints(hit.face))));
+    hit.u = meeting.u[lane];
+    hit.v = meeting.v[lane];
+    // Shearing keeps the winding: seen from the start, a face that shows its
+    // front has a positive sum of weights.
+    away = meeting.weights[lane] < 0;
+  }
+
+  const Tree &tree;
+  const Ray &ray;
+  bool any;
+  RayHit hit{-1, 0, 0, 0};
+  bool away = false;
+  int count = 0;
+  i32 refs[maxDepth * (width - 1) + 1];
+  f32 entries[maxDepth * (width - 1) + 1];
+};
+
+/// The first hit with 0 <= t < maxT, in units of the direction's length; face
+/// -1 if there is none.
+inline RayHit castRay(const Tree &tree, Point<f32> start, Point<f32> direction,
+                      f32 maxT, i32 root, bool any = false) {
+  RayHit none{-1, 0, 0, 0};
+  if (!tree.nodes)
+    return none;
+  Ray ray(tree, start, direction);
+  if (!ray.isValid || !(maxT > 0))
+    return none;
+  f32 limit = maxT / ray.first / ray.second;
+  RayHit hit = RaySearch(tree, ray, limit, any).run(root);
+  if (hit.face < 0)
+    return none;
+  hit.t = ray.toUser(hit.t);
+  return hit;
+}
+
+} // namespace warp::geometry
+
+#endif // WARP_DEVICELIB_GEOMETRY_RAY_H

@@ -1,0 +1,70 @@
+//===- LibraryOps.cpp - Calls of the device library -----------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// The table says what lib/DeviceLib/Geometry.cpp defines.
+//
+//===----------------------------------------------------------------------===//
+
+#include "WarpDialect/LibraryOps.h"
+#include "WarpDialect/WarpDialect.h"
+
+using namespace mlir;
+
+static constexpr warp::LibraryFunction functions[] = {
+    // A handle and a kind: the address of its slot, or of one with nothing.
+    {"warp_slot", "li", "l"},
+    // A point and the largest distance: face, weights of two corners.
+    {"warp_mesh_closest", "lffff", "iff"},
+    {"warp_mesh_furthest", "lffff", "iff"},
+    // The same and where corners are one: also the side by normals.
+    {"warp_mesh_closest_signed", "lfffff", "ifff"},
+    // A point: -1 inside, 1 outside.
+    {"warp_mesh_side", "lfff", "f"},
+    // Start, direction, largest parameter, root: face, weights, parameter.
+    {"warp_mesh_ray", "lfffffffi", "ifff"},
+    {"warp_mesh_ray_any", "lfffffffi", "i"},
+    // Shape, its seven numbers and its limit, cursor: primitive, cursor.
+    {"warp_overlap_next", "liffffffffiiiill", "iiiiill"},
+};
+
+const warp::LibraryFunction *warp::findLibraryFunction(StringRef symbol) {
+  for (const LibraryFunction &function : functions)
+    if (function.symbol == symbol)
+      return &function;
+  return nullptr;
+}
+
+mlir::Type warp::getLibraryType(MLIRContext *context, char letter) {
+  if (letter == 'f')
+    return Float32Type::get(context);
+  return letter == 'i' ? IntegerType::get(context, 32, IntegerType::Signed)
+                       : IntegerType::get(context, 64, IntegerType::Unsigned);
+}
+
+/// With and without a sign, as the phases have it.
+static bool fits(TypeRange types, StringRef letters) {
+  if (types.size() != letters.size())
+    return false;
+  for (auto [type, letter] : llvm::zip(types, letters))
+    if (warp::getSignless(type) !=
+        warp::getSignless(warp::getLibraryType(type.getContext(), letter)))
+      return false;
+  return true;
+}
+
+LogicalResult warp::LibraryCallOp::verify() {
+  const LibraryFunction *function = findLibraryFunction(getCallee());
+  if (!function)
+    return emitOpError("(C1) the device library has no function '")
+           << getCallee() << "'";
+  if (!fits(getArgs().getTypes(), function->operands) ||
+      !fits(getResults().getTypes(), function->results))
+    return emitOpError("(C2) '") << getCallee() << "' takes '"
+                                 << function->operands << "' and gives '"
+                                 << function->results << "'";
+  return success();
+}
+
+#define GET_OP_CLASSES
+#include "WarpDialect/WarpLibraryOps.cpp.inc"

@@ -1,0 +1,132 @@
+//===- Bvh.cpp - Bounding volume hierarchies ------------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#include "warp/Bvh.h"
+
+#include "DeviceTree.h"
+#include "Slots.h"
+
+#include <limits>
+
+using namespace warp;
+using namespace warp::geometry;
+
+namespace {
+
+struct Boxes {
+  Boxes(const ArrayDescriptor &lowers, const ArrayDescriptor &uppers,
+        int device)
+      : lowers(lowers, device), uppers(uppers, device) {
+    if (this->lowers.size() != this->uppers.size())
+      throw Error(Error::Kind::Runtime,
+                  "a Bvh needs as many lower corners as upper ones, but got " +
+                      std::to_string(this->lowers.size()) + " and " +
+                      std::to_string(this->uppers.size()));
+  }
+
+  int64_t size() const { return lowers.size(); }
+  Bounds operator[](int64_t i) const {
+    Bounds bounds;
+    std::memcpy(bounds.low, &lowers[i], sizeof bounds.low);
+    std::memcpy(bounds.high, &uppers[i], sizeof bounds.high);
+    return bounds;
+  }
+
+  HostElements<Float3> lowers, uppers;
+};
+
+} // namespace
+
+struct Bvh::Impl {
+  explicit Impl(int device)
+      : slot(GeometryKind::Bvh, device), onDevice(device) {}
+
+  void build(const Boxes &boxes, Splitting splitting);
+  void refit(const Boxes &boxes);
+  void fill(const Boxes &boxes, BoxBlock &block) const;
+  void publish();
+
+  Slot slot;
+  Hierarchy<BoxBlock> tree;
+  DeviceTree<BoxBlock> onDevice;
+  float scale = 1;
+  int64_t count = 0, skipped = 0;
+};
+
+void Bvh::Impl::fill(const Boxes &boxes, BoxBlock &block) const {
+  constexpr float none = std::numeric_limits<float>::quiet_NaN();
+  for (int lane = 0; lane < width; ++lane) {
+    int32_t id = block.id[lane];
+    Bounds bounds = id >= 0 ? boxes[id] : Bounds();
+    bool isThere = bounds.isProper();
+    for (int axis = 0; axis < 3; ++axis) {
+      block.bounds[axis][lane] = isThere ? bounds.low[axis] * scale : none;
+      block.bounds[3 + axis][lane] = isThere ? bounds.high[axis] * scale : none;
+    }
+  }
+}
+
+void Bvh::Impl::build(const Boxes &boxes, Splitting splitting) {
+  count = boxes.size();
+  std::vector<BuildPrimitive> primitives;
+  primitives.reserve(count);
+  Bounds all;
+  for (int64_t i = 0; i < count; ++i) {
+    Bounds bounds = boxes[i];
+    if (!bounds.isProper())
+      continue;
+    all.include(bounds);
+    primitives.push_back({bounds, int32_t(i), 0});
+  }
+  skipped = count - int64_t(primitives.size());
+  scale = chooseScale(all);
+  tree.build(std::move(primitives), splitting,
+             [&](BoxBlock &block) { fill(boxes, block); });
+  publish();
+}
+
+void Bvh::Impl::refit(const Boxes &boxes) {
+  if (boxes.size() != count)
+    throw Error(Error::Kind::Runtime, "a refitted Bvh keeps its " +
+                                          std::to_string(count) +
+                                          " boxes, but got " +
+                                          std::to_string(boxes.size()));
+  Bounds all;
+  for (int64_t i = 0; i < count; ++i)
+    if (Bounds bounds = boxes[i]; bounds.isProper())
+      all.include(bounds);
+  scale = chooseScale(all);
+  tree.refit([&](BoxBlock &block) { fill(boxes, block); });
+  publish();
+}
+
+void Bvh::Impl::publish() {
+  Tree contents = onDevice.describe(tree, scale, count);
+  // The slot writes the first word.
+  slot.write(&contents.nodes, sizeof contents - sizeof contents.tag);
+}
+
+Bvh::Bvh(const ArrayDescriptor &lowers, const ArrayDescriptor &uppers,
+         int device, BvhConstructor constructor)
+    : impl(std::make_unique<Impl>(device)) {
+  rebuild(lowers, uppers, constructor);
+}
+
+Bvh::~Bvh() = default;
+
+uint64_t Bvh::id() const { return impl->slot.id(); }
+
+void Bvh::refit(const ArrayDescriptor &lowers, const ArrayDescriptor &uppers) {
+  impl->refit(Boxes(lowers, uppers, impl->slot.device()));
+}
+
+void Bvh::rebuild(const ArrayDescriptor &lowers, const ArrayDescriptor &uppers,
+                  BvhConstructor constructor) {
+  impl->build(Boxes(lowers, uppers, impl->slot.device()),
+              splittingOf(constructor));
+}
+
+BvhReport Bvh::report() const { return reportOf(impl->tree, impl->skipped); }

@@ -1,0 +1,108 @@
+//===- DeviceTree.h - A hierarchy where its device reads it -----*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Hierarchies are built and refitted by the host. What is for a GPU is copied
+// there; arrays of a GPU are copied here first.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_GEOMETRY_DEVICETREE_H
+#define WARP_LIB_GEOMETRY_DEVICETREE_H
+
+#include "Hierarchy.h"
+
+#include "warp/Bvh.h"
+#include "warp/Error.h"
+#include "warp/Memory.h"
+
+#include <cstring>
+
+namespace warp::geometry {
+
+/// Elements of a 1-D array of plain data in host memory.
+template <class T> class HostElements {
+public:
+  HostElements(const ArrayDescriptor &array, int device)
+      : count(array.shape[0]), stride(array.strides[0]),
+        data(static_cast<const char *>(array.data)) {
+    if (device == cpuDevice || count == 0)
+      return;
+    copy.resize(count);
+    ArrayDescriptor packed = array;
+    packed.data = copy.data();
+    packed.strides[0] = sizeof(T);
+    copyArray({&packed, cpuDevice}, {&array, device}, sizeof(T));
+    data = reinterpret_cast<const char *>(copy.data());
+    stride = sizeof(T);
+  }
+
+  int64_t size() const { return count; }
+  const T &operator[](int64_t i) const {
+    return *reinterpret_cast<const T *>(data + i * stride);
+  }
+
+private:
+  int64_t count, stride;
+  const char *data;
+  std::vector<T> copy;
+};
+
+struct Float3 {
+  float at[3];
+};
+
+/// Where a device finds nodes and blocks.
+template <class Block> class DeviceTree {
+public:
+  explicit DeviceTree(int device) : device(device) {}
+
+  /// Gives a description of the hierarchy, copied to the device if need be.
+  Tree describe(const Hierarchy<Block> &host, float scale, int64_t count) {
+    Tree tree{0, nullptr, nullptr, scale, int32_t(count)};
+    if (host.nodes().empty())
+      return tree;
+    if (device == cpuDevice) {
+      tree.nodes = host.nodes().data();
+      tree.blocks = host.leaves().data();
+      return tree;
+    }
+    tree.nodes = static_cast<const Node *>(
+        upload(nodes, host.nodes().data(), host.nodes().size() * sizeof(Node)));
+    tree.blocks = upload(blocks, host.leaves().data(),
+                         host.leaves().size() * sizeof(Block));
+    return tree;
+  }
+
+private:
+  const void *upload(std::unique_ptr<Buffer> &buffer, const void *from,
+                     size_t bytes) {
+    if (!buffer || buffer->size() < bytes)
+      buffer = std::make_unique<Buffer>(device, bytes);
+    copyMemory(buffer->data(), device, from, cpuDevice, bytes);
+    return buffer->data();
+  }
+
+  int device;
+  std::unique_ptr<Buffer> nodes, blocks;
+};
+
+template <class Block>
+BvhReport reportOf(const Hierarchy<Block> &tree, int64_t skipped) {
+  BvhReport report;
+  report.skipped = skipped;
+  report.nodes = int64_t(tree.nodes().size());
+  report.blocks = int64_t(tree.leaves().size());
+  report.bytes = int64_t(tree.bytes());
+  report.depth = tree.depth();
+  return report;
+}
+
+inline Splitting splittingOf(BvhConstructor constructor) {
+  return constructor == BvhConstructor::Sah ? Splitting::Area
+                                            : Splitting::Median;
+}
+
+} // namespace warp::geometry
+
+#endif // WARP_LIB_GEOMETRY_DEVICETREE_H

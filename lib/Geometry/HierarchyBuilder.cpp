@@ -1,0 +1,317 @@
+//===- HierarchyBuilder.cpp - Topology of a hierarchy ---------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#include "HierarchyBuilder.h"
+
+#include "warp/ThreadPool.h"
+
+#include <algorithm>
+#include <cmath>
+
+using namespace warp;
+using namespace warp::geometry;
+
+bool Bounds::isProper() const {
+  for (int i = 0; i < 3; ++i)
+    if (!(low[i] <= high[i]) || !std::isfinite(low[i]) ||
+        !std::isfinite(high[i]))
+      return false;
+  return true;
+}
+
+namespace {
+
+constexpr int bins = 16;
+
+/// Primitives [begin, end).
+struct Range {
+  int64_t begin, end;
+  Bounds bounds;
+
+  int64_t size() const { return end - begin; }
+};
+
+/// The best cut found: primitives whose bin along `axis` is below `bin`.
+struct Cut {
+  int axis = -1, bin = 0;
+  float cost = infinity;
+  float low = 0, scale = 0;
+
+  bool isBelow(const BuildPrimitive &primitive) const {
+    return binOf(primitive, axis, low, scale) < bin;
+  }
+  static int binOf(const BuildPrimitive &primitive, int axis, float low,
+                   float scale) {
+    // Twice the centroid.
+    float at = primitive.bounds.low[axis] + primitive.bounds.high[axis];
+    float place = (at - low) * scale;
+    return !(place > 0) ? 0 : place < bins ? int(place) : bins - 1;
+  }
+};
+
+/// Memory that one thread builds in.
+struct Arena {
+  std::vector<Node> nodes;
+  std::vector<Ints> blocks;
+  int depth = 0;
+};
+
+/// A subtree whose root is a node of the top.
+struct Task {
+  int32_t root;
+  int levels;
+  Range range;
+  Arena arena;
+};
+
+class Builder {
+public:
+  Builder(std::vector<BuildPrimitive> &primitives, Splitting splitting)
+      : primitives(primitives), splitting(splitting) {}
+
+  Topology run();
+
+private:
+  Range makeRange(int64_t begin, int64_t end) const;
+  Cut findCut(const Range &range) const;
+  int64_t split(const Range &range, int64_t unit);
+  std::vector<Range> divide(const Range &range, int levels);
+  void build(Arena &arena, int32_t node, const Range &range, int levels,
+             std::vector<Task> *tasks);
+  Ints takeBlock(const Range &range) const;
+  Topology join(Arena &top, std::vector<Task> &tasks) const;
+
+  std::vector<BuildPrimitive> &primitives;
+  Splitting splitting;
+  /// Smaller ranges are left to tasks.
+  int64_t taskSize = 0;
+};
+
+} // namespace
+
+Range Builder::makeRange(int64_t begin, int64_t end) const {
+  Range range{begin, end, {}};
+  for (int64_t i = begin; i < end; ++i)
+    range.bounds.include(primitives[i].bounds);
+  return range;
+}
+
+/// What a range costs to search: its surface times its blocks.
+static float costOf(const Bounds &bounds, int64_t count) {
+  return count ? bounds.area() * float((count + width - 1) / width) : 0;
+}
+
+Cut Builder::findCut(const Range &range) const {
+  Bounds centroids;
+  for (int64_t i = range.begin; i < range.end; ++i) {
+    const Bounds &bounds = primitives[i].bounds;
+    float centroid[3];
+    for (int axis = 0; axis < 3; ++axis)
+      centroid[axis] = bounds.low[axis] + bounds.high[axis];
+    centroids.include(centroid);
+  }
+  Bounds inBin[3][bins];
+  int64_t count[3][bins] = {};
+  float scale[3];
+  for (int axis = 0; axis < 3; ++axis)
+    scale[axis] = bins / (centroids.high[axis] - centroids.low[axis]);
+  for (int64_t i = range.begin; i < range.end; ++i)
+    for (int axis = 0; axis < 3; ++axis) {
+      if (!(scale[axis] < infinity))
+        continue;
+      int bin = Cut::binOf(primitives[i], axis, centroids.low[axis],
+                           scale[axis]);
+      inBin[axis][bin].include(primitives[i].bounds);
+      ++count[axis][bin];
+    }
+  Cut best;
+  for (int axis = 0; axis < 3; ++axis) {
+    if (!(scale[axis] < infinity))
+      continue;
+    float above[bins];
+    Bounds bounds;
+    int64_t number = 0;
+    for (int bin = bins - 1; bin > 0; --bin) {
+      bounds.include(inBin[axis][bin]);
+      number += count[axis][bin];
+      above[bin] = number ? costOf(bounds, number) : infinity;
+    }
+    bounds = {};
+    number = 0;
+    for (int bin = 1; bin < bins; ++bin) {
+      bounds.include(inBin[axis][bin - 1]);
+      number += count[axis][bin - 1];
+      if (number && costOf(bounds, number) + above[bin] < best.cost)
+        best = {axis, bin, costOf(bounds, number) + above[bin],
+                centroids.low[axis], scale[axis]};
+    }
+  }
+  return best;
+}
+
+/// Orders a range and gives where its second half begins: by the heuristic, or
+/// in the middle of the widest axis if `unit`, of which the first half is a
+/// multiple, is not 0.
+int64_t Builder::split(const Range &range, int64_t unit) {
+  auto first = primitives.begin();
+  if (splitting == Splitting::Area && unit == 0) {
+    Cut cut = findCut(range);
+    if (cut.axis >= 0)
+      return std::partition(first + range.begin, first + range.end,
+                            [&](const BuildPrimitive &p) {
+                              return cut.isBelow(p);
+                            }) -
+             first;
+  }
+  unit = std::max<int64_t>(unit, width);
+  int64_t units = (range.size() + unit - 1) / unit;
+  int64_t middle = range.begin + (units + 1) / 2 * unit;
+  int axis = 0;
+  auto extent = [&](int i) {
+    return range.bounds.high[i] - range.bounds.low[i];
+  };
+  for (int i = 1; i < 3; ++i)
+    axis = extent(i) > extent(axis) ? i : axis;
+  std::nth_element(first + range.begin, first + middle, first + range.end,
+                   [&](const BuildPrimitive &a, const BuildPrimitive &b) {
+                     float x = a.bounds.low[axis] + a.bounds.high[axis];
+                     float y = b.bounds.low[axis] + b.bounds.high[axis];
+                     return x != y ? x < y : a.id < b.id;
+                   });
+  return middle;
+}
+
+/// The children of a node with `levels` levels of nodes, its own included.
+std::vector<Range> Builder::divide(const Range &range, int levels) {
+  // A child has one level less, and eight times as many places per level.
+  int64_t capacity = levels > 20 ? INT64_MAX : int64_t(1) << (3 * levels);
+  int64_t unit = range.size() > capacity ? capacity : 0;
+  std::vector<Range> children{range};
+  while (children.size() < size_t(width)) {
+    auto weight = [&](const Range &child) {
+      if (child.size() <= std::max<int64_t>(unit, width))
+        return -1.0f;
+      return unit ? float(child.size()) : child.bounds.area();
+    };
+    auto largest = std::max_element(
+        children.begin(), children.end(),
+        [&](const Range &a, const Range &b) { return weight(a) < weight(b); });
+    if (weight(*largest) < 0)
+      break;
+    Range whole = *largest;
+    int64_t middle = split(whole, unit);
+    *largest = makeRange(whole.begin, middle);
+    children.insert(largest + 1, makeRange(middle, whole.end));
+  }
+  return children;
+}
+
+Ints Builder::takeBlock(const Range &range) const {
+  Ints ids = -1;
+  for (int64_t i = range.begin; i < range.end; ++i)
+    ids[i - range.begin] = primitives[i].id;
+  return ids;
+}
+
+void Builder::build(Arena &arena, int32_t node, const Range &range, int levels,
+                    std::vector<Task> *tasks) {
+  arena.depth = std::max(arena.depth, maxDepth - levels + 1);
+  std::vector<Range> children = divide(range, levels);
+  auto firstNode = int32_t(arena.nodes.size());
+  u8 nodes = 0, blocks = 0;
+  arena.nodes[node].firstNode = firstNode;
+  arena.nodes[node].firstBlock = u32(arena.blocks.size());
+  for (size_t i = 0; i < children.size(); ++i) {
+    if (children[i].size() > width) {
+      nodes |= 1 << i;
+      Node &child = arena.nodes.emplace_back();
+      child.parent = node;
+    } else {
+      blocks |= 1 << i;
+      arena.blocks.push_back(takeBlock(children[i]));
+    }
+  }
+  arena.nodes[node].nodes = nodes;
+  arena.nodes[node].blocks = blocks;
+  for (size_t i = 0; i < children.size(); ++i) {
+    if (!(nodes >> i & 1))
+      continue;
+    int32_t child = firstNode++;
+    if (tasks && children[i].size() <= taskSize)
+      tasks->push_back({child, levels - 1, children[i], {}});
+    else
+      build(arena, child, children[i], levels - 1, tasks);
+  }
+}
+
+/// Puts the parts behind the top. Node 0 of a part is the one that the top has.
+Topology Builder::join(Arena &top, std::vector<Task> &tasks) const {
+  Topology all;
+  all.topNodes = int32_t(top.nodes.size());
+  all.topBlocks = int32_t(top.blocks.size());
+  all.depth = top.depth;
+  all.nodes = std::move(top.nodes);
+  all.blocks = std::move(top.blocks);
+  int32_t nodes = all.topNodes, blocks = all.topBlocks;
+  for (Task &task : tasks) {
+    all.depth = std::max(all.depth, task.arena.depth);
+    Topology::Part part{task.root, nodes, 0, blocks, 0};
+    nodes = part.endNode = nodes + int32_t(task.arena.nodes.size()) - 1;
+    blocks = part.endBlock = blocks + int32_t(task.arena.blocks.size());
+    all.parts.push_back(part);
+  }
+  all.nodes.resize(nodes);
+  all.blocks.resize(blocks);
+  auto place = [&](int64_t from, int64_t to) {
+    for (int64_t i = from; i < to; ++i) {
+      const Arena &arena = tasks[i].arena;
+      const Topology::Part &part = all.parts[i];
+      int32_t parent = all.nodes[part.root].parent;
+      auto indexOf = [&](int32_t local) {
+        return local ? part.firstNode + local - 1 : part.root;
+      };
+      for (size_t local = 0; local < arena.nodes.size(); ++local) {
+        Node &node = all.nodes[indexOf(int32_t(local))];
+        node = arena.nodes[local];
+        node.parent = local ? indexOf(node.parent) : parent;
+        node.firstNode += part.firstNode - 1;
+        node.firstBlock += part.firstBlock;
+      }
+      std::copy(arena.blocks.begin(), arena.blocks.end(),
+                all.blocks.begin() + part.firstBlock);
+    }
+  };
+  ThreadPool::parallelFor(0, int64_t(tasks.size()), 1, place);
+  return all;
+}
+
+Topology Builder::run() {
+  auto count = int64_t(primitives.size());
+  if (count == 0)
+    return {};
+  taskSize = std::max<int64_t>(1024, count / 64);
+  Arena top;
+  top.nodes.emplace_back().parent = -1;
+  std::vector<Task> tasks;
+  build(top, 0, makeRange(0, count), maxDepth, &tasks);
+  auto work = [&](int64_t from, int64_t to) {
+    for (int64_t i = from; i < to; ++i) {
+      Task &task = tasks[i];
+      task.arena.nodes.reserve(task.range.size() / 16 + 1);
+      task.arena.blocks.reserve(task.range.size() / 4 + 1);
+      task.arena.nodes.emplace_back().parent = -1;
+      build(task.arena, 0, task.range, task.levels, nullptr);
+    }
+  };
+  ThreadPool::parallelFor(0, int64_t(tasks.size()), 1, work);
+  return join(top, tasks);
+}
+
+Topology
+warp::geometry::buildTopology(std::vector<BuildPrimitive> &primitives,
+                              Splitting splitting) {
+  return Builder(primitives, splitting).run();
+}

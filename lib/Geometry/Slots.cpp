@@ -1,0 +1,134 @@
+//===- Slots.cpp - Handles of geometry ------------------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Slots.h"
+
+#include "warp/Memory.h"
+
+#include <cstring>
+#include <deque>
+#include <mutex>
+#include <unordered_map>
+#include <vector>
+
+using namespace warp;
+using namespace warp::geometry;
+
+namespace {
+
+constexpr int generationShift = 49, deviceShift = 58;
+constexpr uint64_t generations = 1 << (deviceShift - generationShift);
+constexpr uint64_t addressMask = (uint64_t(1) << generationShift) - 1;
+constexpr size_t slotsPerSlab = 1024;
+/// Slots rest before they are used again, so that generations last.
+constexpr size_t restingSlots = 256;
+
+struct FreeSlot {
+  uint64_t address, generation;
+};
+
+/// The slots of one device.
+struct Pool {
+  std::vector<std::unique_ptr<Buffer>> slabs;
+  std::deque<FreeSlot> free;
+};
+
+struct Registry {
+  std::mutex mutex;
+  std::unordered_map<int, Pool> pools;
+  std::unordered_map<uint64_t, GeometryKind> live;
+  /// Of the handles that were, by slot.
+  std::unordered_map<uint64_t, GeometryKind> lastKind;
+};
+
+/// Objects may outlive static destructors.
+Registry &registry() {
+  static auto *all = new Registry;
+  return *all;
+}
+
+} // namespace
+
+static void addSlab(Pool &pool, int device) {
+  auto slab =
+      std::make_unique<Buffer>(device, (slotsPerSlab + 1) * slotSize);
+  setMemory(slab->data(), device, 0, slab->size());
+  auto start = reinterpret_cast<uint64_t>(slab->data());
+  start = (start + slotSize - 1) / slotSize * slotSize;
+  for (size_t i = 0; i < slotsPerSlab; ++i)
+    pool.free.push_back({start + i * slotSize, 1});
+  pool.slabs.push_back(std::move(slab));
+}
+
+Slot::Slot(GeometryKind kind, int device) : kind(kind), deviceIndex(device) {
+  Registry &all = registry();
+  std::lock_guard<std::mutex> lock(all.mutex);
+  Pool &pool = all.pools[device];
+  if (pool.free.size() <= (pool.slabs.empty() ? 0 : restingSlots))
+    addSlab(pool, device);
+  FreeSlot slot = pool.free.front();
+  pool.free.pop_front();
+  handle = slot.address | slot.generation << generationShift |
+           uint64_t(device + 1) << deviceShift;
+  all.live[handle] = kind;
+  all.lastKind[slot.address] = kind;
+}
+
+Slot::~Slot() {
+  Registry &all = registry();
+  std::lock_guard<std::mutex> lock(all.mutex);
+  uint64_t gone = 0, address = handle & addressMask;
+  try {
+    copyMemory(reinterpret_cast<void *>(address), deviceIndex, &gone, cpuDevice,
+               sizeof gone);
+  } catch (...) {
+    // The device is gone, and with it the slot.
+  }
+  all.live.erase(handle);
+  uint64_t generation = (handle >> generationShift) % generations;
+  all.pools[deviceIndex].free.push_back(
+      {address, (generation + 1) % generations});
+}
+
+uint64_t Slot::tag() const {
+  return handle >> generationShift << 8 | uint64_t(kind);
+}
+
+void Slot::write(const void *contents, size_t bytes) {
+  char image[slotSize] = {};
+  uint64_t word = tag();
+  std::memcpy(image, &word, sizeof word);
+  std::memcpy(image + sizeof word, contents, bytes);
+  copyMemory(reinterpret_cast<void *>(handle & addressMask), deviceIndex, image,
+             cpuDevice, sizeof image);
+}
+
+static const char *nameOf(GeometryKind kind) {
+  return kind == GeometryKind::HashGrid ? "HashGrid"
+         : kind == GeometryKind::Bvh    ? "Bvh"
+                                        : "Mesh";
+}
+
+std::string warp::describeHandle(uint64_t id, GeometryKind kind, int device) {
+  Registry &all = registry();
+  std::lock_guard<std::mutex> lock(all.mutex);
+  auto live = all.live.find(id);
+  if (live == all.live.end()) {
+    auto last = all.lastKind.find(id & addressMask);
+    if (last == all.lastKind.end())
+      return "a number that is none";
+    return std::string("that of a freed ") + nameOf(last->second);
+  }
+  bool fits = live->second == kind || (kind == GeometryKind::Bvh &&
+                                       live->second == GeometryKind::Mesh);
+  if (!fits)
+    return std::string("that of a ") + nameOf(live->second);
+  int lives = int(id >> deviceShift & 31) - 1;
+  if (lives == device)
+    return "";
+  return std::string("that of one on '") +
+         (lives < 0 ? "cpu" : "cuda:" + std::to_string(lives)) + "'";
+}

@@ -1,0 +1,67 @@
+//===- LowerLibraryCalls.cpp - Calls of the device library ----------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// A function returns by a pointer, as C's conventions for structs differ from
+// target to target. The memory is in the first block of the entry, so that a
+// call in a loop needs no more of it than one outside, and an optimiser removes
+// it where it inlines the function.
+//
+//===----------------------------------------------------------------------===//
+
+#include "LowerLibraryCalls.h"
+
+#include "WarpDialect/LibraryOps.h"
+
+#include "mlir/Dialect/LLVMIR/LLVMDialect.h"
+
+using namespace mlir;
+
+static LLVM::LLVMFuncOp declare(ModuleOp module, StringRef name,
+                                TypeRange operands) {
+  if (auto found = module.lookupSymbol<LLVM::LLVMFuncOp>(name))
+    return found;
+  MLIRContext *context = module.getContext();
+  OpBuilder b = OpBuilder::atBlockBegin(module.getBody());
+  SmallVector<Type> types(operands);
+  types.push_back(LLVM::LLVMPointerType::get(context));
+  auto type =
+      LLVM::LLVMFunctionType::get(LLVM::LLVMVoidType::get(context), types);
+  auto function =
+      LLVM::LLVMFuncOp::create(b, module.getLoc(), name, type);
+  function.setNoUnwind(true);
+  function.setWillReturn(true);
+  return function;
+}
+
+static void lower(warp::LibraryCallOp op, ModuleOp module, Block &first) {
+  OpBuilder b(op);
+  Location loc = op.getLoc();
+  LLVM::LLVMFuncOp callee =
+      declare(module, op.getCallee(), op.getArgs().getTypes());
+  auto record = LLVM::LLVMStructType::getLiteral(
+      b.getContext(), SmallVector<Type>(op.getResultTypes()));
+  auto pointer = LLVM::LLVMPointerType::get(b.getContext());
+  b.setInsertionPointToStart(&first);
+  Value one = LLVM::ConstantOp::create(b, loc, b.getI64IntegerAttr(1));
+  Value memory = LLVM::AllocaOp::create(b, loc, pointer, record, one);
+  b.setInsertionPoint(op);
+  SmallVector<Value> operands(op.getArgs());
+  operands.push_back(memory);
+  LLVM::CallOp::create(b, loc, callee, operands);
+  for (OpResult result : op->getResults()) {
+    auto number = int32_t(result.getResultNumber());
+    Value from = LLVM::GEPOp::create(b, loc, pointer, record, memory,
+                                     ArrayRef<LLVM::GEPArg>{0, number});
+    result.replaceAllUsesWith(
+        LLVM::LoadOp::create(b, loc, result.getType(), from));
+  }
+  op->erase();
+}
+
+void warp::lowerLibraryCalls(ModuleOp module, FunctionOpInterface entry) {
+  SmallVector<LibraryCallOp> calls;
+  entry->walk([&](LibraryCallOp op) { calls.push_back(op); });
+  for (LibraryCallOp op : calls)
+    lower(op, module, entry.getFunctionBody().front());
+}

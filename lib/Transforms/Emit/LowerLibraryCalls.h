@@ -1,0 +1,21 @@
+//===- LowerLibraryCalls.h - Calls of the device library --------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_TRANSFORMS_LOWERLIBRARYCALLS_H
+#define WARP_TRANSFORMS_LOWERLIBRARYCALLS_H
+
+#include "mlir/IR/BuiltinOps.h"
+#include "mlir/Interfaces/FunctionInterfaces.h"
+
+namespace warp {
+
+/// Makes every `warp.library_call` of an entry a call of the function that
+/// bitcode defines.
+void lowerLibraryCalls(mlir::ModuleOp module, mlir::FunctionOpInterface entry);
+
+} // namespace warp
+
+#endif // WARP_TRANSFORMS_LOWERLIBRARYCALLS_H

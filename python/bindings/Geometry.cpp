@@ -1,0 +1,122 @@
+//===- Geometry.cpp - Meshes, hierarchies and grids for Python ------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// The package checks types and devices of arrays and keeps them alive.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Geometry.h"
+#include "Native.h"
+
+#include "warp/HashGrid.h"
+#include "warp/Mesh.h"
+
+namespace py = pybind11;
+using namespace warp;
+
+static const ArrayDescriptor &descriptorOf(py::handle array) {
+  if (!python::isArray(array.ptr()))
+    throw py::type_error("expects an array");
+  return python::asArray(array.ptr())->descriptor;
+}
+
+static MeshArrays arraysOf(py::handle points, py::handle velocities,
+                           py::handle indices) {
+  MeshArrays arrays;
+  arrays.points = descriptorOf(points);
+  if (!velocities.is_none())
+    arrays.velocities = descriptorOf(velocities);
+  arrays.indices = descriptorOf(indices);
+  return arrays;
+}
+
+static BvhConstructor constructorOf(bool median) {
+  return median ? BvhConstructor::Median : BvhConstructor::Sah;
+}
+
+static void bindBvh(py::module_ &m) {
+  py::class_<BvhReport>(m, "BvhReport", "What is in a hierarchy.")
+      .def_readonly("skipped", &BvhReport::skipped)
+      .def_readonly("nodes", &BvhReport::nodes)
+      .def_readonly("blocks", &BvhReport::blocks)
+      .def_readonly("bytes", &BvhReport::bytes)
+      .def_readonly("depth", &BvhReport::depth);
+  py::class_<Bvh>(m, "Bvh", "A hierarchy over boxes.")
+      .def(py::init([](py::handle lowers, py::handle uppers, int device,
+                       bool median) {
+        const ArrayDescriptor &low = descriptorOf(lowers);
+        const ArrayDescriptor &high = descriptorOf(uppers);
+        py::gil_scoped_release unlocked;
+        return std::make_unique<Bvh>(low, high, device, constructorOf(median));
+      }))
+      .def_property_readonly("id", &Bvh::id)
+      .def_property_readonly("report", &Bvh::report)
+      .def("refit",
+           [](Bvh &self, py::handle lowers, py::handle uppers) {
+             const ArrayDescriptor &low = descriptorOf(lowers);
+             const ArrayDescriptor &high = descriptorOf(uppers);
+             py::gil_scoped_release unlocked;
+             self.refit(low, high);
+           })
+      .def("rebuild", [](Bvh &self, py::handle lowers, py::handle uppers,
+                         bool median) {
+        const ArrayDescriptor &low = descriptorOf(lowers);
+        const ArrayDescriptor &high = descriptorOf(uppers);
+        py::gil_scoped_release unlocked;
+        self.rebuild(low, high, constructorOf(median));
+      });
+}
+
+static void bindMesh(py::module_ &m) {
+  py::class_<Mesh>(m, "Mesh", "A triangle mesh that kernels search.")
+      .def(py::init([](py::handle points, py::handle velocities,
+                       py::handle indices, int device, bool median) {
+        MeshArrays arrays = arraysOf(points, velocities, indices);
+        py::gil_scoped_release unlocked;
+        return std::make_unique<Mesh>(arrays, device, constructorOf(median));
+      }))
+      .def_property_readonly("id", &Mesh::id)
+      .def_property_readonly("report", &Mesh::report)
+      .def("refit",
+           [](Mesh &self, py::handle points, py::handle velocities,
+              py::handle indices) {
+             MeshArrays arrays = arraysOf(points, velocities, indices);
+             py::gil_scoped_release unlocked;
+             self.refit(arrays);
+           })
+      .def("rebuild", [](Mesh &self, py::handle points, py::handle velocities,
+                         py::handle indices, bool median) {
+        MeshArrays arrays = arraysOf(points, velocities, indices);
+        py::gil_scoped_release unlocked;
+        self.rebuild(arrays, constructorOf(median));
+      });
+}
+
+static void bindHashGrid(py::module_ &m) {
+  py::class_<HashGrid>(m, "HashGrid", "Points by the cells of a grid.")
+      .def(py::init([](int x, int y, int z, int device) {
+        const int32_t cells[3] = {x, y, z};
+        return std::make_unique<HashGrid>(cells, device);
+      }))
+      .def_property_readonly("id", &HashGrid::id)
+      .def_property_readonly("skipped", &HashGrid::skipped)
+      .def("reserve", &HashGrid::reserve)
+      .def("build", [](HashGrid &self, py::handle points, int scalarSize,
+                       double width) {
+        const ArrayDescriptor &array = descriptorOf(points);
+        py::gil_scoped_release unlocked;
+        self.build(array, scalarSize, width);
+      });
+}
+
+void python::bindGeometry(py::module_ &m) {
+  bindBvh(m);
+  bindMesh(m);
+  bindHashGrid(m);
+  m.def("describe_handle",
+        [](uint64_t id, int kind, int device) {
+          return describeHandle(id, GeometryKind(kind), device);
+        },
+        "What is wrong with a handle; empty if nothing is.");
+}

@@ -1,0 +1,110 @@
+"""`Bvh`: a bounding volume hierarchy over boxes."""
+
+from __future__ import annotations
+
+from warp import _native
+from warp._src import errors
+from warp._src.devices import devices
+from warp._src.types import dtypes
+
+_CONSTRUCTORS = {None: False, "sah": False, "lbvh": True, "median": True}
+
+
+def is_median(constructor) -> bool:
+    """Whether a constructor of that name halves, instead of asking for surfaces.
+
+    Raises:
+        ValueError: there is no such constructor.
+    """
+    if constructor not in _CONSTRUCTORS:
+        raise ValueError(
+            f"expects the constructor 'sah', 'median' or 'lbvh', but got {constructor!r}"
+        )
+    return _CONSTRUCTORS[constructor]
+
+
+def check_leaf_size(leaf_size) -> None:
+    """Leaves hold up to eight primitives whatever was asked for.
+
+    Raises:
+        ValueError: the size is not positive.
+    """
+    if leaf_size < 1:
+        raise ValueError(f"expects a leaf size of at least 1, but got {leaf_size}")
+
+
+def check_array(values, what, dtype, device=None) -> None:
+    """Checks an array that geometry is made of.
+
+    Raises:
+        RuntimeError: it is none, or of another type, rank, layout or device.
+    """
+    if not dtypes.is_array(values) or not dtypes.types_equal(values.dtype, dtype):
+        shown = getattr(getattr(values, "dtype", None), "__name__", type(values).__name__)
+        raise errors.WarpError(f"{what} are an array of {dtype.__name__}, but got {shown}")
+    if values.ndim != 1 or not values.is_contiguous:
+        raise errors.WarpError(f"{what} are a packed array of one dimension")
+    if device is not None and values.device != device:
+        raise errors.WarpError(f"{what} are on '{values.device}', but expected on '{device}'")
+
+
+class Bvh:
+    """A hierarchy over boxes, which kernels search by its `id`.
+
+    Args:
+        lowers, uppers: arrays of vec3 with the corners of the boxes, which are kept.
+        constructor: "sah" (surface area heuristic), or "median" or "lbvh", which halve.
+        leaf_size: changes nothing; leaves hold up to eight boxes.
+
+    Attributes:
+        id: what kernels get, as `wp.uint64`.
+        report: nodes, blocks, bytes and depth of the hierarchy, and how many boxes are NaN,
+            infinite or inverted, and are never found.
+
+    Raises:
+        RuntimeError: an array is of another type, length, layout or device.
+        ValueError: there is no such constructor, or the leaf size is not positive.
+
+    Example:
+        >>> import warp as wp
+        >>> lowers = wp.array([[0.0, 0.0, 0.0]], dtype=wp.vec3, device="cpu")
+        >>> uppers = wp.array([[1.0, 1.0, 1.0]], dtype=wp.vec3, device="cpu")
+        >>> wp.Bvh(lowers, uppers).report.skipped
+        0
+    """
+
+    def __init__(self, lowers, uppers, constructor=None, groups=None, leaf_size=1):
+        check_array(lowers, "lower corners", dtypes.vec3f)
+        check_array(uppers, "upper corners", dtypes.vec3f, lowers.device)
+        check_leaf_size(leaf_size)
+        median = is_median(constructor)
+        if groups is not None:
+            raise NotImplementedError("a Bvh has no groups yet")
+        self.device = lowers.device
+        self.lowers, self.uppers, self.groups = lowers, uppers, None
+        self._median = median
+        self._wait()
+        index = devices.resolve_index(self.device)
+        self._native = _native.Bvh(lowers, uppers, index, median)
+        self.id = self._native.id
+
+    @property
+    def report(self):
+        """What is in the hierarchy."""
+        return self._native.report
+
+    def refit(self):
+        """Takes over boxes that moved; neighbours in the hierarchy stay neighbours."""
+        self._wait()
+        self._native.refit(self.lowers, self.uppers)
+
+    def rebuild(self, constructor=None):
+        """Builds the hierarchy again, for boxes that moved far."""
+        median = self._median if constructor is None else is_median(constructor)
+        self._wait()
+        self._native.rebuild(self.lowers, self.uppers, median)
+
+    def _wait(self):
+        """The host reads the arrays: what writes them has to be done."""
+        if not self.device.is_cpu:
+            devices.synchronize_device(self.device)

@@ -1,0 +1,107 @@
+"""`HashGrid`: the neighbours of points."""
+
+from __future__ import annotations
+
+import operator
+
+from warp import _native
+from warp._src import errors
+from warp._src.devices import devices
+from warp._src.types import dtypes
+from warp._src.types.scalars import float16, float32, float64
+
+_POINTS = {float16: dtypes.vec3h, float32: dtypes.vec3f, float64: dtypes.vec3d}
+
+
+class HashGrid:
+    """Points sorted into the cells of a periodic grid, whose neighbours kernels find by its `id`.
+
+    Args:
+        dim_x, dim_y, dim_z: cells along the axes, fewer than 2^31 together. Points outside are
+            found as if the grid repeated itself.
+        device: where the points and the kernels are.
+        dtype: numbers of the points: float16, float32 (the default) or float64.
+
+    Attributes:
+        id: what kernels get, as `wp.uint64`.
+        skipped: points of the last build that are NaN and in no cell.
+
+    Raises:
+        TypeError: a number of cells is no integer, or `dtype` none of the three.
+        RuntimeError: a number of cells is not positive, or there are too many.
+
+    Example:
+        >>> import warp as wp
+        >>> grid = wp.HashGrid(64, 64, 64, device="cpu")
+        >>> grid.build(wp.zeros(100, dtype=wp.vec3, device="cpu"), radius=0.1)
+    """
+
+    def __init__(self, dim_x, dim_y, dim_z, device=None, dtype=None):
+        dtype = float32 if dtype is None else dtypes.canonical(dtype)
+        if dtype not in _POINTS:
+            raise TypeError(f"a HashGrid is of float16, float32 or float64, but got {dtype}")
+        try:
+            cells = [operator.index(count) for count in (dim_x, dim_y, dim_z)]
+        except TypeError:
+            raise TypeError("a HashGrid has integer numbers of cells") from None
+        if min(cells) <= 0:
+            raise errors.WarpError(
+                f"a HashGrid has at least one cell along each axis, but got {cells}"
+            )
+        if cells[0] * cells[1] * cells[2] >= 2**31:
+            raise errors.WarpError(
+                f"a HashGrid has fewer than 2^31 cells, but got {' * '.join(map(str, cells))}"
+            )
+        self.device = devices.get_device(device)
+        self.dtype = dtype
+        self._native = _native.HashGrid(*cells, devices.resolve_index(self.device))
+        self.id = self._native.id
+        self.reserved = False
+
+    @property
+    def skipped(self) -> int:
+        """Points of the last build that are NaN, and in no cell."""
+        return self._native.skipped
+
+    def build(self, points, radius, groups=None):
+        """Sorts points into cells, in place of those of the last build.
+
+        Args:
+            points: an array of vec3h, vec3f or vec3d, as the grid's `dtype` says.
+            radius: edge length of a cell, best that of the queries.
+
+        Raises:
+            TypeError: elements are of another type.
+            ValueError: the radius is not positive.
+            RuntimeError: the points are on another device.
+        """
+        wanted = _POINTS[self.dtype]
+        if not dtypes.types_equal(points.dtype, wanted):
+            raise TypeError(
+                f"a HashGrid of {self.dtype.__name__} has points of {wanted.__name__}, "
+                f"but got {points.dtype.__name__}"
+            )
+        if not (radius > 0 and radius < float("inf")):
+            raise ValueError(f"a HashGrid has cells of a positive radius, but got {radius}")
+        if points.device != self.device:
+            raise errors.WarpError(
+                f"the points are on '{points.device}', but the HashGrid is on '{self.device}'"
+            )
+        if groups is not None:
+            raise NotImplementedError("a HashGrid has no groups yet")
+        if points.ndim > 1:
+            points = points.contiguous().flatten()
+        size = {float16: 2, float32: 4, float64: 8}[self.dtype]
+        if self.device.is_cpu:
+            self._native.build(points, size, float(radius))
+        else:
+            devices.synchronize_device(self.device)
+            self._native.build(points, size, float(radius))
+        self.reserved = True
+
+    def reserve(self, num_points, with_groups=False):
+        """Makes room for a number of points before they are built."""
+        if num_points < 0:
+            raise ValueError(f"expects a number of points, but got {num_points}")
+        self._native.reserve(int(num_points))
+        self.reserved = True

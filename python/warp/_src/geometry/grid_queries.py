@@ -1,0 +1,170 @@
+"""What kernels ask a hash grid: `hash_grid_query`, `hash_grid_query_next`, `hash_grid_point_id`.
+
+Points are sorted by the number of their cell, x fastest, so the cells that a query overlaps along x
+are one run of points, or two where the grid wraps. A query is the runs still to come and the place
+in the current one. It yields all points of the overlapped cells, each once; distances are the
+caller's to check.
+"""
+
+from warp._src.geometry.handles import GRID, integers, words
+from warp._src.kernels.function import Function
+from warp._src.language import namespace as wp
+from warp._src.types.annotations import ref
+from warp._src.types.dtypes import Float, vec3d, vec3f, vec3h, vec3i, vector
+from warp._src.types.native import ArrayType
+from warp._src.types.scalars import float16, float32, float64, int32, int64, uint64
+from warp._src.types.structs import struct
+
+
+@struct
+class HashGridQuery:
+    """The points of the cells around a point, as `hash_grid_query` gives them."""
+
+    starts: ArrayType(int32, 1)
+    order: ArrayType(int32, 1)
+    # First cell, number of cells, cells of the grid.
+    x: int32
+    x_count: int32
+    x_cells: int32
+    y: int32
+    y_count: int32
+    y_cells: int32
+    z: int32
+    z_count: int32
+    z_cells: int32
+    # The run: row, layer, and 1 behind the seam of x.
+    row: int32
+    layer: int32
+    part: int32
+    place: int32
+    end: int32
+
+
+# Words of the slot, as lib/Geometry/HashGrid.cpp writes it.
+_CELLS_XY, _CELLS_Z, _INVERSE, _STARTS, _ORDER = 1, 2, 3, 4, 11
+
+
+def _number_of_points(slot: ArrayType(uint64, 1)):
+    return int(slot[_CELLS_Z] >> uint64(32))
+
+
+def _begin(first: int, last: int, cells: int):
+    """The first cell within the grid, and how many there are, each once."""
+    count = wp.min(int64(last) - int64(first) + int64(1), int64(cells))
+    wrapped = first
+    if first < 0 or first >= cells:
+        wrapped = first % cells
+        # `%` has the sign of the dividend.
+        if wrapped < 0:
+            wrapped += cells
+    return wrapped, int(count)
+
+
+def _query(slot: ArrayType(uint64, 1), low: vec3i, high: vec3i, asks: bool):
+    nx = int(slot[_CELLS_XY] & uint64(0xFFFFFFFF))
+    ny = int(slot[_CELLS_XY] >> uint64(32))
+    nz = int(slot[_CELLS_Z] & uint64(0xFFFFFFFF))
+    starts = integers(slot[_STARTS], nx * ny * nz + 1)
+    order = integers(slot[_ORDER], number_of_points(slot))
+    x, x_count = begin(low[0], high[0], nx)
+    y, y_count = begin(low[1], high[1], ny)
+    z, z_count = begin(low[2], high[2], nz)
+    if not asks or x_count <= 0 or y_count <= 0:
+        z_count = 0
+    return HashGridQuery(
+        starts, order, x, x_count, nx, y, y_count, ny, z, z_count, nz, 0, 0, 0, 0, 0
+    )
+
+
+def _cells(point: vector(3, Float), offset: Float, inverse: Float):
+    """The cell of a point moved along all axes, before the grid wraps; as the build has it."""
+    return wp.vec3i(
+        int(wp.floor((point[0] + offset) * inverse)),
+        int(wp.floor((point[1] + offset) * inverse)),
+        int(wp.floor((point[2] + offset) * inverse)),
+    )
+
+
+def _query_single(id: uint64, point: vec3f, max_dist: float32):
+    slot = words(id, GRID)
+    inverse = float(wp.cast(slot[_INVERSE], float64))
+    asks = max_dist >= 0.0 and wp.dot(point, point) == wp.dot(point, point)
+    return query(slot, cells(point, -max_dist, inverse), cells(point, max_dist, inverse), asks)
+
+
+def _query_half(id: uint64, point: vec3h, max_dist: float16):
+    wide = wp.vec3f(float(point[0]), float(point[1]), float(point[2]))
+    return query_single(id, wide, float(max_dist))
+
+
+def _query_double(id: uint64, point: vec3d, max_dist: float64):
+    slot = words(id, GRID)
+    inverse = wp.cast(slot[_INVERSE], float64)
+    asks = max_dist >= float64(0.0) and wp.dot(point, point) == wp.dot(point, point)
+    return query(slot, cells(point, -max_dist, inverse), cells(point, max_dist, inverse), asks)
+
+
+def hash_grid_query_next(query: ref[HashGridQuery], index: ref[int32]) -> bool:
+    """The next point of a query in `index`; False when there is none."""
+    while query.place >= query.end and query.layer < query.z_count:
+        z = query.z + query.layer
+        if z >= query.z_cells:
+            z -= query.z_cells
+        y = query.y + query.row
+        if y >= query.y_cells:
+            y -= query.y_cells
+        line = (z * query.y_cells + y) * query.x_cells
+        # Cells before and behind the seam.
+        ahead = wp.min(query.x_cells - query.x, query.x_count)
+        if query.part == 0:
+            query.place = query.starts[line + query.x]
+            query.end = query.starts[line + query.x + ahead]
+        else:
+            query.place = query.starts[line]
+            query.end = query.starts[line + query.x_count - ahead]
+        if query.part == 0 and ahead < query.x_count:
+            query.part = 1
+        else:
+            query.part = 0
+            query.row += 1
+            if query.row == query.y_count:
+                query.row = 0
+                query.layer += 1
+    found = query.place < query.end
+    if found:
+        index = query.order[query.place]
+        query.place += 1
+    return found
+
+
+def _advance(query: HashGridQuery):
+    index = int(0)
+    found = next_point(query, index)
+    return found, index, query
+
+
+def hash_grid_point_id(id: uint64, index: int) -> int:
+    """The point at a place of the grid's order, in which neighbours are close; -1 beyond it."""
+    slot = words(id, GRID)
+    count = number_of_points(slot)
+    found = int(-1)
+    if index >= 0 and index < count:
+        order = integers(slot[_ORDER], count)
+        found = order[index]
+    return found
+
+
+number_of_points = Function(_number_of_points, "number_of_points")
+begin = Function(_begin, "begin")
+cells = Function(_cells, "cells")
+query = Function(_query, "query")
+query_single = Function(_query_single, "hash_grid_query")
+query_single.add_overload(_query_half)
+query_single.add_overload(_query_double)
+next_point = Function(hash_grid_query_next)
+ADVANCE = Function(_advance, "hash_grid_query_next")
+FUNCTIONS = {
+    "hash_grid_query": query_single,
+    "hash_grid_query_next": next_point,
+    "hash_grid_point_id": Function(hash_grid_point_id),
+}

@@ -1,0 +1,121 @@
+"""`Mesh`: triangles that kernels search."""
+
+from __future__ import annotations
+
+from warp import _native
+from warp._src import errors
+from warp._src.devices import devices
+from warp._src.geometry.bvh import check_array, check_leaf_size, is_median
+from warp._src.types import dtypes
+from warp._src.types.scalars import int32
+
+
+class Mesh:
+    """A triangle mesh, which kernels search by its `id`.
+
+    Args:
+        points: array of vec3, positions of vertices. Kernels read it; after a change call `refit`.
+        indices: array of int32, three vertices per face, counter-clockwise seen from outside.
+        velocities: array of vec3 like `points`, for `mesh_eval_velocity`.
+        bvh_constructor: as of `Bvh`.
+        bvh_leaf_size: changes nothing.
+
+    Attributes:
+        id: what kernels get, as `wp.uint64`.
+        report: what is in the hierarchy, and how many faces are NaN or infinite and never found.
+
+    Raises:
+        RuntimeError: an array is of another type, length, layout or device, or an index is out of
+            range; the message names the face.
+        ValueError: there is no such constructor, or the leaf size is not positive.
+
+    Example:
+        >>> import warp as wp
+        >>> points = wp.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype=wp.vec3, device="cpu")
+        >>> wp.Mesh(points, wp.array([0, 1, 2], dtype=int, device="cpu")).report.depth
+        1
+    """
+
+    def __init__(
+        self,
+        points,
+        indices,
+        velocities=None,
+        support_winding_number=False,
+        bvh_constructor=None,
+        groups=None,
+        bvh_leaf_size=1,
+    ):
+        check_array(points, "points", dtypes.vec3f)
+        check_array(indices, "indices", int32, points.device)
+        self.device = points.device
+        self._check_velocities(velocities, points)
+        if indices.size % 3 != 0:
+            raise errors.WarpError(f"faces have three indices, but there are {indices.size}")
+        check_leaf_size(bvh_leaf_size)
+        self._median = is_median(bvh_constructor)
+        if groups is not None:
+            raise NotImplementedError("a Mesh has no groups yet")
+        if support_winding_number:
+            raise NotImplementedError("a Mesh has no winding numbers yet")
+        self._points, self._velocities, self.indices = points, velocities, indices
+        self._wait()
+        index = devices.resolve_index(self.device)
+        self._native = _native.Mesh(points, velocities, indices, index, self._median)
+        self.id = self._native.id
+
+    def _check_velocities(self, velocities, points):
+        if velocities is None:
+            return
+        check_array(velocities, "velocities", dtypes.vec3f, points.device)
+        if velocities.size != points.size:
+            raise errors.WarpError(
+                f"there are {points.size} points, but {velocities.size} velocities"
+            )
+
+    @property
+    def points(self):
+        """Positions of vertices; another array of the same length may take their place."""
+        return self._points
+
+    @points.setter
+    def points(self, points):
+        check_array(points, "points", dtypes.vec3f, self.device)
+        if points.size != self._points.size:
+            raise errors.WarpError(
+                f"a mesh keeps its {self._points.size} points, but got {points.size}"
+            )
+        self._points = points
+        self.refit()
+
+    @property
+    def velocities(self):
+        """Velocities of vertices, or None."""
+        return self._velocities
+
+    @velocities.setter
+    def velocities(self, velocities):
+        self._check_velocities(velocities, self._points)
+        self._velocities = velocities
+        self.refit()
+
+    @property
+    def report(self):
+        """What is in the hierarchy."""
+        return self._native.report
+
+    def refit(self):
+        """Takes over positions that changed; neighbours in the hierarchy stay neighbours."""
+        self._wait()
+        self._native.refit(self._points, self._velocities, self.indices)
+
+    def rebuild(self, bvh_constructor=None):
+        """Builds the hierarchy again, for positions that changed a lot."""
+        median = self._median if bvh_constructor is None else is_median(bvh_constructor)
+        self._wait()
+        self._native.rebuild(self._points, self._velocities, self.indices, median)
+
+    def _wait(self):
+        """The host reads the arrays: what writes them has to be done."""
+        if not self.device.is_cpu:
+            devices.synchronize_device(self.device)

@@ -1,0 +1,50 @@
+"""The arrays of a mesh in kernels."""
+
+from warp._src.geometry.handles import MESH, words
+from warp._src.kernels.function import Function
+from warp._src.language import namespace as wp
+from warp._src.types.dtypes import vec3f
+from warp._src.types.native import ArrayType
+from warp._src.types.scalars import int32, uint64
+
+# Words of the slot, as lib/Geometry/Mesh.cpp writes it: address and extent of each array.
+_POINTS, _POINT_COUNT = 4, 6
+_VELOCITIES, _VELOCITY_COUNT = 11, 13
+_INDICES, _INDEX_COUNT = 18, 20
+
+
+def _array_vec3(address: uint64, count: uint64):
+    extent = int(count & uint64(0xFFFFFFFF))
+    return wp.array(ptr=address, shape=extent, dtype=vec3f)
+
+
+def _points(id: uint64):
+    slot = words(id, MESH)
+    return array_vec3(slot[_POINTS], slot[_POINT_COUNT])
+
+
+def _velocities(id: uint64):
+    slot = words(id, MESH)
+    return array_vec3(slot[_VELOCITIES], slot[_VELOCITY_COUNT])
+
+
+def _indices(id: uint64):
+    slot = words(id, MESH)
+    extent = int(slot[_INDEX_COUNT] & uint64(0xFFFFFFFF))
+    return wp.array(ptr=slot[_INDICES], shape=extent, dtype=int32)
+
+
+def _corners(values: ArrayType(vec3f, 1), corners: ArrayType(int32, 1), face: int):
+    a = wp.vec3f()
+    b = wp.vec3f()
+    c = wp.vec3f()
+    if face >= 0 and 3 * face + 2 < len(corners):
+        a = values[corners[3 * face]]
+        b = values[corners[3 * face + 1]]
+        c = values[corners[3 * face + 2]]
+    return a, b, c
+
+
+array_vec3 = Function(_array_vec3, "array_vec3")
+points, velocities = Function(_points, "points"), Function(_velocities, "velocities")
+indices, corners = Function(_indices, "indices"), Function(_corners, "corners")

@@ -1,0 +1,37 @@
+"""Kernels that search geometry: each launch checks the handles that it passes."""
+
+from __future__ import annotations
+
+from warp import _native
+from warp._src import errors
+from warp._src.devices.devices import by_index
+from warp._src.kernels.kernel import Kernel
+
+_NAMES = {1: "HashGrid", 2: "Bvh", 3: "Mesh"}
+
+
+class SearchingKernel(Kernel):
+    """What a kernel becomes when its translation meets a query of one of its arguments.
+
+    Attributes:
+        handles: kinds of geometry, by the names of arguments.
+    """
+
+    def check(self, values, device) -> None:
+        """Checks the handles among the values of a launch.
+
+        Raises:
+            WarpLaunchValueError: one is not that of a live object of its kind on the device.
+        """
+        names = self.func.__code__.co_varnames
+        for name, kind in self.handles.items():
+            position = names.index(name)
+            if position >= len(values):
+                continue
+            value = getattr(values[position], "value", values[position])
+            problem = _native.describe_handle(int(value), kind, device)
+            if problem:
+                raise errors.WarpLaunchValueError(
+                    f"launch('{self.key}'): argument '{name}' expects the id of a live "
+                    f"{_NAMES[kind]} on '{by_index(device).alias}', but got {problem}"
+                )
