@@ -11,6 +11,12 @@ from warp._src.language.constructors import CONSTRUCTORS
 from warp._src.types import dtypes
 
 
+class array:  # noqa: N801  (as users write it)
+    """`wp.array(ptr=, shape=, dtype=)` in a kernel: a packed array at an address."""
+
+    _wp_array_ = True
+
+
 def find(name: str):
     """The constructor, check or builtin of a name, or None."""
     return CONSTRUCTORS.get(name) or CHECKS.get(name) or lookup(name)
