@@ -42,7 +42,7 @@ static void followViews(Value array, Access &access) {
                           leading.end());
   } else if (auto view = dyn_cast<IndexDimOp>(op.getOperation())) {
     access.indices.insert(access.indices.begin() + view.getDim(),
-                          IndexSum::of(view.getIndex()));
+                          Forms().of(view.getIndex()));
   } else if (auto slice = dyn_cast<SliceOp>(op.getOperation())) {
     access.indices[slice.getDim()] = std::nullopt;
   } else if (auto part = dyn_cast<ComponentViewOp>(op.getOperation())) {
