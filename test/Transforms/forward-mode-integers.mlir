@@ -1,7 +1,7 @@
 // RUN: split-file %s %t
 // RUN: warp-opt %t/stores.mlir --warp-emit=tangent | FileCheck %t/stores.mlir
-// RUN: warp-opt %t/flags.mlir --warp-differentiate-kernel="mode=forward active=1" --verify-diagnostics
-// RUN: warp-opt %t/flags.mlir --warp-differentiate-kernel="mode=reverse active=1" --verify-diagnostics
+// RUN: warp-opt %t/flags.mlir --warp-differentiate-kernel="mode=forward active=1" | FileCheck %t/flags.mlir --check-prefix=FLAGS
+// RUN: warp-opt %t/letters.mlir --warp-differentiate-kernel="mode=forward active=x" --verify-diagnostics
 
 //--- stores.mlir
 // What is stored to an array of integers has no tangent.
@@ -23,8 +23,23 @@ module {
 }
 
 //--- flags.mlir
-// expected-error @+1 {{expects a flag in 'active' for each of 2 arrays, but got 1}}
+// Arrays without a flag have no tangent.
+// FLAGS-LABEL: func.func @flags_tangent
+// FLAGS-SAME: leaf = 0
+// FLAGS-NOT: leaf = 1
+// FLAGS: warp.store {{.*}}, %arg1
+// FLAGS-NOT: warp.store
 func.func @flags(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
     attributes {warp.arg_names = ["x", "y"], warp.kernel} {
+  %i = warp.tid : si32
+  %v = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
+  warp.store %v, %y[%i] : f32, !warp.array<1 x f32>, si32
+  return
+}
+
+//--- letters.mlir
+// expected-error @+1 {{expects 0 and 1 in 'active', but got 'x'}}
+func.func @letters(%x: !warp.array<1 x f32>)
+    attributes {warp.arg_names = ["x"], warp.kernel} {
   return
 }

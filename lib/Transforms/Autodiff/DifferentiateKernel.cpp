@@ -141,7 +141,7 @@ struct DifferentiateKernel
       signalPassFailure();
   }
 
-  /// Reads `active`.
+  /// Reads `active`; arrays after the last flag are not active.
   FailureOr<SmallVector<bool>> readFlags(func::FuncOp kernel) {
     SmallVector<bool> flags;
     for (char flag : active) {
@@ -152,10 +152,9 @@ struct DifferentiateKernel
                << flag << "'";
       flags.push_back(flag == '1');
     }
-    unsigned count = warp::ArrayLeaves(kernel).size();
-    if (!flags.empty() && flags.size() != count)
-      return kernel.emitError("expects a flag in 'active' for each of ")
-             << count << " arrays, but got " << flags.size();
+    size_t count = warp::ArrayLeaves(kernel).size();
+    if (!flags.empty())
+      flags.resize(std::max(flags.size(), count));
     return flags;
   }
 
