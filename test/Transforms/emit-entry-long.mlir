@@ -1,5 +1,5 @@
-// RUN: %python -c "import sys; ops = [f'%a{k} = arith.addf %v, %v : vector<4xf32>' for k in range(int(sys.argv[2]))]; print(open(sys.argv[1]).read().replace('// ' + 'OPERATIONS', chr(10).join(ops)))" %s 200 > %t.long
-// RUN: %python -c "import sys; ops = [f'%a{k} = arith.addf %v, %v : vector<4xf32>' for k in range(int(sys.argv[2]))]; print(open(sys.argv[1]).read().replace('// ' + 'OPERATIONS', chr(10).join(ops)))" %s 120 > %t.short
+// RUN: %python -c "import sys; ops = [f'%a{k} = arith.addf %v, %v : vector<4xf32>' for k in range(int(sys.argv[2]))]; print(open(sys.argv[1]).read().replace('// ' + 'OPERATIONS', chr(10).join(ops)))" %s 500 > %t.long
+// RUN: %python -c "import sys; ops = [f'%a{k} = arith.addf %v, %v : vector<4xf32>' for k in range(int(sys.argv[2]))]; print(open(sys.argv[1]).read().replace('// ' + 'OPERATIONS', chr(10).join(ops)))" %s 300 > %t.short
 // RUN: warp-opt %t.long --warp-emit-entry | FileCheck %s
 // RUN: warp-opt %t.short --warp-emit-entry | FileCheck %s --check-prefix=SHORT
 

@@ -55,6 +55,13 @@ struct ArrayLowering::LaneAccess {
                                               mlir::Location loc,
                                               int64_t step) const;
 
+  /// Addresses to store elements at, which are `step` bytes apart or (0)
+  /// anywhere. Lanes that are not live have memory that nobody reads.
+  llvm::SmallVector<mlir::Value> storePointers(mlir::OpBuilder &b,
+                                               mlir::Location loc,
+                                               mlir::LLVM::LLVMFuncOp entry,
+                                               int64_t step) const;
+
   /// The number of a live lane.
   mlir::Value firstLive(mlir::OpBuilder &b, mlir::Location loc) const {
     mlir::Type type = b.getIntegerType(lanes);
@@ -115,7 +122,7 @@ putTogether(mlir::OpBuilder &b, mlir::Location loc,
 llvm::SmallVector<mlir::Value>
 loadRows(mlir::OpBuilder &b, mlir::Location loc, mlir::VectorType component,
          int64_t count, llvm::function_ref<mlir::Value(int64_t)> pointerOf);
-/// The inverse; four components or more.
+/// The inverse, one lane after the other.
 void storeRows(mlir::OpBuilder &b, mlir::Location loc,
                llvm::ArrayRef<mlir::Value> components,
                llvm::function_ref<mlir::Value(int64_t)> pointerOf);

@@ -164,6 +164,43 @@ ArrayLowering::LaneAccess::lanePointers(OpBuilder &b, Location loc,
   return pointers;
 }
 
+SmallVector<mlir::Value> ArrayLowering::LaneAccess::storePointers(
+    OpBuilder &b, Location loc, LLVM::LLVMFuncOp entry, int64_t step) const {
+  if (isFull && step != 0)
+    return lanePointers(b, loc, step);
+  mlir::Value addresses = pointer;
+  if (step != 0) {
+    SmallVector<int64_t> offsets;
+    for (int64_t lane = 0; lane < lanes; ++lane)
+      offsets.push_back(lane * step);
+    auto type = VectorType::get(lanes, b.getI64Type());
+    mlir::Value all = arith::ConstantOp::create(
+        b, loc, DenseElementsAttr::get(type, ArrayRef(offsets)));
+    addresses = LLVM::GEPOp::create(
+        b, loc, LLVM::getVectorType(pointer.getType(), lanes), b.getI8Type(),
+        pointer, ArrayRef<LLVM::GEPArg>(all));
+  }
+  if (!isFull) {
+    OpBuilder atStart = OpBuilder::atBlockBegin(&entry.getBody().front());
+    auto element =
+        LLVM::LLVMArrayType::get(wordLanes().getElementType(), leaves.size());
+    mlir::Value one =
+        LLVM::ConstantOp::create(atStart, loc, b.getI64IntegerAttr(1));
+    mlir::Value unread = LLVM::AllocaOp::create(
+        atStart, loc, LLVM::LLVMPointerType::get(b.getContext()), element, one);
+    addresses = LLVM::SelectOp::create(b, loc, mask, addresses,
+                                       spread(b, loc, unread, lanes));
+  }
+  SmallVector<mlir::Value> pointers;
+  for (int64_t lane = 0; lane < lanes; ++lane) {
+    mlir::Value number =
+        arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(lane));
+    pointers.push_back(
+        LLVM::ExtractElementOp::create(b, loc, addresses, number));
+  }
+  return pointers;
+}
+
 SmallVector<mlir::Value> ArrayLowering::loadUnit(const LaneAccess &access,
                                                  int64_t stride) {
   int64_t count = access.leaves.size(), lanes = access.lanes;
@@ -238,6 +275,17 @@ void ArrayLowering::lowerLanes(LoadLanesOp op) {
   }
 }
 
+static SmallVector<mlir::Value> toWords(OpBuilder &b, Location loc,
+                                        ArrayRef<mlir::Value> components,
+                                        VectorType stored) {
+  return llvm::map_to_vector(components, [&](mlir::Value component) {
+    return component.getType() == stored
+               ? component
+               : arith::BitcastOp::create(b, loc, stored, component)
+                     .getResult();
+  });
+}
+
 void ArrayLowering::storeUnit(const LaneAccess &access,
                               ArrayRef<mlir::Value> components) {
   int64_t count = access.leaves.size(), lanes = access.lanes;
@@ -268,6 +316,11 @@ void ArrayLowering::storeUnit(const LaneAccess &access,
 
 void ArrayLowering::storeScattered(const LaneAccess &access,
                                    ArrayRef<mlir::Value> components) {
+  if (access.hasWords()) {
+    auto pointers = access.storePointers(b, loc, entry, /*step=*/0);
+    return storeRows(b, loc, toWords(b, loc, components, access.wordLanes()),
+                     [&](int64_t lane) { return pointers[lane]; });
+  }
   for (auto [leaf, value] : llvm::zip_equal(access.leaves, components))
     LLVM::masked_scatter::create(b, loc, value,
                                  access.move(b, loc, leaf.offset), access.mask,

@@ -144,21 +144,38 @@ warp::loadRows(OpBuilder &b, Location loc, VectorType component, int64_t count,
   return components;
 }
 
+/// Writes the numbers of one element, which are in a vector from `first` on.
+static void storeRow(OpBuilder &b, Location loc, mlir::Value from,
+                     int32_t first, int64_t count, mlir::Value to) {
+  auto type = cast<VectorType>(from.getType()).getElementType();
+  int64_t size = getByteSize(type);
+  auto store = [&](mlir::Value value, int64_t number) {
+    LLVM::StoreOp::create(b, loc, value, advance(b, loc, to, number * size),
+                          size);
+  };
+  int64_t even = count - count % 2;
+  store(shuffle(
+            b, loc, from, from, [&](int32_t i) { return first + i; }, even),
+        0);
+  if (even == count)
+    return;
+  mlir::Value last =
+      arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(first + even));
+  store(LLVM::ExtractElementOp::create(b, loc, from, last), even);
+}
+
 void warp::storeRows(OpBuilder &b, Location loc,
                      ArrayRef<mlir::Value> components,
                      function_ref<mlir::Value(int64_t)> pointerOf) {
   auto type = cast<VectorType>(components[0].getType());
   int64_t size = getByteSize(type.getElementType());
-  for (int64_t first : rowStarts(components.size())) {
-    SmallVector<mlir::Value> rows =
-        transpose(b, loc, components.slice(first, rowSize));
-    for (int64_t lane = 0; lane < type.getNumElements(); ++lane) {
-      mlir::Value from = rows[lane % rowSize];
-      int32_t square = lane - lane % rowSize;
-      mlir::Value row = shuffle(
-          b, loc, from, from, [&](int32_t i) { return square + i; }, rowSize);
-      LLVM::StoreOp::create(
-          b, loc, row, advance(b, loc, pointerOf(lane), first * size), size);
-    }
+  int64_t count = components.size(), length = std::min(count, rowSize);
+  for (int64_t first : rowStarts(count)) {
+    SmallVector<mlir::Value> columns(components.slice(first, length));
+    columns.resize(rowSize, columns.back());
+    SmallVector<mlir::Value> rows = transpose(b, loc, columns);
+    for (int64_t lane = 0; lane < type.getNumElements(); ++lane)
+      storeRow(b, loc, rows[lane % rowSize], lane - lane % rowSize, length,
+               advance(b, loc, pointerOf(lane), first * size));
   }
 }

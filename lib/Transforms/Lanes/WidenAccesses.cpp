@@ -153,8 +153,7 @@ bool Widening::isSlow(Value index, int depth) {
   Operation *op = index.getDefiningOp();
   if (!isVarying(index))
     return true;
-  if (!op || depth == 0 || op->getNumRegions() != 0 ||
-      !isMemoryEffectFree(op))
+  if (!op || depth == 0 || op->getNumRegions() != 0 || !isMemoryEffectFree(op))
     return false;
   if (isa<arith::DivSIOp, arith::DivUIOp, arith::ShRSIOp, arith::ShRUIOp>(op) &&
       variance.step(op->getOperand(0)) && !isVarying(op->getOperand(1))) {
@@ -163,6 +162,12 @@ bool Widening::isSlow(Value index, int depth) {
     bool isShift = isa<arith::ShRSIOp, arith::ShRUIOp>(op);
     return !isKnown || (isShift ? by.uge(llvm::Log2_64(lanes)) : by.sge(lanes));
   }
+  // A choice that all lanes make together: one of the two may be meant for
+  // divisors that there never are.
+  auto choice = dyn_cast<arith::SelectOp>(op);
+  if (choice && !isVarying(choice.getCondition()))
+    return isSlow(choice.getTrueValue(), depth - 1) ||
+           isSlow(choice.getFalseValue(), depth - 1);
   return llvm::all_of(op->getOperands(), [&](Value operand) {
     return operand.getType().isInteger(1) || isSlow(operand, depth - 1);
   });

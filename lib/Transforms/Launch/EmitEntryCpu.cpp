@@ -20,9 +20,9 @@ using namespace mlir;
 using warp::EntryBuilder;
 
 /// Bodies of more operations have one copy.
-constexpr int64_t longestTwice = 160;
+constexpr int64_t longestTwice = 400;
 /// What an elementary function counts, which becomes part of the body.
-constexpr int64_t costOfCall = 50;
+constexpr int64_t costOfCall = 140;
 
 static int64_t countOperations(Region &region) {
   int64_t count = 0;
