@@ -20,7 +20,6 @@
 #include "Updates/Atomics.h"
 #include "GpuBlock.h"
 #include "RotateLoops.h"
-#include "UniformValues.h"
 #include "WarpDialect/Passes.h"
 
 using namespace mlir;
