@@ -184,6 +184,9 @@ ThreadVariance::State ThreadVariance::transfer(Operation *op) const {
   State state;
   for (Value operand : op->getOperands())
     state.sources |= get(operand).sources;
+  // Rows differ, but not in length.
+  if (isa<warp::DimOp>(op))
+    state = get(form(op->getResult(0)).getSymbol()->getValue());
   auto access = dyn_cast<warp::AccessOp>(op);
   bool isLoad = access && !access.mayWrite();
   if (isLoad && isWritten(access.getArray()))

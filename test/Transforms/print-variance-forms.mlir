@@ -4,12 +4,13 @@
 // Sums over thread indices, extents and arguments, in whatever order; products
 // with what is not constant; what cancels is gone.
 // CHECK-LABEL: variance of @sums
-// CHECK: %[[N:.*]]: uniform over the launch
+// CHECK: %{{.*}}: uniform over the launch
+// CHECK-NEXT: %[[N:[^:]*]]: uniform over the launch
 // CHECK: = warp.dim: uniform over the launch = dim(%{{.*}}, 1) in [0, ]
-// CHECK: = arith.muli: {{.*}} = t0 dim(%{{.*}}, 1)
-// CHECK: = arith.addi: step 1 = t0 dim(%{{.*}}, 1) + t1
-// CHECK: = arith.subi: uniform over lanes = t0 dim(%{{.*}}, 1){{$}}
-// CHECK: = arith.addi: step 2 = 2 t1
+// CHECK: = arith.muli: uniform over lanes = dim(%{{.*}}, 1) t0{{$}}
+// CHECK-NEXT: = arith.addi: step 1 = dim(%{{.*}}, 1) t0 + t1{{$}}
+// CHECK-NEXT: = arith.subi: step 0 = dim(%{{.*}}, 1) t0{{$}}
+// CHECK-NEXT: = arith.addi: step 2 = 2 t1{{$}}
 // CHECK: = arith.muli: step 6 = 6 t1 + 3 %[[N]] + 12
 // CHECK: = arith.shli: step 4 = 4 t1
 func.func @sums(%a: !warp.array<2 x f32>, %n: i32) attributes {warp.kernel} {
@@ -33,7 +34,8 @@ func.func @sums(%a: !warp.array<2 x f32>, %n: i32) attributes {warp.kernel} {
 
 // Extents of views are those of the array that they are taken of.
 // CHECK-LABEL: variance of @extents
-// CHECK: %[[A:.*]]: uniform over the launch
+// CHECK: %[[A:[^:]*]]: uniform over the launch
+// CHECK-COUNT-2: = warp.dim: uniform over the launch = dim(%[[A]], 1) in [0, ]
 // CHECK: = arith.subi: uniform over the launch = 0
 func.func @extents(%a: !warp.array<2 x !warp.vec<3 x f32>>)
     attributes {warp.kernel} {
@@ -52,15 +54,15 @@ func.func @extents(%a: !warp.array<2 x !warp.vec<3 x f32>>)
 // A counter is the lower bound and a step per trip; what is carried grows by
 // what every iteration adds.
 // CHECK-LABEL: variance of @loops
-// CHECK: %[[N:.*]]: uniform over the launch
+// CHECK: %[[N:[^:]*]]: uniform over the launch
 // CHECK: scf.for: in step
-// CHECK: %[[K:.*]]: uniform over lanes = 2 trip(%[[K]]) + 1 in [1, ]
-// CHECK-NEXT: %{{.*}}: step 1 = t0 + trip(%[[K]]) %[[N]]
-// CHECK-NEXT: %[[C:.*]]: uniform over lanes{{$}}
+// CHECK: %[[K:[^:]*]]: uniform over lanes = 2 trip(%[[K]]) + 1 in [1, ]
+// CHECK-NEXT: %{{.*}}: step 1 = t0 + trip(%[[K]]) %[[N]]{{$}}
+// CHECK-NEXT: %{{.*}}: uniform over lanes{{$}}
 // CHECK: scf.while: in step
-// CHECK: %[[B:.*]]: uniform over lanes = 3 trip(%[[B]])
-// CHECK: %{{.*}}: uniform over lanes = 3 trip(%[[B]])
-// CHECK: = arith.addi: uniform over lanes = 3 trip(%[[B]]) + 3
+// CHECK: %[[B:[^:]*]]: uniform over lanes = 3 trip(%[[B]]){{$}}
+// CHECK: %{{.*}}: uniform over lanes = 3 trip(%[[B]]){{$}}
+// CHECK: = arith.addi: uniform over lanes = 3 trip(%[[B]]) + 3{{$}}
 func.func @loops(%n: i32) attributes {warp.kernel} {
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
@@ -110,8 +112,9 @@ func.func @wider() attributes {warp.kernel} {
 
 // Beyond six terms, and in products of more than three, a sum is a value.
 // CHECK-LABEL: variance of @long
-// CHECK-COUNT-6: arith.addi
-// CHECK: = arith.addi: {{.*}}%{{[0-9]+}} + t0
+// CHECK: %[[FIVE:.*]] = arith.addi: uniform over the launch = %{{.*}} + %{{.*}} + %{{.*}} + %{{.*}} + %{{.*}} + %{{.*}}
+// CHECK-NEXT: %[[SIX:.*]] = arith.addi: uniform over the launch{{$}}
+// CHECK: = arith.addi: step 1 = %[[SIX]] + t0{{$}}
 func.func @long(%a: i32, %b: i32, %c: i32, %d: i32, %e: i32, %f: i32, %g: i32)
     attributes {warp.kernel} {
   %0 = arith.addi %a, %b : i32

@@ -26,7 +26,6 @@
 //===----------------------------------------------------------------------===//
 
 #include "Analysis/CostModel.h"
-#include "Analysis/CostModel.h"
 #include "Analysis/Effects.h"
 #include "KernelFunction.h"
 #include "Launch/UnrollLoop.h"
