@@ -8,6 +8,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "KernelObject.h"
+#include "LaunchCall.h"
 
 #include "warp/Builder.h"
 
