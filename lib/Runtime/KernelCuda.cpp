@@ -220,7 +220,7 @@ void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,
                              deviceInfo(key.device).smCount);
     shape = shapeOf(header.dim, key.rank, variant.flat,
                     blockDim / variant.code.split, variant.code.items);
-    shape.block.x *= variant.code.split;
+    shape.block.y *= variant.code.split;
   }
   if (shape.grid.x > maxGridX)
     throw Error(Error::Kind::LaunchValue,

@@ -9,6 +9,7 @@
 
 #include "Gil.h"
 #include "KernelObject.h"
+#include "LaunchCall.h"
 
 #include "warp/Builder.h"
 

@@ -2,10 +2,11 @@
 
 // Two indices of a thread go through the loop together and load once for both;
 // the second one stores if there is one.
-// CHECK-LABEL: llvm.func @pairs(
+// CHECK-LABEL: llvm.func ptx_kernelcc @pairs(
 // CHECK-SAME: items = 2
 // CHECK-SAME: warp.sized
-// CHECK: %[[SECOND:.*]] = arith.addi %[[FIRST:.*]], %{{.*}} overflow<nsw, nuw> : i32
+// CHECK: %[[FIRST:.*]] = arith.addi
+// CHECK: %[[SECOND:.*]] = arith.addi %[[FIRST]],
 // CHECK: scf.if
 // CHECK: %[[BOTH:.*]] = arith.cmpi slt, %[[SECOND]]
 // CHECK: arith.select %[[BOTH]], %[[SECOND]], %[[FIRST]]
@@ -22,10 +23,10 @@ func.func @pairs(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: si32)
   %v = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
-  %end = builtin.unrealized_conversion_cast %n : si32 to i32
+  %end = warp.cast %n : si32 to i32
   %zero = arith.constant 0.0 : f32
   %sum = scf.for %j = %c0 to %end step %c1 iter_args(%s = %zero) -> (f32) : i32 {
-    %k = builtin.unrealized_conversion_cast %j : i32 to si32
+    %k = warp.cast %j : i32 to si32
     %w = warp.load %x[%k] : !warp.array<1 x f32>, si32 -> f32
     %d = warp.sub(%w, %v) : (f32, f32) -> f32
     %t = warp.add(%s, %d) : (f32, f32) -> f32

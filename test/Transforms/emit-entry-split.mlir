@@ -23,10 +23,10 @@ func.func @count(%x: !warp.array<1 x si32>, %y: !warp.array<1 x si32>, %n: si32)
   %v = warp.load %x[%i] : !warp.array<1 x si32>, si32 -> si32
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
-  %end = builtin.unrealized_conversion_cast %n : si32 to i32
+  %end = warp.cast %n : si32 to i32
   %zero = warp.constant 0 : si32
   %sum = scf.for %j = %c0 to %end step %c1 iter_args(%s = %zero) -> (si32) : i32 {
-    %k = builtin.unrealized_conversion_cast %j : i32 to si32
+    %k = warp.cast %j : i32 to si32
     %d = warp.mul(%k, %v) : (si32, si32) -> si32
     %t = warp.add(%s, %d) : (si32, si32) -> si32
     scf.yield %t : si32
@@ -48,7 +48,7 @@ func.func @ordered(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: si32)
   %v = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
-  %end = builtin.unrealized_conversion_cast %n : si32 to i32
+  %end = warp.cast %n : si32 to i32
   %zero = warp.constant 0.0 : f32
   %sum = scf.for %j = %c0 to %end step %c1 iter_args(%s = %zero) -> (f32) : i32 {
     %t = warp.add(%s, %v) : (f32, f32) -> f32

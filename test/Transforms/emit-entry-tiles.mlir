@@ -13,7 +13,7 @@
 // CHECK-COUNT-4: llvm.store {{.*}} : f32, !llvm.ptr<1>
 // CHECK: scf.for
 // CHECK: llvm.load {{.*}} : !llvm.ptr<1> -> f32
-// CHECK-NEXT: llvm.store {{.*}} : f32, !llvm.ptr<1>
+// CHECK: llvm.store {{.*}} : f32, !llvm.ptr<1>
 // Blocks of two warps have no squares.
 // NARROW-LABEL: gpu.func @turn(
 // NARROW-NOT: warp.tile

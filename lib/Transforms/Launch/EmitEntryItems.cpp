@@ -157,12 +157,13 @@ Value EntryBuilder::cloneInterleaved(ArrayRef<Values> items, Block *body,
   Type i1 = b.getI1Type();
   if (!stretch.guard)
     return constant(i1, 1);
-  Value all;
+  Value all, any;
   for (IRMapping &clone : clones) {
     Value holds = clone.lookupOrDefault(stretch.guard.getCondition());
     if (stretch.inside == stretch.guard.elseBlock())
       holds = arith::XOrIOp::create(b, loc, holds, constant(i1, 1));
     all = all ? arith::AndIOp::create(b, loc, all, holds) : holds;
+    any = any ? arith::OrIOp::create(b, loc, any, holds) : holds;
   }
   auto together =
       scf::IfOp::create(b, loc, TypeRange(i1), all, /*withElseRegion=*/true);
@@ -171,8 +172,10 @@ Value EntryBuilder::cloneInterleaved(ArrayRef<Values> items, Block *body,
   markIndices(*stretch.inside);
   Value done = cloneInterleaved(items, stretch.inside, clones);
   scf::YieldOp::create(b, loc, done);
+  // Where none of them is inside, as at the edge of a stencil, that was all.
   b.setInsertionPointToStart(together.elseBlock());
-  scf::YieldOp::create(b, loc, Value(constant(i1, 0)));
+  Value none = arith::XOrIOp::create(b, loc, any, constant(i1, 1));
+  scf::YieldOp::create(b, loc, none);
   return together.getResult(0);
 }
 
