@@ -111,7 +111,7 @@ void ArrayLowering::lowerIndexDim(IndexDimOp op) {
     auto check = scf::IfOp::create(b, loc, at.inside, /*withElseRegion=*/true);
     OpBuilder::InsertionGuard insertion(b);
     b.setInsertionPointToStart(check.elseBlock());
-    report(op->getLoc(), ReportKind::OutOfBounds, parts.name, at.indices,
+    report(op->getLoc(), CheckKind::OutOfBounds, parts.name, at.indices,
            parts.shape[dim]);
   }
   mlir::Value offset = arith::MulIOp::create(
