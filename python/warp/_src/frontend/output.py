@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from warp._src.frontend.context import Part
+from warp._src.frontend.indexed import array_of
 
 _CONVERSION = re.compile(r"%%|%[^a-zA-Z%]*(?:hh|ll|[hlzjt])?[a-zA-Z]")
 _FORMATS = {"bool": "%d", "int": "%d", "float": "%g"}
@@ -50,11 +51,24 @@ class Output(Part):
             self.context.at(node)
             self.builder.printf(binding.replace("%", "%%") + "\n", [])
             return
-        value = self.context.materialize(binding, node)
+        self.print_value(self.context.materialize(binding, node), node)
+
+    def print_value(self, value, node):
+        """A number, composite or struct; of an array its extents."""
         native = value.type
-        if native.kind in ("array", "struct"):
-            raise self.context.type_error(node, f"print expects a number or composite, but got "
-                                        f"'{native.python_name}'")  # fmt: skip
+        array = array_of(native)
+        if array is not None:
+            extents = self.context.indexed.extents(value, node)
+            shown = ", ".join(["%d"] * len(extents)) + ("," if len(extents) == 1 else "")
+            element = array.element.python_name
+            self.builder.printf(f"array(shape=({shown}), dtype={element})\n", extents)
+            return
+        if native.kind == "struct":
+            for name, _ in native.fields:
+                self.context.at(node)
+                self.builder.printf(f"{native.python_name}.{name}: ", [])
+                self.print_value(self.builder.struct_get(value, name), node)
+            return
         if native.kind == "bool":
             self.print_bool(value, node)
             return
