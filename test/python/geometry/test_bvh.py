@@ -117,4 +117,5 @@ def test_bad_input():
         make(low, high, constructor="best")
     low[3] = np.nan
     assert make(low, high).report.skipped == 1
-    assert run(touch_box, 1, make(low[:0], high[:0]).id, wp.vec3(-9.0), wp.vec3(9.0))[0] == 0
+    empty = make(low[:0], high[:0])
+    assert run(touch_box, 1, empty.id, wp.vec3(-9.0), wp.vec3(9.0))[0] == 0

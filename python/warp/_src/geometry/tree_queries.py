@@ -96,8 +96,7 @@ def bvh_query_next(query: ref[BvhQuery], index: ref[int32], max_dist: float = _I
         query.id, query.shape, query.first, query.second, query.radius, max_dist, query.cursor
     )
     query.cursor = at
-    if found >= 0:
-        index = found
+    index = wp.where(found >= 0, found, index)
     return found >= 0
 
 
@@ -107,8 +106,7 @@ def mesh_query_next(query: ref[MeshQuery], index: ref[int32]) -> bool:
         query.id, query.shape, query.first, query.second, query.radius, 0.0, query.cursor
     )
     query.cursor = at
-    if found >= 0:
-        index = found
+    index = wp.where(found >= 0, found, index)
     return found >= 0
 
 
