@@ -137,8 +137,8 @@ void Compilation::time(const std::string &phase, double since) {
 }
 
 /// Has the kernel say what the code is for.
-static LogicalResult attachVariant(ModuleOp module,
-                                   const CompileOptions &options) {
+static LogicalResult nameVariant(ModuleOp module,
+                                 const CompileOptions &options) {
   FunctionOpInterface kernel = findKernel(module);
   if (!kernel)
     return failure();
@@ -151,7 +151,7 @@ static LogicalResult attachVariant(ModuleOp module,
 }
 
 LogicalResult Compilation::runPasses(ModuleOp module, Phase phase) {
-  if (phase == Phase::Thread && failed(attachVariant(module, options)))
+  if (phase == Phase::Thread && failed(nameVariant(module, options)))
     return failure();
   if (failed(Phases::get().managers[size_t(phase)]->run(module)))
     return failure();
