@@ -39,7 +39,10 @@ Operation *ForwardBuilder::accessTwin(Operation *clone, Value twin,
 LogicalResult ForwardBuilder::runAccess(AccessOp op, Operation *clone,
                                         TangentMap &tangents) {
   Value twin = tangents.lookup(op.getArray());
-  if (!twin)
+  // Integers have no tangent.
+  bool writesIntegers =
+      op.mayWrite() && !differentialType(op.getWritten().front().getType());
+  if (!twin || writesIntegers)
     return success();
   switch (op.getEffect()) {
   case AccessEffect::Read:
@@ -48,9 +51,6 @@ LogicalResult ForwardBuilder::runAccess(AccessOp op, Operation *clone,
           accessTwin(clone, twin, {})->getResult(0);
     return success();
   case AccessEffect::Write:
-    // Integers have no tangent.
-    if (!differentialType(op.getWritten().front().getType()))
-      return success();
     accessTwin(clone, twin,
                getTangentOrZero(op.getWritten().front(), tangents));
     return success();
