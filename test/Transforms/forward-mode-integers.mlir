@@ -16,7 +16,7 @@ module {
       attributes {warp.arg_names = ["n", "x"], warp.kernel} {
     %i = warp.tid : si32
     warp.store %i, %n[%i] : si32, !warp.array<1 x si32>, si32
-    %o = warp.atomic add %i, %n[%i] : si32, !warp.array<1 x si32>, si32
+    %o = warp.atomic add %i, %n[%i] : si32, !warp.array<1 x si32>, si32 -> si32
     %v = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
     %r = warp.mul(%v, %v) : (f32, f32) -> f32
     warp.store %r, %x[%i] : f32, !warp.array<1 x f32>, si32
