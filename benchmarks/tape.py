@@ -2,10 +2,10 @@
 
     python benchmarks/tape.py [launches]
 
-Prints a line per program. `recorded` is the time of the processor for a launch on a tape, `plain` that of the same
-launch without one; `bytes` is the growth of the process per recorded launch, with the copies of
-what was overwritten; `checks` is the time to find the regions of a launch, what they meet among all
-that the tape knows, and to enter them.
+Prints a line per program. Times are the processor's: `recorded` for a launch on a tape, `plain` for
+the same launch without one. `bytes` is the growth of the process per recorded launch, with the
+copies of what was overwritten. `checks` is the time to find the regions of a launch, what they meet
+among all that the tape knows, and to enter them.
 """
 
 from __future__ import annotations

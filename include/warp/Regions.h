@@ -80,9 +80,9 @@ WARP_API MemoryBlock blockOf(const ArrayDescriptor &array, int64_t itemSize);
 /// What a kernel may touch.
 struct RegionFormula {
   enum class Op : uint8_t {
-    Constant,   // a
-    Extent,     // of the launch, dimension a
-    Argument,   // integer of `bits` at byte a of the parameter block
+    Constant,    // a
+    Extent,      // of the launch, dimension a
+    Argument,    // integer of `bits` at byte a of the parameter block
     ArrayExtent, // of the descriptor at byte a, dimension b
     // Of the nodes a and b; they wrap like integers of `bits`.
     Add,

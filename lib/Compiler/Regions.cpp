@@ -67,7 +67,7 @@ StringRef FormulaPrinter::nameAt(int64_t offset) const {
 void FormulaPrinter::print(int32_t number) {
   using Op = warp::RegionFormula::Op;
   static constexpr const char *symbols[] = {
-      "",    "",  "", "", " + ", " - ", " * ", " / ", " // ",
+      "",    "",      "",      "",    " + ", " - ", " * ",  " / ",  " // ",
       " % ", " min ", " max ", " & ", " | ", " ^ ", " << ", " >> ", ""};
   const warp::RegionFormula::Node &node = formula.nodes[number];
   switch (node.op) {

@@ -220,8 +220,8 @@ static int placesOf(const RegionFormula::Index &index, const Values &values,
   if (span->start < 0 && index.mayWrap) {
     Span wrapped = *span;
     if (wrapped.last >= 0)
-      wrapped.last = wrapped.start +
-                     (-1 - wrapped.start) / wrapped.step * wrapped.step;
+      wrapped.last =
+          wrapped.start + (-1 - wrapped.start) / wrapped.step * wrapped.step;
     wrapped.start += extent;
     wrapped.last += extent;
     if (clip(wrapped, extent))
@@ -256,10 +256,9 @@ private:
 
 static Span hullOf(const Span &a, const Span &b) {
   return {std::min(a.start, b.start), std::max(a.last, b.last),
-          std::max<int64_t>(
-              1, std::gcd(std::gcd(a.isOne() ? 0 : a.step,
-                                   b.isOne() ? 0 : b.step),
-                          std::abs(a.start - b.start)))};
+          std::max<int64_t>(1, std::gcd(std::gcd(a.isOne() ? 0 : a.step,
+                                                 b.isOne() ? 0 : b.step),
+                                        std::abs(a.start - b.start)))};
 }
 
 /// Whether the hull of two spans has no element that neither has.
@@ -325,8 +324,8 @@ static void addBoxes(const RegionFormula::Access &access, const Values &values,
   int total = 1;
   for (int i = 0; i < array.ndim; ++i) {
     static const RegionFormula::Index any;
-    const auto &index = size_t(i) < access.indices.size() ? access.indices[i]
-                                                          : any;
+    const auto &index =
+        size_t(i) < access.indices.size() ? access.indices[i] : any;
     counts[i] = placesOf(index, values, array.shape[i], places[i]);
     total *= counts[i];
   }
@@ -414,10 +413,10 @@ void warp::findRegions(const RegionFormula &formula,
       continue;
     }
     if (reads)
-      regions[i].read = regionOf(formula, values, number, array,
-                                 access.elementSize, false);
+      regions[i].read =
+          regionOf(formula, values, number, array, access.elementSize, false);
     if (writes)
-      regions[i].written = regionOf(formula, values, number, array,
-                                    access.elementSize, true);
+      regions[i].written =
+          regionOf(formula, values, number, array, access.elementSize, true);
   }
 }

@@ -31,8 +31,8 @@ static Place placeOf(const MemoryBlock &block) {
     --row.rank;
     uint64_t begin = block.start % pitch, length = row.end() - row.start;
     if (block.rank > 1 || block.dims[0].step == 1) {
-      bool isColumn = 2 * length < uint64_t(pitch) && begin + length <=
-                                                          uint64_t(pitch);
+      bool isColumn =
+          2 * length < uint64_t(pitch) && begin + length <= uint64_t(pitch);
       if (isColumn)
         return {pitch, begin, begin + length};
     }

@@ -88,9 +88,8 @@ namespace {
 class RegionFinder {
 public:
   explicit RegionFinder(py::object object);
-  std::unique_ptr<LaunchRegions> find(const py::object &dim,
-                                      const py::object &values,
-                                      int device) const;
+  std::unique_ptr<LaunchRegions>
+  find(const py::object &dim, const py::object &values, int device) const;
 
 private:
   py::object owner;
@@ -119,8 +118,8 @@ std::unique_ptr<LaunchRegions> RegionFinder::find(const py::object &dim,
   packArguments(*object->packer, items, Items(nullptr), device, block.data(),
                 keep);
   auto regions = std::make_unique<LaunchRegions>();
-  findRegions(formula, known, readDim(*object->kernel, dim.ptr()),
-              block.data(), regions->arrays);
+  findRegions(formula, known, readDim(*object->kernel, dim.ptr()), block.data(),
+              regions->arrays);
   return regions;
 }
 

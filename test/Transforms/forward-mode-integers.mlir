@@ -4,10 +4,11 @@
 // RUN: warp-opt %t/letters.mlir --warp-differentiate-kernel="mode=forward active=x" --verify-diagnostics
 
 //--- stores.mlir
-// What is stored to an array of integers has no tangent.
+// What is stored to an array of integers, or added to it, has no tangent.
 // CHECK-LABEL: func.func @stores_tangent
 // CHECK: warp.store {{.*}} : si32
-// CHECK-NOT: warp.store {{.*}} : si32
+// CHECK-NEXT: warp.atomic add
+// CHECK-NEXT: warp.load
 // CHECK: warp.store {{.*}} : f32
 // CHECK-NEXT: warp.store {{.*}} : f32
 module {
@@ -15,6 +16,7 @@ module {
       attributes {warp.arg_names = ["n", "x"], warp.kernel} {
     %i = warp.tid : si32
     warp.store %i, %n[%i] : si32, !warp.array<1 x si32>, si32
+    %o = warp.atomic add %i, %n[%i] : si32, !warp.array<1 x si32>, si32 -> si32
     %v = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
     %r = warp.mul(%v, %v) : (f32, f32) -> f32
     warp.store %r, %x[%i] : f32, !warp.array<1 x f32>, si32

@@ -166,9 +166,8 @@ bool MemoryClasses::isOwnedAlong(ArrayRef<const Access *> accesses,
   return variance.tellThreadsApart(indices, dim, mayWrap);
 }
 
-unsigned
-MemoryClasses::countOwnedDimensions(ArrayRef<const Access *> accesses,
-                                    bool mayWrap) const {
+unsigned MemoryClasses::countOwnedDimensions(ArrayRef<const Access *> accesses,
+                                             bool mayWrap) const {
   for (unsigned dim = 0; dim < 4; ++dim) {
     unsigned axis = 0;
     while (axis < 4 && !isOwnedAlong(accesses, axis, dim, mayWrap))
@@ -242,15 +241,16 @@ LogicalResult MemoryClasses::verify() {
     Sharing sharing = getSharing(active);
     std::string name = leaves.getName(leaf);
     if (sharing == Sharing::Single)
-      oneThread = "all threads read and write the same elements of '" + name +
-                  "'";
+      oneThread =
+          "all threads read and write the same elements of '" + name + "'";
     if (sharing != Sharing::Shared)
       continue;
     // Name a pair whose indices differ.
     for (const Access *access : active)
       if (isWrite(access) && getSharing({*read, access}) == Sharing::Shared)
         write = llvm::find(active, access);
-    auto diagnostic = (*read)->op->emitError("'")
+    auto diagnostic =
+        (*read)->op->emitError("'")
         << name << "' is read here, and other threads of the launch may write "
         << "what is read, so that its gradient depends on their order; split "
         << "the kernel in two, write to another array, or move the reads into "

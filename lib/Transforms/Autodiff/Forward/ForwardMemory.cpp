@@ -39,7 +39,10 @@ Operation *ForwardBuilder::accessTwin(Operation *clone, Value twin,
 LogicalResult ForwardBuilder::runAccess(AccessOp op, Operation *clone,
                                         TangentMap &tangents) {
   Value twin = tangents.lookup(op.getArray());
-  if (!twin)
+  // Integers have no tangent.
+  bool writesIntegers =
+      op.mayWrite() && !differentialType(op.getWritten().front().getType());
+  if (!twin || writesIntegers)
     return success();
   switch (op.getEffect()) {
   case AccessEffect::Read:
@@ -48,9 +51,6 @@ LogicalResult ForwardBuilder::runAccess(AccessOp op, Operation *clone,
           accessTwin(clone, twin, {})->getResult(0);
     return success();
   case AccessEffect::Write:
-    // Integers have no tangent.
-    if (!differentialType(op.getWritten().front().getType()))
-      return success();
     accessTwin(clone, twin,
                getTangentOrZero(op.getWritten().front(), tangents));
     return success();
@@ -84,7 +84,7 @@ LogicalResult ForwardBuilder::runUpdate(AccessOp op, Operation *clone,
   }
   if (kind != AtomicKind::min && kind != AtomicKind::max)
     return op->emitError("this atomic has no tangent; use 'atomic_add', "
-                        "'atomic_min', 'atomic_max' or 'atomic_exch'");
+                         "'atomic_min', 'atomic_max' or 'atomic_exch'");
   // The value and its tangent are two updates, and other threads could come
   // between them.
   dual->setAttr(attr::oneThread,
@@ -98,16 +98,15 @@ LogicalResult ForwardBuilder::runUpdate(AccessOp op, Operation *clone,
       createBuiltin(builder, loc, kind == AtomicKind::min ? "lt" : "gt",
                     {clone->getOperand(0), clone->getResult(0)})
           ->getResult(0);
-  Value kept = createBuiltin(builder, loc, "where",
-                             {replaces, tangent, before})
+  Value kept = createBuiltin(builder, loc, "where", {replaces, tangent, before})
                    ->getResult(0);
   StoreOp::create(builder, loc, kept, twin, indices);
   return success();
 }
 
-std::optional<LogicalResult>
-ForwardBuilder::runMemory(Operation *op, Operation *clone,
-                          TangentMap &tangents) {
+std::optional<LogicalResult> ForwardBuilder::runMemory(Operation *op,
+                                                       Operation *clone,
+                                                       TangentMap &tangents) {
   Location loc = op->getLoc();
   auto twinOf = [&](Value array) { return tangents.lookup(array); };
   auto setTangent = [&](Value tangent) {
@@ -128,9 +127,7 @@ ForwardBuilder::runMemory(Operation *op, Operation *clone,
               setTangent(twins[leaf][&tangents - directions.data()]);
         return success();
       })
-      .Case([&](AccessOp access) {
-        return runAccess(access, clone, tangents);
-      })
+      .Case([&](AccessOp access) { return runAccess(access, clone, tangents); })
       .Case([&](ScratchOp scratch) {
         if (varied.contains(scratch.getResult()))
           setTangent(ScratchOp::create(builder, loc,
@@ -139,9 +136,8 @@ ForwardBuilder::runMemory(Operation *op, Operation *clone,
       })
       .Case([&](ScratchLoadOp load) {
         if (Value twin = twinOf(load.getScratch()))
-          setTangent(ScratchLoadOp::create(builder, loc,
-                                           getTangentType(load.getType()), twin,
-                                           operands[1]));
+          setTangent(ScratchLoadOp::create(
+              builder, loc, getTangentType(load.getType()), twin, operands[1]));
         return success();
       })
       .Case([&](ScratchStoreOp store) {

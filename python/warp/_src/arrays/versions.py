@@ -68,16 +68,16 @@ class Version:
         self.complete = False
         self.pieces: list = []
         # Recorded launches that want it kept, or to be told who overwrites it.
-        self._readers: tuple = ()
-        self._listeners: tuple = ()
+        self._readers: list = []
+        self._listeners: list = []
 
     def tell(self, reader) -> None:
         """Calls `reader.overwriting` before the memory is overwritten."""
-        self._listeners += (weakref.ref(reader),)
+        self._listeners.append(weakref.ref(reader))
 
     def keep_for(self, reader, budget=None) -> None:
         """Asks for copies before the memory is overwritten, if `reader.needs` it then."""
-        self._readers += ((weakref.ref(reader), budget),)
+        self._readers.append((weakref.ref(reader), budget))
 
     # Writes.
 

@@ -29,6 +29,7 @@ class LaunchRecord:
 
     __slots__ = (
         "__weakref__",
+        "_has_gradients",
         "_made",
         "aliases",
         "apart",
@@ -59,7 +60,8 @@ class LaunchRecord:
         self.apart: tuple = ()
         # The derivative while the launch runs, if that was asked for.
         self._made = None
-        if any(call.active) and call.regions is not None:
+        self._has_gradients = any(call.active)
+        if self._has_gradients and call.regions is not None:
             self._look_back()
 
     def _look_back(self) -> None:
@@ -123,13 +125,14 @@ class LaunchRecord:
     def observe(self) -> None:
         """Notes the versions of all arrays."""
         call = self.call
-        if any(call.active):
+        if self._has_gradients:
+            regions, observe = call.regions, Observers.memory.observe
             for i, (_, leaf) in enumerate(call.leaves):
                 version = None
                 if leaf is not None and leaf.size:
                     # What is written elsewhere is of no concern to the adjoint.
                     reads = bool(self.apart) and self.apart[i]
-                    version = Observers.memory.observe(leaf, call.regions, i, reads)
+                    version = observe(leaf, regions, i, reads)
                     if self.budget is not None:
                         version.keep_for(self, self.budget)
                     elif config.verify_autograd_array_access:
