@@ -6,8 +6,6 @@
 
 #include "Native.h"
 
-namespace warp::python { void bindSequences(pybind11::module_ &m); }
-
 PYBIND11_MODULE(_native, m) {
   m.doc() = "Compiler and runtime of the warp package; use `warp` instead.";
   warp::python::bindErrors(m);
