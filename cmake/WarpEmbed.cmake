@@ -8,7 +8,8 @@
 # freestanding C++ to one LLVM bitcode module and embeds it under NAME.
 #
 # warp_add_device_kernels(SOURCE) compiles a file of kernels in freestanding C++
-# to PTX and embeds it, terminated by a zero, as cuda_<stem of the file>.
+# to PTX and embeds it, terminated by a zero, as cuda_<stem of the file>. Clang
+# takes it as CUDA for the sake of a few attributes; no toolkit is needed.
 
 function(warp_embed_file name file)
   cmake_parse_arguments(arg "" "" "DEPENDS" ${ARGN})
@@ -81,11 +82,12 @@ function(warp_add_device_kernels source)
   file(MAKE_DIRECTORY "${folder}")
   set(ptx "${folder}/${stem}.ptx")
   add_custom_command(OUTPUT "${ptx}"
-    COMMAND "${WARP_CLANG}" --target=nvptx64-nvidia-cuda -march=sm_75 -nogpulib
-      -Xclang -target-feature -Xclang -ptx88 -Xclang -target-feature -Xclang +ptx80
-      -std=c++20 -O3 -ffreestanding
-      -fno-exceptions -fno-rtti -ffp-contract=off -fvisibility=hidden
-      -nostdinc++ -Wall -Wextra -MD -MF "${ptx}.d" -MT "${ptx}"
+    COMMAND "${WARP_CLANG}" -x cuda --cuda-device-only --cuda-gpu-arch=sm_75
+      -nocudainc -nocudalib -Wno-unknown-cuda-version
+      -Xclang -target-feature -Xclang -ptx88
+      -Xclang -target-feature -Xclang +ptx80
+      -std=c++20 -O3 -ffreestanding -fno-exceptions -fno-rtti
+      -ffp-contract=off -fvisibility=hidden -nostdinc++ -Wall -Wextra -MD -MF "${ptx}.d" -MT "${ptx}"
       -S "${source}" -o "${ptx}"
     DEPENDS "${source}" DEPFILE "${ptx}.d"
     COMMENT "Building PTX ${stem}" VERBATIM)

@@ -15,6 +15,7 @@
 #include "warp/Launch.h"
 #include "warp/Memory.h"
 #include "warp/SavedModule.h"
+#include "warp/Sequences.h"
 #include "warp/ThreadPool.h"
 
 #endif // WARP_RUNTIME_H

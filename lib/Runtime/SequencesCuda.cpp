@@ -109,20 +109,14 @@ void warp::scanOnCuda(int device, NumberType kind, int width, Sequence out,
 // Sorts
 //===----------------------------------------------------------------------===//
 
-/// KeyOrder of the kernels.
-static int orderOf(NumberType kind) {
-  switch (kind) {
-  case NumberType::UInt32:
-  case NumberType::UInt64:
+/// Whether a float, and the bits to turn: see the kernels.
+static bool isFloat(NumberType kind) {
+  return kind == NumberType::Float32 || kind == NumberType::Float64;
+}
+static uint64_t signOf(NumberType kind) {
+  if (kind == NumberType::UInt32 || kind == NumberType::UInt64)
     return 0;
-  case NumberType::Int32:
-  case NumberType::Int64:
-    return 1;
-  case NumberType::Float32:
-  case NumberType::Float64:
-    return 2;
-  }
-  return 0;
+  return uint64_t(1) << (8 * sizeOf(kind) - 1);
 }
 
 void warp::sortOnCuda(int device, const Pairs &pairs, int beginBit, int endBit,
@@ -131,8 +125,8 @@ void warp::sortOnCuda(int device, const Pairs &pairs, int beginBit, int endBit,
     throw Error(Error::Kind::Value,
                 "a sort on CUDA takes at most " + std::to_string(mostPairs) +
                     " pairs, but got " + std::to_string(pairs.count));
-  int keySize = sizeOf(pairs.kind), order = orderOf(pairs.kind);
-  int64_t tile = threads * (keySize + pairs.valueSize > 12 ? 12 : 16);
+  int keySize = sizeOf(pairs.kind);
+  int64_t tile = threads * (keySize + pairs.valueSize > 8 ? 16 : 24);
   int64_t tiles = ceilDivide(pairs.count, tile);
   int passes = (endBit - beginBit + radixBits - 1) / radixBits;
   // Counts of each pass and digit, then the next tile of each pass, then what
@@ -144,7 +138,10 @@ void warp::sortOnCuda(int device, const Pairs &pairs, int beginBit, int endBit,
   setMemory(state, device, 0, words * 4, stream);
 
   QueuedWork work(device, stream);
-  std::string key = std::to_string(8 * keySize);
+  // Kernels for 32 bits read the lower half.
+  uint64_t flip = signOf(pairs.kind);
+  std::string key =
+      (isFloat(pairs.kind) ? "f" : "i") + std::to_string(8 * keySize);
   std::string value = std::to_string(8 * pairs.valueSize);
   auto kernel = [&](const std::string &name) {
     return kernelOf(device, warp_cuda_Sort_begin, name);
@@ -152,7 +149,7 @@ void warp::sortOnCuda(int device, const Pairs &pairs, int beginBit, int endBit,
   int64_t counters =
       std::min(mostCounters, ceilDivide(pairs.count, 4 * threads));
   launch(work, kernel("sort_count_" + key), counters, 1, pairs.keys,
-         pairs.count, order, beginBit, endBit, state);
+         pairs.count, flip, beginBit, endBit, state);
   launch(work, kernel("sort_starts"), passes, 1, state);
 
   auto *keys = static_cast<char *>(pairs.keys);
@@ -163,7 +160,7 @@ void warp::sortOnCuda(int device, const Pairs &pairs, int beginBit, int endBit,
   for (int pass = 0; pass < passes; ++pass) {
     int shift = beginBit + pass * radixBits;
     launch(work, move, tiles, 1, keys, values, otherKeys, otherValues,
-           pairs.count, order, shift, std::min(radixBits, endBit - shift),
+           pairs.count, flip, shift, std::min(radixBits, endBit - shift),
            state + pass * radix, state + counts + pass,
            state + counts + heads + pass * tiles * radix);
     std::swap(keys, otherKeys);

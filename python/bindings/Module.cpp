@@ -10,7 +10,6 @@
 
 namespace warp::python {
 void bindRegions(pybind11::module_ &m);
-void bindSequences(pybind11::module_ &m);
 } // namespace warp::python
 
 PYBIND11_MODULE(_native, m) {

@@ -31,6 +31,7 @@ void bindKernel(pybind11::module_ &m);
 void bindMemory(pybind11::module_ &m);
 void bindPeers(pybind11::module_ &m);
 void bindSavedModule(pybind11::module_ &m);
+void bindSequences(pybind11::module_ &m);
 void bindXlaFfi(pybind11::module_ &m);
 
 /// Sets the Python exception for an error.

@@ -92,10 +92,6 @@ static void encode(const py::object &numbers, int64_t count,
             starts.data(), lengths.as<int32_t>(), total.as<int32_t>()});
 }
 
-namespace warp::python {
-void bindSequences(py::module_ &m);
-}
-
 void python::bindSequences(py::module_ &m) {
   m.def("scan_numbers", &scan, py::arg("source"), py::arg("target"),
         py::arg("kind"), py::arg("width"), py::arg("count"),

@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Freestanding: names for the compiler's builtins, and no more.
+// Names for the compiler's builtins, and no more: there is no CUDA toolkit.
 //
 //===----------------------------------------------------------------------===//
 
@@ -15,8 +15,13 @@ using int32_t = int;
 using int64_t = long;
 static_assert(sizeof(uint64_t) == 8);
 
-#define WARP_KERNEL extern "C" __attribute__((nvptx_kernel))
-#define WARP_SHARED static __attribute__((address_space(3)))
+// Everything here is device code. A kernel names its threads per block and how
+// many blocks a multiprocessor is to hold.
+#pragma clang force_cuda_host_device begin
+#define WARP_KERNEL(threads, blocks)                                           \
+  extern "C" __attribute__((global))                                           \
+  __attribute__((launch_bounds(threads, blocks)))
+#define WARP_SHARED static __attribute__((device)) __attribute__((shared))
 
 namespace gpu {
 

@@ -116,9 +116,18 @@ static void sumStretch(const void *in, int64_t inStride, int64_t count,
       inStride == sizeof(T) &&
       reinterpret_cast<uint64_t>(stretch.in) % (perThread * sizeof(T)) == 0;
   T sum = 0;
-  for (int64_t first = 0; first < stretch.count; first += tile) {
-    Quad<T> quad = stretch.load(first + thread() * perThread);
-    sum += (quad.at[0] + quad.at[1]) + (quad.at[2] + quad.at[3]);
+  // The loads of several rounds wait for memory together.
+  constexpr int ahead = 16 / sizeof(T);
+  for (int64_t first = 0; first < stretch.count; first += ahead * tile) {
+    Quad<T> quads[ahead];
+#pragma unroll
+    for (int i = 0; i < ahead; ++i)
+      quads[i] = stretch.load(first + i * tile + thread() * perThread);
+#pragma unroll
+    for (int i = 0; i < ahead; ++i) {
+      const Quad<T> &quad = quads[i];
+      sum += (quad.at[0] + quad.at[1]) + (quad.at[2] + quad.at[3]);
+    }
   }
   T total;
   sumBefore(sum, total);
@@ -156,9 +165,12 @@ static void scanStretch(const void *in, int64_t inStride, void *out,
   Stretch<T> stretch =
       stretchOf<T>(in, inStride, out, outStride, count, length);
   T before = sums[blockRow() * blocks() + block()];
+  Quad<T> next = stretch.load(thread() * perThread);
   for (int64_t first = 0; first < stretch.count; first += tile) {
     int64_t mine = first + thread() * perThread;
-    Quad<T> quad = stretch.load(mine);
+    Quad<T> quad = next;
+    // `out` may be `in`, but what comes next is not written yet.
+    next = stretch.load(mine + tile);
     T own = 0, total;
     Quad<T> sum;
 #pragma unroll
@@ -177,16 +189,18 @@ static void scanStretch(const void *in, int64_t inStride, void *out,
 }
 
 #define WARP_SCAN(name, T)                                                     \
-  WARP_KERNEL void scan_sum_##name(const void *in, int64_t inStride,           \
-                                   int64_t count, int64_t length, T *sums) {   \
+  WARP_KERNEL(threads, 4)                                                      \
+  void scan_sum_##name(const void *in, int64_t inStride, int64_t count,        \
+                       int64_t length, T *sums) {                              \
     sumStretch<T>(in, inStride, count, length, sums);                          \
   }                                                                            \
-  WARP_KERNEL void scan_sums_##name(T *sums, int count) {                      \
+  WARP_KERNEL(threads, 4) void scan_sums_##name(T *sums, int count) {          \
     sumSums<T>(sums, count);                                                   \
   }                                                                            \
-  WARP_KERNEL void scan_write_##name(                                          \
-      const void *in, int64_t inStride, void *out, int64_t outStride,          \
-      int64_t count, int64_t length, const T *sums, int inclusive) {           \
+  WARP_KERNEL(threads, 4)                                                      \
+  void scan_write_##name(const void *in, int64_t inStride, void *out,          \
+                         int64_t outStride, int64_t count, int64_t length,     \
+                         const T *sums, int inclusive) {                       \
     scanStretch<T>(in, inStride, out, outStride, count, length, sums,          \
                    inclusive);                                                 \
   }

@@ -22,6 +22,8 @@ static constexpr int warps = threads / warpSize;
 static constexpr int digitBits = 8;
 static constexpr int digits = 1 << digitBits;
 static_assert(digits == threads, "a thread per digit");
+/// How many tiles a thread looks at at once.
+static constexpr int lookAt = 8;
 
 /// What a tile has published of a digit: nothing, its own count, or the sum up
 /// to and with it. In the two upper bits.
@@ -29,36 +31,38 @@ static constexpr uint32_t published = 1u << 30;
 static constexpr uint32_t summed = 2u << 30;
 static constexpr uint32_t countMask = published - 1;
 
-/// Order of keys: see SequencesCuda.cpp.
-enum KeyOrder { unsignedOrder = 0, signedOrder = 1, floatOrder = 2 };
+/// The bits of integers, signed or not, as an unsigned number of the same
+/// order.
+template <typename Bits> struct Integers {
+  using Key = Bits;
+  /// What turns them: the bit of the sign, or nothing.
+  Key flip;
+  Key ordered(Key bits) const { return bits ^ flip; }
+  /// The last of all.
+  Key last() const { return ~flip; }
+};
 
-template <typename Key> static Key orderedBits(Key bits, int order) {
-  constexpr Key sign = Key(1) << (8 * sizeof(Key) - 1);
-  constexpr Key infinity =
-      sizeof(Key) == 4 ? Key(0x7f800000u) : Key(0x7ff0000000000000ul);
-  if (order == unsignedOrder)
-    return bits;
-  if (order == signedOrder)
-    return bits ^ sign;
-  if ((bits & ~sign) > infinity)
-    return ~Key(0);
-  if (bits == sign)
-    return sign;
-  return bits & sign ? ~bits : bits | sign;
-}
-
-template <typename Key>
-static int digitOf(Key bits, int order, int shift, int width) {
-  Key digit = orderedBits(bits, order) >> shift;
-  return static_cast<int>(digit) & ((1 << width) - 1);
-}
+/// The same of floats.
+template <typename Bits> struct Floats {
+  using Key = Bits;
+  Key sign;
+  Key ordered(Key bits) const {
+    constexpr Key infinity =
+        sizeof(Key) == 4 ? Key(0x7f800000u) : Key(0x7ff0000000000000ul);
+    Key magnitude = bits & ~sign;
+    Key result = bits & sign && magnitude ? ~bits : bits | sign;
+    return magnitude > infinity ? ~Key(0) : result;
+  }
+  /// A NaN.
+  Key last() const { return ~sign; }
+};
 
 //===----------------------------------------------------------------------===//
 // Counts
 //===----------------------------------------------------------------------===//
 
-template <typename Key>
-static void countDigits(const Key *keys, int64_t count, int order, int begin,
+template <typename Order, typename Key = typename Order::Key>
+static void countDigits(const Key *keys, int64_t count, Order order, int begin,
                         int end, uint32_t *counts) {
   constexpr int most = sizeof(Key);
   WARP_SHARED uint32_t own[most * digits];
@@ -68,7 +72,7 @@ static void countDigits(const Key *keys, int64_t count, int order, int begin,
   int64_t step = static_cast<int64_t>(blocks()) * threads;
   for (int64_t i = static_cast<int64_t>(block()) * threads + thread();
        i < count; i += step) {
-    Key bits = orderedBits(keys[i], order);
+    Key bits = order.ordered(keys[i]);
     int pass = 0;
     for (int shift = begin; shift < end; shift += digitBits, ++pass) {
       int width = end - shift < digitBits ? end - shift : digitBits;
@@ -101,7 +105,7 @@ static uint32_t sumBefore(uint32_t value) {
 }
 
 /// Where the pairs of each digit begin: one block per pass.
-WARP_KERNEL void sort_starts(uint32_t *counts) {
+WARP_KERNEL(threads, 1) void sort_starts(uint32_t *counts) {
   counts += block() * digits;
   counts[thread()] = sumBefore(counts[thread()]);
 }
@@ -112,9 +116,10 @@ WARP_KERNEL void sort_starts(uint32_t *counts) {
 
 namespace {
 
-template <typename Key, typename Value> struct Pass {
+template <typename Order, typename Value> struct Pass {
+  using Key = typename Order::Key;
   /// Pairs of a thread: what shared memory and registers hold.
-  static constexpr int perThread = sizeof(Key) + sizeof(Value) > 12 ? 12 : 16;
+  static constexpr int perThread = sizeof(Key) + sizeof(Value) > 8 ? 16 : 24;
   static constexpr int tile = threads * perThread;
 
   const Key *keys;
@@ -122,12 +127,17 @@ template <typename Key, typename Value> struct Pass {
   Key *outKeys;
   Value *outValues;
   int64_t count;
-  int order, shift, width;
+  Order order;
+  int shift, width;
   /// Where pairs of each digit begin.
   const uint32_t *starts;
   /// The next tile to take, and by tile and digit what was published.
   uint32_t *next;
   uint32_t *states;
+
+  int digitOf(Key key) const {
+    return static_cast<int>(order.ordered(key) >> shift) & ((1 << width) - 1);
+  }
 };
 
 } // namespace
@@ -157,31 +167,42 @@ static uint32_t lookBack(uint32_t *states, int tile, uint32_t own) {
   }
   publish(published | own);
   uint32_t before = 0;
-  for (uint32_t *other = mine - digits;;) {
-    uint32_t state =
-        __scoped_atomic_load_n(other, __ATOMIC_RELAXED, __MEMORY_SCOPE_DEVICE);
-    if (!(state & ~countMask))
-      continue;
-    before += state & countMask;
-    if (state & summed)
+  for (int next = tile - 1;;) {
+    // The loads of several tiles wait for memory together.
+    uint32_t seen[lookAt];
+#pragma unroll
+    for (int i = 0; i < lookAt; ++i)
+      seen[i] = next < i ? summed
+                         : __scoped_atomic_load_n(
+                               states + int64_t(next - i) * digits + thread(),
+                               __ATOMIC_RELAXED, __MEMORY_SCOPE_DEVICE);
+    bool ends = false, waits = false;
+#pragma unroll
+    for (int i = 0; i < lookAt; ++i) {
+      waits |= !(seen[i] & ~countMask);
+      if (ends || waits)
+        continue;
+      before += seen[i] & countMask;
+      ends = seen[i] & summed;
+      --next;
+    }
+    if (ends)
       break;
-    other -= digits;
   }
   publish(summed | (before + own));
   return before;
 }
 
-template <typename Key, typename Value>
-static void movePairs(const Pass<Key, Value> &pass) {
-  constexpr int perThread = Pass<Key, Value>::perThread;
-  constexpr int tileLength = Pass<Key, Value>::tile;
+template <typename Order, typename Value>
+static void movePairs(const Pass<Order, Value> &pass) {
+  using Key = typename Order::Key;
+  constexpr int perThread = Pass<Order, Value>::perThread;
+  constexpr int tileLength = Pass<Order, Value>::tile;
   // The pairs in order: first keys, then values.
   using Wide = decltype(sizeof(Key) > sizeof(Value) ? Key(0) : Value(0));
   WARP_SHARED Wide sorted[tileLength];
-  auto *sortedKeys =
-      reinterpret_cast<Key __attribute__((address_space(3))) *>(&sorted[0]);
-  auto *sortedValues =
-      reinterpret_cast<Value __attribute__((address_space(3))) *>(&sorted[0]);
+  auto *sortedKeys = reinterpret_cast<Key *>(&sorted[0]);
+  auto *sortedValues = reinterpret_cast<Value *>(&sorted[0]);
   // By warp and digit: how many, then how many in the warps before.
   WARP_SHARED uint32_t counts[warps * digits];
   // By digit: where its pairs go, less their place in the tile.
@@ -205,21 +226,18 @@ static void movePairs(const Pass<Key, Value> &pass) {
   int mine = warp * warpSize * perThread + lane();
 
   Key keys[perThread];
-  int digitsOf[perThread];
   uint32_t ranks[perThread];
 #pragma unroll
   for (int i = 0; i < perThread; ++i) {
     int at = mine + i * warpSize;
-    bool there = at < valid;
-    keys[i] = there ? pass.keys[first + at] : Key(0);
     // What is missing at the end goes last.
-    digitsOf[i] = there ? digitOf(keys[i], pass.order, pass.shift, pass.width)
-                        : digits - 1;
+    keys[i] = at < valid ? pass.keys[first + at] : pass.order.last();
   }
 #pragma unroll
   for (int i = 0; i < perThread; ++i) {
-    uint32_t lanes = lanesWith(digitsOf[i]);
-    auto *counter = &counts[warp * digits + digitsOf[i]];
+    int digit = pass.digitOf(keys[i]);
+    uint32_t lanes = lanesWith(digit);
+    uint32_t *counter = &counts[warp * digits + digit];
     uint32_t before = *counter;
     ranks[i] = before + __builtin_popcount(lanes & lanesBefore());
     meetWarp();
@@ -244,7 +262,8 @@ static void movePairs(const Pass<Key, Value> &pass) {
 
 #pragma unroll
   for (int i = 0; i < perThread; ++i) {
-    ranks[i] += counts[warp * digits + digitsOf[i]] + firsts[digitsOf[i]];
+    int digit = pass.digitOf(keys[i]);
+    ranks[i] += counts[warp * digits + digit] + firsts[digit];
     sortedKeys[ranks[i]] = keys[i];
   }
   Value values[perThread];
@@ -259,7 +278,7 @@ static void movePairs(const Pass<Key, Value> &pass) {
   for (int i = 0; i < perThread; ++i) {
     int at = i * threads + thread();
     Key key = sortedKeys[at];
-    targets[i] = at + places[digitOf(key, pass.order, pass.shift, pass.width)];
+    targets[i] = at + places[pass.digitOf(key)];
     if (at < valid)
       pass.outKeys[targets[i]] = key;
   }
@@ -276,25 +295,42 @@ static void movePairs(const Pass<Key, Value> &pass) {
   }
 }
 
-#define WARP_COUNT(name, Key)                                                  \
-  WARP_KERNEL void sort_count_##name(const Key *keys, int64_t count,           \
-                                     int order, int begin, int end,            \
-                                     uint32_t *counts) {                       \
-    countDigits<Key>(keys, count, order, begin, end, counts);                  \
+#define WARP_COUNT(name, Order)                                                \
+  WARP_KERNEL(threads, 4)                                                      \
+  void sort_count_##name(const Order::Key *keys, int64_t count,                \
+                         Order::Key flip, int begin, int end,                  \
+                         uint32_t *counts) {                                   \
+    countDigits<Order>(keys, count, {flip}, begin, end, counts);               \
   }
 
-#define WARP_MOVE(name, Key, Value)                                            \
-  WARP_KERNEL void sort_move_##name(                                           \
-      const Key *keys, const Value *values, Key *outKeys, Value *outValues,    \
-      int64_t count, int order, int shift, int width, const uint32_t *starts,  \
-      uint32_t *next, uint32_t *states) {                                      \
-    movePairs<Key, Value>({keys, values, outKeys, outValues, count, order,     \
-                           shift, width, starts, next, states});               \
+#define WARP_MOVE(name, Order, Value, blocks)                                  \
+  WARP_KERNEL(threads, blocks)                                                 \
+  void sort_move_##name(                                                       \
+      const Order::Key *keys, const Value *values, Order::Key *outKeys,        \
+      Value *outValues, int64_t count, Order::Key flip, int shift, int width,  \
+      const uint32_t *starts, uint32_t *next, uint32_t *states) {              \
+    movePairs<Order, Value>({keys,                                             \
+                             values,                                           \
+                             outKeys,                                          \
+                             outValues,                                        \
+                             count,                                            \
+                             {flip},                                           \
+                             shift,                                            \
+                             width,                                            \
+                             starts,                                           \
+                             next,                                             \
+                             states});                                         \
   }
 
-WARP_COUNT(32, uint32_t)
-WARP_COUNT(64, uint64_t)
-WARP_MOVE(32_32, uint32_t, uint32_t)
-WARP_MOVE(32_64, uint32_t, uint64_t)
-WARP_MOVE(64_32, uint64_t, uint32_t)
-WARP_MOVE(64_64, uint64_t, uint64_t)
+WARP_COUNT(i32, Integers<uint32_t>)
+WARP_COUNT(i64, Integers<uint64_t>)
+WARP_COUNT(f32, Floats<uint32_t>)
+WARP_COUNT(f64, Floats<uint64_t>)
+WARP_MOVE(i32_32, Integers<uint32_t>, uint32_t, 2)
+WARP_MOVE(i32_64, Integers<uint32_t>, uint64_t, 2)
+WARP_MOVE(i64_32, Integers<uint64_t>, uint32_t, 2)
+WARP_MOVE(i64_64, Integers<uint64_t>, uint64_t, 2)
+WARP_MOVE(f32_32, Floats<uint32_t>, uint32_t, 2)
+WARP_MOVE(f32_64, Floats<uint32_t>, uint64_t, 2)
+WARP_MOVE(f64_32, Floats<uint64_t>, uint32_t, 2)
+WARP_MOVE(f64_64, Floats<uint64_t>, uint64_t, 2)

@@ -14,7 +14,10 @@
     derivatives   `kernel_derivatives`: adjoints and tangents of a kernel; `tape`, its records and
                   its backward pass; `functions`: derivatives that users write
     autograd      Jacobians, forward mode, checkpoints, checks, for `wp.autograd`
-    optim         optimisers, for `wp.optim`
+    optim         optimisers, for `wp.optim`; `linear`: solvers of linear systems
+    utils         scans, sorts, sums and casts, for `wp.utils`
+    sparse        sparse matrices, for `wp.sparse`
+    logger        where lines go that are for the user
 
 Arrays are below kernels, and what arrays do by kernels is put into `arrays.hooks`. The kernel
 language's own functions use `language.namespace` in place of `warp`. Modules that few programs need

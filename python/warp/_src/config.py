@@ -184,7 +184,7 @@ SETTINGS = {
             "exact, on the CPU they keep one order; see `DeterministicMode`",
         ),
         Setting("launch_array_access_mode", (int, str), "RELAXED", "reserved: overlap checks"),
-        _inert("log_level", int, 30),
+        Setting("log_level", int, 30, "above LOG_WARNING the runtime gives no notices"),
         _inert("enable_vector_component_overwrites", bool, False),
         Setting(
             "legacy_scalar_return_types",

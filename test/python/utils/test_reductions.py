@@ -33,8 +33,8 @@ def test_vectors_and_views(device):
 @pytest.mark.parametrize("axis", [0, 1, 2, -1])
 def test_along_an_axis(device, axis):
     x, numbers = random((4, 5, 6), wp.float64, device)
-    y = x[::2, :, ::-1]
-    numbers = numbers[::2, :, ::-1]
+    y = x[::2, :, 1:6:2]
+    numbers = numbers[::2, :, 1:6:2]
     result = wp.utils.array_sum(y, axis=axis).numpy()
     np.testing.assert_allclose(result, numbers.sum(axis=axis, keepdims=True))
     result = wp.utils.array_inner(y, y, axis=axis).numpy()

@@ -8,6 +8,7 @@ they come here: memory that is about to change ends the versions of what tapes h
 
 from __future__ import annotations
 
+import functools
 import typing
 import weakref
 
@@ -46,19 +47,22 @@ class Observers:
         tape: the tape that records, or None.
         executor: runs operations instead of the runtime, or None.
         memory: versions of what is recorded.
+        timer: measures operations, or None.
     """
 
     active = False
     tape = None
     executor = None
     memory = Memory(copy_elements)
+    timer = None
     _owners: typing.ClassVar[set] = set()
     _listeners: typing.ClassVar[list] = []
 
     @classmethod
     def update(cls) -> None:
         before = cls.active
-        cls.active = bool(cls._owners) or cls.tape is not None or cls.executor is not None
+        watched = cls.tape is not None or cls.executor is not None or cls.timer is not None
+        cls.active = bool(cls._owners) or watched
         # Tapes die at any time, also while another one is about to take its first record.
         if not cls.active:
             cls.memory.clear()
@@ -112,6 +116,24 @@ class Observing:
         Observers.update()
 
 
+def _timed(kind, name, device_of):
+    """Decorator: a timer, if there is one, measures the operation."""
+
+    def decorate(function):
+        @functools.wraps(function)
+        def run(*args, **kwargs):
+            timer = Observers.timer
+            if timer is None:
+                return function(*args, **kwargs)
+            work = functools.partial(function, *args, **kwargs)
+            return timer.measure(kind, name(*args), device_of(args[0]), work)
+
+        return run
+
+    return decorate
+
+
+@_timed(1, lambda call, *_: f"forward kernel {call.kernel.key}", lambda call: call.device)
 def observed_launch(call, record: bool = True) -> None:
     """Runs a launch."""
     entry = Observers.tape.begin_launch(call) if record and Observers.tape is not None else None
@@ -140,6 +162,7 @@ class Place:
         return self._event
 
 
+@_timed(4, lambda *_: "memcpy", lambda dest: dest.device)
 def observed_copy(dest, src, stream=None) -> None:
     """Copies all elements."""
     place = Place("copy")
@@ -149,6 +172,7 @@ def observed_copy(dest, src, stream=None) -> None:
         Observers.tape.add_copy(dest, src, place.event)
 
 
+@_timed(8, lambda *_: "memset", lambda target: target.device)
 def observed_fill(target, pattern, name) -> None:
     """Fills an array with an element's bytes."""
     place = Place(name)

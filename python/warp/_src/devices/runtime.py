@@ -41,8 +41,9 @@ def print_diagnostics() -> None:
 
 
 def _notice(message: str) -> None:
-    if not config.quiet:
-        print(message, file=sys.stderr)
+    from warp._src.logger import notice
+
+    notice(message)
 
 
 def _type_text(cls):

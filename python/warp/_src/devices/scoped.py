@@ -17,10 +17,14 @@ class ScopedTimer:
         detailed: profile the block with cProfile.
         dict: gets the time appended to the list under `name`.
         synchronize: wait for all devices before each reading of the clock.
-        report_func: called instead of printing, with the timer and the indentation.
+        cuda_filter: which activities on CUDA devices to time, a sum of `wp.TIMING_*`.
+        report_func: called with the list of activities and the indentation, by default
+            `wp.timing_print`.
 
     Attributes:
         elapsed: milliseconds, once the block is left.
+        timing_results: the activities.
+        extra_msg: printed behind the time.
     """
 
     indent = -1
@@ -48,6 +52,8 @@ class ScopedTimer:
         self.synchronize = synchronize
         self.report_func = report_func
         self.elapsed = 0.0
+        self.cuda_filter = cuda_filter
+        self.extra_msg = ""
         self.timing_results = []
         if dict is not None:
             dict.setdefault(name, [])
@@ -56,6 +62,10 @@ class ScopedTimer:
         if self.active:
             if self.synchronize:
                 devices.synchronize()
+            if self.cuda_filter:
+                from warp._src.devices.timing import timing_begin
+
+                timing_begin(self.cuda_filter, synchronize=not self.synchronize)
             if self.detailed:
                 import cProfile
 
@@ -75,14 +85,25 @@ class ScopedTimer:
             self._profile.disable()
         if self.dict is not None:
             self.dict[self.name].append(self.elapsed)
+        if self.cuda_filter:
+            from warp._src.devices.timing import timing_end
+
+            self.timing_results = timing_end(synchronize=not self.synchronize)
         indent = "    " * ScopedTimer.indent
         ScopedTimer.indent -= 1
-        if self.report_func is not None:
-            self.report_func(self, indent)
-        elif self.print:
-            if self.detailed:
-                self._profile.print_stats(sort="tottime")
-            print(f"{indent}{self.name} took {self.elapsed:.2f} ms")
+        if self.print:
+            self._report(indent)
+
+    def _report(self, indent):
+        from warp._src.devices.timing import timing_print
+        from warp._src.logger import get_logger
+
+        if self.detailed:
+            self._profile.print_stats(sort="tottime")
+        if self.timing_results:
+            (self.report_func or timing_print)(self.timing_results, indent=indent)
+        extra = f" {self.extra_msg}" if self.extra_msg else ""
+        get_logger().info(f"{indent}{self.name} took {self.elapsed:.2f} ms{extra}")
 
 
 class ScopedDevice:

@@ -8,6 +8,23 @@ from warp._src.language import namespace
 from warp._src.language.builtins import names as builtin_names
 
 _SUBMODULES = ("autograd", "optim", "sparse", "types", "utils")
+# What few programs use, by the module that holds it.
+_RARE = {
+    name: home
+    for home, held in (
+        ("logger", ("Logger", "ScopedLogLevel", "ScopedLogger", "get_logger", "set_logger")),
+        (
+            "devices.timing",
+            (
+                *("TIMING_ALL", "TIMING_GRAPH", "TIMING_KERNEL", "TIMING_KERNEL_BUILTIN"),
+                *("TIMING_MEMCPY", "TIMING_MEMSET", "TimingResult", "timing_begin", "timing_end"),
+                *("timing_print", "cuda_profiler_start", "cuda_profiler_stop"),
+                "ScopedCudaProfiler",
+            ),
+        ),
+    )
+    for name in held
+}
 # Written in the kernel language.
 LIBRARY_NAMES = (
     *(
@@ -56,6 +73,8 @@ def find(name: str):
     """
     if name in _SUBMODULES:
         return importlib.import_module(f"warp.{name}")
+    if name in _RARE:
+        return getattr(importlib.import_module(f"warp._src.{_RARE[name]}"), name)
     if name == "sym_fn3":
         from warp._src.language.symmetric import sym_fn3
 
@@ -77,5 +96,5 @@ def find(name: str):
 def names(held) -> list[str]:
     """All public names."""
     public = {name for name in held if not name.startswith("_")}
-    geometry = {*_GEOMETRY_CLASSES, *_GEOMETRY_QUERIES}
-    return sorted(public | set(builtin_names()) | {*_SUBMODULES, *LIBRARY_NAMES} | geometry)
+    lazy = {*_SUBMODULES, *LIBRARY_NAMES, *_RARE, *_GEOMETRY_CLASSES, *_GEOMETRY_QUERIES}
+    return sorted(public | set(builtin_names()) | lazy)

@@ -26,7 +26,7 @@ def bsr_row_index(offsets: wp.array(dtype=int), row_count: int, block_index: int
 
 
 @wp.func
-def bsr_row_index(
+def bsr_row_index(  # noqa: F811 (an overload)
     offsets: wp.array(dtype=int),
     row_count: int,
     block_index: int,
@@ -34,7 +34,7 @@ def bsr_row_index(
 ) -> int:
     """The same for rows with room to spare, of whose blocks only `row_counts` are in use."""
     row = bsr_row_index(offsets, row_count, block_index)
-    if row >= 0 and row_counts.shape[0] > 0:
+    if row >= 0 and row_counts.shape[0] > 0:  # noqa: SIM102 (row_counts may have no elements)
         if block_index >= offsets[row] + row_counts[row]:
             row = -1
     return row
@@ -50,7 +50,7 @@ def _find_column(columns: wp.array(dtype=int), begin: int, end: int, column: int
             low = middle + 1
         else:
             high = middle
-    if low < end:
+    if low < end:  # noqa: SIM102 (both sides of `and` are computed)
         if columns[low] == column:
             return low
     return -1
@@ -74,7 +74,7 @@ def bsr_block_index(
 
 
 @wp.func
-def bsr_block_index(
+def bsr_block_index(  # noqa: F811 (an overload)
     row: int,
     col: int,
     bsr_offsets: wp.array(dtype=int),

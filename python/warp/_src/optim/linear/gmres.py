@@ -135,9 +135,9 @@ def _kernels(scalar, real):
         """A cycle that got nowhere in a space that cannot be extended is a breakdown."""
         i = wp.tid()
         rest = residuals[i]
-        if broken[i] < 0 and exhausted[i] != 0 and not rest <= limits[i]:
-            if not rest < real(0.999999) * before[i]:
-                broken[i] = progress[0]
+        unsolved = broken[i] < 0 and not rest <= limits[i]
+        if unsolved and exhausted[i] != 0 and not rest < real(0.999999) * before[i]:
+            broken[i] = progress[0]
         before[i] = rest
 
     return normalize, subtract, combine, add, note, note_norm, root, solve, judge

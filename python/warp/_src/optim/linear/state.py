@@ -8,16 +8,14 @@ the solver starts again from where it is, as long as that makes a difference.
 
 import functools
 import math
-import warnings
 
 import warp as wp
-from warp import _native
 from warp._src.arrays.observers import Observers, Observing
 from warp._src.optim.linear.adjoint import record
 from warp._src.optim.linear.dots import Dots
+from warp._src.optim.linear.loops import Loops
 from warp._src.optim.linear.operators import aslinearoperator, numbers
 from warp._src.types.dtypes import type_scalar_type, types_equal
-from warp._src.version import calling_frame
 
 _EPSILON = {wp.float64: 1e-16, wp.float32: 1e-8, wp.float16: 1e-4}
 
@@ -76,7 +74,7 @@ def _kernels(real):
     return set_tolerance, set_condition, set_norm
 
 
-class LinearSolverState:
+class LinearSolverState(Loops):
     """A solver with all the memory that it needs, to be called again and again.
 
     Made by `CG`, `CR`, `BiCGSTAB`, `GMRES`, or by `cg(..., run=False)` and the like.
@@ -143,8 +141,8 @@ class LinearSolverState:
                 )
             if not types_equal(type_scalar_type(vector.dtype), A.scalar_type):
                 raise ValueError(
-                    f"Incompatible {name}.dtype: expected numbers of type {A.scalar_type.__name__}, "
-                    f"got {vector.dtype}"
+                    f"Incompatible {name}.dtype: expected numbers of type "
+                    f"{A.scalar_type.__name__}, got {vector.dtype}"
                 )
             if numbers(vector).size != A.shape[0]:
                 raise ValueError(
@@ -231,7 +229,8 @@ class LinearSolverState:
                 raise ValueError("A.batch_offsets must be the same array as at construction")
             if own.max_batch_length != self.A.max_batch_length:
                 raise ValueError(
-                    "For batched systems, A.max_batch_length must match the value used at construction"
+                    "For batched systems, A.max_batch_length must match the value used at "
+                    "construction"
                 )
             self.A = own
         if M is not None:
@@ -269,107 +268,6 @@ class LinearSolverState:
             return self._loop_on_host(callback, check_every, use_graph and self.device.is_cuda)
         self._loop_on_device(callback, use_graph, set_condition)
         return self.progress[0:1], self.r_norm_sq, self.atol_sq
-
-    def _advance(self) -> None:
-        self.cycle()
-        self.launch(_count, 1, self.cycle_size, self.progress)
-
-    def _loop_on_host(self, callback, check_every, use_graph):
-        limits = self.atol_sq.numpy().astype(float)
-        atol = math.sqrt(limits.max())
-        graph, done, true_before = None, 0, math.inf
-        squares = self.r_norm_sq.numpy().astype(float)
-        if callback is not None:
-            callback(0, math.sqrt(squares.max()), atol)
-        while not (squares <= limits).all() and done < self.maxiter:
-            # Steps until the next check.
-            for _ in range(max(1, check_every // self.cycle_size)):
-                if use_graph and done:
-                    if graph is None:
-                        with wp.ScopedCapture(device=self.device) as capture:
-                            self._advance()
-                        graph = capture.graph
-                    wp.capture_launch(graph)
-                else:
-                    self._advance()
-                done += self.cycle_size
-                if done >= self.maxiter:
-                    break
-            squares = self.r_norm_sq.numpy().astype(float)
-            broken = self.broken.numpy()
-            stuck = ((broken >= 0) | (squares <= limits)).all()
-            if stuck or done >= self.maxiter:
-                self.start()
-                squares = self.r_norm_sq.numpy().astype(float)
-                if (broken >= 0).any() or squares.max() > true_before / 2:
-                    # As good as numbers of this type get.
-                    break
-                true_before = squares.max()
-            if callback is not None and not (squares <= limits).all():
-                callback(done, math.sqrt(squares.max()), atol)
-        error = math.sqrt(squares.max()) if squares.max() >= 0 else math.nan
-        if callback is not None:
-            callback(done, error, atol)
-        self._report(squares, limits)
-        return done, error, atol
-
-    def _report(self, squares, limits) -> None:
-        """Notes a breakdown, and warns of one that left a system unsolved."""
-        broken = self.broken.numpy()
-        if not (broken >= 0).any():
-            return
-        self.breakdown = int(broken[broken >= 0].min())
-        unsolved = (broken >= 0) & ~(squares <= limits)
-        if unsolved.any():
-            batch = int(unsolved.argmax())
-            system = f" of system {batch}" if self.batches > 1 else ""
-            frame = calling_frame()
-            warnings.warn_explicit(
-                f"{self.name}: breakdown{system} in iteration {broken[batch]}: the matrix is "
-                f"singular, or not of the kind that this method needs; the residual is "
-                f"{math.sqrt(abs(squares[batch])):.3g}",
-                UserWarning,
-                frame.f_code.co_filename,
-                frame.f_lineno,
-            )
-
-    def _loop_on_device(self, callback, use_graph, set_condition) -> None:
-        condition = self.progress[1:2]
-        state = (self.r_norm_sq, self.atol_sq, self.broken, self.maxiter)
-
-        def check(step):
-            self.launch(set_condition, 1, *state, step, self.progress)
-            if isinstance(callback, wp.Kernel):
-                arrays = (self.progress[0:1], self.r_norm_sq, self.atol_sq)
-                self.launch(callback, 1, *arrays)
-
-        def turn():
-            self.cycle()
-            check(self.cycle_size)
-
-        def run():
-            # Two rounds: where the residual of the first one is not the true one, a second one.
-            for _ in range(2):
-                wp.capture_while(condition, turn)
-                self.start()
-                check(0)
-
-        check(0)
-        if not use_graph or not self.device.is_cuda or wp.is_conditional_graph_supported():
-            if self.device.is_cuda and use_graph and not _native.is_capturing(self.device.index):
-                with wp.ScopedCapture(device=self.device) as capture:
-                    run()
-                wp.capture_launch(capture.graph)
-            else:
-                run()
-            return
-        for _ in range(0, self.maxiter, self.cycle_size):
-            turn()
-
-
-@wp.kernel(enable_backward=False)
-def _count(step: int, progress: wp.array(dtype=int)):
-    progress[0] = progress[0] + step
 
 
 @wp.kernel(enable_backward=False)

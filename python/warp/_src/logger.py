@@ -1,0 +1,111 @@
+"""Where the package's lines go: a logger that programs may replace."""
+
+from __future__ import annotations
+
+import sys
+import typing
+import warnings
+
+from warp import config
+from warp._src.config import LOG_WARNING
+
+
+@typing.runtime_checkable
+class Logger(typing.Protocol):
+    """What a logger has."""
+
+    def debug(self, message: str) -> None: ...
+
+    def info(self, message: str) -> None: ...
+
+    def warning(self, message: str, category=None, stacklevel: int = 1) -> None: ...
+
+    def error(self, message: str) -> None: ...
+
+
+class LoggerBasic:
+    """Writes to standard output, errors to standard error, and issues Python warnings."""
+
+    def debug(self, message: str) -> None:
+        sys.stdout.write(message + "\n")
+
+    info = debug
+
+    def warning(self, message: str, category=None, stacklevel: int = 1) -> None:
+        warnings.warn(message, category, stacklevel=stacklevel + 1)
+
+    def error(self, message: str) -> None:
+        sys.stderr.write(message + "\n")
+
+
+_state = {"logger": LoggerBasic()}
+
+
+def checked(logger):
+    """The logger itself.
+
+    Raises:
+        TypeError: it lacks a method of `Logger`.
+    """
+    names = ("debug", "info", "warning", "error")
+    if not all(callable(getattr(logger, name, None)) for name in names):
+        raise TypeError(
+            "logger must implement the Logger protocol (debug, info, warning, error), got "
+            f"{type(logger)!r}"
+        )
+    return logger
+
+
+def set_logger(logger: Logger | None) -> None:
+    """Makes a logger the one that is used; None stands for that of the package.
+
+    Raises:
+        TypeError: it lacks a method of `Logger`.
+    """
+    _state["logger"] = LoggerBasic() if logger is None else checked(logger)
+
+
+def get_logger() -> Logger:
+    """The logger that is used."""
+    return _state["logger"]
+
+
+def notice(message: str) -> None:
+    """A line of the runtime to the user, unless `config.quiet` or `config.log_level` says no."""
+    if config.quiet or config.log_level > LOG_WARNING:
+        return
+    logger = _state["logger"]
+    if type(logger) is LoggerBasic:
+        print(message, file=sys.stderr)
+    else:
+        logger.warning(message)
+
+
+class ScopedLogger:
+    """Uses a logger for a block; None stands for that of the package."""
+
+    def __init__(self, logger: Logger | None):
+        self.logger = None if logger is None else checked(logger)
+
+    def __enter__(self):
+        self._saved = get_logger()
+        set_logger(self.logger)
+        return self
+
+    def __exit__(self, *exception):
+        _state["logger"] = self._saved
+
+
+class ScopedLogLevel:
+    """Sets `config.log_level` for a block, to one of `wp.LOG_DEBUG` to `wp.LOG_ERROR`."""
+
+    def __init__(self, log_level: int):
+        self.log_level = log_level
+
+    def __enter__(self):
+        self._saved = config.log_level
+        config.log_level = self.log_level
+        return self
+
+    def __exit__(self, *exception):
+        config.log_level = self._saved
