@@ -41,11 +41,13 @@ struct ArrayLowering::LaneAccess {
   mlir::VectorType wordLanes() const;
 
   /// Whether an element is better taken in rows than in whole vectors: by
-  /// half for 8 or 16 numbers, and with few instructions. Blends are a little
-  /// quicker for 5 or 7, but masks of whole vectors are dear.
+  /// half for 8 or 16 numbers, and with few instructions. Blends are quicker
+  /// for up to 9 if they are odd (mat33: by a tenth), masks of whole vectors
+  /// for up to 4.
   bool prefersRows(int64_t stride) const {
     size_t count = leaves.size();
-    bool hasBlends = isFull && stride == 1 && (count == 5 || count == 7);
+    bool hasBlends = stride == 1 && (isFull ? count % 2 != 0 && count <= 9
+                                            : count <= 4);
     return hasWords() && count >= 4 && !hasBlends;
   }
 
