@@ -121,7 +121,8 @@ void ClaimTests::reportFailure() {
 
 void ClaimTests::require(Value holds) {
   ++number;
-  Value fails = arith::XOrIOp::create(b, loc, holds, constant(b.getI1Type(), 1));
+  Value fails =
+      arith::XOrIOp::create(b, loc, holds, constant(b.getI1Type(), 1));
   auto branch = scf::IfOp::create(b, loc, fails, /*withElseRegion=*/false);
   OpBuilder::InsertionGuard guard(b);
   b.setInsertionPointToStart(branch.thenBlock());
@@ -372,8 +373,8 @@ struct CheckVariance : warp::impl::CheckVarianceBase<CheckVariance> {
                     warp::getVariant(kernel).getDebug();
     if (!names || !isTested)
       return;
-    for (auto [name, argument] : llvm::zip(names.getAsRange<StringAttr>(),
-                                           kernel.getArguments()))
+    for (auto [name, argument] :
+         llvm::zip(names.getAsRange<StringAttr>(), kernel.getArguments()))
       if (auto type = dyn_cast<warp::ArrayType>(argument.getType());
           name == recordName && type && type.getRank() == 1 &&
           type.getElementType().isSignedInteger(64))
