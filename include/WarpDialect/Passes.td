@@ -452,6 +452,29 @@ def PrintVariance : WarpPass<"warp-print-variance"> {
   }];
 }
 
+def CheckVariance : WarpPass<"warp-check-variance"> {
+  let summary = "Test what is known of the values of a kernel while it runs";
+  let description = [{
+    Takes thread IR of a kernel with an argument `warp_claims`, an array of
+    64-bit integers, and leaves any other as it is. What warp-print-variance
+    says of a value is tested behind it; element 0 of the array counts what did
+    not hold, element 1 is the number of the last such claim, and the 2^17
+    elements from 8 on, zero at first, are a table for claims about several
+    threads, which have to run one after the other. A debugging launch has these
+    tests if the kernel has that argument.
+
+    ```mlir
+    %j = arith.addi %i, %c1 : i32
+    ==>
+    %j = arith.addi %i, %c1 : i32
+    // ... and if i + 1 is another number, or negative:
+    warp.store_components (%more), %warp_claims[%c0] : ...
+    ```
+  }];
+  let dependentDialects = ["::mlir::arith::ArithDialect",
+                           "::mlir::scf::SCFDialect"];
+}
+
 //===----------------------------------------------------------------------===//
 // Phase `gpu`: an entry in structured control flow, on both targets
 //===----------------------------------------------------------------------===//

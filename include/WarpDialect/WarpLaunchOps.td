@@ -14,7 +14,7 @@
 
 include "mlir/IR/EnumAttr.td"
 include "mlir/Interfaces/SideEffectInterfaces.td"
-include "WarpTypes.td"
+include "WarpArrayOps.td"
 
 def Warp_GroupOp : Warp_Op<"group", [SingleBlock, NoTerminator,
                                      RecursiveMemoryEffects]> {
@@ -180,7 +180,7 @@ def Warp_LaneForm : I32EnumAttr<"LaneForm", "how lanes find their elements", [
   let cppNamespace = "::warp";
 }
 
-def Warp_LoadLanesOp : Warp_Op<"load_lanes"> {
+def Warp_LoadLanesOp : Warp_AccessOp<"load_lanes", "Read", -1> {
   let summary = "an array element for each lane";
   let description = [{
     `unit`: indices are those of the first lane, not negative, and the elements
@@ -203,7 +203,9 @@ def Warp_LoadLanesOp : Warp_Op<"load_lanes"> {
   let hasVerifier = 1;
 }
 
-def Warp_StoreLanesOp : Warp_Op<"store_lanes", [AttrSizedOperandSegments]> {
+def Warp_StoreLanesOp
+    : Warp_AccessOp<"store_lanes", "Write", 0, "std::nullopt", "false",
+                    [AttrSizedOperandSegments]> {
   let summary = "writes an array element for each lane";
   let description = [{
     Forms and constraints are those of `warp.load_lanes`. Where lanes meet, the
@@ -221,7 +223,9 @@ def Warp_StoreLanesOp : Warp_Op<"store_lanes", [AttrSizedOperandSegments]> {
   let hasVerifier = 1;
 }
 
-def Warp_UpdateLanesOp : Warp_Op<"update_lanes", [AttrSizedOperandSegments]> {
+def Warp_UpdateLanesOp
+    : Warp_AccessOp<"update_lanes", "Update", 0, "getKind()", "true",
+                    [AttrSizedOperandSegments]> {
   let summary = "updates an array element for each lane";
   let description = [{
     Lanes do it one after the other, so they may meet. An index is a value per

@@ -71,8 +71,8 @@ std::optional<int64_t> Form::getConstant() const {
 }
 
 std::optional<Symbol> Form::getSymbol() const {
-  bool isOne = constant == 0 && terms.size() == 1 &&
-               terms[0].factor == 1 && terms[0].product.size() == 1;
+  bool isOne = constant == 0 && terms.size() == 1 && terms[0].factor == 1 &&
+               terms[0].product.size() == 1;
   return isOne ? std::optional(terms[0].product[0]) : std::nullopt;
 }
 

@@ -4,11 +4,11 @@
 //
 // Forms are found in two steps. The first one looks at operations alone, from
 // operands to results, with arguments of blocks as symbols. The second one
-// replaces those: a counter by `lower bound + step * trip`, what every iteration
-// adds the same to by `init + that * trip`. So a loop's body is looked at once,
-// and what is known about its arguments may be found by the forms of what it
-// yields. Each value is looked at once however often it is used, and none by
-// recursion: programs are as deep as they are long.
+// replaces those: a counter by `lower bound + step * trip`, what every
+// iteration adds the same to by `init + that * trip`. So a loop's body is
+// looked at once, and what is known about its arguments may be found by the
+// forms of what it yields. Each value is looked at once however often it is
+// used, and none by recursion: programs are as deep as they are long.
 //
 // Works on all phases: operators of the dialect, arith, and entries for a GPU.
 //
@@ -101,14 +101,13 @@ static bool isSumOfNonNegatives(const Form &form, bool asUnsigned) {
     if (value.getType().isUnsignedInteger())
       return asUnsigned;
     auto argument = dyn_cast<BlockArgument>(value);
-    auto loop = argument ? dyn_cast<scf::ForOp>(
-                               argument.getOwner()->getParentOp())
-                         : nullptr;
+    auto loop = argument
+                    ? dyn_cast<scf::ForOp>(argument.getOwner()->getParentOp())
+                    : nullptr;
     return loop && loop.getInductionVar() == value &&
            getConstant(loop.getLowerBound()).value_or(-1) >= 0;
   };
-  return form.constant >= 0 &&
-         llvm::all_of(form.terms, [&](const Term &term) {
+  return form.constant >= 0 && llvm::all_of(form.terms, [&](const Term &term) {
            return term.factor > 0 && llvm::all_of(term.product, isNonNegative);
          });
 }
@@ -149,10 +148,10 @@ std::optional<Form> Forms::combineCast(Operation *op) {
   bool toUnsigned = op->getResult(0).getType().isUnsignedInteger();
   std::optional<Symbol> symbol = form.getSymbol();
   // A sum may have left the range of its type; a symbol is a number of its own.
-  bool fits = form.getConstant() ||
-              (symbol && (symbol->kind != Symbol::Kind::Opaque ||
-                          getIntegerBits(symbol->getValue().getType()) <=
-                              from));
+  bool fits =
+      form.getConstant() ||
+      (symbol && (symbol->kind != Symbol::Kind::Opaque ||
+                  getIntegerBits(symbol->getValue().getType()) <= from));
   // The same bits are another number if the sign is read in another way.
   if (to <= from && (!fromUnsigned || toUnsigned))
     return form.reduced(to);
@@ -231,9 +230,8 @@ Form Forms::expandPassed(Operation *loop, const Form &form) {
   if (!while_)
     return form;
   Form expanded = form;
-  for (auto [argument, passed] :
-       llvm::zip_equal(while_.getAfterArguments(),
-                       while_.getConditionOp().getArgs())) {
+  for (auto [argument, passed] : llvm::zip_equal(
+           while_.getAfterArguments(), while_.getConditionOp().getArgs())) {
     Symbol symbol = Symbol::opaque(argument);
     std::optional<Form> factor = expanded.coefficientOf(symbol);
     if (!expanded.has(symbol) || !factor)
@@ -269,8 +267,7 @@ std::optional<Form> Forms::resolveArgument(BlockArgument argument) {
     if (argument != loop.getInductionVar())
       return resolveCarried(loop, argument, loop.getInitArgs()[number - 1],
                             loop.getYieldedValues()[number - 1]);
-    std::optional<Form> grown =
-        Form(Symbol::trip(loop)) * raw(loop.getStep());
+    std::optional<Form> grown = Form(Symbol::trip(loop)) * raw(loop.getStep());
     std::optional<Form> counter =
         grown ? raw(loop.getLowerBound()) + *grown : std::nullopt;
     return counter ? substitute(*counter, bits) : std::nullopt;
@@ -357,7 +354,8 @@ const Form &Forms::of(Value value) {
 
 std::optional<Form> Forms::countTrips(Operation *op) {
   auto loop = cast<scf::ForOp>(op);
-  std::optional<Form> span = of(loop.getUpperBound()) - of(loop.getLowerBound());
+  std::optional<Form> span =
+      of(loop.getUpperBound()) - of(loop.getLowerBound());
   std::optional<int64_t> step = of(loop.getStep()).getConstant();
   if (!span || !step || *step < 1)
     return std::nullopt;

@@ -50,8 +50,8 @@ void Ranges::addComparison(Operation *op, bool truth,
   if (!truth)
     predicate = arith::invertPredicate(*predicate);
   auto add = [&](Value greater, Value less, int64_t least) {
-    bounds.push_back({forms.of(greater), forms.of(less), least,
-                      greater.getType()});
+    bounds.push_back(
+        {forms.of(greater), forms.of(less), least, greater.getType()});
   };
   Form zero;
   switch (*predicate) {
@@ -103,9 +103,8 @@ void Ranges::addCondition(Value condition, bool truth,
               : isa<arith::OrIOp, BitOrOp>(op)) {
       pending.push_back({op->getOperand(0), holds});
       pending.push_back({op->getOperand(1), holds});
-    } else if (isa<UNotOp>(op) ||
-               (isa<arith::XOrIOp>(op) &&
-                matchPattern(op->getOperand(1), m_One()))) {
+    } else if (isa<UNotOp>(op) || (isa<arith::XOrIOp>(op) &&
+                                   matchPattern(op->getOperand(1), m_One()))) {
       pending.push_back({op->getOperand(0), !holds});
     } else if (auto branch = dyn_cast<scf::IfOp>(op)) {
       unsigned i = cast<OpResult>(part).getResultNumber();
@@ -156,8 +155,8 @@ const std::vector<Ranges::Bound> &Ranges::getBounds(Block *block) {
   return *boundsAt.at(block);
 }
 
-/// By bounds of values whose difference to this one is constant. If the bound is
-/// a difference of two values, or the value lies beyond it, a sum may have
+/// By bounds of values whose difference to this one is constant. If the bound
+/// is a difference of two values, or the value lies beyond it, a sum may have
 /// wrapped in between.
 void Ranges::refine(const Form &form, Place place, Interval &range) {
   auto [value, context] = place;

@@ -50,9 +50,7 @@ static Interval getTypeRange(Type type) {
   return {-(Number(1) << (bits - 1)), (Number(1) << (bits - 1)) - 1};
 }
 
-static Number clamp(Number x) {
-  return std::clamp(x, -infinity, infinity);
-}
+static Number clamp(Number x) { return std::clamp(x, -infinity, infinity); }
 
 static Number multiply(Number a, Number b) {
   Number product;
@@ -70,10 +68,9 @@ static Interval operator-(Interval a, Interval b) {
 }
 
 static Interval operator*(Interval a, Interval b) {
-  auto [low, high] = std::minmax({multiply(a.low, b.low),
-                                  multiply(a.low, b.high),
-                                  multiply(a.high, b.low),
-                                  multiply(a.high, b.high)});
+  auto [low, high] =
+      std::minmax({multiply(a.low, b.low), multiply(a.low, b.high),
+                   multiply(a.high, b.low), multiply(a.high, b.high)});
   return {low, high};
 }
 
@@ -132,12 +129,12 @@ static bool isMarkedThread(Operation *op) {
   if (auto sum = dyn_cast<arith::AddIOp>(op))
     return bitEnumContainsAll(sum.getOverflowFlags(), noWrap);
   auto trunc = dyn_cast<arith::TruncIOp>(op);
-  return trunc &&
-         trunc.getOverflowFlags() != arith::IntegerOverflowFlags::none;
+  return trunc && trunc.getOverflowFlags() != arith::IntegerOverflowFlags::none;
 }
 
 /// What an operation says of its result, by the ranges of its operands.
-static Interval transfer(Operation *op, ArrayRef<Interval> of, Interval type, Use use) {
+static Interval transfer(Operation *op, ArrayRef<Interval> of, Interval type,
+                         Use use) {
   if (isMarkedThread(op))
     return {0, lastThread};
   if (isa<arith::AddIOp, warp::AddOp>(op))
@@ -157,9 +154,9 @@ static Interval transfer(Operation *op, ArrayRef<Interval> of, Interval type, Us
     return areNonNegative ? divide(of[0], of[1], type) : type;
   // By a positive number it is less than that, also if of a negative one.
   if (isa<arith::RemUIOp>(op))
-    return areNonNegative      ? remainder(of[0], of[1], type)
-           : of[1].low >= 1    ? Interval{0, of[1].high - 1}
-                               : type;
+    return areNonNegative   ? remainder(of[0], of[1], type)
+           : of[1].low >= 1 ? Interval{0, of[1].high - 1}
+                            : type;
   if (isa<arith::MinSIOp, warp::MinOp>(op))
     return {std::min(of[0].low, of[1].low), std::min(of[0].high, of[1].high)};
   if (isa<arith::MaxSIOp, warp::MaxOp>(op))
@@ -241,9 +238,9 @@ SmallVector<Ranges::Place, 2> Ranges::getParts(Place place) {
   if (auto branch = dyn_cast<scf::IfOp>(op)) {
     unsigned i = cast<OpResult>(value).getResultNumber();
     for (scf::YieldOp yield : {branch.thenYield(), branch.elseYield()})
-      parts.push_back({yield.getOperand(i),
-                       Context(at ? yield->getBlock() : nullptr,
-                               context.getInt())});
+      parts.push_back(
+          {yield.getOperand(i),
+           Context(at ? yield->getBlock() : nullptr, context.getInt())});
   } else if (isa<arith::SelectOp, WhereOp>(op)) {
     parts.push_back({op->getOperand(1), context});
     parts.push_back({op->getOperand(2), context});

@@ -42,7 +42,8 @@ public:
   explicit Ranges(Forms &forms) : forms(forms) {}
 
   /// Of an integer: in a block, or wherever it is.
-  Interval of(mlir::Value value, mlir::Block *at = nullptr, Use use = Use::Exact);
+  Interval of(mlir::Value value, mlir::Block *at = nullptr,
+              Use use = Use::Exact);
 
 private:
   /// A value, the block that it is asked about in, and what it is used for.
@@ -70,8 +71,7 @@ private:
 
   Forms &forms;
   llvm::DenseMap<Place, Interval> known;
-  llvm::DenseMap<mlir::Block *, std::unique_ptr<std::vector<Bound>>>
-      boundsAt;
+  llvm::DenseMap<mlir::Block *, std::unique_ptr<std::vector<Bound>>> boundsAt;
 };
 
 } // namespace warp

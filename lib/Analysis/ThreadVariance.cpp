@@ -43,8 +43,8 @@ static Value getKnownRoot(Value array) {
   if (auto grad = root.getDefiningOp<warp::GradOp>())
     named = grad.getArray();
   auto argument = dyn_cast<BlockArgument>(named);
-  bool known = argument && isa<FunctionOpInterface>(
-                               argument.getOwner()->getParentOp());
+  bool known =
+      argument && isa<FunctionOpInterface>(argument.getOwner()->getParentOp());
   return known ? root : Value();
 }
 
@@ -197,8 +197,8 @@ ThreadVariance::State ThreadVariance::transfer(Operation *op) const {
   return state;
 }
 
-/// Memory of the thread has the state of everything that is stored there: where,
-/// and whether all lanes come to the store.
+/// Memory of the thread has the state of everything that is stored there:
+/// where, and whether all lanes come to the store.
 void ThreadVariance::visitScratch(Operation *op) {
   if (auto scratch = dyn_cast<warp::ScratchOp>(op))
     return join(scratch.getResult(), {Moment, 0});
@@ -264,9 +264,9 @@ int64_t ThreadVariance::stepOfCast(Operation *op) const {
   unsigned to = getIntegerBits(op->getResult(0).getType());
   if (from <= 1 || to < 32)
     return noStep;
-  bool isSigned = isa<arith::ExtSIOp, arith::IndexCastOp>(op) ||
-                  (isa<warp::CastOp>(op) &&
-                   !source.getType().isUnsignedInteger());
+  bool isSigned =
+      isa<arith::ExtSIOp, arith::IndexCastOp>(op) ||
+      (isa<warp::CastOp>(op) && !source.getType().isUnsignedInteger());
   if (to > from && !isSigned && !isNonNegative(source, nullptr))
     return noStep;
   return get(source).step;
@@ -314,8 +314,8 @@ void ThreadVariance::visitFor(Operation *op) {
        llvm::zip_equal(loop.getRegionIterArgs(), loop.getInitArgs()))
     join(argument, moment(get(init)));
   visit(loop.getRegion());
-  uint8_t end = lower.sources | step.sources |
-                get(loop.getUpperBound()).sources;
+  uint8_t end =
+      lower.sources | step.sources | get(loop.getUpperBound()).sources;
   for (auto [argument, yielded, result] :
        llvm::zip_equal(loop.getRegionIterArgs(), loop.getYieldedValues(),
                        loop.getResults())) {
@@ -342,9 +342,8 @@ void ThreadVariance::visitWhile(Operation *op) {
   visit(loop.getBefore());
   scf::ConditionOp condition = loop.getConditionOp();
   State end = get(condition.getCondition());
-  for (auto [argument, result, passed] :
-       llvm::zip_equal(loop.getAfterArguments(), loop.getResults(),
-                       condition.getArgs())) {
+  for (auto [argument, result, passed] : llvm::zip_equal(
+           loop.getAfterArguments(), loop.getResults(), condition.getArgs())) {
     State state = get(passed);
     join(argument, state);
     state.sources |= end.sources;

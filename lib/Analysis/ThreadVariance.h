@@ -57,8 +57,8 @@ public:
   /// Trips agree if the threads are in the same iteration.
   Agreement agreement(Symbol symbol, Scope scope) const;
 
-  /// Whether threads of a set have the same value, for lanes: those that run the
-  /// code together.
+  /// Whether threads of a set have the same value, for lanes: those that run
+  /// the code together.
   bool isUniform(mlir::Value value, Scope scope) const {
     Agreement found = agreement(value, scope);
     return found == Agreement::Yes ||
@@ -75,18 +75,18 @@ public:
     return get(value).sources & Written;
   }
 
-  /// Whether the lanes of a warp have the same value if they agree on those that
-  /// this adds: counters of loops, and thread indices of the axes y and z. So
-  /// that they can compare them, and compute the value again, it takes nothing
-  /// but arithmetic to get from those to it.
+  /// Whether the lanes of a warp have the same value if they agree on those
+  /// that this adds: counters of loops, and thread indices of the axes y and z.
+  /// So that they can compare them, and compute the value again, it takes
+  /// nothing but arithmetic to get from those to it.
   bool isUniformIfEqual(mlir::Value value,
                         llvm::SetVector<mlir::Value> &ifEqual) const;
 
-  /// By how much a value grows from iteration to iteration of a loop, if that is
-  /// a constant and the rest of it is uniform as above.
-  std::optional<int64_t> strideIfEqual(mlir::Value value, mlir::scf::ForOp loop,
-                                       llvm::SetVector<mlir::Value> &ifEqual)
-      const;
+  /// By how much a value grows from iteration to iteration of a loop, if that
+  /// is a constant and the rest of it is uniform as above.
+  std::optional<int64_t>
+  strideIfEqual(mlir::Value value, mlir::scf::ForOp loop,
+                llvm::SetVector<mlir::Value> &ifEqual) const;
 
   /// By how much the value of the next thread in the last dimension is larger,
   /// if that is a constant, for a value that is used as an index: that no sum
@@ -110,7 +110,7 @@ public:
   /// An integer as a sum over thread indices, trips, extents and other values.
   const Form &form(mlir::Value value) const { return forms.of(value); }
   Interval range(mlir::Value value, mlir::Block *at = nullptr,
-              Use use = Use::Exact) const {
+                 Use use = Use::Exact) const {
     return ranges.of(value, at, use);
   }
   /// Whether an index does not count from the end, in a block if that helps.
@@ -157,9 +157,7 @@ private:
   Agreement agreement(uint8_t sources, Scope scope) const;
   /// Joins; a value that has no state yet takes it over.
   void join(mlir::Value value, State state);
-  bool varies(State state) const {
-    return state.sources & (lastIndex | Own);
-  }
+  bool varies(State state) const { return state.sources & (lastIndex | Own); }
 
   mlir::FunctionOpInterface function;
   llvm::DenseMap<mlir::Value, State> states;

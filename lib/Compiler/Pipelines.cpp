@@ -148,6 +148,8 @@ void warp::addPhase(OpPassManager &pm, Phase phase) {
     // Values are signless from here on.
     pm.addPass(createCanonicalizerPass());
     pm.addPass(createCSEPass());
+    // Of the values that launches decide on, as these find them.
+    pm.addPass(createCheckVariance());
     pm.addPass(createVerifyThread());
     return;
   case Phase::Launch:

@@ -30,9 +30,8 @@ protected:
 
   /// The last operation's first result.
   Value parse(const std::string &body) {
-    module = parseSourceString<ModuleOp>("func.func @k(%n: i32) {\n" + body +
-                                             "\nreturn\n}",
-                                         &context);
+    module = parseSourceString<ModuleOp>(
+        "func.func @k(%n: i32) {\n" + body + "\nreturn\n}", &context);
     EXPECT_TRUE(module);
     auto function = *module->getOps<func::FuncOp>().begin();
     Operation *last = function.getBody().front().getTerminator();

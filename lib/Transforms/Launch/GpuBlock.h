@@ -69,7 +69,7 @@ mlir::Value isFullWarp(mlir::OpBuilder &b, mlir::Location loc);
 mlir::Value holdsInWarp(mlir::OpBuilder &b, mlir::Location loc,
                         mlir::Value condition);
 
-/// Whether all lanes of the warp come to the insertion point together, and agree
+/// Whether all lanes of the warp come to the insertion point together and agree
 /// on these values.
 mlir::Value isWarpTogether(mlir::OpBuilder &b, mlir::Location loc,
                            llvm::ArrayRef<mlir::Value> compared);

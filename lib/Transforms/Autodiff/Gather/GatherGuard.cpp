@@ -80,7 +80,8 @@ static std::optional<int64_t> getLeast(Operation *compare, bool truth,
 
 /// Whether a value is the same in all threads of the launch.
 static bool isUniform(Value value) {
-  auto adjoint = value.getParentRegion()->getParentOfType<FunctionOpInterface>();
+  auto adjoint =
+      value.getParentRegion()->getParentOfType<FunctionOpInterface>();
   return ThreadVariance(adjoint, /*disjoint=*/true)
       .isUniform(value, Scope::Launch);
 }
