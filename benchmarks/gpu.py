@@ -25,7 +25,7 @@ from spine import Row, Runner
 
 HERE = Path(__file__).resolve().parent
 # Shares of the copy on the device.
-STREAM_GOALS = {"saxpy": 0.97, "integrate": 0.95, "stencil": 0.95, "transposed copy": 0.95}
+STREAM_GOALS = {"saxpy": 0.97, "integrate": 0.95, "stencil": 0.85, "transposed copy": 0.95}
 # The limit beside a row, where its name differs.
 HAND_WRITTEN = {"transposed copy": "transpose", "stencil": "best stencil"}
 LIMIT = 60.0
@@ -188,6 +188,12 @@ def graph_rows(session):
     return module.graph_rows(session.device, session.seconds)
 
 
+def schedule_rows(session):
+    """Launches that a schedule of their own makes faster."""
+    module = importlib.import_module("_gpu_schedules")
+    return module.schedule_rows(session.device, session.seconds)
+
+
 SECTIONS = {
     "limits": Session.limit_rows,
     "launch": launch_rows,
@@ -196,6 +202,7 @@ SECTIONS = {
     "math": math_rows,
     "atomics": atomic_rows,
     "graphs": graph_rows,
+    "schedules": schedule_rows,
     "compile": lambda session: spine.compile_rows(session.spine, 2),
     "start": lambda session: spine.start_rows(session.spine),
     "registers": register_rows,

@@ -74,6 +74,10 @@ struct CompileOptions {
   /// CPU: threads that are lanes of a vector together, a power of two; 0 leaves
   /// it to the compiler, 1 keeps threads scalar.
   int lanes = 0;
+  /// GPU: the launch has too few threads to fill the card.
+  bool under = false;
+  /// GPU: squares of indices of the last two dimensions would not fill.
+  bool narrow = false;
 };
 
 /// A place in the user's source that an error record can name. `array` is the
@@ -111,10 +115,35 @@ struct Code {
   std::vector<SummedArray> sums;
   /// Milliseconds by compile phase; empty when it comes from a cache.
   std::map<std::string, double> phaseMs;
+  /// GPU: threads of a block wait for each other, or count on their number, so
+  /// a launch has blocks of the size that the code is for.
+  bool fixedBlock = false;
+  /// GPU: those of them that follow each other in the dimension before the
+  /// last; the others do in the first.
+  int rows = 1;
+  /// GPU: a block takes a square of that many indices of the last two
+  /// dimensions on each side; 0 without squares. Blocks are numbered along one
+  /// axis.
+  int tile = 0;
+  /// GPU: threads of a block that share the work of one index.
+  int split = 1;
+  /// GPU: launches of another size would have other code.
+  bool sized = false;
 };
 
 /// Compiles one variant. Throws `Error` of kind `Compile`.
 WARP_API Code compile(const Module &module, const CompileOptions &options);
+
+/// A decision of the compiler about launches: what it is about, how it was
+/// settled and why, and the source line, 0 for the kernel as a whole.
+struct Choice {
+  std::string what, value, reason;
+  int line = 0;
+};
+
+/// The decisions about one variant. Compiles it to find out.
+WARP_API std::vector<Choice> schedule(const Module &module,
+                                      const CompileOptions &options);
 
 /// IR or code of a stage as text: warp, thread, llvm, ptx or asm.
 WARP_API std::string emitText(const Module &module,

@@ -70,6 +70,14 @@ struct CudaProperties {
   double occupancy = 0;
 };
 
+/// How launches of one kind are made: what the compiler decided, and what the
+/// runtime adds.
+struct LaunchSchedule {
+  /// What tells this kind from others.
+  std::string launch;
+  std::vector<Choice> choices;
+};
+
 class WARP_API Kernel {
 public:
   Kernel(Module module, std::string name, KernelOptions options = {});
@@ -93,6 +101,8 @@ public:
   struct Plan {
     Variant *variant = nullptr;
     int device = cpuDevice;
+    /// CUDA: nobody asked for a block of a certain size.
+    bool openBlock = false;
     int64_t items = 0;
     /// CPU: rough operations of the whole launch.
     double work = 0;
@@ -130,6 +140,12 @@ public:
   /// Threads per block that fill a multiprocessor best, and how many such
   /// blocks fill the device.
   std::pair<int, int> suggestedBlock(int device);
+
+  /// One for each kind of launch made on a device so far; with `dim`, or if
+  /// there was none, for one over packed arrays. `arch` 0 is the CPU; any other
+  /// needs no such device. Compiles again to find out.
+  std::vector<LaunchSchedule> schedules(int device, int arch,
+                                        const LaunchDim *dim = nullptr) const;
 
   /// Options of the variant that a launch of that rank over packed arrays
   /// would get; `arch` 0 is the CPU.

@@ -32,6 +32,8 @@ public:
   ~Compilation();
 
   void lowerTo(Phase last);
+  /// Lowers to phase `launch` and says what is plain to see there.
+  std::vector<Choice> describeLaunch();
   void translate();
   void optimizeModule();
   llvm::SmallVector<char, 0> emitCode(bool asText);
@@ -47,8 +49,12 @@ public:
   bool hasLanes = false;
   bool exclusive = false, atomics = false;
   int items = 1;
+  bool fixedBlock = false, sized = false;
+  int rows = 1, tile = 0, split = 1;
   CopiedArrays copied;
   std::vector<SummedArray> sums;
+  /// What passes noted about the schedule.
+  std::vector<Choice> choices;
   std::map<std::string, double> phaseMs;
 
   /// Stage texts go to the folder that WARP_DUMP names.

@@ -18,12 +18,14 @@
 #include "Context.h"
 #include "Pipelines.h"
 #include "Transforms/KernelFunction.h"
+#include "Transforms/Schedule.h"
 #include "Transforms/Updates/CopiedArrays.h"
 #include "Transforms/Variant.h"
 
 #include "WarpDialect/Passes.h"
 
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
+#include "mlir/Dialect/LLVMIR/NVVMDialect.h"
 #include "mlir/Dialect/LLVMIR/Transforms/Passes.h"
 #include "mlir/IR/Verifier.h"
 #include "mlir/Pass/PassInstrumentation.h"
@@ -144,7 +146,7 @@ static LogicalResult attachVariant(ModuleOp module,
                                    [&] { return kernel.emitError(); });
   if (!variant)
     return failure();
-  kernel->setAttr(attr::variant, variant);
+  warp::attachVariant(kernel, variant, options);
   return success();
 }
 
@@ -269,6 +271,13 @@ void Compilation::translate() {
   time("translate", start);
 }
 
+/// Whether threads of a block wait for each other.
+static bool waitsForBlock(Operation *op) {
+  auto call = dyn_cast<LLVM::CallIntrinsicOp>(op);
+  return isa<NVVM::Barrier0Op, NVVM::BarrierOp>(op) ||
+         (call && call.getIntrin().starts_with("llvm.nvvm.barrier"));
+}
+
 /// What the LLVM dialect's module says about the code.
 void Compilation::collectFacts(ModuleOp module) {
   for (auto function : module.getOps<LLVM::LLVMFuncOp>()) {
@@ -293,6 +302,21 @@ void Compilation::collectFacts(ModuleOp module) {
                                : WalkResult::advance();
                   })
                   .wasInterrupted();
+    fixedBlock = function
+                     .walk([](Operation *op) {
+                       return waitsForBlock(op) ? WalkResult::interrupt()
+                                                : WalkResult::advance();
+                     })
+                     .wasInterrupted();
+    sized = function->hasAttr(attr::sized);
+    auto number = [&](StringRef name, int fallback) {
+      auto value = function->getAttrOfType<IntegerAttr>(name);
+      return value ? int(value.getInt()) : fallback;
+    };
+    rows = number(attr::rows, 1);
+    tile = number(attr::tile, 0);
+    split = number(attr::split, 1);
+    choices = readChoices(function);
     auto table = function->getAttrOfType<ArrayAttr>(attr::sites);
     if (!table)
       continue;

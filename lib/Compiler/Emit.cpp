@@ -41,6 +41,11 @@ warp::Code warp::compile(const Module &module, const CompileOptions &options) {
   code.atomics = run.atomics;
   code.copied = std::move(run.copied);
   code.items = run.items;
+  code.fixedBlock = run.fixedBlock;
+  code.rows = run.rows;
+  code.tile = run.tile;
+  code.split = run.split;
+  code.sized = run.sized;
   code.sums = std::move(run.sums);
   code.phaseMs = std::move(run.phaseMs);
   return code;

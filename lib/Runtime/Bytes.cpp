@@ -26,6 +26,11 @@ void warp::writeCode(Writer &out, const Code &code) {
   out.number(code.copied.plainTime);
   out.number(code.copied.atomicTime);
   out.number<int32_t>(code.items);
+  out.number<uint8_t>(code.fixedBlock);
+  out.number<int32_t>(code.rows);
+  out.number<int32_t>(code.tile);
+  out.number<int32_t>(code.split);
+  out.number<uint8_t>(code.sized);
   out.number<int32_t>(code.sums.size());
   for (const SummedArray &array : code.sums)
     out.number(array);
@@ -54,6 +59,11 @@ Code warp::readCode(Reader &in) {
   code.copied.plainTime = in.number<double>();
   code.copied.atomicTime = in.number<double>();
   code.items = in.number<int32_t>();
+  code.fixedBlock = in.number<uint8_t>();
+  code.rows = in.number<int32_t>();
+  code.tile = in.number<int32_t>();
+  code.split = in.number<int32_t>();
+  code.sized = in.number<uint8_t>();
   auto sums = in.number<int32_t>();
   for (int32_t i = 0; i < sums && in.ok(); ++i)
     code.sums.push_back(in.number<SummedArray>());

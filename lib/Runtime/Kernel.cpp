@@ -39,6 +39,10 @@ static constexpr double parallelThreshold = 32768;
 
 /// Items that fill any card many times over.
 static constexpr int64_t largeLaunch = int64_t(1) << 21;
+/// Launches below so many threads per multiprocessor leave a card waiting.
+static constexpr int64_t fewThreads = 768;
+/// Extents from which on squares of 32 indices are mostly full.
+static constexpr int64_t wideExtent = 96;
 /// Several threads must share the first dimension for one to take many indices
 /// of it.
 static constexpr int64_t fewPlanes = 64;
@@ -89,6 +93,15 @@ bool warp::isIntegerScalar(const Param &param) {
          (param.type[0] == 's' || param.type[0] == 'u') && param.type[1] == 'i';
 }
 
+void Kernel::Impl::setSize(VariantKey &key, const LaunchDim &dim,
+                           int64_t items, int smCount) {
+  key.large = items >= largeLaunch &&
+              (dim.rank == 1 || dim.extent[0] >= fewPlanes);
+  key.under = items < fewThreads * smCount;
+  key.narrow = dim.rank > 1 && (dim.extent[dim.rank - 1] < wideExtent ||
+                                dim.extent[dim.rank - 2] < wideExtent);
+}
+
 VariantKey Kernel::Impl::keyFor(int device, const LaunchDim &dim,
                                 const void *params, int blockDim,
                                 int64_t &items) const {
@@ -124,8 +137,7 @@ VariantKey Kernel::Impl::keyFor(int device, const LaunchDim &dim,
   key.blockDim = checkedBlockDim(blockDim);
   int32_t extents[maxRank];
   std::copy(dim.extent, dim.extent + dim.rank, extents);
-  key.large = items >= largeLaunch &&
-              (dim.rank == 1 || dim.extent[0] >= fewPlanes);
+  setSize(key, dim, items, deviceInfo(device).smCount);
   key.flat = !fitsGrid(extents, dim.rank, key.blockDim);
   return key;
 }
@@ -154,7 +166,7 @@ bool Kernel::Impl::isDisjoint(const VariantKey &key,
 
 Kernel::Variant *Kernel::Impl::find(const VariantKey &key) const {
   Variant *variant = variants.load(std::memory_order_acquire);
-  while (variant && !(variant->key == key))
+  while (variant && !variant->serves(key))
     variant = variant->next;
   return variant;
 }
@@ -168,6 +180,8 @@ CompileOptions Kernel::Impl::compileOptions(const VariantKey &key,
   result.index32 = key.index32;
   result.flat = key.flat;
   result.large = key.large;
+  result.under = key.under;
+  result.narrow = key.narrow;
   result.disjoint = key.disjoint;
   if (arch != 0 && key.device != cpuDevice)
     result.driverVersion = cuda::driver()->version;
@@ -305,15 +319,18 @@ std::map<std::string, double> Kernel::compileTimes() const {
   return impl->times;
 }
 
-CompileOptions Kernel::optionsFor(int arch, int rank) const {
+VariantKey Kernel::Impl::usualKey(int rank) const {
   VariantKey key;
   key.rank = rank;
-  for (size_t i = 0; i < impl->params.size() && i < 64; ++i)
-    if (impl->params[i].kind == Param::Kind::Array ||
-        isIntegerScalar(impl->params[i]))
+  for (size_t i = 0; i < params.size() && i < 64; ++i)
+    if (params[i].kind == Param::Kind::Array || isIntegerScalar(params[i]))
       key.contiguous |= uint64_t(1) << i;
   key.disjoint = true;
-  return impl->compileOptions(key, arch);
+  return key;
+}
+
+CompileOptions Kernel::optionsFor(int arch, int rank) const {
+  return impl->compileOptions(impl->usualKey(rank), arch);
 }
 
 Kernel::Plan Kernel::Impl::plan(int device, const LaunchDim &dim, void *params,
@@ -323,6 +340,8 @@ Kernel::Plan Kernel::Impl::plan(int device, const LaunchDim &dim, void *params,
   VariantKey key = keyFor(device, dim, params, blockDim, plan.items);
   if (plan.items == 0)
     return plan;
+  plan.openBlock = blockDim <= 0 && options.maxThreads == 0 &&
+                   options.blockDim == KernelOptions().blockDim;
   if (!hasAccesses.load(std::memory_order_acquire)) {
     if (!mayMake)
       return plan;
@@ -404,7 +423,7 @@ void Kernel::Impl::run(const Plan &plan, void *params, const Stream *stream) {
   if (plan.device != cpuDevice) {
     if (variant.record)
       setErrorRecord(params, variant.record->address());
-    return launchOnCuda(variant, name, params, stream);
+    return launchOnCuda(variant, name, params, stream, plan.openBlock);
   }
   if (!options.debug) {
     launchOnCpu(variant, params, paramSize, plan.items, isShort(plan));

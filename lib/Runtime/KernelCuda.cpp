@@ -42,6 +42,13 @@ static int64_t powerAtLeast(int64_t value) {
 
 static int64_t ceilDivide(int64_t a, int64_t b) { return (a + b - 1) / b; }
 
+static int64_t countThreads(const int32_t *dim, int rank) {
+  int64_t count = 1;
+  for (int i = 0; i < rank; ++i)
+    count *= dim[i];
+  return count;
+}
+
 static Shape shapeOf(const int32_t *dim, int rank, bool flat, int blockDim,
                      int items = 1) {
   Extent all;
@@ -70,6 +77,31 @@ static Shape shapeOf(const int32_t *dim, int rank, bool flat, int blockDim,
   return {{ceilDivide(all.x, block.x), ceilDivide(all.y, block.y),
            ceilDivide(all.z, block.z)},
           block};
+}
+
+/// A square of indices of the last two dimensions for each block, all along one
+/// axis.
+static Shape tiledShape(const int32_t *dim, int rank, int64_t side,
+                        int64_t blockDim) {
+  int64_t count =
+      ceilDivide(dim[rank - 1], side) * ceilDivide(dim[rank - 2], side);
+  for (int i = 0; i < rank - 2; ++i)
+    count *= dim[i];
+  return {{count}, {side, blockDim / side}};
+}
+
+int warp::chooseBlock(const Kernel::Variant &variant, int64_t threads,
+                      int smCount) {
+  int whole = variant.key.blockDim, half = whole / 2;
+  if (variant.residentHalves == 0)
+    return whole;
+  int64_t blocks = ceilDivide(threads, whole);
+  if (blocks > int64_t(variant.residentBlocks) * smCount)
+    return variant.residentHalves > 2 * variant.residentBlocks ? half : whole;
+  // All blocks run at a time. What the busiest multiprocessor gets decides.
+  int64_t busiest = ceilDivide(blocks, smCount) * whole;
+  int64_t halves = ceilDivide(ceilDivide(threads, half), smCount) * half;
+  return halves < busiest ? half : whole;
 }
 
 int Kernel::Impl::checkedBlockDim(int asked) const {
@@ -143,6 +175,13 @@ void warp::loadOnCuda(Kernel::Variant &variant) {
     rejected(result, variant.code, "");
   WARP_CUDA(moduleGetFunction, &variant.function, variant.module,
             variant.code.entry.c_str());
+  int threads = variant.key.blockDim;
+  if (variant.code.fixedBlock || threads % 64 != 0)
+    return;
+  WARP_CUDA(occupancyMaxActiveBlocks, &variant.residentBlocks,
+            variant.function, threads, 0);
+  WARP_CUDA(occupancyMaxActiveBlocks, &variant.residentHalves,
+            variant.function, threads / 2, 0);
 }
 
 void warp::unloadFromCuda(int device, cuda::ModuleHandle module) {
@@ -158,18 +197,30 @@ void warp::unloadFromCuda(int device, cuda::ModuleHandle module) {
 }
 
 void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,
-                        void *params, const Stream *stream) {
+                        void *params, const Stream *stream, bool openBlock) {
   const VariantKey &key = variant.key;
   LaunchHeader header;
   std::memcpy(&header, params, sizeof(header));
   Shape shape;
   if (variant.code.exclusive) {
     shape.block.x = variant.code.items;
+  } else if (variant.code.tile != 0) {
+    shape = tiledShape(header.dim, key.rank, variant.code.tile, key.blockDim);
   } else {
-    // A thread takes several indices of the first dimension.
-    header.dim[0] = int32_t(ceilDivide(header.dim[0], variant.code.items));
-    shape = shapeOf(header.dim, key.rank, variant.flat, key.blockDim,
-                    variant.code.items);
+    // A thread takes several indices of the first dimension, or several threads
+    // share one.
+    const Code &code = variant.code;
+    header.dim[0] = int32_t(ceilDivide(header.dim[0], code.items / code.rows));
+    if (code.rows > 1)
+      header.dim[key.rank - 2] =
+          int32_t(ceilDivide(header.dim[key.rank - 2], code.rows));
+    int blockDim = key.blockDim;
+    if (openBlock)
+      blockDim = chooseBlock(variant, countThreads(header.dim, key.rank),
+                             deviceInfo(key.device).smCount);
+    shape = shapeOf(header.dim, key.rank, variant.flat,
+                    blockDim / variant.code.split, variant.code.items);
+    shape.block.y *= variant.code.split;
   }
   if (shape.grid.x > maxGridX)
     throw Error(Error::Kind::LaunchValue,

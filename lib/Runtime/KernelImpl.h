@@ -24,6 +24,8 @@ struct VariantKey {
   bool index32 = true;
   bool flat = false;
   bool large = false;
+  bool under = false;
+  bool narrow = false;
   bool disjoint = false;
   bool ordered = false;
   int blockDim = 0;
@@ -32,9 +34,18 @@ struct VariantKey {
   bool operator==(const VariantKey &other) const {
     return device == other.device && rank == other.rank &&
            index32 == other.index32 && flat == other.flat &&
-           large == other.large && disjoint == other.disjoint &&
-           ordered == other.ordered &&
+           large == other.large && under == other.under &&
+           narrow == other.narrow &&
+           disjoint == other.disjoint && ordered == other.ordered &&
            blockDim == other.blockDim && contiguous == other.contiguous;
+  }
+
+  /// The same but for the size of the launch.
+  bool matches(VariantKey other) const {
+    other.large = large;
+    other.under = under;
+    other.narrow = narrow;
+    return *this == other;
   }
 };
 
@@ -47,6 +58,9 @@ struct Kernel::Variant {
   mutable LoopHistory history;
   cuda::ModuleHandle module = nullptr;
   cuda::Function function = nullptr;
+  /// Blocks of `key.blockDim` threads that a multiprocessor runs at a time, and
+  /// blocks of half as many; 0 where the code is for one size of blocks.
+  int residentBlocks = 0, residentHalves = 0;
   std::unique_ptr<DeviceErrorRecord> record;
   /// Whether the code counts threads along one axis.
   bool flat = false;
@@ -56,6 +70,11 @@ struct Kernel::Variant {
   Variant *next = nullptr;
 
   ~Variant();
+
+  /// Whether launches of this kind may run it.
+  bool serves(const VariantKey &asked) const {
+    return code.sized ? key == asked : key.matches(asked);
+  }
 };
 
 struct Kernel::Impl {
@@ -90,6 +109,13 @@ struct Kernel::Impl {
   VariantKey keyFor(int device, const LaunchDim &dim, const void *params,
                     int blockDim, int64_t &items) const;
   CompileOptions compileOptions(const VariantKey &key, int arch) const;
+  /// The key of a launch over packed arrays that do not overlap.
+  VariantKey usualKey(int rank) const;
+  /// Notes how many threads a launch on a GPU has.
+  static void setSize(VariantKey &key, const LaunchDim &dim, int64_t items,
+                      int smCount);
+  LaunchSchedule describe(const VariantKey &key, int arch,
+                          const Variant *variant) const;
   /// Threads of a block: what a launch asks for, or the kernel's own.
   int checkedBlockDim(int asked) const;
   /// The variant of an ordinary launch.
@@ -111,8 +137,12 @@ void launchOnCpu(const Kernel::Variant &variant, const void *params,
 void loadOnCuda(Kernel::Variant &variant);
 /// Unloads it; while a graph is recorded that may use it, later.
 void unloadFromCuda(int device, cuda::ModuleHandle module);
+/// `openBlock`: blocks may be smaller than those that the variant is named for.
 void launchOnCuda(const Kernel::Variant &variant, const std::string &name,
-                  void *params, const Stream *stream);
+                  void *params, const Stream *stream, bool openBlock = false);
+/// Threads of a block for so many in all: half of the variant's if that keeps
+/// more of the card at work.
+int chooseBlock(const Kernel::Variant &variant, int64_t threads, int smCount);
 /// Turns PTX into the machine code of a device.
 void assembleOnCuda(int device, Code &code);
 /// Whether one grid axis per dimension can express the launch.

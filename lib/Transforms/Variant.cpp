@@ -6,6 +6,9 @@
 
 #include "Variant.h"
 
+#include "Schedule.h"
+#include "WarpDialect/Passes.h"
+
 #include "llvm/Support/raw_ostream.h"
 #include "llvm/TargetParser/Host.h"
 #include "llvm/TargetParser/X86TargetParser.h"
@@ -26,6 +29,8 @@ static void visitOptions(Options &options, Visitor visit) {
   visit("index32", options.index32);
   visit("flat", options.flat);
   visit("large", options.large);
+  visit("under", options.under);
+  visit("narrow", options.narrow);
   visit("disjoint", options.disjoint);
   visit("debug", options.debug);
   visit("fast-math", options.fastMath);
@@ -147,4 +152,17 @@ warp::getVariant(MLIRContext *context, const CompileOptions &options,
       int64_t(options.blockDim), int64_t(options.threads),
       int64_t(options.minBlocks), int64_t(options.lanes), options.debug,
       options.fastMath, deterministic);
+}
+
+void warp::attachVariant(Operation *kernel, VariantAttr variant,
+                         const CompileOptions &options) {
+  kernel->setAttr(attr::variant, variant);
+  auto setFlag = [&](StringRef name, bool value) {
+    if (value)
+      kernel->setAttr(name, UnitAttr::get(kernel->getContext()));
+    else
+      kernel->removeAttr(name);
+  };
+  setFlag(attr::under, options.under);
+  setFlag(attr::narrow, options.narrow);
 }

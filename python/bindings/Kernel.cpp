@@ -8,6 +8,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "KernelObject.h"
+#include "LaunchCall.h"
 
 #include "warp/Builder.h"
 
@@ -125,6 +126,37 @@ static PyObject *printIr(PyObject *self, PyObject *args, PyObject *names) {
   });
 }
 
+static PyObject *schedules(PyObject *self, PyObject *args, PyObject *names) {
+  static const char *keywords[] = {"device", "arch", "dim", nullptr};
+  int device = cpuDevice, arch = 0;
+  PyObject *extents = Py_None;
+  if (!PyArg_ParseTupleAndKeywords(args, names, "|iiO",
+                                   const_cast<char **>(keywords), &device,
+                                   &arch, &extents))
+    return nullptr;
+  return guarded([&] {
+    Kernel &kernel = *asKernel(self)->kernel;
+    LaunchDim dim;
+    if (extents != Py_None)
+      dim = readDim(kernel, extents);
+    std::vector<LaunchSchedule> found;
+    {
+      py::gil_scoped_release unlocked;
+      found = kernel.schedules(device, arch,
+                               extents == Py_None ? nullptr : &dim);
+    }
+    py::list list;
+    for (const LaunchSchedule &schedule : found) {
+      py::list choices;
+      for (const Choice &choice : schedule.choices)
+        choices.append(py::make_tuple(choice.what, choice.value, choice.reason,
+                                      choice.line));
+      list.append(py::make_tuple(schedule.launch, choices));
+    }
+    return list.release().ptr();
+  });
+}
+
 static PyObject *compileTimes(PyObject *self, PyObject *) {
   return guarded([&] {
     py::dict times;
@@ -143,6 +175,9 @@ void python::bindKernel(py::module_ &m) {
       {"ir", asMethod(printIr), METH_VARARGS | METH_KEYWORDS,
        "ir(stage, arch=0, rank=1)\n\nText of a stage: warp, thread, llvm, "
        "ptx or asm."},
+      {"schedules", asMethod(schedules), METH_VARARGS | METH_KEYWORDS,
+       "schedules(device=-1, arch=0, dim=None)\n\nWhat was decided about each "
+       "kind of launch: (kind, [(what, value, reason, line)])."},
       {"compile_times", compileTimes, METH_NOARGS,
        "Milliseconds by phase of what was compiled so far."},
       {nullptr, nullptr, 0, nullptr}};

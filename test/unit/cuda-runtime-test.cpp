@@ -355,6 +355,51 @@ TEST_F(Cuda, BlocksAreShapedToTheLaunch) {
   EXPECT_EQ(shape(4, {10, 10, 10, 10}, true), "(40, 1, 1) x (256, 1, 1)");
 }
 
+TEST_F(Cuda, BlocksAreShapedToTheSchedule) {
+  auto *lastLaunch = fakeSymbol<const char *()>("fakeCudaLastLaunch");
+  if (!lastLaunch)
+    GTEST_SKIP() << "needs the fake driver";
+  auto shape = [&](const Code &code, int rank, std::array<int, 4> dim) {
+    Kernel::Variant variant;
+    variant.key = {.device = 0, .rank = rank, .blockDim = 256};
+    variant.code = code;
+    LaunchHeader header;
+    std::copy(dim.begin(), dim.end(), header.dim);
+    launchOnCuda(variant, "shape", &header, nullptr, /*openBlock=*/true);
+    return std::string(lastLaunch());
+  };
+  Code split, tiles, patches;
+  split.split = 8;
+  EXPECT_EQ(shape(split, 1, {1000, 1, 1, 1}), "(32, 1, 1) x (32, 8, 1)");
+  tiles.tile = 32;
+  EXPECT_EQ(shape(tiles, 2, {100, 70, 1, 1}), "(12, 1, 1) x (32, 8, 1)");
+  EXPECT_EQ(shape(tiles, 3, {5, 32, 33, 1}), "(10, 1, 1) x (32, 8, 1)");
+  patches.items = 8;
+  patches.rows = 2;
+  EXPECT_EQ(shape(patches, 3, {64, 10, 40, 1}), "(1, 2, 16) x (64, 4, 1)");
+}
+
+// Half a block's threads where that spreads a launch over more of the card, or
+// where more of them fit.
+TEST_F(Cuda, BlocksAreSmallerWhereTheCardWouldWait) {
+  auto choose = [](int blocks, int halves, int64_t threads) {
+    Kernel::Variant variant;
+    variant.key = {.device = 0, .blockDim = 256};
+    variant.residentBlocks = blocks;
+    variant.residentHalves = halves;
+    return chooseBlock(variant, threads, 132);
+  };
+  EXPECT_EQ(choose(8, 16, 1), 256 / 2);
+  EXPECT_EQ(choose(8, 16, 16384), 128);
+  // The busiest multiprocessor has 3 blocks of 128, or 2 of 256.
+  EXPECT_EQ(choose(8, 16, 49152), 128);
+  EXPECT_EQ(choose(8, 16, 131072), 256);
+  EXPECT_EQ(choose(8, 16, 1 << 24), 256);
+  EXPECT_EQ(choose(1, 3, 1 << 24), 128);
+  // The code is for blocks of one size.
+  EXPECT_EQ(choose(0, 0, 16384), 256);
+}
+
 TEST_F(Cuda, GridAxesHoldTheLaunchOrItIsFlat) {
   auto fits = [](int rank, std::vector<int> dim) {
     return fitsGrid(dim.data(), rank, 256);

@@ -25,6 +25,7 @@
 
 #include "KernelFunction.h"
 #include "LanePlan.h"
+#include "Schedule.h"
 #include "Updates/Atomics.h"
 
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
@@ -300,6 +301,7 @@ struct WidenThreads : warp::impl::WidenThreadsBase<WidenThreads> {
     warp::foldViews(kernel);
     warp::ThreadVariance variance(kernel);
     warp::LanePlan plan = warp::planLanes(kernel, threads, variance);
+    warp::noteChoice(kernel, "lanes", Twine(plan.lanes), plan.reason);
     if (plan.lanes == 1)
       return;
     Widening(kernel, threads, variance, plan.lanes).run();

@@ -197,6 +197,9 @@ static void inlineOnce(warp::OnceOp once, function_ref<Value()> isFirst) {
 }
 
 void EntryBuilder::build() {
+  bool gpu = warp::isGpu(kernel);
+  if (gpu)
+    planGpu();
   createEntry();
   Block *first = &entry.getBody().front();
   Block *body = b.createBlock(&entry.getBody());
@@ -212,7 +215,6 @@ void EntryBuilder::build() {
   body->getOperations().splice(leave->getIterator(),
                                group.getBody().front().getOperations());
 
-  bool gpu = warp::isGpu(kernel);
   b.setInsertionPoint(threads);
   Values sums = gpu ? buildGpu() : buildCpu();
   threads->replaceAllUsesWith(sums);

@@ -10,6 +10,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "EntryBuilder.h"
+#include "Schedule.h"
 #include "Updates/BlockReduce.h"
 #include "WarpDialect/ParameterLayout.h"
 
@@ -101,16 +102,82 @@ EntryBuilder::Values EntryBuilder::buildOneBlock() {
   return Values(loop.getResults());
 }
 
+//===----------------------------------------------------------------------===//
+// Forms
+//===----------------------------------------------------------------------===//
+
+/// Decides how the launch is made, and notes whether one of another size would
+/// be made in another way.
+void EntryBuilder::planGpu() {
+  if (warp::getRecipe(kernel).getExclusive()) {
+    form = Form::Block;
+    return warp::noteChoice(kernel, "blocks", "1", "sums are in one order");
+  }
+  bool turns = planTiles();
+  if (turns)
+    kernel->setAttr(warp::attr::sized, b.getUnitAttr());
+  if (turns && !kernel->hasAttr(warp::attr::narrow)) {
+    form = Form::Tiles;
+    return warp::noteChoice(kernel, "tiles", "32 x 32",
+                            "indices are exchanged; warps touch whole lines",
+                            *turned.begin());
+  }
+  bool large = variant.getLarge();
+  bool under = kernel->hasAttr(warp::attr::under);
+  int64_t most = countItems();
+  bool sums = sumsManyItems();
+  scf::ForOp shared = findSharedLoop(), split = findSplitLoop();
+  if (most > 1 || sums || shared || split)
+    kernel->setAttr(warp::attr::sized, b.getUnitAttr());
+  if (large && sums) {
+    form = Form::Sums;
+    warp::noteChoice(kernel, "items", Twine(summedItems),
+                     "a block combines sums once for all");
+  } else if (large && most > 1) {
+    form = Form::Items;
+    items = most;
+    warp::noteChoice(kernel, "items", Twine(items),
+                     "loads of several are under way together");
+  } else if (under && split) {
+    form = Form::Split;
+    loop = split;
+    warp::noteChoice(kernel, "split", Twine(countParts(kernel)),
+                     "few threads, and a sum in any order", loop);
+  } else if (!under && shared) {
+    form = Form::Jammed;
+    loop = shared;
+    warp::noteChoice(kernel, "items", "2", "they share what a loop loads",
+                     loop);
+  } else {
+    warp::noteChoice(kernel, "items", "1",
+                     most > 1 || sums ? "the launch is not large"
+                     : shared         ? "the launch has too few threads"
+                                      : "more would not share anything");
+  }
+}
+
+EntryBuilder::Values EntryBuilder::buildForm() {
+  switch (form) {
+  case Form::One:
+    return buildOneItem();
+  case Form::Block:
+    return buildOneBlock();
+  case Form::Sums:
+    return buildSums();
+  case Form::Items:
+    return rank == 1 ? buildStream() : buildPlanes();
+  case Form::Jammed:
+    return buildJammed();
+  case Form::Split:
+    return buildSplit();
+  case Form::Tiles:
+    return buildTiles();
+  }
+  llvm_unreachable("no such form");
+}
+
 EntryBuilder::Values EntryBuilder::buildGpu() {
-  Values sums;
-  if (warp::getRecipe(kernel).getExclusive())
-    sums = buildOneBlock();
-  else if (sumsManyItems())
-    sums = buildSums();
-  else if (int64_t items = chooseItems(); items > 1)
-    sums = rank == 1 ? buildStream(items) : buildPlanes(items);
-  else
-    sums = buildOneItem();
+  Values sums = buildForm();
   if (sums.empty())
     return sums;
   warp::BlockReduce reduce(b, loc, kernel->getParentOfType<ModuleOp>(),

@@ -4,12 +4,12 @@
 //
 // A kernel that only streams a few bytes per item leaves a GPU waiting: too
 // few loads are under way. Where the launch is large (`large`), such a
-// thread takes several items of the first dimension:
+// thread takes several items, of the first dimension mostly:
 //
 //   rank 1       a block apart, so that neighbours still touch neighbouring
 //                memory;
 //   rank 2, 3    one after the other, so that what a stencil reads of one
-//                plane serves the next plane too.
+//                plane serves the next plane too; in rank 3 also pairs of rows.
 //
 // Operations of the items are interleaved one by one, which puts all loads
 // before the first store; threads of a launch are independent, so the order
@@ -21,6 +21,7 @@
 
 #include "Analysis/NonNegative.h"
 #include "EntryBuilder.h"
+#include "Schedule.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/IR/IRMapping.h"
@@ -28,6 +29,7 @@
 
 using namespace mlir;
 using warp::EntryBuilder;
+using warp::summedItems;
 
 /// Bytes of loads and stores that keep a thread of the card busy.
 constexpr int64_t bytesInFlight = 48;
@@ -35,9 +37,7 @@ constexpr int64_t bytesInFlight = 48;
 constexpr int64_t bytesOfPlanes = 256;
 constexpr int64_t maxItems = 4;
 constexpr int64_t maxPlanes = 8;
-/// Items of a thread whose block combines what they add up to.
-constexpr int64_t summedItems = 32;
-/// Those of them whose loads are under way together; of longer bodies none.
+/// Items with sums whose loads are under way together; of longer bodies none.
 constexpr int64_t summedTogether = 8;
 constexpr int64_t longestTogether = 64;
 
@@ -99,10 +99,11 @@ static FailureOr<Stretch> parseStretch(Block &block, int64_t &bytes) {
   return result;
 }
 
-/// Items of one thread: 1 unless the body is of that form and moves little.
-int64_t EntryBuilder::chooseItems() {
-  if (rank > 3 || flat || !index32 || !variant.getLarge() ||
-      variant.getDebug() || threads.getNumResults() != 0)
+/// Items of one thread of a large launch: 1 unless the body is of that form and
+/// moves little.
+int64_t EntryBuilder::countItems() {
+  if (rank > 3 || flat || !index32 || variant.getDebug() ||
+      threads.getNumResults() != 0)
     return 1;
   int64_t bytes = 0;
   for (Block *block = threads.getThread(); block;) {
@@ -120,11 +121,10 @@ int64_t EntryBuilder::chooseItems() {
   return items;
 }
 
-/// Whether threads that combine values over their block are so many, and each
-/// so short, that to combine them is most of the work.
+/// Whether threads that combine values over their block are each so short that
+/// to combine them is most of the work of a large launch.
 bool EntryBuilder::sumsManyItems() {
   if (rank != 1 || flat || !index32 || threads.getNumResults() == 0 ||
-      !variant.getLarge() ||
       variant.getDebug())
     return false;
   int64_t count = 0;
@@ -157,12 +157,13 @@ Value EntryBuilder::cloneInterleaved(ArrayRef<Values> items, Block *body,
   Type i1 = b.getI1Type();
   if (!stretch.guard)
     return constant(i1, 1);
-  Value all;
+  Value all, any;
   for (IRMapping &clone : clones) {
     Value holds = clone.lookupOrDefault(stretch.guard.getCondition());
     if (stretch.inside == stretch.guard.elseBlock())
       holds = arith::XOrIOp::create(b, loc, holds, constant(i1, 1));
     all = all ? arith::AndIOp::create(b, loc, all, holds) : holds;
+    any = any ? arith::OrIOp::create(b, loc, any, holds) : holds;
   }
   auto together =
       scf::IfOp::create(b, loc, TypeRange(i1), all, /*withElseRegion=*/true);
@@ -171,17 +172,18 @@ Value EntryBuilder::cloneInterleaved(ArrayRef<Values> items, Block *body,
   markIndices(*stretch.inside);
   Value done = cloneInterleaved(items, stretch.inside, clones);
   scf::YieldOp::create(b, loc, done);
+  // Where none of them is inside, as at the edge of a stencil, that was all.
   b.setInsertionPointToStart(together.elseBlock());
-  scf::YieldOp::create(b, loc, Value(constant(i1, 0)));
+  Value none = arith::XOrIOp::create(b, loc, any, constant(i1, 1));
+  scf::YieldOp::create(b, loc, none);
   return together.getResult(0);
 }
 
-/// A thread's items begin at `lane` and are `step` apart; `rest` are its other
-/// indices. Those from `end` on do not exist.
-EntryBuilder::Values EntryBuilder::buildItems(int64_t items, Value lane,
-                                              Value step, Value end,
-                                              ArrayRef<Value> rest,
-                                              Value allExist) {
+/// The items of a thread with these indices, together if all of them exist;
+/// `buildAlone` writes code for those that do, one by one.
+EntryBuilder::Values
+EntryBuilder::buildItems(ArrayRef<Values> indices, Value allExist,
+                         function_ref<void()> buildAlone) {
   Type i1 = b.getI1Type();
   auto whole =
       scf::IfOp::create(b, loc, TypeRange(i1), allExist, /*withElse=*/true);
@@ -189,15 +191,9 @@ EntryBuilder::Values EntryBuilder::buildItems(int64_t items, Value lane,
   b.setInsertionPointToStart(whole.elseBlock());
   scf::YieldOp::create(b, loc, Value(constant(i1, 0)));
   b.setInsertionPointToStart(whole.thenBlock());
-  SmallVector<Values> indices;
-  SmallVector<IRMapping> clones(items);
-  for (Value first = lane; int64_t(indices.size()) < items;
-       first = add(first, step)) {
-    IRMapping &clone = clones[indices.size()];
-    indices.push_back({first});
-    llvm::append_range(indices.back(), rest);
-    clone.map(threads.getIndices(), indices.back());
-  }
+  SmallVector<IRMapping> clones(indices.size());
+  for (auto [clone, item] : llvm::zip_equal(clones, indices))
+    clone.map(threads.getIndices(), item);
   Value done = cloneInterleaved(indices, threads.getThread(), clones);
   scf::YieldOp::create(b, loc, done);
 
@@ -206,26 +202,34 @@ EntryBuilder::Values EntryBuilder::buildItems(int64_t items, Value lane,
                                      constant(i1, 1));
   auto alone = scf::IfOp::create(b, loc, left, /*withElseRegion=*/false);
   b.setInsertionPointToStart(alone.thenBlock());
-  Value limit = arith::MinSIOp::create(b, loc, end, dims[0]);
-  auto loop = scf::ForOp::create(b, loc, lane, limit, step);
-  b.setInsertionPointToStart(loop.getBody());
-  Values one{loop.getInductionVar()};
-  llvm::append_range(one, rest);
-  takeThread(one);
-  warp::setRecipe(entry, warp::getRecipe(entry).withItems(items));
+  buildAlone();
+  warp::setRecipe(entry, warp::getRecipe(entry).withItems(
+                             int64_t(indices.size())));
   return {};
 }
 
+/// A loop from `begin` to `end`, or to that extent; goes on inside of it.
+Value EntryBuilder::buildLoop(Value begin, Value end, Value extent,
+                              Value step) {
+  Value limit = arith::MinSIOp::create(b, loc, end, extent);
+  auto loop = scf::ForOp::create(b, loc, begin, limit, step);
+  b.setInsertionPointToStart(loop.getBody());
+  return loop.getInductionVar();
+}
+
 /// Items a block apart along the only axis.
-EntryBuilder::Values EntryBuilder::buildStream(int64_t items) {
+EntryBuilder::Values EntryBuilder::buildStream() {
   Type i32 = b.getI32Type();
   Value width = warp::readGrid(b, loc, warp::GridValue::blockDim);
   Value block = warp::readGrid(b, loc, warp::GridValue::blockId);
   Value start = mul(mul(block, width), constant(i32, items));
   Value lane = add(start, warp::readGrid(b, loc, warp::GridValue::threadId));
   Value end = add(start, mul(width, constant(i32, items)));
-  return buildItems(items, lane, width, end, {},
-                    cmp(arith::CmpIPredicate::sle, end, dims[0]));
+  SmallVector<Values> indices;
+  for (Value i = lane; int64_t(indices.size()) < items; i = add(i, width))
+    indices.push_back({i});
+  return buildItems(indices, cmp(arith::CmpIPredicate::sle, end, dims[0]),
+                    [&] { takeThread(buildLoop(lane, end, dims[0], width)); });
 }
 
 /// Items a block apart whose sums a thread carries along, so that the block
@@ -267,23 +271,48 @@ EntryBuilder::Values EntryBuilder::buildSums() {
   return Values(branch.getResults());
 }
 
-/// Items one after the other along the first of two or three axes.
-EntryBuilder::Values EntryBuilder::buildPlanes(int64_t items) {
+/// Items one after the other along the first of two or three axes; of many,
+/// every other one along the second of three.
+EntryBuilder::Values EntryBuilder::buildPlanes() {
   Type i32 = b.getI32Type();
-  Values rest;
-  Value inside;
-  for (int64_t i = 1; i < rank; ++i) {
-    warp::Axis ofRest = i == rank - 1 ? warp::Axis::x : warp::Axis::y;
-    rest.push_back(gridIndex(ofRest, i32));
-    Value fits = cmp(arith::CmpIPredicate::slt, rest.back(), dims[i]);
-    inside = inside ? arith::AndIOp::create(b, loc, inside, fits) : fits;
+  int64_t rows = rank == 3 && items == maxPlanes ? 2 : 1;
+  int64_t planes = items / rows;
+  auto fits = [&](Value index, Value extent) {
+    return cmp(arith::CmpIPredicate::slt, index, extent);
+  };
+  Value x = gridIndex(warp::Axis::x, i32), inside = fits(x, dims[rank - 1]);
+  Value start = mul(gridIndex(rank == 2 ? warp::Axis::y : warp::Axis::z, i32),
+                    constant(i32, planes));
+  Value end = add(start, constant(i32, planes)), row, last;
+  Value whole = cmp(arith::CmpIPredicate::sle, end, dims[0]);
+  if (rank == 3) {
+    row = mul(gridIndex(warp::Axis::y, i32), constant(i32, rows));
+    last = add(row, constant(i32, rows));
+    inside = arith::AndIOp::create(b, loc, inside, fits(row, dims[1]));
+    whole = arith::AndIOp::create(
+        b, loc, whole, cmp(arith::CmpIPredicate::sle, last, dims[1]));
   }
   auto exists = scf::IfOp::create(b, loc, inside, /*withElseRegion=*/false);
   OpBuilder::InsertionGuard guard(b);
   b.setInsertionPointToStart(exists.thenBlock());
-  warp::Axis axis = rank == 2 ? warp::Axis::y : warp::Axis::z;
-  Value start = mul(gridIndex(axis, i32), constant(i32, items));
-  Value end = add(start, constant(i32, items));
-  return buildItems(items, start, constant(i32, 1), end, rest,
-                    cmp(arith::CmpIPredicate::sle, end, dims[0]));
+  Value one = constant(i32, 1);
+  SmallVector<Values> indices;
+  for (int64_t i = 0; i < items; ++i) {
+    Values item{add(start, constant(i32, i / rows))};
+    if (rank == 3)
+      item.push_back(add(row, constant(i32, i % rows)));
+    item.push_back(x);
+    indices.push_back(item);
+  }
+  if (rows > 1)
+    entry->setAttr(warp::attr::rows, b.getI64IntegerAttr(rows));
+  return buildItems(indices, whole, [&] {
+    Values item{buildLoop(start, end, dims[0], one)};
+    if (rows > 1)
+      item.push_back(buildLoop(row, last, dims[1], one));
+    else if (rank == 3)
+      item.push_back(row);
+    item.push_back(x);
+    takeThread(item);
+  });
 }

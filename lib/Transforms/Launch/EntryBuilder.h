@@ -5,7 +5,9 @@
 // What warp-emit-entry knows while it builds an entry. EmitEntry.cpp has what
 // both targets share, EmitEntryCpu.cpp the loops over a range of threads,
 // EmitEntryGpu.cpp the thread of a GPU, EmitEntryItems.cpp a GPU thread with
-// several indices.
+// several indices, EmitEntryJam.cpp one with two in a loop, EmitEntrySplit.cpp
+// several threads with one index, EmitEntryTiles.cpp blocks that exchange
+// elements.
 //
 //===----------------------------------------------------------------------===//
 
@@ -20,8 +22,19 @@
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/IR/Builders.h"
+#include "mlir/IR/IRMapping.h"
+
+#include "llvm/ADT/SmallPtrSet.h"
 
 namespace warp {
+
+class ThreadVariance;
+
+/// Items of a GPU thread whose block combines what they add up to.
+constexpr int64_t summedItems = 32;
+
+/// Parts that the warps of a GPU block can split a loop into: 8 at most.
+int64_t countParts(mlir::Operation *kernel);
 
 constexpr auto noWrap =
     mlir::arith::IntegerOverflowFlags::nsw | mlir::arith::IntegerOverflowFlags::nuw;
@@ -65,19 +78,36 @@ private:
 
   // EmitEntryGpu.cpp and EmitEntryItems.cpp
   Values buildGpu();
+  Values buildForm();
   Values buildOneItem();
   Values buildOneBlock();
-  Values buildStream(int64_t items);
-  Values buildPlanes(int64_t items);
+  Values buildStream();
+  Values buildPlanes();
   Values buildSums();
-  Values buildItems(int64_t items, mlir::Value lane, mlir::Value step,
-                    mlir::Value end, llvm::ArrayRef<mlir::Value> rest,
-                    mlir::Value allExist);
+  Values buildItems(llvm::ArrayRef<Values> indices, mlir::Value allExist,
+                    llvm::function_ref<void()> buildAlone);
+  mlir::Value buildLoop(mlir::Value begin, mlir::Value end, mlir::Value extent,
+                        mlir::Value step);
   mlir::Value cloneInterleaved(llvm::ArrayRef<Values> items,
                                mlir::Block *body,
                                llvm::MutableArrayRef<mlir::IRMapping> clones);
-  int64_t chooseItems();
+  int64_t countItems();
   bool sumsManyItems();
+  void planGpu();
+  Values buildJammed();
+  mlir::scf::ForOp findSharedLoop();
+  Values buildSplit();
+  mlir::scf::ForOp findSplitLoop();
+  Values joinParts(mlir::ValueRange sums, mlir::Value lane, mlir::Value part,
+                   mlir::Value isFirst, int64_t parts);
+  Values buildTiles();
+  bool planTiles();
+  bool isTurned(mlir::Operation *op, const ThreadVariance &variance);
+  void buildSquare(llvm::MutableArrayRef<mlir::IRMapping> own,
+                   llvm::MutableArrayRef<mlir::IRMapping> other,
+                   llvm::ArrayRef<mlir::Value> ownPlaces,
+                   llvm::ArrayRef<mlir::Value> otherPlaces,
+                   mlir::Value memory);
   Values gridIndices(mlir::Value &inside);
   mlir::Value gridIndex(Axis axis, mlir::Type type);
   mlir::Value countAll();
@@ -124,6 +154,16 @@ private:
   mlir::Value block;
   /// Extents of the launch, i32.
   Values dims;
+  /// GPU: how the threads of the kernel become those of the launch. What is
+  /// about kernels is decided before the entry takes their operations over.
+  enum class Form { One, Block, Sums, Items, Jammed, Split, Tiles };
+  Form form = Form::One;
+  /// Indices of a thread in form `Items`.
+  int64_t items = 1;
+  /// The loop that indices, or threads, share.
+  mlir::scf::ForOp loop;
+  /// Accesses whose elements the threads of a block exchange.
+  llvm::SmallPtrSet<mlir::Operation *, 4> turned;
 };
 
 } // namespace warp

@@ -31,7 +31,9 @@
 #include "Updates/Atomics.h"
 #include "GpuBlock.h"
 #include "KernelFunction.h"
+#include "LoopSums.h"
 #include "RotateLoops.h"
+#include "Schedule.h"
 #include "UniformValues.h"
 #include "WarpDialect/ParameterLayout.h"
 
@@ -142,65 +144,14 @@ bool Rotation::collectUpdates() {
   return !updates.empty() && !wouldScatter;
 }
 
-/// Whether `value` is what the loop carries plus something, on every path;
-/// `links` are the uses that lead there.
-bool Rotation::isSum(Value value, Value carried,
-                     SmallPtrSetImpl<OpOperand *> &links) {
-  if (value == carried)
-    return true;
-  Operation *op = value.getDefiningOp();
-  if (!op || !loop->isProperAncestor(op))
-    return false;
-  auto follow = [&](OpOperand &link) {
-    if (!isSum(link.get(), carried, links))
-      return false;
-    links.insert(&link);
-    return true;
-  };
-  auto floats = dyn_cast<arith::ArithFastMathInterface>(op);
-  bool isOpen =
-      warp::getVariant(entry).getFastMath() ||
-      (floats && bitEnumContainsAll(floats.getFastMathFlagsAttr().getValue(),
-                                    arith::FastMathFlags::reassoc));
-  if (isa<arith::AddIOp>(op) || (isa<arith::AddFOp>(op) && isOpen))
-    return follow(op->getOpOperand(0)) || follow(op->getOpOperand(1));
-  if (isa<arith::SubIOp>(op) || (isa<arith::SubFOp>(op) && isOpen))
-    return follow(op->getOpOperand(0));
-  if (isa<arith::SelectOp>(op))
-    return follow(op->getOpOperand(1)) && follow(op->getOpOperand(2));
-  auto branch = dyn_cast<scf::IfOp>(op);
-  if (!branch)
-    return false;
-  unsigned i = cast<OpResult>(value).getResultNumber();
-  return follow(branch.thenYield()->getOpOperand(i)) &&
-         follow(branch.elseYield()->getOpOperand(i));
-}
-
-bool Rotation::carriesSums() {
-  for (auto [carried, yielded] : llvm::zip_equal(
-           loop.getRegionIterArgs(),
-           loop.getBody()->getTerminator()->getOpOperands())) {
-    SmallPtrSet<OpOperand *, 8> links;
-    if (!isSum(yielded.get(), carried, links))
-      return false;
-    // Neither it nor what it becomes may be looked at on the way.
-    links.insert(&yielded);
-    auto isLink = [&](OpOperand &use) { return links.contains(&use); };
-    for (OpOperand *link : links)
-      if (!llvm::all_of(link->get().getUses(), isLink))
-        return false;
-    if (!llvm::all_of(carried.getUses(), isLink))
-      return false;
-  }
-  return true;
-}
-
 bool Rotation::qualifies() {
   return matchPattern(loop.getStep(), m_One()) && !isShort() &&
          isa<IntegerType>(counterType()) &&
          counterType().getIntOrFloatBitWidth() >= 32 &&
          isUniform(loop.getLowerBound()) && isUniform(loop.getUpperBound()) &&
-         isOrderOpen() && carriesSums() && collectUpdates();
+         isOrderOpen() &&
+         carriesSums(loop, warp::getVariant(entry).getFastMath()) &&
+         collectUpdates();
 }
 
 namespace {
@@ -225,8 +176,12 @@ struct RotateLoops : warp::impl::RotateLoopsBase<RotateLoops> {
     entry.walk([&](scf::ForOp loop) { loops.push_back(loop); });
     // Inner loops come first; one with tiles inside does not qualify.
     for (scf::ForOp loop : loops)
-      if (warp::Rotation rotation(loop, entry); rotation.qualifies())
+      if (warp::Rotation rotation(loop, entry); rotation.qualifies()) {
+        warp::noteChoice(entry, "loop", "each lane begins elsewhere",
+                         "sums travel to the lane that adds to them next",
+                         loop);
         rotation.run();
+      }
   }
 };
 

@@ -19,7 +19,6 @@
 #include "mlir/IR/IRMapping.h"
 
 #include "llvm/ADT/SetVector.h"
-#include "llvm/ADT/SmallPtrSet.h"
 
 namespace warp {
 
@@ -56,9 +55,6 @@ private:
   bool isUniform(mlir::Value value);
   std::optional<int64_t> strideOf(mlir::Value index);
   bool isOrderOpen();
-  bool isSum(mlir::Value value, mlir::Value carried,
-             llvm::SmallPtrSetImpl<mlir::OpOperand *> &links);
-  bool carriesSums();
   bool collectUpdates();
 
   void makeSlots();

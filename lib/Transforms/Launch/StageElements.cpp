@@ -34,6 +34,7 @@
 #include "Emit/ArrayLowering.h"
 #include "GpuBlock.h"
 #include "KernelFunction.h"
+#include "Schedule.h"
 #include "WarpDialect/ParameterLayout.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -183,6 +184,9 @@ template <typename Op> bool Finder::canStage(Op access) {
       !isStretch(access.getArray(), access.getIndices(), access->getBlock()))
     return false;
   slabSize = std::max(slabSize, getSlabSize(element));
+  warp::noteChoice(access->template getParentOfType<LLVM::LLVMFuncOp>(),
+                   "access", "words shared by a warp",
+                   "elements are one stretch of memory", access);
   return true;
 }
 

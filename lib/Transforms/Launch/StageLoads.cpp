@@ -27,6 +27,7 @@
 
 #include "GpuBlock.h"
 #include "KernelFunction.h"
+#include "Schedule.h"
 #include "UniformValues.h"
 #include "UnrollLoop.h"
 
@@ -379,8 +380,11 @@ struct StageLoads : warp::impl::StageLoadsBase<StageLoads> {
     SmallVector<scf::ForOp> loops;
     entry.walk([&](scf::ForOp loop) { loops.push_back(loop); });
     for (scf::ForOp loop : loops)
-      if (LoadStage stage(loop, entry); stage.qualifies())
+      if (LoadStage stage(loop, entry); stage.qualifies()) {
+        warp::noteChoice(entry, "loop", "tiles of " + Twine(tileSize),
+                         "a warp loads for all of its lanes", loop);
         stage.build();
+      }
   }
 };
 

@@ -28,6 +28,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "KernelFunction.h"
+#include "Schedule.h"
 #include "UnrollLoop.h"
 
 #include "WarpDialect/WarpOps.h"
@@ -90,15 +91,16 @@ static bool isSimple(Block &block, bool mayLoad, int64_t &instructions) {
 // Counted loops
 //===----------------------------------------------------------------------===//
 
-static void markCopies(scf::ForOp loop) {
+static bool markCopies(scf::ForOp loop) {
   int64_t instructions = 0;
   APInt first, last;
   bool isShort = matchPattern(loop.getLowerBound(), m_ConstantInt(&first)) &&
                  matchPattern(loop.getUpperBound(), m_ConstantInt(&last));
   // LLVM knows what to do with a known number of iterations.
   if (isShort || !isSimple(*loop.getBody(), /*mayLoad=*/true, instructions))
-    return;
+    return false;
   warp::setCopies(loop, copies);
+  return true;
 }
 
 //===----------------------------------------------------------------------===//
@@ -239,6 +241,11 @@ void Ahead::build() {
   loop.getInitsMutable().assign(ahead.getResults().take_front(types.size()));
 }
 
+static void noteCopies(Operation *entry, Operation *loop) {
+  warp::noteChoice(entry, "loop", Twine(copies) + " iterations at a time",
+                   "a short body leaves the card waiting", loop);
+}
+
 namespace {
 
 struct UnrollLoops : warp::impl::UnrollLoopsBase<UnrollLoops> {
@@ -250,14 +257,17 @@ struct UnrollLoops : warp::impl::UnrollLoopsBase<UnrollLoops> {
       return;
     SmallVector<scf::WhileOp> conditional;
     entry->walk([&](Operation *op) {
-      if (auto loop = dyn_cast<scf::ForOp>(op))
-        markCopies(loop);
+      auto loop = dyn_cast<scf::ForOp>(op);
+      if (loop && markCopies(loop))
+        noteCopies(entry, loop);
       else if (auto loop = dyn_cast<scf::WhileOp>(op))
         conditional.push_back(loop);
     });
     for (scf::WhileOp loop : conditional)
-      if (Ahead ahead(loop); ahead.qualifies())
+      if (Ahead ahead(loop); ahead.qualifies()) {
+        noteCopies(entry, loop);
         ahead.build();
+      }
   }
 };
 

@@ -20,6 +20,7 @@
 #include "KernelFunction.h"
 #include "Launch/GpuBlock.h"
 #include "Launch/UniformValues.h"
+#include "Schedule.h"
 #include "WarpDialect/ParameterLayout.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -96,8 +97,11 @@ struct CombineOverWarps : warp::impl::CombineOverWarpsBase<CombineOverWarps> {
     entry.walk([&](AtomicComponentsOp op) { updates.push_back(op); });
     for (AtomicComponentsOp op : updates) {
       llvm::SetVector<Value> compared;
-      if (updatesOneElement(op, entry, compared))
+      if (updatesOneElement(op, entry, compared)) {
+        warp::noteChoice(entry, "update", "one for a warp",
+                         "its threads update the same element", op);
         combineOverWarp(op, compared.getArrayRef());
+      }
     }
   }
 };

@@ -36,6 +36,7 @@
 #include "CarryOut.h"
 #include "CopiedArrays.h"
 #include "KernelFunction.h"
+#include "Schedule.h"
 #include "UnrollUpdates.h"
 #include "WarpDialect/ParameterLayout.h"
 #include "WarpDialect/WarpOps.h"
@@ -315,12 +316,23 @@ struct PrivatizeAtomics : warp::impl::PrivatizeAtomicsBase<PrivatizeAtomics> {
     warp::VariantAttr variant = warp::getVariant(kernel);
     warp::RecipeAttr recipe = warp::getRecipe(kernel);
     bool exclusive = variant.isDeterministic() && warp::hasOrderedUpdates(kernel);
+    if (exclusive)
+      warp::noteChoice(kernel, "updates", "plain, by one thread",
+                       "sums are in one order");
     if (!debug) {
       int64_t threads = variant.getThreads(), cost = recipe.getCost();
       privatizer.run();
-      exclusive |= privatizer.isFasterAlone(threads, cost);
-      if (!variant.isDeterministic() && threads > 1 && variant.getDisjoint())
-        exclusive |= privatizer.offerCopies(kernel, cost);
+      bool alone = privatizer.isFasterAlone(threads, cost);
+      if (alone)
+        warp::noteChoice(kernel, "updates", "plain, by one thread",
+                         "atomic ones by several would take longer");
+      bool copies = !variant.isDeterministic() && threads > 1 &&
+                    variant.getDisjoint() &&
+                    privatizer.offerCopies(kernel, cost);
+      if (copies)
+        warp::noteChoice(kernel, "updates", "plain, in copies of arrays",
+                         "where a launch is large enough to merge them");
+      exclusive |= alone || copies;
     }
     if (exclusive)
       warp::setRecipe(kernel, recipe.withExclusive());

@@ -212,6 +212,34 @@ class Kernel:
             raise ValueError(f"there is no stage {stage!r} for architecture {arch!r}")
         return self.prepare().ir(stage, arch, rank)
 
+    def schedule(self, device=None, dim=None, arch=None):
+        """How launches of the kernel are made, and why; `print` shows it as a table.
+
+        Nothing of this is kept by launches: the kernel is compiled again to find out.
+
+        Args:
+            device: where launches run; by default the current device.
+            dim: extent, or extents, of a launch over packed arrays to look at. Without it there is
+                an entry for each kind of launch made so far.
+            arch: GPU architecture, `90` for `sm_90`, in place of a device; no such GPU is needed.
+
+        Returns:
+            A tuple of `Schedule`s.
+
+        Raises:
+            ValueError: there is no such architecture.
+            RuntimeError: the kernel is generic.
+
+        Example:
+            >>> print(scale.schedule("cpu", dim=1000))  # doctest: +SKIP
+            scale: cpu, 1 dimension
+              lanes    16  worth it
+              ...
+        """
+        from warp._src.kernels.schedule import schedules_of
+
+        return schedules_of(self, device, dim, arch)
+
     def _dump(self, native) -> None:
         if not config.dump:
             return

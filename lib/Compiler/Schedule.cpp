@@ -1,0 +1,87 @@
+//===- Schedule.cpp - What the compiler decided about a variant -----------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Passes leave notes of what they choose. How lanes find their elements and
+// where sums are made is plain to see in phase `launch`, and is read from there.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Compilation.h"
+
+#include "WarpDialect/WarpOps.h"
+
+using namespace mlir;
+using warp::Choice;
+
+static int getLine(Operation *op) {
+  FileLineColLoc place = warp::findSourceLocation(op->getLoc());
+  return place ? int(place.getLine()) : 0;
+}
+
+/// How the lanes of an access find their elements: the form, and how that is
+/// done.
+static std::pair<std::string, std::string>
+describeForm(warp::LaneForm form, size_t components, int64_t stride) {
+  if (form == warp::LaneForm::gather)
+    return {"gathered", "elements of neighbouring threads lie anywhere"};
+  if (stride != 1)
+    return {"vectors, " + std::to_string(stride) + " apart",
+            "neighbouring threads have elements that far from each other"};
+  if (components == 1)
+    return {"vectors", "neighbouring threads have neighbouring elements"};
+  return {"vectors, permuted", "elements of " + std::to_string(components) +
+                                   " numbers follow each other"};
+}
+
+/// Appends what an operation of phase `launch` shows; nothing for most.
+static void describe(Operation *op, std::vector<Choice> &choices) {
+  auto add = [&](const char *what, const std::string &value,
+                 const std::string &reason) {
+    choices.push_back({what, value, reason, getLine(op)});
+  };
+  if (auto load = dyn_cast<warp::LoadLanesOp>(op)) {
+    auto [form, reason] = describeForm(load.getForm(), op->getNumResults(),
+                                       load.getStride());
+    add("load", form, reason);
+  } else if (auto store = dyn_cast<warp::StoreLanesOp>(op)) {
+    auto [form, reason] =
+        describeForm(store.getForm(), store.getComponents().size(), 1);
+    add("store", form == "gathered" ? "scattered" : form, reason);
+  } else if (isa<warp::UpdateLanesOp>(op)) {
+    add("update", "lane by lane", "threads may meet at an element");
+  } else if (isa<warp::EachLaneOp>(op)) {
+    add("lanes", "one after the other", "there is no form for lanes");
+  } else if (isa<warp::AtomicComponentsOp>(op)) {
+    if (op->getParentOfType<warp::OnceOp>())
+      add("update", "one for a group",
+          "all threads update the same element");
+    else
+      add("update", "one for a thread", "elements differ between threads");
+  }
+}
+
+std::vector<Choice> warp::schedule(const Module &module,
+                                   const CompileOptions &options) {
+  std::vector<Choice> choices = Compilation(module, options).describeLaunch();
+  Compilation run(module, options);
+  run.lowerTo(Phase::LLVM);
+  run.translate();
+  choices.insert(choices.begin(), run.choices.begin(), run.choices.end());
+  return choices;
+}
+
+std::vector<Choice> warp::Compilation::describeLaunch() {
+  lowerTo(Phase::Launch);
+  ContextLock lock;
+  std::vector<Choice> found, choices;
+  op->walk([&](Operation *inner) { describe(inner, found); });
+  // A line with several of a kind is said once.
+  for (Choice &choice : found)
+    if (llvm::none_of(choices, [&](const Choice &other) {
+          return other.what == choice.what && other.value == choice.value &&
+                 other.line == choice.line;
+        }))
+      choices.push_back(std::move(choice));
+  return choices;
+}

@@ -1,0 +1,117 @@
+//===- KernelSchedule.cpp - How launches of a kernel are made -------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Launches keep nothing for this: the compiler is asked again about the kinds
+// of launches that were made, and the rest is what the runtime knows of them.
+//
+//===----------------------------------------------------------------------===//
+
+#include "KernelImpl.h"
+#include "warp/ThreadPool.h"
+
+#include <algorithm>
+
+using namespace warp;
+
+/// Multiprocessors of a GPU that is not there.
+static constexpr int usualMultiprocessors = 128;
+
+static std::string describeKind(const VariantKey &key, int arch) {
+  std::string text = key.device != cpuDevice ? deviceInfo(key.device).alias
+                     : arch == 0 ? "cpu"
+                                 : "sm_" + std::to_string(arch);
+  text += ", " + std::to_string(key.rank) +
+          (key.rank == 1 ? " dimension" : " dimensions");
+  if (key.large)
+    text += ", many threads";
+  if (key.under)
+    text += ", few threads";
+  if (!key.index32)
+    text += ", 64-bit indices";
+  if (key.flat)
+    text += ", one axis";
+  if (!key.disjoint)
+    text += ", arrays may overlap";
+  return text;
+}
+
+static void addCuda(const Kernel::Variant &variant,
+                    std::vector<Choice> &choices) {
+  if (!variant.function)
+    return;
+  cuda::ContextScope scope(variant.key.device);
+  int registers = 0, local = 0;
+  WARP_CUDA(funcGetAttribute, &registers, cuda::functionRegisters,
+            variant.function);
+  WARP_CUDA(funcGetAttribute, &local, cuda::functionLocalSize,
+            variant.function);
+  choices.push_back({"registers", std::to_string(registers),
+                     std::to_string(local) + " bytes of local memory"});
+  int whole = variant.key.blockDim;
+  std::string block = std::to_string(whole);
+  if (variant.residentHalves == 0) {
+    choices.push_back({"block", block, "its threads wait for each other"});
+    return;
+  }
+  choices.push_back(
+      {"block", block + " or " + std::to_string(whole / 2),
+       "what keeps more of the card at work; a multiprocessor holds " +
+           std::to_string(variant.residentBlocks) + " or " +
+           std::to_string(variant.residentHalves)});
+}
+
+LaunchSchedule Kernel::Impl::describe(const VariantKey &key, int arch,
+                                      const Variant *variant) const {
+  LaunchSchedule result{describeKind(key, arch), {}};
+  if (!module.getImpl()) {
+    result.choices.push_back({"source", "none", "the code is from a file"});
+    return result;
+  }
+  CompileOptions compiled = compileOptions(key, arch);
+  result.choices = schedule(module, compiled);
+  if (arch == 0) {
+    std::string threads = std::to_string(ThreadPool::size());
+    result.choices.push_back({"threads", "at most " + threads,
+                              "as many as a launch has work for"});
+    return result;
+  }
+  std::string ptx = emitText(module, compiled, "ptx");
+  result.choices.push_back(
+      {"ptx", std::to_string(std::count(ptx.begin(), ptx.end(), '\n')),
+       "lines"});
+  if (variant)
+    addCuda(*variant, result.choices);
+  return result;
+}
+
+std::vector<LaunchSchedule> Kernel::schedules(int device, int arch,
+                                              const LaunchDim *dim) const {
+  std::vector<LaunchSchedule> result;
+  if (!dim)
+    for (Variant *variant = impl->variants.load(std::memory_order_acquire);
+         variant; variant = variant->next)
+      if (variant->key.device == device && (device != cpuDevice || arch == 0))
+        result.insert(result.begin(),
+                      impl->describe(variant->key, arch, variant));
+  if (!result.empty())
+    return result;
+  int rank = dim                      ? dim->rank
+             : impl->module.getImpl() ? threadRank(impl->module)
+                                      : 1;
+  VariantKey key = impl->usualKey(rank);
+  key.device = device;
+  if (arch != 0) {
+    key.blockDim = impl->checkedBlockDim(0);
+    key.flat = rank > 3;
+  }
+  if (dim && arch != 0) {
+    int64_t items = 1;
+    for (int i = 0; i < rank; ++i)
+      items *= dim->extent[i];
+    Impl::setSize(key, *dim, items,
+                  device == cpuDevice ? usualMultiprocessors
+                                      : deviceInfo(device).smCount);
+  }
+  return {impl->describe(key, arch, nullptr)};
+}

@@ -1,0 +1,21 @@
+//===- LoopSums.h - Loops that carry nothing but sums -----------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_TRANSFORMS_LOOPSUMS_H
+#define WARP_LIB_TRANSFORMS_LOOPSUMS_H
+
+#include "mlir/Dialect/SCF/IR/SCF.h"
+
+namespace warp {
+
+/// Whether all that a loop carries are sums whose terms may be added in any
+/// order: integers, floats that are marked so (`reassoc`), all floats if
+/// `anyOrder`. Nothing in the loop looks at a sum.
+bool carriesSums(mlir::scf::ForOp loop, bool anyOrder);
+
+} // namespace warp
+
+#endif // WARP_LIB_TRANSFORMS_LOOPSUMS_H

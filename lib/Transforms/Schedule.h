@@ -1,0 +1,48 @@
+//===- Schedule.h - What was decided about launches -------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// A pass that chooses between ways to run a kernel leaves a note of it on the
+// kernel function, for `Kernel::schedules`: what it is about, how it was
+// settled, and why. Nobody but a reader acts on notes.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_TRANSFORMS_SCHEDULE_H
+#define WARP_LIB_TRANSFORMS_SCHEDULE_H
+
+#include "mlir/IR/Operation.h"
+
+namespace warp {
+
+struct Choice;
+
+namespace attr {
+/// The notes, in order.
+constexpr llvm::StringLiteral schedule = "warp.schedule";
+/// GPU: a block takes a square of that many indices on each side.
+constexpr llvm::StringLiteral tile = "warp.tile";
+/// GPU: threads of a block that share the work of one index.
+constexpr llvm::StringLiteral split = "warp.split";
+/// GPU: the launch has too few threads to fill the card.
+constexpr llvm::StringLiteral under = "warp.under";
+/// GPU: squares of the last two dimensions would not fill.
+constexpr llvm::StringLiteral narrow = "warp.narrow";
+/// GPU: items of a thread that lie in the dimension before the last.
+constexpr llvm::StringLiteral rows = "warp.rows";
+/// GPU: the size of the launch matters to this code.
+constexpr llvm::StringLiteral sized = "warp.sized";
+} // namespace attr
+
+/// Adds a note to a kernel function. `place` is what the decision is about, if
+/// that is not the whole kernel.
+void noteChoice(mlir::Operation *function, llvm::StringRef what,
+                const llvm::Twine &value, const llvm::Twine &reason,
+                mlir::Operation *place = nullptr);
+
+/// The notes of a function.
+std::vector<Choice> readChoices(mlir::Operation *function);
+
+} // namespace warp
+
+#endif // WARP_LIB_TRANSFORMS_SCHEDULE_H

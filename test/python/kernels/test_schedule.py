@@ -1,0 +1,86 @@
+"""`Kernel.schedule` says what was decided about launches."""
+
+import numpy as np
+import pytest
+
+import warp as wp
+
+
+@wp.kernel
+def scale(x: wp.array(dtype=float), y: wp.array(dtype=float)):
+    i = wp.tid()
+    y[i] = 2.0 * x[i]
+
+
+@wp.kernel
+def total(x: wp.array(dtype=float), y: wp.array(dtype=float)):
+    i = wp.tid()
+    wp.atomic_add(y, 0, x[i])
+
+
+@wp.kernel
+def pairs(x: wp.array(dtype=float), y: wp.array(dtype=float), n: int):
+    i = wp.tid()
+    s = float(0.0)
+    for j in range(n):
+        s += wp.abs(x[j] - x[i])
+    y[i] = s
+
+
+@wp.kernel
+def turn(x: wp.array2d(dtype=float), y: wp.array2d(dtype=float)):
+    i, j = wp.tid()
+    y[j, i] = x[i, j]
+
+
+def only(schedules):
+    (one,) = schedules
+    return one
+
+
+def test_sizes_of_launches_decide():
+    """The threads of a card that is not there; more of them share more."""
+    assert only(scale.schedule(arch=90, dim=1000))["items"] == "1"
+    assert only(scale.schedule(arch=90, dim=1 << 24))["items"] == "4"
+    assert only(pairs.schedule(arch=90, dim=1 << 18))["items"] == "2"
+    few = only(pairs.schedule(arch=90, dim=1000))
+    assert few["items"] == "1" and "few threads" in few.launch
+    assert only(turn.schedule(arch=90, dim=(512, 512)))["tiles"] == "32 x 32"
+    assert "tiles" not in only(turn.schedule(arch=90, dim=(100000, 3)))
+
+
+def test_reasons_name_lines():
+    found = only(pairs.schedule(arch=90, dim=1 << 18))
+    first = pairs.func.__code__.co_firstlineno
+    tiles = next(c for c in found.choices if c.what == "loop")
+    assert tiles.line == first + 4, "the line of the loop"
+    text = str(found)
+    assert f"(line {first + 4})" in text and tiles.reason in text
+    assert int(found["ptx"]) > 20
+
+
+def test_lanes_and_sums_of_a_processor():
+    found = only(scale.schedule("cpu", dim=1000))
+    assert found.launch.startswith("cpu, 1 dimension")
+    assert "load" not in found or found["load"] == "vectors"
+    assert only(total.schedule("cpu", dim=1000))["update"] == "one for a group"
+
+
+def test_launches_made_are_listed(device):
+    kernel = wp.Kernel(total.func, key="listed")
+    x, y = (wp.zeros(64, dtype=float, device=device) for _ in range(2))
+    wp.launch(kernel, 64, [x, y], device=device)
+    wp.launch(kernel, 64, [x, x], device=device)
+    wp.launch(
+        kernel, 32, [wp.array(np.zeros(64), dtype=float, device=device)[::2], y], device=device
+    )
+    kinds = [one.launch for one in kernel.schedule(device)]
+    assert len(kinds) >= 2 and all(device in kind for kind in kinds)
+    assert str(kernel.schedule(device)).count("listed: ") == len(kinds)
+
+
+def test_wrong_questions():
+    with pytest.raises(ValueError, match="architecture 12"):
+        scale.schedule(arch=12)
+    with pytest.raises(KeyError):
+        only(scale.schedule("cpu"))["squares"]
