@@ -76,9 +76,7 @@ def adjoint_ratio(device, seconds):
         wp.launch(kernel, n, [x, y], device=device)
 
     def backward():
-        wp.launch(
-            kernel, n, [x, y], [], [x.grad, y.grad], [], device=device, adjoint=True
-        )
+        wp.launch(kernel, n, [x, y], [], [x.grad, y.grad], [], device=device, adjoint=True)
 
     there = cases.fastest(forward, device, seconds)
     back = cases.fastest(backward, device, seconds)

@@ -86,7 +86,7 @@ func.func @own(%x: !warp.array<1 x f32>)
 // CHECK: warp.load_components
 // CHECK: warp.store_components
 func.func @lock(%x: !warp.array<1 x f32>, %lock: !warp.array<1 x si32>)
-    attributes {warp.kernel, warp.variant = #gpu} {
+    attributes {warp.kernel, warp.under, warp.variant = #gpu} {
   %i = warp.tid : i32
   %zero = arith.constant 0.0 : f32
   warp.store_components(%zero), %x[%i] : (f32), !warp.array<1 x f32>, i32
@@ -113,7 +113,7 @@ func.func @lock(%x: !warp.array<1 x f32>, %lock: !warp.array<1 x si32>)
 // CHECK-NEXT: warp.store_components
 func.func @loop(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
                 %z: !warp.array<1 x f32>, %n: i32)
-    attributes {warp.kernel, warp.variant = #gpu} {
+    attributes {warp.kernel, warp.under, warp.variant = #gpu} {
   %i = warp.tid : i32
   %zero = arith.constant 0.0 : f32
   %c0 = arith.constant 0 : i32

@@ -27,7 +27,7 @@
 // CHECK: warp.load_components %[[X]][%[[J]]]
 func.func @pairs(%x: !warp.array<1 x !warp.vec<3 x f32>>,
                  %y: !warp.array<1 x !warp.vec<3 x f32>>, %n: i32)
-    attributes {warp.kernel, warp.variant = #gpu} {
+    attributes {warp.kernel, warp.under, warp.variant = #gpu} {
   %i = warp.tid : i32
   %zero = arith.constant 0.0 : f32
   %c0 = arith.constant 0 : i32
@@ -55,7 +55,7 @@ func.func @pairs(%x: !warp.array<1 x !warp.vec<3 x f32>>,
 // CHECK-LABEL: llvm.func {{.*}}@unsuited
 // CHECK-NOT: activemask
 func.func @unsuited(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
-    attributes {warp.kernel, warp.variant = #gpu} {
+    attributes {warp.kernel, warp.under, warp.variant = #gpu} {
   %i = warp.tid : i32
   %zero = arith.constant 0.0 : f32
   %c0 = arith.constant 0 : i32

@@ -13,7 +13,9 @@ def turn(a: wp.array2d(dtype=int), b: wp.array2d(dtype=int), k: int):
 
 
 @wp.kernel
-def turn_back(a: wp.array2d(dtype=wp.vec3i), b: wp.array2d(dtype=wp.vec3i), c: wp.array2d(dtype=wp.int64)):
+def turn_back(
+    a: wp.array2d(dtype=wp.vec3i), b: wp.array2d(dtype=wp.vec3i), c: wp.array2d(dtype=wp.int64)
+):
     i, j = wp.tid()
     v = a[j, i]
     w = b[i, j]
@@ -108,7 +110,13 @@ def test_indices_that_share_a_loop(threads, device):
 
 
 @wp.kernel
-def add_up(x: wp.array(dtype=wp.vec2i), y: wp.array(dtype=wp.int64), lo: int, hi: int, z: wp.array(dtype=int)):
+def add_up(
+    x: wp.array(dtype=wp.vec2i),
+    y: wp.array(dtype=wp.int64),
+    lo: int,
+    hi: int,
+    z: wp.array(dtype=int),
+):
     i = wp.tid()
     own = x[i]
     total = wp.int64(own[1])

@@ -71,7 +71,9 @@ def test_launches_made_are_listed(device):
     x, y = (wp.zeros(64, dtype=float, device=device) for _ in range(2))
     wp.launch(kernel, 64, [x, y], device=device)
     wp.launch(kernel, 64, [x, x], device=device)
-    wp.launch(kernel, 32, [wp.array(np.zeros(64), dtype=float, device=device)[::2], y], device=device)
+    wp.launch(
+        kernel, 32, [wp.array(np.zeros(64), dtype=float, device=device)[::2], y], device=device
+    )
     kinds = [one.launch for one in kernel.schedule(device)]
     assert len(kinds) >= 2 and all(device in kind for kind in kinds)
     assert str(kernel.schedule(device)).count("listed: ") == len(kinds)
