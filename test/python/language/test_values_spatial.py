@@ -28,7 +28,7 @@ def euler(angles, order):
 
 
 def same_rotation(p, q, tolerance):
-    p, q = np.array(list(p)), np.array(list(q))
+    p, q = np.array(p, float), np.array(q, float)
     return min(np.abs(p - q).max(), np.abs(p + q).max()) <= tolerance
 
 
@@ -94,7 +94,7 @@ def test_carrying_motions_and_forces():
     inputs = [wp.transform(wp.vec3(*p), wp.quat(*q)), spatial(*w, *v), wp.vec3(*at)]
     wp.launch(carry, dim=1, inputs=inputs, outputs=[carried, matrix, velocity])
 
-    r = np.array(list(map(list, wp.quat_to_matrix(wp.quatd(*q)))))
+    r = np.array(wp.quat_to_matrix(wp.quatd(*q))).reshape(3, 3)
     twist = np.concatenate([r @ w, r @ v + np.cross(p, r @ w)])
     wrench = np.concatenate([r @ w + np.cross(p, r @ v), r @ v])
     np.testing.assert_allclose(carried.numpy(), [twist, wrench], rtol=1e-5)

@@ -17,6 +17,8 @@ from warp._src.types import dtypes
 COMPONENTS = {"x": 0, "y": 1, "z": 2, "w": 3}
 # What to do without attributes that arrays have in Python only.
 _OF_ARRAYS = {
+    "ptr": "pass the array itself, or a view of it",
+    "strides": "index the array, or pass the numbers as arguments",
     "grad": "pass the gradient as an argument of its own",
 }
 
