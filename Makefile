@@ -2,6 +2,7 @@
 # make demo    particles, a trajectory optimised, a rollout differentiated:
 #              pictures and tables in build/demo
 # make test    every test; ends with 'N passed, N failed, N skipped'
+# make report scenes with a reference, swept and timed: pages in build/report
 # make docs    refresh the generated references under docs/
 # make bench   benchmarks/spine.py, shapes.py, gpu.py, autodiff.py, pool.py,
 #              optimised build (build/release)
@@ -11,7 +12,7 @@
 SHELL := /bin/bash
 PYTHON := .venv/bin/python
 
-.PHONY: build demo test release bench docs wheel device-bundle format clean
+.PHONY: build demo report test release bench docs wheel device-bundle format clean
 
 build:
 	@scripts/setup.sh
@@ -20,6 +21,9 @@ demo: build
 	@$(PYTHON) examples/particles.py $(DEMO_ARGS)
 	@$(PYTHON) examples/trajectory.py
 	@$(PYTHON) examples/spring_rollout.py
+
+report: build
+	@$(PYTHON) -m warp.report --quick $(REPORT_ARGS)
 
 test: build
 	@$(PYTHON) scripts/run_tests.py $(TEST_ARGS)

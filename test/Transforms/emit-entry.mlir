@@ -1,5 +1,7 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch --warp-emit-entry | FileCheck %s
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 128>, contiguous = 1>
+
 // A launch of rank 1 is one loop; arguments are read before.
 // CHECK-LABEL: llvm.func @line
 // CHECK-SAME: (%[[BLOCK:.*]]: !llvm.ptr {llvm.noalias, llvm.readonly}, %[[BEGIN:.*]]: i64, %[[END:.*]]: i64)
@@ -22,7 +24,7 @@ func.func @line(%a: !warp.array<1 x f32>, %s: f32) attributes {
 
 // -----
 
-#cpu2 = #warp.variant<target = <platform = cpu, bits = 128>, rank = 3>
+#cpu = #warp.variant<target = <platform = cpu, bits = 128>, rank = 3>
 
 // Rank 3 walks rows: two divisions find the first and the last row, one per
 // row finds its indices, and none is in the inner loop.
@@ -46,7 +48,7 @@ func.func @line(%a: !warp.array<1 x f32>, %s: f32) attributes {
 // CHECK-NOT: arith.divui
 // CHECK: llvm.return
 func.func @rows(%a: !warp.array<3 x f32>, %s: f32) attributes {
-    warp.kernel, warp.variant = #cpu2} {
+    warp.kernel, warp.variant = #cpu} {
   %i, %j, %k = warp.tid : i32, i32, i32
   warp.store_components(%s), %a[%i, %j, %k]
     : (f32), !warp.array<3 x f32>, i32, i32, i32

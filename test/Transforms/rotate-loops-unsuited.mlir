@@ -357,6 +357,8 @@ func.func @debugging(
 
 // -----
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 128>>
+
 // Threads of a CPU are no warp: the outer loop is the one over them.
 // CHECK-LABEL: llvm.func {{.*}}@on_cpu
 // CHECK: scf.for {{.*}} : i64 {

@@ -1,6 +1,8 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch \
 // RUN:     --warp-privatize-atomics | FileCheck %s
 
+#cpu = #warp.variant<target = <platform = cpu, bits = 128>>
+
 // A short loop over parameters is unrolled: each element has a sum of its
 // own, which is published once.
 // CHECK-LABEL: func.func @parameters

@@ -6,8 +6,6 @@
 // RUN: warp-opt %t/gpu-entry.mlir --verify-diagnostics --warp-verify-gpu
 // RUN: warp-opt %t/llvm.mlir --verify-diagnostics --warp-verify-llvm
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
-
 // RUN: warp-opt %t/recursion.mlir --verify-diagnostics --warp-pipeline=to-warp
 
 // A straggler of each phase is named at its place.
@@ -54,7 +52,8 @@ gpu.module @k {
 
 //--- gpu-entry.mlir
 // expected-error @below {{expects the entry 'k' in a 'gpu.module'}}
-llvm.func @k(%block: !llvm.ptr) attributes {warp.entry, warp.variant = #gpu} {
+llvm.func @k(%block: !llvm.ptr) attributes {warp.entry, warp.variant =
+    #warp.variant<target = <platform = cuda, version = 90>>} {
   llvm.return
 }
 

@@ -242,7 +242,7 @@ def test_arrays_that_kernels_store_have_no_gradient(device):
 
 def test_descriptors_lie_as_the_compiler_has_them():
     from warp import _native
-    from warp._src.struct_fields import ArrayDescriptor
+    from warp._src.types.struct_fields import ArrayDescriptor
 
     layout = np.dtype(ArrayDescriptor.numpy_format)
     assert ctypes.sizeof(ArrayDescriptor) == layout.itemsize == _native.DESCRIPTOR_SIZE

@@ -1,0 +1,99 @@
+"""Command line: `python -m warp.report [SCENE or FILE.py ...]`."""
+
+import argparse
+import sys
+from pathlib import Path
+
+import warp as wp
+from warp.report._analysis import counts
+from warp.report._records import read_records
+from warp.report._run import run
+from warp.report._scene import Sweep, registered
+from warp.report._worker import load
+
+SCENES = Path(__file__).parent / "scenes"
+
+
+def _choose(names):
+    """Scenes by file, by name, or all that come with the package."""
+    files = [str(Path(name).resolve()) for name in names if name.endswith(".py")]
+    for file in files:
+        if not Path(file).is_file():
+            raise ValueError(f"no file '{file}'")
+        load(file)
+    names = [name for name in names if not name.endswith(".py")]
+    chosen = [scene for scene in registered().values() if scene.file in files]
+    unknown = [name for name in names if name not in registered()]
+    if unknown or not (files or names):
+        own = [str(file) for file in sorted(SCENES.glob("[a-z]*.py"))]
+        for file in own:
+            load(file)
+        if not (files or names):
+            return [scene for scene in registered().values() if scene.file in own]
+    for name in names:
+        if name not in registered():
+            known = ", ".join(f"'{key}'" for key in registered())
+            raise ValueError(f"no scene '{name}'; there are {known}")
+        chosen.append(registered()[name])
+    return chosen
+
+
+def _parser():
+    parser = argparse.ArgumentParser(
+        prog="python -m warp.report",
+        description="Measure scenes: error against run time, stability, drift, gradients.",
+    )
+    parser.add_argument("scenes", nargs="*", help="names of scenes, or Python files with some")
+    parser.add_argument("--list", action="store_true", help="say which scenes there are")
+    parser.add_argument("--device", default="cpu", help="such as cpu,cuda:0")
+    parser.add_argument("--dtype", help="such as float32,float64")
+    parser.add_argument(
+        "--sweep", action="append", default=[], help="name=first:last:count or name=a,b,c"
+    )
+    parser.add_argument("--quick", action="store_true", help="fewer points, small sizes")
+    parser.add_argument("--repeats", type=int, default=10, help="timed runs of a point")
+    parser.add_argument("--limit", type=float, default=60.0, help="seconds a point may take")
+    parser.add_argument("--baseline", help="records.jsonl of an earlier run to compare with")
+    parser.add_argument("--output", default="build/report", help="folder of the pages")
+    return parser
+
+
+def main(arguments=None):
+    """Run; the exit status is 1 if a point is red, 2 if the command cannot be carried out."""
+    options = _parser().parse_args(arguments)
+    wp.config.quiet = True
+    try:
+        scenes = _choose(options.scenes)
+        if options.list:
+            for scene in scenes:
+                print(f"{scene.name:24} {scene.summary}")
+            return 0
+        if options.baseline:
+            read_records(options.baseline)
+        records = run(
+            scenes,
+            devices=tuple(options.device.split(",")),
+            dtypes=tuple(options.dtype.split(",")) if options.dtype else None,
+            sweeps=tuple(Sweep.parse(text) for text in options.sweep),
+            quick=options.quick,
+            output=options.output,
+            baseline=options.baseline,
+            repeats=options.repeats,
+            limit=options.limit,
+        )
+    except (ValueError, OSError) as error:
+        print(f"warp.report: {error}", file=sys.stderr)
+        return 2
+    found = counts(records)
+    for record in records:
+        if record["verdict"] == "red":
+            point = ", ".join(f"{k}={v}" for k, v in record["parameters"].items())
+            where = f"{record['device']} {record['dtype']}"
+            print(f"red: {record['scene']} {where} {point}: {record['reason']}")
+    print(f"pages: {options.output}/report.html, report.md")
+    print(f"{found['green']} green, {found['amber']} amber, {found['red']} red")
+    return 1 if found["red"] else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

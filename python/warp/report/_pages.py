@@ -1,0 +1,217 @@
+"""Pages of a run: Markdown, HTML with its figures inside, SVG files and CSV."""
+
+import csv
+import html
+import re
+import sys
+
+from warp.report._analysis import GOALS, compare, counts, error_names, label_of, table_of_times
+from warp.report._figures import all_figures, scene_parameters
+
+CSS = """
+:root{color-scheme:light dark}
+body{font:15px/1.5 system-ui,sans-serif;max-width:76rem;margin:2rem auto;padding:0 1rem}
+table{border-collapse:collapse;margin:.6rem 0;display:block;overflow-x:auto}
+td,th{padding:.15rem .6rem;border-bottom:1px solid #8886;text-align:left}
+td{font-variant-numeric:tabular-nums}
+figure{margin:1rem 0}
+svg{max-width:100%;height:auto;color:inherit!important}
+.green{color:#2a9d6f}.amber{color:#b5830f}.red{color:#d1476b}
+"""
+
+
+def write_pages(output, head, records, scenes, earlier=None):
+    """Write all pages to a folder; a folder that cannot be written leaves them on the terminal."""
+    lines = _summary(head, records)
+    if earlier:
+        lines += _comparison(records, earlier)
+    body, figures = list(lines), {}
+    for scene in scenes:
+        own = [record for record in records if record["scene"] == scene.name]
+        if own:
+            text, drawn = _section(scene, own)
+            lines += text
+            body += text + [f"<!--{scene.name}-->"]
+            figures[scene.name] = drawn
+    markdown = "\n".join(lines) + "\n"
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+        for name, drawn in figures.items():
+            for kind, svg in drawn.items():
+                (output / f"{name}_{kind}.svg").write_text(svg, encoding="utf-8")
+        (output / "report.md").write_text(markdown, encoding="utf-8")
+        (output / "report.html").write_text(_html(body, figures), encoding="utf-8")
+        write_csv(records, output / "records.csv")
+    except OSError as error:
+        print(f"warp.report: cannot write to '{output}': {error.strerror}", file=sys.stderr)
+        print(markdown)
+
+
+def _table(head, rows):
+    lines = ["", "| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    return lines + ["| " + " | ".join(map(str, row)) + " |" for row in rows] + [""]
+
+
+def _summary(head, records):
+    found = counts(records)
+    lines = ["# Error against run time", ""]
+    lines.append(f"{found['green']} green, {found['amber']} amber, {found['red']} red.")
+    if head.get("interrupted"):
+        lines.append(f"**Interrupted**: {len(records)} of {head['planned']} points were measured.")
+    if head.get("problem"):
+        lines.append(f"**Not stored**: {head['problem']}.")
+    devices = ", ".join(f"{alias} ({name})" for alias, name in head["devices"].items())
+    rows = [
+        ("when", head["time"]),
+        ("devices", devices or "none"),
+        ("processor", f"{head['processor']}, {head['cores']} cores"),
+        ("versions", f"warp {head['warp']}, Python {head['python']}, NumPy {head['numpy']}"),
+        ("commit", head["commit"] or "-"),
+        ("sizes", "quick" if head.get("quick") else "full"),
+    ]
+    return lines + _table(("", ""), rows)
+
+
+def _figure(value):
+    return f"{value:.2e}" if isinstance(value, float) else str(value)
+
+
+def _comparison(records, earlier):
+    head, old = earlier
+    rows = compare(records, old)
+    lines = ["## Against the run of " + head["time"], ""]
+    for judgement in ("worse", "better", "noise"):
+        chosen = [row for row in rows if row[4] == judgement]
+        lines.append(f"- {len(chosen)} {judgement}")
+    worse = [row for row in rows if row[4] == "worse"]
+    if worse:
+        lines += _table(
+            ("scene", "point", "what", "before", "now"),
+            [(r["scene"], _point(r), what, _figure(a), _figure(b)) for r, what, a, b, _ in worse],
+        )
+    return [*lines, ""]
+
+
+def _point(record):
+    words = [f"{k}={_short(v)}" for k, v in record["parameters"].items()]
+    return ", ".join([*words, record["dtype"], record["device"]])
+
+
+def _short(value):
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _milliseconds(seconds):
+    return "never" if seconds is None else f"{1e3 * seconds:.3g}"
+
+
+def _section(scene, records):
+    """A scene's text and its figures."""
+    found = counts(records)
+    lines = [f"## {scene.name}", "", scene.summary, ""]
+    lines.append(", ".join(f"{count} {name}" for name, count in found.items()) + ".")
+    if len(scene.sweep.values) > 1:
+        varying = [
+            name
+            for name in scene_parameters(records)
+            if len({str(record["parameters"].get(name)) for record in records}) == 1
+        ]
+        for name in error_names(records):
+            rows = [
+                (label_of(key, varying), "-" if order is None else f"{order:.2f}")
+                + tuple(map(_milliseconds, times))
+                for key, order, times in table_of_times(records, scene.sweep.name, name)
+            ]
+            lines += ["", f"Run time in ms until the error of `{name}` is at most"]
+            lines += _table(("curve", "order", *(f"{goal:.0e}" for goal in GOALS)), rows)
+    bars = {name: max(r["bars"].get(name, 0.0) for r in records) for name in error_names(records)}
+    bars = {name: bar for name, bar in bars.items() if bar > 0.0}
+    if bars:
+        text = ", ".join(f"{name} {bar:.1e}" for name, bar in bars.items())
+        lines += [
+            f"Error bar of the reference: {text}. Errors below ten times that are not judged."
+        ]
+    hidden = sum(len(record["unjudged"]) for record in records)
+    if hidden:
+        lines += [f"{hidden} errors were too small for the reference and are left out."]
+    lines += _noisy(records) + _lost(records)
+    drawn = all_figures(scene, records)
+    return [*lines, ""], drawn
+
+
+def _noisy(records):
+    noisy = [record for record in records if record.get("spread", 0.0) > 0.05]
+    if not noisy:
+        return []
+    return [f"Run times of {len(noisy)} of {len(records)} points spread by more than 5 %."]
+
+
+def _lost(records):
+    shown = [r for r in records if r["verdict"] != "green"]
+    if not shown:
+        return []
+    rows = [
+        (r["verdict"], _point(r), r["status"], r["expected"], r["reason"].replace("|", "\\|"))
+        for r in shown
+    ]
+    return _table(("", "point", "status", "expected", "why"), rows)
+
+
+def write_csv(records, path):
+    """One line a point, a column a parameter and an error."""
+    parameters, names = scene_parameters(records), error_names(records)
+    with open(path, "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        head = ["scene", "device", "dtype", *parameters, "status", "verdict"]
+        times = ["setup", "first", "median", "least", "p95", "read", "gradient"]
+        writer.writerow([*head, *(f"{t}_s" for t in times), *(f"error_{n}" for n in names)])
+        for record in records:
+            row = [record["scene"], record["device"], record["dtype"]]
+            row += [record["parameters"].get(name, "") for name in parameters]
+            row += [record["status"], record["verdict"]]
+            row += [record.get("seconds", {}).get(name, "") for name in times]
+            writer.writerow([*row, *(record["errors"].get(name, "") for name in names)])
+
+
+def _html(lines, figures):
+    """The Markdown above as HTML: headings, tables, lists, paragraphs, figures."""
+    parts, table = [], []
+
+    def flush():
+        if table:
+            parts.append("<table>" + "".join(table) + "</table>")
+            table.clear()
+
+    for line in lines:
+        if line.startswith("|"):
+            if not line.startswith("|---"):
+                cells = [c.strip() for c in re.split(r"(?<!\\)\|", line)[1:-1]]
+                row = "".join(f"<td{_tint(c)}>{_inline(c)}</td>" for c in cells)
+                table.append(f"<tr>{row}</tr>")
+            continue
+        flush()
+        if match := re.fullmatch(r"<!--(.*)-->", line):
+            drawn = figures[match[1]].values()
+            parts += [f"<figure>{svg}</figure>" for svg in drawn]
+        elif match := re.match(r"(#+) (.*)", line):
+            level = len(match[1])
+            parts.append(f"<h{level}>{_inline(match[2])}</h{level}>")
+        elif line.startswith("- "):
+            parts.append(f"<li>{_inline(line[2:])}</li>")
+        elif line:
+            parts.append(f"<p>{_inline(line)}</p>")
+    flush()
+    return (
+        '<!doctype html><html lang="en"><meta charset="utf-8">'
+        f"<title>Error against run time</title><style>{CSS}</style>" + "\n".join(parts) + "</html>"
+    )
+
+
+def _tint(cell):
+    return f' class="{cell}"' if cell in ("green", "amber", "red") else ""
+
+
+def _inline(text):
+    text = html.escape(text, quote=False).replace("\\|", "|")
+    text = re.sub(r"\*\*(.+?)\*\*", r"<strong>\1</strong>", text)
+    return re.sub(r"`(.+?)`", r"<code>\1</code>", text)
