@@ -12,3 +12,5 @@ cp build/generated/builtins.md "$folder/builtins.md"
 $tblgen -gen-pass-doc include/WarpDialect/Passes.td -o "$folder/passes.md"
 $tblgen -gen-dialect-doc -dialect=warp include/WarpDialect/WarpOps.td \
   -o "$folder/dialect.md"
+$tblgen -gen-op-doc -dialect=warp include/WarpDialect/WarpLibraryOps.td \
+  >> "$folder/dialect.md"
