@@ -12,5 +12,7 @@ cp build/generated/builtins.md "$folder/builtins.md"
 $tblgen -gen-pass-doc include/WarpDialect/Passes.td -o "$folder/passes.md"
 $tblgen -gen-dialect-doc -dialect=warp include/WarpDialect/WarpOps.td \
   -o "$folder/dialect.md"
+$tblgen -gen-op-doc -dialect=warp include/WarpDialect/WarpLibraryOps.td \
+  >> "$folder/dialect.md"
 PYTHONPATH=build/python WARP_QUIET=1 "${PYTHON:-.venv/bin/python}" \
   scripts/compatibility.py "$folder/compatibility.md"

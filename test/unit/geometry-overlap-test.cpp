@@ -67,8 +67,11 @@ TEST(GeometryOverlap, BoxesAndBallsFindEachPrimitiveOnce) {
   for (int i = 0; i < 200; ++i) {
     Vertex c{where(random), where(random), where(random)};
     float r = 0.3f * std::abs(where(random)) + (i % 10 == 0 ? 4 : 0);
-    BoxShape box{{c[0] - r, c[1] - r, c[2] - r}, {c[0] + r, c[1] + r, c[2] + r}};
-    SphereShape ball{{c[0], c[1], c[2]}, r * r};
+    // Shapes are in the coordinates of the tree, a power of two of ours.
+    float k = treeOf(mesh.id()).scale;
+    BoxShape box{{(c[0] - r) * k, (c[1] - r) * k, (c[2] - r) * k},
+                 {(c[0] + r) * k, (c[1] + r) * k, (c[2] + r) * k}};
+    SphereShape ball{{c[0] * k, c[1] * k, c[2] * k}, r * k * r * k};
     std::vector<int> inBox, inBall;
     for (size_t f = 0; f < scene.faces(); ++f) {
       bool overlaps = true;

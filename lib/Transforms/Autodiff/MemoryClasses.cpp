@@ -19,6 +19,7 @@
 
 #include "Analysis/Effects.h"
 #include "Autodiff/ApartArrays.h"
+#include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/WarpOps.h"
 
 using namespace mlir;
@@ -103,6 +104,9 @@ void MemoryClasses::collect(Operation *op) {
                                      : activity.isActive(op->getResult(0));
   SmallVector<unsigned, 1> known = leaves.of(access->array);
   // What is added to gradients is no element that a derivative is by.
+  // Nothing writes what is at an address while a kernel runs.
+  if (!access->isWrite && rootOf(access->array).getDefiningOp<ArrayAtOp>())
+    return;
   if (known.empty() && !(isSum(op) && gradientOwner(access->array)))
     unknown.push_back(op);
   for (unsigned leaf : known) {

@@ -18,6 +18,7 @@
 #include "Forward.h"
 #include "Autodiff/MemoryClasses.h"
 
+#include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
@@ -110,6 +111,8 @@ static InFlightDiagnostic refuse(Operation *op) {
 /// Rejects arrays that do not hold any more what the first launch read.
 LogicalResult ForwardBuilder::checkRead(Operation *op, Value array) {
   auto read = leaves.of(array);
+  if (rootOf(array).getDefiningOp<ArrayAtOp>())
+    return success();
   if (read.empty())
     return refuse(op) << "but which array this accesses is not known; use two "
                          "launches";

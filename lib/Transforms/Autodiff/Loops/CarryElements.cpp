@@ -45,7 +45,7 @@ public:
 private:
   bool isElement(Operation *op) const {
     std::optional<Access> access = getAccess(op);
-    return access && leaves.of(access->array).front() == leaf &&
+    return access && llvm::is_contained(leaves.of(access->array), leaf) &&
            areSame(*access, element);
   }
   bool holdsStore(Operation *op) const {
