@@ -4,7 +4,7 @@
 # make test    every test; ends with 'N passed, N failed, N skipped'
 # make report scenes with a reference, swept and timed: pages in build/report
 # make docs    refresh the generated references under docs/
-# make bench   benchmarks/spine.py, shapes.py, gpu.py, autodiff.py, pool.py,
+# make bench   benchmarks/spine.py, shapes.py, gpu.py, autodiff.py, pool.py, libraries.py,
 #              optimised build (build/release)
 # make wheel   an optimised wheel in dist/
 # Everything that is missing (packages, .venv, build) is set up first.
@@ -41,6 +41,7 @@ bench: release
 	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/gpu.py
 	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/autodiff.py
 	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/pool.py
+	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/libraries.py
 
 wheel: build
 	@$(PYTHON) -m pip wheel -q --no-deps -w dist .

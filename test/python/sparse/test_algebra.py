@@ -5,7 +5,6 @@ import pytest
 
 import warp as wp
 import warp.sparse as sp
-
 from sparse_reference import Triplets, dense, vector
 
 BLOCKS = [(1, 1), (3, 3), (2, 3)]

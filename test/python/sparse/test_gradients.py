@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from sparse_reference import Triplets, dense, place, vector
 
 import warp as wp
 import warp.sparse as sp
+from sparse_reference import Triplets, dense, place, vector
 from warp.optim import linear
 
 
