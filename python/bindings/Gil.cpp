@@ -10,7 +10,6 @@
 
 #include <atomic>
 #include <chrono>
-#include <shared_mutex>
 #include <thread>
 
 namespace py = pybind11;
@@ -45,27 +44,37 @@ static void beginExit() {
 // Forks
 //===----------------------------------------------------------------------===//
 
-static std::shared_timed_mutex compiling;
-static bool forkHoldsIt = false;
+// Numbers rather than a lock: a lock knows its thread by an id that a child
+// process does not have.
+static std::atomic<int> compilations{0};
+static std::atomic<bool> forking{false};
 
-warp::python::Compiling::Compiling() { compiling.lock_shared(); }
-warp::python::Compiling::~Compiling() { compiling.unlock_shared(); }
+warp::python::Compiling::Compiling() {
+  for (;;) {
+    ++compilations;
+    if (!forking)
+      return;
+    --compilations;
+    std::this_thread::sleep_for(std::chrono::microseconds(50));
+  }
+}
+
+warp::python::Compiling::~Compiling() { --compilations; }
 
 static void beforeFork() {
+  forking = true;
   // A compilation that wants to tell Python something waits for this thread.
-  forkHoldsIt = compiling.try_lock_for(std::chrono::seconds(5));
+  auto end = std::chrono::steady_clock::now() + std::chrono::seconds(5);
+  while (compilations != 0 && std::chrono::steady_clock::now() < end)
+    std::this_thread::sleep_for(std::chrono::microseconds(50));
 }
 
-static void afterFork() {
-  if (forkHoldsIt)
-    compiling.unlock();
-  forkHoldsIt = false;
-}
+static void afterFork() { forking = false; }
 
 static void afterForkInChild() {
-  afterFork();
-  // A child process has none of the threads that were on their way.
-  returning = 0;
+  // A child process has none of the threads that were at it or on their way.
+  compilations = returning = 0;
+  forking = false;
 }
 
 void warp::python::watchExit(py::module_ &m) {
