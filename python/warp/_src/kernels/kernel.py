@@ -28,7 +28,12 @@ from warp._src.types.native import ArrayType, IndexedArrayType
 STAGES = ("warp", "thread", "launch", "gpu", "llvm", "ptx", "asm")
 DERIVATIVES = ("adjoint", "tangent")
 _SUFFIX = {
-    "warp": "mlir", "thread": "mlir", "launch": "mlir", "gpu": "mlir", "llvm": "ll", "ptx": "ptx",
+    "warp": "mlir",
+    "thread": "mlir",
+    "launch": "mlir",
+    "gpu": "mlir",
+    "llvm": "ll",
+    "ptx": "ptx",
     "asm": "s",
 }
 
