@@ -98,7 +98,8 @@ TEST(GeometryOverlap, BordersTouch) {
   warp::Bvh bvh(boxes.describe(boxes.lowers), boxes.describe(boxes.uppers), -1);
   const Tree &tree = treeOf(bvh.id());
   EXPECT_EQ(collect<BoxBlock>(tree, BoxShape{{1, 1, 1}, {2, 2, 2}}).size(), 1u);
-  EXPECT_EQ(collect<BoxBlock>(tree, SphereShape{{2, 0.5f, 0.5f}, 1}).size(), 1u);
+  SphereShape ball{{2, 0.5f, 0.5f}, 1};
+  EXPECT_EQ(collect<BoxBlock>(tree, ball).size(), 1u);
   f32 beyond = std::nextafter(1.0f, 2.0f);
   EXPECT_TRUE(
       collect<BoxBlock>(tree, BoxShape{{beyond, 1, 1}, {2, 2, 2}}).empty());

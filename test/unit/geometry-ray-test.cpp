@@ -109,7 +109,8 @@ TEST(GeometryRay, BordersAreAsTheTableSays) {
   // On an edge and on a corner.
   EXPECT_EQ(cast(mesh, {0, 0.5f, 1}, down).face, 0);
   EXPECT_EQ(cast(mesh, {0, 0, 1}, down).face, 0);
-  for (Vertex bad : {Vertex{0, 0, 0}, Vertex{NAN, 0, 1}, Vertex{0, 0, INFINITY}})
+  Vertex unlimited{0, 0, INFINITY};
+  for (Vertex bad : {Vertex{0, 0, 0}, Vertex{NAN, 0, 1}, unlimited})
     EXPECT_EQ(cast(mesh, over, bad).face, -1);
   EXPECT_EQ(cast(mesh, {NAN, 0, 0}, down).face, -1);
 }

@@ -4,8 +4,8 @@
 //
 // By rays: most of three rays along the axes say it by the side of the first
 // triangle that they meet. By normals: the closest point of a mesh is within a
-// face, on an edge or at a corner, and there the normals of the faces that meet,
-// weighted by their angles, have one sign for each side (Baerentzen, Aanaes,
+// face, on an edge or at a corner, and there the normals of the faces that
+// meet, weighted by angles, have one sign for each side (Baerentzen, Aanaes,
 // "Signed distance computation using the angle weighted pseudonormal", IEEE
 // TVCG 11(3), 2005). Faces meet where their corners have the same place, so
 // soups of triangles need no topology.
@@ -94,7 +94,8 @@ private:
     f64 weight = 0;
     bool hasB = !b;
     for (int i = 0; i < 3; ++i) {
-      const Point<f64> &next = corners[(i + 1) % 3], &last = corners[(i + 2) % 3];
+      const Point<f64> &next = corners[(i + 1) % 3];
+      const Point<f64> &last = corners[(i + 2) % 3];
       if (isOne(corners[i], a))
         weight += b ? 1 : angleBetween(next - corners[i], last - corners[i]);
       hasB |= b && isOne(corners[i], *b);

@@ -6,6 +6,9 @@ in the current one. It yields all points of the overlapped cells, each once; dis
 caller's to check.
 """
 
+# What is assigned to a reference, the caller reads.
+# ruff: noqa: F841
+
 from warp._src.geometry.handles import GRID, integers, words
 from warp._src.kernels.function import Function
 from warp._src.language import namespace as wp

@@ -5,6 +5,9 @@ kernel does not read of a result costs nothing. Functions with parameters by ref
 forms of these queries: they leave variables as they are if nothing is found.
 """
 
+# What is assigned to a reference, the caller reads.
+# ruff: noqa: F841
+
 from warp._src.geometry.mesh_arrays import corners, indices, points, velocities
 from warp._src.geometry.mesh_derivatives import constant, meeting, weights
 from warp._src.kernels.function import Function
