@@ -137,7 +137,7 @@ TEST_F(SavedModuleTest, RejectsDamagedFiles) {
   std::string other = bytes;
   other[8] = 99;
   EXPECT_EQ(load(other), "saved module 'm.warp' has format 99, but this "
-                         "release reads format 4, compile it again");
+                         "release reads format 5, compile it again");
   for (size_t at = 28; at < bytes.size(); at += 997) {
     std::string broken = bytes;
     broken[at] ^= 1;
@@ -218,7 +218,7 @@ TEST_F(SavedModuleTest, LaunchesPtxOnADevice) {
   auto kernel = module.kernel("add");
   Array<float> x(0, {5000}), y(0, {5000});
   launch(*kernel, 0, {5000}, x, y, 0, 1.0f);
-  EXPECT_STREQ(lastLaunch(), "(20, 1, 1) x (256, 1, 1)");
+  EXPECT_STREQ(lastLaunch(), "(40, 1, 1) x (128, 1, 1)");
   std::string problem = errorOf([&] {
     LaunchDim dim;
     dim.extent[0] = 10;
