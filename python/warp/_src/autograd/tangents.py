@@ -16,9 +16,9 @@ from __future__ import annotations
 
 from warp import _native
 from warp._src.arrays.array import array
-from warp._src.arrays.layout import bytes_spanned
 from warp._src.arrays.create import empty, zeros
 from warp._src.arrays.gradients import gradient_type, has_gradient
+from warp._src.arrays.layout import bytes_spanned
 from warp._src.arrays.observers import Observing, copy_layout
 from warp._src.arrays.versions import event
 from warp._src.derivatives.kernel_derivatives import check_overlap, thread_count

@@ -4,7 +4,6 @@ A query is a shape and a cursor (lib/DeviceLib/geometry/Overlap.h); the device l
 """
 
 # What is assigned to a reference, the caller reads.
-# ruff: noqa: F841
 
 from warp._src.kernels.function import Function
 from warp._src.language import namespace as wp

@@ -11,7 +11,7 @@ from warp._src.language.constructors import CONSTRUCTORS
 from warp._src.types import dtypes
 
 
-class array:  # noqa: N801  (as users write it)
+class array:
     """`wp.array(ptr=, shape=, dtype=)` in a kernel: a packed array at an address."""
 
     _wp_array_ = True
