@@ -12,11 +12,9 @@ from warp._src import errors
 
 _CLASSES = frozenset(
     (
-        *("Bvh", "BvhQuery", "BvhQueryTiled", "GLTextureResource", "HashGrid", "HashGridQuery"),
-        *("MarchingCubes", "Mesh", "MeshQuery", "MeshQueryAABB", "MeshQueryAABBTiled"),
-        *("MeshQueryPoint", "MeshQueryRay", "RegisteredGLBuffer", "Texture", "Texture1D"),
-        *("Texture2D", "Texture3D", "Volume", "fabricarray", "fabricarrayarray"),
-        *("indexedfabricarray", "indexedfabricarrayarray"),
+        *("BvhQueryTiled", "GLTextureResource", "MarchingCubes", "MeshQueryAABBTiled"),
+        *("RegisteredGLBuffer", "Texture", "Texture1D", "Texture2D", "Texture3D", "Volume"),
+        *("fabricarray", "fabricarrayarray", "indexedfabricarray", "indexedfabricarrayarray"),
     )
 )
 _FUNCTIONS = frozenset(("capture_load", "capture_save", "launch_tiled"))

@@ -8,6 +8,7 @@ setting or module option that matters to code drops the native kernel, not the P
 from __future__ import annotations
 
 import functools
+import importlib
 import os
 import re
 import types as python_types
@@ -125,9 +126,7 @@ class Kernel:
 
     def check_handles(self, kinds) -> None:
         """Makes every launch check that these arguments, by name, are handles of these kinds."""
-        from warp._src.kernels.searching import SearchingKernel
-
-        self.__class__ = SearchingKernel
+        self.__class__ = importlib.import_module("warp._src.kernels.searching").SearchingKernel
         self.handles = dict(kinds)
 
     def specialize(self, arguments):

@@ -84,10 +84,10 @@ def find(name: str):
         from warp._src.language.library import LIBRARY
 
         found = LIBRARY[name]
-    if found is None and not name.startswith("_"):
-        found = importlib.import_module("warp._src.absent").find(name)
     if found is None:
         found = _find_geometry(name)
+    if found is None and not name.startswith("_"):
+        found = importlib.import_module("warp._src.absent").find(name)
     if found is None:
         raise AttributeError(f"module 'warp' has no attribute '{name}'")
     return found
