@@ -13,6 +13,7 @@
 #include "Schedule.h"
 #include "Updates/BlockReduce.h"
 #include "WarpDialect/ParameterLayout.h"
+#include "WarpDialect/TilePasses.h"
 
 using namespace mlir;
 using warp::EntryBuilder;
@@ -113,6 +114,9 @@ void EntryBuilder::planGpu() {
     form = Form::Block;
     return warp::noteChoice(kernel, "blocks", "1", "sums are in one order");
   }
+  if (kernel->hasAttr(warp::attr::blockThreads))
+    return warp::noteChoice(kernel, "items", "1",
+                            "the threads of a block work together");
   bool turns = planTiles();
   if (turns)
     kernel->setAttr(warp::attr::sized, b.getUnitAttr());

@@ -34,6 +34,7 @@
 #include "LoopSums.h"
 #include "RotateLoops.h"
 #include "Schedule.h"
+#include "WarpDialect/TilePasses.h"
 #include "WarpDialect/ParameterLayout.h"
 
 #include "mlir/IR/Matchers.h"
@@ -144,7 +145,8 @@ struct RotateLoops : warp::impl::RotateLoopsBase<RotateLoops> {
     auto entry = dyn_cast<LLVM::LLVMFuncOp>(found.getOperation());
     // A debugging launch names the thread that fails; in a deterministic one
     // sums keep their order, whichever lanes are there.
-    if (!entry || !warp::isGpu(entry) || warp::getVariant(entry).getDebug() ||
+    if (!entry || entry->hasAttr(warp::attr::blockThreads) ||
+        !warp::isGpu(entry) || warp::getVariant(entry).getDebug() ||
         warp::getVariant(entry).isDeterministic())
       return;
     SmallVector<scf::ForOp> loops;

@@ -21,6 +21,7 @@
 #include "KernelFunction.h"
 #include "Launch/GpuBlock.h"
 #include "Schedule.h"
+#include "WarpDialect/TilePasses.h"
 #include "WarpDialect/ParameterLayout.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -91,7 +92,8 @@ struct CombineOverWarps : warp::impl::CombineOverWarpsBase<CombineOverWarps> {
     if (!found)
       return signalPassFailure();
     auto entry = dyn_cast<LLVM::LLVMFuncOp>(found.getOperation());
-    if (!entry || !warp::isGpu(entry) || warp::getVariant(entry).getDebug() ||
+    if (!entry || entry->hasAttr(warp::attr::blockThreads) ||
+        !warp::isGpu(entry) || warp::getVariant(entry).getDebug() ||
         warp::getVariant(entry).isDeterministic())
       return;
     SmallVector<AtomicComponentsOp> updates;

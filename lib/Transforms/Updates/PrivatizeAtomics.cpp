@@ -39,6 +39,7 @@
 #include "Schedule.h"
 #include "UnrollUpdates.h"
 #include "WarpDialect/ParameterLayout.h"
+#include "WarpDialect/TilePasses.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -295,6 +296,8 @@ struct PrivatizeAtomics : warp::impl::PrivatizeAtomicsBase<PrivatizeAtomics> {
       kernel.emitError("expects a kernel in phase 'launch'");
       return signalPassFailure();
     }
+    if (kernel->hasAttr(warp::attr::blockThreads))
+      return;
     // A debugging launch names the thread that fails, so each does its own.
     warp::VariantAttr variant = warp::getVariant(kernel);
     bool debug = variant.getDebug();
