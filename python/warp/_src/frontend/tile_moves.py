@@ -324,6 +324,7 @@ class TileMoves(Part):
         )
         tile = self.tiles.tile(target, node, "tile_assign")
         source = self.tiles.tile(source, node, "tile_assign")
+        self.same_element(tile, source, node, "tile_assign")
         if len(tile.type.shape) != len(source.type.shape):
             raise self.context.error(
                 node,
@@ -341,6 +342,15 @@ class TileMoves(Part):
         offsets = self.tiles.indices(offset, len(tile.type.shape), node, "tile_assign")
         made = self.tiles.make("insert", [source, tile, *offsets], node, axes=[1] * len(offsets))
         self.tiles.write_back(node.args[0], made[0], node)
+
+    def same_element(self, a, b, node, name):
+        if a.type.element != b.type.element:
+            raise self.context.type_error(
+                node,
+                f"{name}() expects tiles of the same dtype, got {a.type.element.python_name} and "
+                f"{b.type.element.python_name}",
+                "use `wp.tile_astype(...)`",
+            )
 
     def builtin_tile_extract(self, node):
         arguments, keywords = self.context.constructors.arguments(node)

@@ -475,7 +475,79 @@ class Tiles(Part):
         if slot is None and isinstance(node.value, ast.Name) and node.value.id in self.context.env:
             slot = self.context.targets.slot(node.value)
         native = base.type
+        picked = self.picked(native, items, node)
+        if picked is not None:
+            return self.gathered(self.context.materialize(base, node), *picked, node)
         part, selected = self.part(native, items, node)
         if slot is not None and part.full is not None:
             return TileView(slot.extended(("tile", part), selected))
         return self.read(self.context.materialize(base, node), part, node)
+
+    def picked(self, native, items, node):
+        """The dimension that a tile of indices selects along, these, and what else is selected."""
+        for axis, item in enumerate(items):
+            if isinstance(item, (ast.Slice, ast.Constant)) or axis >= len(native.shape):
+                continue
+            binding = self.context.expressions.expr(item)
+            if getattr(getattr(binding, "type", None), "kind", None) == "tile":
+                indices = self.context.materialize(binding, node)
+                return axis, indices, [*items[:axis], ast.Slice(), *items[axis + 1 :]]
+        return None
+
+    def gathered(self, tile, axis, indices, items, node):
+        """Rows of a tile along one dimension, by a tile of indices: a copy."""
+        if len(indices.type.shape) != 1 or indices.type.element.kind != "int":
+            raise self.context.error(
+                node,
+                "tile indexing expects a 1D tile of integers, got "
+                f"'{indices.type.python_name}'",
+                kind=errors.WarpCodegenValueError,
+            )
+        extents = list(tile.type.shape)
+        count = indices.type.shape[0]
+        shape = [*extents[:axis], count, *extents[axis + 1 :]]
+        self.context.at(node)
+        spread = [1] * len(shape)
+        spread[axis] = count
+        rows = self.make("reshape", [indices], node, shape=spread)[0]
+        strides = [math.prod(extents[d + 1 :]) for d in range(len(extents))]
+        extent = self.builder.constant(INT32, extents[axis])
+        stride = self.builder.constant(INT32, strides[axis])
+        outside = self.builder.constant(INT32, -1)
+        zero = self.builder.constant(INT32, 0)
+        call = lambda name, *operands: self.builder.builtin(name, list(operands))[0][0]  # noqa: E731
+
+        def place(index):
+            """Where a row begins; negative indices count from the end."""
+            index = self.builder.cast(index, INT32)
+            counted = call("where", call("lt", index, zero), call("add", index, extent), index)
+            return call("mul", counted, stride)
+
+        rows = self.make("broadcast", [self.mapped([rows], place, node)], node, shape=shape)[0]
+        positions = rows
+        for other, step in enumerate(strides):
+            if other == axis:
+                continue
+            numbers = self.make(
+                "iota",
+                [zero, self.builder.constant(INT32, step)],
+                node,
+                shape=[extents[other]],
+                element=INT32,
+            )[0]
+            flat = [1] * len(shape)
+            flat[other] = extents[other]
+            numbers = self.make("reshape", [numbers], node, shape=flat)[0]
+            numbers = self.make("broadcast", [numbers], node, shape=shape)[0]
+            positions = self.mapped(
+                [positions, numbers],
+                lambda a, b: call(
+                    "where", call("lt", a, zero), outside, call("add", a, b)
+                ),
+                node,
+            )
+        made = self.make("gather", [tile, positions], node)[0]
+        part, _ = self.part(made.type, items, node)
+        if part.full == shape and part.shape == shape and set(part.steps) == {1}:
+            return made
+        return self.read(made, part, node)

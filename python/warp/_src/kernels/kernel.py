@@ -52,6 +52,9 @@ class Kernel:
             after the other, before it is translated.
     """
 
+    # Whether it is known which elements of arrays a launch touches.
+    has_regions = True
+
     def __init__(self, func, key=None, module=None, options=None, code_transformers=None):
         if not isinstance(func, python_types.FunctionType):
             raise TypeError(f"expects a function as kernel, but got '{type(func).__name__}'")
@@ -239,7 +242,12 @@ class Kernel:
             arch = _architecture(stage, device)
         elif stage == "asm" or arch not in _native.gpu_architectures():
             raise ValueError(f"there is no stage {stage!r} for architecture {arch!r}")
-        return self.prepare().ir(stage, arch, rank)
+        native = self.prepare()
+        return self.code_for(native, arch).ir(stage, arch, rank)
+
+    def code_for(self, native, arch):
+        """What is compiled for an architecture; 0 is the CPU."""
+        return native
 
     def schedule(self, device=None, dim=None, arch=None):
         """How launches of the kernel are made, and why; `print` shows it as a table.

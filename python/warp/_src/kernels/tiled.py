@@ -20,6 +20,8 @@ DEFAULT_THREADS = 256
 class TiledKernel(Kernel):
     """What a kernel becomes when its translation meets a tile."""
 
+    has_regions = False
+
     def check(self, values, device) -> None:
         """Nothing about the values is special."""
 
@@ -59,17 +61,11 @@ class TiledKernel(Kernel):
         types = tuple(map(argument_type, values)) if self.is_generic else None
         return self.for_blocks(types, threads), threads
 
-    def ir(self, stage="warp", device=None, rank=1, arch=None):
-        """See `Kernel.ir`; for a GPU in blocks of the option `block_dim`, or of 256 threads."""
-        on_gpu = arch or stage in ("gpu", "ptx")
-        if device is not None:
-            on_gpu = on_gpu or resolve_index(device) >= 0
-        threads = (self.option("block_dim") or DEFAULT_THREADS) if on_gpu else 1
-        kept, self.native = self.native, self.for_blocks(None, threads)
-        try:
-            return super().ir(stage, device, rank, arch)
-        finally:
-            self.native = kept
+    def code_for(self, native, arch):
+        """For GPUs, blocks of the option `block_dim`, or of 256 threads."""
+        if not arch:
+            return native
+        return self.for_blocks(None, self.option("block_dim") or DEFAULT_THREADS)
 
 
 def launch_tiled(kernel, dim, *args, block_dim=0, device=None, stream=None, **options):
