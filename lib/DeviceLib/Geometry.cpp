@@ -12,6 +12,7 @@
 #include "geometry/Overlap.h"
 #include "geometry/Ray.h"
 #include "geometry/Sign.h"
+#include "geometry/Volume.h"
 
 using namespace warp::geometry;
 
@@ -22,7 +23,7 @@ namespace {
 /// As lib/Geometry/Slots.h and include/warp/Handle.h have them.
 constexpr int generationShift = 49, deviceShift = 58;
 constexpr u64 slotSize = 256;
-constexpr u64 kindOfGrid = 1, kindOfBvh = 2, kindOfMesh = 3;
+constexpr u64 kindOfGrid = 1, kindOfBvh = 2, kindOfMesh = 3, kindOfVolume = 4;
 
 /// As include/warp/Launch.h has it.
 struct ArrayDescriptor {
@@ -47,6 +48,11 @@ constexpr struct {
   ArrayDescriptor starts, order;
 } noGrid{0, {1, 1, 1}, 0, 0, {noPoints, nullptr, {2}, {4}, 1, 0}, noArray};
 
+/// A volume without voxels whose values and transform are zero.
+alignas(32) constexpr u8 nothing[768] = {};
+constexpr VolumeSlot noVolume{0, nothing, nothing, nothing, 0, 0, 0, 0,
+                              0, 0, 0, 0, 0, 0, 0, 0, 0, 1};
+
 /// The slot of a live handle of a kind that is for this device, or null.
 const void *slotOf(u64 id, u64 kind) {
   u64 address = id & ((u64(1) << generationShift) - 1);
@@ -61,6 +67,11 @@ const void *slotOf(u64 id, u64 kind) {
   return *tag == (id >> generationShift << 8 | kind) ? tag : nullptr;
 }
 
+const VolumeSlot &volumeOf(u64 id) {
+  const void *slot = slotOf(id, kindOfVolume);
+  return slot ? *static_cast<const VolumeSlot *>(slot) : noVolume;
+}
+
 const Tree &treeOf(u64 id, u64 kind) {
   const void *slot = slotOf(id, kind);
   return slot ? *static_cast<const Tree *>(slot) : noTree;
@@ -71,9 +82,11 @@ const Tree &treeOf(u64 id, u64 kind) {
 /// Where a handle's slot is, or one that has nothing.
 WARP_GEOMETRY warp_slot(u64 id, i32 kind, u64 *result) {
   const void *slot = slotOf(id, u64(kind));
-  const void *none = u64(kind) == kindOfGrid
-                         ? static_cast<const void *>(&noGrid)
-                         : &noMesh;
+  const void *none = &noMesh;
+  if (u64(kind) == kindOfGrid)
+    none = &noGrid;
+  if (u64(kind) == kindOfVolume)
+    none = &noVolume;
   *result = reinterpret_cast<u64>(slot ? slot : none);
 }
 
@@ -170,4 +183,64 @@ WARP_GEOMETRY warp_overlap_next(u64 id, i32 shape, f32 a, f32 b, f32 c, f32 d,
                                   cursor);
   *result = {primitive,        cursor.node,     cursor.level,    cursor.block,
              i32(cursor.left), cursor.lowTrail, cursor.highTrail};
+}
+
+//===----------------------------------------------------------------------===//
+// Volumes
+//===----------------------------------------------------------------------===//
+
+/// Where a value is; values of another type than asked for are 0.
+static u64 addressOf(const VolumeSlot &volume, i32 type, VoxelPlace place,
+                     Voxel voxel) {
+  const u8 *value =
+      volume.type == u32(type) ? valueAt(volume, place, voxel) : nothing;
+  return reinterpret_cast<u64>(value);
+}
+
+WARP_GEOMETRY warp_volume_value(u64 id, i32 type, i32 i, i32 j, i32 k,
+                                u64 *result) {
+  const VolumeSlot &volume = volumeOf(id);
+  Voxel voxel{i, j, k};
+  *result = addressOf(volume, type, findVoxel(volume, voxel), voxel);
+}
+
+/// Where a value may be stored, or 0.
+WARP_GEOMETRY warp_volume_place(u64 id, i32 type, i32 i, i32 j, i32 k,
+                                u64 *result) {
+  const VolumeSlot &volume = volumeOf(id);
+  Voxel voxel{i, j, k};
+  VoxelPlace place = findVoxel(volume, voxel);
+  *result = place.isLeaf && volume.type == u32(type)
+                ? addressOf(volume, type, place, voxel)
+                : 0;
+}
+
+struct CellValues {
+  u64 address[8];
+};
+
+WARP_GEOMETRY warp_volume_cell(u64 id, i32 type, i32 i, i32 j, i32 k,
+                               CellValues *result) {
+  const VolumeSlot &volume = volumeOf(id);
+  forCorners(volume, {i, j, k}, [&](u32 corner, VoxelPlace place, Voxel at) {
+    result->address[corner] = addressOf(volume, type, place, at);
+  });
+}
+
+WARP_GEOMETRY warp_volume_index(u64 id, i32 i, i32 j, i32 k, i32 *result) {
+  const VolumeSlot &volume = volumeOf(id);
+  Voxel voxel{i, j, k};
+  *result = indexAt(volume, findVoxel(volume, voxel), voxel);
+}
+
+struct CellIndices {
+  i32 index[8];
+};
+
+WARP_GEOMETRY warp_volume_cell_index(u64 id, i32 i, i32 j, i32 k,
+                                     CellIndices *result) {
+  const VolumeSlot &volume = volumeOf(id);
+  forCorners(volume, {i, j, k}, [&](u32 corner, VoxelPlace place, Voxel at) {
+    result->index[corner] = indexAt(volume, place, at);
+  });
 }

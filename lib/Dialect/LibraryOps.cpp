@@ -26,6 +26,14 @@ static constexpr warp::LibraryFunction functions[] = {
     {"warp_mesh_ray_any", "lfffffffi", "i"},
     // Shape, its seven numbers and its limit, cursor: primitive, cursor.
     {"warp_overlap_next", "liffffffffiiiill", "iiiiill"},
+    // Type of values and a voxel: address of its value, always there; of a
+    // leaf's value or 0; the same of the eight corners of a cell, z fastest.
+    {"warp_volume_value", "liiii", "l"},
+    {"warp_volume_place", "liiii", "l"},
+    {"warp_volume_cell", "liiii", "llllllll"},
+    // A voxel: its number or -1; the same of the corners of a cell.
+    {"warp_volume_index", "liii", "i"},
+    {"warp_volume_cell_index", "liii", "iiiiiiii"},
 };
 
 const warp::LibraryFunction *warp::findLibraryFunction(StringRef symbol) {

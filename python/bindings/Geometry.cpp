@@ -110,10 +110,26 @@ static void bindHashGrid(py::module_ &m) {
       });
 }
 
+static void bindHandle(py::module_ &m) {
+  py::class_<GeometryHandle>(m, "GeometryHandle",
+                             "A number by which kernels know an object.")
+      .def(py::init([](int kind, int device) {
+        return std::make_unique<GeometryHandle>(GeometryKind(kind), device);
+      }))
+      .def_property_readonly("id", &GeometryHandle::id)
+      .def("write", [](GeometryHandle &self, const py::bytes &contents) {
+        std::string_view view = contents;
+        if (view.size() > 248)
+          throw py::value_error("a slot has 248 bytes");
+        self.write(view.data(), view.size());
+      });
+}
+
 void python::bindGeometry(py::module_ &m) {
   bindBvh(m);
   bindMesh(m);
   bindHashGrid(m);
+  bindHandle(m);
   m.def("describe_handle",
         [](uint64_t id, int kind, int device) {
           return describeHandle(id, GeometryKind(kind), device);

@@ -39,7 +39,12 @@ LIBRARY_NAMES = (
     *("transform_wrench", "velocity_at_point"),
 )
 # Host classes, by module, and what kernels ask them; loaded when first used.
-_GEOMETRY_CLASSES = {"Bvh": "bvh", "HashGrid": "grid", "Mesh": "mesh"}
+_GEOMETRY_CLASSES = {
+    "Bvh": "bvh",
+    "HashGrid": "grid",
+    "Mesh": "mesh",
+    "Volume": "volumes.volume",
+}
 _GEOMETRY_QUERIES = frozenset(
     (
         *("BvhQuery", "HashGridQuery", "MeshQuery", "MeshQueryAABB", "MeshQueryPoint"),
@@ -52,6 +57,18 @@ _GEOMETRY_QUERIES = frozenset(
         *("mesh_query_point_sign_normal", "mesh_query_sphere"),
     )
 )
+_VOLUME_QUERIES = frozenset(
+    (
+        *("volume_index_to_world", "volume_index_to_world_dir", "volume_lookup"),
+        *("volume_lookup_f", "volume_lookup_i", "volume_lookup_index", "volume_lookup_v"),
+        *("volume_sample", "volume_sample_f", "volume_sample_grad", "volume_sample_grad_f"),
+        *("volume_sample_grad_index", "volume_sample_i", "volume_sample_index"),
+        *("volume_sample_local", "volume_sample_v", "volume_sample_world", "volume_store"),
+        *("volume_store_f", "volume_store_i", "volume_store_v", "volume_transform"),
+        *("volume_transform_inv", "volume_voxel_count", "volume_world_to_index"),
+        "volume_world_to_index_dir",
+    )
+)
 
 
 def _find_geometry(name: str):
@@ -62,6 +79,8 @@ def _find_geometry(name: str):
     if name in _GEOMETRY_QUERIES:
         queries = importlib.import_module("warp._src.geometry.queries")
         return queries.FUNCTIONS.get(name) or queries.TYPES[name]
+    if name in _VOLUME_QUERIES:
+        return importlib.import_module("warp._src.geometry.volumes.queries").FUNCTIONS[name]
     return None
 
 
@@ -97,4 +116,5 @@ def names(held) -> list[str]:
     """All public names."""
     public = {name for name in held if not name.startswith("_")}
     lazy = {*_SUBMODULES, *LIBRARY_NAMES, *_RARE, *_GEOMETRY_CLASSES, *_GEOMETRY_QUERIES}
+    lazy |= _VOLUME_QUERIES
     return sorted(public | set(builtin_names()) | lazy)
