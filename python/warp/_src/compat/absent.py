@@ -12,7 +12,7 @@ from warp._src import errors
 
 _CLASSES = frozenset(
     (
-        *("BvhQueryTiled", "GLTextureResource", "MarchingCubes", "MeshQueryAABBTiled"),
+        *("BvhQueryTiled", "GLTextureResource", "MeshQueryAABBTiled"),
         *("RegisteredGLBuffer", "Texture", "Texture1D", "Texture2D", "Texture3D"),
         *("fabricarray", "fabricarrayarray", "indexedfabricarray", "indexedfabricarrayarray"),
     )

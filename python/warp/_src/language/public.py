@@ -7,7 +7,7 @@ import importlib
 from warp._src.language import namespace
 from warp._src.language.builtins import names as builtin_names
 
-_SUBMODULES = ("autograd", "optim", "sparse", "types", "utils")
+_SUBMODULES = ("autograd", "geometry", "optim", "sparse", "types", "utils")
 # What few programs use, by the module that holds it.
 _RARE = {
     name: home
@@ -76,6 +76,8 @@ def _find_geometry(name: str):
     if name in _GEOMETRY_CLASSES:
         module = importlib.import_module(f"warp._src.geometry.{_GEOMETRY_CLASSES[name]}")
         return getattr(module, name)
+    if name == "MarchingCubes":
+        return importlib.import_module("warp.geometry").IsoSurfaceMarchingCubes
     if name in _GEOMETRY_QUERIES:
         queries = importlib.import_module("warp._src.geometry.queries")
         return queries.FUNCTIONS.get(name) or queries.TYPES[name]
@@ -116,5 +118,5 @@ def names(held) -> list[str]:
     """All public names."""
     public = {name for name in held if not name.startswith("_")}
     lazy = {*_SUBMODULES, *LIBRARY_NAMES, *_RARE, *_GEOMETRY_CLASSES, *_GEOMETRY_QUERIES}
-    lazy |= _VOLUME_QUERIES
+    lazy |= _VOLUME_QUERIES | {"MarchingCubes"}
     return sorted(public | set(builtin_names()) | lazy)
