@@ -24,6 +24,13 @@ static constexpr warp::LibraryFunction functions[] = {
     // Start, direction, largest parameter, root: face, weights, parameter.
     {"warp_mesh_ray", "lfffffffi", "ifff"},
     {"warp_mesh_ray_any", "lfffffffi", "i"},
+    // Start, direction, root: how often the ray crosses the surface.
+    {"warp_mesh_ray_count", "lffffffi", "i"},
+    // A point; rays and how they spread, or accuracy and threshold: its side.
+    {"warp_mesh_side_parity", "lfffif", "f"},
+    {"warp_mesh_side_winding", "lfffff", "f"},
+    // The number of a group: the node that holds it, or -1.
+    {"warp_group_root", "li", "i"},
     // Shape, its seven numbers and its limit, cursor: primitive, cursor.
     {"warp_overlap_next", "liffffffffiiiill", "iiiiill"},
     // Type of values and a voxel: address of its value, always there; of a

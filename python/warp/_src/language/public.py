@@ -54,7 +54,10 @@ _GEOMETRY_QUERIES = frozenset(
         *("mesh_get_point", "mesh_get_velocity", "mesh_query_aabb", "mesh_query_aabb_next"),
         *("mesh_query_furthest_point_no_sign", "mesh_query_next", "mesh_query_point"),
         *("mesh_query_point_no_sign", "mesh_query_ray", "mesh_query_ray_anyhit"),
-        *("mesh_query_point_sign_normal", "mesh_query_sphere"),
+        *("mesh_query_point_sign_normal", "mesh_query_sphere", "bvh_get_group_root"),
+        *("bvh_query_capsule", "closest_point_edge_edge", "intersect_tri_tri", "mesh_get"),
+        *("mesh_get_group_root", "mesh_query_point_sign_parity", "mesh_sdf"),
+        *("mesh_query_point_sign_winding_number", "mesh_query_ray_count_intersections"),
     )
 )
 _VOLUME_QUERIES = frozenset(
