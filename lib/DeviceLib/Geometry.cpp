@@ -49,8 +49,9 @@ constexpr struct {
   u64 tag;
   i32 cells[3], points;
   f64 inverse;
-  ArrayDescriptor starts, order;
-} noGrid{0, {1, 1, 1}, 0, 0, {noPoints, nullptr, {2}, {4}, 1, 0}, noArray};
+  ArrayDescriptor starts, order, groups;
+} noGrid{0,       {1, 1, 1}, 0, 0, {noPoints, nullptr, {2}, {4}, 1, 0},
+         noArray, noArray};
 
 /// A volume without voxels whose values and transform are zero.
 alignas(32) constexpr u8 nothing[768] = {};

@@ -105,18 +105,19 @@ static void bindMesh(py::module_ &m) {
 
 static void bindHashGrid(py::module_ &m) {
   py::class_<HashGrid>(m, "HashGrid", "Points by the cells of a grid.")
-      .def(py::init([](int x, int y, int z, int device) {
+      .def(py::init([](int x, int y, int z) {
         const int32_t cells[3] = {x, y, z};
-        return std::make_unique<HashGrid>(cells, device);
+        return std::make_unique<HashGrid>(cells);
       }))
       .def_property_readonly("id", &HashGrid::id)
       .def_property_readonly("skipped", &HashGrid::skipped)
       .def("reserve", &HashGrid::reserve)
       .def("build", [](HashGrid &self, py::handle points, int scalarSize,
-                       double width) {
+                       double width, py::handle groups) {
         const ArrayDescriptor &array = descriptorOf(points);
+        ArrayDescriptor numbers = optionalOf(groups);
         py::gil_scoped_release unlocked;
-        self.build(array, scalarSize, width);
+        self.build(array, scalarSize, width, numbers);
       });
 }
 

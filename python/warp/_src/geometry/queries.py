@@ -27,6 +27,7 @@ TYPES = {
 }
 _NEXT = (
     (dtypes.native_type(grid_queries.HashGridQuery), grid_queries.ADVANCE),
+    (dtypes.native_type(grid_queries.HashGridGroupQuery), grid_queries.ADVANCE_GROUP),
     (dtypes.native_type(tree_queries.BvhQuery), tree_queries.ADVANCE_BVH),
     (dtypes.native_type(tree_queries.MeshQuery), tree_queries.ADVANCE_MESH),
 )
