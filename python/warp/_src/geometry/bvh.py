@@ -24,6 +24,11 @@ def is_median(constructor) -> bool:
     return _CONSTRUCTORS[constructor]
 
 
+def is_cubql_available() -> bool:
+    """False: hierarchies are always those of this package."""
+    return False
+
+
 def check_leaf_size(leaf_size) -> None:
     """Leaves hold up to eight primitives whatever was asked for.
 

@@ -79,6 +79,8 @@ def _find_geometry(name: str):
     if name in _GEOMETRY_CLASSES:
         module = importlib.import_module(f"warp._src.geometry.{_GEOMETRY_CLASSES[name]}")
         return getattr(module, name)
+    if name == "is_cubql_available":
+        return importlib.import_module("warp._src.geometry.bvh").is_cubql_available
     if name == "MarchingCubes":
         return importlib.import_module("warp.geometry").IsoSurfaceMarchingCubes
     if name in _GEOMETRY_QUERIES:
@@ -121,5 +123,5 @@ def names(held) -> list[str]:
     """All public names."""
     public = {name for name in held if not name.startswith("_")}
     lazy = {*_SUBMODULES, *LIBRARY_NAMES, *_RARE, *_GEOMETRY_CLASSES, *_GEOMETRY_QUERIES}
-    lazy |= _VOLUME_QUERIES | {"MarchingCubes"}
+    lazy |= _VOLUME_QUERIES | {"MarchingCubes", "is_cubql_available"}
     return sorted(public | set(builtin_names()) | lazy)
