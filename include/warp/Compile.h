@@ -88,6 +88,9 @@ struct Site {
   int line = 0, column = 0;
 };
 
+/// What code may depend on of the size of a launch, see `CompileOptions`.
+enum SizeFact : int { largeFact = 1, underFact = 2, narrowFact = 4 };
+
 struct Code {
   /// Symbol of the entry.
   std::string entry;
@@ -127,8 +130,9 @@ struct Code {
   int tile = 0;
   /// GPU: threads of a block that share the work of one index.
   int split = 1;
-  /// GPU: launches of another size would have other code.
-  bool sized = false;
+  /// GPU: what of the size of a launch the code depends on, a mask of
+  /// `SizeFact`. A launch that differs in another way may run it, too.
+  int sizeFacts = 0;
 };
 
 /// Compiles one variant. Throws `Error` of kind `Compile`.
