@@ -165,7 +165,7 @@ def Warp_RecipeAttr : Warp_Attr<"Recipe", "recipe"> {
     in the dimension before the last. `tile`: indices of each of the last two
     dimensions that a GPU block takes as a square, 0 without squares. `split`:
     threads of a GPU block that share one index. `facts`: what of the size of a
-    launch the code depends on, `SizeFact` of warp/Compile.h as a mask.
+    launch the code depends on, `SizeFact` of warp/SizeFacts.h as a mask.
     `exclusive`: one thread runs a CPU launch, one block a GPU launch; `copied`:
     or several workers with copies of these arrays. `cost`: rough operations of
     one thread. `lanes`: threads that are lanes of a vector on a CPU, from

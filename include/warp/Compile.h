@@ -21,6 +21,7 @@
 #include "warp/ExactSums.h"
 #include "warp/Export.h"
 #include "warp/PrivateCopies.h"
+#include "warp/SizeFacts.h"
 
 #include <cstdint>
 #include <map>
@@ -87,9 +88,6 @@ struct Site {
   std::string kernel, file, array;
   int line = 0, column = 0;
 };
-
-/// What code may depend on of the size of a launch, see `CompileOptions`.
-enum SizeFact : int { largeFact = 1, underFact = 2, narrowFact = 4 };
 
 struct Code {
   /// Symbol of the entry.

@@ -14,9 +14,10 @@
 //
 // Lane l of W takes the threads l, l + W, l + 2 W ... of a stretch. Lanes are
 // in different iterations then, so that what counts iterations differs among
-// them, too, and elements are gathered. The loop must not change memory, and
-// what is before it may only load what nobody writes: it is entered again with
-// what lanes held when others left.
+// them, too, and elements are gathered. The loop must not change memory: it is
+// entered again with what lanes held when others left, and so its condition is
+// found twice. A thread changes memory after it, so it keeps the order of its
+// own accesses.
 //
 //===----------------------------------------------------------------------===//
 
@@ -33,13 +34,10 @@ using warp::Widening;
 // Whether
 //===----------------------------------------------------------------------===//
 
-/// Whether an operation does no more to memory than load what nobody writes.
-static bool isRepeatable(Operation *op, const warp::ThreadVariance &variance) {
-  if (isa<warp::ScratchOp, warp::ScratchLoadOp, warp::ScratchStoreOp>(op))
-    return false;
-  if (auto load = dyn_cast<warp::LoadComponentsOp>(op))
-    return !variance.isWritten(load.getArray());
-  return op->getNumRegions() != 0 || isMemoryEffectFree(op);
+/// Whether an operation does no more to memory than load.
+static bool isRepeatable(Operation *op) {
+  return isa<warp::LoadComponentsOp>(op) || op->getNumRegions() != 0 ||
+         isMemoryEffectFree(op);
 }
 
 /// Rough cycles of the operations of a block and of those inside.
@@ -72,7 +70,7 @@ scf::WhileOp warp::findTurns(ThreadsOp threads,
     bool fits = true;
     op.walk([&](Operation *inner) {
       fits &= !isa<scf::ForOp, scf::WhileOp, ScratchOp>(inner) &&
-              (found || isRepeatable(inner, variance));
+              (found || isRepeatable(inner));
     });
     if (!fits)
       return {};
@@ -85,7 +83,7 @@ scf::WhileOp warp::findTurns(ThreadsOp threads,
   });
   found->walk([&](Operation *op) {
     bool isInner = op != found && isa<scf::ForOp, scf::WhileOp>(op);
-    fits &= !isInner && isRepeatable(op, variance);
+    fits &= !isInner && isRepeatable(op);
   });
   double body = costOf(found);
   return fits && body >= cost::leastTurn && others <= cost::mostBetween * body

@@ -13,7 +13,7 @@
 #include "Schedule.h"
 #include "Updates/BlockReduce.h"
 #include "WarpDialect/ParameterLayout.h"
-#include "warp/Compile.h"
+#include "warp/SizeFacts.h"
 
 using namespace mlir;
 using warp::EntryBuilder;
