@@ -129,7 +129,7 @@ private:
   llvm::SmallVector<mlir::Value> loadUnit(const LaneAccess &access,
                                           int64_t stride);
   llvm::SmallVector<mlir::Value> loadGathered(const LaneAccess &access);
-  void storeUnit(const LaneAccess &access,
+  void storeUnit(const LaneAccess &access, int64_t stride,
                  llvm::ArrayRef<mlir::Value> components);
   void storeScattered(const LaneAccess &access,
                       llvm::ArrayRef<mlir::Value> components);
