@@ -8,10 +8,6 @@
 #include "Gil.h"
 #include "Native.h"
 
-namespace warp::python {
-void bindRegions(pybind11::module_ &m);
-} // namespace warp::python
-
 void bindTileBuilder(pybind11::module_ &m);
 
 PYBIND11_MODULE(_native, m) {
