@@ -12,6 +12,7 @@ _SUBMODULES = ("autograd", "optim", "sparse", "types", "utils")
 _RARE = {
     name: home
     for home, held in (
+        ("kernels.manifest", ("Manifest", "KernelManifest", "manifest")),
         ("logger", ("Logger", "ScopedLogLevel", "ScopedLogger", "get_logger", "set_logger")),
         (
             "devices.timing",
