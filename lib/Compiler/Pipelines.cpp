@@ -153,14 +153,13 @@ void warp::addPhase(OpPassManager &pm, Phase phase) {
     pm.addPass(createVerifyThread());
     return;
   case Phase::Launch:
-    // Sees every view of an array, and claims updates before others do.
-    pm.addPass(createSumExactly());
     // Before any schedule, so that all of them have the same bits.
     pm.addPass(createFuseMultiplyAdd());
     pm.addPass(createFormLaunch());
     // Before lanes: what threads yield, lanes combine; and a launch that one
     // thread runs widens its updates in another way.
-    pm.addPass(createPrivatizeAtomics());
+    pm.addPass(createPlanUpdates());
+    pm.addPass(createCombineOverGroups());
     pm.addPass(createWidenThreads());
     pm.addPass(createVerifyLaunch());
     return;
@@ -168,10 +167,10 @@ void warp::addPhase(OpPassManager &pm, Phase phase) {
     pm.addPass(createEmitEntry());
     // Masks of full vectors are constants now.
     pm.addPass(createLowerLanes());
-    // Needs loops whole, and updates that no warp has combined.
+    // What is not in a tile of a ring, a warp combines.
     pm.addPass(createRotateLoops());
     pm.addPass(createCombineOverWarps());
-    // Needs the updates that are left, and loops to hoist out of.
+    // Needs loops to hoist out of.
     pm.addPass(createLowerSums());
     // Copies of an iteration next to each other; StageLoads leaves alone what
     // has become short, and OrderAccesses brings their loads together.

@@ -12,7 +12,7 @@
 #ifndef WARP_LIB_TRANSFORMS_ARRAYLOWERING_H
 #define WARP_LIB_TRANSFORMS_ARRAYLOWERING_H
 
-#include "Analysis/NonNegative.h"
+#include "Analysis/Ranges.h"
 #include "Launch/StageElements.h"
 #include "WarpDialect/WarpOps.h"
 #include "warp/Launch.h"
@@ -129,7 +129,7 @@ private:
   llvm::SmallVector<mlir::Value> loadUnit(const LaneAccess &access,
                                           int64_t stride);
   llvm::SmallVector<mlir::Value> loadGathered(const LaneAccess &access);
-  void storeUnit(const LaneAccess &access,
+  void storeUnit(const LaneAccess &access, int64_t stride,
                  llvm::ArrayRef<mlir::Value> components);
   void storeScattered(const LaneAccess &access,
                       llvm::ArrayRef<mlir::Value> components);

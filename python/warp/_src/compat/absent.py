@@ -12,8 +12,8 @@ from warp._src import errors
 
 _CLASSES = frozenset(
     (
-        *("BvhQueryTiled", "GLTextureResource", "MarchingCubes", "MeshQueryAABBTiled"),
-        *("RegisteredGLBuffer", "Texture", "Texture1D", "Texture2D", "Texture3D", "Volume"),
+        *("BvhQueryTiled", "GLTextureResource", "MeshQueryAABBTiled"),
+        *("RegisteredGLBuffer", "Texture", "Texture1D", "Texture2D", "Texture3D"),
         *("fabricarray", "fabricarrayarray", "indexedfabricarray", "indexedfabricarrayarray"),
     )
 )

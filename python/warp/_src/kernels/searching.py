@@ -7,7 +7,7 @@ from warp._src import errors
 from warp._src.devices.devices import by_index
 from warp._src.kernels.kernel import Kernel
 
-_NAMES = {1: "HashGrid", 2: "Bvh", 3: "Mesh"}
+_NAMES = {1: "HashGrid", 2: "Bvh", 3: "Mesh", 4: "Volume"}
 
 
 class SearchingKernel(Kernel):
