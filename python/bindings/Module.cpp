@@ -8,10 +8,6 @@
 #include "Gil.h"
 #include "Native.h"
 
-namespace warp::python {
-void bindRegions(pybind11::module_ &m);
-} // namespace warp::python
-
 PYBIND11_MODULE(_native, m) {
   m.doc() = "Compiler and runtime of the warp package; use `warp` instead.";
   warp::python::bindErrors(m);

@@ -12,7 +12,7 @@
 #ifndef WARP_LIB_TRANSFORMS_ARRAYLOWERING_H
 #define WARP_LIB_TRANSFORMS_ARRAYLOWERING_H
 
-#include "Analysis/NonNegative.h"
+#include "Analysis/Ranges.h"
 #include "Launch/StageElements.h"
 #include "WarpDialect/WarpOps.h"
 #include "warp/Launch.h"

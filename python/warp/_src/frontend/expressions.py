@@ -221,9 +221,9 @@ class Expressions(Part):
             if (type(left) is bool) == (type(right) is bool):
                 return fold(left, right)
             static = False
-        if static and kind in (ast.Eq, ast.NotEq):
-            if not isinstance(left, dtypes.Composite) or not len(left):
-                return fold(left, right)
+        whole = not isinstance(left, dtypes.Composite) or not len(left)
+        if static and kind in (ast.Eq, ast.NotEq) and whole:
+            return fold(left, right)
         left, right = self.context.materialize(left, node), self.context.materialize(right, node)
         kinds = {left.type.kind, right.type.kind}
         if len(kinds) == 2 and "bool" in kinds:

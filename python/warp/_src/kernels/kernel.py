@@ -294,7 +294,8 @@ def _architecture(stage, device) -> int:
     return DEFAULT_GPU if stage in ("gpu", "ptx") else 0
 
 
-# What code for GPUs is shown for where no device is named: the newest architecture with a stable ISA.
+# What code for GPUs is shown for where no device is named: the newest architecture with a
+# stable ISA.
 DEFAULT_GPU = 90
 
 

@@ -1,0 +1,1 @@
+"""What kernels build where it is asked: hash grids."""
