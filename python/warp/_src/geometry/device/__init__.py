@@ -1,1 +1,1 @@
-"""What kernels build where it is asked: hash grids."""
+"""What kernels build and refit on the device: hash grids, hierarchies."""
