@@ -33,9 +33,8 @@ constexpr llvm::StringLiteral name = "warp.name";
 constexpr llvm::StringLiteral anyOrder = "warp.any_order";
 /// The function that a launch calls, once warp-emit-entry has made it.
 constexpr llvm::StringLiteral entry = "warp.entry";
-/// On an update that is made exactly: where its `SumDescriptor` lies in the
-/// parameter block, see include/warp/ExactSums.h.
-constexpr llvm::StringLiteral sum = "warp.sum";
+/// On an atomic update: how it is to be made, a `#warp.update`.
+constexpr llvm::StringLiteral update = "warp.update";
 /// Places that error records refer to by number.
 constexpr llvm::StringLiteral sites = "warp.sites";
 

@@ -305,30 +305,13 @@ def VerifyThread : WarpPass<"warp-verify-thread"> {
 // Phase `launch`
 //===----------------------------------------------------------------------===//
 
-def SumExactly : WarpPass<"warp-sum-exactly"> {
-  let summary = "Choose the sums of floats that are exact in this launch";
-  let description = [{
-    In a deterministic launch: marks updates that add floats to an array of
-    which the kernel sees nothing else. Their sums will be exact, and so do not
-    depend on the order of updates. The kernel gets a list of arrays: those
-    with such sums, then all others that it accesses.
-
-    ```mlir
-    %old = warp.atomic_components add (%x), %sum[%j] : ...
-    // ==>
-    %old = warp.atomic_components add (%x), %sum[%j] {warp.sum = 192} : ...
-    ```
-  }];
-}
-
 def FuseMultiplyAdd : WarpPass<"warp-fuse-multiply-add"> {
   let summary = "Make a product and a sum of it one operation";
   let description = [{
     Which products are rounded is settled here, before any schedule, so that
     scalar code, lanes and debugging launches have the same bits. A product with
     one use is fused with the sum that uses it, the left one of two. Nothing is
-    fused where the processor has no such instruction, or the operation is
-    marked `warp.exact`.
+    fused that is marked `warp.exact`.
 
     ```mlir
     %p = arith.mulf %a, %b : f32
@@ -362,12 +345,14 @@ def FormLaunch : WarpPass<"warp-form-launch"> {
   let dependentDialects = ["::mlir::arith::ArithDialect", "::warp::WarpDialect"];
 }
 
-def PrivatizeAtomics : WarpPass<"warp-privatize-atomics"> {
-  let summary = "Combine updates of one element over a group of threads";
+def PlanUpdates : WarpPass<"warp-plan-updates"> {
+  let summary = "Decide how each atomic update is made, and by which threads";
   let description = [{
-    An atomic whose address all threads share and whose old value nobody uses
-    becomes a value that the threads yield, which is combined over the group
-    and published once.
+    Each update gets a `#warp.update`: whether it is made by each thread, by the
+    lanes of a vector or warp together, in a ring of lanes, or once for a whole
+    group; and whether its sum is exact, as those of floats are in a
+    deterministic launch where the kernel sees nothing else of an array. The
+    recipe then lists arrays with such sums, and all others that are accessed.
 
     Where atomics remain on the CPU, and so few threads would share the launch
     that one thread without atomic instructions is faster, the kernel gets an
@@ -377,8 +362,27 @@ def PrivatizeAtomics : WarpPass<"warp-privatize-atomics"> {
     one thread if its updates cannot be combined.
 
     Where all atomics that remain add numbers to arrays, or gradients, that the
-    kernel does nothing else to, and arrays are disjoint, `warp.copied` lists
-    those arrays: the code runs on several threads if each has copies of them.
+    kernel does nothing else to, and arrays are disjoint, the recipe lists those
+    arrays: the code runs on several threads if each has copies of them.
+
+    Short loops over elements that all threads share are unrolled.
+
+    ```mlir
+    %old = warp.atomic_components add(%x), %sum[%c0] : ...
+    // ==>
+    %old = warp.atomic_components add(%x), %sum[%c0]
+        {warp.update = #warp.update<scope = group>} : ...
+    ```
+  }];
+  let dependentDialects = [
+    "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect"];
+}
+
+def CombineOverGroups : WarpPass<"warp-combine-over-groups"> {
+  let summary = "Combine updates of one element over a group of threads";
+  let description = [{
+    An update of the scope `group` becomes a value that the threads yield, which
+    is combined over the group and published once.
 
     ```mlir
     warp.threads {
@@ -524,8 +528,9 @@ def LowerLanes : WarpPass<"warp-lower-lanes"> {
 def RotateLoops : WarpPass<"warp-rotate-loops"> {
   let summary = "Let the threads of a GPU warp take iterations in turn";
   let description = [{
-    In a loop whose iterations may run in any order, where all threads update
-    the same element in the same iteration, the 32 lanes of a warp begin a tile
+    In a loop with updates of the scope `ring`, whose iterations may run in any
+    order, where all threads update the same element in the same iteration, the
+    32 lanes of a warp begin a tile
     of 32 iterations at different ones. The sum of an iteration travels from
     lane to lane and is added to the array once. A warp with a lane missing, and
     what is left after the last full tile, go through the loop as it was.
@@ -558,8 +563,8 @@ def RotateLoops : WarpPass<"warp-rotate-loops"> {
 def CombineOverWarps : WarpPass<"warp-combine-over-warps"> {
   let summary = "Combine updates of one element over the threads of a warp";
   let description = [{
-    On a GPU, an atomic whose address the threads of a warp share, in one
-    iteration of a loop or one row of the launch, becomes one update by the
+    On a GPU, an update of the scope `lanes`, whose address the threads of a warp
+    share in one iteration of a loop or one row of the launch, becomes one update by the
     first lane, of what shuffles have combined, where all lanes come to it
     together.
 
@@ -589,7 +594,8 @@ def LowerSums : WarpPass<"warp-lower-sums"> {
     rounds after the launch.
 
     ```mlir
-    %old = warp.atomic_components add (%x), %sum[%j] {warp.sum = 192} : ...
+    %old = warp.atomic_components add (%x), %sum[%j] 
+        {warp.update = #warp.update<sum = 192>} : ...
     // ==>
     %p = warp.address %sum[%j] : !warp.array<1 x f32>, i32
     // %number: of the element, by %p

@@ -78,9 +78,10 @@ def Warp_VariantAttr : Warp_Attr<"Variant", "variant"> {
     `contiguous`, bit i: argument i is an array packed in row-major order, or an
     integer that is not negative. `index32`: no array and no launch has 2^31
     elements or more. `flat`: one linear grid axis for all dimensions of a GPU
-    launch. `large`: the launch fills the GPU many times over. `disjoint`: no
-    memory that the launch writes overlaps another one. `block`: threads of a
-    GPU block. `threads`: those that would share a CPU launch. `min_blocks`:
+    launch. `large`: the launch fills the GPU many times over; `under`: it has
+    too few threads to fill it; `narrow`: squares of indices of its last two
+    dimensions would not fill. `disjoint`: no memory that the launch writes
+    overlaps another one. `block`: threads of a GPU block. `threads`: those that would share a CPU launch. `min_blocks`:
     fewest blocks that a multiprocessor shall hold, 0 leaves it open. `lanes`:
     threads that are to be lanes of a vector on a CPU; 1 keeps them scalar, 0
     leaves it open.
@@ -95,7 +96,8 @@ def Warp_VariantAttr : Warp_Attr<"Variant", "variant"> {
   let parameters = (ins "::warp::TargetAttr":$target, Warp_Number<"1">:$rank,
                         DefaultValuedParameter<"uint64_t", "0">:$contiguous,
                         Warp_Flag<"true">:$index32, Warp_Flag<>:$flat,
-                        Warp_Flag<>:$large, Warp_Flag<>:$disjoint,
+                        Warp_Flag<>:$large, Warp_Flag<>:$under,
+                        Warp_Flag<>:$narrow, Warp_Flag<>:$disjoint,
                         Warp_Number<"256">:$block, Warp_Number<"16">:$threads,
                         Warp_Number<"0">:$min_blocks, Warp_Number<"0">:$lanes,
                         Warp_Flag<>:$debug, Warp_Flag<>:$fast_math,
@@ -133,28 +135,101 @@ def Warp_SummedArrayAttr : Warp_Attr<"SummedArray", "summed_array"> {
                         Warp_Number<"1">:$stride_scale);
 }
 
+def Warp_CopiedArrayAttr : Warp_Attr<"CopiedArray", "copied_array"> {
+  let summary = "an array that workers may have private copies of";
+  let description = [{
+    The fields are those of `CopiedArray` in warp/PrivateCopies.h.
+  }];
+  let parameters = (ins "int64_t":$descriptor, Warp_Flag<>:$gradient,
+                        "int64_t":$element_size, Warp_Number<"1">:$numbers,
+                        Warp_Number<"32">:$width, Warp_Flag<"true">:$floating);
+}
+
+def Warp_CopiedAttr : Warp_Attr<"Copied", "copied"> {
+  let summary = "the arrays that an exclusive launch may add to in copies";
+  let description = [{
+    With copies of these for each worker, the code may run on several.
+    `plain_time`, `atomic_time`: picoseconds that a launch index is estimated to
+    take without atomic instructions, and with them.
+  }];
+  let parameters = (ins "::mlir::ArrayAttr":$arrays,
+                        Warp_Number<"0">:$plain_time,
+                        Warp_Number<"0">:$atomic_time);
+}
+
 def Warp_RecipeAttr : Warp_Attr<"Recipe", "recipe"> {
   let summary = "how the runtime is to launch an entry";
   let description = [{
     `items`: launch indices that one GPU thread takes; of an exclusive launch,
-    the threads of its only block. `exclusive`: one thread runs a CPU launch,
-    one block a GPU launch. `cost`: rough operations of one thread. `lanes`:
-    threads that are lanes of a vector on a CPU, from warp-widen-threads on.
-    `sums`: the arrays with exact sums, then the others; their descriptors follow
-    the arguments in the parameter block.
+    the threads of its only block. `rows`: those of them that follow each other
+    in the dimension before the last. `tile`: indices of each of the last two
+    dimensions that a GPU block takes as a square, 0 without squares. `split`:
+    threads of a GPU block that share one index. `facts`: what of the size of a
+    launch the code depends on, `SizeFact` of warp/SizeFacts.h as a mask.
+    `exclusive`: one thread runs a CPU launch, one block a GPU launch; `copied`:
+    or several workers with copies of these arrays. `cost`: rough operations of
+    one thread. `lanes`: threads that are lanes of a vector on a CPU, from
+    warp-widen-threads on. `sums`: the arrays with exact sums, then the others;
+    their descriptors follow the arguments in the parameter block.
   }];
-  let parameters = (ins Warp_Number<"1">:$items, Warp_Flag<>:$exclusive,
+  let parameters = (ins Warp_Number<"1">:$items, Warp_Number<"1">:$rows,
+                        Warp_Number<"0">:$tile, Warp_Number<"1">:$split,
+                        Warp_Number<"0">:$facts, Warp_Flag<>:$exclusive,
+                        OptionalParameter<"::warp::CopiedAttr">:$copied,
                         Warp_Number<"0">:$cost, Warp_Number<"1">:$lanes,
                         OptionalParameter<"::mlir::ArrayAttr">:$sums);
   let extraClassDeclaration = [{
+    /// A launch of which nothing is known.
+    static RecipeAttr getUnknown(::mlir::MLIRContext *context);
     RecipeAttr withItems(int64_t items) const;
+    RecipeAttr withRows(int64_t rows) const;
+    RecipeAttr withTile(int64_t tile) const;
+    RecipeAttr withSplit(int64_t split) const;
+    /// In addition to those that it has.
+    RecipeAttr withFacts(int64_t facts) const;
     RecipeAttr withExclusive() const;
+    RecipeAttr withCopied(::warp::CopiedAttr copied) const;
     RecipeAttr withCost(int64_t cost) const;
     RecipeAttr withLanes(int64_t lanes) const;
     RecipeAttr withSums(::mlir::ArrayAttr sums) const;
     ::llvm::SmallVector<::warp::SummedArrayAttr> getSummedArrays() const;
     /// Descriptors of sums in the parameter block.
     int64_t countSums() const;
+  }];
+}
+
+//===----------------------------------------------------------------------===//
+// How to make an update
+//===----------------------------------------------------------------------===//
+
+def Warp_UpdateScope
+    : Warp_Enum<"UpdateScope", "threads whose updates become one", [
+    I32EnumAttrCase<"thread", 0>, I32EnumAttrCase<"lanes", 1>,
+    I32EnumAttrCase<"ring", 2>, I32EnumAttrCase<"group", 3>]>;
+
+def Warp_UpdateAttr : Warp_Attr<"Update", "update"> {
+  let summary = "how an atomic update is to be made";
+  let description = [{
+    What warp-plan-updates decided. `scope`: the threads that make one update
+    together. `thread`: each makes its own. `lanes`: those of a vector or warp,
+    if they agree on the element. `ring`: in a loop, each lane of a warp begins
+    at another iteration, and sums travel from lane to lane. `group`: all of a
+    range or block.
+
+    `run`: of `lanes` on a CPU, threads in a row that may be expected to agree;
+    0 if all lanes surely do. `sum`: the sum is exact, in integers; where its
+    `SumDescriptor` lies in the parameter block (warp/ExactSums.h), -1 if it is
+    not.
+
+    ```mlir
+    #warp.update<scope = group, sum = 192>
+    ```
+  }];
+  let parameters = (ins DefaultValuedParameter<"::warp::UpdateScope",
+                            "::warp::UpdateScope::thread">:$scope,
+                        Warp_Number<"0">:$run, Warp_Number<"-1">:$sum);
+  let extraClassDeclaration = [{
+    bool isExact() const { return getSum() >= 0; }
   }];
 }
 

@@ -21,6 +21,7 @@
 #include "warp/ExactSums.h"
 #include "warp/Export.h"
 #include "warp/PrivateCopies.h"
+#include "warp/SizeFacts.h"
 
 #include <cstdint>
 #include <map>
@@ -127,8 +128,9 @@ struct Code {
   int tile = 0;
   /// GPU: threads of a block that share the work of one index.
   int split = 1;
-  /// GPU: launches of another size would have other code.
-  bool sized = false;
+  /// GPU: what of the size of a launch the code depends on, a mask of
+  /// `SizeFact`. A launch that differs in another way may run it, too.
+  int sizeFacts = 0;
 };
 
 /// Compiles one variant. Throws `Error` of kind `Compile`.

@@ -10,6 +10,8 @@
 #ifndef WARP_LIB_ANALYSIS_COSTMODEL_H
 #define WARP_LIB_ANALYSIS_COSTMODEL_H
 
+#include <cstdint>
+
 namespace warp::cost {
 
 /// Trips of a loop of which nothing is known.
@@ -26,6 +28,41 @@ constexpr double exactSum = 15, atomicExactSum = 50;
 /// How much quicker threads as lanes do what is neither update nor loop.
 constexpr double gainOfLanes = 6;
 constexpr double cyclesPerNanosecond = 3;
+
+/// Sums that a thread can keep in registers.
+constexpr int64_t mostSums = 16;
+/// Threads in a row that may update one element, by a divisor that nobody
+/// knows.
+constexpr int64_t unknownRun = int64_t(1) << 30;
+
+// Rough cycles of a thread on a CPU, by which lanes are weighed.
+/// Part of the lanes that are live in a loop that they leave one by one.
+constexpr double laneUse = 0.6;
+constexpr double callCost = 20, rootCost = 6, divisionCost = 8;
+/// How much quicker a loop is whose iterations are made lanes.
+constexpr double streamGain = 8;
+/// A lane's share of gathering a number; of doing an operation lane by lane.
+constexpr double gatherCost = 1.3, laneCost = 4;
+/// A call of the device library, which lanes do one by one.
+constexpr double searchCost = 500;
+/// The same of a field of neighbouring structs, which scalar code finds in one
+/// line: bodies of a simulation were 3.6 times slower as lanes.
+constexpr double fieldCost = 6;
+
+// Lanes that take one thread after the other.
+/// What an access counts.
+constexpr double turnAccess = 16;
+/// Fewer operations of a loop are not worth it, nor so many times more outside
+/// of it.
+constexpr double leastTurn = 8, mostBetween = 4;
+/// Threads of a stretch that lanes take turns in.
+constexpr int64_t threadsInTurns = 1024;
+
+// Branches of lanes.
+/// Arms of more operations than this are worth a branch.
+constexpr int64_t longestFlat = 24;
+/// What some of their operations count.
+constexpr int64_t flatCall = 12, flatRoot = 4;
 
 /// Operations that it is worth to compute again to be rid of an atomic addition
 /// of an adjoint, be it on a CPU or on a GPU.

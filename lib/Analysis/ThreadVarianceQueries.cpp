@@ -58,6 +58,11 @@ bool ThreadVariance::isUniformIfEqual(Value value,
     Operation *op = next.getDefiningOp();
     if (!op) {
       auto argument = cast<BlockArgument>(next);
+      // The index of another dimension than the last.
+      if (isa<ThreadsOp>(argument.getOwner()->getParentOp())) {
+        ifEqual.insert(next);
+        continue;
+      }
       auto loop = dyn_cast<scf::ForOp>(argument.getOwner()->getParentOp());
       if (!loop || argument != loop.getInductionVar())
         return false;

@@ -146,7 +146,7 @@ static LogicalResult nameVariant(ModuleOp module,
                                    [&] { return kernel.emitError(); });
   if (!variant)
     return failure();
-  warp::attachVariant(kernel, variant, options);
+  kernel->setAttr(attr::variant, variant);
   return success();
 }
 
@@ -289,12 +289,16 @@ void Compilation::collectFacts(ModuleOp module) {
     RecipeAttr recipe = getRecipe(function);
     exclusive = recipe.getExclusive();
     items = int(recipe.getItems());
+    rows = int(recipe.getRows());
+    tile = int(recipe.getTile());
+    split = int(recipe.getSplit());
+    sizeFacts = int(recipe.getFacts());
     hasLanes = recipe.getLanes() > 1;
     for (SummedArrayAttr array : recipe.getSummedArrays())
       sums.push_back({array.getWidth(), array.getDescriptor(),
                       array.getGradient(), array.getElementSize(),
                       array.getStrideScale()});
-    copied = readCopied(function);
+    copied = readCopied(recipe);
     atomics = function
                   .walk([](Operation *op) {
                     return isa<LLVM::AtomicRMWOp, LLVM::AtomicCmpXchgOp>(op)
@@ -308,14 +312,6 @@ void Compilation::collectFacts(ModuleOp module) {
                                                 : WalkResult::advance();
                      })
                      .wasInterrupted();
-    sized = function->hasAttr(attr::sized);
-    auto number = [&](StringRef name, int fallback) {
-      auto value = function->getAttrOfType<IntegerAttr>(name);
-      return value ? int(value.getInt()) : fallback;
-    };
-    rows = number(attr::rows, 1);
-    tile = number(attr::tile, 0);
-    split = number(attr::split, 1);
     choices = readChoices(function);
     auto table = function->getAttrOfType<ArrayAttr>(attr::sites);
     if (!table)

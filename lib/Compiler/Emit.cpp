@@ -45,7 +45,7 @@ warp::Code warp::compile(const Module &module, const CompileOptions &options) {
   code.rows = run.rows;
   code.tile = run.tile;
   code.split = run.split;
-  code.sized = run.sized;
+  code.sizeFacts = run.sizeFacts;
   code.sums = std::move(run.sums);
   code.phaseMs = std::move(run.phaseMs);
   return code;

@@ -12,6 +12,7 @@
 
 #include "Transforms/Autodiff/Derivation.h"
 #include "WarpDialect/Passes.h"
+#include "WarpDialect/TilePasses.h"
 #include "WarpDialect/WarpDialect.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -144,6 +145,12 @@ void warp::addPhase(OpPassManager &pm, Phase phase) {
   case Phase::Thread:
     // First, so that what the launch decides is folded.
     pm.addPass(createSpecialize());
+    // Layout, memory, barriers, in this order; nothing for other kernels.
+    pm.addPass(createCheckTiles());
+    pm.addPass(createPlaceTiles());
+    pm.addPass(createPlanTileMemory());
+    pm.addPass(createPlaceBarriers());
+    pm.addPass(createLowerTiles());
     pm.addPass(createLowerComposites());
     // Values are signless from here on.
     pm.addPass(createCanonicalizerPass());
@@ -153,14 +160,13 @@ void warp::addPhase(OpPassManager &pm, Phase phase) {
     pm.addPass(createVerifyThread());
     return;
   case Phase::Launch:
-    // Sees every view of an array, and claims updates before others do.
-    pm.addPass(createSumExactly());
     // Before any schedule, so that all of them have the same bits.
     pm.addPass(createFuseMultiplyAdd());
     pm.addPass(createFormLaunch());
     // Before lanes: what threads yield, lanes combine; and a launch that one
     // thread runs widens its updates in another way.
-    pm.addPass(createPrivatizeAtomics());
+    pm.addPass(createPlanUpdates());
+    pm.addPass(createCombineOverGroups());
     pm.addPass(createWidenThreads());
     pm.addPass(createVerifyLaunch());
     return;
@@ -168,10 +174,10 @@ void warp::addPhase(OpPassManager &pm, Phase phase) {
     pm.addPass(createEmitEntry());
     // Masks of full vectors are constants now.
     pm.addPass(createLowerLanes());
-    // Needs loops whole, and updates that no warp has combined.
+    // What is not in a tile of a ring, a warp combines.
     pm.addPass(createRotateLoops());
     pm.addPass(createCombineOverWarps());
-    // Needs the updates that are left, and loops to hoist out of.
+    // Needs loops to hoist out of.
     pm.addPass(createLowerSums());
     // Copies of an iteration next to each other; StageLoads leaves alone what
     // has become short, and OrderAccesses brings their loads together.

@@ -46,7 +46,8 @@ static void describe(Operation *op, std::vector<Choice> &choices) {
     add("load", form, reason);
   } else if (auto store = dyn_cast<warp::StoreLanesOp>(op)) {
     auto [form, reason] =
-        describeForm(store.getForm(), store.getComponents().size(), 1);
+        describeForm(store.getForm(), store.getComponents().size(),
+                     store.getStride());
     add("store", form == "gathered" ? "scattered" : form, reason);
   } else if (isa<warp::UpdateLanesOp>(op)) {
     add("update", "lane by lane", "threads may meet at an element");

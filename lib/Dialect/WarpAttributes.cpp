@@ -71,7 +71,7 @@ int64_t warp::TargetAttr::getLanes(Type type) const {
 
 LogicalResult warp::VariantAttr::verify(
     EmitError emitError, TargetAttr, int64_t rank, uint64_t, bool, bool, bool,
-    bool, int64_t block, int64_t threads, int64_t, int64_t lanes, bool, bool,
+    bool, bool, bool, int64_t block, int64_t threads, int64_t, int64_t lanes, bool, bool,
     Determinism) {
   if (rank < 1 || rank > 4)
     return emitError() << "(C1) expects a launch of 1 to 4 dimensions, but got "
@@ -89,8 +89,8 @@ LogicalResult warp::VariantAttr::verify(
 warp::VariantAttr warp::VariantAttr::getUnknown(MLIRContext *context) {
   auto target = TargetAttr::get(context, Platform::cpu, 0, "", 256);
   return get(context, target, /*rank=*/1, /*contiguous=*/0, /*index32=*/false,
-             /*flat=*/false, /*large=*/false, /*disjoint=*/false,
-             /*block=*/256, /*threads=*/16, /*min_blocks=*/0, /*lanes=*/0,
+             /*flat=*/false, /*large=*/false, /*under=*/false,
+             /*narrow=*/false, /*disjoint=*/false, /*block=*/256, /*threads=*/16, /*min_blocks=*/0, /*lanes=*/0,
              /*debug=*/false, /*fast_math=*/false, Determinism::none);
 }
 
@@ -104,28 +104,94 @@ bool warp::VariantAttr::hasWholeWarps() const {
 // Recipe
 //===----------------------------------------------------------------------===//
 
-warp::RecipeAttr warp::RecipeAttr::withItems(int64_t items) const {
-  return get(getContext(), items, getExclusive(), getCost(), getLanes(),
-             getSums());
+namespace {
+/// The fields of a recipe, so that one of them can be changed.
+struct Fields {
+  explicit Fields(warp::RecipeAttr recipe)
+      : context(recipe.getContext()), items(recipe.getItems()),
+        rows(recipe.getRows()), tile(recipe.getTile()),
+        split(recipe.getSplit()), facts(recipe.getFacts()),
+        cost(recipe.getCost()), lanes(recipe.getLanes()),
+        exclusive(recipe.getExclusive()), copied(recipe.getCopied()),
+        sums(recipe.getSums()) {}
+
+  operator warp::RecipeAttr() const {
+    return warp::RecipeAttr::get(context, items, rows, tile, split, facts,
+                                 exclusive, copied, cost, lanes, sums);
+  }
+
+  MLIRContext *context;
+  int64_t items, rows, tile, split, facts, cost, lanes;
+  bool exclusive;
+  warp::CopiedAttr copied;
+  ArrayAttr sums;
+};
+} // namespace
+
+warp::RecipeAttr warp::RecipeAttr::getUnknown(MLIRContext *context) {
+  return get(context, /*items=*/1, /*rows=*/1, /*tile=*/0, /*split=*/1,
+             /*facts=*/0, /*exclusive=*/false, CopiedAttr(), /*cost=*/0,
+             /*lanes=*/1, ArrayAttr());
 }
 
-warp::RecipeAttr warp::RecipeAttr::withExclusive() const {
-  return get(getContext(), getItems(), true, getCost(), getLanes(), getSums());
+warp::RecipeAttr warp::RecipeAttr::withItems(int64_t items) const {
+  Fields fields(*this);
+  fields.items = items;
+  return fields;
+}
+
+warp::RecipeAttr warp::RecipeAttr::withRows(int64_t rows) const {
+  Fields fields(*this);
+  fields.rows = rows;
+  return fields;
+}
+
+warp::RecipeAttr warp::RecipeAttr::withTile(int64_t tile) const {
+  Fields fields(*this);
+  fields.tile = tile;
+  return fields;
+}
+
+warp::RecipeAttr warp::RecipeAttr::withSplit(int64_t split) const {
+  Fields fields(*this);
+  fields.split = split;
+  return fields;
+}
+
+warp::RecipeAttr warp::RecipeAttr::withFacts(int64_t facts) const {
+  Fields fields(*this);
+  fields.facts |= facts;
+  return fields;
+}
+
+warp::RecipeAttr warp::RecipeAttr::withCopied(CopiedAttr copied) const {
+  Fields fields(*this);
+  fields.copied = copied;
+  return fields;
 }
 
 warp::RecipeAttr warp::RecipeAttr::withCost(int64_t cost) const {
-  return get(getContext(), getItems(), getExclusive(), cost, getLanes(),
-             getSums());
+  Fields fields(*this);
+  fields.cost = cost;
+  return fields;
 }
 
 warp::RecipeAttr warp::RecipeAttr::withLanes(int64_t lanes) const {
-  return get(getContext(), getItems(), getExclusive(), getCost(), lanes,
-             getSums());
+  Fields fields(*this);
+  fields.lanes = lanes;
+  return fields;
 }
 
 warp::RecipeAttr warp::RecipeAttr::withSums(ArrayAttr sums) const {
-  return get(getContext(), getItems(), getExclusive(), getCost(), getLanes(),
-             sums);
+  Fields fields(*this);
+  fields.sums = sums;
+  return fields;
+}
+
+warp::RecipeAttr warp::RecipeAttr::withExclusive() const {
+  Fields fields(*this);
+  fields.exclusive = true;
+  return fields;
 }
 
 SmallVector<warp::SummedArrayAttr> warp::RecipeAttr::getSummedArrays() const {

@@ -30,7 +30,7 @@ void warp::writeCode(Writer &out, const Code &code) {
   out.number<int32_t>(code.rows);
   out.number<int32_t>(code.tile);
   out.number<int32_t>(code.split);
-  out.number<uint8_t>(code.sized);
+  out.number<uint8_t>(code.sizeFacts);
   out.number<int32_t>(code.sums.size());
   for (const SummedArray &array : code.sums)
     out.number(array);
@@ -63,7 +63,7 @@ Code warp::readCode(Reader &in) {
   code.rows = in.number<int32_t>();
   code.tile = in.number<int32_t>();
   code.split = in.number<int32_t>();
-  code.sized = in.number<uint8_t>();
+  code.sizeFacts = in.number<uint8_t>();
   auto sums = in.number<int32_t>();
   for (int32_t i = 0; i < sums && in.ok(); ++i)
     code.sums.push_back(in.number<SummedArray>());

@@ -40,11 +40,15 @@ struct VariantKey {
            blockDim == other.blockDim && contiguous == other.contiguous;
   }
 
-  /// The same but for the size of the launch.
-  bool matches(VariantKey other) const {
-    other.large = large;
-    other.under = under;
-    other.narrow = narrow;
+  /// The same but for what does not count of the size of the launch, of which
+  /// `facts` does.
+  bool matches(VariantKey other, int facts) const {
+    if (!(facts & largeFact))
+      other.large = large;
+    if (!(facts & underFact))
+      other.under = under;
+    if (!(facts & narrowFact))
+      other.narrow = narrow;
     return *this == other;
   }
 };
@@ -73,7 +77,7 @@ struct Kernel::Variant {
 
   /// Whether launches of this kind may run it.
   bool serves(const VariantKey &asked) const {
-    return code.sized ? key == asked : key.matches(asked);
+    return key.matches(asked, code.sizeFacts);
   }
 };
 

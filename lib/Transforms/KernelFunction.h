@@ -49,10 +49,7 @@ inline bool isGpu(mlir::Operation *func) { return getVariant(func).isGpu(); }
 /// What passes found out about how a function is to be launched.
 inline RecipeAttr getRecipe(mlir::Operation *func) {
   auto recipe = func->getAttrOfType<RecipeAttr>(attr::recipe);
-  return recipe ? recipe
-                : RecipeAttr::get(func->getContext(), /*items=*/1,
-                                  /*exclusive=*/false, /*cost=*/0,
-                                  /*lanes=*/1, mlir::ArrayAttr());
+  return recipe ? recipe : RecipeAttr::getUnknown(func->getContext());
 }
 
 inline void setRecipe(mlir::Operation *func, RecipeAttr recipe) {

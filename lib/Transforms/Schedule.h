@@ -20,18 +20,6 @@ struct Choice;
 namespace attr {
 /// The notes, in order.
 constexpr llvm::StringLiteral schedule = "warp.schedule";
-/// GPU: a block takes a square of that many indices on each side.
-constexpr llvm::StringLiteral tile = "warp.tile";
-/// GPU: threads of a block that share the work of one index.
-constexpr llvm::StringLiteral split = "warp.split";
-/// GPU: the launch has too few threads to fill the card.
-constexpr llvm::StringLiteral under = "warp.under";
-/// GPU: squares of the last two dimensions would not fill.
-constexpr llvm::StringLiteral narrow = "warp.narrow";
-/// GPU: items of a thread that lie in the dimension before the last.
-constexpr llvm::StringLiteral rows = "warp.rows";
-/// GPU: the size of the launch matters to this code.
-constexpr llvm::StringLiteral sized = "warp.sized";
 } // namespace attr
 
 /// Adds a note to a kernel function. `place` is what the decision is about, if

@@ -148,21 +148,8 @@ warp::getVariant(MLIRContext *context, const CompileOptions &options,
                                               : Determinism::exact;
   return VariantAttr::getChecked(
       emitError, context, target, int64_t(options.rank), options.contiguous,
-      options.index32, options.flat, options.large, options.disjoint,
-      int64_t(options.blockDim), int64_t(options.threads),
-      int64_t(options.minBlocks), int64_t(options.lanes), options.debug,
-      options.fastMath, deterministic);
-}
-
-void warp::attachVariant(Operation *kernel, VariantAttr variant,
-                         const CompileOptions &options) {
-  kernel->setAttr(attr::variant, variant);
-  auto setFlag = [&](StringRef name, bool value) {
-    if (value)
-      kernel->setAttr(name, UnitAttr::get(kernel->getContext()));
-    else
-      kernel->removeAttr(name);
-  };
-  setFlag(attr::under, options.under);
-  setFlag(attr::narrow, options.narrow);
+      options.index32, options.flat, options.large, options.under,
+      options.narrow, options.disjoint, int64_t(options.blockDim),
+      int64_t(options.threads), int64_t(options.minBlocks),
+      int64_t(options.lanes), options.debug, options.fastMath, deterministic);
 }

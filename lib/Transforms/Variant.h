@@ -28,11 +28,6 @@ getVariant(mlir::MLIRContext *context, const CompileOptions &options,
 /// host, "cpu:<name>" another one.
 int64_t getVectorBits(llvm::StringRef target);
 
-/// Puts on a kernel what its launches are like: the variant, and whether their
-/// size is a special one.
-void attachVariant(mlir::Operation *kernel, VariantAttr variant,
-                   const CompileOptions &options);
-
 /// Sets one option; false if there is none of that name, or no such value of
 /// it. A flag without a value is set.
 bool setOption(CompileOptions &options, llvm::StringRef key,

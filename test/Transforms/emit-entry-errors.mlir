@@ -1,5 +1,5 @@
 // RUN: warp-opt %s --split-input-file --verify-diagnostics --warp-emit-entry
-// RUN: warp-opt %s --split-input-file --verify-diagnostics --warp-privatize-atomics
+// RUN: warp-opt %s --split-input-file --verify-diagnostics --warp-plan-updates --warp-combine-over-groups
 
 // Thread IR has no group of threads.
 // expected-error @below {{expects a kernel in phase 'launch'}}

@@ -3,8 +3,7 @@
 // Two indices of a thread go through the loop together and load once for both;
 // the second one stores if there is one.
 // CHECK-LABEL: llvm.func ptx_kernelcc @pairs(
-// CHECK-SAME: items = 2
-// CHECK-SAME: warp.sized
+// CHECK-SAME: items = 2, facts = 2
 // CHECK: %[[FIRST:.*]] = arith.addi
 // CHECK: %[[SECOND:.*]] = arith.addi %[[FIRST]],
 // CHECK: scf.if

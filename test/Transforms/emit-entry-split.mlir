@@ -5,7 +5,7 @@
 // each; the first adds up what the others leave in block memory.
 // CHECK-LABEL: gpu.func @count(
 // CHECK-SAME: workgroup({{.*}} : memref<1024xi8
-// CHECK-SAME: warp.split = 8
+// CHECK-SAME: split = 8
 // CHECK: gpu.thread_id y
 // CHECK: scf.for
 // CHECK: llvm.store {{.*}} : i32, !llvm.ptr<3>
@@ -14,7 +14,7 @@
 // CHECK-COUNT-7: llvm.load {{.*}} : !llvm.ptr<3> -> i32
 // CHECK: llvm.store {{.*}} : i32, !llvm.ptr<1>
 // MANY-LABEL: gpu.func @count(
-// MANY-NOT: warp.split
+// MANY-NOT: split =
 // MANY-NOT: gpu.barrier
 // MANY: gpu.return
 func.func @count(%x: !warp.array<1 x si32>, %y: !warp.array<1 x si32>, %n: si32)
@@ -39,7 +39,7 @@ func.func @count(%x: !warp.array<1 x si32>, %y: !warp.array<1 x si32>, %n: si32)
 
 // Sums of floats keep their order.
 // CHECK-LABEL: gpu.func @ordered(
-// CHECK-NOT: warp.split
+// CHECK-NOT: split =
 // CHECK-NOT: gpu.barrier
 // CHECK: gpu.return
 func.func @ordered(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: si32)

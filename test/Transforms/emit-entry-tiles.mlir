@@ -5,7 +5,7 @@
 // the block waits, and the thread stores four of a row.
 // CHECK-LABEL: gpu.func @turn(
 // CHECK-SAME: workgroup({{.*}} : memref<4224xi8
-// CHECK-SAME: warp.tile = 32
+// CHECK-SAME: tile = 32
 // CHECK-COUNT-4: llvm.load {{.*}} : !llvm.ptr<1> -> f32
 // CHECK-COUNT-4: llvm.store {{.*}} : f32, !llvm.ptr<3>
 // CHECK: gpu.barrier
@@ -16,7 +16,7 @@
 // CHECK: llvm.store {{.*}} : f32, !llvm.ptr<1>
 // Blocks of two warps have no squares.
 // NARROW-LABEL: gpu.func @turn(
-// NARROW-NOT: warp.tile
+// NARROW-NOT: tile =
 // NARROW-NOT: gpu.barrier
 func.func @turn(%a: !warp.array<2 x f32>, %b: !warp.array<2 x f32>)
     attributes {warp.kernel} {
@@ -30,7 +30,7 @@ func.func @turn(%a: !warp.array<2 x f32>, %b: !warp.array<2 x f32>)
 
 // An adjoint clears what it loads: the squares are used twice.
 // CHECK-LABEL: gpu.func @clear(
-// CHECK-SAME: warp.tile = 32
+// CHECK-SAME: tile = 32
 // CHECK-COUNT-3: gpu.barrier
 // CHECK-NOT: gpu.barrier
 func.func @clear(%a: !warp.array<2 x f32>, %b: !warp.array<2 x f32>)
@@ -49,7 +49,7 @@ func.func @clear(%a: !warp.array<2 x f32>, %b: !warp.array<2 x f32>)
 
 // Another thread of the block would load before this one has stored.
 // CHECK-LABEL: gpu.func @load_after_store(
-// CHECK-NOT: warp.tile
+// CHECK-NOT: tile =
 // CHECK-NOT: gpu.barrier
 func.func @load_after_store(%a: !warp.array<2 x f32>, %b: !warp.array<2 x f32>)
     attributes {warp.kernel} {
@@ -65,7 +65,7 @@ func.func @load_after_store(%a: !warp.array<2 x f32>, %b: !warp.array<2 x f32>)
 
 // Nothing is exchanged: lines are whole already.
 // CHECK-LABEL: gpu.func @straight(
-// CHECK-NOT: warp.tile
+// CHECK-NOT: tile =
 // CHECK-NOT: gpu.barrier
 func.func @straight(%a: !warp.array<2 x f32>, %b: !warp.array<2 x f32>)
     attributes {warp.kernel} {

@@ -77,7 +77,7 @@ func.func @own(%x: !warp.array<1 x f32>)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, disjoint = true>
+#gpu = #warp.variant<target = <platform = cuda, version = 90>, under = true, disjoint = true>
 
 // Nothing passes an update whose old value is used: it may be a lock.
 // CHECK-LABEL: llvm.func {{.*}}@lock
@@ -86,7 +86,7 @@ func.func @own(%x: !warp.array<1 x f32>)
 // CHECK: warp.load_components
 // CHECK: warp.store_components
 func.func @lock(%x: !warp.array<1 x f32>, %lock: !warp.array<1 x si32>)
-    attributes {warp.kernel, warp.under, warp.variant = #gpu} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %i = warp.tid : i32
   %zero = arith.constant 0.0 : f32
   warp.store_components(%zero), %x[%i] : (f32), !warp.array<1 x f32>, i32
@@ -99,7 +99,7 @@ func.func @lock(%x: !warp.array<1 x f32>, %lock: !warp.array<1 x si32>)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, disjoint = true>
+#gpu = #warp.variant<target = <platform = cuda, version = 90>, under = true, disjoint = true>
 
 // A store passes a loop that loads from other arrays; the load after the loop
 // stays there, but in front of the store.
@@ -113,7 +113,7 @@ func.func @lock(%x: !warp.array<1 x f32>, %lock: !warp.array<1 x si32>)
 // CHECK-NEXT: warp.store_components
 func.func @loop(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
                 %z: !warp.array<1 x f32>, %n: i32)
-    attributes {warp.kernel, warp.under, warp.variant = #gpu} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %i = warp.tid : i32
   %zero = arith.constant 0.0 : f32
   %c0 = arith.constant 0 : i32

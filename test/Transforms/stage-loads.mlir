@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch --warp-emit-entry --warp-stage-loads --mlir-print-local-scope | FileCheck %s
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <platform = cuda, version = 90>, under = true>
 
 // The lane's element of the first tile is loaded before the tiles, that of the
 // next tile between slab and iterations. The iterations load from the slab; the
@@ -27,7 +27,7 @@
 // CHECK: warp.load_components %[[X]][%[[J]]]
 func.func @pairs(%x: !warp.array<1 x !warp.vec<3 x f32>>,
                  %y: !warp.array<1 x !warp.vec<3 x f32>>, %n: i32)
-    attributes {warp.kernel, warp.under, warp.variant = #gpu} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %i = warp.tid : i32
   %zero = arith.constant 0.0 : f32
   %c0 = arith.constant 0 : i32
@@ -48,14 +48,14 @@ func.func @pairs(%x: !warp.array<1 x !warp.vec<3 x f32>>,
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <platform = cuda, version = 90>, under = true>
 
 // Not where lanes load different elements, begin at different iterations, or
 // where the loop writes.
 // CHECK-LABEL: llvm.func {{.*}}@unsuited
 // CHECK-NOT: activemask
 func.func @unsuited(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
-    attributes {warp.kernel, warp.under, warp.variant = #gpu} {
+    attributes {warp.kernel, warp.variant = #gpu} {
   %i = warp.tid : i32
   %zero = arith.constant 0.0 : f32
   %c0 = arith.constant 0 : i32

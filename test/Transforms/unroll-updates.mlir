@@ -1,5 +1,5 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch \
-// RUN:     --warp-privatize-atomics | FileCheck %s
+// RUN:     --warp-plan-updates --warp-combine-over-groups | FileCheck %s
 
 #cpu = #warp.variant<target = <platform = cpu, bits = 128>>
 

@@ -10,7 +10,7 @@
 // would seem to leave nothing to overlap.
 // CHECK-LABEL: func.func @twice
 // CHECK: warp.load_lanes {{.*}}%arg0[
-// CHECK: warp.store_lanes gather({{.*}}), %arg1[
+// CHECK: warp.store_lanes unit({{.*}}), %arg1[{{.*}}stride = 2
 // CHECK: warp.load_lanes {{.*}}%arg0[
 // CHECK: warp.store_lanes unit({{.*}}), %arg2[
 func.func @twice(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,

@@ -1,4 +1,4 @@
-// RUN: warp-opt %s --split-input-file --warp-form-launch \
+// RUN: warp-opt %s --split-input-file --warp-form-launch --warp-plan-updates \
 // RUN:     --warp-widen-threads | FileCheck %s
 
 #cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 3,

@@ -69,9 +69,9 @@ func.func @rows(%x: !warp.array<2 x f32>, %y: !warp.array<2 x f32>)
 #cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 3,
       lanes = 4>
 
-// What is not packed, indices that were loaded, and stores two elements apart
-// are gathered and scattered. Index -1 is the last element: a difference of the
-// thread's index is not unit, a sum is.
+// What is not packed and indices that were loaded are gathered; stores two
+// elements apart are masked vectors. Index -1 is the last element: a difference
+// of the thread's index is not unit, a sum is.
 // CHECK-LABEL: func.func @gather
 // CHECK: ^bb0(%[[I:.*]]: i32, %{{.*}}: vector<4xi1>):
 // CHECK: %[[LANES:.*]] = arith.addi %{{.*}}, %{{.*}} : vector<4xi32>
@@ -82,8 +82,8 @@ func.func @rows(%x: !warp.array<2 x f32>, %y: !warp.array<2 x f32>)
 // CHECK: %[[AFTER:.*]] = arith.addi %[[I]], %{{.*}} : i32
 // CHECK: warp.load_lanes unit %arg1[%[[AFTER]]]
 // CHECK: warp.load_lanes gather %arg2[%[[LANES]]]
-// CHECK: %[[TWICE:.*]] = arith.addi %[[LANES]], %[[LANES]]
-// CHECK: warp.store_lanes gather(%{{.*}}), %arg1[%[[TWICE]]]
+// CHECK: %[[TWICE:.*]] = arith.addi %[[I]], %[[I]]
+// CHECK: warp.store_lanes unit(%{{.*}}), %arg1[%[[TWICE]]] {{.*}}stride = 2
 func.func @gather(%at: !warp.array<1 x si32>, %x: !warp.array<1 x f32>,
                   %strided: !warp.array<1 x f32>)
     attributes {warp.kernel, warp.variant = #cpu} {

@@ -286,30 +286,36 @@ static SmallVector<mlir::Value> toWords(OpBuilder &b, Location loc,
   });
 }
 
-void ArrayLowering::storeUnit(const LaneAccess &access,
+void ArrayLowering::storeUnit(const LaneAccess &access, int64_t stride,
                               ArrayRef<mlir::Value> components) {
   int64_t count = access.leaves.size(), lanes = access.lanes;
+  int64_t period = count * stride;
   int64_t size = getByteSize(access.leaves[0].type);
   VectorType stored = access.wordLanes();
-  SmallVector<mlir::Value> words;
-  for (mlir::Value component : components)
-    words.push_back(
-        component.getType() == stored
-            ? component
-            : arith::BitcastOp::create(b, loc, stored, component).getResult());
-  if (access.isFull && access.prefersRows(/*stride=*/1)) {
-    auto pointers = access.lanePointers(b, loc, count * size);
+  SmallVector<mlir::Value> words = toWords(b, loc, components, stored);
+  if (access.prefersRows(stride) && (access.isFull || stride > 1)) {
+    auto pointers = access.storePointers(b, loc, entry, period * size);
     return storeRows(b, loc, words,
                      [&](int64_t lane) { return pointers[lane]; });
   }
   SmallVector<mlir::Value> masks =
-      spreadMask(b, loc, access.mask, lanes, count);
+      spreadMask(b, loc, access.mask, lanes, period);
+  // What is between the elements stays as it is.
+  if (stride > 1)
+    words.resize(period, LLVM::PoisonOp::create(b, loc, stored));
   for (auto [i, vector] : llvm::enumerate(putTogether(b, loc, words))) {
-    mlir::Value to = access.move(b, loc, i * lanes * size);
-    if (access.isFull)
+    mlir::Value to = access.move(b, loc, i * lanes * size), mask = masks[i];
+    if (stride > 1) {
+      mlir::Value taken =
+          patternMask(b, loc, lanes, i * lanes, count, period);
+      mask = access.isFull
+                 ? taken
+                 : arith::AndIOp::create(b, loc, mask, taken).getResult();
+    }
+    if (access.isFull && stride == 1)
       LLVM::StoreOp::create(b, loc, vector, to, size);
     else
-      LLVM::MaskedStoreOp::create(b, loc, vector, to, masks[i],
+      LLVM::MaskedStoreOp::create(b, loc, vector, to, mask,
                                   b.getI32IntegerAttr(size));
   }
 }
@@ -339,7 +345,7 @@ void ArrayLowering::lowerLanes(StoreLanesOp op) {
                   .getResult()
             : value);
   if (op.getForm() == LaneForm::unit)
-    storeUnit(access, components);
+    storeUnit(access, op.getStride(), components);
   else
     storeScattered(access, components);
 }

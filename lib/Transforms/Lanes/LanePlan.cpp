@@ -12,6 +12,7 @@
 
 #include "LanePlan.h"
 
+#include "Analysis/CostModel.h"
 #include "KernelFunction.h"
 #include "Updates/Atomics.h"
 #include "WarpDialect/LibraryOps.h"
@@ -100,20 +101,6 @@ struct Cost {
   bool hasLoop = false;
 };
 
-constexpr double loopTrips = 32;
-/// Part of the lanes that are live in a loop that they leave one by one.
-constexpr double laneUse = 0.6;
-constexpr double callCost = 20, rootCost = 6, divisionCost = 8;
-/// How much quicker a loop is whose iterations are made lanes.
-constexpr double streamGain = 8;
-/// A lane's share of gathering a number; of doing an operation lane by lane.
-constexpr double gatherCost = 1.3, laneCost = 4;
-/// A call of the device library, which lanes do one by one.
-constexpr double searchCost = 500;
-/// The same of a field of neighbouring structs, which scalar code finds in one
-/// line: bodies of a simulation were 3.6 times slower as lanes.
-constexpr double fieldCost = 6;
-
 class CostCounter {
 public:
   /// `exclusive`: updates are plain.
@@ -177,18 +164,18 @@ bool CostCounter::isStream(scf::ForOp loop) const {
 void CostCounter::count(Operation *op, double trips, double use) {
   if (auto loop = dyn_cast<scf::ForOp>(op); loop && isStream(loop)) {
     CostCounter inside(variance, exclusive);
-    inside.count(*loop.getBody(), trips * loopTrips, use);
+    inside.count(*loop.getBody(), trips * warp::cost::loopTrips, use);
     cost.hasLoop = true;
-    cost.scalar += inside.cost.scalar / streamGain;
+    cost.scalar += inside.cost.scalar / warp::cost::streamGain;
     cost.vector += inside.cost.vector;
     cost.operations += inside.cost.operations;
     return;
   }
   if (isa<scf::ForOp, scf::WhileOp>(op)) {
     cost.hasLoop = true;
-    trips *= loopTrips;
+    trips *= warp::cost::loopTrips;
     if (variance.isDivergent(op))
-      use = std::min(use, laneUse);
+      use = std::min(use, warp::cost::laneUse);
   }
   for (Region &region : op->getRegions())
     for (Block &block : region)
@@ -215,10 +202,10 @@ void CostCounter::count(Operation *op, double trips, double use) {
     bool follows =
         variance.step(op->getOperand(op->getNumOperands() - 1)) == 1;
     Value array = cast<warp::AccessOp>(op).getArray();
-    double each = !follows                        ? gatherCost
-                  : warp::isPartOfPacked(array)   ? fieldCost
+    double each = !follows                        ? warp::cost::gatherCost
+                  : warp::isPartOfPacked(array)   ? warp::cost::fieldCost
                   : warp::hasDenseElements(array) ? 2 * share
-                                                  : gatherCost;
+                                                  : warp::cost::gatherCost;
     return add(count, each * count, trips, use);
   }
   if (auto update = dyn_cast<warp::AtomicComponentsOp>(op)) {
@@ -226,22 +213,22 @@ void CostCounter::count(Operation *op, double trips, double use) {
       return isVarying(index);
     });
     double count = update.getComponents().size();
-    return add(4 * count, isOnePlace ? 1 : 4 * count + laneCost, trips, use);
+    return add(4 * count, isOnePlace ? 1 : 4 * count + warp::cost::laneCost, trips, use);
   }
   if (isa<warp::LibraryCallOp>(op))
-    return add(searchCost, searchCost + laneCost, trips, 1);
+    return add(warp::cost::searchCost, warp::cost::searchCost + warp::cost::laneCost, trips, 1);
   if (!isMemoryEffectFree(op))
-    return add(laneCost, 2 * laneCost, trips, 1);
+    return add(warp::cost::laneCost, 2 * warp::cost::laneCost, trips, 1);
   double work = 1;
   if (isa<arith::DivFOp, math::SqrtOp>(op))
-    work = rootCost;
+    work = warp::cost::rootCost;
   else if (isa<arith::DivSIOp, arith::DivUIOp, arith::RemSIOp, arith::RemUIOp>(
                op))
-    work = divisionCost;
+    work = warp::cost::divisionCost;
   else if (isa<math::MathDialect>(op->getDialect()) &&
            !isa<math::AbsFOp, math::FmaOp, math::FloorOp, math::CeilOp,
                 math::CopySignOp>(op))
-    work = callCost;
+    work = warp::cost::callCost;
   add(work, work * share, trips, use);
 }
 
@@ -249,7 +236,7 @@ void CostCounter::count(Operation *op, double trips, double use) {
 static int64_t chooseLanes(const Cost &cost, int64_t bits) {
   int64_t lanes = bits / (cost.wide > cost.narrow ? 64 : 32);
   // Two vectors in turn hide the latency of short bodies.
-  bool isShort = cost.operations <= (cost.hasLoop ? 40 * loopTrips : 24);
+  bool isShort = cost.operations <= (cost.hasLoop ? 40 * warp::cost::loopTrips : 24);
   return isShort ? 2 * lanes : lanes;
 }
 

@@ -74,7 +74,9 @@ bool warp::isPartOfPacked(Value array) {
 /// is not known or not worth whole vectors.
 int64_t Widening::unitStride(Value array, ValueRange indices, Block *where) {
   int64_t stride =
-      indices.empty() ? 0 : variance.step(indices.back()).value_or(0);
+      indices.empty() || inTurns
+          ? 0
+          : variance.step(indices.back()).value_or(0);
   bool fits = stride >= 1 && stride <= largestStride &&
               warp::hasDenseElements(array) &&
               llvm::none_of(indices.drop_back(),
@@ -125,59 +127,26 @@ void Widening::widenStore(warp::StoreComponentsOp op) {
     return isOneValue ? cloneScalar(op) : eachLane(op);
   }
   Block *where = op->getBlock();
-  warp::LaneForm form = unitStride(op.getArray(), op.getIndices(), where) == 1
-                            ? warp::LaneForm::unit
-                            : warp::LaneForm::gather;
+  int64_t stride = unitStride(op.getArray(), op.getIndices(), where);
+  warp::LaneForm form = stride ? warp::LaneForm::unit : warp::LaneForm::gather;
   Values components;
   for (Value component : op.getComponents())
     components.push_back(vector(component));
   warp::StoreLanesOp::create(b, loc, components, scalar(op.getArray()),
                              accessIndices(op.getIndices(), form), mask, form,
-                             nonNegative(op.getIndices(), where));
+                             nonNegative(op.getIndices(), where),
+                             std::max<int64_t>(stride, 1));
 }
 
 //===----------------------------------------------------------------------===//
 // Updates
 //===----------------------------------------------------------------------===//
 
-static SmallVector<warp::Leaf> leavesOf(warp::AtomicComponentsOp op) {
-  SmallVector<warp::Leaf> leaves;
-  warp::collectLeaves(
-      cast<warp::ArrayType>(op.getArray().getType()).getElementType(), 0,
-      leaves);
-  return leaves;
-}
-
-/// A quotient of what goes on by a step, and what is made of such.
-bool Widening::isSlow(Value index, int depth) {
-  Operation *op = index.getDefiningOp();
-  if (!isVarying(index))
-    return true;
-  if (!op || depth == 0 || op->getNumRegions() != 0 || !isMemoryEffectFree(op))
-    return false;
-  if (isa<arith::DivSIOp, arith::DivUIOp, arith::ShRSIOp, arith::ShRUIOp>(op) &&
-      variance.step(op->getOperand(0)) && !isVarying(op->getOperand(1))) {
-    APInt by;
-    bool isKnown = matchPattern(op->getOperand(1), m_ConstantInt(&by));
-    bool isShift = isa<arith::ShRSIOp, arith::ShRUIOp>(op);
-    return !isKnown || (isShift ? by.uge(llvm::Log2_64(lanes)) : by.sge(lanes));
-  }
-  // A choice that all lanes make together: one of the two may be meant for
-  // divisors that there never are.
-  auto choice = dyn_cast<arith::SelectOp>(op);
-  if (choice && !isVarying(choice.getCondition()))
-    return isSlow(choice.getTrueValue(), depth - 1) ||
-           isSlow(choice.getFalseValue(), depth - 1);
-  return llvm::all_of(op->getOperands(), [&](Value operand) {
-    return operand.getType().isInteger(1) || isSlow(operand, depth - 1);
-  });
-}
-
 /// One update by what all lanes have together.
 void Widening::updateTogether(warp::AtomicComponentsOp op, ValueRange indices) {
   warp::AtomicKind kind = warp::combiningKind(op.getKind());
   Values totals;
-  for (auto [leaf, value] : llvm::zip_equal(leavesOf(op), op.getComponents())) {
+  for (auto [leaf, value] : llvm::zip_equal(warp::leavesOf(op), op.getComponents())) {
     Value none = broadcast(warp::identity(b, loc, kind, leaf.type));
     Value term = vector(value);
     if (op.getKind() != kind)
@@ -230,25 +199,17 @@ void Widening::updateOneByOne(warp::AtomicComponentsOp op) {
 }
 
 void Widening::widenUpdate(warp::AtomicComponentsOp op) {
-  SmallVector<warp::Leaf> leaves = leavesOf(op);
-  bool isExact = op->hasAttr(warp::attr::sum);
-  bool isWide = llvm::all_of(leaves, [](const warp::Leaf &leaf) {
-    return leaf.type.getIntOrFloatBitWidth() >= 32;
-  });
-  bool isOnePlace = llvm::none_of(
-      op.getIndices(), [&](Value index) { return isVarying(index); });
-  bool isOpen = isWide && !isExact && commuting.contains(op);
-  if (isOnePlace && isOpen)
+  warp::UpdateAttr plan = warp::getUpdate(op);
+  if (plan.getScope() == warp::UpdateScope::lanes && plan.getRun() == 0)
     return updateTogether(
         op, accessIndices(op.getIndices(), warp::LaneForm::gather));
   Block *where = op->getBlock();
-  if (isExact || !op->use_empty())
+  if (plan.isExact() || !op->use_empty())
     return eachLane(op);
-  if (isOpen &&
-      llvm::all_of(op.getIndices(), [&](Value index) { return isSlow(index); }))
+  if (plan.getRun() >= lanes)
     return updateMaybeTogether(op);
-  if (!warp::getRecipe(kernel).getExclusive() ||
-      unitStride(op.getArray(), op.getIndices(), where) != 1)
+  int64_t stride = unitStride(op.getArray(), op.getIndices(), where);
+  if (!warp::getRecipe(kernel).getExclusive() || stride == 0)
     return updateOneByOne(op);
   // Lanes do not meet, and no other thread is there.
   SmallVector<Type> types;
@@ -258,14 +219,15 @@ void Widening::widenUpdate(warp::AtomicComponentsOp op) {
   SmallVector<bool> isRight = nonNegative(op.getIndices(), where);
   auto old = warp::LoadLanesOp::create(b, loc, types, scalar(op.getArray()),
                                        indices, mask, warp::LaneForm::unit,
-                                       isRight, /*stride=*/1);
+                                       isRight, stride);
   Values sums;
   for (auto [leaf, before, value] :
-       llvm::zip_equal(leaves, old.getComponents(), op.getComponents()))
+       llvm::zip_equal(warp::leavesOf(op), old.getComponents(),
+                       op.getComponents()))
     sums.push_back(
         warp::combine(b, loc, op.getKind(), before, vector(value), leaf.type));
   warp::StoreLanesOp::create(b, loc, sums, scalar(op.getArray()), indices, mask,
-                             warp::LaneForm::unit, isRight);
+                             warp::LaneForm::unit, isRight, stride);
 }
 
 //===----------------------------------------------------------------------===//

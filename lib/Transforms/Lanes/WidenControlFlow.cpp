@@ -15,16 +15,12 @@
 
 #include "Widening.h"
 
+#include "Analysis/CostModel.h"
+
 #include "mlir/Dialect/Math/IR/Math.h"
 
 using namespace mlir;
 using warp::Widening;
-
-/// Arms of more operations are worth a branch.
-constexpr int64_t longestFlat = 24;
-/// What some operations count.
-constexpr int64_t costOfCall = 12;
-constexpr int64_t costOfRoot = 4;
 
 //===----------------------------------------------------------------------===//
 // Branches
@@ -49,11 +45,11 @@ static std::optional<int64_t> flatCost(Region &region) {
               op))
         return std::nullopt;
       if (isa<arith::DivFOp, math::SqrtOp, math::RsqrtOp>(op))
-        cost += costOfRoot;
+        cost += warp::cost::flatRoot;
       else if (isa<math::MathDialect>(op.getDialect()) &&
                !isa<math::AbsFOp, math::FmaOp, math::FloorOp, math::CeilOp,
                     math::CopySignOp>(op))
-        cost += costOfCall;
+        cost += warp::cost::flatCall;
       else
         ++cost;
     }
@@ -63,7 +59,7 @@ static std::optional<int64_t> flatCost(Region &region) {
 static bool isFlat(scf::IfOp op) {
   auto then = flatCost(op.getThenRegion());
   auto otherwise = flatCost(op.getElseRegion());
-  return then && otherwise && *then + *otherwise <= longestFlat;
+  return then && otherwise && *then + *otherwise <= warp::cost::longestFlat;
 }
 
 void Widening::widenIf(scf::IfOp op) {

@@ -23,11 +23,13 @@
 
 #include "Widening.h"
 
+#include "Analysis/CostModel.h"
 #include "KernelFunction.h"
 #include "LanePlan.h"
 #include "Schedule.h"
 #include "Updates/Atomics.h"
 #include "WarpDialect/LibraryOps.h"
+#include "WarpDialect/TilePasses.h"
 
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
 #include "mlir/Dialect/Math/IR/Math.h"
@@ -77,7 +79,7 @@ Value Widening::choose(Value mask, Value x, Value y) {
 }
 
 bool Widening::hasBase(Value value) const {
-  return isVarying(value) && variance.step(value).has_value() &&
+  return !inTurns && isVarying(value) && variance.step(value).has_value() &&
          isa<IntegerType, IndexType>(value.getType()) &&
          !value.getType().isInteger(1);
 }
@@ -258,27 +260,31 @@ Widening::Values Widening::contributions() {
   return values;
 }
 
-void Widening::run() {
-  threads.walk([&](warp::AtomicComponentsOp op) {
-    if (warp::commutes(op))
-      commuting.insert(op);
-  });
+/// The threads in lanes, whose body is empty; goes on inside of them.
+warp::ThreadsOp Widening::makeThreads(IntegerAttr turns) {
   b.setInsertionPoint(threads);
   auto made = warp::ThreadsOp::create(
       b, loc, threads.getResultTypes(), threads.getKindsAttr(),
-      threads.getTypesAttr(), b.getI64IntegerAttr(lanes));
+      threads.getTypesAttr(), b.getI64IntegerAttr(lanes), turns);
   SmallVector<Type> types;
   for (BlockArgument index : threads.getIndices())
     types.push_back(index.getType());
   types.push_back(lanesOf(b.getI1Type()));
+  if (turns)
+    types.push_back(b.getI32Type());
   body = b.createBlock(&made.getBody(), {}, types,
-                              SmallVector<Location>(types.size(), loc));
-  mask = body->getArguments().back();
+                       SmallVector<Location>(types.size(), loc));
+  mask = made.getLive();
   for (BlockArgument argument : kernel.getArguments())
     setScalar(argument, argument);
   for (auto [index, argument] :
        llvm::zip(threads.getIndices(), body->getArguments()))
     setScalar(index, argument);
+  return made;
+}
+
+void Widening::run() {
+  warp::ThreadsOp made = makeThreads(/*turns=*/IntegerAttr());
   Value last = threads.getIndices().back();
   auto numbers = warp::LaneNumbersOp::create(b, loc, lanesOf(last.getType()));
   setVector(last, arith::AddIOp::create(b, loc, broadcast(scalar(last)),
@@ -301,13 +307,23 @@ struct WidenThreads : warp::impl::WidenThreadsBase<WidenThreads> {
     if (!threads || warp::isGpu(kernel) ||
         warp::getVariant(kernel).getDebug())
       return;
+    if (kernel->hasAttr(warp::attr::blockThreads))
+      return warp::noteChoice(kernel, "lanes", "1",
+                              "loops over elements of tiles have them");
     warp::foldViews(kernel);
     warp::ThreadVariance variance(kernel);
     warp::LanePlan plan = warp::planLanes(kernel, threads, variance);
     warp::noteChoice(kernel, "lanes", Twine(plan.lanes), plan.reason);
     if (plan.lanes == 1)
       return;
-    Widening(kernel, threads, variance, plan.lanes).run();
+    Widening widening(kernel, threads, variance, plan.lanes);
+    if (scf::WhileOp loop = warp::findTurns(threads, variance)) {
+      warp::noteChoice(kernel, "loop", "lanes that are done take a next thread",
+                       "threads leave it at different times", loop);
+      widening.takeTurns(loop, warp::cost::threadsInTurns / plan.lanes);
+    } else {
+      widening.run();
+    }
     warp::setRecipe(kernel, warp::getRecipe(kernel).withLanes(plan.lanes));
   }
 };

@@ -40,11 +40,16 @@ public:
 
   /// Replaces the threads.
   void run();
+  /// Likewise, by lanes that each take up to `turns` threads, as `findTurns`
+  /// says of a loop.
+  void takeTurns(mlir::scf::WhileOp loop, int64_t turns);
 
 private:
   using Values = llvm::SmallVector<mlir::Value>;
 
   bool isVarying(mlir::Value value) const {
+    if (inTurns)
+      return variance.agreement(value, Scope::Lanes) != Agreement::Yes;
     return !variance.isUniform(value, Scope::Lanes);
   }
   /// Whether a value also has a scalar of the first lane.
@@ -65,6 +70,7 @@ private:
                    mlir::ValueRange forms);
 
   // WidenThreads.cpp
+  ThreadsOp makeThreads(mlir::IntegerAttr turns);
   void widen(mlir::Block &block);
   void widen(mlir::Operation *op);
   void cloneScalar(mlir::Operation *op);
@@ -82,12 +88,21 @@ private:
   void widenWhile(mlir::scf::WhileOp op);
   void widenDivergentWhile(mlir::scf::WhileOp op);
 
+  // WidenTurns.cpp
+  bool variesInTurns(mlir::Operation *op);
+  void widenBefore(mlir::scf::WhileOp loop);
+  Values beginTurn(mlir::scf::WhileOp loop, mlir::Value fresh,
+                   llvm::ArrayRef<mlir::Value> carried,
+                   llvm::ArrayRef<mlir::Value> kept, mlir::ValueRange old);
+  Values runTurns(mlir::scf::WhileOp loop, mlir::Value live, mlir::Value next,
+                  llvm::ArrayRef<mlir::Value> carried,
+                  llvm::ArrayRef<mlir::Value> results, mlir::ValueRange begun);
+  mlir::Value zeros(mlir::Type type);
+
   // WidenAccesses.cpp
   void widenLoad(LoadComponentsOp op);
   void widenStore(StoreComponentsOp op);
   void widenUpdate(AtomicComponentsOp op);
-  /// Whether neighbours mostly have the same index.
-  bool isSlow(mlir::Value index, int depth = 6);
   void updateTogether(AtomicComponentsOp op, mlir::ValueRange indices);
   void updateMaybeTogether(AtomicComponentsOp op);
   void updateOneByOne(AtomicComponentsOp op);
@@ -115,6 +130,8 @@ private:
   ThreadsOp threads;
   const ThreadVariance &variance;
   int64_t lanes;
+  /// Lanes may be in different iterations, of threads that are no neighbours.
+  bool inTurns = false;
   mlir::OpBuilder b;
   mlir::Location loc;
   /// Of the widened threads.
@@ -122,8 +139,6 @@ private:
   /// Lanes that run the code at the insertion point; at least one of them.
   mlir::Value mask;
   llvm::DenseMap<mlir::Value, mlir::Value> scalars, vectors;
-  /// Updates whose order is open, as the kernel was before.
-  llvm::DenseSet<mlir::Operation *> commuting;
 };
 
 } // namespace warp

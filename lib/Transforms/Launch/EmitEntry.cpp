@@ -22,9 +22,11 @@
 //===----------------------------------------------------------------------===//
 
 #include "EntryBuilder.h"
+#include "GpuBlock.h"
 #include "Updates/Atomics.h"
 #include "Updates/BlockReduce.h"
 #include "WarpDialect/ParameterLayout.h"
+#include "WarpDialect/TileOps.h"
 #include "warp/ExactSums.h"
 #include "warp/Launch.h"
 
@@ -135,13 +137,16 @@ EntryBuilder::Values EntryBuilder::combine(ValueRange sums, ValueRange terms) {
 
 /// A copy of the thread with these indices; with lanes also what is live.
 /// Returns what it yields.
-EntryBuilder::Values EntryBuilder::cloneThread(ValueRange indices, Value live) {
+EntryBuilder::Values EntryBuilder::cloneThread(ValueRange indices, Value live,
+                                               Value count) {
   IRMapping map;
   for (auto [argument, index] :
        llvm::zip_equal(threads.getIndices(), indices))
     map.map(argument, narrow(index, argument.getType()));
   if (live)
     map.map(threads.getLive(), live);
+  if (count)
+    map.map(threads.getCount(), narrow(count, b.getI32Type()));
   for (Operation &op : threads.getThread()->without_terminator())
     b.clone(op, map);
   return llvm::map_to_vector(threads.getYield()->getOperands(), [&](Value v) {
@@ -196,6 +201,24 @@ static void inlineOnce(warp::OnceOp once, function_ref<Value()> isFirst) {
   once->erase();
 }
 
+/// On a CPU a block is one thread.
+static void lowerBlockOps(LLVM::LLVMFuncOp entry, bool gpu) {
+  entry.walk([&](Operation *op) {
+    OpBuilder b(op);
+    if (isa<warp::BarrierOp>(op)) {
+      if (gpu)
+        warp::synchronizeBlock(b, op->getLoc());
+      op->erase();
+    } else if (isa<warp::ThreadNumberOp>(op)) {
+      Value zero = arith::ConstantOp::create(b, op->getLoc(),
+                                             b.getI32IntegerAttr(0));
+      op->getResult(0).replaceAllUsesWith(
+          gpu ? warp::threadInBlock(b, op->getLoc()) : zero);
+      op->erase();
+    }
+  });
+}
+
 void EntryBuilder::build() {
   bool gpu = warp::isGpu(kernel);
   if (gpu)
@@ -231,6 +254,7 @@ void EntryBuilder::build() {
     };
     inlineOnce(op, gpu ? function_ref<Value()>(isFirst) : nullptr);
   }
+  lowerBlockOps(entry, gpu);
   kernel->erase();
 }
 

@@ -13,6 +13,8 @@
 #include "Schedule.h"
 #include "Updates/BlockReduce.h"
 #include "WarpDialect/ParameterLayout.h"
+#include "WarpDialect/TilePasses.h"
+#include "warp/SizeFacts.h"
 
 using namespace mlir;
 using warp::EntryBuilder;
@@ -106,29 +108,41 @@ EntryBuilder::Values EntryBuilder::buildOneBlock() {
 // Forms
 //===----------------------------------------------------------------------===//
 
-/// Decides how the launch is made, and notes whether one of another size would
-/// be made in another way.
+/// Notes what of the size of the launch the code depends on.
+void EntryBuilder::dependOn(int facts) {
+  warp::setRecipe(kernel, warp::getRecipe(kernel).withFacts(facts));
+}
+
+/// Decides how the launch is made.
 void EntryBuilder::planGpu() {
   if (warp::getRecipe(kernel).getExclusive()) {
     form = Form::Block;
     return warp::noteChoice(kernel, "blocks", "1", "sums are in one order");
   }
-  bool turns = planTiles();
-  if (turns)
-    kernel->setAttr(warp::attr::sized, b.getUnitAttr());
-  if (turns && !kernel->hasAttr(warp::attr::narrow)) {
-    form = Form::Tiles;
-    return warp::noteChoice(kernel, "tiles", "32 x 32",
-                            "indices are exchanged; warps touch whole lines",
-                            *turned.begin());
+  if (kernel->hasAttr(warp::attr::blockThreads))
+    return warp::noteChoice(kernel, "items", "1",
+                            "the threads of a block work together");
+  int facts = 0;
+  if (planTiles()) {
+    facts |= warp::narrowFact;
+    if (!variant.getNarrow()) {
+      form = Form::Tiles;
+      dependOn(facts);
+      return warp::noteChoice(kernel, "tiles", "32 x 32",
+                              "indices are exchanged; warps touch whole lines",
+                              *turned.begin());
+    }
   }
-  bool large = variant.getLarge();
-  bool under = kernel->hasAttr(warp::attr::under);
+  bool large = variant.getLarge(), under = variant.getUnder();
   int64_t most = countItems();
   bool sums = sumsManyItems();
   scf::ForOp shared = findSharedLoop(), split = findSplitLoop();
-  if (most > 1 || sums || shared || split)
-    kernel->setAttr(warp::attr::sized, b.getUnitAttr());
+  bool hasItems = sums || most > 1;
+  if (hasItems)
+    facts |= warp::largeFact;
+  if ((shared || split) && !(large && hasItems))
+    facts |= warp::underFact;
+  dependOn(facts);
   if (large && sums) {
     form = Form::Sums;
     warp::noteChoice(kernel, "items", Twine(summedItems),

@@ -304,8 +304,7 @@ EntryBuilder::Values EntryBuilder::buildPlanes() {
     item.push_back(x);
     indices.push_back(item);
   }
-  if (rows > 1)
-    entry->setAttr(warp::attr::rows, b.getI64IntegerAttr(rows));
+  warp::setRecipe(entry, warp::getRecipe(entry).withRows(rows));
   return buildItems(indices, whole, [&] {
     Values item{buildLoop(start, end, dims[0], one)};
     if (rows > 1)

@@ -12,7 +12,7 @@
 //   for j in range(n): a += f(x[i], x[j]); b += f(x[i + block], x[j])
 //
 // It takes half as many threads, so launches that would not fill the card
-// (`warp.under`) stay as they are. Every index keeps the order of its own
+// (`under`) stay as they are. Every index keeps the order of its own
 // operations. A thread with one index left does it twice and stores once.
 //
 //===----------------------------------------------------------------------===//

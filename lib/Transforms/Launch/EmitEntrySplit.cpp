@@ -181,7 +181,7 @@ EntryBuilder::Values EntryBuilder::buildSplit() {
   Value isPartZero =
       cmp(arith::CmpIPredicate::eq, part, constant(i32, 0));
   Value isFirst = arith::AndIOp::create(b, loc, isPartZero, exists);
-  entry->setAttr(warp::attr::split, b.getI64IntegerAttr(parts));
+  warp::setRecipe(entry, warp::getRecipe(entry).withSplit(parts));
 
   IRMapping map;
   map.map(threads.getIndices()[0],

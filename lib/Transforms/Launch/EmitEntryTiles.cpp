@@ -345,7 +345,7 @@ EntryBuilder::Values EntryBuilder::buildTiles() {
   Value memory = warp::makeShared(b, loc, kernel->getParentOfType<ModuleOp>(),
                                   type, "squares");
   auto branch = scf::IfOp::create(b, loc, whole, /*withElseRegion=*/true);
-  entry->setAttr(warp::attr::tile, b.getI64IntegerAttr(side));
+  warp::setRecipe(entry, warp::getRecipe(entry).withTile(side));
 
   OpBuilder::InsertionGuard guard(b);
   b.setInsertionPointToStart(branch.thenBlock());

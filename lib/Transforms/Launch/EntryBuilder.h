@@ -57,7 +57,9 @@ private:
   void readArguments();
   Values identities(bool inLanes);
   Values combine(mlir::ValueRange sums, mlir::ValueRange terms);
-  Values cloneThread(mlir::ValueRange indices, mlir::Value live);
+  /// `live` and `count` with lanes, and turns.
+  Values cloneThread(mlir::ValueRange indices, mlir::Value live,
+                     mlir::Value count = {});
   Values takeThread(mlir::ValueRange indices);
   Values unravel(mlir::Value row, int count);
 
@@ -74,6 +76,8 @@ private:
                         mlir::ValueRange outer, mlir::ValueRange sums);
   Values buildMaskedLanes(mlir::Value begin, mlir::Value end,
                           mlir::ValueRange outer, mlir::ValueRange sums);
+  Values buildTurns(mlir::Value begin, mlir::Value end,
+                    mlir::ValueRange outer);
   mlir::Value liveLanes(mlir::Value count);
 
   // EmitEntryGpu.cpp and EmitEntryItems.cpp
@@ -94,6 +98,7 @@ private:
   int64_t countItems();
   bool sumsManyItems();
   void planGpu();
+  void dependOn(int facts);
   Values buildJammed();
   mlir::scf::ForOp findSharedLoop();
   Values buildSplit();

@@ -4,7 +4,9 @@
 //
 // Optimisers that may contract do so by what they see, and see other code where
 // threads are lanes, items are interleaved or loops unrolled. So what rounds is
-// decided here, once, and nothing contracts afterwards.
+// decided here, once, and nothing contracts afterwards. Processors without the
+// instruction compute the same by a function, as results must not depend on
+// where they were computed.
 //
 //===----------------------------------------------------------------------===//
 
@@ -20,9 +22,6 @@ namespace warp {
 } // namespace warp
 
 using namespace mlir;
-
-/// Processors with vectors of that size fuse.
-constexpr int64_t fusingBits = 256;
 
 /// The product that a sum may take over: it has no other use, and is computed
 /// as often.
@@ -66,10 +65,7 @@ struct FuseMultiplyAdd : warp::impl::FuseMultiplyAddBase<FuseMultiplyAdd> {
     FunctionOpInterface kernel = warp::findKernel(getOperation());
     if (!kernel)
       return signalPassFailure();
-    warp::TargetAttr target = warp::getVariant(kernel).getTarget();
-    bool gpu = target.isGpu();
-    if (!gpu && target.getBits() < fusingBits)
-      return;
+    bool gpu = warp::isGpu(kernel);
     SmallVector<Operation *> sums;
     kernel->walk([&](Operation *op) {
       if (!isa<arith::AddFOp, arith::SubFOp>(op))

@@ -19,11 +19,22 @@
 #include "Emit/ArrayLowering.h"
 #include "Updates/Atomics.h"
 #include "GpuBlock.h"
-#include "RotateLoops.h"
+#include "Rotation.h"
 #include "WarpDialect/Passes.h"
 
 using namespace mlir;
 using warp::Rotation;
+
+Rotation::Rotation(scf::ForOp loop, LLVM::LLVMFuncOp entry,
+                   const RingLoop &ring)
+    : loop(loop), entry(entry), b(loop), loc(loop.getLoc()),
+      compared(ring.compared) {
+  for (AtomicComponentsOp op : ring.updates) {
+    Update &update = updates.emplace_back(Update{op, {}, {}, {}});
+    for (warp::Leaf leaf : warp::leavesOf(op))
+      update.types.push_back(leaf.type);
+  }
+}
 
 /// At the start of the entry, from where mem2reg takes it away again.
 void Rotation::makeSlots() {

@@ -49,7 +49,7 @@ struct Specialize : warp::impl::SpecializeBase<Specialize> {
                                       [&] { return kernel.emitError(); });
       if (!variant)
         return signalPassFailure();
-      warp::attachVariant(kernel, variant, options);
+      kernel->setAttr(warp::attr::variant, variant);
     }
     warp::VariantAttr variant = warp::getVariant(kernel);
     rank = variant.getRank();

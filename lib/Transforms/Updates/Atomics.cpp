@@ -54,12 +54,39 @@ Value warp::combine(OpBuilder &b, Location loc, AtomicKind kind, Value old,
   llvm_unreachable("unknown atomic");
 }
 
+warp::UpdateAttr warp::getUpdate(Operation *update) {
+  auto plan = update->getAttrOfType<UpdateAttr>(attr::update);
+  return plan ? plan
+              : UpdateAttr::get(update->getContext(), UpdateScope::thread,
+                                /*run=*/0, /*sum=*/-1);
+}
+
+void warp::setUpdate(Operation *update, UpdateScope scope, int64_t run) {
+  update->setAttr(attr::update,
+                  UpdateAttr::get(update->getContext(), scope, run,
+                                  getUpdate(update).getSum()));
+}
+
+SmallVector<warp::Leaf> warp::leavesOf(AtomicComponentsOp update) {
+  SmallVector<Leaf> leaves;
+  collectLeaves(cast<ArrayType>(update.getArray().getType()).getElementType(),
+                0, leaves);
+  return leaves;
+}
+
+bool warp::canCombine(AtomicComponentsOp update) {
+  return commutes(update) &&
+         llvm::all_of(update.getResultTypes(), [](Type type) {
+           return type.getIntOrFloatBitWidth() >= 32;
+         });
+}
+
 bool warp::dependsOnOrder(Operation *update) {
   auto atomic = dyn_cast<AtomicComponentsOp>(update);
   if (!atomic)
     return isa<AtomicCasOp>(update);
   AtomicKind kind = atomic.getKind();
-  if (atomic->hasAttr(attr::sum))
+  if (getUpdate(atomic).isExact())
     return false;
   if (!atomic->use_empty() || kind == AtomicKind::exch)
     return true;
@@ -111,7 +138,7 @@ bool warp::commutes(AtomicComponentsOp op) {
   if (kind != AtomicKind::add && kind != AtomicKind::min &&
       kind != AtomicKind::max)
     return false;
-  return !op->hasAttr(attr::sum) && hasOneName(op.getArray()) &&
+  return !getUpdate(op).isExact() && hasOneName(op.getArray()) &&
          llvm::all_of(op.getArray().getUsers(), [&](Operation *user) {
            auto other = dyn_cast<AtomicComponentsOp>(user);
            return isa<DimOp>(user) ||

@@ -7,6 +7,7 @@
 #ifndef WARP_LIB_TRANSFORMS_ATOMICS_H
 #define WARP_LIB_TRANSFORMS_ATOMICS_H
 
+#include "WarpDialect/ParameterLayout.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/IR/Builders.h"
@@ -26,10 +27,21 @@ mlir::Value negate(mlir::OpBuilder &b, mlir::Location loc, mlir::Value value);
 /// How results of an update combine: subtracting is adding a negative.
 AtomicKind combiningKind(AtomicKind kind);
 
+/// How an update is to be made: as warp-plan-updates says, by each thread where
+/// that has not been.
+UpdateAttr getUpdate(mlir::Operation *update);
+void setUpdate(mlir::Operation *update, UpdateScope scope, int64_t run = 0);
+
+/// The parts of the element that an update is of.
+llvm::SmallVector<Leaf> leavesOf(AtomicComponentsOp update);
+
 /// Whether an update may be made later, and others of its array before it: its
 /// old value is unused, and nothing in the kernel does anything else to the
 /// array than update it in a way that commutes. Exact sums go their own way.
 bool commutes(AtomicComponentsOp update);
+/// Whether partial results may be combined besides: those of fewer than 32 bits
+/// would round.
+bool canCombine(AtomicComponentsOp update);
 
 /// The value that changes nothing when it is combined. `type` still has its
 /// sign.

@@ -11,8 +11,7 @@
 // to the update together and agree on k and i, they combine their values by
 // shuffles, and the first lane makes the only update.
 //
-// The array must not be accessed in other ways, as a thread may not find its
-// own update there yet. Partial results of fewer than 32 bits would round.
+// warp-plan-updates says which updates these are.
 //
 //===----------------------------------------------------------------------===//
 
@@ -21,7 +20,6 @@
 #include "KernelFunction.h"
 #include "Launch/GpuBlock.h"
 #include "Schedule.h"
-#include "WarpDialect/ParameterLayout.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
@@ -34,19 +32,16 @@ namespace warp {
 using namespace mlir;
 using warp::AtomicComponentsOp;
 
-/// Whether threads of a warp may be expected to update the same element; what
-/// they must agree on is added to `compared`.
+/// Whether threads of a warp update the same element if they agree on what is
+/// added to `compared`.
 static bool updatesOneElement(AtomicComponentsOp op,
                               const warp::ThreadVariance &variance,
                               llvm::SetVector<Value> &compared) {
   auto isKnown = [&](Value value) {
     return variance.isUniformIfEqual(value, compared);
   };
-  return warp::commutes(op) && isKnown(op.getArray()) &&
-         llvm::all_of(op.getIndices(), isKnown) && !compared.empty() &&
-         llvm::all_of(op.getResultTypes(), [](Type type) {
-           return type.getIntOrFloatBitWidth() >= 32;
-         });
+  return isKnown(op.getArray()) && llvm::all_of(op.getIndices(), isKnown) &&
+         !compared.empty();
 }
 
 static void combineOverWarp(AtomicComponentsOp op, ArrayRef<Value> compared) {
@@ -57,13 +52,9 @@ static void combineOverWarp(AtomicComponentsOp op, ArrayRef<Value> compared) {
   op->moveBefore(branch.elseBlock()->getTerminator());
 
   b.setInsertionPointToStart(branch.thenBlock());
-  SmallVector<warp::Leaf> leaves;
-  warp::collectLeaves(
-      cast<warp::ArrayType>(op.getArray().getType()).getElementType(), 0,
-      leaves);
   SmallVector<Value> totals;
   warp::AtomicKind kind = warp::combiningKind(op.getKind());
-  for (auto [leaf, value] : llvm::zip_equal(leaves, op.getComponents()))
+  for (auto [leaf, value] : llvm::zip_equal(warp::leavesOf(op), op.getComponents()))
     totals.push_back(
         warp::overLanes(b, loc, value, [&, type = leaf.type](Value x, Value y) {
           return warp::combine(b, loc, kind, x, y, type, /*anyOrder=*/true);
@@ -87,15 +78,16 @@ struct CombineOverWarps : warp::impl::CombineOverWarpsBase<CombineOverWarps> {
   }
 
   void runOnOperation() override {
-    FunctionOpInterface found = warp::findEntry(getOperation());
-    if (!found)
+    FunctionOpInterface entry = warp::findEntry(getOperation());
+    if (!entry)
       return signalPassFailure();
-    auto entry = dyn_cast<LLVM::LLVMFuncOp>(found.getOperation());
-    if (!entry || !warp::isGpu(entry) || warp::getVariant(entry).getDebug() ||
-        warp::getVariant(entry).isDeterministic())
+    if (!warp::isGpu(entry))
       return;
     SmallVector<AtomicComponentsOp> updates;
-    entry.walk([&](AtomicComponentsOp op) { updates.push_back(op); });
+    entry->walk([&](AtomicComponentsOp op) {
+      if (warp::getUpdate(op).getScope() == warp::UpdateScope::lanes)
+        updates.push_back(op);
+    });
     if (updates.empty())
       return;
     // What is built leaves the values that the analysis knows as they are.

@@ -15,6 +15,8 @@
 #include "CopiedArrays.h"
 
 #include "Analysis/ArrayOrigins.h"
+#include "Analysis/CostModel.h"
+#include "Atomics.h"
 #include "KernelFunction.h"
 #include "WarpDialect/ParameterLayout.h"
 #include "WarpDialect/WarpOps.h"
@@ -27,14 +29,10 @@
 
 using namespace mlir;
 
-static constexpr llvm::StringLiteral arraysName = "warp.copied";
-/// Picoseconds.
-static constexpr llvm::StringLiteral timesName = "warp.update_times";
-
 /// The type of the numbers that an update adds; null if it does anything else.
 static Type typeOfSum(warp::AccessOp op) {
   auto kind = op.getCombination();
-  if (!op.isUpdate() || !op->use_empty() || op->hasAttr(warp::attr::sum) ||
+  if (!op.isUpdate() || !op->use_empty() || warp::getUpdate(op).isExact() ||
       (kind != warp::AtomicKind::add && kind != warp::AtomicKind::sub))
     return {};
   auto types = op.getWritten().getTypes();
@@ -60,6 +58,9 @@ public:
   explicit Finder(FunctionOpInterface kernel)
       : kernel(kernel), origins(kernel, /*disjoint=*/true) {}
 
+  /// The arrays that a kernel in phase `launch` updates atomically, if all of
+  /// these updates add numbers and nothing else happens to the arrays, provided
+  /// that those of a launch are disjoint. None otherwise.
   std::vector<warp::CopiedArray> run();
 
 private:
@@ -161,33 +162,37 @@ std::vector<warp::CopiedArray> Finder::run() {
   return found;
 }
 
-std::vector<warp::CopiedArray> warp::findCopied(FunctionOpInterface kernel) {
-  return Finder(kernel).run();
+/// In picoseconds.
+static int64_t toTime(double cycles) {
+  return int64_t(cycles / warp::cost::cyclesPerNanosecond * 1e3);
 }
 
-void warp::attachCopied(Operation *kernel, const CopiedArrays &copied) {
-  Builder b(kernel->getContext());
+bool warp::offerCopies(FunctionOpInterface kernel, const UpdateCosts &costs) {
   SmallVector<Attribute> list;
-  for (const CopiedArray &array : copied.list)
-    list.push_back(b.getDenseI64ArrayAttr(
-        {array.descriptor, array.gradient, array.elementSize, array.numbers,
-         array.width, array.floating}));
-  kernel->setAttr(arraysName, b.getArrayAttr(list));
-  kernel->setAttr(timesName,
-                  b.getDenseI64ArrayAttr({int64_t(copied.plainTime * 1e3),
-                                          int64_t(copied.atomicTime * 1e3)}));
+  MLIRContext *context = kernel->getContext();
+  for (const CopiedArray &array : Finder(kernel).run())
+    list.push_back(CopiedArrayAttr::get(
+        context, array.descriptor, array.gradient, array.elementSize,
+        array.numbers, array.width, array.floating));
+  if (list.empty())
+    return false;
+  auto copied =
+      CopiedAttr::get(context, ArrayAttr::get(context, list),
+                      toTime(costs.plain), toTime(costs.atomic));
+  setRecipe(kernel, getRecipe(kernel).withCopied(copied));
+  return true;
 }
 
-warp::CopiedArrays warp::readCopied(Operation *entry) {
+warp::CopiedArrays warp::readCopied(RecipeAttr recipe) {
   CopiedArrays copied;
-  auto list = entry->getAttrOfType<ArrayAttr>(arraysName);
-  auto times = entry->getAttrOfType<DenseI64ArrayAttr>(timesName);
-  if (!list || !times)
+  CopiedAttr found = recipe.getCopied();
+  if (!found)
     return copied;
-  for (auto facts : list.getAsRange<DenseI64ArrayAttr>())
-    copied.list.push_back(
-        {facts[0], facts[1], facts[2], facts[3], facts[4], facts[5]});
-  copied.plainTime = double(times[0]) / 1e3;
-  copied.atomicTime = double(times[1]) / 1e3;
+  for (auto array : found.getArrays().getAsRange<CopiedArrayAttr>())
+    copied.list.push_back({array.getDescriptor(), array.getGradient(),
+                           array.getElementSize(), array.getNumbers(),
+                           array.getWidth(), array.getFloating()});
+  copied.plainTime = double(found.getPlainTime()) / 1e3;
+  copied.atomicTime = double(found.getAtomicTime()) / 1e3;
   return copied;
 }

@@ -7,20 +7,19 @@
 #ifndef WARP_LIB_TRANSFORMS_COPIEDARRAYS_H
 #define WARP_LIB_TRANSFORMS_COPIEDARRAYS_H
 
+#include "UpdateCosts.h"
+#include "WarpDialect/WarpAttributes.h"
 #include "warp/PrivateCopies.h"
 
 #include "mlir/Interfaces/FunctionInterfaces.h"
 
 namespace warp {
 
-/// The arrays that a kernel in phase `launch` updates atomically, if all of
-/// these updates add numbers and nothing else happens to the arrays, provided
-/// that those of a launch are disjoint. None otherwise.
-std::vector<CopiedArray> findCopied(mlir::FunctionOpInterface kernel);
+/// Lists in the recipe the arrays whose copies would spare atomic instructions,
+/// if those would spare all; whether there are any.
+bool offerCopies(mlir::FunctionOpInterface kernel, const UpdateCosts &costs);
 
-/// Attaches to a kernel what `readCopied` finds on its entry.
-void attachCopied(mlir::Operation *kernel, const CopiedArrays &copied);
-CopiedArrays readCopied(mlir::Operation *entry);
+CopiedArrays readCopied(RecipeAttr recipe);
 
 } // namespace warp
 

@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Each component of an update that warp-sum-exactly has marked becomes a call
+// Each component of an update that warp-plan-updates has marked becomes a call
 // that adds its digits to those of the element's sum. The sums of a launch lie
 // in memory of their own, so an entry with no other atomics need not have its
 // arrays to itself.
@@ -36,12 +36,9 @@ namespace warp {
 
 using namespace mlir;
 
-/// Components of an element that a range has sums of its own for.
-constexpr unsigned fewComponents = 16;
-
 /// Where the descriptor of an exact update's sums lies.
 static int64_t getDescriptor(Operation *op) {
-  return op->getAttrOfType<IntegerAttr>(warp::attr::sum).getInt();
+  return warp::getUpdate(op).getSum();
 }
 
 namespace {
@@ -130,16 +127,12 @@ SmallVector<Value> SumLowering::numbers(warp::AtomicComponentsOp op,
     base = read(b.getI64Type(),
                 descriptor + offsetof(warp::SumDescriptor, base));
   }
-  SmallVector<warp::Leaf> leaves;
-  warp::collectLeaves(
-      cast<warp::ArrayType>(op.getArray().getType()).getElementType(), 0,
-      leaves);
   unsigned bits = op.getResultTypes()[0].isF32() ? 2 : 3;
   Value distance = arith::SubIOp::create(b, loc, address, base);
   Value number =
       arith::ShRUIOp::create(b, loc, distance, constant(bits));
   SmallVector<Value> list;
-  for (warp::Leaf leaf : leaves)
+  for (warp::Leaf leaf : warp::leavesOf(op))
     list.push_back(
         arith::AddIOp::create(b, loc, number, constant(leaf.offset >> bits)));
   return list;
@@ -271,19 +264,9 @@ void SumLowering::lowerInBlock(warp::AtomicComponentsOp op) {
 }
 
 void SumLowering::lower(warp::AtomicComponentsOp op) {
-  bool gpu = warp::isGpu(entry);
-  bool together = !debug && op.getNumResults() <= fewComponents &&
-                  warp::isInvariant(op.getArray(), first) &&
-                  llvm::all_of(op.getIndices(), [&](Value index) {
-                    return warp::isInvariant(index, first);
-                  });
-  // The threads of a single block are not all there at its end.
-  if (gpu && (warp::getRecipe(entry).getExclusive() ||
-              !warp::getVariant(entry).hasWholeWarps()))
-    together = false;
-  if (!together)
+  if (warp::getUpdate(op).getScope() != warp::UpdateScope::group)
     lowerShared(op);
-  else if (gpu)
+  else if (warp::isGpu(entry))
     lowerInBlock(op);
   else
     lowerInRange(op);
@@ -305,7 +288,7 @@ struct LowerSums : warp::impl::LowerSumsBase<LowerSums> {
       return;
     SmallVector<warp::AtomicComponentsOp> found;
     entry.walk([&](warp::AtomicComponentsOp op) {
-      if (op->hasAttr(warp::attr::sum))
+      if (warp::getUpdate(op).isExact())
         found.push_back(op);
     });
     SumLowering lowering(entry);

@@ -11,14 +11,14 @@
 
 #include "UnrollUpdates.h"
 
+#include "Analysis/CostModel.h"
 #include "Analysis/ThreadVariance.h"
 #include "Atomics.h"
 #include "Launch/UnrollLoop.h"
 
 using namespace mlir;
+namespace cost = warp::cost;
 
-/// Partial sums that a thread can keep in registers.
-constexpr int64_t maxSums = 16;
 /// Operations of all iterations together.
 constexpr int64_t maxOperations = 1024;
 
@@ -37,7 +37,7 @@ static bool followsCounter(warp::AtomicComponentsOp update, scf::ForOp loop,
 static bool shouldUnroll(scf::ForOp loop,
                          const warp::ThreadVariance &variance) {
   std::optional<int64_t> trips = warp::getConstantTrips(loop);
-  if (!trips || *trips > maxSums)
+  if (!trips || *trips > cost::mostSums)
     return false;
   int64_t operations = 0, sums = 0;
   loop.getBody()->walk([&](Operation *op) {
@@ -48,7 +48,7 @@ static bool shouldUnroll(scf::ForOp loop,
     if (followsCounter(update, loop, variance))
       sums += update.getComponents().size();
   });
-  return sums > 0 && sums * *trips <= maxSums &&
+  return sums > 0 && sums * *trips <= cost::mostSums &&
          operations * *trips <= maxOperations;
 }
 

@@ -6,7 +6,7 @@ import signal
 import sys
 
 
-class LostWork(Exception):
+class LostWorkError(Exception):
     """A question that got no answer.
 
     Attributes:
@@ -50,7 +50,7 @@ class Remote:
         """The answer.
 
         Raises:
-            LostWork: it took too long, took the process down, or could not be prepared.
+            LostWorkError: it took too long, took the process down, or could not be prepared.
         """
         try:
             self._start()
@@ -62,9 +62,9 @@ class Remote:
             code = self.process.exitcode
             self.stop()
             reason = f"took its process down (exit status {code})"
-            raise LostWork("failed", reason) from None
+            raise LostWorkError("failed", reason) from None
         self.stop()
-        raise LostWork("timeout", f"did not end within {self.limit:g} s")
+        raise LostWorkError("timeout", f"did not end within {self.limit:g} s")
 
     def _start(self):
         if self.process is not None:
@@ -87,7 +87,7 @@ class Remote:
         answer = self.pipe.recv()
         if answer != "ready":
             self.stop()
-            raise LostWork("failed", answer)
+            raise LostWorkError("failed", answer)
 
     def stop(self):
         """End the process, at once if it does not answer."""

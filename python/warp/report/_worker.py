@@ -3,7 +3,7 @@
 import runpy
 
 from warp.report._measure import measure, unpack_case, verdict
-from warp.report._remote import LostWork, Remote
+from warp.report._remote import LostWorkError, Remote
 from warp.report._scene import registered
 
 
@@ -40,7 +40,7 @@ class Worker:
         data |= {"parameters": case.parameters, "quick": case.quick}
         try:
             return self.remote.ask(data)
-        except LostWork as lost:
+        except LostWorkError as lost:
             return self._lost(case, lost.status, str(lost))
 
     def _lost(self, case, status, reason):

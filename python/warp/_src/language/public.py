@@ -12,6 +12,7 @@ _SUBMODULES = ("autograd", "geometry", "optim", "sparse", "types", "utils")
 _RARE = {
     name: home
     for home, held in (
+        ("kernels.tiled", ("launch_tiled",)),
         ("logger", ("Logger", "ScopedLogLevel", "ScopedLogger", "get_logger", "set_logger")),
         (
             "devices.timing",

@@ -8,13 +8,22 @@ from pathlib import Path
 
 import warp as wp
 from warp.report._records import provenance
-from warp.report._remote import LostWork, Remote
+from warp.report._remote import LostWorkError, Remote
 from warp.report._run import Progress
 from warp.report._worker import load
 from warp.report.stability._case import SECTIONS, VERDICTS, expand, registered, run_case
 from warp.report.stability._pages import reproducer, write_markdown
 
-MODULES = ("dynamics", "orbits", "materials", "elements", "geometry", "rotations", "matrices")
+MODULES = (
+    "dynamics",
+    "orbits",
+    "materials",
+    "elements",
+    "geometry",
+    "shapes",
+    "rotations",
+    "matrices",
+)
 MODULES += ("floats", "sums", "structures", "horizons")
 SCENES = Path(__file__).parents[1] / "scenes"
 
@@ -49,7 +58,7 @@ def run(names=(), *, device="cpu", limit=60.0, output=None):
         for name in chosen:
             try:
                 records += answer(name) if limit is None else remote.ask(name)
-            except LostWork as lost:
+            except LostWorkError as lost:
                 records.append(_lost(name, device, str(lost)))
             progress.step(name)
     except KeyboardInterrupt:

@@ -143,14 +143,19 @@ class Probe:
         """The report itself says why no right result can be expected."""
         self._say(what, "diagnosed", text)
 
-    def absent(self, what, function):
-        """A part that is not in the package: using it is an error that says so."""
+    def absent(self, name):
+        """Whether the package does not have a name, whose use then is an error that says so."""
         try:
-            function()
-        except (wp.WarpError, NotImplementedError) as error:
-            self._say(what, "absent", str(error))
-        else:
-            self._say(what, "fail", "neither there nor refused")
+            getattr(wp, name)()
+        except (wp.WarpError, NotImplementedError, AttributeError) as error:
+            if name not in str(error):
+                return False
+            self._say(name, "absent", str(error))
+            return True
+        except TypeError:
+            # It is there and expects arguments.
+            return False
+        return False
 
     def note(self, what, value):
         """A figure that is reported, not judged."""
@@ -179,6 +184,8 @@ class Probe:
 
 def _row(value, index):
     value = np.asarray(value)
+    if value.dtype == np.longdouble:
+        value = value.astype(np.float64)
     return (value[index] if value.ndim and len(value) > index else value).tolist()
 
 

@@ -238,7 +238,9 @@ def elementary(p):
         exact = getattr(np, reference)(wide(x))
         found = p.map(make_unary(p.real, name), p.array(x))
         p.check(f"{name}, ulp", ulps(found, exact, p.dtype), 1.0, x=x)
-    q = np.concatenate([10.0 ** p.random.uniform(-30, 0, 9000), 1 - 10.0 ** np.linspace(-7, 0, 999)])
+    q = np.concatenate(
+        [10.0 ** p.random.uniform(-30, 0, 9000), 1 - 10.0 ** np.linspace(-7, 0, 999)]
+    )
     q = q[np.abs(q) < 1].astype(p.dtype)
     q = q[q < 1]
     found = p.map(make_unary(p.real, "erfinv"), p.array(q))
@@ -254,8 +256,10 @@ def inverse_error_function(y, start):
         value = np.array([math.erf(v) if v < 0.5 else 1.0 - math.erfc(v) for v in x])
         # Beyond 0.5 the complement keeps the digits.
         gap = np.array(
-            [math.erf(v) - float(w) if v < 0.5 else float(1 - w) - math.erfc(v)
-             for v, w in zip(x, y)]
+            [
+                math.erf(v) - float(w) if v < 0.5 else float(1 - w) - math.erfc(v)
+                for v, w in zip(x, y)
+            ]
         )
         x = np.where(value == value, x - gap * np.sqrt(np.pi) / 2 * np.exp(x * x), x)
     return wide(x)

@@ -170,7 +170,7 @@ def make_norms(real):
 def extreme_norms(p):
     scales = 10.0 ** np.array([-25, -23, -20, -10, 0, 10, 19, 25])
     if p.dtype == "float64":
-        scales = scales ** 6
+        scales = scales**6
     v = np.concatenate([scales[:, None] * np.array(base) for base in ((3, 4), (1, 0), (1, -1))])
     v = v.astype(p.dtype)
     length, unit = p.map(make_norms(p.real)[0], p.array(v, p.vector(2)))

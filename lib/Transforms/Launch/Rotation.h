@@ -1,40 +1,33 @@
-//===- RotateLoops.h - Tiles of a loop whose sums travel --------*- C++ -*-===//
+//===- Rotation.h - Tiles of a loop whose sums travel -----------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// RotateLoops.cpp says what this is about and finds loops that qualify,
-// RotateTiles.cpp builds what goes before them.
+// RotateLoops.cpp says what this is about, RotateTiles.cpp builds what goes
+// before a loop.
 //
 //===----------------------------------------------------------------------===//
 
-#ifndef WARP_LIB_TRANSFORMS_ROTATELOOPS_H
-#define WARP_LIB_TRANSFORMS_ROTATELOOPS_H
+#ifndef WARP_LIB_TRANSFORMS_ROTATION_H
+#define WARP_LIB_TRANSFORMS_ROTATION_H
 
-#include "Analysis/ThreadVariance.h"
-#include "WarpDialect/WarpOps.h"
+#include "Updates/RingLoop.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
-#include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/IR/Builders.h"
 #include "mlir/IR/IRMapping.h"
-
-#include "llvm/ADT/SetVector.h"
 
 namespace warp {
 
 /// Puts tiles in front of one loop.
 class Rotation {
 public:
-  /// Lanes of a warp, and iterations of a tile.
-  static constexpr int64_t lanes = 32;
+  static constexpr int64_t lanes = RingLoop::lanes;
 
+  /// `ring` is that of the loop.
   Rotation(mlir::scf::ForOp loop, mlir::LLVM::LLVMFuncOp entry,
-           const ThreadVariance &variance)
-      : loop(loop), entry(entry), variance(variance), b(loop),
-        loc(loop.getLoc()) {}
+           const RingLoop &ring);
 
-  bool qualifies();
   void run();
 
 private:
@@ -53,11 +46,6 @@ private:
       return !mlir::isa<mlir::scf::ForOp>(op->getParentOp());
     }
   };
-
-  bool isShort();
-  bool isUniform(mlir::Value value);
-  bool isOrderOpen();
-  bool collectUpdates();
 
   void makeSlots();
   mlir::Value endOfTiles();
@@ -104,7 +92,6 @@ private:
 
   mlir::scf::ForOp loop;
   mlir::LLVM::LLVMFuncOp entry;
-  const ThreadVariance &variance;
   mlir::OpBuilder b;
   mlir::Location loc;
   llvm::SmallVector<Update> updates;
@@ -116,4 +103,4 @@ private:
 
 } // namespace warp
 
-#endif // WARP_LIB_TRANSFORMS_ROTATELOOPS_H
+#endif // WARP_LIB_TRANSFORMS_ROTATION_H

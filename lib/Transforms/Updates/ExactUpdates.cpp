@@ -1,4 +1,4 @@
-//===- SumExactly.cpp - Choose the sums that are exact --------------------===//
+//===- ExactUpdates.cpp - Choose the sums that are exact ------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -15,17 +15,14 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "ExactUpdates.h"
+
+#include "Atomics.h"
 #include "KernelFunction.h"
 #include "WarpDialect/ParameterLayout.h"
-#include "WarpDialect/WarpOps.h"
 #include "warp/ExactSums.h"
 
 #include "mlir/IR/Builders.h"
-
-namespace warp {
-#define GEN_PASS_DEF_SUMEXACTLY
-#include "WarpDialect/Passes.h.inc"
-} // namespace warp
 
 using namespace mlir;
 
@@ -52,12 +49,20 @@ struct Uses {
   void collect(Value array);
 };
 
-struct SumExactly : warp::impl::SumExactlyBase<SumExactly> {
-  void runOnOperation() override;
+class ExactUpdates {
+public:
+  explicit ExactUpdates(FunctionOpInterface kernel) : kernel(kernel) {}
+
+  void run();
+
+private:
   void visit(BlockArgument array, int64_t descriptor);
   void record(const Uses &uses, int64_t descriptor, bool gradient,
               Type element, int64_t scale);
 
+  MLIRContext *context() { return kernel->getContext(); }
+
+  FunctionOpInterface kernel;
   /// Of the parameter block; descriptors of sums come next.
   int64_t argumentsEnd = 0;
   SmallVector<Attribute> sums, accessed;
@@ -81,10 +86,10 @@ void Uses::collect(Value array) {
   }
 }
 
-void SumExactly::record(const Uses &uses, int64_t descriptor, bool gradient,
+void ExactUpdates::record(const Uses &uses, int64_t descriptor, bool gradient,
                         Type element, int64_t scale) {
   auto entry = [&](int64_t width) {
-    return warp::SummedArrayAttr::get(&getContext(), width, descriptor,
+    return warp::SummedArrayAttr::get(context(), width, descriptor,
                                       gradient, warp::getByteSize(element),
                                       scale);
   };
@@ -92,15 +97,15 @@ void SumExactly::record(const Uses &uses, int64_t descriptor, bool gradient,
     accessed.push_back(entry(0));
     return;
   }
-  Builder b(&getContext());
   for (int64_t width : {32, 64}) {
     bool any = false;
+    int64_t place =
+        argumentsEnd + int64_t(sizeof(warp::SumDescriptor) * sums.size());
     for (warp::AccessOp op : uses.sums)
       if (sumWidth(op) == width) {
-        op->setAttr(warp::attr::sum,
-                    b.getI64IntegerAttr(argumentsEnd +
-                                        sizeof(warp::SumDescriptor) *
-                                            sums.size()));
+        op->setAttr(warp::attr::update,
+                    warp::UpdateAttr::get(context(), warp::UpdateScope::thread,
+                                          /*run=*/0, place));
         any = true;
       }
     if (any)
@@ -108,7 +113,7 @@ void SumExactly::record(const Uses &uses, int64_t descriptor, bool gradient,
   }
 }
 
-void SumExactly::visit(BlockArgument array, int64_t descriptor) {
+void ExactUpdates::visit(BlockArgument array, int64_t descriptor) {
   Type element = cast<warp::ArrayType>(array.getType()).getElementType();
   Uses data, gradients;
   data.collect(array);
@@ -125,14 +130,7 @@ void SumExactly::visit(BlockArgument array, int64_t descriptor) {
          warp::getByteSize(element) / size);
 }
 
-void SumExactly::runOnOperation() {
-  sums.clear();
-  accessed.clear();
-  FunctionOpInterface kernel = warp::findKernel(getOperation());
-  if (!kernel)
-    return signalPassFailure();
-  if (warp::getVariant(kernel).getDeterministic() != warp::Determinism::exact)
-    return;
+void ExactUpdates::run() {
   SmallVector<Type> types(kernel.getArgumentTypes());
   if (auto declared = kernel->getAttrOfType<ArrayAttr>(warp::attr::argTypes)) {
     auto values = declared.getAsValueRange<TypeAttr>();
@@ -148,8 +146,13 @@ void SumExactly::runOnOperation() {
       visit(argument, leaf.offset);
   if (sums.empty())
     return;
-  Builder b(&getContext());
+  Builder b(context());
   llvm::append_range(sums, accessed);
   warp::setRecipe(kernel,
                   warp::getRecipe(kernel).withSums(b.getArrayAttr(sums)));
+}
+
+void warp::markExactUpdates(FunctionOpInterface kernel) {
+  if (getVariant(kernel).getDeterministic() == Determinism::exact)
+    ExactUpdates(kernel).run();
 }

@@ -4,13 +4,12 @@
 // RUN: warp-opt %s --split-input-file --warp-pipeline="to-launch disjoint deterministic" | FileCheck %s --check-prefix=OVERLAP
 // RUN: warp-opt %s --split-input-file --warp-pipeline="to-launch disjoint threads=1" | FileCheck %s --check-prefix=OVERLAP
 
-// OVERLAP-NOT: warp.copied
+// OVERLAP-NOT: copied =
 
 // Sixteen workers do without atomic instructions if each has an array of its
 // own: that of three floats an element, described at byte 80.
 // CHECK-LABEL: func.func @forces
-// CHECK-SAME: warp.copied = [array<i64: 80, 0, 12, 3, 32, 1>]
-// CHECK-SAME: exclusive = true
+// CHECK-SAME: exclusive = true, copied = <arrays = [#warp.copied_array<descriptor = 80, element_size = 12, numbers = 3>]
 func.func @forces(%at: !warp.array<1 x si32>,
                   %f: !warp.array<1 x !warp.vec<3 x f32>>)
     attributes {warp.kernel} {
@@ -32,7 +31,7 @@ func.func @forces(%at: !warp.array<1 x si32>,
 
 // An array that is loaded, too, would show what is missing in it.
 // CHECK-LABEL: func.func @loaded
-// CHECK-NOT: warp.copied
+// CHECK-NOT: copied =
 // CHECK: return
 func.func @loaded(%at: !warp.array<1 x si32>, %x: !warp.array<1 x f32>)
     attributes {warp.kernel} {
@@ -48,7 +47,7 @@ func.func @loaded(%at: !warp.array<1 x si32>, %x: !warp.array<1 x f32>)
 // All updates of the code lose their atomic instructions, so a minimum beside
 // the sum keeps both.
 // CHECK-LABEL: func.func @minimum
-// CHECK-NOT: warp.copied
+// CHECK-NOT: copied =
 // CHECK: return
 func.func @minimum(%at: !warp.array<1 x si32>, %x: !warp.array<1 x si32>,
                    %y: !warp.array<1 x si32>) attributes {warp.kernel} {
@@ -65,7 +64,7 @@ func.func @minimum(%at: !warp.array<1 x si32>, %x: !warp.array<1 x si32>,
 
 // So does an old value that somebody uses.
 // CHECK-LABEL: func.func @fetched
-// CHECK-NOT: warp.copied
+// CHECK-NOT: copied =
 // CHECK: return
 func.func @fetched(%at: !warp.array<1 x si32>, %x: !warp.array<1 x si32>,
                    %y: !warp.array<1 x si32>) attributes {warp.kernel} {
@@ -82,7 +81,7 @@ func.func @fetched(%at: !warp.array<1 x si32>, %x: !warp.array<1 x si32>,
 // Copies take numbers of one kind: 64-bit integers, described at byte 80, and
 // the floats of the other array, at byte 136.
 // CHECK-LABEL: func.func @kinds
-// CHECK-SAME: warp.copied = [array<i64: 80, 0, 8, 1, 64, 0>, array<i64: 136, 0, 8, 1, 64, 1>]
+// CHECK-SAME: copied = <arrays = [#warp.copied_array<descriptor = 80, element_size = 8, width = 64, floating = false>, #warp.copied_array<descriptor = 136, element_size = 8, width = 64>]
 func.func @kinds(%at: !warp.array<1 x si32>, %x: !warp.array<1 x si64>,
                  %y: !warp.array<1 x f64>) attributes {warp.kernel} {
   %i = warp.tid : si32

@@ -1,15 +1,15 @@
-// RUN: warp-opt %s --split-input-file --warp-pipeline="to-thread deterministic" --warp-sum-exactly | FileCheck %s
-// RUN: warp-opt %s --split-input-file --warp-pipeline="to-thread" --warp-sum-exactly | FileCheck %s --check-prefix=NONE
-// RUN: warp-opt %s --split-input-file --warp-pipeline="to-thread deterministic ordered" --warp-sum-exactly | FileCheck %s --check-prefix=NONE
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-thread deterministic" --warp-form-launch --warp-plan-updates | FileCheck %s
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-thread" --warp-form-launch --warp-plan-updates | FileCheck %s --check-prefix=NONE
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-thread deterministic ordered" --warp-form-launch --warp-plan-updates | FileCheck %s --check-prefix=NONE
 
-// NONE-NOT: warp.sum
+// NONE-NOT: sum =
 
 // An array that is only added to has exact sums; the others are listed after
 // it. Their descriptors follow the arguments.
 // CHECK-LABEL: func.func @scatter
 // CHECK-SAME: sums = [#warp.summed_array<width = 32, descriptor = 136, element_size = 4>, #warp.summed_array<descriptor = 24, element_size = 4>, #warp.summed_array<descriptor = 80, element_size = 4>]
-// CHECK: warp.atomic_components add{{.*}}{warp.sum = 192 : i64}
-// CHECK: warp.atomic_components sub{{.*}}{warp.sum = 192 : i64}
+// CHECK: warp.atomic_components add{{.*}}{warp.update = #warp.update<sum = 192>}
+// CHECK: warp.atomic_components sub{{.*}}{warp.update = #warp.update<sum = 192>}
 func.func @scatter(%x: !warp.array<1 x f32>, %to: !warp.array<1 x si32>,
                    %sum: !warp.array<1 x f32>) attributes {warp.kernel} {
   %i = warp.tid : si32
@@ -27,8 +27,8 @@ func.func @scatter(%x: !warp.array<1 x f32>, %to: !warp.array<1 x si32>,
 // All components of an element, by a view, and gradients.
 // CHECK-LABEL: func.func @views
 // CHECK-SAME: sums = [#warp.summed_array<width = 64, descriptor = 24, element_size = 24>, #warp.summed_array<width = 32, descriptor = 80, gradient = true, element_size = 4, stride_scale = 2>]
-// CHECK: warp.atomic_components add{{.*}}{warp.sum = 136 : i64}
-// CHECK: warp.atomic_components add{{.*}}{warp.sum = 168 : i64}
+// CHECK: warp.atomic_components add{{.*}}{warp.update = #warp.update<sum = 136>}
+// CHECK: warp.atomic_components add{{.*}}{warp.update = #warp.update<sum = 168>}
 func.func @views(%sum: !warp.array<2 x !warp.vec<3 x f64>>,
                  %h: !warp.array<1 x f16>) attributes {warp.kernel} {
   %i = warp.tid : si32
@@ -51,7 +51,7 @@ func.func @views(%sum: !warp.array<2 x !warp.vec<3 x f64>>,
 // What the launch reads, or an update gives back, has to be there at once; a
 // sum of 16-bit floats would be rounded twice.
 // CHECK-LABEL: func.func @in_order
-// CHECK-NOT: warp.sum
+// CHECK-NOT: sum =
 func.func @in_order(%read: !warp.array<1 x f32>, %old: !warp.array<1 x f32>,
                     %h: !warp.array<1 x f16>, %least: !warp.array<1 x f32>)
     attributes {warp.kernel} {

@@ -1,0 +1,17 @@
+//===- SizeFacts.h - What code depends on of a launch's size ----*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_SIZEFACTS_H
+#define WARP_SIZEFACTS_H
+
+namespace warp {
+
+/// Bits of a mask; `CompileOptions` explains each.
+enum SizeFact : int { largeFact = 1, underFact = 2, narrowFact = 4 };
+
+} // namespace warp
+
+#endif // WARP_SIZEFACTS_H

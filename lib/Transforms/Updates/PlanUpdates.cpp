@@ -1,0 +1,346 @@
+//===- PlanUpdates.cpp - How each atomic update is to be made -------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// A sum into one element, `atomic_add(loss, 0, e)`, has every thread of a
+// launch update the same address: a locked instruction each on the CPU, and a
+// queue at one place of the memory on a GPU. The order of atomic updates is
+// open, so threads may make one update together. Which of them do is settled
+// here for every update, by what the analysis knows of its address; a pass for
+// each scope carries it out.
+//
+//   scope    the element is the same for            carried out by
+//   group    all threads, in every iteration        warp-combine-over-groups;
+//                                                   exact sums: warp-lower-sums
+//   ring     all threads in one iteration of a      warp-rotate-loops (GPU)
+//            loop, and another one in the next
+//   lanes    the threads of a vector or a warp      warp-widen-threads,
+//                                                   warp-combine-over-warps
+//   thread   -                                      warp-lower-arrays
+//
+// An update is combined if its old value is unused, nothing in the kernel does
+// anything else to the array than update it in a way that commutes, and its
+// components have 32 bits or more, as partial sums would round. Short loops
+// over a few such elements are unrolled first (UnrollUpdates.cpp). Which sums
+// of a deterministic launch are exact says ExactUpdates.cpp.
+//
+// What is left on the CPU are updates of elements that differ from thread to
+// thread. An atomic instruction costs ten times a plain update, so it is
+// quicker to do without, by one thread if only few would share the launch, or
+// by all if each has copies of the arrays (CopiedArrays.h). The recipe is then
+// exclusive. So it is in a deterministic launch if the order of updates would
+// show, by one thread; on a GPU that is a launch of one block.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Analysis/CostModel.h"
+#include "Analysis/ThreadVariance.h"
+#include "Atomics.h"
+#include "CarryOut.h"
+#include "CopiedArrays.h"
+#include "ExactUpdates.h"
+#include "KernelFunction.h"
+#include "Lanes/LanePlan.h"
+#include "RingLoop.h"
+#include "Schedule.h"
+#include "UnrollUpdates.h"
+#include "UpdateCosts.h"
+#include "WarpDialect/TilePasses.h"
+
+#include "mlir/Dialect/Arith/IR/Arith.h"
+#include "mlir/IR/Matchers.h"
+
+namespace warp {
+#define GEN_PASS_DEF_PLANUPDATES
+#include "WarpDialect/Passes.h.inc"
+} // namespace warp
+
+using namespace mlir;
+using warp::AtomicComponentsOp;
+using warp::UpdateScope;
+
+namespace {
+
+/// Settles the scopes of one kernel's updates.
+class UpdatePlanner {
+public:
+  UpdatePlanner(FunctionOpInterface kernel, warp::ThreadsOp threads)
+      : variance(kernel), threads(threads),
+        first(&kernel.getFunctionBody().front()),
+        variant(warp::getVariant(kernel)) {}
+
+  /// Updates by the whole group. `exact`: also exact sums.
+  void planGroups(bool exact);
+  /// Of what is left, those by neighbours.
+  void planNeighbours();
+  /// After `planGroups`: whether all whose order shows are made by the group.
+  bool coversOrder();
+  /// Takes `planGroups` back.
+  void dropGroups();
+
+  warp::ThreadVariance variance;
+
+private:
+  bool isOnePlace(AtomicComponentsOp op);
+  bool isForGroup(AtomicComponentsOp op);
+  void planRings();
+  bool isForWarp(AtomicComponentsOp op);
+  std::optional<int64_t> runOf(Value index, int depth = 6);
+  std::optional<int64_t> runOf(AtomicComponentsOp op);
+  bool isVarying(Value value) {
+    return !variance.isUniform(value, warp::Scope::Lanes);
+  }
+
+  warp::ThreadsOp threads;
+  Block *first;
+  warp::VariantAttr variant;
+};
+
+} // namespace
+
+//===----------------------------------------------------------------------===//
+// Scopes
+//===----------------------------------------------------------------------===//
+
+/// Whether all threads update the same element, which can be found again after
+/// them.
+bool UpdatePlanner::isOnePlace(AtomicComponentsOp op) {
+  return warp::isInvariant(op.getArray(), first) &&
+         llvm::all_of(op.getIndices(), [&](Value index) {
+           return warp::isInvariant(index, first);
+         });
+}
+
+bool UpdatePlanner::isForGroup(AtomicComponentsOp op) {
+  if (!isOnePlace(op))
+    return false;
+  if (warp::getUpdate(op).isExact())
+    return op.getNumResults() <= warp::cost::mostSums;
+  return warp::canCombine(op) &&
+         warp::canCarryOut(op->getBlock(), threads.getThread());
+}
+
+void UpdatePlanner::planGroups(bool exact) {
+  threads.walk([&](AtomicComponentsOp op) {
+    if ((exact || !warp::getUpdate(op).isExact()) && isForGroup(op))
+      warp::setUpdate(op, UpdateScope::group);
+  });
+}
+
+bool UpdatePlanner::coversOrder() {
+  WalkResult result = threads.walk([&](Operation *op) {
+    bool isLeft = warp::dependsOnOrder(op) &&
+                  warp::getUpdate(op).getScope() != UpdateScope::group;
+    return isLeft ? WalkResult::interrupt() : WalkResult::advance();
+  });
+  return !result.wasInterrupted();
+}
+
+void UpdatePlanner::dropGroups() {
+  threads.walk([](AtomicComponentsOp op) {
+    warp::setUpdate(op, UpdateScope::thread);
+  });
+}
+
+void UpdatePlanner::planRings() {
+  threads.walk([&](scf::ForOp loop) {
+    warp::RingLoop ring(loop, variance, variant.getFastMath());
+    if (ring.qualifies())
+      for (AtomicComponentsOp op : ring.updates)
+        warp::setUpdate(op, UpdateScope::ring);
+  });
+}
+
+/// Whether threads of a warp may be expected to update the same element.
+bool UpdatePlanner::isForWarp(AtomicComponentsOp op) {
+  llvm::SetVector<Value> compared;
+  auto isKnown = [&](Value value) {
+    return variance.isUniformIfEqual(value, compared);
+  };
+  return isKnown(op.getArray()) && llvm::all_of(op.getIndices(), isKnown) &&
+         !compared.empty();
+}
+
+/// How many threads that follow each other have the same index for the most
+/// part: that of a quotient of what goes on by a step, and of what is made of
+/// such. 0 if all lanes share it; none if nothing is known.
+std::optional<int64_t> UpdatePlanner::runOf(Value index, int depth) {
+  if (!isVarying(index))
+    return 0;
+  Operation *op = index.getDefiningOp();
+  if (!op || depth == 0 || op->getNumRegions() != 0 || !isMemoryEffectFree(op))
+    return std::nullopt;
+  if (isa<arith::DivSIOp, arith::DivUIOp, arith::ShRSIOp, arith::ShRUIOp>(op) &&
+      variance.step(op->getOperand(0)) && !isVarying(op->getOperand(1))) {
+    APInt by;
+    if (!matchPattern(op->getOperand(1), m_ConstantInt(&by)))
+      return warp::cost::unknownRun;
+    if (isa<arith::ShRSIOp, arith::ShRUIOp>(op))
+      return int64_t(1) << by.getLimitedValue(30);
+    return by.isStrictlyPositive() ? std::optional(by.getSExtValue())
+                                   : std::nullopt;
+  }
+  // A choice that all lanes make together: one of the two may be meant for
+  // divisors that there never are.
+  auto choice = dyn_cast<arith::SelectOp>(op);
+  if (choice && !isVarying(choice.getCondition())) {
+    auto then = runOf(choice.getTrueValue(), depth - 1);
+    auto otherwise = runOf(choice.getFalseValue(), depth - 1);
+    if (!then || !otherwise)
+      return then ? then : otherwise;
+    return std::max(*then, *otherwise);
+  }
+  std::optional<int64_t> least = warp::cost::unknownRun;
+  for (Value operand : op->getOperands()) {
+    if (operand.getType().isInteger(1))
+      continue;
+    std::optional<int64_t> run = runOf(operand, depth - 1);
+    if (!run)
+      return std::nullopt;
+    if (*run != 0)
+      least = std::min(*least, *run);
+  }
+  return least;
+}
+
+std::optional<int64_t> UpdatePlanner::runOf(AtomicComponentsOp op) {
+  int64_t least = 0;
+  for (Value index : op.getIndices()) {
+    std::optional<int64_t> run = runOf(index);
+    if (!run)
+      return std::nullopt;
+    if (*run != 0)
+      least = least == 0 ? *run : std::min(least, *run);
+  }
+  return least;
+}
+
+void UpdatePlanner::planNeighbours() {
+  bool gpu = variant.isGpu();
+  if (gpu)
+    planRings();
+  threads.walk([&](AtomicComponentsOp op) {
+    if (warp::getUpdate(op).getScope() != UpdateScope::thread ||
+        !warp::canCombine(op))
+      return;
+    std::optional<int64_t> run;
+    if (gpu)
+      run = isForWarp(op) ? std::optional<int64_t>(0) : std::nullopt;
+    else
+      run = runOf(op);
+    if (run)
+      warp::setUpdate(op, UpdateScope::lanes, *run);
+  });
+}
+
+//===----------------------------------------------------------------------===//
+// Kernels
+//===----------------------------------------------------------------------===//
+
+namespace {
+
+struct PlanUpdates : warp::impl::PlanUpdatesBase<PlanUpdates> {
+  void runOnOperation() override {
+    FunctionOpInterface kernel = warp::findKernel(getOperation());
+    if (!kernel)
+      return signalPassFailure();
+    warp::ThreadsOp threads = warp::findThreads(kernel);
+    if (!threads) {
+      kernel.emitError("expects a kernel in phase 'launch'");
+      return signalPassFailure();
+    }
+    bool any = kernel
+                   ->walk([](Operation *op) {
+                     return isa<AtomicComponentsOp, warp::AtomicCasOp>(op)
+                                ? WalkResult::interrupt()
+                                : WalkResult::advance();
+                   })
+                   .wasInterrupted();
+    if (!any)
+      return;
+    warp::markExactUpdates(kernel);
+    // Threads that work together on tiles have settled who makes an update.
+    if (kernel->hasAttr(warp::attr::blockThreads))
+      return;
+    // A debugging launch names the thread that fails, so each does its own.
+    debug = warp::getVariant(kernel).getDebug();
+    if (!debug && !warp::isGpu(kernel))
+      warp::foldViews(kernel);
+    if (!debug)
+      warp::unrollUpdates(kernel);
+    if (warp::isGpu(kernel))
+      planGpu(kernel, threads);
+    else
+      planCpu(kernel, threads);
+  }
+
+  void planCpu(FunctionOpInterface kernel, warp::ThreadsOp threads) {
+    warp::VariantAttr variant = warp::getVariant(kernel);
+    bool exclusive =
+        variant.isDeterministic() && warp::hasOrderedUpdates(kernel);
+    if (exclusive)
+      warp::noteChoice(kernel, "updates", "plain, by one thread",
+                       "sums are in one order");
+    if (!debug) {
+      UpdatePlanner planner(kernel, threads);
+      planner.planGroups(/*exact=*/true);
+      planner.planNeighbours();
+      exclusive |= planPlainUpdates(kernel, threads, planner.variance);
+    }
+    if (exclusive)
+      warp::setRecipe(kernel, warp::getRecipe(kernel).withExclusive());
+  }
+
+  /// Whether updates are made without atomic instructions, as that is quicker.
+  bool planPlainUpdates(FunctionOpInterface kernel, warp::ThreadsOp threads,
+                        const warp::ThreadVariance &variance) {
+    warp::VariantAttr variant = warp::getVariant(kernel);
+    int64_t lanes = warp::planLanes(kernel, threads, variance).lanes;
+    warp::UpdateCosts costs(threads, warp::getRecipe(kernel).getCost(), lanes);
+    if (!costs.any())
+      return false;
+    bool alone = costs.plain < costs.atomic / double(variant.getThreads());
+    if (alone)
+      warp::noteChoice(kernel, "updates", "plain, by one thread",
+                       "atomic ones by several would take longer");
+    bool copies = !variant.isDeterministic() && variant.getThreads() > 1 &&
+                  variant.getDisjoint() &&
+                  warp::offerCopies(kernel, costs);
+    if (copies)
+      warp::noteChoice(kernel, "updates", "plain, in copies of arrays",
+                       "where a launch is large enough to merge them");
+    return alone || copies;
+  }
+
+  void planGpu(FunctionOpInterface kernel, warp::ThreadsOp threads) {
+    warp::VariantAttr variant = warp::getVariant(kernel);
+    UpdatePlanner planner(kernel, threads);
+    if (variant.isDeterministic() && warp::hasOrderedUpdates(kernel))
+      return planOneBlock(kernel, planner);
+    if (debug)
+      return;
+    if (variant.hasWholeWarps())
+      planner.planGroups(/*exact=*/true);
+    if (!variant.isDeterministic())
+      planner.planNeighbours();
+  }
+
+  /// The block combines its threads' results in a fixed order; where they
+  /// cannot be combined, it has a single thread. They are not all there at its
+  /// end, so each adds to exact sums.
+  void planOneBlock(FunctionOpInterface kernel, UpdatePlanner &planner) {
+    int64_t threads = warp::getVariant(kernel).getBlock();
+    if (!debug && threads % 32 == 0)
+      planner.planGroups(/*exact=*/false);
+    if (!planner.coversOrder()) {
+      threads = 1;
+      planner.dropGroups();
+    }
+    warp::RecipeAttr recipe = warp::getRecipe(kernel).withExclusive();
+    warp::setRecipe(kernel, recipe.withItems(threads));
+  }
+
+  bool debug = false;
+};
+
+} // namespace

@@ -1,0 +1,89 @@
+//===- RingLoop.cpp - Loops whose sums may travel -------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// The order of iterations is open if the loop does nothing to memory but load
+// and update in ways that commute, and what it carries are integer sums or such
+// whose order is declared open (`reassoc`), as cotangents are.
+//
+//===----------------------------------------------------------------------===//
+
+#include "RingLoop.h"
+
+#include "Atomics.h"
+#include "Launch/LoopSums.h"
+
+#include "mlir/IR/Matchers.h"
+
+using namespace mlir;
+using warp::RingLoop;
+
+/// Fewer iterations are not worth the code.
+constexpr int64_t minTrips = 2 * warp::RingLoop::lanes;
+
+/// Whether a value is the same for all lanes, and in all iterations.
+bool RingLoop::isUniform(Value value) {
+  return variance.strideIfEqual(value, loop, compared) == 0;
+}
+
+/// Whether the loop surely has too few iterations.
+bool RingLoop::isShort() {
+  APInt first, last;
+  return matchPattern(loop.getLowerBound(), m_ConstantInt(&first)) &&
+         matchPattern(loop.getUpperBound(), m_ConstantInt(&last)) &&
+         last.getSExtValue() - first.getSExtValue() < minTrips;
+}
+
+/// Whether nothing in the loop does to memory what iterations could see of each
+/// other. An array that a commuting update names is not accessed otherwise.
+bool RingLoop::isOrderOpen() {
+  WalkResult result = loop.getBody()->walk([&](Operation *op) {
+    auto update = dyn_cast<warp::AtomicComponentsOp>(op);
+    bool open =
+        update ? warp::commutes(update)
+               : isa<warp::LoadComponentsOp>(op) ||
+                     op->hasTrait<OpTrait::HasRecursiveMemoryEffects>() ||
+                     isMemoryEffectFree(op);
+    return open ? WalkResult::advance() : WalkResult::interrupt();
+  });
+  return !result.wasInterrupted();
+}
+
+/// Finds updates of one element per iteration, the same for all threads. Sums
+/// of fewer than 32 bits would round. Of updates that depend on the thread and
+/// the iteration, those of neighbours would no longer be neighbours.
+bool RingLoop::collectUpdates() {
+  bool wouldScatter = false;
+  loop.getBody()->walk([&](warp::AtomicComponentsOp op) {
+    Operation *parent = op->getParentOp();
+    while (isa<scf::IfOp>(parent))
+      parent = parent->getParentOp();
+    bool differs = false;
+    auto isKnown = [&](Value index) {
+      std::optional<int64_t> stride =
+          variance.strideIfEqual(index, loop, compared);
+      differs |= stride.value_or(0) != 0;
+      return stride.has_value();
+    };
+    if (parent != loop || !isUniform(op.getArray()) ||
+        !warp::canCombine(op) ||
+        !llvm::all_of(op.getIndices(), isKnown) || !differs) {
+      wouldScatter |= !llvm::all_of(op.getIndices(), [&](Value index) {
+        return loop.isDefinedOutsideOfLoop(index);
+      });
+      return;
+    }
+    updates.push_back(op);
+  });
+  return !updates.empty() && !wouldScatter;
+}
+
+bool RingLoop::qualifies() {
+  Type type = loop.getInductionVar().getType();
+  return matchPattern(loop.getStep(), m_One()) && !isShort() &&
+         isa<IntegerType>(type) && type.getIntOrFloatBitWidth() >= 32 &&
+         isUniform(loop.getLowerBound()) && isUniform(loop.getUpperBound()) &&
+         isOrderOpen() &&
+         carriesSums(loop, anyOrder) &&
+         collectUpdates();
+}
