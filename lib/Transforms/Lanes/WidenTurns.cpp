@@ -55,6 +55,37 @@ static double costOf(Operation *op) {
   return cost;
 }
 
+/// Whether it is data that ends a loop, and not where the thread is: neighbours
+/// in a picture or a grid leave together for the most part.
+static bool endsByData(scf::WhileOp loop) {
+  SmallVector<Value> pending{loop.getConditionOp().getCondition()};
+  llvm::DenseSet<Value> seen;
+  while (!pending.empty()) {
+    Value next = pending.pop_back_val();
+    if (!seen.insert(next).second)
+      continue;
+    Operation *op = next.getDefiningOp();
+    if (auto argument = dyn_cast<BlockArgument>(next)) {
+      unsigned number = argument.getArgNumber();
+      if (argument.getOwner() == loop.getBeforeBody())
+        pending.append({loop.getInits()[number],
+                        loop.getYieldOp().getOperand(number)});
+      else if (argument.getOwner() == loop.getAfterBody())
+        pending.push_back(loop.getConditionOp().getArgs()[number]);
+      continue;
+    }
+    if (isa<warp::LoadComponentsOp>(op))
+      return true;
+    llvm::append_range(pending, op->getOperands());
+    if (auto branch = dyn_cast<scf::IfOp>(op)) {
+      unsigned number = cast<OpResult>(next).getResultNumber();
+      pending.append({branch.thenYield().getOperand(number),
+                      branch.elseYield().getOperand(number)});
+    }
+  }
+  return false;
+}
+
 scf::WhileOp warp::findTurns(ThreadsOp threads,
                              const ThreadVariance &variance) {
   scf::WhileOp found;
@@ -86,7 +117,7 @@ scf::WhileOp warp::findTurns(ThreadsOp threads,
     fits &= !isInner && isRepeatable(op);
   });
   double body = costOf(found);
-  return fits && body >= cost::leastTurn && others <= cost::mostBetween * body
+  return fits && endsByData(found) && body >= cost::leastTurn && others <= cost::mostBetween * body
              ? found
              : scf::WhileOp();
 }
@@ -159,6 +190,26 @@ Vectors Widening::beginTurn(scf::WhileOp loop, Value fresh,
   return Vectors(branch.getResults());
 }
 
+/// Whether the lanes `go` run on: some do, and not half of all wait. As long as
+/// all lanes have threads, those that do not run are those that wait.
+Value Widening::goesOn(Value live, Value go, Value next) {
+  auto atLeast = [&](Value lanesIn, int64_t least) -> Value {
+    return warp::AnyOp::create(b, loc, b.getI1Type(), lanesIn, least);
+  };
+  auto branch = scf::IfOp::create(b, loc, b.getI1Type(), atLeast(live, lanes),
+                                  /*withElseRegion=*/true);
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPointToStart(branch.thenBlock());
+  scf::YieldOp::create(b, loc, atLeast(go, lanes / 2 + 1));
+  b.setInsertionPointToStart(branch.elseBlock());
+  Value waits = atLeast(without(next, go), lanes / 2);
+  Value none = arith::ConstantOp::create(b, loc, b.getBoolAttr(false));
+  scf::YieldOp::create(
+      b, loc,
+      ValueRange(arith::SelectOp::create(b, loc, waits, none, any(go))));
+  return branch.getResult(0);
+}
+
 /// The loop, for the lanes `live`, until half of them wait: lanes of `next` have
 /// another thread to take. Results are the lanes that are still in it, the
 /// arguments that these go on with, and what the others leave with.
@@ -198,12 +249,7 @@ Vectors Widening::runTurns(scf::WhileOp loop, Value live, Value next,
   for (auto [argument, value] :
        llvm::zip_equal(loop.getAfterArguments(), condition.getArgs()))
     appendForms(argument, value, forms);
-  Value waits = warp::AnyOp::create(b, loc, b.getI1Type(), without(next, go),
-                                    lanes / 2);
-  Value goesOn = arith::SelectOp::create(
-      b, loc, waits, arith::ConstantOp::create(b, loc, b.getBoolAttr(false)),
-      any(go));
-  scf::ConditionOp::create(b, loc, goesOn, forms);
+  scf::ConditionOp::create(b, loc, goesOn(live, go, next), forms);
 
   Block *after = b.createBlock(&made.getAfter(), {}, afterTypes,
                                SmallVector<Location>(afterTypes.size(), loc));

@@ -97,6 +97,7 @@ private:
   Values runTurns(mlir::scf::WhileOp loop, mlir::Value live, mlir::Value next,
                   llvm::ArrayRef<mlir::Value> carried,
                   llvm::ArrayRef<mlir::Value> results, mlir::ValueRange begun);
+  mlir::Value goesOn(mlir::Value live, mlir::Value go, mlir::Value next);
   mlir::Value zeros(mlir::Type type);
 
   // WidenAccesses.cpp
