@@ -118,8 +118,7 @@ ValueRange GroupCombiner::yield(ArrayRef<warp::Carried> sums,
   b.setInsertionPoint(threads);
   auto made = warp::ThreadsOp::create(
       b, threads.getLoc(), results, b.getDenseI32ArrayAttr(allKinds),
-      b.getTypeArrayAttr(allTypes), threads.getLanesAttr(),
-      threads.getTurnsAttr());
+      b.getTypeArrayAttr(allTypes), threads.getLanesAttr());
   made.getBody().takeBody(threads.getBody());
   threads->replaceAllUsesWith(made->getResults().take_front(before));
   threads->erase();
