@@ -1,5 +1,5 @@
 # make build   .venv with the package in it, and build/bin/warp-opt
-# make demo    particles, a trajectory optimised, a rollout differentiated:
+# make demo    particles, a trajectory optimised, a rollout differentiated, a mesh, grains, rocks:
 #              pictures and tables in build/demo
 # make test    every test; ends with 'N passed, N failed, N skipped'
 # make report scenes with a reference, swept and timed: pages in build/report
@@ -21,6 +21,9 @@ demo: build
 	@$(PYTHON) examples/particles.py $(DEMO_ARGS)
 	@$(PYTHON) examples/trajectory.py
 	@$(PYTHON) examples/spring_rollout.py
+	@$(PYTHON) examples/mesh_collision.py
+	@$(PYTHON) examples/grains.py --grains 20000 --steps 60
+	@$(PYTHON) examples/rocks.py
 
 report: build
 	@$(PYTHON) -m warp.report --quick $(REPORT_ARGS)

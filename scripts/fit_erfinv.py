@@ -48,8 +48,12 @@ def fit(function, low, high, degree):
     middle, half = (low + high) / 2, (high - low) / 2
     nodes = [mp.cos(mp.pi * (2 * k + 1) / (2 * n)) for k in range(n)]
     values = [function(middle + half * t) for t in nodes]
-    cheb = [2 / mp.mpf(n) * sum(v * mp.cos(mp.pi * j * (2 * k + 1) / (2 * n))
-                                for k, v in enumerate(values)) for j in range(n)]
+    cheb = [
+        2
+        / mp.mpf(n)
+        * sum(v * mp.cos(mp.pi * j * (2 * k + 1) / (2 * n)) for k, v in enumerate(values))
+        for j in range(n)
+    ]
     cheb[0] /= 2
     # Chebyshev to monomials in t / half.
     polys = [[mp.mpf(1)], [mp.mpf(0), mp.mpf(1)]]
@@ -62,7 +66,7 @@ def fit(function, low, high, degree):
     for c, p in zip(cheb, polys):
         for i, a in enumerate(p):
             mono[i] += c * a
-    mono = [c / half ** i for i, c in enumerate(mono)]
+    mono = [c / half**i for i, c in enumerate(mono)]
     worst = mp.mpf(0)
     for k in range(201):
         t = low + (high - low) * k / 200

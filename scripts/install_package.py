@@ -43,8 +43,7 @@ def write_wheel(folder: Path) -> Path:
             f"Metadata-Version: 2.1\nName: warp-mlir\nVersion: {version}\n{requires}"
         ).encode(),
         f"{info}/WHEEL": (
-            "Wheel-Version: 1.0\nGenerator: install_package\n"
-            f"Root-Is-Purelib: false\nTag: {tag}\n"
+            f"Wheel-Version: 1.0\nGenerator: install_package\nRoot-Is-Purelib: false\nTag: {tag}\n"
         ).encode(),
     }
     for path in sorted(PACKAGE.rglob("*")):

@@ -464,8 +464,7 @@ def CheckVariance : WarpPass<"warp-check-variance"> {
     says of a value is tested behind it; element 0 of the array counts what did
     not hold, element 1 is the number of the last such claim, and the 2^17
     elements from 8 on, zero at first, are a table for claims about several
-    threads, which have to run one after the other. A debugging launch has these
-    tests if the kernel has that argument.
+    threads. A debugging launch has these tests if the kernel has that argument.
 
     ```mlir
     %j = arith.addi %i, %c1 : i32

@@ -33,16 +33,19 @@ struct BvhReport {
 
 class WARP_API Bvh {
 public:
-  /// Arrays of the lower and upper corners of boxes, of three floats each.
+  /// Arrays of the lower and upper corners of boxes, of three floats each, and
+  /// of a number for each box, which may be empty.
   Bvh(const ArrayDescriptor &lowers, const ArrayDescriptor &uppers, int device,
-      BvhConstructor constructor = BvhConstructor::Sah);
+      BvhConstructor constructor = BvhConstructor::Sah,
+      const ArrayDescriptor &groups = {});
   ~Bvh();
 
   uint64_t id() const;
   /// Takes over moved boxes; which of them are neighbours stays.
   void refit(const ArrayDescriptor &lowers, const ArrayDescriptor &uppers);
   void rebuild(const ArrayDescriptor &lowers, const ArrayDescriptor &uppers,
-               BvhConstructor constructor = BvhConstructor::Sah);
+               BvhConstructor constructor = BvhConstructor::Sah,
+               const ArrayDescriptor &groups = {});
   BvhReport report() const;
 
 private:

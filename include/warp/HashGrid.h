@@ -23,13 +23,15 @@ namespace warp {
 class WARP_API HashGrid {
 public:
   /// Cells along the axes; fewer than 2^31 together.
-  HashGrid(const int32_t (&cells)[3], int device);
+  explicit HashGrid(const int32_t (&cells)[3]);
   ~HashGrid();
 
   uint64_t id() const;
   /// Sorts points of three floats of `scalarSize` bytes into cells that are
   /// `width` wide. Points that are NaN are in no cell.
-  void build(const ArrayDescriptor &points, int scalarSize, double width);
+  /// `groups` has a number for each point, or is empty, and is kept.
+  void build(const ArrayDescriptor &points, int scalarSize, double width,
+             const ArrayDescriptor &groups = {});
   /// Makes room for that many points.
   void reserve(int64_t points);
   /// Points of the last build that are in no cell.

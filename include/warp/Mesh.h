@@ -20,14 +20,17 @@ struct MeshArrays {
   ArrayDescriptor points, velocities;
   /// Three corners of each face, counter-clockwise seen from outside.
   ArrayDescriptor indices;
+  /// A number for each face, or empty.
+  ArrayDescriptor groups;
 };
 
 class WARP_API Mesh {
 public:
   /// Throws `Error` of kind `Runtime` that names the first face with an index
-  /// out of range.
+  /// out of range. `hasWinding`: winding numbers are to be quick.
   Mesh(const MeshArrays &arrays, int device,
-       BvhConstructor constructor = BvhConstructor::Sah);
+       BvhConstructor constructor = BvhConstructor::Sah,
+       bool hasWinding = false);
   ~Mesh();
 
   uint64_t id() const;

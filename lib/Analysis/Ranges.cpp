@@ -17,7 +17,6 @@
 #include "Ranges.h"
 
 #include "GridReads.h"
-#include "NonNegative.h"
 
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/WarpOps.h"

@@ -74,6 +74,10 @@ private:
   llvm::DenseMap<mlir::Block *, std::unique_ptr<std::vector<Bound>>> boundsAt;
 };
 
+/// Whether an index can be told not to be negative, in a block if that helps.
+/// Where several questions are asked, ask one ThreadVariance.
+bool isNonNegative(mlir::Value index, mlir::Block *where);
+
 } // namespace warp
 
 #endif // WARP_LIB_ANALYSIS_RANGES_H

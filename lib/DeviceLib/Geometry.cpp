@@ -9,9 +9,12 @@
 //===----------------------------------------------------------------------===//
 
 #include "geometry/Closest.h"
+#include "geometry/Crossings.h"
 #include "geometry/Overlap.h"
 #include "geometry/Ray.h"
 #include "geometry/Sign.h"
+#include "geometry/Volume.h"
+#include "geometry/Winding.h"
 
 using namespace warp::geometry;
 
@@ -22,7 +25,7 @@ namespace {
 /// As lib/Geometry/Slots.h and include/warp/Handle.h have them.
 constexpr int generationShift = 49, deviceShift = 58;
 constexpr u64 slotSize = 256;
-constexpr u64 kindOfGrid = 1, kindOfBvh = 2, kindOfMesh = 3;
+constexpr u64 kindOfGrid = 1, kindOfBvh = 2, kindOfMesh = 3, kindOfVolume = 4;
 
 /// As include/warp/Launch.h has it.
 struct ArrayDescriptor {
@@ -36,7 +39,9 @@ constexpr ArrayDescriptor noArray{nullptr, nullptr, {}, {}, 1, 0};
 constexpr struct {
   Tree tree;
   ArrayDescriptor arrays[3];
-} noMesh{noTree, {noArray, noArray, noArray}};
+  TreeExtras extras;
+} noMesh{noTree, {noArray, noArray, noArray}, {nullptr, nullptr, 0, 0}};
+static_assert(__builtin_offsetof(decltype(noMesh), extras) == extrasOffset);
 
 /// A grid of one cell with no points (lib/Geometry/HashGrid.cpp).
 constexpr i32 noPoints[2] = {0, 0};
@@ -44,8 +49,14 @@ constexpr struct {
   u64 tag;
   i32 cells[3], points;
   f64 inverse;
-  ArrayDescriptor starts, order;
-} noGrid{0, {1, 1, 1}, 0, 0, {noPoints, nullptr, {2}, {4}, 1, 0}, noArray};
+  ArrayDescriptor starts, order, groups;
+} noGrid{0,       {1, 1, 1}, 0, 0, {noPoints, nullptr, {2}, {4}, 1, 0},
+         noArray, noArray};
+
+/// A volume without voxels whose values and transform are zero.
+alignas(32) constexpr u8 nothing[768] = {};
+constexpr VolumeSlot noVolume{0, nothing, nothing, nothing, 0, 0, 0, 0,
+                              0, 0, 0, 0, 0, 0, 0, 0, 0, 1};
 
 /// The slot of a live handle of a kind that is for this device, or null.
 const void *slotOf(u64 id, u64 kind) {
@@ -61,9 +72,21 @@ const void *slotOf(u64 id, u64 kind) {
   return *tag == (id >> generationShift << 8 | kind) ? tag : nullptr;
 }
 
+const VolumeSlot &volumeOf(u64 id) {
+  const void *slot = slotOf(id, kindOfVolume);
+  return slot ? *static_cast<const VolumeSlot *>(slot) : noVolume;
+}
+
 const Tree &treeOf(u64 id, u64 kind) {
   const void *slot = slotOf(id, kind);
   return slot ? *static_cast<const Tree *>(slot) : noTree;
+}
+
+/// What belongs to a tree from `treeOf`.
+const TreeExtras &extrasOf(const Tree &tree) {
+  const Tree *whole = &tree == &noTree ? &noMesh.tree : &tree;
+  return *reinterpret_cast<const TreeExtras *>(
+      reinterpret_cast<const u8 *>(whole) + extrasOffset);
 }
 
 } // namespace
@@ -71,9 +94,11 @@ const Tree &treeOf(u64 id, u64 kind) {
 /// Where a handle's slot is, or one that has nothing.
 WARP_GEOMETRY warp_slot(u64 id, i32 kind, u64 *result) {
   const void *slot = slotOf(id, u64(kind));
-  const void *none = u64(kind) == kindOfGrid
-                         ? static_cast<const void *>(&noGrid)
-                         : &noMesh;
+  const void *none = &noMesh;
+  if (u64(kind) == kindOfGrid)
+    none = &noGrid;
+  if (u64(kind) == kindOfVolume)
+    none = &noVolume;
   *result = reinterpret_cast<u64>(slot ? slot : none);
 }
 
@@ -124,6 +149,41 @@ WARP_GEOMETRY warp_mesh_ray_any(u64 mesh, f32 x, f32 y, f32 z, f32 dx, f32 dy,
                 .face >= 0;
 }
 
+WARP_GEOMETRY warp_mesh_ray_count(u64 mesh, f32 x, f32 y, f32 z, f32 dx, f32 dy,
+                                  f32 dz, i32 root, i32 *result) {
+  *result = countCrossings(treeOf(mesh, kindOfMesh), {x, y, z}, {dx, dy, dz},
+                           root < 0 ? 0 : root);
+}
+
+WARP_GEOMETRY warp_mesh_side_parity(u64 mesh, f32 x, f32 y, f32 z, i32 rays,
+                                    f32 spread, f32 *result) {
+  *result = sideByParity(treeOf(mesh, kindOfMesh), {x, y, z}, rays, spread);
+}
+
+WARP_GEOMETRY warp_mesh_side_winding(u64 mesh, f32 x, f32 y, f32 z,
+                                     f32 accuracy, f32 threshold, f32 *result) {
+  const Tree &tree = treeOf(mesh, kindOfMesh);
+  *result = sideByWinding(tree, extrasOf(tree).moments, {x, y, z}, accuracy,
+                          threshold);
+}
+
+/// The node that holds a group of a Mesh or Bvh, or -1.
+WARP_GEOMETRY warp_group_root(u64 id, i32 group, i32 *result) {
+  const Tree &mesh = treeOf(id, kindOfMesh);
+  const TreeExtras &extras =
+      extrasOf(mesh.nodes ? mesh : treeOf(id, kindOfBvh));
+  i32 low = 0, high = extras.groupCount;
+  while (low < high) {
+    i32 middle = low + (high - low) / 2;
+    if (extras.groups[middle] < group)
+      low = middle + 1;
+    else
+      high = middle;
+  }
+  bool isThere = low < extras.groupCount && extras.groups[low] == group;
+  *result = isThere ? extras.groups[extras.groupCount + low] : -1;
+}
+
 /// What an iterator gives: a primitive or -1, and where it is then.
 struct NextOverlap {
   i32 primitive, node, level, block, left;
@@ -151,12 +211,15 @@ static i32 next(const Tree &tree, i32 shape, const f32 (&s)[7], f32 limit,
   Ray ray(tree, {s[0], s[1], s[2]}, {s[3], s[4], s[5]});
   if (!ray.isValid)
     return -1;
-  return nextOverlap<Block>(tree, RayShape{ray, limit / ray.first / ray.second},
-                            cursor);
+  f32 end = limit / ray.first / ray.second;
+  if (shape == 3)
+    return nextOverlap<Block>(
+        tree, CapsuleShape{{ray, end}, greatest(s[6], 0.0f) * k}, cursor);
+  return nextOverlap<Block>(tree, RayShape{ray, end}, cursor);
 }
 
 /// Shapes: 0 a box by its corners, 1 a ball by center and radius, 2 a ray by
-/// start and direction, up to `limit`.
+/// start and direction, up to `limit`, 3 a ball that moves along a ray.
 WARP_GEOMETRY warp_overlap_next(u64 id, i32 shape, f32 a, f32 b, f32 c, f32 d,
                                 f32 e, f32 f, f32 g, f32 limit, i32 node,
                                 i32 level, i32 block, i32 left, u64 lowTrail,
@@ -170,4 +233,64 @@ WARP_GEOMETRY warp_overlap_next(u64 id, i32 shape, f32 a, f32 b, f32 c, f32 d,
                                   cursor);
   *result = {primitive,        cursor.node,     cursor.level,    cursor.block,
              i32(cursor.left), cursor.lowTrail, cursor.highTrail};
+}
+
+//===----------------------------------------------------------------------===//
+// Volumes
+//===----------------------------------------------------------------------===//
+
+/// Where a value is; values of another type than asked for are 0.
+static u64 addressOf(const VolumeSlot &volume, i32 type, VoxelPlace place,
+                     Voxel voxel) {
+  const u8 *value =
+      volume.type == u32(type) ? valueAt(volume, place, voxel) : nothing;
+  return reinterpret_cast<u64>(value);
+}
+
+WARP_GEOMETRY warp_volume_value(u64 id, i32 type, i32 i, i32 j, i32 k,
+                                u64 *result) {
+  const VolumeSlot &volume = volumeOf(id);
+  Voxel voxel{i, j, k};
+  *result = addressOf(volume, type, findVoxel(volume, voxel), voxel);
+}
+
+/// Where a value may be stored, or 0.
+WARP_GEOMETRY warp_volume_place(u64 id, i32 type, i32 i, i32 j, i32 k,
+                                u64 *result) {
+  const VolumeSlot &volume = volumeOf(id);
+  Voxel voxel{i, j, k};
+  VoxelPlace place = findVoxel(volume, voxel);
+  *result = place.isLeaf && volume.type == u32(type)
+                ? addressOf(volume, type, place, voxel)
+                : 0;
+}
+
+struct CellValues {
+  u64 address[8];
+};
+
+WARP_GEOMETRY warp_volume_cell(u64 id, i32 type, i32 i, i32 j, i32 k,
+                               CellValues *result) {
+  const VolumeSlot &volume = volumeOf(id);
+  forCorners(volume, {i, j, k}, [&](u32 corner, VoxelPlace place, Voxel at) {
+    result->address[corner] = addressOf(volume, type, place, at);
+  });
+}
+
+WARP_GEOMETRY warp_volume_index(u64 id, i32 i, i32 j, i32 k, i32 *result) {
+  const VolumeSlot &volume = volumeOf(id);
+  Voxel voxel{i, j, k};
+  *result = indexAt(volume, findVoxel(volume, voxel), voxel);
+}
+
+struct CellIndices {
+  i32 index[8];
+};
+
+WARP_GEOMETRY warp_volume_cell_index(u64 id, i32 i, i32 j, i32 k,
+                                     CellIndices *result) {
+  const VolumeSlot &volume = volumeOf(id);
+  forCorners(volume, {i, j, k}, [&](u32 corner, VoxelPlace place, Voxel at) {
+    result->index[corner] = indexAt(volume, place, at);
+  });
 }

@@ -24,8 +24,23 @@ static constexpr warp::LibraryFunction functions[] = {
     // Start, direction, largest parameter, root: face, weights, parameter.
     {"warp_mesh_ray", "lfffffffi", "ifff"},
     {"warp_mesh_ray_any", "lfffffffi", "i"},
+    // Start, direction, root: how often the ray crosses the surface.
+    {"warp_mesh_ray_count", "lffffffi", "i"},
+    // A point; rays and how they spread, or accuracy and threshold: its side.
+    {"warp_mesh_side_parity", "lfffif", "f"},
+    {"warp_mesh_side_winding", "lfffff", "f"},
+    // The number of a group: the node that holds it, or -1.
+    {"warp_group_root", "li", "i"},
     // Shape, its seven numbers and its limit, cursor: primitive, cursor.
     {"warp_overlap_next", "liffffffffiiiill", "iiiiill"},
+    // Type of values and a voxel: address of its value, always there; of a
+    // leaf's value or 0; the same of the eight corners of a cell, z fastest.
+    {"warp_volume_value", "liiii", "l"},
+    {"warp_volume_place", "liiii", "l"},
+    {"warp_volume_cell", "liiii", "llllllll"},
+    // A voxel: its number or -1; the same of the corners of a cell.
+    {"warp_volume_index", "liii", "i"},
+    {"warp_volume_cell_index", "liii", "iiiiiiii"},
 };
 
 const warp::LibraryFunction *warp::findLibraryFunction(StringRef symbol) {

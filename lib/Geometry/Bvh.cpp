@@ -38,13 +38,22 @@ struct Boxes {
   HostElements<Float3> lowers, uppers;
 };
 
+/// The slot of a Bvh.
+struct BvhSlot {
+  Tree tree;
+  char unused[extrasOffset - sizeof(Tree)];
+  TreeExtras extras;
+};
+static_assert(sizeof(BvhSlot) <= slotSize);
+
 } // namespace
 
 struct Bvh::Impl {
   explicit Impl(int device)
       : slot(GeometryKind::Bvh, device), onDevice(device) {}
 
-  void build(const Boxes &boxes, Splitting splitting);
+  void build(const Boxes &boxes, const ArrayDescriptor &groups,
+             Splitting splitting);
   void refit(const Boxes &boxes);
   void fill(const Boxes &boxes, BoxBlock &block) const;
   void publish();
@@ -69,8 +78,16 @@ void Bvh::Impl::fill(const Boxes &boxes, BoxBlock &block) const {
   }
 }
 
-void Bvh::Impl::build(const Boxes &boxes, Splitting splitting) {
+void Bvh::Impl::build(const Boxes &boxes, const ArrayDescriptor &groupArray,
+                      Splitting splitting) {
   count = boxes.size();
+  HostElements<int32_t> groups(groupArray, slot.device());
+  bool hasGroups = groups.size() > 0;
+  if (hasGroups && groups.size() != count)
+    throw Error(Error::Kind::Runtime,
+                "a Bvh with groups has one for each of its " +
+                    std::to_string(count) + " boxes, but got " +
+                    std::to_string(groups.size()));
   std::vector<BuildPrimitive> primitives;
   primitives.reserve(count);
   Bounds all;
@@ -79,11 +96,11 @@ void Bvh::Impl::build(const Boxes &boxes, Splitting splitting) {
     if (!bounds.isProper())
       continue;
     all.include(bounds);
-    primitives.push_back({bounds, int32_t(i), 0});
+    primitives.push_back({bounds, int32_t(i), hasGroups ? groups[i] : 0});
   }
   skipped = count - int64_t(primitives.size());
   scale = chooseScale(all);
-  tree.build(std::move(primitives), splitting,
+  tree.build(std::move(primitives), splitting, hasGroups,
              [&](BoxBlock &block) { fill(boxes, block); });
   publish();
 }
@@ -104,15 +121,17 @@ void Bvh::Impl::refit(const Boxes &boxes) {
 }
 
 void Bvh::Impl::publish() {
-  Tree contents = onDevice.describe(tree, scale, count);
+  BvhSlot contents{};
+  contents.tree = onDevice.describe(tree, scale, count);
+  contents.extras = onDevice.describeExtras(tree, {});
   // The slot writes the first word.
-  slot.write(&contents.nodes, sizeof contents - sizeof contents.tag);
+  slot.write(&contents.tree.nodes, sizeof contents - sizeof contents.tree.tag);
 }
 
 Bvh::Bvh(const ArrayDescriptor &lowers, const ArrayDescriptor &uppers,
-         int device, BvhConstructor constructor)
+         int device, BvhConstructor constructor, const ArrayDescriptor &groups)
     : impl(std::make_unique<Impl>(device)) {
-  rebuild(lowers, uppers, constructor);
+  rebuild(lowers, uppers, constructor, groups);
 }
 
 Bvh::~Bvh() = default;
@@ -124,8 +143,8 @@ void Bvh::refit(const ArrayDescriptor &lowers, const ArrayDescriptor &uppers) {
 }
 
 void Bvh::rebuild(const ArrayDescriptor &lowers, const ArrayDescriptor &uppers,
-                  BvhConstructor constructor) {
-  impl->build(Boxes(lowers, uppers, impl->slot.device()),
+                  BvhConstructor constructor, const ArrayDescriptor &groups) {
+  impl->build(Boxes(lowers, uppers, impl->slot.device()), groups,
               splittingOf(constructor));
 }
 

@@ -10,7 +10,7 @@
 #ifndef WARP_LIB_GEOMETRY_DEVICETREE_H
 #define WARP_LIB_GEOMETRY_DEVICETREE_H
 
-#include "Hierarchy.h"
+#include "Moments.h"
 
 #include "warp/Bvh.h"
 #include "warp/Error.h"
@@ -74,7 +74,27 @@ public:
     return tree;
   }
 
+  /// What only some trees have, also copied to the device if need be.
+  TreeExtras describeExtras(const Hierarchy<Block> &host,
+                            const std::vector<Moments> &hostMoments) {
+    TreeExtras extras{};
+    hostGroups = host.groups();
+    extras.groupCount = int32_t(hostGroups.size() / 2);
+    extras.groups = static_cast<const i32 *>(
+        reach(groups, hostGroups.data(), hostGroups.size() * sizeof(int32_t)));
+    extras.moments = static_cast<const Moments *>(
+        reach(moments, hostMoments.data(),
+              hostMoments.size() * sizeof(Moments)));
+    return extras;
+  }
+
 private:
+  const void *reach(std::unique_ptr<Buffer> &buffer, const void *from,
+                    size_t bytes) {
+    if (bytes == 0)
+      return nullptr;
+    return device == cpuDevice ? from : upload(buffer, from, bytes);
+  }
   const void *upload(std::unique_ptr<Buffer> &buffer, const void *from,
                      size_t bytes) {
     if (!buffer || buffer->size() < bytes)
@@ -84,7 +104,8 @@ private:
   }
 
   int device;
-  std::unique_ptr<Buffer> nodes, blocks;
+  std::unique_ptr<Buffer> nodes, blocks, groups, moments;
+  std::vector<int32_t> hostGroups;
 };
 
 template <class Block>

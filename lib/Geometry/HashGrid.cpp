@@ -29,6 +29,8 @@ struct GridSlot {
   /// Cells per unit of length, as wide as the points say.
   double inverse;
   ArrayDescriptor starts, order;
+  /// A number for each point, or empty; the caller's.
+  ArrayDescriptor groups;
 };
 static_assert(sizeof(uint64_t) + sizeof(GridSlot) <= slotSize);
 
@@ -65,7 +67,7 @@ static float halfToFloat(uint16_t bits) {
 }
 
 struct HashGrid::Impl {
-  Impl(const int32_t (&counts)[3], int device);
+  explicit Impl(const int32_t (&counts)[3]);
 
   void reserve(int64_t points);
   template <class Read>
@@ -82,12 +84,12 @@ struct HashGrid::Impl {
   int64_t total;
   std::vector<Entry> entries, sorted;
   std::vector<int32_t> starts, order;
-  std::unique_ptr<Buffer> deviceStarts, deviceOrder;
+  ArrayDescriptor groups;
   int64_t skipped = 0;
 };
 
-HashGrid::Impl::Impl(const int32_t (&counts)[3], int device)
-    : slot(GeometryKind::HashGrid, device) {
+HashGrid::Impl::Impl(const int32_t (&counts)[3])
+    : slot(GeometryKind::HashGrid, cpuDevice) {
   total = 1;
   for (int i = 0; i < 3; ++i) {
     if (counts[i] <= 0)
@@ -228,36 +230,30 @@ void HashGrid::Impl::publish(int64_t count, double inverse) {
   std::copy_n(cells, 3, contents.cells);
   contents.points = int32_t(count);
   contents.inverse = inverse;
-  auto describe = [&](std::vector<int32_t> &host,
-                      std::unique_ptr<Buffer> &copy) {
+  auto describe = [&](std::vector<int32_t> &host) {
     ArrayDescriptor array;
     array.ndim = 1;
     array.shape[0] = int32_t(host.size());
     array.strides[0] = sizeof(int32_t);
     array.data = host.data();
-    if (slot.device() == cpuDevice)
-      return array;
-    size_t bytes = host.size() * sizeof(int32_t);
-    if (!copy || copy->size() < bytes)
-      copy = std::make_unique<Buffer>(slot.device(), bytes);
-    copyMemory(copy->data(), slot.device(), host.data(), cpuDevice, bytes);
-    array.data = copy->data();
     return array;
   };
-  contents.starts = describe(starts, deviceStarts);
-  contents.order = describe(order, deviceOrder);
+  contents.starts = describe(starts);
+  contents.order = describe(order);
+  contents.groups = groups;
   slot.write(&contents, sizeof contents);
 }
 
-HashGrid::HashGrid(const int32_t (&cells)[3], int device)
-    : impl(std::make_unique<Impl>(cells, device)) {}
+HashGrid::HashGrid(const int32_t (&cells)[3])
+    : impl(std::make_unique<Impl>(cells)) {}
 
 HashGrid::~HashGrid() = default;
 
 uint64_t HashGrid::id() const { return impl->slot.id(); }
 
 void HashGrid::build(const ArrayDescriptor &points, int scalarSize,
-                     double width) {
+                     double width, const ArrayDescriptor &groups) {
+  impl->groups = groups;
   if (scalarSize == 8)
     return impl->assignAs<double, double>(points, width);
   if (scalarSize == 2)

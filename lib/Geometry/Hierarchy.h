@@ -28,8 +28,8 @@ public:
   /// what is not finite.
   template <class Fill>
   void build(std::vector<BuildPrimitive> primitives, Splitting splitting,
-             Fill &&fill) {
-    topology = buildTopology(primitives, splitting);
+             bool hasGroups, Fill &&fill) {
+    topology = buildTopology(primitives, splitting, hasGroups);
     primitives = {};
     blocks.resize(topology.blocks.size());
     for (size_t i = 0; i < blocks.size(); ++i)
@@ -60,6 +60,13 @@ public:
   const std::vector<Node> &nodes() const { return topology.nodes; }
   const std::vector<Block> &leaves() const { return blocks; }
   int depth() const { return topology.depth; }
+  /// As TreeExtras has them.
+  std::vector<int32_t> groups() const {
+    std::vector<int32_t> all = topology.groups;
+    all.insert(all.end(), topology.groupRoots.begin(),
+               topology.groupRoots.end());
+    return all;
+  }
   size_t bytes() const {
     return topology.nodes.size() * sizeof(Node) + blocks.size() * sizeof(Block);
   }

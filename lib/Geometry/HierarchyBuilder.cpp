@@ -72,9 +72,12 @@ public:
   Builder(std::vector<BuildPrimitive> &primitives, Splitting splitting)
       : primitives(primitives), splitting(splitting) {}
 
-  Topology run();
+  Topology run(bool hasGroups);
 
 private:
+  void buildGroups(Arena &top, std::vector<Task> &tasks);
+  void placeGroups(Arena &top, int32_t node, size_t begin, size_t end,
+                   int levels, std::vector<Task> &tasks);
   Range makeRange(int64_t begin, int64_t end) const;
   Cut findCut(const Range &range) const;
   int64_t split(const Range &range, int64_t unit);
@@ -88,6 +91,9 @@ private:
   Splitting splitting;
   /// Smaller ranges are left to tasks.
   int64_t taskSize = 0;
+  /// Of each group its primitives, its number and its node.
+  std::vector<Range> groups;
+  std::vector<int32_t> groupNumbers, groupRoots;
 };
 
 } // namespace
@@ -288,7 +294,48 @@ Topology Builder::join(Arena &top, std::vector<Task> &tasks) const {
   return all;
 }
 
-Topology Builder::run() {
+/// Sorts primitives by their groups, over which the top levels are.
+void Builder::buildGroups(Arena &top, std::vector<Task> &tasks) {
+  std::stable_sort(primitives.begin(), primitives.end(),
+                   [](const BuildPrimitive &a, const BuildPrimitive &b) {
+                     return a.group < b.group;
+                   });
+  auto count = int64_t(primitives.size());
+  for (int64_t begin = 0, end = 0; begin < count; begin = end) {
+    while (end < count && primitives[end].group == primitives[begin].group)
+      ++end;
+    groups.push_back(makeRange(begin, end));
+    groupNumbers.push_back(primitives[begin].group);
+  }
+  groupRoots.resize(groups.size());
+  placeGroups(top, 0, 0, groups.size(), maxDepth, tasks);
+}
+
+void Builder::placeGroups(Arena &top, int32_t node, size_t begin, size_t end,
+                          int levels, std::vector<Task> &tasks) {
+  if (end - begin == 1) {
+    groupRoots[begin] = node;
+    if (groups[begin].size() <= taskSize)
+      tasks.push_back({node, levels, groups[begin], {}});
+    else
+      build(top, node, groups[begin], levels, &tasks);
+    return;
+  }
+  size_t children = std::min<size_t>(end - begin, width);
+  auto firstNode = int32_t(top.nodes.size());
+  top.nodes[node].firstNode = firstNode;
+  top.nodes[node].firstBlock = 0;
+  top.nodes[node].nodes = u8((1u << children) - 1);
+  for (size_t i = 0; i < children; ++i)
+    top.nodes.emplace_back().parent = node;
+  top.depth = std::max(top.depth, maxDepth - levels + 1);
+  for (size_t i = 0; i < children; ++i)
+    placeGroups(top, firstNode + int32_t(i),
+                begin + (end - begin) * i / children,
+                begin + (end - begin) * (i + 1) / children, levels - 1, tasks);
+}
+
+Topology Builder::run(bool hasGroups) {
   auto count = int64_t(primitives.size());
   if (count == 0)
     return {};
@@ -296,7 +343,10 @@ Topology Builder::run() {
   Arena top;
   top.nodes.emplace_back().parent = -1;
   std::vector<Task> tasks;
-  build(top, 0, makeRange(0, count), maxDepth, &tasks);
+  if (hasGroups)
+    buildGroups(top, tasks);
+  else
+    build(top, 0, makeRange(0, count), maxDepth, &tasks);
   auto work = [&](int64_t from, int64_t to) {
     for (int64_t i = from; i < to; ++i) {
       Task &task = tasks[i];
@@ -307,11 +357,14 @@ Topology Builder::run() {
     }
   };
   ThreadPool::parallelFor(0, int64_t(tasks.size()), 1, work);
-  return join(top, tasks);
+  Topology all = join(top, tasks);
+  all.groups = std::move(groupNumbers);
+  all.groupRoots = std::move(groupRoots);
+  return all;
 }
 
 Topology
 warp::geometry::buildTopology(std::vector<BuildPrimitive> &primitives,
-                              Splitting splitting) {
-  return Builder(primitives, splitting).run();
+                              Splitting splitting, bool hasGroups) {
+  return Builder(primitives, splitting).run(hasGroups);
 }

@@ -56,7 +56,7 @@ struct Bounds {
 struct BuildPrimitive {
   Bounds bounds;
   int32_t id;
-  int32_t unused;
+  int32_t group;
 };
 
 /// Nodes without bounds, and the ids of blocks (-1: no primitive).
@@ -73,13 +73,16 @@ struct Topology {
   std::vector<Part> parts;
   int32_t topNodes = 0, topBlocks = 0;
   int depth = 0;
+  /// Numbers of groups in ascending order, and the nodes that hold them.
+  std::vector<int32_t> groups, groupRoots;
 };
 
 enum class Splitting { Area, Median };
 
-/// Takes the primitives apart; their order changes.
+/// Takes the primitives apart; their order changes. With groups, each has a
+/// node of its own over all its primitives.
 Topology buildTopology(std::vector<BuildPrimitive> &primitives,
-                       Splitting splitting);
+                       Splitting splitting, bool hasGroups = false);
 
 } // namespace warp::geometry
 

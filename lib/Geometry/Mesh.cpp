@@ -10,6 +10,7 @@
 #include "Slots.h"
 
 #include <cmath>
+#include <cstddef>
 #include <limits>
 
 using namespace warp;
@@ -20,8 +21,9 @@ namespace {
 /// What follows the tree in the slot of a mesh.
 struct MeshSlot {
   ArrayDescriptor points, velocities, indices;
+  TreeExtras extras;
 };
-static_assert(sizeof(Tree) + sizeof(MeshSlot) <= slotSize);
+static_assert(sizeof(Tree) + offsetof(MeshSlot, extras) == extrasOffset);
 
 /// Corners of faces, read from the user's arrays.
 struct Triangles {
@@ -63,6 +65,7 @@ struct Mesh::Impl {
       : slot(GeometryKind::Mesh, device), onDevice(device) {}
 
   void build(const MeshArrays &arrays, Splitting splitting);
+  void checkGroups(const MeshArrays &arrays) const;
   void refit(const MeshArrays &arrays);
   void fill(const Triangles &triangles, TriangleBlock &block) const;
   void publish(const MeshArrays &arrays);
@@ -72,6 +75,8 @@ struct Mesh::Impl {
   DeviceTree<TriangleBlock> onDevice;
   float scale = 1;
   int64_t faces = 0, skipped = 0;
+  bool hasWinding = false;
+  std::vector<Moments> moments;
 };
 
 void Mesh::Impl::fill(const Triangles &triangles, TriangleBlock &block) const {
@@ -91,11 +96,15 @@ void Mesh::Impl::build(const MeshArrays &arrays, Splitting splitting) {
   Triangles triangles(arrays, slot.device());
   triangles.check();
   faces = triangles.size();
+  checkGroups(arrays);
+  HostElements<int32_t> groups(arrays.groups, slot.device());
+  bool hasGroups = groups.size() > 0;
   std::vector<BuildPrimitive> primitives;
   primitives.reserve(faces);
   Bounds all;
   for (int64_t face = 0; face < faces; ++face) {
-    BuildPrimitive primitive{{}, int32_t(face), 0};
+    BuildPrimitive primitive{
+        {}, int32_t(face), hasGroups ? groups[face] : 0};
     if (!triangles.boundsOf(face, primitive.bounds))
       continue;
     all.include(primitive.bounds);
@@ -103,9 +112,19 @@ void Mesh::Impl::build(const MeshArrays &arrays, Splitting splitting) {
   }
   skipped = faces - int64_t(primitives.size());
   scale = chooseScale(all);
-  tree.build(std::move(primitives), splitting,
+  tree.build(std::move(primitives), splitting, hasGroups,
              [&](TriangleBlock &block) { fill(triangles, block); });
   publish(arrays);
+}
+
+void Mesh::Impl::checkGroups(const MeshArrays &arrays) const {
+  int64_t groups = arrays.groups.shape[0];
+  if (groups != 0 && groups != faces)
+    throw Error(Error::Kind::Runtime, "a mesh with groups has one for each of "
+                                      "its " +
+                                          std::to_string(faces) +
+                                          " faces, but got " +
+                                          std::to_string(groups));
 }
 
 void Mesh::Impl::refit(const MeshArrays &arrays) {
@@ -132,13 +151,18 @@ void Mesh::Impl::publish(const MeshArrays &arrays) {
     Tree tree;
     MeshSlot mesh;
   } contents{onDevice.describe(tree, scale, faces),
-             {arrays.points, arrays.velocities, arrays.indices}};
+             {arrays.points, arrays.velocities, arrays.indices, {}}};
+  if (hasWinding)
+    moments = findMoments(tree);
+  contents.mesh.extras = onDevice.describeExtras(tree, moments);
   // The slot writes the first word.
   slot.write(&contents.tree.nodes, sizeof contents - sizeof contents.tree.tag);
 }
 
-Mesh::Mesh(const MeshArrays &arrays, int device, BvhConstructor constructor)
+Mesh::Mesh(const MeshArrays &arrays, int device, BvhConstructor constructor,
+           bool hasWinding)
     : impl(std::make_unique<Impl>(device)) {
+  impl->hasWinding = hasWinding;
   impl->build(arrays, splittingOf(constructor));
 }
 

@@ -106,10 +106,20 @@ void Slot::write(const void *contents, size_t bytes) {
              cpuDevice, sizeof image);
 }
 
+GeometryHandle::GeometryHandle(GeometryKind kind, int device)
+    : slot(std::make_unique<Slot>(kind, device)) {}
+
+GeometryHandle::~GeometryHandle() = default;
+
+uint64_t GeometryHandle::id() const { return slot->id(); }
+
+void GeometryHandle::write(const void *contents, size_t bytes) {
+  slot->write(contents, bytes);
+}
+
 static const char *nameOf(GeometryKind kind) {
-  return kind == GeometryKind::HashGrid ? "HashGrid"
-         : kind == GeometryKind::Bvh    ? "Bvh"
-                                        : "Mesh";
+  static constexpr const char *names[] = {"HashGrid", "Bvh", "Mesh", "Volume"};
+  return names[int(kind) - 1];
 }
 
 std::string warp::describeHandle(uint64_t id, GeometryKind kind, int device) {

@@ -3,11 +3,12 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // Asked at each launch that a tape records, so nothing is allocated but what
-// is returned. Indices become progressions, accesses boxes of those, and boxes
-// of one array that continue each other become one, before strides make blocks
-// of memory of them.
+// is returned. Indices become progressions, accesses boxes of those (see
+// RegionBoxes.h), and strides make blocks of memory of them.
 //
 //===----------------------------------------------------------------------===//
+
+#include "RegionBoxes.h"
 
 #include "warp/Compile.h"
 #include "warp/Kernel.h"
@@ -22,9 +23,6 @@ using namespace warp;
 
 using Op = RegionFormula::Op;
 using Node = RegionFormula::Node;
-
-/// Boxes of one array; more become their hull.
-static constexpr int mostBoxes = 8;
 
 //===----------------------------------------------------------------------===//
 // Integers
@@ -150,29 +148,6 @@ Values::Values(const RegionFormula &formula, const LaunchDim &dim,
 // Indices
 //===----------------------------------------------------------------------===//
 
-namespace {
-
-/// Indices start, start + step, ..., last.
-struct Span {
-  int64_t start = 0, last = 0, step = 1;
-
-  bool operator==(const Span &other) const {
-    return start == other.start && last == other.last && step == other.step;
-  }
-  bool has(const Span &other) const {
-    return start <= other.start && other.last <= last &&
-           (step == 1 || ((other.start - start) % step == 0 &&
-                          (other.step % step == 0 || other.isOne())));
-  }
-  bool isOne() const { return start == last; }
-};
-
-struct Box {
-  Span dims[maxRank];
-};
-
-} // namespace
-
 /// The values of an index, none if no thread has one; the whole dimension if
 /// they are not known.
 static std::optional<Span> spanOf(const RegionFormula::Index &index,
@@ -233,89 +208,6 @@ static int placesOf(const RegionFormula::Index &index, const Values &values,
 //===----------------------------------------------------------------------===//
 // Boxes
 //===----------------------------------------------------------------------===//
-
-namespace {
-
-/// Boxes of one array that one kind of access touches.
-class Boxes {
-public:
-  explicit Boxes(int rank) : rank(rank) {}
-
-  void add(Box box);
-  int size() const { return count; }
-  const Box &operator[](int i) const { return boxes[i]; }
-
-private:
-  bool join(Box &into, const Box &other) const;
-
-  int rank, count = 0;
-  Box boxes[mostBoxes + 1];
-};
-
-} // namespace
-
-static Span hullOf(const Span &a, const Span &b) {
-  return {std::min(a.start, b.start), std::max(a.last, b.last),
-          std::max<int64_t>(1, std::gcd(std::gcd(a.isOne() ? 0 : a.step,
-                                                 b.isOne() ? 0 : b.step),
-                                        std::abs(a.start - b.start)))};
-}
-
-/// Whether the hull of two spans has no element that neither has.
-static bool isTight(const Span &a, const Span &b, const Span &hull) {
-  if (hull == a || hull == b)
-    return true;
-  // Others may fill the gap between two elements.
-  if (a.isOne() && b.isOne())
-    return hull.step == 1;
-  if ((!a.isOne() && a.step != hull.step) ||
-      (!b.isOne() && b.step != hull.step))
-    return false;
-  return a.start <= b.last + hull.step && b.start <= a.last + hull.step;
-}
-
-/// Makes one box of two if that adds nothing.
-bool Boxes::join(Box &into, const Box &other) const {
-  int different = -1;
-  bool holds = true, isHeld = true;
-  for (int i = 0; i < rank; ++i) {
-    holds &= into.dims[i].has(other.dims[i]);
-    isHeld &= other.dims[i].has(into.dims[i]);
-    if (!(into.dims[i] == other.dims[i]))
-      different = different < 0 ? i : maxRank;
-  }
-  if (holds)
-    return true;
-  if (isHeld) {
-    into = other;
-    return true;
-  }
-  if (different < 0 || different == maxRank)
-    return false;
-  Span &span = into.dims[different];
-  Span hull = hullOf(span, other.dims[different]);
-  if (!isTight(span, other.dims[different], hull))
-    return false;
-  span = hull;
-  return true;
-}
-
-void Boxes::add(Box box) {
-  for (int i = 0; i < count;) {
-    if (!join(box, boxes[i])) {
-      ++i;
-      continue;
-    }
-    boxes[i] = boxes[--count];
-    i = 0;
-  }
-  boxes[count++] = box;
-  if (count <= mostBoxes)
-    return;
-  for (; count > 1; --count)
-    for (int i = 0; i < rank; ++i)
-      boxes[0].dims[i] = hullOf(boxes[0].dims[i], boxes[count - 1].dims[i]);
-}
 
 static void addBoxes(const RegionFormula::Access &access, const Values &values,
                      const ArrayDescriptor &array, Boxes &boxes) {

@@ -21,12 +21,17 @@ static const ArrayDescriptor &descriptorOf(py::handle array) {
   return python::asArray(array.ptr())->descriptor;
 }
 
+static ArrayDescriptor optionalOf(py::handle array) {
+  return array.is_none() ? ArrayDescriptor() : descriptorOf(array);
+}
+
 static MeshArrays arraysOf(py::handle points, py::handle velocities,
-                           py::handle indices) {
+                           py::handle indices,
+                           py::handle groups = py::none()) {
   MeshArrays arrays;
+  arrays.groups = optionalOf(groups);
   arrays.points = descriptorOf(points);
-  if (!velocities.is_none())
-    arrays.velocities = descriptorOf(velocities);
+  arrays.velocities = optionalOf(velocities);
   arrays.indices = descriptorOf(indices);
   return arrays;
 }
@@ -43,12 +48,14 @@ static void bindBvh(py::module_ &m) {
       .def_readonly("bytes", &BvhReport::bytes)
       .def_readonly("depth", &BvhReport::depth);
   py::class_<Bvh>(m, "Bvh", "A hierarchy over boxes.")
-      .def(py::init([](py::handle lowers, py::handle uppers, int device,
-                       bool median) {
+      .def(py::init([](py::handle lowers, py::handle uppers, py::handle groups,
+                       int device, bool median) {
         const ArrayDescriptor &low = descriptorOf(lowers);
         const ArrayDescriptor &high = descriptorOf(uppers);
+        ArrayDescriptor numbers = optionalOf(groups);
         py::gil_scoped_release unlocked;
-        return std::make_unique<Bvh>(low, high, device, constructorOf(median));
+        return std::make_unique<Bvh>(low, high, device, constructorOf(median),
+                                     numbers);
       }))
       .def_property_readonly("id", &Bvh::id)
       .def_property_readonly("report", &Bvh::report)
@@ -60,21 +67,24 @@ static void bindBvh(py::module_ &m) {
              self.refit(low, high);
            })
       .def("rebuild", [](Bvh &self, py::handle lowers, py::handle uppers,
-                         bool median) {
+                         py::handle groups, bool median) {
         const ArrayDescriptor &low = descriptorOf(lowers);
         const ArrayDescriptor &high = descriptorOf(uppers);
+        ArrayDescriptor numbers = optionalOf(groups);
         py::gil_scoped_release unlocked;
-        self.rebuild(low, high, constructorOf(median));
+        self.rebuild(low, high, constructorOf(median), numbers);
       });
 }
 
 static void bindMesh(py::module_ &m) {
   py::class_<Mesh>(m, "Mesh", "A triangle mesh that kernels search.")
       .def(py::init([](py::handle points, py::handle velocities,
-                       py::handle indices, int device, bool median) {
-        MeshArrays arrays = arraysOf(points, velocities, indices);
+                       py::handle indices, py::handle groups, int device,
+                       bool median, bool hasWinding) {
+        MeshArrays arrays = arraysOf(points, velocities, indices, groups);
         py::gil_scoped_release unlocked;
-        return std::make_unique<Mesh>(arrays, device, constructorOf(median));
+        return std::make_unique<Mesh>(arrays, device, constructorOf(median),
+                                      hasWinding);
       }))
       .def_property_readonly("id", &Mesh::id)
       .def_property_readonly("report", &Mesh::report)
@@ -86,8 +96,8 @@ static void bindMesh(py::module_ &m) {
              self.refit(arrays);
            })
       .def("rebuild", [](Mesh &self, py::handle points, py::handle velocities,
-                         py::handle indices, bool median) {
-        MeshArrays arrays = arraysOf(points, velocities, indices);
+                         py::handle indices, py::handle groups, bool median) {
+        MeshArrays arrays = arraysOf(points, velocities, indices, groups);
         py::gil_scoped_release unlocked;
         self.rebuild(arrays, constructorOf(median));
       });
@@ -95,18 +105,34 @@ static void bindMesh(py::module_ &m) {
 
 static void bindHashGrid(py::module_ &m) {
   py::class_<HashGrid>(m, "HashGrid", "Points by the cells of a grid.")
-      .def(py::init([](int x, int y, int z, int device) {
+      .def(py::init([](int x, int y, int z) {
         const int32_t cells[3] = {x, y, z};
-        return std::make_unique<HashGrid>(cells, device);
+        return std::make_unique<HashGrid>(cells);
       }))
       .def_property_readonly("id", &HashGrid::id)
       .def_property_readonly("skipped", &HashGrid::skipped)
       .def("reserve", &HashGrid::reserve)
       .def("build", [](HashGrid &self, py::handle points, int scalarSize,
-                       double width) {
+                       double width, py::handle groups) {
         const ArrayDescriptor &array = descriptorOf(points);
+        ArrayDescriptor numbers = optionalOf(groups);
         py::gil_scoped_release unlocked;
-        self.build(array, scalarSize, width);
+        self.build(array, scalarSize, width, numbers);
+      });
+}
+
+static void bindHandle(py::module_ &m) {
+  py::class_<GeometryHandle>(m, "GeometryHandle",
+                             "A number by which kernels know an object.")
+      .def(py::init([](int kind, int device) {
+        return std::make_unique<GeometryHandle>(GeometryKind(kind), device);
+      }))
+      .def_property_readonly("id", &GeometryHandle::id)
+      .def("write", [](GeometryHandle &self, const py::bytes &contents) {
+        std::string_view view = contents;
+        if (view.size() > 248)
+          throw py::value_error("a slot has 248 bytes");
+        self.write(view.data(), view.size());
       });
 }
 
@@ -114,6 +140,7 @@ void python::bindGeometry(py::module_ &m) {
   bindBvh(m);
   bindMesh(m);
   bindHashGrid(m);
+  bindHandle(m);
   m.def("describe_handle",
         [](uint64_t id, int kind, int device) {
           return describeHandle(id, GeometryKind(kind), device);

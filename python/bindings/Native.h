@@ -30,6 +30,7 @@ void bindGraph(pybind11::module_ &m);
 void bindKernel(pybind11::module_ &m);
 void bindMemory(pybind11::module_ &m);
 void bindPeers(pybind11::module_ &m);
+void bindRegions(pybind11::module_ &m);
 void bindSavedModule(pybind11::module_ &m);
 void bindSequences(pybind11::module_ &m);
 void bindXlaFfi(pybind11::module_ &m);

@@ -174,10 +174,6 @@ static void bindRegion(py::module_ &m) {
            "Arrays of which no element is both read and written.");
 }
 
-namespace warp::python {
-void bindRegions(py::module_ &m);
-} // namespace warp::python
-
 void python::bindRegions(py::module_ &m) {
   bindRegion(m);
   py::class_<RegionFinder>(m, "RegionFinder", "What a kernel touches.")

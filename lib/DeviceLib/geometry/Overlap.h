@@ -80,7 +80,13 @@ struct RayShape {
   f32 limit;
 
   template <class Bounds> u32 test(const Bounds &bounds) const {
-    Floats entry = Floats(0), leave = Floats(infinity);
+    Floats entry;
+    return bitsOf(meet(bounds, entry) & (entry < Floats(limit)));
+  }
+  /// Where the ray enters boxes, and which it meets at 0 <= t.
+  template <class Bounds> Ints meet(const Bounds &bounds, Floats &entry) const {
+    entry = Floats(0);
+    Floats leave = Floats(infinity);
     Ints within = bounds.low(0) == bounds.low(0);
     for (int axis = 0; axis < 3; ++axis) {
       Floats low = bounds.low(axis) - ray.start[axis];
@@ -93,8 +99,25 @@ struct RayShape {
       entry = greatest(entry, (direction > 0 ? low : high) * inverse);
       leave = least(leave, (direction > 0 ? high : low) * inverse);
     }
-    return bitsOf(within & (entry <= leave * 1.000001f) &
-                  (entry < Floats(limit)));
+    return within & (entry <= leave * 1.000001f);
+  }
+};
+
+/// Boxes, grown by a radius, that a ray meets at 0 <= t <= limit.
+struct CapsuleShape {
+  RayShape ray;
+  f32 radius;
+
+  template <class Bounds> struct Grown {
+    const Bounds &bounds;
+    f32 radius;
+    Floats low(int axis) const { return bounds.low(axis) - radius; }
+    Floats high(int axis) const { return bounds.high(axis) + radius; }
+  };
+  template <class Bounds> u32 test(const Bounds &bounds) const {
+    Floats entry;
+    Ints met = ray.meet(Grown<Bounds>{bounds, radius}, entry);
+    return bitsOf(met & (entry <= Floats(ray.limit)));
   }
 };
 

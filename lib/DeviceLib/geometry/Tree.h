@@ -82,6 +82,19 @@ struct Tree {
 };
 static_assert(sizeof(Tree) == 32);
 
+struct Moments;
+
+/// Ends the slot of a Bvh and of a Mesh: what only some of them have.
+struct TreeExtras {
+  /// One per node, for winding numbers.
+  const Moments *moments;
+  /// Numbers of groups in ascending order, then the nodes that hold them.
+  const i32 *groups;
+  i32 groupCount, unused;
+};
+constexpr int extrasOffset = 200;
+static_assert(extrasOffset + sizeof(TreeExtras) <= 256);
+
 } // namespace warp::geometry
 
 #endif // WARP_DEVICELIB_GEOMETRY_TREE_H

@@ -17,6 +17,7 @@
 
 #include "WarpDialect/WarpDialect.h"
 
+#include "mlir/Conversion/ArithCommon/AttrToLLVMConverter.h"
 #include "mlir/Conversion/ArithToLLVM/ArithToLLVM.h"
 #include "mlir/Conversion/ControlFlowToLLVM/ControlFlowToLLVM.h"
 #include "mlir/Conversion/GPUCommon/GPUCommonPass.h"
@@ -61,6 +62,28 @@ struct NarrowIndex : ConvertOpToLLVMPattern<arith::IndexCastOp> {
   }
 };
 
+/// The smaller or larger number by IEEE 754-2019: -0 lies below +0 and a NaN is
+/// missing, whatever the order of the operands. LLVM's minnum, which MLIR would
+/// take, leaves the order of zeros open.
+template <typename Op>
+struct NumberLimit : ConvertOpToLLVMPattern<Op> {
+  using ConvertOpToLLVMPattern<Op>::ConvertOpToLLVMPattern;
+
+  LogicalResult
+  matchAndRewrite(Op op, typename Op::Adaptor adaptor,
+                  ConversionPatternRewriter &rewriter) const override {
+    constexpr bool isMin = std::is_same_v<Op, arith::MinNumFOp>;
+    auto call = LLVM::CallIntrinsicOp::create(
+        rewriter, op.getLoc(), adaptor.getLhs().getType(),
+        rewriter.getStringAttr(isMin ? "llvm.minimumnum" : "llvm.maximumnum"),
+        ValueRange{adaptor.getLhs(), adaptor.getRhs()});
+    call.setFastmathFlags(
+        arith::convertArithFastMathFlagsToLLVM(op.getFastmath()));
+    rewriter.replaceOp(op, call);
+    return success();
+  }
+};
+
 /// Patterns live as long as the pass; the type converter must, too.
 struct Conversion {
   explicit Conversion(MLIRContext *context) : types(context) {
@@ -69,6 +92,8 @@ struct Conversion {
     toBranches = std::move(structured);
     RewritePatternSet rest(context);
     arith::populateArithToLLVMConversionPatterns(types, rest);
+    rest.add<NumberLimit<arith::MinNumFOp>, NumberLimit<arith::MaxNumFOp>>(
+        types, /*benefit=*/2);
     cf::populateControlFlowToLLVMConversionPatterns(types, rest);
     populateMathToLLVMConversionPatterns(types, rest,
                                          /*approximateLog1p=*/false);

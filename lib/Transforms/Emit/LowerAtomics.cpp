@@ -18,6 +18,7 @@
 #include "WarpDialect/ParameterLayout.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
 
 using namespace mlir;
 using namespace warp;
@@ -60,10 +61,42 @@ mlir::Value ArrayLowering::plainUpdate(AtomicKind kind, mlir::Value value,
   return old;
 }
 
+/// A loop around `cmpxchg`, as LLVM would make of a minimum on a CPU, but with
+/// zeros in order.
+static mlir::Value limitUpdate(OpBuilder &b, Location loc, AtomicKind kind,
+                               mlir::Value value, mlir::Type type,
+                               mlir::Value at) {
+  mlir::Type real = value.getType();
+  mlir::Type bits = b.getIntegerType(real.getIntOrFloatBitWidth());
+  mlir::Value first = LLVM::LoadOp::create(b, loc, bits, at, getByteSize(type));
+  auto attempt = [&](OpBuilder &b, Location loc, ValueRange held) {
+    mlir::Value old = LLVM::BitcastOp::create(b, loc, real, held[0]);
+    mlir::Value made = combine(b, loc, kind, old, value, type);
+    mlir::Value pair = LLVM::AtomicCmpXchgOp::create(
+        b, loc, at, held[0], LLVM::BitcastOp::create(b, loc, bits, made),
+        LLVM::AtomicOrdering::monotonic, LLVM::AtomicOrdering::monotonic,
+        StringRef(), getByteSize(type));
+    mlir::Value seen = LLVM::ExtractValueOp::create(b, loc, pair, 0);
+    mlir::Value done = LLVM::ExtractValueOp::create(b, loc, pair, 1);
+    mlir::Value yes = arith::ConstantIntOp::create(b, loc, 1, 1);
+    mlir::Value again = arith::XOrIOp::create(b, loc, done, yes);
+    scf::ConditionOp::create(b, loc, again, seen);
+  };
+  auto loop = scf::WhileOp::create(
+      b, loc, bits, first, attempt,
+      [](OpBuilder &b, Location loc, ValueRange seen) {
+        scf::YieldOp::create(b, loc, seen);
+      });
+  return LLVM::BitcastOp::create(b, loc, real, loop.getResult(0));
+}
+
 mlir::Value ArrayLowering::atomicUpdate(AtomicKind kind, mlir::Value value,
                                         mlir::Type type, mlir::Value at) {
   if (exclusive)
     return plainUpdate(kind, value, type, at);
+  bool isLimit = kind == AtomicKind::min || kind == AtomicKind::max;
+  if (isLimit && isFloat(type) && !gpu)
+    return limitUpdate(b, loc, kind, value, type, at);
   if (kind == AtomicKind::sub && isFloat(type))
     value = arith::NegFOp::create(b, loc, value);
   return LLVM::AtomicRMWOp::create(b, loc, getBinOp(kind, type), at, value,

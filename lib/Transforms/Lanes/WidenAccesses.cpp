@@ -12,7 +12,7 @@
 
 #include "Widening.h"
 
-#include "Analysis/NonNegative.h"
+#include "Analysis/Ranges.h"
 #include "KernelFunction.h"
 #include "LanePlan.h"
 #include "Updates/Atomics.h"

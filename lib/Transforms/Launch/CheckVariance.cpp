@@ -10,14 +10,15 @@
 // What one thread can tell by itself is compared where the value is. What is
 // about several threads goes through a table in memory: the first thread that
 // gets to a claim (and element, or iteration) leaves its value there, and those
-// that come later compare theirs. So the threads have to run one after the
-// other, as those of a debugging launch of few threads do.
+// that come later compare theirs. Threads may run at the same time: claim and
+// value are one word, so that each thread sees both or neither.
 //
 // The table is an argument of the kernel, the array of 64-bit integers called
 // `warp_claims`; a kernel without one stays as it is. Element 0 counts claims
 // that did not hold, element 1 is the number of the last such claim, and from
-// element 8 on there are 2^16 pairs of key and value, all zero at first. A pair
-// that is taken by another key is overwritten: a test is left out, none fails.
+// element 8 on there are 2^17 words, all zero at first: 40 bits of the claim's
+// key above 24 bits of its value's hash. A word that is taken by another key is
+// overwritten: a test is left out, none fails.
 //
 //===----------------------------------------------------------------------===//
 
@@ -39,7 +40,7 @@ using warp::Scope;
 using warp::Symbol;
 
 constexpr llvm::StringLiteral recordName = "warp_claims";
-constexpr int64_t firstPair = 8, pairBits = 16;
+constexpr int64_t firstWord = 8, wordBits = 17, valueBits = 24;
 /// Threads that are lanes of one vector, or less.
 constexpr int64_t lanes = 16;
 /// An odd number with bits all over (of the golden ratio), which mixes keys.
@@ -81,6 +82,9 @@ private:
   Value constant(int64_t value) { return constant(b.getI64Type(), value); }
   Value add(Value x, Value y) { return arith::AddIOp::create(b, loc, x, y); }
   Value mul(Value x, Value y) { return arith::MulIOp::create(b, loc, x, y); }
+  Value shiftRight(Value x, int64_t count) {
+    return arith::ShRUIOp::create(b, loc, x, constant(count));
+  }
   Value compare(arith::CmpIPredicate predicate, Value x, Value y) {
     return arith::CmpIOp::create(b, loc, predicate, x, y);
   }
@@ -134,20 +138,25 @@ void ClaimTests::requireSame(ValueRange key, Value bits) {
   Value mixed = mul(constant(++number), constant(mixer));
   for (Value part : key)
     mixed = mul(add(mixed, part), constant(mixer));
-  Value slot = arith::ShRUIOp::create(b, loc, mixed, constant(64 - pairBits));
-  Value at = add(mul(slot, constant(2)), constant(firstPair));
+  Value at = add(shiftRight(mixed, 64 - wordBits), constant(firstWord));
   at = arith::TruncIOp::create(b, loc, b.getI32Type(), at);
-  Value next = add(at, constant(b.getI32Type(), 1));
-  // Zero says that nobody was here.
-  Value known = arith::OrIOp::create(b, loc, mixed, constant(1));
-  Value isNew = compare(arith::CmpIPredicate::ne, load(at), known);
+  // The key's bits below those of the place; zero says that nobody was here.
+  Value name = arith::ShLIOp::create(b, loc, mixed, constant(wordBits));
+  name = arith::OrIOp::create(b, loc, name, constant(int64_t(1) << valueBits));
+  name = arith::AndIOp::create(b, loc, name, constant(-1LL << valueBits));
+  Value hash = shiftRight(mul(bits, constant(mixer)), 64 - valueBits);
+  Value word = arith::OrIOp::create(b, loc, name, hash);
+  Value found = load(at);
+  Value difference = arith::XOrIOp::create(b, loc, found, word);
+  Value isNew = compare(arith::CmpIPredicate::uge, difference,
+                        constant(int64_t(1) << valueBits));
   auto first = scf::IfOp::create(b, loc, isNew, /*withElseRegion=*/true);
   OpBuilder::InsertionGuard guard(b);
   b.setInsertionPointToStart(first.thenBlock());
-  store(known, at);
-  store(bits, next);
+  store(word, at);
   b.setInsertionPointToStart(first.elseBlock());
-  Value differs = compare(arith::CmpIPredicate::ne, load(next), bits);
+  Value differs =
+      compare(arith::CmpIPredicate::ne, difference, constant(int64_t(0)));
   auto failed = scf::IfOp::create(b, loc, differs, /*withElseRegion=*/false);
   b.setInsertionPointToStart(failed.thenBlock());
   reportFailure();

@@ -19,7 +19,7 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "Analysis/NonNegative.h"
+#include "Analysis/Ranges.h"
 #include "EntryBuilder.h"
 #include "Schedule.h"
 

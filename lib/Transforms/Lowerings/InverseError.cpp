@@ -93,16 +93,30 @@ struct Polynomial {
       value = fma(value, t, x.like(c));
     return value;
   }
+
+  /// The polynomial times a factor. The last sum, which cancels, keeps what its
+  /// rounding lost, as does the last coefficient.
+  Scalar times(Scalar factor, Scalar x) const {
+    Scalar t = x - middle, value = x.like(coefficients.front());
+    for (double c : coefficients.drop_front().drop_back())
+      value = fma(value, t, x.like(c));
+    double last = coefficients.back();
+    double rounded = x.getWidth() == 32 ? double(float(last)) : last;
+    Scalar sum = fma(value, t, x.like(rounded));
+    Scalar lost = fma(value, t, x.like(rounded) - sum) + (last - rounded);
+    return fma(factor, sum, factor * lost);
+  }
 };
 } // namespace
 
-/// The quotient of erfinv and sqrt(w) in the tail.
-static Scalar evaluateTail(Scalar inverseRoot) {
-  if (inverseRoot.getWidth() == 32)
-    return Polynomial{singleTail, singleTailMiddle}(inverseRoot);
+/// |erfinv| in the tail, where `root` is sqrt(w).
+static Scalar evaluateTail(Scalar root) {
+  Scalar inverseRoot = 1.0 / root;
+  if (root.getWidth() == 32)
+    return Polynomial{singleTail, singleTailMiddle}.times(root, inverseRoot);
   Scalar near = Polynomial{doubleTail, doubleTailMiddle}(inverseRoot);
   Scalar isFar = inverseRoot < 0.2;
-  return branch(isFar, near, [&]() -> Scalars {
+  return root * branch(isFar, near, [&]() -> Scalars {
     Scalar far = Polynomial{doubleFarTail, doubleFarTailMiddle}(inverseRoot);
     Scalar farthest = Polynomial{doubleFarthestTail, doubleFarthestTailMiddle}(
         inverseRoot);
@@ -117,9 +131,10 @@ static Scalar invert(Scalar x, Scalar product) {
   Polynomial central =
       isSingle ? Polynomial{singleCentral, singleCentralMiddle}
                : Polynomial{doubleCentral, doubleCentralMiddle};
-  return branch(w > (isSingle ? 5.5 : 6.5), x * central(w), [&]() -> Scalars {
+  Scalar near = central.times(x, w);
+  return branch(w > (isSingle ? 5.5 : 6.5), near, [&]() -> Scalars {
     Scalar root = sqrt(w);
-    return {copysign(root * evaluateTail(1.0 / root), x)};
+    return {copysign(evaluateTail(root), x)};
   })[0];
 }
 

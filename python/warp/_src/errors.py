@@ -145,7 +145,7 @@ class WarpGradientError(WarpError):
     """A gradient cannot be computed from what is there, or is not finite."""
 
 
-class WarpGradientMismatch(WarpGradientError, ValueError):
+class WarpGradientMismatch(WarpGradientError, ValueError):  # noqa: N818
     """Gradients by two methods differ."""
 
 

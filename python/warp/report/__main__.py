@@ -1,6 +1,7 @@
-"""Command line: `python -m warp.report [SCENE or FILE.py ...]`."""
+"""Command line: `python -m warp.report [SCENE or FILE.py ...]`, or a tool by its name."""
 
 import argparse
+import importlib
 import sys
 from pathlib import Path
 
@@ -11,6 +12,8 @@ from warp.report._run import run
 from warp.report._scene import Sweep, registered
 from warp.report._worker import load
 
+#: Packages beside this file that have a command line of their own.
+TOOLS = ("stability",)
 SCENES = Path(__file__).parent / "scenes"
 
 
@@ -41,7 +44,8 @@ def _choose(names):
 def _parser():
     parser = argparse.ArgumentParser(
         prog="python -m warp.report",
-        description="Measure scenes: error against run time, stability, drift, gradients.",
+        description="Measure scenes: error against run time, stability, drift, gradients. "
+        "'stability' in place of scenes runs the catalogue of extreme cases.",
     )
     parser.add_argument("scenes", nargs="*", help="names of scenes, or Python files with some")
     parser.add_argument("--list", action="store_true", help="say which scenes there are")
@@ -60,6 +64,10 @@ def _parser():
 
 def main(arguments=None):
     """Run; the exit status is 1 if a point is red, 2 if the command cannot be carried out."""
+    arguments = sys.argv[1:] if arguments is None else list(arguments)
+    if arguments and arguments[0] in TOOLS:
+        tool = importlib.import_module(f"warp.report.{arguments[0]}.__main__")
+        return tool.main(arguments[1:])
     options = _parser().parse_args(arguments)
     wp.config.quiet = True
     try:

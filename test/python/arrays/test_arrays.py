@@ -177,7 +177,11 @@ def test_borrowed_memory():
     source = data_of(6)
     freed = []
     array = wp.array(
-        ptr=source.ctypes.data, dtype=float, shape=3, strides=8, device="cpu",
+        ptr=source.ctypes.data,
+        dtype=float,
+        shape=3,
+        strides=8,
+        device="cpu",
         deleter=lambda pointer, size: freed.append((pointer, size)),
     )
     assert same(array, [0, 2, 4])

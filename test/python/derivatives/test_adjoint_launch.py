@@ -43,9 +43,7 @@ def test_gradients_of_the_launch(device):
     """Gradients that the launch names are used instead of those of the arguments."""
     x, y = ramp(4, device, requires_grad=True), wp.zeros(4, device=device)
     gx, gy = wp.zeros(4, device=device), wp.ones(4, device=device)
-    wp.launch(
-        square, 4, [1.0, x], [y], [None, gx], [gy], device=device, adjoint=True
-    )
+    wp.launch(square, 4, [1.0, x], [y], [None, gx], [gy], device=device, adjoint=True)
     assert gx.numpy().tolist() == [0, 2, 4, 6]
     assert not x.grad.numpy().any() and y.grad is None
     # None stands for the argument's own gradient, and numbers have none.
@@ -340,9 +338,7 @@ def test_deterministic_sums(device):
     """Sums of a launch, and sums of gradients, have the same bits in every run."""
 
     @wp.kernel(module_options={"deterministic": True})
-    def histogram(
-        x: wp.array(dtype=float), to: wp.array(dtype=int), sums: wp.array(dtype=float)
-    ):
+    def histogram(x: wp.array(dtype=float), to: wp.array(dtype=int), sums: wp.array(dtype=float)):
         i = wp.tid()
         wp.atomic_add(sums, to[i], x[i])
 

@@ -140,9 +140,7 @@ def test_components_and_negative_indices(device):
     data = wp.array(np.arange(12.0).reshape(4, 3), dtype=wp.vec3, device=device)
     y = wp.zeros(1, dtype=wp.vec3, device=device)
     wp.launch(update, 1, [data[ints([3, 1, -4], device)]], [y], device=device)
-    np.testing.assert_array_equal(
-        data.numpy(), [[5, 1, 2], [3, 4, 5], [6, 7, 8], [9, 10, 13]]
-    )
+    np.testing.assert_array_equal(data.numpy(), [[5, 1, 2], [3, 4, 5], [6, 7, 8], [9, 10, 13]])
     np.testing.assert_array_equal(y.numpy(), [[3, 4, 5]])
 
 
@@ -263,6 +261,7 @@ def test_arguments_that_do_not_fit(device):
         wp.launch(square, 1, [some], [some], device=device)
     with pytest.raises(TypeError, match="expects 'indexedarray"):
         wp.launch(square, 1, [wp.zeros((2, 2), device=device)[ints([1], device)]], [y])
+
     @wp.kernel
     def generic(a: wp.indexedarray(dtype=typing.Any)):
         a[0] = a[0]

@@ -167,9 +167,7 @@ def test_printing_goes_to_standard_output(device):
 @pytest.mark.parametrize("dtype", [wp.int32, wp.uint64, wp.float32, wp.float64])
 def test_lower_bound(device, dtype):
     @wp.kernel
-    def kernel(
-        x: wp.array(dtype=dtype), values: wp.array(dtype=dtype), out: wp.array2d(dtype=int)
-    ):
+    def kernel(x: wp.array(dtype=dtype), values: wp.array(dtype=dtype), out: wp.array2d(dtype=int)):
         i = wp.tid()
         out[i, 0] = wp.lower_bound(x, values[i])
         out[i, 1] = wp.lower_bound(x, 2, 5, values[i])

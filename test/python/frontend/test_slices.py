@@ -44,7 +44,9 @@ def test_updates_of_slices_are_those_of_numpy(device):
 
 
 @wp.kernel
-def update_element(x: wp.array(dtype=wp.vec2), y: wp.array(dtype=wp.vec4), m: wp.array(dtype=mat23)):
+def update_element(
+    x: wp.array(dtype=wp.vec2), y: wp.array(dtype=wp.vec4), m: wp.array(dtype=mat23)
+):
     i = wp.tid()
     y[0][1:3] += 2.0 * x[i]
     m[0][:, 2] -= x[i]

@@ -170,9 +170,7 @@ def test_gradient_of_narrow_tensor(device):
 
 
 @wp.kernel
-def weighted_square(
-    x: wp.array(dtype=float), w: wp.array(dtype=float), y: wp.array(dtype=float)
-):
+def weighted_square(x: wp.array(dtype=float), w: wp.array(dtype=float), y: wp.array(dtype=float)):
     i = wp.tid()
     y[i] = w[i % w.shape[0]] * x[i] * x[i]
 

@@ -66,7 +66,6 @@ def test_exit_while_daemon_threads_launch():
         assert (status, output) == (0, "done"), log
 
 
-@pytest.mark.xfail(strict=False, reason="a child can still hang if the fork falls into a compile")
 @pytest.mark.parametrize("delay", ["0.001", "0.02", "0.05", "0.15"])
 def test_fork_while_another_thread_makes_the_first_launch(delay):
     status, output, log = python(FORK, delay)

@@ -58,8 +58,13 @@ def test_dump(config, tmp_path, device):
     config.dump = str(tmp_path / "dump")
     wp.launch(twice, 1, [wp.zeros(1, device=device)], device=device)
     assert sorted(path.name for path in (tmp_path / "dump").iterdir()) == [
-        "twice.asm.s", "twice.gpu.mlir", "twice.launch.mlir", "twice.llvm.ll",
-        "twice.ptx.ptx", "twice.thread.mlir", "twice.warp.mlir",
+        "twice.asm.s",
+        "twice.gpu.mlir",
+        "twice.launch.mlir",
+        "twice.llvm.ll",
+        "twice.ptx.ptx",
+        "twice.thread.mlir",
+        "twice.warp.mlir",
     ]
 
 

@@ -33,8 +33,15 @@ def use_struct(p: Parameters, out: wp.array(dtype=wp.vec3)):
 
 
 @wp.kernel
-def take_values(i: int, u: wp.uint8, b: wp.bool, h: wp.float16, v: wp.vec3, m: wp.mat22,
-                out: wp.array(dtype=wp.float64)):
+def take_values(
+    i: int,
+    u: wp.uint8,
+    b: wp.bool,
+    h: wp.float16,
+    v: wp.vec3,
+    m: wp.mat22,
+    out: wp.array(dtype=wp.float64),
+):
     out[0] = wp.float64(i)
     out[1] = wp.float64(u)
     out[2] = wp.float64(b)
@@ -91,13 +98,15 @@ def test_bad_dimensions(device, dim):
 def test_values_are_converted(device):
     out = wp.zeros(6, dtype=wp.float64, device=device)
     wp.launch(
-        take_values, 1,
+        take_values,
+        1,
         [np.int64(-3), wp.uint8(200), np.bool_(True), 1, (1, 2, 3), [[1, 2], [3, 4]], out],
         device=device,
     )
     assert out.numpy().tolist() == [-3, 200, 1, 1, 3, 3]
     wp.launch(
-        take_values, 1,
+        take_values,
+        1,
         [True, 7, 0, np.float32(0.5), wp.vec3(4, 5, 6), np.array([[5, 6], [7, 8]]), out],
         device=device,
     )

@@ -98,7 +98,9 @@ def test_square_roots(device):
     near = np.arange(0x0DA24200, 0x0DA24300, dtype=np.uint32)
     x = np.concatenate([bits.view(np.float32), edges.astype(np.float32), near.view(np.float32)])
     root, inverse = (wp.zeros(len(x), dtype=float, device=device) for _ in range(2))
-    wp.launch(roots, len(x), [wp.array(x, dtype=float, device=device), root, inverse], device=device)
+    wp.launch(
+        roots, len(x), [wp.array(x, dtype=float, device=device), root, inverse], device=device
+    )
     with np.errstate(all="ignore"):
         exact = np.sqrt(x)
         reciprocal = 1.0 / np.sqrt(x.astype(float))

@@ -35,7 +35,9 @@ def test_huber(length, delta):
     assert float(wp.norm_huber(v, wp.float64(delta))) == pytest.approx(loss, rel=1e-14)
     smooth = delta * math.sqrt(1 + (length / delta) ** 2)
     assert float(wp.norm_pseudo_huber(v, wp.float64(delta))) == pytest.approx(smooth, rel=1e-14)
-    assert float(wp.smooth_normalize(v, wp.float64(delta))[1]) == pytest.approx(length / smooth, rel=1e-14)
+    assert float(wp.smooth_normalize(v, wp.float64(delta))[1]) == pytest.approx(
+        length / smooth, rel=1e-14
+    )
 
 
 def test_default_of_delta():
@@ -63,7 +65,9 @@ def test_twist(angle):
     swing = wp.quat_from_axis_angle(wp.vec3d(1.0, 0.0, 0.0), wp.float64(0.4))
     twist = wp.quat_from_axis_angle(axis, wp.float64(angle))
     q = wp.mul(swing, twist)
-    assert list(map(float, wp.quat_twist(axis, q))) == pytest.approx(list(map(float, twist)), abs=1e-14)
+    assert list(map(float, wp.quat_twist(axis, q))) == pytest.approx(
+        list(map(float, twist)), abs=1e-14
+    )
     assert float(wp.quat_twist_angle_signed(axis, q)) == pytest.approx(angle, abs=1e-14)
     assert float(wp.quat_twist_angle(axis, q)) == pytest.approx(abs(angle), abs=1e-14)
 

@@ -64,4 +64,6 @@ def test_spatial_vectors(device, dtype):
     motion, force = expected_products()
     expected = np.stack([motion, force, A, np.array([A @ B, 0, 0, 0, 0, 0])])
     np.testing.assert_allclose(out.numpy(), expected, rtol=1e-6)
-    np.testing.assert_allclose(np.array(wp.spatial_cross(spatial(*A), spatial(*B))), motion, rtol=1e-6)
+    np.testing.assert_allclose(
+        np.array(wp.spatial_cross(spatial(*A), spatial(*B))), motion, rtol=1e-6
+    )

@@ -54,8 +54,11 @@ def test_integer_to_integer_wraps(device, source, target):
 @pytest.mark.parametrize("source", INTS)
 def test_integer_to_float_rounds_to_nearest(device, source, target):
     low, high = bounds(source)
-    values = [v for v in (low, low + 1, -3, 0, 7, 2**24 + 1, 2**53 + 1, high - 1, high)
-              if low <= v <= high]
+    values = [
+        v
+        for v in (low, low + 1, -3, 0, 7, 2**24 + 1, 2**53 + 1, high - 1, high)
+        if low <= v <= high
+    ]
     values = np.array(values, np.dtype(source))
     result = convert(source, target, values, device).numpy()
     np.testing.assert_array_equal(result, values.astype(np.dtype(target)))

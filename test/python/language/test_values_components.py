@@ -7,22 +7,33 @@ import warp as wp
 from builtin_values import apply
 
 KINDS = {
-    "vec": (wp.vec3f, 3), "mat": (wp.mat22f, 4), "quat": (wp.quatf, 4),
-    "transform": (wp.transformf, 7), "ints": (wp.types.vector(length=3, dtype=wp.int32), 3),
+    "vec": (wp.vec3f, 3),
+    "mat": (wp.mat22f, 4),
+    "quat": (wp.quatf, 4),
+    "transform": (wp.transformf, 7),
+    "ints": (wp.types.vector(length=3, dtype=wp.int32), 3),
 }
 SHAPES = {"mat": (2, 2)}
 PAIRS = {
     "add": ("vec", "mat", "quat", "transform", "ints"),
     "sub": ("vec", "mat", "quat", "transform", "ints"),
-    "mod": ("vec", "ints"), "min": ("vec", "ints"), "max": ("vec", "ints"),
-    "cw_mul": ("vec", "mat", "ints"), "cw_div": ("vec", "mat", "ints"),
-    "bit_and": ("ints",), "bit_or": ("ints",), "bit_xor": ("ints",),
-    "lshift": ("ints",), "rshift": ("ints",),
+    "mod": ("vec", "ints"),
+    "min": ("vec", "ints"),
+    "max": ("vec", "ints"),
+    "cw_mul": ("vec", "mat", "ints"),
+    "cw_div": ("vec", "mat", "ints"),
+    "bit_and": ("ints",),
+    "bit_or": ("ints",),
+    "bit_xor": ("ints",),
+    "lshift": ("ints",),
+    "rshift": ("ints",),
 }
 SINGLES = {
     "neg": ("vec", "mat", "quat", "transform", "ints"),
     "pos": ("vec", "mat", "quat", "transform", "ints"),
-    "abs": ("vec", "ints"), "sign": ("vec", "ints"), "invert": ("ints",),
+    "abs": ("vec", "ints"),
+    "sign": ("vec", "ints"),
+    "invert": ("ints",),
 }
 SCALAR_NAMES = {"cw_mul": "mul", "cw_div": "div"}
 
@@ -100,8 +111,11 @@ def test_equality_takes_every_component(device, kind):
 def test_logic_of_booleans(device):
     a, b = [False, False, True, True], [False, True, False, True]
     for name, expected in (
-        ("bit_and", [0, 0, 0, 1]), ("bit_or", [0, 1, 1, 1]), ("bit_xor", [0, 1, 1, 0]),
-        ("lt", [0, 1, 0, 0]), ("ge", [1, 0, 1, 1]),
+        ("bit_and", [0, 0, 0, 1]),
+        ("bit_or", [0, 1, 1, 1]),
+        ("bit_xor", [0, 1, 1, 0]),
+        ("lt", [0, 1, 0, 0]),
+        ("ge", [1, 0, 1, 1]),
     ):
         result = apply(getattr(wp, name), [a, b], [wp.bool, wp.bool], wp.bool, device)
         np.testing.assert_array_equal(result, np.array(expected, bool))

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+
 import warp as wp
 from builtin_values import apply, assert_ulps, rounded
 

@@ -101,9 +101,7 @@ def test_curl_noise_has_no_divergence():
     h, expected = 1e-5, np.zeros_like(points)
     for octave in range(3):
         f = 2.0**octave
-        x, y = (
-            (noise(f * points + s) - noise(f * points - s)) / (2 * h) for s in h * np.eye(2)
-        )
+        x, y = ((noise(f * points + s) - noise(f * points - s)) / (2 * h) for s in h * np.eye(2))
         expected += 0.5**octave * np.stack([-y, x], axis=1)
     np.testing.assert_allclose(result, expected, atol=1e-4)
 

@@ -88,9 +88,16 @@ def test_matrix_entries_and_rows_at_any_index(device):
 
 @pytest.mark.parametrize(
     "source, target",
-    [(wp.float32, wp.int32), (wp.float32, wp.uint32), (wp.float64, wp.uint64),
-     (wp.float16, wp.uint16), (wp.int64, wp.float64), (wp.vec2f, wp.uint64),
-     (wp.uint64, wp.vec2f), (wp.vec4h, wp.vec2f)],
+    [
+        (wp.float32, wp.int32),
+        (wp.float32, wp.uint32),
+        (wp.float64, wp.uint64),
+        (wp.float16, wp.uint16),
+        (wp.int64, wp.float64),
+        (wp.vec2f, wp.uint64),
+        (wp.uint64, wp.vec2f),
+        (wp.vec4h, wp.vec2f),
+    ],
 )
 def test_bits_keep(device, source, target):
     @wp.kernel

@@ -192,9 +192,11 @@ def test_rigid_transforms(device, dtype):
     result = apply(wp.transform_point, [affine, v], [mat44, vec], vec, device)
     assert_close(result, p + rotated(q, v), dtype, 16)
     np.testing.assert_array_equal(
-        apply(wp.transform_get_translation, [a], [transform], vec, device), p)
+        apply(wp.transform_get_translation, [a], [transform], vec, device), p
+    )
     np.testing.assert_array_equal(
-        apply(wp.transform_get_rotation, [a], [transform], quat, device), q)
+        apply(wp.transform_get_rotation, [a], [transform], quat, device), q
+    )
 
 
 @pytest.mark.parametrize("dtype", DTYPES)

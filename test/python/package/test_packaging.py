@@ -73,9 +73,7 @@ def test_lives_beside_another_mlir(order, tmp_path):
     script = tmp_path / "program.py"
     script.write_text(PROGRAM.format(first=steps[0], second=steps[1]))
     environment = os.environ | {"WARP_CACHE_PATH": str(tmp_path / "cache")}
-    done = subprocess.run(
-        [sys.executable, script], capture_output=True, text=True, env=environment
-    )
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, env=environment)
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip().endswith("15.0")
 

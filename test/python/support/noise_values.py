@@ -11,7 +11,7 @@ def advance(state):
     state = np.asarray(state, np.uint32)
     with np.errstate(over="ignore"):
         following = state * np.uint32(747796405) + np.uint32(2891336453)
-        word = ((following >> ((following >> np.uint32(28)) + np.uint32(4))) ^ following)
+        word = (following >> ((following >> np.uint32(28)) + np.uint32(4))) ^ following
         word = word * np.uint32(277803737)
     return (word >> np.uint32(22)) ^ word
 

@@ -104,8 +104,7 @@ def stencils(draw):
     names = NAMES[:rank]
     order = draw(st.permutations(range(rank)))
     reads = [
-        "x[" + ", ".join(_index(draw, names[d], point[d]) for d in order) + "]"
-        for point in points
+        "x[" + ", ".join(_index(draw, names[d], point[d]) for d in order) + "]" for point in points
     ]
     conditions = []
     for place, d in enumerate(order):

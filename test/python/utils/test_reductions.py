@@ -22,6 +22,24 @@ def test_whole_arrays(device, dtype):
     assert wp.utils.array_sum(x[:4], value_count=2) == pytest.approx(numbers[:2].sum(), rel=1e-6)
 
 
+def test_sums_of_millions_keep_their_digits(device):
+    x = wp.full(3_000_000, 0.1, dtype=wp.float32, device=device)
+    exact = 3_000_000 * float(np.float32(0.1))
+    assert wp.utils.array_sum(x) == pytest.approx(exact, rel=1e-7)
+    assert wp.utils.array_inner(x, x) == pytest.approx(exact * float(np.float32(0.1)), rel=1e-7)
+    v = wp.full(1_000_000, wp.vec3(0.1), dtype=wp.vec3, device=device)
+    np.testing.assert_allclose(wp.utils.array_sum(v), exact / 3, rtol=1e-7)
+
+
+def test_gradients_of_sums(device):
+    x = wp.array([1.0, 2.0, 3.0], dtype=wp.float32, device=device, requires_grad=True)
+    out = wp.zeros(1, dtype=wp.float32, device=device, requires_grad=True)
+    with wp.Tape() as tape:
+        wp.utils.array_inner(x, x, out)
+    tape.backward(out)
+    np.testing.assert_array_equal(x.grad.numpy(), [2.0, 4.0, 6.0])
+
+
 def test_vectors_and_views(device):
     v, numbers = random((50, 3), wp.vec3d, device)
     np.testing.assert_allclose(wp.utils.array_sum(v), numbers.sum(axis=0))
@@ -55,9 +73,10 @@ def test_casts(device):
     np.testing.assert_array_equal(some.numpy(), np.where(np.arange(24) < 5, numbers.ravel(), 0))
 
 
-def test_graphs_write_to_arrays(device):
-    x = wp.ones(100, dtype=wp.float64, device=device)
-    out = wp.zeros(1, dtype=wp.float64, device=device)
+@pytest.mark.parametrize("dtype", [wp.float32, wp.float64])
+def test_graphs_write_to_arrays(device, dtype):
+    x = wp.ones(100, dtype=dtype, device=device)
+    out = wp.zeros(1, dtype=dtype, device=device)
     with wp.ScopedCapture(device=device) as capture:
         wp.utils.array_sum(x, out)
         with pytest.raises(NotImplementedError, match="explicit out"):

@@ -23,7 +23,7 @@
 #include "Analysis/ArrayOrigins.h"
 #include "Analysis/Effects.h"
 #include "Analysis/Forms.h"
-#include "Analysis/NonNegative.h"
+#include "Analysis/Ranges.h"
 #include "Autodiff/DeadValues.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"

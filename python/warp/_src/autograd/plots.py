@@ -128,9 +128,7 @@ def show_matrices(
             if (column, row) not in matrices:
                 axes[i][j].axis("off")
                 continue
-            image = axes[i][j].imshow(
-                matrices[column, row], cmap=colormap, aspect="auto", **limits
-            )
+            image = axes[i][j].imshow(matrices[column, row], cmap=colormap, aspect="auto", **limits)
             axes[i][j].set_xlabel(tops[j])
             axes[i][j].set_ylabel(sides[i])
             if colorbar and separate:

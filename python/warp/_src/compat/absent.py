@@ -12,12 +12,12 @@ from warp._src import errors
 
 _CLASSES = frozenset(
     (
-        *("BvhQueryTiled", "GLTextureResource", "MarchingCubes", "MeshQueryAABBTiled"),
-        *("RegisteredGLBuffer", "Texture", "Texture1D", "Texture2D", "Texture3D", "Volume"),
+        *("BvhQueryTiled", "GLTextureResource", "MeshQueryAABBTiled"),
+        *("RegisteredGLBuffer", "Texture", "Texture1D", "Texture2D", "Texture3D"),
         *("fabricarray", "fabricarrayarray", "indexedfabricarray", "indexedfabricarrayarray"),
     )
 )
-_FUNCTIONS = frozenset(("capture_load", "capture_save", "launch_tiled"))
+_FUNCTIONS = frozenset(("capture_load", "capture_save"))
 
 
 class TextureFilterMode(enum.IntEnum):

@@ -151,10 +151,10 @@ class Constructors(Part):
         value = self.context.materialize(argument, node)
         if value.type != element and value.type in (INT32, FLOAT32):
             known = value.constant()
-            if known is not None and element.kind in ("int", "float"):
-                if element.kind == "float" or value.type == INT32:
-                    self.context.at(node)
-                    return self.builder.constant(element, known)
+            fits = element.kind == "float" or (element.kind == "int" and value.type == INT32)
+            if known is not None and fits:
+                self.context.at(node)
+                return self.builder.constant(element, known)
         return value
 
     def construct_words(self, native, values):

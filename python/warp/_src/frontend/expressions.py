@@ -139,6 +139,8 @@ class Expressions(Part):
 
     def operator(self, node, name, *operands):
         """Applies an operator; functions of that name extend it to structs."""
+        if any(operand.type.kind == "tile" for operand in operands):
+            return self.context.tiles.operator(node, name, operands)
         for operand in operands:
             if operand.type.kind == "struct":
                 return self.user_operator(node, name, operands)
@@ -221,9 +223,9 @@ class Expressions(Part):
             if (type(left) is bool) == (type(right) is bool):
                 return fold(left, right)
             static = False
-        if static and kind in (ast.Eq, ast.NotEq):
-            if not isinstance(left, dtypes.Composite) or not len(left):
-                return fold(left, right)
+        whole = not isinstance(left, dtypes.Composite) or not len(left)
+        if static and kind in (ast.Eq, ast.NotEq) and whole:
+            return fold(left, right)
         left, right = self.context.materialize(left, node), self.context.materialize(right, node)
         kinds = {left.type.kind, right.type.kind}
         if len(kinds) == 2 and "bool" in kinds:

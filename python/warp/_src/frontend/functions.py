@@ -76,6 +76,9 @@ def fits_generic(context, annotation, binding) -> bool:
         return True
     if typing.get_origin(annotation) is tuple:
         return type(binding) is tuple and fits_parts(context, annotation, binding)
+    if typing.get_origin(annotation) is type:
+        (wanted,) = typing.get_args(annotation)
+        return isinstance(binding, type) and dtypes.types_equal(dtypes.canonical(binding), wanted)
     if typing.get_origin(annotation) is not None or annotation in _CALLABLES:
         return type(binding) is not Value and (
             callable(binding) or isinstance(binding, names.BuiltinRef)

@@ -6,6 +6,7 @@ from warp import _native
 from warp._src import errors
 from warp._src.devices import devices
 from warp._src.types import dtypes
+from warp._src.types.scalars import int32
 
 _CONSTRUCTORS = {None: False, "sah": False, "lbvh": True, "median": True}
 
@@ -21,6 +22,11 @@ def is_median(constructor) -> bool:
             f"expects the constructor 'sah', 'median' or 'lbvh', but got {constructor!r}"
         )
     return _CONSTRUCTORS[constructor]
+
+
+def is_cubql_available() -> bool:
+    """False: hierarchies are always those of this package."""
+    return False
 
 
 def check_leaf_size(leaf_size) -> None:
@@ -48,12 +54,24 @@ def check_array(values, what, dtype, device=None) -> None:
         raise errors.WarpError(f"{what} are on '{values.device}', but expected on '{device}'")
 
 
+def check_groups(groups, like) -> None:
+    """Checks the array of groups of primitives, or None.
+
+    Raises:
+        RuntimeError: it is of another type, rank, layout or device.
+    """
+    if groups is not None:
+        check_array(groups, "groups", int32, like.device)
+
+
 class Bvh:
     """A hierarchy over boxes, which kernels search by its `id`.
 
     Args:
         lowers, uppers: arrays of vec3 with the corners of the boxes, which are kept.
         constructor: "sah" (surface area heuristic), or "median" or "lbvh", which halve.
+        groups: array of int32, a number for each box; `bvh_get_group_root` gives where to start
+            a query of the boxes of one number.
         leaf_size: changes nothing; leaves hold up to eight boxes.
 
     Attributes:
@@ -78,14 +96,13 @@ class Bvh:
         check_array(uppers, "upper corners", dtypes.vec3f, lowers.device)
         check_leaf_size(leaf_size)
         median = is_median(constructor)
-        if groups is not None:
-            raise NotImplementedError("a Bvh has no groups yet")
+        check_groups(groups, lowers)
         self.device = lowers.device
-        self.lowers, self.uppers, self.groups = lowers, uppers, None
+        self.lowers, self.uppers, self.groups = lowers, uppers, groups
         self._median = median
         self._wait()
         index = devices.resolve_index(self.device)
-        self._native = _native.Bvh(lowers, uppers, index, median)
+        self._native = _native.Bvh(lowers, uppers, groups, index, median)
         self.id = self._native.id
 
     @property
@@ -102,7 +119,7 @@ class Bvh:
         """Builds the hierarchy again, for boxes that moved far."""
         median = self._median if constructor is None else is_median(constructor)
         self._wait()
-        self._native.rebuild(self.lowers, self.uppers, median)
+        self._native.rebuild(self.lowers, self.uppers, self.groups, median)
 
     def _wait(self):
         """The host reads the arrays: what writes them has to be done."""

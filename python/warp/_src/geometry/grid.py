@@ -7,6 +7,7 @@ import operator
 from warp import _native
 from warp._src import errors
 from warp._src.devices import devices
+from warp._src.geometry.bvh import check_groups
 from warp._src.types import dtypes
 from warp._src.types.scalars import float16, float32, float64
 
@@ -54,7 +55,12 @@ class HashGrid:
             )
         self.device = devices.get_device(device)
         self.dtype = dtype
-        self._native = _native.HashGrid(*cells, devices.resolve_index(self.device))
+        if self.device.is_cpu:
+            self._native = _native.HashGrid(*cells)
+        else:
+            from warp._src.geometry.device_grid import DeviceGrid
+
+            self._native = DeviceGrid(cells, self.device)
         self.id = self._native.id
         self.reserved = False
 
@@ -69,6 +75,11 @@ class HashGrid:
         Args:
             points: an array of vec3h, vec3f or vec3d, as the grid's `dtype` says.
             radius: edge length of a cell, best that of the queries.
+            groups: array of int32, a number for each point, which `hash_grid_query` may ask for;
+                it is kept and may be changed.
+
+        On a GPU the grid is built by kernels. A graph may capture a build of as many points, with
+        the same radius, as one before it.
 
         Raises:
             TypeError: elements are of another type.
@@ -87,16 +98,14 @@ class HashGrid:
             raise errors.WarpError(
                 f"the points are on '{points.device}', but the HashGrid is on '{self.device}'"
             )
-        if groups is not None:
-            raise NotImplementedError("a HashGrid has no groups yet")
+        check_groups(groups, points)
+        if groups is not None and groups.size != points.size:
+            raise errors.WarpError(f"there are {points.size} points, but {groups.size} groups")
         if points.ndim > 1:
             points = points.contiguous().flatten()
         size = {float16: 2, float32: 4, float64: 8}[self.dtype]
-        if self.device.is_cpu:
-            self._native.build(points, size, float(radius))
-        else:
-            devices.synchronize_device(self.device)
-            self._native.build(points, size, float(radius))
+        self._native.build(points, size, float(radius), groups)
+        self._groups = groups
         self.reserved = True
 
     def reserve(self, num_points, with_groups=False):

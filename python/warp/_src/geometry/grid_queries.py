@@ -43,8 +43,17 @@ class HashGridQuery:
     end: int32
 
 
-# Words of the slot, as lib/Geometry/HashGrid.cpp writes it.
-_CELLS_XY, _CELLS_Z, _INVERSE, _STARTS, _ORDER = 1, 2, 3, 4, 11
+@struct
+class HashGridGroupQuery:
+    """The points of one group among those of a query."""
+
+    query: HashGridQuery
+    groups: ArrayType(int32, 1)
+    group: int32
+
+
+# Words of the slot, as lib/Geometry/HashGrid.cpp and device_grid.py write it.
+_CELLS_XY, _CELLS_Z, _INVERSE, _STARTS, _ORDER, _GROUPS, _GROUP_COUNT = 1, 2, 3, 4, 11, 18, 20
 
 
 def _number_of_points(slot: ArrayType(uint64, 1)):
@@ -107,6 +116,27 @@ def _query_double(id: uint64, point: vec3d, max_dist: float64):
     return query(slot, cells(point, -max_dist, inverse), cells(point, max_dist, inverse), asks)
 
 
+def _of_group(id: uint64, query: HashGridQuery, group: int):
+    """A grid that was built without groups has no point of any."""
+    slot = words(id, GRID)
+    count = int(slot[_GROUP_COUNT] & uint64(0xFFFFFFFF))
+    if count == 0:
+        query.z_count = 0
+    return HashGridGroupQuery(query, integers(slot[_GROUPS], count), group)
+
+
+def _group_single(id: uint64, point: vec3f, max_dist: float32, group: int):
+    return of_group(id, query_single(id, point, max_dist), group)
+
+
+def _group_half(id: uint64, point: vec3h, max_dist: float16, group: int):
+    return of_group(id, query_single(id, point, max_dist), group)
+
+
+def _group_double(id: uint64, point: vec3d, max_dist: float64, group: int):
+    return of_group(id, query_single(id, point, max_dist), group)
+
+
 def hash_grid_query_next(query: ref[HashGridQuery], index: ref[int32]) -> bool:
     """The next point of a query in `index`; False when there is none."""
     while query.place >= query.end and query.layer < query.z_count:
@@ -140,6 +170,27 @@ def hash_grid_query_next(query: ref[HashGridQuery], index: ref[int32]) -> bool:
     return found
 
 
+def _next_of_group(query: ref[HashGridGroupQuery], index: ref[int32]) -> bool:
+    rest = query.query
+    found = bool(True)
+    searching = bool(True)
+    while searching:
+        candidate = int(0)
+        found = next_point(rest, candidate)
+        searching = found
+        if found:
+            searching = query.groups[candidate] != query.group
+            index = wp.where(searching, index, candidate)
+    query.query = rest
+    return found
+
+
+def _advance_group(query: HashGridGroupQuery):
+    index = int(0)
+    found = next_of_group(query, index)
+    return found, index, query
+
+
 def _advance(query: HashGridQuery):
     index = int(0)
     found = next_point(query, index)
@@ -165,9 +216,15 @@ query_single = Function(_query_single, "hash_grid_query")
 query_single.add_overload(_query_half)
 query_single.add_overload(_query_double)
 next_point = Function(hash_grid_query_next)
+of_group = Function(_of_group, "of_group")
+next_of_group = Function(_next_of_group, "hash_grid_query_next")
 ADVANCE = Function(_advance, "hash_grid_query_next")
+ADVANCE_GROUP = Function(_advance_group, "hash_grid_query_next")
 FUNCTIONS = {
-    "hash_grid_query": query_single,
-    "hash_grid_query_next": next_point,
+    "hash_grid_query": Function(_query_single, "hash_grid_query"),
+    "hash_grid_query_next": Function(hash_grid_query_next),
     "hash_grid_point_id": Function(hash_grid_point_id),
 }
+for _form in (_query_half, _query_double, _group_single, _group_half, _group_double):
+    FUNCTIONS["hash_grid_query"].add_overload(_form)
+FUNCTIONS["hash_grid_query_next"].add_overload(_next_of_group)

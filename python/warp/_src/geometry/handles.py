@@ -8,7 +8,7 @@ from warp._src.kernels.function import Function
 from warp._src.language import namespace as wp
 from warp._src.types.scalars import int32, uint64
 
-GRID, BVH, MESH = 1, 2, 3
+GRID, BVH, MESH, VOLUME = 1, 2, 3, 4
 
 
 def _words(id: uint64, kind: int):

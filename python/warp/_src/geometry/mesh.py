@@ -5,7 +5,7 @@ from __future__ import annotations
 from warp import _native
 from warp._src import errors
 from warp._src.devices import devices
-from warp._src.geometry.bvh import check_array, check_leaf_size, is_median
+from warp._src.geometry.bvh import check_array, check_groups, check_leaf_size, is_median
 from warp._src.types import dtypes
 from warp._src.types.scalars import int32
 
@@ -17,7 +17,10 @@ class Mesh:
         points: array of vec3, positions of vertices. Kernels read it; after a change call `refit`.
         indices: array of int32, three vertices per face, counter-clockwise seen from outside.
         velocities: array of vec3 like `points`, for `mesh_eval_velocity`.
+        support_winding_number: makes `mesh_query_point_sign_winding_number` quick, for 11 bytes per
+            face; without it all faces are asked.
         bvh_constructor: as of `Bvh`.
+        groups: array of int32, a number for each face, for `mesh_get_group_root`.
         bvh_leaf_size: changes nothing.
 
     Attributes:
@@ -54,14 +57,15 @@ class Mesh:
             raise errors.WarpError(f"faces have three indices, but there are {indices.size}")
         check_leaf_size(bvh_leaf_size)
         self._median = is_median(bvh_constructor)
-        if groups is not None:
-            raise NotImplementedError("a Mesh has no groups yet")
-        if support_winding_number:
-            raise NotImplementedError("a Mesh has no winding numbers yet")
+        check_groups(groups, points)
+        self.groups = groups
         self._points, self._velocities, self.indices = points, velocities, indices
         self._wait()
         index = devices.resolve_index(self.device)
-        self._native = _native.Mesh(points, velocities, indices, index, self._median)
+        self._native = _native.Mesh(
+            *(points, velocities, indices, groups, index, self._median),
+            bool(support_winding_number),
+        )
         self.id = self._native.id
 
     def _check_velocities(self, velocities, points):
@@ -113,7 +117,8 @@ class Mesh:
         """Builds the hierarchy again, for positions that changed a lot."""
         median = self._median if bvh_constructor is None else is_median(bvh_constructor)
         self._wait()
-        self._native.rebuild(self._points, self._velocities, self.indices, median)
+        arrays = (self._points, self._velocities, self.indices, self.groups)
+        self._native.rebuild(*arrays, median)
 
     def _wait(self):
         """The host reads the arrays: what writes them has to be done."""

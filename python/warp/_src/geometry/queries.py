@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-from warp._src.geometry import grid_queries, mesh_queries, tree_queries
+from warp._src.geometry import grid_queries, mesh_queries, mesh_signs, proximity, tree_queries
 from warp._src.geometry.handles import BVH, GRID, MESH
 from warp._src.types import dtypes
 
-FUNCTIONS = {**grid_queries.FUNCTIONS, **tree_queries.FUNCTIONS, **mesh_queries.FUNCTIONS}
+FUNCTIONS = {
+    **grid_queries.FUNCTIONS,
+    **tree_queries.FUNCTIONS,
+    **mesh_queries.FUNCTIONS,
+    **mesh_signs.FUNCTIONS,
+}
 for _name, _function in FUNCTIONS.items():
     _function.__module__ = "warp"
     if not _name.endswith("_next"):
         _function.handle = {"hash": GRID, "bvh": BVH, "mesh": MESH}[_name.partition("_")[0]]
+FUNCTIONS.update(proximity.FUNCTIONS)
 TYPES = {
     "BvhQuery": tree_queries.BvhQuery,
     "HashGridQuery": grid_queries.HashGridQuery,
@@ -21,6 +27,7 @@ TYPES = {
 }
 _NEXT = (
     (dtypes.native_type(grid_queries.HashGridQuery), grid_queries.ADVANCE),
+    (dtypes.native_type(grid_queries.HashGridGroupQuery), grid_queries.ADVANCE_GROUP),
     (dtypes.native_type(tree_queries.BvhQuery), tree_queries.ADVANCE_BVH),
     (dtypes.native_type(tree_queries.MeshQuery), tree_queries.ADVANCE_MESH),
 )

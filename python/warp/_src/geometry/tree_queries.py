@@ -12,7 +12,7 @@ from warp._src.types.dtypes import vec3f
 from warp._src.types.scalars import float32, int32, uint64
 from warp._src.types.structs import struct
 
-_BOX, _BALL, _RAY = 0, 1, 2
+_BOX, _BALL, _RAY, _CAPSULE = 0, 1, 2, 3
 _INFINITY = float("inf")
 
 
@@ -69,6 +69,15 @@ def bvh_query_sphere(id: uint64, center: vec3f, radius: float, root: int = -1):
 def bvh_query_ray(id: uint64, start: vec3f, dir: vec3f, root: int = -1):
     """The boxes of a Bvh that a ray meets, in no order."""
     return BvhQuery(id, _RAY, start, dir, 0.0, begin(root))
+
+
+def bvh_query_capsule(id: uint64, start: vec3f, dir: vec3f, radius: float, root: int = -1):
+    """The boxes of a Bvh that, grown by a radius, a ray meets, in no order.
+
+    None is missed whose box is within `radius` of the segment up to `max_dist` of
+    `bvh_query_next`, its ends included; near corners there may be more.
+    """
+    return BvhQuery(id, _CAPSULE, start, dir, radius, begin(root))
 
 
 def mesh_query_aabb(id: uint64, low: vec3f, high: vec3f):
@@ -135,7 +144,7 @@ ADVANCE_MESH = Function(_advance_mesh, "mesh_query_next")
 FUNCTIONS = {
     function.__name__: Function(function)
     for function in (
-        *(bvh_query_aabb, bvh_query_sphere, bvh_query_ray, bvh_query_next),
+        *(bvh_query_aabb, bvh_query_sphere, bvh_query_ray, bvh_query_capsule, bvh_query_next),
         *(mesh_query_aabb, mesh_query_sphere, mesh_query_next),
     )
 }

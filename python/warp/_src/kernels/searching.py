@@ -7,7 +7,7 @@ from warp._src import errors
 from warp._src.devices.devices import by_index
 from warp._src.kernels.kernel import Kernel
 
-_NAMES = {1: "HashGrid", 2: "Bvh", 3: "Mesh"}
+_NAMES = {1: "HashGrid", 2: "Bvh", 3: "Mesh", 4: "Volume"}
 
 
 class SearchingKernel(Kernel):
@@ -35,3 +35,7 @@ class SearchingKernel(Kernel):
                     f"launch('{self.key}'): argument '{name}' expects the id of a live "
                     f"{_NAMES[kind]} on '{by_index(device).alias}', but got {problem}"
                 )
+
+    def place(self, native, dim, index, block_dim, values):
+        """What the launch would do anyway."""
+        return native, block_dim

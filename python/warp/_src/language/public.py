@@ -7,11 +7,12 @@ import importlib
 from warp._src.language import namespace
 from warp._src.language.builtins import names as builtin_names
 
-_SUBMODULES = ("autograd", "optim", "sparse", "types", "utils")
+_SUBMODULES = ("autograd", "geometry", "optim", "sparse", "types", "utils")
 # What few programs use, by the module that holds it.
 _RARE = {
     name: home
     for home, held in (
+        ("kernels.tiled", ("launch_tiled",)),
         ("logger", ("Logger", "ScopedLogLevel", "ScopedLogger", "get_logger", "set_logger")),
         (
             "devices.timing",
@@ -39,7 +40,12 @@ LIBRARY_NAMES = (
     *("transform_wrench", "velocity_at_point"),
 )
 # Host classes, by module, and what kernels ask them; loaded when first used.
-_GEOMETRY_CLASSES = {"Bvh": "bvh", "HashGrid": "grid", "Mesh": "mesh"}
+_GEOMETRY_CLASSES = {
+    "Bvh": "bvh",
+    "HashGrid": "grid",
+    "Mesh": "mesh",
+    "Volume": "volumes.volume",
+}
 _GEOMETRY_QUERIES = frozenset(
     (
         *("BvhQuery", "HashGridQuery", "MeshQuery", "MeshQueryAABB", "MeshQueryPoint"),
@@ -49,7 +55,22 @@ _GEOMETRY_QUERIES = frozenset(
         *("mesh_get_point", "mesh_get_velocity", "mesh_query_aabb", "mesh_query_aabb_next"),
         *("mesh_query_furthest_point_no_sign", "mesh_query_next", "mesh_query_point"),
         *("mesh_query_point_no_sign", "mesh_query_ray", "mesh_query_ray_anyhit"),
-        *("mesh_query_point_sign_normal", "mesh_query_sphere"),
+        *("mesh_query_point_sign_normal", "mesh_query_sphere", "bvh_get_group_root"),
+        *("bvh_query_capsule", "closest_point_edge_edge", "intersect_tri_tri", "mesh_get"),
+        *("mesh_get_group_root", "mesh_query_point_sign_parity", "mesh_sdf"),
+        *("mesh_query_point_sign_winding_number", "mesh_query_ray_count_intersections"),
+    )
+)
+_VOLUME_QUERIES = frozenset(
+    (
+        *("volume_index_to_world", "volume_index_to_world_dir", "volume_lookup"),
+        *("volume_lookup_f", "volume_lookup_i", "volume_lookup_index", "volume_lookup_v"),
+        *("volume_sample", "volume_sample_f", "volume_sample_grad", "volume_sample_grad_f"),
+        *("volume_sample_grad_index", "volume_sample_i", "volume_sample_index"),
+        *("volume_sample_local", "volume_sample_v", "volume_sample_world", "volume_store"),
+        *("volume_store_f", "volume_store_i", "volume_store_v", "volume_transform"),
+        *("volume_transform_inv", "volume_voxel_count", "volume_world_to_index"),
+        "volume_world_to_index_dir",
     )
 )
 
@@ -59,9 +80,15 @@ def _find_geometry(name: str):
     if name in _GEOMETRY_CLASSES:
         module = importlib.import_module(f"warp._src.geometry.{_GEOMETRY_CLASSES[name]}")
         return getattr(module, name)
+    if name == "is_cubql_available":
+        return importlib.import_module("warp._src.geometry.bvh").is_cubql_available
+    if name == "MarchingCubes":
+        return importlib.import_module("warp.geometry").IsoSurfaceMarchingCubes
     if name in _GEOMETRY_QUERIES:
         queries = importlib.import_module("warp._src.geometry.queries")
         return queries.FUNCTIONS.get(name) or queries.TYPES[name]
+    if name in _VOLUME_QUERIES:
+        return importlib.import_module("warp._src.geometry.volumes.queries").FUNCTIONS[name]
     return None
 
 
@@ -97,4 +124,5 @@ def names(held) -> list[str]:
     """All public names."""
     public = {name for name in held if not name.startswith("_")}
     lazy = {*_SUBMODULES, *LIBRARY_NAMES, *_RARE, *_GEOMETRY_CLASSES, *_GEOMETRY_QUERIES}
+    lazy |= _VOLUME_QUERIES | {"MarchingCubes", "is_cubql_available"}
     return sorted(public | set(builtin_names()) | lazy)

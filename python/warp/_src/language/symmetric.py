@@ -42,7 +42,7 @@ def _define(f):
     slope = Function(_define_slope(f), "divided_difference")
 
     def apply(A: _Symmetric):
-        q, d = wp.eig3(A)
+        _, d = wp.eig3(A)
         values = wp.vector(f(d[0]), f(d[1]), f(d[2]))
         slopes = wp.vector(slope(d[1], d[2]), slope(d[0], d[2]), slope(d[0], d[1]))
         return wp.sym_spectral3(A, values, slopes)

@@ -19,9 +19,34 @@ def kernel_for(scalar):
 
 
 @functools.cache
+def _sum_of_entries(scalar):
+    """The sum of one number of several blocks."""
+
+    @wp.func
+    def sum_of_entries(
+        source: wp.array3d(dtype=scalar),
+        order: wp.array(dtype=int),
+        begin: int,
+        end: int,
+        i: int,
+        j: int,
+    ) -> scalar:
+        total = scalar(0.0)
+        # A single contribution is copied, with the sign of a zero.
+        if begin < end:
+            total = source[order[begin], i, j]
+        for entry in range(begin + 1, end):
+            total += source[order[entry], i, j]
+        return total
+
+    return sum_of_entries
+
+
+@functools.cache
 def gather_kernel(scalar):
     """Sums of one array of blocks."""
     values = wp.array3d(dtype=scalar)
+    sum_of_entries = _sum_of_entries(scalar)
 
     @kernel_for(scalar)
     def gather(
@@ -32,14 +57,7 @@ def gather_kernel(scalar):
         dest: values,
     ):
         slot, i, j = wp.tid()
-        total = scalar(0.0)
-        begin, end = begins[slot], ends[slot]
-        # A single contribution is copied, with the sign of a zero.
-        if begin < end:
-            total = source[order[begin], i, j]
-        for entry in range(begin + 1, end):
-            total += source[order[entry], i, j]
-        dest[slot, i, j] = total
+        dest[slot, i, j] = sum_of_entries(source, order, begins[slot], ends[slot], i, j)
 
     return gather
 
@@ -48,6 +66,7 @@ def gather_kernel(scalar):
 def transpose_kernel(scalar):
     """The same, with rows and columns of blocks swapped and a factor."""
     values = wp.array3d(dtype=scalar)
+    sum_of_entries = _sum_of_entries(scalar)
 
     @kernel_for(scalar)
     def gather_transposed(
@@ -59,12 +78,7 @@ def transpose_kernel(scalar):
         dest: values,
     ):
         slot, i, j = wp.tid()
-        total = scalar(0.0)
-        begin, end = begins[slot], ends[slot]
-        if begin < end:
-            total = source[order[begin], j, i]
-        for entry in range(begin + 1, end):
-            total += source[order[entry], j, i]
+        total = sum_of_entries(source, order, begins[slot], ends[slot], j, i)
         dest[slot, i, j] = factor * total
 
     return gather_transposed

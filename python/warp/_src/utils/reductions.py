@@ -20,26 +20,36 @@ from warp._src.types.dtypes import (
 from warp._src.types.numpy_types import dtype_to_numpy
 
 
+def _wide(dtype):
+    """The type with components in double precision, in which sums are made."""
+    if type_size(dtype) == 1:
+        return float64
+    shape = dtype._shape_
+    return wp.types.vector(*shape, float64) if len(shape) == 1 else wp.types.matrix(shape, float64)
+
+
 @functools.cache
 def _sum_kernel(dtype):
+    wide = _wide(dtype)
+
     @wp.kernel(name=f"array_sum_{type_repr(dtype)}", module=__name__)
-    def add(values: wp.array(dtype=dtype), out: wp.array(dtype=dtype)):
-        wp.atomic_add(out, 0, values[wp.tid()])
+    def add(values: wp.array(dtype=dtype), out: wp.array(dtype=wide)):
+        wp.atomic_add(out, 0, wide(values[wp.tid()]))
 
     return add
 
 
 @functools.cache
 def _inner_kernel(dtype):
-    real, is_scalar = type_scalar_type(dtype), type_size(dtype) == 1
+    wide, is_scalar = _wide(dtype), type_size(dtype) == 1
 
     @wp.kernel(name=f"array_inner_{type_repr(dtype)}", module=__name__)
-    def multiply(a: wp.array(dtype=dtype), b: wp.array(dtype=dtype), out: wp.array(dtype=real)):
+    def multiply(a: wp.array(dtype=dtype), b: wp.array(dtype=dtype), out: wp.array(dtype=float64)):
         i = wp.tid()
         if wp.static(is_scalar):
-            wp.atomic_add(out, 0, a[i] * b[i])
+            wp.atomic_add(out, 0, wide(a[i]) * wide(b[i]))
         else:
-            wp.atomic_add(out, 0, wp.dot(a[i], b[i]))
+            wp.atomic_add(out, 0, wp.dot(wide(a[i]), wide(b[i])))
 
     return multiply
 
@@ -47,16 +57,16 @@ def _inner_kernel(dtype):
 @functools.cache
 def _axis_kernels(dtype):
     """Sum and inner product along the last of four dimensions."""
-    real, is_scalar = type_scalar_type(dtype), type_size(dtype) == 1
+    real, wide, is_scalar = type_scalar_type(dtype), _wide(dtype), type_size(dtype) == 1
     kernel = functools.partial(wp.kernel, module=__name__)
 
     @kernel(name=f"array_sum_axis_{type_repr(dtype)}")
     def add(values: wp.array4d(dtype=dtype), count: int, out: wp.array3d(dtype=dtype)):
         i, j, k = wp.tid()
-        total = dtype()
+        total = wide()
         for n in range(count):
-            total += values[i, j, k, n]
-        out[i, j, k] = total
+            total += wide(values[i, j, k, n])
+        out[i, j, k] = dtype(total)
 
     @kernel(name=f"array_inner_axis_{type_repr(dtype)}")
     def multiply(
@@ -66,13 +76,13 @@ def _axis_kernels(dtype):
         out: wp.array3d(dtype=real),
     ):
         i, j, k = wp.tid()
-        total = real()
+        total = float64()
         for n in range(count):
             if wp.static(is_scalar):
-                total += a[i, j, k, n] * b[i, j, k, n]
+                total += wide(a[i, j, k, n]) * wide(b[i, j, k, n])
             else:
-                total += wp.dot(a[i, j, k, n], b[i, j, k, n])
-        out[i, j, k] = total
+                total += wp.dot(wide(a[i, j, k, n]), wide(b[i, j, k, n]))
+        out[i, j, k] = real(total)
 
     return add, multiply
 
@@ -139,15 +149,27 @@ class _Reduction:
             inputs = [*views, self.count]
             wp.launch(along(dtype), out.shape, inputs, [out], device=device)
             return self.out
-        self.out.zero_()
         parts = [array.contiguous().flatten()[: self.count] for array in arrays]
+        total = self._wide_total(arrays)
+        total.zero_()
         if self.count:
-            wp.launch(whole(dtype), self.count, parts, [self.out], device=device)
+            wp.launch(whole(dtype), self.count, parts, [total], device=device)
+        if total is not self.out:
+            cast = _cast_kernel(total.dtype, self.out.dtype, 1)
+            wp.launch(cast, 1, [self.out, total], device=device)
         return self.out.numpy()[0] if self.on_host else self.out
+
+    def _wide_total(self, arrays):
+        """Where a sum is made: in double precision, since millions of terms are added."""
+        wide = _wide(self.out.dtype)
+        if types_equal(wide, self.out.dtype):
+            return self.out
+        recorded = any(array.requires_grad for array in arrays)
+        return wp.empty(1, dtype=wide, device=self.out.device, requires_grad=recorded)
 
 
 def array_sum(values, out=None, value_count: int | None = None, axis: int | None = None):
-    """The sum of all elements, or along one axis.
+    """The sum of all elements, or along one axis, made in double precision.
 
     Args:
         values: float32, float64, or vectors and matrices of them.

@@ -3,7 +3,7 @@
 import functools
 
 import warp as wp
-from warp._src.optim.linear.conjugate import quotient, step_length, watch
+from warp._src.optim.linear.conjugate import quotient, step_length, vector_kernels, watch
 from warp._src.optim.linear.operators import numbers
 from warp._src.optim.linear.state import LinearSolverState
 
@@ -78,26 +78,6 @@ def _kernels(scalar, real):
         )
         factors[_RHO, i] = rho
 
-    @kernel(name=f"bicgstab_halfway_{suffix}")
-    def move_halfway(
-        factors: factors_type, batch_of: counters, y: vector, v: vector, x: vector, r: vector
-    ):
-        i = wp.tid()
-        batch = batch_of[i]
-        if batch >= 0:
-            alpha = factors[_ALPHA, batch]
-            x[i] = scalar(wp.float64(x[i]) + alpha * wp.float64(y[i]))
-            r[i] = scalar(wp.float64(r[i]) - alpha * wp.float64(v[i]))
-
-    @kernel(name=f"bicgstab_move_{suffix}")
-    def move(factors: factors_type, batch_of: counters, z: vector, t: vector, x: vector, r: vector):
-        i = wp.tid()
-        batch = batch_of[i]
-        if batch >= 0:
-            omega = factors[_OMEGA, batch]
-            x[i] = scalar(wp.float64(x[i]) + omega * wp.float64(z[i]))
-            r[i] = scalar(wp.float64(r[i]) - omega * wp.float64(t[i]))
-
     @kernel(name=f"bicgstab_turn_{suffix}")
     def turn(factors: factors_type, batch_of: counters, r: vector, v: vector, p: vector):
         i = wp.tid()
@@ -106,7 +86,7 @@ def _kernels(scalar, real):
             rest = wp.float64(p[i]) - factors[_OMEGA, batch] * wp.float64(v[i])
             p[i] = scalar(wp.float64(r[i]) + factors[_BETA, batch] * rest)
 
-    return set_alpha, set_omega, set_beta, move_halfway, move, turn
+    return set_alpha, set_omega, set_beta, turn
 
 
 class BiCGSTAB(LinearSolverState):
@@ -138,7 +118,9 @@ class BiCGSTAB(LinearSolverState):
     def _allocate(self):
         super()._allocate()
         self.factors = wp.zeros((4, self.batches), dtype=wp.float64, device=self.device)
-        self.kernels = _kernels(self.scalar, self.real)
+        self.alpha, self.omega = self.factors[_ALPHA], self.factors[_OMEGA]
+        move, _ = vector_kernels(self.scalar)
+        self.kernels = (*_kernels(self.scalar, self.real), move)
         self.first, self.p, self.v, self.t = (self.vector() for _ in range(4))
         self.y = self.z = self.Mt = None
         if self.M is not None:
@@ -157,24 +139,17 @@ class BiCGSTAB(LinearSolverState):
         self.dots.compute(numbers(self.r), numbers(self.r))
         wp.copy(self.factors[0], self.dots.row())
 
-    def precondition(self, source, target):
-        if self.M is None:
-            return source
-        self.M.matvec(source, target, target, 1.0, 0.0)
-        return target
-
     def cycle(self):
-        set_alpha, set_omega, set_beta, move_halfway, move, turn = self.kernels
+        set_alpha, set_omega, set_beta, turn, move = self.kernels
         state = (self.r_norm_sq, self.atol_sq, self.progress, self.broken)
         r, x, v = numbers(self.r), numbers(self.x), numbers(self.v)
-        vectors = (self.factors, self.batch_of)
 
         y = self.precondition(self.p, self.y)
         self.A.matvec(y, self.v, self.v, 1.0, 0.0)
         self.dots.compute(numbers(self.first), v)
         lengths = (self.shortest, self.factors)
         self.launch(set_alpha, self.batches, self.dots.row(), *state, *lengths)
-        self.launch(move_halfway, self.count, *vectors, numbers(y), v, x, r)
+        self.launch(move, self.count, self.alpha, self.batch_of, numbers(y), v, x, r)
 
         z = self.precondition(self.r, self.z)
         self.A.matvec(z, self.t, self.t, 1.0, 0.0)
@@ -185,9 +160,11 @@ class BiCGSTAB(LinearSolverState):
         self.dots.compute(numbers(target), numbers(target), first=1)
         self.launch(set_omega, self.batches, self.dots.results, *state[2:], *lengths)
         # Without M, z is the residual, which is about to change.
-        self.launch(move, self.count, *vectors, numbers(z), numbers(self.t), x, r)
+        self.launch(
+            move, self.count, self.omega, self.batch_of, numbers(z), numbers(self.t), x, r
+        )
 
         self.dots.compute(r, r)
         self.dots.compute(numbers(self.first), r, first=1)
         self.launch(set_beta, self.batches, self.dots.results, *state, self.least, self.factors)
-        self.launch(turn, self.count, *vectors, r, v, numbers(self.p))
+        self.launch(turn, self.count, self.factors, self.batch_of, r, v, numbers(self.p))

@@ -210,13 +210,6 @@ class _Restartable(LinearSolverState):
     def iterate(self) -> None:
         raise NotImplementedError
 
-    def precondition(self, source, target):
-        """The vector that `M` makes of `source`: `target`, or `source` itself without `M`."""
-        if self.M is None:
-            return source
-        self.M.matvec(source, target, target, 1.0, 0.0)
-        return target
-
     def set_step(self, above, below, positive):
         kernel, _ = _factor_kernels(self.real)
         state = (self.r_norm_sq, self.atol_sq, self.progress, self.broken, self.shortest)

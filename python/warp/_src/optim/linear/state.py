@@ -193,6 +193,13 @@ class LinearSolverState(Loops):
             _, _, set_norm = _kernels(self.real)
             self.launch(set_norm, self.batches, self.dots.row(), self.r_norm_sq)
 
+    def precondition(self, source, target):
+        """The vector that `M` makes of `source`: `target`, or `source` itself without `M`."""
+        if self.M is None:
+            return source
+        self.M.matvec(source, target, target, 1.0, 0.0)
+        return target
+
     def start(self) -> None:
         """Computes the residual `r` and its norm, and what else the first cycle needs."""
         raise NotImplementedError

@@ -1,0 +1,133 @@
+//===- Volume.h - Sparse grids as kernels see them --------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// A grid is a NanoVDB buffer, version 32: a root with a table of tiles, upper
+// nodes of 32^3 children, lower nodes of 16^3, leaves of 8^3 voxels. Offsets
+// depend on the type of the values alone; the slot has them, so one function
+// serves all types. The host has checked every offset of the buffer.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_DEVICELIB_GEOMETRY_VOLUME_H
+#define WARP_DEVICELIB_GEOMETRY_VOLUME_H
+
+#include "Vectors.h"
+
+namespace warp::geometry {
+
+/// The slot of a Volume; python/warp/_src/geometry/volumes/volume.py writes it.
+struct VolumeSlot {
+  u64 tag;
+  const u8 *grid, *root, *leaves;
+  /// Of which type values are, as files number them; tiles of the root.
+  u32 type, tiles;
+  u64 voxels;
+  /// From values to their derivatives, or 0.
+  u64 gradient;
+  u32 background, rootSize, tileSize, tileValue;
+  u32 upperTable, lowerTable, tableStride;
+  u32 leafTable, valueSize, leafSize;
+};
+static_assert(sizeof(VolumeSlot) == 96);
+
+struct Voxel {
+  i32 x, y, z;
+  /// Its place in its leaf.
+  u32 inLeaf() const { return u32((x & 7) << 6 | (y & 7) << 3 | (z & 7)); }
+};
+
+/// Where a value is, or the leaf that holds it.
+struct VoxelPlace {
+  const u8 *at;
+  bool isLeaf;
+};
+
+template <class T> T readAt(const u8 *address) {
+  return *reinterpret_cast<const T *>(address);
+}
+
+constexpr u32 boxSize = 24, flagsSize = 8;
+
+/// A child of an inner node, or the value in its place.
+inline VoxelPlace childOf(const u8 *node, u32 n, u32 maskBytes, u32 table,
+                          u32 stride) {
+  const u8 *children = node + boxSize + flagsSize + maskBytes;
+  const u8 *entry = node + table + n * stride;
+  bool isChild = children[n >> 3] >> (n & 7) & 1;
+  return {isChild ? node + readAt<i64>(entry) : entry, isChild};
+}
+
+inline VoxelPlace findVoxel(const VolumeSlot &volume, Voxel v) {
+  u64 key = u64(u32(v.z) >> 12) | u64(u32(v.y) >> 12) << 21 |
+            u64(u32(v.x) >> 12) << 42;
+  const u8 *tile = volume.root + volume.rootSize;
+  u32 left = volume.tiles;
+  while (left && readAt<u64>(tile) != key) {
+    tile += volume.tileSize;
+    --left;
+  }
+  if (!left)
+    return {volume.root + volume.background, false};
+  i64 child = readAt<i64>(tile + 8);
+  if (!child)
+    return {tile + volume.tileValue, false};
+  u32 n = u32((v.x & 4095) >> 7 << 10 | (v.y & 4095) >> 7 << 5 |
+              (v.z & 4095) >> 7);
+  VoxelPlace lower = childOf(volume.root + child, n, 4096, volume.upperTable,
+                             volume.tableStride);
+  if (!lower.isLeaf)
+    return lower;
+  n = u32((v.x & 127) >> 3 << 8 | (v.y & 127) >> 3 << 4 | (v.z & 127) >> 3);
+  return childOf(lower.at, n, 512, volume.lowerTable, volume.tableStride);
+}
+
+inline const u8 *valueAt(const VolumeSlot &volume, VoxelPlace place, Voxel v) {
+  return place.isLeaf
+             ? place.at + volume.leafTable + v.inLeaf() * volume.valueSize
+             : place.at;
+}
+
+/// Types of grids whose voxels have a number in place of a value.
+enum : u32 { indexGrid = 19, onIndex = 20, indexMask = 21, onIndexMask = 22 };
+
+constexpr u32 leafMask = 16, leafFirst = 80;
+
+/// The number of a voxel, from 0; -1 without one.
+inline i32 indexAt(const VolumeSlot &volume, VoxelPlace place, Voxel v) {
+  if (!place.isLeaf)
+    return -1;
+  u32 n = v.inLeaf();
+  if (volume.type < indexGrid || volume.type > onIndexMask)
+    return i32(u64(place.at - volume.leaves) / volume.leafSize * 512 + n);
+  u64 first = readAt<u64>(place.at + leafFirst);
+  if (volume.type == indexGrid || volume.type == indexMask)
+    return i32(first + n) - 1;
+  auto *mask = reinterpret_cast<const u64 *>(place.at + leafMask);
+  u64 bit = u64(1) << (n & 63);
+  if (!(mask[n >> 6] & bit))
+    return -1;
+  for (u32 word = 0; word < n >> 6; ++word)
+    first += u64(__builtin_popcountll(mask[word]));
+  return i32(first + u64(__builtin_popcountll(mask[n >> 6] & (bit - 1)))) - 1;
+}
+
+/// Calls `visit(corner, place, voxel)` for the corners of the cell that starts
+/// at a voxel, z fastest; one descent for each leaf that the cell touches.
+template <class Visit>
+void forCorners(const VolumeSlot &volume, Voxel v, Visit &&visit) {
+  u32 crossed = u32((v.x & 7) == 7) << 2 | u32((v.y & 7) == 7) << 1 |
+                u32((v.z & 7) == 7);
+  VoxelPlace places[8];
+  for (u32 corner = 0; corner < 8; ++corner) {
+    Voxel at{i32(u32(v.x) + (corner >> 2)), i32(u32(v.y) + (corner >> 1 & 1)),
+             i32(u32(v.z) + (corner & 1))};
+    u32 first = corner & crossed;
+    places[corner] = first == corner ? findVoxel(volume, at) : places[first];
+    visit(corner, places[corner], at);
+  }
+}
+
+} // namespace warp::geometry
+
+#endif // WARP_DEVICELIB_GEOMETRY_VOLUME_H

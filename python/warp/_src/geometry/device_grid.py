@@ -1,0 +1,166 @@
+"""Hash grids built by kernels, where their points are.
+
+Every point gets the number of its cell, pairs of cell and point are sorted by it, stably, and the
+first point of each cell is searched for. The arrays are those that lib/Geometry/HashGrid.cpp makes.
+"""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+
+import warp as wp
+from warp import _native
+from warp._src import errors
+from warp._src.devices import devices
+from warp._src.geometry.grid_queries import begin, cells
+from warp._src.geometry.handles import GRID
+from warp._src.types.dtypes import Float
+
+
+@wp.func
+def _number(cell: wp.vec3i, counts: wp.vec3i) -> int:
+    """The number of a cell once the grid wraps."""
+    x, _x = begin(cell[0], cell[0], counts[0])
+    y, _y = begin(cell[1], cell[1], counts[1])
+    z, _z = begin(cell[2], cell[2], counts[2])
+    return (z * counts[1] + y) * counts[0] + x
+
+
+@wp.func
+def _number_of(point: wp.types.vector(3, Float), inverse: Float, counts: wp.vec3i) -> int:
+    found = counts[0] * counts[1] * counts[2]
+    # Not of NaN: of a point with one, no component counts.
+    if point[0] == point[0] and point[1] == point[1] and point[2] == point[2]:
+        found = _number(cells(point, type(inverse)(0.0), inverse), counts)
+    return found
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def _number_singles(
+    points: wp.array(dtype=wp.vec3f),
+    inverse: wp.float64,
+    counts: wp.vec3i,
+    keys: wp.array(dtype=wp.uint32),
+    order: wp.array(dtype=int),
+):
+    i = wp.tid()
+    keys[i] = wp.uint32(_number_of(points[i], float(inverse), counts))
+    order[i] = i
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def _number_halves(
+    points: wp.array(dtype=wp.vec3h),
+    inverse: wp.float64,
+    counts: wp.vec3i,
+    keys: wp.array(dtype=wp.uint32),
+    order: wp.array(dtype=int),
+):
+    i = wp.tid()
+    p = points[i]
+    wide = wp.vec3f(float(p[0]), float(p[1]), float(p[2]))
+    keys[i] = wp.uint32(_number_of(wide, float(inverse), counts))
+    order[i] = i
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def _number_doubles(
+    points: wp.array(dtype=wp.vec3d),
+    inverse: wp.float64,
+    counts: wp.vec3i,
+    keys: wp.array(dtype=wp.uint32),
+    order: wp.array(dtype=int),
+):
+    i = wp.tid()
+    keys[i] = wp.uint32(_number_of(points[i], inverse, counts))
+    order[i] = i
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def _find_starts(keys: wp.array(dtype=wp.uint32), count: int, starts: wp.array(dtype=int)):
+    cell = wp.tid()
+    low = int(0)
+    high = int(count)
+    while low < high:
+        middle = (low + high) // 2
+        if keys[middle] < wp.uint32(cell):
+            low = middle + 1
+        else:
+            high = middle
+    starts[cell] = low
+
+
+_KERNELS = {2: _number_halves, 4: _number_singles, 8: _number_doubles}
+
+
+class DeviceGrid:
+    """What `HashGrid` is made of on a GPU; on a CPU it makes the same arrays as the runtime.
+
+    Args:
+        cells: cells along the axes.
+        device: where the points are.
+    """
+
+    def __init__(self, cells, device):
+        self.device, self._counts = device, wp.vec3i(*cells)
+        self._cells = tuple(cells)
+        self._total = cells[0] * cells[1] * cells[2]
+        self._handle = _native.GeometryHandle(GRID, devices.resolve_index(device))
+        self.id = self._handle.id
+        self.starts = wp.zeros(self._total + 1, dtype=int, device=device)
+        self._keys = self.order = None
+        self._count, self._written = 0, None
+        self.reserve(0)
+        self._publish(1.0, None)
+
+    @property
+    def skipped(self) -> int:
+        """Points of the last build that are NaN; waits for it."""
+        return self._count - int(self.starts[self._total :].numpy()[0])
+
+    def reserve(self, points):
+        """Makes room for a number of points, which sorting needs twice."""
+        if self._keys is None or len(self._keys) < 2 * points:
+            room = max(2 * points, 2)
+            self._keys = wp.empty(room, dtype=wp.uint32, device=self.device)
+            self.order = wp.empty(room, dtype=int, device=self.device)
+
+    def build(self, points, scalar_size, width, groups=None):
+        """Sorts points of floats of so many bytes into cells of a width."""
+        count = self._count = len(points)
+        self.reserve(count)
+        kind = np.float64 if scalar_size == 8 else np.float32
+        with np.errstate(over="ignore"):
+            inverse = float(kind(1) / kind(width))
+        inputs = [points, inverse, self._counts, self._keys, self.order]
+        wp.launch(_KERNELS[scalar_size], count, inputs=inputs, device=self.device)
+        bits = self._total.bit_length()
+        wp.utils.radix_sort_pairs(self._keys, self.order, count, 0, bits)
+        inputs = [self._keys, count, self.starts]
+        wp.launch(_find_starts, self._total + 1, inputs=inputs, device=self.device)
+        self._publish(inverse, groups)
+
+    def _publish(self, inverse, groups):
+        """Writes the slot, unless it says the same already, as when a graph is captured."""
+        slot = struct.pack("<4id", *self._cells, self._count, inverse)
+        for array, length in (
+            (self.starts, self._total + 1),
+            (self.order, self._count),
+            (groups, 0 if groups is None else len(groups)),
+        ):
+            address = 0 if array is None else array.ptr
+            slot += struct.pack("<2Q10i", address, 0, length, 0, 0, 0, 4, 0, 0, 0, 1, 0)
+        if slot == self._written:
+            return
+        if not self.device.is_cpu:
+            if _native.is_capturing(self.device.index):
+                raise errors.WarpError(
+                    "a graph captures a HashGrid that was built before with as many points, the "
+                    "same radius and the same groups; build it once outside"
+                )
+            # Kernels that run may read it.
+            devices.synchronize_device(self.device)
+        self._handle.write(slot)
+        self._written = slot

@@ -1,0 +1,5 @@
+"""Surfaces of one value in scalar fields.
+
+cases             which triangles a cell has
+marching_cubes    `IsoSurfaceMarchingCubes`
+"""

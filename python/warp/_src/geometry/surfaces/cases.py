@@ -1,0 +1,87 @@
+"""The 256 cases of marching cubes, made of two rules.
+
+Corners of a cell are in or out. In a face whose corners alternate, the corners that are in are cut
+off one by one; both cells at a face decide alike, so the surface is closed. The cuts of all faces
+join to loops through edges of the cell. A loop is cut into triangles by lines that lie in no face,
+as the neighbour may have the same line there: then every edge has two triangles.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+
+# Corners as offsets; edges as two corners, the lower one first.
+CORNERS = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1))
+EDGES = (
+    *((0, 1), (1, 2), (3, 2), (0, 3), (4, 5), (5, 6), (7, 6), (4, 7)),
+    *((0, 4), (1, 5), (2, 6), (3, 7)),
+)
+# Corners of faces, counter-clockwise seen from outside.
+_FACES = ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))
+_EDGE_OF = {frozenset(corners): edge for edge, corners in enumerate(EDGES)}
+_FACES_OF = [
+    {face for face, corners in enumerate(_FACES) if set(edge) <= set(corners)} for edge in EDGES
+]
+
+
+def _loops(case: int) -> list:
+    """Closed paths through edges, around the corners that are in."""
+    following = {}
+    for corners in _FACES:
+        inside = [case >> corner & 1 for corner in corners]
+        # Walking around a face, each run of corners that are in has an edge where it begins and
+        # one where it ends; a cut joins them.
+        begins = [n for n in range(4) if inside[n] and not inside[n - 1]]
+        for begin in begins:
+            end = begin
+            while inside[(end + 1) % 4]:
+                end += 1
+            first = _EDGE_OF[frozenset((corners[begin - 1], corners[begin]))]
+            last = _EDGE_OF[frozenset((corners[end % 4], corners[(end + 1) % 4]))]
+            following[first] = last
+    loops = []
+    while following:
+        edge, loop = min(following), []
+        while edge in following:
+            loop.append(edge)
+            edge = following.pop(edge)
+        loops.append(loop)
+    return loops
+
+
+def _cuts(loop) -> list | None:
+    """Triangles of a loop, or None if a line would lie in a face."""
+    if len(loop) < 3:
+        return []
+    first, last = loop[0], loop[-1]
+    for n in range(1, len(loop) - 1):
+        apex = loop[n]
+        sides = [(first, apex)] * (n > 1) + [(apex, last)] * (n < len(loop) - 2)
+        if any(_FACES_OF[a] & _FACES_OF[b] for a, b in sides):
+            continue
+        before, behind = _cuts(loop[: n + 1]), _cuts(loop[n:])
+        if before is not None and behind is not None:
+            return [(first, apex, last), *before, *behind]
+    return None
+
+
+@functools.cache
+def tables():
+    """Where the triangles of each case start (257 numbers), and edges of all triangles (n, 3)."""
+    starts, triangles = [0], []
+    for case in range(256):
+        for loop in _loops(case):
+            triangles += _cuts(loop)
+        starts.append(len(triangles))
+    return np.array(starts, dtype=np.int32), np.array(triangles, dtype=np.int32)
+
+
+@functools.cache
+def edge_places():
+    """Per edge the node that it starts from, as an offset, and its axis."""
+    places = [
+        (*CORNERS[a], next(n for n in range(3) if CORNERS[a][n] != CORNERS[b][n])) for a, b in EDGES
+    ]
+    return np.array(places, dtype=np.int32)

@@ -1,0 +1,135 @@
+"""Volumes made of points, and made again of others in the room that was kept for them."""
+
+from __future__ import annotations
+
+import operator
+
+import numpy as np
+
+from warp._src import errors
+from warp._src.devices import devices
+from warp._src.geometry.volumes import build, points
+from warp._src.geometry.volumes.layout import INDEX
+from warp._src.types import dtypes
+
+# Status bits, by the level of nodes that had no room.
+LEAF_CAPACITY, LOWER_CAPACITY, UPPER_CAPACITY, VOXEL_CAPACITY = 1, 2, 4, 8
+
+
+class Recipe:
+    """How the grid of a volume follows from points.
+
+    Args:
+        kind: "tiles", whose voxels are all there, or "voxels", which are there alone.
+        number, background: type and bytes of values.
+        transform: matrix and shift from index space to the world.
+        capacities: of leaves, lower and upper nodes, and voxels; None: as many as there are.
+    """
+
+    def __init__(self, kind, number, background, transform, capacities=None):
+        self.kind, self.number, self.background = kind, number, background
+        self.transform, self.capacities = transform, capacities
+
+    def buffer(self, given, mask, what="points"):
+        """A buffer with the grid of points, and the status bits for what had no room."""
+        voxels = points.voxels_of(given, self.transform, mask, what)
+        made = self.of_voxels(voxels)
+        status = self.status(made[1], made[0])
+        return made[0], status
+
+    def of_voxels(self, voxels):
+        """A buffer with the grid of voxels, and its topology."""
+        if self.kind == "voxels":
+            return build.grid_of_voxels(voxels, self.transform)
+        return build.grid_of_tiles(voxels >> 3, self.number, self.background, self.transform)
+
+    def status(self, topology, buffer) -> int:
+        """Which of the capacities a grid exceeds."""
+        if self.capacities is None:
+            return 0
+        from warp._src.geometry.volumes.checks import tree_of
+
+        needed = (*topology.counts, int(tree_of(buffer)["voxels"]))
+        bits = (LEAF_CAPACITY, LOWER_CAPACITY, UPPER_CAPACITY, VOXEL_CAPACITY)
+        return sum(
+            bit
+            for bit, need, room in zip(bits, needed, self.capacities, strict=True)
+            if need > room
+        )
+
+
+def capacity(value, default, name) -> int:
+    """Room for nodes.
+
+    Raises:
+        ValueError: not positive, or more than 32 bits.
+    """
+    if value is None:
+        return max(default, 1)
+    value = operator.index(value)
+    if not 0 < value < 2**32:
+        raise ValueError(f"{name} must be positive and fit in uint32, but got {value}")
+    return value
+
+
+def check_status(status, device):
+    """Checks the array that a status goes to.
+
+    Raises:
+        WarpError: it is no uint32 array of the device.
+    """
+    if not dtypes.is_array(status) or status.dtype is not dtypes.uint32 or status.size < 1:
+        raise errors.WarpError("status must be an array of uint32 with at least one element")
+    if status.device != device:
+        raise errors.WarpError(f"status must be on '{device}', but is on '{status.device}'")
+
+
+def by_points(cls, recipe, given, what, device, room, status, mask):
+    """A volume of the class with the grid of points.
+
+    room: capacities, or None where the volume is not made again.
+    """
+    device = devices.get_device(device)
+    recipe.capacities = room
+    buffer, problem = recipe.buffer(given, mask, what)
+    if problem:
+        buffer, _ = recipe.of_voxels(np.zeros((0, 3), dtype=np.int64))
+    volume = cls._of_buffer(buffer, device)
+    if room is not None:
+        volume._recipe = recipe
+        if status is not None:
+            check_status(status, device)
+            status.fill_(problem)
+    return volume
+
+
+def dense(cls, values, min_world, voxel_size, bg_value, device):
+    """A volume with the values of a dense array; see `Volume.load_from_numpy`."""
+    values = np.asarray(values)
+    number, background = points.background_of(bg_value)
+    kind, count = points.numpy_type(number)
+    wanted = 4 if count > 1 else 3
+    if values.ndim != wanted or (count > 1 and values.shape[3] != count):
+        shown = f"(x, y, z, {count})" if count > 1 else "(x, y, z)"
+        raise errors.WarpError(f"expects an array of shape {shown}, but got {values.shape}")
+    tiles = [-(-extent // 8) for extent in values.shape[:3]]
+    padded = np.empty((*(8 * t for t in tiles), count), dtype=kind)
+    padded[:] = np.frombuffer(background, dtype=kind)
+    x, y, z = values.shape[:3]
+    padded[:x, :y, :z] = values.reshape(x, y, z, count).astype(kind, casting="unsafe")
+    blocks = padded.reshape(tiles[0], 8, tiles[1], 8, tiles[2], 8, count)
+    blocks = blocks.transpose(0, 2, 4, 1, 3, 5, 6).reshape(-1, 512 * count)
+    places = np.stack(np.meshgrid(*map(np.arange, tiles), indexing="ij"), axis=-1).reshape(-1, 3)
+    transform = points.transform_of(points.voxel_size_of(voxel_size), min_world, None)
+    buffer, topology = build.grid_of_tiles(places, number, background, transform)
+    from warp._src.geometry.volumes.checks import Nodes
+
+    raw = np.ascontiguousarray(blocks).view(np.uint8).reshape(len(blocks), 512, -1)
+    leaves = Nodes(buffer).leaves["table"]
+    leaves[topology.order] = raw.view(leaves.dtype)[..., 0]
+    return cls._of_buffer(buffer, devices.get_device(device))
+
+
+def index_or_values(bg_value):
+    """Type and background of a grid of tiles; without a value its voxels have numbers."""
+    return (INDEX, bytes(8)) if bg_value is None else points.background_of(bg_value)

@@ -1,0 +1,122 @@
+"""What a volume says about its grid."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from warp._src import errors
+from warp._src.arrays.array import array
+from warp._src.geometry.volumes import contents, points
+from warp._src.types import dtypes
+
+
+class GridContents:
+    """Counts, coordinates and arrays of a volume's grid; the part of `Volume` that only reads."""
+
+    GridInfo = contents.GridInfo
+    FeatureArrayInfo = contents.FeatureArrayInfo
+
+    class ActiveStats(NamedTuple):
+        """What the grid has now."""
+
+        voxel_count: int
+        leaf_node_count: int
+        lower_node_count: int
+        upper_node_count: int
+
+    def get_tile_count(self) -> int:
+        """Number of leaves: of 8^3 voxels; of a volume that can be rebuilt, room for them."""
+        return self._recipe.capacities[0] if self._recipe else int(self._tree["counts"][0])
+
+    def get_voxel_count(self) -> int:
+        """How many voxels have a number; of a volume that can be rebuilt, room for them."""
+        if self._recipe:
+            return self._recipe.capacities[3]
+        return contents.voxel_count(self._header, self._tree)
+
+    def get_active_stats(self) -> ActiveStats:
+        """Counts of the grid as it is now."""
+        voxels = contents.voxel_count(self._header, self._tree)
+        return self.ActiveStats(voxels, *(int(count) for count in self._tree["counts"]))
+
+    def get_tiles(self, out=None):
+        """Coordinates of the lowest voxel of each tile, an int32 array of shape (n, 3).
+
+        Raises:
+            RuntimeError: `out` is too small, or not int32 of that shape on this device.
+        """
+        return self._give(contents.tiles(self._bytes()), self.get_tile_count(), out)
+
+    def get_voxels(self, out=None):
+        """Coordinates of the voxels in the order of their numbers, an int32 array (n, 3).
+
+        Raises:
+            RuntimeError: as `get_tiles`.
+        """
+        return self._give(contents.voxels(self._bytes()), self.get_voxel_count(), out)
+
+    def _give(self, rows, count, out):
+        full = np.zeros((count, 3), dtype=np.int32)
+        full[: len(rows)] = rows
+        if out is None:
+            return array(full, dtype=dtypes.int32, device=self.device)
+        if not dtypes.is_array(out) or not points._is_threes(out, dtypes.int32):
+            raise errors.WarpError("'out' is an array of vec3i, or of int32 and of shape (n, 3)")
+        if out.device != self.device or out.shape[0] < count or not out.is_contiguous:
+            raise errors.WarpError(f"'out' has at least {count} packed rows on '{self.device}'")
+        if dtypes.type_scalar_type(out.dtype) is not dtypes.int32:
+            raise errors.WarpError("'out' is of int32")
+        kind = out.dtype
+        out[:count].assign(array(full, dtype=kind, device=self.device))
+        return out
+
+    def get_voxel_size(self) -> tuple[float, float, float]:
+        """Edges of a voxel in the world."""
+        return tuple(float(np.float32(edge)) for edge in self._header["voxel_size"])
+
+    def get_grid_info(self) -> GridInfo:
+        """What the grid says about itself."""
+        return contents.info_of(self._header)
+
+    @property
+    def dtype(self):
+        """Type of the values; None if voxels have numbers instead."""
+        return contents.DTYPES.get(self.get_grid_info().type_str)
+
+    @property
+    def is_index(self) -> bool:
+        """Whether voxels have numbers, which stand for elements of any array."""
+        return contents.is_index(self._header)
+
+    def get_feature_array_count(self) -> int:
+        """Number of arrays that are stored beside the grid."""
+        return int(self._header["blind_count"])
+
+    def get_feature_array_info(self, feature_index) -> FeatureArrayInfo:
+        """About an array beside the grid.
+
+        Raises:
+            RuntimeError: there is none of that number.
+        """
+        return contents.feature_info(self._bytes(), self._header, feature_index, self._data.ptr)
+
+    def feature_array(self, feature_index, dtype=None):
+        """An array beside the grid, without a copy; bytes if its type is not known.
+
+        Raises:
+            RuntimeError: there is none of that number, or its values are of another size.
+        """
+        info = self.get_feature_array_info(feature_index)
+        dtype = dtype or contents.DTYPES.get(info.type_str, dtypes.uint8)
+        size, total = dtypes.type_size_in_bytes(dtype), info.value_count * info.value_size
+        if size != info.value_size and not (
+            size == 1 or (info.value_size == 1 and not total % size)
+        ):
+            raise errors.WarpError(
+                f"values of {info.value_size} bytes are no elements of {dtype.__name__}"
+            )
+        made = array(ptr=info.ptr, dtype=dtype, shape=total // size, device=self.device)
+        made._kept = self
+        return made

@@ -1,0 +1,335 @@
+"""`Volume`: a sparse grid of values, in a NanoVDB buffer."""
+
+from __future__ import annotations
+
+import itertools
+from typing import NamedTuple
+
+import numpy as np
+
+from warp import _native
+from warp._src import errors
+from warp._src.arrays.array import array
+from warp._src.devices import devices
+from warp._src.geometry.handles import VOLUME
+from warp._src.geometry.volumes import allocation, checks, contents, files, points
+from warp._src.geometry.volumes.described import GridContents
+from warp._src.geometry.volumes.slot import slot_of
+from warp._src.types import dtypes
+
+
+class Volume(GridContents):
+    """A sparse grid of values, which kernels read by its `id`.
+
+    Args:
+        data: array of bytes with a NanoVDB grid, checked before it is used.
+        copy: whether to copy it; else it stays the caller's and is kept.
+
+    Attributes:
+        id: what kernels get, as `wp.uint64`.
+        device: where it is.
+
+    Raises:
+        RuntimeError: the bytes are no grid, damaged, or of a version or type that is not there.
+
+    Example:
+        >>> import numpy as np, warp as wp
+        >>> volume = wp.Volume.load_from_numpy(np.ones((4, 4, 4)), voxel_size=0.1, device="cpu")
+        >>> volume.get_tile_count(), volume.dtype.__name__
+        (1, 'float32')
+    """
+
+    CLOSEST = 0
+    LINEAR = 1
+    REBUILD_SUCCESS = 0
+    REBUILD_LEAF_CAPACITY_EXCEEDED = allocation.LEAF_CAPACITY
+    REBUILD_LOWER_CAPACITY_EXCEEDED = allocation.LOWER_CAPACITY
+    REBUILD_UPPER_CAPACITY_EXCEEDED = allocation.UPPER_CAPACITY
+    REBUILD_VOXEL_CAPACITY_EXCEEDED = allocation.VOXEL_CAPACITY
+    REBUILD_INVALID_INPUT = 16
+
+    class RebuildInfo(NamedTuple):
+        """Room for `rebuild`; `kind` is "tiles", "voxels", or None where there is none."""
+
+        kind: str | None
+        max_voxel_count: int
+        max_leaf_node_count: int
+        max_lower_node_count: int
+        max_upper_node_count: int
+
+    def __init__(self, data, copy=True):
+        if not dtypes.is_array(data) or dtypes.type_size_in_bytes(data.dtype) != 1:
+            raise errors.WarpError("a Volume is made of an array of bytes")
+        if data.ndim != 1 or not data.is_contiguous:
+            raise errors.WarpError("a Volume is made of a packed array of one dimension")
+        if copy:
+            self._adopt(files.aligned(data.numpy().view(np.uint8)), data.device)
+        else:
+            host = data.numpy().view(np.uint8)
+            self._publish(host, data, data.device)
+
+    @classmethod
+    def _of_buffer(cls, buffer, device) -> Volume:
+        """A volume of bytes in host memory, which are kept or copied to the device."""
+        volume = cls.__new__(cls)
+        volume._adopt(files.aligned(buffer), device)
+        return volume
+
+    _recipe = None
+    _handle = None
+
+    def _adopt(self, buffer, device):
+        if device.is_cpu:
+            data = array(
+                ptr=buffer.ctypes.data, dtype=dtypes.uint8, shape=buffer.size, device="cpu"
+            )
+            data._kept = buffer
+        else:
+            data = array(buffer, dtype=dtypes.uint8, device=device)
+        self._publish(buffer, data, device)
+
+    def _publish(self, buffer, data, device):
+        """Checks the bytes, and lets kernels find them where they are on the device."""
+        nodes = checks.check_grid(buffer)
+        if data.ptr % 8:
+            raise errors.WarpError("a NanoVDB grid starts at a multiple of 8 bytes")
+        self._header = checks.header_of(buffer).copy()
+        self._tree = checks.tree_of(buffer).copy()
+        self.device, self._data = device, data
+        if self._handle is None:
+            index = devices.resolve_index(device)
+            self._handle = _native.GeometryHandle(VOLUME, index)
+            self.id = self._handle.id
+        count = contents.voxel_count(self._header, self._tree)
+        self._handle.write(slot_of(nodes, data.ptr, count))
+
+    def array(self):
+        """The bytes of the grid, and of those behind it, without a copy."""
+        return self._data
+
+    def _bytes(self):
+        return self._data.numpy().view(np.uint8)
+
+    # Files and other memory.
+
+    @classmethod
+    def load_from_nvdb(cls, file_or_buffer, device=None) -> Volume:
+        """The first grid of a `.nvdb` file, given as an open file, bytes or a path.
+
+        Raises:
+            RuntimeError: the file is damaged, or of a version, type or codec that is not there.
+        """
+        data = file_or_buffer
+        if hasattr(data, "read"):
+            data = data.read()
+        elif not isinstance(data, (bytes, bytearray, memoryview, np.ndarray)):
+            with open(data, "rb") as file:
+                data = file.read()
+        return cls._of_buffer(files.read(data), devices.get_device(device))
+
+    def save_to_nvdb(self, path, codec="none"):
+        """Writes the grids of this volume's memory to a file; gives the path.
+
+        codec: "none", "zip", or "blosc", which needs the Python package of that name.
+
+        Raises:
+            RuntimeError: there is no such codec, or this is not the first grid of the memory.
+        """
+        if int(self._header["index"]) > 0:
+            raise errors.WarpError("a volume of `load_next_grid` is saved with the one before it")
+        files.write(path, self._bytes(), codec)
+        return path
+
+    @classmethod
+    def load_from_address(cls, grid_ptr, buffer_size=0, device=None) -> Volume:
+        """A volume of a grid in memory, which stays the caller's; no size: that of one grid.
+
+        Raises:
+            RuntimeError: the address is 0, or no grid is there.
+        """
+        if not grid_ptr:
+            raise errors.WarpError("invalid address of a grid: 0")
+        size = buffer_size or checks.HEADER.itemsize + checks.TREE.itemsize
+        data = array(ptr=grid_ptr, dtype=dtypes.uint8, shape=size, device=device)
+        if not buffer_size:
+            size = int(checks.header_of(data.numpy().view(np.uint8))["size"])
+            data = array(ptr=grid_ptr, dtype=dtypes.uint8, shape=size, device=device)
+        return cls(data, copy=False)
+
+    def load_next_grid(self) -> Volume | None:
+        """The grid behind this one in memory; None if it is the last."""
+        start = files.next_start(self._bytes())
+        if not start:
+            return None
+        rest = self._data.size - start
+        following = Volume.load_from_address(self._data.ptr + start, rest, self.device)
+        following._previous_grid = self
+        return following
+
+    # Made of points.
+
+    @classmethod
+    def load_from_numpy(
+        cls, ndarray, min_world=(0.0, 0.0, 0.0), voxel_size=1.0, bg_value=0.0, device=None
+    ) -> Volume:
+        """A volume with the values of an array of shape (x, y, z), or (x, y, z, n) of vectors.
+
+        Args:
+            min_world: where the first voxel is in the world.
+            voxel_size: edge of a voxel, or three.
+            bg_value: value elsewhere. Its type is that of the grid: a Python float makes float32,
+                an int int32, a sequence float32 vectors; values are converted to it.
+
+        Raises:
+            RuntimeError: the array is of another shape.
+            TypeError, ValueError: no grid has such values, or voxels such a size.
+        """
+        return allocation.dense(cls, ndarray, min_world, voxel_size, bg_value, device)
+
+    @classmethod
+    def allocate(
+        cls,
+        min,
+        max,
+        voxel_size,
+        bg_value=0.0,
+        translation=(0.0, 0.0, 0.0),
+        points_in_world_space=False,
+        device=None,
+    ) -> Volume:
+        """A volume of the tiles that a box overlaps, whose corners belong to it.
+
+        Args: as `allocate_by_tiles`; `min` and `max` are voxels, or points of the world.
+        """
+        size = points.voxel_size_of(voxel_size)
+        corners = np.array([list(min), list(max)], dtype=np.float64)
+        if points_in_world_space:
+            corners = np.around((corners - np.asarray(translation)) / np.asarray(size))
+        low, high = corners.astype(np.int64) >> 3
+        axes = [np.arange(a, b + 1) for a, b in zip(low, high, strict=True)]
+        tiles = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3) * 8
+        given = array(tiles.astype(np.int32), dtype=dtypes.int32, device="cpu")
+        return cls.allocate_by_tiles(given, size, bg_value, translation, device)
+
+    @classmethod
+    def allocate_by_tiles(
+        cls,
+        tile_points,
+        voxel_size=None,
+        bg_value=0.0,
+        translation=(0.0, 0.0, 0.0),
+        device=None,
+        transform=None,
+        rebuildable=False,
+        max_tiles=None,
+        max_lower_nodes=None,
+        max_upper_nodes=None,
+        status=None,
+        point_mask=None,
+    ) -> Volume:
+        """A volume with the tiles of 8^3 voxels around points.
+
+        Args:
+            tile_points: voxels (vec3i or int32 of shape (n, 3)), or points of the world (floats).
+            voxel_size, transform: edge of a voxel or three of them, or a matrix.
+            bg_value: value of all voxels, whose type the grid has; None numbers voxels instead.
+            rebuildable, max_tiles, max_lower_nodes, max_upper_nodes: keep room for `rebuild`.
+            status: uint32 array for `REBUILD_...` bits; a grid without room is left empty.
+            point_mask: int32 array; points with 0 are left out.
+
+        Raises:
+            RuntimeError: an array is of another type, shape, layout or device.
+            TypeError: no grid is of the type of `bg_value`.
+            ValueError: sizes or capacities are not positive, or the transform is missing.
+        """
+        placed = points.transform_of(voxel_size, translation, transform)
+        number, background = allocation.index_or_values(bg_value)
+        recipe = allocation.Recipe("tiles", number, background, placed)
+        wanted = (max_tiles, max_lower_nodes, max_upper_nodes)
+        room = None
+        if rebuildable or any(value is not None for value in wanted):
+            room = _room(("max_tiles", "max_lower_nodes", "max_upper_nodes"), wanted, tile_points)
+            room = (*room, room[0] * 512)
+        return allocation.by_points(
+            cls, recipe, tile_points, "tile_points", device, room, status, point_mask
+        )
+
+    @classmethod
+    def allocate_by_voxels(
+        cls,
+        voxel_points,
+        voxel_size=None,
+        translation=(0.0, 0.0, 0.0),
+        device=None,
+        transform=None,
+        rebuildable=False,
+        max_active_voxels=None,
+        max_leaf_nodes=None,
+        max_lower_nodes=None,
+        max_upper_nodes=None,
+        status=None,
+        point_mask=None,
+    ) -> Volume:
+        """A volume in which the voxels of points have numbers, as elements of any array.
+
+        Args: as `allocate_by_tiles`.
+        """
+        placed = points.transform_of(voxel_size, translation, transform)
+        recipe = allocation.Recipe("voxels", None, None, placed)
+        wanted = (max_active_voxels, max_leaf_nodes, max_lower_nodes, max_upper_nodes)
+        names = ("max_active_voxels", "max_leaf_nodes", "max_lower_nodes", "max_upper_nodes")
+        room = None
+        if rebuildable or any(value is not None for value in wanted):
+            voxels, *nodes = _room(names, wanted, voxel_points)
+            room = (*nodes, voxels)
+        return allocation.by_points(
+            cls, recipe, voxel_points, "voxel_points", device, room, status, point_mask
+        )
+
+    @property
+    def is_rebuildable(self) -> bool:
+        """Whether there is room for `rebuild`."""
+        return self._recipe is not None
+
+    def get_rebuild_info(self) -> RebuildInfo:
+        """The room that is kept for `rebuild`."""
+        if self._recipe is None:
+            return Volume.RebuildInfo(None, 0, 0, 0, 0)
+        leaves, lowers, uppers, voxels = self._recipe.capacities
+        return Volume.RebuildInfo(self._recipe.kind, voxels, leaves, lowers, uppers)
+
+    def rebuild(self, points, status=None, point_mask=None):
+        """Makes the grid again of other points; `id`, type, background and transform stay.
+
+        Points need what the volume was allocated with: tiles or voxels. If there is no room for
+        them the grid stays as it is, and `status` gets the bits that say why.
+
+        Raises:
+            RuntimeError: the volume is not rebuildable, or an array is of another type or device.
+        """
+        if self._recipe is None:
+            raise errors.WarpError(
+                "the volume is not rebuildable: allocate it with rebuildable=True"
+            )
+        if status is not None:
+            allocation.check_status(status, self.device)
+        if not self.device.is_cpu:
+            devices.synchronize_device(self.device)
+        buffer, problem = self._recipe.buffer(points, point_mask)
+        if not problem:
+            self._adopt(files.aligned(buffer), self.device)
+        if status is not None:
+            status.fill_(problem)
+        return status
+
+
+def _room(names, values, given):
+    """Capacities; the default of each is the one before it."""
+    first = len(given) if dtypes.is_array(given) else 1
+    return list(
+        itertools.accumulate(
+            zip(names, values, strict=True),
+            lambda former, entry: allocation.capacity(entry[1], former, entry[0]),
+            initial=first,
+        )
+    )[1:]

@@ -1,0 +1,149 @@
+"""Volumes in kernels: samples, gradients, stores and transforms against NumPy in float64."""
+
+import numpy as np
+import pytest
+
+import warp as wp
+
+SHAPE, BACKGROUND = (20, 17, 9), -7.0
+
+
+@pytest.fixture(scope="module")
+def values():
+    return np.random.default_rng(0).standard_normal(SHAPE).astype(np.float32)
+
+
+def at(values, voxels):
+    """Values of voxels, the background outside."""
+    inside = ((voxels >= 0) & (voxels < values.shape[:3])).all(axis=1)
+    found = np.full((len(voxels), *values.shape[3:]), BACKGROUND, dtype=np.float64)
+    found[inside] = values[tuple(voxels[inside].T)]
+    return found
+
+
+def trilinear(values, p):
+    p = p.astype(np.float64)
+    cell = np.floor(p).astype(int)
+    x = p - cell
+    total = 0.0
+    for corner in range(8):
+        d = np.array([corner >> 2, corner >> 1 & 1, corner & 1])
+        weight = np.prod(np.where(d, x, 1 - x), axis=1)
+        total = total + (at(values, cell + d).T * weight).T
+    return total
+
+
+@wp.kernel
+def sample(
+    id: wp.uint64,
+    p: wp.array(dtype=wp.vec3),
+    linear: wp.array(dtype=float),
+    near: wp.array(dtype=float),
+    slope: wp.array(dtype=wp.vec3),
+):
+    i = wp.tid()
+    linear[i] = wp.volume_sample_f(id, p[i], wp.Volume.LINEAR)
+    near[i] = wp.volume_sample(id, p[i], wp.Volume.CLOSEST, dtype=float)
+    along = wp.vec3()
+    again = wp.volume_sample_grad_f(id, p[i], wp.Volume.LINEAR, along)
+    slope[i] = along
+
+
+def points(n=2000):
+    return np.random.default_rng(1).uniform(-3, 22, (n, 3)).astype(np.float32)
+
+
+def test_samples_and_both_gradients(device, values):
+    volume = wp.Volume.load_from_numpy(values, bg_value=BACKGROUND, device=device)
+    p = points()
+    x = wp.array(p, dtype=wp.vec3, device=device, requires_grad=True)
+    linear = wp.zeros(len(p), dtype=float, device=device, requires_grad=True)
+    near = wp.zeros(len(p), dtype=float, device=device)
+    slope = wp.zeros(len(p), dtype=wp.vec3, device=device)
+    with wp.Tape() as tape:
+        wp.launch(sample, dim=len(p), inputs=[volume.id, x, linear, near, slope], device=device)
+    assert np.abs(linear.numpy() - trilinear(values, p)).max() < 4e-6
+    away = (np.sign(p) * np.floor(np.abs(p) + 0.5)).astype(int)
+    assert (near.numpy() == at(values, away)).all()
+    step = 2.0**-12
+    inner = (np.abs(p - np.round(p)) > 2 * step).all(axis=1)
+    wide = p.astype(np.float64)
+    for axis in range(3):
+        h = step * np.eye(3)[axis]
+        difference = (trilinear(values, wide + h) - trilinear(values, wide - h)) / (2 * step)
+        assert np.abs(slope.numpy()[inner, axis] - difference[inner]).max() < 1e-5
+    tape.backward(grads={linear: wp.ones_like(linear)})
+    assert np.abs(x.grad.numpy() - slope.numpy()).max() < 1e-5
+
+
+def test_vectors_doubles_and_jacobians(device):
+    rng = np.random.default_rng(2)
+    values = rng.standard_normal((9, 9, 9, 3))
+
+    @wp.kernel
+    def sample_vector(
+        id: wp.uint64,
+        p: wp.array(dtype=wp.vec3),
+        out: wp.array(dtype=wp.vec3d),
+        jacobian: wp.array(dtype=wp.mat33d),
+    ):
+        i = wp.tid()
+        j = wp.mat33d()
+        out[i] = wp.volume_sample_grad(id, p[i], wp.Volume.LINEAR, j, dtype=wp.vec3d)
+        jacobian[i] = j
+
+    background = wp.vec3d(BACKGROUND, BACKGROUND, BACKGROUND)
+    volume = wp.Volume.load_from_numpy(values, bg_value=background, device=device)
+    p = rng.uniform(0, 8, (200, 3)).astype(np.float32)
+    out = wp.zeros(200, dtype=wp.vec3d, device=device)
+    jacobian = wp.zeros(200, dtype=wp.mat33d, device=device)
+    x = wp.array(p, dtype=wp.vec3, device=device)
+    wp.launch(sample_vector, dim=200, inputs=[volume.id, x, out, jacobian], device=device)
+    assert np.abs(out.numpy() - trilinear(values, p)).max() < 1e-6
+    h = 1e-4 * np.array([0.0, 1.0, 0.0])
+    inner = np.abs(p[:, 1] - np.round(p[:, 1])) > 1e-3
+    wide = p.astype(np.float64)
+    difference = (trilinear(values, wide + h) - trilinear(values, wide - h)) / 2e-4
+    assert np.abs(jacobian.numpy()[inner][:, :, 1] - difference[inner]).max() < 1e-5
+
+
+def test_stores_reach_leaves_alone(device):
+    @wp.kernel
+    def store(id: wp.uint64, out: wp.array(dtype=int)):
+        wp.volume_store_i(id, 1, 2, 3, 42)
+        wp.volume_store(id, 100, 0, 0, 43)
+        out[0] = wp.volume_lookup_i(id, 1, 2, 3)
+        out[1] = wp.volume_lookup(id, 100, 0, 0, dtype=int)
+        out[2] = wp.volume_sample_i(id, wp.vec3(0.5, 1.5, 2.5))
+        # A grid of other values has none of these.
+        out[3] = int(wp.volume_lookup_f(id, 1, 2, 3))
+
+    volume = wp.Volume.allocate([0, 0, 0], [7, 7, 7], 1.0, bg_value=5, device=device)
+    out = wp.zeros(4, dtype=int, device=device)
+    wp.launch(store, dim=1, inputs=[volume.id, out], device=device)
+    assert out.numpy().tolist() == [42, 5, 42, 0]
+
+
+def test_transforms_are_inverse_and_linear(device):
+    @wp.kernel
+    def there(id: wp.uint64, p: wp.array(dtype=wp.vec3), out: wp.array2d(dtype=wp.vec3)):
+        i = wp.tid()
+        out[0, i] = wp.volume_index_to_world(id, p[i])
+        out[1, i] = wp.volume_world_to_index(id, out[0, i])
+        out[2, i] = wp.volume_index_to_world_dir(id, p[i])
+        out[3, i] = wp.volume_transform(id, p[i])
+
+    matrix = np.array([[0.5, 0.1, 0.0], [0.0, 0.25, 0.2], [-0.3, 0.0, 2.0]], dtype=np.float32)
+    tiles = wp.array([[0, 0, 0]], dtype=wp.vec3i, device=device)
+    volume = wp.Volume.allocate_by_tiles(
+        tiles, transform=matrix, translation=(1.0, 2.0, 3.0), device=device
+    )
+    p = points(50)
+    out = wp.zeros((4, 50), dtype=wp.vec3, device=device)
+    x = wp.array(p, dtype=wp.vec3, device=device)
+    wp.launch(there, dim=50, inputs=[volume.id, x, out], device=device)
+    world, back, turned, first_form = out.numpy()
+    assert np.abs(world - (p @ matrix.T + [1, 2, 3])).max() < 1e-5
+    assert np.abs(back - p).max() < 2e-5
+    assert np.abs(turned - p @ matrix.T).max() < 1e-5
+    assert (first_form == world).all()
