@@ -144,7 +144,8 @@ void Widening::widenStore(warp::StoreComponentsOp op) {
 void Widening::updateTogether(warp::AtomicComponentsOp op, ValueRange indices) {
   warp::AtomicKind kind = warp::combiningKind(op.getKind());
   Values totals;
-  for (auto [leaf, value] : llvm::zip_equal(warp::leavesOf(op), op.getComponents())) {
+  for (auto [leaf, value] :
+       llvm::zip_equal(warp::leavesOf(op), op.getComponents())) {
     Value none = broadcast(warp::identity(b, loc, kind, leaf.type));
     Value term = vector(value);
     if (op.getKind() != kind)

@@ -60,7 +60,8 @@ void GroupCombiner::combine(warp::AtomicComponentsOp op) {
   SmallVector<Type> types;
   OpBuilder atStart = OpBuilder::atBlockBegin(thread);
   b.setInsertionPoint(op);
-  for (auto [leaf, component] : llvm::zip_equal(warp::leavesOf(op), op.getComponents())) {
+  for (auto [leaf, component] :
+       llvm::zip_equal(warp::leavesOf(op), op.getComponents())) {
     bool widens = isGradient && leaf.type.isF32();
     Type type = widens ? b.getF64Type() : leaf.type;
     Value value = component, identity =
