@@ -91,7 +91,8 @@ warp::VariantAttr warp::VariantAttr::getUnknown(MLIRContext *context) {
   return get(context, target, /*rank=*/1, /*contiguous=*/0, /*index32=*/false,
              /*flat=*/false, /*large=*/false, /*under=*/false,
              /*narrow=*/false, /*disjoint=*/false, /*block=*/256,
-             /*threads=*/16, /*min_blocks=*/0, /*lanes=*/0, /*debug=*/false, /*fast_math=*/false, Determinism::none);
+             /*threads=*/16, /*min_blocks=*/0, /*lanes=*/0,
+             /*debug=*/false, /*fast_math=*/false, Determinism::none);
 }
 
 bool warp::VariantAttr::hasWholeWarps() const {
