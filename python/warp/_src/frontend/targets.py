@@ -352,7 +352,8 @@ class Targets(Part):
                 node,
             )
             return
-        if isinstance(target, ast.Subscript) and self.has_slice(target) and not self.is_tile(target):
+        is_slice = isinstance(target, ast.Subscript) and self.has_slice(target)
+        if is_slice and not self.is_tile(target):
             self.update_slice(node)
             return
         slot = self.slot(target)
@@ -383,9 +384,7 @@ class Targets(Part):
         if type(op) not in _ATOMIC or right.type != slot.type:
             return False
         tiles = self.context.tiles
-        made = tiles.written(
-            self.context.env[slot.name], part, right, node, kind=_ATOMIC[type(op)]
-        )
+        made = tiles.written(self.context.env[slot.name], part, right, node, kind=_ATOMIC[type(op)])
         self.context.env[slot.name] = made
         return True
 
