@@ -55,8 +55,8 @@ class TiledKernel(Kernel):
         if math.prod(extents) % threads or (len(extents) > 1 and extents[-1] != threads):
             raise errors.WarpLaunchValueError(
                 f"launch('{self.key}'): tiles belong to blocks of {threads} threads, which a "
-                f"launch of {extents} does not fill; use `wp.launch_tiled`, or make the last extent "
-                f"{threads}"
+                f"launch of {extents} does not fill; use `wp.launch_tiled`, or make the last "
+                f"extent {threads}"
             )
         types = tuple(map(argument_type, values)) if self.is_generic else None
         return self.for_blocks(types, threads), threads
