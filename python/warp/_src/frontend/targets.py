@@ -226,6 +226,8 @@ class Targets(Part):
             root = self.context.env[slot.name]
             root = root if type(root) in (Value, LocalArray) else slot.value
             self.context.env[slot.name] = self.with_part(root, slot.path, value, node)
+            if getattr(getattr(root, "type", None), "kind", None) == "tile":
+                self.context.tiles.note_change(slot.name)
             self.context.lines[slot.name] = self.context.source.line(node)
         elif any(step == "part" for step, _ in slot.path):
             old = self.builder.load(slot.array, slot.indices)
@@ -386,6 +388,7 @@ class Targets(Part):
         tiles = self.context.tiles
         made = tiles.written(self.context.env[slot.name], part, right, node, kind=_ATOMIC[type(op)])
         self.context.env[slot.name] = made
+        tiles.note_change(slot.name)
         return True
 
     @staticmethod

@@ -31,6 +31,19 @@ class TilePart:
 class Tiles(Part):
     """Translates what makes, moves and takes apart tiles."""
 
+    __slots__ = ("changed",)
+
+    def __init__(self, context):
+        super().__init__(context)
+        # Variables whose tiles were changed, rather than replaced by another tile.
+        self.changed = set()
+
+    def note_change(self, name):
+        self.changed.add(name)
+
+    def is_changed(self, name) -> bool:
+        return name in self.changed
+
     # Calls into the builder.
 
     def make(self, name, operands, node=None, **options):
