@@ -16,5 +16,6 @@ include "WarpStableMath.td"
 include "WarpDecompositions.td"
 include "WarpRandom.td"
 include "WarpSpecials.td"
+include "WarpTileSpecials.td"
 
 #endif // WARP_BUILTINS_TD

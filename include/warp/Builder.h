@@ -54,6 +54,7 @@ struct WARP_API Type {
     Transform,
     Array,
     Struct,
+    Tile,
     Other,
   };
   struct Field;
@@ -70,9 +71,10 @@ struct WARP_API Type {
   /// Bits of a scalar; 0 for everything else.
   int width() const;
   bool isSigned() const;
-  /// Scalar type of a composite, element type of an array, null otherwise.
+  /// Scalar type of a composite, element type of an array or tile, null
+  /// otherwise.
   Type element() const;
-  /// Extents of a vector or matrix; empty for everything else.
+  /// Extents of a vector, matrix or tile; empty for everything else.
   std::vector<int64_t> shape() const;
   /// Dimensions of an array; 0 for everything else.
   int rank() const;
@@ -269,6 +271,7 @@ public:
   struct Impl;
 
 private:
+  friend class TileBuilder;
   std::unique_ptr<Impl> impl;
 };
 

@@ -14,7 +14,7 @@
 
 #include "WarpDialect/ParameterLayout.h"
 #include "WarpDialect/WarpDialect.h"
-#include "WarpDialect/WarpOps.h"
+#include "WarpDialect/TileOps.h"
 
 #include "mlir/Dialect/Func/IR/FuncOps.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
@@ -30,6 +30,8 @@ public:
       : origins(kernel), accesses(origins.getLeaves().size()) {}
 
   void add(warp::AccessOp op);
+  /// The same of a load, store or update of a tile.
+  void addTile(Operation *op);
   void locate(func::FuncOp kernel, bool usesGradients);
   std::vector<warp::Access> take() { return std::move(accesses); }
 
@@ -50,6 +52,22 @@ void Summary::add(warp::AccessOp op) {
     access.fetched |= op.isUpdate() && !op->use_empty();
     access.watched |= op.mayRead() && op->getParentOfType<scf::WhileOp>();
     if (op.mayWrite() && place && !access.line)
+      access.line = place.getLine();
+  }
+}
+
+void Summary::addTile(Operation *op) {
+  bool loads = isa<warp::TileLoadOp>(op);
+  auto place = warp::findSourceLocation(op->getLoc());
+  for (warp::ArrayMemory memory :
+       origins.of(op->getOperand(loads ? 0 : 1)).memories) {
+    warp::Access &access = accesses[memory.leaf];
+    access.loaded |= loads;
+    access.stored |= isa<warp::TileStoreOp>(op);
+    access.combined |= isa<warp::TileAtomicOp>(op);
+    access.fetched |= isa<warp::TileAtomicOp>(op) && !op->use_empty();
+    access.watched |= loads && op->getParentOfType<scf::WhileOp>();
+    if (!loads && place && !access.line)
       access.line = place.getLine();
   }
 }
@@ -86,6 +104,10 @@ std::vector<warp::Access> warp::accesses(const Module &module) {
       continue;
     Summary summary(function);
     op.walk([&](AccessOp access) { summary.add(access); });
+    op.walk([&](Operation *nested) {
+      if (isa<TileLoadOp, TileStoreOp, TileAtomicOp>(nested))
+        summary.addTile(nested);
+    });
     bool usesGradients =
         op.walk([](GradOp) { return WalkResult::interrupt(); })
             .wasInterrupted();

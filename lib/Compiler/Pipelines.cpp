@@ -12,6 +12,7 @@
 
 #include "Transforms/Autodiff/Derivation.h"
 #include "WarpDialect/Passes.h"
+#include "WarpDialect/TilePasses.h"
 #include "WarpDialect/WarpDialect.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -144,6 +145,12 @@ void warp::addPhase(OpPassManager &pm, Phase phase) {
   case Phase::Thread:
     // First, so that what the launch decides is folded.
     pm.addPass(createSpecialize());
+    // Layout, memory, barriers, in this order; nothing for other kernels.
+    pm.addPass(createCheckTiles());
+    pm.addPass(createPlaceTiles());
+    pm.addPass(createPlanTileMemory());
+    pm.addPass(createPlaceBarriers());
+    pm.addPass(createLowerTiles());
     pm.addPass(createLowerComposites());
     // Values are signless from here on.
     pm.addPass(createCanonicalizerPass());

@@ -6,6 +6,8 @@
 
 #include "BuilderImpl.h"
 
+#include "WarpDialect/TileTypes.h"
+
 #include "mlir/AsmParser/AsmParser.h"
 
 #include "llvm/ADT/TypeSwitch.h"
@@ -78,6 +80,7 @@ warp::Type::Kind warp::Type::kind() const {
       .Case<TransformType>([](auto) { return Kind::Transform; })
       .Case<ArrayType>([](auto) { return Kind::Array; })
       .Case<StructType>([](auto) { return Kind::Struct; })
+      .Case<TileType>([](auto) { return Kind::Tile; })
       .Default(Kind::Other);
 }
 
@@ -92,6 +95,8 @@ warp::Type warp::Type::element() const {
   mlir::Type type = unwrap(*this);
   if (auto array = dyn_cast<ArrayType>(type))
     return wrap(array.getElementType());
+  if (auto tile = dyn_cast<TileType>(type))
+    return wrap(tile.getElementType());
   return isComposite(type) ? wrap(getElementScalar(type)) : Type();
 }
 
@@ -101,6 +106,8 @@ std::vector<int64_t> warp::Type::shape() const {
     return {vec.getLength()};
   if (auto mat = dyn_cast<MatType>(type))
     return {mat.getRows(), mat.getCols()};
+  if (auto tile = dyn_cast<TileType>(type))
+    return tile.getShape().vec();
   return {};
 }
 

@@ -4,7 +4,7 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "WarpDialect/WarpTypes.h"
+#include "WarpDialect/TileTypes.h"
 #include "warp/Launch.h"
 
 #include "llvm/ADT/StringExtras.h"
@@ -239,6 +239,16 @@ static std::string getArrayName(warp::ArrayType type) {
   return text + ")";
 }
 
+static std::string getTileName(warp::TileType type) {
+  std::string text;
+  llvm::raw_string_ostream out(text);
+  out << "tile(dtype=" << warp::getPythonName(type.getElementType())
+      << ", shape=(";
+  llvm::interleaveComma(type.getShape(), out);
+  out << (type.getRank() == 1 ? ",))" : "))");
+  return text;
+}
+
 std::string warp::getPythonName(mlir::Type type) {
   return TypeSwitch<mlir::Type, std::string>(type)
       .Case([](VecType t) { return getVecName(t); })
@@ -251,6 +261,7 @@ std::string warp::getPythonName(mlir::Type type) {
       })
       .Case([](ArrayType t) { return getArrayName(t); })
       .Case([](StructType t) { return t.getName().str(); })
+      .Case([](TileType t) { return getTileName(t); })
       .Default([](mlir::Type t) {
         if (isThreadScalar(t))
           return getScalarName(t);

@@ -11,6 +11,7 @@
 #include "WarpDialect/WarpOps.h"
 #include "Checks.h"
 #include "WarpDialect/LibraryOps.h"
+#include "WarpDialect/TileOps.h"
 #include "WarpDialect/WarpDialect.h"
 
 #include "mlir/IR/Builders.h"
@@ -34,6 +35,10 @@ void warp::WarpDialect::registerOps() {
   addOperations<
 #define GET_OP_LIST
 #include "WarpDialect/WarpLibraryOps.cpp.inc"
+      >();
+  addOperations<
+#define GET_OP_LIST
+#include "WarpDialect/WarpTileOps.cpp.inc"
       >();
 }
 

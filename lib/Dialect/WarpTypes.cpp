@@ -8,6 +8,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "WarpDialect/WarpTypes.h"
+#include "WarpDialect/TileTypes.h"
 #include "WarpDialect/WarpDialect.h"
 
 #include "mlir/IR/Builders.h"
@@ -41,6 +42,18 @@ static ParseResult parseMatShape(AsmParser &parser, int64_t &rows,
 
 static void printMatShape(AsmPrinter &printer, int64_t rows, int64_t cols) {
   printer << rows << 'x' << cols << " x";
+}
+
+/// `16x16 x`.
+static ParseResult parseTileShape(AsmParser &parser,
+                                  SmallVector<int64_t> &shape) {
+  return parser.parseDimensionList(shape, /*allowDynamic=*/false,
+                                   /*withTrailingX=*/true);
+}
+
+static void printTileShape(AsmPrinter &printer, ArrayRef<int64_t> shape) {
+  llvm::interleave(shape, printer.getStream(), "x");
+  printer << " x";
 }
 
 namespace {
@@ -179,6 +192,36 @@ LogicalResult warp::ArrayType::verify(EmitError emitError, int64_t rank,
     return emitError() << "(C2) expects a scalar, composite or struct as "
                           "element type, but got "
                        << elementType;
+  return success();
+}
+
+int64_t warp::TileType::getNumElements() const {
+  int64_t count = 1;
+  for (int64_t extent : getShape())
+    count *= extent;
+  return count;
+}
+
+LogicalResult warp::TileType::verify(EmitError emitError,
+                                     ArrayRef<int64_t> shape,
+                                     mlir::Type elementType) {
+  constexpr int64_t most = 1 << 24;
+  if (shape.empty() || shape.size() > 4)
+    return emitError() << "(C1) expects a rank of 1 to 4, but got "
+                       << shape.size();
+  if (!elementType || !isArrayElement(elementType))
+    return emitError() << "(C2) expects a scalar, composite or struct as "
+                          "element type, but got "
+                       << elementType;
+  int64_t components = getComponentCount(elementType);
+  for (int64_t extent : shape) {
+    if (extent < 1)
+      return emitError() << "(C1) expects extents of 1 or more, but got "
+                         << extent;
+    if (extent > most / components)
+      return emitError() << "(C3) expects at most " << most << " components";
+    components *= extent;
+  }
   return success();
 }
 

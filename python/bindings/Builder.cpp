@@ -36,6 +36,8 @@ static const char *kindText(Type::Kind kind) {
     return "array";
   case Type::Kind::Struct:
     return "struct";
+  case Type::Kind::Tile:
+    return "tile";
   case Type::Kind::Other:
     return "other";
   }

@@ -8,10 +8,13 @@
 #include "Gil.h"
 #include "Native.h"
 
+void bindTileBuilder(pybind11::module_ &m);
+
 PYBIND11_MODULE(_native, m) {
   m.doc() = "Compiler and runtime of the warp package; use `warp` instead.";
   warp::python::bindErrors(m);
   bindBuilder(m);
+  bindTileBuilder(m);
   warp::python::bindAutodiff(m);
   warp::python::bindGather(m);
   warp::python::bindDevices(m);

@@ -16,6 +16,7 @@
 #include "Pipelines.h"
 #include "Transforms/Variant.h"
 #include "WarpDialect/Passes.h"
+#include "WarpDialect/TilePasses.h"
 
 #include "mlir/Pass/PassManager.h"
 #include "mlir/Pass/PassRegistry.h"
@@ -51,6 +52,7 @@ int main(int argc, char **argv) {
     return *status;
   registerTransformsPasses();
   warp::registerWarpPasses();
+  warp::registerWarpTilePasses();
   registerPassPipeline(
       "warp-pipeline",
       "The compiler up to a phase: to-warp, to-thread, to-launch, to-gpu, "

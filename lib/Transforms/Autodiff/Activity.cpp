@@ -14,7 +14,7 @@
 #include "Autodiff/Rules/Rules.h"
 
 #include "WarpDialect/Passes.h"
-#include "WarpDialect/WarpOps.h"
+#include "WarpDialect/TileOps.h"
 
 #include "mlir/Dialect/Func/IR/FuncOps.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
@@ -24,6 +24,8 @@ using namespace mlir;
 namespace warp::autodiff {
 
 bool hasDerivative(Type type) {
+  if (auto tile = dyn_cast<TileType>(type))
+    type = tile.getElementType();
   Type scalar = getElementScalar(type);
   return scalar && isFloat(scalar);
 }
@@ -69,6 +71,18 @@ static void forEachCarried(Operation *op,
     passAll(loop.getYieldedValues(), loop.getBeforeArguments());
     passAll(loop.getConditionOp().getArgs(), loop.getAfterArguments());
     passAll(loop.getConditionOp().getArgs(), loop.getResults());
+  } else if (auto map = dyn_cast<TileMapOp>(op)) {
+    Block &body = map.getBody().front();
+    passAll(map.getInputs(), body.getArguments());
+    passAll(body.getTerminator()->getOperands(), map.getResults());
+  } else if (auto fold = dyn_cast<TileFoldOp>(op)) {
+    Block &body = fold.getBody().front();
+    Value next = body.getTerminator()->getOperand(0);
+    for (Value argument : body.getArguments()) {
+      pass(fold.getTile(), argument);
+      pass(next, argument);
+    }
+    pass(next, fold.getResult());
   }
 }
 
@@ -103,7 +117,8 @@ bool Activity::spreadUseful(Operation *op) {
   bool isUseful = llvm::any_of(
       op->getResults(), [&](Value result) { return useful.contains(result); });
   auto access = dyn_cast<AccessOp>(op);
-  if (access ? access.mayWrite() : isa<func::CallOp>(op))
+  if (access ? access.mayWrite()
+             : isa<func::CallOp, TileStoreOp, TileAtomicOp>(op))
     isUseful |= llvm::any_of(op->getOperands(), [&](Value operand) {
       return isa<ArrayType>(operand.getType()) && isActiveArray(operand);
     });

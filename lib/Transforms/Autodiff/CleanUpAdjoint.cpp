@@ -18,7 +18,7 @@
 #include "HiddenArguments.h"
 #include "Autodiff/Reverse/Reverse.h"
 
-#include "WarpDialect/WarpOps.h"
+#include "WarpDialect/TileOps.h"
 
 #include "mlir/Dialect/Func/IR/FuncOps.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
@@ -34,17 +34,19 @@ using namespace warp::autodiff;
 /// Reports loads of what the launch overwrote; notes what the others assume.
 static LogicalResult checkMarks(func::FuncOp adjoint) {
   bool hasFailed = false;
-  adjoint.walk([&](warp::AccessOp load) {
+  adjoint.walk([&](Operation *load) {
+    if (!isa<warp::AccessOp, warp::TileLoadOp>(load))
+      return;
     auto why = load->getAttrOfType<StringAttr>(warp::attr::unrecoverable);
     if (why) {
-      load.emitError(why.getValue());
+      load->emitError(why.getValue());
       hasFailed = true;
     }
     if (load->removeAttr(warp::attr::assumesOneThread) &&
         !adjoint->hasAttr(warp::attr::oneThread))
       adjoint->setAttr(
           warp::attr::oneThread,
-          StringAttr::get(load.getContext(),
+          StringAttr::get(load->getContext(),
                           "it reads what all threads of the launch write"));
   });
   return failure(hasFailed);
@@ -216,6 +218,10 @@ static void describeCode(func::FuncOp adjoint, unsigned hiddenCount) {
     }
     if (warp::isPlainRead(op))
       for (unsigned leaf : leaves.of(cast<warp::AccessOp>(op).getArray()))
+        if (leaf < count)
+          needed.set(leaf);
+    if (auto load = dyn_cast<warp::TileLoadOp>(op))
+      for (unsigned leaf : leaves.of(load.getArray()))
         if (leaf < count)
           needed.set(leaf);
   });

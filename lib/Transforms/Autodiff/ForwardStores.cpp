@@ -110,8 +110,8 @@ struct ForwardStores : warp::impl::ForwardStoresBase<ForwardStores> {
                !areApart(known.access, *access);
       return known.leaf == leaf.front() && !areApart(known.access, *access);
     });
-    auto store = cast<warp::AccessOp>(op);
-    if (leaf.size() == 1 && store.getEffect() == warp::AccessEffect::Write &&
+    auto store = dyn_cast<warp::AccessOp>(op);
+    if (store && leaf.size() == 1 && store.getEffect() == warp::AccessEffect::Write &&
         !store.getMask())
       contents.push_back({*access, leaf.front(), store.getWritten().front()});
   }

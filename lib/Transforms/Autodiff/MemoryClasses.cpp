@@ -20,6 +20,7 @@
 #include "Analysis/Effects.h"
 #include "Autodiff/ApartArrays.h"
 #include "WarpDialect/LibraryOps.h"
+#include "WarpDialect/TileOps.h"
 #include "WarpDialect/WarpOps.h"
 
 using namespace mlir;
@@ -68,11 +69,20 @@ static void followViews(Value array, Access &access) {
 }
 
 std::optional<Access> getAccess(Operation *op) {
+  Access access;
+  access.op = op;
+  if (isa<TileLoadOp, TileStoreOp, TileAtomicOp>(op)) {
+    // Many elements: nothing is known of their indices.
+    access.isWrite = !isa<TileLoadOp>(op);
+    access.array = op->getOperand(access.isWrite);
+    auto type = cast<ArrayType>(access.array.getType());
+    access.indices.resize(type.getRank());
+    followViews(access.array, access);
+    return access;
+  }
   auto accessOp = dyn_cast<AccessOp>(op);
   if (!accessOp)
     return std::nullopt;
-  Access access;
-  access.op = op;
   access.array = accessOp.getArray();
   access.isWrite = accessOp.mayWrite();
   for (Value index : accessOp.getIndices())

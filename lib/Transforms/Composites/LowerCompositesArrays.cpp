@@ -13,6 +13,7 @@
 
 #include "Lowerings/Lowerings.h"
 #include "WarpDialect/LibraryOps.h"
+#include "WarpDialect/TileOps.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "llvm/ADT/TypeSwitch.h"
@@ -130,7 +131,7 @@ std::optional<LogicalResult> CompositeLowering::lowerArrayOp(Operation *op) {
                      getIndex(slice.getStop()), getIndex(slice.getStep())});
       })
       .Case<DimOp, StrideOp, PointerOp, ArrayAtOp, GradOp, TidOp, AssertOp,
-            LibraryCallOp>(
+            LibraryCallOp, BarrierOp, ThreadNumberOp, BlockMemoryOp>(
           [&](Operation *op) { return keep(lookup(op->getOperands())); })
       .Case([&](PrintfOp print) {
         return keep(llvm::map_to_vector(print.getArgs(), [&](Value x) {

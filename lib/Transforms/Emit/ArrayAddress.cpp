@@ -228,7 +228,7 @@ mlir::Value ArrayLowering::elementPointer(const ArrayParts &parts,
   if (isFloat(scalar) || isInteger(scalar))
     if (getByteSize(scalar) == parts.unit)
       step = scalar;
-  return LLVM::GEPOp::create(b, loc, dataPointer, step, parts.data,
+  return LLVM::GEPOp::create(b, loc, parts.data.getType(), step, parts.data,
                              ArrayRef<LLVM::GEPArg>(widen(number, i64)),
                              inside ? LLVM::GEPNoWrapFlags::inbounds
                                     : LLVM::GEPNoWrapFlags::none);

@@ -77,6 +77,7 @@ private:
   void lowerDim(DimOp op);
   void lowerStride(StrideOp op);
   void lowerPointer(PointerOp op);
+  mlir::Value getBlockMemory();
   void lowerArrayAt(ArrayAtOp op);
   void lowerGrad(GradOp op);
   void lowerLoad(LoadComponentsOp op);
@@ -187,6 +188,8 @@ private:
   llvm::DenseMap<mlir::Value, std::pair<mlir::Value, int64_t>> descriptors;
   bool malformed = false;
   llvm::DenseMap<mlir::Value, ArrayType> packedTypes;
+  /// Pointer to the memory of the block, once something is there.
+  mlir::Value blockMemory;
   /// Pointers to the memory of `warp.scratch` operations.
   llvm::DenseMap<mlir::Value, mlir::Value> scratches;
   StagedAccesses staged;

@@ -19,6 +19,8 @@
 #include "KernelFunction.h"
 #include "Launch/GpuBlock.h"
 #include "WarpDialect/ParameterLayout.h"
+#include "WarpDialect/TileOps.h"
+#include "WarpDialect/TilePasses.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
@@ -48,7 +50,7 @@ ArrayLowering::ArrayLowering(LLVM::LLVMFuncOp entry)
 
 LogicalResult ArrayLowering::run() {
   forwardStores(entry);
-  if (gpu && !debug)
+  if (gpu && !debug && !entry->hasAttr(attr::blockThreads))
     staged = findStagedAccesses(entry);
   SmallVector<Operation *> operations;
   entry.walk<WalkOrder::PreOrder>(
@@ -93,6 +95,8 @@ void ArrayLowering::lower(Operation *op) {
     lowerArrayAt(array);
   else if (auto grad = dyn_cast<GradOp>(op))
     lowerGrad(grad);
+  else if (isa<BlockMemoryOp>(op))
+    ; // Arrays there ask for it.
   else if (auto load = dyn_cast<LoadComponentsOp>(op))
     lowerLoad(load);
   else if (auto store = dyn_cast<StoreComponentsOp>(op))
@@ -240,10 +244,30 @@ void ArrayLowering::lowerPointer(PointerOp op) {
       b, loc, getSignless(op.getType()), getParts(op.getArray()).data));
 }
 
+/// What the threads of a block share: on a CPU, where a block is one thread, on
+/// its stack.
+mlir::Value ArrayLowering::getBlockMemory() {
+  if (blockMemory)
+    return blockMemory;
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPointToStart(&entry.getBody().front());
+  auto bytes = entry->getAttrOfType<IntegerAttr>(attr::blockBytes);
+  // In words of 64 bits, for their alignment.
+  auto type = LLVM::LLVMArrayType::get(i64, bytes ? bytes.getInt() / 8 : 0);
+  if (gpu)
+    return blockMemory = makeShared(b, loc, module, type, "tiles");
+  mlir::Value one = LLVM::ConstantOp::create(b, loc, b.getI64IntegerAttr(1));
+  return blockMemory =
+             LLVM::AllocaOp::create(b, loc, pointer, type, one, /*align=*/64);
+}
+
 void ArrayLowering::lowerArrayAt(ArrayAtOp op) {
   ArrayParts parts;
-  parts.data = LLVM::IntToPtrOp::create(b, loc, dataPointer,
-                                        widen(op.getAddress(), i64));
+  if (auto memory = op.getAddress().getDefiningOp<BlockMemoryOp>())
+    parts.data = advance(getBlockMemory(), memory.getOffset());
+  else
+    parts.data = LLVM::IntToPtrOp::create(b, loc, dataPointer,
+                                          widen(op.getAddress(), i64));
   for (mlir::Value extent : op.getExtents())
     parts.shape.push_back(widen(extent, i32));
   parts.unit = getByteSize(elementType(op));

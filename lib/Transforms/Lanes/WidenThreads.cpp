@@ -29,6 +29,7 @@
 #include "Schedule.h"
 #include "Updates/Atomics.h"
 #include "WarpDialect/LibraryOps.h"
+#include "WarpDialect/TilePasses.h"
 
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
 #include "mlir/Dialect/Math/IR/Math.h"
@@ -306,6 +307,9 @@ struct WidenThreads : warp::impl::WidenThreadsBase<WidenThreads> {
     if (!threads || warp::isGpu(kernel) ||
         warp::getVariant(kernel).getDebug())
       return;
+    if (kernel->hasAttr(warp::attr::blockThreads))
+      return warp::noteChoice(kernel, "lanes", "1",
+                              "loops over elements of tiles have them");
     warp::foldViews(kernel);
     warp::ThreadVariance variance(kernel);
     warp::LanePlan plan = warp::planLanes(kernel, threads, variance);

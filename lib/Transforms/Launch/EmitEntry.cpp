@@ -22,9 +22,11 @@
 //===----------------------------------------------------------------------===//
 
 #include "EntryBuilder.h"
+#include "GpuBlock.h"
 #include "Updates/Atomics.h"
 #include "Updates/BlockReduce.h"
 #include "WarpDialect/ParameterLayout.h"
+#include "WarpDialect/TileOps.h"
 #include "warp/ExactSums.h"
 #include "warp/Launch.h"
 
@@ -199,6 +201,24 @@ static void inlineOnce(warp::OnceOp once, function_ref<Value()> isFirst) {
   once->erase();
 }
 
+/// On a CPU a block is one thread.
+static void lowerBlockOps(LLVM::LLVMFuncOp entry, bool gpu) {
+  entry.walk([&](Operation *op) {
+    OpBuilder b(op);
+    if (isa<warp::BarrierOp>(op)) {
+      if (gpu)
+        warp::synchronizeBlock(b, op->getLoc());
+      op->erase();
+    } else if (isa<warp::ThreadNumberOp>(op)) {
+      Value zero = arith::ConstantOp::create(b, op->getLoc(),
+                                             b.getI32IntegerAttr(0));
+      op->getResult(0).replaceAllUsesWith(
+          gpu ? warp::threadInBlock(b, op->getLoc()) : zero);
+      op->erase();
+    }
+  });
+}
+
 void EntryBuilder::build() {
   bool gpu = warp::isGpu(kernel);
   if (gpu)
@@ -234,6 +254,7 @@ void EntryBuilder::build() {
     };
     inlineOnce(op, gpu ? function_ref<Value()>(isFirst) : nullptr);
   }
+  lowerBlockOps(entry, gpu);
   kernel->erase();
 }
 

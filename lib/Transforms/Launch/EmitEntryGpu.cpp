@@ -13,6 +13,7 @@
 #include "Schedule.h"
 #include "Updates/BlockReduce.h"
 #include "WarpDialect/ParameterLayout.h"
+#include "WarpDialect/TilePasses.h"
 #include "warp/SizeFacts.h"
 
 using namespace mlir;
@@ -118,6 +119,9 @@ void EntryBuilder::planGpu() {
     form = Form::Block;
     return warp::noteChoice(kernel, "blocks", "1", "sums are in one order");
   }
+  if (kernel->hasAttr(warp::attr::blockThreads))
+    return warp::noteChoice(kernel, "items", "1",
+                            "the threads of a block work together");
   int facts = 0;
   if (planTiles()) {
     facts |= warp::narrowFact;

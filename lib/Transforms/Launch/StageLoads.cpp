@@ -31,6 +31,7 @@
 #include "Schedule.h"
 #include "UnrollLoop.h"
 
+#include "WarpDialect/TilePasses.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -349,7 +350,8 @@ struct StageLoads : warp::impl::StageLoadsBase<StageLoads> {
     if (!found)
       return signalPassFailure();
     auto entry = dyn_cast<LLVM::LLVMFuncOp>(found.getOperation());
-    if (!entry || !warp::isGpu(entry) || warp::getVariant(entry).getDebug() ||
+    if (!entry || entry->hasAttr(warp::attr::blockThreads) ||
+        !warp::isGpu(entry) || warp::getVariant(entry).getDebug() ||
         !warp::getVariant(entry).hasWholeWarps())
       return;
     SmallVector<scf::ForOp> loops;

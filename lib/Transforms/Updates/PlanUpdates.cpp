@@ -45,6 +45,7 @@
 #include "Schedule.h"
 #include "UnrollUpdates.h"
 #include "UpdateCosts.h"
+#include "WarpDialect/TilePasses.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/IR/Matchers.h"
@@ -258,6 +259,9 @@ struct PlanUpdates : warp::impl::PlanUpdatesBase<PlanUpdates> {
     if (!any)
       return;
     warp::markExactUpdates(kernel);
+    // Threads that work together on tiles have settled who makes an update.
+    if (kernel->hasAttr(warp::attr::blockThreads))
+      return;
     // A debugging launch names the thread that fails, so each does its own.
     debug = warp::getVariant(kernel).getDebug();
     if (!debug && !warp::isGpu(kernel))

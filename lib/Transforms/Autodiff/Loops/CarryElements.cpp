@@ -193,10 +193,11 @@ static bool isMadeOutside(Operation *loop, Value value) {
 static bool isInvariant(const Access &access, Operation *loop) {
   auto isMade = [&](Value value) { return isMadeOutside(loop, value); };
   return isMade(access.array) &&
-         llvm::all_of(cast<AccessOp>(access.op).getIndices(), isMade) &&
-         llvm::all_of(access.indices, [&](auto &index) {
-           return index && index->isDefinedOutside(loop);
-         });
+         llvm::all_of(access.indices,
+                      [&](auto &index) {
+                        return index && index->isDefinedOutside(loop);
+                      }) &&
+         llvm::all_of(cast<AccessOp>(access.op).getIndices(), isMade);
 }
 
 namespace {
@@ -231,8 +232,8 @@ static bool isUpdated(const Element &element, ArrayRef<Element> all) {
   for (auto &[other, leaf] : all) {
     if (leaf != element.leaf || haveOtherComponents(element.access, other))
       continue;
-    auto access = cast<AccessOp>(other.op);
-    if (!areSame(element.access, other) || access.isUpdate() ||
+    auto access = dyn_cast<AccessOp>(other.op);
+    if (!access || !areSame(element.access, other) || access.isUpdate() ||
         access.getMask())
       return false;
     (access.mayWrite() ? isStored : isLoaded) = true;

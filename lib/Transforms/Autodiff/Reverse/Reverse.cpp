@@ -36,7 +36,7 @@
 
 #include "Reverse.h"
 
-#include "WarpDialect/WarpOps.h"
+#include "WarpDialect/TileOps.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
 
@@ -96,6 +96,8 @@ LogicalResult ReverseBuilder::replay(Operation *op) {
     return success();
   if (auto access = dyn_cast<AccessOp>(op))
     return access.mayWrite() ? replayUpdate(access) : replayLoad(access);
+  if (isa<TileLoadOp, TileAtomicOp>(op))
+    return replayTileAccess(op);
   if (op->getNumRegions() != 0)
     return replayRegions(op);
   if (auto call = dyn_cast<func::CallOp>(op))
@@ -216,6 +218,8 @@ LogicalResult ReverseBuilder::reverse(Operation *op) {
     return reverseAccess(access);
   if (auto call = dyn_cast<func::CallOp>(op))
     return reverseCall(call);
+  if (isTileOp(op))
+    return reverseTile(*this, op);
   if (auto extract = dyn_cast<ExtractOp>(op))
     if (addSlots(extract))
       return success();

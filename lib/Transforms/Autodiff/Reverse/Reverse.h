@@ -166,6 +166,7 @@ private:
   mlir::LogicalResult replayUpdate(AccessOp op);
   mlir::LogicalResult replaySaved(mlir::Operation *op, llvm::StringRef why);
   mlir::LogicalResult replayCall(mlir::func::CallOp op);
+  mlir::LogicalResult replayTileAccess(mlir::Operation *op);
 
   mlir::LogicalResult reverseIf(mlir::scf::IfOp op);
   void finishIf(mlir::scf::IfOp draft, llvm::ArrayRef<Captures> sides);
@@ -210,6 +211,9 @@ private:
 mlir::LogicalResult reverseFor(ReverseBuilder &reverse, mlir::scf::ForOp op);
 mlir::LogicalResult reverseWhile(ReverseBuilder &reverse,
                                  mlir::scf::WhileOp op);
+
+/// In ReverseTiles.cpp.
+mlir::LogicalResult reverseTile(ReverseBuilder &reverse, mlir::Operation *op);
 
 } // namespace warp::autodiff
 

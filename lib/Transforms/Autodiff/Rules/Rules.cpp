@@ -10,7 +10,7 @@
 #include "RulesOfComposites.h"
 
 #include "WarpDialect/Passes.h"
-#include "WarpDialect/WarpOps.h"
+#include "WarpDialect/TileOps.h"
 
 #include "llvm/ADT/StringMap.h"
 
@@ -217,6 +217,11 @@ FailureOr<SmallVector<Value>> pushforward(RuleContext &context, Operation *op,
 //===----------------------------------------------------------------------===//
 
 Type differentialType(Type type) {
+  if (auto tile = dyn_cast<TileType>(type)) {
+    Type element = differentialType(tile.getElementType());
+    return element ? TileType::get(type.getContext(), tile.getShape(), element)
+                   : Type();
+  }
   Type scalar = isScalar(type) || isComposite(type) ? getElementScalar(type)
                                                     : Type();
   if (!scalar || !isFloat(scalar))
@@ -232,6 +237,9 @@ Value constant(OpBuilder &builder, Location loc, FloatType type,
 }
 
 Value zero(OpBuilder &builder, Location loc, Type type) {
+  if (auto tile = dyn_cast<TileType>(type))
+    return TileSplatOp::create(builder, loc, type,
+                               zero(builder, loc, tile.getElementType()));
   if (isComposite(type))
     return ConstructOp::create(builder, loc, type, ValueRange());
   if (auto scalar = dyn_cast<FloatType>(type))
@@ -243,7 +251,36 @@ Value zero(OpBuilder &builder, Location loc, Type type) {
 Value add(OpBuilder &builder, Location loc, Value a, Value b) {
   if (!a || !b)
     return a ? a : b;
+  if (isa<TileType>(a.getType()))
+    return mapTiles(builder, loc, {a, b}, [&](ValueRange elements) {
+      return add(builder, loc, elements[0], elements[1]);
+    });
   return createBuiltin(builder, loc, "add", {a, b})->getResult(0);
+}
+
+Value mapTiles(OpBuilder &builder, Location loc, ValueRange inputs,
+               function_ref<Value(ValueRange)> function) {
+  SmallVector<Type> elements;
+  ArrayRef<int64_t> shape;
+  for (Value input : inputs) {
+    auto tile = dyn_cast<TileType>(input.getType());
+    elements.push_back(tile ? tile.getElementType() : input.getType());
+    if (tile)
+      shape = tile.getShape();
+  }
+  Region body;
+  Value result;
+  {
+    OpBuilder::InsertionGuard guard(builder);
+    Block *block = builder.createBlock(
+        &body, {}, elements, SmallVector<Location>(elements.size(), loc));
+    result = function(block->getArguments());
+    TileYieldOp::create(builder, loc, result);
+  }
+  Type type = TileType::get(builder.getContext(), shape, result.getType());
+  auto map = TileMapOp::create(builder, loc, TypeRange(type), inputs);
+  map.getBody().takeBody(body);
+  return map.getResult(0);
 }
 
 Value addInAnyOrder(OpBuilder &builder, Location loc, Value sum, Value term) {

@@ -85,6 +85,12 @@ mlir::Value constant(mlir::OpBuilder &builder, mlir::Location loc,
 mlir::Value add(mlir::OpBuilder &builder, mlir::Location loc, mlir::Value a,
                 mlir::Value b);
 
+/// The tile of what a function gives for corresponding elements; operands that
+/// are no tiles are the same for all.
+mlir::Value
+mapTiles(mlir::OpBuilder &builder, mlir::Location loc, mlir::ValueRange inputs,
+         llvm::function_ref<mlir::Value(mlir::ValueRange)> function);
+
 /// The same for one term of many, whose order is free.
 mlir::Value addInAnyOrder(mlir::OpBuilder &builder, mlir::Location loc,
                           mlir::Value sum, mlir::Value term);

@@ -17,7 +17,7 @@ _CLASSES = frozenset(
         *("fabricarray", "fabricarrayarray", "indexedfabricarray", "indexedfabricarrayarray"),
     )
 )
-_FUNCTIONS = frozenset(("capture_load", "capture_save", "launch_tiled"))
+_FUNCTIONS = frozenset(("capture_load", "capture_save"))
 
 
 class TextureFilterMode(enum.IntEnum):

@@ -9,7 +9,7 @@ import types as python_types
 from warp._src import errors
 from warp._src.derivatives.functions import adjoint
 from warp._src.frontend import names
-from warp._src.frontend.context import INT32, LocalArray, Part, Value
+from warp._src.frontend.context import INT32, LocalArray, Part, TileView, Value
 from warp._src.frontend.indexed import array_of
 from warp._src.frontend.names import BuiltinRef
 from warp._src.types import dtypes
@@ -68,6 +68,8 @@ class Access(Part):
             )
         if type(base) is LocalArray:
             return self.context.local_arrays.attribute(base, name, node)
+        if type(base) is TileView:
+            return self.context.tiles.attribute(base.type, name, node)
         if isinstance(base, (tuple, BuiltinRef)):
             raise self.no_attribute(base, name, node)
         if isinstance(base, dtypes.Composite):
@@ -98,6 +100,8 @@ class Access(Part):
         native = base.type
         kind = native.kind
         self.context.at(node)
+        if kind == "tile":
+            return self.context.tiles.attribute(native, name, node)
         array = array_of(native)
         if kind == "struct" and array is None:
             return self.builder.struct_get(base, name)
@@ -151,7 +155,7 @@ class Access(Part):
     def expr_Subscript(self, node):
         base = self.context.expressions.expr(node.value)
         if isinstance(base, type) or (
-            type(base) is not Value and not isinstance(base, (tuple, dtypes.Composite, LocalArray))
+            type(base) is not Value and not isinstance(base, (tuple, dtypes.Composite, LocalArray, TileView))
         ):
             return self.static_subscript(base, node)
         return self.subscript(base, node.slice, node)
@@ -190,6 +194,8 @@ class Access(Part):
             base = self.context.materialize(base, node)
         items = index.elts if isinstance(index, ast.Tuple) else [index]
         kind = base.type.kind
+        if kind == "tile":
+            return self.context.tiles.subscript(base, items, node)
         if kind == "array" or array_of(base.type) is not None:
             return self.array_item(base, items, node)
         if kind in ("vec", "mat", "quat", "transform"):

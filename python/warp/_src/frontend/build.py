@@ -15,13 +15,14 @@ from warp._src.frontend.updates import updated_arguments
 from warp._src.types import dtypes
 
 
-def build_kernel(kernel, arguments=None):
+def build_kernel(kernel, arguments=None, threads=1):
     """Translates a kernel.
 
     Args:
         kernel: has `func` (the Python function), `key` (its name), `option(name)` and
             `check_handles(kinds)`, which is told which arguments are handles of geometry.
         arguments: native types of the arguments, where annotations leave them open.
+        threads: threads of a block, if the kernel has tiles.
 
     Returns:
         The verified module, which holds the kernel and the functions it calls.
@@ -34,7 +35,9 @@ def build_kernel(kernel, arguments=None):
     source = None
     if kernel.code_transformers:
         source = transformed(source_of(kernel.func), kernel.code_transformers)
-    translator = _translate(kernel.func, kernel.key, arguments, limit, source)
+    translator = _translate(kernel.func, kernel.key, arguments, limit, source, threads)
+    if translator.session.tile_builder is not None:
+        kernel.note_tiles()
     if translator.session.handles:
         kernel.check_handles(translator.session.handles)
     return _finish(translator)
@@ -68,13 +71,14 @@ def types_of_local(function, name, local) -> list:
     return natives
 
 
-def _translate(function, name, arguments, max_unroll, source=None):
+def _translate(function, name, arguments, max_unroll, source=None, threads=1):
     """The translator at the end of the function's body."""
     overload = Overload(function, source)
     source = overload.source
     natives = _parameter_types(overload, name, arguments)
     builder = _native.Builder(symbol_name(name))
     session = Session(builder, max_unroll)
+    session.threads = threads
     session.active.append(overload)
     translator = Translator(session, function, source, True)
     translator.at(source.tree)

@@ -36,7 +36,7 @@ class Session:
 
     __slots__ = (
         *("active", "builder", "calls", "debug", "derived", "handles", "max_unroll", "parameters"),
-        "taken",
+        *("taken", "threads", "tile_builder"),
     )
 
     def __init__(self, builder, max_unroll=16):
@@ -52,6 +52,22 @@ class Session:
         # The kernel's arguments by name, and the kinds of those that are handles of geometry.
         self.parameters = {}
         self.handles = {}
+        # Threads of the blocks that the kernel is for, and what builds tiles once there is one.
+        self.threads = 1
+        self.tile_builder = None
+
+    @property
+    def tiles(self):
+        """The builder of tiles; the kernel is one for blocks from here on."""
+        if self.tile_builder is None:
+            self.tile_builder = _native.TileBuilder(self.builder)
+            self.tile_builder.set_block_threads(self.threads)
+        return self.tile_builder
+
+    def block_threads(self) -> int:
+        """Threads of a block; code depends on it."""
+        self.tiles  # noqa: B018
+        return self.threads
 
     def symbol(self, name: str) -> str:
         """A name for a function that no other function of the module has."""
@@ -88,6 +104,19 @@ class LocalArray:
     @property
     def python_name(self):
         return f"fixedarray(shape={self.shape}, dtype={self.element.python_name})"
+
+
+class TileView:
+    """A part of a tile that a variable holds: the place, as what can be assigned to."""
+
+    __slots__ = ("slot",)
+
+    def __init__(self, slot):
+        self.slot = slot
+
+    @property
+    def type(self):
+        return self.slot.type
 
 
 class Parts:
@@ -205,6 +234,8 @@ class Context:
         if isinstance(binding, dtypes.scalar_base):
             self.at(node)
             return self.builder.constant(dtypes.native_type(kind), binding.value)
+        if kind is TileView:
+            return self.targets.read(binding.slot, node)
         if kind is LocalArray:
             raise self.type_error(
                 node,
@@ -257,6 +288,8 @@ class Context:
             return binding
         if kind is LocalArray:
             return None
+        if kind is TileView:
+            return binding.type
         plain = {bool: BOOL, int: INT32, float: FLOAT32}.get(kind)
         if plain is not None or kind is tuple or isinstance(binding, type):
             return plain
@@ -302,6 +335,8 @@ class Context:
             return binding.type.python_name
         if type(binding) in (NativeType, LocalArray):
             return binding.python_name
+        if type(binding) is TileView:
+            return binding.type.python_name
         if type(binding) is tuple:
             return "tuple(" + ", ".join(map(self.type_name, binding)) + ")"
         return names.literal_name(binding)
@@ -329,7 +364,7 @@ class Context:
     def can_be_bound(binding):
         if isinstance(binding, (Value, bool, int, float, str, tuple, enum.Enum)):
             return True
-        kinds = (dtypes.scalar_base, dtypes.Composite, names.BuiltinRef, LocalArray)
+        kinds = (dtypes.scalar_base, dtypes.Composite, names.BuiltinRef, LocalArray, TileView)
         return isinstance(binding, kinds) or callable(binding) or dtypes.is_struct(type(binding))
 
     def check_same_type(self, name, old, binding, node):

@@ -11,7 +11,7 @@ import ast
 
 from warp._src import errors
 from warp._src.frontend.access import COMPONENTS, places_of
-from warp._src.frontend.context import INT32, LocalArray, Part, Value
+from warp._src.frontend.context import INT32, LocalArray, Part, TileView, Value
 from warp._src.frontend.indexed import array_of
 from warp._src.types import dtypes
 
@@ -55,7 +55,7 @@ class Targets(Part):
             self.context.assign_name(target.id, binding, node)
         elif kind in (ast.Tuple, ast.List):
             self.unpack(target, binding, node)
-        elif kind is ast.Subscript and self.has_slice(target):
+        elif kind is ast.Subscript and self.has_slice(target) and not self.is_tile(target):
             self.assign_slice(target, binding, node)
         elif kind in (ast.Attribute, ast.Subscript):
             self.write(self.slot(target), binding, target)
@@ -98,6 +98,8 @@ class Targets(Part):
             if type(binding) is LocalArray:
                 name = node.id if node.id in self.context.env else None
                 return Slot(binding, name=name, value=binding)
+            if type(binding) is TileView:
+                return binding.slot
             if type(binding) is not Value and not isinstance(binding, dtypes.Composite):
                 raise self.context.type_error(node, f"cannot assign to a part of '{node.id}'")
             value = self.context.materialize(binding, node)
@@ -150,6 +152,9 @@ class Targets(Part):
         items = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
         if type(native) is LocalArray:
             return self.local_slot(base, native, items, node)
+        if native.kind == "tile":
+            part, selected = self.context.tiles.part(native, items, node)
+            return base.extended(("tile", part), selected)
         known = array_of(native)
         if known is not None:
             array = self.read(base, node)
@@ -196,6 +201,8 @@ class Targets(Part):
                 value = self.builder.struct_get(value, key)
             elif step == "index":
                 value = self.builder.extract(value, key)
+            elif step == "tile":
+                value = self.context.tiles.read(value, key, node)
             elif step == "element":
                 value = self.context.local_arrays.read(value, key, node)
             elif step == "row":
@@ -246,6 +253,8 @@ class Targets(Part):
             return self.builder.struct_set(whole, key, value)
         if step == "index":
             return self.builder.insert(whole, key, value)
+        if step == "tile":
+            return self.context.tiles.written(whole, key, value, node)
         if step == "element":
             return self.context.local_arrays.written(whole, key, value, node)
         if step == "row":
@@ -343,7 +352,7 @@ class Targets(Part):
                 node,
             )
             return
-        if isinstance(target, ast.Subscript) and self.has_slice(target):
+        if isinstance(target, ast.Subscript) and self.has_slice(target) and not self.is_tile(target):
             self.update_slice(node)
             return
         slot = self.slot(target)
@@ -354,8 +363,31 @@ class Targets(Part):
             return
         if slot.name is None and slot.array is None:
             self.write(slot, right, node)
+        if self.update_tile(slot, op, right, node):
+            return
         left = self.read(slot, target)
         self.write(slot, self.context.expressions.binary(node, op, left, right), node)
+
+    def is_tile(self, target):
+        """Whether a subscript is of a tile that a variable holds."""
+        if not isinstance(target.value, ast.Name):
+            return False
+        binding = self.context.env.get(target.value.id)
+        return getattr(getattr(binding, "type", None), "kind", None) == "tile"
+
+    def update_tile(self, slot, op, right, node):
+        """`t[i] += x`, which threads of a block may do to one element; false for other slots."""
+        step, part = slot.path[-1] if slot.path else (None, None)
+        if step != "tile" or part.full is not None or len(slot.path) > 1 or slot.name is None:
+            return False
+        if type(op) not in _ATOMIC or right.type != slot.type:
+            return False
+        tiles = self.context.tiles
+        made = tiles.written(
+            self.context.env[slot.name], part, right, node, kind=_ATOMIC[type(op)]
+        )
+        self.context.env[slot.name] = made
+        return True
 
     @staticmethod
     def is_atomic(slot, op):

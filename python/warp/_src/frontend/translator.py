@@ -20,6 +20,9 @@ from warp._src.frontend.references import References
 from warp._src.frontend.spreads import Spreads
 from warp._src.frontend.statements import Statements
 from warp._src.frontend.targets import Targets
+from warp._src.frontend.tile_math import TileMath
+from warp._src.frontend.tile_moves import TileMoves
+from warp._src.frontend.tiles import Tiles
 from warp._src.frontend.user_calls import UserCalls
 
 _PARTS = {
@@ -39,6 +42,9 @@ _PARTS = {
     "spreads": Spreads,
     "statements": Statements,
     "targets": Targets,
+    "tile_math": TileMath,
+    "tile_moves": TileMoves,
+    "tiles": Tiles,
     "user_calls": UserCalls,
 }
 # The part that translates a kind of expression or a special builtin, by the name of its method.

@@ -52,11 +52,23 @@ def updated_arguments(function, inout_arguments):
         else:
             name = getattr(call.func, "attr", None) or getattr(call.func, "id", None)
             positions = inout_arguments(name) if name else ()
+            if name and name.startswith("tile_"):
+                positions = tile_updates(name)
+                found = {"out": 2, "dest": 2, "dst": 0}
+                by_name = [k.value for k in call.keywords if found.get(k.arg) in positions]
+                return [call.args[p] for p in positions if p < len(call.args)] + by_name
             keys = {*positions, *_builtin_names(name, positions)} if positions else ()
         found = [argument for position, argument in enumerate(call.args) if position in keys]
         return found + [keyword.value for keyword in call.keywords if keyword.arg in keys]
 
     return updated
+
+
+def tile_updates(name) -> tuple:
+    """Positions of the arguments that a builtin for tiles changes."""
+    from warp._src.frontend.tile_moves import UPDATED
+
+    return UPDATED.get(name, ())
 
 
 def _builtin_names(name, positions) -> set[str]:

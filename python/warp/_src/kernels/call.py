@@ -27,8 +27,9 @@ class Signature:
         looks_back: whether an array is loaded and changed, or results of atomics matter.
     """
 
-    def __init__(self, native, values):
+    def __init__(self, native, values, has_regions=True):
         self._native = native
+        self._has_regions = has_regions
         self.parameters = native.parameters
         self.flat = all(kind != "struct" for _, kind, *_ in self.parameters)
         self.mutable = [
@@ -52,7 +53,8 @@ class Signature:
     @functools.cached_property
     def region_finder(self):
         """Finds which elements of arrays a launch touches; made when that is first asked."""
-        return _native.RegionFinder(self._native) if self._has_source else None
+        known = self._has_source and self._has_regions
+        return _native.RegionFinder(self._native) if known else None
 
 
 class Call:
@@ -222,7 +224,7 @@ def signature_of(kernel, native, values) -> Signature:
     if found is None:
         if len(known) >= 64:
             known.clear()
-        found = known[native] = Signature(native, values)
+        found = known[native] = Signature(native, values, kernel.has_regions)
     return found
 
 

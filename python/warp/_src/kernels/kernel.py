@@ -52,6 +52,9 @@ class Kernel:
             after the other, before it is translated.
     """
 
+    # Whether it is known which elements of arrays a launch touches.
+    has_regions = True
+
     def __init__(self, func, key=None, module=None, options=None, code_transformers=None):
         if not isinstance(func, python_types.FunctionType):
             raise TypeError(f"expects a function as kernel, but got '{type(func).__name__}'")
@@ -129,6 +132,10 @@ class Kernel:
         self.__class__ = importlib.import_module("warp._src.kernels.searching").SearchingKernel
         self.handles = dict(kinds)
 
+    def note_tiles(self) -> None:
+        """Makes every launch choose the code for its blocks."""
+        self.__class__ = importlib.import_module("warp._src.kernels.tiled").TiledKernel
+
     def specialize(self, arguments):
         """The native kernel of a generic kernel for the types of these arguments.
 
@@ -140,18 +147,18 @@ class Kernel:
             raise errors.WarpLaunchTypeError(
                 f"launch('{self.key}'): expects {count} arguments, but got {len(arguments)}"
             )
-        types = tuple(map(_argument_type, arguments))
+        types = tuple(map(argument_type, arguments))
         found, epoch = self._specialized.get(types, (None, None))
         if epoch is not Epoch.current:
             found = self._translate(types)
             self._specialized[types] = (found, Epoch.current)
         return found
 
-    def _translate(self, arguments):
+    def _translate(self, arguments, threads=1):
         with translating:
             from warp._src.frontend.build import build_kernel
 
-            module = build_kernel(self, arguments)
+            module = build_kernel(self, arguments, threads)
         native = self.compile_module(module)
         self._dump(native)
         name = self.key if arguments is None else f"{self.key}_{type_tag(arguments)}"
@@ -247,7 +254,12 @@ class Kernel:
             arch = _architecture(stage, device)
         elif stage == "asm" or arch not in _native.gpu_architectures():
             raise ValueError(f"there is no stage {stage!r} for architecture {arch!r}")
-        return self.prepare().ir(stage, arch, rank)
+        native = self.prepare()
+        return self.code_for(native, arch).ir(stage, arch, rank)
+
+    def code_for(self, native, arch):
+        """What is compiled for an architecture; 0 is the CPU."""
+        return native
 
     def _derivative_ir(self, stage, device, rank, arch, derivative, inputs) -> str:
         """The text of a derivative; it is made for this alone."""
@@ -371,7 +383,7 @@ def _check_registers(count) -> int:
     return count
 
 
-def _argument_type(value):
+def argument_type(value):
     """The compiler's type of a launch argument; None where it cannot be told."""
     try:
         if isinstance(value, array):

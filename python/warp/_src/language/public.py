@@ -13,6 +13,7 @@ _RARE = {
     name: home
     for home, held in (
         ("kernels.manifest", ("Manifest", "KernelManifest", "manifest")),
+        ("kernels.tiled", ("launch_tiled",)),
         ("logger", ("Logger", "ScopedLogLevel", "ScopedLogger", "get_logger", "set_logger")),
         (
             "devices.timing",

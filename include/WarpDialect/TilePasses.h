@@ -1,0 +1,29 @@
+//===- TilePasses.h - Passes about tiles ------------------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARPDIALECT_TILEPASSES_H
+#define WARPDIALECT_TILEPASSES_H
+
+#include "mlir/Pass/Pass.h"
+
+namespace warp {
+
+namespace attr {
+/// On a kernel with tiles: threads of the blocks that it is written for.
+constexpr llvm::StringLiteral blockThreads = "warp.block_threads";
+/// On such a kernel, from warp-plan-tile-memory on: bytes of block memory.
+constexpr llvm::StringLiteral blockBytes = "warp.block_bytes";
+} // namespace attr
+
+#define GEN_PASS_DECL
+#include "WarpDialect/TilePasses.h.inc"
+
+#define GEN_PASS_REGISTRATION
+#include "WarpDialect/TilePasses.h.inc"
+
+} // namespace warp
+
+#endif // WARPDIALECT_TILEPASSES_H

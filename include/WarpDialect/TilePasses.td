@@ -1,0 +1,81 @@
+//===- TilePasses.td - Passes about tiles --------------------*- tablegen -*-=//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Between warp-specialize and warp-lower-composites, in this order. All leave a
+// kernel without tiles as it is.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_TILE_PASSES_TD
+#define WARP_TILE_PASSES_TD
+
+include "mlir/Pass/PassBase.td"
+
+class WarpTilePass<string flag> : Pass<flag, "::mlir::ModuleOp">;
+
+def CheckTiles : WarpTilePass<"warp-check-tiles"> {
+  let summary = "Check what a block of threads does together";
+  let description = [{
+    Operations on whole tiles stand where all threads of the block come by: not
+    under a condition that differs from thread to thread. A kernel without tiles
+    is left as it is, here and in the following passes.
+  }];
+}
+
+def PlaceTiles : WarpTilePass<"warp-place-tiles"> {
+  let summary = "Decide which tiles are kept and which are computed where used";
+  let description = [{
+    A tile that is cheap to compute element by element, has one use and does not
+    read what is overwritten before that use is `inline`: nothing of it is ever
+    stored. Others are in the memory of the block. Tiles that loops and branches
+    carry are in memory, and an operation that only replaces elements works in
+    place if nobody needs what it replaces.
+
+    ```mlir
+    %b = warp.tile_map(%a) {...} : (!warp.tile<64 x f32>) -> !warp.tile<64 x f32>
+    // ==>
+    %b = warp.tile_map(%a) {...} {placement = "inline"} : ...
+    ```
+  }];
+  let dependentDialects = ["::warp::WarpDialect", "::mlir::scf::SCFDialect"];
+}
+
+def PlanTileMemory : WarpTilePass<"warp-plan-tile-memory"> {
+  let summary = "Give tiles their place in the memory of a block";
+  let description = [{
+    Tiles whose lifetimes do not overlap share memory. Largest first, each gets
+    the lowest place that is free for as long as it lives. More memory than the
+    target's blocks have is an error that names the largest tiles.
+
+    ```mlir
+    %b = warp.tile_sort(%a) {...} : ...
+    // ==>
+    %b = warp.tile_sort(%a) {..., offset = 1024} : ...
+    ```
+  }];
+}
+
+def PlaceBarriers : WarpTilePass<"warp-place-barriers"> {
+  let summary = "Make threads of a block wait for each other where they have to";
+  let description = [{
+    A barrier stands before an operation on memory, of tiles or of arrays, that
+    another thread has accessed since the last barrier, unless both only read.
+    An element that the same thread accesses both times needs none. Loops are
+    followed to a fixed point. On a CPU a block is one thread.
+  }];
+  let dependentDialects = ["::warp::WarpDialect"];
+}
+
+def LowerTiles : WarpTilePass<"warp-lower-tiles"> {
+  let summary = "Expand tiles into loops over elements";
+  let description = [{
+    A tile in memory becomes a packed array at a place in the block's memory; an
+    operation on it loops that the threads of the block share: thread t takes the
+    elements t, t + B, ... of B threads.
+  }];
+  let dependentDialects = ["::mlir::arith::ArithDialect",
+                           "::mlir::scf::SCFDialect", "::warp::WarpDialect"];
+}
+
+#endif // WARP_TILE_PASSES_TD

@@ -1,0 +1,59 @@
+//===- TileBuilder.h - Build what blocks of threads do ----------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// What a `Builder` does for kernels with tiles, in a header of its own.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_TILEBUILDER_H
+#define WARP_TILEBUILDER_H
+
+#include "warp/Builder.h"
+
+namespace warp {
+
+/// How an operation on tiles is meant; each uses some of it.
+struct TileOptions {
+  /// How elements are combined: add, min, max, assign, ...
+  std::string kind;
+  /// Shape and element type of the result.
+  std::vector<int64_t> shape;
+  Type element;
+  /// Steps of a slice, dimensions of a transposition.
+  std::vector<int64_t> axes;
+  std::optional<int64_t> axis;
+  /// Accesses may be outside of the array.
+  bool checked = true;
+  /// An exclusive scan, an upper triangle, an inverse transform, the first
+  /// operand of a product transposed, an operand that picks indices.
+  bool flag = false;
+  /// Backwards, or with the transpose.
+  bool transposed = false;
+};
+
+/// Builds operations on tiles where a `Builder` stands.
+class WARP_API TileBuilder {
+public:
+  explicit TileBuilder(Builder &builder);
+
+  using Values = Builder::Values;
+  /// The operation `warp.tile_<name>`; BuilderTiles.cpp says which operands
+  /// each takes. Returns its results.
+  Values make(const std::string &name, const Values &operands,
+              const TileOptions &options);
+  /// Opens a function of elements, and returns one of each operand; with `fold`
+  /// what earlier elements of the only operand gave, and the next one.
+  Values beginFunction(const Values &operands, bool fold);
+  /// Closes it; returns a tile per element that it gives, or what it folds to.
+  Values endFunction(const Values &elements, const TileOptions &options);
+  /// Says for blocks of how many threads the kernel is.
+  void setBlockThreads(int64_t threads);
+
+private:
+  Builder::Impl &impl;
+};
+
+} // namespace warp
+
+#endif // WARP_TILEBUILDER_H

@@ -1,0 +1,158 @@
+//===- LowerTiles.h - Tiles as loops over elements --------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_TRANSFORMS_TILES_LOWERTILES_H
+#define WARP_TRANSFORMS_TILES_LOWERTILES_H
+
+#include "TileBuffers.h"
+
+#include "mlir/IR/Builders.h"
+
+#include <map>
+
+namespace warp::tiles {
+
+using mlir::Value;
+using mlir::ValueRange;
+using Values = llvm::SmallVector<Value>;
+
+/// Writes code for operations on tiles; LowerTiles.cpp explains how. Indices
+/// are signless i32 values.
+class TileLowering {
+public:
+  explicit TileLowering(mlir::FunctionOpInterface kernel);
+  mlir::LogicalResult run();
+
+private:
+  //===--------------------------------------------------------------------===//
+  // Scalars
+  //===--------------------------------------------------------------------===//
+
+  Value number(int64_t value);
+  Value add(Value a, Value b);
+  Value mul(Value a, Value b);
+  Value sub(Value a, Value b);
+  Value less(Value a, Value b);
+  Value both(Value a, Value b);
+  bool isConstant(Value value, int64_t number);
+  /// An integer of the dialect as an i32.
+  Value toIndex(Value value);
+  Value cast(Value value, mlir::Type type);
+  /// A builtin of the dialect by its Python name.
+  Value builtin(llvm::StringRef name, ValueRange operands);
+  Value zero(mlir::Type type);
+  Value constant(mlir::Type type, double value);
+  /// What a region of elements yields for these arguments.
+  Values inlineBody(mlir::Block &body, ValueRange arguments);
+
+  //===--------------------------------------------------------------------===//
+  // Elements
+  //===--------------------------------------------------------------------===//
+
+  Value arrayAt(int64_t offset, int64_t count, mlir::Type element);
+  Value memoryOf(Value tile);
+  Value linear(llvm::ArrayRef<int64_t> shape, ValueRange indices);
+  Values unravel(Value index, llvm::ArrayRef<int64_t> shape);
+  Value load(Value tile, ValueRange indices);
+  void store(Value tile, ValueRange indices, Value value);
+  /// An element, computed here if the tile is not kept.
+  Value element(Value tile, ValueRange indices);
+  Value elementOf(mlir::Operation *op, ValueRange indices);
+  Value loadElement(TileLoadOp op, ValueRange indices);
+  /// Indices of the array, and whether they are inside; null if that is known.
+  template <typename Op>
+  Values arrayIndices(Op op, TileType tile, ValueRange indices, Value &inside);
+  /// A value under a condition, and otherwise zero.
+  Value ifHolds(Value condition, mlir::Type type,
+                llvm::function_ref<Value()> make);
+  void ifHolds(Value condition, llvm::function_ref<void()> make);
+
+  //===--------------------------------------------------------------------===//
+  // Loops
+  //===--------------------------------------------------------------------===//
+
+  using Body = llvm::function_ref<Values(ValueRange indices, ValueRange sums)>;
+  /// From `begin` to `end`, by one thread.
+  Values loop(Value begin, Value end, Value step, ValueRange sums,
+              llvm::function_ref<Values(Value, ValueRange)> body);
+  void loop(int64_t end, llvm::function_ref<void(Value)> body);
+  /// Over all indices of a shape, shared by the threads of the block.
+  Values share(llvm::ArrayRef<int64_t> shape, ValueRange sums, Body body);
+  void share(llvm::ArrayRef<int64_t> shape,
+             llvm::function_ref<void(ValueRange)> body);
+  Values nest(llvm::ArrayRef<int64_t> shape, Values &indices, ValueRange sums,
+              Body body);
+  /// The same for an operation: twice if accesses are tested, with the tests
+  /// and, if all of them hold, without.
+  Values elements(mlir::Operation *op, llvm::ArrayRef<int64_t> shape,
+                  ValueRange sums, Body body);
+  void elements(mlir::Operation *op, llvm::ArrayRef<int64_t> shape,
+                llvm::function_ref<void(ValueRange)> body);
+  void collectTested(mlir::Operation *op, Value &inside);
+  void barrier();
+  void byFirstThread(llvm::function_ref<void()> make);
+
+  //===--------------------------------------------------------------------===//
+  // Operations
+  //===--------------------------------------------------------------------===//
+
+  void lower(mlir::Operation *op);
+  void keep(mlir::Operation *op);
+  void lowerMap(TileMapOp op);
+  void lowerStore(TileStoreOp op);
+  void lowerAtomic(TileAtomicOp op);
+  void lowerFromThreads(TileFromThreadsOp op);
+  void lowerToThreads(TileToThreadsOp op);
+  void lowerGet(TileGetOp op);
+  void lowerSet(TileSetOp op);
+  void lowerInsert(TileInsertOp op);
+  void lowerGather(TileGatherOp op);
+  void lowerScatter(TileScatterOp op);
+  /// Before a change of a tile's elements: the result has those of the operand.
+  void begin(mlir::Operation *op, Value tile);
+
+  // In LowerTilesReductions.cpp.
+  Value isBetter(TileReduction kind, Value candidate, Value best, bool orEqual);
+  Value worst(TileReduction kind, mlir::Type type);
+  Values combine(TileReduction kind, ValueRange best, ValueRange next);
+  void lowerReduce(mlir::Operation *op, TileReduction kind, Value tile,
+                   std::optional<int64_t> axis, bool positions);
+  Values overBlock(mlir::Operation *op, TileReduction kind, Values sums);
+  void lowerFold(TileFoldOp op);
+  void lowerScan(TileScanOp op);
+  Value comesBefore(Value a, Value b, Value i, Value j);
+  void lowerSort(TileSortOp op);
+
+  // In LowerTilesAlgebra.cpp.
+  void lowerMatmul(TileMatmulOp op);
+  void lowerProducts(TileMatmulOp op);
+  void lowerRows(TileMatmulOp op);
+  void lowerCholesky(TileCholeskyOp op);
+  void lowerSolve(TileSolveOp op);
+  void lowerDiagAdd(TileDiagAddOp op);
+  void lowerFft(TileFftOp op);
+  void lowerFftStages(TileFftOp op);
+  void lowerFftSums(TileFftOp op);
+  Value twiddle(mlir::Type real, Value step, int64_t period, bool inverse);
+  Value complexMul(Value a, Value b);
+
+  void detach();
+
+  mlir::FunctionOpInterface kernel;
+  int64_t threads;
+  TileBuffers buffers;
+  llvm::DenseMap<Value, int64_t> offsetOf;
+  std::map<std::tuple<int64_t, int64_t, const void *>, Value> arrays;
+  mlir::OpBuilder b, entry;
+  mlir::Location loc;
+  mlir::Type i32;
+  Value thread;
+  bool testing = true;
+};
+
+} // namespace warp::tiles
+
+#endif // WARP_TRANSFORMS_TILES_LOWERTILES_H

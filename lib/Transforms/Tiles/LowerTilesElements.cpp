@@ -1,0 +1,425 @@
+//===- LowerTilesElements.cpp - Elements and parts of tiles ---------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#include "LowerTiles.h"
+
+#include "mlir/Dialect/Arith/IR/Arith.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
+#include "llvm/ADT/TypeSwitch.h"
+
+using namespace mlir;
+
+namespace warp::tiles {
+
+//===----------------------------------------------------------------------===//
+// Memory
+//===----------------------------------------------------------------------===//
+
+Value TileLowering::arrayAt(int64_t offset, int64_t count, Type element) {
+  Value &array = arrays[{offset, count, element.getAsOpaquePointer()}];
+  if (array)
+    return array;
+  Location place = kernel.getLoc();
+  Type type = ArrayType::get(b.getContext(), 1, element);
+  Value address =
+      BlockMemoryOp::create(entry, place, b.getIntegerType(64, false), offset);
+  Value extent =
+      arith::ConstantOp::create(entry, place, b.getI32IntegerAttr(count));
+  array = ArrayAtOp::create(entry, place, type, address, extent);
+  return array;
+}
+
+Value TileLowering::memoryOf(Value tile) {
+  TileType type = tileType(tile);
+  return arrayAt(offsetOf.lookup(buffers.rootOf(tile)), type.getNumElements(),
+                 type.getElementType());
+}
+
+Value TileLowering::linear(ArrayRef<int64_t> shape, ValueRange indices) {
+  Value index = indices[0];
+  for (size_t d = 1; d < shape.size(); ++d)
+    index = add(shape[d] == 1 ? index : mul(index, number(shape[d])),
+                indices[d]);
+  return index;
+}
+
+Values TileLowering::unravel(Value index, ArrayRef<int64_t> shape) {
+  Values indices(shape.size());
+  for (size_t d = shape.size(); d-- > 1;) {
+    Value extent = number(shape[d]);
+    indices[d] = arith::RemUIOp::create(b, loc, index, extent);
+    index = arith::DivUIOp::create(b, loc, index, extent);
+  }
+  indices[0] = index;
+  return indices;
+}
+
+Value TileLowering::load(Value tile, ValueRange indices) {
+  TileType type = tileType(tile);
+  return LoadOp::create(b, loc, type.getElementType(), memoryOf(tile),
+                        linear(type.getShape(), indices));
+}
+
+void TileLowering::store(Value tile, ValueRange indices, Value value) {
+  StoreOp::create(b, loc, value, memoryOf(tile),
+                  linear(tileType(tile).getShape(), indices));
+}
+
+//===----------------------------------------------------------------------===//
+// Elements that are computed where they are used
+//===----------------------------------------------------------------------===//
+
+Value TileLowering::element(Value tile, ValueRange indices) {
+  Operation *def = tile.getDefiningOp();
+  return def && isInline(def) ? elementOf(def, indices) : load(tile, indices);
+}
+
+static Values broadcastIndices(TileType from, ValueRange indices,
+                               function_ref<Value()> zero) {
+  Values source;
+  size_t skipped = indices.size() - from.getRank();
+  for (auto [extent, index] :
+       llvm::zip_equal(from.getShape(), indices.drop_front(skipped)))
+    source.push_back(extent == 1 ? zero() : index);
+  return source;
+}
+
+Value TileLowering::elementOf(Operation *op, ValueRange indices) {
+  return llvm::TypeSwitch<Operation *, Value>(op)
+      .Case([&](TileSplatOp splat) { return splat.getValue(); })
+      .Case([&](TileIotaOp iota) {
+        Value i = cast(indices[0], iota.getStart().getType());
+        Value distance = builtin("mul", {i, iota.getStep()});
+        return builtin("add", {iota.getStart(), distance});
+      })
+      .Case([&](TileMapOp map) {
+        Values arguments;
+        for (Value input : map.getInputs())
+          arguments.push_back(isTile(input) ? element(input, indices) : input);
+        return inlineBody(map.getBody().front(), arguments)[0];
+      })
+      .Case([&](TileTransposeOp view) {
+        Values source(indices.size());
+        for (auto [axis, index] : llvm::zip_equal(view.getAxes(), indices))
+          source[axis] = index;
+        return element(view.getTile(), source);
+      })
+      .Case([&](TileReshapeOp view) {
+        Value i = linear(tileType(view.getResult()).getShape(), indices);
+        return element(view.getTile(),
+                       unravel(i, tileType(view.getTile()).getShape()));
+      })
+      .Case([&](TileBroadcastOp view) {
+        return element(view.getTile(),
+                       broadcastIndices(tileType(view.getTile()), indices,
+                                        [&] { return number(0); }));
+      })
+      .Case([&](TileSliceOp view) {
+        Values source;
+        for (auto [offset, step, index] : llvm::zip_equal(
+                 view.getOffsets(), view.getSteps(), indices))
+          source.push_back(add(toIndex(offset), mul(index, number(step))));
+        return element(view.getTile(), source);
+      })
+      .Case([&](TileLoadOp load) { return loadElement(load, indices); });
+}
+
+template <typename Op>
+Values TileLowering::arrayIndices(Op op, TileType tile, ValueRange indices,
+                                  Value &inside) {
+  Values found;
+  for (int64_t d = 0; d < tile.getRank(); ++d) {
+    Value offset = op.getOffsets()[d];
+    bool picks = op.getPicked() && int64_t(op.getAxis()) == d;
+    Value index = indices[d];
+    if (picks)
+      index = element(op.getPicked(), ValueRange(indices[d]));
+    bool isWide = getByteSize(offset.getType()) > 4 ||
+                  getByteSize(index.getType()) > 4;
+    Type type = isWide ? b.getI64Type() : i32;
+    Value place = add(cast(offset, type), cast(index, type));
+    found.push_back(place);
+    if (!op.getChecked() || (!testing && !picks))
+      continue;
+    Value extent =
+        cast(DimOp::create(b, loc, b.getIntegerType(32, true), op.getArray(),
+                           b.getI64IntegerAttr(d)),
+             type);
+    // As unsigned numbers, negative ones are too large.
+    inside = both(inside, arith::CmpIOp::create(
+                              b, loc, arith::CmpIPredicate::ult, place, extent));
+  }
+  return found;
+}
+
+Value TileLowering::loadElement(TileLoadOp op, ValueRange indices) {
+  TileType type = tileType(op.getResult());
+  Value inside;
+  Values at = arrayIndices(op, type, indices, inside);
+  return ifHolds(inside, type.getElementType(), [&]() -> Value {
+    return LoadOp::create(b, loc, type.getElementType(), op.getArray(), at);
+  });
+}
+
+//===----------------------------------------------------------------------===//
+// Whole tiles
+//===----------------------------------------------------------------------===//
+
+/// What could be computed where it is used, but is used more than once.
+void TileLowering::keep(Operation *op) {
+  Value result = op->getResult(0);
+  elements(op, tileType(result).getShape(), [&](ValueRange indices) {
+    store(result, indices, elementOf(op, indices));
+  });
+}
+
+void TileLowering::lowerMap(TileMapOp op) {
+  ArrayRef<int64_t> shape = tileType(op.getResult(0)).getShape();
+  elements(op, shape, [&](ValueRange indices) {
+    Values arguments;
+    Block &body = op.getBody().front();
+    for (auto [input, argument] :
+         llvm::zip_equal(op.getInputs(), body.getArguments())) {
+      // What is overwritten unread may have no contents yet.
+      bool isRead = !argument.use_empty();
+      arguments.push_back(!isTile(input) || !isRead ? input
+                                                    : element(input, indices));
+    }
+    Values made = inlineBody(body, arguments);
+    for (auto [result, value] : llvm::zip_equal(op.getResults(), made))
+      store(result, indices, value);
+  });
+}
+
+void TileLowering::lowerStore(TileStoreOp op) {
+  TileType type = tileType(op.getTile());
+  elements(op, type.getShape(), [&](ValueRange indices) {
+    Value inside;
+    Values at = arrayIndices(op, type, indices, inside);
+    Value value = element(op.getTile(), indices);
+    ifHolds(inside,
+            [&] { StoreOp::create(b, loc, value, op.getArray(), at); });
+  });
+}
+
+static AtomicKind toAtomic(TileUpdate kind) {
+  switch (kind) {
+  case TileUpdate::assign:
+    return AtomicKind::exch;
+  case TileUpdate::add:
+    return AtomicKind::add;
+  case TileUpdate::sub:
+    return AtomicKind::sub;
+  case TileUpdate::and_:
+    return AtomicKind::bit_and;
+  case TileUpdate::or_:
+    return AtomicKind::bit_or;
+  case TileUpdate::xor_:
+    return AtomicKind::bit_xor;
+  case TileUpdate::min:
+    return AtomicKind::min;
+  case TileUpdate::max:
+    return AtomicKind::max;
+  }
+  llvm_unreachable("no such update");
+}
+
+void TileLowering::lowerAtomic(TileAtomicOp op) {
+  TileType type = tileType(op.getTile());
+  bool keepsOld = !op.getOld().use_empty();
+  elements(op, type.getShape(), [&](ValueRange indices) {
+    Value inside;
+    Values at = arrayIndices(op, type, indices, inside);
+    Value value = element(op.getTile(), indices);
+    auto update = [&]() -> Value {
+      return AtomicOp::create(b, loc, type.getElementType(),
+                              toAtomic(op.getKind()), value, op.getArray(), at);
+    };
+    if (keepsOld)
+      store(op.getOld(), indices,
+            ifHolds(inside, type.getElementType(), update));
+    else
+      ifHolds(inside, [&] { update(); });
+  });
+}
+
+//===----------------------------------------------------------------------===//
+// Threads
+//===----------------------------------------------------------------------===//
+
+/// Indices of each component of what a thread has, without those of the thread.
+static SmallVector<SmallVector<int64_t>> componentsOf(TileType tile) {
+  SmallVector<SmallVector<int64_t>> all{{}};
+  for (int64_t extent : tile.getShape().drop_back()) {
+    SmallVector<SmallVector<int64_t>> longer;
+    for (auto &prefix : all)
+      for (int64_t i = 0; i < extent; ++i) {
+        longer.push_back(prefix);
+        longer.back().push_back(i);
+      }
+    all = longer;
+  }
+  return all;
+}
+
+void TileLowering::lowerFromThreads(TileFromThreadsOp op) {
+  TileType type = tileType(op.getResult());
+  Value number = thread ? thread : this->number(0);
+  bool isWhole = type.getElementType() == op.getValue().getType();
+  for (auto &component : componentsOf(type)) {
+    Values indices, parts;
+    for (int64_t i : component) {
+      indices.push_back(this->number(i));
+      parts.push_back(constant(b.getIntegerType(32, true), i));
+    }
+    indices.push_back(number);
+    Value value = op.getValue();
+    if (!isWhole)
+      value = ExtractOp::create(b, loc, type.getElementType(), value, parts);
+    store(op.getResult(), indices, value);
+  }
+}
+
+void TileLowering::lowerToThreads(TileToThreadsOp op) {
+  TileType type = tileType(op.getTile());
+  int64_t extent = type.getShape().back();
+  Value index = thread ? thread : number(0), exists;
+  if (thread && extent < threads)
+    exists = less(thread, number(extent));
+  Type result = op.getType();
+  Value value = ifHolds(exists, result, [&]() -> Value {
+    Values parts;
+    for (auto &component : componentsOf(type)) {
+      Values indices;
+      for (int64_t i : component)
+        indices.push_back(number(i));
+      indices.push_back(index);
+      parts.push_back(element(op.getTile(), indices));
+    }
+    if (type.getElementType() == result)
+      return parts[0];
+    return ConstructOp::create(b, loc, result, parts);
+  });
+  op.getResult().replaceAllUsesWith(value);
+}
+
+//===----------------------------------------------------------------------===//
+// Parts
+//===----------------------------------------------------------------------===//
+
+void TileLowering::begin(Operation *op, Value tile) {
+  if (op->hasAttr(attr::inPlace))
+    return;
+  Value result = op->getResult(0);
+  share(tileType(tile).getShape(), [&](ValueRange indices) {
+    store(result, indices, element(tile, indices));
+  });
+  barrier();
+}
+
+void TileLowering::lowerGet(TileGetOp op) {
+  Values indices = llvm::map_to_vector(op.getIndices(),
+                                       [&](Value i) { return toIndex(i); });
+  testing = true;
+  op.getResult().replaceAllUsesWith(element(op.getTile(), indices));
+}
+
+void TileLowering::lowerSet(TileSetOp op) {
+  begin(op, op.getTile());
+  TileType type = tileType(op.getTile());
+  Value inside = op.getWhere();
+  Values indices;
+  for (auto [index, extent] : llvm::zip_equal(op.getIndices(), type.getShape())) {
+    indices.push_back(toIndex(index));
+    inside = both(inside, arith::CmpIOp::create(
+                              b, loc, arith::CmpIPredicate::ult,
+                              indices.back(), number(extent)));
+  }
+  ifHolds(inside, [&] {
+    Value result = op.getResult();
+    if (op.getKind() == TileUpdate::assign)
+      return store(result, indices, op.getValue());
+    if (threads > 1) {
+      AtomicOp::create(b, loc, type.getElementType(), toAtomic(op.getKind()),
+                       op.getValue(), memoryOf(result),
+                       linear(type.getShape(), indices));
+      return;
+    }
+    static constexpr StringLiteral names[] = {"",       "add",     "sub", "bit_and",
+                                              "bit_or", "bit_xor", "min", "max"};
+    Value old = load(result, indices);
+    store(result, indices,
+          builtin(names[unsigned(op.getKind())], {old, op.getValue()}));
+  });
+}
+
+void TileLowering::lowerInsert(TileInsertOp op) {
+  begin(op, op.getTile());
+  TileType part = tileType(op.getPart()), whole = tileType(op.getTile());
+  elements(op, part.getShape(), [&](ValueRange indices) {
+    Values at;
+    Value inside;
+    for (auto [d, index] : llvm::enumerate(indices)) {
+      int64_t step = op.getSteps()[d];
+      Value offset = op.getOffsets()[d];
+      at.push_back(add(toIndex(offset), mul(index, number(step))));
+      auto known = offset.getDefiningOp<ConstantOp>();
+      auto start = known ? dyn_cast<IntegerAttr>(known.getValue())
+                         : IntegerAttr();
+      int64_t extent = whole.getShape()[d];
+      if (start) {
+        int64_t first = start.getValue().getSExtValue();
+        int64_t last = first + step * (part.getShape()[d] - 1);
+        if (first >= 0 && last >= 0 && first < extent && last < extent)
+          continue;
+      }
+      inside = both(inside,
+                    arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ult,
+                                          at.back(), number(extent)));
+    }
+    Value value = element(op.getPart(), indices);
+    ifHolds(inside, [&] { store(op.getResult(), at, value); });
+  });
+}
+
+void TileLowering::lowerGather(TileGatherOp op) {
+  TileType type = tileType(op.getResult()), from = tileType(op.getTile());
+  share(type.getShape(), [&](ValueRange indices) {
+    Value position = toIndex(element(op.getPositions(), indices));
+    Value inside =
+        arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ult, position,
+                              number(from.getNumElements()));
+    store(op.getResult(), indices,
+          ifHolds(inside, type.getElementType(), [&]() -> Value {
+            return element(op.getTile(), unravel(position, from.getShape()));
+          }));
+  });
+}
+
+void TileLowering::lowerScatter(TileScatterOp op) {
+  begin(op, op.getTile());
+  TileType part = tileType(op.getPart()), whole = tileType(op.getTile());
+  Type type = whole.getElementType();
+  share(part.getShape(), [&](ValueRange indices) {
+    Value position = toIndex(element(op.getPositions(), indices));
+    Value value = element(op.getPart(), indices);
+    Value inside =
+        arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ult, position,
+                              number(whole.getNumElements()));
+    Value memory = memoryOf(op.getResult());
+    ifHolds(inside, [&] {
+      if (threads > 1) {
+        AtomicOp::create(b, loc, type, AtomicKind::add, value, memory,
+                         position);
+        return;
+      }
+      Value old = LoadOp::create(b, loc, type, memory, position);
+      StoreOp::create(b, loc, builtin("add", {old, value}), memory, position);
+    });
+  });
+}
+
+} // namespace warp::tiles

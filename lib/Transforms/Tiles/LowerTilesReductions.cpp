@@ -1,0 +1,292 @@
+//===- LowerTilesReductions.cpp - Sums, extrema, scans, sorting -----------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// What threads of a block have added up each is combined in halves, in memory:
+// the order depends on the tile and the block only.
+//
+//===----------------------------------------------------------------------===//
+
+#include "LowerTiles.h"
+
+#include "WarpDialect/Passes.h"
+
+#include "mlir/Dialect/Arith/IR/Arith.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
+#include "llvm/Support/MathExtras.h"
+
+#include <limits>
+
+using namespace mlir;
+
+namespace warp::tiles {
+
+//===----------------------------------------------------------------------===//
+// Pairs
+//===----------------------------------------------------------------------===//
+
+/// What loses against everything: NaN, or the last integer.
+Value TileLowering::worst(TileReduction kind, Type type) {
+  if (kind == TileReduction::add)
+    return zero(type);
+  bool isMin = kind == TileReduction::min;
+  if (isa<FloatType>(type))
+    return constant(type, std::numeric_limits<double>::quiet_NaN());
+  auto integer = cast<IntegerType>(type);
+  unsigned width = integer.getWidth();
+  APInt last = integer.isUnsigned()
+                   ? (isMin ? APInt::getMaxValue(width) : APInt(width, 0))
+                   : (isMin ? APInt::getSignedMaxValue(width)
+                            : APInt::getSignedMinValue(width));
+  return ConstantOp::create(b, loc, IntegerAttr::get(type, last));
+}
+
+/// NaN never wins, and what there is loses if it is NaN.
+Value TileLowering::isBetter(TileReduction kind, Value candidate, Value best,
+                             bool orEqual) {
+  StringRef name = kind == TileReduction::min ? (orEqual ? "le" : "lt")
+                                              : (orEqual ? "ge" : "gt");
+  Value better = builtin(name, {candidate, best});
+  if (!isa<FloatType>(best.getType()))
+    return better;
+  Value nothing = builtin("ne", {best, best});
+  return arith::OrIOp::create(b, loc, better, nothing);
+}
+
+/// Values, and with a second one their positions; the lower position wins.
+Values TileLowering::combine(TileReduction kind, ValueRange best,
+                             ValueRange next) {
+  if (kind == TileReduction::add) {
+    Value sum = builtin("add", {best[0], next[0]});
+    sum.getDefiningOp()->setAttr(warp::attr::anyOrder, b.getUnitAttr());
+    return {sum};
+  }
+  Value wins = isBetter(kind, next[0], best[0], false);
+  if (best.size() > 1) {
+    Value ties = builtin("eq", {next[0], best[0]});
+    Value earlier = less(next[1], best[1]);
+    wins = arith::OrIOp::create(b, loc, wins, both(ties, earlier));
+  }
+  Values chosen;
+  for (auto [a, c] : llvm::zip_equal(next, best))
+    chosen.push_back(a.getType().isSignlessInteger()
+                         ? Value(arith::SelectOp::create(b, loc, wins, a, c))
+                         : builtin("where", {wins, a, c}));
+  return chosen;
+}
+
+//===----------------------------------------------------------------------===//
+// Reductions
+//===----------------------------------------------------------------------===//
+
+/// What all threads of the block have, combined; in every thread.
+Values TileLowering::overBlock(Operation *op, TileReduction kind, Values sums) {
+  if (threads == 1)
+    return sums;
+  int64_t offset = op->getAttrOfType<IntegerAttr>(attr::scratch).getInt();
+  Values memory;
+  for (Value sum : sums) {
+    memory.push_back(arrayAt(offset, threads, sum.getType()));
+    offset += llvm::alignTo(threads * getByteSize(sum.getType()), 8);
+  }
+  auto read = [&](Value index) {
+    return llvm::map_to_vector(memory, [&](Value array) -> Value {
+      return LoadOp::create(b, loc, cast<ArrayType>(array.getType())
+                                        .getElementType(), array, index);
+    });
+  };
+  auto write = [&](ValueRange values) {
+    for (auto [value, array] : llvm::zip_equal(values, memory))
+      StoreOp::create(b, loc, value, array, thread);
+  };
+  write(sums);
+  for (int64_t half = llvm::PowerOf2Ceil(threads) / 2; half > 0; half /= 2) {
+    barrier();
+    Value exists = less(add(thread, number(half)), number(threads));
+    Value isLower = less(thread, number(half));
+    ifHolds(both(exists, isLower), [&] {
+      write(combine(kind, read(thread), read(add(thread, number(half)))));
+    });
+  }
+  barrier();
+  return read(number(0));
+}
+
+void TileLowering::lowerReduce(Operation *op, TileReduction kind, Value tile,
+                               std::optional<int64_t> axis, bool positions) {
+  TileType type = tileType(tile);
+  Value result = op->getResult(0);
+  Values first{worst(kind, type.getElementType())};
+  if (positions)
+    first.push_back(number(INT32_MAX));
+  auto step = [&](ValueRange sums, Value next, Value position) {
+    Values candidate{next};
+    if (positions)
+      candidate.push_back(position);
+    return combine(kind, sums, candidate);
+  };
+  auto finish = [&](ValueRange indices, ValueRange sums) {
+    Value value = positions ? sums[1] : sums[0];
+    if (positions) {
+      // Of nothing but NaN it is the first.
+      Value none = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq, value,
+                                         number(INT32_MAX));
+      value = arith::SelectOp::create(b, loc, none, number(0), value);
+      value = cast(value, b.getIntegerType(32, true));
+    }
+    store(result, indices, value);
+  };
+  if (!axis) {
+    Values sums = elements(
+        op, type.getShape(), first, [&](ValueRange at, ValueRange sums) {
+          return step(sums, element(tile, at), linear(type.getShape(), at));
+        });
+    sums = overBlock(op, kind, sums);
+    byFirstThread([&] { finish(ValueRange(number(0)), sums); });
+    return;
+  }
+  SmallVector<int64_t> outer(type.getShape());
+  int64_t extent = outer[*axis];
+  outer.erase(outer.begin() + *axis);
+  if (outer.empty())
+    outer.push_back(1);
+  elements(op, outer, [&](ValueRange indices) {
+    Values sums = loop(
+        number(0), number(extent), number(1), first,
+        [&](Value i, ValueRange sums) {
+          Values at(indices.take_front(type.getRank() - 1));
+          at.insert(at.begin() + *axis, i);
+          return step(sums, element(tile, at), i);
+        });
+    finish(indices, sums);
+  });
+}
+
+void TileLowering::lowerFold(TileFoldOp op) {
+  TileType type = tileType(op.getTile());
+  Block &body = op.getBody().front();
+  /// Elements along one line, in order.
+  auto fold = [&](int64_t extent, function_ref<Values(Value)> place) {
+    Value first = element(op.getTile(), place(number(0)));
+    if (op.getPartials())
+      store(op.getResult(), place(number(0)), first);
+    return loop(number(1), number(extent), number(1), first,
+                [&](Value i, ValueRange sums) -> Values {
+                  Values at = place(i);
+                  Value next = element(op.getTile(), at);
+                  Values made = inlineBody(body, {sums[0], next});
+                  if (op.getPartials())
+                    store(op.getResult(), at, made[0]);
+                  return made;
+                });
+  };
+  if (!op.getAxis()) {
+    byFirstThread([&] {
+      Values made = fold(type.getNumElements(), [&](Value i) {
+        return unravel(i, type.getShape());
+      });
+      if (!op.getPartials())
+        store(op.getResult(), ValueRange(number(0)), made[0]);
+    });
+    return;
+  }
+  int64_t axis = *op.getAxis();
+  SmallVector<int64_t> outer(type.getShape());
+  int64_t extent = outer[axis];
+  outer.erase(outer.begin() + axis);
+  if (outer.empty())
+    outer.push_back(1);
+  share(outer, [&](ValueRange indices) {
+    Values made = fold(extent, [&](Value i) {
+      Values at(indices.take_front(type.getRank() - 1));
+      at.insert(at.begin() + axis, i);
+      return at;
+    });
+    if (!op.getPartials())
+      store(op.getResult(), indices, made[0]);
+  });
+}
+
+//===----------------------------------------------------------------------===//
+// Scans
+//===----------------------------------------------------------------------===//
+
+/// Each thread has a run of elements: adds them up, learns what is before them,
+/// and goes through them again.
+void TileLowering::lowerScan(TileScanOp op) {
+  TileType type = tileType(op.getTile());
+  int64_t count = type.getNumElements();
+  int64_t run = llvm::divideCeil(count, threads);
+  Value first = worst(op.getKind(), type.getElementType());
+  auto place = [&](Value i) {
+    if (op.getReverse())
+      i = sub(number(count - 1), i);
+    return unravel(i, type.getShape());
+  };
+  Value begin = number(0), end = number(count), before = first;
+  if (threads > 1) {
+    begin = mul(thread, number(run));
+    end = arith::MinSIOp::create(b, loc, add(begin, number(run)), end);
+    Values sums = loop(begin, end, number(1), first,
+                       [&](Value i, ValueRange sums) {
+                         Value next = element(op.getTile(), place(i));
+                         return combine(op.getKind(), sums, next);
+                       });
+    int64_t offset = op->getAttrOfType<IntegerAttr>(attr::scratch).getInt();
+    Type element = type.getElementType();
+    Value memory = arrayAt(offset, threads, element);
+    StoreOp::create(b, loc, sums[0], memory, thread);
+    barrier();
+    before = loop(number(0), thread, number(1), first,
+                  [&](Value t, ValueRange sums) {
+                    Value next = LoadOp::create(b, loc, element, memory, t);
+                    return combine(op.getKind(), sums, next);
+                  })[0];
+  }
+  loop(begin, end, number(1), before, [&](Value i, ValueRange sums) {
+    Values at = place(i);
+    Value next = element(op.getTile(), at);
+    Values sum = combine(op.getKind(), sums, next);
+    store(op.getResult(), at, op.getExclusive() ? sums[0] : sum[0]);
+    return sum;
+  });
+}
+
+//===----------------------------------------------------------------------===//
+// Sorting
+//===----------------------------------------------------------------------===//
+
+/// Whether element j with key `a` comes before element i with key `c`: NaN
+/// last, equal ones in their order.
+Value TileLowering::comesBefore(Value a, Value c, Value j, Value i) {
+  Value before = builtin("lt", {a, c});
+  Value same = builtin("eq", {a, c});
+  if (isa<FloatType>(a.getType())) {
+    Value aNone = builtin("ne", {a, a}), cNone = builtin("ne", {c, c});
+    Value one = arith::XOrIOp::create(b, loc, aNone, cNone);
+    before = arith::OrIOp::create(b, loc, before, both(one, cNone));
+    same = arith::OrIOp::create(b, loc, same, both(aNone, cNone));
+  }
+  return arith::OrIOp::create(b, loc, before, both(same, less(j, i)));
+}
+
+/// An element's place is the number of those before it.
+void TileLowering::lowerSort(TileSortOp op) {
+  TileType type = tileType(op.getKeys());
+  ArrayRef<int64_t> shape = type.getShape();
+  int64_t count = type.getNumElements();
+  Type si32 = b.getIntegerType(32, true);
+  share(ArrayRef<int64_t>(count), [&](ValueRange at) {
+    Value key = element(op.getKeys(), unravel(at[0], shape));
+    Value rank = loop(number(0), number(count), number(1), number(0),
+                      [&](Value j, ValueRange sums) -> Values {
+                        Value other = element(op.getKeys(), unravel(j, shape));
+                        Value before = comesBefore(other, key, j, at[0]);
+                        return {add(sums[0], arith::ExtUIOp::create(
+                                                 b, loc, i32, before))};
+                      })[0];
+    store(op.getPositions(), unravel(rank, shape), cast(at[0], si32));
+  });
+}
+
+} // namespace warp::tiles

@@ -1,0 +1,199 @@
+//===- PlaceBarriers.cpp - Where threads of a block wait ------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Walks the operations with what has been accessed since the last barrier: tile
+// memory by its bytes, arrays all as one. An operation waits if another thread
+// may have made one of two accesses to the same place, and one of both writes.
+// Threads make an access of their own elements if the operation treats element
+// e in thread e mod B; two of those with equal tiles never meet.
+//
+// What enters a region is what came before the operation, and what leaves a
+// loop's body enters it again, so loops begin with a barrier if their bodies
+// touch memory that threads share.
+//
+//===----------------------------------------------------------------------===//
+
+#include "KernelFunction.h"
+#include "TileBuffers.h"
+
+#include "mlir/Dialect/SCF/IR/SCF.h"
+#include "mlir/Interfaces/LoopLikeInterface.h"
+
+namespace warp {
+#define GEN_PASS_DEF_PLACEBARRIERS
+#include "WarpDialect/TilePasses.h.inc"
+} // namespace warp
+
+using namespace mlir;
+using namespace warp;
+using namespace warp::tiles;
+
+namespace {
+
+struct Touch {
+  /// Bytes of the block's memory; -1 for arrays.
+  int64_t begin, end;
+  bool isWrite;
+  /// Elements of each thread's own: how many there are; 0 for any element.
+  int64_t owned;
+
+  bool meets(const Touch &other) const {
+    if (!isWrite && !other.isWrite)
+      return false;
+    if (begin < 0 || other.begin < 0)
+      return begin == other.begin;
+    if (end <= other.begin || other.end <= begin)
+      return false;
+    bool same = begin == other.begin && end == other.end;
+    return !(same && owned && owned == other.owned);
+  }
+};
+
+using Touches = SmallVector<Touch>;
+
+class BarrierPlacer {
+public:
+  explicit BarrierPlacer(FunctionOpInterface kernel)
+      : buffers(kernel), threads(getBlockThreads(kernel)), b(kernel.getContext()) {
+    kernel->walk([&](Operation *op) {
+      auto offsets = op->getAttrOfType<DenseI64ArrayAttr>(tiles::attr::offsets);
+      unsigned next = 0;
+      if (offsets)
+        for (Value result : op->getResults())
+          if (isTile(result))
+            offsetOf[buffers.rootOf(result)] = offsets[next++];
+    });
+  }
+
+  void place(Block &block) {
+    for (Operation &op : llvm::make_early_inc_range(block))
+      place(&op);
+  }
+
+private:
+  static constexpr int64_t arrays = -1;
+
+  void touchTile(Touches &touches, Value tile, bool isWrite, int64_t owned) {
+    int64_t begin = offsetOf.lookup(buffers.rootOf(tile));
+    int64_t bytes = getTileBytes(tileType(tile));
+    touches.push_back({begin, begin + bytes, isWrite, owned});
+  }
+
+  /// What reading a tile reads, through what is computed on the way.
+  void readTile(Touches &touches, Value tile, int64_t owned) {
+    Operation *def = tile.getDefiningOp();
+    if (!def || !isInline(def))
+      return touchTile(touches, tile, false, owned);
+    if (isa<TileLoadOp>(def))
+      touches.push_back({arrays, arrays, false, 0});
+    for (Value operand : def->getOperands())
+      if (isTile(operand))
+        readTile(touches, operand, isa<TileMapOp>(def) ? owned : 0);
+  }
+
+  Touches touchesOf(Operation *op) {
+    Touches touches;
+    bool striped = isa<TileMapOp, TileStoreOp, TileAtomicOp, TileSplatOp,
+                       TileIotaOp, TileLoadOp>(op);
+    auto ownedOf = [&](Value tile) {
+      return striped ? tileType(tile).getNumElements() : 0;
+    };
+    if (isTileOp(op) && op->getName().getDialectNamespace() == "warp") {
+      for (Value operand : op->getOperands())
+        if (isTile(operand))
+          readTile(touches, operand, ownedOf(operand));
+      for (Value result : op->getResults())
+        if (isTile(result) && !result.use_empty())
+          touchTile(touches, result, true, ownedOf(result));
+      if (auto scratch = op->getAttrOfType<IntegerAttr>(tiles::attr::scratch))
+        touches.push_back({scratch.getInt(),
+                           scratch.getInt() + getScratchBytes(op, threads), true,
+                           0});
+    }
+    if (isa<TileLoadOp>(op) || isa<warp::LoadOp>(op))
+      touches.push_back({arrays, arrays, false, 0});
+    else if (!isMemoryEffectFree(op) && op->getNumRegions() == 0)
+      touches.push_back({arrays, arrays, true, 0});
+    return touches;
+  }
+
+  void waitBefore(Operation *op) {
+    b.setInsertionPoint(op);
+    BarrierOp::create(b, op->getLoc());
+    pending.clear();
+  }
+
+  static bool isBlockWide(Operation *op) {
+    return op->getName().getDialectNamespace() == "warp" && isTileOp(op) &&
+           !isa<TileGetOp>(op);
+  }
+
+  void place(Operation *op) {
+    if (isInline(op) || op->hasTrait<OpTrait::IsTerminator>())
+      return;
+    if (op->getNumRegions() != 0 && !isa<TileMapOp, TileFoldOp>(op))
+      return placeRegions(op);
+    Touches touches = touchesOf(op);
+    // Only what is collective can wait; others are looked at by what follows.
+    bool meets = llvm::any_of(touches, [&](const Touch &touch) {
+      return llvm::any_of(pending, [&](const Touch &earlier) {
+        return touch.meets(earlier);
+      });
+    });
+    bool isPrivate = isa<warp::LoadOp, warp::StoreOp, warp::AtomicOp>(op);
+    if (meets && !isPrivate)
+      waitBefore(op);
+    llvm::append_range(pending, touches);
+  }
+
+  void placeRegions(Operation *op) {
+    bool isShared = false;
+    op->walk([&](Operation *nested) { isShared |= isBlockWide(nested); });
+    if (!isShared) {
+      // Element reads and writes of each thread for itself.
+      bool reads = false;
+      op->walk([&](Operation *nested) { reads |= isa<TileGetOp>(nested); });
+      if (reads)
+        waitBefore(op);
+      op->walk([&](Operation *nested) {
+        if (nested->getNumRegions() == 0 &&
+            !nested->hasTrait<OpTrait::IsTerminator>())
+          llvm::append_range(pending, touchesOf(nested));
+      });
+      return;
+    }
+    waitBefore(op);
+    bool isLoop = isa<LoopLikeOpInterface>(op);
+    for (Region &region : op->getRegions()) {
+      if (region.empty())
+        continue;
+      pending.clear();
+      place(region.front());
+      // The next iteration starts where this one ends.
+      if (isLoop && !pending.empty())
+        waitBefore(region.front().getTerminator());
+    }
+    b.setInsertionPointAfter(op);
+    BarrierOp::create(b, op->getLoc());
+    pending.clear();
+  }
+
+  TileBuffers buffers;
+  int64_t threads;
+  OpBuilder b;
+  llvm::DenseMap<Value, int64_t> offsetOf;
+  Touches pending;
+};
+
+struct PlaceBarriers : warp::impl::PlaceBarriersBase<PlaceBarriers> {
+  void runOnOperation() override {
+    FunctionOpInterface kernel = warp::findKernel(getOperation());
+    if (!kernel)
+      return signalPassFailure();
+    if (getBlockThreads(kernel) > 1)
+      BarrierPlacer(kernel).place(kernel.getFunctionBody().front());
+  }
+};
+
+} // namespace

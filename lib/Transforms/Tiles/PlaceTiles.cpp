@@ -1,0 +1,329 @@
+//===- PlaceTiles.cpp - Which tiles are kept, and where they change -------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Three decisions, in this order:
+//
+//   inline     views of other tiles; what is cheap per element, has one use and
+//              reads nothing that is overwritten before that use
+//   in place   an operation that replaces elements, if nobody reads what it
+//              replaces afterwards
+//   copies     where loops and branches carry tiles, each carried tile has one
+//              piece of memory; what is not computed in it is copied there
+//
+// A copy into memory that exists is a `tile_map` with the target as its second
+// operand, in place of that.
+//
+//===----------------------------------------------------------------------===//
+
+#include "KernelFunction.h"
+#include "TileBuffers.h"
+
+#include "mlir/Dialect/SCF/IR/SCF.h"
+#include "mlir/IR/Matchers.h"
+#include "mlir/Interfaces/LoopLikeInterface.h"
+#include "llvm/ADT/SetVector.h"
+
+namespace warp {
+#define GEN_PASS_DEF_PLACETILES
+#include "WarpDialect/TilePasses.h.inc"
+} // namespace warp
+
+using namespace mlir;
+using namespace warp;
+using namespace warp::tiles;
+
+//===----------------------------------------------------------------------===//
+// Inline
+//===----------------------------------------------------------------------===//
+
+static bool isConstantLike(Value value) {
+  Operation *op = value.getDefiningOp();
+  return op && (isa<warp::ConstantOp>(op) ||
+                (op->getNumOperands() == 0 && isMemoryEffectFree(op)) ||
+                (isa<warp::ConstructOp>(op) &&
+                 llvm::all_of(op->getOperands(), isConstantLike)));
+}
+
+/// Whether all threads compute the same element at the same index.
+static bool isThreadIndependent(Operation *op) {
+  return llvm::all_of(op->getOperands(), [](Value operand) {
+    if (!isTile(operand))
+      return isConstantLike(operand);
+    Operation *def = operand.getDefiningOp();
+    return !def || !isInline(def) || isThreadIndependent(def);
+  });
+}
+
+/// An operation on tiles, rather than one that passes them on.
+static bool isConsumer(Operation *op) {
+  return op->getName().getDialectNamespace() == "warp";
+}
+
+/// Each thread reads the elements that it would write, once.
+static bool readsOwnElements(Operation *op) {
+  return isa<TileMapOp, TileStoreOp, TileAtomicOp>(op);
+}
+
+static bool mayWriteArrays(Operation *op) {
+  if (isa<TileLoadOp>(op))
+    return false;
+  return !isMemoryEffectFree(op) &&
+         !isa<warp::LoadOp>(op);
+}
+
+/// Whether nothing that `op` loads changes until it is used.
+static bool isUnchangedUntil(Operation *op, Operation *user) {
+  for (Operation *next = op->getNextNode(); next && next != user;
+       next = next->getNextNode())
+    if (mayWriteArrays(next))
+      return false;
+  // The user's own writes, of elements that other threads are yet to load.
+  return !isa<TileStoreOp, TileAtomicOp>(user) ||
+         user->getOperand(1) != op->getOperand(0) ||
+         llvm::equal(llvm::drop_begin(user->getOperands(), 2),
+                     llvm::drop_begin(op->getOperands(), 1));
+}
+
+static bool loadsArrays(Operation *op) {
+  if (isa<TileLoadOp>(op))
+    return true;
+  return llvm::any_of(op->getOperands(), [](Value operand) {
+    Operation *def = operand.getDefiningOp();
+    return def && isTile(operand) && isInline(def) && loadsArrays(def);
+  });
+}
+
+static bool shouldInline(Operation *op, int64_t threads) {
+  if (isView(op)) {
+    // Of memory; what is not kept follows the rule for others.
+    Operation *source = op->getOperand(0).getDefiningOp();
+    if (!source || !isInline(source) || isView(source))
+      return llvm::all_of(op->getUsers(), isConsumer);
+  }
+  if (!isView(op) &&
+      !isa<TileSplatOp, TileIotaOp, TileMapOp, TileLoadOp>(op))
+    return false;
+  if (op->getNumResults() != 1 || (isa<TileMapOp>(op) && !isPure(op)))
+    return false;
+  bool isCheap = isa<TileSplatOp, TileIotaOp>(op) && isThreadIndependent(op);
+  if (!isCheap && !op->hasOneUse())
+    return false;
+  for (Operation *user : op->getUsers()) {
+    if (user->getBlock() != op->getBlock() || !isConsumer(user))
+      return false;
+    bool once = readsOwnElements(user) || isa<TileReduceOp>(user) ||
+                isa<TileInsertOp, TileGetOp>(user) || isView(user);
+    if (!isCheap && !once)
+      return false;
+    // A part that is inserted is read with the indices of the part.
+    if (threads > 1 && !readsOwnElements(user) && !isThreadIndependent(op))
+      return false;
+    if (loadsArrays(op) && !isUnchangedUntil(op, user))
+      return false;
+    if (isa<TileInsertOp>(user) && user->getOperand(0) != op->getResult(0))
+      return isCheap;
+  }
+  return true;
+}
+
+//===----------------------------------------------------------------------===//
+// In place
+//===----------------------------------------------------------------------===//
+
+static SmallVector<unsigned> replaceableOperands(Operation *op) {
+  if (isa<TileInsertOp, TileSetOp, TileScatterOp, TileSolveOp>(op))
+    return {1};
+  if (isa<TileDiagAddOp, TileFftOp, TileCholeskyOp>(op))
+    return {0};
+  SmallVector<unsigned> operands;
+  if (auto matmul = dyn_cast<TileMatmulOp>(op)) {
+    if (matmul.getC() && matmul.getC().getType() == matmul.getType())
+      operands.push_back(2);
+  } else if (isa<TileMapOp>(op) && op->getNumResults() == 1) {
+    for (auto [i, operand] : llvm::enumerate(op->getOperands()))
+      if (operand.getType() == op->getResult(0).getType())
+        operands.push_back(i);
+  }
+  return operands;
+}
+
+/// Whether an operand is, or is computed from, the memory of a tile.
+static bool readsMemoryOf(Value operand, Value tile) {
+  if (operand == tile)
+    return true;
+  Operation *def = operand.getDefiningOp();
+  return def && isTile(operand) && isInline(def) &&
+         llvm::any_of(def->getOperands(),
+                      [&](Value v) { return readsMemoryOf(v, tile); });
+}
+
+static bool canReplace(Operation *op, unsigned number) {
+  Value tile = op->getOperand(number);
+  Operation *def = tile.getDefiningOp();
+  if (tile.getParentBlock() != op->getBlock() || (def && isInline(def)) ||
+      (def && isa<RegionBranchOpInterface>(def) && !isa<scf::ForOp>(def)))
+    return false;
+  for (auto [i, operand] : llvm::enumerate(op->getOperands()))
+    if (i != number && isTile(operand) && readsMemoryOf(operand, tile))
+      return false;
+  for (Operation *reader : getReaders(tile)) {
+    if (reader == op)
+      continue;
+    Operation *inBlock = op->getBlock()->findAncestorOpInBlock(*reader);
+    if (!inBlock || !inBlock->isBeforeInBlock(op) ||
+        inBlock->hasTrait<OpTrait::IsTerminator>())
+      return false;
+  }
+  return true;
+}
+
+//===----------------------------------------------------------------------===//
+// Copies
+//===----------------------------------------------------------------------===//
+
+/// A tile with the elements of another one, in new memory or in that of `into`.
+static Value copy(OpBuilder &b, Location loc, Value tile, Value into = {}) {
+  Type element = tileType(tile).getElementType();
+  SmallVector<Value> inputs{tile};
+  if (into)
+    inputs.push_back(into);
+  auto map = TileMapOp::create(b, loc, tile.getType(), inputs);
+  OpBuilder::InsertionGuard guard(b);
+  SmallVector<Type> types(inputs.size(), element);
+  SmallVector<Location> places(inputs.size(), loc);
+  Block *body = b.createBlock(&map.getBody(), {}, types, places);
+  TileYieldOp::create(b, loc, ValueRange(body->getArgument(0)));
+  if (into)
+    map->setAttr(tiles::attr::inPlace, b.getI64IntegerAttr(1));
+  return map.getResult(0);
+}
+
+/// The tile whose memory a chain of changes in place began with.
+static Value originOf(Value tile, Block *block) {
+  while (Operation *def = tile.getDefiningOp()) {
+    auto operand = def->getAttrOfType<IntegerAttr>(tiles::attr::inPlace);
+    if (!operand || def->getBlock() != block)
+      return tile;
+    tile = def->getOperand(operand.getInt());
+  }
+  return tile;
+}
+
+static void copyInits(OpBuilder &b, Operation *loop,
+                      MutableOperandRange inits) {
+  b.setInsertionPoint(loop);
+  for (OpOperand &init : inits)
+    if (isTile(init.get()) &&
+        (!init.get().hasOneUse() ||
+         init.get().getParentBlock() != loop->getBlock()))
+      init.set(copy(b, loop->getLoc(), init.get()));
+}
+
+static void placeFor(OpBuilder &b, scf::ForOp loop) {
+  copyInits(b, loop, loop.getInitArgsMutable());
+  Operation *yield = loop.getBody()->getTerminator();
+  Location loc = loop.getLoc();
+  b.setInsertionPoint(yield);
+  SmallVector<std::pair<OpOperand *, Value>> moved;
+  bool cross = false;
+  for (auto [operand, argument] :
+       llvm::zip_equal(yield->getOpOperands(), loop.getRegionIterArgs())) {
+    if (!isTile(argument))
+      continue;
+    Value origin = originOf(operand.get(), loop.getBody());
+    if (origin == argument && operand.get().hasOneUse())
+      continue;
+    if (operand.get() == argument)
+      continue;
+    cross |= isa<BlockArgument>(origin);
+    moved.emplace_back(&operand, argument);
+  }
+  if (cross)
+    for (auto &[operand, argument] : moved)
+      operand->set(copy(b, loc, operand->get()));
+  for (auto &[operand, argument] : moved)
+    operand->set(copy(b, loc, operand->get(), argument));
+}
+
+static void placeIf(OpBuilder &b, scf::IfOp branch) {
+  Operation *ends[2] = {branch.thenBlock()->getTerminator(),
+                        branch.elseBlock()->getTerminator()};
+  for (auto [i, result] : llvm::enumerate(branch.getResults())) {
+    if (!isTile(result))
+      continue;
+    b.setInsertionPoint(branch);
+    Value into = TileEmptyOp::create(b, branch.getLoc(), result.getType());
+    for (Operation *end : ends) {
+      b.setInsertionPoint(end);
+      OpOperand &operand = end->getOpOperand(i);
+      operand.set(copy(b, branch.getLoc(), operand.get(), into));
+    }
+  }
+}
+
+static void placeWhile(OpBuilder &b, scf::WhileOp loop) {
+  Location loc = loop.getLoc();
+  copyInits(b, loop, loop.getInitsMutable());
+  Operation *yield = loop.getYieldOp();
+  auto condition = loop.getConditionOp();
+  for (auto [operand, init] :
+       llvm::zip_equal(yield->getOpOperands(), loop.getInits()))
+    if (isTile(init)) {
+      b.setInsertionPoint(yield);
+      operand.set(copy(b, loc, operand.get(), init));
+    }
+  for (OpOperand &operand : condition.getArgsMutable())
+    if (isTile(operand.get())) {
+      b.setInsertionPoint(loop);
+      Value into = TileEmptyOp::create(b, loc, operand.get().getType());
+      b.setInsertionPoint(condition);
+      operand.set(copy(b, loc, operand.get(), into));
+    }
+}
+
+//===----------------------------------------------------------------------===//
+// The pass
+//===----------------------------------------------------------------------===//
+
+namespace {
+
+struct PlaceTiles : warp::impl::PlaceTilesBase<PlaceTiles> {
+  void runOnOperation() override {
+    FunctionOpInterface kernel = warp::findKernel(getOperation());
+    if (!kernel)
+      return signalPassFailure();
+    int64_t threads = getBlockThreads(kernel);
+    if (!threads)
+      return;
+    OpBuilder b(&getContext());
+    SmallVector<Operation *> ops, carriers;
+    kernel->walk([&](Operation *op) {
+      if (op->getName().getDialectNamespace() == "scf")
+        carriers.push_back(op);
+      else if (isTileOp(op))
+        ops.push_back(op);
+    });
+    for (Operation *op : ops)
+      if (shouldInline(op, threads))
+        op->setAttr(tiles::attr::placement, b.getStringAttr("inline"));
+    for (Operation *op : ops)
+      if (!isInline(op))
+        for (unsigned operand : replaceableOperands(op))
+          if (canReplace(op, operand)) {
+            op->setAttr(tiles::attr::inPlace, b.getI64IntegerAttr(operand));
+            break;
+          }
+    for (Operation *op : carriers) {
+      if (auto loop = dyn_cast<scf::ForOp>(op))
+        placeFor(b, loop);
+      else if (auto loop = dyn_cast<scf::WhileOp>(op))
+        placeWhile(b, loop);
+      else if (auto branch = dyn_cast<scf::IfOp>(op); branch &&
+               branch.getNumResults() != 0)
+        placeIf(b, branch);
+    }
+  }
+};
+
+} // namespace

@@ -1,0 +1,116 @@
+//===- TileBuffers.cpp - Which tiles share memory -------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#include "TileBuffers.h"
+
+#include "mlir/Dialect/SCF/IR/SCF.h"
+#include "llvm/ADT/SetVector.h"
+
+using namespace mlir;
+
+namespace warp::tiles {
+
+int64_t getBlockThreads(Operation *kernel) {
+  auto threads = kernel->getAttrOfType<IntegerAttr>(warp::attr::blockThreads);
+  return threads ? threads.getInt() : 0;
+}
+
+bool isInline(Operation *op) {
+  auto placement = op->getAttrOfType<StringAttr>(attr::placement);
+  return placement && placement.getValue() == "inline";
+}
+
+bool isView(Operation *op) {
+  return isa<TileTransposeOp, TileReshapeOp, TileBroadcastOp, TileSliceOp>(op);
+}
+
+static void collectReaders(Value tile, llvm::SetVector<Operation *> &readers) {
+  for (Operation *user : tile.getUsers()) {
+    if (!isInline(user)) {
+      readers.insert(user);
+      continue;
+    }
+    for (Value result : user->getResults())
+      collectReaders(result, readers);
+  }
+}
+
+llvm::SetVector<Operation *> getReaders(Value tile) {
+  llvm::SetVector<Operation *> readers;
+  collectReaders(tile, readers);
+  return readers;
+}
+
+int64_t getTileBytes(TileType type) {
+  return type.getNumElements() * getByteSize(type.getElementType());
+}
+
+int64_t getScratchBytes(Operation *op, int64_t threads) {
+  auto bytesOf = [](Value tile) { return getTileBytes(tileType(tile)); };
+  if (auto fft = dyn_cast<TileFftOp>(op))
+    return bytesOf(fft.getTile());
+  if (threads == 1)
+    return 0;
+  // One value per thread, and for positions of extrema another one.
+  if (isa<TileReduceOp, TileArgReduceOp, TileScanOp, TileFoldOp>(op)) {
+    Type element = tileType(op->getOperand(0)).getElementType();
+    return threads * (getByteSize(element) + 8);
+  }
+  return 0;
+}
+
+TileBuffers::TileBuffers(FunctionOpInterface kernel) {
+  kernel->walk<WalkOrder::PreOrder>([&](Operation *op) {
+    for (Value result : op->getResults())
+      if (isTile(result) && !isInline(op))
+        tiles.push_back(result);
+    for (Region &region : op->getRegions())
+      for (Value argument : region.getArguments())
+        if (isTile(argument))
+          tiles.push_back(argument);
+    if (auto operand = op->getAttrOfType<IntegerAttr>(attr::inPlace))
+      tie(op->getResult(0), op->getOperand(operand.getInt()));
+    tieRegions(op);
+  });
+  for (Value tile : tiles)
+    classes.insert(tile.getAsOpaquePointer());
+}
+
+Value TileBuffers::rootOf(Value tile) const {
+  auto leader = classes.findLeader(tile.getAsOpaquePointer());
+  return leader == classes.member_end()
+             ? tile
+             : Value::getFromOpaquePointer(*leader);
+}
+
+void TileBuffers::tie(Value a, Value b) {
+  if (isTile(a))
+    classes.unionSets(a.getAsOpaquePointer(), b.getAsOpaquePointer());
+}
+
+void TileBuffers::tieRegions(Operation *op) {
+  auto tieAll = [&](ValueRange a, ValueRange b) {
+    for (auto [x, y] : llvm::zip_equal(a, b))
+      tie(x, y);
+  };
+  if (auto loop = dyn_cast<scf::ForOp>(op)) {
+    tieAll(loop.getInitArgs(), loop.getRegionIterArgs());
+    tieAll(loop.getResults(), loop.getRegionIterArgs());
+    tieAll(loop.getYieldedValues(), loop.getRegionIterArgs());
+  } else if (auto loop = dyn_cast<scf::WhileOp>(op)) {
+    tieAll(loop.getInits(), loop.getBeforeArguments());
+    tieAll(loop.getYieldOp().getOperands(), loop.getBeforeArguments());
+    tieAll(loop.getConditionOp().getArgs(), loop.getAfterArguments());
+    tieAll(loop.getResults(), loop.getAfterArguments());
+  } else if (auto branch = dyn_cast<scf::IfOp>(op)) {
+    for (Region *region : {&branch.getThenRegion(), &branch.getElseRegion()})
+      if (!region->empty() && branch.getNumResults() != 0)
+        tieAll(region->front().getTerminator()->getOperands(),
+               branch.getResults());
+  }
+}
+
+} // namespace warp::tiles

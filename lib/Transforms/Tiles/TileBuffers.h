@@ -1,0 +1,67 @@
+//===- TileBuffers.h - Which tiles share memory -----------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_TRANSFORMS_TILES_TILEBUFFERS_H
+#define WARP_TRANSFORMS_TILES_TILEBUFFERS_H
+
+#include "WarpDialect/TileOps.h"
+#include "WarpDialect/TilePasses.h"
+
+#include "mlir/Interfaces/FunctionInterfaces.h"
+#include "llvm/ADT/EquivalenceClasses.h"
+
+namespace warp::tiles {
+
+/// Attributes that the passes about tiles leave for each other.
+namespace attr {
+/// `inline`: computed where it is used.
+constexpr llvm::StringLiteral placement = "placement";
+/// Number of the operand whose memory the result takes over.
+constexpr llvm::StringLiteral inPlace = "in_place";
+/// Where the results lie in the block's memory, in bytes, one per result.
+constexpr llvm::StringLiteral offsets = "offsets";
+/// Where the operation may put what it needs on the way.
+constexpr llvm::StringLiteral scratch = "scratch";
+} // namespace attr
+
+/// Threads of the blocks that a kernel is for; 0 for one without tiles.
+int64_t getBlockThreads(mlir::Operation *kernel);
+inline TileType tileType(mlir::Value value) {
+  return mlir::cast<TileType>(value.getType());
+}
+inline bool isTile(mlir::Value value) {
+  return mlir::isa<TileType>(value.getType());
+}
+bool isInline(mlir::Operation *op);
+/// An operation whose elements are elements of its first operand.
+bool isView(mlir::Operation *op);
+/// Operations that read the memory of a tile, also through views and tiles that
+/// are computed where they are used.
+llvm::SetVector<mlir::Operation *> getReaders(mlir::Value tile);
+/// Bytes that a tile, or what an operation needs on the way, takes.
+int64_t getTileBytes(TileType type);
+int64_t getScratchBytes(mlir::Operation *op, int64_t threads);
+
+/// Tiles in memory, in classes that share it: what loops and branches carry,
+/// and what is changed in place.
+class TileBuffers {
+public:
+  explicit TileBuffers(mlir::FunctionOpInterface kernel);
+  /// The tile that stands for its class.
+  mlir::Value rootOf(mlir::Value tile) const;
+  llvm::ArrayRef<mlir::Value> getTiles() const { return tiles; }
+
+private:
+  void tie(mlir::Value a, mlir::Value b);
+  void tieRegions(mlir::Operation *op);
+
+  llvm::EquivalenceClasses<void *> classes;
+  llvm::SmallVector<mlir::Value> tiles;
+};
+
+} // namespace warp::tiles
+
+#endif // WARP_TRANSFORMS_TILES_TILEBUFFERS_H

@@ -1,0 +1,60 @@
+//===- TileBuilder.cpp - The builder of tiles in Python -------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// One to one with "warp/TileBuilder.h"; options are keywords.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Native.h"
+
+#include "warp/TileBuilder.h"
+
+#include <pybind11/stl.h>
+
+namespace py = pybind11;
+using namespace warp;
+
+static TileOptions toOptions(const py::kwargs &given) {
+  TileOptions options;
+  for (auto [key, value] : given) {
+    auto name = key.cast<std::string>();
+    if (name == "kind")
+      options.kind = value.cast<std::string>();
+    else if (name == "shape")
+      options.shape = value.cast<std::vector<int64_t>>();
+    else if (name == "element")
+      options.element = value.cast<Type>();
+    else if (name == "axes")
+      options.axes = value.cast<std::vector<int64_t>>();
+    else if (name == "axis" && !value.is_none())
+      options.axis = value.cast<int64_t>();
+    else if (name == "checked")
+      options.checked = value.cast<bool>();
+    else if (name == "flag")
+      options.flag = value.cast<bool>();
+    else if (name == "transposed")
+      options.transposed = value.cast<bool>();
+    else if (name != "axis")
+      throw py::type_error("no option '" + name + "'");
+  }
+  return options;
+}
+
+void bindTileBuilder(py::module_ &m) {
+  py::class_<TileBuilder>(m, "TileBuilder", "Builds what blocks of threads do.")
+      .def(py::init<Builder &>(), py::keep_alive<1, 2>())
+      .def("make",
+           [](TileBuilder &b, const std::string &name,
+              const Builder::Values &operands, const py::kwargs &options) {
+             return b.make(name, operands, toOptions(options));
+           })
+      .def("begin_function", &TileBuilder::beginFunction, py::arg("operands"),
+           py::arg("fold") = false)
+      .def("end_function",
+           [](TileBuilder &b, const Builder::Values &elements,
+              const py::kwargs &options) {
+             return b.endFunction(elements, toOptions(options));
+           })
+      .def("set_block_threads", &TileBuilder::setBlockThreads);
+}

@@ -1,0 +1,101 @@
+"""Kernels with tiles: code for blocks of a number of threads, and `wp.launch_tiled`.
+
+Shapes of tiles depend on the number of threads of a block, so a kernel is translated for each that
+it is launched with. On a CPU a block is one thread.
+"""
+
+from __future__ import annotations
+
+import math
+
+from warp._src import errors
+from warp._src.devices.devices import resolve_index
+from warp._src.kernels.epoch import Epoch
+from warp._src.kernels.kernel import Kernel, argument_type
+
+# Threads of a block where none are named.
+DEFAULT_THREADS = 256
+
+
+class TiledKernel(Kernel):
+    """What a kernel becomes when its translation meets a tile."""
+
+    has_regions = False
+
+    def check(self, values, device) -> None:
+        """Nothing about the values is special."""
+
+    def for_blocks(self, arguments, threads):
+        """The native kernel for blocks of that many threads.
+
+        Args:
+            arguments: native types of the arguments, of a generic kernel.
+        """
+        known = self.__dict__.setdefault("_by_threads", {})
+        found = known.get((arguments, threads))
+        if found is None or found[0] is not Epoch.current:
+            made = self._translate(arguments, threads)
+            found = known[arguments, threads] = (Epoch.current, made)
+        return found[1]
+
+    def place(self, native, dim, index, block_dim, values):
+        """The native kernel for a launch, and its threads per block.
+
+        Args:
+            native: the one for blocks of one thread.
+            values: what the launch is given.
+
+        Raises:
+            WarpLaunchValueError: on a GPU, a block would not be complete.
+        """
+        if index < 0:
+            return native, 0
+        threads = block_dim or self.option("block_dim") or DEFAULT_THREADS
+        extents = tuple(dim) if isinstance(dim, (tuple, list)) else (dim,)
+        if math.prod(extents) % threads or (len(extents) > 1 and extents[-1] != threads):
+            raise errors.WarpLaunchValueError(
+                f"launch('{self.key}'): tiles belong to blocks of {threads} threads, which a launch "
+                f"of {extents} does not fill; use `wp.launch_tiled`, or make the last extent "
+                f"{threads}"
+            )
+        types = tuple(map(argument_type, values)) if self.is_generic else None
+        return self.for_blocks(types, threads), threads
+
+    def code_for(self, native, arch):
+        """For GPUs, blocks of the option `block_dim`, or of 256 threads."""
+        if not arch:
+            return native
+        return self.for_blocks(None, self.option("block_dim") or DEFAULT_THREADS)
+
+
+def launch_tiled(kernel, dim, *args, block_dim=0, device=None, stream=None, **options):
+    """Launches a block of threads per index of a grid.
+
+    The same as `wp.launch` with the threads of a block as a last extent of the grid: 1 on a CPU.
+
+    Args:
+        kernel: what `@wp.kernel` made.
+        dim: extent, or up to three extents, of the grid of blocks.
+        args: `inputs`, `outputs`, as for `wp.launch`.
+        block_dim: threads of a block on a GPU, by default 256.
+        options: the other arguments of `wp.launch`.
+
+    Raises:
+        WarpLaunchError: as `wp.launch` does.
+    """
+    from warp._src.kernels.launch import launch
+
+    if device is None and stream is not None:
+        index = stream.device_index
+    else:
+        index = resolve_index(device)
+    extents = list(dim) if isinstance(dim, (tuple, list)) else [dim]
+    if len(extents) > 3:
+        raise errors.WarpLaunchValueError(
+            f"launch_tiled('{kernel.key}'): expects at most 3 extents, but got {len(extents)}"
+        )
+    threads = 1 if index < 0 else block_dim or kernel.option("block_dim") or DEFAULT_THREADS
+    return launch(
+        kernel, [*extents, threads], *args, device=device, stream=stream, block_dim=threads,
+        **options,
+    )  # fmt: skip
