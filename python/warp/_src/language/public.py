@@ -12,8 +12,8 @@ _SUBMODULES = ("autograd", "geometry", "optim", "sparse", "types", "utils")
 _RARE = {
     name: home
     for home, held in (
-        ("kernels.tiled", ("launch_tiled",)),
         ("kernels.manifest", ("Manifest", "KernelManifest", "manifest")),
+        ("kernels.tiled", ("launch_tiled",)),
         ("logger", ("Logger", "ScopedLogLevel", "ScopedLogger", "get_logger", "set_logger")),
         (
             "devices.timing",

@@ -69,9 +69,46 @@ def needles(p):
         p.check(what, distance / exact - 1, 1e-4, x=x)
 
 
-@case("G11", "winding numbers", ("float32",))
+@wp.kernel
+def find_sides(mesh: wp.uint64, x: wp.array(dtype=wp.vec3), side: wp.array(dtype=float)):
+    i = wp.tid()
+    found = wp.mesh_query_point_sign_winding_number(mesh, x[i], 1.0e9)
+    side[i] = found.sign
+
+
+def winding_numbers(points, faces, x):
+    """Solid angles over 4 pi (van Oosterom and Strackee) in float64."""
+    a, b, c = (points[faces[:, k]].astype(float)[None] - x[:, None] for k in range(3))
+    p, q, r = (np.linalg.norm(v, axis=2) for v in (a, b, c))
+    triple = (a * np.cross(b, c)).sum(2)
+    rest = (a * b).sum(2) * r + (b * c).sum(2) * p + (c * a).sum(2) * q
+    return np.arctan2(triple, p * q * r + rest).sum(1) / (2 * np.pi)
+
+
+@case("G11", "sides by winding numbers: closed, open, doubled and overlapping shells", ("float32",))
 def winding(p):
-    p.absent("mesh_query_point_sign_winding_number")
+    if p.absent("mesh_query_point_sign_winding_number"):
+        return
+    points, faces = icosphere(2)
+    moved = np.concatenate([points, points + np.float32([0.7, 0, 0])])
+    shells = {
+        "closed": (points, faces),
+        "open": (points, faces[points[faces].mean(1)[:, 2] < 0.6]),
+        "doubled": (points, np.concatenate([faces, faces])),
+        "overlapping": (moved, np.concatenate([faces, faces + len(points)])),
+    }
+    x = np.float32(p.random.uniform(-1.5, 2.0, (300, 3)))
+    for what, (corners, shell) in shells.items():
+        mesh = wp.Mesh(
+            p.array(corners, wp.vec3),
+            p.array(shell.ravel(), wp.int32),
+            support_winding_number=True,
+        )
+        side = p.zeros(len(x), wp.float32)
+        p.launch(find_sides, len(x), mesh.id, p.array(x, wp.vec3), side)
+        w = winding_numbers(corners, shell, x.astype(float))
+        wrong = (side.numpy() < 0) != (w > 0.5)
+        p.check(what, (wrong & (np.abs(w - 0.5) > 0.02)).astype(float), 0.0, x=x)
 
 
 @functools.cache
