@@ -51,9 +51,7 @@ def sliced(a: wp.array2d(dtype=float), out: wp.array2d(dtype=float)):
 
 
 @wp.kernel
-def assigned(
-    a: wp.array2d(dtype=float), b: wp.array2d(dtype=float), out: wp.array2d(dtype=float)
-):
+def assigned(a: wp.array2d(dtype=float), b: wp.array2d(dtype=float), out: wp.array2d(dtype=float)):
     s = wp.tile_load(a, shape=(12, 7))
     t = wp.tile_load(b, shape=(3, 7))
     wp.tile_assign(s, t * 2.0, offset=(4, 0))
@@ -100,9 +98,7 @@ def sorted_pairs(a: wp.array(dtype=float), b: wp.array(dtype=float), out: wp.arr
 
 
 @wp.kernel
-def product(
-    a: wp.array2d(dtype=float), b: wp.array2d(dtype=float), out: wp.array2d(dtype=float)
-):
+def product(a: wp.array2d(dtype=float), b: wp.array2d(dtype=float), out: wp.array2d(dtype=float)):
     s = wp.tile_load(a, shape=(12, 7))
     t = wp.tile_load(b, shape=(7, 12))
     c = wp.tile_ones(shape=(12, 12), dtype=float)

@@ -154,9 +154,8 @@ class Access(Part):
 
     def expr_Subscript(self, node):
         base = self.context.expressions.expr(node.value)
-        if isinstance(base, type) or (
-            type(base) is not Value and not isinstance(base, (tuple, dtypes.Composite, LocalArray, TileView))
-        ):
+        kinds = (Value, tuple, dtypes.Composite, LocalArray, TileView)
+        if isinstance(base, type) or not isinstance(base, kinds):
             return self.static_subscript(base, node)
         return self.subscript(base, node.slice, node)
 

@@ -261,6 +261,9 @@ class LocalArrays(Part):
         if isinstance(given, ast.Call) or given is None:
             # The result of a call is nobody's variable.
             return
+        if type(array) is Value:
+            self.context.tiles.write_back(given, array, call)
+            return
         known = self.context.env.get(getattr(given, "id", None))
         if type(known) is not LocalArray:
             raise self.context.error(

@@ -226,6 +226,8 @@ class Targets(Part):
             root = self.context.env[slot.name]
             root = root if type(root) in (Value, LocalArray) else slot.value
             self.context.env[slot.name] = self.with_part(root, slot.path, value, node)
+            if getattr(getattr(root, "type", None), "kind", None) == "tile":
+                self.context.tiles.note_change(slot.name)
             self.context.lines[slot.name] = self.context.source.line(node)
         elif any(step == "part" for step, _ in slot.path):
             old = self.builder.load(slot.array, slot.indices)
@@ -352,7 +354,8 @@ class Targets(Part):
                 node,
             )
             return
-        if isinstance(target, ast.Subscript) and self.has_slice(target) and not self.is_tile(target):
+        is_slice = isinstance(target, ast.Subscript) and self.has_slice(target)
+        if is_slice and not self.is_tile(target):
             self.update_slice(node)
             return
         slot = self.slot(target)
@@ -383,10 +386,9 @@ class Targets(Part):
         if type(op) not in _ATOMIC or right.type != slot.type:
             return False
         tiles = self.context.tiles
-        made = tiles.written(
-            self.context.env[slot.name], part, right, node, kind=_ATOMIC[type(op)]
-        )
+        made = tiles.written(self.context.env[slot.name], part, right, node, kind=_ATOMIC[type(op)])
         self.context.env[slot.name] = made
+        tiles.note_change(slot.name)
         return True
 
     @staticmethod

@@ -143,9 +143,9 @@ class TileMath(Part):
         tile = self.tiles.tile(binding, node, "tile_reduce")
         axis = self.axis(axis, tile, node, "tile_reduce")
         known = _REDUCTIONS.get(getattr(operation, "name", None))
-        if known and isinstance(operation, BuiltinRef):
-            if known == "add" or tile.type.element.kind in ("int", "float"):
-                return self.tiles.make("reduce", [tile], node, kind=known, axis=axis)[0]
+        is_number = tile.type.element.kind in ("int", "float")
+        if isinstance(operation, BuiltinRef) and known and (known == "add" or is_number):
+            return self.tiles.make("reduce", [tile], node, kind=known, axis=axis)[0]
         function = self.function(operation, node, "tile_reduce")
         tiles = self.context.session.tiles
         self.context.at(node)
@@ -303,9 +303,9 @@ class TileMath(Part):
             upper = self.fill_mode(mode[0], node, name)
             steps = ((upper, upper), (upper, not upper))
         for upper, transposed in steps:
-            rhs = self.tiles.make(
-                "solve", [matrix, rhs], node, flag=upper, transposed=transposed
-            )[0]
+            rhs = self.tiles.make("solve", [matrix, rhs], node, flag=upper, transposed=transposed)[
+                0
+            ]
         return rhs
 
     def builtin_tile_cholesky_solve(self, node):

@@ -31,6 +31,19 @@ class TilePart:
 class Tiles(Part):
     """Translates what makes, moves and takes apart tiles."""
 
+    __slots__ = ("changed",)
+
+    def __init__(self, context):
+        super().__init__(context)
+        # Variables whose tiles were changed, rather than replaced by another tile.
+        self.changed = set()
+
+    def note_change(self, name):
+        self.changed.add(name)
+
+    def is_changed(self, name) -> bool:
+        return name in self.changed
+
     # Calls into the builder.
 
     def make(self, name, operands, node=None, **options):
@@ -221,12 +234,8 @@ class Tiles(Part):
             )
         numbers = [self.known(argument) for argument in arguments]
         if any(not isinstance(number, (int, float)) for number in numbers):
-            raise self.context.error(
-                node, "tile_arange() arguments must be compile time constants"
-            )
-        start, stop, step = (
-            (0, numbers[0], 1) if len(numbers) == 1 else (*numbers, 1)[:3]
-        )
+            raise self.context.error(node, "tile_arange() arguments must be compile time constants")
+        start, stop, step = (0, numbers[0], 1) if len(numbers) == 1 else (*numbers, 1)[:3]
         if step == 0:
             raise self.context.error(
                 node, "tile_arange() step cannot be zero", kind=errors.WarpCodegenValueError
@@ -331,9 +340,8 @@ class Tiles(Part):
                 "use `wp.tile_broadcast(...)`",
                 also="Tile arguments to tile operators must have the same shape",
             )
-        return self.mapped(
-            operands, lambda *elements: self.context.expressions.operator(node, name, *elements), node
-        )
+        apply = self.context.expressions.operator
+        return self.mapped(operands, lambda *elements: apply(node, name, *elements), node)
 
     def mapped(self, operands, function, node):
         """The tile of what a function gives for corresponding elements."""
@@ -455,9 +463,7 @@ class Tiles(Part):
                 value = self.convert(value, dtypes.dtype_of(element), node, "tile_assign")
             return self.make("set", [value, tile, *part.offsets], node, kind=kind)[0]
         if value.type.kind != "tile":
-            value = self.make(
-                "splat", [value], node, shape=part.full, element=tile.type.element
-            )[0]
+            value = self.make("splat", [value], node, shape=part.full, element=tile.type.element)[0]
         elif list(value.type.shape) != part.full:
             if math.prod(value.type.shape) != math.prod(part.full):
                 raise self.context.error(
@@ -499,8 +505,7 @@ class Tiles(Part):
         if len(indices.type.shape) != 1 or indices.type.element.kind != "int":
             raise self.context.error(
                 node,
-                "tile indexing expects a 1D tile of integers, got "
-                f"'{indices.type.python_name}'",
+                f"tile indexing expects a 1D tile of integers, got '{indices.type.python_name}'",
                 kind=errors.WarpCodegenValueError,
             )
         extents = list(tile.type.shape)
@@ -541,9 +546,7 @@ class Tiles(Part):
             numbers = self.make("broadcast", [numbers], node, shape=shape)[0]
             positions = self.mapped(
                 [positions, numbers],
-                lambda a, b: call(
-                    "where", call("lt", a, zero), outside, call("add", a, b)
-                ),
+                lambda a, b: call("where", call("lt", a, zero), outside, call("add", a, b)),
                 node,
             )
         made = self.make("gather", [tile, positions], node)[0]

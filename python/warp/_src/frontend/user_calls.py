@@ -137,7 +137,7 @@ class UserCalls(Part):
             for position, (parameter, binding) in enumerate(
                 zip(overload.parameters, bound, strict=False)
             )
-            if type(binding) is LocalArray
+            if type(binding) is LocalArray or self.is_tile(binding)
         )
         plan_of(
             overload.source,
@@ -182,10 +182,18 @@ class UserCalls(Part):
         updated = []
         for (position, name), value in zip(references.items(), given, strict=True):
             last = self.context.env[name]
+            if self.is_tile(value) and not self.context.tiles.is_changed(name):
+                # Another tile of that name is the function's own.
+                continue
             if last is not value:
                 shape = self.context.flatten(last, self.context.source.tree, into)
                 updated.append((position, name, shape))
         return updated
+
+    @staticmethod
+    def is_tile(binding):
+        """Whether it is a tile, or a part of one; functions get these by reference."""
+        return getattr(getattr(binding, "type", None), "kind", None) == "tile"
 
     def start_adjoints(self, hidden):
         """Gives the hidden names of a pullback their first values."""

@@ -54,9 +54,9 @@ class TiledKernel(Kernel):
         extents = tuple(dim) if isinstance(dim, (tuple, list)) else (dim,)
         if math.prod(extents) % threads or (len(extents) > 1 and extents[-1] != threads):
             raise errors.WarpLaunchValueError(
-                f"launch('{self.key}'): tiles belong to blocks of {threads} threads, which a launch "
-                f"of {extents} does not fill; use `wp.launch_tiled`, or make the last extent "
-                f"{threads}"
+                f"launch('{self.key}'): tiles belong to blocks of {threads} threads, which a "
+                f"launch of {extents} does not fill; use `wp.launch_tiled`, or make the last "
+                f"extent {threads}"
             )
         types = tuple(map(argument_type, values)) if self.is_generic else None
         return self.for_blocks(types, threads), threads

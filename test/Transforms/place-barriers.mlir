@@ -1,0 +1,26 @@
+// RUN: warp-opt %s --warp-place-barriers | FileCheck %s
+
+// Elements that the same thread writes and reads need no barrier; what another
+// thread may have written does.
+// CHECK-LABEL: func.func @wait
+// CHECK: warp.tile_load
+// CHECK-NOT: warp.barrier
+// CHECK: warp.tile_map
+// CHECK: warp.barrier
+// CHECK-NEXT: warp.tile_scan
+func.func @wait(%a: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.block_threads = 32 : i64} {
+  %c0 = warp.constant 0 : si32
+  %t = warp.tile_load %a[%c0] {offsets = array<i64: 0>} : !warp.array<1 x f32>, (si32)
+    -> !warp.tile<64 x f32>
+  %u = warp.tile_map(%t) {
+  ^bb0(%x: f32):
+    %s = warp.sin(%x) : (f32) -> f32
+    warp.tile_yield %s : f32
+  } {offsets = array<i64: 256>} : (!warp.tile<64 x f32>) -> !warp.tile<64 x f32>
+  %v = warp.tile_scan add %u {offsets = array<i64: 512>, scratch = 768 : i64}
+    : !warp.tile<64 x f32>
+  warp.tile_store %v, %a[%c0] : !warp.tile<64 x f32>, !warp.array<1 x f32>, (si32)
+  return
+}
+

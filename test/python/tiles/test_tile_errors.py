@@ -1,0 +1,79 @@
+"""What does not fit is an error at its place; what code for GPUs waits for."""
+
+import pytest
+
+import warp as wp
+
+
+def expect(function, *words):
+    """Translates a kernel, which has to fail with these words, at a line of this file."""
+    with pytest.raises(wp.WarpCodegenError) as caught:
+        wp.Kernel(function).ir("warp")
+    text = str(caught.value)
+    for word in (*words, "test_tile_errors.py", "^"):
+        assert word in text, text
+
+
+def test_shapes_of_a_product():
+    def kernel(a: wp.array2d(dtype=float)):
+        s = wp.tile_load(a, shape=(4, 3))
+        wp.tile_matmul(s, s)
+
+    expect(kernel, "(4, 3) and (4, 3)", "as many columns of 'a' as rows of 'b'")
+
+
+def test_shapes_of_a_sum():
+    def kernel(a: wp.array(dtype=float)):
+        s = wp.tile_load(a, shape=4) + wp.tile_load(a, shape=5)
+        wp.tile_store(a, s)
+
+    expect(kernel, "shape=(4,)", "shape=(5,)", "wp.tile_broadcast")
+
+
+def test_shape_that_is_not_constant():
+    def kernel(a: wp.array(dtype=float), n: int):
+        wp.tile_store(a, wp.tile_zeros(shape=n, dtype=float))
+
+    expect(kernel, "compile time constants")
+
+
+def test_element_type_of_a_store():
+    def kernel(a: wp.array(dtype=wp.float64)):
+        wp.tile_store(a, wp.tile_zeros(shape=4, dtype=float))
+
+    expect(kernel, "float64", "float32", "same dtype")
+
+
+def test_rank_of_a_load():
+    def kernel(a: wp.array2d(dtype=float)):
+        wp.tile_load(a, shape=4)
+
+    expect(kernel, "1 dimensional load from an array with 2 dimensions")
+
+
+def test_index_outside():
+    def kernel(a: wp.array(dtype=float)):
+        t = wp.tile_load(a, shape=4)
+        a[0] = t[4]
+
+    expect(kernel, "offset 4 is out of bounds", "size 4")
+
+
+def test_elementwise_chain_keeps_nothing_and_waits_for_nobody():
+    def chain(a: wp.array(dtype=float), b: wp.array(dtype=float)):
+        i = wp.tid()
+        t = wp.tile_load(a, shape=1024, offset=i * 1024)
+        wp.tile_store(b, wp.tile_map(wp.sin, t) * 2.0 + 1.0, offset=i * 1024)
+
+    text = wp.Kernel(chain).ir("ptx", rank=2)
+    assert "bar.sync" not in text
+    assert ".shared" not in text
+
+
+def test_kernel_without_tiles_knows_nothing_of_blocks():
+    def plain(a: wp.array(dtype=float)):
+        a[wp.tid()] = 1.0
+
+    kernel = wp.Kernel(plain)
+    assert "block" not in kernel.ir("warp")
+    assert type(kernel) is wp.Kernel
