@@ -14,8 +14,6 @@ _RARE = {
     for home, held in (
         ("kernels.manifest", ("Manifest", "KernelManifest", "manifest")),
         ("kernels.tiled", ("launch_tiled",)),
-        ("kernels.tiled", ("launch_tiled",)),
-        ("kernels.manifest", ("Manifest", "KernelManifest", "manifest")),
         ("logger", ("Logger", "ScopedLogLevel", "ScopedLogger", "get_logger", "set_logger")),
         (
             "devices.timing",
