@@ -563,9 +563,9 @@ def RotateLoops : WarpPass<"warp-rotate-loops"> {
 def CombineOverWarps : WarpPass<"warp-combine-over-warps"> {
   let summary = "Combine updates of one element over the threads of a warp";
   let description = [{
-    On a GPU, an update of the scope `lanes`, whose address the threads of a warp
-    share in one iteration of a loop or one row of the launch, becomes one update by the
-    first lane, of what shuffles have combined, where all lanes come to it
+    On a GPU, an update of the scope `lanes`, whose address the threads of a
+    warp share in one iteration of a loop or one row of the launch, becomes one
+    update by the first lane, of what shuffles have combined, where all lanes come to it
     together.
 
     ```mlir

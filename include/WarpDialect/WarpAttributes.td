@@ -81,7 +81,8 @@ def Warp_VariantAttr : Warp_Attr<"Variant", "variant"> {
     launch. `large`: the launch fills the GPU many times over; `under`: it has
     too few threads to fill it; `narrow`: squares of indices of its last two
     dimensions would not fill. `disjoint`: no memory that the launch writes
-    overlaps another one. `block`: threads of a GPU block. `threads`: those that would share a CPU launch. `min_blocks`:
+    overlaps another one. `block`: threads of a GPU block. `threads`: those that
+    would share a CPU launch. `min_blocks`:
     fewest blocks that a multiprocessor shall hold, 0 leaves it open. `lanes`:
     threads that are to be lanes of a vector on a CPU; 1 keeps them scalar, 0
     leaves it open.

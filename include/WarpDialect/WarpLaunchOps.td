@@ -44,12 +44,7 @@ def Warp_ThreadsOp : Warp_Op<"threads", [SingleBlock,
     other in the last dimension: its last index is that of the first of them,
     and a mask tells which of them the launch has.
 
-    With `turns = M` besides, each lane takes one thread after the other: the
-    region does the work of up to M N threads, of which the last argument is the
-    number, and the mask tells which lanes have one to begin with.
-
-    (C1) one index per dimension, i32, with `lanes` a mask after them, and with
-    `turns` an i32. (C4) `turns` needs `lanes`, and nothing is yielded.
+    (C1) one index per dimension, i32, and with `lanes` a mask after them.
     (C2) `kinds` and `types` have an entry for each value that is yielded; the
     types still have their sign. (C3) results have those types, signless; with
     `lanes` vectors of them are yielded.
@@ -63,8 +58,7 @@ def Warp_ThreadsOp : Warp_Op<"threads", [SingleBlock,
     ```
   }];
   let arguments = (ins DenseI32ArrayAttr:$kinds, TypeArrayAttr:$types,
-                       OptionalAttr<I64Attr>:$lanes,
-                       OptionalAttr<I64Attr>:$turns);
+                       OptionalAttr<I64Attr>:$lanes);
   let results = (outs Variadic<AnyType>:$combined);
   let regions = (region SizedRegion<1>:$body);
   let assemblyFormat = [{
@@ -73,25 +67,15 @@ def Warp_ThreadsOp : Warp_Op<"threads", [SingleBlock,
   let hasVerifier = 1;
   let extraClassDeclaration = [{
     ::mlir::Block *getThread() { return &getBody().front(); }
-    /// Number of threads that the region runs side by side.
-    int64_t getWidth() { return getLanes().value_or(1); }
     /// Number of threads that the region stands for.
-    int64_t countThreads() { return getWidth() * getTurns().value_or(1); }
+    int64_t getWidth() { return getLanes().value_or(1); }
     /// Indices of the thread, or of the first of several.
     ::llvm::ArrayRef<::mlir::BlockArgument> getIndices() {
-      ::llvm::ArrayRef<::mlir::BlockArgument> all =
-          getThread()->getArguments();
-      size_t others = size_t(bool(getLanes())) + size_t(bool(getTurns()));
-      return all.drop_back(std::min(all.size(), others));
+      return getThread()->getArguments().drop_back(getLanes() ? 1 : 0);
     }
     /// With lanes: which threads there are.
     ::mlir::Value getLive() {
-      return getLanes() ? getThread()->getArgument(getIndices().size())
-                        : ::mlir::Value();
-    }
-    /// With turns: how many threads there are.
-    ::mlir::Value getCount() {
-      return getTurns() ? getThread()->getArguments().back() : ::mlir::Value();
+      return getLanes() ? getThread()->getArguments().back() : ::mlir::Value();
     }
     ::mlir::Operation *getYield() { return getThread()->getTerminator(); }
   }];
@@ -130,9 +114,8 @@ def Warp_Mask : Type<CPred<"::llvm::isa<::mlir::VectorType>($_self) && "
     "a mask of lanes">;
 
 def Warp_AnyOp : Warp_Op<"any", [Pure]> {
-  let summary = "whether a mask has a lane, or as many";
-  let arguments = (ins Warp_Mask:$mask,
-                       DefaultValuedAttr<I64Attr, "1">:$least);
+  let summary = "whether a mask has a lane";
+  let arguments = (ins Warp_Mask:$mask);
   let results = (outs I1:$result);
   let assemblyFormat = "$mask attr-dict `:` type($mask)";
 }

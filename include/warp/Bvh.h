@@ -17,6 +17,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <vector>
 
 namespace warp {
 
@@ -29,6 +30,16 @@ struct BvhReport {
   int64_t skipped = 0;
   int64_t nodes = 0, blocks = 0, bytes = 0;
   int depth = 0;
+};
+
+/// Where a hierarchy is on its device, for kernels that refit it.
+struct HierarchyView {
+  uint64_t nodes = 0, blocks = 0;
+  int64_t blockCount = 0;
+  /// From the user's coordinates to those of the hierarchy.
+  float scale = 1;
+  /// Nodes by their levels, and where each level starts, and the last one ends.
+  std::vector<int32_t> order, levels;
 };
 
 class WARP_API Bvh {
@@ -47,6 +58,7 @@ public:
                BvhConstructor constructor = BvhConstructor::Sah,
                const ArrayDescriptor &groups = {});
   BvhReport report() const;
+  HierarchyView view() const;
 
 private:
   struct Impl;

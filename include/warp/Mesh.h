@@ -39,6 +39,7 @@ public:
   void rebuild(const MeshArrays &arrays,
                BvhConstructor constructor = BvhConstructor::Sah);
   BvhReport report() const;
+  HierarchyView view() const;
 
 private:
   struct Impl;

@@ -49,15 +49,6 @@ constexpr double searchCost = 500;
 /// line: bodies of a simulation were 3.6 times slower as lanes.
 constexpr double fieldCost = 6;
 
-// Lanes that take one thread after the other.
-/// What an access counts.
-constexpr double turnAccess = 16;
-/// Fewer operations of a loop are not worth it, nor so many times more outside
-/// of it.
-constexpr double leastTurn = 8, mostBetween = 4;
-/// Threads of a stretch that lanes take turns in.
-constexpr int64_t threadsInTurns = 1024;
-
 // Branches of lanes.
 /// Arms of more operations than this are worth a branch.
 constexpr int64_t longestFlat = 24;

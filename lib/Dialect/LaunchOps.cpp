@@ -52,10 +52,6 @@ LogicalResult warp::ThreadsOp::verify() {
       return emitOpError("(C1) expects a mask of ")
              << getWidth() << " lanes, but got " << getLive().getType();
   }
-  if (getTurns() &&
-      (!getLanes() || getNumResults() != 0 || getThread()->empty() ||
-       !getThread()->getArguments().back().getType().isInteger(32)))
-    return emitOpError("(C4) expects lanes, no results and a count of threads");
   size_t count = getTypes().size();
   if (getKinds().size() != count || getCombined().size() != count ||
       getYield()->getNumOperands() != count)

@@ -71,8 +71,8 @@ int64_t warp::TargetAttr::getLanes(Type type) const {
 
 LogicalResult warp::VariantAttr::verify(
     EmitError emitError, TargetAttr, int64_t rank, uint64_t, bool, bool, bool,
-    bool, bool, bool, int64_t block, int64_t threads, int64_t, int64_t lanes, bool, bool,
-    Determinism) {
+    bool, bool, bool, int64_t block, int64_t threads, int64_t, int64_t lanes,
+    bool, bool, Determinism) {
   if (rank < 1 || rank > 4)
     return emitError() << "(C1) expects a launch of 1 to 4 dimensions, but got "
                        << rank;
@@ -90,7 +90,8 @@ warp::VariantAttr warp::VariantAttr::getUnknown(MLIRContext *context) {
   auto target = TargetAttr::get(context, Platform::cpu, 0, "", 256);
   return get(context, target, /*rank=*/1, /*contiguous=*/0, /*index32=*/false,
              /*flat=*/false, /*large=*/false, /*under=*/false,
-             /*narrow=*/false, /*disjoint=*/false, /*block=*/256, /*threads=*/16, /*min_blocks=*/0, /*lanes=*/0,
+             /*narrow=*/false, /*disjoint=*/false, /*block=*/256,
+             /*threads=*/16, /*min_blocks=*/0, /*lanes=*/0,
              /*debug=*/false, /*fast_math=*/false, Determinism::none);
 }
 

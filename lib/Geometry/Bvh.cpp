@@ -148,4 +148,8 @@ void Bvh::rebuild(const ArrayDescriptor &lowers, const ArrayDescriptor &uppers,
               splittingOf(constructor));
 }
 
+HierarchyView Bvh::view() const {
+  return viewOf(impl->tree, impl->onDevice, impl->scale);
+}
+
 BvhReport Bvh::report() const { return reportOf(impl->tree, impl->skipped); }

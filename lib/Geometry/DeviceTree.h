@@ -74,6 +74,14 @@ public:
     return tree;
   }
 
+  /// Where they were described last.
+  const void *nodesAt(const Hierarchy<Block> &host) const {
+    return device == cpuDevice ? host.nodes().data() : nodes->data();
+  }
+  const void *blocksAt(const Hierarchy<Block> &host) const {
+    return device == cpuDevice ? host.leaves().data() : blocks->data();
+  }
+
   /// What only some trees have, also copied to the device if need be.
   TreeExtras describeExtras(const Hierarchy<Block> &host,
                             const std::vector<Moments> &hostMoments) {
@@ -117,6 +125,32 @@ BvhReport reportOf(const Hierarchy<Block> &tree, int64_t skipped) {
   report.bytes = int64_t(tree.bytes());
   report.depth = tree.depth();
   return report;
+}
+
+template <class Block>
+HierarchyView viewOf(const Hierarchy<Block> &tree,
+                     const DeviceTree<Block> &onDevice, float scale) {
+  HierarchyView view;
+  view.scale = scale;
+  const std::vector<Node> &nodes = tree.nodes();
+  if (nodes.empty())
+    return view;
+  view.nodes = reinterpret_cast<uint64_t>(onDevice.nodesAt(tree));
+  view.blocks = reinterpret_cast<uint64_t>(onDevice.blocksAt(tree));
+  view.blockCount = int64_t(tree.leaves().size());
+  // Parents come before their children.
+  std::vector<int32_t> depth(nodes.size());
+  for (size_t i = 0; i < nodes.size(); ++i)
+    depth[i] = nodes[i].parent < 0 ? 0 : depth[nodes[i].parent] + 1;
+  view.order.reserve(nodes.size());
+  for (int level = 0; view.order.size() < nodes.size(); ++level) {
+    view.levels.push_back(int32_t(view.order.size()));
+    for (size_t i = 0; i < nodes.size(); ++i)
+      if (depth[i] == level)
+        view.order.push_back(int32_t(i));
+  }
+  view.levels.push_back(int32_t(view.order.size()));
+  return view;
 }
 
 inline Splitting splittingOf(BvhConstructor constructor) {

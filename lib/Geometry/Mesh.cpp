@@ -176,4 +176,8 @@ void Mesh::rebuild(const MeshArrays &arrays, BvhConstructor constructor) {
   impl->build(arrays, splittingOf(constructor));
 }
 
+HierarchyView Mesh::view() const {
+  return viewOf(impl->tree, impl->onDevice, impl->scale);
+}
+
 BvhReport Mesh::report() const { return reportOf(impl->tree, impl->skipped); }

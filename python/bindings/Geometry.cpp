@@ -12,6 +12,8 @@
 #include "warp/HashGrid.h"
 #include "warp/Mesh.h"
 
+#include <pybind11/stl.h>
+
 namespace py = pybind11;
 using namespace warp;
 
@@ -47,6 +49,13 @@ static void bindBvh(py::module_ &m) {
       .def_readonly("blocks", &BvhReport::blocks)
       .def_readonly("bytes", &BvhReport::bytes)
       .def_readonly("depth", &BvhReport::depth);
+  py::class_<HierarchyView>(m, "HierarchyView", "Where a hierarchy is.")
+      .def_readonly("nodes", &HierarchyView::nodes)
+      .def_readonly("blocks", &HierarchyView::blocks)
+      .def_readonly("block_count", &HierarchyView::blockCount)
+      .def_readonly("scale", &HierarchyView::scale)
+      .def_readonly("order", &HierarchyView::order)
+      .def_readonly("levels", &HierarchyView::levels);
   py::class_<Bvh>(m, "Bvh", "A hierarchy over boxes.")
       .def(py::init([](py::handle lowers, py::handle uppers, py::handle groups,
                        int device, bool median) {
@@ -59,6 +68,7 @@ static void bindBvh(py::module_ &m) {
       }))
       .def_property_readonly("id", &Bvh::id)
       .def_property_readonly("report", &Bvh::report)
+      .def_property_readonly("view", &Bvh::view)
       .def("refit",
            [](Bvh &self, py::handle lowers, py::handle uppers) {
              const ArrayDescriptor &low = descriptorOf(lowers);
@@ -88,6 +98,7 @@ static void bindMesh(py::module_ &m) {
       }))
       .def_property_readonly("id", &Mesh::id)
       .def_property_readonly("report", &Mesh::report)
+      .def_property_readonly("view", &Mesh::view)
       .def("refit",
            [](Mesh &self, py::handle points, py::handle velocities,
               py::handle indices) {

@@ -213,10 +213,12 @@ void CostCounter::count(Operation *op, double trips, double use) {
       return isVarying(index);
     });
     double count = update.getComponents().size();
-    return add(4 * count, isOnePlace ? 1 : 4 * count + warp::cost::laneCost, trips, use);
+    double each = isOnePlace ? 1 : 4 * count + warp::cost::laneCost;
+    return add(4 * count, each, trips, use);
   }
   if (isa<warp::LibraryCallOp>(op))
-    return add(warp::cost::searchCost, warp::cost::searchCost + warp::cost::laneCost, trips, 1);
+    return add(warp::cost::searchCost,
+               warp::cost::searchCost + warp::cost::laneCost, trips, 1);
   if (!isMemoryEffectFree(op))
     return add(warp::cost::laneCost, 2 * warp::cost::laneCost, trips, 1);
   double work = 1;
@@ -236,7 +238,8 @@ void CostCounter::count(Operation *op, double trips, double use) {
 static int64_t chooseLanes(const Cost &cost, int64_t bits) {
   int64_t lanes = bits / (cost.wide > cost.narrow ? 64 : 32);
   // Two vectors in turn hide the latency of short bodies.
-  bool isShort = cost.operations <= (cost.hasLoop ? 40 * warp::cost::loopTrips : 24);
+  bool isShort =
+      cost.operations <= (cost.hasLoop ? 40 * warp::cost::loopTrips : 24);
   return isShort ? 2 * lanes : lanes;
 }
 

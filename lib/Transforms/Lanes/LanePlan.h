@@ -25,10 +25,6 @@ struct LanePlan {
 LanePlan planLanes(mlir::FunctionOpInterface kernel, ThreadsOp threads,
                    const ThreadVariance &variance);
 
-/// The loop, if there is one, that lanes leave so often at different times that
-/// they better take one thread after the other (WidenTurns.cpp).
-mlir::scf::WhileOp findTurns(ThreadsOp threads, const ThreadVariance &variance);
-
 /// Whether the elements of an array's last dimension follow each other, and are
 /// a few numbers of one type each, so that lanes can load them as vectors.
 bool hasDenseElements(mlir::Value array);

@@ -41,9 +41,7 @@ static LogicalResult foldAny(warp::AnyOp op, PatternRewriter &b) {
   auto known = getConstantMask(op.getMask());
   if (!known)
     return failure();
-  int64_t lanes = cast<VectorType>(op.getMask().getType()).getNumElements();
-  b.replaceOpWithNewOp<arith::ConstantOp>(
-      op, b.getBoolAttr(int64_t(op.getLeast()) <= (*known ? lanes : 0)));
+  b.replaceOpWithNewOp<arith::ConstantOp>(op, b.getBoolAttr(*known));
   return success();
 }
 
@@ -97,17 +95,8 @@ private:
 //===----------------------------------------------------------------------===//
 
 void LaneLowering::lower(warp::AnyOp op) {
-  if (op.getLeast() == 1)
-    return replace(
-        op, LLVM::vector_reduce_or::create(b, loc, b.getI1Type(), op.getMask()));
-  int64_t lanes = cast<VectorType>(op.getMask().getType()).getNumElements();
-  Type type = b.getIntegerType(lanes);
-  Value bits = LLVM::BitcastOp::create(b, loc, type, op.getMask());
-  Value count = LLVM::CtPopOp::create(b, loc, type, bits);
-  Value least = arith::ConstantOp::create(
-      b, loc, b.getIntegerAttr(type, APInt(lanes, op.getLeast())));
-  replace(op, arith::CmpIOp::create(b, loc, arith::CmpIPredicate::uge, count,
-                                    least));
+  replace(op,
+          LLVM::vector_reduce_or::create(b, loc, b.getI1Type(), op.getMask()));
 }
 
 void LaneLowering::lower(warp::BroadcastOp op) {

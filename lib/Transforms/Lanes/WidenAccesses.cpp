@@ -74,9 +74,7 @@ bool warp::isPartOfPacked(Value array) {
 /// is not known or not worth whole vectors.
 int64_t Widening::unitStride(Value array, ValueRange indices, Block *where) {
   int64_t stride =
-      indices.empty() || inTurns
-          ? 0
-          : variance.step(indices.back()).value_or(0);
+      indices.empty() ? 0 : variance.step(indices.back()).value_or(0);
   bool fits = stride >= 1 && stride <= largestStride &&
               warp::hasDenseElements(array) &&
               llvm::none_of(indices.drop_back(),
@@ -146,7 +144,8 @@ void Widening::widenStore(warp::StoreComponentsOp op) {
 void Widening::updateTogether(warp::AtomicComponentsOp op, ValueRange indices) {
   warp::AtomicKind kind = warp::combiningKind(op.getKind());
   Values totals;
-  for (auto [leaf, value] : llvm::zip_equal(warp::leavesOf(op), op.getComponents())) {
+  for (auto [leaf, value] :
+       llvm::zip_equal(warp::leavesOf(op), op.getComponents())) {
     Value none = broadcast(warp::identity(b, loc, kind, leaf.type));
     Value term = vector(value);
     if (op.getKind() != kind)

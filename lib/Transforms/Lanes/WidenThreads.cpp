@@ -23,7 +23,6 @@
 
 #include "Widening.h"
 
-#include "Analysis/CostModel.h"
 #include "KernelFunction.h"
 #include "LanePlan.h"
 #include "Schedule.h"
@@ -79,7 +78,7 @@ Value Widening::choose(Value mask, Value x, Value y) {
 }
 
 bool Widening::hasBase(Value value) const {
-  return !inTurns && isVarying(value) && variance.step(value).has_value() &&
+  return isVarying(value) && variance.step(value).has_value() &&
          isa<IntegerType, IndexType>(value.getType()) &&
          !value.getType().isInteger(1);
 }
@@ -260,31 +259,23 @@ Widening::Values Widening::contributions() {
   return values;
 }
 
-/// The threads in lanes, whose body is empty; goes on inside of them.
-warp::ThreadsOp Widening::makeThreads(IntegerAttr turns) {
+void Widening::run() {
   b.setInsertionPoint(threads);
   auto made = warp::ThreadsOp::create(
       b, loc, threads.getResultTypes(), threads.getKindsAttr(),
-      threads.getTypesAttr(), b.getI64IntegerAttr(lanes), turns);
+      threads.getTypesAttr(), b.getI64IntegerAttr(lanes));
   SmallVector<Type> types;
   for (BlockArgument index : threads.getIndices())
     types.push_back(index.getType());
   types.push_back(lanesOf(b.getI1Type()));
-  if (turns)
-    types.push_back(b.getI32Type());
   body = b.createBlock(&made.getBody(), {}, types,
-                       SmallVector<Location>(types.size(), loc));
-  mask = made.getLive();
+                              SmallVector<Location>(types.size(), loc));
+  mask = body->getArguments().back();
   for (BlockArgument argument : kernel.getArguments())
     setScalar(argument, argument);
   for (auto [index, argument] :
        llvm::zip(threads.getIndices(), body->getArguments()))
     setScalar(index, argument);
-  return made;
-}
-
-void Widening::run() {
-  warp::ThreadsOp made = makeThreads(/*turns=*/IntegerAttr());
   Value last = threads.getIndices().back();
   auto numbers = warp::LaneNumbersOp::create(b, loc, lanesOf(last.getType()));
   setVector(last, arith::AddIOp::create(b, loc, broadcast(scalar(last)),
@@ -316,14 +307,7 @@ struct WidenThreads : warp::impl::WidenThreadsBase<WidenThreads> {
     warp::noteChoice(kernel, "lanes", Twine(plan.lanes), plan.reason);
     if (plan.lanes == 1)
       return;
-    Widening widening(kernel, threads, variance, plan.lanes);
-    if (scf::WhileOp loop = warp::findTurns(threads, variance)) {
-      warp::noteChoice(kernel, "loop", "lanes that are done take a next thread",
-                       "threads leave it at different times", loop);
-      widening.takeTurns(loop, warp::cost::threadsInTurns / plan.lanes);
-    } else {
-      widening.run();
-    }
+    Widening(kernel, threads, variance, plan.lanes).run();
     warp::setRecipe(kernel, warp::getRecipe(kernel).withLanes(plan.lanes));
   }
 };

@@ -40,16 +40,11 @@ public:
 
   /// Replaces the threads.
   void run();
-  /// Likewise, by lanes that each take up to `turns` threads, as `findTurns`
-  /// says of a loop.
-  void takeTurns(mlir::scf::WhileOp loop, int64_t turns);
 
 private:
   using Values = llvm::SmallVector<mlir::Value>;
 
   bool isVarying(mlir::Value value) const {
-    if (inTurns)
-      return variance.agreement(value, Scope::Lanes) != Agreement::Yes;
     return !variance.isUniform(value, Scope::Lanes);
   }
   /// Whether a value also has a scalar of the first lane.
@@ -70,7 +65,6 @@ private:
                    mlir::ValueRange forms);
 
   // WidenThreads.cpp
-  ThreadsOp makeThreads(mlir::IntegerAttr turns);
   void widen(mlir::Block &block);
   void widen(mlir::Operation *op);
   void cloneScalar(mlir::Operation *op);
@@ -87,17 +81,6 @@ private:
   void widenDivergentFor(mlir::scf::ForOp op);
   void widenWhile(mlir::scf::WhileOp op);
   void widenDivergentWhile(mlir::scf::WhileOp op);
-
-  // WidenTurns.cpp
-  bool variesInTurns(mlir::Operation *op);
-  void widenBefore(mlir::scf::WhileOp loop);
-  Values beginTurn(mlir::scf::WhileOp loop, mlir::Value fresh,
-                   llvm::ArrayRef<mlir::Value> carried,
-                   llvm::ArrayRef<mlir::Value> kept, mlir::ValueRange old);
-  Values runTurns(mlir::scf::WhileOp loop, mlir::Value live, mlir::Value next,
-                  llvm::ArrayRef<mlir::Value> carried,
-                  llvm::ArrayRef<mlir::Value> results, mlir::ValueRange begun);
-  mlir::Value zeros(mlir::Type type);
 
   // WidenAccesses.cpp
   void widenLoad(LoadComponentsOp op);
@@ -130,8 +113,6 @@ private:
   ThreadsOp threads;
   const ThreadVariance &variance;
   int64_t lanes;
-  /// Lanes may be in different iterations, of threads that are no neighbours.
-  bool inTurns = false;
   mlir::OpBuilder b;
   mlir::Location loc;
   /// Of the widened threads.

@@ -137,16 +137,13 @@ EntryBuilder::Values EntryBuilder::combine(ValueRange sums, ValueRange terms) {
 
 /// A copy of the thread with these indices; with lanes also what is live.
 /// Returns what it yields.
-EntryBuilder::Values EntryBuilder::cloneThread(ValueRange indices, Value live,
-                                               Value count) {
+EntryBuilder::Values EntryBuilder::cloneThread(ValueRange indices, Value live) {
   IRMapping map;
   for (auto [argument, index] :
        llvm::zip_equal(threads.getIndices(), indices))
     map.map(argument, narrow(index, argument.getType()));
   if (live)
     map.map(threads.getLive(), live);
-  if (count)
-    map.map(threads.getCount(), narrow(count, b.getI32Type()));
   for (Operation &op : threads.getThread()->without_terminator())
     b.clone(op, map);
   return llvm::map_to_vector(threads.getYield()->getOperands(), [&](Value v) {

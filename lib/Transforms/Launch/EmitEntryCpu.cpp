@@ -102,8 +102,6 @@ EntryBuilder::Values EntryBuilder::buildRange(Value begin, Value end,
                                               ValueRange sums) {
   if (!threads.getLanes())
     return buildScalarLoop(begin, end, outer, sums);
-  if (threads.getTurns())
-    return buildTurns(begin, end, outer);
   if (countOperations(threads.getBody()) > longestTwice)
     return buildMaskedLanes(begin, end, outer, sums);
   Value whole = arith::AndIOp::create(
@@ -196,18 +194,4 @@ EntryBuilder::Values EntryBuilder::buildMaskedLanes(Value begin, Value end,
   if (!sums.empty())
     scf::YieldOp::create(b, loc, next);
   return Values(loop.getResults());
-}
-
-/// Stretches of threads whose lanes take one after the other.
-EntryBuilder::Values EntryBuilder::buildTurns(Value begin, Value end,
-                                              ValueRange outer) {
-  Value most = constant(b.getI64Type(), threads.countThreads());
-  auto loop = scf::ForOp::create(b, loc, begin, end, most);
-  OpBuilder::InsertionGuard guard(b);
-  b.setInsertionPointToStart(loop.getBody());
-  Value left = sub(end, loop.getInductionVar());
-  Value count = arith::MinSIOp::create(b, loc, left, most);
-  Values indices(outer);
-  indices.push_back(loop.getInductionVar());
-  return cloneThread(indices, liveLanes(count), count);
 }

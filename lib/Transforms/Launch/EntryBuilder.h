@@ -57,9 +57,7 @@ private:
   void readArguments();
   Values identities(bool inLanes);
   Values combine(mlir::ValueRange sums, mlir::ValueRange terms);
-  /// `live` and `count` with lanes, and turns.
-  Values cloneThread(mlir::ValueRange indices, mlir::Value live,
-                     mlir::Value count = {});
+  Values cloneThread(mlir::ValueRange indices, mlir::Value live);
   Values takeThread(mlir::ValueRange indices);
   Values unravel(mlir::Value row, int count);
 
@@ -76,8 +74,6 @@ private:
                         mlir::ValueRange outer, mlir::ValueRange sums);
   Values buildMaskedLanes(mlir::Value begin, mlir::Value end,
                           mlir::ValueRange outer, mlir::ValueRange sums);
-  Values buildTurns(mlir::Value begin, mlir::Value end,
-                    mlir::ValueRange outer);
   mlir::Value liveLanes(mlir::Value count);
 
   // EmitEntryGpu.cpp and EmitEntryItems.cpp

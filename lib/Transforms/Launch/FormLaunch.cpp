@@ -106,7 +106,7 @@ static void formThreads(FunctionOpInterface kernel) {
   b.createBlock(&group.getBody());
   auto threads = warp::ThreadsOp::create(
       b, loc, TypeRange(), b.getDenseI32ArrayAttr({}), b.getTypeArrayAttr({}),
-      /*lanes=*/IntegerAttr(), /*turns=*/IntegerAttr());
+      /*lanes=*/IntegerAttr());
   SmallVector<Type> indexTypes(rank, b.getI32Type());
   Block *thread = b.createBlock(&threads.getBody(), {}, indexTypes,
                                 SmallVector<Location>(rank, loc));

@@ -60,7 +60,8 @@ void GroupCombiner::combine(warp::AtomicComponentsOp op) {
   SmallVector<Type> types;
   OpBuilder atStart = OpBuilder::atBlockBegin(thread);
   b.setInsertionPoint(op);
-  for (auto [leaf, component] : llvm::zip_equal(warp::leavesOf(op), op.getComponents())) {
+  for (auto [leaf, component] :
+       llvm::zip_equal(warp::leavesOf(op), op.getComponents())) {
     bool widens = isGradient && leaf.type.isF32();
     Type type = widens ? b.getF64Type() : leaf.type;
     Value value = component, identity =
@@ -118,8 +119,7 @@ ValueRange GroupCombiner::yield(ArrayRef<warp::Carried> sums,
   b.setInsertionPoint(threads);
   auto made = warp::ThreadsOp::create(
       b, threads.getLoc(), results, b.getDenseI32ArrayAttr(allKinds),
-      b.getTypeArrayAttr(allTypes), threads.getLanesAttr(),
-      threads.getTurnsAttr());
+      b.getTypeArrayAttr(allTypes), threads.getLanesAttr());
   made.getBody().takeBody(threads.getBody());
   threads->replaceAllUsesWith(made->getResults().take_front(before));
   threads->erase();

@@ -54,7 +54,8 @@ static void combineOverWarp(AtomicComponentsOp op, ArrayRef<Value> compared) {
   b.setInsertionPointToStart(branch.thenBlock());
   SmallVector<Value> totals;
   warp::AtomicKind kind = warp::combiningKind(op.getKind());
-  for (auto [leaf, value] : llvm::zip_equal(warp::leavesOf(op), op.getComponents()))
+  for (auto [leaf, value] :
+       llvm::zip_equal(warp::leavesOf(op), op.getComponents()))
     totals.push_back(
         warp::overLanes(b, loc, value, [&, type = leaf.type](Value x, Value y) {
           return warp::combine(b, loc, kind, x, y, type, /*anyOrder=*/true);

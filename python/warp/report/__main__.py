@@ -13,7 +13,7 @@ from warp.report._scene import Sweep, registered
 from warp.report._worker import load
 
 #: Packages beside this file that have a command line of their own.
-TOOLS = ("stability",)
+TOOLS = ("lean", "stability")
 SCENES = Path(__file__).parent / "scenes"
 
 
@@ -45,7 +45,8 @@ def _parser():
     parser = argparse.ArgumentParser(
         prog="python -m warp.report",
         description="Measure scenes: error against run time, stability, drift, gradients. "
-        "'stability' in place of scenes runs the catalogue of extreme cases.",
+        "'stability' in place of scenes runs the catalogue of extreme cases, "
+        "'lean' says what scenes use and carry unused.",
     )
     parser.add_argument("scenes", nargs="*", help="names of scenes, or Python files with some")
     parser.add_argument("--list", action="store_true", help="say which scenes there are")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import warp as wp
-from warp._src.geometry.device_grid import DeviceGrid
+from warp._src.geometry.device.grid import DeviceGrid
 
 TYPES = {2: (np.float16, wp.vec3h), 4: (np.float32, wp.vec3f), 8: (np.float64, wp.vec3d)}
 SCALARS = {2: wp.float16, 4: wp.float32, 8: wp.float64}

@@ -66,6 +66,10 @@ class KernelDerivatives:
         """
         return self._find(native, active, True, unique, width=width, winners=winners)
 
+    def made(self) -> list[tuple]:
+        """Native kernels of all that there are, each after `adjoint` or `tangent`."""
+        return [("tangent" if key[2] else "adjoint", one.native) for key, one in self._made.items()]
+
     def last_adjoint(self) -> KernelDerivative | None:
         """The derivative in reverse mode that was made last, None if there is none."""
         made = [one for key, one in self._made.items() if not key[2]]

@@ -100,6 +100,8 @@ class Bvh:
         self.device = lowers.device
         self.lowers, self.uppers, self.groups = lowers, uppers, groups
         self._median = median
+        # What refits on the device.
+        self._kernels = None
         self._wait()
         index = devices.resolve_index(self.device)
         self._native = _native.Bvh(lowers, uppers, groups, index, median)
@@ -111,8 +113,17 @@ class Bvh:
         return self._native.report
 
     def refit(self):
-        """Takes over boxes that moved; neighbours in the hierarchy stay neighbours."""
-        self._wait()
+        """Takes over boxes that moved; neighbours in the hierarchy stay neighbours.
+
+        On a GPU kernels do it, which graphs may capture.
+        """
+        if not self.device.is_cpu:
+            if self._kernels is None:
+                from warp._src.geometry.device.refit import Refit
+
+                self._kernels = Refit(self._native.view, self.device, of_triangles=False)
+            self._kernels.run(self.lowers, self.uppers)
+            return
         self._native.refit(self.lowers, self.uppers)
 
     def rebuild(self, constructor=None):
@@ -120,6 +131,7 @@ class Bvh:
         median = self._median if constructor is None else is_median(constructor)
         self._wait()
         self._native.rebuild(self.lowers, self.uppers, self.groups, median)
+        self._kernels = None
 
     def _wait(self):
         """The host reads the arrays: what writes them has to be done."""

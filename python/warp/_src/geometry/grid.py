@@ -58,7 +58,7 @@ class HashGrid:
         if self.device.is_cpu:
             self._native = _native.HashGrid(*cells)
         else:
-            from warp._src.geometry.device_grid import DeviceGrid
+            from warp._src.geometry.device.grid import DeviceGrid
 
             self._native = DeviceGrid(cells, self.device)
         self.id = self._native.id

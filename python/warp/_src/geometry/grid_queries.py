@@ -52,7 +52,7 @@ class HashGridGroupQuery:
     group: int32
 
 
-# Words of the slot, as lib/Geometry/HashGrid.cpp and device_grid.py write it.
+# Words of the slot, as lib/Geometry/HashGrid.cpp and device/grid.py write it.
 _CELLS_XY, _CELLS_Z, _INVERSE, _STARTS, _ORDER, _GROUPS, _GROUP_COUNT = 1, 2, 3, 4, 11, 18, 20
 
 

@@ -67,6 +67,9 @@ class Mesh:
             bool(support_winding_number),
         )
         self.id = self._native.id
+        self._has_winding = bool(support_winding_number)
+        # What refits on the device, and the arrays that kernels know of.
+        self._kernels, self._shown = None, self._addresses()
 
     def _check_velocities(self, velocities, points):
         if velocities is None:
@@ -109,9 +112,26 @@ class Mesh:
         return self._native.report
 
     def refit(self):
-        """Takes over positions that changed; neighbours in the hierarchy stay neighbours."""
+        """Takes over positions that changed; neighbours in the hierarchy stay neighbours.
+
+        On a GPU kernels do it, which graphs may capture, unless an array was replaced or the mesh
+        supports winding numbers.
+        """
+        if not self.device.is_cpu and not self._has_winding and self._shown == self._addresses():
+            if self._kernels is None:
+                from warp._src.geometry.device.refit import Refit
+
+                self._kernels = Refit(self._native.view, self.device, of_triangles=True)
+            self._kernels.run(self._points, self.indices)
+            return
         self._wait()
         self._native.refit(self._points, self._velocities, self.indices)
+        self._kernels, self._shown = None, self._addresses()
+
+    def _addresses(self) -> list:
+        """Of the arrays that kernels read."""
+        arrays = (self._points, self._velocities, self.indices)
+        return [getattr(array, "ptr", None) for array in arrays]
 
     def rebuild(self, bvh_constructor=None):
         """Builds the hierarchy again, for positions that changed a lot."""
@@ -119,6 +139,7 @@ class Mesh:
         self._wait()
         arrays = (self._points, self._velocities, self.indices, self.groups)
         self._native.rebuild(*arrays, median)
+        self._kernels, self._shown = None, self._addresses()
 
     def _wait(self):
         """The host reads the arrays: what writes them has to be done."""

@@ -216,7 +216,15 @@ class Kernel:
             if epoch is current
         ]
 
-    def ir(self, stage: str = "warp", device=None, rank: int = 1, arch=None) -> str:
+    def ir(
+        self,
+        stage: str = "warp",
+        device=None,
+        rank: int = 1,
+        arch=None,
+        derivative: str | None = None,
+        inputs=None,
+    ) -> str:
         """The kernel as text at one stage of compilation.
 
         Args:
@@ -228,13 +236,17 @@ class Kernel:
                 for the CPU.
             rank: number of launch dimensions.
             arch: GPU architecture to lower for, `90` for `sm_90`; no such GPU is needed.
+            derivative: `adjoint` or `tangent`: the stage of that derivative, in place of the
+                kernel's.
+            inputs: names of the arrays that have gradients, with a derivative; all by default.
 
         Raises:
-            ValueError: there is no such stage or architecture.
+            ValueError: there is no such stage, derivative, architecture or array.
         """
         if stage in DERIVATIVES:
-            made = differentiate(self.prepare(), (), stage == "tangent", tape=self.option("tape"))
-            return made.module.text()
+            stage, derivative = "warp", stage
+        if derivative is not None:
+            return self._derivative_ir(stage, device, rank, arch, derivative, inputs)
         if stage not in STAGES:
             known = ", ".join(map(repr, STAGES + DERIVATIVES))
             raise ValueError(f"no stage {stage!r}, expects one of {known}")
@@ -248,6 +260,28 @@ class Kernel:
     def code_for(self, native, arch):
         """What is compiled for an architecture; 0 is the CPU."""
         return native
+
+    def _derivative_ir(self, stage, device, rank, arch, derivative, inputs) -> str:
+        """The text of a derivative; it is made for this alone."""
+        if derivative not in DERIVATIVES:
+            raise ValueError(f"no derivative {derivative!r}, expects 'adjoint' or 'tangent'")
+        native = self.prepare()
+        active = ()
+        if inputs is not None:
+            arrays = [name for name, kind, *_ in native.parameters if kind == "array"]
+            unknown = sorted(set(inputs) - set(arrays))
+            if unknown:
+                known = ", ".join(map(repr, arrays))
+                raise ValueError(f"no array {unknown[0]!r} in '{self.key}'; there are {known}")
+            active = [name in inputs for name in arrays]
+        forward = derivative == "tangent"
+        made = differentiate(native, active, forward, tape=self.option("tape"))
+        if stage == "warp":
+            return made.module.text()
+        if stage not in STAGES:
+            raise ValueError(f"no stage {stage!r}, expects one of {', '.join(map(repr, STAGES))}")
+        arch = _architecture(stage, device) if arch is None else arch
+        return self.compile_module(made.module).ir(stage, arch, rank)
 
     def schedule(self, device=None, dim=None, arch=None):
         """How launches of the kernel are made, and why; `print` shows it as a table.

@@ -13,6 +13,7 @@ _RARE = {
     name: home
     for home, held in (
         ("kernels.tiled", ("launch_tiled",)),
+        ("kernels.manifest", ("Manifest", "KernelManifest", "manifest")),
         ("logger", ("Logger", "ScopedLogLevel", "ScopedLogger", "get_logger", "set_logger")),
         (
             "devices.timing",

@@ -1,0 +1,1 @@
+"""What kernels build and refit on the device: hash grids, hierarchies."""

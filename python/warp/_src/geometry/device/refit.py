@@ -1,0 +1,162 @@
+"""Hierarchies that kernels refit: blocks first, then nodes, one level after the other.
+
+The bits are those of lib/Geometry/Hierarchy.h as long as the scale of coordinates, which is chosen
+when a hierarchy is built, is the same. Nothing is read on the host, so graphs may capture it.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+from warp._src.types import dtypes
+
+# Words of nodes and blocks (lib/DeviceLib/geometry/Tree.h).
+NODE, CHILD_NODES, CHILD_BLOCKS, MASKS = 64, 48, 49, 51
+TRIANGLES, TRIANGLE_IDS, BOXES, BOX_IDS = 80, 72, 56, 48
+_NONE = wp.constant(wp.uint32(0x7FC00000))
+
+
+@wp.func
+def _is_finite(v: wp.vec3):
+    return wp.isfinite(v[0]) and wp.isfinite(v[1]) and wp.isfinite(v[2])
+
+
+@wp.func
+def _write(words: wp.array(dtype=wp.uint32), at: int, v: wp.vec3, is_there: bool):
+    """Three components, eight words apart; NaN without them."""
+    for axis in range(3):
+        word = wp.cast(v[axis], wp.uint32)
+        words[at + 8 * axis] = wp.where(is_there, word, _NONE)
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def _fill_triangles(
+    words: wp.array(dtype=wp.uint32),
+    scale: float,
+    points: wp.array(dtype=wp.vec3),
+    indices: wp.array(dtype=int),
+):
+    block, lane = wp.tid()
+    first = block * TRIANGLES
+    face = wp.cast(words[first + TRIANGLE_IDS + lane], int)
+    a = wp.vec3()
+    b = wp.vec3()
+    c = wp.vec3()
+    is_there = bool(False)
+    if face >= 0:
+        i = indices[3 * face]
+        j = indices[3 * face + 1]
+        k = indices[3 * face + 2]
+        # The host has checked them, but they may have changed.
+        if wp.min(wp.min(i, j), k) >= 0 and wp.max(wp.max(i, j), k) < len(points):
+            a = points[i]
+            b = points[j]
+            c = points[k]
+            is_there = _is_finite(a) and _is_finite(b) and _is_finite(c)
+    _write(words, first + lane, a * scale, is_there)
+    _write(words, first + 24 + lane, b * scale, is_there)
+    _write(words, first + 48 + lane, c * scale, is_there)
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def _fill_boxes(
+    words: wp.array(dtype=wp.uint32),
+    scale: float,
+    lowers: wp.array(dtype=wp.vec3),
+    uppers: wp.array(dtype=wp.vec3),
+):
+    block, lane = wp.tid()
+    first = block * BOXES
+    box = wp.cast(words[first + BOX_IDS + lane], int)
+    low = wp.vec3()
+    high = wp.vec3()
+    is_there = bool(False)
+    if box >= 0:
+        low = lowers[box]
+        high = uppers[box]
+        is_there = _is_finite(low) and _is_finite(high)
+        for axis in range(3):
+            is_there = is_there and low[axis] <= high[axis]
+    _write(words, first + lane, low * scale, is_there)
+    _write(words, first + 24 + lane, high * scale, is_there)
+
+
+@wp.func
+def _bits_below(mask: int, place: int):
+    count = int(0)
+    for bit in range(8):
+        count += int(bit < place) * ((mask >> bit) & 1)
+    return count
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def _bound(
+    nodes: wp.array(dtype=wp.uint32),
+    blocks: wp.array(dtype=wp.uint32),
+    block_words: int,
+    corners: int,
+    order: wp.array(dtype=int),
+    start: int,
+):
+    """The bounds of one child of a node of a level; of triangles each corner counts."""
+    which, child = wp.tid()
+    node = order[start + which] * NODE
+    masks = int(nodes[node + MASKS])
+    of_nodes = masks & 255
+    of_blocks = (masks >> 8) & 255
+    for axis in range(3):
+        low = float(wp.inf)
+        high = -float(wp.inf)
+        if (of_nodes >> child) & 1 != 0:
+            below = (int(nodes[node + CHILD_NODES]) + _bits_below(of_nodes, child)) * NODE
+            there = int(nodes[below + MASKS])
+            for lane in range(8):
+                if ((there | (there >> 8)) >> lane) & 1 != 0:
+                    low = wp.min(low, wp.cast(nodes[below + 8 * axis + lane], float))
+                    high = wp.max(high, wp.cast(nodes[below + 24 + 8 * axis + lane], float))
+        elif (of_blocks >> child) & 1 != 0:
+            block = int(nodes[node + CHILD_BLOCKS]) + _bits_below(of_blocks, child)
+            for lane in range(8):
+                for corner in range(corners):
+                    at = block * block_words + 24 * corner + 8 * axis + lane
+                    x = wp.cast(blocks[at], float)
+                    if x == x:
+                        # Of a box the first corner is the lower one.
+                        low = wp.min(low, x)
+                        high = wp.max(high, x)
+        nodes[node + 8 * axis + child] = wp.cast(low, wp.uint32)
+        nodes[node + 24 + 8 * axis + child] = wp.cast(high, wp.uint32)
+
+
+class Refit:
+    """Refits one hierarchy in place.
+
+    Args:
+        view: where the hierarchy is; as long as it is not built again.
+        device: the device.
+        of_triangles: whether blocks are of triangles, else of boxes.
+    """
+
+    def __init__(self, view, device, of_triangles):
+        self.view, self.device, self.of_triangles = view, device, of_triangles
+        self.block_words = TRIANGLES if of_triangles else BOXES
+        self.order = wp.array(view.order, dtype=int, device=device)
+
+        def words(address, count):
+            return wp.array(ptr=address, dtype=dtypes.uint32, shape=count, device=device)
+
+        self.nodes = words(view.nodes, NODE * len(view.order))
+        self.blocks = words(view.blocks, self.block_words * view.block_count)
+
+    def run(self, first, second) -> None:
+        """Takes over points and indices of faces, or lower and upper corners of boxes."""
+        if not self.view.order:
+            return
+        fill = _fill_triangles if self.of_triangles else _fill_boxes
+        inputs = [self.blocks, self.view.scale, first, second]
+        wp.launch(fill, (self.view.block_count, 8), inputs=inputs, device=self.device)
+        corners = 3 if self.of_triangles else 2
+        levels = self.view.levels
+        for level in reversed(range(len(levels) - 1)):
+            count = levels[level + 1] - levels[level]
+            inputs = [self.nodes, self.blocks, self.block_words, corners, self.order, levels[level]]
+            wp.launch(_bound, (count, 8), inputs=inputs, device=self.device)
