@@ -136,8 +136,8 @@ struct CheckTiles : warp::impl::CheckTilesBase<CheckTiles> {
         if (!condition || !varying.contains(condition))
           continue;
         auto diagnostic = op->emitError(
-            "all threads of a block have to come by here, but this stands under "
-            "a condition that differs between them; move it out");
+            "all threads of a block have to come by here, but this stands "
+            "under a condition that differs between them; move it out");
         diagnostic.attachNote(condition.getLoc()) << "the condition";
         return WalkResult::interrupt();
       }

@@ -97,7 +97,9 @@ void TileLowering::lowerCholesky(TileCholeskyOp op) {
   Type real = type.getElementType();
   Value result = op.getResult();
   bool upper = op.getUpper();
-  auto at = [&](Value i, Value j) { return upper ? Values{j, i} : Values{i, j}; };
+  auto at = [&](Value i, Value j) {
+    return upper ? Values{j, i} : Values{i, j};
+  };
   auto rest = [&](Value i, Value j) {
     Value first = element(op.getTile(), at(i, j));
     return loop(number(0), j, number(1), first,

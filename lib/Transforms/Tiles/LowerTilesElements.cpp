@@ -149,8 +149,9 @@ Values TileLowering::arrayIndices(Op op, TileType tile, ValueRange indices,
                            b.getI64IntegerAttr(d)),
              type);
     // As unsigned numbers, negative ones are too large.
-    inside = both(inside, arith::CmpIOp::create(
-                              b, loc, arith::CmpIPredicate::ult, place, extent));
+    inside = both(inside,
+                  arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ult,
+                                        place, extent));
   }
   return found;
 }
@@ -332,7 +333,8 @@ void TileLowering::lowerSet(TileSetOp op) {
   TileType type = tileType(op.getTile());
   Value inside = op.getWhere();
   Values indices;
-  for (auto [index, extent] : llvm::zip_equal(op.getIndices(), type.getShape())) {
+  for (auto [index, extent] :
+       llvm::zip_equal(op.getIndices(), type.getShape())) {
     indices.push_back(toIndex(index));
     inside = both(inside, arith::CmpIOp::create(
                               b, loc, arith::CmpIPredicate::ult,
@@ -348,8 +350,8 @@ void TileLowering::lowerSet(TileSetOp op) {
                        linear(type.getShape(), indices));
       return;
     }
-    static constexpr StringLiteral names[] = {"",       "add",     "sub", "bit_and",
-                                              "bit_or", "bit_xor", "min", "max"};
+    static constexpr StringLiteral names[] = {
+        "", "add", "sub", "bit_and", "bit_or", "bit_xor", "min", "max"};
     Value old = load(result, indices);
     store(result, indices,
           builtin(names[unsigned(op.getKind())], {old, op.getValue()}));

@@ -129,8 +129,8 @@ void TileLowering::lowerReduce(Operation *op, TileReduction kind, Value tile,
     Value value = positions ? sums[1] : sums[0];
     if (positions) {
       // Of nothing but NaN it is the first.
-      Value none = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq, value,
-                                         number(INT32_MAX));
+      Value none = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq,
+                                         value, number(INT32_MAX));
       value = arith::SelectOp::create(b, loc, none, number(0), value);
       value = cast(value, b.getIntegerType(32, true));
     }

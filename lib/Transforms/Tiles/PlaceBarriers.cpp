@@ -55,7 +55,8 @@ using Touches = SmallVector<Touch>;
 class BarrierPlacer {
 public:
   explicit BarrierPlacer(FunctionOpInterface kernel)
-      : buffers(kernel), threads(getBlockThreads(kernel)), b(kernel.getContext()) {
+      : buffers(kernel), threads(getBlockThreads(kernel)),
+        b(kernel.getContext()) {
     kernel->walk([&](Operation *op) {
       auto offsets = op->getAttrOfType<DenseI64ArrayAttr>(tiles::attr::offsets);
       unsigned next = 0;
@@ -108,8 +109,8 @@ private:
           touchTile(touches, result, true, ownedOf(result));
       if (auto scratch = op->getAttrOfType<IntegerAttr>(tiles::attr::scratch))
         touches.push_back({scratch.getInt(),
-                           scratch.getInt() + getScratchBytes(op, threads), true,
-                           0});
+                           scratch.getInt() + getScratchBytes(op, threads),
+                           true, 0});
     }
     if (isa<TileLoadOp>(op) || isa<warp::LoadOp>(op))
       touches.push_back({arrays, arrays, false, 0});

@@ -78,8 +78,8 @@ public:
       int64_t offset = 0;
       for (Piece *other : others)
         if (other->offset < offset + order[i]->bytes)
-          offset = std::max<int64_t>(offset, llvm::alignTo(other->offset + other->bytes,
-                                                  alignment));
+          offset = std::max<int64_t>(
+              offset, llvm::alignTo(other->offset + other->bytes, alignment));
       order[i]->offset = offset;
       total = std::max(total, offset + order[i]->bytes);
     }

@@ -594,7 +594,8 @@ LogicalResult TileReverse::reverseCholesky(TileCholeskyOp factor) {
   auto lower = [&](Value tile, bool halved) {
     return map({tile, i, j}, [&](ValueRange x) {
       Value diagonal = halved ? apply("mul", {x[0], half}) : x[0];
-      Value chosen = apply("where", {apply("eq", {x[1], x[2]}), diagonal, x[0]});
+      Value isDiagonal = apply("eq", {x[1], x[2]});
+      Value chosen = apply("where", {isDiagonal, diagonal, x[0]});
       return apply("where",
                    {apply("ge", {x[1], x[2]}), chosen, zeroOf(real)});
     });
