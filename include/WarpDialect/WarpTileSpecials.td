@@ -19,7 +19,7 @@ def Warp_BlockDimName : Warp_TileSpecial<"block_dim",
     ["() -> int"],
      "number of threads of a block; 1 on a CPU">;
 def Warp_TileName : Warp_TileSpecial<"tile",
-    ["(x: Any, preserve_type: bool = False) -> Any"],
+    ["(x: Any, preserve_type: Any = False) -> Any"],
      "tile of what each thread of the block has; vectors become columns "
      "unless `preserve_type`">;
 def Warp_UntileName : Warp_TileSpecial<"untile",
@@ -47,24 +47,24 @@ def Warp_TileArangeName : Warp_TileSpecial<"tile_arange",
      "tile of start, start + step, ... before stop, from constants">;
 def Warp_TileLoadName : Warp_TileSpecial<"tile_load",
     ["(a: array, shape: Any, offset: Any = None, storage: str = "
-     "\"register\", bounds_check: bool = True, aligned: bool = False) -> "
+     "\"register\", bounds_check: Any = True, aligned: Any = False) -> "
      "Any"],
      "tile of array elements from an offset on; zero outside of the "
      "array">;
 def Warp_TileLoadIndexedName : Warp_TileSpecial<"tile_load_indexed",
-    ["(a: array, indices: Any, shape: Any, offset: Any = None, axis: int"
+    ["(a: array, indices: Any, shape: Any, offset: Any = None, axis: Any"
      " = 0, storage: str = \"register\") -> Any"],
      "the same with indices along one dimension">;
 def Warp_TileStoreName : Warp_TileSpecial<"tile_store",
-    ["(a: array, t: Any, offset: Any = None, bounds_check: bool = True, "
-     "aligned: bool = False) -> None"],
+    ["(a: array, t: Any, offset: Any = None, bounds_check: Any = True, "
+     "aligned: Any = False) -> None"],
      "writes a tile to array elements; those outside are dropped">;
 def Warp_TileStoreIndexedName : Warp_TileSpecial<"tile_store_indexed",
     ["(a: array, indices: Any, t: Any, offset: Any = None, axis: int = "
      "0) -> None"],
      "the same with indices along one dimension">;
 def Warp_TileAtomicAddName : Warp_TileSpecial<"tile_atomic_add",
-    ["(a: array, t: Any, offset: Any = None, bounds_check: bool = True) "
+    ["(a: array, t: Any, offset: Any = None, bounds_check: Any = True) "
      "-> Any"],
      "adds a tile to array elements, each atomically; the old elements">;
 def Warp_TileAtomicAddIndexedName : Warp_TileSpecial<"tile_atomic_add_indexed",
@@ -81,11 +81,11 @@ def Warp_TileExtractName : Warp_TileSpecial<"tile_extract",
     ["(a: Any, *indices: int) -> Any"],
      "element of a tile, or component of one">;
 def Warp_TileScatterAddName : Warp_TileSpecial<"tile_scatter_add",
-    ["(a: Any, *indices: int, value: Any, has_value: bool = True, "
-     "atomic: bool = True) -> None"],
+    ["(a: Any, *indices: int, value: Any, has_value: Any = True, "
+     "atomic: Any = True) -> None"],
      "each thread with a value adds it to an element">;
 def Warp_TileScatterMaskedName : Warp_TileSpecial<"tile_scatter_masked",
-    ["(a: Any, *indices: int, value: Any, has_value: bool = True) -> "
+    ["(a: Any, *indices: int, value: Any, has_value: Any = True) -> "
      "None"],
      "each thread with a value assigns it to an element">;
 def Warp_TileTransposeName : Warp_TileSpecial<"tile_transpose",
@@ -111,25 +111,25 @@ def Warp_TileAxpyName : Warp_TileSpecial<"tile_axpy",
     ["(alpha: Any, src: Any, dest: Any) -> None"],
      "dest += alpha * src">;
 def Warp_TileSumName : Warp_TileSpecial<"tile_sum",
-    ["(a: Any, axis: int = None) -> Any"],
+    ["(a: Any, axis: Any = None) -> Any"],
      "sum of elements, all or along one dimension">;
 def Warp_TileMinName : Warp_TileSpecial<"tile_min",
-    ["(a: Any, axis: int = None) -> Any"],
+    ["(a: Any, axis: Any = None) -> Any"],
      "smallest element; NaN is skipped">;
 def Warp_TileMaxName : Warp_TileSpecial<"tile_max",
-    ["(a: Any, axis: int = None) -> Any"],
+    ["(a: Any, axis: Any = None) -> Any"],
      "largest element; NaN is skipped">;
 def Warp_TileArgminName : Warp_TileSpecial<"tile_argmin",
-    ["(a: Any, axis: int = None) -> Any"],
+    ["(a: Any, axis: Any = None) -> Any"],
      "position of the smallest element, the first of several">;
 def Warp_TileArgmaxName : Warp_TileSpecial<"tile_argmax",
-    ["(a: Any, axis: int = None) -> Any"],
+    ["(a: Any, axis: Any = None) -> Any"],
      "position of the largest element, the first of several">;
 def Warp_TileDotName : Warp_TileSpecial<"tile_dot",
     ["(a: Any, b: Any) -> Any"],
      "sum of products of elements; inner products of composites">;
 def Warp_TileReduceName : Warp_TileSpecial<"tile_reduce",
-    ["(op: Any, a: Any, axis: int = None) -> Any"],
+    ["(op: Any, a: Any, axis: Any = None) -> Any"],
      "elements combined by an associative function">;
 def Warp_TileScanInclusiveName : Warp_TileSpecial<"tile_scan_inclusive",
     ["(a: Any) -> Any"],

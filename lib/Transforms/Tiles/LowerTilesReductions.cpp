@@ -84,20 +84,27 @@ Values TileLowering::overBlock(Operation *op, TileReduction kind, Values sums) {
   if (threads == 1)
     return sums;
   int64_t offset = op->getAttrOfType<IntegerAttr>(attr::scratch).getInt();
+  // Arrays have elements of the language's types, so positions get a sign.
+  SmallVector<Type> stored;
   Values memory;
   for (Value sum : sums) {
-    memory.push_back(arrayAt(offset, threads, sum.getType()));
-    offset += llvm::alignTo(threads * getByteSize(sum.getType()), 8);
+    Type type = sum.getType();
+    stored.push_back(type.isSignlessInteger(32) ? b.getIntegerType(32, true)
+                                                : type);
+    memory.push_back(arrayAt(offset, threads, stored.back()));
+    offset += llvm::alignTo(threads * getByteSize(type), 8);
   }
   auto read = [&](Value index) {
-    return llvm::map_to_vector(memory, [&](Value array) -> Value {
-      return LoadOp::create(b, loc, cast<ArrayType>(array.getType())
-                                        .getElementType(), array, index);
-    });
+    Values values;
+    for (auto [sum, type, array] : llvm::zip_equal(sums, stored, memory)) {
+      Value value = LoadOp::create(b, loc, type, array, index);
+      values.push_back(cast(value, sum.getType()));
+    }
+    return values;
   };
   auto write = [&](ValueRange values) {
-    for (auto [value, array] : llvm::zip_equal(values, memory))
-      StoreOp::create(b, loc, value, array, thread);
+    for (auto [value, type, array] : llvm::zip_equal(values, stored, memory))
+      StoreOp::create(b, loc, cast(value, type), array, thread);
   };
   write(sums);
   for (int64_t half = llvm::PowerOf2Ceil(threads) / 2; half > 0; half /= 2) {

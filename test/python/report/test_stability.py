@@ -74,7 +74,7 @@ def test_names_of_cases():
 
 def test_command_writes_pages_and_counts(tmp_path, capsys):
     assert main(["stability", "R13", "S6", "--output", str(tmp_path)]) == 0
-    assert "2 pass, 0 diagnosed, 1 absent, 0 fail" in capsys.readouterr().out
+    assert "3 pass, 0 diagnosed, 0 absent, 0 fail" in capsys.readouterr().out
     lines = (tmp_path / "stability.jsonl").read_text().splitlines()
     assert [json.loads(line)["case"] for line in lines[1:]] == ["R13", "R13", "S6"]
     assert (
