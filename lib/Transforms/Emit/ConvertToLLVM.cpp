@@ -64,22 +64,50 @@ struct NarrowIndex : ConvertOpToLLVMPattern<arith::IndexCastOp> {
 
 /// The smaller or larger number by IEEE 754-2019: -0 lies below +0 and a NaN is
 /// missing, whatever the order of the operands. LLVM's minnum, which MLIR would
-/// take, leaves the order of zeros open.
+/// take, leaves the order of zeros open. Its maximumnum is what GPUs have, but
+/// LLVM 22 makes NaN of it for x86 with AVX-512 if one operand is known not to
+/// be one; so CPUs get maxnum, and of equal operands all bits that both have
+/// (minnum: that either has).
 template <typename Op>
 struct NumberLimit : ConvertOpToLLVMPattern<Op> {
   using ConvertOpToLLVMPattern<Op>::ConvertOpToLLVMPattern;
+  static constexpr bool isMin = std::is_same_v<Op, arith::MinNumFOp>;
 
   LogicalResult
   matchAndRewrite(Op op, typename Op::Adaptor adaptor,
                   ConversionPatternRewriter &rewriter) const override {
-    constexpr bool isMin = std::is_same_v<Op, arith::MinNumFOp>;
-    auto call = LLVM::CallIntrinsicOp::create(
-        rewriter, op.getLoc(), adaptor.getLhs().getType(),
-        rewriter.getStringAttr(isMin ? "llvm.minimumnum" : "llvm.maximumnum"),
-        ValueRange{adaptor.getLhs(), adaptor.getRhs()});
-    call.setFastmathFlags(
-        arith::convertArithFastMathFlagsToLLVM(op.getFastmath()));
-    rewriter.replaceOp(op, call);
+    Location loc = op.getLoc();
+    Value x = adaptor.getLhs(), y = adaptor.getRhs();
+    Type type = x.getType();
+    auto flags = arith::convertArithFastMathFlagsToLLVM(op.getFastmath());
+    auto limit = [&](StringRef name) {
+      auto call = LLVM::CallIntrinsicOp::create(
+          rewriter, loc, type, rewriter.getStringAttr(name), ValueRange{x, y});
+      call.setFastmathFlags(flags);
+      return call.getResult(0);
+    };
+    if (op->template getParentOfType<gpu::GPUModuleOp>()) {
+      rewriter.replaceOp(op, limit(isMin ? "llvm.minimumnum"
+                                         : "llvm.maximumnum"));
+      return success();
+    }
+    Value result = limit(isMin ? "llvm.minnum" : "llvm.maxnum");
+    if (!bitEnumContainsAny(flags, LLVM::FastmathFlags::nsz)) {
+      Type bits = rewriter.getIntegerType(
+          getElementTypeOrSelf(type).getIntOrFloatBitWidth());
+      if (auto vector = dyn_cast<VectorType>(type))
+        bits = VectorType::get(vector.getShape(), bits,
+                               vector.getScalableDims());
+      Value a = LLVM::BitcastOp::create(rewriter, loc, bits, x);
+      Value b = LLVM::BitcastOp::create(rewriter, loc, bits, y);
+      Value both = isMin ? Value(LLVM::OrOp::create(rewriter, loc, a, b))
+                         : Value(LLVM::AndOp::create(rewriter, loc, a, b));
+      Value same = LLVM::FCmpOp::create(rewriter, loc,
+                                        LLVM::FCmpPredicate::oeq, x, y);
+      both = LLVM::BitcastOp::create(rewriter, loc, type, both);
+      result = LLVM::SelectOp::create(rewriter, loc, same, both, result);
+    }
+    rewriter.replaceOp(op, result);
     return success();
   }
 };

@@ -75,3 +75,23 @@ def test_atomics(device, real, count):
         at = wp.zeros(count, dtype=int, device=device)
         wp.launch(scatter, count, [x, at, low], device=device)
         assert bits(low.numpy()[:1]) == bits([least]), (a, b)
+
+
+@wp.kernel(module_options={"cpu_lanes": 1})
+def largest_of_wanted(
+    wanted: wp.array(dtype=int), x: wp.array(dtype=int), largest: wp.array(dtype=float)
+):
+    i = wp.tid()
+    if wanted[i] == 0:
+        return
+    wp.atomic_max(largest, 0, wp.float32(x[i]))
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 40])
+def test_extrema_of_what_cannot_be_nan(count, device):
+    """What threads combine begins without a number; a converted integer is one for certain."""
+    numbers = np.arange(count) * 3 + 7
+    wanted, x = (wp.array(one, dtype=int, device=device) for one in (numbers > 6, numbers))
+    largest = wp.zeros(1, dtype=float, device=device)
+    wp.launch(largest_of_wanted, count, [wanted, x, largest], device=device)
+    assert largest.numpy()[0] == numbers[-1]
