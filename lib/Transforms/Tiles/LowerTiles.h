@@ -19,11 +19,13 @@ using mlir::Value;
 using mlir::ValueRange;
 using Values = llvm::SmallVector<Value>;
 
+AtomicKind toAtomic(TileUpdate kind);
+
 /// Writes code for operations on tiles; LowerTiles.cpp explains how. Indices
 /// are signless i32 values.
 class TileLowering {
 public:
-  explicit TileLowering(mlir::FunctionOpInterface kernel);
+  TileLowering(mlir::FunctionOpInterface kernel, int64_t threads);
   mlir::LogicalResult run();
 
 private:
@@ -32,6 +34,7 @@ private:
   //===--------------------------------------------------------------------===//
 
   Value number(int64_t value);
+  template <typename Op> Value combined(Value x, Value y, int64_t neutral);
   Value add(Value a, Value b);
   Value mul(Value a, Value b);
   Value sub(Value a, Value b);
@@ -144,7 +147,6 @@ private:
   mlir::FunctionOpInterface kernel;
   int64_t threads;
   TileBuffers buffers;
-  llvm::DenseMap<Value, int64_t> offsetOf;
   std::map<std::tuple<int64_t, int64_t, const void *>, Value> arrays;
   mlir::OpBuilder b, entry;
   mlir::Location loc;

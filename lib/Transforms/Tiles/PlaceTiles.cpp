@@ -16,13 +16,11 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "KernelFunction.h"
 #include "TileBuffers.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/IR/Matchers.h"
 #include "mlir/Interfaces/LoopLikeInterface.h"
-#include "llvm/ADT/SetVector.h"
 
 namespace warp {
 #define GEN_PASS_DEF_PLACETILES
@@ -53,11 +51,6 @@ static bool isThreadIndependent(Operation *op) {
     Operation *def = operand.getDefiningOp();
     return !def || !isInline(def) || isThreadIndependent(def);
   });
-}
-
-/// An operation on tiles, rather than one that passes them on.
-static bool isConsumer(Operation *op) {
-  return op->getName().getDialectNamespace() == "warp";
 }
 
 /// Each thread reads the elements that it would write, once.
@@ -99,7 +92,7 @@ static bool shouldInline(Operation *op, int64_t threads) {
     // Of memory; what is not kept follows the rule for others.
     Operation *source = op->getOperand(0).getDefiningOp();
     if (!source || !isInline(source) || isView(source))
-      return llvm::all_of(op->getUsers(), isConsumer);
+      return llvm::all_of(op->getUsers(), computesTiles);
   }
   if (!isView(op) &&
       !isa<TileSplatOp, TileIotaOp, TileMapOp, TileLoadOp>(op))
@@ -110,7 +103,7 @@ static bool shouldInline(Operation *op, int64_t threads) {
   if (!isCheap && !op->hasOneUse())
     return false;
   for (Operation *user : op->getUsers()) {
-    if (user->getBlock() != op->getBlock() || !isConsumer(user))
+    if (user->getBlock() != op->getBlock() || !computesTiles(user))
       return false;
     bool once = readsOwnElements(user) || isa<TileReduceOp>(user) ||
                 isa<TileInsertOp, TileGetOp>(user) || isView(user);
@@ -286,43 +279,46 @@ static void placeWhile(OpBuilder &b, scf::WhileOp loop) {
 // The pass
 //===----------------------------------------------------------------------===//
 
+static void placeTiles(FunctionOpInterface kernel, int64_t threads) {
+  OpBuilder b(kernel.getContext());
+  SmallVector<Operation *> ops, carriers;
+  kernel->walk([&](Operation *op) {
+    if (op->getName().getDialectNamespace() == "scf")
+      carriers.push_back(op);
+    else if (computesTiles(op))
+      ops.push_back(op);
+  });
+  for (Operation *op : ops)
+    if (shouldInline(op, threads))
+      op->setAttr(tiles::attr::placement, b.getStringAttr("inline"));
+  for (Operation *op : ops)
+    if (!isInline(op))
+      for (unsigned operand : replaceableOperands(op))
+        if (canReplace(op, operand)) {
+          op->setAttr(tiles::attr::inPlace, b.getI64IntegerAttr(operand));
+          break;
+        }
+  for (Operation *op : carriers) {
+    if (auto loop = dyn_cast<scf::ForOp>(op))
+      placeFor(b, loop);
+    else if (auto loop = dyn_cast<scf::WhileOp>(op))
+      placeWhile(b, loop);
+    else if (auto branch = dyn_cast<scf::IfOp>(op); branch &&
+             branch.getNumResults() != 0)
+      placeIf(b, branch);
+  }
+}
+
 namespace {
 
 struct PlaceTiles : warp::impl::PlaceTilesBase<PlaceTiles> {
   void runOnOperation() override {
-    FunctionOpInterface kernel = warp::findKernel(getOperation());
-    if (!kernel)
-      return signalPassFailure();
-    int64_t threads = getBlockThreads(kernel);
-    if (!threads)
-      return;
-    OpBuilder b(&getContext());
-    SmallVector<Operation *> ops, carriers;
-    kernel->walk([&](Operation *op) {
-      if (op->getName().getDialectNamespace() == "scf")
-        carriers.push_back(op);
-      else if (isTileOp(op))
-        ops.push_back(op);
-    });
-    for (Operation *op : ops)
-      if (shouldInline(op, threads))
-        op->setAttr(tiles::attr::placement, b.getStringAttr("inline"));
-    for (Operation *op : ops)
-      if (!isInline(op))
-        for (unsigned operand : replaceableOperands(op))
-          if (canReplace(op, operand)) {
-            op->setAttr(tiles::attr::inPlace, b.getI64IntegerAttr(operand));
-            break;
-          }
-    for (Operation *op : carriers) {
-      if (auto loop = dyn_cast<scf::ForOp>(op))
-        placeFor(b, loop);
-      else if (auto loop = dyn_cast<scf::WhileOp>(op))
-        placeWhile(b, loop);
-      else if (auto branch = dyn_cast<scf::IfOp>(op); branch &&
-               branch.getNumResults() != 0)
-        placeIf(b, branch);
-    }
+    auto work = [](FunctionOpInterface kernel, int64_t threads) {
+      placeTiles(kernel, threads);
+      return success();
+    };
+    if (failed(forTileKernel(getOperation(), work)))
+      signalPassFailure();
   }
 };
 

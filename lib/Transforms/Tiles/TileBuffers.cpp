@@ -6,8 +6,9 @@
 
 #include "TileBuffers.h"
 
+#include "KernelFunction.h"
+
 #include "mlir/Dialect/SCF/IR/SCF.h"
-#include "llvm/ADT/SetVector.h"
 
 using namespace mlir;
 
@@ -16,6 +17,20 @@ namespace warp::tiles {
 int64_t getBlockThreads(Operation *kernel) {
   auto threads = kernel->getAttrOfType<IntegerAttr>(warp::attr::blockThreads);
   return threads ? threads.getInt() : 0;
+}
+
+LogicalResult forTileKernel(
+    ModuleOp module,
+    function_ref<LogicalResult(FunctionOpInterface, int64_t)> work) {
+  FunctionOpInterface kernel = findKernel(module);
+  if (!kernel)
+    return failure();
+  int64_t threads = getBlockThreads(kernel);
+  return threads ? work(kernel, threads) : success();
+}
+
+bool computesTiles(Operation *op) {
+  return op->getName().getDialectNamespace() == "warp" && isTileOp(op);
 }
 
 bool isInline(Operation *op) {
@@ -77,6 +92,17 @@ TileBuffers::TileBuffers(FunctionOpInterface kernel) {
   });
   for (Value tile : tiles)
     classes.insert(tile.getAsOpaquePointer());
+  kernel->walk([&](Operation *op) { readOffsets(op); });
+}
+
+void TileBuffers::readOffsets(Operation *op) {
+  auto offsets = op->getAttrOfType<DenseI64ArrayAttr>(attr::offsets);
+  if (!offsets)
+    return;
+  unsigned next = 0;
+  for (Value result : op->getResults())
+    if (isTile(result))
+      offsetOf[rootOf(result)] = offsets[next++];
 }
 
 Value TileBuffers::rootOf(Value tile) const {
