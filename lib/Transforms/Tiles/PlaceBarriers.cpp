@@ -84,8 +84,8 @@ private:
 
   Touches touchesOf(Operation *op) {
     Touches touches;
-    bool striped = isa<TileMapOp, TileStoreOp, TileAtomicOp, TileSplatOp,
-                       TileIotaOp, TileLoadOp>(op);
+    bool striped = readsOwnElements(op) ||
+                   isa<TileSplatOp, TileIotaOp, TileLoadOp>(op);
     auto ownedOf = [&](Value tile) {
       return striped ? tileType(tile).getNumElements() : 0;
     };

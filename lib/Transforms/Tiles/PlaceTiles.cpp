@@ -4,8 +4,8 @@
 //
 // Three decisions, in this order:
 //
-//   inline     views of other tiles; what is cheap per element, has one use and
-//              reads nothing that is overwritten before that use
+//   inline     views of other tiles; what has one use and reads nothing that is
+//              overwritten before that use (TileInlining.h)
 //   in place   an operation that replaces elements, if nobody reads what it
 //              replaces afterwards
 //   copies     where loops and branches carry tiles, each carried tile has one
@@ -16,10 +16,10 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "TileBuffers.h"
+#include "KernelFunction.h"
+#include "TileInlining.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
-#include "mlir/IR/Matchers.h"
 #include "mlir/Interfaces/LoopLikeInterface.h"
 
 namespace warp {
@@ -30,95 +30,6 @@ namespace warp {
 using namespace mlir;
 using namespace warp;
 using namespace warp::tiles;
-
-//===----------------------------------------------------------------------===//
-// Inline
-//===----------------------------------------------------------------------===//
-
-static bool isConstantLike(Value value) {
-  Operation *op = value.getDefiningOp();
-  return op && (isa<warp::ConstantOp>(op) ||
-                (op->getNumOperands() == 0 && isMemoryEffectFree(op)) ||
-                (isa<warp::ConstructOp>(op) &&
-                 llvm::all_of(op->getOperands(), isConstantLike)));
-}
-
-/// Whether all threads compute the same element at the same index.
-static bool isThreadIndependent(Operation *op) {
-  return llvm::all_of(op->getOperands(), [](Value operand) {
-    if (!isTile(operand))
-      return isConstantLike(operand);
-    Operation *def = operand.getDefiningOp();
-    return !def || !isInline(def) || isThreadIndependent(def);
-  });
-}
-
-/// Each thread reads the elements that it would write, once.
-static bool readsOwnElements(Operation *op) {
-  return isa<TileMapOp, TileStoreOp, TileAtomicOp>(op);
-}
-
-static bool mayWriteArrays(Operation *op) {
-  if (isa<TileLoadOp>(op))
-    return false;
-  return !isMemoryEffectFree(op) &&
-         !isa<warp::LoadOp>(op);
-}
-
-/// Whether nothing that `op` loads changes until it is used.
-static bool isUnchangedUntil(Operation *op, Operation *user) {
-  for (Operation *next = op->getNextNode(); next && next != user;
-       next = next->getNextNode())
-    if (mayWriteArrays(next))
-      return false;
-  // The user's own writes, of elements that other threads are yet to load.
-  return !isa<TileStoreOp, TileAtomicOp>(user) ||
-         user->getOperand(1) != op->getOperand(0) ||
-         llvm::equal(llvm::drop_begin(user->getOperands(), 2),
-                     llvm::drop_begin(op->getOperands(), 1));
-}
-
-static bool loadsArrays(Operation *op) {
-  if (isa<TileLoadOp>(op))
-    return true;
-  return llvm::any_of(op->getOperands(), [](Value operand) {
-    Operation *def = operand.getDefiningOp();
-    return def && isTile(operand) && isInline(def) && loadsArrays(def);
-  });
-}
-
-static bool shouldInline(Operation *op, int64_t threads) {
-  if (isView(op)) {
-    // Of memory; what is not kept follows the rule for others.
-    Operation *source = op->getOperand(0).getDefiningOp();
-    if (!source || !isInline(source) || isView(source))
-      return llvm::all_of(op->getUsers(), computesTiles);
-  }
-  if (!isView(op) &&
-      !isa<TileSplatOp, TileIotaOp, TileMapOp, TileLoadOp>(op))
-    return false;
-  if (op->getNumResults() != 1 || (isa<TileMapOp>(op) && !isPure(op)))
-    return false;
-  bool isCheap = isa<TileSplatOp, TileIotaOp>(op) && isThreadIndependent(op);
-  if (!isCheap && !op->hasOneUse())
-    return false;
-  for (Operation *user : op->getUsers()) {
-    if (user->getBlock() != op->getBlock() || !computesTiles(user))
-      return false;
-    bool once = readsOwnElements(user) || isa<TileReduceOp>(user) ||
-                isa<TileInsertOp, TileGetOp>(user) || isView(user);
-    if (!isCheap && !once)
-      return false;
-    // A part that is inserted is read with the indices of the part.
-    if (threads > 1 && !readsOwnElements(user) && !isThreadIndependent(op))
-      return false;
-    if (loadsArrays(op) && !isUnchangedUntil(op, user))
-      return false;
-    if (isa<TileInsertOp>(user) && user->getOperand(0) != op->getResult(0))
-      return isCheap;
-  }
-  return true;
-}
 
 //===----------------------------------------------------------------------===//
 // In place
@@ -288,8 +199,9 @@ static void placeTiles(FunctionOpInterface kernel, int64_t threads) {
     else if (computesTiles(op))
       ops.push_back(op);
   });
+  TileInlining inlining(kernel, threads);
   for (Operation *op : ops)
-    if (shouldInline(op, threads))
+    if (inlining.shouldInline(op))
       op->setAttr(tiles::attr::placement, b.getStringAttr("inline"));
   for (Operation *op : ops)
     if (!isInline(op))

@@ -38,6 +38,14 @@ bool isInline(Operation *op) {
   return placement && placement.getValue() == "inline";
 }
 
+bool readsOwnElements(Operation *op) {
+  if (auto reduce = dyn_cast<TileReduceOp>(op))
+    return !reduce.getAxis();
+  if (auto reduce = dyn_cast<TileArgReduceOp>(op))
+    return !reduce.getAxis();
+  return isa<TileMapOp, TileStoreOp, TileAtomicOp>(op);
+}
+
 bool isView(Operation *op) {
   return isa<TileTransposeOp, TileReshapeOp, TileBroadcastOp, TileSliceOp>(op);
 }

@@ -47,6 +47,8 @@ inline bool isTile(mlir::Value value) {
   return mlir::isa<TileType>(value.getType());
 }
 bool isInline(mlir::Operation *op);
+/// Each thread reads its elements of a tile, e, e + B, ..., once.
+bool readsOwnElements(mlir::Operation *op);
 /// An operation whose elements are elements of its first operand.
 bool isView(mlir::Operation *op);
 /// Operations that read the memory of a tile, also through views and tiles that
