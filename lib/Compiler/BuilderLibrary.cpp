@@ -15,7 +15,8 @@ warp::buildLibraryCall(Builder::Impl &impl, StringRef name, ValueRange args) {
   if (!name.consume_front("_"))
     return std::nullopt;
   const LibraryFunction *function = findLibraryFunction(name);
-  if (!function)
+  // What changes memory is for passes alone.
+  if (!function || function->results.empty())
     return std::nullopt;
   SmallVector<mlir::Type> results;
   for (char letter : function->results)

@@ -2,7 +2,8 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// The table says what lib/DeviceLib/Geometry.cpp defines.
+// The table says what lib/DeviceLib defines: in Geometry.cpp, and for tiles on
+// CPUs in cpu/Tile*.cpp.
 //
 //===----------------------------------------------------------------------===//
 
@@ -41,6 +42,22 @@ static constexpr warp::LibraryFunction functions[] = {
     // A voxel: its number or -1; the same of the corners of a cell.
     {"warp_volume_index", "liii", "i"},
     {"warp_volume_cell_index", "liii", "iiiiiiii"},
+    // c, a, b; rows, columns, depth; steps to the next row and column of a and
+    // the next row of b; whether c is new; alpha, beta.
+    {"warp_tile_product_f32", "llliiiiiiiff", ""},
+    {"warp_tile_product_f64", "llliiiiiiidd", ""},
+    // Result, matrix, scratch memory; rows, whether the upper triangle counts.
+    {"warp_tile_cholesky_f32", "lllii", ""},
+    {"warp_tile_cholesky_f64", "lllii", ""},
+    // Right sides, matrix; their rows and columns; steps to the next row and
+    // column of the matrix; whether the last row is solved first.
+    {"warp_tile_solve_f32", "lliiiii", ""},
+    {"warp_tile_solve_f64", "lliiiii", ""},
+    // Result, operand, scratch memory; rows, their length, whether inverse.
+    {"warp_tile_fft_f32", "llliii", ""},
+    {"warp_tile_fft_f64", "llliii", ""},
+    // Keys, positions, how many.
+    {"warp_tile_sort", "lli", ""},
 };
 
 const warp::LibraryFunction *warp::findLibraryFunction(StringRef symbol) {
@@ -53,6 +70,8 @@ const warp::LibraryFunction *warp::findLibraryFunction(StringRef symbol) {
 mlir::Type warp::getLibraryType(MLIRContext *context, char letter) {
   if (letter == 'f')
     return Float32Type::get(context);
+  if (letter == 'd')
+    return Float64Type::get(context);
   return letter == 'i' ? IntegerType::get(context, 32, IntegerType::Signed)
                        : IntegerType::get(context, 64, IntegerType::Unsigned);
 }
@@ -79,6 +98,14 @@ LogicalResult warp::LibraryCallOp::verify() {
                                  << function->operands << "' and gives '"
                                  << function->results << "'";
   return success();
+}
+
+void warp::LibraryCallOp::getEffects(
+    SmallVectorImpl<MemoryEffects::EffectInstance> &effects) {
+  if (getNumResults() != 0)
+    return;
+  effects.emplace_back(MemoryEffects::Read::get());
+  effects.emplace_back(MemoryEffects::Write::get());
 }
 
 #define GET_OP_CLASSES

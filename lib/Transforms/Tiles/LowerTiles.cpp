@@ -16,8 +16,11 @@
 //   scalars, loops over elements   LowerTilesLoops.cpp
 //   elements, arrays, maps         LowerTilesElements.cpp
 //   threads, parts                 LowerTilesParts.cpp
-//   reductions, scans, sorting     LowerTilesReductions.cpp
-//   products, factors, transforms  LowerTilesAlgebra.cpp
+//   reductions, scans              LowerTilesReductions.cpp
+//   sorting                        LowerTilesSort.cpp
+//   products, factors              LowerTilesAlgebra.cpp
+//   Fourier transforms             LowerTilesTransforms.cpp
+//   whole tiles on CPUs            LowerTilesLibrary.cpp
 //
 //===----------------------------------------------------------------------===//
 

@@ -7,7 +7,7 @@
 #ifndef WARP_TRANSFORMS_TILES_LOWERTILES_H
 #define WARP_TRANSFORMS_TILES_LOWERTILES_H
 
-#include "TileBuffers.h"
+#include "TileScratch.h"
 
 #include "mlir/IR/Builders.h"
 
@@ -126,21 +126,37 @@ private:
   Values overBlock(mlir::Operation *op, TileReduction kind, Values sums);
   void lowerFold(TileFoldOp op);
   void lowerScan(TileScanOp op);
-  Value comesBefore(Value a, Value b, Value i, Value j);
+
+  // In LowerTilesSort.cpp.
+  Value toOrdered(Value key);
   void lowerSort(TileSortOp op);
+  void sortNetwork(Value keys, Value places, int64_t count);
+  void orderPair(Value keys, Value places, Value i, Value j, int64_t run);
 
   // In LowerTilesAlgebra.cpp.
   void lowerMatmul(TileMatmulOp op);
-  void lowerProducts(TileMatmulOp op);
-  void lowerRows(TileMatmulOp op);
   void lowerCholesky(TileCholeskyOp op);
   void lowerSolve(TileSolveOp op);
   void lowerDiagAdd(TileDiagAddOp op);
+
+  // In LowerTilesTransforms.cpp.
   void lowerFft(TileFftOp op);
+  int transform(std::array<Value, 2> memory, int64_t rows, int64_t n,
+                bool inverse);
   void lowerFftStages(TileFftOp op);
+  void lowerFftChirps(TileFftOp op);
   void lowerFftSums(TileFftOp op);
   Value twiddle(mlir::Type real, Value step, int64_t period, bool inverse);
   Value complexMul(Value a, Value b);
+
+  // In LowerTilesLibrary.cpp.
+  Value addressOf(Value memory);
+  void callLibrary(const llvm::Twine &name, mlir::Type real, ValueRange args);
+  int64_t scratchOf(mlir::Operation *op);
+  Value copyTo(int64_t offset, Value tile, mlir::Type type, bool transposed);
+  void callProduct(TileMatmulOp op);
+  void callCholesky(TileCholeskyOp op);
+  void callSolve(TileSolveOp op);
 
   void detach();
 

@@ -1,4 +1,4 @@
-//===- LowerTilesReductions.cpp - Sums, extrema, scans, sorting -----------===//
+//===- LowerTilesReductions.cpp - Sums, extrema, scans --------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -256,43 +256,6 @@ void TileLowering::lowerScan(TileScanOp op) {
     Values sum = combine(op.getKind(), sums, next);
     store(op.getResult(), at, op.getExclusive() ? sums[0] : sum[0]);
     return sum;
-  });
-}
-
-//===----------------------------------------------------------------------===//
-// Sorting
-//===----------------------------------------------------------------------===//
-
-/// Whether element j with key `a` comes before element i with key `c`: NaN
-/// last, equal ones in their order.
-Value TileLowering::comesBefore(Value a, Value c, Value j, Value i) {
-  Value before = builtin("lt", {a, c});
-  Value same = builtin("eq", {a, c});
-  if (isa<FloatType>(a.getType())) {
-    Value aNone = builtin("ne", {a, a}), cNone = builtin("ne", {c, c});
-    Value one = arith::XOrIOp::create(b, loc, aNone, cNone);
-    before = arith::OrIOp::create(b, loc, before, both(one, cNone));
-    same = arith::OrIOp::create(b, loc, same, both(aNone, cNone));
-  }
-  return arith::OrIOp::create(b, loc, before, both(same, less(j, i)));
-}
-
-/// An element's place is the number of those before it.
-void TileLowering::lowerSort(TileSortOp op) {
-  TileType type = tileType(op.getKeys());
-  ArrayRef<int64_t> shape = type.getShape();
-  int64_t count = type.getNumElements();
-  Type si32 = b.getIntegerType(32, true);
-  share(ArrayRef<int64_t>(count), [&](ValueRange at) {
-    Value key = element(op.getKeys(), unravel(at[0], shape));
-    Value rank = loop(number(0), number(count), number(1), number(0),
-                      [&](Value j, ValueRange sums) -> Values {
-                        Value other = element(op.getKeys(), unravel(j, shape));
-                        Value before = comesBefore(other, key, j, at[0]);
-                        return {add(sums[0], arith::ExtUIOp::create(
-                                                 b, loc, i32, before))};
-                      })[0];
-    store(op.getPositions(), unravel(rank, shape), cast(at[0], si32));
   });
 }
 

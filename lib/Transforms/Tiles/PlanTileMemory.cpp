@@ -10,7 +10,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "KernelFunction.h"
-#include "TileBuffers.h"
+#include "TileScratch.h"
 
 #include "mlir/Interfaces/LoopLikeInterface.h"
 #include "llvm/Support/MathExtras.h"

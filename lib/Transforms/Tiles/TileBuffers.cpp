@@ -71,18 +71,24 @@ int64_t getTileBytes(TileType type) {
   return type.getNumElements() * getByteSize(type.getElementType());
 }
 
-int64_t getScratchBytes(Operation *op, int64_t threads) {
-  auto bytesOf = [](Value tile) { return getTileBytes(tileType(tile)); };
-  if (auto fft = dyn_cast<TileFftOp>(op))
-    return bytesOf(fft.getTile());
-  if (threads == 1)
-    return 0;
-  // One value per thread, and for positions of extrema another one.
-  if (isa<TileReduceOp, TileArgReduceOp, TileScanOp, TileFoldOp>(op)) {
-    Type element = tileType(op->getOperand(0)).getElementType();
-    return threads * (getByteSize(element) + 8);
+std::optional<Strided> getStrided(Value tile) {
+  Operation *def = tile.getDefiningOp();
+  if (!def || !isInline(def)) {
+    SmallVector<int64_t> steps(tileType(tile).getRank(), 1);
+    for (size_t d = steps.size(); d-- > 1;)
+      steps[d - 1] = steps[d] * tileType(tile).getShape()[d];
+    return Strided{tile, steps};
   }
-  return 0;
+  auto view = dyn_cast<TileTransposeOp>(def);
+  std::optional<Strided> source;
+  if (view)
+    source = getStrided(view.getTile());
+  if (!source)
+    return std::nullopt;
+  SmallVector<int64_t> steps;
+  for (int64_t axis : view.getAxes())
+    steps.push_back(source->steps[axis]);
+  return Strided{source->memory, steps};
 }
 
 TileBuffers::TileBuffers(FunctionOpInterface kernel) {

@@ -54,9 +54,16 @@ bool isView(mlir::Operation *op);
 /// Operations that read the memory of a tile, also through views and tiles that
 /// are computed where they are used.
 llvm::SetVector<mlir::Operation *> getReaders(mlir::Value tile);
-/// Bytes that a tile, or what an operation needs on the way, takes.
 int64_t getTileBytes(TileType type);
-int64_t getScratchBytes(mlir::Operation *op, int64_t threads);
+
+/// A tile that lies in memory, and from one element to the next along each of
+/// its dimensions, in elements.
+struct Strided {
+  mlir::Value memory;
+  llvm::SmallVector<int64_t> steps;
+};
+/// None for what is computed where it is used, but for transposed memory.
+std::optional<Strided> getStrided(mlir::Value tile);
 
 /// Tiles in memory, in classes that share it: what loops and branches carry,
 /// and what is changed in place.
