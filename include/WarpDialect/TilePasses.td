@@ -91,6 +91,7 @@ def LowerTiles : WarpTilePass<"warp-lower-tiles"> {
     elements t, t + B, ... of B threads.
   }];
   let dependentDialects = ["::mlir::arith::ArithDialect",
+                           "::mlir::LLVM::LLVMDialect",
                            "::mlir::scf::SCFDialect", "::warp::WarpDialect"];
 }
 

@@ -12,54 +12,113 @@
 
 namespace {
 
-/// Vectors of a row that are computed at a time.
-constexpr int width = 4;
+/// Vectors next to each other, the last one perhaps not whole.
+template <class T, int width, bool isPart> struct Strip {
+  Vec<T> parts[width];
+  Mask<T> last;
 
-/// A row of the factor U of A = U^T U, rows before it known, beyond column
-/// `begin`: A[i, c] - sum over k < i of U[k, i] U[k, c].
-template <class T>
-inline void subtractRows(T *u, i64 n, i64 i, i64 begin) {
-  for (i64 c = begin; c < n; c += width * lanes<T>) {
-    Vec<T> sums[width];
-#pragma unroll
-    for (int v = 0; v < width; ++v)
-      sums[v] = load(u + i * n + c + v * lanes<T>, n - c - v * lanes<T>);
-    for (i64 k = 0; k < i; ++k) {
-      Vec<T> factor = -u[k * n + i];
-#pragma unroll
-      for (int v = 0; v < width; ++v)
-        if (c + v * lanes<T> < n)
-          sums[v] = fma(factor,
-                        load(u + k * n + c + v * lanes<T>,
-                             n - c - v * lanes<T>),
-                        sums[v]);
-    }
-#pragma unroll
-    for (int v = 0; v < width; ++v)
-      store(u + i * n + c + v * lanes<T>, sums[v], n - c - v * lanes<T>);
+  Strip() = default;
+  explicit Strip(i64 count)
+      : last(firstLanes<T>(count - (width - 1) * lanes<T>)) {}
+
+  static constexpr bool isMasked(int v) { return isPart && v + 1 == width; }
+  __attribute__((always_inline)) Vec<T> read(const T *from, int v) const {
+    const T *part = from + v * lanes<T>;
+    return isMasked(v) ? __builtin_masked_load(last, part, Vec<T>(0))
+                       : load(part);
   }
+  __attribute__((always_inline)) void readAll(const T *from) {
+#pragma unroll
+    for (int v = 0; v < width; ++v)
+      parts[v] = read(from, v);
+  }
+  __attribute__((always_inline)) void subtract(T factor, const T *row) {
+#pragma unroll
+    for (int v = 0; v < width; ++v)
+      parts[v] = fma(Vec<T>(-factor), read(row, v), parts[v]);
+  }
+  __attribute__((always_inline)) void divide(T divisor) {
+#pragma unroll
+    for (int v = 0; v < width; ++v)
+      parts[v] /= divisor;
+  }
+  __attribute__((always_inline)) void write(T *to) const {
+#pragma unroll
+    for (int v = 0; v < width; ++v)
+      if (isMasked(v))
+        __builtin_masked_store(last, parts[v], to + v * lanes<T>);
+      else
+        store(to + v * lanes<T>, parts[v]);
+  }
+};
+
+/// Calls `work` for strips of a row that cover the columns from `begin` on.
+template <class T, class Work>
+inline void overStrips(i64 begin, i64 end, const Work &work) {
+  i64 c = begin;
+  for (; c + 2 * lanes<T> <= end; c += 2 * lanes<T>)
+    work(c, Strip<T, 2, false>(2 * lanes<T>));
+  for (; c + lanes<T> <= end; c += lanes<T>)
+    work(c, Strip<T, 1, false>(lanes<T>));
+  if (c < end)
+    work(c, Strip<T, 1, true>(end - c));
 }
 
+/// From rows i, i + 1, ... of A, from column `begin` on, the sum over some k of
+/// U[k, i] U[k, c].
+template <class T, int height>
+inline void subtract(T *u, i64 n, i64 i, i64 begin, i64 first, i64 last) {
+  overStrips<T>(begin, n, [=](i64 c, auto strip) {
+    decltype(strip) rows[height];
+#pragma unroll
+    for (int r = 0; r < height; ++r) {
+      rows[r] = strip;
+      rows[r].readAll(u + (i + r) * n + c);
+    }
+    for (i64 k = first; k < last; ++k)
+#pragma unroll
+      for (int r = 0; r < height; ++r)
+        rows[r].subtract(u[k * n + i + r], u + k * n + c);
+#pragma unroll
+    for (int r = 0; r < height; ++r)
+      rows[r].write(u + (i + r) * n + c);
+  });
+}
+
+/// The factor U of A = U^T U, in place, four rows at a time. Strips begin where
+/// those of other rows do, so that what was stored is found as it is loaded;
+/// what they have before the diagonal means nothing.
 template <class T> void factor(T *u, i64 n) {
+  constexpr i64 height = 4;
   for (i64 i = 0; i < n; ++i) {
-    subtractRows(u, n, i, i);
+    i64 begin = i / lanes<T> * lanes<T>, together = i / height * height;
+    bool isWhole = together + height <= n;
+    if (isWhole && i == together)
+      subtract<T, height>(u, n, i, begin, 0, i);
+    subtract<T, 1>(u, n, i, begin, isWhole ? together : 0, i);
     T square = u[i * n + i];
     // The root of what is not positive is NaN, and so is what follows.
     T diagonal = square > 0 ? __builtin_elementwise_sqrt(square)
                             : T(__builtin_nan(""));
+    overStrips<T>(begin, n, [=](i64 c, auto strip) {
+      strip.readAll(u + i * n + c);
+      strip.divide(diagonal);
+      strip.write(u + i * n + c);
+    });
     u[i * n + i] = diagonal;
-    for (i64 c = i + 1; c < n; c += lanes<T>)
-      store(u + i * n + c, load(u + i * n + c, n - c) / Vec<T>(diagonal),
-            n - c);
   }
 }
 
-/// The triangle that is read of `from`, as the upper one of `to`.
+/// The triangle that is read of `from`, as the upper one of `to`; zero below.
 template <class T>
 void copyTriangle(T *to, const T *from, i64 n, bool isUpper) {
-  for (i64 i = 0; i < n; ++i)
+  i64 row = isUpper ? n : 1, column = isUpper ? 1 : n;
+  for (i64 i = 0; i < n; ++i) {
+    for (i64 j = 0; j < i; ++j)
+      to[i * n + j] = 0;
     for (i64 j = i; j < n; ++j)
-      to[i * n + j] = isUpper ? from[i * n + j] : from[j * n + i];
+      to[i * n + j] = from[i * row + j * column];
+  }
 }
 
 template <class T>
@@ -67,14 +126,18 @@ void cholesky(T *out, const T *in, i64 n, bool isUpper, T *scratch) {
   T *u = isUpper ? out : scratch;
   copyTriangle(u, in, n, isUpper);
   factor(u, n);
-  for (i64 i = 0; i < n; ++i)
-    for (i64 j = 0; j < n; ++j) {
-      bool isZero = isUpper ? j < i : j > i;
-      if (isZero)
+  if (isUpper) {
+    for (i64 i = 1; i < n; ++i)
+      for (i64 j = 0; j < i; ++j)
         out[i * n + j] = 0;
-      else if (!isUpper)
-        out[i * n + j] = u[j * n + i];
-    }
+    return;
+  }
+  for (i64 i = 0; i < n; ++i) {
+    for (i64 j = 0; j <= i; ++j)
+      out[i * n + j] = u[j * n + i];
+    for (i64 j = i + 1; j < n; ++j)
+      out[i * n + j] = 0;
+  }
 }
 
 /// Solves m x = b in place: element (i, j) of m is at i * row + j * column.
@@ -92,31 +155,18 @@ template <class T> struct Solve {
 
 /// Right sides are lanes.
 template <class T> void Solve<T>::manySides() const {
-  for (i64 c = 0; c < columns; c += width * lanes<T>)
+  overStrips<T>(0, columns, [this](i64 c, auto strip) {
     for (i64 step = 0; step < n; ++step) {
       i64 i = at(step);
-      Vec<T> sums[width];
-#pragma unroll
-      for (int v = 0; v < width; ++v)
-        sums[v] = load(x + i * columns + c + v * lanes<T>,
-                       columns - c - v * lanes<T>);
+      strip.readAll(x + i * columns + c);
       for (i64 before = 0; before < step; ++before) {
         i64 j = at(before);
-        Vec<T> factor = -m[i * row + j * column];
-#pragma unroll
-        for (int v = 0; v < width; ++v)
-          if (c + v * lanes<T> < columns)
-            sums[v] = fma(factor,
-                          load(x + j * columns + c + v * lanes<T>,
-                               columns - c - v * lanes<T>),
-                          sums[v]);
+        strip.subtract(m[i * row + j * column], x + j * columns + c);
       }
-      Vec<T> diagonal = m[i * row + i * column];
-#pragma unroll
-      for (int v = 0; v < width; ++v)
-        store(x + i * columns + c + v * lanes<T>, sums[v] / diagonal,
-              columns - c - v * lanes<T>);
+      strip.divide(m[i * row + i * column]);
+      strip.write(x + i * columns + c);
     }
+  });
 }
 
 /// A row of the matrix is contiguous: its product with what is solved.

@@ -6,6 +6,8 @@
 
 #include "LowerTiles.h"
 
+#include "Transforms/Launch/UnrollLoop.h"
+
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/IR/IRMapping.h"
@@ -267,6 +269,10 @@ Values TileLowering::elements(Operation *op, ArrayRef<int64_t> shape,
     Values next = share(shape, sums, body);
     if (!sums.empty())
       scf::YieldOp::create(b, loc, next);
+    // What runs at the edges of arrays only is not worth the time that it would
+    // take to compile it well.
+    if (tested && threads == 1)
+      block->walk([](scf::ForOp loop) { setPlain(loop); });
   }
   return Values(branch.getResults());
 }
