@@ -359,6 +359,9 @@ class Targets(Part):
                 ),
                 node,
             )
+            if getattr(getattr(left, "type", None), "kind", None) == "tile":
+                # It is the tile that changes, whoever else has it.
+                self.context.tiles.changed.add(target.id)
             return
         is_slice = isinstance(target, ast.Subscript) and self.has_slice(target)
         if is_slice and not self.is_tile(target):
