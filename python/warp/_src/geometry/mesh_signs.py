@@ -10,6 +10,8 @@ from warp._src.geometry.mesh_queries import (
     FUNCTIONS as QUERIES,
 )
 from warp._src.geometry.mesh_queries import (
+    assign_place,
+    assign_side,
     face_normal,
     mesh_eval_position,
     mesh_query_furthest_point_no_sign,
@@ -95,12 +97,7 @@ def _winding_into(
     threshold: float = _HALF,
 ) -> bool:
     found = by_winding(id, point, max_dist, accuracy, threshold)
-    if found.result:
-        inside = found.sign
-        face = found.face
-        bary_u = found.u
-        bary_v = found.v
-    return found.result
+    return assign_side(found, inside, face, bary_u, bary_v)
 
 
 def _parity_into(
@@ -115,12 +112,7 @@ def _parity_into(
     perturbation_scale: float = _SPREAD,
 ) -> bool:
     found = by_parity(id, point, max_dist, n_sample, perturbation_scale)
-    if found.result:
-        inside = found.sign
-        face = found.face
-        bary_u = found.u
-        bary_v = found.v
-    return found.result
+    return assign_side(found, inside, face, bary_u, bary_v)
 
 
 def _normal_into(
@@ -134,12 +126,7 @@ def _normal_into(
     epsilon: float = 1e-3,
 ) -> bool:
     found = by_normal(id, point, max_dist, epsilon)
-    if found.result:
-        inside = found.sign
-        face = found.face
-        bary_u = found.u
-        bary_v = found.v
-    return found.result
+    return assign_side(found, inside, face, bary_u, bary_v)
 
 
 def _furthest_into(
@@ -150,12 +137,7 @@ def _furthest_into(
     bary_u: ref[float32],
     bary_v: ref[float32],
 ) -> bool:
-    found = furthest(id, point, min_dist)
-    if found.result:
-        face = found.face
-        bary_u = found.u
-        bary_v = found.v
-    return found.result
+    return assign_place(furthest(id, point, min_dist), face, bary_u, bary_v)
 
 
 def mesh_query_ray_count_intersections(id: uint64, start: vec3f, dir: vec3f, root: int = -1) -> int:
