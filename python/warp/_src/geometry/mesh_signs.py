@@ -1,8 +1,5 @@
 """More ways to tell the sides of a mesh, distances with a sign, and the arrays of a mesh."""
 
-# What is assigned to a reference, the caller reads.
-# ruff: noqa: F841
-
 from warp._src.derivatives.functions import custom_vjp
 from warp._src.geometry.mesh_arrays import indices, points, velocities
 from warp._src.geometry.mesh_derivatives import constant
