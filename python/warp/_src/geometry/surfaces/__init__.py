@@ -1,5 +1,7 @@
 """Surfaces of one value in scalar fields.
 
 cases             which triangles a cell has
+fields            what is inside, where edges are crossed
 marching_cubes    `IsoSurfaceMarchingCubes`
+nets              `IsoSurfaceNets`
 """
