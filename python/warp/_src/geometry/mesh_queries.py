@@ -91,7 +91,8 @@ def mesh_get_bvh(id: uint64) -> uint64:
 def mesh_query_point_no_sign(id: uint64, point: vec3f, max_dist: float):
     """The closest point of a mesh that is nearer than `max_dist`."""
     face, u, v = wp._library_call("warp_mesh_closest", id, point[0], point[1], point[2], max_dist)
-    at = weights(id, face, point, constant(u), constant(v))
+    a, b, c = corners(points(id), indices(id), face)
+    at = weights(a, b, c, point, constant(u), constant(v))
     return MeshQueryPoint(face >= 0, 0.0, face, at[0], at[1])
 
 
@@ -121,7 +122,8 @@ def mesh_query_point_sign_normal(id: uint64, point: vec3f, max_dist: float, epsi
     face, u, v, sign = wp._library_call(
         "warp_mesh_closest_signed", id, point[0], point[1], point[2], max_dist, epsilon
     )
-    at = weights(id, face, point, constant(u), constant(v))
+    a, b, c = corners(points(id), indices(id), face)
+    at = weights(a, b, c, point, constant(u), constant(v))
     return MeshQueryPoint(face >= 0, constant(sign), face, at[0], at[1])
 
 
@@ -177,7 +179,8 @@ def mesh_query_ray(id: uint64, start: vec3f, dir: vec3f, max_t: float, root: int
     )  # fmt: skip
     normal = face_normal(id, face)
     sign = wp.where(wp.dot(normal, dir) < 0.0, 1.0, -1.0)
-    at = meeting(id, face, start, dir, constant(u), constant(v), constant(t))
+    a, b, c = corners(points(id), indices(id), face)
+    at = meeting(a, b, c, start, dir, constant(u), constant(v), constant(t))
     return MeshQueryRay(face >= 0, sign, face, at[2], at[0], at[1], normal)
 
 

@@ -164,6 +164,8 @@ def _distance(point: vec3f, foot: vec3f, sign: float, normal: vec3f, inner: int)
 def _distance_pullback(point: vec3f, foot: vec3f, sign: float, normal: vec3f, inner: int, g: float):
     """Along the shortest way to the surface, whose direction is that of a face if it ends in one.
 
+    The way turns when a corner moves, but its length does not change by that.
+
     Close to the surface the way itself is mostly rounding.
     """
     offset = point - foot
@@ -174,7 +176,7 @@ def _distance_pullback(point: vec3f, foot: vec3f, sign: float, normal: vec3f, in
             along = offset * (sign / size)
     elif wp.dot(offset, normal) * sign < 0.0:
         along = -normal
-    return along * g, wp.vec3(), 0.0, wp.vec3()
+    return along * g, along * -g, 0.0, wp.vec3()
 
 
 def mesh_sdf(id: uint64, point: vec3f, max_dist: float = _INFINITY) -> float:

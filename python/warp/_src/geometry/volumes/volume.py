@@ -11,12 +11,13 @@ from warp._src.devices import devices
 from warp._src.geometry.handles import VOLUME
 from warp._src.geometry.volumes import allocation, checks, contents, files, points
 from warp._src.geometry.volumes.described import GridContents
+from warp._src.geometry.volumes.leaves import LeafValues
 from warp._src.geometry.volumes.rebuilding import Rebuildable
-from warp._src.geometry.volumes.slot import slot_of
+from warp._src.geometry.volumes.slot import slot_of, table_of
 from warp._src.types import dtypes
 
 
-class Volume(GridContents, Rebuildable):
+class Volume(GridContents, Rebuildable, LeafValues):
     """A sparse grid of values, which kernels read by its `id`.
 
     Args:
@@ -83,7 +84,14 @@ class Volume(GridContents, Rebuildable):
             self._handle = _native.GeometryHandle(VOLUME, index)
             self.id = self._handle.id
         count = contents.voxel_count(self._header, self._tree)
-        self._handle.write(slot_of(nodes, data.ptr, count))
+        table = table_of(nodes)
+        numbers = None
+        if table is not None:
+            numbers = array(table[0].ravel(), dtype=dtypes.uint32, device=device)
+        at = 0 if numbers is None else numbers.ptr
+        self._handle.write(slot_of(nodes, data.ptr, count, at, table))
+        self._numbers = numbers
+        self._published(nodes)
 
     def array(self):
         """The bytes of the grid, and of those behind it, without a copy."""
