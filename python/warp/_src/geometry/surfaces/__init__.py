@@ -4,4 +4,5 @@ cases             which triangles a cell has
 fields            what is inside, where edges are crossed
 marching_cubes    `IsoSurfaceMarchingCubes`
 nets              `IsoSurfaceNets`
+sparse            `volume_marching_cubes`
 """

@@ -99,7 +99,7 @@ def _write_triangles(
 
 
 @functools.lru_cache(maxsize=16)
-def _tables(device):
+def tables(device):
     """The tables of cases on a device."""
     starts, triangles = cases.tables()
     return (
@@ -176,13 +176,13 @@ class IsoSurfaceMarchingCubes(IsoSurfaceBase):
 
     @staticmethod
     def _faces(sampled, places):
-        starts, triangles, edge_places = _tables(sampled.device)
+        starts, triangles, edge_places = tables(sampled.device)
         cells = [extent - 1 for extent in sampled.shape]
         ends = wp.empty(cells, dtype=int, device=sampled.device)
         sampled.launch(_count_triangles, cells, starts, ends)
         indices = wp.empty(3 * scan(ends), dtype=int, device=sampled.device)
-        tables = [starts, triangles, edge_places, ends, places]
-        sampled.launch(_write_triangles, cells, *tables, indices)
+        given = [starts, triangles, edge_places, ends, places]
+        sampled.launch(_write_triangles, cells, *given, indices)
         return indices
 
     @staticmethod
