@@ -45,24 +45,36 @@ class _Absent(type):
     _wp_absent_ = True
 
     def __call__(cls, *args, **kwargs):
-        raise _error(cls.__name__)
+        raise _error(cls._wp_missing_)
 
     def __getitem__(cls, params):
         return cls
 
+    def struct_with(cls, name, field):
+        """What stands for a struct that has a field of this class."""
+        about = {"_wp_missing_": f"{cls._wp_missing_}, field '{field}' of struct '{name}',"}
+        return _Absent(name, (), about)
+
 
 def _error(name):
-    return errors.WarpError(f"'wp.{name}' is not in this package yet")
+    return errors.WarpError(f"{name} is not in this package yet")
+
+
+def absent_class(name, parent=""):
+    """A class that stands for one that is not there; `parent` is the module below `warp`."""
+    shown = f"'wp.{parent}.{name}'" if parent else f"'wp.{name}'"
+    about = {"__module__": "warp", "__doc__": "Not in this package yet."}
+    return _Absent(name, (), about | {"_wp_missing_": shown})
 
 
 def find(name):
     """What stands for a name that is not there; None if nobody knows the name."""
     if name in _CLASSES:
-        made = _Absent(name, (), {"__module__": "warp", "__doc__": "Not in this package yet."})
+        made = absent_class(name)
     elif name in _FUNCTIONS:
 
         def made(*args, **kwargs):
-            raise _error(name)
+            raise _error(f"'wp.{name}'")
 
         made.__name__ = made.__qualname__ = name
     else:

@@ -250,7 +250,7 @@ class IsoSurfaceMarchingCubes:
         places = wp.empty((*shape, 3), dtype=int, device=device)
         # What is counted has no derivative.
         plain = wp.array(
-            ptr=field.ptr, dtype=float, shape=shape, strides=field.strides, device=device
+            ptr=field.ptr or 0, dtype=float, shape=shape, strides=field.strides, device=device
         )
         given = [plain, threshold]
         wp.launch(_count_vertices, places.shape, inputs=[*given, places], device=device)
