@@ -6,37 +6,15 @@ and say what is missing when they are used. A name goes from here when the thing
 
 from __future__ import annotations
 
-import enum
-
 from warp._src import errors
 
 _CLASSES = frozenset(
     (
-        *("BvhQueryTiled", "GLTextureResource", "MeshQueryAABBTiled"),
-        *("RegisteredGLBuffer", "Texture", "Texture1D", "Texture2D", "Texture3D"),
+        *("BvhQueryTiled", "GLTextureResource", "MeshQueryAABBTiled", "RegisteredGLBuffer"),
         *("fabricarray", "fabricarrayarray", "indexedfabricarray", "indexedfabricarrayarray"),
     )
 )
 _FUNCTIONS = frozenset(("capture_load", "capture_save"))
-
-
-class TextureFilterMode(enum.IntEnum):
-    """How a texture is read between its points."""
-
-    CLOSEST = 0
-    LINEAR = 1
-
-
-class TextureAddressMode(enum.IntEnum):
-    """How a texture is read outside."""
-
-    WRAP = 0
-    CLAMP = 1
-    MIRROR = 2
-    BORDER = 3
-
-
-_ENUMS = {kind.__name__: kind for kind in (TextureFilterMode, TextureAddressMode)}
 
 
 class _Absent(type):
@@ -78,7 +56,7 @@ def find(name):
 
         made.__name__ = made.__qualname__ = name
     else:
-        return _ENUMS.get(name)
+        return None
     return _made.setdefault(name, made)
 
 

@@ -64,6 +64,8 @@ class Calls(Part):
         if isinstance(function, type):
             return self.context.constructors.call_type(function, node)
         if isinstance(function, NativeFunction):
+            if function.is_block_barrier and self.context.session.block_threads() == 1:
+                return None
             raise self.context.unsupported(
                 node,
                 f"the native code of '{function.key}'",

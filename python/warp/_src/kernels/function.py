@@ -135,8 +135,22 @@ class NativeFunction(Function):
         self.adj_native_snippet = adj_snippet
         self.replay_snippet = replay_snippet
 
+    @property
+    def is_block_barrier(self) -> bool:
+        """Whether all it does is to let the threads of a block wait for each other.
+
+        That is nothing where a block is one thread, so kernels with it run on a CPU.
+        """
+        return "".join(self.native_snippet.split()) in _BARRIERS
+
     def __call__(self, *args, **kwargs):
         raise TypeError(f"'{self.key}' is native code and can be called in kernels only")
+
+
+_BARRIERS = (
+    *("WP_TILE_SYNC();", "__syncthreads();"),
+    "#ifdefined(__CUDA_ARCH__)__syncthreads();#endif",
+)
 
 
 def func_native(snippet, adj_snippet=None, replay_snippet=None):

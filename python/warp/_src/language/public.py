@@ -14,6 +14,14 @@ _RARE = {
     for home, held in (
         ("kernels.manifest", ("Manifest", "KernelManifest", "manifest")),
         ("kernels.tiled", ("launch_tiled",)),
+        (
+            "textures.texture",
+            (
+                *("Texture", "Texture1D", "Texture2D", "Texture3D"),
+                *("TextureAddressMode", "TextureFilterMode"),
+            ),
+        ),
+        ("textures.sampling", ("texture_sample",)),
         ("logger", ("Logger", "ScopedLogLevel", "ScopedLogger", "get_logger", "set_logger")),
         (
             "devices.timing",
