@@ -105,6 +105,9 @@ def func(f=None, *, name=None, module=None, inline=None):
         ...     return x * x
     """
 
+    if inline is not None and not isinstance(inline, bool):
+        raise TypeError(f"inline must be a bool or None, but got {inline!r}")
+
     def decorate(function, depth):
         if not isinstance(function, python_types.FunctionType):
             raise TypeError(f"expects a function, but got '{type(function).__name__}'")
@@ -123,7 +126,7 @@ def func(f=None, *, name=None, module=None, inline=None):
 
 
 class NativeFunction(Function):
-    """A function whose body is C++ or CUDA text. It can be declared, not compiled.
+    """A function whose body is C++ or CUDA text.
 
     Attributes:
         native_snippet, adj_native_snippet, replay_snippet: the texts.
@@ -156,9 +159,10 @@ _BARRIERS = (
 def func_native(snippet, adj_snippet=None, replay_snippet=None):
     """Declares a function by its C++ or CUDA text.
 
-    Kernels are compiled without a C++ compiler, so a kernel that calls it is refused, with the
-    place of the call. Modules that declare such functions can be imported, and their other kernels
-    used.
+    Kernels on CPUs may call one that takes and gives numbers: Clang, where it is installed or named
+    by the environment variable WARP_CLANG, compiles it. What such a function computes may depend on
+    its arguments alone. It has no gradient. A kernel that calls another one is refused, with the
+    place of the call; modules that declare such functions can be imported.
 
     Args:
         snippet: body of the function.

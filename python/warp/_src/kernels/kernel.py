@@ -453,12 +453,24 @@ def kernel(
     unknown = set(options) - _INERT
     if unknown:
         raise TypeError(f"kernel has no option '{unknown.pop()}'")
+    _check_entry_point(options.get("entry_point_abi", "warp"), enable_backward)
+    if name is not None and not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII):
+        raise ValueError(f"kernel name must be a valid C++ identifier, but got {name!r}")
 
     def decorate(func):
         where = None if module == "unique" else module
         return Kernel(func, name, where, own)
 
     return decorate if f is None else decorate(f)
+
+
+def _check_entry_point(abi, enable_backward) -> None:
+    if abi not in ("warp", "external_constant_params"):
+        raise ValueError(
+            f"entry_point_abi must be 'warp' or 'external_constant_params', but got {abi!r}"
+        )
+    if abi != "warp" and enable_backward is not False:
+        raise ValueError(f"entry_point_abi={abi!r} requires enable_backward=False")
 
 
 _INERT = {"enable_cuda_smem_spilling", "cluster_dim", "entry_point_abi", "grid_stride"}

@@ -13,6 +13,7 @@ _RARE = {
     name: home
     for home, held in (
         ("kernels.manifest", ("Manifest", "KernelManifest", "manifest")),
+        ("devices.diagnostics", ("print_diagnostics",)),
         ("kernels.tiled", ("launch_tiled",)),
         (
             "textures.texture",
@@ -22,6 +23,7 @@ _RARE = {
             ),
         ),
         ("textures.sampling", ("texture_sample",)),
+        ("utils.transforms", ("transform_expand",)),
         ("logger", ("Logger", "ScopedLogLevel", "ScopedLogger", "get_logger", "set_logger")),
         (
             "devices.timing",
