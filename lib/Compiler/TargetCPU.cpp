@@ -84,6 +84,7 @@ void warp::prepareCpuModule(llvm::Module &module, llvm::TargetMachine &machine,
               {warp_devicelib_cpu_begin,
                size_t(warp_devicelib_cpu_end - warp_devicelib_cpu_begin)},
               "device library");
+  linkNativeCode(module);
   bool wide = getVectorBits(options.target) == 512;
   for (llvm::Function &function : module) {
     if (function.isDeclaration())

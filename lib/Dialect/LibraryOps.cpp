@@ -8,6 +8,7 @@
 
 #include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/WarpDialect.h"
+#include "warp/NativeCode.h"
 
 using namespace mlir;
 
@@ -74,6 +75,13 @@ static bool fits(TypeRange types, StringRef letters) {
 }
 
 LogicalResult warp::LibraryCallOp::verify() {
+  if (getCallee().starts_with(nativeCodePrefix)) {
+    auto isScalar = [](mlir::Type type) { return type.isIntOrFloat(); };
+    if (getNumResults() == 1 && llvm::all_of(getOperandTypes(), isScalar) &&
+        isScalar(getResultTypes().front()))
+      return success();
+    return emitOpError("(C3) native code takes scalars and gives one");
+  }
   const LibraryFunction *function = findLibraryFunction(getCallee());
   if (!function)
     return emitOpError("(C1) the device library has no function '")
