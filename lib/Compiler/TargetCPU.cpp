@@ -86,6 +86,7 @@ void warp::prepareCpuModule(llvm::Module &module, llvm::TargetMachine &machine,
               {warp_devicelib_cpu_begin,
                size_t(warp_devicelib_cpu_end - warp_devicelib_cpu_begin)},
               "device library");
+  linkNativeCode(module);
   if (auto *wide = module.getNamedGlobal("warp_wide_registers")) {
     bool has = machine.getMCSubtargetInfo()->checkFeatures("+avx512f");
     wide->setInitializer(llvm::ConstantInt::get(wide->getValueType(), has));

@@ -9,6 +9,7 @@
 
 #include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/WarpDialect.h"
+#include "warp/NativeCode.h"
 
 using namespace mlir;
 
@@ -42,6 +43,9 @@ static constexpr warp::LibraryFunction functions[] = {
     // A voxel: its number or -1; the same of the corners of a cell.
     {"warp_volume_index", "liii", "i"},
     {"warp_volume_cell_index", "liii", "iiiiiiii"},
+    // Three points of a plane, four points of space: which way they turn.
+    {"warp_orient2d", "dddddd", "i"},
+    {"warp_orient3d", "dddddddddddd", "i"},
     // c, a, b; rows, columns, depth; steps to the next row and column of a and
     // the next row of b; whether c is new; alpha, beta.
     {"warp_tile_product_f32", "llliiiiiiiff", ""},
@@ -88,6 +92,13 @@ static bool fits(TypeRange types, StringRef letters) {
 }
 
 LogicalResult warp::LibraryCallOp::verify() {
+  if (getCallee().starts_with(nativeCodePrefix)) {
+    auto isScalar = [](mlir::Type type) { return type.isIntOrFloat(); };
+    if (getNumResults() == 1 && llvm::all_of(getOperandTypes(), isScalar) &&
+        isScalar(getResultTypes().front()))
+      return success();
+    return emitOpError("(C3) native code takes scalars and gives one");
+  }
   const LibraryFunction *function = findLibraryFunction(getCallee());
   if (!function)
     return emitOpError("(C1) the device library has no function '")

@@ -64,11 +64,9 @@ class Calls(Part):
         if isinstance(function, type):
             return self.context.constructors.call_type(function, node)
         if isinstance(function, NativeFunction):
-            raise self.context.unsupported(
-                node,
-                f"the native code of '{function.key}'",
-                "write the function in Python with `@wp.func`",
-            )
+            from warp._src.frontend.native_calls import call_native
+
+            return call_native(self.context, function, node)
         if isinstance(function, Function):
             if function.handle is not None:
                 self.context.geometry.note_handle(function, node)

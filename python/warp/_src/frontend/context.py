@@ -384,6 +384,8 @@ class Context:
                 )
         if before == after or before is None or after is None:
             return
+        if before.kind == after.kind == "array" and before.element == after.element:
+            return
         before, after = before.python_name, after.python_name
         hint = None
         if (before, after) == ("int32", "float32"):
