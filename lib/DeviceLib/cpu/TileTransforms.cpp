@@ -10,7 +10,7 @@
 //
 // for q < s, p < m, with s 4 times as large and m 4 times as small in each next
 // stage; w is exp(-2 pi i / 4m). What is contiguous, q and in the first stage
-// p, is computed in vectors. The inverse has real and imaginary parts exchanged.
+// p, is computed in vectors. The inverse has real and imaginary parts swapped.
 //
 //===----------------------------------------------------------------------===//
 

@@ -194,7 +194,8 @@ void TileLowering::lowerReduce(Operation *op, TileReduction kind, Value tile,
   if (!axis) {
     Values sums = elements(
         op, type.getShape(), first, [&](ValueRange at, ValueRange sums) {
-          return step(sums, this->element(tile, at), linear(type.getShape(), at));
+          return step(sums, this->element(tile, at),
+                      linear(type.getShape(), at));
         });
     sums = overBlock(op, kind, sums);
     byFirstThread([&] { finish(ValueRange(number(0)), sums); });
