@@ -18,6 +18,7 @@
 #include "BuilderImpl.h"
 
 #include "WarpDialect/Passes.h"
+#include "WarpDialect/TileOps.h"
 #include "WarpDialect/WarpDialect.h"
 
 #include "mlir/IR/Verifier.h"
@@ -262,6 +263,8 @@ mlir::Value warp::Builder::Impl::zero(mlir::Type type) {
   else if (structType)
     for (mlir::Type field : structType.getFieldTypes())
       fields.push_back(zero(field));
+  else if (auto tileType = dyn_cast<TileType>(type))
+    fields.push_back(zero(tileType.getElementType()));
   else if (!isComposite(type))
     failType("no zero of type " + quoted(type));
   Location place = functions.back().op.getLoc();
@@ -271,6 +274,8 @@ mlir::Value warp::Builder::Impl::zero(mlir::Type type) {
     if (arrayType)
       return ArrayAtOp::create(builder, place, type, fields[0],
                                ArrayRef(fields).drop_front());
+    if (isa<TileType>(type))
+      return TileSplatOp::create(builder, place, type, fields[0]);
     return ConstructOp::create(builder, place, type, ValueRange());
   });
   return function().zeros[type] = made;

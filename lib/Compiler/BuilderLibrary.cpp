@@ -7,6 +7,9 @@
 #include "BuilderLibrary.h"
 
 #include "WarpDialect/LibraryOps.h"
+#include "warp/NativeCode.h"
+
+#include "mlir/AsmParser/AsmParser.h"
 
 using namespace mlir;
 
@@ -14,8 +17,17 @@ std::optional<SmallVector<mlir::Value>>
 warp::buildLibraryCall(Builder::Impl &impl, StringRef name, ValueRange args) {
   if (!name.consume_front("_"))
     return std::nullopt;
+  if (name.starts_with(nativeCodePrefix)) {
+    // The type of the result follows the symbol.
+    auto [symbol, type] = name.split(':');
+    mlir::Type result = mlir::parseType(type, impl.builder.getContext());
+    auto call =
+        LibraryCallOp::create(impl.builder, impl.loc, result, symbol, args);
+    return SmallVector<mlir::Value>(call.getResults());
+  }
   const LibraryFunction *function = findLibraryFunction(name);
-  if (!function)
+  // What changes memory is for passes alone.
+  if (!function || function->results.empty())
     return std::nullopt;
   SmallVector<mlir::Type> results;
   for (char letter : function->results)

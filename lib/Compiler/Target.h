@@ -72,6 +72,12 @@ void prepareGpuModule(llvm::Module &module, llvm::TargetMachine &machine,
 void linkBitcode(llvm::Module &module, llvm::StringRef bitcode,
                  llvm::StringRef name);
 
+/// Links the functions of NativeCode.h that `module` declares. Throws if the
+/// process does not know one.
+void linkNativeCode(llvm::Module &module);
+/// Throws if `module` declares one.
+void refuseNativeCode(llvm::Module &module);
+
 /// Runs the optimiser. `hasLanes`: threads are lanes of vectors already.
 void optimize(llvm::Module &module, llvm::TargetMachine &machine,
               const CompileOptions &options, bool hasLanes);

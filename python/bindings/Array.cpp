@@ -257,6 +257,8 @@ static PyObject *fromPointer(const void *pointer) {
 }
 
 static PyObject *getPtr(PyObject *self, void *) {
+  if (!asArray(self)->descriptor.data)
+    Py_RETURN_NONE;
   return fromPointer(asArray(self)->descriptor.data);
 }
 
@@ -296,7 +298,7 @@ static int setDtype(PyObject *self, PyObject *value, void *) {
 }
 
 static PyGetSetDef attributes[] = {
-    {"ptr", getPtr, nullptr, "Address of the first element.", nullptr},
+    {"ptr", getPtr, nullptr, "Address of the first element, or None.", nullptr},
     {"grad_ptr", getGradPtr, setGradPtr, "Address of the gradient.", nullptr},
     {"shape", getShape, nullptr, "Extents.", nullptr},
     {"strides", getStrides, nullptr, "Strides in bytes.", nullptr},
@@ -323,8 +325,8 @@ static py::tuple describeLayout() {
   auto field = [&](const char *name, auto &member) {
     using Member = std::remove_reference_t<decltype(member)>;
     using Number = std::remove_extent_t<Member>;
-    auto offset = reinterpret_cast<char *>(&member) -
-                  reinterpret_cast<char *>(&example);
+    auto offset =
+        reinterpret_cast<char *>(&member) - reinterpret_cast<char *>(&example);
     return py::make_tuple(name, offset, sizeof(Number),
                           sizeof(member) / sizeof(Number));
   };

@@ -10,6 +10,7 @@
 #include "Native.h"
 
 #include "warp/Builder.h"
+#include "warp/NativeCode.h"
 
 #include <pybind11/stl.h>
 
@@ -213,6 +214,13 @@ void bindBuilder(py::module_ &m) {
   bindType(m);
   bindValue(m);
   bindModule(m);
+  m.def(
+      "add_native_code",
+      [](const std::string &symbol, const py::bytes &bitcode) {
+        addNativeCode(symbol, bitcode);
+      },
+      py::arg("symbol"), py::arg("bitcode"),
+      "Makes bitcode that defines a function known to kernels.");
   py::class_<Builder> builder(m, "Builder", "Builds the module of a kernel.");
   builder.def(py::init<const std::string &>())
       .def("set_location", &Builder::setLocation)

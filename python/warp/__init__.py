@@ -118,7 +118,6 @@ from warp._src.devices.runtime import clear_kernel_cache as clear_kernel_cache
 from warp._src.devices.runtime import clear_lto_cache as clear_lto_cache
 from warp._src.devices.runtime import connect as _connect
 from warp._src.devices.runtime import init as init
-from warp._src.devices.runtime import print_diagnostics as print_diagnostics
 from warp._src.devices.scoped import ScopedDevice as ScopedDevice
 from warp._src.devices.scoped import ScopedStream as ScopedStream
 from warp._src.devices.scoped import ScopedTimer as ScopedTimer

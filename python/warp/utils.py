@@ -1,5 +1,9 @@
-"""Operations on whole arrays: scans, sorts, runs, sums, casts."""
+"""Operations on whole arrays: scans, sorts, runs, sums, casts, colours of graphs."""
 
+from warp._src.utils.coloring import GraphColoringAlgorithm as GraphColoringAlgorithm
+from warp._src.utils.coloring import graph_coloring_assign as graph_coloring_assign
+from warp._src.utils.coloring import graph_coloring_balance as graph_coloring_balance
+from warp._src.utils.coloring import graph_coloring_get_groups as graph_coloring_get_groups
 from warp._src.utils.mesh_adjacency import MeshAdjacency as MeshAdjacency
 from warp._src.utils.mesh_adjacency import MeshEdge as MeshEdge
 from warp._src.utils.reductions import array_cast as array_cast

@@ -11,7 +11,7 @@ from warp.report._run import run
 from warp.report._scene import Sweep
 
 #: Packages beside this file that have a command line of their own.
-TOOLS = ("lean", "stability")
+TOOLS = ("lean", "search", "stability")
 
 
 def _parser():

@@ -1,5 +1,7 @@
 """`@wp.kernel` and `@wp.func` as Python objects: options, IR as text, dumps, calls."""
 
+from typing import Any
+
 import typing
 
 import pytest
@@ -170,3 +172,23 @@ def test_verbose_reports_times(config, device, capsys):
     assert captured.out == "" and captured.err.startswith("kernel 'twice': ")
     wp.launch(twice, 1, [wp.zeros(1, device=device)], device=device)
     assert capsys.readouterr().err == ""
+
+
+def test_settings_that_return_find_what_was_made(monkeypatch):
+    @wp.kernel
+    def count(a: wp.array(dtype=float)):
+        a[wp.tid()] += 1.0
+
+    @wp.kernel
+    def count_any(a: wp.array(dtype=Any)):
+        a[wp.tid()] += a.dtype(1)
+
+    a = wp.zeros(3, dtype=float, device="cpu")
+    seen = []
+    for mode in ("release", "debug", "release", "debug"):
+        monkeypatch.setattr(wp.config, "mode", mode)
+        for kernel in (count, count_any):
+            wp.launch(kernel, 3, [a], device="cpu")
+        seen.append((count.native, *count_any.specializations))
+    assert list(a.numpy()) == [8.0] * 3
+    assert seen[0] == seen[2] and seen[1] == seen[3] and seen[0] != seen[1]

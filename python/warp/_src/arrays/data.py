@@ -71,7 +71,11 @@ def to_numpy(data, dtype):
         except (TypeError, ValueError) as error:
             raise errors.WarpTypeError(f"cannot make an array of the data: {error}") from None
     if dtype is not None and dtypes.is_struct(dtype):
-        if source.dtype != element_layout(dtype)[0]:
+        layout = element_layout(dtype)[0]
+        if source.size == 0:
+            # Lists without a struct do not say what they have none of.
+            source = source.astype(layout)
+        if source.dtype != layout:
             raise errors.WarpTypeError(
                 f"expects records of struct '{dtype.__name__}', but got '{source.dtype}'"
             )

@@ -72,7 +72,7 @@ def make_gradient(source):
     memory = _zeros(source, above - below, uint8)
     made = new_array(type(source))
     made._setup(
-        memory.ptr - below,
+        (memory.ptr or 0) - below,
         source.shape,
         strides,
         dtype,

@@ -18,6 +18,7 @@ from warp._src.autograd.evaluation import (
 )
 from warp._src.autograd.tangents import Tangents, chunks
 from warp._src.derivatives.tape import Tape
+from warp._src.derivatives.tape_records import LaunchRecord
 from warp._src.kernels.kernel import Kernel
 
 
@@ -113,6 +114,7 @@ def reverse_rows(problem: Evaluation, mask, limit: int) -> dict[tuple, numpy.nda
     problem.reset()
     with Observing(tape=None), Tape(preserve="auto") as tape:
         problem.run()
+    _check_kernels(tape)
     pairs = problem.pairs(mask)
     result = _unknown(pairs)
     for target in {id(target): target for _, target in pairs}.values():
@@ -131,6 +133,17 @@ def reverse_rows(problem: Evaluation, mask, limit: int) -> dict[tuple, numpy.nda
                 result[source.key, target.key][row] = numbers_of(source.array.grad)
     tape.zero()
     return result
+
+
+def _check_kernels(tape) -> None:
+    """Raises for a kernel that was declared to have no backward pass."""
+    for record in tape.launches:
+        kernel = record.call.kernel if isinstance(record, LaunchRecord) else None
+        if kernel is not None and not kernel.option("enable_backward"):
+            raise ValueError(
+                "Kernel must have backward pass enabled to compute Jacobians: "
+                f"'{kernel.key}' has `enable_backward=False`"
+            )
 
 
 def forward_columns(problem: Evaluation, mask, limit: int) -> dict[tuple, numpy.ndarray]:

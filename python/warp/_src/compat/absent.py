@@ -6,37 +6,15 @@ and say what is missing when they are used. A name goes from here when the thing
 
 from __future__ import annotations
 
-import enum
-
 from warp._src import errors
 
 _CLASSES = frozenset(
     (
-        *("BvhQueryTiled", "GLTextureResource", "MeshQueryAABBTiled"),
-        *("RegisteredGLBuffer", "Texture", "Texture1D", "Texture2D", "Texture3D"),
+        *("BvhQueryTiled", "GLTextureResource", "MeshQueryAABBTiled", "RegisteredGLBuffer"),
         *("fabricarray", "fabricarrayarray", "indexedfabricarray", "indexedfabricarrayarray"),
     )
 )
 _FUNCTIONS = frozenset(("capture_load", "capture_save"))
-
-
-class TextureFilterMode(enum.IntEnum):
-    """How a texture is read between its points."""
-
-    CLOSEST = 0
-    LINEAR = 1
-
-
-class TextureAddressMode(enum.IntEnum):
-    """How a texture is read outside."""
-
-    WRAP = 0
-    CLAMP = 1
-    MIRROR = 2
-    BORDER = 3
-
-
-_ENUMS = {kind.__name__: kind for kind in (TextureFilterMode, TextureAddressMode)}
 
 
 class _Absent(type):
@@ -45,28 +23,40 @@ class _Absent(type):
     _wp_absent_ = True
 
     def __call__(cls, *args, **kwargs):
-        raise _error(cls.__name__)
+        raise _error(cls._wp_missing_)
 
     def __getitem__(cls, params):
         return cls
 
+    def struct_with(cls, name, field):
+        """What stands for a struct that has a field of this class."""
+        about = {"_wp_missing_": f"{cls._wp_missing_}, field '{field}' of struct '{name}',"}
+        return _Absent(name, (), about)
+
 
 def _error(name):
-    return errors.WarpError(f"'wp.{name}' is not in this package yet")
+    return errors.WarpError(f"{name} is not in this package yet")
+
+
+def absent_class(name, parent=""):
+    """A class that stands for one that is not there; `parent` is the module below `warp`."""
+    shown = f"'wp.{parent}.{name}'" if parent else f"'wp.{name}'"
+    about = {"__module__": "warp", "__doc__": "Not in this package yet."}
+    return _Absent(name, (), about | {"_wp_missing_": shown})
 
 
 def find(name):
     """What stands for a name that is not there; None if nobody knows the name."""
     if name in _CLASSES:
-        made = _Absent(name, (), {"__module__": "warp", "__doc__": "Not in this package yet."})
+        made = absent_class(name)
     elif name in _FUNCTIONS:
 
         def made(*args, **kwargs):
-            raise _error(name)
+            raise _error(f"'wp.{name}'")
 
         made.__name__ = made.__qualname__ = name
     else:
-        return _ENUMS.get(name)
+        return None
     return _made.setdefault(name, made)
 
 

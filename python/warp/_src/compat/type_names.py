@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib
 import typing
 
-from warp._src.types import annotations, dtypes
+from warp._src.types import annotations, dtypes, numpy_types
 from warp._src.types.scalars import int8, int16, uint8, uint16
 
 Any = typing.Any
@@ -18,6 +18,9 @@ vector_types = tuple(
     for name, dtype in dtypes.NAMED_TYPES.items()
     if name[:3] == "vec" and not name[-1:].isdigit()
 )
+# Kinds of arrays, by the peer's numbers.
+ARRAY_TYPE_REGULAR, ARRAY_TYPE_INDEXED, ARRAY_TYPE_FABRIC, ARRAY_TYPE_FABRIC_INDEXED = range(4)
+dtype_from_numpy = numpy_types.dtype_from_numpy
 non_atomic_types = (int8, int16, uint8, uint16)
 
 

@@ -43,7 +43,8 @@ class Device:
 
     @property
     def sm_count(self) -> int:
-        return self.info["sm_count"]
+        """Multiprocessors of a GPU; 0 for the CPU."""
+        return self.info["sm_count"] if self.is_cuda else 0
 
     @property
     def max_shared_memory_per_block(self) -> int:

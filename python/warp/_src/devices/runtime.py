@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 
 from warp import _native, config
 from warp._src import config as settings
@@ -23,21 +22,6 @@ def clear_kernel_cache() -> None:
 
 def clear_lto_cache() -> None:
     """There is no such cache: linking is part of compiling."""
-
-
-def print_diagnostics() -> None:
-    """Prints version, devices and settings that differ from their default."""
-    print(f"warp-mlir {config.version}, Python {sys.version.split()[0]}")
-    print(f"kernel cache: {_native.cache_directory()}")
-    for device in devices.get_devices():
-        free, total = device.free_memory, device.total_memory
-        print(f"{device.alias}: {device.name}, {free / 2**30:.1f} of {total / 2**30:.1f} GiB free")
-    if not devices.is_cuda_available():
-        print(f"no CUDA device: {_native.cuda_unavailable_reason()}")
-    for setting in settings.SETTINGS.values():
-        value = getattr(config, setting.name)
-        if value != setting.default:
-            print(f"config.{setting.name} = {value!r}")
 
 
 def _notice(message: str) -> None:

@@ -206,12 +206,21 @@ class Branches(Part):
         values = []
         shape = self.context.flatten(known, syntax, values)
         self.context.at(syntax)
-        olds = [self.zero(value.type, name, syntax) for value in values]
+        olds = None
         for frame in self.context.frames:
+            # A branch within this one may have asked before.
+            known = [heads for promoted, _, heads in frame.promoted if promoted == name]
+            if known:
+                olds = known[0]
+                continue
+            if olds is None:
+                olds = [self.zero(value.type, name, syntax) for value in values]
             if name in frame.pending:
                 olds = [self.builder.carry(frame.level, old) for old in olds]
                 frame.pending.discard(name)
                 frame.promoted.append((name, shape, olds))
+        if olds is None:
+            olds = [self.zero(value.type, name, syntax) for value in values]
         return self.context.unflatten(shape, iter(olds))
 
     def zero(self, native, name, syntax):

@@ -168,6 +168,9 @@ class Context:
     def type_error(self, node, message, hint=None, notes=(), also=None):
         return self.error(node, message, hint, errors.WarpCodegenTypeError, notes, also)
 
+    def value_error(self, node, message, hint=None, also=None):
+        return self.error(node, message, hint, errors.WarpCodegenValueError, also=also)
+
     def unsupported(self, node, what, hint=None, also=None):
         return self.error(node, f"{what} is not supported in kernels", hint, also=also)
 
@@ -380,6 +383,8 @@ class Context:
                     "use another name",
                 )
         if before == after or before is None or after is None:
+            return
+        if before.kind == after.kind == "array" and before.element == after.element:
             return
         before, after = before.python_name, after.python_name
         hint = None

@@ -1,19 +1,9 @@
 """When compiled code becomes stale."""
 
+from warp import config
 from warp._src import config as settings
 
-
-class Epoch:
-    """Identity of the settings that compiled code depends on; replaced when one changes."""
-
-    current = object()
-
-    @classmethod
-    def advance(cls, value=None):
-        cls.current = object()
-
-
-for _name in (
+_NAMES = (
     "mode",
     "fast_math",
     "lineinfo",
@@ -21,5 +11,30 @@ for _name in (
     "max_unroll",
     "dump",
     "deterministic",
-):
-    settings.on_change(_name, Epoch.advance)
+)
+
+
+def _values() -> tuple:
+    return tuple([getattr(config, name) for name in _NAMES])
+
+
+class Epoch:
+    """Identity of the settings that compiled code depends on; the same ones have the same again."""
+
+    current = object()
+    _known = {_values(): current}
+
+    @classmethod
+    def advance(cls) -> None:
+        """Makes all compiled code stale."""
+        cls.current = object()
+        cls._known = {_values(): cls.current}
+
+    @classmethod
+    def settle(cls, value=None) -> None:
+        """Finds the epoch of the settings as they are now."""
+        cls.current = cls._known.setdefault(_values(), object())
+
+
+for _name in _NAMES:
+    settings.on_change(_name, Epoch.settle)

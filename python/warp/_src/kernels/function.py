@@ -105,6 +105,9 @@ def func(f=None, *, name=None, module=None, inline=None):
         ...     return x * x
     """
 
+    if inline is not None and not isinstance(inline, bool):
+        raise TypeError(f"inline must be a bool or None, but got {inline!r}")
+
     def decorate(function, depth):
         if not isinstance(function, python_types.FunctionType):
             raise TypeError(f"expects a function, but got '{type(function).__name__}'")
@@ -123,7 +126,7 @@ def func(f=None, *, name=None, module=None, inline=None):
 
 
 class NativeFunction(Function):
-    """A function whose body is C++ or CUDA text. It can be declared, not compiled.
+    """A function whose body is C++ or CUDA text.
 
     Attributes:
         native_snippet, adj_native_snippet, replay_snippet: the texts.
@@ -135,16 +138,31 @@ class NativeFunction(Function):
         self.adj_native_snippet = adj_snippet
         self.replay_snippet = replay_snippet
 
+    @property
+    def is_block_barrier(self) -> bool:
+        """Whether all it does is to let the threads of a block wait for each other.
+
+        That is nothing where a block is one thread, so kernels with it run on a CPU.
+        """
+        return "".join(self.native_snippet.split()) in _BARRIERS
+
     def __call__(self, *args, **kwargs):
         raise TypeError(f"'{self.key}' is native code and can be called in kernels only")
+
+
+_BARRIERS = (
+    *("WP_TILE_SYNC();", "__syncthreads();"),
+    "#ifdefined(__CUDA_ARCH__)__syncthreads();#endif",
+)
 
 
 def func_native(snippet, adj_snippet=None, replay_snippet=None):
     """Declares a function by its C++ or CUDA text.
 
-    Kernels are compiled without a C++ compiler, so a kernel that calls it is refused, with the
-    place of the call. Modules that declare such functions can be imported, and their other kernels
-    used.
+    Kernels on CPUs may call one that takes and gives numbers: Clang, where it is installed or named
+    by the environment variable WARP_CLANG, compiles it. What such a function computes may depend on
+    its arguments alone. It has no gradient. A kernel that calls another one is refused, with the
+    place of the call; modules that declare such functions can be imported.
 
     Args:
         snippet: body of the function.

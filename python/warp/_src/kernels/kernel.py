@@ -70,6 +70,9 @@ class Kernel:
         self.native = None
         self._generic = None
         self._specialized: dict = {}
+        # The epoch of these two, and what was made in others.
+        self._made_in = None
+        self._elsewhere: dict = {}
         # What launches need to know of native kernels while somebody observes.
         self.signatures: dict = {}
         # Made by `wp.overload`, by the types of the parameters.
@@ -101,7 +104,7 @@ class Kernel:
     @property
     def specializations(self) -> list:
         """Native kernels made for the arguments of a generic kernel."""
-        return [native for native, _ in self._specialized.values()]
+        return list(self._specialized.values())
 
     def option(self, name):
         return self.module.option(name, self.options)
@@ -110,7 +113,9 @@ class Kernel:
         """Forgets the translation."""
         self.epoch = None
         self.native = None
-        self._specialized.clear()
+        self._specialized = {}
+        self._elsewhere.clear()
+        self._made_in = None
         if "derivatives" in self.__dict__:
             self.derivatives.clear()
         self.signatures.clear()
@@ -123,9 +128,23 @@ class Kernel:
         """
         epoch = Epoch.current
         if self.epoch is not epoch:
-            self.native = self._translate(None)
+            self._enter(epoch)
+            if self.native is None:
+                self.native = self._translate(None)
+            # Launches look at this first: from now on `native` is what they need.
             self.epoch = epoch
         return self.native
+
+    def _enter(self, epoch) -> None:
+        """Puts aside what was made for other settings, and takes what was made for these."""
+        if self._made_in is epoch:
+            return
+        if self._made_in is not None:
+            self._elsewhere[self._made_in] = self.native, self._specialized
+            if len(self._elsewhere) > 4:
+                del self._elsewhere[next(iter(self._elsewhere))]
+        self.native, self._specialized = self._elsewhere.pop(epoch, (None, {}))
+        self.epoch, self._made_in = None, epoch
 
     def check_handles(self, kinds) -> None:
         """Makes every launch check that these arguments, by name, are handles of these kinds."""
@@ -148,10 +167,10 @@ class Kernel:
                 f"launch('{self.key}'): expects {count} arguments, but got {len(arguments)}"
             )
         types = tuple(map(argument_type, arguments))
-        found, epoch = self._specialized.get(types, (None, None))
-        if epoch is not Epoch.current:
-            found = self._translate(types)
-            self._specialized[types] = (found, Epoch.current)
+        self._enter(Epoch.current)
+        found = self._specialized.get(types)
+        if found is None:
+            found = self._specialized[types] = self._translate(types)
         return found
 
     def _translate(self, arguments, threads=1):
@@ -209,12 +228,9 @@ class Kernel:
 
     def tagged_specializations(self) -> list:
         """What was made for the arguments of a generic kernel, as (tag, native kernel)."""
-        current = Epoch.current
-        return [
-            (type_tag(types), native)
-            for types, (native, epoch) in self._specialized.items()
-            if epoch is current
-        ]
+        if self._made_in is not Epoch.current:
+            return []
+        return [(type_tag(types), native) for types, native in self._specialized.items()]
 
     def ir(
         self,
@@ -437,12 +453,24 @@ def kernel(
     unknown = set(options) - _INERT
     if unknown:
         raise TypeError(f"kernel has no option '{unknown.pop()}'")
+    _check_entry_point(options.get("entry_point_abi", "warp"), enable_backward)
+    if name is not None and not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII):
+        raise ValueError(f"kernel name must be a valid C++ identifier, but got {name!r}")
 
     def decorate(func):
         where = None if module == "unique" else module
         return Kernel(func, name, where, own)
 
     return decorate if f is None else decorate(f)
+
+
+def _check_entry_point(abi, enable_backward) -> None:
+    if abi not in ("warp", "external_constant_params"):
+        raise ValueError(
+            f"entry_point_abi must be 'warp' or 'external_constant_params', but got {abi!r}"
+        )
+    if abi != "warp" and enable_backward is not False:
+        raise ValueError(f"entry_point_abi={abi!r} requires enable_backward=False")
 
 
 _INERT = {"enable_cuda_smem_spilling", "cluster_dim", "entry_point_abi", "grid_stride"}

@@ -216,7 +216,8 @@ def _check_types(outputs, kinds) -> None:
 def _range(value) -> tuple[int, int]:
     """First and last byte of an array."""
     spans = (s * (n - 1) for n, s in zip(value.shape, value.strides, strict=True))
-    return value.ptr, value.ptr + sum(spans) + value.item_size
+    start = value.ptr or 0
+    return start, start + sum(spans) + value.item_size
 
 
 def _separate(value, outputs):

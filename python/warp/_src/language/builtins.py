@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import ctypes
 
-from warp import _native
+from warp import _native, config
 from warp._src import errors
 from warp._src.arrays.allocation import allocate, new_array
 from warp._src.arrays.array import array
@@ -54,12 +54,24 @@ class Builtin:
             try:
                 evaluator = self._evaluators[classes] = Evaluator(self.key, classes)
             except errors.WarpCodegenTypeError as problem:
-                shown = ", ".join(dtypes.type_repr(cls) for cls in classes)
+                shown = ", ".join(
+                    cls.__name__ if cls in PYTHON_TYPES else dtypes.type_repr(cls)
+                    for cls in classes
+                )
                 problem.also = (
                     f"Couldn't find a function '{self.key}' compatible with the arguments '{shown}'"
                 )
                 raise
         return evaluator(values, args)
+
+    def __getitem__(self, parameters):
+        """`wp.tile[dtype, ...]`, the annotation of a parameter."""
+        if self.key != "tile":
+            raise TypeError(f"'{self.key}' is a function, which has no items")
+        from warp._src.types.tiles import TileType
+
+        parts = parameters if isinstance(parameters, tuple) else (parameters,)
+        return TileType(parts[0], parts[1:])
 
     def _positional(self, args, named):
         """Arguments in order, for the first overload that has all the names."""
@@ -106,9 +118,9 @@ def _python_value(output):
     """The only element: a number of Python for its own types, else one of the element's type."""
     value = output.list()[0]
     dtype = output.dtype
-    if isinstance(dtype, ScalarType) and dtype not in PYTHON_TYPES.values():
-        return dtype(value)
-    return value
+    if not isinstance(dtype, ScalarType) or dtype in PYTHON_TYPES.values():
+        return value
+    return value if config.legacy_scalar_return_types else dtype(value)
 
 
 def _build(builder, name, texts, result_texts=None):
@@ -144,11 +156,12 @@ def _value(name, argument):
         return canonical.from_buffer_copy(argument)
     if type(argument) in (bool, int, float) or isinstance(argument, scalar_base):
         return argument
-    if isinstance(argument, (int, float)):
-        # A subclass, such as a member of an enumeration or NumPy's float64.
-        return float(argument) if isinstance(argument, float) else int(argument)
     if hasattr(argument, "dtype") and getattr(argument, "shape", None) == ():
+        # NumPy's numbers say their type; its float64 is a `float`, too.
         return dtype_from_numpy(argument.dtype)(argument.item())
+    if isinstance(argument, (int, float)):
+        # A subclass, such as a member of an enumeration.
+        return float(argument) if isinstance(argument, float) else int(argument)
     raise TypeError(
         f"'{name}' at Python scope expects numbers, vectors, matrices, quaternions or transforms, "
         f"but got '{type(argument).__name__}'"

@@ -7,13 +7,23 @@ import importlib
 from warp._src.language import namespace
 from warp._src.language.builtins import names as builtin_names
 
-_SUBMODULES = ("autograd", "geometry", "optim", "sparse", "types", "utils")
+_SUBMODULES = ("autograd", "fem", "geometry", "optim", "sparse", "types", "utils")
 # What few programs use, by the module that holds it.
 _RARE = {
     name: home
     for home, held in (
         ("kernels.manifest", ("Manifest", "KernelManifest", "manifest")),
+        ("devices.diagnostics", ("print_diagnostics",)),
         ("kernels.tiled", ("launch_tiled",)),
+        (
+            "textures.texture",
+            (
+                *("Texture", "Texture1D", "Texture2D", "Texture3D"),
+                *("TextureAddressMode", "TextureFilterMode"),
+            ),
+        ),
+        ("textures.sampling", ("texture_sample",)),
+        ("utils.transforms", ("transform_expand",)),
         ("logger", ("Logger", "ScopedLogLevel", "ScopedLogger", "get_logger", "set_logger")),
         (
             "devices.timing",

@@ -224,6 +224,10 @@ def _make_struct(cls, namespaces):
         field: _field_type(name, field, annotation, [*namespaces, {name: None}])
         for field, annotation in declared.items()
     }
+    for field, dtype in fields.items():
+        if getattr(dtype, "_wp_absent_", False):
+            # The module that declares it can be imported; making an instance says what is missing.
+            return dtype.struct_with(name, field)
     about = {name: getattr(cls, name) for name in ("__module__", "__qualname__", "__doc__")}
     return make_struct(name, fields, StructInstance, about)
 
@@ -257,7 +261,10 @@ def _field_type(struct_name, field, annotation, namespaces):
     if field in _RESERVED:
         raise TypeError(f"{place}: the name is taken, choose another")
     try:
-        dtype = annotations.resolve(annotations.evaluate(annotation, namespaces))
+        dtype = annotations.evaluate(annotation, namespaces)
+        if getattr(dtype, "_wp_absent_", False):
+            return dtype
+        dtype = annotations.resolve(dtype)
     except (TypeError, NameError) as error:
         raise TypeError(f"{place}: {error}") from None
     if dtype is typing.Any or (isinstance(dtype, ArrayType) and dtype.dtype is typing.Any):

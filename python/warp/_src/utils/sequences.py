@@ -44,8 +44,8 @@ def _overlap(a, b) -> bool:
     ranges = []
     for array in (a, b):
         ends = [(n - 1) * step for n, step in zip(array.shape, array.strides, strict=True)]
-        low = array.ptr + sum(end for end in ends if end < 0)
-        high = array.ptr + sum(end for end in ends if end > 0) + array.item_size
+        low = (array.ptr or 0) + sum(end for end in ends if end < 0)
+        high = (array.ptr or 0) + sum(end for end in ends if end > 0) + array.item_size
         ranges.append((low, high))
     return ranges[0][0] < ranges[1][1] and ranges[1][0] < ranges[0][1]
 

@@ -123,7 +123,7 @@ class DeviceGrid:
             (self.order, self._count),
             (groups, 0 if groups is None else len(groups)),
         ):
-            address = 0 if array is None else array.ptr
+            address = 0 if array is None else array.ptr or 0
             slot += struct.pack("<2Q10i", address, 0, length, 0, 0, 0, 4, 0, 0, 0, 1, 0)
         if slot == self._written:
             return

@@ -1,4 +1,7 @@
-"""`warp._src.utils`: the public names of `warp.utils`, and what packages' tests ask for."""
+"""Names of the peer's `warp._src.utils`: those of `warp.utils`, and what packages' tests ask for.
+
+The package of that name is ours: a name that it does not have is looked up here.
+"""
 
 from __future__ import annotations
 

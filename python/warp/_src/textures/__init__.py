@@ -1,0 +1,1 @@
+"""Textures: `texture` holds the classes, `sampling` what kernels call."""
