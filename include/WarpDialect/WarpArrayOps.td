@@ -188,23 +188,34 @@ def Warp_AccumulateOp
 // Addresses
 //===----------------------------------------------------------------------===//
 
-def Warp_ArrayAtOp : Warp_Op<"array_at", [Pure, Warp_ThreadPhase]> {
+def Warp_ArrayAtOp : Warp_Op<"array_at", [Pure, Warp_ThreadPhase,
+                                          AttrSizedOperandSegments]> {
   let summary = "packed array at an address";
   let description = [{
     Nothing is known of the memory: it may be that of any other array. An array
     at address 0 is no array, as where a launch is given none.
 
-    (C1) as many extents as the rank.
+    `grad` is the address of what derivatives know of the elements: gradients in
+    reverse mode, tangents in forward mode, one array after the other if there
+    are several directions. At 0 there are none. Values do not depend on it.
+
+    (C1) as many extents as the rank. (C2) elements with `grad` are floats or
+    composites of floats.
 
     ```mlir
     %a = warp.array_at %p[%n] : ui64, si32 -> !warp.array<1 x f32>
+    %b = warp.array_at %p[%n] grad(%g : ui64) : ui64, si32
+      -> !warp.array<1 x f32>
     ```
   }];
-  let arguments = (ins Warp_Integer:$address, Variadic<Warp_Integer>:$extents);
+  let arguments = (ins Warp_Integer:$address, Variadic<Warp_Integer>:$extents,
+                       Optional<Warp_Integer>:$grad);
   let results = (outs Warp_AnyArray:$result);
+  let builders = [OpBuilder<(ins "::mlir::Type":$type, "::mlir::Value":$address,
+                                 "::mlir::ValueRange":$extents)>];
   let assemblyFormat = [{
-    $address `[` $extents `]` attr-dict `:` type($address) `,` type($extents)
-    `->` type($result)
+    $address `[` $extents `]` (`grad` `(` $grad^ `:` type($grad) `)`)? attr-dict
+    `:` type($address) `,` type($extents) `->` type($result)
   }];
   let hasVerifier = 1;
 }

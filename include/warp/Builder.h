@@ -235,8 +235,9 @@ public:
   Value stride(Value array, int dimension);
   /// Address of the first element, as a `ui64`.
   Value pointer(Value array);
-  /// A packed array of this type at an address.
-  Value arrayAt(Type type, Value address, const Values &extents);
+  /// A packed array of this type at an address; its gradients, or null, are at
+  /// another one.
+  Value arrayAt(Type type, Value address, const Values &extents, Value grad);
 
   void beginIf(Value condition);
   void beginElse();

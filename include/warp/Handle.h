@@ -48,6 +48,9 @@ private:
 WARP_API std::string describeHandle(uint64_t id, GeometryKind kind,
                                     int device);
 
+/// Writes word `index`, from 1 to 31, of what a live handle leads to.
+WARP_API void writeHandleWord(uint64_t id, unsigned index, uint64_t value);
+
 } // namespace warp
 
 #endif // WARP_HANDLE_H

@@ -223,20 +223,26 @@ warp::Value warp::Builder::pointer(Value array) {
 }
 
 warp::Value warp::Builder::arrayAt(Type type, Value address,
-                                   const Values &extents) {
+                                   const Values &extents, Value grad) {
   ContextLock lock;
   SmallVector<mlir::Value> shape = unwrap(extents);
   auto wanted = dyn_cast<ArrayType>(unwrap(type));
   if (!wanted || wanted.getRank() != static_cast<int64_t>(shape.size()))
     impl->failType("expects an extent for each dimension of " +
                    quoted(unwrap(type)));
-  shape.push_back(unwrap(address));
-  for (mlir::Value number : shape)
+  mlir::Value gradients = unwrap(grad);
+  SmallVector<mlir::Value> numbers = shape;
+  numbers.push_back(unwrap(address));
+  if (gradients)
+    numbers.push_back(gradients);
+  for (mlir::Value number : numbers)
     if (!isInteger(number.getType()))
-      impl->failType("expects integers as address and extents, but got " +
+      impl->failType("expects integers as addresses and extents, but got " +
                      quoted(number.getType()));
-  shape.pop_back();
+  mlir::Type scalar = getElementScalar(wanted.getElementType());
+  if (gradients && !(scalar && isFloat(scalar)))
+    impl->failType("elements of " + quoted(wanted) + " have no gradients");
   return wrap(ArrayAtOp::create(impl->builder, impl->loc, wanted,
-                                unwrap(address), shape)
+                                unwrap(address), shape, gradients)
                   .getResult());
 }

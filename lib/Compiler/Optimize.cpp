@@ -9,6 +9,7 @@
 #include "warp/Error.h"
 
 #include "llvm/Bitcode/BitcodeReader.h"
+#include "llvm/Analysis/InlineCost.h"
 #include "llvm/IR/LegacyPassManager.h"
 #include "llvm/IR/Module.h"
 #include "llvm/Linker/Linker.h"
@@ -18,7 +19,31 @@
 #include "llvm/Support/MemoryBuffer.h"
 #include "llvm/Support/raw_ostream.h"
 #include "llvm/Target/TargetMachine.h"
+#include "llvm/Transforms/IPO/GlobalDCE.h"
+#include "llvm/Transforms/IPO/InferFunctionAttrs.h"
+#include "llvm/Transforms/IPO/Inliner.h"
 #include "llvm/Transforms/IPO/Internalize.h"
+#include "llvm/Transforms/InstCombine/InstCombine.h"
+#include "llvm/Transforms/Scalar/DeadStoreElimination.h"
+#include "llvm/Transforms/Scalar/EarlyCSE.h"
+#include "llvm/Transforms/Scalar/GVN.h"
+#include "llvm/Transforms/Scalar/IndVarSimplify.h"
+#include "llvm/Transforms/Scalar/InferAlignment.h"
+#include "llvm/Transforms/Scalar/LICM.h"
+#include "llvm/Transforms/Scalar/LoopDeletion.h"
+#include "llvm/Transforms/Scalar/LoopIdiomRecognize.h"
+#include "llvm/Transforms/Scalar/LoopInstSimplify.h"
+#include "llvm/Transforms/Scalar/LoopLoadElimination.h"
+#include "llvm/Transforms/Scalar/LoopPassManager.h"
+#include "llvm/Transforms/Scalar/LoopRotation.h"
+#include "llvm/Transforms/Scalar/LoopSimplifyCFG.h"
+#include "llvm/Transforms/Scalar/LoopUnrollPass.h"
+#include "llvm/Transforms/Scalar/SROA.h"
+#include "llvm/Transforms/Scalar/SimpleLoopUnswitch.h"
+#include "llvm/Transforms/Scalar/SimplifyCFG.h"
+#include "llvm/Transforms/Vectorize/LoopVectorize.h"
+#include "llvm/Transforms/Vectorize/SLPVectorizer.h"
+#include "llvm/Transforms/Vectorize/VectorCombine.h"
 
 #include <map>
 #include <mutex>
@@ -128,26 +153,120 @@ static void turnOffEpilogueVectorization() {
     static_cast<llvm::cl::opt<bool> *>(found->second)->setValue(false);
 }
 
-void warp::optimize(llvm::Module &module, llvm::TargetMachine &machine,
-                    const CompileOptions &options, bool hasLanes) {
-  static const bool once = (turnOffEpilogueVectorization(), true);
-  (void)once;
-  llvm::PipelineTuningOptions tuning;
-  // Where threads are lanes, nothing is left to pair or to widen.
-  tuning.LoopVectorization = !hasLanes;
-  tuning.SLPVectorization = !hasLanes;
+namespace {
+/// The analyses that passes share.
+struct Analyses {
+  Analyses(llvm::PassBuilder &builder) {
+    builder.registerModuleAnalyses(modules);
+    builder.registerCGSCCAnalyses(calls);
+    builder.registerFunctionAnalyses(functions);
+    builder.registerLoopAnalyses(loops);
+    builder.crossRegisterProxies(loops, functions, calls, modules);
+  }
+
   llvm::LoopAnalysisManager loops;
   llvm::FunctionAnalysisManager functions;
   llvm::CGSCCAnalysisManager calls;
   llvm::ModuleAnalysisManager modules;
+};
+} // namespace
+
+/// What is left to do for code whose calls are inlined and whose loops have the
+/// form they were given on purpose: a third of the standard passes find that.
+static llvm::FunctionPassManager buildCpuPasses(bool vectorize) {
+  using namespace llvm;
+  auto memory = [](LoopPassManager passes) {
+    return createFunctionToLoopPassAdaptor(std::move(passes),
+                                           /*UseMemorySSA=*/true);
+  };
+  FunctionPassManager all;
+  all.addPass(SROAPass(SROAOptions::ModifyCFG));
+  all.addPass(EarlyCSEPass(/*UseMemorySSA=*/true));
+  all.addPass(SimplifyCFGPass(
+      SimplifyCFGOptions().convertSwitchRangeToICmp(true)));
+  all.addPass(InstCombinePass());
+
+  LoopPassManager rotate;
+  rotate.addPass(LoopInstSimplifyPass());
+  rotate.addPass(LoopSimplifyCFGPass());
+  rotate.addPass(LICMPass(LICMOptions(100, 250, /*AllowSpeculation=*/false)));
+  rotate.addPass(LoopRotatePass());
+  rotate.addPass(LICMPass(LICMOptions()));
+  rotate.addPass(SimpleLoopUnswitchPass());
+  all.addPass(memory(std::move(rotate)));
+  all.addPass(SimplifyCFGPass());
+  LoopPassManager simplify;
+  simplify.addPass(LoopIdiomRecognizePass());
+  simplify.addPass(IndVarSimplifyPass());
+  simplify.addPass(LoopDeletionPass());
+  simplify.addPass(LoopFullUnrollPass());
+  all.addPass(createFunctionToLoopPassAdaptor(std::move(simplify)));
+
+  all.addPass(SROAPass(SROAOptions::ModifyCFG));
+  all.addPass(GVNPass());
+  all.addPass(DSEPass());
+  all.addPass(InstCombinePass());
+  if (vectorize) {
+    all.addPass(LoopVectorizePass());
+    all.addPass(InferAlignmentPass());
+    all.addPass(LoopLoadEliminationPass());
+    all.addPass(InstCombinePass());
+    all.addPass(SimplifyCFGPass(SimplifyCFGOptions()
+                                    .convertSwitchRangeToICmp(true)
+                                    .needCanonicalLoops(false)
+                                    .hoistCommonInsts(true)
+                                    .sinkCommonInsts(true)));
+    all.addPass(SLPVectorizerPass());
+  }
+  all.addPass(VectorCombinePass());
+  all.addPass(LoopUnrollPass());
+  all.addPass(InstCombinePass());
+  LoopPassManager hoist;
+  hoist.addPass(LICMPass(LICMOptions()));
+  all.addPass(memory(std::move(hoist)));
+  all.addPass(SimplifyCFGPass(SimplifyCFGOptions()
+                                  .convertSwitchRangeToICmp(true)
+                                  .convertSwitchToLookupTable(true)
+                                  .forwardSwitchCondToPhi(true)
+                                  .needCanonicalLoops(false)
+                                  .hoistCommonInsts(true)
+                                  .sinkCommonInsts(true)));
+  return all;
+}
+
+/// The library was optimised when it was built: what is long is called, what is
+/// short becomes part of the kernel.
+static void optimizeForCpu(llvm::Module &module, Analyses &analyses,
+                           bool vectorize) {
+  constexpr unsigned longest = 260;
+  for (llvm::Function &function : module)
+    if (function.hasLocalLinkage() && function.getInstructionCount() > longest)
+      function.addFnAttr(llvm::Attribute::NoInline);
+  llvm::ModulePassManager before, after;
+  before.addPass(llvm::InferFunctionAttrsPass());
+  before.addPass(llvm::ModuleInlinerWrapperPass(llvm::getInlineParams(2, 0)));
+  before.run(module, analyses.modules);
+  llvm::FunctionPassManager passes = buildCpuPasses(vectorize);
+  for (llvm::Function &function : module)
+    if (!function.isDeclaration() && !function.hasLocalLinkage())
+      passes.run(function, analyses.functions);
+  analyses.modules.clear();
+  after.addPass(llvm::GlobalDCEPass());
+  after.run(module, analyses.modules);
+}
+
+void warp::optimize(llvm::Module &module, llvm::TargetMachine &machine,
+                    const CompileOptions &options, bool hasLanes) {
+  static const bool once = (turnOffEpilogueVectorization(), true);
+  (void)once;
   llvm::PassInstrumentationCallbacks callbacks;
   keepLoadsBeforeStores(callbacks);
+  llvm::PipelineTuningOptions tuning;
+  tuning.LoopVectorization = tuning.SLPVectorization = !hasLanes;
   llvm::PassBuilder builder(&machine, tuning, std::nullopt, &callbacks);
-  builder.registerModuleAnalyses(modules);
-  builder.registerCGSCCAnalyses(calls);
-  builder.registerFunctionAnalyses(functions);
-  builder.registerLoopAnalyses(loops);
-  builder.crossRegisterProxies(loops, functions, calls, modules);
+  Analyses analyses(builder);
+  if (!isGpu(options) && options.optLevel >= 2)
+    return optimizeForCpu(module, analyses, /*vectorize=*/!hasLanes);
   auto level = options.optLevel == 0   ? llvm::OptimizationLevel::O0
                : options.optLevel == 1 ? llvm::OptimizationLevel::O1
                : options.optLevel == 2 ? llvm::OptimizationLevel::O2
@@ -155,7 +274,7 @@ void warp::optimize(llvm::Module &module, llvm::TargetMachine &machine,
   llvm::ModulePassManager passes =
       options.optLevel == 0 ? builder.buildO0DefaultPipeline(level)
                             : builder.buildPerModuleDefaultPipeline(level);
-  passes.run(module, modules);
+  passes.run(module, analyses.modules);
 }
 
 llvm::SmallVector<char, 0> warp::emit(llvm::Module &module,

@@ -11,6 +11,7 @@
 #include "geometry/Closest.h"
 #include "geometry/Crossings.h"
 #include "geometry/Overlap.h"
+#include "geometry/Predicates.h"
 #include "geometry/Ray.h"
 #include "geometry/Sign.h"
 #include "geometry/Volume.h"
@@ -56,7 +57,8 @@ constexpr struct {
 /// A volume without voxels whose values and transform are zero.
 alignas(32) constexpr u8 nothing[768] = {};
 constexpr VolumeSlot noVolume{0, nothing, nothing, nothing, 0, 0, 0, 0,
-                              0, 0, 0, 0, 0, 0, 0, 0, 0, 1};
+                              0, 0, 0, 0, 0, 0, 0, 0, 0, 1, nothing, nullptr,
+                              {}, {}};
 
 /// The slot of a live handle of a kind that is for this device, or null.
 const void *slotOf(u64 id, u64 kind) {
@@ -272,7 +274,19 @@ struct CellValues {
 WARP_GEOMETRY warp_volume_cell(u64 id, i32 type, i32 i, i32 j, i32 k,
                                CellValues *result) {
   const VolumeSlot &volume = volumeOf(id);
-  forCorners(volume, {i, j, k}, [&](u32 corner, VoxelPlace place, Voxel at) {
+  Voxel voxel{i, j, k};
+  if (crossedBy(voxel) == 0) {
+    VoxelPlace place = findVoxel(volume, voxel);
+    bool hasSteps = place.isLeaf && volume.type == u32(type);
+    u64 first = addressOf(volume, type, place, voxel);
+    u64 step = hasSteps ? volume.valueSize : 0;
+    for (u32 corner = 0; corner < 8; ++corner)
+      result->address[corner] =
+          first + step * ((corner >> 2) * 64 + (corner >> 1 & 1) * 8 +
+                          (corner & 1));
+    return;
+  }
+  forCorners(volume, voxel, [&](u32 corner, VoxelPlace place, Voxel at) {
     result->address[corner] = addressOf(volume, type, place, at);
   });
 }
@@ -293,4 +307,20 @@ WARP_GEOMETRY warp_volume_cell_index(u64 id, i32 i, i32 j, i32 k,
   forCorners(volume, {i, j, k}, [&](u32 corner, VoxelPlace place, Voxel at) {
     result->index[corner] = indexAt(volume, place, at);
   });
+}
+
+//===----------------------------------------------------------------------===//
+// Predicates
+//===----------------------------------------------------------------------===//
+
+WARP_GEOMETRY warp_orient2d(f64 px, f64 py, f64 qx, f64 qy, f64 rx, f64 ry,
+                            i32 *result) {
+  *result = orient2d({px, py}, {qx, qy}, {rx, ry});
+}
+
+WARP_GEOMETRY warp_orient3d(f64 ax, f64 ay, f64 az, f64 bx, f64 by, f64 bz,
+                            f64 cx, f64 cy, f64 cz, f64 dx, f64 dy, f64 dz,
+                            i32 *result) {
+  *result =
+      orient3d({ax, ay, az}, {bx, by, bz}, {cx, cy, cz}, {dx, dy, dz});
 }

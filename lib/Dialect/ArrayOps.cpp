@@ -235,13 +235,21 @@ LogicalResult warp::StrideOp::verify() {
   return verifyDim(*this, getArray().getType(), getDim());
 }
 
+void warp::ArrayAtOp::build(OpBuilder &b, OperationState &state, Type type,
+                            Value address, ValueRange extents) {
+  build(b, state, type, address, extents, /*grad=*/Value());
+}
+
 LogicalResult warp::ArrayAtOp::verify() {
   auto array = cast<ArrayType>(getResult().getType());
   int64_t rank = array.getRank(), given = getExtents().size();
-  if (given == rank)
-    return success();
-  return emitOpError("(C1) expects ") << rank << " extents for " << array
-                                      << ", but got " << given;
+  if (given != rank)
+    return emitOpError("(C1) expects ") << rank << " extents for " << array
+                                        << ", but got " << given;
+  mlir::Type scalar = getElementScalar(array.getElementType());
+  if (getGrad() && !(scalar && isFloat(scalar)))
+    return emitOpError("(C2) elements of ") << array << " have no derivatives";
+  return success();
 }
 
 //===----------------------------------------------------------------------===//

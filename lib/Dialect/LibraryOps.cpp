@@ -42,6 +42,9 @@ static constexpr warp::LibraryFunction functions[] = {
     // A voxel: its number or -1; the same of the corners of a cell.
     {"warp_volume_index", "liii", "i"},
     {"warp_volume_cell_index", "liii", "iiiiiiii"},
+    // Three points of a plane, four points of space: which way they turn.
+    {"warp_orient2d", "dddddd", "i"},
+    {"warp_orient3d", "dddddddddddd", "i"},
 };
 
 const warp::LibraryFunction *warp::findLibraryFunction(StringRef symbol) {
@@ -54,6 +57,8 @@ const warp::LibraryFunction *warp::findLibraryFunction(StringRef symbol) {
 mlir::Type warp::getLibraryType(MLIRContext *context, char letter) {
   if (letter == 'f')
     return Float32Type::get(context);
+  if (letter == 'd')
+    return Float64Type::get(context);
   return letter == 'i' ? IntegerType::get(context, 32, IntegerType::Signed)
                        : IntegerType::get(context, 64, IntegerType::Unsigned);
 }

@@ -10,6 +10,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
+#include <utility>
 
 using namespace warp;
 using namespace warp::geometry;
@@ -34,21 +36,49 @@ struct Range {
   int64_t size() const { return end - begin; }
 };
 
+/// A box as the eight numbers of a primitive, highs negated, so that the least
+/// of two has both; what is behind the box means nothing.
+Floats boxOf(const BuildPrimitive &primitive) {
+  static_assert(sizeof(BuildPrimitive) == sizeof(Floats));
+  Ints bits;
+  std::memcpy(&bits, &primitive, sizeof bits);
+  constexpr i32 sign = i32(0x80000000);
+  bits ^= Ints{0, 0, 0, sign, sign, sign, 0, 0};
+  return __builtin_bit_cast(Floats, bits);
+}
+
+Bounds boundsOf(Floats box) {
+  return {{box[0], box[1], box[2]}, {-box[3], -box[4], -box[5]}};
+}
+
+/// Twice the centroid of a box, in the lanes of the lows and of the highs.
+Floats centroidOf(Floats box) {
+  Floats low = __builtin_shufflevector(box, box, 0, 1, 2, 0, 1, 2, 0, 0);
+  Floats high = __builtin_shufflevector(box, box, 3, 4, 5, 3, 4, 5, 3, 3);
+  return low - high;
+}
+
+constexpr Ints isLow = {-1, -1, -1, 0, 0, 0, 0, 0};
+
+/// The bins of a centroid along the axes.
+Ints binsOf(Floats centroid, Floats low, Floats scale) {
+  Floats place = (centroid - low) * scale;
+  place = least(greatest(place, Floats(0)), Floats(bins - 1));
+  return __builtin_convertvector(place, Ints);
+}
+
 /// The best cut found: primitives whose bin along `axis` is below `bin`.
 struct Cut {
   int axis = -1, bin = 0;
   float cost = infinity;
   float low = 0, scale = 0;
+  /// Of both sides.
+  Bounds below, above;
 
+  /// As `binsOf` has it.
   bool isBelow(const BuildPrimitive &primitive) const {
-    return binOf(primitive, axis, low, scale) < bin;
-  }
-  static int binOf(const BuildPrimitive &primitive, int axis, float low,
-                   float scale) {
-    // Twice the centroid.
     float at = primitive.bounds.low[axis] + primitive.bounds.high[axis];
-    float place = (at - low) * scale;
-    return !(place > 0) ? 0 : place < bins ? int(place) : bins - 1;
+    return (at - low) * scale < float(bin);
   }
 };
 
@@ -80,7 +110,7 @@ private:
                    int levels, std::vector<Task> &tasks);
   Range makeRange(int64_t begin, int64_t end) const;
   Cut findCut(const Range &range) const;
-  int64_t split(const Range &range, int64_t unit);
+  std::pair<Range, Range> split(const Range &range, int64_t unit);
   std::vector<Range> divide(const Range &range, int levels);
   void build(Arena &arena, int32_t node, const Range &range, int levels,
              std::vector<Task> *tasks);
@@ -99,10 +129,10 @@ private:
 } // namespace
 
 Range Builder::makeRange(int64_t begin, int64_t end) const {
-  Range range{begin, end, {}};
+  Floats box = Floats(infinity);
   for (int64_t i = begin; i < end; ++i)
-    range.bounds.include(primitives[i].bounds);
-  return range;
+    box = least(box, boxOf(primitives[i]));
+  return {begin, end, boundsOf(box)};
 }
 
 /// What a range costs to search: its surface times its blocks.
@@ -111,66 +141,71 @@ static float costOf(const Bounds &bounds, int64_t count) {
 }
 
 Cut Builder::findCut(const Range &range) const {
-  Bounds centroids;
+  Floats centroids = Floats(infinity);
   for (int64_t i = range.begin; i < range.end; ++i) {
-    const Bounds &bounds = primitives[i].bounds;
-    float centroid[3];
-    for (int axis = 0; axis < 3; ++axis)
-      centroid[axis] = bounds.low[axis] + bounds.high[axis];
-    centroids.include(centroid);
+    Floats twice = centroidOf(boxOf(primitives[i]));
+    centroids = least(centroids, choose(isLow, twice, -twice));
   }
-  Bounds inBin[3][bins];
+  Floats inBin[3][bins];
   int64_t count[3][bins] = {};
-  float scale[3];
-  for (int axis = 0; axis < 3; ++axis)
-    scale[axis] = bins / (centroids.high[axis] - centroids.low[axis]);
-  for (int64_t i = range.begin; i < range.end; ++i)
+  for (auto &boxes : inBin)
+    for (Floats &box : boxes)
+      box = Floats(infinity);
+  Floats scale = Floats(0), low = centroids;
+  bool isWide[3];
+  for (int axis = 0; axis < 3; ++axis) {
+    float size = bins / (-centroids[3 + axis] - centroids[axis]);
+    isWide[axis] = size < infinity;
+    scale[axis] = isWide[axis] ? size : 0;
+  }
+  for (int64_t i = range.begin; i < range.end; ++i) {
+    Floats box = boxOf(primitives[i]);
+    Ints bin = binsOf(centroidOf(box), low, scale);
     for (int axis = 0; axis < 3; ++axis) {
-      if (!(scale[axis] < infinity))
-        continue;
-      int bin = Cut::binOf(primitives[i], axis, centroids.low[axis],
-                           scale[axis]);
-      inBin[axis][bin].include(primitives[i].bounds);
-      ++count[axis][bin];
+      inBin[axis][bin[axis]] = least(inBin[axis][bin[axis]], box);
+      ++count[axis][bin[axis]];
     }
+  }
   Cut best;
   for (int axis = 0; axis < 3; ++axis) {
-    if (!(scale[axis] < infinity))
+    if (!isWide[axis])
       continue;
-    float above[bins];
-    Bounds bounds;
+    Floats above[bins], box = Floats(infinity);
+    float cost[bins];
     int64_t number = 0;
     for (int bin = bins - 1; bin > 0; --bin) {
-      bounds.include(inBin[axis][bin]);
+      above[bin] = box = least(box, inBin[axis][bin]);
       number += count[axis][bin];
-      above[bin] = number ? costOf(bounds, number) : infinity;
+      cost[bin] = number ? costOf(boundsOf(box), number) : infinity;
     }
-    bounds = {};
+    box = Floats(infinity);
     number = 0;
     for (int bin = 1; bin < bins; ++bin) {
-      bounds.include(inBin[axis][bin - 1]);
+      box = least(box, inBin[axis][bin - 1]);
       number += count[axis][bin - 1];
-      if (number && costOf(bounds, number) + above[bin] < best.cost)
-        best = {axis, bin, costOf(bounds, number) + above[bin],
-                centroids.low[axis], scale[axis]};
+      float sum = number ? costOf(boundsOf(box), number) + cost[bin] : infinity;
+      if (sum < best.cost)
+        best = {axis,        bin,         sum, centroids[axis],
+                scale[axis], boundsOf(box), boundsOf(above[bin])};
     }
   }
   return best;
 }
 
-/// Orders a range and gives where its second half begins: by the heuristic, or
-/// in the middle of the widest axis if `unit`, of which the first half is a
-/// multiple, is not 0.
-int64_t Builder::split(const Range &range, int64_t unit) {
+/// Orders a range and gives its halves: by the heuristic, or from the middle of
+/// the widest axis if `unit`, of which the first half is a multiple, is not 0.
+std::pair<Range, Range> Builder::split(const Range &range, int64_t unit) {
   auto first = primitives.begin();
   if (splitting == Splitting::Area && unit == 0) {
     Cut cut = findCut(range);
-    if (cut.axis >= 0)
-      return std::partition(first + range.begin, first + range.end,
-                            [&](const BuildPrimitive &p) {
-                              return cut.isBelow(p);
-                            }) -
-             first;
+    if (cut.axis >= 0) {
+      int64_t middle =
+          std::partition(
+              first + range.begin, first + range.end,
+              [&](const BuildPrimitive &p) { return cut.isBelow(p); }) -
+          first;
+      return {{range.begin, middle, cut.below}, {middle, range.end, cut.above}};
+    }
   }
   unit = std::max<int64_t>(unit, width);
   int64_t units = (range.size() + unit - 1) / unit;
@@ -187,7 +222,7 @@ int64_t Builder::split(const Range &range, int64_t unit) {
                      float y = b.bounds.low[axis] + b.bounds.high[axis];
                      return x != y ? x < y : a.id < b.id;
                    });
-  return middle;
+  return {makeRange(range.begin, middle), makeRange(middle, range.end)};
 }
 
 /// The children of a node with `levels` levels of nodes, its own included.
@@ -208,9 +243,9 @@ std::vector<Range> Builder::divide(const Range &range, int levels) {
     if (weight(*largest) < 0)
       break;
     Range whole = *largest;
-    int64_t middle = split(whole, unit);
-    *largest = makeRange(whole.begin, middle);
-    children.insert(largest + 1, makeRange(middle, whole.end));
+    auto [first, second] = split(whole, unit);
+    *largest = first;
+    children.insert(largest + 1, second);
   }
   return children;
 }

@@ -6,6 +6,7 @@
 
 #include "Slots.h"
 
+#include "warp/Error.h"
 #include "warp/Memory.h"
 
 #include <cstring>
@@ -115,6 +116,17 @@ uint64_t GeometryHandle::id() const { return slot->id(); }
 
 void GeometryHandle::write(const void *contents, size_t bytes) {
   slot->write(contents, bytes);
+}
+
+void warp::writeHandleWord(uint64_t id, unsigned index, uint64_t value) {
+  Registry &all = registry();
+  std::lock_guard<std::mutex> lock(all.mutex);
+  if (!all.live.count(id) || index == 0 ||
+      index >= slotSize / sizeof(uint64_t))
+    throw Error(Error::Kind::Value, "no such word of a live handle");
+  auto *words = reinterpret_cast<uint64_t *>(id & addressMask);
+  copyMemory(words + index, int(id >> deviceShift & 31) - 1, &value, cpuDevice,
+             sizeof value);
 }
 
 static const char *nameOf(GeometryKind kind) {

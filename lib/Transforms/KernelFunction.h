@@ -64,6 +64,18 @@ inline ThreadsOp findThreads(mlir::FunctionOpInterface kernel) {
   return nullptr;
 }
 
+/// The threads of the module's kernel, or null with an error if it has none or
+/// is in another phase.
+inline ThreadsOp findThreads(mlir::ModuleOp module) {
+  mlir::FunctionOpInterface kernel = findKernel(module);
+  if (!kernel)
+    return nullptr;
+  ThreadsOp threads = findThreads(kernel);
+  if (!threads)
+    kernel.emitError("expects a kernel in phase 'launch'");
+  return threads;
+}
+
 /// Passes of the module-level phases agree on the function they work on.
 inline mlir::FunctionOpInterface findEntry(mlir::ModuleOp module) {
   for (auto func : module.getOps<mlir::FunctionOpInterface>())

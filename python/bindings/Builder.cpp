@@ -170,7 +170,11 @@ static void bindArrays(py::class_<Builder> &c) {
       .def("dim", &Builder::dim)
       .def("stride", &Builder::stride)
       .def("pointer", &Builder::pointer)
-      .def("array_at", &Builder::arrayAt);
+      .def("array_at",
+           [](Builder &b, Type type, Value address,
+              const Builder::Values &extents, std::optional<Value> grad) {
+             return b.arrayAt(type, address, extents, grad.value_or(Value()));
+           });
 }
 
 static void bindValues(py::class_<Builder> &c) {

@@ -157,4 +157,6 @@ void python::bindGeometry(py::module_ &m) {
           return describeHandle(id, GeometryKind(kind), device);
         },
         "What is wrong with a handle; empty if nothing is.");
+  m.def("write_handle_word", &writeHandleWord,
+        "Writes a word of what a live handle leads to.");
 }

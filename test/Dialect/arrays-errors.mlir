@@ -88,6 +88,14 @@ func.func @array_at_c1(%p: ui64, %n: si32) {
 
 // -----
 
+func.func @array_at_c2(%p: ui64, %n: si32) {
+  // expected-error@+1 {{(C2) elements of '!warp.array<1 x si32>' have no derivatives}}
+  %0 = warp.array_at %p[%n] grad(%p : ui64) : ui64, si32 -> !warp.array<1 x si32>
+  return
+}
+
+// -----
+
 func.func @stride_c1(%a: !warp.array<1 x f32>) {
   // expected-error@+1 {{(C1) dimension 1 is out of range for '!warp.array<1 x f32>'}}
   %0 = warp.stride %a, 1 : !warp.array<1 x f32> -> si32

@@ -80,6 +80,8 @@ func.func @addresses(%a: !a3, %p: ui64, %n: si32) -> !warp.array<2 x f32> {
   %1 = warp.stride %a, 2 : !a3 -> si32
   // CHECK: warp.array_at %{{.*}}[%{{.*}}] : ui64, si32 -> !warp.array<1 x f32>
   %2 = warp.array_at %p[%n] : ui64, si32 -> !warp.array<1 x f32>
+  // CHECK: warp.array_at %{{.*}}[%{{.*}}] grad(%{{.*}} : ui64) : ui64, si32 -> !warp.array<1 x f32>
+  %g = warp.array_at %p[%n] grad(%0 : ui64) : ui64, si32 -> !warp.array<1 x f32>
   // CHECK: warp.index_dim %{{.*}}[%{{.*}}] dim 1 : !warp.array<3 x f32>, si32 -> !warp.array<2 x f32>
   %3 = warp.index_dim %a[%n] dim 1 : !a3, si32 -> !warp.array<2 x f32>
   return %3 : !warp.array<2 x f32>

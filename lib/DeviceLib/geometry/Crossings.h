@@ -27,15 +27,7 @@ inline Ints isLeft(Floats ax, Floats ay, Floats bx, Floats by) {
 
 /// Triangles of a block that the moved ray crosses at t >= 0.
 inline u32 crossTriangles(const TriangleBlock &block, const Ray &ray) {
-  Floats x[3], y[3], z[3];
-#pragma unroll
-  for (int i = 0; i < 3; ++i) {
-    z[i] = block.vertex[i][ray.kz] - ray.start[ray.kz];
-    x[i] = fma(Floats(-ray.shearX), z[i],
-               block.vertex[i][ray.kx] - ray.start[ray.kx]);
-    y[i] = fma(Floats(-ray.shearY), z[i],
-               block.vertex[i][ray.ky] - ray.start[ray.ky]);
-  }
+  auto [x, y, z] = shearCorners(block, ray);
   // Of an edge both triangles have to compute the same: from its lower corner.
   auto left = [&](int a, int b) {
     Ints swap = (x[a] > x[b]) | ((x[a] == x[b]) & (y[a] > y[b]));

@@ -105,6 +105,24 @@ inline u32 meetBoxes(const Node &node, const Ray &ray, f32 limit,
   return bitsOf(within & (entry <= leave * 1.000001f));
 }
 
+/// Corners of triangles where the ray is the z axis.
+struct ShearedCorners {
+  Floats x[3], y[3], z[3];
+};
+
+inline ShearedCorners shearCorners(const TriangleBlock &block, const Ray &ray) {
+  ShearedCorners to;
+#pragma unroll
+  for (int i = 0; i < 3; ++i) {
+    to.z[i] = block.vertex[i][ray.kz] - ray.start[ray.kz];
+    to.x[i] = fma(Floats(-ray.shearX), to.z[i],
+                  block.vertex[i][ray.kx] - ray.start[ray.kx]);
+    to.y[i] = fma(Floats(-ray.shearY), to.z[i],
+                  block.vertex[i][ray.ky] - ray.start[ray.ky]);
+  }
+  return to;
+}
+
 /// What a ray meets of a block: weights of the first two corners, parameter.
 struct Meeting {
   Floats u, v, t;
@@ -114,15 +132,7 @@ struct Meeting {
 };
 
 inline Meeting meetTriangles(const TriangleBlock &block, const Ray &ray) {
-  Floats x[3], y[3], z[3];
-#pragma unroll
-  for (int i = 0; i < 3; ++i) {
-    z[i] = block.vertex[i][ray.kz] - ray.start[ray.kz];
-    x[i] = fma(Floats(-ray.shearX), z[i],
-               block.vertex[i][ray.kx] - ray.start[ray.kx]);
-    y[i] = fma(Floats(-ray.shearY), z[i],
-               block.vertex[i][ray.ky] - ray.start[ray.ky]);
-  }
+  auto [x, y, z] = shearCorners(block, ray);
   Floats u = differenceOfProducts(x[2], y[1], y[2], x[1]);
   Floats v = differenceOfProducts(x[0], y[2], y[0], x[2]);
   Floats w = differenceOfProducts(x[1], y[0], y[1], x[0]);

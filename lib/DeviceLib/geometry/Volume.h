@@ -7,6 +7,9 @@
 // depend on the type of the values alone; the slot has them, so one function
 // serves all types. The host has checked every offset of the buffer.
 //
+// Where leaves are dense the host adds a table of them, so that most voxels are
+// found without a walk from the root.
+//
 //===----------------------------------------------------------------------===//
 
 #ifndef WARP_DEVICELIB_GEOMETRY_VOLUME_H
@@ -16,20 +19,26 @@
 
 namespace warp::geometry {
 
-/// The slot of a Volume; python/warp/_src/geometry/volumes/volume.py writes it.
+/// The slot of a Volume; python/warp/_src/geometry/volumes/slot.py writes it.
 struct VolumeSlot {
   u64 tag;
   const u8 *grid, *root, *leaves;
   /// Of which type values are, as files number them; tiles of the root.
   u32 type, tiles;
   u64 voxels;
-  /// From values to their derivatives, or 0.
+  /// From values in leaves to their gradients, or 0.
   u64 gradient;
   u32 background, rootSize, tileSize, tileValue;
   u32 upperTable, lowerTable, tableStride;
   u32 leafTable, valueSize, leafSize;
+  const u8 *leavesEnd;
+  /// Numbers of leaves in a box of leaves, x slowest; null without one.
+  const u32 *numbers;
+  /// The lowest leaf of the box and how many there are, in units of leaves.
+  i32 lowest[3];
+  u32 extent[3];
 };
-static_assert(sizeof(VolumeSlot) == 96);
+static_assert(sizeof(VolumeSlot) == 136);
 
 struct Voxel {
   i32 x, y, z;
@@ -58,7 +67,22 @@ inline VoxelPlace childOf(const u8 *node, u32 n, u32 maskBytes, u32 table,
   return {isChild ? node + readAt<i64>(entry) : entry, isChild};
 }
 
+constexpr u32 noLeaf = 0xffffffff;
+
+/// The leaf of a voxel by the table of leaves, or null.
+inline const u8 *findLeaf(const VolumeSlot &volume, Voxel v) {
+  u32 x = u32((v.x >> 3) - volume.lowest[0]);
+  u32 y = u32((v.y >> 3) - volume.lowest[1]);
+  u32 z = u32((v.z >> 3) - volume.lowest[2]);
+  if (x >= volume.extent[0] || y >= volume.extent[1] || z >= volume.extent[2])
+    return nullptr;
+  u32 n = volume.numbers[(x * volume.extent[1] + y) * volume.extent[2] + z];
+  return n == noLeaf ? nullptr : volume.leaves + u64(n) * volume.leafSize;
+}
+
 inline VoxelPlace findVoxel(const VolumeSlot &volume, Voxel v) {
+  if (const u8 *leaf = findLeaf(volume, v))
+    return {leaf, true};
   u64 key = u64(u32(v.z) >> 12) | u64(u32(v.y) >> 12) << 21 |
             u64(u32(v.x) >> 12) << 42;
   const u8 *tile = volume.root + volume.rootSize;
@@ -112,12 +136,18 @@ inline i32 indexAt(const VolumeSlot &volume, VoxelPlace place, Voxel v) {
   return i32(first + u64(__builtin_popcountll(mask[n >> 6] & (bit - 1)))) - 1;
 }
 
+/// In which directions the cell that starts at a voxel leaves its leaf: bits of
+/// the corners there.
+inline u32 crossedBy(Voxel v) {
+  return u32((v.x & 7) == 7) << 2 | u32((v.y & 7) == 7) << 1 |
+         u32((v.z & 7) == 7);
+}
+
 /// Calls `visit(corner, place, voxel)` for the corners of the cell that starts
 /// at a voxel, z fastest; one descent for each leaf that the cell touches.
 template <class Visit>
 void forCorners(const VolumeSlot &volume, Voxel v, Visit &&visit) {
-  u32 crossed = u32((v.x & 7) == 7) << 2 | u32((v.y & 7) == 7) << 1 |
-                u32((v.z & 7) == 7);
+  u32 crossed = crossedBy(v);
   VoxelPlace places[8];
   for (u32 corner = 0; corner < 8; ++corner) {
     Voxel at{i32(u32(v.x) + (corner >> 2)), i32(u32(v.y) + (corner >> 1 & 1)),

@@ -15,6 +15,7 @@
 
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/TileOps.h"
+#include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/Func/IR/FuncOps.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
@@ -31,10 +32,47 @@ bool hasDerivative(Type type) {
 }
 
 //===----------------------------------------------------------------------===//
+// Addresses
+//===----------------------------------------------------------------------===//
+
+Value gradientAddress(Value array) {
+  auto at = rootOf(array).getDefiningOp<ArrayAtOp>();
+  return at ? at.getGrad() : Value();
+}
+
+LogicalResult checkAddress(AccessOp write) {
+  if (!gradientAddress(write.getArray()))
+    return success();
+  return write->emitError("what lies at an address and has gradients is read "
+                          "only, but is written here");
+}
+
+Value ifThere(OpBuilder &builder, Location loc, Value address, Type type,
+              function_ref<Value()> body) {
+  Value none = zero(builder, loc, address.getType());
+  Value isThere =
+      createBuiltin(builder, loc, NeOp::getSpec(), {address, none})
+          ->getResult(0);
+  auto branch = scf::IfOp::create(
+      builder, loc, type ? TypeRange(type) : TypeRange(), isThere, bool(type));
+  OpBuilder::InsertionGuard guard(builder);
+  builder.setInsertionPointToStart(branch.thenBlock());
+  Value made = body();
+  if (!type)
+    return {};
+  scf::YieldOp::create(builder, loc, made);
+  builder.setInsertionPointToStart(branch.elseBlock());
+  scf::YieldOp::create(builder, loc, zero(builder, loc, type));
+  return branch.getResult(0);
+}
+
+//===----------------------------------------------------------------------===//
 // Marks
 //===----------------------------------------------------------------------===//
 
 bool Activity::isActiveArray(Value array) const {
+  if (gradientAddress(array))
+    return true;
   return llvm::any_of(leaves.of(array), [&](unsigned leaf) {
     return leaf < active.size() && active[leaf];
   });

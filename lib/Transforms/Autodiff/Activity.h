@@ -13,13 +13,32 @@
 
 #include "Analysis/ArrayOrigins.h"
 
+#include "mlir/IR/Builders.h"
+
 #include "llvm/ADT/DenseSet.h"
 #include "llvm/ADT/SetVector.h"
+
+namespace warp {
+class AccessOp;
+} // namespace warp
 
 namespace warp::autodiff {
 
 /// Float scalars and composites of them.
 bool hasDerivative(mlir::Type type);
+
+/// Where the gradients of what lies at an address are, 0 if there are none; null
+/// for any other array.
+mlir::Value gradientAddress(mlir::Value array);
+
+/// Rejects a write there, as it would have to take gradients or leave tangents.
+mlir::LogicalResult checkAddress(AccessOp write);
+
+/// What `body` makes if an address is not 0, else a zero of the type; nothing
+/// without a type.
+mlir::Value ifThere(mlir::OpBuilder &builder, mlir::Location loc,
+                    mlir::Value address, mlir::Type type,
+                    llvm::function_ref<mlir::Value()> body);
 
 class Activity {
 public:
@@ -31,7 +50,7 @@ public:
     return varied.contains(value) && useful.contains(value);
   }
   bool isVaried(mlir::Value value) const { return varied.contains(value); }
-  /// The array has a gradient.
+  /// The array has a gradient, or may have one at an address.
   bool isActiveArray(mlir::Value array) const;
 
   /// Casts from float to integer through which a useful value depends on an

@@ -240,6 +240,10 @@ int64_t MemoryClasses::getUniqueRank(Operation *op) const {
 
 LogicalResult MemoryClasses::verify() {
   for (Operation *op : unknown)
+    if (auto access = dyn_cast<AccessOp>(op);
+        access && access.mayWrite() && failed(checkAddress(access)))
+      return failure();
+  for (Operation *op : unknown)
     if (hasDerivative(op->getOperand(0).getType()) ||
         (op->getNumResults() == 1 && hasDerivative(op->getResult(0).getType())))
       return op->emitError("the array that is accessed here depends on control "

@@ -130,8 +130,13 @@ std::optional<LogicalResult> CompositeLowering::lowerArrayOp(Operation *op) {
         return keep({lookupOne(slice.getArray()), getIndex(slice.getStart()),
                      getIndex(slice.getStop()), getIndex(slice.getStep())});
       })
-      .Case<DimOp, StrideOp, PointerOp, ArrayAtOp, GradOp, TidOp, AssertOp,
-            LibraryCallOp, BarrierOp, ThreadNumberOp, BlockMemoryOp>(
+      .Case([&](ArrayAtOp array) {
+        // Derivatives have been made.
+        array.getGradMutable().clear();
+        return keep(lookup(array->getOperands()));
+      })
+      .Case<DimOp, StrideOp, PointerOp, GradOp, TidOp, AssertOp, LibraryCallOp,
+            BarrierOp, ThreadNumberOp, BlockMemoryOp>(
           [&](Operation *op) { return keep(lookup(op->getOperands())); })
       .Case([&](PrintfOp print) {
         return keep(llvm::map_to_vector(print.getArgs(), [&](Value x) {

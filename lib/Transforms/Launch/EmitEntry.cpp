@@ -264,14 +264,10 @@ struct EmitEntry : warp::impl::EmitEntryBase<EmitEntry> {
   }
 
   void runOnOperation() override {
-    FunctionOpInterface kernel = warp::findKernel(getOperation());
-    if (!kernel)
+    warp::ThreadsOp threads = warp::findThreads(getOperation());
+    if (!threads)
       return signalPassFailure();
-    warp::ThreadsOp threads = warp::findThreads(kernel);
-    if (!threads) {
-      kernel.emitError("expects a kernel in phase 'launch'");
-      return signalPassFailure();
-    }
+    auto kernel = threads->getParentOfType<FunctionOpInterface>();
     EntryBuilder(kernel, threads).build();
   }
 };

@@ -36,9 +36,11 @@ Scalars lowerSinc(Emitter &, Operands args) {
 /// goes to log1p.
 Scalars lowerLogsumexp(Emitter &, Operands args) {
   ArrayRef<Scalar> x = args[0].scalars;
+  // The first of those that are equal: it alone is taken out below, and so it
+  // has the derivative by the largest.
   Scalar largest = x[0];
   for (Scalar y : x.drop_front())
-    largest = max(largest, y);
+    largest = select(y > largest, y, largest);
   Scalar others = largest.like(0), isTaken = x[0] == largest;
   for (auto [i, y] : llvm::enumerate(x)) {
     Scalar isLargest = y == largest;

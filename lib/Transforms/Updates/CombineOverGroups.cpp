@@ -153,14 +153,10 @@ namespace {
 struct CombineOverGroups
     : warp::impl::CombineOverGroupsBase<CombineOverGroups> {
   void runOnOperation() override {
-    FunctionOpInterface kernel = warp::findKernel(getOperation());
-    if (!kernel)
+    warp::ThreadsOp threads = warp::findThreads(getOperation());
+    if (!threads)
       return signalPassFailure();
-    warp::ThreadsOp threads = warp::findThreads(kernel);
-    if (!threads) {
-      kernel.emitError("expects a kernel in phase 'launch'");
-      return signalPassFailure();
-    }
+    auto kernel = threads->getParentOfType<FunctionOpInterface>();
     // Exact sums of a group are made in integers, by warp-lower-sums.
     SmallVector<warp::AtomicComponentsOp> found;
     threads.walk([&](warp::AtomicComponentsOp op) {

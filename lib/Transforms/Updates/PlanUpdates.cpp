@@ -241,14 +241,10 @@ namespace {
 
 struct PlanUpdates : warp::impl::PlanUpdatesBase<PlanUpdates> {
   void runOnOperation() override {
-    FunctionOpInterface kernel = warp::findKernel(getOperation());
-    if (!kernel)
+    warp::ThreadsOp threads = warp::findThreads(getOperation());
+    if (!threads)
       return signalPassFailure();
-    warp::ThreadsOp threads = warp::findThreads(kernel);
-    if (!threads) {
-      kernel.emitError("expects a kernel in phase 'launch'");
-      return signalPassFailure();
-    }
+    auto kernel = threads->getParentOfType<FunctionOpInterface>();
     bool any = kernel
                    ->walk([](Operation *op) {
                      return isa<AtomicComponentsOp, warp::AtomicCasOp>(op)

@@ -1,65 +1,37 @@
 """Command line: `python -m warp.report [SCENE or FILE.py ...]`, or a tool by its name."""
 
-import argparse
 import importlib
 import sys
-from pathlib import Path
 
 import warp as wp
 from warp.report._analysis import counts
+from warp.report._command import choose, make_parser
 from warp.report._records import read_records
 from warp.report._run import run
-from warp.report._scene import Sweep, registered
-from warp.report._worker import load
+from warp.report._scene import Sweep
 
 #: Packages beside this file that have a command line of their own.
-TOOLS = ("lean", "stability")
-SCENES = Path(__file__).parent / "scenes"
-
-
-def _choose(names):
-    """Scenes by file, by name, or all that come with the package."""
-    files = [str(Path(name).resolve()) for name in names if name.endswith(".py")]
-    for file in files:
-        if not Path(file).is_file():
-            raise ValueError(f"no file '{file}'")
-        load(file)
-    names = [name for name in names if not name.endswith(".py")]
-    chosen = [scene for scene in registered().values() if scene.file in files]
-    unknown = [name for name in names if name not in registered()]
-    if unknown or not (files or names):
-        own = [str(file) for file in sorted(SCENES.glob("[a-z]*.py"))]
-        for file in own:
-            load(file)
-        if not (files or names):
-            return [scene for scene in registered().values() if scene.file in own]
-    for name in names:
-        if name not in registered():
-            known = ", ".join(f"'{key}'" for key in registered())
-            raise ValueError(f"no scene '{name}'; there are {known}")
-        chosen.append(registered()[name])
-    return chosen
+TOOLS = ("lean", "search", "stability")
 
 
 def _parser():
-    parser = argparse.ArgumentParser(
-        prog="python -m warp.report",
+    parser = make_parser(
+        "",
+        device="such as cpu,cuda:0",
+        limit="a point",
         description="Measure scenes: error against run time, stability, drift, gradients. "
         "'stability' in place of scenes runs the catalogue of extreme cases, "
         "'lean' says what scenes use and carry unused.",
     )
     parser.add_argument("scenes", nargs="*", help="names of scenes, or Python files with some")
     parser.add_argument("--list", action="store_true", help="say which scenes there are")
-    parser.add_argument("--device", default="cpu", help="such as cpu,cuda:0")
     parser.add_argument("--dtype", help="such as float32,float64")
     parser.add_argument(
         "--sweep", action="append", default=[], help="name=first:last:count or name=a,b,c"
     )
     parser.add_argument("--quick", action="store_true", help="fewer points, small sizes")
     parser.add_argument("--repeats", type=int, default=10, help="timed runs of a point")
-    parser.add_argument("--limit", type=float, default=60.0, help="seconds a point may take")
     parser.add_argument("--baseline", help="records.jsonl of an earlier run to compare with")
-    parser.add_argument("--output", default="build/report", help="folder of the pages")
     return parser
 
 
@@ -72,7 +44,7 @@ def main(arguments=None):
     options = _parser().parse_args(arguments)
     wp.config.quiet = True
     try:
-        scenes = _choose(options.scenes)
+        scenes = choose(options.scenes)
         if options.list:
             for scene in scenes:
                 print(f"{scene.name:24} {scene.summary}")

@@ -30,7 +30,7 @@ def scale_by_settings(x: wp.array(dtype=float), s: Settings, count: int):
 
 
 def entries(name):
-    return [one for one in wp.manifest(code=True) if one.kernel == name]
+    return [one for one in wp.manifest(code=True, module=__name__) if one.kernel == name]
 
 
 def instructions(text):  # without the names and the order of parameters
@@ -47,6 +47,8 @@ def test_manifest_names_what_is_unused():
         "field 'damping' of struct 'Settings' is never used",
     }
     assert "kernel 'scale_by_settings': parameter 'count' is never used" in str(wp.manifest())
+    assert wp.manifest(module=sys.modules[__name__]) == wp.manifest(module=__name__) != ()
+    assert wp.manifest(module="no.such.module") == ()
 
 
 # C1: a forward launch of arrays with gradients makes no derivative and no other code.

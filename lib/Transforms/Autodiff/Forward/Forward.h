@@ -16,6 +16,7 @@
 
 namespace warp {
 class AccessOp;
+class ArrayAtOp;
 } // namespace warp
 
 namespace warp::autodiff {
@@ -99,6 +100,7 @@ private:
                               mlir::Value tangent);
   /// Views and other descriptors made of an array: the same of its twin.
   mlir::Value viewTwin(mlir::Operation *clone, mlir::Value twin);
+  mlir::Value twinAt(ArrayAtOp clone, unsigned direction);
 
   void forget(mlir::ValueRange primals);
 

@@ -23,6 +23,29 @@ Value ForwardBuilder::viewTwin(Operation *clone, Value twin) {
   return view->getResult(0);
 }
 
+/// The tangents of what lies at an address: one array after the other, or none
+/// where the first one's address is 0.
+Value ForwardBuilder::twinAt(ArrayAtOp clone, unsigned direction) {
+  Location loc = clone.getLoc();
+  auto type = cast<ArrayType>(getTangentType(clone.getType()));
+  Value address = clone.getGrad();
+  if (direction > 0) {
+    Type wide = address.getType();
+    int64_t bytes = direction * getByteSize(type.getElementType());
+    Value offset = ConstantOp::create(builder, loc,
+                                      builder.getIntegerAttr(wide, bytes));
+    auto compute = [&](StringRef name, Value a, Value b) {
+      return createBuiltin(builder, loc, name, {a, b})->getResult(0);
+    };
+    for (Value extent : clone.getExtents())
+      offset = compute("mul", offset,
+                       CastOp::create(builder, loc, wide, extent));
+    address = ifThere(builder, loc, address, wide,
+                      [&] { return compute("add", address, offset); });
+  }
+  return ArrayAtOp::create(builder, loc, type, address, clone.getExtents());
+}
+
 /// The same access of a twin: `tangent`, if any, is written.
 Operation *ForwardBuilder::accessTwin(Operation *clone, Value twin,
                                       Value tangent) {
@@ -44,11 +67,17 @@ LogicalResult ForwardBuilder::runAccess(AccessOp op, Operation *clone,
       op.mayWrite() && !differentialType(op.getWritten().front().getType());
   if (!twin || writesIntegers)
     return success();
+  if (op.mayWrite() && failed(checkAddress(op)))
+    return failure();
   switch (op.getEffect()) {
   case AccessEffect::Read:
-    if (differentialType(op.getRead().front().getType()))
+    if (Type type = differentialType(op.getRead().front().getType())) {
+      auto read = [&] { return accessTwin(clone, twin, {})->getResult(0); };
+      auto at = rootOf(twin).getDefiningOp<ArrayAtOp>();
       tangents[op.getRead().front()] =
-          accessTwin(clone, twin, {})->getResult(0);
+          at ? ifThere(builder, op.getLoc(), at.getAddress(), type, read)
+             : Value(read());
+    }
     return success();
   case AccessEffect::Write:
     accessTwin(clone, twin,
@@ -118,6 +147,12 @@ std::optional<LogicalResult> ForwardBuilder::runMemory(Operation *op,
         Value twin = twinOf(view.getArray());
         if (twin && getTangentType(view->getResult(0).getType()))
           setTangent(viewTwin(clone, twin));
+        return success();
+      })
+      .Case([&](ArrayAtOp at) {
+        if (at.getGrad())
+          setTangent(twinAt(cast<ArrayAtOp>(clone),
+                            &tangents - directions.data()));
         return success();
       })
       .Case([&](StructGetOp get) {

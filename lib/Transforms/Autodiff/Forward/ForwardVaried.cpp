@@ -102,6 +102,10 @@ Varied::Varied(func::FuncOp kernel, const ArrayLeaves &leaves,
       mark(get.getResult());
   });
   Operation *module = kernel->getParentOp();
+  module->walk([&](ArrayAtOp at) {
+    if (at.getGrad())
+      mark(at.getResult());
+  });
   bool changed;
   do {
     changed = false;

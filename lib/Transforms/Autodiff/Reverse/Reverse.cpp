@@ -60,6 +60,9 @@ LogicalResult ReverseBuilder::build() {
                adjoint.getArguments().take_front(body.getNumArguments()));
   if (failed(replay(body)) || failed(reverse(body)))
     return failure();
+  // These are gradients, not the tangents that a derivative of the adjoint
+  // would take them for.
+  adjoint.walk([](ArrayAtOp at) { at.getGradMutable().clear(); });
   func::ReturnOp::create(builder, primal.getLoc());
   return success();
 }

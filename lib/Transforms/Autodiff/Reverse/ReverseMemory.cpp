@@ -9,6 +9,8 @@
 //   atomic a[i] -= v     cot(v) -= h[i]
 //   atomic min, max      if a[i] == v: cot(v) += h[i], taken by one thread
 //
+// Of what lies at an address, h is at another one, if that is not 0.
+//
 // A store ends the life of what the element held before, so its gradient is
 // taken and left zero. An array without a gradient gets no code at all.
 //
@@ -68,6 +70,15 @@ Value ReverseBuilder::recoverRoot(Value root) {
 
 Value ReverseBuilder::gradOf(Value array) {
   return rebase(array, [&](Value root) {
+    if (Value address = gradientAddress(root)) {
+      auto at = root.getDefiningOp<ArrayAtOp>();
+      auto type = cast<ArrayType>(root.getType());
+      type = ArrayType::get(type.getContext(), type.getRank(),
+                            getGradientElement(type.getElementType()));
+      return ArrayAtOp::create(builder, root.getLoc(), type, recover(address),
+                               recover(at.getExtents()))
+          .getResult();
+    }
     Value &gradient = gradients[root];
     if (gradient)
       return gradient;
@@ -174,8 +185,15 @@ LogicalResult ReverseBuilder::reverseRead(AccessOp op) {
   IntegerAttr unique;
   if (int64_t rank = memory.getUniqueRank(op))
     unique = builder.getI64IntegerAttr(rank);
-  AccumulateOp::create(builder, op.getLoc(), cotangent, gradOf(op.getArray()),
-                       recover(op.getIndices()), unique);
+  auto accumulate = [&] {
+    AccumulateOp::create(builder, op.getLoc(), cotangent, gradOf(op.getArray()),
+                         recover(op.getIndices()), unique);
+    return Value();
+  };
+  if (Value address = gradientAddress(op.getArray()))
+    ifThere(builder, op.getLoc(), recover(address), Type(), accumulate);
+  else
+    accumulate();
   return success();
 }
 

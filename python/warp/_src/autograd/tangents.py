@@ -15,12 +15,14 @@ overwrote in between put back.
 from __future__ import annotations
 
 from warp import _native
+from warp._src import errors
 from warp._src.arrays.array import array
 from warp._src.arrays.create import empty, zeros
 from warp._src.arrays.gradients import gradient_type, has_gradient
 from warp._src.arrays.layout import bytes_spanned
 from warp._src.arrays.observers import Observing, copy_layout
 from warp._src.arrays.versions import event
+from warp._src.derivatives import handles
 from warp._src.derivatives.kernel_derivatives import check_overlap, thread_count
 from warp._src.kernels.call import Call
 from warp._src.types import dtypes, scalars
@@ -86,6 +88,13 @@ class Tangents:
             known = self._views[id(one)] = (one, one.grad, views)
         return known[2][direction]
 
+    def packed(self, one: array) -> array:
+        """A copy of the tangents of a packed array along all directions, one after the other."""
+        result = empty((self.width, *one.shape), gradient_type(one.dtype), one.device)
+        for i in range(self.width):
+            _native.copy_array(result[i], self.twin(one, i), None)
+        return result
+
     def _allocate(self, one: array) -> array:
         """Sees to it that the allocation of an array has twins; returns the allocation."""
         base = _base(one)
@@ -139,10 +148,15 @@ class Tangents:
     def launch(self, call: Call) -> None:
         """Runs a launch with tangents."""
         self._access([one for _, one in call.leaves if one is not None], call.written)
-        active = self._active(call.leaves, call.accesses)
+        is_behind = any(self.has(one) for one in handles.arrays_of(call))
+        active = self._active(call.leaves, call.accesses, is_behind)
         if not any(active):
             self._run(call)
             return
+        with handles.showing(self):
+            self._launch(call, active)
+
+    def _launch(self, call, active) -> None:
         derivatives = call.kernel.derivatives
         made = [derivatives.tangent(call.native, active, width=self.width)]
         if made[0].one_thread and thread_count(call.dim) > 1:
@@ -160,10 +174,13 @@ class Tangents:
         record.run()
         self.tape.end_launch(record)
 
-    def _active(self, leaves, accesses) -> tuple[bool, ...]:
-        """Arrays that have tangents, or get some from those that have."""
+    def _active(self, leaves, accesses, is_behind) -> tuple[bool, ...]:
+        """Arrays that have tangents, or get some from those that have.
+
+        is_behind: whether arrays that are known by handles have some.
+        """
         known = [one is not None and has_gradient(one.dtype) and self.has(one) for _, one in leaves]
-        if not any(known):
+        if not any(known) and not is_behind:
             return tuple(known)
         return tuple(
             found or (one is not None and has_gradient(one.dtype) and (access[1] or access[2]))
@@ -183,8 +200,15 @@ class Tangents:
 
     def run_adjoint(self, call: Call, values, initial, saved, apart=()) -> None:
         """Runs the adjoint of a launch with tangents."""
+        if any(self.has(one) for one in handles.arrays_of(call)):
+            raise errors.WarpGradientError(
+                f"launch('{call.kernel.key}'): second derivatives by arrays that kernels know by a "
+                "handle, such as vertices of a mesh, are not there",
+                hint="pass the array to the kernel, too, and compute with its elements",
+            )
+        behind = handles.show_gradients()
         grads = [one.grad for _, one in call.leaves if one is not None and one.grad is not None]
-        unique = not _native.shares_elements(grads)
+        unique = not _native.shares_elements([*grads, *behind])
         made = call.kernel.derivatives.adjoint(call.native, call.active, apart=apart)
         if not unique or made.counting is not None:
             made = call.kernel.derivatives.adjoint(

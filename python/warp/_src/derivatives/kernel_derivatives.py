@@ -16,6 +16,7 @@ from warp._src import errors
 from warp._src.arrays.array import array
 from warp._src.arrays.create import zeros
 from warp._src.derivatives.gathers import gather_sums
+from warp._src.derivatives.handles import show_gradients
 from warp._src.derivatives.singular import count_singular
 from warp._src.devices.devices import by_index
 from warp._src.kernels.call import Call
@@ -143,7 +144,7 @@ class KernelDerivatives:
             for value in values:
                 if isinstance(value, StructInstance):
                     value.refresh()
-        if _meet(call):
+        if _meet(call, show_gradients()):
             tape = "checkpoints" if made.counting is None else "global"
             made = self.adjoint(call.native, call.active, False, tape, apart)
         made.run(call, values, initial or {}, saved)
@@ -317,9 +318,10 @@ def thread_count(dim) -> int:
     return math.prod(dim) if isinstance(dim, (tuple, list)) else int(dim)
 
 
-def _meet(call) -> bool:
-    """Whether threads with different indices may meet at a gradient."""
-    return _native.shares_elements([leaf.grad for _, leaf in call.leaves if _is_active(leaf)])
+def _meet(call, behind) -> bool:
+    """Whether threads with different indices may meet at a gradient, also by handles."""
+    grads = [leaf.grad for _, leaf in call.leaves if _is_active(leaf)]
+    return _native.shares_elements([*grads, *behind])
 
 
 def _is_active(leaf) -> bool:

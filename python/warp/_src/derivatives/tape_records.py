@@ -18,6 +18,7 @@ from warp._src.arrays.kept import Budget
 from warp._src.arrays.observers import Observers
 from warp._src.arrays.versions import Event
 from warp._src.derivatives import cotangents
+from warp._src.derivatives.handles import arrays_of
 from warp._src.devices import devices
 from warp._src.kernels.call import Call
 from warp._src.types import dtypes
@@ -34,6 +35,7 @@ class LaunchRecord:
         "aliases",
         "apart",
         "before",
+        "behind",
         "budget",
         "call",
         "event",
@@ -52,6 +54,8 @@ class LaunchRecord:
         self.versions: list = []
         # Of arrays as they were before the launch, by number.
         self.before: dict = {}
+        # Arrays with gradients that the kernel knows by handles.
+        self.behind: list[array] = [one for one in arrays_of(call) if one.grad is not None]
         # What the augmented kernel has noted, in the order of the hidden arguments.
         self.saved: list[array] = []
         # Pairs (written, other) of arguments of which elements meet.
@@ -171,7 +175,7 @@ class LaunchRecord:
             )
 
     def arrays(self) -> list[array]:
-        return [leaf for _, leaf in self.call.leaves if leaf is not None]
+        return [leaf for _, leaf in self.call.leaves if leaf is not None] + self.behind
 
     def written(self) -> list[array]:
         return self.call.written

@@ -244,8 +244,12 @@ class Constructors(Part):
         return self.builder.struct_create(native, values)
 
     def array_at(self, node):
-        """`wp.array(ptr=..., shape=..., dtype=...)`: a packed array at an address."""
+        """`wp.array(ptr=..., shape=..., dtype=...)`: a packed array at an address.
+
+        `grad`, which functions of the package give, is the address of its gradients, or 0.
+        """
         arguments, keywords = self.arguments(node)
+        grad = keywords.pop("grad", None)
         if arguments or set(keywords) != {"ptr", "shape", "dtype"}:
             raise self.context.type_error(
                 node, "an array in a kernel is made of `ptr`, `shape` and `dtype`, by name"
@@ -262,7 +266,8 @@ class Constructors(Part):
         address = self.convert(keywords["ptr"], node)
         native = type(element).parse(f"!warp.array<{len(extents)} x {element}>")
         self.context.at(node)
-        return self.builder.array_at(native, address, extents)
+        gradients = None if grad is None else self.convert(grad, node)
+        return self.builder.array_at(native, address, extents, gradients)
 
     def convert(self, binding, node):
         """An address, which may be a number known at compile time."""

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from warp import _native
 from warp._src import errors
+from warp._src.derivatives.handles import Behind
 from warp._src.devices import devices
 from warp._src.geometry.bvh import check_array, check_groups, check_leaf_size, is_median
+from warp._src.geometry.mesh_arrays import POINT_GRADIENTS, VELOCITY_GRADIENTS
 from warp._src.types import dtypes
 from warp._src.types.scalars import int32
 
 
-class Mesh:
+class Mesh(Behind):
     """A triangle mesh, which kernels search by its `id`.
 
     Args:
         points: array of vec3, positions of vertices. Kernels read it; after a change call `refit`.
+            If it has gradients, derivatives of queries are added to them.
         indices: array of int32, three vertices per face, counter-clockwise seen from outside.
         velocities: array of vec3 like `points`, for `mesh_eval_velocity`.
         support_winding_number: makes `mesh_query_point_sign_winding_number` quick, for 11 bytes per
@@ -68,8 +71,7 @@ class Mesh:
         )
         self.id = self._native.id
         self._has_winding = bool(support_winding_number)
-        # What refits on the device, and the arrays that kernels know of.
-        self._kernels, self._shown = None, self._addresses()
+        self._published()
 
     def _check_velocities(self, velocities, points):
         if velocities is None:
@@ -126,7 +128,19 @@ class Mesh:
             return
         self._wait()
         self._native.refit(self._points, self._velocities, self.indices)
+        self._published()
+
+    def _published(self):
+        """Called when the slot has been written."""
+        # What refits on the device, and the arrays that kernels know of.
         self._kernels, self._shown = None, self._addresses()
+        self._enroll()
+
+    def _behind(self):
+        return [
+            (POINT_GRADIENTS, self._points, 0),
+            (VELOCITY_GRADIENTS, self._velocities, 0),
+        ]
 
     def _addresses(self) -> list:
         """Of the arrays that kernels read."""
@@ -139,7 +153,7 @@ class Mesh:
         self._wait()
         arrays = (self._points, self._velocities, self.indices, self.groups)
         self._native.rebuild(*arrays, median)
-        self._kernels, self._shown = None, self._addresses()
+        self._published()
 
     def _wait(self):
         """The host reads the arrays: what writes them has to be done."""

@@ -7,25 +7,26 @@ from warp._src.types.dtypes import vec3f
 from warp._src.types.native import ArrayType
 from warp._src.types.scalars import int32, uint64
 
-# Words of the slot, as lib/Geometry/Mesh.cpp writes it: address and extent of each array.
-_POINTS, _POINT_COUNT = 4, 6
-_VELOCITIES, _VELOCITY_COUNT = 11, 13
+# Words of the slot, as lib/Geometry/Mesh.cpp writes it: address of each array and of its gradients,
+# extent.
+_POINTS, POINT_GRADIENTS, _POINT_COUNT = 4, 5, 6
+_VELOCITIES, VELOCITY_GRADIENTS, _VELOCITY_COUNT = 11, 12, 13
 _INDICES, _INDEX_COUNT = 18, 20
 
 
-def _array_vec3(address: uint64, count: uint64):
+def _array_vec3(address: uint64, gradients: uint64, count: uint64):
     extent = int(count & uint64(0xFFFFFFFF))
-    return wp.array(ptr=address, shape=extent, dtype=vec3f)
+    return wp.array(ptr=address, shape=extent, dtype=vec3f, grad=gradients)
 
 
 def _points(id: uint64):
     slot = words(id, MESH)
-    return array_vec3(slot[_POINTS], slot[_POINT_COUNT])
+    return array_vec3(slot[_POINTS], slot[POINT_GRADIENTS], slot[_POINT_COUNT])
 
 
 def _velocities(id: uint64):
     slot = words(id, MESH)
-    return array_vec3(slot[_VELOCITIES], slot[_VELOCITY_COUNT])
+    return array_vec3(slot[_VELOCITIES], slot[VELOCITY_GRADIENTS], slot[_VELOCITY_COUNT])
 
 
 def _indices(id: uint64):

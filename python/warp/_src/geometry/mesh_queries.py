@@ -91,7 +91,8 @@ def mesh_get_bvh(id: uint64) -> uint64:
 def mesh_query_point_no_sign(id: uint64, point: vec3f, max_dist: float):
     """The closest point of a mesh that is nearer than `max_dist`."""
     face, u, v = wp._library_call("warp_mesh_closest", id, point[0], point[1], point[2], max_dist)
-    at = weights(id, face, point, constant(u), constant(v))
+    a, b, c = corners(points(id), indices(id), face)
+    at = weights(a, b, c, point, constant(u), constant(v))
     return MeshQueryPoint(face >= 0, 0.0, face, at[0], at[1])
 
 
@@ -121,8 +122,31 @@ def mesh_query_point_sign_normal(id: uint64, point: vec3f, max_dist: float, epsi
     face, u, v, sign = wp._library_call(
         "warp_mesh_closest_signed", id, point[0], point[1], point[2], max_dist, epsilon
     )
-    at = weights(id, face, point, constant(u), constant(v))
+    a, b, c = corners(points(id), indices(id), face)
+    at = weights(a, b, c, point, constant(u), constant(v))
     return MeshQueryPoint(face >= 0, constant(sign), face, at[0], at[1])
+
+
+def _assign_place(
+    found: MeshQueryPoint, face: ref[int32], bary_u: ref[float32], bary_v: ref[float32]
+) -> bool:
+    if found.result:
+        face = found.face
+        bary_u = found.u
+        bary_v = found.v
+    return found.result
+
+
+def _assign_side(
+    found: MeshQueryPoint,
+    inside: ref[float32],
+    face: ref[int32],
+    bary_u: ref[float32],
+    bary_v: ref[float32],
+) -> bool:
+    if found.result:
+        inside = found.sign
+    return assign_place(found, face, bary_u, bary_v)
 
 
 def _point_into(
@@ -134,13 +158,7 @@ def _point_into(
     bary_u: ref[float32],
     bary_v: ref[float32],
 ) -> bool:
-    found = point_and_side(id, point, max_dist)
-    if found.result:
-        inside = found.sign
-        face = found.face
-        bary_u = found.u
-        bary_v = found.v
-    return found.result
+    return assign_side(point_and_side(id, point, max_dist), inside, face, bary_u, bary_v)
 
 
 def _no_sign_into(
@@ -151,12 +169,7 @@ def _no_sign_into(
     bary_u: ref[float32],
     bary_v: ref[float32],
 ) -> bool:
-    found = no_sign(id, point, max_dist)
-    if found.result:
-        face = found.face
-        bary_u = found.u
-        bary_v = found.v
-    return found.result
+    return assign_place(no_sign(id, point, max_dist), face, bary_u, bary_v)
 
 
 def mesh_query_ray(id: uint64, start: vec3f, dir: vec3f, max_t: float, root: int = -1):
@@ -166,7 +179,8 @@ def mesh_query_ray(id: uint64, start: vec3f, dir: vec3f, max_t: float, root: int
     )  # fmt: skip
     normal = face_normal(id, face)
     sign = wp.where(wp.dot(normal, dir) < 0.0, 1.0, -1.0)
-    at = meeting(id, face, start, dir, constant(u), constant(v), constant(t))
+    a, b, c = corners(points(id), indices(id), face)
+    at = meeting(a, b, c, start, dir, constant(u), constant(v), constant(t))
     return MeshQueryRay(face >= 0, sign, face, at[2], at[0], at[1], normal)
 
 
@@ -208,6 +222,8 @@ face_normal = Function(mesh_eval_face_normal)
 no_sign = Function(mesh_query_point_no_sign)
 point_and_side = Function(mesh_query_point)
 ray = Function(mesh_query_ray)
+assign_place = Function(_assign_place, "assign_place")
+assign_side = Function(_assign_side, "assign_side")
 FUNCTIONS = {
     function.__name__: Function(function)
     for function in (

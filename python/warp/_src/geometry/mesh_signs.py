@@ -1,8 +1,5 @@
 """More ways to tell the sides of a mesh, distances with a sign, and the arrays of a mesh."""
 
-# What is assigned to a reference, the caller reads.
-# ruff: noqa: F841
-
 from warp._src.derivatives.functions import custom_vjp
 from warp._src.geometry.mesh_arrays import indices, points, velocities
 from warp._src.geometry.mesh_derivatives import constant
@@ -10,6 +7,8 @@ from warp._src.geometry.mesh_queries import (
     FUNCTIONS as QUERIES,
 )
 from warp._src.geometry.mesh_queries import (
+    assign_place,
+    assign_side,
     face_normal,
     mesh_eval_position,
     mesh_query_furthest_point_no_sign,
@@ -95,12 +94,7 @@ def _winding_into(
     threshold: float = _HALF,
 ) -> bool:
     found = by_winding(id, point, max_dist, accuracy, threshold)
-    if found.result:
-        inside = found.sign
-        face = found.face
-        bary_u = found.u
-        bary_v = found.v
-    return found.result
+    return assign_side(found, inside, face, bary_u, bary_v)
 
 
 def _parity_into(
@@ -115,12 +109,7 @@ def _parity_into(
     perturbation_scale: float = _SPREAD,
 ) -> bool:
     found = by_parity(id, point, max_dist, n_sample, perturbation_scale)
-    if found.result:
-        inside = found.sign
-        face = found.face
-        bary_u = found.u
-        bary_v = found.v
-    return found.result
+    return assign_side(found, inside, face, bary_u, bary_v)
 
 
 def _normal_into(
@@ -134,12 +123,7 @@ def _normal_into(
     epsilon: float = 1e-3,
 ) -> bool:
     found = by_normal(id, point, max_dist, epsilon)
-    if found.result:
-        inside = found.sign
-        face = found.face
-        bary_u = found.u
-        bary_v = found.v
-    return found.result
+    return assign_side(found, inside, face, bary_u, bary_v)
 
 
 def _furthest_into(
@@ -150,12 +134,7 @@ def _furthest_into(
     bary_u: ref[float32],
     bary_v: ref[float32],
 ) -> bool:
-    found = furthest(id, point, min_dist)
-    if found.result:
-        face = found.face
-        bary_u = found.u
-        bary_v = found.v
-    return found.result
+    return assign_place(furthest(id, point, min_dist), face, bary_u, bary_v)
 
 
 def mesh_query_ray_count_intersections(id: uint64, start: vec3f, dir: vec3f, root: int = -1) -> int:
@@ -185,6 +164,8 @@ def _distance(point: vec3f, foot: vec3f, sign: float, normal: vec3f, inner: int)
 def _distance_pullback(point: vec3f, foot: vec3f, sign: float, normal: vec3f, inner: int, g: float):
     """Along the shortest way to the surface, whose direction is that of a face if it ends in one.
 
+    The way turns when a corner moves, but its length does not change by that.
+
     Close to the surface the way itself is mostly rounding.
     """
     offset = point - foot
@@ -195,7 +176,7 @@ def _distance_pullback(point: vec3f, foot: vec3f, sign: float, normal: vec3f, in
             along = offset * (sign / size)
     elif wp.dot(offset, normal) * sign < 0.0:
         along = -normal
-    return along * g, wp.vec3(), 0.0, wp.vec3()
+    return along * g, along * -g, 0.0, wp.vec3()
 
 
 def mesh_sdf(id: uint64, point: vec3f, max_dist: float = _INFINITY) -> float:

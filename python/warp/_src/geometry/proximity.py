@@ -1,7 +1,7 @@
 """Two edges, two triangles: kernel functions that need no mesh.
 
-Both are worked out in 64 bits. Triangles that touch meet; so do those whose corners are off each
-other's planes by less than the rounding of a determinant.
+Both are worked out in 64 bits. Triangles that touch meet: where rounding could decide about a sign,
+it is found exactly (lib/DeviceLib/geometry/Predicates.h).
 """
 
 from warp._src.kernels.function import Function
@@ -61,7 +61,7 @@ def closest_point_edge_edge(p1: vec3f, q1: vec3f, p2: vec3f, q2: vec3f, epsilon:
 
 
 def _side(a: vec3d, b: vec3d, c: vec3d, d: vec3d) -> int32:
-    """On which side of a plane a point is: 1, -1, or 0 where rounding cannot tell."""
+    """On which side of a plane a point is: 1, -1, or 0 if it is in the plane."""
     u = a - d
     v = b - d
     w = c - d
@@ -82,6 +82,10 @@ def _side(a: vec3d, b: vec3d, c: vec3d, d: vec3d) -> int32:
         result = 1
     elif volume < -float64(_ROUNDING) * size:
         result = -1
+    else:
+        result = wp._library_call(
+            "warp_orient3d", a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2], d[0], d[1], d[2]
+        )
     return result
 
 
@@ -109,6 +113,8 @@ def _turn(px: float64, py: float64, qx: float64, qy: float64, rx: float64, ry: f
         result = 1
     elif a - b < -limit:
         result = -1
+    else:
+        result = wp._library_call("warp_orient2d", px, py, qx, qy, rx, ry)
     return result
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import collections
 import dataclasses
 import re
+import types
 
 from warp._src.kernels import modules
 
@@ -74,7 +75,9 @@ class Manifest(tuple):
         return "\n".join([*lines, *(f"unused: {line}" for line in self.unused)])
 
 
-def manifest(code: bool = False, arch: int | None = None) -> Manifest:
+def manifest(
+    code: bool = False, arch: int | None = None, module: str | types.ModuleType | None = None
+) -> Manifest:
     """What the kernels that were translated in this process use.
 
     Kernels that were only declared cost nothing and are not listed.
@@ -82,6 +85,7 @@ def manifest(code: bool = False, arch: int | None = None) -> Manifest:
     Args:
         code: count instructions, too; each kernel is compiled again for that.
         arch: of PTX for this architecture, `90` for `sm_90`, in place of the CPU's.
+        module: only kernels that this Python module declares; its name will do.
 
     Returns:
         A tuple with an entry for each kernel, each of its specializations, and each derivative
@@ -92,12 +96,14 @@ def manifest(code: bool = False, arch: int | None = None) -> Manifest:
         kernel  variant  launches  operations  library  ms    instructions
         scale   forward  1         6           -        12.1
     """
-    found = []
-    for module in modules.all_modules():
-        for kernel in module.kernels.values():
-            for variant, native in _natives(kernel):
-                found.append(_entry(module, kernel, variant, native, code, arch))
-    return Manifest(found)
+    wanted = getattr(module, "__name__", module)
+    return Manifest(
+        _entry(one, kernel, variant, native, code, arch)
+        for one in modules.all_modules()
+        if wanted in (None, one.name)
+        for kernel in one.kernels.values()
+        for variant, native in _natives(kernel)
+    )
 
 
 def _natives(kernel):
@@ -136,7 +142,7 @@ def _entry(module, kernel, variant, native, code, arch):
 
 def _unused(native, body, text):
     """Parameters without a use in the entry, and fields of structs that nothing names."""
-    header, _, rest = body.partition("\n")
+    _, _, rest = body.partition("\n")
     for number, parameter in enumerate(native.parameters):
         if not re.search(rf"%arg{number}\b", rest):
             yield f"parameter '{parameter[0]}' is never used"

@@ -1,6 +1,5 @@
 """Command line: `python -m warp.report lean SCENE ...`."""
 
-import argparse
 import collections
 import dataclasses
 import gc
@@ -11,6 +10,7 @@ from pathlib import Path
 
 import warp as wp
 from warp._src.arrays.observers import Observers
+from warp.report._command import choose, make_parser
 from warp.report._remote import LostWorkError, Remote
 from warp.report._scene import registered
 from warp.report._worker import load
@@ -122,23 +122,14 @@ def prepare(folder, files):
     return lambda question: measure(*question)
 
 
-def _choose(names):
-    from warp.report.__main__ import _choose as choose
-
-    return choose(names)
-
-
 def main(arguments=None):
     """Run; the exit status is 1 if something is unused or fails, 2 for a wrong command."""
-    parser = argparse.ArgumentParser(prog="python -m warp.report lean")
+    parser = make_parser("lean", limit="a scene", output="lean.jsonl")
     parser.add_argument("scenes", nargs="*", help="names of scenes, or Python files with some")
-    parser.add_argument("--device", default="cpu", help="cpu or cuda:0")
-    parser.add_argument("--limit", type=float, default=60.0, help="seconds a scene may take")
-    parser.add_argument("--output", default="build/report", help="folder of lean.jsonl")
     options = parser.parse_args(arguments)
     try:
         wp.get_device(options.device)
-        scenes = _choose(options.scenes)
+        scenes = choose(options.scenes)
     except (ValueError, OSError, wp.WarpError) as error:
         print(f"warp.report lean: {error}", file=sys.stderr)
         return 2

@@ -1,12 +1,12 @@
 """Command line: `python -m warp.report stability [CASE ...]`."""
 
-import argparse
 import importlib
 import json
 import sys
 from pathlib import Path
 
 import warp as wp
+from warp.report._command import SCENES, make_parser
 from warp.report._records import provenance
 from warp.report._remote import LostWorkError, Remote
 from warp.report._run import Progress
@@ -25,7 +25,6 @@ MODULES = (
     "matrices",
 )
 MODULES += ("floats", "sums", "structures", "horizons")
-SCENES = Path(__file__).parents[1] / "scenes"
 
 
 def prepare(device):
@@ -85,13 +84,10 @@ def _write(folder, records, head):
 
 def main(arguments=None):
     """Run; the exit status is 1 if a case fails, 2 if the command cannot be carried out."""
-    parser = argparse.ArgumentParser(prog="python -m warp.report stability")
+    parser = make_parser("stability", limit="a case")
     sections = ", ".join(f"{key} {value}" for key, value in SECTIONS.items())
     parser.add_argument("cases", nargs="*", help=f"R, R1 or D1-D9; sections: {sections}")
     parser.add_argument("--list", action="store_true", help="say which cases there are")
-    parser.add_argument("--device", default="cpu", help="cpu or cuda:0")
-    parser.add_argument("--limit", type=float, default=60.0, help="seconds a case may take")
-    parser.add_argument("--output", default="build/report", help="folder of the pages")
     options = parser.parse_args(arguments)
     try:
         wp.get_device(options.device)

@@ -5,6 +5,7 @@ import functools
 import numpy as np
 
 import warp as wp
+from warp.report.scenes.horizons import make_logistic
 from warp.report.stability._case import case
 
 BOTH = ("float32", "float64")
@@ -19,19 +20,6 @@ def gradient(p, kernel, start, *inputs):
         p.launch(kernel, start.shape[0], start, *inputs, end)
     tape.backward(grads={end: wp.ones_like(end, requires_grad=False)})
     return end.numpy(), start.grad.numpy()
-
-
-@functools.cache
-def make_logistic(real):
-    @wp.kernel
-    def logistic(start: wp.array(dtype=real), steps: int, end: wp.array(dtype=real)):
-        i = wp.tid()
-        x = start[i]
-        for _ in range(steps):
-            x = real(4.0) * x * (real(1.0) - x)
-        end[i] = x
-
-    return logistic
 
 
 @case("L1", "derivative of the logistic map after 10, 20 and 1000 steps", BOTH)

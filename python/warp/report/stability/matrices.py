@@ -1,6 +1,7 @@
 """Small dense matrices: R1 to R7, R14."""
 
 import functools
+import types
 
 import numpy as np
 
@@ -10,7 +11,8 @@ from warp.report.stability.rotations import BOTH, wide
 
 
 @functools.cache
-def make_svd(real):
+def make_factors(real):
+    """The factorizations as functions that `p.map` takes."""
     mat33 = wp.types.matrix((3, 3), real)
 
     @wp.func
@@ -18,24 +20,10 @@ def make_svd(real):
         u, s, v = wp.svd3(a)
         return u, s, v
 
-    return svd
-
-
-@functools.cache
-def make_eig(real):
-    mat33 = wp.types.matrix((3, 3), real)
-
     @wp.func
     def eig(a: mat33):
         q, d = wp.eig3(a)
         return q, d
-
-    return eig
-
-
-@functools.cache
-def make_factors(real):
-    mat33 = wp.types.matrix((3, 3), real)
 
     @wp.func
     def qr(a: mat33):
@@ -47,7 +35,7 @@ def make_factors(real):
         r, s = wp.polar(a)
         return r, s
 
-    return qr, polar
+    return types.SimpleNamespace(svd=svd, eig=eig, qr=qr, polar=polar)
 
 
 @functools.cache
@@ -76,7 +64,7 @@ def departure(q):
 
 
 def judge_svd(p, a, limit, what):
-    u, s, v = p.map(make_svd(p.real), p.array(a, p.matrix(3, 3)))
+    u, s, v = p.map(make_factors(p.real).svd, p.array(a, p.matrix(3, 3)))
     scale = np.maximum(largest(a).astype(np.longdouble), np.finfo(np.float64).tiny)
     product = np.einsum("nik,nk,njk->nij", wide(u), wide(s), wide(v))
     p.check(f"{what}: A - U S V^T", largest(product - wide(a)) / scale, limit, A=a)
@@ -129,7 +117,7 @@ def symmetric_eigenvalues(p):
     for what, a in cases.items():
         a = a.astype(p.dtype)
         a = (a + np.swapaxes(a, 1, 2)) / 2
-        q, d = p.map(make_eig(p.real), p.array(a, p.matrix(3, 3)))
+        q, d = p.map(make_factors(p.real).eig, p.array(a, p.matrix(3, 3)))
         product = np.einsum("nik,nk,njk->nij", wide(q), wide(d), wide(q))
         p.check(f"{what}: A - Q D Q^T", largest(product - wide(a)) / largest(a), limit, A=a)
         p.check(f"{what}: Q^T Q - 1", departure(q), limit, A=a)
@@ -144,12 +132,12 @@ def deficient_factors(p):
     rank_two[:, :, 2] = rank_two[:, :, 0] + rank_two[:, :, 1]
     rank_one = np.einsum("ni,nj->nij", base[:, 0], base[:, 1])
     zero = np.zeros((4, 3, 3))
-    qr, polar = make_factors(p.real)
+    factors = make_factors(p.real)
     for what, a in (("full", base), ("rank 2", rank_two), ("rank 1", rank_one), ("zero", zero)):
         a = a.astype(p.dtype)
         scale = np.maximum(largest(a), np.finfo(p.dtype).tiny)
         given = p.array(a, p.matrix(3, 3))
-        for name, function in (("qr3", qr), ("polar", polar)):
+        for name, function in (("qr3", factors.qr), ("polar", factors.polar)):
             q, r = p.map(function, given)
             error = largest(np.einsum("nik,nkj->nij", wide(q), wide(r)) - wide(a)) / scale
             p.check(f"{what}: {name} residual", error, 20 * p.u, A=a)

@@ -7,6 +7,7 @@ first point of each cell is searched for. The arrays are those that lib/Geometry
 from __future__ import annotations
 
 import struct
+from typing import Any
 
 import numpy as np
 
@@ -38,43 +39,18 @@ def _number_of(point: wp.types.vector(3, Float), inverse: Float, counts: wp.vec3
 
 
 @wp.kernel(enable_backward=False, module="unique")
-def _number_singles(
-    points: wp.array(dtype=wp.vec3f),
-    inverse: wp.float64,
-    counts: wp.vec3i,
-    keys: wp.array(dtype=wp.uint32),
-    order: wp.array(dtype=int),
-):
-    i = wp.tid()
-    keys[i] = wp.uint32(_number_of(points[i], float(inverse), counts))
-    order[i] = i
-
-
-@wp.kernel(enable_backward=False, module="unique")
-def _number_halves(
-    points: wp.array(dtype=wp.vec3h),
-    inverse: wp.float64,
+def _number_points(
+    points: wp.array(dtype=Any),
+    inverse: Any,
     counts: wp.vec3i,
     keys: wp.array(dtype=wp.uint32),
     order: wp.array(dtype=int),
 ):
     i = wp.tid()
     p = points[i]
-    wide = wp.vec3f(float(p[0]), float(p[1]), float(p[2]))
-    keys[i] = wp.uint32(_number_of(wide, float(inverse), counts))
-    order[i] = i
-
-
-@wp.kernel(enable_backward=False, module="unique")
-def _number_doubles(
-    points: wp.array(dtype=wp.vec3d),
-    inverse: wp.float64,
-    counts: wp.vec3i,
-    keys: wp.array(dtype=wp.uint32),
-    order: wp.array(dtype=int),
-):
-    i = wp.tid()
-    keys[i] = wp.uint32(_number_of(points[i], inverse, counts))
+    # Cells are computed in the type of `inverse`.
+    at = wp.vector(type(inverse)(p[0]), type(inverse)(p[1]), type(inverse)(p[2]))
+    keys[i] = wp.uint32(_number_of(at, inverse, counts))
     order[i] = i
 
 
@@ -90,9 +66,6 @@ def _find_starts(keys: wp.array(dtype=wp.uint32), count: int, starts: wp.array(d
         else:
             high = middle
     starts[cell] = low
-
-
-_KERNELS = {2: _number_halves, 4: _number_singles, 8: _number_doubles}
 
 
 class DeviceGrid:
@@ -131,11 +104,11 @@ class DeviceGrid:
         """Sorts points of floats of so many bytes into cells of a width."""
         count = self._count = len(points)
         self.reserve(count)
-        kind = np.float64 if scalar_size == 8 else np.float32
+        kind, scalar = (np.float64, wp.float64) if scalar_size == 8 else (np.float32, wp.float32)
         with np.errstate(over="ignore"):
             inverse = float(kind(1) / kind(width))
-        inputs = [points, inverse, self._counts, self._keys, self.order]
-        wp.launch(_KERNELS[scalar_size], count, inputs=inputs, device=self.device)
+        inputs = [points, scalar(inverse), self._counts, self._keys, self.order]
+        wp.launch(_number_points, count, inputs=inputs, device=self.device)
         bits = self._total.bit_length()
         wp.utils.radix_sort_pairs(self._keys, self.order, count, 0, bits)
         inputs = [self._keys, count, self.starts]

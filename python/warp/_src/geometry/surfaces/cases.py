@@ -79,6 +79,43 @@ def tables():
 
 
 @functools.cache
+def loop_tables():
+    """What surface nets need of the cases, all int32.
+
+    Returns:
+        Where the loops of each case start (257 numbers); where the edges of each loop start (one
+        more than there are loops); the edges of all loops; and for each case and edge the number of
+        the loop through it among those of the case, or -1, of shape (256, 12).
+    """
+    starts, edge_starts, edges = [0], [0], []
+    loop_of = np.full((256, len(EDGES)), -1, dtype=np.int32)
+    for case in range(256):
+        loops = _loops(case)
+        for number, loop in enumerate(loops):
+            edges += loop
+            edge_starts.append(len(edges))
+            loop_of[case, loop] = number
+        starts.append(starts[-1] + len(loops))
+    return *(np.array(table, dtype=np.int32) for table in (starts, edge_starts, edges)), loop_of
+
+
+@functools.cache
+def edges_around():
+    """Per axis the cells around an edge, counter-clockwise, of shape (3, 4, 4).
+
+    Each is the offset from the node that the edge starts from, and which edge of the cell it is.
+    """
+    found = np.zeros((3, 4, 4), dtype=np.int32)
+    number = {tuple(place): edge for edge, place in enumerate(edge_places().tolist())}
+    for axis in range(3):
+        for n, (first, second) in enumerate(((1, 1), (0, 1), (0, 0), (1, 0))):
+            start = [0, 0, 0]
+            start[(axis + 1) % 3], start[(axis + 2) % 3] = first, second
+            found[axis, n] = *(-x for x in start), number[(*start, axis)]
+    return found
+
+
+@functools.cache
 def edge_places():
     """Per edge the node that it starts from, as an offset, and its axis."""
     places = [

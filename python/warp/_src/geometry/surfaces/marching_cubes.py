@@ -9,30 +9,16 @@ from __future__ import annotations
 
 import functools
 
-import numpy as np
-
 import warp as wp
 from warp._src.geometry.surfaces import cases
-from warp._src.types import dtypes
-
-
-@wp.func
-def _is_in(field: wp.array3d(dtype=float), threshold: float, i: int, j: int, k: int):
-    return field[i, j, k] < threshold
-
-
-@wp.func
-def _crosses(
-    field: wp.array3d(dtype=float), threshold: float, i: int, j: int, k: int, axis: int
-) -> bool:
-    """Whether the surface goes through the edge that starts at a node along an axis."""
-    i1 = i + int(axis == 0)
-    j1 = j + int(axis == 1)
-    k1 = k + int(axis == 2)
-    crosses = bool(False)
-    if i1 < field.shape[0] and j1 < field.shape[1] and k1 < field.shape[2]:
-        crosses = _is_in(field, threshold, i, j, k) != _is_in(field, threshold, i1, j1, k1)
-    return crosses
+from warp._src.geometry.surfaces.fields import (
+    IsoSurfaceBase,
+    Sampled,
+    case_of,
+    crosses,
+    crossing,
+    scan,
+)
 
 
 @wp.kernel(enable_backward=False, module="unique")
@@ -40,7 +26,7 @@ def _count_vertices(
     field: wp.array3d(dtype=float), threshold: float, counts: wp.array4d(dtype=int)
 ):
     i, j, k, axis = wp.tid()
-    counts[i, j, k, axis] = int(_crosses(field, threshold, i, j, k, axis))
+    counts[i, j, k, axis] = int(crosses(field, threshold, i, j, k, axis))
 
 
 @wp.kernel(enable_backward=False, module="unique")
@@ -51,7 +37,7 @@ def _list_edges(
     edges: wp.array(dtype=wp.vec4i),
 ):
     i, j, k, axis = wp.tid()
-    if _crosses(field, threshold, i, j, k, axis):
+    if crosses(field, threshold, i, j, k, axis):
         edges[places[i, j, k, axis] - 1] = wp.vec4i(i, j, k, axis)
 
 
@@ -67,14 +53,7 @@ def _place_vertices(
     vertex = wp.tid()
     edge = edges[vertex]
     axis = edge[3]
-    first = wp.float64(field[edge[0], edge[1], edge[2]])
-    second = wp.float64(
-        field[edge[0] + int(axis == 0), edge[1] + int(axis == 1), edge[2] + int(axis == 2)]
-    )
-    # In 64 bits no difference of two floats overflows or loses digits.
-    t = float((wp.float64(threshold) - first) / (second - first))
-    if not (t >= 0.0 and t <= 1.0):
-        t = 0.5
+    t = crossing(field, threshold, edge[0], edge[1], edge[2], axis)
     # Off the ends, where vertices of several edges would be one.
     t = wp.clamp(t, 5.9604645e-08, 0.99999994)
     vertices[vertex] = lower + wp.vec3(
@@ -82,18 +61,6 @@ def _place_vertices(
         (float(edge[1]) + wp.where(axis == 1, t, 0.0)) * spacing[1],
         (float(edge[2]) + wp.where(axis == 2, t, 0.0)) * spacing[2],
     )
-
-
-@wp.func
-def _case_of(field: wp.array3d(dtype=float), threshold: float, i: int, j: int, k: int):
-    case = int(0)
-    for corner in range(8):
-        # Corners go around the lower face, then around the upper one.
-        x = ((corner + 1) >> 1) & 1
-        y = (corner >> 1) & 1
-        z = corner >> 2
-        case += int(_is_in(field, threshold, i + x, j + y, k + z)) << corner
-    return case
 
 
 @wp.kernel(enable_backward=False, module="unique")
@@ -104,7 +71,7 @@ def _count_triangles(
     counts: wp.array3d(dtype=int),
 ):
     i, j, k = wp.tid()
-    case = _case_of(field, threshold, i, j, k)
+    case = case_of(field, threshold, i, j, k)
     counts[i, j, k] = starts[case + 1] - starts[case]
 
 
@@ -120,7 +87,7 @@ def _write_triangles(
     indices: wp.array(dtype=int),
 ):
     i, j, k = wp.tid()
-    case = _case_of(field, threshold, i, j, k)
+    case = case_of(field, threshold, i, j, k)
     count = starts[case + 1] - starts[case]
     first = ends[i, j, k] - count
     for n in range(count):
@@ -132,7 +99,7 @@ def _write_triangles(
 
 
 @functools.lru_cache(maxsize=16)
-def _tables(device):
+def tables(device):
     """The tables of cases on a device."""
     starts, triangles = cases.tables()
     return (
@@ -142,31 +109,7 @@ def _tables(device):
     )
 
 
-def _check_field(field):
-    if not dtypes.is_array(field) or len(field.shape) != 3:
-        raise ValueError(
-            f"expects a 3D array as 'field', but got one of shape {getattr(field, 'shape', None)}"
-        )
-    if min(field.shape) < 2:
-        raise ValueError(
-            f"'field' has at least 2 nodes on each axis, but its shape is {field.shape}"
-        )
-    if field.dtype is not dtypes.float32:
-        raise TypeError(f"expects a 'field' of float32, but got {field.dtype.__name__}")
-
-
-def _total(ends) -> int:
-    return int(ends.flatten()[-1:].numpy()[0])
-
-
-def _scan(counts):
-    """Sums up to and with each element; waits for the last one."""
-    flat = counts.flatten()
-    wp.utils.array_scan(flat, flat, inclusive=True)
-    return _total(counts)
-
-
-class IsoSurfaceMarchingCubes:
+class IsoSurfaceMarchingCubes(IsoSurfaceBase):
     """Triangles of surfaces in fields of one shape.
 
     Args:
@@ -201,28 +144,10 @@ class IsoSurfaceMarchingCubes:
         domain_bounds_lower_corner=None,
         domain_bounds_upper_corner=None,
     ):
-        self.nx, self.ny, self.nz = nx, ny, nz
-        self.lower = domain_bounds_lower_corner if lower is None else lower
-        self.upper = domain_bounds_upper_corner if upper is None else upper
-        self.verts = self.indices = None
-
-    def resize(self, nx, ny, nz) -> None:
-        """Takes fields of another shape from now on."""
-        self.nx, self.ny, self.nz = nx, ny, nz
-
-    def surface(self, field, threshold) -> None:
-        """Finds the surface of a field, as `verts` and `indices`.
-
-        Raises:
-            ValueError: the field is of another shape than this object.
-        """
-        if tuple(field.shape) != (self.nx, self.ny, self.nz):
-            raise ValueError(
-                f"the field has the shape {tuple(field.shape)}, but expected "
-                f"{(self.nx, self.ny, self.nz)}"
-            )
-        self.verts, self.indices = self.extract(
-            field, threshold, lower=self.lower, upper=self.upper
+        super().__init__(
+            *(nx, ny, nz),
+            lower=domain_bounds_lower_corner if lower is None else lower,
+            upper=domain_bounds_upper_corner if upper is None else upper,
         )
 
     @classmethod
@@ -241,40 +166,23 @@ class IsoSurfaceMarchingCubes:
             ValueError: the field has other dimensions.
             TypeError: it is not of float32.
         """
-        _check_field(field)
-        device, shape = field.device, tuple(field.shape)
-        threshold = float(getattr(threshold, "value", threshold))
-        low = np.zeros(3) if lower is None else np.array(list(lower), dtype=np.float64)
-        high = np.array(shape) - 1.0 if upper is None else np.array(list(upper), dtype=np.float64)
-        spacing = (high - low) / (np.array(shape) - 1)
-        places = wp.empty((*shape, 3), dtype=int, device=device)
-        # What is counted has no derivative.
-        plain = wp.array(
-            ptr=field.ptr or 0, dtype=float, shape=shape, strides=field.strides, device=device
-        )
-        given = [plain, threshold]
-        wp.launch(_count_vertices, places.shape, inputs=[*given, places], device=device)
-        count = _scan(places)
-        vertices = wp.empty(count, dtype=wp.vec3, device=device, requires_grad=field.requires_grad)
-        edges = wp.empty(count, dtype=wp.vec4i, device=device)
-        wp.launch(_list_edges, places.shape, inputs=[*given, places, edges], device=device)
-        wp.launch(
-            _place_vertices,
-            count,
-            inputs=[field, threshold, wp.vec3(*low), wp.vec3(*spacing), edges, vertices],
-            device=device,
-        )
-        return vertices, cls._faces(given, places, device)
+        sampled = Sampled(field, threshold, lower, upper)
+        places = wp.empty((*sampled.shape, 3), dtype=int, device=sampled.device)
+        sampled.launch(_count_vertices, places.shape, places)
+        count = scan(places)
+        edges = wp.empty(count, dtype=wp.vec4i, device=sampled.device)
+        sampled.launch(_list_edges, places.shape, places, edges)
+        return sampled.place(_place_vertices, count, edges), cls._faces(sampled, places)
 
     @staticmethod
-    def _faces(given, places, device):
-        starts, triangles, edge_places = _tables(device)
-        cells = [extent - 1 for extent in given[0].shape]
-        ends = wp.empty(cells, dtype=int, device=device)
-        wp.launch(_count_triangles, cells, inputs=[*given, starts, ends], device=device)
-        indices = wp.empty(3 * _scan(ends), dtype=int, device=device)
-        tables = [starts, triangles, edge_places, ends, places]
-        wp.launch(_write_triangles, cells, inputs=[*given, *tables, indices], device=device)
+    def _faces(sampled, places):
+        starts, triangles, edge_places = tables(sampled.device)
+        cells = [extent - 1 for extent in sampled.shape]
+        ends = wp.empty(cells, dtype=int, device=sampled.device)
+        sampled.launch(_count_triangles, cells, starts, ends)
+        indices = wp.empty(3 * scan(ends), dtype=int, device=sampled.device)
+        given = [starts, triangles, edge_places, ends, places]
+        sampled.launch(_write_triangles, cells, *given, indices)
         return indices
 
     @staticmethod

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import operator
 
 import numpy as np
@@ -70,6 +71,18 @@ def capacity(value, default, name) -> int:
     if not 0 < value < 2**32:
         raise ValueError(f"{name} must be positive and fit in uint32, but got {value}")
     return value
+
+
+def room(names, values, given):
+    """Capacities; the default of each is the one before it."""
+    first = len(given) if dtypes.is_array(given) else 1
+    return list(
+        itertools.accumulate(
+            zip(names, values, strict=True),
+            lambda former, entry: capacity(entry[1], former, entry[0]),
+            initial=first,
+        )
+    )[1:]
 
 
 def check_status(status, device):

@@ -144,6 +144,17 @@ def voxels_of(points, transform, mask=None, what="tile_points"):
     return voxels.astype(np.int64)
 
 
+def tiles_of_box(low, high, voxel_size, translation, in_world):
+    """The lowest voxels of the tiles that a box overlaps, int32 of shape (n, 3)."""
+    corners = np.array([list(low), list(high)], dtype=np.float64)
+    if in_world:
+        corners = np.around((corners - np.asarray(translation)) / np.asarray(voxel_size))
+    low, high = corners.astype(np.int64) >> 3
+    axes = [np.arange(a, b + 1) for a, b in zip(low, high, strict=True)]
+    tiles = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3) * 8
+    return tiles.astype(np.int32)
+
+
 def _is_threes(points, scalar) -> bool:
     if scalar not in (dtypes.float32, dtypes.int32):
         return False

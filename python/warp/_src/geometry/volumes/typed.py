@@ -9,6 +9,8 @@ derivative follows from the weights. Values of another type than the grid's are 
 
 from typing import Any
 
+from warp._src.arrays.gradients import has_gradient
+from warp._src.geometry.handles import VOLUME, words
 from warp._src.geometry.volumes.places import cell_of, nearest
 from warp._src.kernels.function import Function
 from warp._src.language import namespace as wp
@@ -18,16 +20,26 @@ from warp._src.types.native import ArrayType
 from warp._src.types.scalars import int32, uint64
 
 LINEAR = 1
+# Words of the slot.
+_LEAVES, GRADIENTS, _LEAVES_END = 3, 6, 12
+
+
+def _twins(id: uint64):
+    """From values to their gradients, and the first address and the bytes of what has some."""
+    slot = words(id, VOLUME)
+    size = wp.where(slot[GRADIENTS] != uint64(0), slot[_LEAVES_END] - slot[_LEAVES], uint64(0))
+    return slot[GRADIENTS], slot[_LEAVES], size
+
+
+twins = Function(_twins, "twins")
 
 
 def lookups(value, number):
     """`volume_lookup` and `volume_store` of values of a type, which files give a number."""
 
-    def _read(address: uint64):
-        return wp.array(ptr=address, shape=1, dtype=value)[0]
-
     def _lookup(id: uint64, i: int32, j: int32, k: int32):
-        return read(wp._library_call("warp_volume_value", id, number, i, j, k))
+        at = wp._library_call("warp_volume_value", id, number, i, j, k)
+        return read(at, twins(id))
 
     def _lookup_typed(id: uint64, i: int32, j: int32, k: int32, dtype: type[value]):
         return lookup(id, i, j, k)
@@ -38,8 +50,21 @@ def lookups(value, number):
             place = wp.array(ptr=address, shape=1, dtype=value)
             place[0] = given
 
-    read, lookup = Function(_read, "read"), Function(_lookup, "volume_lookup")
+    read, lookup = reading(value), Function(_lookup, "volume_lookup")
     return read, lookup, _lookup_typed, _store
+
+
+def reading(value):
+    """What reads a value at an address; its gradient, if it has one, is at another."""
+
+    def _read(address: uint64, twins: Any):
+        return wp.array(ptr=address, shape=1, dtype=value)[0]
+
+    def _read_float(address: uint64, twins: Any):
+        beside = wp.where(address - twins[1] < twins[2], address + twins[0], uint64(0))
+        return wp.array(ptr=address, shape=1, dtype=value, grad=beside)[0]
+
+    return Function(_read_float if has_gradient(value) else _read, "read")
 
 
 def closest(value, lookup):
@@ -63,7 +88,9 @@ def interpolated(value, scalar, number, read, lookup):
         a, b, c, d, e, f, g, h = wp._library_call(
             "warp_volume_cell", id, number, int(at[0]), int(at[1]), int(at[2])
         )
-        return read(a), read(b), read(c), read(d), read(e), read(f), read(g), read(h)
+        t = twins(id)
+        low = read(a, t), read(b, t), read(c, t), read(d, t)
+        return low[0], low[1], low[2], low[3], read(e, t), read(f, t), read(g, t), read(h, t)
 
     def _sample(id: uint64, uvw: vec3f, sampling_mode: int32):
         result = value()

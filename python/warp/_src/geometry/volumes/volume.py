@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-from typing import NamedTuple
-
 import numpy as np
 
 from warp import _native
@@ -14,11 +11,13 @@ from warp._src.devices import devices
 from warp._src.geometry.handles import VOLUME
 from warp._src.geometry.volumes import allocation, checks, contents, files, points
 from warp._src.geometry.volumes.described import GridContents
-from warp._src.geometry.volumes.slot import slot_of
+from warp._src.geometry.volumes.leaves import LeafValues
+from warp._src.geometry.volumes.rebuilding import Rebuildable
+from warp._src.geometry.volumes.slot import slot_of, table_of
 from warp._src.types import dtypes
 
 
-class Volume(GridContents):
+class Volume(GridContents, Rebuildable, LeafValues):
     """A sparse grid of values, which kernels read by its `id`.
 
     Args:
@@ -41,21 +40,6 @@ class Volume(GridContents):
 
     CLOSEST = 0
     LINEAR = 1
-    REBUILD_SUCCESS = 0
-    REBUILD_LEAF_CAPACITY_EXCEEDED = allocation.LEAF_CAPACITY
-    REBUILD_LOWER_CAPACITY_EXCEEDED = allocation.LOWER_CAPACITY
-    REBUILD_UPPER_CAPACITY_EXCEEDED = allocation.UPPER_CAPACITY
-    REBUILD_VOXEL_CAPACITY_EXCEEDED = allocation.VOXEL_CAPACITY
-    REBUILD_INVALID_INPUT = 16
-
-    class RebuildInfo(NamedTuple):
-        """Room for `rebuild`; `kind` is "tiles", "voxels", or None where there is none."""
-
-        kind: str | None
-        max_voxel_count: int
-        max_leaf_node_count: int
-        max_lower_node_count: int
-        max_upper_node_count: int
 
     def __init__(self, data, copy=True):
         if not dtypes.is_array(data) or dtypes.type_size_in_bytes(data.dtype) != 1:
@@ -75,7 +59,6 @@ class Volume(GridContents):
         volume._adopt(files.aligned(buffer), device)
         return volume
 
-    _recipe = None
     _handle = None
 
     def _adopt(self, buffer, device):
@@ -101,7 +84,14 @@ class Volume(GridContents):
             self._handle = _native.GeometryHandle(VOLUME, index)
             self.id = self._handle.id
         count = contents.voxel_count(self._header, self._tree)
-        self._handle.write(slot_of(nodes, data.ptr, count))
+        table = table_of(nodes)
+        numbers = None
+        if table is not None:
+            numbers = array(table[0].ravel(), dtype=dtypes.uint32, device=device)
+        at = 0 if numbers is None else numbers.ptr
+        self._handle.write(slot_of(nodes, data.ptr, count, at, table))
+        self._numbers = numbers
+        self._published(nodes)
 
     def array(self):
         """The bytes of the grid, and of those behind it, without a copy."""
@@ -202,13 +192,8 @@ class Volume(GridContents):
         Args: as `allocate_by_tiles`; `min` and `max` are voxels, or points of the world.
         """
         size = points.voxel_size_of(voxel_size)
-        corners = np.array([list(min), list(max)], dtype=np.float64)
-        if points_in_world_space:
-            corners = np.around((corners - np.asarray(translation)) / np.asarray(size))
-        low, high = corners.astype(np.int64) >> 3
-        axes = [np.arange(a, b + 1) for a, b in zip(low, high, strict=True)]
-        tiles = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3) * 8
-        given = array(tiles.astype(np.int32), dtype=dtypes.int32, device="cpu")
+        tiles = points.tiles_of_box(min, max, size, translation, points_in_world_space)
+        given = array(tiles, dtype=dtypes.int32, device="cpu")
         return cls.allocate_by_tiles(given, size, bg_value, translation, device)
 
     @classmethod
@@ -248,7 +233,9 @@ class Volume(GridContents):
         wanted = (max_tiles, max_lower_nodes, max_upper_nodes)
         room = None
         if rebuildable or any(value is not None for value in wanted):
-            room = _room(("max_tiles", "max_lower_nodes", "max_upper_nodes"), wanted, tile_points)
+            room = allocation.room(
+                ("max_tiles", "max_lower_nodes", "max_upper_nodes"), wanted, tile_points
+            )
             room = (*room, room[0] * 512)
         return allocation.by_points(
             cls, recipe, tile_points, "tile_points", device, room, status, point_mask
@@ -280,56 +267,8 @@ class Volume(GridContents):
         names = ("max_active_voxels", "max_leaf_nodes", "max_lower_nodes", "max_upper_nodes")
         room = None
         if rebuildable or any(value is not None for value in wanted):
-            voxels, *nodes = _room(names, wanted, voxel_points)
+            voxels, *nodes = allocation.room(names, wanted, voxel_points)
             room = (*nodes, voxels)
         return allocation.by_points(
             cls, recipe, voxel_points, "voxel_points", device, room, status, point_mask
         )
-
-    @property
-    def is_rebuildable(self) -> bool:
-        """Whether there is room for `rebuild`."""
-        return self._recipe is not None
-
-    def get_rebuild_info(self) -> RebuildInfo:
-        """The room that is kept for `rebuild`."""
-        if self._recipe is None:
-            return Volume.RebuildInfo(None, 0, 0, 0, 0)
-        leaves, lowers, uppers, voxels = self._recipe.capacities
-        return Volume.RebuildInfo(self._recipe.kind, voxels, leaves, lowers, uppers)
-
-    def rebuild(self, points, status=None, point_mask=None):
-        """Makes the grid again of other points; `id`, type, background and transform stay.
-
-        Points need what the volume was allocated with: tiles or voxels. If there is no room for
-        them the grid stays as it is, and `status` gets the bits that say why.
-
-        Raises:
-            RuntimeError: the volume is not rebuildable, or an array is of another type or device.
-        """
-        if self._recipe is None:
-            raise errors.WarpError(
-                "the volume is not rebuildable: allocate it with rebuildable=True"
-            )
-        if status is not None:
-            allocation.check_status(status, self.device)
-        if not self.device.is_cpu:
-            devices.synchronize_device(self.device)
-        buffer, problem = self._recipe.buffer(points, point_mask)
-        if not problem:
-            self._adopt(files.aligned(buffer), self.device)
-        if status is not None:
-            status.fill_(problem)
-        return status
-
-
-def _room(names, values, given):
-    """Capacities; the default of each is the one before it."""
-    first = len(given) if dtypes.is_array(given) else 1
-    return list(
-        itertools.accumulate(
-            zip(names, values, strict=True),
-            lambda former, entry: allocation.capacity(entry[1], former, entry[0]),
-            initial=first,
-        )
-    )[1:]

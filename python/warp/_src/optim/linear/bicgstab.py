@@ -160,9 +160,7 @@ class BiCGSTAB(LinearSolverState):
         self.dots.compute(numbers(target), numbers(target), first=1)
         self.launch(set_omega, self.batches, self.dots.results, *state[2:], *lengths)
         # Without M, z is the residual, which is about to change.
-        self.launch(
-            move, self.count, self.omega, self.batch_of, numbers(z), numbers(self.t), x, r
-        )
+        self.launch(move, self.count, self.omega, self.batch_of, numbers(z), numbers(self.t), x, r)
 
         self.dots.compute(r, r)
         self.dots.compute(numbers(self.first), r, first=1)

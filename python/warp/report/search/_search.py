@@ -1,0 +1,160 @@
+"""Runs builtins and their adjoints over operands."""
+
+import functools
+import linecache
+
+import mpmath as mp
+import numpy as np
+
+import warp as wp
+from warp._src.builtin_table import BUILTINS
+from warp.report.search._judge import UNIT, Exact, Finding, Judge, NoReferenceError
+from warp.report.search._numbers import parse_signature
+from warp.report.search._operands import LONG, operands
+from warp.report.search._references import REFERENCES
+
+#: Overloads that the registry describes as of any type.
+SIGNATURES = {
+    "spatial_dot": ("(a: vec<6, F>, b: vec<6, F>) -> F",),
+    "spatial_cross": ("(a: vec<6, F>, b: vec<6, F>) -> vec<6, F>",),
+    "spatial_cross_dual": ("(a: vec<6, F>, b: vec<6, F>) -> vec<6, F>",),
+}
+DIGITS = 120
+
+
+def overloads(names=()):
+    """(name, signature, parsed) of every overload with a reference; all, or of these builtins."""
+    for name in names or REFERENCES:
+        group = SIGNATURES.get(name) or BUILTINS[name][2]
+        for signature in group:
+            parsed = parse_signature(signature)
+            if parsed:
+                yield name, signature, parsed
+
+
+def without_reference():
+    """Builtins of floats in the registry that the search has no formula for."""
+    return sorted(
+        name
+        for name, (_, _, signatures) in BUILTINS.items()
+        if name not in REFERENCES and any(map(parse_signature, signatures))
+    )
+
+
+@functools.cache
+def make_kernel(name, kinds, result, real):
+    """A kernel that stores the builtin of one row of operands."""
+    function = getattr(wp, name)
+    types = [kind.of(real) for kind in kinds]
+    arguments = ", ".join(f"x{i}: wp.array(dtype=types[{i}])" for i in range(len(types)))
+    call = ", ".join(f"x{i}[i]" for i in range(len(types)))
+    scope = {"wp": wp, "types": types, "function": function, "result": result.of(real)}
+    return _define(
+        f"def search_{name}({arguments}, y: wp.array(dtype=result)):\n"
+        f"    i = wp.tid()\n    y[i] = function({call})\n",
+        f"search_{name}",
+        scope,
+    )
+
+
+def _define(text, name, scope):
+    """A kernel from its text; kernels are read from files, so the text becomes one for Python."""
+    file = f"<{name} {abs(hash(text))}>"
+    linecache.cache[file] = (len(text), None, text.splitlines(keepends=True), file)
+    exec(compile(text, file, "exec"), scope)
+    return wp.kernel(scope[name])
+
+
+def run(name, kinds, result, dtype, values, seeds, device):
+    """Results of all rows, and gradients of the seeds' weighted sums by each operand."""
+    real, rows = getattr(wp, dtype), len(seeds)
+
+    def array(numbers, kind, **options):
+        shaped = numbers.reshape(rows, *kind.shape)
+        return wp.array(shaped, dtype=kind.of(real), device=device, **options)
+
+    arrays = [array(x, kind, requires_grad=True) for x, kind in zip(values, kinds, strict=True)]
+    out = wp.zeros(rows, dtype=result.of(real), device=device, requires_grad=True)
+    kernel = make_kernel(name, tuple(kinds), result, real)
+    with wp.Tape() as tape:
+        wp.launch(kernel, rows, arrays, [out], device=device)
+    tape.backward(grads={out: array(seeds, result)})
+    gradients = [array.grad.numpy().reshape(rows, -1) for array in arrays]
+    return out.numpy().reshape(rows, -1), np.concatenate(gradients, axis=1)
+
+
+def _tangents(kinds, values, gradients):
+    """Gradients without their parts along quaternions."""
+    found, at = gradients.astype(np.float64), 0
+    for kind, value in zip(kinds, values, strict=True):
+        if kind.kind == "quat":
+            q, part = value.astype(np.float64), found[:, at : at + 4]
+            along = (part * q).sum(1, keepdims=True) / (q * q).sum(1, keepdims=True)
+            found[:, at : at + 4] = part - along * q
+        at += kind.size
+    return found
+
+
+def _with_reference(exact, values):
+    """Rows of operands at which the formula has a result, as arrays and as mpmath's numbers."""
+    rows, numbers = [], []
+    for row in range(len(values[0])):
+        these = [mp.mpf(float(x)) for given in values for x in given[row]]
+        try:
+            exact(these)
+        except NoReferenceError:
+            continue
+        rows.append(row)
+        numbers.append(these)
+    return [value[rows] for value in values], numbers
+
+
+def search_overload(name, signature, parsed, dtype, rows, seed, device):
+    """Findings of values and of gradients."""
+    _, kinds, (result,) = parsed
+    random = np.random.default_rng(seed)
+    value = Finding(name, signature, dtype, "value")
+    slope = Finding(name, signature, dtype, "gradient")
+    judges = Judge(value, random), Judge(slope, random)
+    exact, sizes = Exact(name, kinds), [kind.size for kind in kinds]
+    for strategy, values in operands(random, rows, kinds, dtype):
+        if name in UNIT and strategy == LONG:
+            continue
+        with mp.workdps(DIGITS):
+            values, numbers = _with_reference(exact, values)
+            if not numbers:
+                continue
+            seeds = random.choice([-1.0, 0.5, 1.0], size=(len(numbers), result.size)).astype(dtype)
+            results, gradients = run(name, kinds, result, dtype, values, seeds, device)
+            if name in UNIT:
+                gradients = _tangents(kinds, values, gradients)
+            for row, these in enumerate(numbers):
+                weights = [mp.mpf(float(x)) for x in seeds[row]]
+                gradient = functools.partial(exact.gradient, seed=weights)
+                judges[0].row(exact, exact, [result.size], these, results[row], strategy)
+                judges[1].row(exact, gradient, sizes, these, gradients[row], strategy)
+    return value, slope
+
+
+def search(names=(), *, dtypes=("float32", "float64"), rows=32, seed=0, device="cpu"):
+    """Findings for every overload with a reference, of all builtins or of some.
+
+    Args:
+        names: of builtins.
+        dtypes: precisions to try.
+        rows: operands of each strategy.
+        seed: of the random numbers.
+        device: where kernels run.
+
+    Raises:
+        ValueError: a name has no reference.
+    """
+    unknown = [name for name in names if name not in REFERENCES]
+    if unknown:
+        known = ", ".join(sorted(REFERENCES))
+        raise ValueError(f"no reference for '{unknown[0]}'; there are {known}")
+    for name, signature, parsed in overloads(names):
+        if len(parsed[2]) != 1:
+            continue
+        for dtype in dtypes:
+            yield from search_overload(name, signature, parsed, dtype, rows, seed, device)

@@ -1,0 +1,95 @@
+"""The generated search: it finds planted defects, and what it once found stays mended."""
+
+import json
+import sys
+
+import numpy as np
+import pytest
+
+import warp as wp
+from warp.report.__main__ import main
+
+mp = pytest.importorskip("mpmath")
+
+from warp.report.search._references import REFERENCES  # noqa: E402
+from warp.report.search._search import overloads, search, without_reference  # noqa: E402
+
+
+@pytest.mark.parametrize(
+    ("name", "rows"),
+    [("sin", 4), ("hypot", 4), ("dot", 4), ("normalize", 4), ("quat_log", 4), ("logsumexp", 8)]
+    + [("inverse", 1), ("solve3", 2), ("sym_sqrt3", 1), ("transform_point", 2), ("log1p", 4)],
+)
+def test_builtins_keep_a_digit(name, rows):
+    found = list(search([name], rows=rows, seed=3))
+    assert len(found) == 4 * len(list(overloads([name]))) and all(one.checked for one in found)
+    assert [str(one) for one in found if one.verdict == "defect"] == []
+
+
+# 1 - cos(x) by subtraction has no digit for small x, though the problem is a harmless one.
+def test_cancellation_is_a_defect(monkeypatch):
+    def naive(x: wp.array(dtype=float), y: wp.array(dtype=float)):
+        i = wp.tid()
+        y[i] = 1.0 - wp.cos(x[i])
+
+    monkeypatch.setitem(REFERENCES, "sin", lambda x: 2 * mp.sin(x / 2) ** 2)
+    monkeypatch.setattr("warp.report.search._search.make_kernel", lambda *about: wp.kernel(naive))
+    value, gradient = search(["sin"], dtypes=("float32",), rows=16)
+    assert value.verdict == "defect" and value.got == 0.0 and 0.0 < value.exact < 1e-7
+    assert value.operands[0] ** 2 / 2 == pytest.approx(value.exact, rel=1e-3)
+    assert gradient.verdict == "good"
+
+
+# The difference of nearly equal numbers is as wrong as its operands are.
+def test_condition_is_no_defect():
+    found = list(search(["cross"], dtypes=("float32",), rows=32))
+    assert {one.verdict for one in found} <= {"good", "condition"}
+    worst = found[0]
+    assert worst.verdict == "good" or worst.condition > 1e5
+
+
+def test_command(tmp_path, capsys, monkeypatch):
+    assert main(["search", "cbrt", "--rows", "2", "--all", "--output", str(tmp_path)]) == 0
+    assert "good      gradient float64 cbrt(x: F) -> F" in capsys.readouterr().out
+    lines = [json.loads(one) for one in (tmp_path / "search.jsonl").read_text().splitlines()]
+    assert [one.get("part") for one in lines] == [None] + ["value", "gradient"] * 2
+    assert main(["search", "no_such", "--output", str(tmp_path)]) == 2
+    assert "no reference for 'no_such'" in capsys.readouterr().err
+    assert "eig3" in without_reference() and not set(without_reference()) & set(REFERENCES)
+    monkeypatch.setitem(sys.modules, "warp.report.search._search", None)
+    assert main(["search", "cbrt", "--output", str(tmp_path)]) == 2
+    assert "needs the package" in capsys.readouterr().err
+
+
+# Equal largest terms share the gradient; the first had none.
+def test_logsumexp_of_equal_numbers(device):
+    @wp.kernel
+    def sums(x: wp.array(dtype=wp.vec3), y: wp.array(dtype=float)):
+        i = wp.tid()
+        y[i] = wp.logsumexp(x[i])
+
+    given = np.array([(1, 1, 1), (2, -5, 2), (-3, 4, 4)], np.float32)
+    x = wp.array(given, dtype=wp.vec3, requires_grad=True, device=device)
+    y = wp.zeros(3, dtype=float, requires_grad=True, device=device)
+    with wp.Tape() as tape:
+        wp.launch(sums, 3, [x, y], device=device)
+    tape.backward(grads={y: wp.ones(3, dtype=float, device=device)})
+    weights = np.exp(given - given.max(1, keepdims=True))
+    np.testing.assert_allclose(x.grad.numpy(), weights / weights.sum(1, keepdims=True), rtol=1e-6)
+
+
+# The solution of a subnormal system times the scale of its matrix overflowed.
+def test_solutions_of_subnormal_systems(device):
+    @wp.kernel
+    def solves(a: wp.array(dtype=wp.mat33), b: wp.array(dtype=wp.vec3), x: wp.array(dtype=wp.vec3)):
+        i = wp.tid()
+        x[i] = wp.solve3(a[i], b[i])
+
+    system = np.array([[4, 1, 0], [1, 3, -1], [0, -1, 2]]) * 2.0**-140
+    side = np.array([900, -700, 300]) * 2.0**-140
+    a = wp.array(system[None], dtype=wp.mat33, device=device)
+    b = wp.array(side[None], dtype=wp.vec3, device=device)
+    x = wp.zeros(1, dtype=wp.vec3, device=device)
+    wp.launch(solves, 1, [a, b, x], device=device)
+    exact = np.linalg.solve(system * 2.0**140, side * 2.0**140)
+    np.testing.assert_allclose(x.numpy()[0], exact, rtol=1e-5)
