@@ -78,7 +78,7 @@ def scan(counts):
 def plain(values):
     """An array without gradients over the memory of another one."""
     return wp.array(
-        ptr=values.ptr,
+        ptr=values.ptr or 0,
         dtype=values.dtype,
         shape=values.shape,
         strides=values.strides,
