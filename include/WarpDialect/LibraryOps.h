@@ -14,9 +14,9 @@
 
 namespace warp {
 
-/// A function of the device library. Types are letters: i (si32), l (ui64) and
-/// f (f32). In C it takes its operands by value, then a pointer to a struct of
-/// its results.
+/// A function of the device library. Types are letters: i (si32), l (ui64),
+/// f (f32) and d (f64). In C it takes its operands by value, then a pointer to a
+/// struct of its results. One without results changes memory.
 struct LibraryFunction {
   llvm::StringRef symbol, operands, results;
 };

@@ -23,6 +23,22 @@ def CheckTiles : WarpTilePass<"warp-check-tiles"> {
   }];
 }
 
+def FuseTiles : WarpTilePass<"warp-fuse-tiles"> {
+  let summary = "Make one function of elements of those that follow each other";
+  let description = [{
+    A `tile_map` without effects whose results only one other `tile_map` of the
+    same block uses becomes part of that, so that its elements are never stored.
+
+    ```mlir
+    %b = warp.tile_map(%a) { sin } : ...
+    %c = warp.tile_map(%b, %a) { add } : ...
+    // ==>
+    %c = warp.tile_map(%a) { add of sin and itself } : ...
+    ```
+  }];
+  let dependentDialects = ["::warp::WarpDialect"];
+}
+
 def PlaceTiles : WarpTilePass<"warp-place-tiles"> {
   let summary = "Decide which tiles are kept and which are computed where used";
   let description = [{
@@ -75,6 +91,7 @@ def LowerTiles : WarpTilePass<"warp-lower-tiles"> {
     elements t, t + B, ... of B threads.
   }];
   let dependentDialects = ["::mlir::arith::ArithDialect",
+                           "::mlir::LLVM::LLVMDialect",
                            "::mlir::scf::SCFDialect", "::warp::WarpDialect"];
 }
 

@@ -13,11 +13,12 @@ include "mlir/Interfaces/SideEffectInterfaces.td"
 include "WarpTypes.td"
 
 def Warp_LibraryCallOp : Warp_Op<"library_call",
-    [Warp_ThreadPhase, NoMemoryEffect]> {
+    [Warp_ThreadPhase, DeclareOpInterfaceMethods<MemoryEffectsOpInterface>]> {
   let summary = "calls a function of the device library";
   let description = [{
-    The function reads what geometry handles describe. Nothing writes that while
-    a kernel runs, so for passes it reads nothing. Lanes of a CPU call it one by
+    One with results reads what geometry handles describe. Nothing writes that
+    while a kernel runs, so for passes it reads nothing. One without results
+    changes the memory at addresses that it gets. Lanes of a CPU call it one by
     one. Which functions there are says lib/Dialect/LibraryOps.cpp.
 
     (C1) the library has the function. (C2) operands and results are its

@@ -26,7 +26,8 @@ warp::buildLibraryCall(Builder::Impl &impl, StringRef name, ValueRange args) {
     return SmallVector<mlir::Value>(call.getResults());
   }
   const LibraryFunction *function = findLibraryFunction(name);
-  if (!function)
+  // What changes memory is for passes alone.
+  if (!function || function->results.empty())
     return std::nullopt;
   SmallVector<mlir::Type> results;
   for (char letter : function->results)

@@ -13,7 +13,9 @@
 
 #include "Transforms/Variant.h"
 
+#include "llvm/IR/Constants.h"
 #include "llvm/IR/Module.h"
+#include "llvm/MC/MCSubtargetInfo.h"
 #include "llvm/MC/TargetRegistry.h"
 #include "llvm/Support/TargetSelect.h"
 #include "llvm/Target/TargetMachine.h"
@@ -85,6 +87,11 @@ void warp::prepareCpuModule(llvm::Module &module, llvm::TargetMachine &machine,
                size_t(warp_devicelib_cpu_end - warp_devicelib_cpu_begin)},
               "device library");
   linkNativeCode(module);
+  if (auto *wide = module.getNamedGlobal("warp_wide_registers")) {
+    bool has = machine.getMCSubtargetInfo()->checkFeatures("+avx512f");
+    wide->setInitializer(llvm::ConstantInt::get(wide->getValueType(), has));
+    wide->setLinkage(llvm::GlobalValue::InternalLinkage);
+  }
   bool wide = getVectorBits(options.target) == 512;
   for (llvm::Function &function : module) {
     if (function.isDeclaration())

@@ -2,7 +2,8 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// The table says what lib/DeviceLib/Geometry.cpp defines.
+// The table says what lib/DeviceLib defines: in Geometry.cpp, and for tiles on
+// CPUs in cpu/Tile*.cpp.
 //
 //===----------------------------------------------------------------------===//
 
@@ -45,6 +46,22 @@ static constexpr warp::LibraryFunction functions[] = {
     // Three points of a plane, four points of space: which way they turn.
     {"warp_orient2d", "dddddd", "i"},
     {"warp_orient3d", "dddddddddddd", "i"},
+    // c, a, b; rows, columns, depth; steps to the next row and column of a and
+    // the next row of b; whether c is new; alpha, beta.
+    {"warp_tile_product_f32", "llliiiiiiiff", ""},
+    {"warp_tile_product_f64", "llliiiiiiidd", ""},
+    // Result, matrix, scratch memory; rows, whether the upper triangle counts.
+    {"warp_tile_cholesky_f32", "lllii", ""},
+    {"warp_tile_cholesky_f64", "lllii", ""},
+    // Right sides, matrix; their rows and columns; steps to the next row and
+    // column of the matrix; whether the last row is solved first.
+    {"warp_tile_solve_f32", "lliiiii", ""},
+    {"warp_tile_solve_f64", "lliiiii", ""},
+    // Result, operand, scratch memory; rows, their length, whether inverse.
+    {"warp_tile_fft_f32", "llliii", ""},
+    {"warp_tile_fft_f64", "llliii", ""},
+    // Keys, positions, how many.
+    {"warp_tile_sort", "lli", ""},
 };
 
 const warp::LibraryFunction *warp::findLibraryFunction(StringRef symbol) {
@@ -92,6 +109,14 @@ LogicalResult warp::LibraryCallOp::verify() {
                                  << function->operands << "' and gives '"
                                  << function->results << "'";
   return success();
+}
+
+void warp::LibraryCallOp::getEffects(
+    SmallVectorImpl<MemoryEffects::EffectInstance> &effects) {
+  if (getNumResults() != 0)
+    return;
+  effects.emplace_back(MemoryEffects::Read::get());
+  effects.emplace_back(MemoryEffects::Write::get());
 }
 
 #define GET_OP_CLASSES

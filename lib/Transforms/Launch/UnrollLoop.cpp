@@ -63,13 +63,28 @@ void warp::unroll(scf::ForOp loop) {
 
 /// The name is what llvm.br calls the attribute, to which the conversions of
 /// loops copy it.
-void warp::setCopies(scf::ForOp loop, int64_t copies) {
-  MLIRContext *context = loop.getContext();
-  Builder b(context);
-  auto unroll = LLVM::LoopUnrollAttr::get(
-      context, {}, b.getI32IntegerAttr(int32_t(copies)), {}, {}, {}, {}, {});
+static void annotate(scf::ForOp loop, LLVM::LoopVectorizeAttr vectorize,
+                     LLVM::LoopUnrollAttr unroll) {
   loop->setAttr("loop_annotation",
-                LLVM::LoopAnnotationAttr::get(context, {}, {}, {}, unroll, {},
-                                              {}, {}, {}, {}, {}, {}, {}, {},
-                                              {}, {}));
+                LLVM::LoopAnnotationAttr::get(
+                    loop.getContext(), {}, vectorize, {}, unroll, {}, {}, {},
+                    {}, {}, {}, {}, {}, {}, {}, {}));
+}
+
+void warp::setCopies(scf::ForOp loop, int64_t copies) {
+  Builder b(loop.getContext());
+  annotate(loop, {},
+           LLVM::LoopUnrollAttr::get(b.getContext(), {},
+                                     b.getI32IntegerAttr(int32_t(copies)), {},
+                                     {}, {}, {}, {}));
+}
+
+void warp::setPlain(scf::ForOp loop) {
+  Builder b(loop.getContext());
+  BoolAttr disable = b.getBoolAttr(true);
+  annotate(loop,
+           LLVM::LoopVectorizeAttr::get(b.getContext(), disable, {}, {}, {}, {},
+                                        {}, {}),
+           LLVM::LoopUnrollAttr::get(b.getContext(), disable, {}, {}, {}, {},
+                                     {}, {}));
 }

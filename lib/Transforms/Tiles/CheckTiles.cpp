@@ -107,43 +107,50 @@ private:
 
 /// Elements may be read by any thread.
 bool isCollective(Operation *op) {
-  return op->getName().getDialectNamespace() == "warp" && isTileOp(op) &&
-         !isa<TileGetOp>(op);
+  return computesTiles(op) && !isa<TileGetOp>(op);
+}
+
+/// The condition of a branch, or bound of a loop, that differs between threads.
+Value findVaryingCondition(Operation *around, const Varying &varying) {
+  SmallVector<Value> conditions;
+  if (auto branch = dyn_cast<scf::IfOp>(around))
+    conditions = {branch.getCondition()};
+  else if (auto loop = dyn_cast<scf::WhileOp>(around))
+    conditions = {loop.getConditionOp().getCondition()};
+  else if (auto loop = dyn_cast<scf::ForOp>(around))
+    conditions = {loop.getLowerBound(), loop.getUpperBound()};
+  for (Value condition : conditions)
+    if (varying.contains(condition))
+      return condition;
+  return nullptr;
+}
+
+LogicalResult check(FunctionOpInterface kernel, int64_t threads) {
+  if (threads == 1)
+    return success();
+  Varying varying(kernel);
+  auto result = kernel->walk([&](Operation *op) {
+    if (!isCollective(op))
+      return WalkResult::advance();
+    for (Operation *around = op->getParentOp(); around != kernel;
+         around = around->getParentOp()) {
+      Value condition = findVaryingCondition(around, varying);
+      if (!condition)
+        continue;
+      auto diagnostic = op->emitError(
+          "all threads of a block have to come by here, but this stands under "
+          "a condition that differs between them; move it out");
+      diagnostic.attachNote(condition.getLoc()) << "the condition";
+      return WalkResult::interrupt();
+    }
+    return WalkResult::advance();
+  });
+  return failure(result.wasInterrupted());
 }
 
 struct CheckTiles : warp::impl::CheckTilesBase<CheckTiles> {
   void runOnOperation() override {
-    FunctionOpInterface kernel = warp::findKernel(getOperation());
-    if (!kernel)
-      return signalPassFailure();
-    if (getBlockThreads(kernel) <= 1)
-      return;
-    Varying varying(kernel);
-    auto result = kernel->walk([&](Operation *op) {
-      if (!isCollective(op))
-        return WalkResult::advance();
-      for (Operation *around = op->getParentOp(); around != kernel;
-           around = around->getParentOp()) {
-        Value condition;
-        if (auto branch = dyn_cast<scf::IfOp>(around))
-          condition = branch.getCondition();
-        else if (auto loop = dyn_cast<scf::WhileOp>(around))
-          condition = loop.getConditionOp().getCondition();
-        else if (auto loop = dyn_cast<scf::ForOp>(around))
-          condition = varying.contains(loop.getLowerBound())
-                          ? loop.getLowerBound()
-                          : loop.getUpperBound();
-        if (!condition || !varying.contains(condition))
-          continue;
-        auto diagnostic = op->emitError(
-            "all threads of a block have to come by here, but this stands "
-            "under a condition that differs between them; move it out");
-        diagnostic.attachNote(condition.getLoc()) << "the condition";
-        return WalkResult::interrupt();
-      }
-      return WalkResult::advance();
-    });
-    if (result.wasInterrupted())
+    if (failed(forTileKernel(getOperation(), check)))
       signalPassFailure();
   }
 };

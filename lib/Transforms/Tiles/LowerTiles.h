@@ -7,7 +7,7 @@
 #ifndef WARP_TRANSFORMS_TILES_LOWERTILES_H
 #define WARP_TRANSFORMS_TILES_LOWERTILES_H
 
-#include "TileBuffers.h"
+#include "TileScratch.h"
 
 #include "mlir/IR/Builders.h"
 
@@ -19,11 +19,13 @@ using mlir::Value;
 using mlir::ValueRange;
 using Values = llvm::SmallVector<Value>;
 
+AtomicKind toAtomic(TileUpdate kind);
+
 /// Writes code for operations on tiles; LowerTiles.cpp explains how. Indices
 /// are signless i32 values.
 class TileLowering {
 public:
-  explicit TileLowering(mlir::FunctionOpInterface kernel);
+  TileLowering(mlir::FunctionOpInterface kernel, int64_t threads);
   mlir::LogicalResult run();
 
 private:
@@ -32,6 +34,7 @@ private:
   //===--------------------------------------------------------------------===//
 
   Value number(int64_t value);
+  template <typename Op> Value combined(Value x, Value y, int64_t neutral);
   Value add(Value a, Value b);
   Value mul(Value a, Value b);
   Value sub(Value a, Value b);
@@ -118,33 +121,49 @@ private:
   Value isBetter(TileReduction kind, Value candidate, Value best, bool orEqual);
   Value worst(TileReduction kind, mlir::Type type);
   Values combine(TileReduction kind, ValueRange best, ValueRange next);
+  void reduceOrdered(mlir::Operation *op, TileReduction kind, Value tile);
   void lowerReduce(mlir::Operation *op, TileReduction kind, Value tile,
                    std::optional<int64_t> axis, bool positions);
   Values overBlock(mlir::Operation *op, TileReduction kind, Values sums);
   void lowerFold(TileFoldOp op);
   void lowerScan(TileScanOp op);
-  Value comesBefore(Value a, Value b, Value i, Value j);
+
+  // In LowerTilesSort.cpp.
+  Value toOrdered(Value key);
   void lowerSort(TileSortOp op);
+  void sortNetwork(Value keys, Value places, int64_t count);
+  void orderPair(Value keys, Value places, Value i, Value j, int64_t run);
 
   // In LowerTilesAlgebra.cpp.
   void lowerMatmul(TileMatmulOp op);
-  void lowerProducts(TileMatmulOp op);
-  void lowerRows(TileMatmulOp op);
   void lowerCholesky(TileCholeskyOp op);
   void lowerSolve(TileSolveOp op);
   void lowerDiagAdd(TileDiagAddOp op);
+
+  // In LowerTilesTransforms.cpp.
   void lowerFft(TileFftOp op);
+  int transform(std::array<Value, 2> memory, int64_t rows, int64_t n,
+                bool inverse);
   void lowerFftStages(TileFftOp op);
+  void lowerFftChirps(TileFftOp op);
   void lowerFftSums(TileFftOp op);
   Value twiddle(mlir::Type real, Value step, int64_t period, bool inverse);
   Value complexMul(Value a, Value b);
+
+  // In LowerTilesLibrary.cpp.
+  Value addressOf(Value memory);
+  void callLibrary(const llvm::Twine &name, mlir::Type real, ValueRange args);
+  int64_t scratchOf(mlir::Operation *op);
+  Value copyTo(int64_t offset, Value tile, mlir::Type type, bool transposed);
+  void callProduct(TileMatmulOp op);
+  void callCholesky(TileCholeskyOp op);
+  void callSolve(TileSolveOp op);
 
   void detach();
 
   mlir::FunctionOpInterface kernel;
   int64_t threads;
   TileBuffers buffers;
-  llvm::DenseMap<Value, int64_t> offsetOf;
   std::map<std::tuple<int64_t, int64_t, const void *>, Value> arrays;
   mlir::OpBuilder b, entry;
   mlir::Location loc;

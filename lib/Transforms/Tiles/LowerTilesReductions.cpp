@@ -1,4 +1,4 @@
-//===- LowerTilesReductions.cpp - Sums, extrema, scans, sorting -----------===//
+//===- LowerTilesReductions.cpp - Sums, extrema, scans --------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -119,9 +119,57 @@ Values TileLowering::overBlock(Operation *op, TileReduction kind, Values sums) {
   return read(number(0));
 }
 
+/// Floats as signed integers in the same order, and back: the lowest one is
+/// NaN, as is the highest.
+static Value flipBelowZero(OpBuilder &b, Location loc, Value bits) {
+  Type type = bits.getType();
+  unsigned width = type.getIntOrFloatBitWidth();
+  auto constantOf = [&](APInt value) -> Value {
+    return arith::ConstantOp::create(b, loc, b.getIntegerAttr(type, value));
+  };
+  Value signs = arith::ShRSIOp::create(b, loc, bits,
+                                       constantOf(APInt(width, width - 1)));
+  Value flipped = arith::AndIOp::create(
+      b, loc, signs, constantOf(APInt::getSignedMaxValue(width)));
+  return arith::XOrIOp::create(b, loc, bits, flipped);
+}
+
+/// Extrema of floats on a CPU: integers are compared in vectors, whereas NaN
+/// keeps floats out of those.
+void TileLowering::reduceOrdered(Operation *op, TileReduction kind,
+                                 Value tile) {
+  Type real = tileType(tile).getElementType();
+  unsigned width = real.getIntOrFloatBitWidth();
+  Type bits = b.getIntegerType(width);
+  bool isMin = kind == TileReduction::min;
+  Value worst = arith::ConstantOp::create(
+      b, loc,
+      b.getIntegerAttr(bits, isMin ? APInt::getSignedMaxValue(width)
+                                   : APInt::getSignedMinValue(width)));
+  Values made = elements(
+      op, tileType(tile).getShape(), worst,
+      [&](ValueRange at, ValueRange best) -> Values {
+        Value x = element(tile, at);
+        Value key = flipBelowZero(
+            b, loc, arith::BitcastOp::create(b, loc, bits, x));
+        Value isNone = builtin("ne", {x, x});
+        key = arith::SelectOp::create(b, loc, isNone, worst, key);
+        if (isMin)
+          return {arith::MinSIOp::create(b, loc, best[0], key)};
+        return {arith::MaxSIOp::create(b, loc, best[0], key)};
+      });
+  store(op->getResult(0), number(0),
+        arith::BitcastOp::create(b, loc, real,
+                                 flipBelowZero(b, loc, made[0])));
+}
+
 void TileLowering::lowerReduce(Operation *op, TileReduction kind, Value tile,
                                std::optional<int64_t> axis, bool positions) {
   TileType type = tileType(tile);
+  Type element = type.getElementType();
+  if (threads == 1 && !axis && !positions && kind != TileReduction::add &&
+      (element.isF32() || element.isF64()))
+    return reduceOrdered(op, kind, tile);
   Value result = op->getResult(0);
   Values first{worst(kind, type.getElementType())};
   if (positions)
@@ -146,7 +194,7 @@ void TileLowering::lowerReduce(Operation *op, TileReduction kind, Value tile,
   if (!axis) {
     Values sums = elements(
         op, type.getShape(), first, [&](ValueRange at, ValueRange sums) {
-          return step(sums, element(tile, at), linear(type.getShape(), at));
+          return step(sums, this->element(tile, at), linear(type.getShape(), at));
         });
     sums = overBlock(op, kind, sums);
     byFirstThread([&] { finish(ValueRange(number(0)), sums); });
@@ -163,7 +211,7 @@ void TileLowering::lowerReduce(Operation *op, TileReduction kind, Value tile,
         [&](Value i, ValueRange sums) {
           Values at(indices.take_front(type.getRank() - 1));
           at.insert(at.begin() + *axis, i);
-          return step(sums, element(tile, at), i);
+          return step(sums, this->element(tile, at), i);
         });
     finish(indices, sums);
   });
@@ -256,43 +304,6 @@ void TileLowering::lowerScan(TileScanOp op) {
     Values sum = combine(op.getKind(), sums, next);
     store(op.getResult(), at, op.getExclusive() ? sums[0] : sum[0]);
     return sum;
-  });
-}
-
-//===----------------------------------------------------------------------===//
-// Sorting
-//===----------------------------------------------------------------------===//
-
-/// Whether element j with key `a` comes before element i with key `c`: NaN
-/// last, equal ones in their order.
-Value TileLowering::comesBefore(Value a, Value c, Value j, Value i) {
-  Value before = builtin("lt", {a, c});
-  Value same = builtin("eq", {a, c});
-  if (isa<FloatType>(a.getType())) {
-    Value aNone = builtin("ne", {a, a}), cNone = builtin("ne", {c, c});
-    Value one = arith::XOrIOp::create(b, loc, aNone, cNone);
-    before = arith::OrIOp::create(b, loc, before, both(one, cNone));
-    same = arith::OrIOp::create(b, loc, same, both(aNone, cNone));
-  }
-  return arith::OrIOp::create(b, loc, before, both(same, less(j, i)));
-}
-
-/// An element's place is the number of those before it.
-void TileLowering::lowerSort(TileSortOp op) {
-  TileType type = tileType(op.getKeys());
-  ArrayRef<int64_t> shape = type.getShape();
-  int64_t count = type.getNumElements();
-  Type si32 = b.getIntegerType(32, true);
-  share(ArrayRef<int64_t>(count), [&](ValueRange at) {
-    Value key = element(op.getKeys(), unravel(at[0], shape));
-    Value rank = loop(number(0), number(count), number(1), number(0),
-                      [&](Value j, ValueRange sums) -> Values {
-                        Value other = element(op.getKeys(), unravel(j, shape));
-                        Value before = comesBefore(other, key, j, at[0]);
-                        return {add(sums[0], arith::ExtUIOp::create(
-                                                 b, loc, i32, before))};
-                      })[0];
-    store(op.getPositions(), unravel(rank, shape), cast(at[0], si32));
   });
 }
 

@@ -14,8 +14,7 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "KernelFunction.h"
-#include "TileBuffers.h"
+#include "TileScratch.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/Interfaces/LoopLikeInterface.h"
@@ -54,18 +53,8 @@ using Touches = SmallVector<Touch>;
 
 class BarrierPlacer {
 public:
-  explicit BarrierPlacer(FunctionOpInterface kernel)
-      : buffers(kernel), threads(getBlockThreads(kernel)),
-        b(kernel.getContext()) {
-    kernel->walk([&](Operation *op) {
-      auto offsets = op->getAttrOfType<DenseI64ArrayAttr>(tiles::attr::offsets);
-      unsigned next = 0;
-      if (offsets)
-        for (Value result : op->getResults())
-          if (isTile(result))
-            offsetOf[buffers.rootOf(result)] = offsets[next++];
-    });
-  }
+  BarrierPlacer(FunctionOpInterface kernel, int64_t threads)
+      : buffers(kernel), threads(threads), b(kernel.getContext()) {}
 
   void place(Block &block) {
     for (Operation &op : llvm::make_early_inc_range(block))
@@ -76,7 +65,7 @@ private:
   static constexpr int64_t arrays = -1;
 
   void touchTile(Touches &touches, Value tile, bool isWrite, int64_t owned) {
-    int64_t begin = offsetOf.lookup(buffers.rootOf(tile));
+    int64_t begin = buffers.getOffset(tile);
     int64_t bytes = getTileBytes(tileType(tile));
     touches.push_back({begin, begin + bytes, isWrite, owned});
   }
@@ -95,12 +84,12 @@ private:
 
   Touches touchesOf(Operation *op) {
     Touches touches;
-    bool striped = isa<TileMapOp, TileStoreOp, TileAtomicOp, TileSplatOp,
-                       TileIotaOp, TileLoadOp>(op);
+    bool striped = readsOwnElements(op) ||
+                   isa<TileSplatOp, TileIotaOp, TileLoadOp>(op);
     auto ownedOf = [&](Value tile) {
       return striped ? tileType(tile).getNumElements() : 0;
     };
-    if (isTileOp(op) && op->getName().getDialectNamespace() == "warp") {
+    if (computesTiles(op)) {
       for (Value operand : op->getOperands())
         if (isTile(operand))
           readTile(touches, operand, ownedOf(operand));
@@ -126,8 +115,7 @@ private:
   }
 
   static bool isBlockWide(Operation *op) {
-    return op->getName().getDialectNamespace() == "warp" && isTileOp(op) &&
-           !isa<TileGetOp>(op);
+    return computesTiles(op) && !isa<TileGetOp>(op);
   }
 
   void place(Operation *op) {
@@ -183,17 +171,18 @@ private:
   TileBuffers buffers;
   int64_t threads;
   OpBuilder b;
-  llvm::DenseMap<Value, int64_t> offsetOf;
   Touches pending;
 };
 
 struct PlaceBarriers : warp::impl::PlaceBarriersBase<PlaceBarriers> {
   void runOnOperation() override {
-    FunctionOpInterface kernel = warp::findKernel(getOperation());
-    if (!kernel)
-      return signalPassFailure();
-    if (getBlockThreads(kernel) > 1)
-      BarrierPlacer(kernel).place(kernel.getFunctionBody().front());
+    auto work = [](FunctionOpInterface kernel, int64_t threads) {
+      if (threads > 1)
+        BarrierPlacer(kernel, threads).place(kernel.getFunctionBody().front());
+      return success();
+    };
+    if (failed(forTileKernel(getOperation(), work)))
+      signalPassFailure();
   }
 };
 

@@ -4,8 +4,8 @@
 //
 // Three decisions, in this order:
 //
-//   inline     views of other tiles; what is cheap per element, has one use and
-//              reads nothing that is overwritten before that use
+//   inline     views of other tiles; what has one use and reads nothing that is
+//              overwritten before that use (TileInlining.h)
 //   in place   an operation that replaces elements, if nobody reads what it
 //              replaces afterwards
 //   copies     where loops and branches carry tiles, each carried tile has one
@@ -17,12 +17,10 @@
 //===----------------------------------------------------------------------===//
 
 #include "KernelFunction.h"
-#include "TileBuffers.h"
+#include "TileInlining.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
-#include "mlir/IR/Matchers.h"
 #include "mlir/Interfaces/LoopLikeInterface.h"
-#include "llvm/ADT/SetVector.h"
 
 namespace warp {
 #define GEN_PASS_DEF_PLACETILES
@@ -32,100 +30,6 @@ namespace warp {
 using namespace mlir;
 using namespace warp;
 using namespace warp::tiles;
-
-//===----------------------------------------------------------------------===//
-// Inline
-//===----------------------------------------------------------------------===//
-
-static bool isConstantLike(Value value) {
-  Operation *op = value.getDefiningOp();
-  return op && (isa<warp::ConstantOp>(op) ||
-                (op->getNumOperands() == 0 && isMemoryEffectFree(op)) ||
-                (isa<warp::ConstructOp>(op) &&
-                 llvm::all_of(op->getOperands(), isConstantLike)));
-}
-
-/// Whether all threads compute the same element at the same index.
-static bool isThreadIndependent(Operation *op) {
-  return llvm::all_of(op->getOperands(), [](Value operand) {
-    if (!isTile(operand))
-      return isConstantLike(operand);
-    Operation *def = operand.getDefiningOp();
-    return !def || !isInline(def) || isThreadIndependent(def);
-  });
-}
-
-/// An operation on tiles, rather than one that passes them on.
-static bool isConsumer(Operation *op) {
-  return op->getName().getDialectNamespace() == "warp";
-}
-
-/// Each thread reads the elements that it would write, once.
-static bool readsOwnElements(Operation *op) {
-  return isa<TileMapOp, TileStoreOp, TileAtomicOp>(op);
-}
-
-static bool mayWriteArrays(Operation *op) {
-  if (isa<TileLoadOp>(op))
-    return false;
-  return !isMemoryEffectFree(op) &&
-         !isa<warp::LoadOp>(op);
-}
-
-/// Whether nothing that `op` loads changes until it is used.
-static bool isUnchangedUntil(Operation *op, Operation *user) {
-  for (Operation *next = op->getNextNode(); next && next != user;
-       next = next->getNextNode())
-    if (mayWriteArrays(next))
-      return false;
-  // The user's own writes, of elements that other threads are yet to load.
-  return !isa<TileStoreOp, TileAtomicOp>(user) ||
-         user->getOperand(1) != op->getOperand(0) ||
-         llvm::equal(llvm::drop_begin(user->getOperands(), 2),
-                     llvm::drop_begin(op->getOperands(), 1));
-}
-
-static bool loadsArrays(Operation *op) {
-  if (isa<TileLoadOp>(op))
-    return true;
-  return llvm::any_of(op->getOperands(), [](Value operand) {
-    Operation *def = operand.getDefiningOp();
-    return def && isTile(operand) && isInline(def) && loadsArrays(def);
-  });
-}
-
-static bool shouldInline(Operation *op, int64_t threads) {
-  if (isView(op)) {
-    // Of memory; what is not kept follows the rule for others.
-    Operation *source = op->getOperand(0).getDefiningOp();
-    if (!source || !isInline(source) || isView(source))
-      return llvm::all_of(op->getUsers(), isConsumer);
-  }
-  if (!isView(op) &&
-      !isa<TileSplatOp, TileIotaOp, TileMapOp, TileLoadOp>(op))
-    return false;
-  if (op->getNumResults() != 1 || (isa<TileMapOp>(op) && !isPure(op)))
-    return false;
-  bool isCheap = isa<TileSplatOp, TileIotaOp>(op) && isThreadIndependent(op);
-  if (!isCheap && !op->hasOneUse())
-    return false;
-  for (Operation *user : op->getUsers()) {
-    if (user->getBlock() != op->getBlock() || !isConsumer(user))
-      return false;
-    bool once = readsOwnElements(user) || isa<TileReduceOp>(user) ||
-                isa<TileInsertOp, TileGetOp>(user) || isView(user);
-    if (!isCheap && !once)
-      return false;
-    // A part that is inserted is read with the indices of the part.
-    if (threads > 1 && !readsOwnElements(user) && !isThreadIndependent(op))
-      return false;
-    if (loadsArrays(op) && !isUnchangedUntil(op, user))
-      return false;
-    if (isa<TileInsertOp>(user) && user->getOperand(0) != op->getResult(0))
-      return isCheap;
-  }
-  return true;
-}
 
 //===----------------------------------------------------------------------===//
 // In place
@@ -286,43 +190,47 @@ static void placeWhile(OpBuilder &b, scf::WhileOp loop) {
 // The pass
 //===----------------------------------------------------------------------===//
 
+static void placeTiles(FunctionOpInterface kernel, int64_t threads) {
+  OpBuilder b(kernel.getContext());
+  SmallVector<Operation *> ops, carriers;
+  kernel->walk([&](Operation *op) {
+    if (op->getName().getDialectNamespace() == "scf")
+      carriers.push_back(op);
+    else if (computesTiles(op))
+      ops.push_back(op);
+  });
+  TileInlining inlining(kernel, threads);
+  for (Operation *op : ops)
+    if (inlining.shouldInline(op))
+      op->setAttr(tiles::attr::placement, b.getStringAttr("inline"));
+  for (Operation *op : ops)
+    if (!isInline(op))
+      for (unsigned operand : replaceableOperands(op))
+        if (canReplace(op, operand)) {
+          op->setAttr(tiles::attr::inPlace, b.getI64IntegerAttr(operand));
+          break;
+        }
+  for (Operation *op : carriers) {
+    if (auto loop = dyn_cast<scf::ForOp>(op))
+      placeFor(b, loop);
+    else if (auto loop = dyn_cast<scf::WhileOp>(op))
+      placeWhile(b, loop);
+    else if (auto branch = dyn_cast<scf::IfOp>(op); branch &&
+             branch.getNumResults() != 0)
+      placeIf(b, branch);
+  }
+}
+
 namespace {
 
 struct PlaceTiles : warp::impl::PlaceTilesBase<PlaceTiles> {
   void runOnOperation() override {
-    FunctionOpInterface kernel = warp::findKernel(getOperation());
-    if (!kernel)
-      return signalPassFailure();
-    int64_t threads = getBlockThreads(kernel);
-    if (!threads)
-      return;
-    OpBuilder b(&getContext());
-    SmallVector<Operation *> ops, carriers;
-    kernel->walk([&](Operation *op) {
-      if (op->getName().getDialectNamespace() == "scf")
-        carriers.push_back(op);
-      else if (isTileOp(op))
-        ops.push_back(op);
-    });
-    for (Operation *op : ops)
-      if (shouldInline(op, threads))
-        op->setAttr(tiles::attr::placement, b.getStringAttr("inline"));
-    for (Operation *op : ops)
-      if (!isInline(op))
-        for (unsigned operand : replaceableOperands(op))
-          if (canReplace(op, operand)) {
-            op->setAttr(tiles::attr::inPlace, b.getI64IntegerAttr(operand));
-            break;
-          }
-    for (Operation *op : carriers) {
-      if (auto loop = dyn_cast<scf::ForOp>(op))
-        placeFor(b, loop);
-      else if (auto loop = dyn_cast<scf::WhileOp>(op))
-        placeWhile(b, loop);
-      else if (auto branch = dyn_cast<scf::IfOp>(op); branch &&
-               branch.getNumResults() != 0)
-        placeIf(b, branch);
-    }
+    auto work = [](FunctionOpInterface kernel, int64_t threads) {
+      placeTiles(kernel, threads);
+      return success();
+    };
+    if (failed(forTileKernel(getOperation(), work)))
+      signalPassFailure();
   }
 };
 

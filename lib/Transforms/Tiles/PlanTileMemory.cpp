@@ -10,10 +10,9 @@
 //===----------------------------------------------------------------------===//
 
 #include "KernelFunction.h"
-#include "TileBuffers.h"
+#include "TileScratch.h"
 
 #include "mlir/Interfaces/LoopLikeInterface.h"
-#include "llvm/ADT/SetVector.h"
 #include "llvm/Support/MathExtras.h"
 
 namespace warp {
@@ -166,24 +165,24 @@ private:
   SmallVector<Piece> pieces;
 };
 
+LogicalResult plan(FunctionOpInterface kernel, int64_t threads) {
+  Planner planner(kernel, threads);
+  int64_t total = planner.place();
+  int64_t most = warp::isGpu(kernel) ? gpuBytes : cpuBytes;
+  if (total > most) {
+    planner.report(total, most);
+    return failure();
+  }
+  planner.annotate();
+  kernel->setAttr(warp::attr::blockBytes,
+                  Builder(kernel.getContext()).getI64IntegerAttr(total));
+  return success();
+}
+
 struct PlanTileMemory : warp::impl::PlanTileMemoryBase<PlanTileMemory> {
   void runOnOperation() override {
-    FunctionOpInterface kernel = warp::findKernel(getOperation());
-    if (!kernel)
-      return signalPassFailure();
-    int64_t threads = getBlockThreads(kernel);
-    if (!threads)
-      return;
-    Planner planner(kernel, threads);
-    int64_t total = planner.place();
-    int64_t most = warp::isGpu(kernel) ? gpuBytes : cpuBytes;
-    if (total > most) {
-      planner.report(total, most);
-      return signalPassFailure();
-    }
-    planner.annotate();
-    kernel->setAttr(warp::attr::blockBytes,
-                    Builder(&getContext()).getI64IntegerAttr(total));
+    if (failed(forTileKernel(getOperation(), plan)))
+      signalPassFailure();
   }
 };
 

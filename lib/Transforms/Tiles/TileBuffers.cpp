@@ -6,8 +6,9 @@
 
 #include "TileBuffers.h"
 
+#include "KernelFunction.h"
+
 #include "mlir/Dialect/SCF/IR/SCF.h"
-#include "llvm/ADT/SetVector.h"
 
 using namespace mlir;
 
@@ -18,9 +19,31 @@ int64_t getBlockThreads(Operation *kernel) {
   return threads ? threads.getInt() : 0;
 }
 
+LogicalResult forTileKernel(
+    ModuleOp module,
+    function_ref<LogicalResult(FunctionOpInterface, int64_t)> work) {
+  FunctionOpInterface kernel = findKernel(module);
+  if (!kernel)
+    return failure();
+  int64_t threads = getBlockThreads(kernel);
+  return threads ? work(kernel, threads) : success();
+}
+
+bool computesTiles(Operation *op) {
+  return op->getName().getDialectNamespace() == "warp" && isTileOp(op);
+}
+
 bool isInline(Operation *op) {
   auto placement = op->getAttrOfType<StringAttr>(attr::placement);
   return placement && placement.getValue() == "inline";
+}
+
+bool readsOwnElements(Operation *op) {
+  if (auto reduce = dyn_cast<TileReduceOp>(op))
+    return !reduce.getAxis();
+  if (auto reduce = dyn_cast<TileArgReduceOp>(op))
+    return !reduce.getAxis();
+  return isa<TileMapOp, TileStoreOp, TileAtomicOp>(op);
 }
 
 bool isView(Operation *op) {
@@ -48,18 +71,24 @@ int64_t getTileBytes(TileType type) {
   return type.getNumElements() * getByteSize(type.getElementType());
 }
 
-int64_t getScratchBytes(Operation *op, int64_t threads) {
-  auto bytesOf = [](Value tile) { return getTileBytes(tileType(tile)); };
-  if (auto fft = dyn_cast<TileFftOp>(op))
-    return bytesOf(fft.getTile());
-  if (threads == 1)
-    return 0;
-  // One value per thread, and for positions of extrema another one.
-  if (isa<TileReduceOp, TileArgReduceOp, TileScanOp, TileFoldOp>(op)) {
-    Type element = tileType(op->getOperand(0)).getElementType();
-    return threads * (getByteSize(element) + 8);
+std::optional<Strided> getStrided(Value tile) {
+  Operation *def = tile.getDefiningOp();
+  if (!def || !isInline(def)) {
+    SmallVector<int64_t> steps(tileType(tile).getRank(), 1);
+    for (size_t d = steps.size(); d-- > 1;)
+      steps[d - 1] = steps[d] * tileType(tile).getShape()[d];
+    return Strided{tile, steps};
   }
-  return 0;
+  auto view = dyn_cast<TileTransposeOp>(def);
+  std::optional<Strided> source;
+  if (view)
+    source = getStrided(view.getTile());
+  if (!source)
+    return std::nullopt;
+  SmallVector<int64_t> steps;
+  for (int64_t axis : view.getAxes())
+    steps.push_back(source->steps[axis]);
+  return Strided{source->memory, steps};
 }
 
 TileBuffers::TileBuffers(FunctionOpInterface kernel) {
@@ -77,6 +106,17 @@ TileBuffers::TileBuffers(FunctionOpInterface kernel) {
   });
   for (Value tile : tiles)
     classes.insert(tile.getAsOpaquePointer());
+  kernel->walk([&](Operation *op) { readOffsets(op); });
+}
+
+void TileBuffers::readOffsets(Operation *op) {
+  auto offsets = op->getAttrOfType<DenseI64ArrayAttr>(attr::offsets);
+  if (!offsets)
+    return;
+  unsigned next = 0;
+  for (Value result : op->getResults())
+    if (isTile(result))
+      offsetOf[rootOf(result)] = offsets[next++];
 }
 
 Value TileBuffers::rootOf(Value tile) const {

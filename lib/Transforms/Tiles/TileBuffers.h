@@ -9,9 +9,12 @@
 
 #include "WarpDialect/TileOps.h"
 #include "WarpDialect/TilePasses.h"
+#include "WarpDialect/WarpDialect.h"
 
+#include "mlir/IR/BuiltinOps.h"
 #include "mlir/Interfaces/FunctionInterfaces.h"
 #include "llvm/ADT/EquivalenceClasses.h"
+#include "llvm/ADT/SetVector.h"
 
 namespace warp::tiles {
 
@@ -29,6 +32,14 @@ constexpr llvm::StringLiteral scratch = "scratch";
 
 /// Threads of the blocks that a kernel is for; 0 for one without tiles.
 int64_t getBlockThreads(mlir::Operation *kernel);
+/// What a pass about tiles does to the kernel of a module, given the threads of
+/// a block; one without tiles stays as it is.
+mlir::LogicalResult forTileKernel(
+    mlir::ModuleOp module,
+    llvm::function_ref<mlir::LogicalResult(mlir::FunctionOpInterface, int64_t)>
+        work);
+/// An operation on tiles, rather than one that passes them on.
+bool computesTiles(mlir::Operation *op);
 inline TileType tileType(mlir::Value value) {
   return mlir::cast<TileType>(value.getType());
 }
@@ -36,14 +47,23 @@ inline bool isTile(mlir::Value value) {
   return mlir::isa<TileType>(value.getType());
 }
 bool isInline(mlir::Operation *op);
+/// Each thread reads its elements of a tile, e, e + B, ..., once.
+bool readsOwnElements(mlir::Operation *op);
 /// An operation whose elements are elements of its first operand.
 bool isView(mlir::Operation *op);
 /// Operations that read the memory of a tile, also through views and tiles that
 /// are computed where they are used.
 llvm::SetVector<mlir::Operation *> getReaders(mlir::Value tile);
-/// Bytes that a tile, or what an operation needs on the way, takes.
 int64_t getTileBytes(TileType type);
-int64_t getScratchBytes(mlir::Operation *op, int64_t threads);
+
+/// A tile that lies in memory, and from one element to the next along each of
+/// its dimensions, in elements.
+struct Strided {
+  mlir::Value memory;
+  llvm::SmallVector<int64_t> steps;
+};
+/// None for what is computed where it is used, but for transposed memory.
+std::optional<Strided> getStrided(mlir::Value tile);
 
 /// Tiles in memory, in classes that share it: what loops and branches carry,
 /// and what is changed in place.
@@ -53,13 +73,19 @@ public:
   /// The tile that stands for its class.
   mlir::Value rootOf(mlir::Value tile) const;
   llvm::ArrayRef<mlir::Value> getTiles() const { return tiles; }
+  /// Where a tile lies in the block's memory, in bytes, once that is planned.
+  int64_t getOffset(mlir::Value tile) const {
+    return offsetOf.lookup(rootOf(tile));
+  }
 
 private:
   void tie(mlir::Value a, mlir::Value b);
   void tieRegions(mlir::Operation *op);
+  void readOffsets(mlir::Operation *op);
 
   llvm::EquivalenceClasses<void *> classes;
   llvm::SmallVector<mlir::Value> tiles;
+  llvm::DenseMap<mlir::Value, int64_t> offsetOf;
 };
 
 } // namespace warp::tiles

@@ -1,5 +1,9 @@
 """What does not fit is an error at its place."""
 
+import subprocess
+import sys
+import tempfile
+
 import pytest
 
 import warp as wp
@@ -66,3 +70,27 @@ def test_kernel_without_tiles_knows_nothing_of_blocks():
     kernel = wp.Kernel(plain)
     assert "block_threads" not in kernel.ir("warp")
     assert type(kernel) is wp.Kernel
+
+
+def test_kernel_without_tiles_loads_nothing_of_their_translation():
+    code = """
+import sys, warp as wp
+
+def plain(a: wp.array(dtype=float)):
+    a[wp.tid()] = wp.sin(1.0)
+
+def tiled(a: wp.array(dtype=float)):
+    wp.tile_store(a, wp.tile_ones(shape=4, dtype=float))
+
+found = []
+for function in (plain, tiled):
+    wp.Kernel(function).ir("warp")
+    found.append(any(name.startswith("warp._src.frontend.tiles") for name in sys.modules))
+print(*found)
+"""
+    with tempfile.NamedTemporaryFile("w", suffix=".py") as script:
+        script.write(code)
+        script.flush()
+        command = [sys.executable, script.name]
+        made = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert made.stdout.split() == ["False", "True"]

@@ -10,8 +10,8 @@ How a kernel goes through it:
 
 The parts, each with the methods of its topic: statements, branches, loops, targets (assignment);
 expressions, access (attributes, subscripts), spreads (`*`), indexed, local_arrays; calls,
-constructors, output, user_calls, references, custom_derivatives, derivative_calls. A part reaches
-another one through the context, as in `self.context.targets.write(...)`.
+constructors, output, user_calls, references, custom_derivatives, derivative_calls; tiles, loaded
+when needed. A part reaches another one through the context: `self.context.targets.write(...)`.
 
 The translator calls the native builder, which has all type rules. Translation is deterministic: the
 text of the module keys the kernel cache.

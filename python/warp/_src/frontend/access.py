@@ -194,7 +194,7 @@ class Access(Part):
         items = index.elts if isinstance(index, ast.Tuple) else [index]
         kind = base.type.kind
         if kind == "tile":
-            return self.context.tiles.subscript(base, items, node)
+            return self.context.tiles.places.subscript(base, items, node)
         if kind == "array" or array_of(base.type) is not None:
             return self.array_item(base, items, node)
         if kind in ("vec", "mat", "quat", "transform"):

@@ -179,11 +179,8 @@ class Calls(Part):
             )
             raise
         for position, value in updated:
-            # The result of a call is nobody's variable: its new value is dropped.
-            if position < len(places) and not isinstance(places[position], ast.Call):
-                self.context.targets.write(
-                    self.context.targets.slot(places[position]), value, places[position]
-                )
+            if position < len(places):
+                self.context.targets.write_back(places[position], value, places[position])
         if not results:
             return None
         return results[0] if len(results) == 1 else tuple(results)
@@ -322,8 +319,7 @@ class Calls(Part):
 
         arguments = self.context.constructors.exactly(node, 2, "poisson")
         count, state = self.context.user_calls.call_function(POISSON, list(arguments), {}, node)
-        if not isinstance(node.args[0], ast.Call):
-            self.context.targets.write(self.context.targets.slot(node.args[0]), state, node.args[0])
+        self.context.targets.write_back(node.args[0], state, node.args[0])
         return count
 
     def builtin_sym_fn3(self, node):

@@ -168,6 +168,9 @@ class Context:
     def type_error(self, node, message, hint=None, notes=(), also=None):
         return self.error(node, message, hint, errors.WarpCodegenTypeError, notes, also)
 
+    def value_error(self, node, message, hint=None, also=None):
+        return self.error(node, message, hint, errors.WarpCodegenValueError, also=also)
+
     def unsupported(self, node, what, hint=None, also=None):
         return self.error(node, f"{what} is not supported in kernels", hint, also=also)
 

@@ -140,7 +140,7 @@ class Expressions(Part):
     def operator(self, node, name, *operands):
         """Applies an operator; functions of that name extend it to structs."""
         if any(operand.type.kind == "tile" for operand in operands):
-            return self.context.tiles.operator(node, name, operands)
+            return self.context.tiles.elements.operator(node, name, operands)
         for operand in operands:
             if operand.type.kind == "struct":
                 return self.user_operator(node, name, operands)

@@ -67,6 +67,8 @@ def is_generic(annotation) -> bool:
         return True
     if typing.get_origin(annotation) is not None or annotation in _CALLABLES:
         return True
+    if getattr(annotation, "is_open", False):
+        return True
     return type(annotation).__name__ in ("GenericAnnotation", "FunctionAnnotation")
 
 
@@ -113,6 +115,8 @@ def fits_native(annotation, native) -> bool:
         )
     if isinstance(annotation, typing.TypeVar):
         return fits_element(annotation, native)
+    if hasattr(annotation, "is_open"):
+        return annotation.fits(native)
     family = getattr(annotation, "family", None)
     if family is None:
         return True

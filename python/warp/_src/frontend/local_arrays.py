@@ -262,7 +262,7 @@ class LocalArrays(Part):
             # The result of a call is nobody's variable.
             return
         if type(array) is Value:
-            self.context.tiles.write_back(given, array, call)
+            self.context.targets.write_back(given, array, call)
             return
         known = self.context.env.get(getattr(given, "id", None))
         if type(known) is not LocalArray:

@@ -153,7 +153,7 @@ class Targets(Part):
         if type(native) is LocalArray:
             return self.local_slot(base, native, items, node)
         if native.kind == "tile":
-            part, selected = self.context.tiles.part(native, items, node)
+            part, selected = self.context.tiles.places.part(native, items, node)
             return base.extended(("tile", part), selected)
         known = array_of(native)
         if known is not None:
@@ -202,7 +202,7 @@ class Targets(Part):
             elif step == "index":
                 value = self.builder.extract(value, key)
             elif step == "tile":
-                value = self.context.tiles.read(value, key, node)
+                value = self.context.tiles.places.read(value, key, node)
             elif step == "element":
                 value = self.context.local_arrays.read(value, key, node)
             elif step == "row":
@@ -210,6 +210,12 @@ class Targets(Part):
             else:
                 value = self.context.access.value_attribute(value, key, node)
         return value
+
+    def write_back(self, place, binding, node):
+        """Gives what an argument names the value that a call has left in it."""
+        # The result of a call is nobody's variable: its new value is dropped.
+        if not isinstance(place, ast.Call):
+            self.write(self.slot(place), binding, node)
 
     def write(self, slot, binding, node):
         if slot.name is None and slot.array is None:
@@ -227,7 +233,7 @@ class Targets(Part):
             root = root if type(root) in (Value, LocalArray) else slot.value
             self.context.env[slot.name] = self.with_part(root, slot.path, value, node)
             if getattr(getattr(root, "type", None), "kind", None) == "tile":
-                self.context.tiles.note_change(slot.name)
+                self.context.tiles.changed.add(slot.name)
             self.context.lines[slot.name] = self.context.source.line(node)
         elif any(step == "part" for step, _ in slot.path):
             old = self.builder.load(slot.array, slot.indices)
@@ -256,7 +262,7 @@ class Targets(Part):
         if step == "index":
             return self.builder.insert(whole, key, value)
         if step == "tile":
-            return self.context.tiles.written(whole, key, value, node)
+            return self.context.tiles.places.written(whole, key, value, node)
         if step == "element":
             return self.context.local_arrays.written(whole, key, value, node)
         if step == "row":
@@ -353,6 +359,9 @@ class Targets(Part):
                 ),
                 node,
             )
+            if getattr(getattr(left, "type", None), "kind", None) == "tile":
+                # It is the tile that changes, whoever else has it.
+                self.context.tiles.changed.add(target.id)
             return
         is_slice = isinstance(target, ast.Subscript) and self.has_slice(target)
         if is_slice and not self.is_tile(target):
@@ -385,10 +394,10 @@ class Targets(Part):
             return False
         if type(op) not in _ATOMIC or right.type != slot.type:
             return False
-        tiles = self.context.tiles
-        made = tiles.written(self.context.env[slot.name], part, right, node, kind=_ATOMIC[type(op)])
+        tiles, old = self.context.tiles, self.context.env[slot.name]
+        made = tiles.places.written(old, part, right, node, kind=_ATOMIC[type(op)])
         self.context.env[slot.name] = made
-        tiles.note_change(slot.name)
+        tiles.changed.add(slot.name)
         return True
 
     @staticmethod

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 from warp._src.frontend import names
 from warp._src.frontend.access import Access
 from warp._src.frontend.branches import Branches
@@ -20,9 +22,6 @@ from warp._src.frontend.references import References
 from warp._src.frontend.spreads import Spreads
 from warp._src.frontend.statements import Statements
 from warp._src.frontend.targets import Targets
-from warp._src.frontend.tile_math import TileMath
-from warp._src.frontend.tile_moves import TileMoves
-from warp._src.frontend.tiles import Tiles
 from warp._src.frontend.user_calls import UserCalls
 
 _PARTS = {
@@ -42,9 +41,6 @@ _PARTS = {
     "spreads": Spreads,
     "statements": Statements,
     "targets": Targets,
-    "tile_math": TileMath,
-    "tile_moves": TileMoves,
-    "tiles": Tiles,
     "user_calls": UserCalls,
 }
 # The part that translates a kind of expression or a special builtin, by the name of its method.
@@ -54,6 +50,8 @@ _HANDLERS = {
     for method in vars(kind)
     if method.startswith(("expr_", "builtin_"))
 }
+# How the names of handlers begin that the part about tiles has.
+_OF_TILES = ("builtin_tile", "builtin_untile", "builtin_block_dim")
 names.SPECIAL_BUILTINS.update(
     name.removeprefix("builtin_") for name in _HANDLERS if name.startswith("builtin_")
 )
@@ -70,4 +68,13 @@ class Translator(Context):
     def handler(self, name):
         """The method of that name, of the part that has it; None if none has."""
         part = _HANDLERS.get(name)
-        return None if part is None else getattr(getattr(self, part), name)
+        if part is not None:
+            return getattr(getattr(self, part), name)
+        return self.tiles.handler(name) if name.startswith(_OF_TILES) else None
+
+    @cached_property
+    def tiles(self):
+        """The part about tiles, which most kernels do without."""
+        from warp._src.frontend.tiles import Tiles
+
+        return Tiles(self)

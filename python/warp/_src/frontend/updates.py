@@ -11,6 +11,22 @@ from warp._src.kernels.function import Function
 from warp._src.types.annotations import Reference
 from warp._src.types.native import ArrayType
 
+# Positions of the arguments that a builtin for tiles changes.
+_TILE_UPDATES = {
+    "tile_assign": (0,),
+    "tile_scatter_add": (0,),
+    "tile_scatter_masked": (0,),
+    "tile_axpy": (2,),
+    "tile_sort": (0, 1),
+    "tile_fft": (0,),
+    "tile_ifft": (0,),
+    "tile_cholesky_inplace": (0,),
+    "tile_cholesky_solve_inplace": (1,),
+    "tile_lower_solve_inplace": (1,),
+    "tile_upper_solve_inplace": (1,),
+    "tile_matmul": (2,),
+}
+
 
 def references_of(function) -> set:
     """Positions and names of the parameters of a function that are references in some overload."""
@@ -53,7 +69,7 @@ def updated_arguments(function, inout_arguments):
             name = getattr(call.func, "attr", None) or getattr(call.func, "id", None)
             positions = inout_arguments(name) if name else ()
             if name and name.startswith("tile_"):
-                positions = tile_updates(name)
+                positions = _TILE_UPDATES.get(name, ())
                 found = {"out": 2, "dest": 2, "dst": 0}
                 by_name = [k.value for k in call.keywords if found.get(k.arg) in positions]
                 return [call.args[p] for p in positions if p < len(call.args)] + by_name
@@ -62,13 +78,6 @@ def updated_arguments(function, inout_arguments):
         return found + [keyword.value for keyword in call.keywords if keyword.arg in keys]
 
     return updated
-
-
-def tile_updates(name) -> tuple:
-    """Positions of the arguments that a builtin for tiles changes."""
-    from warp._src.frontend.tile_moves import UPDATED
-
-    return UPDATED.get(name, ())
 
 
 def _builtin_names(name, positions) -> set[str]:

@@ -182,7 +182,7 @@ class UserCalls(Part):
         updated = []
         for (position, name), value in zip(references.items(), given, strict=True):
             last = self.context.env[name]
-            if self.is_tile(value) and not self.context.tiles.is_changed(name):
+            if self.is_tile(value) and name not in self.context.tiles.changed:
                 # Another tile of that name is the function's own.
                 continue
             if last is not value:

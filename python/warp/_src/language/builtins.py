@@ -64,6 +64,15 @@ class Builtin:
                 raise
         return evaluator(values, args)
 
+    def __getitem__(self, parameters):
+        """`wp.tile[dtype, ...]`, the annotation of a parameter."""
+        if self.key != "tile":
+            raise TypeError(f"'{self.key}' is a function, which has no items")
+        from warp._src.types.tiles import TileType
+
+        parts = parameters if isinstance(parameters, tuple) else (parameters,)
+        return TileType(parts[0], parts[1:])
+
     def _positional(self, args, named):
         """Arguments in order, for the first overload that has all the names."""
         for names in _native.Builder.parameter_names(self.key):

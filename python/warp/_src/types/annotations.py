@@ -137,6 +137,9 @@ def resolve(annotation):
         return annotation.record
     if isinstance(annotation, ArrayType) or annotation is typing.Any:
         return annotation
+    if hasattr(annotation, "is_open"):
+        # A tile's, whose module need not be loaded.
+        return annotation
     return native.canonical(annotation)
 
 

@@ -1,0 +1,231 @@
+//===- TileTransforms.cpp - Fourier transforms of the rows of a tile ------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Lengths are powers of two. Real and imaginary parts lie apart, and stages of
+// radix 4 go from one memory to another (Stockham's order), so that nothing is
+// reordered at the end:
+//
+//   y[q + s (4p + k)] = w^(kp) sum over j of i^(-jk) x[q + s (p + m j)]
+//
+// for q < s, p < m, with s 4 times as large and m 4 times as small in each next
+// stage; w is exp(-2 pi i / 4m). What is contiguous, q and in the first stage
+// p, is computed in vectors. The inverse has real and imaginary parts exchanged.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Tiles.h"
+
+namespace {
+
+template <class T, int n> struct LanesOf {
+  using type = T __attribute__((ext_vector_type(n)));
+};
+template <class T> struct LanesOf<T, 1> {
+  using type = T;
+};
+
+template <class V> struct Complex {
+  V re, im;
+
+  Complex operator+(Complex x) const { return {re + x.re, im + x.im}; }
+  Complex operator-(Complex x) const { return {re - x.re, im - x.im}; }
+  Complex operator*(Complex w) const {
+    return {re * w.re - im * w.im, re * w.im + im * w.re};
+  }
+  /// Times -i.
+  Complex turned() const { return {im, -re}; }
+};
+
+/// The four sums of a butterfly, before they are turned.
+template <class V> struct Butterfly {
+  Complex<V> y[4];
+
+  Butterfly(Complex<V> a, Complex<V> b, Complex<V> c, Complex<V> d) {
+    Complex<V> even = a + c, odd = b + d;
+    Complex<V> left = a - c, right = (b - d).turned();
+    y[0] = even + odd;
+    y[1] = left + right;
+    y[2] = even - odd;
+    y[3] = left - right;
+  }
+};
+
+/// A number per element, its parts in two arrays.
+template <class T> struct Split {
+  T *re, *im;
+
+  template <class V> Complex<V> load(i64 i) const {
+    return {loadAs<V>(re + i), loadAs<V>(im + i)};
+  }
+  template <class V> void store(i64 i, Complex<V> x) const {
+    storeAs(re + i, x.re);
+    storeAs(im + i, x.im);
+  }
+};
+
+/// Sine and cosine of an angle from 0 to pi / 4: series to the last bit.
+inline void turn(double x, double &sine, double &cosine) {
+  double z = x * x, s = 0, c = 0;
+#pragma unroll
+  for (int k = 8; k > 0; --k) {
+    s = (1 - s) * z / (2 * k * (2 * k + 1));
+    c = (1 - c) * z / (2 * k * (2 * k - 1));
+  }
+  sine = x * (1 - s);
+  cosine = 1 - c;
+}
+
+template <class T> struct Transform {
+  i64 n;
+  Split<T> x, y, w;
+
+  void setFactors() const;
+  void firstStage() const;
+  template <int width> void stage(i64 length, i64 s) const;
+  void run();
+};
+
+/// exp(-2 pi i j / n) for j < n / 4.
+template <class T> void Transform<T>::setFactors() const {
+  constexpr double full = 6.283185307179586476925;
+  for (i64 j = 0; j < n / 4; ++j) {
+    bool isLow = 8 * j <= n;
+    double sine, cosine;
+    turn(full * double(isLow ? j : n / 4 - j) / double(n), sine, cosine);
+    w.re[j] = T(isLow ? cosine : sine);
+    w.im[j] = -T(isLow ? sine : cosine);
+  }
+}
+
+/// Of s = 1: lanes are neighbours p, so results of a lane are next to each
+/// other.
+template <class T> void Transform<T>::firstStage() const {
+  using V = Vec<T>;
+  constexpr int count = lanes<T>;
+  // a0 b0 a1 b1 ...
+  auto pairs = [](V a, V b, V &low, V &high) {
+#pragma unroll
+    for (int i = 0; i < count / 2; ++i) {
+      low[2 * i] = a[i];
+      low[2 * i + 1] = b[i];
+      high[2 * i] = a[count / 2 + i];
+      high[2 * i + 1] = b[count / 2 + i];
+    }
+  };
+  auto write = [&](T *to, V a, V b, V c, V d) {
+    V ac[2], bd[2];
+    pairs(a, c, ac[0], ac[1]);
+    pairs(b, d, bd[0], bd[1]);
+#pragma unroll
+    for (int half = 0; half < 2; ++half) {
+      V low, high;
+      pairs(ac[half], bd[half], low, high);
+      ::store(to + 2 * half * count, low);
+      ::store(to + (2 * half + 1) * count, high);
+    }
+  };
+  i64 m = n / 4;
+  for (i64 p = 0; p < m; p += count) {
+    Butterfly<V> made(x.template load<V>(p), x.template load<V>(p + m),
+                      x.template load<V>(p + 2 * m),
+                      x.template load<V>(p + 3 * m));
+    Complex<V> w1 = w.template load<V>(p), w2 = w1 * w1, w3 = w1 * w2;
+    Complex<V> b = made.y[1] * w1, c = made.y[2] * w2, d = made.y[3] * w3;
+    write(y.re + 4 * p, made.y[0].re, b.re, c.re, d.re);
+    write(y.im + 4 * p, made.y[0].im, b.im, c.im, d.im);
+  }
+}
+
+template <class T>
+template <int width>
+void Transform<T>::stage(i64 length, i64 s) const {
+  using V = typename LanesOf<T, width>::type;
+  i64 m = length / 4;
+  for (i64 p = 0; p < m; ++p) {
+    Complex<T> one = w.template load<T>(p * s), two = one * one;
+    Complex<T> three = one * two;
+    Complex<V> w1{V(one.re), V(one.im)}, w2{V(two.re), V(two.im)};
+    Complex<V> w3{V(three.re), V(three.im)};
+    for (i64 q = 0; q < s; q += width) {
+      i64 from = q + s * p, to = q + 4 * s * p;
+      Butterfly<V> made(x.template load<V>(from),
+                        x.template load<V>(from + s * m),
+                        x.template load<V>(from + 2 * s * m),
+                        x.template load<V>(from + 3 * s * m));
+      y.store(to, made.y[0]);
+      y.store(to + s, made.y[1] * w1);
+      y.store(to + 2 * s, made.y[2] * w2);
+      y.store(to + 3 * s, made.y[3] * w3);
+    }
+  }
+}
+
+template <class T> void Transform<T>::run() {
+  i64 s = 1, length = n;
+  auto swap = [&] {
+    Split<T> old = x;
+    x = y;
+    y = old;
+  };
+  for (; length >= 4; length /= 4, s *= 4, swap()) {
+    if (s == 1 && length / 4 >= lanes<T>)
+      firstStage();
+    else if (s == 1)
+      stage<1>(length, s);
+    else if (s == 4)
+      stage<4>(length, s);
+    else
+      stage<lanes<T>>(length, s);
+  }
+  if (length == 1)
+    return;
+  for (i64 q = 0; q < s; ++q) {
+    T re = x.re[q], im = x.im[q];
+    y.re[q] = re + x.re[q + s];
+    y.im[q] = im + x.im[q + s];
+    y.re[q + s] = re - x.re[q + s];
+    y.im[q + s] = im - x.im[q + s];
+  }
+  swap();
+}
+
+template <class T>
+void transform(T *out, const T *in, T *scratch, i64 rows, i64 n,
+               bool inverse) {
+  Transform<T> work{n,
+                    {scratch, scratch + n},
+                    {scratch + 2 * n, scratch + 3 * n},
+                    {scratch + 4 * n, scratch + 5 * n}};
+  work.setFactors();
+  for (i64 row = 0; row < rows; ++row, in += 2 * n, out += 2 * n) {
+    T *first = inverse ? work.x.im : work.x.re;
+    T *second = inverse ? work.x.re : work.x.im;
+    for (i64 i = 0; i < n; ++i) {
+      first[i] = in[2 * i];
+      second[i] = in[2 * i + 1];
+    }
+    work.run();
+    first = inverse ? work.x.im : work.x.re;
+    second = inverse ? work.x.re : work.x.im;
+    for (i64 i = 0; i < n; ++i) {
+      out[2 * i] = first[i];
+      out[2 * i + 1] = second[i];
+    }
+  }
+}
+
+} // namespace
+
+/// The scratch memory has room for three rows.
+WARP_TILES void warp_tile_fft_f32(u64 out, u64 in, u64 scratch, i32 rows, i32 n,
+                                  i32 inverse, void *) {
+  transform(at<float>(out), at<const float>(in), at<float>(scratch), rows, n,
+            inverse != 0);
+}
+
+WARP_TILES void warp_tile_fft_f64(u64 out, u64 in, u64 scratch, i32 rows, i32 n,
+                                  i32 inverse, void *) {
+  transform(at<double>(out), at<const double>(in), at<double>(scratch), rows, n,
+            inverse != 0);
+}

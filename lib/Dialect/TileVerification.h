@@ -1,0 +1,31 @@
+//===- TileVerification.h - What verifiers about tiles share ----*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_DIALECT_TILEVERIFICATION_H
+#define WARP_LIB_DIALECT_TILEVERIFICATION_H
+
+#include "WarpDialect/TileOps.h"
+
+namespace warp {
+
+inline TileType typeOf(mlir::Value tile) {
+  return mlir::cast<TileType>(tile.getType());
+}
+
+inline mlir::LogicalResult require(mlir::Operation *op, bool holds,
+                                   const llvm::Twine &message) {
+  if (holds)
+    return mlir::success();
+  return op->emitOpError() << message;
+}
+
+inline bool isNumber(mlir::Type type) {
+  return isScalar(type) && !isBool(type);
+}
+
+} // namespace warp
+
+#endif // WARP_LIB_DIALECT_TILEVERIFICATION_H

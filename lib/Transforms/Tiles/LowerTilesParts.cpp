@@ -1,0 +1,192 @@
+//===- LowerTilesParts.cpp - What threads hold, and parts of tiles --------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#include "LowerTiles.h"
+
+#include "mlir/Dialect/Arith/IR/Arith.h"
+
+using namespace mlir;
+
+namespace warp::tiles {
+
+//===----------------------------------------------------------------------===//
+// Threads
+//===----------------------------------------------------------------------===//
+
+/// Indices of each component of what a thread has, without those of the thread.
+static SmallVector<SmallVector<int64_t>> componentsOf(TileType tile) {
+  SmallVector<SmallVector<int64_t>> all{{}};
+  for (int64_t extent : tile.getShape().drop_back()) {
+    SmallVector<SmallVector<int64_t>> longer;
+    for (auto &prefix : all)
+      for (int64_t i = 0; i < extent; ++i) {
+        longer.push_back(prefix);
+        longer.back().push_back(i);
+      }
+    all = longer;
+  }
+  return all;
+}
+
+void TileLowering::lowerFromThreads(TileFromThreadsOp op) {
+  TileType type = tileType(op.getResult());
+  Value number = thread ? thread : this->number(0);
+  bool isWhole = type.getElementType() == op.getValue().getType();
+  for (auto &component : componentsOf(type)) {
+    Values indices, parts;
+    for (int64_t i : component) {
+      indices.push_back(this->number(i));
+      parts.push_back(constant(b.getIntegerType(32, true), i));
+    }
+    indices.push_back(number);
+    Value value = op.getValue();
+    if (!isWhole)
+      value = ExtractOp::create(b, loc, type.getElementType(), value, parts);
+    store(op.getResult(), indices, value);
+  }
+}
+
+void TileLowering::lowerToThreads(TileToThreadsOp op) {
+  TileType type = tileType(op.getTile());
+  int64_t extent = type.getShape().back();
+  Value index = thread ? thread : number(0), exists;
+  if (thread && extent < threads)
+    exists = less(thread, number(extent));
+  Type result = op.getType();
+  Value value = ifHolds(exists, result, [&]() -> Value {
+    Values parts;
+    for (auto &component : componentsOf(type)) {
+      Values indices;
+      for (int64_t i : component)
+        indices.push_back(number(i));
+      indices.push_back(index);
+      parts.push_back(element(op.getTile(), indices));
+    }
+    if (type.getElementType() == result)
+      return parts[0];
+    return ConstructOp::create(b, loc, result, parts);
+  });
+  op.getResult().replaceAllUsesWith(value);
+}
+
+//===----------------------------------------------------------------------===//
+// Parts
+//===----------------------------------------------------------------------===//
+
+void TileLowering::begin(Operation *op, Value tile) {
+  if (op->hasAttr(attr::inPlace))
+    return;
+  Value result = op->getResult(0);
+  share(tileType(tile).getShape(), [&](ValueRange indices) {
+    store(result, indices, element(tile, indices));
+  });
+  barrier();
+}
+
+void TileLowering::lowerGet(TileGetOp op) {
+  Values indices = llvm::map_to_vector(op.getIndices(),
+                                       [&](Value i) { return toIndex(i); });
+  testing = true;
+  op.getResult().replaceAllUsesWith(element(op.getTile(), indices));
+}
+
+void TileLowering::lowerSet(TileSetOp op) {
+  begin(op, op.getTile());
+  TileType type = tileType(op.getTile());
+  Value inside = op.getWhere();
+  Values indices;
+  for (auto [index, extent] :
+       llvm::zip_equal(op.getIndices(), type.getShape())) {
+    indices.push_back(toIndex(index));
+    inside = both(inside, arith::CmpIOp::create(
+                              b, loc, arith::CmpIPredicate::ult,
+                              indices.back(), number(extent)));
+  }
+  ifHolds(inside, [&] {
+    Value result = op.getResult();
+    if (op.getKind() == TileUpdate::assign)
+      return store(result, indices, op.getValue());
+    if (threads > 1) {
+      AtomicOp::create(b, loc, type.getElementType(), toAtomic(op.getKind()),
+                       op.getValue(), memoryOf(result),
+                       linear(type.getShape(), indices));
+      return;
+    }
+    static constexpr StringLiteral names[] = {
+        "", "add", "sub", "bit_and", "bit_or", "bit_xor", "min", "max"};
+    Value old = load(result, indices);
+    store(result, indices,
+          builtin(names[unsigned(op.getKind())], {old, op.getValue()}));
+  });
+}
+
+void TileLowering::lowerInsert(TileInsertOp op) {
+  begin(op, op.getTile());
+  TileType part = tileType(op.getPart()), whole = tileType(op.getTile());
+  elements(op, part.getShape(), [&](ValueRange indices) {
+    Values at;
+    Value inside;
+    for (auto [d, index] : llvm::enumerate(indices)) {
+      int64_t step = op.getSteps()[d];
+      Value offset = op.getOffsets()[d];
+      at.push_back(add(toIndex(offset), mul(index, number(step))));
+      auto known = offset.getDefiningOp<ConstantOp>();
+      auto start = known ? dyn_cast<IntegerAttr>(known.getValue())
+                         : IntegerAttr();
+      int64_t extent = whole.getShape()[d];
+      if (start) {
+        int64_t first = start.getValue().getSExtValue();
+        int64_t last = first + step * (part.getShape()[d] - 1);
+        if (first >= 0 && last >= 0 && first < extent && last < extent)
+          continue;
+      }
+      inside = both(inside,
+                    arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ult,
+                                          at.back(), number(extent)));
+    }
+    Value value = element(op.getPart(), indices);
+    ifHolds(inside, [&] { store(op.getResult(), at, value); });
+  });
+}
+
+void TileLowering::lowerGather(TileGatherOp op) {
+  TileType type = tileType(op.getResult()), from = tileType(op.getTile());
+  share(type.getShape(), [&](ValueRange indices) {
+    Value position = toIndex(element(op.getPositions(), indices));
+    Value inside =
+        arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ult, position,
+                              number(from.getNumElements()));
+    store(op.getResult(), indices,
+          ifHolds(inside, type.getElementType(), [&]() -> Value {
+            return element(op.getTile(), unravel(position, from.getShape()));
+          }));
+  });
+}
+
+void TileLowering::lowerScatter(TileScatterOp op) {
+  begin(op, op.getTile());
+  TileType part = tileType(op.getPart()), whole = tileType(op.getTile());
+  Type type = whole.getElementType();
+  share(part.getShape(), [&](ValueRange indices) {
+    Value position = toIndex(element(op.getPositions(), indices));
+    Value value = element(op.getPart(), indices);
+    Value inside =
+        arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ult, position,
+                              number(whole.getNumElements()));
+    Value memory = memoryOf(op.getResult());
+    ifHolds(inside, [&] {
+      if (threads > 1) {
+        AtomicOp::create(b, loc, type, AtomicKind::add, value, memory,
+                         position);
+        return;
+      }
+      Value old = LoadOp::create(b, loc, type, memory, position);
+      StoreOp::create(b, loc, builtin("add", {old, value}), memory, position);
+    });
+  });
+}
+
+} // namespace warp::tiles

@@ -1,0 +1,78 @@
+"""Tiles: elements that a block of threads holds together.
+
+A tile is a value. What changes one, such as `t[i] = x` or `wp.tile_assign(t, ...)`, makes another
+value and binds the variable to it. A view (`t[2:4]`, `t[i]`, `wp.tile_view(t, ...)`) of a variable
+keeps the place in it, so that assigning to the view changes the variable.
+
+The topics: arguments (what all begin with), values (new tiles), memory (arrays), shapes, places
+(parts and views), gathers, changes, elements (functions of elements, reductions), algebra. Loaded
+when a kernel names one of these builtins.
+"""
+
+from __future__ import annotations
+
+import math
+
+from warp._src import errors
+from warp._src.frontend.tiles.algebra import TileAlgebra
+from warp._src.frontend.tiles.changes import TileChanges
+from warp._src.frontend.tiles.elements import TileElements
+from warp._src.frontend.tiles.gathers import TileGathers
+from warp._src.frontend.tiles.memory import TileMemory
+from warp._src.frontend.tiles.places import TilePlaces
+from warp._src.frontend.tiles.shapes import TileShapes
+from warp._src.frontend.tiles.values import TileValues
+from warp._src.types import dtypes
+
+_TOPICS = {
+    "algebra": TileAlgebra,
+    "changes": TileChanges,
+    "elements": TileElements,
+    "gathers": TileGathers,
+    "memory": TileMemory,
+    "places": TilePlaces,
+    "shapes": TileShapes,
+    "values": TileValues,
+}
+# The topic that translates a builtin, by the name of its method.
+_HANDLERS = {
+    method: topic
+    for topic, kind in _TOPICS.items()
+    for method in vars(kind)
+    if method.startswith("builtin_")
+}
+
+
+class Tiles:
+    """The part of a translator that is about tiles: its topics, and what they share.
+
+    Attributes:
+        changed: variables whose tiles were changed, rather than replaced by another tile.
+    """
+
+    def __init__(self, context):
+        self.context = context
+        self.changed = set()
+        for name, kind in _TOPICS.items():
+            setattr(self, name, kind(context))
+
+    def handler(self, name):
+        """The method of that name, of the topic that has it; None if none has."""
+        topic = _HANDLERS.get(name)
+        return None if topic is None else getattr(getattr(self, topic), name)
+
+    def attribute(self, native, name, node):
+        """`shape`, `dtype`, `ndim`, `size` of a tile's type."""
+        if name == "shape":
+            return tuple(native.shape)
+        if name == "dtype":
+            return dtypes.dtype_of(native.element)
+        if name == "ndim":
+            return len(native.shape)
+        if name == "size":
+            return math.prod(native.shape)
+        raise self.context.error(
+            node,
+            f"'{native.python_name}' has no attribute '{name}'",
+            kind=errors.WarpCodegenAttributeError,
+        )

@@ -1,0 +1,150 @@
+"""Functions of elements: operators, maps, reductions, scans, sorting."""
+
+from __future__ import annotations
+
+from warp._src.frontend.names import BuiltinRef
+from warp._src.frontend.tiles.arguments import TileTopic
+from warp._src.kernels.function import Function
+
+# Functions that reductions know by themselves.
+_REDUCTIONS = {"add": "add", "min": "min", "max": "max"}
+
+
+class TileElements(TileTopic):
+    """Translates what is computed of elements one by one, or in an order."""
+
+    def operator(self, node, name, operands):
+        """An operator between tiles, or a tile and a value, element by element."""
+        shapes = {tuple(one.type.shape) for one in operands if one.type.kind == "tile"}
+        if len(shapes) != 1:
+            shown = " and ".join(f"'{one.type.python_name}'" for one in operands)
+            raise self.context.type_error(
+                node,
+                f"tiles have to have the same shape, but got {shown}",
+                "use `wp.tile_broadcast(...)`",
+                also="Tile arguments to tile operators must have the same shape",
+            )
+        apply = self.context.expressions.operator
+        return self.mapped(operands, lambda *elements: apply(node, name, *elements), node)
+
+    def function(self, binding, node, name):
+        """What a function of elements does with values."""
+        if isinstance(binding, BuiltinRef):
+            return lambda *values: self.context.calls.apply_builtin(
+                binding.name, list(values), node
+            )
+        if isinstance(binding, Function):
+            return lambda *values: self.context.user_calls.call_function(
+                binding, list(values), {}, node
+            )
+        raise self.context.type_error(
+            node,
+            f"{name}() expects a builtin or a `@wp.func`, but got "
+            f"'{self.context.type_name(binding)}'",
+        )
+
+    def builtin_tile_map(self, node):
+        arguments, keywords = self.context.constructors.arguments(node)
+        operation, *operands = (*arguments, *keywords.values())
+        values = [self.context.materialize(operand, node) for operand in operands]
+        tiles = [value.type for value in values if value.type.kind == "tile"]
+        if not tiles:
+            raise self.context.type_error(node, "tile_map() expects a tile")
+        for other in tiles[1:]:
+            if other.shape != tiles[0].shape:
+                raise self.context.value_error(
+                    node,
+                    f"tile_map() expects tiles of one shape, got {tuple(tiles[0].shape)} and "
+                    f"{tuple(other.shape)}",
+                    "use `wp.tile_broadcast(...)`",
+                )
+        return self.mapped(values, self.function(operation, node, "tile_map"), node)
+
+    # Reductions.
+
+    def axis(self, binding, tile, node, name):
+        """A dimension as an int; None for all of them."""
+        if binding is None:
+            return None
+        known = self.known(binding)
+        if not isinstance(known, int) or not 0 <= known < len(tile.type.shape):
+            raise self.context.value_error(
+                node,
+                f"{name}() axis must be a dimension of the tile, which has "
+                f"{len(tile.type.shape)}, got {known}",
+            )
+        return known
+
+    def reduced(self, node, name, kind, operation="reduce", numbers=True):
+        tile, axis = self.bind(node, name, ("a", "axis"), tiles=1, axis=None)
+        if numbers and tile.type.element.kind not in ("int", "float"):
+            raise self.context.type_error(
+                node, f"{name}() expects numbers, but got '{tile.type.python_name}'"
+            )
+        axis = self.axis(axis, tile, node, name)
+        return self.make(operation, [tile], node, kind=kind, axis=axis)
+
+    def builtin_tile_sum(self, node):
+        return self.reduced(node, "tile_sum", "add", numbers=False)
+
+    def builtin_tile_min(self, node):
+        return self.reduced(node, "tile_min", "min")
+
+    def builtin_tile_max(self, node):
+        return self.reduced(node, "tile_max", "max")
+
+    def builtin_tile_argmin(self, node):
+        return self.reduced(node, "tile_argmin", "min", "arg_reduce")
+
+    def builtin_tile_argmax(self, node):
+        return self.reduced(node, "tile_argmax", "max", "arg_reduce")
+
+    def builtin_tile_dot(self, node):
+        """The sum of products of elements; of composites, of their inner products."""
+        a, b = self.bind(node, "tile_dot", ("a", "b"), tiles=2)
+        self.same_shape(a, b, node, "tile_dot")
+        kind = a.type.element.kind
+        product = {"vec": "dot", "quat": "dot", "mat": "ddot"}.get(kind, "mul")
+        made = self.mapped([a, b], lambda x, y: self.builder.builtin(product, [x, y])[0][0], node)
+        return self.make("reduce", [made], node, kind="add")
+
+    def builtin_tile_reduce(self, node):
+        operation, binding, axis = self.bind(node, "tile_reduce", ("op", "a", "axis"), axis=None)
+        tile = self.tile(binding, node, "tile_reduce")
+        axis = self.axis(axis, tile, node, "tile_reduce")
+        known = _REDUCTIONS.get(getattr(operation, "name", None))
+        is_number = tile.type.element.kind in ("int", "float")
+        if isinstance(operation, BuiltinRef) and known and (known == "add" or is_number):
+            return self.make("reduce", [tile], node, kind=known, axis=axis)
+        function = self.function(operation, node, "tile_reduce")
+        tiles = self.context.session.tiles
+        self.context.at(node)
+        result = function(*tiles.begin_function([tile], True))
+        return tiles.end_function([self.context.materialize(result, node)], axis=axis)[0]
+
+    # Orders.
+
+    def scanned(self, node, name, kind, exclusive=False):
+        (tile,) = self.bind(node, name, ("a",), tiles=1)
+        return self.make("scan", [tile], node, kind=kind, flag=exclusive)
+
+    def builtin_tile_scan_inclusive(self, node):
+        return self.scanned(node, "tile_scan_inclusive", "add")
+
+    def builtin_tile_scan_exclusive(self, node):
+        return self.scanned(node, "tile_scan_exclusive", "add", True)
+
+    def builtin_tile_scan_max_inclusive(self, node):
+        return self.scanned(node, "tile_scan_max_inclusive", "max")
+
+    def builtin_tile_scan_min_inclusive(self, node):
+        return self.scanned(node, "tile_scan_min_inclusive", "min")
+
+    def builtin_tile_sort(self, node):
+        """Sorts keys, and values along with them, in place."""
+        keys, values = self.bind(node, "tile_sort", ("keys", "values"), tiles=2)
+        self.same_shape(keys, values, node, "tile_sort")
+        positions = self.make("sort", [keys], node)
+        for place, tile in zip(node.args, (keys, values), strict=False):
+            sorted_tile = self.make("gather", [tile, positions], node)
+            self.context.targets.write_back(place, sorted_tile, node)

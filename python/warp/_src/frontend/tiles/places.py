@@ -1,0 +1,188 @@
+"""Parts of tiles: what indices, slices and views select, reading and replacing it."""
+
+from __future__ import annotations
+
+import ast
+import math
+
+from warp._src.frontend.context import INT32, TileView
+from warp._src.frontend.tiles.arguments import TileTopic
+from warp._src.types import dtypes
+
+
+class Selection:
+    """Where a part lies: offsets and steps per dimension, its shape with all dimensions, and the
+    shape it is seen in; None for both shapes for one element."""
+
+    __slots__ = ("full", "offsets", "shape", "steps")
+
+    def __init__(self, offsets, steps=None, full=None, shape=None):
+        self.offsets, self.steps, self.full, self.shape = offsets, steps, full, shape
+
+
+class TilePlaces(TileTopic):
+    """Translates subscripts and views."""
+
+    def selection(self, native, offsets, steps, full, seen):
+        """A part of a tile and its type."""
+        text = "x".join(map(str, seen))
+        kind = type(native).parse(f"!warp.tile<{text} x {native.element}>")
+        return Selection(offsets, steps, full, seen), kind
+
+    def part(self, native, items, node):
+        """What indices and slices select, and its type: of an element, or a tile."""
+        shape = native.shape
+        if len(items) > len(shape):
+            raise self.context.value_error(
+                node,
+                f"tile indexing specified too many indices {len(items)} > {len(shape)}",
+            )
+        offsets, steps, full, seen = [], [], [], []
+        for axis, extent in enumerate(shape):
+            item = items[axis] if axis < len(items) else ast.Slice()
+            if isinstance(item, ast.Slice):
+                first, step, count = self.selected(item, extent, node)
+                offsets.append(self.builder.constant(INT32, first))
+                steps.append(step)
+                full.append(count)
+                seen.append(count)
+                continue
+            offsets.append(self.index(item, extent, axis, node))
+            steps.append(1)
+            full.append(1)
+        if not seen:
+            return Selection(offsets), native.element
+        return self.selection(native, offsets, steps, full, seen)
+
+    def index(self, item, extent, axis, node):
+        binding = self.context.expressions.expr(item) if isinstance(item, ast.AST) else item
+        known = self.known(binding)
+        if isinstance(known, int) and type(known) is not bool:
+            if not -extent <= known < extent:
+                raise self.context.value_error(
+                    node,
+                    f"tile_view() integer offset {known} is out of bounds for axis {axis} with "
+                    f"size {extent}",
+                )
+            return self.builder.constant(INT32, known % extent)
+        value = self.context.materialize(binding, node)
+        if value.type.kind != "int":
+            raise self.context.type_error(
+                node, f"expects an integer as index of a tile, but got '{value.type.python_name}'"
+            )
+        return value
+
+    def selected(self, item, extent, node):
+        """First index, step and count of a slice."""
+        bounds = []
+        for part in (item.lower, item.upper, item.step):
+            if part is None:
+                bounds.append(None)
+                continue
+            binding = self.context.expressions.expr(part) if isinstance(part, ast.AST) else part
+            known = self.known(binding)
+            if not isinstance(known, int):
+                raise self.context.value_error(
+                    node,
+                    "tile_view() slice bounds must be compile-time constants.",
+                )
+            bounds.append(known)
+        if bounds[2] == 0:
+            raise self.context.value_error(node, "tile_view() slice step cannot be zero.")
+        chosen = range(*slice(*bounds).indices(extent))
+        if not chosen:
+            raise self.context.value_error(
+                node,
+                f"tile_view() slice produced an empty tile of an axis of {extent} elements",
+            )
+        return chosen.start, chosen.step, len(chosen)
+
+    def whole_part(self, native, offsets, shape, node):
+        offsets = [self.context.materialize(offset, node) for offset in offsets]
+        offsets += [self.builder.constant(INT32, 0)] * (len(shape) - len(offsets))
+        steps = [1] * len(shape)
+        for axis, offset in enumerate(offsets):
+            known = offset.constant()
+            extent = native.shape[axis]
+            if known is not None and not 0 <= known <= extent - shape[axis]:
+                raise self.context.value_error(
+                    node,
+                    f"tile_view() of {shape[axis]} elements at offset {known} is out of bounds for "
+                    f"axis {axis} with size {extent}",
+                )
+        return self.selection(native, offsets, steps, shape, shape)
+
+    def read(self, tile, part, node):
+        """An element or a part of a tile."""
+        if part.full is None:
+            return self.make("get", [tile, *part.offsets], node)
+        whole = self.make("slice", [tile, *part.offsets], node, shape=part.full, axes=part.steps)
+        if part.shape == part.full:
+            return whole
+        return self.make("reshape", [whole], node, shape=part.shape)
+
+    def written(self, tile, part, value, node, kind="assign"):
+        """A tile with an element or a part replaced."""
+        if part.full is None:
+            element = tile.type.element
+            if value.type != element and value.type.kind in ("int", "float", "bool"):
+                value = self.convert(value, dtypes.dtype_of(element), node, "tile_assign")
+            return self.make("set", [value, tile, *part.offsets], node, kind=kind)
+        if value.type.kind != "tile":
+            value = self.make("splat", [value], node, shape=part.full, element=tile.type.element)
+        elif list(value.type.shape) != part.full:
+            if math.prod(value.type.shape) != math.prod(part.full):
+                raise self.context.value_error(
+                    node,
+                    f"tile_assign() source tile of shape {tuple(value.type.shape)} does not fit "
+                    f"the selected part of shape {tuple(part.shape)}",
+                )
+            value = self.make("reshape", [value], node, shape=part.full)
+        return self.make("insert", [value, tile, *part.offsets], node, axes=part.steps)
+
+    def subscript(self, base, items, node):
+        """`t[...]` of a tile: an element, or a view of the variable that holds it."""
+        slot = base.slot if type(base) is TileView else None
+        if slot is None and isinstance(node.value, ast.Name) and node.value.id in self.context.env:
+            slot = self.context.targets.slot(node.value)
+        native = base.type
+        picked = self.context.tiles.gathers.picked(native, items, node)
+        if picked is not None:
+            return self.context.tiles.gathers.gathered(
+                self.context.materialize(base, node), *picked, node
+            )
+        part, selected = self.part(native, items, node)
+        if slot is not None and part.full is not None:
+            return TileView(slot.extended(("tile", part), selected))
+        return self.read(self.context.materialize(base, node), part, node)
+
+    def builtin_tile_view(self, node):
+        binding, offset, shape = self.bind(node, "tile_view", ("t", "offset", "shape"), shape=None)
+        tile = self.tile(binding, node, "tile_view")
+        native = tile.type
+        offsets = self.parts(offset)
+        if len(offsets) > len(native.shape):
+            raise self.context.value_error(
+                node,
+                f"tile_view() specified too many indices {len(offsets)} > {len(native.shape)}",
+            )
+        if shape is None:
+            part, selected = self.part(native, offsets, node)
+            if part.full is None:
+                part, selected = self.whole_part(native, offsets, [1] * len(offsets), node)
+        else:
+            shape = self.extents(shape, node, "tile_view")
+            if len(shape) != len(native.shape):
+                raise self.context.value_error(
+                    node,
+                    "tile_view() if shape is specified it must have same number of dimensions as "
+                    f"source tile, expected {len(native.shape)}, got {len(shape)}",
+                )
+            part, selected = self.whole_part(native, offsets, shape, node)
+        slot = binding.slot if type(binding) is TileView else None
+        target = node.args[0] if node.args else node.keywords[0].value
+        if slot is None and isinstance(target, ast.Name):
+            slot = self.context.targets.slot(target)
+        if slot is None or slot.name is None:
+            return self.read(tile, part, node)
+        return TileView(slot.extended(("tile", part), selected))

@@ -1,0 +1,93 @@
+// RUN: warp-opt %s --warp-fuse-tiles --split-input-file | FileCheck %s
+// RUN: warp-opt %s --warp-fuse-tiles --warp-place-tiles --split-input-file \
+// RUN:   | FileCheck %s --check-prefix=PLACE
+
+// Two functions of a tile that both use become one, which takes it once.
+// CHECK-LABEL: func.func @chain
+// CHECK: %[[T:.*]] = warp.tile_load
+// CHECK: warp.tile_map(%[[T]])
+// CHECK: %[[S:.*]] = warp.sin(%[[X:.*]]) :
+// CHECK: warp.mul(%[[S]], %[[X]])
+// CHECK-NOT: warp.tile_map
+// PLACE-LABEL: func.func @chain
+// PLACE: warp.tile_load {{.*}}placement = "inline"
+// PLACE: } {placement = "inline"}
+func.func @chain(%a: !warp.array<1 x f32>, %b: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.block_threads = 32 : i64, warp.variant =
+      #warp.variant<target = <platform = cuda, version = 90>, disjoint = true>} {
+  %c0 = warp.constant 0 : si32
+  %t = warp.tile_load %a[%c0] : !warp.array<1 x f32>, (si32) -> !warp.tile<64 x f32>
+  %u = warp.tile_map(%t) {
+  ^bb0(%x: f32):
+    %s = warp.sin(%x) : (f32) -> f32
+    warp.tile_yield %s : f32
+  } : (!warp.tile<64 x f32>) -> !warp.tile<64 x f32>
+  %v = warp.tile_map(%u, %t) {
+  ^bb0(%x: f32, %y: f32):
+    %s = warp.mul(%x, %y) : (f32, f32) -> f32
+    warp.tile_yield %s : f32
+  } : (!warp.tile<64 x f32>, !warp.tile<64 x f32>) -> !warp.tile<64 x f32>
+  warp.tile_store %v, %b[%c0] : !warp.tile<64 x f32>, !warp.array<1 x f32>, (si32)
+  return
+}
+
+// -----
+
+// What somebody else needs stays.
+// CHECK-LABEL: func.func @used_twice
+// CHECK-COUNT-2: warp.tile_map
+func.func @used_twice(%a: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.block_threads = 32 : i64} {
+  %c0 = warp.constant 0 : si32
+  %t = warp.tile_load %a[%c0] : !warp.array<1 x f32>, (si32) -> !warp.tile<64 x f32>
+  %u = warp.tile_map(%t) {
+  ^bb0(%x: f32):
+    %s = warp.sin(%x) : (f32) -> f32
+    warp.tile_yield %s : f32
+  } : (!warp.tile<64 x f32>) -> !warp.tile<64 x f32>
+  %v = warp.tile_map(%u) {
+  ^bb0(%x: f32):
+    %s = warp.cos(%x) : (f32) -> f32
+    warp.tile_yield %s : f32
+  } : (!warp.tile<64 x f32>) -> !warp.tile<64 x f32>
+  warp.tile_store %u, %a[%c0] : !warp.tile<64 x f32>, !warp.array<1 x f32>, (si32)
+  warp.tile_store %v, %a[%c0] : !warp.tile<64 x f32>, !warp.array<1 x f32>, (si32)
+  return
+}
+
+// -----
+
+// A store at another place of the same array, or in another order, would write
+// what is yet to be loaded; one at the same place does not.
+// PLACE-LABEL: func.func @hazards
+// PLACE: warp.tile_load {{.*}}] : !warp.array
+// PLACE: warp.tile_store
+// PLACE: warp.tile_load {{.*}}placement = "inline"
+// PLACE: warp.tile_store
+// PLACE: warp.tile_transpose {{.*}}, [1, 0] :
+func.func @hazards(%a: !warp.array<2 x f32>)
+    attributes {warp.kernel, warp.block_threads = 1 : i64} {
+  %c0 = warp.constant 0 : si32
+  %c1 = warp.constant 1 : si32
+  %t = warp.tile_load %a[%c0, %c0] : !warp.array<2 x f32>, (si32, si32) -> !warp.tile<8x8 x f32>
+  warp.tile_store %t, %a[%c1, %c1] : !warp.tile<8x8 x f32>, !warp.array<2 x f32>, (si32, si32)
+  %u = warp.tile_load %a[%c1, %c0] : !warp.array<2 x f32>, (si32, si32) -> !warp.tile<8x8 x f32>
+  warp.tile_store %u, %a[%c1, %c0] : !warp.tile<8x8 x f32>, !warp.array<2 x f32>, (si32, si32)
+  %v = warp.tile_load %a[%c0, %c1] : !warp.array<2 x f32>, (si32, si32) -> !warp.tile<8x8 x f32>
+  %w = warp.tile_transpose %v, [1, 0] : !warp.tile<8x8 x f32> -> !warp.tile<8x8 x f32>
+  warp.tile_store %w, %a[%c0, %c1] : !warp.tile<8x8 x f32>, !warp.array<2 x f32>, (si32, si32)
+  return
+}
+
+// -----
+
+// Nothing says that the two arrays do not overlap.
+// PLACE-LABEL: func.func @may_overlap
+// PLACE: warp.tile_load {{.*}}] : !warp.array
+func.func @may_overlap(%a: !warp.array<1 x f32>, %b: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.block_threads = 32 : i64} {
+  %c0 = warp.constant 0 : si32
+  %t = warp.tile_load %a[%c0] : !warp.array<1 x f32>, (si32) -> !warp.tile<64 x f32>
+  warp.tile_store %t, %b[%c0] : !warp.tile<64 x f32>, !warp.array<1 x f32>, (si32)
+  return
+}
