@@ -37,7 +37,7 @@ LEFT_OUT = (
     "render_opengl template_launch_bounds version apic_load_from_bytes apic_mesh "
     "apic_utility_algorithms"
 )
-FINDER = '''
+FINDER = """
 import importlib.util, sys
 class Finder:
     @staticmethod
@@ -46,7 +46,7 @@ class Finder:
             return importlib.util.spec_from_file_location(
                 name, {init!r}, submodule_search_locations=[{folder!r}])
 sys.meta_path.insert(0, Finder)
-'''
+"""
 CHILD = '''
 import importlib, inspect, json, re, sys, types, unittest
 INTERNAL = re.compile(

@@ -42,8 +42,7 @@ Floats boxOf(const BuildPrimitive &primitive) {
   static_assert(sizeof(BuildPrimitive) == sizeof(Floats));
   Ints bits;
   std::memcpy(&bits, &primitive, sizeof bits);
-  constexpr i32 sign = i32(0x80000000);
-  bits ^= Ints{0, 0, 0, sign, sign, sign, 0, 0};
+  bits ^= Ints{0, 0, 0, 1, 1, 1, 0, 0} << 31;
   return __builtin_bit_cast(Floats, bits);
 }
 
@@ -148,9 +147,7 @@ Cut Builder::findCut(const Range &range) const {
   }
   Floats inBin[3][bins];
   int64_t count[3][bins] = {};
-  for (auto &boxes : inBin)
-    for (Floats &box : boxes)
-      box = Floats(infinity);
+  std::fill_n(inBin[0], 3 * bins, Floats(infinity));
   Floats scale = Floats(0), low = centroids;
   bool isWide[3];
   for (int axis = 0; axis < 3; ++axis) {
@@ -199,11 +196,10 @@ std::pair<Range, Range> Builder::split(const Range &range, int64_t unit) {
   if (splitting == Splitting::Area && unit == 0) {
     Cut cut = findCut(range);
     if (cut.axis >= 0) {
-      int64_t middle =
-          std::partition(
-              first + range.begin, first + range.end,
-              [&](const BuildPrimitive &p) { return cut.isBelow(p); }) -
-          first;
+      auto isBelow = [&](const BuildPrimitive &p) { return cut.isBelow(p); };
+      int64_t middle = std::partition(first + range.begin, first + range.end,
+                                      isBelow) -
+                       first;
       return {{range.begin, middle, cut.below}, {middle, range.end, cut.above}};
     }
   }
@@ -242,8 +238,7 @@ std::vector<Range> Builder::divide(const Range &range, int levels) {
         [&](const Range &a, const Range &b) { return weight(a) < weight(b); });
     if (weight(*largest) < 0)
       break;
-    Range whole = *largest;
-    auto [first, second] = split(whole, unit);
+    auto [first, second] = split(*largest, unit);
     *largest = first;
     children.insert(largest + 1, second);
   }

@@ -201,7 +201,7 @@ def test_launches_without_derivatives_are_left_out():
         wp.launch(products, 2, [x, 2.0], [y], device="cpu")
     products.options["enable_backward"] = False
     try:
-        with pytest.raises(RuntimeError, match="`enable_backward=False`"):
+        with pytest.raises(ValueError, match="`enable_backward=False`"):
             wp.autograd.gradcheck(products, 2, [x, 2.0], [y])
         assert wp.autograd.gradcheck_tape(tape)
     finally:

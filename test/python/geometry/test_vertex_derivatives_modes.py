@@ -86,3 +86,12 @@ def test_gradients_that_come_and_go(scene):
     mesh.points = wp.array(points, dtype=wp.vec3, device="cpu", requires_grad=True)
     reverse(launch, np.ones((5, 1)))
     assert mesh.points.grad.numpy().any() and not kept.numpy().any()
+
+
+def test_second_derivatives_by_vertices_are_an_error(scene):
+    points, faces, velocities = scene
+    mesh = mesh_of(points, faces, velocities)
+    launch = run(away, mesh, [points[:1] * 3], 1)
+    along = wp.array(points, dtype=wp.vec3, device="cpu")
+    with pytest.raises(RuntimeError, match="second derivatives by arrays"):
+        wp.autograd.hvp(lambda _: launch().flatten(), [mesh.points], [along])

@@ -129,3 +129,16 @@ def test_what_has_no_gradients(device):
     with pytest.raises(RuntimeError, match="have no values"):
         points = wp.array([[0, 0, 0]], dtype=wp.vec3i, device=device)
         wp.Volume.allocate_by_voxels(points, 1.0, device=device).leaf_values  # noqa: B018
+
+
+def test_the_table_of_leaves_changes_nothing(scene):
+    """A tile far away makes a table too large, so the same voxels are found from the root."""
+    volume, p, _ = scene
+    tiles = np.concatenate([volume.get_tiles().numpy(), [[1 << 20, 0, -(1 << 19)]]])
+    given = wp.array(tiles, dtype=wp.vec3i, device=volume.device)
+    other = wp.Volume.allocate_by_tiles(given, 1.0, bg_value=0.5, device=volume.device)
+    rows = {tuple(tile): row for tile, row in zip(tiles, volume.leaf_values.numpy(), strict=False)}
+    made = [rows.get(tuple(tile), np.zeros(512)) for tile in other.get_tiles().numpy()]
+    other.leaf_values.assign(np.array(made, dtype=np.float32))
+    assert volume._numbers is not None and other._numbers is None
+    assert np.array_equal(launched(volume, p).numpy(), launched(other, p).numpy())

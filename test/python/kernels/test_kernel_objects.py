@@ -1,8 +1,7 @@
 """`@wp.kernel` and `@wp.func` as Python objects: options, IR as text, dumps, calls."""
 
-from typing import Any
-
 import typing
+from typing import Any
 
 import pytest
 

@@ -1,5 +1,7 @@
 """When compiled code becomes stale."""
 
+import typing
+
 from warp import config
 from warp._src import config as settings
 
@@ -22,7 +24,7 @@ class Epoch:
     """Identity of the settings that compiled code depends on; the same ones have the same again."""
 
     current = object()
-    _known = {_values(): current}
+    _known: typing.ClassVar[dict] = {_values(): current}
 
     @classmethod
     def advance(cls) -> None:

@@ -11,6 +11,9 @@ from warp._src.types.dtypes import vec2f, vec3f, vec4f
 from warp._src.types.native import ArrayType
 from warp._src.types.scalars import float32
 
+# Kernels have no `in`.
+# ruff: noqa: SIM109
+
 # Of TextureAddressMode and TextureFilterMode.
 WRAP, CLAMP, MIRROR = 0, 1, 2
 LINEAR = 1

@@ -210,7 +210,7 @@ class Texture(StructInstance):
         self.texels.assign(_read(values, kind).reshape(-1))
 
     def copy_to(self, dst) -> None:
-        """Writes all texels into a texture, an array or a NumPy array of the same shape and type."""
+        """Writes all texels into a texture, an array or a NumPy array of the same shape."""
         if isinstance(dst, Texture):
             dst.copy_from(self)
         elif isinstance(dst, array):

@@ -101,8 +101,8 @@ def graph_coloring_balance(
         from warp._src.logger import notice
 
         notice(
-            f"Warp UserWarning: Graph coloring stopped because it reached the {limit}-iteration limit "
-            f"(achieved ratio {ratio:g}, target {target_max_min_ratio:g})."
+            "Warp UserWarning: Graph coloring stopped because it reached the "
+            f"{limit}-iteration limit (achieved ratio {ratio:g}, target {target_max_min_ratio:g})."
         )
     return ratio
 
