@@ -21,8 +21,9 @@ def Warp_LibraryCallOp : Warp_Op<"library_call",
     changes the memory at addresses that it gets. Lanes of a CPU call it one by
     one. Which functions there are says lib/Dialect/LibraryOps.cpp.
 
-    (C1) the library has the function. (C2) operands and results are its
-    scalars, of either sign.
+    (C1) the library has the function, or its name begins with `warp_native_`:
+    a snippet of the program, compiled by Clang. (C2) operands and results are
+    its scalars, of either sign. (C3) a snippet takes scalars and gives one.
 
     ```mlir
     %face, %u, %v = warp.library_call "warp_mesh_closest"(%id, %x, %y, %z, %d)
