@@ -8,8 +8,8 @@
 
 #include "warp/Error.h"
 
-#include "llvm/Bitcode/BitcodeReader.h"
 #include "llvm/Analysis/InlineCost.h"
+#include "llvm/Bitcode/BitcodeReader.h"
 #include "llvm/IR/LegacyPassManager.h"
 #include "llvm/IR/Module.h"
 #include "llvm/Linker/Linker.h"

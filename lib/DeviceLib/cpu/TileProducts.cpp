@@ -70,7 +70,7 @@ void Product<T>::patch(i64 row, i64 column) const {
       i64 count = isPart ? columns - first : lanes<T>;
       T *to = c + (row + r) * columns + first;
       V value = sums[r][v] * V(alpha);
-      if (!isNew)
+      if (!isNew && beta != T(0))
         value = fma(load(to, count), V(beta), value);
       store(to, value, count);
     }

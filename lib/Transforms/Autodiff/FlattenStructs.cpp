@@ -11,6 +11,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "WarpDialect/Passes.h"
+#include "WarpDialect/TileOps.h"
 #include "WarpDialect/WarpDialect.h"
 #include "WarpDialect/WarpOps.h"
 
@@ -290,10 +291,27 @@ private:
 };
 
 struct FlattenStructs : warp::impl::FlattenStructsBase<FlattenStructs> {
+  /// Their functions of elements take and give structs.
+  static LogicalResult refuseTiles(func::FuncOp function) {
+    auto isTile = [](Type type) {
+      auto tile = dyn_cast<TileType>(type);
+      return tile && isa<StructType>(tile.getElementType());
+    };
+    WalkResult walked = function.walk([&](Operation *op) -> WalkResult {
+      if (llvm::none_of(op->getResultTypes(), isTile))
+        return WalkResult::advance();
+      return op->emitError("tiles of structs have no derivative; use a tile "
+                           "for each field, or `enable_backward=False`");
+    });
+    return failure(walked.wasInterrupted());
+  }
+
   void runOnOperation() override {
     for (auto function : getOperation().getOps<func::FuncOp>()) {
       if (function.isExternal())
         continue;
+      if (failed(refuseTiles(function)))
+        return signalPassFailure();
       Flattening flattening(function);
       flattening.flatten(function.getBody().front());
       flattening.cleanUp();

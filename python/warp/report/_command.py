@@ -9,12 +9,13 @@ from warp.report._worker import load
 SCENES = Path(__file__).parent / "scenes"
 
 
-def make_parser(tool, limit, device="cpu or cuda:0", output="the pages", description=None):
-    """A parser with the options of every tool; `limit` is what may take so many seconds."""
+def make_parser(tool, limit=None, device="cpu or cuda:0", output="the pages", description=None):
+    """A parser with the options of every tool; `limit` is what may take so many seconds, if any."""
     prog = f"python -m warp.report {tool}".rstrip()
     parser = argparse.ArgumentParser(prog=prog, description=description)
     parser.add_argument("--device", default="cpu", help=device)
-    parser.add_argument("--limit", type=float, default=60.0, help=f"seconds {limit} may take")
+    if limit:
+        parser.add_argument("--limit", type=float, default=60.0, help=f"seconds {limit} may take")
     parser.add_argument("--output", default="build/report", help=f"folder of {output}")
     return parser
 

@@ -114,18 +114,6 @@ def test_functions_as_parameters():
     assert run(kernel)[:2] == [2.0, 3.0]
 
 
-def test_native_text_can_be_declared_but_not_compiled():
-    @wp.func_native("return x;")
-    def native(x: float) -> float: ...
-
-    @wp.kernel
-    def kernel(out: wp.array(dtype=float)):
-        out[0] = native(1.0)
-
-    with pytest.raises(wp.WarpCodegenError, match="native code of 'native' is not supported"):
-        run(kernel)
-
-
 def test_older_names():
     @wp.kernel
     def kernel(out: wp.array(dtype=float)):

@@ -47,8 +47,10 @@ def test_documentation():
 def test_numbers_of_numpy():
     angles = np.array([0.1, 0.2, 0.3])
     expected = wp.quat_rpy(0.1, 0.2, 0.3)
-    assert wp.quat_rpy(*angles) == expected and wp.quat_rpy(*angles.astype(np.float32)) == expected
-    assert wp.sin(np.float64(0.5)) == wp.sin(0.5)
+    assert wp.quat_rpy(*angles.astype(np.float32)) == expected
+    assert wp.quat_rpy(*angles) == wp.quat_rpy(*map(wp.float64, angles))
+    assert type(wp.quat_rpy(*angles)) is wp.quatd and np.allclose(wp.quat_rpy(*angles), expected)
+    assert wp.sin(np.float64(0.5)) == math.sin(0.5)
 
 
 def test_scalar_types_by_dtype():

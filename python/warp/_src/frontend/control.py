@@ -238,6 +238,8 @@ class _Analysis:
     def __init__(self, updated_arguments):
         self.updated_arguments = updated_arguments
         self.updated = set()
+        # Names of what may be a view of a tile, with the name of the tile.
+        self.views = {}
 
     def gather(self, nodes) -> tuple[frozenset, frozenset, frozenset, frozenset]:
         """gen, kill, defs and parts of a list, children first."""
@@ -311,6 +313,10 @@ class _Analysis:
             for argument in self.updated_arguments(node):
                 _add_base(argument, parts)
                 self.updated.add(argument)
+                if _name_of(node.func).startswith("tile_"):
+                    self._add_viewed(argument, parts)
+        elif kind is ast.Assign:
+            self._note_view(node)
         for field in node._fields:
             value = getattr(node, field, None)
             if isinstance(value, ast.AST):
@@ -319,6 +325,30 @@ class _Analysis:
                 for item in value:
                     if isinstance(item, ast.AST):
                         self._scan(item, uses, defs, parts)
+
+    def _note_view(self, node):
+        """Remembers that `view = tile[i]` or `view = wp.tile_view(tile, ...)`."""
+        target, value = node.targets[0], node.value
+        if isinstance(value, ast.Call) and _name_of(value.func) == "tile_view" and value.args:
+            value = value.args[0]
+        elif not isinstance(value, ast.Subscript):
+            return
+        base = set()
+        _add_base(value, base)
+        if isinstance(target, ast.Name) and base:
+            self.views[target.id] = base.pop()
+
+    def _add_viewed(self, argument, names):
+        """What changes a view of a tile changes the tile."""
+        found = set()
+        _add_base(argument, found)
+        while found and (name := self.views.get(found.pop())) and name not in names:
+            names.add(name)
+            found.add(name)
+
+
+def _name_of(function):
+    return getattr(function, "attr", None) or getattr(function, "id", None) or ""
 
 
 def _add_base(node, names):

@@ -12,7 +12,7 @@ from warp.report._records import provenance
 
 def main(arguments=None):
     """Run; the exit status is 1 if there is a defect, 2 for a wrong command."""
-    parser = make_parser("search", limit="nothing here:", output="search.jsonl")
+    parser = make_parser("search", output="search.jsonl")
     parser.add_argument("builtins", nargs="*", help="names; all without any")
     parser.add_argument("--rows", type=int, default=32, help="operands of each kind of extreme")
     parser.add_argument("--seed", type=int, default=0, help="of the random numbers")

@@ -50,7 +50,9 @@ class TileAlgebra(TileTopic):
                 f"tile_matmul(a, b, out) 'out' must have the shape {tuple(shape)}, got "
                 f"{tuple(out.type.shape)}",
             )
-        made = self.product(node, a, b, [out], bound, shape, out.type.element)
+        # Times zero, even what is no number does not count.
+        kept = [] if self.known(bound["beta"]) == 0 else [out]
+        made = self.product(node, a, b, kept, bound, shape, out.type.element)
         by_name = (one.value for one in node.keywords if one.arg == "out")
         place = node.args[2] if len(node.args) > 2 else next(by_name)
         self.context.targets.write_back(place, made, node)
