@@ -1,4 +1,4 @@
-"""Views of tiles that are written, also in loops; products that replace; tiles of structs."""
+"""Views of tiles that are written, also in loops; products that replace; structs; exact ranges."""
 
 import numpy as np
 import pytest
@@ -101,3 +101,33 @@ def test_tiles_of_structs(device):
     np.testing.assert_array_equal(b.numpy()["velocity"], 2.0 * given["velocity"])
     with pytest.raises(wp.WarpError, match=r"tiles of structs have no derivative; use a tile for"):
         tape.backward(grads={b: wp.zeros_like(b, requires_grad=False)})
+
+
+# Counted in the numbers that the elements can be: doubles would miss one, or find one too many.
+def test_ranges_are_counted_exactly(device):
+    big, stop = wp.constant(wp.int64(2**53)), wp.constant(wp.int64(2**53 + 1))
+
+    @wp.kernel
+    def ranges(
+        wide: wp.array(dtype=wp.int64),
+        narrow: wp.array(dtype=wp.float32),
+        tenths: wp.array(dtype=wp.float32),
+    ):
+        wp.tile_store(wide, wp.tile_arange(0, stop, big, dtype=wp.int64))
+        wp.tile_store(narrow, wp.tile_arange(0.0, 3.00000001, 0.99999999, dtype=wp.float32))
+        wp.tile_store(tenths, wp.tile_arange(0.0, 0.3, 0.1, dtype=wp.float32))
+
+    wide = wp.full(4, -1, dtype=wp.int64, device=device)
+    narrow = wp.full(4, -1.0, dtype=wp.float32, device=device)
+    tenths = wp.full(4, -1.0, dtype=wp.float32, device=device)
+    wp.launch_tiled(ranges, dim=[1], inputs=[wide, narrow, tenths], block_dim=32, device=device)
+    np.testing.assert_array_equal(wide.numpy(), [0, 2**53, -1, -1])
+    np.testing.assert_array_equal(narrow.numpy(), [0, 1, 2, -1])
+    np.testing.assert_allclose(tenths.numpy(), [*np.arange(0.0, 0.3, 0.1), -1], rtol=1e-6)
+
+    @wp.kernel
+    def uneven(out: wp.array(dtype=int)):
+        wp.tile_store(out, wp.tile_arange(0.0, 2.0, 0.5, dtype=int))
+
+    with pytest.raises(wp.WarpError, match="of int32 expects integers, but got 0.5"):
+        uneven.ir("warp")

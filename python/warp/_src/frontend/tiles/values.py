@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import fractions
 import math
+
+import numpy as np
 
 from warp._src.frontend.context import FLOAT32, INT32, Value
 from warp._src.frontend.tiles.arguments import TileTopic
+
+_FLOATS = {"float16": np.float16, "float32": np.float32}
 
 
 class TileValues(TileTopic):
@@ -64,16 +69,6 @@ class TileValues(TileTopic):
         numbers = [self.known(argument) for argument in arguments]
         if any(not isinstance(number, (int, float)) for number in numbers):
             raise self.context.error(node, "tile_arange() arguments must be compile time constants")
-        start, stop, step = (0, numbers[0], 1) if len(numbers) == 1 else (*numbers, 1)[:3]
-        if step == 0:
-            raise self.context.value_error(node, "tile_arange() step cannot be zero")
-        count = math.ceil((stop - start) / step)
-        if count < 1:
-            raise self.context.value_error(
-                node,
-                f"tile_arange() requires a non-empty range, but start={start}, stop={stop}, "
-                f"step={step} has no elements",
-            )
         if dtype is None:
             typed = [a.type for a in arguments if type(a) is Value]
             plain = FLOAT32 if any(isinstance(n, float) for n in numbers) else INT32
@@ -85,9 +80,42 @@ class TileValues(TileTopic):
                 node,
                 f"tile_arange() requires a numeric scalar dtype, but got {native.python_name}",
             )
+        given = (0, numbers[0], 1) if len(numbers) == 1 else (*numbers, 1)[:3]
+        start, stop, step = (self.exact(number, native, node) for number in given)
+        if step == 0:
+            raise self.context.value_error(node, "tile_arange() step cannot be zero")
+        count = math.ceil((stop - start) / step)
+        # The last may reach the end when it is rounded.
+        if count > 1 and native.kind == "float":
+            last = self.exact(start + (count - 1) * step, native, node)
+            count -= last >= stop if step > 0 else last <= stop
+        if count < 1:
+            raise self.context.value_error(
+                node,
+                f"tile_arange() requires a non-empty range, but start={given[0]}, "
+                f"stop={given[1]}, step={given[2]} has no elements",
+            )
         self.context.at(node)
-        operands = [self.builder.constant(native, one) for one in (start, step)]
+        real = int if native.kind == "int" else float
+        operands = [self.builder.constant(native, real(one)) for one in (start, step)]
         return self.make("iota", operands, node, shape=[count], element=native)
+
+    def exact(self, number, native, node):
+        """The number as elements of a type hold it."""
+        if not math.isfinite(number):
+            raise self.context.value_error(node, "tile_arange() requires finite bounds")
+        if native.kind == "float":
+            with np.errstate(over="ignore"):
+                number = float(_FLOATS.get(native.python_name, float)(number))
+            if not math.isfinite(number):
+                raise self.context.value_error(
+                    node, f"tile_arange() bounds are out of the range of {native.python_name}"
+                )
+        elif number != int(number):
+            raise self.context.value_error(
+                node, f"tile_arange() of {native.python_name} expects integers, but got {number}"
+            )
+        return fractions.Fraction(number)
 
     # Threads.
 
