@@ -313,7 +313,7 @@ class _Analysis:
             for argument in self.updated_arguments(node):
                 _add_base(argument, parts)
                 self.updated.add(argument)
-                if _name_of(node.func).startswith("tile_"):
+                if name_of(node.func).startswith("tile_"):
                     self._add_viewed(argument, parts)
         elif kind is ast.Assign:
             self._note_view(node)
@@ -329,7 +329,7 @@ class _Analysis:
     def _note_view(self, node):
         """Remembers that `view = tile[i]` or `view = wp.tile_view(tile, ...)`."""
         target, value = node.targets[0], node.value
-        if isinstance(value, ast.Call) and _name_of(value.func) == "tile_view" and value.args:
+        if isinstance(value, ast.Call) and name_of(value.func) == "tile_view" and value.args:
             value = value.args[0]
         elif not isinstance(value, ast.Subscript):
             return
@@ -347,7 +347,8 @@ class _Analysis:
             found.add(name)
 
 
-def _name_of(function):
+def name_of(function):
+    """The last name in what a call calls."""
     return getattr(function, "attr", None) or getattr(function, "id", None) or ""
 
 

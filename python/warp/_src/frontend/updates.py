@@ -6,6 +6,7 @@ import ast
 import types as python_types
 
 from warp import _native
+from warp._src.frontend.control import name_of
 from warp._src.frontend.functions import overload_of
 from warp._src.kernels.function import Function
 from warp._src.types.annotations import Reference
@@ -66,9 +67,9 @@ def updated_arguments(function, inout_arguments):
         if isinstance(callee, Function):
             keys = references_of(callee) | _arrays_of(callee)
         else:
-            name = getattr(call.func, "attr", None) or getattr(call.func, "id", None)
+            name = name_of(call.func)
             positions = inout_arguments(name) if name else ()
-            if name and name.startswith("tile_"):
+            if name.startswith("tile_"):
                 positions = _TILE_UPDATES.get(name, ())
                 found = {"out": 2, "dest": 2, "dst": 0}
                 by_name = [k.value for k in call.keywords if found.get(k.arg) in positions]

@@ -86,6 +86,19 @@ def plain(values):
     )
 
 
+@wp.kernel(enable_backward=False, module="unique")
+def count_of_cases(
+    field: wp.array3d(dtype=float),
+    threshold: float,
+    starts: wp.array(dtype=int),
+    counts: wp.array3d(dtype=int),
+):
+    """How much the table `starts` has for the case of each cell."""
+    i, j, k = wp.tid()
+    case = case_of(field, threshold, i, j, k)
+    counts[i, j, k] = starts[case + 1] - starts[case]
+
+
 class Sampled:
     """A field that has been checked, and where its nodes are.
 

@@ -15,6 +15,7 @@ from warp._src.geometry.surfaces.fields import (
     IsoSurfaceBase,
     Sampled,
     case_of,
+    count_of_cases,
     crosses,
     crossing,
     scan,
@@ -61,18 +62,6 @@ def _place_vertices(
         (float(edge[1]) + wp.where(axis == 1, t, 0.0)) * spacing[1],
         (float(edge[2]) + wp.where(axis == 2, t, 0.0)) * spacing[2],
     )
-
-
-@wp.kernel(enable_backward=False, module="unique")
-def _count_triangles(
-    field: wp.array3d(dtype=float),
-    threshold: float,
-    starts: wp.array(dtype=int),
-    counts: wp.array3d(dtype=int),
-):
-    i, j, k = wp.tid()
-    case = case_of(field, threshold, i, j, k)
-    counts[i, j, k] = starts[case + 1] - starts[case]
 
 
 @wp.kernel(enable_backward=False, module="unique")
@@ -179,7 +168,7 @@ class IsoSurfaceMarchingCubes(IsoSurfaceBase):
         starts, triangles, edge_places = tables(sampled.device)
         cells = [extent - 1 for extent in sampled.shape]
         ends = wp.empty(cells, dtype=int, device=sampled.device)
-        sampled.launch(_count_triangles, cells, starts, ends)
+        sampled.launch(count_of_cases, cells, starts, ends)
         indices = wp.empty(3 * scan(ends), dtype=int, device=sampled.device)
         given = [starts, triangles, edge_places, ends, places]
         sampled.launch(_write_triangles, cells, *given, indices)

@@ -17,6 +17,7 @@ from warp._src.geometry.surfaces.fields import (
     IsoSurfaceBase,
     Sampled,
     case_of,
+    count_of_cases,
     crosses,
     crossing,
     is_in,
@@ -25,18 +26,6 @@ from warp._src.geometry.surfaces.fields import (
 )
 
 _TOPOLOGIES = ("triangle", "quad")
-
-
-@wp.kernel(enable_backward=False, module="unique")
-def _count_sheets(
-    field: wp.array3d(dtype=float),
-    threshold: float,
-    starts: wp.array(dtype=int),
-    counts: wp.array3d(dtype=int),
-):
-    i, j, k = wp.tid()
-    case = case_of(field, threshold, i, j, k)
-    counts[i, j, k] = starts[case + 1] - starts[case]
 
 
 @wp.kernel(enable_backward=False, module="unique")
@@ -218,7 +207,7 @@ class IsoSurfaceNets(IsoSurfaceBase):
         starts, edge_starts, edges, loop_of, edge_places, around = _tables(device)
         cells = [extent - 1 for extent in sampled.shape]
         ends = wp.empty(cells, dtype=int, device=device)
-        sampled.launch(_count_sheets, cells, starts, ends)
+        sampled.launch(count_of_cases, cells, starts, ends)
         count = scan(ends)
         sheets = wp.empty(count, dtype=wp.vec4i, device=device)
         sampled.launch(_list_sheets, cells, starts, ends, sheets)
