@@ -119,6 +119,9 @@ struct Code {
   /// GPU: threads of a block wait for each other, or count on their number, so
   /// a launch has blocks of the size that the code is for.
   bool fixedBlock = false;
+  /// GPU: the threads of a block work on tiles together. Blocks are numbered
+  /// along one axis, and each is a row of the launch's last dimension.
+  bool cooperative = false;
   /// GPU: those of them that follow each other in the dimension before the
   /// last; the others do in the first.
   int rows = 1;

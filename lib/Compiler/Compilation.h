@@ -49,7 +49,7 @@ public:
   bool hasLanes = false;
   bool exclusive = false, atomics = false;
   int items = 1;
-  bool fixedBlock = false;
+  bool fixedBlock = false, cooperative = false;
   int sizeFacts = 0;
   int rows = 1, tile = 0, split = 1;
   CopiedArrays copied;

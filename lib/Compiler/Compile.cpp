@@ -23,6 +23,7 @@
 #include "Transforms/Variant.h"
 
 #include "WarpDialect/Passes.h"
+#include "WarpDialect/TilePasses.h"
 
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
 #include "mlir/Dialect/LLVMIR/NVVMDialect.h"
@@ -306,7 +307,9 @@ void Compilation::collectFacts(ModuleOp module) {
                                : WalkResult::advance();
                   })
                   .wasInterrupted();
-    fixedBlock = function
+    cooperative = function->hasAttr(attr::blockThreads);
+    fixedBlock = cooperative ||
+                 function
                      .walk([](Operation *op) {
                        return waitsForBlock(op) ? WalkResult::interrupt()
                                                 : WalkResult::advance();

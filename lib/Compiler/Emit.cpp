@@ -42,6 +42,7 @@ warp::Code warp::compile(const Module &module, const CompileOptions &options) {
   code.copied = std::move(run.copied);
   code.items = run.items;
   code.fixedBlock = run.fixedBlock;
+  code.cooperative = run.cooperative;
   code.rows = run.rows;
   code.tile = run.tile;
   code.split = run.split;

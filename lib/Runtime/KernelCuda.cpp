@@ -196,6 +196,19 @@ void warp::unloadFromCuda(int device, cuda::ModuleHandle module) {
   }
 }
 
+/// Threads that work together on tiles are whole rows of the launch.
+static void checkRows(const int32_t *dim, const VariantKey &key,
+                      const std::string &name) {
+  int last = dim[key.rank - 1];
+  if (key.rank == 1 ? last % key.blockDim == 0 : last == key.blockDim)
+    return;
+  throw Error(Error::Kind::LaunchValue,
+              "launch('" + name + "'): tiles belong to blocks of " +
+                  std::to_string(key.blockDim) +
+                  " threads, but the last extent of the launch is " +
+                  std::to_string(last));
+}
+
 void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,
                         void *params, const Stream *stream, bool openBlock) {
   const VariantKey &key = variant.key;
@@ -218,9 +231,11 @@ void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,
     if (openBlock)
       blockDim = chooseBlock(variant, countThreads(header.dim, key.rank),
                              deviceInfo(key.device).smCount);
-    shape = shapeOf(header.dim, key.rank, variant.flat,
-                    blockDim / variant.code.split, variant.code.items);
-    shape.block.y *= variant.code.split;
+    if (code.cooperative)
+      checkRows(header.dim, key, name);
+    shape = shapeOf(header.dim, key.rank, variant.flat || code.cooperative,
+                    blockDim / code.split, code.items);
+    shape.block.y *= code.split;
   }
   if (shape.grid.x > maxGridX)
     throw Error(Error::Kind::LaunchValue,

@@ -44,3 +44,27 @@ func.func @flat(%a: !warp.array<2 x si32>) attributes {
   warp.store_components(%i), %a[%i, %j] : (i32), !warp.array<2 x si32>, i32, i32
   return
 }
+
+// -----
+
+#gpu3 = #warp.variant<target = <platform = cuda, version = 90>, rank = 3,
+      block = 128>
+
+// Threads that work on tiles together are a row of the last dimension; blocks
+// are numbered along one axis.
+// CHECK-LABEL: llvm.func ptx_kernelcc @rows
+// CHECK: %[[ROW:.*]] = gpu.block_id x
+// CHECK-NOT: gpu.block_id
+// CHECK-NOT: gpu.block_dim
+// CHECK: arith.cmpi slt
+// CHECK-COUNT-1: arith.divui
+// CHECK-NOT: arith.divui
+// CHECK: gpu.thread_id x
+// CHECK-NOT: gpu.thread_id
+// CHECK: llvm.return
+func.func @rows(%a: !warp.array<3 x si32>) attributes {
+    warp.kernel, warp.block_threads = 128 : i64, warp.variant = #gpu3} {
+  %i, %j, %k = warp.tid : i32, i32, i32
+  warp.store_components(%i), %a[%i, %j, %k] : (i32), !warp.array<3 x si32>, i32, i32, i32
+  return
+}

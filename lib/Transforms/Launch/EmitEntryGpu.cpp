@@ -38,6 +38,19 @@ EntryBuilder::Values EntryBuilder::gridIndices(Value &inside) {
                      narrow(extent, index.getType()));
     inside = inside ? arith::AndIOp::create(b, loc, inside, fits) : fits;
   };
+  if (rank > 1 && kernel->hasAttr(warp::attr::blockThreads)) {
+    // Threads that work together are one row of the last dimension.
+    auto read = [&](warp::GridValue value) {
+      return narrow(warp::readGrid(b, loc, value), type);
+    };
+    Value row = read(warp::GridValue::blockId), rows = narrow(dims[0], type);
+    for (Value extent : ArrayRef(dims).drop_front().drop_back())
+      rows = mul(rows, narrow(extent, type));
+    guard(row, rows);
+    Values indices = unravel(row, rank - 1);
+    indices.push_back(read(warp::GridValue::threadId));
+    return indices;
+  }
   if (flat) {
     Value linear = gridIndex(warp::Axis::x, i64);
     guard(linear, countAll());
