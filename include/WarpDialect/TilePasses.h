@@ -18,6 +18,11 @@ constexpr llvm::StringLiteral blockThreads = "warp.block_threads";
 constexpr llvm::StringLiteral blockBytes = "warp.block_bytes";
 } // namespace attr
 
+/// What a GPU's block has without asking for more.
+constexpr int64_t staticBlockBytes = 48 << 10;
+/// The bytes that launches of a kernel have to ask for.
+int64_t getDynamicBytes(mlir::Operation *kernel);
+
 #define GEN_PASS_DECL
 #include "WarpDialect/TilePasses.h.inc"
 

@@ -308,6 +308,7 @@ void Compilation::collectFacts(ModuleOp module) {
                   })
                   .wasInterrupted();
     cooperative = function->hasAttr(attr::blockThreads);
+    dynamicBytes = isGpu(options) ? int(getDynamicBytes(function)) : 0;
     fixedBlock = cooperative ||
                  function
                      .walk([](Operation *op) {

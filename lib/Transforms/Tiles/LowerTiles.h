@@ -9,6 +9,7 @@
 
 #include "TileScratch.h"
 
+#include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/IR/Builders.h"
 
 #include <map>
@@ -159,12 +160,29 @@ private:
   void callCholesky(TileCholeskyOp op);
   void callSolve(TileSolveOp op);
 
+  // In LowerTilesProducts.cpp.
+  Value sumsOf(Value tile, int64_t slots);
+  void callHeld(llvm::StringRef verb, Value tile, Values arguments);
+  void setHeld(mlir::Operation *op);
+  void giveHeld(TileMapOp op);
+  void storeHeld(TileStoreOp op);
+  template <typename Op>
+  Values windowOf(Op op, TileType tile, ValueRange offsets);
+  void multiply(TileMatmulOp op, Value sums, Value turn);
+  void lowerHeldProduct(TileMatmulOp op);
+  Value placeOf(Value tile, Value turn);
+  void fetch(TileLoadOp load, mlir::scf::ForOp loop, Value iteration,
+             Value turn);
+  void lowerAhead(mlir::scf::ForOp loop);
+
   void detach();
 
   mlir::FunctionOpInterface kernel;
   int64_t threads;
   TileBuffers buffers;
   std::map<std::tuple<int64_t, int64_t, const void *>, Value> arrays;
+  /// By the tile that stands for others.
+  llvm::DenseMap<Value, Value> heldSums;
   mlir::OpBuilder b, entry;
   mlir::Location loc;
   mlir::Type i32;

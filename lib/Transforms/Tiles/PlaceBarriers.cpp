@@ -65,6 +65,8 @@ private:
   static constexpr int64_t arrays = -1;
 
   void touchTile(Touches &touches, Value tile, bool isWrite, int64_t owned) {
+    if (buffers.isHeld(tile))
+      return;
     int64_t begin = buffers.getOffset(tile);
     int64_t bytes = getTileBytes(tileType(tile));
     touches.push_back({begin, begin + bytes, isWrite, owned});
@@ -153,9 +155,11 @@ private:
       return;
     }
     waitBefore(op);
+    // Waits within a loop that loads ahead come with the loads.
+    bool isStaged = op->hasAttr(tiles::attr::stages);
     bool isLoop = isa<LoopLikeOpInterface>(op);
     for (Region &region : op->getRegions()) {
-      if (region.empty())
+      if (region.empty() || isStaged)
         continue;
       pending.clear();
       place(region.front());

@@ -71,6 +71,18 @@ int64_t getTileBytes(TileType type) {
   return type.getNumElements() * getByteSize(type.getElementType());
 }
 
+int64_t getStagedBytes(Value tile) {
+  Operation *def = tile.getDefiningOp();
+  auto stages = def ? def->getAttrOfType<IntegerAttr>(attr::stages)
+                    : IntegerAttr();
+  TileType type = tileType(tile);
+  if (!stages)
+    return getTileBytes(type);
+  auto pitch = def->getAttrOfType<IntegerAttr>(attr::pitch);
+  return stages.getInt() * type.getShape()[0] * pitch.getInt() *
+         getByteSize(type.getElementType());
+}
+
 std::optional<Strided> getStrided(Value tile) {
   Operation *def = tile.getDefiningOp();
   if (!def || !isInline(def)) {
@@ -106,7 +118,11 @@ TileBuffers::TileBuffers(FunctionOpInterface kernel) {
   });
   for (Value tile : tiles)
     classes.insert(tile.getAsOpaquePointer());
-  kernel->walk([&](Operation *op) { readOffsets(op); });
+  kernel->walk([&](Operation *op) {
+    readOffsets(op);
+    if (op->hasAttr(attr::held))
+      held.insert(rootOf(op->getResult(0)));
+  });
 }
 
 void TileBuffers::readOffsets(Operation *op) {
