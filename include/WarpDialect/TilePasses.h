@@ -16,6 +16,9 @@ namespace attr {
 constexpr llvm::StringLiteral blockThreads = "warp.block_threads";
 /// On such a kernel, from warp-plan-tile-memory on: bytes of block memory.
 constexpr llvm::StringLiteral blockBytes = "warp.block_bytes";
+/// On one whose threads hold tiles: blocks that a multiprocessor of a GPU is to
+/// have room for, which limits registers.
+constexpr llvm::StringLiteral leastBlocks = "warp.least_blocks";
 } // namespace attr
 
 /// What a GPU's block has without asking for more.

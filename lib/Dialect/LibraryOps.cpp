@@ -76,6 +76,14 @@ static constexpr warp::LibraryFunction functions[] = {
     {"warp_tile_give_*", "llii", ""},
     // Sums, data, offsets, extents, steps, shape, whether it is tested.
     {"warp_tile_store_*", "lliiiiiiiii", ""},
+    // Result and operand with elements from row to row and column to column;
+    // scratch memory, rows, threads.
+    {"warp_tile_factor_*", "liiliilii", ""},
+    // Right sides, matrix with such steps, its rows, columns of right sides,
+    // whether the last row is solved first, threads.
+    {"warp_tile_substitute_*", "lliiiiii", ""},
+    // Tile, scratch memory, rows, their length, whether inverse, threads.
+    {"warp_tile_transform_*", "lliiii", ""},
     // Sums, factors; rows, columns, depth; elements per row of the factors.
     {"warp_tile_multiply_*", "llliiiii", ""},
 };

@@ -20,6 +20,7 @@
 //   sorting                        LowerTilesSort.cpp
 //   products, factors              LowerTilesAlgebra.cpp
 //   products that threads hold     LowerTilesProducts.cpp
+//   factors, transforms by forms   LowerTilesForms.cpp
 //   Fourier transforms             LowerTilesTransforms.cpp
 //   whole tiles on CPUs            LowerTilesLibrary.cpp
 //
@@ -106,10 +107,16 @@ void TileLowering::lower(Operation *op) {
         else
           lowerMatmul(matmul);
       })
-      .Case([&](TileCholeskyOp factor) { lowerCholesky(factor); })
-      .Case([&](TileSolveOp solve) { lowerSolve(solve); })
+      .Case([&](TileCholeskyOp op) {
+        op->hasAttr(attr::form) ? factor(op) : lowerCholesky(op);
+      })
+      .Case([&](TileSolveOp op) {
+        op->hasAttr(attr::form) ? substitute(op) : lowerSolve(op);
+      })
       .Case([&](TileDiagAddOp add) { lowerDiagAdd(add); })
-      .Case([&](TileFftOp fft) { lowerFft(fft); })
+      .Case([&](TileFftOp op) {
+        op->hasAttr(attr::form) ? transformRows(op) : lowerFft(op);
+      })
       .Case([](TileEmptyOp) {})
       .Default([&](Operation *) { keep(op); });
 }

@@ -60,6 +60,7 @@ private:
   Value memoryOf(Value tile);
   Value linear(llvm::ArrayRef<int64_t> shape, ValueRange indices);
   Values unravel(Value index, llvm::ArrayRef<int64_t> shape);
+  Value placeIn(Value tile, ValueRange indices);
   Value load(Value tile, ValueRange indices);
   void store(Value tile, ValueRange indices, Value value);
   /// An element, computed here if the tile is not kept.
@@ -174,6 +175,12 @@ private:
   void fetch(TileLoadOp load, mlir::scf::ForOp loop, Value iteration,
              Value turn);
   void lowerAhead(mlir::scf::ForOp loop);
+
+  // In LowerTilesForms.cpp.
+  void callForm(llvm::StringRef verb, mlir::Operation *op, Values arguments);
+  void factor(TileCholeskyOp op);
+  void substitute(TileSolveOp op);
+  void transformRows(TileFftOp op);
 
   void detach();
 

@@ -271,7 +271,7 @@ Values TileLowering::elements(Operation *op, ArrayRef<int64_t> shape,
       scf::YieldOp::create(b, loc, next);
     // What runs at the edges of arrays only is not worth the time that it would
     // take to compile it well.
-    if (tested && threads == 1)
+    if (tested)
       block->walk([](scf::ForOp loop) { setPlain(loop); });
   }
   return Values(branch.getResults());

@@ -118,8 +118,6 @@ void TileLowering::lowerHeldProduct(TileMatmulOp op) {
       ScratchType::get(b.getContext(), form.slots, b.getF32Type()));
   if (op.getC()) {
     begin(op, op.getC());
-    if (!op->hasAttr(attr::inPlace))
-      barrier();
     callLibrary("warp_tile_take_" + form.layout, {},
                 {sums, addressOf(memoryOf(op.getResult())), number(shape[0]),
                  number(shape[1])});
@@ -186,24 +184,23 @@ void TileLowering::lowerAhead(scf::ForOp loop) {
             });
     callLibrary("warp_tile_close_group", {}, {});
   };
+  auto after = [&](Value iteration, Value turns) -> Value {
+    Value distance = arith::MulIOp::create(b, loc, turns, step);
+    return arith::AddIOp::create(b, loc, iteration, distance);
+  };
   b.setInsertionPoint(loop);
-  Value first = begin;
-  for (int64_t turn = 0; turn < stages - 1; ++turn) {
-    fetchAll(first, number(turn));
-    first = arith::AddIOp::create(b, loc, first, step);
-  }
+  this->loop(stages - 1,
+             [&](Value turn) { fetchAll(after(begin, turn), turn); });
   b.setInsertionPoint(product);
   Value done = arith::SubIOp::create(b, loc, loop.getInductionVar(), begin);
-  done = toIndex(arith::DivUIOp::create(b, loc, done, step));
+  done = arith::DivUIOp::create(b, loc, done, step);
   auto turnOf = [&](Value number) -> Value {
     return arith::RemUIOp::create(b, loc, number, this->number(stages));
   };
   callLibrary("warp_tile_await_groups", {}, {number(stages - 2)});
   barrier();
-  Value ahead = loop.getInductionVar();
-  for (int64_t turn = 0; turn < stages - 1; ++turn)
-    ahead = arith::AddIOp::create(b, loc, ahead, step);
-  fetchAll(ahead, turnOf(add(done, number(stages - 1))));
+  fetchAll(after(loop.getInductionVar(), number(stages - 1)),
+           turnOf(add(done, number(stages - 1))));
   ProductForm form = *getProductForm(product);
   multiply(product, sumsOf(product.getResult(), form.slots), turnOf(done));
 }

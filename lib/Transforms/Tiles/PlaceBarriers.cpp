@@ -68,7 +68,7 @@ private:
     if (buffers.isHeld(tile))
       return;
     int64_t begin = buffers.getOffset(tile);
-    int64_t bytes = getTileBytes(tileType(tile));
+    int64_t bytes = getStagedBytes(tile);
     touches.push_back({begin, begin + bytes, isWrite, owned});
   }
 

@@ -18,6 +18,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "KernelFunction.h"
+#include "TileForms.h"
 #include "TileInlining.h"
 #include "TileProducts.h"
 
@@ -221,6 +222,7 @@ static void placeTiles(FunctionOpInterface kernel, int64_t threads) {
              branch.getNumResults() != 0)
       placeIf(b, branch);
   }
+  chooseForms(kernel, threads);
   holdSums(kernel, threads);
 }
 

@@ -71,15 +71,21 @@ int64_t getTileBytes(TileType type) {
   return type.getNumElements() * getByteSize(type.getElementType());
 }
 
-int64_t getStagedBytes(Value tile) {
+std::optional<int64_t> getPitch(Value tile) {
   Operation *def = tile.getDefiningOp();
-  auto stages = def ? def->getAttrOfType<IntegerAttr>(attr::stages)
-                    : IntegerAttr();
+  auto pitch = def ? def->getAttrOfType<IntegerAttr>(attr::pitch)
+                   : IntegerAttr();
+  return pitch ? std::optional(pitch.getInt()) : std::nullopt;
+}
+
+int64_t getStagedBytes(Value tile) {
   TileType type = tileType(tile);
-  if (!stages)
+  std::optional<int64_t> pitch = getPitch(tile);
+  if (!pitch)
     return getTileBytes(type);
-  auto pitch = def->getAttrOfType<IntegerAttr>(attr::pitch);
-  return stages.getInt() * type.getShape()[0] * pitch.getInt() *
+  auto stages =
+      tile.getDefiningOp()->getAttrOfType<IntegerAttr>(attr::stages);
+  return (stages ? stages.getInt() : 1) * type.getShape()[0] * *pitch *
          getByteSize(type.getElementType());
 }
 
@@ -89,6 +95,8 @@ std::optional<Strided> getStrided(Value tile) {
     SmallVector<int64_t> steps(tileType(tile).getRank(), 1);
     for (size_t d = steps.size(); d-- > 1;)
       steps[d - 1] = steps[d] * tileType(tile).getShape()[d];
+    if (std::optional<int64_t> pitch = getPitch(tile))
+      steps[0] = *pitch;
     return Strided{tile, steps};
   }
   auto view = dyn_cast<TileTransposeOp>(def);

@@ -28,11 +28,12 @@ constexpr llvm::StringLiteral inPlace = "in_place";
 constexpr llvm::StringLiteral offsets = "offsets";
 /// Where the operation may put what it needs on the way.
 constexpr llvm::StringLiteral scratch = "scratch";
-/// On a product: its form (TileProducts.h).
+/// On a product: its form (TileProducts.h). On factors, solves and transforms:
+/// the ending of a function of the device library (TileForms.h).
 constexpr llvm::StringLiteral form = "form";
 /// Threads hold the result as sums of a product.
 constexpr llvm::StringLiteral held = "held";
-/// On a load: elements from row to row in the block's memory.
+/// Elements from row to row of the result in the block's memory.
 constexpr llvm::StringLiteral pitch = "pitch";
 /// On a loop, and on loads in it: tiles that are there or on their way.
 constexpr llvm::StringLiteral stages = "warp.stages";
@@ -66,7 +67,9 @@ bool isView(mlir::Operation *op);
 /// are computed where they are used.
 llvm::SetVector<mlir::Operation *> getReaders(mlir::Value tile);
 int64_t getTileBytes(TileType type);
-/// Of all stages of a tile that is loaded ahead.
+/// Elements from row to row of a matrix, if that is not its width.
+std::optional<int64_t> getPitch(mlir::Value tile);
+/// With what is between rows, and of all stages of a tile that is loaded ahead.
 int64_t getStagedBytes(mlir::Value tile);
 
 /// A tile that lies in memory, and from one element to the next along each of

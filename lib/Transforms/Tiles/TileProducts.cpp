@@ -37,10 +37,8 @@ std::optional<Factor> getFactor(Value tile, bool depthIsFirst) {
   if (!strided || tileType(strided->memory).getRank() != 2)
     return std::nullopt;
   int64_t depthStep = strided->steps[!depthIsFirst];
-  int64_t pitch = tileType(strided->memory).getShape()[1];
-  if (Operation *def = strided->memory.getDefiningOp())
-    if (auto padded = def->getAttrOfType<IntegerAttr>(attr::pitch))
-      pitch = padded.getInt();
+  int64_t pitch = getPitch(strided->memory)
+                      .value_or(tileType(strided->memory).getShape()[1]);
   return Factor{strided->memory, pitch, depthStep == 1};
 }
 
@@ -68,6 +66,7 @@ std::optional<ProductForm> findProductForm(TileMatmulOp op, int64_t threads,
   if (version < oldestVersion || threads % 32 != 0 || !isOne(op.getAlpha()) ||
       !isOne(op.getBeta()) || tileType(op.getB()).getElementType() != type ||
       !tileType(op.getResult()).getElementType().isF32() ||
+      (op.getC() && op.getC().getType() != op.getResult().getType()) ||
       !(type.isF32() || type.isF16() || type.isBF16()))
     return std::nullopt;
   std::optional<Factor> a = getFactor(op.getA(), op.getTransposeA());
@@ -164,6 +163,7 @@ public:
     for (TileMatmulOp op : products)
       if (op->hasAttr(attr::held))
         loadAhead(op);
+    limitRegisters(products);
   }
 
 private:
@@ -300,7 +300,8 @@ private:
                                         product.getTransposeA());
     std::optional<Factor> b = getFactor(product.getB(),
                                         !product.getTransposeB());
-    if (!loop || a->memory == b->memory || !isOwnLoad(a->memory, product) ||
+    if (!loop || !loop.getInductionVar().getType().isInteger(32) ||
+        a->memory == b->memory || !isOwnLoad(a->memory, product) ||
         !isOwnLoad(b->memory, product) ||
         !isPure(loop, product,
                 {a->memory.getDefiningOp(), b->memory.getDefiningOp()}))
@@ -323,6 +324,19 @@ private:
                     builder.getI64IntegerAttr(
                         padded(tileType(factor.memory), factor.isAlong)));
     }
+  }
+
+  /// A quarter of a thread's registers more would halve the threads that hide
+  /// each other's waits.
+  void limitRegisters(ArrayRef<TileMatmulOp> products) {
+    constexpr int64_t registers = 128, mostSums = 64;
+    int64_t sums = 0;
+    for (TileMatmulOp op : products)
+      sums = std::max(sums, getProductForm(op)->slots);
+    int64_t blocks = (64 << 10) / (registers * threads);
+    if (sums > mostSums / 2 && sums <= mostSums && blocks > 1)
+      kernel->setAttr(warp::attr::leastBlocks,
+                      Builder(kernel.getContext()).getI64IntegerAttr(blocks));
   }
 
   FunctionOpInterface kernel;

@@ -37,10 +37,15 @@ WARP_INLINE float fromLane(float value, i32 lane) {
   return result;
 }
 
-WARP_INLINE float root(float x) {
-  float result;
-  asm("sqrt.rn.f32 %0, %1;" : "=f"(result) : "f"(x));
-  return result;
+/// The root of a number, to the last bit but one, and its inverse: one step of
+/// Newton's method each. The root of what is not positive is NaN.
+WARP_INLINE float root(float x, float &over) {
+  float y;
+  asm("rsqrt.approx.f32 %0, %1;" : "=f"(y) : "f"(x));
+  y = x > 0 ? y : __builtin_nanf("");
+  over = __builtin_fmaf(0.5f * y, __builtin_fmaf(-(x * y), y, 1.0f), y);
+  float near = x * over;
+  return __builtin_fmaf(0.5f * over, __builtin_fmaf(-near, near, x), near);
 }
 WARP_INLINE float inverse(float x) {
   float result;
@@ -84,34 +89,29 @@ template <int width> struct Panel {
 
 /// Eliminates the columns of a panel from a lane's row. The diagonal block
 /// makes the panel's columns on the way.
-template <int width, bool isDiagonal>
+template <int width>
 WARP_INLINE void eliminate(float (&a)[width], const Panel<width> &panel,
-                           i32 lane) {
+                           bool isDiagonal, i32 lane) {
 #pragma unroll
   for (int j = 0; j < width; ++j) {
-    float l;
-    if constexpr (isDiagonal) {
-      float square = fromLane(a[j], j);
-      // The root of what is not positive is NaN, and so is what follows.
-      float diagonal = root(square > 0 ? square : __builtin_nanf(""));
-      float over = inverse(diagonal);
-      l = lane == j ? diagonal : a[j] * over;
+    if (isDiagonal) {
+      float over, diagonal = root(fromLane(a[j], j), over);
+      a[j] = lane == j ? diagonal : a[j] * over;
       if (lane < width)
-        panel.column(j)[lane] = l;
+        panel.column(j)[lane] = a[j];
       if (lane == 0)
         panel.inverses()[j] = over;
       meetLanes();
     } else {
-      l = a[j] * panel.inverses()[j];
+      a[j] *= panel.inverses()[j];
     }
-    a[j] = l;
 #pragma unroll
     for (int k = (j + 1) / 4 * 4; k < width; k += 4) {
       Four others = *(Shared<Four> *)(panel.column(j) + k);
 #pragma unroll
       for (int i = 0; i < 4; ++i)
         if (k + i > j)
-          a[k + i] = __builtin_fmaf(-l, others[i], a[k + i]);
+          a[k + i] = __builtin_fmaf(-a[j], others[i], a[k + i]);
     }
   }
 }
@@ -179,35 +179,40 @@ template <int width> struct Factor {
     }
   }
 
+  WARP_INLINE void eliminateRows(i32 begin, i32 first, bool isDiagonal,
+                                 i32 lane) const {
+    float a[width];
+    take(a, begin + lane, first);
+    eliminate(a, panel, isDiagonal, lane);
+    give(a, begin + lane, first);
+  }
+
   WARP_INLINE void run(i32 threads) const {
     i32 thread = threadNumber();
     i32 warp = u32(thread) / 32, lane = u32(thread) % 32, warps = threads / 32;
+    if (n <= width) {
+      if (warp == 0)
+        eliminateRows(0, 0, true, lane);
+      return;
+    }
 #pragma clang loop unroll(disable)
     for (i32 first = 0; first < n; first += width) {
-      float a[width];
-      if (warp == 0) {
-        take(a, first + lane, first);
-        eliminate<width, true>(a, panel, lane);
-        if (lane < width)
-          give(a, first + lane, first);
-      }
-      if (n <= width)
-        return;
-      meet(threads);
+      // The first turn is that of the diagonal block.
+      i32 groups = (n - first - 1) / 32, turns = 1 + (groups + warps - 1) / warps;
 #pragma clang loop unroll(disable)
-      for (i32 group = first + width + warp * 32; group < n;
-           group += warps * 32) {
-        take(a, group + lane, first);
-        eliminate<width, false>(a, panel, lane);
-        give(a, group + lane, first);
+      for (i32 turn = 0; turn < turns; ++turn) {
+        i32 group = turn == 0 ? warp : 1 + (turn - 1) * warps + warp;
+        if (turn == 0 ? warp == 0 : group <= groups)
+          eliminateRows(first + group * 32, first, turn == 0, lane);
+        if (turn == 0)
+          meet(threads);
       }
       // Rows above have zeros there.
 #pragma clang loop unroll(disable)
       for (i32 i = thread; i < first; i += threads)
-#pragma unroll
-        for (int k = 0; k < width; ++k)
-          if (first + k < n)
-            *to.at(i, first + k) = 0;
+#pragma clang loop unroll(disable)
+        for (i32 k = first; k < first + width && k < n; ++k)
+          *to.at(i, k) = 0;
       meet(threads);
     }
   }
