@@ -76,6 +76,8 @@ static constexpr warp::LibraryFunction functions[] = {
     {"warp_tile_give_*", "llii", ""},
     // Sums, data, offsets, extents, steps, shape, whether it is tested.
     {"warp_tile_store_*", "lliiiiiiiii", ""},
+    // A number of each thread, scratch memory, threads.
+    {"warp_tile_combine_*", "lli", ""},
     // Result and operand with elements from row to row and column to column;
     // scratch memory, rows, threads.
     {"warp_tile_factor_*", "liiliilii", ""},

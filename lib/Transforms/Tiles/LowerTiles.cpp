@@ -65,7 +65,8 @@ void TileLowering::lower(Operation *op) {
         if (map->hasAttr(attr::held))
           setHeld(map);
         else if (isTile(map.getInputs()[0]) &&
-                 buffers.isHeld(map.getInputs()[0]))
+                 buffers.isHeld(map.getInputs()[0]) &&
+                 !tiles::isStriped(map.getInputs()[0]))
           giveHeld(map);
         else
           lowerMap(map);
@@ -77,7 +78,8 @@ void TileLowering::lower(Operation *op) {
           keep(splat);
       })
       .Case([&](TileStoreOp store) {
-        if (buffers.isHeld(store.getTile()))
+        if (buffers.isHeld(store.getTile()) &&
+            !tiles::isStriped(store.getTile()))
           storeHeld(store);
         else
           lowerStore(store);

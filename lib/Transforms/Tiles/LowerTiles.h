@@ -61,6 +61,7 @@ private:
   Value linear(llvm::ArrayRef<int64_t> shape, ValueRange indices);
   Values unravel(Value index, llvm::ArrayRef<int64_t> shape);
   Value placeIn(Value tile, ValueRange indices);
+  Value stripeOf(Value tile);
   Value load(Value tile, ValueRange indices);
   void store(Value tile, ValueRange indices, Value value);
   /// An element, computed here if the tile is not kept.
@@ -97,6 +98,7 @@ private:
   void elements(mlir::Operation *op, llvm::ArrayRef<int64_t> shape,
                 llvm::function_ref<void(ValueRange)> body);
   void collectTested(mlir::Operation *op, Value &inside);
+  bool touchesStripes(mlir::Operation *op);
   void barrier();
   void byFirstThread(llvm::function_ref<void()> make);
 
@@ -127,6 +129,7 @@ private:
   void lowerReduce(mlir::Operation *op, TileReduction kind, Value tile,
                    std::optional<int64_t> axis, bool positions);
   Values overBlock(mlir::Operation *op, TileReduction kind, Values sums);
+  Value overWarps(mlir::Operation *op, TileReduction kind, Value sum);
   void lowerFold(TileFoldOp op);
   void lowerScan(TileScanOp op);
 
@@ -195,6 +198,10 @@ private:
   mlir::Type i32;
   Value thread;
   bool testing = true;
+  /// Within `share`: how many elements the thread has had before, and whether
+  /// that is to be a constant.
+  Value turn;
+  bool isStriped = false;
 };
 
 } // namespace warp::tiles

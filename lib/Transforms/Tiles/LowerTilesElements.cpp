@@ -65,12 +65,31 @@ Value TileLowering::placeIn(Value tile, ValueRange indices) {
   return linear(tileType(tile).getShape(), indices);
 }
 
+/// What a thread has of a tile in registers.
+Value TileLowering::stripeOf(Value tile) {
+  Value &stripe = heldSums[buffers.rootOf(tile)];
+  TileType type = tileType(tile);
+  if (!stripe)
+    stripe = ScratchOp::create(
+        entry, loc,
+        ScratchType::get(b.getContext(), type.getNumElements() / threads,
+                         type.getElementType()));
+  return stripe;
+}
+
 Value TileLowering::load(Value tile, ValueRange indices) {
+  if (tiles::isStriped(tile))
+    return ScratchLoadOp::create(b, loc, tileType(tile).getElementType(),
+                                 stripeOf(tile), turn);
   return LoadOp::create(b, loc, tileType(tile).getElementType(),
                         memoryOf(tile), placeIn(tile, indices));
 }
 
 void TileLowering::store(Value tile, ValueRange indices, Value value) {
+  if (tiles::isStriped(tile)) {
+    ScratchStoreOp::create(b, loc, value, stripeOf(tile), turn);
+    return;
+  }
   StoreOp::create(b, loc, value, memoryOf(tile), placeIn(tile, indices));
 }
 

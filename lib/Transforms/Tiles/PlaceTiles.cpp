@@ -10,7 +10,8 @@
 //              replaces afterwards
 //   copies     where loops and branches carry tiles, each carried tile has one
 //              piece of memory; what is not computed in it is copied there
-//   held       sums that need no memory on a GPU (TileProducts.h)
+//   held       what needs no memory on a GPU: sums of products
+//              (TileProducts.h), and elements of a thread's own (TileStripes.h)
 //
 // A copy into memory that exists is a `tile_map` with the target as its second
 // operand, in place of that.
@@ -21,6 +22,7 @@
 #include "TileForms.h"
 #include "TileInlining.h"
 #include "TileProducts.h"
+#include "TileStripes.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/Interfaces/LoopLikeInterface.h"
@@ -224,6 +226,7 @@ static void placeTiles(FunctionOpInterface kernel, int64_t threads) {
   }
   chooseForms(kernel, threads);
   holdSums(kernel, threads);
+  holdStripes(kernel, threads);
 }
 
 namespace {

@@ -71,6 +71,11 @@ int64_t getTileBytes(TileType type) {
   return type.getNumElements() * getByteSize(type.getElementType());
 }
 
+bool isStriped(Value tile) {
+  Operation *def = tile.getDefiningOp();
+  return def && def->hasAttr(attr::striped);
+}
+
 std::optional<int64_t> getPitch(Value tile) {
   Operation *def = tile.getDefiningOp();
   auto pitch = def ? def->getAttrOfType<IntegerAttr>(attr::pitch)
@@ -128,8 +133,9 @@ TileBuffers::TileBuffers(FunctionOpInterface kernel) {
     classes.insert(tile.getAsOpaquePointer());
   kernel->walk([&](Operation *op) {
     readOffsets(op);
-    if (op->hasAttr(attr::held))
-      held.insert(rootOf(op->getResult(0)));
+    if (op->hasAttr(attr::held) || op->hasAttr(attr::striped))
+      for (Value result : op->getResults())
+        held.insert(rootOf(result));
   });
 }
 

@@ -33,6 +33,8 @@ constexpr llvm::StringLiteral scratch = "scratch";
 constexpr llvm::StringLiteral form = "form";
 /// Threads hold the result as sums of a product.
 constexpr llvm::StringLiteral held = "held";
+/// Threads hold the results: each the elements that it treats in loops.
+constexpr llvm::StringLiteral striped = "striped";
 /// Elements from row to row of the result in the block's memory.
 constexpr llvm::StringLiteral pitch = "pitch";
 /// On a loop, and on loads in it: tiles that are there or on their way.
@@ -71,6 +73,9 @@ int64_t getTileBytes(TileType type);
 std::optional<int64_t> getPitch(mlir::Value tile);
 /// With what is between rows, and of all stages of a tile that is loaded ahead.
 int64_t getStagedBytes(mlir::Value tile);
+
+/// Whether threads have the elements of a tile that they treat in registers.
+bool isStriped(mlir::Value tile);
 
 /// A tile that lies in memory, and from one element to the next along each of
 /// its dimensions, in elements.

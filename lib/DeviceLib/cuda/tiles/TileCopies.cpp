@@ -24,21 +24,18 @@ WARP_INLINE void fetch(u64 to, const Window &window, i32 pitch, i32 threads) {
   constexpr i32 run = 16 / sizeof(T);
   i32 thread = threadNumber();
   i32 runs = window.columns / run, chunks = window.rows * runs;
-  if (window.columns % run == 0 && window.isAligned(sizeof(T), 16) &&
-      window.isInside()) {
-    i32 whole = chunks / threads;
-    for (i32 turn = 0; turn < whole; ++turn) {
-      i32 chunk = turn * threads + thread;
-      i32 row = u32(chunk) / u32(runs), column = u32(chunk) % u32(runs) * run;
-      copyChunk(to + (row * pitch + column) * sizeof(T),
-                window.at(row, column));
-    }
-    i32 chunk = whole * threads + thread;
-    if (whole * threads < chunks && chunk < chunks) {
-      i32 row = u32(chunk) / u32(runs), column = u32(chunk) % u32(runs) * run;
-      copyChunk(to + (row * pitch + column) * sizeof(T),
-                window.at(row, column));
-    }
+  if (window.columns % run == 0 && threads % runs == 0 &&
+      window.isAligned(sizeof(T), 16) && window.isInside()) {
+    // A thread's rows are so many apart.
+    i32 rows = threads / runs, whole = chunks / threads;
+    i32 row = u32(thread) / u32(runs), column = u32(thread) % u32(runs) * run;
+    u64 from = window.at(row, column);
+    i64 step = i64(window.step[0]) * rows;
+    to += (row * pitch + column) * sizeof(T);
+    for (i32 turn = 0; turn < whole; ++turn)
+      copyChunk(to + turn * rows * pitch * sizeof(T), from + turn * step);
+    if (whole * threads < chunks && whole * threads + thread < chunks)
+      copyChunk(to + whole * rows * pitch * sizeof(T), from + whole * step);
     return;
   }
 #pragma clang loop unroll(disable)
