@@ -102,8 +102,22 @@ static void setPitches(FunctionOpInterface kernel) {
   }
 }
 
+/// Warps hide each other's waits: as many as have room for a panel's row in
+/// registers.
+static void limitRegisters(FunctionOpInterface kernel, int64_t threads) {
+  int64_t widest = 0;
+  kernel->walk([&](TileCholeskyOp op) {
+    if (op->hasAttr(attr::form))
+      widest = std::max(widest, tileType(op.getTile()).getShape()[0]);
+  });
+  int64_t registers = widest <= 16 ? 64 : 80;
+  int64_t blocks = std::min<int64_t>((64 << 10) / (registers * threads), 32);
+  if (widest > 8 && widest <= 32 && blocks > 1)
+    kernel->setAttr(warp::attr::leastBlocks,
+                    Builder(kernel.getContext()).getI64IntegerAttr(blocks));
+}
+
 void chooseForms(FunctionOpInterface kernel, int64_t threads) {
-  // Shuffles that name their lanes came with 70.
   if (!isGpu(kernel) || threads % 32 != 0 || getVariant(kernel).getDebug() ||
       getVariant(kernel).getTarget().getVersion() < 80)
     return;
@@ -122,8 +136,10 @@ void chooseForms(FunctionOpInterface kernel, int64_t threads) {
     op->setAttr(attr::form,
                 Builder(kernel.getContext()).getI64IntegerAttr(form));
   });
-  if (any)
-    setPitches(kernel);
+  if (!any)
+    return;
+  setPitches(kernel);
+  limitRegisters(kernel, threads);
 }
 
 } // namespace warp::tiles
