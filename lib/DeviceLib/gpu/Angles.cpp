@@ -88,12 +88,27 @@ static inline Pair sineAndCosine(Angle a) {
               flipped(odd ? s : c, a.quadrant + 1)};
 }
 
+/// One of the two; the coefficients are chosen, which is less than to compute
+/// both.
+static inline float sine(float r, unsigned quadrant) {
+  bool odd = quadrant & 1;
+  float z = r * r, first = odd ? 1.0f : r;
+  float p = __builtin_fmaf(z, 0x1.99e894p-16f, -0x1.6c0c2ap-10f);
+  p = __builtin_fmaf(z, odd ? p : -0x1.9950eep-13f,
+                     odd ? 0x1.55554ap-5f : 0x1.110774p-7f);
+  p = __builtin_fmaf(z, p, odd ? -0.5f : -0x1.555546p-3f);
+  float value = __builtin_fmaf(p, __builtin_fmaf(z, first, 0.0f), first);
+  return quadrant & 2 ? -value : value;
+}
+
 extern "C" float warp_gpu_sinf(float x) {
-  return sineAndCosine(reduce(x)).x;
+  Angle a = reduce(x);
+  return sine(a.rest, a.quadrant);
 }
 
 extern "C" float warp_gpu_cosf(float x) {
-  return sineAndCosine(reduce(x)).y;
+  Angle a = reduce(x);
+  return sine(a.rest, a.quadrant + 1);
 }
 
 extern "C" Pair warp_gpu_sincosf(float x) {
