@@ -10,8 +10,8 @@
 //
 //===----------------------------------------------------------------------===//
 
-#ifndef WARP_DEVICELIB_CUDA_TILES_TILES_H
-#define WARP_DEVICELIB_CUDA_TILES_TILES_H
+#ifndef WARP_DEVICELIB_GPU_TILES_H
+#define WARP_DEVICELIB_GPU_TILES_H
 
 using i32 = int;
 using u16 = unsigned short;
@@ -73,4 +73,4 @@ struct Window {
 
 } // namespace
 
-#endif // WARP_DEVICELIB_CUDA_TILES_TILES_H
+#endif // WARP_DEVICELIB_GPU_TILES_H
