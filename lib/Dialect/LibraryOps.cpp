@@ -3,7 +3,7 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // The table says what lib/DeviceLib defines: in Geometry.cpp, and for tiles in
-// cpu/Tile*.cpp and gpu. A star stands for several endings.
+// cpu/Tile*.cpp and gpu/Tile*.cpp. A star stands for several endings.
 //
 //===----------------------------------------------------------------------===//
 

@@ -40,7 +40,8 @@ WARP_INLINE void fetch(u64 to, const Window &window, i32 pitch, i32 threads) {
   }
 #pragma clang loop unroll(disable)
   for (i32 i = thread; i < window.rows * window.columns; i += threads) {
-    i32 row = u32(i) / u32(window.columns), column = u32(i) % u32(window.columns);
+    i32 row = u32(i) / u32(window.columns);
+    i32 column = u32(i) % u32(window.columns);
     T value = 0;
     if (window.has(row, column))
       value = *global<T>(window.at(row, column));

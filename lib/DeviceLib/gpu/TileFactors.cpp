@@ -4,9 +4,9 @@
 //
 // Lanes of a warp have a row each, in registers, of as many columns as a panel
 // has. A column that is done goes to the lanes by way of the block's memory,
-// where four numbers are read at once. Panels one after the other (left-looking):
-// what columns before a panel take from it, its diagonal block, the rows below.
-// Groups of rows are shared by the warps of the block.
+// where four numbers are read at once. Panels one after the other, looking
+// left: what columns before a panel take from it, its diagonal block, the rows
+// below. Groups of rows are shared by the warps of the block.
 //
 // Matrices come with the elements from row to row and column to column, so that
 // one code does for both triangles.
@@ -198,7 +198,8 @@ template <int width> struct Factor {
 #pragma clang loop unroll(disable)
     for (i32 first = 0; first < n; first += width) {
       // The first turn is that of the diagonal block.
-      i32 groups = (n - first - 1) / 32, turns = 1 + (groups + warps - 1) / warps;
+      i32 groups = (n - first - 1) / 32;
+      i32 turns = 1 + (groups + warps - 1) / warps;
 #pragma clang loop unroll(disable)
       for (i32 turn = 0; turn < turns; ++turn) {
         i32 group = turn == 0 ? warp : 1 + (turn - 1) * warps + warp;
@@ -276,10 +277,8 @@ WARP_INLINE void solve(u64 sides, const Matrix &matrix, i32 n, i32 columns,
   WARP_TILES warp_tile_factor_##width(                                         \
       u64 to, i32 toRow, i32 toColumn, u64 from, i32 fromRow, i32 fromColumn,  \
       u64 scratch, i32 n, i32 threads, void *) {                               \
-    Factor<width>{{to, toRow, toColumn},                                       \
-                  {from, fromRow, fromColumn},                                 \
-                  n,                                                           \
-                  {scratch}}                                                   \
+    Factor<width>{                                                             \
+        {to, toRow, toColumn}, {from, fromRow, fromColumn}, n, {scratch}}      \
         .run(threads);                                                         \
   }
 WARP_FACTOR(8)
@@ -287,9 +286,9 @@ WARP_FACTOR(16)
 WARP_FACTOR(32)
 
 #define WARP_SUBSTITUTE(rows)                                                  \
-  WARP_TILES warp_tile_substitute_##rows(                                      \
-      u64 sides, u64 matrix, i32 row, i32 column, i32 n, i32 columns,          \
-      i32 backwards, i32 threads, void *) {                                    \
+  WARP_TILES warp_tile_substitute_##rows(u64 sides, u64 matrix, i32 row,       \
+                                         i32 column, i32 n, i32 columns,       \
+                                         i32 backwards, i32 threads, void *) { \
     if (backwards)                                                             \
       solve<rows, true>(sides, {matrix, row, column}, n, columns, threads);    \
     else                                                                       \

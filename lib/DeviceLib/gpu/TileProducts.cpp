@@ -31,7 +31,10 @@ template <int R, int C, bool aAlong, bool bAlong> struct Blocked {
   WARP_INLINE Blocked(i32 m, i32 n, i32 thread) {
     rows = m / R;
     columns = n / C;
-    i32 wide = columns % 8 == 0 ? 8 : columns % 4 == 0 ? 4 : columns % 2 ? 1 : 2;
+    i32 wide = columns % 8 == 0   ? 8
+               : columns % 4 == 0 ? 4
+               : columns % 2 == 0 ? 2
+                                  : 1;
     i32 high = 32 / wide, across = columns / wide;
     i32 warp = u32(thread) / 32, lane = u32(thread) % 32;
     y = u32(warp) / u32(across) * high + u32(lane) / u32(wide);
@@ -98,8 +101,8 @@ WARP_INLINE void readRuns(float (&to)[n][4], Shared<float> *from, i32 pitch,
 }
 
 template <int R, int C, bool aAlong, bool bAlong>
-WARP_INLINE void multiplyBlocked(u64 sums, u64 a, u64 b, i32 m, i32 n, i32 depth,
-                                 i32 aPitch, i32 bPitch) {
+WARP_INLINE void multiplyBlocked(u64 sums, u64 a, u64 b, i32 m, i32 n,
+                                 i32 depth, i32 aPitch, i32 bPitch) {
   Blocked<R, C, aAlong, bAlong> layout(m, n, threadNumber());
   float sum[R][C];
   float *kept = own<float>(sums);
@@ -175,13 +178,15 @@ WARP_INLINE void multiplyWarps(u64 sums, u64 a, u64 b, i32 m, i32 n, i32 depth,
   for (i32 k = 0; k < depth; k += 16) {
     u32 x[R / 16][4], y[C / 16][4];
 #pragma unroll
-    for (int i = 0; i < R / 16; ++i)
-      readMatrices<!aAlong>(
-          x[i], fromA + (aAlong ? i * 16 * aPitch + k : k * aPitch + i * 16) * 2);
+    for (int i = 0; i < R / 16; ++i) {
+      i32 place = aAlong ? i * 16 * aPitch + k : k * aPitch + i * 16;
+      readMatrices<!aAlong>(x[i], fromA + place * 2);
+    }
 #pragma unroll
-    for (int j = 0; j < C / 16; ++j)
-      readMatrices<!bAlong>(
-          y[j], fromB + (bAlong ? j * 16 * bPitch + k : k * bPitch + j * 16) * 2);
+    for (int j = 0; j < C / 16; ++j) {
+      i32 place = bAlong ? j * 16 * bPitch + k : k * bPitch + j * 16;
+      readMatrices<!bAlong>(y[j], fromB + place * 2);
+    }
 #pragma unroll
     for (int i = 0; i < R / 16; ++i)
 #pragma unroll
@@ -213,8 +218,7 @@ WARP_INLINE void exchange(u64 sums, u64 memory, i32 m, i32 n) {
   float *kept = own<float>(sums);
 #pragma unroll
   for (int slot = 0; slot < Layout::slots; slot += run) {
-    auto *at = (Shared<Run> *)(shared<float>(memory) +
-                               layout.runRow(slot) * n +
+    auto *at = (Shared<Run> *)(shared<float>(memory) + layout.runRow(slot) * n +
                                layout.runColumn(slot));
     Run values;
     if (!back)
@@ -230,8 +234,7 @@ WARP_INLINE void exchange(u64 sums, u64 memory, i32 m, i32 n) {
   }
 }
 
-template <class Layout>
-WARP_INLINE void store(u64 sums, const Window &window) {
+template <class Layout> WARP_INLINE void store(u64 sums, const Window &window) {
   constexpr int run = Layout::run;
   using Run = Vec<float, run>;
   Layout layout(window.rows, window.columns, threadNumber());

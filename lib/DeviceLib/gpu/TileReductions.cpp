@@ -3,8 +3,8 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // Lanes exchange theirs at distances that double, so that all of them have the
-// same in the end; then warps do by way of the block's memory. The order depends
-// on nothing but the number of threads.
+// same in the end; then warps do by way of the block's memory. The order
+// depends on nothing but the number of threads.
 //
 //===----------------------------------------------------------------------===//
 

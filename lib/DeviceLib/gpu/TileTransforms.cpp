@@ -76,11 +76,11 @@ template <int radix> struct Butterfly {
 #pragma unroll
     for (int k = 0; k < half; ++k) {
       int eighths = k * 16 / radix;
-      Complex other = eighths == 0 ? odd[k]
-                      : eighths == 4
-                          ? turned(odd[k])
-                          : times(odd[k],
-                                  Complex{cosine(eighths), -sine(eighths)});
+      Complex other =
+          eighths == 0 ? odd[k]
+          : eighths == 4
+              ? turned(odd[k])
+              : times(odd[k], Complex{cosine(eighths), -sine(eighths)});
       x[k] = even[k] + other;
       x[k + half] = even[k] - other;
     }

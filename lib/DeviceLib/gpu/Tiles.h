@@ -2,11 +2,11 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Functions for tiles get addresses in the block's memory and in that of arrays,
-// and shapes, which are constants where they become part of a kernel: all are
-// inlined there. A thread's own values come by address, too; accesses at known
-// places make registers of them. Functions of the library are called with an
-// address for results last; these give none.
+// Functions for tiles get addresses in the block's memory and in that of
+// arrays, and shapes, which are constants where they become part of a kernel:
+// all are inlined there. A thread's own values come by address, too; accesses
+// at known places make registers of them. Functions of the library are called
+// with an address for results last; these give none.
 //
 //===----------------------------------------------------------------------===//
 
@@ -26,8 +26,7 @@ namespace {
 
 template <class T> using Shared = T __attribute__((address_space(3)));
 template <class T> using Global = T __attribute__((address_space(1)));
-template <class T, int n>
-using Vec = T __attribute__((ext_vector_type(n)));
+template <class T, int n> using Vec = T __attribute__((ext_vector_type(n)));
 
 template <class T> WARP_INLINE Shared<T> *shared(u64 address) {
   return (Shared<T> *)address;
@@ -35,9 +34,7 @@ template <class T> WARP_INLINE Shared<T> *shared(u64 address) {
 template <class T> WARP_INLINE Global<T> *global(u64 address) {
   return (Global<T> *)address;
 }
-template <class T> WARP_INLINE T *own(u64 address) {
-  return (T *)address;
-}
+template <class T> WARP_INLINE T *own(u64 address) { return (T *)address; }
 
 WARP_INLINE i32 threadNumber() {
   i32 number;

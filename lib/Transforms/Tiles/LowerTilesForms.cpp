@@ -25,8 +25,8 @@ void TileLowering::factor(TileCholeskyOp op) {
     std::swap(from.steps[0], from.steps[1]);
   }
   int64_t n = tileType(op.getTile()).getShape()[0];
-  Value scratch = arrayAt(scratchOf(op), getFormBytes(op, threads) / 4,
-                          b.getF32Type());
+  Value scratch =
+      arrayAt(scratchOf(op), getFormBytes(op, threads) / 4, b.getF32Type());
   callForm("factor", op,
            {addressOf(memoryOf(op.getResult())), number(to.steps[0]),
             number(to.steps[1]), addressOf(memoryOf(from.memory)),

@@ -268,7 +268,9 @@ void TileLowering::collectTested(Operation *op, Value &inside) {
 /// Whether an operation, or what is computed in its loop, reads or makes tiles
 /// that threads have in registers.
 bool TileLowering::touchesStripes(Operation *op) {
-  auto isStripe = [](Value tile) { return isTile(tile) && tiles::isStriped(tile); };
+  auto isStripe = [](Value tile) {
+    return isTile(tile) && tiles::isStriped(tile);
+  };
   return llvm::any_of(op->getResults(), isStripe) ||
          llvm::any_of(op->getOperands(), [&](Value operand) {
            Operation *def = operand.getDefiningOp();

@@ -72,8 +72,8 @@ Values TileLowering::windowOf(Op op, TileType tile, ValueRange offsets) {
     window.push_back(toIndex(offset));
   Type integer = b.getIntegerType(32, true);
   for (int64_t d = 0; d < 2; ++d)
-    window.push_back(DimOp::create(b, loc, integer, op.getArray(),
-                                   b.getI64IntegerAttr(d)));
+    window.push_back(
+        DimOp::create(b, loc, integer, op.getArray(), b.getI64IntegerAttr(d)));
   for (int64_t d = 0; d < 2; ++d)
     window.push_back(StrideOp::create(b, loc, integer, op.getArray(),
                                       b.getI64IntegerAttr(d)));
@@ -114,8 +114,7 @@ void TileLowering::lowerHeldProduct(TileMatmulOp op) {
   }
   ArrayRef<int64_t> shape = tileType(op.getResult()).getShape();
   Value sums = ScratchOp::create(
-      entry, loc,
-      ScratchType::get(b.getContext(), form.slots, b.getF32Type()));
+      entry, loc, ScratchType::get(b.getContext(), form.slots, b.getF32Type()));
   if (op.getC()) {
     begin(op, op.getC());
     callLibrary("warp_tile_take_" + form.layout, {},

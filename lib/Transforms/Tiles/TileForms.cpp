@@ -3,7 +3,7 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // Which shapes lib/DeviceLib/gpu has functions for. Other ones, and other
-// element types, are lowered to loops (LowerTilesAlgebra.cpp,
+// element types, become loops (LowerTilesAlgebra.cpp,
 // LowerTilesTransforms.cpp).
 //
 //===----------------------------------------------------------------------===//
@@ -88,17 +88,18 @@ static void setPitches(FunctionOpInterface kernel) {
   for (auto &[root, members] : byRoot) {
     bool fits = llvm::all_of(members, [](Value tile) {
       Operation *def = tile.getDefiningOp();
-      return def && (isa<TileLoadOp>(def) || (isa<TileCholeskyOp>(def) &&
-                                              def->hasAttr(attr::form))) &&
+      return def &&
+             (isa<TileLoadOp>(def) ||
+              (isa<TileCholeskyOp>(def) && def->hasAttr(attr::form))) &&
              tileType(tile).getRank() == 2 &&
              llvm::all_of(tile.getUses(), readsAsMatrix);
     });
     if (fits)
       for (Value tile : members)
         tile.getDefiningOp()->setAttr(
-            attr::pitch, Builder(kernel.getContext())
-                             .getI64IntegerAttr(
-                                 pitchOf(tileType(tile).getShape()[1])));
+            attr::pitch,
+            Builder(kernel.getContext())
+                .getI64IntegerAttr(pitchOf(tileType(tile).getShape()[1])));
   }
 }
 
@@ -110,7 +111,7 @@ static void limitRegisters(FunctionOpInterface kernel, int64_t threads) {
     if (op->hasAttr(attr::form))
       widest = std::max(widest, tileType(op.getTile()).getShape()[0]);
   });
-  int64_t registers = widest <= 16 ? 64 : 80;
+  int64_t registers = widest <= 16 ? 72 : 96;
   int64_t blocks = std::min<int64_t>((64 << 10) / (registers * threads), 32);
   if (widest > 8 && widest <= 32 && blocks > 1)
     kernel->setAttr(warp::attr::leastBlocks,

@@ -93,14 +93,13 @@ std::optional<ProductForm> findProductForm(TileMatmulOp op, int64_t threads,
       }
     return std::nullopt;
   }
-  for (Patch patch : {Patch(64, 64), Patch(64, 32), Patch(32, 64),
-                      Patch(32, 32), Patch(32, 16), Patch(16, 32),
-                      Patch(16, 16)})
+  for (Patch patch :
+       {Patch(64, 64), Patch(64, 32), Patch(32, 64), Patch(32, 32),
+        Patch(32, 16), Patch(16, 32), Patch(16, 16)})
     if (fitsWarps(shape[0], shape[1], patch.first, patch.second, threads))
-      return ProductForm{(type.isF16() ? "f16" : "bf16") + patchOf(patch) +
-                             ending,
-                         "mma" + patchOf(patch),
-                         patch.first * patch.second / 32};
+      return ProductForm{
+          (type.isF16() ? "f16" : "bf16") + patchOf(patch) + ending,
+          "mma" + patchOf(patch), patch.first * patch.second / 32};
   return std::nullopt;
 }
 
@@ -203,8 +202,7 @@ private:
   bool canStore(Operation *user, Value tile) const {
     auto store = dyn_cast<TileStoreOp>(user);
     return store && store.getTile() == tile && !store.getPicked() &&
-           isPlainWindow(store.getArray(), tileType(tile),
-                         store.getOffsets());
+           isPlainWindow(store.getArray(), tileType(tile), store.getOffsets());
   }
 
   bool usesInPlace(Operation *user, Value tile) const {
@@ -279,9 +277,8 @@ private:
         loop.getBody()->without_terminator(), [&](Operation &op) {
           bool known = &op == product || llvm::is_contained(loads, &op) ||
                        (computesTiles(&op) && isInline(&op));
-          return known ||
-                 (!computesTiles(&op) && isMemoryEffectFree(&op) &&
-                  op.getNumRegions() == 0);
+          return known || (!computesTiles(&op) && isMemoryEffectFree(&op) &&
+                           op.getNumRegions() == 0);
         });
   }
 
@@ -296,10 +293,10 @@ private:
 
   void loadAhead(TileMatmulOp product) {
     auto loop = dyn_cast<scf::ForOp>(product->getParentOp());
-    std::optional<Factor> a = getFactor(product.getA(),
-                                        product.getTransposeA());
-    std::optional<Factor> b = getFactor(product.getB(),
-                                        !product.getTransposeB());
+    std::optional<Factor> a =
+        getFactor(product.getA(), product.getTransposeA());
+    std::optional<Factor> b =
+        getFactor(product.getB(), !product.getTransposeB());
     if (!loop || !loop.getInductionVar().getType().isInteger(32) ||
         a->memory == b->memory || !isOwnLoad(a->memory, product) ||
         !isOwnLoad(b->memory, product) ||
@@ -320,9 +317,8 @@ private:
     for (const Factor &factor : {*a, *b}) {
       Operation *load = factor.memory.getDefiningOp();
       load->setAttr(attr::stages, builder.getI64IntegerAttr(stages));
-      load->setAttr(attr::pitch,
-                    builder.getI64IntegerAttr(
-                        padded(tileType(factor.memory), factor.isAlong)));
+      load->setAttr(attr::pitch, builder.getI64IntegerAttr(padded(
+                                     tileType(factor.memory), factor.isAlong)));
     }
   }
 

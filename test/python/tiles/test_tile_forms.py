@@ -123,10 +123,14 @@ def test_factor_of_what_is_not_positive(device):
 
 
 @pytest.mark.parametrize("threads", [32, 64, 128])
-@pytest.mark.parametrize("rows, n", [(1, 4), (5, 8), (3, 16), (1, 64), (2, 128), (1, 256), (1, 1024)])
+@pytest.mark.parametrize(
+    "rows, n", [(1, 4), (5, 8), (3, 16), (1, 64), (2, 128), (1, 256), (1, 1024)]
+)
 def test_transforms(rows, n, threads, device):
     @wp.kernel(module="unique")
-    def work(x: wp.array2d(dtype=wp.vec2), y: wp.array2d(dtype=wp.vec2), z: wp.array2d(dtype=wp.vec2)):
+    def work(
+        x: wp.array2d(dtype=wp.vec2), y: wp.array2d(dtype=wp.vec2), z: wp.array2d(dtype=wp.vec2)
+    ):
         t = wp.tile_load(x, shape=(rows, n))
         wp.tile_fft(t)
         wp.tile_store(y, t)
