@@ -41,7 +41,6 @@ func.func @product(%a: !warp.array<2 x f32>, %b: !warp.array<2 x f32>,
 // -----
 
 #gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 3>
-#old = #warp.variant<target = <platform = cuda, version = 75>, rank = 3>
 
 // Halves are multiplied by matrix instructions.
 // CHECK-LABEL: func.func @halves
@@ -59,9 +58,13 @@ func.func @halves(%a: !warp.array<2 x f16>, %c: !warp.array<2 x f32>)
   return
 }
 
-// Shapes that do not divide among threads, and older processors, have no form.
+// -----
+
+#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 3>
+
+// Shapes that do not divide among threads have no form.
 // CHECK-LABEL: func.func @odd
-// CHECK-NOT: form
+// CHECK-NOT: {form =
 func.func @odd(%a: !warp.array<2 x f32>, %c: !warp.array<2 x f32>)
     attributes {warp.block_threads = 64 : i64, warp.variant = #gpu,
                 warp.kernel} {
@@ -71,6 +74,27 @@ func.func @odd(%a: !warp.array<2 x f32>, %c: !warp.array<2 x f32>)
   %t = warp.tile_matmul %x, %x : !warp.tile<17x17 x f32>,
     !warp.tile<17x17 x f32> -> !warp.tile<17x17 x f32>
   warp.tile_store %t, %c[%c0, %c0] : !warp.tile<17x17 x f32>,
+    !warp.array<2 x f32>, (si32, si32)
+  return
+}
+
+// -----
+
+#old = #warp.variant<target = <platform = cuda, version = 75>, rank = 3>
+
+// Older processors have no matrix instructions of that shape, and no
+// asynchronous copies.
+// CHECK-LABEL: func.func @old
+// CHECK-NOT: {form =
+func.func @old(%a: !warp.array<2 x f16>, %c: !warp.array<2 x f32>)
+    attributes {warp.kernel, warp.block_threads = 64 : i64,
+                warp.variant = #old} {
+  %c0 = warp.constant 0 : si32
+  %x = warp.tile_load %a[%c0, %c0] : !warp.array<2 x f16>, (si32, si32)
+    -> !warp.tile<32x32 x f16>
+  %t = warp.tile_matmul %x, %x : !warp.tile<32x32 x f16>,
+    !warp.tile<32x32 x f16> -> !warp.tile<32x32 x f32>
+  warp.tile_store %t, %c[%c0, %c0] : !warp.tile<32x32 x f32>,
     !warp.array<2 x f32>, (si32, si32)
   return
 }
@@ -112,10 +136,30 @@ func.func @stripes(%a: !warp.array<1 x f32>)
   %c0 = warp.constant 0 : si32
   %t = warp.tile_load %a[%c0] : !warp.array<1 x f32>, (si32)
     -> !warp.tile<64 x f32>
-  %s = warp.tile_reduce add, %t : !warp.tile<64 x f32> -> !warp.tile<1 x f32>
+  %s = warp.tile_reduce add %t : !warp.tile<64 x f32> -> !warp.tile<1 x f32>
   warp.tile_store %s, %a[%c0] : !warp.tile<1 x f32>, !warp.array<1 x f32>,
     (si32)
   warp.tile_store %t, %a[%c0] : !warp.tile<64 x f32>, !warp.array<1 x f32>,
+    (si32)
+  return
+}
+
+// -----
+
+#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2>
+
+// What is loaded for a store is loaded before any of it is stored.
+// CHECK-LABEL: func.func @copy
+// CHECK: warp.tile_load
+// CHECK-NOT: inline
+// CHECK-SAME: striped
+func.func @copy(%a: !warp.array<1 x f32>, %b: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.block_threads = 32 : i64,
+                warp.variant = #gpu} {
+  %c0 = warp.constant 0 : si32
+  %t = warp.tile_load %a[%c0] : !warp.array<1 x f32>, (si32)
+    -> !warp.tile<64 x f32>
+  warp.tile_store %t, %b[%c0] : !warp.tile<64 x f32>, !warp.array<1 x f32>,
     (si32)
   return
 }

@@ -86,8 +86,13 @@ private:
 
   Touches touchesOf(Operation *op) {
     Touches touches;
-    bool striped = readsOwnElements(op) ||
-                   isa<TileSplatOp, TileIotaOp, TileLoadOp>(op);
+    // Sums of products lie otherwise among threads.
+    bool takesSums = llvm::any_of(op->getOperands(), [&](Value operand) {
+      return isTile(operand) && buffers.isHeld(operand) && !isStriped(operand);
+    });
+    bool striped = !takesSums &&
+                   (readsOwnElements(op) ||
+                    isa<TileSplatOp, TileIotaOp, TileLoadOp>(op));
     auto ownedOf = [&](Value tile) {
       return striped ? tileType(tile).getNumElements() : 0;
     };

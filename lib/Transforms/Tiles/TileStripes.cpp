@@ -42,9 +42,37 @@ static bool fits(Value tile, int64_t threads) {
          llvm::all_of(tile.getUses(), readsOwn);
 }
 
+/// Whether a store of its own elements is all that a tile is computed for.
+static bool isForStore(Operation *op) {
+  if (!op->hasOneUse())
+    return false;
+  OpOperand &use = *op->getUses().begin();
+  Operation *user = use.getOwner();
+  if (isa<TileStoreOp>(user))
+    return use.getOperandNumber() == 0;
+  return isa<TileMapOp>(user) && isInline(user) && isForStore(user);
+}
+
+/// What is computed in the loop of a store is loaded before that loop: there,
+/// each load would wait for the store before it, as arrays may overlap.
+static void loadBeforeStores(FunctionOpInterface kernel, int64_t threads) {
+  constexpr int64_t mostLoaded = 8;
+  kernel->walk([&](TileLoadOp load) {
+    TileType type = tileType(load.getResult());
+    int64_t own = type.getNumElements() / threads;
+    bool fits = isInline(load) && type.getNumElements() % threads == 0 &&
+                own > 1 &&
+                own * getByteSize(type.getElementType()) <= 4 * mostLoaded &&
+                isForStore(load);
+    if (fits)
+      load->removeAttr(attr::placement);
+  });
+}
+
 void holdStripes(FunctionOpInterface kernel, int64_t threads) {
   if (!isGpu(kernel) || threads == 1)
     return;
+  loadBeforeStores(kernel, threads);
   TileBuffers buffers(kernel);
   llvm::MapVector<Value, SmallVector<Value>> byRoot;
   for (Value tile : buffers.getTiles())
