@@ -75,7 +75,7 @@ def test_products_across_edges(dtype, shape, device):
 @pytest.mark.parametrize("dtype", [wp.float32, wp.float16])
 def test_tiles_of_products(dtype, tile, threads, device):
     kernel = product(dtype, *tile, halves=True)
-    shape = (2 * tile[0], tile[1], 4 * tile[2])
+    shape = (4 * tile[0], 3 * tile[1], 5 * tile[2])
     check(kernel, dtype, tile, shape, threads, device, scale=0.5)
 
 
