@@ -67,7 +67,9 @@ static void replaceBlockVariables(gpu::GPUFuncOp kernel,
   llvm::MapVector<Operation *, Value> buffers;
   for (LLVM::AddressOfOp use : uses) {
     auto variable = module.lookupSymbol<LLVM::GlobalOp>(use.getGlobalName());
-    if (!variable || variable.getAddrSpace() != warp::sharedSpace)
+    // What launches ask for stays as it is: it has no size here.
+    if (!variable || variable.getAddrSpace() != warp::sharedSpace ||
+        variable.getLinkage() == LLVM::Linkage::External)
       continue;
     Value &buffer = buffers[variable];
     if (!buffer)
