@@ -90,17 +90,12 @@ void Bvh::Impl::build(const Boxes &boxes, const ArrayDescriptor &groupArray,
                     std::to_string(groups.size()));
   std::vector<BuildPrimitive> primitives;
   primitives.reserve(count);
-  Bounds all;
-  for (int64_t i = 0; i < count; ++i) {
-    Bounds bounds = boxes[i];
-    if (!bounds.isProper())
-      continue;
-    all.include(bounds);
-    primitives.push_back({bounds, int32_t(i), hasGroups ? groups[i] : 0});
-  }
+  for (int64_t i = 0; i < count; ++i)
+    if (Bounds bounds = boxes[i]; bounds.isProper())
+      primitives.push_back({bounds, int32_t(i), hasGroups ? groups[i] : 0});
   skipped = count - int64_t(primitives.size());
-  scale = chooseScale(all);
   tree.build(std::move(primitives), splitting, hasGroups,
+             [&](const Bounds &all) { scale = chooseScale(all); },
              [&](BoxBlock &block) { fill(boxes, block); });
   publish();
 }
