@@ -89,8 +89,7 @@ struct Cut {
 
 } // namespace
 
-Range warp::geometry::makeRange(const Sorted &all, int64_t begin,
-                                int64_t end) {
+Range warp::geometry::makeRange(const Sorted &all, int64_t begin, int64_t end) {
   Range range{begin, end};
   for (int64_t i = begin; i < end; ++i) {
     Floats box = boxOf(all.primitives[i]);
@@ -102,8 +101,8 @@ Range warp::geometry::makeRange(const Sorted &all, int64_t begin,
 
 /// What boxes cost to search: their surface times their blocks.
 static float costOf(Floats box, int32_t count) {
-  Floats size = -__builtin_shufflevector(box, box, 3, 4, 5, 3, 4, 5, 6, 7) -
-                box;
+  Floats size =
+      -__builtin_shufflevector(box, box, 3, 4, 5, 3, 4, 5, 6, 7) - box;
   float area = size[0] * size[1] + size[1] * size[2] + size[2] * size[0];
   return area * float((count + width - 1) / width);
 }
@@ -137,8 +136,7 @@ static Cut findCut(const Bins &in, const Grid &grid) {
 /// Copies what is below a cut to `below` and what is above to `above`. One of
 /// them may be where they come from, as it is never ahead of that.
 static void part(const BuildPrimitive *first, int64_t size, const Grid &grid,
-                 const Cut &cut, BuildPrimitive *below,
-                 BuildPrimitive *above) {
+                 const Cut &cut, BuildPrimitive *below, BuildPrimitive *above) {
   const int axis = cut.axis;
   float from = grid.low[axis], scale = grid.scale[axis];
   auto bin = float(cut.bin);
@@ -174,8 +172,8 @@ public:
   ChunkedCut(Sorted &all, const Range &range, const Grid &grid)
       : first(all.primitives.data() + range.begin),
         spare(all.spare.data() + range.begin), range(range), grid(grid),
-        chunk(std::max(leastChunk, (range.size() + mostChunks - 1) /
-                                       mostChunks)),
+        chunk(
+            std::max(leastChunk, (range.size() + mostChunks - 1) / mostChunks)),
         chunks((range.size() + chunk - 1) / chunk) {}
 
   bool run(std::pair<Range, Range> &halves) {

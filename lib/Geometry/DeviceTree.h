@@ -88,9 +88,8 @@ public:
     extras.groupCount = int32_t(hostGroups.size() / 2);
     extras.groups = static_cast<const i32 *>(
         reach(groups, hostGroups.data(), hostGroups.size() * sizeof(int32_t)));
-    extras.moments = static_cast<const Moments *>(
-        reach(moments, hostMoments.data(),
-              hostMoments.size() * sizeof(Moments)));
+    extras.moments = static_cast<const Moments *>(reach(
+        moments, hostMoments.data(), hostMoments.size() * sizeof(Moments)));
     return extras;
   }
 

@@ -47,14 +47,14 @@ public:
       for (int32_t i = endNode - 1; i >= firstNode; --i)
         bound(topology.nodes[i]);
     };
-    ThreadPool::parallelFor(
-        0, int64_t(topology.parts.size()), 1, [&](int64_t from, int64_t to) {
-          for (int64_t i = from; i < to; ++i) {
-            const Topology::Part &part = topology.parts[i];
-            update(part.firstNode, part.endNode, part.firstBlock,
-                   part.endBlock);
-          }
-        });
+    ThreadPool::parallelFor(0, int64_t(topology.parts.size()), 1,
+                            [&](int64_t from, int64_t to) {
+                              for (int64_t i = from; i < to; ++i) {
+                                const Topology::Part &part = topology.parts[i];
+                                update(part.firstNode, part.endNode,
+                                       part.firstBlock, part.endBlock);
+                              }
+                            });
     update(0, topology.topNodes, 0, topology.topBlocks);
   }
 

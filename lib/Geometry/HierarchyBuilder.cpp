@@ -269,8 +269,7 @@ Topology Builder::run(bool hasGroups) {
   return all;
 }
 
-Topology
-warp::geometry::buildTopology(std::vector<BuildPrimitive> &primitives,
-                              Splitting splitting, bool hasGroups) {
+Topology warp::geometry::buildTopology(std::vector<BuildPrimitive> &primitives,
+                                       Splitting splitting, bool hasGroups) {
   return Builder(primitives, splitting).run(hasGroups);
 }

@@ -33,6 +33,8 @@ struct Mesh::Impl {
   void checkGroups(const MeshArrays &arrays) const;
   void refit(const MeshArrays &arrays);
   void publish(const MeshArrays &arrays);
+  void write(const Tree &searched, const MeshArrays &arrays,
+             const TreeExtras &extras);
 
   Slot slot;
   Hierarchy<TriangleBlock> tree;
@@ -51,9 +53,10 @@ void Mesh::Impl::build(const MeshArrays &arrays, Splitting splitting) {
   HostElements<int32_t> groups(arrays.groups, slot.device());
   std::vector<BuildPrimitive> primitives = triangles.primitives(groups);
   skipped = faces - int64_t(primitives.size());
-  tree.build(std::move(primitives), splitting, groups.size() > 0,
-             [&](const Bounds &all) { scale = chooseScale(all); },
-             [&](TriangleBlock &block) { triangles.fill(block, scale); });
+  tree.build(
+      std::move(primitives), splitting, groups.size() > 0,
+      [&](const Bounds &all) { scale = chooseScale(all); },
+      [&](TriangleBlock &block) { triangles.fill(block, scale); });
   publish(arrays);
 }
 
@@ -80,14 +83,19 @@ void Mesh::Impl::refit(const MeshArrays &arrays) {
 }
 
 void Mesh::Impl::publish(const MeshArrays &arrays) {
+  if (hasWinding)
+    moments = findMoments(tree);
+  write(onDevice.describe(tree, scale, faces), arrays,
+        onDevice.describeExtras(tree, moments));
+}
+
+void Mesh::Impl::write(const Tree &searched, const MeshArrays &arrays,
+                       const TreeExtras &extras) {
   struct {
     Tree tree;
     MeshSlot mesh;
-  } contents{onDevice.describe(tree, scale, faces),
-             {arrays.points, arrays.velocities, arrays.indices, {}}};
-  if (hasWinding)
-    moments = findMoments(tree);
-  contents.mesh.extras = onDevice.describeExtras(tree, moments);
+  } contents{searched,
+             {arrays.points, arrays.velocities, arrays.indices, extras}};
   // The slot writes the first word.
   slot.write(&contents.tree.nodes, sizeof contents - sizeof contents.tree.tag);
 }
@@ -96,7 +104,8 @@ Mesh::Mesh(const MeshArrays &arrays, int device, BvhConstructor constructor,
            bool hasWinding)
     : impl(std::make_unique<Impl>(device)) {
   impl->hasWinding = hasWinding;
-  impl->build(arrays, splittingOf(constructor));
+  if (constructor != BvhConstructor::None)
+    impl->build(arrays, splittingOf(constructor));
 }
 
 Mesh::~Mesh() = default;
@@ -107,6 +116,13 @@ void Mesh::refit(const MeshArrays &arrays) { impl->refit(arrays); }
 
 void Mesh::rebuild(const MeshArrays &arrays, BvhConstructor constructor) {
   impl->build(arrays, splittingOf(constructor));
+}
+
+void Mesh::adopt(const MeshArrays &arrays, uint64_t nodes, uint64_t blocks) {
+  Tree tree{0, reinterpret_cast<const Node *>(nodes),
+            reinterpret_cast<const void *>(blocks), 1,
+            arrays.indices.shape[0] / 3};
+  impl->write(tree, arrays, {});
 }
 
 HierarchyView Mesh::view() const {

@@ -62,11 +62,10 @@ Triangles::primitives(const HostElements<int32_t> &groups) const {
       areAllFinite = false;
   });
   if (!areAllFinite)
-    all.erase(std::remove_if(all.begin(), all.end(),
-                             [](const BuildPrimitive &it) {
-                               return it.id < 0;
-                             }),
-              all.end());
+    all.erase(
+        std::remove_if(all.begin(), all.end(),
+                       [](const BuildPrimitive &it) { return it.id < 0; }),
+        all.end());
   return all;
 }
 
@@ -130,6 +129,5 @@ void Triangles::fill(TriangleBlock &block, float scale) const {
     return;
   for (auto &vertex : block.vertex)
     for (Floats &x : vertex)
-      x = choose(isThere, x,
-                 Floats(std::numeric_limits<float>::quiet_NaN()));
+      x = choose(isThere, x, Floats(std::numeric_limits<float>::quiet_NaN()));
 }
