@@ -76,9 +76,9 @@ class Bvh:
 
     Args:
         lowers, uppers: arrays of vec3 with the corners of the boxes, which are kept.
-        constructor: "sah" (surface area heuristic), "median" (halves) or "lbvh". By default "sah" on
-            a CPU and "median" on a GPU, where kernels build it and "lbvh" is quicker to build and
-            slower to search; with groups or as "sah" the host builds for a GPU, too.
+        constructor: "sah" (surface area heuristic), "median" (halves) or "lbvh". By default "sah"
+            on a CPU and "median" on a GPU, where kernels build it and "lbvh" is quicker to build
+            and slower to search; with groups or as "sah" the host builds for a GPU, too.
         groups: array of int32, a number for each box; `bvh_get_group_root` gives where to start
             a query of the boxes of one number.
         leaf_size: changes nothing; leaves hold up to eight boxes.

@@ -1,16 +1,17 @@
-"""Hierarchies that kernels build where their primitives are, without the host, so graphs capture it.
+"""Hierarchies that kernels build where primitives are, without the host, so graphs capture it.
 
-Primitives are put in an order: eight that follow each other share a block, eight blocks a node, eight
-nodes the next (Kamel and Faloutsos, "Hilbert R-tree: an improved R-tree using fractals", VLDB 1994).
-Where nodes are and which children they have depends on the number of primitives alone, so building
-is sorting, and bounds are found as by a refit.
+Primitives are put in an order: eight that follow each other share a block, eight blocks a node,
+eight nodes the next (Kamel and Faloutsos, "Hilbert R-tree: an improved R-tree using fractals", VLDB
+1994). Where nodes are and which children they have depends on the number of primitives alone, so
+building is sorting, and bounds are found as by a refit.
 
-The order is by halves (halves.py), or along a Hilbert curve: one sort instead of one per halving, but
-queries take up to twice as long (curve.py).
+The order is by halves (halves.py), or along a Hilbert curve (curve.py): one sort instead of one for
+each halving, but queries take up to twice as long.
 """
 
 from __future__ import annotations
 
+import itertools
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,11 +19,16 @@ import numpy as np
 import warp as wp
 from warp._src import errors
 from warp._src.geometry.device.curve import sort_along_curve
+from warp._src.geometry.device.extent import PARTS, find_extent, scale_of
 from warp._src.geometry.device.halves import halve
 from warp._src.geometry.device.refit import (
     BOX_IDS,
     BOXES,
+    CHILD_BLOCKS,
+    CHILD_NODES,
+    MASKS,
     NODE,
+    PARENT,
     SCALE,
     TRIANGLE_IDS,
     TRIANGLES,
@@ -31,98 +37,32 @@ from warp._src.geometry.device.refit import (
 )
 from warp._src.types import dtypes
 
-# Threads that look for the bounds of all.
-_PARTS = 4096
-
 
 @wp.kernel(enable_backward=False, module="unique")
-def _bound_parts(
-    first: wp.array(dtype=wp.vec3),
-    second: wp.array(dtype=wp.vec3),
-    boxes: bool,
-    parts: wp.array2d(dtype=wp.vec3),
-    whole: wp.array(dtype=wp.vec3),
-    found: wp.array(dtype=int),
-    count: int,
-):
-    """Bounds of every so-manieth point, or box."""
-    i = wp.tid()
-    low = wp.vec3(wp.inf, wp.inf, wp.inf)
-    high = -low
-    if i == 0:
-        whole[0] = low
-        whole[1] = high
-        found[0] = count
-        found[1] = 0
-    for k in range(i, len(first), parts.shape[0]):
-        a = first[k]
-        b = a
-        proper = is_finite(a)
-        if boxes:
-            b = second[k]
-            proper = proper and is_finite(b) and a[0] <= b[0] and a[1] <= b[1] and a[2] <= b[2]
-        if proper:
-            low = wp.min(low, a)
-            high = wp.max(high, b)
-    parts[i, 0] = low
-    parts[i, 1] = high
-
-
-@wp.kernel(enable_backward=False, module="unique")
-def _bound_whole(parts: wp.array2d(dtype=wp.vec3), whole: wp.array(dtype=wp.vec3)):
-    i = wp.tid()
-    low = parts[i, 0]
-    high = parts[i, 1]
-    for k in range(i, parts.shape[0], 64):
-        low = wp.min(low, parts[k, 0])
-        high = wp.max(high, parts[k, 1])
-    wp.atomic_min(whole, 0, low)
-    wp.atomic_max(whole, 1, high)
-
-
-@wp.func
-def _scale_of(low: wp.vec3, high: wp.vec3):
-    """A power of two that brings the extent near 1, as lib/Geometry/Scale.cpp has it."""
-    size = wp.float64(0.0)
-    for axis in range(3):
-        a = wp.float64(low[axis])
-        b = wp.float64(high[axis])
-        far = wp.max(wp.abs(a), wp.abs(b))
-        size = wp.max(size, wp.max(b - a, far * wp.float64(1.0 / 1048576.0)))
-    exponent = int(wp.cast(size, wp.uint64) >> wp.uint64(52)) - 1023
-    scale = float(1.0)
-    if low[0] <= high[0] and size > wp.float64(0.0):
-        bits = 127 - wp.clamp(exponent, -126, 126)
-        scale = wp.cast(wp.uint32(bits) << wp.uint32(23), float)
-    return scale
-
-
-@wp.func
-def _begin(
+def _start(
     whole: wp.array(dtype=wp.vec3),
     slot: wp.array(dtype=wp.uint32),
     cells: wp.array2d(dtype=wp.vec3),
+    found: wp.array(dtype=int),
+    count: int,
 ):
-    slot[SCALE] = wp.cast(_scale_of(whole[0], whole[1]), wp.uint32)
+    slot[SCALE] = wp.cast(scale_of(whole[0], whole[1]), wp.uint32)
     cells[0, 0] = whole[0]
     cells[0, 1] = whole[1]
+    found[0] = count
+    found[1] = 0
 
 
 @wp.kernel(enable_backward=False, module="unique")
 def _see_triangles(
     points: wp.array(dtype=wp.vec3),
     indices: wp.array(dtype=int),
-    whole: wp.array(dtype=wp.vec3),
-    slot: wp.array(dtype=wp.uint32),
-    cells: wp.array2d(dtype=wp.vec3),
     centers: wp.array(dtype=wp.vec3),
     order: wp.array(dtype=int),
     found: wp.array(dtype=int),
 ):
     """Centers of bounds, NaN for faces that are not finite or have no such points."""
     face = wp.tid()
-    if face == 0:
-        _begin(whole, slot, cells)
     i = indices[3 * face]
     j = indices[3 * face + 1]
     k = indices[3 * face + 2]
@@ -145,17 +85,12 @@ def _see_triangles(
 def _see_boxes(
     lowers: wp.array(dtype=wp.vec3),
     uppers: wp.array(dtype=wp.vec3),
-    whole: wp.array(dtype=wp.vec3),
-    slot: wp.array(dtype=wp.uint32),
-    cells: wp.array2d(dtype=wp.vec3),
     centers: wp.array(dtype=wp.vec3),
     order: wp.array(dtype=int),
     found: wp.array(dtype=int),
 ):
     """Centers, NaN for boxes that are not finite or inverted."""
     box = wp.tid()
-    if box == 0:
-        _begin(whole, slot, cells)
     a = lowers[box]
     b = uppers[box]
     center = wp.vec3(wp.nan, wp.nan, wp.nan)
@@ -180,6 +115,28 @@ def _place(
     words[block * size + ids + lane] = wp.cast(id, wp.uint32)
 
 
+@wp.kernel(enable_backward=False, module="unique")
+def _link(
+    nodes: wp.array(dtype=wp.uint32),
+    above: int,
+    start: int,
+    children: int,
+    count: int,
+    blocks: bool,
+):
+    """Writes what children a node of a level has: nodes from `children` on, or blocks."""
+    i = wp.tid()
+    node = (start + i) * NODE
+    mask = (1 << wp.min(8, count - 8 * i)) - 1
+    parent = int(-1)
+    if start > 0:
+        parent = above + i // 8
+    nodes[node + CHILD_NODES] = wp.uint32(wp.where(blocks, 0, children + 8 * i))
+    nodes[node + CHILD_BLOCKS] = wp.uint32(wp.where(blocks, 8 * i, 0))
+    nodes[node + PARENT] = wp.cast(parent, wp.uint32)
+    nodes[node + MASKS] = wp.uint32(wp.where(blocks, mask << 8, mask))
+
+
 def _shape(count):
     """Numbers of nodes on the levels, the root first, and of blocks, for so many primitives."""
     blocks = -(-count // 8)
@@ -187,25 +144,6 @@ def _shape(count):
     while levels and levels[0] > 1:
         levels.insert(0, -(-levels[0] // 8))
     return levels, blocks
-
-
-def _links(levels, blocks):
-    """Nodes without bounds, as lib/DeviceLib/geometry/Tree.h has them."""
-    starts = np.concatenate([[0], np.cumsum(levels)]).astype(np.int64)
-    nodes = np.zeros((starts[-1], NODE), dtype=np.uint32)
-    for level, number in enumerate(levels):
-        here = np.arange(number)
-        is_last = level == len(levels) - 1
-        below = blocks if is_last else levels[level + 1]
-        masks = (1 << np.minimum(8, below - 8 * here)) - 1
-        rows = nodes[starts[level] : starts[level + 1]]
-        if is_last:
-            rows[:, 49], rows[:, 51] = 8 * here, masks << 8
-        else:
-            rows[:, 48], rows[:, 51] = starts[level + 1] + 8 * here, masks
-        parents = starts[level - 1] + here // 8 if level else np.full(1, -1)
-        rows[:, 50] = parents.astype(np.int32).view(np.uint32)
-    return nodes, starts.tolist()
 
 
 class Build:
@@ -222,17 +160,22 @@ class Build:
         self.count, self.device, self.of_triangles = count, device, of_triangles
         self.along_curve = along_curve
         levels, blocks = _shape(count)
-        links, starts = _links(levels, blocks)
+        starts = [0, *itertools.accumulate(levels)]
         size = TRIANGLES if of_triangles else BOXES
-        self.nodes = wp.array(links.ravel(), dtype=dtypes.uint32, device=device)
+        self.nodes = wp.empty(starts[-1] * NODE, dtype=dtypes.uint32, device=device)
         self.blocks = wp.empty(blocks * size, dtype=dtypes.uint32, device=device)
         # The first face with a wrong index, and how many primitives are never found.
         self._found = wp.zeros(2, dtype=int, device=device)
         self.view = SimpleNamespace(
             nodes=self.nodes.ptr, blocks=self.blocks.ptr, block_count=blocks,
-            order=range(starts[-1]), levels=starts,
+            order=np.arange(starts[-1]), levels=starts,
         )  # fmt: skip
         self._refit = self._room = None
+        for i, number in enumerate(levels):
+            is_last = i == len(levels) - 1
+            below = blocks if is_last else levels[i + 1]
+            inputs = [self.nodes, starts[max(i - 1, 0)], starts[i], starts[i + 1], below, is_last]
+            self._launch(_link, number, inputs)
 
     @property
     def report(self):
@@ -255,13 +198,10 @@ class Build:
         if self._room is None:
             self._room = _Room(self.count, self.view.block_count, self.device)
         room = self._room
-        corners = first if self.of_triangles else second
-        inputs = [first, corners, not self.of_triangles, room.parts, room.whole]
-        self._launch(_bound_parts, _PARTS, [*inputs, self._found, self.count])
-        self._launch(_bound_whole, 64, [room.parts, room.whole])
-        inputs = [first, second, room.whole, slot, room.cells[0], room.centers, room.order]
+        find_extent(first, None if self.of_triangles else second, room.parts, room.whole)
+        self._launch(_start, 1, [room.whole, slot, room.cells[0], self._found, self.count])
         see = _see_triangles if self.of_triangles else _see_boxes
-        self._launch(see, self.count, [*inputs, self._found])
+        self._launch(see, self.count, [first, second, room.centers, room.order, self._found])
         if self.along_curve:
             sort_along_curve(room.centers, room.whole, room.keys, room.order)
         else:
@@ -308,4 +248,4 @@ class _Room:
         self.keys, self.order = empty(2 * count, dtypes.uint32), empty(2 * count, int)
         self.centers = empty(count, wp.vec3)
         self.cells = [empty((blocks + 1, 2), wp.vec3) for _ in range(2)]
-        self.parts, self.whole = empty((_PARTS, 2), wp.vec3), empty(2, wp.vec3)
+        self.parts, self.whole = empty((PARTS, 2), wp.vec3), empty(2, wp.vec3)

@@ -1,9 +1,9 @@
 """Orders primitives by halving them: by the medians of their centers along the widest axis.
 
-A segment of the order is a node with all below it, so segments are halved three times from a node to
-its children. Segments of one size are halved together: their primitives are sorted by the number of
-the segment, then by the center along the axis on which the segment's cell is widest. Cells are halved
-where the order is.
+A segment of the order is a node with all below it, so segments are halved three times from a node
+to its children. Segments of one size are halved together: their primitives are sorted by the number
+of the segment, then by the center along the axis on which the segment's cell is widest. Cells are
+halved where the order is.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ import warp as wp
 from warp._src.types import dtypes
 
 # Words of nodes and blocks (lib/DeviceLib/geometry/Tree.h).
-NODE, CHILD_NODES, CHILD_BLOCKS, MASKS = 64, 48, 49, 51
+NODE, CHILD_NODES, CHILD_BLOCKS, PARENT, MASKS = 64, 48, 49, 50, 51
 TRIANGLES, TRIANGLE_IDS, BOXES, BOX_IDS = 80, 72, 56, 48
 # The word of a slot with the scale of coordinates.
 SCALE = wp.constant(6)
@@ -161,7 +161,7 @@ class Refit:
 
     def run(self, first, second) -> None:
         """Takes over points and indices of faces, or lower and upper corners of boxes."""
-        if not self.view.order:
+        if not len(self.view.order):
             return
         if self._of != (first.ptr, second.ptr):
             self._launches, self._of = self._record(first, second), (first.ptr, second.ptr)
