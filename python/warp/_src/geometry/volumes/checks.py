@@ -92,8 +92,6 @@ class Nodes:
             raise broken(f"its {what} is not within its {self.buffer.size} bytes")
 
     def _level(self, start, count, record):
-        if count == 0:
-            return np.zeros(0, dtype=record)
         self._check(start, count * record.itemsize, "level of nodes")
         return self.buffer[start : start + count * record.itemsize].view(record)
 
