@@ -14,6 +14,10 @@ _RARE = {
     for home, held in (
         ("kernels.manifest", ("Manifest", "KernelManifest", "manifest")),
         ("devices.diagnostics", ("print_diagnostics",)),
+        (
+            "arrays.fabric",
+            ("fabricarray", "fabricarrayarray", "indexedfabricarray", "indexedfabricarrayarray"),
+        ),
         ("kernels.tiled", ("launch_tiled",)),
         (
             "textures.texture",

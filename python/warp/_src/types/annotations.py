@@ -68,7 +68,7 @@ class FixedArrayType:
         return f"fixedarray(shape={self.shape}, dtype={native.type_repr(self.dtype)})"
 
 
-def fixedarray(dtype=float, shape=None) -> FixedArrayType:
+class fixedarray:
     """Annotates what a `@wp.func` returns: an array that `wp.zeros` made in it.
 
     Args:
@@ -78,7 +78,9 @@ def fixedarray(dtype=float, shape=None) -> FixedArrayType:
     Raises:
         TypeError, ValueError: the type or an extent cannot be used.
     """
-    return FixedArrayType(dtype, () if shape is None else shape)
+
+    def __new__(cls, dtype=float, shape=None) -> FixedArrayType:
+        return FixedArrayType(dtype, () if shape is None else shape)
 
 
 class ref:
