@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import types as python_types
 
+from warp._src.kernels import texts
 from warp._src.kernels.epoch import Epoch
 from warp._src.types import dtypes
 from warp._src.types.annotations import is_generic
@@ -35,6 +36,12 @@ class Function:
         self.__module__ = func.__module__
         self.__doc__ = func.__doc__
         self.__wrapped__ = func
+        self._keep_text(func)
+
+    @staticmethod
+    def _keep_text(func) -> None:
+        if not func.__module__.startswith("warp."):
+            texts.keep(func)
 
     @property
     def has_derivative(self) -> bool:
@@ -44,6 +51,7 @@ class Function:
     def add_overload(self, func) -> None:
         """Adds a function whose annotations no other one has."""
         self.overloads.append(func)
+        self._keep_text(func)
 
     def redefined(self, func):
         """The functions of this name with one in place of that with the same annotations.

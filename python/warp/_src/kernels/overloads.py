@@ -8,7 +8,7 @@ from warp._src import errors
 from warp._src.arrays.array import array
 from warp._src.arrays.indexed import indexedarray
 from warp._src.kernels.kernel import Kernel, kernel_name
-from warp._src.kernels.modules import get_module
+from warp._src.kernels.modules import all_modules
 from warp._src.types import annotations, dtypes
 from warp._src.types.annotations import is_generic
 from warp._src.types.native import ArrayType, IndexedArrayType
@@ -54,8 +54,11 @@ def _named(function):
     """The generic kernel whose function has the name of this one."""
     named = [
         kernel
-        for kernel in get_module(function.__module__).kernels.values()
-        if kernel.is_generic and kernel.func.__qualname__ == function.__qualname__
+        for module in all_modules()
+        for kernel in module.kernels.values()
+        if kernel.func.__module__ == function.__module__
+        and kernel.is_generic
+        and kernel.func.__qualname__ == function.__qualname__
     ]
     if len(named) != 1:
         found = "there are several kernels" if named else "there is no generic kernel"
