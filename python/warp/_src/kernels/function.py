@@ -167,10 +167,16 @@ _BARRIERS = (
 def func_native(snippet, adj_snippet=None, replay_snippet=None):
     """Declares a function by its C++ or CUDA text.
 
-    Kernels on CPUs may call one that takes and gives numbers: Clang, where it is installed or named
-    by the environment variable WARP_CLANG, compiles it. What such a function computes may depend on
-    its arguments alone. It has no gradient. A kernel that calls another one is refused, with the
-    place of the call; modules that declare such functions can be imported.
+    Kernels on CPUs may call one that takes numbers and gives at most one: Clang, where it is
+    installed or named by the environment variable WARP_CLANG, compiles it. What such a function
+    computes may depend on its arguments alone. It may assign to parameters by reference
+    (`wp.ref[float]`) and to what `wp.address_of` points to: copies, which are written back. A
+    kernel that calls another one is refused, with the place of the call; modules that declare such
+    functions can be imported.
+
+    The adjoint finds the cotangent of a parameter `x` in `adj_x` and that of the result in
+    `adj_ret`, and changes them; it has to be linear in them. It runs once for each output and each
+    parameter. Without one, a kernel that calls the function has no gradient through it.
 
     Args:
         snippet: body of the function.

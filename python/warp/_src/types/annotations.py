@@ -101,6 +101,18 @@ class ref:
         return Reference(dtype)
 
 
+def address_of(place):
+    """In kernels, the address of an element of an array, or of a part of it.
+
+    As an argument of native code it is also that of a variable: the code gets the address of a copy
+    of this one number, which is written back after the call.
+
+    Raises:
+        TypeError: outside of kernels.
+    """
+    raise TypeError("`wp.address_of` can be used in kernels and functions of kernels only")
+
+
 def from_subscript(params, ndim, made=ArrayType):
     """The type for `wp.array[dtype]` and `wp.array[dtype, typing.Literal[n]]`."""
     if isinstance(params, tuple):
