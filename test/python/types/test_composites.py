@@ -218,8 +218,11 @@ def test_matrix_access():
     m[1, 1] = 7
     m[2] = [4, 5, 6]
     assert m == wp.mat33(9, 9, 1, 3, 7, 1, 4, 5, 6)
-    for key in (3, (0, 3), (0, 0, 0)):
+    for key in (3, (0, 3)):
         with pytest.raises(IndexError):
+            m[key]
+    for key in ((0, 0, 0), None, (0, "x")):
+        with pytest.raises(KeyError):
             m[key]
     with pytest.raises(ValueError):
         wp.mat22((1, 2, 3), (4, 5, 6))
