@@ -7,7 +7,7 @@ import importlib
 from warp._src.language import namespace
 from warp._src.language.builtins import names as builtin_names
 
-_SUBMODULES = ("autograd", "fem", "geometry", "optim", "sparse", "types", "utils")
+_SUBMODULES = (*("autograd", "fem", "geometry", "optim", "render", "sparse", "types", "utils"),)
 # What few programs use, by the module that holds it.
 _RARE = {
     name: home
