@@ -1,5 +1,7 @@
 """Parts of tiles by `slice(...)`, conversions in assignments, sums of structs, and refusals."""
 
+import typing
+
 import numpy as np
 import pytest
 
@@ -73,6 +75,30 @@ def test_structs_add_up_field_by_field():
     assert found["count"] == 28
     assert found["inner"]["x"] == 14.0
     np.testing.assert_array_equal(found["inner"]["y"], values["inner"]["y"].sum(axis=0))
+
+
+@wp.func
+def doubled(t: wp.tile[float]):
+    return t * 2.0
+
+
+@wp.func
+def first_row(t: wp.tile[float, typing.Literal[2], 4]) -> wp.tile[float, 4]:
+    return t[0]
+
+
+@wp.kernel
+def through_functions(a: wp.array2d[float], out: wp.array[float]):
+    t = wp.tile_load(a, shape=(2, 4))
+    wp.tile_store(out, doubled(first_row(doubled(t))))
+
+
+def test_parameters_of_any_shape(device):
+    a = np.arange(8, dtype=np.float32).reshape(2, 4)
+    out = wp.zeros(4, dtype=float, device=device)
+    given = wp.array(a, device=device)
+    wp.launch_tiled(through_functions, [1], inputs=[given, out], block_dim=32, device=device)
+    np.testing.assert_array_equal(out.numpy(), 4 * a[0])
 
 
 def scatter(t: wp.array[Inner]):

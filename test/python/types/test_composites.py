@@ -3,6 +3,7 @@
 import copy
 import ctypes
 import pickle
+import typing
 
 import numpy as np
 import pytest
@@ -286,3 +287,19 @@ def test_transforms_multiply_in_python_as_in_kernels():
     b = wp.transform(wp.vec3(-2.0, 0.5, 4.0), wp.quat(0.7, 0.1, 0.1, -0.7))
     product = wp.transform_multiply(a, b)
     assert list(a * b) == pytest.approx(list(product), rel=1e-6)
+
+
+def test_types_by_subscript():
+    three = typing.Literal[3]
+    assert wp.Vector[wp.float32, three] is wp.Vector[three, float] is wp.vec3
+    assert wp.Matrix[wp.float64, three, three] is wp.mat33d
+    assert wp.Quaternion[wp.float16] is wp.quath
+    assert wp.Transformation[float] is wp.transform
+    assert wp.types.type_is_vector(wp.Vector[wp.float32, 5])
+    for family, parameters in (
+        (wp.Vector, (float, typing.Literal[2, 3])),
+        (wp.Vector, (float, -1)),
+        (wp.Matrix, (float, 0, 3)),
+    ):
+        with pytest.raises(TypeError):
+            family[parameters]

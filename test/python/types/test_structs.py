@@ -103,7 +103,7 @@ def test_none_clears_a_composite():
     s.v = None
     assert s.v == wp.vec3()
     for bad in (1.0, wp.float32(2.0)):
-        with pytest.raises(TypeError, match="Struct field 'v' expects vec3f but got a single value"):
+        with pytest.raises(TypeError, match="field 'v' expects vec3f but got a single value"):
             s.v = bad
 
 

@@ -21,6 +21,7 @@ from warp._src.types.vectors import (
     _cache,
     is_open,
     make_composite,
+    unwrapped,
     vector,
 )
 
@@ -50,7 +51,7 @@ class Matrix(Composite):
         construct_components(self, args)
 
     def __class_getitem__(cls, params):
-        params = params if isinstance(params, tuple) else (params,)
+        params = unwrapped(params)
         extents = tuple(p for p in params if isinstance(p, int))
         dtypes = [p for p in params if not isinstance(p, int)]
         if len(extents) == 2 and len(dtypes) == 1:
