@@ -51,9 +51,7 @@ def assign(dest, src) -> None:
         ValueError: the shapes differ.
     """
     if not dtypes.type_is_array(type(src)):
-        from warp._src.arrays.array import array
-
-        src = array(src, dtype=dest.dtype, device="cpu", copy=False)
+        src = hooks.plain_array(src, dtype=dest.dtype, device="cpu", copy=False)
     if src.shape != dest.shape:
         raise ValueError(f"expects shape {dest.shape} to assign, but got {src.shape}")
     copy(dest, src)

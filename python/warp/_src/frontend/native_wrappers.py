@@ -10,6 +10,7 @@ piece what it does not need.
 
 from __future__ import annotations
 
+from warp._src.derivatives.functions import adjoint
 from warp._src.frontend.functions import annotations_of
 from warp._src.kernels.function import Function, NativeFunction
 from warp._src.kernels.map_functions import define
@@ -104,15 +105,13 @@ class _Wrapper:
 
     def pullback(self, output, kind, declared):
         """The derivative of one output in the form of `@wp.func_grad`."""
-        import warp
-
-        names, lines = {"types": self.types, "kind": kind, "wp": warp}, []
+        names, lines = {"types": self.types, "kind": kind, "adjoint": adjoint}, []
         for name, annotation in self.types.items():
             if dtypes.canonical(annotation) not in _FLOATS:
                 continue
             names[f"adjoint_{name}"] = self.adjoint(output, name, kind)
             given = ", ".join([*self.types, "cotangent"])
-            lines.append(f"    wp.adjoint[{name}] += adjoint_{name}({given})")
+            lines.append(f"    adjoint[{name}] += adjoint_{name}({given})")
         parameters = f"{declared}, cotangent: kind"
         key = f"{self.function.key}_{output}_adjoint"
         return self.define(key, parameters, lines or ["    pass"], names)

@@ -6,8 +6,6 @@ write kernels to temporary files, import and delete them. So decorators keep the
 
 from __future__ import annotations
 
-import linecache
-
 from warp._src import errors
 
 # Lines of the file of a code object, until the function is translated.
@@ -16,6 +14,8 @@ _kept: dict = {}
 
 def keep(function) -> None:
     """Keeps the lines of a function's file."""
+    import linecache
+
     code = function.__code__
     if code not in _kept:
         linecache.checkcache(code.co_filename)
@@ -30,6 +30,8 @@ def lines_of(function, forget=False) -> list[str]:
     Raises:
         WarpCodegenError: the file has no such line.
     """
+    import linecache
+
     code = function.__code__
     lines = _kept.pop(code, None) if forget else _kept.get(code)
     if lines is None:
