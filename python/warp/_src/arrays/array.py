@@ -12,6 +12,7 @@ import typing
 
 from warp import _native
 from warp._src import errors
+from warp._src.arrays import hooks
 from warp._src.arrays.allocation import allocate
 from warp._src.arrays.copies import assign, clone
 from warp._src.arrays.data import borrow, element_bytes, fill_from_data
@@ -344,6 +345,7 @@ class RankedArray:
         return f"warp.{self.__name__}"
 
 
+hooks.plain_array = array
 array1d = RankedArray(1)
 array2d = RankedArray(2)
 array3d = RankedArray(3)

@@ -11,6 +11,7 @@ import functools
 
 from warp import _native
 from warp._src import errors
+from warp._src.arrays import hooks
 from warp._src.arrays.allocation import new_array
 from warp._src.arrays.layout import element_type, type_id
 from warp._src.types import dtypes
@@ -70,7 +71,7 @@ def make_gradient(source):
         reach = stride * (extent - 1)
         below, above = below + min(reach, 0), above + max(reach, 0)
     memory = _zeros(source, above - below, uint8)
-    made = new_array(type(source))
+    made = new_array(hooks.plain_array)
     made._setup(
         (memory.ptr or 0) - below,
         source.shape,
@@ -86,8 +87,8 @@ def make_gradient(source):
 
 
 def _zeros(neighbour, shape, dtype):
-    """An array of zeros of the kind and on the device of another one."""
-    made = type(neighbour)(
+    """An array of zeros on the device of another one."""
+    made = hooks.plain_array(
         shape=shape, dtype=dtype, device=neighbour.device, pinned=neighbour.pinned
     )
     made.zero_()
@@ -101,7 +102,7 @@ def _gradient_strides(source, item_size) -> tuple:
 def widened(value):
     """A copy of an array of 16-bit floats with elements of 32 bits, as gradients have."""
     dtype = gradient_type(value.dtype)
-    return type(value)(value.list(), dtype=dtype, device=value.device).reshape(value.shape)
+    return hooks.plain_array(value.list(), dtype=dtype, device=value.device).reshape(value.shape)
 
 
 def fitting_gradient(source, value):

@@ -144,7 +144,9 @@ class Tape:
             depth += 1 if self.scopes[i][1] is None else -1
             if depth < 0:
                 return i
-        raise errors.WarpError("record_scope_end: no scope is open")
+        raise errors.WarpError(
+            "record_scope_end: no scope is open", also="ended tape scope, but scope not present"
+        )
 
     @property
     def kept_bytes(self) -> int:

@@ -9,6 +9,7 @@ import ctypes
 import typing
 
 from warp import _native
+from warp._src import errors
 from warp._src.types import dtypes, scalars
 from warp._src.types.composites import Composite, flatten_numbers, is_number
 from warp._src.types.native import ArrayType
@@ -110,7 +111,10 @@ class Field:
 
     def _set_composite(self, instance, value):
         dtype = self.dtype
-        if value is None or is_number(value) or dtypes.is_struct(type(value)):
+        if value is None:
+            self.raw.__set__(instance, dtype())
+            return
+        if is_number(value) or dtypes.is_struct(type(value)):
             raise self._error(value)
         if isinstance(value, Composite) and value._shape_ != dtype._shape_:
             raise self._error(value)
@@ -147,4 +151,23 @@ class Field:
         )
         if isinstance(self.dtype, type) and issubclass(self.dtype, Composite) and is_number(value):
             message += f", construct the value: `{self.dtype.__name__}(...)`"
-        return TypeError(message)
+        return errors.WarpTypeError(message, also=self._words(value))
+
+    def _words(self, value):
+        """How NVIDIA Warp says that a value does not fit the field; None where it does not say."""
+        head = f"Struct field '{self.name}' expects"
+        record = getattr(self.dtype, "_wp_fields_", {})
+        expected = record.get("data") if "indexed" in record else self.dtype
+        if isinstance(expected, ArrayType):
+            if not dtypes.type_is_array(type(value)):
+                kind = "Warp indexed array" if record else "Warp array"
+                return f"{head} a {kind}, got {type(value).__name__}"
+            if not dtypes.types_equal(value.dtype, expected.dtype):
+                wanted, got = map(dtypes.type_repr, (expected.dtype, value.dtype))
+                return f"{head} dtype {wanted}, got {got}"
+            return (
+                f"{head} an array with {expected.ndim} dimension(s), got {value.ndim} dimension(s)"
+            )
+        if is_number(value) and not isinstance(expected, ScalarType):
+            return f"{head} {dtypes.type_repr(expected)} but got a single value"
+        return None
