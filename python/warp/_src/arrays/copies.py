@@ -120,6 +120,4 @@ def _range(source, offset, count, name):
             f"expects '{name}' to be contiguous or one-dimensional to copy a part of it"
         )
     part = source._view(offset * stride, (count,), (stride,))
-    if source.grad is not None:
-        part.grad = _range(source.grad, offset, count, name)
-    return part
+    return source._with_grad(part, lambda grad: _range(grad, offset, count, name))
