@@ -49,8 +49,9 @@ bench: release
 	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/pool.py
 	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/libraries.py
 
-wheel: build
-	@$(PYTHON) -m pip wheel -q --no-deps -w dist .
+# In the folder of the optimised build, whose objects it takes.
+wheel: release
+	@$(PYTHON) -m pip wheel -q --no-deps --no-build-isolation -C build-dir=build/release -w dist .
 
 device-bundle: release
 	@scripts/make_device_bundle.sh build/release
