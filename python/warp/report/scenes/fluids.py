@@ -101,7 +101,7 @@ def column(count):
 
 
 @report.scene(
-    sweep=report.Sweep("particles", values=(16, 32, 64, 128, 256), quick=3),
+    sweep=report.Sweep("particles", values=(16, 32, 64, 128), quick=3),
     curves=(report.Sweep("courant", values=(0.2, 0.4), quick=2),),
     dtypes=("float32",),
     limits=lambda case: {"pressure": 2.0 / case.particles + 0.01},
@@ -186,7 +186,7 @@ def ring(size):
 
 
 @report.scene(
-    sweep=report.Sweep("voxels", values=(10, 20, 40, 80), quick=3),
+    sweep=report.Sweep("voxels", values=(10, 20, 40, 60), quick=3),
     curves=(report.Sweep("steps", values=(12, 36), quick=2),),
     dtypes=("float32",),
     limits=lambda case: {"overshoot": 1e-5},

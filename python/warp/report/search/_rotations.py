@@ -62,8 +62,8 @@ def _transform_from_matrix(p, q):
 
 @reference
 def _transform_decompose(p, q, s):
-    if min(s) <= 1e-30:
-        raise ValueError("scales are lengths, whose reciprocals the derivative has")
+    if min(s) <= 0 or max(abs(mp.log10(x)) for x in s) > 2:
+        raise ValueError("the matrix that is taken apart would have lost the rotation's digits")
     return p, _chosen(q), s
 
 
