@@ -727,12 +727,13 @@ def LowerMath : WarpPass<"warp-lower-math"> {
   let description = [{
     Operations that a processor has stay as they are; the others become calls:
     of libdevice on the GPU, of our device library on the CPU, which has functions
-    of vectors too.
+    of vectors too. On the GPU, too, sines and cosines of floats are ours: those
+    of one angle are one call.
 
     ```mlir
-    %y = math.sin %x : f32
+    %y = math.erf %x : f32
     // ==> target=sm_90
-    %y = llvm.call @__nv_sinf(%x) : (f32) -> f32
+    %y = llvm.call @__nv_erff(%x) : (f32) -> f32
     ```
   }];
   let dependentDialects = [

@@ -173,7 +173,7 @@ struct Analyses {
 
 /// What is left to do for code whose calls are inlined and whose loops have the
 /// form they were given on purpose: a third of the standard passes find that.
-static llvm::FunctionPassManager buildCpuPasses(bool vectorize) {
+static llvm::FunctionPassManager buildLeanPasses(bool vectorize) {
   using namespace llvm;
   auto memory = [](LoopPassManager passes) {
     return createFunctionToLoopPassAdaptor(std::move(passes),
@@ -234,21 +234,26 @@ static llvm::FunctionPassManager buildCpuPasses(bool vectorize) {
   return all;
 }
 
-/// The library was optimised when it was built: what is long is called, what is
-/// short becomes part of the kernel.
-static void optimizeForCpu(llvm::Module &module, Analyses &analyses,
-                           bool vectorize) {
+/// The library was optimised when it was built: what is long is called on CPUs,
+/// what is short becomes part of the kernel.
+static void optimizeLean(llvm::Module &module, llvm::PassBuilder &builder,
+                         Analyses &analyses, bool gpu, bool vectorize) {
   constexpr unsigned longest = 260;
   for (llvm::Function &function : module)
-    if (function.hasLocalLinkage() && function.getInstructionCount() > longest)
+    if (!gpu && function.hasLocalLinkage() &&
+        function.getInstructionCount() > longest)
       function.addFnAttr(llvm::Attribute::NoInline);
   llvm::ModulePassManager before, after;
+  // Answers what libdevice asks about the target.
+  if (gpu)
+    builder.invokePipelineStartEPCallbacks(before,
+                                           llvm::OptimizationLevel::O2);
   before.addPass(llvm::InferFunctionAttrsPass());
   before.addPass(llvm::ModuleInlinerWrapperPass(llvm::getInlineParams(2, 0)));
   before.run(module, analyses.modules);
-  llvm::FunctionPassManager passes = buildCpuPasses(vectorize);
+  llvm::FunctionPassManager passes = buildLeanPasses(vectorize);
   for (llvm::Function &function : module)
-    if (!function.isDeclaration() && !function.hasLocalLinkage())
+    if (!function.isDeclaration() && (gpu || !function.hasLocalLinkage()))
       passes.run(function, analyses.functions);
   analyses.modules.clear();
   after.addPass(llvm::GlobalDCEPass());
@@ -265,8 +270,10 @@ void warp::optimize(llvm::Module &module, llvm::TargetMachine &machine,
   tuning.LoopVectorization = tuning.SLPVectorization = !hasLanes;
   llvm::PassBuilder builder(&machine, tuning, std::nullopt, &callbacks);
   Analyses analyses(builder);
-  if (!isGpu(options) && options.optLevel >= 2)
-    return optimizeForCpu(module, analyses, /*vectorize=*/!hasLanes);
+  bool gpu = isGpu(options);
+  if (options.optLevel >= 2)
+    return optimizeLean(module, builder, analyses, gpu,
+                        /*vectorize=*/!gpu && !hasLanes);
   auto level = options.optLevel == 0   ? llvm::OptimizationLevel::O0
                : options.optLevel == 1 ? llvm::OptimizationLevel::O1
                : options.optLevel == 2 ? llvm::OptimizationLevel::O2

@@ -20,18 +20,18 @@
 // PTX-NEXT: st.global.b32 [%[[V]]+4]
 // PTX-NEXT: st.global.b32 [%[[V]]+8]
 
-// On the CPU, lanes are threads: a vec3 of 16 of them is three vectors, taken
+// On the CPU, lanes are threads: a vec3 of 32 of them is three vectors, taken
 // apart and put together by shuffles. What rounds is in the IR, not up to LLVM.
 // IR-LABEL: define void @integrate
 // IR-NOT: contract
 // IR: br label %[[LOOP:[0-9]+]]
 // IR: [[LOOP]]:
-// IR-COUNT-3: load <16 x float>
-// IR-COUNT-6: shufflevector <16 x float>
+// IR-COUNT-3: load <32 x float>
+// IR-COUNT-6: shufflevector <32 x float>
 // IR-NOT: gather
-// IR-COUNT-9: @llvm.fma.v16f32
+// IR-COUNT-9: @llvm.fma.v32f32
 // IR-NOT: scatter
-// IR-COUNT-6: store <16 x float>
+// IR-COUNT-6: store <32 x float>
 // IR: br i1 %{{.*}}, label %[[LOOP]]
 func.func @integrate(%x: !warp.array<1 x !warp.vec<3 x f32>>, %v: !warp.array<1 x !warp.vec<3 x f32>>, %f: !warp.array<1 x !warp.vec<3 x f32>>, %w: !warp.array<1 x f32>, %g: !warp.vec<3 x f32>, %dt: f32) attributes {warp.kernel, warp.arg_names = ["x", "v", "f", "w", "g", "dt"]} {
   %i = warp.tid : si32

@@ -41,14 +41,14 @@
 // IR-NOT: memcheck
 // IR: br label %[[LOOP:[0-9]+]]
 // IR: [[LOOP]]:
-// IR: load <16 x float>
-// IR: load <16 x float>
-// IR: call <16 x float> @llvm.fma.v16f32
+// IR: load <32 x float>
+// IR: load <32 x float>
+// IR: call <32 x float> @llvm.fma.v32f32
 // IR-NOT: masked
-// IR: store <16 x float>
+// IR: store <32 x float>
 // IR: br i1 %{{.*}}, label %[[LOOP]]
-// IR-COUNT-2: @llvm.masked.load.v16f32
-// IR: @llvm.masked.store.v16f32
+// IR-COUNT-2: @llvm.masked.load.v32f32
+// IR: @llvm.masked.store.v32f32
 
 // ASM-LABEL: saxpy:
 // ASM: vfmadd{{[0-9]+}}ps {{.*}}%zmm

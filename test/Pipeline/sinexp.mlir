@@ -6,9 +6,9 @@
 // CHECK-LABEL: define void @sinexp
 // CHECK-NOT: @{{(warp_)?(sin|exp)}}
 // CHECK-NOT: x double>
-// CHECK: load <16 x float>
+// CHECK: load <32 x float>
 // CHECK-COUNT-8: call noundef <16 x float> @llvm.fma.v16f32
-// CHECK: store <16 x float>
+// CHECK: store <32 x float>
 // CHECK-NOT: @{{(warp_)?(sin|exp)f?\(}}
 // CHECK: ret void
 

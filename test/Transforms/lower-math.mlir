@@ -26,7 +26,7 @@
 // CPU: llvm.call @warp_pow(
 
 // GPU-LABEL: llvm.func @calls
-// GPU: llvm.call @__nv_sinf
+// GPU: llvm.call @warp_gpu_sinf
 // GPU: llvm.call @__nv_sin(
 // GPU: llvm.call @__nv_erff
 // GPU: math.sqrt
@@ -64,4 +64,38 @@ llvm.func @call(%x: f32, %y: f32, %c: i1)
   %chosen = arith.select %c, %side, %x : f32
   %b = math.atan2 %y, %chosen : f32
   llvm.return
+}
+
+// Sine and cosine of one float are one call where the first is always computed
+// before the second.
+// CPU-LABEL: llvm.func @angles
+// CPU: llvm.call @warp_sinf
+// CPU: llvm.call @warp_cosf
+// GPU-LABEL: llvm.func @angles
+// GPU-SAME: (%[[X:.*]]: f32, %[[Y:.*]]: f32, %[[C:.*]]: i1)
+// GPU: %[[PAIR:.*]] = llvm.call @warp_gpu_sincosf(%[[X]]) : (f32) -> vector<2xf32>
+// GPU: %[[SINE:.*]] = llvm.extractelement %[[PAIR]]
+// GPU: %[[COSINE:.*]] = llvm.extractelement %[[PAIR]]
+// GPU: scf.if
+// GPU: llvm.call @warp_gpu_cosf(%[[Y]])
+// GPU: llvm.call @warp_gpu_sinf(%[[Y]])
+// GPU-NOT: llvm.call
+// GPU: arith.addf %[[SINE]], %[[COSINE]]
+// FAST-LABEL: llvm.func @angles
+// FAST: llvm.call @__nv_fast_sinf
+// FAST: llvm.call @__nv_fast_cosf
+llvm.func @angles(%x: f32, %y: f32, %c: i1) -> f32
+    attributes {warp.variant = #cpu} {
+  %0 = math.sin %x : f32
+  %1 = scf.if %c -> f32 {
+    %4 = math.cos %y : f32
+    scf.yield %4 : f32
+  } else {
+    %5 = math.sin %y : f32
+    scf.yield %5 : f32
+  }
+  %2 = math.cos %x : f32
+  %3 = arith.addf %0, %2 : f32
+  %6 = arith.addf %1, %3 : f32
+  llvm.return %6 : f32
 }

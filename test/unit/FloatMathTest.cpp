@@ -1,4 +1,4 @@
-//===- FloatMathTest.cpp - Accuracy of the CPU's float functions ----------===//
+//===- FloatMathTest.cpp - Accuracy of our functions of floats ------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -11,6 +11,7 @@
 #include "../../lib/DeviceLib/cpu/FloatMath.h"
 #include "../../lib/DeviceLib/cpu/FloatPower.h"
 #include "../../lib/DeviceLib/cpu/FloatWide.h"
+#include "../../lib/DeviceLib/gpu/Angles.cpp"
 
 #include <cmath>
 #include <cstdint>
@@ -68,6 +69,22 @@ TEST_P(FloatFunction, IsRightAtSpecialOperands) {
                   -1e-45f, 3.4028235e38f, -3.4028235e38f})
     EXPECT_LT(ulps(function.ours(x), function.reference(x)), function.bound)
         << function.name << "(" << x << ")";
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Gpu, FloatFunction,
+    testing::Values(Unary{"sin", warp_gpu_sinf, std::sin, 1.55},
+                    Unary{"cos", warp_gpu_cosf, std::cos, 1.55}),
+    [](const auto &info) { return std::string(info.param.name); });
+
+// Threads that need both get the values that others get.
+TEST(FloatFunctionOfGpu, SineAndCosineAreThoseOfOne) {
+  for (uint64_t pattern = 0; pattern < (1ull << 32); pattern += 65521) {
+    float x = __builtin_bit_cast(float, uint32_t(pattern));
+    Pair both = warp_gpu_sincosf(x);
+    EXPECT_LT(ulps(both.x, warp_gpu_sinf(x)), 1e-9) << x;
+    EXPECT_LT(ulps(both.y, warp_gpu_cosf(x)), 1e-9) << x;
+  }
 }
 
 #define UNARY(name, bound) Unary{#name, FloatMath<1>::name, std::name, bound}

@@ -3,10 +3,11 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // Elementary functions become calls that an optimiser knows nothing about but
-// that they have no effects: of libdevice (`__nv_sinf`) on the GPU; on the CPU
-// of our device library (`warp_sinf`), which is inlined. Half precision is
-// computed in f32. What processors do themselves (square roots, rounding, fma)
-// is left to the conversion to LLVM, which has intrinsics for it.
+// that they have no effects: of libdevice (`__nv_erff`) on the GPU; on the CPU
+// of our device library (`warp_sinf`), which is inlined. On the GPU, sine and
+// cosine of floats are ours, too. Half precision is computed in f32. What
+// processors do themselves (square roots, rounding, fma) is left to the
+// conversion to LLVM, which has intrinsics for it.
 //
 // A vector holds lanes of the CPU. Our library has its functions for a few
 // widths (`warp_sinf_x16`); other vectors are halved until they have one of
@@ -21,7 +22,9 @@
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
 #include "mlir/Dialect/Math/IR/Math.h"
+#include "mlir/IR/Dominance.h"
 #include "mlir/IR/TypeUtilities.h"
+#include "llvm/ADT/MapVector.h"
 #include "llvm/ADT/Sequence.h"
 #include "llvm/ADT/StringMap.h"
 
@@ -42,6 +45,8 @@ enum Availability : unsigned {
   /// The CPU has an instruction, or LLVM an inline expansion; our device
   /// library has all others.
   nativeOnCpu = 2,
+  /// Our device library has it for floats on GPUs, too.
+  ownOnGpu = 4,
 };
 
 /// Vectors that our device library has functions for, in bits; those of less
@@ -55,8 +60,8 @@ struct Function {
 
 const llvm::StringMap<Function> &functions() {
   static const llvm::StringMap<Function> table{
-      {"math.sin", {"sin", fast}},
-      {"math.cos", {"cos", fast}},
+      {"math.sin", {"sin", fast | ownOnGpu}},
+      {"math.cos", {"cos", fast | ownOnGpu}},
       {"math.tan", {"tan", fast}},
       {"math.asin", {"asin", usual}},
       {"math.acos", {"acos", usual}},
@@ -98,6 +103,9 @@ struct LowerMath : warp::impl::LowerMathBase<LowerMath> {
       return signalPassFailure();
     gpu = warp::isGpu(entry);
     fastMath = warp::getVariant(entry).getFastMath();
+    if (gpu && !fastMath)
+      for (auto function : getOperation().getOps<FunctionOpInterface>())
+        joinAngles(function);
     getOperation().walk([&](Operation *op) {
       if (auto power = dyn_cast<math::FPowIOp>(op))
         return lowerIntegerPower(power);
@@ -109,6 +117,47 @@ struct LowerMath : warp::impl::LowerMathBase<LowerMath> {
       lower(op, found->second);
     });
     warp::lowerLibraryCalls(getOperation(), entry);
+  }
+
+  /// Sine and cosine of one float, where one is computed before the other, are
+  /// one call.
+  void joinAngles(FunctionOpInterface function) {
+    llvm::MapVector<Value, SmallVector<Operation *>> users;
+    function.walk([&](Operation *op) {
+      if (isa<math::SinOp, math::CosOp>(op) &&
+          op->getOperand(0).getType().isF32())
+        users[withoutAngleGuard(op->getOperand(0))].push_back(op);
+    });
+    DominanceInfo dominance(function);
+    for (auto &[angle, ops] : users)
+      while (!ops.empty()) {
+        Operation *first = ops.front();
+        auto others = llvm::partition(ops, [&](Operation *op) {
+          return dominance.dominates(first, op);
+        });
+        ArrayRef<Operation *> joined(ops.begin(), others);
+        if (!llvm::all_of(joined, llvm::IsaPred<math::SinOp>) &&
+            !llvm::all_of(joined, llvm::IsaPred<math::CosOp>))
+          joinAngle(angle, first, joined);
+        ops.erase(ops.begin(), others);
+      }
+  }
+
+  void joinAngle(Value angle, Operation *first, ArrayRef<Operation *> ops) {
+    OpBuilder b(first);
+    Location loc = first->getLoc();
+    auto pair = VectorType::get(2, angle.getType());
+    LLVM::LLVMFuncOp callee =
+        declare("warp_gpu_sincosf", pair, {angle.getType()});
+    Value values = LLVM::CallOp::create(b, loc, callee, angle).getResult();
+    Value zero = LLVM::ConstantOp::create(b, loc, b.getI64IntegerAttr(0));
+    Value one = LLVM::ConstantOp::create(b, loc, b.getI64IntegerAttr(1));
+    Value sine = LLVM::ExtractElementOp::create(b, loc, values, zero);
+    Value cosine = LLVM::ExtractElementOp::create(b, loc, values, one);
+    for (Operation *op : ops) {
+      op->getResult(0).replaceAllUsesWith(isa<math::SinOp>(op) ? sine : cosine);
+      op->erase();
+    }
   }
 
   void lower(Operation *op, const Function &function) {
@@ -161,7 +210,8 @@ struct LowerMath : warp::impl::LowerMathBase<LowerMath> {
     auto vector = dyn_cast<VectorType>(type);
     if (!vector || hasVersions(vector)) {
       LLVM::LLVMFuncOp callee =
-          declare(symbolName(function, type), type, operands.size());
+          declare(symbolName(function, type), type,
+                  SmallVector<Type>(operands.size(), type));
       return LLVM::CallOp::create(b, loc, callee, operands).getResult();
     }
     int64_t lanes = vector.getNumElements(), half = lanes / 2;
@@ -214,6 +264,8 @@ struct LowerMath : warp::impl::LowerMathBase<LowerMath> {
       return "__nv_fast_" + name + "f";
     if (single)
       name += "f";
+    if (gpu && single && (function.availability & ownOnGpu))
+      return "warp_gpu_" + name;
     if (gpu)
       return "__nv_" + name;
     auto vector = dyn_cast<VectorType>(type);
@@ -223,14 +275,15 @@ struct LowerMath : warp::impl::LowerMathBase<LowerMath> {
   }
 
   /// A function of floats without effects.
-  LLVM::LLVMFuncOp declare(StringRef name, Type type, size_t arguments) {
+  LLVM::LLVMFuncOp declare(StringRef name, Type result,
+                           ArrayRef<Type> arguments) {
     ModuleOp module = getOperation();
     if (auto found = module.lookupSymbol<LLVM::LLVMFuncOp>(name))
       return found;
     OpBuilder b = OpBuilder::atBlockBegin(module.getBody());
-    SmallVector<Type> types(arguments, type);
     auto function = LLVM::LLVMFuncOp::create(
-        b, module.getLoc(), name, LLVM::LLVMFunctionType::get(type, types));
+        b, module.getLoc(), name,
+        LLVM::LLVMFunctionType::get(result, arguments));
     auto none = LLVM::ModRefInfo::NoModRef;
     function.setMemoryEffectsAttr(LLVM::MemoryEffectsAttr::get(
         &getContext(), {none, none, none, none, none, none}));
