@@ -1,6 +1,6 @@
 """Runs the examples, prints a table of their run times and results, and refreshes the pictures.
 
-    python scripts/make_gallery.py [--device cuda:0] [--no-pictures]
+    python scripts/make_gallery.py [PROGRAM ...] [--device cuda:0] [--no-pictures]
 
 The pictures of docs/gallery.md go to docs/gallery, at most 60 KB each. Programs run one after the
 other in processes of their own; one that fails, or that lacks a library, is said so in its row.
@@ -28,6 +28,10 @@ PROGRAMS = (
     ("trajectory", (), "trajectory_{}.png"),
     ("spring_rollout", ("--steps", "400"), "spring_rollout_{}.png"),
     ("several_devices", (), "several_devices.png"),
+    ("tiles/image_network", (), "image_network_{}.png"),
+    ("tiles/pendulum_chains", (), "pendulum_chains_{}.png"),
+    ("tiles/galaxies", (), "galaxies_{}.png"),
+    ("tiles/spectrum_filter", (), "spectrum_filter_{}.png"),
     ("torch_autograd", (), None),
     ("torch_particles", (), None),
     ("jax_wave", (), None),
@@ -64,21 +68,24 @@ def shrink(source, target):
         width = width * 4 // 5
 
 
-def main(device, pictures):
+def main(names, device, pictures):
     GALLERY.mkdir(exist_ok=True)
     print("| program | seconds | last line |\n| --- | ---: | --- |", flush=True)
     with tempfile.TemporaryDirectory() as folder:
         for name, options, picture in PROGRAMS:
+            if names and name not in names:
+                continue
             took, said = run(name, options, device, Path(folder))
             print(f"| {name} | {took:.1f} | {said.replace('|', ';').strip('; ')} |", flush=True)
             if picture and pictures:
                 made = Path(folder) / picture.format(device.replace(":", ""))
-                shrink(made, GALLERY / f"{name}.png")
+                shrink(made, GALLERY / f"{Path(name).name}.png")
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("programs", nargs="*", help="names; all without any")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--no-pictures", action="store_true", help="times and results alone")
     options = parser.parse_args()
-    main(options.device, not options.no_pictures)
+    main(options.programs, options.device, not options.no_pictures)

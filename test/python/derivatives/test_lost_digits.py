@@ -66,3 +66,20 @@ def test_gradient_of_the_determinant_of_nearly_dependent_rows(device, dtype, bou
         largest = max(abs(x) for x in exact)
         error = max(abs(x) for x in exact - found)
     assert error <= bound * largest
+
+
+@pytest.mark.parametrize(("dtype", "bound"), [(wp.float32, 1e-6), (wp.float64, 1e-14)])
+@pytest.mark.parametrize("pitch", [1e-8, 1e-3, 1.0, np.pi / 2 - 1e-3])
+def test_pitch_of_small_and_right_angles(device, dtype, bound, pitch):
+    quat = wp.types.quaternion(dtype)
+
+    @wp.kernel
+    def angles(q: wp.array(dtype=quat), y: wp.array(dtype=wp.types.vector(3, dtype))):
+        y[0] = wp.quat_to_rpy(q[0])
+
+    q = wp.array([[0.0, np.sin(pitch / 2), 0.0, np.cos(pitch / 2)]], dtype=quat, device=device)
+    y = wp.zeros(1, dtype=wp.types.vector(3, dtype), device=device)
+    wp.launch(angles, 1, [q, y], device=device)
+    _, b, _, d = (mp.mpf(float(x)) for x in q.numpy()[0])
+    exact = 2 * mp.atan2(b, d)
+    assert abs(mp.mpf(float(y.numpy()[0][1])) - exact) <= bound * exact

@@ -13,9 +13,9 @@ ROOT = Path(__file__).resolve().parents[3]
 
 def test_every_example_is_in_the_gallery():
     text = (ROOT / "docs" / "gallery.md").read_text()
-    parts = {"particles_kernels", "particles_plots", "particles_precision"}
-    names = {path.stem for path in (ROOT / "examples").glob("*.py")} - parts
-    assert names == set(re.findall(r"`examples/(\w+)\.py`", text))
+    parts = {"particles_kernels", "particles_plots", "particles_precision", "integrate_kernels"}
+    names = {path.stem for path in (ROOT / "examples").rglob("*.py")} - parts
+    assert names == set(re.findall(r"`examples/(?:tiles/)?(\w+)\.py`", text))
     for picture in re.findall(r"\]\((gallery/\w+\.png)\)", text):
         assert 1000 < (ROOT / "docs" / picture).stat().st_size <= 60_000
 
