@@ -99,7 +99,7 @@ def capture_begin(
         force_load(device)
     if config.verify_cuda and device.is_cuda:
         raise errors.WarpError("cannot capture a graph while `wp.config.verify_cuda` is on")
-    if device.is_cuda:
+    if device.is_cuda and not external:
         # What geometry says of gradients cannot change while kernels are recorded.
         handles.show_gradients()
     _captures[key] = _native.Capture(device.index, stream, int(capture_mode), external)
