@@ -13,8 +13,8 @@ it. Private names that a file imports and the package lacks become placeholders
 that raise when they are used, so that the file's other tests run.
 
 `compare` counts, of what the peer passes, what this package passes too. Tests
-whose own source names internals (code generator, hashes, native functions) are
-in neither number.
+that name internals (code generator, hashes, native functions), themselves or in
+the helpers that they call, are in neither number.
 """
 
 from __future__ import annotations
@@ -52,7 +52,8 @@ import importlib, inspect, json, re, sys, types, unittest
 INTERNAL = re.compile(
     r"_src[.](?!types)|\\b(wp_|warp_)?context[.]|\\bcodegen[.]|Module(Hasher|Builder|BuildOptions)"
     r"|resolve_options|[.]adj\\b|\\bruntime\\b|\\bmock[.]|hash_module|get_module_hash|[.]execs\\b"
-    r"|[.]_[a-z]\\w+|user_overloads|[.]get_overload\\b|[.]references\\b|[.]native_func")
+    r"|[.]_[a-z]\\w+|user_overloads|[.]get_overload\\b|[.]references\\b|[.]native_func"
+    r"|pack_arg|concrete_array_type|infer_argument_types")
 absent = []
 class Placeholder:
     def __init__(self, name):
@@ -91,10 +92,22 @@ def stand_in():
     fem = importlib.import_module("warp.fem")
     if getattr(fem.Sample, "_wp_absent_", False):
         fem.Sample = warp.struct(type("Sample", (), {"__annotations__": {"qp_index": int}}))
+def helpers_of_internals(module):
+    """Functions of a test file that name internals: who calls them, does."""
+    found = set()
+    for name, value in vars(module).items():
+        if inspect.isfunction(value) and value.__module__ == module.__name__:
+            if not name.startswith("test"):
+                source = inspect.getsource(inspect.unwrap(value))
+                if INTERNAL.search(source) or any(one in source for one in absent):
+                    found.add(name)
+    return found
 def is_internal(test):
     try:
         source = inspect.getsource(inspect.unwrap(getattr(test, test._testMethodName)))
-        return bool(INTERNAL.search(source)) or any(name in source for name in absent)
+        if INTERNAL.search(source) or any(name in source for name in absent):
+            return True
+        return any(re.search(r"\\b" + name + r"[(]", source) for name in helpers)
     except (OSError, TypeError, AttributeError):
         return False
 name, out, done = sys.argv[1], sys.argv[2], set(json.loads(sys.argv[3]))
@@ -136,6 +149,7 @@ def flatten(suite):
 try:
     stand_in()
     module = load(name)
+    helpers = helpers_of_internals(module)
 except BaseException as error:
     write(name, "import", first(error))
     raise SystemExit(0)

@@ -178,6 +178,7 @@ from warp._src.kernels.tuning import get_cuda_supported_archs as get_cuda_suppor
 from warp._src.kernels.tuning import get_include as get_include
 from warp._src.kernels.tuning import get_suggested_block_size as get_suggested_block_size
 from warp._src.types import dtypes as _types
+from warp._src.types.annotations import address_of as address_of
 from warp._src.types.annotations import fixedarray as fixedarray
 from warp._src.types.annotations import ref as ref
 from warp._src.types.constants import HALF_PI as HALF_PI

@@ -35,7 +35,7 @@ class LoggerBasic:
         warnings.warn(message, category, stacklevel=stacklevel + 1)
 
     def error(self, message: str) -> None:
-        sys.stderr.write(message + "\n")
+        sys.stderr.write(f"Warp Error: {message}\n")
 
 
 _state = {"logger": LoggerBasic()}

@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-import tempfile
 
 import pytest
 
@@ -72,7 +71,7 @@ def test_kernel_without_tiles_knows_nothing_of_blocks():
     assert type(kernel) is wp.Kernel
 
 
-def test_kernel_without_tiles_loads_nothing_of_their_translation():
+def test_kernel_without_tiles_loads_nothing_of_their_translation(tmp_path):
     code = """
 import sys, warp as wp
 
@@ -88,9 +87,9 @@ for function in (plain, tiled):
     found.append(any(name.startswith("warp._src.frontend.tiles") for name in sys.modules))
 print(*found)
 """
-    with tempfile.NamedTemporaryFile("w", suffix=".py") as script:
-        script.write(code)
-        script.flush()
-        command = [sys.executable, script.name]
-        made = subprocess.run(command, capture_output=True, text=True, check=True)
+    # In a folder of its own: that of a script comes first where modules are looked for.
+    script = tmp_path / "script.py"
+    script.write_text(code)
+    command = [sys.executable, str(script)]
+    made = subprocess.run(command, capture_output=True, text=True, check=True)
     assert made.stdout.split() == ["False", "True"]

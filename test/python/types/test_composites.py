@@ -3,6 +3,7 @@
 import copy
 import ctypes
 import pickle
+import typing
 
 import numpy as np
 import pytest
@@ -218,8 +219,11 @@ def test_matrix_access():
     m[1, 1] = 7
     m[2] = [4, 5, 6]
     assert m == wp.mat33(9, 9, 1, 3, 7, 1, 4, 5, 6)
-    for key in (3, (0, 3), (0, 0, 0)):
+    for key in (3, (0, 3)):
         with pytest.raises(IndexError):
+            m[key]
+    for key in ((0, 0, 0), None, (0, "x")):
+        with pytest.raises(KeyError):
             m[key]
     with pytest.raises(ValueError):
         wp.mat22((1, 2, 3), (4, 5, 6))
@@ -283,3 +287,19 @@ def test_transforms_multiply_in_python_as_in_kernels():
     b = wp.transform(wp.vec3(-2.0, 0.5, 4.0), wp.quat(0.7, 0.1, 0.1, -0.7))
     product = wp.transform_multiply(a, b)
     assert list(a * b) == pytest.approx(list(product), rel=1e-6)
+
+
+def test_types_by_subscript():
+    three = typing.Literal[3]
+    assert wp.Vector[wp.float32, three] is wp.Vector[three, float] is wp.vec3
+    assert wp.Matrix[wp.float64, three, three] is wp.mat33d
+    assert wp.Quaternion[wp.float16] is wp.quath
+    assert wp.Transformation[float] is wp.transform
+    assert wp.types.type_is_vector(wp.Vector[wp.float32, 5])
+    for family, parameters in (
+        (wp.Vector, (float, typing.Literal[2, 3])),
+        (wp.Vector, (float, -1)),
+        (wp.Matrix, (float, 0, 3)),
+    ):
+        with pytest.raises(TypeError):
+            family[parameters]

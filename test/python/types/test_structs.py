@@ -67,7 +67,6 @@ def test_composites_are_copied():
         ("x", None, TypeError),
         ("n", 2.5, TypeError),
         ("v", 1.0, TypeError),
-        ("v", None, TypeError),
         ("v", (1, 2), ValueError),
         ("v", wp.vec2(), TypeError),
         ("m", (1, 2), ValueError),
@@ -96,6 +95,16 @@ def test_array_fields(device):
             s.values = bad
     s.values = None
     assert s.values is None
+
+
+def test_none_clears_a_composite():
+    s = Outer()
+    s.v = wp.vec3(1.0, 2.0, 3.0)
+    s.v = None
+    assert s.v == wp.vec3()
+    for bad in (1.0, wp.float32(2.0)):
+        with pytest.raises(TypeError, match="field 'v' expects vec3f but got a single value"):
+            s.v = bad
 
 
 def test_layout_is_that_of_c():

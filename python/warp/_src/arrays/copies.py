@@ -51,7 +51,7 @@ def assign(dest, src) -> None:
         ValueError: the shapes differ.
     """
     if not dtypes.type_is_array(type(src)):
-        src = _class_of(dest)(src, dtype=dest.dtype, device="cpu", copy=False)
+        src = hooks.plain_array(src, dtype=dest.dtype, device="cpu", copy=False)
     if src.shape != dest.shape:
         raise ValueError(f"expects shape {dest.shape} to assign, but got {src.shape}")
     copy(dest, src)
@@ -73,11 +73,16 @@ def copy(dest, src, dest_offset=0, src_offset=0, count=0, stream=None) -> None:
     for name, value in (("dest", dest), ("src", src)):
         if not dtypes.type_is_array(type(value)):
             raise TypeError(f"expects an array as '{name}', but got '{type(value).__name__}'")
+    if dest_offset or src_offset or count:
+        _check_range(dest_offset, src_offset, count)
     dest._check_writable()
     if dest.item_size != src.item_size:
         raise errors.WarpShapeError(
             f"expects elements of equal size to copy, but got '{dtypes.type_repr(src.dtype)}' "
-            f"({src.item_size} bytes) and '{dtypes.type_repr(dest.dtype)}' ({dest.item_size} bytes)"
+            f"({src.item_size} bytes) and '{dtypes.type_repr(dest.dtype)}' "
+            f"({dest.item_size} bytes)",
+            also=f"destination dtype={dtypes.type_repr(dest.dtype)}, "
+            f"source dtype={dtypes.type_repr(src.dtype)}",
         )
     whole = not dest_offset and not src_offset and count in (0, src.size)
     if whole and dest.shape == src.shape:
@@ -91,6 +96,22 @@ def copy(dest, src, dest_offset=0, src_offset=0, count=0, stream=None) -> None:
     ]
     if count:
         _copy_all(*views, stream)
+
+
+def _check_range(dest_offset, src_offset, count) -> None:
+    """Checks that offsets and count are whole numbers and not negative."""
+    words = ("Destination offset", "Source offset", "count")
+    for word, value in zip(words, (dest_offset, src_offset, count), strict=True):
+        if not hasattr(value, "__index__"):
+            raise errors.WarpTypeError(
+                f"expects ints as offsets and count of a copy, but got {value!r}",
+                also="Copy offsets and count must be integers",
+            )
+        if value < 0:
+            raise errors.WarpShapeError(
+                f"negative offsets and counts of a copy are out of range, but got {value}",
+                also=f"{word} must be non-negative",
+            )
 
 
 def _copy_all(dest, src, stream):
@@ -117,9 +138,9 @@ def _range(source, offset, count, name):
         stride = source.item_size
     else:
         raise errors.WarpShapeError(
-            f"expects '{name}' to be contiguous or one-dimensional to copy a part of it"
+            f"expects '{name}' to be contiguous or one-dimensional to copy a part of it; of arrays "
+            "of one shape all is copied",
+            also="Copies of parts of arrays that are not contiguous are only supported for 1-D",
         )
     part = source._view(offset * stride, (count,), (stride,))
-    if source.grad is not None:
-        part.grad = _range(source.grad, offset, count, name)
-    return part
+    return source._with_grad(part, lambda grad: _range(grad, offset, count, name))

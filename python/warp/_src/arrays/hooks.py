@@ -1,6 +1,6 @@
 """What arrays can do that is written with kernels, or with indexed arrays, and so above them.
 
-`arrays.indexed` and `kernels.maps` put their functions here. Both are part of `import warp`.
+`arrays.array`, `arrays.indexed` and `kernels.maps` put them here. Both are part of `import warp`.
 """
 
 from __future__ import annotations
@@ -13,3 +13,5 @@ apply: typing.Callable
 copy_elements: typing.Callable
 # select(source, key): what `source[key]` is if there are arrays in the key.
 select: typing.Callable
+# `wp.array` itself: programs derive classes from it whose arguments are their own.
+plain_array: type

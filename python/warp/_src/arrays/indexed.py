@@ -98,8 +98,9 @@ class indexedarray(ArrayArithmetic):
     _wp_array_ = True
     is_contiguous = False
 
-    def __new__(cls, data=None, indices=None, dtype=None, ndim=None):
-        if data is None:
+    def __new__(cls, data=None, indices=None, dtype=None, ndim=None, **own):
+        # A class derived from this one may take arguments of its own.
+        if data is None and not own:
             if indices is not None:
                 raise ValueError("expects `data` to make an indexed array")
             return IndexedArrayType(typing.Any if dtype is None else dtype, ndim or 1)
@@ -178,7 +179,7 @@ class indexedarray(ArrayArithmetic):
     @property
     def grad(self):
         """The same elements of the gradient of `data`, or None."""
-        return None if self.data.grad is None else self.over(self.data.grad)
+        return None if not self.data.requires_grad else self.over(self.data.grad)
 
     def over(self, data):
         """The same elements of another array."""

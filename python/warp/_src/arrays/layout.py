@@ -57,8 +57,10 @@ def check_shape(shape) -> tuple:
                 also="Array shapes must be non-negative",
             )
         if extent > MAX_EXTENT:
-            raise ValueError(
-                f"expects extents of at most {MAX_EXTENT}, but got {extent} in dimension {axis}"
+            raise errors.WarpShapeError(
+                f"expects extents of at most {MAX_EXTENT}, but got {extent} in dimension {axis}",
+                also="Array shapes must not exceed the maximum representable value of a signed "
+                "32-bit integer",
             )
     return extents
 

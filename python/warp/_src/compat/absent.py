@@ -9,10 +9,7 @@ from __future__ import annotations
 from warp._src import errors
 
 _CLASSES = frozenset(
-    (
-        *("BvhQueryTiled", "GLTextureResource", "MeshQueryAABBTiled", "RegisteredGLBuffer"),
-        *("fabricarray", "fabricarrayarray", "indexedfabricarray", "indexedfabricarrayarray"),
-    )
+    (*("BvhQueryTiled", "GLTextureResource", "MeshQueryAABBTiled", "RegisteredGLBuffer"),)
 )
 _FUNCTIONS = frozenset(("capture_load", "capture_save"))
 

@@ -89,6 +89,18 @@ class Access(Part):
                 also=f"`{name}` is not an attribute of '{base}'",
             ) from None
 
+    def field(self, base, name, node):
+        """A field of a struct."""
+        try:
+            return self.builder.struct_get(base, name)
+        except errors.WarpCodegenAttributeError as problem:
+            held = dtypes.dtype_of(base.type)
+            problem.also = (
+                f"`{name}` is not an attribute of '{ast.unparse(node.value)}' "
+                f"({held.__module__}.{held.__name__})"
+            )
+            raise
+
     @staticmethod
     def struct_constant(dtype, number):
         """A field of a captured struct; a number keeps the type of the field."""
@@ -104,7 +116,7 @@ class Access(Part):
             return self.context.tiles.attribute(native, name, node)
         array = array_of(native)
         if kind == "struct" and array is None:
-            return self.builder.struct_get(base, name)
+            return self.field(base, name, node)
         if array is not None:
             if name == "shape":
                 return self.context.indexed.extents(base, node)

@@ -12,7 +12,7 @@ import inspect
 
 from warp._src import errors
 from warp._src.derivatives.functions import FACTORIES, FunctionDerivative
-from warp._src.frontend import names
+from warp._src.frontend import address, names
 from warp._src.frontend.context import Part, Value
 from warp._src.frontend.indexed import array_of
 from warp._src.frontend.names import BuiltinRef
@@ -266,6 +266,7 @@ class Calls(Part):
         """`address_of(a[i])`: where an element of an array, or a part of it, lies."""
         if len(node.args) != 1 or node.keywords:
             raise self.context.type_error(node, "'address_of' expects an element of an array")
+        address.check_constant(self.context, node.args[0])
         slot = self.context.targets.slot(node.args[0])
         if slot.array is None:
             raise self.context.type_error(

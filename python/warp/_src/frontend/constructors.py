@@ -179,6 +179,8 @@ class Constructors(Part):
                 f"all values used to initialize this {family} are expected to be of the type "
                 f"`{native.element.python_name}`"
             )
+        if native.kind == "transform":
+            of_shape = "transform; expected 0, 1, or 7"
         return f"incompatible number of values given ({len(values)}) when constructing a {of_shape}"
 
     @staticmethod
@@ -186,12 +188,12 @@ class Constructors(Part):
         """How NVIDIA Warp says that one composite cannot be made from another."""
         if native.kind == "vec":
             return (
-                f"incompatible vector of length {given.shape[0]} given when copy constructing a "
-                f"vector of length {native.shape[0]}"
+                f"incompatible vector of length {native.shape[0]} given when copy constructing a "
+                f"vector of length {given.shape[0]}"
             )
         return (
-            f"incompatible matrix of shape {tuple(given.shape)} given when copy constructing a "
-            f"matrix of shape {tuple(native.shape)}"
+            f"incompatible matrix of shape {tuple(native.shape)} given when copy constructing a "
+            f"matrix of shape {tuple(given.shape)}"
         )
 
     def composite_keywords(self, native, keywords, node):

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import ast
+
 from warp._src import errors
+from warp._src.frontend import address, native_wrappers, updates
 from warp._src.frontend.functions import annotations_of
 from warp._src.kernels import native_code
 from warp._src.types import dtypes
+from warp._src.types.annotations import Reference
+from warp._src.types.native import native_text
 
 _FIX = "write the function in Python with `@wp.func`"
 
@@ -14,12 +19,15 @@ def call_native(context, function, node):
     """The result of a call, or None for a barrier of a block that is one thread.
 
     Raises:
-        WarpCodegenError: the function has other parameters than numbers, or Clang is not installed
-            or refuses it.
+        WarpCodegenError: the function has other parameters than numbers and addresses of them, or
+            Clang is not installed or refuses it.
     """
     if function.is_block_barrier and context.session.block_threads() == 1:
         return None
     what = f"the native code of '{function.key}'"
+    pointers = _pointers(context, function, node)
+    if pointers or native_wrappers.needs_wrapper(function):
+        return _call_wrapper(context, function, pointers, node)
     arguments, keywords = context.constructors.arguments(node)
     overload, bound = context.user_calls.select(function, arguments, keywords, node)
     values = [
@@ -39,14 +47,42 @@ def call_native(context, function, node):
     result = _result_of(function)
     if result not in native_code.SCALARS:
         raise context.unsupported(node, f"{what}, which returns no number,", _FIX)
-    if function.adj_native_snippet is not None:
-        raise context.unsupported(node, f"{what} with an adjoint in native code", _FIX)
     try:
         symbol = native_code.add(function.key, function.native_snippet, parameters, result)
     except errors.WarpCompileError as problem:
         raise context.error(node, str(problem)) from None
     context.at(node)
     return context.builder.builtin(f"_{symbol}:{result}", values)[0][0]
+
+
+def _call_wrapper(context, function, pointers, node):
+    """Calls what stands for a function that changes its arguments or has an adjoint."""
+    for name, annotation in annotations_of(function.func).items():
+        kind = annotation.dtype if isinstance(annotation, Reference) else annotation
+        if kind is not None and native_text(kind) not in native_code.SCALARS:
+            problem = f"the native code of '{function.key}', whose '{name}' is no number,"
+            raise context.unsupported(node, problem, _FIX)
+    wrapper = native_wrappers.wrapper_of(function, pointers)
+    places = [address.place_of(argument) for argument in node.args]
+    keywords = [ast.keyword(one.arg, address.place_of(one.value)) for one in node.keywords]
+    call = ast.copy_location(ast.Call(node.func, places, keywords), node)
+    references = updates.references_of(wrapper)
+    if references:
+        return context.references.call_by_reference(wrapper, references, call)
+    arguments = context.constructors.arguments(call)
+    return context.user_calls.call_function(wrapper, *arguments, call)
+
+
+def _pointers(context, function, node) -> tuple:
+    """(parameter, type) for each argument that is the address of a number."""
+    names = list(annotations_of(function.func))
+    given = [*zip(names, node.args, strict=False), *((k.arg, k.value) for k in node.keywords)]
+    found = []
+    for name, argument in given:
+        place = address.place_of(argument)
+        if place is not argument:
+            found.append((name, address.type_at(context, place)))
+    return tuple(found)
 
 
 def _result_of(function) -> str:

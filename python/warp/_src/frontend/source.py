@@ -15,6 +15,7 @@ import os
 import types
 
 from warp._src import errors
+from warp._src.kernels import texts
 
 
 class Source:
@@ -69,17 +70,8 @@ def transformed(source: Source, transformers) -> Source:
 
 
 def _read(function: types.FunctionType, code: types.CodeType) -> Source:
-    file = code.co_filename
-    linecache.checkcache(file)
-    lines = linecache.getlines(file, function.__globals__)
-    first = code.co_firstlineno
-    if first > len(lines):
-        raise errors.WarpCodegenError(
-            f"source of '{function.__name__}' is not available",
-            file=file,
-            line=first,
-            hint="define the function in a file or a notebook cell",
-        )
+    file, first = code.co_filename, code.co_firstlineno
+    lines = texts.lines_of(function, forget=True)
     if code.co_name == "<lambda>":
         raise errors.WarpCodegenError(
             "a lambda cannot be a kernel or function", file=file, line=first, hint="use `def`"

@@ -6,9 +6,10 @@ import ast
 import types as python_types
 
 from warp import _native
+from warp._src.frontend.address import place_of
 from warp._src.frontend.control import name_of
 from warp._src.frontend.functions import overload_of
-from warp._src.kernels.function import Function
+from warp._src.kernels.function import Function, NativeFunction
 from warp._src.types.annotations import Reference
 from warp._src.types.native import ArrayType
 
@@ -76,7 +77,12 @@ def updated_arguments(function, inout_arguments):
                 return [call.args[p] for p in positions if p < len(call.args)] + by_name
             keys = {*positions, *_builtin_names(name, positions)} if positions else ()
         found = [argument for position, argument in enumerate(call.args) if position in keys]
-        return found + [keyword.value for keyword in call.keywords if keyword.arg in keys]
+        found += [keyword.value for keyword in call.keywords if keyword.arg in keys]
+        if isinstance(callee, NativeFunction):
+            # What native code gets the address of.
+            given = [*call.args, *(keyword.value for keyword in call.keywords)]
+            found += [place_of(one) for one in given if place_of(one) is not one]
+        return found
 
     return updated
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import types as python_types
 
+from warp._src.kernels import texts
 from warp._src.kernels.epoch import Epoch
 from warp._src.types import dtypes
 from warp._src.types.annotations import is_generic
@@ -35,6 +36,12 @@ class Function:
         self.__module__ = func.__module__
         self.__doc__ = func.__doc__
         self.__wrapped__ = func
+        self._keep_text(func)
+
+    @staticmethod
+    def _keep_text(func) -> None:
+        if not func.__module__.startswith("warp."):
+            texts.keep(func)
 
     @property
     def has_derivative(self) -> bool:
@@ -44,6 +51,7 @@ class Function:
     def add_overload(self, func) -> None:
         """Adds a function whose annotations no other one has."""
         self.overloads.append(func)
+        self._keep_text(func)
 
     def redefined(self, func):
         """The functions of this name with one in place of that with the same annotations.
@@ -159,10 +167,16 @@ _BARRIERS = (
 def func_native(snippet, adj_snippet=None, replay_snippet=None):
     """Declares a function by its C++ or CUDA text.
 
-    Kernels on CPUs may call one that takes and gives numbers: Clang, where it is installed or named
-    by the environment variable WARP_CLANG, compiles it. What such a function computes may depend on
-    its arguments alone. It has no gradient. A kernel that calls another one is refused, with the
-    place of the call; modules that declare such functions can be imported.
+    Kernels on CPUs may call one that takes numbers and gives at most one: Clang, where it is
+    installed or named by the environment variable WARP_CLANG, compiles it. What such a function
+    computes may depend on its arguments alone. It may assign to parameters by reference
+    (`wp.ref[float]`) and to what `wp.address_of` points to: copies, which are written back. A
+    kernel that calls another one is refused, with the place of the call; modules that declare such
+    functions can be imported.
+
+    The adjoint finds the cotangent of a parameter `x` in `adj_x` and that of the result in
+    `adj_ret`, and changes them; it has to be linear in them. It runs once for each output and each
+    parameter. Without one, a kernel that calls the function has no gradient through it.
 
     Args:
         snippet: body of the function.

@@ -21,6 +21,7 @@ from warp._src.arrays.indexed import indexedarray
 from warp._src.derivatives.kernel_derivatives import KernelDerivatives, differentiate
 from warp._src.devices.devices import get_device
 from warp._src.forks import translating
+from warp._src.kernels import texts, unique
 from warp._src.kernels.epoch import Epoch
 from warp._src.kernels.modules import Module, check_options, get_module
 from warp._src.types import dtypes
@@ -54,6 +55,8 @@ class Kernel:
 
     # Whether it is known which elements of arrays a launch touches.
     has_regions = True
+    # What a kernel with a module of its own is known by, to be given again (kernels.unique).
+    unique_key = None
 
     def __init__(self, func, key=None, module=None, options=None, code_transformers=None):
         if not isinstance(func, python_types.FunctionType):
@@ -65,6 +68,8 @@ class Kernel:
         )
         self.options = dict(options or {})
         self.code_transformers = tuple(code_transformers or ())
+        if not func.__module__.startswith("warp."):
+            texts.keep(func)
         self.module.kernels[self.key] = self
         self.epoch = None
         self.native = None
@@ -174,6 +179,8 @@ class Kernel:
         return found
 
     def _translate(self, arguments, threads=1):
+        if self.unique_key is not None:
+            unique.check(self)
         with translating:
             from warp._src.frontend.build import build_kernel
 
@@ -430,7 +437,9 @@ def kernel(
         launch_bounds: largest block, and fewest blocks per multiprocessor, for CUDA; a launch with
             a larger block is an error.
         cuda_max_registers: registers that a CUDA thread may use; not together with `launch_bounds`.
-        module: module whose options apply, by default that of the function.
+        module: module whose options apply, by default that of the function. "unique" makes one for
+            this kernel; a second definition of the same text, captures and options gives the first
+            kernel again.
         module_options: options for this kernel alone.
 
     Example:
@@ -440,8 +449,9 @@ def kernel(
         ...     i = wp.tid()
         ...     x[i] = x[i] * s
     """
-    own = dict(module_options or {})
+    own = {} if module_options is None else module_options
     check_options(own)
+    own, own_module = ({}, own) if module == "unique" else (dict(own), None)
     if enable_backward is not None:
         own["enable_backward"] = enable_backward
     if launch_bounds is not None:
@@ -453,13 +463,19 @@ def kernel(
     unknown = set(options) - _INERT
     if unknown:
         raise TypeError(f"kernel has no option '{unknown.pop()}'")
+    # These change nothing, but tell kernels apart.
+    inert = {name: value for name, value in options.items() if value is not None}
+    if inert.get("enable_cuda_smem_spilling") is False:
+        del inert["enable_cuda_smem_spilling"]
+    own |= inert
     _check_entry_point(options.get("entry_point_abi", "warp"), enable_backward)
     if name is not None and not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII):
         raise ValueError(f"kernel name must be a valid C++ identifier, but got {name!r}")
 
     def decorate(func):
-        where = None if module == "unique" else module
-        return Kernel(func, name, where, own)
+        if module == "unique" and isinstance(func, python_types.FunctionType):
+            return unique.unique(Kernel, func, name, own, own_module)
+        return Kernel(func, name, None if module == "unique" else module, own)
 
     return decorate if f is None else decorate(f)
 

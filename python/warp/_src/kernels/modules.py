@@ -111,17 +111,29 @@ class Module:
 
 
 def check_options(options: dict) -> None:
+    if not isinstance(options, dict):
+        raise TypeError(f"module options must be a dict, but got '{type(options).__name__}'")
     for name, value in options.items():
+        if name == "deterministic_max_records":
+            _check_count(name, value)
         if name in INERT_OPTIONS:
             continue
         if name not in OPTIONS:
-            known = ", ".join(OPTIONS)
-            raise ValueError(f"no module option '{name}', there is: {known}")
+            raise ValueError(f"no module option '{name}'. Valid options: {', '.join(OPTIONS)}")
         if OPTIONS[name] and value is not None:
             settings.SETTINGS[OPTIONS[name]].check(value)
 
 
+def _check_count(name, value) -> None:
+    if not isinstance(value, int) or isinstance(value, bool):
+        raise TypeError(f"module option '{name}' expects an int, but got {value!r}")
+    if value < 0:
+        raise ValueError(f"module option '{name}' expects no negative number, but got {value}")
+
+
 modules_by_name: dict[str, Module] = {}
+# Those of one kernel each, as long as somebody has it.
+_unique: weakref.WeakSet = weakref.WeakSet()
 
 
 def get_module(name: str) -> Module:
@@ -132,8 +144,15 @@ def get_module(name: str) -> Module:
     return found
 
 
+def make_unique(home: str, kernel: str, number: int) -> Module:
+    """A module for one kernel, below that of its function; its options are its own."""
+    made = Module(f"{home}.{kernel}_{number}")
+    _unique.add(made)
+    return made
+
+
 def all_modules() -> list[Module]:
-    return list(modules_by_name.values())
+    return [*modules_by_name.values(), *_unique]
 
 
 def caller_module(depth: int = 2) -> Module:

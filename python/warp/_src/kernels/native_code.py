@@ -65,15 +65,15 @@ def add(name, body, parameters, result) -> str:
     declared = ", ".join(f"{SCALARS[native]} {parameter}" for parameter, native in parameters)
     passed = ", ".join(parameter for parameter, _ in parameters)
     text = (
-        f'{_HEADER}static inline {SCALARS[result]} function({declared}) {{\n#line 1 "{name}"\n'
+        f'{_HEADER}static inline {SCALARS[result]} warp_function({declared}) {{\n#line 1 "{name}"\n'
         f"{body}\n}}\n"
     )
     symbol = "warp_native_" + hashlib.sha256(text.encode()).hexdigest()[:24]
     if symbol not in _known:
         separator = ", " if parameters else ""
         text += (
-            f'extern "C" void {symbol}({declared}{separator}{SCALARS[result]} *out) '
-            f"{{ *out = function({passed}); }}\n"
+            f'extern "C" void {symbol}({declared}{separator}{SCALARS[result]} *warp_out) '
+            f"{{ *warp_out = warp_function({passed}); }}\n"
         )
         _native.add_native_code(symbol, _bitcode(name, text))
         _known[symbol] = name

@@ -5,10 +5,13 @@ from __future__ import annotations
 import types as python_types
 
 from warp._src import errors
+from warp._src.arrays.array import array
+from warp._src.arrays.indexed import indexedarray
 from warp._src.kernels.kernel import Kernel, kernel_name
-from warp._src.kernels.modules import get_module
+from warp._src.kernels.modules import all_modules
 from warp._src.types import annotations, dtypes
 from warp._src.types.annotations import is_generic
+from warp._src.types.native import ArrayType, IndexedArrayType
 
 
 def overload(kernel, arg_types=None):
@@ -19,7 +22,8 @@ def overload(kernel, arg_types=None):
 
     Args:
         kernel: the generic kernel.
-        arg_types: types of all parameters in order, or of the generic ones by name.
+        arg_types: types of all parameters in order, or of the generic ones by name; arrays stand
+            for their types.
 
     Raises:
         WarpError: the kernel is not generic, or there are more or fewer types than parameters.
@@ -50,8 +54,11 @@ def _named(function):
     """The generic kernel whose function has the name of this one."""
     named = [
         kernel
-        for kernel in get_module(function.__module__).kernels.values()
-        if kernel.is_generic and kernel.func.__qualname__ == function.__qualname__
+        for module in all_modules()
+        for kernel in module.kernels.values()
+        if kernel.func.__module__ == function.__module__
+        and kernel.is_generic
+        and kernel.func.__qualname__ == function.__qualname__
     ]
     if len(named) != 1:
         found = "there are several kernels" if named else "there is no generic kernel"
@@ -85,7 +92,7 @@ def _specialized(kernel, arg_types):
         raise errors.WarpError(f"kernel '{kernel.key}' has no parameter '{unknown.pop()}'")
     chosen = {}
     for name, annotation in declared.items():
-        wanted = arg_types.get(name, annotation)
+        wanted = _type_of(arg_types.get(name, annotation))
         if is_generic(wanted) or not _fits(annotation, wanted):
             raise TypeError(
                 f"overload('{kernel.key}'): parameter '{name}' expects a type for "
@@ -93,6 +100,13 @@ def _specialized(kernel, arg_types):
             )
         chosen[name] = wanted
     return _made(kernel, chosen)
+
+
+def _type_of(wanted):
+    """A type, or that of an array."""
+    if isinstance(wanted, indexedarray):
+        return IndexedArrayType(wanted.dtype, wanted.ndim)
+    return ArrayType(wanted.dtype, wanted.ndim) if isinstance(wanted, array) else wanted
 
 
 def _fits(annotation, wanted) -> bool:

@@ -71,6 +71,8 @@ class Builtin:
         from warp._src.types.tiles import TileType
 
         parts = parameters if isinstance(parameters, tuple) else (parameters,)
+        if not parts:
+            raise TypeError("wp.tile[...] requires at least a dtype")
         return TileType(parts[0], parts[1:])
 
     def _positional(self, args, named):

@@ -7,13 +7,17 @@ import importlib
 from warp._src.language import namespace
 from warp._src.language.builtins import names as builtin_names
 
-_SUBMODULES = ("autograd", "fem", "geometry", "optim", "sparse", "types", "utils")
+_SUBMODULES = (*("autograd", "fem", "geometry", "optim", "render", "sparse", "types", "utils"),)
 # What few programs use, by the module that holds it.
 _RARE = {
     name: home
     for home, held in (
         ("kernels.manifest", ("Manifest", "KernelManifest", "manifest")),
         ("devices.diagnostics", ("print_diagnostics",)),
+        (
+            "arrays.fabric",
+            ("fabricarray", "fabricarrayarray", "indexedfabricarray", "indexedfabricarrayarray"),
+        ),
         ("kernels.tiled", ("launch_tiled",)),
         (
             "textures.texture",

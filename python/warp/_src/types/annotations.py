@@ -68,7 +68,7 @@ class FixedArrayType:
         return f"fixedarray(shape={self.shape}, dtype={native.type_repr(self.dtype)})"
 
 
-def fixedarray(dtype=float, shape=None) -> FixedArrayType:
+class fixedarray:
     """Annotates what a `@wp.func` returns: an array that `wp.zeros` made in it.
 
     Args:
@@ -78,7 +78,9 @@ def fixedarray(dtype=float, shape=None) -> FixedArrayType:
     Raises:
         TypeError, ValueError: the type or an extent cannot be used.
     """
-    return FixedArrayType(dtype, () if shape is None else shape)
+
+    def __new__(cls, dtype=float, shape=None) -> FixedArrayType:
+        return FixedArrayType(dtype, () if shape is None else shape)
 
 
 class ref:
@@ -97,6 +99,18 @@ class ref:
 
     def __class_getitem__(cls, dtype):
         return Reference(dtype)
+
+
+def address_of(place):
+    """In kernels, the address of an element of an array, or of a part of it.
+
+    As an argument of native code it is also that of a variable: the code gets the address of a copy
+    of this one number, which is written back after the call.
+
+    Raises:
+        TypeError: outside of kernels.
+    """
+    raise TypeError("`wp.address_of` can be used in kernels and functions of kernels only")
 
 
 def from_subscript(params, ndim, made=ArrayType):

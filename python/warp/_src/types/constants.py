@@ -6,6 +6,7 @@ import builtins
 import enum
 import math
 
+from warp._src import errors
 from warp._src.types.composites import Composite
 from warp._src.types.scalars import scalar_base
 
@@ -46,9 +47,10 @@ def constant(value):
         TypeError: `value` is neither a number, a Warp scalar, a composite nor an int enum.
     """
     if not is_constant(value):
-        raise TypeError(
+        raise errors.WarpTypeError(
             f"expects a number, vector, matrix, quaternion or transform as a constant, "
-            f"but got '{type(value).__name__}'"
+            f"but got '{type(value).__name__}'",
+            also=f"Invalid constant type: {type(value)}",
         )
     return value
 

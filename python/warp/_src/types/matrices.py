@@ -21,6 +21,7 @@ from warp._src.types.vectors import (
     _cache,
     is_open,
     make_composite,
+    unwrapped,
     vector,
 )
 
@@ -50,7 +51,7 @@ class Matrix(Composite):
         construct_components(self, args)
 
     def __class_getitem__(cls, params):
-        params = params if isinstance(params, tuple) else (params,)
+        params = unwrapped(params)
         extents = tuple(p for p in params if isinstance(p, int))
         dtypes = [p for p in params if not isinstance(p, int)]
         if len(extents) == 2 and len(dtypes) == 1:
@@ -161,16 +162,27 @@ class Matrix(Composite):
         """Rows and columns named by a key: an index or a range each."""
         keys = key if isinstance(key, tuple) else (key, slice(None))
         if len(keys) != 2:
-            raise IndexError(f"expects 1 or 2 indices for a matrix, but got {len(keys)}")
+            raise errors.WarpKeyError(
+                f"expects 1 or 2 indices for a matrix, but got {len(keys)}",
+                also=f"Invalid key, expected one or two indices, got {len(keys)}",
+            )
         return tuple(map(_resolve, keys, self._shape_, ("row", "column")))
 
 
 def _resolve(key, extent, what):
     if isinstance(key, slice):
         return range(extent)[key]
+    if not hasattr(key, "__index__"):
+        raise errors.WarpKeyError(
+            f"expects an int or a slice as {what} index, but got '{type(key).__name__}'",
+            also=f"Invalid key {key!r}, expected int or pair of ints",
+        )
     index = key.__index__()
     if not -extent <= index < extent:
-        raise IndexError(f"{what} index {index} is out of range for extent {extent}")
+        raise errors.WarpIndexError(
+            f"{what} index {index} is out of range for extent {extent}",
+            also=f"Invalid {what} index",
+        )
     return index % extent
 
 

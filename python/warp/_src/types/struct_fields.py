@@ -9,6 +9,7 @@ import ctypes
 import typing
 
 from warp import _native
+from warp._src import errors
 from warp._src.types import dtypes, scalars
 from warp._src.types.composites import Composite, flatten_numbers, is_number
 from warp._src.types.native import ArrayType
@@ -38,13 +39,13 @@ class ArrayDescriptor(ctypes.Structure):
     }
 
 
-def describe(array) -> ArrayDescriptor:
-    """The descriptor of an array; all zero for None."""
+def describe(array, gradient=None) -> ArrayDescriptor:
+    """The descriptor of an array and of its gradient; all zero for None."""
     descriptor = ArrayDescriptor()
     if array is None:
         return descriptor
     descriptor.data = array.ptr or 0
-    descriptor.grad = (array.grad.ptr or 0) if array.grad is not None else 0
+    descriptor.grad = (gradient.ptr or 0) if gradient is not None else 0
     for axis, (extent, stride) in enumerate(zip(array.shape, array.strides, strict=True)):
         descriptor.shape[axis] = extent
         descriptor.strides[axis] = stride
@@ -110,7 +111,10 @@ class Field:
 
     def _set_composite(self, instance, value):
         dtype = self.dtype
-        if value is None or is_number(value) or dtypes.is_struct(type(value)):
+        if value is None:
+            self.raw.__set__(instance, dtype())
+            return
+        if is_number(value) or dtypes.is_struct(type(value)):
             raise self._error(value)
         if isinstance(value, Composite) and value._shape_ != dtype._shape_:
             raise self._error(value)
@@ -136,7 +140,8 @@ class Field:
                 raise self._error(value)
             if value.ndim != expected.ndim:
                 raise self._error(value)
-        self.raw.__set__(instance, describe(value))
+        # A gradient that nobody has used is looked for again when somebody does.
+        self.raw.__set__(instance, describe(value, getattr(value, "grad_in_use", None)))
         instance._held[self.name] = value
 
     def _error(self, value):
@@ -147,4 +152,23 @@ class Field:
         )
         if isinstance(self.dtype, type) and issubclass(self.dtype, Composite) and is_number(value):
             message += f", construct the value: `{self.dtype.__name__}(...)`"
-        return TypeError(message)
+        return errors.WarpTypeError(message, also=self._words(value))
+
+    def _words(self, value):
+        """How NVIDIA Warp says that a value does not fit the field; None where it does not say."""
+        head = f"Struct field '{self.name}' expects"
+        record = getattr(self.dtype, "_wp_fields_", {})
+        expected = record.get("data") if "indexed" in record else self.dtype
+        if isinstance(expected, ArrayType):
+            if not dtypes.type_is_array(type(value)):
+                kind = "Warp indexed array" if record else "Warp array"
+                return f"{head} a {kind}, got {type(value).__name__}"
+            if not dtypes.types_equal(value.dtype, expected.dtype):
+                wanted, got = map(dtypes.type_repr, (expected.dtype, value.dtype))
+                return f"{head} dtype {wanted}, got {got}"
+            return (
+                f"{head} an array with {expected.ndim} dimension(s), got {value.ndim} dimension(s)"
+            )
+        if is_number(value) and not isinstance(expected, ScalarType):
+            return f"{head} {dtypes.type_repr(expected)} but got a single value"
+        return None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import typing
 
 from warp._src.types import native
+from warp._src.types.vectors import unwrapped
 
 
 class TileType:
@@ -12,7 +13,7 @@ class TileType:
 
     Attributes:
         dtype: element type, or `typing.Any`.
-        shape: 1 to 4 extents; each an int, or `typing.Any` for any.
+        shape: 1 to 4 extents; each an int, or `typing.Any` for any. None leaves all of it open.
 
     Raises:
         TypeError: extents are not what they should be, or there is no such element type.
@@ -22,7 +23,12 @@ class TileType:
 
     def __init__(self, dtype, shape):
         self.dtype = dtype if dtype is typing.Any else native.canonical(dtype)
-        self.shape = tuple(shape)
+        if len(shape) == 1 and isinstance(shape[0], tuple):
+            shape = shape[0]
+        elif not shape:
+            self.shape = None
+            return
+        self.shape = unwrapped(tuple(shape))
         are_extents = all(
             one is typing.Any or (isinstance(one, int) and one > 0) for one in self.shape
         )
@@ -34,7 +40,7 @@ class TileType:
     @property
     def is_open(self) -> bool:
         """Whether something of it is left to the call."""
-        return typing.Any in (self.dtype, *self.shape)
+        return self.shape is None or typing.Any in (self.dtype, *self.shape)
 
     @property
     def _native_(self) -> str:
@@ -43,6 +49,8 @@ class TileType:
 
     def fits(self, found) -> bool:
         """Whether a type of the compiler is one that an open annotation asks for."""
+        if found.kind == "tile" and self.shape is None:
+            return self.dtype in (typing.Any, native.dtype_of(found.element))
         return (
             found.kind == "tile"
             and len(found.shape) == len(self.shape)
@@ -59,5 +67,5 @@ class TileType:
         return hash((TileType, self.dtype, self.shape))
 
     def __repr__(self):
-        parts = ", ".join(map(str, self.shape))
-        return f"wp.tile[{getattr(self.dtype, '__name__', self.dtype)}, {parts}]"
+        parts = [getattr(self.dtype, "__name__", str(self.dtype)), *map(str, self.shape or ())]
+        return f"wp.tile[{', '.join(parts)}]"

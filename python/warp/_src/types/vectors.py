@@ -174,9 +174,32 @@ class GenericAnnotation:
         return f"{self.family.__name__}{list(self.params)}"
 
 
+def unwrapped(params) -> tuple:
+    """Parameters of a type; `typing.Literal[3]` is how type checkers want an extent.
+
+    Raises:
+        TypeError: such a literal has several values, or an extent is not positive.
+    """
+    found = []
+    for one in params if isinstance(params, tuple) else (params,):
+        values = typing.get_args(one) if typing.get_origin(one) is typing.Literal else (one,)
+        if len(values) != 1:
+            raise TypeError(f"Expected a single Literal value as an extent, but got {one}")
+        if isinstance(values[0], int) and values[0] < 1:
+            raise TypeError(f"an extent has to be a positive integer, but got {values[0]}")
+        found += values
+    return tuple(found)
+
+
 def generic_annotation(family, params):
     """`Vector[3, float]` and `Vector[float, 3]` give the type when both are concrete."""
-    params = params if isinstance(params, tuple) else (params,)
+    params = unwrapped(params)
+    if len(params) == 1 and family in (Quaternion, Transformation):
+        made = quaternion if family is Quaternion else transformation
+        try:
+            return made(params[0])
+        except TypeError:
+            return GenericAnnotation(family, params)
     extents = [p for p in params if isinstance(p, int)]
     dtypes = [p for p in params if not isinstance(p, int)]
     if len(extents) == 1 and len(dtypes) == 1 and family is Vector:

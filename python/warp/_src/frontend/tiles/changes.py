@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from warp._src.frontend.tiles.arguments import TileTopic
 
+_NUMBERS = {"bool", "int", "float"}
+
 
 class TileChanges(TileTopic):
     """Translates assignments to parts, and to elements by each thread."""
@@ -12,7 +14,7 @@ class TileChanges(TileTopic):
         tile, source, offset = self.bind(
             node, "tile_assign", ("dst", "src", "offset"), tiles=2, offset=None
         )
-        self.same_element(tile, source, node, "tile_assign")
+        source = self.of_element(source, tile, node, "tile_assign")
         if len(tile.type.shape) != len(source.type.shape):
             raise self.context.value_error(
                 node,
@@ -28,6 +30,14 @@ class TileChanges(TileTopic):
         offsets = self.indices(offset, len(tile.type.shape), node, "tile_assign")
         made = self.make("insert", [source, tile, *offsets], node, axes=[1] * len(offsets))
         self.context.targets.write_back(node.args[0], made, node)
+
+    def of_element(self, source, tile, node, name):
+        """A tile with elements of another one's type; numbers convert."""
+        native = tile.type.element
+        if source.type.element != native and {source.type.element.kind, native.kind} <= _NUMBERS:
+            return self.mapped([source], lambda x: self.builder.cast(x, native), node)
+        self.same_element(tile, source, node, name)
+        return source
 
     def same_element(self, a, b, node, name):
         if a.type.element != b.type.element:
@@ -64,6 +74,12 @@ class TileChanges(TileTopic):
         """`(a, i, ..., value, has_value)`: each thread changes an element, if it has a value."""
         arguments, keywords = self.context.constructors.arguments(node)
         tile = self.tile(arguments[0], node, name)
+        if kind == "add" and tile.type.element.kind == "struct":
+            raise self.context.type_error(
+                node,
+                f"{name}() expects elements that add up, but got '{tile.type.python_name}'",
+                "use a tile for each field",
+            )
         rank = len(tile.type.shape)
         rest = dict(zip(("value", "has_value", "atomic"), arguments[1 + rank :], strict=False))
         rest.update(keywords)

@@ -85,6 +85,10 @@ class TileElements(TileTopic):
         return self.make(operation, [tile], node, kind=kind, axis=axis)
 
     def builtin_tile_sum(self, node):
+        tile, axis = self.bind(node, "tile_sum", ("a", "axis"), tiles=1, axis=None)
+        if tile.type.element.kind == "struct":
+            axis = self.axis(axis, tile, node, "tile_sum")
+            return self.folded(tile, axis, lambda a, b: self.added(a, b, node), node)
         return self.reduced(node, "tile_sum", "add", numbers=False)
 
     def builtin_tile_min(self, node):
@@ -116,16 +120,32 @@ class TileElements(TileTopic):
         is_number = tile.type.element.kind in ("int", "float")
         if isinstance(operation, BuiltinRef) and known and (known == "add" or is_number):
             return self.make("reduce", [tile], node, kind=known, axis=axis)
-        function = self.function(operation, node, "tile_reduce")
+        return self.folded(tile, axis, self.function(operation, node, "tile_reduce"), node)
+
+    def folded(self, tile, axis, function, node):
+        """Elements joined two by two by a function."""
         tiles = self.context.session.tiles
         self.context.at(node)
         result = function(*tiles.begin_function([tile], True))
         return tiles.end_function([self.context.materialize(result, node)], axis=axis)[0]
 
+    def added(self, a, b, node):
+        """The sum of two elements, of structs field by field."""
+        if a.type.kind != "struct":
+            return self.context.calls.apply_builtin("add", [a, b], node)
+        get = self.builder.struct_get
+        names = [name for name, _ in a.type.fields]
+        parts = [self.added(get(a, name), get(b, name), node) for name in names]
+        return self.builder.struct_create(a.type, parts)
+
     # Orders.
 
     def scanned(self, node, name, kind, exclusive=False):
         (tile,) = self.bind(node, name, ("a",), tiles=1)
+        if tile.type.element.kind not in ("int", "float"):
+            raise self.context.type_error(
+                node, f"{name}() expects numbers, but got '{tile.type.python_name}'"
+            )
         return self.make("scan", [tile], node, kind=kind, flag=exclusive)
 
     def builtin_tile_scan_inclusive(self, node):

@@ -29,6 +29,7 @@ class TileGathers(TileTopic):
             raise self.context.value_error(
                 node,
                 f"tile indexing expects a 1D tile of integers, got '{indices.type.python_name}'",
+                also="expects an integer index tile",
             )
         extents = list(tile.type.shape)
         count = indices.type.shape[0]

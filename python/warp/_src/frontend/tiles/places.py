@@ -68,7 +68,9 @@ class TilePlaces(TileTopic):
         value = self.context.materialize(binding, node)
         if value.type.kind != "int":
             raise self.context.type_error(
-                node, f"expects an integer as index of a tile, but got '{value.type.python_name}'"
+                node,
+                f"expects an integer as index of a tile, but got '{value.type.python_name}'",
+                also="tile indices must be integers or slices",
             )
         return value
 
@@ -156,11 +158,43 @@ class TilePlaces(TileTopic):
             return TileView(slot.extended(("tile", part), selected))
         return self.read(self.context.materialize(base, node), part, node)
 
+    def sliced(self, node):
+        """A call of `tile_view` without its offset, and that as indices and slices, if one is."""
+        written = [*node.args[1:2], *(k.value for k in node.keywords if k.arg == "offset")]
+        items = [one for value in written for one in getattr(value, "elts", [value])]
+        if not any(map(_is_slice, items)):
+            return node, None
+        rest = [k for k in node.keywords if k.arg != "offset"]
+        rest += [ast.keyword("shape", one) for one in node.args[2:3]]
+        call = ast.copy_location(ast.Call(node.func, node.args[:1], rest), node)
+        return call, [self.as_slice(one) if _is_slice(one) else one for one in items]
+
+    def as_slice(self, call):
+        """`slice(a, b, c)` as what stands between brackets."""
+        if call.keywords or not 1 <= len(call.args) <= 3:
+            raise self.context.type_error(call, "'slice' expects 1 to 3 arguments")
+        parts = [None, *call.args] if len(call.args) == 1 else call.args
+        bounds = [None if _is_none(one) else one for one in (*parts, None, None)[:3]]
+        return ast.copy_location(ast.Slice(*bounds), call)
+
     def builtin_tile_view(self, node):
-        binding, offset, shape = self.bind(node, "tile_view", ("t", "offset", "shape"), shape=None)
+        call, offsets = self.sliced(node)
+        binding, offset, shape = self.bind(
+            call,
+            "tile_view",
+            ("t", "offset", "shape"),
+            shape=None,
+            **({"offset": 0} if offsets else {}),
+        )
         tile = self.tile(binding, node, "tile_view")
         native = tile.type
-        offsets = self.parts(offset)
+        if offsets and shape is not None:
+            raise self.context.value_error(
+                node,
+                "tile_view() takes the extents from slices, so no shape",
+                also="tile_view() cannot take 'shape' together with a slice",
+            )
+        offsets = offsets or self.parts(offset)
         if len(offsets) > len(native.shape):
             raise self.context.value_error(
                 node,
@@ -186,3 +220,11 @@ class TilePlaces(TileTopic):
         if slot is None or slot.name is None:
             return self.read(tile, part, node)
         return TileView(slot.extended(("tile", part), selected))
+
+
+def _is_slice(node) -> bool:
+    return isinstance(node, ast.Call) and getattr(node.func, "id", None) == "slice"
+
+
+def _is_none(node) -> bool:
+    return node is None or (isinstance(node, ast.Constant) and node.value is None)

@@ -13,6 +13,15 @@ from warp._src.frontend.tiles.arguments import TileTopic
 _FLOATS = {"float16": np.float16, "float32": np.float32}
 
 
+# Elements of a tile.
+_MOST = 2**31 - 1
+
+
+def _least(native) -> int:
+    """The least number of an integer type."""
+    return -(2 ** (native.width - 1)) if native.signed else 0
+
+
 class TileValues(TileTopic):
     """Translates what makes tiles."""
 
@@ -81,14 +90,24 @@ class TileValues(TileTopic):
                 f"tile_arange() requires a numeric scalar dtype, but got {native.python_name}",
             )
         given = (0, numbers[0], 1) if len(numbers) == 1 else (*numbers, 1)[:3]
-        start, stop, step = (self.exact(number, native, node) for number in given)
+        names = ("start", "stop", "step")
+        start, stop, step = (
+            self.exact(*one, native, node) for one in zip(names, given, strict=True)
+        )
         if step == 0:
             raise self.context.value_error(node, "tile_arange() step cannot be zero")
         count = math.ceil((stop - start) / step)
         # The last may reach the end when it is rounded.
         if count > 1 and native.kind == "float":
-            last = self.exact(start + (count - 1) * step, native, node)
+            last = self.exact("stop", start + (count - 1) * step, native, node)
             count -= last >= stop if step > 0 else last <= stop
+        if count > _MOST:
+            raise self.context.value_error(
+                node,
+                f"tile_arange() from {given[0]} to {given[1]} by {given[2]} has {count} elements, "
+                f"but a tile has at most {_MOST}",
+                also="tile_arange() spans more elements than can be counted",
+            )
         if count < 1:
             raise self.context.value_error(
                 node,
@@ -100,8 +119,14 @@ class TileValues(TileTopic):
         operands = [self.builder.constant(native, real(one)) for one in (start, step)]
         return self.make("iota", operands, node, shape=[count], element=native)
 
-    def exact(self, number, native, node):
-        """The number as elements of a type hold it."""
+    def exact(self, name, number, native, node):
+        """A bound, or the step, as elements of a type hold it."""
+        if isinstance(number, int) and not -(2**63) <= number < 2**64:
+            raise self.context.value_error(
+                node,
+                f"tile_arange() {name}={number} is too wide to use as an integer bound",
+                f"write `{float(number)!r}`",
+            )
         if not math.isfinite(number):
             raise self.context.value_error(node, "tile_arange() requires finite bounds")
         if native.kind == "float":
@@ -113,7 +138,13 @@ class TileValues(TileTopic):
                 )
         elif number != int(number):
             raise self.context.value_error(
-                node, f"tile_arange() of {native.python_name} expects integers, but got {number}"
+                node,
+                f"tile_arange() of {native.python_name} expects integers, but got {number}",
+                also=f"tile_arange() {name}={number} has a fractional part",
+            )
+        elif not _least(native) <= number <= _least(native) + 2**native.width - 1:
+            raise self.context.value_error(
+                node, f"tile_arange() {name}={number} is out of range of {native.python_name}"
             )
         return fractions.Fraction(number)
 

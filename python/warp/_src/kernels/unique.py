@@ -1,0 +1,184 @@
+"""`@wp.kernel(module="unique")`: a module of its own for each kernel, one kernel for equal ones.
+
+Factories make the same kernel again and again. Two are the same if their text, what it captures and
+their options are: then the first one is given, with its compiled code. What is captured counts by
+value where that is cheap to see (numbers, strings, functions by their own text and captures) and by
+identity where it cannot change (classes, modules, builtins). A kernel that captures anything else
+is never given twice.
+"""
+
+from __future__ import annotations
+
+import enum
+import itertools
+import types
+import weakref
+
+from warp._src import errors
+from warp._src.kernels import modules, texts
+from warp._src.kernels.function import Function
+from warp._src.language.builtins import Builtin
+from warp._src.types.composites import Composite
+from warp._src.types.native import ArrayType
+from warp._src.types.scalars import scalar_base
+
+_known: weakref.WeakValueDictionary = weakref.WeakValueDictionary()
+_numbers = itertools.count(1)
+_VALUES = (type(None), bool, int, float, complex, str, bytes)
+_FIXED = (types.BuiltinFunctionType, types.MethodDescriptorType, Builtin)
+
+
+class _UnknownError(Exception):
+    """A captured value that may change unseen."""
+
+
+class _Same:
+    """Something that equals itself alone."""
+
+    __slots__ = ("held",)
+
+    def __init__(self, held):
+        self.held = held
+
+    def __eq__(self, other):
+        return type(other) is _Same and self.held is other.held
+
+    def __hash__(self):
+        return id(self.held)
+
+
+def unique(make, func, name, options, module_options):
+    """The kernel of a function in a module of its own; one made before, if it is the same.
+
+    Args:
+        make: called as `make(func, name, module, options)` for a new one.
+    """
+    key = _key(func, name, options, module_options)
+    found = None if key is None else _known.get(key)
+    # What it captures may have changed before it was translated.
+    if found is not None and _key(found.func, name, options, module_options) == key:
+        return found
+    module = modules.make_unique(func.__module__, name or func.__name__, next(_numbers))
+    module.options.update(module_options)
+    made = make(func, name, module, options)
+    if key is not None:
+        made.unique_key = key
+        _known[key] = made
+    return made
+
+
+def check(kernel) -> None:
+    """Called when a kernel is translated: lets go of one whose captures are others by now."""
+    key = kernel.unique_key
+    if key is not None and _function(kernel.func, set()) != key[0]:
+        _known.pop(key, None)
+        kernel.unique_key = None
+
+
+def _key(func, name, options, module_options):
+    try:
+        token = _function(func, set())
+        return (token, name, _value(options, (), set()), _value(module_options, (), set()))
+    except (_UnknownError, errors.WarpCodegenError):
+        return None
+
+
+def _function(func, active) -> tuple:
+    """What a Python function is: its text and what it captures."""
+    code = func.__code__
+    if code in active:
+        return ("again", code.co_name)
+    active = {*active, code}
+    names = _names(code)
+    cells = func.__closure__ or ()
+    captured = {}
+    for name, cell in zip(code.co_freevars, cells, strict=True):
+        try:
+            captured[name] = cell.cell_contents
+        except ValueError:
+            raise _UnknownError from None
+    declared = []
+    for name, annotation in func.__annotations__.items():
+        if isinstance(annotation, str):
+            names |= _names(compile(annotation, "<annotation>", "eval"))
+        else:
+            declared.append((name, _value(annotation, names, active)))
+    for name in names:
+        if name not in captured and name in func.__globals__:
+            captured[name] = func.__globals__[name]
+    return (
+        func.__module__,
+        func.__qualname__,
+        _text(func),
+        tuple(func.__annotations__),
+        tuple(declared),
+        _value(func.__defaults__, names, active),
+        tuple((name, _value(captured[name], names, active)) for name in sorted(captured)),
+    )
+
+
+def _text(func) -> tuple:
+    """The lines of a function, without the indentation that they share."""
+    code = func.__code__
+    codes, last = [code], code.co_firstlineno
+    while codes:
+        one = codes.pop()
+        codes += [const for const in one.co_consts if isinstance(const, types.CodeType)]
+        last = max([last, *(end for _, end, _, _ in one.co_positions() if end)])
+    lines = texts.lines_of(func)[code.co_firstlineno - 1 : last]
+    indent = len(lines[0]) - len(lines[0].lstrip())
+    return tuple(line[indent:].rstrip() for line in lines)
+
+
+def _names(code) -> set:
+    """Global names and attributes that a code object and those in it use."""
+    found = set(code.co_names)
+    for const in code.co_consts:
+        if isinstance(const, types.CodeType):
+            found |= _names(const)
+    return found
+
+
+def _value(value, names, active):
+    """What stands for a captured value in a key."""
+    kind = type(value)
+    if kind in _VALUES:
+        return kind, repr(value)
+    if isinstance(value, (tuple, list)):
+        return kind.__name__, tuple(_value(one, names, active) for one in value)
+    if kind is dict:
+        pairs = value.items()
+        return "dict", tuple((_value(a, names, active), _value(b, names, active)) for a, b in pairs)
+    if isinstance(value, enum.Enum):
+        return _Same(kind), value.name
+    if isinstance(value, _FIXED) or (hasattr(kind, "__get__") and kind is not types.FunctionType):
+        return _Same(value)
+    if isinstance(value, (types.ModuleType, type)):
+        return _Same(value), _attributes(value, names, active)
+    if isinstance(value, types.FunctionType):
+        return _function(value, active)
+    if isinstance(value, Function):
+        return _device_function(value, active)
+    if isinstance(value, ArrayType):
+        return type(value).__name__, value.ndim, _value(value.dtype, (), active)
+    if isinstance(value, scalar_base):
+        return _Same(kind), repr(value.value)
+    if isinstance(value, Composite):
+        return _Same(kind), tuple(repr(value._get(i)) for i in range(value._length_))
+    raise _UnknownError
+
+
+def _attributes(owner, names, active):
+    """The attributes of a module or class that the text may name."""
+    if getattr(owner, "__name__", "").partition(".")[0] == "warp" or owner in active:
+        return ()
+    active = {*active, owner}
+    held = vars(owner)
+    used = sorted(name for name in names if name in held)
+    return tuple((name, _value(held[name], names, active)) for name in used)
+
+
+def _device_function(function, active):
+    if function.has_derivative or function.__class__ is not Function:
+        return _Same(function)
+    return "func", tuple(_function(one, active) for one in function.overloads)

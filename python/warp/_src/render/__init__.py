@@ -1,0 +1,1 @@
+"""Scenes and pictures in files: stages by `usd`, shapes on them by `shapes`, PNG by `pictures`."""
