@@ -224,8 +224,8 @@ private:
 
 } // namespace
 
-static bool tryCut(Sorted &all, const Range &range,
-                   std::pair<Range, Range> &halves) {
+bool warp::geometry::cutByArea(Sorted &all, const Range &range,
+                               std::pair<Range, Range> &halves) {
   Grid grid(range);
   if (range.size() > 2 * leastChunk)
     return ChunkedCut(all, range, grid).run(halves);
@@ -241,10 +241,4 @@ static bool tryCut(Sorted &all, const Range &range,
   std::copy_n(spare, range.size() - cut.below, first + cut.below);
   halves = halve(range, bins, grid, cut);
   return true;
-}
-
-bool warp::geometry::cutByArea(Sorted &all, const Range &range,
-                               std::pair<Range, Range> &halves) {
-  return tryCut(all, range, halves) ||
-         tryCut(all, makeRange(all, range.begin, range.end), halves);
 }

@@ -5,8 +5,9 @@
 // Primitives are counted in bins of their centroids along all axes in one
 // sweep; the cut between two bins that costs least wins. A second sweep orders
 // the primitives by their side, each side as it was before. The centroids of a
-// side are in its box, so bins need no sweep for their extent, except where
-// boxes are so much larger that all centroids are in one bin.
+// side are in its box, so bins need no sweep for their extent. Where boxes are
+// so much larger that all centroids are in one bin, nothing is cut; who then
+// halves the range finds the extent of the halves' centroids (`makeRange`).
 //
 // Large ranges are swept by several threads, in chunks whose results are
 // joined in order: nothing depends on the number of threads.
@@ -61,7 +62,7 @@ struct Sorted {
 Range makeRange(const Sorted &all, int64_t begin, int64_t end);
 
 /// Cuts a range by the surface area heuristic. False, and nothing is done, if
-/// all centroids are in one place.
+/// all centroids are in one bin.
 bool cutByArea(Sorted &all, const Range &range,
                std::pair<Range, Range> &halves);
 

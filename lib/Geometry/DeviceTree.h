@@ -2,8 +2,8 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Hierarchies that the host builds. What is for a GPU is copied there; arrays of
-// a GPU are copied here first.
+// Hierarchies that the host builds. What is for a GPU is copied there; arrays
+// of a GPU are copied here first.
 //
 //===----------------------------------------------------------------------===//
 

@@ -8,11 +8,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 using namespace scenes;
 using namespace warp::geometry;
 using warp::BvhConstructor;
 using warp::Mesh;
-
 
 namespace {
 
@@ -48,4 +49,40 @@ TEST(GeometryBuild, EmptyBinsDoNotStopTheHeuristic) {
   Scene sphere = makeSphere(200, 100);
   EXPECT_LT(surfacesOf(sphere, BvhConstructor::Sah),
             0.9 * surfacesOf(sphere, BvhConstructor::Median));
+}
+
+namespace {
+
+void countFaces(const Tree &tree, int index, std::vector<int> &counts) {
+  const Node &node = tree.nodes[index];
+  auto *blocks = static_cast<const TriangleBlock *>(tree.blocks);
+  for (int child = 0; child < width; ++child) {
+    if (node.nodes >> child & 1)
+      countFaces(tree, node.nodeAt(child), counts);
+    if (!(node.blocks >> child & 1))
+      continue;
+    const TriangleBlock &block = blocks[node.blockAt(child)];
+    for (int lane = 0; lane < width; ++lane)
+      if (block.id[lane] >= 0)
+        ++counts[block.id[lane]];
+  }
+}
+
+} // namespace
+
+// Ranges of so many faces are cut in chunks.
+TEST(GeometryBuild, EveryFaceIsInOneBlock) {
+  Scene sphere = makeSphere(240, 120);
+  ASSERT_GT(sphere.faces(), 50000u);
+  sphere.points[5][0] = NAN;
+  Mesh mesh(sphere.arrays(), -1);
+  std::vector<int> counts(sphere.faces()), expected(sphere.faces(), 1);
+  countFaces(treeOf(mesh.id()), 0, counts);
+  for (size_t face = 0; face < sphere.faces(); ++face)
+    for (int i = 0; i < 3; ++i)
+      if (sphere.indices[3 * face + i] == 5)
+        expected[face] = 0;
+  EXPECT_EQ(counts, expected);
+  EXPECT_EQ(mesh.report().skipped,
+            std::count(expected.begin(), expected.end(), 0));
 }
