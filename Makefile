@@ -1,6 +1,6 @@
 # make build   .venv with the package in it, and build/bin/warp-opt
-# make demo    particles, a trajectory optimised, a rollout differentiated, a mesh, grains, rocks:
-#              pictures and tables in build/demo
+# make demo    particles, an ocean, a cloth and a trajectory optimised, a rollout differentiated,
+#              a mesh, grains, rocks: pictures and tables in build/demo (docs/gallery.md)
 # make test    every test; ends with 'N passed, N failed, N skipped'
 # make report scenes with a reference, swept and timed: pages in build/report
 # make docs    refresh the generated references under docs/
@@ -18,12 +18,15 @@ build:
 	@scripts/setup.sh
 
 demo: build
-	@$(PYTHON) examples/particles.py $(DEMO_ARGS)
+	@$(PYTHON) examples/particles.py --cloud 4096 $(DEMO_ARGS)
+	@$(PYTHON) examples/ocean.py
+	@$(PYTHON) examples/cloth.py
 	@$(PYTHON) examples/trajectory.py
 	@$(PYTHON) examples/spring_rollout.py
 	@$(PYTHON) examples/mesh_collision.py
 	@$(PYTHON) examples/grains.py --grains 20000 --steps 60
 	@$(PYTHON) examples/rocks.py
+	@$(PYTHON) examples/several_devices.py
 
 report: build
 	@$(PYTHON) -m warp.report --quick $(REPORT_ARGS)
@@ -46,8 +49,9 @@ bench: release
 	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/pool.py
 	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/libraries.py
 
-wheel: build
-	@$(PYTHON) -m pip wheel -q --no-deps -w dist .
+# In the folder of the optimised build, whose objects it takes.
+wheel: release
+	@$(PYTHON) -m pip wheel -q --no-deps --no-build-isolation -C build-dir=build/release -w dist .
 
 device-bundle: release
 	@scripts/make_device_bundle.sh build/release

@@ -7,9 +7,14 @@ different initial states, and `jax.jit` makes one program of everything.
 """
 
 import argparse
+import sys
 
-import jax
-import jax.numpy as jnp
+try:
+    import jax
+    import jax.numpy as jnp
+except ModuleNotFoundError:
+    print("skipped: this example needs JAX")
+    sys.exit()
 
 import warp as wp
 

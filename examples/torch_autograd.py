@@ -7,8 +7,13 @@ same kernel. Tensors and arrays share memory, and PyTorch's optimiser never know
 """
 
 import argparse
+import sys
 
-import torch
+try:
+    import torch
+except ModuleNotFoundError:
+    print("skipped: this example needs PyTorch")
+    sys.exit()
 
 import warp as wp
 

@@ -7,8 +7,13 @@ a kernel does the part with a loop per particle. Nothing is copied between them.
 """
 
 import argparse
+import sys
 
-import torch
+try:
+    import torch
+except ModuleNotFoundError:
+    print("skipped: this example needs PyTorch")
+    sys.exit()
 
 import warp as wp
 

@@ -16,7 +16,15 @@ namespace attr {
 constexpr llvm::StringLiteral blockThreads = "warp.block_threads";
 /// On such a kernel, from warp-plan-tile-memory on: bytes of block memory.
 constexpr llvm::StringLiteral blockBytes = "warp.block_bytes";
+/// On one whose threads hold tiles: blocks that a multiprocessor of a GPU is to
+/// have room for, which limits registers.
+constexpr llvm::StringLiteral leastBlocks = "warp.least_blocks";
 } // namespace attr
+
+/// What a GPU's block has without asking for more.
+constexpr int64_t staticBlockBytes = 48 << 10;
+/// The bytes that launches of a kernel have to ask for.
+int64_t getDynamicBytes(mlir::Operation *kernel);
 
 #define GEN_PASS_DECL
 #include "WarpDialect/TilePasses.h.inc"

@@ -22,7 +22,8 @@
 namespace warp {
 
 /// How primitives are split: by the surface area heuristic, or in the middle.
-enum class BvhConstructor { Sah, Median };
+/// None: they are not, and what is searched is given by `adopt`.
+enum class BvhConstructor { Sah, Median, None };
 
 /// What is in a hierarchy.
 struct BvhReport {
@@ -57,6 +58,9 @@ public:
   void rebuild(const ArrayDescriptor &lowers, const ArrayDescriptor &uppers,
                BvhConstructor constructor = BvhConstructor::Sah,
                const ArrayDescriptor &groups = {});
+  /// Searches nodes and blocks that the caller builds and keeps, where the
+  /// device reads them; it also writes the scale into the slot.
+  void adopt(uint64_t nodes, uint64_t blocks);
   BvhReport report() const;
   HierarchyView view() const;
 

@@ -122,6 +122,9 @@ struct Code {
   /// GPU: the threads of a block work on tiles together. Blocks are numbered
   /// along one axis, and each is a row of the launch's last dimension.
   bool cooperative = false;
+  /// GPU: bytes of block memory that a launch asks for, because blocks have less
+  /// without being asked.
+  int dynamicBytes = 0;
   /// GPU: those of them that follow each other in the dimension before the
   /// last; the others do in the first.
   int rows = 1;

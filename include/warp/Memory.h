@@ -55,6 +55,9 @@ WARP_API void copyMemory(void *dst, int dstDevice, const void *src,
                          const Stream *stream = nullptr);
 WARP_API void setMemory(void *dst, int device, int byte, size_t bytes,
                         const Stream *stream = nullptr);
+/// Zeroes memory that nobody uses yet. While a graph is being captured that
+/// happens at once and is no part of the graph.
+WARP_API void clearNewMemory(void *memory, int device, size_t bytes);
 /// Writes `count` copies of a pattern of `size` bytes.
 WARP_API void fillMemory(void *dst, int device, const void *pattern,
                          size_t size, size_t count,

@@ -38,6 +38,9 @@ public:
   void refit(const MeshArrays &arrays);
   void rebuild(const MeshArrays &arrays,
                BvhConstructor constructor = BvhConstructor::Sah);
+  /// As that of a Bvh, with the arrays that kernels are to read. Indices are
+  /// not checked.
+  void adopt(const MeshArrays &arrays, uint64_t nodes, uint64_t blocks);
   BvhReport report() const;
   HierarchyView view() const;
 

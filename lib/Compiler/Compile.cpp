@@ -308,6 +308,9 @@ void Compilation::collectFacts(ModuleOp module) {
                   })
                   .wasInterrupted();
     cooperative = function->hasAttr(attr::blockThreads);
+    if (auto blocks = function->getAttrOfType<IntegerAttr>(attr::leastBlocks))
+      leastBlocks = int(blocks.getInt());
+    dynamicBytes = isGpu(options) ? int(getDynamicBytes(function)) : 0;
     fixedBlock = cooperative ||
                  function
                      .walk([](Operation *op) {
@@ -336,6 +339,9 @@ void Compilation::optimizeModule() {
     prepareGpuModule(*llvmModule, **machine, options);
   else
     prepareCpuModule(*llvmModule, **machine, options);
+  if (leastBlocks && options.minBlocks == 0 && options.maxRegisters == 0)
+    llvmModule->getFunction(entry)->addFnAttr("nvvm.minctasm",
+                                              std::to_string(leastBlocks));
   time("libraries", start);
   dump("input.ll");
   start = now();

@@ -43,6 +43,7 @@ warp::Code warp::compile(const Module &module, const CompileOptions &options) {
   code.items = run.items;
   code.fixedBlock = run.fixedBlock;
   code.cooperative = run.cooperative;
+  code.dynamicBytes = run.dynamicBytes;
   code.rows = run.rows;
   code.tile = run.tile;
   code.split = run.split;

@@ -2,8 +2,8 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// The table says what lib/DeviceLib defines: in Geometry.cpp, and for tiles on
-// CPUs in cpu/Tile*.cpp.
+// The table says what lib/DeviceLib defines: in Geometry.cpp, and for tiles in
+// cpu/Tile*.cpp and gpu/Tile*.cpp. A star stands for several endings.
 //
 //===----------------------------------------------------------------------===//
 
@@ -62,11 +62,39 @@ static constexpr warp::LibraryFunction functions[] = {
     {"warp_tile_fft_f64", "llliii", ""},
     // Keys, positions, how many.
     {"warp_tile_sort", "lli", ""},
+    // The same for threads of a GPU's block, by element type or layout. From an
+    // array to the block's memory: place, data, offsets, extents, steps, shape,
+    // whether it is tested against the extents; elements per row there, threads.
+    {"warp_tile_fetch_*", "lliiiiiiiiiii", ""},
+    {"warp_tile_close_group", "", ""},
+    // Groups that need not be there.
+    {"warp_tile_await_groups", "i", ""},
+    // Sums and a number.
+    {"warp_tile_set_*", "lf", ""},
+    // Sums, memory; rows and columns.
+    {"warp_tile_take_*", "llii", ""},
+    {"warp_tile_give_*", "llii", ""},
+    // Sums, data, offsets, extents, steps, shape, whether it is tested.
+    {"warp_tile_store_*", "lliiiiiiiii", ""},
+    // A number of each thread, scratch memory, threads.
+    {"warp_tile_combine_*", "lli", ""},
+    // Result and operand with elements from row to row and column to column;
+    // scratch memory, rows, threads.
+    {"warp_tile_factor_*", "liiliilii", ""},
+    // Right sides, matrix with such steps, its rows, columns of right sides,
+    // whether the last row is solved first, threads.
+    {"warp_tile_substitute_*", "lliiiiii", ""},
+    // Tile, scratch memory, rows, their length, whether inverse, threads.
+    {"warp_tile_transform_*", "lliiii", ""},
+    // Sums, factors; rows, columns, depth; elements per row of the factors.
+    {"warp_tile_multiply_*", "llliiiii", ""},
 };
 
 const warp::LibraryFunction *warp::findLibraryFunction(StringRef symbol) {
   for (const LibraryFunction &function : functions)
-    if (function.symbol == symbol)
+    if (function.symbol.ends_with("*")
+            ? symbol.starts_with(function.symbol.drop_back())
+            : function.symbol == symbol)
       return &function;
   return nullptr;
 }
@@ -80,12 +108,14 @@ mlir::Type warp::getLibraryType(MLIRContext *context, char letter) {
                        : IntegerType::get(context, 64, IntegerType::Unsigned);
 }
 
-/// With and without a sign, as the phases have it.
+/// With and without a sign, as the phases have it. A thread's memory is an
+/// address.
 static bool fits(TypeRange types, StringRef letters) {
   if (types.size() != letters.size())
     return false;
   for (auto [type, letter] : llvm::zip(types, letters))
-    if (warp::getSignless(type) !=
+    if (!(letter == 'l' && isa<warp::ScratchType>(type)) &&
+        warp::getSignless(type) !=
         warp::getSignless(warp::getLibraryType(type.getContext(), letter)))
       return false;
   return true;

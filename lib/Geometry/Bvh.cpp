@@ -57,6 +57,7 @@ struct Bvh::Impl {
   void refit(const Boxes &boxes);
   void fill(const Boxes &boxes, BoxBlock &block) const;
   void publish();
+  void write(const Tree &searched, const TreeExtras &extras);
 
   Slot slot;
   Hierarchy<BoxBlock> tree;
@@ -90,27 +91,22 @@ void Bvh::Impl::build(const Boxes &boxes, const ArrayDescriptor &groupArray,
                     std::to_string(groups.size()));
   std::vector<BuildPrimitive> primitives;
   primitives.reserve(count);
-  Bounds all;
-  for (int64_t i = 0; i < count; ++i) {
-    Bounds bounds = boxes[i];
-    if (!bounds.isProper())
-      continue;
-    all.include(bounds);
-    primitives.push_back({bounds, int32_t(i), hasGroups ? groups[i] : 0});
-  }
+  for (int64_t i = 0; i < count; ++i)
+    if (Bounds bounds = boxes[i]; bounds.isProper())
+      primitives.push_back({bounds, int32_t(i), hasGroups ? groups[i] : 0});
   skipped = count - int64_t(primitives.size());
-  scale = chooseScale(all);
-  tree.build(std::move(primitives), splitting, hasGroups,
-             [&](BoxBlock &block) { fill(boxes, block); });
+  tree.build(
+      std::move(primitives), splitting, hasGroups,
+      [&](const Bounds &all) { scale = chooseScale(all); },
+      [&](BoxBlock &block) { fill(boxes, block); });
   publish();
 }
 
 void Bvh::Impl::refit(const Boxes &boxes) {
   if (boxes.size() != count)
-    throw Error(Error::Kind::Runtime, "a refitted Bvh keeps its " +
-                                          std::to_string(count) +
-                                          " boxes, but got " +
-                                          std::to_string(boxes.size()));
+    throw Error(Error::Kind::Runtime,
+                "a refitted Bvh keeps its " + std::to_string(count) +
+                    " boxes, but got " + std::to_string(boxes.size()));
   Bounds all;
   for (int64_t i = 0; i < count; ++i)
     if (Bounds bounds = boxes[i]; bounds.isProper())
@@ -121,9 +117,12 @@ void Bvh::Impl::refit(const Boxes &boxes) {
 }
 
 void Bvh::Impl::publish() {
-  BvhSlot contents{};
-  contents.tree = onDevice.describe(tree, scale, count);
-  contents.extras = onDevice.describeExtras(tree, {});
+  write(onDevice.describe(tree, scale, count),
+        onDevice.describeExtras(tree, {}));
+}
+
+void Bvh::Impl::write(const Tree &searched, const TreeExtras &extras) {
+  BvhSlot contents{searched, {}, extras};
   // The slot writes the first word.
   slot.write(&contents.tree.nodes, sizeof contents - sizeof contents.tree.tag);
 }
@@ -131,7 +130,9 @@ void Bvh::Impl::publish() {
 Bvh::Bvh(const ArrayDescriptor &lowers, const ArrayDescriptor &uppers,
          int device, BvhConstructor constructor, const ArrayDescriptor &groups)
     : impl(std::make_unique<Impl>(device)) {
-  rebuild(lowers, uppers, constructor, groups);
+  impl->count = lowers.shape[0];
+  if (constructor != BvhConstructor::None)
+    rebuild(lowers, uppers, constructor, groups);
 }
 
 Bvh::~Bvh() = default;
@@ -146,6 +147,12 @@ void Bvh::rebuild(const ArrayDescriptor &lowers, const ArrayDescriptor &uppers,
                   BvhConstructor constructor, const ArrayDescriptor &groups) {
   impl->build(Boxes(lowers, uppers, impl->slot.device()), groups,
               splittingOf(constructor));
+}
+
+void Bvh::adopt(uint64_t nodes, uint64_t blocks) {
+  impl->write({0, reinterpret_cast<const Node *>(nodes),
+               reinterpret_cast<const void *>(blocks), 1, int32_t(impl->count)},
+              {});
 }
 
 HierarchyView Bvh::view() const {

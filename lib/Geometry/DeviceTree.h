@@ -2,8 +2,8 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Hierarchies are built and refitted by the host. What is for a GPU is copied
-// there; arrays of a GPU are copied here first.
+// Hierarchies that the host builds. What is for a GPU is copied there; arrays of
+// a GPU are copied here first.
 //
 //===----------------------------------------------------------------------===//
 
@@ -20,31 +20,29 @@
 
 namespace warp::geometry {
 
-/// Elements of a 1-D array of plain data in host memory.
+/// Elements of a 1-D array of plain data in host memory, packed: copied if they
+/// are not.
 template <class T> class HostElements {
 public:
   HostElements(const ArrayDescriptor &array, int device)
-      : count(array.shape[0]), stride(array.strides[0]),
-        data(static_cast<const char *>(array.data)) {
-    if (device == cpuDevice || count == 0)
+      : count(array.shape[0]), data(static_cast<const T *>(array.data)) {
+    bool isPacked = array.strides[0] == sizeof(T);
+    if (count == 0 || (device == cpuDevice && isPacked))
       return;
     copy.resize(count);
     ArrayDescriptor packed = array;
     packed.data = copy.data();
     packed.strides[0] = sizeof(T);
     copyArray({&packed, cpuDevice}, {&array, device}, sizeof(T));
-    data = reinterpret_cast<const char *>(copy.data());
-    stride = sizeof(T);
+    data = copy.data();
   }
 
   int64_t size() const { return count; }
-  const T &operator[](int64_t i) const {
-    return *reinterpret_cast<const T *>(data + i * stride);
-  }
+  const T &operator[](int64_t i) const { return data[i]; }
 
 private:
-  int64_t count, stride;
-  const char *data;
+  int64_t count;
+  const T *data;
   std::vector<T> copy;
 };
 
@@ -90,9 +88,8 @@ public:
     extras.groupCount = int32_t(hostGroups.size() / 2);
     extras.groups = static_cast<const i32 *>(
         reach(groups, hostGroups.data(), hostGroups.size() * sizeof(int32_t)));
-    extras.moments = static_cast<const Moments *>(
-        reach(moments, hostMoments.data(),
-              hostMoments.size() * sizeof(Moments)));
+    extras.moments = static_cast<const Moments *>(reach(
+        moments, hostMoments.data(), hostMoments.size() * sizeof(Moments)));
     return extras;
   }
 

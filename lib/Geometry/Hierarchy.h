@@ -24,12 +24,13 @@ float chooseScale(const Bounds &bounds);
 
 template <class Block> class Hierarchy {
 public:
-  /// Fills a block with primitives of these ids, scaled; NaN for -1 and for
-  /// what is not finite.
-  template <class Fill>
+  /// `see` gets the bounds of all primitives; `fill` then fills a block with
+  /// primitives of these ids, scaled; NaN for -1 and for what is not finite.
+  template <class See, class Fill>
   void build(std::vector<BuildPrimitive> primitives, Splitting splitting,
-             bool hasGroups, Fill &&fill) {
+             bool hasGroups, See &&see, Fill &&fill) {
     topology = buildTopology(primitives, splitting, hasGroups);
+    see(topology.bounds);
     primitives = {};
     blocks.resize(topology.blocks.size());
     for (size_t i = 0; i < blocks.size(); ++i)
@@ -46,14 +47,14 @@ public:
       for (int32_t i = endNode - 1; i >= firstNode; --i)
         bound(topology.nodes[i]);
     };
-    ThreadPool::parallelFor(
-        0, int64_t(topology.parts.size()), 1, [&](int64_t from, int64_t to) {
-          for (int64_t i = from; i < to; ++i) {
-            const Topology::Part &part = topology.parts[i];
-            update(part.firstNode, part.endNode, part.firstBlock,
-                   part.endBlock);
-          }
-        });
+    ThreadPool::parallelFor(0, int64_t(topology.parts.size()), 1,
+                            [&](int64_t from, int64_t to) {
+                              for (int64_t i = from; i < to; ++i) {
+                                const Topology::Part &part = topology.parts[i];
+                                update(part.firstNode, part.endNode,
+                                       part.firstBlock, part.endBlock);
+                              }
+                            });
     update(0, topology.topNodes, 0, topology.topBlocks);
   }
 
@@ -72,17 +73,35 @@ public:
   }
 
 private:
+  /// The least of the lanes of each of eight.
+  static Floats leastOfEach(const Floats (&x)[8]) {
+    auto halves = [](Floats a, Floats b) {
+      return least(__builtin_shufflevector(a, b, 0, 1, 2, 3, 8, 9, 10, 11),
+                   __builtin_shufflevector(a, b, 4, 5, 6, 7, 12, 13, 14, 15));
+    };
+    auto quarters = [](Floats a, Floats b) {
+      return least(__builtin_shufflevector(a, b, 0, 1, 8, 9, 4, 5, 12, 13),
+                   __builtin_shufflevector(a, b, 2, 3, 10, 11, 6, 7, 14, 15));
+    };
+    Floats front = quarters(halves(x[0], x[1]), halves(x[2], x[3]));
+    Floats back = quarters(halves(x[4], x[5]), halves(x[6], x[7]));
+    Floats all =
+        least(__builtin_shufflevector(front, back, 0, 2, 8, 10, 4, 6, 12, 14),
+              __builtin_shufflevector(front, back, 1, 3, 9, 11, 5, 7, 13, 15));
+    return __builtin_shufflevector(all, all, 0, 4, 1, 5, 2, 6, 3, 7);
+  }
+  /// The bounds in lanes that are there and no NaN.
   static Bounds reduce(const Floats (&low)[3], const Floats (&high)[3],
                        u32 lanes) {
-    Bounds bounds;
+    Floats all[8];
+    all[6] = all[7] = Floats(infinity);
     for (int axis = 0; axis < 3; ++axis) {
       Ints isThere = lanesOf(lanes) & (low[axis] == low[axis]);
-      bounds.low[axis] =
-          leastOf(choose(isThere, low[axis], Floats(infinity)));
-      bounds.high[axis] =
-          -leastOf(choose(isThere, -high[axis], Floats(infinity)));
+      all[axis] = choose(isThere, low[axis], Floats(infinity));
+      all[3 + axis] = choose(isThere, -high[axis], Floats(infinity));
     }
-    return bounds;
+    Floats box = leastOfEach(all);
+    return {{box[0], box[1], box[2]}, {-box[3], -box[4], -box[5]}};
   }
   Bounds boundsOf(const Block &block) const {
     Floats low[3], high[3];

@@ -4,13 +4,12 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "HierarchyBuilder.h"
+#include "Cuts.h"
 
 #include "warp/ThreadPool.h"
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <utility>
 
 using namespace warp;
@@ -25,61 +24,6 @@ bool Bounds::isProper() const {
 }
 
 namespace {
-
-constexpr int bins = 16;
-
-/// Primitives [begin, end).
-struct Range {
-  int64_t begin, end;
-  Bounds bounds;
-
-  int64_t size() const { return end - begin; }
-};
-
-/// A box as the eight numbers of a primitive, highs negated, so that the least
-/// of two has both; what is behind the box means nothing.
-Floats boxOf(const BuildPrimitive &primitive) {
-  static_assert(sizeof(BuildPrimitive) == sizeof(Floats));
-  Ints bits;
-  std::memcpy(&bits, &primitive, sizeof bits);
-  bits ^= Ints{0, 0, 0, 1, 1, 1, 0, 0} << 31;
-  return __builtin_bit_cast(Floats, bits);
-}
-
-Bounds boundsOf(Floats box) {
-  return {{box[0], box[1], box[2]}, {-box[3], -box[4], -box[5]}};
-}
-
-/// Twice the centroid of a box, in the lanes of the lows and of the highs.
-Floats centroidOf(Floats box) {
-  Floats low = __builtin_shufflevector(box, box, 0, 1, 2, 0, 1, 2, 0, 0);
-  Floats high = __builtin_shufflevector(box, box, 3, 4, 5, 3, 4, 5, 3, 3);
-  return low - high;
-}
-
-constexpr Ints isLow = {-1, -1, -1, 0, 0, 0, 0, 0};
-
-/// The bins of a centroid along the axes.
-Ints binsOf(Floats centroid, Floats low, Floats scale) {
-  Floats place = (centroid - low) * scale;
-  place = least(greatest(place, Floats(0)), Floats(bins - 1));
-  return __builtin_convertvector(place, Ints);
-}
-
-/// The best cut found: primitives whose bin along `axis` is below `bin`.
-struct Cut {
-  int axis = -1, bin = 0;
-  float cost = infinity;
-  float low = 0, scale = 0;
-  /// Of both sides.
-  Bounds below, above;
-
-  /// As `binsOf` has it.
-  bool isBelow(const BuildPrimitive &primitive) const {
-    float at = primitive.bounds.low[axis] + primitive.bounds.high[axis];
-    return (at - low) * scale < float(bin);
-  }
-};
 
 /// Memory that one thread builds in.
 struct Arena {
@@ -99,7 +43,7 @@ struct Task {
 class Builder {
 public:
   Builder(std::vector<BuildPrimitive> &primitives, Splitting splitting)
-      : primitives(primitives), splitting(splitting) {}
+      : sorted(primitives), splitting(splitting) {}
 
   Topology run(bool hasGroups);
 
@@ -107,8 +51,6 @@ private:
   void buildGroups(Arena &top, std::vector<Task> &tasks);
   void placeGroups(Arena &top, int32_t node, size_t begin, size_t end,
                    int levels, std::vector<Task> &tasks);
-  Range makeRange(int64_t begin, int64_t end) const;
-  Cut findCut(const Range &range) const;
   std::pair<Range, Range> split(const Range &range, int64_t unit);
   std::vector<Range> divide(const Range &range, int levels);
   void build(Arena &arena, int32_t node, const Range &range, int levels,
@@ -116,7 +58,7 @@ private:
   Ints takeBlock(const Range &range) const;
   Topology join(Arena &top, std::vector<Task> &tasks) const;
 
-  std::vector<BuildPrimitive> &primitives;
+  Sorted sorted;
   Splitting splitting;
   /// Smaller ranges are left to tasks.
   int64_t taskSize = 0;
@@ -127,98 +69,29 @@ private:
 
 } // namespace
 
-Range Builder::makeRange(int64_t begin, int64_t end) const {
-  Floats box = Floats(infinity);
-  for (int64_t i = begin; i < end; ++i)
-    box = least(box, boxOf(primitives[i]));
-  return {begin, end, boundsOf(box)};
-}
-
-/// What a range costs to search: its surface times its blocks.
-static float costOf(const Bounds &bounds, int64_t count) {
-  return count ? bounds.area() * float((count + width - 1) / width) : 0;
-}
-
-Cut Builder::findCut(const Range &range) const {
-  Floats centroids = Floats(infinity);
-  for (int64_t i = range.begin; i < range.end; ++i) {
-    Floats twice = centroidOf(boxOf(primitives[i]));
-    centroids = least(centroids, choose(isLow, twice, -twice));
-  }
-  Floats inBin[3][bins];
-  int64_t count[3][bins] = {};
-  std::fill_n(inBin[0], 3 * bins, Floats(infinity));
-  Floats scale = Floats(0), low = centroids;
-  bool isWide[3];
-  for (int axis = 0; axis < 3; ++axis) {
-    float size = bins / (-centroids[3 + axis] - centroids[axis]);
-    isWide[axis] = size < infinity;
-    scale[axis] = isWide[axis] ? size : 0;
-  }
-  for (int64_t i = range.begin; i < range.end; ++i) {
-    Floats box = boxOf(primitives[i]);
-    Ints bin = binsOf(centroidOf(box), low, scale);
-    for (int axis = 0; axis < 3; ++axis) {
-      inBin[axis][bin[axis]] = least(inBin[axis][bin[axis]], box);
-      ++count[axis][bin[axis]];
-    }
-  }
-  Cut best;
-  for (int axis = 0; axis < 3; ++axis) {
-    if (!isWide[axis])
-      continue;
-    Floats above[bins], box = Floats(infinity);
-    float cost[bins];
-    int64_t number = 0;
-    for (int bin = bins - 1; bin > 0; --bin) {
-      above[bin] = box = least(box, inBin[axis][bin]);
-      number += count[axis][bin];
-      cost[bin] = number ? costOf(boundsOf(box), number) : infinity;
-    }
-    box = Floats(infinity);
-    number = 0;
-    for (int bin = 1; bin < bins; ++bin) {
-      box = least(box, inBin[axis][bin - 1]);
-      number += count[axis][bin - 1];
-      float sum = number ? costOf(boundsOf(box), number) + cost[bin] : infinity;
-      if (sum < best.cost)
-        best = {axis,        bin,         sum, centroids[axis],
-                scale[axis], boundsOf(box), boundsOf(above[bin])};
-    }
-  }
-  return best;
-}
-
 /// Orders a range and gives its halves: by the heuristic, or from the middle of
 /// the widest axis if `unit`, of which the first half is a multiple, is not 0.
 std::pair<Range, Range> Builder::split(const Range &range, int64_t unit) {
-  auto first = primitives.begin();
-  if (splitting == Splitting::Area && unit == 0) {
-    Cut cut = findCut(range);
-    if (cut.axis >= 0) {
-      auto isBelow = [&](const BuildPrimitive &p) { return cut.isBelow(p); };
-      int64_t middle = std::partition(first + range.begin, first + range.end,
-                                      isBelow) -
-                       first;
-      return {{range.begin, middle, cut.below}, {middle, range.end, cut.above}};
-    }
-  }
+  std::pair<Range, Range> halves;
+  if (splitting == Splitting::Area && unit == 0 &&
+      cutByArea(sorted, range, halves))
+    return halves;
   unit = std::max<int64_t>(unit, width);
   int64_t units = (range.size() + unit - 1) / unit;
   int64_t middle = range.begin + (units + 1) / 2 * unit;
   int axis = 0;
-  auto extent = [&](int i) {
-    return range.bounds.high[i] - range.bounds.low[i];
-  };
+  auto extent = [&](int i) { return -range.box[3 + i] - range.box[i]; };
   for (int i = 1; i < 3; ++i)
     axis = extent(i) > extent(axis) ? i : axis;
+  auto first = sorted.primitives.begin();
   std::nth_element(first + range.begin, first + middle, first + range.end,
                    [&](const BuildPrimitive &a, const BuildPrimitive &b) {
                      float x = a.bounds.low[axis] + a.bounds.high[axis];
                      float y = b.bounds.low[axis] + b.bounds.high[axis];
                      return x != y ? x < y : a.id < b.id;
                    });
-  return {makeRange(range.begin, middle), makeRange(middle, range.end)};
+  return {makeRange(sorted, range.begin, middle),
+          makeRange(sorted, middle, range.end)};
 }
 
 /// The children of a node with `levels` levels of nodes, its own included.
@@ -231,7 +104,7 @@ std::vector<Range> Builder::divide(const Range &range, int levels) {
     auto weight = [&](const Range &child) {
       if (child.size() <= std::max<int64_t>(unit, width))
         return -1.0f;
-      return unit ? float(child.size()) : child.bounds.area();
+      return unit ? float(child.size()) : child.area();
     };
     auto largest = std::max_element(
         children.begin(), children.end(),
@@ -248,7 +121,7 @@ std::vector<Range> Builder::divide(const Range &range, int levels) {
 Ints Builder::takeBlock(const Range &range) const {
   Ints ids = -1;
   for (int64_t i = range.begin; i < range.end; ++i)
-    ids[i - range.begin] = primitives[i].id;
+    ids[i - range.begin] = sorted.primitives[i].id;
   return ids;
 }
 
@@ -326,6 +199,7 @@ Topology Builder::join(Arena &top, std::vector<Task> &tasks) const {
 
 /// Sorts primitives by their groups, over which the top levels are.
 void Builder::buildGroups(Arena &top, std::vector<Task> &tasks) {
+  std::vector<BuildPrimitive> &primitives = sorted.primitives;
   std::stable_sort(primitives.begin(), primitives.end(),
                    [](const BuildPrimitive &a, const BuildPrimitive &b) {
                      return a.group < b.group;
@@ -334,7 +208,7 @@ void Builder::buildGroups(Arena &top, std::vector<Task> &tasks) {
   for (int64_t begin = 0, end = 0; begin < count; begin = end) {
     while (end < count && primitives[end].group == primitives[begin].group)
       ++end;
-    groups.push_back(makeRange(begin, end));
+    groups.push_back(makeRange(sorted, begin, end));
     groupNumbers.push_back(primitives[begin].group);
   }
   groupRoots.resize(groups.size());
@@ -366,17 +240,18 @@ void Builder::placeGroups(Arena &top, int32_t node, size_t begin, size_t end,
 }
 
 Topology Builder::run(bool hasGroups) {
-  auto count = int64_t(primitives.size());
+  auto count = int64_t(sorted.primitives.size());
   if (count == 0)
     return {};
   taskSize = std::max<int64_t>(1024, count / 64);
+  Range whole = makeRange(sorted, 0, count);
   Arena top;
   top.nodes.emplace_back().parent = -1;
   std::vector<Task> tasks;
   if (hasGroups)
     buildGroups(top, tasks);
   else
-    build(top, 0, makeRange(0, count), maxDepth, &tasks);
+    build(top, 0, whole, maxDepth, &tasks);
   auto work = [&](int64_t from, int64_t to) {
     for (int64_t i = from; i < to; ++i) {
       Task &task = tasks[i];
@@ -388,13 +263,13 @@ Topology Builder::run(bool hasGroups) {
   };
   ThreadPool::parallelFor(0, int64_t(tasks.size()), 1, work);
   Topology all = join(top, tasks);
+  all.bounds = whole.bounds();
   all.groups = std::move(groupNumbers);
   all.groupRoots = std::move(groupRoots);
   return all;
 }
 
-Topology
-warp::geometry::buildTopology(std::vector<BuildPrimitive> &primitives,
-                              Splitting splitting, bool hasGroups) {
+Topology warp::geometry::buildTopology(std::vector<BuildPrimitive> &primitives,
+                                       Splitting splitting, bool hasGroups) {
   return Builder(primitives, splitting).run(hasGroups);
 }

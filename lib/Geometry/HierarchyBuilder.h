@@ -73,6 +73,8 @@ struct Topology {
   std::vector<Part> parts;
   int32_t topNodes = 0, topBlocks = 0;
   int depth = 0;
+  /// Of all primitives.
+  Bounds bounds;
   /// Numbers of groups in ascending order, and the nodes that hold them.
   std::vector<int32_t> groups, groupRoots;
 };

@@ -28,6 +28,7 @@ void warp::writeCode(Writer &out, const Code &code) {
   out.number<int32_t>(code.items);
   out.number<uint8_t>(code.fixedBlock);
   out.number<uint8_t>(code.cooperative);
+  out.number<int32_t>(code.dynamicBytes);
   out.number<int32_t>(code.rows);
   out.number<int32_t>(code.tile);
   out.number<int32_t>(code.split);
@@ -62,6 +63,7 @@ Code warp::readCode(Reader &in) {
   code.items = in.number<int32_t>();
   code.fixedBlock = in.number<uint8_t>();
   code.cooperative = in.number<uint8_t>();
+  code.dynamicBytes = in.number<int32_t>();
   code.rows = in.number<int32_t>();
   code.tile = in.number<int32_t>();
   code.split = in.number<int32_t>();

@@ -63,6 +63,7 @@ enum FunctionAttribute : int {
   functionLocalSize = 3,
   functionRegisters = 4,
   functionBinaryVersion = 6,
+  functionMostDynamicShared = 8,
 };
 
 enum JitOption : int {
@@ -221,6 +222,7 @@ struct Uuid {
   X(moduleGetFunction, cuModuleGetFunction,                                    \
     (Function *, ModuleHandle, const char *))                                  \
   X(funcGetAttribute, cuFuncGetAttribute, (int *, int, Function))              \
+  X(funcSetAttribute, cuFuncSetAttribute, (Function, int, int))                \
   X(occupancyMaxActiveBlocks, cuOccupancyMaxActiveBlocksPerMultiprocessor,     \
     (int *, Function, int, size_t))                                            \
   X(occupancyMaxPotentialBlockSize, cuOccupancyMaxPotentialBlockSize,          \

@@ -37,7 +37,7 @@ using namespace warp;
 namespace {
 
 constexpr char magic[] = {'W', 'A', 'R', 'P', 'C', 'O', 'D', 'E'};
-constexpr uint32_t formatVersion = 5;
+constexpr uint32_t formatVersion = 6;
 constexpr size_t keyLength = 64;
 constexpr size_t headerSize = 8 + 4 + keyLength + 8 + 8;
 constexpr const char *suffix = ".code";

@@ -175,6 +175,9 @@ void warp::loadOnCuda(Kernel::Variant &variant) {
     rejected(result, variant.code, "");
   WARP_CUDA(moduleGetFunction, &variant.function, variant.module,
             variant.code.entry.c_str());
+  if (variant.code.dynamicBytes)
+    WARP_CUDA(funcSetAttribute, variant.function,
+              cuda::functionMostDynamicShared, variant.code.dynamicBytes);
   int threads = variant.key.blockDim;
   if (variant.code.fixedBlock || threads % 64 != 0)
     return;
@@ -246,7 +249,8 @@ void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,
   void *arguments[] = {params};
   cuda::Result result = cuda::driver()->launchKernel(
       variant.function, shape.grid.x, shape.grid.y, shape.grid.z, shape.block.x,
-      shape.block.y, shape.block.z, 0, work.stream(), arguments, nullptr);
+      shape.block.y, shape.block.z, variant.code.dynamicBytes,
+      work.stream(), arguments, nullptr);
   if (result == cuda::success) {
     cudaDeviceState(key.device)
         .lastKernel.store(variant.label, std::memory_order_relaxed);

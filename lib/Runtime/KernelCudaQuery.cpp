@@ -21,13 +21,14 @@ CudaProperties Kernel::cudaProperties(int device, int blockDim) {
   cuda::Function function = variant.function;
   result.registers = attributeOf(function, cuda::functionRegisters);
   result.localMemory = attributeOf(function, cuda::functionLocalSize);
-  result.sharedMemory = attributeOf(function, cuda::functionSharedSize);
+  result.sharedMemory = attributeOf(function, cuda::functionSharedSize) +
+                        variant.code.dynamicBytes;
   result.constantMemory = attributeOf(function, cuda::functionConstantSize);
   result.maxThreads = attributeOf(function, cuda::functionMaxThreads);
   result.binaryVersion = attributeOf(function, cuda::functionBinaryVersion);
   result.blockDim = variant.key.blockDim;
   WARP_CUDA(occupancyMaxActiveBlocks, &result.blocksPerMultiprocessor, function,
-            result.blockDim, 0);
+            result.blockDim, variant.code.dynamicBytes);
   int threads = 0;
   WARP_CUDA(deviceGetAttribute, &threads, cuda::maxThreadsPerMultiprocessor,
             cudaDeviceState(device).ordinal);

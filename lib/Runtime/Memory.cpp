@@ -192,3 +192,18 @@ void warp::setMemory(void *dst, int device, int byte, size_t bytes,
   WARP_CUDA(memsetD8Async, reinterpret_cast<Pointer>(dst),
             static_cast<unsigned char>(byte), bytes, work.stream());
 }
+
+void warp::clearNewMemory(void *memory, int device, size_t bytes) {
+  if (bytes == 0)
+    return;
+  if (device == cpuDevice)
+    return setHost(memory, 0, bytes);
+  if (!isCapturing(device))
+    return setMemory(memory, device, 0, bytes);
+  cuda::RelaxedCaptures relaxed;
+  cuda::ContextScope scope(device);
+  Stream outside(device);
+  auto handle = static_cast<StreamHandle>(outside.handle());
+  WARP_CUDA(memsetD8Async, reinterpret_cast<Pointer>(memory), 0, bytes, handle);
+  WARP_CUDA(streamSynchronize, handle);
+}

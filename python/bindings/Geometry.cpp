@@ -28,8 +28,7 @@ static ArrayDescriptor optionalOf(py::handle array) {
 }
 
 static MeshArrays arraysOf(py::handle points, py::handle velocities,
-                           py::handle indices,
-                           py::handle groups = py::none()) {
+                           py::handle indices, py::handle groups = py::none()) {
   MeshArrays arrays;
   arrays.groups = optionalOf(groups);
   arrays.points = descriptorOf(points);
@@ -38,8 +37,9 @@ static MeshArrays arraysOf(py::handle points, py::handle velocities,
   return arrays;
 }
 
-static BvhConstructor constructorOf(bool median) {
-  return median ? BvhConstructor::Median : BvhConstructor::Sah;
+/// By the numbers that the package has for them.
+static BvhConstructor constructorOf(int number) {
+  return BvhConstructor(number);
 }
 
 static void bindBvh(py::module_ &m) {
@@ -58,15 +58,16 @@ static void bindBvh(py::module_ &m) {
       .def_readonly("levels", &HierarchyView::levels);
   py::class_<Bvh>(m, "Bvh", "A hierarchy over boxes.")
       .def(py::init([](py::handle lowers, py::handle uppers, py::handle groups,
-                       int device, bool median) {
+                       int device, int constructor) {
         const ArrayDescriptor &low = descriptorOf(lowers);
         const ArrayDescriptor &high = descriptorOf(uppers);
         ArrayDescriptor numbers = optionalOf(groups);
         py::gil_scoped_release unlocked;
-        return std::make_unique<Bvh>(low, high, device, constructorOf(median),
-                                     numbers);
+        return std::make_unique<Bvh>(low, high, device,
+                                     constructorOf(constructor), numbers);
       }))
       .def_property_readonly("id", &Bvh::id)
+      .def("adopt", &Bvh::adopt)
       .def_property_readonly("report", &Bvh::report)
       .def_property_readonly("view", &Bvh::view)
       .def("refit",
@@ -77,12 +78,12 @@ static void bindBvh(py::module_ &m) {
              self.refit(low, high);
            })
       .def("rebuild", [](Bvh &self, py::handle lowers, py::handle uppers,
-                         py::handle groups, bool median) {
+                         py::handle groups, int constructor) {
         const ArrayDescriptor &low = descriptorOf(lowers);
         const ArrayDescriptor &high = descriptorOf(uppers);
         ArrayDescriptor numbers = optionalOf(groups);
         py::gil_scoped_release unlocked;
-        self.rebuild(low, high, constructorOf(median), numbers);
+        self.rebuild(low, high, constructorOf(constructor), numbers);
       });
 }
 
@@ -90,13 +91,18 @@ static void bindMesh(py::module_ &m) {
   py::class_<Mesh>(m, "Mesh", "A triangle mesh that kernels search.")
       .def(py::init([](py::handle points, py::handle velocities,
                        py::handle indices, py::handle groups, int device,
-                       bool median, bool hasWinding) {
+                       int constructor, bool hasWinding) {
         MeshArrays arrays = arraysOf(points, velocities, indices, groups);
         py::gil_scoped_release unlocked;
-        return std::make_unique<Mesh>(arrays, device, constructorOf(median),
-                                      hasWinding);
+        return std::make_unique<Mesh>(arrays, device,
+                                      constructorOf(constructor), hasWinding);
       }))
       .def_property_readonly("id", &Mesh::id)
+      .def("adopt",
+           [](Mesh &self, py::handle points, py::handle velocities,
+              py::handle indices, uint64_t nodes, uint64_t blocks) {
+             self.adopt(arraysOf(points, velocities, indices), nodes, blocks);
+           })
       .def_property_readonly("report", &Mesh::report)
       .def_property_readonly("view", &Mesh::view)
       .def("refit",
@@ -106,12 +112,13 @@ static void bindMesh(py::module_ &m) {
              py::gil_scoped_release unlocked;
              self.refit(arrays);
            })
-      .def("rebuild", [](Mesh &self, py::handle points, py::handle velocities,
-                         py::handle indices, py::handle groups, bool median) {
-        MeshArrays arrays = arraysOf(points, velocities, indices, groups);
-        py::gil_scoped_release unlocked;
-        self.rebuild(arrays, constructorOf(median));
-      });
+      .def("rebuild",
+           [](Mesh &self, py::handle points, py::handle velocities,
+              py::handle indices, py::handle groups, int constructor) {
+             MeshArrays arrays = arraysOf(points, velocities, indices, groups);
+             py::gil_scoped_release unlocked;
+             self.rebuild(arrays, constructorOf(constructor));
+           });
 }
 
 static void bindHashGrid(py::module_ &m) {
@@ -152,11 +159,12 @@ void python::bindGeometry(py::module_ &m) {
   bindMesh(m);
   bindHashGrid(m);
   bindHandle(m);
-  m.def("describe_handle",
-        [](uint64_t id, int kind, int device) {
-          return describeHandle(id, GeometryKind(kind), device);
-        },
-        "What is wrong with a handle; empty if nothing is.");
+  m.def(
+      "describe_handle",
+      [](uint64_t id, int kind, int device) {
+        return describeHandle(id, GeometryKind(kind), device);
+      },
+      "What is wrong with a handle; empty if nothing is.");
   m.def("write_handle_word", &writeHandleWord,
         "Writes a word of what a live handle leads to.");
 }

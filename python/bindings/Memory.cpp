@@ -112,6 +112,13 @@ void python::bindMemory(py::module_ &m) {
       py::arg("ptr"), py::arg("device"), py::arg("byte"), py::arg("size"),
       py::arg("stream") = nullptr);
   m.def(
+      "clear_new_memory",
+      [](uintptr_t memory, int device, size_t bytes) {
+        runUnlocked(bytes,
+                    [&] { clearNewMemory(pointer(memory), device, bytes); });
+      },
+      py::arg("ptr"), py::arg("device"), py::arg("size"));
+  m.def(
       "fill_memory",
       [](uintptr_t dst, int device, const py::bytes &pattern, size_t count,
          const Stream *stream) {

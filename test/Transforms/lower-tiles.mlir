@@ -1,12 +1,14 @@
 // RUN: warp-opt %s --warp-lower-tiles | FileCheck %s
 
-// Thread t has elements t, t + 32, ...; one test decides whether each access is
+// Thread t has elements t, t + 32, ..., as many as others; one test decides whether each access is
 // tested.
 // CHECK-LABEL: func.func @load
 // CHECK: %[[THREAD:.*]] = warp.thread_number
 // CHECK: %[[MEMORY:.*]] = warp.array_at
 // CHECK: scf.if
-// CHECK: scf.for %{{.*}} = %[[THREAD]] to
+// CHECK: scf.for %[[TURN:.*]] = %{{.*}} to %{{.*}}
+// CHECK: %[[DISTANCE:.*]] = arith.muli %[[TURN]]
+// CHECK: arith.addi %[[DISTANCE]], %[[THREAD]]
 // CHECK-NOT: scf.if
 // CHECK: warp.load
 // CHECK: warp.store %{{.*}}, %[[MEMORY]]

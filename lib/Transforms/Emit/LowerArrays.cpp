@@ -131,11 +131,15 @@ void ArrayLowering::lower(Operation *op) {
     convertControlFlow(op);
 }
 
-/// Changes array types of operands, results and block arguments in place.
+/// Changes array types of operands, results and block arguments in place. Calls
+/// get addresses of a thread's memory.
 void ArrayLowering::convertControlFlow(Operation *op) {
   for (OpOperand &operand : op->getOpOperands())
     if (isa<warp::ArrayType>(operand.get().getType()))
       operand.set(pack(operand.get()));
+    else if (isa<ScratchType>(operand.get().getType()))
+      operand.set(LLVM::PtrToIntOp::create(
+          b, loc, i64, scratches.lookup(operand.get())));
   auto convert = [&](mlir::Value value) {
     auto array = dyn_cast<warp::ArrayType>(value.getType());
     if (!array)
@@ -255,7 +259,10 @@ mlir::Value ArrayLowering::getBlockMemory() {
   // In words of 64 bits, for their alignment.
   auto type = LLVM::LLVMArrayType::get(i64, bytes ? bytes.getInt() / 8 : 0);
   if (gpu)
-    return blockMemory = makeShared(b, loc, module, type, "tiles");
+    return blockMemory =
+               getDynamicBytes(entry)
+                   ? nameDynamicShared(b, loc, module, "tiles")
+                   : makeShared(b, loc, module, type, "tiles", /*align=*/16);
   mlir::Value one = LLVM::ConstantOp::create(b, loc, b.getI64IntegerAttr(1));
   return blockMemory =
              LLVM::AllocaOp::create(b, loc, pointer, type, one, /*align=*/64);

@@ -27,6 +27,7 @@
 #include "Updates/BlockReduce.h"
 #include "WarpDialect/ParameterLayout.h"
 #include "WarpDialect/TileOps.h"
+#include "WarpDialect/TilePasses.h"
 #include "warp/ExactSums.h"
 #include "warp/Launch.h"
 
@@ -200,17 +201,23 @@ static void inlineOnce(warp::OnceOp once, function_ref<Value()> isFirst) {
 
 /// On a CPU a block is one thread.
 static void lowerBlockOps(LLVM::LLVMFuncOp entry, bool gpu) {
+  // Threads that work on tiles are numbered along one axis.
+  auto rows = entry->getAttrOfType<IntegerAttr>(warp::attr::blockThreads);
+  bool isWarp = rows && rows.getInt() == warp::warpSize;
   entry.walk([&](Operation *op) {
     OpBuilder b(op);
     if (isa<warp::BarrierOp>(op)) {
       if (gpu)
-        warp::synchronizeBlock(b, op->getLoc());
+        (isWarp ? warp::synchronizeWarp
+                : warp::synchronizeBlock)(b, op->getLoc());
       op->erase();
     } else if (isa<warp::ThreadNumberOp>(op)) {
       Value zero = arith::ConstantOp::create(b, op->getLoc(),
                                              b.getI32IntegerAttr(0));
       op->getResult(0).replaceAllUsesWith(
-          gpu ? warp::threadInBlock(b, op->getLoc()) : zero);
+          !gpu   ? zero
+          : rows ? warp::readGrid(b, op->getLoc(), warp::GridValue::threadId)
+                 : warp::threadInBlock(b, op->getLoc()));
       op->erase();
     }
   });

@@ -203,16 +203,26 @@ void warp::synchronizeWarp(OpBuilder &b, Location loc) {
 //===----------------------------------------------------------------------===//
 
 Value warp::makeShared(OpBuilder &b, Location loc, ModuleOp module, Type type,
-                       StringRef name) {
+                       StringRef name, int64_t alignment) {
   std::string unused;
   for (unsigned i = 0; unused.empty() || module.lookupSymbol(unused); ++i)
     unused = (name + "_" + Twine(i)).str();
   OpBuilder inModule = OpBuilder::atBlockBegin(module.getBody());
   auto global = LLVM::GlobalOp::create(
       inModule, loc, type, /*isConstant=*/false, LLVM::Linkage::Internal,
-      unused, /*value=*/Attribute(), /*alignment=*/8, sharedSpace);
+      unused, /*value=*/Attribute(), alignment, sharedSpace);
   inModule.createBlock(&global.getInitializerRegion());
   Value undefined = LLVM::UndefOp::create(inModule, loc, type);
   LLVM::ReturnOp::create(inModule, loc, undefined);
+  return LLVM::AddressOfOp::create(b, loc, global);
+}
+
+Value warp::nameDynamicShared(OpBuilder &b, Location loc, ModuleOp module,
+                              StringRef name) {
+  OpBuilder inModule = OpBuilder::atBlockBegin(module.getBody());
+  Type type = LLVM::LLVMArrayType::get(b.getI8Type(), 0);
+  auto global = LLVM::GlobalOp::create(
+      inModule, loc, type, /*isConstant=*/false, LLVM::Linkage::External, name,
+      /*value=*/Attribute(), /*alignment=*/128, sharedSpace);
   return LLVM::AddressOfOp::create(b, loc, global);
 }

@@ -88,7 +88,10 @@ void synchronizeWarp(mlir::OpBuilder &b, mlir::Location loc);
 /// Address of new shared memory, a variable whose name begins with `name`.
 mlir::Value makeShared(mlir::OpBuilder &b, mlir::Location loc,
                        mlir::ModuleOp module, mlir::Type type,
-                       llvm::StringRef name);
+                       llvm::StringRef name, int64_t alignment = 8);
+/// Address of the shared memory that a launch asks for.
+mlir::Value nameDynamicShared(mlir::OpBuilder &b, mlir::Location loc,
+                              mlir::ModuleOp module, llvm::StringRef name);
 
 } // namespace warp
 

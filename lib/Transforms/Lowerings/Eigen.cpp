@@ -86,8 +86,21 @@ Scalars lowerSymSqrt3(Emitter &, Operands args) {
   return multiplyDiagonal(eigen.vectors, roots, eigen.vectors);
 }
 
+/// Near the identity, where logarithms are as small as the difference from it,
+/// that difference is diagonalized: it is exact, and its digits are not lost
+/// beside 1.
 Scalars lowerSymLog3(Emitter &, Operands args) {
-  return applyToValues(args, log);
+  Scalars m(args[0].scalars.begin(), args[0].scalars.end());
+  Scalar one = m[0].like(1), zero = m[0].like(0), distance = zero;
+  for (int i = 0; i < 9; ++i)
+    distance = max(distance, abs(i % 4 ? m[i] : m[i] - one));
+  Scalar isNear = distance < 0.25;
+  for (int i : {0, 4, 8})
+    m[i] = m[i] - select(isNear, one, zero);
+  Eigen3 eigen = getEigen3(m);
+  Scalars logarithms = forEach(
+      eigen.values, [&](Scalar x) { return select(isNear, log1p(x), log(x)); });
+  return multiplyDiagonal(eigen.vectors, logarithms, eigen.vectors);
 }
 
 Scalars lowerSymExp3(Emitter &, Operands args) {

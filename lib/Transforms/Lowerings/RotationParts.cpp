@@ -16,16 +16,17 @@ namespace warp::lowering {
 // Quaternions
 //===----------------------------------------------------------------------===//
 
-/// The pitch is the angle whose half has these sine and cosine up to a common
-/// factor; near a right angle, asin would lose half of the digits.
+/// Next to a right angle asin would lose half of the digits of the pitch, and
+/// 1 - sin^2 all of those of its cosine, which is a product of lengths.
 Scalars lowerQuatToRpy(Emitter &, Operands args) {
   ArrayRef<Scalar> q = args[0].scalars;
   Scalar x = q[0], y = q[1], z = q[2], w = q[3];
   Scalar roll = atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y));
   Scalar yaw = atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z));
-  // 1 + sin(pitch) and 1 - sin(pitch), as sums of squares.
+  // Their squares are 1 + sin(pitch) and 1 - sin(pitch).
   Scalar above = length({w + y, x - z}), below = length({w - y, x + z});
-  Scalar pitch = 2.0 * atan2(above, below) - 2.0 * std::atan(1.0);
+  Scalar sine = 2.0 * differenceOfProducts(w, y, x, z);
+  Scalar pitch = atan2(sine, above * below);
   return {roll, pitch, yaw};
 }
 
@@ -108,7 +109,8 @@ Scalars lowerTransformDecompose(Emitter &emitter, Operands args) {
   }
   auto type = MatType::get(scalar.getContext(), 3, 3, scalar);
   Scalars parts = getColumn(m, 3);
-  llvm::append_range(parts, lowerQuatFromMatrix(emitter, Parts{type, rotation}));
+  llvm::append_range(parts,
+                     lowerQuatFromMatrix(emitter, Parts{type, rotation}));
   llvm::append_range(parts, scale);
   return parts;
 }

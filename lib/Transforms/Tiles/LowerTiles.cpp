@@ -19,6 +19,8 @@
 //   reductions, scans              LowerTilesReductions.cpp
 //   sorting                        LowerTilesSort.cpp
 //   products, factors              LowerTilesAlgebra.cpp
+//   products that threads hold     LowerTilesProducts.cpp
+//   factors, transforms by forms   LowerTilesForms.cpp
 //   Fourier transforms             LowerTilesTransforms.cpp
 //   whole tiles on CPUs            LowerTilesLibrary.cpp
 //
@@ -56,9 +58,32 @@ TileLowering::TileLowering(FunctionOpInterface kernel, int64_t threads)
 void TileLowering::lower(Operation *op) {
   b.setInsertionPoint(op);
   loc = op->getLoc();
+  if (op->hasAttr(attr::stages))
+    return;
   llvm::TypeSwitch<Operation *>(op)
-      .Case([&](TileMapOp map) { lowerMap(map); })
-      .Case([&](TileStoreOp store) { lowerStore(store); })
+      .Case([&](TileMapOp map) {
+        if (map->hasAttr(attr::held))
+          setHeld(map);
+        else if (isTile(map.getInputs()[0]) &&
+                 buffers.isHeld(map.getInputs()[0]) &&
+                 !tiles::isStriped(map.getInputs()[0]))
+          giveHeld(map);
+        else
+          lowerMap(map);
+      })
+      .Case([&](TileSplatOp splat) {
+        if (splat->hasAttr(attr::held))
+          setHeld(splat);
+        else
+          keep(splat);
+      })
+      .Case([&](TileStoreOp store) {
+        if (buffers.isHeld(store.getTile()) &&
+            !tiles::isStriped(store.getTile()))
+          storeHeld(store);
+        else
+          lowerStore(store);
+      })
       .Case([&](TileAtomicOp atomic) { lowerAtomic(atomic); })
       .Case([&](TileFromThreadsOp from) { lowerFromThreads(from); })
       .Case([&](TileToThreadsOp to) { lowerToThreads(to); })
@@ -78,11 +103,22 @@ void TileLowering::lower(Operation *op) {
       .Case([&](TileFoldOp fold) { lowerFold(fold); })
       .Case([&](TileScanOp scan) { lowerScan(scan); })
       .Case([&](TileSortOp sort) { lowerSort(sort); })
-      .Case([&](TileMatmulOp matmul) { lowerMatmul(matmul); })
-      .Case([&](TileCholeskyOp factor) { lowerCholesky(factor); })
-      .Case([&](TileSolveOp solve) { lowerSolve(solve); })
+      .Case([&](TileMatmulOp matmul) {
+        if (matmul->hasAttr(attr::form))
+          lowerHeldProduct(matmul);
+        else
+          lowerMatmul(matmul);
+      })
+      .Case([&](TileCholeskyOp op) {
+        op->hasAttr(attr::form) ? factor(op) : lowerCholesky(op);
+      })
+      .Case([&](TileSolveOp op) {
+        op->hasAttr(attr::form) ? substitute(op) : lowerSolve(op);
+      })
       .Case([&](TileDiagAddOp add) { lowerDiagAdd(add); })
-      .Case([&](TileFftOp fft) { lowerFft(fft); })
+      .Case([&](TileFftOp op) {
+        op->hasAttr(attr::form) ? transformRows(op) : lowerFft(op);
+      })
       .Case([](TileEmptyOp) {})
       .Default([&](Operation *) { keep(op); });
 }
@@ -154,10 +190,15 @@ void TileLowering::detach() {
 
 LogicalResult TileLowering::run() {
   SmallVector<Operation *> ops;
+  SmallVector<scf::ForOp> ahead;
   kernel->walk([&](Operation *op) {
     if (computesTiles(op) && !isInline(op))
       ops.push_back(op);
+    else if (op->hasAttr(attr::stages))
+      ahead.push_back(cast<scf::ForOp>(op));
   });
+  for (scf::ForOp loop : ahead)
+    lowerAhead(loop);
   for (Operation *op : ops)
     lower(op);
   detach();

@@ -9,6 +9,7 @@
 
 #include "TileScratch.h"
 
+#include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/IR/Builders.h"
 
 #include <map>
@@ -59,6 +60,8 @@ private:
   Value memoryOf(Value tile);
   Value linear(llvm::ArrayRef<int64_t> shape, ValueRange indices);
   Values unravel(Value index, llvm::ArrayRef<int64_t> shape);
+  Value placeIn(Value tile, ValueRange indices);
+  Value stripeOf(Value tile);
   Value load(Value tile, ValueRange indices);
   void store(Value tile, ValueRange indices, Value value);
   /// An element, computed here if the tile is not kept.
@@ -95,6 +98,7 @@ private:
   void elements(mlir::Operation *op, llvm::ArrayRef<int64_t> shape,
                 llvm::function_ref<void(ValueRange)> body);
   void collectTested(mlir::Operation *op, Value &inside);
+  bool touchesStripes(mlir::Operation *op);
   void barrier();
   void byFirstThread(llvm::function_ref<void()> make);
 
@@ -125,6 +129,7 @@ private:
   void lowerReduce(mlir::Operation *op, TileReduction kind, Value tile,
                    std::optional<int64_t> axis, bool positions);
   Values overBlock(mlir::Operation *op, TileReduction kind, Values sums);
+  Value overWarps(mlir::Operation *op, TileReduction kind, Value sum);
   void lowerFold(TileFoldOp op);
   void lowerScan(TileScanOp op);
 
@@ -159,17 +164,44 @@ private:
   void callCholesky(TileCholeskyOp op);
   void callSolve(TileSolveOp op);
 
+  // In LowerTilesProducts.cpp.
+  Value sumsOf(Value tile, int64_t slots);
+  void callHeld(llvm::StringRef verb, Value tile, Values arguments);
+  void setHeld(mlir::Operation *op);
+  void giveHeld(TileMapOp op);
+  void storeHeld(TileStoreOp op);
+  template <typename Op>
+  Values windowOf(Op op, TileType tile, ValueRange offsets);
+  void multiply(TileMatmulOp op, Value sums, Value turn);
+  void lowerHeldProduct(TileMatmulOp op);
+  Value placeOf(Value tile, Value turn);
+  void fetch(TileLoadOp load, mlir::scf::ForOp loop, Value iteration,
+             Value turn);
+  void lowerAhead(mlir::scf::ForOp loop);
+
+  // In LowerTilesForms.cpp.
+  void callForm(llvm::StringRef verb, mlir::Operation *op, Values arguments);
+  void factor(TileCholeskyOp op);
+  void substitute(TileSolveOp op);
+  void transformRows(TileFftOp op);
+
   void detach();
 
   mlir::FunctionOpInterface kernel;
   int64_t threads;
   TileBuffers buffers;
   std::map<std::tuple<int64_t, int64_t, const void *>, Value> arrays;
+  /// By the tile that stands for others.
+  llvm::DenseMap<Value, Value> heldSums;
   mlir::OpBuilder b, entry;
   mlir::Location loc;
   mlir::Type i32;
   Value thread;
   bool testing = true;
+  /// Within `share`: how many elements the thread has had before, and whether
+  /// that is to be a constant.
+  Value turn;
+  bool isStriped = false;
 };
 
 } // namespace warp::tiles

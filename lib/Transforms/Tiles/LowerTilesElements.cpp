@@ -34,7 +34,8 @@ Value TileLowering::arrayAt(int64_t offset, int64_t count, Type element) {
 
 Value TileLowering::memoryOf(Value tile) {
   TileType type = tileType(tile);
-  return arrayAt(buffers.getOffset(tile), type.getNumElements(),
+  return arrayAt(buffers.getOffset(tile),
+                 getStagedBytes(tile) / getByteSize(type.getElementType()),
                  type.getElementType());
 }
 
@@ -57,15 +58,39 @@ Values TileLowering::unravel(Value index, ArrayRef<int64_t> shape) {
   return indices;
 }
 
-Value TileLowering::load(Value tile, ValueRange indices) {
+/// Where an element lies.
+Value TileLowering::placeIn(Value tile, ValueRange indices) {
+  if (std::optional<int64_t> pitch = getPitch(tile))
+    return add(mul(indices[0], number(*pitch)), indices[1]);
+  return linear(tileType(tile).getShape(), indices);
+}
+
+/// What a thread has of a tile in registers.
+Value TileLowering::stripeOf(Value tile) {
+  Value &stripe = heldSums[buffers.rootOf(tile)];
   TileType type = tileType(tile);
-  return LoadOp::create(b, loc, type.getElementType(), memoryOf(tile),
-                        linear(type.getShape(), indices));
+  if (!stripe)
+    stripe = ScratchOp::create(
+        entry, loc,
+        ScratchType::get(b.getContext(), type.getNumElements() / threads,
+                         type.getElementType()));
+  return stripe;
+}
+
+Value TileLowering::load(Value tile, ValueRange indices) {
+  if (tiles::isStriped(tile))
+    return ScratchLoadOp::create(b, loc, tileType(tile).getElementType(),
+                                 stripeOf(tile), turn);
+  return LoadOp::create(b, loc, tileType(tile).getElementType(),
+                        memoryOf(tile), placeIn(tile, indices));
 }
 
 void TileLowering::store(Value tile, ValueRange indices, Value value) {
-  StoreOp::create(b, loc, value, memoryOf(tile),
-                  linear(tileType(tile).getShape(), indices));
+  if (tiles::isStriped(tile)) {
+    ScratchStoreOp::create(b, loc, value, stripeOf(tile), turn);
+    return;
+  }
+  StoreOp::create(b, loc, value, memoryOf(tile), placeIn(tile, indices));
 }
 
 //===----------------------------------------------------------------------===//

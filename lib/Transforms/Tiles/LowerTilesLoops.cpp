@@ -12,6 +12,7 @@
 #include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/IR/IRMapping.h"
 #include "mlir/IR/Matchers.h"
+#include "llvm/Support/SaveAndRestore.h"
 
 using namespace mlir;
 
@@ -194,10 +195,24 @@ Values TileLowering::share(ArrayRef<int64_t> shape, ValueRange sums,
   int64_t count = 1;
   for (int64_t extent : shape)
     count *= extent;
-  return loop(thread, number(count), number(threads), sums,
-              [&](Value e, ValueRange sums) {
-                return body(unravel(e, shape), sums);
-              });
+  if (count % threads != 0)
+    return loop(thread, number(count), number(threads), sums,
+                [&](Value e, ValueRange sums) {
+                  return body(unravel(e, shape), sums);
+                });
+  auto turn = [&](Value number, ValueRange sums) {
+    this->turn = number;
+    Value e = add(mul(number, this->number(threads)), thread);
+    return body(unravel(e, shape), sums);
+  };
+  int64_t turns = count / threads;
+  if (turns > 1 && !isStriped)
+    return loop(number(0), number(turns), number(1), sums, turn);
+  // Registers have no numbers.
+  Values next(sums);
+  for (int64_t t = 0; t < turns; ++t)
+    next = turn(number(t), next);
+  return next;
 }
 
 void TileLowering::share(ArrayRef<int64_t> shape,
@@ -250,10 +265,25 @@ void TileLowering::collectTested(Operation *op, Value &inside) {
   }
 }
 
+/// Whether an operation, or what is computed in its loop, reads or makes tiles
+/// that threads have in registers.
+bool TileLowering::touchesStripes(Operation *op) {
+  auto isStripe = [](Value tile) {
+    return isTile(tile) && tiles::isStriped(tile);
+  };
+  return llvm::any_of(op->getResults(), isStripe) ||
+         llvm::any_of(op->getOperands(), [&](Value operand) {
+           Operation *def = operand.getDefiningOp();
+           return isStripe(operand) || (def && isTile(operand) &&
+                                        isInline(def) && touchesStripes(def));
+         });
+}
+
 Values TileLowering::elements(Operation *op, ArrayRef<int64_t> shape,
                               ValueRange sums, Body body) {
   Value inside;
   collectTested(op, inside);
+  llvm::SaveAndRestore striped(isStriped, touchesStripes(op));
   if (!inside)
     return share(shape, sums, body);
   auto branch = scf::IfOp::create(b, loc, TypeRange(sums), inside,
@@ -271,7 +301,7 @@ Values TileLowering::elements(Operation *op, ArrayRef<int64_t> shape,
       scf::YieldOp::create(b, loc, next);
     // What runs at the edges of arrays only is not worth the time that it would
     // take to compile it well.
-    if (tested && threads == 1)
+    if (tested)
       block->walk([](scf::ForOp loop) { setPlain(loop); });
   }
   return Values(branch.getResults());

@@ -9,6 +9,8 @@
 
 #include "LowerTiles.h"
 
+#include "KernelFunction.h"
+
 #include "WarpDialect/Passes.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -79,10 +81,27 @@ Values TileLowering::combine(TileReduction kind, ValueRange best,
 // Reductions
 //===----------------------------------------------------------------------===//
 
+/// By the device library, with exchanges between lanes.
+Value TileLowering::overWarps(Operation *op, TileReduction kind, Value sum) {
+  Value own = ScratchOp::create(
+      entry, loc, ScratchType::get(b.getContext(), 1, sum.getType()));
+  ScratchStoreOp::create(b, loc, sum, own, number(0));
+  Value memory = arrayAt(scratchOf(op), threads, sum.getType());
+  StringRef name = kind == TileReduction::add   ? "add"
+                   : kind == TileReduction::min ? "min"
+                                                : "max";
+  callLibrary("warp_tile_combine_" + name, {},
+              {own, addressOf(memory), number(threads)});
+  return ScratchLoadOp::create(b, loc, sum.getType(), own, number(0));
+}
+
 /// What all threads of the block have, combined; in every thread.
 Values TileLowering::overBlock(Operation *op, TileReduction kind, Values sums) {
   if (threads == 1)
     return sums;
+  if (sums.size() == 1 && sums[0].getType().isF32() && threads % 32 == 0 &&
+      getVariant(kernel).getTarget().getVersion() >= 80)
+    return {overWarps(op, kind, sums[0])};
   int64_t offset = op->getAttrOfType<IntegerAttr>(attr::scratch).getInt();
   // Arrays have elements of the language's types, so positions get a sign.
   SmallVector<Type> stored;

@@ -65,8 +65,10 @@ private:
   static constexpr int64_t arrays = -1;
 
   void touchTile(Touches &touches, Value tile, bool isWrite, int64_t owned) {
+    if (buffers.isHeld(tile))
+      return;
     int64_t begin = buffers.getOffset(tile);
-    int64_t bytes = getTileBytes(tileType(tile));
+    int64_t bytes = getStagedBytes(tile);
     touches.push_back({begin, begin + bytes, isWrite, owned});
   }
 
@@ -84,8 +86,13 @@ private:
 
   Touches touchesOf(Operation *op) {
     Touches touches;
-    bool striped = readsOwnElements(op) ||
-                   isa<TileSplatOp, TileIotaOp, TileLoadOp>(op);
+    // Sums of products lie otherwise among threads.
+    bool takesSums = llvm::any_of(op->getOperands(), [&](Value operand) {
+      return isTile(operand) && buffers.isHeld(operand) && !isStriped(operand);
+    });
+    bool striped = !takesSums &&
+                   (readsOwnElements(op) ||
+                    isa<TileSplatOp, TileIotaOp, TileLoadOp>(op));
     auto ownedOf = [&](Value tile) {
       return striped ? tileType(tile).getNumElements() : 0;
     };
@@ -153,9 +160,11 @@ private:
       return;
     }
     waitBefore(op);
+    // Waits within a loop that loads ahead come with the loads.
+    bool isStaged = op->hasAttr(tiles::attr::stages);
     bool isLoop = isa<LoopLikeOpInterface>(op);
     for (Region &region : op->getRegions()) {
-      if (region.empty())
+      if (region.empty() || isStaged)
         continue;
       pending.clear();
       place(region.front());

@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Three decisions, in this order:
+// Four decisions, in this order:
 //
 //   inline     views of other tiles; what has one use and reads nothing that is
 //              overwritten before that use (TileInlining.h)
@@ -10,6 +10,8 @@
 //              replaces afterwards
 //   copies     where loops and branches carry tiles, each carried tile has one
 //              piece of memory; what is not computed in it is copied there
+//   held       what needs no memory on a GPU: sums of products
+//              (TileProducts.h), and elements of a thread's own (TileStripes.h)
 //
 // A copy into memory that exists is a `tile_map` with the target as its second
 // operand, in place of that.
@@ -17,7 +19,10 @@
 //===----------------------------------------------------------------------===//
 
 #include "KernelFunction.h"
+#include "TileForms.h"
 #include "TileInlining.h"
+#include "TileProducts.h"
+#include "TileStripes.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/Interfaces/LoopLikeInterface.h"
@@ -219,6 +224,9 @@ static void placeTiles(FunctionOpInterface kernel, int64_t threads) {
              branch.getNumResults() != 0)
       placeIf(b, branch);
   }
+  chooseForms(kernel, threads);
+  holdSums(kernel, threads);
+  holdStripes(kernel, threads);
 }
 
 namespace {

@@ -26,8 +26,39 @@ using namespace warp::tiles;
 
 /// Widest access that code may make of it.
 constexpr int64_t alignment = 64;
-/// Static block memory of any GPU, and what a thread's stack surely has.
-constexpr int64_t gpuBytes = 48 << 10, cpuBytes = 4 << 20;
+/// What a thread's stack surely has.
+constexpr int64_t cpuBytes = 4 << 20;
+
+/// What launches can get for a block of a GPU (CUDA C++ Programming Guide,
+/// technical specifications per compute capability).
+int64_t warp::tiles::getMostBlockBytes(int64_t version) {
+  switch (version) {
+  case 75:
+    return 64 << 10;
+  case 70:
+  case 72:
+    return 96 << 10;
+  case 86:
+  case 89:
+  case 120:
+  case 121:
+    return 99 << 10;
+  case 80:
+  case 87:
+    return 163 << 10;
+  case 90:
+  case 100:
+  case 101:
+  case 103:
+    return 227 << 10;
+  }
+  return staticBlockBytes;
+}
+
+int64_t warp::getDynamicBytes(Operation *kernel) {
+  auto bytes = kernel->getAttrOfType<IntegerAttr>(warp::attr::blockBytes);
+  return bytes && bytes.getInt() > staticBlockBytes ? bytes.getInt() : 0;
+}
 
 namespace {
 
@@ -141,15 +172,19 @@ private:
   void collectTiles() {
     llvm::MapVector<Value, SmallVector<Value>> byRoot;
     for (Value tile : buffers.getTiles())
-      byRoot[buffers.rootOf(tile)].push_back(tile);
+      if (!buffers.isHeld(tile))
+        byRoot[buffers.rootOf(tile)].push_back(tile);
     for (auto &[root, members] : byRoot) {
-      Piece piece{INT64_MAX, 0, getTileBytes(tileType(root)), -1, root};
+      Piece piece{INT64_MAX, 0, getStagedBytes(root), -1, root};
       auto makerOf = [](Value tile) {
         Operation *op = tile.getDefiningOp();
         return op ? op : tile.getParentBlock()->getParentOp();
       };
       for (Value tile : members)
         piece.first = std::min(piece.first, begins[makerOf(tile)]);
+      // What is loaded ahead is there throughout the loop.
+      if (makerOf(root)->hasAttr(tiles::attr::stages))
+        piece.first = begins[makerOf(root)->getParentOp()];
       for (Value tile : members) {
         extend(piece, makerOf(tile));
         for (Operation *reader : getReaders(tile))
@@ -168,7 +203,9 @@ private:
 LogicalResult plan(FunctionOpInterface kernel, int64_t threads) {
   Planner planner(kernel, threads);
   int64_t total = planner.place();
-  int64_t most = warp::isGpu(kernel) ? gpuBytes : cpuBytes;
+  int64_t version = getVariant(kernel).getTarget().getVersion();
+  int64_t most =
+      warp::isGpu(kernel) ? getMostBlockBytes(version) : cpuBytes;
   if (total > most) {
     planner.report(total, most);
     return failure();

@@ -71,12 +71,37 @@ int64_t getTileBytes(TileType type) {
   return type.getNumElements() * getByteSize(type.getElementType());
 }
 
+bool isStriped(Value tile) {
+  Operation *def = tile.getDefiningOp();
+  return def && def->hasAttr(attr::striped);
+}
+
+std::optional<int64_t> getPitch(Value tile) {
+  Operation *def = tile.getDefiningOp();
+  auto pitch = def ? def->getAttrOfType<IntegerAttr>(attr::pitch)
+                   : IntegerAttr();
+  return pitch ? std::optional(pitch.getInt()) : std::nullopt;
+}
+
+int64_t getStagedBytes(Value tile) {
+  TileType type = tileType(tile);
+  std::optional<int64_t> pitch = getPitch(tile);
+  if (!pitch)
+    return getTileBytes(type);
+  auto stages =
+      tile.getDefiningOp()->getAttrOfType<IntegerAttr>(attr::stages);
+  return (stages ? stages.getInt() : 1) * type.getShape()[0] * *pitch *
+         getByteSize(type.getElementType());
+}
+
 std::optional<Strided> getStrided(Value tile) {
   Operation *def = tile.getDefiningOp();
   if (!def || !isInline(def)) {
     SmallVector<int64_t> steps(tileType(tile).getRank(), 1);
     for (size_t d = steps.size(); d-- > 1;)
       steps[d - 1] = steps[d] * tileType(tile).getShape()[d];
+    if (std::optional<int64_t> pitch = getPitch(tile))
+      steps[0] = *pitch;
     return Strided{tile, steps};
   }
   auto view = dyn_cast<TileTransposeOp>(def);
@@ -106,7 +131,12 @@ TileBuffers::TileBuffers(FunctionOpInterface kernel) {
   });
   for (Value tile : tiles)
     classes.insert(tile.getAsOpaquePointer());
-  kernel->walk([&](Operation *op) { readOffsets(op); });
+  kernel->walk([&](Operation *op) {
+    readOffsets(op);
+    if (op->hasAttr(attr::held) || op->hasAttr(attr::striped))
+      for (Value result : op->getResults())
+        held.insert(rootOf(result));
+  });
 }
 
 void TileBuffers::readOffsets(Operation *op) {

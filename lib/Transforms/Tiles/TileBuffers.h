@@ -28,7 +28,21 @@ constexpr llvm::StringLiteral inPlace = "in_place";
 constexpr llvm::StringLiteral offsets = "offsets";
 /// Where the operation may put what it needs on the way.
 constexpr llvm::StringLiteral scratch = "scratch";
+/// On a product: its form (TileProducts.h). On factors, solves and transforms:
+/// the ending of a function of the device library (TileForms.h).
+constexpr llvm::StringLiteral form = "form";
+/// Threads hold the result as sums of a product.
+constexpr llvm::StringLiteral held = "held";
+/// Threads hold the results: each the elements that it treats in loops.
+constexpr llvm::StringLiteral striped = "striped";
+/// Elements from row to row of the result in the block's memory.
+constexpr llvm::StringLiteral pitch = "pitch";
+/// On a loop, and on loads in it: tiles that are there or on their way.
+constexpr llvm::StringLiteral stages = "warp.stages";
 } // namespace attr
+
+/// What launches can get for a block of a GPU of that architecture.
+int64_t getMostBlockBytes(int64_t version);
 
 /// Threads of the blocks that a kernel is for; 0 for one without tiles.
 int64_t getBlockThreads(mlir::Operation *kernel);
@@ -55,6 +69,13 @@ bool isView(mlir::Operation *op);
 /// are computed where they are used.
 llvm::SetVector<mlir::Operation *> getReaders(mlir::Value tile);
 int64_t getTileBytes(TileType type);
+/// Elements from row to row of a matrix, if that is not its width.
+std::optional<int64_t> getPitch(mlir::Value tile);
+/// With what is between rows, and of all stages of a tile that is loaded ahead.
+int64_t getStagedBytes(mlir::Value tile);
+
+/// Whether threads have the elements of a tile that they treat in registers.
+bool isStriped(mlir::Value tile);
 
 /// A tile that lies in memory, and from one element to the next along each of
 /// its dimensions, in elements.
@@ -77,6 +98,8 @@ public:
   int64_t getOffset(mlir::Value tile) const {
     return offsetOf.lookup(rootOf(tile));
   }
+  /// Whether threads hold a tile, so that it has no memory.
+  bool isHeld(mlir::Value tile) const { return held.contains(rootOf(tile)); }
 
 private:
   void tie(mlir::Value a, mlir::Value b);
@@ -86,6 +109,7 @@ private:
   llvm::EquivalenceClasses<void *> classes;
   llvm::SmallVector<mlir::Value> tiles;
   llvm::DenseMap<mlir::Value, int64_t> offsetOf;
+  llvm::DenseSet<mlir::Value> held;
 };
 
 } // namespace warp::tiles

@@ -6,6 +6,8 @@
 
 #include "TileScratch.h"
 
+#include "TileForms.h"
+
 #include "llvm/Support/MathExtras.h"
 
 using namespace mlir;
@@ -99,6 +101,8 @@ int64_t getSortedElements(TileSortOp op) {
 }
 
 int64_t getScratchBytes(Operation *op, int64_t threads) {
+  if (op->hasAttr(attr::form))
+    return getFormBytes(op, threads);
   if (auto fft = dyn_cast<TileFftOp>(op))
     return getFftBytes(fft, threads);
   if (auto sort = dyn_cast<TileSortOp>(op)) {

@@ -60,6 +60,7 @@ def main(arguments=None):
             output=options.output,
             baseline=options.baseline,
             repeats=options.repeats,
+            budget=0.15 if options.quick else 0.5,
             limit=options.limit,
         )
     except (ValueError, OSError) as error:

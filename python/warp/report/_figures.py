@@ -13,6 +13,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.ticker import NullLocator, StrMethodFormatter
 
 from warp.report._analysis import curves_of, error_names, label_of
 
@@ -42,7 +43,21 @@ STYLE = {
 }
 
 
+def _thin_ticks(axes):
+    """No ticks between powers of ten where there are several, and plain numbers at those.
+
+    Formulas as labels take most of the time of a page.
+    """
+    for axis in (axes.xaxis, axes.yaxis):
+        low, high = sorted(axis.get_view_interval())
+        if axis.get_scale() == "symlog" or (axis.get_scale() == "log" and high > 30.0 * low > 0.0):
+            axis.set_minor_locator(NullLocator())
+            axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+
+
 def _svg(figure):
+    for axes in figure.axes:
+        _thin_ticks(axes)
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
     plt.close(figure)

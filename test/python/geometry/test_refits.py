@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import warp as wp
-from warp._src.geometry.device.refit import BOXES, NODE, TRIANGLES, Refit
+from warp._src.geometry.device.refit import BOXES, NODE, TRIANGLES, Refit, slot_of
 
 
 def faces_of(n):
@@ -43,7 +43,8 @@ def test_triangles_are_refitted_as_by_the_runtime(n):
     if n > 100:
         moved[30], moved[40, 1] = np.nan, np.inf
     moving.assign(moved)
-    Refit(by_kernels._native.view, wp.get_device("cpu"), True).run(moving, indices)
+    slot = slot_of(by_kernels.id, "cpu")
+    Refit(by_kernels._native.view, wp.get_device("cpu"), True, slot).run(moving, indices)
     by_runtime.points = wp.clone(moving)
     after = same(by_kernels._native.view, by_runtime._native.view, TRIANGLES)
     assert n < 100 or (before[:, :48] != after[:, :48]).any()
@@ -68,7 +69,8 @@ def test_boxes_are_refitted_as_by_the_runtime(n):
     ):
         mine.assign(x)
         theirs.assign(x)
-    Refit(by_kernels._native.view, wp.get_device("cpu"), False).run(*corners)
+    slot = slot_of(by_kernels.id, "cpu")
+    Refit(by_kernels._native.view, wp.get_device("cpu"), False, slot).run(*corners)
     by_runtime.refit()
     same(by_kernels._native.view, by_runtime._native.view, BOXES)
 

@@ -106,6 +106,26 @@ def test_damaged_files_are_errors():
             wp.Volume.load_from_nvdb(wrong, device="cpu")
 
 
+def test_counts_that_a_damaged_grid_claims_are_checked(tmp_path):
+    path = wp.Volume.load_from_nvdb(DATA / "onindex.nvdb", device="cpu").save_to_nvdb(
+        tmp_path / "plain.nvdb"
+    )
+    data = bytearray(pathlib.Path(path).read_bytes())
+    tree = len(data) - wp.Volume.load_from_nvdb(path, device="cpu").get_grid_info().size_in_bytes
+    tree += 672
+    # Fewer voxels than are active, more than there are numbers, and a packed grid that says it has
+    # more bytes than fit into memory.
+    for count in (338, 2**40):
+        wrong = data.copy()
+        wrong[tree + 56 : tree + 64] = count.to_bytes(8, "little")
+        with pytest.raises(RuntimeError, match="damaged"):
+            wp.Volume.load_from_nvdb(bytes(wrong), device="cpu")
+    packed = bytearray((DATA / "float.nvdb").read_bytes())
+    packed[16:24] = (2**63).to_bytes(8, "little")
+    with pytest.raises(RuntimeError, match="do not unpack to 9223372036854775808"):
+        wp.Volume.load_from_nvdb(bytes(packed), device="cpu")
+
+
 def test_bits_that_flip_never_crash(tmp_path):
     """A damaged grid is refused, or is walked within its bytes."""
     path = wp.Volume.load_from_nvdb(DATA / "float.nvdb", device="cpu").save_to_nvdb(

@@ -111,11 +111,18 @@ def test_code_holds_no_symbol_of_another_feature():
         assert not re.search(r"mesh|bvh|hash_grid|vprintf|printf|trap", text), stage
 
 
-# C9: an empty launch runs nothing and compiles nothing, and is no dearer than one thread.
+# C9: an empty launch runs nothing and compiles nothing, is no dearer than one thread, and takes at
+# most 5 % of a step of a small scene.
 def test_empty_launches():
     @wp.kernel
     def never(x: wp.array(dtype=float)):
         x[0] = 1.0
+
+    @wp.kernel
+    def fall(x: wp.array(dtype=wp.vec3), v: wp.array(dtype=wp.vec3), dt: float):
+        i = wp.tid()
+        v[i] -= wp.vec3(0.0, 9.81 * dt, 0.0)
+        x[i] += v[i] * dt
 
     x = wp.zeros(1, dtype=float, device="cpu")
     wp.launch(never, 0, [x], device="cpu")
@@ -123,14 +130,17 @@ def test_empty_launches():
     assert not any(one.milliseconds for one in entries("never"))
     wp.launch(never, 1, [x], device="cpu")
 
-    def seconds(dim):
+    def seconds(kernel, dim, *inputs):
+        wp.launch(kernel, dim, inputs, device="cpu")
         begin = time.perf_counter()
         for _ in range(200):
-            wp.launch(never, dim, [x], device="cpu")
+            wp.launch(kernel, dim, inputs, device="cpu")
         return time.perf_counter() - begin
 
-    empty, one = (min(seconds(dim) for _ in range(7)) for dim in (0, 1))
+    empty, one = (min(seconds(never, dim, x) for _ in range(7)) for dim in (0, 1))
     assert empty <= 1.5 * one
+    state = [wp.zeros(40_000, dtype=wp.vec3, device="cpu") for _ in range(2)]
+    assert empty <= 0.05 * min(seconds(fall, 40_000, *state, 0.01) for _ in range(7))
 
 
 # C10: a program for the CPU loads no driver and none of the libraries around kernels.

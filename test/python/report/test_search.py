@@ -11,14 +11,15 @@ from warp.report.__main__ import main
 
 mp = pytest.importorskip("mpmath")
 
-from warp.report.search._references import REFERENCES  # noqa: E402
+from warp.report.search._judge import FORMULAS  # noqa: E402
 from warp.report.search._search import overloads, search, without_reference  # noqa: E402
 
 
 @pytest.mark.parametrize(
     ("name", "rows"),
     [("sin", 4), ("hypot", 4), ("dot", 4), ("normalize", 4), ("quat_log", 4), ("logsumexp", 8)]
-    + [("inverse", 1), ("solve3", 2), ("sym_sqrt3", 1), ("transform_point", 2), ("log1p", 4)],
+    + [("inverse", 1), ("solve3", 2), ("sym_sqrt3", 1), ("transform_point", 2), ("log1p", 4)]
+    + [("quat_twist", 4), ("quat_to_axis_angle", 4), ("transform_decompose", 4)],
 )
 def test_builtins_keep_a_digit(name, rows):
     found = list(search([name], rows=rows, seed=3))
@@ -32,7 +33,7 @@ def test_cancellation_is_a_defect(monkeypatch):
         i = wp.tid()
         y[i] = 1.0 - wp.cos(x[i])
 
-    monkeypatch.setitem(REFERENCES, "sin", lambda x: 2 * mp.sin(x / 2) ** 2)
+    monkeypatch.setitem(FORMULAS, "sin", lambda x: 2 * mp.sin(x / 2) ** 2)
     monkeypatch.setattr("warp.report.search._search.make_kernel", lambda *about: wp.kernel(naive))
     value, gradient = search(["sin"], dtypes=("float32",), rows=16)
     assert value.verdict == "defect" and value.got == 0.0 and 0.0 < value.exact < 1e-7
@@ -55,7 +56,7 @@ def test_command(tmp_path, capsys, monkeypatch):
     assert [one.get("part") for one in lines] == [None] + ["value", "gradient"] * 2
     assert main(["search", "no_such", "--output", str(tmp_path)]) == 2
     assert "no reference for 'no_such'" in capsys.readouterr().err
-    assert "eig3" in without_reference() and not set(without_reference()) & set(REFERENCES)
+    assert "eig3" in without_reference() and not set(without_reference()) & set(FORMULAS)
     monkeypatch.setitem(sys.modules, "warp.report.search._search", None)
     assert main(["search", "cbrt", "--output", str(tmp_path)]) == 2
     assert "needs the package" in capsys.readouterr().err

@@ -30,7 +30,7 @@ class _Translation:
         for line in self.lines:
             if line == "return":
                 continue
-            if line == "}":
+            if line == "}" or line.startswith("} {loop_annotation"):
                 self.close()
             elif line == "} else {":
                 self.depth -= 1

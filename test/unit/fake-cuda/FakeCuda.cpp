@@ -243,6 +243,10 @@ EXPORT int cuFuncGetAttribute(int *value, int attribute, void *) {
   *value = values[attribute];
   return success;
 }
+EXPORT int cuFuncSetAttribute(void *, int attribute, int value) {
+  // Blocks may have 227 KiB.
+  return attribute == 8 && value <= 227 << 10 ? success : invalidValue;
+}
 EXPORT int cuOccupancyMaxActiveBlocksPerMultiprocessor(int *blocks, void *,
                                                        int threads, size_t) {
   *blocks = 1024 / threads;

@@ -13,8 +13,7 @@ using namespace mlir;
 namespace warp::autodiff {
 
 MatrixFormula::MatrixFormula(RuleContext &context, const RuleInput &input)
-    : context(context), input(input),
-      f(context, input.operands, input.results),
+    : context(context), input(input), f(context, input.operands, input.results),
       matrixType(input.operands[0].getType()),
       scalar(getElementScalar(matrixType)),
       size(cast<MatType>(matrixType).getRows()),
@@ -60,6 +59,11 @@ Expr MatrixFormula::makeMatrix(
   return make(matrixType, entries);
 }
 
+Expr MatrixFormula::determinantOf2(ArrayRef<Expr> entries) {
+  Type type = MatType::get(scalar.getContext(), 2, 2, scalar);
+  return f.call("determinant", {make(type, entries)});
+}
+
 //===----------------------------------------------------------------------===//
 // Functions
 //===----------------------------------------------------------------------===//
@@ -101,8 +105,7 @@ MatrixFormula::Quotient MatrixFormula::divide(Expr above, Expr terms,
   // Noise is subtracted, so that the quotient keeps its derivative.
   Expr noise =
       f.call("where", {isNoise, f.call("stop_gradient", {above}), f.number(0)});
-  Expr value =
-      f.call("where", {isClose, f.number(0), (above - noise) / below});
+  Expr value = f.call("where", {isClose, f.number(0), (above - noise) / below});
   return {value, f.call("bit_and", {f.call("unot", {isNoise}), isClose})};
 }
 

@@ -38,6 +38,8 @@ public:
   }
   Expr makeVector(llvm::ArrayRef<Expr> components);
   Expr makeMatrix(llvm::function_ref<Expr(int row, int col)> entry);
+  /// Determinant of a 2x2 matrix, given by rows.
+  Expr determinantOf2(llvm::ArrayRef<Expr> entries);
 
   // Functions of matrices, which may be zero.
   Expr transpose(Expr m);

@@ -18,6 +18,12 @@ static Expr getMinor(MatrixFormula &f, ArrayRef<int> rows, ArrayRef<int> cols) {
   Expr matrix = f.getMatrix();
   if (rows.size() == 1)
     return f.get(matrix, rows[0], cols[0]);
+  // A builtin, which has a difference of products without cancellation error:
+  // larger minors of nearly dependent rows are sums of such small numbers.
+  if (rows.size() == 2)
+    return f.determinantOf2(
+        {f.get(matrix, rows[0], cols[0]), f.get(matrix, rows[0], cols[1]),
+         f.get(matrix, rows[1], cols[0]), f.get(matrix, rows[1], cols[1])});
   Expr sum = f.number(0);
   for (size_t i = 0; i < cols.size(); ++i) {
     SmallVector<int, 4> others(cols);

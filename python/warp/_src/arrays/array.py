@@ -16,7 +16,7 @@ from warp._src.arrays import hooks
 from warp._src.arrays.allocation import allocate
 from warp._src.arrays.copies import assign, clone
 from warp._src.arrays.data import borrow, element_bytes, fill_from_data
-from warp._src.arrays.gradients import check_gradient_type, fitting_gradient, make_gradient
+from warp._src.arrays.gradients import ArrayGradients, check_gradient_type
 from warp._src.arrays.layout import bytes_of, check_shape, element_type
 from warp._src.arrays.observers import Observers, observed_fill
 from warp._src.arrays.operators import ArrayArithmetic
@@ -30,7 +30,7 @@ from warp._src.types.numpy_types import element_layout
 from warp._src.types.struct_fields import describe
 
 
-class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
+class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native.Array):
     """An array of scalars, vectors, matrices, quaternions, transforms or structs.
 
     Args:
@@ -48,7 +48,7 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
         deleter: called with address and size when memory given by `ptr` is no longer used.
         ndim: number of dimensions, checked against the data.
         grad: array of the same shape and strides for derivatives.
-        requires_grad: whether derivatives are wanted; allocates `grad`.
+        requires_grad: whether derivatives are wanted; `grad` is allocated on its first use.
         retain_grad: keep derivatives of intermediate results.
         length: extent of a one-dimensional array, instead of `shape`.
         grad_dtype: element type of the gradient; it is that of the array, or for elements of 16
@@ -124,9 +124,6 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
             self.retain_grad = True
 
     _wp_array_ = True
-    _grad = None
-    _requires_grad = False
-    _retain_grad = False
     # Memory of a library that allows no writing. Kernels are not stopped.
     read_only = False
 
@@ -134,47 +131,6 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
     def device(self):
         """The device that the memory belongs to."""
         return devices.by_index(self.device_index)
-
-    @property
-    def requires_grad(self) -> bool:
-        """Whether derivatives are wanted; setting it to True allocates `grad`."""
-        return self._requires_grad
-
-    @requires_grad.setter
-    def requires_grad(self, value):
-        if value and self._grad is None:
-            self.grad = make_gradient(self)
-        elif not value:
-            self.grad = None
-
-    @property
-    def retain_grad(self) -> bool:
-        """Whether `backward` leaves the gradient by the last contents in `grad`.
-
-        Raises:
-            ValueError: it is set for an array without gradient.
-        """
-        return self._retain_grad
-
-    @retain_grad.setter
-    def retain_grad(self, value):
-        if value and not self._requires_grad:
-            raise ValueError("retain_grad needs a gradient: set `requires_grad=True`, too")
-        self._retain_grad = bool(value)
-
-    @property
-    def grad(self):
-        """The array of derivatives, or None; one of 16-bit floats is set as a copy of 32 bits."""
-        return self._grad
-
-    @grad.setter
-    def grad(self, value):
-        if value is not None:
-            value = fitting_gradient(self, value)
-        self._grad = value
-        self._requires_grad = value is not None
-        self._retain_grad = self._retain_grad and value is not None
-        self.grad_ptr = value.ptr or 0 if value is not None else 0
 
     @property
     def capacity(self) -> int:
@@ -297,7 +253,7 @@ class array(ArrayViews, ArrayProtocols, ArrayArithmetic, _native.Array):
             self._fill(pattern, "fill_")
 
     def __ctype__(self):
-        return describe(self)
+        return describe(self, self.grad)
 
 
 class _Lent:

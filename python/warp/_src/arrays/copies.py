@@ -143,6 +143,4 @@ def _range(source, offset, count, name):
             also="Copies of parts of arrays that are not contiguous are only supported for 1-D",
         )
     part = source._view(offset * stride, (count,), (stride,))
-    if source.grad is not None:
-        part.grad = _range(source.grad, offset, count, name)
-    return part
+    return source._with_grad(part, lambda grad: _range(grad, offset, count, name))

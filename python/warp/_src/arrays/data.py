@@ -101,7 +101,8 @@ def _from_sequence(data, dtype):
     if isinstance(leaf, (Composite, ctypes.Structure)):
         shape, leaves = _flatten(data, kind)
         layout, inner = element_layout(dtypes.canonical(kind))
-        return numpy.frombuffer(b"".join(map(bytes, leaves)), layout).reshape(shape + inner)
+        content = b"".join(map(_contents, leaves))
+        return numpy.frombuffer(content, layout).reshape(shape + inner)
     try:
         if isinstance(leaf, scalar_base):
             shape, leaves = _flatten(data, kind)
@@ -319,6 +320,13 @@ class Deleter:
         self.deleter(self.ptr, self.size)
 
 
+def _contents(value) -> bytes:
+    """Memory of a composite or struct. It may be read where nobody looks for gradients again."""
+    if hasattr(value, "refresh"):
+        value.refresh()
+    return bytes(value)
+
+
 def element_bytes(dtype, value) -> bytes:
     """Memory of one array element made from `value`.
 
@@ -331,7 +339,7 @@ def element_bytes(dtype, value) -> bytes:
             return bytes(dtypes.type_size_in_bytes(dtype))
         if type(value) is not dtype:
             raise TypeError(f"expects a '{shown}' value, but got '{type(value).__name__}'")
-        return bytes(value)
+        return _contents(value)
     if hasattr(value, "tolist") and not isinstance(value, Composite):
         value = value.tolist()
     try:

@@ -1,4 +1,8 @@
-"""Gradients of arrays: their element type, their layout, and checks of those that users give.
+"""Gradients of arrays: when they get memory, their layout, and checks of those that users give.
+
+An array that `requires_grad` has no gradient until somebody asks for it: the user, a backward pass,
+another library. Then it is zero. Launches forward do not ask, and nor do views; code here asks with
+`requires_grad` whether there is to be one, and with `grad_in_use` whether it may hold anything.
 
 The gradient of an array has its shape and its strides, so that one index leads to both. Elements of
 16 bits are the exception: sums of many small contributions would be lost in them, so the gradient
@@ -8,6 +12,7 @@ has elements of 32 bits and strides twice as large.
 from __future__ import annotations
 
 import functools
+import threading
 
 from warp import _native
 from warp._src import errors
@@ -17,6 +22,99 @@ from warp._src.arrays.layout import element_type, type_id
 from warp._src.types import dtypes
 from warp._src.types.native import ArrayType
 from warp._src.types.scalars import uint8
+
+# Two threads that ask at once get the same gradient.
+_first_use = threading.RLock()
+
+
+class ArrayGradients:
+    """Mixin of `array`.
+
+    `_grad` is None before the first use. A view of an array whose gradient is still to come has in
+    `_grad_source` that array, and what makes of its gradient that of the view.
+    """
+
+    __slots__ = ()
+    _grad = None
+    _grad_source = None
+    _requires_grad = False
+    _retain_grad = False
+
+    @property
+    def requires_grad(self) -> bool:
+        """Whether derivatives are wanted; `grad` is allocated when it is first used."""
+        return self._requires_grad
+
+    @requires_grad.setter
+    def requires_grad(self, value):
+        if value:
+            self._requires_grad = True
+        else:
+            self.grad = None
+
+    @property
+    def retain_grad(self) -> bool:
+        """Whether `backward` leaves the gradient by the last contents in `grad`.
+
+        Raises:
+            ValueError: it is set for an array without gradient.
+        """
+        return self._retain_grad
+
+    @retain_grad.setter
+    def retain_grad(self, value):
+        if value and not self._requires_grad:
+            raise ValueError("retain_grad needs a gradient: set `requires_grad=True`, too")
+        self._retain_grad = bool(value)
+
+    @property
+    def grad(self):
+        """The array of derivatives, or None; zero when it is first read.
+
+        One of 16-bit floats is set as a copy of 32 bits.
+        """
+        if self._grad is None and self._requires_grad:
+            with _first_use:
+                if self._grad is None:
+                    self.grad = self._make_grad()
+        return self._grad
+
+    @grad.setter
+    def grad(self, value):
+        if value is not None:
+            value = fitting_gradient(self, value)
+        self._grad, self._grad_source = value, None
+        self._requires_grad = value is not None
+        self._retain_grad = self._retain_grad and value is not None
+        self.grad_ptr = value.ptr or 0 if value is not None else 0
+
+    @property
+    def grad_in_use(self):
+        """The gradient, or None if there is none or nothing can be in it but zeros.
+
+        What a graph captures runs again when there may be something in it.
+        """
+        if self._grad is None and self._requires_grad:
+            base, _ = self._grad_source or (None, None)
+            known_zero = base is None or base.grad_in_use is None
+            if known_zero and not _native.is_capturing(self.device_index):
+                return None
+        return self.grad
+
+    def _make_grad(self):
+        base, derive = self._grad_source or (None, None)
+        if base is None or base.grad is None:
+            return make_gradient(self)
+        return derive(base.grad)
+
+    def _with_grad(self, view, derive):
+        """Gives a view the same view of the gradient."""
+        if self._grad is not None:
+            view.grad = derive(self._grad)
+        elif self._requires_grad:
+            view._requires_grad, view._grad_source = True, (self, derive)
+        view.retain_grad = self.retain_grad
+        return view
 
 
 @functools.cache
@@ -91,7 +189,9 @@ def _zeros(neighbour, shape, dtype):
     made = hooks.plain_array(
         shape=shape, dtype=dtype, device=neighbour.device, pinned=neighbour.pinned
     )
-    made.zero_()
+    # At once also while a graph is captured, which would clear the gradient in each run.
+    if made.size:
+        _native.clear_new_memory(made.ptr, made.device_index, made.capacity)
     return made
 
 

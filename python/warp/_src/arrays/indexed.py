@@ -179,7 +179,7 @@ class indexedarray(ArrayArithmetic):
     @property
     def grad(self):
         """The same elements of the gradient of `data`, or None."""
-        return None if self.data.grad is None else self.over(self.data.grad)
+        return None if not self.data.requires_grad else self.over(self.data.grad)
 
     def over(self, data):
         """The same elements of another array."""

@@ -42,13 +42,6 @@ class ArrayViews:
             result.read_only = True
         return result
 
-    def _with_grad(self, result, derive):
-        """Gives a view the same view of the gradient."""
-        if self._grad is not None:
-            result.grad = derive(self._grad)
-        result.retain_grad = self.retain_grad
-        return result
-
     def __getitem__(self, key):
         if _has_arrays(key):
             return hooks.select(self, key)
@@ -74,10 +67,12 @@ class ArrayViews:
         """What a key names, also an element, as an array."""
         offset, shape, strides = self._select(key)
         part = self._view(offset, shape or (1,), strides or (self.item_size,))
-        if self._grad is not None:
-            offset, _, steps = self._grad._select(key)
-            part.grad = self._grad._view(offset, part.shape, steps or (self._grad.item_size,))
-        return part
+
+        def derive(grad):
+            offset, _, steps = grad._select(key)
+            return grad._view(offset, part.shape, steps or (grad.item_size,))
+
+        return self._with_grad(part, derive)
 
     def __iter__(self):
         if self.ndim == 1:
@@ -195,7 +190,7 @@ class ArrayViews:
         if not 1 <= len(shape) <= 4:
             raise errors.WarpShapeError(f"expects 1 to 4 dimensions, but got {len(shape)}")
         view = self._view(0, shape, strides, dtype)
-        if self._grad is not None and self._grad.dtype is not self.dtype:
+        if self.requires_grad and gradient_type(self.dtype) is not self.dtype:
             # Gradients of 16 bits have 32; other types of 16 bits have none.
             if gradient_type(dtype) is dtype:
                 return view

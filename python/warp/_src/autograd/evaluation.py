@@ -213,7 +213,7 @@ def _leaves(names, values) -> list[Variable | None]:
         else:
             continue
         for key, label, one in named:
-            usable = one is not None and one.grad is not None and is_real(one.dtype)
+            usable = one is not None and one.requires_grad and is_real(one.dtype)
             found.append(Variable(key, label, one) if usable else None)
     return found
 

@@ -258,7 +258,7 @@ def _set_row(made, k, found) -> None:
 
 def _differentiated(name, inputs) -> list[int]:
     """Positions of inputs that have a gradient."""
-    found = [i for i, one in enumerate(inputs) if isinstance(one, array) and one.grad is not None]
+    found = [i for i, one in enumerate(inputs) if isinstance(one, array) and one.requires_grad]
     if not found:
         raise errors.WarpGradientError(
             f"{name}: no input has a gradient", hint="make inputs with `requires_grad=True`"
@@ -290,7 +290,7 @@ def _run_twice(state, function, inputs) -> list:
                 f"expects a function that returns an array of one element, but got {loss!r}"
             )
         held = [*tape.arrays(), *(one for one in inputs if isinstance(one, array))]
-        for grad in {id(one.grad): one.grad for one in held if one.grad is not None}.values():
+        for grad in {id(one.grad): one.grad for one in held if one.requires_grad}.values():
             saved.append((grad, copy_layout(grad)))
             grad.zero_()
         tape.backward(loss=loss)

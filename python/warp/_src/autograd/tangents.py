@@ -23,7 +23,11 @@ from warp._src.arrays.layout import bytes_spanned
 from warp._src.arrays.observers import Observing, copy_layout
 from warp._src.arrays.versions import event
 from warp._src.derivatives import handles
-from warp._src.derivatives.kernel_derivatives import check_overlap, thread_count
+from warp._src.derivatives.kernel_derivatives import (
+    check_overlap,
+    gradients_of,
+    thread_count,
+)
 from warp._src.kernels.call import Call
 from warp._src.types import dtypes, scalars
 
@@ -82,10 +86,10 @@ class Tangents:
     def twin(self, one: array, direction=0) -> array:
         """The tangents of an array, which become zeros if it had none."""
         known = self._views.get(id(one))
-        if known is None or known[1] is not one.grad:
+        if known is None or known[1] is not one.grad_in_use:
             base = self._allocate(one)
             views = [self._view(one, base, i) for i in range(self.width)]
-            known = self._views[id(one)] = (one, one.grad, views)
+            known = self._views[id(one)] = (one, one.grad_in_use, views)
         return known[2][direction]
 
     def packed(self, one: array) -> array:
@@ -113,7 +117,7 @@ class Tangents:
         result = tangents._view(offset, one.shape, strides, dtype)
         if gradients is not None:
             result.grad = gradients._view(offset, one.shape, strides, dtype)
-        elif one.grad is not None:
+        elif one.grad_in_use is not None:
             result.grad = self.twin(one.grad, direction)
         return result
 
@@ -132,7 +136,7 @@ class Tangents:
     def _keep(self, base: array) -> array:
         with Observing(executor=None):
             kept = copy_layout(base)
-        if self.tape is not None and base.grad is not None:
+        if self.tape is not None and base.requires_grad:
             kept.requires_grad = True
             self.tape.add_copy(kept, base, event("copy"))
         return kept
@@ -207,8 +211,7 @@ class Tangents:
                 hint="pass the array to the kernel, too, and compute with its elements",
             )
         behind = handles.show_gradients()
-        grads = [one.grad for _, one in call.leaves if one is not None and one.grad is not None]
-        unique = not _native.shares_elements([*grads, *behind])
+        unique = not _native.shares_elements([*gradients_of(call, values), *behind])
         made = call.kernel.derivatives.adjoint(call.native, call.active, apart=apart)
         if not unique or made.counting is not None:
             made = call.kernel.derivatives.adjoint(
@@ -218,7 +221,7 @@ class Tangents:
         again = call.other(made.native, (*values, *hidden))
         arrays = [one for _, one in again.leaves]
         active = tuple(
-            one is not None and has_gradient(one.dtype) and (self.has(one) or one.grad is not None)
+            one is not None and has_gradient(one.dtype) and (self.has(one) or one.requires_grad)
             for one in arrays
         )
         second = made.tangent(active, unique, self.width)

@@ -95,7 +95,7 @@ class BackwardPass:
         last: dict = {}
         for position, record in enumerate(self.records):
             for one in record.written():
-                if one.retain_grad and one.grad is not None:
+                if one.retain_grad:
                     last[id(one)] = (position, one)
         result: dict = {}
         for position, one in last.values():
@@ -125,7 +125,7 @@ class BackwardPass:
         found: dict = {}
         for record in self.records:
             for one in record.written():
-                if one.grad is not None:
+                if one.grad_in_use is not None:
                     found[one.grad_ptr, one.size] = one.grad
         if len(found) > 1:
             found = dict(sorted(found.items(), key=lambda item: -item[0][1]))

@@ -51,7 +51,7 @@ def _gradients(record) -> list[tuple[str, array]]:
         named = [(f"array {i}", one) for i, one in enumerate(record.arrays())]
     found = {}
     for name, one in named:
-        if one.grad is not None and one.size and not dtypes.is_struct(one.dtype):
+        if one.requires_grad and one.size and not dtypes.is_struct(one.dtype):
             found.setdefault(one.grad.ptr, (name, one))
     return list(found.values())
 

@@ -27,7 +27,7 @@ class Behind:
     def _enroll(self) -> None:
         """Called when the slot has been written: its words lead to what `_shown` says."""
         self._shown_gradients = {
-            word: _address(one and one.grad, start) for word, one, start in self._behind()
+            word: _address(one and one.grad_ptr, start) for word, one, start in self._behind()
         }
         _alive.add(self)
 
@@ -54,18 +54,21 @@ class Behind:
         self._shown_gradients[word] = address
 
 
-def _address(one, start) -> int:
-    """What a slot says of an array of gradients."""
-    return 0 if one is None or not one.ptr else (one.ptr - start) % 2**64
+def _address(pointer, start) -> int:
+    """What a slot says of an array of gradients at an address."""
+    return (pointer - start) % 2**64 if pointer else 0
 
 
-def show_gradients() -> list:
-    """Brings all slots up to date; gives the arrays of gradients."""
+def show_gradients(in_use=False) -> list:
+    """Brings all slots up to date; gives the arrays of gradients.
+
+    in_use: slots do not lead to gradients that nobody has used yet.
+    """
     found = []
     for owner in list(_alive):
         for word, one, start in owner._behind():
-            gradient = None if one is None else one.grad
-            owner._point(word, _address(gradient, start))
+            gradient = None if one is None else one.grad_in_use if in_use else one.grad
+            owner._point(word, _address(gradient and gradient.ptr, start))
             if gradient is not None:
                 found.append(gradient)
     return found
@@ -98,9 +101,9 @@ def showing(tangents):
             if one is not None and tangents.has(one):
                 packed = owner._tangents(tangents, one)
                 kept.append(packed)
-            owner._point(word, _address(packed, start))
+            owner._point(word, _address(packed and packed.ptr, start))
     try:
         yield
     finally:
         # Nobody reads them any more when the memory is given back.
-        show_gradients()
+        show_gradients(in_use=True)

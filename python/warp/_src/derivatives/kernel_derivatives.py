@@ -18,7 +18,7 @@ from warp._src.arrays.create import zeros
 from warp._src.derivatives.gathers import gather_sums
 from warp._src.derivatives.handles import show_gradients
 from warp._src.derivatives.singular import count_singular
-from warp._src.devices.devices import by_index
+from warp._src.devices.devices import by_index, get_stream
 from warp._src.kernels.call import Call
 from warp._src.kernels.epoch import Epoch
 from warp._src.types import dtypes
@@ -126,6 +126,8 @@ class KernelDerivatives:
         active = call.active
         check_overlap(call, active, ", adjoint=True")
         if any(active) and thread_count(call.dim):
+            if call.stream is not None:
+                _make_gradients(call)
             self.run_adjoint(call, call.values)
 
     def run_adjoint(self, call: Call, values, initial=None, saved=(), apart=()) -> None:
@@ -140,11 +142,8 @@ class KernelDerivatives:
         """
         made = self.adjoint(call.native, call.active, apart=apart)
         made.check_threads(call)
-        if not call.signature.flat:
-            for value in values:
-                if isinstance(value, StructInstance):
-                    value.refresh()
-        if _meet(call, show_gradients()):
+        # Whether threads with different indices may meet at a gradient, also by handles.
+        if _native.shares_elements([*gradients_of(call, values), *show_gradients()]):
             tape = "checkpoints" if made.counting is None else "global"
             made = self.adjoint(call.native, call.active, False, tape, apart)
         made.run(call, values, initial or {}, saved)
@@ -318,14 +317,23 @@ def thread_count(dim) -> int:
     return math.prod(dim) if isinstance(dim, (tuple, list)) else int(dim)
 
 
-def _meet(call, behind) -> bool:
-    """Whether threads with different indices may meet at a gradient, also by handles."""
-    grads = [leaf.grad for _, leaf in call.leaves if _is_active(leaf)]
-    return _native.shares_elements([*grads, *behind])
+def gradients_of(call, values) -> list[array]:
+    """The gradients of a launch's arrays; they are there from then on, also in structs."""
+    if not call.signature.flat:
+        for value in values:
+            if isinstance(value, StructInstance):
+                value.refresh()
+    return [leaf.grad for _, leaf in call.leaves if leaf is not None and leaf.requires_grad]
 
 
-def _is_active(leaf) -> bool:
-    return leaf is not None and leaf.grad is not None
+def _make_gradients(call) -> None:
+    """Lets the stream of a launch wait for gradients that are used for the first time."""
+    if any(
+        leaf is not None and leaf.requires_grad and leaf._grad is None for _, leaf in call.leaves
+    ):
+        gradients_of(call, call.values)
+        if not _native.is_capturing(call.device):
+            call.stream.wait_stream(get_stream(call.stream.device))
 
 
 def _not_recorded(call, hidden):

@@ -91,12 +91,12 @@ class Tape:
 
     def add_copy(self, dest, src, place) -> None:
         """Called after a copy."""
-        if dest.grad is not None:
+        if dest.requires_grad:
             self._add(CopyRecord(dest, src, place))
 
     def add_fill(self, target, place) -> None:
         """Called after `fill_` and `zero_`."""
-        if target.grad is not None:
+        if target.requires_grad:
             self._add(FillRecord(target, place))
 
     def record_launch(
@@ -193,7 +193,7 @@ class Tape:
                     f"backward: expects a loss of one element, but got {loss!r}, "
                     f"pass gradients of larger results as `grads`"
                 )
-            if loss.grad is None:
+            if not loss.requires_grad:
                 raise errors.WarpError(
                     "backward: the loss has no gradient, make it with `requires_grad=True`"
                 )
@@ -204,8 +204,7 @@ class Tape:
                     f"backward: expects arrays as keys of `grads`, but got {target!r}",
                     hint="name the array behind an indexed array",
                 )
-            if target.grad is None:
-                target.requires_grad = True
+            target.requires_grad = True
             if not isinstance(seed, array) or seed.shape != target.shape:
                 raise errors.WarpShapeError(
                     f"backward: expects a gradient of shape {target.shape}, but got {seed!r}"
@@ -227,7 +226,7 @@ class Tape:
         """Sets the gradients of all recorded arrays to zero."""
         with Observing(tape=None):
             for one in self.arrays():
-                if one.grad is not None:
+                if one.grad_in_use is not None:
                     one.grad.zero_()
 
     def reset(self) -> None:
@@ -245,7 +244,7 @@ class Tape:
     @property
     def gradients(self) -> dict:
         """Gradients by array; structs have copies whose arrays are the gradients."""
-        found: dict = {one: one.grad for one in self.arrays() if one.grad is not None}
+        found: dict = {one: one.grad for one in self.arrays() if one.requires_grad}
         for record in self._records:
             for value in record.structs if isinstance(record, LaunchRecord) else ():
                 found[value] = self.get_adjoint(value)

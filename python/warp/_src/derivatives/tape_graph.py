@@ -112,7 +112,7 @@ class _Drawing:
         for key, one in self.found.items():
             if hide_readonly and key not in self.written:
                 continue
-            color = _CONSTANT if one.grad is None else _GRADIENT
+            color = _GRADIENT if one.requires_grad else _CONSTANT
             width = ", penwidth=3" if key in tracked else ""
             about = f"array: dtype={dtypes.type_repr(one.dtype)} shape={one.shape} on {one.device}"
             lines.append(

@@ -19,6 +19,7 @@ from warp._src.arrays.observers import Observers
 from warp._src.arrays.versions import Event
 from warp._src.derivatives import cotangents
 from warp._src.derivatives.handles import arrays_of
+from warp._src.derivatives.kernel_derivatives import gradients_of
 from warp._src.devices import devices
 from warp._src.kernels.call import Call
 from warp._src.types import dtypes
@@ -55,7 +56,7 @@ class LaunchRecord:
         # Of arrays as they were before the launch, by number.
         self.before: dict = {}
         # Arrays with gradients that the kernel knows by handles.
-        self.behind: list[array] = [one for one in arrays_of(call) if one.grad is not None]
+        self.behind: list[array] = [one for one in arrays_of(call) if one.requires_grad]
         # What the augmented kernel has noted, in the order of the hidden arguments.
         self.saved: list[array] = []
         # Pairs (written, other) of arguments of which elements meet.
@@ -192,6 +193,7 @@ class LaunchRecord:
         initial = self._initial(state.images)
         runner = Observers.executor or self.call.kernel.derivatives
         if self.call.stream is not None:
+            gradients_of(self.call, values)
             self.call.stream.wait_stream(devices.get_stream(self.call.stream.device))
         runner.run_adjoint(self.call, values, initial, self.saved, self.apart)
         self.pending = False
@@ -285,11 +287,11 @@ class CopyRecord:
         return [self.dest]
 
     def reverse(self, state) -> None:
-        if self.dest.grad is None:
+        if self.dest.grad_in_use is None:
             return
-        if self.src.grad is None and not state.seen_before(self.dest):
+        if not self.src.requires_grad and not state.seen_before(self.dest):
             return
-        if self.src.grad is not None and _scalar(self.src) is _scalar(self.dest):
+        if self.src.requires_grad and _scalar(self.src) is _scalar(self.dest):
             if (self.src.ptr, self.src.strides) == (self.dest.ptr, self.dest.strides):
                 return
             cotangents.add_into(self.src.grad, self.dest.grad)
@@ -317,7 +319,7 @@ class FillRecord:
         return [self.target]
 
     def reverse(self, state) -> None:
-        if self.target.grad is not None and state.seen_before(self.target):
+        if self.target.grad_in_use is not None and state.seen_before(self.target):
             self.target.grad.zero_()
 
 

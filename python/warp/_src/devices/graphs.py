@@ -15,6 +15,7 @@ from warp import _native, config
 from warp._src import errors
 from warp._src.arrays.array import array
 from warp._src.arrays.observers import Observers
+from warp._src.derivatives import handles
 from warp._src.devices import devices
 from warp._src.devices.devices import get_device
 from warp._src.kernels.modules import force_load
@@ -98,6 +99,9 @@ def capture_begin(
         force_load(device)
     if config.verify_cuda and device.is_cuda:
         raise errors.WarpError("cannot capture a graph while `wp.config.verify_cuda` is on")
+    if device.is_cuda and not external:
+        # What geometry says of gradients cannot change while kernels are recorded.
+        handles.show_gradients()
     _captures[key] = _native.Capture(device.index, stream, int(capture_mode), external)
 
 

@@ -8,11 +8,13 @@ from warp._src.devices import devices
 from warp._src.types import dtypes
 from warp._src.types.scalars import int32
 
-_CONSTRUCTORS = {None: False, "sah": False, "lbvh": True, "median": True}
+# As the runtime numbers them; the last is for what kernels build.
+_SAH, _MEDIAN, _NONE = 0, 1, 2
+_CONSTRUCTORS = {None: _SAH, "sah": _SAH, "lbvh": _MEDIAN, "median": _MEDIAN}
 
 
-def is_median(constructor) -> bool:
-    """Whether a constructor of that name halves, instead of asking for surfaces.
+def constructor_number(constructor, on_device=False) -> int:
+    """What the runtime is to do for a constructor of that name.
 
     Raises:
         ValueError: there is no such constructor.
@@ -21,7 +23,12 @@ def is_median(constructor) -> bool:
         raise ValueError(
             f"expects the constructor 'sah', 'median' or 'lbvh', but got {constructor!r}"
         )
-    return _CONSTRUCTORS[constructor]
+    return _NONE if on_device else _CONSTRUCTORS[constructor]
+
+
+def builds_on_device(device, constructor, groups, has_winding=False) -> bool:
+    """Whether kernels build a hierarchy, and not the host."""
+    return not device.is_cpu and constructor != "sah" and groups is None and not has_winding
 
 
 def is_cubql_available() -> bool:
@@ -69,7 +76,9 @@ class Bvh:
 
     Args:
         lowers, uppers: arrays of vec3 with the corners of the boxes, which are kept.
-        constructor: "sah" (surface area heuristic), or "median" or "lbvh", which halve.
+        constructor: "sah" (surface area heuristic), "median" (halves) or "lbvh". By default "sah"
+            on a CPU and "median" on a GPU, where kernels build it and "lbvh" is quicker to build
+            and slower to search; with groups or as "sah" the host builds for a GPU, too.
         groups: array of int32, a number for each box; `bvh_get_group_root` gives where to start
             a query of the boxes of one number.
         leaf_size: changes nothing; leaves hold up to eight boxes.
@@ -95,43 +104,79 @@ class Bvh:
         check_array(lowers, "lower corners", dtypes.vec3f)
         check_array(uppers, "upper corners", dtypes.vec3f, lowers.device)
         check_leaf_size(leaf_size)
-        median = is_median(constructor)
+        there = builds_on_device(lowers.device, constructor, groups)
+        number = constructor_number(constructor, there)
         check_groups(groups, lowers)
         self.device = lowers.device
         self.lowers, self.uppers, self.groups = lowers, uppers, groups
-        self._median = median
-        # What refits on the device.
-        self._kernels = None
-        self._wait()
+        self._constructor = constructor
+        # What refits on the device, and what builds there.
+        self._kernels = self._built = None
+        if not there:
+            self._wait()
         index = devices.resolve_index(self.device)
-        self._native = _native.Bvh(lowers, uppers, groups, index, median)
+        self._native = _native.Bvh(lowers, uppers, groups, index, number)
         self.id = self._native.id
+        if there:
+            self._build(constructor)
+            self._built.finish()
 
     @property
     def report(self):
         """What is in the hierarchy."""
-        return self._native.report
+        return (self._built or self._native).report
 
     def refit(self):
         """Takes over boxes that moved; neighbours in the hierarchy stay neighbours.
 
         On a GPU kernels do it, which graphs may capture.
         """
-        if not self.device.is_cpu:
+        if self._built:
+            self._built.refit(self.lowers, self.uppers)
+        elif not self.device.is_cpu:
             if self._kernels is None:
-                from warp._src.geometry.device.refit import Refit
+                from warp._src.geometry.device.refit import Refit, slot_of
 
-                self._kernels = Refit(self._native.view, self.device, of_triangles=False)
+                slot = slot_of(self.id, self.device)
+                self._kernels = Refit(self._native.view, self.device, False, slot)
             self._kernels.run(self.lowers, self.uppers)
-            return
-        self._native.refit(self.lowers, self.uppers)
+        else:
+            self._native.refit(self.lowers, self.uppers)
 
     def rebuild(self, constructor=None):
-        """Builds the hierarchy again, for boxes that moved far."""
-        median = self._median if constructor is None else is_median(constructor)
+        """Builds the hierarchy again, for boxes that moved far.
+
+        Where kernels do it, a graph captures it once it was done outside.
+        """
+        constructor = self._constructor if constructor is None else constructor
+        there = builds_on_device(self.device, constructor, self.groups)
+        number = constructor_number(constructor, there)
+        if there:
+            self._build(constructor)
+            return
         self._wait()
-        self._native.rebuild(self.lowers, self.uppers, self.groups, median)
-        self._kernels = None
+        self._native.rebuild(self.lowers, self.uppers, self.groups, number)
+        self._kernels = self._built = None
+
+    def _build(self, constructor):
+        """Builds on the device."""
+        from warp._src.geometry.device.build import Build
+        from warp._src.geometry.device.refit import slot_of
+
+        count, along_curve = len(self.lowers), constructor == "lbvh"
+        if len(self.uppers) != count:
+            raise errors.WarpError(
+                f"a Bvh needs as many lower corners as upper ones, but got {count} and "
+                f"{len(self.uppers)}"
+            )
+        if not self._built or (self._built.count, self._built.along_curve) != (count, along_curve):
+            built = Build(count, self.device, False, along_curve)
+            if self._built or self._kernels:
+                # Kernels that run may read the slot.
+                self._wait()
+            self._native.adopt(built.nodes.ptr or 0, built.blocks.ptr or 0)
+            self._built, self._kernels = built, None
+        self._built.run(slot_of(self.id, self.device), self.lowers, self.uppers)
 
     def _wait(self):
         """The host reads the arrays: what writes them has to be done."""

@@ -6,7 +6,13 @@ from warp import _native
 from warp._src import errors
 from warp._src.derivatives.handles import Behind
 from warp._src.devices import devices
-from warp._src.geometry.bvh import check_array, check_groups, check_leaf_size, is_median
+from warp._src.geometry.bvh import (
+    builds_on_device,
+    check_array,
+    check_groups,
+    check_leaf_size,
+    constructor_number,
+)
 from warp._src.geometry.mesh_arrays import POINT_GRADIENTS, VELOCITY_GRADIENTS
 from warp._src.types import dtypes
 from warp._src.types.scalars import int32
@@ -59,19 +65,27 @@ class Mesh(Behind):
         if indices.size % 3 != 0:
             raise errors.WarpError(f"faces have three indices, but there are {indices.size}")
         check_leaf_size(bvh_leaf_size)
-        self._median = is_median(bvh_constructor)
+        self._has_winding = bool(support_winding_number)
+        there = builds_on_device(self.device, bvh_constructor, groups, self._has_winding)
+        number = constructor_number(bvh_constructor, there)
+        self._constructor = bvh_constructor
         check_groups(groups, points)
         self.groups = groups
         self._points, self._velocities, self.indices = points, velocities, indices
-        self._wait()
+        if not there:
+            self._wait()
         index = devices.resolve_index(self.device)
         self._native = _native.Mesh(
-            *(points, velocities, indices, groups, index, self._median),
-            bool(support_winding_number),
+            *(points, velocities, indices, groups, index, number), self._has_winding
         )
         self.id = self._native.id
-        self._has_winding = bool(support_winding_number)
-        self._published()
+        # What refits on the device, what builds there, and the arrays that kernels know of.
+        self._kernels = self._built = self._shown = None
+        if there:
+            self._build(bvh_constructor)
+            self._built.finish(points, indices)
+        else:
+            self._published()
 
     def _check_velocities(self, velocities, points):
         if velocities is None:
@@ -111,7 +125,7 @@ class Mesh(Behind):
     @property
     def report(self):
         """What is in the hierarchy."""
-        return self._native.report
+        return (self._built or self._native).report
 
     def refit(self):
         """Takes over positions that changed; neighbours in the hierarchy stay neighbours.
@@ -119,11 +133,18 @@ class Mesh(Behind):
         On a GPU kernels do it, which graphs may capture, unless an array was replaced or the mesh
         supports winding numbers.
         """
+        if self._built:
+            if self._shown == self._addresses():
+                self._built.refit(self._points, self.indices)
+            else:
+                self._build(self._constructor)
+            return
         if not self.device.is_cpu and not self._has_winding and self._shown == self._addresses():
             if self._kernels is None:
-                from warp._src.geometry.device.refit import Refit
+                from warp._src.geometry.device.refit import Refit, slot_of
 
-                self._kernels = Refit(self._native.view, self.device, of_triangles=True)
+                slot = slot_of(self.id, self.device)
+                self._kernels = Refit(self._native.view, self.device, True, slot)
             self._kernels.run(self._points, self.indices)
             return
         self._wait()
@@ -132,7 +153,6 @@ class Mesh(Behind):
 
     def _published(self):
         """Called when the slot has been written."""
-        # What refits on the device, and the arrays that kernels know of.
         self._kernels, self._shown = None, self._addresses()
         self._enroll()
 
@@ -148,11 +168,44 @@ class Mesh(Behind):
         return [getattr(array, "ptr", None) for array in arrays]
 
     def rebuild(self, bvh_constructor=None):
-        """Builds the hierarchy again, for positions that changed a lot."""
-        median = self._median if bvh_constructor is None else is_median(bvh_constructor)
+        """Builds the hierarchy again, for positions that changed a lot.
+
+        Where kernels do it, a graph captures it once it was done outside with the same arrays.
+        """
+        constructor = self._constructor if bvh_constructor is None else bvh_constructor
+        there = builds_on_device(self.device, constructor, self.groups, self._has_winding)
+        number = constructor_number(constructor, there)
+        if there:
+            self._build(constructor)
+            return
         self._wait()
         arrays = (self._points, self._velocities, self.indices, self.groups)
-        self._native.rebuild(*arrays, median)
+        self._native.rebuild(*arrays, number)
+        self._built = None
+        self._published()
+
+    def _build(self, constructor):
+        """Builds on the device."""
+        from warp._src.geometry.device.build import Build
+        from warp._src.geometry.device.refit import slot_of
+
+        along_curve = constructor == "lbvh"
+        built = self._built
+        if not built or built.along_curve != along_curve:
+            built = Build(self.indices.size // 3, self.device, True, along_curve)
+        self._adopt(built)
+        built.run(slot_of(self.id, self.device), self._points, self.indices)
+
+    def _adopt(self, built):
+        """Lets the slot lead to what is built on the device and to the arrays of now."""
+        if built is self._built and self._shown == self._addresses():
+            return
+        if self._shown is not None:
+            # Kernels that run may read the slot.
+            self._wait()
+        arrays = (self._points, self._velocities, self.indices)
+        self._native.adopt(*arrays, built.nodes.ptr or 0, built.blocks.ptr or 0)
+        self._built = built
         self._published()
 
     def _wait(self):

@@ -157,7 +157,7 @@ def to_torch(a, requires_grad=None):
     t = _tensor(a)
     if a.requires_grad if requires_grad is None else requires_grad:
         t.requires_grad_()
-        if a.grad is not None and a.grad.dtype is a.dtype:
+        if a.requires_grad and gradient_type(a.dtype) is a.dtype:
             t.grad = _tensor(a.grad)
     return t
 

@@ -130,8 +130,8 @@ class Call:
 
     @property
     def active(self) -> tuple[bool, ...]:
-        """Which of the arrays have a gradient."""
-        return tuple([leaf is not None and leaf.grad is not None for _, leaf in self.leaves])
+        """Which of the arrays have a gradient, or are going to."""
+        return tuple([leaf is not None and leaf.requires_grad for _, leaf in self.leaves])
 
     def with_leaves(self, replaced: dict[int, array]) -> tuple:
         """The arguments with other arrays in some places, numbered as in `leaves`."""

@@ -185,9 +185,7 @@ def _spread(value, shape):
         for extent, stride in zip(value.shape, value.strides, strict=True)
     ]
     view = value._view(0, shape, strides)
-    if value.grad is not None:
-        view.grad = _spread(value.grad, shape)
-    return view
+    return value._with_grad(view, lambda grad: _spread(grad, shape))
 
 
 def _all_packed(arrays, shape) -> bool:

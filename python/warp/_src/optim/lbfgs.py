@@ -92,7 +92,7 @@ class LBFGS:
                         f"LBFGS: parameter 0 is on '{params[0].device}', "
                         f"but parameter {position} on '{param.device}'"
                     )
-                if param.grad is None:
+                if not param.requires_grad:
                     raise ValueError(
                         f"LBFGS: parameter {position} has no gradient, make it with "
                         "`requires_grad=True`"

@@ -39,13 +39,13 @@ class ArrayDescriptor(ctypes.Structure):
     }
 
 
-def describe(array) -> ArrayDescriptor:
-    """The descriptor of an array; all zero for None."""
+def describe(array, gradient=None) -> ArrayDescriptor:
+    """The descriptor of an array and of its gradient; all zero for None."""
     descriptor = ArrayDescriptor()
     if array is None:
         return descriptor
     descriptor.data = array.ptr or 0
-    descriptor.grad = (array.grad.ptr or 0) if array.grad is not None else 0
+    descriptor.grad = (gradient.ptr or 0) if gradient is not None else 0
     for axis, (extent, stride) in enumerate(zip(array.shape, array.strides, strict=True)):
         descriptor.shape[axis] = extent
         descriptor.strides[axis] = stride
@@ -140,7 +140,8 @@ class Field:
                 raise self._error(value)
             if value.ndim != expected.ndim:
                 raise self._error(value)
-        self.raw.__set__(instance, describe(value))
+        # A gradient that nobody has used is looked for again when somebody does.
+        self.raw.__set__(instance, describe(value, getattr(value, "grad_in_use", None)))
         instance._held[self.name] = value
 
     def _error(self, value):

@@ -110,12 +110,13 @@ class StructInstance(ctypes.Structure):
         return type(self).__dict__[name].inner(self)
 
     def refresh(self) -> None:
-        """Looks again at the arrays in fields, which may have got gradients since."""
+        """Looks again at the arrays in fields, whose gradients are going to be used."""
         for name, dtype in self._wp_fields_.items():
             if dtypes.is_struct(dtype):
                 self._inner(name).refresh()
             elif isinstance(dtype, ArrayType) and getattr(self, name) is not None:
-                type(self).__dict__[name].raw.__set__(self, describe(getattr(self, name)))
+                held = getattr(self, name)
+                type(self).__dict__[name].raw.__set__(self, describe(held, held.grad))
 
     def to(self, device):
         """Copy of the struct whose arrays live on `device`."""
@@ -144,6 +145,7 @@ class StructInstance(ctypes.Structure):
         """The fields as a NumPy record."""
         import numpy
 
+        self.refresh()
         return numpy.frombuffer(bytes(self), dtype=type(self).numpy_dtype())[0]
 
     def arrays(self):

@@ -7,10 +7,17 @@ import numpy as np
 
 from warp.report.search._numbers import dot, flatten, minus, scaled
 from warp.report.search._references import KNOWN, REFERENCES
+from warp.report.search._rotations import ROTATIONS
+
+#: Formulas by builtin.
+FORMULAS = REFERENCES | ROTATIONS
 
 #: Builtins of unit quaternions, which say nothing of others: no such operands, and of gradients
 #: only what is along the sphere.
-UNIT = ("quat_slerp",)
+UNIT = (
+    *("quat_slerp", "quat_to_rpy"),
+    *("quat_from_matrix", "transform_from_matrix", "transform_decompose"),
+)
 #: No correct digit: the error is at least this part of the number.
 NO_DIGIT = 0.5
 #: Next to the largest number of the same composite, so many rounding errors of it do not count.
@@ -70,7 +77,7 @@ class Exact:
     """The reference of one builtin at rows of operands."""
 
     def __init__(self, name, kinds):
-        self.formula, self.kinds = REFERENCES[name], kinds
+        self.formula, self.kinds = FORMULAS[name], kinds
         self.unit = name in UNIT
 
     def __call__(self, numbers):

@@ -29,6 +29,7 @@ REFERENCES = {}
 KNOWN = {
     ("pow", "gradient"): "x^(y - 1) overflows where x and y are both subnormal",
     ("angle_between", "gradient"): "its direction loses as many digits as the angle is small",
+    ("quat_twist", "gradient"): "terms along an axis that is not of unit length cancel",
     ("quat_slerp", "gradient"): "that by b is lost beside that by a where t is below rounding",
 }
 

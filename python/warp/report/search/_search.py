@@ -8,23 +8,33 @@ import numpy as np
 
 import warp as wp
 from warp._src.builtin_table import BUILTINS
-from warp.report.search._judge import UNIT, Exact, Finding, Judge, NoReferenceError
+from warp.report.search._judge import FORMULAS, UNIT, Exact, Finding, Judge, NoReferenceError
 from warp.report.search._numbers import parse_signature
 from warp.report.search._operands import LONG, operands
-from warp.report.search._references import REFERENCES
 
 #: Overloads that the registry describes as of any type.
 SIGNATURES = {
     "spatial_dot": ("(a: vec<6, F>, b: vec<6, F>) -> F",),
     "spatial_cross": ("(a: vec<6, F>, b: vec<6, F>) -> vec<6, F>",),
     "spatial_cross_dual": ("(a: vec<6, F>, b: vec<6, F>) -> vec<6, F>",),
+    "quat_from_matrix": ("(q: quat<F>) -> quat<F>",),
+    "transform_from_matrix": ("(p: vec<3, F>, q: quat<F>) -> transform<F>",),
+    "transform_decompose": (
+        "(p: vec<3, F>, q: quat<F>, s: vec<3, F>) -> (vec<3, F>, quat<F>, vec<3, F>)",
+    ),
+}
+#: Builtins of rotation matrices, which random numbers do not make.
+THROUGH = {
+    "quat_from_matrix": "function(wp.quat_to_matrix(x0[i]))",
+    "transform_from_matrix": "function(wp.transform_to_matrix(wp.transformation(x0[i], x1[i])))",
+    "transform_decompose": "function(wp.transform_compose(x0[i], x1[i], x2[i]))",
 }
 DIGITS = 120
 
 
 def overloads(names=()):
     """(name, signature, parsed) of every overload with a reference; all, or of these builtins."""
-    for name in names or REFERENCES:
+    for name in names or FORMULAS:
         group = SIGNATURES.get(name) or BUILTINS[name][2]
         for signature in group:
             parsed = parse_signature(signature)
@@ -37,21 +47,25 @@ def without_reference():
     return sorted(
         name
         for name, (_, _, signatures) in BUILTINS.items()
-        if name not in REFERENCES and any(map(parse_signature, signatures))
+        if name not in FORMULAS and any(map(parse_signature, signatures))
     )
 
 
 @functools.cache
-def make_kernel(name, kinds, result, real):
-    """A kernel that stores the builtin of one row of operands."""
-    function = getattr(wp, name)
-    types = [kind.of(real) for kind in kinds]
-    arguments = ", ".join(f"x{i}: wp.array(dtype=types[{i}])" for i in range(len(types)))
-    call = ", ".join(f"x{i}[i]" for i in range(len(types)))
-    scope = {"wp": wp, "types": types, "function": function, "result": result.of(real)}
+def make_kernel(name, kinds, results, real):
+    """A kernel that stores the results of the builtin for one row of operands."""
+    types, outs = [kind.of(real) for kind in kinds], [kind.of(real) for kind in results]
+    arguments = [f"x{i}: wp.array(dtype=types[{i}])" for i in range(len(types))]
+    arguments += [f"y{i}: wp.array(dtype=outs[{i}])" for i in range(len(outs))]
+    call = f"function({', '.join(f'x{i}[i]' for i in range(len(types)))})"
+    if name in THROUGH:
+        call = THROUGH[name]
+    values = ", ".join(f"value{i}" for i in range(len(outs)))
+    stores = "".join(f"    y{i}[i] = value{i}\n" for i in range(len(outs)))
+    scope = {"wp": wp, "types": types, "function": getattr(wp, name), "outs": outs}
     return _define(
-        f"def search_{name}({arguments}, y: wp.array(dtype=result)):\n"
-        f"    i = wp.tid()\n    y[i] = function({call})\n",
+        f"def search_{name}({', '.join(arguments)}):\n"
+        f"    i = wp.tid()\n    {values} = {call}\n{stores}",
         f"search_{name}",
         scope,
     )
@@ -65,7 +79,7 @@ def _define(text, name, scope):
     return wp.kernel(scope[name])
 
 
-def run(name, kinds, result, dtype, values, seeds, device):
+def run(name, kinds, results, dtype, values, seeds, device):
     """Results of all rows, and gradients of the seeds' weighted sums by each operand."""
     real, rows = getattr(wp, dtype), len(seeds)
 
@@ -74,13 +88,18 @@ def run(name, kinds, result, dtype, values, seeds, device):
         return wp.array(shaped, dtype=kind.of(real), device=device, **options)
 
     arrays = [array(x, kind, requires_grad=True) for x, kind in zip(values, kinds, strict=True)]
-    out = wp.zeros(rows, dtype=result.of(real), device=device, requires_grad=True)
-    kernel = make_kernel(name, tuple(kinds), result, real)
+    outs = [
+        wp.zeros(rows, dtype=kind.of(real), device=device, requires_grad=True) for kind in results
+    ]
+    kernel = make_kernel(name, tuple(kinds), tuple(results), real)
     with wp.Tape() as tape:
-        wp.launch(kernel, rows, arrays, [out], device=device)
-    tape.backward(grads={out: array(seeds, result)})
+        wp.launch(kernel, rows, arrays, outs, device=device)
+    ends = np.cumsum([kind.size for kind in results])[:-1]
+    parts = zip(outs, np.split(seeds, ends, axis=1), results, strict=True)
+    tape.backward(grads={out: array(part, kind) for out, part, kind in parts})
     gradients = [array.grad.numpy().reshape(rows, -1) for array in arrays]
-    return out.numpy().reshape(rows, -1), np.concatenate(gradients, axis=1)
+    found = [out.numpy().reshape(rows, -1) for out in outs]
+    return np.concatenate(found, axis=1), np.concatenate(gradients, axis=1)
 
 
 def _tangents(kinds, values, gradients):
@@ -111,12 +130,14 @@ def _with_reference(exact, values):
 
 def search_overload(name, signature, parsed, dtype, rows, seed, device):
     """Findings of values and of gradients."""
-    _, kinds, (result,) = parsed
+    _, kinds, results = parsed
+    count = sum(result.size for result in results)
     random = np.random.default_rng(seed)
     value = Finding(name, signature, dtype, "value")
     slope = Finding(name, signature, dtype, "gradient")
     judges = Judge(value, random), Judge(slope, random)
     exact, sizes = Exact(name, kinds), [kind.size for kind in kinds]
+    parts = [result.size for result in results]
     for strategy, values in operands(random, rows, kinds, dtype):
         if name in UNIT and strategy == LONG:
             continue
@@ -124,14 +145,14 @@ def search_overload(name, signature, parsed, dtype, rows, seed, device):
             values, numbers = _with_reference(exact, values)
             if not numbers:
                 continue
-            seeds = random.choice([-1.0, 0.5, 1.0], size=(len(numbers), result.size)).astype(dtype)
-            results, gradients = run(name, kinds, result, dtype, values, seeds, device)
+            seeds = random.choice([-1.0, 0.5, 1.0], size=(len(numbers), count)).astype(dtype)
+            found, gradients = run(name, kinds, results, dtype, values, seeds, device)
             if name in UNIT:
                 gradients = _tangents(kinds, values, gradients)
             for row, these in enumerate(numbers):
                 weights = [mp.mpf(float(x)) for x in seeds[row]]
                 gradient = functools.partial(exact.gradient, seed=weights)
-                judges[0].row(exact, exact, [result.size], these, results[row], strategy)
+                judges[0].row(exact, exact, parts, these, found[row], strategy)
                 judges[1].row(exact, gradient, sizes, these, gradients[row], strategy)
     return value, slope
 
@@ -149,12 +170,10 @@ def search(names=(), *, dtypes=("float32", "float64"), rows=32, seed=0, device="
     Raises:
         ValueError: a name has no reference.
     """
-    unknown = [name for name in names if name not in REFERENCES]
+    unknown = [name for name in names if name not in FORMULAS]
     if unknown:
-        known = ", ".join(sorted(REFERENCES))
+        known = ", ".join(sorted(FORMULAS))
         raise ValueError(f"no reference for '{unknown[0]}'; there are {known}")
     for name, signature, parsed in overloads(names):
-        if len(parsed[2]) != 1:
-            continue
         for dtype in dtypes:
             yield from search_overload(name, signature, parsed, dtype, rows, seed, device)

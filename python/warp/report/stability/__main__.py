@@ -24,7 +24,7 @@ MODULES = (
     "rotations",
     "matrices",
 )
-MODULES += ("floats", "sums", "structures", "horizons")
+MODULES += ("floats", "sums", "structures", "horizons", "kinetics", "fields")
 
 
 def prepare(device):

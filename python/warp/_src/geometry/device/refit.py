@@ -10,13 +10,25 @@ import warp as wp
 from warp._src.types import dtypes
 
 # Words of nodes and blocks (lib/DeviceLib/geometry/Tree.h).
-NODE, CHILD_NODES, CHILD_BLOCKS, MASKS = 64, 48, 49, 51
+NODE, CHILD_NODES, CHILD_BLOCKS, PARENT, MASKS = 64, 48, 49, 50, 51
 TRIANGLES, TRIANGLE_IDS, BOXES, BOX_IDS = 80, 72, 56, 48
+# The word of a slot with the scale of coordinates.
+SCALE = wp.constant(6)
 _NONE = wp.constant(wp.uint32(0x7FC00000))
 
 
+def words(address, count, device):
+    """Memory of a device as numbers of 32 bits."""
+    return wp.array(ptr=address, dtype=dtypes.uint32, shape=count, device=device)
+
+
+def slot_of(id, device):
+    """What a handle leads to (lib/Geometry/Slots.h)."""
+    return words(id & ((1 << 49) - 1), 64, device)
+
+
 @wp.func
-def _is_finite(v: wp.vec3):
+def is_finite(v: wp.vec3):
     return wp.isfinite(v[0]) and wp.isfinite(v[1]) and wp.isfinite(v[2])
 
 
@@ -31,11 +43,12 @@ def _write(words: wp.array(dtype=wp.uint32), at: int, v: wp.vec3, is_there: bool
 @wp.kernel(enable_backward=False, module="unique")
 def _fill_triangles(
     words: wp.array(dtype=wp.uint32),
-    scale: float,
+    slot: wp.array(dtype=wp.uint32),
     points: wp.array(dtype=wp.vec3),
     indices: wp.array(dtype=int),
 ):
     block, lane = wp.tid()
+    scale = wp.cast(slot[SCALE], float)
     first = block * TRIANGLES
     face = wp.cast(words[first + TRIANGLE_IDS + lane], int)
     a = wp.vec3()
@@ -51,7 +64,7 @@ def _fill_triangles(
             a = points[i]
             b = points[j]
             c = points[k]
-            is_there = _is_finite(a) and _is_finite(b) and _is_finite(c)
+            is_there = is_finite(a) and is_finite(b) and is_finite(c)
     _write(words, first + lane, a * scale, is_there)
     _write(words, first + 24 + lane, b * scale, is_there)
     _write(words, first + 48 + lane, c * scale, is_there)
@@ -60,11 +73,12 @@ def _fill_triangles(
 @wp.kernel(enable_backward=False, module="unique")
 def _fill_boxes(
     words: wp.array(dtype=wp.uint32),
-    scale: float,
+    slot: wp.array(dtype=wp.uint32),
     lowers: wp.array(dtype=wp.vec3),
     uppers: wp.array(dtype=wp.vec3),
 ):
     block, lane = wp.tid()
+    scale = wp.cast(slot[SCALE], float)
     first = block * BOXES
     box = wp.cast(words[first + BOX_IDS + lane], int)
     low = wp.vec3()
@@ -73,7 +87,7 @@ def _fill_boxes(
     if box >= 0:
         low = lowers[box]
         high = uppers[box]
-        is_there = _is_finite(low) and _is_finite(high)
+        is_there = is_finite(low) and is_finite(high)
         for axis in range(3):
             is_there = is_there and low[axis] <= high[axis]
     _write(words, first + lane, low * scale, is_there)
@@ -134,29 +148,37 @@ class Refit:
         view: where the hierarchy is; as long as it is not built again.
         device: the device.
         of_triangles: whether blocks are of triangles, else of boxes.
+        slot: words of what its handle leads to.
     """
 
-    def __init__(self, view, device, of_triangles):
-        self.view, self.device, self.of_triangles = view, device, of_triangles
+    def __init__(self, view, device, of_triangles, slot):
+        self.view, self.device, self.of_triangles, self._slot = view, device, of_triangles, slot
         self.block_words = TRIANGLES if of_triangles else BOXES
         self.order = wp.array(view.order, dtype=int, device=device)
-
-        def words(address, count):
-            return wp.array(ptr=address, dtype=dtypes.uint32, shape=count, device=device)
-
-        self.nodes = words(view.nodes, NODE * len(view.order))
-        self.blocks = words(view.blocks, self.block_words * view.block_count)
+        self.nodes = words(view.nodes, NODE * len(view.order), device)
+        self.blocks = words(view.blocks, self.block_words * view.block_count, device)
+        self._launches, self._of = [], None
 
     def run(self, first, second) -> None:
         """Takes over points and indices of faces, or lower and upper corners of boxes."""
-        if not self.view.order:
+        if not len(self.view.order):
             return
+        if self._of != (first.ptr, second.ptr):
+            self._launches, self._of = self._record(first, second), (first.ptr, second.ptr)
+        for launch in self._launches:
+            launch.launch()
+
+    def _record(self, first, second) -> list:
+        def record(kernel, dim, inputs):
+            return wp.launch(kernel, dim, inputs, device=self.device, record_cmd=True)
+
         fill = _fill_triangles if self.of_triangles else _fill_boxes
-        inputs = [self.blocks, self.view.scale, first, second]
-        wp.launch(fill, (self.view.block_count, 8), inputs=inputs, device=self.device)
+        inputs = [self.blocks, self._slot, first, second]
+        launches = [record(fill, (self.view.block_count, 8), inputs)]
         corners = 3 if self.of_triangles else 2
         levels = self.view.levels
         for level in reversed(range(len(levels) - 1)):
             count = levels[level + 1] - levels[level]
             inputs = [self.nodes, self.blocks, self.block_words, corners, self.order, levels[level]]
-            wp.launch(_bound, (count, 8), inputs=inputs, device=self.device)
+            launches.append(record(_bound, (count, 8), inputs))
+        return launches

@@ -5,7 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from warp._src import errors
-from warp._src.geometry.volumes.layout import HEADER, MAGICS, MAJOR, TREE, TYPES, layout_of
+from warp._src.geometry.volumes.layout import (
+    HEADER,
+    MAGICS,
+    MAJOR,
+    ON_INDEX,
+    ON_INDEX_MASK,
+    TREE,
+    TYPES,
+    layout_of,
+)
 
 
 def header_of(buffer):
@@ -15,7 +24,7 @@ def header_of(buffer):
         WarpError: there is none, or one of another version.
     """
     if buffer.size < HEADER.itemsize + TREE.itemsize:
-        raise _broken(f"it has {buffer.size} bytes, fewer than a grid's header")
+        raise broken(f"it has {buffer.size} bytes, fewer than a grid's header")
     header = buffer[: HEADER.itemsize].view(HEADER)[0]
     if int(header["magic"]) not in MAGICS:
         raise errors.WarpError("this is no NanoVDB grid: its signature is missing")
@@ -39,19 +48,19 @@ class Nodes:
         root_at, leaf_at: offsets of the root and of the first leaf.
     """
 
-    def __init__(self, buffer):
-        """Finds the levels.
+    def __init__(self, buffer, layout=None):
+        """Finds the levels; all but the leaves as a layout has them, if one is given.
 
         Raises:
             WarpError: they are not within the buffer, or of a type that is not supported.
         """
         header = header_of(buffer)
         number, size = int(header["type"]), int(header["size"])
-        if number not in TYPES:
+        if number not in TYPES and layout is None:
             raise errors.WarpError(f"a NanoVDB grid of type {number} is not supported")
         if not HEADER.itemsize + TREE.itemsize <= size <= buffer.size:
-            raise _broken(f"it says it has {size} bytes, but there are {buffer.size}")
-        self.buffer, self.layout = buffer[:size], layout_of(number)
+            raise broken(f"it says it has {size} bytes, but there are {buffer.size}")
+        self.buffer, self.layout = buffer[:size], layout or layout_of(number)
         tree = tree_of(buffer)
         offsets = [HEADER.itemsize + int(offset) for offset in tree["offsets"]]
         self.leaf_at, lower_at, upper_at, self.root_at = offsets
@@ -62,16 +71,27 @@ class Nodes:
         leaves, lowers, uppers = (int(count) for count in tree["counts"])
         self.uppers = self._level(upper_at, uppers, self.layout.upper_node)
         self.lowers = self._level(lower_at, lowers, self.layout.lower_node)
-        self.leaves = self._level(self.leaf_at, leaves, self.layout.leaf_node)
+        if layout is None:
+            self.leaves = self._level(self.leaf_at, leaves, self.layout.leaf_node)
         self.starts = upper_at, lower_at, self.leaf_at
+
+    @property
+    def end(self) -> int:
+        """Behind the root and the inner nodes."""
+        levels = (
+            (self.root_at + self.layout.root, self.tiles),
+            (self.starts[0], self.uppers),
+            (self.starts[1], self.lowers),
+        )
+        return max(
+            start + level.nbytes for start, level in levels if len(level) or level is self.tiles
+        )
 
     def _check(self, start, size, what):
         if start < 0 or start % 4 or start + size > self.buffer.size:
-            raise _broken(f"its {what} is not within its {self.buffer.size} bytes")
+            raise broken(f"its {what} is not within its {self.buffer.size} bytes")
 
     def _level(self, start, count, record):
-        if count == 0:
-            return np.zeros(0, dtype=record)
         self._check(start, count * record.itemsize, "level of nodes")
         return self.buffer[start : start + count * record.itemsize].view(record)
 
@@ -92,6 +112,11 @@ def check_grid(buffer) -> Nodes:
         (nodes.lowers, lower_at, leaf_at, nodes.leaves),
     ):
         _check_level(children_of(parents, start)[2], below, level, "inner node")
+    if nodes.layout.number in (ON_INDEX, ON_INDEX_MASK):
+        numbered = int(np.unpackbits(nodes.leaves["values"]).sum())
+        # Tiles that are active have numbers, too.
+        if not numbered <= int(tree_of(buffer)["voxels"]) < 2**31:
+            raise broken(f"{numbered} voxels of its leaves are active, which is not what it says")
     return nodes
 
 
@@ -115,8 +140,8 @@ def _check_level(offsets, start, level, what):
     places = (offsets - start) // max(level.dtype.itemsize, 1)
     wrong = (offsets - start) % level.dtype.itemsize != 0
     if (wrong | (places < 0) | (places >= len(level))).any():
-        raise _broken(f"a child of its {what} is not one of its nodes")
+        raise broken(f"a child of its {what} is not one of its nodes")
 
 
-def _broken(why):
+def broken(why):
     return errors.WarpError(f"the NanoVDB grid is damaged: {why}")

@@ -55,7 +55,8 @@ class GridContents:
         Raises:
             RuntimeError: as `get_tiles`.
         """
-        return self._give(contents.voxels(self._bytes()), self.get_voxel_count(), out)
+        count = min(self.get_voxel_count(), 512 * self.get_tile_count())
+        return self._give(contents.voxels(self._bytes()), count, out)
 
     def _give(self, rows, count, out):
         full = np.zeros((count, 3), dtype=np.int32)

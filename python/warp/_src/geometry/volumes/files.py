@@ -10,9 +10,12 @@ import numpy as np
 from warp._src import errors
 from warp._src.geometry.volumes.checks import Nodes, check_grid, header_of, tree_of
 from warp._src.geometry.volumes.layout import HEADER, MAJOR, VERSION
+from warp._src.geometry.volumes.quantised import expanded
 
 _MAGICS = (0x304244566F6E614E, 0x324244566F6E614E)
 CODECS = {"none": 0, "zip": 1, "blosc": 2}
+# What the format of zlib unpacks to at most.
+_MOST_PER_BYTE = 1032
 _FILE = struct.Struct("<QIHH")
 ABOUT = np.dtype(
     [
@@ -60,7 +63,7 @@ def read(data) -> np.ndarray:
         grids.append(np.frombuffer(chunk, dtype=np.uint8))
     if not grids:
         raise errors.WarpError("the .nvdb file has no grid")
-    buffer = aligned(np.concatenate(grids))
+    buffer = aligned(expanded(np.concatenate(grids)))
     start = 0
     for _ in grids:
         nodes = check_grid(buffer[start:])
@@ -87,6 +90,10 @@ def _take(data, start, size):
 def _unpack(chunk, codec, size):
     if codec == CODECS["zip"]:
         unpacker = zlib.decompressobj()
+        if size > _MOST_PER_BYTE * len(chunk):
+            raise errors.WarpError(
+                f"the .nvdb file is damaged: {len(chunk)} bytes do not unpack to {size}"
+            )
         try:
             # Never more than what was said: a small file may unpack to anything.
             grid = unpacker.decompress(chunk, size + 1)

@@ -12,6 +12,7 @@ from warp._src.geometry.handles import VOLUME
 from warp._src.geometry.volumes import allocation, checks, contents, files, points
 from warp._src.geometry.volumes.described import GridContents
 from warp._src.geometry.volumes.leaves import LeafValues
+from warp._src.geometry.volumes.quantised import expanded
 from warp._src.geometry.volumes.rebuilding import Rebuildable
 from warp._src.geometry.volumes.slot import slot_of, table_of
 from warp._src.types import dtypes
@@ -47,7 +48,7 @@ class Volume(GridContents, Rebuildable, LeafValues):
         if data.ndim != 1 or not data.is_contiguous:
             raise errors.WarpError("a Volume is made of a packed array of one dimension")
         if copy:
-            self._adopt(files.aligned(data.numpy().view(np.uint8)), data.device)
+            self._adopt(files.aligned(expanded(data.numpy().view(np.uint8))), data.device)
         else:
             host = data.numpy().view(np.uint8)
             self._publish(host, data, data.device)

@@ -1,0 +1,332 @@
+//===- TileProducts.cpp - Products of tiles -------------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Threads hold the sums, in one of two layouts, and read factors from the
+// block's memory. A factor lies along the depth (`k`: elements that are summed
+// over are neighbours) or across it.
+//
+//   blocked   a thread has rows x columns of sums; factors come in runs of four
+//             elements, so that a warp, 4 x 8 threads or the like, reads whole
+//             lines. Runs lie along the depth, when threads have every so many
+//             rows, or across, when they have four neighbours
+//   warps     a warp has rows x columns of sums, in the fragments of
+//             mma.m16n8k16 (PTX ISA, warp-level matrix instructions)
+//
+//===----------------------------------------------------------------------===//
+
+#include "Tiles.h"
+
+namespace {
+
+//===----------------------------------------------------------------------===//
+// Layouts
+//===----------------------------------------------------------------------===//
+
+/// Threads that share the rows and columns of a tile.
+template <int R, int C, bool aAlong, bool bAlong> struct Blocked {
+  static constexpr int slots = R * C, run = bAlong ? 1 : 4;
+  i32 y, x, rows, columns;
+
+  WARP_INLINE Blocked(i32 m, i32 n, i32 thread) {
+    rows = m / R;
+    columns = n / C;
+    i32 wide = columns % 8 == 0   ? 8
+               : columns % 4 == 0 ? 4
+               : columns % 2 == 0 ? 2
+                                  : 1;
+    i32 high = 32 / wide, across = columns / wide;
+    i32 warp = u32(thread) / 32, lane = u32(thread) % 32;
+    y = u32(warp) / u32(across) * high + u32(lane) / u32(wide);
+    x = u32(warp) % u32(across) * wide + u32(lane) % u32(wide);
+  }
+  WARP_INLINE i32 row(int i) const {
+    return aAlong ? y + i * rows : (i / 4 * rows + y) * 4 + i % 4;
+  }
+  WARP_INLINE i32 column(int j) const {
+    return bAlong ? x + j * columns : (j / 4 * columns + x) * 4 + j % 4;
+  }
+  /// Where the first element of a run is.
+  WARP_INLINE i32 runRow(int slot) const { return row(slot / C); }
+  WARP_INLINE i32 runColumn(int slot) const { return column(slot % C); }
+};
+
+template <int R, int C> struct Warps {
+  static constexpr int slots = R * C / 32, run = 2;
+  i32 firstRow, firstColumn, lane;
+
+  WARP_INLINE Warps(i32, i32 n, i32 thread) {
+    i32 across = n / C, warp = u32(thread) / 32;
+    lane = u32(thread) % 32;
+    firstRow = u32(warp) / u32(across) * R;
+    firstColumn = u32(warp) % u32(across) * C;
+  }
+  /// Fragments of 16 x 8 one after the other, four slots each.
+  WARP_INLINE i32 runRow(int slot) const {
+    return firstRow + slot / 4 / (C / 8) * 16 + slot % 4 / 2 * 8 + lane / 4;
+  }
+  WARP_INLINE i32 runColumn(int slot) const {
+    return firstColumn + slot / 4 % (C / 8) * 8 + lane % 4 * 2;
+  }
+};
+
+//===----------------------------------------------------------------------===//
+// Products
+//===----------------------------------------------------------------------===//
+
+/// Elements `k` to k + 3 of the depth.
+template <bool along, int n, class Place>
+WARP_INLINE void readRuns(float (&to)[n][4], Shared<float> *from, i32 pitch,
+                          i32 k, Place place) {
+  using Run = Vec<float, 4>;
+  if constexpr (along) {
+#pragma unroll
+    for (int i = 0; i < n; ++i) {
+      Run run = *(Shared<Run> *)(from + place(i) * pitch + k);
+#pragma unroll
+      for (int q = 0; q < 4; ++q)
+        to[i][q] = run[q];
+    }
+  } else {
+#pragma unroll
+    for (int q = 0; q < 4; ++q)
+#pragma unroll
+      for (int i = 0; i < n; i += 4) {
+        Run run = *(Shared<Run> *)(from + (k + q) * pitch + place(i));
+#pragma unroll
+        for (int j = 0; j < 4; ++j)
+          to[i + j][q] = run[j];
+      }
+  }
+}
+
+template <int R, int C, bool aAlong, bool bAlong>
+WARP_INLINE void multiplyBlocked(u64 sums, u64 a, u64 b, i32 m, i32 n,
+                                 i32 depth, i32 aPitch, i32 bPitch) {
+  Blocked<R, C, aAlong, bAlong> layout(m, n, threadNumber());
+  float sum[R][C];
+  float *kept = own<float>(sums);
+#pragma unroll
+  for (int i = 0; i < R * C; ++i)
+    sum[i / C][i % C] = kept[i];
+#pragma clang loop unroll(disable)
+  for (i32 k = 0; k < depth; k += 4) {
+    float x[R][4], y[C][4];
+    readRuns<aAlong>(x, shared<float>(a), aPitch, k,
+                     [&](int i) { return layout.row(i); });
+    readRuns<bAlong>(y, shared<float>(b), bPitch, k,
+                     [&](int j) { return layout.column(j); });
+#pragma unroll
+    for (int q = 0; q < 4; ++q)
+#pragma unroll
+      for (int i = 0; i < R; ++i)
+#pragma unroll
+        for (int j = 0; j < C; ++j)
+          sum[i][j] = __builtin_fmaf(x[i][q], y[j][q], sum[i][j]);
+  }
+#pragma unroll
+  for (int i = 0; i < R * C; ++i)
+    kept[i] = sum[i / C][i % C];
+}
+
+/// Four matrices of 8 x 8; lane l names row l % 8 of matrix l / 8.
+template <bool transposed>
+WARP_INLINE void readMatrices(u32 (&to)[4], u64 address) {
+  if constexpr (transposed)
+    asm volatile("ldmatrix.sync.aligned.m8n8.x4.trans.shared.b16 "
+                 "{%0, %1, %2, %3}, [%4];"
+                 : "=r"(to[0]), "=r"(to[1]), "=r"(to[2]), "=r"(to[3])
+                 : "r"(u32(address)));
+  else
+    asm volatile("ldmatrix.sync.aligned.m8n8.x4.shared.b16 "
+                 "{%0, %1, %2, %3}, [%4];"
+                 : "=r"(to[0]), "=r"(to[1]), "=r"(to[2]), "=r"(to[3])
+                 : "r"(u32(address)));
+}
+
+#define WARP_MMA(type)                                                         \
+  asm("mma.sync.aligned.m16n8k16.row.col.f32." type "." type ".f32 "           \
+      "{%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, %3};"        \
+      : "+f"(sum[0]), "+f"(sum[1]), "+f"(sum[2]), "+f"(sum[3])                 \
+      : "r"(x[0]), "r"(x[1]), "r"(x[2]), "r"(x[3]), "r"(y[0]), "r"(y[1]))
+
+template <bool isBrain>
+WARP_INLINE void multiplyFragment(float *sum, const u32 (&x)[4], const u32 *y) {
+  if constexpr (isBrain)
+    WARP_MMA("bf16");
+  else
+    WARP_MMA("f16");
+}
+
+template <bool isBrain, int R, int C, bool aAlong, bool bAlong>
+WARP_INLINE void multiplyWarps(u64 sums, u64 a, u64 b, i32 m, i32 n, i32 depth,
+                               i32 aPitch, i32 bPitch) {
+  Warps<R, C> layout(m, n, threadNumber());
+  constexpr int slots = Warps<R, C>::slots;
+  float sum[slots];
+  float *kept = own<float>(sums);
+#pragma unroll
+  for (int i = 0; i < slots; ++i)
+    sum[i] = kept[i];
+  // Within each group of 16 lanes a row or column; see readMatrices.
+  i32 lane = layout.lane, low = lane % 16, high = lane / 16 * 8;
+  i32 inner = lane % 8 + high, middle = lane / 8 % 2 * 8;
+  u64 fromA = aAlong ? a + ((layout.firstRow + low) * aPitch + high) * 2
+                     : a + (inner * aPitch + layout.firstRow + middle) * 2;
+  u64 fromB = bAlong ? b + ((layout.firstColumn + inner) * bPitch + middle) * 2
+                     : b + (low * bPitch + layout.firstColumn + high) * 2;
+  for (i32 k = 0; k < depth; k += 16) {
+    u32 x[R / 16][4], y[C / 16][4];
+#pragma unroll
+    for (int i = 0; i < R / 16; ++i) {
+      i32 place = aAlong ? i * 16 * aPitch + k : k * aPitch + i * 16;
+      readMatrices<!aAlong>(x[i], fromA + place * 2);
+    }
+#pragma unroll
+    for (int j = 0; j < C / 16; ++j) {
+      i32 place = bAlong ? j * 16 * bPitch + k : k * bPitch + j * 16;
+      readMatrices<!bAlong>(y[j], fromB + place * 2);
+    }
+#pragma unroll
+    for (int i = 0; i < R / 16; ++i)
+#pragma unroll
+      for (int j = 0; j < C / 8; ++j)
+        multiplyFragment<isBrain>(sum + (i * (C / 8) + j) * 4, x[i],
+                                  y[j / 2] + j % 2 * 2);
+  }
+#pragma unroll
+  for (int i = 0; i < slots; ++i)
+    kept[i] = sum[i];
+}
+
+//===----------------------------------------------------------------------===//
+// Sums elsewhere
+//===----------------------------------------------------------------------===//
+
+template <class Layout> WARP_INLINE void set(u64 sums, float value) {
+#pragma unroll
+  for (int i = 0; i < Layout::slots; ++i)
+    own<float>(sums)[i] = value;
+}
+
+/// From packed memory of the block to sums, or back.
+template <class Layout, bool back>
+WARP_INLINE void exchange(u64 sums, u64 memory, i32 m, i32 n) {
+  constexpr int run = Layout::run;
+  using Run = Vec<float, run>;
+  Layout layout(m, n, threadNumber());
+  float *kept = own<float>(sums);
+#pragma unroll
+  for (int slot = 0; slot < Layout::slots; slot += run) {
+    auto *at = (Shared<Run> *)(shared<float>(memory) + layout.runRow(slot) * n +
+                               layout.runColumn(slot));
+    Run values;
+    if (!back)
+      values = *at;
+#pragma unroll
+    for (int i = 0; i < run; ++i)
+      if constexpr (back)
+        values[i] = kept[slot + i];
+      else
+        kept[slot + i] = values[i];
+    if (back)
+      *at = values;
+  }
+}
+
+template <class Layout> WARP_INLINE void store(u64 sums, const Window &window) {
+  constexpr int run = Layout::run;
+  using Run = Vec<float, run>;
+  Layout layout(window.rows, window.columns, threadNumber());
+  const float *kept = own<float>(sums);
+  bool inRuns = window.isAligned(4, run * 4) && window.isInside();
+#pragma unroll
+  for (int slot = 0; slot < Layout::slots; slot += run) {
+    i32 row = layout.runRow(slot), column = layout.runColumn(slot);
+    if (inRuns) {
+      Run values;
+#pragma unroll
+      for (int i = 0; i < run; ++i)
+        values[i] = kept[slot + i];
+      *(Global<Run> *)window.at(row, column) = values;
+      continue;
+    }
+#pragma unroll
+    for (int i = 0; i < run; ++i)
+      if (window.has(row, column + i))
+        *global<float>(window.at(row, column + i)) = kept[slot + i];
+  }
+}
+
+} // namespace
+
+//===----------------------------------------------------------------------===//
+// Functions of the library
+//===----------------------------------------------------------------------===//
+
+#define WARP_LAYOUT(name, ...)                                                 \
+  WARP_TILES warp_tile_set_##name(u64 sums, float value, void *) {             \
+    set<__VA_ARGS__>(sums, value);                                             \
+  }                                                                            \
+  WARP_TILES warp_tile_take_##name(u64 sums, u64 from, i32 m, i32 n, void *) { \
+    exchange<__VA_ARGS__, false>(sums, from, m, n);                            \
+  }                                                                            \
+  WARP_TILES warp_tile_give_##name(u64 sums, u64 to, i32 m, i32 n, void *) {   \
+    exchange<__VA_ARGS__, true>(sums, to, m, n);                               \
+  }                                                                            \
+  WARP_TILES warp_tile_store_##name(                                           \
+      u64 sums, u64 data, i32 first0, i32 first1, i32 extent0, i32 extent1,    \
+      i32 step0, i32 step1, i32 rows, i32 columns, i32 checked, void *) {      \
+    store<__VA_ARGS__>(sums, {data,                                            \
+                              {first0, first1},                                \
+                              {extent0, extent1},                              \
+                              {step0, step1},                                  \
+                              rows,                                            \
+                              columns,                                         \
+                              checked != 0});                                  \
+  }
+
+#define WARP_PRODUCT(name, function, ...)                                      \
+  WARP_TILES warp_tile_multiply_##name(u64 sums, u64 a, u64 b, i32 m, i32 n,   \
+                                       i32 depth, i32 aPitch, i32 bPitch,      \
+                                       void *) {                               \
+    function<__VA_ARGS__>(sums, a, b, m, n, depth, aPitch, bPitch);            \
+  }
+
+#define WARP_BLOCKED_AS(R, C, name, aAlong, bAlong)                            \
+  WARP_LAYOUT(f32_##R##x##C##_##name, Blocked<R, C, aAlong, bAlong>)           \
+  WARP_PRODUCT(f32_##R##x##C##_##name, multiplyBlocked, R, C, aAlong, bAlong)
+
+#define WARP_BLOCKED(R, C)                                                     \
+  WARP_BLOCKED_AS(R, C, kk, true, true)                                        \
+  WARP_BLOCKED_AS(R, C, kn, true, false)                                       \
+  WARP_BLOCKED_AS(R, C, mk, false, true)                                       \
+  WARP_BLOCKED_AS(R, C, mn, false, false)
+
+WARP_BLOCKED(8, 8)
+WARP_BLOCKED(8, 4)
+WARP_BLOCKED(4, 8)
+WARP_BLOCKED(4, 4)
+
+#define WARP_WARPS_AS(R, C, type, isBrain)                                     \
+  WARP_PRODUCT(type##_##R##x##C##_kk, multiplyWarps, isBrain, R, C, true,      \
+               true)                                                           \
+  WARP_PRODUCT(type##_##R##x##C##_kn, multiplyWarps, isBrain, R, C, true,      \
+               false)                                                          \
+  WARP_PRODUCT(type##_##R##x##C##_mk, multiplyWarps, isBrain, R, C, false,     \
+               true)                                                           \
+  WARP_PRODUCT(type##_##R##x##C##_mn, multiplyWarps, isBrain, R, C, false,     \
+               false)
+
+#define WARP_WARPS(R, C)                                                       \
+  WARP_LAYOUT(mma_##R##x##C, Warps<R, C>)                                      \
+  WARP_WARPS_AS(R, C, f16, false)                                              \
+  WARP_WARPS_AS(R, C, bf16, true)
+
+WARP_WARPS(64, 64)
+WARP_WARPS(64, 32)
+WARP_WARPS(32, 64)
+WARP_WARPS(32, 32)
+WARP_WARPS(32, 16)
+WARP_WARPS(16, 32)
+WARP_WARPS(16, 16)

@@ -1,0 +1,207 @@
+//===- LowerTilesProducts.cpp - Products whose sums threads hold ----------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Calls of lib/DeviceLib/gpu. A loop that loads ahead (TileProducts.cpp)
+// has a ring of places for each factor: before it, all but one are on their
+// way; each iteration waits for its own, and fills the one that the iteration
+// before has read.
+//
+//===----------------------------------------------------------------------===//
+
+#include "LowerTiles.h"
+#include "TileProducts.h"
+
+#include "mlir/Dialect/Arith/IR/Arith.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
+#include "mlir/IR/IRMapping.h"
+
+using namespace mlir;
+
+namespace warp::tiles {
+
+//===----------------------------------------------------------------------===//
+// Sums
+//===----------------------------------------------------------------------===//
+
+Value TileLowering::sumsOf(Value tile, int64_t slots) {
+  Value &sums = heldSums[buffers.rootOf(tile)];
+  if (!sums)
+    sums = ScratchOp::create(
+        entry, loc, ScratchType::get(b.getContext(), slots, b.getF32Type()));
+  return sums;
+}
+
+/// The form of the products that add to a tile.
+static ProductForm formOf(Value tile, const TileBuffers &buffers) {
+  Value root = buffers.rootOf(tile);
+  for (Value member : buffers.getTiles())
+    if (auto product = member.getDefiningOp<TileMatmulOp>())
+      if (buffers.rootOf(member) == root)
+        return *getProductForm(product);
+  llvm_unreachable("held tiles belong to a product");
+}
+
+void TileLowering::callHeld(StringRef verb, Value tile, Values arguments) {
+  ProductForm form = formOf(tile, buffers);
+  arguments.insert(arguments.begin(), sumsOf(tile, form.slots));
+  callLibrary("warp_tile_" + verb + "_" + form.layout, {}, arguments);
+}
+
+void TileLowering::setHeld(Operation *op) {
+  Value operand = op->getOperand(0);
+  if (isTile(operand))
+    operand = operand.getDefiningOp()->getOperand(0);
+  callHeld("set", op->getResult(0), {operand});
+}
+
+void TileLowering::giveHeld(TileMapOp op) {
+  Value tile = op.getInputs()[0];
+  ArrayRef<int64_t> shape = tileType(tile).getShape();
+  callHeld("give", tile,
+           {addressOf(memoryOf(op.getResult(0))), number(shape[0]),
+            number(shape[1])});
+}
+
+/// Data, offsets, extents, steps and shape of a tile in an array, and whether
+/// it is tested.
+template <typename Op>
+Values TileLowering::windowOf(Op op, TileType tile, ValueRange offsets) {
+  Values window{addressOf(op.getArray())};
+  for (Value offset : offsets)
+    window.push_back(toIndex(offset));
+  Type integer = b.getIntegerType(32, true);
+  for (int64_t d = 0; d < 2; ++d)
+    window.push_back(
+        DimOp::create(b, loc, integer, op.getArray(), b.getI64IntegerAttr(d)));
+  for (int64_t d = 0; d < 2; ++d)
+    window.push_back(StrideOp::create(b, loc, integer, op.getArray(),
+                                      b.getI64IntegerAttr(d)));
+  for (int64_t extent : tile.getShape())
+    window.push_back(number(extent));
+  window.push_back(number(op.getChecked()));
+  return window;
+}
+
+void TileLowering::storeHeld(TileStoreOp op) {
+  callHeld("store", op.getTile(),
+           windowOf(op, tileType(op.getTile()), op.getOffsets()));
+}
+
+//===----------------------------------------------------------------------===//
+// Products
+//===----------------------------------------------------------------------===//
+
+/// Adds a product to sums; factors are `turn` places behind their first one.
+void TileLowering::multiply(TileMatmulOp op, Value sums, Value turn) {
+  ProductForm form = *getProductForm(op);
+  Factor a = *getFactor(op.getA(), op.getTransposeA());
+  Factor b = *getFactor(op.getB(), !op.getTransposeB());
+  ArrayRef<int64_t> shape = tileType(op.getResult()).getShape();
+  int64_t depth = tileType(op.getA()).getShape()[!op.getTransposeA()];
+  callLibrary("warp_tile_multiply_" + form.product, {},
+              {sums, placeOf(a.memory, turn), placeOf(b.memory, turn),
+               number(shape[0]), number(shape[1]), number(depth),
+               number(a.pitch), number(b.pitch)});
+}
+
+void TileLowering::lowerHeldProduct(TileMatmulOp op) {
+  ProductForm form = *getProductForm(op);
+  if (buffers.isHeld(op.getResult())) {
+    if (!op->getParentOp()->hasAttr(attr::stages))
+      multiply(op, sumsOf(op.getResult(), form.slots), Value());
+    return;
+  }
+  ArrayRef<int64_t> shape = tileType(op.getResult()).getShape();
+  Value sums = ScratchOp::create(
+      entry, loc, ScratchType::get(b.getContext(), form.slots, b.getF32Type()));
+  if (op.getC()) {
+    begin(op, op.getC());
+    callLibrary("warp_tile_take_" + form.layout, {},
+                {sums, addressOf(memoryOf(op.getResult())), number(shape[0]),
+                 number(shape[1])});
+  } else {
+    callLibrary("warp_tile_set_" + form.layout, {},
+                {sums, constant(b.getF32Type(), 0)});
+  }
+  multiply(op, sums, Value());
+  callLibrary("warp_tile_give_" + form.layout, {},
+              {sums, addressOf(memoryOf(op.getResult())), number(shape[0]),
+               number(shape[1])});
+}
+
+//===----------------------------------------------------------------------===//
+// Loading ahead
+//===----------------------------------------------------------------------===//
+
+/// The address of a tile, or of one of its stages.
+Value TileLowering::placeOf(Value tile, Value turn) {
+  Value address = addressOf(memoryOf(tile));
+  Operation *def = tile.getDefiningOp();
+  if (!turn)
+    return address;
+  int64_t stages = def->getAttrOfType<IntegerAttr>(attr::stages).getInt();
+  Value bytes = mul(turn, number(getStagedBytes(tile) / stages));
+  return builtin("add", {address, cast(bytes, address.getType())});
+}
+
+/// What an iteration needs, with its number computed anew.
+void TileLowering::fetch(TileLoadOp load, scf::ForOp loop, Value iteration,
+                         Value turn) {
+  IRMapping map;
+  map.map(loop.getInductionVar(), iteration);
+  for (Operation &op : loop.getBody()->without_terminator())
+    if (!computesTiles(&op) && op.isBeforeInBlock(load))
+      b.clone(op, map);
+  Values offsets;
+  for (Value offset : load.getOffsets())
+    offsets.push_back(map.lookupOrDefault(offset));
+  TileType type = tileType(load.getResult());
+  Values arguments{placeOf(load.getResult(), turn)};
+  arguments.append(windowOf(load, type, offsets));
+  arguments.push_back(
+      number(load->getAttrOfType<IntegerAttr>(attr::pitch).getInt()));
+  arguments.push_back(number(threads));
+  callLibrary("warp_tile_fetch_b" +
+                  Twine(8 * getByteSize(type.getElementType())),
+              {}, arguments);
+}
+
+void TileLowering::lowerAhead(scf::ForOp loop) {
+  loc = loop.getLoc();
+  int64_t stages = loop->getAttrOfType<IntegerAttr>(attr::stages).getInt();
+  SmallVector<TileLoadOp> loads(loop.getBody()->getOps<TileLoadOp>());
+  auto product = *loop.getBody()->getOps<TileMatmulOp>().begin();
+  Value begin = loop.getLowerBound(), end = loop.getUpperBound(),
+        step = loop.getStep();
+  auto fetchAll = [&](Value iteration, Value turn) {
+    ifHolds(arith::CmpIOp::create(b, loc, arith::CmpIPredicate::slt, iteration,
+                                  end),
+            [&] {
+              for (TileLoadOp load : loads)
+                fetch(load, loop, iteration, turn);
+            });
+    callLibrary("warp_tile_close_group", {}, {});
+  };
+  auto after = [&](Value iteration, Value turns) -> Value {
+    Value distance = arith::MulIOp::create(b, loc, turns, step);
+    return arith::AddIOp::create(b, loc, iteration, distance);
+  };
+  b.setInsertionPoint(loop);
+  this->loop(stages - 1,
+             [&](Value turn) { fetchAll(after(begin, turn), turn); });
+  b.setInsertionPoint(product);
+  Value done = arith::SubIOp::create(b, loc, loop.getInductionVar(), begin);
+  done = arith::DivUIOp::create(b, loc, done, step);
+  auto turnOf = [&](Value number) -> Value {
+    return arith::RemUIOp::create(b, loc, number, this->number(stages));
+  };
+  callLibrary("warp_tile_await_groups", {}, {number(stages - 2)});
+  barrier();
+  fetchAll(after(loop.getInductionVar(), number(stages - 1)),
+           turnOf(add(done, number(stages - 1))));
+  ProductForm form = *getProductForm(product);
+  multiply(product, sumsOf(product.getResult(), form.slots), turnOf(done));
+}
+
+} // namespace warp::tiles

@@ -1,0 +1,47 @@
+//===- TileProducts.h - Sums that threads hold ------------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_TRANSFORMS_TILES_TILEPRODUCTS_H
+#define WARP_TRANSFORMS_TILES_TILEPRODUCTS_H
+
+#include "TileBuffers.h"
+
+#include "mlir/Dialect/SCF/IR/SCF.h"
+
+namespace warp::tiles {
+
+/// A function of the device library for a product, by the end of its name, and
+/// the layout of its sums among threads, by that of others.
+struct ProductForm {
+  std::string product, layout;
+  /// Sums of a thread.
+  int64_t slots;
+};
+/// Of a product that threads of GPU blocks can hold; none for other shapes.
+std::optional<ProductForm> findProductForm(TileMatmulOp op, int64_t threads,
+                                           int64_t version);
+/// The form that an operation is marked with.
+std::optional<ProductForm> getProductForm(TileMatmulOp op);
+
+/// A factor in memory: from row to row or column to column in elements, and
+/// whether neighbours are what is summed over.
+struct Factor {
+  mlir::Value memory;
+  int64_t pitch;
+  bool isAlong;
+};
+std::optional<Factor> getFactor(mlir::Value tile, bool depthIsFirst);
+
+/// Whether copies know how the elements of an array lie, tile and array have
+/// two dimensions, and offsets 32 bits.
+bool isPlainWindow(mlir::Value array, TileType tile, mlir::ValueRange offsets);
+
+/// Marks products, sums that threads hold, and loops that load ahead.
+void holdSums(mlir::FunctionOpInterface kernel, int64_t threads);
+
+} // namespace warp::tiles
+
+#endif // WARP_TRANSFORMS_TILES_TILEPRODUCTS_H

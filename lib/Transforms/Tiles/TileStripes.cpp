@@ -1,0 +1,99 @@
+//===- TileStripes.cpp - Elements of a thread's own -----------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// The rows of a softmax, for example, which are loaded, reduced, mapped and
+// stored: without the block's memory and its barriers.
+//
+//===----------------------------------------------------------------------===//
+
+#include "TileStripes.h"
+
+#include "KernelFunction.h"
+
+using namespace mlir;
+
+namespace warp::tiles {
+
+/// Words of a thread for one tile.
+constexpr int64_t mostWords = 32;
+
+/// Whether a use reads elements in the order of the loop of its operation.
+static bool readsOwn(OpOperand &use) {
+  Operation *op = use.getOwner();
+  if (!computesTiles(op))
+    return false;
+  if (isa<TileStoreOp, TileAtomicOp>(op))
+    return use.getOperandNumber() == 0;
+  if (!readsOwnElements(op))
+    return false;
+  return !isInline(op) || llvm::all_of(op->getResult(0).getUses(), readsOwn);
+}
+
+static bool fits(Value tile, int64_t threads) {
+  Operation *def = tile.getDefiningOp();
+  TileType type = tileType(tile);
+  int64_t own = type.getNumElements() / threads;
+  return def && isa<TileLoadOp, TileMapOp>(def) && !def->hasAttr(attr::held) &&
+         !def->hasAttr(attr::stages) && !def->hasAttr(attr::pitch) &&
+         type.getNumElements() % threads == 0 &&
+         own * llvm::divideCeil(getByteSize(type.getElementType()), 4) <=
+             mostWords &&
+         llvm::all_of(tile.getUses(), readsOwn);
+}
+
+/// Whether a store of its own elements is all that a tile is computed for.
+static bool isForStore(Operation *op) {
+  if (!op->hasOneUse())
+    return false;
+  OpOperand &use = *op->getUses().begin();
+  Operation *user = use.getOwner();
+  if (isa<TileStoreOp>(user))
+    return use.getOperandNumber() == 0;
+  return isa<TileMapOp>(user) && isInline(user) && isForStore(user);
+}
+
+/// What is computed in the loop of a store is loaded before that loop: there,
+/// each load would wait for the store before it, as arrays may overlap.
+static void loadBeforeStores(FunctionOpInterface kernel, int64_t threads) {
+  constexpr int64_t mostLoaded = 8;
+  kernel->walk([&](TileLoadOp load) {
+    TileType type = tileType(load.getResult());
+    int64_t own = type.getNumElements() / threads;
+    bool fits = isInline(load) && type.getNumElements() % threads == 0 &&
+                own > 1 &&
+                own * getByteSize(type.getElementType()) <= 4 * mostLoaded &&
+                isForStore(load);
+    if (fits)
+      load->removeAttr(attr::placement);
+  });
+}
+
+void holdStripes(FunctionOpInterface kernel, int64_t threads) {
+  if (!isGpu(kernel) || threads == 1)
+    return;
+  loadBeforeStores(kernel, threads);
+  TileBuffers buffers(kernel);
+  llvm::MapVector<Value, SmallVector<Value>> byRoot;
+  for (Value tile : buffers.getTiles())
+    byRoot[buffers.rootOf(tile)].push_back(tile);
+  for (auto &[root, members] : byRoot) {
+    // Results of one operation are in registers together, or not at all.
+    bool all = llvm::all_of(members, [&](Value tile) {
+      return fits(tile, threads) && tile.getDefiningOp()->getNumResults() == 1;
+    });
+    // What copies sums that threads hold finds them elsewhere.
+    all &= llvm::none_of(members, [&](Value tile) {
+      Operation *def = tile.getDefiningOp();
+      return def && llvm::any_of(def->getOperands(), [&](Value operand) {
+               return isTile(operand) && buffers.isHeld(operand);
+             });
+    });
+    if (all)
+      for (Value tile : members)
+        tile.getDefiningOp()->setAttr(attr::striped,
+                                      UnitAttr::get(kernel.getContext()));
+  }
+}
+
+} // namespace warp::tiles

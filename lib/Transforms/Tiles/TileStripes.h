@@ -1,0 +1,20 @@
+//===- TileStripes.h - Elements of a thread's own ---------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_TRANSFORMS_TILES_TILESTRIPES_H
+#define WARP_TRANSFORMS_TILES_TILESTRIPES_H
+
+#include "TileBuffers.h"
+
+namespace warp::tiles {
+
+/// Marks tiles of GPU kernels of which each thread reads and writes only the
+/// elements e, e + B, ... that it treats in loops: they are in registers.
+void holdStripes(mlir::FunctionOpInterface kernel, int64_t threads);
+
+} // namespace warp::tiles
+
+#endif // WARP_TRANSFORMS_TILES_TILESTRIPES_H

@@ -1,0 +1,91 @@
+"""Runs the examples, prints a table of their run times and results, and refreshes the pictures.
+
+    python scripts/make_gallery.py [PROGRAM ...] [--device cuda:0] [--no-pictures]
+
+The pictures of docs/gallery.md go to docs/gallery, at most 60 KB each. Programs run one after the
+other in processes of their own; one that fails, or that lacks a library, is said so in its row.
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+GALLERY = ROOT / "docs" / "gallery"
+LIMIT = 60_000
+# Program, options, and the picture that it writes, for a device.
+PROGRAMS = (
+    ("particles", ("--quick",), "fountain_{}.png"),
+    ("ocean", (), "ocean_{}.png"),
+    ("mesh_collision", (), "mesh_collision_{}.png"),
+    ("rocks", (), "rocks_{}.png"),
+    ("grains", ("--grains", "20000", "--steps", "60"), "grains_{}.png"),
+    ("cloth", (), "cloth_{}.png"),
+    ("trajectory", (), "trajectory_{}.png"),
+    ("spring_rollout", ("--steps", "400"), "spring_rollout_{}.png"),
+    ("several_devices", (), "several_devices.png"),
+    ("tiles/image_network", (), "image_network_{}.png"),
+    ("tiles/pendulum_chains", (), "pendulum_chains_{}.png"),
+    ("tiles/galaxies", (), "galaxies_{}.png"),
+    ("tiles/spectrum_filter", (), "spectrum_filter_{}.png"),
+    ("torch_autograd", (), None),
+    ("torch_particles", (), None),
+    ("jax_wave", (), None),
+)
+# They use what devices there are.
+WITHOUT_DEVICE = ("several_devices", "jax_wave")
+
+
+def run(name, options, device, output):
+    """Seconds of the program, and the last line that it prints."""
+    command = [sys.executable, str(ROOT / "examples" / f"{name}.py"), *options]
+    if name not in WITHOUT_DEVICE:
+        command += ["--device", device]
+    if name not in ("torch_autograd", "torch_particles", "jax_wave"):
+        command += ["--output", str(output)]
+    start = time.perf_counter()
+    done = subprocess.run(command, capture_output=True, text=True, env=os.environ, timeout=300)
+    lines = [*(done.stdout if done.returncode == 0 else done.stderr).strip().splitlines(), ""]
+    said = lines[-2] if len(lines) > 1 else ""
+    return time.perf_counter() - start, said if done.returncode == 0 else f"failed: {said}"
+
+
+def shrink(source, target):
+    """A picture with few colours, made smaller until it has at most `LIMIT` bytes."""
+    from PIL import Image
+
+    picture = Image.open(source).convert("RGB")
+    width = min(picture.width, 480)
+    while True:
+        scaled = picture.resize((width, picture.height * width // picture.width), Image.LANCZOS)
+        scaled.quantize(96).save(target, optimize=True)
+        if target.stat().st_size <= LIMIT:
+            return
+        width = width * 4 // 5
+
+
+def main(names, device, pictures):
+    GALLERY.mkdir(exist_ok=True)
+    print("| program | seconds | last line |\n| --- | ---: | --- |", flush=True)
+    with tempfile.TemporaryDirectory() as folder:
+        for name, options, picture in PROGRAMS:
+            if names and name not in names:
+                continue
+            took, said = run(name, options, device, Path(folder))
+            print(f"| {name} | {took:.1f} | {said.replace('|', ';').strip('; ')} |", flush=True)
+            if picture and pictures:
+                made = Path(folder) / picture.format(device.replace(":", ""))
+                shrink(made, GALLERY / f"{Path(name).name}.png")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("programs", nargs="*", help="names; all without any")
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--no-pictures", action="store_true", help="times and results alone")
+    options = parser.parse_args()
+    main(options.programs, options.device, not options.no_pictures)

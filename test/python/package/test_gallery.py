@@ -1,0 +1,54 @@
+"""The gallery shows every example, and its programs give what it says."""
+
+import os
+import re
+from pathlib import Path
+
+import pytest
+
+import programs
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+def test_every_example_is_in_the_gallery():
+    text = (ROOT / "docs" / "gallery.md").read_text()
+    parts = {"particles_kernels", "particles_plots", "particles_precision", "integrate_kernels"}
+    names = {path.stem for path in (ROOT / "examples").rglob("*.py")} - parts
+    assert names == set(re.findall(r"`examples/(?:tiles/)?(\w+)\.py`", text))
+    for picture in re.findall(r"\]\((gallery/\w+\.png)\)", text):
+        assert 1000 < (ROOT / "docs" / picture).stat().st_size <= 60_000
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "bounds"),
+    [
+        ("ocean", ("--size", "64", "--frames", "2"), {4: 1e-5, 5: 1e-5}),
+        ("cloth", ("--size", "8", "--steps", "60"), {4: 1e-7, 5: 1e-3}),
+        ("several_devices", ("--size", "129", "--steps", "50"), {6: 2e-5}),
+    ],
+)
+def test_examples_keep_their_errors(tmp_path, device, name, options, bounds):
+    place = (
+        ("--devices", f"{device},{device}") if name == "several_devices" else ("--device", device)
+    )
+    program = ROOT / "examples" / f"{name}.py"
+    status, out, err = programs.run(program, *place, "--output", tmp_path, *options)
+    assert status == 0, err
+    row = [cell.strip() for cell in out.strip().splitlines()[-1].strip("|").split("|")]
+    for column, bound in bounds.items():
+        assert 0.0 <= float(row[column]) < bound, out
+    assert name != "several_devices" or row[5] == "yes"
+    assert next(tmp_path.glob(f"{name}*.png")).read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("name", "library"),
+    [("torch_particles", "torch"), ("torch_autograd", "torch"), ("jax_wave", "jax")],
+)
+def test_examples_without_their_library_say_so(tmp_path, name, library):
+    (tmp_path / f"{library}.py").write_text(f"raise ModuleNotFoundError('{library}')")
+
+    paths = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+    status, out, err = programs.run(ROOT / "examples" / f"{name}.py", PYTHONPATH=paths)
+    assert status == 0 and out.startswith("skipped: this example needs"), err
