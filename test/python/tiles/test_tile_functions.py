@@ -75,8 +75,8 @@ def test_another_shape_than_declared():
 
 
 def test_extents_of_an_annotation():
-    for extents in ((), (0,), (2.5,), (1, 1, 1, 1, 1)):
-        with pytest.raises(TypeError, match="1 to 4 positive extents"):
+    for extents in ((0,), (2.5,), (1, 1, 1, 1, 1)):
+        with pytest.raises(TypeError, match="positive"):
             wp.tile[(float, *extents)]
     with pytest.raises(TypeError, match="no items"):
         wp.tile_load[float, 2]
