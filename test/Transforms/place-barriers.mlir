@@ -1,4 +1,4 @@
-// RUN: warp-opt %s --warp-place-barriers | FileCheck %s
+// RUN: warp-opt %s --split-input-file --warp-place-barriers | FileCheck %s
 
 // Elements that the same thread writes and reads need no barrier; what another
 // thread may have written does.
@@ -24,3 +24,25 @@ func.func @wait(%a: !warp.array<1 x f32>)
   return
 }
 
+// -----
+
+#apart = #warp.variant<target = <platform = cuda, version = 90>, disjoint = true>
+
+// What is stored does not meet what was loaded of an array that it is known not
+// to overlap; of the same array it does.
+// CHECK-LABEL: func.func @apart
+// CHECK: warp.tile_load
+// CHECK-NOT: warp.barrier
+// CHECK: warp.tile_store
+// CHECK: warp.barrier
+// CHECK-NEXT: warp.tile_store
+func.func @apart(%a: !warp.array<1 x f32>, %b: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.block_threads = 32 : i64,
+                warp.variant = #apart} {
+  %c0 = warp.constant 0 : si32
+  %t = warp.tile_load %a[%c0] {offsets = array<i64: 0>} : !warp.array<1 x f32>, (si32)
+    -> !warp.tile<64 x f32>
+  warp.tile_store %t, %b[%c0] : !warp.tile<64 x f32>, !warp.array<1 x f32>, (si32)
+  warp.tile_store %t, %a[%c0] : !warp.tile<64 x f32>, !warp.array<1 x f32>, (si32)
+  return
+}

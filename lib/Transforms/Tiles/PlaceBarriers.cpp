@@ -3,8 +3,9 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // Walks the operations with what has been accessed since the last barrier: tile
-// memory by its bytes, arrays all as one. An operation waits if another thread
-// may have made one of two accesses to the same place, and one of both writes.
+// memory by its bytes, arrays that may overlap as one. An operation waits if
+// another thread may have made one of two accesses to the same place, and one
+// of both writes.
 // Threads make an access of their own elements if the operation treats element
 // e in thread e mod B; two of those with equal tiles never meet.
 //
@@ -15,6 +16,9 @@
 //===----------------------------------------------------------------------===//
 
 #include "TileScratch.h"
+
+#include "Analysis/ArrayOrigins.h"
+#include "KernelFunction.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/Interfaces/LoopLikeInterface.h"
@@ -36,12 +40,15 @@ struct Touch {
   bool isWrite;
   /// Elements of each thread's own: how many there are; 0 for any element.
   int64_t owned;
+  /// Of arrays, the one; null for any.
+  Value array;
 
-  bool meets(const Touch &other) const {
+  bool meets(const Touch &other, const ArrayOrigins &origins) const {
     if (!isWrite && !other.isWrite)
       return false;
     if (begin < 0 || other.begin < 0)
-      return begin == other.begin;
+      return begin == other.begin && (!array || !other.array ||
+                                      origins.mayAlias(array, other.array));
     if (end <= other.begin || other.end <= begin)
       return false;
     bool same = begin == other.begin && end == other.end;
@@ -54,7 +61,8 @@ using Touches = SmallVector<Touch>;
 class BarrierPlacer {
 public:
   BarrierPlacer(FunctionOpInterface kernel, int64_t threads)
-      : buffers(kernel), threads(threads), b(kernel.getContext()) {}
+      : buffers(kernel), origins(kernel, getVariant(kernel).getDisjoint()),
+        threads(threads), b(kernel.getContext()) {}
 
   void place(Block &block) {
     for (Operation &op : llvm::make_early_inc_range(block))
@@ -69,7 +77,11 @@ private:
       return;
     int64_t begin = buffers.getOffset(tile);
     int64_t bytes = getStagedBytes(tile);
-    touches.push_back({begin, begin + bytes, isWrite, owned});
+    touches.push_back({begin, begin + bytes, isWrite, owned, Value()});
+  }
+
+  static void touchArray(Touches &touches, Value array, bool isWrite) {
+    touches.push_back({arrays, arrays, isWrite, 0, array});
   }
 
   /// What reading a tile reads, through what is computed on the way.
@@ -77,8 +89,8 @@ private:
     Operation *def = tile.getDefiningOp();
     if (!def || !isInline(def))
       return touchTile(touches, tile, false, owned);
-    if (isa<TileLoadOp>(def))
-      touches.push_back({arrays, arrays, false, 0});
+    if (auto load = dyn_cast<TileLoadOp>(def))
+      touchArray(touches, load.getArray(), /*isWrite=*/false);
     for (Value operand : def->getOperands())
       if (isTile(operand))
         readTile(touches, operand, isa<TileMapOp>(def) ? owned : 0);
@@ -106,12 +118,16 @@ private:
       if (auto scratch = op->getAttrOfType<IntegerAttr>(tiles::attr::scratch))
         touches.push_back({scratch.getInt(),
                            scratch.getInt() + getScratchBytes(op, threads),
-                           true, 0});
+                           true, 0, Value()});
     }
-    if (isa<TileLoadOp>(op) || isa<warp::LoadOp>(op))
-      touches.push_back({arrays, arrays, false, 0});
+    if (auto load = dyn_cast<TileLoadOp>(op))
+      touchArray(touches, load.getArray(), /*isWrite=*/false);
+    else if (isa<TileStoreOp, TileAtomicOp>(op))
+      touchArray(touches, op->getOperand(1), /*isWrite=*/true);
+    else if (auto access = dyn_cast<AccessOp>(op))
+      touchArray(touches, access.getArray(), access.mayWrite());
     else if (!isMemoryEffectFree(op) && op->getNumRegions() == 0)
-      touches.push_back({arrays, arrays, true, 0});
+      touchArray(touches, Value(), /*isWrite=*/true);
     return touches;
   }
 
@@ -134,7 +150,7 @@ private:
     // Only what is collective can wait; others are looked at by what follows.
     bool meets = llvm::any_of(touches, [&](const Touch &touch) {
       return llvm::any_of(pending, [&](const Touch &earlier) {
-        return touch.meets(earlier);
+        return touch.meets(earlier, origins);
       });
     });
     bool isPrivate = isa<warp::LoadOp, warp::StoreOp, warp::AtomicOp>(op);
@@ -178,6 +194,7 @@ private:
   }
 
   TileBuffers buffers;
+  ArrayOrigins origins;
   int64_t threads;
   OpBuilder b;
   Touches pending;

@@ -68,7 +68,8 @@ class Kernel:
         )
         self.options = dict(options or {})
         self.code_transformers = tuple(code_transformers or ())
-        if not func.__module__.startswith("warp."):
+        # What has no module was made from text.
+        if not (func.__module__ or "").startswith("warp."):
             texts.keep(func)
         self.module.kernels[self.key] = self
         self.epoch = None
