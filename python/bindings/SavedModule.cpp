@@ -10,6 +10,7 @@
 #include "Gil.h"
 #include "KernelObject.h"
 
+#include "warp/KernelCache.h"
 #include "warp/SavedModule.h"
 
 #include <pybind11/stl.h>
@@ -56,12 +57,49 @@ static bool attach(const SavedModule &module, const py::object &object,
   return found;
 }
 
+static py::bytes bytesOf(const Code &code) {
+  return py::bytes(code.binary.data(), code.binary.size());
+}
+
 static py::list describeKernels(const SavedModule &module) {
   py::list list;
   for (const SavedKernel &kernel : module.kernels)
     list.append(
         py::make_tuple(kernel.name, kernel.target, kernel.variants.size()));
   return list;
+}
+
+/// The code of all variants, with the launches that it fits.
+static py::list describeCodes(const SavedModule &module) {
+  py::list list;
+  for (const SavedKernel &kernel : module.kernels)
+    for (const SavedVariant &variant : kernel.variants) {
+      py::dict one;
+      one["kernel"] = kernel.name;
+      one["target"] = kernel.target;
+      one["processor"] = kernel.processor;
+      one["rank"] = variant.rank;
+      one["packed"] = variant.contiguous;
+      one["index32"] = variant.index32;
+      one["block_dim"] = variant.blockDim;
+      one["entry"] = variant.code.entry;
+      one["code"] = bytesOf(variant.code);
+      list.append(one);
+    }
+  return list;
+}
+
+/// Entry and code of a file of the kernel cache; None if it is no such file, or
+/// another release's.
+static py::object readCached(const std::string &bytes) {
+  constexpr size_t keyBegin = 12, keyLength = 64;
+  if (bytes.size() < keyBegin + keyLength)
+    return py::none();
+  std::optional<Code> code =
+      deserialize(bytes.substr(keyBegin, keyLength), bytes);
+  if (!code)
+    return py::none();
+  return py::make_tuple(code->entry, bytesOf(*code));
 }
 
 static py::dict propertiesOf(const py::object &object, int device,
@@ -108,6 +146,10 @@ void python::bindSavedModule(py::module_ &m) {
         return kernel.suggestedBlock(device);
       },
       py::arg("kernel"), py::arg("device"));
+  m.def(
+      "read_cached",
+      [](const py::bytes &bytes) { return readCached(std::string(bytes)); },
+      py::arg("bytes"), "Entry and code in a file of the kernel cache.");
   m.def("gpu_architectures", gpuArchitectures);
   m.def("host_processor", hostProcessor);
   py::class_<SavedModule>(m, "SavedModule")
@@ -118,6 +160,8 @@ void python::bindSavedModule(py::module_ &m) {
       .def_readonly("name", &SavedModule::name)
       .def_property_readonly("kernels", describeKernels,
                              "(name, target, number of variants) of each.")
+      .def_property_readonly("codes", describeCodes,
+                             "A dictionary for each variant.")
       .def("attach", attach, py::arg("kernel"), py::arg("name"),
            "Gives a kernel its saved code; False if there is none.");
 }

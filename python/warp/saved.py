@@ -1,0 +1,102 @@
+"""What is in saved code, for tools that read objects, PTX and cubins.
+
+    python -m warp.saved FILE... [--extract FOLDER]
+
+Lists the variants in `.warp` files (`compile_aot_module`) and in `.code` files of the kernel cache:
+kernel, target, launches that it fits, kind and bytes. With `--extract` each is written to a file of
+its own: an object for `readelf` and `objdump`, PTX for `ptxas`, a cubin for `cuobjdump`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+# Number of NVIDIA's GPUs in the header of an ELF file.
+_GPU_MACHINE = 190
+
+
+def kind_of(code: bytes) -> str:
+    """`o` for an object, `cubin`, or `ptx`."""
+    if not code.startswith(b"\x7fELF"):
+        return "ptx"
+    return "cubin" if int.from_bytes(code[18:20], "little") == _GPU_MACHINE else "o"
+
+
+def read(path) -> list[dict]:
+    """The variants in a file.
+
+    Args:
+        path: a `.warp` file, or a `.code` file of the kernel cache.
+
+    Returns:
+        For each variant `kernel`, `target`, `fits` (text), `kind` and `code` (bytes).
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: it is damaged, or of another release.
+    """
+    from warp import _native
+
+    path = Path(path)
+    content = path.read_bytes()
+    if content.startswith(b"WARPCODE"):
+        found = _native.read_cached(content)
+        if found is None:
+            raise ValueError(f"{path} is damaged, or of another release")
+        entry, code = found
+        return [{"kernel": entry, "target": "", "fits": "", "kind": kind_of(code), "code": code}]
+    try:
+        module = _native.SavedModule(str(path))
+    except Exception as error:
+        raise ValueError(str(error)) from None
+    return [
+        {
+            "kernel": one["kernel"],
+            "target": one["target"],
+            "fits": _fits(one),
+            "kind": kind_of(one["code"]),
+            "code": one["code"],
+        }
+        for one in module.codes
+    ]
+
+
+def _fits(one) -> str:
+    parts = [f"{one['rank']} dimension{'s' if one['rank'] > 1 else ''}"]
+    parts.append("packed arrays" if one["packed"] else "any arrays")
+    parts.append("32-bit indices" if one["index32"] else "64-bit indices")
+    if one["block_dim"]:
+        parts.append(f"blocks of {one['block_dim']}")
+    return ", ".join(parts)
+
+
+def main(arguments=None) -> int:
+    """The command; returns its exit status."""
+    parser = argparse.ArgumentParser(prog="warp.saved", description=__doc__.splitlines()[0])
+    parser.add_argument("files", nargs="+", metavar="FILE", help="a .warp or .code file")
+    parser.add_argument("--extract", type=Path, metavar="FOLDER", help="write the code there")
+    options = parser.parse_args(arguments)
+    status = 0
+    for file in options.files:
+        try:
+            variants = read(file)
+        except (OSError, ValueError) as error:
+            print(f"{file}: {error}", file=sys.stderr)
+            status = 1
+            continue
+        print(file)
+        for number, one in enumerate(variants):
+            name = f"{one['kernel']}.{number}.{one['kind']}"
+            text = "  ".join(filter(None, (one["target"], one["fits"])))
+            print(f"  {name:40} {len(one['code']):8} bytes  {text}")
+            if options.extract:
+                folder = options.extract / Path(file).stem
+                folder.mkdir(parents=True, exist_ok=True)
+                (folder / name).write_bytes(one["code"])
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main())
