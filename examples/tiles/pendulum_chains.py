@@ -107,12 +107,12 @@ class Chains:
     def step(self, h):
         """One step of the classical Runge-Kutta scheme."""
         (q1, v1), *slopes = self.stage
-        self.launch(advance, [self.v, self.v, 0.0], [slopes[0][0]])
+        wp.copy(slopes[0][0], self.v)
         self.accelerate(self.q, self.v, slopes[0][1])
         for before, (velocity, acceleration), part in zip(slopes, slopes[1:], (0.5, 0.5, 1.0)):
             self.launch(advance, [self.q, before[0], part * h], [q1])
             self.launch(advance, [self.v, before[1], part * h], [v1])
-            self.launch(advance, [v1, v1, 0.0], [velocity])
+            wp.copy(velocity, v1)
             self.accelerate(q1, v1, acceleration)
         for slope, weight in zip(slopes, (1.0, 2.0, 2.0, 1.0)):
             self.launch(advance, [self.q, slope[0], weight * h / 6.0], [self.q])

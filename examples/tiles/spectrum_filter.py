@@ -44,7 +44,7 @@ def signals(count):
     t = np.linspace(0.0, 1.0, LENGTH, endpoint=False)
     clean = np.zeros((count, LENGTH))
     for _ in range(5):
-        height, frequency, phase = rng.normal(size=(count, 1)), rng.integers(1, 12, (count, 1)), 0.0
+        height, frequency = rng.normal(size=(count, 1)), rng.integers(1, 12, (count, 1))
         phase = rng.uniform(0.0, 2.0 * np.pi, (count, 1))
         clean += height * np.sin(2.0 * np.pi * frequency * t + phase)
     return clean, clean + 0.5 * rng.normal(size=clean.shape)

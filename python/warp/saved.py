@@ -40,9 +40,10 @@ def read(path) -> list[dict]:
     from warp import _native
 
     path = Path(path)
-    content = path.read_bytes()
-    if content.startswith(b"WARPCODE"):
-        found = _native.read_cached(content)
+    with path.open("rb") as file:
+        magic = file.read(8)
+    if magic == b"WARPCODE":
+        found = _native.read_cached(path.read_bytes())
         if found is None:
             raise ValueError(f"{path} is damaged, or of another release")
         entry, code = found
