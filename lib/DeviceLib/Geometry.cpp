@@ -13,6 +13,7 @@
 #include "geometry/Overlap.h"
 #include "geometry/Predicates.h"
 #include "geometry/Ray.h"
+#include "geometry/Shares.h"
 #include "geometry/Sign.h"
 #include "geometry/Volume.h"
 #include "geometry/Winding.h"
@@ -192,48 +193,75 @@ struct NextOverlap {
   u64 lowTrail, highTrail;
 };
 
-template <class Block>
-static i32 next(const Tree &tree, i32 shape, const f32 (&s)[7], f32 limit,
-                Cursor &cursor) {
+/// Calls `use` with a shape in the coordinates of a tree's nodes; -1 if nothing
+/// can touch it. Shapes: 0 a box by its corners, 1 a ball by center and radius,
+/// 2 a ray by start and direction, up to `limit`, 3 a ball that moves along a
+/// ray; these by the bounds of primitives, 4 a ball by the triangles themselves.
+template <class Use>
+static i32 withShape(const Tree &tree, i32 shape, const f32 (&s)[7], f32 limit,
+                     Use use) {
   f32 k = tree.scale;
   if (shape == 0)
-    return nextOverlap<Block>(tree,
-                              BoxShape{{s[0] * k, s[1] * k, s[2] * k},
-                                       {s[3] * k, s[4] * k, s[5] * k}},
-                              cursor);
-  if (shape == 1) {
+    return use(BoxShape{{s[0] * k, s[1] * k, s[2] * k},
+                        {s[3] * k, s[4] * k, s[5] * k}});
+  if (shape == 1 || shape == 4) {
     f32 radius = s[3] * k;
-    return radius >= 0
-               ? nextOverlap<Block>(tree,
-                                    SphereShape{{s[0] * k, s[1] * k, s[2] * k},
-                                                radius * radius},
-                                    cursor)
-               : -1;
+    if (!(radius >= 0))
+      return -1;
+    SphereShape ball{{s[0] * k, s[1] * k, s[2] * k}, radius * radius};
+    return shape == 1 ? use(ball) : use(TriangleSphereShape{ball});
   }
   Ray ray(tree, {s[0], s[1], s[2]}, {s[3], s[4], s[5]});
   if (!ray.isValid)
     return -1;
   f32 end = limit / ray.first / ray.second;
   if (shape == 3)
-    return nextOverlap<Block>(
-        tree, CapsuleShape{{ray, end}, greatest(s[6], 0.0f) * k}, cursor);
-  return nextOverlap<Block>(tree, RayShape{ray, end}, cursor);
+    return use(CapsuleShape{{ray, end}, greatest(s[6], 0.0f) * k});
+  return use(RayShape{ray, end});
 }
 
-/// Shapes: 0 a box by its corners, 1 a ball by center and radius, 2 a ray by
-/// start and direction, up to `limit`, 3 a ball that moves along a ray.
+/// Calls `use` with a tree and a null pointer to its kind of block.
+template <class Use> static i32 withTree(u64 id, Use use) {
+  const Tree &mesh = treeOf(id, kindOfMesh);
+  if (mesh.nodes)
+    return use(mesh, static_cast<TriangleBlock *>(nullptr));
+  return use(treeOf(id, kindOfBvh), static_cast<BoxBlock *>(nullptr));
+}
+
 WARP_GEOMETRY warp_overlap_next(u64 id, i32 shape, f32 a, f32 b, f32 c, f32 d,
                                 f32 e, f32 f, f32 g, f32 limit, i32 node,
                                 i32 level, i32 block, i32 left, u64 lowTrail,
                                 u64 highTrail, NextOverlap *result) {
   const f32 numbers[7] = {a, b, c, d, e, f, g};
   Cursor cursor{node, level, block, u32(left), lowTrail, highTrail, 0};
-  const Tree &mesh = treeOf(id, kindOfMesh);
-  i32 primitive =
-      mesh.nodes ? next<TriangleBlock>(mesh, shape, numbers, limit, cursor)
-                 : next<BoxBlock>(treeOf(id, kindOfBvh), shape, numbers, limit,
-                                  cursor);
+  auto next = [&]<class Block>(const Tree &tree, Block *) {
+    return withShape(tree, shape, numbers, limit, [&](const auto &shape) {
+      return nextOverlap<Block>(tree, shape, cursor);
+    });
+  };
+  i32 primitive = withTree(id, next);
   *result = {primitive,        cursor.node,     cursor.level,    cursor.block,
+             i32(cursor.left), cursor.lowTrail, cursor.highTrail};
+}
+
+/// Where an iterator starts that is one thread's share of a query.
+struct OverlapShare {
+  i32 node, level, block, left;
+  u64 lowTrail, highTrail;
+};
+
+WARP_GEOMETRY warp_overlap_share(u64 id, i32 shape, f32 a, f32 b, f32 c, f32 d,
+                                 f32 e, f32 f, f32 g, i32 thread, i32 threads,
+                                 OverlapShare *result) {
+  const f32 numbers[7] = {a, b, c, d, e, f, g};
+  Cursor cursor{0, -1, 0, 0, 0, 0, 0};
+  withTree(id, [&]<class Block>(const Tree &tree, Block *) {
+    return withShape(tree, shape, numbers, infinity, [&](const auto &shape) {
+      takeShare<Block>(tree, shape, thread, threads, cursor);
+      return 0;
+    });
+  });
+  *result = {cursor.node,      cursor.level,    cursor.block,
              i32(cursor.left), cursor.lowTrail, cursor.highTrail};
 }
 

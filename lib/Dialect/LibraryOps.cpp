@@ -35,6 +35,8 @@ static constexpr warp::LibraryFunction functions[] = {
     {"warp_group_root", "li", "i"},
     // Shape, its seven numbers and its limit, cursor: primitive, cursor.
     {"warp_overlap_next", "liffffffffiiiill", "iiiiill"},
+    // Shape, its seven numbers, which of how many threads: its cursor.
+    {"warp_overlap_share", "lifffffffii", "iiiill"},
     // Type of values and a voxel: address of its value, always there; of a
     // leaf's value or 0; the same of the eight corners of a cell, z fastest.
     {"warp_volume_value", "liiii", "l"},

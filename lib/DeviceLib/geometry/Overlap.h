@@ -49,8 +49,7 @@ struct BoxShape {
   }
 };
 
-/// A closed ball. Of triangles it finds those that it touches, of boxes and
-/// nodes too.
+/// A closed ball.
 struct SphereShape {
   Point<f32> center;
   f32 squared;
@@ -66,6 +65,11 @@ struct SphereShape {
                          axis(2, center.z)};
     return bitsOf(isThere & (dot(offset, offset) <= Floats(squared)));
   }
+};
+
+/// A closed ball that finds the triangles that it touches, not their bounds.
+struct TriangleSphereShape : SphereShape {
+  using SphereShape::test;
   u32 test(const TriangleBlock &block) const {
     Point<Floats> p = spread(center);
     return bitsOf(closestOnTriangle(block.corner(0) - p, block.corner(1) - p,

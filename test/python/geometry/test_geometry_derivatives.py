@@ -1,4 +1,4 @@
-"""Derivatives of closest points, rays and sums over neighbours, against formulas and differences."""
+"""Derivatives of closest points, rays and sums over neighbours: formulas and differences."""
 
 import numpy as np
 

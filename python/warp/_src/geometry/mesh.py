@@ -65,8 +65,8 @@ class Mesh(Behind):
         if indices.size % 3 != 0:
             raise errors.WarpError(f"faces have three indices, but there are {indices.size}")
         check_leaf_size(bvh_leaf_size)
-        self._has_winding = bool(support_winding_number)
-        there = builds_on_device(self.device, bvh_constructor, groups, self._has_winding)
+        self.support_winding_number = bool(support_winding_number)
+        there = builds_on_device(self.device, bvh_constructor, groups, self.support_winding_number)
         number = constructor_number(bvh_constructor, there)
         self._constructor = bvh_constructor
         check_groups(groups, points)
@@ -76,7 +76,7 @@ class Mesh(Behind):
             self._wait()
         index = devices.resolve_index(self.device)
         self._native = _native.Mesh(
-            *(points, velocities, indices, groups, index, number), self._has_winding
+            *(points, velocities, indices, groups, index, number), self.support_winding_number
         )
         self.id = self._native.id
         # What refits on the device, what builds there, and the arrays that kernels know of.
@@ -139,7 +139,7 @@ class Mesh(Behind):
             else:
                 self._build(self._constructor)
             return
-        if not self.device.is_cpu and not self._has_winding and self._shown == self._addresses():
+        if not self.device.is_cpu and not self.support_winding_number and self._shown == self._addresses():
             if self._kernels is None:
                 from warp._src.geometry.device.refit import Refit, slot_of
 
@@ -173,7 +173,7 @@ class Mesh(Behind):
         Where kernels do it, a graph captures it once it was done outside with the same arrays.
         """
         constructor = self._constructor if bvh_constructor is None else bvh_constructor
-        there = builds_on_device(self.device, constructor, self.groups, self._has_winding)
+        there = builds_on_device(self.device, constructor, self.groups, self.support_winding_number)
         number = constructor_number(constructor, there)
         if there:
             self._build(constructor)

@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
-from warp._src.geometry import grid_queries, mesh_queries, mesh_signs, proximity, tree_queries
+from warp._src.geometry import (
+    grid_queries,
+    mesh_queries,
+    mesh_signs,
+    proximity,
+    tile_queries,
+    tree_queries,
+)
 from warp._src.geometry.handles import BVH, GRID, MESH
 from warp._src.types import dtypes
 
@@ -11,17 +18,21 @@ FUNCTIONS = {
     **tree_queries.FUNCTIONS,
     **mesh_queries.FUNCTIONS,
     **mesh_signs.FUNCTIONS,
+    **tile_queries.FUNCTIONS,
 }
 for _name, _function in FUNCTIONS.items():
     _function.__module__ = "warp"
-    if not _name.endswith("_next"):
-        _function.handle = {"hash": GRID, "bvh": BVH, "mesh": MESH}[_name.partition("_")[0]]
+    if not _name.endswith(("_next", "_next_tiled", "_valid")):
+        _kind = _name.removeprefix("tile_").partition("_")[0]
+        _function.handle = {"hash": GRID, "bvh": BVH, "mesh": MESH}[_kind]
 FUNCTIONS.update(proximity.FUNCTIONS)
 TYPES = {
     "BvhQuery": tree_queries.BvhQuery,
+    "BvhQueryTiled": tile_queries.BvhQueryTiled,
     "HashGridQuery": grid_queries.HashGridQuery,
     "MeshQuery": tree_queries.MeshQuery,
     "MeshQueryAABB": tree_queries.MeshQuery,
+    "MeshQueryAABBTiled": tile_queries.MeshQueryAABBTiled,
     "MeshQueryPoint": mesh_queries.MeshQueryPoint,
     "MeshQueryRay": mesh_queries.MeshQueryRay,
 }

@@ -12,7 +12,7 @@ from warp._src.types.dtypes import vec3f
 from warp._src.types.scalars import float32, int32, uint64
 from warp._src.types.structs import struct
 
-_BOX, _BALL, _RAY, _CAPSULE = 0, 1, 2, 3
+_BOX, _BALL, _RAY, _CAPSULE, _TRIANGLE_BALL = 0, 1, 2, 3, 4
 _INFINITY = float("inf")
 
 
@@ -87,7 +87,8 @@ def mesh_query_aabb(id: uint64, low: vec3f, high: vec3f):
 
 def mesh_query_sphere(id: uint64, center: vec3f, radius: float):
     """The faces of a mesh within a distance of a point."""
-    return MeshQuery(id, _BALL, center, wp.vec3f(radius, 0.0, 0.0), 0.0, start(-1))
+    reach = wp.vec3f(radius, 0.0, 0.0)
+    return MeshQuery(id, _TRIANGLE_BALL, center, reach, 0.0, start(-1))
 
 
 def _step(id: uint64, shape: int, a: vec3f, b: vec3f, r: float, limit: float, at: Cursor):

@@ -74,6 +74,10 @@ _GEOMETRY_QUERIES = frozenset(
         *("bvh_query_capsule", "closest_point_edge_edge", "intersect_tri_tri", "mesh_get"),
         *("mesh_get_group_root", "mesh_query_point_sign_parity", "mesh_sdf"),
         *("mesh_query_point_sign_winding_number", "mesh_query_ray_count_intersections"),
+        *("BvhQueryTiled", "MeshQueryAABBTiled", "bvh_query_aabb_tiled", "bvh_query_next_tiled"),
+        *("bvh_query_ray_tiled", "mesh_query_aabb_next_tiled", "mesh_query_aabb_tiled"),
+        *("tile_bvh_query_aabb", "tile_bvh_query_next", "tile_bvh_query_ray"),
+        *("tile_mesh_query_aabb", "tile_mesh_query_aabb_next", "tile_query_valid"),
     )
 )
 _VOLUME_QUERIES = frozenset(
