@@ -5,6 +5,5 @@ grid          `HashGrid`; `grid_queries`: what kernels ask it
 bvh, mesh     `Bvh` and `Mesh`; `tree_queries`, `mesh_queries`: what kernels ask them;
               `mesh_arrays`, `mesh_derivatives`; `tile_queries`: what blocks ask together
 surfaces      where fields, volumes and functions have one value
-adjacency     which triangles share an edge; `delaunay`: flips of edges in the plane
-swept         what moving meshes cover; `sweeps`: meshes and their poses
+meshing       which triangles share an edge, flips of edges, what moving meshes cover
 """

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 import warp as wp
-from warp._src.geometry.adjacency import (
+from warp._src.geometry.meshing.adjacency import (
     check_triangles,
     find_triangle_neighbor_edge_index,
     tri_tri_adjacency,

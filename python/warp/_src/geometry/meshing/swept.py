@@ -9,8 +9,8 @@ from __future__ import annotations
 import enum
 
 import warp as wp
+from warp._src.geometry.meshing.sweeps import Sweep, SweepGrid
 from warp._src.geometry.surfaces.marching_cubes import IsoSurfaceMarchingCubes
-from warp._src.geometry.sweeps import Sweep, SweepGrid
 from warp._src.kernels.function import func
 
 
