@@ -154,12 +154,24 @@ class Kernel:
 
     def check_handles(self, kinds) -> None:
         """Makes every launch check that these arguments, by name, are handles of these kinds."""
-        self.__class__ = importlib.import_module("warp._src.kernels.searching").SearchingKernel
+        self._take(importlib.import_module("warp._src.kernels.searching").SearchingKernel)
         self.handles = dict(kinds)
 
     def note_tiles(self) -> None:
         """Makes every launch choose the code for its blocks."""
-        self.__class__ = importlib.import_module("warp._src.kernels.tiled").TiledKernel
+        self._take(importlib.import_module("warp._src.kernels.tiled").TiledKernel)
+
+    def _take(self, part) -> None:
+        """Adds to launches what a subclass does, beside what others do that it took before."""
+        if not isinstance(self, part):
+            self.__class__ = _with_part(part, type(self))
+
+    def check(self, values, device) -> None:
+        """Looks at the values of a launch, if the kernel is of a subclass."""
+
+    def place(self, native, dim, index, block_dim, values):
+        """The native kernel for a launch, and its threads per block, if it is of a subclass."""
+        return native, block_dim
 
     def specialize(self, arguments):
         """The native kernel of a generic kernel for the types of these arguments.
@@ -405,6 +417,12 @@ def _check_registers(count) -> int:
     if not 1 <= count <= 255:
         raise ValueError(f"cuda_max_registers expects 1 to 255, but got {count}")
     return count
+
+
+@functools.cache
+def _with_part(part, kind):
+    """A class of kernels that adds to another one."""
+    return part if kind is Kernel else type(part.__name__, (part, kind), {})
 
 
 def argument_type(value):

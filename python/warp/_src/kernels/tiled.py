@@ -22,9 +22,6 @@ class TiledKernel(Kernel):
 
     has_regions = False
 
-    def check(self, values, device) -> None:
-        """Nothing about the values is special."""
-
     def for_blocks(self, arguments, threads):
         """The native kernel for blocks of that many threads.
 
