@@ -6,7 +6,7 @@ import ast
 import math
 
 from warp._src.frontend.context import INT32, TileView
-from warp._src.frontend.tiles.arguments import TileTopic
+from warp._src.frontend.tiles.arguments import TileTopic, is_slice
 from warp._src.types import dtypes
 
 
@@ -162,12 +162,12 @@ class TilePlaces(TileTopic):
         """A call of `tile_view` without its offset, and that as indices and slices, if one is."""
         written = [*node.args[1:2], *(k.value for k in node.keywords if k.arg == "offset")]
         items = [one for value in written for one in getattr(value, "elts", [value])]
-        if not any(map(_is_slice, items)):
+        if not any(map(is_slice, items)):
             return node, None
         rest = [k for k in node.keywords if k.arg != "offset"]
         rest += [ast.keyword("shape", one) for one in node.args[2:3]]
         call = ast.copy_location(ast.Call(node.func, node.args[:1], rest), node)
-        return call, [self.as_slice(one) if _is_slice(one) else one for one in items]
+        return call, [self.as_slice(one) if is_slice(one) else one for one in items]
 
     def as_slice(self, call):
         """`slice(a, b, c)` as what stands between brackets."""
@@ -220,10 +220,6 @@ class TilePlaces(TileTopic):
         if slot is None or slot.name is None:
             return self.read(tile, part, node)
         return TileView(slot.extended(("tile", part), selected))
-
-
-def _is_slice(node) -> bool:
-    return isinstance(node, ast.Call) and getattr(node.func, "id", None) == "slice"
 
 
 def _is_none(node) -> bool:
