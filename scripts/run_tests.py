@@ -4,8 +4,9 @@
 
 Suites: lit (test/**/*.mlir and test/lit/**/*.py), lit once more with every
 input passed through `--verify-roundtrip`, GoogleTest (warp-unit-tests), and
-pytest. The last line is `N passed, N failed, N skipped`; a suite that breaks
-before it counts anything adds one failure, and what did not run is skipped.
+pytest, files side by side in a process per core. The last line is `N passed,
+N failed, N skipped`; a suite that breaks before it counts anything adds one
+failure, and what did not run is skipped.
 """
 
 from __future__ import annotations
@@ -103,6 +104,7 @@ def run_unit() -> Count:
 def run_python() -> Count:
     output = RESULTS / "python.xml"
     command = [sys.executable, "-m", "pytest", "-q", "--no-header", f"--junitxml={output}"]
+    command += ["-n", str(os.cpu_count()), "--dist", "loadfile"]
     status = execute(command)
     count = Count()
     if output.is_file():
