@@ -194,7 +194,7 @@ LogicalResult BlockLoops::emitCollective(Operation *op) {
   if (auto from = dyn_cast<TileFromThreadsOp>(op)) {
     TileType type = tileType(from.getResult());
     Value value = from.getValue();
-    shared.map(from.getResult(), type == laneType(value.getType())
+    shared.map(from.getResult(), !present && type == laneType(value.getType())
                                      ? laneTile(value)
                                      : fill(type, threads, value));
     return success();
@@ -366,6 +366,11 @@ LogicalResult BlockLoops::run() {
   auto first = scf::IfOp::create(b, loc, builtin("eq", {place, constant(0)}),
                                  /*withElseRegion=*/false);
   b.setInsertionPoint(first.thenBlock()->getTerminator());
+  if (rank == 1) {
+    Value left = builtin(
+        "sub", {LaunchExtentOp::create(b, loc, index, 0), tid.getResult(0)});
+    present = builtin("min", {left, constant(threads)});
+  }
   // Without a terminator of its own, as emitBlock expects one.
   OpBuilder::atBlockEnd(old).clone(*body.getTerminator());
   LogicalResult result = emitBlock(*old);

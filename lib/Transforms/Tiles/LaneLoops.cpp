@@ -106,11 +106,12 @@ Value LaneLoops::write(Value value, Value tile, Value number) {
 //===----------------------------------------------------------------------===//
 
 Values LaneLoops::overLanes(int64_t count, ValueRange tiles, Body body) {
-  auto bound = [&](int64_t value) -> Value {
-    return CastOp::create(b, loc, b.getI32Type(), constant(value));
+  auto bound = [&](Value value) -> Value {
+    return CastOp::create(b, loc, b.getI32Type(), value);
   };
-  auto loop =
-      scf::ForOp::create(b, loc, bound(0), bound(count), bound(1), tiles);
+  Value end = present && count == threads ? present : constant(count);
+  auto loop = scf::ForOp::create(b, loc, bound(constant(0)), bound(end),
+                                 bound(constant(1)), tiles);
   OpBuilder::InsertionGuard guard(b);
   if (tiles.empty())
     b.setInsertionPoint(loop.getBody()->getTerminator());
@@ -158,8 +159,20 @@ Value LaneLoops::sharedValue(Value value) {
   return firstIndices.lookup(value);
 }
 
+Value LaneLoops::emptyTile(TileType type) {
+  auto record = dyn_cast<StructType>(type.getElementType());
+  if (!present || record)
+    return TileEmptyOp::create(b, loc, type);
+  Type element = type.getElementType();
+  Value zero = isComposite(element)
+                   ? Value(ConstructOp::create(b, loc, element, ValueRange()))
+                   : Value(ConstantOp::create(
+                         b, loc, cast<TypedAttr>(b.getZeroAttr(element))));
+  return TileSplatOp::create(b, loc, type, zero);
+}
+
 Value LaneLoops::fill(TileType type, int64_t count, Value value) {
-  Value empty = TileEmptyOp::create(b, loc, type);
+  Value empty = emptyTile(type);
   return overLanes(count, empty, [&](Lane &lane, ValueRange tiles) -> Values {
     Value mine = laneValue(value, lane);
     Value place = lane.number;

@@ -48,6 +48,7 @@ protected:
   Value read(Value tile, mlir::Type type, Value number);
   Value write(Value value, Value tile, Value number);
   /// `count` iterations, of thread number modulo the block, from these tiles.
+  /// As many as there are threads are those that the launch has.
   Values overLanes(int64_t count, ValueRange tiles, Body body);
   Value laneValue(Value value, Lane &lane);
   /// What all threads agree on.
@@ -57,6 +58,8 @@ protected:
   /// A tile of that shape; element e is what thread e mod B has.
   Value spread(Value value, llvm::ArrayRef<int64_t> shape);
   Value fill(TileType type, int64_t count, Value value);
+  /// What threads that the launch does not have leave: zero, of numbers.
+  Value emptyTile(TileType type);
 
   mlir::FunctionOpInterface kernel;
   int64_t threads;
@@ -70,6 +73,8 @@ protected:
   llvm::DenseMap<Value, Value> lanes;
   /// Of the last index of a launch: that of the block's first thread.
   llvm::DenseMap<Value, Value> firstIndices;
+  /// Threads that the last block of a launch has, if that may be fewer.
+  Value present;
 };
 
 } // namespace warp::tiles

@@ -77,7 +77,8 @@ class TiledKernel(Kernel):
         if threads == 1 and index < 0:
             return native, 0
         extents = tuple(dim) if isinstance(dim, (tuple, list)) else (dim,)
-        if math.prod(extents) % threads or (len(extents) > 1 and extents[-1] != threads):
+        is_full = math.prod(extents) % threads == 0 or (index < 0 and len(extents) == 1)
+        if not is_full or (len(extents) > 1 and extents[-1] != threads):
             raise errors.WarpLaunchValueError(
                 f"launch('{self.key}'): tiles belong to blocks of {threads} threads, which a "
                 f"launch of {extents} does not fill; use `wp.launch_tiled`, or make the last "

@@ -6,7 +6,7 @@ keeps the place in it, so that assigning to the view changes the variable.
 
 The topics: arguments (what all begin with), values (new tiles), memory (arrays), shapes, places
 (parts and views), gathers, changes, elements (functions of elements, reductions), randoms, stacks,
-algebra. Loaded when a kernel names one of these builtins.
+printing, algebra. Loaded when a kernel names one of these builtins.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from warp._src.frontend.tiles.elements import TileElements
 from warp._src.frontend.tiles.gathers import TileGathers
 from warp._src.frontend.tiles.memory import TileMemory
 from warp._src.frontend.tiles.places import TilePlaces
+from warp._src.frontend.tiles.printing import TilePrinting
 from warp._src.frontend.tiles.randoms import TileRandoms
 from warp._src.frontend.tiles.shapes import TileShapes
 from warp._src.frontend.tiles.stacks import TileStacks
@@ -33,6 +34,7 @@ _TOPICS = {
     "gathers": TileGathers,
     "memory": TileMemory,
     "places": TilePlaces,
+    "printing": TilePrinting,
     "randoms": TileRandoms,
     "shapes": TileShapes,
     "stacks": TileStacks,

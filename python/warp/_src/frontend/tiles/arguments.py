@@ -74,6 +74,7 @@ class TileTopic(Part):
             raise self.context.value_error(
                 node,
                 f"{name}() expects 1 to 4 positive extents, but got {tuple(found)}",
+                also=f"{name}() output must have between one and four dimensions, got {len(found)}",
             )
         return [int(extent) for extent in found]
 

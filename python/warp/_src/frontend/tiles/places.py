@@ -158,6 +158,17 @@ class TilePlaces(TileTopic):
             return TileView(slot.extended(("tile", part), selected))
         return self.read(self.context.materialize(base, node), part, node)
 
+    def check_offsets(self, native, offsets, node):
+        """Offsets count from the beginning, unlike indices."""
+        for axis, (offset, extent) in enumerate(zip(offsets, native.shape, strict=False)):
+            known = self.known(offset)
+            if isinstance(known, int) and not 0 <= known < extent:
+                raise self.context.value_error(
+                    node,
+                    f"tile_view() integer offset {known} is out of bounds for axis {axis} with "
+                    f"size {extent}",
+                )
+
     def sliced(self, node):
         """A call of `tile_view` without its offset, and that as indices and slices, if one is."""
         written = [*node.args[1:2], *(k.value for k in node.keywords if k.arg == "offset")]
@@ -194,7 +205,9 @@ class TilePlaces(TileTopic):
                 "tile_view() takes the extents from slices, so no shape",
                 also="tile_view() cannot take 'shape' together with a slice",
             )
-        offsets = offsets or self.parts(offset)
+        if offsets is None:
+            offsets = self.parts(offset)
+            self.check_offsets(native, offsets, node)
         if len(offsets) > len(native.shape):
             raise self.context.value_error(
                 node,
