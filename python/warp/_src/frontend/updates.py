@@ -27,6 +27,9 @@ _TILE_UPDATES = {
     "tile_lower_solve_inplace": (1,),
     "tile_upper_solve_inplace": (1,),
     "tile_matmul": (2,),
+    "tile_stack_push": (0,),
+    "tile_stack_pop": (0,),
+    "tile_stack_clear": (0,),
 }
 
 
