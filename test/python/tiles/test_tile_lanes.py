@@ -133,7 +133,9 @@ def test_gradients(device):
 
 
 @wp.kernel
-def double_and_sum(x: wp.array(dtype=float), out: wp.array(dtype=float), sums: wp.array(dtype=float)):
+def double_and_sum(
+    x: wp.array(dtype=float), out: wp.array(dtype=float), sums: wp.array(dtype=float)
+):
     i = wp.tid()
     out[i] = 2.0 * x[i]
     wp.tile_store(sums, wp.tile_sum(wp.tile(x[i])), offset=i // 32)
