@@ -16,9 +16,11 @@ namespace warp {
 
 /// A function of the device library. Types are letters: i (si32), l (ui64),
 /// f (f32) and d (f64). In C it takes its operands by value, then a pointer to
-/// a struct of its results. One without results changes memory.
+/// a struct of its results. One without results changes memory. One that
+/// searches goes through memory step by step.
 struct LibraryFunction {
   llvm::StringRef symbol, operands, results;
+  bool searches = false;
 };
 
 /// Null if the library has no such function.

@@ -23,6 +23,28 @@ def CheckTiles : WarpTilePass<"warp-check-tiles"> {
   }];
 }
 
+def FormLaneLoops : WarpTilePass<"warp-form-lane-loops"> {
+  let summary = "Let one thread of a CPU do what the threads of a block do";
+  let description = [{
+    For blocks of more than one thread on a CPU. Operations on tiles stay; what
+    threads do between them becomes loops over threads, and values that live
+    longer than such a loop tiles. The first thread of a block does it all, and
+    blocks have one thread from here on.
+
+    ```mlir
+    %x = warp.load %a[%tid] : ...
+    %t = warp.tile_from_threads %x : f32 -> !warp.tile<64 x f32>
+    // ==>
+    %t = scf.for %i = 0 to 64 iter_args(%u = %empty) {
+      %x = warp.load %a[%first + %i] : ...
+      %v = warp.tile_set assign %x, %u[%i] : ...
+      scf.yield %v
+    }
+    ```
+  }];
+  let dependentDialects = ["::warp::WarpDialect", "::mlir::scf::SCFDialect"];
+}
+
 def FuseTiles : WarpTilePass<"warp-fuse-tiles"> {
   let summary = "Make one function of elements of those that follow each other";
   let description = [{

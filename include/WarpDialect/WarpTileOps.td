@@ -562,6 +562,13 @@ def Warp_ThreadNumberOp : Warp_Op<"thread_number", [Pure, Warp_ThreadPhase]> {
   let assemblyFormat = "attr-dict `:` type($result)";
 }
 
+def Warp_LaunchExtentOp : Warp_Op<"launch_extent", [Pure, Warp_ThreadPhase]> {
+  let summary = "an extent of the launch";
+  let arguments = (ins I64Attr:$axis);
+  let results = (outs Warp_Integer:$result);
+  let assemblyFormat = "$axis attr-dict `:` type($result)";
+}
+
 def Warp_BlockMemoryOp : Warp_Op<"block_memory", [Pure, Warp_ThreadPhase]> {
   let summary = "address of a place in the memory of the block";
   let description = [{

@@ -45,6 +45,16 @@ def Warp_TileFullName : Warp_TileSpecial<"tile_full",
 def Warp_TileArangeName : Warp_TileSpecial<"tile_arange",
     ["(*args: Any, dtype: Any = None, storage: str = \"register\") -> Any"],
      "tile of start, start + step, ... before stop, from constants">;
+def Warp_TileRandiName : Warp_TileSpecial<"tile_randi",
+    ["(shape: Any, rng: uint32, storage: str = \"register\") -> Any",
+     "(shape: Any, rng: uint32, min: int, max: int, storage: str = "
+     "\"register\") -> Any"],
+     "tile of random integers, in [min, max) where bounds are given">;
+def Warp_TileRandfName : Warp_TileSpecial<"tile_randf",
+    ["(shape: Any, rng: uint32, storage: str = \"register\") -> Any",
+     "(shape: Any, rng: uint32, min: float, max: float, storage: str = "
+     "\"register\") -> Any"],
+     "tile of random floats in [0, 1), or in [min, max)">;
 def Warp_TileLoadName : Warp_TileSpecial<"tile_load",
     ["(a: array, shape: Any, offset: Any = None, storage: str = "
      "\"register\", bounds_check: Any = True, aligned: Any = False) -> "
@@ -74,6 +84,9 @@ def Warp_TileAtomicAddIndexedName : Warp_TileSpecial<"tile_atomic_add_indexed",
 def Warp_TileViewName : Warp_TileSpecial<"tile_view",
     ["(t: Any, offset: Any, shape: Any = None) -> Any"],
      "part of a tile; assigning to it changes the tile">;
+def Warp_TileSliceIndexedName : Warp_TileSpecial<"tile_slice_indexed",
+    ["(t: Any, indices: tuple) -> Any"],
+     "rows of a tile by a tile of indices, as `t[indices, :]`: a copy">;
 def Warp_TileAssignName : Warp_TileSpecial<"tile_assign",
     ["(dst: Any, src: Any, offset: Any = None) -> None"],
      "replaces a part of a tile">;
@@ -188,5 +201,23 @@ def Warp_TileFftName : Warp_TileSpecial<"tile_fft",
 def Warp_TileIfftName : Warp_TileSpecial<"tile_ifft",
     ["(inout: Any) -> None"],
      "inverse Fourier transform of each row, in place, not normalised">;
+
+def Warp_TileStackName : Warp_TileSpecial<"tile_stack",
+    ["(capacity: int, dtype: Any) -> Any"],
+     "empty stack of the block, for at most `capacity` elements">;
+def Warp_TileStackPushName : Warp_TileSpecial<"tile_stack_push",
+    ["(s: Any, value: Any, has_value: bool) -> int"],
+     "pushes what each thread has a value of, in the order of threads; the "
+     "slot, or -1 without a value or room">;
+def Warp_TileStackPopName : Warp_TileSpecial<"tile_stack_pop",
+    ["(s: Any) -> Any"],
+     "pops a value for each thread: the value and its slot, or zero and -1 "
+     "if there is none left">;
+def Warp_TileStackClearName : Warp_TileSpecial<"tile_stack_clear",
+    ["(s: Any) -> None"],
+     "empties a stack">;
+def Warp_TileStackCountName : Warp_TileSpecial<"tile_stack_count",
+    ["(s: Any) -> int"],
+     "number of elements on a stack">;
 
 #endif // WARP_TILE_SPECIALS_TD

@@ -26,7 +26,8 @@ struct TileOptions {
   /// Accesses may be outside of the array.
   bool checked = true;
   /// An exclusive scan, an upper triangle, an inverse transform, the first
-  /// operand of a product transposed, an operand that picks indices.
+  /// operand of a product transposed, an operand that picks indices, all that
+  /// a fold gets on the way.
   bool flag = false;
   /// Backwards, or with the transpose.
   bool transposed = false;

@@ -276,10 +276,12 @@ warp::TileBuilder::endFunction(const Values &elements,
     auto tile = cast<TileType>(fold.getTile().getType());
     IntegerAttr axis =
         options.axis ? b.getI64IntegerAttr(*options.axis) : IntegerAttr();
-    closed = TileFoldOp::create(
-        b, open->getLoc(),
-        getReducedType(tile, options.axis, tile.getElementType()),
-        fold.getTile(), axis, UnitAttr());
+    TileType type =
+        options.flag
+            ? tile
+            : getReducedType(tile, options.axis, tile.getElementType());
+    closed = TileFoldOp::create(b, open->getLoc(), type, fold.getTile(), axis,
+                                options.flag ? b.getUnitAttr() : UnitAttr());
   } else {
     SmallVector<mlir::Type> types;
     for (mlir::Value input : open->getOperands())

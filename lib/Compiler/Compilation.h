@@ -50,7 +50,7 @@ public:
   bool exclusive = false, atomics = false;
   int items = 1;
   bool fixedBlock = false, cooperative = false;
-  int sizeFacts = 0, dynamicBytes = 0, leastBlocks = 0;
+  int sizeFacts = 0, dynamicBytes = 0, leastBlocks = 0, mostRegisters = 0;
   int rows = 1, tile = 0, split = 1;
   CopiedArrays copied;
   std::vector<SummedArray> sums;

@@ -17,6 +17,7 @@
 
 #include "Context.h"
 #include "Pipelines.h"
+#include "Transforms/Emit/LowerLibraryCalls.h"
 #include "Transforms/KernelFunction.h"
 #include "Transforms/Schedule.h"
 #include "Transforms/Updates/CopiedArrays.h"
@@ -310,6 +311,8 @@ void Compilation::collectFacts(ModuleOp module) {
     cooperative = function->hasAttr(attr::blockThreads);
     if (auto blocks = function->getAttrOfType<IntegerAttr>(attr::leastBlocks))
       leastBlocks = int(blocks.getInt());
+    if (auto most = function->getAttrOfType<IntegerAttr>(attr::mostRegisters))
+      mostRegisters = int(most.getInt());
     dynamicBytes = isGpu(options) ? int(getDynamicBytes(function)) : 0;
     fixedBlock = cooperative ||
                  function
@@ -339,9 +342,14 @@ void Compilation::optimizeModule() {
     prepareGpuModule(*llvmModule, **machine, options);
   else
     prepareCpuModule(*llvmModule, **machine, options);
-  if (leastBlocks && options.minBlocks == 0 && options.maxRegisters == 0)
-    llvmModule->getFunction(entry)->addFnAttr("nvvm.minctasm",
-                                              std::to_string(leastBlocks));
+  // What the user asks for comes first, and a target takes one of both.
+  if (options.minBlocks == 0 && options.maxRegisters == 0) {
+    llvm::Function *kernel = llvmModule->getFunction(entry);
+    if (leastBlocks)
+      kernel->addFnAttr("nvvm.minctasm", std::to_string(leastBlocks));
+    else if (mostRegisters)
+      kernel->addFnAttr("nvvm.maxnreg", std::to_string(mostRegisters));
+  }
   time("libraries", start);
   dump("input.ll");
   start = now();

@@ -147,6 +147,7 @@ void warp::addPhase(OpPassManager &pm, Phase phase) {
     pm.addPass(createSpecialize());
     // Layout, memory, barriers, in this order; nothing for other kernels.
     pm.addPass(createCheckTiles());
+    pm.addPass(createFormLaneLoops());
     pm.addPass(createFuseTiles());
     pm.addPass(createPlaceTiles());
     pm.addPass(createPlanTileMemory());

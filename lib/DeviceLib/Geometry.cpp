@@ -8,11 +8,10 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "geometry/Closest.h"
 #include "geometry/Crossings.h"
 #include "geometry/Overlap.h"
 #include "geometry/Predicates.h"
-#include "geometry/Ray.h"
+#include "geometry/Search.h"
 #include "geometry/Shares.h"
 #include "geometry/Sign.h"
 #include "geometry/Volume.h"
@@ -57,9 +56,9 @@ constexpr struct {
 
 /// A volume without voxels whose values and transform are zero.
 alignas(32) constexpr u8 nothing[768] = {};
-constexpr VolumeSlot noVolume{0, nothing, nothing, nothing, 0, 0, 0, 0,
-                              0, 0, 0, 0, 0, 0, 0, 0, 0, 1, nothing, nullptr,
-                              {}, {}};
+constexpr VolumeSlot noVolume{0, nothing, nothing, nothing, 0,  0, 0, 0,
+                              0, 0,       0,       0,       0,  0, 0, 0,
+                              0, 1,       nothing, nullptr, {}, {}};
 
 /// The slot of a live handle of a kind that is for this device, or null.
 const void *slotOf(u64 id, u64 kind) {
@@ -196,7 +195,8 @@ struct NextOverlap {
 /// Calls `use` with a shape in the coordinates of a tree's nodes; -1 if nothing
 /// can touch it. Shapes: 0 a box by its corners, 1 a ball by center and radius,
 /// 2 a ray by start and direction, up to `limit`, 3 a ball that moves along a
-/// ray; these by the bounds of primitives, 4 a ball by the triangles themselves.
+/// ray; these by the bounds of primitives, 4 a ball by the triangles
+/// themselves.
 template <class Use>
 static i32 withShape(const Tree &tree, i32 shape, const f32 (&s)[7], f32 limit,
                      Use use) {
@@ -310,8 +310,8 @@ WARP_GEOMETRY warp_volume_cell(u64 id, i32 type, i32 i, i32 j, i32 k,
     u64 step = hasSteps ? volume.valueSize : 0;
     for (u32 corner = 0; corner < 8; ++corner)
       result->address[corner] =
-          first + step * ((corner >> 2) * 64 + (corner >> 1 & 1) * 8 +
-                          (corner & 1));
+          first +
+          step * ((corner >> 2) * 64 + (corner >> 1 & 1) * 8 + (corner & 1));
     return;
   }
   forCorners(volume, voxel, [&](u32 corner, VoxelPlace place, Voxel at) {
@@ -349,6 +349,5 @@ WARP_GEOMETRY warp_orient2d(f64 px, f64 py, f64 qx, f64 qy, f64 rx, f64 ry,
 WARP_GEOMETRY warp_orient3d(f64 ax, f64 ay, f64 az, f64 bx, f64 by, f64 bz,
                             f64 cx, f64 cy, f64 cz, f64 dx, f64 dy, f64 dz,
                             i32 *result) {
-  *result =
-      orient3d({ax, ay, az}, {bx, by, bz}, {cx, cy, cz}, {dx, dy, dz});
+  *result = orient3d({ax, ay, az}, {bx, by, bz}, {cx, cy, cz}, {dx, dy, dz});
 }

@@ -17,20 +17,20 @@ static constexpr warp::LibraryFunction functions[] = {
     // A handle and a kind: the address of its slot, or of one with nothing.
     {"warp_slot", "li", "l"},
     // A point and the largest distance: face, weights of two corners.
-    {"warp_mesh_closest", "lffff", "iff"},
-    {"warp_mesh_furthest", "lffff", "iff"},
+    {"warp_mesh_closest", "lffff", "iff", true},
+    {"warp_mesh_furthest", "lffff", "iff", true},
     // The same and where corners are one: also the side by normals.
-    {"warp_mesh_closest_signed", "lfffff", "ifff"},
+    {"warp_mesh_closest_signed", "lfffff", "ifff", true},
     // A point: -1 inside, 1 outside.
-    {"warp_mesh_side", "lfff", "f"},
+    {"warp_mesh_side", "lfff", "f", true},
     // Start, direction, largest parameter, root: face, weights, parameter.
-    {"warp_mesh_ray", "lfffffffi", "ifff"},
-    {"warp_mesh_ray_any", "lfffffffi", "i"},
+    {"warp_mesh_ray", "lfffffffi", "ifff", true},
+    {"warp_mesh_ray_any", "lfffffffi", "i", true},
     // Start, direction, root: how often the ray crosses the surface.
-    {"warp_mesh_ray_count", "lffffffi", "i"},
+    {"warp_mesh_ray_count", "lffffffi", "i", true},
     // A point; rays and how they spread, or accuracy and threshold: its side.
-    {"warp_mesh_side_parity", "lfffif", "f"},
-    {"warp_mesh_side_winding", "lfffff", "f"},
+    {"warp_mesh_side_parity", "lfffif", "f", true},
+    {"warp_mesh_side_winding", "lfffff", "f", true},
     // The number of a group: the node that holds it, or -1.
     {"warp_group_root", "li", "i"},
     // Shape, its seven numbers and its limit, cursor: primitive, cursor.

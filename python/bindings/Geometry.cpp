@@ -14,6 +14,8 @@
 
 #include <pybind11/stl.h>
 
+#include <new>
+
 namespace py = pybind11;
 using namespace warp;
 
@@ -25,6 +27,20 @@ static const ArrayDescriptor &descriptorOf(py::handle array) {
 
 static ArrayDescriptor optionalOf(py::handle array) {
   return array.is_none() ? ArrayDescriptor() : descriptorOf(array);
+}
+
+/// Calls what builds something of a number of elements, without Python's lock.
+template <class Build>
+static auto building(const char *what, int64_t count, const char *elements,
+                     Build build) {
+  py::gil_scoped_release unlocked;
+  try {
+    return build();
+  } catch (const std::bad_alloc &) {
+    throw Error(Error::Kind::Memory,
+                "out of memory on 'cpu' while a " + std::string(what) + " of " +
+                    std::to_string(count) + ' ' + elements + " was built");
+  }
 }
 
 static MeshArrays arraysOf(py::handle points, py::handle velocities,
@@ -62,9 +78,10 @@ static void bindBvh(py::module_ &m) {
         const ArrayDescriptor &low = descriptorOf(lowers);
         const ArrayDescriptor &high = descriptorOf(uppers);
         ArrayDescriptor numbers = optionalOf(groups);
-        py::gil_scoped_release unlocked;
-        return std::make_unique<Bvh>(low, high, device,
-                                     constructorOf(constructor), numbers);
+        return building("hierarchy", low.shape[0], "boxes", [&] {
+          return std::make_unique<Bvh>(low, high, device,
+                                       constructorOf(constructor), numbers);
+        });
       }))
       .def_property_readonly("id", &Bvh::id)
       .def("adopt", &Bvh::adopt)
@@ -74,16 +91,17 @@ static void bindBvh(py::module_ &m) {
            [](Bvh &self, py::handle lowers, py::handle uppers) {
              const ArrayDescriptor &low = descriptorOf(lowers);
              const ArrayDescriptor &high = descriptorOf(uppers);
-             py::gil_scoped_release unlocked;
-             self.refit(low, high);
+             building("hierarchy", low.shape[0], "boxes",
+                      [&] { self.refit(low, high); });
            })
       .def("rebuild", [](Bvh &self, py::handle lowers, py::handle uppers,
                          py::handle groups, int constructor) {
         const ArrayDescriptor &low = descriptorOf(lowers);
         const ArrayDescriptor &high = descriptorOf(uppers);
         ArrayDescriptor numbers = optionalOf(groups);
-        py::gil_scoped_release unlocked;
-        self.rebuild(low, high, constructorOf(constructor), numbers);
+        building("hierarchy", low.shape[0], "boxes", [&] {
+          self.rebuild(low, high, constructorOf(constructor), numbers);
+        });
       });
 }
 
@@ -93,9 +111,10 @@ static void bindMesh(py::module_ &m) {
                        py::handle indices, py::handle groups, int device,
                        int constructor, bool hasWinding) {
         MeshArrays arrays = arraysOf(points, velocities, indices, groups);
-        py::gil_scoped_release unlocked;
-        return std::make_unique<Mesh>(arrays, device,
-                                      constructorOf(constructor), hasWinding);
+        return building("mesh", arrays.indices.shape[0], "indices", [&] {
+          return std::make_unique<Mesh>(arrays, device,
+                                        constructorOf(constructor), hasWinding);
+        });
       }))
       .def_property_readonly("id", &Mesh::id)
       .def("adopt",
@@ -109,15 +128,16 @@ static void bindMesh(py::module_ &m) {
            [](Mesh &self, py::handle points, py::handle velocities,
               py::handle indices) {
              MeshArrays arrays = arraysOf(points, velocities, indices);
-             py::gil_scoped_release unlocked;
-             self.refit(arrays);
+             building("mesh", arrays.indices.shape[0], "indices",
+                      [&] { self.refit(arrays); });
            })
       .def("rebuild",
            [](Mesh &self, py::handle points, py::handle velocities,
               py::handle indices, py::handle groups, int constructor) {
              MeshArrays arrays = arraysOf(points, velocities, indices, groups);
-             py::gil_scoped_release unlocked;
-             self.rebuild(arrays, constructorOf(constructor));
+             building("mesh", arrays.indices.shape[0], "indices", [&] {
+               self.rebuild(arrays, constructorOf(constructor));
+             });
            });
 }
 
@@ -125,7 +145,8 @@ static void bindHashGrid(py::module_ &m) {
   py::class_<HashGrid>(m, "HashGrid", "Points by the cells of a grid.")
       .def(py::init([](int x, int y, int z) {
         const int32_t cells[3] = {x, y, z};
-        return std::make_unique<HashGrid>(cells);
+        return building("hash grid", int64_t(x) * y * z, "cells",
+                        [&] { return std::make_unique<HashGrid>(cells); });
       }))
       .def_property_readonly("id", &HashGrid::id)
       .def_property_readonly("skipped", &HashGrid::skipped)
@@ -134,8 +155,8 @@ static void bindHashGrid(py::module_ &m) {
                        double width, py::handle groups) {
         const ArrayDescriptor &array = descriptorOf(points);
         ArrayDescriptor numbers = optionalOf(groups);
-        py::gil_scoped_release unlocked;
-        self.build(array, scalarSize, width, numbers);
+        building("hash grid", array.shape[0], "points",
+                 [&] { self.build(array, scalarSize, width, numbers); });
       });
 }
 

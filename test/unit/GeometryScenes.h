@@ -7,8 +7,7 @@
 #ifndef WARP_TEST_UNIT_GEOMETRYSCENES_H
 #define WARP_TEST_UNIT_GEOMETRYSCENES_H
 
-#include "DeviceLib/geometry/Closest.h"
-#include "DeviceLib/geometry/Ray.h"
+#include "DeviceLib/geometry/Search.h"
 #include "warp/Mesh.h"
 
 #include <array>

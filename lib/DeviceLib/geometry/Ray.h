@@ -31,6 +31,11 @@ inline i32 exponentOf(f32 x) {
   return exponent < -126 ? -126 : exponent;
 }
 
+/// One of three numbers, which may be in registers.
+inline f32 pick(const f32 (&from)[3], int k) {
+  return k == 0 ? from[0] : k == 1 ? from[1] : from[2];
+}
+
 /// A ray in the coordinates of a tree. Its direction is scaled by a power of
 /// two so that the largest component is in [1, 2).
 struct Ray {
@@ -51,7 +56,7 @@ struct Ray {
       size[i] = __builtin_elementwise_abs(given[i]);
     kz = size[0] > size[1] ? (size[0] > size[2] ? 0 : 2)
                            : (size[1] > size[2] ? 1 : 2);
-    f32 largest = size[kz];
+    f32 largest = pick(size, kz);
     isValid = largest > 0 && largest < infinity && size[0] <= largest &&
               size[1] <= largest && size[2] <= largest;
     i32 exponent = isValid ? exponentOf(largest) : 0;
@@ -61,7 +66,8 @@ struct Ray {
     for (int i = 0; i < 3; ++i) {
       start[i] = from3[i];
       direction[i] = given[i] * down * further;
-      inverse[i] = 1 / direction[i];
+      // Of no use where the ray does not move; GPUs divide by zero slowly.
+      inverse[i] = 1 / (direction[i] == 0 ? 1 : direction[i]);
       if (!(__builtin_elementwise_abs(inverse[i]) < infinity))
         direction[i] = 0;
     }
@@ -70,14 +76,15 @@ struct Ray {
     kx = kz == 2 ? 0 : kz + 1;
     ky = kx == 2 ? 0 : kx + 1;
     // Keeps the winding.
-    if (direction[kz] < 0) {
+    f32 ahead = pick(direction, kz);
+    if (ahead < 0) {
       int swap = kx;
       kx = ky;
       ky = swap;
     }
-    shearX = direction[kx] / direction[kz];
-    shearY = direction[ky] / direction[kz];
-    shearZ = 1 / direction[kz];
+    shearX = pick(direction, kx) / ahead;
+    shearY = pick(direction, ky) / ahead;
+    shearZ = 1 / ahead;
   }
 
   f32 toUser(f32 t) const { return t * first * second; }
@@ -149,109 +156,6 @@ struct RayHit {
   i32 face;
   f32 u, v, t;
 };
-
-/// Finds the first triangle along a ray, or any. Equal parameters go to the
-/// lower face.
-class RaySearch {
-public:
-  RaySearch(const Tree &tree, const Ray &ray, f32 limit, bool any)
-      : tree(tree), ray(ray), any(any) {
-    hit.t = limit;
-  }
-
-  RayHit run(i32 root) {
-    push(root, 0);
-    while (count) {
-      --count;
-      if (!(entries[count] <= hit.t))
-        continue;
-      if (refs[count] < 0)
-        visit(~refs[count]);
-      else
-        enter(refs[count]);
-      if (any && hit.face >= 0)
-        break;
-    }
-    return hit;
-  }
-
-  /// Whether the triangle that was met faces away from the start.
-  bool leavesThroughFront() const { return away; }
-
-private:
-  void push(i32 ref, f32 entry) {
-    refs[count] = ref;
-    entries[count++] = entry;
-  }
-
-  /// Pushes the children that are met, the nearest last.
-  void enter(i32 index) {
-    const Node &node = tree.nodes[index];
-    Floats entry;
-    u32 met = meetBoxes(node, ray, hit.t, entry);
-    int bottom = count;
-    for (; met; met &= met - 1) {
-      int child = lowestBit(met);
-      i32 ref = node.blocks >> child & 1 ? ~node.blockAt(child)
-                                         : node.nodeAt(child);
-      f32 at = entry[child];
-      int place = count++;
-      for (; place > bottom && entries[place - 1] < at; --place) {
-        refs[place] = refs[place - 1];
-        entries[place] = entries[place - 1];
-      }
-      refs[place] = ref;
-      entries[place] = at;
-    }
-  }
-
-  void visit(i32 index) {
-    const TriangleBlock &block =
-        static_cast<const TriangleBlock *>(tree.blocks)[index];
-    Meeting meeting = meetTriangles(block, ray);
-    Ints closer =
-        meeting.isMet & ((meeting.t < hit.t) |
-                         ((meeting.t == hit.t) & (block.id < Ints(hit.face))));
-    if (!bitsOf(closer))
-      return;
-    hit.t = leastOf(choose(closer, meeting.t, Floats(infinity)));
-    Ints first = closer & (meeting.t == Floats(hit.t));
-    hit.face = leastOf(choose(first, block.id, Ints(largestInt)));
-    int lane = lowestBit(bitsOf(first & (block.id == Ints(hit.face))));
-    hit.u = meeting.u[lane];
-    hit.v = meeting.v[lane];
-    // Shearing keeps the winding: seen from the start, a face that shows its
-    // front has a positive sum of weights.
-    away = meeting.weights[lane] < 0;
-  }
-
-  const Tree &tree;
-  const Ray &ray;
-  bool any;
-  RayHit hit{-1, 0, 0, 0};
-  bool away = false;
-  int count = 0;
-  i32 refs[maxDepth * (width - 1) + 1];
-  f32 entries[maxDepth * (width - 1) + 1];
-};
-
-/// The first hit with 0 <= t < maxT, in units of the direction's length; face
-/// -1 if there is none.
-inline RayHit castRay(const Tree &tree, Point<f32> start, Point<f32> direction,
-                      f32 maxT, i32 root, bool any = false) {
-  RayHit none{-1, 0, 0, 0};
-  if (!tree.nodes)
-    return none;
-  Ray ray(tree, start, direction);
-  if (!ray.isValid || !(maxT > 0))
-    return none;
-  f32 limit = maxT / ray.first / ray.second;
-  RayHit hit = RaySearch(tree, ray, limit, any).run(root);
-  if (hit.face < 0)
-    return none;
-  hit.t = ray.toUser(hit.t);
-  return hit;
-}
 
 } // namespace warp::geometry
 

@@ -16,6 +16,7 @@
 #define WARP_DEVICELIB_GEOMETRY_SIGN_H
 
 #include "Overlap.h"
+#include "Search.h"
 
 namespace warp::geometry {
 

@@ -6,7 +6,7 @@
 // values: every struct is replaced by the list of its fields, structs within it
 // opened too, in one walk in program order. A struct in an array is read and
 // written field by field, through component views. Only arguments stay structs,
-// and are read by warp.struct_get.
+// and are read by warp.struct_get. A tile of structs becomes tiles of fields.
 //
 //===----------------------------------------------------------------------===//
 
@@ -27,10 +27,27 @@ namespace warp {
 using namespace mlir;
 using namespace warp;
 
-static bool isStruct(Value value) { return isa<StructType>(value.getType()); }
+static bool isTileOfStructs(Type type) {
+  auto tile = dyn_cast<TileType>(type);
+  return tile && isa<StructType>(tile.getElementType());
+}
+
+/// A struct, or a tile of structs.
+static bool isStruct(Value value) {
+  return isa<StructType>(value.getType()) || isTileOfStructs(value.getType());
+}
 
 /// Appends the types of a struct's fields, those of inner structs in place.
 static void flattenStruct(Type type, SmallVectorImpl<Type> &fields) {
+  if (isTileOfStructs(type)) {
+    auto tile = cast<TileType>(type);
+    SmallVector<Type> elements;
+    flattenStruct(tile.getElementType(), elements);
+    for (Type element : elements)
+      fields.push_back(
+          TileType::get(type.getContext(), tile.getShape(), element));
+    return;
+  }
   auto structure = dyn_cast<StructType>(type);
   if (!structure) {
     fields.push_back(type);
@@ -56,8 +73,7 @@ namespace {
 
 class Flattening {
 public:
-  explicit Flattening(func::FuncOp function)
-      : builder(function.getContext()) {
+  explicit Flattening(func::FuncOp function) : builder(function.getContext()) {
     builder.setInsertionPointToStart(&function.getBody().front());
     for (BlockArgument argument : function.getArguments())
       if (isStruct(argument)) {
@@ -90,8 +106,8 @@ private:
     auto type = cast<StructType>(value.getType());
     for (auto [name, field] :
          llvm::zip(type.getFieldNames(), type.getFieldTypes())) {
-      auto get = StructGetOp::create(builder, value.getLoc(), field, value,
-                                     name);
+      auto get =
+          StructGetOp::create(builder, value.getLoc(), field, value, name);
       made.insert(get);
       if (isa<StructType>(field))
         llvm::append_range(read, readFields(get));
@@ -115,8 +131,8 @@ private:
   /// Where a field lies in the list of its struct: first and count.
   static std::pair<size_t, size_t> findField(Type type, StringRef name) {
     auto structure = cast<StructType>(type);
-    auto before = structure.getFieldTypes().take_front(
-        structure.getFieldIndex(name));
+    auto before =
+        structure.getFieldTypes().take_front(structure.getFieldIndex(name));
     auto field = structure.getFieldTypes()[before.size()];
     return {flattenTypes(before).size(), flattenTypes(field).size()};
   }
@@ -138,16 +154,17 @@ private:
       return replace(op, lookup(create.getFields()));
     if (auto get = dyn_cast<StructGetOp>(op)) {
       SmallVector<Value> source = lookup(get.getSource());
-      auto [first, count] = findField(get.getSource().getType(),
-                                      get.getField());
+      auto [first, count] =
+          findField(get.getSource().getType(), get.getField());
       return replace(op, ArrayRef(source).slice(first, count));
     }
     if (auto set = dyn_cast<StructSetOp>(op)) {
       SmallVector<Value> target = lookup(set.getTarget());
       SmallVector<Value> value = lookup(set.getValue());
-      llvm::copy(value, target.begin() + findField(set.getTarget().getType(),
-                                                   set.getField())
-                                             .first);
+      llvm::copy(
+          value,
+          target.begin() +
+              findField(set.getTarget().getType(), set.getField()).first);
       return replace(op, target);
     }
     if (auto load = dyn_cast<LoadOp>(op))
@@ -156,8 +173,12 @@ private:
     if (auto store = dyn_cast<StoreOp>(op))
       if (isStruct(store.getValue()) && !holdsArray(store.getValue().getType()))
         return flattenStore(store);
-    if (isa<scf::SCFDialect>(op->getDialect()))
+    if (isa<scf::SCFDialect>(op->getDialect()) || isa<TileMapOp>(op))
       return flattenControlFlow(op);
+    if (isa<TileYieldOp>(op))
+      return op->setOperands(lookup(op->getOperands()));
+    if (isTileOp(op) && touchesStructs(op))
+      return flattenTile(op);
     if (isa<WhereOp, arith::SelectOp>(op) && isStruct(op->getResult(0)))
       return flattenChoice(op);
     keepWhole(op);
@@ -214,18 +235,49 @@ private:
     SmallVector<Value> loaded;
     for (Value view : viewFields(op.getLoc(), op.getArray())) {
       Type type = cast<ArrayType>(view.getType()).getElementType();
-      loaded.push_back(LoadOp::create(builder, op.getLoc(), type, view,
-                                      op.getIndices()));
+      loaded.push_back(
+          LoadOp::create(builder, op.getLoc(), type, view, op.getIndices()));
     }
     replace(op, loaded);
   }
 
   void flattenStore(StoreOp op) {
-    for (auto [field, view] :
-         llvm::zip_equal(lookup(op.getValue()),
-                         viewFields(op.getLoc(), op.getArray())))
+    for (auto [field, view] : llvm::zip_equal(
+             lookup(op.getValue()), viewFields(op.getLoc(), op.getArray())))
       StoreOp::create(builder, op.getLoc(), field, view, op.getIndices());
     dead.push_back(op);
+  }
+
+  static bool touchesStructs(Operation *op) {
+    return llvm::any_of(op->getOperands(), isStruct) ||
+           llvm::any_of(op->getResults(), isStruct);
+  }
+
+  /// An operation on tiles, for each field by itself.
+  void flattenTile(Operation *op) {
+    size_t count = 0;
+    SmallVector<SmallVector<Value>> operands;
+    for (Value operand : op->getOperands()) {
+      auto array = dyn_cast<ArrayType>(operand.getType());
+      bool isViewed = array && isa<StructType>(array.getElementType());
+      operands.push_back(isViewed ? viewFields(op->getLoc(), operand)
+                                  : lookup(operand));
+      count = std::max(count, operands.back().size());
+    }
+    SmallVector<Type> types;
+    if (op->getNumResults() != 0)
+      flattenStruct(op->getResult(0).getType(), types);
+    SmallVector<Value> results;
+    for (size_t i = 0; i < count; ++i) {
+      Operation *part = builder.clone(*op);
+      for (auto [number, fields] : llvm::enumerate(operands))
+        part->setOperand(number, fields[fields.size() == 1 ? 0 : i]);
+      if (!types.empty()) {
+        part->getResult(0).setType(types[i]);
+        results.push_back(part->getResult(0));
+      }
+    }
+    replace(op, results);
   }
 
   void flattenChoice(Operation *op) {
@@ -291,17 +343,19 @@ private:
 };
 
 struct FlattenStructs : warp::impl::FlattenStructsBase<FlattenStructs> {
-  /// Their functions of elements take and give structs.
+  /// What is not done field by field.
   static LogicalResult refuseTiles(func::FuncOp function) {
-    auto isTile = [](Type type) {
-      auto tile = dyn_cast<TileType>(type);
-      return tile && isa<StructType>(tile.getElementType());
-    };
     WalkResult walked = function.walk([&](Operation *op) -> WalkResult {
-      if (llvm::none_of(op->getResultTypes(), isTile))
+      auto isRefused = [&](Type type) {
+        return isTileOfStructs(type) &&
+               (isa<TileFoldOp>(op) ||
+                holdsArray(cast<TileType>(type).getElementType()));
+      };
+      if (llvm::none_of(op->getOperandTypes(), isRefused) &&
+          llvm::none_of(op->getResultTypes(), isRefused))
         return WalkResult::advance();
-      return op->emitError("tiles of structs have no derivative; use a tile "
-                           "for each field, or `enable_backward=False`");
+      return op->emitError("this has no derivative for tiles of structs; use a "
+                           "tile for each field, or `enable_backward=False`");
     });
     return failure(walked.wasInterrupted());
   }

@@ -29,8 +29,8 @@ Value CompositeLowering::getIndex(Value index) {
   if (isa<IndexType>(x.type))
     return convert(x, IntegerType::get(context, 64)).value;
   bool fits = x.getWidth() < 32 || (x.getWidth() == 32 && !x.isUnsigned());
-  return convert(x, IntegerType::get(context, fits ? 32 : 64,
-                                     IntegerType::Signed))
+  return convert(x,
+                 IntegerType::get(context, fits ? 32 : 64, IntegerType::Signed))
       .value;
 }
 
@@ -50,9 +50,9 @@ void CompositeLowering::lowerScratch(ScratchOp op) {
   auto type = cast<ScratchType>(op.getType());
   SmallVector<Value> parts;
   for (Type part : flattenToThreadTypes(type.getElementType()))
-    parts.push_back(ScratchOp::create(emitter.builder, op.getLoc(),
-                                      ScratchType::get(part.getContext(),
-                                                       type.getSlots(), part)));
+    parts.push_back(ScratchOp::create(
+        emitter.builder, op.getLoc(),
+        ScratchType::get(part.getContext(), type.getSlots(), part)));
   map(op, parts);
   dead.push_back(op);
 }
@@ -73,8 +73,7 @@ void CompositeLowering::lowerScratch(ScratchStoreOp op) {
   SmallVector<Value> values(lookup(op.getValue()));
   SmallVector<Value> parts(lookup(op.getScratch()));
   for (auto [value, scratch] : llvm::zip_equal(values, parts))
-    ScratchStoreOp::create(emitter.builder, op.getLoc(), value, scratch,
-                           index);
+    ScratchStoreOp::create(emitter.builder, op.getLoc(), value, scratch, index);
   dead.push_back(op);
 }
 
@@ -136,12 +135,11 @@ std::optional<LogicalResult> CompositeLowering::lowerArrayOp(Operation *op) {
         return keep(lookup(array->getOperands()));
       })
       .Case<DimOp, StrideOp, PointerOp, GradOp, TidOp, AssertOp, LibraryCallOp,
-            BarrierOp, ThreadNumberOp, BlockMemoryOp>(
+            BarrierOp, ThreadNumberOp, BlockMemoryOp, LaunchExtentOp>(
           [&](Operation *op) { return keep(lookup(op->getOperands())); })
       .Case([&](PrintfOp print) {
-        return keep(llvm::map_to_vector(print.getArgs(), [&](Value x) {
-          return promote(getScalar(x));
-        }));
+        return keep(llvm::map_to_vector(
+            print.getArgs(), [&](Value x) { return promote(getScalar(x)); }));
       })
       .Case<ScratchOp, ScratchLoadOp, ScratchStoreOp>([&](auto scratch) {
         lowerScratch(scratch);

@@ -12,6 +12,11 @@
 
 namespace warp {
 
+namespace attr {
+/// Registers that a thread of a GPU may use, on an entry.
+constexpr llvm::StringLiteral mostRegisters = "warp.most_registers";
+} // namespace attr
+
 /// Makes every `warp.library_call` of an entry a call of the function that
 /// bitcode defines.
 void lowerLibraryCalls(mlir::ModuleOp module, mlir::FunctionOpInterface entry);

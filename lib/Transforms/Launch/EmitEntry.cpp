@@ -55,8 +55,8 @@ void EntryBuilder::createEntry() {
   SmallVector<Type> types{pointer};
   if (!warp::isGpu(kernel))
     types.append({i64, i64});
-  auto type = LLVM::LLVMFunctionType::get(
-      LLVM::LLVMVoidType::get(context), types);
+  auto type =
+      LLVM::LLVMFunctionType::get(LLVM::LLVMVoidType::get(context), types);
   b.setInsertionPoint(kernel);
   // The name is free once the kernel is gone.
   entry = LLVM::LLVMFuncOp::create(b, loc, kernel.getName(), type);
@@ -95,11 +95,10 @@ void EntryBuilder::readArguments() {
     for (warp::Leaf leaf : leaves) {
       unsigned number = next++;
       bool packed = bool(kernel.getArgAttr(number, warp::attr::packed));
-      auto name =
-          kernel.getArgAttrOfType<StringAttr>(number, warp::attr::name);
-      auto argument = warp::ParameterOp::create(
-          b, loc, warp::getSignless(leaf.type), block, leaf.offset, packed,
-          name);
+      auto name = kernel.getArgAttrOfType<StringAttr>(number, warp::attr::name);
+      auto argument =
+          warp::ParameterOp::create(b, loc, warp::getSignless(leaf.type), block,
+                                    leaf.offset, packed, name);
       if (Attribute fact = kernel.getArgAttr(number, warp::attr::nonNegative))
         argument->setAttr(warp::attr::nonNegative, fact);
       kernel.getArgument(number).replaceAllUsesWith(argument);
@@ -140,16 +139,14 @@ EntryBuilder::Values EntryBuilder::combine(ValueRange sums, ValueRange terms) {
 /// Returns what it yields.
 EntryBuilder::Values EntryBuilder::cloneThread(ValueRange indices, Value live) {
   IRMapping map;
-  for (auto [argument, index] :
-       llvm::zip_equal(threads.getIndices(), indices))
+  for (auto [argument, index] : llvm::zip_equal(threads.getIndices(), indices))
     map.map(argument, narrow(index, argument.getType()));
   if (live)
     map.map(threads.getLive(), live);
   for (Operation &op : threads.getThread()->without_terminator())
     b.clone(op, map);
-  return llvm::map_to_vector(threads.getYield()->getOperands(), [&](Value v) {
-    return map.lookupOrDefault(v);
-  });
+  return llvm::map_to_vector(threads.getYield()->getOperands(),
+                             [&](Value v) { return map.lookupOrDefault(v); });
 }
 
 /// Like `cloneThread` for the last copy: moves the operations.
@@ -200,7 +197,7 @@ static void inlineOnce(warp::OnceOp once, function_ref<Value()> isFirst) {
 }
 
 /// On a CPU a block is one thread.
-static void lowerBlockOps(LLVM::LLVMFuncOp entry, bool gpu) {
+static void lowerBlockOps(LLVM::LLVMFuncOp entry, bool gpu, ValueRange dims) {
   // Threads that work on tiles are numbered along one axis.
   auto rows = entry->getAttrOfType<IntegerAttr>(warp::attr::blockThreads);
   bool isWarp = rows && rows.getInt() == warp::warpSize;
@@ -208,16 +205,19 @@ static void lowerBlockOps(LLVM::LLVMFuncOp entry, bool gpu) {
     OpBuilder b(op);
     if (isa<warp::BarrierOp>(op)) {
       if (gpu)
-        (isWarp ? warp::synchronizeWarp
-                : warp::synchronizeBlock)(b, op->getLoc());
+        (isWarp ? warp::synchronizeWarp : warp::synchronizeBlock)(b,
+                                                                  op->getLoc());
       op->erase();
     } else if (isa<warp::ThreadNumberOp>(op)) {
-      Value zero = arith::ConstantOp::create(b, op->getLoc(),
-                                             b.getI32IntegerAttr(0));
+      Value zero =
+          arith::ConstantOp::create(b, op->getLoc(), b.getI32IntegerAttr(0));
       op->getResult(0).replaceAllUsesWith(
           !gpu   ? zero
           : rows ? warp::readGrid(b, op->getLoc(), warp::GridValue::threadId)
                  : warp::threadInBlock(b, op->getLoc()));
+      op->erase();
+    } else if (auto extent = dyn_cast<warp::LaunchExtentOp>(op)) {
+      op->getResult(0).replaceAllUsesWith(dims[extent.getAxis()]);
       op->erase();
     }
   });
@@ -258,7 +258,7 @@ void EntryBuilder::build() {
     };
     inlineOnce(op, gpu ? function_ref<Value()>(isFirst) : nullptr);
   }
-  lowerBlockOps(entry, gpu);
+  lowerBlockOps(entry, gpu, dims);
   kernel->erase();
 }
 

@@ -2,14 +2,12 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// A condition differs between threads of a block if it comes from the number of
-// the thread, from what a thread loads there, or from an atomic. What is loaded
-// at the same index by all is the same. Of a block of one thread everything is.
+// A condition may not differ between the threads of a block (BlockVariance.h).
+// Of a block of one thread none does.
 //
 //===----------------------------------------------------------------------===//
 
-#include "KernelFunction.h"
-#include "TileBuffers.h"
+#include "BlockVariance.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
 
@@ -24,94 +22,8 @@ using namespace warp::tiles;
 
 namespace {
 
-/// Values that may differ between the threads of a block.
-class Varying {
-public:
-  explicit Varying(FunctionOpInterface kernel) {
-    rank = warp::getVariant(kernel).getRank();
-    // To a fixed point, as loops carry values backwards.
-    bool changed = true;
-    while (changed) {
-      changed = false;
-      kernel->walk([&](Operation *op) { changed |= visit(op); });
-    }
-  }
-  bool contains(Value value) const { return values.contains(value); }
-
-private:
-  bool mark(ValueRange results) {
-    bool changed = false;
-    for (Value result : results)
-      if (!isTile(result))
-        changed |= values.insert(result).second;
-    return changed;
-  }
-
-  bool anyOf(ValueRange operands) const {
-    return llvm::any_of(operands, [&](Value v) { return contains(v); });
-  }
-
-  /// Of the indices of a thread only the last one differs within a block, if
-  /// its extent is that of the block; that is what wp.launch_tiled makes.
-  bool visit(Operation *op) {
-    if (auto tid = dyn_cast<TidOp>(op))
-      return mark(tid.getResults().drop_front(
-          std::min<size_t>(rank - 1, tid.getNumResults())));
-    if (isa<TileToThreadsOp, AtomicOp, AtomicCasOp>(op))
-      return mark(op->getResults());
-    if (isa<TileMapOp, TileFoldOp>(op))
-      return false;
-    if (op->getNumRegions() == 0)
-      return !op->hasTrait<OpTrait::IsTerminator>() &&
-             anyOf(op->getOperands()) && mark(op->getResults());
-    bool changed = false;
-    if (auto branch = dyn_cast<scf::IfOp>(op)) {
-      bool differs = contains(branch.getCondition());
-      for (auto [i, result] : llvm::enumerate(branch.getResults()))
-        if (differs || contains(branch.thenYield().getOperand(i)) ||
-            contains(branch.elseYield().getOperand(i)))
-          changed |= mark(result);
-    } else if (auto loop = dyn_cast<scf::ForOp>(op)) {
-      bool differs = anyOf({loop.getLowerBound(), loop.getUpperBound(),
-                            loop.getStep()});
-      if (differs)
-        changed |= mark(loop.getInductionVar());
-      for (auto [init, argument, next, result] :
-           llvm::zip(loop.getInitArgs(), loop.getRegionIterArgs(),
-                     loop.getYieldedValues(), loop.getResults()))
-        if (differs || contains(init) || contains(next)) {
-          changed |= mark(argument);
-          changed |= mark(result);
-        }
-    } else if (auto loop = dyn_cast<scf::WhileOp>(op)) {
-      auto condition = loop.getConditionOp();
-      for (auto [init, argument, next] :
-           llvm::zip(loop.getInits(), loop.getBeforeArguments(),
-                     loop.getYieldOp().getOperands()))
-        if (contains(init) || contains(next))
-          changed |= mark(argument);
-      for (auto [value, argument, result] :
-           llvm::zip(condition.getArgs(), loop.getAfterArguments(),
-                     loop.getResults()))
-        if (contains(condition.getCondition()) || contains(value)) {
-          changed |= mark(argument);
-          changed |= mark(result);
-        }
-    }
-    return changed;
-  }
-
-  size_t rank;
-  llvm::DenseSet<Value> values;
-};
-
-/// Elements may be read by any thread.
-bool isCollective(Operation *op) {
-  return computesTiles(op) && !isa<TileGetOp>(op);
-}
-
 /// The condition of a branch, or bound of a loop, that differs between threads.
-Value findVaryingCondition(Operation *around, const Varying &varying) {
+Value findVaryingCondition(Operation *around, const BlockVariance &varying) {
   SmallVector<Value> conditions;
   if (auto branch = dyn_cast<scf::IfOp>(around))
     conditions = {branch.getCondition()};
@@ -128,7 +40,7 @@ Value findVaryingCondition(Operation *around, const Varying &varying) {
 LogicalResult check(FunctionOpInterface kernel, int64_t threads) {
   if (threads == 1)
     return success();
-  Varying varying(kernel);
+  BlockVariance varying(kernel);
   auto result = kernel->walk([&](Operation *op) {
     if (!isCollective(op))
       return WalkResult::advance();

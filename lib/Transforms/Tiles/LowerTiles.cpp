@@ -127,10 +127,11 @@ void TileLowering::lower(Operation *op) {
 // Control flow
 //===----------------------------------------------------------------------===//
 
+/// Tiles, also those that are gone.
 static llvm::BitVector tilesAmong(ValueRange values) {
   llvm::BitVector found(values.size());
   for (auto [i, value] : llvm::enumerate(values))
-    if (isTile(value))
+    if (!value || isTile(value))
       found.set(i);
   return found;
 }

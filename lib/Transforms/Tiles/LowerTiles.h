@@ -110,6 +110,7 @@ private:
   void keep(mlir::Operation *op);
   void lowerMap(TileMapOp op);
   void lowerStore(TileStoreOp op);
+  Value update(TileUpdate kind, Value value, Value array, ValueRange at);
   void lowerAtomic(TileAtomicOp op);
   void lowerFromThreads(TileFromThreadsOp op);
   void lowerToThreads(TileToThreadsOp op);

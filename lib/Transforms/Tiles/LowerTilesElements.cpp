@@ -253,6 +253,32 @@ AtomicKind toAtomic(TileUpdate kind) {
   llvm_unreachable("no such update");
 }
 
+/// Of structs field by field; bits and numbers of less than 32 bits that no
+/// atomic operation sums stay.
+Value TileLowering::update(TileUpdate kind, Value value, Value array,
+                           ValueRange at) {
+  auto record = dyn_cast<StructType>(value.getType());
+  if (!record)
+    return AtomicOp::create(b, loc, value.getType(), toAtomic(kind), value,
+                            array, at);
+  Values old;
+  for (auto [name, type] :
+       llvm::zip_equal(record.getFieldNames(), record.getFieldTypes())) {
+    Value field = StructGetOp::create(b, loc, type, value, name);
+    if (type.isInteger() && type.getIntOrFloatBitWidth() < 32) {
+      old.push_back(field);
+      continue;
+    }
+    auto viewed = ArrayType::get(b.getContext(),
+                                 cast<ArrayType>(array.getType()).getRank(),
+                                 type);
+    Value view =
+        ComponentViewOp::create(b, loc, viewed, array, ValueRange(), name);
+    old.push_back(update(kind, field, view, at));
+  }
+  return StructCreateOp::create(b, loc, record, old);
+}
+
 void TileLowering::lowerAtomic(TileAtomicOp op) {
   TileType type = tileType(op.getTile());
   bool keepsOld = !op.getOld().use_empty();
@@ -260,15 +286,14 @@ void TileLowering::lowerAtomic(TileAtomicOp op) {
     Value inside;
     Values at = arrayIndices(op, type, indices, inside);
     Value value = element(op.getTile(), indices);
-    auto update = [&]() -> Value {
-      return AtomicOp::create(b, loc, type.getElementType(),
-                              toAtomic(op.getKind()), value, op.getArray(), at);
+    auto make = [&] {
+      return update(op.getKind(), value, op.getArray(), at);
     };
     if (keepsOld)
       store(op.getOld(), indices,
-            ifHolds(inside, type.getElementType(), update));
+            ifHolds(inside, type.getElementType(), make));
     else
-      ifHolds(inside, [&] { update(); });
+      ifHolds(inside, [&] { make(); });
   });
 }
 

@@ -109,10 +109,9 @@ void TileLowering::lowerSet(TileSetOp op) {
     Value result = op.getResult();
     if (op.getKind() == TileUpdate::assign)
       return store(result, indices, op.getValue());
-    if (threads > 1) {
-      AtomicOp::create(b, loc, type.getElementType(), toAtomic(op.getKind()),
-                       op.getValue(), memoryOf(result),
-                       linear(type.getShape(), indices));
+    if (threads > 1 || isa<StructType>(type.getElementType())) {
+      update(op.getKind(), op.getValue(), memoryOf(result),
+             linear(type.getShape(), indices));
       return;
     }
     static constexpr StringLiteral names[] = {

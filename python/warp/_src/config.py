@@ -183,6 +183,12 @@ SETTINGS = {
             "sums that launches add to arrays have the same bits in every run: on a GPU they are "
             "exact, on the CPU they keep one order; see `DeterministicMode`",
         ),
+        Setting(
+            "enable_cpu_blocks",
+            bool,
+            False,
+            "blocks of kernels with tiles have as many threads on a CPU as launches ask for",
+        ),
         Setting("launch_array_access_mode", (int, str), "RELAXED", "reserved: overlap checks"),
         Setting("log_level", int, 30, "above LOG_WARNING the runtime gives no notices"),
         _inert("enable_vector_component_overwrites", bool, False),
@@ -197,7 +203,6 @@ SETTINGS = {
         _inert("cuda_arch_suffix", _MAYBE_STR, None),
         _inert("line_directives", bool, True),
         _inert("compile_time_trace", bool, False),
-        _inert("enable_cpu_blocks", bool, False),
         _inert("default_grid_stride", bool, True),
         _inert("enable_mathdx_gemm", bool, True),
         _inert("enable_mathdx_solver", bool, True),

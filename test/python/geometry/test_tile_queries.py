@@ -149,6 +149,12 @@ def test_freed_and_foreign_ids_are_refused(device):
         ask(touch_box, 64, device, seen, freed, wp.vec3(), wp.vec3())
 
 
+def test_code_is_for_blocks_and_checks_handles():
+    """A kernel of both kinds: what tiles and what handles add to launches come together."""
+    assert "warp.block_threads = 256" in touch_box.ir("gpu", arch=90)
+    assert touch_box.handles
+
+
 def test_balls_of_a_mesh_by_bounds_or_by_faces(device):
     """A `Bvh` query over a mesh asks for bounds, a `Mesh` query for the faces."""
 

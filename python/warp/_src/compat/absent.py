@@ -8,9 +8,7 @@ from __future__ import annotations
 
 from warp._src import errors
 
-_CLASSES = frozenset(
-    (*("BvhQueryTiled", "GLTextureResource", "MeshQueryAABBTiled", "RegisteredGLBuffer"),)
-)
+_CLASSES = frozenset((*("GLTextureResource", "RegisteredGLBuffer"),))
 _FUNCTIONS = frozenset(("capture_load", "capture_save"))
 
 

@@ -8,7 +8,7 @@ there: that of the enclosing loop's last iteration, or zero.
 from __future__ import annotations
 
 from warp._src import errors
-from warp._src.frontend.context import LocalArray, Part, Value
+from warp._src.frontend.context import LocalArray, Part, TileStack, Value
 from warp._src.frontend.control import RESULT, Flag, If, Loop, Return, Simple
 
 _MISSING = object()
@@ -114,7 +114,7 @@ class Branches(Part):
     @staticmethod
     def same_constant(left, right):
         kind = type(left)
-        if kind is not type(right) or kind in (Value, tuple, LocalArray):
+        if kind is not type(right) or kind in (Value, tuple, LocalArray, TileStack):
             return False
         try:
             return bool(left == right)

@@ -106,6 +106,29 @@ class LocalArray:
         return f"fixedarray(shape={self.shape}, dtype={self.element.python_name})"
 
 
+class TileStack:
+    """A stack that a block has together: a tile of elements, and how many there are, in one too.
+
+    type: capacity and element type. As a shape for `unflatten` the tiles are left out.
+    """
+
+    __slots__ = ("parts", "type")
+
+    def __init__(self, stack_type, parts=()):
+        self.type = stack_type
+        self.parts = parts
+
+    def __eq__(self, other):
+        return type(other) is TileStack and self.type == other.type
+
+    def __hash__(self):
+        return hash((TileStack, self.type))
+
+    @property
+    def python_name(self):
+        return repr(self.type)
+
+
 class TileView:
     """A part of a tile that a variable holds: the place, as what can be assigned to."""
 
@@ -245,6 +268,10 @@ class Context:
                 "an array of a thread cannot be used here",
                 "index it, or pass it to functions",
             )
+        if kind is TileStack:
+            raise self.type_error(
+                node, "a stack cannot be used here", "pass it to `wp.tile_stack_pop` or its like"
+            )
         if isinstance(binding, dtypes.Composite):
             if not binding._length_:
                 raise self.type_error(node, "expects a value, but got a slice without components")
@@ -289,7 +316,7 @@ class Context:
             return binding.type
         if kind is NativeType:
             return binding
-        if kind is LocalArray:
+        if kind in (LocalArray, TileStack):
             return None
         if kind is TileView:
             return binding.type
@@ -317,6 +344,9 @@ class Context:
         if type(binding) is LocalArray:
             into += binding.parts
             return LocalArray(binding.shape, binding.element, len(binding.parts), binding.is_copy)
+        if type(binding) is TileStack:
+            into += binding.parts
+            return TileStack(binding.type)
         into.append(self.materialize(binding, node))
         return None
 
@@ -327,6 +357,8 @@ class Context:
         if type(shape) is LocalArray:
             parts = [next(values) for _ in range(shape.parts)]
             return LocalArray(shape.shape, shape.element, parts, shape.is_copy)
+        if type(shape) is TileStack:
+            return TileStack(shape.type, [next(values), next(values)])
         if type(shape) is Parts:
             parts = [self.unflatten(part, values) for part in shape.parts]
             return self.builder.struct_create(shape.native, parts)
@@ -336,7 +368,7 @@ class Context:
         """Python's name for the type of a binding, for messages."""
         if type(binding) is Value:
             return binding.type.python_name
-        if type(binding) in (NativeType, LocalArray):
+        if type(binding) in (NativeType, LocalArray, TileStack):
             return binding.python_name
         if type(binding) is TileView:
             return binding.type.python_name
@@ -367,13 +399,16 @@ class Context:
     def can_be_bound(binding):
         if isinstance(binding, (Value, bool, int, float, str, tuple, enum.Enum)):
             return True
-        kinds = (dtypes.scalar_base, dtypes.Composite, names.BuiltinRef, LocalArray, TileView)
+        kinds = (
+            *(dtypes.scalar_base, dtypes.Composite, names.BuiltinRef),
+            *(LocalArray, TileView, TileStack),
+        )
         return isinstance(binding, kinds) or callable(binding) or dtypes.is_struct(type(binding))
 
     def check_same_type(self, name, old, binding, node):
         """A variable keeps its type."""
         before, after = self.static_type(old), self.static_type(binding)
-        if LocalArray in (type(old), type(binding)):
+        if {LocalArray, TileStack} & {type(old), type(binding)}:
             before, after = old, binding
             if type(before) is not type(after) or before != after:
                 raise self.type_error(

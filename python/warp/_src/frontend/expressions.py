@@ -171,6 +171,9 @@ class Expressions(Part):
                 node,
                 f"operator '{name}' is not defined for {shown}",
                 f"define `@wp.func def {name}(...)`",
+                also=f"bitwise inplace operators do not support Warp struct tiles: {name}"
+                if name.startswith("bit_")
+                else None,
             )
         return self.context.user_calls.call_function(function, list(operands), {}, node)
 

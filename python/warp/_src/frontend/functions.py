@@ -12,7 +12,7 @@ import typing
 
 from warp._src import errors
 from warp._src.frontend import names
-from warp._src.frontend.context import LocalArray, Value
+from warp._src.frontend.context import LocalArray, TileStack, Value
 from warp._src.frontend.indexed import array_of
 from warp._src.frontend.source import source_of
 from warp._src.kernels.function import Function
@@ -46,6 +46,8 @@ class Parameter:
     def accepts(self, context, binding) -> bool:
         if type(binding) is LocalArray:
             return fits_local(self.annotation, binding)
+        if type(binding) is TileStack:
+            return self.annotation in (typing.Any, binding.type)
         if self.native is not None:
             if type(binding) is Value:
                 return binding.type == self.native

@@ -265,7 +265,7 @@ class LocalArrays(Part):
             self.context.targets.write_back(given, array, call)
             return
         known = self.context.env.get(getattr(given, "id", None))
-        if type(known) is not LocalArray:
+        if type(known) is not type(array):
             raise self.context.error(
                 given,
                 f"the function assigns to '{name}', and a part of a thread's array is a copy",

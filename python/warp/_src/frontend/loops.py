@@ -13,7 +13,7 @@ from __future__ import annotations
 import ast
 
 from warp._src import errors
-from warp._src.frontend.context import INT32, LocalArray, Part, Value
+from warp._src.frontend.context import INT32, LocalArray, Part, TileStack, Value
 from warp._src.frontend.control import If, Loop
 
 _MISSING = object()
@@ -107,7 +107,7 @@ class Loops(Part):
 
     @staticmethod
     def may_change_part(binding):
-        return type(binding) is LocalArray or (
+        return type(binding) in (LocalArray, TileStack) or (
             type(binding) is Value and binding.type.kind != "array"
         )
 

@@ -56,6 +56,9 @@ class Output(Part):
     def print_value(self, value, node):
         """A number, composite or struct; of an array its extents."""
         native = value.type
+        if native.kind == "tile":
+            self.context.tiles.printing.printed(value, node)
+            return
         array = array_of(native)
         if array is not None:
             extents = self.context.indexed.extents(value, node)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from warp._src import errors
 from warp._src.derivatives.functions import is_differentiable
 from warp._src.frontend import functions
-from warp._src.frontend.context import LocalArray, Part, Parts, Value
+from warp._src.frontend.context import LocalArray, Part, Parts, TileStack, Value
 from warp._src.frontend.control import plan_of
 from warp._src.frontend.functions import NOTHING, Specialization
 from warp._src.frontend.updates import updated_arguments
@@ -111,6 +111,8 @@ class UserCalls(Part):
             return tuple(map(self.signature_of, binding))
         if type(binding) is LocalArray:
             return LocalArray(binding.shape, binding.element)
+        if type(binding) is TileStack:
+            return TileStack(binding.type)
         if functions.is_static(binding):
             return getattr(binding, "name", None) or binding
         return self.context.static_type(binding)
@@ -192,8 +194,9 @@ class UserCalls(Part):
 
     @staticmethod
     def is_tile(binding):
-        """Whether it is a tile, or a part of one; functions get these by reference."""
-        return getattr(getattr(binding, "type", None), "kind", None) == "tile"
+        """Whether it is a tile, a part of one, or a stack; functions get these by reference."""
+        kind = getattr(getattr(binding, "type", None), "kind", None)
+        return kind in ("tile", "tile stack")
 
     def start_adjoints(self, hidden):
         """Gives the hidden names of a pullback their first values."""
@@ -234,6 +237,9 @@ class UserCalls(Part):
         if type(binding) is LocalArray:
             into += [part.type for part in binding.parts]
             return LocalArray(binding.shape, binding.element, len(binding.parts), binding.is_copy)
+        if type(binding) is TileStack:
+            into += [part.type for part in binding.parts]
+            return TileStack(binding.type)
         native = self.context.static_type(binding)
         if native is None:
             native = self.context.materialize(binding, self.context.node).type
@@ -247,7 +253,7 @@ class UserCalls(Part):
         """Like `flatten`, with structs as their fields."""
         if type(binding) is tuple:
             return tuple([self.take_apart(part, node, into) for part in binding])
-        if type(binding) is LocalArray:
+        if type(binding) in (LocalArray, TileStack):
             return self.context.flatten(binding, node, into)
         value = self.context.materialize(binding, node)
         if value.type.kind != "struct":

@@ -87,10 +87,11 @@ class HashGrid:
             RuntimeError: the points are on another device.
         """
         wanted = _POINTS[self.dtype]
-        if not dtypes.types_equal(points.dtype, wanted):
+        if not dtypes.is_array(points) or not dtypes.types_equal(points.dtype, wanted):
+            given = points.dtype if dtypes.is_array(points) else type(points)
             raise TypeError(
                 f"a HashGrid of {self.dtype.__name__} has points of {wanted.__name__}, "
-                f"but got {points.dtype.__name__}"
+                f"but got {given.__name__}"
             )
         if not (radius > 0 and radius < float("inf")):
             raise ValueError(f"a HashGrid has cells of a positive radius, but got {radius}")

@@ -23,6 +23,7 @@ class SearchingKernel(Kernel):
         Raises:
             WarpLaunchValueError: one is not that of a live object of its kind on the device.
         """
+        super().check(values, device)
         names = self.func.__code__.co_varnames
         for name, kind in self.handles.items():
             position = names.index(name)
@@ -35,7 +36,3 @@ class SearchingKernel(Kernel):
                     f"launch('{self.key}'): argument '{name}' expects the id of a live "
                     f"{_NAMES[kind]} on '{by_index(device).alias}', but got {problem}"
                 )
-
-    def place(self, native, dim, index, block_dim, values):
-        """What the launch would do anyway."""
-        return native, block_dim

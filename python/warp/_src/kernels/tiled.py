@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 
+from warp import config
 from warp._src import errors
 from warp._src.devices.devices import resolve_index
 from warp._src.kernels.epoch import Epoch
@@ -15,15 +16,36 @@ from warp._src.kernels.kernel import Kernel, argument_type
 
 # Threads of a block where none are named.
 DEFAULT_THREADS = 256
+# More, no block has.
+MOST_THREADS = 1024
+
+
+def block_threads(kernel, index, block_dim) -> int:
+    """Threads of the blocks of a launch.
+
+    Args:
+        kernel: what `@wp.kernel` made.
+        index: of the device; negative is the CPU.
+        block_dim: what the launch asks for, None or 0 for no wish.
+
+    Raises:
+        WarpLaunchValueError: there are more than blocks have.
+    """
+    threads = block_dim if block_dim and block_dim > 0 else kernel.option("block_dim") or 0
+    if index < 0 and not config.enable_cpu_blocks:
+        return 1
+    if threads > MOST_THREADS:
+        raise errors.WarpLaunchValueError(
+            f"launch('{kernel.key}'): block_dim={threads}, but a block has at most {MOST_THREADS} "
+            "threads"
+        )
+    return threads or (1 if index < 0 else DEFAULT_THREADS)
 
 
 class TiledKernel(Kernel):
     """What a kernel becomes when its translation meets a tile."""
 
     has_regions = False
-
-    def check(self, values, device) -> None:
-        """Nothing about the values is special."""
 
     def for_blocks(self, arguments, threads):
         """The native kernel for blocks of that many threads.
@@ -38,28 +60,30 @@ class TiledKernel(Kernel):
             found = known[arguments, threads] = (Epoch.current, made)
         return found[1]
 
-    def place(self, native, dim, index, block_dim, values):
+    def place(self, native, dim, index, block_dim, values, recorded=False):
         """The native kernel for a launch, and its threads per block.
 
         Args:
             native: the one for blocks of one thread.
             values: what the launch is given.
+            recorded: arguments may be changed before it is run.
 
         Raises:
-            WarpLaunchValueError: on a GPU, a block would not be complete.
+            WarpLaunchValueError: a block of several threads would not be complete.
         """
-        if index < 0:
+        threads = block_threads(self, index, block_dim)
+        if threads == 1 and index < 0:
             return native, 0
-        threads = block_dim or self.option("block_dim") or DEFAULT_THREADS
         extents = tuple(dim) if isinstance(dim, (tuple, list)) else (dim,)
-        if math.prod(extents) % threads or (len(extents) > 1 and extents[-1] != threads):
+        is_full = math.prod(extents) % threads == 0 or (index < 0 and len(extents) == 1)
+        if not is_full or (len(extents) > 1 and extents[-1] != threads):
             raise errors.WarpLaunchValueError(
                 f"launch('{self.key}'): tiles belong to blocks of {threads} threads, which a "
                 f"launch of {extents} does not fill; use `wp.launch_tiled`, or make the last "
                 f"extent {threads}"
             )
         types = tuple(map(argument_type, values)) if self.is_generic else None
-        return self.for_blocks(types, threads), threads
+        return self.for_blocks(types, threads), threads if index >= 0 else 0
 
     def code_for(self, native, arch):
         """For GPUs, blocks of the option `block_dim`, or of 256 threads."""
@@ -71,7 +95,8 @@ class TiledKernel(Kernel):
 def launch_tiled(kernel, dim, *args, block_dim=0, device=None, stream=None, **options):
     """Launches a block of threads per index of a grid.
 
-    The same as `wp.launch` with the threads of a block as a last extent of the grid: 1 on a CPU.
+    The same as `wp.launch` with the threads of a block as a last extent of the grid: 1 on a CPU,
+    unless `config.enable_cpu_blocks` is set.
 
     Args:
         kernel: what `@wp.kernel` made.
@@ -94,7 +119,7 @@ def launch_tiled(kernel, dim, *args, block_dim=0, device=None, stream=None, **op
         raise errors.WarpLaunchValueError(
             f"launch_tiled('{kernel.key}'): expects at most 3 extents, but got {len(extents)}"
         )
-    threads = 1 if index < 0 else block_dim or kernel.option("block_dim") or DEFAULT_THREADS
+    threads = block_threads(kernel, index, block_dim)
     return launch(
         kernel, [*extents, threads], *args, device=device, stream=stream, block_dim=threads,
         **options,

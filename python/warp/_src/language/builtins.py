@@ -43,6 +43,10 @@ class Builtin:
         self._evaluators = {}
 
     def __call__(self, *args, **named):
+        if self.key == "tile_stack":
+            from warp._src.types.tiles import TileStackType
+
+            return TileStackType(*args, **named)
         if self.key in _KERNEL_ONLY or self.group == "Atomics":
             raise errors.WarpError(f"'{self.key}' can be called in kernels only")
         if named:
@@ -65,12 +69,18 @@ class Builtin:
         return evaluator(values, args)
 
     def __getitem__(self, parameters):
-        """`wp.tile[dtype, ...]`, the annotation of a parameter."""
-        if self.key != "tile":
+        """`wp.tile[dtype, ...]` and `wp.tile_stack[dtype, capacity]`, annotations of parameters."""
+        if self.key not in ("tile", "tile_stack"):
             raise TypeError(f"'{self.key}' is a function, which has no items")
-        from warp._src.types.tiles import TileType
+        from warp._src.types.tiles import TileStackType, TileType
 
         parts = parameters if isinstance(parameters, tuple) else (parameters,)
+        if self.key == "tile_stack":
+            if len(parts) != 2:
+                raise TypeError(
+                    f"wp.tile_stack[dtype, capacity] expects 2 parameters, but got {len(parts)}"
+                )
+            return TileStackType(dtype=parts[0], capacity=parts[1])
         if not parts:
             raise TypeError("wp.tile[...] requires at least a dtype")
         return TileType(parts[0], parts[1:])

@@ -20,14 +20,24 @@ from warp._src.types.scalars import ScalarType
 from warp._src.types.struct_fields import ArrayDescriptor, Field, describe
 
 
+class _OfClass:
+    """An attribute of classes that gives way to a field of the same name."""
+
+    def __init__(self, get):
+        self.get = get
+
+    def __get__(self, cls, owner=None):
+        return self.get(cls)
+
+
 class StructType(type(ctypes.Structure)):
     """Metaclass of struct classes; describes the struct."""
 
-    @property
+    @_OfClass
     def key(cls):
         return cls.__name__
 
-    @property
+    @_OfClass
     def vars(cls):
         """Fields by name, each with `label` and `type`."""
         return {
@@ -35,11 +45,11 @@ class StructType(type(ctypes.Structure)):
             for name, dtype in cls._wp_fields_.items()
         }
 
-    @property
+    @_OfClass
     def ctype(cls):
         return cls
 
-    @property
+    @_OfClass
     def cls(cls):
         return cls
 

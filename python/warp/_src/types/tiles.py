@@ -1,4 +1,4 @@
-"""Annotations of parameters that are tiles: `wp.tile[float, 16, 16]`."""
+"""Annotations of parameters that are tiles, `wp.tile[float, 16, 16]`, or stacks of a block."""
 
 from __future__ import annotations
 
@@ -69,3 +69,49 @@ class TileType:
     def __repr__(self):
         parts = [getattr(self.dtype, "__name__", str(self.dtype)), *map(str, self.shape or ())]
         return f"wp.tile[{', '.join(parts)}]"
+
+
+class TileStackType:
+    """Type of a stack that a block has together: `wp.tile_stack(capacity=64, dtype=int)`.
+
+    Attributes:
+        capacity: the most elements that it holds, a positive int.
+        dtype: type of an element.
+
+    Raises:
+        TypeError: there is no such element type.
+        ValueError: the capacity is no positive integer.
+    """
+
+    __slots__ = ("capacity", "dtype")
+    # Like the kinds of the compiler's types, and like other annotations that are none of them.
+    kind = "tile stack"
+    is_open = True
+
+    def __init__(self, capacity, dtype):
+        if typing.get_origin(capacity) is typing.Literal:
+            capacity = unwrapped((capacity,))[0]
+        capacity = getattr(capacity, "value", capacity)
+        if type(capacity) is not int or capacity < 1:
+            raise ValueError(
+                f"wp.tile_stack(capacity, dtype) expects a positive integer as capacity, but got "
+                f"{capacity!r}"
+            )
+        self.capacity = capacity
+        self.dtype = native.canonical(dtype)
+
+    def fits(self, found) -> bool:
+        """Whether a type of the compiler is this one: it has none for stacks."""
+        return False
+
+    def __eq__(self, other):
+        if not isinstance(other, TileStackType):
+            return NotImplemented
+        return (self.dtype, self.capacity) == (other.dtype, other.capacity)
+
+    def __hash__(self):
+        return hash((TileStackType, self.dtype, self.capacity))
+
+    def __repr__(self):
+        name = getattr(self.dtype, "__name__", str(self.dtype))
+        return f"wp.tile_stack[{name}, {self.capacity}]"

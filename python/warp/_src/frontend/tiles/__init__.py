@@ -5,8 +5,8 @@ value and binds the variable to it. A view (`t[2:4]`, `t[i]`, `wp.tile_view(t, .
 keeps the place in it, so that assigning to the view changes the variable.
 
 The topics: arguments (what all begin with), values (new tiles), memory (arrays), shapes, places
-(parts and views), gathers, changes, elements (functions of elements, reductions), algebra. Loaded
-when a kernel names one of these builtins.
+(parts and views), gathers, changes, elements (functions of elements, reductions), randoms, stacks,
+printing, algebra. Loaded when a kernel names one of these builtins.
 """
 
 from __future__ import annotations
@@ -20,7 +20,10 @@ from warp._src.frontend.tiles.elements import TileElements
 from warp._src.frontend.tiles.gathers import TileGathers
 from warp._src.frontend.tiles.memory import TileMemory
 from warp._src.frontend.tiles.places import TilePlaces
+from warp._src.frontend.tiles.printing import TilePrinting
+from warp._src.frontend.tiles.randoms import TileRandoms
 from warp._src.frontend.tiles.shapes import TileShapes
+from warp._src.frontend.tiles.stacks import TileStacks
 from warp._src.frontend.tiles.values import TileValues
 from warp._src.types import dtypes
 
@@ -31,7 +34,10 @@ _TOPICS = {
     "gathers": TileGathers,
     "memory": TileMemory,
     "places": TilePlaces,
+    "printing": TilePrinting,
+    "randoms": TileRandoms,
     "shapes": TileShapes,
+    "stacks": TileStacks,
     "values": TileValues,
 }
 # The topic that translates a builtin, by the name of its method.

@@ -74,7 +74,9 @@ class TileAlgebra(TileTopic):
         tile = self.tile(binding, node, name)
         if len(tile.type.shape) != 2 or tile.type.element.kind != "float":
             raise self.context.type_error(
-                node, f"{name}() expects 2D tiles of floats, but got '{tile.type.python_name}'"
+                node,
+                f"{name}() expects 2D tiles of floats, but got '{tile.type.python_name}'",
+                also=f"{name}() does not support complex tiles",
             )
         return tile
 

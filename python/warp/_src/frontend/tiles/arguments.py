@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+
 from warp._src.frontend.context import INT32, Part, Value
 from warp._src.types import dtypes
 
@@ -42,13 +44,15 @@ class TileTopic(Part):
                     if name.startswith("tile")
                     else f"'{name}' expects the argument '{parameter}'",
                 )
-        if given.get("storage", "register") not in _STORAGE:
-            raise self.context.value_error(
-                node,
-                f"{name}() storage must be 'register' or 'shared', got {given['storage']!r}",
-            )
+        self.check_storage(given.get("storage", "register"), node, name)
         found = [given.get(parameter, defaults.get(parameter)) for parameter in parameters]
         return [self.tile(one, node, name) for one in found[:tiles]] + found[tiles:]
+
+    def check_storage(self, storage, node, name):
+        if storage not in _STORAGE:
+            raise self.context.value_error(
+                node, f"{name}() storage must be 'register' or 'shared', got {storage!r}"
+            )
 
     def known(self, binding):
         """A number known at compile time, or None."""
@@ -70,6 +74,7 @@ class TileTopic(Part):
             raise self.context.value_error(
                 node,
                 f"{name}() expects 1 to 4 positive extents, but got {tuple(found)}",
+                also=f"{name}() output must have between one and four dimensions, got {len(found)}",
             )
         return [int(extent) for extent in found]
 
@@ -157,3 +162,8 @@ class TileTopic(Part):
         results = result if type(result) is tuple else (result,)
         results = tiles.end_function([self.context.materialize(one, node) for one in results])
         return results[0] if type(result) is not tuple else tuple(results)
+
+
+def is_slice(node) -> bool:
+    """Whether a node of the syntax tree is a call of `slice`."""
+    return isinstance(node, ast.Call) and getattr(node.func, "id", None) == "slice"

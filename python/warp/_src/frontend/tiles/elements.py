@@ -24,8 +24,52 @@ class TileElements(TileTopic):
                 "use `wp.tile_broadcast(...)`",
                 also="Tile arguments to tile operators must have the same shape",
             )
+        kinds = [getattr(one.type.element, "kind", None) for one in operands]
+        if "struct" in kinds:
+            return self.mapped(operands, lambda *e: self.of_fields(node, name, *e), node)
+        self.check_factors(node, name, operands)
         apply = self.context.expressions.operator
         return self.mapped(operands, lambda *elements: apply(node, name, *elements), node)
+
+    def check_factors(self, node, name, operands):
+        """Vectors have no product, nor quotient, element by element."""
+        kinds = [
+            (one.type.element if one.type.kind == "tile" else one.type).kind for one in operands
+        ]
+        if name not in ("mul", "div") or kinds != ["vec", "vec"]:
+            return
+        verb = "multiply" if name == "mul" else "divide"
+        names = [
+            f"tile<{one.type.element}>" if one.type.kind == "tile" else one.type.python_name
+            for one in operands
+        ]
+        both = all(one.type.kind == "tile" for one in operands)
+        raise self.context.type_error(
+            node,
+            f"cannot {verb} '{operands[0].type.python_name}' by '{operands[1].type.python_name}'",
+            "use `wp.tile_map(wp.cw_mul, ...)`, or `wp.cw_div`",
+            also="element type must be scalar"
+            if both
+            else f"Cannot {verb} {names[0]} by {names[1]}: at least one operand must be a scalar "
+            "type",
+        )
+
+    def of_fields(self, node, name, *elements):
+        """An operator between structs, field by field: sums and differences."""
+        a = elements[0]
+        if a.type.kind != "struct":
+            if a.type.kind == "bool" or (a.type.kind == "int" and a.type.width < 32):
+                return a
+            return self.context.expressions.operator(node, name, *elements)
+        own = isinstance(self.context.function.__globals__.get(name), Function)
+        if own or name not in ("add", "sub") or any(one.type != a.type for one in elements):
+            return self.context.expressions.operator(node, name, *elements)
+        get = self.builder.struct_get
+        parts = [
+            self.of_fields(node, name, *(get(one, field) for one in elements))
+            for field, _ in a.type.fields
+        ]
+        return self.builder.struct_create(a.type, parts)
 
     def function(self, binding, node, name):
         """What a function of elements does with values."""
@@ -79,7 +123,9 @@ class TileElements(TileTopic):
         tile, axis = self.bind(node, name, ("a", "axis"), tiles=1, axis=None)
         if numbers and tile.type.element.kind not in ("int", "float"):
             raise self.context.type_error(
-                node, f"{name}() expects numbers, but got '{tile.type.python_name}'"
+                node,
+                f"{name}() expects numbers, but got '{tile.type.python_name}'",
+                also=f"{name}() does not support Warp struct tiles",
             )
         axis = self.axis(axis, tile, node, name)
         return self.make(operation, [tile], node, kind=kind, axis=axis)
@@ -87,8 +133,7 @@ class TileElements(TileTopic):
     def builtin_tile_sum(self, node):
         tile, axis = self.bind(node, "tile_sum", ("a", "axis"), tiles=1, axis=None)
         if tile.type.element.kind == "struct":
-            axis = self.axis(axis, tile, node, "tile_sum")
-            return self.folded(tile, axis, lambda a, b: self.added(a, b, node), node)
+            return self.sum_of_fields(tile, self.axis(axis, tile, node, "tile_sum"), node)
         return self.reduced(node, "tile_sum", "add", numbers=False)
 
     def builtin_tile_min(self, node):
@@ -129,14 +174,35 @@ class TileElements(TileTopic):
         result = function(*tiles.begin_function([tile], True))
         return tiles.end_function([self.context.materialize(result, node)], axis=axis)[0]
 
-    def added(self, a, b, node):
-        """The sum of two elements, of structs field by field."""
-        if a.type.kind != "struct":
-            return self.context.calls.apply_builtin("add", [a, b], node)
-        get = self.builder.struct_get
-        names = [name for name, _ in a.type.fields]
-        parts = [self.added(get(a, name), get(b, name), node) for name in names]
-        return self.builder.struct_create(a.type, parts)
+    def sum_of_fields(self, tile, axis, node):
+        """The sum of structs, field by field; bits and small numbers are those of the first."""
+        leaves = []
+
+        def take_apart(value):
+            if value.type.kind != "struct":
+                leaves.append(value.type)
+                return [value]
+            fields = [self.builder.struct_get(value, name) for name, _ in value.type.fields]
+            return [leaf for field in fields for leaf in take_apart(field)]
+
+        def put_together(native, values):
+            if native.kind != "struct":
+                return next(values)
+            parts = [put_together(field, values) for _, field in native.fields]
+            return self.builder.struct_create(native, parts)
+
+        def first(a, _):
+            return a
+
+        parts = self.mapped([tile], lambda value: tuple(take_apart(value)), node)
+        sums = []
+        for native, part in zip(leaves, parts, strict=True):
+            if native.kind == "bool" or (native.kind == "int" and native.width < 32):
+                sums.append(self.folded(part, axis, first, node))
+            else:
+                sums.append(self.make("reduce", [part], node, kind="add", axis=axis))
+        native = tile.type.element
+        return self.mapped(sums, lambda *values: put_together(native, iter(values)), node)
 
     # Orders.
 

@@ -6,7 +6,7 @@ import ast
 import math
 
 from warp._src.frontend.context import INT32
-from warp._src.frontend.tiles.arguments import TileTopic
+from warp._src.frontend.tiles.arguments import TileTopic, is_slice
 
 
 class TileGathers(TileTopic):
@@ -22,6 +22,27 @@ class TileGathers(TileTopic):
                 indices = self.context.materialize(binding, node)
                 return axis, indices, [*items[:axis], ast.Slice(), *items[axis + 1 :]]
         return None
+
+    def builtin_tile_slice_indexed(self, node):
+        """`tile_slice_indexed(t, (indices, slice(None)))`, which is `t[indices, :]`."""
+        given = {k.arg: k.value for k in node.keywords}
+        given.update(zip(("t", "indices"), node.args, strict=False))
+        if set(given) != {"t", "indices"} or len(node.args) + len(node.keywords) != 2:
+            raise self.context.type_error(
+                node, "'tile_slice_indexed' expects the arguments (t, indices)"
+            )
+        places = self.context.tiles.places
+        tile = self.tile(self.context.expressions.expr(given["t"]), node, "tile_slice_indexed")
+        items = getattr(given["indices"], "elts", [given["indices"]])
+        items = [places.as_slice(one) if is_slice(one) else one for one in items]
+        picked = self.picked(tile.type, items, node)
+        if picked is None:
+            raise self.context.value_error(
+                node,
+                "tile_slice_indexed() expects a 1D tile of integers among the indices",
+                also="Tile indexing requires an integer index tile.",
+            )
+        return self.gathered(tile, *picked, node)
 
     def gathered(self, tile, axis, indices, items, node):
         """Rows of a tile along one dimension, by a tile of indices: a copy."""

@@ -6,7 +6,7 @@ import ast
 import math
 
 from warp._src.frontend.context import INT32, TileView
-from warp._src.frontend.tiles.arguments import TileTopic
+from warp._src.frontend.tiles.arguments import TileTopic, is_slice
 from warp._src.types import dtypes
 
 
@@ -158,16 +158,27 @@ class TilePlaces(TileTopic):
             return TileView(slot.extended(("tile", part), selected))
         return self.read(self.context.materialize(base, node), part, node)
 
+    def check_offsets(self, native, offsets, node):
+        """Offsets count from the beginning, unlike indices."""
+        for axis, (offset, extent) in enumerate(zip(offsets, native.shape, strict=False)):
+            known = self.known(offset)
+            if isinstance(known, int) and not 0 <= known < extent:
+                raise self.context.value_error(
+                    node,
+                    f"tile_view() integer offset {known} is out of bounds for axis {axis} with "
+                    f"size {extent}",
+                )
+
     def sliced(self, node):
         """A call of `tile_view` without its offset, and that as indices and slices, if one is."""
         written = [*node.args[1:2], *(k.value for k in node.keywords if k.arg == "offset")]
         items = [one for value in written for one in getattr(value, "elts", [value])]
-        if not any(map(_is_slice, items)):
+        if not any(map(is_slice, items)):
             return node, None
         rest = [k for k in node.keywords if k.arg != "offset"]
         rest += [ast.keyword("shape", one) for one in node.args[2:3]]
         call = ast.copy_location(ast.Call(node.func, node.args[:1], rest), node)
-        return call, [self.as_slice(one) if _is_slice(one) else one for one in items]
+        return call, [self.as_slice(one) if is_slice(one) else one for one in items]
 
     def as_slice(self, call):
         """`slice(a, b, c)` as what stands between brackets."""
@@ -194,7 +205,9 @@ class TilePlaces(TileTopic):
                 "tile_view() takes the extents from slices, so no shape",
                 also="tile_view() cannot take 'shape' together with a slice",
             )
-        offsets = offsets or self.parts(offset)
+        if offsets is None:
+            offsets = self.parts(offset)
+            self.check_offsets(native, offsets, node)
         if len(offsets) > len(native.shape):
             raise self.context.value_error(
                 node,
@@ -220,10 +233,6 @@ class TilePlaces(TileTopic):
         if slot is None or slot.name is None:
             return self.read(tile, part, node)
         return TileView(slot.extended(("tile", part), selected))
-
-
-def _is_slice(node) -> bool:
-    return isinstance(node, ast.Call) and getattr(node.func, "id", None) == "slice"
 
 
 def _is_none(node) -> bool:

@@ -76,8 +76,13 @@ class TileValues(TileTopic):
                 else f"tile_arange() accepts at most 3 positional arguments, got {len(arguments)}",
             )
         numbers = [self.known(argument) for argument in arguments]
-        if any(not isinstance(number, (int, float)) for number in numbers):
-            raise self.context.error(node, "tile_arange() arguments must be compile time constants")
+        names = ("stop",) if len(numbers) == 1 else ("start", "stop", "step")
+        for name, number in zip(names, numbers, strict=False):
+            if not isinstance(number, (int, float)):
+                raise self.context.error(
+                    node,
+                    f"tile_arange() arguments must be compile time constants, but {name} is not",
+                )
         if dtype is None:
             typed = [a.type for a in arguments if type(a) is Value]
             plain = FLOAT32 if any(isinstance(n, float) for n in numbers) else INT32
@@ -130,11 +135,16 @@ class TileValues(TileTopic):
         if not math.isfinite(number):
             raise self.context.value_error(node, "tile_arange() requires finite bounds")
         if native.kind == "float":
+            given = number
+            if isinstance(number, int):
+                # Rounded once, not to a double first.
+                number = (np.int64 if number < 2**63 else np.uint64)(number)
             with np.errstate(over="ignore"):
                 number = float(_FLOATS.get(native.python_name, float)(number))
             if not math.isfinite(number):
                 raise self.context.value_error(
-                    node, f"tile_arange() bounds are out of the range of {native.python_name}"
+                    node,
+                    f"tile_arange() {name}={given} is out of range of {native.python_name}",
                 )
         elif number != int(number):
             raise self.context.value_error(
@@ -200,7 +210,10 @@ class TileValues(TileTopic):
         threads = self.context.session.block_threads()
         index = self.context.materialize(index, node)
         known = index.constant()
-        if known is not None and not 0 <= known < threads:
+        if threads == 1:
+            # The only one there is.
+            index = self.builder.constant(INT32, 0)
+        elif known is not None and not 0 <= known < threads:
             raise self.context.value_error(
                 node,
                 f"tile_from_thread() thread_idx={known} is outside of a block of {threads} threads",

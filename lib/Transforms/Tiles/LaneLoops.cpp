@@ -1,0 +1,203 @@
+//===- LaneLoops.cpp - Loops over the threads of a block ------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#include "LaneLoops.h"
+
+#include "KernelFunction.h"
+#include "WarpDialect/Registry.h"
+
+using namespace mlir;
+
+namespace warp::tiles {
+
+/// Components of a vector or matrix that become columns.
+static constexpr int64_t mostColumns = 16;
+
+LaneLoops::LaneLoops(FunctionOpInterface kernel, int64_t threads)
+    : kernel(kernel), threads(threads), varying(kernel), b(kernel.getContext()),
+      loc(kernel.getLoc()), index(b.getIntegerType(32, /*isSigned=*/true)) {}
+
+bool LaneLoops::isStorable(Value value) {
+  return !isa<ArrayType, TileType>(value.getType()) &&
+         isArrayElement(value.getType());
+}
+
+Value LaneLoops::constant(int64_t value) {
+  return ConstantOp::create(b, loc, b.getIntegerAttr(index, value));
+}
+
+Value LaneLoops::builtin(StringRef name, ValueRange operands) {
+  return createBuiltin(b, loc, name, operands)->getResult(0);
+}
+
+//===----------------------------------------------------------------------===//
+// What threads have
+//===----------------------------------------------------------------------===//
+
+static SmallVector<int64_t> columnsOf(Type type) {
+  SmallVector<int64_t> shape;
+  if (auto vector = dyn_cast<VecType>(type))
+    shape = {int64_t(vector.getLength())};
+  else if (auto matrix = dyn_cast<MatType>(type))
+    shape = {int64_t(matrix.getRows()), int64_t(matrix.getCols())};
+  int64_t count = 1;
+  for (int64_t extent : shape)
+    count *= extent;
+  return count > mostColumns ? SmallVector<int64_t>() : shape;
+}
+
+TileType LaneLoops::laneType(Type type) const {
+  SmallVector<int64_t> shape = columnsOf(type);
+  Type element = shape.empty() ? type : getElementScalar(type);
+  shape.push_back(threads);
+  return TileType::get(b.getContext(), shape, element);
+}
+
+/// Indices of the components that columns have.
+static SmallVector<SmallVector<int64_t>> componentsOf(ArrayRef<int64_t> shape) {
+  SmallVector<SmallVector<int64_t>> all{{}};
+  for (int64_t extent : shape) {
+    SmallVector<SmallVector<int64_t>> longer;
+    for (auto &prefix : all)
+      for (int64_t i = 0; i < extent; ++i) {
+        longer.push_back(prefix);
+        longer.back().push_back(i);
+      }
+    all = longer;
+  }
+  return all;
+}
+
+Value LaneLoops::read(Value tile, Type type, Value number) {
+  Type element = tileType(tile).getElementType();
+  Values parts;
+  for (auto &component : componentsOf(tileType(tile).getShape().drop_back())) {
+    Values indices = llvm::map_to_vector(
+        component, [&](int64_t i) -> Value { return constant(i); });
+    indices.push_back(number);
+    parts.push_back(TileGetOp::create(b, loc, element, tile, indices));
+  }
+  return element == type ? parts[0]
+                         : ConstructOp::create(b, loc, type, parts).getResult();
+}
+
+Value LaneLoops::write(Value value, Value tile, Value number) {
+  TileType type = tileType(tile);
+  bool isWhole = type.getElementType() == value.getType();
+  for (auto &component : componentsOf(type.getShape().drop_back())) {
+    Values indices = llvm::map_to_vector(
+        component, [&](int64_t i) -> Value { return constant(i); });
+    Value part = isWhole ? value
+                         : ExtractOp::create(b, loc, type.getElementType(),
+                                             value, indices)
+                               .getResult();
+    indices.push_back(number);
+    tile = TileSetOp::create(b, loc, type, TileUpdate::assign, part, tile,
+                             indices, Value());
+  }
+  return tile;
+}
+
+//===----------------------------------------------------------------------===//
+// Loops
+//===----------------------------------------------------------------------===//
+
+Values LaneLoops::overLanes(int64_t count, ValueRange tiles, Body body) {
+  auto bound = [&](Value value) -> Value {
+    return CastOp::create(b, loc, b.getI32Type(), value);
+  };
+  Value end = present && count == threads ? present : constant(count);
+  auto loop = scf::ForOp::create(b, loc, bound(constant(0)), bound(end),
+                                 bound(constant(1)), tiles);
+  OpBuilder::InsertionGuard guard(b);
+  if (tiles.empty())
+    b.setInsertionPoint(loop.getBody()->getTerminator());
+  else
+    b.setInsertionPointToStart(loop.getBody());
+  Lane lane;
+  lane.number = CastOp::create(b, loc, index, loop.getInductionVar());
+  if (count > threads)
+    lane.number = builtin("mod", {lane.number, constant(threads)});
+  lane.values = shared;
+  Values made = body(lane, loop.getRegionIterArgs());
+  if (!tiles.empty())
+    scf::YieldOp::create(b, loc, made);
+  return Values(loop.getResults());
+}
+
+Value LaneLoops::laneValue(Value value, Lane &lane) {
+  if (Value found = lane.values.lookupOrNull(value))
+    return found;
+  Value made;
+  if (Value tile = lanes.lookup(value)) {
+    made = read(tile, value.getType(), lane.number);
+  } else if (Value first = firstIndices.lookup(value)) {
+    Value number = lane.number;
+    if (number.getType() != first.getType())
+      number = CastOp::create(b, loc, first.getType(), number);
+    made = builtin("add", {first, number});
+  } else {
+    // Has no effects and nothing that could keep it: computed again.
+    Operation *def = value.getDefiningOp();
+    for (Value operand : def->getOperands())
+      laneValue(operand, lane);
+    b.clone(*def, lane.values);
+    return lane.values.lookup(value);
+  }
+  lane.values.map(value, made);
+  return made;
+}
+
+Value LaneLoops::sharedValue(Value value) {
+  if (Value found = shared.lookupOrNull(value))
+    return found;
+  if (Value tile = lanes.lookup(value))
+    return read(tile, value.getType(), constant(0));
+  return firstIndices.lookup(value);
+}
+
+Value LaneLoops::emptyTile(TileType type) {
+  auto record = dyn_cast<StructType>(type.getElementType());
+  if (!present || record)
+    return TileEmptyOp::create(b, loc, type);
+  Type element = type.getElementType();
+  Value zero = isComposite(element)
+                   ? Value(ConstructOp::create(b, loc, element, ValueRange()))
+                   : Value(ConstantOp::create(
+                         b, loc, cast<TypedAttr>(b.getZeroAttr(element))));
+  return TileSplatOp::create(b, loc, type, zero);
+}
+
+Value LaneLoops::fill(TileType type, int64_t count, Value value) {
+  Value empty = emptyTile(type);
+  return overLanes(count, empty, [&](Lane &lane, ValueRange tiles) -> Values {
+    Value mine = laneValue(value, lane);
+    Value place = lane.number;
+    if (count > threads)
+      place =
+          CastOp::create(b, loc, index,
+                         cast<scf::ForOp>(b.getInsertionBlock()->getParentOp())
+                             .getInductionVar());
+    return {write(mine, tiles[0], place)};
+  })[0];
+}
+
+Value LaneLoops::laneTile(Value value) {
+  if (Value tile = lanes.lookup(value))
+    return tile;
+  return fill(laneType(value.getType()), threads, value);
+}
+
+Value LaneLoops::spread(Value value, ArrayRef<int64_t> shape) {
+  TileType type = TileType::get(b.getContext(), shape, value.getType());
+  int64_t count = type.getNumElements();
+  auto flat = TileType::get(b.getContext(), {count}, value.getType());
+  Value tile = fill(flat, count, value);
+  return flat == type ? tile
+                      : TileReshapeOp::create(b, loc, type, tile).getResult();
+}
+
+} // namespace warp::tiles

@@ -1,0 +1,82 @@
+//===- LaneLoops.h - Loops over the threads of a block ----------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_TRANSFORMS_TILES_LANELOOPS_H
+#define WARP_TRANSFORMS_TILES_LANELOOPS_H
+
+#include "BlockVariance.h"
+
+#include "mlir/Dialect/SCF/IR/SCF.h"
+#include "mlir/IR/Builders.h"
+#include "mlir/IR/IRMapping.h"
+
+namespace warp::tiles {
+
+using mlir::Value;
+using mlir::ValueRange;
+using Values = llvm::SmallVector<Value>;
+
+/// Writes loops over the threads of a block, and knows where values of the
+/// kernel are found that these loops replace. Values are those of the kernel as
+/// it was; what the builder makes is new.
+class LaneLoops {
+public:
+  LaneLoops(mlir::FunctionOpInterface kernel, int64_t threads);
+
+  /// Values that threads have each their own of.
+  bool isLane(Value value) const {
+    return varying.contains(value) || lanes.contains(value);
+  }
+  /// Whether a tile can keep what threads have of a value.
+  static bool isStorable(Value value);
+
+protected:
+  /// What a loop has for one thread.
+  struct Lane {
+    Value number;
+    mlir::IRMapping values;
+  };
+  using Body = llvm::function_ref<Values(Lane &, ValueRange tiles)>;
+
+  Value constant(int64_t value);
+  Value builtin(llvm::StringRef name, ValueRange operands);
+  /// One element per thread; vectors and small matrices are columns.
+  TileType laneType(mlir::Type type) const;
+  Value read(Value tile, mlir::Type type, Value number);
+  Value write(Value value, Value tile, Value number);
+  /// `count` iterations, of thread number modulo the block, from these tiles.
+  /// As many as there are threads are those that the launch has.
+  Values overLanes(int64_t count, ValueRange tiles, Body body);
+  Value laneValue(Value value, Lane &lane);
+  /// What all threads agree on.
+  Value sharedValue(Value value);
+  /// The tile of what threads have of a value.
+  Value laneTile(Value value);
+  /// A tile of that shape; element e is what thread e mod B has.
+  Value spread(Value value, llvm::ArrayRef<int64_t> shape);
+  Value fill(TileType type, int64_t count, Value value);
+  /// What threads that the launch does not have leave: zero, of numbers.
+  Value emptyTile(TileType type);
+
+  mlir::FunctionOpInterface kernel;
+  int64_t threads;
+  BlockVariance varying;
+  mlir::OpBuilder b;
+  mlir::Location loc;
+  mlir::Type index;
+  /// What all threads share, tiles and control flow included.
+  mlir::IRMapping shared;
+  /// Tiles by what they keep.
+  llvm::DenseMap<Value, Value> lanes;
+  /// Of the last index of a launch: that of the block's first thread.
+  llvm::DenseMap<Value, Value> firstIndices;
+  /// Threads that the last block of a launch has, if that may be fewer.
+  Value present;
+};
+
+} // namespace warp::tiles
+
+#endif // WARP_TRANSFORMS_TILES_LANELOOPS_H
