@@ -104,7 +104,8 @@ def run_unit() -> Count:
 def run_python() -> Count:
     output = RESULTS / "python.xml"
     command = [sys.executable, "-m", "pytest", "-q", "--no-header", f"--junitxml={output}"]
-    command += ["-n", str(os.cpu_count()), "--dist", "loadfile"]
+    # A process that dies is a failure and ends the suite.
+    command += ["-n", str(os.cpu_count()), "--dist", "loadfile", "--max-worker-restart", "0"]
     status = execute(command)
     count = Count()
     if output.is_file():

@@ -6,6 +6,8 @@
 
 #include "Analysis/Effects.h"
 
+#include "mlir/Dialect/LLVMIR/LLVMDialect.h"
+
 using namespace mlir;
 
 bool warp::isPlainRead(Operation *op) {
@@ -22,4 +24,9 @@ bool warp::isSum(Operation *op) {
 bool warp::isObservable(Operation *op) {
   auto access = dyn_cast<AccessOp>(op);
   return access ? access.mayWrite() : isa<PrintfOp, AssertOp>(op);
+}
+
+bool warp::isConversion(Operation *op) {
+  auto call = dyn_cast<LLVM::CallIntrinsicOp>(op);
+  return call && call.getIntrin().starts_with("llvm.fpto");
 }

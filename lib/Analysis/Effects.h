@@ -22,6 +22,10 @@ bool isSum(mlir::Operation *op);
 /// array, prints or asserts. Calls and nested operations are not looked into.
 bool isObservable(mlir::Operation *op);
 
+/// Whether it makes a saturated integer of a float: an intrinsic, of which MLIR
+/// does not know that it only computes.
+bool isConversion(mlir::Operation *op);
+
 } // namespace warp
 
 #endif // WARP_LIB_ANALYSIS_EFFECTS_H

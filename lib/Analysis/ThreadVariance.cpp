@@ -21,6 +21,7 @@
 #include "ThreadVariance.h"
 
 #include "ArrayOrigins.h"
+#include "Effects.h"
 #include "GridReads.h"
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/WarpAttributes.h"
@@ -191,7 +192,7 @@ ThreadVariance::State ThreadVariance::transfer(Operation *op) const {
   bool isLoad = access && !access.mayWrite();
   if (isLoad && isWritten(access.getArray()))
     state.sources |= Moment | Written;
-  else if (!isLoad && !isMemoryEffectFree(op))
+  else if (!isLoad && !warp::isConversion(op) && !isMemoryEffectFree(op))
     state.sources |= Own;
   state.step = varies(state) ? stepOf(op) : 0;
   return state;

@@ -226,9 +226,10 @@ static AutodiffOptions complete(const warp::Module &module,
                 "expects tangents along at least one direction, but got " +
                     std::to_string(options.width));
   StringRef policy = options.singular;
-  if (policy != "pinned" && policy != "strict" && policy != "report")
-    throw Error(Error::Kind::Value, "expects 'pinned', 'strict' or 'report' at "
-                                    "singular points, but got '" +
+  if (policy != "pinned" && policy != "strict" && policy != "report" &&
+      policy != "repeated")
+    throw Error(Error::Kind::Value, "expects 'pinned', 'strict', 'report' or "
+                                    "'repeated' at singular points, but got '" +
                                         options.singular + "'");
   if (options.tape != "checkpoints" && options.tape != "global")
     throw Error(Error::Kind::Value, "expects the tape 'checkpoints' or "

@@ -269,11 +269,11 @@ WARP_GEOMETRY warp_overlap_share(u64 id, i32 shape, f32 a, f32 b, f32 c, f32 d,
 // Volumes
 //===----------------------------------------------------------------------===//
 
-/// Where a value is; values of another type than asked for are 0.
+/// Where a value is, or 0 for one of another type than asked for.
 static u64 addressOf(const VolumeSlot &volume, i32 type, VoxelPlace place,
                      Voxel voxel) {
   const u8 *value =
-      volume.type == u32(type) ? valueAt(volume, place, voxel) : nothing;
+      volume.type == u32(type) ? valueAt(volume, place, voxel) : nullptr;
   return reinterpret_cast<u64>(value);
 }
 

@@ -37,8 +37,8 @@ static constexpr warp::LibraryFunction functions[] = {
     {"warp_overlap_next", "liffffffffiiiill", "iiiiill"},
     // Shape, its seven numbers, which of how many threads: its cursor.
     {"warp_overlap_share", "lifffffffii", "iiiill"},
-    // Type of values and a voxel: address of its value, always there; of a
-    // leaf's value or 0; the same of the eight corners of a cell, z fastest.
+    // Type of values and a voxel: address of its value, 0 for another type; of
+    // a leaf's value or 0; the first of the eight corners of a cell, z fastest.
     {"warp_volume_value", "liiii", "l"},
     {"warp_volume_place", "liiii", "l"},
     {"warp_volume_cell", "liiii", "llllllll"},

@@ -31,6 +31,11 @@ inline i32 exponentOf(f32 x) {
   return exponent < -126 ? -126 : exponent;
 }
 
+/// One of three numbers, which may be in registers.
+inline f32 pick(const f32 (&from)[3], int k) {
+  return k == 0 ? from[0] : k == 1 ? from[1] : from[2];
+}
+
 /// A ray in the coordinates of a tree. Its direction is scaled by a power of
 /// two so that the largest component is in [1, 2).
 struct Ray {
@@ -51,7 +56,7 @@ struct Ray {
       size[i] = __builtin_elementwise_abs(given[i]);
     kz = size[0] > size[1] ? (size[0] > size[2] ? 0 : 2)
                            : (size[1] > size[2] ? 1 : 2);
-    f32 largest = size[kz];
+    f32 largest = pick(size, kz);
     isValid = largest > 0 && largest < infinity && size[0] <= largest &&
               size[1] <= largest && size[2] <= largest;
     i32 exponent = isValid ? exponentOf(largest) : 0;
@@ -61,7 +66,8 @@ struct Ray {
     for (int i = 0; i < 3; ++i) {
       start[i] = from3[i];
       direction[i] = given[i] * down * further;
-      inverse[i] = 1 / direction[i];
+      // Of no use where the ray does not move; GPUs divide by zero slowly.
+      inverse[i] = 1 / (direction[i] == 0 ? 1 : direction[i]);
       if (!(__builtin_elementwise_abs(inverse[i]) < infinity))
         direction[i] = 0;
     }
@@ -70,14 +76,15 @@ struct Ray {
     kx = kz == 2 ? 0 : kz + 1;
     ky = kx == 2 ? 0 : kx + 1;
     // Keeps the winding.
-    if (direction[kz] < 0) {
+    f32 ahead = pick(direction, kz);
+    if (ahead < 0) {
       int swap = kx;
       kx = ky;
       ky = swap;
     }
-    shearX = direction[kx] / direction[kz];
-    shearY = direction[ky] / direction[kz];
-    shearZ = 1 / direction[kz];
+    shearX = pick(direction, kx) / ahead;
+    shearY = pick(direction, ky) / ahead;
+    shearZ = 1 / ahead;
   }
 
   f32 toUser(f32 t) const { return t * first * second; }

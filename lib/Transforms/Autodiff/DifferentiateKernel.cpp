@@ -33,11 +33,13 @@ static FailureOr<Singular> parseSingular(func::FuncOp kernel, StringRef name) {
                     .Case("pinned", Singular::Pinned)
                     .Case("strict", Singular::Strict)
                     .Case("report", Singular::Report)
+                    .Case("repeated", Singular::Pinned)
                     .Default(std::nullopt);
   if (policy)
     return *policy;
   return kernel.emitError("expects the policy for singular points to be "
-                          "'pinned', 'strict' or 'report', but got '")
+                          "'pinned', 'strict', 'report' or 'repeated', but got "
+                          "'")
          << name << "'";
 }
 
@@ -50,6 +52,15 @@ static std::string describePlace(Location loc) {
   else
     stream << "an unknown place";
   return text;
+}
+
+static void attachPlaces(func::FuncOp derivative, ArrayRef<Location> list) {
+  SmallVector<std::string> places = llvm::map_to_vector(list, describePlace);
+  SmallVector<StringRef> texts(places.begin(), places.end());
+  if (!places.empty())
+    derivative->setAttr(
+        warp::attr::places,
+        Builder(derivative.getContext()).getStrArrayAttr(texts));
 }
 
 /// What the runtime and the user are told, apart from what clean-up finds.
@@ -65,11 +76,7 @@ static void attachResults(func::FuncOp adjoint, const ReverseBuilder &builder) {
   };
   if (!notices.empty())
     adjoint->setAttr(warp::attr::notices, strings(notices));
-  SmallVector<std::string> places;
-  for (Location loc : builder.getSingularPlaces())
-    places.push_back(describePlace(loc));
-  if (!places.empty())
-    adjoint->setAttr(warp::attr::places, strings(places));
+  attachPlaces(adjoint, builder.getSingularPlaces());
   StringRef reason = builder.getMemory().getOneThreadReason();
   if (!reason.empty())
     adjoint->setAttr(warp::attr::oneThread, b.getStringAttr(reason));
@@ -187,13 +194,16 @@ struct DifferentiateKernel
                              ArrayRef<bool> flags) {
     ForwardOptions options;
     options.singular = policy;
+    options.countRepeated = singular == "repeated";
     options.width = width;
     options.winners = mode == "winners";
     options.active.assign(flags.begin(), flags.end());
     splitExtrema(kernel);
     func::FuncOp dual = createTwin(kernel, "_tangent");
-    if (failed(ForwardBuilder(kernel, dual, options).build()))
+    ForwardBuilder forward(kernel, dual, options);
+    if (failed(forward.build()))
       return failure();
+    attachPlaces(dual, forward.getRepeatedPlaces());
     kernel.erase();
     return success();
   }

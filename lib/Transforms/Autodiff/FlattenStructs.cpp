@@ -73,8 +73,7 @@ namespace {
 
 class Flattening {
 public:
-  explicit Flattening(func::FuncOp function)
-      : builder(function.getContext()) {
+  explicit Flattening(func::FuncOp function) : builder(function.getContext()) {
     builder.setInsertionPointToStart(&function.getBody().front());
     for (BlockArgument argument : function.getArguments())
       if (isStruct(argument)) {
@@ -107,8 +106,8 @@ private:
     auto type = cast<StructType>(value.getType());
     for (auto [name, field] :
          llvm::zip(type.getFieldNames(), type.getFieldTypes())) {
-      auto get = StructGetOp::create(builder, value.getLoc(), field, value,
-                                     name);
+      auto get =
+          StructGetOp::create(builder, value.getLoc(), field, value, name);
       made.insert(get);
       if (isa<StructType>(field))
         llvm::append_range(read, readFields(get));
@@ -132,8 +131,8 @@ private:
   /// Where a field lies in the list of its struct: first and count.
   static std::pair<size_t, size_t> findField(Type type, StringRef name) {
     auto structure = cast<StructType>(type);
-    auto before = structure.getFieldTypes().take_front(
-        structure.getFieldIndex(name));
+    auto before =
+        structure.getFieldTypes().take_front(structure.getFieldIndex(name));
     auto field = structure.getFieldTypes()[before.size()];
     return {flattenTypes(before).size(), flattenTypes(field).size()};
   }
@@ -155,16 +154,17 @@ private:
       return replace(op, lookup(create.getFields()));
     if (auto get = dyn_cast<StructGetOp>(op)) {
       SmallVector<Value> source = lookup(get.getSource());
-      auto [first, count] = findField(get.getSource().getType(),
-                                      get.getField());
+      auto [first, count] =
+          findField(get.getSource().getType(), get.getField());
       return replace(op, ArrayRef(source).slice(first, count));
     }
     if (auto set = dyn_cast<StructSetOp>(op)) {
       SmallVector<Value> target = lookup(set.getTarget());
       SmallVector<Value> value = lookup(set.getValue());
-      llvm::copy(value, target.begin() + findField(set.getTarget().getType(),
-                                                   set.getField())
-                                             .first);
+      llvm::copy(
+          value,
+          target.begin() +
+              findField(set.getTarget().getType(), set.getField()).first);
       return replace(op, target);
     }
     if (auto load = dyn_cast<LoadOp>(op))
@@ -235,16 +235,15 @@ private:
     SmallVector<Value> loaded;
     for (Value view : viewFields(op.getLoc(), op.getArray())) {
       Type type = cast<ArrayType>(view.getType()).getElementType();
-      loaded.push_back(LoadOp::create(builder, op.getLoc(), type, view,
-                                      op.getIndices()));
+      loaded.push_back(
+          LoadOp::create(builder, op.getLoc(), type, view, op.getIndices()));
     }
     replace(op, loaded);
   }
 
   void flattenStore(StoreOp op) {
-    for (auto [field, view] :
-         llvm::zip_equal(lookup(op.getValue()),
-                         viewFields(op.getLoc(), op.getArray())))
+    for (auto [field, view] : llvm::zip_equal(
+             lookup(op.getValue()), viewFields(op.getLoc(), op.getArray())))
       StoreOp::create(builder, op.getLoc(), field, view, op.getIndices());
     dead.push_back(op);
   }

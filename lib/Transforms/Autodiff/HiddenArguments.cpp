@@ -7,6 +7,9 @@
 #include "HiddenArguments.h"
 
 #include "WarpDialect/Passes.h"
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/Dialect/SCF/IR/SCF.h"
 
 using namespace mlir;
 
@@ -25,4 +28,22 @@ warp::HiddenAttr warp::autodiff::getHidden(BlockArgument argument) {
       cast<FunctionOpInterface>(argument.getOwner()->getParentOp());
   return function.getArgAttrOfType<HiddenAttr>(argument.getArgNumber(),
                                                attr::hidden);
+}
+
+void warp::autodiff::countOne(OpBuilder &builder, Location loc, Value condition,
+                   Value counters, SmallVectorImpl<Location> &places) {
+  auto found = llvm::find(places, loc);
+  int64_t line = found - places.begin();
+  if (found == places.end())
+    places.push_back(loc);
+  Type type = builder.getIntegerType(32, true);
+  auto branch = scf::IfOp::create(builder, loc, condition, false);
+  OpBuilder::InsertionGuard guard(builder);
+  builder.setInsertionPointToStart(branch.thenBlock());
+  auto constant = [&](int64_t value) -> Value {
+    return ConstantOp::create(builder, loc,
+                              builder.getIntegerAttr(type, value));
+  };
+  AtomicOp::create(builder, loc, type, AtomicKind::add, constant(1), counters,
+                   ValueRange(constant(line)));
 }

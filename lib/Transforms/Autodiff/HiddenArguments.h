@@ -9,6 +9,7 @@
 
 #include "WarpDialect/WarpAttributes.h"
 
+#include "mlir/IR/Builders.h"
 #include "mlir/IR/Value.h"
 #include "mlir/Interfaces/FunctionInterfaces.h"
 
@@ -17,6 +18,12 @@ namespace warp::autodiff {
 /// Appends an argument that the primal does not have.
 mlir::BlockArgument addHidden(mlir::FunctionOpInterface function,
                               HiddenAttr hidden, mlir::Type type);
+
+/// One more in the counter of this line if the condition holds; counters are in
+/// the order of `places`.
+void countOne(mlir::OpBuilder &builder, mlir::Location loc,
+              mlir::Value condition, mlir::Value counters,
+              llvm::SmallVectorImpl<mlir::Location> &places);
 
 /// What such an argument is; null for any other.
 HiddenAttr getHidden(mlir::BlockArgument argument);

@@ -67,9 +67,12 @@ static void lower(warp::LibraryCallOp op, ModuleOp module, Block &first) {
 void warp::lowerLibraryCalls(ModuleOp module, FunctionOpInterface entry) {
   SmallVector<LibraryCallOp> calls;
   entry->walk([&](LibraryCallOp op) { calls.push_back(op); });
-  if (isGpu(entry) && llvm::any_of(calls, [](LibraryCallOp op) {
-        return findLibraryFunction(op.getCallee())->searches;
-      }))
+  // Functions of the user are not in the library's table.
+  auto searches = [](LibraryCallOp op) {
+    const LibraryFunction *function = findLibraryFunction(op.getCallee());
+    return function && function->searches;
+  };
+  if (isGpu(entry) && llvm::any_of(calls, searches))
     entry->setAttr(
         attr::mostRegisters,
         Builder(entry.getContext()).getI64IntegerAttr(searchRegisters));

@@ -13,6 +13,7 @@
 #include "LanePlan.h"
 
 #include "Analysis/CostModel.h"
+#include "Analysis/Effects.h"
 #include "KernelFunction.h"
 #include "Updates/Atomics.h"
 #include "WarpDialect/LibraryOps.h"
@@ -32,9 +33,9 @@ using warp::ThreadVariance;
 /// What another thread may change while a loop runs.
 static bool isShared(Operation *op, const ThreadVariance &variance) {
   auto access = dyn_cast<warp::AccessOp>(op);
-  return access && (access.isUpdate() ||
-                    (access.mayRead() &&
-                     variance.isWritten(access.getArray())));
+  return access &&
+         (access.isUpdate() ||
+          (access.mayRead() && variance.isWritten(access.getArray())));
 }
 
 /// Whether a loop goes on until another thread has done something.
@@ -72,8 +73,7 @@ static std::string findObstacle(Operation *op, const ThreadVariance &variance) {
   auto isVarying = [&](Value value) {
     return !variance.isUniform(value, warp::Scope::Lanes);
   };
-  if (op->getNumRegions() != 0 &&
-      !isa<scf::IfOp, scf::ForOp, scf::WhileOp>(op))
+  if (op->getNumRegions() != 0 && !isa<scf::IfOp, scf::ForOp, scf::WhileOp>(op))
     return "'" + op->getName().getStringRef().str() + "' has no form for lanes";
   for (Value operand : op->getOperands())
     if (isa<warp::ArrayType>(operand.getType()) && isVarying(operand))
@@ -185,10 +185,9 @@ void CostCounter::count(Operation *op, double trips, double use) {
   cost.operations += trips;
   // A lane's share: 16 of them in a vector, or as good as that.
   constexpr double share = 1.0 / 12;
-  bool varies = llvm::any_of(op->getOperands(),
-                             [&](Value v) { return isVarying(v); }) ||
-                llvm::any_of(op->getResults(),
-                             [&](Value v) { return isVarying(v); });
+  bool varies =
+      llvm::any_of(op->getOperands(), [&](Value v) { return isVarying(v); }) ||
+      llvm::any_of(op->getResults(), [&](Value v) { return isVarying(v); });
   if (!varies)
     return add(1, share, trips, use);
   for (Type type : op->getResultTypes())
@@ -199,8 +198,7 @@ void CostCounter::count(Operation *op, double trips, double use) {
     double count =
         isLoad ? op->getNumResults()
                : cast<warp::StoreComponentsOp>(op).getComponents().size();
-    bool follows =
-        variance.step(op->getOperand(op->getNumOperands() - 1)) == 1;
+    bool follows = variance.step(op->getOperand(op->getNumOperands() - 1)) == 1;
     Value array = cast<warp::AccessOp>(op).getArray();
     double each = !follows                        ? warp::cost::gatherCost
                   : warp::isPartOfPacked(array)   ? warp::cost::fieldCost
@@ -209,9 +207,8 @@ void CostCounter::count(Operation *op, double trips, double use) {
     return add(count, each * count, trips, use);
   }
   if (auto update = dyn_cast<warp::AtomicComponentsOp>(op)) {
-    bool isOnePlace = llvm::none_of(update.getIndices(), [&](Value index) {
-      return isVarying(index);
-    });
+    bool isOnePlace = llvm::none_of(
+        update.getIndices(), [&](Value index) { return isVarying(index); });
     double count = update.getComponents().size();
     double each = isOnePlace ? 1 : 4 * count + warp::cost::laneCost;
     return add(4 * count, each, trips, use);
@@ -219,7 +216,7 @@ void CostCounter::count(Operation *op, double trips, double use) {
   if (isa<warp::LibraryCallOp>(op))
     return add(warp::cost::searchCost,
                warp::cost::searchCost + warp::cost::laneCost, trips, 1);
-  if (!isMemoryEffectFree(op))
+  if (!warp::isConversion(op) && !isMemoryEffectFree(op))
     return add(warp::cost::laneCost, 2 * warp::cost::laneCost, trips, 1);
   double work = 1;
   if (isa<arith::DivFOp, math::SqrtOp>(op))

@@ -23,6 +23,7 @@
 
 #include "Widening.h"
 
+#include "Analysis/Effects.h"
 #include "KernelFunction.h"
 #include "LanePlan.h"
 #include "Schedule.h"
@@ -160,7 +161,8 @@ void Widening::widen(Operation *op) {
     return widenStore(store);
   if (auto update = dyn_cast<warp::AtomicComponentsOp>(op))
     return widenUpdate(update);
-  if (!isMemoryEffectFree(op))
+  bool isConversion = warp::isConversion(op);
+  if (!isConversion && !isMemoryEffectFree(op))
     return eachLane(op);
   if (llvm::none_of(op->getResults(), [&](Value v) { return isVarying(v); }))
     return cloneScalar(op);
@@ -168,6 +170,8 @@ void Widening::widen(Operation *op) {
     return eachLane(op);
   if (isIntegerDivision(op))
     return widenDivision(op);
+  if (isConversion)
+    return widenConversion(op);
   widenElementwise(op);
 }
 
@@ -181,8 +185,7 @@ void Widening::cloneScalar(Operation *op) {
     setScalar(result, made);
 }
 
-/// The same operation on vectors, and on the first lane's scalars if the result
-/// may be an index.
+/// The same operation on vectors.
 void Widening::widenElementwise(Operation *op) {
   SmallVector<Value> operands;
   for (Value operand : op->getOperands()) {
@@ -200,6 +203,11 @@ void Widening::widenElementwise(Operation *op) {
   Operation *made = b.create(state);
   for (auto [result, value] : llvm::zip(op->getResults(), made->getResults()))
     setVector(result, value);
+  cloneBase(op);
+}
+
+/// The first lane's scalar, if the result may be an index.
+void Widening::cloneBase(Operation *op) {
   if (op->getNumResults() != 1 || !hasBase(op->getResult(0)))
     return;
   IRMapping map;
@@ -237,9 +245,52 @@ void Widening::widenDivision(Operation *op) {
           ? arith::FPToSIOp::create(b, loc, x.getType(), quotient).getResult()
           : arith::FPToUIOp::create(b, loc, x.getType(), quotient).getResult();
   if (isRemainder)
-    result = arith::SubIOp::create(
-        b, loc, x, arith::MulIOp::create(b, loc, result, y));
+    result = arith::SubIOp::create(b, loc, x,
+                                   arith::MulIOp::create(b, loc, result, y));
   setVector(op->getResult(0), result);
+}
+
+/// Floats to integers, saturated and NaN to zero. LLVM has the intrinsics for
+/// scalars of x86 alone and would take vectors apart.
+void Widening::widenConversion(Operation *op) {
+  Value x = vector(op->getOperand(0));
+  Type to = op->getResult(0).getType(), type = lanesOf(to);
+  auto from = cast<FloatType>(op->getOperand(0).getType());
+  bool isSigned =
+      cast<LLVM::CallIntrinsicOp>(op).getIntrin().starts_with("llvm.fptosi");
+  unsigned bits = to.getIntOrFloatBitWidth();
+  auto limit = [&](const APInt &value, arith::CmpFPredicate beyond) {
+    APFloat bound(from.getFloatSemantics());
+    // Upper ones are the powers of two behind, which all formats have.
+    APInt exact = value.sext(bits + 2);
+    if (beyond == arith::CmpFPredicate::OGE)
+      exact = value.zext(bits + 2) + 1;
+    bound.convertFromAPInt(exact, /*IsSigned=*/true,
+                           APFloat::rmNearestTiesToEven);
+    return std::pair<Value, Value>(
+        arith::CmpFOp::create(b, loc, beyond, x,
+                              splat(b.getFloatAttr(from, bound))),
+        splat(b.getIntegerAttr(to, value)));
+  };
+  auto [isLow, low] =
+      limit(isSigned ? APInt::getSignedMinValue(bits) : APInt(bits, 0),
+            arith::CmpFPredicate::OLE);
+  auto [isHigh, high] = limit(isSigned ? APInt::getSignedMaxValue(bits)
+                                       : APInt::getMaxValue(bits),
+                              arith::CmpFPredicate::OGE);
+  Value isNumber =
+      arith::CmpFOp::create(b, loc, arith::CmpFPredicate::ORD, x, x);
+  Value zero = splat(b.getFloatAttr(from, 0));
+  Value inside = arith::SelectOp::create(b, loc, isNumber, x, zero);
+  inside = arith::SelectOp::create(b, loc, isLow, zero, inside);
+  inside = arith::SelectOp::create(b, loc, isHigh, zero, inside);
+  Value result =
+      isSigned ? arith::FPToSIOp::create(b, loc, type, inside).getResult()
+               : arith::FPToUIOp::create(b, loc, type, inside).getResult();
+  result = arith::SelectOp::create(b, loc, isLow, low, result);
+  result = arith::SelectOp::create(b, loc, isHigh, high, result);
+  setVector(op->getResult(0), result);
+  cloneBase(op);
 }
 
 //===----------------------------------------------------------------------===//
@@ -252,8 +303,8 @@ Widening::Values Widening::contributions() {
   for (auto [kind, type, yielded] : llvm::zip_equal(
            threads.getKinds(), threads.getTypes().getAsValueRange<TypeAttr>(),
            threads.getYield()->getOperands())) {
-    Value none = broadcast(
-        warp::identity(b, loc, warp::AtomicKind(kind), type));
+    Value none =
+        broadcast(warp::identity(b, loc, warp::AtomicKind(kind), type));
     values.push_back(choose(mask, vector(yielded), none));
   }
   return values;
@@ -269,7 +320,7 @@ void Widening::run() {
     types.push_back(index.getType());
   types.push_back(lanesOf(b.getI1Type()));
   body = b.createBlock(&made.getBody(), {}, types,
-                              SmallVector<Location>(types.size(), loc));
+                       SmallVector<Location>(types.size(), loc));
   mask = body->getArguments().back();
   for (BlockArgument argument : kernel.getArguments())
     setScalar(argument, argument);
@@ -278,8 +329,8 @@ void Widening::run() {
     setScalar(index, argument);
   Value last = threads.getIndices().back();
   auto numbers = warp::LaneNumbersOp::create(b, loc, lanesOf(last.getType()));
-  setVector(last, arith::AddIOp::create(b, loc, broadcast(scalar(last)),
-                                        numbers));
+  setVector(last,
+            arith::AddIOp::create(b, loc, broadcast(scalar(last)), numbers));
   widen(*threads.getThread());
   loc = threads.getLoc();
   warp::YieldOp::create(b, loc, contributions());
@@ -295,8 +346,7 @@ struct WidenThreads : warp::impl::WidenThreadsBase<WidenThreads> {
     if (!kernel)
       return signalPassFailure();
     warp::ThreadsOp threads = warp::findThreads(kernel);
-    if (!threads || warp::isGpu(kernel) ||
-        warp::getVariant(kernel).getDebug())
+    if (!threads || warp::isGpu(kernel) || warp::getVariant(kernel).getDebug())
       return;
     if (kernel->hasAttr(warp::attr::blockThreads))
       return warp::noteChoice(kernel, "lanes", "1",

@@ -69,6 +69,8 @@ private:
   void widen(mlir::Operation *op);
   void cloneScalar(mlir::Operation *op);
   void widenElementwise(mlir::Operation *op);
+  void widenConversion(mlir::Operation *op);
+  void cloneBase(mlir::Operation *op);
   void widenDivision(mlir::Operation *op);
   Values contributions();
 

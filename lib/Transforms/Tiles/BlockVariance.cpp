@@ -15,7 +15,8 @@ using namespace mlir;
 namespace warp::tiles {
 
 BlockVariance::BlockVariance(FunctionOpInterface kernel)
-    : rank(warp::getVariant(kernel).getRank()) {
+    : rank(warp::getVariant(kernel).getRank()),
+      threads(getBlockThreads(kernel)) {
   // To a fixed point, as loops carry values backwards.
   bool changed = true;
   while (changed) {
@@ -36,6 +37,19 @@ bool BlockVariance::anyOf(ValueRange operands) const {
   return llvm::any_of(operands, [&](Value v) { return contains(v); });
 }
 
+bool BlockVariance::isBlockNumber(Operation *op) const {
+  if (rank != 1 || op->getName().getStringRef() != "warp.floordiv")
+    return false;
+  auto tid = op->getOperand(0).getDefiningOp<TidOp>();
+  auto divisor = op->getOperand(1).getDefiningOp<ConstantOp>();
+  auto number =
+      divisor ? dyn_cast<IntegerAttr>(divisor.getValue()) : IntegerAttr();
+  if (!tid || !number || tid.getResult(0) != op->getOperand(0))
+    return false;
+  int64_t extent = number.getValue().getSExtValue();
+  return extent > 0 && extent % threads == 0;
+}
+
 /// Of the indices of a thread only the last one differs within a block, if its
 /// extent is that of the block; that is what wp.launch_tiled makes.
 bool BlockVariance::visit(Operation *op) {
@@ -45,6 +59,8 @@ bool BlockVariance::visit(Operation *op) {
   if (isa<TileToThreadsOp, AtomicOp, AtomicCasOp>(op))
     return mark(op->getResults());
   if (isa<TileMapOp, TileFoldOp>(op))
+    return false;
+  if (isBlockNumber(op))
     return false;
   if (op->getNumRegions() == 0)
     return !op->hasTrait<OpTrait::IsTerminator>() && anyOf(op->getOperands()) &&

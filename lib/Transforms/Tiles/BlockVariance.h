@@ -23,6 +23,9 @@ inline bool isCollective(mlir::Operation *op) {
 /// Values that may differ between the threads of a block.
 class BlockVariance {
 public:
+  /// Whether a block's threads agree on a value that comes from what differs:
+  /// the number of the block.
+  bool isBlockNumber(mlir::Operation *op) const;
   explicit BlockVariance(mlir::FunctionOpInterface kernel);
   bool contains(mlir::Value value) const { return values.contains(value); }
   bool anyOf(mlir::ValueRange operands) const;
@@ -33,6 +36,7 @@ private:
   bool visitRegions(mlir::Operation *op);
 
   size_t rank;
+  int64_t threads;
   llvm::DenseSet<mlir::Value> values;
 };
 

@@ -79,6 +79,8 @@ private:
 } // namespace
 
 bool BlockLoops::isLaneOp(Operation *op) const {
+  if (varying.isBlockNumber(op))
+    return false;
   auto result = op->walk([&](Operation *inner) {
     auto differs = [&](Value value) { return isLane(value); };
     return !isOnce(inner) || llvm::any_of(inner->getOperands(), differs) ||
@@ -345,7 +347,9 @@ LogicalResult BlockLoops::emitBlock(Block &block) {
       // Before what threads do, if that cannot change it.
       if (!isMemoryEffectFree(&op))
         emitRun();
-      b.clone(op, shared);
+      Operation *made = b.clone(op, shared);
+      for (auto [i, operand] : llvm::enumerate(op.getOperands()))
+        made->setOperand(i, sharedValue(operand));
     }
   }
   emitRun();

@@ -201,3 +201,38 @@ def test_singular_vector_of_repeated_value_follows_the_policy(monkeypatch):
     np.testing.assert_array_equal(gradient(left, EYE, W, wp.float64), np.zeros((3, 3)))
     monkeypatch.setattr(wp.config, "singular", "strict")
     assert np.isnan(gradient(left, EYE, W, wp.float64)).any()
+
+
+@wp.kernel
+def stretch_energy(a: wp.array(dtype=wp.mat33d), e: wp.array(dtype=wp.float64)):
+    _, s, _ = wp.svd3(a[0])
+    for i in range(3):
+        e[0] += (s[i] - wp.float64(1.0)) ** wp.float64(2.0)
+
+
+def second_derivative(values, along):
+    a = wp.array(np.diag(values)[None], dtype=wp.mat33d, device="cpu", requires_grad=True)
+
+    def energy(a):
+        e = wp.zeros(1, dtype=wp.float64, device="cpu", requires_grad=True)
+        wp.launch(stretch_energy, 1, [a], [e], device="cpu")
+        return e
+
+    directions = [wp.array(along[None], dtype=wp.mat33d, device="cpu")]
+    return wp.autograd.hvp(energy, [a], directions).numpy()[0]
+
+
+# What turns their vectors has no derivative from one order of formulas: it is said where, not zero
+# in silence. The energy is |A|^2 - 2 tr S + 3, and d tr S = tr(R' dA).
+def test_second_derivatives_say_where_singular_values_repeat(capsys):
+    along = np.random.default_rng(3).normal(size=(3, 3))
+    found = second_derivative((3.0, 2.0, 1.0), along)
+    assert "singular values" not in capsys.readouterr().out
+    # d R of a diagonal matrix: w_ij = (v_ij - v_ji) / (s_i + s_j).
+    s = np.array([3.0, 2.0, 1.0])
+    turn = (along - along.T) / (s[:, None] + s[None, :])
+    np.testing.assert_allclose(found, 2 * along - 2 * turn, atol=1e-12)
+    second_derivative((1.0, 1.0, 1.0), along)
+    said = capsys.readouterr().out
+    assert "test_derivatives_decompositions.py:" in said
+    assert "singular values or eigenvalues that are the same met 1 time" in said

@@ -80,3 +80,17 @@ def test_extents_of_an_annotation():
             wp.tile[(float, *extents)]
     with pytest.raises(TypeError, match="no items"):
         wp.tile_load[float, 2]
+
+
+@wp.kernel
+def change_in_a_loop(rounds: int, b: wp.array(dtype=float)):
+    t = wp.tile_zeros(shape=4, dtype=float)
+    for r in range(rounds):
+        change(t, float(r))
+    wp.tile_store(b, t)
+
+
+def test_changes_in_a_loop_are_carried(device):
+    b = wp.zeros(4, dtype=float, device=device)
+    wp.launch_tiled(change_in_a_loop, dim=1, inputs=[4, b], block_dim=1, device=device)
+    np.testing.assert_array_equal(b.numpy(), [3, 12, 0, 0])

@@ -101,11 +101,6 @@ def test_parameters_of_any_shape(device):
     np.testing.assert_array_equal(out.numpy(), 4 * a[0])
 
 
-def scatter(t: wp.array[Inner]):
-    tile = wp.tile_load(t, shape=8)
-    wp.tile_scatter_add(tile, 0, Inner(), True)
-
-
 def scan(t: wp.array[Inner]):
     wp.tile_store(t, wp.tile_scan_inclusive(wp.tile_load(t, shape=8)))
 
@@ -133,7 +128,6 @@ def half_an_index(t: wp.array[Inner]):
 @pytest.mark.parametrize(
     ("function", "words"),
     [
-        (scatter, "expects elements that add up"),
         (scan, "expects numbers"),
         (wide, "too wide to use as an integer bound"),
         (outside, "stop=1099511627776 is out of range of int32"),

@@ -28,7 +28,7 @@ public:
 #pragma unroll
     for (int i = 0; i < 3; ++i) {
       int k = axes[i];
-      start[i] = pick(k, ray.start[0], ray.start[1], ray.start[2]);
+      start[i] = pick(ray.start, k);
       this->shear[i] = shear[i];
       component[i] = k * int(sizeof(Floats));
       // Where a ray does not move, slabs around it last very long.
@@ -63,10 +63,6 @@ public:
   bool leavesThroughFront() const { return away; }
 
 private:
-  static f32 pick(int k, f32 x, f32 y, f32 z) {
-    return k == 0 ? x : k == 1 ? y : z;
-  }
-
   /// Bounds are rounded, and those of ties are to be seen.
   void setReach() {
     reach = lower(hit.t * 1.000001f, 0x1.fffffep127f);

@@ -30,9 +30,12 @@ template <class T> inline T load(Bytes at) { return *(Global<T>)at; }
 /// NaN loses; an instruction each.
 inline f32 lower(f32 a, f32 b) { return __nvvm_fmin_f(a, b); }
 inline f32 upper(f32 a, f32 b) { return __nvvm_fmax_f(a, b); }
+/// Within 2^-22; infinite for what is less than the least normal number.
+inline f32 roughInverse(f32 x) { return __nvvm_rcp_approx_ftz_f(x); }
 #else
 inline f32 lower(f32 a, f32 b) { return __builtin_fminf(a, b); }
 inline f32 upper(f32 a, f32 b) { return __builtin_fmaxf(a, b); }
+inline f32 roughInverse(f32 x) { return 1 / x; }
 #endif
 
 /// What a node says of its children, in the order it is kept.

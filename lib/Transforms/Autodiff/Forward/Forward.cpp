@@ -170,6 +170,10 @@ LogicalResult ForwardBuilder::runRule(Operation *op, Operation *clone) {
   if (!isVaried || llvm::none_of(op->getResultTypes(), differentialType))
     return success();
   RuleContext context{builder, op->getLoc(), options.singular};
+  if (options.countRepeated)
+    context.report = [this, op](Value isRepeated) {
+      countRepeated(op->getLoc(), isRepeated);
+    };
   auto widenAll = [&](ValueRange range) {
     return llvm::map_to_vector(range, [&](Value value) {
       return widen(builder, op->getLoc(), value);
@@ -190,6 +194,16 @@ LogicalResult ForwardBuilder::runRule(Operation *op, Operation *clone) {
         tangents[result] = tangent;
   }
   return success();
+}
+
+void ForwardBuilder::countRepeated(Location loc, Value isRepeated) {
+  Type arrayType = ArrayType::get(builder.getContext(), 1,
+                                  builder.getIntegerType(32, true));
+  if (!counters)
+    counters = addHidden(
+        dual, HiddenAttr::get(dual.getContext(), HiddenKind::Counters, -1, 0),
+        arrayType);
+  countOne(builder, loc, isRepeated, counters, repeatedPlaces);
 }
 
 /// The body of the function in place of the call, unless the function has a

@@ -25,6 +25,9 @@ struct ForwardOptions {
   /// Per array leaf: it has tangents. Empty: all have.
   llvm::SmallVector<bool> active;
   Singular singular = Singular::Pinned;
+  /// Threads that meet repeated singular values or eigenvalues are counted, as
+  /// tangents of their vectors are zero there (HiddenKind::Counters).
+  bool countRepeated = false;
   /// Directions that tangents are computed along at once.
   unsigned width = 1;
   /// Nothing is computed but who has won at atomic minima and maxima; for a
@@ -62,6 +65,10 @@ public:
 
   /// Fills the body of the dual kernel and adds its arguments.
   mlir::LogicalResult build();
+  /// Places with repeated values, in the order of the counters.
+  llvm::ArrayRef<mlir::Location> getRepeatedPlaces() const {
+    return repeatedPlaces;
+  }
 
 private:
   void addTwins();
@@ -80,6 +87,7 @@ private:
   mlir::Value dotTangents(mlir::func::CallOp op, mlir::ValueRange cotangents,
                           const TangentMap &tangents);
   mlir::LogicalResult runRule(mlir::Operation *op, mlir::Operation *clone);
+  void countRepeated(mlir::Location loc, mlir::Value isRepeated);
   /// In the launch that looks for winners. Returns nothing for what it does
   /// like the other one.
   std::optional<mlir::LogicalResult> runForWinners(mlir::Operation *op);
@@ -133,6 +141,9 @@ private:
   /// thread claims an element.
   llvm::SmallVector<llvm::SmallVector<mlir::Operation *, 1>> updates;
   llvm::SmallVector<mlir::Value> claims;
+  /// Counters of repeated values, and where they are of.
+  mlir::Value counters;
+  llvm::SmallVector<mlir::Location> repeatedPlaces;
 };
 
 /// Makes atomic minima and maxima of composites those of their components.

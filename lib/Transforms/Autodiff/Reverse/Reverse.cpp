@@ -285,25 +285,11 @@ LogicalResult ReverseBuilder::reverseByRule(Operation *op) {
   return success();
 }
 
-/// One more at a singular point of this line; Counters[line] in the order of
-/// `getSingularPlaces`.
 void ReverseBuilder::countSingular(Location loc, Value isSingular) {
-  auto found = llvm::find(singularPlaces, loc);
-  int64_t line = found - singularPlaces.begin();
-  if (found == singularPlaces.end())
-    singularPlaces.push_back(loc);
-  Type type = builder.getIntegerType(32, true);
-  auto counters = getHidden(HiddenKind::Counters, -1,
-                            ArrayType::get(builder.getContext(), 1, type));
-  auto branch = scf::IfOp::create(builder, loc, isSingular, false);
-  OpBuilder::InsertionGuard guard(builder);
-  builder.setInsertionPointToStart(branch.thenBlock());
-  auto constant = [&](int64_t value) -> Value {
-    return ConstantOp::create(builder, loc,
-                              builder.getIntegerAttr(type, value));
-  };
-  AtomicOp::create(builder, loc, type, AtomicKind::add, constant(1), counters,
-                   ValueRange(constant(line)));
+  auto counters = getHidden(
+      HiddenKind::Counters, -1,
+      ArrayType::get(builder.getContext(), 1, builder.getIntegerType(32, true)));
+  countOne(builder, loc, isSingular, counters, singularPlaces);
 }
 
 } // namespace warp::autodiff

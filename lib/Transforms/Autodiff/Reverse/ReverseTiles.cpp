@@ -61,9 +61,9 @@ LogicalResult ReverseBuilder::replayTileAccess(Operation *op) {
 
 TileReverse::TileReverse(ReverseBuilder &reverse, Operation *op)
     : reverse(reverse), b(reverse.builder), loc(op->getLoc()), op(op) {
-  auto kernel = op->getParentOfType<func::FuncOp>();
   auto attribute =
-      kernel->getAttrOfType<IntegerAttr>(warp::attr::blockThreads);
+      op->getParentOfType<func::FuncOp>()->getAttrOfType<IntegerAttr>(
+          warp::attr::blockThreads);
   threads = attribute ? attribute.getInt() : 1;
 }
 
@@ -153,6 +153,20 @@ Value TileReverse::overThreads(Value tile, Type type) {
 // Elementwise
 //===----------------------------------------------------------------------===//
 
+/// Leaves out what a function of elements computes or gets for nothing, so that
+/// loops need not keep it.
+static void dropUnused(TileMapOp map, unsigned keptOperand) {
+  Block &body = map.getBody().front();
+  for (Operation &op : llvm::make_early_inc_range(llvm::reverse(body)))
+    if (isOpTriviallyDead(&op))
+      op.erase();
+  for (unsigned i = map.getNumOperands(); i-- > 0;)
+    if (i != keptOperand && body.getArgument(i).use_empty()) {
+      body.eraseArgument(i);
+      map->eraseOperand(i);
+    }
+}
+
 LogicalResult TileReverse::reverseMap(TileMapOp map) {
   SmallVector<Value> inputs = recover(map.getInputs()), cotangents;
   SmallVector<unsigned> given;
@@ -171,8 +185,8 @@ LogicalResult TileReverse::reverseMap(TileMapOp map) {
       wanted.push_back(i);
       auto tile = dyn_cast<TileType>(input.getType());
       types.push_back(shaped(
-          shape, differentialType(tile ? tile.getElementType()
-                                       : input.getType())));
+          shape,
+          differentialType(tile ? tile.getElementType() : input.getType())));
     }
   if (wanted.empty())
     return success();
@@ -199,14 +213,15 @@ LogicalResult TileReverse::reverseMap(TileMapOp map) {
       if (failed(reverse.reverse(primal)))
         return failure();
       for (unsigned i : wanted)
-        results.push_back(
-            reverse.takeCotangentOrZero(primal.getArgument(i)));
+        results.push_back(reverse.takeCotangentOrZero(primal.getArgument(i)));
       return success();
     });
     if (failed(captures))
       return failure();
     TileYieldOp::create(b, loc, results);
   }
+  // The cotangents have the shape of the results.
+  dropUnused(adjoint, map.getNumOperands());
   for (auto [i, result] : llvm::zip_equal(wanted, adjoint.getResults())) {
     Value input = map.getInputs()[i];
     give(input, isa<TileType>(input.getType())
@@ -224,11 +239,10 @@ LogicalResult TileReverse::reverseLoad(TileLoadOp load) {
   Value g = take();
   if (!g)
     return success();
-  TileAtomicOp::create(b, loc, g.getType(), TileUpdate::add, g,
-                       reverse.gradOf(load.getArray()),
-                       recover(load.getOffsets()),
-                       recoverOptional(load.getPicked()), load.getAxis(),
-                       load.getChecked());
+  TileAtomicOp::create(
+      b, loc, g.getType(), TileUpdate::add, g, reverse.gradOf(load.getArray()),
+      recover(load.getOffsets()), recoverOptional(load.getPicked()),
+      load.getAxis(), load.getChecked());
   return success();
 }
 

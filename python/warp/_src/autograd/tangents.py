@@ -28,6 +28,7 @@ from warp._src.derivatives.kernel_derivatives import (
     gradients_of,
     thread_count,
 )
+from warp._src.derivatives.singular import REPEATED, count_singular
 from warp._src.kernels.call import Call
 from warp._src.types import dtypes, scalars
 
@@ -192,9 +193,13 @@ class Tangents:
         )
 
     def _hidden(self, made, leaves) -> list:
-        """Twins, and zeros for the claims of winners."""
+        """Twins, zeros for the claims of winners, and counters of singular points."""
         values = []
         for hidden in made.hidden:
+            if hidden.kind == "counters":
+                dtype = dtypes.dtype_of(hidden.type).dtype
+                values.append(zeros(len(hidden.places) or 1, dtype, leaves[0].device))
+                continue
             one = leaves[hidden.leaf]
             if hidden.kind == "tangent":
                 values.append(self.twin(one, hidden.direction))
@@ -225,7 +230,9 @@ class Tangents:
             for one in arrays
         )
         second = made.tangent(active, unique, self.width)
-        call.other(second.native, (*again.values, *self._hidden(second, arrays))).run()
+        hidden = self._hidden(second, arrays)
+        call.other(second.native, (*again.values, *hidden)).run()
+        count_singular(second, hidden, REPEATED)
 
     def copy(self, dest: array, src: array, stream=None) -> None:
         """Copies values and tangents."""

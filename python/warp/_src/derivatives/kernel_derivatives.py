@@ -208,7 +208,9 @@ class KernelDerivative:
         """Its own derivative in forward mode."""
         key = (active, unique, width)
         if key not in self._tangents:
-            made = differentiate(self.native, active, True, unique, width=width)
+            # Tangents of vectors of repeated values are zero: where that matters, it is said.
+            singular = "strict" if config.singular == "strict" else "repeated"
+            made = differentiate(self.native, active, True, unique, singular, width=width)
             self._tangents[key] = KernelDerivative(self.kernel, made, "adjoint_tangent")
             self.kernel.derivatives.notice(made.notices)
         return self._tangents[key]
@@ -294,10 +296,11 @@ class KernelDerivative:
         return values
 
 
-def differentiate(native, active, forward=False, unique=True, **options):
+def differentiate(native, active, forward=False, unique=True, singular=None, **options):
     """The derivative of a native kernel as the compiler's module, and what goes with it.
 
     Args:
+        singular: the policy at singular points, by default that of the settings.
         options: `width` and `winners` of forward mode, `tape` of reverse mode.
 
     Raises:
@@ -307,7 +310,7 @@ def differentiate(native, active, forward=False, unique=True, **options):
         native.module,
         forward=forward,
         active=list(active),
-        singular=config.singular,
+        singular=singular or config.singular,
         unique=unique,
         **options,
     )

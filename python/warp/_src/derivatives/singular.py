@@ -1,4 +1,4 @@
-"""Counting singular points: `wp.config.singular = "report"`.
+"""Counting singular points: `wp.config.singular = "report"`, and second derivatives.
 
 Each launch of an adjoint has counters, one per source line where a derivative may not exist. They
 are read and printed, summed over launches, when a backward pass ends.
@@ -8,16 +8,22 @@ from __future__ import annotations
 
 import contextlib
 
-# Lines and counters of launches since the last report.
+# What is said of places: by default of first derivatives.
+SINGULAR = "singular point met {times}, its derivative counts as 0"
+REPEATED = (
+    "singular values or eigenvalues that are the same met {times}; second derivatives by what "
+    "turns their vectors are left out there"
+)
+# Lines, counters and messages of launches since the last report.
 _pending: list = []
 _depth = 0
 
 
-def count_singular(made, values) -> None:
+def count_singular(made, values, message=SINGULAR) -> None:
     """Notes the counters among the hidden arguments of a launch that was queued."""
     for hidden, value in zip(made.hidden, values, strict=True):
         if hidden.kind == "counters":
-            _pending.append((hidden.places, value))
+            _pending.append((hidden.places, value, message))
     if not _depth:
         report()
 
@@ -41,10 +47,10 @@ def report() -> None:
         return
     found, totals = list(_pending), {}
     _pending.clear()
-    for places, counters in found:
+    for places, counters, message in found:
         for place, count in zip(places, counters.numpy().tolist(), strict=False):
             if count:
-                totals[place] = totals.get(place, 0) + count
-    for place, count in totals.items():
+                totals[place, message] = totals.get((place, message), 0) + count
+    for (place, message), count in totals.items():
         times = "1 time" if count == 1 else f"{count} times"
-        print(f"{place}: singular point met {times}, its derivative counts as 0", flush=True)
+        print(f"{place}: {message.format(times=times)}", flush=True)

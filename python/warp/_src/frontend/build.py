@@ -15,7 +15,7 @@ from warp._src.frontend.updates import updated_arguments
 from warp._src.types import dtypes
 
 
-def build_kernel(kernel, arguments=None, threads=1):
+def build_kernel(kernel, arguments=None, threads=1, constants=None):
     """Translates a kernel.
 
     Args:
@@ -23,6 +23,7 @@ def build_kernel(kernel, arguments=None, threads=1):
             `check_handles(kinds)`, which is told which arguments are handles of geometry.
         arguments: native types of the arguments, where annotations leave them open.
         threads: threads of a block, if the kernel has tiles.
+        constants: values of parameters, or of fields of structs, by name, that the code is for.
 
     Returns:
         The verified module, which holds the kernel and the functions it calls.
@@ -35,7 +36,7 @@ def build_kernel(kernel, arguments=None, threads=1):
     source = None
     if kernel.code_transformers:
         source = transformed(source_of(kernel.func), kernel.code_transformers)
-    translator = _translate(kernel.func, kernel.key, arguments, limit, source, threads)
+    translator = _translate(kernel.func, kernel.key, arguments, limit, source, threads, constants)
     if translator.session.tile_builder is not None:
         kernel.note_tiles()
     if translator.session.handles:
@@ -71,7 +72,7 @@ def types_of_local(function, name, local) -> list:
     return natives
 
 
-def _translate(function, name, arguments, max_unroll, source=None, threads=1):
+def _translate(function, name, arguments, max_unroll, source=None, threads=1, constants=None):
     """The translator at the end of the function's body."""
     overload = Overload(function, source)
     source = overload.source
@@ -85,7 +86,8 @@ def _translate(function, name, arguments, max_unroll, source=None, threads=1):
     parameters = [parameter.name for parameter in overload.parameters]
     symbol = session.symbol(symbol_name(name))
     values = builder.begin_function(symbol, parameters, natives, True)
-    for parameter, value in zip(parameters, values, strict=False):
+    values = _with_constants(translator, dict(zip(parameters, values, strict=False)), constants)
+    for parameter, value in values.items():
         translator.env[parameter] = session.parameters[parameter] = value
         translator.lines[parameter] = source.line(source.tree)
     try:
@@ -102,6 +104,16 @@ def _translate(function, name, arguments, max_unroll, source=None, threads=1):
             "split the expression, or raise `sys.setrecursionlimit`",
         ) from None
     return translator
+
+
+def _with_constants(translator, values, constants) -> dict:
+    """Values of the parameters by name, with constants in place of arguments and of fields."""
+    builder, node = translator.builder, translator.node
+    for path, constant in (constants or {}).items():
+        name, _, field = path.partition(".")
+        value = translator.materialize(constant, node)
+        values[name] = builder.struct_set(values[name], field, value) if field else value
+    return values
 
 
 def _parameter_types(overload, name, arguments) -> list:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import types as python_types
+import typing
 
 from warp import _native
 from warp._src.frontend.address import place_of
@@ -12,6 +13,10 @@ from warp._src.frontend.functions import overload_of
 from warp._src.kernels.function import Function, NativeFunction
 from warp._src.types.annotations import Reference
 from warp._src.types.native import ArrayType
+from warp._src.types.tiles import TileStackType, TileType
+
+# Annotations of parameters that are passed by reference.
+_CHANGEABLE = (ArrayType, TileType, TileStackType)
 
 # Positions of the arguments that a builtin for tiles changes.
 _TILE_UPDATES = {
@@ -44,11 +49,12 @@ def references_of(function) -> set:
 
 
 def _arrays_of(function) -> set:
-    """Positions and names of the parameters that take an array, maybe one of the thread."""
+    """Positions and names of the parameters that take what a function may change: an array, maybe
+    one of the thread, a tile or a stack."""
     found: set = set()
     for one in function.overloads:
         for position, (name, annotation) in enumerate(one.__annotations__.items()):
-            if isinstance(annotation, ArrayType):
+            if annotation is typing.Any or isinstance(annotation, _CHANGEABLE):
                 found |= {position, name}
     return found
 

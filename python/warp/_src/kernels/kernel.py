@@ -88,6 +88,8 @@ class Kernel:
         self.__module__ = func.__module__
         self.__doc__ = func.__doc__
         self.__wrapped__ = func
+        if self.options.get("launch_constants"):
+            self.fix_constants()
 
     @property
     def is_generic(self) -> bool:
@@ -157,6 +159,11 @@ class Kernel:
         self._take(importlib.import_module("warp._src.kernels.searching").SearchingKernel)
         self.handles = dict(kinds)
 
+    def fix_constants(self) -> None:
+        """Makes every launch choose the code for its launch constants."""
+        self._take(importlib.import_module("warp._src.kernels.constants").ConstantKernel)
+        self.read_constants()
+
     def note_tiles(self) -> None:
         """Makes every launch choose the code for its blocks."""
         self._take(importlib.import_module("warp._src.kernels.tiled").TiledKernel)
@@ -169,8 +176,11 @@ class Kernel:
     def check(self, values, device) -> None:
         """Looks at the values of a launch, if the kernel is of a subclass."""
 
-    def place(self, native, dim, index, block_dim, values):
-        """The native kernel for a launch, and its threads per block, if it is of a subclass."""
+    def place(self, native, dim, index, block_dim, values, recorded=False):
+        """The native kernel for a launch, and its threads per block; subclasses choose others.
+
+        recorded: arguments may be changed before it is run.
+        """
         return native, block_dim
 
     def specialize(self, arguments):
@@ -191,13 +201,13 @@ class Kernel:
             found = self._specialized[types] = self._translate(types)
         return found
 
-    def _translate(self, arguments, threads=1):
+    def _translate(self, arguments, threads=1, constants=None):
         if self.unique_key is not None:
             unique.check(self)
         with translating:
             from warp._src.frontend.build import build_kernel
 
-            module = build_kernel(self, arguments, threads)
+            module = build_kernel(self, arguments, threads, constants)
         native = self.compile_module(module)
         self._dump(native)
         name = self.key if arguments is None else f"{self.key}_{type_tag(arguments)}"
@@ -425,6 +435,12 @@ def _with_part(part, kind):
     return part if kind is Kernel else type(part.__name__, (part, kind), {})
 
 
+def _check_constants(names) -> tuple[str, ...]:
+    if isinstance(names, str) or not all(isinstance(name, str) for name in names):
+        raise TypeError(f"launch_constants expects names of parameters, but got {names!r}")
+    return tuple(names)
+
+
 def argument_type(value):
     """The compiler's type of a launch argument; None where it cannot be told."""
     try:
@@ -444,6 +460,7 @@ def kernel(
     enable_backward=None,
     launch_bounds=None,
     cuda_max_registers=None,
+    launch_constants=None,
     module=None,
     module_options=None,
     **options,
@@ -456,6 +473,9 @@ def kernel(
         launch_bounds: largest block, and fewest blocks per multiprocessor, for CUDA; a launch with
             a larger block is an error.
         cuda_max_registers: registers that a CUDA thread may use; not together with `launch_bounds`.
+        launch_constants: names of parameters (`"order"`), or of fields of structs
+            (`"settings.contact"`), whose values many launches share: the first 8 sets of values get
+            code of their own where it differs.
         module: module whose options apply, by default that of the function. "unique" makes one for
             this kernel; a second definition of the same text, captures and options gives the first
             kernel again.
@@ -479,6 +499,8 @@ def kernel(
         own["launch_bounds"] = check_launch_bounds(launch_bounds)
     if cuda_max_registers is not None:
         own["cuda_max_registers"] = _check_registers(cuda_max_registers)
+    if launch_constants is not None:
+        own["launch_constants"] = _check_constants(launch_constants)
     unknown = set(options) - _INERT
     if unknown:
         raise TypeError(f"kernel has no option '{unknown.pop()}'")

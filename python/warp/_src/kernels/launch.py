@@ -123,7 +123,9 @@ def _launch_checked(
     native = kernel.specialize((*inputs, *outputs)) if kernel.is_generic else kernel.prepare()
     if type(kernel) is not Kernel:
         kernel.check((*inputs, *outputs), index)
-        native, block_dim = kernel.place(native, dim, index, block_dim, (*inputs, *outputs))
+        native, block_dim = kernel.place(
+            native, dim, index, block_dim, (*inputs, *outputs), record_cmd
+        )
     if gradients is not None:
         place = (index, stream, block_dim or 0)
         return _launch_adjoint(kernel, native, dim, inputs, outputs, gradients, place, record_cmd)

@@ -22,7 +22,7 @@ class KernelManifest:
     Attributes:
         kernel: its name.
         module: name of the Python module.
-        variant: `forward`, `adjoint` or `tangent`.
+        variant: `forward`, `constants` (for one set of launch constants), `adjoint` or `tangent`.
         operations: how often each operation of the kernel language occurs.
         library: functions of the device library that are linked.
         launches: kinds of launches that code was made for.
@@ -112,6 +112,9 @@ def _natives(kernel):
         yield "forward", kernel.native
     for native in kernel.specializations:
         yield "forward", native
+    for one in getattr(kernel, "constant_sets", ()):
+        if one.native is not None:
+            yield "constants", one.native
     derivatives = kernel.__dict__.get("derivatives")
     for mode, native in derivatives.made() if derivatives else ():
         yield mode, native

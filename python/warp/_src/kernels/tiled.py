@@ -60,12 +60,13 @@ class TiledKernel(Kernel):
             found = known[arguments, threads] = (Epoch.current, made)
         return found[1]
 
-    def place(self, native, dim, index, block_dim, values):
+    def place(self, native, dim, index, block_dim, values, recorded=False):
         """The native kernel for a launch, and its threads per block.
 
         Args:
             native: the one for blocks of one thread.
             values: what the launch is given.
+            recorded: arguments may be changed before it is run.
 
         Raises:
             WarpLaunchValueError: a block of several threads would not be complete.

@@ -89,7 +89,9 @@ class TileStackType:
     is_open = True
 
     def __init__(self, capacity, dtype):
-        capacity = unwrapped((capacity,))[0]
+        if typing.get_origin(capacity) is typing.Literal:
+            capacity = unwrapped((capacity,))[0]
+        capacity = getattr(capacity, "value", capacity)
         if type(capacity) is not int or capacity < 1:
             raise ValueError(
                 f"wp.tile_stack(capacity, dtype) expects a positive integer as capacity, but got "

@@ -106,7 +106,7 @@ def _part(module):
 
 
 def _note_unused(found, gradients, entries, counter):
-    if gradients and not any(entry.variant != "forward" for entry in entries):
+    if gradients and not any(entry.variant in ("adjoint", "tangent") for entry in entries):
         found.unused.append(f"{found.gradient_bytes} bytes of gradients that no pass reads")
     for entry in entries:
         if entry.variant == "forward" and not counter.launches[entry.kernel]:

@@ -74,12 +74,6 @@ class TileChanges(TileTopic):
         """`(a, i, ..., value, has_value)`: each thread changes an element, if it has a value."""
         arguments, keywords = self.context.constructors.arguments(node)
         tile = self.tile(arguments[0], node, name)
-        if kind == "add" and tile.type.element.kind == "struct":
-            raise self.context.type_error(
-                node,
-                f"{name}() expects elements that add up, but got '{tile.type.python_name}'",
-                "use a tile for each field",
-            )
         rank = len(tile.type.shape)
         rest = dict(zip(("value", "has_value", "atomic"), arguments[1 + rank :], strict=False))
         rest.update(keywords)

@@ -210,7 +210,10 @@ class TileValues(TileTopic):
         threads = self.context.session.block_threads()
         index = self.context.materialize(index, node)
         known = index.constant()
-        if known is not None and not 0 <= known < threads:
+        if threads == 1:
+            # The only one there is.
+            index = self.builder.constant(INT32, 0)
+        elif known is not None and not 0 <= known < threads:
             raise self.context.value_error(
                 node,
                 f"tile_from_thread() thread_idx={known} is outside of a block of {threads} threads",

@@ -5,9 +5,9 @@ from __future__ import annotations
 from warp._src import errors
 from warp._src.arrays.array import array
 from warp._src.derivatives.handles import Behind
+from warp._src.geometry.volumes.cells import GRADIENTS
 from warp._src.geometry.volumes.contents import DTYPES
 from warp._src.geometry.volumes.layout import HEADER, TYPES
-from warp._src.geometry.volumes.typed import GRADIENTS
 
 
 class LeafValues(Behind):

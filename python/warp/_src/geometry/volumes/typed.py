@@ -1,6 +1,6 @@
 """What kernels ask a volume, for one type of values.
 
-A sample is made of the values of a cell's corners; the device library says where these are, and its
+A sample is made of the values of a cell's corners (cells.py says where these are), and its
 derivative follows from the weights. Values of another type than the grid's are 0.
 """
 
@@ -9,8 +9,7 @@ derivative follows from the weights. Values of another type than the grid's are 
 
 from typing import Any
 
-from warp._src.arrays.gradients import has_gradient
-from warp._src.geometry.handles import VOLUME, words
+from warp._src.geometry.volumes.cells import places, reading
 from warp._src.geometry.volumes.places import cell_of, nearest
 from warp._src.kernels.function import Function
 from warp._src.language import namespace as wp
@@ -20,26 +19,22 @@ from warp._src.types.native import ArrayType
 from warp._src.types.scalars import int32, uint64
 
 LINEAR = 1
-# Words of the slot.
-_LEAVES, GRADIENTS, _LEAVES_END = 3, 6, 12
 
 
-def _twins(id: uint64):
-    """From values to their gradients, and the first address and the bytes of what has some."""
-    slot = words(id, VOLUME)
-    size = wp.where(slot[GRADIENTS] != uint64(0), slot[_LEAVES_END] - slot[_LEAVES], uint64(0))
-    return slot[GRADIENTS], slot[_LEAVES], size
+def lookups(value, scalar, number):
+    """`volume_lookup` and `volume_store` of values of a type, which files give a number.
 
-
-twins = Function(_twins, "twins")
-
-
-def lookups(value, number):
-    """`volume_lookup` and `volume_store` of values of a type, which files give a number."""
+    Also what gives the values of a cell's corners.
+    """
 
     def _lookup(id: uint64, i: int32, j: int32, k: int32):
-        at = wp._library_call("warp_volume_value", id, number, i, j, k)
-        return read(at, twins(id))
+        result = value()
+        place = place_of(id, i, j, k)
+        if place >= 0:
+            result = at_place(id, place)
+        else:
+            result = at_address(id, wp._library_call("warp_volume_value", id, number, i, j, k))
+        return result
 
     def _lookup_typed(id: uint64, i: int32, j: int32, k: int32, dtype: type[value]):
         return lookup(id, i, j, k)
@@ -50,21 +45,24 @@ def lookups(value, number):
             place = wp.array(ptr=address, shape=1, dtype=value)
             place[0] = given
 
-    read, lookup = reading(value), Function(_lookup, "volume_lookup")
-    return read, lookup, _lookup_typed, _store
+    def _corners(id: uint64, at: vec3f):
+        i, j, k = int(at[0]), int(at[1]), int(at[2])
+        a, b, c, d = value(), value(), value(), value()
+        e, f, g, h = value(), value(), value(), value()
+        p = places_of_cell(id, i, j, k)
+        if p[0] >= 0:
+            a, b, c, d = near(id, p[0]), near(id, p[1]), near(id, p[2]), near(id, p[3])
+            e, f, g, h = near(id, p[4]), near(id, p[5]), near(id, p[6]), near(id, p[7])
+        else:
+            q = wp._library_call("warp_volume_cell", id, number, i, j, k)
+            a, b, c, d = far(id, q[0]), far(id, q[1]), far(id, q[2]), far(id, q[3])
+            e, f, g, h = far(id, q[4]), far(id, q[5]), far(id, q[6]), far(id, q[7])
+        return a, b, c, d, e, f, g, h
 
-
-def reading(value):
-    """What reads a value at an address; its gradient, if it has one, is at another."""
-
-    def _read(address: uint64, twins: Any):
-        return wp.array(ptr=address, shape=1, dtype=value)[0]
-
-    def _read_float(address: uint64, twins: Any):
-        beside = wp.where(address - twins[1] < twins[2], address + twins[0], uint64(0))
-        return wp.array(ptr=address, shape=1, dtype=value, grad=beside)[0]
-
-    return Function(_read_float if has_gradient(value) else _read, "read")
+    at_place, at_address = near, far = reading(value, scalar)
+    place_of, places_of_cell = places(number, value, scalar)
+    lookup = Function(_lookup, "volume_lookup")
+    return lookup, _lookup_typed, _store, Function(_corners, "corners")
 
 
 def closest(value, lookup):
@@ -81,16 +79,8 @@ def closest(value, lookup):
     return sample, _sample_typed
 
 
-def interpolated(value, scalar, number, read, lookup):
-    """`volume_sample` of a type whose numbers are `scalar`, and the values of a cell's corners."""
-
-    def _corners(id: uint64, at: vec3f):
-        a, b, c, d, e, f, g, h = wp._library_call(
-            "warp_volume_cell", id, number, int(at[0]), int(at[1]), int(at[2])
-        )
-        t = twins(id)
-        low = read(a, t), read(b, t), read(c, t), read(d, t)
-        return low[0], low[1], low[2], low[3], read(e, t), read(f, t), read(g, t), read(h, t)
+def interpolated(value, scalar, corners, lookup):
+    """`volume_sample` of a type whose numbers are `scalar`."""
 
     def _sample(id: uint64, uvw: vec3f, sampling_mode: int32):
         result = value()
@@ -106,8 +96,8 @@ def interpolated(value, scalar, number, read, lookup):
         return sample(id, uvw, sampling_mode)
 
     blend = blending(scalar)
-    corners, sample = Function(_corners, "corners"), Function(_sample, "volume_sample")
-    return corners, blend, sample, _sample_typed
+    sample = Function(_sample, "volume_sample")
+    return blend, sample, _sample_typed
 
 
 def blending(scalar):

@@ -1,0 +1,55 @@
+// RUN: warp-opt %s --split-input-file --warp-form-lane-loops | FileCheck %s
+
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, rank = 2>
+
+// What a thread loads is kept for the operation on tiles; the sum is uniform,
+// and threads store in a loop of their own.
+// CHECK-LABEL: func.func @center
+// CHECK-SAME: warp.block_threads = 1
+// CHECK: %[[TID:.*]]:2 = warp.tid
+// CHECK: warp.mod(%[[TID]]#1, %{{.*}})
+// CHECK: scf.if
+// CHECK: %[[X:.*]] = scf.for %{{.*}} iter_args(%[[T:.*]] = %{{.*}}) -> (!warp.tile<64 x f32>)
+// CHECK: %[[V:.*]] = warp.load
+// CHECK: %[[U:.*]] = warp.tile_set assign %[[V]], %[[T]]
+// CHECK: scf.yield %[[U]]
+// CHECK: %[[S:.*]] = warp.tile_reduce add %[[X]]
+// CHECK: %[[MEAN:.*]] = warp.tile_get %[[S]]
+// CHECK: scf.for
+// CHECK: %[[MINE:.*]] = warp.tile_get %[[X]]
+// CHECK: %[[D:.*]] = warp.sub(%[[MINE]], %[[MEAN]])
+// CHECK: warp.store %[[D]]
+module {
+  func.func @center(%a: !warp.array<1 x f32>) attributes
+      {warp.kernel, warp.block_threads = 64 : i64, warp.variant = #cpu} {
+    %zero = warp.constant 0 : si32
+    %i, %lane = warp.tid : si32, si32
+    %x = warp.load %a[%lane] : !warp.array<1 x f32>, si32 -> f32
+    %t = warp.tile_from_threads %x : f32 -> !warp.tile<64 x f32>
+    %s = warp.tile_reduce add %t : !warp.tile<64 x f32> -> !warp.tile<1 x f32>
+    %mean = warp.tile_get %s[%zero] : !warp.tile<1 x f32>, (si32) -> f32
+    %d = warp.sub(%x, %mean) : (f32, f32) -> f32
+    warp.store %d, %a[%lane] : f32, !warp.array<1 x f32>, si32
+    return
+  }
+}
+
+// -----
+
+#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2>
+
+// A GPU has the threads.
+// CHECK-LABEL: func.func @alone
+// CHECK-SAME: warp.block_threads = 64
+// CHECK-NOT: scf.for
+module {
+  func.func @alone(%a: !warp.array<1 x f32>) attributes
+      {warp.kernel, warp.block_threads = 64 : i64, warp.variant = #gpu} {
+    %i, %lane = warp.tid : si32, si32
+    %x = warp.load %a[%lane] : !warp.array<1 x f32>, si32 -> f32
+    %t = warp.tile_from_threads %x : f32 -> !warp.tile<64 x f32>
+    %y = warp.tile_to_threads %t : !warp.tile<64 x f32> -> f32
+    warp.store %y, %a[%lane] : f32, !warp.array<1 x f32>, si32
+    return
+  }
+}
