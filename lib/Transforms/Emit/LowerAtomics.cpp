@@ -109,7 +109,7 @@ void ArrayLowering::lowerAtomic(AtomicComponentsOp op) {
   SmallVector<Leaf> leaves;
   collectLeaves(elementType(op.getArray()), 0, leaves);
   Address at = address(op.getArray(), op.getIndices());
-  if (!exclusive && canAddInPairs(entry, op, leaves)) {
+  if (!exclusive && canAddInPairs(entry, op, leaves, at.pointer)) {
     SmallVector<mlir::Value> terms(op.getComponents());
     if (op.getKind() == AtomicKind::sub)
       for (mlir::Value &term : terms)

@@ -19,6 +19,7 @@
 
 #include "Atomics.h"
 #include "KernelFunction.h"
+#include "Launch/GpuBlock.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
@@ -28,9 +29,12 @@ using namespace mlir;
 constexpr int64_t floatSize = 4;
 
 bool warp::canAddInPairs(Operation *entry, AtomicComponentsOp op,
-                         ArrayRef<Leaf> leaves) {
+                         ArrayRef<Leaf> leaves, Value pointer) {
   VariantAttr variant = getVariant(entry);
-  if (!variant.getTarget().has(Feature::PairedFloatUpdates) ||
+  // There are none for the memory of a block.
+  auto space = cast<LLVM::LLVMPointerType>(pointer.getType()).getAddressSpace();
+  if (space == sharedSpace ||
+      !variant.getTarget().has(Feature::PairedFloatUpdates) ||
       variant.getDebug() || !op->use_empty() ||
       combiningKind(op.getKind()) != AtomicKind::add)
     return false;

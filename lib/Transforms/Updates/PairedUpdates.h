@@ -15,9 +15,9 @@
 namespace warp {
 
 /// Whether the entry's GPU can perform this update, of an element with these
-/// parts, by `addInPairs`.
+/// parts at an address, by `addInPairs`.
 bool canAddInPairs(mlir::Operation *entry, AtomicComponentsOp op,
-                   llvm::ArrayRef<Leaf> leaves);
+                   llvm::ArrayRef<Leaf> leaves, mlir::Value pointer);
 
 /// Adds floats atomically to those that follow each other from `pointer` on.
 void addInPairs(mlir::OpBuilder &b, mlir::Location loc, mlir::ValueRange values,

@@ -104,3 +104,25 @@ def test_sums_that_a_loop_carries_keep_nothing(device):
     out.grad.fill_(1.0)
     tape.backward()
     np.testing.assert_array_equal(given.grad.numpy(), np.full((3, 48), 0.5))
+
+
+@wp.kernel
+def collect_vectors(a: wp.array(dtype=wp.vec3), out: wp.array(dtype=wp.vec3)):
+    t = wp.tile_zeros(shape=2, dtype=wp.vec3)
+    i = wp.untile(wp.tile_arange(wp.block_dim()))
+    for j in range(4):
+        wp.tile_scatter_add(t, j % 2, a[j], i == 0)
+    wp.tile_store(out, t)
+
+
+# Hopper adds floats in pairs to arrays, but not to the memory of a block.
+def test_scattered_sums_of_vectors(device):
+    a = np.random.default_rng(2).normal(size=(4, 3)).astype(np.float32)
+    out = wp.zeros(2, dtype=wp.vec3, device=device)
+    given = wp.array(a, dtype=wp.vec3, device=device)
+    wp.launch_tiled(collect_vectors, dim=1, inputs=[given, out], block_dim=32, device=device)
+    np.testing.assert_allclose(out.numpy(), [a[0] + a[2], a[1] + a[3]], rtol=1e-6)
+    for kernel in (collect, collect_vectors):
+        text = kernel.ir("ptx", arch=90)
+        assert "atom.shared" in text or "red.shared" in text
+        assert "red.global" not in text
