@@ -10,11 +10,14 @@ import numpy as np
 from warp._src import errors
 from warp._src.devices import devices
 from warp._src.geometry.volumes import build, points
-from warp._src.geometry.volumes.layout import INDEX
+from warp._src.geometry.volumes.layout import HEADER, INDEX, ON_INDEX, TREE, layout_of
 from warp._src.types import dtypes
 
 # Status bits, by the level of nodes that had no room.
 LEAF_CAPACITY, LOWER_CAPACITY, UPPER_CAPACITY, VOXEL_CAPACITY = 1, 2, 4, 8
+
+# Bytes of the grids that kernels build, at most: they take the room for all nodes at once.
+MOST_ROOM = 1 << 30
 
 
 class Recipe:
@@ -30,6 +33,15 @@ class Recipe:
     def __init__(self, kind, number, background, transform, capacities=None):
         self.kind, self.number, self.background = kind, number, background
         self.transform, self.capacities = transform, capacities
+
+    @property
+    def room(self) -> int:
+        """Bytes of a grid with as many nodes as there is room for."""
+        layout = layout_of(ON_INDEX if self.kind == "voxels" else self.number)
+        leaves, lowers, uppers, _ = self.capacities
+        head = HEADER.itemsize + TREE.itemsize + layout.root
+        nodes = lowers * layout.lower + leaves * layout.leaf
+        return head + uppers * (layout.tile + layout.upper) + nodes
 
     def buffer(self, given, mask, what="points"):
         """A buffer with the grid of points, and the status bits for what had no room."""
@@ -97,6 +109,13 @@ def check_status(status, device):
         raise errors.WarpError(f"status must be on '{device}', but is on '{status.device}'")
 
 
+def builds_there(device, recipe) -> bool:
+    """Whether kernels build the grids of a recipe, in room for as many nodes as it says."""
+    if device.is_cpu or recipe.capacities is None:
+        return False
+    return recipe.room <= MOST_ROOM
+
+
 def by_points(cls, recipe, given, what, device, room, status, mask):
     """A volume of the class with the grid of points.
 
@@ -104,6 +123,15 @@ def by_points(cls, recipe, given, what, device, room, status, mask):
     """
     device = devices.get_device(device)
     recipe.capacities = room
+    if status is not None:
+        check_status(status, device)
+    if builds_there(device, recipe):
+        from warp._src.geometry.device.voxels import VoxelTree
+
+        given, mask = points.arrays_on(device, given, mask, what)
+        volume = cls._of_tree(VoxelTree(recipe, device))
+        volume.rebuild(given, status, mask)
+        return volume
     buffer, problem = recipe.buffer(given, mask, what)
     if problem:
         buffer, _ = recipe.of_voxels(np.zeros((0, 3), dtype=np.int64))
@@ -111,7 +139,6 @@ def by_points(cls, recipe, given, what, device, room, status, mask):
     if room is not None:
         volume._recipe = recipe
         if status is not None:
-            check_status(status, device)
             status.fill_(problem)
     return volume
 

@@ -9,11 +9,35 @@ import numpy as np
 from warp._src import errors
 from warp._src.arrays.array import array
 from warp._src.geometry.volumes import contents, points
+from warp._src.geometry.volumes.checks import header_of, tree_of
+from warp._src.geometry.volumes.layout import HEADER, TREE
 from warp._src.types import dtypes
 
 
 class GridContents:
     """Counts, coordinates and arrays of a volume's grid; the part of `Volume` that only reads."""
+
+    # What builds the grid on the device, in room for larger ones; None if the host builds it.
+    _built = None
+
+    @property
+    def _header(self):
+        return self._read[0] if self._built is None else header_of(self._head())
+
+    @property
+    def _tree(self):
+        return self._read[1] if self._built is None else tree_of(self._head())
+
+    def _head(self):
+        """The first bytes of what kernels have built; waits for them."""
+        return self._data[: HEADER.itemsize + TREE.itemsize].numpy().view(np.uint8)
+
+    def array(self):
+        """The bytes of the grid, and of those behind it, without a copy."""
+        return self._data if self._built is None else self._data[: int(self._header["size"])]
+
+    def _bytes(self):
+        return self.array().numpy().view(np.uint8)
 
     GridInfo = contents.GridInfo
     FeatureArrayInfo = contents.FeatureArrayInfo

@@ -7,7 +7,7 @@ from warp._src.arrays.array import array
 from warp._src.derivatives.handles import Behind
 from warp._src.geometry.volumes.cells import GRADIENTS
 from warp._src.geometry.volumes.contents import DTYPES
-from warp._src.geometry.volumes.layout import TYPES
+from warp._src.geometry.volumes.layout import HEADER, TYPES
 
 
 class LeafValues(Behind):
@@ -16,8 +16,14 @@ class LeafValues(Behind):
     def _published(self, nodes):
         """Called when the slot has been written, for the levels of a grid."""
         self._leaf_values = None
-        self._leaves_at, self._layout = nodes.leaf_at, nodes.layout
+        self._layout = nodes.layout
         self._enroll()
+
+    def _forget_leaf_values(self):
+        """Called before kernels build another grid in the same memory."""
+        if self._leaf_values is not None:
+            self._point(GRADIENTS, 0)
+        self._leaf_values = None
 
     @property
     def leaf_values(self):
@@ -39,10 +45,12 @@ class LeafValues(Behind):
         dtype = DTYPES.get(name)
         if self._layout.is_index or dtype is None:
             raise errors.WarpError(f"voxels of type {name} have no values that arrays may have")
+        tree = self._tree
+        leaves_at = HEADER.itemsize + int(tree["offsets"][0])
         made = array(
-            ptr=self._data.ptr + self._leaves_at + self._layout.leaf_table,
+            ptr=self._data.ptr + leaves_at + self._layout.leaf_table,
             dtype=dtype,
-            shape=(int(self._tree["counts"][0]), 512),
+            shape=(int(tree["counts"][0]), 512),
             strides=(self._layout.leaf, self._layout.value),
             device=self.device,
         )

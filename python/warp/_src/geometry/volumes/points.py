@@ -109,6 +109,35 @@ def _wrong(value):
     )
 
 
+def _check(points, mask, what):
+    scalar = dtypes.type_scalar_type(getattr(points, "dtype", None))
+    if not dtypes.is_array(points) or not points.is_contiguous or not _is_threes(points, scalar):
+        raise errors.WarpError(
+            f"{what} must be a packed array of vec3i or vec3f, or of int32 or float32 and of shape "
+            "(n, 3)"
+        )
+    if mask is not None and (
+        not dtypes.is_array(mask)
+        or mask.dtype is not dtypes.int32
+        or mask.shape != (points.shape[0],)
+    ):
+        raise errors.WarpError("point_mask must be an array of int32, one for each point")
+
+
+def arrays_on(device, points, mask, what):
+    """Points as an array of vec3i or vec3 on a device, and their mask there.
+
+    Raises:
+        WarpError: as `voxels_of`.
+    """
+    _check(points, mask, what)
+    points = points.to(device)
+    if points.ndim == 2:
+        is_whole = points.dtype is dtypes.int32
+        points = points.view(dtypes.vector(3, dtypes.int32 if is_whole else dtypes.float32))
+    return points, None if mask is None else mask.to(device)
+
+
 def voxels_of(points, transform, mask=None, what="tile_points"):
     """Voxels of an array of points: integers in index space, or floats in the world.
 
@@ -117,23 +146,10 @@ def voxels_of(points, transform, mask=None, what="tile_points"):
     Raises:
         WarpError: the points, or the mask, are no such array.
     """
-    scalar = dtypes.type_scalar_type(getattr(points, "dtype", None))
-    if not dtypes.is_array(points) or not points.is_contiguous or not _is_threes(points, scalar):
-        raise errors.WarpError(
-            f"{what} must be a packed array of vec3i or vec3f, or of int32 or float32 and of shape "
-            "(n, 3)"
-        )
+    _check(points, mask, what)
     values = points.numpy().reshape(-1, 3)
-    keep = np.ones(len(values), dtype=bool)
-    if mask is not None:
-        if (
-            not dtypes.is_array(mask)
-            or mask.dtype is not dtypes.int32
-            or mask.shape != (len(values),)
-        ):
-            raise errors.WarpError("point_mask must be an array of int32, one for each point")
-        keep = mask.numpy() != 0
-    if scalar is dtypes.int32:
+    keep = np.ones(len(values), dtype=bool) if mask is None else mask.numpy() != 0
+    if values.dtype == np.int32:
         return values[keep].astype(np.int64)
     matrix, shift = transform
     keep &= np.isfinite(values).all(axis=1)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 from warp._src import errors
 from warp._src.devices import devices
 from warp._src.geometry.volumes import allocation, files
+from warp._src.geometry.volumes.points import arrays_on
 
 
 class Rebuildable:
@@ -46,7 +47,9 @@ class Rebuildable:
         """Makes the grid again of other points; `id`, type, background and transform stay.
 
         Points need what the volume was allocated with: tiles or voxels. If there is no room for
-        them the grid stays as it is, and `status` gets the bits that say why.
+        them the grid stays as it is, and `status` gets the bits that say why. On a GPU kernels do
+        it, unless the room is more than a gigabyte; a graph captures a rebuild with as many points
+        as one before it. There, points beyond index space are such a status, not an error.
 
         Raises:
             RuntimeError: the volume is not rebuildable, or an array is of another type or device.
@@ -57,6 +60,13 @@ class Rebuildable:
             )
         if status is not None:
             allocation.check_status(status, self.device)
+        if self._built is not None:
+            from warp._src.geometry.device.refit import slot_of
+
+            points, point_mask = arrays_on(self.device, points, point_mask, "points")
+            self._forget_leaf_values()
+            self._built.run(slot_of(self.id, self.device), points, point_mask, status)
+            return status
         if not self.device.is_cpu:
             devices.synchronize_device(self.device)
         buffer, problem = self._recipe.buffer(points, point_mask)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-_SLOT = np.dtype(
+SLOT = np.dtype(
     [
         *(("grid", "<u8"), ("root", "<u8"), ("leaves", "<u8"), ("type", "<u4"), ("tiles", "<u4")),
         *(("voxels", "<u8"), ("gradient", "<u8"), ("background", "<u4"), ("root_size", "<u4")),
@@ -43,7 +43,7 @@ def slot_of(nodes, address, voxels, numbers_at, table) -> bytes:
     numbers_at: where the table of `table_of` is, if there is one.
     """
     layout = nodes.layout
-    slot = np.zeros(1, dtype=_SLOT)[0]
+    slot = np.zeros(1, dtype=SLOT)[0]
     slot["grid"], slot["root"] = address, address + nodes.root_at
     slot["leaves"] = address + nodes.leaf_at
     slot["leaves_end"] = address + nodes.leaf_at + nodes.leaves.nbytes

@@ -77,8 +77,7 @@ class Volume(GridContents, Rebuildable, LeafValues):
         nodes = checks.check_grid(buffer)
         if data.ptr % 8:
             raise errors.WarpError("a NanoVDB grid starts at a multiple of 8 bytes")
-        self._header = checks.header_of(buffer).copy()
-        self._tree = checks.tree_of(buffer).copy()
+        self._read = checks.header_of(buffer).copy(), checks.tree_of(buffer).copy()
         self.device, self._data = device, data
         if self._handle is None:
             index = devices.resolve_index(device)
@@ -94,12 +93,14 @@ class Volume(GridContents, Rebuildable, LeafValues):
         self._numbers = numbers
         self._published(nodes)
 
-    def array(self):
-        """The bytes of the grid, and of those behind it, without a copy."""
-        return self._data
-
-    def _bytes(self):
-        return self._data.numpy().view(np.uint8)
+    @classmethod
+    def _of_tree(cls, tree) -> Volume:
+        """A volume that kernels build in the room of a `VoxelTree`."""
+        volume = cls.__new__(cls)
+        volume._built = tree
+        volume._recipe = tree.recipe
+        volume._publish(tree.empty, tree.data, tree.device)
+        return volume
 
     # Files and other memory.
 
