@@ -4,8 +4,8 @@
 # make test    every test; ends with 'N passed, N failed, N skipped'
 # make report scenes with a reference, swept and timed: pages in build/report
 # make docs    refresh the generated references under docs/
-# make bench   benchmarks/spine.py, shapes.py, gpu.py, autodiff.py, pool.py, libraries.py,
-#              optimised build (build/release)
+# make bench   benchmarks/spine.py, startup.py, shapes.py, gpu.py, autodiff.py, pool.py,
+#              libraries.py, optimised build (build/release)
 # make wheel   an optimised wheel in dist/
 # Everything that is missing (packages, .venv, build) is set up first.
 
@@ -43,6 +43,7 @@ release: build
 
 bench: release
 	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/spine.py $(BENCH_ARGS)
+	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/startup.py
 	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/shapes.py
 	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/gpu.py
 	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/autodiff.py

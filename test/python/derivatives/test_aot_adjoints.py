@@ -79,7 +79,11 @@ print(a.grad.numpy().tolist())
 print(u.grad.numpy().tolist())
 from warp._src.derivatives.saved import parts
 kernels = (m.square, m.grow, m.scale, m.drift)
-found = {(k.key, part): n for k in kernels for part, n in parts(k.derivatives.last_adjoint()).items()}
+found = {
+    (k.key, part): n
+    for k in kernels
+    for part, n in parts(k.derivatives.last_adjoint()).items()
+}
 # It gathers, so its parts run.
 del found["drift", "adjoint"]
 print([bool(native.compile_times().get("compile")) for native in found.values()])

@@ -1,5 +1,8 @@
-"""Adjoints of what kernels do to memory: gradients by all contents before a launch of a weighted sum
-of all contents after it, against central differences of the kernel itself in float64."""
+"""Adjoints of what kernels do to memory: gradients by all contents before a launch.
+
+They are those of a weighted sum of all contents after it, against central differences of the kernel
+itself in float64.
+"""
 
 import numpy as np
 import pytest
@@ -331,7 +334,7 @@ def test_structs_everywhere():
         s = given
         s.inner.a = x[i]
         s.b = x[i] * x[i]
-        for j in range(given.n):
+        for _ in range(given.n):
             s = step(s, wp.sin(s.b))
         if x[i] > F(1.0):
             s = step(s, s.inner.a)

@@ -20,7 +20,7 @@ TRIPS = [0, 1, 17, 100_000, 31, 65_536, 2, 0]
 def sines(x: wp.array(dtype=F), n: wp.array(dtype=int), y: wp.array(dtype=F)):
     i = wp.tid()
     s = x[i]
-    for k in range(n[i]):
+    for _ in range(n[i]):
         s = wp.sin(s) + F(0.4) * s
     y[i] = s
 

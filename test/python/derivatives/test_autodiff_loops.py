@@ -38,7 +38,7 @@ def differences(kernel, values, rest, weights):
         slope = np.zeros_like(value)
         for at in np.ndindex(value.shape):
 
-            def end(step):
+            def end(step, i=i, at=at):
                 moved = [v.copy() for v in values]
                 moved[i][at] += step
                 return weights @ run(kernel, moved, rest, len(weights))

@@ -167,11 +167,15 @@ def test_overwriting_is_told_where_it_happens(device, verify, capsys):
     assert len(told) == 1 and told[0].startswith(__file__)
     assert "the launch of 'double' overwrites an array that has already been read from" in told[0]
     assert "the gradient of the launch of 'square' at test_enable_backward.py" in told[0]
-    for write in (lambda: x.assign(y), lambda: x[1:].zero_(), lambda: wp.copy(x, y, count=1)):
+    for write in (
+        lambda x, y: x.assign(y),
+        lambda x, y: x[1:].zero_(),
+        lambda x, y: wp.copy(x, y, count=1),
+    ):
         x, y = variables(device)
         with wp.Tape(preserve="never") as tape:
             wp.launch(square, 3, [x, y], device=device)
-        write()
+        write(x, y)
         assert "depends on its array 'x'" in capsys.readouterr().err
         with pytest.raises(RuntimeError, match="its array 'x' has been overwritten"):
             tape.backward(grads={y: wp.ones(3, device=device)})

@@ -55,12 +55,12 @@ def bump(x: wp.ref[float], by: int):
 
 
 @wp.func
-def bump(n: wp.ref[int], by: int):
+def bump(n: wp.ref[int], by: int):  # noqa: F811
     n += by
 
 
 @wp.func
-def bump(by: int, count: wp.ref[wp.int64] = 3):
+def bump(by: int, count: wp.ref[wp.int64] = 3):  # noqa: F811
     count += wp.int64(by)
     return count
 
