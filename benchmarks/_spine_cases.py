@@ -10,10 +10,14 @@ import time
 START = time.perf_counter()
 
 import argparse  # noqa: E402
+import ctypes  # noqa: E402
 import json  # noqa: E402
 import statistics  # noqa: E402
 import sys  # noqa: E402
 
+import numpy  # noqa: E402, F401
+
+NUMPY = time.perf_counter()
 import warp as wp  # noqa: E402
 
 IMPORTED = time.perf_counter()
@@ -325,11 +329,32 @@ def measure_launch(device, seconds):
 
 
 def measure_first(device, seconds):
-    """Seconds from before `import warp` to after the first launch."""
+    """Seconds from before the first import to after the first launch, and whose they are."""
+    driver = make_context(device)
     x, y = (wp.zeros(1, dtype=float, device=device) for _ in range(2))
     wp.launch(define_saxpy(), 1, [2.0, x, y], device=device)
     wp.synchronize_device(device)
-    return {"import": IMPORTED - START, "total": time.perf_counter() - START}
+    total = time.perf_counter() - START
+    return {
+        "numpy": NUMPY - START,
+        "import": IMPORTED - NUMPY,
+        "driver": driver,
+        "launch": total - (IMPORTED - START) - driver,
+        "total": total,
+    }
+
+
+def make_context(device):
+    """Seconds that the CUDA driver takes to start and to make a context; 0 on the CPU."""
+    if device == "cpu":
+        return 0.0
+    start = time.perf_counter()
+    cuda = ctypes.CDLL("libcuda.so.1")
+    number, context = ctypes.c_int(), ctypes.c_void_p()
+    cuda.cuInit(0)
+    cuda.cuDeviceGet(ctypes.byref(number), int(device.partition(":")[2] or 0))
+    cuda.cuDevicePrimaryCtxRetain(ctypes.byref(context), number)
+    return time.perf_counter() - start
 
 
 def main(measurements=None):

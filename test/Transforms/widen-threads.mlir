@@ -232,3 +232,29 @@ func.func @slots(%x: !warp.array<1 x f32>, %at: !warp.array<1 x si32>, %a: f32)
   warp.store_components(%u), %x[%i] : (f32), !warp.array<1 x f32>, i32
   return
 }
+
+// -----
+
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 3,
+      lanes = 4>
+
+// Lanes become saturated integers together: what is beyond the limits or no
+// number is replaced before the conversion.
+// CHECK-LABEL: func.func @saturate
+// CHECK-NOT: warp.each_lane
+// CHECK: %[[X:.*]] = warp.load_lanes unit %arg0
+// CHECK: %[[LOW:.*]] = arith.cmpf ole, %[[X]], %{{.*}} : vector<4xf32>
+// CHECK: %[[HIGH:.*]] = arith.cmpf oge, %[[X]], %{{.*}} : vector<4xf32>
+// CHECK: arith.cmpf ord, %[[X]], %[[X]]
+// CHECK: %[[I:.*]] = arith.fptosi %{{.*}} : vector<4xf32> to vector<4xi32>
+// CHECK: %[[J:.*]] = arith.select %[[LOW]], %{{.*}}, %[[I]]
+// CHECK: %[[K:.*]] = arith.select %[[HIGH]], %{{.*}}, %[[J]]
+// CHECK: warp.store_lanes unit(%[[K]]), %arg1
+func.func @saturate(%x: !warp.array<1 x f32>, %y: !warp.array<1 x si32>)
+    attributes {warp.kernel, warp.variant = #cpu} {
+  %i = warp.tid : i32
+  %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
+  %w = llvm.call_intrinsic "llvm.fptosi.sat.i32.f32"(%v) : (f32) -> i32
+  warp.store_components(%w), %y[%i] : (i32), !warp.array<1 x si32>, i32
+  return
+}

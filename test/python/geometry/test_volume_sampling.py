@@ -147,3 +147,59 @@ def test_transforms_are_inverse_and_linear(device):
     assert np.abs(back - p).max() < 2e-5
     assert np.abs(turned - p @ matrix.T).max() < 1e-5
     assert (first_form == world).all()
+
+
+def test_tables_of_leaves_change_no_sample(device):
+    """A leaf far away leaves a volume without a table; cells meet leaves, gaps and the outside."""
+    random = np.random.default_rng(5)
+    tiles = np.array([[0, 0, 0], [8, 0, 0], [8, 8, 0], [0, 0, 16], [-8, -8, -8], [16, 8, 8]])
+    far = np.concatenate([tiles, [[8000, 0, 0]]])
+
+    @wp.kernel
+    def fill(id: wp.uint64, v: wp.array(dtype=wp.vec3i), x: wp.array(dtype=wp.vec3)):
+        i = wp.tid()
+        wp.volume_store_v(id, v[i][0], v[i][1], v[i][2], x[i])
+
+    @wp.kernel
+    def look(
+        id: wp.uint64,
+        p: wp.array(dtype=wp.vec3),
+        a: wp.array(dtype=wp.vec3),
+        b: wp.array(dtype=wp.vec3),
+    ):
+        i = wp.tid()
+        a[i] = wp.volume_sample_v(id, p[i], wp.Volume.LINEAR)
+        b[i] = wp.volume_lookup_v(id, int(p[i][0]), int(p[i][1]), int(p[i][2]))
+
+    offsets = np.stack(np.unravel_index(np.arange(512), (8, 8, 8)), -1)
+    voxels = (tiles[:, None] + offsets).reshape(-1, 3)
+    values = random.standard_normal((len(voxels), 3)).astype(np.float32)
+    p = np.concatenate(
+        [
+            random.uniform(-12, 28, (3000, 3)),
+            [[np.nan, 1, 2], [np.inf, 0, 0], [-1e30, 3, 3], [2**31] * 3],
+        ]
+    )
+    x = wp.array(p.astype(np.float32), dtype=wp.vec3, device=device)
+    found = []
+    for places in (tiles, far):
+        made = wp.array(places, dtype=wp.vec3i, device=device)
+        background = wp.vec3(BACKGROUND, BACKGROUND, BACKGROUND)
+        volume = wp.Volume.allocate_by_tiles(made, 1.0, background, device=device)
+        at_voxels = [
+            wp.array(voxels, dtype=wp.vec3i, device=device),
+            wp.array(values, dtype=wp.vec3, device=device),
+        ]
+        wp.launch(fill, dim=len(voxels), inputs=[volume.id, *at_voxels], device=device)
+        out = [wp.zeros(len(p), dtype=wp.vec3, device=device) for _ in range(2)]
+        wp.launch(look, dim=len(p), inputs=[volume.id, x, *out], device=device)
+        found.append([one.numpy() for one in out])
+    dense = np.full((48, 48, 48, 3), BACKGROUND)
+    dense[tuple((voxels + 16).T)] = values
+    inside = p[:3000].astype(np.float32)
+    assert (
+        np.abs(found[0][0][:3000] - trilinear(dense, inside.astype(np.float64) + 16)).max() < 1e-5
+    )
+    assert (found[0][1][:3000] == dense[tuple(inside.astype(int).T + 16)].astype(np.float32)).all()
+    for with_table, without in zip(*found):
+        np.testing.assert_array_equal(with_table, without)

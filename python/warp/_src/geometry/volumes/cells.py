@@ -12,7 +12,7 @@ from warp._src.kernels.function import Function
 from warp._src.language import namespace as wp
 from warp._src.types.dtypes import type_size, type_size_in_bytes
 from warp._src.types.native import ArrayType
-from warp._src.types.scalars import int32, int64, uint32, uint64
+from warp._src.types.scalars import int32, uint32, uint64
 
 # Words of the slot, of 64 and of 32 bits.
 GRID, LEAVES, GRADIENTS, LEAVES_END, _NUMBERS = 1, 3, 6, 12, 13
@@ -149,13 +149,13 @@ def reading(value, scalar):
             result[n] = numbers[at + n]
         return result
 
-    def _far_number(rows: ArrayType(scalar, 2), at: int64):
-        return rows[at // int64(in_row), at % int64(in_row)]
+    def _far_number(rows: ArrayType(scalar, 2), at: uint64):
+        return rows[at // uint64(in_row), at % uint64(in_row)]
 
-    def _far_numbers(rows: ArrayType(scalar, 2), at: int64):
+    def _far_numbers(rows: ArrayType(scalar, 2), at: uint64):
         result = value()
         for n in range(length):
-            result[n] = far_number(rows, at + int64(n))
+            result[n] = far_number(rows, at + uint64(n))
         return result
 
     def _at_place(id: uint64, place: int32):
@@ -166,10 +166,10 @@ def reading(value, scalar):
         slot = words(id, VOLUME)
         result = value()
         if address - slot[LEAVES] < leaf_bytes(id):
-            result = take_far(rows(id), int64(address - slot[LEAVES]) // int64(size))
+            result = take_far(rows(id), (address - slot[LEAVES]) // uint64(size))
         elif address != uint64(0):
             others = wp.array(ptr=slot[GRID], shape=(_MOST, in_row), dtype=scalar)
-            result = take_far(others, int64(address - slot[GRID]) // int64(size))
+            result = take_far(others, (address - slot[GRID]) // uint64(size))
         return result
 
     twin, far_number = Function(_twin, "twin"), Function(_far_number, "far_number")
