@@ -11,8 +11,8 @@ from warp._src.geometry import bvh, mesh
 def by_kernels(device, monkeypatch):
     """On a CPU, too, kernels build what is neither "sah" nor in groups."""
 
-    def there(_device, constructor, groups, has_winding=False):
-        return constructor != "sah" and groups is None and not has_winding
+    def there(_device, constructor, groups):
+        return constructor != "sah" and groups is None
 
     monkeypatch.setattr(bvh, "builds_on_device", there)
     monkeypatch.setattr(mesh, "builds_on_device", there)
@@ -137,3 +137,79 @@ def test_a_graph_builds(constructor):
     p = np.random.default_rng(1).uniform(-4, 4, (500, 3)).astype(np.float32)
     wanted = wp.Mesh(x, indices, bvh_constructor="sah")
     assert (answers(made, p) == answers(wanted, p)).all()
+
+
+@wp.kernel
+def find_sides(
+    mesh: wp.uint64,
+    p: wp.array(dtype=wp.vec3),
+    limits: wp.array(dtype=float),
+    out: wp.array(dtype=float),
+):
+    i = wp.tid()
+    out[i] = wp.mesh_query_point_sign_winding_number(mesh, p[i], 100.0, 2.0, limits[i]).sign
+
+
+def sides(mesh, p, limits):
+    device = mesh.device
+    out = wp.zeros(len(p), dtype=float, device=device)
+    given = [
+        wp.array(one, dtype=kind, device=device) for one, kind in ((p, wp.vec3), (limits, float))
+    ]
+    wp.launch(find_sides, len(p), inputs=[mesh.id, *given, out], device=device)
+    return out.numpy()
+
+
+def winding_of(triangles, p):
+    """Sum of solid angles over 4 pi, in 64 bits."""
+    total = np.zeros(len(p))
+    for corners in triangles:
+        a, b, c = corners.astype(np.float64)[:, None] - p.astype(np.float64)
+        la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
+        below = la * lb * lc
+        for x, y, z in ((a, b, lc), (b, c, la), (c, a, lb)):
+            below = below + (x * y).sum(axis=1) * z
+        total += 2 * np.arctan2((a * np.cross(b, c)).sum(axis=1), below)
+    return total / (4 * np.pi)
+
+
+def check_winding(mesh, points, p):
+    winding = winding_of(points.reshape(-1, 3, 3), p)
+    assert mesh._moments is not None
+    assert (sides(mesh, p, winding - 1e-3) == -1).all()
+    assert (sides(mesh, p, winding + 1e-3) == 1).all()
+
+
+@pytest.mark.parametrize("constructor", [None, "lbvh"])
+@pytest.mark.parametrize("n", [1, 70, 900])
+def test_winding_numbers_of_what_kernels_build_and_refit(by_kernels, constructor, n):
+    points = soup(n)
+    x = wp.array(points, dtype=wp.vec3, device=by_kernels)
+    faces = wp.array(np.arange(3 * n), dtype=int, device=by_kernels)
+    mesh = wp.Mesh(x, faces, support_winding_number=True, bvh_constructor=constructor)
+    p = np.random.default_rng(3).uniform(-3, 3, (300, 3)).astype(np.float32)
+    check_winding(mesh, points, p)
+    for moved in (points * np.float32(0.75), points[::-1].copy()):
+        x.assign(moved)
+        mesh.refit()
+        check_winding(mesh, moved, p)
+    mesh.rebuild()
+    check_winding(mesh, moved, p)
+
+
+@pytest.mark.cuda
+@pytest.mark.parametrize("constructor", [None, "sah"])
+def test_a_graph_refits_winding_numbers(constructor):
+    points, n = soup(900), 900
+    x = wp.array(points, dtype=wp.vec3, device="cuda:0")
+    faces = wp.array(np.arange(3 * n), dtype=int, device="cuda:0")
+    groups = None if constructor is None else wp.zeros(n, dtype=int, device="cuda:0")
+    mesh = wp.Mesh(x, faces, support_winding_number=True, groups=groups)
+    mesh.refit()
+    with wp.ScopedCapture(device="cuda:0") as capture:
+        mesh.refit()
+    p = np.random.default_rng(3).uniform(-3, 3, (300, 3)).astype(np.float32)
+    moved = points[::-1].copy()
+    x.assign(moved)
+    wp.capture_launch(capture.graph)
+    check_winding(mesh, moved, p)

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 import warp as wp
-from warp._src.geometry.volumes import allocation, points
-from warp._src.geometry.volumes.checks import header_of
+from warp._src.geometry.device.refit import slot_of as device_slot
+from warp._src.geometry.device.refit import words
+from warp._src.geometry.volumes import allocation, points, slot
+from warp._src.geometry.volumes.checks import Nodes, header_of
 
 TURN = np.array([[0.25, 0.5, 0.0], [-0.5, 0.25, 0.0], [0.0, 0.125, 2.0]])
 BACKGROUNDS = {
@@ -40,6 +42,14 @@ def built_by_host(volume, given, mask=None):
     return recipe.of_voxels(points.voxels_of(given, recipe.transform, mask))[0]
 
 
+def table_of(volume):
+    """Extents and numbers of the table of leaves, as kernels find it."""
+    found = device_slot(volume.id, volume.device).numpy()
+    extent, at = found[31:34], found[26:28].view(np.uint64)[0]
+    count = int(np.prod(extent))
+    return extent, words(int(at), count, volume.device).numpy().reshape(extent) if count else None
+
+
 def check(volume, given, mask=None):
     found, wanted = volume.array().numpy(), built_by_host(volume, given, mask)
     assert found.size == wanted.size
@@ -48,6 +58,11 @@ def check(volume, given, mask=None):
     np.testing.assert_allclose(box, other, rtol=1e-15, atol=1e-12)
     header_of(found)["world_box"] = other
     assert (found == wanted).all()
+    table = slot.table_of(Nodes(wanted))
+    _, numbers = table_of(volume)
+    assert (numbers is None) == (table is None)
+    if table is not None:
+        assert (numbers == table[0]).all()
 
 
 @pytest.mark.parametrize("values", BACKGROUNDS)
@@ -136,6 +151,8 @@ def test_values_and_gradients_are_those_of_the_last_build(by_kernels, tmp_path):
     volume.leaf_values.requires_grad = True
     second = wp.array(dense, dtype=wp.vec3i, device=device)
     volume.rebuild(second)
+    check(volume, second)
+    assert table_of(volume)[1] is not None
     wp.launch(store, len(second), inputs=[volume.id, second], device=device)
     p = rng.uniform(0, 15, (200, 3)).astype(np.float32)
     given = wp.array(p, dtype=wp.vec3, device=device)

@@ -26,9 +26,9 @@ def constructor_number(constructor, on_device=False) -> int:
     return _NONE if on_device else _CONSTRUCTORS[constructor]
 
 
-def builds_on_device(device, constructor, groups, has_winding=False) -> bool:
+def builds_on_device(device, constructor, groups) -> bool:
     """Whether kernels build a hierarchy, and not the host."""
-    return not device.is_cpu and constructor != "sah" and groups is None and not has_winding
+    return not device.is_cpu and constructor != "sah" and groups is None
 
 
 def is_cubql_available() -> bool:

@@ -66,7 +66,7 @@ class Mesh(Behind):
             raise errors.WarpError(f"faces have three indices, but there are {indices.size}")
         check_leaf_size(bvh_leaf_size)
         self.support_winding_number = bool(support_winding_number)
-        there = builds_on_device(self.device, bvh_constructor, groups, self.support_winding_number)
+        there = builds_on_device(self.device, bvh_constructor, groups)
         number = constructor_number(bvh_constructor, there)
         self._constructor = bvh_constructor
         check_groups(groups, points)
@@ -80,7 +80,7 @@ class Mesh(Behind):
         )
         self.id = self._native.id
         # What refits on the device, what builds there, and the arrays that kernels know of.
-        self._kernels = self._built = self._shown = None
+        self._kernels = self._built = self._shown = self._moments = None
         if there:
             self._build(bvh_constructor)
             self._built.finish(points, indices)
@@ -130,12 +130,12 @@ class Mesh(Behind):
     def refit(self):
         """Takes over positions that changed; neighbours in the hierarchy stay neighbours.
 
-        On a GPU kernels do it, which graphs may capture, unless an array was replaced or the mesh
-        supports winding numbers.
+        On a GPU kernels do it, which graphs may capture, unless an array was replaced.
         """
         if self._built:
             if self._shown == self._addresses():
                 self._built.refit(self._points, self.indices)
+                self._sum_moments()
             else:
                 self._build(self._constructor)
             return
@@ -149,7 +149,10 @@ class Mesh(Behind):
 
                 slot = slot_of(self.id, self.device)
                 self._kernels = Refit(self._native.view, self.device, True, slot)
+                self._wait()
+                self._show_moments(self._native.view)
             self._kernels.run(self._points, self.indices)
+            self._sum_moments()
             return
         self._wait()
         self._native.refit(self._points, self._velocities, self.indices)
@@ -158,7 +161,20 @@ class Mesh(Behind):
     def _published(self):
         """Called when the slot has been written."""
         self._kernels, self._shown = None, self._addresses()
+        self._moments = None
         self._enroll()
+
+    def _show_moments(self, view):
+        """Lets the slot lead to moments that kernels find."""
+        if self.support_winding_number and len(view.order):
+            from warp._src.geometry.device.moments import MOMENTS_IN_SLOT, Moments
+
+            self._moments = Moments(view, self.device)
+            _native.write_handle_word(self.id, MOMENTS_IN_SLOT, self._moments.moments.ptr)
+
+    def _sum_moments(self):
+        if self._moments is not None:
+            self._moments.run()
 
     def _behind(self):
         return [
@@ -177,7 +193,7 @@ class Mesh(Behind):
         Where kernels do it, a graph captures it once it was done outside with the same arrays.
         """
         constructor = self._constructor if bvh_constructor is None else bvh_constructor
-        there = builds_on_device(self.device, constructor, self.groups, self.support_winding_number)
+        there = builds_on_device(self.device, constructor, self.groups)
         number = constructor_number(constructor, there)
         if there:
             self._build(constructor)
@@ -199,6 +215,7 @@ class Mesh(Behind):
             built = Build(self.indices.size // 3, self.device, True, along_curve)
         self._adopt(built)
         built.run(slot_of(self.id, self.device), self._points, self.indices)
+        self._sum_moments()
 
     def _adopt(self, built):
         """Lets the slot lead to what is built on the device and to the arrays of now."""
@@ -211,6 +228,7 @@ class Mesh(Behind):
         self._native.adopt(*arrays, built.nodes.ptr or 0, built.blocks.ptr or 0)
         self._built = built
         self._published()
+        self._show_moments(built.view)
 
     def _wait(self):
         """The host reads the arrays: what writes them has to be done."""

@@ -95,7 +95,7 @@ def _fill_boxes(
 
 
 @wp.func
-def _bits_below(mask: int, place: int):
+def bits_below(mask: int, place: int):
     count = int(0)
     for bit in range(8):
         count += int(bit < place) * ((mask >> bit) & 1)
@@ -121,14 +121,14 @@ def _bound(
         low = float(wp.inf)
         high = -float(wp.inf)
         if (of_nodes >> child) & 1 != 0:
-            below = (int(nodes[node + CHILD_NODES]) + _bits_below(of_nodes, child)) * NODE
+            below = (int(nodes[node + CHILD_NODES]) + bits_below(of_nodes, child)) * NODE
             there = int(nodes[below + MASKS])
             for lane in range(8):
                 if ((there | (there >> 8)) >> lane) & 1 != 0:
                     low = wp.min(low, wp.cast(nodes[below + 8 * axis + lane], float))
                     high = wp.max(high, wp.cast(nodes[below + 24 + 8 * axis + lane], float))
         elif (of_blocks >> child) & 1 != 0:
-            block = int(nodes[node + CHILD_BLOCKS]) + _bits_below(of_blocks, child)
+            block = int(nodes[node + CHILD_BLOCKS]) + bits_below(of_blocks, child)
             for lane in range(8):
                 for corner in range(corners):
                     at = block * block_words + 24 * corner + 8 * axis + lane

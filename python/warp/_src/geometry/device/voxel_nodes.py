@@ -1,25 +1,25 @@
 """Kernels that write the nodes of grids of NanoVDB; voxels.py launches them.
 
 `plan` has what `decide` found: whether to go on; where upper nodes, lower nodes and leaves are;
-bytes; how many of them there are. Places are bytes, and memory is in words of four.
+bytes; how many of them there are; how long the table of leaves is (volumes/slot.py), 0 without one.
+Places are bytes, and memory is in words of four.
 """
 
 from __future__ import annotations
 
 import warp as wp
 from warp._src.geometry.device.voxel_order import cell
+from warp._src.geometry.device.voxel_table import AT_SLOT, box_of_leaves, show_table, write_long
 from warp._src.geometry.volumes.layout import HEADER
-from warp._src.geometry.volumes.slot import SLOT
 
 _HEADER = wp.constant(HEADER.itemsize)
 _AT_SIZE = wp.constant(HEADER.fields["size"][1] // 4)
 _AT_WORLD = wp.constant(HEADER.fields["world_box"][1] // 4)
 _AT_TREE = wp.constant(HEADER.itemsize // 4)
-_SLOT_AT = {name: 2 + at // 4 for name, (_, at, *_) in SLOT.fields.items()}
-_LEAVES_IN_SLOT = wp.constant(_SLOT_AT["leaves"])
-_END_IN_SLOT = wp.constant(_SLOT_AT["leaves_end"])
-_TILES_IN_SLOT = wp.constant(_SLOT_AT["tiles"])
-_VOXELS_IN_SLOT = wp.constant(_SLOT_AT["voxels"])
+_LEAVES_IN_SLOT = wp.constant(AT_SLOT["leaves"])
+_END_IN_SLOT = wp.constant(AT_SLOT["leaves_end"])
+_TILES_IN_SLOT = wp.constant(AT_SLOT["tiles"])
+_VOXELS_IN_SLOT = wp.constant(AT_SLOT["voxels"])
 
 
 @wp.struct
@@ -38,12 +38,6 @@ class TreeLayout:
     leaf_table: int
     value: int
     number: int
-
-
-@wp.func
-def _write_long(words: wp.array(dtype=wp.uint32), at: int, value: wp.uint64):
-    words[at] = wp.uint32(value & wp.uint64(0xFFFFFFFF))
-    words[at + 1] = wp.uint32(value >> wp.uint64(32))
 
 
 @wp.func
@@ -74,8 +68,8 @@ def _write_world_box(
         least = wp.min(least, world)
         greatest = wp.max(greatest, world)
     for axis in range(3):
-        _write_long(words, _AT_WORLD + 2 * axis, wp.cast(least[axis], wp.uint64))
-        _write_long(words, _AT_WORLD + 6 + 2 * axis, wp.cast(greatest[axis], wp.uint64))
+        write_long(words, _AT_WORLD + 2 * axis, wp.cast(least[axis], wp.uint64))
+        write_long(words, _AT_WORLD + 6 + 2 * axis, wp.cast(greatest[axis], wp.uint64))
 
 
 @wp.kernel(enable_backward=False, module="unique")
@@ -88,6 +82,7 @@ def decide(
     matrix: wp.mat33d,
     shift: wp.vec3d,
     address: wp.uint64,
+    table: wp.uint64,
     plan: wp.array(dtype=int),
     status: wp.array(dtype=wp.uint32),
     grid: wp.array(dtype=wp.uint32),
@@ -119,14 +114,14 @@ def decide(
         plan[5] = uppers
         plan[6] = lowers
         plan[7] = leaves
-        _write_long(grid, _AT_SIZE, wp.uint64(size))
-        _write_long(grid, _AT_TREE, wp.uint64(leaf_at - _HEADER))
-        _write_long(grid, _AT_TREE + 2, wp.uint64(lower_at - _HEADER))
-        _write_long(grid, _AT_TREE + 4, wp.uint64(upper_at - _HEADER))
+        write_long(grid, _AT_SIZE, wp.uint64(size))
+        write_long(grid, _AT_TREE, wp.uint64(leaf_at - _HEADER))
+        write_long(grid, _AT_TREE + 2, wp.uint64(lower_at - _HEADER))
+        write_long(grid, _AT_TREE + 4, wp.uint64(upper_at - _HEADER))
         grid[_AT_TREE + 8] = wp.uint32(leaves)
         grid[_AT_TREE + 9] = wp.uint32(lowers)
         grid[_AT_TREE + 10] = wp.uint32(uppers)
-        _write_long(grid, _AT_TREE + 14, wp.uint64(voxels))
+        write_long(grid, _AT_TREE + 14, wp.uint64(voxels))
         grid[layout.root_at // 4 + 6] = wp.uint32(uppers)
         low = wp.vec3i(bounds[0], bounds[1], bounds[2])
         high = wp.vec3i(bounds[3], bounds[4], bounds[5])
@@ -136,10 +131,11 @@ def decide(
         else:
             for i in range(12):
                 grid[_AT_WORLD + i] = wp.uint32(0)
-        _write_long(slot, _LEAVES_IN_SLOT, address + wp.uint64(leaf_at))
-        _write_long(slot, _END_IN_SLOT, address + wp.uint64(size))
+        plan[8] = show_table(bounds, leaves, table, slot)
+        write_long(slot, _LEAVES_IN_SLOT, address + wp.uint64(leaf_at))
+        write_long(slot, _END_IN_SLOT, address + wp.uint64(size))
         slot[_TILES_IN_SLOT] = wp.uint32(uppers)
-        _write_long(slot, _VOXELS_IN_SLOT, wp.uint64(voxels))
+        write_long(slot, _VOXELS_IN_SLOT, wp.uint64(voxels))
 
 
 @wp.func
@@ -188,7 +184,7 @@ def _add_child(
     at = (parent + table + n * entry) // 4
     for k in range(entry // 4):
         grid[at + k] = wp.uint32(0)
-    _write_long(grid, at, wp.uint64(child - parent))
+    write_long(grid, at, wp.uint64(child - parent))
 
 
 @wp.func
@@ -208,6 +204,8 @@ def link(
     order: wp.array(dtype=int),
     voxels: wp.array(dtype=wp.vec3i),
     ends: wp.array(dtype=wp.vec4i),
+    bounds: wp.array(dtype=int),
+    table: wp.array(dtype=wp.uint32),
     grid: wp.array(dtype=wp.uint32),
 ):
     """Writes the nodes that begin at a place of the order."""
@@ -223,8 +221,8 @@ def link(
         leaf = plan[3] + (end[2] - 1) * layout.leaf
         if end[0] > before[0]:
             tile = (layout.root_at + layout.root + (end[0] - 1) * layout.tile) // 4
-            _write_long(grid, tile, _key_of(v[2], 0) | _key_of(v[1], 21) | _key_of(v[0], 42))
-            _write_long(grid, tile + 2, wp.uint64(upper - layout.root_at))
+            write_long(grid, tile, _key_of(v[2], 0) | _key_of(v[1], 21) | _key_of(v[0], 42))
+            write_long(grid, tile + 2, wp.uint64(upper - layout.root_at))
             low = _down_to(v, 12)
             _write_box(grid, upper // 4, low, low + wp.vec3i(4095, 4095, 4095))
         if end[1] > before[1]:
@@ -235,14 +233,20 @@ def link(
         if end[2] > before[2]:
             n = cell(v, 3, 4)
             _add_child(grid, lower, 512, layout.lower_table, layout.entry, n, leaf)
+            if plan[8] > 0:
+                lowest, extent = box_of_leaves(bounds)
+                x = (v[0] >> 3) - lowest[0]
+                y = (v[1] >> 3) - lowest[1]
+                z = (v[2] >> 3) - lowest[2]
+                table[(x * extent[1] + y) * extent[2] + z] = wp.uint32(end[2] - 1)
             low = _down_to(v, 3)
             for axis in range(3):
                 grid[leaf // 4 + axis] = wp.cast(low[axis], wp.uint32)
             grid[leaf // 4 + 3] = wp.uint32(0x02070707)
             if layout.number == 19:
-                _write_long(grid, leaf // 4 + 20, wp.uint64(1 + 512 * (end[2] - 1)))
+                write_long(grid, leaf // 4 + 20, wp.uint64(1 + 512 * (end[2] - 1)))
             elif layout.number == 20:
-                _write_long(grid, leaf // 4 + 20, wp.uint64(end[3]))
+                write_long(grid, leaf // 4 + 20, wp.uint64(end[3]))
             if layout.number != 20:
                 for k in range(16):
                     grid[leaf // 4 + 4 + k] = wp.uint32(0xFFFFFFFF)
@@ -262,4 +266,4 @@ def count_before(plan: wp.array(dtype=int), layout: TreeLayout, grid: wp.array(d
         for k in range(7):
             total += wp.bit_count(grid[leaf + 4 + 2 * k]) + wp.bit_count(grid[leaf + 5 + 2 * k])
             sums |= wp.uint64(total) << wp.uint64(9 * k)
-        _write_long(grid, leaf + 22, sums)
+        write_long(grid, leaf + 22, sums)

@@ -10,14 +10,22 @@ import numpy as np
 
 import warp as wp
 from warp._src.geometry.device.refit import words
-from warp._src.geometry.device.voxel_nodes import TreeLayout, clear, count_before, decide, link
+from warp._src.geometry.device.voxel_nodes import (
+    TreeLayout,
+    clear,
+    count_before,
+    decide,
+    link,
+)
 from warp._src.geometry.device.voxel_order import VoxelOrder
+from warp._src.geometry.device.voxel_table import clear_table
 from warp._src.geometry.volumes.build import grid_of_tiles, grid_of_voxels
 from warp._src.geometry.volumes.checks import Nodes
 from warp._src.geometry.volumes.layout import ON_INDEX
+from warp._src.geometry.volumes.slot import TABLE_ROOM
 
 # Elements of the plan of `decide`.
-_PLAN = 8
+_PLAN = 9
 
 
 class VoxelTree:
@@ -58,6 +66,8 @@ class VoxelTree:
         self._matrix, self._shift = wp.mat33d(*matrix.ravel()), wp.vec3d(*shift)
         self._inverse = wp.mat33d(*np.linalg.inv(matrix).ravel())
         self._order = None
+        room = min(TABLE_ROOM * recipe.capacities[0], 2**31 - 1)
+        self._table = wp.empty(room, dtype=wp.uint32, device=device)
 
     def run(self, slot, points, mask, status) -> None:
         """Builds the grid of points, unless there is no room: then it stays as it is.
@@ -78,11 +88,13 @@ class VoxelTree:
         order.run(points, mask, self._inverse, self._shift, self.recipe.kind == "tiles")
         plan, layout, grid = self._plan, self._layout, self._grid
         given = [order.ends, order.found, order.bounds, wp.vec4i(*self._room()), layout]
-        place = [self._matrix, self._shift, wp.uint64(self.data.ptr)]
+        place = [self._matrix, self._shift, wp.uint64(self.data.ptr), wp.uint64(self._table.ptr)]
         self._launch(decide, 1, [*given, *place, plan, status, grid, slot])
         rest = grid.size - (layout.root_at + layout.root) // 4
         self._launch(clear, rest, [plan, layout, self._value, grid])
-        given = [plan, layout, order.order, order.voxels, order.ends, grid]
+        self._launch(clear_table, self._table.size, [plan, self._table])
+        given = [plan, layout, order.order, order.voxels, order.ends, order.bounds]
+        given += [self._table, grid]
         self._launch(link, order.count, given)
         if layout.number == ON_INDEX:
             self._launch(count_before, self.recipe.capacities[0], [plan, layout, grid])

@@ -16,8 +16,8 @@ SLOT = np.dtype(
 
 
 # Entries of the table of leaves for each leaf, at most: a word beside the 512 of its voxels.
-_ROOM = 16
-_NO_LEAF = 0xFFFFFFFF
+TABLE_ROOM = 16
+NO_LEAF = 0xFFFFFFFF
 
 
 def table_of(nodes):
@@ -30,9 +30,9 @@ def table_of(nodes):
         return None
     lowest = places.min(axis=0)
     extent = places.max(axis=0) - lowest + 1
-    if np.prod(extent.astype(float)) > _ROOM * len(places):
+    if np.prod(extent.astype(float)) > TABLE_ROOM * len(places):
         return None
-    numbers = np.full(extent, _NO_LEAF, dtype=np.uint32)
+    numbers = np.full(extent, NO_LEAF, dtype=np.uint32)
     numbers[tuple((places - lowest).T)] = np.arange(len(places), dtype=np.uint32)
     return numbers, lowest
 
