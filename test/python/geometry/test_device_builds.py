@@ -197,6 +197,23 @@ def test_winding_numbers_of_what_kernels_build_and_refit(by_kernels, constructor
     check_winding(mesh, moved, p)
 
 
+@pytest.mark.parametrize("n", [1, 70, 900])
+def test_winding_numbers_of_what_the_host_built(device, n):
+    points = soup(n)
+    x = wp.array(points, dtype=wp.vec3, device=device)
+    faces = wp.array(np.arange(3 * n), dtype=int, device=device)
+    mesh = wp.Mesh(x, faces, support_winding_number=True, bvh_constructor="sah")
+    moved = points[::-1].copy()
+    x.assign(moved)
+    mesh.refit()
+    if mesh._moments is None:
+        # On a CPU the host has refitted it; its sums are made again.
+        mesh._show_moments(mesh._native.view)
+        mesh._sum_moments()
+    p = np.random.default_rng(3).uniform(-3, 3, (300, 3)).astype(np.float32)
+    check_winding(mesh, moved, p)
+
+
 @pytest.mark.cuda
 @pytest.mark.parametrize("constructor", [None, "sah"])
 def test_a_graph_refits_winding_numbers(constructor):

@@ -139,11 +139,7 @@ class Mesh(Behind):
             else:
                 self._build(self._constructor)
             return
-        if (
-            not self.device.is_cpu
-            and not self.support_winding_number
-            and self._shown == self._addresses()
-        ):
+        if not self.device.is_cpu and self._shown == self._addresses():
             if self._kernels is None:
                 from warp._src.geometry.device.refit import Refit, slot_of
 
