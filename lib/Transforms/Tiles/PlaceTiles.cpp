@@ -19,6 +19,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "KernelFunction.h"
+#include "TileChunks.h"
 #include "TileForms.h"
 #include "TileInlining.h"
 #include "TileProducts.h"
@@ -227,6 +228,7 @@ static void placeTiles(FunctionOpInterface kernel, int64_t threads) {
   chooseForms(kernel, threads);
   holdSums(kernel, threads);
   holdStripes(kernel, threads);
+  chooseChunks(kernel, threads);
 }
 
 namespace {
