@@ -2,13 +2,13 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// A row of what is computed stays in registers while the rows before it are
-// subtracted (left-looking), so that most of the work is one load and one fma
-// per vector.
+// Squares of a matrix, as many rows as a vector has elements, stay in registers
+// while the rows before them are subtracted (left-looking) and they are
+// factored or solved with.
 //
 //===----------------------------------------------------------------------===//
 
-#include "Tiles.h"
+#include "TileSquares.h"
 
 namespace {
 
@@ -64,81 +64,109 @@ inline void overStrips(i64 begin, i64 end, const Work &work) {
     work(c, Strip<T, 1, true>(end - c));
 }
 
-/// From rows i, i + 1, ... of A, from column `begin` on, the sum over some k of
-/// U[k, i] U[k, c].
-template <class T, int height>
-inline void subtract(T *u, i64 n, i64 i, i64 begin, i64 first, i64 last) {
-  overStrips<T>(begin, n, [=](i64 c, auto strip) {
-    decltype(strip) rows[height];
-#pragma unroll
-    for (int r = 0; r < height; ++r) {
-      rows[r] = strip;
-      rows[r].readAll(u + (i + r) * n + c);
-    }
-    for (i64 k = first; k < last; ++k)
-#pragma unroll
-      for (int r = 0; r < height; ++r)
-        rows[r].subtract(u[k * n + i + r], u + k * n + c);
-#pragma unroll
-    for (int r = 0; r < height; ++r)
-      rows[r].write(u + (i + r) * n + c);
+template <class T> void transpose(T *to, const T *from, i64 n) {
+  overBlocks<T>(n, [=](i64 i, i64 height) {
+    overBlocks<T>(n, [=](i64 j, i64 width) {
+      Square<T> part;
+      part.read(from + i * n + j, n, height, width);
+      part.transpose();
+      part.write(to + j * n + i, n, width, height);
+    });
   });
 }
 
-/// The factor U of A = U^T U, in place, four rows at a time. Strips begin where
-/// those of other rows do, so that what was stored is found as it is loaded;
-/// what they have before the diagonal means nothing.
-template <class T> void factor(T *u, i64 n) {
-  constexpr i64 height = 4;
-  for (i64 i = 0; i < n; ++i) {
-    i64 begin = i / lanes<T> * lanes<T>, together = i / height * height;
-    bool isWhole = together + height <= n;
-    if (isWhole && i == together)
-      subtract<T, height>(u, n, i, begin, 0, i);
-    subtract<T, 1>(u, n, i, begin, isWhole ? together : 0, i);
-    T square = u[i * n + i];
-    // The root of what is not positive is NaN, and so is what follows.
-    T diagonal = square > 0 ? __builtin_elementwise_sqrt(square)
-                            : T(__builtin_nan(""));
-    overStrips<T>(begin, n, [=](i64 c, auto strip) {
-      strip.readAll(u + i * n + c);
-      strip.divide(diagonal);
-      strip.write(u + i * n + c);
+/// Zero on one side of the diagonal.
+template <class T> void clearTriangle(T *u, i64 n, bool above) {
+  overBlocks<T>(n, [=](i64 i, i64 height) {
+    overBlocks<T>(n, [=](i64 j, i64 width) {
+      Square<T> part;
+      if (above ? j < i : j > i)
+        return;
+      part.read(u + i * n + j, n, i == j ? height : 0, width);
+      part.clear(above);
+      part.write(u + i * n + j, n, height, width);
     });
-    u[i * n + i] = diagonal;
+  });
+}
+
+/// Rows of U from those of A, less what rows before have: a column at a time is
+/// multiplied by what it is divided by later, so that roots hold nothing up.
+template <class T>
+__attribute__((always_inline)) inline void factorSquare(Square<T> &a) {
+#pragma unroll
+  for (int j = 0; j < lanes<T>; ++j) {
+    T square = a.rows[j][j];
+    // The root of what is not positive is NaN, and so is what follows.
+    square = square > 0 ? square : T(__builtin_nan(""));
+    Vec<T> ratios = a.rows[j] / Vec<T>(square);
+#pragma unroll
+    for (int i = j + 1; i < lanes<T>; ++i)
+      a.rows[i] = fma(Vec<T>(-ratios[i]), a.rows[j], a.rows[i]);
+    T root = __builtin_elementwise_sqrt(square);
+    a.rows[j] = a.rows[j] / Vec<T>(root);
+    a.rows[j][j] = root;
   }
 }
 
-/// The triangle that is read of `from`, as the upper one of `to`; zero below.
-template <class T>
-void copyTriangle(T *to, const T *from, i64 n, bool isUpper) {
-  i64 row = isUpper ? n : 1, column = isUpper ? 1 : n;
-  for (i64 i = 0; i < n; ++i) {
-    for (i64 j = 0; j < i; ++j)
-      to[i * n + j] = 0;
-    for (i64 j = i; j < n; ++j)
-      to[i * n + j] = from[i * row + j * column];
-  }
+/// The factor U of A = U^T U, in place: a block of rows at a time, a square at
+/// a time. What is below the diagonal means nothing.
+template <class T> void factor(T *u, i64 n) {
+  overBlocks<T>(n, [=](i64 i, i64 height) {
+    for (i64 c = i; c < n; c += lanes<T>) {
+      i64 width = n - c < lanes<T> ? n - c : i64(lanes<T>);
+      Square<T> part;
+      part.read(u + i * n + c, n, height, width);
+      for (i64 k = 0; k < i; ++k) {
+        Vec<T> row = load(u + k * n + c, width);
+        const T *factors = u + k * n + i;
+#pragma unroll
+        for (int r = 0; r < lanes<T>; ++r)
+          if (r < height)
+            part.rows[r] = fma(Vec<T>(-factors[r]), row, part.rows[r]);
+      }
+      if (c == i) {
+        // Rows that there are not are those of the identity.
+#pragma unroll
+        for (int r = 0; r < lanes<T>; ++r)
+          if (r >= height)
+            part.rows[r][r] = 1;
+        factorSquare(part);
+      } else {
+#pragma unroll
+        for (int j = 0; j < lanes<T>; ++j) {
+          if (j >= height)
+            break;
+          const T *factors = u + (i + j) * n + i;
+          part.rows[j] = part.rows[j] / Vec<T>(factors[j]);
+#pragma unroll
+          for (int r = j + 1; r < lanes<T>; ++r)
+            if (r < height)
+              part.rows[r] =
+                  fma(Vec<T>(-factors[r]), part.rows[j], part.rows[r]);
+        }
+      }
+      part.write(u + i * n + c, n, height, width);
+    }
+  });
 }
 
 template <class T>
 void cholesky(T *out, const T *in, i64 n, bool isUpper, T *scratch) {
-  T *u = isUpper ? out : scratch;
-  copyTriangle(u, in, n, isUpper);
-  factor(u, n);
   if (isUpper) {
-    for (i64 i = 1; i < n; ++i)
-      for (i64 j = 0; j < i; ++j)
-        out[i * n + j] = 0;
-    return;
+    for (i64 e = 0; out != in && e < n * n; e += lanes<T>)
+      store(out + e, load(in + e, n * n - e), n * n - e);
+    factor(out, n);
+    return clearTriangle(out, n, /*above=*/false);
   }
-  for (i64 i = 0; i < n; ++i) {
-    for (i64 j = 0; j <= i; ++j)
-      out[i * n + j] = u[j * n + i];
-    for (i64 j = i + 1; j < n; ++j)
-      out[i * n + j] = 0;
-  }
+  transpose(scratch, in, n);
+  factor(scratch, n);
+  transpose(out, scratch, n);
+  clearTriangle(out, n, /*above=*/true);
 }
+
+//===----------------------------------------------------------------------===//
+// Triangular solves
+//===----------------------------------------------------------------------===//
 
 /// Solves m x = b in place: element (i, j) of m is at i * row + j * column.
 template <class T> struct Solve {
@@ -149,8 +177,7 @@ template <class T> struct Solve {
 
   i64 at(i64 step) const { return backwards ? n - 1 - step : step; }
   void manySides() const;
-  void oneSideByRows() const;
-  void oneSideByColumns() const;
+  void oneSide() const;
 };
 
 /// Right sides are lanes.
@@ -169,44 +196,82 @@ template <class T> void Solve<T>::manySides() const {
   });
 }
 
-/// A row of the matrix is contiguous: its product with what is solved.
-template <class T> void Solve<T>::oneSideByRows() const {
-  for (i64 step = 0; step < n; ++step) {
-    i64 i = at(step), begin = backwards ? i + 1 : 0;
-    i64 end = backwards ? n : i;
-    Vec<T> sums = 0;
-    for (i64 j = begin; j < end; j += lanes<T>)
-      sums = fma(load(m + i * row + j, end - j), load(x + j, end - j), sums);
-    T sum = 0;
+/// Of as many unknowns as a vector has, in place; columns of the matrix.
+template <class T, bool backwards>
+__attribute__((always_inline)) inline Vec<T> solveSquare(Vec<T> x,
+                                                         const Square<T> &m) {
+  constexpr int size = lanes<T>;
 #pragma unroll
-    for (int lane = 0; lane < lanes<T>; ++lane)
-      sum += sums[lane];
-    x[i] = (x[i] - sum) / m[i * row + i];
+  for (int step = 0; step < size; ++step) {
+    int j = backwards ? size - 1 - step : step;
+    T solved = x[j] / m.rows[j][j];
+    Vec<T> column = m.rows[j];
+#pragma unroll
+    for (int l = 0; l < size; ++l)
+      if (backwards ? l >= j : l <= j)
+        column[l] = 0;
+    x = fma(Vec<T>(-solved), column, x);
+    x[j] = solved;
   }
+  return x;
 }
 
-/// A column is: it is subtracted from what is left.
-template <class T> void Solve<T>::oneSideByColumns() const {
-  for (i64 step = 0; step < n; ++step) {
-    i64 j = at(step), begin = backwards ? 0 : j + 1;
-    i64 end = backwards ? j : n;
-    T solved = x[j] / m[j * row + j * column];
-    x[j] = solved;
-    for (i64 i = begin; i < end; i += lanes<T>)
-      store(x + i,
-            fma(Vec<T>(-solved), load(m + i * row + j * column, end - i),
-                load(x + i, end - i)),
-            end - i);
+/// A vector of unknowns at a time, less what those before have to do with them.
+template <class T> void Solve<T>::oneSide() const {
+  constexpr int size = lanes<T>;
+  i64 blocks = (n + size - 1) / size;
+  for (i64 step = 0; step < blocks; ++step) {
+    i64 first = (backwards ? blocks - 1 - step : step) * size;
+    i64 height = n - first < size ? n - first : i64(size);
+    Vec<T> known = load(x + first, height);
+    i64 begin = backwards ? first + height : 0, end = backwards ? n : first;
+    Square<T> part;
+    if (column == 1) {
+      part.read(m, 0, 0, 0);
+      for (i64 j = begin; j < end; j += size) {
+        Vec<T> before = load(x + j, end - j);
+#pragma unroll
+        for (int r = 0; r < size; ++r)
+          if (r < height)
+            part.rows[r] = fma(load(m + (first + r) * row + j, end - j), before,
+                               part.rows[r]);
+      }
+      if (begin < end) {
+        part.transpose();
+#pragma unroll
+        for (int half = size / 2; half > 0; half /= 2)
+#pragma unroll
+          for (int r = 0; r < half; ++r)
+            part.rows[r] += part.rows[r + half];
+        known -= part.rows[0];
+      }
+      part.read(m + first * row + first, row, height, height);
+      part.transpose();
+    } else {
+      Vec<T> sums[2] = {known, Vec<T>(0)};
+      for (i64 j = begin; j < end; ++j) {
+        Vec<T> &sum = sums[j % 2];
+        sum =
+            fma(Vec<T>(-x[j]), load(m + first * row + j * column, height), sum);
+      }
+      known = sums[0] + sums[1];
+      part.read(m + first * row + first * column, column, height, height);
+    }
+#pragma unroll
+    for (int r = 0; r < size; ++r)
+      if (r >= height)
+        part.rows[r][r] = 1;
+    known = backwards ? solveSquare<T, true>(known, part)
+                      : solveSquare<T, false>(known, part);
+    store(x + first, known, height);
   }
 }
 
 template <class T> void solve(const Solve<T> &system) {
   if (system.columns > 1)
     system.manySides();
-  else if (system.column == 1)
-    system.oneSideByRows();
   else
-    system.oneSideByColumns();
+    system.oneSide();
 }
 
 } // namespace

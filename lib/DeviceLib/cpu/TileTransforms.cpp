@@ -9,8 +9,9 @@
 //   y[q + s (4p + k)] = w^(kp) sum over j of i^(-jk) x[q + s (p + m j)]
 //
 // for q < s, p < m, with s 4 times as large and m 4 times as small in each next
-// stage; w is exp(-2 pi i / 4m). What is contiguous, q and in the first stage
-// p, is computed in vectors. The inverse has real and imaginary parts swapped.
+// stage; w is exp(-2 pi i / 4m). What is contiguous is computed in vectors: q,
+// and where s is short, q and p. The inverse has real and imaginary parts
+// swapped. The factors of usual lengths are constants.
 //
 //===----------------------------------------------------------------------===//
 
@@ -65,7 +66,7 @@ template <class T> struct Split {
 };
 
 /// Sine and cosine of an angle from 0 to pi / 4: series to the last bit.
-inline void turn(double x, double &sine, double &cosine) {
+constexpr void turn(double x, double &sine, double &cosine) {
   double z = x * x, s = 0, c = 0;
 #pragma unroll
   for (int k = 8; k > 0; --k) {
@@ -76,61 +77,92 @@ inline void turn(double x, double &sine, double &cosine) {
   cosine = 1 - c;
 }
 
-template <class T> struct Transform {
-  i64 n;
-  Split<T> x, y, w;
-
-  void setFactors() const;
-  void firstStage() const;
-  template <int width> void stage(i64 length, i64 s) const;
-  void run();
-};
-
 /// exp(-2 pi i j / n) for j < n / 4.
-template <class T> void Transform<T>::setFactors() const {
+template <class T> constexpr void setFactors(T *re, T *im, i64 n) {
   constexpr double full = 6.283185307179586476925;
   for (i64 j = 0; j < n / 4; ++j) {
     bool isLow = 8 * j <= n;
-    double sine, cosine;
+    double sine = 0, cosine = 0;
     turn(full * double(isLow ? j : n / 4 - j) / double(n), sine, cosine);
-    w.re[j] = T(isLow ? cosine : sine);
-    w.im[j] = -T(isLow ? sine : cosine);
+    re[j] = T(isLow ? cosine : sine);
+    im[j] = -T(isLow ? sine : cosine);
   }
 }
 
-/// Of s = 1: lanes are neighbours p, so results of a lane are next to each
-/// other.
-template <class T> void Transform<T>::firstStage() const {
+/// Those of all lengths up to one: of n from element n / 4 - 1 on.
+constexpr i64 longestKnown = 4096;
+template <class T> struct FactorTable {
+  T re[longestKnown / 2] = {}, im[longestKnown / 2] = {};
+
+  constexpr FactorTable() {
+    for (i64 n = 4; n <= longestKnown; n *= 2)
+      setFactors(re + n / 4 - 1, im + n / 4 - 1, n);
+  }
+};
+template <class T> constexpr FactorTable<T> knownFactors;
+
+/// a0 b0 a1 b1 ..., of runs of `run` elements each.
+template <int run, class V>
+__attribute__((always_inline)) inline void interleave(V a, V b, V &low,
+                                                      V &high) {
+  constexpr int count = sizeof(V) / sizeof(a[0]);
+#pragma unroll
+  for (int i = 0; i < count; ++i) {
+    int from = i / (2 * run) * run + i % run;
+    bool isFirst = i / run % 2 == 0;
+    low[i] = isFirst ? a[from] : b[from];
+    high[i] = isFirst ? a[count / 2 + from] : b[count / 2 + from];
+  }
+}
+
+template <class T> struct Transform {
+  i64 n;
+  Split<T> x, y;
+  Split<const T> w;
+
+  template <int s> void narrowStage(i64 length) const;
+  template <int width> void stage(i64 length, i64 s) const;
+  void lastPair(i64 s) const;
+  void read(const T *in, bool inverse) const;
+  void write(T *out, bool inverse) const;
+  void run();
+};
+
+/// Of s shorter than a vector: lanes are neighbours p, each with all q, so
+/// results of a lane are next to each other.
+template <class T>
+template <int s>
+void Transform<T>::narrowStage(i64 length) const {
   using V = Vec<T>;
   constexpr int count = lanes<T>;
-  // a0 b0 a1 b1 ...
-  auto pairs = [](V a, V b, V &low, V &high) {
-#pragma unroll
-    for (int i = 0; i < count / 2; ++i) {
-      low[2 * i] = a[i];
-      low[2 * i + 1] = b[i];
-      high[2 * i] = a[count / 2 + i];
-      high[2 * i + 1] = b[count / 2 + i];
-    }
-  };
   auto write = [&](T *to, V a, V b, V c, V d) {
     V ac[2], bd[2];
-    pairs(a, c, ac[0], ac[1]);
-    pairs(b, d, bd[0], bd[1]);
+    interleave<s>(a, c, ac[0], ac[1]);
+    interleave<s>(b, d, bd[0], bd[1]);
 #pragma unroll
     for (int half = 0; half < 2; ++half) {
       V low, high;
-      pairs(ac[half], bd[half], low, high);
+      interleave<s>(ac[half], bd[half], low, high);
       ::store(to + 2 * half * count, low);
       ::store(to + (2 * half + 1) * count, high);
     }
   };
-  i64 m = n / 4;
+  /// A factor for each p.
+  auto spread = [](V factors) {
+    V made;
+#pragma unroll
+    for (int i = 0; i < count; ++i)
+      made[i] = factors[i / s * s];
+    return made;
+  };
+  i64 m = length / 4 * s;
   for (i64 p = 0; p < m; p += count) {
     Butterfly<V> made(x.template load<V>(p), x.template load<V>(p + m),
                       x.template load<V>(p + 2 * m),
                       x.template load<V>(p + 3 * m));
-    Complex<V> w1 = w.template load<V>(p), w2 = w1 * w1, w3 = w1 * w2;
+    Complex<V> w1 = w.template load<V>(p);
+    w1 = {spread(w1.re), spread(w1.im)};
+    Complex<V> w2 = w1 * w1, w3 = w1 * w2;
     Complex<V> b = made.y[1] * w1, c = made.y[2] * w2, d = made.y[3] * w3;
     write(y.re + 4 * p, made.y[0].re, b.re, c.re, d.re);
     write(y.im + 4 * p, made.y[0].im, b.im, c.im, d.im);
@@ -161,6 +193,20 @@ void Transform<T>::stage(i64 length, i64 s) const {
   }
 }
 
+/// Of two numbers each, s apart.
+template <class T> void Transform<T>::lastPair(i64 s) const {
+  auto pairs = [&]<class V>(V, i64 q) {
+    Complex<V> a = x.template load<V>(q), b = x.template load<V>(q + s);
+    y.store(q, a + b);
+    y.store(q + s, a - b);
+  };
+  i64 q = 0;
+  for (; q + lanes<T> <= s; q += lanes<T>)
+    pairs(Vec<T>(), q);
+  for (; q < s; ++q)
+    pairs(T(), q);
+}
+
 template <class T> void Transform<T>::run() {
   i64 s = 1, length = n;
   auto swap = [&] {
@@ -169,49 +215,71 @@ template <class T> void Transform<T>::run() {
     y = old;
   };
   for (; length >= 4; length /= 4, s *= 4, swap()) {
-    if (s == 1 && length / 4 >= lanes<T>)
-      firstStage();
-    else if (s == 1)
-      stage<1>(length, s);
+    bool fills = n / 4 >= lanes<T>;
+    if (s == 1)
+      fills ? narrowStage<1>(length) : stage<1>(length, s);
     else if (s == 4)
-      stage<4>(length, s);
+      fills ? narrowStage<4>(length) : stage<4>(length, s);
     else
       stage<lanes<T>>(length, s);
   }
   if (length == 1)
     return;
-  for (i64 q = 0; q < s; ++q) {
-    T re = x.re[q], im = x.im[q];
-    y.re[q] = re + x.re[q + s];
-    y.im[q] = im + x.im[q + s];
-    y.re[q + s] = re - x.re[q + s];
-    y.im[q + s] = im - x.im[q + s];
-  }
+  lastPair(s);
   swap();
 }
 
+template <class T> void Transform<T>::read(const T *in, bool inverse) const {
+  constexpr int count = lanes<T>;
+  T *first = inverse ? x.im : x.re, *second = inverse ? x.re : x.im;
+  i64 i = 0;
+  for (; i + count <= n; i += count) {
+    Vec<T> a = ::load(in + 2 * i), b = ::load(in + 2 * i + count), even, odd;
+#pragma unroll
+    for (int l = 0; l < count; ++l) {
+      even[l] = l < count / 2 ? a[2 * l] : b[2 * l - count];
+      odd[l] = l < count / 2 ? a[2 * l + 1] : b[2 * l + 1 - count];
+    }
+    ::store(first + i, even);
+    ::store(second + i, odd);
+  }
+  for (; i < n; ++i) {
+    first[i] = in[2 * i];
+    second[i] = in[2 * i + 1];
+  }
+}
+
+template <class T> void Transform<T>::write(T *out, bool inverse) const {
+  constexpr int count = lanes<T>;
+  const T *first = inverse ? x.im : x.re, *second = inverse ? x.re : x.im;
+  i64 i = 0;
+  for (; i + count <= n; i += count) {
+    Vec<T> low, high;
+    interleave<1>(::load(first + i), ::load(second + i), low, high);
+    ::store(out + 2 * i, low);
+    ::store(out + 2 * i + count, high);
+  }
+  for (; i < n; ++i) {
+    out[2 * i] = first[i];
+    out[2 * i + 1] = second[i];
+  }
+}
+
 template <class T>
-void transform(T *out, const T *in, T *scratch, i64 rows, i64 n,
-               bool inverse) {
-  Transform<T> work{n,
-                    {scratch, scratch + n},
-                    {scratch + 2 * n, scratch + 3 * n},
-                    {scratch + 4 * n, scratch + 5 * n}};
-  work.setFactors();
+void transform(T *out, const T *in, T *scratch, i64 rows, i64 n, bool inverse) {
+  i64 known = n < 4 ? 0 : n / 4 - 1;
+  Split<const T> factors{knownFactors<T>.re + known,
+                         knownFactors<T>.im + known};
+  if (n > longestKnown) {
+    factors = {scratch + 4 * n, scratch + 5 * n};
+    setFactors(scratch + 4 * n, scratch + 5 * n, n);
+  }
   for (i64 row = 0; row < rows; ++row, in += 2 * n, out += 2 * n) {
-    T *first = inverse ? work.x.im : work.x.re;
-    T *second = inverse ? work.x.re : work.x.im;
-    for (i64 i = 0; i < n; ++i) {
-      first[i] = in[2 * i];
-      second[i] = in[2 * i + 1];
-    }
+    Transform<T> work{
+        n, {scratch, scratch + n}, {scratch + 2 * n, scratch + 3 * n}, factors};
+    work.read(in, inverse);
     work.run();
-    first = inverse ? work.x.im : work.x.re;
-    second = inverse ? work.x.re : work.x.im;
-    for (i64 i = 0; i < n; ++i) {
-      out[2 * i] = first[i];
-      out[2 * i + 1] = second[i];
-    }
+    work.write(out, inverse);
   }
 }
 

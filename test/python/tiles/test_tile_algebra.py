@@ -140,3 +140,21 @@ def test_transforms(length, inverse, device):
     back = np.fft.fft(w) if inverse else np.fft.ifft(w) * length
     found = a.grad.numpy()
     np.testing.assert_allclose(found[..., 0] + 1j * found[..., 1], back, atol=1e-12 * length)
+
+
+@pytest.mark.parametrize("length", [256, 1024, 2048, 4096, 8192])
+def test_long_transforms_of_floats_on_cpus(length):
+    @wp.kernel(module="unique")
+    def transform(a: wp.array(dtype=wp.vec2), out: wp.array(dtype=wp.vec2)):
+        t = wp.tile_load(a, shape=length)
+        wp.tile_fft(t)
+        wp.tile_store(out, t)
+
+    x = np.random.default_rng(length).normal(size=(length, 2)).astype(np.float32)
+    out = wp.zeros(length, dtype=wp.vec2, device="cpu")
+    a = wp.array(x, dtype=wp.vec2, device="cpu")
+    wp.launch_tiled(transform, dim=1, inputs=[a, out], block_dim=32, device="cpu")
+    expected = np.fft.fft(x[:, 0].astype(float) + 1j * x[:, 1])
+    found = out.numpy().astype(float)
+    error = np.abs(found[:, 0] + 1j * found[:, 1] - expected).max()
+    assert error < 4 * np.finfo(np.float32).eps * np.abs(expected).max()
