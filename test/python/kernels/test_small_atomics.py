@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 import warp as wp
 
 SMALL = (wp.int8, wp.uint8, wp.int16, wp.uint16)
