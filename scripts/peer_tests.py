@@ -14,7 +14,8 @@ that raise when they are used, so that the file's other tests run.
 
 `compare` counts, of what the peer passes, what this package passes too. Tests
 that name internals (code generator, hashes, native functions), themselves or in
-the helpers that they call, are in neither number.
+the helpers that they call, are in neither number; nor are tests that want
+something to be refused which this package has, and those are counted by reason.
 """
 
 from __future__ import annotations
@@ -36,6 +37,14 @@ LEFT_OUT = (
     "external_build fast_math kernel_cache module_hashing module_parallel_load module_variants "
     "render_opengl template_launch_bounds version apic_load_from_bytes apic_mesh "
     "apic_utility_algorithms"
+)
+# Tests that something is refused which is there: by file and start of the name, with the reason.
+REFUSALS = (
+    (
+        "test_atomic",
+        tuple(f"test_atomic_{kind}_unsupported_dtypes_" for kind in ("add", "min", "max")),
+        "want atomics of 8 and 16 bits to be refused, which this package has",
+    ),
 )
 FINDER = """
 import importlib.util, sys
@@ -248,11 +257,20 @@ def read(path: Path) -> dict[tuple[str, str], list]:
     return {(line[0], line[1]): [*line[2:], False][:3] for line in lines}
 
 
+def refusal(file: str, test: str) -> str | None:
+    """Why a test wants less than this package has, None if it does not."""
+    name = test.rpartition(".")[2]
+    for of, starts, reason in REFUSALS:
+        if file == of and name.startswith(starts):
+            return reason
+    return None
+
+
 def compare(options: argparse.Namespace) -> None:
     """Print, per file, what both pass, and what only the peer passes and why."""
     peer, ours = read(options.peer), read(options.ours)
     failed_imports = {key[0]: value[1] for key, value in ours.items() if value[0] == "import"}
-    totals, both, misses, internal = Counter(), Counter(), [], 0
+    totals, both, misses, internal, refusals = Counter(), Counter(), [], 0, Counter()
     for (file, test), (outcome, _, peer_internal) in peer.items():
         absent = ("absent", failed_imports.get(file, "not collected"), False)
         result = ours.get((file, test), absent)
@@ -260,6 +278,9 @@ def compare(options: argparse.Namespace) -> None:
             continue
         if peer_internal or result[2]:
             internal += 1
+            continue
+        if result[0] != "passed" and (reason := refusal(file, test)):
+            refusals[reason] += 1
             continue
         totals[file] += 1
         if result[0] == "passed":
@@ -271,6 +292,8 @@ def compare(options: argparse.Namespace) -> None:
     rate = 100 * both.total() / max(1, totals.total())
     print(f"{'all':40} {both.total():5} of {totals.total():5}  {rate:.1f} %")
     print(f"{internal} tests of internals left out")
+    for reason, count in refusals.items():
+        print(f"{count} tests left out that {reason}")
     if options.misses:
         for miss in misses:
             print(*miss, sep="  ")

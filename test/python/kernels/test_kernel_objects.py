@@ -1,5 +1,6 @@
 """`@wp.kernel` and `@wp.func` as Python objects: options, IR as text, dumps, calls."""
 
+import re
 import typing
 from typing import Any
 
@@ -191,3 +192,17 @@ def test_settings_that_return_find_what_was_made(monkeypatch):
         seen.append((count.native, *count_any.specializations))
     assert list(a.numpy()) == [8.0] * 3
     assert seen[0] == seen[2] and seen[1] == seen[3] and seen[0] != seen[1]
+
+
+@wp.func
+def halved(v: wp.vec3, by: float):
+    return wp.normalize(v) / by
+
+
+@pytest.mark.parametrize("given", [(1.0,), (1.0, 2.0), ()])
+def test_functions_called_from_python_say_what_they_were_given(given):
+    """A TypeError and a RuntimeError, in words that programs look for."""
+    words = f"Error calling function 'halved', no overload found for arguments {given}"
+    for kind in (TypeError, RuntimeError):
+        with pytest.raises(kind, match=f"^{re.escape(words)}$"):
+            halved(*given)

@@ -259,3 +259,17 @@ def test_descriptors_lie_as_the_compiler_has_them():
     known = ArrayDescriptor.from_buffer_copy(x.descriptor())
     assert (known.data, known.ndim) == (x.ptr, 2)
     assert (list(known.shape[:2]), list(known.strides[:2])) == ([2, 3], [24, 8])
+
+
+def test_words_of_refused_types_are_those_that_programs_look_for():
+    """Both packages' words, and the classes of both."""
+    with pytest.raises(RuntimeError, match="must be defined as base classes$") as caught:
+
+        @wp.struct
+        class Derived(int):
+            y: float
+
+    assert isinstance(caught.value, TypeError)
+    words = r"exactly two dimensions, got 1 dimension in shape \(2,\)"
+    with pytest.raises(ValueError, match=words):
+        wp.types.matrix((2,), wp.float32)

@@ -12,6 +12,7 @@ import math
 
 from warp import _native
 from warp._src import errors
+from warp._src.arrays import hooks
 from warp._src.arrays.allocation import allocate, new_array
 from warp._src.arrays.layout import bytes_of, check_shape, check_strides, type_id
 from warp._src.devices import devices
@@ -237,7 +238,7 @@ def _from_array(target, data, dtype, shape, device, pinned, copy):
     index = data.device_index if device is None else devices.resolve_index(device)
     source = data
     if dtype is not None and not dtypes.types_equal(dtype, data.dtype):
-        converted = type(data)(data.numpy(), dtype=dtype, device=device or data.device)
+        converted = hooks.plain_array(data.numpy(), dtype=dtype, device=device or data.device)
         source, copy = converted, False
     if shape is not None:
         source = source.contiguous().reshape(check_shape(_infer(shape, source.size)))

@@ -8,6 +8,7 @@ taken back in time piece by piece while a backward pass goes through its records
 from __future__ import annotations
 
 from warp import _native
+from warp._src.arrays import hooks
 from warp._src.arrays.layout import bytes_spanned
 from warp._src.types.scalars import uint8
 
@@ -90,7 +91,7 @@ def blocks(region, one) -> list:
 
 def empty_like(one, shape, strides, size):
     """An array of so many bytes with elements like those of another one."""
-    memory = type(one)(shape=size, dtype=uint8, device=one.device)
+    memory = hooks.plain_array(shape=size, dtype=uint8, device=one.device)
     return memory._view(0, shape, strides, one.dtype)
 
 

@@ -13,6 +13,7 @@ import typing
 import weakref
 
 from warp import _native
+from warp._src.arrays import hooks
 from warp._src.arrays.layout import bytes_spanned
 from warp._src.arrays.versions import Event, Memory, event
 from warp._src.types.scalars import uint8
@@ -28,7 +29,7 @@ def copy_elements(dest, source, stream=None) -> None:
 
 def copy_layout(source, stream=None):
     """A copy with the strides of `source`, so that both have their elements at the same offsets."""
-    bytes_ = type(source)(shape=bytes_spanned(source), dtype=uint8, device=source.device)
+    bytes_ = hooks.plain_array(shape=bytes_spanned(source), dtype=uint8, device=source.device)
     strides = source.strides
     result = bytes_._view(0, source.shape, strides, source.dtype)
     if source.size:

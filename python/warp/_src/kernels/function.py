@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import types as python_types
 
+from warp._src import errors
 from warp._src.kernels import texts
 from warp._src.kernels.epoch import Epoch
 from warp._src.types import dtypes
@@ -70,12 +71,20 @@ class Function:
 
     def __call__(self, *args, **kwargs):
         if len(self.overloads) == 1:
-            return self.func(*args, **kwargs)
+            try:
+                return self.func(*args, **kwargs)
+            except TypeError as problem:
+                if _accepts(self.func, args, kwargs):
+                    raise
+                # Programs know this error by its words.
+                raise errors.WarpTypeError(
+                    f"Error calling function '{self.key}', no overload found for arguments {args}"
+                ) from problem
         for func in self.overloads:
             if _accepts(func, args, kwargs):
                 return func(*args, **kwargs)
         shown = ", ".join(type(value).__name__ for value in args)
-        raise TypeError(f"no overload of '{self.key}' takes ({shown})")
+        raise errors.WarpTypeError(f"no overload of '{self.key}' takes ({shown})")
 
     def __repr__(self):
         return f"<function '{self.key}'>"

@@ -207,7 +207,12 @@ def _vector_like(value, numbers):
 def matrix(shape=None, dtype=None, *, name=None):
     """The matrix type of `shape` (rows, columns) and scalar type `dtype`."""
     if not isinstance(shape, (tuple, list)) or len(shape) != 2:
-        raise ValueError(f"expects a matrix shape of two extents, but got {shape!r}")
+        rank = len(shape) if isinstance(shape, (tuple, list)) else 0
+        extents = f"{rank} dimension{'' if rank == 1 else 's'}"
+        raise errors.WarpShapeError(
+            f"expects a matrix shape of two extents, but got {shape!r}",
+            also=f"Matrix shape must have exactly two dimensions, got {extents} in shape {shape!r}",
+        )
     rows, columns = shape
     if is_open(rows) or is_open(columns) or is_open(dtype):
         return GenericAnnotation(Matrix, (rows, columns, dtype))

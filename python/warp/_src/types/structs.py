@@ -13,6 +13,7 @@ import types as python_types
 import typing
 import warnings
 
+from warp._src import errors
 from warp._src.types import annotations, dtypes
 from warp._src.types.composites import flatten_numbers
 from warp._src.types.native import ArrayType
@@ -221,7 +222,10 @@ def _make_struct(cls, namespaces):
     name = cls.__name__
     if cls.__bases__ != (object,):
         bases = ", ".join(base.__name__ for base in cls.__bases__)
-        raise TypeError(f"struct '{name}' cannot inherit from '{bases}'")
+        raise errors.WarpTypeError(
+            f"struct '{name}' cannot inherit from '{bases}'",
+            also="Warp structs must be defined as base classes",
+        )
     declared = inspect.get_annotations(cls)
     for attribute, value in cls.__dict__.items():
         if attribute in declared and not _is_zero(value):

@@ -1,0 +1,128 @@
+#!/usr/bin/env python3
+"""Physics engines written for the peer, on the peer and on this package.
+
+    engines.py --python PYTHON --package FOLDER [--steps N] [--device DEVICE]
+
+PYTHON has `mujoco-warp`, `newton` and `warp-lang` installed; FOLDER holds this package and is put
+in front of the peer's for its turns. Each engine runs one scene in a process of its own, first
+with an empty kernel cache, then with the one that this left. A row of the table has seconds to
+import and to make the first step, and milliseconds per step after it; the last column is the
+largest difference of the coordinates to the peer's, of which the peer's own are the scale.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import tempfile
+from pathlib import Path
+
+CHILD = '''
+import json, sys, time
+begin = time.perf_counter()
+import numpy as np
+import warp as wp
+wp.config.log_level = 30
+engine, device, steps = sys.argv[1], sys.argv[2], int(sys.argv[3])
+SCENE = """<mujoco><option timestep="0.005"/><worldbody><geom type="plane" size="5 5 .1"/>
+<body pos="0 0 .6"><freejoint/><geom type="sphere" size=".2"/></body>
+<body pos="0.1 0 1.2"><freejoint/><geom type="capsule" size=".1 .2"/></body>
+<body pos="1 0 1"><joint type="hinge" axis="0 1 0"/>
+<geom type="capsule" fromto="0 0 0 .5 0 0" size=".05"/>
+<body pos=".5 0 0"><joint type="hinge" axis="0 1 0"/>
+<geom type="capsule" fromto="0 0 0 .5 0 0" size=".05"/></body></body></worldbody></mujoco>"""
+
+def mujoco_warp():
+    import mujoco
+    import mujoco_warp as engine
+    model = mujoco.MjModel.from_xml_string(SCENE)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    state = engine.put_model(model), engine.put_data(model, data, nworld=1)
+    return lambda: engine.step(*state), lambda: state[1].qpos.numpy()[0]
+
+def newton():
+    import newton as engine
+    builder = engine.ModelBuilder()
+    builder.add_ground_plane()
+    link = [builder.add_link() for _ in range(2)]
+    for body in link:
+        builder.add_shape_box(body, hx=0.5, hy=0.05, hz=0.05)
+    turn = wp.quat_from_axis_angle(wp.vec3(0.0, 0.0, 1.0), 0.3)
+    joints = [builder.add_joint_revolute(
+        parent=-1, child=link[0], axis=wp.vec3(0.0, 1.0, 0.0),
+        parent_xform=wp.transform(p=wp.vec3(0.0, 0.0, 5.0), q=turn),
+        child_xform=wp.transform(p=wp.vec3(-0.5, 0.0, 0.0), q=wp.quat_identity()))]
+    joints.append(builder.add_joint_revolute(
+        parent=link[0], child=link[1], axis=wp.vec3(0.0, 1.0, 0.0),
+        parent_xform=wp.transform(p=wp.vec3(0.5, 0.0, 0.0), q=wp.quat_identity()),
+        child_xform=wp.transform(p=wp.vec3(-0.5, 0.0, 0.0), q=wp.quat_identity())))
+    builder.add_articulation(joints)
+    model = builder.finalize()
+    solver = engine.solvers.SolverXPBD(model)
+    states, control = [model.state(), model.state()], model.control()
+    engine.eval_fk(model, model.joint_q, model.joint_qd, states[0])
+    def step():
+        states[0].clear_forces()
+        solver.step(states[0], states[1], control, None, 0.002)
+        states.reverse()
+    return step, lambda: states[0].body_q.numpy().ravel()
+
+with wp.ScopedDevice(device):
+    step, result = {"mujoco-warp": mujoco_warp, "newton": newton}[engine]()
+    wp.synchronize()
+    imported = time.perf_counter()
+    step()
+    wp.synchronize()
+    stepped = time.perf_counter()
+    for _ in range(steps - 1):
+        step()
+    wp.synchronize()
+    timed = time.perf_counter()
+    for _ in range(steps):
+        step()
+    wp.synchronize()
+    each = (time.perf_counter() - timed) / steps
+    final = result().astype(float).tolist()
+print("RESULT" + json.dumps([imported - begin, stepped - imported, 1000.0 * each, final]))
+'''
+
+
+def run(options: argparse.Namespace, engine: str, package: Path | None, cache: str) -> list:
+    """What one process says; raises with its last lines if it fails."""
+    environment = os.environ | {"WARP_CACHE_PATH": cache, "PYTHONPATH": str(package or "")}
+    command = [options.python, "-c", CHILD, engine, options.device, str(options.steps)]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    for line in done.stdout.splitlines():
+        if line.startswith("RESULT"):
+            return json.loads(line.removeprefix("RESULT"))
+    raise SystemExit(f"{engine} failed:\n" + "\n".join(done.stderr.splitlines()[-8:]))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--python", required=True)
+    parser.add_argument("--package", type=Path, required=True)
+    parser.add_argument("--engine", action="append", choices=("mujoco-warp", "newton"))
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--steps", type=int, default=50)
+    options = parser.parse_args()
+    columns = ("engine", "package", "cache", "import s", "first s", "step ms", "difference")
+    print(("{:>12}" * 7).format(*columns))
+    for engine in options.engine or ("mujoco-warp", "newton"):
+        expected = None
+        for name, package in (("peer", None), ("this", options.package)):
+            with tempfile.TemporaryDirectory() as cache:
+                for state in ("cold", "warm"):
+                    imported, first, each, final = run(options, engine, package, cache)
+                    expected = expected or final
+                    gap = max(abs(a - b) for a, b in zip(final, expected, strict=True))
+                    scale = max(1.0, *map(abs, expected))
+                    row = f"{imported:12.2f}{first:12.2f}{each:12.3f}{gap / scale:12.1e}"
+                    print(f"{engine:>12}{name:>12}{state:>12}{row}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
