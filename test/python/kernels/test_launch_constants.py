@@ -143,7 +143,10 @@ def test_an_error_for_some_values_is_none_of_the_launch():
         else:
             y[i] = -1.0
 
-    x, y = wp.full(2, wp.vec3(1.0, 2.0, 3.0), dtype=wp.vec3), wp.zeros(2, dtype=float)
+    x, y = (
+        wp.full(2, wp.vec3(1.0, 2.0, 3.0), dtype=wp.vec3, device="cpu"),
+        wp.zeros(2, dtype=float, device="cpu"),
+    )
     for n, wanted in ((2, 3.0 + np.sqrt(2.0)), (7, -1.0)):
         wp.launch(pick, 2, [x, y, n], device="cpu", outputs=[])
         assert y.numpy()[1] == pytest.approx(wanted)
