@@ -121,28 +121,26 @@ template <class T> void factor(T *u, i64 n) {
         const T *factors = u + k * n + i;
 #pragma unroll
         for (int r = 0; r < lanes<T>; ++r)
-          if (r < height)
-            part.rows[r] = fma(Vec<T>(-factors[r]), row, part.rows[r]);
+          part.rows[r] = fma(Vec<T>(-factors[r]), row, part.rows[r]);
       }
       if (c == i) {
         // Rows that there are not are those of the identity.
 #pragma unroll
         for (int r = 0; r < lanes<T>; ++r)
-          if (r >= height)
+          if (r >= height) {
+            part.rows[r] = 0;
             part.rows[r][r] = 1;
+          }
         factorSquare(part);
       } else {
+        // Not the last rows, so there are all.
 #pragma unroll
         for (int j = 0; j < lanes<T>; ++j) {
-          if (j >= height)
-            break;
           const T *factors = u + (i + j) * n + i;
           part.rows[j] = part.rows[j] / Vec<T>(factors[j]);
 #pragma unroll
           for (int r = j + 1; r < lanes<T>; ++r)
-            if (r < height)
-              part.rows[r] =
-                  fma(Vec<T>(-factors[r]), part.rows[j], part.rows[r]);
+            part.rows[r] = fma(Vec<T>(-factors[r]), part.rows[j], part.rows[r]);
         }
       }
       part.write(u + i * n + c, n, height, width);
@@ -205,12 +203,12 @@ __attribute__((always_inline)) inline Vec<T> solveSquare(Vec<T> x,
   for (int step = 0; step < size; ++step) {
     int j = backwards ? size - 1 - step : step;
     T solved = x[j] / m.rows[j][j];
-    Vec<T> column = m.rows[j];
+    // Only those that are left: what is infinite does not reach others.
+    Vec<T> left = fma(Vec<T>(-solved), m.rows[j], x);
 #pragma unroll
     for (int l = 0; l < size; ++l)
-      if (backwards ? l >= j : l <= j)
-        column[l] = 0;
-    x = fma(Vec<T>(-solved), column, x);
+      if (backwards ? l < j : l > j)
+        x[l] = left[l];
     x[j] = solved;
   }
   return x;
@@ -227,14 +225,19 @@ template <class T> void Solve<T>::oneSide() const {
     i64 begin = backwards ? first + height : 0, end = backwards ? n : first;
     Square<T> part;
     if (column == 1) {
-      part.read(m, 0, 0, 0);
-      for (i64 j = begin; j < end; j += size) {
-        Vec<T> before = load(x + j, end - j);
 #pragma unroll
-        for (int r = 0; r < size; ++r)
-          if (r < height)
-            part.rows[r] = fma(load(m + (first + r) * row + j, end - j), before,
-                               part.rows[r]);
+      for (int r = 0; r < size; ++r)
+        part.rows[r] = 0;
+      for (i64 j = begin; j < end; j += size) {
+        Mask<T> there = firstLanes<T>(end - j < size ? end - j : size);
+        Vec<T> before = __builtin_masked_load(there, x + j, Vec<T>(0));
+#pragma unroll
+        for (int r = 0; r < size; ++r) {
+          i64 i = r < height ? first + r : n - 1;
+          Vec<T> factors =
+              __builtin_masked_load(there, m + i * row + j, Vec<T>(0));
+          part.rows[r] = fma(factors, before, part.rows[r]);
+        }
       }
       if (begin < end) {
         part.transpose();

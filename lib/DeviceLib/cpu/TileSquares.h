@@ -20,16 +20,30 @@ template <class T> struct Square {
   /// From a row-major matrix; what is beyond `height` and `width` is zero.
   __attribute__((always_inline)) void read(const T *from, i64 pitch, i64 height,
                                            i64 width) {
+    T padded[size * size];
+    if (height < size || width < size) {
+      for (i64 r = 0; r < size; ++r)
+        store(padded + r * size,
+              r < height ? load(from + r * pitch, width) : Vec<T>(0));
+      from = padded;
+      pitch = size;
+    }
 #pragma unroll
     for (int r = 0; r < size; ++r)
-      rows[r] = r < height ? load(from + r * pitch, width) : Vec<T>(0);
+      rows[r] = load(from + r * pitch);
   }
   __attribute__((always_inline)) void write(T *to, i64 pitch, i64 height,
                                             i64 width) const {
+    T padded[size * size];
+    bool isPart = height < size || width < size;
+    T *first = isPart ? padded : to;
+    i64 step = isPart ? size : pitch;
 #pragma unroll
     for (int r = 0; r < size; ++r)
-      if (r < height)
-        store(to + r * pitch, rows[r], width);
+      store(first + r * step, rows[r]);
+    if (isPart)
+      for (i64 r = 0; r < height; ++r)
+        store(to + r * pitch, load(padded + r * size), width);
   }
   __attribute__((always_inline)) void transpose() {
 #pragma unroll
