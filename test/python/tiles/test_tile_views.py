@@ -89,7 +89,6 @@ def accelerate(a: wp.array(dtype=Particle), b: wp.array(dtype=Particle)):
     wp.tile_store(b, t)
 
 
-# They have no derivative, which is an error and no gradient of zero.
 def test_tiles_of_structs(device):
     given = np.zeros(4, Particle.numpy_dtype())
     given["mass"], given["velocity"] = np.arange(4), np.arange(12).reshape(4, 3)
@@ -99,8 +98,11 @@ def test_tiles_of_structs(device):
         wp.launch_tiled(accelerate, dim=[1], inputs=[a, b], block_dim=32, device=device)
     np.testing.assert_array_equal(b.numpy()["mass"], given["mass"] + 3.0)
     np.testing.assert_array_equal(b.numpy()["velocity"], 2.0 * given["velocity"])
-    with pytest.raises(wp.WarpError, match=r"tiles of structs have no derivative; use a tile for"):
-        tape.backward(grads={b: wp.zeros_like(b, requires_grad=False)})
+    seeds = np.zeros(4, Particle.numpy_dtype())
+    seeds["mass"], seeds["velocity"] = 1.0 + np.arange(4), 1.0
+    tape.backward(grads={b: wp.array(seeds, dtype=Particle, device=device)})
+    np.testing.assert_array_equal(a.grad.numpy()["mass"], seeds["mass"])
+    np.testing.assert_array_equal(a.grad.numpy()["velocity"], 2.0 * seeds["velocity"])
 
 
 # Counted in the numbers that the elements can be: doubles would miss one, or find one too many.
