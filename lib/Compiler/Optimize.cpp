@@ -181,8 +181,6 @@ static llvm::FunctionPassManager buildLeanPasses(bool vectorize) {
   };
   FunctionPassManager all;
   all.addPass(SROAPass(SROAOptions::ModifyCFG));
-  // What is assumed of addresses, which others forget where a branch says so.
-  all.addPass(InferAlignmentPass());
   all.addPass(EarlyCSEPass(/*UseMemorySSA=*/true));
   all.addPass(SimplifyCFGPass(
       SimplifyCFGOptions().convertSwitchRangeToICmp(true)));

@@ -14,7 +14,6 @@
 //
 //   what                           in file
 //   scalars, loops over elements   LowerTilesLoops.cpp
-//   loops over neighbours          LowerTilesChunks.cpp
 //   elements, arrays, maps         LowerTilesElements.cpp
 //   threads, parts                 LowerTilesParts.cpp
 //   reductions, scans              LowerTilesReductions.cpp

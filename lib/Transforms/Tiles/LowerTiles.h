@@ -99,19 +99,6 @@ private:
                 llvm::function_ref<void(ValueRange)> body);
   void collectTested(mlir::Operation *op, Value &inside);
   bool touchesStripes(mlir::Operation *op);
-
-  // In LowerTilesChunks.cpp.
-  struct Aligned {
-    Value value;
-    int64_t bytes;
-  };
-  void collectAligned(mlir::Operation *op,
-                      llvm::SmallVectorImpl<Aligned> &found);
-  Value testAligned(llvm::ArrayRef<Aligned> found, Value condition);
-  void assumeAligned(llvm::ArrayRef<Aligned> found);
-  Values shareChunks(llvm::ArrayRef<int64_t> shape, int64_t count,
-                     int64_t chunk, ValueRange sums, Body body);
-
   void barrier();
   void byFirstThread(llvm::function_ref<void()> make);
 

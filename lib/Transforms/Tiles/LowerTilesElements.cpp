@@ -42,8 +42,8 @@ Value TileLowering::memoryOf(Value tile) {
 Value TileLowering::linear(ArrayRef<int64_t> shape, ValueRange indices) {
   Value index = indices[0];
   for (size_t d = 1; d < shape.size(); ++d)
-    index = add(shape[d] == 1 ? index : mul(index, number(shape[d])),
-                indices[d]);
+    index =
+        add(shape[d] == 1 ? index : mul(index, number(shape[d])), indices[d]);
   return index;
 }
 
@@ -70,10 +70,10 @@ Value TileLowering::stripeOf(Value tile) {
   Value &stripe = heldSums[buffers.rootOf(tile)];
   TileType type = tileType(tile);
   if (!stripe)
-    stripe = ScratchOp::create(
-        entry, loc,
-        ScratchType::get(b.getContext(), type.getNumElements() / threads,
-                         type.getElementType()));
+    stripe = ScratchOp::create(entry, loc,
+                               ScratchType::get(b.getContext(),
+                                                type.getNumElements() / threads,
+                                                type.getElementType()));
   return stripe;
 }
 
@@ -81,8 +81,8 @@ Value TileLowering::load(Value tile, ValueRange indices) {
   if (tiles::isStriped(tile))
     return ScratchLoadOp::create(b, loc, tileType(tile).getElementType(),
                                  stripeOf(tile), turn);
-  return LoadOp::create(b, loc, tileType(tile).getElementType(),
-                        memoryOf(tile), placeIn(tile, indices));
+  return LoadOp::create(b, loc, tileType(tile).getElementType(), memoryOf(tile),
+                        placeIn(tile, indices));
 }
 
 void TileLowering::store(Value tile, ValueRange indices, Value value) {
@@ -144,8 +144,8 @@ Value TileLowering::elementOf(Operation *op, ValueRange indices) {
       })
       .Case([&](TileSliceOp view) {
         Values source;
-        for (auto [offset, step, index] : llvm::zip_equal(
-                 view.getOffsets(), view.getSteps(), indices))
+        for (auto [offset, step, index] :
+             llvm::zip_equal(view.getOffsets(), view.getSteps(), indices))
           source.push_back(add(toIndex(offset), mul(index, number(step))));
         return element(view.getTile(), source);
       })
@@ -162,21 +162,20 @@ Values TileLowering::arrayIndices(Op op, TileType tile, ValueRange indices,
     Value index = indices[d];
     if (picks)
       index = element(op.getPicked(), ValueRange(indices[d]));
-    bool isWide = getByteSize(offset.getType()) > 4 ||
-                  getByteSize(index.getType()) > 4;
+    bool isWide =
+        getByteSize(offset.getType()) > 4 || getByteSize(index.getType()) > 4;
     Type type = isWide ? b.getI64Type() : i32;
     Value place = add(cast(offset, type), cast(index, type));
     found.push_back(place);
     if (!op.getChecked() || (!testing && !picks))
       continue;
-    Value extent =
-        cast(DimOp::create(b, loc, b.getIntegerType(32, true), op.getArray(),
-                           b.getI64IntegerAttr(d)),
-             type);
+    Value extent = cast(DimOp::create(b, loc, b.getIntegerType(32, true),
+                                      op.getArray(), b.getI64IntegerAttr(d)),
+                        type);
     // As unsigned numbers, negative ones are too large.
-    inside = both(inside,
-                  arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ult,
-                                        place, extent));
+    inside =
+        both(inside, arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ult,
+                                           place, extent));
   }
   return found;
 }
@@ -226,8 +225,7 @@ void TileLowering::lowerStore(TileStoreOp op) {
     Value inside;
     Values at = arrayIndices(op, type, indices, inside);
     Value value = element(op.getTile(), indices);
-    ifHolds(inside,
-            [&] { StoreOp::create(b, loc, value, op.getArray(), at); });
+    ifHolds(inside, [&] { StoreOp::create(b, loc, value, op.getArray(), at); });
   });
 }
 
@@ -269,11 +267,26 @@ Value TileLowering::update(TileUpdate kind, Value value, Value array,
       old.push_back(field);
       continue;
     }
-    auto viewed = ArrayType::get(b.getContext(),
-                                 cast<ArrayType>(array.getType()).getRank(),
-                                 type);
+    auto viewed = ArrayType::get(
+        b.getContext(), cast<ArrayType>(array.getType()).getRank(), type);
     Value view =
         ComponentViewOp::create(b, loc, viewed, array, ValueRange(), name);
+    // Vectors number by number: pairs are updated in arrays only.
+    if (auto vector = dyn_cast<VecType>(type)) {
+      Values parts;
+      Type scalar = vector.getElementType();
+      for (int64_t i = 0; i < int64_t(vector.getLength()); ++i) {
+        Value place = constant(b.getIntegerType(32, true), i);
+        auto one = ArrayType::get(b.getContext(), viewed.getRank(), scalar);
+        Value part = ComponentViewOp::create(b, loc, one, view,
+                                             ValueRange(place), StringAttr());
+        Value summand =
+            ExtractOp::create(b, loc, scalar, field, ValueRange(place));
+        parts.push_back(update(kind, summand, part, at));
+      }
+      old.push_back(ConstructOp::create(b, loc, type, parts));
+      continue;
+    }
     old.push_back(update(kind, field, view, at));
   }
   return StructCreateOp::create(b, loc, record, old);
@@ -286,12 +299,9 @@ void TileLowering::lowerAtomic(TileAtomicOp op) {
     Value inside;
     Values at = arrayIndices(op, type, indices, inside);
     Value value = element(op.getTile(), indices);
-    auto make = [&] {
-      return update(op.getKind(), value, op.getArray(), at);
-    };
+    auto make = [&] { return update(op.getKind(), value, op.getArray(), at); };
     if (keepsOld)
-      store(op.getOld(), indices,
-            ifHolds(inside, type.getElementType(), make));
+      store(op.getOld(), indices, ifHolds(inside, type.getElementType(), make));
     else
       ifHolds(inside, [&] { make(); });
   });

@@ -5,7 +5,6 @@
 //===----------------------------------------------------------------------===//
 
 #include "LowerTiles.h"
-#include "TileChunks.h"
 
 #include "Transforms/Launch/UnrollLoop.h"
 
@@ -109,8 +108,9 @@ Values TileLowering::inlineBody(Block &body, ValueRange arguments) {
   map.map(body.getArguments(), arguments);
   for (Operation &op : body.without_terminator())
     b.clone(op, map);
-  return llvm::map_to_vector(body.getTerminator()->getOperands(),
-                             [&](Value v) { return map.lookupOrDefault(v); });
+  return llvm::map_to_vector(body.getTerminator()->getOperands(), [&](Value v) {
+    return map.lookupOrDefault(v);
+  });
 }
 
 //===----------------------------------------------------------------------===//
@@ -200,8 +200,6 @@ Values TileLowering::share(ArrayRef<int64_t> shape, ValueRange sums,
                 [&](Value e, ValueRange sums) {
                   return body(unravel(e, shape), sums);
                 });
-  if (int64_t chunk = getChunk(kernel, shape, threads); chunk > 1)
-    return shareChunks(shape, count, chunk, sums, body);
   auto turn = [&](Value number, ValueRange sums) {
     this->turn = number;
     Value e = add(mul(number, this->number(threads)), thread);
@@ -238,18 +236,19 @@ void TileLowering::collectTested(Operation *op, Value &inside) {
       Value offset = access.getOffsets()[d];
       Type wide = getByteSize(offset.getType()) > 4 ? b.getI64Type() : i32;
       Value first = cast(offset, wide);
-      Value extent =
-          cast(DimOp::create(b, loc, b.getIntegerType(32, true),
-                             access.getArray(), b.getI64IntegerAttr(d)),
-               wide);
+      Value extent = cast(DimOp::create(b, loc, b.getIntegerType(32, true),
+                                        access.getArray(),
+                                        b.getI64IntegerAttr(d)),
+                          wide);
       Value length = arith::ConstantOp::create(
           b, loc, b.getIntegerAttr(wide, tile.getShape()[d]));
-      Value none = arith::ConstantOp::create(b, loc, b.getIntegerAttr(wide, 0));
-      Value low =
-          arith::CmpIOp::create(b, loc, arith::CmpIPredicate::sge, first, none);
+      Value none =
+          arith::ConstantOp::create(b, loc, b.getIntegerAttr(wide, 0));
+      Value low = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::sge,
+                                        first, none);
       Value last = arith::SubIOp::create(b, loc, extent, length);
-      Value high =
-          arith::CmpIOp::create(b, loc, arith::CmpIPredicate::sle, first, last);
+      Value high = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::sle,
+                                         first, last);
       inside = both(inside, both(low, high));
     }
   };
@@ -285,10 +284,6 @@ Values TileLowering::elements(Operation *op, ArrayRef<int64_t> shape,
   Value inside;
   collectTested(op, inside);
   llvm::SaveAndRestore striped(isStriped, touchesStripes(op));
-  SmallVector<Aligned> aligned;
-  if (getChunk(kernel, shape, threads) > 1)
-    collectAligned(op, aligned);
-  inside = testAligned(aligned, inside);
   if (!inside)
     return share(shape, sums, body);
   auto branch = scf::IfOp::create(b, loc, TypeRange(sums), inside,
@@ -301,8 +296,6 @@ Values TileLowering::elements(Operation *op, ArrayRef<int64_t> shape,
     else
       b.setInsertionPointToStart(block);
     testing = tested;
-    if (!tested)
-      assumeAligned(aligned);
     Values next = share(shape, sums, body);
     if (!sums.empty())
       scf::YieldOp::create(b, loc, next);

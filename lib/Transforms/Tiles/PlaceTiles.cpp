@@ -19,7 +19,6 @@
 //===----------------------------------------------------------------------===//
 
 #include "KernelFunction.h"
-#include "TileChunks.h"
 #include "TileForms.h"
 #include "TileInlining.h"
 #include "TileProducts.h"
@@ -228,7 +227,6 @@ static void placeTiles(FunctionOpInterface kernel, int64_t threads) {
   chooseForms(kernel, threads);
   holdSums(kernel, threads);
   holdStripes(kernel, threads);
-  chooseChunks(kernel, threads);
 }
 
 namespace {

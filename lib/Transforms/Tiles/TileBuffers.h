@@ -37,9 +37,6 @@ constexpr llvm::StringLiteral held = "held";
 constexpr llvm::StringLiteral striped = "striped";
 /// Elements from row to row of the result in the block's memory.
 constexpr llvm::StringLiteral pitch = "pitch";
-/// On a kernel: elements next to each other that a thread has, of tiles whose
-/// elements all threads have as many such groups of.
-constexpr llvm::StringLiteral chunk = "warp.tile_chunk";
 /// On a loop, and on loads in it: tiles that are there or on their way.
 constexpr llvm::StringLiteral stages = "warp.stages";
 } // namespace attr

@@ -56,7 +56,7 @@ static bool isForStore(Operation *op) {
 /// What is computed in the loop of a store is loaded before that loop: there,
 /// each load would wait for the store before it, as arrays may overlap.
 static void loadBeforeStores(FunctionOpInterface kernel, int64_t threads) {
-  constexpr int64_t mostLoaded = 16;
+  constexpr int64_t mostLoaded = 8;
   kernel->walk([&](TileLoadOp load) {
     TileType type = tileType(load.getResult());
     int64_t own = type.getNumElements() / threads;
