@@ -271,22 +271,6 @@ Value TileLowering::update(TileUpdate kind, Value value, Value array,
         b.getContext(), cast<ArrayType>(array.getType()).getRank(), type);
     Value view =
         ComponentViewOp::create(b, loc, viewed, array, ValueRange(), name);
-    // Vectors number by number: pairs are updated in arrays only.
-    if (auto vector = dyn_cast<VecType>(type)) {
-      Values parts;
-      Type scalar = vector.getElementType();
-      for (int64_t i = 0; i < int64_t(vector.getLength()); ++i) {
-        Value place = constant(b.getIntegerType(32, true), i);
-        auto one = ArrayType::get(b.getContext(), viewed.getRank(), scalar);
-        Value part = ComponentViewOp::create(b, loc, one, view,
-                                             ValueRange(place), StringAttr());
-        Value summand =
-            ExtractOp::create(b, loc, scalar, field, ValueRange(place));
-        parts.push_back(update(kind, summand, part, at));
-      }
-      old.push_back(ConstructOp::create(b, loc, type, parts));
-      continue;
-    }
     old.push_back(update(kind, field, view, at));
   }
   return StructCreateOp::create(b, loc, record, old);
