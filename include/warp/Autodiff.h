@@ -48,7 +48,8 @@ struct AutodiffOptions {
   /// that is not known of any.
   std::vector<bool> apart;
   /// What a derivative is where a function has none: "pinned", "strict" or
-  /// "report".
+  /// "report". "repeated" is "pinned", and in forward mode threads are counted
+  /// that meet repeated singular values or eigenvalues.
   std::string singular = "pinned";
   /// No two arrays of a launch share memory, and no array has an element twice.
   bool unique = true;

@@ -104,8 +104,9 @@ TEST(Autodiff, WrongOptionsAreErrors) {
   EXPECT_EQ(messageFor(flags),
             "expects 2 flags for the arrays of the kernel, but got 1");
   policy.singular = "zero";
-  EXPECT_EQ(messageFor(policy), "expects 'pinned', 'strict' or 'report' at "
-                                "singular points, but got 'zero'");
+  EXPECT_EQ(messageFor(policy),
+            "expects 'pinned', 'strict', 'report' or 'repeated' at singular "
+            "points, but got 'zero'");
 }
 
 TEST(Autodiff, WhatHasNoDerivativeIsAnErrorAtItsLine) {
