@@ -51,13 +51,15 @@ class ClosestSearch {
 public:
   ClosestSearch(const Tree &tree, Point<f32> p, f32 bound2)
       : nodes((Bytes)tree.nodes), blocks((Bytes)tree.blocks), p{p.x, p.y, p.z},
-        best(bound2) {
+        best(bound2), rests(nodes) {
     setFarthest();
   }
 
   /// A face with a smaller squared distance than the bound, or -1; `lane` of
   /// `block` is its triangle.
   i32 run(i32 root) {
+    Rest memory[maxRests];
+    rests.begin(memory);
     i32 at = root;
     for (;;) {
       // Threads of a warp wait here until each is at a block.
@@ -66,27 +68,19 @@ public:
       if (at == nowhere)
         return face;
       visit(~at);
-      at = next();
+      at = rests.next();
     }
   }
 
   i32 block = 0, lane = 0;
 
 private:
-  void setFarthest() { farthest = __builtin_bit_cast(u32, best) | 7; }
+  void setFarthest() { rests.farthest = __builtin_bit_cast(u32, best) | 7; }
 
   /// The squared distance from bounds that are this far below and above.
   template <class Offset> static f32 squareOf(Offset offset) {
     f32 x = offset(0), y = offset(1), z = offset(2);
     return fma(x, x, fma(y, y, z * z));
-  }
-
-  /// The nearest child of those that were left; `nowhere` after the last one.
-  i32 next() {
-    while (count)
-      if (stack[--count].key <= farthest)
-        return stack[count].follow(nodes);
-    return nowhere;
   }
 
   /// Leaves the children that may be closer for later, but the nearest, which
@@ -115,12 +109,12 @@ private:
       }
     }
     sortKeys(key);
-    if (key[0] > farthest)
-      return next();
+    if (key[0] > rests.farthest)
+      return rests.next();
 #pragma unroll
     for (int i = width - 1; i > 0; --i)
-      if (key[i] <= farthest)
-        stack[count++] = {key[i], index};
+      if (key[i] <= rests.farthest)
+        rests.leave(key[i], index);
     return links.follow(key[0] & 7);
   }
 
@@ -173,10 +167,8 @@ private:
   Bytes nodes, blocks;
   f32 p[3];
   f32 best;
-  u32 farthest;
   i32 face = -1;
-  int count = 0;
-  Rest stack[maxRests];
+  Rests rests;
 };
 
 } // namespace warp::geometry::scalar

@@ -20,7 +20,8 @@ namespace warp::geometry::scalar {
 class RaySearch {
 public:
   RaySearch(const Tree &tree, const Ray &ray, f32 limit, bool any)
-      : nodes((Bytes)tree.nodes), blocks((Bytes)tree.blocks), any(any) {
+      : nodes((Bytes)tree.nodes), blocks((Bytes)tree.blocks), any(any),
+        rests(nodes) {
     hit.t = limit;
     setReach();
     f32 shear[3] = {ray.shearX, ray.shearY, ray.shearZ};
@@ -32,12 +33,12 @@ public:
       this->shear[i] = shear[i];
       component[i] = k * int(sizeof(Floats));
       // Where a ray does not move, slabs around it last very long.
-      bool rests = ray.direction[i] == 0;
-      inverse[i] = rests ? 0x1p90f : ray.inverse[i];
+      bool isAtRest = ray.direction[i] == 0;
+      inverse[i] = isAtRest ? 0x1p90f : ray.inverse[i];
       f32 at = -ray.start[i] * inverse[i];
       // The product was rounded, and so will be the sum.
       f32 slack = __builtin_elementwise_abs(at) * 0x1p-22f;
-      slack += rests ? 0x1p66f : 0;
+      slack += isAtRest ? 0x1p66f : 0;
       first[i] = at - slack;
       last[i] = at + slack;
       nearer[i] = (inverse[i] < 0 ? 3 + i : i) * int(sizeof(Floats));
@@ -46,6 +47,8 @@ public:
   }
 
   RayHit run(i32 root) {
+    Rest memory[maxRests];
+    rests.begin(memory);
     i32 at = root;
     for (;;) {
       // Threads of a warp wait here until each is at a block.
@@ -56,7 +59,7 @@ public:
       visit(~at);
       if (any && hit.face >= 0)
         return hit;
-      at = next();
+      at = rests.next();
     }
   }
 
@@ -66,15 +69,7 @@ private:
   /// Bounds are rounded, and those of ties are to be seen.
   void setReach() {
     reach = lower(hit.t * 1.000001f, 0x1.fffffep127f);
-    farthest = __builtin_bit_cast(u32, reach) | 7;
-  }
-
-  /// The nearest child of those that were left; `nowhere` after the last one.
-  i32 next() {
-    while (count)
-      if (stack[--count].key <= farthest)
-        return stack[count].follow(nodes);
-    return nowhere;
+    rests.farthest = __builtin_bit_cast(u32, reach) | 7;
   }
 
   /// Leaves the children that are met for later, but the nearest, which it
@@ -106,11 +101,11 @@ private:
     }
     sortKeys(key);
     if (key[0] == noKey)
-      return next();
+      return rests.next();
 #pragma unroll
     for (int i = width - 1; i > 0; --i)
       if (key[i] != noKey)
-        stack[count++] = {key[i], index};
+        rests.leave(key[i], index);
     return links.follow(key[0] & 7);
   }
 
@@ -169,9 +164,7 @@ private:
   i32 nearer[3], further[3];
   RayHit hit{-1, 0, 0, 0};
   f32 reach;
-  u32 farthest;
-  int count = 0;
-  Rest stack[maxRests];
+  Rests rests;
 };
 
 } // namespace warp::geometry::scalar

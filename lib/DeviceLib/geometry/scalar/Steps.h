@@ -83,19 +83,43 @@ inline void sortKeys(u32 (&key)[width]) {
   sort(1, 2), sort(3, 4), sort(5, 6);
 }
 
+/// What leads to no child.
+constexpr i32 nowhere = -0x7fffffff - 1;
+
 /// A child that is left for later: its key, and the node that it is of.
 struct Rest {
   u32 key;
   i32 node;
-
-  i32 follow(Bytes nodes) const {
-    return Links(nodes + i64(node) * i64(sizeof(Node))).follow(key & 7);
-  }
 };
 constexpr int maxRests = maxDepth * (width - 1) + 1;
 
-/// What leads to no child.
-constexpr i32 nowhere = -0x7fffffff - 1;
+/// Children that are left for later, the last one first. Their memory is apart:
+/// what is in one object with it would be in memory, too.
+class Rests {
+public:
+  explicit Rests(Bytes nodes) : nodes(nodes) {}
+
+  /// Keys above this one are too far by now.
+  u32 farthest = noKey;
+
+  void begin(Rest (&memory)[maxRests]) { left = memory; }
+  void leave(u32 key, i32 node) { left[count++] = {key, node}; }
+
+  /// The next child that is not too far; `nowhere` after the last one.
+  i32 next() {
+    while (count) {
+      auto [key, node] = left[--count];
+      if (key <= farthest)
+        return Links(nodes + i64(node) * i64(sizeof(Node))).follow(key & 7);
+    }
+    return nowhere;
+  }
+
+private:
+  Bytes nodes;
+  int count = 0;
+  Rest *left = nullptr;
+};
 
 } // namespace warp::geometry::scalar
 
