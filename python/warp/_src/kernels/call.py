@@ -13,6 +13,7 @@ from warp._src.arrays.indexed import IndexedRecord, indexedarray
 from warp._src.arrays.versions import Event, event
 from warp._src.types import dtypes
 from warp._src.types.native import ArrayType
+from warp._src.types.struct_fields import ArrayDescriptor
 from warp._src.types.structs import StructInstance
 
 
@@ -106,10 +107,12 @@ class Call:
     def regions(self):
         """What the launch may read and write of each of them; forgotten by `done`.
 
-        None if the kernel has no source to tell.
+        None if the kernel has no source to tell, or arrays are given as descriptors of ctypes.
         """
         finder = self.signature.region_finder
         if self._regions is None and finder is not None:
+            if any(isinstance(value, ArrayDescriptor) for value in self.values):
+                return None
             self._regions = finder.find(self.dim, self.values, self.device)
         return self._regions
 
