@@ -56,25 +56,10 @@ TileType LaneLoops::laneType(Type type) const {
   return TileType::get(b.getContext(), shape, element);
 }
 
-/// Indices of the components that columns have.
-static SmallVector<SmallVector<int64_t>> componentsOf(ArrayRef<int64_t> shape) {
-  SmallVector<SmallVector<int64_t>> all{{}};
-  for (int64_t extent : shape) {
-    SmallVector<SmallVector<int64_t>> longer;
-    for (auto &prefix : all)
-      for (int64_t i = 0; i < extent; ++i) {
-        longer.push_back(prefix);
-        longer.back().push_back(i);
-      }
-    all = longer;
-  }
-  return all;
-}
-
 Value LaneLoops::read(Value tile, Type type, Value number) {
   Type element = tileType(tile).getElementType();
   Values parts;
-  for (auto &component : componentsOf(tileType(tile).getShape().drop_back())) {
+  for (auto &component : componentsOf(tileType(tile))) {
     Values indices = llvm::map_to_vector(
         component, [&](int64_t i) -> Value { return constant(i); });
     indices.push_back(number);
@@ -87,7 +72,7 @@ Value LaneLoops::read(Value tile, Type type, Value number) {
 Value LaneLoops::write(Value value, Value tile, Value number) {
   TileType type = tileType(tile);
   bool isWhole = type.getElementType() == value.getType();
-  for (auto &component : componentsOf(type.getShape().drop_back())) {
+  for (auto &component : componentsOf(type)) {
     Values indices = llvm::map_to_vector(
         component, [&](int64_t i) -> Value { return constant(i); });
     Value part = isWhole ? value
