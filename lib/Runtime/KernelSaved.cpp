@@ -38,7 +38,7 @@ void Kernel::attach(const SavedKernel &saved) {
                                         "' does not fit its saved code: " +
                                         why + ", compile the module again");
   };
-  if (impl->module.getImpl() && sourceHash(impl->module) != saved.source)
+  if (impl->hasSource() && impl->hashes().plain != saved.source)
     reject("its source has changed");
   if (options.debug != saved.options.debug)
     reject(std::string("that was compiled in ") +
@@ -98,12 +98,12 @@ SavedKernel Kernel::save(int arch, int device) {
   saved.target = arch == 0 ? "cpu" : "sm_" + std::to_string(arch);
   if (arch == 0)
     saved.processor = hostProcessor();
-  saved.source = sourceHash(impl->module);
+  saved.source = impl->hashes().plain;
   saved.options = impl->options;
   saved.params = impl->params;
   impl->findAccesses();
   saved.accesses = impl->accesses;
-  int rank = threadRank(impl->module);
+  int rank = impl->threadRank();
   std::lock_guard<std::mutex> lock(impl->mutex);
   for (VariantKey key : keysToSave(impl->params, rank, arch != 0)) {
     key.device = device;
@@ -197,7 +197,7 @@ bool Kernel::Impl::obtainSaved(const VariantKey &key, int arch,
       }
     }
   if (!best) {
-    if (!module.getImpl())
+    if (!hasSource())
       raiseNotSaved(key, arch);
     return false;
   }
@@ -242,7 +242,7 @@ void Kernel::load(int device, int blockDim) {
 Kernel::Variant &Kernel::Impl::loaded(int device, int blockDim) {
   VariantKey key;
   key.device = device;
-  key.rank = module.getImpl() ? threadRank(module) : saved[0]->variants[0].rank;
+  key.rank = hasSource() ? threadRank() : saved[0]->variants[0].rank;
   for (size_t i = 0; i < params.size() && i < 64; ++i)
     if (params[i].kind == Param::Kind::Array || isIntegerScalar(params[i]))
       key.contiguous |= uint64_t(1) << i;
