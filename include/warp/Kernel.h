@@ -53,6 +53,7 @@ struct KernelOptions {
 
 struct SavedKernel;
 struct SavedVariant;
+struct Translation;
 
 /// What the driver says of a kernel's machine code.
 struct CudaProperties {
@@ -82,6 +83,8 @@ struct LaunchSchedule {
 class WARP_API Kernel {
 public:
   Kernel(Module module, std::string name, KernelOptions options = {});
+  /// A kernel from the cache, whose module is parsed when it is asked for.
+  Kernel(Translation translation, std::string name, KernelOptions options = {});
   /// A kernel without source; it launches what was saved.
   explicit Kernel(const SavedKernel &saved);
   ~Kernel();
@@ -89,8 +92,13 @@ public:
   Kernel &operator=(const Kernel &) = delete;
 
   const std::string &name() const;
+  /// Throws if the kernel has no source.
   const Module &module() const;
   const std::vector<Param> &parameters() const;
+  /// One for each array among the arguments, as `accesses` of the module.
+  const std::vector<Access> &arrayAccesses() const;
+  /// All that another process needs to make this kernel again.
+  Translation translation() const;
   /// Bytes of the parameter block.
   size_t parameterSize() const;
   KernelOptions options() const;

@@ -11,6 +11,7 @@
 #include "DeviceState.h"
 #include "WidthPolicy.h"
 #include "warp/Kernel.h"
+#include "warp/Translation.h"
 
 #include <atomic>
 #include <mutex>
@@ -82,7 +83,15 @@ struct Kernel::Variant {
 };
 
 struct Kernel::Impl {
+  /// None in a kernel of the cache until `source` is called, which alone reads
+  /// it; and none in one that has no source.
   Module module;
+  /// Text of the module, where it comes from the cache.
+  std::string text;
+  std::once_flag parsed, hashed;
+  SourceHashes knownHashes;
+  /// 0: not known yet.
+  std::atomic<int> knownRank{0};
   std::string name;
   KernelOptions options;
   std::vector<Param> params;
@@ -100,7 +109,14 @@ struct Kernel::Impl {
   std::vector<std::unique_ptr<SavedKernel>> saved;
 
   explicit Impl(Module module);
+  explicit Impl(Translation &&translation);
   ~Impl();
+  bool hasSource() const { return !text.empty() || module.getImpl(); }
+  /// The module, parsed if need be.
+  const Module &source();
+  const SourceHashes &hashes();
+  /// Dimensions of the thread index that the kernel reads.
+  int threadRank();
   void setParameters(std::vector<Param> list);
   Variant *find(const VariantKey &key) const;
   Variant *make(const VariantKey &key);
@@ -119,7 +135,7 @@ struct Kernel::Impl {
   static void setSize(VariantKey &key, const LaunchDim &dim, int64_t items,
                       int smCount);
   LaunchSchedule describe(const VariantKey &key, int arch,
-                          const Variant *variant) const;
+                          const Variant *variant);
   /// Threads of a block: what a launch asks for, or the kernel's own.
   int checkedBlockDim(int asked) const;
   /// The variant of an ordinary launch.

@@ -38,7 +38,7 @@ void Kernel::attach(const SavedKernel &saved) {
                                         "' does not fit its saved code: " +
                                         why + ", compile the module again");
   };
-  if (impl->module.getImpl() && sourceHash(impl->module) != saved.source)
+  if (impl->hasSource() && impl->hashes().plain != saved.source)
     reject("its source has changed");
   if (options.debug != saved.options.debug)
     reject(std::string("that was compiled in ") +
@@ -98,7 +98,7 @@ SavedKernel Kernel::Impl::describeSaved(int arch) {
   saved.target = arch == 0 ? "cpu" : "sm_" + std::to_string(arch);
   if (arch == 0)
     saved.processor = hostProcessor();
-  saved.source = sourceHash(module);
+  saved.source = hashes().plain;
   saved.options = options;
   saved.params = params;
   findAccesses();
@@ -124,7 +124,7 @@ SavedVariant Kernel::Impl::compileSaved(const VariantKey &key, int arch) {
 
 SavedKernel Kernel::save(int arch, int device) {
   SavedKernel saved = impl->describeSaved(arch);
-  int rank = threadRank(impl->module);
+  int rank = impl->threadRank();
   std::lock_guard<std::mutex> lock(impl->mutex);
   for (VariantKey key : keysToSave(impl->params, rank, arch != 0)) {
     key.device = device;
@@ -136,7 +136,7 @@ SavedKernel Kernel::save(int arch, int device) {
 SavedKernel Kernel::save(const Plan &plan) {
   VariantKey key = plan.variant->key;
   int arch = key.device == cpuDevice ? 0 : deviceInfo(key.device).arch;
-  if (!impl->module.getImpl()) {
+  if (!impl->hasSource()) {
     std::lock_guard<std::mutex> lock(impl->mutex);
     auto [kernel, variant] = impl->chooseSaved(key, arch);
     SavedKernel saved = *kernel;
@@ -229,7 +229,7 @@ bool Kernel::Impl::obtainSaved(const VariantKey &key, int arch,
                                Variant &variant) const {
   auto [best, chosen] = chooseSaved(key, arch);
   if (!best) {
-    if (!module.getImpl())
+    if (!hasSource())
       raiseNotSaved(key, arch);
     return false;
   }
@@ -272,7 +272,7 @@ void Kernel::load(int device, int blockDim) { impl->loaded(device, blockDim); }
 Kernel::Variant &Kernel::Impl::loaded(int device, int blockDim) {
   VariantKey key;
   key.device = device;
-  key.rank = module.getImpl() ? threadRank(module) : saved[0]->variants[0].rank;
+  key.rank = hasSource() ? threadRank() : saved[0]->variants[0].rank;
   for (size_t i = 0; i < params.size() && i < 64; ++i)
     if (params[i].kind == Param::Kind::Array || isIntegerScalar(params[i]))
       key.contiguous |= uint64_t(1) << i;

@@ -36,7 +36,7 @@ class Session:
 
     __slots__ = (
         *("active", "builder", "calls", "debug", "derived", "handles", "max_unroll", "parameters"),
-        *("sums_winding", "taken", "threads", "tile_builder"),
+        *("statics", "sums_winding", "taken", "threads", "tile_builder"),
     )
 
     def __init__(self, builder, max_unroll=16):
@@ -49,6 +49,8 @@ class Session:
         self.derived = set()
         # Functions being translated, outermost first.
         self.active = []
+        # Each `wp.static` that was evaluated: function, expression, names and what it gave.
+        self.statics = []
         # The kernel's arguments by name, and the kinds of those that are handles of geometry.
         self.parameters = {}
         self.handles = {}

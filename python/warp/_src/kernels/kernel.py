@@ -208,10 +208,9 @@ class Kernel:
         if self.unique_key is not None:
             unique.check(self)
         with translating:
-            from warp._src.frontend.build import build_kernel
+            from warp._src.kernels.translations import native_kernel
 
-            module = build_kernel(self, arguments, threads, constants)
-        native = self.compile_module(module)
+            native = native_kernel(self, arguments, threads, constants)
         self._dump(native)
         name = self.key if arguments is None else f"{self.key}_{type_tag(arguments)}"
         self.use_saved(native, name)
@@ -234,6 +233,7 @@ class Kernel:
         """A native kernel from a module: this kernel or what is made of it, with its options.
 
         Args:
+            module: or a translation from the cache.
             checked: keeps assertions.
         """
         level = self.option("optimization_level")
