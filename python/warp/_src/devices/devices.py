@@ -63,6 +63,20 @@ class Device:
         return _native.is_pool_enabled(self.index)
 
     @property
+    def default_allocator(self):
+        """What gives arrays memory while no custom allocator serves this device."""
+        from warp._src.devices.allocators import get_builtin_allocator
+
+        return get_builtin_allocator(self.index, False)
+
+    def get_allocator(self, pinned: bool = False):
+        """What gives new arrays memory; `pinned` asks for that of pinned ones of the CPU."""
+        from warp._src.devices.allocators import get_builtin_allocator, get_device_allocator
+
+        pinned = pinned and self.is_cpu
+        return get_device_allocator(self) or get_builtin_allocator(self.index, pinned)
+
+    @property
     def is_managed_memory_supported(self) -> bool:
         return self.info["has_managed_memory"]
 

@@ -20,7 +20,8 @@ def build_kernel(kernel, arguments=None, threads=1, constants=None):
 
     Args:
         kernel: has `func` (the Python function), `key` (its name), `option(name)` and
-            `check_handles(kinds)`, which is told which arguments are handles of geometry.
+            `check_handles(kinds, sums_winding)`, which is told which arguments are handles of
+            geometry, and whether winding numbers are asked for.
         arguments: native types of the arguments, where annotations leave them open.
         threads: threads of a block, if the kernel has tiles.
         constants: values of parameters, or of fields of structs, by name, that the code is for.
@@ -37,10 +38,11 @@ def build_kernel(kernel, arguments=None, threads=1, constants=None):
     if kernel.code_transformers:
         source = transformed(source_of(kernel.func), kernel.code_transformers)
     translator = _translate(kernel.func, kernel.key, arguments, limit, source, threads, constants)
-    if translator.session.tile_builder is not None:
+    session = translator.session
+    if session.tile_builder is not None:
         kernel.note_tiles()
-    if translator.session.handles:
-        kernel.check_handles(translator.session.handles)
+    if session.handles or session.sums_winding:
+        kernel.check_handles(session.handles, session.sums_winding)
     return _finish(translator)
 
 

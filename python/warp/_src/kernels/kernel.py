@@ -154,10 +154,13 @@ class Kernel:
         self.native, self._specialized = self._elsewhere.pop(epoch, (None, {}))
         self.epoch, self._made_in = None, epoch
 
-    def check_handles(self, kinds) -> None:
-        """Makes every launch check that these arguments, by name, are handles of these kinds."""
+    def check_handles(self, kinds, sums_winding) -> None:
+        """Makes every launch check that these arguments, by name, are handles of these kinds.
+
+        sums_winding: the kernel asks for winding numbers; a launch prepares meshes for that.
+        """
         self._take(importlib.import_module("warp._src.kernels.searching").SearchingKernel)
-        self.handles = dict(kinds)
+        self.handles, self.sums_winding = dict(kinds), sums_winding
 
     def fix_constants(self) -> None:
         """Makes every launch choose the code for its launch constants."""
