@@ -62,6 +62,7 @@ private:
     return fileError(origin, "is damaged, " + how);
   }
   void restorePointers(FileOperation &entry);
+  void checkRoom() const;
 
   GraphFile &file;
   std::vector<std::shared_ptr<Kernel>> &kernels;
@@ -101,7 +102,20 @@ void Loader::loadKernels(const std::map<std::string, std::string> &modules) {
   }
 }
 
+void Loader::checkRoom() const {
+  uint64_t needed = 0;
+  for (const FileBlock &block : file.blocks)
+    needed += block.lead + block.bytes;
+  size_t free = deviceMemory(device).first;
+  if (needed > free)
+    throw Error(Error::Kind::Memory, "saved graph '" + origin + "' needs " +
+                                         formatBytes(needed) + " on '" +
+                                         deviceInfo(device).alias + "', free " +
+                                         formatBytes(free));
+}
+
 void Loader::allocate(const Stream *stream) {
+  checkRoom();
   for (const FileBlock &block : file.blocks) {
     auto buffer = std::make_unique<Buffer>(device, block.lead + block.bytes,
                                            false, stream);
