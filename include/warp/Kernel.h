@@ -52,6 +52,7 @@ struct KernelOptions {
 };
 
 struct SavedKernel;
+struct SavedVariant;
 struct Translation;
 
 /// What the driver says of a kernel's machine code.
@@ -138,6 +139,8 @@ public:
   /// Compiles the variants that a saved module has. `arch` 0 is the CPU. With a
   /// CUDA device, its driver turns the PTX into machine code.
   SavedKernel save(int arch, int device = cpuDevice);
+  /// The one variant of a plan; PTX for the architecture of its device.
+  SavedKernel save(const Plan &plan);
   /// Lets launches use saved code, before any given earlier. Throws if it was
   /// made from another source, or with options that change results.
   void attach(const SavedKernel &saved);

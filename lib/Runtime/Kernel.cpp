@@ -93,10 +93,10 @@ bool warp::isIntegerScalar(const Param &param) {
          (param.type[0] == 's' || param.type[0] == 'u') && param.type[1] == 'i';
 }
 
-void Kernel::Impl::setSize(VariantKey &key, const LaunchDim &dim,
-                           int64_t items, int smCount) {
-  key.large = items >= largeLaunch &&
-              (dim.rank == 1 || dim.extent[0] >= fewPlanes);
+void Kernel::Impl::setSize(VariantKey &key, const LaunchDim &dim, int64_t items,
+                           int smCount) {
+  key.large =
+      items >= largeLaunch && (dim.rank == 1 || dim.extent[0] >= fewPlanes);
   key.under = items < fewThreads * smCount;
   key.narrow = dim.rank > 1 && (dim.extent[dim.rank - 1] < wideExtent ||
                                 dim.extent[dim.rank - 2] < wideExtent);
@@ -153,8 +153,7 @@ void Kernel::Impl::findAccesses() {
 
 /// On the CPU adjoints have another order of accesses without overlaps, loops
 /// that end by what they load have lanes, and sums may be made in copies.
-bool Kernel::Impl::isDisjoint(const VariantKey &key,
-                              const void *params) const {
+bool Kernel::Impl::isDisjoint(const VariantKey &key, const void *params) const {
   bool matters = key.device != cpuDevice;
   for (const Access &access : accesses)
     matters |= access.gradientSize != 0 || access.watched ||
@@ -188,9 +187,8 @@ CompileOptions Kernel::Impl::compileOptions(const VariantKey &key,
   result.debug = options.debug;
   result.fastMath = options.fastMath;
   result.deterministic = options.deterministic;
-  result.ordered =
-      options.deterministic &&
-      (key.ordered || (arch == 0 && !options.sameOnDevices));
+  result.ordered = options.deterministic &&
+                   (key.ordered || (arch == 0 && !options.sameOnDevices));
   result.lineinfo = options.lineinfo;
   result.optLevel = options.optLevel;
   result.threads = arch == 0 ? std::min(ThreadPool::size(), 16) : 1;
@@ -462,6 +460,9 @@ static void setErrorRecord(void *params, uint64_t address) {
 void Kernel::run(const Plan &plan, void *params, const Stream *stream) {
   if (!plan.variant)
     return;
+  TraceScope tracing(plan.device, stream);
+  if (tracing)
+    tracing->addLaunch(*this, plan, params);
   if (plan.device == cpuDevice)
     if (HostRecorder *recorder = hostRecorder())
       return recorder->launch(*this, plan, params);

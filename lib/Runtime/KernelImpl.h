@@ -36,9 +36,9 @@ struct VariantKey {
     return device == other.device && rank == other.rank &&
            index32 == other.index32 && flat == other.flat &&
            large == other.large && under == other.under &&
-           narrow == other.narrow &&
-           disjoint == other.disjoint && ordered == other.ordered &&
-           blockDim == other.blockDim && contiguous == other.contiguous;
+           narrow == other.narrow && disjoint == other.disjoint &&
+           ordered == other.ordered && blockDim == other.blockDim &&
+           contiguous == other.contiguous;
   }
 
   /// The same but for what does not count of the size of the launch, of which
@@ -143,6 +143,12 @@ struct Kernel::Impl {
   /// Puts saved code into `variant` if some fits; throws if there is no source
   /// to compile either.
   bool obtainSaved(const VariantKey &key, int arch, Variant &variant) const;
+  SavedKernel describeSaved(int arch);
+  /// With the mutex held.
+  SavedVariant compileSaved(const VariantKey &key, int arch);
+  /// The saved code for such a launch, and the kernel that it belongs to.
+  std::pair<const SavedKernel *, const SavedVariant *>
+  chooseSaved(const VariantKey &key, int arch) const;
   [[noreturn]] void raiseNotSaved(const VariantKey &key, int arch) const;
   Code obtain(int device, const CompileOptions &compileOptions);
 };

@@ -50,8 +50,7 @@ void Kernel::attach(const SavedKernel &saved) {
     reject("it asks for 'deterministic' code");
   std::lock_guard<std::mutex> lock(impl->mutex);
   // What came last is tried first.
-  impl->saved.insert(impl->saved.begin(),
-                     std::make_unique<SavedKernel>(saved));
+  impl->saved.insert(impl->saved.begin(), std::make_unique<SavedKernel>(saved));
 }
 
 //===----------------------------------------------------------------------===//
@@ -92,35 +91,63 @@ static std::vector<VariantKey> keysToSave(const std::vector<Param> &params,
   return keys;
 }
 
-SavedKernel Kernel::save(int arch, int device) {
+/// All but the variants.
+SavedKernel Kernel::Impl::describeSaved(int arch) {
   SavedKernel saved;
-  saved.name = impl->name;
+  saved.name = name;
   saved.target = arch == 0 ? "cpu" : "sm_" + std::to_string(arch);
   if (arch == 0)
     saved.processor = hostProcessor();
-  saved.source = impl->hashes().plain;
-  saved.options = impl->options;
-  saved.params = impl->params;
-  impl->findAccesses();
-  saved.accesses = impl->accesses;
+  saved.source = hashes().plain;
+  saved.options = options;
+  saved.params = params;
+  findAccesses();
+  saved.accesses = accesses;
+  return saved;
+}
+
+SavedVariant Kernel::Impl::compileSaved(const VariantKey &key, int arch) {
+  CompileOptions compile = compileOptions(key, arch);
+  // As many threads as ever matter: the machine to come is not known.
+  compile.threads = arch == 0 ? 16 : 1;
+  SavedVariant variant;
+  variant.rank = key.rank;
+  variant.contiguous = key.contiguous;
+  variant.index32 = key.index32;
+  variant.flat = key.flat;
+  variant.large = key.large;
+  variant.disjoint = key.disjoint;
+  variant.blockDim = arch == 0 ? 0 : compile.blockDim;
+  variant.code = obtain(key.device, compile);
+  return variant;
+}
+
+SavedKernel Kernel::save(int arch, int device) {
+  SavedKernel saved = impl->describeSaved(arch);
   int rank = impl->threadRank();
   std::lock_guard<std::mutex> lock(impl->mutex);
   for (VariantKey key : keysToSave(impl->params, rank, arch != 0)) {
     key.device = device;
-    CompileOptions options = impl->compileOptions(key, arch);
-    // As many threads as ever matter: the machine to come is not known.
-    options.threads = arch == 0 ? 16 : 1;
-    SavedVariant variant;
-    variant.rank = key.rank;
-    variant.contiguous = key.contiguous;
-    variant.index32 = key.index32;
-    variant.flat = key.flat;
-    variant.large = key.large;
-    variant.disjoint = key.disjoint;
-    variant.blockDim = arch == 0 ? 0 : options.blockDim;
-    variant.code = impl->obtain(device, options);
-    saved.variants.push_back(std::move(variant));
+    saved.variants.push_back(impl->compileSaved(key, arch));
   }
+  return saved;
+}
+
+SavedKernel Kernel::save(const Plan &plan) {
+  VariantKey key = plan.variant->key;
+  int arch = key.device == cpuDevice ? 0 : deviceInfo(key.device).arch;
+  if (!impl->hasSource()) {
+    std::lock_guard<std::mutex> lock(impl->mutex);
+    auto [kernel, variant] = impl->chooseSaved(key, arch);
+    SavedKernel saved = *kernel;
+    saved.variants = {*variant};
+    return saved;
+  }
+  SavedKernel saved = impl->describeSaved(arch);
+  std::lock_guard<std::mutex> lock(impl->mutex);
+  // Not that device's machine code, which no other could run.
+  key.device = cpuDevice;
+  saved.variants.push_back(impl->compileSaved(key, arch));
   return saved;
 }
 
@@ -168,10 +195,9 @@ static Code assembled(int device, Code code) {
   for (uint64_t seed = 0; seed < 4; ++seed) {
     char digits[17];
     uint64_t hash = hashBytes(what.data(), what.size(), seed);
-    std::snprintf(
-        digits, sizeof(digits), "%016llx",
-        static_cast<unsigned long long>(
-            hashBytes(code.binary.data(), code.binary.size(), hash)));
+    std::snprintf(digits, sizeof(digits), "%016llx",
+                  static_cast<unsigned long long>(
+                      hashBytes(code.binary.data(), code.binary.size(), hash)));
     key += digits;
   }
   KernelCache &cache = KernelCache::get();
@@ -182,8 +208,8 @@ static Code assembled(int device, Code code) {
   return code;
 }
 
-bool Kernel::Impl::obtainSaved(const VariantKey &key, int arch,
-                               Variant &variant) const {
+std::pair<const SavedKernel *, const SavedVariant *>
+Kernel::Impl::chooseSaved(const VariantKey &key, int arch) const {
   const SavedKernel *best = nullptr;
   const SavedVariant *chosen = nullptr;
   for (const auto &kernel : saved)
@@ -196,6 +222,12 @@ bool Kernel::Impl::obtainSaved(const VariantKey &key, int arch,
         chosen = &candidate;
       }
     }
+  return {best, chosen};
+}
+
+bool Kernel::Impl::obtainSaved(const VariantKey &key, int arch,
+                               Variant &variant) const {
+  auto [best, chosen] = chooseSaved(key, arch);
   if (!best) {
     if (!hasSource())
       raiseNotSaved(key, arch);
@@ -235,9 +267,7 @@ void Kernel::Impl::raiseNotSaved(const VariantKey &key, int arch) const {
                                        "), there is: " + have);
 }
 
-void Kernel::load(int device, int blockDim) {
-  impl->loaded(device, blockDim);
-}
+void Kernel::load(int device, int blockDim) { impl->loaded(device, blockDim); }
 
 Kernel::Variant &Kernel::Impl::loaded(int device, int blockDim) {
   VariantKey key;

@@ -85,12 +85,44 @@ std::string python::expectedText(const Param &param) {
   return pythonTypeName(param.type);
 }
 
+/// What NVIDIA Warp says of the same mistake; programs look for it.
+static std::string wordsOfWarp(const Param &param, PyObject *value) {
+  std::string name = Py_TYPE(value)->tp_name;
+  name = name.substr(name.rfind('.') + 1);
+  std::string expected = expectedText(param);
+  std::string lead = "argument '" + param.name + "' expects ";
+  // Indexed arrays are structs here.
+  bool isArrayParam = param.kind == Param::Kind::Array;
+  if (isArrayParam || expected.find("array(") != std::string::npos) {
+    if (!isArrayParam || !isArray(value))
+      return lead + "an array of type " + expected +
+             ", but passed value has type " + name;
+    ArrayObject *array = asArray(value);
+    std::string element =
+        array->typeId >= 0 ? typeText(array->typeId) : "unknown";
+    if (array->descriptor.ndim != param.rank)
+      return lead + "an array with " + std::to_string(param.rank) +
+             " dimension(s) but the passed array has " +
+             std::to_string(array->descriptor.ndim) + " dimension(s)";
+    return lead + "an array with dtype=" + pythonTypeName(param.element) +
+           " but passed array has dtype=" + pythonTypeName(element);
+  }
+  if (value == Py_None && param.kind == Param::Kind::Struct)
+    return lead + expected + " but got None";
+  if (PyNumber_Check(value) && !PySequence_Check(value) &&
+      param.kind == Param::Kind::Composite)
+    return lead + expected + " but got a single value";
+  return "Failed to convert argument for param " + param.name + " to " +
+         expected;
+}
+
 Error Packer::error(const PackParam &param, PyObject *value,
                     const std::string &more) const {
   return Error(Error::Kind::LaunchType,
                "launch('" + kernel + "'): argument '" + param.param->name +
                    "' expects '" + expectedText(*param.param) + "', but got " +
-                   describeValue(value) + more);
+                   describeValue(value) + more +
+                   "\nas Warp says: " + wordsOfWarp(*param.param, value));
 }
 
 void Packer::raiseCount(size_t got) const {
@@ -109,6 +141,39 @@ void Packer::raiseCount(size_t got) const {
 //===----------------------------------------------------------------------===//
 // Arrays
 //===----------------------------------------------------------------------===//
+
+static bool copyBytes(PyObject *value, char *out, int64_t size) {
+  Py_buffer view;
+  if (PyObject_GetBuffer(value, &view, PyBUF_SIMPLE) != 0) {
+    PyErr_Clear();
+    return false;
+  }
+  bool fits = view.len == size;
+  if (fits)
+    std::memcpy(out, view.buf, size);
+  PyBuffer_Release(&view);
+  return fits;
+}
+
+/// Reads the descriptor that `__ctype__` of an array makes. It says nothing of
+/// the type of the elements.
+static bool readDescriptor(const Packer &packer, const PackParam &param,
+                           PyObject *value, int device, ArrayDescriptor &out) {
+  if (std::strcmp(Py_TYPE(value)->tp_name, "ArrayDescriptor") != 0 ||
+      !copyBytes(value, reinterpret_cast<char *>(&out), sizeof(out)))
+    return false;
+  int owner = out.flags - 2;
+  if (out.ndim != param.param->rank || out.ndim == 0)
+    throw packer.error(param, value,
+                       " of " + std::to_string(out.ndim) + " dimensions");
+  if (out.flags != 0 && owner != device &&
+      (owner == cpuDevice || !canAccess(device, owner, out.data)))
+    throw packer.error(param, value,
+                       " on '" + deviceName(owner) + "', the launch is on '" +
+                           deviceName(device) + "'");
+  out.flags = 0;
+  return true;
+}
 
 void Packer::packArray(const PackParam &param, PyObject *value, int device,
                        char *block, std::vector<py::object> &keep) {
@@ -131,7 +196,8 @@ void Packer::packArray(const PackParam &param, PyObject *value, int device,
                       "'\nhint: copy it there with `.to(\"" +
                       deviceName(device) + "\")`");
     descriptor = array->descriptor;
-  } else if (!readForeignArray(*this, param, value, device, descriptor, keep)) {
+  } else if (!readDescriptor(*this, param, value, device, descriptor) &&
+             !readForeignArray(*this, param, value, device, descriptor, keep)) {
     throw error(param, value);
   }
   std::memcpy(block + param.offset, &descriptor, sizeof(descriptor));
@@ -157,19 +223,6 @@ static void checkStructArrays(const Packer &packer, const PackParam &param,
               "', the launch is on '" + deviceName(device) +
               "'\nhint: move it with `.to(\"" + deviceName(device) + "\")`");
   }
-}
-
-static bool copyBytes(PyObject *value, char *out, int64_t size) {
-  Py_buffer view;
-  if (PyObject_GetBuffer(value, &view, PyBUF_SIMPLE) != 0) {
-    PyErr_Clear();
-    return false;
-  }
-  bool fits = view.len == size;
-  if (fits)
-    std::memcpy(out, view.buf, size);
-  PyBuffer_Release(&view);
-  return fits;
 }
 
 /// Copies a value whose class stands for the parameter's type.

@@ -43,6 +43,7 @@ private:
     ++version;
   }
   void checkIndex(size_t index);
+  void readStructs();
   void makePlan();
 
   py::object owner, stream;
@@ -51,6 +52,9 @@ private:
   std::vector<uint64_t> block;
   /// Each argument, with what was made to read it.
   std::vector<std::vector<py::object>> arguments;
+  /// Whether only the bytes of an argument are known, not its type.
+  std::vector<bool> isRaw;
+  bool hasStructs = false;
   Kernel::Plan plan;
   bool planned = false, copies = false;
   unsigned version = 0;
@@ -72,8 +76,10 @@ PackedLaunch::PackedLaunch(py::object kernel, PyObject *dim, PyObject *inputs,
                            int blockDim)
     : owner(std::move(kernel)), stream(std::move(stream)), device(device),
       blockDim(blockDim), block((native().parameterSize() + 7) / 8),
-      arguments(packer().size()) {
+      arguments(packer().size()), isRaw(packer().size()) {
   asStream(this->stream.ptr());
+  for (size_t i = 0; i < arguments.size(); ++i)
+    hasStructs |= packer().param(i).kind == Param::Kind::Struct;
   setDim(dim);
   Items first(inputs), second(outputs);
   if (first.size() + second.size() != packer().size())
@@ -98,6 +104,7 @@ void PackedLaunch::setParam(size_t index, PyObject *value) {
   packer().pack(index, value, device, bytes(), keep);
   changed();
   arguments[index].swap(keep);
+  isRaw[index] = false;
 }
 
 /// From an object with the bytes of the argument, or from a number.
@@ -120,6 +127,7 @@ void PackedLaunch::setBytes(size_t index, PyObject *value) {
                     " bytes, but got " + std::to_string(size));
   changed();
   arguments[index] = {py::reinterpret_borrow<py::object>(value)};
+  isRaw[index] = true;
 }
 
 void PackedLaunch::setParams(PyObject *values) {
@@ -128,6 +136,27 @@ void PackedLaunch::setParams(PyObject *values) {
     packer().raiseCount(items.size());
   for (size_t i = 0; i < items.size(); ++i)
     setParam(i, items[i]);
+}
+
+/// Structs may have been changed since they were set.
+void PackedLaunch::readStructs() {
+  for (size_t i = 0; i < arguments.size(); ++i) {
+    const Param &param = packer().param(i);
+    if (param.kind != Param::Kind::Struct || arguments[i].empty() ||
+        !PyObject_CheckBuffer(arguments[i][0].ptr()))
+      continue;
+    Py_buffer view;
+    if (PyObject_GetBuffer(arguments[i][0].ptr(), &view, PyBUF_SIMPLE) != 0)
+      throw py::error_already_set();
+    bool differs = view.len == param.size &&
+                   std::memcmp(bytes() + param.offset, view.buf, view.len) != 0;
+    PyBuffer_Release(&view);
+    py::object value = arguments[i][0];
+    if (differs && isRaw[i])
+      setBytes(i, value.ptr());
+    else if (differs)
+      setParam(i, value.ptr());
+  }
 }
 
 void PackedLaunch::makePlan() {
@@ -150,6 +179,8 @@ void PackedLaunch::makePlan() {
 }
 
 void PackedLaunch::launch(PyObject *other) {
+  if (hasStructs)
+    readStructs();
   if (!planned)
     makePlan();
   if (plan.items == 0)
@@ -189,9 +220,8 @@ static PyObject *newLaunch(PyTypeObject *type, PyObject *args,
     auto borrow = [](PyObject *object) {
       return py::reinterpret_borrow<py::object>(object);
     };
-    auto made =
-        std::make_unique<PackedLaunch>(borrow(kernel), dim, inputs, outputs,
-                                       device, borrow(stream), blockDim);
+    auto made = std::make_unique<PackedLaunch>(
+        borrow(kernel), dim, inputs, outputs, device, borrow(stream), blockDim);
     PyObject *self = type->tp_alloc(type, 0);
     if (self)
       reinterpret_cast<PackedLaunchObject *>(self)->launch = made.release();

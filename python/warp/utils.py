@@ -1,5 +1,6 @@
 """Operations on whole arrays: scans, sorts, runs, sums, casts, colours of graphs."""
 
+from warp._src.kernels.map_functions import create_warp_function as create_warp_function
 from warp._src.utils.coloring import GraphColoringAlgorithm as GraphColoringAlgorithm
 from warp._src.utils.coloring import graph_coloring_assign as graph_coloring_assign
 from warp._src.utils.coloring import graph_coloring_balance as graph_coloring_balance

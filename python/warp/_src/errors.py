@@ -109,6 +109,10 @@ class WarpLaunchTypeError(WarpLaunchError, TypeError):
     """A launch argument has the wrong type, rank or device."""
 
 
+class WarpLaunchConversionError(WarpLaunchTypeError, ValueError):
+    """A launch argument cannot be made the number or the composite that is expected."""
+
+
 class WarpLaunchValueError(WarpLaunchError, ValueError):
     """A launch dimension or option has an impossible value."""
 
@@ -135,6 +139,10 @@ class WarpOverflowError(WarpError, OverflowError):
 
 class WarpShapeError(WarpError, ValueError):
     """Shapes do not fit together."""
+
+
+class WarpOutputError(WarpShapeError, TypeError):
+    """An array for results has another shape than they, or another type."""
 
 
 class WarpMemoryError(WarpError, MemoryError):
@@ -175,13 +183,17 @@ def from_native(
 ) -> WarpError:
     """Builds the exception for an error reported by the C++ side.
 
-    A last line of the message that starts with `hint: ` becomes the hint.
+    Last lines of the message that start with `hint: ` and `as Warp says: ` become the hint and the
+    other words.
     """
+    message, _, also = message.partition("\nas Warp says: ")
     head, separator, hint = message.rpartition("\nhint: ")
     if not separator:
         head, hint = message, None
     error = _KINDS.get(kind.lower(), WarpError)
-    return error(head, file=file or None, line=line, column=column, hint=hint)
+    if error is WarpLaunchTypeError and also.startswith("Failed to convert"):
+        error = WarpLaunchConversionError
+    return error(head, file=file or None, line=line, column=column, hint=hint, also=also or None)
 
 
 def format_error(error: WarpError) -> str:

@@ -3,6 +3,7 @@
 from warp._src.optim.linear.bicgstab import BiCGSTAB as BiCGSTAB
 from warp._src.optim.linear.conjugate import CG as CG
 from warp._src.optim.linear.conjugate import CR as CR
+from warp._src.optim.linear.fsai import FSAI as FSAI
 from warp._src.optim.linear.functions import bicgstab as bicgstab
 from warp._src.optim.linear.functions import cg as cg
 from warp._src.optim.linear.functions import cr as cr

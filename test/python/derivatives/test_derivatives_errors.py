@@ -217,3 +217,18 @@ def test_old_values_of_atomics_need_a_replay():
     text = message(problem)
     assert "the old value cannot be had again when 'count' is differentiated" in text
     assert "`@wp.func_replay`" in text
+
+
+def test_what_copies_of_a_line_report_is_said_once():
+    @wp.kernel
+    def normalise(x: wp.array2d(dtype=float)):
+        i = wp.tid()
+        total = float(0.0)
+        for j in range(4):
+            total += wp.exp(x[i, j])
+        for j in range(4):
+            x[i, j] = x[i, j] / total
+
+    with pytest.raises(RuntimeError, match="overwrites it") as problem:
+        normalise.ir(derivative="adjoint")
+    assert str(problem.value).count("overwrites it") == 1

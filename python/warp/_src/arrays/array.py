@@ -8,6 +8,7 @@ A view keeps the object that owns the memory alive through `owner`.
 
 from __future__ import annotations
 
+import ctypes
 import typing
 
 from warp import _native
@@ -254,6 +255,22 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
 
     def __ctype__(self):
         return describe(self, self.grad)
+
+    def cptr(self):
+        """The elements as a ctypes pointer, for an array on the CPU.
+
+        Raises:
+            RuntimeError: the array is elsewhere, or not contiguous.
+        """
+        if self.device_index != devices.CPU or not self.is_contiguous:
+            raise errors.WarpError(
+                "expects a contiguous array on 'cpu' for a pointer of ctypes, but got "
+                f"{self!r} on '{self.device}'"
+            )
+        if Observers.active:
+            Observers.memory.lend(self)
+        element = dtypes.type_ctype(self.dtype)
+        return ctypes.cast(self.ptr or 0, ctypes.POINTER(element))
 
 
 class _Lent:

@@ -90,8 +90,9 @@ def copy(dest, src, dest_offset=0, src_offset=0, count=0, stream=None) -> None:
             _copy_all(dest, src, stream)
         return
     count = count or src.size - src_offset
+    shapes = f"destination shape={dest.shape}, source shape={src.shape}"
     views = [
-        _range(array, offset, count, name)
+        _range(array, offset, count, name, shapes)
         for array, offset, name in ((dest, dest_offset, "dest"), (src, src_offset, "src"))
     ]
     if count:
@@ -123,7 +124,7 @@ def _copy_all(dest, src, stream):
         _native.copy_array(dest, src, stream)
 
 
-def _range(source, offset, count, name):
+def _range(source, offset, count, name, shapes=""):
     """Elements offset .. offset+count of an array in row-major order, as a view."""
     if offset < 0 or count < 0 or offset + count > source.size:
         raise errors.WarpShapeError(
@@ -140,7 +141,8 @@ def _range(source, offset, count, name):
         raise errors.WarpShapeError(
             f"expects '{name}' to be contiguous or one-dimensional to copy a part of it; of arrays "
             "of one shape all is copied",
-            also="Copies of parts of arrays that are not contiguous are only supported for 1-D",
+            also="Copies of parts of arrays that are not contiguous are only supported for 1-D; "
+            + shapes,
         )
     part = source._view(offset * stride, (count,), (stride,))
-    return source._with_grad(part, lambda grad: _range(grad, offset, count, name))
+    return source._with_grad(part, lambda grad: _range(grad, offset, count, name, shapes))

@@ -38,8 +38,10 @@ class ArrayProtocols:
         for extent in inner:
             step //= extent
             strides.append(step)
+        # NumPy asks for an address also where there is nothing to read.
+        address = self.ptr or (id(self) if self.size == 0 else 0)
         interface = {
-            "data": (self.ptr or 0, self.read_only),
+            "data": (address, self.read_only),
             "shape": self.shape + inner,
             "strides": tuple(strides),
             "typestr": number.str,

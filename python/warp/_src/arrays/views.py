@@ -187,7 +187,9 @@ class ArrayViews:
                     f"'{dtypes.type_repr(dtype)}' ({size} bytes)",
                     also=self._view_words(dtype),
                 )
-        if not 1 <= len(shape) <= 4:
+        if not shape:
+            shape, strides = [1], [size]
+        if len(shape) > 4:
             raise errors.WarpShapeError(f"expects 1 to 4 dimensions, but got {len(shape)}")
         view = self._view(0, shape, strides, dtype)
         if self.requires_grad and gradient_type(self.dtype) is not self.dtype:

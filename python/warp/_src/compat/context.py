@@ -31,7 +31,19 @@ user_modules = modules_by_name
 
 
 class _Core:
-    """The peer's C functions. There are none: what this package calls is in `warp._native`."""
+    """The peer's C functions. There are none: what this package calls is in `warp._native`.
+
+    Its switch of what native code prints is there, because tests turn it off: nothing is printed.
+    """
+
+    def __init__(self):
+        self._prints_errors = True
+
+    def wp_is_error_output_enabled(self) -> bool:
+        return self._prints_errors
+
+    def wp_set_error_output_enabled(self, enabled) -> None:
+        self._prints_errors = bool(enabled)
 
     def __getattr__(self, name):
         raise AttributeError(

@@ -6,11 +6,11 @@ while it is empty, allocating an array costs nothing more.
 
 from __future__ import annotations
 
-import functools
 import typing
 
 from warp import _native
 from warp._src.devices import devices
+from warp._src.devices.builtin_allocators import custom_allocators
 from warp._src.devices.call_sites import call_site
 
 
@@ -26,37 +26,6 @@ class Allocator(typing.Protocol):
 
 
 special: set = set()
-_allocators: dict[int, Allocator] = {}
-
-
-class DeviceAllocator:
-    """Gives the memory that arrays of a device have while no custom allocator serves them.
-
-    On a CUDA device it is a pool's while `wp.is_mempool_enabled`.
-    """
-
-    def __init__(self, index: int, pinned: bool = False):
-        self._index, self._pinned = index, pinned
-        self._live: dict[int, _native.Buffer] = {}
-
-    def allocate(self, size_in_bytes: int) -> int:
-        """The address of new memory; the contents are undefined.
-
-        Raises:
-            WarpMemoryError: the device has no such amount left.
-        """
-        buffer = _native.Buffer(self._index, size_in_bytes, self._pinned)
-        self._live[buffer.ptr] = buffer
-        return buffer.ptr
-
-    def deallocate(self, ptr: int, size_in_bytes: int) -> None:
-        """Frees memory.
-
-        Raises:
-            ValueError: the address is not of this allocator, or was freed before.
-        """
-        if self._live.pop(ptr, None) is None:
-            raise ValueError(f"this allocator has no memory at {ptr:#x}")
 
 
 class CudaManagedAllocator:
@@ -112,7 +81,7 @@ class CustomBuffer:
 
 def make_buffer(device: int, size: int, pinned: bool):
     """Memory for an array while something in `special` asks for more than the usual."""
-    allocator = _allocators.get(device)
+    allocator = custom_allocators.get(device)
     if allocator is None:
         buffer = _native.Buffer(device, size, pinned)
     else:
@@ -145,21 +114,15 @@ def set_device_allocator(device, allocator: Allocator | None) -> None:
         raise RuntimeError(f"expects a CUDA device for an allocator, but got '{device}'")
     _check(allocator)
     if allocator is None:
-        _allocators.pop(device.index, None)
+        custom_allocators.pop(device.index, None)
     else:
-        _allocators[device.index] = allocator
-    (special.add if _allocators else special.discard)("allocator")
+        custom_allocators[device.index] = allocator
+    (special.add if custom_allocators else special.discard)("allocator")
 
 
 def get_device_allocator(device) -> Allocator | None:
     """The custom allocator of a device, or None."""
-    return _allocators.get(devices.resolve_index(device))
-
-
-@functools.cache
-def get_builtin_allocator(index: int, pinned: bool) -> DeviceAllocator:
-    """What serves a device that has no custom allocator."""
-    return DeviceAllocator(index, pinned)
+    return custom_allocators.get(devices.resolve_index(device))
 
 
 def set_cuda_allocator(allocator: Allocator | None) -> None:

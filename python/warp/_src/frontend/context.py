@@ -396,6 +396,8 @@ class Context:
         old = self.env.get(name)
         if old is not None:
             self.check_same_type(name, old, binding, node)
+            if type(old) is Value and old.type.kind == "tile":
+                self.tiles.views.keep(name)
         self.env[name] = binding
         self.lines[name] = self.source.line(node)
 

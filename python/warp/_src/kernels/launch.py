@@ -21,7 +21,8 @@ from warp._src.devices.devices import by_index, index_of, resolve_index
 from warp._src.kernels.call import Call
 from warp._src.kernels.epoch import Epoch
 from warp._src.kernels.kernel import Kernel
-from warp._src.kernels.parameters import LaunchParameters
+from warp._src.kernels.parameters import LaunchParameters, values_at_first
+from warp._src.logger import get_logger
 
 
 class _Checked:
@@ -130,9 +131,10 @@ def _launch_checked(
         place = (index, stream, block_dim or 0)
         return _launch_adjoint(kernel, native, dim, inputs, outputs, gradients, place, record_cmd)
     if record_cmd:
-        return Launch(kernel, native, dim, inputs, outputs, index, stream, block_dim or 0)
+        place = (index, stream, block_dim or 0)
+        return Launch._packed(kernel, native, dim, inputs, outputs, *place)
     if config.print_launches:
-        print(f"kernel: {kernel.key} dim: {dim} device: {by_index(index).alias}")
+        get_logger().info(f"kernel: {kernel.key} dim: {dim} device: {by_index(index).alias}")
     if Observers.active:
         values = (*inputs, *outputs)
         observed_launch(Call(kernel, native, dim, values, index, stream, block_dim), record_tape)
@@ -218,8 +220,15 @@ class LaunchBounds(typing.NamedTuple):
 class Launch(LaunchParameters, _native.PackedLaunch):
     """A launch with packed arguments, to be run many times.
 
-    Made by `wp.launch(..., record_cmd=True)`. Arguments are read when they are set: an array that
-    is resized or a struct that is changed later has to be set again.
+    Made by `wp.launch(..., record_cmd=True)`, or without arguments by `wp.Launch(kernel, device)`:
+    then parameters are zero, arrays None, and there are no threads, until they are set. Arguments
+    are read when they are set, structs again at each launch.
+
+    Args:
+        kernel: a kernel without generic parameters.
+        device: where to run.
+        block_dim: CUDA threads per block.
+        adjoint: make the launch of the derivative.
 
     Attributes:
         kernel: the kernel.
@@ -227,7 +236,20 @@ class Launch(LaunchParameters, _native.PackedLaunch):
         bounds: its grid: `shape`, `ndim`, `size`.
     """
 
-    def __new__(cls, kernel, native, dim, inputs, outputs, index, stream=None, block_dim=0):
+    def __new__(cls, kernel, device=None, block_dim=0, adjoint=False):
+        if kernel.is_generic:
+            raise errors.WarpLaunchTypeError(
+                f"Launch('{kernel.key}'): the kernel has generic parameters, record it with "
+                "`wp.launch(..., record_cmd=True)`"
+            )
+        native, index = kernel.prepare(), resolve_index(device)
+        values = values_at_first(kernel)
+        if adjoint:
+            return AdjointLaunch(kernel, native, 0, values, (), (index, None, block_dim))
+        return cls._packed(kernel, native, 0, values, (), index, None, block_dim)
+
+    @classmethod
+    def _packed(cls, kernel, native, dim, inputs, outputs, index, stream, block_dim):
         made = super().__new__(cls, native, dim, inputs, outputs, index, stream, block_dim)
         made.kernel = kernel
         made.device = by_index(index)

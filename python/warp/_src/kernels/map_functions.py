@@ -8,6 +8,7 @@ import typing
 
 from warp._src import errors
 from warp._src.kernels.function import Function
+from warp._src.kernels.modules import get_module
 from warp._src.language.builtins import Builtin
 
 _functions: dict = {}
@@ -41,6 +42,37 @@ def function_of(func):
         made = _from_lambda(func) if func.__name__ == "<lambda>" else func
         known = _functions[identity] = Function(_generic(made), _identifier(func))
     return known, identity
+
+
+def create_warp_function(func):
+    """Makes a function that kernels can call from a Python function or a lambda.
+
+    Args:
+        func: its parameters take any type where they have no annotation.
+
+    Returns:
+        The function, whose name comes from its source, and the module that it belongs to.
+
+    Raises:
+        TypeError: `func` is no function.
+        WarpCodegenError: the source of a lambda cannot be found.
+
+    Example:
+        >>> import warp as wp
+        >>> def double(x):
+        ...     return 2.0 * x
+        >>> function, module = wp.utils.create_warp_function(double)  # doctest: +SKIP
+    """
+    import hashlib
+    import inspect
+    import textwrap
+
+    if isinstance(func, Function):
+        return func, get_module(func.__module__)
+    made, _ = function_of(func)
+    text = textwrap.dedent(inspect.getsource(func))
+    name = "func_" + hashlib.sha256(text.encode()).hexdigest()[:16]
+    return Function(made.func, name), get_module(func.__module__)
 
 
 def _identifier(func) -> str:

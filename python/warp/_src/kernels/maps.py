@@ -57,7 +57,9 @@ def map(func, *inputs, out=None, return_kernel=False, block_dim=None, device=Non
         ValueError: there is no array, or shapes do not fit together.
     """
     if not inputs:
-        raise ValueError("map: expects at least one array")
+        raise errors.WarpShapeError(
+            "map: expects at least one array", also="map requires at least one warp.array input"
+        )
     function, identity = function_of(func)
     arguments = ", ".join(f"x{i}" for i in range(len(inputs)))
     name = "map_" + getattr(function, "key", "function")
@@ -86,7 +88,9 @@ def apply(name, expression, names, identity, inputs, out, return_kernel, block_d
     inputs = [(annotation, _gathered(value)) for annotation, value in inputs]
     arrays = [value for _, value in inputs if isinstance(value, array)]
     if not arrays:
-        raise ValueError("map: expects at least one array")
+        raise errors.WarpShapeError(
+            "map: expects at least one array", also="map requires at least one warp.array input"
+        )
     index = arrays[0].device_index if device is None else resolve_index(device)
     shape = _broadcast([found.shape for found in arrays])
     outputs = None if out is None else list(out) if isinstance(out, (list, tuple)) else [out]
@@ -97,7 +101,7 @@ def apply(name, expression, names, identity, inputs, out, return_kernel, block_d
         return out
     values = [value for _, value in inputs]
     if outputs is not None:
-        _check_outputs(outputs, shape)
+        _check_arrays(outputs)
         values = [_separate(value, outputs) for value in values]
     rank = len(shape)
     flat = not return_kernel and rank > 1 and _all_packed([*arrays, *(outputs or ())], shape)
@@ -113,7 +117,7 @@ def apply(name, expression, names, identity, inputs, out, return_kernel, block_d
         return kernel
     if outputs is None:
         outputs = _new_outputs(arrays, shape, kinds, by_index(index))
-    _check_types(outputs, kinds)
+    _check_outputs(outputs, shape, kinds)
     extents = (math.prod(shape),) if flat else shape
     arguments = [_spread(value, extents) if isinstance(value, array) else value for value in values]
     targets = [output.reshape(extents) if flat else output for output in outputs]
@@ -167,7 +171,10 @@ def _broadcast(shapes) -> tuple:
         for axis, extent in enumerate(shape, rank - len(shape)):
             if extent != 1 and result[axis] not in (1, extent):
                 shown = ", ".join(str(found) for found in shapes)
-                raise errors.WarpShapeError(f"shapes {shown} do not broadcast to one shape")
+                raise errors.WarpShapeError(
+                    f"shapes {shown} do not broadcast to one shape",
+                    also=f"Shapes {' and '.join(str(one) for one in shapes)} are not broadcastable",
+                )
             if extent != 1:
                 result[axis] = extent
     return tuple(result)
@@ -192,23 +199,40 @@ def _all_packed(arrays, shape) -> bool:
     return all(found.shape == shape and found.is_contiguous for found in arrays)
 
 
-def _check_outputs(outputs, shape) -> None:
+def _check_arrays(outputs) -> None:
     for output in outputs:
         if not isinstance(output, array):
             raise TypeError(f"map: expects arrays as `out`, but got '{type(output).__name__}'")
-        if output.shape != shape:
-            raise errors.WarpShapeError(
-                f"expects an output of shape {shape}, but got {output.shape}"
-            )
         output._check_writable()
 
 
-def _check_types(outputs, kinds) -> None:
-    found = [output.dtype for output in outputs]
-    if found != kinds:
-        shown = ", ".join(f"'{dtypes.type_repr(dtype)}'" for dtype in kinds)
-        got = ", ".join(f"'{dtypes.type_repr(dtype)}'" for dtype in found)
-        raise errors.WarpTypeError(f"expects outputs of type {shown}, but got {got}")
+def _check_outputs(outputs, shape, kinds) -> None:
+    names = ", ".join(dtypes.type_repr(dtype) for dtype in kinds)
+    if len(outputs) != len(kinds):
+        also = (
+            f"Invalid output provided, expected {len(kinds)} Warp arrays with shape {shape} and "
+            f"dtypes ({names})"
+            if len(outputs) == 1
+            else f"Number of provided output arrays ({len(outputs)}) does not match expected "
+            f"number of function outputs ({len(kinds)})"
+        )
+        raise errors.WarpOutputError(
+            f"expects {len(kinds)} outputs of type {names}, but got {len(outputs)}", also=also
+        )
+    for i, (output, dtype) in enumerate(zip(outputs, kinds, strict=True)):
+        which = f" {i}" if len(outputs) > 1 else ""
+        if output.shape != shape:
+            raise errors.WarpOutputError(
+                f"expects output{which} of shape {shape}, but got {output.shape}",
+                also=f"Output array{which} shape {output.shape} does not match expected shape "
+                f"{shape}",
+            )
+        if output.dtype is not dtype:
+            got, wanted = dtypes.type_repr(output.dtype), dtypes.type_repr(dtype)
+            raise errors.WarpOutputError(
+                f"expects output{which} of type '{wanted}', but got '{got}'",
+                also=f"Output array{which} dtype {got} does not match expected dtype {wanted}",
+            )
 
 
 def _range(value) -> tuple[int, int]:
@@ -247,6 +271,7 @@ def _kernel(name, expression, names, identity, annotations, rank):
         except errors.WarpCodegenError as problem:
             shown = ", ".join(_element_text(annotation) for annotation in annotations)
             problem.notes = (*problem.notes, f"in '{name}' for elements of {shown}")
+            problem.also = _words(names.get("function"), annotations) or problem.also
             raise
         kinds = [dtypes.dtype_of(native) for native in natives]
         function = _compile(name, expression, names, annotations, rank, kinds)
@@ -254,9 +279,31 @@ def _kernel(name, expression, names, identity, annotations, rank):
     return found
 
 
+def _words(function, annotations) -> str | None:
+    """How NVIDIA Warp says that a function cannot be applied to such elements."""
+    code = getattr(getattr(function, "func", None), "__code__", None)
+    if code is None:
+        return None
+    if code.co_argcount != len(annotations):
+        return (
+            f"Number of input arguments ({len(annotations)}) does not match expected number of "
+            f"function arguments ({code.co_argcount})"
+        )
+    declared = [function.func.__annotations__.get(name) for name in code.co_varnames]
+    types = [_element_type(annotation) for annotation in annotations]
+    for given, wanted in zip(types, declared, strict=False):
+        if isinstance(wanted, type) and dtypes.canonical(wanted) is not given:
+            shown = ", ".join(dtypes.type_repr(dtype) for dtype in types)
+            return f"Function {function.key} does not support the provided argument types {shown}"
+    return "The provided function must return a value"
+
+
+def _element_type(annotation):
+    return annotation.dtype if isinstance(annotation, ArrayType) else annotation
+
+
 def _element_text(annotation) -> str:
-    dtype = annotation.dtype if isinstance(annotation, ArrayType) else annotation
-    return f"'{dtypes.type_repr(dtype)}'"
+    return f"'{dtypes.type_repr(_element_type(annotation))}'"
 
 
 def _compile(name, expression, names, annotations, rank, kinds):

@@ -47,6 +47,8 @@ class Builtin:
             from warp._src.types.tiles import TileStackType
 
             return TileStackType(*args, **named)
+        if self.key == "tile" and not args and set(named) == {"dtype", "shape"}:
+            return self[(named["dtype"], *named["shape"])]
         if self.key in _KERNEL_ONLY or self.group == "Atomics":
             raise errors.WarpError(f"'{self.key}' can be called in kernels only")
         if named:

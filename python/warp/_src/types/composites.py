@@ -111,6 +111,30 @@ class Composite:
                 also=f"Expected to assign a `{wanted}` value but got `{given}` instead",
             ) from None
 
+    def _numbers_of(self, value, count) -> list:
+        """What is assigned to `count` components: a number for all of them, or one for each."""
+        if is_number(value):
+            return [value] * count
+        wanted = self._wp_scalar_type_.__name__
+        if isinstance(value, str):
+            raise errors.WarpTypeError(
+                f"expects numbers, but got '{type(value).__name__}'",
+                also=f"Expected to assign a `{wanted}` value but got `str` instead",
+            )
+        numbers = flatten_numbers(value)
+        if len(numbers) == count:
+            return numbers
+        message = f"expects {count} components to assign, but got {len(numbers)}"
+        inner = [item for item in value if isinstance(item, Composite)]
+        if inner and not isinstance(value, Composite):
+            given = type(inner[0]).__name__
+            raise errors.WarpTypeError(
+                message,
+                also=f"Expected to assign a slice from a sequence of `{wanted}` values but got "
+                f"`{given}` instead",
+            )
+        raise errors.WarpShapeError(message, also="Can only assign sequence of same size")
+
     def _fill(self, numbers):
         if not self._wp_is_bit_converted_:
             try:

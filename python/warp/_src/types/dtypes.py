@@ -201,6 +201,19 @@ def type_is_array(t) -> builtins.bool:
     return isinstance(t, ArrayType) or (isinstance(t, type) and hasattr(t, "_wp_array_"))
 
 
+def type_is_tile(t) -> builtins.bool:
+    """Whether `t` is what tiles are made by, `wp.tile`."""
+    return getattr(t, "key", None) == "tile" and not isinstance(t, type)
+
+
+def is_tile(x) -> builtins.bool:
+    """Whether `x` is an annotation of a tile, such as `wp.tile[float, 16]`.
+
+    Outside of kernels there are no others.
+    """
+    return hasattr(x, "_wp_tile_")
+
+
 def type_is_struct(t) -> builtins.bool:
     return is_struct(t)
 

@@ -108,9 +108,7 @@ class Matrix(Composite):
         row_list = [rows] if isinstance(rows, int) else list(rows)
         column_list = [columns] if isinstance(columns, int) else list(columns)
         count = len(row_list) * len(column_list)
-        numbers = [value] * count if is_number(value) else flatten_numbers(value)
-        if len(numbers) != count:
-            raise ValueError(f"expects {count} components to assign, but got {len(numbers)}")
+        numbers = self._numbers_of(value, count)
         stride = self._shape_[1]
         targets = (r * stride + c for r in row_list for c in column_list)
         for index, number in zip(targets, numbers, strict=True):

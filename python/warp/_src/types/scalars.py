@@ -122,10 +122,16 @@ class scalar_base(metaclass=ScalarType):
     def __rmod__(self, other):
         return _arithmetic("mod", self, other, True, remainder)
 
+    # As in kernels, powers are those of floats.
+
     def __pow__(self, other):
+        if isinstance(self, int_base):
+            return NotImplemented
         return _arithmetic("pow", self, other, False, lambda a, b: a**b)
 
     def __rpow__(self, other):
+        if isinstance(self, int_base):
+            return NotImplemented
         return _arithmetic("pow", self, other, True, lambda a, b: a**b)
 
     def __neg__(self):

@@ -10,6 +10,8 @@ import typing
 
 from warp import _native
 from warp._src import errors
+from warp._src.arrays import hooks
+from warp._src.devices import devices
 from warp._src.types import dtypes, scalars
 from warp._src.types.composites import Composite, flatten_numbers, is_number
 from warp._src.types.native import ArrayType
@@ -70,12 +72,33 @@ class Field:
             return self
         dtype = self.dtype
         if isinstance(dtype, ArrayType):
-            return instance._held.get(self.name)
+            if self.name not in instance._held:
+                instance._held[self.name] = self._array_at(instance)
+            return instance._held[self.name]
         if dtypes.is_struct(dtype):
-            return self.inner(instance)._shown()
+            inner = self.inner(instance)
+            given, record = instance._given.get(self.name, (None, None))
+            return given if record is not None and record == bytes(inner) else inner._shown()
         number = self.raw.__get__(instance, owner)
         bits = scalars.BITS.get(dtype)
         return bits[1](number) if bits else number
+
+    def _array_at(self, instance):
+        """The array that a struct made from memory refers to, which nobody keeps alive for it."""
+        descriptor = self.raw.__get__(instance)
+        if not descriptor.data:
+            return None
+        ndim = min(max(descriptor.ndim, 1), self.dtype.ndim)
+        layout = {
+            "dtype": self.dtype.dtype,
+            "shape": tuple(descriptor.shape[:ndim]),
+            "strides": tuple(descriptor.strides[:ndim]),
+            "device": devices.by_index(descriptor.flags - 2) if descriptor.flags else "cpu",
+        }
+        grad = None
+        if descriptor.grad:
+            grad = hooks.plain_array(ptr=descriptor.grad, **layout)
+        return hooks.plain_array(ptr=descriptor.data, grad=grad, **layout)
 
     def inner(self, instance):
         """The struct in the field, over the memory of the instance."""
@@ -92,7 +115,11 @@ class Field:
             given = dtype._accepted(value)
             if given is None:
                 raise self._error(value)
-            self.inner(instance).assign(given)
+            inner = self.inner(instance)
+            inner.assign(given)
+            instance._given.pop(self.name, None)
+            if given is not value:
+                instance._given[self.name] = (value, bytes(inner))
         elif isinstance(dtype, ScalarType):
             self._set_scalar(instance, value)
         else:

@@ -89,6 +89,14 @@ class StructInstance(ctypes.Structure):
             held = self.__dict__["_objects_held"] = {}
         return held
 
+    @property
+    def _given(self):
+        """What was assigned to fields that show it as something else, by name, with its bytes."""
+        given = self.__dict__.get("_objects_given")
+        if given is None:
+            given = self.__dict__["_objects_given"] = {}
+        return given
+
     def __setattr__(self, name, value):
         if name not in self._wp_fields_:
             raise AttributeError(

@@ -20,6 +20,7 @@ class TileType:
     """
 
     __slots__ = ("dtype", "shape")
+    _wp_tile_ = True
 
     def __init__(self, dtype, shape):
         self.dtype = dtype if dtype is typing.Any else native.canonical(dtype)

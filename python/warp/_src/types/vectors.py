@@ -50,15 +50,7 @@ class Vector(Composite):
             self._set(key, value)
             return
         indices = range(self._length_)[key]
-        if isinstance(value, (int, float, scalars.scalar_base)):
-            numbers = [value] * len(indices)
-        else:
-            numbers = flatten_numbers(value)
-        if len(numbers) != len(indices):
-            raise errors.WarpShapeError(
-                f"expects {len(indices)} components for the slice, but got {len(numbers)}",
-                also="Can only assign sequence of same size",
-            )
+        numbers = self._numbers_of(value, len(indices))
         for index, number in zip(indices, numbers, strict=True):
             self._set(index, number)
 

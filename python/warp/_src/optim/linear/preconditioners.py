@@ -4,6 +4,7 @@ import functools
 
 import warp as wp
 from warp._src.arrays.observers import Observing
+from warp._src.optim.linear.fsai import FSAI
 from warp._src.optim.linear.operators import LinearOperator, diagonal_matvec, numbers
 from warp._src.sparse.diagonal import bsr_get_diag
 from warp._src.sparse.matrix import BsrMatrix, as_blocks
@@ -222,11 +223,12 @@ def preconditioner(A, ptype: str = "diag") -> LinearOperator | None:
         ptype: "diag": the inverse of the diagonal, where it is not zero; "diag_abs": of its
             absolute values; "block_jacobi_direct", "block_jacobi_sequential" and
             "block_jacobi_tile": the inverses of the blocks on the diagonal, for the last two of
-            symmetric positive definite ones, and the identity for any other; "id": None.
+            symmetric positive definite ones, and the identity for any other; "fsai": see `FSAI`;
+            "id": None.
 
     Raises:
+        TypeError: "fsai" of numbers of another type.
         ValueError: there is no such kind, or it does not fit the matrix.
-        NotImplementedError: "fsai".
     """
     if ptype == "id":
         return None
@@ -237,5 +239,5 @@ def preconditioner(A, ptype: str = "diag") -> LinearOperator | None:
         if ptype in ("block_jacobi_direct", "block_jacobi_sequential", "block_jacobi_tile"):
             return _block_jacobi(A, ptype)
     if ptype == "fsai":
-        raise NotImplementedError("factorized sparse approximate inverses are not there yet")
+        return FSAI(A.matrix if isinstance(A, LinearOperator) else A)
     raise ValueError(f"Unsupported preconditioner type '{ptype}'")
