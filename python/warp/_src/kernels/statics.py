@@ -7,8 +7,6 @@ else makes the translation another one's.
 
 from __future__ import annotations
 
-import ast
-
 from warp._src.kernels.identity import Identity, of_value
 from warp._src.kernels.names import UnnamedError
 from warp._src.language.checks import static
@@ -31,6 +29,8 @@ class Evaluated:
     __slots__ = ("digest", "function", "functions", "local", "text", "value")
 
     def __init__(self, function, expression, env, value):
+        import ast
+
         names = {node.id for node in ast.walk(expression) if isinstance(node, ast.Name)}
         self.function = function
         self.text = ast.unparse(expression)
@@ -120,6 +120,8 @@ def _evaluate(text, local, function) -> tuple:
 
 def words_outside(tree, function) -> tuple[set, set]:
     """Names, and attributes, that a function's body uses outside of static expressions."""
+    import ast
+
     words, attributes = set(), set()
     pending = list(tree.body)
     while pending:
@@ -137,6 +139,8 @@ def words_outside(tree, function) -> tuple[set, set]:
 
 def _is_static(callee, function) -> bool:
     """Whether a callee is the builtin `static`, by its name or as an attribute of a module."""
+    import ast
+
     name = callee.value if isinstance(callee, ast.Attribute) else callee
     if not isinstance(name, ast.Name):
         return False
