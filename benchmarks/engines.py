@@ -6,8 +6,9 @@
 PYTHON has `mujoco-warp`, `newton` and `warp-lang` installed; FOLDER holds this package and is put
 in front of the peer's for its turns. Each engine runs one scene in a process of its own, first
 with an empty kernel cache, then with the one that this left. A row of the table has seconds to
-import and to make the first step, and milliseconds per step after it; the last column is the
-largest difference of the coordinates to the peer's, of which the peer's own are the scale.
+import and to make the first step, the same in seconds of processors (which hardly depend on what
+else the machine does), and milliseconds per step after it; the last column is the largest
+difference of the coordinates to the peer's, of which the peer's own are the scale.
 """
 
 from __future__ import annotations
@@ -73,10 +74,10 @@ def newton():
 with wp.ScopedDevice(device):
     step, result = {"mujoco-warp": mujoco_warp, "newton": newton}[engine]()
     wp.synchronize()
-    imported = time.perf_counter()
+    imported, used = time.perf_counter(), time.process_time()
     step()
     wp.synchronize()
-    stepped = time.perf_counter()
+    stepped, worked = time.perf_counter(), time.process_time() - used
     for _ in range(steps - 1):
         step()
     wp.synchronize()
@@ -86,7 +87,8 @@ with wp.ScopedDevice(device):
     wp.synchronize()
     each = (time.perf_counter() - timed) / steps
     final = result().astype(float).tolist()
-print("RESULT" + json.dumps([imported - begin, stepped - imported, 1000.0 * each, final]))
+times = [imported - begin, stepped - imported, used, worked, 1000.0 * each]
+print("RESULT" + json.dumps([*times, final]))
 '''
 
 
@@ -109,18 +111,18 @@ def main() -> None:
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--steps", type=int, default=50)
     options = parser.parse_args()
-    columns = ("engine", "package", "cache", "import s", "first s", "step ms", "difference")
-    print(("{:>12}" * 7).format(*columns))
+    columns = ("engine", "package", "cache", "import s", "first s", "import CPU", "first CPU")
+    print(("{:>12}" * 9).format(*columns, "step ms", "difference"))
     for engine in options.engine or ("mujoco-warp", "newton"):
         expected = None
         for name, package in (("peer", None), ("this", options.package)):
             with tempfile.TemporaryDirectory() as cache:
                 for state in ("cold", "warm"):
-                    imported, first, each, final = run(options, engine, package, cache)
+                    *times, final = run(options, engine, package, cache)
                     expected = expected or final
                     gap = max(abs(a - b) for a, b in zip(final, expected, strict=True))
                     scale = max(1.0, *map(abs, expected))
-                    row = f"{imported:12.2f}{first:12.2f}{each:12.3f}{gap / scale:12.1e}"
+                    row = "".join(f"{one:12.3f}" for one in times) + f"{gap / scale:12.1e}"
                     print(f"{engine:>12}{name:>12}{state:>12}{row}", flush=True)
 
 

@@ -446,3 +446,62 @@ def test_launches_check_handles_of_a_kernel_from_the_cache(tmp_path):
         status, out, err = programs.run(path, WARP_CACHE_PATH=tmp_path)
         assert status == 0, err
         assert out.split() == ["2.0", "True", loaded]
+
+
+GRADIENT = """
+import json, sys
+import warp as wp
+from warp._src.derivatives import kernel_derivatives
+wp.config.quiet = True
+made = []
+original = kernel_derivatives.differentiate
+def noted(native, active, *rest, **options):
+    made.append(list(active))
+    return original(native, active, *rest, **options)
+kernel_derivatives.differentiate = noted
+
+@wp.kernel
+def powers(x: wp.array(dtype=float), w: wp.array(dtype=float), y: wp.array(dtype=float)):
+    i = wp.tid()
+    value = float(1.0)
+    for k in range(int(w[i])):
+        value = wp.sin(value) * x[i]
+    y[i] = value * 2.0  # factor
+
+def gradients(both):
+    x = wp.array([0.5, 0.75], dtype=float, device="cpu", requires_grad=True)
+    w = wp.array([3.0, 2.0], dtype=float, device="cpu", requires_grad=both)
+    y = wp.zeros(2, dtype=float, device="cpu", requires_grad=True)
+    with wp.Tape() as tape:
+        wp.launch(powers, 2, [x, w, y], device="cpu")
+    tape.backward(grads={y: wp.ones(2, dtype=float, device="cpu")})
+    return x.grad.numpy().tolist()
+
+results = [gradients(False)]
+if len(sys.argv) > 1:
+    results.append(gradients(True))
+loaded = "warp._src.frontend.translator" in sys.modules
+print(json.dumps([results, made, loaded]))
+"""
+
+
+def test_derivatives_come_from_the_cache(tmp_path):
+    """Those that were asked for before; others are made of the translation."""
+    path = programs.write_program(GRADIENT)
+
+    def run_it(*arguments):
+        status, out, err = programs.run(path, *arguments, WARP_CACHE_PATH=tmp_path)
+        assert status == 0, err
+        return json.loads(out.splitlines()[-1])
+
+    first, made, loaded = run_it()
+    assert (made, loaded) == ([[True, False, True]], True)
+    assert run_it() == [first, [], False]
+    results, made, loaded = run_it("both")
+    assert results == first * 2
+    assert (made, loaded) == ([[True, True, True]], False)
+    assert run_it("both")[1] == []
+    path.write_text(GRADIENT.replace("2.0  # factor", "4.0  # factor"))
+    doubled, made, _ = run_it()
+    assert doubled == [[2.0 * value for value in first[0]]]
+    assert made == [[True, False, True]]

@@ -15,6 +15,7 @@ from warp import _native, config
 from warp._src import errors
 from warp._src.arrays.array import array
 from warp._src.arrays.create import zeros
+from warp._src.derivatives import kept_derivatives
 from warp._src.derivatives.gathers import gather_sums
 from warp._src.derivatives.handles import show_gradients
 from warp._src.derivatives.singular import count_singular
@@ -93,8 +94,13 @@ class KernelDerivatives:
         key = (native, tuple(active), forward, unique, config.singular, *options.items())
         found = self._made.get(key)
         if found is None:
-            made = differentiate(native, active, forward, unique, **options)
+            name, made = kept_derivatives.find(self.kernel, native, key[1:])
+            kept = made is not None
+            if not kept:
+                made = differentiate(native, active, forward, unique, **options)
             found = KernelDerivative(self.kernel, made, "tangent" if forward else "adjoint", unique)
+            if name is not None and not kept:
+                kept_derivatives.keep(name, made, found)
             self._made[key] = found
             self.notice(made.notices)
             if self.kernel.module.saved and unique and not forward and not options.get("apart"):
@@ -166,7 +172,6 @@ class KernelDerivative:
 
     def __init__(self, kernel, made, mode, unique=False):
         self.kernel = kernel
-        self.module = made.module
         # An adjoint asserts what its derivatives require of the operands, always.
         checked = mode == "adjoint" and made.metrics.get("assertions", 0) > 0
         self._tangents: dict = {}
@@ -184,6 +189,11 @@ class KernelDerivative:
         self._preserved = {hidden.leaf for hidden in self.hidden if hidden.kind == "preserved"}
         self.one_thread = made.one_thread
         self._metrics = made.metrics
+
+    @property
+    def module(self):
+        """The compiler's module of what runs."""
+        return self.native.module
 
     @functools.cached_property
     def gathered(self):

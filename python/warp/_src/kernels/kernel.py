@@ -83,6 +83,8 @@ class Kernel:
         self.signatures: dict = {}
         # Made by `wp.overload`, by the types of the parameters.
         self.overloads: dict = {}
+        # Names of native kernels in the kernel cache, of those that have one.
+        self.names: dict = {}
         self.__name__ = func.__name__
         self.__qualname__ = func.__qualname__
         self.__module__ = func.__module__
@@ -125,6 +127,7 @@ class Kernel:
         if "derivatives" in self.__dict__:
             self.derivatives.clear()
         self.signatures.clear()
+        self.names.clear()
 
     def prepare(self):
         """Translates the kernel if that is due, and returns the native kernel.

@@ -37,7 +37,9 @@ def native_kernel(kernel, arguments, threads, constants):
         name, known, facts = _find(name, found.functions)
         if known is not None:
             _tell(kernel, *facts)
-            return kernel.compile_module(known)
+            native = kernel.compile_module(known)
+            kernel.names[native] = name
+            return native
     return _translated(kernel, arguments, threads, constants, name, found)
 
 
@@ -67,11 +69,11 @@ def _translated(kernel, arguments, threads, constants, name, found):
     _tell(kernel, *facts)
     native = kernel.compile_module(module)
     if name is not None:
-        _keep(name, native, session, facts, found)
+        _keep(kernel, name, native, session, facts, found)
     return native
 
 
-def _keep(name, native, session, facts, found) -> None:
+def _keep(kernel, name, native, session, facts, found) -> None:
     """Leaves a translation for other processes, if it depends on nothing but its name."""
     try:
         noted = statics.Notes(session.statics, found.functions)
@@ -80,6 +82,7 @@ def _keep(name, native, session, facts, found) -> None:
     if _is_named(found) and (noted.identity is None or _is_named(noted.identity)):
         kept = marshal.dumps((facts, noted.entries, noted.together))
         _native.store_translation(name, native, kept)
+        kernel.names[native] = name
 
 
 def _tell(kernel, has_tiles, handles, sums_winding) -> None:
