@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from warp._src.arrays import hooks
 from warp._src.arrays.array import array
 from warp._src.arrays.copies import clone, copy
 from warp._src.arrays.create import zeros
 from warp._src.arrays.gradients import gradient_type
 from warp._src.interop import jax_arrays
 from warp._src.kernels.launch import launch
-from warp._src.utils.reductions import array_cast
+from warp._src.types.dtypes import type_scalar_type
 
 
 def differentiable(owner, parameters, plan, dims, call):
@@ -124,7 +125,7 @@ def _wide(cotangent) -> array:
     if dtype is cotangent.dtype:
         return clone(cotangent)
     wide = zeros(cotangent.shape, dtype, cotangent.device)
-    array_cast(in_array=cotangent, out_array=wide)
+    _cast(cotangent, wide)
     return wide
 
 
@@ -132,4 +133,17 @@ def _store(target, gradient) -> None:
     if gradient.dtype is target.dtype:
         copy(target, gradient)
     else:
-        array_cast(in_array=gradient, out_array=target)
+        _cast(gradient, target)
+
+
+def _cast(source, target) -> None:
+    """Copies numbers between packed arrays of different floats."""
+    kind = type_scalar_type(target.dtype)
+    source, target = (_numbers(one) for one in (source, target))
+    operands, name = [(None, source)], f"jax_cast_{kind.__name__}"
+    hooks.apply(name, "kind(x0)", {"kind": kind}, name, operands, target, False, None, None)
+
+
+def _numbers(packed):
+    scalar, flat = type_scalar_type(packed.dtype), packed.flatten()
+    return flat if scalar is packed.dtype else flat.view(scalar).flatten()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import collections
 import enum
-import inspect
+import types
 import weakref
 
 from warp._src.arrays.copies import copy
@@ -94,7 +94,7 @@ def jax_callable(
         *(tuple(in_out_argnames or ()), frozenset(stage_in_argnames or ())),
         *(frozenset(stage_out_argnames or ()), graph_cache_max, has_side_effect),
     )
-    if not inspect.isfunction(func):
+    if not isinstance(func, types.FunctionType):
         raise TypeError(f"jax_callable: expects a function, but got '{type(func).__name__}'")
     known = func.__dict__.setdefault("_wp_functions_of_jax_", {})
     if options not in known:
@@ -184,6 +184,8 @@ class JaxCallable:
 
 
 def _parameters(func, arguments) -> list[Parameter]:
+    import inspect
+
     found = []
     declared = inspect.get_annotations(func, eval_str=True)
     for name in arguments.names:
@@ -210,9 +212,14 @@ class _Call:
             if len(entry) > 1
         }
         self.staged: dict = {}
+        import inspect
+
         func = owner.func
         shown = [(one.name, one.dtype, one.rank) for one in parameters]
-        source = inspect.getsource(func) if owner.func.__code__.co_filename else ""
+        try:
+            source = inspect.getsource(func)
+        except OSError:
+            source = func.__code__.co_code.hex()
         self.text = f"{func.__module__}.{func.__qualname__} {source} {shown} {plan.entries}"
 
     def __call__(self, index, stream, arguments, results) -> None:
