@@ -5,12 +5,15 @@
 // One JITLink session per process. Every object gets a library of its own, so
 // names never clash and one kernel's code can go when its owner does. What an
 // object may call is listed here: the C library's mathematics, memory
-// functions, the kernels' printf, and conversions of small floats that
-// compilers otherwise take from their run-time library.
+// functions, the kernels' printf, conversions of small floats that compilers
+// otherwise take from their run-time library, and what the device library has
+// as machine code.
 //
 //===----------------------------------------------------------------------===//
 
-#include "warp/Compile.h"
+#include "Target.h"
+
+#include "DeviceLib/host/HostFunctions.h"
 
 #include "llvm/ADT/APFloat.h"
 #include "llvm/ExecutionEngine/Orc/AbsoluteSymbols.h"
@@ -98,11 +101,12 @@ static std::vector<Symbol> knownSymbols() {
 #define BINARY(name)                                                           \
   add(#name "f", static_cast<Float2>(::name##f));                              \
   add(#name, static_cast<Double2>(::name));
-  UNARY(sqrt) UNARY(floor) UNARY(ceil) UNARY(trunc) UNARY(round) UNARY(rint)
-  UNARY(nearbyint) BINARY(fmod) BINARY(fmin) BINARY(fmax) BINARY(copysign)
+  UNARY(sqrt)
+  UNARY(floor) UNARY(ceil) UNARY(trunc) UNARY(round) UNARY(rint)
+      UNARY(nearbyint) BINARY(fmod) BINARY(fmin) BINARY(fmax) BINARY(copysign)
 #undef UNARY
 #undef BINARY
-  add("roundevenf", static_cast<Float1>(::rintf));
+          add("roundevenf", static_cast<Float1>(::rintf));
   add("roundeven", static_cast<Double1>(::rint));
   add("fmaf", static_cast<float (*)(float, float, float)>(::fmaf));
   add("fma", static_cast<double (*)(double, double, double)>(::fma));
@@ -143,6 +147,9 @@ struct warp::Jit::Impl {
         map[session.intern(symbol.name)] = {
             orc::ExecutorAddr::fromPtr(symbol.address),
             JITSymbolFlags::Exported};
+    for (const warp::HostFunction &built : warp::getHostFunctions())
+      map[session.intern(warp::getHostName(built))] = {
+          orc::ExecutorAddr::fromPtr(built.address), JITSymbolFlags::Exported};
     cantFail(runtime.define(orc::absoluteSymbols(std::move(map))));
   }
 
@@ -180,8 +187,8 @@ void *warp::Jit::load(const Code &code) {
   if (llvm::Error error = impl->layer.add(library, std::move(object)))
     throw fail(std::move(error));
   auto symbol = impl->session.lookup(
-      orc::JITDylibSearchOrder{{&library, orc::JITDylibLookupFlags::
-                                              MatchExportedSymbolsOnly}},
+      orc::JITDylibSearchOrder{
+          {&library, orc::JITDylibLookupFlags::MatchExportedSymbolsOnly}},
       impl->session.intern(code.entry));
   if (!symbol)
     throw fail(symbol.takeError());

@@ -14,6 +14,7 @@
 
 #include "warp/Compile.h"
 
+#include "llvm/ADT/ArrayRef.h"
 #include "llvm/ADT/SmallVector.h"
 #include "llvm/ADT/StringRef.h"
 
@@ -28,6 +29,7 @@ class TargetMachine;
 } // namespace llvm
 
 namespace warp {
+struct HostFunction;
 
 /// Machines are costly to make and not safe to share; a lease gives one back
 /// to the pool of its configuration.
@@ -52,6 +54,11 @@ private:
 inline bool isGpu(const CompileOptions &options) {
   return llvm::StringRef(options.target).starts_with("sm_");
 }
+
+/// Functions of the device library that there are as machine code for the host,
+/// and what kernels call them.
+llvm::ArrayRef<HostFunction> getHostFunctions();
+std::string getHostName(const HostFunction &function);
 
 // TargetCPU.cpp and TargetNVPTX.cpp.
 std::unique_ptr<llvm::TargetMachine>

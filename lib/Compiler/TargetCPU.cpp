@@ -5,7 +5,8 @@
 // Code is for the processor that compiles it: "cpu" means the host, and
 // "cpu:skylake-avx512" another one, which tests use. The device library's
 // functions are linked in and inlined, so that the loop vectoriser meets
-// arithmetic where the kernel called `sin`.
+// arithmetic where the kernel called `sin`. Those that exist as machine code
+// for the host are called instead.
 //
 //===----------------------------------------------------------------------===//
 
@@ -21,6 +22,8 @@
 #include "llvm/Target/TargetMachine.h"
 #include "llvm/TargetParser/Host.h"
 #include "llvm/TargetParser/SubtargetFeature.h"
+
+#include "DeviceLib/host/HostFunctions.h"
 
 extern "C" const char warp_devicelib_cpu_begin[], warp_devicelib_cpu_end[];
 
@@ -49,6 +52,28 @@ static Processor findProcessor(const CompileOptions &options) {
   if (!name.consume_front("cpu:"))
     return host;
   return {name.str(), ""};
+}
+
+llvm::ArrayRef<HostFunction> warp::getHostFunctions() {
+  static const auto chosen = [] {
+    auto features = llvm::sys::getHostCPUFeatures();
+    auto has = [&](std::initializer_list<llvm::StringRef> names) {
+      return llvm::all_of(
+          names, [&](llvm::StringRef name) { return features.lookup(name); });
+    };
+    llvm::ArrayRef<HostFunction> found;
+    if (has({"avx2", "fma", "bmi", "bmi2", "f16c", "lzcnt", "movbe"})) {
+      bool wide =
+          has({"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"});
+      found = wide ? warp_host_functions_v4 : warp_host_functions_v3;
+    }
+    return found;
+  }();
+  return chosen;
+}
+
+std::string warp::getHostName(const HostFunction &function) {
+  return std::string("host.") + function.name;
 }
 
 std::string warp::describeCpu(const CompileOptions &options) {
@@ -82,6 +107,10 @@ void warp::prepareCpuModule(llvm::Module &module, llvm::TargetMachine &machine,
                             const CompileOptions &options) {
   module.setTargetTriple(machine.getTargetTriple());
   module.setDataLayout(machine.createDataLayout());
+  if (options.target == "cpu" && options.optLevel > 0)
+    for (const HostFunction &built : getHostFunctions())
+      if (llvm::Function *called = module.getFunction(built.name))
+        called->setName(getHostName(built));
   linkBitcode(module,
               {warp_devicelib_cpu_begin,
                size_t(warp_devicelib_cpu_end - warp_devicelib_cpu_begin)},

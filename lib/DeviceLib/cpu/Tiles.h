@@ -17,19 +17,23 @@ using i32 = int;
 using i64 = long long;
 using u64 = unsigned long long;
 
+#ifndef WARP_TILES
 #define WARP_TILES extern "C" __attribute__((used))
+#endif
 
 /// Whether registers have 64 bytes; the compiler of a kernel says so.
+#ifdef WARP_WIDE_REGISTERS
+static constexpr int warp_wide_registers = WARP_WIDE_REGISTERS;
+#else
 extern "C" const int warp_wide_registers;
+#endif
 
 namespace {
 
 template <class T> constexpr int lanes = 64 / int(sizeof(T));
 
-template <class T>
-using Vec = T __attribute__((ext_vector_type(lanes<T>)));
-template <class T>
-using Mask = bool __attribute__((ext_vector_type(lanes<T>)));
+template <class T> using Vec = T __attribute__((ext_vector_type(lanes<T>)));
+template <class T> using Mask = bool __attribute__((ext_vector_type(lanes<T>)));
 
 template <class T> inline T *at(u64 address) {
   return reinterpret_cast<T *>(address);
