@@ -256,6 +256,11 @@ def function_from_static(x: wp.array(dtype=float)):
         x[0] = wp.static(choose(i + 1))(Shared) - wp.static(float(i))
 run(function_from_static)
 
+ones = wp.ones(1, dtype=float, device="cpu")
+results["map_lambda"] = float(
+    wp.map(lambda a: a * 26.5, ones).numpy()[0]  # lambda
+)
+
 loaded = "warp._src.frontend.translator" in sys.modules
 print(json.dumps([results, translated, loaded]))
 """
@@ -285,6 +290,7 @@ CASES = [
     ("# type", "wp.float32", "wp.int32", "type_by_name", 20.0),
     ("# gradient", "21.5", "21.25", "custom_gradient", 21.25),
     ("# shared", "25.5", "25.25", "function_from_static", 25.25),
+    ("# lambda", "26.5", "26.25", "map_lambda", 26.25),
     ("# tile", "6.0", "7.0", "tile_sum", 28.0),
 ]
 # They use what has no name that lasts.

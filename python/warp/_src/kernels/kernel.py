@@ -152,6 +152,8 @@ class Kernel:
             self._elsewhere[self._made_in] = self.native, self._specialized
             if len(self._elsewhere) > 4:
                 del self._elsewhere[next(iter(self._elsewhere))]
+                # It holds native kernels; those without a name make their derivatives anew.
+                self.names.clear()
         self.native, self._specialized = self._elsewhere.pop(epoch, (None, {}))
         self.epoch, self._made_in = None, epoch
 

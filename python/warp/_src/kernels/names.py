@@ -18,6 +18,7 @@ from warp._src.types.composites import Composite
 from warp._src.types.native import ArrayType, IndexedArrayType, is_struct
 from warp._src.types.scalars import scalar_base
 from warp._src.types.vectors import GenericAnnotation
+from warp._src.version import PACKAGE
 
 _PLAIN = (type(None), bool, int, float, complex, str, bytes, type(...))
 _DESCRIPTORS = (
@@ -39,6 +40,13 @@ class UnnamedError(Exception):
 
 def _is_ours(name) -> bool:
     return name == "warp" or name.startswith("warp.")
+
+
+def _is_packaged(function) -> bool:
+    """Whether a function is of this package's files and was not made by another function, so that
+    its name says what it is."""
+    home = function.__code__.co_filename.startswith(PACKAGE)
+    return home and "<locals>" not in function.__qualname__
 
 
 class Names:
@@ -137,11 +145,7 @@ class Names:
             return f"python {value.__module__}.{value.__qualname__}"
         if kind.__module__ == "numpy" and kind.__name__ == "ufunc":
             return f"ufunc {value.__name__}"
-        if (
-            kind is types.FunctionType
-            and _is_ours(value.__module__ or "")
-            and not value.__closure__
-        ):
+        if kind is types.FunctionType and _is_packaged(value):
             return f"function {value.__module__}.{value.__qualname__}"
         if kind is staticmethod:
             return self.token(value.__func__)
@@ -159,7 +163,7 @@ class Names:
             return "barrier"
         if type(value) is not Function:
             raise UnnamedError
-        if _is_ours(value.__module__ or "") and not value.func.__closure__:
+        if _is_packaged(value.func):
             return f"library {value.__module__}.{value.__qualname__}"
         if id(value) in self._numbers:
             return f"func {self._numbers[id(value)]}"
