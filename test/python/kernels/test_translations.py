@@ -513,3 +513,45 @@ def test_derivatives_come_from_the_cache(tmp_path):
     doubled, made, _ = run_it()
     assert doubled == [[2.0 * value for value in first[0]]]
     assert made == [[True, False, True]]
+
+
+HOSTILE = """
+import types
+import warp as wp
+from warp._src.kernels import translations
+wp.config.quiet = True
+
+class Hostile:
+    def __getattribute__(self, name):
+        raise ValueError(name)
+    def __eq__(self, other):
+        raise ValueError("no")
+    __hash__ = None
+
+def refuse(name):
+    raise OSError(name)
+
+lazy = types.ModuleType("lazy")
+lazy.__getattr__ = refuse
+lazy.VALUE = 2.5
+hostile, circle, table = Hostile(), [], {}
+circle.append(circle)
+table[Hostile] = table
+
+@wp.kernel
+def near_others(x: wp.array(dtype=float)):
+    # hostile, circle, table
+    x[0] = lazy.VALUE
+
+x = wp.zeros(1, dtype=float, device="cpu")
+wp.launch(near_others, 1, [x], device="cpu")
+print(float(x.numpy()[0]))
+"""
+
+
+def test_hostile_objects_do_no_harm(tmp_path):
+    path = programs.write_program(HOSTILE)
+    for _ in range(2):
+        status, out, err = programs.run(path, WARP_CACHE_PATH=tmp_path)
+        assert status == 0, err
+        assert out.strip() == "2.5"

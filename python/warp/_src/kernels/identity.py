@@ -147,7 +147,8 @@ class Identity(Names):
     def _note(self, word, value, unnamed) -> None:
         try:
             self._parts.append(f"{word}={self.token(value)}")
-        except (UnnamedError, RecursionError):
+        except Exception:
+            # Whatever goes wrong in looking at an object of somebody else's.
             self._parts.append(f"{word}=?")
             unnamed.add(word.removeprefix("."))
 
@@ -160,7 +161,7 @@ def of_value(value) -> tuple:
     try:
         found.add(value)
         return found.digest(), found.functions
-    except (UnnamedError, RecursionError):
+    except Exception:
         return None, ()
 
 

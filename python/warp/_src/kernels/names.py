@@ -249,9 +249,14 @@ class OpenOwner(Owner):
     """A module that makes attributes when they are asked for."""
 
     def found(self, words) -> list[tuple]:
+        import warnings
+
         fresh = sorted(words - self._done)
         self._done.update(fresh)
-        values = [(word, getattr(self.value, word, _MISSING)) for word in fresh]
+        with warnings.catch_warnings():
+            # A word need not be meant as a name.
+            warnings.simplefilter("ignore")
+            values = [(word, getattr(self.value, word, _MISSING)) for word in fresh]
         return [(word, value) for word, value in values if value is not _MISSING]
 
 

@@ -88,7 +88,7 @@ def _together(functions, values) -> tuple:
 
 def evaluate(entries, functions) -> tuple:
     """What stands for the values of all expressions now, None for one that fails; and for all of
-    them together with the kernel."""
+    them together with the kernel. That is what no translation was kept with if it has no name."""
     known, found, values = list(functions), [], []
     for position, text, local, _ in entries:
         value = digest = None
@@ -99,7 +99,10 @@ def evaluate(entries, functions) -> tuple:
         if held:
             values.append(value)
             known += held
-    return found, _together(functions, values)[1]
+    try:
+        return found, _together(functions, values)[1]
+    except Exception:
+        return [None], None
 
 
 def _evaluate(text, local, function) -> tuple:

@@ -31,7 +31,8 @@ def native_kernel(kernel, arguments, threads, constants):
     if config.cache_kernels:
         try:
             name, found = identity.name_of(kernel, arguments, threads, constants)
-        except (identity.UnnamedError, RecursionError):
+        except Exception:
+            # It has none, or looking at an object of somebody else's failed.
             name = None
     if name is not None:
         name, known, facts = _find(name, found.functions)
@@ -77,7 +78,7 @@ def _keep(kernel, name, native, session, facts, found) -> None:
     """Leaves a translation for other processes, if it depends on nothing but its name."""
     try:
         noted = statics.Notes(session.statics, found.functions)
-    except (identity.UnnamedError, RecursionError):
+    except Exception:
         return
     if _is_named(found) and (noted.identity is None or _is_named(noted.identity)):
         kept = marshal.dumps((facts, noted.entries, noted.together))
