@@ -20,6 +20,7 @@
 #include "llvm/Support/MemoryBuffer.h"
 
 #include <cmath>
+#include <cstdlib>
 #include <cstring>
 #include <map>
 #include <mutex>
@@ -100,6 +101,14 @@ static std::vector<Symbol> knownSymbols() {
   add(#name, static_cast<Double2>(::name));
   UNARY(sqrt) UNARY(floor) UNARY(ceil) UNARY(trunc) UNARY(round) UNARY(rint)
   UNARY(nearbyint) BINARY(fmod) BINARY(fmin) BINARY(fmax) BINARY(copysign)
+  // What native code of users calls; kernels have functions of their own.
+  UNARY(sin) UNARY(cos) UNARY(tan) UNARY(asin) UNARY(acos) UNARY(atan)
+  UNARY(sinh) UNARY(cosh) UNARY(tanh) UNARY(asinh) UNARY(acosh) UNARY(atanh)
+  UNARY(exp) UNARY(exp2) UNARY(expm1) UNARY(log) UNARY(log2) UNARY(log10)
+  UNARY(log1p) UNARY(cbrt) UNARY(erf) UNARY(erfc) UNARY(tgamma) UNARY(lgamma)
+  BINARY(pow) BINARY(atan2) BINARY(hypot)
+  add("calloc", &std::calloc);
+  add("free", &std::free);
 #undef UNARY
 #undef BINARY
   add("roundevenf", static_cast<Float1>(::rintf));
