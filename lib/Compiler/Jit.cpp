@@ -10,6 +10,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "LibmNames.h"
 #include "warp/Compile.h"
 
 #include "llvm/ADT/APFloat.h"
@@ -99,19 +100,24 @@ static std::vector<Symbol> knownSymbols() {
 #define BINARY(name)                                                           \
   add(#name "f", static_cast<Float2>(::name##f));                              \
   add(#name, static_cast<Double2>(::name));
-  UNARY(sqrt) UNARY(floor) UNARY(ceil) UNARY(trunc) UNARY(round) UNARY(rint)
-  UNARY(nearbyint) BINARY(fmod) BINARY(fmin) BINARY(fmax) BINARY(copysign)
-  // What native code of users calls; kernels have functions of their own.
-  UNARY(sin) UNARY(cos) UNARY(tan) UNARY(asin) UNARY(acos) UNARY(atan)
-  UNARY(sinh) UNARY(cosh) UNARY(tanh) UNARY(asinh) UNARY(acosh) UNARY(atanh)
-  UNARY(exp) UNARY(exp2) UNARY(expm1) UNARY(log) UNARY(log2) UNARY(log10)
-  UNARY(log1p) UNARY(cbrt) UNARY(erf) UNARY(erfc) UNARY(tgamma) UNARY(lgamma)
-  BINARY(pow) BINARY(atan2) BINARY(hypot)
-  add("calloc", &std::calloc);
-  add("free", &std::free);
+  UNARY(sqrt)
+  UNARY(floor) UNARY(ceil) UNARY(trunc) UNARY(round) UNARY(rint)
+      UNARY(nearbyint) BINARY(fmod) BINARY(fmin) BINARY(fmax) BINARY(copysign)
 #undef UNARY
 #undef BINARY
-  add("roundevenf", static_cast<Float1>(::rintf));
+#define UNARY(name)                                                            \
+  add("warp_libm_" #name "f", static_cast<Float1>(::name##f));                 \
+  add("warp_libm_" #name, static_cast<Double1>(::name));
+#define BINARY(name)                                                           \
+  add("warp_libm_" #name "f", static_cast<Float2>(::name##f));                 \
+  add("warp_libm_" #name, static_cast<Double2>(::name));
+#define MEMORY(name) add("warp_libm_" #name, &::name);
+          WARP_LIBM_UNARY(UNARY) WARP_LIBM_BINARY(BINARY)
+              WARP_LIBC_MEMORY(MEMORY)
+#undef UNARY
+#undef BINARY
+#undef MEMORY
+                  add("roundevenf", static_cast<Float1>(::rintf));
   add("roundeven", static_cast<Double1>(::rint));
   add("fmaf", static_cast<float (*)(float, float, float)>(::fmaf));
   add("fma", static_cast<double (*)(double, double, double)>(::fma));
@@ -189,8 +195,8 @@ void *warp::Jit::load(const Code &code) {
   if (llvm::Error error = impl->layer.add(library, std::move(object)))
     throw fail(std::move(error));
   auto symbol = impl->session.lookup(
-      orc::JITDylibSearchOrder{{&library, orc::JITDylibLookupFlags::
-                                              MatchExportedSymbolsOnly}},
+      orc::JITDylibSearchOrder{
+          {&library, orc::JITDylibLookupFlags::MatchExportedSymbolsOnly}},
       impl->session.intern(code.entry));
   if (!symbol)
     throw fail(symbol.takeError());

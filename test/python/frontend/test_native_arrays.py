@@ -1,5 +1,7 @@
 """`wp.func_native` with arrays: what snippets see, gradients, and what is refused."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -182,6 +184,34 @@ def test_a_kernel_reads_what_native_code_wrote():
     np.testing.assert_allclose(z.numpy(), 2.0 * np.log(1.0 + np.arange(8.0)), rtol=1e-6)
     tape.backward(grads={z: wp.ones_like(x)})
     np.testing.assert_allclose(x.grad.numpy(), 2.0 / (1.0 + np.arange(8.0)), rtol=1e-6)
+
+
+@wp.func_native(
+    """
+    double u = x[i];
+    y[i] = sin(u) + exp(-u) * log1p(u) + pow(u, 1.5) + cbrt(u) + erf(u) + atan2(u, 2.0);
+    """
+)
+def libm(x: wp.array(dtype=wp.float64), y: wp.array(dtype=wp.float64), i: int): ...
+
+
+@wp.func_native("y[i] += cos(x[i]) - sin(x[i]);")
+def more_libm(x: wp.array(dtype=wp.float64), y: wp.array(dtype=wp.float64), i: int): ...
+
+
+@wp.kernel
+def calls_libm(x: wp.array(dtype=wp.float64), y: wp.array(dtype=wp.float64)):
+    libm(x, y, wp.tid())
+    more_libm(x, y, wp.tid())
+
+
+def test_functions_of_the_c_library():
+    u = np.linspace(0.1, 3.0, 50)
+    y = wp.zeros(50, dtype=wp.float64, device="cpu")
+    wp.launch(calls_libm, 50, [array(u, wp.float64), y], device="cpu")
+    erf = np.array([math.erf(one) for one in u])
+    exact = np.cos(u) + np.exp(-u) * np.log1p(u) + u**1.5 + np.cbrt(u) + erf + np.arctan2(u, 2.0)
+    np.testing.assert_allclose(y.numpy(), exact, rtol=1e-14)
 
 
 def refused(kernel, *arguments):
