@@ -1,4 +1,5 @@
 # make build   .venv with the package in it, and build/bin/warp-opt
+# make package .venv with the package in it
 # make demo    particles, an ocean, a cloth and a trajectory optimised, a rollout differentiated,
 #              a mesh, grains, rocks: pictures and tables in build/demo (docs/gallery.md)
 # make test    every test; ends with 'N passed, N failed, N skipped'
@@ -6,18 +7,25 @@
 # make docs    refresh the generated references under docs/
 # make bench   benchmarks/spine.py, startup.py, shapes.py, gpu.py, autodiff.py, pool.py,
 #              libraries.py, optimised build (build/release)
-# make wheel   an optimised wheel in dist/
+# make wheel   an optimised wheel in dist/, of 25 MB at most
 # Everything that is missing (packages, .venv, build) is set up first.
 
 SHELL := /bin/bash
 PYTHON := .venv/bin/python
 
-.PHONY: build demo report test release bench docs wheel device-bundle format clean
+.PHONY: environment build package demo report test release bench docs wheel device-bundle format clean
+
+environment:
+	@scripts/setup.sh environment
 
 build:
 	@scripts/setup.sh
 
-demo: build
+# Without the pass tool and the tests.
+package:
+	@scripts/setup.sh package
+
+demo: package
 	@$(PYTHON) examples/particles.py --cloud 4096 $(DEMO_ARGS)
 	@$(PYTHON) examples/ocean.py
 	@$(PYTHON) examples/cloth.py
@@ -28,7 +36,7 @@ demo: build
 	@$(PYTHON) examples/rocks.py
 	@$(PYTHON) examples/several_devices.py
 
-report: build
+report: package
 	@$(PYTHON) -m warp.report --quick $(REPORT_ARGS)
 
 test: build
@@ -37,7 +45,7 @@ test: build
 docs: build
 	@scripts/make_docs.sh
 
-release: build
+release: environment
 	@cmake --preset release -DPython_EXECUTABLE=$(CURDIR)/$(PYTHON) >/dev/null
 	@ninja -C build/release --quiet
 
@@ -53,6 +61,7 @@ bench: release
 # In the folder of the optimised build, whose objects it takes.
 wheel: release
 	@$(PYTHON) -m pip wheel -q --no-deps --no-build-isolation -C build-dir=build/release -w dist .
+	@! find dist -name '*.whl' -size +25600k -printf '%f has %s bytes, more than 25 MB\n' | grep .
 
 device-bundle: release
 	@scripts/make_device_bundle.sh build/release

@@ -2,6 +2,9 @@
 # Everything between a clean clone on Debian 12 and a working tree: system
 # packages, .venv with pinned PyPI packages, the build, the package installed
 # into .venv. Each step is skipped when its result is already there.
+#   setup.sh              all, with tools and tests
+#   setup.sh package      what the Python package needs
+#   setup.sh environment  the packages, no build
 #
 #   PYTHON        the interpreter .venv is made from (default: python3)
 #   WARP_PRESET   the CMake preset of a first configuration (default: dev)
@@ -56,7 +59,7 @@ build() {
     }
   }
   say "building"
-  ninja -C build --quiet
+  ninja -C build --quiet "$@"
 }
 
 # The installed copy is refreshed when anything in build/python is newer.
@@ -75,5 +78,9 @@ install_package() {
 
 install_system_packages
 make_venv
-build
+case "${1:-all}" in
+  environment) exit ;;
+  package) build WarpPackage ;;
+  *) build ;;
+esac
 install_package

@@ -23,7 +23,8 @@ def Warp_LibraryCallOp : Warp_Op<"library_call",
 
     (C1) the library has the function, or its name begins with `warp_native_`:
     a snippet of the program, compiled by Clang. (C2) operands and results are
-    its scalars, of either sign. (C3) a snippet takes scalars and gives one.
+    its scalars, of either sign. (C3) a snippet takes and gives scalars; one whose
+    name begins with `warp_native_memory_` reads and writes memory, too.
 
     ```mlir
     %face, %u, %v = warp.library_call "warp_mesh_closest"(%id, %x, %y, %z, %d)

@@ -20,6 +20,8 @@ namespace warp {
 /// What names of such functions start with. Cached code is found by the name,
 /// so the rest of it tells the function's code.
 inline constexpr char nativeCodePrefix[] = "warp_native_";
+/// Those that read and write memory, at addresses among their arguments.
+inline constexpr char nativeMemoryPrefix[] = "warp_native_memory_";
 
 /// Makes the bitcode that defines `symbol` known to the process.
 WARP_API void addNativeCode(const std::string &symbol, std::string bitcode);

@@ -11,7 +11,9 @@
 #include "Context.h"
 
 #include "warp/Compile.h"
+#include "warp/NativeCode.h"
 
+#include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/ParameterLayout.h"
 #include "WarpDialect/WarpDialect.h"
 #include "WarpDialect/TileOps.h"
@@ -32,6 +34,8 @@ public:
   void add(warp::AccessOp op);
   /// The same of a load, store or update of a tile.
   void addTile(Operation *op);
+  /// The same of an array whose address native code gets.
+  void addNative(warp::PointerOp op);
   void locate(func::FuncOp kernel, bool usesGradients);
   std::vector<warp::Access> take() { return std::move(accesses); }
 
@@ -72,6 +76,23 @@ void Summary::addTile(Operation *op) {
   }
 }
 
+void Summary::addNative(warp::PointerOp op) {
+  auto place = warp::findSourceLocation(op.getLoc());
+  for (warp::ArrayMemory memory : origins.of(op.getArray()).memories) {
+    warp::Access &access = accesses[memory.leaf];
+    access.loaded = access.stored = access.watched = true;
+    if (place && !access.line)
+      access.line = place.getLine();
+  }
+}
+
+static bool isForNativeCode(warp::PointerOp op) {
+  return llvm::any_of(op->getUsers(), [](Operation *user) {
+    auto call = dyn_cast<warp::LibraryCallOp>(user);
+    return call && call.getCallee().starts_with(warp::nativeMemoryPrefix);
+  });
+}
+
 /// Where the arrays lie in the parameter block.
 void Summary::locate(func::FuncOp kernel, bool usesGradients) {
   warp::ParameterLayout layout =
@@ -107,6 +128,10 @@ std::vector<warp::Access> warp::accesses(const Module &module) {
     op.walk([&](Operation *nested) {
       if (isa<TileLoadOp, TileStoreOp, TileAtomicOp>(nested))
         summary.addTile(nested);
+    });
+    op.walk([&](PointerOp pointer) {
+      if (isForNativeCode(pointer))
+        summary.addNative(pointer);
     });
     bool usesGradients =
         op.walk([](GradOp) { return WalkResult::interrupt(); })

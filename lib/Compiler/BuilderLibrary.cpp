@@ -18,11 +18,15 @@ warp::buildLibraryCall(Builder::Impl &impl, StringRef name, ValueRange args) {
   if (!name.consume_front("_"))
     return std::nullopt;
   if (name.starts_with(nativeCodePrefix)) {
-    // The type of the result follows the symbol.
-    auto [symbol, type] = name.split(':');
-    mlir::Type result = mlir::parseType(type, impl.builder.getContext());
+    // The types of the results follow the symbol.
+    auto [symbol, list] = name.split(':');
+    SmallVector<StringRef> texts;
+    list.split(texts, ',');
+    SmallVector<mlir::Type> results;
+    for (StringRef text : texts)
+      results.push_back(mlir::parseType(text, impl.builder.getContext()));
     auto call =
-        LibraryCallOp::create(impl.builder, impl.loc, result, symbol, args);
+        LibraryCallOp::create(impl.builder, impl.loc, results, symbol, args);
     return SmallVector<mlir::Value>(call.getResults());
   }
   const LibraryFunction *function = findLibraryFunction(name);

@@ -11,6 +11,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "LibmNames.h"
 #include "warp/Compile.h"
 
 #include "LibraryObject.h"
@@ -24,6 +25,7 @@
 #include "llvm/Support/MemoryBuffer.h"
 
 #include <cmath>
+#include <cstdlib>
 #include <cstring>
 #include <map>
 #include <mutex>
@@ -102,11 +104,24 @@ static std::vector<Symbol> knownSymbols() {
 #define BINARY(name)                                                           \
   add(#name "f", static_cast<Float2>(::name##f));                              \
   add(#name, static_cast<Double2>(::name));
-  UNARY(sqrt) UNARY(floor) UNARY(ceil) UNARY(trunc) UNARY(round) UNARY(rint)
-  UNARY(nearbyint) BINARY(fmod) BINARY(fmin) BINARY(fmax) BINARY(copysign)
+  UNARY(sqrt)
+  UNARY(floor) UNARY(ceil) UNARY(trunc) UNARY(round) UNARY(rint)
+      UNARY(nearbyint) BINARY(fmod) BINARY(fmin) BINARY(fmax) BINARY(copysign)
 #undef UNARY
 #undef BINARY
-  add("roundevenf", static_cast<Float1>(::rintf));
+#define UNARY(name)                                                            \
+  add("warp_libm_" #name "f", static_cast<Float1>(::name##f));                 \
+  add("warp_libm_" #name, static_cast<Double1>(::name));
+#define BINARY(name)                                                           \
+  add("warp_libm_" #name "f", static_cast<Float2>(::name##f));                 \
+  add("warp_libm_" #name, static_cast<Double2>(::name));
+#define MEMORY(name) add("warp_libm_" #name, &::name);
+          WARP_LIBM_UNARY(UNARY) WARP_LIBM_BINARY(BINARY)
+              WARP_LIBC_MEMORY(MEMORY)
+#undef UNARY
+#undef BINARY
+#undef MEMORY
+                  add("roundevenf", static_cast<Float1>(::rintf));
   add("roundeven", static_cast<Double1>(::rint));
   add("fmaf", static_cast<float (*)(float, float, float)>(::fmaf));
   add("fma", static_cast<double (*)(double, double, double)>(::fma));
@@ -207,8 +222,8 @@ void *warp::Jit::load(const Code &code) {
   if (llvm::Error error = impl->layer.add(library, std::move(object)))
     throw fail(std::move(error));
   auto symbol = impl->session.lookup(
-      orc::JITDylibSearchOrder{{&library, orc::JITDylibLookupFlags::
-                                              MatchExportedSymbolsOnly}},
+      orc::JITDylibSearchOrder{
+          {&library, orc::JITDylibLookupFlags::MatchExportedSymbolsOnly}},
       impl->session.intern(code.entry));
   if (!symbol)
     throw fail(symbol.takeError());

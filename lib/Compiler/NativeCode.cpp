@@ -6,11 +6,13 @@
 
 #include "warp/NativeCode.h"
 
+#include "LibmNames.h"
 #include "Target.h"
 
 #include "warp/Error.h"
 
 #include "llvm/ADT/StringMap.h"
+#include "llvm/ADT/StringSet.h"
 #include "llvm/IR/Module.h"
 
 #include <mutex>
@@ -42,6 +44,32 @@ static llvm::SmallVector<std::string> missingNames(llvm::Module &module) {
   return names;
 }
 
+static const llvm::StringSet<> &libmNames() {
+  static const llvm::StringSet<> names = {
+#define BOTH(name) #name "f", #name,
+#define ONE(name) #name,
+      WARP_LIBM_UNARY(BOTH) WARP_LIBM_BINARY(BOTH) WARP_LIBC_MEMORY(ONE)
+#undef BOTH
+#undef ONE
+  };
+  return names;
+}
+
+/// Several functions may ask for the same one.
+static void renameLibm(llvm::Module &module) {
+  for (llvm::Function &function : llvm::make_early_inc_range(module)) {
+    if (!function.isDeclaration() || !libmNames().contains(function.getName()))
+      continue;
+    std::string name = (warp::libmPrefix + function.getName()).str();
+    if (llvm::Function *known = module.getFunction(name)) {
+      function.replaceAllUsesWith(known);
+      function.eraseFromParent();
+    } else {
+      function.setName(name);
+    }
+  }
+}
+
 void warp::linkNativeCode(llvm::Module &module) {
   for (const std::string &name : missingNames(module)) {
     Registry &registry = Registry::get();
@@ -53,6 +81,7 @@ void warp::linkNativeCode(llvm::Module &module) {
                       "' is not known in this process: import the module that "
                       "defines it");
     linkBitcode(module, found->second, "native function");
+    renameLibm(module);
   }
 }
 

@@ -119,7 +119,7 @@ static bool fits(TypeRange types, StringRef letters) {
   for (auto [type, letter] : llvm::zip(types, letters))
     if (!(letter == 'l' && isa<warp::ScratchType>(type)) &&
         warp::getSignless(type) !=
-        warp::getSignless(warp::getLibraryType(type.getContext(), letter)))
+            warp::getSignless(warp::getLibraryType(type.getContext(), letter)))
       return false;
   return true;
 }
@@ -127,10 +127,10 @@ static bool fits(TypeRange types, StringRef letters) {
 LogicalResult warp::LibraryCallOp::verify() {
   if (getCallee().starts_with(nativeCodePrefix)) {
     auto isScalar = [](mlir::Type type) { return type.isIntOrFloat(); };
-    if (getNumResults() == 1 && llvm::all_of(getOperandTypes(), isScalar) &&
-        isScalar(getResultTypes().front()))
+    if (getNumResults() != 0 && llvm::all_of(getOperandTypes(), isScalar) &&
+        llvm::all_of(getResultTypes(), isScalar))
       return success();
-    return emitOpError("(C3) native code takes scalars and gives one");
+    return emitOpError("(C3) native code takes and gives scalars");
   }
   const LibraryFunction *function = findLibraryFunction(getCallee());
   if (!function)
@@ -138,15 +138,15 @@ LogicalResult warp::LibraryCallOp::verify() {
            << getCallee() << "'";
   if (!fits(getArgs().getTypes(), function->operands) ||
       !fits(getResults().getTypes(), function->results))
-    return emitOpError("(C2) '") << getCallee() << "' takes '"
-                                 << function->operands << "' and gives '"
-                                 << function->results << "'";
+    return emitOpError("(C2) '")
+           << getCallee() << "' takes '" << function->operands
+           << "' and gives '" << function->results << "'";
   return success();
 }
 
 void warp::LibraryCallOp::getEffects(
     SmallVectorImpl<MemoryEffects::EffectInstance> &effects) {
-  if (getNumResults() != 0)
+  if (getNumResults() != 0 && !getCallee().starts_with(nativeMemoryPrefix))
     return;
   effects.emplace_back(MemoryEffects::Read::get());
   effects.emplace_back(MemoryEffects::Write::get());

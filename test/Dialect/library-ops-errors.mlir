@@ -13,3 +13,19 @@ func.func @c2_types(%x: f32) {
   %0 = warp.library_call "warp_slot"(%x) : (f32) -> ui64
   return
 }
+
+// -----
+
+func.func @c3_scalars(%x: !warp.vec<3 x f32>) {
+  // expected-error @below {{(C3) native code takes and gives scalars}}
+  %0 = warp.library_call "warp_native_0"(%x) : (!warp.vec<3 x f32>) -> f32
+  return
+}
+
+// -----
+
+func.func @c3_results(%x: f32) {
+  // expected-error @below {{(C3) native code takes and gives scalars}}
+  warp.library_call "warp_native_memory_0"(%x) : (f32) -> ()
+  return
+}

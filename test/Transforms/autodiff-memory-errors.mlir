@@ -44,3 +44,13 @@ func.func @exchange(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
   %b = warp.atomic exch %a, %y[%zero] : f32, !warp.array<1 x f32>, si32 -> f32
   return
 }
+
+// -----
+
+// What native code does to memory has no derivative unless the user gives one.
+func.func @native(%x: !warp.array<1 x f32>) attributes {warp.kernel} {
+  %p = warp.pointer %x : !warp.array<1 x f32> -> ui64
+  // expected-error @below {{native code with arrays has no derivative: give `@wp.func_native` an `adj_snippet`}}
+  %0 = warp.library_call "warp_native_memory_0"(%p) : (ui64) -> si32
+  return
+}

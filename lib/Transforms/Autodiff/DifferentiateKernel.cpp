@@ -8,13 +8,15 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "KernelFunction.h"
 #include "Autodiff/ApartArrays.h"
 #include "Autodiff/Forward/Forward.h"
 #include "Autodiff/Reverse/GuardArms.h"
 #include "Autodiff/Reverse/Reverse.h"
+#include "KernelFunction.h"
 
+#include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/WarpOps.h"
+#include "warp/NativeCode.h"
 
 #include "mlir/Dialect/Func/IR/FuncOps.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
@@ -97,13 +99,25 @@ static func::FuncOp createTwin(func::FuncOp kernel, StringRef suffix) {
   OpBuilder b(kernel.getContext());
   b.setInsertionPointAfter(kernel);
   std::string name = (kernel.getName() + suffix).str();
-  auto twin = func::FuncOp::create(b, kernel.getLoc(), name,
-                                   kernel.getFunctionType());
+  auto twin =
+      func::FuncOp::create(b, kernel.getLoc(), name, kernel.getFunctionType());
   for (NamedAttribute attr : kernel->getDiscardableAttrs())
     if (attr.getName() != apartAttrName)
       twin->setAttr(attr.getName(), attr.getValue());
   twin.addEntryBlock();
   return twin;
+}
+
+/// What native code does to memory nobody knows.
+static LogicalResult refuseNativeCode(func::FuncOp kernel) {
+  WalkResult result = kernel.walk([](warp::LibraryCallOp op) {
+    if (!op.getCallee().starts_with(warp::nativeMemoryPrefix))
+      return WalkResult::advance();
+    op.emitError("native code with arrays has no derivative: give "
+                 "`@wp.func_native` an `adj_snippet`");
+    return WalkResult::interrupt();
+  });
+  return failure(result.wasInterrupted());
 }
 
 /// Has every load and atomic whose value the adjoint may need store it.
@@ -174,6 +188,8 @@ struct DifferentiateKernel
       return kernel.emitError("expects the tape 'checkpoints' or 'global', but "
                               "got '")
              << tape << "'";
+    if (failed(refuseNativeCode(kernel)))
+      return failure();
     auto policy = parseSingular(kernel, singular);
     FailureOr<SmallVector<bool>> flags = readFlags(kernel);
     if (failed(policy) || failed(flags))

@@ -43,12 +43,20 @@ static Value gradientOf(OpBuilder &b, Value array) {
   return view->getResult(0);
 }
 
-/// Erases accesses to the gradients of an array that has none. Their extents,
-/// which lie in the array's descriptor, may be asked for.
+/// Erases accesses to the gradients of an array that has none. Their extents
+/// and strides, which lie in the array's descriptor, may be asked for; native
+/// code gets a null pointer.
 static LogicalResult eraseAccesses(Value gradients) {
   for (Operation *user : llvm::make_early_inc_range(gradients.getUsers())) {
-    if (isa<warp::DimOp>(user))
+    if (isa<warp::DimOp, warp::StrideOp>(user))
       continue;
+    if (isa<warp::PointerOp>(user)) {
+      OpBuilder b(user);
+      user->getResult(0).replaceAllUsesWith(warp::autodiff::zero(
+          b, user->getLoc(), user->getResult(0).getType()));
+      user->erase();
+      continue;
+    }
     auto access = dyn_cast<warp::AccessOp>(user);
     if (isa<warp::ArrayViewOp>(user)) {
       if (failed(eraseAccesses(user->getResult(0))))

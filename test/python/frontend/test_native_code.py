@@ -75,14 +75,14 @@ def test_without_clang(monkeypatch):
 
 def test_what_cannot_be_passed():
     @wp.func_native("x[0] = 1.0f;")
-    def store(x: wp.array(dtype=float)) -> int: ...
+    def store(x: wp.vec3) -> int: ...
 
     @wp.func_native("return;")
     def nothing(x: float): ...
 
     @wp.kernel
     def stores(y: wp.array(dtype=float)):
-        store(y)
+        store(wp.vec3(y[0]))
 
     @wp.kernel
     def returns_nothing(y: wp.array(dtype=float)):

@@ -1,5 +1,6 @@
 """What the build hands out: exported symbols, dependencies, committed docs."""
 
+import json
 import os
 import subprocess
 import sys
@@ -88,3 +89,22 @@ def test_committed_references_are_up_to_date(tmp_path):
         or (ROOT / "docs" / page.name).read_text() != page.read_text()
     ]
     assert stale == [], "run 'make docs' and commit the result"
+
+
+def test_a_wheel_takes_the_objects_of_the_optimised_build():
+    """`make wheel` builds in the folder of `make release`: nothing is compiled again only if the
+    settings are the same, but for what is built beside the package."""
+    tomllib = pytest.importorskip("tomllib")
+    presets = json.loads((ROOT / "CMakePresets.json").read_text())["configurePresets"]
+    settings = {}
+    for preset in presets:
+        if preset["name"] in ("base", "release"):
+            settings |= preset["cacheVariables"]
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["scikit-build"]
+    wheel = dict(project["cmake"]["define"], CMAKE_BUILD_TYPE=project["cmake"]["build-type"])
+    for beside in ("WARP_BUILD_TESTS", "WARP_BUILD_TOOLS"):
+        settings.pop(beside, None)
+        wheel.pop(beside, None)
+    assert wheel == settings
+    wheel_rule = (ROOT / "Makefile").read_text().partition("\nwheel: release\n")[2]
+    assert "-C build-dir=build/release" in wheel_rule.partition("\n\n")[0]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 
 from warp._src import errors
-from warp._src.frontend import address, native_wrappers, updates
+from warp._src.frontend import address, native_arrays, native_wrappers, updates
 from warp._src.kernels import native_code
 from warp._src.types import dtypes
 from warp._src.types.annotations import Reference, annotations_of
@@ -18,11 +18,15 @@ def call_native(context, function, node):
     """The result of a call, or None for a barrier of a block that is one thread.
 
     Raises:
-        WarpCodegenError: the function has other parameters than numbers and addresses of them, or
-            Clang is not installed or refuses it.
+        WarpCodegenError: the function has other parameters than numbers, addresses of them and
+            arrays, or Clang is not installed or refuses it.
     """
     if function.is_block_barrier and context.session.block_threads() == 1:
         return None
+    if isinstance(function, native_arrays.MemoryCode):
+        return native_arrays.emit(context, function, node)
+    if native_arrays.takes_arrays(function):
+        return native_arrays.call(context, function, node)
     what = f"the native code of '{function.key}'"
     pointers = _pointers(context, function, node)
     if pointers or native_wrappers.needs_wrapper(function):

@@ -176,20 +176,28 @@ _BARRIERS = (
 def func_native(snippet, adj_snippet=None, replay_snippet=None):
     """Declares a function by its C++ or CUDA text.
 
-    Kernels on CPUs may call one that takes numbers and gives at most one: Clang, where it is
-    installed or named by the environment variable WARP_CLANG, compiles it. What such a function
-    computes may depend on its arguments alone. It may assign to parameters by reference
-    (`wp.ref[float]`) and to what `wp.address_of` points to: copies, which are written back. A
-    kernel that calls another one is refused, with the place of the call; modules that declare such
-    functions can be imported.
+    Kernels on CPUs may call one that takes numbers and arrays, and gives one number or none: Clang,
+    where it is installed or named by the environment variable WARP_CLANG, compiles it. What a
+    function of numbers alone computes may depend on its arguments alone. It may assign to
+    parameters by reference (`wp.ref[float]`) and to what `wp.address_of` points to: copies, which
+    are written back. A kernel that calls another one is refused, with the place of the call;
+    modules that declare such functions can be imported.
+
+    An array is a `wp::array_t<T>` in the snippet, with `data`, `shape`, `strides` in bytes and
+    `ndim`; `x[i]` is element i of packed memory, `wp::index(x, i, j)` and `wp::address(x, i, j)`
+    go by the strides. `wp::view`, `load`, `store`, `array_store`, `atomic_add` are there as well,
+    and vectors (`wp::vec3`) and matrices with a few operators. Nothing is checked.
 
     The adjoint finds the cotangent of a parameter `x` in `adj_x` and that of the result in
-    `adj_ret`, and changes them; it has to be linear in them. It runs once for each output and each
-    parameter. Without one, a kernel that calls the function has no gradient through it.
+    `adj_ret`, and changes them; it has to be linear in them. Of an array that is the array of its
+    gradients, or of zeros that are thrown away where there are none. With arrays it runs once, else
+    once for each output and each parameter. Without one, a kernel that calls the function has no
+    gradient through it.
 
     Args:
         snippet: body of the function.
         adj_snippet: body of its adjoint.
-        replay_snippet: body that a backward pass runs in place of the first.
+        replay_snippet: body that a backward pass runs in place of the first where it needs the
+            result again. It does not write to arrays again: those are as the launch left them.
     """
     return lambda func: NativeFunction(func, snippet, adj_snippet, replay_snippet)

@@ -9,12 +9,14 @@ from __future__ import annotations
 import functools
 import hashlib
 import os
+import re
 import shutil
 import subprocess
 import tempfile
 
 from warp import _native
 from warp._src import errors
+from warp._src.kernels.native_header import ARRAYS, NUMBERS
 
 # By the text of the native type: what C++ calls it.
 SCALARS = {
@@ -30,16 +32,6 @@ SCALARS = {
     "f32": "float",
     "f64": "double",
 }
-_HEADER = """#include <math.h>
-#include <stdint.h>
-#include <string.h>
-namespace wp {
-typedef int8_t int8; typedef uint8_t uint8; typedef int16_t int16; typedef uint16_t uint16;
-typedef int32_t int32; typedef uint32_t uint32; typedef int64_t int64; typedef uint64_t uint64;
-typedef float float32; typedef double float64;
-}
-using namespace wp;
-"""
 _known: dict = {}
 
 
@@ -65,7 +57,7 @@ def add(name, body, parameters, result) -> str:
     declared = ", ".join(f"{SCALARS[native]} {parameter}" for parameter, native in parameters)
     passed = ", ".join(parameter for parameter, _ in parameters)
     text = (
-        f'{_HEADER}static inline {SCALARS[result]} warp_function({declared}) {{\n#line 1 "{name}"\n'
+        f'{NUMBERS}static inline {SCALARS[result]} warp_function({declared}) {{\n#line 1 "{name}"\n'
         f"{body}\n}}\n"
     )
     symbol = "warp_native_" + hashlib.sha256(text.encode()).hexdigest()[:24]
@@ -77,6 +69,75 @@ def add(name, body, parameters, result) -> str:
         )
         _native.add_native_code(symbol, _bitcode(name, text))
         _known[symbol] = name
+    return symbol
+
+
+_COMPOSITE = re.compile(r"!warp\.(\w+)<(?:([\dx ]+) x )?(\w+)>")
+
+
+def element_name(native) -> str | None:
+    """What C++ calls elements of an array by the text of their native type; None if nothing."""
+    found = _COMPOSITE.fullmatch(native)
+    if found is None:
+        return SCALARS.get(native)
+    kind, extents, scalar = found.groups()
+    if scalar not in SCALARS or kind not in ("vec", "mat", "quat", "transform"):
+        return None
+    numbers = [*re.findall(r"\d+", extents or ""), SCALARS[scalar]]
+    return f"wp::{kind}_t<{', '.join(numbers)}>"
+
+
+def add_memory(code, parameters) -> str:
+    """Compiles a function with arrays (`native_arrays.MemoryCode`); its symbol.
+
+    Args:
+        code: its text is a block in braces that returns the one result, or all in braces.
+        parameters: (name, native type, 0) of each number, (name, type of elements, rank) of each
+            array.
+
+    Raises:
+        WarpCompileError: as for `add`.
+    """
+    fields = "".join(f"{SCALARS[one]} r{i}; " for i, one in enumerate(code.results))
+    results = f"struct Results {{ {fields or 'int32_t r0;'} }};\n"
+    declared, passed, outer = [], [], []
+    for name, native, rank in parameters:
+        if not rank:
+            declared.append(f"{SCALARS[native]} {name}")
+            outer.append(declared[-1])
+            passed.append(name)
+            continue
+        element = element_name(native)
+        declared.append(f"wp::array_t<{element}> {name}")
+        extents = [f"{name}_d{axis}" for axis in range(rank)]
+        strides = [f"{name}_s{axis}" for axis in range(rank)]
+        outer += [f"uint64_t {name}_p", *(f"int32_t {one}" for one in [*extents, *strides])]
+        padded = [*extents, *["1"] * (4 - rank)]
+        made = (
+            f"wp::array_t<{element}>{{({element} *){name}_p, nullptr, {{{{{', '.join(padded)}}}}}, "
+            f"{{{', '.join(strides)}}}, {rank}, 0}}"
+        )
+        like = code.likes.get(name)
+        if like is not None:
+            at = [one for one, _, _ in parameters].index(like)
+            made = f"warp_native::Gradients<{element}>({made}, {passed[at]}).array"
+        passed.append(made)
+    one = SCALARS[code.results[0]] if len(code.results) == 1 and not code.likes else None
+    returned = one or ("Results" if code.results else "void")
+    called = f"warp_function({', '.join(passed)})"
+    kept = f"{{{called}}}" if one else called if code.results else f"({called}, Results{{0}})"
+    text = (
+        f"{NUMBERS}{ARRAYS}{results}static inline {returned} warp_function({', '.join(declared)}) "
+        f"{code.native_snippet}\n"
+    )
+    symbol = "warp_native_memory_" + hashlib.sha256(text.encode()).hexdigest()[:24]
+    if symbol not in _known:
+        text += (
+            f'extern "C" void {symbol}({", ".join([*outer, "Results *warp_out"])}) '
+            f"{{ *warp_out = Results({kept}); }}\n"
+        )
+        _native.add_native_code(symbol, _bitcode(code.key, text))
+        _known[symbol] = code.key
     return symbol
 
 
