@@ -7,6 +7,10 @@
 # warp_add_device_bitcode(NAME TARGET x86-64|nvptx SOURCES file...) compiles
 # freestanding C++ to one LLVM bitcode module and embeds it under NAME.
 #
+# warp_add_device_objects(NAME SOURCES file... OPTIONS ...) compiles freestanding
+# C++ to machine code, once for each level of x86-64, and embeds the objects as
+# NAME_v1, NAME_v3 and NAME_v4.
+#
 # warp_add_device_kernels(SOURCE) compiles a file of kernels in freestanding C++
 # to PTX and embeds it, terminated by a zero, as cuda_<stem of the file>. Clang
 # takes it as CUDA for the sake of a few attributes; no toolkit is needed.
@@ -73,6 +77,44 @@ function(warp_add_device_bitcode name)
   add_custom_target(${name}_bitcode DEPENDS "${linked}")
   warp_embed_file(${name} "${linked}")
   add_dependencies(warp_embed_${name} ${name}_bitcode)
+endfunction()
+
+function(warp_add_device_objects name)
+  cmake_parse_arguments(arg "" "" "SOURCES;OPTIONS" ${ARGN})
+  foreach(level v1 v3 v4)
+    set(processor x86-64)
+    if(NOT level STREQUAL "v1")
+      set(processor x86-64-${level})
+    endif()
+    set(folder "${PROJECT_BINARY_DIR}/bitcode/${name}_${level}")
+    file(MAKE_DIRECTORY "${folder}")
+    set(parts "")
+    foreach(source IN LISTS arg_SOURCES)
+      get_filename_component(source "${source}" ABSOLUTE)
+      get_filename_component(stem "${source}" NAME_WE)
+      set(part "${folder}/${stem}.o")
+      # Vectors wider than registers never cross the border of the library.
+      add_custom_command(OUTPUT "${part}"
+        COMMAND "${WARP_CLANG}" --target=x86_64-unknown-linux-gnu -std=c++20 -O2
+          -march=${processor} -mprefer-vector-width=512 -fPIC -mno-red-zone
+          -ffreestanding -fno-exceptions -fno-rtti -fno-math-errno
+          -fno-asynchronous-unwind-tables -ffp-contract=off -fvisibility=hidden
+          -nostdinc++ -Wno-psabi -I "${PROJECT_SOURCE_DIR}/lib/DeviceLib"
+          ${arg_OPTIONS} -MD -MF "${part}.d" -MT "${part}"
+          -c "${source}" -o "${part}"
+        DEPENDS "${source}" DEPFILE "${part}.d"
+        COMMENT "Building ${processor} object ${stem}" VERBATIM)
+      list(APPEND parts "${part}")
+    endforeach()
+    set(linked "${folder}/${name}.o")
+    add_custom_command(OUTPUT "${linked}"
+      COMMAND "${WARP_CLANG}" --target=x86_64-unknown-linux-gnu -nostdlib -r
+        ${parts} -o "${linked}"
+      DEPENDS ${parts} VERBATIM)
+    add_custom_target(${name}_${level}_object DEPENDS "${linked}")
+    warp_embed_file(${name}_${level} "${linked}")
+    add_dependencies(warp_embed_${name}_${level} ${name}_${level}_object)
+  endforeach()
 endfunction()
 
 function(warp_add_device_kernels source)

@@ -31,6 +31,8 @@
 
 namespace warp {
 
+class GraphTrace;
+
 /// Which threads may meanwhile do what a CUDA capture cannot hold.
 enum class CaptureMode { Global = 0, ThreadLocal = 1, Relaxed = 2 };
 
@@ -49,11 +51,16 @@ public:
   /// Writes a Graphviz file.
   virtual void writeDot(const std::string &path, bool verbose) const = 0;
 
+  /// What it was captured from, if it is to be saved (warp/SavedGraph.h).
+  const GraphTrace *trace() const { return recorded.get(); }
+
 protected:
   explicit Graph(int device) : deviceIndex(device) {}
 
 private:
+  friend class CaptureBase;
   int deviceIndex;
+  std::shared_ptr<const GraphTrace> recorded;
 };
 
 /// A recording in progress; destroyed before its end it leaves no trace.
@@ -63,10 +70,12 @@ public:
 
   /// `stream` is for CUDA, null means the current one. `external`: somebody
   /// else started to capture that stream and will end it; the graph then is
-  /// theirs and ours only keeps memory alive.
+  /// theirs and ours only keeps memory alive. `traced`: the graph is to be
+  /// saved.
   static std::unique_ptr<Capture>
   begin(int device, std::shared_ptr<Stream> stream = nullptr,
-        CaptureMode mode = CaptureMode::ThreadLocal, bool external = false);
+        CaptureMode mode = CaptureMode::ThreadLocal, bool external = false,
+        bool traced = false);
   virtual ~Capture();
   Capture(const Capture &) = delete;
   Capture &operator=(const Capture &) = delete;

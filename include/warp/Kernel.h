@@ -52,6 +52,8 @@ struct KernelOptions {
 };
 
 struct SavedKernel;
+struct SavedVariant;
+struct Translation;
 
 /// What the driver says of a kernel's machine code.
 struct CudaProperties {
@@ -81,6 +83,8 @@ struct LaunchSchedule {
 class WARP_API Kernel {
 public:
   Kernel(Module module, std::string name, KernelOptions options = {});
+  /// A kernel from the cache, whose module is parsed when it is asked for.
+  Kernel(Translation translation, std::string name, KernelOptions options = {});
   /// A kernel without source; it launches what was saved.
   explicit Kernel(const SavedKernel &saved);
   ~Kernel();
@@ -88,8 +92,13 @@ public:
   Kernel &operator=(const Kernel &) = delete;
 
   const std::string &name() const;
+  /// Throws if the kernel has no source.
   const Module &module() const;
   const std::vector<Param> &parameters() const;
+  /// One for each array among the arguments, as `accesses` of the module.
+  const std::vector<Access> &arrayAccesses() const;
+  /// All that another process needs to make this kernel again.
+  Translation translation() const;
   /// Bytes of the parameter block.
   size_t parameterSize() const;
   KernelOptions options() const;
@@ -130,6 +139,8 @@ public:
   /// Compiles the variants that a saved module has. `arch` 0 is the CPU. With a
   /// CUDA device, its driver turns the PTX into machine code.
   SavedKernel save(int arch, int device = cpuDevice);
+  /// The one variant of a plan; PTX for the architecture of its device.
+  SavedKernel save(const Plan &plan);
   /// Lets launches use saved code, before any given earlier. Throws if it was
   /// made from another source, or with options that change results.
   void attach(const SavedKernel &saved);

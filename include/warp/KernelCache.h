@@ -2,7 +2,8 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// A folder of files, one per compiled variant, named by the fingerprint.
+// A folder of files, one per compiled variant, named by the fingerprint, and one
+// per translation of a kernel ("warp/Translation.h").
 // Any number of processes may use one folder: an entry is written under a
 // temporary name and renamed, so a reader sees all of it or nothing, whatever
 // happens to the writer. What does not check out (length, key, checksum,
@@ -37,13 +38,18 @@ public:
   void setEnabled(bool enabled);
   bool enabled() const;
 
+  /// Bytes of a file in the folder, whatever they are.
+  std::optional<std::string> read(const std::string &name);
+  /// Writes a file: all of it or nothing. What fails costs a notice.
+  void write(const std::string &name, const std::string &bytes);
+  void remove(const std::string &name);
+
   std::optional<Code> find(const std::string &key);
   void store(const std::string &key, const Code &code);
   /// Removes every entry; returns how many there were.
   int clear();
 
 private:
-  std::string path(const std::string &key) const;
   bool prepare();
 
   std::string folder;

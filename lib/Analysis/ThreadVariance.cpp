@@ -205,7 +205,11 @@ void ThreadVariance::visitScratch(Operation *op) {
     return join(scratch.getResult(), {Moment, 0});
   if (auto load = dyn_cast<warp::ScratchLoadOp>(op)) {
     State state = get(load.getScratch());
-    state.sources |= get(load.getIndex()).sources;
+    State index = get(load.getIndex());
+    // Lanes that use different slots have memory of their own.
+    if (varies(index))
+      join(load.getScratch(), {index.sources, noStep});
+    state.sources |= index.sources;
     state.step = varies(state) ? noStep : 0;
     return join(load.getResult(), state);
   }

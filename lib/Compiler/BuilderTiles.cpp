@@ -276,10 +276,9 @@ warp::TileBuilder::endFunction(const Values &elements,
     auto tile = cast<TileType>(fold.getTile().getType());
     IntegerAttr axis =
         options.axis ? b.getI64IntegerAttr(*options.axis) : IntegerAttr();
-    TileType type =
-        options.flag
-            ? tile
-            : getReducedType(tile, options.axis, tile.getElementType());
+    TileType type = options.flag ? tile
+                                 : getReducedType(tile, options.axis,
+                                                  tile.getElementType());
     closed = TileFoldOp::create(b, open->getLoc(), type, fold.getTile(), axis,
                                 options.flag ? b.getUnitAttr() : UnitAttr());
   } else {

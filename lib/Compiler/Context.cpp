@@ -57,7 +57,10 @@ warp::Diagnostics::Diagnostics() : ScopedDiagnosticHandler(&compilerContext()) {
       text += note.str();
     }
     if (!firstError.empty()) {
-      rest += "\n" + text;
+      // What unrolled copies of a line report is said once.
+      text.insert(0, "\n");
+      if (text != "\n" + firstError && rest.find(text) == std::string::npos)
+        rest += text;
       return;
     }
     firstError = text;

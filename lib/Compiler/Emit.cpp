@@ -8,6 +8,7 @@
 
 #include "Transforms/Variant.h"
 
+#include "warp/Translation.h"
 #include "warp/Version.h"
 
 #include "WarpDialect/Passes.h"
@@ -62,9 +63,10 @@ std::string warp::emitText(const Module &module, const CompileOptions &options,
     return run.moduleText();
   }
   if (stage != "llvm" && stage != "ptx" && stage != "asm")
-    throw Error(Error::Kind::Value,
-                "no stage '" + stage +
-                    "'; there are warp, thread, launch, gpu, llvm, ptx and asm");
+    throw Error(
+        Error::Kind::Value,
+        "no stage '" + stage +
+            "'; there are warp, thread, launch, gpu, llvm, ptx and asm");
   if (stage == "ptx" && !isGpu(options))
     throw Error(Error::Kind::Value,
                 "stage 'ptx' needs a GPU target, but the target is '" +
@@ -86,20 +88,30 @@ static std::string describe(const warp::CompileOptions &options) {
   return text + "\n";
 }
 
-std::string warp::sourceHash(const Module &module) {
+static std::string hashOf(const std::string &text) {
   llvm::BLAKE3 hash;
-  hash.update(module.text());
+  hash.update(text);
   return llvm::toHex(hash.final<32>(), /*LowerCase=*/true);
+}
+
+std::string warp::sourceHash(const Module &module) {
+  return hashOf(module.text());
+}
+
+warp::SourceHashes warp::sourceHashes(const Module &module) {
+  return {hashOf(module.text()), hashOf(module.text(/*locations=*/true))};
 }
 
 std::string warp::hostProcessor() { return describeCpu(CompileOptions()); }
 
+std::string warp::fingerprint(const SourceHashes &hashes,
+                              const CompileOptions &options) {
+  bool located = options.debug || options.lineinfo;
+  return hashOf(buildId() + describe(options) +
+                (located ? hashes.located : hashes.plain));
+}
+
 std::string warp::fingerprint(const Module &module,
                               const CompileOptions &options) {
-  llvm::BLAKE3 hash;
-  hash.update(buildId());
-  hash.update(describe(options));
-  hash.update(module.text(options.debug || options.lineinfo));
-  auto digest = hash.final<32>();
-  return llvm::toHex(digest, /*LowerCase=*/true);
+  return fingerprint(sourceHashes(module), options);
 }

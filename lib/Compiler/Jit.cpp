@@ -6,15 +6,19 @@
 // names never clash and one kernel's code can go when its owner does. What an
 // object may call is listed here: the C library's mathematics, memory
 // functions, the kernels' printf, and conversions of small floats that
-// compilers otherwise take from their run-time library.
+// compilers otherwise take from their run-time library. Besides, the device
+// library, which is linked when the first object needs it.
 //
 //===----------------------------------------------------------------------===//
 
 #include "warp/Compile.h"
 
+#include "LibraryObject.h"
+
 #include "llvm/ADT/APFloat.h"
 #include "llvm/ExecutionEngine/Orc/AbsoluteSymbols.h"
 #include "llvm/ExecutionEngine/Orc/Core.h"
+#include "llvm/ExecutionEngine/Orc/ObjectFileInterface.h"
 #include "llvm/ExecutionEngine/Orc/ObjectLinkingLayer.h"
 #include "llvm/ExecutionEngine/Orc/SelfExecutorProcessControl.h"
 #include "llvm/Support/MemoryBuffer.h"
@@ -133,7 +137,8 @@ static warp::Error toError(llvm::Error error) {
 struct warp::Jit::Impl {
   Impl()
       : session(cantFail(orc::SelfExecutorProcessControl::Create())),
-        layer(session), runtime(session.createBareJITDylib("runtime")) {
+        layer(session), runtime(session.createBareJITDylib("runtime")),
+        device(session.createBareJITDylib("device library")) {
     session.setErrorReporter([this](llvm::Error error) {
       reported += llvm::toString(std::move(error));
     });
@@ -144,12 +149,33 @@ struct warp::Jit::Impl {
             orc::ExecutorAddr::fromPtr(symbol.address),
             JITSymbolFlags::Exported};
     cantFail(runtime.define(orc::absoluteSymbols(std::move(map))));
+    for (const LibraryObject &object : libraryObjects())
+      addLibrary(object);
+  }
+
+  /// Makes an object's functions known by their names with its level. It is
+  /// linked when the first of them is asked for.
+  void addLibrary(const LibraryObject &object) {
+    orc::JITDylib &own =
+        session.createBareJITDylib(("device library " + object.level).str());
+    own.addToLinkOrder(runtime);
+    auto buffer = MemoryBuffer::getMemBuffer(object.bytes, object.level,
+                                             /*RequiresNullTerminator=*/false);
+    orc::SymbolAliasMap names;
+    auto known = cantFail(
+        orc::getObjectFileInterface(session, buffer->getMemBufferRef()));
+    for (auto &[name, flags] : known.SymbolFlags)
+      if (flags.isExported())
+        names[session.intern((*name + "." + object.level).str())] = {name,
+                                                                     flags};
+    cantFail(layer.add(own, std::move(buffer)));
+    cantFail(device.define(orc::reexports(own, std::move(names))));
   }
 
   std::mutex mutex;
   orc::ExecutionSession session;
   orc::ObjectLinkingLayer layer;
-  orc::JITDylib &runtime;
+  orc::JITDylib &runtime, &device;
   std::string reported;
   unsigned count = 0;
   std::map<void *, orc::JITDylib *> loaded;
@@ -169,6 +195,7 @@ void *warp::Jit::load(const Code &code) {
   std::string name = code.entry + "." + std::to_string(impl->count++);
   orc::JITDylib &library = impl->session.createBareJITDylib(name);
   library.addToLinkOrder(impl->runtime);
+  library.addToLinkOrder(impl->device);
   auto fail = [&](llvm::Error error) {
     Error thrown = toError(std::move(error));
     thrown.message += impl->reported;

@@ -3,19 +3,20 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // Code is for the processor that compiles it: "cpu" means the host, and
-// "cpu:skylake-avx512" another one, which tests use. The device library's
-// functions are linked in and inlined, so that the loop vectoriser meets
-// arithmetic where the kernel called `sin`.
+// "cpu:skylake-avx512" another one, which tests use. Short functions of the
+// device library are linked in and inlined, so that the loop vectoriser meets
+// arithmetic where the kernel called `sin`; long ones are called
+// (LibraryObject.h).
 //
 //===----------------------------------------------------------------------===//
 
+#include "LibraryObject.h"
 #include "Target.h"
 
 #include "Transforms/Variant.h"
+#include "WarpDialect/LibraryOps.h"
 
-#include "llvm/IR/Constants.h"
 #include "llvm/IR/Module.h"
-#include "llvm/MC/MCSubtargetInfo.h"
 #include "llvm/MC/TargetRegistry.h"
 #include "llvm/Support/TargetSelect.h"
 #include "llvm/Target/TargetMachine.h"
@@ -78,20 +79,38 @@ warp::createCpuMachine(const CompileOptions &options) {
       level, /*JIT=*/true));
 }
 
+static bool isMissing(const llvm::Function &function) {
+  return function.isDeclaration() && !function.isIntrinsic();
+}
+
+/// Whether the device library has it as machine code.
+static bool isLong(const llvm::Function &function) {
+  return isMissing(function) && findLibraryFunction(function.getName());
+}
+
+/// Asks for the code that fits the processor.
+static void nameLibraryFunctions(llvm::Module &module,
+                                 const llvm::TargetMachine &machine) {
+  llvm::StringRef level = libraryLevel(*machine.getMCSubtargetInfo());
+  for (llvm::Function &function : module)
+    if (isLong(function))
+      function.setName(function.getName() + "." + level);
+}
+
 void warp::prepareCpuModule(llvm::Module &module, llvm::TargetMachine &machine,
                             const CompileOptions &options) {
   module.setTargetTriple(machine.getTargetTriple());
   module.setDataLayout(machine.createDataLayout());
-  linkBitcode(module,
-              {warp_devicelib_cpu_begin,
-               size_t(warp_devicelib_cpu_end - warp_devicelib_cpu_begin)},
-              "device library");
+  bool missesShort = llvm::any_of(module, [](const llvm::Function &function) {
+    return isMissing(function) && !isLong(function);
+  });
+  if (missesShort)
+    linkBitcode(module,
+                {warp_devicelib_cpu_begin,
+                 size_t(warp_devicelib_cpu_end - warp_devicelib_cpu_begin)},
+                "device library");
   linkNativeCode(module);
-  if (auto *wide = module.getNamedGlobal("warp_wide_registers")) {
-    bool has = machine.getMCSubtargetInfo()->checkFeatures("+avx512f");
-    wide->setInitializer(llvm::ConstantInt::get(wide->getValueType(), has));
-    wide->setLinkage(llvm::GlobalValue::InternalLinkage);
-  }
+  nameLibraryFunctions(module, machine);
   bool wide = getVectorBits(options.target) == 512;
   for (llvm::Function &function : module) {
     if (function.isDeclaration())

@@ -19,7 +19,8 @@
 
 using namespace warp::geometry;
 
-#define WARP_GEOMETRY extern "C" __attribute__((used, noinline)) void
+#define WARP_GEOMETRY                                                          \
+  extern "C" __attribute__((used, noinline, visibility("default"))) void
 
 namespace {
 

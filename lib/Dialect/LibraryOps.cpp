@@ -66,7 +66,8 @@ static constexpr warp::LibraryFunction functions[] = {
     {"warp_tile_sort", "lli", ""},
     // The same for threads of a GPU's block, by element type or layout. From an
     // array to the block's memory: place, data, offsets, extents, steps, shape,
-    // whether it is tested against the extents; elements per row there, threads.
+    // whether it is tested against the extents; elements per row there,
+    // threads.
     {"warp_tile_fetch_*", "lliiiiiiiiiii", ""},
     {"warp_tile_close_group", "", ""},
     // Groups that need not be there.

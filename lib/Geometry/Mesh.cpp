@@ -118,6 +118,12 @@ void Mesh::rebuild(const MeshArrays &arrays, BvhConstructor constructor) {
   impl->build(arrays, splittingOf(constructor));
 }
 
+void Mesh::supportWinding(const MeshArrays &arrays, bool byKernels) {
+  impl->hasWinding = true;
+  if (!byKernels)
+    impl->publish(arrays);
+}
+
 void Mesh::adopt(const MeshArrays &arrays, uint64_t nodes, uint64_t blocks) {
   Tree tree{0, reinterpret_cast<const Node *>(nodes),
             reinterpret_cast<const void *>(blocks), 1,

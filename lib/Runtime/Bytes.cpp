@@ -6,6 +6,8 @@
 
 #include "Bytes.h"
 
+#include "Support.h"
+
 #include <cerrno>
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -82,6 +84,93 @@ Code warp::readCode(Reader &in) {
     code.sites.push_back(std::move(site));
   }
   return code;
+}
+
+void warp::writeParam(Writer &out, const Param &param) {
+  out.string(param.name);
+  out.number<uint8_t>(static_cast<uint8_t>(param.kind));
+  out.string(param.type);
+  out.number<int64_t>(param.offset);
+  out.number<int64_t>(param.size);
+  out.number<int32_t>(param.rank);
+  out.string(param.element);
+  out.number<int64_t>(param.elementSize);
+  out.number<uint64_t>(param.arrays.size());
+  for (int64_t offset : param.arrays)
+    out.number<int64_t>(offset);
+}
+
+Param warp::readParam(Reader &in) {
+  Param param;
+  param.name = in.string();
+  param.kind = static_cast<Param::Kind>(in.number<uint8_t>());
+  param.type = in.string();
+  param.offset = in.number<int64_t>();
+  param.size = in.number<int64_t>();
+  param.rank = in.number<int32_t>();
+  param.element = in.string();
+  param.elementSize = in.number<int64_t>();
+  auto arrays = in.number<uint64_t>();
+  for (uint64_t i = 0; i < arrays && in.ok(); ++i)
+    param.arrays.push_back(in.number<int64_t>());
+  return param;
+}
+
+void warp::writeAccess(Writer &out, const Access &access) {
+  for (bool fact :
+       {access.loaded, access.stored, access.combined, access.fetched})
+    out.number<uint8_t>(fact);
+  out.number<uint32_t>(access.line);
+  for (int64_t size : {access.offset, access.elementSize, access.gradientSize})
+    out.number<int64_t>(size);
+}
+
+Access warp::readAccess(Reader &in) {
+  Access access;
+  for (bool *fact :
+       {&access.loaded, &access.stored, &access.combined, &access.fetched})
+    *fact = in.number<uint8_t>();
+  access.line = in.number<uint32_t>();
+  for (int64_t *size :
+       {&access.offset, &access.elementSize, &access.gradientSize})
+    *size = in.number<int64_t>();
+  return access;
+}
+
+static constexpr size_t keyLength = 64;
+static constexpr size_t headerSize = 8 + 4 + keyLength + 8 + 8;
+
+std::string warp::seal(const char (&magic)[8], uint32_t version,
+                       const std::string &key, const std::string &payload) {
+  Writer file;
+  file.bytes.reserve(headerSize + payload.size());
+  file.bytes.append(magic, sizeof(magic));
+  file.number(version);
+  file.bytes.append(key);
+  file.number<uint64_t>(payload.size());
+  file.number(hashBytes(payload.data(), payload.size()));
+  file.bytes += payload;
+  return std::move(file.bytes);
+}
+
+std::optional<std::string_view> warp::unseal(const char (&magic)[8],
+                                             uint32_t version,
+                                             const std::string &key,
+                                             const std::string &bytes) {
+  if (key.size() != keyLength || bytes.size() < headerSize ||
+      std::memcmp(bytes.data(), magic, sizeof(magic)) != 0 ||
+      bytes.compare(12, keyLength, key) != 0)
+    return std::nullopt;
+  uint32_t found;
+  std::memcpy(&found, bytes.data() + 8, 4);
+  Reader header(bytes.data() + 12 + keyLength, 16);
+  auto size = header.number<uint64_t>();
+  auto hash = header.number<uint64_t>();
+  const char *payload = bytes.data() + headerSize;
+  if (found != version || size != bytes.size() - headerSize ||
+      hash != hashBytes(payload, size))
+    return std::nullopt;
+  return std::string_view(payload, size);
 }
 
 std::optional<std::string> warp::readFile(const std::string &path) {

@@ -13,6 +13,7 @@
 #include <cstring>
 #include <optional>
 #include <string>
+#include <string_view>
 
 namespace warp {
 
@@ -73,6 +74,21 @@ private:
 /// The fields of `Code`, in the kernel cache and in saved modules.
 void writeCode(Writer &out, const Code &code);
 Code readCode(Reader &in);
+void writeParam(Writer &out, const Param &param);
+Param readParam(Reader &in);
+/// All but `watched`.
+void writeAccess(Writer &out, const Access &access);
+Access readAccess(Reader &in);
+
+/// A payload behind what tells that it is whole, and that of this key (64
+/// characters): magic | version | key | length | hash.
+std::string seal(const char (&magic)[8], uint32_t version,
+                 const std::string &key, const std::string &payload);
+/// The payload, a part of `bytes`; nothing if they are not exactly right.
+std::optional<std::string_view> unseal(const char (&magic)[8],
+                                       uint32_t version,
+                                       const std::string &key,
+                                       const std::string &bytes);
 
 /// Bytes of a regular file; nothing if it cannot be read.
 std::optional<std::string> readFile(const std::string &path);

@@ -24,6 +24,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -231,6 +232,14 @@ void warp::copyArray(ArrayView dst, ArrayView src, size_t elementSize,
   size_t bytes = elementCount(*dst.array) * elementSize;
   if (bytes == 0)
     return;
+  // Between devices what travels is noted: copies of bytes.
+  std::optional<TraceScope> tracing;
+  if (dst.device == src.device) {
+    tracing.emplace(dst.device, stream);
+    if (*tracing)
+      (*tracing)->add(GraphOperation::Kind::CopyArray,
+                      graphs::CopyArray{*dst.array, *src.array, elementSize});
+  }
   Nest nest = simplify(*dst.array, *src.array, elementSize);
   if (nest.rank == 0)
     return copyMemory(nest.dst, dst.device, nest.src, src.device, bytes,
@@ -264,9 +273,15 @@ void warp::copyArray(ArrayView dst, ArrayView src, size_t elementSize,
 void warp::fillArray(ArrayView dst, const void *pattern, size_t elementSize,
                      const Stream *stream) {
   int64_t count = elementCount(*dst.array);
+  if (count == 0)
+    return;
   if (isContiguous(*dst.array, elementSize))
     return fillMemory(dst.array->data, dst.device, pattern, elementSize, count,
                       stream);
+  TraceScope tracing(dst.device, stream);
+  if (tracing)
+    tracing->add(GraphOperation::Kind::FillArray, graphs::FillArray{*dst.array},
+                 std::string(static_cast<const char *>(pattern), elementSize));
   if (dst.device == cpuDevice) {
     // One element that every source stride of zero repeats.
     ArrayDescriptor source = *dst.array;

@@ -65,12 +65,19 @@ Capture::~Capture() = default;
 
 std::unique_ptr<Capture> Capture::begin(int device,
                                         std::shared_ptr<Stream> stream,
-                                        CaptureMode mode, bool external) {
-  if (device == cpuDevice)
-    return beginHostCapture();
-  if (!stream)
-    stream = currentStream(device);
-  return beginCudaCapture(device, std::move(stream), mode, external);
+                                        CaptureMode mode, bool external,
+                                        bool traced) {
+  std::unique_ptr<CaptureBase> capture;
+  if (device == cpuDevice) {
+    capture = beginHostCapture();
+  } else {
+    if (!stream)
+      stream = currentStream(device);
+    capture = beginCudaCapture(device, std::move(stream), mode, external);
+  }
+  if (traced)
+    capture->startTrace();
+  return capture;
 }
 
 CaptureBase::CaptureBase(int device) : Capture(device) {
@@ -92,7 +99,15 @@ std::shared_ptr<Kept> CaptureBase::close() {
                      [&](const Entry &entry) { return entry.capture == this; }),
       entries.end());
   --capturesInProgress;
+  if (notes)
+    --tracesInProgress;
   return std::move(kept);
+}
+
+void CaptureBase::startTrace() {
+  std::lock_guard<std::mutex> lock(registry().mutex);
+  notes = std::make_shared<GraphTrace>();
+  ++tracesInProgress;
 }
 
 /// Whether a capture may have recorded a use of memory of a device.
@@ -115,6 +130,18 @@ bool warp::keepForCapture(int device, std::function<void()> release) {
     entry.capture->kept->push_back(kept);
   }
   return kept != nullptr;
+}
+
+GraphTrace *warp::findTrace(int device, const Stream *stream) {
+  if (device != cpuDevice &&
+      !(stream ? stream : currentStream(device).get())->isCapturing())
+    return nullptr;
+  std::lock_guard<std::mutex> lock(registry().mutex);
+  for (const Entry &entry : registry().entries)
+    if (entry.capture->device() == device && entry.capture->trace() &&
+        mayUse(entry, device))
+      return entry.capture->trace();
+  return nullptr;
 }
 
 bool warp::isCapturing(int device) {
@@ -159,8 +186,8 @@ static cuda::GraphDriver findGraphSymbols() {
   if (!handle)
     return table;
 #define WARP_FIND(member, symbol, parameters)                                  \
-  table.member = reinterpret_cast<cuda::Result(*) parameters>(                 \
-      dlsym(handle, #symbol));
+  table.member =                                                               \
+      reinterpret_cast<cuda::Result(*) parameters>(dlsym(handle, #symbol));
   using namespace cuda;
   WARP_CUDA_GRAPH_SYMBOLS(WARP_FIND)
 #undef WARP_FIND
@@ -168,10 +195,10 @@ static cuda::GraphDriver findGraphSymbols() {
                          table.exchangeMode && table.instantiate &&
                          table.launch && table.destroyExec && table.destroy &&
                          table.getNodes;
-  table.supportsConditions =
-      table.supportsGraphs && driver()->version >= 12040 && table.captureInfo &&
-      table.updateDependencies && table.beginCaptureTo &&
-      table.createCondition && table.addNode;
+  table.supportsConditions = table.supportsGraphs &&
+                             driver()->version >= 12040 && table.captureInfo &&
+                             table.updateDependencies && table.beginCaptureTo &&
+                             table.createCondition && table.addNode;
   return table;
 }
 

@@ -109,6 +109,7 @@ private:
     return static_cast<StreamHandle>(stream->handle());
   }
   GraphHandle stop();
+  void setCondition(Condition condition, const int32_t *value, bool negated);
 
   std::shared_ptr<Stream> stream;
   int mode;
@@ -194,6 +195,9 @@ bool CudaGraph::addToCapture(StreamHandle stream) const {
 
 void CudaGraph::launch(const Stream *stream) {
   checkOwned("launch");
+  TraceScope tracing(device(), stream);
+  if (tracing)
+    tracing->addGraph(*this);
   QueuedWork work(device(), stream);
   if (capturesInProgress && addToCapture(work.stream()))
     return;
@@ -221,7 +225,7 @@ void CudaGraph::writeDot(const std::string &path, bool verbose) const {
 // Captures
 //===----------------------------------------------------------------------===//
 
-std::unique_ptr<Capture>
+std::unique_ptr<CaptureBase>
 warp::beginCudaCapture(int device, std::shared_ptr<Stream> stream,
                        CaptureMode mode, bool external) {
   if (!cuda::graphDriver().supportsGraphs)
@@ -232,8 +236,8 @@ warp::beginCudaCapture(int device, std::shared_ptr<Stream> stream,
                                "nobody began to");
   if (!external && active)
     throw captureError(device, "the stream is being captured already");
-  auto capture = std::make_unique<CudaCapture>(device, std::move(stream), mode,
-                                               external);
+  auto capture =
+      std::make_unique<CudaCapture>(device, std::move(stream), mode, external);
   capture->start();
   return capture;
 }
@@ -296,7 +300,10 @@ std::shared_ptr<Graph> CudaCapture::end() {
     throw captureError(device(), "it ends inside of a branch or loop");
   if (external) {
     running = false;
-    return std::make_shared<CudaGraph>(device(), nullptr, nullptr, close());
+    auto result =
+        std::make_shared<CudaGraph>(device(), nullptr, nullptr, close());
+    handTrace(*result);
+    return result;
   }
   GraphHandle graph = stop();
   running = false;
@@ -309,7 +316,10 @@ std::shared_ptr<Graph> CudaCapture::end() {
     cuda::graphDriver().destroy(graph);
     cuda::check(result, "cuGraphInstantiateWithFlags");
   }
-  return std::make_shared<CudaGraph>(device(), graph, exec, std::move(kept));
+  auto made =
+      std::make_shared<CudaGraph>(device(), graph, exec, std::move(kept));
+  handTrace(*made);
+  return made;
 }
 
 //===----------------------------------------------------------------------===//
@@ -342,12 +352,21 @@ Capture::Condition CudaCapture::addCondition(const int32_t *value,
   cuda::ConditionHandle handle = 0;
   WARP_CUDA_GRAPH(createCondition, &handle, position.graph,
                   cuda::contextOf(device()), 0, 0);
-  updateCondition(handle, value, negated);
+  setCondition(handle, value, negated);
+  if (trace())
+    trace()->addCondition(handle, value, negated);
   return handle;
 }
 
 void CudaCapture::updateCondition(Condition condition, const int32_t *value,
                                   bool negated) {
+  setCondition(condition, value, negated);
+  if (trace())
+    trace()->updateCondition(condition, value, negated);
+}
+
+void CudaCapture::setCondition(Condition condition, const int32_t *value,
+                               bool negated) {
   cuda::ContextScope scope(device());
   unsigned flip = negated;
   void *arguments[] = {&condition, &value, &flip};
@@ -370,6 +389,8 @@ void CudaCapture::beginBody(Condition condition, bool loop) {
   paused.push_back(outer);
   WARP_CUDA_GRAPH(beginCaptureTo, raw(), description.bodies[0], nullptr,
                   nullptr, 0, mode);
+  if (trace())
+    trace()->beginBody(condition, loop);
 }
 
 void CudaCapture::endBody() {
@@ -381,4 +402,6 @@ void CudaCapture::endBody() {
   WARP_CUDA_GRAPH(beginCaptureTo, raw(), outer.graph, &outer.node, nullptr, 1,
                   mode);
   paused.pop_back();
+  if (trace())
+    trace()->endBody();
 }

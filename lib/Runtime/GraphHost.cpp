@@ -88,25 +88,33 @@ public:
   void launch(Kernel &kernel, const Kernel::Plan &plan,
               const void *params) override;
   void call(std::function<void()> function, size_t bytes) override {
+    if (trace() && !TraceScope::active())
+      trace()->addOther("work of a library on the host");
     graph->bytes += bytes;
     add({std::move(function), "copy or fill"});
   }
 
   std::shared_ptr<Graph> end() override;
   Condition addCondition(const int32_t *value, bool negated) override {
-    updateCondition(graph->flags, value, negated);
+    if (trace())
+      trace()->addCondition(graph->flags, value, negated);
+    setFlag(graph->flags, value, negated);
     return graph->flags++;
   }
   void updateCondition(Condition condition, const int32_t *value,
                        bool negated) override {
-    add({FlagStep{static_cast<size_t>(condition), value, negated},
-         "condition"});
+    if (trace())
+      trace()->updateCondition(condition, value, negated);
+    setFlag(static_cast<size_t>(condition), value, negated);
   }
   void beginBody(Condition condition, bool loop) override;
   void endBody() override;
 
 private:
   void add(Step step) { open.back()->push_back(std::move(step)); }
+  void setFlag(size_t flag, const int32_t *value, bool negated) {
+    add({FlagStep{flag, value, negated}, "condition"});
+  }
   void stop() {
     if (threadRecorder() == this)
       setThreadRecorder(nullptr);
@@ -124,7 +132,7 @@ private:
 // Recording
 //===----------------------------------------------------------------------===//
 
-std::unique_ptr<Capture> warp::beginHostCapture() {
+std::unique_ptr<CaptureBase> warp::beginHostCapture() {
   if (threadRecorder())
     throw Error(Error::Kind::Runtime,
                 "this thread is capturing a graph on 'cpu' already");
@@ -156,6 +164,8 @@ void HostCapture::launch(Kernel &kernel, const Kernel::Plan &plan,
 }
 
 void HostCapture::beginBody(Condition condition, bool loop) {
+  if (trace())
+    trace()->beginBody(condition, loop);
   add({BodyStep{static_cast<size_t>(condition), loop,
                 std::make_unique<Steps>()},
        loop ? "while" : "if"});
@@ -166,6 +176,8 @@ void HostCapture::endBody() {
   if (open.size() == 1)
     throw Error(Error::Kind::Runtime, "no body of a graph is open");
   open.pop_back();
+  if (trace())
+    trace()->endBody();
 }
 
 std::shared_ptr<Graph> HostCapture::end() {
@@ -174,6 +186,7 @@ std::shared_ptr<Graph> HostCapture::end() {
                 "expects the thread that began the capture to end it");
   bool complete = open.size() == 1;
   stop();
+  handTrace(*graph);
   std::shared_ptr<Graph> result = std::move(graph);
   if (!complete)
     throw Error(Error::Kind::Runtime,
@@ -205,6 +218,9 @@ static void run(const Steps &steps, char *flags) {
 }
 
 void HostGraph::launch(const Stream *) {
+  TraceScope tracing(cpuDevice, nullptr);
+  if (tracing)
+    tracing->addGraph(*this);
   auto self = std::static_pointer_cast<HostGraph>(shared_from_this());
   if (recordOnHost(bytes, [self] { self->launch(nullptr); }))
     return;

@@ -11,6 +11,7 @@
 #define WARP_LIB_RUNTIME_GRAPHIMPL_H
 
 #include "GraphDriver.h"
+#include "GraphTrace.h"
 #include "warp/Graph.h"
 #include "warp/Kernel.h"
 
@@ -30,14 +31,22 @@ class CaptureBase : public Capture {
 public:
   ~CaptureBase() override;
 
+  /// Notes what is recorded from now on.
+  void startTrace();
+  /// Null if none is kept.
+  GraphTrace *trace() const { return notes.get(); }
+
 protected:
   explicit CaptureBase(int device);
   /// No more to be found by others; what was kept so far. Thread-safe.
   std::shared_ptr<Kept> close();
+  /// Gives a graph what was noted.
+  void handTrace(Graph &graph) { graph.recorded = notes; }
 
 private:
   friend bool keepForCapture(int device, std::function<void()> release);
   std::shared_ptr<Kept> kept = std::make_shared<Kept>();
+  std::shared_ptr<GraphTrace> notes;
   bool open = true;
 };
 
@@ -82,10 +91,10 @@ void checkNotCapturing(int device, const char *what);
 /// itself if no stream of the device is captured.
 const void *keepBytes(int device, const void *data, size_t size);
 
-std::unique_ptr<Capture> beginHostCapture();
-std::unique_ptr<Capture> beginCudaCapture(int device,
-                                          std::shared_ptr<Stream> stream,
-                                          CaptureMode mode, bool external);
+std::unique_ptr<CaptureBase> beginHostCapture();
+std::unique_ptr<CaptureBase> beginCudaCapture(int device,
+                                              std::shared_ptr<Stream> stream,
+                                              CaptureMode mode, bool external);
 
 } // namespace warp
 

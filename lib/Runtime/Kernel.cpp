@@ -93,10 +93,10 @@ bool warp::isIntegerScalar(const Param &param) {
          (param.type[0] == 's' || param.type[0] == 'u') && param.type[1] == 'i';
 }
 
-void Kernel::Impl::setSize(VariantKey &key, const LaunchDim &dim,
-                           int64_t items, int smCount) {
-  key.large = items >= largeLaunch &&
-              (dim.rank == 1 || dim.extent[0] >= fewPlanes);
+void Kernel::Impl::setSize(VariantKey &key, const LaunchDim &dim, int64_t items,
+                           int smCount) {
+  key.large =
+      items >= largeLaunch && (dim.rank == 1 || dim.extent[0] >= fewPlanes);
   key.under = items < fewThreads * smCount;
   key.narrow = dim.rank > 1 && (dim.extent[dim.rank - 1] < wideExtent ||
                                 dim.extent[dim.rank - 2] < wideExtent);
@@ -146,15 +146,14 @@ void Kernel::Impl::findAccesses() {
   std::lock_guard<std::mutex> lock(mutex);
   if (hasAccesses.load(std::memory_order_relaxed))
     return;
-  if (module.getImpl())
-    accesses = warp::accesses(module);
+  if (hasSource())
+    accesses = warp::accesses(source());
   hasAccesses.store(true, std::memory_order_release);
 }
 
 /// On the CPU adjoints have another order of accesses without overlaps, loops
 /// that end by what they load have lanes, and sums may be made in copies.
-bool Kernel::Impl::isDisjoint(const VariantKey &key,
-                              const void *params) const {
+bool Kernel::Impl::isDisjoint(const VariantKey &key, const void *params) const {
   bool matters = key.device != cpuDevice;
   for (const Access &access : accesses)
     matters |= access.gradientSize != 0 || access.watched ||
@@ -188,9 +187,8 @@ CompileOptions Kernel::Impl::compileOptions(const VariantKey &key,
   result.debug = options.debug;
   result.fastMath = options.fastMath;
   result.deterministic = options.deterministic;
-  result.ordered =
-      options.deterministic &&
-      (key.ordered || (arch == 0 && !options.sameOnDevices));
+  result.ordered = options.deterministic &&
+                   (key.ordered || (arch == 0 && !options.sameOnDevices));
   result.lineinfo = options.lineinfo;
   result.optLevel = options.optLevel;
   result.threads = arch == 0 ? std::min(ThreadPool::size(), 16) : 1;
@@ -224,14 +222,14 @@ private:
 
 Code Kernel::Impl::obtain(int device, const CompileOptions &compileOptions) {
   Stopwatch watch(times);
-  std::string key = fingerprint(module, compileOptions);
+  std::string key = fingerprint(hashes(), compileOptions);
   watch.lap("fingerprint");
   KernelCache &cache = KernelCache::get();
   std::optional<Code> cached = cache.find(key);
   watch.lap("cache");
   if (cached)
     return std::move(*cached);
-  Code code = compile(module, compileOptions);
+  Code code = compile(source(), compileOptions);
   watch.lap("compile");
   if (device != cpuDevice) {
     assembleOnCuda(device, code);
@@ -290,7 +288,47 @@ Kernel::Kernel(Module module, std::string name, KernelOptions options)
   impl->setParameters(warp::parameters(impl->module));
 }
 
+Kernel::Kernel(Translation translation, std::string name,
+               KernelOptions options)
+    : impl(std::make_unique<Impl>(std::move(translation))) {
+  impl->name = std::move(name);
+  impl->options = options;
+}
+
 Kernel::Impl::Impl(Module module) : module(std::move(module)) {}
+
+Kernel::Impl::Impl(Translation &&translation)
+    : module(nullptr), text(std::move(translation.text)),
+      knownHashes(std::move(translation.hashes)),
+      knownRank(translation.rank), accesses(std::move(translation.accesses)),
+      hasAccesses(true) {
+  std::call_once(hashed, [] {});
+  setParameters(std::move(translation.params));
+}
+
+const Module &Kernel::Impl::source() {
+  std::call_once(parsed, [this] {
+    if (!text.empty())
+      module = Module::fromText(text);
+  });
+  if (!module.getImpl())
+    throw Error(Error::Kind::Value,
+                "kernel '" + name + "' was saved without its source");
+  return module;
+}
+
+const SourceHashes &Kernel::Impl::hashes() {
+  std::call_once(hashed, [this] { knownHashes = sourceHashes(source()); });
+  return knownHashes;
+}
+
+int Kernel::Impl::threadRank() {
+  int rank = knownRank;
+  if (rank == 0)
+    knownRank = rank = warp::threadRank(source());
+  return rank;
+}
+
 Kernel::Impl::~Impl() = default;
 
 void Kernel::Impl::setParameters(std::vector<Param> list) {
@@ -308,7 +346,23 @@ Kernel::~Kernel() {
 }
 
 const std::string &Kernel::name() const { return impl->name; }
-const Module &Kernel::module() const { return impl->module; }
+const Module &Kernel::module() const { return impl->source(); }
+
+const std::vector<Access> &Kernel::arrayAccesses() const {
+  impl->findAccesses();
+  return impl->accesses;
+}
+
+Translation Kernel::translation() const {
+  Translation result;
+  result.hashes = impl->hashes();
+  result.params = impl->params;
+  result.accesses = arrayAccesses();
+  result.rank = impl->threadRank();
+  result.text = impl->source().text(/*locations=*/true);
+  return result;
+}
+
 size_t Kernel::parameterSize() const { return impl->paramSize; }
 KernelOptions Kernel::options() const { return impl->options; }
 
@@ -406,6 +460,9 @@ static void setErrorRecord(void *params, uint64_t address) {
 void Kernel::run(const Plan &plan, void *params, const Stream *stream) {
   if (!plan.variant)
     return;
+  TraceScope tracing(plan.device, stream);
+  if (tracing)
+    tracing->addLaunch(*this, plan, params);
   if (plan.device == cpuDevice)
     if (HostRecorder *recorder = hostRecorder())
       return recorder->launch(*this, plan, params);

@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// One file per entry, `<key>.code`:
+// One file per entry, `<key>.code` for compiled code:
 //
 //   magic "WARPCODE" | format version | key (64 characters)
 //   | length of the payload | hash of the payload | payload
@@ -38,8 +38,6 @@ namespace {
 
 constexpr char magic[] = {'W', 'A', 'R', 'P', 'C', 'O', 'D', 'E'};
 constexpr uint32_t formatVersion = 6;
-constexpr size_t keyLength = 64;
-constexpr size_t headerSize = 8 + 4 + keyLength + 8 + 8;
 constexpr const char *suffix = ".code";
 constexpr const char *temporaryPrefix = ".writing-";
 /// Leftovers of killed writers are removed after this many seconds.
@@ -50,32 +48,16 @@ constexpr time_t temporaryLifetime = 3600;
 std::string warp::serialize(const std::string &key, const Code &code) {
   Writer payload;
   writeCode(payload, code);
-  Writer file;
-  file.bytes.append(magic, sizeof(magic));
-  file.number(formatVersion);
-  file.bytes.append(key);
-  file.number<uint64_t>(payload.bytes.size());
-  file.number(hashBytes(payload.bytes.data(), payload.bytes.size()));
-  file.bytes += payload.bytes;
-  return file.bytes;
+  return seal(magic, formatVersion, key, payload.bytes);
 }
 
 std::optional<Code> warp::deserialize(const std::string &key,
                                       const std::string &bytes) {
-  if (key.size() != keyLength || bytes.size() < headerSize ||
-      std::memcmp(bytes.data(), magic, sizeof(magic)) != 0 ||
-      bytes.compare(12, keyLength, key) != 0)
+  std::optional<std::string_view> payload =
+      unseal(magic, formatVersion, key, bytes);
+  if (!payload)
     return std::nullopt;
-  uint32_t version;
-  std::memcpy(&version, bytes.data() + 8, 4);
-  Reader header(bytes.data() + 12 + keyLength, 16);
-  auto size = header.number<uint64_t>();
-  auto hash = header.number<uint64_t>();
-  const char *payload = bytes.data() + headerSize;
-  if (version != formatVersion || size != bytes.size() - headerSize ||
-      hash != hashBytes(payload, size))
-    return std::nullopt;
-  Reader reader(payload, size);
+  Reader reader(payload->data(), payload->size());
   Code code = readCode(reader);
   if (!reader.atEnd())
     return std::nullopt;
@@ -180,10 +162,6 @@ bool KernelCache::enabled() const {
   return active;
 }
 
-std::string KernelCache::path(const std::string &key) const {
-  return folder + "/" + key + suffix;
-}
-
 /// Makes the folder before the first write. Called with the lock held.
 bool KernelCache::prepare() {
   if (prepared)
@@ -198,21 +176,33 @@ bool KernelCache::prepare() {
   return writable;
 }
 
-std::optional<Code> KernelCache::find(const std::string &key) {
+std::optional<std::string> KernelCache::read(const std::string &name) {
   std::string file;
   {
     std::lock_guard<std::mutex> lock(cacheMutex);
     if (!active)
       return std::nullopt;
-    file = path(key);
+    file = folder + "/" + name;
   }
-  std::optional<std::string> bytes = readFile(file);
+  return readFile(file);
+}
+
+void KernelCache::remove(const std::string &name) {
+  unlink((directory() + "/" + name).c_str());
+}
+
+std::optional<Code> KernelCache::find(const std::string &key) {
+  std::optional<std::string> bytes = read(key + suffix);
   if (!bytes)
     return std::nullopt;
   std::optional<Code> code = deserialize(key, *bytes);
   if (!code)
-    unlink(file.c_str());
+    remove(key + suffix);
   return code;
+}
+
+void KernelCache::store(const std::string &key, const Code &code) {
+  write(key + suffix, serialize(key, code));
 }
 
 /// A file name that no other writer has, in this process or another.
@@ -224,8 +214,7 @@ static std::string temporaryName(const std::string &key) {
          key.substr(0, 16);
 }
 
-void KernelCache::store(const std::string &key, const Code &code) {
-  std::string bytes = serialize(key, code);
+void KernelCache::write(const std::string &name, const std::string &bytes) {
   int reason = 0;
   // A second try covers a folder that somebody removed in the meantime.
   for (int attempt = 0; attempt < 2; ++attempt) {
@@ -235,8 +224,8 @@ void KernelCache::store(const std::string &key, const Code &code) {
       prepared = prepared && attempt == 0;
       if (!active || !prepare())
         return;
-      file = path(key);
-      temporary = folder + "/" + temporaryName(key);
+      file = folder + "/" + name;
+      temporary = folder + "/" + temporaryName(name);
     }
     if (writeFile(temporary, bytes) &&
         rename(temporary.c_str(), file.c_str()) == 0)
@@ -258,6 +247,8 @@ int KernelCache::clear() {
   int count = 0;
   forEachFile(where, [&](const std::string &name) {
     bool entry = endsWith(name, suffix);
+    if (endsWith(name, ".kernel"))
+      unlink((where + "/" + name).c_str());
     if (!entry && name.rfind(temporaryPrefix, 0) != 0)
       return;
     if (unlink((where + "/" + name).c_str()) == 0)

@@ -11,6 +11,7 @@
 #include "DeviceState.h"
 #include "WidthPolicy.h"
 #include "warp/Kernel.h"
+#include "warp/Translation.h"
 
 #include <atomic>
 #include <mutex>
@@ -35,9 +36,9 @@ struct VariantKey {
     return device == other.device && rank == other.rank &&
            index32 == other.index32 && flat == other.flat &&
            large == other.large && under == other.under &&
-           narrow == other.narrow &&
-           disjoint == other.disjoint && ordered == other.ordered &&
-           blockDim == other.blockDim && contiguous == other.contiguous;
+           narrow == other.narrow && disjoint == other.disjoint &&
+           ordered == other.ordered && blockDim == other.blockDim &&
+           contiguous == other.contiguous;
   }
 
   /// The same but for what does not count of the size of the launch, of which
@@ -82,7 +83,15 @@ struct Kernel::Variant {
 };
 
 struct Kernel::Impl {
+  /// None in a kernel of the cache until `source` is called, which alone reads
+  /// it; and none in one that has no source.
   Module module;
+  /// Text of the module, where it comes from the cache.
+  std::string text;
+  std::once_flag parsed, hashed;
+  SourceHashes knownHashes;
+  /// 0: not known yet.
+  std::atomic<int> knownRank{0};
   std::string name;
   KernelOptions options;
   std::vector<Param> params;
@@ -100,7 +109,14 @@ struct Kernel::Impl {
   std::vector<std::unique_ptr<SavedKernel>> saved;
 
   explicit Impl(Module module);
+  explicit Impl(Translation &&translation);
   ~Impl();
+  bool hasSource() const { return !text.empty() || module.getImpl(); }
+  /// The module, parsed if need be.
+  const Module &source();
+  const SourceHashes &hashes();
+  /// Dimensions of the thread index that the kernel reads.
+  int threadRank();
   void setParameters(std::vector<Param> list);
   Variant *find(const VariantKey &key) const;
   Variant *make(const VariantKey &key);
@@ -119,7 +135,7 @@ struct Kernel::Impl {
   static void setSize(VariantKey &key, const LaunchDim &dim, int64_t items,
                       int smCount);
   LaunchSchedule describe(const VariantKey &key, int arch,
-                          const Variant *variant) const;
+                          const Variant *variant);
   /// Threads of a block: what a launch asks for, or the kernel's own.
   int checkedBlockDim(int asked) const;
   /// The variant of an ordinary launch.
@@ -127,6 +143,12 @@ struct Kernel::Impl {
   /// Puts saved code into `variant` if some fits; throws if there is no source
   /// to compile either.
   bool obtainSaved(const VariantKey &key, int arch, Variant &variant) const;
+  SavedKernel describeSaved(int arch);
+  /// With the mutex held.
+  SavedVariant compileSaved(const VariantKey &key, int arch);
+  /// The saved code for such a launch, and the kernel that it belongs to.
+  std::pair<const SavedKernel *, const SavedVariant *>
+  chooseSaved(const VariantKey &key, int arch) const;
   [[noreturn]] void raiseNotSaved(const VariantKey &key, int arch) const;
   Code obtain(int device, const CompileOptions &compileOptions);
 };

@@ -38,7 +38,7 @@ void Kernel::attach(const SavedKernel &saved) {
                                         "' does not fit its saved code: " +
                                         why + ", compile the module again");
   };
-  if (impl->module.getImpl() && sourceHash(impl->module) != saved.source)
+  if (impl->hasSource() && impl->hashes().plain != saved.source)
     reject("its source has changed");
   if (options.debug != saved.options.debug)
     reject(std::string("that was compiled in ") +
@@ -50,8 +50,7 @@ void Kernel::attach(const SavedKernel &saved) {
     reject("it asks for 'deterministic' code");
   std::lock_guard<std::mutex> lock(impl->mutex);
   // What came last is tried first.
-  impl->saved.insert(impl->saved.begin(),
-                     std::make_unique<SavedKernel>(saved));
+  impl->saved.insert(impl->saved.begin(), std::make_unique<SavedKernel>(saved));
 }
 
 //===----------------------------------------------------------------------===//
@@ -92,35 +91,63 @@ static std::vector<VariantKey> keysToSave(const std::vector<Param> &params,
   return keys;
 }
 
-SavedKernel Kernel::save(int arch, int device) {
+/// All but the variants.
+SavedKernel Kernel::Impl::describeSaved(int arch) {
   SavedKernel saved;
-  saved.name = impl->name;
+  saved.name = name;
   saved.target = arch == 0 ? "cpu" : "sm_" + std::to_string(arch);
   if (arch == 0)
     saved.processor = hostProcessor();
-  saved.source = sourceHash(impl->module);
-  saved.options = impl->options;
-  saved.params = impl->params;
-  impl->findAccesses();
-  saved.accesses = impl->accesses;
-  int rank = threadRank(impl->module);
+  saved.source = hashes().plain;
+  saved.options = options;
+  saved.params = params;
+  findAccesses();
+  saved.accesses = accesses;
+  return saved;
+}
+
+SavedVariant Kernel::Impl::compileSaved(const VariantKey &key, int arch) {
+  CompileOptions compile = compileOptions(key, arch);
+  // As many threads as ever matter: the machine to come is not known.
+  compile.threads = arch == 0 ? 16 : 1;
+  SavedVariant variant;
+  variant.rank = key.rank;
+  variant.contiguous = key.contiguous;
+  variant.index32 = key.index32;
+  variant.flat = key.flat;
+  variant.large = key.large;
+  variant.disjoint = key.disjoint;
+  variant.blockDim = arch == 0 ? 0 : compile.blockDim;
+  variant.code = obtain(key.device, compile);
+  return variant;
+}
+
+SavedKernel Kernel::save(int arch, int device) {
+  SavedKernel saved = impl->describeSaved(arch);
+  int rank = impl->threadRank();
   std::lock_guard<std::mutex> lock(impl->mutex);
   for (VariantKey key : keysToSave(impl->params, rank, arch != 0)) {
     key.device = device;
-    CompileOptions options = impl->compileOptions(key, arch);
-    // As many threads as ever matter: the machine to come is not known.
-    options.threads = arch == 0 ? 16 : 1;
-    SavedVariant variant;
-    variant.rank = key.rank;
-    variant.contiguous = key.contiguous;
-    variant.index32 = key.index32;
-    variant.flat = key.flat;
-    variant.large = key.large;
-    variant.disjoint = key.disjoint;
-    variant.blockDim = arch == 0 ? 0 : options.blockDim;
-    variant.code = impl->obtain(device, options);
-    saved.variants.push_back(std::move(variant));
+    saved.variants.push_back(impl->compileSaved(key, arch));
   }
+  return saved;
+}
+
+SavedKernel Kernel::save(const Plan &plan) {
+  VariantKey key = plan.variant->key;
+  int arch = key.device == cpuDevice ? 0 : deviceInfo(key.device).arch;
+  if (!impl->hasSource()) {
+    std::lock_guard<std::mutex> lock(impl->mutex);
+    auto [kernel, variant] = impl->chooseSaved(key, arch);
+    SavedKernel saved = *kernel;
+    saved.variants = {*variant};
+    return saved;
+  }
+  SavedKernel saved = impl->describeSaved(arch);
+  std::lock_guard<std::mutex> lock(impl->mutex);
+  // Not that device's machine code, which no other could run.
+  key.device = cpuDevice;
+  saved.variants.push_back(impl->compileSaved(key, arch));
   return saved;
 }
 
@@ -168,10 +195,9 @@ static Code assembled(int device, Code code) {
   for (uint64_t seed = 0; seed < 4; ++seed) {
     char digits[17];
     uint64_t hash = hashBytes(what.data(), what.size(), seed);
-    std::snprintf(
-        digits, sizeof(digits), "%016llx",
-        static_cast<unsigned long long>(
-            hashBytes(code.binary.data(), code.binary.size(), hash)));
+    std::snprintf(digits, sizeof(digits), "%016llx",
+                  static_cast<unsigned long long>(
+                      hashBytes(code.binary.data(), code.binary.size(), hash)));
     key += digits;
   }
   KernelCache &cache = KernelCache::get();
@@ -182,8 +208,8 @@ static Code assembled(int device, Code code) {
   return code;
 }
 
-bool Kernel::Impl::obtainSaved(const VariantKey &key, int arch,
-                               Variant &variant) const {
+std::pair<const SavedKernel *, const SavedVariant *>
+Kernel::Impl::chooseSaved(const VariantKey &key, int arch) const {
   const SavedKernel *best = nullptr;
   const SavedVariant *chosen = nullptr;
   for (const auto &kernel : saved)
@@ -196,8 +222,14 @@ bool Kernel::Impl::obtainSaved(const VariantKey &key, int arch,
         chosen = &candidate;
       }
     }
+  return {best, chosen};
+}
+
+bool Kernel::Impl::obtainSaved(const VariantKey &key, int arch,
+                               Variant &variant) const {
+  auto [best, chosen] = chooseSaved(key, arch);
   if (!best) {
-    if (!module.getImpl())
+    if (!hasSource())
       raiseNotSaved(key, arch);
     return false;
   }
@@ -235,14 +267,12 @@ void Kernel::Impl::raiseNotSaved(const VariantKey &key, int arch) const {
                                        "), there is: " + have);
 }
 
-void Kernel::load(int device, int blockDim) {
-  impl->loaded(device, blockDim);
-}
+void Kernel::load(int device, int blockDim) { impl->loaded(device, blockDim); }
 
 Kernel::Variant &Kernel::Impl::loaded(int device, int blockDim) {
   VariantKey key;
   key.device = device;
-  key.rank = module.getImpl() ? threadRank(module) : saved[0]->variants[0].rank;
+  key.rank = hasSource() ? threadRank() : saved[0]->variants[0].rank;
   for (size_t i = 0; i < params.size() && i < 64; ++i)
     if (params[i].kind == Param::Kind::Array || isIntegerScalar(params[i]))
       key.contiguous |= uint64_t(1) << i;

@@ -62,21 +62,21 @@ static void addCuda(const Kernel::Variant &variant,
 }
 
 LaunchSchedule Kernel::Impl::describe(const VariantKey &key, int arch,
-                                      const Variant *variant) const {
+                                      const Variant *variant) {
   LaunchSchedule result{describeKind(key, arch), {}};
-  if (!module.getImpl()) {
+  if (!hasSource()) {
     result.choices.push_back({"source", "none", "the code is from a file"});
     return result;
   }
   CompileOptions compiled = compileOptions(key, arch);
-  result.choices = schedule(module, compiled);
+  result.choices = schedule(source(), compiled);
   if (arch == 0) {
     std::string threads = std::to_string(ThreadPool::size());
     result.choices.push_back({"threads", "at most " + threads,
                               "as many as a launch has work for"});
     return result;
   }
-  std::string ptx = emitText(module, compiled, "ptx");
+  std::string ptx = emitText(source(), compiled, "ptx");
   result.choices.push_back(
       {"ptx", std::to_string(std::count(ptx.begin(), ptx.end(), '\n')),
        "lines"});
@@ -96,9 +96,9 @@ std::vector<LaunchSchedule> Kernel::schedules(int device, int arch,
                       impl->describe(variant->key, arch, variant));
   if (!result.empty())
     return result;
-  int rank = dim                      ? dim->rank
-             : impl->module.getImpl() ? threadRank(impl->module)
-                                      : 1;
+  int rank = dim                 ? dim->rank
+             : impl->hasSource() ? impl->threadRank()
+                                 : 1;
   VariantKey key = impl->usualKey(rank);
   key.device = device;
   if (arch != 0) {

@@ -61,10 +61,25 @@ static void copyPeer(Pointer dst, int dstDevice, Pointer src, int srcDevice,
   waitEvent(*other, after);
 }
 
+static void traceCopy(GraphTrace &trace, void *dst, int dstDevice,
+                      const void *src, int srcDevice, size_t bytes) {
+  if (dstDevice == srcDevice)
+    return trace.add(GraphOperation::Kind::CopyBytes,
+                     graphs::CopyBytes{dst, src, bytes});
+  if (srcDevice == cpuDevice)
+    return trace.add(GraphOperation::Kind::Upload, graphs::Upload{dst},
+                     std::string(static_cast<const char *>(src), bytes));
+  trace.addOther(dstDevice == cpuDevice ? "a copy to the host"
+                                        : "a copy between devices");
+}
+
 void warp::copyMemory(void *dst, int dstDevice, const void *src, int srcDevice,
                       size_t bytes, const Stream *stream) {
   if (bytes == 0)
     return;
+  TraceScope tracing(dstDevice == cpuDevice ? srcDevice : dstDevice, stream);
+  if (tracing)
+    traceCopy(*tracing.operator->(), dst, dstDevice, src, srcDevice, bytes);
   if (dstDevice == cpuDevice && srcDevice == cpuDevice) {
     if (!recordOnHost(bytes, [=] { copyHost(dst, src, bytes); }))
       copyHost(dst, src, bytes);
@@ -157,6 +172,10 @@ void warp::fillMemory(void *dst, int device, const void *pattern, size_t size,
   if (size == 0 || count == 0)
     return;
   auto *bytes = static_cast<const char *>(pattern);
+  TraceScope tracing(device, stream);
+  if (tracing)
+    tracing->add(GraphOperation::Kind::FillBytes, graphs::FillBytes{dst, count},
+                 std::string(bytes, size));
   if (device == cpuDevice) {
     if (shortestPeriod(bytes, size) == 1)
       return setMemory(dst, device, bytes[0], size * count);
@@ -183,6 +202,10 @@ void warp::setMemory(void *dst, int device, int byte, size_t bytes,
                      const Stream *stream) {
   if (bytes == 0)
     return;
+  TraceScope tracing(device, stream);
+  if (tracing)
+    tracing->add(GraphOperation::Kind::FillBytes, graphs::FillBytes{dst, bytes},
+                 std::string(1, static_cast<char>(byte)));
   if (device == cpuDevice) {
     if (!recordOnHost(bytes, [=] { setHost(dst, byte, bytes); }))
       setHost(dst, byte, bytes);

@@ -33,58 +33,6 @@ static constexpr size_t headerSize = 8 + 4 + 8 + 8;
 // Payload
 //===----------------------------------------------------------------------===//
 
-static void writeParam(Writer &out, const Param &param) {
-  out.string(param.name);
-  out.number<uint8_t>(static_cast<uint8_t>(param.kind));
-  out.string(param.type);
-  out.number<int64_t>(param.offset);
-  out.number<int64_t>(param.size);
-  out.number<int32_t>(param.rank);
-  out.string(param.element);
-  out.number<int64_t>(param.elementSize);
-  out.number<uint64_t>(param.arrays.size());
-  for (int64_t offset : param.arrays)
-    out.number<int64_t>(offset);
-}
-
-static Param readParam(Reader &in) {
-  Param param;
-  param.name = in.string();
-  param.kind = static_cast<Param::Kind>(in.number<uint8_t>());
-  param.type = in.string();
-  param.offset = in.number<int64_t>();
-  param.size = in.number<int64_t>();
-  param.rank = in.number<int32_t>();
-  param.element = in.string();
-  param.elementSize = in.number<int64_t>();
-  auto arrays = in.number<uint64_t>();
-  for (uint64_t i = 0; i < arrays && in.ok(); ++i)
-    param.arrays.push_back(in.number<int64_t>());
-  return param;
-}
-
-static void writeAccess(Writer &out, const Access &access) {
-  for (bool fact :
-       {access.loaded, access.stored, access.combined, access.fetched})
-    out.number<uint8_t>(fact);
-  out.number<uint32_t>(access.line);
-  for (int64_t size :
-       {access.offset, access.elementSize, access.gradientSize})
-    out.number<int64_t>(size);
-}
-
-static Access readAccess(Reader &in) {
-  Access access;
-  for (bool *fact :
-       {&access.loaded, &access.stored, &access.combined, &access.fetched})
-    *fact = in.number<uint8_t>();
-  access.line = in.number<uint32_t>();
-  for (int64_t *size :
-       {&access.offset, &access.elementSize, &access.gradientSize})
-    *size = in.number<int64_t>();
-  return access;
-}
-
 static void writeOptions(Writer &out, const KernelOptions &options) {
   out.number<uint8_t>(options.debug);
   out.number<uint8_t>(options.fastMath);

@@ -141,6 +141,11 @@ void warp::scanNumbers(int device, NumberType kind, int width, Sequence out,
                        const Stream *stream) {
   if (count <= 0)
     return;
+  TraceScope tracing(device, stream);
+  if (tracing)
+    tracing->add(GraphOperation::Kind::Scan,
+                 graphs::Scan{out, in, count, static_cast<int32_t>(kind), width,
+                              inclusive, 0});
   if (device != cpuDevice)
     return scanOnCuda(device, kind, width, out, in, count, inclusive, stream);
   auto run = [=] { scanOnHost(kind, width, out, in, count, inclusive); };

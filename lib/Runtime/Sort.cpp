@@ -226,6 +226,12 @@ void warp::sortPairs(int device, const Pairs &pairs, int beginBit, int endBit,
                      const Stream *stream) {
   if (pairs.count <= 1 || beginBit >= endBit)
     return;
+  TraceScope tracing(device, stream);
+  if (tracing)
+    tracing->add(GraphOperation::Kind::SortPairs,
+                 graphs::SortPairs{pairs.keys, pairs.values, pairs.count,
+                                   static_cast<int32_t>(pairs.kind),
+                                   pairs.valueSize, beginBit, endBit});
   if (device != cpuDevice)
     return sortOnCuda(device, pairs, beginBit, endBit, stream);
   auto run = [=] { sortRange(pairs, 0, pairs.count, {beginBit, endBit}); };
@@ -266,6 +272,13 @@ static void sortSegmentsOnHost(const Pairs &pairs, const int32_t *begins,
 
 void warp::sortSegments(const Pairs &pairs, const int32_t *begins,
                         const int32_t *ends, int64_t segments) {
+  TraceScope tracing(cpuDevice, nullptr);
+  if (tracing)
+    tracing->add(GraphOperation::Kind::SortSegments,
+                 graphs::SortSegments{pairs.keys, pairs.values, begins, ends,
+                                      pairs.count, segments,
+                                      static_cast<int32_t>(pairs.kind),
+                                      pairs.valueSize});
   auto run = [=] { sortSegmentsOnHost(pairs, begins, ends, segments); };
   size_t bytes = pairs.count * (sizeOf(pairs.kind) + pairs.valueSize);
   if (!recordOnHost(bytes, run))
@@ -317,6 +330,12 @@ template <typename T> static void findRunsOnHost(const Runs &runs) {
 }
 
 void warp::findRuns(const Runs &runs) {
+  TraceScope tracing(cpuDevice, nullptr);
+  if (tracing)
+    tracing->add(GraphOperation::Kind::FindRuns,
+                 graphs::FindRuns{runs.numbers, runs.runNumbers,
+                                  runs.runLengths, runs.runCount, runs.count,
+                                  runs.size});
   auto run = [=] {
     runs.size == 4 ? findRunsOnHost<uint32_t>(runs)
                    : findRunsOnHost<uint64_t>(runs);

@@ -122,6 +122,13 @@ static void bindMesh(py::module_ &m) {
               py::handle indices, uint64_t nodes, uint64_t blocks) {
              self.adopt(arraysOf(points, velocities, indices), nodes, blocks);
            })
+      .def("support_winding",
+           [](Mesh &self, py::handle points, py::handle velocities,
+              py::handle indices, bool byKernels) {
+             MeshArrays arrays = arraysOf(points, velocities, indices);
+             building("mesh", arrays.indices.shape[0], "indices",
+                      [&] { self.supportWinding(arrays, byKernels); });
+           })
       .def_property_readonly("report", &Mesh::report)
       .def_property_readonly("view", &Mesh::view)
       .def("refit",

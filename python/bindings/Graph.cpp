@@ -13,8 +13,10 @@
 #include "Native.h"
 
 #include "warp/Graph.h"
+#include "warp/SavedGraph.h"
 
 #include <algorithm>
+#include <pybind11/stl.h>
 
 namespace py = pybind11;
 using namespace warp;
@@ -46,9 +48,11 @@ std::vector<PyCapture *> captures;
 
 class PyCapture {
 public:
-  PyCapture(int device, std::shared_ptr<Stream> stream, int mode, bool external)
+  PyCapture(int device, std::shared_ptr<Stream> stream, int mode, bool external,
+            bool traced)
       : capture(Capture::begin(device, std::move(stream),
-                               static_cast<CaptureMode>(mode), external)) {
+                               static_cast<CaptureMode>(mode), external,
+                               traced)) {
     captures.push_back(this);
     ++capturesInProgress;
   }
@@ -110,12 +114,122 @@ static const int32_t *conditionOf(const py::object &object, int device) {
   return static_cast<const int32_t *>(asArray(object.ptr())->descriptor.data);
 }
 
+//===----------------------------------------------------------------------===//
+// Graphs in files
+//===----------------------------------------------------------------------===//
+
+static size_t bytesOf(const ArrayObject &array) {
+  size_t bytes = array.itemSize;
+  for (int i = 0; i < array.descriptor.ndim; ++i)
+    bytes *= array.descriptor.shape[i];
+  return bytes;
+}
+
+static const ArrayObject &packedArray(const std::string &name,
+                                      const py::object &object) {
+  if (!isArray(object.ptr()))
+    throw Error(Error::Kind::Type, "expects an array for '" + name +
+                                       "', but got '" +
+                                       Py_TYPE(object.ptr())->tp_name + "'");
+  const ArrayObject &array = *asArray(object.ptr());
+  if (!array.contiguous)
+    throw Error(Error::Kind::Value, "expects a contiguous array for '" + name +
+                                        "', but got one with strides");
+  return array;
+}
+
+static void saveGraphTo(PyGraph &self, const std::string &path,
+                        const std::map<std::string, py::object> &arrays) {
+  std::vector<NamedMemory> names;
+  for (const auto &[name, object] : arrays) {
+    const ArrayObject &array = packedArray(name, object);
+    if (array.device != self.graph->device())
+      throw Error(Error::Kind::Value,
+                  "array '" + name + "' is on another device than the graph");
+    names.push_back({name, array.descriptor.data, bytesOf(array)});
+  }
+  warp::python::Unlocked unlocked;
+  saveGraph(*self.graph, path, names);
+}
+
+static std::map<std::string, size_t> sizesOf(const LoadedGraph &self) {
+  std::map<std::string, size_t> sizes;
+  for (const std::string &name : self.names())
+    sizes[name] = self.bytes(name);
+  return sizes;
+}
+
+static void bindLoadedGraph(py::module_ &m) {
+  py::class_<LoadedGraph, std::shared_ptr<LoadedGraph>>(m, "LoadedGraph",
+                                                        "A graph from a file.")
+      .def_static(
+          "load",
+          [](const std::string &path, int device) {
+            warp::python::Unlocked unlocked;
+            return LoadedGraph::load(path, device);
+          },
+          py::arg("path"), py::arg("device"))
+      .def_static(
+          "from_bytes",
+          [](const py::bytes &graph,
+             const std::map<std::string, py::bytes> &modules, int device,
+             const std::string &origin) {
+            GraphFiles files;
+            files.graph = std::string(graph);
+            for (const auto &[name, bytes] : modules)
+              files.modules[name] = std::string(bytes);
+            warp::python::Unlocked unlocked;
+            return LoadedGraph::fromFiles(files, device, origin);
+          },
+          py::arg("graph"), py::arg("modules"), py::arg("device"),
+          py::arg("origin"))
+      .def_property_readonly("device_index", &LoadedGraph::device)
+      .def_property_readonly(
+          "node_count", [](LoadedGraph &self) { return self.graph().size(); })
+      .def(
+          "launch",
+          [](LoadedGraph &self, const Stream *stream) {
+            warp::python::Unlocked unlocked;
+            self.launch(stream);
+          },
+          py::arg("stream") = nullptr)
+      .def(
+          "write_dot",
+          [](LoadedGraph &self, const std::string &path, bool verbose) {
+            self.graph().writeDot(path, verbose);
+          },
+          py::arg("path"), py::arg("verbose") = false)
+      .def_property_readonly("sizes", sizesOf, "Bytes of each named array.")
+      .def("data",
+           [](LoadedGraph &self, const std::string &name) {
+             return reinterpret_cast<uint64_t>(self.data(name));
+           })
+      .def("set",
+           [](LoadedGraph &self, const std::string &name,
+              const py::object &object) {
+             const ArrayObject &array = packedArray(name, object);
+             self.set(name, array.descriptor.data, bytesOf(array),
+                      array.device);
+           })
+      .def("get", [](LoadedGraph &self, const std::string &name,
+                     const py::object &object) {
+        const ArrayObject &array = packedArray(name, object);
+        self.get(name, array.descriptor.data, bytesOf(array), array.device);
+      });
+  m.def("save_graph", saveGraphTo, py::arg("graph"), py::arg("path"),
+        py::arg("arrays"), "Writes a graph that was captured with `traced`.");
+}
+
 void python::bindGraph(py::module_ &m) {
   py::class_<PyGraph>(m, "Graph", "Recorded work.")
-      .def_property_readonly(
-          "device_index", [](PyGraph &self) { return self.graph->device(); })
+      .def_property_readonly("device_index",
+                             [](PyGraph &self) { return self.graph->device(); })
       .def_property_readonly("node_count",
                              [](PyGraph &self) { return self.graph->size(); })
+      .def_property_readonly(
+          "traced",
+          [](PyGraph &self) { return self.graph->trace() != nullptr; },
+          "Whether it can be saved.")
       .def("launch", &PyGraph::launch, py::arg("stream") = nullptr)
       .def(
           "write_dot",
@@ -124,9 +238,9 @@ void python::bindGraph(py::module_ &m) {
           },
           py::arg("path"), py::arg("verbose") = false);
   py::class_<PyCapture>(m, "Capture", "A recording in progress.")
-      .def(py::init<int, std::shared_ptr<Stream>, int, bool>(),
+      .def(py::init<int, std::shared_ptr<Stream>, int, bool, bool>(),
            py::arg("device"), py::arg("stream") = nullptr, py::arg("mode") = 1,
-           py::arg("external") = false)
+           py::arg("external") = false, py::arg("traced") = false)
       .def("end", &PyCapture::end, "The graph of what was recorded.")
       .def("abandon", &PyCapture::close)
       .def("hold",
@@ -154,4 +268,5 @@ void python::bindGraph(py::module_ &m) {
       "is_capturing", [](int device) { return isCapturing(device); },
       py::arg("device"), "Whether work for a device is being recorded.");
   m.def("supports_conditional_graphs", &supportsConditionalGraphs);
+  bindLoadedGraph(m);
 }

@@ -12,6 +12,10 @@
 #include "LaunchCall.h"
 
 #include "warp/Builder.h"
+#include "warp/Translation.h"
+#include "warp/Version.h"
+
+#include <pybind11/stl.h>
 
 namespace py = pybind11;
 using namespace warp;
@@ -43,8 +47,13 @@ static PyObject *newKernel(PyTypeObject *type, PyObject *args,
   options.fastMath = fastMath;
   options.lineinfo = lineinfo;
   return guarded([&]() -> PyObject * {
-    auto kernel = std::make_unique<Kernel>(
-        py::handle(module).cast<const Module &>(), name, options);
+    py::handle source(module);
+    auto kernel =
+        py::isinstance<Translation>(source)
+            ? std::make_unique<Kernel>(source.cast<const Translation &>(),
+                                       name, options)
+            : std::make_unique<Kernel>(source.cast<const Module &>(), name,
+                                       options);
     auto packer = std::make_unique<Packer>(name, kernel->parameters());
     PyObject *self = type->tp_alloc(type, 0);
     if (!self)
@@ -101,7 +110,7 @@ static PyObject *getParameters(PyObject *self, void *) {
 static PyObject *getAccesses(PyObject *self, void *) {
   return guarded([&] {
     py::list list;
-    for (const Access &access : accesses(asKernel(self)->kernel->module()))
+    for (const Access &access : asKernel(self)->kernel->arrayAccesses())
       list.append(py::make_tuple(access.loaded, access.stored, access.combined,
                                  access.fetched, access.line));
     return list.release().ptr();
@@ -168,6 +177,32 @@ static PyObject *compileTimes(PyObject *self, PyObject *) {
   });
 }
 
+static void keepTranslation(const std::string &name, const py::object &object,
+                            const py::bytes &bytes) {
+  std::string notes = bytes;
+  if (Py_TYPE(object.ptr()) != kernelType)
+    throw py::type_error("expects a kernel");
+  Kernel &kernel = *asKernel(object.ptr())->kernel;
+  warp::python::Unlocked unlocked;
+  Translation translation = kernel.translation();
+  translation.notes = notes;
+  storeTranslation(name, translation);
+}
+
+static void bindTranslation(py::module_ &m) {
+  py::class_<Translation>(m, "Translation",
+                          "What a kernel was translated to, from the cache.")
+      .def_property_readonly("notes", [](const Translation &translation) {
+        return py::bytes(translation.notes);
+      });
+  m.def("find_translation", findTranslation, py::arg("name"),
+        "The translation of a name of 64 hexadecimal digits, or None.");
+  m.def("store_translation", keepTranslation, py::arg("name"),
+        py::arg("kernel"), py::arg("notes"),
+        "Writes the translation of a kernel to the cache.");
+  m.def("build_id", buildId, "Digits that differ between builds.");
+}
+
 void python::bindKernel(py::module_ &m) {
   static PyMethodDef methods[] = {
       {"launch", asMethod(launch), METH_FASTCALL,
@@ -207,5 +242,6 @@ void python::bindKernel(py::module_ &m) {
     throw py::error_already_set();
   kernelType = reinterpret_cast<PyTypeObject *>(type);
   m.add_object("Kernel", py::reinterpret_steal<py::object>(type));
+  bindTranslation(m);
   bindPackedLaunch(m);
 }

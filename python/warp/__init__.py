@@ -118,6 +118,9 @@ from warp._src.devices.runtime import clear_kernel_cache as clear_kernel_cache
 from warp._src.devices.runtime import clear_lto_cache as clear_lto_cache
 from warp._src.devices.runtime import connect as _connect
 from warp._src.devices.runtime import init as init
+from warp._src.devices.saved_graphs import capture_load as capture_load
+from warp._src.devices.saved_graphs import capture_load_from_bytes as capture_load_from_bytes
+from warp._src.devices.saved_graphs import capture_save as capture_save
 from warp._src.devices.scoped import ScopedDevice as ScopedDevice
 from warp._src.devices.scoped import ScopedStream as ScopedStream
 from warp._src.devices.scoped import ScopedTimer as ScopedTimer

@@ -102,7 +102,7 @@ void Product<T>::run() const {
 
 template <class T> void multiply(const Product<T> &product) {
   // 16 sums of the 32 registers that there are, or 12 of 16.
-  if (warp_wide_registers)
+  if constexpr (hasWideRegisters)
     product.template run<8, 2>();
   else
     product.template run<6, 1>();

@@ -17,19 +17,21 @@ using i32 = int;
 using i64 = long long;
 using u64 = unsigned long long;
 
-#define WARP_TILES extern "C" __attribute__((used))
-
-/// Whether registers have 64 bytes; the compiler of a kernel says so.
-extern "C" const int warp_wide_registers;
+#define WARP_TILES extern "C" __attribute__((used, visibility("default")))
 
 namespace {
 
+/// Whether registers have 64 bytes.
+#ifdef __AVX512F__
+constexpr bool hasWideRegisters = true;
+#else
+constexpr bool hasWideRegisters = false;
+#endif
+
 template <class T> constexpr int lanes = 64 / int(sizeof(T));
 
-template <class T>
-using Vec = T __attribute__((ext_vector_type(lanes<T>)));
-template <class T>
-using Mask = bool __attribute__((ext_vector_type(lanes<T>)));
+template <class T> using Vec = T __attribute__((ext_vector_type(lanes<T>)));
+template <class T> using Mask = bool __attribute__((ext_vector_type(lanes<T>)));
 
 template <class T> inline T *at(u64 address) {
   return reinterpret_cast<T *>(address);

@@ -25,6 +25,7 @@ using u64 = unsigned long long;
 constexpr int width = 8;
 using Floats = f32 __attribute__((ext_vector_type(width)));
 using Ints = i32 __attribute__((ext_vector_type(width)));
+using Doubles = f64 __attribute__((ext_vector_type(width)));
 
 constexpr f32 infinity = __builtin_inff();
 constexpr i32 largestInt = 0x7fffffff;

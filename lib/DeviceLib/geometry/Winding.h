@@ -44,30 +44,82 @@ inline f64 angleOf(f64 y, f64 x) {
   return y < 0 ? -angle : angle;
 }
 
-/// The solid angle of one triangle, relative to the point.
-inline f64 solidAngle(Point<f64> a, Point<f64> b, Point<f64> c) {
-  f64 la = __builtin_elementwise_sqrt(dot(a, a));
-  f64 lb = __builtin_elementwise_sqrt(dot(b, b));
-  f64 lc = __builtin_elementwise_sqrt(dot(c, c));
-  f64 volume = dot(a, cross(b, c));
-  f64 below = la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb;
-  // In its plane a triangle has no side; NaN counts nothing.
-  if (!(volume > 0 || volume < 0))
-    return 0;
-  return 2 * angleOf(volume, below);
+/// A sum of angles as the direction of a product of complex numbers, so that
+/// there is one arc tangent in all, and how often the sum went around.
+class AngleSum {
+public:
+  /// Adds the angle of x + iy, of which both are at most about 4.
+  void add(f64 x, f64 y) {
+    f64 before = im;
+    f64 product = differenceOfProducts(re, x, im, y);
+    im = fma(re, y, im * x);
+    re = product;
+    turns += before >= 0 && y > 0 && im < 0;
+    turns -= before < 0 && y < 0 && im >= 0;
+  }
+  /// Called after a few additions, so that the product stays a number.
+  void normalize() {
+    f64 inverse =
+        1 / (__builtin_elementwise_abs(re) + __builtin_elementwise_abs(im));
+    re *= inverse;
+    im *= inverse;
+  }
+  f64 total() const { return angleOf(im, re) + 6.283185307179586 * turns; }
+
+private:
+  f64 re = 1, im = 0;
+  i32 turns = 0;
+};
+
+/// Complex numbers whose angles are halves of the solid angles of triangles;
+/// their imaginary part is neither below nor above 0 where there is no side.
+template <class V> struct HalfAngles {
+  V re, im;
+
+  /// Corners relative to the point.
+  HalfAngles(Point<V> a, Point<V> b, Point<V> c) {
+    V la = __builtin_elementwise_sqrt(dot(a, a));
+    V lb = __builtin_elementwise_sqrt(dot(b, b));
+    V lc = __builtin_elementwise_sqrt(dot(c, c));
+    V inverse = V(1) / (la * lb * lc);
+    im = dot(a, cross(b, c)) * inverse;
+    re = fma(dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb, inverse, V(1));
+  }
+};
+
+inline void widen(Floats x, int lane, f64 &wide) { wide = x[lane]; }
+inline void widen(Floats x, int, Doubles &wide) {
+  wide = __builtin_convertvector(x, Doubles);
 }
 
-inline f64 solidAngles(const TriangleBlock &block, Point<f32> p) {
-  f64 sum = 0;
+/// Those of one triangle of a block, or of all.
+template <class V>
+HalfAngles<V> halfAngles(const TriangleBlock &block, Point<f32> p, int lane) {
+  auto offset = [&](int corner) {
+    Point<V> at;
+    widen(block.vertex[corner][0], lane, at.x);
+    widen(block.vertex[corner][1], lane, at.y);
+    widen(block.vertex[corner][2], lane, at.z);
+    return at - Point<V>{V(p.x), V(p.y), V(p.z)};
+  };
+  return {offset(0), offset(1), offset(2)};
+}
+
+inline void addAngles(const TriangleBlock &block, Point<f32> p, AngleSum &sum) {
+#ifndef __NVPTX__
+  HalfAngles<Doubles> all = halfAngles<Doubles>(block, p, 0);
+#endif
   for (int lane = 0; lane < width; ++lane) {
-    Point<f64> corner[3];
-    for (int i = 0; i < 3; ++i)
-      corner[i] = {block.vertex[i][0][lane] - f64(p.x),
-                   block.vertex[i][1][lane] - f64(p.y),
-                   block.vertex[i][2][lane] - f64(p.z)};
-    sum += solidAngle(corner[0], corner[1], corner[2]);
+#ifdef __NVPTX__
+    auto [re, im] = halfAngles<f64>(block, p, lane);
+#else
+    f64 re = all.re[lane], im = all.im[lane];
+#endif
+    // In its plane a triangle has no side; NaN counts nothing.
+    if (im > 0 || im < 0)
+      sum.add(re, im);
   }
-  return sum;
+  sum.normalize();
 }
 
 /// The solid angles of children as dipoles, and which are further away than
@@ -98,6 +150,7 @@ inline f64 windingNumber(const Tree &tree, const Moments *moments, Point<f32> p,
   i32 refs[maxDepth * (width - 1) + 1];
   int left = 0;
   f64 sum = 0;
+  AngleSum halves;
   refs[left++] = 0;
   while (left) {
     i32 index = refs[--left];
@@ -113,12 +166,12 @@ inline f64 windingNumber(const Tree &tree, const Moments *moments, Point<f32> p,
       else if (node.nodes >> child & 1)
         refs[left++] = node.nodeAt(child);
       else
-        sum += solidAngles(static_cast<const TriangleBlock *>(
-                               tree.blocks)[node.blockAt(child)],
-                           at);
+        addAngles(static_cast<const TriangleBlock *>(
+                      tree.blocks)[node.blockAt(child)],
+                  at, halves);
     }
   }
-  return sum * 0.07957747154594767;
+  return (sum + 2 * halves.total()) * 0.07957747154594767;
 }
 
 /// -1 where the winding number exceeds the threshold, else 1. Near it the

@@ -31,7 +31,8 @@ warp::HiddenAttr warp::autodiff::getHidden(BlockArgument argument) {
 }
 
 void warp::autodiff::countOne(OpBuilder &builder, Location loc, Value condition,
-                   Value counters, SmallVectorImpl<Location> &places) {
+                              Value counters,
+                              SmallVectorImpl<Location> &places) {
   auto found = llvm::find(places, loc);
   int64_t line = found - places.begin();
   if (found == places.end())

@@ -5,6 +5,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "LowerComposites.h"
+#include "PlaceLocals.h"
 
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/WarpDialect.h"
@@ -34,6 +35,8 @@ struct LowerComposites : warp::impl::LowerCompositesBase<LowerComposites> {
         function->setAttr(warp::attr::argTypes,
                           OpBuilder(&getContext())
                               .getTypeArrayAttr(function.getArgumentTypes()));
+      if (!function.isExternal())
+        warp::placeLocals(function);
       if (failed(warp::lowerComposites(function)))
         return signalPassFailure();
     }

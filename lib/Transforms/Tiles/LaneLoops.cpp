@@ -34,6 +34,57 @@ Value LaneLoops::builtin(StringRef name, ValueRange operands) {
 }
 
 //===----------------------------------------------------------------------===//
+// Who does what
+//===----------------------------------------------------------------------===//
+
+/// Whether threads that agree on the operands may leave an operation to one.
+static bool isOnce(Operation *op) {
+  if (isa<StoreOp>(op) || isMemoryEffectFree(op) ||
+      op->hasTrait<OpTrait::HasRecursiveMemoryEffects>())
+    return true;
+  auto effects = dyn_cast<MemoryEffectOpInterface>(op);
+  return effects && effects.onlyHasEffect<MemoryEffects::Read>();
+}
+
+static bool hasTiles(Operation *op) {
+  auto result = op->walk([](Operation *inner) {
+    return isCollective(inner) || llvm::any_of(inner->getResults(), isTile)
+               ? WalkResult::interrupt()
+               : WalkResult::advance();
+  });
+  return result.wasInterrupted();
+}
+
+bool LaneLoops::isLaneOp(Operation *op) const {
+  if (varying.isBlockNumber(op))
+    return false;
+  auto result = op->walk([&](Operation *inner) {
+    auto differs = [&](Value value) { return isLane(value); };
+    return !isOnce(inner) || llvm::any_of(inner->getOperands(), differs) ||
+                   llvm::any_of(inner->getResults(), differs)
+               ? WalkResult::interrupt()
+               : WalkResult::advance();
+  });
+  return result.wasInterrupted();
+}
+
+/// Control flow that threads share, with what they do by themselves inside.
+bool LaneLoops::isShared(Operation *op) const {
+  if (op->getNumRegions() == 0)
+    return false;
+  if (hasTiles(op))
+    return true;
+  auto loop = dyn_cast<scf::ForOp>(op);
+  auto differs = [&](Value value) { return isLane(value); };
+  if (!loop || differs(loop.getLowerBound()) || differs(loop.getUpperBound()) ||
+      differs(loop.getStep()) || !llvm::all_of(loop.getInitArgs(), isStorable))
+    return false;
+  return llvm::any_of(loop.getOps<TileGetOp>(), [&](TileGetOp get) {
+    return llvm::none_of(get.getIndices(), differs);
+  });
+}
+
+//===----------------------------------------------------------------------===//
 // What threads have
 //===----------------------------------------------------------------------===//
 
@@ -56,25 +107,10 @@ TileType LaneLoops::laneType(Type type) const {
   return TileType::get(b.getContext(), shape, element);
 }
 
-/// Indices of the components that columns have.
-static SmallVector<SmallVector<int64_t>> componentsOf(ArrayRef<int64_t> shape) {
-  SmallVector<SmallVector<int64_t>> all{{}};
-  for (int64_t extent : shape) {
-    SmallVector<SmallVector<int64_t>> longer;
-    for (auto &prefix : all)
-      for (int64_t i = 0; i < extent; ++i) {
-        longer.push_back(prefix);
-        longer.back().push_back(i);
-      }
-    all = longer;
-  }
-  return all;
-}
-
 Value LaneLoops::read(Value tile, Type type, Value number) {
   Type element = tileType(tile).getElementType();
   Values parts;
-  for (auto &component : componentsOf(tileType(tile).getShape().drop_back())) {
+  for (auto &component : componentsOf(tileType(tile))) {
     Values indices = llvm::map_to_vector(
         component, [&](int64_t i) -> Value { return constant(i); });
     indices.push_back(number);
@@ -87,7 +123,7 @@ Value LaneLoops::read(Value tile, Type type, Value number) {
 Value LaneLoops::write(Value value, Value tile, Value number) {
   TileType type = tileType(tile);
   bool isWhole = type.getElementType() == value.getType();
-  for (auto &component : componentsOf(type.getShape().drop_back())) {
+  for (auto &component : componentsOf(type)) {
     Values indices = llvm::map_to_vector(
         component, [&](int64_t i) -> Value { return constant(i); });
     Value part = isWhole ? value

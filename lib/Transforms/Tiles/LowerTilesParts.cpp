@@ -16,21 +16,6 @@ namespace warp::tiles {
 // Threads
 //===----------------------------------------------------------------------===//
 
-/// Indices of each component of what a thread has, without those of the thread.
-static SmallVector<SmallVector<int64_t>> componentsOf(TileType tile) {
-  SmallVector<SmallVector<int64_t>> all{{}};
-  for (int64_t extent : tile.getShape().drop_back()) {
-    SmallVector<SmallVector<int64_t>> longer;
-    for (auto &prefix : all)
-      for (int64_t i = 0; i < extent; ++i) {
-        longer.push_back(prefix);
-        longer.back().push_back(i);
-      }
-    all = longer;
-  }
-  return all;
-}
-
 void TileLowering::lowerFromThreads(TileFromThreadsOp op) {
   TileType type = tileType(op.getResult());
   Value number = thread ? thread : this->number(0);

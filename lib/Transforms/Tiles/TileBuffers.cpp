@@ -67,6 +67,20 @@ llvm::SetVector<Operation *> getReaders(Value tile) {
   return readers;
 }
 
+SmallVector<SmallVector<int64_t>> componentsOf(TileType type) {
+  SmallVector<SmallVector<int64_t>> all{{}};
+  for (int64_t extent : type.getShape().drop_back()) {
+    SmallVector<SmallVector<int64_t>> longer;
+    for (auto &prefix : all)
+      for (int64_t i = 0; i < extent; ++i) {
+        longer.push_back(prefix);
+        longer.back().push_back(i);
+      }
+    all = longer;
+  }
+  return all;
+}
+
 int64_t getTileBytes(TileType type) {
   return type.getNumElements() * getByteSize(type.getElementType());
 }

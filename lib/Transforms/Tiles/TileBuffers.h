@@ -69,6 +69,9 @@ bool isView(mlir::Operation *op);
 /// are computed where they are used.
 llvm::SetVector<mlir::Operation *> getReaders(mlir::Value tile);
 int64_t getTileBytes(TileType type);
+/// Where each component of what a thread has is in a tile whose last index is
+/// the thread's: all indices but that one.
+llvm::SmallVector<llvm::SmallVector<int64_t>> componentsOf(TileType type);
 /// Elements from row to row of a matrix, if that is not its width.
 std::optional<int64_t> getPitch(mlir::Value tile);
 /// With what is between rows, and of all stages of a tile that is loaded ahead.

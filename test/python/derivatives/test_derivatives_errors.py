@@ -217,3 +217,23 @@ def test_old_values_of_atomics_need_a_replay():
     text = message(problem)
     assert "the old value cannot be had again when 'count' is differentiated" in text
     assert "`@wp.func_replay`" in text
+
+
+def test_what_copies_of_a_line_report_is_said_once():
+    @wp.kernel
+    def normalise(x: wp.array2d(dtype=float), y: wp.array2d(dtype=float)):
+        i = wp.tid()
+        for j in range(x.shape[1]):
+            y[i, j] = x[i, j] * x[i, j]
+        high = y[i, 0]
+        for j in range(x.shape[1]):
+            high = wp.max(high, y[i, j])
+        total = float(0.0)
+        for j in range(x.shape[1]):
+            total += wp.exp(y[i, j] - high)
+        for j in range(x.shape[1]):
+            y[i, j] = y[i, j] - high - wp.log(total)
+
+    with pytest.raises(RuntimeError, match="overwrites it") as problem:
+        normalise.ir(derivative="adjoint")
+    assert str(problem.value).count("overwrites it") == 1

@@ -178,3 +178,24 @@ def test_memory_returns_with_the_graph():
         del capture
         wp.synchronize_device(device)
     assert wp.get_mempool_used_mem_current(device) - before < 4 * size
+
+
+def test_host_data_is_part_of_a_saved_graph(tmp_path):
+    x = zeros(4)
+    with wp.ScopedCapture("cuda:0", apic=True) as capture:
+        wp.copy(x, wp.array([1.0, 2.0, 3.0, 4.0], dtype=float, device="cpu"))
+    wp.capture_save(capture.graph, tmp_path / "g", outputs={"x": x})
+    graph = wp.capture_load(tmp_path / "g", device="cuda:0")
+    wp.capture_launch(graph)
+    graph.get_param("x", x)
+    assert x.numpy().tolist() == [1.0, 2.0, 3.0, 4.0]
+    with pytest.raises(RuntimeError, match="was made for 'sm_.*' and cannot run on 'cpu'"):
+        wp.capture_load(tmp_path / "g", device="cpu")
+
+
+def test_copies_to_the_host_are_not_saved(tmp_path):
+    x, host = zeros(4), wp.zeros(4, device="cpu", pinned=True)
+    with wp.ScopedCapture("cuda:0", apic=True) as capture:
+        wp.copy(host, x)
+    with pytest.raises(RuntimeError, match="it has a copy to the host, which no file holds"):
+        wp.capture_save(capture.graph, tmp_path / "g")

@@ -242,10 +242,10 @@ def test_numpy_waits_for_all_streams():
 
 
 class Counting:
-    """Hands on to managed memory and counts."""
+    """Hands on to another allocator, by default of managed memory, and counts."""
 
-    def __init__(self):
-        self.inner = wp.CudaManagedAllocator()
+    def __init__(self, inner=None):
+        self.inner = inner or wp.CudaManagedAllocator()
         self.live = {}
 
     def allocate(self, size_in_bytes):
@@ -256,6 +256,43 @@ class Counting:
     def deallocate(self, ptr, size_in_bytes):
         assert self.live.pop(ptr) == size_in_bytes
         self.inner.deallocate(ptr, size_in_bytes)
+
+
+def test_allocator_of_a_device(device):
+    device = wp.get_device(device)
+    allocator = device.get_allocator()
+    assert isinstance(allocator, wp.Allocator) and allocator is device.default_allocator
+    ptr = allocator.allocate(400)
+    x = wp.array(ptr=ptr, shape=100, dtype=float, device=device)
+    x.fill_(2.0)
+    assert (x.numpy() == 2.0).all()
+    other = allocator.allocate(400)
+    assert other != ptr
+    allocator.deallocate(ptr, 400)
+    allocator.deallocate(other, 400)
+    with pytest.raises(ValueError, match="no memory at"):
+        allocator.deallocate(ptr, 400)
+
+
+@pytest.mark.cuda
+def test_pinned_allocator():
+    allocator = wp.get_device("cpu").get_allocator(pinned=True)
+    ptr = allocator.allocate(64)
+    assert ptr
+    allocator.deallocate(ptr, 64)
+
+
+@pytest.mark.cuda
+def test_wrapped_allocator():
+    device = wp.get_device("cuda:0")
+    allocator = Counting(device.default_allocator)
+    with wp.ScopedAllocator(device, allocator):
+        assert device.get_allocator() is allocator
+        x = wp.ones(100, dtype=float, device=device)
+    assert device.get_allocator() is device.default_allocator
+    assert (x.numpy() == 1.0).all() and list(allocator.live.values()) == [400]
+    del x
+    assert not allocator.live
 
 
 @pytest.mark.cuda

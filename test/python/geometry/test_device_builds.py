@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import warp as wp
+from solid_angles import exact_winding
 from warp._src.geometry import bvh, mesh
 
 
@@ -160,21 +161,8 @@ def sides(mesh, p, limits):
     return out.numpy()
 
 
-def winding_of(triangles, p):
-    """Sum of solid angles over 4 pi, in 64 bits."""
-    total = np.zeros(len(p))
-    for corners in triangles:
-        a, b, c = corners.astype(np.float64)[:, None] - p.astype(np.float64)
-        la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
-        below = la * lb * lc
-        for x, y, z in ((a, b, lc), (b, c, la), (c, a, lb)):
-            below = below + (x * y).sum(axis=1) * z
-        total += 2 * np.arctan2((a * np.cross(b, c)).sum(axis=1), below)
-    return total / (4 * np.pi)
-
-
 def check_winding(mesh, points, p):
-    winding = winding_of(points.reshape(-1, 3, 3), p)
+    winding = exact_winding(points.reshape(-1, 3, 3), p)
     assert mesh._moments is not None
     assert (sides(mesh, p, winding - 1e-3) == -1).all()
     assert (sides(mesh, p, winding + 1e-3) == 1).all()

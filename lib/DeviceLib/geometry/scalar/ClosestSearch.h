@@ -58,18 +58,10 @@ public:
   /// A face with a smaller squared distance than the bound, or -1; `lane` of
   /// `block` is its triangle.
   i32 run(i32 root) {
-    Rest memory[maxRests];
-    rests.begin(memory);
-    i32 at = root;
-    for (;;) {
-      // Threads of a warp wait here until each is at a block.
-      while (at >= 0)
-        at = enter(at);
-      if (at == nowhere)
-        return face;
-      visit(~at);
-      at = rests.next();
-    }
+    rests.search(
+        root, [this](i32 node) { return enter(node); },
+        [this](i32 block) { return visit(block), true; });
+    return face;
   }
 
   i32 block = 0, lane = 0;

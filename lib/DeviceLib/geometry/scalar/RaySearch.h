@@ -47,20 +47,13 @@ public:
   }
 
   RayHit run(i32 root) {
-    Rest memory[maxRests];
-    rests.begin(memory);
-    i32 at = root;
-    for (;;) {
-      // Threads of a warp wait here until each is at a block.
-      while (at >= 0)
-        at = enter(at);
-      if (at == nowhere)
-        return hit;
-      visit(~at);
-      if (any && hit.face >= 0)
-        return hit;
-      at = rests.next();
-    }
+    rests.search(
+        root, [this](i32 node) { return enter(node); },
+        [this](i32 block) {
+          visit(block);
+          return !any || hit.face < 0;
+        });
+    return hit;
   }
 
   bool leavesThroughFront() const { return away; }

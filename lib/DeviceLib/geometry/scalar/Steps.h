@@ -102,7 +102,6 @@ public:
   /// Keys above this one are too far by now.
   u32 farthest = noKey;
 
-  void begin(Rest (&memory)[maxRests]) { left = memory; }
   void leave(u32 key, i32 node) { left[count++] = {key, node}; }
 
   /// The next child that is not too far; `nowhere` after the last one.
@@ -113,6 +112,23 @@ public:
         return Links(nodes + i64(node) * i64(sizeof(Node))).follow(key & 7);
     }
     return nowhere;
+  }
+
+  /// Searches a tree from its root on: `enter` gives where to go from a node,
+  /// `visit` whether to go on after a block.
+  template <class Enter, class Visit>
+  void search(i32 root, Enter enter, Visit visit) {
+    Rest memory[maxRests];
+    left = memory;
+    i32 at = root;
+    for (;;) {
+      // Threads of a warp wait here until each is at a block.
+      while (at >= 0)
+        at = enter(at);
+      if (at == nowhere || !visit(~at))
+        return;
+      at = next();
+    }
   }
 
 private:

@@ -197,8 +197,8 @@ LogicalResult ForwardBuilder::runRule(Operation *op, Operation *clone) {
 }
 
 void ForwardBuilder::countRepeated(Location loc, Value isRepeated) {
-  Type arrayType = ArrayType::get(builder.getContext(), 1,
-                                  builder.getIntegerType(32, true));
+  Type arrayType =
+      ArrayType::get(builder.getContext(), 1, builder.getIntegerType(32, true));
   if (!counters)
     counters = addHidden(
         dual, HiddenAttr::get(dual.getContext(), HiddenKind::Counters, -1, 0),

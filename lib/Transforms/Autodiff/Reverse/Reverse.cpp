@@ -286,9 +286,9 @@ LogicalResult ReverseBuilder::reverseByRule(Operation *op) {
 }
 
 void ReverseBuilder::countSingular(Location loc, Value isSingular) {
-  auto counters = getHidden(
-      HiddenKind::Counters, -1,
-      ArrayType::get(builder.getContext(), 1, builder.getIntegerType(32, true)));
+  auto counters = getHidden(HiddenKind::Counters, -1,
+                            ArrayType::get(builder.getContext(), 1,
+                                           builder.getIntegerType(32, true)));
   countOne(builder, loc, isSingular, counters, singularPlaces);
 }
 

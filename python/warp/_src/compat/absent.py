@@ -9,7 +9,6 @@ from __future__ import annotations
 from warp._src import errors
 
 _CLASSES = frozenset((*("GLTextureResource", "RegisteredGLBuffer"),))
-_FUNCTIONS = frozenset(("capture_load", "capture_save"))
 
 
 class _Absent(type):
@@ -42,17 +41,9 @@ def absent_class(name, parent=""):
 
 def find(name):
     """What stands for a name that is not there; None if nobody knows the name."""
-    if name in _CLASSES:
-        made = absent_class(name)
-    elif name in _FUNCTIONS:
-
-        def made(*args, **kwargs):
-            raise _error(f"'wp.{name}'")
-
-        made.__name__ = made.__qualname__ = name
-    else:
+    if name not in _CLASSES:
         return None
-    return _made.setdefault(name, made)
+    return _made.setdefault(name, absent_class(name))
 
 
 _made: dict = {}

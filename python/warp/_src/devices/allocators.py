@@ -10,6 +10,7 @@ import typing
 
 from warp import _native
 from warp._src.devices import devices
+from warp._src.devices.builtin_allocators import custom_allocators
 from warp._src.devices.call_sites import call_site
 
 
@@ -25,7 +26,6 @@ class Allocator(typing.Protocol):
 
 
 special: set = set()
-_allocators: dict[int, Allocator] = {}
 
 
 class CudaManagedAllocator:
@@ -81,7 +81,7 @@ class CustomBuffer:
 
 def make_buffer(device: int, size: int, pinned: bool):
     """Memory for an array while something in `special` asks for more than the usual."""
-    allocator = _allocators.get(device)
+    allocator = custom_allocators.get(device)
     if allocator is None:
         buffer = _native.Buffer(device, size, pinned)
     else:
@@ -114,15 +114,15 @@ def set_device_allocator(device, allocator: Allocator | None) -> None:
         raise RuntimeError(f"expects a CUDA device for an allocator, but got '{device}'")
     _check(allocator)
     if allocator is None:
-        _allocators.pop(device.index, None)
+        custom_allocators.pop(device.index, None)
     else:
-        _allocators[device.index] = allocator
-    (special.add if _allocators else special.discard)("allocator")
+        custom_allocators[device.index] = allocator
+    (special.add if custom_allocators else special.discard)("allocator")
 
 
 def get_device_allocator(device) -> Allocator | None:
     """The custom allocator of a device, or None."""
-    return _allocators.get(devices.resolve_index(device))
+    return custom_allocators.get(devices.resolve_index(device))
 
 
 def set_cuda_allocator(allocator: Allocator | None) -> None:

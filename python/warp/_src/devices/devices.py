@@ -10,6 +10,7 @@ from __future__ import annotations
 import sys
 
 from warp import _native, config
+from warp._src.devices.builtin_allocators import custom_allocators, get_builtin_allocator
 from warp._src.version import VERSION
 
 CPU = -1
@@ -61,6 +62,16 @@ class Device:
     @property
     def is_mempool_enabled(self) -> bool:
         return _native.is_pool_enabled(self.index)
+
+    @property
+    def default_allocator(self):
+        """What gives arrays memory while no custom allocator serves this device."""
+        return get_builtin_allocator(self.index, False)
+
+    def get_allocator(self, pinned: bool = False):
+        """What gives new arrays memory; `pinned` asks for that of pinned ones of the CPU."""
+        custom = custom_allocators.get(self.index)
+        return custom or get_builtin_allocator(self.index, pinned and self.is_cpu)
 
     @property
     def is_managed_memory_supported(self) -> bool:

@@ -19,6 +19,7 @@ from warp._src.derivatives import handles
 from warp._src.devices import devices
 from warp._src.devices.devices import get_device
 from warp._src.kernels.modules import force_load
+from warp._src.types.dtypes import type_size_in_bytes
 from warp._src.types.scalars import int32
 
 
@@ -33,9 +34,14 @@ class CaptureMode(enum.IntEnum):
 class Graph:
     """What `capture_end` returns; run it with `capture_launch`.
 
+    Those from `capture_load` also give access to the arrays that were named when it was saved.
+
     Attributes:
         device: where it runs.
         node_count: number of operations; those inside of branches and loops are not counted.
+        apic: whether `capture_save` can save it.
+        is_loaded: whether it comes from a file.
+        params: for each named array of a loaded graph `{"size": bytes}`.
     """
 
     def __init__(self, native):
@@ -45,6 +51,81 @@ class Graph:
     @property
     def node_count(self) -> int:
         return self.native.node_count
+
+    @property
+    def apic(self) -> bool:
+        return not self.is_loaded and self.native.traced
+
+    @property
+    def is_loaded(self) -> bool:
+        return isinstance(self.native, _native.LoadedGraph)
+
+    @property
+    def params(self) -> dict[str, dict[str, int]]:
+        if not self.is_loaded:
+            return {}
+        return {name: {"size": size} for name, size in self.native.sizes.items()}
+
+    def set_param(self, name: str, arr) -> None:
+        """Copies a contiguous array into the graph's array of a name.
+
+        On CUDA the copy is queued on the current stream.
+
+        Raises:
+            WarpError: the graph is not loaded from a file, has no such array, or has one with
+                another number of bytes.
+            TypeError: `arr` is no array.
+            ValueError: `arr` has strides, or is on another device.
+        """
+        self._transfer("set", name, arr)
+
+    def get_param(self, name: str, arr) -> None:
+        """Copies the graph's array of a name into a contiguous array; errors as `set_param`."""
+        self._transfer("get", name, arr)
+
+    def get_param_ptr(self, name: str) -> int | None:
+        """Address of the graph's array of a name, None if it has none.
+
+        The memory is the graph's and lives as long as it does.
+
+        Raises:
+            WarpError: the graph is not loaded from a file.
+        """
+        self._check_loaded("get_param_ptr")
+        return self.native.data(name) if name in self.native.sizes else None
+
+    def _check_loaded(self, method):
+        if not self.is_loaded:
+            raise errors.WarpError(
+                f"{method}() is only supported on loaded APIC graphs: save this one with "
+                "`wp.capture_save` and load it"
+            )
+
+    def _transfer(self, verb, name, arr):
+        self._check_loaded(f"{verb}_param")
+        if not isinstance(arr, array):
+            raise errors.WarpTypeError(
+                f"expects an array for parameter '{name}', but got '{type(arr).__name__}'"
+            )
+        if arr.device != self.device:
+            raise ValueError(
+                f"device mismatch for parameter '{name}': the graph is on '{self.device}', "
+                f"the array on '{arr.device}'"
+            )
+        size = self.native.sizes.get(name)
+        if size is None:
+            known = ", ".join(f"'{known}'" for known in self.native.sizes) or "none"
+            raise errors.WarpError(
+                f"Failed to {verb} parameter '{name}': the graph has no array of that name, it "
+                f"has: {known}"
+            )
+        given = arr.size * type_size_in_bytes(arr.dtype)
+        if given != size:
+            raise errors.WarpError(
+                f"Failed to {verb} parameter '{name}': it has {size} bytes, but got an array of "
+                f"{given} bytes"
+            )
+        getattr(self.native, verb)(name, arr)
 
     def __repr__(self):
         return f"<graph of {self.node_count} operations on '{self.device}'>"
@@ -86,7 +167,7 @@ def capture_begin(
         force_module_load: translate the kernels of all modules before; not needed, since kernels
             may be compiled and loaded while a graph is recorded.
         external: somebody else is capturing the stream already and will end it.
-        apic: accepted for compatibility, changes nothing.
+        apic: note the operations, so that `capture_save` can save the graph.
         capture_mode: how strict the driver is with what a graph cannot hold.
 
     Raises:
@@ -102,7 +183,7 @@ def capture_begin(
     if device.is_cuda and not external:
         # What geometry says of gradients cannot change while kernels are recorded.
         handles.show_gradients()
-    _captures[key] = _native.Capture(device.index, stream, int(capture_mode), external)
+    _captures[key] = _native.Capture(device.index, stream, int(capture_mode), external, bool(apic))
 
 
 def capture_end(device=None, stream=None) -> Graph:

@@ -8,7 +8,7 @@ there: that of the enclosing loop's last iteration, or zero.
 from __future__ import annotations
 
 from warp._src import errors
-from warp._src.frontend.context import LocalArray, Part, TileStack, Value
+from warp._src.frontend.context import LocalArray, Part, TileStack, TileView, Value
 from warp._src.frontend.control import RESULT, Flag, If, Loop, Return, Simple
 
 _MISSING = object()
@@ -23,13 +23,20 @@ class Branches(Part):
             if kind is Simple:
                 self.context.statements.statement(node.syntax)
             elif kind is If:
+                self.keep_views(node)
                 self.branch(node)
             elif kind is Loop:
+                self.keep_views(node)
                 self.context.loops.loop(node)
             elif kind is Flag:
                 self.context.env[node.name] = node.value
             elif kind is Return:
                 self.context.statements.return_statement(node.syntax)
+
+    def keep_views(self, node):
+        """Views stay with the tile that they are of, whichever path gives the variable another."""
+        if any(type(binding) is TileView for binding in self.context.env.values()):
+            self.context.tiles.views.keep_all(node.fresh)
 
     # Branches.
 

@@ -15,18 +15,24 @@ from warp._src.frontend.updates import updated_arguments
 from warp._src.types import dtypes
 
 
-def build_kernel(kernel, arguments=None, threads=1, constants=None):
+def build_kernel(kernel):
+    """Translates a kernel, and returns the module alone."""
+    return translate_kernel(kernel)[0]
+
+
+def translate_kernel(kernel, arguments=None, threads=1, constants=None):
     """Translates a kernel.
 
     Args:
-        kernel: has `func` (the Python function), `key` (its name), `option(name)` and
-            `check_handles(kinds)`, which is told which arguments are handles of geometry.
+        kernel: has `func` (the Python function), `key` (its name) and `option(name)`.
         arguments: native types of the arguments, where annotations leave them open.
         threads: threads of a block, if the kernel has tiles.
         constants: values of parameters, or of fields of structs, by name, that the code is for.
 
     Returns:
-        The verified module, which holds the kernel and the functions it calls.
+        The verified module, which holds the kernel and the functions it calls, and the session,
+        which knows what launches have to do: whether there are tiles, handles of geometry, and
+        winding numbers.
 
     Raises:
         WarpCodegenError: the function cannot be translated; says where and why.
@@ -37,11 +43,7 @@ def build_kernel(kernel, arguments=None, threads=1, constants=None):
     if kernel.code_transformers:
         source = transformed(source_of(kernel.func), kernel.code_transformers)
     translator = _translate(kernel.func, kernel.key, arguments, limit, source, threads, constants)
-    if translator.session.tile_builder is not None:
-        kernel.note_tiles()
-    if translator.session.handles:
-        kernel.check_handles(translator.session.handles)
-    return _finish(translator)
+    return _finish(translator), translator.session
 
 
 def build_function(function, name, arguments=None, max_unroll=16, source=None):

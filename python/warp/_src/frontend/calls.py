@@ -17,6 +17,7 @@ from warp._src.frontend.context import Part, Value
 from warp._src.frontend.indexed import array_of
 from warp._src.frontend.names import BuiltinRef
 from warp._src.frontend.updates import references_of
+from warp._src.kernels import statics
 from warp._src.kernels.function import Function, NativeFunction
 from warp._src.language.builtins import lookup
 from warp._src.language.public import LIBRARY_NAMES
@@ -251,7 +252,11 @@ class Calls(Part):
         )
         try:
             compiled = compile(ast.Expression(node.args[0]), self.context.source.file, "eval")
-            return self.context.capture(eval(compiled, space), node)
+            value = eval(compiled, space)
+            self.context.session.statics.append(
+                statics.Evaluated(self.context.function, node.args[0], self.context.env, value)
+            )
+            return self.context.capture(value, node)
         except errors.WarpError:
             raise
         except Exception as problem:

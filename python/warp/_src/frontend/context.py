@@ -36,7 +36,7 @@ class Session:
 
     __slots__ = (
         *("active", "builder", "calls", "debug", "derived", "handles", "max_unroll", "parameters"),
-        *("taken", "threads", "tile_builder"),
+        *("statics", "sums_winding", "taken", "threads", "tile_builder"),
     )
 
     def __init__(self, builder, max_unroll=16):
@@ -49,9 +49,13 @@ class Session:
         self.derived = set()
         # Functions being translated, outermost first.
         self.active = []
+        # Each `wp.static` that was evaluated: function, expression, names and what it gave.
+        self.statics = []
         # The kernel's arguments by name, and the kinds of those that are handles of geometry.
         self.parameters = {}
         self.handles = {}
+        # Whether something asks for winding numbers, of which meshes are to know.
+        self.sums_winding = False
         # Threads of the blocks that the kernel is for, and what builds tiles once there is one.
         self.threads = 1
         self.tile_builder = None
@@ -392,6 +396,8 @@ class Context:
         old = self.env.get(name)
         if old is not None:
             self.check_same_type(name, old, binding, node)
+            if type(old) is Value and old.type.kind == "tile":
+                self.tiles.views.keep(name)
         self.env[name] = binding
         self.lines[name] = self.source.line(node)
 

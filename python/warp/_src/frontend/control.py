@@ -23,15 +23,15 @@ class Node:
     """A step of a function. `syntax` is the statement it comes from.
 
     gen: names read before they are assigned. kill: names assigned on every path. defs: names
-    assigned on some path. parts: names of which a component may be assigned. live: names read
-    afterwards.
+    assigned on some path. fresh: those of them that get another value, not `x += ...`. parts: names
+    of which a component may be assigned. live: names read afterwards.
     """
 
-    __slots__ = ("defs", "gen", "kill", "live", "parts", "syntax")
+    __slots__ = ("defs", "fresh", "gen", "kill", "live", "parts", "syntax")
 
     def __init__(self, syntax):
         self.syntax = syntax
-        self.gen = self.kill = self.defs = self.parts = self.live = frozenset()
+        self.gen = self.kill = self.defs = self.fresh = self.parts = self.live = frozenset()
 
 
 class Simple(Node):
@@ -53,7 +53,7 @@ class Flag(Node):
         super().__init__(syntax)
         self.name = name
         self.value = value
-        self.kill = self.defs = frozenset((name,))
+        self.kill = self.defs = self.fresh = frozenset((name,))
 
 
 class If(Node):
@@ -99,7 +99,7 @@ def plan_of(source, updated_arguments, outputs=()) -> Plan:
         plan.always_returns = rewriter.leaves(body)[1]
         plan.returns_value = _returns_value(body)
         plan.body = rewriter.block(body, 0)
-        analysis = _Analysis(updated_arguments)
+        analysis = _Analysis(updated_arguments, source.tree)
         plan.local_names = analysis.gather(plan.body)[2]
         plan.updated = analysis.updated
         needed = (RESULT,) if plan.returns_value else ()
@@ -235,22 +235,25 @@ def _flag(kind, depth):
 class _Analysis:
     """Fills in the name sets of nodes."""
 
-    def __init__(self, updated_arguments):
+    def __init__(self, updated_arguments, tree):
         self.updated_arguments = updated_arguments
         self.updated = set()
-        # Names of what may be a view of a tile, with the name of the tile.
+        # Names of what may be a view of a tile, with the names that the tile may have.
         self.views = {}
+        words = (getattr(n, "attr", None) or getattr(n, "id", "") for n in ast.walk(tree))
+        self.may_have_tiles = any("tile" in word or word == "Any" for word in words)
 
-    def gather(self, nodes) -> tuple[frozenset, frozenset, frozenset, frozenset]:
-        """gen, kill, defs and parts of a list, children first."""
-        gen, kill, defs, parts = set(), set(), set(), set()
+    def gather(self, nodes) -> tuple[frozenset, ...]:
+        """gen, kill, defs, parts and fresh of a list, children first."""
+        gen, kill, defs, parts, fresh = set(), set(), set(), set(), set()
         for node in nodes:
             self._gather_one(node)
             gen |= node.gen - kill
             kill |= node.kill
             defs |= node.defs
             parts |= node.parts
-        return frozenset(gen), frozenset(kill), frozenset(defs), frozenset(parts)
+            fresh |= node.fresh
+        return tuple(map(frozenset, (gen, kill, defs, parts, fresh)))
 
     def _gather_one(self, node):
         kind = type(node)
@@ -261,6 +264,8 @@ class _Analysis:
                 defs.add(RESULT)
             node.gen = frozenset(uses)
             node.kill = node.defs = frozenset(defs)
+            if not isinstance(node.syntax, ast.AugAssign):
+                node.fresh = node.defs
             node.parts = frozenset(parts)
         elif kind is If:
             uses, defs, parts = set(node.flags), set(), set()
@@ -271,6 +276,7 @@ class _Analysis:
             node.kill = then[1] & orelse[1]
             node.defs = then[2] | orelse[2]
             node.parts = then[3] | orelse[3] | parts
+            node.fresh = then[4] | orelse[4]
         elif kind is Loop:
             self._gather_loop(node)
 
@@ -287,6 +293,7 @@ class _Analysis:
         node.gen = frozenset(uses | (body[0] - targets))
         node.defs = body[2] | targets
         node.parts = body[3] | parts
+        node.fresh = body[4] | targets
 
     def liveness(self, nodes, live):
         for node in reversed(nodes):
@@ -303,18 +310,24 @@ class _Analysis:
         """Names an expression or statement reads, assigns, or assigns a part of."""
         kind = type(node)
         if kind is ast.Name:
-            (uses if isinstance(node.ctx, ast.Load) else defs).add(node.id)
+            if isinstance(node.ctx, ast.Load):
+                uses.add(node.id)
+                self._add_viewed(node, uses)
+            else:
+                defs.add(node.id)
             return
         if kind in (ast.Attribute, ast.Subscript) and isinstance(node.ctx, ast.Store):
             _add_base(node, parts)
+            self._add_viewed(node, parts)
         elif kind is ast.AugAssign:
             _add_base(node.target, uses)
+            self._add_viewed(node.target, uses)
+            self._add_viewed(node.target, parts)
         elif kind is ast.Call:
             for argument in self.updated_arguments(node):
                 _add_base(argument, parts)
                 self.updated.add(argument)
-                if name_of(node.func).startswith("tile_"):
-                    self._add_viewed(argument, parts)
+                self._add_viewed(argument, parts)
         elif kind is ast.Assign:
             self._note_view(node)
         for field in node._fields:
@@ -329,22 +342,23 @@ class _Analysis:
     def _note_view(self, node):
         """Remembers that `view = tile[i]` or `view = wp.tile_view(tile, ...)`."""
         target, value = node.targets[0], node.value
-        if isinstance(value, ast.Call) and name_of(value.func) == "tile_view" and value.args:
-            value = value.args[0]
-        elif not isinstance(value, ast.Subscript):
+        is_view = isinstance(target, ast.Name) and isinstance(value, (*_VIEWS, ast.Name))
+        if not is_view or not self.may_have_tiles:
             return
         base = set()
         _add_base(value, base)
-        if isinstance(target, ast.Name) and base:
-            self.views[target.id] = base.pop()
+        self.views.setdefault(target.id, set()).update(base)
 
     def _add_viewed(self, argument, names):
-        """What changes a view of a tile changes the tile."""
-        found = set()
+        """What uses or changes a view of a tile does so to the tile."""
+        found, seen = set(), set()
         _add_base(argument, found)
-        while found and (name := self.views.get(found.pop())) and name not in names:
-            names.add(name)
-            found.add(name)
+        while found:
+            name = found.pop()
+            new = self.views.get(name, set()) - seen
+            seen |= new
+            found |= new
+        names |= seen
 
 
 def name_of(function):
@@ -352,8 +366,18 @@ def name_of(function):
     return getattr(function, "attr", None) or getattr(function, "id", None) or ""
 
 
+# Calls that give a view of their first argument, and what is written like one.
+_VIEW_CALLS = {"tile_view", "tile_transpose", "tile_reshape", "tile_squeeze", "tile_broadcast"}
+_VIEWS = (ast.Attribute, ast.Subscript, ast.Call)
+
+
 def _add_base(node, names):
-    while isinstance(node, (ast.Attribute, ast.Subscript)):
-        node = node.value
+    while isinstance(node, _VIEWS):
+        if not isinstance(node, ast.Call):
+            node = node.value
+        elif name_of(node.func) in _VIEW_CALLS and (node.args or node.keywords):
+            node = node.args[0] if node.args else node.keywords[0].value
+        else:
+            return
     if isinstance(node, ast.Name):
         names.add(node.id)

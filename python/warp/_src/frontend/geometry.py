@@ -18,6 +18,7 @@ class Geometry(Part):
     def builtin__library_call(self, node):
         """`_library_call("symbol", ...)`: a tuple of results, or the only one."""
         symbol = node.args[0].value
+        self.context.session.sums_winding |= symbol == "warp_mesh_side_winding"
         arguments = [self.context.expressions.expr(argument) for argument in node.args[1:]]
         values = [self.context.materialize(binding, node) for binding in arguments]
         self.context.at(node)

@@ -258,11 +258,13 @@ class LocalArrays(Part):
         for keyword in getattr(call, "keywords", ()):
             if keyword.arg == name:
                 given = keyword.value
-        if isinstance(given, ast.Call) or given is None:
-            # The result of a call is nobody's variable.
+        if given is None:
             return
         if type(array) is Value:
             self.context.targets.write_back(given, array, call)
+            return
+        if isinstance(given, ast.Call):
+            # The result of a call is nobody's variable.
             return
         known = self.context.env.get(getattr(given, "id", None))
         if type(known) is not type(array):

@@ -13,7 +13,7 @@ from __future__ import annotations
 import ast
 
 from warp._src import errors
-from warp._src.frontend.context import INT32, LocalArray, Part, TileStack, Value
+from warp._src.frontend.context import INT32, LocalArray, Part, TileStack, TileView, Value
 from warp._src.frontend.control import If, Loop
 
 _MISSING = object()
@@ -100,6 +100,9 @@ class Loops(Part):
                 if name in node.defs:
                     pending.add(name)
             elif name in targets and name not in node.live:
+                continue
+            elif type(binding) is TileView and name not in node.fresh:
+                # Its variable is carried, and the place in it stays.
                 continue
             elif name in node.defs or self.may_change_part(binding):
                 known.append(name)

@@ -71,6 +71,9 @@ def transformed(source: Source, transformers) -> Source:
 
 def _read(function: types.FunctionType, code: types.CodeType) -> Source:
     file, first = code.co_filename, code.co_firstlineno
+    if code.co_name != "<lambda>":
+        # What a kernel is known by has to be the text that is parsed here.
+        texts.block_of(function)
     lines = texts.lines_of(function, forget=True)
     if code.co_name == "<lambda>":
         raise errors.WarpCodegenError(

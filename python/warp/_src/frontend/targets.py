@@ -55,7 +55,7 @@ class Targets(Part):
             self.context.assign_name(target.id, binding, node)
         elif kind in (ast.Tuple, ast.List):
             self.unpack(target, binding, node)
-        elif kind is ast.Subscript and self.has_slice(target) and not self.is_tile(target):
+        elif kind is ast.Subscript and self.has_slice(target) and not self.is_tile(target.value):
             self.assign_slice(target, binding, node)
         elif kind in (ast.Attribute, ast.Subscript):
             self.write(self.slot(target), binding, target)
@@ -112,6 +112,8 @@ class Targets(Part):
                 # An error, which says where `wp.adjoint` may be used.
                 self.context.expressions.expr(node)
             return self.subscript_slot(self.slot(node.value), node)
+        if kind is ast.Call and self.changed_slot(node) is not None:
+            return self.changed_slot(node)
         value = self.context.expressions.value(node)
         return Slot(value.type, value=value)
 
@@ -193,6 +195,9 @@ class Targets(Part):
         value = slot.value
         if slot.array is not None:
             value = self.builder.load(slot.array, slot.indices)
+        elif slot.name is not None and slot.path and slot.path[0][0] == "tile":
+            # What the variable holds now, which its views share.
+            value = self.context.env.get(slot.name, value)
         return self.read_path(value, slot.path, node)
 
     def read_path(self, value, path, node):
@@ -213,12 +218,27 @@ class Targets(Part):
 
     def write_back(self, place, binding, node):
         """Gives what an argument names the value that a call has left in it."""
-        # The result of a call is nobody's variable: its new value is dropped.
-        if not isinstance(place, ast.Call):
-            self.write(self.slot(place), binding, node)
+        slot = self.changed_slot(place)
+        if slot is not None:
+            self.write(slot, binding, node)
 
-    def write(self, slot, binding, node):
+    def changed_slot(self, place):
+        """The place that an argument names; None for the result of a call, nobody's variable,
+        unless that is a view of one."""
+        if isinstance(place, ast.Call):
+            tiles = vars(self.context).get("tiles")
+            return tiles and tiles.placed.get(place)
+        return self.slot(place)
+
+    def write(self, slot, binding, node, kind="assign"):
+        """Assigns to a place; `kind` is how elements of tiles are updated."""
         if slot.name is None and slot.array is None:
+            if slot.path and slot.path[0][0] == "tile":
+                raise self.context.error(
+                    node,
+                    "cannot assign to a view of a tile that its variable no longer holds",
+                    "take the view of the new tile",
+                )
             if array_of(slot.type) is not None:
                 raise self.context.type_error(
                     node,
@@ -231,7 +251,7 @@ class Targets(Part):
         if slot.array is None:
             root = self.context.env[slot.name]
             root = root if type(root) in (Value, LocalArray) else slot.value
-            self.context.env[slot.name] = self.with_part(root, slot.path, value, node)
+            self.context.env[slot.name] = self.with_part(root, slot.path, value, node, kind)
             if getattr(getattr(root, "type", None), "kind", None) == "tile":
                 self.context.tiles.changed.add(slot.name)
             self.context.lines[slot.name] = self.context.source.line(node)
@@ -250,19 +270,19 @@ class Targets(Part):
             view = self.builder.component_view(view, key)
         return view
 
-    def with_part(self, whole, path, value, node):
+    def with_part(self, whole, path, value, node, kind="assign"):
         """A value with the part at the end of a path replaced."""
         if not path:
             return value
         (step, key), rest = path[0], path[1:]
+        if step == "tile":
+            return self.context.tiles.views.written(whole, key, rest, value, node, kind)
         if rest:
             value = self.with_part(self.read_path(whole, path[:1], node), rest, value, node)
         if step == "field":
             return self.builder.struct_set(whole, key, value)
         if step == "index":
             return self.builder.insert(whole, key, value)
-        if step == "tile":
-            return self.context.tiles.places.written(whole, key, value, node)
         if step == "element":
             return self.context.local_arrays.written(whole, key, value, node)
         if step == "row":
@@ -352,6 +372,9 @@ class Targets(Part):
         target, op = node.target, node.op
         if isinstance(target, ast.Name):
             left = self.context.read_name(target.id, target)
+            if self.is_tile(target, left):
+                self.update_whole(node, self.slot(target))
+                return
             self.context.assign_name(
                 target.id,
                 self.context.expressions.binary(
@@ -359,12 +382,9 @@ class Targets(Part):
                 ),
                 node,
             )
-            if getattr(getattr(left, "type", None), "kind", None) == "tile":
-                # It is the tile that changes, whoever else has it.
-                self.context.tiles.changed.add(target.id)
             return
         is_slice = isinstance(target, ast.Subscript) and self.has_slice(target)
-        if is_slice and not self.is_tile(target):
+        if is_slice and not self.is_tile(target.value):
             self.update_slice(node)
             return
         slot = self.slot(target)
@@ -380,24 +400,40 @@ class Targets(Part):
         left = self.read(slot, target)
         self.write(slot, self.context.expressions.binary(node, op, left, right), node)
 
-    def is_tile(self, target):
-        """Whether a subscript is of a tile that a variable holds."""
-        if not isinstance(target.value, ast.Name):
+    def is_tile(self, target, binding=None):
+        """Whether a name is that of a tile or of a view of one."""
+        if not isinstance(target, ast.Name):
             return False
-        binding = self.context.env.get(target.value.id)
+        if binding is None:
+            binding = self.context.env.get(target.id)
         return getattr(getattr(binding, "type", None), "kind", None) == "tile"
+
+    def update_whole(self, node, slot):
+        """`t += u`: it is the tile that changes, whoever else has it."""
+        right = self.context.expressions.expr(node.value)
+        if self.context.tiles.views.repeats(slot) and type(node.op) in (ast.Add, ast.Sub):
+            self.write(slot, right, node, _ATOMIC[type(node.op)])
+            return
+        made = self.context.expressions.binary(node, node.op, self.read(slot, node), right)
+        made = self.context.materialize(made, node)
+        if made.type != slot.type:
+            raise self.context.type_error(
+                node,
+                f"a tile of type '{slot.type.python_name}' cannot become "
+                f"'{made.type.python_name}' in place",
+            )
+        self.write(slot, made, node)
 
     def update_tile(self, slot, op, right, node):
         """`t[i] += x`, which threads of a block may do to one element; false for other slots."""
         step, part = slot.path[-1] if slot.path else (None, None)
-        if step != "tile" or part.full is not None or len(slot.path) > 1 or slot.name is None:
+        if step != "tile" or getattr(part, "full", part) is not None or slot.name is None:
+            return False
+        if any(step != "tile" for step, _ in slot.path):
             return False
         if type(op) not in _ATOMIC or right.type != slot.type:
             return False
-        tiles, old = self.context.tiles, self.context.env[slot.name]
-        made = tiles.places.written(old, part, right, node, kind=_ATOMIC[type(op)])
-        self.context.env[slot.name] = made
-        tiles.changed.add(slot.name)
+        self.write(slot, right, node, _ATOMIC[type(op)])
         return True
 
     @staticmethod

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import numbers
+import threading
+import weakref
+
 from warp import _native
 from warp._src import errors
 from warp._src.derivatives.handles import Behind
@@ -16,6 +20,29 @@ from warp._src.geometry.bvh import (
 from warp._src.geometry.mesh_arrays import POINT_GRADIENTS, VELOCITY_GRADIENTS
 from warp._src.types import dtypes
 from warp._src.types.scalars import int32
+from warp._src.types.structs import StructInstance
+
+# Meshes that nobody has asked for winding numbers, by id.
+_without_winding: weakref.WeakValueDictionary = weakref.WeakValueDictionary()
+_supporting = threading.Lock()
+
+
+def support_winding(values) -> None:
+    """Makes winding numbers quick for meshes whose ids are values of a launch.
+
+    Not in the middle of a CUDA graph's recording: there all faces are asked.
+    """
+    if not _without_winding:
+        return
+    for value in values:
+        if isinstance(value, StructInstance):
+            support_winding([getattr(value, name) for name in value._wp_fields_])
+            continue
+        number = getattr(value, "value", value)
+        mesh = _without_winding.get(number) if isinstance(number, numbers.Integral) else None
+        if mesh is not None and (mesh.device.is_cpu or not mesh.device.is_capturing):
+            with _supporting:
+                mesh._support_winding()
 
 
 class Mesh(Behind):
@@ -26,8 +53,9 @@ class Mesh(Behind):
             If it has gradients, derivatives of queries are added to them.
         indices: array of int32, three vertices per face, counter-clockwise seen from outside.
         velocities: array of vec3 like `points`, for `mesh_eval_velocity`.
-        support_winding_number: makes `mesh_query_point_sign_winding_number` quick, for 11 bytes per
-            face; without it all faces are asked.
+        support_winding_number: prepares `mesh_query_point_sign_winding_number`, for 11 bytes per
+            face. Else the first launch does that gets the mesh by an argument; where there is
+            none, ids being in arrays or a graph recorded, all faces are asked.
         bvh_constructor: as of `Bvh`.
         groups: array of int32, a number for each face, for `mesh_get_group_root`.
         bvh_leaf_size: changes nothing.
@@ -86,6 +114,8 @@ class Mesh(Behind):
             self._built.finish(points, indices)
         else:
             self._published()
+        if not self.support_winding_number:
+            _without_winding[self.id] = self
 
     def _check_velocities(self, velocities, points):
         if velocities is None:
@@ -167,6 +197,20 @@ class Mesh(Behind):
 
             self._moments = Moments(view, self.device)
             _native.write_handle_word(self.id, MOMENTS_IN_SLOT, self._moments.moments.ptr)
+
+    def _support_winding(self):
+        if self.support_winding_number:
+            return
+        self.support_winding_number = True
+        del _without_winding[self.id]
+        self._wait()
+        by_kernels = bool(self._built or self._kernels)
+        self._native.support_winding(self._points, self._velocities, self.indices, by_kernels)
+        if by_kernels:
+            self._show_moments(self._built.view if self._built else self._native.view)
+            self._sum_moments()
+        else:
+            self._published()
 
     def _sum_moments(self):
         if self._moments is not None:

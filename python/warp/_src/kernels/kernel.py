@@ -25,7 +25,7 @@ from warp._src.kernels import texts, unique
 from warp._src.kernels.epoch import Epoch
 from warp._src.kernels.modules import Module, check_options, get_module
 from warp._src.types import dtypes
-from warp._src.types.annotations import is_generic
+from warp._src.types.annotations import annotations_of, is_generic
 from warp._src.types.native import ArrayType, IndexedArrayType
 
 STAGES = ("warp", "thread", "launch", "gpu", "llvm", "ptx", "asm")
@@ -100,8 +100,6 @@ class Kernel:
         return self._generic
 
     def _find_generic(self) -> bool:
-        from warp._src.frontend.functions import annotations_of
-
         try:
             found = annotations_of(self.func).items()
             return any(is_generic(one) for name, one in found if name != "return")
@@ -154,10 +152,13 @@ class Kernel:
         self.native, self._specialized = self._elsewhere.pop(epoch, (None, {}))
         self.epoch, self._made_in = None, epoch
 
-    def check_handles(self, kinds) -> None:
-        """Makes every launch check that these arguments, by name, are handles of these kinds."""
+    def check_handles(self, kinds, sums_winding) -> None:
+        """Makes every launch check that these arguments, by name, are handles of these kinds.
+
+        sums_winding: the kernel asks for winding numbers; a launch prepares meshes for that.
+        """
         self._take(importlib.import_module("warp._src.kernels.searching").SearchingKernel)
-        self.handles = dict(kinds)
+        self.handles, self.sums_winding = dict(kinds), sums_winding
 
     def fix_constants(self) -> None:
         """Makes every launch choose the code for its launch constants."""
@@ -205,10 +206,9 @@ class Kernel:
         if self.unique_key is not None:
             unique.check(self)
         with translating:
-            from warp._src.frontend.build import build_kernel
+            from warp._src.kernels.translations import native_kernel
 
-            module = build_kernel(self, arguments, threads, constants)
-        native = self.compile_module(module)
+            native = native_kernel(self, arguments, threads, constants)
         self._dump(native)
         name = self.key if arguments is None else f"{self.key}_{type_tag(arguments)}"
         self.use_saved(native, name)
@@ -231,6 +231,7 @@ class Kernel:
         """A native kernel from a module: this kernel or what is made of it, with its options.
 
         Args:
+            module: or a translation from the cache.
             checked: keeps assertions.
         """
         level = self.option("optimization_level")

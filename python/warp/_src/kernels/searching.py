@@ -5,6 +5,7 @@ from __future__ import annotations
 from warp import _native
 from warp._src import errors
 from warp._src.devices.devices import by_index
+from warp._src.geometry.mesh import support_winding
 from warp._src.kernels.kernel import Kernel
 
 _NAMES = {1: "HashGrid", 2: "Bvh", 3: "Mesh", 4: "Volume"}
@@ -15,6 +16,7 @@ class SearchingKernel(Kernel):
 
     Attributes:
         handles: kinds of geometry, by the names of arguments.
+        sums_winding: whether winding numbers are asked for.
     """
 
     def check(self, values, device) -> None:
@@ -36,3 +38,5 @@ class SearchingKernel(Kernel):
                     f"launch('{self.key}'): argument '{name}' expects the id of a live "
                     f"{_NAMES[kind]} on '{by_index(device).alias}', but got {problem}"
                 )
+        if self.sums_winding:
+            support_winding(values)

@@ -6,7 +6,13 @@ write kernels to temporary files, import and delete them. So decorators keep the
 
 from __future__ import annotations
 
+import re
+import types
+import unicodedata
+
 from warp._src import errors
+
+_IDENTIFIER = re.compile(r"[^\W\d]\w*")
 
 # Lines of the file of a code object, until the function is translated.
 _kept: dict = {}
@@ -45,3 +51,56 @@ def lines_of(function, forget=False) -> list[str]:
             hint="define the function in a file or a notebook cell",
         )
     return lines
+
+
+class Block:
+    """The text of one function, with its decorators.
+
+    Attributes:
+        text: its lines.
+        words: all that could be names in it.
+        lines: its lines without the indentation that they share.
+    """
+
+    __slots__ = ("lines", "text", "words")
+
+    def __init__(self, lines):
+        self.text = "".join(lines)
+        plain = self.text if self.text.isascii() else unicodedata.normalize("NFKC", self.text)
+        self.words = frozenset(_IDENTIFIER.findall(plain))
+        indent = len(lines[0]) - len(lines[0].lstrip())
+        self.lines = tuple(line[indent:].rstrip() for line in lines)
+
+
+_blocks: dict = {}
+
+
+def block_of(function) -> Block:
+    """The text of a function, read once: later changes of its file do not count.
+
+    Raises:
+        WarpCodegenError: there is no such text.
+    """
+    code = function.__code__
+    found = _blocks.get(code)
+    if found is None:
+        found = _blocks[code] = Block(_block(lines_of(function), code))
+    return found
+
+
+def _block(lines, code) -> list[str]:
+    """From the first line of a function to the last one that is indented below it."""
+    first = code.co_firstlineno - 1
+    codes, last = [code], first + 1
+    while codes:
+        one = codes.pop()
+        codes += [const for const in one.co_consts if isinstance(const, types.CodeType)]
+        last = max([last, *(line for _, _, line in one.co_lines() if line)])
+    indent = len(lines[first]) - len(lines[first].lstrip())
+    while last < len(lines):
+        line = lines[last].strip()
+        inside = len(lines[last]) - len(lines[last].lstrip()) > indent
+        if line and not inside and not line.startswith("#"):
+            break
+        last += 1
+    return lines[first:last]

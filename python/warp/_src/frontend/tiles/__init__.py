@@ -1,12 +1,13 @@
 """Tiles: elements that a block of threads holds together.
 
 A tile is a value. What changes one, such as `t[i] = x` or `wp.tile_assign(t, ...)`, makes another
-value and binds the variable to it. A view (`t[2:4]`, `t[i]`, `wp.tile_view(t, ...)`) of a variable
-keeps the place in it, so that assigning to the view changes the variable.
+value and binds the variable to it. A view (`t[2:4]`, `t[i]`, `wp.tile_view(t, ...)`, a
+transposed, reshaped or broadcast tile) of a variable keeps the place in it, so that assigning to
+the view changes the variable.
 
 The topics: arguments (what all begin with), values (new tiles), memory (arrays), shapes, places
-(parts and views), gathers, changes, elements (functions of elements, reductions), randoms, stacks,
-printing, algebra. Loaded when a kernel names one of these builtins.
+(parts of tiles), views, gathers, changes, elements (functions of elements, reductions), randoms,
+stacks, printing, algebra. Loaded when a kernel names one of these builtins.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from warp._src.frontend.tiles.randoms import TileRandoms
 from warp._src.frontend.tiles.shapes import TileShapes
 from warp._src.frontend.tiles.stacks import TileStacks
 from warp._src.frontend.tiles.values import TileValues
+from warp._src.frontend.tiles.views import TileViews
 from warp._src.types import dtypes
 
 _TOPICS = {
@@ -39,6 +41,7 @@ _TOPICS = {
     "shapes": TileShapes,
     "stacks": TileStacks,
     "values": TileValues,
+    "views": TileViews,
 }
 # The topic that translates a builtin, by the name of its method.
 _HANDLERS = {
@@ -53,12 +56,14 @@ class Tiles:
     """The part of a translator that is about tiles: its topics, and what they share.
 
     Attributes:
+        placed: the places that calls made views of, by the call.
         changed: variables whose tiles were changed, rather than replaced by another tile.
     """
 
     def __init__(self, context):
         self.context = context
         self.changed = set()
+        self.placed = {}
         for name, kind in _TOPICS.items():
             setattr(self, name, kind(context))
 

@@ -112,6 +112,17 @@ class TileChanges(TileTopic):
             product = self.builder.builtin("mul", [x, factor])[0][0]
             return self.builder.builtin("add", [y, product])[0][0]
 
-        made = self.mapped([alpha, source, target], step, node)
-        place = node.args[2] if len(node.args) > 2 else node.keywords[-1].value
-        self.context.targets.write_back(place, made, node)
+        by_name = (one.value for one in node.keywords if one.arg == "dest")
+        place = node.args[2] if len(node.args) > 2 else next(by_name)
+        slot = self.context.targets.changed_slot(place)
+        if slot is None:
+            return
+        if self.context.tiles.views.repeats(slot):
+
+            def product(factor, x):
+                return self.builder.builtin("mul", [x, factor])[0][0]
+
+            made = self.mapped([alpha, source], product, node)
+            self.context.targets.write(slot, made, node, "add")
+            return
+        self.context.targets.write(slot, self.mapped([alpha, source, target], step, node), node)

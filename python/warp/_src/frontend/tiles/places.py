@@ -116,6 +116,8 @@ class TilePlaces(TileTopic):
 
     def read(self, tile, part, node):
         """An element or a part of a tile."""
+        if type(part) is not Selection:
+            return self.context.tiles.views.read(tile, part, node)
         if part.full is None:
             return self.make("get", [tile, *part.offsets], node)
         whole = self.make("slice", [tile, *part.offsets], node, shape=part.full, axes=part.steps)
@@ -144,9 +146,7 @@ class TilePlaces(TileTopic):
 
     def subscript(self, base, items, node):
         """`t[...]` of a tile: an element, or a view of the variable that holds it."""
-        slot = base.slot if type(base) is TileView else None
-        if slot is None and isinstance(node.value, ast.Name) and node.value.id in self.context.env:
-            slot = self.context.targets.slot(node.value)
+        slot = self.context.tiles.views.of(base, node.value)
         native = base.type
         picked = self.context.tiles.gathers.picked(native, items, node)
         if picked is not None:
@@ -226,13 +226,11 @@ class TilePlaces(TileTopic):
                     f"source tile, expected {len(native.shape)}, got {len(shape)}",
                 )
             part, selected = self.whole_part(native, offsets, shape, node)
-        slot = binding.slot if type(binding) is TileView else None
         target = node.args[0] if node.args else node.keywords[0].value
-        if slot is None and isinstance(target, ast.Name):
-            slot = self.context.targets.slot(target)
-        if slot is None or slot.name is None:
+        slot = self.context.tiles.views.of(binding, target)
+        if slot is None:
             return self.read(tile, part, node)
-        return TileView(slot.extended(("tile", part), selected))
+        return self.context.tiles.views.placed(slot.extended(("tile", part), selected), node)
 
 
 def _is_none(node) -> bool:

@@ -11,17 +11,20 @@ class TileShapes(TileTopic):
     """Translates transposes, broadcasts, reshapes and conversions."""
 
     def builtin_tile_transpose(self, node):
-        (tile,) = self.bind(node, "tile_transpose", ("a",), tiles=1)
+        (binding,) = self.bind(node, "tile_transpose", ("a",))
+        tile = self.tile(binding, node, "tile_transpose")
         if len(tile.type.shape) != 2:
             raise self.context.value_error(
                 node,
                 "tile_transpose() expects a tile of two dimensions",
             )
         shape = list(reversed(tile.type.shape))
-        return self.make("transpose", [tile], node, shape=shape, axes=[1, 0])
+        seen = self.context.tiles.views.seen
+        return seen(binding, node, "tile_transpose", "transpose", shape, [1, 0])
 
     def builtin_tile_broadcast(self, node):
-        tile, shape = self.bind(node, "tile_broadcast", ("a", "shape"), tiles=1)
+        binding, shape = self.bind(node, "tile_broadcast", ("a", "shape"))
+        tile = self.tile(binding, node, "tile_broadcast")
         shape = self.extents(shape, node, "tile_broadcast")
         old = tile.type.shape
         fits = len(old) <= len(shape) and all(
@@ -32,10 +35,11 @@ class TileShapes(TileTopic):
                 node,
                 f"tile_broadcast() cannot broadcast shape {tuple(old)} to {tuple(shape)}",
             )
-        return self.make("broadcast", [tile], node, shape=shape)
+        return self.context.tiles.views.seen(binding, node, "tile_broadcast", "broadcast", shape)
 
     def builtin_tile_reshape(self, node):
-        tile, shape = self.bind(node, "tile_reshape", ("t", "shape"), tiles=1)
+        binding, shape = self.bind(node, "tile_reshape", ("t", "shape"))
+        tile = self.tile(binding, node, "tile_reshape")
         known = [self.known(extent) for extent in self.parts(shape)]
         count = math.prod(tile.type.shape)
         if known.count(-1) == 1:
@@ -47,10 +51,11 @@ class TileShapes(TileTopic):
                 f"tile_reshape() cannot make shape {tuple(known)} of shape "
                 f"{tuple(tile.type.shape)}",
             )
-        return self.make("reshape", [tile], node, shape=known)
+        return self.context.tiles.views.seen(binding, node, "tile_reshape", "reshape", known)
 
     def builtin_tile_squeeze(self, node):
-        tile, axis = self.bind(node, "tile_squeeze", ("t", "axis"), tiles=1, axis=None)
+        binding, axis = self.bind(node, "tile_squeeze", ("t", "axis"), axis=None)
+        tile = self.tile(binding, node, "tile_squeeze")
         shape = list(tile.type.shape)
         given = range(len(shape)) if axis is None else self.parts(axis)
         axes = set()
@@ -69,7 +74,7 @@ class TileShapes(TileTopic):
             if shape[one] == 1:
                 axes.add(one % len(shape))
         kept = [extent for i, extent in enumerate(shape) if i not in axes] or [1]
-        return self.make("reshape", [tile], node, shape=kept)
+        return self.context.tiles.views.seen(binding, node, "tile_squeeze", "reshape", kept)
 
     def builtin_tile_astype(self, node):
         tile, dtype = self.bind(node, "tile_astype", ("t", "dtype"), tiles=1)

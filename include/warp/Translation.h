@@ -1,0 +1,62 @@
+//===- Translation.h - What a function was translated to --------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// A front end that can name all that a kernel is made from, before it makes it,
+// keeps the translation under that name, beside the compiled code: what
+// launches need to know of the kernel, the hashes that compiled code is found
+// by, and the text of its module. The text is parsed only when something asks
+// for the module: a variant that was never compiled, or a derivative.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_TRANSLATION_H
+#define WARP_TRANSLATION_H
+
+#include "warp/Compile.h"
+#include "warp/Export.h"
+
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace warp {
+
+/// Hexadecimal hashes of the text of a module, without and with locations.
+struct SourceHashes {
+  std::string plain, located;
+};
+
+WARP_API SourceHashes sourceHashes(const Module &module);
+
+/// `fingerprint` of the module that has these hashes.
+WARP_API std::string fingerprint(const SourceHashes &hashes,
+                                 const CompileOptions &options);
+
+struct Translation {
+  SourceHashes hashes;
+  std::vector<Param> params;
+  std::vector<Access> accesses;
+  /// Dimensions of the thread index that the kernel reads.
+  int rank = 1;
+  /// What the front end wants to know again.
+  std::string notes;
+  /// The module, with locations.
+  std::string text;
+};
+
+/// The translation of a name of 64 hexadecimal digits; nothing if there is
+/// none, or if it is damaged.
+WARP_API std::optional<Translation> findTranslation(const std::string &name);
+WARP_API void storeTranslation(const std::string &name,
+                               const Translation &translation);
+
+/// The file format, exposed for tests.
+WARP_API std::string serialize(const std::string &name,
+                               const Translation &translation);
+WARP_API std::optional<Translation>
+deserializeTranslation(const std::string &name, const std::string &bytes);
+
+} // namespace warp
+
+#endif // WARP_TRANSLATION_H

@@ -1,0 +1,69 @@
+//===- GraphFile.h - The file of a saved graph ------------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// What the file says, apart from live memory and kernels; its format and its
+// checks.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_GRAPHS_GRAPHFILE_H
+#define WARP_LIB_GRAPHS_GRAPHFILE_H
+
+#include "Runtime/GraphTrace.h"
+#include "warp/Error.h"
+
+#include <string>
+#include <vector>
+
+namespace warp::graphs {
+
+/// Memory that arrays of the graph lie in.
+struct FileBlock {
+  /// Bytes before it, for the sake of the alignment of what is in it.
+  uint32_t lead = 0;
+  uint64_t bytes = 0;
+  /// All of it, or nothing where it is zero or written before it is read.
+  std::string contents;
+};
+
+struct FileName {
+  std::string name;
+  uint32_t block = 0;
+  uint64_t offset = 0, bytes = 0;
+};
+
+/// Blocks of pointers that lead to none: null, and such that nothing is
+/// reached through.
+inline constexpr uint32_t nullBlock = 0xffffffff, spareBlock = 0xfffffffe;
+
+struct FileOperation {
+  /// Pointers among the arguments are offsets within their blocks.
+  GraphOperation operation;
+  std::vector<uint32_t> blocks;
+  uint32_t kernel = 0;
+  /// GPU: threads of a block, 0 if the launch left it open.
+  int32_t blockDim = 0;
+};
+
+struct GraphFile {
+  /// "cpu" or "sm_90".
+  std::string target;
+  /// File of the kernels in the folder, and its hash; empty without launches.
+  std::string module;
+  uint64_t moduleHash = 0;
+  std::vector<FileBlock> blocks;
+  std::vector<FileName> names;
+  std::vector<FileOperation> operations;
+
+  std::string bytes() const;
+  /// Throws if it is no such file, has another format or is damaged.
+  static GraphFile fromBytes(const std::string &bytes,
+                             const std::string &origin);
+};
+
+Error fileError(const std::string &path, const std::string &problem);
+
+} // namespace warp::graphs
+
+#endif // WARP_LIB_GRAPHS_GRAPHFILE_H

@@ -1,0 +1,296 @@
+//===- Load.cpp - From files to a graph that runs -------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Blocks of memory are allocated and filled, pointers put back among the
+// arguments, and each operation is done again while a capture records. That an
+// operation stays within its blocks is worked out anew from its arguments.
+//
+//===----------------------------------------------------------------------===//
+
+#include "GraphFile.h"
+#include "Operations.h"
+
+#include "Runtime/Support.h"
+#include "warp/SavedGraph.h"
+#include "warp/SavedModule.h"
+
+using namespace warp;
+using namespace warp::graphs;
+using Kind = GraphOperation::Kind;
+
+struct LoadedGraph::Impl {
+  GraphFile file;
+  std::vector<std::shared_ptr<Kernel>> kernels;
+  std::vector<std::unique_ptr<Buffer>> buffers;
+  std::map<std::string, const FileName *> names;
+  /// Goes first.
+  std::shared_ptr<Graph> graph;
+
+  char *startOf(uint32_t block) const {
+    return static_cast<char *>(buffers[block]->data()) +
+           file.blocks[block].lead;
+  }
+  const FileName &find(const std::string &name) const;
+  const FileName &checked(const std::string &name, size_t bytes) const;
+};
+
+LoadedGraph::LoadedGraph(std::unique_ptr<Impl> impl) : impl(std::move(impl)) {}
+LoadedGraph::~LoadedGraph() = default;
+
+//===----------------------------------------------------------------------===//
+// Loading
+//===----------------------------------------------------------------------===//
+
+namespace {
+class Loader {
+public:
+  Loader(GraphFile &file, std::vector<std::shared_ptr<Kernel>> &kernels,
+         std::vector<std::unique_ptr<Buffer>> &buffers, int device,
+         const std::string &origin)
+      : file(file), kernels(kernels), buffers(buffers), device(device),
+        origin(origin) {}
+
+  void checkTarget() const;
+  void loadKernels(const std::map<std::string, std::string> &modules);
+  void allocate(const Stream *stream);
+  void restorePointers();
+  std::shared_ptr<Graph> capture(std::shared_ptr<Stream> stream);
+
+private:
+  Error damaged(const std::string &how) const {
+    return fileError(origin, "is damaged, " + how);
+  }
+  void restorePointers(FileOperation &entry);
+  void checkRoom() const;
+
+  GraphFile &file;
+  std::vector<std::shared_ptr<Kernel>> &kernels;
+  std::vector<std::unique_ptr<Buffer>> &buffers;
+  SavedModule module;
+  int device;
+  const std::string &origin;
+  /// What pointers lead to that nothing is reached through.
+  uint64_t spare = 0;
+};
+} // namespace
+
+void Loader::checkTarget() const {
+  bool forCpu = file.target == "cpu";
+  if (forCpu != (device == cpuDevice))
+    throw fileError(origin, "was made for '" + file.target +
+                                "' and cannot run on '" +
+                                deviceInfo(device).alias + "'");
+}
+
+void Loader::loadKernels(const std::map<std::string, std::string> &modules) {
+  if (file.module.empty())
+    return;
+  auto found = modules.find(file.module);
+  if (found == modules.end())
+    throw fileError(origin, "needs the code in '" + file.module +
+                                "', which was not provided");
+  const std::string &code = found->second;
+  if (hashBytes(code.data(), code.size()) != file.moduleHash)
+    throw fileError(origin, "does not belong to the code in '" + file.module +
+                                "', or that is damaged");
+  module = SavedModule::fromBytes(code, file.module);
+  for (const SavedKernel &saved : module.kernels) {
+    if (saved.target == "cpu")
+      checkProcessor(saved);
+    kernels.push_back(std::make_shared<Kernel>(saved));
+  }
+}
+
+void Loader::checkRoom() const {
+  uint64_t needed = 0;
+  for (const FileBlock &block : file.blocks)
+    needed += block.lead + block.bytes;
+  size_t free = deviceMemory(device).first;
+  if (needed > free)
+    throw Error(Error::Kind::Memory, "saved graph '" + origin + "' needs " +
+                                         formatBytes(needed) + " on '" +
+                                         deviceInfo(device).alias + "', free " +
+                                         formatBytes(free));
+}
+
+void Loader::allocate(const Stream *stream) {
+  checkRoom();
+  for (const FileBlock &block : file.blocks) {
+    auto buffer = std::make_unique<Buffer>(device, block.lead + block.bytes,
+                                           false, stream);
+    char *start = static_cast<char *>(buffer->data()) + block.lead;
+    buffers.push_back(std::move(buffer));
+    if (block.contents.empty())
+      setMemory(start, device, 0, block.bytes, stream);
+    else
+      copyMemory(start, device, block.contents.data(), cpuDevice, block.bytes,
+                 stream);
+  }
+  buffers.push_back(std::make_unique<Buffer>(device, 256, false, stream));
+  spare = reinterpret_cast<uint64_t>(buffers.back()->data());
+  if (stream)
+    stream->synchronize();
+  for (FileBlock &block : file.blocks)
+    std::string().swap(block.contents);
+}
+
+void Loader::restorePointers(FileOperation &entry) {
+  static const std::vector<Access> none;
+  GraphOperation &operation = entry.operation;
+  bool isLaunch = operation.kind == Kind::Launch;
+  if (isLaunch) {
+    if (entry.kernel >= kernels.size())
+      throw damaged("a launch has no kernel");
+    operation.kernel = kernels[entry.kernel].get();
+  }
+  checkArguments(operation, isLaunch ? operation.kernel->parameterSize() : 0);
+  const std::vector<Access> &accesses =
+      isLaunch ? module.kernels[entry.kernel].accesses : none;
+  // Where pointers are depends on no pointer.
+  std::vector<size_t> slots = slotsOf(operation, accesses);
+  if (slots.size() != entry.blocks.size())
+    throw damaged("the " + describe(operation) + " lacks a pointer");
+  for (size_t i = 0; i < slots.size(); ++i) {
+    uint64_t address = 0;
+    std::memcpy(&address, operation.arguments.data() + slots[i], 8);
+    uint32_t block = entry.blocks[i];
+    if (block == nullBlock)
+      address = 0;
+    else if (block == spareBlock)
+      address = spare;
+    else if (block >= file.blocks.size())
+      throw damaged("the " + describe(operation) + " lacks its memory");
+    else
+      address += reinterpret_cast<uint64_t>(buffers[block]->data()) +
+                 file.blocks[block].lead;
+    std::memcpy(operation.arguments.data() + slots[i], &address, 8);
+  }
+  std::vector<Pointer> pointers = pointersOf(operation, accesses);
+  for (size_t i = 0; i < pointers.size(); ++i) {
+    const AddressRange &range = pointers[i].range;
+    uint32_t block = entry.blocks[i];
+    if (range.begin == range.end)
+      continue;
+    uint64_t start = 0, end = 0;
+    if (block < file.blocks.size()) {
+      start = reinterpret_cast<uint64_t>(buffers[block]->data()) +
+              file.blocks[block].lead;
+      end = start + file.blocks[block].bytes;
+    }
+    if (range.begin < start || range.end > end || range.begin > range.end)
+      throw damaged("the " + describe(operation) +
+                    " reaches beyond its memory");
+  }
+}
+
+void Loader::restorePointers() {
+  int depth = 0;
+  for (FileOperation &entry : file.operations) {
+    restorePointers(entry);
+    depth += entry.operation.kind == Kind::BeginBody;
+    depth -= entry.operation.kind == Kind::EndBody;
+    if (depth < 0)
+      break;
+  }
+  if (depth != 0)
+    throw damaged("branches and loops do not end where they should");
+}
+
+std::shared_ptr<Graph> Loader::capture(std::shared_ptr<Stream> stream) {
+  std::unique_ptr<Capture> capture = Capture::begin(device, stream);
+  Conditions conditions;
+  for (FileOperation &entry : file.operations)
+    repeat(entry.operation, device, entry.blockDim, stream.get(), *capture,
+           conditions);
+  return capture->end();
+}
+
+std::shared_ptr<LoadedGraph> LoadedGraph::fromFiles(const GraphFiles &files,
+                                                    int device,
+                                                    const std::string &origin) {
+  auto impl = std::make_unique<Impl>();
+  impl->file = GraphFile::fromBytes(files.graph, origin);
+  Loader loader(impl->file, impl->kernels, impl->buffers, device, origin);
+  loader.checkTarget();
+  if (device == cpuDevice && isCapturing(device))
+    throw fileError(origin,
+                    "cannot be loaded while this thread captures a graph");
+  std::shared_ptr<Stream> stream;
+  if (device != cpuDevice)
+    stream = std::make_shared<Stream>(device);
+  loader.loadKernels(files.modules);
+  loader.allocate(stream.get());
+  try {
+    loader.restorePointers();
+    impl->graph = loader.capture(stream);
+  } catch (const Error &error) {
+    if (error.kind != Error::Kind::Value)
+      throw;
+    throw fileError(origin, "is damaged, " + error.message);
+  }
+  for (const FileName &name : impl->file.names)
+    impl->names[name.name] = &name;
+  return std::shared_ptr<LoadedGraph>(new LoadedGraph(std::move(impl)));
+}
+
+//===----------------------------------------------------------------------===//
+// Names
+//===----------------------------------------------------------------------===//
+
+Graph &LoadedGraph::graph() const { return *impl->graph; }
+
+const FileName &LoadedGraph::Impl::find(const std::string &name) const {
+  auto found = names.find(name);
+  if (found != names.end())
+    return *found->second;
+  std::string known;
+  for (const auto &[other, place] : names)
+    known += (known.empty() ? "'" : ", '") + other + "'";
+  throw Error(Error::Kind::Key,
+              "the graph has no array '" + name +
+                  "', it has: " + (known.empty() ? "none" : known));
+}
+
+const FileName &LoadedGraph::Impl::checked(const std::string &name,
+                                           size_t bytes) const {
+  const FileName &place = find(name);
+  if (place.bytes != bytes)
+    throw Error(Error::Kind::Value, "the graph's array '" + name + "' has " +
+                                        std::to_string(place.bytes) +
+                                        " bytes, but got " +
+                                        std::to_string(bytes));
+  return place;
+}
+
+std::vector<std::string> LoadedGraph::names() const {
+  std::vector<std::string> list;
+  for (const FileName &name : impl->file.names)
+    list.push_back(name.name);
+  return list;
+}
+
+bool LoadedGraph::has(const std::string &name) const {
+  return impl->names.count(name) != 0;
+}
+
+void *LoadedGraph::data(const std::string &name) const {
+  const FileName &place = impl->find(name);
+  return place.bytes ? impl->startOf(place.block) + place.offset : nullptr;
+}
+
+size_t LoadedGraph::bytes(const std::string &name) const {
+  return impl->find(name).bytes;
+}
+
+void LoadedGraph::set(const std::string &name, const void *source, size_t bytes,
+                      int from, const Stream *stream) {
+  impl->checked(name, bytes);
+  copyMemory(data(name), device(), source, from, bytes, stream);
+}
+
+void LoadedGraph::get(const std::string &name, void *target, size_t bytes,
+                      int to, const Stream *stream) const {
+  impl->checked(name, bytes);
+  copyMemory(target, to, data(name), device(), bytes, stream);
+}

@@ -1,0 +1,395 @@
+//===- Operations.cpp - Operations of saved graphs ------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// One place for what the kinds of operations mean: where their pointers are,
+// how far those reach, and how they are done again.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Operations.h"
+
+#include "warp/Error.h"
+#include "warp/Memory.h"
+
+#include <cstddef>
+#include <limits>
+
+using namespace warp;
+using namespace warp::graphs;
+using Kind = GraphOperation::Kind;
+
+static constexpr int64_t most = std::numeric_limits<int64_t>::max();
+
+static Error nonsense(const GraphOperation &operation) {
+  return Error(Error::Kind::Value,
+               "the " + describe(operation) + " has impossible arguments");
+}
+
+std::string graphs::describe(const GraphOperation &operation) {
+  switch (operation.kind) {
+  case Kind::Launch:
+    return "launch of '" + (operation.kernel ? operation.kernel->name() : "?") +
+           "'";
+  case Kind::CopyBytes:
+  case Kind::CopyArray:
+  case Kind::Upload:
+    return "copy";
+  case Kind::FillBytes:
+  case Kind::FillArray:
+    return "fill";
+  case Kind::Scan:
+    return "scan";
+  case Kind::SortPairs:
+  case Kind::SortSegments:
+    return "sort";
+  case Kind::FindRuns:
+    return "search for runs";
+  case Kind::Condition:
+  case Kind::UpdateCondition:
+  case Kind::BeginBody:
+  case Kind::EndBody:
+    return "branch or loop";
+  case Kind::Other:
+    break;
+  }
+  return operation.constant;
+}
+
+//===----------------------------------------------------------------------===//
+// Pointers
+//===----------------------------------------------------------------------===//
+
+namespace {
+/// Collects the pointers of one operation, or only where they are.
+class Collector {
+public:
+  Collector(const GraphOperation &operation, bool slotsOnly)
+      : operation(operation), slotsOnly(slotsOnly) {}
+
+  /// The pointer at a byte; `bytes` from there on are reached.
+  void add(size_t slot, int64_t bytes) {
+    if (slotsOnly)
+      return found.push_back({slot, {}});
+    uint64_t address = pointerAt(slot);
+    if (bytes < 0 || (bytes > 0 && !address) ||
+        address + uint64_t(bytes) < address)
+      throw nonsense(operation);
+    found.push_back({slot, {address, address + uint64_t(bytes)}});
+  }
+  void add(size_t slot, int64_t count, int64_t size) {
+    int64_t bytes = 0;
+    if (!slotsOnly &&
+        (count < 0 || size < 0 || __builtin_mul_overflow(count, size, &bytes)))
+      throw nonsense(operation);
+    add(slot, bytes);
+  }
+  /// Elements at a distance.
+  void add(size_t slot, const Sequence &sequence, int64_t count,
+           int64_t width) {
+    int64_t reach = 0;
+    if (!slotsOnly &&
+        (count < 1 || sequence.stride < 0 || width < 0 ||
+         __builtin_mul_overflow(count - 1, sequence.stride, &reach) ||
+         reach > most - width))
+      throw nonsense(operation);
+    add(slot, reach + width);
+  }
+  /// Data and gradient of the descriptor at a byte; sizes of their elements,
+  /// 0 for a gradient that is not used.
+  void addArray(size_t slot, int64_t elementSize, int64_t gradientSize) {
+    ArrayDescriptor array;
+    if (slot > operation.arguments.size() ||
+        operation.arguments.size() - slot < sizeof(array))
+      throw nonsense(operation);
+    std::memcpy(&array, operation.arguments.data() + slot, sizeof(array));
+    bool valid = array.ndim >= 0 && array.ndim <= maxRank && elementSize >= 0;
+    bool empty = false;
+    for (int i = 0; valid && i < array.ndim; ++i) {
+      valid = array.shape[i] >= 0;
+      empty |= array.shape[i] == 0;
+    }
+    // A kernel may ask whether it has an array, a copy has both.
+    bool optional = operation.kind == Kind::Launch;
+    if (!slotsOnly && (!valid || (!optional && !empty && !array.data)))
+      throw nonsense(operation);
+    addElements(slot + offsetof(ArrayDescriptor, data), array, elementSize, 1);
+    size_t grad = slot + offsetof(ArrayDescriptor, grad);
+    if (gradientSize && elementSize)
+      addElements(grad, array, gradientSize, gradientSize / elementSize);
+    else
+      found.push_back({grad, {}});
+  }
+
+  std::vector<Pointer> found;
+
+private:
+  uint64_t pointerAt(size_t slot) const {
+    uint64_t address;
+    std::memcpy(&address, operation.arguments.data() + slot, sizeof(address));
+    return address;
+  }
+  void addElements(size_t slot, const ArrayDescriptor &array, int64_t size,
+                   int64_t scale) {
+    if (slotsOnly)
+      return found.push_back({slot, {}});
+    auto *data = reinterpret_cast<const void *>(pointerAt(slot));
+    found.push_back({slot, rangeOf(data, array, size, scale)});
+  }
+
+  const GraphOperation &operation;
+  bool slotsOnly;
+};
+} // namespace
+
+/// 4 or 8.
+static int64_t wordOf(const GraphOperation &operation, int64_t size) {
+  if (size != 4 && size != 8)
+    throw nonsense(operation);
+  return size;
+}
+
+/// Bytes of a number, for a number that may be none of the enumeration.
+static int64_t widthOf(const GraphOperation &operation, int32_t type) {
+  if (type < 0 || type > static_cast<int32_t>(NumberType::Float64))
+    throw nonsense(operation);
+  return sizeOf(static_cast<NumberType>(type));
+}
+
+static void collectSequences(const GraphOperation &operation, Collector &all) {
+  if (operation.kind == Kind::Scan) {
+    auto scan = operation.read<Scan>();
+    int64_t width = widthOf(operation, scan.type) * scan.width;
+    all.add(offsetof(Scan, out), scan.out, scan.count, width);
+    all.add(offsetof(Scan, in), scan.in, scan.count, width);
+  } else if (operation.kind == Kind::SortPairs) {
+    // There is room for as much again behind keys and values.
+    auto sort = operation.read<SortPairs>();
+    all.add(offsetof(SortPairs, keys), sort.count,
+            2 * widthOf(operation, sort.type));
+    all.add(offsetof(SortPairs, values), sort.count,
+            2 * wordOf(operation, sort.valueSize));
+  } else if (operation.kind == Kind::SortSegments) {
+    auto sort = operation.read<SortSegments>();
+    all.add(offsetof(SortSegments, keys), sort.count,
+            2 * widthOf(operation, sort.type));
+    all.add(offsetof(SortSegments, values), sort.count,
+            2 * wordOf(operation, sort.valueSize));
+    all.add(offsetof(SortSegments, begins), sort.segments, 4);
+    all.add(offsetof(SortSegments, ends), sort.segments, 4);
+  } else {
+    auto runs = operation.read<FindRuns>();
+    int64_t size = wordOf(operation, runs.size);
+    all.add(offsetof(FindRuns, numbers), runs.count, size);
+    all.add(offsetof(FindRuns, runNumbers), runs.count, size);
+    all.add(offsetof(FindRuns, runLengths), runs.count, 4);
+    all.add(offsetof(FindRuns, runCount), 4);
+  }
+}
+
+static std::vector<Pointer> collect(const GraphOperation &operation,
+                                    const std::vector<Access> &accesses,
+                                    bool slotsOnly) {
+  Collector all(operation, slotsOnly);
+  switch (operation.kind) {
+  case Kind::Launch:
+    for (const Access &access : accesses)
+      all.addArray(access.offset, access.elementSize, access.gradientSize);
+    break;
+  case Kind::CopyBytes: {
+    auto copy = operation.read<CopyBytes>();
+    int64_t bytes = copy.bytes > uint64_t(most) ? -1 : int64_t(copy.bytes);
+    all.add(offsetof(CopyBytes, dst), bytes);
+    all.add(offsetof(CopyBytes, src), bytes);
+    break;
+  }
+  case Kind::CopyArray: {
+    auto copy = operation.read<CopyArray>();
+    int64_t size =
+        copy.elementSize > uint64_t(most) ? -1 : int64_t(copy.elementSize);
+    all.addArray(offsetof(CopyArray, dst), size, 0);
+    all.addArray(offsetof(CopyArray, src), size, 0);
+    break;
+  }
+  case Kind::Upload:
+    all.add(offsetof(Upload, dst), int64_t(operation.constant.size()));
+    break;
+  case Kind::FillBytes:
+    all.add(offsetof(FillBytes, dst),
+            int64_t(operation.read<FillBytes>().count),
+            int64_t(operation.constant.size()));
+    break;
+  case Kind::FillArray:
+    all.addArray(offsetof(FillArray, dst), int64_t(operation.constant.size()),
+                 0);
+    break;
+  case Kind::Condition:
+  case Kind::UpdateCondition:
+    all.add(offsetof(Condition, value), 4);
+    break;
+  case Kind::BeginBody:
+  case Kind::EndBody:
+  case Kind::Other:
+    break;
+  default:
+    collectSequences(operation, all);
+  }
+  return std::move(all.found);
+}
+
+std::vector<Pointer> graphs::pointersOf(const GraphOperation &operation,
+                                        const std::vector<Access> &accesses) {
+  return collect(operation, accesses, false);
+}
+
+std::vector<size_t> graphs::slotsOf(const GraphOperation &operation,
+                                    const std::vector<Access> &accesses) {
+  std::vector<size_t> slots;
+  for (const Pointer &pointer : collect(operation, accesses, true))
+    slots.push_back(pointer.slot);
+  return slots;
+}
+
+void graphs::checkArguments(const GraphOperation &operation,
+                            size_t parameterSize) {
+  auto sizeOfArguments = [&]() -> size_t {
+    switch (operation.kind) {
+    case Kind::Launch:
+      return parameterSize;
+    case Kind::CopyBytes:
+      return sizeof(CopyBytes);
+    case Kind::CopyArray:
+      return sizeof(CopyArray);
+    case Kind::Upload:
+      return sizeof(Upload);
+    case Kind::FillBytes:
+      return sizeof(FillBytes);
+    case Kind::FillArray:
+      return sizeof(FillArray);
+    case Kind::Scan:
+      return sizeof(Scan);
+    case Kind::SortPairs:
+      return sizeof(SortPairs);
+    case Kind::SortSegments:
+      return sizeof(SortSegments);
+    case Kind::FindRuns:
+      return sizeof(FindRuns);
+    case Kind::Condition:
+    case Kind::UpdateCondition:
+      return sizeof(Condition);
+    case Kind::BeginBody:
+      return sizeof(Body);
+    case Kind::EndBody:
+      return 0;
+    case Kind::Other:
+      break;
+    }
+    throw Error(Error::Kind::Value, "an operation is of no known kind");
+  };
+  if (operation.arguments.size() != sizeOfArguments())
+    throw nonsense(operation);
+}
+
+//===----------------------------------------------------------------------===//
+// Doing it again
+//===----------------------------------------------------------------------===//
+
+static Capture::Condition conditionOf(const GraphOperation &operation,
+                                      const Conditions &conditions,
+                                      uint32_t number) {
+  auto found = conditions.find(number);
+  if (found == conditions.end())
+    throw nonsense(operation);
+  return found->second;
+}
+
+static void repeatSequence(const GraphOperation &operation, int device,
+                           const Stream *stream) {
+  auto pairsOf = [](const auto &sort) {
+    return Pairs{static_cast<NumberType>(sort.type), sort.keys, sort.values,
+                 sort.valueSize, sort.count};
+  };
+  if (operation.kind == Kind::Scan) {
+    auto scan = operation.read<Scan>();
+    return scanNumbers(device, static_cast<NumberType>(scan.type), scan.width,
+                       scan.out, scan.in, scan.count, scan.inclusive != 0,
+                       stream);
+  }
+  if (operation.kind == Kind::SortPairs) {
+    auto sort = operation.read<SortPairs>();
+    return sortPairs(device, pairsOf(sort), sort.beginBit, sort.endBit, stream);
+  }
+  if (device != cpuDevice)
+    throw nonsense(operation);
+  if (operation.kind == Kind::SortSegments) {
+    auto sort = operation.read<SortSegments>();
+    return sortSegments(pairsOf(sort), sort.begins, sort.ends, sort.segments);
+  }
+  auto runs = operation.read<FindRuns>();
+  findRuns({static_cast<int>(runs.size), runs.numbers, runs.count,
+            runs.runNumbers, runs.runLengths, runs.runCount});
+}
+
+static void repeatCondition(const GraphOperation &operation, Capture &capture,
+                            Conditions &conditions) {
+  if (operation.kind == Kind::EndBody)
+    return capture.endBody();
+  if (operation.kind == Kind::BeginBody) {
+    auto body = operation.read<Body>();
+    return capture.beginBody(conditionOf(operation, conditions, body.number),
+                             body.loop != 0);
+  }
+  auto condition = operation.read<Condition>();
+  bool negated = condition.negated != 0;
+  if (operation.kind == Kind::UpdateCondition)
+    return capture.updateCondition(
+        conditionOf(operation, conditions, condition.number), condition.value,
+        negated);
+  conditions[condition.number] = capture.addCondition(condition.value, negated);
+}
+
+void graphs::repeat(GraphOperation &operation, int device, int blockDim,
+                    const Stream *stream, Capture &capture,
+                    Conditions &conditions) {
+  std::string &constant = operation.constant;
+  switch (operation.kind) {
+  case Kind::Launch: {
+    // The block of a launch is aligned like the numbers in it.
+    std::vector<uint64_t> block(operation.arguments.size() / 8);
+    std::memcpy(block.data(), operation.arguments.data(), block.size() * 8);
+    return operation.kernel->launch(device, operation.dim, block.data(), stream,
+                                    blockDim);
+  }
+  case Kind::CopyBytes: {
+    auto copy = operation.read<CopyBytes>();
+    return copyMemory(copy.dst, device, copy.src, device, copy.bytes, stream);
+  }
+  case Kind::CopyArray: {
+    auto copy = operation.read<CopyArray>();
+    return copyArray({&copy.dst, device}, {&copy.src, device}, copy.elementSize,
+                     stream);
+  }
+  case Kind::Upload:
+    return copyMemory(operation.read<Upload>().dst, device, constant.data(),
+                      cpuDevice, constant.size(), stream);
+  case Kind::FillBytes: {
+    auto fill = operation.read<FillBytes>();
+    return fillMemory(fill.dst, device, constant.data(), constant.size(),
+                      fill.count, stream);
+  }
+  case Kind::FillArray: {
+    auto fill = operation.read<FillArray>();
+    return fillArray({&fill.dst, device}, constant.data(), constant.size(),
+                     stream);
+  }
+  case Kind::Condition:
+  case Kind::UpdateCondition:
+  case Kind::BeginBody:
+  case Kind::EndBody:
+    return repeatCondition(operation, capture, conditions);
+  case Kind::Other:
+    throw nonsense(operation);
+  default:
+    return repeatSequence(operation, device, stream);
+  }
+}

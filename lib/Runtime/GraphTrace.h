@@ -1,0 +1,195 @@
+//===- GraphTrace.h - What a capture recorded, to be saved ------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// A capture that is to be saved notes, on every device alike, each operation
+// of the runtime's public interface: what kind it is, its arguments as bytes,
+// pointers included, and constants. Saving finds the memory behind the
+// pointers, loading calls the same functions again (lib/Graphs).
+//
+// The functions open a `TraceScope` when they begin; what they call in turn is
+// not noted again, and an operation that fails is forgotten.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_RUNTIME_GRAPHTRACE_H
+#define WARP_LIB_RUNTIME_GRAPHTRACE_H
+
+#include "warp/Kernel.h"
+#include "warp/Sequences.h"
+
+#include <atomic>
+#include <cstring>
+#include <map>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+namespace warp {
+
+class Graph;
+
+struct GraphOperation {
+  /// The numbers are those of the file format.
+  enum class Kind : uint8_t {
+    Launch = 0,
+    CopyBytes = 1,
+    CopyArray = 2,
+    Upload = 3,
+    FillBytes = 4,
+    FillArray = 5,
+    Scan = 6,
+    SortPairs = 7,
+    SortSegments = 8,
+    FindRuns = 9,
+    Condition = 10,
+    UpdateCondition = 11,
+    BeginBody = 12,
+    EndBody = 13,
+    /// What no file can hold; `constant` says what it is.
+    Other = 14,
+  };
+
+  Kind kind = Kind::Other;
+  /// The structs below, or the parameter block of a launch.
+  std::string arguments;
+  /// Bytes that an upload or a fill writes.
+  std::string constant;
+  /// Launches.
+  Kernel *kernel = nullptr;
+  Kernel::Plan plan;
+  LaunchDim dim;
+
+  template <typename T> T read() const {
+    T value;
+    std::memcpy(&value, arguments.data(), sizeof(T));
+    return value;
+  }
+};
+
+/// Arguments as they lie in memory and in files.
+namespace graphs {
+struct CopyBytes {
+  void *dst;
+  const void *src;
+  uint64_t bytes;
+};
+struct CopyArray {
+  ArrayDescriptor dst, src;
+  uint64_t elementSize;
+};
+struct Upload {
+  void *dst;
+};
+struct FillBytes {
+  void *dst;
+  uint64_t count;
+};
+struct FillArray {
+  ArrayDescriptor dst;
+};
+struct Scan {
+  Sequence out, in;
+  int64_t count;
+  int32_t type, width, inclusive, unused;
+};
+struct SortPairs {
+  void *keys, *values;
+  int64_t count;
+  int32_t type, valueSize, beginBit, endBit;
+};
+struct SortSegments {
+  void *keys, *values;
+  const int32_t *begins, *ends;
+  int64_t count, segments;
+  int32_t type, valueSize;
+};
+struct FindRuns {
+  const void *numbers;
+  void *runNumbers;
+  int32_t *runLengths, *runCount;
+  int64_t count, size;
+};
+struct Condition {
+  const int32_t *value;
+  uint32_t number, negated;
+};
+struct Body {
+  uint32_t number, loop;
+};
+} // namespace graphs
+
+class GraphTrace {
+public:
+  template <typename T>
+  void add(GraphOperation::Kind kind, const T &arguments,
+           std::string constant = {}) {
+    static_assert(std::is_trivially_copyable_v<T>);
+    GraphOperation &operation = operations.emplace_back();
+    operation.kind = kind;
+    operation.arguments.assign(reinterpret_cast<const char *>(&arguments),
+                               sizeof(T));
+    operation.constant = std::move(constant);
+  }
+  void addLaunch(Kernel &kernel, const Kernel::Plan &plan, const void *params);
+  void addOther(std::string what);
+  /// The operations of a graph that is launched while this is recorded.
+  void addGraph(const Graph &graph);
+  /// Conditions get numbers in the order of their making.
+  void addCondition(uint64_t handle, const int32_t *value, bool negated);
+  void updateCondition(uint64_t handle, const int32_t *value, bool negated);
+  void beginBody(uint64_t handle, bool loop);
+  void endBody();
+
+  std::vector<GraphOperation> operations;
+  uint32_t conditions = 0;
+
+private:
+  void setCondition(GraphOperation::Kind kind, uint32_t number,
+                    const int32_t *value, bool negated);
+
+  std::map<uint64_t, uint32_t> numbers;
+};
+
+/// Captures in progress that keep a trace.
+extern std::atomic<int> tracesInProgress;
+
+/// Around the work of one operation on a stream, null for the current one.
+class TraceScope {
+public:
+  TraceScope(int device, const Stream *stream) {
+    if (__builtin_expect(tracesInProgress.load(std::memory_order_relaxed) != 0,
+                         0))
+      enter(device, stream);
+  }
+  ~TraceScope() {
+    if (__builtin_expect(inside, 0))
+      leave();
+  }
+  TraceScope(const TraceScope &) = delete;
+  TraceScope &operator=(const TraceScope &) = delete;
+
+  /// Where to note the operation; null if nobody wants to know.
+  explicit operator bool() const { return trace != nullptr; }
+  GraphTrace *operator->() const { return trace; }
+
+  /// Whether this thread is within one.
+  static bool active();
+
+private:
+  void enter(int device, const Stream *stream);
+  void leave();
+
+  GraphTrace *trace = nullptr;
+  bool inside = false;
+  size_t before = 0;
+  int exceptions = 0;
+};
+
+/// The trace of the capture that records what is queued on a stream, or what
+/// this thread does on the CPU; null if there is none.
+GraphTrace *findTrace(int device, const Stream *stream);
+
+} // namespace warp
+
+#endif // WARP_LIB_RUNTIME_GRAPHTRACE_H

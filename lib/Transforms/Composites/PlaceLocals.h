@@ -1,0 +1,22 @@
+//===- PlaceLocals.h - Long composites in memory ----------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_TRANSFORMS_COMPOSITES_PLACELOCALS_H
+#define WARP_TRANSFORMS_COMPOSITES_PLACELOCALS_H
+
+namespace mlir {
+class FunctionOpInterface;
+} // namespace mlir
+
+namespace warp {
+
+/// Gives memory of the thread to the composites of a function that are long and
+/// indexed at run time; an index out of range is taken as the last.
+void placeLocals(mlir::FunctionOpInterface function);
+
+} // namespace warp
+
+#endif // WARP_TRANSFORMS_COMPOSITES_PLACELOCALS_H

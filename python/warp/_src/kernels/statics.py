@@ -1,0 +1,153 @@
+"""What `wp.static` gave when a kernel was translated, to be compared where it is found again.
+
+A static expression may call any Python function, so the text of the kernel does not tell its value.
+Where a translation comes from the cache, all of them are evaluated again: one that gives something
+else makes the translation another one's.
+"""
+
+from __future__ import annotations
+
+from warp._src.kernels.identity import Identity, of_value
+from warp._src.kernels.names import UnnamedError
+from warp._src.language.checks import static
+
+_LITERALS = (bool, int, float, str)
+
+
+class Evaluated:
+    """One that was evaluated.
+
+    Attributes:
+        function: the one whose text has it.
+        text: the expression.
+        local: values of the function's own names in it.
+        value: what it gave, with functions as they were.
+        digest: what stands for the value; None if the expression cannot be evaluated elsewhere.
+        functions: those that the value is made of.
+    """
+
+    __slots__ = ("digest", "function", "functions", "local", "text", "value")
+
+    def __init__(self, function, expression, env, value):
+        import ast
+
+        names = {node.id for node in ast.walk(expression) if isinstance(node, ast.Name)}
+        self.function = function
+        self.text = ast.unparse(expression)
+        self.local = {name: env[name] for name in sorted(names & env.keys())}
+        self.value = value
+        self.digest, self.functions = of_value(value)
+        if any(type(one) not in _LITERALS for one in self.local.values()):
+            self.digest = None
+
+
+class Notes:
+    """What a translation has to be compared with.
+
+    Attributes:
+        entries: (position of the function, text, local values, digest) of each expression.
+            Positions are those in the kernel's functions, to which each value adds its own.
+        identity: of the kernel together with the functions that values are made of; None without.
+        together: its digest.
+    """
+
+    def __init__(self, records, functions):
+        """
+        Raises:
+            UnnamedError: an expression cannot be evaluated elsewhere.
+        """
+        positions = {id(function): i for i, function in enumerate(functions)}
+        count, found, values = len(functions), {}, []
+        for one in records:
+            if one.digest is None or id(one.function) not in positions:
+                raise UnnamedError
+            # The same expression counts once for the same local values.
+            made = positions[id(one.function)], one.text, tuple(one.local.items())
+            digest, first = found.setdefault(made, (one.digest, count))
+            if digest != one.digest:
+                raise UnnamedError
+            if first == count and one.functions:
+                values.append(one.value)
+                count += len(one.functions)
+            positions.update((id(function), first + i) for i, function in enumerate(one.functions))
+        self.entries = [(*made, digest) for made, (digest, _) in found.items()]
+        self.identity, self.together = _together(functions, values)
+
+
+def _together(functions, values) -> tuple:
+    """A kernel with functions that it gets from static expressions, for one may read what only the
+    text of the other names."""
+    if not values:
+        return None, None
+    found = Identity()
+    found.function(functions[0])
+    for value in values:
+        found.add(value)
+    return found, found.digest()
+
+
+def evaluate(entries, functions) -> tuple:
+    """What stands for the values of all expressions now, None for one that fails; and for all of
+    them together with the kernel."""
+    known, found, values = list(functions), [], []
+    for position, text, local, _ in entries:
+        value = digest = None
+        held = ()
+        if position < len(known):
+            value, digest, held = _evaluate(text, local, known[position])
+        found.append(digest)
+        if held:
+            values.append(value)
+            known += held
+    return found, _together(functions, values)[1]
+
+
+def _evaluate(text, local, function) -> tuple:
+    code = function.__code__
+    space = dict(function.__globals__)
+    for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
+        try:
+            space[name] = cell.cell_contents
+        except ValueError:
+            continue
+    space.update(local)
+    try:
+        value = eval(compile(text, code.co_filename, "eval"), space)
+    except Exception:
+        return None, None, ()
+    return value, *of_value(value)
+
+
+def words_outside(tree, function) -> tuple[set, set]:
+    """Names, and attributes, that a function's body uses outside of static expressions."""
+    import ast
+
+    words, attributes = set(), set()
+    pending = list(tree.body)
+    while pending:
+        node = pending.pop()
+        if isinstance(node, ast.Call) and _is_static(node.func, function):
+            pending.append(node.func)
+            continue
+        if isinstance(node, ast.Name):
+            words.add(node.id)
+        elif isinstance(node, ast.Attribute):
+            attributes.add(node.attr)
+        pending += ast.iter_child_nodes(node)
+    return words, attributes
+
+
+def _is_static(callee, function) -> bool:
+    """Whether a callee is the builtin `static`, by its name or as an attribute of a module."""
+    import ast
+
+    name = callee.value if isinstance(callee, ast.Attribute) else callee
+    if not isinstance(name, ast.Name):
+        return False
+    code = function.__code__
+    if name.id in code.co_freevars or name.id in code.co_varnames:
+        return False
+    found = function.__globals__.get(name.id)
+    if isinstance(callee, ast.Attribute):
+        found = getattr(found, callee.attr, None)
+    return found is static

@@ -1,0 +1,107 @@
+"""Native kernels from translations that an earlier process has left in the kernel cache.
+
+To translate a function takes many times longer than to load its code. So the result is kept under a
+name that is found without it (`identity`): what launches need to know, and the text of the module
+for whatever asks for more later. What the front end tells the kernel on the way is in the notes.
+"""
+
+from __future__ import annotations
+
+import marshal
+from _blake2 import blake2b
+
+from warp import _native, config
+from warp._src import errors
+from warp._src.kernels import identity, statics
+
+# Translations of one kernel that are looked at, for other values of its static expressions.
+_MOST_STATICS = 8
+
+
+def native_kernel(kernel, arguments, threads, constants):
+    """The native kernel for a kernel: from the cache, or translated now.
+
+    Args:
+        arguments, threads, constants: as for `translate_kernel`.
+
+    Raises:
+        WarpCodegenError: the function cannot be translated.
+    """
+    name = found = None
+    if config.cache_kernels:
+        try:
+            name, found = identity.name_of(kernel, arguments, threads, constants)
+        except (identity.UnnamedError, RecursionError):
+            name = None
+    if name is not None:
+        name, known, facts = _find(name, found.functions)
+        if known is not None:
+            _tell(kernel, *facts)
+            return kernel.compile_module(known)
+    return _translated(kernel, arguments, threads, constants, name, found)
+
+
+def _find(name, functions) -> tuple:
+    """A translation whose static expressions give what they gave, and what `_tell` is told of it.
+
+    One with others leads to another name, which they are a part of. Without a translation, the name
+    is the one to keep it under.
+    """
+    for _ in range(_MOST_STATICS):
+        known = _native.find_translation(name)
+        if known is None:
+            break
+        facts, entries, together = marshal.loads(known.notes)
+        now = statics.evaluate(entries, functions)
+        if now == ([digest for *_, digest in entries], together):
+            return name, known, facts
+        name = blake2b(repr((name, now)).encode(), digest_size=32).hexdigest()
+    return name, None, ()
+
+
+def _translated(kernel, arguments, threads, constants, name, found):
+    from warp._src.frontend.build import translate_kernel
+
+    module, session = translate_kernel(kernel, arguments, threads, constants)
+    facts = (session.tile_builder is not None, dict(session.handles), session.sums_winding)
+    _tell(kernel, *facts)
+    native = kernel.compile_module(module)
+    if name is not None:
+        _keep(name, native, session, facts, found)
+    return native
+
+
+def _keep(name, native, session, facts, found) -> None:
+    """Leaves a translation for other processes, if it depends on nothing but its name."""
+    try:
+        noted = statics.Notes(session.statics, found.functions)
+    except (identity.UnnamedError, RecursionError):
+        return
+    if _is_named(found) and (noted.identity is None or _is_named(noted.identity)):
+        kept = marshal.dumps((facts, noted.entries, noted.together))
+        _native.store_translation(name, native, kept)
+
+
+def _tell(kernel, has_tiles, handles, sums_winding) -> None:
+    """Tells a kernel what launches of it have to do besides."""
+    if has_tiles:
+        kernel.note_tiles()
+    if handles or sums_winding:
+        kernel.check_handles(handles, sums_winding)
+
+
+def _is_named(found) -> bool:
+    """Whether no function uses what has no name, other than in static expressions."""
+    from warp._src.frontend.source import source_of
+
+    for function, unnamed in zip(found.functions, found.unnamed, strict=True):
+        if not unnamed and not found.unnamed_attributes:
+            continue
+        try:
+            tree = source_of(function).tree
+        except errors.WarpError:
+            return False
+        words, attributes = statics.words_outside(tree, function)
+        if words & unnamed or attributes & found.unnamed_attributes:
+            return False
+    return True
