@@ -46,6 +46,59 @@ REFUSALS = (
         "want atomics of 8 and 16 bits to be refused, which this package has",
     ),
     (
+        "test_codegen",
+        (
+            "test_rebind_function_local_errors",
+            "test_rebind_function_local_to_value_errors",
+            "test_rebind_gradwrapper_local_to_value_errors",
+            "test_rebind_gradwrapper_local_through_tuple_errors",
+            "test_error_mutating_constant_in_dynamic_loop",
+        ),
+        "want locals that were functions or constants not to be assigned anew",
+    ),
+    (
+        "test_ref",
+        (
+            "test_ref_rejects_constant_local_argument",
+            "test_ref_backward_enabled_kernel_raises",
+            "test_ref_shared_helper_backward_raises",
+        ),
+        "want references to constants, and derivatives through references, to be refused",
+    ),
+    (
+        "test_copy",
+        ("test_copy_offset_unsupported",),
+        "want copies of parts of indexed arrays to be refused",
+    ),
+    (
+        "test_spatial",
+        ("test_transform_constructor_copy_dtype_mismatch",),
+        "want constructors not to convert numbers",
+    ),
+    (
+        "test_vec_constructors",
+        ("test_anon_constructor_error_numeric_args_mismatch",),
+        "want constructors not to convert numbers",
+    ),
+    (
+        "test_graph",
+        (
+            "test_graph_copy_noncontiguous_cpu_rejected",
+            "test_graph_fill_noncontiguous_cpu_rejected",
+            "test_graph_fill_indexed_cpu_rejected",
+        ),
+        "want graphs on the CPU to refuse copies and fills of arrays with gaps",
+    ),
+    (
+        "test_unique_module",
+        (
+            "test_module_options_error_without_unique",
+            "test_module_options_empty_dict_non_unique_raises",
+            "test_module_options_error_with_named_module",
+        ),
+        "want module_options to be refused where the module is not unique",
+    ),
+    (
         "tile.test_tile_reduce",
         ("test_tile_atomic_add_unsupported_dtype_",),
         "want atomics of 8 and 16 bits to be refused, which this package has",

@@ -217,6 +217,41 @@ def test_gradients_of_16_bits(place):
     assert found.dtype == jnp.float16 and np.array_equal(found, 2 * np.asarray(x))
 
 
+@wp.kernel
+def block_sums(y: wp.array(dtype=int)):
+    i = wp.tid()
+    total = wp.tile_sum(wp.tile(i))
+    y[i] = total[0]
+
+
+def test_kernels_with_tiles(place, config):
+    config.enable_cpu_blocks = True
+    for block_dim in (32, 64):
+        expected = np.arange(128).reshape(-1, block_dim).sum(1).repeat(block_dim)
+        function = wp.jax_kernel(block_sums, launch_dims=128, block_dim=block_dim)
+        assert np.array_equal(jax.jit(function)()[0], expected)
+
+
+@wp.kernel
+def rows(x: wp.array2d(dtype=float), y: wp.array2d(dtype=float)):
+    i = wp.tid()
+    for j in range(x.shape[1]):
+        y[i, j] = x[i, j] * x[i, j]
+
+
+def test_outputs_have_the_shape_of_inputs_where_a_thread_writes_several(place):
+    x = jnp.arange(6, dtype=jnp.float32).reshape(2, 3)
+    function = wp.jax_kernel(rows, launch_dims=2, enable_backward=True)
+    assert np.array_equal(function(x)[0], x * x)
+    assert np.array_equal(jax.grad(lambda x: function(x)[0].sum())(x), 2 * x)
+
+
+def test_extents_beyond_31_bits():
+    many = jax.ShapeDtypeStruct((2**31 + 1,), jnp.float32)
+    with pytest.raises(ValueError, match="with extent 2147483649 in dimension 0"):
+        jax.jit(lambda x: wp.jax_kernel(add, in_out_argnames=["total"])(x, x)).lower(many)
+
+
 @pytest.mark.parametrize(
     "make, message",
     [

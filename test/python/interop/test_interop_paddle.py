@@ -21,6 +21,10 @@ class Tensor:
         self.data, self.place = data, place
         self.stop_gradient, self.grad = True, None
 
+    def _share(self, value):
+        self.grad = value
+
+    grad_ = property(lambda self: self.grad, _share)
     dtype = property(lambda self: self.data.dtype.name)
     shape = property(lambda self: list(self.data.shape))
 

@@ -10,6 +10,8 @@ from warp._src import errors
 from warp._src.interop.jax import dtype_from_jax, dtype_to_jax
 from warp._src.types import dtypes
 
+_MOST = 2**31 - 1
+
 
 def extents_of(dims) -> tuple:
     """One extent or several as a tuple."""
@@ -136,6 +138,14 @@ class Arguments:
             for parameter, value in zip(inputs, values, strict=True)
             if parameter.is_array
         }
+        for name, shape in shapes.items():
+            for axis, extent in enumerate(shape):
+                if extent > _MOST:
+                    raise errors.WarpLaunchValueError(
+                        self.message(f"extents of '{name}' must be below 2^31, but got {shape}"),
+                        also=f"Warp cannot launch a kernel using wp.tid() with extent {extent} in "
+                        f"dimension {axis}",
+                    )
         return values, shapes
 
     def launch_dims(self, dims, shapes) -> tuple:
@@ -147,7 +157,12 @@ class Arguments:
         return extents_of(dims)
 
     def add_outputs(self, shapes, parameters, wanted, dims) -> None:
-        """Adds the shapes of pure outputs."""
+        """Adds the shapes of pure outputs.
+
+        They are what is wanted, else the extents of the launch, or where these are too few or too
+        many, the shape of the first input array that has as many.
+        """
+        inputs = list(shapes.values())
         for parameter in parameters[self.num_inputs :]:
             shape = wanted
             if isinstance(wanted, dict):
@@ -159,6 +174,8 @@ class Arguments:
                 inner = parameter.inner
                 if inner and len(shape) > parameter.rank and shape[parameter.rank :] == inner:
                     shape = shape[: parameter.rank]
+            if shape is None and len(dims) != parameter.rank:
+                shape = next((one for one in inputs if len(one) == parameter.rank), None)
             shape = dims if shape is None else extents_of(shape)
             if len(shape) != parameter.rank:
                 raise ValueError(

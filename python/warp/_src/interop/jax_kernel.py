@@ -12,8 +12,10 @@ import functools
 
 from warp import _native
 from warp._src import errors
+from warp._src.interop import jax_arrays
 from warp._src.interop.jax_callable import JaxModulePreloadMode, preload
 from warp._src.interop.jax_calls import Arguments, Parameter, Plan, extents_of
+from warp._src.interop.jax_launch import Launch
 from warp._src.kernels.kernel import Kernel
 from warp._src.types import dtypes
 
@@ -143,20 +145,27 @@ class JaxKernel:
         wanted = output_dims if output_dims is not None else self.output_dims
         arguments.add_outputs(shapes, parameters, wanted, dims)
         plan = Plan(parameters, values, shapes, arguments)
+        # What blocks are depends on the device, which is not known yet.
+        has_blocks = type(self.kernel) is not Kernel
         call = jax.ffi.ffi_call(
-            TARGET,
+            jax_arrays.TARGET if has_blocks else TARGET,
             plan.results_for(jax, shapes, arguments.message),
             vmap_method=vmap_method or self.vmap_method,
             input_output_aliases=plan.aliases,
             has_side_effect=self.has_side_effect,
         )
-        number = _native.xla_add_call(
-            native,
-            dims,
-            plan.entries,
-            self.block_dim,
-            lambda values: self._number(native, dims, plan, values),
-        )
+        if has_blocks:
+            jax_arrays.register()
+            made = Launch(self.kernel, parameters, plan, dims, self.block_dim)
+            number = jax_arrays.add_callback(made.text, made)
+        else:
+            number = _native.xla_add_call(
+                native,
+                dims,
+                plan.entries,
+                self.block_dim,
+                lambda values: self._number(native, dims, plan, values),
+            )
         call = functools.partial(call, call=numpy.int64(number))
         if self.enable_backward:
             from warp._src.interop.jax_adjoint import differentiable

@@ -131,7 +131,8 @@ def _gradient(t):
 
     if t.grad is None:
         t.stop_gradient = False
-        t.grad = paddle.zeros_like(t)
+        # Paddle copies what `grad` is set to, and shares this.
+        t.grad_ = paddle.zeros_like(t)
     return t.grad
 
 
@@ -153,7 +154,7 @@ def to_paddle(a, requires_grad=None):
     wanted = a.requires_grad if requires_grad is None else requires_grad
     t.stop_gradient = not wanted
     if wanted and a.requires_grad and gradient_type(a.dtype) is a.dtype:
-        t.grad = _tensor(a.grad)
+        t.grad_ = _tensor(a.grad)
     return t
 
 

@@ -14,6 +14,7 @@ import typing
 import warnings
 
 from warp._src import errors
+from warp._src.devices.devices import get_device
 from warp._src.types import annotations, dtypes
 from warp._src.types.composites import flatten_numbers
 from warp._src.types.native import ArrayType
@@ -142,7 +143,9 @@ class StructInstance(ctypes.Structure):
         copy = type(self)()
         for name, dtype in self._wp_fields_.items():
             value = getattr(self, name)
-            if dtypes.is_struct(dtype):
+            if name in self._given and value is not None and value.device == get_device(device):
+                pass
+            elif dtypes.is_struct(dtype):
                 value = self._inner(name).to(device)
             elif isinstance(dtype, ArrayType) and value is not None:
                 value = value.to(device)
@@ -290,7 +293,7 @@ def _field_type(struct_name, field, annotation, namespaces):
             return dtype
         dtype = annotations.resolve(dtype)
     except (TypeError, NameError) as error:
-        raise TypeError(f"{place}: {error}") from None
+        raise TypeError(f"{place}: its annotation {error}") from None
     if dtype is typing.Any or (isinstance(dtype, ArrayType) and dtype.dtype is typing.Any):
         raise TypeError(f"{place} expects a concrete type, but got 'Any'")
     return dtype
