@@ -15,6 +15,8 @@ $tblgen -gen-dialect-doc -dialect=warp include/WarpDialect/WarpOps.td \
   -o "$folder/dialect.md"
 $tblgen -gen-op-doc -dialect=warp include/WarpDialect/WarpLibraryOps.td \
   >> "$folder/dialect.md"
+$tblgen -gen-op-doc -dialect=warp include/WarpDialect/WarpLaneOps.td \
+  >> "$folder/dialect.md"
 $tblgen -gen-typedef-doc -dialect=warp include/WarpDialect/WarpTileTypes.td \
   >> "$folder/dialect.md"
 $tblgen -gen-op-doc -dialect=warp include/WarpDialect/WarpTileOps.td \

@@ -22,7 +22,9 @@
 
 #include "ArrayOrigins.h"
 #include "Effects.h"
+#include "GeometryMemory.h"
 #include "GridReads.h"
+#include "WarpDialect/LaneOps.h"
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/WarpAttributes.h"
 
@@ -61,7 +63,7 @@ void ThreadVariance::collectWrites() {
 }
 
 bool ThreadVariance::isWritten(Value array) const {
-  if (written.empty())
+  if (written.empty() || warp::isGeometryMemory(array))
     return false;
   Value root = getKnownRoot(array);
   return mayOverlap || writesUnknown || !root || written.contains(root);
@@ -171,6 +173,8 @@ void ThreadVariance::visit(Operation *op) {
     return visitWhile(op);
   if (visitIndices(op))
     return;
+  if (isa<warp::AgreeOp>(op))
+    return join(op->getResult(0), {Moment, 0});
   if (isa<warp::ScratchOp, warp::ScratchLoadOp, warp::ScratchStoreOp>(op))
     return visitScratch(op);
   for (Region &region : op->getRegions())

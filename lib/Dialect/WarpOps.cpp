@@ -10,6 +10,7 @@
 
 #include "WarpDialect/WarpOps.h"
 #include "Checks.h"
+#include "WarpDialect/LaneOps.h"
 #include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/TileOps.h"
 #include "WarpDialect/WarpDialect.h"
@@ -27,6 +28,9 @@ using namespace mlir;
 #define GET_OP_CLASSES
 #include "WarpDialect/WarpOps.cpp.inc"
 
+#define GET_OP_CLASSES
+#include "WarpDialect/WarpLaneOps.cpp.inc"
+
 void warp::WarpDialect::registerOps() {
   addOperations<
 #define GET_OP_LIST
@@ -35,6 +39,10 @@ void warp::WarpDialect::registerOps() {
   addOperations<
 #define GET_OP_LIST
 #include "WarpDialect/WarpLibraryOps.cpp.inc"
+      >();
+  addOperations<
+#define GET_OP_LIST
+#include "WarpDialect/WarpLaneOps.cpp.inc"
       >();
   addOperations<
 #define GET_OP_LIST

@@ -27,7 +27,9 @@
 #include "KernelFunction.h"
 #include "LanePlan.h"
 #include "Schedule.h"
+#include "ShareRuns.h"
 #include "Updates/Atomics.h"
+#include "WarpDialect/LaneOps.h"
 #include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/TilePasses.h"
 
@@ -161,6 +163,8 @@ void Widening::widen(Operation *op) {
     return widenStore(store);
   if (auto update = dyn_cast<warp::AtomicComponentsOp>(op))
     return widenUpdate(update);
+  if (auto agree = dyn_cast<warp::AgreeOp>(op))
+    return widenAgree(agree);
   bool isConversion = warp::isConversion(op);
   if (!isConversion && !isMemoryEffectFree(op))
     return eachLane(op);
@@ -248,6 +252,25 @@ void Widening::widenDivision(Operation *op) {
     result = arith::SubIOp::create(b, loc, x,
                                    arith::MulIOp::create(b, loc, result, y));
   setVector(op->getResult(0), result);
+}
+
+void Widening::widenAgree(warp::AgreeOp op) {
+  Type type = op.getType();
+  Value own = vector(op.getOwn()), hint = scalar(op.getHint());
+  Value expected = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq, own,
+                                         broadcast(hint));
+  auto branch = scf::IfOp::create(b, loc, type, any(both(mask, expected)),
+                                  /*withElseRegion=*/true);
+  setScalar(op.getResult(), branch.getResult(0));
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPointToStart(branch.thenBlock());
+  scf::YieldOp::create(b, loc, hint);
+  b.setInsertionPointToStart(branch.elseBlock());
+  Value most = broadcast(warp::identity(b, loc, warp::AtomicKind::min, type));
+  Value least =
+      warp::CombineLanesOp::create(b, loc, type, int32_t(warp::AtomicKind::min),
+                                   type, choose(mask, own, most));
+  scf::YieldOp::create(b, loc, least);
 }
 
 /// Floats to integers, saturated and NaN to zero. LLVM has the intrinsics for
@@ -357,7 +380,10 @@ struct WidenThreads : warp::impl::WidenThreadsBase<WidenThreads> {
     warp::noteChoice(kernel, "lanes", Twine(plan.lanes), plan.reason);
     if (plan.lanes == 1)
       return;
-    Widening(kernel, threads, variance, plan.lanes).run();
+    if (warp::shareRuns(kernel, variance))
+      Widening(kernel, threads, warp::ThreadVariance(kernel), plan.lanes).run();
+    else
+      Widening(kernel, threads, variance, plan.lanes).run();
     warp::setRecipe(kernel, warp::getRecipe(kernel).withLanes(plan.lanes));
   }
 };

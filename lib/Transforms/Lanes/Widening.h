@@ -20,6 +20,7 @@
 #include "mlir/IR/Builders.h"
 
 namespace warp {
+class AgreeOp;
 
 /// Whether a kernel's threads can be lanes; otherwise why they cannot.
 std::optional<std::string> whyNotLanes(mlir::FunctionOpInterface kernel,
@@ -72,6 +73,7 @@ private:
   void widenConversion(mlir::Operation *op);
   void cloneBase(mlir::Operation *op);
   void widenDivision(mlir::Operation *op);
+  void widenAgree(AgreeOp op);
   Values contributions();
 
   // WidenControlFlow.cpp

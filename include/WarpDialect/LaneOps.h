@@ -1,0 +1,15 @@
+//===- LaneOps.h - Threads that meet ----------------------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARPDIALECT_LANEOPS_H
+#define WARPDIALECT_LANEOPS_H
+
+#include "WarpDialect/WarpOps.h"
+
+#define GET_OP_CLASSES
+#include "WarpDialect/WarpLaneOps.h.inc"
+
+#endif // WARPDIALECT_LANEOPS_H

@@ -1,0 +1,43 @@
+//===- GeometryMemory.cpp - What the runtime keeps of geometry ------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#include "GeometryMemory.h"
+
+#include "ArrayOrigins.h"
+#include "WarpDialect/LibraryOps.h"
+
+#include "mlir/IR/Matchers.h"
+
+using namespace mlir;
+
+/// The call that gave the address of a handle's slot, or null.
+static warp::LibraryCallOp slotAt(Value address) {
+  auto call = address.getDefiningOp<warp::LibraryCallOp>();
+  return call && call.getCallee() == "warp_slot" ? call : nullptr;
+}
+
+static bool isConstant(Value value, llvm::ArrayRef<int64_t> numbers) {
+  APInt number;
+  return matchPattern(value, m_ConstantInt(&number)) &&
+         llvm::is_contained(numbers, number.getSExtValue());
+}
+
+bool warp::isGeometryMemory(Value array) {
+  // python/warp/_src/geometry: handles.py and grid_queries.py.
+  constexpr int64_t kindOfGrid = 1, startsOfCells = 4, order = 11;
+  auto memory = rootOf(array).getDefiningOp<ArrayAtOp>();
+  if (!memory)
+    return false;
+  if (slotAt(memory.getAddress()))
+    return true;
+  auto word = memory.getAddress().getDefiningOp<LoadComponentsOp>();
+  if (!word || word.getIndices().size() != 1)
+    return false;
+  auto slot = rootOf(word.getArray()).getDefiningOp<ArrayAtOp>();
+  LibraryCallOp call = slot ? slotAt(slot.getAddress()) : nullptr;
+  return call && isConstant(call.getArgs()[1], kindOfGrid) &&
+         isConstant(word.getIndices().front(), {startsOfCells, order});
+}

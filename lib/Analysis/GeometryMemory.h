@@ -1,0 +1,21 @@
+//===- GeometryMemory.h - What the runtime keeps of geometry ----*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_ANALYSIS_GEOMETRYMEMORY_H
+#define WARP_LIB_ANALYSIS_GEOMETRYMEMORY_H
+
+#include "mlir/IR/Value.h"
+
+namespace warp {
+
+/// Whether an array is the slot of a handle, or the cells or the order of a
+/// hash grid: the runtime made them for itself, and no kernel of a user writes
+/// there.
+bool isGeometryMemory(mlir::Value array);
+
+} // namespace warp
+
+#endif // WARP_LIB_ANALYSIS_GEOMETRYMEMORY_H
