@@ -10,7 +10,6 @@
 
 #include "OwnWindows.h"
 
-#include "Analysis/Forms.h"
 #include "KernelFunction.h"
 
 using namespace mlir;
@@ -78,9 +77,7 @@ static std::optional<Window> windowOf(Operation *op, const Root &root) {
   return std::nullopt;
 }
 
-/// The step c of windows within [c i, c i + c), i the index of the thread in a
-/// dimension of the launch.
-static int64_t stepOf(const Form &first, int64_t extent, unsigned dim) {
+int64_t getOwnStep(const Form &first, int64_t extent, unsigned dim) {
   if (first.terms.size() != 1 || first.constant < 0)
     return 0;
   const Term &term = first.terms[0];
@@ -123,7 +120,7 @@ std::optional<OwnSteps> findOwnSteps(FunctionOpInterface kernel,
     int64_t common = 0;
     for (auto [i, window] : llvm::enumerate(windows)) {
       auto [first, extent] = window[axis];
-      int64_t step = stepOf(forms.of(first), extent, dim);
+      int64_t step = getOwnStep(forms.of(first), extent, dim);
       if (step == 0 || (i > 0 && step != common))
         return 0;
       common = step;

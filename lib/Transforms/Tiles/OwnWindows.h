@@ -7,6 +7,7 @@
 #ifndef WARP_TRANSFORMS_TILES_OWNWINDOWS_H
 #define WARP_TRANSFORMS_TILES_OWNWINDOWS_H
 
+#include "Analysis/Forms.h"
 #include "TileBuffers.h"
 
 #include <optional>
@@ -22,6 +23,10 @@ using OwnSteps = llvm::SmallVector<int64_t, 4>;
 /// kernel does with the array. None if there is no such dimension.
 std::optional<OwnSteps> findOwnSteps(mlir::FunctionOpInterface kernel,
                                      TileAtomicOp update);
+
+/// The step c of windows within [c i, c i + c) along an axis, i the index of
+/// the thread in a dimension of the launch; 0 if they are not known to be.
+int64_t getOwnStep(const Form &first, int64_t extent, unsigned dim);
 
 } // namespace warp::tiles
 

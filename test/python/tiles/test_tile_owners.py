@@ -110,3 +110,46 @@ def test_dimensions_without_windows(others):
     y = wp.zeros(N * 64, dtype=float, device="cpu")
     wp.launch(add, dim=(N * 64 // TILE, others), inputs=[y], device="cpu")
     np.testing.assert_array_equal(y.numpy(), float(others))
+
+
+@wp.kernel
+def in_place(a: wp.array2d(dtype=float), b: wp.array2d(dtype=float), c: wp.array2d(dtype=float)):
+    i, j = wp.tid()
+    at = (i * TILE, j * TILE)
+    t = wp.tile_load(c, shape=(TILE, TILE), offset=at)
+    x = wp.tile_load(a, shape=(TILE, TILE), offset=at)
+    wp.tile_matmul(x, wp.tile_load(b, shape=(TILE, TILE)), t, alpha=0.5, beta=-1.25)
+    wp.tile_store(c, t, offset=at)
+
+
+# An array may be read and written by blocks whose windows lie side by side.
+def test_arrays_that_are_read_and_written(device):
+    rng = np.random.default_rng(6)
+    shape = (2 * TILE, 3 * TILE)
+    given = [rng.normal(size=s).astype(np.float32) for s in (shape, (TILE, TILE), shape)]
+    a, b, c = (wp.array(one, requires_grad=True, device=device) for one in given)
+    with wp.Tape() as tape:
+        wp.launch_tiled(in_place, dim=(2, 3), inputs=[a, b, c], block_dim=32, device=device)
+
+    def by_blocks(x):
+        return x.astype(float).reshape(2, TILE, 3, TILE).transpose(0, 2, 1, 3)
+
+    x, y, z = by_blocks(given[0]), given[1].astype(float), by_blocks(given[2])
+    np.testing.assert_allclose(by_blocks(c.numpy()), 0.5 * x @ y - 1.25 * z, rtol=1e-5, atol=1e-5)
+    weights = rng.normal(size=shape).astype(np.float32)
+    tape.backward(grads={c: wp.array(weights, device=device)})
+    g = by_blocks(weights)
+    np.testing.assert_allclose(by_blocks(a.grad.numpy()), 0.5 * g @ y.T, rtol=1e-4, atol=1e-5)
+    expected = 0.5 * (x.transpose(0, 1, 3, 2) @ g).sum(axis=(0, 1))
+    np.testing.assert_allclose(b.grad.numpy(), expected, rtol=1e-4, atol=1e-4)
+
+
+def test_windows_that_overlap_are_refused():
+    @wp.kernel(module="unique")
+    def shifted(x: wp.array(dtype=float)):
+        i = wp.tid()
+        t = wp.tile_load(x, shape=TILE, offset=i * (TILE - 1))
+        wp.tile_store(x, t * t, offset=i * (TILE - 1))
+
+    with pytest.raises(wp.WarpError, match="other threads of the launch may write"):
+        shifted.ir("thread", derivative="adjoint", inputs=["x"])
