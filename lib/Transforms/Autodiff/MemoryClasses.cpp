@@ -19,9 +19,12 @@
 
 #include "Analysis/Effects.h"
 #include "Autodiff/ApartArrays.h"
+#include "Tiles/OwnWindows.h"
 #include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/TileOps.h"
 #include "WarpDialect/WarpOps.h"
+
+#include "llvm/ADT/TypeSwitch.h"
 
 using namespace mlir;
 
@@ -128,9 +131,8 @@ void MemoryClasses::collect(Operation *op) {
 MemoryClasses::MemoryClasses(FunctionOpInterface function,
                              const ArrayLeaves &leaves,
                              const Activity &activity, bool unique)
-    : leaves(leaves), activity(activity),
-      variance(function, /*disjoint=*/true), unique(unique),
-      accesses(leaves.size()) {
+    : leaves(leaves), activity(activity), variance(function, /*disjoint=*/true),
+      unique(unique), accesses(leaves.size()) {
   function->walk<WalkOrder::PreOrder>([&](Operation *op) { collect(op); });
 }
 
@@ -192,7 +194,57 @@ unsigned MemoryClasses::countOwnedDimensions(ArrayRef<const Access *> accesses,
   return 4;
 }
 
+/// First indices and extents of what an operation on tiles accesses.
+static SmallVector<std::pair<Form, int64_t>> windowOf(const Access &access) {
+  SmallVector<std::pair<Form, int64_t>> window;
+  auto add = [&](auto op, TileType tile) {
+    if (op.getPicked())
+      return;
+    for (auto &index : access.indices)
+      if (index)
+        window.push_back({*index, 1});
+    for (auto [offset, extent] :
+         llvm::zip_equal(op.getOffsets(), tile.getShape()))
+      window.push_back({Forms().of(offset), extent});
+  };
+  llvm::TypeSwitch<Operation *>(access.op)
+      .Case([&](TileLoadOp op) {
+        add(op, cast<TileType>(op.getResult().getType()));
+      })
+      .Case<TileStoreOp, TileAtomicOp>(
+          [&](auto op) { add(op, cast<TileType>(op.getTile().getType())); });
+  return window;
+}
+
+/// Whether blocks that differ in one of these dimensions of the launch access
+/// windows side by side.
+static bool areSideBySide(ArrayRef<const Access *> accesses, unsigned dims) {
+  SmallVector<SmallVector<std::pair<Form, int64_t>>> windows;
+  for (const Access *access : accesses)
+    windows.push_back(windowOf(*access));
+  size_t rank = windows.front().size();
+  if (dims == 0 || llvm::any_of(windows, [&](auto &window) {
+        return window.size() != rank;
+      }))
+    return false;
+  auto isApart = [&](unsigned dim, size_t axis) {
+    auto stepOf = [&](auto &window) {
+      return tiles::getOwnStep(window[axis].first, window[axis].second, dim);
+    };
+    int64_t step = stepOf(windows.front());
+    return step > 0 && llvm::all_of(windows, [&](auto &window) {
+             return stepOf(window) == step;
+           });
+  };
+  return llvm::all_of(llvm::seq(dims), [&](unsigned dim) {
+    return llvm::any_of(llvm::seq(rank),
+                        [&](size_t axis) { return isApart(dim, axis); });
+  });
+}
+
 Sharing MemoryClasses::getSharing(ArrayRef<const Access *> accesses) const {
+  if (areSideBySide(accesses, threadDimensions))
+    return Sharing::Private;
   unsigned owned = countOwnedDimensions(accesses, /*mayWrap=*/true);
   if (owned > 0 && owned >= threadDimensions)
     return Sharing::Private;
@@ -208,8 +260,8 @@ Sharing MemoryClasses::getSharing(ArrayRef<const Access *> accesses) const {
       for (const Term &term : index->terms)
         for (Symbol symbol : term.product) {
           bool isThread = symbol.kind == Symbol::Kind::Thread;
-          bool isKnown = variance.agreement(symbol, Scope::Launch) !=
-                         Agreement::No;
+          bool isKnown =
+              variance.agreement(symbol, Scope::Launch) != Agreement::No;
           isSingle &= isKnown;
           isComputed |= !isKnown && !isThread;
           if (isThread)

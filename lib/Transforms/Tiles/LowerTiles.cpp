@@ -204,6 +204,11 @@ LogicalResult TileLowering::run() {
     else if (op->hasAttr(attr::stages))
       ahead.push_back(cast<scf::ForOp>(op));
   });
+  if (threads == 1)
+    for (Operation *op : ops)
+      if (auto atomic = dyn_cast<TileAtomicOp>(op))
+        if (std::optional<OwnSteps> steps = findOwnSteps(kernel, atomic))
+          ownSteps[op] = *steps;
   for (scf::ForOp loop : ahead)
     lowerAhead(loop);
   for (Operation *op : ops)

@@ -7,6 +7,7 @@
 #ifndef WARP_TRANSFORMS_TILES_LOWERTILES_H
 #define WARP_TRANSFORMS_TILES_LOWERTILES_H
 
+#include "OwnWindows.h"
 #include "TileScratch.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
@@ -111,7 +112,9 @@ private:
   void lowerMap(TileMapOp op);
   void lowerStore(TileStoreOp op);
   Value update(TileUpdate kind, Value value, Value array, ValueRange at);
+  Value isAlone(llvm::ArrayRef<int64_t> steps);
   void lowerAtomic(TileAtomicOp op);
+  void updateElements(TileAtomicOp op, bool plainly);
   void lowerFromThreads(TileFromThreadsOp op);
   void lowerToThreads(TileToThreadsOp op);
   void lowerGet(TileGetOp op);
@@ -198,6 +201,8 @@ private:
   int64_t threads;
   TileBuffers buffers;
   std::map<std::tuple<int64_t, int64_t, const void *>, Value> arrays;
+  /// Of updates that blocks of a CPU may make plainly.
+  llvm::DenseMap<mlir::Operation *, OwnSteps> ownSteps;
   /// By the tile that stands for others.
   llvm::DenseMap<Value, Value> heldSums;
   mlir::OpBuilder b, entry;

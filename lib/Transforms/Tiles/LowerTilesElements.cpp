@@ -6,6 +6,8 @@
 
 #include "LowerTiles.h"
 
+#include "KernelFunction.h"
+
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
 #include "llvm/ADT/TypeSwitch.h"
@@ -277,14 +279,55 @@ Value TileLowering::update(TileUpdate kind, Value value, Value array,
   return StructCreateOp::create(b, loc, record, old);
 }
 
+/// Whether no other thread of the launch touches the elements of an update:
+/// those that differ along a dimension do not, unless products wrap around, and
+/// along other dimensions there is one thread.
+Value TileLowering::isAlone(ArrayRef<int64_t> steps) {
+  Value alone;
+  for (auto [dim, step] : llvm::enumerate(steps)) {
+    Value extent = LaunchExtentOp::create(b, loc, i32, dim);
+    int64_t most = step == 0 ? 1 : std::numeric_limits<int32_t>::max() / step;
+    alone = both(alone, arith::CmpIOp::create(b, loc, arith::CmpIPredicate::sle,
+                                              extent, number(most)));
+  }
+  return alone;
+}
+
 void TileLowering::lowerAtomic(TileAtomicOp op) {
+  Type type = tileType(op.getTile()).getElementType();
+  bool isSum =
+      llvm::is_contained({TileUpdate::add, TileUpdate::sub}, op.getKind());
+  bool mayBePlain = threads == 1 && !isGpu(kernel) && !debug && isSum &&
+                    op.getOld().use_empty() && !isa<StructType>(type);
+  auto own = mayBePlain ? ownSteps.find(op) : ownSteps.end();
+  if (own == ownSteps.end())
+    return updateElements(op, /*plainly=*/false);
+  auto branch = scf::IfOp::create(b, loc, isAlone(own->second),
+                                  /*withElseRegion=*/true);
+  OpBuilder::InsertionGuard guard(b);
+  for (bool plainly : {true, false}) {
+    b.setInsertionPoint(
+        (plainly ? branch.thenBlock() : branch.elseBlock())->getTerminator());
+    updateElements(op, plainly);
+  }
+}
+
+void TileLowering::updateElements(TileAtomicOp op, bool plainly) {
   TileType type = tileType(op.getTile());
   bool keepsOld = !op.getOld().use_empty();
   elements(op, type.getShape(), [&](ValueRange indices) {
     Value inside;
     Values at = arrayIndices(op, type, indices, inside);
     Value value = element(op.getTile(), indices);
-    auto make = [&] { return update(op.getKind(), value, op.getArray(), at); };
+    auto make = [&]() -> Value {
+      if (!plainly)
+        return update(op.getKind(), value, op.getArray(), at);
+      Value old =
+          LoadOp::create(b, loc, type.getElementType(), op.getArray(), at);
+      StringRef name = op.getKind() == TileUpdate::add ? "add" : "sub";
+      StoreOp::create(b, loc, builtin(name, {old, value}), op.getArray(), at);
+      return old;
+    };
     if (keepsOld)
       store(op.getOld(), indices, ifHolds(inside, type.getElementType(), make));
     else

@@ -130,12 +130,35 @@ def others_of_numpy(t, z):
     t[:] = 0
 
 
+@wp.kernel
+def of_its_own(x: Matrix, y: Matrix, z: Matrix):
+    t = wp.tile_load(x, shape=(N, N))
+    t = wp.tile_transpose(t)
+    row = t[0]
+    for _i in range(3):
+        t = wp.tile_transpose(t)
+        t[0, 1] += 1.0
+    t = t[::-1, :]
+    wp.tile_store(y, t)
+    wp.tile_store(z[0], row + wp.tile_ones(N, dtype=float))
+
+
+def own_of_numpy(t, z):
+    turned = t.T.copy()
+    z[0] = turned[0] + 1
+    for _i in range(3):
+        turned = turned.T
+        turned[0, 1] += 1
+    t[:] = turned[::-1]
+
+
 PAIRS = [
     (through_rows, rows_of_numpy),
     (through_orders, orders_of_numpy),
     (through_repeats, repeats_of_numpy),
     (on_paths, paths_of_numpy),
     (after_others, others_of_numpy),
+    (of_its_own, own_of_numpy),
 ]
 
 

@@ -393,6 +393,9 @@ class Context:
                 f"{names.describe(binding)} cannot be a variable of a kernel",
                 "kernels can capture numbers, vectors, matrices, structs, functions and tuples",
             )
+        if type(binding) is TileView and binding.slot.name == name:
+            # The variable is no longer that of the whole tile.
+            binding = self.materialize(binding, node)
         old = self.env.get(name)
         if old is not None:
             self.check_same_type(name, old, binding, node)

@@ -167,8 +167,12 @@ def _launch_adjoint(kernel, native, dim, inputs, outputs, gradients, place, reco
 
 
 def _report(kernel, native) -> None:
-    """Prints where the time of a compilation went."""
-    times = {name: f"{value:.1f}" for name, value in native.compile_times().items()}
+    """Prints where the time of a compilation went, once."""
+    found = native.compile_times()
+    if vars(kernel).get("_reported") == found:
+        return
+    vars(kernel)["_reported"] = found
+    times = {name: f"{value:.1f}" for name, value in found.items()}
     shown = ", ".join(f"{name} {value}" for name, value in times.items())
     print(f"kernel '{kernel.key}': {shown} ms", file=sys.stderr)
 
