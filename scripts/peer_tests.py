@@ -45,6 +45,30 @@ REFUSALS = (
         tuple(f"test_atomic_{kind}_unsupported_dtypes_" for kind in ("add", "min", "max")),
         "want atomics of 8 and 16 bits to be refused, which this package has",
     ),
+    (
+        "tile.test_tile_reduce",
+        ("test_tile_atomic_add_unsupported_dtype_",),
+        "want atomics of 8 and 16 bits to be refused, which this package has",
+    ),
+    (
+        "tile.test_tile_matmul",
+        tuple(
+            f"test_tile_matmul_{kind}_rejected_"
+            for kind in ("bf16_out", "bf16_a_with_backward", "bf16_b_with_backward")
+        ),
+        "want products of bf16 tiles to be refused",
+    ),
+    (
+        "tile.test_tile_view",
+        (
+            "test_tile_advanced_index_non_full_slice_rejected_",
+            "test_tile_reshape_strided_view_rejected_",
+            "test_tile_row_augassign_rejected_",
+            "test_tile_slice_augassign_rejected_",
+            "test_tile_slice_scalar_assign_rejected_",
+        ),
+        "want updates of rows and slices, and views of views, to be refused",
+    ),
 )
 FINDER = """
 import importlib.util, sys

@@ -171,9 +171,14 @@ struct Analyses {
 };
 } // namespace
 
+/// Instructions beyond which statements are not joined into vectors: that would
+/// take three times as long as all other passes together, and what is so long
+/// is seldom straight-line arithmetic.
+static constexpr unsigned mostJoined = 8000;
+
 /// What is left to do for code whose calls are inlined and whose loops have the
 /// form they were given on purpose: a third of the standard passes find that.
-static llvm::FunctionPassManager buildLeanPasses(bool vectorize) {
+static llvm::FunctionPassManager buildLeanPasses(bool vectorize, bool join) {
   using namespace llvm;
   auto memory = [](LoopPassManager passes) {
     return createFunctionToLoopPassAdaptor(std::move(passes),
@@ -216,7 +221,8 @@ static llvm::FunctionPassManager buildLeanPasses(bool vectorize) {
                                     .needCanonicalLoops(false)
                                     .hoistCommonInsts(true)
                                     .sinkCommonInsts(true)));
-    all.addPass(SLPVectorizerPass());
+    if (join)
+      all.addPass(SLPVectorizerPass());
   }
   all.addPass(VectorCombinePass());
   all.addPass(LoopUnrollPass());
@@ -251,10 +257,14 @@ static void optimizeLean(llvm::Module &module, llvm::PassBuilder &builder,
   before.addPass(llvm::InferFunctionAttrsPass());
   before.addPass(llvm::ModuleInlinerWrapperPass(llvm::getInlineParams(2, 0)));
   before.run(module, analyses.modules);
-  llvm::FunctionPassManager passes = buildLeanPasses(vectorize);
-  for (llvm::Function &function : module)
-    if (!function.isDeclaration() && (gpu || !function.hasLocalLinkage()))
-      passes.run(function, analyses.functions);
+  llvm::FunctionPassManager usual = buildLeanPasses(vectorize, /*join=*/true);
+  llvm::FunctionPassManager quick = buildLeanPasses(vectorize, /*join=*/false);
+  for (llvm::Function &function : module) {
+    if (function.isDeclaration() || (!gpu && function.hasLocalLinkage()))
+      continue;
+    bool isLong = function.getInstructionCount() > mostJoined;
+    (isLong ? quick : usual).run(function, analyses.functions);
+  }
   analyses.modules.clear();
   after.addPass(llvm::GlobalDCEPass());
   after.run(module, analyses.modules);

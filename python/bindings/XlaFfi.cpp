@@ -15,7 +15,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "KernelObject.h"
-#include "XlaFfi.h"
+#include "XlaCall.h"
 
 #include <cstring>
 #include <memory>
@@ -147,9 +147,9 @@ static int64_t addCall(py::object kernelObject, const py::tuple &dim,
     const Param &param = object.packer->param(i);
     auto entry = arguments[i].cast<py::tuple>();
     if (param.kind == Param::Kind::Array)
-      plan->arrays.push_back(
-          planArray(param, entry[0].cast<bool>(), entry[1].cast<int64_t>(),
-                    entry[2].cast<py::tuple>()));
+      plan->arrays.push_back(planArray(param, entry[0].cast<bool>(),
+                                       entry[1].cast<int64_t>(),
+                                       entry[2].cast<py::tuple>()));
     else
       object.packer->pack(i, entry[0].ptr(), cpuDevice,
                           reinterpret_cast<char *>(plan->block.data()), keep);
@@ -168,27 +168,14 @@ static int64_t addCall(py::object kernelObject, const py::tuple &dim,
 // Running a call
 //===----------------------------------------------------------------------===//
 
-[[noreturn]] static void fail(const std::string &message) {
-  throw Error(Error::Kind::Launch, "jax_kernel: " + message);
-}
-
 static CallPlan &findPlan(const xla::Attributes &attributes) {
-  for (int64_t i = 0; i < attributes.count; ++i) {
-    const xla::Span &name = *attributes.names[i];
-    if (attributes.kinds[i] != xla::scalarAttribute ||
-        std::string_view(name.data, name.size) != "call")
-      continue;
-    int64_t id;
-    std::memcpy(&id, static_cast<xla::Number *>(attributes.items[i])->value,
-                sizeof(id));
-    CallTable &table = calls();
-    std::lock_guard<std::mutex> lock(table.mutex);
-    auto found = table.plans.find(id);
-    if (found == table.plans.end())
-      fail("the program was traced in another process");
-    return *found->second;
-  }
-  fail("the call has no attribute 'call'");
+  int64_t id = callNumber(attributes);
+  CallTable &table = calls();
+  std::lock_guard<std::mutex> lock(table.mutex);
+  auto found = table.plans.find(id);
+  if (found == table.plans.end())
+    fail("the program was traced in another process");
+  return *found->second;
 }
 
 static const xla::Buffer &findBuffer(const xla::Frame &frame,
@@ -202,8 +189,9 @@ static const xla::Buffer &findBuffer(const xla::Frame &frame,
   if (buffer.type != plan.type || batch < 0 ||
       !std::equal(plan.extents.begin(), plan.extents.end(),
                   buffer.extents + batch))
-    fail("array '" + plan.name + "' has another type or shape than when the "
-                                 "program was traced");
+    fail("array '" + plan.name +
+         "' has another type or shape than when the "
+         "program was traced");
   return buffer;
 }
 
@@ -274,25 +262,6 @@ static void runPlan(CallPlan &plan, const xla::Frame &frame, int device,
   }
 }
 
-static xla::Error *makeError(const xla::Frame &frame, const char *message) {
-  xla::ErrorArgs args{sizeof(args), nullptr, message, xla::internalError};
-  return frame.api->createError(&args);
-}
-
-/// XLA asks for the version before the first call.
-static bool answerMetadata(const xla::Frame &frame) {
-  for (xla::Extension *item = frame.extensions; item; item = item->next) {
-    if (item->type != xla::metadataExtension)
-      continue;
-    auto *answer = reinterpret_cast<xla::MetadataExtension *>(item)->metadata;
-    answer->version.major = 0;
-    answer->version.minor = frame.api ? frame.api->version.minor : 1;
-    answer->traits = 0;
-    return true;
-  }
-  return false;
-}
-
 static xla::Error *runCpu(xla::Frame *frame) {
   if (answerMetadata(*frame) || frame->stage != xla::executeStage)
     return nullptr;
@@ -307,33 +276,20 @@ static xla::Error *runCpu(xla::Frame *frame) {
 static xla::Error *runCuda(xla::Frame *frame) {
   if (answerMetadata(*frame) || frame->stage != xla::executeStage)
     return nullptr;
-  const xla::Api &api = *frame->api;
-  if (api.version.major != 0 || api.size < sizeof(xla::Api))
-    return makeError(*frame, "jax_kernel: this version of jaxlib does not say "
-                             "on which device a call runs, expects a newer "
-                             "one");
-  xla::StreamArgs where{sizeof(where), nullptr, frame->context, nullptr};
-  if (xla::Error *error = api.getStream(&where))
-    return error;
-  xla::OrdinalArgs which{sizeof(which), nullptr, frame->context, 0};
-  if (xla::Error *error = api.getOrdinal(&which))
+  CudaPlace place;
+  if (xla::Error *error = findPlace(*frame, place))
     return error;
   try {
-    Stream stream(which.ordinal, where.stream);
-    runPlan(findPlan(frame->attributes), *frame, which.ordinal, &stream);
+    Stream stream(place.device, place.stream);
+    runPlan(findPlan(frame->attributes), *frame, place.device, &stream);
   } catch (const std::exception &error) {
     return makeError(*frame, error.what());
   }
   return nullptr;
 }
 
-static py::object handlerCapsule(xla::Error *(*handler)(xla::Frame *)) {
-  return py::reinterpret_steal<py::object>(
-      PyCapsule_New(reinterpret_cast<void *>(handler),
-                    "xla._CUSTOM_CALL_TARGET", nullptr));
-}
-
 void python::bindXlaFfi(py::module_ &m) {
+  bindXlaCallback(m);
   m.def("xla_add_call", &addCall, py::arg("kernel"), py::arg("dim"),
         py::arg("arguments"), py::arg("block_dim"), py::arg("number"),
         "Makes a launch known to XLA's calls; returns its number.");

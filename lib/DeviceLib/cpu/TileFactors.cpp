@@ -4,7 +4,8 @@
 //
 // Squares of a matrix, as many rows as a vector has elements, stay in registers
 // while the rows before them are subtracted (left-looking) and they are
-// factored or solved with.
+// factored or solved with. Quotients are products with inverses where others
+// wait for them.
 //
 //===----------------------------------------------------------------------===//
 
@@ -64,102 +65,105 @@ inline void overStrips(i64 begin, i64 end, const Work &work) {
     work(c, Strip<T, 1, true>(end - c));
 }
 
-template <class T> void transpose(T *to, const T *from, i64 n) {
-  overBlocks<T>(n, [=](i64 i, i64 height) {
-    overBlocks<T>(n, [=](i64 j, i64 width) {
-      Square<T> part;
-      part.read(from + i * n + j, n, height, width);
-      part.transpose();
-      part.write(to + j * n + i, n, width, height);
-    });
-  });
-}
-
-/// Zero on one side of the diagonal.
-template <class T> void clearTriangle(T *u, i64 n, bool above) {
-  overBlocks<T>(n, [=](i64 i, i64 height) {
-    overBlocks<T>(n, [=](i64 j, i64 width) {
-      Square<T> part;
-      if (above ? j < i : j > i)
-        return;
-      part.read(u + i * n + j, n, i == j ? height : 0, width);
-      part.clear(above);
-      part.write(u + i * n + j, n, height, width);
-    });
-  });
-}
-
-/// Rows of U from those of A, less what rows before have: a column at a time is
-/// multiplied by what it is divided by later, so that roots hold nothing up.
+/// Rows of U from those of A, less what rows before have, and one over the
+/// roots. The next diagonal element is known before its row is, and roots are
+/// taken at the end: no step waits for one.
 template <class T>
-__attribute__((always_inline)) inline void factorSquare(Square<T> &a) {
+__attribute__((always_inline)) inline Vec<T> factorSquare(Square<T> &a) {
+  T next = a.rows[0][0];
+  Vec<T> squares = 1;
 #pragma unroll
   for (int j = 0; j < lanes<T>; ++j) {
-    T square = a.rows[j][j];
     // The root of what is not positive is NaN, and so is what follows.
-    square = square > 0 ? square : T(__builtin_nan(""));
-    Vec<T> ratios = a.rows[j] / Vec<T>(square);
+    T square = next > 0 ? next : T(__builtin_nan(""));
+    T inverse = 1 / square;
+    squares[j] = square;
+    if (j + 1 == lanes<T>)
+      break;
+    Vec<T> row = a.rows[j];
+    T beside = row[j + 1];
+    next = fma(-(beside * inverse), beside, a.rows[j + 1][j + 1]);
+    Vec<T> ratios = row * Vec<T>(inverse);
 #pragma unroll
     for (int i = j + 1; i < lanes<T>; ++i)
-      a.rows[i] = fma(Vec<T>(-ratios[i]), a.rows[j], a.rows[i]);
-    T root = __builtin_elementwise_sqrt(square);
-    a.rows[j] = a.rows[j] / Vec<T>(root);
-    a.rows[j][j] = root;
+      a.rows[i] = fma(Vec<T>(-ratios[i]), row, a.rows[i]);
   }
+  Vec<T> roots = __builtin_elementwise_sqrt(squares);
+  Vec<T> inverses = Vec<T>(1) / roots;
+#pragma unroll
+  for (int j = 0; j < lanes<T>; ++j) {
+    a.rows[j] *= Vec<T>(inverses[j]);
+    a.rows[j][j] = roots[j];
+  }
+  return inverses;
 }
 
-/// The factor U of A = U^T U, in place: a block of rows at a time, a square at
-/// a time. What is below the diagonal means nothing.
-template <class T> void factor(T *u, i64 n) {
+/// The factor U of A = U^T U, or its transpose, a square at a time: left are
+/// squares in registers, and what they need of those before is in `rows`, which
+/// has as many elements per row as whole squares have.
+template <class T, bool isUpper>
+void cholesky(T *out, const T *in, i64 n, T *rows) {
+  constexpr int size = lanes<T>;
+  i64 pitch = (n + size - 1) / size * size;
   overBlocks<T>(n, [=](i64 i, i64 height) {
-    for (i64 c = i; c < n; c += lanes<T>) {
-      i64 width = n - c < lanes<T> ? n - c : i64(lanes<T>);
+    Vec<T> inverses = 0;
+    T *own = rows + i * pitch;
+    for (i64 c = i; c < n; c += size) {
+      i64 width = n - c < size ? n - c : i64(size);
       Square<T> part;
-      part.read(u + i * n + c, n, height, width);
+      if (isUpper) {
+        part.read(in + i * n + c, n, height, width);
+      } else {
+        part.read(in + c * n + i, n, width, height);
+        part.transpose();
+      }
       for (i64 k = 0; k < i; ++k) {
-        Vec<T> row = load(u + k * n + c, width);
-        const T *factors = u + k * n + i;
+        Vec<T> row = load(rows + k * pitch + c);
+        const T *factors = rows + k * pitch + i;
 #pragma unroll
-        for (int r = 0; r < lanes<T>; ++r)
+        for (int r = 0; r < size; ++r)
           part.rows[r] = fma(Vec<T>(-factors[r]), row, part.rows[r]);
       }
       if (c == i) {
         // Rows that there are not are those of the identity.
 #pragma unroll
-        for (int r = 0; r < lanes<T>; ++r)
+        for (int r = 0; r < size; ++r)
           if (r >= height) {
             part.rows[r] = 0;
             part.rows[r][r] = 1;
           }
-        factorSquare(part);
+        inverses = factorSquare(part);
+        part.clear(/*above=*/false);
       } else {
         // Not the last rows, so there are all.
 #pragma unroll
-        for (int j = 0; j < lanes<T>; ++j) {
-          const T *factors = u + (i + j) * n + i;
-          part.rows[j] = part.rows[j] / Vec<T>(factors[j]);
+        for (int j = 0; j < size; ++j) {
+          const T *factors = own + j * pitch + i;
+          part.rows[j] *= Vec<T>(inverses[j]);
 #pragma unroll
-          for (int r = j + 1; r < lanes<T>; ++r)
+          for (int r = j + 1; r < size; ++r)
             part.rows[r] = fma(Vec<T>(-factors[r]), part.rows[j], part.rows[r]);
         }
       }
-      part.write(u + i * n + c, n, height, width);
+      // Those of the last rows are asked for by none.
+      if (i + size < n)
+#pragma unroll
+        for (int r = 0; r < size; ++r)
+          store(own + r * pitch + c, part.rows[r]);
+      Square<T> none;
+      none.fill(0);
+      if (isUpper) {
+        part.write(out + i * n + c, n, height, width);
+        if (c != i)
+          none.write(out + c * n + i, n, width, height);
+      } else {
+        part.transpose();
+        part.write(out + c * n + i, n, width, height);
+        if (c != i)
+          none.write(out + i * n + c, n, height, width);
+      }
     }
   });
-}
-
-template <class T>
-void cholesky(T *out, const T *in, i64 n, bool isUpper, T *scratch) {
-  if (isUpper) {
-    for (i64 e = 0; out != in && e < n * n; e += lanes<T>)
-      store(out + e, load(in + e, n * n - e), n * n - e);
-    factor(out, n);
-    return clearTriangle(out, n, /*above=*/false);
-  }
-  transpose(scratch, in, n);
-  factor(scratch, n);
-  transpose(out, scratch, n);
-  clearTriangle(out, n, /*above=*/true);
 }
 
 //===----------------------------------------------------------------------===//
@@ -194,24 +198,30 @@ template <class T> void Solve<T>::manySides() const {
   });
 }
 
-/// Of as many unknowns as a vector has, in place; columns of the matrix.
+/// Of as many unknowns as a vector has, in place; columns of the matrix. These
+/// are divided by the diagonal before, and the unknowns after, so that no step
+/// waits for a quotient.
 template <class T, bool backwards>
 __attribute__((always_inline)) inline Vec<T> solveSquare(Vec<T> x,
                                                          const Square<T> &m) {
   constexpr int size = lanes<T>;
+  Vec<T> diagonal = 1;
+#pragma unroll
+  for (int j = 0; j < size; ++j)
+    diagonal[j] = m.rows[j][j];
+  Vec<T> inverses = Vec<T>(1) / diagonal;
 #pragma unroll
   for (int step = 0; step < size; ++step) {
     int j = backwards ? size - 1 - step : step;
-    T solved = x[j] / m.rows[j][j];
+    Vec<T> column = m.rows[j] * Vec<T>(inverses[j]);
     // Only those that are left: what is infinite does not reach others.
-    Vec<T> left = fma(Vec<T>(-solved), m.rows[j], x);
+    Vec<T> left = fma(Vec<T>(-x[j]), column, x);
 #pragma unroll
     for (int l = 0; l < size; ++l)
       if (backwards ? l < j : l > j)
         x[l] = left[l];
-    x[j] = solved;
   }
-  return x;
+  return x / diagonal;
 }
 
 /// A vector of unknowns at a time, less what those before have to do with them.
@@ -251,13 +261,18 @@ template <class T> void Solve<T>::oneSide() const {
       part.read(m + first * row + first, row, height, height);
       part.transpose();
     } else {
-      Vec<T> sums[2] = {known, Vec<T>(0)};
-      for (i64 j = begin; j < end; ++j) {
-        Vec<T> &sum = sums[j % 2];
-        sum =
-            fma(Vec<T>(-x[j]), load(m + first * row + j * column, height), sum);
-      }
-      known = sums[0] + sums[1];
+      Vec<T> sums[4] = {known, Vec<T>(0), Vec<T>(0), Vec<T>(0)};
+      i64 j = begin;
+      if (height == size)
+        for (; j + 4 <= end; j += 4)
+#pragma unroll
+          for (int s = 0; s < 4; ++s)
+            sums[s] = fma(Vec<T>(-x[j + s]),
+                          load(m + first * row + (j + s) * column), sums[s]);
+      for (; j < end; ++j)
+        sums[0] = fma(Vec<T>(-x[j]), load(m + first * row + j * column, height),
+                      sums[0]);
+      known = (sums[0] + sums[1]) + (sums[2] + sums[3]);
       part.read(m + first * row + first * column, column, height, height);
     }
 #pragma unroll
@@ -282,7 +297,9 @@ template <class T> void solve(const Solve<T> &system) {
 #define WARP_FACTORS(suffix, T)                                                \
   WARP_TILES void warp_tile_cholesky_##suffix(u64 out, u64 in, u64 scratch,    \
                                               i32 n, i32 isUpper, void *) {    \
-    cholesky(at<T>(out), at<const T>(in), n, isUpper != 0, at<T>(scratch));    \
+    (isUpper ? cholesky<T, true> : cholesky<T, false>)(at<T>(out),             \
+                                                       at<const T>(in), n,     \
+                                                       at<T>(scratch));        \
   }                                                                            \
   WARP_TILES void warp_tile_solve_##suffix(u64 x, u64 m, i32 n, i32 columns,   \
                                            i32 row, i32 column, i32 backwards, \

@@ -17,48 +17,104 @@ template <class T> struct Square {
   static constexpr int size = lanes<T>;
   Vec<T> rows[size];
 
+  __attribute__((always_inline)) void fill(T value) {
+#pragma unroll
+    for (int r = 0; r < size; ++r)
+      rows[r] = value;
+  }
   /// From a row-major matrix; what is beyond `height` and `width` is zero.
   __attribute__((always_inline)) void read(const T *from, i64 pitch, i64 height,
                                            i64 width) {
-    T padded[size * size];
-    if (height < size || width < size) {
-      for (i64 r = 0; r < size; ++r)
-        store(padded + r * size,
-              r < height ? load(from + r * pitch, width) : Vec<T>(0));
-      from = padded;
-      pitch = size;
+    if (height == size && width == size) {
+#pragma unroll
+      for (int r = 0; r < size; ++r)
+        rows[r] = load(from + r * pitch);
+      return;
     }
+    Mask<T> there = firstLanes<T>(width);
 #pragma unroll
     for (int r = 0; r < size; ++r)
-      rows[r] = load(from + r * pitch);
+      rows[r] = r < height
+                    ? __builtin_masked_load(there, from + r * pitch, Vec<T>(0))
+                    : Vec<T>(0);
   }
   __attribute__((always_inline)) void write(T *to, i64 pitch, i64 height,
                                             i64 width) const {
-    T padded[size * size];
-    bool isPart = height < size || width < size;
-    T *first = isPart ? padded : to;
-    i64 step = isPart ? size : pitch;
+    if (height == size && width == size) {
+#pragma unroll
+      for (int r = 0; r < size; ++r)
+        store(to + r * pitch, rows[r]);
+      return;
+    }
+    Mask<T> there = firstLanes<T>(width);
 #pragma unroll
     for (int r = 0; r < size; ++r)
-      store(first + r * step, rows[r]);
-    if (isPart)
-      for (i64 r = 0; r < height; ++r)
-        store(to + r * pitch, load(padded + r * size), width);
+      if (r < height)
+        __builtin_masked_store(there, rows[r], to + r * pitch);
   }
+  /// Within quarters of vectors first, which have one instruction for each
+  /// step, and then whole quarters.
   __attribute__((always_inline)) void transpose() {
+    constexpr int part = size / 4;
+    interleave<1>();
+    if constexpr (part > 2)
+      interleave<2>();
+    Square old = *this;
 #pragma unroll
-    for (int stage = 1; stage < size; stage *= 2) {
-      Square old = *this;
+    for (int r = 0; r < part; ++r) {
+      Vec<T> parts[4];
 #pragma unroll
-      for (int i = 0; i < size / 2; ++i)
-#pragma unroll
-        for (int l = 0; l < size; ++l) {
-          Vec<T> a = old.rows[i], b = old.rows[i + size / 2];
-          rows[2 * i][l] = l % 2 ? b[l / 2] : a[l / 2];
-          rows[2 * i + 1][l] =
-              l % 2 ? b[size / 2 + l / 2] : a[size / 2 + l / 2];
-        }
+      for (int i = 0; i < 4; ++i)
+        parts[i] = old.rows[i * part + r];
+      rows[r] = quarters<0>(quarters<0>(parts[0], parts[1]),
+                            quarters<0>(parts[2], parts[3]));
+      rows[part + r] = quarters<0>(quarters<1>(parts[0], parts[1]),
+                                   quarters<1>(parts[2], parts[3]));
+      rows[2 * part + r] = quarters<1>(quarters<0>(parts[0], parts[1]),
+                                       quarters<0>(parts[2], parts[3]));
+      rows[3 * part + r] = quarters<1>(quarters<1>(parts[0], parts[1]),
+                                       quarters<1>(parts[2], parts[3]));
     }
+  }
+  /// A step within quarters: groups of elements of two rows in turn.
+  template <int group> __attribute__((always_inline)) void interleave() {
+    Square old = *this;
+#pragma unroll
+    for (int r = 0; r < size; ++r) {
+      int first = r / (2 * group) * (2 * group) + r % (2 * group) / 2;
+      const Vec<T> &a = old.rows[first], &b = old.rows[first + group];
+      rows[r] = r % 2 ? halves<group, 1>(a, b) : halves<group, 0>(a, b);
+    }
+  }
+  /// In each quarter, groups of the lower or upper halves of those of a and b.
+  template <int group, int upper>
+  __attribute__((always_inline)) static Vec<T> halves(Vec<T> a, Vec<T> b) {
+    return shuffle(a, b, [](int l) {
+      constexpr int part = size / 4;
+      int within = l % part, turn = within / group;
+      return turn % 2 * size + l - within + upper * (part / 2) +
+             turn / 2 * group + within % group;
+    });
+  }
+  /// Quarters 0 and 2 of a and of b, or 1 and 3.
+  template <int odd>
+  __attribute__((always_inline)) static Vec<T> quarters(Vec<T> a, Vec<T> b) {
+    return shuffle(a, b, [](int l) {
+      constexpr int part = size / 4;
+      return l / part / 2 * size + (l / part % 2 * 2 + odd) * part + l % part;
+    });
+  }
+  /// Elements of a and b, which follow each other, by a function of the lane.
+  template <class From>
+  __attribute__((always_inline)) static Vec<T> shuffle(Vec<T> a, Vec<T> b,
+                                                       From from) {
+    return shuffleLanes(a, b, from, __make_integer_seq<Lanes, int, size>());
+  }
+  template <class Index, Index... lane> struct Lanes {};
+  template <class From, int... lane>
+  __attribute__((always_inline)) static Vec<T>
+  shuffleLanes(Vec<T> a, Vec<T> b, From, Lanes<int, lane...>) {
+    return __builtin_shufflevector(a, b, From()(lane)...);
   }
   /// What is above the diagonal, or below it, becomes zero.
   __attribute__((always_inline)) void clear(bool above) {

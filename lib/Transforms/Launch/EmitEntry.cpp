@@ -23,6 +23,7 @@
 
 #include "EntryBuilder.h"
 #include "GpuBlock.h"
+#include "Tiles/TileBuffers.h"
 #include "Updates/Atomics.h"
 #include "Updates/BlockReduce.h"
 #include "WarpDialect/ParameterLayout.h"
@@ -199,8 +200,8 @@ static void inlineOnce(warp::OnceOp once, function_ref<Value()> isFirst) {
 /// On a CPU a block is one thread.
 static void lowerBlockOps(LLVM::LLVMFuncOp entry, bool gpu, ValueRange dims) {
   // Threads that work on tiles are numbered along one axis.
-  auto rows = entry->getAttrOfType<IntegerAttr>(warp::attr::blockThreads);
-  bool isWarp = rows && rows.getInt() == warp::warpSize;
+  int64_t rows = warp::tiles::getBlockThreads(entry);
+  bool isWarp = rows == warp::warpSize;
   entry.walk([&](Operation *op) {
     OpBuilder b(op);
     if (isa<warp::BarrierOp>(op)) {

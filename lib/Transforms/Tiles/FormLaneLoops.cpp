@@ -32,24 +32,6 @@ using namespace mlir;
 using namespace warp;
 using namespace warp::tiles;
 
-/// Whether threads that agree on the operands may leave an operation to one.
-static bool isOnce(Operation *op) {
-  if (isa<StoreOp>(op) || isMemoryEffectFree(op) ||
-      op->hasTrait<OpTrait::HasRecursiveMemoryEffects>())
-    return true;
-  auto effects = dyn_cast<MemoryEffectOpInterface>(op);
-  return effects && effects.onlyHasEffect<MemoryEffects::Read>();
-}
-
-static bool hasTiles(Operation *op) {
-  auto result = op->walk([](Operation *inner) {
-    return isCollective(inner) || llvm::any_of(inner->getResults(), isTile)
-               ? WalkResult::interrupt()
-               : WalkResult::advance();
-  });
-  return result.wasInterrupted();
-}
-
 namespace {
 
 class BlockLoops : LaneLoops {
@@ -58,8 +40,6 @@ public:
   LogicalResult run();
 
 private:
-  bool isLaneOp(Operation *op) const;
-  bool isShared(Operation *op) const;
   LogicalResult emitBlock(Block &block);
   void emitRun();
   void addOutput(Value value, llvm::SetVector<Value> &outputs) const;
@@ -77,35 +57,6 @@ private:
 };
 
 } // namespace
-
-bool BlockLoops::isLaneOp(Operation *op) const {
-  if (varying.isBlockNumber(op))
-    return false;
-  auto result = op->walk([&](Operation *inner) {
-    auto differs = [&](Value value) { return isLane(value); };
-    return !isOnce(inner) || llvm::any_of(inner->getOperands(), differs) ||
-                   llvm::any_of(inner->getResults(), differs)
-               ? WalkResult::interrupt()
-               : WalkResult::advance();
-  });
-  return result.wasInterrupted();
-}
-
-/// Control flow that threads share, with what they do by themselves inside.
-bool BlockLoops::isShared(Operation *op) const {
-  if (op->getNumRegions() == 0)
-    return false;
-  if (hasTiles(op))
-    return true;
-  auto loop = dyn_cast<scf::ForOp>(op);
-  auto differs = [&](Value value) { return isLane(value); };
-  if (!loop || differs(loop.getLowerBound()) || differs(loop.getUpperBound()) ||
-      differs(loop.getStep()) || !llvm::all_of(loop.getInitArgs(), isStorable))
-    return false;
-  return llvm::any_of(loop.getOps<TileGetOp>(), [&](TileGetOp get) {
-    return llvm::none_of(get.getIndices(), differs);
-  });
-}
 
 //===----------------------------------------------------------------------===//
 // Threads by themselves

@@ -34,6 +34,57 @@ Value LaneLoops::builtin(StringRef name, ValueRange operands) {
 }
 
 //===----------------------------------------------------------------------===//
+// Who does what
+//===----------------------------------------------------------------------===//
+
+/// Whether threads that agree on the operands may leave an operation to one.
+static bool isOnce(Operation *op) {
+  if (isa<StoreOp>(op) || isMemoryEffectFree(op) ||
+      op->hasTrait<OpTrait::HasRecursiveMemoryEffects>())
+    return true;
+  auto effects = dyn_cast<MemoryEffectOpInterface>(op);
+  return effects && effects.onlyHasEffect<MemoryEffects::Read>();
+}
+
+static bool hasTiles(Operation *op) {
+  auto result = op->walk([](Operation *inner) {
+    return isCollective(inner) || llvm::any_of(inner->getResults(), isTile)
+               ? WalkResult::interrupt()
+               : WalkResult::advance();
+  });
+  return result.wasInterrupted();
+}
+
+bool LaneLoops::isLaneOp(Operation *op) const {
+  if (varying.isBlockNumber(op))
+    return false;
+  auto result = op->walk([&](Operation *inner) {
+    auto differs = [&](Value value) { return isLane(value); };
+    return !isOnce(inner) || llvm::any_of(inner->getOperands(), differs) ||
+                   llvm::any_of(inner->getResults(), differs)
+               ? WalkResult::interrupt()
+               : WalkResult::advance();
+  });
+  return result.wasInterrupted();
+}
+
+/// Control flow that threads share, with what they do by themselves inside.
+bool LaneLoops::isShared(Operation *op) const {
+  if (op->getNumRegions() == 0)
+    return false;
+  if (hasTiles(op))
+    return true;
+  auto loop = dyn_cast<scf::ForOp>(op);
+  auto differs = [&](Value value) { return isLane(value); };
+  if (!loop || differs(loop.getLowerBound()) || differs(loop.getUpperBound()) ||
+      differs(loop.getStep()) || !llvm::all_of(loop.getInitArgs(), isStorable))
+    return false;
+  return llvm::any_of(loop.getOps<TileGetOp>(), [&](TileGetOp get) {
+    return llvm::none_of(get.getIndices(), differs);
+  });
+}
+
+//===----------------------------------------------------------------------===//
 // What threads have
 //===----------------------------------------------------------------------===//
 

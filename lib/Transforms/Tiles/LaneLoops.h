@@ -41,6 +41,10 @@ protected:
   };
   using Body = llvm::function_ref<Values(Lane &, ValueRange tiles)>;
 
+  /// Whether each thread does an operation by itself.
+  bool isLaneOp(mlir::Operation *op) const;
+  /// Control flow that threads share, with what they do by themselves inside.
+  bool isShared(mlir::Operation *op) const;
   Value constant(int64_t value);
   Value builtin(llvm::StringRef name, ValueRange operands);
   /// One element per thread; vectors and small matrices are columns.

@@ -23,10 +23,13 @@
 //   factors, transforms by forms   LowerTilesForms.cpp
 //   Fourier transforms             LowerTilesTransforms.cpp
 //   whole tiles on CPUs            LowerTilesLibrary.cpp
+//   tests of debug kernels         LowerTilesChecks.cpp
 //
 //===----------------------------------------------------------------------===//
 
 #include "LowerTiles.h"
+
+#include "KernelFunction.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
@@ -43,9 +46,9 @@ using namespace mlir;
 namespace warp::tiles {
 
 TileLowering::TileLowering(FunctionOpInterface kernel, int64_t threads)
-    : kernel(kernel), threads(threads), buffers(kernel),
-      b(kernel.getContext()), entry(kernel.getContext()),
-      loc(kernel.getLoc()), i32(b.getI32Type()) {
+    : kernel(kernel), threads(threads), buffers(kernel), b(kernel.getContext()),
+      entry(kernel.getContext()), loc(kernel.getLoc()), i32(b.getI32Type()),
+      debug(getVariant(kernel).getDebug()) {
   entry.setInsertionPointToStart(&kernel.getFunctionBody().front());
   if (threads > 1)
     thread = ThreadNumberOp::create(entry, loc, i32);
@@ -60,6 +63,7 @@ void TileLowering::lower(Operation *op) {
   loc = op->getLoc();
   if (op->hasAttr(attr::stages))
     return;
+  checkOperands(op);
   llvm::TypeSwitch<Operation *>(op)
       .Case([&](TileMapOp map) {
         if (map->hasAttr(attr::held))
@@ -111,6 +115,8 @@ void TileLowering::lower(Operation *op) {
       })
       .Case([&](TileCholeskyOp op) {
         op->hasAttr(attr::form) ? factor(op) : lowerCholesky(op);
+        if (debug)
+          checkFactor(op);
       })
       .Case([&](TileSolveOp op) {
         op->hasAttr(attr::form) ? substitute(op) : lowerSolve(op);

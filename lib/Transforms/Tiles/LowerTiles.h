@@ -143,6 +143,12 @@ private:
   // In LowerTilesAlgebra.cpp.
   void lowerMatmul(TileMatmulOp op);
   void lowerCholesky(TileCholeskyOp op);
+  // LowerTilesChecks.cpp, of debug kernels.
+  void checkIndices(Value tile, ValueRange first,
+                    llvm::ArrayRef<int64_t> counts,
+                    llvm::ArrayRef<int64_t> steps, Value where);
+  void checkOperands(mlir::Operation *op);
+  void checkFactor(TileCholeskyOp op);
   void lowerSolve(TileSolveOp op);
   void lowerDiagAdd(TileDiagAddOp op);
 
@@ -198,7 +204,7 @@ private:
   mlir::Location loc;
   mlir::Type i32;
   Value thread;
-  bool testing = true;
+  bool debug, testing = true;
   /// Within `share`: how many elements the thread has had before, and whether
   /// that is to be a constant.
   Value turn;

@@ -24,6 +24,7 @@ struct ProductForm {
 std::optional<ProductForm> findProductForm(TileMatmulOp op, int64_t threads,
                                            int64_t version);
 /// The form that an operation is marked with.
+void setProductForm(TileMatmulOp op, const ProductForm &form);
 std::optional<ProductForm> getProductForm(TileMatmulOp op);
 
 /// A factor in memory: from row to row or column to column in elements, and
@@ -39,7 +40,8 @@ std::optional<Factor> getFactor(mlir::Value tile, bool depthIsFirst);
 /// two dimensions, and offsets 32 bits.
 bool isPlainWindow(mlir::Value array, TileType tile, mlir::ValueRange offsets);
 
-/// Marks products, sums that threads hold, and loops that load ahead.
+/// Marks products, sums that threads hold, and loops that load ahead
+/// (HoldSums.cpp).
 void holdSums(mlir::FunctionOpInterface kernel, int64_t threads);
 
 } // namespace warp::tiles

@@ -113,8 +113,13 @@ int64_t getScratchBytes(Operation *op, int64_t threads) {
   if (threads == 1) {
     if (auto product = dyn_cast<TileMatmulOp>(op))
       return ProductOperands(product).bytes;
-    if (auto factor = dyn_cast<TileCholeskyOp>(op))
-      return bytesOf(factor.getTile());
+    if (auto factor = dyn_cast<TileCholeskyOp>(op)) {
+      // Rows of whole vectors, 64 bytes each.
+      TileType type = tileType(factor.getTile());
+      int64_t size = getByteSize(type.getElementType());
+      int64_t row = llvm::alignTo(type.getShape()[0], 64 / size);
+      return row * row * size;
+    }
     if (auto solve = dyn_cast<TileSolveOp>(op))
       return getStrided(solve.getMatrix()) ? 0 : bytesOf(solve.getMatrix());
     return 0;

@@ -137,9 +137,8 @@ bool UpdatePlanner::coversOrder() {
 }
 
 void UpdatePlanner::dropGroups() {
-  threads.walk([](AtomicComponentsOp op) {
-    warp::setUpdate(op, UpdateScope::thread);
-  });
+  threads.walk(
+      [](AtomicComponentsOp op) { warp::setUpdate(op, UpdateScope::thread); });
 }
 
 void UpdatePlanner::planRings() {
@@ -256,8 +255,11 @@ struct PlanUpdates : warp::impl::PlanUpdatesBase<PlanUpdates> {
       return;
     warp::markExactUpdates(kernel);
     // Threads that work together on tiles have settled who makes an update.
-    if (kernel->hasAttr(warp::attr::blockThreads))
+    if (kernel->hasAttr(warp::attr::blockThreads)) {
+      if (failed(orderBlocks(kernel)))
+        signalPassFailure();
       return;
+    }
     // A debugging launch names the thread that fails, so each does its own.
     debug = warp::getVariant(kernel).getDebug();
     if (!debug && !warp::isGpu(kernel))
@@ -268,6 +270,22 @@ struct PlanUpdates : warp::impl::PlanUpdatesBase<PlanUpdates> {
       planGpu(kernel, threads);
     else
       planCpu(kernel, threads);
+  }
+
+  /// Blocks that work on tiles make updates in one order on a CPU; on a GPU
+  /// nothing but exact sums has the same bits in every run.
+  LogicalResult orderBlocks(FunctionOpInterface kernel) {
+    warp::VariantAttr variant = warp::getVariant(kernel);
+    if (!variant.isDeterministic() || !warp::hasOrderedUpdates(kernel))
+      return success();
+    if (warp::isGpu(kernel))
+      return kernel->emitError(
+          "deterministic updates by blocks with tiles are sums of 32 or 64 "
+          "bits in an array that the launch does not read or store to");
+    warp::noteChoice(kernel, "updates", "by one thread",
+                     "sums are in one order");
+    warp::setRecipe(kernel, warp::getRecipe(kernel).withExclusive());
+    return success();
   }
 
   void planCpu(FunctionOpInterface kernel, warp::ThreadsOp threads) {
@@ -300,8 +318,7 @@ struct PlanUpdates : warp::impl::PlanUpdatesBase<PlanUpdates> {
       warp::noteChoice(kernel, "updates", "plain, by one thread",
                        "atomic ones by several would take longer");
     bool copies = !variant.isDeterministic() && variant.getThreads() > 1 &&
-                  variant.getDisjoint() &&
-                  warp::offerCopies(kernel, costs);
+                  variant.getDisjoint() && warp::offerCopies(kernel, costs);
     if (copies)
       warp::noteChoice(kernel, "updates", "plain, in copies of arrays",
                        "where a launch is large enough to merge them");

@@ -243,6 +243,19 @@ def tile_sum(x: wp.array(dtype=float)):
 wp.launch_tiled(tile_sum, [1], [x], block_dim=32, device="cpu")
 results["tile_sum"] = float(x.numpy()[0])
 
+class Shared:
+    SCALE = 25.5  # shared
+def choose(n):
+    @wp.func
+    def chosen(settings: Any):
+        return settings.SCALE + wp.static(float(n - 1))
+    return chosen
+@wp.kernel
+def function_from_static(x: wp.array(dtype=float)):
+    for i in range(2):
+        x[0] = wp.static(choose(i + 1))(Shared) - wp.static(float(i))
+run(function_from_static)
+
 loaded = "warp._src.frontend.translator" in sys.modules
 print(json.dumps([results, translated, loaded]))
 """
@@ -271,6 +284,7 @@ CASES = [
     ("# package", "19.5", "19.25", "attribute_of_package", 19.25),
     ("# type", "wp.float32", "wp.int32", "type_by_name", 20.0),
     ("# gradient", "21.5", "21.25", "custom_gradient", 21.25),
+    ("# shared", "25.5", "25.25", "function_from_static", 25.25),
     ("# tile", "6.0", "7.0", "tile_sum", 28.0),
 ]
 # They use what has no name that lasts.

@@ -19,6 +19,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "ReverseTiles.h"
+#include "Tiles/TileBuffers.h"
 
 #include "WarpDialect/TilePasses.h"
 
@@ -61,10 +62,8 @@ LogicalResult ReverseBuilder::replayTileAccess(Operation *op) {
 
 TileReverse::TileReverse(ReverseBuilder &reverse, Operation *op)
     : reverse(reverse), b(reverse.builder), loc(op->getLoc()), op(op) {
-  auto attribute =
-      op->getParentOfType<func::FuncOp>()->getAttrOfType<IntegerAttr>(
-          warp::attr::blockThreads);
-  threads = attribute ? attribute.getInt() : 1;
+  threads = std::max<int64_t>(
+      1, tiles::getBlockThreads(op->getParentOfType<func::FuncOp>()));
 }
 
 LogicalResult TileReverse::refuse() {

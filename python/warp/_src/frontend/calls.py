@@ -254,7 +254,7 @@ class Calls(Part):
             compiled = compile(ast.Expression(node.args[0]), self.context.source.file, "eval")
             value = eval(compiled, space)
             self.context.session.statics.append(
-                statics.evaluated(self.context.function, node.args[0], self.context.env, value)
+                statics.Evaluated(self.context.function, node.args[0], self.context.env, value)
             )
             return self.context.capture(value, node)
         except errors.WarpError:

@@ -17,7 +17,7 @@ from warp._src.frontend.indexed import array_of
 from warp._src.frontend.source import source_of
 from warp._src.kernels.function import Function
 from warp._src.types import annotations, dtypes
-from warp._src.types.annotations import FixedArrayType, Reference
+from warp._src.types.annotations import FixedArrayType, Reference, annotations_of
 from warp._src.types.native import ArrayType, IndexedArrayType
 
 # What annotates a parameter that takes a function.
@@ -158,16 +158,6 @@ def fits_extents(params, native) -> bool:
         if not isinstance(param, int) and not fits_element(param, native.element):
             return False
     return True
-
-
-def annotations_of(function) -> dict:
-    """Annotations of a function, those written as strings evaluated."""
-    found = function.__annotations__
-    if not any(isinstance(annotation, str) for annotation in found.values()):
-        return found
-    closure = inspect.getclosurevars(function).nonlocals
-    spaces = [closure, function.__globals__]
-    return {name: annotations.evaluate(value, spaces) for name, value in found.items()}
 
 
 NOTHING_DECLARED = (typing.Any, None, type(None))

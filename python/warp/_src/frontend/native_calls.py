@@ -6,10 +6,9 @@ import ast
 
 from warp._src import errors
 from warp._src.frontend import address, native_wrappers, updates
-from warp._src.frontend.functions import annotations_of
 from warp._src.kernels import native_code
 from warp._src.types import dtypes
-from warp._src.types.annotations import Reference
+from warp._src.types.annotations import Reference, annotations_of
 from warp._src.types.native import native_text
 
 _FIX = "write the function in Python with `@wp.func`"

@@ -11,12 +11,11 @@ piece what it does not need.
 from __future__ import annotations
 
 from warp._src.derivatives.functions import adjoint
-from warp._src.frontend.functions import annotations_of
 from warp._src.kernels.function import Function, NativeFunction
 from warp._src.kernels.map_functions import define
 from warp._src.kernels.native_code import SCALARS
 from warp._src.types import dtypes
-from warp._src.types.annotations import Reference
+from warp._src.types.annotations import Reference, annotations_of
 from warp._src.types.native import native_text
 
 _RESULT = "ret"

@@ -11,7 +11,9 @@ from __future__ import annotations
 import functools
 
 from warp import _native
-from warp._src.interop.jax import dtype_from_jax, dtype_to_jax
+from warp._src import errors
+from warp._src.interop.jax_callable import JaxModulePreloadMode, preload
+from warp._src.interop.jax_calls import Arguments, Parameter, Plan, extents_of
 from warp._src.kernels.kernel import Kernel
 from warp._src.types import dtypes
 
@@ -36,6 +38,8 @@ def jax_kernel(
     launch_dims=None,
     output_dims=None,
     in_out_argnames=None,
+    module_preload_mode=JaxModulePreloadMode.CURRENT_DEVICE,
+    enable_backward=False,
     has_side_effect=False,
     block_dim=None,
 ):
@@ -43,6 +47,7 @@ def jax_kernel(
 
     The kernel's array parameters are inputs first, then outputs. The function takes the inputs: JAX
     arrays for arrays, and values known while tracing for the rest. It returns the list of outputs.
+    The same arguments give the same object.
 
     Args:
         kernel: a kernel without generic parameters.
@@ -53,6 +58,9 @@ def jax_kernel(
         output_dims: shape of the outputs, or a dictionary of shapes by parameter name; by default
             `launch_dims`. Elements that the kernel does not write are undefined.
         in_out_argnames: names of array parameters that are input and output.
+        module_preload_mode: see `JaxModulePreloadMode`.
+        enable_backward: `jax.grad` and `jax.vjp` work: the adjoint of the kernel gives gradients of
+            the arrays of floats among the inputs. Needs pure outputs.
         has_side_effect: keep calls whose outputs nobody uses.
         block_dim: CUDA threads per block.
 
@@ -70,20 +78,23 @@ def jax_kernel(
     Raises:
         TypeError, ValueError: the kernel cannot be used that way.
     """
-    return JaxKernel(
-        kernel,
-        num_outputs,
-        vmap_method,
-        launch_dims,
-        output_dims,
-        in_out_argnames,
-        has_side_effect,
-        block_dim,
-    )
+    options = (num_outputs, vmap_method, _frozen(launch_dims), _frozen(output_dims))
+    options += (tuple(in_out_argnames or ()), has_side_effect, block_dim, bool(enable_backward))
+    if not isinstance(kernel, Kernel):
+        raise TypeError(f"jax_kernel: expects a kernel, but got '{type(kernel).__name__}'")
+    known = kernel.__dict__.setdefault("functions_of_jax", {})
+    if options not in known:
+        given = (num_outputs, vmap_method, launch_dims, output_dims)
+        known[options] = JaxKernel(kernel, *given, *options[4:])
+    if module_preload_mode == JaxModulePreloadMode.ALL_DEVICES:
+        preload(kernel.module)
+    return known[options]
 
 
-def _extents(dims) -> tuple:
-    return (int(dims),) if hasattr(dims, "__index__") else tuple(map(int, dims))
+def _frozen(dims):
+    if isinstance(dims, dict):
+        return tuple((name, extents_of(shape)) for name, shape in dims.items())
+    return None if dims is None else extents_of(dims)
 
 
 class JaxKernel:
@@ -99,60 +110,42 @@ class JaxKernel:
         in_out_argnames,
         has_side_effect,
         block_dim,
+        enable_backward,
     ):
-        if not isinstance(kernel, Kernel):
-            raise TypeError(f"jax_kernel: expects a kernel, but got '{type(kernel).__name__}'")
         if kernel.is_generic:
             raise TypeError(f"jax_kernel('{kernel.key}'): the kernel has generic parameters")
         self.kernel = kernel
-        self.num_outputs = num_outputs
         self.vmap_method = vmap_method
         self.launch_dims = launch_dims
         self.output_dims = output_dims
-        self.in_outs = frozenset(in_out_argnames or ())
         self.has_side_effect = has_side_effect
+        self.enable_backward = enable_backward
         self.block_dim = block_dim or 0
         self._code = (None, None)
-        count = kernel.func.__code__.co_argcount
-        names = kernel.func.__code__.co_varnames[:count]
-        if not 0 < num_outputs <= count or self.in_outs - set(names):
-            raise ValueError(
-                f"jax_kernel('{kernel.key}'): expects 1 to {count} outputs and in-out arguments "
-                f"of {names}, but got {num_outputs} and {tuple(self.in_outs)}"
+        names = kernel.func.__code__.co_varnames[: kernel.func.__code__.co_argcount]
+        self.arguments = Arguments("jax_kernel", kernel.key, names, num_outputs, in_out_argnames)
+        if enable_backward and self.arguments.in_outs:
+            raise errors.WarpLaunchValueError(
+                self.arguments.message("`enable_backward` needs outputs that are no inputs")
             )
-        if len(self.in_outs) > num_outputs:
-            raise ValueError(
-                f"jax_kernel('{kernel.key}'): expects `num_outputs` to count the "
-                f"{len(self.in_outs)} in-out arguments, but got {num_outputs}"
-            )
-        self.num_inputs = count - num_outputs + len(self.in_outs)
 
     def __call__(self, *args, launch_dims=None, output_dims=None, vmap_method=None):
         import jax
         import numpy
 
         _register()
-        native = self.kernel.prepare()
-        parameters = [_Parameter(*found) for found in native.parameters]
-        inputs = parameters[: self.num_inputs]
-        if len(args) != len(inputs):
-            raise TypeError(self._message(f"expects {len(inputs)} arguments, but got {len(args)}"))
-        self._check_kinds(parameters)
-        values = [
-            self._array(jax, parameter, value) if parameter.is_array else value
-            for parameter, value in zip(inputs, args, strict=True)
-        ]
-        shapes = {
-            parameter.name: tuple(value.shape[: parameter.rank])
-            for parameter, value in zip(inputs, values, strict=True)
-            if parameter.is_array
-        }
-        dims = self._launch_dims(launch_dims, shapes)
-        self._add_outputs(shapes, parameters, output_dims, dims)
-        plan = _Plan(parameters, values, shapes, self.in_outs, self.num_inputs, self._message)
+        native, arguments = self.kernel.prepare(), self.arguments
+        parameters = [_parameter(*found) for found in native.parameters]
+        arguments.check_kinds(parameters)
+        values, shapes = arguments.check_values(jax, parameters, args)
+        dims = launch_dims if launch_dims is not None else self.launch_dims
+        dims = arguments.launch_dims(dims, shapes)
+        wanted = output_dims if output_dims is not None else self.output_dims
+        arguments.add_outputs(shapes, parameters, wanted, dims)
+        plan = Plan(parameters, values, shapes, arguments)
         call = jax.ffi.ffi_call(
             TARGET,
-            [self._result(jax, parameter, shapes[parameter.name]) for parameter in plan.results],
+            plan.results_for(jax, shapes, arguments.message),
             vmap_method=vmap_method or self.vmap_method,
             input_output_aliases=plan.aliases,
             has_side_effect=self.has_side_effect,
@@ -164,78 +157,12 @@ class JaxKernel:
             self.block_dim,
             lambda values: self._number(native, dims, plan, values),
         )
-        return call(*plan.buffers, call=numpy.int64(number))
+        call = functools.partial(call, call=numpy.int64(number))
+        if self.enable_backward:
+            from warp._src.interop.jax_adjoint import differentiable
 
-    def _message(self, text) -> str:
-        return f"jax_kernel('{self.kernel.key}'): {text}"
-
-    def _check_kinds(self, parameters) -> None:
-        for position, parameter in enumerate(parameters):
-            written = position >= self.num_inputs or parameter.name in self.in_outs
-            if written and not parameter.is_array:
-                raise TypeError(self._message(f"expects an array as output '{parameter.name}'"))
-            if parameter.holds_arrays:
-                raise TypeError(
-                    self._message(f"structs with arrays cannot be passed, as '{parameter.name}'")
-                )
-
-    def _array(self, jax, parameter, value):
-        """A JAX array, checked against the parameter."""
-        if not hasattr(value, "aval"):
-            value = jax.numpy.asarray(value)
-        inner = parameter.inner
-        rank = parameter.rank + len(inner)
-        fits = value.ndim == rank and tuple(value.shape[parameter.rank :]) == inner
-        if not fits or dtype_from_jax(value.dtype) is not parameter.scalar:
-            after = f" and inner dimensions {inner}" if inner else ""
-            raise TypeError(
-                self._message(
-                    f"argument '{parameter.name}' expects {rank} dimensions of "
-                    f"'{parameter.scalar.__name__}'{after}, but got shape "
-                    f"{tuple(value.shape)} of '{value.dtype}'"
-                )
-            )
-        return value
-
-    def _launch_dims(self, given, shapes) -> tuple:
-        dims = given if given is not None else self.launch_dims
-        if dims is None:
-            if not shapes:
-                raise ValueError(self._message("expects `launch_dims`, there is no input array"))
-            dims = next(iter(shapes.values()))
-        return _extents(dims)
-
-    def _add_outputs(self, shapes, parameters, given, dims) -> None:
-        """Adds the shapes of pure outputs."""
-        wanted = given if given is not None else self.output_dims
-        for parameter in parameters[self.num_inputs :]:
-            shape = wanted
-            if isinstance(wanted, dict):
-                if parameter.name not in wanted:
-                    raise ValueError(
-                        self._message(f"expects a shape for '{parameter.name}' in `output_dims`")
-                    )
-                shape = wanted[parameter.name]
-            shape = dims if shape is None else _extents(shape)
-            if len(shape) != parameter.rank:
-                raise ValueError(
-                    self._message(
-                        f"output '{parameter.name}' expects {parameter.rank} dimensions, "
-                        f"but got shape {shape}, use `output_dims`"
-                    )
-                )
-            shapes[parameter.name] = shape
-
-    def _result(self, jax, parameter, shape):
-        dtype = jax.numpy.dtype(dtype_to_jax(parameter.scalar))
-        if jax.dtypes.canonicalize_dtype(dtype) != dtype:
-            raise TypeError(
-                self._message(
-                    f"output '{parameter.name}' of '{parameter.scalar.__name__}' needs "
-                    f"`jax.config.update('jax_enable_x64', True)`"
-                )
-            )
-        return jax.ShapeDtypeStruct(shape + parameter.inner, dtype)
+            return differentiable(self, parameters, plan, dims, call)
+        return call(*plan.buffers)
 
     def _number(self, native, dims, plan, values) -> int:
         """63 bits that stand for the launch; `values` are the packed arguments."""
@@ -252,46 +179,10 @@ class JaxKernel:
         return int.from_bytes(digest.digest(), "little") >> 1
 
 
-class _Parameter:
+def _parameter(name, kind, type_text, offset, size, rank, element) -> Parameter:
     """What the native kernel says about one parameter."""
-
-    def __init__(self, name, kind, type_text, offset, size, rank, element):
-        self.name = name
-        self.is_array = kind == "array"
-        self.holds_arrays = kind == "struct" and "!warp.array" in type_text
-        self.rank = rank
-        if self.is_array:
-            dtype = dtypes.dtype_of(element)
-            self.scalar = getattr(dtype, "_wp_scalar_type_", dtype)
-            self.inner = tuple(getattr(dtype, "_shape_", ()))
-            # Arrays of structs have no counterpart in JAX.
-            self.holds_arrays = dtypes.is_struct(dtype)
-
-
-class _Plan:
-    """Which buffer of the call is which parameter."""
-
-    def __init__(self, parameters, values, shapes, in_outs, num_inputs, message):
-        import jax
-
-        self.buffers, self.results, self.aliases, self.entries = [], [], {}, []
-        for position, parameter in enumerate(parameters):
-            if not parameter.is_array:
-                value = values[position]
-                if isinstance(value, jax.core.Tracer):
-                    raise TypeError(
-                        message(f"argument '{parameter.name}' must be known while tracing")
-                    )
-                if isinstance(value, jax.Array):
-                    value = value.item() if value.ndim == 0 else value.tolist()
-                self.entries.append((value,))
-                continue
-            written = position >= num_inputs or parameter.name in in_outs
-            if written and position < num_inputs:
-                self.aliases[len(self.buffers)] = len(self.results)
-            place = len(self.results if written else self.buffers)
-            self.entries.append((written, place, shapes[parameter.name]))
-            if position < num_inputs:
-                self.buffers.append(values[position])
-            if written:
-                self.results.append(parameter)
+    if kind == "array":
+        return Parameter(name, dtypes.dtype_of(element), rank)
+    found = Parameter(name)
+    found.holds_arrays = kind == "struct" and "!warp.array" in type_text
+    return found

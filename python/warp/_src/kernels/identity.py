@@ -22,7 +22,7 @@ from _blake2 import blake2b
 from warp import _native, config
 from warp._src.kernels import texts
 from warp._src.kernels.function import Function
-from warp._src.kernels.names import MISSING, Names, UnnamedError
+from warp._src.kernels.names import Names, UnnamedError, is_plain
 from warp._src.version import VERSION
 
 # Functions of these names extend operators to structs, without being named in a text.
@@ -67,7 +67,7 @@ class Identity(Names):
         self.unnamed: list[set] = []
         self.unnamed_attributes: set = set()
         self._visited = 0
-        self._words: dict = {}
+        self._words: set = set()
 
     def digest(self) -> str:
         """64 hexadecimal digits.
@@ -96,10 +96,9 @@ class Identity(Names):
             while self._visited < len(self.functions):
                 self._visited += 1
                 self._visit(self._visited - 1)
-            for owner, done, lookup in self._owners:
-                for word in [word for word in self._words if word not in done]:
-                    done.add(word)
-                    self._visit_attribute(owner, word, lookup)
+            for owner in self._owners:
+                for word, value in owner.found(self._words):
+                    self._note(f".{word}", value, self.unnamed_attributes)
 
     def function(self, function) -> str:
         """A Python function that may be translated."""
@@ -121,22 +120,20 @@ class Identity(Names):
         self._parts.append(repr((place, file, code.co_firstlineno, code.co_varnames, block.text)))
         self._parts.append(self.token(function.__defaults__))
         self._parts.append(self.token(function.__kwdefaults__))
-        words = block.identifiers
+        words = block.words
         for name, annotation in function.__annotations__.items():
             if isinstance(annotation, str):
-                words = sorted({*words, *_WORD.findall(annotation)})
+                words = words.union(_WORD.findall(annotation))
             self._parts.append(f"{name}: {self.token(annotation)}")
-        self._words.update(dict.fromkeys(words))
+        self._words |= words
         captured = dict(zip(code.co_freevars, function.__closure__ or (), strict=True))
         space = function.__globals__
-        for word in words:
-            if word in captured:
-                try:
-                    self._note(word, captured[word].cell_contents, unnamed)
-                except ValueError:
-                    self._parts.append(f"{word} empty")
-            elif word in space:
-                self._note(word, space[word], unnamed)
+        for word in sorted((words & captured.keys()) | (words & space.keys())):
+            try:
+                cell = captured.get(word)
+                self._note(word, cell.cell_contents if cell else space[word], unnamed)
+            except ValueError:
+                self._parts.append(f"{word} empty")
         # Where a text has its own variable of a name, it never means anything else by it.
         unnamed -= {
             word
@@ -152,23 +149,19 @@ class Identity(Names):
             self._parts.append(f"{word}={self.token(value)}")
         except (UnnamedError, RecursionError):
             self._parts.append(f"{word}=?")
-            unnamed.add(word)
-
-    def _visit_attribute(self, owner, word, lookup) -> None:
-        value = lookup(owner, word)
-        if value is not MISSING:
-            self._note(f".{word}", value, self.unnamed_attributes)
+            unnamed.add(word.removeprefix("."))
 
 
-def digest_of(value) -> str | None:
-    """What stands for a value in other processes, too; None if nothing does."""
+def of_value(value) -> tuple:
+    """What stands for a value in other processes, too, or None; and the functions that it is of."""
+    if is_plain(value):
+        return f"{type(value).__name__} {value!r}", ()
     found = Identity()
     try:
         found.add(value)
-        digest = found.digest()
+        return found.digest(), found.functions
     except (UnnamedError, RecursionError):
-        return None
-    return None if found.unnamed_attributes or any(found.unnamed) else digest
+        return None, ()
 
 
 def name_of(kernel, arguments=None, threads=1, constants=None):

@@ -25,7 +25,7 @@ from warp._src.kernels import texts, unique
 from warp._src.kernels.epoch import Epoch
 from warp._src.kernels.modules import Module, check_options, get_module
 from warp._src.types import dtypes
-from warp._src.types.annotations import is_generic
+from warp._src.types.annotations import annotations_of, is_generic
 from warp._src.types.native import ArrayType, IndexedArrayType
 
 STAGES = ("warp", "thread", "launch", "gpu", "llvm", "ptx", "asm")
@@ -100,8 +100,6 @@ class Kernel:
         return self._generic
 
     def _find_generic(self) -> bool:
-        from warp._src.frontend.functions import annotations_of
-
         try:
             found = annotations_of(self.func).items()
             return any(is_generic(one) for name, one in found if name != "return")

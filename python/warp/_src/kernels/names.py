@@ -28,7 +28,7 @@ _DESCRIPTORS = (
 _OPEN_MODULES = ("warp", "warp.config")
 # Longer tuples and tables are not looked through.
 _MOST_ITEMS = 4096
-MISSING = object()
+_MISSING = object()
 _METACLASSES = (type, abc.ABCMeta, enum.EnumMeta)
 _OF_MEMBERS = ("_value_", "_name_", "__objclass__", "_sort_order_", "_inverted_")
 
@@ -182,7 +182,7 @@ class Names:
         number, is_new = self._number(module)
         if is_new:
             self._parts.append(f"module {number}: {name}")
-            self._owners.append((module, set(), _LOOKUPS.get(name, _of_module)))
+            self._owners.append(_owner_of(module))
         return f"module {number}"
 
     def _class(self, cls) -> str:
@@ -208,41 +208,87 @@ class Names:
         number, _ = self._number(cls)
         native = getattr(cls, "_native_", "")
         self._parts.append(f"class {number}: {spelled} {native} {members}")
-        self._owners.append((cls, set(), _of_class))
+        self._owners.append(ClassOwner(cls))
         return f"class {number}"
 
 
-def _of_module(module, word):
-    held = vars(module)
-    if "__getattr__" in held and module.__name__ != "numpy":
-        return getattr(module, word, MISSING)
-    return held.get(word, MISSING)
+def is_plain(value) -> bool:
+    """Whether a value is what its text says, and short."""
+    return type(value) in _PLAIN and not (isinstance(value, (str, bytes)) and len(value) > 64)
 
 
-def _of_settings(module, word):
-    return getattr(module, word, MISSING)
+class Owner:
+    """A module or class: what the words of texts mean as its attributes."""
+
+    def __init__(self, value):
+        self.value = value
+        self._done: set = set()
+
+    def found(self, words) -> list[tuple]:
+        """Attributes with these names that were not asked for before, in order of the alphabet."""
+        known: set = set()
+        for space in self._spaces():
+            known |= words & space.keys()
+        fresh = sorted(known - self._done)
+        self._done.update(fresh)
+        values = [(word, self._get(word)) for word in fresh]
+        return [(word, value) for word, value in values if value is not _MISSING]
+
+    def _spaces(self):
+        return (vars(self.value),)
+
+    def _get(self, word):
+        return vars(self.value)[word]
 
 
-def _of_package(module, word):
-    """What users have put into a module of this package, and numbers."""
-    value = vars(module).get(word, MISSING)
-    if isinstance(value, types.ModuleType):
-        return value if value.__name__ in _OPEN_MODULES else MISSING
-    home = getattr(value, "__module__", None) or type(value).__module__
-    if isinstance(value, type) or callable(value):
-        return MISSING if _is_ours(str(home)) else value
-    return MISSING if _is_ours(type(value).__module__) else value
+class OpenOwner(Owner):
+    """A module that makes attributes when they are asked for."""
+
+    def found(self, words) -> list[tuple]:
+        fresh = sorted(words - self._done)
+        self._done.update(fresh)
+        values = [(word, getattr(self.value, word, _MISSING)) for word in fresh]
+        return [(word, value) for word, value in values if value is not _MISSING]
 
 
-def _of_class(cls, word):
-    if issubclass(cls, enum.Enum) and word in cls.__members__:
-        return MISSING
-    for base in cls.__mro__:
-        if base.__module__ in ("builtins", "enum", "ctypes") or _is_ours(base.__module__):
-            continue
-        if word in vars(base):
-            return vars(base)[word]
-    return MISSING
+class PackageOwner(Owner):
+    """This package: what users have put into it, and numbers."""
+
+    def _get(self, word):
+        value = vars(self.value)[word]
+        if isinstance(value, types.ModuleType):
+            return value if value.__name__ in _OPEN_MODULES else _MISSING
+        if isinstance(value, type) or callable(value):
+            home = getattr(value, "__module__", None) or type(value).__module__
+            return _MISSING if _is_ours(str(home)) else value
+        return _MISSING if _is_ours(type(value).__module__) else value
 
 
-_LOOKUPS = {"warp": _of_package, "warp.config": _of_settings}
+class ClassOwner(Owner):
+    """A class with its bases, as far as they are not Python's or ours."""
+
+    def __init__(self, value):
+        super().__init__(value)
+        self._bases = [
+            base
+            for base in value.__mro__
+            if base.__module__ not in ("builtins", "enum", "ctypes")
+            and not _is_ours(base.__module__)
+        ]
+        if issubclass(value, enum.Enum):
+            self._done.update(value.__members__)
+
+    def _spaces(self):
+        return map(vars, self._bases)
+
+    def _get(self, word):
+        return next(vars(base)[word] for base in self._bases if word in vars(base))
+
+
+def _owner_of(module) -> Owner:
+    name = module.__name__
+    if name == "warp":
+        return PackageOwner(module)
+    if "__getattr__" in vars(module) and name != "numpy" and not _is_ours(name):
+        return OpenOwner(module)
+    return Owner(module)

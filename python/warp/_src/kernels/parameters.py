@@ -8,9 +8,7 @@ from warp._src.types import annotations, dtypes
 
 def values_at_first(kernel) -> list:
     """Zeros for the parameters of a kernel, None for arrays."""
-    from warp._src.frontend.functions import annotations_of
-
-    found = annotations_of(kernel.func)
+    found = annotations.annotations_of(kernel.func)
     names = kernel.func.__code__.co_varnames[: kernel.func.__code__.co_argcount]
     types = [annotations.resolve(found[name]) for name in names]
     # Whatever is no number and no composite of them is an array of some kind.

@@ -7,52 +7,102 @@ else makes the translation another one's.
 
 from __future__ import annotations
 
-import ast
-
-from warp._src.kernels.identity import digest_of
+from warp._src.kernels.identity import Identity, of_value
+from warp._src.kernels.names import UnnamedError
 from warp._src.language.checks import static
 
 _LITERALS = (bool, int, float, str)
 
 
-def evaluated(function, expression, env, value) -> tuple:
-    """The record of one: function, text, values of local names, and a digest of what it gave.
+class Evaluated:
+    """One that was evaluated.
 
-    Args:
-        expression: the syntax node in the parentheses.
-        env: bindings of local names.
-
-    The digest is None if the expression cannot be evaluated elsewhere with the same names.
+    Attributes:
+        function: the one whose text has it.
+        text: the expression.
+        local: values of the function's own names in it.
+        value: what it gave, with functions as they were.
+        digest: what stands for the value; None if the expression cannot be evaluated elsewhere.
+        functions: those that the value is made of.
     """
-    names = {node.id for node in ast.walk(expression) if isinstance(node, ast.Name)}
-    local = {name: env[name] for name in sorted(names & env.keys())}
-    if any(type(one) not in _LITERALS for one in local.values()):
-        return function, "", {}, None
-    return function, ast.unparse(expression), local, digest_of(value)
+
+    __slots__ = ("digest", "function", "functions", "local", "text", "value")
+
+    def __init__(self, function, expression, env, value):
+        import ast
+
+        names = {node.id for node in ast.walk(expression) if isinstance(node, ast.Name)}
+        self.function = function
+        self.text = ast.unparse(expression)
+        self.local = {name: env[name] for name in sorted(names & env.keys())}
+        self.value = value
+        self.digest, self.functions = of_value(value)
+        if any(type(one) not in _LITERALS for one in self.local.values()):
+            self.digest = None
 
 
-def notes(records, functions) -> list | None:
-    """Records without references, each with the position of its function; None if one has no name.
+class Notes:
+    """What a translation has to be compared with.
 
-    The same expression counts once for the same values of local names.
+    Attributes:
+        entries: (position of the function, text, local values, digest) of each expression.
+            Positions are those in the kernel's functions, to which each value adds its own.
+        identity: of the kernel together with the functions that values are made of; None without.
+        together: its digest.
     """
-    positions = {id(function): i for i, function in enumerate(functions)}
-    found: dict = {}
-    for function, text, local, digest in records:
-        if digest is None or id(function) not in positions:
-            return None
-        made = (positions[id(function)], text, tuple(local.items()))
-        if found.setdefault(made, digest) != digest:
-            return None
-    return [(*made, digest) for made, digest in found.items()]
+
+    def __init__(self, records, functions):
+        """
+        Raises:
+            UnnamedError: an expression cannot be evaluated elsewhere.
+        """
+        positions = {id(function): i for i, function in enumerate(functions)}
+        count, found, values = len(functions), {}, []
+        for one in records:
+            if one.digest is None or id(one.function) not in positions:
+                raise UnnamedError
+            # The same expression counts once for the same local values.
+            made = positions[id(one.function)], one.text, tuple(one.local.items())
+            digest, first = found.setdefault(made, (one.digest, count))
+            if digest != one.digest:
+                raise UnnamedError
+            if first == count and one.functions:
+                values.append(one.value)
+                count += len(one.functions)
+            positions.update((id(function), first + i) for i, function in enumerate(one.functions))
+        self.entries = [(*made, digest) for made, (digest, _) in found.items()]
+        self.identity, self.together = _together(functions, values)
 
 
-def digests(noted, functions) -> list:
-    """What stands for the values of all expressions now; None for one that fails."""
-    return [_digest(text, local, functions[position]) for position, text, local, _ in noted]
+def _together(functions, values) -> tuple:
+    """A kernel with functions that it gets from static expressions, for one may read what only the
+    text of the other names."""
+    if not values:
+        return None, None
+    found = Identity()
+    found.function(functions[0])
+    for value in values:
+        found.add(value)
+    return found, found.digest()
 
 
-def _digest(text, local, function) -> str | None:
+def evaluate(entries, functions) -> tuple:
+    """What stands for the values of all expressions now, None for one that fails; and for all of
+    them together with the kernel."""
+    known, found, values = list(functions), [], []
+    for position, text, local, _ in entries:
+        value = digest = None
+        held = ()
+        if position < len(known):
+            value, digest, held = _evaluate(text, local, known[position])
+        found.append(digest)
+        if held:
+            values.append(value)
+            known += held
+    return found, _together(functions, values)[1]
+
+
+def _evaluate(text, local, function) -> tuple:
     code = function.__code__
     space = dict(function.__globals__)
     for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
@@ -62,13 +112,16 @@ def _digest(text, local, function) -> str | None:
             continue
     space.update(local)
     try:
-        return digest_of(eval(compile(text, code.co_filename, "eval"), space))
+        value = eval(compile(text, code.co_filename, "eval"), space)
     except Exception:
-        return None
+        return None, None, ()
+    return value, *of_value(value)
 
 
 def words_outside(tree, function) -> tuple[set, set]:
     """Names, and attributes, that a function's body uses outside of static expressions."""
+    import ast
+
     words, attributes = set(), set()
     pending = list(tree.body)
     while pending:
@@ -86,6 +139,8 @@ def words_outside(tree, function) -> tuple[set, set]:
 
 def _is_static(callee, function) -> bool:
     """Whether a callee is the builtin `static`, by its name or as an attribute of a module."""
+    import ast
+
     name = callee.value if isinstance(callee, ast.Attribute) else callee
     if not isinstance(name, ast.Name):
         return False

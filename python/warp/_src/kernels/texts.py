@@ -58,15 +58,18 @@ class Block:
 
     Attributes:
         text: its lines.
-        identifiers: all words in it that could be names, in order of the alphabet.
+        words: all that could be names in it.
+        lines: its lines without the indentation that they share.
     """
 
-    __slots__ = ("identifiers", "text")
+    __slots__ = ("lines", "text", "words")
 
-    def __init__(self, text):
-        self.text = text
-        plain = text if text.isascii() else unicodedata.normalize("NFKC", text)
-        self.identifiers = sorted(set(_IDENTIFIER.findall(plain)))
+    def __init__(self, lines):
+        self.text = "".join(lines)
+        plain = self.text if self.text.isascii() else unicodedata.normalize("NFKC", self.text)
+        self.words = frozenset(_IDENTIFIER.findall(plain))
+        indent = len(lines[0]) - len(lines[0].lstrip())
+        self.lines = tuple(line[indent:].rstrip() for line in lines)
 
 
 _blocks: dict = {}
@@ -81,7 +84,7 @@ def block_of(function) -> Block:
     code = function.__code__
     found = _blocks.get(code)
     if found is None:
-        found = _blocks[code] = Block("".join(_block(lines_of(function), code)))
+        found = _blocks[code] = Block(_block(lines_of(function), code))
     return found
 
 

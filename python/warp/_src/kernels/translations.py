@@ -51,9 +51,9 @@ def _find(name, functions) -> tuple:
         known = _native.find_translation(name)
         if known is None:
             break
-        facts, noted = marshal.loads(known.notes)
-        now = statics.digests(noted, functions)
-        if now == [digest for *_, digest in noted]:
+        facts, entries, together = marshal.loads(known.notes)
+        now = statics.evaluate(entries, functions)
+        if now == ([digest for *_, digest in entries], together):
             return name, known, facts
         name = blake2b(repr((name, now)).encode(), digest_size=32).hexdigest()
     return name, None, ()
@@ -67,11 +67,19 @@ def _translated(kernel, arguments, threads, constants, name, found):
     _tell(kernel, *facts)
     native = kernel.compile_module(module)
     if name is not None:
-        noted = statics.notes(session.statics, found.functions)
-        if noted is not None and _is_named(found):
-            kept = marshal.dumps((facts, noted))
-            _native.store_translation(name, native, kept)
+        _keep(name, native, session, facts, found)
     return native
+
+
+def _keep(name, native, session, facts, found) -> None:
+    """Leaves a translation for other processes, if it depends on nothing but its name."""
+    try:
+        noted = statics.Notes(session.statics, found.functions)
+    except (identity.UnnamedError, RecursionError):
+        return
+    if _is_named(found) and (noted.identity is None or _is_named(noted.identity)):
+        kept = marshal.dumps((facts, noted.entries, noted.together))
+        _native.store_translation(name, native, kept)
 
 
 def _tell(kernel, has_tiles, handles, sums_winding) -> None:

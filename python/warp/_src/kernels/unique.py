@@ -109,25 +109,12 @@ def _function(func, active) -> tuple:
     return (
         func.__module__,
         func.__qualname__,
-        _text(func),
+        texts.block_of(func).lines,
         tuple(func.__annotations__),
         tuple(declared),
         _value(func.__defaults__, names, active),
         tuple((name, _value(captured[name], names, active)) for name in sorted(captured)),
     )
-
-
-def _text(func) -> tuple:
-    """The lines of a function, without the indentation that they share."""
-    code = func.__code__
-    codes, last = [code], code.co_firstlineno
-    while codes:
-        one = codes.pop()
-        codes += [const for const in one.co_consts if isinstance(const, types.CodeType)]
-        last = max([last, *(end for _, end, _, _ in one.co_positions() if end)])
-    lines = texts.lines_of(func)[code.co_firstlineno - 1 : last]
-    indent = len(lines[0]) - len(lines[0].lstrip())
-    return tuple(line[indent:].rstrip() for line in lines)
 
 
 def _names(code) -> set:

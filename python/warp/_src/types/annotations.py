@@ -141,6 +141,18 @@ def evaluate(annotation, namespaces):
     return eval(annotation, merged)
 
 
+def annotations_of(function) -> dict:
+    """Annotations of a function, those written as strings evaluated."""
+    found = function.__annotations__
+    if not any(isinstance(annotation, str) for annotation in found.values()):
+        return found
+    import inspect
+
+    closure = inspect.getclosurevars(function).nonlocals
+    spaces = [closure, function.__globals__]
+    return {name: evaluate(value, spaces) for name, value in found.items()}
+
+
 def resolve(annotation):
     """The canonical form of an annotation.
 

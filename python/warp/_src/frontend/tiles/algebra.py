@@ -31,8 +31,15 @@ class TileAlgebra(TileTopic):
             raise self.context.value_error(
                 node,
                 f"tile_matmul() precision must be one of {', '.join(map(repr, _PRECISIONS))}",
+                also="precision must be the string literal 'default' or 'tf32'",
             )
         a, b = (self.matrix(bound[key], node, "tile_matmul") for key in ("a", "b"))
+        if bound["precision"] != "default" and a.type.element != FLOAT32:
+            raise self.context.type_error(
+                node,
+                f"tile_matmul() precision='{bound['precision']}' requires float32 tiles, got "
+                f"{a.type.element.python_name}",
+            )
         if a.type.shape[1] != b.type.shape[0]:
             raise self.context.value_error(
                 node,

@@ -1,0 +1,230 @@
+//===- HoldSums.cpp - Sums that threads hold ------------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Of products on GPUs. A tile that products add to, and that otherwise is only
+// stored or copied, has no memory: each thread holds its sums in registers, in
+// the layout of the product's form. A loop that loads both factors of a product
+// and does nothing else loads those of the next iterations while it multiplies.
+//
+//===----------------------------------------------------------------------===//
+
+#include "TileProducts.h"
+
+#include "KernelFunction.h"
+
+using namespace mlir;
+
+namespace warp::tiles {
+
+namespace {
+
+class SumHolder {
+public:
+  SumHolder(FunctionOpInterface kernel, int64_t threads)
+      : kernel(kernel), buffers(kernel), threads(threads),
+        version(getVariant(kernel).getTarget().getVersion()) {}
+
+  void run() {
+    SmallVector<TileMatmulOp> products;
+    kernel->walk([&](TileMatmulOp op) {
+      if (auto form = findProductForm(op, threads, version)) {
+        setProductForm(op, *form);
+        products.push_back(op);
+      }
+    });
+    llvm::MapVector<Value, SmallVector<Value>> byRoot;
+    for (Value tile : buffers.getTiles())
+      byRoot[buffers.rootOf(tile)].push_back(tile);
+    for (auto &[root, members] : byRoot)
+      if (canHold(members))
+        hold(members);
+    for (TileMatmulOp op : products)
+      if (op->hasAttr(attr::held))
+        loadAhead(op);
+    limitRegisters(products);
+  }
+
+private:
+  /// What an operation gives without memory: sums, or a number.
+  bool canMake(Value tile, std::optional<std::string> &layout) const {
+    Operation *def = tile.getDefiningOp();
+    if (!def)
+      return isa<scf::ForOp>(tile.getParentBlock()->getParentOp());
+    if (auto product = dyn_cast<TileMatmulOp>(def)) {
+      auto form = getProductForm(product);
+      auto operand = def->getAttrOfType<IntegerAttr>(attr::inPlace);
+      if (!form || !operand || operand.getInt() != 2 ||
+          (layout && *layout != form->layout))
+        return false;
+      layout = form->layout;
+      return true;
+    }
+    return isa<scf::ForOp>(def) || splatBehind(def);
+  }
+
+  /// The number in all elements of what is made, or copied, from a splat.
+  static Value splatBehind(Operation *def) {
+    if (auto map = dyn_cast<TileMapOp>(def)) {
+      Block &body = map.getBody().front();
+      if (map.getInputs().size() != 1 || map.getNumResults() != 1 ||
+          body.getTerminator()->getOperand(0) != body.getArgument(0) ||
+          !isTile(map.getInputs()[0]))
+        return Value();
+      def = map.getInputs()[0].getDefiningOp();
+    }
+    auto splat = dyn_cast_or_null<TileSplatOp>(def);
+    return splat && splat.getValue().getDefiningOp<ConstantOp>()
+               ? splat.getValue()
+               : Value();
+  }
+
+  bool canStore(Operation *user, Value tile) const {
+    auto store = dyn_cast<TileStoreOp>(user);
+    return store && store.getTile() == tile && !store.getPicked() &&
+           isPlainWindow(store.getArray(), tileType(tile), store.getOffsets());
+  }
+
+  bool usesInPlace(Operation *user, Value tile) const {
+    return isa<scf::ForOp>(user) || user->hasTrait<OpTrait::IsTerminator>() ||
+           (isa<TileMatmulOp>(user) && user->hasAttr(attr::inPlace) &&
+            cast<TileMatmulOp>(user).getC() == tile) ||
+           canStore(user, tile);
+  }
+
+  bool canHold(ArrayRef<Value> members) const {
+    std::optional<std::string> layout;
+    for (Value tile : members) {
+      if (!canMake(tile, layout))
+        return false;
+      // Copies stand behind the operation that made the tile.
+      if (isa<BlockArgument>(tile) &&
+          !llvm::all_of(tile.getUsers(), [&](Operation *user) {
+            return usesInPlace(user, tile);
+          }))
+        return false;
+    }
+    return layout.has_value();
+  }
+
+  /// Others read a copy in memory.
+  void copyForOthers(Value tile) {
+    SmallVector<OpOperand *> uses;
+    for (OpOperand &use : tile.getUses())
+      if (!usesInPlace(use.getOwner(), tile))
+        uses.push_back(&use);
+    if (uses.empty())
+      return;
+    OpBuilder b(kernel.getContext());
+    b.setInsertionPointAfterValue(tile);
+    auto map = TileMapOp::create(b, tile.getLoc(), tile.getType(), tile);
+    Block *body = b.createBlock(&map.getBody(), {},
+                                tileType(tile).getElementType(), tile.getLoc());
+    TileYieldOp::create(b, tile.getLoc(), ValueRange(body->getArgument(0)));
+    for (OpOperand *use : uses)
+      use->set(map.getResult(0));
+  }
+
+  void hold(ArrayRef<Value> members) {
+    for (Value tile : members) {
+      Operation *def = tile.getDefiningOp();
+      if (def && !isa<scf::ForOp>(def))
+        def->setAttr(attr::held, UnitAttr::get(def->getContext()));
+      if (def)
+        copyForOthers(tile);
+    }
+  }
+
+  //===--------------------------------------------------------------------===//
+  // Loading ahead
+  //===--------------------------------------------------------------------===//
+
+  /// A tile that is loaded for this product alone.
+  bool isOwnLoad(Value tile, TileMatmulOp product) const {
+    auto load = tile.getDefiningOp<TileLoadOp>();
+    return load && !isInline(load) && !load.getPicked() &&
+           load->getBlock() == product->getBlock() &&
+           llvm::all_of(getReaders(tile),
+                        [&](Operation *op) { return op == product; }) &&
+           isPlainWindow(load.getArray(), tileType(tile), load.getOffsets());
+  }
+
+  bool isPure(scf::ForOp loop, TileMatmulOp product,
+              ArrayRef<Operation *> loads) const {
+    if (loop.getNumRegionIterArgs() != 1)
+      return false;
+    return llvm::all_of(
+        loop.getBody()->without_terminator(), [&](Operation &op) {
+          bool known = &op == product || llvm::is_contained(loads, &op) ||
+                       (computesTiles(&op) && isInline(&op));
+          return known || (!computesTiles(&op) && isMemoryEffectFree(&op) &&
+                           op.getNumRegions() == 0);
+        });
+  }
+
+  /// Rows a multiple of 16 bytes apart, an odd one where they are read at a
+  /// time, so that they lie in different banks.
+  static int64_t padded(TileType type, bool isAlong) {
+    int64_t run = 16 / getByteSize(type.getElementType());
+    int64_t runs = type.getShape()[1] / run;
+    bool rowsAtATime = isAlong || run == 8;
+    return (rowsAtATime && runs % 2 == 0 ? runs + 1 : runs) * run;
+  }
+
+  void loadAhead(TileMatmulOp product) {
+    auto loop = dyn_cast<scf::ForOp>(product->getParentOp());
+    std::optional<Factor> a =
+        getFactor(product.getA(), product.getTransposeA());
+    std::optional<Factor> b =
+        getFactor(product.getB(), !product.getTransposeB());
+    if (!loop || !loop.getInductionVar().getType().isInteger(32) ||
+        a->memory == b->memory || !isOwnLoad(a->memory, product) ||
+        !isOwnLoad(b->memory, product) ||
+        !isPure(loop, product,
+                {a->memory.getDefiningOp(), b->memory.getDefiningOp()}))
+      return;
+    int64_t bytes = 0;
+    for (const Factor &factor : {*a, *b}) {
+      TileType type = tileType(factor.memory);
+      bytes += type.getShape()[0] * padded(type, factor.isAlong) *
+               getByteSize(type.getElementType());
+    }
+    // Two blocks at a time, with what the driver keeps for itself.
+    int64_t room = getMostBlockBytes(version) / 2 - (5 << 10);
+    int64_t stages = std::clamp<int64_t>(room / bytes, 2, 4);
+    Builder builder(loop.getContext());
+    loop->setAttr(attr::stages, builder.getI64IntegerAttr(stages));
+    for (const Factor &factor : {*a, *b}) {
+      Operation *load = factor.memory.getDefiningOp();
+      load->setAttr(attr::stages, builder.getI64IntegerAttr(stages));
+      load->setAttr(attr::pitch, builder.getI64IntegerAttr(padded(
+                                     tileType(factor.memory), factor.isAlong)));
+    }
+  }
+
+  /// A quarter of a thread's registers more would halve the threads that hide
+  /// each other's waits.
+  void limitRegisters(ArrayRef<TileMatmulOp> products) {
+    constexpr int64_t registers = 128, mostSums = 64;
+    int64_t sums = 0;
+    for (TileMatmulOp op : products)
+      sums = std::max(sums, getProductForm(op)->slots);
+    int64_t blocks = (64 << 10) / (registers * threads);
+    if (sums > mostSums / 2 && sums <= mostSums && blocks > 1)
+      kernel->setAttr(warp::attr::leastBlocks,
+                      Builder(kernel.getContext()).getI64IntegerAttr(blocks));
+  }
+
+  FunctionOpInterface kernel;
+  TileBuffers buffers;
+  int64_t threads, version;
+};
+
+} // namespace
+
+void holdSums(FunctionOpInterface kernel, int64_t threads) {
+  if (isGpu(kernel) && threads > 1 && !getVariant(kernel).getDebug())
+    SumHolder(kernel, threads).run();
+}
+
+} // namespace warp::tiles

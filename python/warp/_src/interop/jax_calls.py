@@ -1,0 +1,217 @@
+"""What kernels and Python functions have in common as functions of JAX: parameters and results.
+
+`Parameters` holds the names and types of the parameters and which of them are inputs, outputs or
+both; a `Plan` is one traced call: its buffers, results, and which of them each parameter is.
+"""
+
+from __future__ import annotations
+
+from warp._src import errors
+from warp._src.interop.jax import dtype_from_jax, dtype_to_jax
+from warp._src.types import dtypes
+
+
+def extents_of(dims) -> tuple:
+    """One extent or several as a tuple."""
+    return (int(dims),) if hasattr(dims, "__index__") else tuple(map(int, dims))
+
+
+class Parameter:
+    """A parameter: an array with its rank, scalar type and inner extents, or a value."""
+
+    def __init__(self, name, dtype=None, rank=0):
+        self.name, self.rank, self.dtype = name, rank, dtype
+        self.is_array = dtype is not None
+        # Arrays of structs have no counterpart in JAX, and structs may hold arrays.
+        self.holds_arrays = self.is_array and dtypes.is_struct(dtype)
+        if self.is_array:
+            self.scalar = getattr(dtype, "_wp_scalar_type_", dtype)
+            self.inner = tuple(getattr(dtype, "_shape_", ()))
+
+    @property
+    def has_derivative(self) -> bool:
+        """Whether it is an array of floats."""
+        return self.is_array and self.scalar in dtypes.FLOAT_TYPES
+
+    def result(self, jax, shape, message, vma=None):
+        """What JAX is told of an array."""
+        dtype = jax.numpy.dtype(dtype_to_jax(self.scalar))
+        if jax.dtypes.canonicalize_dtype(dtype) != dtype:
+            raise TypeError(
+                message(
+                    f"output '{self.name}' of '{self.scalar.__name__}' needs "
+                    f"`jax.config.update('jax_enable_x64', True)`"
+                )
+            )
+        return jax.ShapeDtypeStruct(shape + self.inner, dtype, **({"vma": vma} if vma else {}))
+
+    def checked(self, jax, value, message):
+        """A JAX array that fits the parameter."""
+        if not hasattr(value, "aval"):
+            value = jax.numpy.asarray(value)
+        rank = self.rank + len(self.inner)
+        fits = value.ndim == rank and tuple(value.shape[self.rank :]) == self.inner
+        if not fits or dtype_from_jax(value.dtype) is not self.scalar:
+            after = f" and inner dimensions {self.inner}" if self.inner else ""
+            raise TypeError(
+                message(
+                    f"argument '{self.name}' expects {rank} dimensions of "
+                    f"'{self.scalar.__name__}'{after}, but got shape "
+                    f"{tuple(value.shape)} of '{value.dtype}'"
+                )
+            )
+        return value
+
+
+class Arguments:
+    """Names of the parameters, how many of them are inputs, and how errors begin.
+
+    Raises:
+        ValueError: numbers or names do not fit the function.
+    """
+
+    def __init__(self, what, key, names, num_outputs, in_out_argnames):
+        self.what, self.key, self.names, self.num_outputs = what, key, names, num_outputs
+        given = tuple(in_out_argnames or ())
+        self.in_outs = frozenset(given)
+        count = len(names)
+        if not 0 < num_outputs <= count or self.in_outs - set(names):
+            unknown = self.in_outs - set(names)
+            raise errors.WarpLaunchValueError(
+                self.message(
+                    f"expects 1 to {count} outputs and in-out arguments "
+                    f"of {names}, but got {num_outputs} and {given}"
+                ),
+                also=f"in_out_argnames {unknown} did not match any function argument names",
+            )
+        if len(given) != len(self.in_outs):
+            raise errors.WarpLaunchValueError(
+                self.message(f"got in-out arguments twice in {given}"),
+                also="in_out_argnames must not contain duplicate names",
+            )
+        if len(given) > num_outputs:
+            raise errors.WarpLaunchValueError(
+                self.message(
+                    f"expects `num_outputs` to count the {len(given)} in-out arguments, "
+                    f"but got {num_outputs}"
+                )
+            )
+        self.num_inputs = count - num_outputs + len(given)
+        late = self.in_outs & set(names[self.num_inputs :])
+        if late:
+            raise errors.WarpLaunchValueError(
+                self.message(f"in-out arguments come before outputs, but {sorted(late)} does not"),
+                also="in_out arguments should be placed before output-only arguments",
+            )
+
+    def message(self, text) -> str:
+        return f"{self.what}('{self.key}'): {text}"
+
+    def check_kinds(self, parameters) -> None:
+        """Checks that outputs are arrays, and arrays of numbers.
+
+        Raises:
+            TypeError: one is not.
+        """
+        for position, parameter in enumerate(parameters):
+            written = position >= self.num_inputs or parameter.name in self.in_outs
+            if written and not parameter.is_array:
+                raise TypeError(self.message(f"expects an array as output '{parameter.name}'"))
+            if parameter.holds_arrays:
+                raise TypeError(
+                    self.message(f"structs with arrays cannot be passed, as '{parameter.name}'")
+                )
+
+    def check_values(self, jax, parameters, args):
+        """The inputs, arrays among them checked, and the shapes of these by name."""
+        inputs = parameters[: self.num_inputs]
+        if len(args) != len(inputs):
+            raise TypeError(self.message(f"expects {len(inputs)} arguments, but got {len(args)}"))
+        values = [
+            parameter.checked(jax, value, self.message) if parameter.is_array else value
+            for parameter, value in zip(inputs, args, strict=True)
+        ]
+        shapes = {
+            parameter.name: tuple(value.shape[: parameter.rank])
+            for parameter, value in zip(inputs, values, strict=True)
+            if parameter.is_array
+        }
+        return values, shapes
+
+    def launch_dims(self, dims, shapes) -> tuple:
+        """The extents given, or those of the first array."""
+        if dims is None:
+            if not shapes:
+                raise ValueError(self.message("expects `launch_dims`, there is no input array"))
+            dims = next(iter(shapes.values()))
+        return extents_of(dims)
+
+    def add_outputs(self, shapes, parameters, wanted, dims) -> None:
+        """Adds the shapes of pure outputs."""
+        for parameter in parameters[self.num_inputs :]:
+            shape = wanted
+            if isinstance(wanted, dict):
+                if parameter.name not in wanted:
+                    raise ValueError(
+                        self.message(f"expects a shape for '{parameter.name}' in `output_dims`")
+                    )
+                shape = extents_of(wanted[parameter.name])
+                inner = parameter.inner
+                if inner and len(shape) > parameter.rank and shape[parameter.rank :] == inner:
+                    shape = shape[: parameter.rank]
+            shape = dims if shape is None else extents_of(shape)
+            if len(shape) != parameter.rank:
+                raise ValueError(
+                    self.message(
+                        f"output '{parameter.name}' expects {parameter.rank} dimensions, "
+                        f"but got shape {shape}, use `output_dims`"
+                    )
+                )
+            shapes[parameter.name] = shape
+
+
+class Plan:
+    """Which buffer of a call is which parameter.
+
+    Attributes:
+        buffers: the arrays that are passed.
+        results: the parameters that are returned.
+        aliases: results by the number of the buffer that they share memory with.
+        entries: for each parameter its value, or whether it is a result, the number and the shape.
+    """
+
+    def __init__(self, parameters, values, shapes, arguments):
+        import jax
+
+        self.buffers, self.results, self.aliases, self.entries = [], [], {}, []
+        num_inputs, in_outs = arguments.num_inputs, arguments.in_outs
+        for position, parameter in enumerate(parameters):
+            if not parameter.is_array:
+                value = values[position]
+                if isinstance(value, jax.core.Tracer):
+                    text = f"argument '{parameter.name}' must be known while tracing"
+                    raise TypeError(arguments.message(text))
+                if isinstance(value, jax.Array):
+                    value = value.item() if value.ndim == 0 else value.tolist()
+                self.entries.append((value,))
+                continue
+            written = position >= num_inputs or parameter.name in in_outs
+            if written and position < num_inputs:
+                self.aliases[len(self.buffers)] = len(self.results)
+            place = len(self.results if written else self.buffers)
+            self.entries.append((written, place, shapes[parameter.name]))
+            if position < num_inputs:
+                self.buffers.append(values[position])
+            if written:
+                self.results.append(parameter)
+
+    def results_for(self, jax, shapes, message) -> list:
+        """What JAX is told of the results; they vary over the axes of meshes as the inputs do."""
+        vma = varying(jax, self.buffers)
+        return [one.result(jax, shapes[one.name], message, vma) for one in self.results]
+
+
+def varying(jax, buffers) -> frozenset:
+    """The axes of meshes that any of the arrays varies over."""
+    found = [getattr(jax.typeof(one), "vma", frozenset()) for one in buffers]
+    return frozenset().union(*found)
