@@ -17,7 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-import _shape_loops  # noqa: F401  (registers cases)
+import _shape_locals  # noqa: F401  (registers cases)
+import _shape_loops  # noqa: F401
 import _shape_maps  # noqa: F401
 import _shape_sums  # noqa: F401
 import warp as wp

@@ -3,7 +3,7 @@
     python benchmarks/shapes.py --peer /path/to/python [--device cpu] [--only csr,loss]
                                 [--rounds 2] [--seconds 0.1] [--json out.json]
 
-The kernels (_shape_maps.py, _shape_loops.py, _shape_sums.py) are not tuned for any compiler: one
+The kernels (_shape_*.py) are not tuned for any compiler: one
 per shape of program, forward and, where it has one, adjoint. `--peer` names a Python that has
 NVIDIA Warp; it runs the same text. Two processes, one per package, take turns case by case, so
 that other work on the machine hits both; a time is that of the fastest batch in all rounds.

@@ -106,6 +106,26 @@ func.func @summed(%n: i32, %at: si32, %x: f32) -> f32 {
   return %y : f32
 }
 
+// Nor does adding the sum of two.
+// CHECK-LABEL: func.func @summed_twice
+// CHECK-COUNT-1: warp.scratch : !warp.scratch<16 x f32>
+// CHECK-NOT: warp.scratch :
+// CHECK-COUNT-2: arith.addf
+// CHECK-NOT: arith.addf
+// CHECK: return
+func.func @summed_twice(%at: si32, %to: si32, %x: f32) -> f32 {
+  %zero = warp.construct() : () -> !warp.vec<16 x f32>
+  %v = warp.insert %x, %zero[%at] : f32, !warp.vec<16 x f32>, si32
+  %one = warp.insert %x, %zero[%at] : f32, !warp.vec<16 x f32>, si32
+  %two = warp.insert %x, %zero[%to] : f32, !warp.vec<16 x f32>, si32
+  %both = warp.add(%one, %two)
+      : (!warp.vec<16 x f32>, !warp.vec<16 x f32>) -> !warp.vec<16 x f32>
+  %w = warp.add(%v, %both)
+      : (!warp.vec<16 x f32>, !warp.vec<16 x f32>) -> !warp.vec<16 x f32>
+  %y = warp.extract %w[%to] : !warp.vec<16 x f32>, si32 -> f32
+  return %y : f32
+}
+
 // What an adjoint keeps lies in one piece; of it, one component is loaded.
 // CHECK-LABEL: func.func @kept
 // CHECK: warp.scratch : !warp.scratch<128 x f32>

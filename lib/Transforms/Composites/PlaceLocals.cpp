@@ -246,38 +246,6 @@ void PlaceLocals::run() {
   forget();
 }
 
-/// An adjoint adds one number to a component by adding a composite of zeros
-/// with that number: add there alone.
-static void addInPlace(FunctionOpInterface function) {
-  SmallVector<warp::AddOp> sums;
-  function.walk([&](warp::AddOp op) {
-    if (warp::isLongComposite(op->getResult(0).getType()))
-      sums.push_back(op);
-  });
-  for (warp::AddOp op : sums)
-    for (unsigned i : {1, 0}) {
-      auto insert = op->getOperand(i).getDefiningOp<warp::InsertOp>();
-      Value rest = op->getOperand(1 - i);
-      auto zero = insert ? insert.getTarget().getDefiningOp<warp::ConstructOp>()
-                         : nullptr;
-      if (!zero || zero->getNumOperands() || rest.getType() != insert.getType())
-        continue;
-      OpBuilder b(op);
-      Type type = insert.getValue().getType();
-      Value old = warp::ExtractOp::create(b, op.getLoc(), type, rest,
-                                          insert.getIndices());
-      Value sum = warp::AddOp::create(b, op.getLoc(), TypeRange(type),
-                                      ValueRange{old, insert.getValue()})
-                      ->getResult(0);
-      op->getResult(0).replaceAllUsesWith(warp::InsertOp::create(
-          b, op.getLoc(), sum, rest, insert.getIndices()));
-      op->erase();
-      if (insert->use_empty())
-        insert->erase();
-      break;
-    }
-}
-
 void warp::placeLocals(FunctionOpInterface function) {
   addInPlace(function);
   PlaceLocals(function).run();

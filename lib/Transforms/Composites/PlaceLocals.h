@@ -13,6 +13,9 @@ class FunctionOpInterface;
 
 namespace warp {
 
+/// Adds to components, where what is added to a long composite is a number.
+void addInPlace(mlir::FunctionOpInterface function);
+
 /// Gives memory of the thread to the composites of a function that are long and
 /// indexed at run time; an index out of range is taken as the last.
 void placeLocals(mlir::FunctionOpInterface function);

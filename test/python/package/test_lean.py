@@ -90,6 +90,45 @@ def test_adjoint_of_chosen_inputs():
         scale.ir("ptx", derivative="hessian")
 
 
+@pytest.mark.parametrize("stage", ["warp", "thread", "launch", "gpu", "llvm", "asm", "ptx"])
+def test_adjoint_of_chosen_inputs_at_every_stage(stage):
+    one = scale.ir(stage, derivative="adjoint", inputs=["x", "y"])
+    assert "scale_adjoint" in one
+    assert len(one) < len(scale.ir(stage, derivative="adjoint"))
+
+
+def test_adjoint_for_rest_lengths_of_springs():
+    @wp.kernel
+    def energies(
+        x: wp.array(dtype=wp.vec3),
+        ends: wp.array(dtype=wp.vec2i),
+        rest: wp.array(dtype=float),
+        stiffness: float,
+        energy: wp.array(dtype=float),
+    ):
+        i = wp.tid()
+        stretch = wp.length(x[ends[i][1]] - x[ends[i][0]]) - rest[i]
+        energy[i] = 0.5 * stiffness * stretch * stretch
+
+    @wp.kernel
+    def by_hand(
+        x: wp.array(dtype=wp.vec3),
+        ends: wp.array(dtype=wp.vec2i),
+        rest: wp.array(dtype=float),
+        stiffness: float,
+        d_rest: wp.array(dtype=float),
+        d_energy: wp.array(dtype=float),
+    ):
+        i = wp.tid()
+        stretch = wp.length(x[ends[i][1]] - x[ends[i][0]]) - rest[i]
+        g = d_energy[i]
+        d_energy[i] = 0.0
+        d_rest[i] = d_rest[i] - g * stiffness * stretch
+
+    one = instructions(energies.ir("ptx", derivative="adjoint", inputs=["rest", "energy"]))
+    assert len(one) <= 1.2 * len(instructions(by_hand.ir("ptx")))
+
+
 # C6: parameters without use change nothing but where the others lie.
 def test_unused_parameters_cost_no_instruction():
     @wp.kernel
