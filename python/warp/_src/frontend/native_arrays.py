@@ -11,11 +11,11 @@ from __future__ import annotations
 
 from warp._src import errors
 from warp._src.derivatives.functions import adjoint
-from warp._src.frontend.functions import annotations_of
 from warp._src.kernels import native_code
 from warp._src.kernels.function import Function, NativeFunction
 from warp._src.kernels.map_functions import define
 from warp._src.types import dtypes
+from warp._src.types.annotations import annotations_of
 from warp._src.types.native import ArrayType, native_text
 
 _MADE = "_warp_array_function"
