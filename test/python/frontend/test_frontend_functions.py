@@ -177,3 +177,26 @@ def test_kernels_call_what_a_reloaded_module_defines(tmp_path, monkeypatch, devi
         tape.backward(grads={y: wp.ones(1, device=device)})
         assert y.numpy()[0] == factor and x.grad.numpy()[0] == factor
     del sys.modules["reloaded_functions"]
+
+
+def test_annotations_of_variables_are_those_of_the_reloaded_text(tmp_path, monkeypatch):
+    """Python counts code that differs in nothing else as the same."""
+    source = (
+        "import warp as wp\n\n@wp.func\ndef tenth():\n    x: wp.{} = 0.1\n    return float(x)\n"
+    )
+    path = tmp_path / "reloaded_annotations.py"
+    path.write_text(source.format("float16"))
+    monkeypatch.syspath_prepend(tmp_path)
+    module = importlib.import_module("reloaded_annotations")
+
+    @wp.kernel
+    def kernel(y: wp.array(dtype=float)):
+        y[0] = module.tenth()
+
+    for kind in ("float16", "float32", "float16"):
+        path.write_text(source.format(kind))
+        importlib.reload(module)
+        y = wp.zeros(1, device="cpu")
+        wp.launch(kernel, 1, [y], device="cpu")
+        assert y.numpy()[0] == np.dtype(kind).type(0.1)
+    del sys.modules["reloaded_annotations"]

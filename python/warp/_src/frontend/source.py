@@ -49,7 +49,7 @@ class Source:
         }
 
 
-_sources: dict[types.CodeType, Source] = {}
+_sources = texts.ByCode()
 
 
 def source_of(function: types.FunctionType) -> Source:

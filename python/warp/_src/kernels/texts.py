@@ -14,8 +14,27 @@ from warp._src import errors
 
 _IDENTIFIER = re.compile(r"[^\W\d]\w*")
 
+
+class ByCode:
+    """What is known of code objects, of each for itself: Python counts them as equal if they differ
+    in nothing but annotations of local variables, which say something here."""
+
+    def __init__(self):
+        # The objects are kept, so that none has the address of another one.
+        self._known: dict = {}
+
+    def get(self, code):
+        return self._known.get(id(code), (None, None))[1]
+
+    def pop(self, code):
+        return self._known.pop(id(code), (None, None))[1]
+
+    def __setitem__(self, code, value):
+        self._known[id(code)] = code, value
+
+
 # Lines of the file of a code object, until the function is translated.
-_kept: dict = {}
+_kept = ByCode()
 
 
 def keep(function) -> None:
@@ -23,7 +42,7 @@ def keep(function) -> None:
     import linecache
 
     code = function.__code__
-    if code not in _kept:
+    if _kept.get(code) is None:
         linecache.checkcache(code.co_filename)
         lines = linecache.getlines(code.co_filename, function.__globals__)
         if code.co_firstlineno <= len(lines):
@@ -39,7 +58,7 @@ def lines_of(function, forget=False) -> list[str]:
     import linecache
 
     code = function.__code__
-    lines = _kept.pop(code, None) if forget else _kept.get(code)
+    lines = _kept.pop(code) if forget else _kept.get(code)
     if lines is None:
         linecache.checkcache(code.co_filename)
         lines = linecache.getlines(code.co_filename, function.__globals__)
@@ -72,7 +91,7 @@ class Block:
         self.lines = tuple(line[indent:].rstrip() for line in lines)
 
 
-_blocks: dict = {}
+_blocks = ByCode()
 
 
 def block_of(function) -> Block:
