@@ -117,8 +117,8 @@ Param warp::readParam(Reader &in) {
 }
 
 void warp::writeAccess(Writer &out, const Access &access) {
-  for (bool fact :
-       {access.loaded, access.stored, access.combined, access.fetched})
+  for (bool fact : {access.loaded, access.stored, access.combined,
+                    access.fetched, access.watched})
     out.number<uint8_t>(fact);
   out.number<uint32_t>(access.line);
   for (int64_t size : {access.offset, access.elementSize, access.gradientSize})
@@ -127,8 +127,8 @@ void warp::writeAccess(Writer &out, const Access &access) {
 
 Access warp::readAccess(Reader &in) {
   Access access;
-  for (bool *fact :
-       {&access.loaded, &access.stored, &access.combined, &access.fetched})
+  for (bool *fact : {&access.loaded, &access.stored, &access.combined,
+                     &access.fetched, &access.watched})
     *fact = in.number<uint8_t>();
   access.line = in.number<uint32_t>();
   for (int64_t *size :

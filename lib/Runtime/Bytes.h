@@ -76,7 +76,6 @@ void writeCode(Writer &out, const Code &code);
 Code readCode(Reader &in);
 void writeParam(Writer &out, const Param &param);
 Param readParam(Reader &in);
-/// All but `watched`.
 void writeAccess(Writer &out, const Access &access);
 Access readAccess(Reader &in);
 

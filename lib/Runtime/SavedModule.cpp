@@ -26,7 +26,7 @@ using namespace warp;
 
 static constexpr char magic[] = {'W', 'A', 'R', 'P', 'S', 'A', 'V', 'E'};
 /// Goes up when the file, the parameter block or what code calls changes.
-static constexpr uint32_t formatVersion = 8;
+static constexpr uint32_t formatVersion = 9;
 static constexpr size_t headerSize = 8 + 4 + 8 + 8;
 
 //===----------------------------------------------------------------------===//

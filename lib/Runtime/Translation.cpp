@@ -26,10 +26,8 @@ std::string warp::serialize(const std::string &name,
   for (const Param &param : translation.params)
     writeParam(out, param);
   out.number<uint64_t>(translation.accesses.size());
-  for (const Access &access : translation.accesses) {
+  for (const Access &access : translation.accesses)
     writeAccess(out, access);
-    out.number<uint8_t>(access.watched);
-  }
   out.number<int32_t>(translation.rank);
   out.string(translation.notes);
   out.string(translation.text);
@@ -51,10 +49,8 @@ warp::deserializeTranslation(const std::string &name,
   for (uint64_t i = 0; i < params && in.ok(); ++i)
     result.params.push_back(readParam(in));
   auto accesses = in.number<uint64_t>();
-  for (uint64_t i = 0; i < accesses && in.ok(); ++i) {
+  for (uint64_t i = 0; i < accesses && in.ok(); ++i)
     result.accesses.push_back(readAccess(in));
-    result.accesses.back().watched = in.number<uint8_t>();
-  }
   result.rank = in.number<int32_t>();
   result.notes = in.string();
   result.text = in.string();

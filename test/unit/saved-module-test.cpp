@@ -85,6 +85,26 @@ TEST_F(SavedModuleTest, RunsWithoutItsSource) {
   EXPECT_EQ(y[99], 100.0f);
 }
 
+TEST_F(SavedModuleTest, KeepsWhatIsKnownOfAccesses) {
+  bool Access::*const facts[] = {&Access::loaded, &Access::stored,
+                                 &Access::combined, &Access::fetched,
+                                 &Access::watched};
+  for (bool Access::*fact : facts) {
+    SavedModule module = saved();
+    Access &given = module.kernels[0].accesses[0];
+    given = {};
+    given.*fact = true;
+    given.line = 7;
+    given.gradientSize = 8;
+    Access kept =
+        SavedModule::fromBytes(module.bytes(), "here").kernels[0].accesses[0];
+    for (bool Access::*other : facts)
+      EXPECT_EQ(kept.*other, other == fact);
+    EXPECT_EQ(kept.line, 7u);
+    EXPECT_EQ(kept.gradientSize, 8);
+  }
+}
+
 TEST_F(SavedModuleTest, ChecksArguments) {
   SavedModule module = saved();
   auto kernel = module.kernel("add");
@@ -137,7 +157,7 @@ TEST_F(SavedModuleTest, RejectsDamagedFiles) {
   std::string other = bytes;
   other[8] = 99;
   EXPECT_EQ(load(other), "saved module 'm.warp' has format 99, but this "
-                         "release reads format 8, compile it again");
+                         "release reads format 9, compile it again");
   for (size_t at = 28; at < bytes.size(); at += 997) {
     std::string broken = bytes;
     broken[at] ^= 1;
