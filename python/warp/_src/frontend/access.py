@@ -267,6 +267,7 @@ class Access(Part):
                 f"expects at most {rank} {'index' if rank == 1 else 'indices'} for "
                 f"'{self.context.type_name(array)}', but got {len(items)}",
                 kind=errors.WarpCodegenIndexError,
+                also="Incorrect number of indices specified for array indexing",
             )
         if any(isinstance(item, ast.Slice) for item in items):
             return self.array_slice(array, items, node)

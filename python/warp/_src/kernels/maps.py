@@ -294,7 +294,8 @@ def _words(function, annotations) -> str | None:
     for given, wanted in zip(types, declared, strict=False):
         if isinstance(wanted, type) and dtypes.canonical(wanted) is not given:
             shown = ", ".join(dtypes.type_repr(dtype) for dtype in types)
-            return f"Function {function.key} does not support the provided argument types {shown}"
+            name = function.func.__qualname__.replace(".<locals>.", "__locals__")
+            return f"Function {name} does not support the provided argument types {shown}"
     return "The provided function must return a value"
 
 

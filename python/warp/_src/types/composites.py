@@ -98,6 +98,9 @@ class Composite:
 
     def _set(self, index, number):
         try:
+            if isinstance(number, str):
+                # A conversion to bits would read it.
+                raise TypeError
             _raw_set(self, index, self.scalar_import(number))
         except TypeError:
             if not hasattr(index, "__index__"):
