@@ -14,7 +14,6 @@
 #include "Slots.h"
 
 #include <bit>
-#include <cmath>
 
 using namespace warp;
 using namespace warp::geometry;
