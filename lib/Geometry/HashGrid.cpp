@@ -14,7 +14,6 @@
 #include "Slots.h"
 
 #include <bit>
-#include <cmath>
 
 using namespace warp;
 using namespace warp::geometry;
@@ -46,13 +45,15 @@ constexpr int64_t pointsPerChunk = 4096;
 } // namespace
 
 /// The cell of a coordinate before it is wrapped, as a kernel's `int(floor(x))`
-/// has it; false for NaN.
+/// has it; false for NaN. Without a call: processors of any age run this code.
 template <class F> static bool cellOf(F scaled, int32_t &cell) {
-  F down = std::floor(scaled);
-  cell = down >= F(2147483648.0)    ? INT32_MAX
-         : down >= F(-2147483648.0) ? int32_t(down)
-                                    : INT32_MIN;
-  return down == down;
+  if (scaled >= F(-2147483648.0) && scaled < F(2147483648.0)) {
+    auto towardsZero = int32_t(scaled);
+    cell = towardsZero - (F(towardsZero) > scaled);
+    return true;
+  }
+  cell = scaled > 0 ? INT32_MAX : INT32_MIN;
+  return scaled == scaled;
 }
 
 static int32_t wrap(int32_t cell, int32_t count) {
@@ -209,12 +210,12 @@ void HashGrid::Impl::findStarts(int64_t count) {
                                   });
     int64_t i = entry - entries.begin();
     int64_t cell = firstCell;
-    while (cell < endCell) {
+    for (; cell < endCell; ++i) {
       int64_t next = std::min(cellAt(i) + 1, endCell);
-      std::fill(starts.begin() + cell, starts.begin() + std::max(cell, next),
-                int32_t(i));
-      cell = std::max(cell, next);
-      ++i;
+      if (next <= cell)
+        continue;
+      std::fill(starts.begin() + cell, starts.begin() + next, int32_t(i));
+      cell = next;
     }
   });
   ThreadPool::parallelFor(0, count, pointsPerChunk,
