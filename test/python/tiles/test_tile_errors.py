@@ -62,6 +62,14 @@ def test_index_outside():
     expect(kernel, "offset 4 is out of bounds", "size 4")
 
 
+def test_bits_of_floats():
+    def kernel(a: wp.array(dtype=float)):
+        t = wp.tile_load(a, shape=4)
+        t[0] &= 2.0
+
+    expect(kernel, "bits of elements of type 'float32'")
+
+
 def test_kernel_without_tiles_knows_nothing_of_blocks():
     def plain(a: wp.array(dtype=float)):
         a[wp.tid()] = 1.0

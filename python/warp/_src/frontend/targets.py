@@ -433,6 +433,15 @@ class Targets(Part):
             return False
         if type(op) not in _ATOMIC or right.type != slot.type:
             return False
+        scalar = slot.type.element or slot.type
+        if scalar.kind not in ("int", "bool") and type(op) not in (ast.Add, ast.Sub):
+            raise self.context.type_error(
+                node,
+                f"bits of elements of type '{slot.type.python_name}' cannot be combined",
+                also="bitwise inplace operators do not support Warp struct tiles"
+                if scalar.kind == "struct"
+                else None,
+            )
         self.write(slot, right, node, _ATOMIC[type(op)])
         return True
 
