@@ -61,6 +61,7 @@ def test_verdicts_of_checks():
     p.holds("false", [True, False])
     assert [c["verdict"] for c in p.checks] == ["fail", "diagnosed", "fail", "fail"]
     assert p.absent("RegisteredGLBuffer") and not p.absent("Mesh")
+    assert not p.absent("intersect_tri_tri") and not p.absent("closest_point_edge_edge")
 
 
 def test_names_of_cases():

@@ -147,14 +147,14 @@ class Probe:
         """Whether the package does not have a name, whose use then is an error that says so."""
         try:
             getattr(wp, name)()
+        except TypeError:
+            # It is there and expects arguments.
+            return False
         except (wp.WarpError, NotImplementedError, AttributeError) as error:
             if name not in str(error):
                 return False
             self._say(name, "absent", str(error))
             return True
-        except TypeError:
-            # It is there and expects arguments.
-            return False
         return False
 
     def note(self, what, value):
