@@ -120,3 +120,47 @@ def test_sums_are_right(kernels):
     h = float(np.float32(0.2))
     expected = np.where(squared < h * h, np.exp(-squared) * (h * h - squared), 0).sum(1)
     np.testing.assert_allclose(found, expected, rtol=1e-4)
+
+
+@wp.kernel
+def density(
+    grid: wp.uint64,
+    x: wp.array(dtype=wp.vec3),
+    mass: wp.array(dtype=float),
+    h: float,
+    out: wp.array(dtype=float),
+):
+    i = wp.hash_grid_point_id(grid, wp.tid())
+    s = float(0.0)
+    for j in wp.hash_grid_query(grid, x[i], h):
+        d = x[i] - x[j]
+        room = h * h - wp.dot(d, d)
+        if room > 0.0:
+            s += mass[j] * room * room
+    out[i] = s
+
+
+@pytest.mark.parametrize("cells", [(16, 16, 16), (2, 2, 2)])
+def test_gradients_of_neighbours_are_analytic(device, cells):
+    """Of sum_ij w_i m_j (h^2 - |x_i - x_j|^2)_+^2, which lanes add to shared neighbours."""
+    points = (RANDOM.random((701, 3)) * 1.5).astype(np.float32)
+    masses = RANDOM.uniform(0.5, 2, 701).astype(np.float32)
+    weights = RANDOM.normal(size=701).astype(np.float32)
+    h = 0.3
+    x = wp.array(points, dtype=wp.vec3, device=device, requires_grad=True)
+    mass = wp.array(masses, dtype=float, device=device, requires_grad=True)
+    out = wp.zeros(701, dtype=float, device=device, requires_grad=True)
+    grid = wp.HashGrid(*cells, device=device)
+    grid.build(x, h)
+    with wp.Tape() as tape:
+        wp.launch(density, 701, [grid.id, x, mass, h, out], device=device)
+    tape.backward(grads={out: wp.array(weights, dtype=float, device=device)})
+
+    p, m, w = (one.astype(np.float64) for one in (points, masses, weights))
+    offset = p[:, None] - p
+    room = np.maximum(np.float64(np.float32(h)) ** 2 - (offset**2).sum(2), 0)
+    assert np.allclose(out.numpy(), (m * room**2).sum(1), rtol=1e-5)
+    assert np.allclose(mass.grad.numpy(), w @ room**2, rtol=1e-4, atol=1e-6)
+    both = np.outer(w, m) + np.outer(m, w)
+    wanted = (both * -4 * room)[..., None] * offset
+    assert np.allclose(x.grad.numpy(), wanted.sum(1), rtol=1e-4, atol=1e-5)
