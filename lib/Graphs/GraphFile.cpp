@@ -10,21 +10,19 @@
 #include "GraphFile.h"
 
 #include "Runtime/Bytes.h"
+#include "Runtime/FileFormat.h"
 #include "Runtime/Support.h"
 #include "warp/Version.h"
-
-#include <cstring>
 
 using namespace warp;
 using namespace warp::graphs;
 
-static constexpr char magic[] = {'W', 'A', 'R', 'P', 'G', 'R', 'P', 'H'};
-/// Goes up when the file or the arguments of an operation change.
-static constexpr uint32_t formatVersion = 1;
-static constexpr size_t headerSize = 8 + 4 + 8 + 8;
+/// The version goes up when the file or the arguments of an operation change.
+static constexpr FileFormat format{"WARPGRPH", 1, "saved graph",
+                                   "save it again"};
 
 Error graphs::fileError(const std::string &path, const std::string &problem) {
-  return Error(Error::Kind::Runtime, "saved graph '" + path + "' " + problem);
+  return format.error(path, problem);
 }
 
 static void writeOperation(Writer &out, const FileOperation &entry) {
@@ -81,12 +79,7 @@ std::string GraphFile::bytes() const {
   payload.number<uint64_t>(operations.size());
   for (const FileOperation &operation : operations)
     writeOperation(payload, operation);
-  Writer file;
-  file.bytes.append(magic, sizeof(magic));
-  file.number(formatVersion);
-  file.number<uint64_t>(payload.bytes.size());
-  file.number(hashBytes(payload.bytes.data(), payload.bytes.size()));
-  return file.bytes + payload.bytes;
+  return format.wrap(payload.bytes);
 }
 
 static GraphFile readPayload(Reader &in) {
@@ -139,22 +132,8 @@ static void checkMemory(const GraphFile &file, const std::string &origin) {
 
 GraphFile GraphFile::fromBytes(const std::string &bytes,
                                const std::string &origin) {
-  if (bytes.size() < headerSize ||
-      std::memcmp(bytes.data(), magic, sizeof(magic)) != 0)
-    throw fileError(origin, "is not a saved graph");
-  Reader header(bytes.data() + sizeof(magic), headerSize - sizeof(magic));
-  auto version = header.number<uint32_t>();
-  auto size = header.number<uint64_t>();
-  auto hash = header.number<uint64_t>();
-  if (version != formatVersion)
-    throw fileError(origin, "has format " + std::to_string(version) +
-                                ", but this release reads format " +
-                                std::to_string(formatVersion) +
-                                ", save it again");
-  const char *payload = bytes.data() + headerSize;
-  if (size != bytes.size() - headerSize || hash != hashBytes(payload, size))
-    throw fileError(origin, "is damaged, its checksum does not fit");
-  Reader in(payload, size);
+  std::string_view payload = format.unwrap(bytes, origin);
+  Reader in(payload.data(), payload.size());
   GraphFile file = readPayload(in);
   if (!in.atEnd())
     throw fileError(origin, "is damaged, it ends too early");

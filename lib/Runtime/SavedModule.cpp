@@ -12,6 +12,7 @@
 #include "warp/SavedModule.h"
 
 #include "Bytes.h"
+#include "FileFormat.h"
 #include "Support.h"
 #include "warp/Version.h"
 
@@ -24,10 +25,10 @@
 
 using namespace warp;
 
-static constexpr char magic[] = {'W', 'A', 'R', 'P', 'S', 'A', 'V', 'E'};
-/// Goes up when the file, the parameter block or what code calls changes.
-static constexpr uint32_t formatVersion = 9;
-static constexpr size_t headerSize = 8 + 4 + 8 + 8;
+/// The version goes up when the file, the parameter block or what code calls
+/// changes.
+static constexpr FileFormat format{"WARPSAVE", 9, "saved module",
+                                   "compile it again"};
 
 //===----------------------------------------------------------------------===//
 // Payload
@@ -121,10 +122,6 @@ static SavedKernel readKernel(Reader &in) {
 // Files
 //===----------------------------------------------------------------------===//
 
-static Error fileError(const std::string &path, const std::string &problem) {
-  return Error(Error::Kind::Runtime, "saved module '" + path + "' " + problem);
-}
-
 std::string SavedModule::bytes() const {
   Writer payload;
   payload.string(version());
@@ -132,32 +129,13 @@ std::string SavedModule::bytes() const {
   payload.number<uint64_t>(kernels.size());
   for (const SavedKernel &kernel : kernels)
     writeKernel(payload, kernel);
-  Writer file;
-  file.bytes.append(magic, sizeof(magic));
-  file.number(formatVersion);
-  file.number<uint64_t>(payload.bytes.size());
-  file.number(hashBytes(payload.bytes.data(), payload.bytes.size()));
-  return file.bytes + payload.bytes;
+  return format.wrap(payload.bytes);
 }
 
 SavedModule SavedModule::fromBytes(const std::string &bytes,
                                    const std::string &origin) {
-  if (bytes.size() < headerSize ||
-      std::memcmp(bytes.data(), magic, sizeof(magic)) != 0)
-    throw fileError(origin, "is not a saved module");
-  Reader header(bytes.data() + sizeof(magic), headerSize - sizeof(magic));
-  auto version = header.number<uint32_t>();
-  auto size = header.number<uint64_t>();
-  auto hash = header.number<uint64_t>();
-  if (version != formatVersion)
-    throw fileError(origin, "has format " + std::to_string(version) +
-                                ", but this release reads format " +
-                                std::to_string(formatVersion) +
-                                ", compile it again");
-  const char *payload = bytes.data() + headerSize;
-  if (size != bytes.size() - headerSize || hash != hashBytes(payload, size))
-    throw fileError(origin, "is damaged, its checksum does not fit");
-  Reader in(payload, size);
+  std::string_view payload = format.unwrap(bytes, origin);
+  Reader in(payload.data(), payload.size());
   SavedModule module;
   in.string();
   module.name = in.string();
@@ -165,15 +143,15 @@ SavedModule SavedModule::fromBytes(const std::string &bytes,
   for (uint64_t i = 0; i < count && in.ok(); ++i)
     module.kernels.push_back(readKernel(in));
   if (!in.atEnd())
-    throw fileError(origin, "is damaged, it ends too early");
+    throw format.error(origin, "is damaged, it ends too early");
   return module;
 }
 
 SavedModule SavedModule::load(const std::string &path) {
   std::optional<std::string> bytes = readFile(path);
   if (!bytes)
-    throw fileError(path, std::string("cannot be read: ") +
-                              std::strerror(errno ? errno : ENOENT));
+    throw format.error(path, std::string("cannot be read: ") +
+                                 std::strerror(errno ? errno : ENOENT));
   return fromBytes(*bytes, path);
 }
 
@@ -185,8 +163,8 @@ void SavedModule::save(const std::string &path) const {
     return;
   int reason = errno;
   unlink(temporary.c_str());
-  throw fileError(path,
-                  std::string("cannot be written: ") + std::strerror(reason));
+  throw format.error(path, std::string("cannot be written: ") +
+                               std::strerror(reason));
 }
 
 //===----------------------------------------------------------------------===//
