@@ -179,6 +179,27 @@ def test_kernels_call_what_a_reloaded_module_defines(tmp_path, monkeypatch, devi
     del sys.modules["reloaded_functions"]
 
 
+def test_modules_that_others_add_to_the_package_may_change(tmp_path, monkeypatch):
+    source = "import warp as wp\n\n@wp.func\ndef weight():\n    return {}\n"
+    path = tmp_path / "added_functions.py"
+    monkeypatch.setattr(wp, "__path__", [*wp.__path__, str(tmp_path)])
+    path.write_text(source.format("1.0"))
+    module = importlib.import_module("warp.added_functions")
+
+    @wp.kernel
+    def kernel(y: wp.array(dtype=float)):
+        y[0] = module.weight()
+
+    for value in (1.0, 20.0, 300.0):
+        path.write_text(source.format(value))
+        importlib.reload(module)
+        y = wp.zeros(1, device="cpu")
+        wp.launch(kernel, 1, [y], device="cpu")
+        assert y.numpy()[0] == value
+    del sys.modules["warp.added_functions"]
+    del wp.added_functions
+
+
 def test_annotations_of_variables_are_those_of_the_reloaded_text(tmp_path, monkeypatch):
     """Python counts code that differs in nothing else as the same."""
     source = (

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import abc
 import enum
+import functools
+import os
 import types
 import typing
 
@@ -38,8 +40,15 @@ class UnnamedError(Exception):
     """A value, or a kernel, without a name that lasts."""
 
 
+@functools.cache
 def _is_ours(name) -> bool:
-    return name == "warp" or name.startswith("warp.")
+    """Whether a module is what it is in a release; programs may add others below `warp`."""
+    if name == "warp":
+        return True
+    if not name.startswith("warp."):
+        return False
+    path = os.path.join(PACKAGE, name.split(".")[1])
+    return os.path.isdir(path) or os.path.isfile(f"{path}.py") or name == "warp._native"
 
 
 def _is_packaged(function) -> bool:
