@@ -14,10 +14,8 @@
 #include "warp/SavedGraph.h"
 
 #include <cerrno>
-#include <cstdio>
 #include <cstring>
 #include <filesystem>
-#include <unistd.h>
 
 using namespace warp;
 using namespace warp::graphs;
@@ -31,19 +29,6 @@ static fs::path folderOf(const std::string &path) {
   return folder += "_modules";
 }
 
-static void replaceFile(const fs::path &path, const std::string &bytes) {
-  std::string temporary =
-      path.string() + ".writing-" + std::to_string(getpid());
-  unlink(temporary.c_str());
-  if (writeFile(temporary, bytes) &&
-      std::rename(temporary.c_str(), path.c_str()) == 0)
-    return;
-  int reason = errno;
-  unlink(temporary.c_str());
-  throw fileError(path.string(),
-                  std::string("cannot be written: ") + std::strerror(reason));
-}
-
 void warp::saveGraph(const Graph &graph, const std::string &path,
                      const std::vector<NamedMemory> &names) {
   GraphFiles files = graphFiles(graph, names);
@@ -51,11 +36,11 @@ void warp::saveGraph(const Graph &graph, const std::string &path,
   std::error_code failed;
   fs::create_directories(folder, failed);
   if (failed)
-    throw fileError(path, "cannot be written: '" + folder.string() +
-                              "': " + failed.message());
+    throw format.error(path, "cannot be written: '" + folder.string() +
+                                 "': " + failed.message());
   for (const auto &[name, bytes] : files.modules)
-    replaceFile(folder / name, bytes);
-  replaceFile(path, files.graph);
+    format.replaceFile(folder / name, bytes);
+  format.replaceFile(path, files.graph);
   for (const auto &entry : fs::directory_iterator(folder, failed)) {
     std::string name = entry.path().filename().string();
     if (name.rfind("kernels-", 0) == 0 && !files.modules.count(name))
@@ -70,15 +55,16 @@ std::shared_ptr<LoadedGraph> LoadedGraph::load(const std::string &path,
     errno = 0;
     std::optional<std::string> bytes = readFile(from);
     if (!bytes)
-      throw fileError(path, "cannot be read: '" + from +
-                                "': " + std::strerror(errno ? errno : ENOENT));
+      throw format.error(path, "cannot be read: '" + from + "': " +
+                                   std::strerror(errno ? errno : ENOENT));
     return std::move(*bytes);
   };
   files.graph = read(path);
   std::string module = GraphFile::fromBytes(files.graph, path).module;
   // A name, never a place elsewhere.
   if (module.find('/') != std::string::npos)
-    throw fileError(path, "is damaged, '" + module + "' is no name of a file");
+    throw format.error(path,
+                       "is damaged, '" + module + "' is no name of a file");
   if (!module.empty())
     files.modules[module] = read((folderOf(path) / module).string());
   return fromFiles(files, device, path);

@@ -10,20 +10,11 @@
 #include "GraphFile.h"
 
 #include "Runtime/Bytes.h"
-#include "Runtime/FileFormat.h"
 #include "Runtime/Support.h"
 #include "warp/Version.h"
 
 using namespace warp;
 using namespace warp::graphs;
-
-/// The version goes up when the file or the arguments of an operation change.
-static constexpr FileFormat format{"WARPGRPH", 1, "saved graph",
-                                   "save it again"};
-
-Error graphs::fileError(const std::string &path, const std::string &problem) {
-  return format.error(path, problem);
-}
 
 static void writeOperation(Writer &out, const FileOperation &entry) {
   const GraphOperation &operation = entry.operation;
@@ -120,14 +111,14 @@ static void checkMemory(const GraphFile &file, const std::string &origin) {
   for (const FileBlock &block : file.blocks)
     if (block.lead >= 4096 || block.bytes > uint64_t(1) << 47 ||
         (!block.contents.empty() && block.contents.size() != block.bytes))
-      throw fileError(origin,
-                      "is damaged, a block of memory has no valid size");
+      throw format.error(origin,
+                         "is damaged, a block of memory has no valid size");
   for (const FileName &name : file.names)
     if (name.bytes != 0 &&
         (name.block >= file.blocks.size() ||
          !isWithin(file.blocks[name.block], name.offset, name.bytes)))
-      throw fileError(origin, "is damaged, '" + name.name +
-                                  "' lies in no block of memory");
+      throw format.error(origin, "is damaged, '" + name.name +
+                                     "' lies in no block of memory");
 }
 
 GraphFile GraphFile::fromBytes(const std::string &bytes,
@@ -136,7 +127,7 @@ GraphFile GraphFile::fromBytes(const std::string &bytes,
   Reader in(payload.data(), payload.size());
   GraphFile file = readPayload(in);
   if (!in.atEnd())
-    throw fileError(origin, "is damaged, it ends too early");
+    throw format.error(origin, "is damaged, it ends too early");
   checkMemory(file, origin);
   return file;
 }

@@ -10,13 +10,17 @@
 #ifndef WARP_LIB_GRAPHS_GRAPHFILE_H
 #define WARP_LIB_GRAPHS_GRAPHFILE_H
 
+#include "Runtime/FileFormat.h"
 #include "Runtime/GraphTrace.h"
-#include "warp/Error.h"
 
 #include <string>
 #include <vector>
 
 namespace warp::graphs {
+
+/// The version goes up when the file or the arguments of an operation change.
+inline constexpr FileFormat format{"WARPGRPH", 1, "saved graph",
+                                   "save it again"};
 
 /// Memory that arrays of the graph lie in.
 struct FileBlock {
@@ -61,8 +65,6 @@ struct GraphFile {
   static GraphFile fromBytes(const std::string &bytes,
                              const std::string &origin);
 };
-
-Error fileError(const std::string &path, const std::string &problem);
 
 } // namespace warp::graphs
 

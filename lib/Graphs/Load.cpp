@@ -59,7 +59,7 @@ public:
 
 private:
   Error damaged(const std::string &how) const {
-    return fileError(origin, "is damaged, " + how);
+    return format.error(origin, "is damaged, " + how);
   }
   void restorePointers(FileOperation &entry);
   void checkRoom() const;
@@ -78,9 +78,9 @@ private:
 void Loader::checkTarget() const {
   bool forCpu = file.target == "cpu";
   if (forCpu != (device == cpuDevice))
-    throw fileError(origin, "was made for '" + file.target +
-                                "' and cannot run on '" +
-                                deviceInfo(device).alias + "'");
+    throw format.error(origin, "was made for '" + file.target +
+                                   "' and cannot run on '" +
+                                   deviceInfo(device).alias + "'");
 }
 
 void Loader::loadKernels(const std::map<std::string, std::string> &modules) {
@@ -88,12 +88,12 @@ void Loader::loadKernels(const std::map<std::string, std::string> &modules) {
     return;
   auto found = modules.find(file.module);
   if (found == modules.end())
-    throw fileError(origin, "needs the code in '" + file.module +
-                                "', which was not provided");
+    throw format.error(origin, "needs the code in '" + file.module +
+                                   "', which was not provided");
   const std::string &code = found->second;
   if (hashBytes(code.data(), code.size()) != file.moduleHash)
-    throw fileError(origin, "does not belong to the code in '" + file.module +
-                                "', or that is damaged");
+    throw format.error(origin, "does not belong to the code in '" +
+                                   file.module + "', or that is damaged");
   module = SavedModule::fromBytes(code, file.module);
   for (const SavedKernel &saved : module.kernels) {
     if (saved.target == "cpu")
@@ -214,8 +214,8 @@ std::shared_ptr<LoadedGraph> LoadedGraph::fromFiles(const GraphFiles &files,
   Loader loader(impl->file, impl->kernels, impl->buffers, device, origin);
   loader.checkTarget();
   if (device == cpuDevice && isCapturing(device))
-    throw fileError(origin,
-                    "cannot be loaded while this thread captures a graph");
+    throw format.error(origin,
+                       "cannot be loaded while this thread captures a graph");
   std::shared_ptr<Stream> stream;
   if (device != cpuDevice)
     stream = std::make_shared<Stream>(device);
@@ -227,7 +227,7 @@ std::shared_ptr<LoadedGraph> LoadedGraph::fromFiles(const GraphFiles &files,
   } catch (const Error &error) {
     if (error.kind != Error::Kind::Value)
       throw;
-    throw fileError(origin, "is damaged, " + error.message);
+    throw format.error(origin, "is damaged, " + error.message);
   }
   for (const FileName &name : impl->file.names)
     impl->names[name.name] = &name;

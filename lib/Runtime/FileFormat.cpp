@@ -9,6 +9,11 @@
 #include "Bytes.h"
 #include "Support.h"
 
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <unistd.h>
+
 using namespace warp;
 
 static constexpr size_t headerSize = 8 + 4 + 8 + 8;
@@ -44,4 +49,16 @@ std::string_view FileFormat::unwrap(const std::string &bytes,
   if (size != payload.size() || hash != hashBytes(payload.data(), size))
     throw error(path, "is damaged, its checksum does not fit");
   return payload;
+}
+
+void FileFormat::replaceFile(const std::string &path,
+                             const std::string &bytes) const {
+  std::string temporary = path + ".writing-" + std::to_string(getpid());
+  unlink(temporary.c_str());
+  if (writeFile(temporary, bytes) &&
+      std::rename(temporary.c_str(), path.c_str()) == 0)
+    return;
+  int reason = errno;
+  unlink(temporary.c_str());
+  throw error(path, std::string("cannot be written: ") + std::strerror(reason));
 }

@@ -31,6 +31,8 @@ struct FileFormat {
   /// The payload, a part of `bytes`; throws what is wrong with them.
   std::string_view unwrap(const std::string &bytes,
                           const std::string &path) const;
+  /// Writes a file in one step: others see the old one or the new one.
+  void replaceFile(const std::string &path, const std::string &bytes) const;
 };
 
 } // namespace warp

@@ -18,10 +18,8 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstdio>
 #include <cstring>
 #include <set>
-#include <unistd.h>
 
 using namespace warp;
 
@@ -156,15 +154,7 @@ SavedModule SavedModule::load(const std::string &path) {
 }
 
 void SavedModule::save(const std::string &path) const {
-  std::string temporary = path + ".writing-" + std::to_string(getpid());
-  unlink(temporary.c_str());
-  if (writeFile(temporary, bytes()) &&
-      std::rename(temporary.c_str(), path.c_str()) == 0)
-    return;
-  int reason = errno;
-  unlink(temporary.c_str());
-  throw format.error(path, std::string("cannot be written: ") +
-                               std::strerror(reason));
+  format.replaceFile(path, bytes());
 }
 
 //===----------------------------------------------------------------------===//
