@@ -14,17 +14,6 @@ jax = pytest.importorskip("jax")
 jnp = jax.numpy
 
 
-@pytest.fixture
-def place(device):
-    """JAX's device; tests run with it as JAX's default."""
-    try:
-        found = wp.device_to_jax(device)
-    except RuntimeError:
-        pytest.skip(f"JAX has no device for '{device}'")
-    with jax.default_device(found):
-        yield found
-
-
 @wp.kernel
 def scale(x: wp.array(dtype=float), s: float, y: wp.array(dtype=float)):
     i = wp.tid()
