@@ -9,6 +9,7 @@ from warp._src.arrays.array import array
 from warp._src.arrays.gradients import gradient_type
 from warp._src.devices import devices
 from warp._src.interop import exchange
+from warp._src.interop.shared_gradients import share_gradient
 from warp._src.types import dtypes, scalars
 
 _SCALARS = (
@@ -97,18 +98,15 @@ def from_paddle(
 
     Raises:
         TypeError: it is no tensor, or holds other scalars than `dtype`.
-        ValueError: shape or strides do not fit.
+        ValueError: shape or strides do not fit, or the array would take a copy of `grad`.
     """
     if not hasattr(t, "place") or not hasattr(t, "data_ptr"):
         raise TypeError(f"expects a dense tensor of Paddle, but got '{type(t).__name__}'")
     result = _alias(t, dtype)
-    if grad is None and (not t.stop_gradient if requires_grad is None else requires_grad):
-        if gradient_type(result.dtype) is not result.dtype:
-            result.requires_grad = True
-        else:
-            grad = _gradient(t)
-    if grad is not None:
-        result.grad = grad if isinstance(grad, array) else _alias(grad, dtype)
+    wanted = not t.stop_gradient if requires_grad is None else requires_grad
+    share_gradient(
+        "from_paddle", result, grad, wanted, lambda one: _alias(one, dtype), lambda: _gradient(t)
+    )
     if retain_grad:
         result.retain_grad = True
     return result

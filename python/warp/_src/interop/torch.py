@@ -9,6 +9,7 @@ from warp._src.arrays.array import array
 from warp._src.arrays.gradients import gradient_type
 from warp._src.devices import devices
 from warp._src.interop import exchange
+from warp._src.interop.shared_gradients import share_gradient
 from warp._src.types import dtypes, scalars
 
 _NAMES = {
@@ -96,21 +97,10 @@ def from_torch(t, dtype=None, requires_grad=None, grad=None, return_ctype=False,
             "expects a strided tensor in memory, use `to_dense` or `resolve_neg` before"
         )
     result = _alias(t, dtype)
-    if grad is None and (t.requires_grad if requires_grad is None else requires_grad):
-        if gradient_type(result.dtype) is not result.dtype:
-            result.requires_grad = True
-        else:
-            grad = _gradient(t)
-    if grad is not None:
-        grad = grad if isinstance(grad, array) else _alias(grad, dtype)
-        wide = gradient_type(result.dtype)
-        if wide is not result.dtype and grad.dtype is not wide:
-            # The array would take a copy, and the tensor never change.
-            raise ValueError(
-                f"from_torch(): expects a gradient of '{dtypes.type_repr(wide)}' for an array of "
-                f"'{dtypes.type_repr(result.dtype)}', but got '{dtypes.type_repr(grad.dtype)}'"
-            )
-        result.grad = grad
+    wanted = t.requires_grad if requires_grad is None else requires_grad
+    share_gradient(
+        "from_torch", result, grad, wanted, lambda one: _alias(one, dtype), lambda: _gradient(t)
+    )
     if retain_grad:
         result.retain_grad = True
     return result
