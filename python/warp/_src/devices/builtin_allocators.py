@@ -16,7 +16,7 @@ class DeviceAllocator:
     On a CUDA device it is a pool's while `wp.is_mempool_enabled`.
     """
 
-    def __init__(self, index: int, pinned: bool = False):
+    def __init__(self, index: int, pinned: bool):
         self._index, self._pinned = index, pinned
         self._live: dict[int, _native.Buffer] = {}
 

@@ -70,8 +70,8 @@ class Device:
 
     def get_allocator(self, pinned: bool = False):
         """What gives new arrays memory; `pinned` asks for that of pinned ones of the CPU."""
-        custom = custom_allocators.get(self.index)
-        return custom or get_builtin_allocator(self.index, pinned and self.is_cpu)
+        builtin = get_builtin_allocator(self.index, pinned and self.is_cpu)
+        return custom_allocators.get(self.index, builtin)
 
     @property
     def is_managed_memory_supported(self) -> bool:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from warp import _native
 from warp._src import errors
 from warp._src.devices.devices import by_index
-from warp._src.geometry.mesh import support_winding
 from warp._src.kernels.kernel import Kernel
 
 _NAMES = {1: "HashGrid", 2: "Bvh", 3: "Mesh", 4: "Volume"}
@@ -39,4 +38,6 @@ class SearchingKernel(Kernel):
                     f"{_NAMES[kind]} on '{by_index(device).alias}', but got {problem}"
                 )
         if self.sums_winding:
+            from warp._src.geometry.mesh import support_winding
+
             support_winding(values)
