@@ -15,6 +15,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "BlockVariance.h"
 #include "TileScratch.h"
 
 #include "Analysis/ArrayOrigins.h"
@@ -137,11 +138,9 @@ private:
     pending.clear();
   }
 
-  static bool isBlockWide(Operation *op) {
-    return computesTiles(op) && !isa<TileGetOp>(op);
-  }
-
   void place(Operation *op) {
+    if (isa<BarrierOp>(op))
+      return pending.clear();
     if (isInline(op) || op->hasTrait<OpTrait::IsTerminator>())
       return;
     if (op->getNumRegions() != 0 && !isa<TileMapOp, TileFoldOp>(op))
@@ -161,7 +160,7 @@ private:
 
   void placeRegions(Operation *op) {
     bool isShared = false;
-    op->walk([&](Operation *nested) { isShared |= isBlockWide(nested); });
+    op->walk([&](Operation *nested) { isShared |= isCollective(nested); });
     if (!isShared) {
       // Element reads and writes of each thread for itself.
       bool reads = false;

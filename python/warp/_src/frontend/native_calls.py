@@ -15,13 +15,16 @@ _FIX = "write the function in Python with `@wp.func`"
 
 
 def call_native(context, function, node):
-    """The result of a call, or None for a barrier of a block that is one thread.
+    """The result of a call, or None for a barrier of a block.
 
     Raises:
         WarpCodegenError: the function has other parameters than numbers, addresses of them and
             arrays, or Clang is not installed or refuses it.
     """
-    if function.is_block_barrier and context.session.block_threads() == 1:
+    if function.is_block_barrier:
+        if context.session.block_threads() > 1:
+            context.at(node)
+            context.session.tiles.add_barrier()
         return None
     if isinstance(function, native_arrays.MemoryCode):
         return native_arrays.emit(context, function, node)

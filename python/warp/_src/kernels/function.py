@@ -159,7 +159,7 @@ class NativeFunction(Function):
     def is_block_barrier(self) -> bool:
         """Whether all it does is to let the threads of a block wait for each other.
 
-        That is nothing where a block is one thread, so kernels with it run on a CPU.
+        That needs no compiler, and is nothing where a block is one thread.
         """
         return "".join(self.native_snippet.split()) in _BARRIERS
 
