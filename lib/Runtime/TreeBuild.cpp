@@ -2,8 +2,8 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Launches of lib/DeviceLib/cuda/TreeOrder.cpp and TreeFill.cpp, whose
-// constants and parameters are repeated here.
+// Launches of lib/DeviceLib/cuda/Tree*.cpp, whose constants and parameters are
+// repeated here.
 //
 //===----------------------------------------------------------------------===//
 
@@ -13,17 +13,19 @@
 #include "GraphTrace.h"
 
 #include <algorithm>
+#include <string_view>
 #include <vector>
 
 using namespace warp;
 
-extern "C" const char warp_cuda_TreeOrder_begin[], warp_cuda_TreeFill_begin[];
+extern "C" const char warp_cuda_TreeOrder_begin[], warp_cuda_TreeHalves_begin[],
+    warp_cuda_TreeFill_begin[];
 
 namespace {
-constexpr int threads = 256, halvers = 1024, fillers = 512;
+constexpr int threads = 256, halvers = 1024, fillers = 512, toppers = 1024;
 constexpr int64_t mostBlocks = 1056;
-/// Elements of a run, of what a block halves, and runs in that.
-constexpr int64_t run = 128, chunk = 4096, runsInChunk = 32;
+/// Places of what one block halves, and bins of a greater segment.
+constexpr int64_t chunk = 4096, bins = 1024, boundsWords = 8;
 /// Nodes of one level and blocks have so many children.
 constexpr int64_t width = 8;
 constexpr int64_t headWords = 8;
@@ -44,32 +46,28 @@ struct Levels {
   int32_t count, starts[13], blocks;
 };
 struct Halving {
-  const Quad *centers;
-  const int32_t *order, *coarse;
-  int32_t *out;
-  int32_t elements, stop, incomplete;
+  const Quad *from;
+  Quad *to;
+  const uint32_t *bounds;
+  uint32_t *halves, *counts, *states;
+  int32_t count, size;
 };
 
 /// Parts of one piece of memory.
 class Parts {
 public:
-  template <class T> size_t add(int64_t count) {
+  template <class T> size_t add(int64_t count, size_t alignment = 256) {
     size_t at = (bytes + alignment - 1) / alignment * alignment;
     bytes = at + count * sizeof(T);
     return at;
   }
   size_t bytes = 0;
-
-private:
-  static constexpr size_t alignment = 256;
 };
 
-/// Elements that are halved: primitives, or runs of elements.
+/// Segments of one size, all of which are halved.
 struct Step {
-  int64_t elements;
-  /// Primitives of an element.
   int64_t size;
-  size_t centersAt, orderAt;
+  size_t boundsAt, countsAt, statesAt;
 };
 
 /// A build while its work is queued.
@@ -82,12 +80,11 @@ public:
   void fill(const QueuedWork &work);
 
 private:
-  cuda::Function order(const char *name) const {
-    return kernelOf(device, warp_cuda_TreeOrder_begin, name);
-  }
+  cuda::Function kernel(const char *name) const;
   template <class T> T *at(size_t offset) const {
     return reinterpret_cast<T *>(memory + offset);
   }
+  void see(const QueuedWork &work);
   void sort(const QueuedWork &work);
   void halve(const QueuedWork &work);
 
@@ -99,7 +96,7 @@ private:
   /// Of the numbers along the curve, three times as many.
   int bits;
   std::vector<Step> steps;
-  size_t headAt, keysAt, orderAt;
+  size_t headAt, lastBoundsAt, centersAt, otherAt, orderAt;
   Parts parts;
   char *memory = nullptr;
   /// Primitives as they are ordered by now.
@@ -121,29 +118,57 @@ Building::Building(int device, const TreeBuild &build, const Stream *stream)
                  build.ofTriangles},
       bits(build.count > few ? 10 : 8) {
   int64_t count = build.count;
-  SortState sort({NumberType::UInt32, nullptr, nullptr, 4, count}, 0, 3 * bits);
-  headAt = parts.add<uint32_t>(headWords + sort.words());
-  keysAt = parts.add<uint32_t>(2 * count);
-  orderAt = parts.add<int32_t>(2 * count);
-  // Keys are done with when primitives are halved.
-  steps = {{count, 1, parts.add<Quad>(count), keysAt}};
-  while (!build.alongCurve && steps.back().elements > chunk) {
-    int64_t elements = ceilDivide(steps.back().elements, ::run);
-    steps.push_back({elements, steps.back().size * ::run,
-                     parts.add<Quad>(elements), parts.add<int32_t>(elements)});
+  headAt = parts.add<uint32_t>(headWords);
+  if (build.alongCurve) {
+    SortState sort({NumberType::UInt32, nullptr, nullptr, 4, count}, 0,
+                   3 * bits);
+    parts.add<uint32_t>(sort.words(), 1);
+  } else {
+    int64_t size = chunk;
+    while (size < count)
+      size *= 2;
+    // The root's bounds are in the head.
+    size_t bounds = headAt;
+    for (; size > chunk; size /= 2) {
+      int64_t segments = ceilDivide(count, size);
+      size_t countsAt = parts.add<uint32_t>(segments * bins);
+      size_t statesAt = parts.add<uint32_t>(1 + ceilDivide(count, chunk));
+      steps.push_back({size, bounds, countsAt, statesAt});
+      bounds = parts.add<uint32_t>(2 * segments * boundsWords);
+    }
+    lastBoundsAt = bounds;
   }
+  centersAt = parts.add<Quad>(count);
+  // Keys and their room, or centers.
+  otherAt = parts.add<Quad>(count);
+  orderAt = parts.add<int32_t>(2 * count);
+}
+
+cuda::Function Building::kernel(const char *name) const {
+  std::string_view text = name;
+  const char *code =
+      text == "tree_fill" || text == "tree_top" ? warp_cuda_TreeFill_begin
+      : text == "tree_count" || text == "tree_part" || text == "tree_halve"
+          ? warp_cuda_TreeHalves_begin
+          : warp_cuda_TreeOrder_begin;
+  return kernelOf(device, code, name);
+}
+
+void Building::see(const QueuedWork &work) {
+  int64_t blocks = std::min(mostBlocks, ceilDivide(build.count, threads));
+  launchKernel(work, kernel("tree_see"), blocks, 1, threads, primitives,
+               at<Quad>(centersAt), at<uint32_t>(headAt));
+  launchKernel(work, kernel("tree_report"), 1, 1, 32, at<uint32_t>(headAt),
+               build.count, build.scale, build.found);
 }
 
 void Building::sort(const QueuedWork &work) {
   int64_t blocks = std::min(mostBlocks, ceilDivide(build.count, threads));
   auto *head = at<uint32_t>(headAt);
-  auto *centers = at<Quad>(steps[0].centersAt);
-  auto *keys = at<uint32_t>(keysAt);
+  auto *keys = at<uint32_t>(otherAt);
   auto *order = at<int32_t>(orderAt);
-  launchKernel(work, this->order("tree_see"), blocks, 1, threads, primitives,
-               centers, head);
-  launchKernel(work, this->order("tree_key"), blocks, 1, threads, centers,
-               build.count, bits, keys, order, head, build.scale, build.found);
+  launchKernel(work, kernel("tree_key"), blocks, 1, threads,
+               at<Quad>(centersAt), build.count, bits, keys, order, head);
   SortState sort({NumberType::UInt32, keys, order, 4, build.count}, 0,
                  3 * bits);
   bool isBehind = sort.move(work, device, head + headWords);
@@ -151,36 +176,40 @@ void Building::sort(const QueuedWork &work) {
 }
 
 void Building::halve(const QueuedWork &work) {
-  for (size_t i = 1; i < steps.size(); ++i)
-    launchKernel(work, order("tree_runs"),
-                 ceilDivide(steps[i].elements, threads / 32), 1, threads,
-                 at<Quad>(steps[i - 1].centersAt), i == 1 ? ordered : nullptr,
-                 int32_t(steps[i - 1].elements), at<Quad>(steps[i].centersAt));
-  const int32_t *coarse = nullptr;
-  for (size_t i = steps.size(); i-- > 0;) {
+  int64_t chunks = ceilDivide(build.count, chunk);
+  Quad *from = at<Quad>(centersAt), *to = at<Quad>(otherAt);
+  for (size_t i = 0; i < steps.size(); ++i) {
     const Step &step = steps[i];
-    auto *out = at<int32_t>(step.orderAt);
-    Halving halving{at<Quad>(step.centersAt),
-                    i == 0 ? ordered : nullptr,
-                    coarse,
-                    out,
-                    int32_t(step.elements),
-                    int32_t(i == 0 ? width : runsInChunk),
-                    build.count % step.size != 0};
-    launchKernel(work, order("tree_halve"), ceilDivide(step.elements, chunk), 1,
-                 halvers, halving);
-    coarse = out;
+    // Nobody asks for the bounds of the last halves.
+    size_t halvesAt =
+        i + 1 < steps.size() ? steps[i + 1].boundsAt : lastBoundsAt;
+    Halving halving{from,
+                    to,
+                    at<uint32_t>(step.boundsAt),
+                    at<uint32_t>(halvesAt),
+                    at<uint32_t>(step.countsAt),
+                    at<uint32_t>(step.statesAt),
+                    build.count,
+                    int32_t(step.size)};
+    launchKernel(work, kernel("tree_count"), chunks, 1, halvers, halving);
+    launchKernel(work, kernel("tree_part"), chunks, 1, halvers, halving);
+    std::swap(from, to);
   }
-  ordered = coarse;
+  auto *order = at<int32_t>(orderAt);
+  launchKernel(work, kernel("tree_halve"), chunks, 1, halvers, from, order,
+               build.count);
+  ordered = order;
 }
 
 void Building::run() {
   Buffer buffer(device, parts.bytes, false, stream);
   memory = static_cast<char *>(buffer.data());
-  setMemory(memory + headAt, device, 0, keysAt - headAt, stream);
+  setMemory(memory + headAt, device, 0, centersAt - headAt, stream);
   QueuedWork work(device, stream);
-  sort(work);
-  if (!build.alongCurve)
+  see(work);
+  if (build.alongCurve)
+    sort(work);
+  else
     halve(work);
   fill(work);
 }
@@ -189,15 +218,12 @@ void Building::fill(const QueuedWork &work) {
   Levels levels{int32_t(shape.levels.size()), {}, int32_t(shape.blocks)};
   for (size_t i = 0; i < shape.levels.size(); ++i)
     levels.starts[i + 1] = int32_t(levels.starts[i] + shape.levels[i]);
-  auto kernel = [&](const char *name) {
-    return kernelOf(device, warp_cuda_TreeFill_begin, name);
-  };
   launchKernel(work, kernel("tree_fill"), ceilDivide(build.count, fillers), 1,
                fillers, primitives, ordered,
                static_cast<const float *>(build.scale), levels, build.nodes,
                build.blocks);
   if (levels.count > 2)
-    launchKernel(work, kernel("tree_top"), 1, 1, 1024, levels, build.nodes);
+    launchKernel(work, kernel("tree_top"), 1, 1, toppers, levels, build.nodes);
 }
 
 static void note(GraphTrace &trace, const TreeBuild &build, bool refits) {

@@ -70,6 +70,16 @@ inline void waitAt(Barrier &barrier) {
 inline void meet() { waitAt(fake.all); }
 inline void meetWarp() { waitAt(fake.warps[fake.current / warpSize]); }
 
+/// The sum of the values of this lane and those before it.
+inline uint32_t sumOfLanes(uint32_t value) {
+  fake.threads[fake.current].given = value;
+  meetWarp();
+  uint32_t sum = 0;
+  for (int i = fake.current / warpSize * warpSize; i <= fake.current; ++i)
+    sum += fake.threads[i].given;
+  meetWarp();
+  return sum;
+}
 inline uint32_t fromAcross(uint32_t value, int mask) {
   fake.threads[fake.current].given = value;
   meetWarp();

@@ -2,8 +2,11 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Primitives are triangles, or boxes. Their centers are four floats, of which
-// the first is NaN if the primitive is never found.
+// Primitives are triangles, or boxes. Their centers are three floats, of which
+// the first is NaN if the primitive is never found, and the primitive's number.
+//
+// Bounds that threads find together are numbers that only grow, from 0 on:
+// upper corners, and lower ones with the sign turned.
 //
 //===----------------------------------------------------------------------===//
 
@@ -49,6 +52,46 @@ struct Box {
       }
   }
 };
+
+/// Floats as numbers of the same order, all greater than 0.
+inline uint32_t ordered(float x) {
+  uint32_t bits = __builtin_bit_cast(uint32_t, x);
+  return bits >> 31 ? ~bits : bits | 0x80000000u;
+}
+inline float unordered(uint32_t bits) {
+  return __builtin_bit_cast(float, bits >> 31 ? bits & 0x7fffffffu : ~bits);
+}
+
+/// Words of bounds, of which six are used.
+constexpr int boundsWords = 8;
+
+template <class Scope>
+inline void raiseBounds(uint32_t *bounds, const Box &box, Scope raise) {
+  if (!(box.low[0] <= box.high[0]))
+    return;
+  for (int axis = 0; axis < 3; ++axis) {
+    raise(&bounds[axis], ordered(box.high[axis]));
+    raise(&bounds[3 + axis], ordered(-box.low[axis]));
+  }
+}
+/// Within a block's shared memory, and for all.
+inline void raiseShared(uint32_t *word, uint32_t value) {
+  __scoped_atomic_fetch_max(word, value, __ATOMIC_RELAXED,
+                            __MEMORY_SCOPE_WRKGRP);
+}
+inline void raiseGlobal(uint32_t *word, uint32_t value) {
+  __scoped_atomic_fetch_max(word, value, __ATOMIC_RELAXED,
+                            __MEMORY_SCOPE_DEVICE);
+}
+/// False if there is nothing.
+inline bool readBounds(const uint32_t *bounds, float (&low)[3],
+                       float (&high)[3]) {
+  for (int axis = 0; axis < 3; ++axis) {
+    high[axis] = unordered(bounds[axis]);
+    low[axis] = -unordered(bounds[3 + axis]);
+  }
+  return bounds[0] != 0;
+}
 
 inline Box nothing() {
   return {{infinity, infinity, infinity}, {-infinity, -infinity, -infinity}};
