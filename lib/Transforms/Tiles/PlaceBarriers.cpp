@@ -136,7 +136,7 @@ private:
     else if (!isMemoryEffectFree(op) && op->getNumRegions() == 0)
       touchArray(touches, Value(), /*isWrite=*/true);
     for (Touch &touch : touches)
-      touch.isShared = isBlockWide(op);
+      touch.isShared = isCollective(op);
     return touches;
   }
 
