@@ -15,6 +15,7 @@ from warp import _native, config
 from warp._src import config as settings
 from warp._src import errors
 from warp._src.arrays.array import array
+from warp._src.arrays.gradients import gradient_type
 from warp._src.arrays.kept import Budget
 from warp._src.arrays.observers import Observers
 from warp._src.arrays.versions import Event, event_of
@@ -317,9 +318,15 @@ def _needs(kernel, native, active, apart):
     return made.needed, made.augmented is None and not made.preserved
 
 
-def _plain_adjoint(kernel, native, active, apart):
-    """The native adjoint if a launch of it with the same arguments is all there is to do."""
+def _plain_adjoint(kernel, native, active, apart, elements):
+    """The native adjoint if a launch of it with the same arguments is all there is to do.
+
+    elements: types of the elements of arrays, as `active` counts them.
+    """
     if not kernel.option("enable_backward"):
+        return None
+    if any(on and gradient_type(one) is not one for on, one in zip(active, elements, strict=True)):
+        # Their gradients may have to be widened.
         return None
     try:
         made = kernel.derivatives.adjoint(native, active, True, None, apart)
