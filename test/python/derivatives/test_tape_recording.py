@@ -125,12 +125,11 @@ def test_launches_on_other_streams():
 
 def test_memory_that_nobody_wants_is_forgotten():
     memory = Memory(copy_elements)
-    memory.limit = 8
     arrays = [wp.zeros(3, dtype=float, device="cpu") for _ in range(40)]
     kept = [memory.observe(one) for one in arrays[:3]]
     for one in arrays[3:]:
         memory.observe(one)
-    assert len(memory.regions) < 40
+    assert len(memory) == 3
     memory.writing(arrays[1][1:], type("Writer", (), {"event": "write"}))
     assert [version.ended for version in kept] == [None, "write", None]
 
