@@ -21,6 +21,7 @@ from warp._src.arrays.versions import Event, event_of
 from warp._src.derivatives import cotangents
 from warp._src.derivatives.handles import arrays_of
 from warp._src.derivatives.kernel_derivatives import gradients_of
+from warp._src.derivatives.wide_gradients import WideGradients
 from warp._src.devices import devices
 from warp._src.kernels.call import Call
 from warp._src.types import dtypes
@@ -212,22 +213,28 @@ class LaunchRecord(_native.Record):
         derivative = self.derivative()
         if self.aliases:
             self._check_aliases()
-        values = self._values(derivative, state.images)
+        wide = self._with_wide_gradients(derivative, state.images)
         initial = self._initial(state.images)
         runner = Observers.executor or self.call.kernel.derivatives
         if self.call.stream is not None:
-            gradients_of(self.call, values)
+            gradients_of(self.call, wide.values)
             self.call.stream.wait_stream(devices.get_stream(self.call.stream.device))
-        runner.run_adjoint(self.call, values, initial, self.saved, self.apart)
+        wide.load()
+        runner.run_adjoint(self.call, wide.values, initial, self.saved, self.apart)
+        wide.store()
         self.pending = False
 
     def arguments(self, state) -> tuple | None:
-        """All arguments of the adjoint with checkpoints, None if there is nothing to run."""
+        """All arguments of the adjoint with checkpoints, None if there is nothing to run.
+
+        Returned are also the gradients among them, to be loaded before they are used.
+        """
         if not any(self.call.active):
             return None
         derivative = self.derivative(tape="checkpoints")
         hidden = derivative.hidden_values(self.call, self._initial(state.images), self.saved)
-        return (*self._values(derivative, state.images), *hidden)
+        wide = self._with_wide_gradients(derivative, state.images)
+        return (*wide.values, *hidden), wide
 
     def _check_aliases(self) -> None:
         elementwise = self.call.kernel.module.name == "warp.map"
@@ -252,7 +259,7 @@ class LaunchRecord(_native.Record):
             leaf: self._contents(leaf, version, images) for leaf, version in self.before.items()
         }
 
-    def _values(self, derivative, images) -> tuple:
+    def _with_wide_gradients(self, derivative, images) -> WideGradients:
         """The arguments as they were, with the arrays of gradients that they have."""
         replaced = {}
         aliased = {reader for _, reader in self.aliases}
@@ -267,7 +274,7 @@ class LaunchRecord(_native.Record):
             contents = self._contents(leaf, version, images)
             if contents is not found:
                 replaced[leaf] = cotangents.with_gradient_of(contents, found)
-        return self.call.with_leaves(replaced)
+        return WideGradients(self.call, replaced)
 
     def _contents(self, leaf, version, images) -> array:
         """The array itself, or what it held if that is something else now."""
