@@ -10,6 +10,7 @@
 #include "Native.h"
 
 #include "warp/HashGrid.h"
+#include "warp/Memory.h"
 #include "warp/Mesh.h"
 #include "warp/TreeBuild.h"
 
@@ -230,6 +231,17 @@ static void bindTrees(py::module_ &m) {
         refitTree(device, build);
       },
       "Queues a refit of what `build_tree` built.");
+  m.def(
+      "read_tree",
+      [](Handle found) {
+        int32_t words[2];
+        int device = python::asArray(found.ptr())->device;
+        const void *from = dataOf<void>(found);
+        py::gil_scoped_release unlocked;
+        copyMemory(words, cpuDevice, from, device, sizeof words);
+        return std::pair(words[0], words[1]);
+      },
+      "What `build_tree` found; waits for it.");
 }
 
 void python::bindGeometry(py::module_ &m) {

@@ -64,7 +64,7 @@ class Build:
     def report(self):
         """What is in the hierarchy; waits for its build."""
         return SimpleNamespace(
-            skipped=int(self._found.numpy()[1]) if self.count else 0,
+            skipped=_native.read_tree(self._found)[1] if self.count else 0,
             nodes=self._levels[-1], blocks=self._block_count,
             bytes=4 * (self.nodes.size + self.blocks.size), depth=len(self._levels) - 1,
         )  # fmt: skip
@@ -93,7 +93,7 @@ class Build:
         """
         if not self.of_triangles or not self.count:
             return
-        face = int(self._found.numpy()[0])
+        face, _ = _native.read_tree(self._found)
         if face == self.count:
             return
         corners = indices[3 * face : 3 * face + 3].numpy()

@@ -54,18 +54,35 @@ def _number_points(
     order[i] = i
 
 
+# Threads that are neighbours, and how many of their cells each has: every so-manieth.
+_THREADS, _CELLS = wp.constant(32), wp.constant(8)
+
+
+@wp.func
+def _search(keys: wp.array(dtype=wp.uint32), low: int, high: int, cell: wp.uint32) -> int:
+    """The first point of [low, high) that is not before a cell."""
+    first = int(low)
+    end = int(high)
+    while first < end:
+        middle = (first + end) // 2
+        if keys[middle] < cell:
+            first = middle + 1
+        else:
+            end = middle
+    return first
+
+
 @wp.kernel(enable_backward=False, module="unique")
 def _find_starts(keys: wp.array(dtype=wp.uint32), count: int, starts: wp.array(dtype=int)):
-    cell = wp.tid()
-    low = int(0)
-    high = int(count)
-    while low < high:
-        middle = (low + high) // 2
-        if keys[middle] < wp.uint32(cell):
-            low = middle + 1
-        else:
-            high = middle
-    starts[cell] = low
+    i = wp.tid()
+    begin = i // _THREADS * (_THREADS * _CELLS)
+    # The same for all the threads, which then search among few.
+    low = _search(keys, 0, count, wp.uint32(begin))
+    high = _search(keys, low, count, wp.uint32(begin + _THREADS * _CELLS))
+    for k in range(_CELLS):
+        cell = begin + _THREADS * k + i % _THREADS
+        if cell < len(starts):
+            starts[cell] = _search(keys, low, high, wp.uint32(cell))
 
 
 class DeviceGrid:
@@ -112,7 +129,8 @@ class DeviceGrid:
         bits = self._total.bit_length()
         wp.utils.radix_sort_pairs(self._keys, self.order, count, 0, bits)
         inputs = [self._keys, count, self.starts]
-        wp.launch(_find_starts, self._total + 1, inputs=inputs, device=self.device)
+        threads = (self._total // int(_THREADS * _CELLS) + 1) * int(_THREADS)
+        wp.launch(_find_starts, threads, inputs=inputs, device=self.device)
         self._publish(inverse, groups)
 
     def _publish(self, inverse, groups):
