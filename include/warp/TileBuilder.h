@@ -48,8 +48,14 @@ public:
   Values beginFunction(const Values &operands, bool fold);
   /// Closes it; returns a tile per element that it gives, or what it folds to.
   Values endFunction(const Values &elements, const TileOptions &options);
-  /// Says for blocks of how many threads the kernel is.
-  void setBlockThreads(int64_t threads);
+  /// Says for blocks of how many threads the kernel is. Ragged ones are threads
+  /// that follow each other in the launch, whatever its extents; else they are
+  /// rows of its last dimension.
+  void setBlockThreads(int64_t threads, bool ragged = false);
+  /// Says of the branch that is open that threads which do not take the first
+  /// side (`isElse`), or the second, return from the kernel: it is what those do
+  /// that stay.
+  void markStays(bool isElse);
 
 private:
   Builder::Impl &impl;

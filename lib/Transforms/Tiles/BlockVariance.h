@@ -37,6 +37,7 @@ private:
 
   size_t rank;
   int64_t threads;
+  bool isRagged;
   llvm::DenseSet<mlir::Value> values;
 };
 

@@ -152,6 +152,24 @@ def own_of_numpy(t, z, threads):
     t[:] = turned[::-1]
 
 
+@wp.kernel
+def copied(x: Matrix, y: Matrix, z: Matrix):
+    t = wp.tile_load(x, shape=(N, N), storage="shared")
+    row = t[1]
+    other = t
+    other[1, 1] = 50.0
+    other += wp.tile_ones((N, N), dtype=float)
+    row -= wp.tile_ones(N, dtype=float)
+    wp.tile_store(y, t)
+    wp.tile_store(z, other)
+
+
+def copies_of_numpy(t, z, _threads):
+    z[:] = t + 1
+    z[1, 1] = 51
+    t[1] -= 1
+
+
 PAIRS = [
     (through_rows, rows_of_numpy),
     (through_orders, orders_of_numpy),
@@ -159,6 +177,7 @@ PAIRS = [
     (on_paths, paths_of_numpy),
     (after_others, others_of_numpy),
     (of_its_own, own_of_numpy),
+    (copied, copies_of_numpy),
 ]
 
 
