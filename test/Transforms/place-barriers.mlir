@@ -49,6 +49,31 @@ func.func @apart(%a: !warp.array<1 x f32>, %b: !warp.array<1 x f32>)
 
 // -----
 
+// Where the program waits already, nothing else does.
+// CHECK-LABEL: func.func @waits
+// CHECK: warp.tile_yield
+// CHECK-NEXT: }
+// CHECK-NEXT: warp.barrier
+// CHECK-NEXT: warp.tile_scan
+func.func @waits(%a: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.block_threads = 32 : i64} {
+  %c0 = warp.constant 0 : si32
+  %t = warp.tile_load %a[%c0] {offsets = array<i64: 0>} : !warp.array<1 x f32>, (si32)
+    -> !warp.tile<64 x f32>
+  %u = warp.tile_map(%t) {
+  ^bb0(%x: f32):
+    %s = warp.sin(%x) : (f32) -> f32
+    warp.tile_yield %s : f32
+  } {offsets = array<i64: 256>} : (!warp.tile<64 x f32>) -> !warp.tile<64 x f32>
+  warp.barrier
+  %v = warp.tile_scan add %u {offsets = array<i64: 512>, scratch = 768 : i64}
+    : !warp.tile<64 x f32>
+  warp.tile_store %v, %a[%c0] : !warp.tile<64 x f32>, !warp.array<1 x f32>, (si32)
+  return
+}
+
+// -----
+
 // Which rows are stored, each thread reads for all elements that it has of
 // them: not the thread alone that wrote the number of the row.
 // CHECK-LABEL: func.func @picked

@@ -17,6 +17,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "BlockVariance.h"
 #include "TileScratch.h"
 
 #include "Analysis/ArrayOrigins.h"
@@ -135,7 +136,7 @@ private:
     else if (!isMemoryEffectFree(op) && op->getNumRegions() == 0)
       touchArray(touches, Value(), /*isWrite=*/true);
     for (Touch &touch : touches)
-      touch.isShared = isBlockWide(op);
+      touch.isShared = isCollective(op);
     return touches;
   }
 
@@ -157,11 +158,9 @@ private:
     pending.clear();
   }
 
-  static bool isBlockWide(Operation *op) {
-    return computesTiles(op) && !isa<TileGetOp>(op);
-  }
-
   void place(Operation *op) {
+    if (isa<BarrierOp>(op))
+      return pending.clear();
     if (isInline(op) || op->hasTrait<OpTrait::IsTerminator>())
       return;
     if (op->getNumRegions() != 0 && !isa<TileMapOp, TileFoldOp>(op))
@@ -174,7 +173,7 @@ private:
 
   void placeRegions(Operation *op) {
     bool isShared = false;
-    op->walk([&](Operation *nested) { isShared |= isBlockWide(nested); });
+    op->walk([&](Operation *nested) { isShared |= isCollective(nested); });
     if (!isShared) {
       // Element reads and writes of each thread for itself.
       Touches touches;
