@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.block_program import run_launch
 
 import warp as wp
 
@@ -194,6 +195,19 @@ def test_views_share_elements(device, kernel, reference, threads, monkeypatch):
     wp.launch_tiled(kernel, dim=1, inputs=[x, *got], block_dim=threads, device=device)
     np.testing.assert_array_equal(got[0].numpy(), y)
     np.testing.assert_array_equal(got[1].numpy(), z)
+
+
+# The code for a GPU, by threads in any order between barriers.
+@pytest.mark.parametrize(("kernel", "reference"), PAIRS, ids=lambda one: getattr(one, "key", ""))
+def test_views_wait_for_other_threads(kernel, reference):
+    given = np.arange(N * N, dtype=np.float32).reshape(N, N)
+    y, z = given.astype(float), np.zeros((N, N))
+    reference(y, z, 48)
+    for seed in range(3):
+        got = [np.zeros((N, N), dtype=np.float32) for _ in range(2)]
+        run_launch(kernel, [given.copy(), *got], (1, 48), 48, seed)
+        np.testing.assert_array_equal(got[0], y)
+        np.testing.assert_array_equal(got[1], z)
 
 
 # What a broadcast tile gets, each element gets as often as it is seen; gradients the other way.

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.block_program import run_launch
 
 import warp as wp
 
@@ -84,6 +85,19 @@ def test_several_dimensions(device, shape, threads):
     np.testing.assert_array_equal(sums.numpy(), rows.sum(1))
     expected = np.repeat(rows.sum(1) + np.arange(len(rows)), threads)[: given.size]
     np.testing.assert_array_equal(seen.numpy().ravel(), expected)
+
+
+@pytest.mark.parametrize("shape", [(7, 5), (1, 1), (2, 2, 9)])
+@pytest.mark.parametrize("threads", [4, 6])
+def test_code_for_a_gpu(shape, threads):
+    """By threads in any order, with those that the last block lacks."""
+    given = np.random.default_rng(2).integers(0, 100, shape).astype(np.int32)
+    rows = blocks_of(given, threads)
+    seen, sums = (np.zeros(extents, dtype=np.int32) for extents in (shape, len(rows)))
+    run_launch(kernel_of(len(shape)), [given, seen, sums], shape, threads, seed=threads)
+    np.testing.assert_array_equal(sums, rows.sum(1))
+    expected = np.repeat(rows.sum(1) + np.arange(len(rows)), threads)[: given.size]
+    np.testing.assert_array_equal(seen.ravel(), expected)
 
 
 @wp.kernel

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.block_program import run_launch
 
 import warp as wp
 
@@ -49,6 +50,38 @@ def test_sums_of_those_that_stay(device):
     last = stays & (given <= 2)
     expected = np.where(last, np.sqrt(kept) + 1, 0).sum(1)
     np.testing.assert_allclose(sums.numpy(), expected, rtol=1e-6)
+
+
+@wp.kernel
+def count_down(
+    x: wp.array2d(dtype=int), y: wp.array2d(dtype=int), sums: wp.array(dtype=int),
+    left: wp.array(dtype=int),
+):  # fmt: skip
+    i, lane = wp.tid()
+    if x[i, lane] < 0:
+        wp.atomic_add(left, i, 1)
+        return
+    v = x[i, lane]
+    s = wp.tile_sum(wp.tile(v))
+    y[i, lane] = v + s[0]
+    if v > 50:
+        return
+    wp.tile_atomic_add(sums, wp.tile_sum(wp.tile(v + 1)), offset=i)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_code_for_a_gpu(seed):
+    """By threads in any order; none waits for one that has left."""
+    x = np.random.default_rng(seed).integers(-30, 100, (4, 6)).astype(np.int32)
+    x[1], x[2] = -3, 60
+    y = np.full_like(x, -7)
+    sums, left = (np.zeros(4, dtype=np.int32) for _ in range(2))
+    run_launch(count_down, [x, y, sums, left], x.shape, x.shape[1], seed)
+    stays = x >= 0
+    np.testing.assert_array_equal(left, (~stays).sum(1))
+    all_of = np.where(stays, x, 0).sum(1, keepdims=True)
+    np.testing.assert_array_equal(y, np.where(stays, x + all_of, -7))
+    np.testing.assert_array_equal(sums, np.where(stays & (x <= 50), x + 1, 0).sum(1))
 
 
 @wp.kernel
