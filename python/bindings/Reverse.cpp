@@ -27,7 +27,7 @@ static PyObject *plainAdjoint(Activity &activity, const RecordObject *record,
     apart = flagsOf(activity.apart, count);
   py::tuple elements(count);
   for (size_t i = 0; i < count; ++i) {
-    PyObject *value = PyTuple_GET_ITEM(record->values, recorder.arrays[i]);
+    PyObject *value = record->items[recorder.arrays[i]];
     elements[i] = isArray(value) ? py::handle(asArray(value)->dtype)
                                  : py::handle(Py_None);
   }
