@@ -76,23 +76,7 @@ Value TileLowering::builtin(StringRef name, ValueRange operands) {
   return createBuiltin(b, loc, name, operands)->getResult(0);
 }
 
-Value TileLowering::zero(Type type) {
-  if (isComposite(type))
-    return ConstructOp::create(b, loc, type, ValueRange());
-  if (auto record = dyn_cast<StructType>(type)) {
-    Values fields;
-    for (Type field : record.getFieldTypes())
-      fields.push_back(zero(field));
-    return StructCreateOp::create(b, loc, type, fields);
-  }
-  if (auto array = dyn_cast<ArrayType>(type)) {
-    Value nothing = ConstantOp::create(
-        b, loc, b.getIntegerAttr(b.getIntegerType(64, false), 0));
-    Values extents(array.getRank(), number(0));
-    return ArrayAtOp::create(b, loc, type, nothing, extents);
-  }
-  return constant(type, 0);
-}
+Value TileLowering::zero(Type type) { return makeZero(b, loc, type); }
 
 Value TileLowering::constant(Type type, double value) {
   TypedAttr attribute;
