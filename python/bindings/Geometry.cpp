@@ -11,6 +11,7 @@
 
 #include "warp/HashGrid.h"
 #include "warp/Mesh.h"
+#include "warp/TreeBuild.h"
 
 #include <pybind11/stl.h>
 
@@ -138,14 +139,13 @@ static void bindMesh(py::module_ &m) {
              building("mesh", arrays.indices.shape[0], "indices",
                       [&] { self.refit(arrays); });
            })
-      .def("rebuild",
-           [](Mesh &self, py::handle points, py::handle velocities,
-              py::handle indices, py::handle groups, int constructor) {
-             MeshArrays arrays = arraysOf(points, velocities, indices, groups);
-             building("mesh", arrays.indices.shape[0], "indices", [&] {
-               self.rebuild(arrays, constructorOf(constructor));
-             });
-           });
+      .def("rebuild", [](Mesh &self, py::handle points, py::handle velocities,
+                         py::handle indices, py::handle groups,
+                         int constructor) {
+        MeshArrays arrays = arraysOf(points, velocities, indices, groups);
+        building("mesh", arrays.indices.shape[0], "indices",
+                 [&] { self.rebuild(arrays, constructorOf(constructor)); });
+      });
 }
 
 static void bindHashGrid(py::module_ &m) {
@@ -182,7 +182,58 @@ static void bindHandle(py::module_ &m) {
       });
 }
 
+/// The memory of an array, which a capture keeps.
+template <class T> static T *dataOf(py::handle array) {
+  const ArrayDescriptor &descriptor = descriptorOf(array);
+  python::hold(python::asArray(array.ptr())->device, array.ptr());
+  return static_cast<T *>(descriptor.data);
+}
+
+static void bindTrees(py::module_ &m) {
+  // Words of slots (lib/Geometry/Slots.h) before the scale.
+  constexpr int scaleAt = 6;
+  auto buildOf = [](py::handle first, py::handle second, bool ofTriangles,
+                    bool alongCurve, py::handle nodes, py::handle blocks,
+                    py::handle slot, py::handle found) {
+    int64_t elements = descriptorOf(second).shape[0];
+    return TreeBuild{dataOf<void>(first),
+                     descriptorOf(first).shape[0],
+                     dataOf<void>(second),
+                     int32_t(ofTriangles ? elements / 3 : elements),
+                     ofTriangles,
+                     alongCurve,
+                     dataOf<void>(nodes),
+                     dataOf<void>(blocks),
+                     dataOf<float>(slot) + scaleAt,
+                     dataOf<int32_t>(found)};
+  };
+  using Handle = py::handle;
+  m.def(
+      "build_tree",
+      [=](Handle first, Handle second, bool ofTriangles, bool alongCurve,
+          Handle nodes, Handle blocks, Handle slot, Handle found) {
+        TreeBuild build = buildOf(first, second, ofTriangles, alongCurve, nodes,
+                                  blocks, slot, found);
+        int device = python::asArray(nodes.ptr())->device;
+        py::gil_scoped_release unlocked;
+        buildTree(device, build);
+      },
+      "Queues the build of a hierarchy on a GPU.");
+  m.def(
+      "refit_tree",
+      [=](Handle first, Handle second, bool ofTriangles, Handle nodes,
+          Handle blocks, Handle slot, Handle found) {
+        TreeBuild build = buildOf(first, second, ofTriangles, false, nodes,
+                                  blocks, slot, found);
+        int device = python::asArray(nodes.ptr())->device;
+        py::gil_scoped_release unlocked;
+        refitTree(device, build);
+      },
+      "Queues a refit of what `build_tree` built.");
+}
+
 void python::bindGeometry(py::module_ &m) {
+  bindTrees(m);
   bindBvh(m);
   bindMesh(m);
   bindHashGrid(m);

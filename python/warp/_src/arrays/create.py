@@ -6,7 +6,7 @@ from warp._src.arrays.allocation import allocate, new_array
 from warp._src.arrays.array import array
 from warp._src.arrays.copies import empty_like
 from warp._src.arrays.data import borrow
-from warp._src.arrays.gradients import check_gradient_type
+from warp._src.arrays.gradients import wants_wide_gradient
 from warp._src.arrays.layout import check_shape, element_type
 from warp._src.devices import devices, memory
 from warp._src.types import dtypes
@@ -55,7 +55,8 @@ def empty(
         raise ValueError(f"expects {ndim} dimensions, but got shape {extents}")
     index = devices.resolve_index(device)
     allocate(result, extents, element_type(dtype), index, pinned, strides)
-    check_gradient_type(result.dtype, grad_dtype)
+    if wants_wide_gradient(result.dtype, grad_dtype):
+        result._wide_grad = True
     if requires_grad:
         result.requires_grad = True
     if retain_grad:

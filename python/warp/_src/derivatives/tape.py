@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from warp import _native, config
 from warp._src import errors
 from warp._src.arrays.array import array
 from warp._src.arrays.kept import Budget
@@ -78,6 +79,15 @@ class Tape:
     def _add(self, record) -> None:
         self._records.append(record)
         Observers.retain(self)
+
+    def ordinary_records(self) -> tuple:
+        """Where launches without anything special are recorded, and the budget of their copies.
+
+        None in place of the records if each overwriting is to be told at once.
+        """
+        if self._budget is None and config.verify_autograd_array_access:
+            return None, None
+        return self._records, self._budget
 
     def begin_launch(self, call: Call) -> LaunchRecord:
         """Called before a launch that is to be recorded."""
@@ -214,10 +224,7 @@ class Tape:
 
     def arrays(self) -> list[array]:
         """All arrays of the records, each once."""
-        found: dict = {}
-        for record in self._records:
-            for one in record.arrays():
-                found[id(one)] = one
+        found = {id(one): one for one, *_ in _native.arrays_of_records(self._records, False)}
         for one in self._seeded:
             found[id(one)] = one
         return list(found.values())

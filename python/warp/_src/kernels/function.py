@@ -159,7 +159,7 @@ class NativeFunction(Function):
     def is_block_barrier(self) -> bool:
         """Whether all it does is to let the threads of a block wait for each other.
 
-        That is nothing where a block is one thread, so kernels with it run on a CPU.
+        That needs no compiler, and is nothing where a block is one thread.
         """
         return "".join(self.native_snippet.split()) in _BARRIERS
 
@@ -176,12 +176,18 @@ _BARRIERS = (
 def func_native(snippet, adj_snippet=None, replay_snippet=None):
     """Declares a function by its C++ or CUDA text.
 
-    Kernels on CPUs may call one that takes numbers and arrays, and gives one number or none: Clang,
-    where it is installed or named by the environment variable WARP_CLANG, compiles it. What a
-    function of numbers alone computes may depend on its arguments alone. It may assign to
-    parameters by reference (`wp.ref[float]`) and to what `wp.address_of` points to: copies, which
-    are written back. A kernel that calls another one is refused, with the place of the call;
-    modules that declare such functions can be imported.
+    Kernels may call one that takes numbers and arrays, and gives one number or none. It is compiled
+    with the first kernel that calls it: on CPUs by Clang, which is installed or named by the
+    environment variable WARP_CLANG, on GPUs by NVRTC, which is a part of CUDA and of the package
+    nvidia-cuda-nvrtc, or named by WARP_NVRTC. Without a compiler, the launch is an error with the
+    place of the call.
+
+    What a function of numbers alone computes may depend on its arguments alone, unless its text
+    names what threads do together (`__syncwarp`, `__shfl_xor_sync`, `atomicAdd`, ...): such a call
+    stays where it stands, and the kernel is launched in blocks, as one with tiles. A text that is
+    `WP_TILE_SYNC();` or `__syncthreads();` is a barrier and needs no compiler. A function may
+    assign to parameters by reference (`wp.ref[float]`) and to what `wp.address_of` points to:
+    copies, which are written back.
 
     An array is a `wp::array_t<T>` in the snippet, with `data`, `shape`, `strides` in bytes and
     `ndim`; `x[i]` is element i of packed memory, `wp::index(x, i, j)` and `wp::address(x, i, j)`
