@@ -30,12 +30,15 @@ template <int width> struct FactorAdjoint {
     return shared<float>(scratch) + j * width;
   }
 
+  /// Whether there is a row, which is known of whole blocks.
+  WARP_INLINE bool has(i32 i) const { return n % width == 0 || i < n; }
+
   /// A column of a matrix; what is beyond its rows is zero.
   WARP_INLINE void take(float (&a)[width], const Matrix &from, i32 row,
                         i32 column) const {
 #pragma unroll
     for (int i = 0; i < width; ++i)
-      a[i] = row + i < n && column < n ? *from.at(row + i, column) : 0.0f;
+      a[i] = has(row + i) && has(column) ? *from.at(row + i, column) : 0.0f;
   }
 
   /// a -= x^T y, where row q of x begins at `row`, and y is the lane's.
@@ -65,7 +68,7 @@ template <int width> struct FactorAdjoint {
   WARP_INLINE void reverseBlock(float (&a)[width], i32 first, i32 lane) const {
     float l[width];
     take(l, factor, first, first + (lane < width ? lane : 0));
-    bool exists = lane < width && first + lane < n;
+    bool exists = lane < width && has(first + lane);
     float over =
         exists ? inverse(*factor.at(first + lane, first + lane)) : 1.0f;
 #pragma unroll
@@ -109,7 +112,7 @@ template <int width> struct FactorAdjoint {
       return;
 #pragma unroll
     for (int i = 0; i < width; ++i)
-      if (first + i < n)
+      if (has(first + i))
         *bar.at(first + i, first + lane) = a[i];
   }
 
@@ -117,7 +120,7 @@ template <int width> struct FactorAdjoint {
   WARP_INLINE void divide(i32 first, i32 row, i32 lane) const {
     float a[width];
     float over = inverse(*factor.at(first + lane, first + lane));
-    bool exists = row + lane < n;
+    bool exists = has(row + lane);
     i32 own = exists ? row + lane : first;
 #pragma unroll
     for (int j = 0; j < width; j += 4) {
@@ -157,7 +160,7 @@ template <int width> struct FactorAdjoint {
       subtract(a, bar, q, first, *factor.at(q, column));
 #pragma unroll
     for (int i = 0; i < width; ++i)
-      if (first + i < n)
+      if (has(first + i))
         *bar.at(first + i, column) = a[i];
   }
 
@@ -173,7 +176,7 @@ template <int width> struct FactorAdjoint {
         y[q] = *factor.at(first + k + q, column);
 #pragma unroll
       for (int i = 0; i < width; ++i) {
-        Four x = bar.four(row + i < n ? row + i : first, first + k);
+        Four x = bar.four(has(row + i) ? row + i : first, first + k);
 #pragma unroll
         for (int q = 0; q < 4; ++q)
           a[i] = __builtin_fmaf(-x[q], y[q], a[i]);
@@ -181,7 +184,7 @@ template <int width> struct FactorAdjoint {
     }
 #pragma unroll
     for (int i = 0; i < width; ++i)
-      if (row + i < n)
+      if (has(row + i))
         *bar.at(row + i, column) = a[i];
   }
 

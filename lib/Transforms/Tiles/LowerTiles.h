@@ -131,7 +131,8 @@ private:
   Value isBetter(TileReduction kind, Value candidate, Value best, bool orEqual);
   Value worst(TileReduction kind, mlir::Type type);
   Values combine(TileReduction kind, ValueRange best, ValueRange next);
-  void reduceOrdered(mlir::Operation *op, TileReduction kind, Value tile);
+  void reduceOrdered(mlir::Operation *op, TileReduction kind, Value tile,
+                     bool positions);
   void lowerReduce(mlir::Operation *op, TileReduction kind, Value tile,
                    std::optional<int64_t> axis, bool positions);
   Values overBlock(mlir::Operation *op, TileReduction kind, Values sums);

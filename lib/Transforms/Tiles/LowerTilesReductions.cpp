@@ -169,9 +169,11 @@ static Value flipBelowZero(OpBuilder &b, Location loc, Value bits) {
 }
 
 /// Extrema of floats on a CPU: integers are compared in vectors, whereas NaN
-/// keeps floats out of those.
-void TileLowering::reduceOrdered(Operation *op, TileReduction kind,
-                                 Value tile) {
+/// keeps floats out of those. Positions are a second pass, the first one with
+/// what won.
+void TileLowering::reduceOrdered(Operation *op, TileReduction kind, Value tile,
+                                 bool positions) {
+  ArrayRef<int64_t> shape = tileType(tile).getShape();
   Type real = tileType(tile).getElementType();
   unsigned width = real.getIntOrFloatBitWidth();
   Type bits = b.getIntegerType(width);
@@ -180,29 +182,49 @@ void TileLowering::reduceOrdered(Operation *op, TileReduction kind,
       b, loc,
       b.getIntegerAttr(bits, isMin ? APInt::getSignedMaxValue(width)
                                    : APInt::getSignedMinValue(width)));
-  Values made =
-      elements(op, tileType(tile).getShape(), worst,
-               [&](ValueRange at, ValueRange best) -> Values {
-                 Value x = element(tile, at);
-                 Value key = flipBelowZero(
-                     b, loc, arith::BitcastOp::create(b, loc, bits, x));
-                 Value isNone = builtin("ne", {x, x});
-                 key = arith::SelectOp::create(b, loc, isNone, worst, key);
-                 if (isMin)
-                   return {arith::MinSIOp::create(b, loc, best[0], key)};
-                 return {arith::MaxSIOp::create(b, loc, best[0], key)};
-               });
-  store(op->getResult(0), number(0),
-        arith::BitcastOp::create(b, loc, real, flipBelowZero(b, loc, made[0])));
+  auto keyAt = [&](ValueRange at) -> Value {
+    Value x = element(tile, at);
+    // Both zeros tie.
+    Value bitsOf = positions ? builtin("add", {x, constant(real, 0)}) : x;
+    Value key =
+        flipBelowZero(b, loc, arith::BitcastOp::create(b, loc, bits, bitsOf));
+    Value isNone = builtin("ne", {x, x});
+    return arith::SelectOp::create(b, loc, isNone, worst, key);
+  };
+  Value best =
+      elements(op, shape, worst, [&](ValueRange at, ValueRange best) -> Values {
+        Value key = keyAt(at);
+        if (isMin)
+          return {arith::MinSIOp::create(b, loc, best[0], key)};
+        return {arith::MaxSIOp::create(b, loc, best[0], key)};
+      })[0];
+  if (!positions) {
+    store(op->getResult(0), number(0),
+          arith::BitcastOp::create(b, loc, real, flipBelowZero(b, loc, best)));
+    return;
+  }
+  Value last = number(INT32_MAX);
+  Value first =
+      elements(op, shape, last, [&](ValueRange at, ValueRange first) -> Values {
+        Value wins = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq,
+                                           keyAt(at), best);
+        Value place =
+            arith::SelectOp::create(b, loc, wins, linear(shape, at), last);
+        return {arith::MinSIOp::create(b, loc, first[0], place)};
+      })[0];
+  store(op->getResult(0), number(0), cast(first, b.getIntegerType(32, true)));
 }
 
 void TileLowering::lowerReduce(Operation *op, TileReduction kind, Value tile,
                                std::optional<int64_t> axis, bool positions) {
   TileType type = tileType(tile);
   Type element = type.getElementType();
-  if (threads == 1 && !axis && !positions && kind != TileReduction::add &&
-      (element.isF32() || element.isF64()))
-    return reduceOrdered(op, kind, tile);
+  // What is not in memory is not worth to be computed twice.
+  Operation *def = tile.getDefiningOp();
+  bool isKept = !def || !isInline(def);
+  if (threads == 1 && !axis && kind != TileReduction::add &&
+      (isKept || !positions) && (element.isF32() || element.isF64()))
+    return reduceOrdered(op, kind, tile, positions);
   Value result = op->getResult(0);
   Values first{worst(kind, type.getElementType())};
   if (positions)
