@@ -1,5 +1,6 @@
 """Stars in calls, tuple parameters, reversed ranges, captured and empty structs."""
 
+import numpy as np
 import pytest
 
 import warp as wp
@@ -209,6 +210,41 @@ def test_truth_and_numbers_cannot_be_compared():
     ):
         with pytest.raises(wp.WarpCodegenError, match=fragment):
             wp.Kernel(body).prepare()
+
+
+def test_loops_stay_loops_where_static_expressions_do_not_vary(device):
+    """A body that asks for settings is said once; one that asks for what the loop changes, each
+    time."""
+    doubles, count = True, 40
+
+    @wp.kernel
+    def settled(x: wp.array(dtype=float), out: wp.array(dtype=float)):
+        total = float(0.0)
+        for i in range(count):
+            if wp.static(doubles):
+                total += 2.0 * x[i]
+            else:
+                total += x[i]
+            if total > 100.0:
+                break
+        out[0] = total
+
+    @wp.kernel
+    def varying(x: wp.array(dtype=float), out: wp.array(dtype=float)):
+        total = float(0.0)
+        for i in range(count):
+            total += x[i] * wp.static(float(3 * i))
+        out[0] = total
+
+    x = np.linspace(0.5, 3.0, count).astype(np.float32)
+    sums = np.cumsum(2.0 * x.astype(np.float64))
+    expected = {settled: sums[np.argmax(sums > 100.0)], varying: x @ (3.0 * np.arange(count))}
+    for kernel, value in expected.items():
+        out = wp.zeros(1, dtype=float, device=device)
+        wp.launch(kernel, 1, inputs=[wp.array(x, device=device)], outputs=[out], device=device)
+        np.testing.assert_allclose(out.numpy()[0], value, rtol=1e-6)
+    assert settled.ir("warp").count("warp.load") == 1
+    assert varying.ir("warp").count("warp.load") == count
 
 
 def test_names_of_loops_hide_globals_in_static_expressions():

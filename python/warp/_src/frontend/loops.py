@@ -65,7 +65,7 @@ class Loops(Part):
             if not static:
                 return
             few = len(static) <= self.context.session.max_unroll
-            if self.calls_static(syntax) or (few and self.indexes_tuples(syntax)):
+            if self.varies_static(syntax) or (few and self.indexes_tuples(syntax)):
                 self.unroll(node, static)
                 return
         if node.exits:
@@ -249,14 +249,18 @@ class Loops(Part):
         )
 
     @staticmethod
-    def calls_static(syntax):
-        """Whether a body has a `wp.static`, which needs the counter at compile time."""
+    def varies_static(syntax):
+        """Whether a `wp.static` in a body uses a name that the loop changes: the counter, or what
+        is assigned, which have to be known at compile time then."""
+        changed, used = set(), set()
         for item in ast.walk(syntax):
-            if isinstance(item, ast.Call):
+            if isinstance(item, ast.Name) and not isinstance(item.ctx, ast.Load):
+                changed.add(item.id)
+            elif isinstance(item, ast.Call):
                 name = getattr(item.func, "attr", None) or getattr(item.func, "id", None)
                 if name == "static":
-                    return True
-        return False
+                    used.update(one.id for one in ast.walk(item) if isinstance(one, ast.Name))
+        return not used.isdisjoint(changed)
 
     def is_tuple(self, node):
         """Whether a name or attribute is a tuple now."""
