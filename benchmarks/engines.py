@@ -2,13 +2,15 @@
 """Physics engines written for the peer, on the peer and on this package.
 
     engines.py --python PYTHON --package FOLDER [--steps N] [--device DEVICE]
+               [--save FILE | --expected FILE]
 
 PYTHON has `mujoco-warp`, `newton` and `warp-lang` installed; FOLDER holds this package and is put
 in front of the peer's for its turns. Each engine runs one scene in a process of its own, first
 with an empty kernel cache, then with the one that this left. A row of the table has seconds to
 import and to make the first step, the same in seconds of processors (which hardly depend on what
 else the machine does), and milliseconds per step after it; the last column is the largest
-difference of the coordinates to the peer's, of which the peer's own are the scale.
+difference of the coordinates to the peer's, of which the peer's own are the scale. `--save` keeps
+the peer's coordinates in a file; `--expected` takes them from it where the peer is not installed.
 """
 
 from __future__ import annotations
@@ -110,20 +112,27 @@ def main() -> None:
     parser.add_argument("--engine", action="append", choices=("mujoco-warp", "newton"))
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--steps", type=int, default=50)
+    parser.add_argument("--save", type=Path)
+    parser.add_argument("--expected", type=Path)
     options = parser.parse_args()
+    known = json.loads(options.expected.read_text()) if options.expected else {}
+    packages = [("this", options.package)]
+    if not options.expected:
+        packages.insert(0, ("peer", None))
     columns = ("engine", "package", "cache", "import s", "first s", "import CPU", "first CPU")
     print(("{:>12}" * 9).format(*columns, "step ms", "difference"))
     for engine in options.engine or ("mujoco-warp", "newton"):
-        expected = None
-        for name, package in (("peer", None), ("this", options.package)):
+        for name, package in packages:
             with tempfile.TemporaryDirectory() as cache:
                 for state in ("cold", "warm"):
                     *times, final = run(options, engine, package, cache)
-                    expected = expected or final
+                    expected = known.setdefault(engine, final)
                     gap = max(abs(a - b) for a, b in zip(final, expected, strict=True))
                     scale = max(1.0, *map(abs, expected))
                     row = "".join(f"{one:12.3f}" for one in times) + f"{gap / scale:12.1e}"
                     print(f"{engine:>12}{name:>12}{state:>12}{row}", flush=True)
+    if options.save:
+        options.save.write_text(json.dumps(known))
 
 
 if __name__ == "__main__":

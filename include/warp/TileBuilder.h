@@ -48,6 +48,8 @@ public:
   Values beginFunction(const Values &operands, bool fold);
   /// Closes it; returns a tile per element that it gives, or what it folds to.
   Values endFunction(const Values &elements, const TileOptions &options);
+  /// Lets the threads of a block wait for each other.
+  void addBarrier();
   /// Says for blocks of how many threads the kernel is.
   void setBlockThreads(int64_t threads);
 

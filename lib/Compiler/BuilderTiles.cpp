@@ -300,3 +300,8 @@ warp::TileBuilder::endFunction(const Values &elements,
     throw diagnostics.toError(Error::Kind::Type, "tiles do not fit");
   return wrap(closed->getResults());
 }
+
+void warp::TileBuilder::addBarrier() {
+  ContextLock lock;
+  BarrierOp::create(impl.builder, impl.loc);
+}

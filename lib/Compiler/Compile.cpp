@@ -23,6 +23,8 @@
 #include "Transforms/Updates/CopiedArrays.h"
 #include "Transforms/Variant.h"
 
+#include "warp/NativeCode.h"
+
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/TilePasses.h"
 
@@ -374,6 +376,11 @@ SmallVector<char, 0> Compilation::emitCode(bool asText) {
     throw Error(Error::Kind::Compile,
                 "the code generator failed: " + llvmErrors);
   time("codegen", start);
+  StringRef text(bytes.data(), bytes.size());
+  if (isGpu(options) && text.contains(nativeCodePrefix)) {
+    std::string whole = joinNativePtx(text.str(), options.target);
+    bytes.assign(whole.begin(), whole.end());
+  }
   return bytes;
 }
 

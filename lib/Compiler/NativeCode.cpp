@@ -7,32 +7,70 @@
 #include "warp/NativeCode.h"
 
 #include "LibmNames.h"
+#include "NativeCompilers.h"
 #include "Target.h"
 
 #include "warp/Error.h"
 
+#include "llvm/ADT/StringExtras.h"
 #include "llvm/ADT/StringMap.h"
 #include "llvm/ADT/StringSet.h"
 #include "llvm/IR/Module.h"
 
 #include <mutex>
+#include <stdexcept>
+
+using llvm::StringRef;
 
 namespace {
+
+struct Known {
+  warp::NativeCode code;
+  /// What compilers made of it, by target; "" is the host.
+  llvm::StringMap<std::string> made;
+};
+
 struct Registry {
   std::mutex mutex;
-  llvm::StringMap<std::string> code;
+  llvm::StringMap<Known> functions;
 
   static Registry &get() {
     static Registry registry;
     return registry;
   }
+
+  /// Bitcode for the host, or PTX for an architecture.
+  const std::string &compiled(StringRef symbol, const std::string &target) {
+    std::lock_guard<std::mutex> guard(mutex);
+    auto found = functions.find(symbol);
+    if (found == functions.end())
+      throw warp::Error(warp::Error::Kind::Compile,
+                        "the code of native function '" + symbol.str() +
+                            "' is not known in this process: import the module "
+                            "that defines it");
+    auto &[code, made] = found->second;
+    auto [entry, isNew] = made.try_emplace(target);
+    if (!isNew)
+      return entry->second;
+    try {
+      entry->second = target.empty() ? warp::compileForCpu(code)
+                                     : warp::compileForGpu(code, target);
+    } catch (const std::runtime_error &problem) {
+      made.erase(entry);
+      auto [before, after] = StringRef(code.place).split('%');
+      throw warp::Error(warp::Error::Kind::Compile,
+                        (before + problem.what() + after).str());
+    }
+    return entry->second;
+  }
 };
+
 } // namespace
 
-void warp::addNativeCode(const std::string &symbol, std::string bitcode) {
+void warp::addNativeCode(const std::string &symbol, NativeCode code) {
   Registry &registry = Registry::get();
   std::lock_guard<std::mutex> guard(registry.mutex);
-  registry.code[symbol] = std::move(bitcode);
+  registry.functions[symbol].code = std::move(code);
 }
 
 static llvm::SmallVector<std::string> missingNames(llvm::Module &module) {
@@ -43,6 +81,10 @@ static llvm::SmallVector<std::string> missingNames(llvm::Module &module) {
       names.push_back(function.getName().str());
   return names;
 }
+
+//===----------------------------------------------------------------------===//
+// CPUs
+//===----------------------------------------------------------------------===//
 
 static const llvm::StringSet<> &libmNames() {
   static const llvm::StringSet<> names = {
@@ -72,22 +114,98 @@ static void renameLibm(llvm::Module &module) {
 
 void warp::linkNativeCode(llvm::Module &module) {
   for (const std::string &name : missingNames(module)) {
-    Registry &registry = Registry::get();
-    std::lock_guard<std::mutex> guard(registry.mutex);
-    auto found = registry.code.find(name);
-    if (found == registry.code.end())
-      throw Error(Error::Kind::Compile,
-                  "the code of native function '" + name +
-                      "' is not known in this process: import the module that "
-                      "defines it");
-    linkBitcode(module, found->second, "native function");
+    linkBitcode(module, Registry::get().compiled(name, ""), "native function");
     renameLibm(module);
   }
 }
 
-void warp::refuseNativeCode(llvm::Module &module) {
-  if (!missingNames(module).empty())
-    throw Error(Error::Kind::Compile,
-                "the kernel calls a native function, which is compiled for "
-                "CPUs only; write it in Python with `@wp.func`");
+//===----------------------------------------------------------------------===//
+// GPUs
+//===----------------------------------------------------------------------===//
+
+void warp::keepNativeCalls(llvm::Module &module) {
+  // Threads may meet in them.
+  for (const std::string &name : missingNames(module))
+    module.getFunction(name)->setConvergent();
+}
+
+static bool isPartOfName(char c) {
+  return llvm::isAlnum(c) || c == '_' || c == '$';
+}
+
+/// What a line of PTX defines for the whole file: a function or a variable;
+/// empty for others.
+static StringRef definedName(StringRef line) {
+  for (StringRef linkage : {".visible ", ".weak "})
+    line.consume_front(linkage);
+  if (line.consume_front(".func")) {
+    line = line.ltrim();
+    if (line.starts_with("("))
+      line = line.split(')').second.ltrim();
+    return line.take_while(isPartOfName);
+  }
+  if (!line.starts_with(".global") && !line.starts_with(".const"))
+    return "";
+  line =
+      line.take_until([](char c) { return c == '[' || c == '=' || c == ';'; });
+  return line.rtrim().rsplit(' ').second;
+}
+
+/// Names of `text` with an ending, if `names` has them.
+static std::string rename(StringRef text, const llvm::StringSet<> &names,
+                          StringRef ending) {
+  std::string result;
+  while (!text.empty()) {
+    StringRef name = text.take_while(isPartOfName);
+    result += name;
+    if (names.contains(name))
+      result += ending;
+    text = text.drop_front(name.size());
+    StringRef between = text.take_until(isPartOfName);
+    result += between;
+    text = text.drop_front(between.size());
+  }
+  return result;
+}
+
+/// The definitions in the PTX of a function, for other PTX. The kernel's own
+/// version stands: it is one that the driver knows, and code that needs a later
+/// one is named by the assembler. Helpers of NVRTC get names of their own.
+static std::string definitionsOf(StringRef ptx, StringRef symbol) {
+  std::string body;
+  llvm::StringSet<> names;
+  for (StringRef line : llvm::split(ptx, '\n')) {
+    if (line.starts_with(".version") || line.starts_with(".target") ||
+        line.starts_with(".address_size") || line.starts_with("//"))
+      continue;
+    if (StringRef name = definedName(line); !name.empty() && name != symbol)
+      names.insert(name);
+    // Nobody outside calls it.
+    if (line.starts_with(".visible .func"))
+      line = line.drop_front(strlen(".visible "));
+    body += "\n" + line.str();
+  }
+  std::string ending = symbol.take_back(24).str();
+  return rename(body, names, "_" + ending);
+}
+
+std::string warp::joinNativePtx(std::string ptx, const std::string &target) {
+  static constexpr char declaration[] = "\n.extern .func ";
+  size_t begin = 0;
+  while ((begin = ptx.find(declaration, begin)) != std::string::npos) {
+    size_t end = ptx.find(';', begin);
+    StringRef rest = StringRef(ptx).slice(begin + strlen(declaration), end);
+    StringRef name = rest.take_until(
+        [](char c) { return c == '(' || c == ' ' || c == '\n'; });
+    if (!name.starts_with(nativeCodePrefix)) {
+      begin = end;
+      continue;
+    }
+    // Where the declaration stood, the definition stands.
+    std::string body =
+        definitionsOf(Registry::get().compiled(name, target), name);
+    ptx.replace(begin, end + 1 - begin, body);
+    begin += body.size();
+  }
+  return ptx;
 }

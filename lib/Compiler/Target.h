@@ -72,11 +72,13 @@ void prepareGpuModule(llvm::Module &module, llvm::TargetMachine &machine,
 void linkBitcode(llvm::Module &module, llvm::StringRef bitcode,
                  llvm::StringRef name);
 
-/// Links the functions of NativeCode.h that `module` declares. Throws if the
-/// process does not know one.
+/// Links the functions of NativeCode.h that `module`, for CPUs, declares.
+/// Throws if the process does not know one, or cannot compile it.
 void linkNativeCode(llvm::Module &module);
-/// Throws if `module` declares one.
-void refuseNativeCode(llvm::Module &module);
+/// Keeps calls of those that `module`, for GPUs, declares where they stand.
+void keepNativeCalls(llvm::Module &module);
+/// PTX with the functions that it declares. Throws like `linkNativeCode`.
+std::string joinNativePtx(std::string ptx, const std::string &target);
 
 /// Runs the optimiser. `hasLanes`: threads are lanes of vectors already.
 void optimize(llvm::Module &module, llvm::TargetMachine &machine,

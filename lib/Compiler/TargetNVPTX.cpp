@@ -85,7 +85,7 @@ void warp::prepareGpuModule(llvm::Module &module, llvm::TargetMachine &machine,
               {warp_libdevice_begin,
                size_t(warp_libdevice_end - warp_libdevice_begin)},
               "libdevice");
-  refuseNativeCode(module);
+  keepNativeCalls(module);
   setReflection(module, options.fastMath);
   llvm::LLVMContext &context = module.getContext();
   for (llvm::Function &function : module) {

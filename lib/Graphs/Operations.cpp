@@ -11,6 +11,7 @@
 
 #include "warp/Error.h"
 #include "warp/Memory.h"
+#include "warp/TreeBuild.h"
 
 #include <cstddef>
 #include <limits>
@@ -45,6 +46,8 @@ std::string graphs::describe(const GraphOperation &operation) {
     return "sort";
   case Kind::FindRuns:
     return "search for runs";
+  case Kind::BuildTree:
+    return "build of a hierarchy";
   case Kind::Condition:
   case Kind::UpdateCondition:
   case Kind::BeginBody:
@@ -187,6 +190,22 @@ static void collectSequences(const GraphOperation &operation, Collector &all) {
   }
 }
 
+static void collectTree(const GraphOperation &operation, Collector &all) {
+  auto build = operation.read<graphs::BuildTree>();
+  if (build.count < 1)
+    throw nonsense(operation);
+  TreeShape shape(build.count);
+  bool ofTriangles = build.ofTriangles != 0;
+  all.add(offsetof(graphs::BuildTree, first), build.points, 12);
+  all.add(offsetof(graphs::BuildTree, second), build.count, 12);
+  all.add(offsetof(graphs::BuildTree, nodes), shape.nodes(),
+          TreeShape::nodeBytes);
+  all.add(offsetof(graphs::BuildTree, blocks), shape.blocks,
+          TreeShape::blockBytes(ofTriangles));
+  all.add(offsetof(graphs::BuildTree, scale), 4);
+  all.add(offsetof(graphs::BuildTree, found), 8);
+}
+
 static std::vector<Pointer> collect(const GraphOperation &operation,
                                     const std::vector<Access> &accesses,
                                     bool slotsOnly) {
@@ -226,6 +245,9 @@ static std::vector<Pointer> collect(const GraphOperation &operation,
   case Kind::Condition:
   case Kind::UpdateCondition:
     all.add(offsetof(Condition, value), 4);
+    break;
+  case Kind::BuildTree:
+    collectTree(operation, all);
     break;
   case Kind::BeginBody:
   case Kind::EndBody:
@@ -274,6 +296,8 @@ void graphs::checkArguments(const GraphOperation &operation,
       return sizeof(SortSegments);
     case Kind::FindRuns:
       return sizeof(FindRuns);
+    case Kind::BuildTree:
+      return sizeof(graphs::BuildTree);
     case Kind::Condition:
     case Kind::UpdateCondition:
       return sizeof(Condition);
@@ -389,6 +413,23 @@ void graphs::repeat(GraphOperation &operation, int device, int blockDim,
     return repeatCondition(operation, capture, conditions);
   case Kind::Other:
     throw nonsense(operation);
+  case Kind::BuildTree: {
+    auto tree = operation.read<graphs::BuildTree>();
+    if (device == cpuDevice)
+      throw nonsense(operation);
+    TreeBuild build{tree.first,
+                    tree.points,
+                    tree.second,
+                    tree.count,
+                    tree.ofTriangles != 0,
+                    tree.alongCurve != 0,
+                    tree.nodes,
+                    tree.blocks,
+                    static_cast<float *>(tree.scale),
+                    static_cast<int32_t *>(tree.found)};
+    return tree.refits ? refitTree(device, build, stream)
+                       : buildTree(device, build, stream);
+  }
   default:
     return repeatSequence(operation, device, stream);
   }

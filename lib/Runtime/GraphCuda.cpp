@@ -17,6 +17,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "DeviceState.h"
+#include "GraphClone.h"
 #include "GraphImpl.h"
 
 #include <map>
@@ -120,6 +121,8 @@ private:
 
 } // namespace
 
+static cuda::Function conditionKernel(int device);
+
 static std::string aliasOf(int device) { return deviceInfo(device).alias; }
 
 static Error captureError(int device, const std::string &problem) {
@@ -137,9 +140,12 @@ struct Position {
                     &count);
   }
 
-  /// Lets the next node come after this one alone.
+  /// Lets the next node come after these alone.
   void set(StreamHandle stream, GraphNode node) {
-    WARP_CUDA_GRAPH(updateDependencies, stream, &node, 1,
+    set(stream, std::vector<GraphNode>{node});
+  }
+  void set(StreamHandle stream, std::vector<GraphNode> nodes) {
+    WARP_CUDA_GRAPH(updateDependencies, stream, nodes.data(), nodes.size(),
                     cuda::setDependencies);
   }
 
@@ -176,7 +182,8 @@ void CudaGraph::checkOwned(const char *what) const {
                                      "somebody else");
 }
 
-/// Makes this graph a node of the one that a stream is captured into.
+/// Makes this graph a node of the one that a stream is captured into, or adds
+/// its nodes to that.
 bool CudaGraph::addToCapture(StreamHandle stream) const {
   int capturing = 0;
   WARP_CUDA(streamIsCapturing, stream, &capturing);
@@ -185,11 +192,18 @@ bool CudaGraph::addToCapture(StreamHandle stream) const {
   if (!cuda::graphDriver().captureInfo || !cuda::graphDriver().addChild)
     throw captureError(device(), "the CUDA driver has no graphs in graphs");
   Position position(stream);
+  keepForCapture(device(), [kept = kept] {});
+  if (cuda::hasConditionals(graph)) {
+    std::vector<GraphNode> after(position.dependencies,
+                                 position.dependencies + position.count);
+    position.set(stream, cuda::cloneNodes(device(), graph, position.graph,
+                                          after, conditionKernel(device())));
+    return true;
+  }
   GraphNode node;
   WARP_CUDA_GRAPH(addChild, &node, position.graph, position.dependencies,
                   position.count, graph);
   position.set(stream, node);
-  keepForCapture(device(), [kept = kept] {});
   return true;
 }
 
@@ -377,18 +391,14 @@ void CudaCapture::setCondition(Condition condition, const int32_t *value,
 void CudaCapture::beginBody(Condition condition, bool loop) {
   cuda::ContextScope scope(device());
   Position position(raw());
-  cuda::ConditionalNode description;
-  description.handle = condition;
-  description.kind = loop;
-  description.context = cuda::contextOf(device());
+  cuda::Conditional made{condition, loop, nullptr};
   Paused outer{position.graph, nullptr};
-  WARP_CUDA_GRAPH(addNode, &outer.node, position.graph, position.dependencies,
-                  position.count, &description);
+  outer.node = cuda::addConditional(
+      device(), position.graph, position.dependencies, position.count, made);
   position.set(raw(), outer.node);
   outer.graph = stop();
   paused.push_back(outer);
-  WARP_CUDA_GRAPH(beginCaptureTo, raw(), description.bodies[0], nullptr,
-                  nullptr, 0, mode);
+  WARP_CUDA_GRAPH(beginCaptureTo, raw(), made.body, nullptr, nullptr, 0, mode);
   if (trace())
     trace()->beginBody(condition, loop);
 }

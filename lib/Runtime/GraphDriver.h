@@ -46,6 +46,34 @@ struct ConditionalNode {
 };
 static_assert(sizeof(ConditionalNode) == 256);
 
+/// CUgraphNodeType.
+enum : int {
+  nodeKernel = 0,
+  nodeCopy = 1,
+  nodeFill = 2,
+  nodeGraph = 4,
+  nodeEmpty = 5,
+  nodeConditional = 13,
+};
+
+/// CUDA_KERNEL_NODE_PARAMS_v2.
+struct KernelNode {
+  Function function = nullptr;
+  unsigned grid[3] = {}, block[3] = {}, sharedBytes = 0;
+  void **arguments = nullptr, **extra = nullptr;
+  void *kernel = nullptr;
+  Context context = nullptr;
+};
+static_assert(sizeof(KernelNode) == 72);
+
+/// CUDA_MEMCPY3D and CUDA_MEMSET_NODE_PARAMS; only handed on.
+struct CopyNode {
+  uint64_t words[25] = {};
+};
+struct FillNode {
+  uint64_t words[5] = {};
+};
+
 #define WARP_CUDA_GRAPH_SYMBOLS(X)                                             \
   X(beginCapture, cuStreamBeginCapture_v2, (StreamHandle, int))                \
   X(endCapture, cuStreamEndCapture, (StreamHandle, GraphHandle *))             \
@@ -68,6 +96,24 @@ static_assert(sizeof(ConditionalNode) == 256);
     (StreamHandle, GraphHandle, const GraphNode *, const void *, size_t, int)) \
   X(createCondition, cuGraphConditionalHandleCreate,                           \
     (ConditionHandle *, GraphHandle, Context, unsigned, unsigned))             \
+  X(nodeType, cuGraphNodeGetType, (GraphNode, int *))                          \
+  X(nodeDependencies, cuGraphNodeGetDependencies,                              \
+    (GraphNode, GraphNode *, size_t *))                                        \
+  X(kernelParams, cuGraphKernelNodeGetParams_v2, (GraphNode, KernelNode *))    \
+  X(addKernel, cuGraphAddKernelNode_v2,                                        \
+    (GraphNode *, GraphHandle, const GraphNode *, size_t, const KernelNode *)) \
+  X(copyAttributes, cuGraphKernelNodeCopyAttributes, (GraphNode, GraphNode))   \
+  X(copyParams, cuGraphMemcpyNodeGetParams, (GraphNode, CopyNode *))           \
+  X(addCopy, cuGraphAddMemcpyNode,                                             \
+    (GraphNode *, GraphHandle, const GraphNode *, size_t, const CopyNode *,    \
+     Context))                                                                 \
+  X(fillParams, cuGraphMemsetNodeGetParams, (GraphNode, FillNode *))           \
+  X(addFill, cuGraphAddMemsetNode,                                             \
+    (GraphNode *, GraphHandle, const GraphNode *, size_t, const FillNode *,    \
+     Context))                                                                 \
+  X(childGraph, cuGraphChildGraphNodeGetGraph, (GraphNode, GraphHandle *))     \
+  X(addEmpty, cuGraphAddEmptyNode,                                             \
+    (GraphNode *, GraphHandle, const GraphNode *, size_t))                     \
   X(addNode, cuGraphAddNode,                                                   \
     (GraphNode *, GraphHandle, const GraphNode *, size_t, ConditionalNode *))
 

@@ -48,6 +48,7 @@ struct GraphOperation {
     EndBody = 13,
     /// What no file can hold; `constant` says what it is.
     Other = 14,
+    BuildTree = 15,
   };
 
   Kind kind = Kind::Other;
@@ -109,6 +110,12 @@ struct FindRuns {
   void *runNumbers;
   int32_t *runLengths, *runCount;
   int64_t count, size;
+};
+struct BuildTree {
+  const void *first, *second;
+  void *nodes, *blocks, *scale, *found;
+  int64_t points;
+  int32_t count, ofTriangles, alongCurve, refits;
 };
 struct Condition {
   const int32_t *value;

@@ -9,7 +9,7 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "DeviceState.h"
+#include "CudaKernels.h"
 #include "GraphDriver.h"
 #include "Sequences.h"
 #include "warp/Error.h"
@@ -36,11 +36,8 @@ static constexpr int radix = 1 << radixBits;
 /// What fits into a count with its two marks.
 static constexpr int64_t mostPairs = (int64_t(1) << 30) - 1;
 
-static int64_t ceilDivide(int64_t a, int64_t b) { return (a + b - 1) / b; }
-
-/// A kernel by its name; its file is loaded once per device, never unloaded.
-static cuda::Function kernelOf(int device, const char *code,
-                               const std::string &name) {
+cuda::Function warp::kernelOf(int device, const char *code,
+                              const std::string &name) {
   static std::mutex mutex;
   static auto *modules =
       new std::map<std::pair<int, const char *>, cuda::ModuleHandle>;
@@ -61,9 +58,7 @@ static cuda::Function kernelOf(int device, const char *code,
 template <typename... Args>
 static void launch(const QueuedWork &work, cuda::Function function,
                    int64_t blocks, int64_t rows, Args... args) {
-  void *arguments[] = {&args...};
-  WARP_CUDA(launchKernel, function, blocks, rows, 1, threads, 1, 1, 0,
-            work.stream(), arguments, nullptr);
+  launchKernel(work, function, blocks, rows, threads, args...);
 }
 
 //===----------------------------------------------------------------------===//
@@ -119,56 +114,66 @@ static uint64_t signOf(NumberType kind) {
   return uint64_t(1) << (8 * sizeOf(kind) - 1);
 }
 
-void warp::sortOnCuda(int device, const Pairs &pairs, int beginBit, int endBit,
+SortState::SortState(const Pairs &pairs, int beginBit, int endBit)
+    : pairs(pairs), beginBit(beginBit), endBit(endBit),
+      passes(int(ceilDivide(endBit - beginBit, radixBits))),
+      counts(int64_t(sizeOf(pairs.kind)) * radix) {
+  int64_t tile = threads * (sizeOf(pairs.kind) + pairs.valueSize > 8 ? 16 : 24);
+  tiles = ceilDivide(pairs.count, tile);
+}
+
+int64_t SortState::words() const {
+  return counts + sizeOf(pairs.kind) + passes * tiles * radix;
+}
+
+bool SortState::move(const QueuedWork &work, int device,
+                     uint32_t *state) const {
+  int keySize = sizeOf(pairs.kind);
+  // Kernels for 32 bits read the lower half.
+  uint64_t flip = signOf(pairs.kind);
+  std::string types = (isFloat(pairs.kind) ? "f" : "i") +
+                      std::to_string(8 * keySize) + "_" +
+                      std::to_string(8 * pairs.valueSize);
+  launch(work, kernelOf(device, warp_cuda_Sort_begin, "sort_starts"), passes, 1,
+         state);
+  auto *keys = static_cast<char *>(pairs.keys);
+  auto *values = static_cast<char *>(pairs.values);
+  char *otherKeys = keys + pairs.count * keySize;
+  char *otherValues = values + pairs.count * pairs.valueSize;
+  cuda::Function move =
+      kernelOf(device, warp_cuda_Sort_begin, "sort_move_" + types);
+  uint32_t *heads = state + counts, *published = heads + keySize;
+  for (int pass = 0; pass < passes; ++pass) {
+    int shift = beginBit + pass * radixBits;
+    launch(work, move, tiles, 1, keys, values, otherKeys, otherValues,
+           pairs.count, flip, shift, std::min(radixBits, endBit - shift),
+           state + pass * radix, heads + pass,
+           published + pass * tiles * radix);
+    std::swap(keys, otherKeys);
+    std::swap(values, otherValues);
+  }
+  return passes % 2 != 0;
+}
+
+bool warp::sortOnCuda(int device, const Pairs &pairs, int beginBit, int endBit,
                       const Stream *stream) {
   if (pairs.count > mostPairs)
     throw Error(Error::Kind::Value,
                 "a sort on CUDA takes at most " + std::to_string(mostPairs) +
                     " pairs, but got " + std::to_string(pairs.count));
-  int keySize = sizeOf(pairs.kind);
-  int64_t tile = threads * (keySize + pairs.valueSize > 8 ? 16 : 24);
-  int64_t tiles = ceilDivide(pairs.count, tile);
-  int passes = (endBit - beginBit + radixBits - 1) / radixBits;
-  // Counts of each pass and digit, then the next tile of each pass, then what
-  // each tile publishes.
-  int64_t counts = int64_t(keySize) * radix, heads = keySize;
-  int64_t words = counts + heads + passes * tiles * radix;
-  Buffer buffer(device, words * 4, false, stream);
+  SortState sort(pairs, beginBit, endBit);
+  Buffer buffer(device, sort.words() * 4, false, stream);
   auto *state = static_cast<uint32_t *>(buffer.data());
-  setMemory(state, device, 0, words * 4, stream);
+  setMemory(state, device, 0, buffer.size(), stream);
 
   QueuedWork work(device, stream);
-  // Kernels for 32 bits read the lower half.
-  uint64_t flip = signOf(pairs.kind);
+  int keySize = sizeOf(pairs.kind);
   std::string key =
       (isFloat(pairs.kind) ? "f" : "i") + std::to_string(8 * keySize);
-  std::string value = std::to_string(8 * pairs.valueSize);
-  auto kernel = [&](const std::string &name) {
-    return kernelOf(device, warp_cuda_Sort_begin, name);
-  };
   int64_t counters =
       std::min(mostCounters, ceilDivide(pairs.count, 4 * threads));
-  launch(work, kernel("sort_count_" + key), counters, 1, pairs.keys,
-         pairs.count, flip, beginBit, endBit, state);
-  launch(work, kernel("sort_starts"), passes, 1, state);
-
-  auto *keys = static_cast<char *>(pairs.keys);
-  auto *values = static_cast<char *>(pairs.values);
-  char *otherKeys = keys + pairs.count * keySize;
-  char *otherValues = values + pairs.count * pairs.valueSize;
-  cuda::Function move = kernel("sort_move_" + key + "_" + value);
-  for (int pass = 0; pass < passes; ++pass) {
-    int shift = beginBit + pass * radixBits;
-    launch(work, move, tiles, 1, keys, values, otherKeys, otherValues,
-           pairs.count, flip, shift, std::min(radixBits, endBit - shift),
-           state + pass * radix, state + counts + pass,
-           state + counts + heads + pass * tiles * radix);
-    std::swap(keys, otherKeys);
-    std::swap(values, otherValues);
-  }
-  if (passes % 2 == 0)
-    return;
-  copyMemory(otherKeys, device, keys, device, pairs.count * keySize, stream);
-  copyMemory(otherValues, device, values, device, pairs.count * pairs.valueSize,
-             stream);
+  launch(work, kernelOf(device, warp_cuda_Sort_begin, "sort_count_" + key),
+         counters, 1, pairs.keys, pairs.count, signOf(pairs.kind), beginBit,
+         endBit, state);
+  return sort.move(work, device, state);
 }

@@ -4,6 +4,8 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Sharing.h"
+
 #include "Gil.h"
 #include "Native.h"
 
@@ -75,7 +77,7 @@ static std::pair<int64_t, int64_t> extentOf(const ArrayDescriptor &array,
 
 /// Whether an address may belong to two elements of these arrays. Not exact:
 /// arrays whose elements interleave count as sharing.
-static bool sharesElements(const std::vector<py::object> &arrays) {
+bool python::sharesElements(const std::vector<py::object> &arrays) {
   std::vector<std::pair<int64_t, int64_t>> extents;
   for (const py::object &object : arrays) {
     if (!python::isArray(object.ptr()))

@@ -216,11 +216,14 @@ void bindBuilder(py::module_ &m) {
   bindModule(m);
   m.def(
       "add_native_code",
-      [](const std::string &symbol, const py::bytes &bitcode) {
-        addNativeCode(symbol, bitcode);
+      [](const std::string &symbol, const std::string &name,
+         const std::string &text, const std::string &place) {
+        addNativeCode(symbol, {name, text, place});
       },
-      py::arg("symbol"), py::arg("bitcode"),
-      "Makes bitcode that defines a function known to kernels.");
+      py::arg("symbol"), py::arg("name"), py::arg("text"), py::arg("place"),
+      "Makes a function in C++ known to kernels.");
+  m.def("native_compiler", &nativeCompiler, py::arg("gpu"));
+  m.def("set_nvrtc_folders", &setNvrtcFolders, py::arg("folders"));
   py::class_<Builder> builder(m, "Builder", "Builds the module of a kernel.");
   builder.def(py::init<const std::string &>())
       .def("set_location", &Builder::setLocation)

@@ -5,8 +5,8 @@
 //===----------------------------------------------------------------------===//
 
 #include "LaunchCall.h"
-
-#include "warp/RegionMap.h"
+#include "RegionFinder.h"
+#include "Versions.h"
 
 #include <pybind11/stl.h>
 
@@ -43,25 +43,12 @@ static py::list partsOf(const Region &region) {
 // Launches
 //===----------------------------------------------------------------------===//
 
-namespace {
-
-/// What a launch touches, by array.
-struct LaunchRegions {
-  std::vector<ArrayRegions> arrays;
-
-  Region touched(size_t array) const {
-    Region region = arrays.at(array).read;
-    for (const MemoryBlock &block : arrays.at(array).written.blocks)
-      region.add(block);
-    return region;
-  }
-  /// Pairs (written, other) of different arrays that meet.
-  std::vector<std::pair<size_t, size_t>> meetings() const;
-  /// Arrays of which no element is both read and written.
-  std::vector<bool> apart() const;
-};
-
-} // namespace
+Region LaunchRegions::touched(size_t array) const {
+  Region region = arrays.at(array).read;
+  for (const MemoryBlock &block : arrays.at(array).written.blocks)
+    region.add(block);
+  return region;
+}
 
 std::vector<std::pair<size_t, size_t>> LaunchRegions::meetings() const {
   std::vector<std::pair<size_t, size_t>> pairs;
@@ -81,23 +68,6 @@ std::vector<bool> LaunchRegions::apart() const {
                     !array.read.overlaps(array.written));
   return flags;
 }
-
-namespace {
-
-/// What launches of one kernel touch.
-class RegionFinder {
-public:
-  explicit RegionFinder(py::object object);
-  std::unique_ptr<LaunchRegions>
-  find(const py::object &dim, const py::object &values, int device) const;
-
-private:
-  py::object owner;
-  std::vector<Access> known;
-  RegionFormula formula;
-};
-
-} // namespace
 
 RegionFinder::RegionFinder(py::object object) : owner(std::move(object)) {
   if (Py_TYPE(owner.ptr()) != kernelType)
@@ -176,6 +146,8 @@ static void bindRegion(py::module_ &m) {
 
 void python::bindRegions(py::module_ &m) {
   bindRegion(m);
+  bindVersions(m);
+  bindRecords(m);
   py::class_<RegionFinder>(m, "RegionFinder", "What a kernel touches.")
       .def(py::init<py::object>(), py::arg("kernel"))
       .def("find", &RegionFinder::find, py::arg("dim"), py::arg("values"),

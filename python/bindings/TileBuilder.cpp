@@ -56,5 +56,6 @@ void bindTileBuilder(py::module_ &m) {
               const py::kwargs &options) {
              return b.endFunction(elements, toOptions(options));
            })
+      .def("add_barrier", &TileBuilder::addBarrier)
       .def("set_block_threads", &TileBuilder::setBlockThreads);
 }

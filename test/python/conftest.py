@@ -16,6 +16,7 @@ if "WARP_CACHE_PATH" not in os.environ:
     os.environ["WARP_CACHE_PATH"] = cache.name
 
 import warp as wp  # noqa: E402  (reads WARP_CACHE_PATH)
+from warp._src.kernels import native_code  # noqa: E402
 
 
 def has_cuda() -> bool:
@@ -27,6 +28,16 @@ def devices() -> list[str]:
     if chosen:
         return chosen.split(",")
     return ["cpu", "cuda:0"] if has_cuda() else ["cpu"]
+
+
+@pytest.fixture
+def native_device(device):
+    """The current device is `device`, for which native code can be compiled."""
+    gpu = device != "cpu"
+    if not native_code.compiler(gpu):
+        pytest.skip("no NVRTC" if gpu else "no Clang")
+    with wp.ScopedDevice(device):
+        yield device
 
 
 def pytest_generate_tests(metafunc):

@@ -310,6 +310,49 @@ TEST_F(CudaGraphs, GraphsInGraphs) {
   EXPECT_EQ(download(a.data(), 100), Numbers(100, 3));
 }
 
+// A loop with a branch inside, in a graph that is in a branch of another one.
+TEST_F(CudaGraphs, GraphsWithBranchesInGraphs) {
+  if (!supportsConditionalGraphs())
+    GTEST_SKIP() << "the driver has no conditional nodes";
+  Numbers start = {1, 1, 1, 0, 9};
+  Buffer list(0, 20), moved(0, 16), seen(0, 4), yes(0, 4);
+  set(seen, 0);
+  set(yes, 1);
+  auto inner = Capture::begin(0);
+  auto loop = inner->addCondition(numbersOf(list), false);
+  inner->beginBody(loop, true);
+  copyMemory(moved.data(), 0, numbersOf(list) + 1, 0, 16);
+  copyMemory(list.data(), 0, moved.data(), 0, 16);
+  inner->beginBody(inner->addCondition(numbersOf(list), true), false);
+  copyMemory(seen.data(), 0, numbersOf(list) + 1, 0, 4);
+  inner->endBody();
+  inner->updateCondition(loop, numbersOf(list), false);
+  inner->endBody();
+  std::shared_ptr<Graph> first = inner->end();
+  auto middle = Capture::begin(0);
+  middle->beginBody(middle->addCondition(numbersOf(yes), false), false);
+  first->launch();
+  middle->endBody();
+  std::shared_ptr<Graph> second = middle->end();
+  first.reset();
+  auto outer = Capture::begin(0);
+  second->launch();
+  copyMemory(numbersOf(list) + 4, 0, seen.data(), 0, 4);
+  std::shared_ptr<Graph> graph = outer->end();
+  second.reset();
+  for (int run = 0; run < 2; ++run) {
+    copyMemory(list.data(), 0, start.data(), cpuDevice, 20);
+    graph->launch();
+    EXPECT_EQ(download(list.data(), 5), (Numbers{0, 9, 9, 9, 9}));
+    EXPECT_EQ(download(seen.data(), 1), Numbers{9});
+    set(seen, 0);
+  }
+  set(yes, 0);
+  copyMemory(list.data(), 0, start.data(), cpuDevice, 20);
+  graph->launch();
+  EXPECT_EQ(download(list.data(), 5), (Numbers{1, 1, 1, 0, 0}));
+}
+
 TEST_F(CudaGraphs, GraphsOnOtherStreams) {
   Buffer a(0, 4);
   set(a, 0);

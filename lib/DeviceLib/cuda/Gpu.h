@@ -65,6 +65,14 @@ inline double fromBefore(double value, int distance) {
       double, fromBefore(__builtin_bit_cast(uint64_t, value), distance));
 }
 
+/// The value of the lane whose number differs by the bits of `mask`.
+inline uint32_t fromAcross(uint32_t value, int mask) {
+  return __nvvm_shfl_sync_bfly_i32(~0u, value, mask, 31);
+}
+inline float fromAcross(float value, int mask) {
+  return __nvvm_shfl_sync_bfly_f32(~0u, value, mask, 31);
+}
+
 /// The sum of the values of this lane and those before it.
 template <typename T> inline T sumOfLanes(T value) {
 #pragma unroll

@@ -17,7 +17,8 @@ namespace warp::tiles {
 
 /// All threads of a block do it together. Elements may be read by any of them.
 inline bool isCollective(mlir::Operation *op) {
-  return computesTiles(op) && !mlir::isa<TileGetOp>(op);
+  return mlir::isa<BarrierOp>(op) ||
+         (computesTiles(op) && !mlir::isa<TileGetOp>(op));
 }
 
 /// Values that may differ between the threads of a block.

@@ -288,6 +288,9 @@ LogicalResult BlockLoops::emitBlock(Block &block) {
   for (Operation &op : block.without_terminator()) {
     if (auto tid = dyn_cast<TidOp>(op)) {
       emitTid(tid);
+    } else if (isa<BarrierOp>(op)) {
+      // What they do before it ends with its loop.
+      emitRun();
     } else if (isCollective(&op) || isShared(&op)) {
       emitRun();
       if (failed(isCollective(&op) ? emitCollective(&op) : emitShared(&op)))

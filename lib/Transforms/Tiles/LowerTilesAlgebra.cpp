@@ -23,7 +23,7 @@ namespace warp::tiles {
 //===----------------------------------------------------------------------===//
 
 void TileLowering::lowerMatmul(TileMatmulOp op) {
-  if (threads == 1)
+  if (callsForTiles(kernel, threads))
     return callProduct(op);
   TileType type = tileType(op.getResult()), a = tileType(op.getA());
   Type out = type.getElementType();
@@ -59,7 +59,7 @@ void TileLowering::lowerMatmul(TileMatmulOp op) {
 /// Left-looking: column j from those before it. Every thread computes the
 /// diagonal; the rest of a column is shared.
 void TileLowering::lowerCholesky(TileCholeskyOp op) {
-  if (threads == 1)
+  if (callsForTiles(kernel, threads))
     return callCholesky(op);
   TileType type = tileType(op.getTile());
   int64_t n = type.getShape()[0];
@@ -103,7 +103,7 @@ void TileLowering::lowerCholesky(TileCholeskyOp op) {
 /// A row of the solution at a time, which is then subtracted from the others.
 void TileLowering::lowerSolve(TileSolveOp op) {
   begin(op, op.getRhs());
-  if (threads == 1)
+  if (callsForTiles(kernel, threads))
     return callSolve(op);
   TileType rhs = tileType(op.getRhs());
   int64_t n = rhs.getShape()[0];

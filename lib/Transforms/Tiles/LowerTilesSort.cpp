@@ -60,7 +60,7 @@ void TileLowering::lowerSort(TileSortOp op) {
   auto keyOf = [&](Value i) {
     return cast(toOrdered(element(op.getKeys(), unravel(i, shape))), ui64);
   };
-  if (threads == 1) {
+  if (callsForTiles(kernel, threads)) {
     Value keys = arrayAt(scratchOf(op), count, ui64);
     loop(count, [&](Value i) {
       StoreOp::create(b, loc, keyOf(i), keys, i);

@@ -62,7 +62,7 @@ int TileLowering::transform(std::array<Value, 2> memory, int64_t rows,
                             int64_t n, bool inverse) {
   auto type = cast<ArrayType>(memory[0].getType());
   Type pair = type.getElementType(), real = getElementScalar(pair);
-  if (threads == 1) {
+  if (callsForTiles(kernel, threads)) {
     callLibrary("warp_tile_fft", real,
                 {addressOf(memory[0]), addressOf(memory[0]),
                  addressOf(memory[1]), number(rows), number(n),
@@ -97,12 +97,13 @@ int TileLowering::transform(std::array<Value, 2> memory, int64_t rows,
 void TileLowering::lowerFftStages(TileFftOp op) {
   TileType type = tileType(op.getTile());
   int64_t n = type.getShape().back(), count = type.getNumElements();
-  int64_t room = threads == 1 ? 3 * n : count;
+  bool calls = callsForTiles(kernel, threads);
+  int64_t room = calls ? 3 * n : count;
   std::array<Value, 2> memory{
       memoryOf(op.getResult()),
       arrayAt(scratchOf(op), room, type.getElementType())};
   // After an odd number of stages the result is in the other memory.
-  bool swaps = threads > 1 && llvm::Log2_64(n) % 2;
+  bool swaps = !calls && llvm::Log2_64(n) % 2;
   if (swaps)
     std::swap(memory[0], memory[1]);
   if (swaps || !op->hasAttr(attr::inPlace)) {
@@ -142,7 +143,7 @@ void TileLowering::lowerFftChirps(TileFftOp op) {
     return twiddle(real, arith::TruncIOp::create(b, loc, i32, step), 2 * n,
                    inverse != conjugate);
   };
-  int64_t staged = (threads == 1 ? 3 : rows) * m;
+  int64_t staged = (callsForTiles(kernel, threads) ? 3 : rows) * m;
   Value work = arrayAt(offset, rows * m, pair);
   Value filter = arrayAt(offset + rows * bytes, m, pair);
   Value other = arrayAt(offset + (rows + 1) * bytes, staged, pair);

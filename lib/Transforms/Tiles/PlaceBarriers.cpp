@@ -6,6 +6,8 @@
 // memory by its bytes, arrays that may overlap as one. An operation waits if
 // another thread may have made one of two accesses to the same place, and one
 // of both writes.
+// An access that a thread makes by itself waits for those that the block made
+// together, and not for those of other threads.
 // Threads make an access of their own elements if the operation treats element
 // e in thread e mod B; two of those with equal tiles never meet.
 //
@@ -15,6 +17,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "BlockVariance.h"
 #include "TileScratch.h"
 
 #include "Analysis/ArrayOrigins.h"
@@ -42,13 +45,15 @@ struct Touch {
   int64_t owned;
   /// Of arrays, the one; null for any.
   Value array;
+  /// By all threads together, which orders what each does before and after it.
+  bool isShared = false;
 
   bool meets(const Touch &other, const ArrayOrigins &origins) const {
     if (!isWrite && !other.isWrite)
       return false;
     if (begin < 0 || other.begin < 0)
-      return begin == other.begin && (!array || !other.array ||
-                                      origins.mayAlias(array, other.array));
+      return begin == other.begin &&
+             (!array || !other.array || origins.mayAlias(array, other.array));
     if (end <= other.begin || other.end <= begin)
       return false;
     bool same = begin == other.begin && end == other.end;
@@ -98,20 +103,22 @@ private:
 
   Touches touchesOf(Operation *op) {
     Touches touches;
+    if (isInline(op))
+      return touches;
     // Sums of products lie otherwise among threads.
     bool takesSums = llvm::any_of(op->getOperands(), [&](Value operand) {
       return isTile(operand) && buffers.isHeld(operand) && !isStriped(operand);
     });
-    bool striped = !takesSums &&
-                   (readsOwnElements(op) ||
-                    isa<TileSplatOp, TileIotaOp, TileLoadOp>(op));
+    bool striped = !takesSums && (readsOwnElements(op) ||
+                                  isa<TileSplatOp, TileIotaOp, TileLoadOp>(op));
     auto ownedOf = [&](Value tile) {
       return striped ? tileType(tile).getNumElements() : 0;
     };
     if (computesTiles(op)) {
-      for (Value operand : op->getOperands())
-        if (isTile(operand))
-          readTile(touches, operand, ownedOf(operand));
+      for (OpOperand &use : op->getOpOperands())
+        if (isTile(use.get()))
+          readTile(touches, use.get(),
+                   readsOwnElements(use) ? ownedOf(use.get()) : 0);
       for (Value result : op->getResults())
         if (isTile(result) && !result.use_empty())
           touchTile(touches, result, true, ownedOf(result));
@@ -128,7 +135,21 @@ private:
       touchArray(touches, access.getArray(), access.mayWrite());
     else if (!isMemoryEffectFree(op) && op->getNumRegions() == 0)
       touchArray(touches, Value(), /*isWrite=*/true);
+    for (Touch &touch : touches)
+      touch.isShared = isCollective(op);
     return touches;
+  }
+
+  /// Whether one of these accesses has to come after an earlier one. What a
+  /// thread does by itself is ordered with what the block does, and not with
+  /// what another thread does.
+  bool meetsPending(ArrayRef<Touch> touches, bool isPrivate) const {
+    return llvm::any_of(touches, [&](const Touch &touch) {
+      return llvm::any_of(pending, [&](const Touch &earlier) {
+        return (!isPrivate || earlier.isShared) &&
+               touch.meets(earlier, origins);
+      });
+    });
   }
 
   void waitBefore(Operation *op) {
@@ -137,42 +158,35 @@ private:
     pending.clear();
   }
 
-  static bool isBlockWide(Operation *op) {
-    return computesTiles(op) && !isa<TileGetOp>(op);
-  }
-
   void place(Operation *op) {
+    if (isa<BarrierOp>(op))
+      return pending.clear();
     if (isInline(op) || op->hasTrait<OpTrait::IsTerminator>())
       return;
     if (op->getNumRegions() != 0 && !isa<TileMapOp, TileFoldOp>(op))
       return placeRegions(op);
     Touches touches = touchesOf(op);
-    // Only what is collective can wait; others are looked at by what follows.
-    bool meets = llvm::any_of(touches, [&](const Touch &touch) {
-      return llvm::any_of(pending, [&](const Touch &earlier) {
-        return touch.meets(earlier, origins);
-      });
-    });
-    bool isPrivate = isa<warp::LoadOp, warp::StoreOp, warp::AtomicOp>(op);
-    if (meets && !isPrivate)
+    if (meetsPending(touches, isa<AccessOp>(op)))
       waitBefore(op);
     llvm::append_range(pending, touches);
   }
 
   void placeRegions(Operation *op) {
     bool isShared = false;
-    op->walk([&](Operation *nested) { isShared |= isBlockWide(nested); });
+    op->walk([&](Operation *nested) { isShared |= isCollective(nested); });
     if (!isShared) {
       // Element reads and writes of each thread for itself.
+      Touches touches;
       bool reads = false;
-      op->walk([&](Operation *nested) { reads |= isa<TileGetOp>(nested); });
-      if (reads)
-        waitBefore(op);
       op->walk([&](Operation *nested) {
+        reads |= isa<TileGetOp>(nested);
         if (nested->getNumRegions() == 0 &&
             !nested->hasTrait<OpTrait::IsTerminator>())
-          llvm::append_range(pending, touchesOf(nested));
+          llvm::append_range(touches, touchesOf(nested));
       });
+      if (reads || meetsPending(touches, /*isPrivate=*/true))
+        waitBefore(op);
+      llvm::append_range(pending, touches);
       return;
     }
     waitBefore(op);

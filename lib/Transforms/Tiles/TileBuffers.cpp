@@ -19,9 +19,9 @@ int64_t getBlockThreads(Operation *kernel) {
   return threads ? threads.getInt() : 0;
 }
 
-LogicalResult forTileKernel(
-    ModuleOp module,
-    function_ref<LogicalResult(FunctionOpInterface, int64_t)> work) {
+LogicalResult
+forTileKernel(ModuleOp module,
+              function_ref<LogicalResult(FunctionOpInterface, int64_t)> work) {
   FunctionOpInterface kernel = findKernel(module);
   if (!kernel)
     return failure();
@@ -44,6 +44,20 @@ bool readsOwnElements(Operation *op) {
   if (auto reduce = dyn_cast<TileArgReduceOp>(op))
     return !reduce.getAxis();
   return isa<TileMapOp, TileStoreOp, TileAtomicOp>(op);
+}
+
+bool readsOwnElements(OpOperand &use) {
+  Operation *op = use.getOwner();
+  if (isa<TileStoreOp, TileAtomicOp>(op) && use.getOperandNumber() != 0)
+    return tileType(op->getOperand(0)).getRank() == 1;
+  return readsOwnElements(op);
+}
+
+bool callsForTiles(Operation *op, int64_t threads) {
+  auto kernel = dyn_cast<FunctionOpInterface>(op);
+  if (!kernel)
+    kernel = op->getParentOfType<FunctionOpInterface>();
+  return threads == 1 && !isGpu(kernel);
 }
 
 bool isView(Operation *op) {
@@ -92,8 +106,8 @@ bool isStriped(Value tile) {
 
 std::optional<int64_t> getPitch(Value tile) {
   Operation *def = tile.getDefiningOp();
-  auto pitch = def ? def->getAttrOfType<IntegerAttr>(attr::pitch)
-                   : IntegerAttr();
+  auto pitch =
+      def ? def->getAttrOfType<IntegerAttr>(attr::pitch) : IntegerAttr();
   return pitch ? std::optional(pitch.getInt()) : std::nullopt;
 }
 
@@ -102,8 +116,7 @@ int64_t getStagedBytes(Value tile) {
   std::optional<int64_t> pitch = getPitch(tile);
   if (!pitch)
     return getTileBytes(type);
-  auto stages =
-      tile.getDefiningOp()->getAttrOfType<IntegerAttr>(attr::stages);
+  auto stages = tile.getDefiningOp()->getAttrOfType<IntegerAttr>(attr::stages);
   return (stages ? stages.getInt() : 1) * type.getShape()[0] * *pitch *
          getByteSize(type.getElementType());
 }
@@ -165,9 +178,8 @@ void TileBuffers::readOffsets(Operation *op) {
 
 Value TileBuffers::rootOf(Value tile) const {
   auto leader = classes.findLeader(tile.getAsOpaquePointer());
-  return leader == classes.member_end()
-             ? tile
-             : Value::getFromOpaquePointer(*leader);
+  return leader == classes.member_end() ? tile
+                                        : Value::getFromOpaquePointer(*leader);
 }
 
 void TileBuffers::tie(Value a, Value b) {

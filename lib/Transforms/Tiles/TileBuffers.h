@@ -63,11 +63,17 @@ inline bool isTile(mlir::Value value) {
 bool isInline(mlir::Operation *op);
 /// Each thread reads its elements of a tile, e, e + B, ..., once.
 bool readsOwnElements(mlir::Operation *op);
+/// Whether that operand is read so: what picks rows of an array is read by all
+/// threads that have elements of the row.
+bool readsOwnElements(mlir::OpOperand &use);
 /// An operation whose elements are elements of its first operand.
 bool isView(mlir::Operation *op);
 /// Operations that read the memory of a tile, also through views and tiles that
 /// are computed where they are used.
 llvm::SetVector<mlir::Operation *> getReaders(mlir::Value tile);
+/// Whether the kernel, or that of an operation, calls functions of the device
+/// library for whole tiles: on a CPU, where a block is one thread.
+bool callsForTiles(mlir::Operation *op, int64_t threads);
 int64_t getTileBytes(TileType type);
 /// Where each component of what a thread has is in a tile whose last index is
 /// the thread's: all indices but that one.

@@ -78,19 +78,26 @@ bool TileInlining::mayWrite(Operation *op, Value array) const {
   return result.wasInterrupted();
 }
 
+/// Whether each thread computes the elements that it treats, where `op` is
+/// used.
+static bool isOwn(Operation *op, Operation *user) {
+  return llvm::all_of(user->getOpOperands(), [&](OpOperand &use) {
+    return use.get().getDefiningOp() != op || readsOwnElements(use);
+  });
+}
+
 /// Whether nothing that `op` loads changes until it is used.
 bool TileInlining::isUnchangedUntil(Operation *op, Operation *user) const {
   SmallVector<std::pair<TileLoadOp, bool>> loads;
-  collectLoads(op, true, loads);
-  for (auto [load, isOwn] : loads) {
+  collectLoads(op, isOwn(op, user), loads);
+  for (auto [load, loadsOwn] : loads) {
     for (Operation *next = op->getNextNode(); next && next != user;
          next = next->getNextNode())
       if (mayWrite(next, load.getArray()))
         return false;
     // The use writes elements that are yet to be loaded, but for the same ones.
-    bool isSame = isOwn && isa<TileStoreOp>(user) &&
-                  user->getOperand(1) == load.getArray() &&
-                  !load.getPicked() &&
+    bool isSame = loadsOwn && isa<TileStoreOp>(user) &&
+                  user->getOperand(1) == load.getArray() && !load.getPicked() &&
                   llvm::equal(llvm::drop_begin(user->getOperands(), 2),
                               llvm::drop_begin(load->getOperands(), 1));
     if (!isSame && mayWrite(user, load.getArray()))
@@ -108,7 +115,7 @@ bool TileInlining::fits(Operation *op, Operation *user, bool isCheap) const {
       (!isCheap && !readsOnce(user)))
     return false;
   // A part that is inserted is read with the indices of the part.
-  if (!readsOwnElements(user) && !isThreadIndependent(op))
+  if (!isOwn(op, user) && !isThreadIndependent(op))
     return false;
   if (isa<TileInsertOp>(user) && user->getOperand(0) != op->getResult(0))
     return isCheap;

@@ -65,7 +65,7 @@ static int64_t getChirpBytes(TileFftOp op, int64_t threads) {
   TileType type = tileType(op.getTile());
   int64_t length = getFftLength(op, FftMethod::Chirps);
   int64_t rows = type.getNumElements() / type.getShape().back();
-  int64_t staged = threads == 1 ? 3 : rows;
+  int64_t staged = callsForTiles(op, threads) ? 3 : rows;
   return (rows + 1 + staged) * length * getByteSize(type.getElementType());
 }
 
@@ -73,7 +73,8 @@ FftMethod getFftMethod(TileFftOp op, int64_t threads) {
   int64_t n = tileType(op.getTile()).getShape().back();
   if (llvm::isPowerOf2_64(n))
     return FftMethod::Stages;
-  bool fits = threads == 1 || getChirpBytes(op, threads) <= mostChirpBytes;
+  bool fits = callsForTiles(op, threads) ||
+              getChirpBytes(op, threads) <= mostChirpBytes;
   return n > longestSums && fits ? FftMethod::Chirps : FftMethod::Sums;
 }
 
@@ -83,7 +84,7 @@ static int64_t getFftBytes(TileFftOp op, int64_t threads) {
   case FftMethod::Chirps:
     return getChirpBytes(op, threads);
   case FftMethod::Stages:
-    if (threads == 1)
+    if (callsForTiles(op, threads))
       return 3 * type.getShape().back() * getByteSize(type.getElementType());
     return getTileBytes(type);
   case FftMethod::Sums:
@@ -108,9 +109,10 @@ int64_t getScratchBytes(Operation *op, int64_t threads) {
   if (auto sort = dyn_cast<TileSortOp>(op)) {
     // Keys of 8 bytes and positions of 4; merging goes to a second memory.
     int64_t count = tileType(sort.getKeys()).getNumElements();
-    return threads == 1 ? 20 * count : 12 * getSortedElements(sort);
+    return callsForTiles(op, threads) ? 20 * count
+                                      : 12 * getSortedElements(sort);
   }
-  if (threads == 1) {
+  if (callsForTiles(op, threads)) {
     if (auto product = dyn_cast<TileMatmulOp>(op))
       return ProductOperands(product).bytes;
     if (auto factor = dyn_cast<TileCholeskyOp>(op)) {
@@ -124,6 +126,8 @@ int64_t getScratchBytes(Operation *op, int64_t threads) {
       return getStrided(solve.getMatrix()) ? 0 : bytesOf(solve.getMatrix());
     return 0;
   }
+  if (threads == 1)
+    return 0;
   // One value per thread, and for positions of extrema another one.
   if (isa<TileReduceOp, TileArgReduceOp, TileScanOp, TileFoldOp>(op)) {
     Type element = tileType(op->getOperand(0)).getElementType();

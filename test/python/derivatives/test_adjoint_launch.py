@@ -137,35 +137,6 @@ def test_written_overlap(device):
     assert x.grad.numpy().tolist() == [1, 0, 5, 0, 9, 0, 13, 0, 1]
 
 
-@pytest.mark.parametrize("dtype", [wp.float16, wp.bfloat16])
-def test_narrow_elements(device, dtype):
-    """The gradient of 16 bits has 32: 1e-4 times 2e-4 is below what half precision holds."""
-
-    @wp.kernel
-    def scaled(x: wp.array(dtype=dtype), y: wp.array(dtype=dtype)):
-        i = wp.tid()
-        y[i] = dtype(1e-4) * x[i] * x[i]
-
-    x = wp.full(3, 1e-4, dtype=dtype, device=device, requires_grad=True)
-    y = wp.zeros(3, dtype=dtype, device=device, requires_grad=True, grad_dtype=wp.float32)
-    assert x.grad.dtype is wp.float32 and x.grad.strides == (4,)
-    y.grad.fill_(1.0)
-    wp.launch(scaled, 3, [x], [y], device=device, adjoint=True)
-    assert np.allclose(x.grad.numpy(), 2e-8, rtol=0.02)
-    half = x[::2]
-    assert half.grad.strides == (8,) and half.strides == (4,)
-
-
-def test_gradient_types():
-    vectors = wp.zeros(2, dtype=wp.types.vector(3, wp.float16), device="cpu", requires_grad=True)
-    assert vectors.grad.dtype is wp.vec3
-    assert vectors.view(wp.float16).grad.shape == (2, 3)
-    assert vectors.view(wp.float16).grad.dtype is wp.float32
-    with pytest.raises(TypeError, match="expects 'float32' as `grad_dtype`.*'float16', but got"):
-        wp.zeros(2, dtype=wp.float16, device="cpu", grad_dtype=wp.float16)
-    wp.zeros(2, dtype=wp.vec3, device="cpu", grad_dtype=wp.float32)
-
-
 def test_gradients_that_do_not_fit():
     x = wp.zeros((3, 2), device="cpu")
     with pytest.raises(ValueError, match=r"of shape \(3, 2\), but got shape \(2, 3\)"):
@@ -176,7 +147,7 @@ def test_gradients_that_do_not_fit():
         x.grad = wp.zeros((2, 3), device="cpu").transpose()
     with pytest.raises(ValueError, match="expects an array as the gradient.*but got 'float'"):
         x.grad = 1.0
-    with pytest.raises(ValueError, match="gradient of 'float32' for an array of 'float16'"):
+    with pytest.raises(ValueError, match="gradient of 'float16' or 'float32' for an array"):
         wp.zeros(3, dtype=wp.float16, device="cpu").grad = wp.zeros(3, wp.float64, "cpu")
 
 

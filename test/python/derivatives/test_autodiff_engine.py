@@ -398,7 +398,8 @@ def test_products_that_vanish_in_half():
         t = wp.float16(1e-4) * x[i]
         y[i] = t * x[i] if x[i] > wp.float16(0.0) else x[i]
 
-    x = wp.array([1e-4, -1.0], dtype=wp.float16, device="cpu", requires_grad=True)
+    wide = {"requires_grad": True, "grad_dtype": wp.float32}
+    x = wp.array([1e-4, -1.0], dtype=wp.float16, device="cpu", **wide)
     y = wp.zeros(2, dtype=wp.float16, device="cpu", requires_grad=True)
     y.grad.fill_(1.0)
     wp.launch(k, 2, [x, y], device="cpu", adjoint=True)

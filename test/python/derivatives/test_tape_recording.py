@@ -84,7 +84,7 @@ def test_seeds_of_narrow_arrays(device):
     for dtype in (wp.float16, wp.float32):
         tape.zero()
         tape.backward(grads={y: wp.ones(2, dtype=dtype, device=device)})
-        assert x.grad.dtype is wp.float32 and np.array_equal(x.grad.numpy(), [2, 4])
+        assert x.grad.dtype is wp.float16 and np.array_equal(x.grad.numpy(), [2, 4])
     with pytest.raises(TypeError, match="'float64'"):
         tape.backward(grads={y: wp.ones(2, dtype=wp.float64, device=device)})
 
@@ -97,8 +97,8 @@ def test_gradients_of_narrow_arrays_are_set_with_either_width(device):
         tape.zero()
         y.grad = wp.full(2, 1.5, dtype=dtype, device=device)
         tape.backward()
-        assert x.grad.dtype is wp.float32 and np.array_equal(x.grad.numpy(), [3, 6])
-    with pytest.raises(ValueError, match="expects a gradient of 'float32' for an array of"):
+        assert x.grad.dtype is wp.float16 and np.array_equal(x.grad.numpy(), [3, 6])
+    with pytest.raises(ValueError, match="expects a gradient of 'float16' or 'float32' for"):
         y.grad = wp.ones(2, dtype=wp.float64, device=device)
 
 
@@ -125,12 +125,11 @@ def test_launches_on_other_streams():
 
 def test_memory_that_nobody_wants_is_forgotten():
     memory = Memory(copy_elements)
-    memory.limit = 8
     arrays = [wp.zeros(3, dtype=float, device="cpu") for _ in range(40)]
     kept = [memory.observe(one) for one in arrays[:3]]
     for one in arrays[3:]:
         memory.observe(one)
-    assert len(memory.regions) < 40
+    assert len(memory) == 3
     memory.writing(arrays[1][1:], type("Writer", (), {"event": "write"}))
     assert [version.ended for version in kept] == [None, "write", None]
 

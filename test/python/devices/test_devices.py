@@ -1,10 +1,12 @@
 """Devices, scopes, timers."""
 
+import threading
 import time
 
 import pytest
 
 import warp as wp
+from warp._src.devices import devices
 
 
 def test_cpu_is_always_there():
@@ -117,3 +119,27 @@ def test_streams_and_events():
         assert nothing is None
     wp.wait_stream(stream)
     wp.wait_event(end)
+
+
+def test_a_default_device_of_one_thread(device):
+    """Other threads keep that of the process, also where they set it meanwhile."""
+    process, found = wp.get_device(), []
+
+    def other():
+        found.append(wp.get_device())
+        with wp.ScopedDevice("cpu"):
+            found.append(wp.zeros(1).device)
+        found.append(wp.zeros(1).device)
+
+    with devices.OwnDefault(wp.get_device(device)):
+        thread = threading.Thread(target=other)
+        thread.start()
+        thread.join()
+        assert wp.get_device() is wp.zeros(1).device is wp.get_device(device)
+        with wp.ScopedDevice("cpu"):
+            assert wp.zeros(1).device.is_cpu
+        assert wp.zeros(1).device is wp.get_device(device)
+        if str(device).startswith("cuda"):
+            assert wp.get_device("cuda") is wp.get_device(device)
+    assert found == [process, wp.get_device("cpu"), process]
+    assert wp.get_device() is wp.zeros(1).device is process

@@ -283,6 +283,40 @@ def test_loops_nest(device):
     assert (x.numpy() == 112.0).all()
 
 
+def test_loops_and_branches_of_graphs_in_graphs(device):
+    if device != "cpu" and not wp.is_conditional_graph_supported():
+        pytest.skip("the driver has no conditional nodes")
+    left, runs = wp.zeros(1, dtype=int, device=device), wp.zeros(1, dtype=int, device=device)
+    x, y = wp.zeros(4, device=device), wp.zeros(4, device=device)
+
+    def body():
+        wp.launch(add, 4, [x, 1.0], device=device)
+        wp.launch(count_down, 1, [left], device=device)
+        wp.capture_if(left, on_false=lambda: wp.copy(y, x))
+
+    with wp.ScopedCapture(device) as inner:
+        left.fill_(3)
+        wp.capture_while(left, body)
+        wp.launch(add, 4, [x, 10.0], device=device)
+
+    def twice():
+        wp.capture_launch(inner.graph)
+        wp.capture_launch(inner.graph)
+        wp.launch(count_down, 1, [runs], device=device)
+
+    with wp.ScopedCapture(device) as middle:
+        runs.fill_(2)
+        wp.capture_while(runs, twice)
+    with wp.ScopedCapture(device) as outer:
+        x.fill_(0.5)
+        wp.capture_launch(middle.graph)
+        wp.launch(add, 4, [y, 0.25], device=device)
+    del inner, middle
+    for _ in range(2):
+        wp.capture_launch(outer.graph)
+        assert (x.numpy() == 52.5).all() and (y.numpy() == 42.75).all()
+
+
 def test_graphs_as_bodies(device):
     if device != "cpu" and not wp.is_conditional_graph_supported():
         pytest.skip("the driver has no conditional nodes")

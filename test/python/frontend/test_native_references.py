@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 import warp as wp
-from warp._src.kernels import native_code
 
-pytestmark = pytest.mark.skipif(native_code.compiler() is None, reason="no Clang")
+pytestmark = pytest.mark.usefixtures("native_device")
 
 
 @wp.func_native("if (x < 0) return false; high = x * y; y += 1; return true;")
@@ -65,10 +64,10 @@ def adds(pairs: wp.array[Pair], x: wp.array2d[int], y: wp.array[int]):
 def test_results_and_references():
     x = np.array([3, -2, 100000, 7, -1], np.int32)
     y = np.array([4, 5, 100, 6, 8], np.int32)
-    given = wp.array(y, device="cpu")
-    high = wp.zeros(5, dtype=wp.int64, device="cpu")
-    ok = wp.zeros(5, dtype=bool, device="cpu")
-    wp.launch(splits, 5, [wp.array(x, device="cpu"), given, high, ok], device="cpu")
+    given = wp.array(y)
+    high = wp.zeros(5, dtype=wp.int64)
+    ok = wp.zeros(5, dtype=bool)
+    wp.launch(splits, 5, [wp.array(x), given, high, ok])
     kept = x >= 0
     np.testing.assert_array_equal(ok.numpy(), kept)
     np.testing.assert_array_equal(given.numpy(), np.where(kept, y + 1, y))
@@ -78,12 +77,12 @@ def test_results_and_references():
 @pytest.mark.parametrize("n", [1, 3])
 def test_adjoints_of_results_and_references(n):
     a, b = np.array([1.5, -2.0, 0.25]), np.array([4.0, 0.5, -3.0])
-    given = [wp.array(v, device="cpu", requires_grad=True) for v in (a, b)]
-    y = wp.zeros(3, dtype=wp.float64, device="cpu", requires_grad=True)
+    given = [wp.array(v, requires_grad=True) for v in (a, b)]
+    y = wp.zeros(3, dtype=wp.float64, requires_grad=True)
     with wp.Tape() as tape:
-        wp.launch(uses_products, 3, [*given, y, n], device="cpu")
+        wp.launch(uses_products, 3, [*given, y, n])
     np.testing.assert_allclose(y.numpy(), n * (a + b) * a * a * b, rtol=1e-15)
-    tape.backward(grads={y: wp.array(np.ones(3), device="cpu")})
+    tape.backward(grads={y: wp.array(np.ones(3))})
     np.testing.assert_allclose(
         given[0].grad.numpy(), n * (a * a * b + (a + b) * 2 * a * b), rtol=1e-14
     )
@@ -91,10 +90,10 @@ def test_adjoints_of_results_and_references(n):
 
 
 def test_addresses_of_numbers():
-    pairs = wp.zeros(3, dtype=Pair, device="cpu")
-    x = wp.array(np.arange(6).reshape(3, 2), dtype=int, device="cpu")
-    y = wp.zeros(3, dtype=int, device="cpu")
-    wp.launch(adds, 3, [pairs, x, y], device="cpu")
+    pairs = wp.zeros(3, dtype=Pair)
+    x = wp.array(np.arange(6).reshape(3, 2), dtype=int)
+    y = wp.zeros(3, dtype=int)
+    wp.launch(adds, 3, [pairs, x, y])
     np.testing.assert_array_equal(y.numpy(), [10, 11, 12])
     np.testing.assert_array_equal(x.numpy(), [[0, 31], [2, 33], [4, 35]])
     found = pairs.numpy()
@@ -103,8 +102,8 @@ def test_addresses_of_numbers():
 
 
 def refused(kernel, *arguments):
-    with pytest.raises(wp.WarpCodegenError) as problem:
-        wp.launch(kernel, 1, arguments, device="cpu")
+    with pytest.raises(wp.WarpError) as problem:
+        wp.launch(kernel, 1, arguments)
     return str(problem.value)
 
 
@@ -118,7 +117,7 @@ def test_what_has_no_address():
     def sum_of_two(y: wp.array[int]):
         add_at(wp.address_of(y[0] + y[0]), 1)
 
-    y = wp.zeros(1, dtype=int, device="cpu")
+    y = wp.zeros(1, dtype=int)
     assert "`n = wp.int32(3)`" in refused(constant, y)
     assert "addresses of numbers in variables" in refused(sum_of_two, y)
 
@@ -131,9 +130,9 @@ def test_without_an_adjoint_there_is_no_gradient():
     def increases(x: wp.array[float]):
         increase(x[wp.tid()])
 
-    x = wp.zeros(2, dtype=float, device="cpu", requires_grad=True)
+    x = wp.zeros(2, dtype=float, requires_grad=True)
     with wp.Tape() as tape:
-        wp.launch(increases, 2, [x], device="cpu")
+        wp.launch(increases, 2, [x])
     np.testing.assert_array_equal(x.numpy(), [1.0, 1.0])
     with pytest.raises(RuntimeError):
         tape.backward(grads={x: wp.ones_like(x)})
@@ -154,6 +153,6 @@ def test_other_types_and_words_of_clang():
     def breaks(y: wp.array[float]):
         broken(y[0])
 
-    assert "'x' is no number" in refused(stores, wp.zeros(1, dtype=wp.vec3, device="cpu"))
-    message = refused(breaks, wp.zeros(1, dtype=float, device="cpu"))
+    assert "'x' is no number" in refused(stores, wp.zeros(1, dtype=wp.vec3))
+    message = refused(breaks, wp.zeros(1, dtype=float))
     assert "not_there" in message and "test_native_references.py" in message

@@ -5,19 +5,9 @@ import pytest
 
 import warp as wp
 from solid_angles import exact_winding
-from warp._src.geometry import bvh, mesh
+from warp._src.geometry.device.refit import Refit, slot_of
 
-
-@pytest.fixture
-def by_kernels(device, monkeypatch):
-    """On a CPU, too, kernels build what is neither "sah" nor in groups."""
-
-    def there(_device, constructor, groups):
-        return constructor != "sah" and groups is None
-
-    monkeypatch.setattr(bvh, "builds_on_device", there)
-    monkeypatch.setattr(mesh, "builds_on_device", there)
-    return device
+GPU = "cuda:0"
 
 
 @wp.kernel
@@ -55,14 +45,15 @@ def soup(n, seed=0):
     return points.reshape(-1, 3).astype(np.float32)
 
 
+@pytest.mark.cuda
 @pytest.mark.parametrize("constructor", [None, "lbvh", "median"])
-@pytest.mark.parametrize("n", [0, 1, 8, 9, 65, 700, 4200])
-def test_kernels_build_what_finds_the_same(by_kernels, constructor, n):
+@pytest.mark.parametrize("n", [0, 1, 8, 9, 65, 700, 4200, 70000])
+def test_kernels_build_what_finds_the_same(constructor, n):
     points = soup(n)
     if n > 100:
         points[31], points[50, 1] = np.nan, np.inf
-    x = wp.array(points, dtype=wp.vec3, device=by_kernels)
-    indices = wp.array(np.arange(3 * n), dtype=int, device=by_kernels)
+    x = wp.array(points, dtype=wp.vec3, device=GPU)
+    indices = wp.array(np.arange(3 * n), dtype=int, device=GPU)
     made = wp.Mesh(x, indices, bvh_constructor=constructor)
     wanted = wp.Mesh(x, indices, bvh_constructor="sah")
     p = np.random.default_rng(1).uniform(-1.5, 1.5, (500, 3)).astype(np.float32)
@@ -88,50 +79,65 @@ def overlapping(of: wp.uint64, p: wp.array(dtype=wp.vec3), found: wp.array2d(dty
         found[i, box] += 1
 
 
+@pytest.mark.cuda
 @pytest.mark.parametrize("constructor", [None, "lbvh"])
 @pytest.mark.parametrize("n", [0, 1, 70, 1500])
-def test_boxes_are_found_once_each(by_kernels, constructor, n):
+def test_boxes_are_found_once_each(constructor, n):
     rng = np.random.default_rng(4)
     low = rng.uniform(-1, 1, (n, 3)).astype(np.float32)
     high = low + rng.uniform(0, 0.2, (n, 3)).astype(np.float32)
     if n > 10:
         low[3], high[4, 1] = np.nan, -9
-    corners = [wp.array(one, dtype=wp.vec3, device=by_kernels) for one in (low, high)]
+    corners = [wp.array(one, dtype=wp.vec3, device=GPU) for one in (low, high)]
     made = wp.Bvh(*corners, constructor=constructor)
     p = rng.uniform(-1, 1, (40, 3)).astype(np.float32)
-    x = wp.array(p, dtype=wp.vec3, device=by_kernels)
-    found = wp.zeros((40, max(n, 1)), dtype=int, device=by_kernels)
-    wp.launch(overlapping, 40, inputs=[made.id, x, found], device=by_kernels)
+    x = wp.array(p, dtype=wp.vec3, device=GPU)
+    found = wp.zeros((40, max(n, 1)), dtype=int, device=GPU)
+    wp.launch(overlapping, 40, inputs=[made.id, x, found], device=GPU)
     far = p[:, None] + np.float32(0.2)
     wanted = ((low <= far) & (high >= p[:, None]) & (low <= high)).all(2)
     assert (found.numpy()[:, :n] == wanted).all()
     assert made.report.skipped == (2 if n > 10 else 0)
 
 
-def test_an_index_out_of_range_names_the_face(by_kernels):
-    x = wp.zeros(3, dtype=wp.vec3, device=by_kernels)
-    indices = wp.array([0, 1, 2, 0, 7, -1], dtype=int, device=by_kernels)
+@pytest.mark.cuda
+def test_an_index_out_of_range_names_the_face():
+    x = wp.zeros(3, dtype=wp.vec3, device=GPU)
+    indices = wp.array([0, 1, 2, 0, 7, -1], dtype=int, device=GPU)
     with pytest.raises(RuntimeError, match="face 1 has the index 7, but there are 3 points"):
         wp.Mesh(x, indices)
 
 
-def test_tiny_and_huge_meshes_are_searched(by_kernels):
+@pytest.mark.cuda
+def test_tiny_and_huge_meshes_are_searched():
     for scale in (1e-20, 1e18):
-        points = wp.array(soup(300) * np.float32(scale), dtype=wp.vec3, device=by_kernels)
-        indices = wp.array(np.arange(900), dtype=int, device=by_kernels)
+        points = wp.array(soup(300) * np.float32(scale), dtype=wp.vec3, device=GPU)
+        indices = wp.array(np.arange(900), dtype=int, device=GPU)
         p = np.random.default_rng(2).uniform(-1, 1, (100, 3)).astype(np.float32) * np.float32(scale)
         one, other = (wp.Mesh(points, indices, bvh_constructor=c) for c in (None, "sah"))
         assert (answers(one, p) == answers(other, p)).all()
 
 
+def test_kernels_refit_what_the_host_built(device):
+    points = soup(700)
+    x = wp.array(points, dtype=wp.vec3, device=device)
+    faces = wp.array(np.arange(2100), dtype=int, device=device)
+    made, wanted = (wp.Mesh(x, faces, bvh_constructor="sah") for _ in range(2))
+    x.assign(np.roll(points, 3, 0) * np.float32(0.9))
+    wanted.rebuild()
+    Refit(made._native.view, wp.get_device(device), True, slot_of(made.id, device)).run(x, faces)
+    p = np.random.default_rng(1).uniform(-1.5, 1.5, (500, 3)).astype(np.float32)
+    assert (answers(made, p) == answers(wanted, p)).all()
+
+
 @pytest.mark.cuda
 @pytest.mark.parametrize("constructor", [None, "lbvh"])
 def test_a_graph_builds(constructor):
-    x = wp.array(soup(3000), dtype=wp.vec3, device="cuda:0")
-    indices = wp.array(np.arange(9000), dtype=int, device="cuda:0")
+    x = wp.array(soup(3000), dtype=wp.vec3, device=GPU)
+    indices = wp.array(np.arange(9000), dtype=int, device=GPU)
     made = wp.Mesh(x, indices, bvh_constructor=constructor)
     made.rebuild()
-    with wp.ScopedCapture(device="cuda:0") as capture:
+    with wp.ScopedCapture(device=GPU) as capture:
         made.rebuild()
     x.assign(soup(3000, seed=5) * np.float32(3))
     wp.capture_launch(capture.graph)
@@ -168,12 +174,13 @@ def check_winding(mesh, points, p):
     assert (sides(mesh, p, winding + 1e-3) == 1).all()
 
 
+@pytest.mark.cuda
 @pytest.mark.parametrize("constructor", [None, "lbvh"])
 @pytest.mark.parametrize("n", [1, 70, 900])
-def test_winding_numbers_of_what_kernels_build_and_refit(by_kernels, constructor, n):
+def test_winding_numbers_of_what_kernels_build_and_refit(constructor, n):
     points = soup(n)
-    x = wp.array(points, dtype=wp.vec3, device=by_kernels)
-    faces = wp.array(np.arange(3 * n), dtype=int, device=by_kernels)
+    x = wp.array(points, dtype=wp.vec3, device=GPU)
+    faces = wp.array(np.arange(3 * n), dtype=int, device=GPU)
     mesh = wp.Mesh(x, faces, support_winding_number=True, bvh_constructor=constructor)
     p = np.random.default_rng(3).uniform(-3, 3, (300, 3)).astype(np.float32)
     check_winding(mesh, points, p)
@@ -206,12 +213,12 @@ def test_winding_numbers_of_what_the_host_built(device, n):
 @pytest.mark.parametrize("constructor", [None, "sah"])
 def test_a_graph_refits_winding_numbers(constructor):
     points, n = soup(900), 900
-    x = wp.array(points, dtype=wp.vec3, device="cuda:0")
-    faces = wp.array(np.arange(3 * n), dtype=int, device="cuda:0")
-    groups = None if constructor is None else wp.zeros(n, dtype=int, device="cuda:0")
+    x = wp.array(points, dtype=wp.vec3, device=GPU)
+    faces = wp.array(np.arange(3 * n), dtype=int, device=GPU)
+    groups = None if constructor is None else wp.zeros(n, dtype=int, device=GPU)
     mesh = wp.Mesh(x, faces, support_winding_number=True, groups=groups)
     mesh.refit()
-    with wp.ScopedCapture(device="cuda:0") as capture:
+    with wp.ScopedCapture(device=GPU) as capture:
         mesh.refit()
     p = np.random.default_rng(3).uniform(-3, 3, (300, 3)).astype(np.float32)
     moved = points[::-1].copy()

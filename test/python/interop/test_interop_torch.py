@@ -159,14 +159,29 @@ def test_gradient_of_array(device):
 
 
 def test_gradient_of_narrow_tensor(device):
-    """Gradients of 16 bits have 32, which the tensor's own cannot."""
-    t = torch.ones(4, dtype=torch.float16, device=device, requires_grad=True)
+    """Gradients of 16 bits are the tensor's own, unless they are to have 32."""
+    t = torch.ones(4, dtype=torch.bfloat16, device=device, requires_grad=True)
     a = wp.from_torch(t)
-    assert a.grad.dtype is wp.float32 and t.grad is None
-    with pytest.raises(ValueError, match="'float32' for an array of 'float16'"):
-        wp.from_torch(t, grad=torch.zeros_like(t))
-    made = wp.to_torch(wp.ones(3, dtype=wp.float16, device=device, requires_grad=True))
-    assert made.requires_grad and made.grad is None
+    assert a.grad.dtype is wp.bfloat16 and t.grad.data_ptr() == a.grad.ptr
+    given = torch.zeros_like(t)
+    assert wp.from_torch(t, grad=given).grad.ptr == given.data_ptr()
+    y = wp.zeros(4, dtype=wp.bfloat16, device=device, requires_grad=True)
+    with wp.Tape() as tape:
+        wp.launch(narrow_square, 4, [a, y], device=device)
+    tape.backward(grads={y: wp.full(4, 3.0, dtype=wp.bfloat16, device=device)})
+    wp.synchronize()
+    assert t.grad.tolist() == [6.0] * 4
+    b = wp.ones(3, dtype=wp.float16, device=device, requires_grad=True)
+    made = wp.to_torch(b)
+    assert made.requires_grad and made.grad.data_ptr() == b.grad.ptr
+    wide = wp.ones(3, dtype=wp.float16, device=device, requires_grad=True, grad_dtype=wp.float32)
+    assert wp.to_torch(wide).requires_grad and wp.to_torch(wide).grad is None
+
+
+@wp.kernel
+def narrow_square(x: wp.array(dtype=wp.bfloat16), y: wp.array(dtype=wp.bfloat16)):
+    i = wp.tid()
+    y[i] = x[i] * x[i]
 
 
 @wp.kernel

@@ -29,11 +29,11 @@ def through_rows(x: Matrix, y: Matrix, z: Matrix):
     wp.tile_store(z[0], row)
 
 
-def rows_of_numpy(t, z):
+def rows_of_numpy(t, z, threads):
     row = t[1]
     t[1, 2] = 99
     row += 1
-    row[0] += 5
+    row[0] += 5 * threads
     t[3] += 2
     t[2:3, 1:3] = 1
     t[0] += 1
@@ -56,7 +56,7 @@ def through_orders(x: Matrix, y: Matrix, z: Matrix):
     wp.tile_store(z, turned)
 
 
-def orders_of_numpy(t, z):
+def orders_of_numpy(t, z, _threads):
     turned = t.T
     turned[0, 3] = 7
     turned += 1
@@ -78,7 +78,7 @@ def through_repeats(x: Matrix, y: Matrix, z: Matrix):
     wp.tile_store(z[0], t)
 
 
-def repeats_of_numpy(t, z):
+def repeats_of_numpy(t, z, _threads):
     x, row = t.copy(), t[1].copy()
     row[3] = 50
     row += 2 * x.sum(axis=0) - N
@@ -104,7 +104,7 @@ def on_paths(x: Matrix, y: Matrix, z: Matrix):
     wp.tile_store(z[0], row)
 
 
-def paths_of_numpy(t, z):
+def paths_of_numpy(t, z, _threads):
     row, last = t[1], t[:, 3]
     row += 1
     for i in range(3):
@@ -125,7 +125,7 @@ def after_others(x: Matrix, y: Matrix, z: Matrix):
     wp.tile_store(z[0], row)
 
 
-def others_of_numpy(t, z):
+def others_of_numpy(t, z, _threads):
     z[0] = t[1] + 1
     t[:] = 0
 
@@ -143,12 +143,12 @@ def of_its_own(x: Matrix, y: Matrix, z: Matrix):
     wp.tile_store(z[0], row + wp.tile_ones(N, dtype=float))
 
 
-def own_of_numpy(t, z):
+def own_of_numpy(t, z, threads):
     turned = t.T.copy()
     z[0] = turned[0] + 1
     for _i in range(3):
         turned = turned.T
-        turned[0, 1] += 1
+        turned[0, 1] += threads
     t[:] = turned[::-1]
 
 
@@ -162,14 +162,17 @@ PAIRS = [
 ]
 
 
+# Of an update of one element (`row[0] += 5.0`) every thread of the block makes its own.
+@pytest.mark.parametrize("threads", [1, 32, 48])
 @pytest.mark.parametrize(("kernel", "reference"), PAIRS, ids=lambda one: getattr(one, "key", ""))
-def test_views_share_elements(device, kernel, reference):
+def test_views_share_elements(device, kernel, reference, threads, monkeypatch):
+    monkeypatch.setattr(wp.config, "enable_cpu_blocks", True)
     given = np.arange(N * N, dtype=np.float64).reshape(N, N)
     y, z = given.copy(), np.zeros((N, N))
-    reference(y, z)
+    reference(y, z, threads)
     x = wp.array(given, dtype=float, device=device)
     got = [wp.zeros((N, N), dtype=float, device=device) for _ in range(2)]
-    wp.launch_tiled(kernel, dim=1, inputs=[x, *got], block_dim=32, device=device)
+    wp.launch_tiled(kernel, dim=1, inputs=[x, *got], block_dim=threads, device=device)
     np.testing.assert_array_equal(got[0].numpy(), y)
     np.testing.assert_array_equal(got[1].numpy(), z)
 

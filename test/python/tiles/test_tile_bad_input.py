@@ -153,9 +153,9 @@ def test_more_memory_than_a_block_has_names_the_largest(device):
     with pytest.raises(wp.WarpError, match="make them smaller") as caught:
         wp.launch_tiled(large, dim=1, inputs=[y], block_dim=32, device=device)
     first, largest, second = str(caught.value).split("test_tile_bad_input.py")[1:4]
-    assert "4194304" in first
-    assert "shape=(1024, 1024)" in largest
-    assert "shape=(256, 1024)" in second
+    assert "need 5242880 bytes" in first
+    assert "shape=(1024, 1024))' needs 4194304 bytes" in largest
+    assert "shape=(256, 1024))' needs 1048576 bytes" in second
 
 
 # Threads that left would be waited for.

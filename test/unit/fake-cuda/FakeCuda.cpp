@@ -270,9 +270,10 @@ EXPORT int cuLaunchKernel(void *function, unsigned gx, unsigned gy, unsigned gz,
   if (code && code->find("cudaGraphSetConditional") != std::string::npos) {
     uint64_t handle = *static_cast<uint64_t *>(arguments[0]);
     auto *value = *static_cast<const int **>(arguments[1]);
+    fakeSetter = function;
     bool negated = *static_cast<unsigned *>(arguments[2]);
-    RECORDED(stream, fakeSetCondition(handle, value, negated))
-    return invalidValue;
+    return fakeRecordCondition(stream, handle, value, negated) ? success
+                                                               : invalidValue;
   }
   char text[128];
   std::snprintf(text, sizeof(text), "(%u, %u, %u) x (%u, %u, %u)", gx, gy, gz,

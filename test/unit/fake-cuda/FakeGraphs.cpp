@@ -11,6 +11,7 @@
 
 #include "FakeGraphs.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <map>
 #include <memory>
@@ -25,14 +26,42 @@ constexpr int success = 0, invalidValue = 1;
 constexpr int captureUnsupported = 900, captureInvalidated = 901;
 constexpr int captureUnjoined = 904;
 
+constexpr int notSupported = 801;
+constexpr int kernelNode = 0, copyNode = 1, conditionalNode = 13;
+
+/// The arguments of a kernel that sets a condition.
+struct Setting {
+  uint64_t handle;
+  const int *value;
+  unsigned negated;
+  void *arguments[3];
+};
+
+/// What else is recorded counts as a copy of memory.
+struct Node {
+  std::function<int()> call;
+  int type = copyNode;
+  Setting setting = {};
+};
+
 struct Graph {
-  std::vector<std::function<int()>> calls;
+  std::vector<std::unique_ptr<Node>> nodes;
   /// Of the bodies inside.
   std::vector<std::unique_ptr<Graph>> bodies;
 
+  Node *add(std::function<int()> call, int type = copyNode) {
+    nodes.push_back(std::make_unique<Node>(Node{std::move(call), type}));
+    return nodes.back().get();
+  }
+  Node *addSetting(uint64_t handle, const int *value, unsigned negated) {
+    Node *node = add([=] { return fakeSetCondition(handle, value, negated); },
+                     kernelNode);
+    node->setting = {handle, value, negated, {}};
+    return node;
+  }
   int run() const {
-    for (const auto &call : calls)
-      if (int result = call())
+    for (const auto &node : nodes)
+      if (int result = node->call())
         return result;
     return success;
   }
@@ -69,10 +98,19 @@ bool fakeRecord(void *stream, std::function<int()> call) {
   std::shared_ptr<Capture> capture = captureOf(stream);
   if (!capture)
     return false;
-  capture->graph->calls.push_back(std::move(call));
+  capture->graph->add(std::move(call));
   if (stream != capture->origin)
     capture->unjoined.insert(stream);
   return true;
+}
+
+bool fakeRecordCondition(void *stream, uint64_t handle, const int *value,
+                         unsigned negated) {
+  Lock lock(mutex);
+  std::shared_ptr<Capture> capture = captureOf(stream);
+  if (capture)
+    capture->graph->addSetting(handle, value, negated);
+  return capture != nullptr;
 }
 
 bool fakeIsCapturing(void *stream) {
@@ -101,6 +139,8 @@ void fakeWaitEvent(void *stream, void *event) {
   else
     captures[stream] = recorded.capture;
 }
+
+void *fakeSetter = nullptr;
 
 int fakeSetCondition(uint64_t handle, const int *value, bool negated) {
   conditions[handle] = (*value != 0) != negated;
@@ -170,13 +210,18 @@ EXPORT int cuStreamUpdateCaptureDependencies(void *, void **, size_t,
 EXPORT int cuGraphAddChildGraphNode(void **node, Graph *graph, void *const *,
                                     size_t, Graph *child) {
   // The driver makes a copy.
-  graph->calls.push_back([copy = child->calls] {
+  std::vector<std::function<int()>> copy;
+  for (const auto &one : child->nodes) {
+    if (one->type == conditionalNode)
+      return notSupported;
+    copy.push_back(one->call);
+  }
+  *node = graph->add([copy] {
     for (const auto &call : copy)
       if (int result = call())
         return result;
     return success;
   });
-  *node = graph;
   return success;
 }
 EXPORT int cuGraphInstantiateWithFlags(void **exec, Graph *graph,
@@ -194,15 +239,26 @@ EXPORT int cuGraphDestroy(Graph *graph) {
   delete graph;
   return success;
 }
-EXPORT int cuGraphGetNodes(Graph *graph, void **, size_t *count) {
-  *count = graph->calls.size();
+EXPORT int cuGraphGetNodes(Graph *graph, Node **nodes, size_t *count) {
+  *count = graph->nodes.size();
+  for (size_t i = 0; nodes && i < *count; ++i)
+    nodes[i] = graph->nodes[i].get();
+  return success;
+}
+EXPORT int cuGraphNodeGetType(Node *node, int *type) {
+  *type = node->type;
+  return success;
+}
+/// All nodes of a graph run in order.
+EXPORT int cuGraphNodeGetDependencies(Node *, Node **, size_t *count) {
+  *count = 0;
   return success;
 }
 EXPORT int cuGraphDebugDotPrint(Graph *graph, const char *path, unsigned) {
   FILE *file = std::fopen(path, "w");
   if (!file)
     return invalidValue;
-  std::fprintf(file, "digraph { %zu }\n", graph->calls.size());
+  std::fprintf(file, "digraph { %zu }\n", graph->nodes.size());
   std::fclose(file);
   return success;
 }
@@ -237,15 +293,75 @@ EXPORT int cuGraphAddNode(void **node, Graph *graph, void *const *, size_t,
   Graph *body = graph->bodies.back().get();
   arrays.push_back(std::make_unique<Graph *>(body));
   params->bodies = arrays.back().get();
-  *node = body;
-  graph->calls.push_back([body, handle = params->handle, loop = params->kind] {
-    while (conditions[handle]) {
-      if (int result = body->run())
-        return result;
-      if (!loop)
-        break;
-    }
-    return success;
-  });
+  *node = graph->add(
+      [body, handle = params->handle, loop = params->kind] {
+        while (conditions[handle]) {
+          if (int result = body->run())
+            return result;
+          if (!loop)
+            break;
+        }
+        return success;
+      },
+      conditionalNode);
   return success;
+}
+
+//===----------------------------------------------------------------------===//
+// Copies of nodes
+//===----------------------------------------------------------------------===//
+
+namespace {
+struct KernelParams {
+  void *function;
+  unsigned extents[7];
+  void **arguments, **extra;
+  void *kernel, *context;
+};
+/// The driver's struct is larger; only handed on.
+struct CopyParams {
+  Node *node;
+};
+} // namespace
+
+EXPORT int cuGraphKernelNodeGetParams_v2(Node *node, KernelParams *params) {
+  *params = {fakeSetter, {1, 1, 1, 1, 1, 1, 0}, nullptr, nullptr, nullptr,
+             nullptr};
+  Setting &setting = node->setting;
+  void *arguments[] = {&setting.handle, &setting.value, &setting.negated};
+  std::copy(arguments, arguments + 3, setting.arguments);
+  params->arguments = setting.arguments;
+  return success;
+}
+EXPORT int cuGraphAddKernelNode_v2(Node **node, Graph *graph, Node *const *,
+                                   size_t, const KernelParams *params) {
+  void **arguments = params->arguments;
+  *node = graph->addSetting(*static_cast<uint64_t *>(arguments[0]),
+                            *static_cast<const int **>(arguments[1]),
+                            *static_cast<unsigned *>(arguments[2]));
+  return success;
+}
+EXPORT int cuGraphKernelNodeCopyAttributes(Node *, Node *) { return success; }
+EXPORT int cuGraphMemcpyNodeGetParams(Node *node, CopyParams *params) {
+  params->node = node;
+  return success;
+}
+EXPORT int cuGraphAddMemcpyNode(Node **node, Graph *graph, Node *const *,
+                                size_t, const CopyParams *params,
+                                void *context) {
+  if (!context)
+    return invalidValue;
+  *node = graph->add(params->node->call);
+  return success;
+}
+EXPORT int cuGraphMemsetNodeGetParams(Node *, void *) { return invalidValue; }
+EXPORT int cuGraphAddMemsetNode(Node **, Graph *, Node *const *, size_t,
+                                const void *, void *) {
+  return invalidValue;
+}
+EXPORT int cuGraphChildGraphNodeGetGraph(Node *, Graph **) {
+  return invalidValue;
+}
+EXPORT int cuGraphAddEmptyNode(Node **, Graph *, Node *const *, size_t) {
+  return invalidValue;
 }

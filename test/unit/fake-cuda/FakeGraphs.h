@@ -22,6 +22,11 @@ void fakeRecordEvent(void *event, void *stream);
 void fakeWaitEvent(void *stream, void *event);
 /// What the kernel that sets conditions does.
 int fakeSetCondition(uint64_t handle, const int *value, bool negated);
+/// Records a launch of it, if its stream is captured.
+bool fakeRecordCondition(void *stream, uint64_t handle, const int *value,
+                         unsigned negated);
+/// That kernel, once it was launched.
+extern void *fakeSetter;
 
 /// Puts a call into a graph instead if its stream is captured.
 #define RECORDED(stream, call)                                                 \

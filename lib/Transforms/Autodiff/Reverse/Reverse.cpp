@@ -223,6 +223,9 @@ LogicalResult ReverseBuilder::reverse(Operation *op) {
     return reverseCall(call);
   if (isTileOp(op))
     return reverseTile(*this, op);
+  // What threads exchange around it is refused where it is read.
+  if (isa<BarrierOp>(op))
+    return success();
   if (auto extract = dyn_cast<ExtractOp>(op))
     if (addSlots(extract))
       return success();

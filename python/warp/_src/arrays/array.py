@@ -17,7 +17,7 @@ from warp._src.arrays import hooks
 from warp._src.arrays.allocation import allocate
 from warp._src.arrays.copies import assign, clone
 from warp._src.arrays.data import borrow, element_bytes, fill_from_data
-from warp._src.arrays.gradients import ArrayGradients, check_gradient_type
+from warp._src.arrays.gradients import ArrayGradients, wants_wide_gradient
 from warp._src.arrays.layout import bytes_of, check_shape, element_type
 from warp._src.arrays.observers import Observers, observed_fill
 from warp._src.arrays.operators import ArrayArithmetic
@@ -52,8 +52,9 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
         requires_grad: whether derivatives are wanted; `grad` is allocated on its first use.
         retain_grad: keep derivatives of intermediate results.
         length: extent of a one-dimensional array, instead of `shape`.
-        grad_dtype: element type of the gradient; it is that of the array, or for elements of 16
-            bits the same with 32.
+        grad_dtype: element type of the gradient, or of its components; by default that of the
+            array. Elements of 16 bits may have one of 32, `float32`, so that sums over several
+            launches are not rounded in between.
 
     Without data, `shape` and `ptr` the call gives an annotation: `wp.array(dtype=wp.vec3)`.
 
@@ -116,7 +117,8 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
                 borrow(self, ptr, extents, strides, dtype, index, capacity, deleter)
         if ndim is not None and ndim != self.ndim:
             raise ValueError(f"expects {ndim} dimensions, but got shape {self.shape}")
-        check_gradient_type(self.dtype, grad_dtype)
+        if wants_wide_gradient(self.dtype, grad_dtype):
+            self._wide_grad = True
         if grad is not None:
             self.grad = grad
         elif requires_grad:
@@ -257,7 +259,7 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
         return describe(self, self.grad)
 
     def cptr(self):
-        """The elements as a ctypes pointer, for an array on the CPU.
+        """The elements as a ctypes pointer, for an array on the CPU, which it keeps alive.
 
         Raises:
             RuntimeError: the array is elsewhere, or not contiguous.
@@ -270,7 +272,9 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
         if Observers.active:
             Observers.memory.lend(self)
         element = dtypes.type_ctype(self.dtype)
-        return ctypes.cast(self.ptr or 0, ctypes.POINTER(element))
+        pointer = ctypes.cast(self.ptr or 0, ctypes.POINTER(element))
+        pointer._array = self
+        return pointer
 
 
 class _Lent:

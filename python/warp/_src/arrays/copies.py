@@ -24,17 +24,19 @@ def empty_like(src, device=None, requires_grad=None, pinned=None, dtype=None):
         requires_grad = src.requires_grad
     if pinned is None:
         pinned = src.pinned and where.is_cpu
-    made = new_array(_class_of(src))
+    source = _plain(src)
+    made = new_array(type(source))
     dtype = src.dtype if dtype is None else element_type(dtype)
     allocate(made, src.shape, dtype, where.index, pinned)
     if requires_grad:
         made.requires_grad = True
+        made._wide_grad = dtype is src.dtype and source._wide_grad
     return made
 
 
-def _class_of(source):
-    """The class of an array, or of that behind an indexed one."""
-    return type(source if isinstance(source, _native.Array) else source.data)
+def _plain(source):
+    """An array itself, or that behind an indexed one."""
+    return source if isinstance(source, _native.Array) else source.data
 
 
 def clone(src, device=None, requires_grad=None, pinned=None):

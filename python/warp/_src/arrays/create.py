@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
+
 from warp._src.arrays.allocation import allocate, new_array
 from warp._src.arrays.array import array
 from warp._src.arrays.copies import empty_like
 from warp._src.arrays.data import borrow
-from warp._src.arrays.gradients import check_gradient_type
+from warp._src.arrays.gradients import wants_wide_gradient
 from warp._src.arrays.layout import check_shape, element_type
 from warp._src.devices import devices, memory
 from warp._src.types import dtypes
@@ -55,7 +57,8 @@ def empty(
         raise ValueError(f"expects {ndim} dimensions, but got shape {extents}")
     index = devices.resolve_index(device)
     allocate(result, extents, element_type(dtype), index, pinned, strides)
-    check_gradient_type(result.dtype, grad_dtype)
+    if wants_wide_gradient(result.dtype, grad_dtype):
+        result._wide_grad = True
     if requires_grad:
         result.requires_grad = True
     if retain_grad:
@@ -177,7 +180,15 @@ def from_numpy(arr, dtype=None, shape=None, device=None, requires_grad=False):
 
 
 def from_ptr(ptr, length, dtype=None, shape=None, device=None):
-    """An array over existing memory."""
+    """An array over existing memory.
+
+    Deprecated, as in NVIDIA Warp: `wp.array(ptr=...)` says the same.
+    """
+    warnings.warn(
+        "Warp DeprecationWarning: This version of wp.from_ptr() is deprecated, use "
+        "`wp.array(ptr=..., shape=..., dtype=...)`",
+        stacklevel=2,
+    )
     return array(
         ptr=ptr,
         shape=shape if shape is not None else length,

@@ -4,9 +4,10 @@ An array that `requires_grad` has no gradient until somebody asks for it: the us
 another library. Then it is zero. Launches forward do not ask, and nor do views; code here asks with
 `requires_grad` whether there is to be one, and with `grad_in_use` whether it may hold anything.
 
-The gradient of an array has its shape and its strides, so that one index leads to both. Elements of
-16 bits are the exception: sums of many small contributions would be lost in them, so the gradient
-has elements of 32 bits and strides twice as large.
+The gradient of an array has its type, its shape and its strides, so that one index leads to both.
+Elements of 16 bits may have gradients of 32 instead (`grad_dtype`), with strides twice as large.
+Kernels know only those: a launch of a derivative gets a wide copy of narrow gradients, adds to it
+and rounds it once (`derivatives.wide_gradients`).
 """
 
 from __future__ import annotations
@@ -37,6 +38,8 @@ class ArrayGradients:
     __slots__ = ()
     _grad = None
     _grad_source = None
+    # Whether components of 16 bits are to have a gradient of 32 when it is made.
+    _wide_grad = False
     _requires_grad = False
     _retain_grad = False
 
@@ -71,7 +74,7 @@ class ArrayGradients:
     def grad(self):
         """The array of derivatives, or None; zero when it is first read.
 
-        One of 16-bit floats is set as a copy of 32 bits.
+        Where components have 16 bits, one with 16 or with 32 can be set.
         """
         if self._grad is None and self._requires_grad:
             with _first_use:
@@ -119,7 +122,10 @@ class ArrayGradients:
 
 @functools.cache
 def gradient_type(dtype):
-    """Element type of the gradient of an array with elements of `dtype`."""
+    """Element type of gradients as kernels have them, for an array with elements of `dtype`.
+
+    It is `dtype`, but with 32 bits for those of 16.
+    """
     if dtypes.is_struct(dtype):
         return dtype
     text = dtypes.native_text(dtype)
@@ -138,26 +144,29 @@ def has_gradient(dtype) -> bool:
     return getattr(dtype, "_wp_scalar_type_", dtype) in dtypes.FLOAT_TYPES
 
 
-def check_gradient_type(dtype, wanted) -> None:
-    """Checks the option `grad_dtype`.
+def wants_wide_gradient(dtype, wanted) -> bool:
+    """Whether the option `grad_dtype` asks for a wider type than that of the elements.
 
     Raises:
         TypeError: gradients cannot have elements of that type.
     """
     if wanted is None:
-        return
-    expected = gradient_type(dtype)
-    scalar = getattr(expected, "_wp_scalar_type_", expected)
-    if element_type(wanted) not in (expected, scalar):
-        raise TypeError(
-            f"expects '{dtypes.type_repr(expected)}' as `grad_dtype` of an array of "
-            f"'{dtypes.type_repr(dtype)}', but got '{dtypes.type_repr(element_type(wanted))}'"
-        )
+        return False
+    wide = gradient_type(dtype)
+    for found in (dtype, wide):
+        scalar = getattr(found, "_wp_scalar_type_", found)
+        if element_type(wanted) in (found, scalar):
+            return found is not dtype
+    expected = " or ".join(f"'{dtypes.type_repr(one)}'" for one in dict.fromkeys((dtype, wide)))
+    raise TypeError(
+        f"expects {expected} as `grad_dtype` of an array of "
+        f"'{dtypes.type_repr(dtype)}', but got '{dtypes.type_repr(element_type(wanted))}'"
+    )
 
 
 def make_gradient(source):
     """Zeros with the layout of an array, for its gradient."""
-    dtype = gradient_type(source.dtype)
+    dtype = gradient_type(source.dtype) if source._wide_grad else source.dtype
     item_size = dtypes.type_size_in_bytes(dtype)
     strides = _gradient_strides(source, item_size)
     if source.is_contiguous or not source.size:
@@ -199,19 +208,13 @@ def _gradient_strides(source, item_size) -> tuple:
     return tuple(stride * item_size // source.item_size for stride in source.strides)
 
 
-def widened(value):
-    """A copy of an array of 16-bit floats with elements of 32 bits, as gradients have."""
-    dtype = gradient_type(value.dtype)
-    return hooks.plain_array(value.list(), dtype=dtype, device=value.device).reshape(value.shape)
-
-
 def fitting_gradient(source, value):
-    """An array that is to be the gradient of another one; a copy if it has elements of 16 bits.
+    """Checks an array that is to be the gradient of another one.
 
     Raises:
         ValueError: shape, element type, strides or device do not fit.
     """
-    expected = gradient_type(source.dtype)
+    types = dict.fromkeys((source.dtype, gradient_type(source.dtype)))
     if not isinstance(value, _native.Array):
         raise ValueError(
             f"expects an array as the gradient of {source!r}, but got '{type(value).__name__}'"
@@ -221,11 +224,10 @@ def fitting_gradient(source, value):
             f"expects a gradient like {source!r}, that is of shape {source.shape}, "
             f"but got shape {value.shape}"
         )
-    if expected is not source.dtype and dtypes.types_equal(value.dtype, source.dtype):
-        value = widened(value)
-    if value.dtype is not expected and not dtypes.types_equal(value.dtype, expected):
+    if value.dtype not in types and not any(dtypes.types_equal(value.dtype, one) for one in types):
+        expected = " or ".join(f"'{dtypes.type_repr(one)}'" for one in types)
         raise ValueError(
-            f"expects a gradient of '{dtypes.type_repr(expected)}' for an array of "
+            f"expects a gradient of {expected} for an array of "
             f"'{dtypes.type_repr(source.dtype)}', but got '{dtypes.type_repr(value.dtype)}'"
         )
     if value.device_index != source.device_index:

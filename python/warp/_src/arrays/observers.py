@@ -149,6 +149,40 @@ def observed_launch(call, record: bool = True) -> None:
         Observers.tape.end_launch(entry)
 
 
+def launch_ordinary(kernel, dim, inputs, outputs, index, block_dim, record) -> bool:
+    """Runs a launch while tapes observe, and records it, in one native call.
+
+    Returns:
+        False, and nothing is done, if it takes more than that.
+    """
+    known = kernel.signatures.get(kernel.native)
+    if known is None or known.recorder is None:
+        return False
+    if Observers.executor is not None or Observers.timer is not None:
+        return False
+    records = budget = tape = None
+    if record and Observers.tape is not None:
+        tape = Observers.tape
+        records, budget = tape.ordinary_records()
+        if records is None:
+            return False
+    done = _native.launch_recorded(
+        known.recorder,
+        Observers.memory,
+        records,
+        budget,
+        kernel,
+        dim,
+        inputs,
+        outputs,
+        index,
+        block_dim,
+    )
+    if done and tape is not None and len(records) == 1:
+        Observers.retain(tape)
+    return done
+
+
 class Place:
     """Makes the event of what is going on when somebody wants it."""
 

@@ -22,7 +22,7 @@ import zlib
 
 from warp import _native
 from warp._src.arrays.kept import Images, blocks, keep
-from warp._src.version import calling_frame
+from warp._src.version import PACKAGE, calling_frame
 
 
 class Event(typing.NamedTuple):
@@ -36,13 +36,21 @@ class Event(typing.NamedTuple):
         return f"{self.what} at {os.path.basename(self.file)}:{self.line}"
 
 
+_native.set_package_folder(PACKAGE)
+
+
 def event(what: str) -> Event:
     """An event at the innermost line of the program that is not this package's."""
     frame = calling_frame()
     return Event(what, frame.f_code.co_filename, frame.f_lineno)
 
 
-class Version:
+def event_of(place) -> Event:
+    """The event of a launch at a `_native.Place`."""
+    return Event(f"launch of '{place.kernel.key}'", place.code.co_filename, place.line)
+
+
+class Version(_native.Version):
     """What a region of memory held between two writes.
 
     Attributes:
@@ -51,33 +59,27 @@ class Version:
         pieces: what was kept before writes, the oldest first.
         complete: whether pieces are all there was.
         successor: the next version of the same region; what is not in pieces is as it says.
-        ended: the event that overwrote what was not kept, or None.
         refused: the budget that had no room for it, or None.
         lent: the event that lent the memory to others and the checksum at that time, or None.
     """
 
-    __slots__ = (
-        *("__weakref__", "_copy", "_listeners", "_readers", "_rest", "array", "complete"),
-        *("ended", "lent", "pieces", "predecessor", "refused", "region", "successor"),
-    )
+    __slots__ = ()
 
-    def __init__(self, array, copy):
-        self.array, self._copy = array, copy
-        self.region = self.ended = self.lent = self.refused = None
-        self.successor = self.predecessor = None
-        self.complete = False
-        self.pieces: list = []
-        # Recorded launches that want it kept, or to be told who overwrites it.
-        self._readers: list = []
-        self._listeners: list = []
+    @property
+    def ended(self) -> Event | None:
+        """What overwrote something that was not kept, or None."""
+        found = self._ended
+        if type(found) is _native.Place:
+            found = self._ended = event_of(found)
+        return found
+
+    @ended.setter
+    def ended(self, by):
+        self._ended = by
 
     def tell(self, reader) -> None:
         """Calls `reader.overwriting` before the memory is overwritten."""
         self._listeners.append(weakref.ref(reader))
-
-    def keep_for(self, reader, budget=None) -> None:
-        """Asks for copies before the memory is overwritten, if `reader.needs` it then."""
-        self._readers.append((weakref.ref(reader), budget))
 
     # Writes.
 
@@ -187,7 +189,7 @@ class Version:
         return (images or Images(self._copy)).of(self, like)
 
 
-class Memory:
+class Memory(_native.VersionMap):
     """The current versions of all regions.
 
     Args:
@@ -195,102 +197,48 @@ class Memory:
     """
 
     def __init__(self, copy):
+        super().__init__(copy)
         self._copy = copy
-        self.regions = _native.RegionMap()
-        self._current: dict = {}
-        # Number of regions at which those without a version are forgotten.
-        self.limit = 4096
 
-    def clear(self) -> None:
-        self.regions.clear()
-        self._current.clear()
-
-    def observe(self, array, launch=None, leaf=0, reads=False) -> Version | None:
-        """The current version of an array, or of what a launch touches (or reads) of it.
-
-        Returns:
-            None if that is nothing.
-        """
-        regions = self.regions
+    def observe(self, array, launch=None, leaf=0, reads=False) -> Version:
+        """The current version of an array, or of what a launch touches (or reads) of it."""
         if launch is None:
-            number = regions.add(_native.Region(array))
-        elif reads:
-            number = regions.add_read(launch, leaf)
+            region = _native.Region(array)
         else:
-            number = regions.add_touched(launch, leaf)
-        known = self._current.get(number)
-        version = None if known is None else known()
-        if version is None or version.changed:
-            version = self._renew(version, array, number)
-        return version
+            region = launch.read(leaf) if reads else launch.touched(leaf)
+        return self.observe_region(array, region)
 
-    def _renew(self, before, array, number) -> Version:
+    def _renew(self, before, array, region) -> Version:
+        """The version after one that has ended, of the same region."""
         version = Version(array, self._copy)
-        if before is None:
-            if len(self._current) >= self.limit:
-                self._prune(number)
-        else:
-            if not before.complete:
-                before.successor, version.predecessor = version, weakref.ref(before)
-            if before.lent is not None:
-                version.region = self.regions[number]
-                version.lent = before.lent[0], version._checksum()
-        self._current[number] = weakref.ref(version)
+        if not before.complete:
+            before.successor, version.predecessor = version, weakref.ref(before)
+        if before.lent is not None:
+            version.region = region
+            version.lent = before.lent[0], version._checksum()
         return version
 
     def writing(self, array, by) -> None:
         """Says that an array is about to be written; `by.event` is made if it is wanted."""
-        if self._current:
-            region = _native.Region(array)
-            self._end(self.regions.meeting(region), [region], by)
+        if len(self):
+            self.end([_native.Region(array)], by)
 
     def launching(self, call) -> None:
         """The same of what a launch writes."""
-        if not self._current:
+        if not len(self):
             return
         if call.regions is None:
             for array in call.written:
                 self.writing(array, call)
-            return
-        met = self.regions.meeting_writes(call.regions)
-        if met:
-            self._end(met, call.regions.all_written(), call)
-
-    def _end(self, numbers, regions, by) -> None:
-        pieces: list = []
-        for number in numbers:
-            version = self._find(number)
-            if version is not None and any(
-                version.end(region, by.event, pieces) for region in regions
-            ):
-                self._forget(number)
-
-    def _find(self, number) -> Version | None:
-        """The version of a region with that, so that it can end; None if there is none."""
-        known = self._current.get(number)
-        version = None if known is None else known()
-        if version is None:
-            self._forget(number)
-        elif version.region is None:
-            version.region = self.regions[number]
-        return version
-
-    def _forget(self, number) -> None:
-        self._current.pop(number, None)
-        self.regions.remove(number)
+        else:
+            self.end(call.regions.all_written(), call)
 
     def lend(self, array) -> None:
         """Says that others get to see, and may write, an array on the CPU."""
-        if not self._current or array.pinned or not array.size:
+        if not len(self) or array.pinned or not array.size:
             return
-        for number in self.regions.meeting(_native.Region(array)):
-            version = self._find(number)
-            if version is not None:
-                version.lend()
+        for version in self.meeting(_native.Region(array)):
+            version.lend()
 
-    def _prune(self, fresh) -> None:
-        """Forgets regions that nobody has a version of, but for a new one."""
-        for number in [one for one, known in self._current.items() if known() is None]:
-            if number != fresh:
-                self._forget(number)
-        self.limit = max(4096, 2 * len(self._current))
+
+_native.set_version_type(Version)

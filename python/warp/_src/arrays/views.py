@@ -193,10 +193,14 @@ class ArrayViews:
             raise errors.WarpShapeError(f"expects 1 to 4 dimensions, but got {len(shape)}")
         view = self._view(0, shape, strides, dtype)
         if self.requires_grad and gradient_type(self.dtype) is not self.dtype:
-            # Gradients of 16 bits have 32; other types of 16 bits have none.
-            if gradient_type(dtype) is dtype:
+            # Gradients of 16 bits may have 32; other types of 16 bits have none.
+            wide = gradient_type(dtype)
+            if wide is dtype:
                 return view
-            dtype = gradient_type(dtype)
+            narrow = self.item_size
+            return self._with_grad(
+                view, lambda grad: grad.view(dtype if grad.item_size == narrow else wide)
+            )
         return self._with_grad(view, lambda grad: grad.view(dtype))
 
     def _view_words(self, dtype) -> str:

@@ -83,6 +83,9 @@ class _Observer:
     def begin_step(self) -> None:
         self._filled, self._early = [], {}
 
+    def ordinary_records(self) -> tuple:
+        return None, None
+
     def begin_launch(self, call: Call):
         return call
 

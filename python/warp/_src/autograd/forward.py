@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 from warp._src import errors
 from warp._src.arrays.array import array
+from warp._src.arrays.casts import casted
 from warp._src.arrays.copies import clone, copy
 from warp._src.arrays.create import zeros, zeros_like
 from warp._src.arrays.gradients import gradient_type
@@ -138,7 +139,7 @@ def hessian(function: Callable, inputs: Sequence) -> dict[tuple[int, int], array
 
     Returns:
         By (position of an input, position of an input) an array of shape (scalars of the first,
-        elements of the second), with elements like the gradient of the second.
+        elements of the second), with elements of the second's type, of 32 bits for those of 16.
 
     Example:
         >>> import warp as wp
@@ -163,7 +164,7 @@ def hessian(function: Callable, inputs: Sequence) -> dict[tuple[int, int], array
     result = {
         (i, j): zeros(
             (sum(first == i for first, _ in places), inputs[j].size),
-            inputs[j].grad.dtype,
+            gradient_type(inputs[j].dtype),
             device=inputs[j].device,
         )
         for i in chosen
@@ -221,7 +222,7 @@ def _directions(inputs, given, name) -> tuple[list, bool]:
 
 def _unit(one: array, k: int) -> array:
     """A direction along one scalar of an array."""
-    result = zeros_like(one.grad, requires_grad=False)
+    result = zeros(one.shape, gradient_type(one.dtype), device=one.device)
     numbers = numbers_of(result)
     numbers[k] = 1
     set_numbers(result, numbers)
@@ -233,7 +234,10 @@ def _start(state: Tangents, inputs, directions) -> None:
     for i, direction in enumerate(directions):
         for one, tangent in zip(inputs, direction, strict=True):
             if tangent is not None:
-                state.twin(one, i).assign(tangent)
+                target = state.twin(one, i)
+                if tangent.item_size != target.item_size and tangent.dtype is one.dtype:
+                    tangent = casted(tangent.to(one.device), target.dtype)
+                target.assign(tangent)
 
 
 def _rows(one: array, count: int, recorded: bool) -> array:

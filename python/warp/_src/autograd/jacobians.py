@@ -8,6 +8,7 @@ import numpy
 
 from warp._src.arrays.array import array
 from warp._src.arrays.create import zeros_like
+from warp._src.arrays.gradients import gradient_type
 from warp._src.arrays.observers import Observing
 from warp._src.autograd.evaluation import (
     Evaluation,
@@ -20,6 +21,7 @@ from warp._src.autograd.tangents import Tangents, chunks
 from warp._src.derivatives.tape import Tape
 from warp._src.derivatives.tape_records import LaunchRecord
 from warp._src.kernels.kernel import Kernel
+from warp._src.types.numpy_types import element_layout
 
 
 def jacobian(
@@ -179,7 +181,9 @@ def _unknown(pairs) -> dict[tuple, numpy.ndarray]:
     """A matrix of NaN for each pair."""
     return {
         (source.key, target.key): numpy.full(
-            (target.length, source.length), numpy.nan, numbers_of(source.array.grad).dtype
+            (target.length, source.length),
+            numpy.nan,
+            element_layout(gradient_type(source.array.dtype))[0],
         )
         for source, target in pairs
     }
@@ -220,10 +224,10 @@ def _as_arrays(problem, matrices) -> dict:
     by_key = {source.key: source.array for source in problem.inputs}
     result = {}
     for (source, target), numbers in matrices.items():
-        like = by_key[source].grad
-        inner = tuple(getattr(like.dtype, "_shape_", ()))
-        shape = (numbers.shape[0], numbers.shape[1] // components(like.dtype), *inner)
+        device, dtype = by_key[source].device, gradient_type(by_key[source].dtype)
+        inner = tuple(getattr(dtype, "_shape_", ()))
+        shape = (numbers.shape[0], numbers.shape[1] // components(dtype), *inner)
         result[source, target] = array(
-            numpy.ascontiguousarray(numbers).reshape(shape), dtype=like.dtype, device=like.device
+            numpy.ascontiguousarray(numbers).reshape(shape), dtype=dtype, device=device
         )
     return result

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import functools
+import itertools
 
+from warp import _native
 from warp._src.arrays.array import array
 from warp._src.arrays.kept import Images
 from warp._src.arrays.observers import Observers, Observing, copy_elements, copy_layout
 from warp._src.derivatives import cotangents
+from warp._src.derivatives.handles import handles_alive
 from warp._src.derivatives.singular import one_report
 from warp._src.derivatives.tape_records import LaunchRecord
 from warp._src.devices import devices
 from warp._src.devices.graphs import _captures
 from warp._src.types import dtypes
+
+# Of backward passes.
+_numbers = itertools.count(1)
 
 
 class BackwardPass:
@@ -60,7 +66,15 @@ class BackwardPass:
     def _reverse(self) -> list:
         shown = self._last_writes()
         retained: list = []
-        for position in range(len(self.records) - 1, -1, -1):
+        position = len(self.records)
+        in_a_row = not (shown or self.check_finite or _captures or Observers.executor)
+        number = next(_numbers)
+        while position:
+            if in_a_row and not handles_alive():
+                position = _native.reverse_launches(self.records, position, number)
+                if not position:
+                    break
+            position -= 1
             self.position = position
             record = self.records[position]
             for one in shown.get(position, ()):
@@ -79,9 +93,9 @@ class BackwardPass:
     def _first_use(self) -> dict:
         """Position of the first record that uses an allocation."""
         first: dict = {}
-        for position, record in enumerate(self.records):
-            for one in record.arrays():
-                first.setdefault(_root(one), position)
+        for one, position, _ in _native.arrays_of_records(self.records, False):
+            root = _root(one)
+            first[root] = min(position, first.get(root, position))
         return first
 
     def seen_before(self, one: array) -> bool:
@@ -92,14 +106,10 @@ class BackwardPass:
 
     def _last_writes(self) -> dict:
         """Arrays to be shown with `retain_grad`, by the position of the last record that writes."""
-        last: dict = {}
-        for position, record in enumerate(self.records):
-            for one in record.written():
-                if one.retain_grad:
-                    last[id(one)] = (position, one)
         result: dict = {}
-        for position, one in last.values():
-            result.setdefault(position, []).append(one)
+        for one, _, position in _native.arrays_of_records(self.records, True):
+            if one.retain_grad:
+                result.setdefault(position, []).append(one)
         return result
 
     # Several passes over one tape.
@@ -123,10 +133,9 @@ class BackwardPass:
     def _remember(self) -> None:
         """Notes the gradients of results as they are left, the largest first."""
         found: dict = {}
-        for record in self.records:
-            for one in record.written():
-                if one.grad_in_use is not None:
-                    found[one.grad_ptr, one.size] = one.grad
+        for one, *_ in _native.arrays_of_records(self.records, True):
+            if one.grad_in_use is not None:
+                found[one.grad_ptr, one.size] = one.grad
         if len(found) > 1:
             found = dict(sorted(found.items(), key=lambda item: -item[0][1]))
         self.tape._left = [Observers.memory.observe(grad) for grad in found.values() if grad.size]
@@ -135,9 +144,9 @@ class BackwardPass:
     def _wait_for_streams(self) -> None:
         """Lets the current streams wait for those that the launches were queued on."""
         streams = {
-            id(record.call.stream): record.call.stream
+            id(record.stream): record.stream
             for record in self.records
-            if isinstance(record, LaunchRecord) and record.call.stream is not None
+            if isinstance(record, LaunchRecord) and record.stream is not None
         }
         if _captures:
             return

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 from warp._src import errors
 from warp._src.arrays.array import array
-from warp._src.arrays.gradients import gradient_type, widened
+from warp._src.arrays.casts import cast, casted
+from warp._src.arrays.gradients import gradient_type
+from warp._src.arrays.observers import Observing
 from warp._src.derivatives.struct_sums import add_structs
 from warp._src.types import dtypes
 from warp._src.types.native import ArrayType
@@ -22,7 +24,7 @@ def with_gradient_of(contents: array, original: array) -> array:
 
 
 def as_gradient(seed: array, target: array) -> array:
-    """A seed with elements like those of an array's gradient; 16 bits become 32.
+    """A seed with elements like those of an array's gradient; 16 and 32 bits become each other.
 
     Raises:
         WarpTypeError: it has elements of another type.
@@ -30,12 +32,14 @@ def as_gradient(seed: array, target: array) -> array:
     expected = target.grad.dtype
     if dtypes.types_equal(seed.dtype, expected):
         return seed
-    if gradient_type(seed.dtype) is not expected:
+    wide = gradient_type(target.dtype)
+    if not any(dtypes.types_equal(seed.dtype, one) for one in (target.dtype, wide)):
         raise errors.WarpTypeError(
             f"backward: expects a gradient with elements of '{dtypes.type_repr(expected)}', but "
             f"got '{dtypes.type_repr(seed.dtype)}'"
         )
-    return widened(seed)
+    with Observing(tape=None):
+        return casted(seed, expected)
 
 
 def gradient_struct(value):
@@ -59,6 +63,13 @@ def add_into(target: array, source: array) -> None:
     if dtypes.is_struct(target.dtype):
         add_structs(target, source)
         return
+    if source.item_size > target.item_size:
+        wide = casted(target, source.dtype)
+        add_into(wide, source)
+        cast(wide, target)
+        return
+    if source.item_size < target.item_size:
+        source = casted(source, target.dtype)
     if source.dtype is not target.dtype:
         scalar = getattr(target.dtype, "_wp_scalar_type_", target.dtype)
         target, source = _as_scalars(target, scalar), _as_scalars(source, scalar)

@@ -14,9 +14,12 @@ import numpy
 
 from warp._src import errors
 from warp._src.arrays.array import array
+from warp._src.arrays.casts import casted
+from warp._src.arrays.gradients import gradient_type
 from warp._src.derivatives.origin import find_origin
 from warp._src.derivatives.tape_records import LaunchRecord
 from warp._src.types import dtypes
+from warp._src.types.scalars import bfloat16
 
 # Elements shown of each array.
 _SHOWN = 4
@@ -34,13 +37,13 @@ def reverse_checked(record, state) -> None:
         index = _first_bad(numbers)
         if index is not None:
             raise _seed_error(record, name, one, index, numbers)
-    values = record.arguments(state) if isinstance(record, LaunchRecord) and named else None
+    arguments = record.arguments(state) if isinstance(record, LaunchRecord) and named else None
     record.reverse(state)
     for name, one, _ in before:
         numbers = _numbers(one.grad)
         index = _first_bad(numbers)
         if index is not None:
-            raise _error(record, name, one, (index, numbers[index]), before, values)
+            raise _error(record, name, one, (index, numbers[index]), before, arguments)
 
 
 def _gradients(record) -> list[tuple[str, array]]:
@@ -57,6 +60,9 @@ def _gradients(record) -> list[tuple[str, array]]:
 
 
 def _numbers(one) -> numpy.ndarray:
+    if dtypes.type_scalar_type(one.dtype) is bfloat16:
+        # NumPy would have bits.
+        one = casted(one, gradient_type(one.dtype))
     return numpy.array(one.numpy(), copy=True)
 
 
@@ -79,12 +85,12 @@ def _seed_error(record, name, one, index, numbers):
     )
 
 
-def _error(record, name, one, found, before, values):
+def _error(record, name, one, found, before, arguments):
     place = record.event
     index, value = found
     notes: list[str] = []
     if isinstance(record, LaunchRecord):
-        notes = _origin(record, values, before) + _operands(record, index[: one.ndim], before)
+        notes = _origin(record, arguments, before) + _operands(record, index[: one.ndim], before)
     return errors.WarpGradientError(
         f"gradient of the {place}: the gradient of '{name}' became {value} at {_text(index)}",
         file=place.file,
@@ -93,13 +99,15 @@ def _error(record, name, one, found, before, values):
     )
 
 
-def _origin(record, values, before) -> list[str]:
+def _origin(record, arguments, before) -> list[str]:
     """A line about the operation in the kernel."""
 
     def restore():
         for _, one, numbers in before:
             one.grad.assign(array(numbers, dtype=one.grad.dtype, device="cpu"))
+        wide.load()
 
+    values, wide = arguments
     try:
         made = record.derivative(tape="checkpoints")
         found = find_origin(made, record.call, values, restore)

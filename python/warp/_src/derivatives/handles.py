@@ -59,6 +59,11 @@ def _address(pointer, start) -> int:
     return (pointer - start) % 2**64 if pointer else 0
 
 
+def handles_alive() -> bool:
+    """Whether there is geometry whose numbers may have gradients."""
+    return bool(_alive)
+
+
 def show_gradients(in_use=False) -> list:
     """Brings all slots up to date; gives the arrays of gradients.
 

@@ -19,6 +19,7 @@ from warp._src.derivatives import kept_derivatives
 from warp._src.derivatives.gathers import gather_sums
 from warp._src.derivatives.handles import show_gradients
 from warp._src.derivatives.singular import count_singular
+from warp._src.derivatives.wide_gradients import WideGradients
 from warp._src.devices.devices import by_index, get_stream
 from warp._src.kernels.call import Call
 from warp._src.kernels.epoch import Epoch
@@ -134,7 +135,10 @@ class KernelDerivatives:
         if any(active) and thread_count(call.dim):
             if call.stream is not None:
                 _make_gradients(call)
-            self.run_adjoint(call, call.values)
+            wide = WideGradients(call)
+            wide.load()
+            self.run_adjoint(call, wide.values)
+            wide.store()
 
     def run_adjoint(self, call: Call, values, initial=None, saved=(), apart=()) -> None:
         """Runs the adjoint of a launch.

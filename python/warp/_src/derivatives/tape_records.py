@@ -11,73 +11,100 @@ from __future__ import annotations
 
 import sys
 
-from warp import config
+from warp import _native, config
+from warp._src import config as settings
 from warp._src import errors
 from warp._src.arrays.array import array
+from warp._src.arrays.gradients import gradient_type
 from warp._src.arrays.kept import Budget
 from warp._src.arrays.observers import Observers
-from warp._src.arrays.versions import Event
+from warp._src.arrays.versions import Event, event_of
 from warp._src.derivatives import cotangents
 from warp._src.derivatives.handles import arrays_of
 from warp._src.derivatives.kernel_derivatives import gradients_of
+from warp._src.derivatives.wide_gradients import WideGradients
 from warp._src.devices import devices
 from warp._src.kernels.call import Call
 from warp._src.types import dtypes
 from warp._src.types.scalars import float_base
 
 
-class LaunchRecord:
-    """A launch. Versions are those that its arrays had when it was done."""
+class LaunchRecord(_native.Record):
+    """A launch. Versions are those that its arrays had when it was done.
 
-    __slots__ = (
-        "__weakref__",
-        "_has_gradients",
-        "_made",
-        "aliases",
-        "apart",
-        "before",
-        "behind",
-        "budget",
-        "call",
-        "event",
-        "pending",
-        "saved",
-        "versions",
-    )
+    Ordinary launches are recorded natively (`_native.launch_recorded`), without a call of
+    `__init__`; what follows from them is found out when it is asked for.
+
+    Attributes:
+        budget: of the copies that are to be made when something is overwritten.
+        pending: no backward pass has run it yet.
+        versions: of each array, or None where it has no elements; None without gradients.
+    """
+
+    __slots__ = ()
 
     def __init__(self, call: Call, budget: Budget | None = None):
-        """`budget`: of the copies that are to be made when something is overwritten."""
-        self.call = call
-        self.event: Event = call.event
-        self.budget = budget
-        # No backward pass has run it yet.
-        self.pending = True
-        self.versions: list = []
-        # Of arrays as they were before the launch, by number.
-        self.before: dict = {}
-        # Arrays with gradients that the kernel knows by handles.
-        self.behind: list[array] = [one for one in arrays_of(call) if one.requires_grad]
-        # What the augmented kernel has noted, in the order of the hidden arguments.
-        self.saved: list[array] = []
-        # Pairs (written, other) of arguments of which elements meet.
-        self.aliases: list[tuple[int, int]] = []
-        # Which arrays are read and written in different places; empty if none is.
-        self.apart: tuple = ()
-        # The derivative while the launch runs, if that was asked for.
-        self._made = None
+        self.kernel, self.native, self.stream = call.kernel, call.native, call.stream
+        self._call, self._event, self.budget = call, call.event, budget
+        self._before, self._saved = {}, []
+        self._behind = [one for one in arrays_of(call) if one.requires_grad]
         self._has_gradients = any(call.active)
         if self._has_gradients and call.regions is not None:
             self._look_back()
+
+    @property
+    def call(self) -> Call:
+        """The launch."""
+        if self._call is None:
+            self._call = Call(
+                self.kernel, self.native, self.dim, self.values, self.device, None, self.block_dim
+            )
+            self._call._event = self.event
+        return self._call
+
+    @property
+    def event(self) -> Event:
+        """The kernel and the place of the call."""
+        if self._event is None:
+            self._event = event_of(self.place)
+        return self._event
+
+    @property
+    def before(self) -> dict:
+        """Versions of arrays as they were before the launch, by number."""
+        return self._before or {}
+
+    @property
+    def behind(self) -> list[array]:
+        """Arrays with gradients that the kernel knows by handles."""
+        return self._behind or []
+
+    @property
+    def saved(self) -> list[array]:
+        """What the augmented kernel has noted, in the order of the hidden arguments."""
+        return self._saved or []
+
+    @property
+    def aliases(self) -> list[tuple[int, int]]:
+        """Pairs (written, other) of arguments of which elements meet."""
+        return self._aliases or []
+
+    @property
+    def apart(self) -> tuple:
+        """Which arrays are read and written in different places; empty if none is."""
+        if self._apart is None:
+            self._apart = self.noted_apart()
+        return self._apart
 
     def _look_back(self) -> None:
         """Finds out whether the launch overwrites what its own adjoint reads."""
         call = self.call
         looks_back = call.signature.looks_back
         if call.signature.written and len(call.leaves) > 1:
-            self.aliases = call.regions.meetings()
+            self._aliases = call.regions.meetings()
         if looks_back:
             flags = tuple(call.regions.apart())
-            self.apart = flags if any(flags) else ()
+            self._apart = flags if any(flags) else ()
         if self.aliases or looks_back:
             try:
                 self._made = self.derivative()
@@ -96,16 +123,12 @@ class LaunchRecord:
             if found is not None and found.size:
                 version = Observers.memory.observe(found, self.call.regions, leaf, reads=True)
                 version.keep_for(self, self.budget)
-                self.before[leaf] = version
+                self._before[leaf] = version
 
     @property
     def structs(self) -> list:
         """The structs that were passed."""
         return self.call.originals
-
-    @property
-    def kernel(self):
-        return self.call.kernel
 
     def derivative(self, tape=None):
         """The derivative with respect to the arrays that have gradients.
@@ -122,14 +145,14 @@ class LaunchRecord:
     def run(self) -> None:
         """Runs the launch, with notes for the adjoint if that needs any."""
         if self._made is not None and self._made.augmented is not None:
-            self.saved = self._made.run_augmented(self.call)
+            self._saved = self._made.run_augmented(self.call)
         else:
             self.call.run()
         self._made = None
 
     def observe(self) -> None:
         """Notes the versions of all arrays."""
-        call = self.call
+        call, versions = self.call, []
         if self._has_gradients:
             regions, observe = call.regions, Observers.memory.observe
             for i, (_, leaf) in enumerate(call.leaves):
@@ -140,9 +163,10 @@ class LaunchRecord:
                     version = observe(leaf, regions, i, reads)
                     if self.budget is not None:
                         version.keep_for(self, self.budget)
-                    elif config.verify_autograd_array_access:
+                    if config.verify_autograd_array_access and call.accesses[i][0]:
                         version.tell(self)
-                self.versions.append(version)
+                versions.append(version)
+        self.versions = tuple(versions)
         self._made = None
         call.done()
 
@@ -159,21 +183,35 @@ class LaunchRecord:
             wanted = self.derivative().needed
         except errors.WarpError:
             return None
+        versions = self.versions or ()
         for leaf in wanted:
-            if leaf < len(self.versions) and self.versions[leaf] is version:
+            if leaf < len(versions) and versions[leaf] is version:
                 return self.call.leaves[leaf][0]
         return None
 
     def overwriting(self, version, by: Event) -> None:
-        """Says that a version is about to end although a backward pass has yet to read it."""
-        name = self._needed_name(version) if self.pending else None
-        if name is not None:
-            print(
-                f"{by.file}:{by.line}: the {by.what} overwrites an array that has already been "
-                f"read from: the gradient of the {self.event} depends on its array '{name}'; "
-                "write to another array, or use `wp.Tape(preserve='auto')`",
-                file=sys.stderr,
-            )
+        """Says that what a version is of is about to end, before a backward pass has run."""
+        if not self.pending:
+            return
+        name = self._needed_name(version)
+        if name is None and self.budget is None:
+            return
+        if name is None:
+            why = f"no gradient of the {self.event} depends on what it held"
+        else:
+            why = f"the gradient of the {self.event} depends on its array '{name}'"
+            if self.budget is None:
+                why += "; write to another array, or use `wp.Tape(preserve='auto')`"
+            else:
+                why += ", of which the tape keeps a copy"
+        place = f" by an array copy at {by.file}:{by.line}" if by.what == "copy" else ""
+        print(
+            f"{by.file}:{by.line}: the {by.what} overwrites an array that has already been "
+            f"read from: {why}\nas Warp says: Array {version.array!r} is being written to{place} "
+            "but has already been read from in a previous launch. This may corrupt gradient "
+            "computation in the backward pass.",
+            file=sys.stderr,
+        )
 
     def arrays(self) -> list[array]:
         return [leaf for _, leaf in self.call.leaves if leaf is not None] + self.behind
@@ -189,22 +227,28 @@ class LaunchRecord:
         derivative = self.derivative()
         if self.aliases:
             self._check_aliases()
-        values = self._values(derivative, state.images)
+        wide = self._with_wide_gradients(derivative, state.images)
         initial = self._initial(state.images)
         runner = Observers.executor or self.call.kernel.derivatives
         if self.call.stream is not None:
-            gradients_of(self.call, values)
+            gradients_of(self.call, wide.values)
             self.call.stream.wait_stream(devices.get_stream(self.call.stream.device))
-        runner.run_adjoint(self.call, values, initial, self.saved, self.apart)
+        wide.load()
+        runner.run_adjoint(self.call, wide.values, initial, self.saved, self.apart)
+        wide.store()
         self.pending = False
 
     def arguments(self, state) -> tuple | None:
-        """All arguments of the adjoint with checkpoints, None if there is nothing to run."""
+        """All arguments of the adjoint with checkpoints, None if there is nothing to run.
+
+        Returned are also the gradients among them, to be loaded before they are used.
+        """
         if not any(self.call.active):
             return None
         derivative = self.derivative(tape="checkpoints")
         hidden = derivative.hidden_values(self.call, self._initial(state.images), self.saved)
-        return (*self._values(derivative, state.images), *hidden)
+        wide = self._with_wide_gradients(derivative, state.images)
+        return (*wide.values, *hidden), wide
 
     def _check_aliases(self) -> None:
         elementwise = self.call.kernel.module.name == "warp.map"
@@ -229,12 +273,13 @@ class LaunchRecord:
             leaf: self._contents(leaf, version, images) for leaf, version in self.before.items()
         }
 
-    def _values(self, derivative, images) -> tuple:
+    def _with_wide_gradients(self, derivative, images) -> WideGradients:
         """The arguments as they were, with the arrays of gradients that they have."""
         replaced = {}
         aliased = {reader for _, reader in self.aliases}
+        versions = self.versions or ()
         for leaf in derivative.needed:
-            version = self.versions[leaf] if leaf < len(self.versions) else None
+            version = versions[leaf] if leaf < len(versions) else None
             if leaf in aliased and leaf in self.before:
                 version = self.before[leaf]
             if version is None:
@@ -243,7 +288,7 @@ class LaunchRecord:
             contents = self._contents(leaf, version, images)
             if contents is not found:
                 replaced[leaf] = cotangents.with_gradient_of(contents, found)
-        return self.call.with_leaves(replaced)
+        return WideGradients(self.call, replaced)
 
     def _contents(self, leaf, version, images) -> array:
         """The array itself, or what it held if that is something else now."""
@@ -272,6 +317,41 @@ class LaunchRecord:
         return errors.WarpGradientError(
             f"gradient of the {place}: {what}", file=place.file, line=place.line, hint=hint
         )
+
+
+def _needs(kernel, native, active, apart):
+    """What the adjoint of an ordinary launch reads: (numbers of arrays, whether it reads them as
+    they are after the launch); None if there is no adjoint.
+    """
+    try:
+        made = kernel.derivatives.adjoint(native, active, True, None, apart)
+    except errors.WarpError:
+        # Says so when gradients are asked for.
+        return None
+    return made.needed, made.augmented is None and not made.preserved
+
+
+def _plain_adjoint(kernel, native, active, apart, elements):
+    """The native adjoint if a launch of it with the same arguments is all there is to do.
+
+    elements: types of the elements of arrays, as `active` counts them.
+    """
+    if not kernel.option("enable_backward"):
+        return None
+    if any(on and gradient_type(one) is not one for on, one in zip(active, elements, strict=True)):
+        # Their gradients may have to be widened.
+        return None
+    try:
+        made = kernel.derivatives.adjoint(native, active, True, None, apart)
+    except errors.WarpError:
+        return None
+    is_plain = not (made.hidden or made.one_thread) and made.counting is None
+    return made.native if is_plain and made.augmented is None and made.gathered is None else None
+
+
+_native.set_record_type(LaunchRecord, _needs, _plain_adjoint)
+for _name in ("singular", "tape"):
+    settings.on_change(_name, lambda *_: _native.forget_needs())
 
 
 class CopyRecord:

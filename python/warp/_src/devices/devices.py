@@ -8,6 +8,7 @@ has the device `cpu` and nothing fails until a CUDA device is asked for by name.
 from __future__ import annotations
 
 import sys
+import threading
 
 from warp import _native, config
 from warp._src.devices.builtin_allocators import custom_allocators, get_builtin_allocator
@@ -174,10 +175,11 @@ _cpu = Device(CPU)
 _cuda: list[Device] = []
 # Devices that are contexts which users mapped, by number.
 _mapped: dict[int, Device] = {}
-_state = {"initialized": False, "default": None}
+_state = {"initialized": False, "default": None, "cuda": None}
 
 # Device numbers by everything that may name a device; the fast path of launches. `None` is the
-# default device and is there once the runtime is initialized.
+# default device and "cuda" the CUDA device that was last the default: both are there once the
+# runtime is initialized, and while no thread has a default device of its own.
 index_of: dict = {"cpu": CPU, _cpu: CPU}
 
 
@@ -191,7 +193,7 @@ def initialize() -> None:
         _cuda.append(device)
         index_of[device] = index_of[device.alias] = index
     if _cuda:
-        index_of["cuda"] = 0
+        _state["cuda"] = _cuda[0]
     _set_default(_cuda[0] if _cuda else _cpu)
     if not config.enable_mempools_at_init:
         for device in _cuda:
@@ -205,15 +207,63 @@ def initialize() -> None:
 
 
 def _set_default(device) -> None:
+    if _own.device is not None:
+        _own.device = device
+        return
     _state["default"] = device
-    index_of[None] = device.index
     if device.is_cuda:
-        index_of["cuda"] = device.index
+        _state["cuda"] = device
+    _name_default()
+
+
+def _name_default() -> None:
+    """Puts the names whose meaning changes where launches find them, or out of there."""
+    for name, device in ((None, _state["default"]), ("cuda", _state["cuda"])):
+        if device is None or OwnDefault.count:
+            index_of.pop(name, None)
+        else:
+            index_of[name] = device.index
+
+
+class _Own(threading.local):
+    """The default device of a thread, None where it is that of the process."""
+
+    device = None
+
+
+_own = _Own()
+
+
+class OwnDefault:
+    """Makes a device the default of this thread alone, for a block."""
+
+    count = 0
+    _lock = threading.Lock()
+
+    def __init__(self, device):
+        self.device = device
+
+    def __enter__(self):
+        initialize()
+        self._saved, _own.device = _own.device, self.device
+        self._add(1)
+        return self.device
+
+    def __exit__(self, *exception):
+        _own.device = self._saved
+        self._add(-1)
+
+    @classmethod
+    def _add(cls, number) -> None:
+        with cls._lock:
+            cls.count += number
+            _name_default()
 
 
 def _first_cuda():
     initialize()
-    return _cuda[index_of["cuda"]] if _cuda else None
+    own = _own.device
+    return own if own is not None and own.is_cuda else _state["cuda"]
 
 
 def by_index(index: int) -> Device:
@@ -280,7 +330,9 @@ def get_device(ident: DeviceLike = None) -> Device:
         return _cpu
     initialize()
     if ident is None:
-        return _state["default"]
+        return _own.device or _state["default"]
+    if ident == "cuda" and _cuda:
+        return _first_cuda()
     index = index_of.get(ident if isinstance(ident, str) else str(ident))
     if index is None:
         raise ValueError(_unknown_device(ident))

@@ -35,8 +35,8 @@ class Session:
     """State shared by the functions of one kernel."""
 
     __slots__ = (
-        *("active", "builder", "calls", "debug", "derived", "handles", "max_unroll", "parameters"),
-        *("statics", "sums_winding", "taken", "threads", "tile_builder"),
+        *("active", "builder", "callers", "calls", "debug", "derived", "handles", "max_unroll"),
+        *("parameters", "statics", "sums_winding", "taken", "threads", "tile_builder"),
     )
 
     def __init__(self, builder, max_unroll=16):
@@ -47,8 +47,9 @@ class Session:
         self.taken = {}
         # Functions whose own derivative, if they have one, has been attached.
         self.derived = set()
-        # Functions being translated, outermost first.
+        # Functions being translated, outermost first, and where each but the first is called.
         self.active = []
+        self.callers = []
         # Each `wp.static` that was evaluated: function, expression, names and what it gave.
         self.statics = []
         # The kernel's arguments by name, and the kinds of those that are handles of geometry.

@@ -9,7 +9,6 @@ code reads and writes memory, so passes keep it in its place.
 
 from __future__ import annotations
 
-from warp._src import errors
 from warp._src.derivatives.functions import adjoint
 from warp._src.kernels import native_code
 from warp._src.kernels.function import Function, NativeFunction
@@ -77,10 +76,7 @@ def emit(context, code, node):
         values += [builder.dim(value, axis) for axis in range(rank)]
         values += [builder.stride(value, axis) for axis in range(rank)]
         declared.append((parameter.name, str(value.type.element), rank))
-    try:
-        symbol = native_code.add_memory(code, declared)
-    except errors.WarpCompileError as problem:
-        raise context.error(node, str(problem)) from None
+    symbol = native_code.add_memory(code, declared, native_code.place_of(context, node))
     context.at(node)
     results = context.builder.builtin(f"_{symbol}:{','.join(code.results or ['si32'])}", values)[0]
     return tuple(results) if code.results else None

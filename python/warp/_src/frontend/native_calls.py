@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 
-from warp._src import errors
 from warp._src.frontend import address, native_arrays, native_wrappers, updates
 from warp._src.kernels import native_code
 from warp._src.types import dtypes
@@ -15,13 +14,16 @@ _FIX = "write the function in Python with `@wp.func`"
 
 
 def call_native(context, function, node):
-    """The result of a call, or None for a barrier of a block that is one thread.
+    """The result of a call, or None for a barrier of a block.
 
     Raises:
         WarpCodegenError: the function has other parameters than numbers, addresses of them and
-            arrays, or Clang is not installed or refuses it.
+            arrays.
     """
-    if function.is_block_barrier and context.session.block_threads() == 1:
+    if function.is_block_barrier:
+        if context.session.block_threads() > 1:
+            context.at(node)
+            context.session.tiles.add_barrier()
         return None
     if isinstance(function, native_arrays.MemoryCode):
         return native_arrays.emit(context, function, node)
@@ -48,14 +50,17 @@ def call_native(context, function, node):
             problem = f"{what}, whose parameter '{name}' is no number,"
             raise context.unsupported(node, problem, _FIX)
     result = _result_of(function)
-    if result not in native_code.SCALARS:
+    snippet = function.native_snippet
+    if native_code.is_together(snippet):
+        # Code depends on the threads of the block.
+        context.session.block_threads()
+    elif result not in native_code.SCALARS:
         raise context.unsupported(node, f"{what}, which returns no number,", _FIX)
-    try:
-        symbol = native_code.add(function.key, function.native_snippet, parameters, result)
-    except errors.WarpCompileError as problem:
-        raise context.error(node, str(problem)) from None
+    place = native_code.place_of(context, node)
+    symbol = native_code.add(function.key, snippet, parameters, result, place)
     context.at(node)
-    return context.builder.builtin(f"_{symbol}:{result}", values)[0][0]
+    made = context.builder.builtin(f"_{symbol}:{result or 'si32'}", values)[0][0]
+    return made if result else None
 
 
 def _call_wrapper(context, function, pointers, node):

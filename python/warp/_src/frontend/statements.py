@@ -181,6 +181,9 @@ class Statements(Part):
         head = f"The function `{self.context.source.name}`"
         names = [self.context.type_name(part) for part in given]
         declared = ["Any" if native is None else native.python_name for native in wanted]
+        written = self.context.function.__annotations__.get("return")
+        if written in (int, float, bool):
+            declared = [written.__name__]
         if type(given[0]) is LocalArray:
             element = getattr(wanted[0], "element", None)
             shown = f"Array[{element.python_name}]" if element else declared[0]

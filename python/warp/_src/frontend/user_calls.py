@@ -93,14 +93,17 @@ class UserCalls(Part):
         if key in calls:
             return calls[key]
         self.check_recursion(overload, node)
-        self.context.session.active.append(overload)
+        active, callers = self.context.session.active, self.context.session.callers
+        where = f"{self.context.source.file}:{self.context.source.line(node)}"
+        active.append(overload)
+        callers.append(f"called from '{self.context.source.name}' at {where}")
         try:
             made = calls[key] = self.translate(overload, bound, apart)
         except errors.WarpError as problem:
-            where = f"{self.context.source.file}:{self.context.source.line(node)}"
-            problem.notes = (*problem.notes, f"called from '{self.context.source.name}' at {where}")
+            problem.notes = (*problem.notes, callers.pop())
             raise
-        self.context.session.active.pop()
+        active.pop()
+        callers.pop()
         return made
 
     def signature_of(self, binding):

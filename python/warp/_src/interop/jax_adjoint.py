@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from warp._src.arrays import hooks
-from warp._src.arrays.array import array
-from warp._src.arrays.copies import clone, copy
-from warp._src.arrays.create import zeros
-from warp._src.arrays.gradients import gradient_type
+from warp._src.arrays.copies import clone
 from warp._src.interop import jax_arrays
 from warp._src.kernels.launch import launch
-from warp._src.types.dtypes import type_scalar_type
 
 
 def differentiable(owner, parameters, plan, dims, call):
@@ -103,9 +98,10 @@ class _Adjoint:
         gradients: list = [None] * len(values)
         for i, cotangent in cotangents.items():
             # The adjoint may change it, and what is JAX's must not be.
-            gradients[i] = _wide(cotangent)
+            gradients[i] = clone(cotangent)
         for i, target in targets.items():
-            gradients[i] = zeros(target.shape, gradient_type(target.dtype), place.device)
+            target.zero_()
+            gradients[i] = target
         launch(
             self.kernel,
             self.dims,
@@ -115,35 +111,3 @@ class _Adjoint:
             adjoint=True,
             block_dim=self.block_dim,
         )
-        for i, target in targets.items():
-            _store(target, gradients[i])
-
-
-def _wide(cotangent) -> array:
-    """A copy with elements as gradients have."""
-    dtype = gradient_type(cotangent.dtype)
-    if dtype is cotangent.dtype:
-        return clone(cotangent)
-    wide = zeros(cotangent.shape, dtype, cotangent.device)
-    _cast(cotangent, wide)
-    return wide
-
-
-def _store(target, gradient) -> None:
-    if gradient.dtype is target.dtype:
-        copy(target, gradient)
-    else:
-        _cast(gradient, target)
-
-
-def _cast(source, target) -> None:
-    """Copies numbers between packed arrays of different floats."""
-    kind = type_scalar_type(target.dtype)
-    source, target = (_numbers(one) for one in (source, target))
-    operands, name = [(None, source)], f"jax_cast_{kind.__name__}"
-    hooks.apply(name, "kind(x0)", {"kind": kind}, name, operands, target, False, None, None)
-
-
-def _numbers(packed):
-    scalar, flat = type_scalar_type(packed.dtype), packed.flatten()
-    return flat if scalar is packed.dtype else flat.view(scalar).flatten()

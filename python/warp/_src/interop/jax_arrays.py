@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import collections
+import contextlib
 import hashlib
 import math
+import threading
 
 from warp import _native
 from warp._src.arrays.array import array
 from warp._src.devices import devices
-from warp._src.devices.scoped import ScopedDevice, ScopedStream
+from warp._src.devices.scoped import ScopedStream
 from warp._src.devices.streams import Stream
 from warp._src.types import dtypes
 
@@ -85,19 +88,26 @@ def entries(layout, given):
 
 
 class Place:
-    """Makes the device and the stream of a call the current ones for a block."""
+    """Makes the device and the stream of a call the current ones for a block.
+
+    XLA calls from threads of its own, several at once. The device is the default of the calling
+    thread alone; the stream is that of its device for everybody, so calls on a GPU take turns.
+    """
 
     def __init__(self, index, stream):
         self.device = devices.by_index(index)
         self.stream = Stream.from_handle(index, stream) if self.device.is_cuda else None
 
     def __enter__(self):
-        self._device = ScopedDevice(self.device)
-        self._device.__enter__()
-        self._stream = ScopedStream(self.stream, sync_enter=False)
-        self._stream.__enter__()
+        self._blocks = contextlib.ExitStack()
+        if self.stream is not None:
+            self._blocks.enter_context(_turns[self.device.index])
+        self._blocks.enter_context(devices.OwnDefault(self.device))
+        self._blocks.enter_context(ScopedStream(self.stream, sync_enter=False))
         return self
 
     def __exit__(self, *exception):
-        self._stream.__exit__(*exception)
-        self._device.__exit__(*exception)
+        self._blocks.__exit__(*exception)
+
+
+_turns: dict = collections.defaultdict(threading.RLock)

@@ -6,7 +6,6 @@ import functools
 
 from warp import _native
 from warp._src.arrays.array import array
-from warp._src.arrays.gradients import gradient_type
 from warp._src.devices import devices
 from warp._src.interop import exchange
 from warp._src.interop.shared_gradients import share_gradient
@@ -104,9 +103,7 @@ def from_paddle(
         raise TypeError(f"expects a dense tensor of Paddle, but got '{type(t).__name__}'")
     result = _alias(t, dtype)
     wanted = not t.stop_gradient if requires_grad is None else requires_grad
-    share_gradient(
-        "from_paddle", result, grad, wanted, lambda one: _alias(one, dtype), lambda: _gradient(t)
-    )
+    share_gradient(result, grad, wanted, lambda one: _alias(one, dtype), lambda: _gradient(t))
     if retain_grad:
         result.retain_grad = True
     return result
@@ -151,7 +148,7 @@ def to_paddle(a, requires_grad=None):
     t = _tensor(a)
     wanted = a.requires_grad if requires_grad is None else requires_grad
     t.stop_gradient = not wanted
-    if wanted and a.requires_grad and gradient_type(a.dtype) is a.dtype:
+    if wanted and a.requires_grad and a.grad.item_size == a.item_size:
         t.grad_ = _tensor(a.grad)
     return t
 

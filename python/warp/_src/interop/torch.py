@@ -6,7 +6,6 @@ import functools
 
 from warp import _native
 from warp._src.arrays.array import array
-from warp._src.arrays.gradients import gradient_type
 from warp._src.devices import devices
 from warp._src.interop import exchange
 from warp._src.interop.shared_gradients import share_gradient
@@ -98,9 +97,7 @@ def from_torch(t, dtype=None, requires_grad=None, grad=None, return_ctype=False,
         )
     result = _alias(t, dtype)
     wanted = t.requires_grad if requires_grad is None else requires_grad
-    share_gradient(
-        "from_torch", result, grad, wanted, lambda one: _alias(one, dtype), lambda: _gradient(t)
-    )
+    share_gradient(result, grad, wanted, lambda one: _alias(one, dtype), lambda: _gradient(t))
     if retain_grad:
         result.retain_grad = True
     return result
@@ -147,7 +144,7 @@ def to_torch(a, requires_grad=None):
     t = _tensor(a)
     if a.requires_grad if requires_grad is None else requires_grad:
         t.requires_grad_()
-        if a.requires_grad and gradient_type(a.dtype) is a.dtype:
+        if a.requires_grad and a.grad.item_size == a.item_size:
             t.grad = _tensor(a.grad)
     return t
 

@@ -57,6 +57,14 @@ class Signature:
         known = self._has_source and self._has_regions
         return _native.RegionFinder(self._native) if known else None
 
+    @functools.cached_property
+    def recorder(self):
+        """Launches the kernel while somebody observes; None if Python has to do that."""
+        if not (self.flat and self._has_source and self._has_regions):
+            return None
+        made = _native.LaunchRecorder(self._native)
+        return made if made.is_eligible else None
+
 
 class Call:
     """A launch with everything it was given.

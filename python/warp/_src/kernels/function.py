@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import sys
 import types as python_types
+import typing
+from collections.abc import Callable
 
 from warp._src import errors
 from warp._src.kernels import texts
 from warp._src.kernels.epoch import Epoch
 from warp._src.types import dtypes
-from warp._src.types.annotations import is_generic
+from warp._src.types.annotations import Reference, is_generic
+from warp._src.types.composites import Composite
 from warp._src.types.native import ArrayType
+from warp._src.types.scalars import PYTHON_TYPES, scalar_base
+
+_Parameters = typing.ParamSpec("_Parameters")
+_Result = typing.TypeVar("_Result")
 
 
 class Function:
@@ -50,7 +57,16 @@ class Function:
         return bool(self.pullbacks or self.replays or self.pullback or self.pushforward)
 
     def add_overload(self, func) -> None:
-        """Adds a function whose annotations no other one has."""
+        """Adds a function whose annotations no other one has.
+
+        Raises:
+            WarpError: only references tell it from another one.
+        """
+        if any(_value_types(func) == _value_types(other) for other in self.overloads):
+            raise errors.WarpError(
+                f"functions of the name '{self.key}' differ only by references (`wp.ref`), which "
+                "no call tells apart: give one another name"
+            )
         self.overloads.append(func)
         self._keep_text(func)
 
@@ -71,15 +87,16 @@ class Function:
 
     def __call__(self, *args, **kwargs):
         if len(self.overloads) == 1:
+            # Programs know this error by its words.
+            refusal = f"Error calling function '{self.key}', no overload found for arguments {args}"
+            if _refuses(self.func, args):
+                raise errors.WarpTypeError(refusal)
             try:
                 return self.func(*args, **kwargs)
             except TypeError as problem:
                 if _accepts(self.func, args, kwargs):
                     raise
-                # Programs know this error by its words.
-                raise errors.WarpTypeError(
-                    f"Error calling function '{self.key}', no overload found for arguments {args}"
-                ) from problem
+                raise errors.WarpTypeError(refusal) from problem
         for func in self.overloads:
             if _accepts(func, args, kwargs):
                 return func(*args, **kwargs)
@@ -88,6 +105,28 @@ class Function:
 
     def __repr__(self):
         return f"<function '{self.key}'>"
+
+
+def _value_types(func) -> list:
+    """Annotations of the parameters, references as what they refer to."""
+    declared = [value for name, value in func.__annotations__.items() if name != "return"]
+    return [one.dtype if isinstance(one, Reference) else one for one in declared]
+
+
+def _refuses(func, args) -> bool:
+    """Whether an argument is a number of Python for a parameter of another kind, or no function."""
+    expected = func.__annotations__
+    for name, value in zip(func.__code__.co_varnames, args, strict=False):
+        wanted = expected.get(name)
+        if wanted is Function and not isinstance(value, Function):
+            # Builtins are no instances.
+            if not hasattr(value, "signatures"):
+                return True
+        elif type(value) in (bool, int, float) and isinstance(wanted, type):
+            of_warp = issubclass(wanted, (Composite, scalar_base))
+            if of_warp and wanted not in PYTHON_TYPES.values():
+                return True
+    return False
 
 
 def _accepts(func, args, kwargs) -> bool:
@@ -108,6 +147,16 @@ def _accepts(func, args, kwargs) -> bool:
         elif isinstance(expected, type) and not dtypes.types_equal(type(value), expected):
             return False
     return True
+
+
+@typing.overload
+def func(f: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]: ...
+
+
+@typing.overload
+def func(
+    f: None = None, *, name: str | None = None, module=None, inline: bool | None = None
+) -> Callable[[Callable[_Parameters, _Result]], Callable[_Parameters, _Result]]: ...
 
 
 def func(f=None, *, name=None, module=None, inline=None):
@@ -159,7 +208,7 @@ class NativeFunction(Function):
     def is_block_barrier(self) -> bool:
         """Whether all it does is to let the threads of a block wait for each other.
 
-        That is nothing where a block is one thread, so kernels with it run on a CPU.
+        That needs no compiler, and is nothing where a block is one thread.
         """
         return "".join(self.native_snippet.split()) in _BARRIERS
 
@@ -176,12 +225,18 @@ _BARRIERS = (
 def func_native(snippet, adj_snippet=None, replay_snippet=None):
     """Declares a function by its C++ or CUDA text.
 
-    Kernels on CPUs may call one that takes numbers and arrays, and gives one number or none: Clang,
-    where it is installed or named by the environment variable WARP_CLANG, compiles it. What a
-    function of numbers alone computes may depend on its arguments alone. It may assign to
-    parameters by reference (`wp.ref[float]`) and to what `wp.address_of` points to: copies, which
-    are written back. A kernel that calls another one is refused, with the place of the call;
-    modules that declare such functions can be imported.
+    Kernels may call one that takes numbers and arrays, and gives one number or none. It is compiled
+    with the first kernel that calls it: on CPUs by Clang, which is installed or named by the
+    environment variable WARP_CLANG, on GPUs by NVRTC, which is a part of CUDA and of the package
+    nvidia-cuda-nvrtc, or named by WARP_NVRTC. Without a compiler, the launch is an error with the
+    place of the call.
+
+    What a function of numbers alone computes may depend on its arguments alone, unless its text
+    names what threads do together (`__syncwarp`, `__shfl_xor_sync`, `atomicAdd`, ...): such a call
+    stays where it stands, and the kernel is launched in blocks, as one with tiles. A text that is
+    `WP_TILE_SYNC();` or `__syncthreads();` is a barrier and needs no compiler. A function may
+    assign to parameters by reference (`wp.ref[float]`) and to what `wp.address_of` points to:
+    copies, which are written back.
 
     An array is a `wp::array_t<T>` in the snippet, with `data`, `shape`, `strides` in bytes and
     `ndim`; `x[i]` is element i of packed memory, `wp::index(x, i, j)` and `wp::address(x, i, j)`

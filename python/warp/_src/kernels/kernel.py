@@ -72,6 +72,9 @@ class Kernel:
         if not (func.__module__ or "").startswith("warp."):
             texts.keep(func)
         self.module.kernels[self.key] = self
+        self.module.generic_kernels.pop(self.key, None)
+        if any(map(is_generic, func.__annotations__.values())):
+            self.module.generic_kernels[self.key] = self
         self.epoch = None
         self.native = None
         self._generic = None
@@ -82,7 +85,7 @@ class Kernel:
         # What launches need to know of native kernels while somebody observes.
         self.signatures: dict = {}
         # Made by `wp.overload`, by the types of the parameters.
-        self.overloads: dict = {}
+        self.declared_overloads: dict = {}
         # Names of native kernels in the kernel cache, of those that have one.
         self.names: dict = {}
         self.__name__ = func.__name__
@@ -108,6 +111,12 @@ class Kernel:
         except Exception:
             # The translation says what is wrong.
             return False
+
+    @property
+    def overloads(self) -> dict:
+        """Of a generic kernel, what there is by the types of the parameters."""
+        launched = {", ".join(map(str, types)): one for types, one in self._specialized.items()}
+        return {**launched, **self.declared_overloads}
 
     @property
     def specializations(self) -> list:

@@ -15,7 +15,7 @@ from warp import _native, config
 from warp._src import config as settings
 from warp._src import errors
 from warp._src.arrays.array import array
-from warp._src.arrays.observers import Observers, observed_launch
+from warp._src.arrays.observers import Observers, launch_ordinary, observed_launch
 from warp._src.derivatives.adjoint_launch import AdjointLaunch
 from warp._src.devices.devices import by_index, index_of, resolve_index
 from warp._src.kernels.call import Call
@@ -26,15 +26,16 @@ from warp._src.logger import get_logger
 
 
 class _Checked:
-    """Whether a setting asks for something to be done at each launch."""
+    """Whether a setting asks for something to be done at each launch, or somebody observes."""
 
     active = False
+    # By a setting.
+    asked = False
 
     @classmethod
     def update(cls, value=None):
-        cls.active = (
-            config.print_launches or config.verify_fp or config.verify_cuda or Observers.active
-        )
+        cls.asked = config.print_launches or config.verify_fp or config.verify_cuda
+        cls.active = cls.asked or Observers.active
 
 
 Observers.on_change(_Checked.update)
@@ -89,22 +90,31 @@ def launch(
         or kernel.epoch is not Epoch.current
         or adjoint
         or record_cmd
-        or _Checked.active
     ):
-        kernel.native.launch(dim, inputs, outputs, index, None, block_dim or 0)
-        return None
-    return _launch_checked(
-        kernel,
-        dim,
-        inputs,
-        outputs,
-        device,
-        stream,
-        (adj_inputs, adj_outputs) if adjoint else None,
-        record_tape,
-        record_cmd,
-        block_dim,
-    )
+        if not _Checked.active:
+            kernel.native.launch(dim, inputs, outputs, index, None, block_dim or 0)
+            return None
+        if not _Checked.asked and launch_ordinary(
+            kernel, dim, inputs, outputs, index, block_dim or 0, record_tape
+        ):
+            return None
+    try:
+        return _launch_checked(
+            kernel,
+            dim,
+            inputs,
+            outputs,
+            device,
+            stream,
+            (adj_inputs, adj_outputs) if adjoint else None,
+            record_tape,
+            record_cmd,
+            block_dim,
+        )
+    except errors.WarpCodegenError as problem:
+        # Says where in the kernel. Who keeps it is not to keep the kernel, too.
+        del kernel
+        raise problem.with_traceback(None) from problem.__cause__
 
 
 def _launch_checked(

@@ -65,6 +65,8 @@ class Module:
     def __init__(self, name: str):
         self.name = name
         self.kernels = weakref.WeakValueDictionary()
+        # Generic ones stay when their name is used for what declares an overload.
+        self.generic_kernels: dict = {}
         self.options = Options(self)
         # What `load_aot_module` has read.
         self.saved: list = []

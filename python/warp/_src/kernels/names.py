@@ -167,8 +167,8 @@ class Names:
         raise UnnamedError
 
     def _function_of_kernels(self, value) -> str:
-        if isinstance(value, NativeFunction) and value.is_block_barrier and self.threads == 1:
-            # Nothing at all; of other native code a module has the address in this process.
+        if isinstance(value, NativeFunction) and value.is_block_barrier:
+            # Of other native code a module has the address in this process.
             return "barrier"
         if type(value) is not Function:
             raise UnnamedError

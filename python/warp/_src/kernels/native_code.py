@@ -1,21 +1,19 @@
-"""Functions that users wrote in C++: compiled by Clang, linked into kernels on CPUs.
+"""Functions that users wrote in C++: their text, made whole for the compilers.
 
-The text is the body of a function of the parameters' names and types. Nothing here looks into it:
-Clang, where it is installed, makes bitcode of it when a kernel calls the function first.
+The user's text is the body of a function of the parameters' names and types. Nothing here looks
+into it but for the words of `_TOGETHER`: Clang makes bitcode of it when a kernel that calls it is
+compiled for a CPU, NVRTC makes PTX for a GPU.
 """
 
 from __future__ import annotations
 
 import functools
 import hashlib
-import os
 import re
-import shutil
-import subprocess
-import tempfile
+import sys
+from pathlib import Path
 
 from warp import _native
-from warp._src import errors
 from warp._src.kernels.native_header import ARRAYS, NUMBERS
 
 # By the text of the native type: what C++ calls it.
@@ -35,39 +33,74 @@ SCALARS = {
 _known: dict = {}
 
 
+# Words of code that threads do together or that is no function of its arguments: such calls stay
+# where they stand, and the threads of a block are those of the launch.
+_TOGETHER = re.compile(r"sync|atomic|__shfl|__ballot|__any|__all|threadIdx|blockIdx|clock|asm")
+
+
+def is_together(snippet) -> bool:
+    """Whether the text may be one that the threads of a block do together."""
+    return _TOGETHER.search(snippet) is not None
+
+
+def compiler(gpu=False) -> str:
+    """Clang or NVRTC for GPUs, as WARP_CLANG or WARP_NVRTC say or as it is installed; or ""."""
+    _tell_folders()
+    return _native.native_compiler(gpu)
+
+
 @functools.cache
-def compiler() -> str | None:
-    """Path of Clang: what WARP_CLANG says, or one that is installed."""
-    named = os.environ.get("WARP_CLANG")
-    return shutil.which(named) if named else shutil.which("clang-22") or shutil.which("clang")
+def _tell_folders():
+    """NVRTC as packages of Python bring it."""
+    folders = [
+        folder
+        for path in sys.path
+        for pattern in ("nvidia/cu1*/lib", "nvidia/cuda_nvrtc/lib")
+        for folder in sorted(Path(path or ".").glob(pattern), reverse=True)
+    ]
+    _native.set_nvrtc_folders([*map(str, folders)])
 
 
-def add(name, body, parameters, result) -> str:
-    """Compiles a function and makes it known to kernels; its symbol.
+def place_of(context, node) -> str:
+    """What a compiler's message about a call says, with '%' in the place of its words."""
+    problem = context.error(node, "%")
+    problem.notes = tuple(reversed(context.session.callers))
+    return str(problem)
+
+
+def add(name, body, parameters, result, place) -> str:
+    """Makes a function of numbers known to kernels; its symbol.
 
     Args:
         name: of the function, for messages.
         body: C++ text.
         parameters: (name, native type) of each.
-        result: native type.
-
-    Raises:
-        WarpCompileError: there is no Clang, or it refuses the text; its words follow.
+        result: native type, None for nothing.
+        place: what `place_of` says.
     """
     declared = ", ".join(f"{SCALARS[native]} {parameter}" for parameter, native in parameters)
     passed = ", ".join(parameter for parameter, _ in parameters)
+    returned = SCALARS[result] if result else "void"
     text = (
-        f'{NUMBERS}static inline {SCALARS[result]} warp_function({declared}) {{\n#line 1 "{name}"\n'
+        f'{NUMBERS}static inline {returned} warp_function({declared}) {{\n#line 1 "{name}"\n'
         f"{body}\n}}\n"
     )
-    symbol = "warp_native_" + hashlib.sha256(text.encode()).hexdigest()[:24]
+    separator = ", " if parameters else ""
+    together = "memory_" if is_together(body) or not result else ""
+    kept = f"*warp_out = {'' if result else '0; '}warp_function({passed});"
+    out = f"{declared}{separator}{returned if result else 'int32_t'} *warp_out"
+    return _add(f"warp_native_{together}", name, text, out, kept, place)
+
+
+def _add(prefix, name, text, parameters, body, place) -> str:
+    mark = hashlib.sha256(text.encode()).hexdigest()[:24]
+    symbol = prefix + mark
     if symbol not in _known:
-        separator = ", " if parameters else ""
-        text += (
-            f'extern "C" void {symbol}({declared}{separator}{SCALARS[result]} *warp_out) '
-            f"{{ *warp_out = warp_function({passed}); }}\n"
-        )
-        _native.add_native_code(symbol, _bitcode(name, text))
+        _tell_folders()
+        # The names of different functions of users may not meet in the code of a kernel.
+        whole = f"#define warp_function warp_function_{mark}\n{text}"
+        whole += f'extern "C" void {symbol}({parameters}) {{ {body} }}\n'
+        _native.add_native_code(symbol, name, whole, place)
         _known[symbol] = name
     return symbol
 
@@ -87,16 +120,14 @@ def element_name(native) -> str | None:
     return f"wp::{kind}_t<{', '.join(numbers)}>"
 
 
-def add_memory(code, parameters) -> str:
-    """Compiles a function with arrays (`native_arrays.MemoryCode`); its symbol.
+def add_memory(code, parameters, place) -> str:
+    """Makes known a function with arrays (`native_arrays.MemoryCode`); its symbol.
 
     Args:
         code: its text is a block in braces that returns the one result, or all in braces.
         parameters: (name, native type, 0) of each number, (name, type of elements, rank) of each
             array.
-
-    Raises:
-        WarpCompileError: as for `add`.
+        place: as for `add`.
     """
     fields = "".join(f"{SCALARS[one]} r{i}; " for i, one in enumerate(code.results))
     results = f"struct Results {{ {fields or 'int32_t r0;'} }};\n"
@@ -130,34 +161,5 @@ def add_memory(code, parameters) -> str:
         f"{NUMBERS}{ARRAYS}{results}static inline {returned} warp_function({', '.join(declared)}) "
         f"{code.native_snippet}\n"
     )
-    symbol = "warp_native_memory_" + hashlib.sha256(text.encode()).hexdigest()[:24]
-    if symbol not in _known:
-        text += (
-            f'extern "C" void {symbol}({", ".join([*outer, "Results *warp_out"])}) '
-            f"{{ *warp_out = Results({kept}); }}\n"
-        )
-        _native.add_native_code(symbol, _bitcode(code.key, text))
-        _known[symbol] = code.key
-    return symbol
-
-
-def _bitcode(name, text) -> bytes:
-    clang = compiler()
-    if clang is None:
-        raise errors.WarpCompileError(
-            f"the native code of '{name}' needs Clang: install it, name it in WARP_CLANG, or write "
-            "the function in Python with `@wp.func`"
-        )
-    with tempfile.TemporaryDirectory() as folder:
-        source, made = os.path.join(folder, "native.cpp"), os.path.join(folder, "native.bc")
-        with open(source, "w", encoding="utf-8") as file:
-            file.write(text)
-        command = [clang, "-x", "c++", "-std=c++17", "-O2", "-ffp-contract=off", "-fno-exceptions"]
-        command += ["-emit-llvm", "-c", source, "-o", made]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode:
-            raise errors.WarpCompileError(
-                f"Clang refuses the native code of '{name}':\n{done.stderr.strip()}"
-            )
-        with open(made, "rb") as file:
-            return file.read()
+    out = ", ".join([*outer, "Results *warp_out"])
+    return _add("warp_native_memory_", code.key, text, out, f"*warp_out = Results({kept});", place)

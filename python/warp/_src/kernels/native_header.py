@@ -4,9 +4,22 @@ The names and the order of arguments are those of NVIDIA Warp's headers, as far 
 them; the text is our own.
 """
 
-NUMBERS = """#include <math.h>
+NUMBERS = """#ifdef __CUDACC_RTC__
+typedef signed char int8_t;
+typedef unsigned char uint8_t;
+typedef short int16_t;
+typedef unsigned short uint16_t;
+typedef int int32_t;
+typedef unsigned int uint32_t;
+typedef long long int64_t;
+typedef unsigned long long uint64_t;
+#define WP_TILE_SYNC() __syncthreads()
+#else
+#include <math.h>
 #include <stdint.h>
 #include <string.h>
+#define WP_TILE_SYNC()
+#endif
 namespace wp {
 typedef int8_t int8;
 typedef uint8_t uint8;
@@ -22,7 +35,16 @@ typedef double float64;
 using namespace wp;
 """
 
-ARRAYS = """#include <stdlib.h>
+ARRAYS = """#ifdef __CUDACC_RTC__
+inline void *calloc(size_t count, size_t size) {
+  void *made = malloc(count * size);
+  if (!made)
+    __trap();
+  return memset(made, 0, count * size);
+}
+#else
+#include <stdlib.h>
+#endif
 namespace wp {
 template <unsigned N, typename T> struct vec_t {
   T c[N] = {};
@@ -138,6 +160,9 @@ template <typename T> void array_store(const array_t<T> &a, int i, int j, T v) {
 template <typename T> void array_store(const array_t<T> &a, int i, int j, int k, T v) {
   index(a, i, j, k) = v;
 }
+#ifdef __CUDACC_RTC__
+template <typename T> T atomic_add(T *p, T value) { return ::atomicAdd(p, value); }
+#else
 template <typename T> T atomic_add(T *p, T value) {
   T old, next;
   __atomic_load(p, &old, __ATOMIC_RELAXED);
@@ -146,6 +171,7 @@ template <typename T> T atomic_add(T *p, T value) {
   while (!__atomic_compare_exchange(p, &old, &next, false, __ATOMIC_RELAXED, __ATOMIC_RELAXED));
   return old;
 }
+#endif
 template <typename T> T atomic_add(const array_t<T> &a, int i, T v) {
   return atomic_add(address(a, i), v);
 }
@@ -154,7 +180,9 @@ template <typename T> T atomic_add(const array_t<T> &a, int i, int j, T v) {
 }
 } // namespace wp
 
+#ifndef __CUDACC_RTC__
 template <typename T> T atomicAdd(T *p, T value) { return wp::atomic_add(p, value); }
+#endif
 
 namespace warp_native {
 /// What an adjoint finds where there are no gradients: zeros, which nobody reads afterwards.

@@ -227,7 +227,7 @@ class Texture(StructInstance):
         if most is not None:
             values = numpy.rint(values.astype(numpy.float64) * most)
         shape = self._shape()
-        values = values.astype(dtype.__numpy_dtype__)
+        values = values.astype(dtype._element_)
         return values.reshape(shape if shape[-1] > 1 else shape[:-1])
 
     def _shape(self) -> tuple:

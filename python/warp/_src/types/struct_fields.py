@@ -41,6 +41,9 @@ class ArrayDescriptor(ctypes.Structure):
     }
 
 
+ArrayType.make_descriptor = ArrayDescriptor
+
+
 def describe(array, gradient=None) -> ArrayDescriptor:
     """The descriptor of an array and of its gradient; all zero for None."""
     descriptor = ArrayDescriptor()

@@ -312,7 +312,7 @@ def _numpy_format(dtype):
     if dtypes.is_struct(dtype):
         return dtype.numpy_dtype()
     if isinstance(dtype, ScalarType):
-        return dtype.__numpy_dtype__.str
-    number = dtype._wp_scalar_type_.__numpy_dtype__.str
+        return dtype._element_.str
+    number = dtype._wp_scalar_type_._element_.str
     shape = dtype._shape_
     return f"{shape[0]}{number}" if len(shape) == 1 else f"{shape}{number}"

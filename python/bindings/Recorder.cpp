@@ -1,0 +1,366 @@
+//===- Recorder.cpp - Launches while a tape observes ----------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// The steps of a launch that is recorded: arguments are packed; which elements
+// it touches follows from them (or is known from the last launch with the same
+// arguments); versions of what it writes end; it runs; versions of what it has
+// touched are noted with it. Before the first version ends, anything that is
+// not ordinary sends the launch back to Python.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Records.h"
+
+#include <algorithm>
+#include <cstring>
+#include <utility>
+
+namespace py = pybind11;
+using namespace warp;
+using namespace warp::python;
+
+//===----------------------------------------------------------------------===//
+// Kernels
+//===----------------------------------------------------------------------===//
+
+LaunchRecorder::LaunchRecorder(py::object kernel)
+    : RegionFinder(std::move(kernel)) {
+  const std::vector<Param> &params = this->kernel()->kernel->parameters();
+  isEligible = arrayAccesses().size() <= mostArrays;
+  for (size_t i = 0; i < params.size(); ++i) {
+    if (params[i].kind == Param::Kind::Array)
+      arrays.push_back(i);
+    else if (params[i].kind == Param::Kind::Composite)
+      composites.push_back(i);
+    else if (params[i].kind == Param::Kind::Struct)
+      isEligible = false;
+  }
+  isEligible = isEligible && arrays.size() == arrayAccesses().size();
+  for (size_t i = 0; isEligible && i < arrays.size(); ++i) {
+    const Access &access = arrayAccesses()[i];
+    bool writes = access.stored || access.combined;
+    written |= ArraySet(writes) << i;
+    looksBack |= access.fetched || (access.loaded && writes);
+  }
+}
+
+Activity &LaunchRecorder::activity(ArraySet active, ArraySet apart) {
+  for (auto &known : activities)
+    if (known->active == active && known->apart == apart)
+      return *known;
+  activities.push_back(std::make_unique<Activity>());
+  activities.back()->active = active;
+  activities.back()->apart = apart;
+  return *activities.back();
+}
+
+std::shared_ptr<const KnownRegions>
+LaunchRecorder::regions(const LaunchDim &dim, const char *params) {
+  std::string_view bytes(params + firstArgument,
+                         kernel()->kernel->parameterSize() - firstArgument);
+  if (last && last->params == bytes && last->dim.rank == dim.rank &&
+      !std::memcmp(last->dim.extent, dim.extent, sizeof(dim.extent)))
+    return last;
+  auto found = std::make_shared<KnownRegions>();
+  found->params = bytes;
+  found->dim = dim;
+  findPacked(dim, params, found->regions);
+  found->hasAliases =
+      written && arrays.size() > 1 && !found->regions.meetings().empty();
+  if (looksBack) {
+    std::vector<bool> flags = found->regions.apart();
+    for (size_t i = 0; i < flags.size(); ++i)
+      found->apart |= ArraySet(flags[i]) << i;
+  }
+  last = found;
+  return found;
+}
+
+/// A function of Python, for as long as the process lives.
+static PyObject *importFunction(const char *module, const char *name) {
+  py::object function = py::module_::import(module).attr(name);
+  return function.release().ptr();
+}
+
+//===----------------------------------------------------------------------===//
+// Places
+//===----------------------------------------------------------------------===//
+
+/// Files below it are the package's own.
+static std::string packageFolder;
+
+static bool isOurs(PyCodeObject *code) {
+  Py_ssize_t size = 0;
+  const char *file = PyUnicode_AsUTF8AndSize(code->co_filename, &size);
+  if (!file) {
+    PyErr_Clear();
+    return false;
+  }
+  return size_t(size) >= packageFolder.size() &&
+         !std::memcmp(file, packageFolder.data(), packageFolder.size());
+}
+
+/// The innermost call that is not the package's.
+static py::object callingPlace(PyObject *kernel) {
+  auto frame = py::reinterpret_steal<py::object>(reinterpret_cast<PyObject *>(
+      PyThreadState_GetFrame(PyThreadState_Get())));
+  py::object code;
+  while (frame) {
+    auto *raw = reinterpret_cast<PyFrameObject *>(frame.ptr());
+    code = py::reinterpret_steal<py::object>(
+        reinterpret_cast<PyObject *>(PyFrame_GetCode(raw)));
+    if (!isOurs(reinterpret_cast<PyCodeObject *>(code.ptr())))
+      break;
+    auto outer = py::reinterpret_steal<py::object>(
+        reinterpret_cast<PyObject *>(PyFrame_GetBack(raw)));
+    if (!outer)
+      break;
+    frame = std::move(outer);
+  }
+  int instruction = -1;
+  if (frame) {
+    auto *raw = reinterpret_cast<PyFrameObject *>(frame.ptr());
+#if PY_VERSION_HEX >= 0x030B0000
+    instruction = PyFrame_GetLasti(raw);
+#else
+    instruction = -PyFrame_GetLineNumber(raw);
+#endif
+  }
+  if (!code)
+    code = py::none();
+  return py::reinterpret_steal<py::object>(
+      makePlace(kernel, code.ptr(), instruction));
+}
+
+namespace {
+/// A launch, as what ends versions.
+class LaunchWriter final : public Writer {
+public:
+  explicit LaunchWriter(PyObject *kernel) : kernel(kernel) {}
+  py::object mark() override {
+    if (!place)
+      place = callingPlace(kernel);
+    return place;
+  }
+  py::object event() override {
+    static PyObject *makeEvent =
+        importFunction("warp._src.arrays.versions", "event_of");
+    return py::handle(makeEvent)(mark());
+  }
+
+private:
+  PyObject *kernel;
+  py::object place;
+};
+} // namespace
+
+//===----------------------------------------------------------------------===//
+// Launches
+//===----------------------------------------------------------------------===//
+
+namespace {
+/// The arguments of a launch, and room for a version of each array, until a
+/// record takes them.
+class Arguments {
+public:
+  Arguments(const Items &inputs, const Items &outputs, size_t arrays)
+      : count(inputs.size() + outputs.size()), all(count + arrays),
+        items(new PyObject *[all]()) {
+    for (size_t i = 0; i < count; ++i)
+      items[i] =
+          Py_NewRef(i < inputs.size() ? inputs[i] : outputs[i - inputs.size()]);
+  }
+  Arguments(const Arguments &) = delete;
+  ~Arguments() {
+    for (size_t i = 0; items && i < all; ++i)
+      Py_XDECREF(items[i]);
+    delete[] items;
+  }
+
+  size_t size() const { return count; }
+  PyObject **data() { return items; }
+  PyObject *&operator[](size_t i) { return items[i]; }
+  void handTo(RecordObject *record) {
+    record->items = std::exchange(items, nullptr);
+    record->itemCount = static_cast<int>(all);
+    record->valueCount = static_cast<int>(count);
+  }
+
+private:
+  size_t count, all;
+  PyObject **items;
+};
+} // namespace
+
+/// Whether all arrays are such, of that device and rank.
+static bool areOrdinary(const LaunchRecorder &recorder, Arguments &values,
+                        int device) {
+  const auto &params = recorder.kernel()->kernel->parameters();
+  if (values.size() != params.size())
+    return false;
+  return std::all_of(
+      recorder.arrays.begin(), recorder.arrays.end(), [&](size_t position) {
+        PyObject *value = values[position];
+        return isArray(value) && asArray(value)->device == device &&
+               asArray(value)->descriptor.ndim == params[position].rank;
+      });
+}
+
+static void copyComposites(const LaunchRecorder &recorder, Arguments &values) {
+  if (recorder.composites.empty())
+    return;
+  static PyObject *copy = importFunction("copy", "copy");
+  for (size_t position : recorder.composites) {
+    PyObject *made = PyObject_CallOneArg(copy, values[position]);
+    if (!made)
+      throw py::error_already_set();
+    Py_SETREF(values[position], made);
+  }
+}
+
+/// Notes the versions of what a launch has touched, with the record as a
+/// reader.
+static void observe(PyObject *memory, VersionMap &map,
+                    const LaunchRecorder &recorder, const KnownRegions &known,
+                    RecordObject *record) {
+  for (size_t i = 0; i < recorder.arrays.size(); ++i) {
+    const ArrayRegions &regions = known.regions.arrays[i];
+    PyObject *array = record->items[recorder.arrays[i]];
+    const ArrayDescriptor &descriptor = asArray(array)->descriptor;
+    if (std::count(descriptor.shape, descriptor.shape + descriptor.ndim, 0))
+      continue;
+    // What is written elsewhere is of no concern to the adjoint.
+    bool reads = (known.apart >> i & 1) || regions.written.blocks.empty();
+    py::object version =
+        reads ? map.observe(memory, array, regions.read)
+        : regions.read.blocks.empty()
+            ? map.observe(memory, array, regions.written)
+            : map.observe(memory, array, known.regions.touched(i));
+    if (record->token)
+      addReader(asVersion(version.ptr()), record->token);
+    record->items[record->valueCount + i] = version.release().ptr();
+  }
+}
+
+namespace {
+/// Arguments of `launch_recorded`.
+struct Recording {
+  PyObject *recorder, *memory, *records, *budget, *kernel, *dim, *inputs,
+      *outputs;
+  int device, blockDim;
+};
+} // namespace
+
+static bool launchRecorded(const Recording &given) {
+  auto &recorder = py::handle(given.recorder).cast<LaunchRecorder &>();
+  if (!recorder.isEligible || capturesInProgress)
+    return false;
+  KernelObject *object = recorder.kernel();
+  Kernel &kernel = *object->kernel;
+  LaunchDim dim = readDim(kernel, given.dim);
+  Items inputs(given.inputs), outputs(given.outputs);
+  bool isRecorded = given.records != Py_None;
+  Arguments values(inputs, outputs, recorder.arrays.size());
+  if (!areOrdinary(recorder, values, given.device))
+    return false;
+  if (isRecorded)
+    copyComposites(recorder, values);
+  Block block(kernel.parameterSize());
+  std::vector<py::object> keep;
+  for (size_t i = 0; i < values.size(); ++i)
+    object->packer->pack(i, values[i], given.device, block.data(), keep);
+  if (!keep.empty())
+    return false;
+  auto known = recorder.regions(dim, block.data());
+  ArraySet active = isRecorded ? activeArrays(recorder, values.data()) : 0;
+  Activity *activity = nullptr;
+  if (active) {
+    if (known->hasAliases)
+      return false;
+    activity = &recorder.activity(active, known->apart);
+    if (recorder.looksBack) {
+      findNeeds(*activity, given.kernel, recorder);
+      if (!activity->isPlain)
+        return false;
+    }
+  }
+  auto &map = py::handle(given.memory).cast<VersionMap &>();
+  LaunchWriter writer(given.kernel);
+  std::vector<const Region *> written;
+  if (!map.table->current.empty())
+    for (const ArrayRegions &array : known->regions.arrays)
+      if (!array.written.blocks.empty())
+        written.push_back(&array.written);
+  if (!written.empty())
+    map.end(written, writer);
+  py::object place = isRecorded ? writer.mark() : py::object();
+  launchPacked(
+      kernel, given.device, dim, block.data(), nullptr, given.blockDim,
+      [&] { return py::reinterpret_borrow<py::object>(given.recorder); });
+  if (!isRecorded)
+    return true;
+  auto made = py::reinterpret_steal<py::object>(makeRecord());
+  if (!made)
+    throw py::error_already_set();
+  RecordObject *record = asRecord(made.ptr());
+  record->kernel = Py_NewRef(given.kernel);
+  record->native = Py_NewRef(reinterpret_cast<PyObject *>(object));
+  record->dim = Py_NewRef(given.dim);
+  values.handTo(record);
+  record->place = place.release().ptr();
+  record->recorder = Py_NewRef(given.recorder);
+  record->budget = Py_NewRef(given.budget);
+  record->activity = activity;
+  record->device = given.device;
+  record->blockDim = given.blockDim;
+  record->hasGradients = active != 0;
+  if (active && given.budget != Py_None)
+    record->token = new RecordToken{record};
+  if (active)
+    observe(given.memory, map, recorder, *known, record);
+  if (PyList_Append(given.records, made.ptr()))
+    throw py::error_already_set();
+  return true;
+}
+
+static PyObject *callLaunchRecorded(PyObject *, PyObject *const *args,
+                                    Py_ssize_t count) {
+  if (count != 10)
+    return PyErr_Format(PyExc_TypeError, "expects 10 arguments, but got %zd",
+                        count);
+  return guarded([&]() -> PyObject * {
+    Recording given{args[0],
+                    args[1],
+                    args[2],
+                    args[3],
+                    args[4],
+                    args[5],
+                    args[6],
+                    args[7],
+                    static_cast<int>(PyLong_AsLong(args[8])),
+                    static_cast<int>(PyLong_AsLong(args[9]))};
+    if (PyErr_Occurred())
+      throw py::error_already_set();
+    return Py_NewRef(launchRecorded(given) ? Py_True : Py_False);
+  });
+}
+
+void python::bindLaunchRecorder(py::module_ &m) {
+  py::class_<LaunchRecorder>(m, "LaunchRecorder",
+                             "What recording launches of a kernel needs.")
+      .def(py::init<py::object>(), py::arg("kernel"))
+      .def_readonly("is_eligible", &LaunchRecorder::isEligible);
+  static PyMethodDef functions[] = {
+      {"launch_recorded", asMethod(callLaunchRecorded), METH_FASTCALL,
+       "launch_recorded(recorder, memory, records, budget, kernel, dim, "
+       "inputs, "
+       "outputs, device, block_dim)\n\nRuns a launch that a tape observes, and "
+       "adds it to `records` if that is not None. False, and nothing is done, "
+       "if it is not an ordinary one."},
+      {nullptr, nullptr, 0, nullptr}};
+  if (PyModule_AddFunctions(m.ptr(), functions))
+    throw py::error_already_set();
+  m.def("set_package_folder",
+        [](const std::string &folder) { packageFolder = folder; });
+}

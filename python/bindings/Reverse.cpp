@@ -1,0 +1,170 @@
+//===- Reverse.cpp - Records of a tape, backwards -------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// A record whose adjoint is one launch with the arguments that it has, of
+// arrays that nobody has overwritten, is run here; any other one by Python.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Records.h"
+#include "Sharing.h"
+
+#include <unordered_map>
+
+namespace py = pybind11;
+using namespace warp;
+using namespace warp::python;
+
+/// The adjoint of a record, null if it takes more than a launch.
+static PyObject *plainAdjoint(Activity &activity, const RecordObject *record,
+                              const LaunchRecorder &recorder, uint64_t pass) {
+  if (activity.pass == pass)
+    return activity.adjoint.ptr();
+  size_t count = recorder.arrays.size();
+  py::object apart = py::tuple();
+  if (activity.apart)
+    apart = flagsOf(activity.apart, count);
+  py::tuple elements(count);
+  for (size_t i = 0; i < count; ++i) {
+    PyObject *value = record->items[recorder.arrays[i]];
+    elements[i] = isArray(value) ? py::handle(asArray(value)->dtype)
+                                 : py::handle(Py_None);
+  }
+  py::object found = py::handle(adjointQueries().plainAdjoint)(
+      py::handle(record->kernel), py::handle(record->native),
+      flagsOf(activity.active, count), apart, elements);
+  activity.adjoint = py::object();
+  if (!found.is_none()) {
+    findNeeds(activity, record->kernel, recorder);
+    activity.adjoint = found;
+  }
+  activity.pass = pass;
+  return activity.adjoint.ptr();
+}
+
+/// Whether all that the adjoint reads is still there.
+static bool hasContents(const RecordObject *record, ArraySet needed) {
+  PyObject **versions = record->items + record->valueCount;
+  for (int i = 0; i < record->itemCount - record->valueCount; ++i)
+    if ((needed >> i & 1) && versions[i] && !isIntact(asVersion(versions[i])))
+      return false;
+  return true;
+}
+
+/// The gradients of arrays, which are there from then on.
+static std::vector<py::object> gradientsOf(const LaunchRecorder &recorder,
+                                           PyObject *const *values,
+                                           ArraySet active) {
+  static PyObject *const made = PyUnicode_InternFromString("_grad");
+  static PyObject *const wanted = PyUnicode_InternFromString("grad");
+  std::vector<py::object> found;
+  for (size_t i = 0; i < recorder.arrays.size(); ++i) {
+    if (!(active >> i & 1))
+      continue;
+    PyObject *value = values[recorder.arrays[i]];
+    auto gradient =
+        py::reinterpret_steal<py::object>(PyObject_GetAttr(value, made));
+    if (gradient && gradient.is_none())
+      gradient =
+          py::reinterpret_steal<py::object>(PyObject_GetAttr(value, wanted));
+    if (!gradient)
+      throw py::error_already_set();
+    found.push_back(std::move(gradient));
+  }
+  return found;
+}
+
+/// Runs the adjoint of a record; false, and nothing is done, if Python has to.
+static bool reverseLaunch(PyObject *object, uint64_t pass) {
+  if (!isRecord(object) || !asRecord(object)->recorder || capturesInProgress)
+    return false;
+  RecordObject *record = asRecord(object);
+  auto &recorder = py::handle(record->recorder).cast<LaunchRecorder &>();
+  ArraySet active = activeArrays(recorder, record->items);
+  if (!active)
+    return true;
+  Activity &activity =
+      recorder.activity(active, record->activity ? record->activity->apart : 0);
+  PyObject *adjoint = plainAdjoint(activity, record, recorder, pass);
+  if (!adjoint || !hasContents(record, activity.needed))
+    return false;
+  if (sharesElements(gradientsOf(recorder, record->items, active)))
+    return false;
+  Kernel &kernel = *asKernel(adjoint)->kernel;
+  Block block(kernel.parameterSize());
+  std::vector<py::object> keep;
+  for (int i = 0; i < record->valueCount; ++i)
+    asKernel(adjoint)->packer->pack(i, record->items[i], record->device,
+                                    block.data(), keep);
+  auto held = py::reinterpret_borrow<py::object>(object);
+  auto code = py::reinterpret_borrow<py::object>(adjoint);
+  launchPacked(kernel, record->device, readDim(kernel, record->dim),
+               block.data(), nullptr, record->blockDim, [&] { return code; });
+  record->pending = false;
+  return true;
+}
+
+/// Runs records from the end on; the number of those that are left.
+static size_t reverseLaunches(const py::list &records, size_t count,
+                              uint64_t pass) {
+  while (count &&
+         reverseLaunch(PyList_GET_ITEM(records.ptr(), count - 1), pass))
+    --count;
+  return count;
+}
+
+//===----------------------------------------------------------------------===//
+// Arrays of records
+//===----------------------------------------------------------------------===//
+
+namespace {
+/// An array of records, and the first and last of those.
+struct Use {
+  py::object array;
+  size_t first, last;
+};
+} // namespace
+
+/// (array, position of the first record with it, of the last) of each array.
+static py::list arraysOf(const py::list &records, bool written) {
+  std::unordered_map<PyObject *, size_t> numbers;
+  std::vector<Use> found;
+  auto add = [&](PyObject *array, size_t position) {
+    auto [entry, isNew] = numbers.try_emplace(array, found.size());
+    if (isNew)
+      found.push_back(
+          {py::reinterpret_borrow<py::object>(array), position, position});
+    else
+      found[entry->second].last = position;
+  };
+  for (size_t position = 0; position < records.size(); ++position) {
+    PyObject *object = PyList_GET_ITEM(records.ptr(), position);
+    if (!isRecord(object) || !asRecord(object)->recorder) {
+      py::object arrays =
+          py::handle(object).attr(written ? "written" : "arrays")();
+      for (py::handle array : arrays)
+        add(array.ptr(), position);
+      continue;
+    }
+    RecordObject *record = asRecord(object);
+    auto &recorder = py::handle(record->recorder).cast<LaunchRecorder &>();
+    for (size_t i = 0; i < recorder.arrays.size(); ++i)
+      if (!written || (recorder.written >> i & 1))
+        add(record->items[recorder.arrays[i]], position);
+  }
+  py::list list;
+  for (const Use &use : found)
+    list.append(py::make_tuple(use.array, use.first, use.last));
+  return list;
+}
+
+void python::bindReverse(py::module_ &m) {
+  m.def("reverse_launches", &reverseLaunches, py::arg("records"),
+        py::arg("count"), py::arg("pass_number"),
+        "Runs the adjoints of the last of `count` records as long as each is "
+        "one launch; the number of records that are left.");
+  m.def("arrays_of_records", &arraysOf, py::arg("records"), py::arg("written"),
+        "(array, position of the first record with it, of the last) of each "
+        "array that records have, or may write.");
+}

@@ -1,0 +1,43 @@
+"""Copies of numbers between arrays of different floats."""
+
+from __future__ import annotations
+
+from warp._src.arrays import hooks
+from warp._src.types.dtypes import type_scalar_type
+
+_MAX_RANK = 4
+
+
+def cast(source, target) -> None:
+    """Writes the components of an array's elements, converted, to those of another array.
+
+    Args:
+        source, target: arrays of one shape on one device, with elements of one shape.
+    """
+    inner = len(getattr(source.dtype, "_shape_", ()))
+    if source.ndim + inner > _MAX_RANK and not (source.is_contiguous and target.is_contiguous):
+        for i in range(source.shape[0]):
+            cast(source[i], target[i])
+        return
+    source, target = _numbers(source), _numbers(target)
+    kind = target.dtype
+    name = f"cast_to_{kind.__name__}"
+    hooks.apply(name, "kind(x0)", {"kind": kind}, name, [(None, source)], target, False, None, None)
+
+
+def casted(source, dtype):
+    """A packed copy of an array with elements of another type."""
+    result = hooks.plain_array(shape=source.shape, dtype=dtype, device=source.device)
+    cast(source, result)
+    return result
+
+
+def _numbers(one):
+    """The components of all elements, in a row if they are packed."""
+    scalar = type_scalar_type(one.dtype)
+    if one.is_contiguous:
+        one = one.flatten()
+    if scalar is one.dtype:
+        return one
+    numbers = one.view(scalar)
+    return numbers.flatten() if numbers.is_contiguous else numbers
