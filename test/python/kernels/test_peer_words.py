@@ -84,9 +84,8 @@ def test_numpy_types():
     ],
 )
 def test_slices_of_other_types(value, words, tmp_path):
-    text = (
-        f"import warp as wp\n\n\n@wp.kernel\ndef cut():\n    v = wp.vec4()\n    v[1:] = {value}\n"
-    )
+    body = f"@wp.kernel\ndef cut():\n    v = wp.vec4()\n    v[1:] = {value}\n"
+    text = f"import warp as wp\n\n\n{body}"
     (tmp_path / "cut.py").write_text(text)
     space: dict = {"__name__": "cut"}
     exec(compile(text, str(tmp_path / "cut.py"), "exec"), space)

@@ -332,7 +332,7 @@ def _needs(kernel, native, active, apart):
 
 def _plain_adjoint(kernel, native, active, apart):
     """The native adjoint if a launch of it with the same arguments is all there is to do."""
-    if not kernel.option("enable_backward"):
+    if not kernel.option("enable_backward") or _has_narrow(native, active):
         return None
     try:
         made = kernel.derivatives.adjoint(native, active, True, None, apart)
@@ -340,6 +340,12 @@ def _plain_adjoint(kernel, native, active, apart):
         return None
     is_plain = not (made.hidden or made.one_thread) and made.counting is None
     return made.native if is_plain and made.augmented is None and made.gathered is None else None
+
+
+def _has_narrow(native, active) -> bool:
+    """Whether gradients may have elements of 16 bits, of which kernels get wide copies."""
+    arrays = [str(kind[2]) for kind in native.parameters if kind[1] == "array"]
+    return any(wanted and "f16" in text for wanted, text in zip(active, arrays, strict=False))
 
 
 _native.set_record_type(LaunchRecord, _needs, _plain_adjoint)
