@@ -126,3 +126,38 @@ def test_a_tape_that_was_reset_knows_its_gradients(device):
     tape.reset()
     assert not tape.launches and tape.gradients[x] is x.grad
     np.testing.assert_array_equal(x.grad.numpy(), 0.0)
+
+
+@wp.kernel
+def literals(values: wp.array(dtype=wp.float64)):
+    x = 0.1
+    d = wp.vec3d(x, 0.0, 0.0)
+    values[0] = d[0]
+    values[1] = wp.float64(x)
+    x += 0.1
+    values[2] = wp.float64(x)
+
+
+def test_literals_in_variables_keep_their_digits(device):
+    """As written where a variable is converted; after arithmetic it is a float32."""
+    values = wp.zeros(3, dtype=wp.float64, device=device)
+    wp.launch(literals, 1, [values], device=device)
+    assert values.numpy().tolist() == [0.1, 0.1, float(np.float32(0.1) + np.float32(0.1))]
+
+
+def test_static_expressions_that_stand_alone():
+    class Mine:
+        pass
+
+    for value, words in (
+        (wp.zeros(3, device="cpu"), "a Warp array cannot be created"),
+        (None, "None is returned"),
+        (Mine(), "value of type .*Mine"),
+    ):
+
+        @wp.kernel(module="unique")
+        def alone():
+            wp.static(value)
+
+        with pytest.raises(RuntimeError, match=f"unsupported value: {words}"):
+            wp.launch(alone, 1, device="cpu")
