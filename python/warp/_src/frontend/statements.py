@@ -103,7 +103,7 @@ class Statements(Part):
                 "the returned Warp struct contains a data type that cannot be constructed inside "
                 f"Warp kernels: a Warp array cannot be created inside Warp kernels at {place}"
             )
-        elif kind.__module__ in ("builtins", "types") or kind.__module__.startswith("warp."):
+        elif kind.__module__.startswith(("builtins", "types", "warp._src", "warp.types")):
             return
         else:
             what = f"value of type {kind.__qualname__}"
