@@ -161,3 +161,22 @@ def test_static_expressions_that_stand_alone():
 
         with pytest.raises(RuntimeError, match=f"unsupported value: {words}"):
             wp.launch(alone, 1, device="cpu")
+
+
+class Tagged(wp.array):
+    """An array of somebody's own class."""
+
+
+def test_arrays_of_derived_classes_are_no_annotations():
+    one = Tagged([1.0], dtype=float, device="cpu")
+
+    def body(a):
+        pass
+
+    body.__annotations__["a"] = one
+    Fields = type("Fields", (), {"__annotations__": {"a": one}})
+    for decorator, decorated in ((wp.kernel, body), (wp.func, body), (wp.struct, Fields)):
+        with pytest.raises(TypeError, match="'a' of .* has an array of 'Tagged' as its annotation"):
+            decorator(decorated)
+    with pytest.raises(TypeError, match="Subscript syntax not supported"):
+        Tagged[float]
