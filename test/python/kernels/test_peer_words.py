@@ -157,7 +157,7 @@ def test_static_expressions_that_stand_alone():
 
         @wp.kernel(module="unique")
         def alone():
-            wp.static(value)
+            wp.static(value)  # noqa: B023
 
         with pytest.raises(RuntimeError, match=f"unsupported value: {words}"):
             wp.launch(alone, 1, device="cpu")
@@ -180,3 +180,17 @@ def test_arrays_of_derived_classes_are_no_annotations():
             decorator(decorated)
     with pytest.raises(TypeError, match="Subscript syntax not supported"):
         Tagged[float]
+
+
+@wp.kernel
+def counters(results: wp.array(dtype=int)):
+    for n in range(2):
+        for n in range(3):  # noqa: B007
+            pass
+        results[wp.static(n)] += 1
+
+
+def test_static_expressions_see_the_counter_that_a_loop_left():
+    results = wp.zeros(3, dtype=int, device="cpu")
+    wp.launch(counters, 1, [results], device="cpu")
+    assert results.numpy().tolist() == [0, 0, 2]
