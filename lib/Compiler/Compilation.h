@@ -65,8 +65,9 @@ public:
 
 private:
   void time(const std::string &phase, double since);
-  /// Runs one phase on the module; on failure throws with all that is known.
-  void runPhase(Phase phase);
+  /// Runs one phase on the module, which is verified after the last one; on
+  /// failure throws with all that is known.
+  void runPhase(Phase phase, bool isLast);
   mlir::LogicalResult runPasses(mlir::ModuleOp module, Phase phase);
   std::string textBefore(Phase phase, const std::string &pass);
   void collectFacts(mlir::ModuleOp module);

@@ -98,8 +98,13 @@ std::string warp::sourceHash(const Module &module) {
   return hashOf(module.text());
 }
 
-warp::SourceHashes warp::sourceHashes(const Module &module) {
-  return {hashOf(module.text()), hashOf(module.text(/*locations=*/true))};
+warp::SourceHashes warp::sourceHashes(const Module &module,
+                                      std::string *text) {
+  std::string located = module.text(/*locations=*/true);
+  SourceHashes hashes{hashOf(module.text()), hashOf(located)};
+  if (text)
+    *text = std::move(located);
+  return hashes;
 }
 
 std::string warp::hostProcessor() { return describeCpu(CompileOptions()); }

@@ -144,13 +144,26 @@ void warp::linkBitcode(llvm::Module &module, llvm::StringRef bitcode,
 // Optimisation and emission
 //===----------------------------------------------------------------------===//
 
-/// A second, narrower vector loop for what the first leaves over would cost a
-/// quarter of the compile time. Only a command-line option turns it off.
-static void turnOffEpilogueVectorization() {
+template <typename T>
+static void setLlvmOption(llvm::StringRef name, T value) {
   auto &all = llvm::cl::getRegisteredOptions();
-  auto found = all.find("enable-epilogue-vectorization");
+  auto found = all.find(name);
   if (found != all.end())
-    static_cast<llvm::cl::opt<bool> *>(found->second)->setValue(false);
+    static_cast<llvm::cl::opt<T> *>(found->second)->setValue(value);
+}
+
+/// What takes long and gains nothing here, and only options of the command line
+/// have a say in.
+static void setLlvmOptions() {
+  // A second, narrower vector loop for what the first leaves over would cost a
+  // quarter of the compile time.
+  setLlvmOption("enable-epilogue-vectorization", false);
+  // A store that makes another one dead is near it; the default of 90 steps
+  // takes two fifths of the passes' time where many elements are stored.
+  setLlvmOption("dse-memoryssa-walklimit", 20u);
+  // Processors order instructions themselves; this is a tenth of generating
+  // code for some of them.
+  setLlvmOption("disable-post-ra", true);
 }
 
 namespace {
@@ -272,7 +285,7 @@ static void optimizeLean(llvm::Module &module, llvm::PassBuilder &builder,
 
 void warp::optimize(llvm::Module &module, llvm::TargetMachine &machine,
                     const CompileOptions &options, bool hasLanes) {
-  static const bool once = (turnOffEpilogueVectorization(), true);
+  static const bool once = (setLlvmOptions(), true);
   (void)once;
   llvm::PassInstrumentationCallbacks callbacks;
   keepLoadsBeforeStores(callbacks);

@@ -12,7 +12,9 @@
 
 #include "Records.h"
 
+#include <algorithm>
 #include <cstring>
+#include <utility>
 
 namespace py = pybind11;
 using namespace warp;
@@ -99,8 +101,7 @@ static bool isOurs(PyCodeObject *code) {
          !std::memcmp(file, packageFolder.data(), packageFolder.size());
 }
 
-/// (kernel, code, instruction) of the innermost call that is not the package's;
-/// a negative instruction is a line.
+/// The innermost call that is not the package's.
 static py::object callingPlace(PyObject *kernel) {
   auto frame = py::reinterpret_steal<py::object>(reinterpret_cast<PyObject *>(
       PyThreadState_GetFrame(PyThreadState_Get())));
@@ -128,7 +129,8 @@ static py::object callingPlace(PyObject *kernel) {
   }
   if (!code)
     code = py::none();
-  return py::make_tuple(py::handle(kernel), code, instruction);
+  return py::reinterpret_steal<py::object>(
+      makePlace(kernel, code.ptr(), instruction));
 }
 
 namespace {
@@ -157,58 +159,77 @@ private:
 // Launches
 //===----------------------------------------------------------------------===//
 
-/// All arguments in a tuple, composites as copies if they are kept; null if one
-/// is not ordinary.
-static py::object takeValues(const LaunchRecorder &recorder,
-                             const Items &inputs, const Items &outputs,
-                             int device, bool areKept) {
-  KernelObject *kernel = recorder.kernel();
-  const std::vector<Param> &params = kernel->kernel->parameters();
-  size_t count = inputs.size() + outputs.size();
-  if (count != params.size())
-    return {};
-  auto values = py::reinterpret_steal<py::object>(PyTuple_New(count));
-  for (size_t i = 0; i < count; ++i)
-    PyTuple_SET_ITEM(
-        values.ptr(), i,
-        Py_NewRef(i < inputs.size() ? inputs[i] : outputs[i - inputs.size()]));
-  for (size_t position : recorder.arrays) {
-    PyObject *value = PyTuple_GET_ITEM(values.ptr(), position);
-    if (!isArray(value) || asArray(value)->device != device ||
-        asArray(value)->descriptor.ndim != params[position].rank)
-      return {};
+namespace {
+/// The arguments of a launch, and room for a version of each array, until a
+/// record takes them.
+class Arguments {
+public:
+  Arguments(const Items &inputs, const Items &outputs, size_t arrays)
+      : count(inputs.size() + outputs.size()), all(count + arrays),
+        items(new PyObject *[all]()) {
+    for (size_t i = 0; i < count; ++i)
+      items[i] =
+          Py_NewRef(i < inputs.size() ? inputs[i] : outputs[i - inputs.size()]);
   }
-  if (!areKept)
-    return values;
-  static PyObject *copy = importFunction("copy", "copy");
-  for (size_t position : recorder.composites) {
-    PyObject *made =
-        PyObject_CallOneArg(copy, PyTuple_GET_ITEM(values.ptr(), position));
-    if (!made)
-      throw py::error_already_set();
-    Py_SETREF(PyTuple_GET_ITEM(values.ptr(), position), made);
+  Arguments(const Arguments &) = delete;
+  ~Arguments() {
+    for (size_t i = 0; items && i < all; ++i)
+      Py_XDECREF(items[i]);
+    delete[] items;
   }
-  return values;
+
+  size_t size() const { return count; }
+  PyObject **data() { return items; }
+  PyObject *&operator[](size_t i) { return items[i]; }
+  void handTo(RecordObject *record) {
+    record->items = std::exchange(items, nullptr);
+    record->itemCount = static_cast<int>(all);
+    record->valueCount = static_cast<int>(count);
+  }
+
+private:
+  size_t count, all;
+  PyObject **items;
+};
+} // namespace
+
+/// Whether all arrays are such, of that device and rank.
+static bool areOrdinary(const LaunchRecorder &recorder, Arguments &values,
+                        int device) {
+  const auto &params = recorder.kernel()->kernel->parameters();
+  if (values.size() != params.size())
+    return false;
+  return std::all_of(
+      recorder.arrays.begin(), recorder.arrays.end(), [&](size_t position) {
+        PyObject *value = values[position];
+        return isArray(value) && asArray(value)->device == device &&
+               asArray(value)->descriptor.ndim == params[position].rank;
+      });
 }
 
-/// The versions of what a launch has touched, with the record as a reader.
-static py::object observe(PyObject *memory, VersionMap &map,
-                          const LaunchRecorder &recorder,
-                          const KnownRegions &known, PyObject *values,
-                          PyObject *record, PyObject *budget) {
-  size_t count = recorder.arrays.size();
-  auto versions = py::reinterpret_steal<py::object>(PyTuple_New(count));
-  for (size_t i = 0; i < count; ++i) {
-    PyObject *array = PyTuple_GET_ITEM(values, recorder.arrays[i]);
-    const int32_t *shape = asArray(array)->descriptor.shape;
-    bool isEmpty = false;
-    for (int k = 0; k < asArray(array)->descriptor.ndim; ++k)
-      isEmpty |= shape[k] == 0;
-    if (isEmpty) {
-      PyTuple_SET_ITEM(versions.ptr(), i, Py_NewRef(Py_None));
-      continue;
-    }
+static void copyComposites(const LaunchRecorder &recorder, Arguments &values) {
+  if (recorder.composites.empty())
+    return;
+  static PyObject *copy = importFunction("copy", "copy");
+  for (size_t position : recorder.composites) {
+    PyObject *made = PyObject_CallOneArg(copy, values[position]);
+    if (!made)
+      throw py::error_already_set();
+    Py_SETREF(values[position], made);
+  }
+}
+
+/// Notes the versions of what a launch has touched, with the record as a
+/// reader.
+static void observe(PyObject *memory, VersionMap &map,
+                    const LaunchRecorder &recorder, const KnownRegions &known,
+                    RecordObject *record) {
+  for (size_t i = 0; i < recorder.arrays.size(); ++i) {
     const ArrayRegions &regions = known.regions.arrays[i];
+    PyObject *array = record->items[recorder.arrays[i]];
+    const ArrayDescriptor &descriptor = asArray(array)->descriptor;
+    if (std::count(descriptor.shape, descriptor.shape + descriptor.ndim, 0))
+      continue;
     // What is written elsewhere is of no concern to the adjoint.
     bool reads = (known.apart >> i & 1) || regions.written.blocks.empty();
     py::object version =
@@ -216,11 +237,10 @@ static py::object observe(PyObject *memory, VersionMap &map,
         : regions.read.blocks.empty()
             ? map.observe(memory, array, regions.written)
             : map.observe(memory, array, known.regions.touched(i));
-    if (budget != Py_None)
-      addReader(asVersion(version.ptr()), record, budget);
-    PyTuple_SET_ITEM(versions.ptr(), i, version.release().ptr());
+    if (record->token)
+      addReader(asVersion(version.ptr()), record->token);
+    record->items[record->valueCount + i] = version.release().ptr();
   }
-  return versions;
 }
 
 namespace {
@@ -241,18 +261,19 @@ static bool launchRecorded(const Recording &given) {
   LaunchDim dim = readDim(kernel, given.dim);
   Items inputs(given.inputs), outputs(given.outputs);
   bool isRecorded = given.records != Py_None;
-  py::object values =
-      takeValues(recorder, inputs, outputs, given.device, isRecorded);
-  if (!values)
+  Arguments values(inputs, outputs, recorder.arrays.size());
+  if (!areOrdinary(recorder, values, given.device))
     return false;
+  if (isRecorded)
+    copyComposites(recorder, values);
   Block block(kernel.parameterSize());
   std::vector<py::object> keep;
-  packArguments(*object->packer, Items(values.ptr()), Items(nullptr),
-                given.device, block.data(), keep);
+  for (size_t i = 0; i < values.size(); ++i)
+    object->packer->pack(i, values[i], given.device, block.data(), keep);
   if (!keep.empty())
     return false;
   auto known = recorder.regions(dim, block.data());
-  ArraySet active = isRecorded ? activeArrays(recorder, values.ptr()) : 0;
+  ArraySet active = isRecorded ? activeArrays(recorder, values.data()) : 0;
   Activity *activity = nullptr;
   if (active) {
     if (known->hasAliases)
@@ -274,8 +295,9 @@ static bool launchRecorded(const Recording &given) {
   if (!written.empty())
     map.end(written, writer);
   py::object place = isRecorded ? writer.mark() : py::object();
-  launchPacked(kernel, given.device, dim, block.data(), nullptr, given.blockDim,
-               [&] { return values; });
+  launchPacked(
+      kernel, given.device, dim, block.data(), nullptr, given.blockDim,
+      [&] { return py::reinterpret_borrow<py::object>(given.recorder); });
   if (!isRecorded)
     return true;
   auto made = py::reinterpret_steal<py::object>(makeRecord());
@@ -285,20 +307,18 @@ static bool launchRecorded(const Recording &given) {
   record->kernel = Py_NewRef(given.kernel);
   record->native = Py_NewRef(reinterpret_cast<PyObject *>(object));
   record->dim = Py_NewRef(given.dim);
-  record->values = Py_NewRef(values.ptr());
+  values.handTo(record);
   record->place = place.release().ptr();
   record->recorder = Py_NewRef(given.recorder);
   record->budget = Py_NewRef(given.budget);
   record->activity = activity;
-  record->active = active;
   record->device = given.device;
   record->blockDim = given.blockDim;
   record->hasGradients = active != 0;
+  if (active && given.budget != Py_None)
+    record->token = new RecordToken{record};
   if (active)
-    record->versions = observe(given.memory, map, recorder, *known,
-                               values.ptr(), made.ptr(), given.budget)
-                           .release()
-                           .ptr();
+    observe(given.memory, map, recorder, *known, record);
   if (PyList_Append(given.records, made.ptr()))
     throw py::error_already_set();
   return true;

@@ -43,7 +43,7 @@ PyObject *python::makeRecord() {
 /// Python's classes take what arguments they like.
 static int initRecord(PyObject *, PyObject *, PyObject *) { return 0; }
 
-static PyObject **const membersOf(RecordObject *record, size_t &count) {
+static PyObject **membersOf(RecordObject *record, size_t &count) {
   count = (reinterpret_cast<char *>(&record->made) -
            reinterpret_cast<char *>(&record->kernel)) /
               sizeof(PyObject *) +
@@ -57,6 +57,9 @@ static int traverseRecord(PyObject *self, visitproc visit, void *arg) {
   PyObject **members = membersOf(asRecord(self), count);
   for (size_t i = 0; i < count; ++i)
     Py_VISIT(members[i]);
+  // Versions are no part of cycles.
+  for (int i = 0; i < asRecord(self)->valueCount; ++i)
+    Py_VISIT(asRecord(self)->items[i]);
   return 0;
 }
 
@@ -66,15 +69,22 @@ static int clearRecord(PyObject *self) {
   PyObject **members = membersOf(asRecord(self), count);
   for (size_t i = 0; i < count; ++i)
     Py_CLEAR(members[i]);
+  for (int i = 0; i < asRecord(self)->itemCount; ++i)
+    Py_CLEAR(asRecord(self)->items[i]);
   return 0;
 }
 
 static void deallocRecord(PyObject *self) {
   PyTypeObject *type = Py_TYPE(self);
   PyObject_GC_UnTrack(self);
+  if (RecordToken *token = asRecord(self)->token) {
+    token->record = nullptr;
+    token->drop();
+  }
   if (asRecord(self)->weak)
     PyObject_ClearWeakRefs(self);
   clearRecord(self);
+  delete[] asRecord(self)->items;
   type->tp_free(self);
   Py_DECREF(type);
 }
@@ -113,29 +123,26 @@ void python::findNeeds(Activity &activity, PyObject *kernel,
   activity.generation = generation;
 }
 
-std::optional<bool> python::recordNeeds(PyObject *reader,
+std::optional<bool> python::recordNeeds(RecordObject *record,
                                         VersionObject *version) {
-  if (!isRecord(reader))
-    return std::nullopt;
-  RecordObject *record = asRecord(reader);
-  if (!record->activity || !record->versions || record->before)
+  if (!record->activity || record->before)
     return std::nullopt;
   const auto &recorder = py::handle(record->recorder).cast<LaunchRecorder &>();
   findNeeds(*record->activity, record->kernel, recorder);
   auto *wanted = reinterpret_cast<PyObject *>(version);
-  for (Py_ssize_t i = 0; i < PyTuple_GET_SIZE(record->versions); ++i)
-    if ((record->activity->needed >> i & 1) &&
-        PyTuple_GET_ITEM(record->versions, i) == wanted)
+  PyObject **versions = record->items + record->valueCount;
+  for (size_t i = 0; i < recorder.arrays.size(); ++i)
+    if ((record->activity->needed >> i & 1) && versions[i] == wanted)
       return true;
   return false;
 }
 
 ArraySet python::activeArrays(const LaunchRecorder &recorder,
-                              PyObject *values) {
+                              PyObject *const *values) {
   static PyObject *const name = PyUnicode_InternFromString("_requires_grad");
   ArraySet active = 0;
   for (size_t i = 0; i < recorder.arrays.size(); ++i) {
-    PyObject *value = PyTuple_GET_ITEM(values, recorder.arrays[i]);
+    PyObject *value = values[recorder.arrays[i]];
     bool has = asArray(value)->descriptor.grad;
     if (!has) {
       auto wanted =
@@ -149,21 +156,47 @@ ArraySet python::activeArrays(const LaunchRecorder &recorder,
   return active;
 }
 
+//===----------------------------------------------------------------------===//
+// Attributes
+//===----------------------------------------------------------------------===//
+
 /// Flags of the arrays that are read and written in different places.
 static PyObject *notedApart(PyObject *self, PyObject *) {
   return guarded([&] {
-    Activity *activity = asRecord(self)->activity;
+    RecordObject *record = asRecord(self);
+    Activity *activity = record->activity;
     if (!activity || !activity->apart)
       return py::tuple().release().ptr();
-    return flagsOf(activity->apart, PyTuple_GET_SIZE(asRecord(self)->versions))
+    return flagsOf(activity->apart, record->itemCount - record->valueCount)
         .release()
         .ptr();
   });
 }
 
-//===----------------------------------------------------------------------===//
-// Python
-//===----------------------------------------------------------------------===//
+/// A tuple of items, None for null.
+static PyObject *tupleOf(PyObject **items, int count) {
+  PyObject *tuple = PyTuple_New(count);
+  for (int i = 0; tuple && i < count; ++i)
+    PyTuple_SET_ITEM(tuple, i, Py_NewRef(items[i] ? items[i] : Py_None));
+  return tuple;
+}
+
+static PyObject *getValues(PyObject *self, void *) {
+  return tupleOf(asRecord(self)->items, asRecord(self)->valueCount);
+}
+
+static PyObject *getVersions(PyObject *self, void *) {
+  RecordObject *record = asRecord(self);
+  if (record->versions || !record->activity)
+    return Py_NewRef(record->versions ? record->versions : Py_None);
+  return tupleOf(record->items + record->valueCount,
+                 record->itemCount - record->valueCount);
+}
+
+static int setVersions(PyObject *self, PyObject *value, void *) {
+  Py_XSETREF(asRecord(self)->versions, Py_XNewRef(value));
+  return 0;
+}
 
 void python::bindRecords(py::module_ &m) {
   static PyMethodDef methods[] = {
@@ -171,15 +204,17 @@ void python::bindRecords(py::module_ &m) {
        "For each array whether it is read and written in different places; "
        "empty if none is."},
       {nullptr, nullptr, 0, nullptr}};
+  static PyGetSetDef attributes[] = {
+      {"values", getValues, nullptr, nullptr, nullptr},
+      {"versions", getVersions, setVersions, nullptr, nullptr},
+      {nullptr, nullptr, nullptr, nullptr, nullptr}};
 #define WARP_FIELD(name) offsetof(RecordObject, name)
   static PyMemberDef members[] = {
       {"kernel", T_OBJECT, WARP_FIELD(kernel), 0, nullptr},
       {"native", T_OBJECT, WARP_FIELD(native), 0, nullptr},
       {"dim", T_OBJECT, WARP_FIELD(dim), 0, nullptr},
-      {"values", T_OBJECT, WARP_FIELD(values), 0, nullptr},
       {"stream", T_OBJECT, WARP_FIELD(stream), 0, nullptr},
       {"place", T_OBJECT, WARP_FIELD(place), READONLY, nullptr},
-      {"versions", T_OBJECT, WARP_FIELD(versions), 0, nullptr},
       {"budget", T_OBJECT, WARP_FIELD(budget), 0, nullptr},
       {"_call", T_OBJECT, WARP_FIELD(call), 0, nullptr},
       {"_event", T_OBJECT, WARP_FIELD(event), 0, nullptr},
@@ -204,6 +239,7 @@ void python::bindRecords(py::module_ &m) {
       {Py_tp_clear, reinterpret_cast<void *>(clearRecord)},
       {Py_tp_methods, methods},
       {Py_tp_members, members},
+      {Py_tp_getset, attributes},
       {Py_tp_doc, const_cast<char *>("A launch on a tape.")},
       {0, nullptr}};
   PyType_Spec spec = {
@@ -225,15 +261,6 @@ void python::bindRecords(py::module_ &m) {
   m.def(
       "forget_needs", [] { ++generation; },
       "What adjoints read may be different from now on.");
-  m.def(
-      "line_of",
-      [](py::object code, int instruction) {
-        if (instruction < 0)
-          return -instruction;
-        return PyCode_Addr2Line(reinterpret_cast<PyCodeObject *>(code.ptr()),
-                                instruction);
-      },
-      py::arg("code"), py::arg("instruction"));
   bindLaunchRecorder(m);
   bindReverse(m);
 }

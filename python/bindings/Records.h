@@ -72,16 +72,19 @@ private:
 struct RecordObject {
   PyObject base;
   PyObject *weak;
-  PyObject *kernel, *native, *dim, *values, *stream;
-  /// (kernel, code, instruction) of the call, of which Python makes an event.
-  PyObject *place;
+  PyObject *kernel, *native, *dim, *stream, *place;
   /// Of records that were made here.
   PyObject *recorder;
-  PyObject *versions, *budget;
+  PyObject *budget;
   /// What Python keeps.
-  PyObject *call, *event, *before, *behind, *saved, *aliases, *apart, *made;
+  PyObject *versions, *call, *event, *before, *behind, *saved, *aliases, *apart,
+      *made;
+  /// Of records that were made here: the arguments, and after them the version
+  /// of each array among them, null without elements or gradients.
+  PyObject **items;
+  RecordToken *token;
   Activity *activity;
-  ArraySet active;
+  int itemCount, valueCount;
   int device, blockDim;
   bool pending, hasGradients;
 };
@@ -94,12 +97,12 @@ inline bool isRecord(PyObject *object) {
   return PyObject_TypeCheck(object, recordBase);
 }
 
-/// Whether a reader's adjoint reads what a version is of; nothing if that is
+/// Whether a record's adjoint reads what a version is of; nothing if that is
 /// for Python to say.
-std::optional<bool> recordNeeds(PyObject *reader, VersionObject *version);
+std::optional<bool> recordNeeds(RecordObject *record, VersionObject *version);
 
 /// The arrays among the arguments that have a gradient, or are to get one.
-ArraySet activeArrays(const LaunchRecorder &recorder, PyObject *values);
+ArraySet activeArrays(const LaunchRecorder &recorder, PyObject *const *values);
 
 /// Finds out what the adjoint reads, once.
 void findNeeds(Activity &activity, PyObject *kernel,
@@ -109,7 +112,7 @@ void findNeeds(Activity &activity, PyObject *kernel,
 PyObject *makeRecord();
 
 /// Python's functions `needs(kernel, native, active, apart)` and
-/// `plain_adjoint(kernel, native, active, apart)`.
+/// `plain_adjoint(kernel, native, active, apart, element_types)`.
 struct AdjointQueries {
   PyObject *needs = nullptr, *plainAdjoint = nullptr;
 };

@@ -25,9 +25,15 @@ static PyObject *plainAdjoint(Activity &activity, const RecordObject *record,
   py::object apart = py::tuple();
   if (activity.apart)
     apart = flagsOf(activity.apart, count);
+  py::tuple elements(count);
+  for (size_t i = 0; i < count; ++i) {
+    PyObject *value = record->items[recorder.arrays[i]];
+    elements[i] = isArray(value) ? py::handle(asArray(value)->dtype)
+                                 : py::handle(Py_None);
+  }
   py::object found = py::handle(adjointQueries().plainAdjoint)(
       py::handle(record->kernel), py::handle(record->native),
-      flagsOf(activity.active, count), apart);
+      flagsOf(activity.active, count), apart, elements);
   activity.adjoint = py::object();
   if (!found.is_none()) {
     findNeeds(activity, record->kernel, recorder);
@@ -39,27 +45,24 @@ static PyObject *plainAdjoint(Activity &activity, const RecordObject *record,
 
 /// Whether all that the adjoint reads is still there.
 static bool hasContents(const RecordObject *record, ArraySet needed) {
-  if (!record->versions)
-    return true;
-  for (Py_ssize_t i = 0; i < PyTuple_GET_SIZE(record->versions); ++i) {
-    PyObject *version = PyTuple_GET_ITEM(record->versions, i);
-    if ((needed >> i & 1) && version != Py_None &&
-        !isIntact(asVersion(version)))
+  PyObject **versions = record->items + record->valueCount;
+  for (int i = 0; i < record->itemCount - record->valueCount; ++i)
+    if ((needed >> i & 1) && versions[i] && !isIntact(asVersion(versions[i])))
       return false;
-  }
   return true;
 }
 
 /// The gradients of arrays, which are there from then on.
 static std::vector<py::object> gradientsOf(const LaunchRecorder &recorder,
-                                           PyObject *values, ArraySet active) {
+                                           PyObject *const *values,
+                                           ArraySet active) {
   static PyObject *const made = PyUnicode_InternFromString("_grad");
   static PyObject *const wanted = PyUnicode_InternFromString("grad");
   std::vector<py::object> found;
   for (size_t i = 0; i < recorder.arrays.size(); ++i) {
     if (!(active >> i & 1))
       continue;
-    PyObject *value = PyTuple_GET_ITEM(values, recorder.arrays[i]);
+    PyObject *value = values[recorder.arrays[i]];
     auto gradient =
         py::reinterpret_steal<py::object>(PyObject_GetAttr(value, made));
     if (gradient && gradient.is_none())
@@ -78,7 +81,7 @@ static bool reverseLaunch(PyObject *object, uint64_t pass) {
     return false;
   RecordObject *record = asRecord(object);
   auto &recorder = py::handle(record->recorder).cast<LaunchRecorder &>();
-  ArraySet active = activeArrays(recorder, record->values);
+  ArraySet active = activeArrays(recorder, record->items);
   if (!active)
     return true;
   Activity &activity =
@@ -86,13 +89,14 @@ static bool reverseLaunch(PyObject *object, uint64_t pass) {
   PyObject *adjoint = plainAdjoint(activity, record, recorder, pass);
   if (!adjoint || !hasContents(record, activity.needed))
     return false;
-  if (sharesElements(gradientsOf(recorder, record->values, active)))
+  if (sharesElements(gradientsOf(recorder, record->items, active)))
     return false;
   Kernel &kernel = *asKernel(adjoint)->kernel;
   Block block(kernel.parameterSize());
   std::vector<py::object> keep;
-  packArguments(*asKernel(adjoint)->packer, Items(record->values),
-                Items(nullptr), record->device, block.data(), keep);
+  for (int i = 0; i < record->valueCount; ++i)
+    asKernel(adjoint)->packer->pack(i, record->items[i], record->device,
+                                    block.data(), keep);
   auto held = py::reinterpret_borrow<py::object>(object);
   auto code = py::reinterpret_borrow<py::object>(adjoint);
   launchPacked(kernel, record->device, readDim(kernel, record->dim),
@@ -147,7 +151,7 @@ static py::list arraysOf(const py::list &records, bool written) {
     auto &recorder = py::handle(record->recorder).cast<LaunchRecorder &>();
     for (size_t i = 0; i < recorder.arrays.size(); ++i)
       if (!written || (recorder.written >> i & 1))
-        add(PyTuple_GET_ITEM(record->values, recorder.arrays[i]), position);
+        add(record->items[recorder.arrays[i]], position);
   }
   py::list list;
   for (const Use &use : found)

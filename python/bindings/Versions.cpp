@@ -61,6 +61,11 @@ static void deallocVersion(PyObject *self) {
     }
     delete version->readers;
   }
+  if (version->records) {
+    for (RecordToken *token : *version->records)
+      token->drop();
+    delete version->records;
+  }
   for (PyObject *member :
        {version->array, version->copy, version->region, version->pieces,
         version->ended, version->refused, version->lent, version->successor,
@@ -71,8 +76,14 @@ static void deallocVersion(PyObject *self) {
   Py_DECREF(type);
 }
 
-void python::addReader(VersionObject *version, PyObject *reader,
-                       PyObject *budget) {
+void python::addReader(VersionObject *version, RecordToken *token) {
+  if (!version->records)
+    version->records = new std::vector<RecordToken *>;
+  version->records->push_back(token->share());
+}
+
+static void addReader(VersionObject *version, PyObject *reader,
+                      PyObject *budget) {
   PyObject *reference = PyWeakref_NewRef(reader, nullptr);
   if (!reference)
     throw py::error_already_set();
@@ -93,20 +104,23 @@ static PyObject *keepFor(PyObject *self, PyObject *args, PyObject *names) {
   });
 }
 
+/// (weak reference, budget) of each.
 static PyObject *getReaders(PyObject *self, void *) {
-  PyObject *list = PyList_New(0);
-  if (!list || !asVersion(self)->readers)
-    return list;
-  for (Reader &reader : *asVersion(self)->readers) {
-    PyObject *pair = PyTuple_Pack(2, reader.reference, reader.budget);
-    if (!pair || PyList_Append(list, pair)) {
-      Py_XDECREF(pair);
-      Py_DECREF(list);
-      return nullptr;
-    }
-    Py_DECREF(pair);
-  }
-  return list;
+  return guarded([&] {
+    py::list list;
+    VersionObject *version = asVersion(self);
+    if (version->readers)
+      for (Reader &reader : *version->readers)
+        list.append(py::make_tuple(py::handle(reader.reference),
+                                   py::handle(reader.budget)));
+    if (version->records)
+      for (RecordToken *token : *version->records)
+        if (RecordObject *record = token->record)
+          list.append(
+              py::make_tuple(py::weakref(reinterpret_cast<PyObject *>(record)),
+                             py::handle(record->budget)));
+    return list.release().ptr();
+  });
 }
 
 /// Lists are made when they are first asked for.
@@ -119,15 +133,93 @@ static PyObject *getList(PyObject *self, void *) {
 }
 
 //===----------------------------------------------------------------------===//
+// Places
+//===----------------------------------------------------------------------===//
+
+static PyTypeObject *placeType = nullptr;
+
+PyObject *python::makePlace(PyObject *kernel, PyObject *code, int instruction) {
+  PyObject *object = placeType->tp_alloc(placeType, 0);
+  if (!object)
+    throw py::error_already_set();
+  auto *place = reinterpret_cast<PlaceObject *>(object);
+  place->kernel = Py_NewRef(kernel);
+  place->code = Py_NewRef(code);
+  place->instruction = instruction;
+  return object;
+}
+
+static void deallocPlace(PyObject *self) {
+  auto *place = reinterpret_cast<PlaceObject *>(self);
+  Py_XDECREF(place->kernel);
+  Py_XDECREF(place->code);
+  PyTypeObject *type = Py_TYPE(self);
+  type->tp_free(self);
+  Py_DECREF(type);
+}
+
+static PyObject *getLine(PyObject *self, void *) {
+  auto *place = reinterpret_cast<PlaceObject *>(self);
+  int line = -place->instruction;
+  if (line <= 0)
+    line = PyCode_Addr2Line(reinterpret_cast<PyCodeObject *>(place->code),
+                            place->instruction);
+  return PyLong_FromLong(line);
+}
+
+static void bindPlace(py::module_ &m) {
+  static PyMemberDef members[] = {
+      {"kernel", T_OBJECT, offsetof(PlaceObject, kernel), READONLY, nullptr},
+      {"code", T_OBJECT, offsetof(PlaceObject, code), READONLY, nullptr},
+      {nullptr, 0, 0, 0, nullptr}};
+  static PyGetSetDef attributes[] = {
+      {"line", getLine, nullptr, nullptr, nullptr},
+      {nullptr, nullptr, nullptr, nullptr, nullptr}};
+  PyType_Slot slots[] = {
+      {Py_tp_dealloc, reinterpret_cast<void *>(deallocPlace)},
+      {Py_tp_members, members},
+      {Py_tp_getset, attributes},
+      {Py_tp_doc, const_cast<char *>("Where a launch was called.")},
+      {0, nullptr}};
+  PyType_Spec spec = {"warp._native.Place", sizeof(PlaceObject), 0,
+                      Py_TPFLAGS_DEFAULT | Py_TPFLAGS_DISALLOW_INSTANTIATION,
+                      slots};
+  PyObject *type = PyType_FromSpec(&spec);
+  if (!type)
+    throw py::error_already_set();
+  placeType = reinterpret_cast<PyTypeObject *>(type);
+  m.add_object("Place", py::reinterpret_steal<py::object>(type));
+}
+
+//===----------------------------------------------------------------------===//
 // Writes
 //===----------------------------------------------------------------------===//
 
-static bool readerNeeds(PyObject *reader, VersionObject *version) {
-  std::optional<bool> known = recordNeeds(reader, version);
-  if (known)
-    return *known;
+static bool needs(PyObject *reader, VersionObject *version) {
   py::handle self(reinterpret_cast<PyObject *>(version));
   return py::handle(reader).attr("needs")(self).cast<bool>();
+}
+
+/// Whether somebody who has read a version needs it. Python may add readers
+/// while it is asked.
+static bool isNeeded(VersionObject *version) {
+  for (size_t i = 0; version->readers && i < version->readers->size(); ++i) {
+    auto reader = py::reinterpret_borrow<py::object>(
+        PyWeakref_GetObject((*version->readers)[i].reference));
+    if (!reader.is_none() && needs(reader.ptr(), version))
+      return true;
+  }
+  for (size_t i = 0; version->records && i < version->records->size(); ++i) {
+    RecordObject *record = (*version->records)[i]->record;
+    if (!record)
+      continue;
+    auto held = py::reinterpret_borrow<py::object>(
+        reinterpret_cast<PyObject *>(record));
+    std::optional<bool> known = recordNeeds(record, version);
+    if (known ? *known : needs(held.ptr(), version))
+      return true;
+  }
+  return false;
 }
 
 /// Whether anybody needs what a version is of, or an earlier one that counts on
@@ -137,13 +229,8 @@ static bool isWanted(VersionObject *version) {
       py::reinterpret_borrow<py::object>(reinterpret_cast<PyObject *>(version));
   while (step) {
     VersionObject *one = asVersion(step.ptr());
-    // Python may add readers while it is asked.
-    for (size_t i = 0; one->readers && i < one->readers->size(); ++i) {
-      auto reader = py::reinterpret_borrow<py::object>(
-          PyWeakref_GetObject((*one->readers)[i].reference));
-      if (!reader.is_none() && readerNeeds(reader.ptr(), one))
-        return true;
-    }
+    if (isNeeded(one))
+      return true;
     if (!one->predecessor || one->predecessor == Py_None)
       return false;
     auto before = py::reinterpret_borrow<py::object>(
@@ -335,5 +422,6 @@ void python::bindVersions(py::module_ &m) {
   m.def("set_version_type", [](py::object type) {
     versionType = reinterpret_cast<PyTypeObject *>(type.release().ptr());
   });
+  bindPlace(m);
   bindMap(m);
 }

@@ -40,6 +40,24 @@ struct Reader {
   PyObject *reference, *budget;
 };
 
+struct RecordObject;
+
+/// A weak reference to a record on a tape, which is cheaper than Python's.
+struct RecordToken {
+  /// Null when it is gone.
+  RecordObject *record;
+  unsigned owners = 1;
+
+  RecordToken *share() {
+    ++owners;
+    return this;
+  }
+  void drop() {
+    if (--owners == 0)
+      delete this;
+  }
+};
+
 /// The instance layout of `warp._native.Version`; null stands for None.
 struct VersionObject {
   PyObject base;
@@ -48,6 +66,8 @@ struct VersionObject {
   PyObject *region, *pieces, *ended, *refused, *lent;
   PyObject *successor, *predecessor, *listeners;
   std::vector<Reader> *readers;
+  /// Native records that read it.
+  std::vector<RecordToken *> *records;
   std::shared_ptr<VersionTable> *table;
   int64_t number;
   /// Bytes that are in no piece.
@@ -66,10 +86,20 @@ inline bool isIntact(const VersionObject *version) {
          (!version->pieces || PyList_GET_SIZE(version->pieces) == 0);
 }
 
-void addReader(VersionObject *version, PyObject *reader, PyObject *budget);
+/// Where a launch was called: a kernel, a code object and an instruction of it,
+/// or a negative line. Python makes an event of it.
+struct PlaceObject {
+  PyObject base;
+  PyObject *kernel, *code;
+  int instruction;
+};
+/// A new reference.
+PyObject *makePlace(PyObject *kernel, PyObject *code, int instruction);
 
-/// A write that ends versions: makes what says who it was, of which `mark` may
-/// be a place that Python turns into an event later.
+void addReader(VersionObject *version, RecordToken *token);
+
+/// A write that ends versions: makes what says who it was. `mark` may be a
+/// place instead of an event.
 class Writer {
 public:
   virtual ~Writer() = default;

@@ -5,7 +5,7 @@ import pytest
 
 import warp as wp
 from frontend_programs import define
-from threads_launches import MODES
+from threads_launches import MODES, modes_on
 
 VECTORS = """
 Element = wp.types.vector(COUNT, TYPE)
@@ -64,7 +64,7 @@ SIZES = (1, 15, 16, 33, 70)
 @pytest.mark.parametrize("kind", TYPES)
 def test_vectors(device, kind, count):
     random = np.random.default_rng(count)
-    for mode, options in MODES.items():
+    for mode, options in modes_on(device).items():
         space = define(VECTORS, OPTIONS=options, COUNT=count, TYPE=getattr(wp, kind))
         for n in SIZES:
             # The last thread's elements are the last ones of the array.

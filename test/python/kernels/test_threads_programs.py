@@ -3,13 +3,13 @@
 import pytest
 
 import threads_programs as programs
-from threads_launches import MODES, SIZES, assert_same, compile_program
+from threads_launches import SIZES, assert_same, compile_program, modes_on
 
 SHAPES = {2: ((1, 1), (3, 17), (16, 4), (5, 64)), 3: ((1, 2, 3), (2, 3, 16), (3, 1, 33))}
 
 
 def check(program, dims, device):
-    spaces = {key: compile_program(program.text, one) for key, one in MODES.items()}
+    spaces = {key: compile_program(program.text, one) for key, one in modes_on(device).items()}
     for seed, dim in enumerate(dims):
         expected = programs.expect(program.text, spaces["normal"], dim, seed)
         for mode, space in spaces.items():
@@ -36,7 +36,7 @@ def test_launches_of_more_dimensions(device, seed, rank):
 @pytest.mark.parametrize("seed", range(200, 220))
 def test_modes_agree_where_arithmetic_rounds(device, seed):
     program = programs.Program(seed, exact=False)
-    spaces = {key: compile_program(program.text, one) for key, one in MODES.items()}
+    spaces = {key: compile_program(program.text, one) for key, one in modes_on(device).items()}
     for n in SIZES:
         expected = programs.run(spaces["debug"], (n,), n, device)
         for mode, space in spaces.items():

@@ -263,7 +263,7 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
         return describe(self, self.grad)
 
     def cptr(self):
-        """The elements as a ctypes pointer, for an array on the CPU.
+        """The elements as a ctypes pointer, for an array on the CPU, which it keeps alive.
 
         Raises:
             RuntimeError: the array is elsewhere, or not contiguous.
@@ -276,7 +276,9 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
         if Observers.active:
             Observers.memory.lend(self)
         element = dtypes.type_ctype(self.dtype)
-        return ctypes.cast(self.ptr or 0, ctypes.POINTER(element))
+        pointer = ctypes.cast(self.ptr or 0, ctypes.POINTER(element))
+        pointer._array = self
+        return pointer
 
 
 class _Lent:

@@ -46,10 +46,8 @@ def event(what: str) -> Event:
 
 
 def event_of(place) -> Event:
-    """The event of a launch that was recorded natively: (kernel, code, instruction)."""
-    kernel, code, instruction = place
-    line = _native.line_of(code, instruction)
-    return Event(f"launch of '{kernel.key}'", code.co_filename, line)
+    """The event of a launch at a `_native.Place`."""
+    return Event(f"launch of '{place.kernel.key}'", place.code.co_filename, place.line)
 
 
 class Version(_native.Version):
@@ -71,7 +69,7 @@ class Version(_native.Version):
     def ended(self) -> Event | None:
         """What overwrote something that was not kept, or None."""
         found = self._ended
-        if type(found) is tuple:
+        if type(found) is _native.Place:
             found = self._ended = event_of(found)
         return found
 

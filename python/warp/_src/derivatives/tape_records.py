@@ -15,6 +15,7 @@ from warp import _native, config
 from warp._src import config as settings
 from warp._src import errors
 from warp._src.arrays.array import array
+from warp._src.arrays.gradients import gradient_type
 from warp._src.arrays.kept import Budget
 from warp._src.arrays.observers import Observers
 from warp._src.arrays.versions import Event, event_of
@@ -330,9 +331,15 @@ def _needs(kernel, native, active, apart):
     return made.needed, made.augmented is None and not made.preserved
 
 
-def _plain_adjoint(kernel, native, active, apart):
-    """The native adjoint if a launch of it with the same arguments is all there is to do."""
-    if not kernel.option("enable_backward") or _has_narrow(native, active):
+def _plain_adjoint(kernel, native, active, apart, elements):
+    """The native adjoint if a launch of it with the same arguments is all there is to do.
+
+    elements: types of the elements of arrays, as `active` counts them.
+    """
+    if not kernel.option("enable_backward"):
+        return None
+    if any(on and gradient_type(one) is not one for on, one in zip(active, elements, strict=True)):
+        # Their gradients may have to be widened.
         return None
     try:
         made = kernel.derivatives.adjoint(native, active, True, None, apart)
@@ -340,12 +347,6 @@ def _plain_adjoint(kernel, native, active, apart):
         return None
     is_plain = not (made.hidden or made.one_thread) and made.counting is None
     return made.native if is_plain and made.augmented is None and made.gathered is None else None
-
-
-def _has_narrow(native, active) -> bool:
-    """Whether gradients may have elements of 16 bits, of which kernels get wide copies."""
-    arrays = [str(kind[2]) for kind in native.parameters if kind[1] == "array"]
-    return any(wanted and "f16" in text for wanted, text in zip(active, arrays, strict=False))
 
 
 _native.set_record_type(LaunchRecord, _needs, _plain_adjoint)

@@ -123,3 +123,16 @@ def _block(lines, code) -> list[str]:
             break
         last += 1
     return lines[first:last]
+
+
+def children(node) -> list:
+    """The nodes right below one of a syntax tree, without those that only say which operator or
+    context is meant; several times faster than `ast.iter_child_nodes`."""
+    found = []
+    for field in node._fields:
+        value = getattr(node, field, None)
+        if type(value) is list:
+            found += [item for item in value if getattr(item, "_fields", None)]
+        elif getattr(value, "_fields", None):
+            found.append(value)
+    return found
