@@ -81,6 +81,11 @@ REFUSALS = (
         "want kernels beside one that fails to be refused",
     ),
     (
+        "test_overwrite",
+        ("test_cross_tape_write_after_backward_limitation",),
+        "want an overwriting not to be told, which the peer does not see",
+    ),
+    (
         "test_copy",
         ("test_copy_offset_unsupported",),
         "want copies of parts of indexed arrays to be refused",
