@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import collections
 import contextlib
 import math
 import threading
@@ -101,7 +100,8 @@ class Place:
     def __enter__(self):
         self._blocks = contextlib.ExitStack()
         if self.stream is not None:
-            self._blocks.enter_context(_turns[self.device.index])
+            turn = _turns.setdefault(self.device.index, threading.RLock())
+            self._blocks.enter_context(turn)
         self._blocks.enter_context(devices.OwnDefault(self.device))
         self._blocks.enter_context(ScopedStream(self.stream, sync_enter=False))
         return self
@@ -110,4 +110,4 @@ class Place:
         self._blocks.__exit__(*exception)
 
 
-_turns: dict = collections.defaultdict(threading.RLock)
+_turns: dict = {}
