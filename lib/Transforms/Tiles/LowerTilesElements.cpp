@@ -4,6 +4,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "ApartUpdates.h"
 #include "LowerTiles.h"
 
 #include "KernelFunction.h"
@@ -308,6 +309,8 @@ void TileLowering::lowerAtomic(TileAtomicOp op) {
       llvm::is_contained({TileUpdate::add, TileUpdate::sub}, op.getKind());
   bool mayBePlain =
       !debug && isSum && op.getOld().use_empty() && !isa<StructType>(type);
+  if (mayBePlain && threads == 1 && op->hasAttr(warp::attr::apart))
+    return updateElements(op, /*plainly=*/true);
   auto own = mayBePlain ? ownSteps.find(op) : ownSteps.end();
   if (own == ownSteps.end())
     return updateElements(op, /*plainly=*/false);

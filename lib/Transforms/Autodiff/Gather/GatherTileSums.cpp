@@ -16,14 +16,16 @@
 //
 // so that a sum stays with a block until it is complete. Where there are more
 // blocks than steps of the depth, P = J / K of them share a sum: block j has
-// step k = j % K and adds every P-th product from j / K on.
+// step k = j % K and adds every P-th product from j / K on. Where they do not,
+// and each step has its own tile, the addition is marked as one that needs not
+// be atomic.
 //
 //===----------------------------------------------------------------------===//
 
 #include "GatherTileSums.h"
 
 #include "Analysis/Forms.h"
-#include "Autodiff/DeadValues.h"
+#include "Tiles/ApartUpdates.h"
 #include "Tiles/OwnWindows.h"
 
 #include "WarpDialect/Passes.h"
@@ -45,6 +47,8 @@ struct TileSum {
   TileMatmulOp product;
   scf::ForOp loop;
   unsigned dim;
+  /// Whether each block and step has elements of its own.
+  bool isApart;
 };
 
 /// The argument behind an array, and whether its gradients are meant.
@@ -92,7 +96,7 @@ private:
     if (update.getKind() != TileUpdate::add || update.getPicked() ||
         !update.getOld().use_empty() || !isOnlyAddedTo(update.getArray()))
       return std::nullopt;
-    TileSum sum{update, {}, {}, loop, 0};
+    TileSum sum{update, {}, {}, loop, 0, false};
     Operation *def = update.getTile().getDefiningOp();
     if (auto map = dyn_cast_or_null<TileMapOp>(def);
         map && map.getInputs().size() == 1 && isConversion(map)) {
@@ -122,6 +126,7 @@ private:
           !dependsOn(place, loop, tid.getResult(d)) &&
           dependsOn(value, sum.product, tid.getResult(d))) {
         sum.dim = d;
+        sum.isApart = isApart(sum);
         return sum;
       }
     return std::nullopt;
@@ -222,6 +227,33 @@ private:
                                    store->getBlock() == load->getBlock() &&
                                    load->isBeforeInBlock(store));
            });
+  }
+
+  /// Whether blocks that differ in another dimension than that of the sum, and
+  /// steps of the loop, add to different elements, and nothing else does.
+  bool isApart(TileSum sum) {
+    bool isOnly = everyAccess(Root(sum.update.getArray()),
+                              [&](Operation *op) { return op == sum.update; });
+    Forms forms;
+    auto hasAxis = [&](function_ref<bool(const Form &, int64_t)> separates) {
+      return llvm::any_of(
+          llvm::zip_equal(sum.update.getOffsets(),
+                          tiles::tileType(sum.update.getTile()).getShape()),
+          [&](auto axis) {
+            auto [offset, extent] = axis;
+            return separates(forms.of(offset), extent);
+          });
+    };
+    bool areSteps = hasAxis([&](const Form &form, int64_t extent) {
+      return form.terms.size() == 1 && form.terms[0].product.size() == 1 &&
+             form.terms[0].product[0] == Symbol::trip(sum.loop) &&
+             std::abs(form.terms[0].factor) >= extent;
+    });
+    for (unsigned d = 0; d < tids.front().getNumResults(); ++d)
+      isOnly &= d == sum.dim || hasAxis([&](const Form &form, int64_t extent) {
+                  return tiles::getOwnStep(form, extent, d) != 0;
+                });
+    return isOnly && areSteps;
   }
 
   /// Whether no two blocks have elements of the tile in common.
@@ -370,9 +402,23 @@ private:
     SmallVector<Value> offsets;
     for (Value offset : sum.update.getOffsets())
       offsets.push_back(clone(offset, outer));
-    TileAtomicOp::create(b, loc, tile.getType(), TileUpdate::add, tile,
-                         clone(sum.update.getArray(), outer), offsets, Value(),
-                         sum.update.getAxis(), sum.update.getChecked());
+    Value array = clone(sum.update.getArray(), outer);
+    auto update = [&] {
+      return TileAtomicOp::create(b, loc, tile.getType(), TileUpdate::add, tile,
+                                  array, offsets, Value(), sum.update.getAxis(),
+                                  sum.update.getChecked());
+    };
+    if (!sum.isApart) {
+      update();
+      return;
+    }
+    Value isWhole =
+        arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq, parts, one);
+    auto branch = scf::IfOp::create(b, loc, isWhole, /*withElseRegion=*/true);
+    b.setInsertionPointToStart(branch.thenBlock());
+    update()->setAttr(attr::apart, b.getUnitAttr());
+    b.setInsertionPointToStart(branch.elseBlock());
+    update();
   }
 
   TidOp adjointTid() { return *adjoint.getOps<TidOp>().begin(); }
