@@ -52,6 +52,9 @@ static constexpr warp::LibraryFunction functions[] = {
     // the next row of b; whether c is new; alpha, beta.
     {"warp_tile_product_f32", "llliiiiiiiff", ""},
     {"warp_tile_product_f64", "llliiiiiiidd", ""},
+    // Result, matrix; its rows and columns, and elements per row.
+    {"warp_tile_turn_f32", "lliii", ""},
+    {"warp_tile_turn_f64", "lliii", ""},
     // Result, matrix, scratch memory; rows, whether the upper triangle counts.
     {"warp_tile_cholesky_f32", "lllii", ""},
     {"warp_tile_cholesky_f64", "lllii", ""},

@@ -2,7 +2,8 @@
 
 // What all blocks of a row add to a tile, the block of that tile collects: a sum
 // over blocks in place of one over the depth. Where there are more blocks than
-// steps, several share a sum. The cotangent is zeroed afterwards.
+// steps, several share a sum; else a tile is one block's. The cotangent is zeroed
+// afterwards.
 // CHECK-LABEL: func.func @product_sums
 // CHECK-SAME: %[[B:.*]]: !warp.array<2 x f32>, %[[C:.*]]: !warp.array<2 x f32>, %[[A:.*]]: !warp.array<2 x f32>, %{{.*}}: si32, %[[J:.*]]: si32, %{{.*}}: si32)
 // CHECK-SAME: warp.block_threads = 64 : i64, warp.halo = array<i64: 0, 0, 0>
@@ -20,7 +21,11 @@
 // CHECK: %[[T:.*]] = warp.tile_matmul %[[G]], %[[Y]] transposed add %[[S]]
 // CHECK: scf.yield %[[T]]
 // CHECK: %[[DA:.*]] = warp.grad %[[A]]
+// CHECK: scf.if
+// CHECK: warp.tile_atomic add %[[SUM]], %[[DA]]{{.*}}warp.apart
+// CHECK: else
 // CHECK: warp.tile_atomic add %[[SUM]], %[[DA]]
+// CHECK-NOT: warp.apart
 // CHECK-NOT: warp.tile_store
 // CHECK-LABEL: func.func @product(
 // CHECK-NOT: warp.tile_matmul

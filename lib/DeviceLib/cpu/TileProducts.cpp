@@ -9,7 +9,7 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "Tiles.h"
+#include "TileSquares.h"
 
 namespace {
 
@@ -49,9 +49,9 @@ void Product<T>::patch(i64 row, i64 column) const {
     V right[width];
 #pragma unroll
     for (int v = 0; v < width; ++v)
-      right[v] = isPart ? load(from + v * lanes<T>,
-                               columns - column - v * lanes<T>)
-                        : load(from + v * lanes<T>);
+      right[v] =
+          isPart ? load(from + v * lanes<T>, columns - column - v * lanes<T>)
+                 : load(from + v * lanes<T>);
 #pragma unroll
     for (int r = 0; r < height; ++r) {
       V left = rowsOfA[r][k * stepOfA];
@@ -108,7 +108,30 @@ template <class T> void multiply(const Product<T> &product) {
     product.template run<6, 1>();
 }
 
+/// The transpose of a matrix, packed.
+template <class T>
+void turn(T *to, const T *from, i64 rows, i64 columns, i64 pitch) {
+  for (i64 i = 0; i < rows; i += lanes<T>)
+    for (i64 j = 0; j < columns; j += lanes<T>) {
+      i64 height = rows - i < lanes<T> ? rows - i : i64(lanes<T>);
+      i64 width = columns - j < lanes<T> ? columns - j : i64(lanes<T>);
+      Square<T> part;
+      part.read(from + i * pitch + j, pitch, height, width);
+      part.transpose();
+      part.write(to + j * rows + i, rows, width, height);
+    }
+}
+
 } // namespace
+
+#define WARP_TURN(name, T)                                                     \
+  WARP_TILES void name(u64 to, u64 from, i32 rows, i32 columns, i32 pitch,     \
+                       void *) {                                               \
+    turn(at<T>(to), at<const T>(from), rows, columns, pitch);                  \
+  }
+
+WARP_TURN(warp_tile_turn_f32, float)
+WARP_TURN(warp_tile_turn_f64, double)
 
 #define WARP_PRODUCT(name, T)                                                  \
   WARP_TILES void name(u64 c, u64 a, u64 b, i32 rows, i32 columns, i32 depth,  \

@@ -15,6 +15,7 @@
 //   what                           in file
 //   scalars, loops over elements   LowerTilesLoops.cpp
 //   elements, arrays, maps         LowerTilesElements.cpp
+//   updates of arrays              LowerTilesUpdates.cpp
 //   threads, parts                 LowerTilesParts.cpp
 //   reductions, scans              LowerTilesReductions.cpp
 //   sorting                        LowerTilesSort.cpp

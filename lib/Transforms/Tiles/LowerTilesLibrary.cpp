@@ -41,6 +41,19 @@ Value TileLowering::copyTo(int64_t offset, Value tile, Type type,
   if (transposed)
     std::swap(shape[0], shape[1]);
   Value memory = arrayAt(offset, from.getNumElements(), type);
+  // Rows that are columns of what lies in memory.
+  std::optional<Strided> strided = getStrided(tile);
+  if (strided && from.getElementType() == type && from.getRank() == 2) {
+    ArrayRef<int64_t> steps = strided->steps;
+    int64_t across = transposed ? steps[1] : steps[0];
+    if (across == 1 && shape[1] > 1) {
+      callLibrary("warp_tile_turn", type,
+                  {addressOf(memory), addressOf(memoryOf(strided->memory)),
+                   number(shape[1]), number(shape[0]),
+                   number(transposed ? steps[0] : steps[1])});
+      return memory;
+    }
+  }
   share(shape, [&](ValueRange ij) {
     Value value = element(tile, transposed ? Values{ij[1], ij[0]} : Values(ij));
     StoreOp::create(b, loc, cast(value, type), memory, linear(shape, ij));

@@ -16,15 +16,18 @@
 //
 // so that a sum stays with a block until it is complete. Where there are more
 // blocks than steps of the depth, P = J / K of them share a sum: block j has
-// step k = j % K and adds every P-th product from j / K on.
+// step k = j % K and adds every P-th product from j / K on. Where they do not,
+// and each step has its own tile, the addition is marked as one that needs not
+// be atomic.
 //
 //===----------------------------------------------------------------------===//
 
 #include "GatherTileSums.h"
 
-#include "Analysis/Forms.h"
-#include "Autodiff/DeadValues.h"
-#include "Tiles/OwnWindows.h"
+#include "FindTileSums.h"
+
+#include "Tiles/ApartUpdates.h"
+#include "Tiles/TileBuffers.h"
 
 #include "WarpDialect/Passes.h"
 
@@ -34,216 +37,9 @@
 
 using namespace mlir;
 using namespace warp;
+using warp::autodiff::TileSum;
 
 namespace {
-
-/// An addition to gradients, in a loop, of a product that was converted if
-/// there is a map, by all blocks along a dimension of the launch.
-struct TileSum {
-  TileAtomicOp update;
-  TileMapOp conversion;
-  TileMatmulOp product;
-  scf::ForOp loop;
-  unsigned dim;
-};
-
-/// The argument behind an array, and whether its gradients are meant.
-struct Root {
-  Value base;
-  bool isGradient = false;
-  SmallVector<Value> leading;
-
-  explicit Root(Value array) : base(array) {
-    while (Operation *def = base.getDefiningOp()) {
-      if (auto view = dyn_cast<ViewOp>(def))
-        leading.insert(leading.begin(), view.getIndices().begin(),
-                       view.getIndices().end());
-      else if (isa<GradOp>(def))
-        isGradient = true;
-      else
-        break;
-      base = def->getOperand(0);
-    }
-  }
-  bool is(const Root &other) const {
-    return base == other.base && isGradient == other.isGradient;
-  }
-};
-
-class Finder {
-public:
-  explicit Finder(func::FuncOp adjoint) : adjoint(adjoint) {
-    adjoint.walk([&](TidOp op) { tids.push_back(op); });
-  }
-
-  SmallVector<TileSum> find() {
-    SmallVector<TileSum> sums;
-    if (tids.size() != 1)
-      return sums;
-    for (auto loop : adjoint.getBody().front().getOps<scf::ForOp>())
-      for (auto update : loop.getBody()->getOps<TileAtomicOp>())
-        if (std::optional<TileSum> sum = match(update, loop))
-          sums.push_back(*sum);
-    return sums;
-  }
-
-private:
-  std::optional<TileSum> match(TileAtomicOp update, scf::ForOp loop) {
-    if (update.getKind() != TileUpdate::add || update.getPicked() ||
-        !update.getOld().use_empty() || !isOnlyAddedTo(update.getArray()))
-      return std::nullopt;
-    TileSum sum{update, {}, {}, loop, 0};
-    Operation *def = update.getTile().getDefiningOp();
-    if (auto map = dyn_cast_or_null<TileMapOp>(def);
-        map && map.getInputs().size() == 1 && isConversion(map)) {
-      sum.conversion = map;
-      def = map.getInputs()[0].getDefiningOp();
-    }
-    sum.product = dyn_cast_or_null<TileMatmulOp>(def);
-    if (!sum.product || sum.product.getC() ||
-        sum.product->getBlock() != loop.getBody())
-      return std::nullopt;
-    llvm::SetVector<Operation *> place, value;
-    bool hasSlices = collect(update.getOffsets(), loop, place) &&
-                     collect(update.getArray(), loop, place) &&
-                     collect(loop.getLowerBound(), loop, place) &&
-                     collect(loop.getUpperBound(), loop, place) &&
-                     collect(loop.getStep(), loop, place) &&
-                     collect(sum.product->getOperands(), loop, value);
-    bool movesAlong = llvm::any_of(update.getOffsets(), [&](Value offset) {
-      return reaches(offset, loop.getInductionVar());
-    });
-    if (!hasSlices || !movesAlong ||
-        !loop.getInductionVar().getType().isInteger(32))
-      return std::nullopt;
-    TidOp tid = tids.front();
-    for (unsigned d = tid.getNumResults(); d-- > 0;)
-      if (!dependsOn(place, update, tid.getResult(d)) &&
-          !dependsOn(place, loop, tid.getResult(d)) &&
-          dependsOn(value, sum.product, tid.getResult(d))) {
-        sum.dim = d;
-        return sum;
-      }
-    return std::nullopt;
-  }
-
-  static bool isConversion(TileMapOp map) {
-    Block &body = map.getBody().front();
-    auto cast = dyn_cast<CastOp>(body.front());
-    return cast && cast->getNextNode() == body.getTerminator() &&
-           cast->getOperand(0) == body.getArgument(0);
-  }
-
-  static bool reaches(Value value, Value from) {
-    if (value == from)
-      return true;
-    Operation *def = value.getDefiningOp();
-    return def && llvm::any_of(def->getOperands(), [&](Value operand) {
-             return reaches(operand, from);
-           });
-  }
-
-  /// Whether an operation, or one that computes something for it, uses a value.
-  static bool dependsOn(const llvm::SetVector<Operation *> &slice,
-                        Operation *op, Value value) {
-    auto uses = [&](Operation *user) {
-      return llvm::is_contained(user->getOperands(), value);
-    };
-    return uses(op) || llvm::any_of(slice, uses);
-  }
-
-  bool collect(ValueRange values, scf::ForOp loop,
-               llvm::SetVector<Operation *> &slice) {
-    return llvm::all_of(
-        values, [&](Value value) { return collect(value, loop, slice); });
-  }
-
-  /// What has to be computed for a value, by any block before the launch.
-  bool collect(Value value, scf::ForOp loop,
-               llvm::SetVector<Operation *> &slice) {
-    Operation *def = value.getDefiningOp();
-    if (!def)
-      return value == loop.getInductionVar() ||
-             value.getParentBlock() == &adjoint.getBody().front();
-    if (isa<TidOp>(def) || slice.contains(def))
-      return true;
-    auto load = dyn_cast<TileLoadOp>(def);
-    bool isKnown = def->getBlock() == loop.getBody() ||
-                   def->getBlock() == loop->getBlock();
-    bool isPure = isMemoryEffectFree(def) &&
-                  (isa<TileMapOp>(def) || def->getNumRegions() == 0);
-    if (!isKnown || !(load ? isUnchanged(load) : isPure) ||
-        !collect(def->getOperands(), loop, slice))
-      return false;
-    slice.insert(def);
-    return true;
-  }
-
-  /// Operations on the elements of an array.
-  bool everyAccess(const Root &root, function_ref<bool(Operation *)> holds) {
-    bool all = true;
-    adjoint.walk([&](Operation *op) {
-      if (isa<ViewOp, GradOp, DimOp>(op))
-        return;
-      for (Value operand : op->getOperands())
-        if (isa<ArrayType>(operand.getType()) && Root(operand).is(root))
-          all &= holds(op);
-    });
-    return all;
-  }
-
-  bool isOnlyAddedTo(Value array) {
-    Root root(array);
-    return isa<BlockArgument>(root.base) &&
-           everyAccess(root, [](Operation *op) {
-             auto update = dyn_cast<TileAtomicOp>(op);
-             return update && update.getKind() == TileUpdate::add &&
-                    update.getOld().use_empty();
-           });
-  }
-
-  /// Whether what a block loads is there before the launch: nobody writes it,
-  /// or the block itself does so afterwards.
-  bool isUnchanged(TileLoadOp load) {
-    Root root(load.getArray());
-    if (!isa<BlockArgument>(root.base) || load.getPicked())
-      return false;
-    bool isWritten = !everyAccess(root, [](Operation *op) {
-      auto access = dyn_cast<AccessOp>(op);
-      return isa<TileLoadOp>(op) || (access && !access.mayWrite());
-    });
-    if (!isWritten)
-      return true;
-    return isOwn(load, root) && everyAccess(root, [&](Operation *op) {
-             auto store = dyn_cast<TileStoreOp>(op);
-             return op == load || (store && !store.getPicked() &&
-                                   store.getArray() == load.getArray() &&
-                                   store.getOffsets() == load.getOffsets() &&
-                                   store->getBlock() == load->getBlock() &&
-                                   load->isBeforeInBlock(store));
-           });
-  }
-
-  /// Whether no two blocks have elements of the tile in common.
-  bool isOwn(TileLoadOp load, const Root &root) {
-    SmallVector<std::pair<Value, int64_t>> axes;
-    for (Value index : root.leading)
-      axes.emplace_back(index, 1);
-    for (auto [offset, extent] : llvm::zip_equal(
-             load.getOffsets(), tiles::tileType(load.getResult()).getShape()))
-      axes.emplace_back(offset, extent);
-    Forms forms;
-    for (unsigned d = 0; d < tids.front().getNumResults(); ++d)
-      if (llvm::none_of(axes, [&](auto &axis) {
-            return tiles::getOwnStep(forms.of(axis.first), axis.second, d) != 0;
-          }))
-        return false;
-    return load->getBlock() == &adjoint.getBody().front();
-  }
-
-  func::FuncOp adjoint;
-  SmallVector<TidOp> tids;
-};
 
 class TileGatherer {
 public:
@@ -370,9 +166,23 @@ private:
     SmallVector<Value> offsets;
     for (Value offset : sum.update.getOffsets())
       offsets.push_back(clone(offset, outer));
-    TileAtomicOp::create(b, loc, tile.getType(), TileUpdate::add, tile,
-                         clone(sum.update.getArray(), outer), offsets, Value(),
-                         sum.update.getAxis(), sum.update.getChecked());
+    Value array = clone(sum.update.getArray(), outer);
+    auto update = [&] {
+      return TileAtomicOp::create(b, loc, tile.getType(), TileUpdate::add, tile,
+                                  array, offsets, Value(), sum.update.getAxis(),
+                                  sum.update.getChecked());
+    };
+    if (!sum.isApart) {
+      update();
+      return;
+    }
+    Value isWhole =
+        arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq, parts, one);
+    auto branch = scf::IfOp::create(b, loc, isWhole, /*withElseRegion=*/true);
+    b.setInsertionPointToStart(branch.thenBlock());
+    update()->setAttr(attr::apart, b.getUnitAttr());
+    b.setInsertionPointToStart(branch.elseBlock());
+    update();
   }
 
   TidOp adjointTid() { return *adjoint.getOps<TidOp>().begin(); }
@@ -388,7 +198,7 @@ private:
 } // namespace
 
 bool warp::autodiff::gatherTileSums(func::FuncOp adjoint) {
-  SmallVector<TileSum> sums = Finder(adjoint).find();
+  SmallVector<TileSum> sums = findTileSums(adjoint);
   if (sums.empty())
     return false;
   TileGatherer(adjoint).build(sums);
