@@ -14,10 +14,10 @@ import enum
 from warp._src import errors
 from warp._src.arrays.array import array
 from warp._src.textures import mips, texels
+from warp._src.textures.copies import TextureCopies
 from warp._src.textures.mips import numpy
 from warp._src.types import dtypes, scalars
 from warp._src.types.native import ArrayType
-from warp._src.types.numpy_types import dtype_from_numpy
 from warp._src.types.structs import StructInstance, make_struct
 
 
@@ -37,18 +37,6 @@ class TextureAddressMode(enum.IntEnum):
     BORDER = 3
 
 
-# Types of texels, and by what integers are divided; of 32 bits they stay as they are.
-_KINDS = (
-    (scalars.uint8, 255.0),
-    (scalars.uint16, 65535.0),
-    (scalars.float32, None),
-    (scalars.int8, 127.0),
-    (scalars.int16, 32767.0),
-    (scalars.float16, None),
-    (scalars.uint32, None),
-    (scalars.int32, None),
-)
-_KIND_BY_TYPE = {dtype: number for number, (dtype, _) in enumerate(_KINDS)}
 _FIELDS = {
     "texels": ArrayType(scalars.float32, 1),
     **dict.fromkeys(("width", "height", "depth", "num_channels", "kind"), scalars.int32),
@@ -59,7 +47,7 @@ _FIELDS = {
 _AXES = ("width", "height", "depth")
 
 
-class Texture(StructInstance):
+class Texture(TextureCopies, StructInstance):
     """Base of the textures.
 
     Args:
@@ -111,21 +99,21 @@ class Texture(StructInstance):
             if levels != 1:
                 raise ValueError("a mip chain is made of data, but none is given")
             channels = num_channels or 1
-            kind = _kind(scalars.float32 if dtype is None else dtypes.canonical(dtype))
-            self._set_shape(*_checked_shape(extents, channels), kind)
+            kind = texels.kind_of(scalars.float32 if dtype is None else dtypes.canonical(dtype))
+            self._set_shape(*texels.checked_shape(extents, channels), kind)
             self.texels = _zeros(self._count(), scalars.float32, device)
             if self._is_whole():
                 whole = _zeros(self._count(), self.dtype, device)
         else:
             if device is None and isinstance(data, array):
                 device = data.device
-            values, kind = _numbers(data)
+            values, kind = texels.numbers_of(data)
             extents, channels = self._split(values.shape)
             self._set_shape(extents, channels, kind)
             self.levels = mips.count_of(extents, levels)
             chain = mips.chain_of(values, self.ndim, self.levels)
             numbers = numpy().concatenate([one.reshape(-1) for one in chain])
-            self.texels = array(_read(numbers, kind), device=device)
+            self.texels = array(texels.texels_of(numbers, kind), device=device)
             if self._is_whole():
                 whole = array(values.reshape(-1), dtype=self.dtype, device=device)
         object.__setattr__(self, "_whole", whole)
@@ -138,13 +126,13 @@ class Texture(StructInstance):
     def _split(self, shape):
         """Extents and channels of data of a shape."""
         if len(shape) == self.ndim:
-            return _checked_shape(shape, 1)
+            return texels.checked_shape(shape, 1)
         if len(shape) != self.ndim + 1:
             raise ValueError(
                 f"'{type(self).__name__}' expects data with {self.ndim} dimensions, and perhaps "
                 f"one for channels, but got shape {tuple(shape)}"
             )
-        return _checked_shape(shape[:-1], shape[-1])
+        return texels.checked_shape(shape[:-1], shape[-1])
 
     def _set_shape(self, extents, channels, kind):
         for name, extent in zip(_AXES, [*extents[::-1], 1, 1], strict=False):
@@ -191,7 +179,7 @@ class Texture(StructInstance):
     @property
     def dtype(self):
         """The type of a texel's number, as it was given."""
-        return _KINDS[self.kind][0]
+        return texels.KINDS[self.kind][0]
 
     @property
     def device(self):
@@ -234,92 +222,12 @@ class Texture(StructInstance):
         """Address of the texels, 0 for a texture without."""
         return 0 if self.texels is None else self.texels.ptr or 0
 
-    def copy_from(self, src) -> None:
-        """Sets all texels from a texture, an array or a NumPy array of the same shape and type.
-
-        From memory of the same device, a graph that is being captured can hold it.
-
-        Raises:
-            RuntimeError: the texture has a mip chain.
-            ValueError: shape or type differ.
-        """
-        self._check_single()
-        if isinstance(src, Texture):
-            src._check_single()
-            self._check_texels(src._shape(), src.kind, what="texture")
-            self.texels.assign(src.texels)
-            if self._is_whole():
-                self._whole.assign(src._whole)
-            return
-        if isinstance(src, array) and src.device == self.device and src.is_contiguous:
-            values = src.flatten() if src.ndim else src
-            scalar = dtypes.type_scalar_type(src.dtype)
-            values = values if scalar is values.dtype else values.view(scalar).flatten()
-            extents, channels = self._split((*src.shape, *getattr(src.dtype, "_shape_", ())))
-            self._check_texels((*extents, channels), _kind(scalar))
-            texels.read(values, _KINDS[self.kind][1], self.texels)
-            if self._is_whole():
-                self._whole.assign(values)
-            return
-        values, kind = _numbers(src)
-        extents, channels = self._split(values.shape)
-        self._check_texels((*extents, channels), kind)
-        self.texels.assign(_read(values, kind).reshape(-1))
-        if self._is_whole():
-            self._whole.assign(values.reshape(-1))
-
-    def copy_to(self, dst) -> None:
-        """Writes all texels into a texture, an array or a NumPy array of the same shape.
-
-        Raises:
-            RuntimeError: the texture has a mip chain.
-            ValueError: shape or type differ.
-        """
-        self._check_single()
-        if isinstance(dst, Texture):
-            dst.copy_from(self)
-        elif not isinstance(dst, array):
-            dst[...] = self.numpy().reshape(dst.shape)
-        elif dst.device == self.device and dst.is_contiguous:
-            scalar = dtypes.type_scalar_type(dst.dtype)
-            extents, channels = self._split((*dst.shape, *getattr(dst.dtype, "_shape_", ())))
-            self._check_texels((*extents, channels), _kind(scalar), role="destination")
-            values = dst.flatten()
-            values = values if scalar is dst.dtype else values.view(scalar).flatten()
-            if self._is_whole():
-                values.assign(self._whole)
-            else:
-                texels.write(self.texels, _KINDS[self.kind][1], values)
-        else:
-            dst.assign(self.numpy().reshape(dst._host_view().shape))
-
-    def _check_single(self):
-        if self.is_mipmapped:
-            raise errors.WarpError(
-                "the levels of a mip chain belong to the data that they were made of and are not "
-                "copied, make another texture"
-            )
-
-    def _check_texels(self, shape, kind, what="array", role="source"):
-        own = self._shape()
-        if tuple(shape) != own:
-            short = own if own[-1] > 1 else own[:-1]
-            other = tuple(shape) if shape[-1] > 1 else tuple(shape[:-1])
-            raise ValueError(
-                f"Incompatible {what} shape for copy: texture shape={short}, {role} shape={other}"
-            )
-        if kind != self.kind:
-            raise ValueError(
-                f"Incompatible {what} data type for copy: texture dtype={self.dtype.__name__}, "
-                f"{role} dtype={_KINDS[kind][0].__name__}"
-            )
-
     def numpy(self):
         """The texels as a NumPy array of their type, with a last dimension for several channels.
 
         Of a mip chain these are those of the finest level.
         """
-        dtype, most = _KINDS[self.kind]
+        dtype, most = texels.KINDS[self.kind]
         if self._is_whole():
             values = self._whole.numpy()
         else:
@@ -354,43 +262,6 @@ def _zeros(count, dtype, device):
     made = array(shape=count, dtype=dtype, device=device)
     made.zero_()
     return made
-
-
-def _kind(dtype) -> int:
-    if dtype not in _KIND_BY_TYPE:
-        known = ", ".join(f"'{known.__name__}'" for known, _ in _KINDS)
-        raise TypeError(f"textures hold {known}, but got '{dtypes.type_repr(dtype)}'")
-    return _KIND_BY_TYPE[dtype]
-
-
-def _checked_shape(extents, channels):
-    count = channels
-    for extent in extents:
-        count *= extent
-    if min(extents) < 1:
-        raise ValueError(f"expects extents of at least 1, but got {tuple(extents)}")
-    if channels not in (1, 2, 4):
-        raise ValueError(f"expects 1, 2 or 4 channels, but got {channels}")
-    if count >= 1 << 31:
-        raise ValueError(f"a texture has less than 2^31 numbers, but {tuple(extents)} has more")
-    return tuple(extents), channels
-
-
-def _numbers(data):
-    """A NumPy array of the data, and the kind of its type."""
-    values = data.numpy() if isinstance(data, array) else numpy().asarray(data)
-    try:
-        return values, _kind(dtype_from_numpy(values.dtype))
-    except KeyError:
-        raise TypeError(f"textures hold numbers, but got '{values.dtype}'") from None
-
-
-def _read(values, kind):
-    """The numbers that kernels read for values of a kind."""
-    most = _KINDS[kind][1]
-    if most is None:
-        return values.astype("f4")
-    return numpy().maximum((values / most).astype("f4"), numpy().float32(-1))
 
 
 def _make_class(ndim):
