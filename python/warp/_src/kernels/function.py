@@ -90,7 +90,7 @@ class Function:
         if len(self.overloads) == 1:
             # Programs know this error by its words.
             refusal = f"Error calling function '{self.key}', no overload found for arguments {args}"
-            if _refuses(self.func, args):
+            if type(self) is Function and _refuses(self.func, args):
                 raise errors.WarpTypeError(refusal)
             try:
                 return self.func(*args, **kwargs)
