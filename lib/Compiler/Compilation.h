@@ -49,7 +49,7 @@ public:
   bool hasLanes = false;
   bool exclusive = false, atomics = false;
   int items = 1;
-  bool fixedBlock = false, cooperative = false;
+  bool fixedBlock = false, cooperative = false, ragged = false;
   int sizeFacts = 0, dynamicBytes = 0, leastBlocks = 0, mostRegisters = 0;
   int rows = 1, tile = 0, split = 1;
   CopiedArrays copied;

@@ -312,6 +312,7 @@ void Compilation::collectFacts(ModuleOp module) {
                   })
                   .wasInterrupted();
     cooperative = function->hasAttr(attr::blockThreads);
+    ragged = function->hasAttr(attr::ragged);
     if (auto blocks = function->getAttrOfType<IntegerAttr>(attr::leastBlocks))
       leastBlocks = int(blocks.getInt());
     if (auto most = function->getAttrOfType<IntegerAttr>(attr::mostRegisters))

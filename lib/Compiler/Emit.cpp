@@ -44,6 +44,7 @@ warp::Code warp::compile(const Module &module, const CompileOptions &options) {
   code.items = run.items;
   code.fixedBlock = run.fixedBlock;
   code.cooperative = run.cooperative;
+  code.ragged = run.ragged;
   code.dynamicBytes = run.dynamicBytes;
   code.rows = run.rows;
   code.tile = run.tile;

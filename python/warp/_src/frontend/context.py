@@ -35,8 +35,9 @@ class Session:
     """State shared by the functions of one kernel."""
 
     __slots__ = (
-        *("active", "builder", "callers", "calls", "debug", "derived", "handles", "max_unroll"),
-        *("parameters", "statics", "sums_winding", "taken", "threads", "tile_builder"),
+        *("active", "builder", "callers", "calls", "debug", "derived", "handles", "is_ragged"),
+        *("max_unroll", "parameters", "statics", "sums_winding", "taken", "threads"),
+        "tile_builder",
     )
 
     def __init__(self, builder, max_unroll=16):
@@ -59,6 +60,7 @@ class Session:
         self.sums_winding = False
         # Threads of the blocks that the kernel is for, and what builds tiles once there is one.
         self.threads = 1
+        self.is_ragged = False
         self.tile_builder = None
 
     @property
@@ -66,7 +68,7 @@ class Session:
         """The builder of tiles; the kernel is one for blocks from here on."""
         if self.tile_builder is None:
             self.tile_builder = _native.TileBuilder(self.builder)
-            self.tile_builder.set_block_threads(self.threads)
+            self.tile_builder.set_block_threads(self.threads, self.is_ragged)
         return self.tile_builder
 
     def block_threads(self) -> int:
