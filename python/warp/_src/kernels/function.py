@@ -32,6 +32,8 @@ class Function:
     pushforward = None
     # Kind of geometry whose handle is the first argument (geometry.handles), or None.
     handle = None
+    # What `_particular` says of its function, once it has been called from Python.
+    particular = None
 
     def __init__(self, func, key=None):
         check_annotations(func.__name__, func.__annotations__)
@@ -88,21 +90,27 @@ class Function:
 
     def __call__(self, *args, **kwargs):
         if len(self.overloads) == 1:
-            # Programs know this error by its words.
-            refusal = f"Error calling function '{self.key}', no overload found for arguments {args}"
-            if type(self) is Function and _refuses(self.func, args):
-                raise errors.WarpTypeError(refusal)
+            if self.particular is None:
+                self.particular = _particular(self.func)
+            if type(self) is Function and self.particular and _refuses(self.particular, args):
+                raise self._refusal(args)
             try:
                 return self.func(*args, **kwargs)
             except TypeError as problem:
                 if _accepts(self.func, args, kwargs):
                     raise
-                raise errors.WarpTypeError(refusal) from problem
+                raise self._refusal(args) from problem
         for func in self.overloads:
             if _accepts(func, args, kwargs):
                 return func(*args, **kwargs)
         shown = ", ".join(type(value).__name__ for value in args)
         raise errors.WarpTypeError(f"no overload of '{self.key}' takes ({shown})")
+
+    def _refusal(self, args):
+        # Programs know this error by its words.
+        return errors.WarpTypeError(
+            f"Error calling function '{self.key}', no overload found for arguments {args}"
+        )
 
     def __repr__(self):
         return f"<function '{self.key}'>"
@@ -114,19 +122,33 @@ def _value_types(func) -> list:
     return [one.dtype if isinstance(one, Reference) else one for one in declared]
 
 
-def _refuses(func, args) -> bool:
+def _particular(func) -> list:
+    """Positions of the parameters that do not take every number of Python, and whether they take
+    functions."""
+    found = []
+    for position, name in enumerate(func.__code__.co_varnames):
+        wanted = func.__annotations__.get(name)
+        if wanted is Function:
+            found.append((position, True))
+            continue
+        of_warp = isinstance(wanted, type) and issubclass(wanted, (Composite, scalar_base))
+        if of_warp and wanted not in PYTHON_TYPES.values():
+            found.append((position, False))
+    return found
+
+
+def _refuses(particular, args) -> bool:
     """Whether an argument is a number of Python for a parameter of another kind, or no function."""
-    expected = func.__annotations__
-    for name, value in zip(func.__code__.co_varnames, args, strict=False):
-        wanted = expected.get(name)
-        if wanted is Function and not isinstance(value, Function):
-            # Builtins are no instances.
-            if not hasattr(value, "signatures"):
+    for position, takes_functions in particular:
+        if position >= len(args):
+            return False
+        value = args[position]
+        if not takes_functions:
+            if type(value) in (bool, int, float):
                 return True
-        elif type(value) in (bool, int, float) and isinstance(wanted, type):
-            of_warp = issubclass(wanted, (Composite, scalar_base))
-            if of_warp and wanted not in PYTHON_TYPES.values():
-                return True
+        # Builtins are no instances.
+        elif not isinstance(value, Function) and not hasattr(value, "signatures"):
+            return True
     return False
 
 
