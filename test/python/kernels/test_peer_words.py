@@ -27,6 +27,11 @@ def test_arrays_of_any_rank(device):
         wp.array[float, 5]
     with pytest.raises(TypeError, match="single type parameter"):
         wp.array2d[float, 2]
+    assert wp.array3d([[1.0, 2.0]], dtype=float, device="cpu").shape == (1, 2)
+    with pytest.raises(ValueError, match="expects 3 dimensions"):
+        wp.array3d(shape=(1, 2), dtype=float, device="cpu")
+    rank, length = typing.TypeVar("rank"), typing.TypeVar("length", bound=int)
+    assert typing.get_origin(wp.types.Vector[rank, length]) is wp.types.Vector
 
 
 def test_tiles_with_open_shapes():
@@ -194,3 +199,35 @@ def test_static_expressions_see_the_counter_that_a_loop_left():
     results = wp.zeros(3, dtype=int, device="cpu")
     wp.launch(counters, 1, [results], device="cpu")
     assert results.numpy().tolist() == [0, 0, 2]
+
+
+def test_keys_of_caches_tell_processors_apart(monkeypatch):
+    native = wp.get_cpu_kernel_cache_key(cpu_compiler_flags="-march=native")
+    assert native != wp.get_cpu_kernel_cache_key(cpu_compiler_flags="")
+    assert native == wp.get_cpu_kernel_cache_key(cpu_compiler_flags="-O2 -march=native")
+    assert native == wp.get_cpu_kernel_cache_key()
+    monkeypatch.setattr(wp.config, "cpu_compiler_flags", "")
+    assert native != wp.get_cpu_kernel_cache_key()
+
+
+def test_codes_of_types():
+    from warp._src.compat.type_names import get_type_code
+
+    known = {
+        "v3f4": wp.vec3,
+        "m23f8": wp.types.matrix((2, 3), wp.float64),
+        "qf4": wp.quat,
+        "tf2": wp.transformh,
+        "bf2": wp.bfloat16,
+        "u1": wp.uint8,
+        "b": bool,
+        "a2v3f4": wp.array2d(dtype=wp.vec3),
+        "a?i4": wp.array[int, typing.Any],
+        "ia1f4": wp.indexedarray(dtype=float),
+        "fa1f8": wp.fabricarray[wp.float64],
+        "tr?f4": wp.tile[float],
+        "tr84f4": wp.tile[float, 8, 4],
+    }
+    assert {code: get_type_code(kind) for code, kind in known.items()} == {c: c for c in known}
+    with pytest.raises(TypeError, match="Unrecognized type"):
+        get_type_code(dict)

@@ -313,7 +313,9 @@ class RankedArray:
         self.__name__ = f"array{ndim}d"
 
     def __call__(self, *args, **kwargs):
-        kwargs.setdefault("ndim", self.ndim)
+        # Data has the dimensions that it has, as in NVIDIA Warp.
+        if not args and kwargs.get("data") is None:
+            kwargs.setdefault("ndim", self.ndim)
         return array(*args, **kwargs)
 
     def __getitem__(self, params):

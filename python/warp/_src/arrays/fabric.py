@@ -72,6 +72,9 @@ class fabricarray(indexedarray):
             return cls.annotation(typing.Any if dtype is None else dtype, ndim or 1)
         return object.__new__(cls)
 
+    def __del__(self):
+        """Nothing is freed: the caller keeps the memory."""
+
     def __class_getitem__(cls, params):
         return annotations.from_subscript(params, 1, cls.annotation)
 

@@ -5,10 +5,12 @@ The package of that name is ours: a name that it does not have is looked up here
 
 from __future__ import annotations
 
+import builtins
 import importlib
 import typing
 
-from warp._src.types import annotations, dtypes, numpy_types
+from warp import _native
+from warp._src.types import annotations, dtypes, native, numpy_types, scalars
 from warp._src.types.scalars import int8, int16, uint8, uint16
 
 Any = typing.Any
@@ -31,6 +33,58 @@ def strides_from_shape(shape, dtype) -> tuple:
         strides.append(step)
         step *= extent
     return tuple(reversed(strides))
+
+
+def get_type_code(kind) -> str:
+    """Short text of a type, as it is part of the peer's names of kernels.
+
+    Raises:
+        TypeError: there is none.
+    """
+    if kind is Any:
+        return "?"
+    if isinstance(kind, type) and issubclass(kind, dtypes.Composite):
+        scalar = get_type_code(kind._wp_scalar_type_)
+        if issubclass(kind, (dtypes.Quaternion, dtypes.Transformation)):
+            return ("q" if issubclass(kind, dtypes.Quaternion) else "t") + scalar
+        extents = "".join(map(str, kind._shape_))
+        return ("v" if len(kind._shape_) == 1 else "m") + extents + scalar
+    if isinstance(kind, type) and kind in _CODES:
+        return _CODES[kind]
+    if dtypes.is_array(kind):
+        rank = "?" if kind.ndim is Any else kind.ndim
+        return f"{_PREFIXES[array_type_id(kind)]}{rank}{get_type_code(kind.dtype)}"
+    if dtypes.is_struct(kind):
+        return kind.__name__
+    if dtypes.is_tile(kind):
+        extents = () if kind.shape is Any else kind.shape
+        shape = "".join("?" if one is Any else str(one) for one in extents) or "?"
+        return f"tr{shape}{get_type_code(kind.dtype)}"
+    raise TypeError(f"Unrecognized type '{kind}'")
+
+
+def array_type_id(kind) -> int:
+    """Number of the kind of an array or of an annotation of one."""
+    from warp._src.arrays import fabric
+
+    plain = isinstance(kind, native.ArrayType) and not isinstance(kind, native.IndexedArrayType)
+    if isinstance(kind, (fabric.indexedfabricarray, fabric.IndexedFabricArrayType)):
+        return ARRAY_TYPE_FABRIC_INDEXED
+    if isinstance(kind, (fabric.fabricarray, fabric.FabricArrayType)):
+        return ARRAY_TYPE_FABRIC
+    if plain or isinstance(kind, _native.Array):
+        return ARRAY_TYPE_REGULAR
+    return ARRAY_TYPE_INDEXED
+
+
+_PREFIXES = ("a", "ia", "fa", "ifa")
+_CODES = {
+    int: "i4",
+    float: "f4",
+    **dict.fromkeys((builtins.bool, scalars.bool), "b"),
+    **{t: f"{t.__name__[0]}{t._bits_ // 8}" for t in (*scalars.INT_TYPES, *scalars.FLOAT_TYPES)},
+    scalars.bfloat16: "bf2",
+}
 
 
 def _np_float32_to_bfloat16_bits(values):

@@ -92,7 +92,7 @@ class Function:
         if len(self.overloads) == 1:
             if self.particular is None:
                 self.particular = _particular(self.func)
-            if self.particular and _refuses(self.particular, args):
+            if type(self) is Function and self.particular and _refuses(self.particular, args):
                 raise self._refusal(args)
             try:
                 return self.func(*args, **kwargs)

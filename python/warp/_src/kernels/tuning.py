@@ -67,7 +67,9 @@ def get_cpu_kernel_cache_key(*, cpu_compiler_flags=None) -> str:
 
     flags = cpu_compiler_flags
     if flags is None:
-        flags = config.cpu_compiler_flags or "-march=native"
+        flags = config.cpu_compiler_flags
+    if flags is None:
+        flags = "-march=native"
     processors = [flag for flag in flags.split() if flag.startswith(("-march=", "-mcpu="))]
     text = _native.host_processor() + " ".join(processors)
     digest = hashlib.blake2b(text.encode(), digest_size=4).hexdigest()

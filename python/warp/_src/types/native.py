@@ -176,6 +176,9 @@ class ArrayType:
     def __call__(self, *args, **kwargs):
         raise TypeError(f"'{self!r}' is an annotation, use `wp.array(data, ...)` to make an array")
 
+    def __del__(self):
+        """Nothing is freed: an annotation, also one by `array.__new__(array)`, has no memory."""
+
     def __ctype__(self):
         """The descriptor of no array."""
         return self.make_descriptor()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import itertools
+import types
 import typing
 
 from warp._src import errors
@@ -187,6 +188,9 @@ def unwrapped(params) -> tuple:
 def generic_annotation(family, params):
     """`Vector[3, float]` and `Vector[float, 3]` give the type when both are concrete."""
     params = unwrapped(params)
+    if all(isinstance(one, typing.TypeVar) for one in params) and params[-1].__bound__ is int:
+        # Of a generic class, for type checkers.
+        return types.GenericAlias(family, params)
     if family is Vector and len(params) != 2:
         raise TypeError(
             f"Vector[...] requires 2 parameters, dtype and length, but got {len(params)}"

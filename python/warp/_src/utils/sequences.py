@@ -178,7 +178,8 @@ def _check_bounds(name, array) -> None:
         raise errors.WarpError(f"{name} array must be of type int32")
     if array.ndim != 1:
         raise errors.WarpError(f"{name} must be one-dimensional")
-    if not array.is_contiguous:
+    # Strides tell of one element as well.
+    if not array.is_contiguous or array.strides[0] != array.item_size:
         raise errors.WarpError(f"segmented_sort_pairs() requires a contiguous {name} array")
 
 
