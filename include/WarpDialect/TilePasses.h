@@ -14,6 +14,12 @@ namespace warp {
 namespace attr {
 /// On a kernel with tiles: threads of the blocks that it is written for.
 constexpr llvm::StringLiteral blockThreads = "warp.block_threads";
+/// On such a kernel: blocks are threads that follow each other in the launch,
+/// whatever its extents, and the last block may lack some.
+constexpr llvm::StringLiteral ragged = "warp.ragged";
+/// On a branch of such a kernel, one side of which returns: "then" or "else",
+/// the side of the threads that stay.
+constexpr llvm::StringLiteral stays = "warp.stays";
 /// On such a kernel, from warp-plan-tile-memory on: bytes of block memory.
 constexpr llvm::StringLiteral blockBytes = "warp.block_bytes";
 /// On one whose threads hold tiles: blocks that a multiprocessor of a GPU is to

@@ -14,6 +14,33 @@ include "mlir/Pass/PassBase.td"
 
 class WarpTilePass<string flag> : Pass<flag, "::mlir::ModuleOp">;
 
+def MaskThreads : WarpTilePass<"warp-mask-threads"> {
+  let summary = "Let threads that have returned take part in what a block does";
+  let description = [{
+    Where a branch on what differs between threads is a return from the kernel
+    (`warp.stays` names the side of those that stay), and on a GPU where the last
+    block lacks threads (`warp.ragged`): they do nothing by themselves any more,
+    and give zero to tiles.
+
+    ```mlir
+    scf.if %returns {
+    } else {
+      %x = warp.load %a[%i] : ...
+      %t = warp.tile_from_threads %x : f32 -> !warp.tile<64 x f32>
+      warp.tile_store %t, %b[%c0] : ...
+    } {warp.stays = "else"}
+    // ==>
+    scf.if %any_stays {
+      %x = scf.if %stays -> f32 { warp.load %a[%i] : ... } else { 0 }
+      %t = warp.tile_from_threads %x : f32 -> !warp.tile<64 x f32>
+      warp.tile_store %t, %b[%c0] : ...
+    }
+    ```
+  }];
+  let dependentDialects = ["::warp::WarpDialect", "::mlir::arith::ArithDialect",
+                           "::mlir::scf::SCFDialect"];
+}
+
 def CheckTiles : WarpTilePass<"warp-check-tiles"> {
   let summary = "Check what a block of threads does together";
   let description = [{

@@ -122,6 +122,9 @@ struct Code {
   /// GPU: the threads of a block work on tiles together. Blocks are numbered
   /// along one axis, and each is a row of the launch's last dimension.
   bool cooperative = false;
+  /// GPU: such blocks are threads that follow each other in the launch, of any
+  /// extents.
+  bool ragged = false;
   /// GPU: bytes of block memory that a launch asks for, because blocks have less
   /// without being asked.
   int dynamicBytes = 0;

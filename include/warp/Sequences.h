@@ -58,6 +58,11 @@ struct Pairs {
 WARP_API void sortPairs(int device, const Pairs &pairs, int beginBit,
                         int endBit, const Stream *stream = nullptr);
 
+/// The same, but for where the result is: returns whether it is in the room
+/// behind the pairs, which saves a copy.
+WARP_API bool sortPairsAnywhere(int device, const Pairs &pairs, int beginBit,
+                                int endBit, const Stream *stream = nullptr);
+
 /// Sorts each of `segments` ranges [begins[i], ends[i]) on its own; they must
 /// not overlap. CPU only: a range that does not lie within the pairs is an
 /// error.

@@ -50,8 +50,14 @@ public:
   Values endFunction(const Values &elements, const TileOptions &options);
   /// Lets the threads of a block wait for each other.
   void addBarrier();
-  /// Says for blocks of how many threads the kernel is.
-  void setBlockThreads(int64_t threads);
+  /// Says for blocks of how many threads the kernel is. Ragged ones are threads
+  /// that follow each other in the launch, whatever its extents; else they are
+  /// rows of its last dimension.
+  void setBlockThreads(int64_t threads, bool ragged = false);
+  /// Says of the branch that is open that threads which do not take the first
+  /// side (`isElse`), or the second, return from the kernel: it is what those do
+  /// that stay.
+  void markStays(bool isElse);
 
 private:
   Builder::Impl &impl;

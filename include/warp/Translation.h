@@ -27,7 +27,9 @@ struct SourceHashes {
   std::string plain, located;
 };
 
-WARP_API SourceHashes sourceHashes(const Module &module);
+/// `text`, if given, gets the text with locations.
+WARP_API SourceHashes sourceHashes(const Module &module,
+                                   std::string *text = nullptr);
 
 /// `fingerprint` of the module that has these hashes.
 WARP_API std::string fingerprint(const SourceHashes &hashes,

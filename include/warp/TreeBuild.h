@@ -23,11 +23,24 @@ namespace warp {
 
 /// Numbers of nodes on the levels, the root first, and of blocks.
 struct TreeShape {
-  explicit TreeShape(int64_t count);
+  static constexpr int64_t nodeBytes = 256;
+  static constexpr int64_t blockBytes(bool ofTriangles) {
+    return ofTriangles ? 320 : 224;
+  }
+
+  WARP_API explicit TreeShape(int64_t count);
+  int64_t nodes() const;
 
   std::vector<int64_t> levels;
   int64_t blocks;
 };
+
+inline int64_t TreeShape::nodes() const {
+  int64_t sum = 0;
+  for (int64_t number : levels)
+    sum += number;
+  return sum;
+}
 
 struct TreeBuild {
   /// Points, of three floats each, or lower corners of boxes; packed.
@@ -40,7 +53,6 @@ struct TreeBuild {
   /// Whether neighbours are those along a Hilbert curve: quicker to build and
   /// slower to search.
   bool alongCurve;
-  /// Of 256 bytes each, and of 320 for eight triangles or 224 for eight boxes.
   void *nodes, *blocks;
   /// Gets the scale of coordinates.
   float *scale;

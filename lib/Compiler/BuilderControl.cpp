@@ -69,6 +69,7 @@ warp::Builder::Values warp::Builder::endIf(const Values &thenValues,
                                /*addElseBlock=*/false);
     closed.getThenRegion().takeBody(open.getThenRegion());
     closed.getElseRegion().takeBody(open.getElseRegion());
+    closed->setDiscardableAttrs(open->getDiscardableAttrDictionary());
     open.erase();
   } else if (llvm::hasSingleElement(*open.elseBlock())) {
     open.elseBlock()->erase();

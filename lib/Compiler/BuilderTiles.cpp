@@ -21,11 +21,22 @@ using namespace mlir;
 
 warp::TileBuilder::TileBuilder(Builder &builder) : impl(*builder.impl) {}
 
-void warp::TileBuilder::setBlockThreads(int64_t threads) {
+void warp::TileBuilder::markStays(bool isElse) {
+  ContextLock lock;
+  auto &ifs = impl.function().ifs;
+  if (ifs.empty())
+    impl.fail(Error::Kind::Value, "no branch is open");
+  ifs.back()->setAttr(attr::stays,
+                      impl.builder.getStringAttr(isElse ? "else" : "then"));
+}
+
+void warp::TileBuilder::setBlockThreads(int64_t threads, bool ragged) {
   ContextLock lock;
   Operation *outermost = impl.functions.front().op;
   outermost->setAttr(attr::blockThreads,
                      impl.builder.getI64IntegerAttr(threads));
+  if (ragged)
+    outermost->setAttr(attr::ragged, impl.builder.getUnitAttr());
 }
 
 namespace {

@@ -49,7 +49,7 @@ public:
   bool hasLanes = false;
   bool exclusive = false, atomics = false;
   int items = 1;
-  bool fixedBlock = false, cooperative = false;
+  bool fixedBlock = false, cooperative = false, ragged = false;
   int sizeFacts = 0, dynamicBytes = 0, leastBlocks = 0, mostRegisters = 0;
   int rows = 1, tile = 0, split = 1;
   CopiedArrays copied;
@@ -65,8 +65,9 @@ public:
 
 private:
   void time(const std::string &phase, double since);
-  /// Runs one phase on the module; on failure throws with all that is known.
-  void runPhase(Phase phase);
+  /// Runs one phase on the module, which is verified after the last one; on
+  /// failure throws with all that is known.
+  void runPhase(Phase phase, bool isLast);
   mlir::LogicalResult runPasses(mlir::ModuleOp module, Phase phase);
   std::string textBefore(Phase phase, const std::string &pass);
   void collectFacts(mlir::ModuleOp module);

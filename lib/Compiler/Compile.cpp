@@ -182,13 +182,14 @@ std::string Compilation::textBefore(Phase phase, const std::string &pass) {
   return std::exchange(recorder.before, "");
 }
 
-void Compilation::runPhase(Phase phase) {
+void Compilation::runPhase(Phase phase, bool isLast) {
   Diagnostics diagnostics;
   FailureRecorder &recorder = *Phases::get().recorders[size_t(phase)];
   recorder.failed.clear();
   bool finished = succeeded(runPasses(*op, phase));
-  // Passes are not verified one by one; a phase is.
-  if (finished && succeeded(verify(*op)))
+  // To verify takes a twentieth of compiling, each time: so not after each pass
+  // or phase, but once, what they leave in the end.
+  if (finished && (!isLast || succeeded(verify(*op))))
     return;
   if (finished)
     throw diagnostics.toError(Error::Kind::Compile,
@@ -221,25 +222,25 @@ void Compilation::lowerTo(Phase last) {
   double start = now();
   if (!op) {
     op = source->op->clone();
-    runPhase(Phase::Warp);
+    runPhase(Phase::Warp, last == Phase::Warp);
     time("canonicalise", start);
     dump("warp.mlir");
     if (last == Phase::Warp)
       return;
     start = now();
-    runPhase(Phase::Thread);
+    runPhase(Phase::Thread, last == Phase::Thread);
     dump("thread.mlir");
   }
   if (last >= Phase::Launch) {
-    runPhase(Phase::Launch);
+    runPhase(Phase::Launch, last == Phase::Launch);
     dump("launch.mlir");
   }
   if (last >= Phase::Gpu) {
-    runPhase(Phase::Gpu);
+    runPhase(Phase::Gpu, last == Phase::Gpu);
     dump("gpu.mlir");
   }
   if (last == Phase::LLVM) {
-    runPhase(Phase::LLVM);
+    runPhase(Phase::LLVM, last == Phase::LLVM);
     dump("llvm.mlir");
     if (options.lineinfo)
       attachLineTable(*op, isGpu(options));
@@ -311,6 +312,7 @@ void Compilation::collectFacts(ModuleOp module) {
                   })
                   .wasInterrupted();
     cooperative = function->hasAttr(attr::blockThreads);
+    ragged = function->hasAttr(attr::ragged);
     if (auto blocks = function->getAttrOfType<IntegerAttr>(attr::leastBlocks))
       leastBlocks = int(blocks.getInt());
     if (auto most = function->getAttrOfType<IntegerAttr>(attr::mostRegisters))

@@ -44,6 +44,7 @@ warp::Code warp::compile(const Module &module, const CompileOptions &options) {
   code.items = run.items;
   code.fixedBlock = run.fixedBlock;
   code.cooperative = run.cooperative;
+  code.ragged = run.ragged;
   code.dynamicBytes = run.dynamicBytes;
   code.rows = run.rows;
   code.tile = run.tile;
@@ -98,8 +99,13 @@ std::string warp::sourceHash(const Module &module) {
   return hashOf(module.text());
 }
 
-warp::SourceHashes warp::sourceHashes(const Module &module) {
-  return {hashOf(module.text()), hashOf(module.text(/*locations=*/true))};
+warp::SourceHashes warp::sourceHashes(const Module &module,
+                                      std::string *text) {
+  std::string located = module.text(/*locations=*/true);
+  SourceHashes hashes{hashOf(module.text()), hashOf(located)};
+  if (text)
+    *text = std::move(located);
+  return hashes;
 }
 
 std::string warp::hostProcessor() { return describeCpu(CompileOptions()); }

@@ -144,13 +144,23 @@ void warp::linkBitcode(llvm::Module &module, llvm::StringRef bitcode,
 // Optimisation and emission
 //===----------------------------------------------------------------------===//
 
-/// A second, narrower vector loop for what the first leaves over would cost a
-/// quarter of the compile time. Only a command-line option turns it off.
-static void turnOffEpilogueVectorization() {
+template <typename T>
+static void setLlvmOption(llvm::StringRef name, T value) {
   auto &all = llvm::cl::getRegisteredOptions();
-  auto found = all.find("enable-epilogue-vectorization");
+  auto found = all.find(name);
   if (found != all.end())
-    static_cast<llvm::cl::opt<bool> *>(found->second)->setValue(false);
+    static_cast<llvm::cl::opt<T> *>(found->second)->setValue(value);
+}
+
+/// What takes long and gains nothing here, and only options of the command line
+/// have a say in.
+static void setLlvmOptions() {
+  // A second, narrower vector loop for what the first leaves over would cost a
+  // quarter of the compile time.
+  setLlvmOption("enable-epilogue-vectorization", false);
+  // A store that makes another one dead is near it; the default of 90 steps
+  // takes two fifths of the passes' time where many elements are stored.
+  setLlvmOption("dse-memoryssa-walklimit", 20u);
 }
 
 namespace {
@@ -272,7 +282,7 @@ static void optimizeLean(llvm::Module &module, llvm::PassBuilder &builder,
 
 void warp::optimize(llvm::Module &module, llvm::TargetMachine &machine,
                     const CompileOptions &options, bool hasLanes) {
-  static const bool once = (turnOffEpilogueVectorization(), true);
+  static const bool once = (setLlvmOptions(), true);
   (void)once;
   llvm::PassInstrumentationCallbacks callbacks;
   keepLoadsBeforeStores(callbacks);
@@ -294,11 +304,36 @@ void warp::optimize(llvm::Module &module, llvm::TargetMachine &machine,
   passes.run(module, analyses.modules);
 }
 
+/// Instructions beyond which they are scheduled once, before registers are given
+/// out: to do it again takes time that grows with the square of a block's size,
+/// up to a third of generating code, and gains two to four percent.
+static constexpr unsigned mostRescheduled = 1500;
+
+namespace {
+/// The level of a machine while it emits one module.
+class EmissionLevel {
+public:
+  EmissionLevel(llvm::Module &module, llvm::TargetMachine &machine)
+      : machine(machine), usual(machine.getOptLevel()) {
+    bool isLong = module.getInstructionCount() > mostRescheduled;
+    if (machine.getTargetTriple().isX86() && isLong &&
+        usual == llvm::CodeGenOptLevel::Default)
+      machine.setOptLevel(llvm::CodeGenOptLevel::Less);
+  }
+  ~EmissionLevel() { machine.setOptLevel(usual); }
+
+private:
+  llvm::TargetMachine &machine;
+  llvm::CodeGenOptLevel usual;
+};
+} // namespace
+
 llvm::SmallVector<char, 0> warp::emit(llvm::Module &module,
                                       llvm::TargetMachine &machine,
                                       bool asText) {
   llvm::SmallVector<char, 0> bytes;
   llvm::raw_svector_ostream stream(bytes);
+  EmissionLevel level(module, machine);
   llvm::legacy::PassManager passes;
   auto type = asText ? llvm::CodeGenFileType::AssemblyFile
                      : llvm::CodeGenFileType::ObjectFile;

@@ -146,6 +146,7 @@ void warp::addPhase(OpPassManager &pm, Phase phase) {
     // First, so that what the launch decides is folded.
     pm.addPass(createSpecialize());
     // Layout, memory, barriers, in this order; nothing for other kernels.
+    pm.addPass(createMaskThreads());
     pm.addPass(createCheckTiles());
     pm.addPass(createFormLaneLoops());
     pm.addPass(createFuseTiles());

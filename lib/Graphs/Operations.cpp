@@ -195,15 +195,13 @@ static void collectTree(const GraphOperation &operation, Collector &all) {
   if (build.count < 1)
     throw nonsense(operation);
   TreeShape shape(build.count);
-  int64_t nodes = 0;
-  for (int64_t number : shape.levels)
-    nodes += number;
   bool ofTriangles = build.ofTriangles != 0;
   all.add(offsetof(graphs::BuildTree, first), build.points, 12);
   all.add(offsetof(graphs::BuildTree, second), build.count, 12);
-  all.add(offsetof(graphs::BuildTree, nodes), nodes, 256);
+  all.add(offsetof(graphs::BuildTree, nodes), shape.nodes(),
+          TreeShape::nodeBytes);
   all.add(offsetof(graphs::BuildTree, blocks), shape.blocks,
-          ofTriangles ? 320 : 224);
+          TreeShape::blockBytes(ofTriangles));
   all.add(offsetof(graphs::BuildTree, scale), 4);
   all.add(offsetof(graphs::BuildTree, found), 8);
 }

@@ -30,6 +30,7 @@ void warp::writeCode(Writer &out, const Code &code) {
   out.number<int32_t>(code.items);
   out.number<uint8_t>(code.fixedBlock);
   out.number<uint8_t>(code.cooperative);
+  out.number<uint8_t>(code.ragged);
   out.number<int32_t>(code.dynamicBytes);
   out.number<int32_t>(code.rows);
   out.number<int32_t>(code.tile);
@@ -65,6 +66,7 @@ Code warp::readCode(Reader &in) {
   code.items = in.number<int32_t>();
   code.fixedBlock = in.number<uint8_t>();
   code.cooperative = in.number<uint8_t>();
+  code.ragged = in.number<uint8_t>();
   code.dynamicBytes = in.number<int32_t>();
   code.rows = in.number<int32_t>();
   code.tile = in.number<int32_t>();

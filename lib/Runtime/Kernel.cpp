@@ -317,8 +317,8 @@ const Module &Kernel::Impl::source() {
   return module;
 }
 
-const SourceHashes &Kernel::Impl::hashes() {
-  std::call_once(hashed, [this] { knownHashes = sourceHashes(source()); });
+const SourceHashes &Kernel::Impl::hashes(std::string *text) {
+  std::call_once(hashed, [&] { knownHashes = sourceHashes(source(), text); });
   return knownHashes;
 }
 
@@ -355,11 +355,12 @@ const std::vector<Access> &Kernel::arrayAccesses() const {
 
 Translation Kernel::translation() const {
   Translation result;
-  result.hashes = impl->hashes();
+  result.hashes = impl->hashes(&result.text);
   result.params = impl->params;
   result.accesses = arrayAccesses();
   result.rank = impl->threadRank();
-  result.text = impl->source().text(/*locations=*/true);
+  if (result.text.empty())
+    result.text = impl->source().text(/*locations=*/true);
   return result;
 }
 

@@ -234,7 +234,7 @@ void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,
     if (openBlock)
       blockDim = chooseBlock(variant, countThreads(header.dim, key.rank),
                              deviceInfo(key.device).smCount);
-    if (code.cooperative)
+    if (code.cooperative && !code.ragged)
       checkRows(header.dim, key, name);
     shape = shapeOf(header.dim, key.rank, variant.flat || code.cooperative,
                     blockDim / code.split, code.items);

@@ -114,7 +114,8 @@ struct Kernel::Impl {
   bool hasSource() const { return !text.empty() || module.getImpl(); }
   /// The module, parsed if need be.
   const Module &source();
-  const SourceHashes &hashes();
+  /// `text` gets the text with locations if it is printed for this.
+  const SourceHashes &hashes(std::string *text = nullptr);
   /// Dimensions of the thread index that the kernel reads.
   int threadRank();
   void setParameters(std::vector<Param> list);

@@ -15,7 +15,8 @@ namespace warp {
 void scanOnCuda(int device, NumberType kind, int width, Sequence out,
                 Sequence in, int64_t count, bool inclusive,
                 const Stream *stream);
-void sortOnCuda(int device, const Pairs &pairs, int beginBit, int endBit,
+/// Returns whether the result is behind the pairs.
+bool sortOnCuda(int device, const Pairs &pairs, int beginBit, int endBit,
                 const Stream *stream);
 
 } // namespace warp

@@ -155,7 +155,7 @@ bool SortState::move(const QueuedWork &work, int device,
   return passes % 2 != 0;
 }
 
-void warp::sortOnCuda(int device, const Pairs &pairs, int beginBit, int endBit,
+bool warp::sortOnCuda(int device, const Pairs &pairs, int beginBit, int endBit,
                       const Stream *stream) {
   if (pairs.count > mostPairs)
     throw Error(Error::Kind::Value,
@@ -175,13 +175,5 @@ void warp::sortOnCuda(int device, const Pairs &pairs, int beginBit, int endBit,
   launch(work, kernelOf(device, warp_cuda_Sort_begin, "sort_count_" + key),
          counters, 1, pairs.keys, pairs.count, signOf(pairs.kind), beginBit,
          endBit, state);
-  if (!sort.move(work, device, state))
-    return;
-  int64_t keyBytes = pairs.count * keySize;
-  int64_t valueBytes = pairs.count * pairs.valueSize;
-  copyMemory(pairs.keys, device, static_cast<char *>(pairs.keys) + keyBytes,
-             device, keyBytes, stream);
-  copyMemory(pairs.values, device,
-             static_cast<char *>(pairs.values) + valueBytes, device, valueBytes,
-             stream);
+  return sort.move(work, device, state);
 }

@@ -14,6 +14,7 @@
 #include "GraphImpl.h"
 #include "Sequences.h"
 #include "warp/Error.h"
+#include "warp/Memory.h"
 #include "warp/ThreadPool.h"
 
 #include <algorithm>
@@ -222,22 +223,50 @@ static void sortRange(const Pairs &pairs, int64_t begin, int64_t end,
   });
 }
 
-void warp::sortPairs(int device, const Pairs &pairs, int beginBit, int endBit,
-                     const Stream *stream) {
-  if (pairs.count <= 1 || beginBit >= endBit)
-    return;
-  TraceScope tracing(device, stream);
+/// Notes a sort that is to be done again; the result is then in both places.
+static void note(TraceScope &tracing, const Pairs &pairs, int beginBit,
+                 int endBit) {
   if (tracing)
     tracing->add(GraphOperation::Kind::SortPairs,
                  graphs::SortPairs{pairs.keys, pairs.values, pairs.count,
                                    static_cast<int32_t>(pairs.kind),
                                    pairs.valueSize, beginBit, endBit});
+}
+
+static bool sortOn(int device, const Pairs &pairs, int beginBit, int endBit,
+                   const Stream *stream) {
   if (device != cpuDevice)
     return sortOnCuda(device, pairs, beginBit, endBit, stream);
   auto run = [=] { sortRange(pairs, 0, pairs.count, {beginBit, endBit}); };
   size_t bytes = pairs.count * (sizeOf(pairs.kind) + pairs.valueSize);
   if (!recordOnHost(bytes, run))
     run();
+  return false;
+}
+
+bool warp::sortPairsAnywhere(int device, const Pairs &pairs, int beginBit,
+                             int endBit, const Stream *stream) {
+  if (pairs.count <= 1 || beginBit >= endBit)
+    return false;
+  TraceScope tracing(device, stream);
+  note(tracing, pairs, beginBit, endBit);
+  return sortOn(device, pairs, beginBit, endBit, stream);
+}
+
+void warp::sortPairs(int device, const Pairs &pairs, int beginBit, int endBit,
+                     const Stream *stream) {
+  if (pairs.count <= 1 || beginBit >= endBit)
+    return;
+  TraceScope tracing(device, stream);
+  note(tracing, pairs, beginBit, endBit);
+  if (!sortOn(device, pairs, beginBit, endBit, stream))
+    return;
+  auto copy = [&](void *to, int64_t bytes) {
+    copyMemory(to, device, static_cast<char *>(to) + bytes, device, bytes,
+               stream);
+  };
+  copy(pairs.keys, pairs.count * sizeOf(pairs.kind));
+  copy(pairs.values, pairs.count * pairs.valueSize);
 }
 
 static void checkSegments(const Pairs &pairs, const int32_t *begins,

@@ -10,6 +10,7 @@
 #include "Native.h"
 
 #include "warp/HashGrid.h"
+#include "warp/Memory.h"
 #include "warp/Mesh.h"
 #include "warp/TreeBuild.h"
 
@@ -189,47 +190,76 @@ template <class T> static T *dataOf(py::handle array) {
   return static_cast<T *>(descriptor.data);
 }
 
+/// What a hierarchy is built of, in memory for its nodes, its blocks and what
+/// was found, for the handle `id`.
+static TreeBuild treeOf(py::handle first, py::handle second, bool ofTriangles,
+                        bool alongCurve, py::handle memory, uint64_t id) {
+  // Of slots (lib/Geometry/Slots.h).
+  constexpr int scaleAt = 24;
+  constexpr uint64_t addressMask = (uint64_t(1) << 49) - 1;
+  int64_t elements = descriptorOf(second).shape[0];
+  TreeBuild build{};
+  build.first = dataOf<void>(first);
+  build.points = descriptorOf(first).shape[0];
+  build.second = dataOf<void>(second);
+  build.count = int32_t(ofTriangles ? elements / 3 : elements);
+  build.ofTriangles = ofTriangles;
+  build.alongCurve = alongCurve;
+  TreeShape shape(build.count);
+  char *at = dataOf<char>(memory);
+  build.nodes = at;
+  build.blocks = at += shape.nodes() * TreeShape::nodeBytes;
+  build.found = reinterpret_cast<int32_t *>(
+      at + shape.blocks * TreeShape::blockBytes(ofTriangles));
+  build.scale = reinterpret_cast<float *>((id & addressMask) + scaleAt);
+  return build;
+}
+
 static void bindTrees(py::module_ &m) {
-  // Words of slots (lib/Geometry/Slots.h) before the scale.
-  constexpr int scaleAt = 6;
-  auto buildOf = [](py::handle first, py::handle second, bool ofTriangles,
-                    bool alongCurve, py::handle nodes, py::handle blocks,
-                    py::handle slot, py::handle found) {
-    int64_t elements = descriptorOf(second).shape[0];
-    return TreeBuild{dataOf<void>(first),
-                     descriptorOf(first).shape[0],
-                     dataOf<void>(second),
-                     int32_t(ofTriangles ? elements / 3 : elements),
-                     ofTriangles,
-                     alongCurve,
-                     dataOf<void>(nodes),
-                     dataOf<void>(blocks),
-                     dataOf<float>(slot) + scaleAt,
-                     dataOf<int32_t>(found)};
-  };
   using Handle = py::handle;
   m.def(
+      "tree_shape",
+      [](int64_t count, bool ofTriangles) {
+        TreeShape shape(count);
+        return py::make_tuple(
+            shape.levels, shape.blocks, TreeShape::nodeBytes * shape.nodes(),
+            TreeShape::blockBytes(ofTriangles) * shape.blocks);
+      },
+      "Nodes of each level, blocks, and bytes of nodes and of blocks.");
+  m.def(
       "build_tree",
-      [=](Handle first, Handle second, bool ofTriangles, bool alongCurve,
-          Handle nodes, Handle blocks, Handle slot, Handle found) {
-        TreeBuild build = buildOf(first, second, ofTriangles, alongCurve, nodes,
-                                  blocks, slot, found);
-        int device = python::asArray(nodes.ptr())->device;
+      [](Handle first, Handle second, bool ofTriangles, bool alongCurve,
+         Handle memory, uint64_t id) {
+        TreeBuild build =
+            treeOf(first, second, ofTriangles, alongCurve, memory, id);
+        int device = python::asArray(memory.ptr())->device;
         py::gil_scoped_release unlocked;
         buildTree(device, build);
       },
       "Queues the build of a hierarchy on a GPU.");
   m.def(
       "refit_tree",
-      [=](Handle first, Handle second, bool ofTriangles, Handle nodes,
-          Handle blocks, Handle slot, Handle found) {
-        TreeBuild build = buildOf(first, second, ofTriangles, false, nodes,
-                                  blocks, slot, found);
-        int device = python::asArray(nodes.ptr())->device;
+      [](Handle first, Handle second, bool ofTriangles, Handle memory,
+         uint64_t id) {
+        TreeBuild build = treeOf(first, second, ofTriangles, false, memory, id);
+        int device = python::asArray(memory.ptr())->device;
         py::gil_scoped_release unlocked;
         refitTree(device, build);
       },
       "Queues a refit of what `build_tree` built.");
+  m.def(
+      "read_tree",
+      [](Handle memory) {
+        int32_t found[2];
+        const ArrayDescriptor &words = descriptorOf(memory);
+        int device = python::asArray(memory.ptr())->device;
+        auto *end = dataOf<int32_t>(memory) + words.shape[0];
+        py::gil_scoped_release unlocked;
+        copyMemory(found, cpuDevice, end - 2, device, sizeof found);
+        return std::pair(found[0], found[1]);
+      },
+      "The first face with a wrong index, or how many there are, and how many "
+      "primitives are never found; waits for the build.");
 }
 
 void python::bindGeometry(py::module_ &m) {

@@ -114,7 +114,7 @@ void findNeeds(Activity &activity, PyObject *kernel,
 PyObject *makeRecord();
 
 /// Python's functions `needs(kernel, native, active, apart)` and
-/// `plain_adjoint(kernel, native, active, apart)`.
+/// `plain_adjoint(kernel, native, active, apart, element_types)`.
 struct AdjointQueries {
   PyObject *needs = nullptr, *plainAdjoint = nullptr;
 };

@@ -25,9 +25,15 @@ static PyObject *plainAdjoint(Activity &activity, const RecordObject *record,
   py::object apart = py::tuple();
   if (activity.apart)
     apart = flagsOf(activity.apart, count);
+  py::tuple elements(count);
+  for (size_t i = 0; i < count; ++i) {
+    PyObject *value = record->items[recorder.arrays[i]];
+    elements[i] = isArray(value) ? py::handle(asArray(value)->dtype)
+                                 : py::handle(Py_None);
+  }
   py::object found = py::handle(adjointQueries().plainAdjoint)(
       py::handle(record->kernel), py::handle(record->native),
-      flagsOf(activity.active, count), apart);
+      flagsOf(activity.active, count), apart, elements);
   activity.adjoint = py::object();
   if (!found.is_none()) {
     findNeeds(activity, record->kernel, recorder);

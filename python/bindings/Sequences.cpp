@@ -72,6 +72,15 @@ static void sort(const py::object &keys, const py::object &values,
             endBit);
 }
 
+static bool sortAnywhere(const py::object &keys, const py::object &values,
+                         const std::string &kind, int64_t count, int beginBit,
+                         int endBit) {
+  Argument first(keys), second(values);
+  py::gil_scoped_release unlocked;
+  return sortPairsAnywhere(first.device(), pairsOf(first, second, kind, count),
+                           beginBit, endBit);
+}
+
 static void sortEach(const py::object &keys, const py::object &values,
                      const std::string &kind, int64_t count,
                      const py::object &begins, const py::object &ends,
@@ -96,6 +105,10 @@ void python::bindSequences(py::module_ &m) {
   m.def("scan_numbers", &scan, py::arg("source"), py::arg("target"),
         py::arg("kind"), py::arg("width"), py::arg("count"),
         py::arg("inclusive"));
+  m.def("sort_pairs_anywhere", &sortAnywhere, py::arg("keys"),
+        py::arg("values"), py::arg("kind"), py::arg("count"),
+        py::arg("begin_bit"), py::arg("end_bit"),
+        "Sorts pairs; tells whether they are in the room behind.");
   m.def("sort_pairs", &sort, py::arg("keys"), py::arg("values"),
         py::arg("kind"), py::arg("count"), py::arg("begin_bit"),
         py::arg("end_bit"));

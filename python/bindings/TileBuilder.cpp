@@ -57,5 +57,7 @@ void bindTileBuilder(py::module_ &m) {
              return b.endFunction(elements, toOptions(options));
            })
       .def("add_barrier", &TileBuilder::addBarrier)
-      .def("set_block_threads", &TileBuilder::setBlockThreads);
+      .def("set_block_threads", &TileBuilder::setBlockThreads,
+           py::arg("threads"), py::arg("ragged") = false)
+      .def("mark_stays", &TileBuilder::markStays, py::arg("is_else"));
 }

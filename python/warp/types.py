@@ -9,6 +9,11 @@ from warp._src.types.native import ArrayType as ArrayType
 from warp._src.types.structs import StructInstance as StructInstance
 
 
+def is_struct(x) -> bool:
+    """Whether `x` is an instance of a struct."""
+    return isinstance(x, StructInstance)
+
+
 def __getattr__(name):
     """`np_dtype_to_warp_type`, a table that needs NumPy, is made when it is asked for."""
     if name != "np_dtype_to_warp_type":

@@ -13,6 +13,7 @@
 
 #include <ucontext.h>
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstdint>
@@ -113,7 +114,8 @@ inline void launch(int blocks, int threads, std::function<void()> body) {
   fake.threads.resize(threads);
   for (fake.index = 0; fake.index < blocks; ++fake.index) {
     fake.all = {threads};
-    fake.warps.assign(threads / warpSize, {warpSize});
+    fake.warps.assign((threads + warpSize - 1) / warpSize,
+                      {std::min(threads, warpSize)});
     for (FakeThread &one : fake.threads) {
       if (!one.stack)
         one.stack = std::make_unique<char[]>(stackSize);

@@ -8,6 +8,7 @@
 
 #include "DeviceLib/geometry/scalar/ClosestSearch.h"
 #include "DeviceLib/geometry/scalar/RaySearch.h"
+#include "FakeGpu.h"
 #include "GeometryScenes.h"
 
 #include <cstring>
@@ -57,6 +58,48 @@ template <class T> std::string bytesOf(const T &value) {
   return bytes;
 }
 
+/// A team of the threads of a block.
+struct FakeOctet {
+  static constexpr int lanes = 8;
+
+  int rank() const { return gpu::thread(); }
+  u32 of(u32 value, int rank) const {
+    gpu::fake.threads[gpu::thread()].given = value;
+    gpu::meet();
+    value = gpu::fake.threads[rank].given;
+    gpu::meet();
+    return value;
+  }
+  u32 least(u32 value) const {
+    u32 all = value;
+    for (int i = 0; i < lanes; ++i)
+      all = std::min(all, of(value, i));
+    return all;
+  }
+};
+
+/// The same for a team and for threads on their own.
+void compareTeam(const Tree &tree, Queries &queries) {
+  scalar::ClosestQuery alone[8], together[8];
+  for (scalar::ClosestQuery &one : alone) {
+    Vertex p = queries.point();
+    one = {(scalar::Bytes)tree.nodes,
+           (scalar::Bytes)tree.blocks,
+           {p[0] * tree.scale, p[1] * tree.scale, p[2] * tree.scale},
+           4,
+           0};
+    together[&one - alone] = one;
+    scalar::findForEach(scalar::Single(), one);
+  }
+  gpu::launch(
+      1, 8, [&] { scalar::findForEach(FakeOctet(), together[gpu::thread()]); });
+  for (int i = 0; i < 8; ++i) {
+    ASSERT_EQ(alone[i].face, together[i].face) << i;
+    ASSERT_EQ(alone[i].block, together[i].block) << i;
+    ASSERT_EQ(alone[i].lane, together[i].lane) << i;
+  }
+}
+
 void compare(Scene scene, Vertex center = {}, float size = 1) {
   Mesh mesh(scene.arrays(), -1);
   const Tree &tree = treeOf(mesh.id());
@@ -82,6 +125,8 @@ void compare(Scene scene, Vertex center = {}, float size = 1) {
       found += near.face >= 0;
     }
   }
+  for (int i = 0; i < 20; ++i)
+    compareTeam(tree, queries);
   EXPECT_GT(hits, 500);
   EXPECT_GT(found, 4000);
 }

@@ -401,10 +401,16 @@ void ArrayLowering::lowerStore(StoreComponentsOp op) {
         LLVM::StoreOp::create(b, loc, bytes, advance(to, stridesOffset(d)),
                               4);
       }
-      // The array has no gradient there. The rank comes with no flags.
+      // The array has no gradient there. The rank comes with no flags, and where
+      // there is no array it is zero, as in what Python makes.
       LLVM::StoreOp::create(b, loc, constant(i64, 0), advance(to, gradOffset),
                             8);
-      mlir::Value rank = constant(i64, parts.shape.size());
+      mlir::Value none =
+          LLVM::ZeroOp::create(b, loc, parts.data.getType());
+      mlir::Value isNone = LLVM::ICmpOp::create(b, loc, LLVM::ICmpPredicate::eq,
+                                                parts.data, none);
+      mlir::Value rank = LLVM::SelectOp::create(
+          b, loc, isNone, constant(i64, 0), constant(i64, parts.shape.size()));
       LLVM::StoreOp::create(b, loc, rank,
                             advance(to, offsetof(ArrayDescriptor, ndim)), 8);
     }

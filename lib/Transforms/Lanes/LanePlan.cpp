@@ -199,6 +199,10 @@ void CostCounter::count(Operation *op, double trips, double use) {
         isLoad ? op->getNumResults()
                : cast<warp::StoreComponentsOp>(op).getComponents().size();
     bool follows = variance.step(op->getOperand(op->getNumOperands() - 1)) == 1;
+    // To take these apart is much code. Outside of loops it gains nothing to do
+    // it for two vectors in turn.
+    if (count > 4)
+      cost.operations += 4 * count;
     Value array = cast<warp::AccessOp>(op).getArray();
     double each = !follows                        ? warp::cost::gatherCost
                   : warp::isPartOfPacked(array)   ? warp::cost::fieldCost

@@ -38,6 +38,14 @@ EntryBuilder::Values EntryBuilder::gridIndices(Value &inside) {
                      narrow(extent, index.getType()));
     inside = inside ? arith::AndIOp::create(b, loc, inside, fits) : fits;
   };
+  if (kernel->hasAttr(warp::attr::ragged)) {
+    // Threads beyond the launch take part in what their block does
+    // (warp-mask-threads).
+    Value last = sub(countAll(), constant(i64, 1));
+    Value linear = arith::MinSIOp::create(b, loc, gridIndex(warp::Axis::x, i64),
+                                          last);
+    return unravel(linear, rank);
+  }
   if (rank > 1 && kernel->hasAttr(warp::attr::blockThreads)) {
     // Threads that work together are one row of the last dimension.
     auto read = [&](warp::GridValue value) {
@@ -77,6 +85,8 @@ EntryBuilder::Values EntryBuilder::gridIndices(Value &inside) {
 EntryBuilder::Values EntryBuilder::buildOneItem() {
   Value inside;
   Values indices = gridIndices(inside);
+  if (!inside)
+    inside = arith::ConstantOp::create(b, loc, b.getBoolAttr(true));
   Values sums = identities(/*inLanes=*/false);
   auto branch = scf::IfOp::create(b, loc, TypeRange(ValueRange(sums)), inside,
                                   /*withElseRegion=*/!sums.empty());

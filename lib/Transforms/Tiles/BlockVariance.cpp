@@ -16,7 +16,8 @@ namespace warp::tiles {
 
 BlockVariance::BlockVariance(FunctionOpInterface kernel)
     : rank(warp::getVariant(kernel).getRank()),
-      threads(getBlockThreads(kernel)) {
+      threads(getBlockThreads(kernel)),
+      isRagged(kernel->hasAttr(warp::attr::ragged)) {
   // To a fixed point, as loops carry values backwards.
   bool changed = true;
   while (changed) {
@@ -51,8 +52,11 @@ bool BlockVariance::isBlockNumber(Operation *op) const {
 }
 
 /// Of the indices of a thread only the last one differs within a block, if its
-/// extent is that of the block; that is what wp.launch_tiled makes.
+/// extent is that of the block; that is what wp.launch_tiled makes. In ragged
+/// blocks all may.
 bool BlockVariance::visit(Operation *op) {
+  if (auto tid = dyn_cast<TidOp>(op); tid && isRagged)
+    return mark(tid.getResults());
   if (auto tid = dyn_cast<TidOp>(op))
     return mark(tid.getResults().drop_front(
         std::min<size_t>(rank - 1, tid.getNumResults())));

@@ -38,6 +38,7 @@ private:
 
   size_t rank;
   int64_t threads;
+  bool isRagged;
   llvm::DenseSet<mlir::Value> values;
 };
 

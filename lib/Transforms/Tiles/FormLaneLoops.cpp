@@ -118,11 +118,12 @@ void BlockLoops::emitRun() {
 void BlockLoops::emitTid(TidOp op) {
   b.clone(*op, shared);
   size_t last = warp::getVariant(kernel).getRank() - 1;
-  if (last >= op.getNumResults())
-    return;
-  Value index = op.getResult(last);
-  firstIndices[index] = shared.lookup(index);
-  shared.erase(index);
+  for (auto [axis, index] : llvm::enumerate(op.getResults())) {
+    if (axis != last && !isRagged())
+      continue;
+    firstIndices[index] = {shared.lookup(index), int64_t(axis)};
+    shared.erase(index);
+  }
 }
 
 //===----------------------------------------------------------------------===//
@@ -174,13 +175,18 @@ LogicalResult BlockLoops::emitCollective(Operation *op) {
     shared.map(splat.getResult(), spread(splat.getValue(), shape));
     return success();
   }
+  if (shape.empty() && llvm::any_of(op->getOperands(), differs) &&
+      emitAccess(op))
+    return success();
   Values operands;
   for (Value operand : op->getOperands()) {
     if (!shape.empty() && differs(operand))
       operands.push_back(spread(operand, shape));
     else if (varying.contains(operand))
-      return op->emitError("an operand differs between the threads of a block, "
-                           "which is for GPUs only");
+      return op->emitError(
+          "an operand differs between the threads of a block, which blocks of "
+          "a CPU (enable_cpu_blocks) allow for values of elements, and for "
+          "where tiles are loaded from and stored to");
     else
       operands.push_back(sharedValue(operand));
   }
@@ -259,7 +265,7 @@ LogicalResult BlockLoops::emitShared(Operation *op) {
     operands = {sharedValue(branch.getCondition())};
     yields = {branch.getResults(), branch.getResults()};
   } else {
-    return op->emitError("tiles in this control flow are for GPUs only");
+    return op->emitError("blocks of a CPU have tiles in branches and loops only");
   }
   for (ValueRange values : yields)
     if (!llvm::all_of(values, isCarried))
@@ -320,14 +326,19 @@ LogicalResult BlockLoops::run() {
   b.setInsertionPoint(body.getTerminator());
   int64_t rank = warp::getVariant(kernel).getRank();
   auto tid = TidOp::create(b, loc, SmallVector<Type>(rank, index));
-  Value place = builtin("mod", {tid.getResult(rank - 1), constant(threads)});
-  auto first = scf::IfOp::create(b, loc, builtin("eq", {place, constant(0)}),
+  Value own = tid.getResult(rank - 1);
+  if (isRagged())
+    own = firstThread = linearIndex(tid.getResults());
+  Value size = constantOf(own.getType(), threads);
+  Value place = builtin("mod", {own, size});
+  auto first = scf::IfOp::create(b, loc, builtin("eq", {place, constantOf(own.getType(), 0)}),
                                  /*withElseRegion=*/false);
   b.setInsertionPoint(first.thenBlock()->getTerminator());
-  if (rank == 1) {
-    Value left = builtin(
-        "sub", {LaunchExtentOp::create(b, loc, index, 0), tid.getResult(0)});
-    present = builtin("min", {left, constant(threads)});
+  if (rank == 1 || isRagged()) {
+    Value total = isRagged() ? countThreads()
+                             : LaunchExtentOp::create(b, loc, index, 0);
+    Value left = builtin("min", {builtin("sub", {total, own}), size});
+    present = isRagged() ? CastOp::create(b, loc, index, left) : left;
   }
   // Without a terminator of its own, as emitBlock expects one.
   OpBuilder::atBlockEnd(old).clone(*body.getTerminator());

@@ -18,19 +18,63 @@ static constexpr int64_t mostColumns = 16;
 
 LaneLoops::LaneLoops(FunctionOpInterface kernel, int64_t threads)
     : kernel(kernel), threads(threads), varying(kernel), b(kernel.getContext()),
-      loc(kernel.getLoc()), index(b.getIntegerType(32, /*isSigned=*/true)) {}
+      loc(kernel.getLoc()), index(b.getIntegerType(32, /*isSigned=*/true)),
+      wide(b.getIntegerType(64, /*isSigned=*/false)) {}
 
 bool LaneLoops::isStorable(Value value) {
   return !isa<ArrayType, TileType>(value.getType()) &&
          isArrayElement(value.getType());
 }
 
-Value LaneLoops::constant(int64_t value) {
-  return ConstantOp::create(b, loc, b.getIntegerAttr(index, value));
+Value LaneLoops::constantOf(Type type, int64_t value) {
+  return ConstantOp::create(b, loc, b.getIntegerAttr(type, value));
 }
 
 Value LaneLoops::builtin(StringRef name, ValueRange operands) {
   return createBuiltin(b, loc, name, operands)->getResult(0);
+}
+
+//===----------------------------------------------------------------------===//
+// Indices
+//===----------------------------------------------------------------------===//
+
+Value LaneLoops::extentOf(int64_t axis) {
+  Value extent = LaunchExtentOp::create(b, loc, index, axis);
+  return CastOp::create(b, loc, wide, extent);
+}
+
+Value LaneLoops::linearIndex(ValueRange indices) {
+  Value linear = CastOp::create(b, loc, wide, indices[0]);
+  for (auto [axis, i] : llvm::enumerate(indices.drop_front())) {
+    Value before = builtin("mul", {linear, extentOf(axis + 1)});
+    linear = builtin("add", {before, CastOp::create(b, loc, wide, i)});
+  }
+  return linear;
+}
+
+Value LaneLoops::countThreads() {
+  int64_t rank = warp::getVariant(kernel).getRank();
+  Value count = extentOf(0);
+  for (int64_t axis = 1; axis < rank; ++axis)
+    count = builtin("mul", {count, extentOf(axis)});
+  return count;
+}
+
+Value LaneLoops::indexOf(const Lane &lane, Value first, int64_t axis) {
+  if (!isRagged()) {
+    Value number = lane.number;
+    if (number.getType() != first.getType())
+      number = CastOp::create(b, loc, first.getType(), number);
+    return builtin("add", {first, number});
+  }
+  Value number = CastOp::create(b, loc, wide, lane.number);
+  Value linear = builtin("add", {firstThread, number});
+  int64_t rank = warp::getVariant(kernel).getRank();
+  for (int64_t inner = rank - 1; inner > axis; --inner)
+    linear = builtin("floordiv", {linear, extentOf(inner)});
+  if (axis > 0)
+    linear = builtin("mod", {linear, extentOf(axis)});
+  return CastOp::create(b, loc, first.getType(), linear);
 }
 
 //===----------------------------------------------------------------------===//
@@ -142,10 +186,17 @@ Value LaneLoops::write(Value value, Value tile, Value number) {
 //===----------------------------------------------------------------------===//
 
 Values LaneLoops::overLanes(int64_t count, ValueRange tiles, Body body) {
+  Value end = present && count == threads ? present : constant(count);
+  return overElements(
+      count, end, tiles,
+      [&](Lane &lane, Value, ValueRange tiles) { return body(lane, tiles); });
+}
+
+Values LaneLoops::overElements(int64_t count, Value end, ValueRange tiles,
+                               ElementBody body) {
   auto bound = [&](Value value) -> Value {
     return CastOp::create(b, loc, b.getI32Type(), value);
   };
-  Value end = present && count == threads ? present : constant(count);
   auto loop = scf::ForOp::create(b, loc, bound(constant(0)), bound(end),
                                  bound(constant(1)), tiles);
   OpBuilder::InsertionGuard guard(b);
@@ -154,11 +205,12 @@ Values LaneLoops::overLanes(int64_t count, ValueRange tiles, Body body) {
   else
     b.setInsertionPointToStart(loop.getBody());
   Lane lane;
-  lane.number = CastOp::create(b, loc, index, loop.getInductionVar());
+  Value number = CastOp::create(b, loc, index, loop.getInductionVar());
+  lane.number = number;
   if (count > threads)
     lane.number = builtin("mod", {lane.number, constant(threads)});
   lane.values = shared;
-  Values made = body(lane, loop.getRegionIterArgs());
+  Values made = body(lane, number, loop.getRegionIterArgs());
   if (!tiles.empty())
     scf::YieldOp::create(b, loc, made);
   return Values(loop.getResults());
@@ -170,11 +222,9 @@ Value LaneLoops::laneValue(Value value, Lane &lane) {
   Value made;
   if (Value tile = lanes.lookup(value)) {
     made = read(tile, value.getType(), lane.number);
-  } else if (Value first = firstIndices.lookup(value)) {
-    Value number = lane.number;
-    if (number.getType() != first.getType())
-      number = CastOp::create(b, loc, first.getType(), number);
-    made = builtin("add", {first, number});
+  } else if (auto found = firstIndices.find(value);
+             found != firstIndices.end()) {
+    made = indexOf(lane, found->second.first, found->second.second);
   } else {
     // Has no effects and nothing that could keep it: computed again.
     Operation *def = value.getDefiningOp();
@@ -192,7 +242,7 @@ Value LaneLoops::sharedValue(Value value) {
     return found;
   if (Value tile = lanes.lookup(value))
     return read(tile, value.getType(), constant(0));
-  return firstIndices.lookup(value);
+  return firstIndices.lookup(value).first;
 }
 
 Value LaneLoops::emptyTile(TileType type) {

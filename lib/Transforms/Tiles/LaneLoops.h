@@ -40,12 +40,24 @@ protected:
     mlir::IRMapping values;
   };
   using Body = llvm::function_ref<Values(Lane &, ValueRange tiles)>;
+  using ElementBody =
+      llvm::function_ref<Values(Lane &, Value number, ValueRange tiles)>;
 
   /// Whether each thread does an operation by itself.
   bool isLaneOp(mlir::Operation *op) const;
   /// Control flow that threads share, with what they do by themselves inside.
   bool isShared(mlir::Operation *op) const;
-  Value constant(int64_t value);
+  Value constantOf(mlir::Type type, int64_t value);
+  Value constant(int64_t value) { return constantOf(index, value); }
+  /// Whether blocks are threads that follow each other in a launch of any
+  /// extents.
+  bool isRagged() const { return kernel->hasAttr(warp::attr::ragged); }
+  /// Of a thread in the launch, and threads in all, as integers of 64 bits.
+  Value linearIndex(ValueRange indices);
+  Value countThreads();
+  Value extentOf(int64_t axis);
+  /// An index of a thread, given that of the block's first one.
+  Value indexOf(const Lane &lane, Value first, int64_t axis);
   Value builtin(llvm::StringRef name, ValueRange operands);
   /// One element per thread; vectors and small matrices are columns.
   TileType laneType(mlir::Type type) const;
@@ -54,6 +66,9 @@ protected:
   /// `count` iterations, of thread number modulo the block, from these tiles.
   /// As many as there are threads are those that the launch has.
   Values overLanes(int64_t count, ValueRange tiles, Body body);
+  /// The same over numbers up to `end`, of at most `count`.
+  Values overElements(int64_t count, Value end, ValueRange tiles,
+                      ElementBody body);
   Value laneValue(Value value, Lane &lane);
   /// What all threads agree on.
   Value sharedValue(Value value);
@@ -62,6 +77,20 @@ protected:
   /// A tile of that shape; element e is what thread e mod B has.
   Value spread(Value value, llvm::ArrayRef<int64_t> shape);
   Value fill(TileType type, int64_t count, Value value);
+  // In LaneAccesses.cpp.
+  Values unravel(Value number, llvm::ArrayRef<int64_t> shape);
+  template <typename Op>
+  Values arrayIndices(Op op, Lane &lane, Value array, ValueRange indices,
+                      Value &inside);
+  Value ifInside(Value inside, mlir::Type type,
+                 llvm::function_ref<Value()> make);
+  template <typename Op>
+  Value accessElements(
+      Op op, TileType type, bool gives,
+      llvm::function_ref<Value(Value, ValueRange, ValueRange)> access);
+  /// A load, store or update of a tile that threads make each elsewhere, as one
+  /// element after the other; false for other operations.
+  bool emitAccess(mlir::Operation *op);
   /// What threads that the launch does not have leave: zero, of numbers.
   Value emptyTile(TileType type);
 
@@ -70,13 +99,16 @@ protected:
   BlockVariance varying;
   mlir::OpBuilder b;
   mlir::Location loc;
-  mlir::Type index;
+  mlir::Type index, wide;
   /// What all threads share, tiles and control flow included.
   mlir::IRMapping shared;
   /// Tiles by what they keep.
   llvm::DenseMap<Value, Value> lanes;
-  /// Of the last index of a launch: that of the block's first thread.
-  llvm::DenseMap<Value, Value> firstIndices;
+  /// Of indices of a launch that differ: that of the block's first thread, and
+  /// the axis.
+  llvm::DenseMap<Value, std::pair<Value, int64_t>> firstIndices;
+  /// Of a ragged block's first thread: its number in the launch.
+  Value firstThread;
   /// Threads that the last block of a launch has, if that may be fewer.
   Value present;
 };

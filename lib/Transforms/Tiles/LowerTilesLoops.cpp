@@ -76,23 +76,7 @@ Value TileLowering::builtin(StringRef name, ValueRange operands) {
   return createBuiltin(b, loc, name, operands)->getResult(0);
 }
 
-Value TileLowering::zero(Type type) {
-  if (isComposite(type))
-    return ConstructOp::create(b, loc, type, ValueRange());
-  if (auto record = dyn_cast<StructType>(type)) {
-    Values fields;
-    for (Type field : record.getFieldTypes())
-      fields.push_back(zero(field));
-    return StructCreateOp::create(b, loc, type, fields);
-  }
-  if (auto array = dyn_cast<ArrayType>(type)) {
-    Value nothing = ConstantOp::create(
-        b, loc, b.getIntegerAttr(b.getIntegerType(64, false), 0));
-    Values extents(array.getRank(), number(0));
-    return ArrayAtOp::create(b, loc, type, nothing, extents);
-  }
-  return constant(type, 0);
-}
+Value TileLowering::zero(Type type) { return makeZero(b, loc, type); }
 
 Value TileLowering::constant(Type type, double value) {
   TypedAttr attribute;
@@ -108,9 +92,8 @@ Values TileLowering::inlineBody(Block &body, ValueRange arguments) {
   map.map(body.getArguments(), arguments);
   for (Operation &op : body.without_terminator())
     b.clone(op, map);
-  return llvm::map_to_vector(body.getTerminator()->getOperands(), [&](Value v) {
-    return map.lookupOrDefault(v);
-  });
+  return llvm::map_to_vector(body.getTerminator()->getOperands(),
+                             [&](Value v) { return map.lookupOrDefault(v); });
 }
 
 //===----------------------------------------------------------------------===//
@@ -236,19 +219,18 @@ void TileLowering::collectTested(Operation *op, Value &inside) {
       Value offset = access.getOffsets()[d];
       Type wide = getByteSize(offset.getType()) > 4 ? b.getI64Type() : i32;
       Value first = cast(offset, wide);
-      Value extent = cast(DimOp::create(b, loc, b.getIntegerType(32, true),
-                                        access.getArray(),
-                                        b.getI64IntegerAttr(d)),
-                          wide);
+      Value extent =
+          cast(DimOp::create(b, loc, b.getIntegerType(32, true),
+                             access.getArray(), b.getI64IntegerAttr(d)),
+               wide);
       Value length = arith::ConstantOp::create(
           b, loc, b.getIntegerAttr(wide, tile.getShape()[d]));
-      Value none =
-          arith::ConstantOp::create(b, loc, b.getIntegerAttr(wide, 0));
-      Value low = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::sge,
-                                        first, none);
+      Value none = arith::ConstantOp::create(b, loc, b.getIntegerAttr(wide, 0));
+      Value low =
+          arith::CmpIOp::create(b, loc, arith::CmpIPredicate::sge, first, none);
       Value last = arith::SubIOp::create(b, loc, extent, length);
-      Value high = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::sle,
-                                         first, last);
+      Value high =
+          arith::CmpIOp::create(b, loc, arith::CmpIPredicate::sle, first, last);
       inside = both(inside, both(low, high));
     }
   };
@@ -282,7 +264,8 @@ bool TileLowering::touchesStripes(Operation *op) {
 Values TileLowering::elements(Operation *op, ArrayRef<int64_t> shape,
                               ValueRange sums, Body body) {
   Value inside;
-  collectTested(op, inside);
+  if (!isDecided)
+    collectTested(op, inside);
   llvm::SaveAndRestore striped(isStriped, touchesStripes(op));
   if (!inside)
     return share(shape, sums, body);

@@ -8,6 +8,7 @@
 
 #include "KernelFunction.h"
 
+#include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
 
 using namespace mlir;
@@ -51,6 +52,25 @@ bool readsOwnElements(OpOperand &use) {
   if (isa<TileStoreOp, TileAtomicOp>(op) && use.getOperandNumber() != 0)
     return tileType(op->getOperand(0)).getRank() == 1;
   return readsOwnElements(op);
+}
+
+Value makeZero(OpBuilder &b, Location loc, Type type) {
+  if (isComposite(type))
+    return ConstructOp::create(b, loc, type, ValueRange());
+  if (auto record = dyn_cast<StructType>(type)) {
+    SmallVector<Value> fields;
+    for (Type field : record.getFieldTypes())
+      fields.push_back(makeZero(b, loc, field));
+    return StructCreateOp::create(b, loc, type, fields);
+  }
+  if (auto array = dyn_cast<ArrayType>(type)) {
+    Value nothing = ConstantOp::create(
+        b, loc, b.getIntegerAttr(b.getIntegerType(64, false), 0));
+    Value none = arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(0));
+    SmallVector<Value> extents(array.getRank(), none);
+    return ArrayAtOp::create(b, loc, type, nothing, extents);
+  }
+  return ConstantOp::create(b, loc, cast<TypedAttr>(b.getZeroAttr(type)));
 }
 
 bool callsForTiles(Operation *op, int64_t threads) {

@@ -71,6 +71,8 @@ bool isView(mlir::Operation *op);
 /// Operations that read the memory of a tile, also through views and tiles that
 /// are computed where they are used.
 llvm::SetVector<mlir::Operation *> getReaders(mlir::Value tile);
+/// Zero of a type that tiles, or threads, have values of; of an array none.
+mlir::Value makeZero(mlir::OpBuilder &b, mlir::Location loc, mlir::Type type);
 /// Whether the kernel, or that of an operation, calls functions of the device
 /// library for whole tiles: on a CPU, where a block is one thread.
 bool callsForTiles(mlir::Operation *op, int64_t threads);

@@ -232,8 +232,9 @@ def test_subclasses_are_indexed_arrays(device):
 
 def test_they_count_as_arrays():
     some = wp.zeros(3, device="cpu")[ints([1], "cpu")]
-    for one in (some, wp.indexedarray, wp.indexedarray(dtype=float)):
-        assert wp.types.is_array(one)
+    for one in (some, wp.indexedarray(dtype=float)):
+        assert wp.types.is_array(one) and not wp.types.type_is_array(one)
+    assert wp.types.type_is_array(wp.indexedarray) and not wp.types.is_array(wp.indexedarray)
 
 
 def test_annotations():

@@ -231,3 +231,20 @@ def test_what_is_not_finite_is_found(device):
     seed = wp.ones(2, dtype=wp.bfloat16, device=device)
     with pytest.raises(RuntimeError, match=r"gradient of 'x' became -?(inf|nan) at \(?\[?1"):
         tape.backward(grads={y: seed}, check_finite=True)
+
+
+@wp.kernel
+def double(x: wp.array(dtype=wp.float16), y: wp.array(dtype=wp.float16)):
+    i = wp.tid()
+    y[i] = wp.float16(2.0) * x[i]
+
+
+def test_many_passes_of_one_kernel(device):
+    """Gradients of 16 bits are widened in every pass, not in the first alone."""
+    x = wp.full(15, 0.5, dtype=wp.float16, device=device, requires_grad=True)
+    y = wp.zeros_like(x)
+    for count in range(1, 5):
+        with wp.Tape() as tape:
+            wp.launch(double, 15, [x, y], device=device)
+        tape.backward(grads={y: wp.ones(15, dtype=wp.float16, device=device)})
+        np.testing.assert_array_equal(x.grad.numpy(), np.full(15, 2.0 * count))

@@ -237,7 +237,7 @@ def test_what_cannot_be_passed():
     message = refused(passes, wp.zeros(1, dtype=wp.float16))
     assert "whose 'x' C++ has no type for" in message and "halves(x)" in message
     message = refused(breaks, wp.zeros(1, dtype=float))
-    assert "not_there" in message and "broken:1" in message
+    assert "not_there" in message and ("broken:1" in message or "broken(1)" in message)
     assert "called from 'breaks' at" in message and "test_native_arrays.py" in message
 
 

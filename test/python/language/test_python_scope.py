@@ -57,7 +57,7 @@ def test_scalar_types_by_dtype():
     table = wp.types.np_dtype_to_warp_type
     for dtype in (np.float16, np.float64, np.int8, np.uint64, np.bool_):
         assert table[np.dtype(dtype)] is table[dtype] is wp.dtype_from_numpy(dtype)
-    assert wp.types.type_is_array(wp.array(dtype=float)) and not wp.types.type_is_array(wp.vec3)
+    assert wp.types.type_is_array(wp.array) and not wp.types.type_is_array(wp.vec3)
 
 
 def test_arguments_that_are_changed():

@@ -57,6 +57,14 @@ class Memory:
             values = [unsigned(one, f"i{8 * self.data.itemsize}") for one in values]
         self.data[index] = values if len(values) > 1 else values[0]
 
+    def view(self, *index):
+        return Memory(self.data[index])
+
+    def add(self, values, *index):
+        old = self.load(*index)
+        self.store([old + values[0]], *index)
+        return old
+
 
 def element_type(type):
     """NumPy's type and components of an element."""
@@ -84,6 +92,10 @@ def _expression(op, rest):
         if value.startswith("0x") and type in _FLOATS:
             return f"rebits({value}, 'i{type[1:]}', '{type}')"
         return f"wrap({value}, '{type}')"
+    if op == "arith.remsi":
+        return f"wrap(np.fmod({args[0]}, {args[1]}), '{types}')"
+    if op == "arith.divsi":
+        return f"wrap(np.trunc({args[0]} / {args[1]}), '{types}')"
     if op in _BINARY:
         if op in ("arith.divui", "arith.remui"):
             args = [f"unsigned({one}, '{types}')" for one in args]
@@ -110,22 +122,33 @@ def _expression(op, rest):
     return f"wrap({args[0]}, '{target}')"
 
 
+def _access(call, text):
+    """Python for what changes an element: values in brackets, an array and its indices."""
+    values, array, index = re.match(r"\(([^)]*)\), (%\w+)\[([^\]]*)\]", text).groups()
+    given = "".join(name_of(one) + ", " for one in values.split(","))
+    at = ", ".join(name_of(one) for one in index.split(","))
+    return f"{name_of(array)}.{call}(({given}), {at})"
+
+
 def statement(line):
     """Python for one line of IR, and what it opens."""
     if line == "warp.barrier":
         return "yield"
     if line.startswith("warp.store_components"):
-        values, array, index = re.match(
-            r"warp\.store_components\(([^)]*)\), (%\w+)\[([^\]]*)\]", line
-        ).groups()
-        given = "".join(name_of(one) + ", " for one in values.split(","))
-        at = ", ".join(name_of(one) for one in index.split(","))
-        return f"{name_of(array)}.store(({given}), {at})"
+        return _access("store", line.removeprefix("warp.store_components"))
     result, _, rest = line.partition(" = ")
     op, _, rest = rest.partition(" ")
     name = name_of(result.partition(":")[0])
     if op == "warp.thread_number":
         return f"{name} = thread"
+    if op == "warp.tid":
+        count = result.partition(":")[2]
+        names = [f"{name}_{i}" for i in range(int(count))] if count else [name]
+        return f"{', '.join(names)}, *_ = tid(thread)"
+    if op == "warp.launch_extent":
+        return f"{name} = dim[{rest.split()[0]}]"
+    if op == "warp.atomic_components":
+        return f"{name} = {_access('add', rest.removeprefix('add'))}"
     if op == "warp.block_memory":
         return f"{name} = {rest.split()[0]}"
     if op == "warp.array_at":
@@ -133,6 +156,12 @@ def statement(line):
             r"(%\w+)\[(%\w+)\] : .*!warp\.array<1 x (.*)>$", rest
         ).groups()
         return f"{name} = block({name_of(place)}, {name_of(count)}, {type!r})"
+    if op == "warp.view":
+        array, index = re.match(r"(%\w+)\[([^\]]*)\]", rest).groups()
+        at = ", ".join(name_of(one) for one in index.split(","))
+        return f"{name} = {name_of(array)}.view({at})"
+    if "llvm.fptosi.sat" in rest:
+        return f"{name} = int({name_of(re.search(r'[(](%[^)]*)[)]', rest)[1])})"
     if op == "warp.dim":
         array, axis = re.match(r"(%\w+), (\d+)", rest).groups()
         return f"{name} = {name_of(array)}.data.shape[{axis}]"

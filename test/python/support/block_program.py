@@ -30,13 +30,13 @@ class _Translation:
         for line in self.lines:
             if line == "return":
                 continue
-            if line == "}" or line.startswith("} {loop_annotation"):
-                self.close()
-            elif line == "} else {":
+            if line == "} else {":
                 self.depth -= 1
                 self.emit("else:")
                 self.depth += 1
                 self.emit("pass")
+            elif line == "}" or line.startswith("} {"):
+                self.close()
             elif "scf.for" in line:
                 self.begin_for(line)
             elif "scf.if" in line:
@@ -90,17 +90,49 @@ def run_block(kernel, arrays, seed=0, waits=True):
         seed: chooses the order of threads.
         waits: without, no thread waits for another one, which shows what barriers are for.
     """
-    lines = [line.strip() for line in kernel.ir("thread", arch=90).splitlines()]
+    program, threads, room = _program(kernel.ir("thread", arch=90), waits)
+    _run(program, threads, room, arrays, random.Random(seed), None, ())
+
+
+def run_launch(kernel, arrays, dim, threads, seed=0):
+    """Runs what a GPU runs for a launch over an extent or a tuple of them, block after block.
+
+    Args:
+        kernel, arrays, seed: as for `run_block`; it may read indices.
+        threads: of a block.
+    """
+    dim = dim if isinstance(dim, tuple) else (dim,)
+    native = kernel.prepare()
+    native, _ = kernel.place(native, dim, 0, threads, arrays)
+    program, count, room = _program(native.ir("thread", 90, len(dim)), True)
+    total = int(np.prod(dim))
+    for block in range(-(-total // threads)):
+
+        def tid(thread, first=block * threads):
+            # A thread beyond the launch has the index of the last one.
+            return map(int, np.unravel_index(min(first + thread, total - 1), dim))
+
+        _run(program, count, room, arrays, random.Random(seed), tid, dim)
+
+
+def _program(text, waits):
+    """Code of a thread, the threads of a block, and bytes of its memory."""
+    lines = [line.strip() for line in text.splitlines()]
     head = next(i for i, line in enumerate(lines) if line.startswith("func.func"))
     threads, room = (
         int(re.search(rf"{name} = (\d+)", lines[head])[1])
         for name in ("block_threads", "block_bytes")
     )
     body = [line for line in lines[head + 1 :] if line and (waits or line != "warp.barrier")]
-    text = "\n".join(["def program(thread, block, v_arg):", *_Translation(body).run(), "    yield"])
+    head = "def program(thread, block, v_arg, tid, dim):"
+    text = "\n".join([head, *_Translation(body).run(), "    yield"])
     text = re.sub(r"v_arg(\d+)\.", r"v_arg[\1].", text)
     space = {"np": np, "wrap": wrap, "unsigned": unsigned, "rebits": rebits}
     exec(text, space)
+    return space["program"], threads, room
+
+
+def _run(program, threads, room, arrays, order, tid, dim):
     # What nobody has written is not zero.
     memory = np.full(room + 8, 0xA5, dtype=np.uint8)
 
@@ -110,8 +142,7 @@ def run_block(kernel, arrays, seed=0, waits=True):
         return Memory(data.reshape(count, parts) if parts > 1 else data)
 
     given = [Memory(array) for array in arrays]
-    waiting = [space["program"](thread, block, given) for thread in range(threads)]
-    order = random.Random(seed)
+    waiting = [program(thread, block, given, tid, dim) for thread in range(threads)]
     while waiting:
         order.shuffle(waiting)
         done = [next(one, "end") for one in waiting]

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.block_program import run_launch
 
 import warp as wp
 
@@ -152,6 +153,24 @@ def own_of_numpy(t, z, threads):
     t[:] = turned[::-1]
 
 
+@wp.kernel
+def copied(x: Matrix, y: Matrix, z: Matrix):
+    t = wp.tile_load(x, shape=(N, N), storage="shared")
+    row = t[1]
+    other = t
+    other[1, 1] = 50.0
+    other += wp.tile_ones((N, N), dtype=float)
+    row -= wp.tile_ones(N, dtype=float)
+    wp.tile_store(y, t)
+    wp.tile_store(z, other)
+
+
+def copies_of_numpy(t, z, _threads):
+    z[:] = t + 1
+    z[1, 1] = 51
+    t[1] -= 1
+
+
 PAIRS = [
     (through_rows, rows_of_numpy),
     (through_orders, orders_of_numpy),
@@ -159,6 +178,7 @@ PAIRS = [
     (on_paths, paths_of_numpy),
     (after_others, others_of_numpy),
     (of_its_own, own_of_numpy),
+    (copied, copies_of_numpy),
 ]
 
 
@@ -175,6 +195,19 @@ def test_views_share_elements(device, kernel, reference, threads, monkeypatch):
     wp.launch_tiled(kernel, dim=1, inputs=[x, *got], block_dim=threads, device=device)
     np.testing.assert_array_equal(got[0].numpy(), y)
     np.testing.assert_array_equal(got[1].numpy(), z)
+
+
+# The code for a GPU, by threads in any order between barriers.
+@pytest.mark.parametrize(("kernel", "reference"), PAIRS, ids=lambda one: getattr(one, "key", ""))
+def test_views_wait_for_other_threads(kernel, reference):
+    given = np.arange(N * N, dtype=np.float32).reshape(N, N)
+    y, z = given.astype(float), np.zeros((N, N))
+    reference(y, z, 48)
+    for seed in range(3):
+        got = [np.zeros((N, N), dtype=np.float32) for _ in range(2)]
+        run_launch(kernel, [given.copy(), *got], (1, 48), 48, seed)
+        np.testing.assert_array_equal(got[0], y)
+        np.testing.assert_array_equal(got[1], z)
 
 
 # What a broadcast tile gets, each element gets as often as it is seen; gradients the other way.

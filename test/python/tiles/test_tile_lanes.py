@@ -156,7 +156,41 @@ def test_blocks_have_at_most_1024_threads(device):
         wp.launch_tiled(update, dim=1, inputs=[None, None], block_dim=1025, device=device)
 
 
-def test_rows_that_are_not_blocks_are_refused():
-    x = wp.zeros(12, dtype=float, device="cpu")
-    with pytest.raises(wp.WarpLaunchError, match="does not fill"):
-        wp.launch(correlate, dim=(2, 6), inputs=[x, x], block_dim=4, device="cpu")
+@wp.kernel
+def elsewhere(
+    x: wp.array(dtype=float), places: wp.array(dtype=int), loaded: wp.array(dtype=float),
+    stored: wp.array(dtype=float), rows: wp.array2d(dtype=float), sums: wp.array(dtype=float),
+):  # fmt: skip
+    _i, lane = wp.tid()
+    by = places[lane] - lane
+    t = wp.tile_load(x, shape=B, offset=by)
+    wp.tile_store(loaded, t)
+    u = wp.tile_load(x, shape=B)
+    wp.tile_store(stored, u, offset=by)
+    v = wp.tile_load(rows, shape=(2, B)) + wp.tile_ones((2, B), dtype=float)
+    wp.tile_store(rows, v, offset=(0, by))
+    wp.tile_atomic_add(sums, u, offset=places[lane] % 2 - lane)
+
+
+def test_offsets_that_differ_between_threads(device):
+    """Element e goes where thread e mod B says; outside of the array, nowhere."""
+    rng = np.random.default_rng(6)
+    x = rng.normal(size=B).astype(np.float32)
+    places = rng.permutation(B).astype(np.int32)
+    places[3] = -1
+    rows = np.arange(2.0 * B, dtype=np.float32).reshape(2, B)
+    given = [wp.array(one, device=device) for one in (x, places)]
+    loaded, stored = (wp.zeros(B, dtype=float, device=device) for _ in range(2))
+    changed, sums = wp.array(rows, device=device), wp.zeros(2, dtype=float, device=device)
+    inputs = [*given, loaded, stored, changed, sums]
+    wp.launch_tiled(elsewhere, dim=1, inputs=inputs, block_dim=B, device=device)
+    inside = places >= 0
+    np.testing.assert_array_equal(loaded.numpy(), np.where(inside, x[places], 0))
+    expected = np.zeros(B, dtype=np.float32)
+    expected[places[inside]] = x[inside]
+    np.testing.assert_array_equal(stored.numpy(), expected)
+    expected = rows.copy()
+    expected[:, places[inside]] = rows[:, inside] + 1
+    np.testing.assert_array_equal(changed.numpy(), expected)
+    expected = [x[np.fmod(places, 2) == k].astype(float).sum() for k in range(2)]
+    np.testing.assert_allclose(sums.numpy(), expected, rtol=1e-5, atol=1e-6)

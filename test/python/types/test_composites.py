@@ -268,14 +268,22 @@ def test_quaternions_and_transforms():
     assert wp.transform(p=(1, 2, 3)) == (1, 2, 3, 0, 0, 0, 1)
 
 
+@wp.struct
+class Ball:
+    radius: float
+
+
 def test_questions_about_types():
     t = wp.types
     assert t.type_size_in_bytes(wp.vec3) == 12 and t.type_size(wp.mat33) == 9
     assert t.type_repr(float) == "float32" and t.type_repr(wp.vec3) == "vec3f"
     assert t.types_equal(float, wp.float32) and not t.types_equal(wp.vec3, wp.vec3d)
     assert t.is_vector(wp.vec3()) and not t.is_vector(wp.quat()) and t.is_quaternion(wp.quat())
-    assert t.is_matrix(wp.mat22) and t.is_transformation(wp.transform)
-    assert t.is_int(3) and t.is_float(wp.float16) and not t.is_int(wp.bool)
+    assert t.type_is_matrix(wp.mat22) and t.is_transformation(wp.transform())
+    assert t.is_int(3) and t.is_float(wp.float16(3)) and not t.is_int(wp.bool(1))
+    assert not t.is_matrix(wp.mat22) and not t.type_is_float(wp.float16(3)) and not t.is_int(int)
+    assert t.is_struct(Ball()) and not t.is_struct(Ball)
+    assert t.type_is_struct(Ball) and not t.type_is_struct(Ball())
     for dtype in (wp.float16, wp.vec3, wp.mat33d, wp.quat, wp.transformh):
         assert t.dtype_of(t.native_text(dtype)) is dtype
     with pytest.raises(TypeError, match="'str'"):

@@ -132,7 +132,7 @@ def test_description():
     assert list(Inner.vars) == ["a", "b"] and Inner.vars["b"].type is wp.vec3
     assert wp.types.native_text(Inner) == '!warp.struct<"Inner", {a: f16, b: !warp.vec<3 x f32>}>'
     assert wp.types.dtype_of(wp.types.native_text(Inner)) is Inner
-    assert isinstance(Inner(), Inner) and wp.types.is_struct(Inner)
+    assert isinstance(Inner(), Inner) and wp.types.type_is_struct(Inner)
 
 
 def test_assign_copy_and_record():

@@ -1,4 +1,4 @@
-//===- ClosestSearch.h - The closest triangle, by one thread of a GPU -----===//
+//===- ClosestSearch.h - The closest triangle, by threads of a GPU --------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -11,7 +11,7 @@
 #define WARP_DEVICELIB_GEOMETRY_SCALAR_CLOSESTSEARCH_H
 
 #include "../Closest.h"
-#include "Steps.h"
+#include "Team.h"
 
 namespace warp::geometry::scalar {
 
@@ -47,120 +47,182 @@ inline bool mayBeWithin(Point<f32> a, Point<f32> b, Point<f32> c, f32 best) {
   return !(squared * 0x1.fffcp-1f > fma(ab2 + ac2, 0x1p-26f, best));
 }
 
+/// What is searched, and what is found.
+struct ClosestQuery {
+  Bytes nodes, blocks;
+  f32 p[3];
+  /// A squared distance; smaller ones are found.
+  f32 best;
+  i32 root;
+  /// A face, or -1; `lane` of `block` is its triangle.
+  i32 face = -1, block = 0, lane = 0;
+};
+
+/// The search of a team. On each level of the way down it keeps the keys of the
+/// children that are left; the nearest is next.
+template <class Team> class ClosestByTeam {
+public:
+  ClosestByTeam(Team team, ClosestQuery &query) : team(team), query(query) {
+    setFarthest();
+  }
+
+  void run() {
+    u32 keys[maxDepth][own];
+    i32 path[maxDepth];
+    i32 depth = 0;
+    path[0] = query.root;
+    Bytes node = enter(query.root, keys[0]);
+    for (;;) {
+      u32 key = noKey;
+#pragma unroll 1
+      for (int i = 0; i < own; ++i)
+        key = keys[depth][i] < key ? keys[depth][i] : key;
+      key = team.least(key);
+      if (key > farthest) {
+        if (depth == 0)
+          return;
+        --depth;
+        node = nodeAt(path[depth]);
+        continue;
+      }
+      int child = key & 7;
+      if (child % Team::lanes == team.rank())
+        keys[depth][child / Team::lanes] = noKey;
+      i32 next = Links(node).follow(child);
+      if (next < 0) {
+        visit(~next);
+        continue;
+      }
+      ++depth;
+      path[depth] = next;
+      node = enter(next, keys[depth]);
+    }
+  }
+
+private:
+  /// Children of a node, and triangles of a block, that a lane has.
+  static constexpr int own = width / Team::lanes;
+
+  void setFarthest() { farthest = __builtin_bit_cast(u32, query.best) | 7; }
+  Bytes nodeAt(i32 index) const {
+    return query.nodes + i64(index) * i64(sizeof(Node));
+  }
+
+  /// Finds how far children are.
+  Bytes enter(i32 index, u32 (&keys)[own]) {
+    Bytes node = nodeAt(index);
+    u32 children = Links(node).children();
+#pragma unroll 1
+    for (int i = 0; i < own; ++i) {
+      int child = i * Team::lanes + team.rank();
+      f32 squared = 0;
+#pragma unroll
+      for (int axis = 2; axis >= 0; --axis) {
+        Bytes low = node + axis * int(sizeof(Floats)) + 4 * child;
+        Bytes high = low + 3 * int(sizeof(Floats));
+        f32 offset = upper(upper(load<f32>(low) - query.p[axis],
+                                 query.p[axis] - load<f32>(high)),
+                           0);
+        squared = axis == 2 ? offset * offset : fma(offset, offset, squared);
+      }
+      keys[i] = children >> child & 1 ? keyOf(squared, child) : noKey;
+    }
+    return node;
+  }
+
+  void visit(i32 index) {
+    Bytes block = query.blocks + i64(index) * i64(sizeof(TriangleBlock));
+#pragma unroll 1
+    for (int i = 0; i < own; ++i)
+      compare(block, index, i * Team::lanes + team.rank());
+  }
+
+  /// A triangle of each lane.
+  void compare(Bytes block, i32 index, int lane) {
+    Bytes at = block + 4 * lane;
+    auto corner = [&](int i) -> Point<f32> {
+      Bytes from = at + 3 * i * int(sizeof(Floats));
+      return {load<f32>(from) - query.p[0],
+              load<f32>(from + int(sizeof(Floats))) - query.p[1],
+              load<f32>(from + 2 * int(sizeof(Floats))) - query.p[2]};
+    };
+    Point<f32> a = corner(0), b = corner(1), c = corner(2);
+    u32 mine = noKey;
+    // Not what is not there.
+    if (a.x == a.x && mayBeWithin(a, b, c, query.best)) {
+      f32 squared = closestOnTriangle(a, b, c).squared;
+      if (squared <= query.best)
+        mine = __builtin_bit_cast(u32, squared);
+    }
+    u32 least = team.least(mine);
+    if (least == noKey)
+      return;
+    u32 id = noKey;
+    if (mine == least)
+      id = u32(load<i32>(at + 9 * int(sizeof(Floats))));
+    u32 first = team.least(id);
+    if (least == __builtin_bit_cast(u32, query.best) &&
+        !(i32(first) < query.face))
+      return;
+    query.best = __builtin_bit_cast(f32, least);
+    query.face = i32(first);
+    query.block = index;
+    query.lane = i32(team.least(id == first ? u32(lane) : noKey));
+    setFarthest();
+  }
+
+  Team team;
+  ClosestQuery &query;
+  /// Keys above this one are too far by now.
+  u32 farthest;
+};
+
+/// Searches for each thread of a team.
+template <class Team> void findForEach(Team team, ClosestQuery &query) {
+#pragma unroll 1
+  for (int rank = 0; rank < Team::lanes; ++rank) {
+    ClosestQuery one = query;
+    one.nodes = valueOf(team, query.nodes, rank);
+    one.blocks = valueOf(team, query.blocks, rank);
+    for (int axis = 0; axis < 3; ++axis)
+      one.p[axis] = valueOf(team, query.p[axis], rank);
+    one.best = valueOf(team, query.best, rank);
+    one.root = i32(team.of(u32(query.root), rank));
+    ClosestByTeam<Team>(team, one).run();
+    if (rank != team.rank())
+      continue;
+    query.face = one.face;
+    query.block = one.block;
+    query.lane = one.lane;
+  }
+}
+
 class ClosestSearch {
 public:
   ClosestSearch(const Tree &tree, Point<f32> p, f32 bound2)
-      : nodes((Bytes)tree.nodes), blocks((Bytes)tree.blocks), p{p.x, p.y, p.z},
-        best(bound2), rests(nodes) {
-    setFarthest();
-  }
+      : query{(Bytes)tree.nodes, (Bytes)tree.blocks, {p.x, p.y, p.z}, bound2} {}
 
   /// A face with a smaller squared distance than the bound, or -1; `lane` of
   /// `block` is its triangle.
   i32 run(i32 root) {
-    rests.search(
-        root, [this](i32 node) { return enter(node); },
-        [this](i32 block) { return visit(block), true; });
-    return face;
+    query.root = root;
+#ifdef __NVPTX__
+    if (Octet octet; octet.isWhole())
+      findForEach(octet, query);
+    else
+      findForEach(Single(), query);
+#else
+    findForEach(Single(), query);
+#endif
+    block = query.block;
+    lane = query.lane;
+    return query.face;
   }
 
   i32 block = 0, lane = 0;
 
 private:
-  void setFarthest() { rests.farthest = __builtin_bit_cast(u32, best) | 7; }
-
-  /// The squared distance from bounds that are this far below and above.
-  template <class Offset> static f32 squareOf(Offset offset) {
-    f32 x = offset(0), y = offset(1), z = offset(2);
-    return fma(x, x, fma(y, y, z * z));
-  }
-
-  /// Leaves the children that may be closer for later, but the nearest, which
-  /// it gives.
-  i32 enter(i32 index) {
-    Bytes node = nodes + i64(index) * i64(sizeof(Node));
-    Links links(node);
-    u32 children = links.children(), key[width];
-#pragma unroll
-    for (int half = 0; half < 2; ++half) {
-      Four low[3], high[3];
-#pragma unroll
-      for (int axis = 0; axis < 3; ++axis) {
-        Bytes plane = node + axis * int(sizeof(Floats)) + 16 * half;
-        low[axis] = load<Four>(plane);
-        high[axis] = load<Four>(plane + 3 * int(sizeof(Floats)));
-      }
-#pragma unroll
-      for (int lane = 0; lane < 4; ++lane) {
-        f32 squared = squareOf([&](int axis) {
-          return upper(
-              upper(low[axis][lane] - p[axis], p[axis] - high[axis][lane]), 0);
-        });
-        int child = 4 * half + lane;
-        key[child] = children >> child & 1 ? keyOf(squared, child) : noKey;
-      }
-    }
-    sortKeys(key);
-    if (key[0] > rests.farthest)
-      return rests.next();
-#pragma unroll
-    for (int i = width - 1; i > 0; --i)
-      if (key[i] <= rests.farthest)
-        rests.leave(key[i], index);
-    return links.follow(key[0] & 7);
-  }
-
-  /// The triangles of a block that may be close enough.
-  u32 candidates(Bytes at) const {
-    u32 found = 0;
-#pragma unroll 1
-    for (int half = 0; half < 2; ++half, at += 16) {
-      Four corner[3][3];
-#pragma unroll
-      for (int i = 0; i < 9; ++i)
-        corner[i / 3][i % 3] = load<Four>(at + i * int(sizeof(Floats)));
-#pragma unroll
-      for (int lane = 0; lane < 4; ++lane) {
-        auto offset = [&](int i) -> Point<f32> {
-          return {corner[i][0][lane] - p[0], corner[i][1][lane] - p[1],
-                  corner[i][2][lane] - p[2]};
-        };
-        bool isNear = mayBeWithin(offset(0), offset(1), offset(2), best);
-        found |= u32(isNear) << (4 * half + lane);
-      }
-    }
-    return found;
-  }
-
-  void visit(i32 index) {
-    Bytes at = blocks + i64(index) * i64(sizeof(TriangleBlock));
-    for (u32 left = candidates(at); left; left &= left - 1) {
-      int lane = lowestBit(left);
-      auto corner = [&](int i) -> Point<f32> {
-        Bytes from = at + 3 * i * int(sizeof(Floats)) + 4 * lane;
-        return {load<f32>(from) - p[0],
-                load<f32>(from + int(sizeof(Floats))) - p[1],
-                load<f32>(from + 2 * int(sizeof(Floats))) - p[2]};
-      };
-      f32 squared = closestOnTriangle(corner(0), corner(1), corner(2)).squared;
-      if (!(squared <= best))
-        continue;
-      i32 id = load<i32>(at + 9 * int(sizeof(Floats)) + 4 * lane);
-      if (squared == best && !(id < face))
-        continue;
-      best = squared;
-      face = id;
-      block = index;
-      this->lane = lane;
-    }
-    setFarthest();
-  }
-
-  Bytes nodes, blocks;
-  f32 p[3];
-  f32 best;
-  i32 face = -1;
-  Rests rests;
+  ClosestQuery query;
 };
 
 } // namespace warp::geometry::scalar

@@ -40,7 +40,9 @@ public:
       f32 slack = __builtin_elementwise_abs(at) * 0x1p-22f;
       slack += isAtRest ? 0x1p66f : 0;
       first[i] = at - slack;
-      last[i] = at + slack;
+      // A little later, as `reach` is.
+      outInverse[i] = inverse[i] * 1.000001f;
+      last[i] = (at + slack) * 1.000001f;
       nearer[i] = (inverse[i] < 0 ? 3 + i : i) * int(sizeof(Floats));
       further[i] = (inverse[i] < 0 ? i : 3 + i) * int(sizeof(Floats));
     }
@@ -53,15 +55,17 @@ public:
           visit(block);
           return !any || hit.face < 0;
         });
+    hit.u /= weights;
+    hit.v /= weights;
     return hit;
   }
 
-  bool leavesThroughFront() const { return away; }
+  bool leavesThroughFront() const { return weights < 0; }
 
 private:
   /// Bounds are rounded, and those of ties are to be seen.
   void setReach() {
-    reach = lower(hit.t * 1.000001f, 0x1.fffffep127f);
+    reach = lower(hit.t * 1.000002f, 0x1.fffffep127f);
     rests.farthest = __builtin_bit_cast(u32, reach) | 7;
   }
 
@@ -70,7 +74,8 @@ private:
   i32 enter(i32 index) {
     Bytes node = nodes + i64(index) * i64(sizeof(Node));
     Links links(node);
-    u32 children = links.children(), key[width];
+    u32 met = 0;
+    f32 entry[width];
 #pragma unroll
     for (int half = 0; half < 2; ++half) {
       Four enters[3], leaves[3];
@@ -85,16 +90,24 @@ private:
 #pragma unroll
         for (int i = 0; i < 3; ++i) {
           from = upper(from, fma(enters[i][lane], inverse[i], first[i]));
-          to = lower(to, fma(leaves[i][lane], inverse[i], last[i]));
+          to = lower(to, fma(leaves[i][lane], outInverse[i], last[i]));
         }
         int child = 4 * half + lane;
-        bool isMet = from <= to * 1.000001f && (children >> child & 1);
-        key[child] = isMet ? keyOf(from, child) : noKey;
+        entry[child] = from;
+        met |= from <= to ? 1u << child : 0;
       }
     }
-    sortKeys(key);
-    if (key[0] == noKey)
+    met &= links.children();
+    if (!met)
       return rests.next();
+    // Most often there is one.
+    if (!(met & (met - 1)))
+      return links.follow(u32(lowestBit(met)));
+    u32 key[width];
+#pragma unroll
+    for (int child = 0; child < width; ++child)
+      key[child] = met >> child & 1 ? keyOf(entry[child], child) : noKey;
+    sortKeys(key);
 #pragma unroll
     for (int i = width - 1; i > 0; --i)
       if (key[i] != noKey)
@@ -141,21 +154,24 @@ private:
     i32 face = load<i32>(block + 9 * int(sizeof(Floats)) + 4 * lane);
     if (t == hit.t && !(face < hit.face))
       return;
-    hit = {face, u / sum, v / sum, t};
-    away = sum < 0;
+    hit = {face, u, v, t};
+    weights = sum;
     setReach();
   }
 
   Bytes nodes, blocks;
-  bool any, away = false;
+  bool any;
   /// The components of blocks along which the ray is sheared, in bytes; where
   /// the ray starts there.
   i32 component[3];
   f32 start[3], shear[3];
-  /// The slabs of nodes: entered and left at `plane * inverse + first`, `last`.
-  f32 inverse[3], first[3], last[3];
+  /// The slabs of nodes: entered at `plane * inverse + first`, left at `plane *
+  /// outInverse + last`.
+  f32 inverse[3], first[3], outInverse[3], last[3];
   i32 nearer[3], further[3];
+  /// Its weights are to be divided by their sum, whose sign is the side.
   RayHit hit{-1, 0, 0, 0};
+  f32 weights = 1;
   f32 reach;
   Rests rests;
 };

@@ -10,6 +10,8 @@
 
 #include "Reverse.h"
 
+#include "WarpDialect/TilePasses.h"
+
 #include "mlir/Dialect/SCF/IR/SCF.h"
 
 using namespace mlir;
@@ -33,6 +35,9 @@ LogicalResult ReverseBuilder::reverseIf(scf::IfOp op) {
   auto draft =
       scf::IfOp::create(builder, loc, TypeRange(),
                         recover(op.getCondition()), /*withElseRegion=*/true);
+  // Threads that returned have nothing to reverse of what came after.
+  if (Attribute side = op->getAttr(warp::attr::stays))
+    draft->setAttr(warp::attr::stays, side);
   OpBuilder::InsertionGuard guard(builder);
   SmallVector<Captures, 2> sides;
   for (auto [from, to] :
@@ -65,6 +70,8 @@ void ReverseBuilder::finishIf(scf::IfOp draft, ArrayRef<Captures> sides) {
       captured, [](Value v) { return differentialType(v.getType()); });
   auto branch = scf::IfOp::create(builder, draft.getLoc(), types,
                                   draft.getCondition(), true);
+  if (Attribute side = draft->getAttr(warp::attr::stays))
+    branch->setAttr(warp::attr::stays, side);
   for (auto [i, side] : llvm::enumerate(sides)) {
     Region &region = branch->getRegion(i);
     region.takeBody(draft->getRegion(i));

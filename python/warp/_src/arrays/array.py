@@ -77,6 +77,10 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
         return _native.Array.__new__(cls)
 
     def __class_getitem__(cls, params):
+        if cls is not array:
+            raise TypeError(
+                f"Subscript syntax not supported for '{cls.__name__}': annotate with `wp.array`"
+            )
         return annotations.from_subscript(params, 1)
 
     def __init__(
@@ -259,7 +263,7 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
         return describe(self, self.grad)
 
     def cptr(self):
-        """The elements as a ctypes pointer, for an array on the CPU.
+        """The elements as a ctypes pointer, for an array on the CPU, which it keeps alive.
 
         Raises:
             RuntimeError: the array is elsewhere, or not contiguous.
@@ -272,7 +276,9 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
         if Observers.active:
             Observers.memory.lend(self)
         element = dtypes.type_ctype(self.dtype)
-        return ctypes.cast(self.ptr or 0, ctypes.POINTER(element))
+        pointer = ctypes.cast(self.ptr or 0, ctypes.POINTER(element))
+        pointer._array = self
+        return pointer
 
 
 class _Lent:

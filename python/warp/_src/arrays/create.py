@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 from warp._src.arrays.allocation import allocate, new_array
 from warp._src.arrays.array import array
 from warp._src.arrays.copies import empty_like
@@ -178,7 +180,15 @@ def from_numpy(arr, dtype=None, shape=None, device=None, requires_grad=False):
 
 
 def from_ptr(ptr, length, dtype=None, shape=None, device=None):
-    """An array over existing memory."""
+    """An array over existing memory.
+
+    Deprecated, as in NVIDIA Warp: `wp.array(ptr=...)` says the same.
+    """
+    warnings.warn(
+        "Warp DeprecationWarning: This version of wp.from_ptr() is deprecated, use "
+        "`wp.array(ptr=..., shape=..., dtype=...)`",
+        stacklevel=2,
+    )
     return array(
         ptr=ptr,
         shape=shape if shape is not None else length,

@@ -73,8 +73,6 @@ class fabricarray(indexedarray):
         return object.__new__(cls)
 
     def __class_getitem__(cls, params):
-        if isinstance(params, tuple) and len(params) == 2 and params[1] is typing.Any:
-            params = params[0]
         return annotations.from_subscript(params, 1, cls.annotation)
 
     def __init__(self, data=None, attrib=None, dtype=None, ndim=None):

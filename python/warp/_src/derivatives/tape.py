@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import weakref
+
 from warp import _native, config
 from warp._src import errors
 from warp._src.arrays.array import array
@@ -58,6 +60,8 @@ class Tape:
         self._records: list = []
         # Versions of the gradients as the last backward pass left them.
         self._left: list = []
+        # What it knew before it was reset.
+        self._former: list = []
         self._seeded: list = []
 
     # Recording.
@@ -85,7 +89,7 @@ class Tape:
 
         None in place of the records if each overwriting is to be told at once.
         """
-        if self._budget is None and config.verify_autograd_array_access:
+        if config.verify_autograd_array_access:
             return None, None
         return self._records, self._budget
 
@@ -239,6 +243,8 @@ class Tape:
     def reset(self) -> None:
         """Sets the gradients to zero and forgets the records."""
         self.zero()
+        structs = [value for record in self._records for value in getattr(record, "structs", ())]
+        self._former = [weakref.ref(one) for one in (*self.arrays(), *structs)]
         self._records.clear()
         if self._budget is not None:
             self._budget.forget()
@@ -250,8 +256,15 @@ class Tape:
 
     @property
     def gradients(self) -> dict:
-        """Gradients by array; structs have copies whose arrays are the gradients."""
-        found: dict = {one: one.grad for one in self.arrays() if one.requires_grad}
+        """Gradients by array; structs have copies whose arrays are the gradients.
+
+        After `reset` they are those of what the tape knew, as long as something else holds it.
+        """
+        found: dict = {}
+        for one in (former() for former in self._former):
+            if isinstance(one, StructInstance) or (one is not None and one.requires_grad):
+                found[one] = self.get_adjoint(one)
+        found.update({one: one.grad for one in self.arrays() if one.requires_grad})
         for record in self._records:
             for value in record.structs if isinstance(record, LaunchRecord) else ():
                 found[value] = self.get_adjoint(value)

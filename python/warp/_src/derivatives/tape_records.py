@@ -15,6 +15,7 @@ from warp import _native, config
 from warp._src import config as settings
 from warp._src import errors
 from warp._src.arrays.array import array
+from warp._src.arrays.gradients import gradient_type
 from warp._src.arrays.kept import Budget
 from warp._src.arrays.observers import Observers
 from warp._src.arrays.versions import Event, event_of
@@ -162,7 +163,7 @@ class LaunchRecord(_native.Record):
                     version = observe(leaf, regions, i, reads)
                     if self.budget is not None:
                         version.keep_for(self, self.budget)
-                    elif config.verify_autograd_array_access:
+                    if config.verify_autograd_array_access and call.accesses[i][0]:
                         version.tell(self)
                 versions.append(version)
         self.versions = tuple(versions)
@@ -189,15 +190,28 @@ class LaunchRecord(_native.Record):
         return None
 
     def overwriting(self, version, by: Event) -> None:
-        """Says that a version is about to end although a backward pass has yet to read it."""
-        name = self._needed_name(version) if self.pending else None
-        if name is not None:
-            print(
-                f"{by.file}:{by.line}: the {by.what} overwrites an array that has already been "
-                f"read from: the gradient of the {self.event} depends on its array '{name}'; "
-                "write to another array, or use `wp.Tape(preserve='auto')`",
-                file=sys.stderr,
-            )
+        """Says that what a version is of is about to end, before a backward pass has run."""
+        if not self.pending:
+            return
+        name = self._needed_name(version)
+        if name is None and self.budget is None:
+            return
+        if name is None:
+            why = f"no gradient of the {self.event} depends on what it held"
+        else:
+            why = f"the gradient of the {self.event} depends on its array '{name}'"
+            if self.budget is None:
+                why += "; write to another array, or use `wp.Tape(preserve='auto')`"
+            else:
+                why += ", of which the tape keeps a copy"
+        place = f" by an array copy at {by.file}:{by.line}" if by.what == "copy" else ""
+        print(
+            f"{by.file}:{by.line}: the {by.what} overwrites an array that has already been "
+            f"read from: {why}\nas Warp says: Array {version.array!r} is being written to{place} "
+            "but has already been read from in a previous launch. This may corrupt gradient "
+            "computation in the backward pass.",
+            file=sys.stderr,
+        )
 
     def arrays(self) -> list[array]:
         return [leaf for _, leaf in self.call.leaves if leaf is not None] + self.behind
@@ -317,9 +331,15 @@ def _needs(kernel, native, active, apart):
     return made.needed, made.augmented is None and not made.preserved
 
 
-def _plain_adjoint(kernel, native, active, apart):
-    """The native adjoint if a launch of it with the same arguments is all there is to do."""
+def _plain_adjoint(kernel, native, active, apart, elements):
+    """The native adjoint if a launch of it with the same arguments is all there is to do.
+
+    elements: types of the elements of arrays, as `active` counts them.
+    """
     if not kernel.option("enable_backward"):
+        return None
+    if any(on and gradient_type(one) is not one for on, one in zip(active, elements, strict=True)):
+        # Their gradients may have to be widened.
         return None
     try:
         made = kernel.derivatives.adjoint(native, active, True, None, apart)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from warp._src import errors
 from warp._src.frontend.context import LocalArray, Part, TileStack, TileView, Value
-from warp._src.frontend.control import RESULT, Flag, If, Loop, Return, Simple
+from warp._src.frontend.control import RESULT, RETURNED, Flag, If, Loop, Return, Simple
 
 _MISSING = object()
 
@@ -68,10 +68,25 @@ class Branches(Part):
         self.context.env = before
         self.context.lines = {**then_lines, **else_lines}
         lines = (then_lines, else_lines)
+        self.mark_returns(node)
         self.merge(node.syntax, changed, then, orelse, lines)
         for name in node.live:
             if name not in changed and name in then:
                 before[name] = then[name]
+
+    def mark_returns(self, node):
+        """Notes for kernels with tiles what threads do that have not returned."""
+        if self.context.session.tile_builder is None or not self.context.is_kernel:
+            return
+        if self.returns(node.then):
+            self.context.session.tile_builder.mark_stays(True)
+        elif set(node.flags) == {RETURNED} or self.returns(node.orelse):
+            self.context.session.tile_builder.mark_stays(False)
+
+    @staticmethod
+    def returns(nodes):
+        """Whether that is the last of the steps."""
+        return bool(nodes) and type(nodes[-1]) is Flag and nodes[-1].name == RETURNED
 
     def none_set(self, flags, syntax):
         """Whether no flag is set."""

@@ -81,7 +81,8 @@ def _translate(function, name, arguments, max_unroll, source=None, threads=1, co
     natives = _parameter_types(overload, name, arguments)
     builder = _native.Builder(symbol_name(name))
     session = Session(builder, max_unroll)
-    session.threads = threads
+    session.threads = int(threads)
+    session.is_ragged = getattr(threads, "is_ragged", False)
     session.active.append(overload)
     translator = Translator(session, function, source, True)
     translator.at(source.tree)

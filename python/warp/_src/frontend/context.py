@@ -35,8 +35,9 @@ class Session:
     """State shared by the functions of one kernel."""
 
     __slots__ = (
-        *("active", "builder", "callers", "calls", "debug", "derived", "handles", "max_unroll"),
-        *("parameters", "statics", "sums_winding", "taken", "threads", "tile_builder"),
+        *("active", "builder", "callers", "calls", "debug", "derived", "handles", "is_ragged"),
+        *("max_unroll", "parameters", "statics", "sums_winding", "taken", "threads"),
+        "tile_builder",
     )
 
     def __init__(self, builder, max_unroll=16):
@@ -59,6 +60,7 @@ class Session:
         self.sums_winding = False
         # Threads of the blocks that the kernel is for, and what builds tiles once there is one.
         self.threads = 1
+        self.is_ragged = False
         self.tile_builder = None
 
     @property
@@ -66,7 +68,7 @@ class Session:
         """The builder of tiles; the kernel is one for blocks from here on."""
         if self.tile_builder is None:
             self.tile_builder = _native.TileBuilder(self.builder)
-            self.tile_builder.set_block_threads(self.threads)
+            self.tile_builder.set_block_threads(self.threads, self.is_ragged)
         return self.tile_builder
 
     def block_threads(self) -> int:
@@ -172,6 +174,8 @@ class Context:
         self.env = {}
         # Line of the last assignment of each name, for messages.
         self.lines = {}
+        # By identity of constants that variables hold: the constant, and the number as written.
+        self.literals: dict = {}
         # Loops around the place that is being translated, outermost first.
         self.frames = []
         self.node = source.tree
@@ -387,7 +391,8 @@ class Context:
         if type(binding) is int and not -(2**31) <= binding < 2**31:
             self.integer(binding, getattr(node, "value", node))
         if type(binding) is float:
-            binding = self.builder.constant(FLOAT32, binding)
+            number, binding = binding, self.builder.constant(FLOAT32, binding)
+            self.literals[id(binding)] = binding, number
         if not self.can_be_bound(binding):
             raise self.type_error(
                 node,
@@ -404,6 +409,11 @@ class Context:
                 self.tiles.views.keep(name)
         self.env[name] = binding
         self.lines[name] = self.source.line(node)
+
+    def literal(self, binding):
+        """The number that was assigned to a variable, before it became a `float32`; or None."""
+        value, number = self.literals.get(id(binding), (None, None))
+        return number if value is binding else None
 
     @staticmethod
     def can_be_bound(binding):

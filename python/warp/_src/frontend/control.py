@@ -15,6 +15,8 @@ from __future__ import annotations
 
 import ast
 
+from warp._src.kernels.texts import children
+
 RESULT = "return value"
 RETURNED = "return taken"
 
@@ -99,7 +101,7 @@ def plan_of(source, updated_arguments, outputs=()) -> Plan:
         plan.always_returns = rewriter.leaves(body)[1]
         plan.returns_value = _returns_value(body)
         plan.body = rewriter.block(body, 0)
-        analysis = _Analysis(updated_arguments, source.tree)
+        analysis = _Analysis(updated_arguments, source.words())
         plan.local_names = analysis.gather(plan.body)[2]
         plan.updated = analysis.updated
         needed = (RESULT,) if plan.returns_value else ()
@@ -235,12 +237,11 @@ def _flag(kind, depth):
 class _Analysis:
     """Fills in the name sets of nodes."""
 
-    def __init__(self, updated_arguments, tree):
+    def __init__(self, updated_arguments, words):
         self.updated_arguments = updated_arguments
         self.updated = set()
         # Names of what may be a view of a tile, with the names that the tile may have.
         self.views = {}
-        words = (getattr(n, "attr", None) or getattr(n, "id", "") for n in ast.walk(tree))
         self.may_have_tiles = any("tile" in word or word == "Any" for word in words)
 
     def gather(self, nodes) -> tuple[frozenset, ...]:
@@ -330,14 +331,8 @@ class _Analysis:
                 self._add_viewed(argument, parts)
         elif kind is ast.Assign:
             self._note_view(node)
-        for field in node._fields:
-            value = getattr(node, field, None)
-            if isinstance(value, ast.AST):
-                self._scan(value, uses, defs, parts)
-            elif isinstance(value, list):
-                for item in value:
-                    if isinstance(item, ast.AST):
-                        self._scan(item, uses, defs, parts)
+        for child in children(node):
+            self._scan(child, uses, defs, parts)
 
     def _note_view(self, node):
         """Remembers that `view = tile[i]` or `view = wp.tile_view(tile, ...)`."""
@@ -351,6 +346,8 @@ class _Analysis:
 
     def _add_viewed(self, argument, names):
         """What uses or changes a view of a tile does so to the tile."""
+        if not self.views:
+            return
         found, seen = set(), set()
         _add_base(argument, found)
         while found:

@@ -64,6 +64,8 @@ class Parameter:
 def is_generic(annotation) -> bool:
     """Whether the type is left to the call."""
     if isinstance(annotation, ArrayType):
+        if annotation.ndim is typing.Any:
+            return True
         annotation = annotation.dtype
     if annotation is typing.Any or isinstance(annotation, typing.TypeVar):
         return True
@@ -98,7 +100,7 @@ def fits_local(annotation, array) -> bool:
     return (
         isinstance(annotation, ArrayType)
         and not isinstance(annotation, IndexedArrayType)
-        and annotation.ndim == len(array.shape)
+        and annotation.ndim in (typing.Any, len(array.shape))
         and fits_element(annotation.dtype, array.element)
     )
 
@@ -112,7 +114,7 @@ def fits_native(annotation, native) -> bool:
         found = array_of(native) if native.kind == kind else None
         return (
             found is not None
-            and found.rank == annotation.ndim
+            and annotation.ndim in (typing.Any, found.rank)
             and fits_element(annotation.dtype, found.element)
         )
     if isinstance(annotation, typing.TypeVar):

@@ -19,7 +19,12 @@ class Output(Part):
     def builtin_printf(self, node):
         arguments, keywords = self.context.constructors.arguments(node)
         if keywords or not arguments or not isinstance(arguments[0], str):
-            raise self.context.type_error(node, "printf expects a format string first")
+            called = getattr(node.func, "id", None) or getattr(node.func, "attr", "printf")
+            raise self.context.type_error(
+                node,
+                "printf expects a format string first",
+                also=None if called == "printf" else "unsupported built-in function 'printf'",
+            )
         texts = iter([argument for argument in arguments[1:] if isinstance(argument, str)])
         values = [
             self.context.materialize(argument, node)

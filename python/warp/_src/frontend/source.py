@@ -21,9 +21,9 @@ from warp._src.kernels import texts
 class Source:
     """Tree of one function and the place it comes from."""
 
-    __slots__ = ("encoded_file", "file", "line_offset", "name", "plan", "tree")
+    __slots__ = ("_words", "encoded_file", "file", "line_offset", "name", "plan", "tree")
 
-    def __init__(self, tree: ast.FunctionDef, file: str, line_offset: int, name: str):
+    def __init__(self, tree: ast.FunctionDef, file: str, line_offset: int, name: str, words=None):
         self.tree = tree
         self.file = file
         # A path need not be valid text; locations in IR are.
@@ -31,6 +31,14 @@ class Source:
         self.line_offset = line_offset
         self.name = name
         self.plan = None
+        self._words = words
+
+    def words(self):
+        """All that could be names and attributes in it."""
+        if self._words is None:
+            found = (getattr(n, "attr", None) or getattr(n, "id", "") for n in ast.walk(self.tree))
+            self._words = frozenset(found)
+        return self._words
 
     def line(self, node: ast.AST) -> int:
         return node.lineno + self.line_offset
@@ -71,15 +79,16 @@ def transformed(source: Source, transformers) -> Source:
 
 def _read(function: types.FunctionType, code: types.CodeType) -> Source:
     file, first = code.co_filename, code.co_firstlineno
+    block = None
     if code.co_name != "<lambda>":
         # What a kernel is known by has to be the text that is parsed here.
-        texts.block_of(function)
+        block = texts.block_of(function)
     lines = texts.lines_of(function, forget=True)
     if code.co_name == "<lambda>":
         raise errors.WarpCodegenError(
             "a lambda cannot be a kernel or function", file=file, line=first, hint="use `def`"
         )
-    tree, offset = _parse(lines, first - 1)
+    tree, offset = _parse(lines, first - 1, len(block.lines))
     if tree is None or tree.name != code.co_name:
         raise errors.WarpCodegenError(
             f"source of '{function.__name__}' does not match what was imported",
@@ -87,16 +96,17 @@ def _read(function: types.FunctionType, code: types.CodeType) -> Source:
             line=first,
             hint="import the module again",
         )
-    return Source(tree, file, offset, function.__name__)
+    return Source(tree, file, offset, function.__name__, block.words)
 
 
-def _parse(lines: list[str], start: int) -> tuple[ast.FunctionDef | None, int]:
-    """Parses the definition that starts at a line; gives its line offset too."""
+def _parse(lines: list[str], start: int, count: int) -> tuple[ast.FunctionDef | None, int]:
+    """Parses the definition that starts at a line and has so many lines, if these are still what
+    they were; gives its line offset too."""
     indent = _indent(lines[start])
     # An indented block is put under a header line so that columns stay true.
     header = ["if 1:\n"] if indent else []
     offset = start - len(header)
-    end = start + 1
+    end = start + count
     while end <= len(lines):
         while end < len(lines) and not _may_end(lines[end], indent):
             end += 1

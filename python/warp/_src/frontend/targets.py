@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 
 from warp._src import errors
+from warp._src.derivatives.functions import Gradient
 from warp._src.frontend.access import COMPONENTS, places_of
 from warp._src.frontend.context import INT32, LocalArray, Part, TileView, Value
 from warp._src.frontend.indexed import array_of
@@ -261,7 +262,16 @@ class Targets(Part):
                 slot.array, slot.indices, self.with_part(old, slot.path, value, node)
             )
         else:
-            self.builder.store(self.slot_view(slot), slot.indices, value)
+            view = self.slot_view(slot)
+            wanted = array_of(view.type)
+            if slot.path and wanted is not None and value.type != wanted.element:
+                shown, given = wanted.element.python_name, value.type.python_name
+                raise self.context.type_error(
+                    node,
+                    f"expects '{shown}' for this part of the element, but got '{given}'",
+                    also=f"Composite slot assignment expects value of type {shown}, got {given}",
+                )
+            self.builder.store(view, slot.indices, value)
 
     def slot_view(self, slot):
         """The array whose elements are the slot's part of each element."""
@@ -315,7 +325,8 @@ class Targets(Part):
 
     def write_slice(self, slot, selections, whole, value, target):
         places = places_of(selections)
-        parts = self.components(value, len(places), target)
+        element = getattr(whole.type, "element", None)
+        parts = self.components(value, len(places), target, element)
         self.context.at(target)
         for place, part in zip(places, parts, strict=True):
             whole = self.builder.insert(whole, place, part)
@@ -342,9 +353,32 @@ class Targets(Part):
             slot, selections, whole, self.context.expressions.binary(node, op, left, right), target
         )
 
-    def components(self, value, count, node):
-        """The components of a value in row-major order; a scalar repeats."""
+    def check_slice_value(self, native, count, element, node):
+        """Checks that a number or the components of a value are of the element's type."""
+        is_number = native.kind in ("bool", "int", "float")
+        given = native if is_number else getattr(native, "element", None)
+        if given is None or given == element:
+            return
+        shown = element.python_name
+        if native.kind == "vec":
+            raise self.context.value_error(
+                node,
+                f"expects components of '{shown}' for a slice, but got '{native.python_name}'",
+                also=f"The provided vector is expected to be of length {count} with dtype {shown}.",
+            )
+        raise self.context.value_error(
+            node,
+            f"expects '{shown}' for components of a slice, but got '{native.python_name}'",
+            also=f"The provided value is expected to be a vector of length {count}, with dtype "
+            f"{shown}.",
+        )
+
+    def components(self, value, count, node, element=None):
+        """The components of a value in row-major order, of a type if one is given; a scalar
+        repeats."""
         native = value.type
+        if element is not None:
+            self.check_slice_value(native, count, element, node)
         self.context.at(node)
         if native.kind in ("bool", "int", "float"):
             return [value] * count
@@ -363,6 +397,11 @@ class Targets(Part):
                 node,
                 f"slice has {count} components, but '{native.python_name}' has {len(places)}",
                 kind=errors.WarpCodegenValueError,
+                also=f"The length of the provided vector ({len(places)}) isn't compatible with the "
+                f"given slice (expected {count})."
+                if native.kind == "vec"
+                else f"The provided value is expected to be a vector of length {count}, with dtype "
+                f"{native.element.python_name}.",
             )
         return [self.builder.extract(value, place) for place in places]
 
@@ -372,6 +411,12 @@ class Targets(Part):
         target, op = node.target, node.op
         if isinstance(target, ast.Name):
             left = self.context.read_name(target.id, target)
+            if isinstance(left, Gradient):
+                raise self.context.type_error(
+                    node,
+                    f"'{target.id}' is a derivative, a function, and cannot be changed",
+                    also=f"Cannot reassign local '{target.id}' that is bound to wp.grad(...)",
+                )
             if self.is_tile(target, left):
                 self.update_whole(node, self.slot(target))
                 return

@@ -161,7 +161,6 @@ class Bvh:
     def _build(self, constructor):
         """Builds on the device."""
         from warp._src.geometry.device.build import Build
-        from warp._src.geometry.device.refit import slot_of
 
         count, along_curve = len(self.lowers), constructor == "lbvh"
         if len(self.uppers) != count:
@@ -174,9 +173,9 @@ class Bvh:
             if self._built or self._kernels:
                 # Kernels that run may read the slot.
                 self._wait()
-            self._native.adopt(built.nodes.ptr or 0, built.blocks.ptr or 0)
+            self._native.adopt(built.nodes, built.blocks)
             self._built, self._kernels = built, None
-        self._built.run(slot_of(self.id, self.device), self.lowers, self.uppers)
+        self._built.run(self.id, self.lowers, self.uppers)
 
     def _wait(self):
         """The host reads the arrays: what writes them has to be done."""

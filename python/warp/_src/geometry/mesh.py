@@ -247,14 +247,13 @@ class Mesh(Behind):
     def _build(self, constructor):
         """Builds on the device."""
         from warp._src.geometry.device.build import Build
-        from warp._src.geometry.device.refit import slot_of
 
         along_curve = constructor == "lbvh"
         built = self._built
         if not built or built.along_curve != along_curve:
             built = Build(self.indices.size // 3, self.device, True, along_curve)
         self._adopt(built)
-        built.run(slot_of(self.id, self.device), self._points, self.indices)
+        built.run(self.id, self._points, self.indices)
         self._sum_moments()
 
     def _adopt(self, built):
@@ -265,10 +264,11 @@ class Mesh(Behind):
             # Kernels that run may read the slot.
             self._wait()
         arrays = (self._points, self._velocities, self.indices)
-        self._native.adopt(*arrays, built.nodes.ptr or 0, built.blocks.ptr or 0)
+        self._native.adopt(*arrays, built.nodes, built.blocks)
         self._built = built
         self._published()
-        self._show_moments(built.view)
+        if self.support_winding_number:
+            self._show_moments(built.view)
 
     def _wait(self):
         """The host reads the arrays: what writes them has to be done."""

@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import sys
 import types as python_types
+import typing
+from collections.abc import Callable
 
 from warp._src import errors
 from warp._src.kernels import texts
 from warp._src.kernels.epoch import Epoch
 from warp._src.types import dtypes
-from warp._src.types.annotations import is_generic
+from warp._src.types.annotations import Reference, check_annotations, is_generic
+from warp._src.types.composites import Composite
 from warp._src.types.native import ArrayType
+from warp._src.types.scalars import PYTHON_TYPES, scalar_base
+
+_Parameters = typing.ParamSpec("_Parameters")
+_Result = typing.TypeVar("_Result")
 
 
 class Function:
@@ -27,6 +34,7 @@ class Function:
     handle = None
 
     def __init__(self, func, key=None):
+        check_annotations(func.__name__, func.__annotations__)
         self.func = func
         self.key = key or func.__name__
         self.overloads = [func]
@@ -50,7 +58,16 @@ class Function:
         return bool(self.pullbacks or self.replays or self.pullback or self.pushforward)
 
     def add_overload(self, func) -> None:
-        """Adds a function whose annotations no other one has."""
+        """Adds a function whose annotations no other one has.
+
+        Raises:
+            WarpError: only references tell it from another one.
+        """
+        if any(_value_types(func) == _value_types(other) for other in self.overloads):
+            raise errors.WarpError(
+                f"functions of the name '{self.key}' differ only by references (`wp.ref`), which "
+                "no call tells apart: give one another name"
+            )
         self.overloads.append(func)
         self._keep_text(func)
 
@@ -71,15 +88,16 @@ class Function:
 
     def __call__(self, *args, **kwargs):
         if len(self.overloads) == 1:
+            # Programs know this error by its words.
+            refusal = f"Error calling function '{self.key}', no overload found for arguments {args}"
+            if _refuses(self.func, args):
+                raise errors.WarpTypeError(refusal)
             try:
                 return self.func(*args, **kwargs)
             except TypeError as problem:
                 if _accepts(self.func, args, kwargs):
                     raise
-                # Programs know this error by its words.
-                raise errors.WarpTypeError(
-                    f"Error calling function '{self.key}', no overload found for arguments {args}"
-                ) from problem
+                raise errors.WarpTypeError(refusal) from problem
         for func in self.overloads:
             if _accepts(func, args, kwargs):
                 return func(*args, **kwargs)
@@ -88,6 +106,28 @@ class Function:
 
     def __repr__(self):
         return f"<function '{self.key}'>"
+
+
+def _value_types(func) -> list:
+    """Annotations of the parameters, references as what they refer to."""
+    declared = [value for name, value in func.__annotations__.items() if name != "return"]
+    return [one.dtype if isinstance(one, Reference) else one for one in declared]
+
+
+def _refuses(func, args) -> bool:
+    """Whether an argument is a number of Python for a parameter of another kind, or no function."""
+    expected = func.__annotations__
+    for name, value in zip(func.__code__.co_varnames, args, strict=False):
+        wanted = expected.get(name)
+        if wanted is Function and not isinstance(value, Function):
+            # Builtins are no instances.
+            if not hasattr(value, "signatures"):
+                return True
+        elif type(value) in (bool, int, float) and isinstance(wanted, type):
+            of_warp = issubclass(wanted, (Composite, scalar_base))
+            if of_warp and wanted not in PYTHON_TYPES.values():
+                return True
+    return False
 
 
 def _accepts(func, args, kwargs) -> bool:
@@ -108,6 +148,16 @@ def _accepts(func, args, kwargs) -> bool:
         elif isinstance(expected, type) and not dtypes.types_equal(type(value), expected):
             return False
     return True
+
+
+@typing.overload
+def func(f: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]: ...
+
+
+@typing.overload
+def func(
+    f: None = None, *, name: str | None = None, module=None, inline: bool | None = None
+) -> Callable[[Callable[_Parameters, _Result]], Callable[_Parameters, _Result]]: ...
 
 
 def func(f=None, *, name=None, module=None, inline=None):

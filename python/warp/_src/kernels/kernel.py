@@ -25,7 +25,7 @@ from warp._src.kernels import texts, unique
 from warp._src.kernels.epoch import Epoch
 from warp._src.kernels.modules import Module, check_options, get_module
 from warp._src.types import dtypes
-from warp._src.types.annotations import annotations_of, is_generic
+from warp._src.types.annotations import annotations_of, check_annotations, is_generic
 from warp._src.types.native import ArrayType, IndexedArrayType
 
 STAGES = ("warp", "thread", "launch", "gpu", "llvm", "ptx", "asm")
@@ -61,6 +61,7 @@ class Kernel:
     def __init__(self, func, key=None, module=None, options=None, code_transformers=None):
         if not isinstance(func, python_types.FunctionType):
             raise TypeError(f"expects a function as kernel, but got '{type(func).__name__}'")
+        check_annotations(func.__name__, func.__annotations__)
         self.func = func
         self.key = key or kernel_name(func)
         self.module = (
@@ -72,6 +73,9 @@ class Kernel:
         if not (func.__module__ or "").startswith("warp."):
             texts.keep(func)
         self.module.kernels[self.key] = self
+        self.module.generic_kernels.pop(self.key, None)
+        if any(map(is_generic, func.__annotations__.values())):
+            self.module.generic_kernels[self.key] = self
         self.epoch = None
         self.native = None
         self._generic = None
@@ -82,7 +86,7 @@ class Kernel:
         # What launches need to know of native kernels while somebody observes.
         self.signatures: dict = {}
         # Made by `wp.overload`, by the types of the parameters.
-        self.overloads: dict = {}
+        self.declared_overloads: dict = {}
         # Names of native kernels in the kernel cache, of those that have one.
         self.names: dict = {}
         self.__name__ = func.__name__
@@ -108,6 +112,12 @@ class Kernel:
         except Exception:
             # The translation says what is wrong.
             return False
+
+    @property
+    def overloads(self) -> dict:
+        """Of a generic kernel, what there is by the types of the parameters."""
+        launched = {", ".join(map(str, types)): one for types, one in self._specialized.items()}
+        return {**launched, **self.declared_overloads}
 
     @property
     def specializations(self) -> list:

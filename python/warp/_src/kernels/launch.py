@@ -98,18 +98,23 @@ def launch(
             kernel, dim, inputs, outputs, index, block_dim or 0, record_tape
         ):
             return None
-    return _launch_checked(
-        kernel,
-        dim,
-        inputs,
-        outputs,
-        device,
-        stream,
-        (adj_inputs, adj_outputs) if adjoint else None,
-        record_tape,
-        record_cmd,
-        block_dim,
-    )
+    try:
+        return _launch_checked(
+            kernel,
+            dim,
+            inputs,
+            outputs,
+            device,
+            stream,
+            (adj_inputs, adj_outputs) if adjoint else None,
+            record_tape,
+            record_cmd,
+            block_dim,
+        )
+    except errors.WarpCodegenError as problem:
+        # Says where in the kernel. Who keeps it is not to keep the kernel, too.
+        del kernel
+        raise problem.with_traceback(None) from problem.__cause__
 
 
 def _launch_checked(

@@ -120,7 +120,7 @@ def _fits(annotation, wanted) -> bool:
 def _made(kernel, chosen):
     """The overload for concrete types; made once."""
     signature = ", ".join(dtypes.native_text(annotations.resolve(t)) for t in chosen.values())
-    found = kernel.overloads.get(signature)
+    found = kernel.declared_overloads.get(signature)
     if found is None:
         func = kernel.func
         copy = python_types.FunctionType(
@@ -129,6 +129,8 @@ def _made(kernel, chosen):
         copy.__annotations__ = chosen
         copy.__qualname__, copy.__module__ = func.__qualname__, func.__module__
         copy.__kwdefaults__, copy.__doc__ = func.__kwdefaults__, func.__doc__
-        key = f"{kernel.key}_{len(kernel.overloads)}"
-        found = kernel.overloads[signature] = Kernel(copy, key, kernel.module, kernel.options)
+        key = f"{kernel.key}_{len(kernel.declared_overloads)}"
+        found = kernel.declared_overloads[signature] = Kernel(
+            copy, key, kernel.module, kernel.options
+        )
     return found

@@ -7,6 +7,7 @@ else makes the translation another one's.
 
 from __future__ import annotations
 
+from warp._src.kernels import texts
 from warp._src.kernels.identity import Identity, of_value
 from warp._src.kernels.names import UnnamedError
 from warp._src.language.checks import static
@@ -136,7 +137,7 @@ def words_outside(tree, function) -> tuple[set, set]:
             words.add(node.id)
         elif isinstance(node, ast.Attribute):
             attributes.add(node.attr)
-        pending += ast.iter_child_nodes(node)
+        pending += texts.children(node)
     return words, attributes
 
 

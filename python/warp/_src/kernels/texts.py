@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import re
 import types
-import unicodedata
 
 from warp._src import errors
 
@@ -85,7 +84,11 @@ class Block:
 
     def __init__(self, lines):
         self.text = "".join(lines)
-        plain = self.text if self.text.isascii() else unicodedata.normalize("NFKC", self.text)
+        plain = self.text
+        if not plain.isascii():
+            import unicodedata
+
+            plain = unicodedata.normalize("NFKC", plain)
         self.words = frozenset(_IDENTIFIER.findall(plain))
         indent = len(lines[0]) - len(lines[0].lstrip())
         self.lines = tuple(line[indent:].rstrip() for line in lines)
@@ -123,3 +126,16 @@ def _block(lines, code) -> list[str]:
             break
         last += 1
     return lines[first:last]
+
+
+def children(node) -> list:
+    """The nodes right below one of a syntax tree, without those that only say which operator or
+    context is meant; several times faster than `ast.iter_child_nodes`."""
+    found = []
+    for field in node._fields:
+        value = getattr(node, field, None)
+        if type(value) is list:
+            found += [item for item in value if getattr(item, "_fields", None)]
+        elif getattr(value, "_fields", None):
+            found.append(value)
+    return found

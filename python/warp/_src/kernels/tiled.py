@@ -6,8 +6,6 @@ it is launched with. On a CPU a block is one thread.
 
 from __future__ import annotations
 
-import math
-
 from warp import config
 from warp._src import errors
 from warp._src.devices.devices import resolve_index
@@ -18,6 +16,23 @@ from warp._src.kernels.kernel import Kernel, argument_type
 DEFAULT_THREADS = 256
 # More, no block has.
 MOST_THREADS = 1024
+
+
+class RaggedBlock(int):
+    """Threads of blocks that are not rows of a launch: threads that follow each other, whatever the
+    extents are, of which the last block may lack some."""
+
+    __slots__ = ()
+    is_ragged = True
+
+    def __repr__(self):
+        return f"ragged {int(self)}"
+
+    def __hash__(self):
+        return hash((int(self), "ragged"))
+
+    def __eq__(self, other):
+        return type(other) is RaggedBlock and int(self) == int(other)
 
 
 def block_threads(kernel, index, block_dim) -> int:
@@ -69,21 +84,20 @@ class TiledKernel(Kernel):
             recorded: arguments may be changed before it is run.
 
         Raises:
-            WarpLaunchValueError: a block of several threads would not be complete.
+            WarpLaunchValueError: there are more than blocks have.
         """
         threads = block_threads(self, index, block_dim)
         if threads == 1 and index < 0:
             return native, 0
         extents = tuple(dim) if isinstance(dim, (tuple, list)) else (dim,)
-        is_full = math.prod(extents) % threads == 0 or (index < 0 and len(extents) == 1)
-        if not is_full or (len(extents) > 1 and extents[-1] != threads):
-            raise errors.WarpLaunchValueError(
-                f"launch('{self.key}'): tiles belong to blocks of {threads} threads, which a "
-                f"launch of {extents} does not fill; use `wp.launch_tiled`, or make the last "
-                f"extent {threads}"
-            )
+        if len(extents) == 1:
+            is_row = index < 0 or extents[0] % threads == 0
+        else:
+            is_row = extents[-1] == threads
+        if not is_row:
+            threads = RaggedBlock(threads)
         types = tuple(map(argument_type, values)) if self.is_generic else None
-        return self.for_blocks(types, threads), threads if index >= 0 else 0
+        return self.for_blocks(types, threads), int(threads) if index >= 0 else 0
 
     def code_for(self, native, arch):
         """For GPUs, blocks of the option `block_dim`, or of 256 threads."""
@@ -108,6 +122,15 @@ def launch_tiled(kernel, dim, *args, block_dim=0, device=None, stream=None, **op
     Raises:
         WarpLaunchError: as `wp.launch` does.
     """
+    try:
+        return _launch_tiled(kernel, dim, args, block_dim, device, stream, options)
+    except errors.WarpCodegenError as problem:
+        # Says where in the kernel. Who keeps it is not to keep the kernel, too.
+        del kernel
+        raise problem.with_traceback(None) from problem.__cause__
+
+
+def _launch_tiled(kernel, dim, args, block_dim, device, stream, options):
     from warp._src.kernels.launch import launch
 
     if device is None and stream is not None:

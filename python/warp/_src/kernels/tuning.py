@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 
-from warp import _native
+from warp import _native, config
 from warp._src.devices.devices import get_device
 from warp._src.kernels.kernel import Kernel
 from warp._src.version import PACKAGE, VERSION
@@ -59,12 +59,18 @@ def get_cpu_kernel_cache_key(*, cpu_compiler_flags=None) -> str:
     """A name for caches of CPU kernels: it differs where compiled code may.
 
     Args:
-        cpu_compiler_flags: accepted for compatibility; code is always for the host.
+        cpu_compiler_flags: names of caches differ where they do, by default those of
+            `wp.config.cpu_compiler_flags`; code is always for the host.
     """
     import hashlib
     import platform
 
-    digest = hashlib.blake2b(_native.host_processor().encode(), digest_size=4).hexdigest()
+    flags = cpu_compiler_flags
+    if flags is None:
+        flags = config.cpu_compiler_flags or "-march=native"
+    processors = [flag for flag in flags.split() if flag.startswith(("-march=", "-mcpu="))]
+    text = _native.host_processor() + " ".join(processors)
+    digest = hashlib.blake2b(text.encode(), digest_size=4).hexdigest()
     return f"{VERSION}-{platform.system()}-{platform.machine()}-{digest}"
 
 

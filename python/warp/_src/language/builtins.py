@@ -18,7 +18,7 @@ from warp._src.devices.devices import CPU
 from warp._src.types import dtypes
 from warp._src.types.composites import Composite, canonical_class
 from warp._src.types.numpy_types import dtype_from_numpy
-from warp._src.types.scalars import PYTHON_TYPES, ScalarType, scalar_base
+from warp._src.types.scalars import PYTHON_TYPES, ScalarType, int32, scalar_base
 
 # They need a thread, or change an array: nothing that a single call could give.
 _KERNEL_ONLY = frozenset(
@@ -168,6 +168,9 @@ def _value(name, argument):
         if type(argument) is canonical:
             return argument
         return canonical.from_buffer_copy(argument)
+    if type(argument) is int and not -(2**31) <= argument < 2**31:
+        # Only the last 32 bits, as explicit casts take them.
+        return int32(argument)
     if type(argument) in (bool, int, float) or isinstance(argument, scalar_base):
         return argument
     if hasattr(argument, "dtype") and getattr(argument, "shape", None) == ():

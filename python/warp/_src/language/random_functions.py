@@ -1,5 +1,7 @@
 """Random functions that are written in the kernel language: curl noise, Poisson's distribution."""
 
+from typing import Any
+
 from warp._src.kernels.function import Function
 from warp._src.language import namespace as wp
 from warp._src.types.dtypes import Scalar, vec2f, vec3f, vec4f
@@ -7,47 +9,64 @@ from warp._src.types.scalars import uint32
 
 
 def curlnoise(
-    state: uint32, x: vec2f, octaves: Scalar = uint32(1), lacunarity: float = 2.0, gain: float = 0.5
+    state: uint32,
+    xy: vec2f,
+    octaves: Scalar = uint32(1),
+    lacunarity: float = 2.0,
+    gain: float = 0.5,
 ):
     """Random velocity without divergence at a point of the plane."""
     total = wp.vec2()
     frequency = float(1.0)
     amplitude = float(1.0)
     for _ in range(int(octaves)):
-        total += amplitude * wp.noise_gradient(state, frequency * x)
+        total += amplitude * wp.noise_gradient(state, frequency * xy)
         amplitude *= gain
         frequency *= lacunarity
     return wp.vec2(-total[1], total[0])
 
 
-def _in_space(point_type):
+def _curlnoise_in_space(state: uint32, place: Any, octaves: Scalar, lacunarity: float, gain: float):
     """The same in space, or in space and time."""
+    total = wp.vec3()
+    frequency = float(1.0)
+    amplitude = float(1.0)
+    for _ in range(int(octaves)):
+        point = frequency * place
+        first = wp.noise_gradient(state, point)
+        state = wp.rand_init(int(state), 10019689)
+        second = wp.noise_gradient(state, point)
+        state = wp.rand_init(int(state), 13112221)
+        third = wp.noise_gradient(state, point)
+        total += amplitude * wp.vec3(
+            third[1] - second[2], first[2] - third[0], second[0] - first[1]
+        )
+        amplitude *= gain
+        frequency *= lacunarity
+    return total
 
-    def curlnoise(
-        state: uint32,
-        x: point_type,
-        octaves: Scalar = uint32(1),
-        lacunarity: float = 2.0,
-        gain: float = 0.5,
-    ):
-        total = wp.vec3()
-        frequency = float(1.0)
-        amplitude = float(1.0)
-        for _ in range(int(octaves)):
-            point = frequency * x
-            first = wp.noise_gradient(state, point)
-            state = wp.rand_init(int(state), 10019689)
-            second = wp.noise_gradient(state, point)
-            state = wp.rand_init(int(state), 13112221)
-            third = wp.noise_gradient(state, point)
-            total += amplitude * wp.vec3(
-                third[1] - second[2], first[2] - third[0], second[0] - first[1]
-            )
-            amplitude *= gain
-            frequency *= lacunarity
-        return total
 
-    return curlnoise
+curlnoise_in_space = Function(_curlnoise_in_space)
+
+
+def _curlnoise_xyz(
+    state: uint32,
+    xyz: vec3f,
+    octaves: Scalar = uint32(1),
+    lacunarity: float = 2.0,
+    gain: float = 0.5,
+):
+    return curlnoise_in_space(state, xyz, octaves, lacunarity, gain)
+
+
+def _curlnoise_xyzt(
+    state: uint32,
+    xyzt: vec4f,
+    octaves: Scalar = uint32(1),
+    lacunarity: float = 2.0,
+    gain: float = 0.5,
+):
+    return curlnoise_in_space(state, xyzt, octaves, lacunarity, gain)
 
 
 def _log_factorial(k: float):
@@ -111,5 +130,5 @@ poisson_by_rejection = Function(_poisson_by_rejection, "poisson_by_rejection")
 POISSON = Function(_poisson, "poisson")
 CURLNOISE = Function(curlnoise)
 CURLNOISE.__module__ = "warp"
-CURLNOISE.add_overload(_in_space(vec3f))
-CURLNOISE.add_overload(_in_space(vec4f))
+CURLNOISE.add_overload(_curlnoise_xyz)
+CURLNOISE.add_overload(_curlnoise_xyzt)

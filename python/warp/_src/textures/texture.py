@@ -2,7 +2,9 @@
 
 To a kernel a texture is a struct of an array of float32 texels and of how it is read; the functions
 that read it are in `sampling`. So devices, graphs, structs and arrays of textures need nothing of
-their own, and a GPU computes what the CPU does; its texture units are not used.
+their own, and a GPU computes what the CPU does; its texture units are not used. Levels of a mip
+chain (`mips`) lie one behind the other, the finest first. Of 32-bit integers, which float32 does
+not hold, there is a second array with the numbers themselves.
 """
 
 from __future__ import annotations
@@ -11,9 +13,11 @@ import enum
 
 from warp._src import errors
 from warp._src.arrays.array import array
+from warp._src.textures import mips, texels
+from warp._src.textures.copies import TextureCopies
+from warp._src.textures.mips import numpy
 from warp._src.types import dtypes, scalars
 from warp._src.types.native import ArrayType
-from warp._src.types.numpy_types import dtype_from_numpy
 from warp._src.types.structs import StructInstance, make_struct
 
 
@@ -33,28 +37,17 @@ class TextureAddressMode(enum.IntEnum):
     BORDER = 3
 
 
-# Types of texels, and by what integers are divided; of 32 bits they stay as they are.
-_KINDS = (
-    (scalars.uint8, 255.0),
-    (scalars.uint16, 65535.0),
-    (scalars.float32, None),
-    (scalars.int8, 127.0),
-    (scalars.int16, 32767.0),
-    (scalars.float16, None),
-    (scalars.uint32, None),
-    (scalars.int32, None),
-)
-_KIND_BY_TYPE = {dtype: number for number, (dtype, _) in enumerate(_KINDS)}
 _FIELDS = {
     "texels": ArrayType(scalars.float32, 1),
     **dict.fromkeys(("width", "height", "depth", "num_channels", "kind"), scalars.int32),
     **dict.fromkeys(("filter", "address_u", "address_v", "address_w"), scalars.int32),
+    **dict.fromkeys(("levels", "mip_filter"), scalars.int32),
     "normalized": scalars.bool,
 }
 _AXES = ("width", "height", "depth")
 
 
-class Texture(StructInstance):
+class Texture(TextureCopies, StructInstance):
     """Base of the textures.
 
     Args:
@@ -66,12 +59,18 @@ class Texture(StructInstance):
         filter_mode: by default `LINEAR`; `CLOSEST` for 32-bit integers.
         address_mode: one, or one for each axis; `address_mode_u` and its like go before it.
         normalized_coords: whether a texture spans [0, 1], rather than [0, extent].
-        num_mip_levels: 1, the only number that there is.
+        num_mip_levels: of a mip chain that is made of the data, each level means of pairs of the
+            one before; 0 for all, down to one texel.
+        mip_filter_mode: whether a level of detail between two levels reads both or the nearer;
+            by default like `filter_mode`.
         device: where the texels live.
 
     Raises:
         TypeError, ValueError: data or modes do not fit.
     """
+
+    # Of 32-bit integers, the numbers.
+    _whole = None
 
     def __init__(self, *args, **options):
         if type(self) is Texture:
@@ -92,40 +91,53 @@ class Texture(StructInstance):
 
     def _make(self, data=None, device=None, dtype=None, num_channels=0, **options):
         extents = [options.pop(name, 0) for name in _AXES[: self.ndim]][::-1]
-        if options.pop("num_mip_levels", 1) != 1 or options.pop("cuda_array", 0):
-            raise errors.WarpError("mip levels and CUDA arrays are not in this package yet")
+        levels = options.pop("num_mip_levels", 1)
+        if options.pop("cuda_array", 0):
+            raise errors.WarpError("textures over CUDA arrays are not in this package")
+        whole = None
         if data is None:
+            if levels != 1:
+                raise ValueError("a mip chain is made of data, but none is given")
             channels = num_channels or 1
-            kind = _kind(scalars.float32 if dtype is None else dtypes.canonical(dtype))
-            self._set_shape(*_checked_shape(extents, channels), kind)
-            self.texels = array(
-                shape=self._count(), dtype=scalars.float32, device=device
-            )  # fmt: skip
-            self.texels.zero_()
+            kind = texels.kind_of(scalars.float32 if dtype is None else dtypes.canonical(dtype))
+            self._set_shape(*texels.checked_shape(extents, channels), kind)
+            self.texels = _zeros(self._count(), scalars.float32, device)
+            if self._is_whole():
+                whole = _zeros(self._count(), self.dtype, device)
         else:
             if device is None and isinstance(data, array):
                 device = data.device
-            values, kind = _numbers(data)
+            values, kind = texels.numbers_of(data)
             extents, channels = self._split(values.shape)
             self._set_shape(extents, channels, kind)
-            self.texels = array(_read(values, kind).reshape(-1), device=device)
+            self.levels = mips.count_of(extents, levels)
+            chain = mips.chain_of(values, self.ndim, self.levels)
+            numbers = numpy().concatenate([one.reshape(-1) for one in chain])
+            self.texels = array(texels.texels_of(numbers, kind), device=device)
+            if self._is_whole():
+                whole = array(values.reshape(-1), dtype=self.dtype, device=device)
+        object.__setattr__(self, "_whole", whole)
         self._set_modes(**options)
+
+    def _is_whole(self) -> bool:
+        """Whether texels are integers that float32 does not hold."""
+        return self.dtype in (scalars.int32, scalars.uint32)
 
     def _split(self, shape):
         """Extents and channels of data of a shape."""
         if len(shape) == self.ndim:
-            return _checked_shape(shape, 1)
+            return texels.checked_shape(shape, 1)
         if len(shape) != self.ndim + 1:
             raise ValueError(
                 f"'{type(self).__name__}' expects data with {self.ndim} dimensions, and perhaps "
                 f"one for channels, but got shape {tuple(shape)}"
             )
-        return _checked_shape(shape[:-1], shape[-1])
+        return texels.checked_shape(shape[:-1], shape[-1])
 
     def _set_shape(self, extents, channels, kind):
         for name, extent in zip(_AXES, [*extents[::-1], 1, 1], strict=False):
             setattr(self, name, int(extent))
-        self.num_channels, self.kind = channels, kind
+        self.num_channels, self.kind, self.levels = channels, kind, 1
 
     def _count(self) -> int:
         return self.width * self.height * self.depth * self.num_channels
@@ -139,24 +151,35 @@ class Texture(StructInstance):
         surface_access=False,
         **by_axis,
     ):
-        whole = self.dtype in (scalars.int32, scalars.uint32)
+        whole = self._is_whole()
         if filter_mode is None:
             filter_mode = TextureFilterMode.CLOSEST if whole else TextureFilterMode.LINEAR
-        self.filter = TextureFilterMode(filter_mode)
+        self.filter = _mode(TextureFilterMode, filter_mode, "filter")
         if whole and self.filter == TextureFilterMode.LINEAR:
-            raise ValueError("textures of 32-bit integers are read with `CLOSEST` only")
+            raise ValueError(
+                "filter_mode: textures of 32-bit integers are read with `CLOSEST` only"
+            )
+        mip_mode = filter_mode if mip_filter_mode is None else mip_filter_mode
+        self.mip_filter = _mode(TextureFilterMode, mip_mode, "mip filter")
+        if whole and self.is_mipmapped and self.mip_filter == TextureFilterMode.LINEAR:
+            raise ValueError(
+                "mip_filter_mode: levels of 32-bit integers are read with `CLOSEST` only"
+            )
+        if surface_access and self.is_mipmapped:
+            raise ValueError("a texture with a mip chain cannot be written to")
         modes = address_mode if isinstance(address_mode, (tuple, list)) else [address_mode] * 3
         if len(modes) < self.ndim:
             raise ValueError(f"expects {self.ndim} address modes, but got {len(modes)}")
         for axis, name in zip("uvw"[: self.ndim], modes, strict=False):
             own = by_axis.get(f"address_mode_{axis}")
-            setattr(self, f"address_{axis}", TextureAddressMode(name if own is None else own))
+            mode = _mode(TextureAddressMode, name if own is None else own, "address")
+            setattr(self, f"address_{axis}", mode)
         self.normalized = bool(normalized_coords)
 
     @property
     def dtype(self):
         """The type of a texel's number, as it was given."""
-        return _KINDS[self.kind][0]
+        return texels.KINDS[self.kind][0]
 
     @property
     def device(self):
@@ -183,51 +206,36 @@ class Texture(StructInstance):
         return TextureAddressMode(self.address_w)
 
     @property
+    def mip_filter_mode(self) -> TextureFilterMode:
+        return TextureFilterMode(self.mip_filter)
+
+    @property
     def num_mip_levels(self) -> int:
-        return 1
+        return self.levels
 
     @property
     def is_mipmapped(self) -> bool:
-        return False
+        return self.levels > 1
 
     @property
     def id(self) -> int:
         """Address of the texels, 0 for a texture without."""
         return 0 if self.texels is None else self.texels.ptr or 0
 
-    def copy_from(self, src) -> None:
-        """Sets all texels from a texture, an array or a NumPy array of the same shape and type."""
-        if isinstance(src, Texture):
-            src = src.numpy()
-        values, kind = _numbers(src)
-        extents, channels = self._split(values.shape)
-        shape = (*extents, channels)
-        if shape != self._shape() or kind != self.kind:
-            raise ValueError(
-                f"expects texels of shape {self._shape()} and '{self.dtype.__name__}', but got "
-                f"{shape} and '{_KINDS[kind][0].__name__}'"
-            )
-        self.texels.assign(_read(values, kind).reshape(-1))
-
-    def copy_to(self, dst) -> None:
-        """Writes all texels into a texture, an array or a NumPy array of the same shape."""
-        if isinstance(dst, Texture):
-            dst.copy_from(self)
-        elif isinstance(dst, array):
-            dst.assign(self.numpy().reshape(dst._host_view().shape))
-        else:
-            dst[...] = self.numpy().reshape(dst.shape)
-
     def numpy(self):
-        """The texels as a NumPy array of their type, with a last dimension for several channels."""
-        import numpy
+        """The texels as a NumPy array of their type, with a last dimension for several channels.
 
-        dtype, most = _KINDS[self.kind]
-        values = self.texels.numpy()
+        Of a mip chain these are those of the finest level.
+        """
+        dtype, most = texels.KINDS[self.kind]
+        if self._is_whole():
+            values = self._whole.numpy()
+        else:
+            values = self.texels.numpy()[: self._count()]
         if most is not None:
-            values = numpy.rint(values.astype(numpy.float64) * most)
+            values = numpy().rint(values.astype("f8") * most)
         shape = self._shape()
-        values = values.astype(dtype.__numpy_dtype__)
+        values = values.astype(dtype._element_)
         return values.reshape(shape if shape[-1] > 1 else shape[:-1])
 
     def _shape(self) -> tuple:
@@ -242,45 +250,18 @@ _OPTIONS = (
 )
 
 
-def _kind(dtype) -> int:
-    if dtype not in _KIND_BY_TYPE:
-        known = ", ".join(f"'{known.__name__}'" for known, _ in _KINDS)
-        raise TypeError(f"textures hold {known}, but got '{dtypes.type_repr(dtype)}'")
-    return _KIND_BY_TYPE[dtype]
-
-
-def _checked_shape(extents, channels):
-    count = channels
-    for extent in extents:
-        count *= extent
-    if min(extents) < 1:
-        raise ValueError(f"expects extents of at least 1, but got {tuple(extents)}")
-    if channels not in (1, 2, 4):
-        raise ValueError(f"expects 1, 2 or 4 channels, but got {channels}")
-    if count >= 1 << 31:
-        raise ValueError(f"a texture has less than 2^31 numbers, but {tuple(extents)} has more")
-    return tuple(extents), channels
-
-
-def _numbers(data):
-    """A NumPy array of the data, and the kind of its type."""
-    import numpy
-
-    values = data.numpy() if isinstance(data, array) else numpy.asarray(data)
+def _mode(kind, value, what):
     try:
-        return values, _kind(dtype_from_numpy(values.dtype))
-    except KeyError:
-        raise TypeError(f"textures hold numbers, but got '{values.dtype}'") from None
+        return kind(value)
+    except ValueError:
+        known = ", ".join(f"{one.name} ({int(one)})" for one in kind)
+        raise ValueError(f"Invalid texture {what} mode: {value}, expects {known}") from None
 
 
-def _read(values, kind):
-    """The numbers that kernels read for values of a kind."""
-    import numpy
-
-    most = _KINDS[kind][1]
-    if most is None:
-        return values.astype(numpy.float32)
-    return numpy.maximum((values / most).astype(numpy.float32), numpy.float32(-1))
+def _zeros(count, dtype, device):
+    made = array(shape=count, dtype=dtype, device=device)
+    made.zero_()
+    return made
 
 
 def _make_class(ndim):

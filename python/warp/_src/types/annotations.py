@@ -11,9 +11,10 @@ from __future__ import annotations
 import sys
 import typing
 
+from warp._src import errors
 from warp._src.types import native
 from warp._src.types.native import ArrayType, IndexedArrayType
-from warp._src.types.vectors import GenericAnnotation
+from warp._src.types.vectors import GenericAnnotation, unwrapped
 
 
 class Reference:
@@ -43,11 +44,14 @@ class FixedArrayType:
     """What `wp.fixedarray(shape, dtype)` gives: the type of an array of one thread."""
 
     __slots__ = ("dtype", "shape")
+    _wp_array_annotation_ = True
 
     def __init__(self, dtype, shape):
         self.dtype = native.canonical(dtype)
         self.shape = tuple(shape) if isinstance(shape, (tuple, list)) else (shape,)
-        if not 1 <= len(self.shape) <= 4 or not all(
+        if shape is None:
+            self.shape = ()
+        elif not 1 <= len(self.shape) <= 4 or not all(
             isinstance(extent, int) and extent > 0 for extent in self.shape
         ):
             raise ValueError(f"expects 1 to 4 positive extents, but got {shape!r}")
@@ -79,8 +83,10 @@ class fixedarray:
         TypeError, ValueError: the type or an extent cannot be used.
     """
 
+    _wp_array_ = True
+
     def __new__(cls, dtype=float, shape=None) -> FixedArrayType:
-        return FixedArrayType(dtype, () if shape is None else shape)
+        return FixedArrayType(dtype, shape)
 
 
 class ref:
@@ -116,11 +122,15 @@ def address_of(place):
 def from_subscript(params, ndim, made=ArrayType):
     """The type for `wp.array[dtype]` and `wp.array[dtype, typing.Literal[n]]`."""
     if isinstance(params, tuple):
+        if ndim is not None and ndim > 1:
+            raise errors.WarpTypeError(
+                f"expects an element type alone, but got {len(params)} parameters",
+                also=f"array{ndim}d[...] takes a single type parameter",
+            )
         if len(params) != 2:
             raise TypeError(f"expects `wp.array[dtype, ndim]`, but got {len(params)} parameters")
         dtype, rank = params
-        arguments = typing.get_args(rank)
-        ndim = arguments[0] if arguments else rank
+        ndim = rank if rank is typing.Any else unwrapped(rank)[0]
     else:
         dtype = params
     return made(dtype, ndim)
@@ -153,6 +163,25 @@ def annotations_of(function) -> dict:
     return {name: evaluate(value, spaces) for name, value in found.items()}
 
 
+def check_annotations(owner, declared) -> None:
+    """Refuses arrays of derived classes as annotations: their class says nothing of their type.
+
+    Args:
+        owner: whose annotations they are, for the message.
+        declared: annotations by name.
+
+    Raises:
+        TypeError: there is one.
+    """
+    for name, one in declared.items():
+        kind = type(one)
+        if native.has_arrays(kind) and not kind.__module__.startswith("warp._src."):
+            raise TypeError(
+                f"'{name}' of '{owner}' has an array of '{kind.__name__}' as its annotation, use "
+                "`wp.array(dtype=...)`"
+            )
+
+
 def resolve(annotation):
     """The canonical form of an annotation.
 
@@ -179,5 +208,7 @@ def caller_namespaces(cls, depth=2):
 def is_generic(annotation) -> bool:
     """Whether an annotation leaves the type open."""
     if isinstance(annotation, ArrayType):
+        if annotation.ndim is typing.Any:
+            return True
         annotation = annotation.dtype
     return annotation is typing.Any or isinstance(annotation, (typing.TypeVar, GenericAnnotation))

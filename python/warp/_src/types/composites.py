@@ -290,7 +290,11 @@ def _integer_rounding(a):
 
 def operand_error(name, a, b):
     """The exception for operands that `name` does not take."""
-    message = f"no overload of '{name}' takes '{type(a).__name__}' and '{type(b).__name__}'"
-    if name == "mul" and isinstance(b, Composite):
-        message += ", use `wp.cw_mul` or `wp.dot`"
-    return TypeError(message)
+    # Programs know this error by its words.
+    shown = ", ".join(type(one).__name__ for one in (a, b))
+    problem = errors.WarpTypeError(
+        f"Couldn't find a function '{name}' compatible with the arguments '{shown}'"
+    )
+    if name == "mul" and isinstance(b, Composite) and hasattr(problem, "add_note"):
+        problem.add_note("use `wp.cw_mul` or `wp.dot`")
+    return problem

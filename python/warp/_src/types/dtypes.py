@@ -12,8 +12,8 @@ from warp._src.types.matrices import Matrix, matrix
 from warp._src.types.matrices import matrix_from_cols as matrix_from_cols
 from warp._src.types.matrices import matrix_from_rows as matrix_from_rows
 from warp._src.types.native import (
-    ArrayType,
     canonical,
+    has_arrays,
     is_struct,
     register,
 )
@@ -113,18 +113,21 @@ vec = Vector
 mat = Matrix
 
 
+# `type_is_vector` and its like are about types, `is_vector` and its like about values.
+
+
 def _class_of(x):
-    return x if isinstance(x, type) else type(x)
+    return None if isinstance(x, type) else type(x)
 
 
 def is_array(x) -> builtins.bool:
-    """Whether `x` is an array, indexed or not, such a class or an annotation."""
-    return type_is_array(x) or type_is_array(type(x))
+    """Whether `x` is an array, indexed or not, or an annotation of one."""
+    return type_is_array(type(x)) or hasattr(type(x), "_wp_array_annotation_")
 
 
 def is_value(x) -> builtins.bool:
-    """Whether `x` is passed by value: a number, scalar, composite or struct (or such a type)."""
-    return is_scalar(x) or is_composite(x) or type_is_struct(_class_of(x))
+    """Whether `x` is a number, scalar or composite."""
+    return is_scalar(x) or is_composite(x)
 
 
 def is_int(x) -> builtins.bool:
@@ -198,7 +201,8 @@ def type_is_transformation(t) -> builtins.bool:
 
 
 def type_is_array(t) -> builtins.bool:
-    return isinstance(t, ArrayType) or (isinstance(t, type) and hasattr(t, "_wp_array_"))
+    """Whether `t` is a class of arrays, indexed or not, such as `wp.array`."""
+    return has_arrays(t)
 
 
 def type_is_tile(t) -> builtins.bool:
@@ -215,11 +219,11 @@ def is_tile(x) -> builtins.bool:
 
 
 def type_is_struct(t) -> builtins.bool:
-    return is_struct(t)
+    return isinstance(t, type) and is_struct(t)
 
 
 def type_is_value(t) -> builtins.bool:
-    return type_is_scalar(t) or type_is_composite(t) or type_is_struct(t)
+    return type_is_scalar(t) or type_is_composite(t)
 
 
 def type_scalar_type(t):

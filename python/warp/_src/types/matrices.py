@@ -52,6 +52,10 @@ class Matrix(Composite):
 
     def __class_getitem__(cls, params):
         params = unwrapped(params)
+        if len(params) != 3:
+            raise TypeError(
+                f"Matrix[...] requires 3 parameters, dtype, rows and columns, but got {len(params)}"
+            )
         extents = tuple(p for p in params if isinstance(p, int))
         dtypes = [p for p in params if not isinstance(p, int)]
         if len(extents) == 2 and len(dtypes) == 1:

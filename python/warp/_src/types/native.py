@@ -9,6 +9,7 @@ from __future__ import annotations
 import typing
 
 from warp import _native
+from warp._src import errors
 from warp._src.types import scalars
 from warp._src.types.composites import Composite, canonical_class
 from warp._src.types.matrices import matrix
@@ -88,6 +89,11 @@ def _parse(text: str):
     raise TypeError(f"no Python type for '{text}'")
 
 
+def has_arrays(kind) -> bool:
+    """Whether a class is one of arrays, indexed or not."""
+    return isinstance(kind, type) and hasattr(kind, "_wp_array_")
+
+
 def is_struct(dtype) -> bool:
     return getattr(dtype, "_wp_struct_", False) is True
 
@@ -118,19 +124,30 @@ def _element_type(dtype):
 
 
 class ArrayType:
-    """Type of an array: `dtype` (a class, or `typing.Any`) and `ndim`.
+    """Type of an array: `dtype` (a class, or `typing.Any`) and `ndim` (or `typing.Any`).
 
     Programs put attributes of their own on annotations, such as the extents they mean by `shape`.
     """
 
+    _wp_array_annotation_ = True
+    # What kernels see of an array; `struct_fields`, which has it, sets this.
+    make_descriptor: typing.ClassVar[typing.Callable]
+
     def __getattr__(self, name):
         if name == "shape":
-            return (0,) * self.ndim
+            return (0,) * (1 if self.ndim is typing.Any else self.ndim)
+        if name == "vars":
+            # What packages find the members of an array by: none are fields of a struct.
+            self.vars = {}
+            return self.vars
         raise AttributeError(f"an annotation of an array has no attribute '{name}'")
 
     def __init__(self, dtype, ndim=1):
-        if ndim not in (1, 2, 3, 4):
-            raise ValueError(f"expects an array of 1 to 4 dimensions, but got {ndim!r}")
+        if ndim is not typing.Any and ndim not in (1, 2, 3, 4):
+            raise errors.WarpShapeError(
+                f"expects an array of 1 to 4 dimensions, but got {ndim!r}",
+                also=f"ndim must be between 1 and 4, got {ndim!r}",
+            )
         if dtype is None:
             dtype = typing.Any
         if dtype is not typing.Any and not isinstance(dtype, typing.TypeVar):
@@ -151,11 +168,17 @@ class ArrayType:
         return hash((self.dtype, self.ndim))
 
     def __repr__(self):
+        if self.ndim is typing.Any:
+            return f"array(dtype={type_repr(self.dtype)}, ndim=Any)"
         suffix = "" if self.ndim == 1 else f"{self.ndim}d"
         return f"array{suffix}(dtype={type_repr(self.dtype)})"
 
     def __call__(self, *args, **kwargs):
         raise TypeError(f"'{self!r}' is an annotation, use `wp.array(data, ...)` to make an array")
+
+    def __ctype__(self):
+        """The descriptor of no array."""
+        return self.make_descriptor()
 
 
 # Packages tell annotations from arrays by this name.

@@ -58,8 +58,8 @@ def element_layout(dtype):
     if dtypes.is_struct(dtype):
         return dtype.__numpy_dtype__, ()
     if issubclass(dtype, scalars.scalar_base):
-        return dtype.__numpy_dtype__, ()
-    return dtype._wp_scalar_type_.__numpy_dtype__, dtype._shape_
+        return dtype._element_, ()
+    return dtype._wp_scalar_type_._element_, dtype._shape_
 
 
 def bfloat16_bits(numbers):

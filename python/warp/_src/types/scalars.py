@@ -26,16 +26,30 @@ class ScalarType(type):
     """Metaclass of the scalar types: lets NumPy read them as dtypes."""
 
     @property
-    def __numpy_dtype__(cls):
+    def _element_(cls):
+        """NumPy's type for what is in memory; bfloat16 is `uint16`."""
         import numpy
 
         return numpy.dtype(cls._numpy_name_)
 
     @property
+    def __numpy_dtype__(cls):
+        if issubclass(cls, bfloat16):
+            raise AttributeError("NumPy has no bfloat16")
+        return cls._element_
+
+    @property
     def dtype(cls):
-        if "_numpy_name_" not in cls.__dict__:
+        """What NumPy before 2.4 looks for; there is no such attribute for others."""
+        import numpy
+
+        if "_numpy_name_" not in cls.__dict__ or _at_least(numpy.__version__, 2, 4):
             raise AttributeError(f"'{cls.__name__}' has no attribute 'dtype'")
-        return cls.__numpy_dtype__
+        return cls._element_
+
+
+def _at_least(version: str, *wanted) -> builtins.bool:
+    return tuple(map(builtins.int, version.split(".")[:2])) >= wanted
 
 
 class scalar_base(metaclass=ScalarType):

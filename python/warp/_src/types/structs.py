@@ -238,6 +238,7 @@ def _make_struct(cls, namespaces):
             also="Warp structs must be defined as base classes",
         )
     declared = inspect.get_annotations(cls)
+    annotations.check_annotations(name, declared)
     for attribute, value in cls.__dict__.items():
         if attribute in declared and not _is_zero(value):
             warnings.warn(
@@ -312,7 +313,7 @@ def _numpy_format(dtype):
     if dtypes.is_struct(dtype):
         return dtype.numpy_dtype()
     if isinstance(dtype, ScalarType):
-        return dtype.__numpy_dtype__.str
-    number = dtype._wp_scalar_type_.__numpy_dtype__.str
+        return dtype._element_.str
+    number = dtype._wp_scalar_type_._element_.str
     shape = dtype._shape_
     return f"{shape[0]}{number}" if len(shape) == 1 else f"{shape}{number}"

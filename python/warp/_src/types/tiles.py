@@ -13,7 +13,9 @@ class TileType:
 
     Attributes:
         dtype: element type, or `typing.Any`.
-        shape: 1 to 4 extents; each an int, or `typing.Any` for any. None leaves all of it open.
+        shape: 1 to 4 extents; each an int, or `typing.Any` for any. `typing.Any` leaves all of it
+            open.
+        storage: "register"; where a tile is kept is the compiler's choice.
 
     Raises:
         TypeError: extents are not what they should be, or there is no such element type.
@@ -21,13 +23,14 @@ class TileType:
 
     __slots__ = ("dtype", "shape")
     _wp_tile_ = True
+    storage = "register"
 
     def __init__(self, dtype, shape):
         self.dtype = dtype if dtype is typing.Any else native.canonical(dtype)
         if len(shape) == 1 and isinstance(shape[0], tuple):
             shape = shape[0]
         elif not shape:
-            self.shape = None
+            self.shape = typing.Any
             return
         self.shape = unwrapped(tuple(shape))
         are_extents = all(
@@ -41,7 +44,7 @@ class TileType:
     @property
     def is_open(self) -> bool:
         """Whether something of it is left to the call."""
-        return self.shape is None or typing.Any in (self.dtype, *self.shape)
+        return self.shape is typing.Any or typing.Any in (self.dtype, *self.shape)
 
     @property
     def _native_(self) -> str:
@@ -50,7 +53,7 @@ class TileType:
 
     def fits(self, found) -> bool:
         """Whether a type of the compiler is one that an open annotation asks for."""
-        if found.kind == "tile" and self.shape is None:
+        if found.kind == "tile" and self.shape is typing.Any:
             return self.dtype in (typing.Any, native.dtype_of(found.element))
         return (
             found.kind == "tile"
@@ -68,7 +71,10 @@ class TileType:
         return hash((TileType, self.dtype, self.shape))
 
     def __repr__(self):
-        parts = [getattr(self.dtype, "__name__", str(self.dtype)), *map(str, self.shape or ())]
+        parts = [
+            getattr(self.dtype, "__name__", str(self.dtype)),
+            *map(str, () if self.shape is typing.Any else self.shape),
+        ]
         return f"wp.tile[{', '.join(parts)}]"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import itertools
 import typing
 
 from warp._src import errors
@@ -186,6 +187,10 @@ def unwrapped(params) -> tuple:
 def generic_annotation(family, params):
     """`Vector[3, float]` and `Vector[float, 3]` give the type when both are concrete."""
     params = unwrapped(params)
+    if family is Vector and len(params) != 2:
+        raise TypeError(
+            f"Vector[...] requires 2 parameters, dtype and length, but got {len(params)}"
+        )
     if len(params) == 1 and family in (Quaternion, Transformation):
         made = quaternion if family is Quaternion else transformation
         try:
@@ -220,6 +225,10 @@ def _no_component(name):
     return property(refuse, refuse)
 
 
+for _count in (2, 3, 4):
+    for _name in map("".join, itertools.product("xyzw", repeat=_count)):
+        # Swizzles are of kernels.
+        setattr(Vector, _name, _no_component(_name))
 _NO_COMPONENTS = {name: _no_component(name) for name in "xyzw"}
 _COMPONENTS = [_component(index) for index in range(4)]
 _cache: dict = {}

@@ -17,17 +17,7 @@ import numpy as np
 import warp as wp
 from warp import _native
 from warp._src import errors
-from warp._src.geometry.device.refit import BOXES, NODE, TRIANGLES
 from warp._src.types import dtypes
-
-
-def _shape(count):
-    """Numbers of nodes on the levels, the root first, and of blocks, for so many primitives."""
-    blocks = -(-count // 8)
-    levels = [-(-blocks // 8)] if count else []
-    while levels and levels[0] > 1:
-        levels.insert(0, -(-levels[0] // 8))
-    return levels, blocks
 
 
 class Build:
@@ -43,47 +33,55 @@ class Build:
     def __init__(self, count, device, of_triangles, along_curve=False):
         self.count, self.device, self.of_triangles = count, device, of_triangles
         self.along_curve = along_curve
-        levels, self._block_count = _shape(count)
-        self._levels = [0, *itertools.accumulate(levels)]
-        size = TRIANGLES if of_triangles else BOXES
-        self.nodes = wp.empty(self._levels[-1] * NODE, dtype=dtypes.uint32, device=device)
-        self.blocks = wp.empty(self._block_count * size, dtype=dtypes.uint32, device=device)
-        # The first face with a wrong index, and how many primitives are never found.
-        self._found = wp.empty(2, dtype=int, device=device)
-        self._slot = None
+        self._shape = _native.tree_shape(count, of_triangles)
+        # Nodes, blocks, and what was found.
+        size = sum(self._shape[2:]) // 4 + 2
+        self._memory = wp.empty(size, dtype=dtypes.uint32, device=device)
+        self._id = None
+
+    @property
+    def nodes(self) -> int:
+        """Where nodes are; 0 without any."""
+        return self._memory.ptr if self.count else 0
+
+    @property
+    def blocks(self) -> int:
+        """Where blocks are."""
+        return self._memory.ptr + self._shape[2] if self.count else 0
 
     @functools.cached_property
     def view(self):
         """Where the hierarchy is, as `Moments` reads it."""
+        levels, blocks, *_ = self._shape
+        starts = [0, *itertools.accumulate(levels)]
         return SimpleNamespace(
-            nodes=self.nodes.ptr, blocks=self.blocks.ptr, block_count=self._block_count,
-            order=np.arange(self._levels[-1]), levels=self._levels,
+            nodes=self.nodes, blocks=self.blocks, block_count=blocks,
+            order=np.arange(starts[-1]), levels=starts,
         )  # fmt: skip
 
     @property
     def report(self):
         """What is in the hierarchy; waits for its build."""
+        levels, blocks, *sizes = self._shape
         return SimpleNamespace(
-            skipped=int(self._found.numpy()[1]) if self.count else 0,
-            nodes=self._levels[-1], blocks=self._block_count,
-            bytes=4 * (self.nodes.size + self.blocks.size), depth=len(self._levels) - 1,
+            skipped=self._read()[1] if self.count else 0,
+            nodes=sum(levels), blocks=blocks, bytes=sum(sizes), depth=len(levels),
         )  # fmt: skip
 
-    def run(self, slot, first, second) -> None:
+    def run(self, id, first, second) -> None:
         """Builds from points and indices of faces, or from lower and upper corners of boxes.
 
-        slot: words of what the handle leads to, of which the scale of coordinates is written.
+        id: the handle, which gets the scale of coordinates.
         """
-        self._slot = slot
+        self._id = id
         if self.count:
             given = first, second, self.of_triangles, self.along_curve
-            _native.build_tree(*given, self.nodes, self.blocks, slot, self._found)
+            _native.build_tree(*given, self._memory, id)
 
     def refit(self, first, second) -> None:
         """Takes over primitives that moved."""
         if self.count:
-            given = first, second, self.of_triangles
-            _native.refit_tree(*given, self.nodes, self.blocks, self._slot, self._found)
+            _native.refit_tree(first, second, self.of_triangles, self._memory, self._id)
 
     def finish(self, points=None, indices=None) -> None:
         """Waits for the build of something new.
@@ -93,7 +91,7 @@ class Build:
         """
         if not self.of_triangles or not self.count:
             return
-        face = int(self._found.numpy()[0])
+        face, _ = self._read()
         if face == self.count:
             return
         corners = indices[3 * face : 3 * face + 3].numpy()
@@ -101,3 +99,12 @@ class Build:
         raise errors.WarpError(
             f"face {face} has the index {index}, but there are {len(points)} points"
         )
+
+    def _read(self):
+        """The first face with a wrong index, or `count`, and how many are never found."""
+        if _native.is_capturing(self.device.index):
+            raise errors.WarpError(
+                f"cannot read what was built on '{self.device}' while a graph is being captured "
+                "on it: make the hierarchy outside"
+            )
+        return _native.read_tree(self._memory)

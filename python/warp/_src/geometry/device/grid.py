@@ -54,18 +54,35 @@ def _number_points(
     order[i] = i
 
 
+# Threads that are neighbours, and how many of their cells each has: every so-manieth.
+_THREADS, _CELLS = wp.constant(32), wp.constant(8)
+
+
+@wp.func
+def _search(keys: wp.array(dtype=wp.uint32), low: int, high: int, cell: wp.uint32) -> int:
+    """The first point of [low, high) that is not before a cell."""
+    first = int(low)
+    end = int(high)
+    while first < end:
+        middle = (first + end) // 2
+        if keys[middle] < cell:
+            first = middle + 1
+        else:
+            end = middle
+    return first
+
+
 @wp.kernel(enable_backward=False, module="unique")
 def _find_starts(keys: wp.array(dtype=wp.uint32), count: int, starts: wp.array(dtype=int)):
-    cell = wp.tid()
-    low = int(0)
-    high = int(count)
-    while low < high:
-        middle = (low + high) // 2
-        if keys[middle] < wp.uint32(cell):
-            low = middle + 1
-        else:
-            high = middle
-    starts[cell] = low
+    i = wp.tid()
+    begin = i // _THREADS * (_THREADS * _CELLS)
+    # The same for all the threads, which then search among few.
+    low = _search(keys, 0, count, wp.uint32(begin))
+    high = _search(keys, low, count, wp.uint32(begin + _THREADS * _CELLS))
+    for k in range(_CELLS):
+        cell = begin + _THREADS * k + i % _THREADS
+        if cell < len(starts):
+            starts[cell] = _search(keys, low, high, wp.uint32(cell))
 
 
 class DeviceGrid:
@@ -84,9 +101,11 @@ class DeviceGrid:
         self.id = self._handle.id
         self.starts = wp.zeros(self._total + 1, dtype=int, device=device)
         self._keys = self.order = None
-        self._count, self._written = 0, None
+        self._count, self._written, self._inverse = 0, None, 1.0
+        # Launches, and what they were recorded for.
+        self._number, self._starts, self._recorded = None, None, None
         self.reserve(0)
-        self._publish(1.0, None)
+        self._publish(None, 0)
 
     @property
     def skipped(self) -> int:
@@ -104,26 +123,49 @@ class DeviceGrid:
         """Sorts points of floats of so many bytes into cells of a width."""
         count = self._count = len(points)
         self.reserve(count)
+        recorded = (points.ptr, count, scalar_size, width, self._keys.ptr)
+        if self._recorded != recorded:
+            self._record(points, scalar_size, width)
+            self._recorded = recorded
+        self._number.launch()
+        bits = self._total.bit_length()
+        if count > 1:
+            behind = _native.sort_pairs_anywhere(self._keys, self.order, "uint32", count, 0, bits)
+        else:
+            behind = False
+        self._starts[behind].launch()
+        self._publish(groups, count if behind else 0)
+
+    def _record(self, points, scalar_size, width):
+        """Prepares the launches of a build."""
+        count = len(points)
         kind, scalar = (np.float64, wp.float64) if scalar_size == 8 else (np.float32, wp.float32)
         with np.errstate(over="ignore"):
-            inverse = float(kind(1) / kind(width))
-        inputs = [points, scalar(inverse), self._counts, self._keys, self.order]
-        wp.launch(_number_points, count, inputs=inputs, device=self.device)
-        bits = self._total.bit_length()
-        wp.utils.radix_sort_pairs(self._keys, self.order, count, 0, bits)
-        inputs = [self._keys, count, self.starts]
-        wp.launch(_find_starts, self._total + 1, inputs=inputs, device=self.device)
-        self._publish(inverse, groups)
+            self._inverse = float(kind(1) / kind(width))
 
-    def _publish(self, inverse, groups):
-        """Writes the slot, unless it says the same already, as when a graph is captured."""
-        slot = struct.pack("<4id", *self._cells, self._count, inverse)
+        def record(kernel, dim, inputs):
+            return wp.launch(kernel, dim, inputs, device=self.device, record_cmd=True)
+
+        inputs = [points, scalar(self._inverse), self._counts, self._keys, self.order]
+        self._number = record(_number_points, count, inputs)
+        threads = (self._total // int(_THREADS * _CELLS) + 1) * int(_THREADS)
+        halves = [self._keys[:count], self._keys[count : 2 * count]]
+        self._starts = [record(_find_starts, threads, [one, count, self.starts]) for one in halves]
+
+    def _publish(self, groups, first):
+        """Writes the slot, unless it says the same already, as when a graph is captured.
+
+        first: where the order begins.
+        """
+        slot = struct.pack("<4id", *self._cells, self._count, self._inverse)
         for array, length in (
             (self.starts, self._total + 1),
             (self.order, self._count),
             (groups, 0 if groups is None else len(groups)),
         ):
             address = 0 if array is None else array.ptr or 0
+            if array is self.order:
+                address += 4 * first
             slot += struct.pack("<2Q10i", address, 0, length, 0, 0, 0, 4, 0, 0, 0, 1, 0)
         if slot == self._written:
             return

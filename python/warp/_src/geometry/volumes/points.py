@@ -178,6 +178,6 @@ def _is_threes(points, scalar) -> bool:
         return dtypes.type_size(points.dtype) == 1 and points.shape[1] == 3
     return (
         points.ndim == 1
-        and dtypes.is_vector(points.dtype)
+        and dtypes.type_is_vector(points.dtype)
         and (dtypes.type_size(points.dtype) == 3)
     )

@@ -1,0 +1,146 @@
+//===- LaneAccesses.cpp - Tiles that threads access each elsewhere --------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Where an offset, or the array, differs between threads, element e of a tile
+// is loaded from or stored to where thread e mod B says: a loop over elements.
+//
+//===----------------------------------------------------------------------===//
+
+#include "LaneLoops.h"
+
+#include "LowerTiles.h"
+
+#include "mlir/Dialect/Arith/IR/Arith.h"
+
+using namespace mlir;
+
+namespace warp::tiles {
+
+/// Indices of an element of a tile by its number.
+Values LaneLoops::unravel(Value number, ArrayRef<int64_t> shape) {
+  Values indices(shape.size());
+  for (size_t d = shape.size(); d-- > 1;) {
+    indices[d] = builtin("mod", {number, constant(shape[d])});
+    number = builtin("floordiv", {number, constant(shape[d])});
+  }
+  indices[0] = number;
+  return indices;
+}
+
+/// Indices of the array, and whether they are inside; null if that is promised.
+template <typename Op>
+Values LaneLoops::arrayIndices(Op op, Lane &lane, Value array,
+                               ValueRange indices, Value &inside) {
+  Values at;
+  for (auto [d, given] : llvm::enumerate(op.getOffsets())) {
+    Value offset = laneValue(given, lane), own = indices[d];
+    if (op.getPicked() && op.getAxis() == d)
+      own = TileGetOp::create(b, loc, tileType(op.getPicked()).getElementType(),
+                              sharedValue(op.getPicked()), ValueRange(own));
+    bool isWide =
+        getByteSize(offset.getType()) > 4 || getByteSize(own.getType()) > 4;
+    Type type = b.getIntegerType(isWide ? 64 : 32, /*isSigned=*/true);
+    auto cast = [&](Value value) -> Value {
+      return value.getType() == type ? value
+                                     : CastOp::create(b, loc, type, value);
+    };
+    at.push_back(builtin("add", {cast(offset), cast(own)}));
+    if (!op.getChecked())
+      continue;
+    Value extent =
+        cast(DimOp::create(b, loc, index, array, b.getI64IntegerAttr(d)));
+    for (Value test : {builtin("ge", {at.back(), constantOf(type, 0)}),
+                       builtin("lt", {at.back(), extent})})
+      inside = inside ? arith::AndIOp::create(b, loc, inside, test).getResult()
+                      : test;
+  }
+  return at;
+}
+
+/// What an access gives, if it gives anything; zero outside of the array.
+Value LaneLoops::ifInside(Value inside, Type type, function_ref<Value()> make) {
+  if (!inside)
+    return make();
+  auto branch = scf::IfOp::create(b, loc, type ? TypeRange(type) : TypeRange(),
+                                  inside, /*withElseRegion=*/bool(type));
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPointToStart(branch.thenBlock());
+  Value made = make();
+  if (!type)
+    return nullptr;
+  scf::YieldOp::create(b, loc, made);
+  b.setInsertionPointToStart(branch.elseBlock());
+  scf::YieldOp::create(b, loc, makeZero(b, loc, type));
+  return branch.getResult(0);
+}
+
+/// `access(array, at, indices)` is made for each element; what it gives, if it
+/// gives something, is in the tile that is returned.
+template <typename Op>
+Value LaneLoops::accessElements(
+    Op op, TileType type, bool gives,
+    function_ref<Value(Value, ValueRange, ValueRange)> access) {
+  Values tiles;
+  if (gives)
+    tiles.push_back(TileEmptyOp::create(b, loc, type));
+  int64_t count = type.getNumElements();
+  Type element = gives ? type.getElementType() : Type();
+  Values made = overElements(
+      count, constant(count), tiles,
+      [&](Lane &lane, Value number, ValueRange tiles) -> Values {
+        Values indices = unravel(number, type.getShape());
+        Value array = laneValue(op.getArray(), lane), inside;
+        Values at = arrayIndices(op, lane, array, indices, inside);
+        Value value = ifInside(inside, element,
+                               [&] { return access(array, at, indices); });
+        if (!gives)
+          return {};
+        return {TileSetOp::create(b, loc, type, TileUpdate::assign, value,
+                                  tiles[0], indices, Value())};
+      });
+  return gives ? made[0] : Value();
+}
+
+bool LaneLoops::emitAccess(Operation *op) {
+  auto read = [&](Value tile, ValueRange indices) -> Value {
+    return TileGetOp::create(b, loc, tileType(tile).getElementType(),
+                             sharedValue(tile), indices);
+  };
+  if (auto load = dyn_cast<TileLoadOp>(op)) {
+    TileType type = tileType(load.getResult());
+    Value tile = accessElements(
+        load, type, /*gives=*/true,
+        [&](Value array, ValueRange at, ValueRange) -> Value {
+          return LoadOp::create(b, loc, type.getElementType(), array, at);
+        });
+    shared.map(load.getResult(), tile);
+    return true;
+  }
+  if (auto store = dyn_cast<TileStoreOp>(op)) {
+    accessElements(store, tileType(store.getTile()), /*gives=*/false,
+                   [&](Value array, ValueRange at, ValueRange indices) {
+                     Value value = read(store.getTile(), indices);
+                     StoreOp::create(b, loc, value, array, at);
+                     return Value();
+                   });
+    return true;
+  }
+  auto atomic = dyn_cast<TileAtomicOp>(op);
+  if (!atomic || isa<StructType>(tileType(atomic.getTile()).getElementType()))
+    return false;
+  TileType type = tileType(atomic.getTile());
+  bool gives = !atomic.getOld().use_empty();
+  Value old = accessElements(
+      atomic, type, gives,
+      [&](Value array, ValueRange at, ValueRange indices) -> Value {
+        return AtomicOp::create(b, loc, type.getElementType(),
+                                toAtomic(atomic.getKind()),
+                                read(atomic.getTile(), indices), array, at);
+      });
+  if (gives)
+    shared.map(atomic.getOld(), old);
+  return true;
+}
+
+} // namespace warp::tiles
