@@ -97,18 +97,6 @@ std::unique_ptr<LaunchRegions> RegionFinder::find(const py::object &dim,
 // Python
 //===----------------------------------------------------------------------===//
 
-static std::vector<int64_t> meetingWrites(const RegionMap &map,
-                                          const LaunchRegions &launch) {
-  std::vector<int64_t> all, found;
-  for (const ArrayRegions &array : launch.arrays) {
-    if (array.written.blocks.empty())
-      continue;
-    map.meeting(array.written, found);
-    all.insert(all.end(), found.begin(), found.end());
-  }
-  return all;
-}
-
 static void bindRegion(py::module_ &m) {
   py::class_<Region>(m, "Region", "Elements of arrays, as memory.")
       .def(py::init([](const py::object &array) { return regionOf(array); }),
@@ -152,31 +140,4 @@ void python::bindRegions(py::module_ &m) {
       .def(py::init<py::object>(), py::arg("kernel"))
       .def("find", &RegionFinder::find, py::arg("dim"), py::arg("values"),
            py::arg("device"), "What a launch may read and write.");
-  py::class_<RegionMap>(m, "RegionMap", "Regions by place.")
-      .def(py::init())
-      .def("add", &RegionMap::add, py::arg("region"),
-           "The number of a region; the same one if it is there.")
-      .def("add_read",
-           [](RegionMap &map, const LaunchRegions &launch, size_t array) {
-             return map.add(launch.arrays.at(array).read);
-           })
-      .def("add_touched",
-           [](RegionMap &map, const LaunchRegions &launch, size_t array) {
-             return map.add(launch.touched(array));
-           })
-      .def("remove", &RegionMap::remove, py::arg("number"))
-      .def("__getitem__",
-           [](const RegionMap &map, int64_t number) { return map[number]; })
-      .def("__len__", &RegionMap::size)
-      .def("clear", &RegionMap::clear)
-      .def(
-          "meeting",
-          [](const RegionMap &map, const Region &region) {
-            std::vector<int64_t> found;
-            map.meeting(region, found);
-            return found;
-          },
-          py::arg("region"), "Numbers of the regions that share a byte.")
-      .def("meeting_writes", &meetingWrites, py::arg("launch"),
-           "Numbers of the regions that a launch may write to; may repeat.");
 }

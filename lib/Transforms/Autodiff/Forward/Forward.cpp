@@ -174,6 +174,14 @@ LogicalResult ForwardBuilder::runRule(Operation *op, Operation *clone) {
     context.report = [this, op](Value isRepeated) {
       countRepeated(op->getLoc(), isRepeated);
     };
+  // One basis suits one direction.
+  bool areWidened =
+      !llvm::equal(clone->getResultTypes(),
+                   llvm::map_range(clone->getResultTypes(), differentialType));
+  if (options.countRepeated && directions.size() == 1 && !areWidened)
+    context.replace = [this, op](unsigned result, Value value) {
+      values.map(op->getResult(result), value);
+    };
   auto widenAll = [&](ValueRange range) {
     return llvm::map_to_vector(range, [&](Value value) {
       return widen(builder, op->getLoc(), value);

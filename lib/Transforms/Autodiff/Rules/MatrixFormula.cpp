@@ -84,9 +84,9 @@ Expr MatrixFormula::abs(Expr x) {
   return x.isNumber() ? f.number(std::abs(x.number)) : f.call("abs", {x});
 }
 
-std::pair<Expr, Expr> MatrixFormula::getEigen() {
+std::pair<Expr, Expr> MatrixFormula::getEigen(Expr symmetric) {
   Operation *eigen = createBuiltin(context.builder, context.loc, "eig3",
-                                   ValueRange(matrix.value));
+                                   ValueRange(symmetric.value));
   return {f.wrap(eigen->getResult(0)), f.wrap(eigen->getResult(1))};
 }
 

@@ -48,7 +48,8 @@ public:
   Expr abs(Expr x);
   Expr either(Expr a, Expr b) { return f.call("bit_or", {a, b}); }
   /// Eigenvectors and eigenvalues of the matrix.
-  std::pair<Expr, Expr> getEigen();
+  std::pair<Expr, Expr> getEigen() { return getEigen(matrix); }
+  Expr getEigenvectors(Expr symmetric) { return getEigen(symmetric).first; }
 
   /// A quotient that the policy for singular points is about.
   struct Quotient {
@@ -57,6 +58,15 @@ public:
   /// `above` counts as zero next to `terms`, whose difference it is, and
   /// `below` next to `scale`.
   Quotient divide(Expr above, Expr terms, Expr below, Expr scale);
+  /// Whether two values count as the same next to `scale`.
+  Expr areClose(Expr x, Expr y, Expr scale) {
+    return abs(x - y) <= f.number(8 * roundoff) * scale;
+  }
+  /// Whether results may be exchanged for others, and doing it.
+  bool mayReplace() const { return context.replace != nullptr; }
+  void replaceResult(unsigned i, Expr value) {
+    context.replace(i, f.materialize(value, input.results[i].getType()));
+  }
   /// Counts where the policy has pinned something.
   void report(Expr isSingular);
 
@@ -65,6 +75,7 @@ public:
   llvm::SmallVector<mlir::Value> getTangents(llvm::ArrayRef<Expr> ofResults);
 
 private:
+  std::pair<Expr, Expr> getEigen(Expr symmetric);
   Expr extract(Expr composite, std::initializer_list<int> indices);
   Expr make(mlir::Type type, llvm::ArrayRef<Expr> components);
 

@@ -39,6 +39,10 @@ struct RuleContext {
   Singular singular = Singular::Pinned;
   /// Called with an `i1` that says whether this thread was at a singular point.
   std::function<void(mlir::Value isSingular)> report = nullptr;
+  /// Puts a value in the place of a primal result from here on: vectors of
+  /// repeated values that suit the direction of a tangent. Null where results
+  /// have to stay.
+  std::function<void(unsigned result, mlir::Value value)> replace = nullptr;
 };
 
 /// Cotangents of the operands, null where not `wanted` or zero. The operands
@@ -74,8 +78,7 @@ bool hasRule(mlir::Operation *op);
 mlir::Type differentialType(mlir::Type type);
 
 /// The zero of a scalar or composite type.
-mlir::Value zero(mlir::OpBuilder &builder, mlir::Location loc,
-                 mlir::Type type);
+mlir::Value zero(mlir::OpBuilder &builder, mlir::Location loc, mlir::Type type);
 
 /// A scalar constant.
 mlir::Value constant(mlir::OpBuilder &builder, mlir::Location loc,

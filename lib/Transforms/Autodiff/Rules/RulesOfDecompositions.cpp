@@ -15,6 +15,13 @@
 // cotangent whose part for that turn is zero, up to rounding, and contributes
 // nothing; for any other one the policy for singular points decides.
 //
+// That is enough for first derivatives. For second ones, the tangent of an
+// adjoint goes along one direction, and of all vectors of a repeated value
+// those are taken that the direction separates: in them, the symmetric part of
+// U^T dA V (of Q^T dA Q) has zeros beside the diagonal for such a value, so
+// that vectors and values are smooth along the direction (Kato, "Perturbation
+// Theory for Linear Operators", II.6), and no turn is arbitrary that matters.
+//
 // The polar decomposition has no such points but where the rotation itself is
 // arbitrary: its turn solves a linear system, which at the identity is 2 I.
 //
@@ -48,6 +55,85 @@ private:
   Expr entries[9];
 };
 } // namespace
+
+//===----------------------------------------------------------------------===//
+// Vectors of repeated values
+//===----------------------------------------------------------------------===//
+
+namespace {
+/// Pairs of values that are the same; those of 0 and 2 are if 0 and 1 are and 1
+/// and 2.
+class Repeated {
+public:
+  Repeated(MatrixFormula &f, Expr values, Expr scale) : f(f) {
+    for (int i = 0; i + 1 < f.getSize(); ++i)
+      next[i] = f.areClose(f.get(values, i), f.get(values, i + 1), scale);
+  }
+  Expr operator()(int i, int j) {
+    return j - i == 1 ? next[i] : f.call("bit_and", {next[0], next[1]});
+  }
+  /// What basis of their vectors separates the values along a direction, whose
+  /// symmetric part in the present basis is `p`.
+  Expr getBasis(Expr p);
+
+private:
+  Expr getBasisOf2(Expr p);
+
+  MatrixFormula &f;
+  Expr next[2];
+};
+} // namespace
+
+Expr Repeated::getBasisOf2(Expr p) {
+  Expr angle = 0.5 * f.call("atan2", {2 * f.get(p, 0, 1),
+                                      f.get(p, 0, 0) - f.get(p, 1, 1)});
+  angle = f.call("where", {next[0], angle, f.number(0)});
+  Expr c = f.call("cos", {angle}), s = f.call("sin", {angle});
+  Expr entries[] = {c, -s, s, c};
+  return f.makeMatrix([&](int row, int col) { return entries[2 * row + col]; });
+}
+
+Expr Repeated::getBasis(Expr p) {
+  if (f.getSize() == 2)
+    return getBasisOf2(p);
+  Expr size = f.number(0);
+  for (int i = 0; i < 3; ++i)
+    for (int j = i; j < 3; ++j)
+      size = size + f.abs(f.get(p, i, j));
+  size = f.call("where", {size == f.number(0), f.number(1), size});
+  // The blocks of equal values, held apart so that their order stays.
+  Expr first = f.call("where", {next[0], f.number(0), f.number(-8)});
+  Expr second = first + f.call("where", {next[1], f.number(0), f.number(-8)});
+  Expr places[] = {f.number(0), first, second};
+  Expr blocks = f.makeMatrix([&](int row, int col) {
+    Expr entry = f.get(p, row, col) / size;
+    if (row == col)
+      return entry + places[row];
+    return f.call("where", {(*this)(std::min(row, col), std::max(row, col)),
+                            entry, f.number(0)});
+  });
+  Expr q = f.getEigenvectors(blocks);
+  // A vector that is alone stays as it is, also its sign.
+  Expr any = f.either(next[0], next[1]);
+  Expr signs[3];
+  for (int i = 0; i < 3; ++i)
+    signs[i] = f.call(
+        "where", {f.get(q, i, i) < f.number(0), f.number(-1), f.number(1)});
+  Expr turned = f.makeMatrix([&](int row, int col) {
+    return f.call("where",
+                  {any, signs[col] * f.get(q, row, col), f.number(row == col)});
+  });
+  // A turn, as the factors are; a vector of a repeated value changes its sign.
+  Expr isFlipped = f.call("determinant", {turned}) < f.number(0);
+  return f.makeMatrix([&](int row, int col) {
+    Expr entry = f.get(turned, row, col);
+    if (col == 1)
+      return entry;
+    Expr isHere = col == 0 ? next[0] : f.call("unot", {next[0]});
+    return f.call("where",
+                  {f.call("bit_and", {isFlipped, isHere}), -entry, entry});
+  });
+}
 
 //===----------------------------------------------------------------------===//
 // Singular values
@@ -100,12 +186,30 @@ static SmallVector<Value> pushforwardSvd(RuleContext &context,
   MatrixFormula f(context, input);
   Expr u = f.getResult(0), s = f.getResult(1), v = f.getResult(2);
   Expr p = f.transpose(u) * f.getSeed(0) * v, anySingular = f.number(0);
+  if (f.mayReplace()) {
+    Repeated repeated(f, s, f.abs(f.get(s, 0)));
+    Expr basis = repeated.getBasis(f.getSymmetricPart(p));
+    u = u * basis;
+    v = v * basis;
+    f.replaceResult(0, u);
+    f.replaceResult(2, v);
+    Expr all = f.transpose(basis) * p * basis;
+    p = f.makeMatrix([&](int row, int col) {
+      Expr entry = f.get(all, row, col);
+      if (row == col)
+        return entry;
+      // Without what rounding leaves of the symmetric part.
+      Expr odd = 0.5 * (entry - f.get(all, col, row));
+      return f.call("where", {repeated(std::min(row, col), std::max(row, col)),
+                              odd, entry});
+    });
+  }
   Entries turnU(f), turnV(f);
   for (int i = 0; i < f.getSize(); ++i)
     for (int j = i + 1; j < f.getSize(); ++j) {
       Expr upper = f.get(p, i, j), lower = f.get(p, j, i);
-      Turns turns(f, upper - lower, upper + lower,
-                  f.abs(upper) + f.abs(lower), s, i, j);
+      Turns turns(f, upper - lower, upper + lower, f.abs(upper) + f.abs(lower),
+                  s, i, j);
       anySingular = f.either(
           anySingular, f.either(turns.odd.isSingular, turns.even.isSingular));
       turnU(i, j) = turns.even.value + turns.odd.value;
@@ -153,12 +257,25 @@ SmallVector<Value> pushforwardEig3(RuleContext &context,
   Expr q = f.getResult(0), d = f.getResult(1);
   Expr p = f.transpose(q) * f.getSymmetricPart(f.getSeed(0)) * q;
   Expr largest = getLargestEigenvalue(f, d), anySingular = f.number(0);
+  if (f.mayReplace()) {
+    Repeated repeated(f, d, largest);
+    Expr basis = repeated.getBasis(p);
+    q = q * basis;
+    f.replaceResult(0, q);
+    Expr all = f.transpose(basis) * p * basis;
+    p = f.makeMatrix([&](int row, int col) {
+      Expr entry = f.get(all, row, col);
+      if (row == col)
+        return entry;
+      return f.call("where", {repeated(std::min(row, col), std::max(row, col)),
+                              f.number(0), entry});
+    });
+  }
   Entries turns(f);
   for (int i = 0; i < 3; ++i)
     for (int j = i + 1; j < 3; ++j) {
-      MatrixFormula::Quotient turn =
-          f.divide(f.get(p, i, j), f.number(0), f.get(d, j) - f.get(d, i),
-                   largest);
+      MatrixFormula::Quotient turn = f.divide(
+          f.get(p, i, j), f.number(0), f.get(d, j) - f.get(d, i), largest);
       anySingular = f.either(anySingular, turn.isSingular);
       turns(i, j) = turn.value;
       turns(j, i) = -turn.value;
@@ -224,8 +341,7 @@ static Expr getPolarTurn(MatrixFormula &f, Expr s, Expr m) {
   return f.call("skew", {f.call("solve3", {system, axial})});
 }
 
-SmallVector<Value> pullbackPolar(RuleContext &context,
-                                 const RuleInput &input) {
+SmallVector<Value> pullbackPolar(RuleContext &context, const RuleInput &input) {
   MatrixFormula f(context, input);
   Expr r = f.getResult(0), s = f.getResult(1), gs = f.getSeed(1);
   Expr k = f.transpose(r) * f.getSeed(0) - gs * s;

@@ -31,21 +31,32 @@ static Expr divideSqrt(MatrixFormula &f, Expr x, Expr y) {
                                [&] { return f.number(1) / sum; });
 }
 
-/// With the number `ratio`, function / ratio; 1 where that is 0 / 0.
-static Expr divideUnlessZero(MatrixFormula &f, Expr function, Expr ratio) {
-  Expr isZero = ratio == f.number(0);
-  Expr divisor = f.call("where", {isZero, f.number(1), ratio});
-  return f.call("where", {isZero, f.number(1), function / divisor});
+/// With a number `x`, function / x; near 0 the first terms of its series, whose
+/// derivative is right at 0, too.
+static Expr divideSmoothly(MatrixFormula &f, Expr function, Expr x,
+                           ArrayRef<double> series) {
+  Expr isSmall = f.abs(x) < f.number(0.01);
+  Expr sum = f.number(series.back());
+  for (double term : llvm::reverse(series.drop_back()))
+    sum = f.number(term) + sum * x;
+  Expr divisor = f.call("where", {isSmall, f.number(1), x});
+  return f.call("where", {isSmall, sum, function / divisor});
 }
 
 static Expr divideLog(MatrixFormula &f, Expr x, Expr y) {
+  static constexpr double series[] = {1,        -1.0 / 2, 1.0 / 3,
+                                      -1.0 / 4, 1.0 / 5,  -1.0 / 6,
+                                      1.0 / 7,  -1.0 / 8, 1.0 / 9};
   Expr ratio = (x - y) / y;
-  return divideUnlessZero(f, f.call("log1p", {ratio}), ratio) / y;
+  return divideSmoothly(f, f.call("log1p", {ratio}), ratio, series) / y;
 }
 
 static Expr divideExp(MatrixFormula &f, Expr x, Expr y) {
-  Expr gap = x - y;
-  return divideUnlessZero(f, -f.call("expm1", {-gap}), gap) *
+  static constexpr double series[] = {1,          1.0 / 2,    1.0 / 6,
+                                      1.0 / 24,   1.0 / 120,  1.0 / 720,
+                                      1.0 / 5040, 1.0 / 40320};
+  Expr gap = y - x;
+  return divideSmoothly(f, f.call("expm1", {gap}), gap, series) *
          f.call("exp", {x});
 }
 
@@ -106,8 +117,8 @@ SmallVector<Value> pullbackSymSpectral3(RuleContext &context,
   Expr slopes = f.getFormula().wrap(input.operands[2]);
   Spectral spectral(f, f.getSeed(0));
   Expr scaled = spectral.scaleOffDiagonal(f, slopes);
-  SmallVector<Value> adjoints = f.getAdjoints(spectral.q * scaled *
-                                              f.transpose(spectral.q));
+  SmallVector<Value> adjoints =
+      f.getAdjoints(spectral.q * scaled * f.transpose(spectral.q));
   if (input.wanted[1])
     adjoints[1] = f.getDiagonal(spectral.p).value;
   return adjoints;

@@ -192,8 +192,11 @@ class Tangents:
             for found, (_, one), access in zip(known, leaves, accesses, strict=True)
         )
 
-    def _hidden(self, made, leaves) -> list:
-        """Twins, zeros for the claims of winners, and counters of singular points."""
+    def _hidden(self, made, leaves, first=0) -> list:
+        """Twins, zeros for the claims of winners, and counters of singular points.
+
+        first: the direction of the derivative's first one.
+        """
         values = []
         for hidden in made.hidden:
             if hidden.kind == "counters":
@@ -202,7 +205,7 @@ class Tangents:
                 continue
             one = leaves[hidden.leaf]
             if hidden.kind == "tangent":
-                values.append(self.twin(one, hidden.direction))
+                values.append(self.twin(one, first + hidden.direction))
             else:
                 values.append(zeros(one.shape, dtypes.dtype_of(hidden.type).dtype, one.device))
         return values
@@ -230,9 +233,28 @@ class Tangents:
             for one in arrays
         )
         second = made.tangent(active, unique, self.width)
+        if self.width > 1 and second.counts:
+            self._run_each(made.tangent(active, unique, 1), again, arrays)
+            return
         hidden = self._hidden(second, arrays)
         call.other(second.native, (*again.values, *hidden)).run()
         count_singular(second, hidden, REPEATED)
+
+    def _run_each(self, second, again: Call, arrays) -> None:
+        """Runs a derivative of an adjoint along one direction after the other.
+
+        Vectors of repeated singular values or eigenvalues suit one direction. The adjoint itself
+        counts once: each run begins with the gradients that there were.
+        """
+        with Observing(executor=None):
+            gradients = [one.grad for one in arrays if one is not None and one.requires_grad]
+            before = [copy_layout(one) for one in gradients]
+            for direction in range(self.width):
+                for one, contents in zip(gradients, before, strict=True) if direction else ():
+                    _native.copy_array(one, contents, None)
+                hidden = self._hidden(second, arrays, direction)
+                again.other(second.native, (*again.values, *hidden)).run()
+                count_singular(second, hidden, REPEATED)
 
     def copy(self, dest: array, src: array, stream=None) -> None:
         """Copies values and tangents."""

@@ -214,6 +214,11 @@ class KernelDerivative:
         return {**self._metrics, "atomics": self.gathered.atomics}
 
     @property
+    def counts(self) -> bool:
+        """Whether it counts singular points."""
+        return any(hidden.kind == "counters" for hidden in self.hidden)
+
+    @property
     def preserved(self) -> set[int]:
         """Arrays of which it reads the contents before the launch."""
         return set(self._preserved)
