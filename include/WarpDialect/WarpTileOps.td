@@ -496,6 +496,24 @@ def Warp_TileCholeskyOp : Warp_TileOp<"tile_cholesky",
   let assemblyFormat = "$tile (`upper` $upper^)? attr-dict `:` type($tile)";
 }
 
+def Warp_TileCholeskyAdjointOp : Warp_TileOp<"tile_cholesky_adjoint",
+    [Pure, AllTypesMatch<["factor", "cotangent", "result"]>]> {
+  let summary = "what the elements of a matrix do to its triangular factor";
+  let description = [{
+    Given the factor that `tile_cholesky` makes and the cotangent of it, that of
+    the triangle that is read; the other one is zero, and not read of the
+    cotangent.
+
+    (C1) a square tile of f32 or f64.
+  }];
+  let arguments = (ins Warp_AnyTile:$factor, Warp_AnyTile:$cotangent,
+                       UnitAttr:$upper);
+  let results = (outs Warp_AnyTile:$result);
+  let assemblyFormat = [{
+    $factor (`upper` $upper^)? `,` $cotangent attr-dict `:` type($factor)
+  }];
+}
+
 def Warp_TileSolveOp : Warp_TileOp<"tile_solve",
     [Pure, AllTypesMatch<["rhs", "result"]>]> {
   let summary = "solves with a triangular matrix";

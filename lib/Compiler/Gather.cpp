@@ -11,6 +11,7 @@
 #include "warp/Gather.h"
 
 #include "WarpDialect/Passes.h"
+#include "WarpDialect/TileOps.h"
 #include "WarpDialect/WarpDialect.h"
 #include "WarpDialect/WarpOps.h"
 
@@ -24,8 +25,12 @@ using warp::GatheredAdjoint;
 
 static int64_t countAtomicSums(ModuleOp module) {
   int64_t count = 0;
-  module.walk(
-      [&](warp::AccumulateOp sum) { count += !sum.getUnique().has_value(); });
+  module.walk([&](Operation *op) {
+    if (auto sum = dyn_cast<warp::AccumulateOp>(op))
+      count += !sum.getUnique().has_value();
+    else if (auto tiles = dyn_cast<warp::TileAtomicOp>(op))
+      count += tiles.getKind() == warp::TileUpdate::add;
+  });
   return count;
 }
 
@@ -53,8 +58,10 @@ static func::FuncOp findMarked(ModuleOp module, StringRef attribute) {
 static bool hasEffects(ModuleOp module) {
   return module
       .walk([](Operation *op) {
-        return warp::isObservable(op) ? WalkResult::interrupt()
-                                      : WalkResult::advance();
+        bool writes = warp::isTileOp(op) && !isa<warp::TileLoadOp>(op) &&
+                      !isMemoryEffectFree(op);
+        return writes || warp::isObservable(op) ? WalkResult::interrupt()
+                                                : WalkResult::advance();
       })
       .wasInterrupted();
 }
@@ -76,8 +83,8 @@ std::optional<GatheredAdjoint> warp::gatherSums(const Module &adjoint) {
   func::FuncOp kernel = findMarked(*sums->op, attr::halo);
   auto halo = cast<DenseI64ArrayAttr>(kernel->removeAttr(attr::halo));
   kernel->setAttr(kernelAttrName, UnitAttr::get(kernel.getContext()));
-  GatheredAdjoint result{Module(sums), {}, std::nullopt,
-                         countAtomicSums(*rest->op)};
+  GatheredAdjoint result{
+      Module(sums), {}, std::nullopt, countAtomicSums(*rest->op)};
   result.halo.assign(halo.asArrayRef().begin(), halo.asArrayRef().end());
   if (hasEffects(*rest->op))
     result.rest = Module(rest);

@@ -161,9 +161,6 @@ static void setLlvmOptions() {
   // A store that makes another one dead is near it; the default of 90 steps
   // takes two fifths of the passes' time where many elements are stored.
   setLlvmOption("dse-memoryssa-walklimit", 20u);
-  // Processors order instructions themselves; this is a tenth of generating
-  // code for some of them.
-  setLlvmOption("disable-post-ra", true);
 }
 
 namespace {
@@ -307,11 +304,36 @@ void warp::optimize(llvm::Module &module, llvm::TargetMachine &machine,
   passes.run(module, analyses.modules);
 }
 
+/// Instructions beyond which they are scheduled once, before registers are given
+/// out: to do it again takes time that grows with the square of a block's size,
+/// up to a third of generating code, and gains two to four percent.
+static constexpr unsigned mostRescheduled = 1500;
+
+namespace {
+/// The level of a machine while it emits one module.
+class EmissionLevel {
+public:
+  EmissionLevel(llvm::Module &module, llvm::TargetMachine &machine)
+      : machine(machine), usual(machine.getOptLevel()) {
+    bool isLong = module.getInstructionCount() > mostRescheduled;
+    if (machine.getTargetTriple().isX86() && isLong &&
+        usual == llvm::CodeGenOptLevel::Default)
+      machine.setOptLevel(llvm::CodeGenOptLevel::Less);
+  }
+  ~EmissionLevel() { machine.setOptLevel(usual); }
+
+private:
+  llvm::TargetMachine &machine;
+  llvm::CodeGenOptLevel usual;
+};
+} // namespace
+
 llvm::SmallVector<char, 0> warp::emit(llvm::Module &module,
                                       llvm::TargetMachine &machine,
                                       bool asText) {
   llvm::SmallVector<char, 0> bytes;
   llvm::raw_svector_ostream stream(bytes);
+  EmissionLevel level(module, machine);
   llvm::legacy::PassManager passes;
   auto type = asText ? llvm::CodeGenFileType::AssemblyFile
                      : llvm::CodeGenFileType::ObjectFile;

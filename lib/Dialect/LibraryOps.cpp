@@ -55,6 +55,11 @@ static constexpr warp::LibraryFunction functions[] = {
     // Result, matrix, scratch memory; rows, whether the upper triangle counts.
     {"warp_tile_cholesky_f32", "lllii", ""},
     {"warp_tile_cholesky_f64", "lllii", ""},
+    // Cotangent, which becomes the matrix's, factor, scratch memory; steps to
+    // the next row and column of the factor, rows, whether the upper triangle
+    // counts.
+    {"warp_tile_cholesky_adjoint_f32", "llliiii", ""},
+    {"warp_tile_cholesky_adjoint_f64", "llliiii", ""},
     // Right sides, matrix; their rows and columns; steps to the next row and
     // column of the matrix; whether the last row is solved first.
     {"warp_tile_solve_f32", "lliiiii", ""},
@@ -79,11 +84,15 @@ static constexpr warp::LibraryFunction functions[] = {
     {"warp_tile_give_*", "llii", ""},
     // Sums, data, offsets, extents, steps, shape, whether it is tested.
     {"warp_tile_store_*", "lliiiiiiiii", ""},
-    // A number of each thread, scratch memory, threads.
+    {"warp_tile_add_*", "lliiiiiiiii", ""},
+    // A number of each thread, and of `arg` ones its position; scratch memory,
+    // threads.
     {"warp_tile_combine_*", "lli", ""},
     // Result and operand with elements from row to row and column to column;
     // scratch memory, rows, threads.
     {"warp_tile_factor_*", "liiliilii", ""},
+    // Cotangent and factor likewise.
+    {"warp_tile_differentiate_factor_*", "liiliilii", ""},
     // Right sides, matrix with such steps, its rows, columns of right sides,
     // whether the last row is solved first, threads.
     {"warp_tile_substitute_*", "lliiiiii", ""},

@@ -147,6 +147,12 @@ LogicalResult warp::TileCholeskyOp::verify() {
                  "(C1) expects a square tile of f32 or f64");
 }
 
+LogicalResult warp::TileCholeskyAdjointOp::verify() {
+  TileType type = typeOf(getFactor());
+  return require(*this, isSquare(type) && isReal(type.getElementType()),
+                 "(C1) expects a square tile of f32 or f64");
+}
+
 LogicalResult warp::TileSolveOp::verify() {
   TileType matrix = typeOf(getMatrix()), rhs = typeOf(getRhs());
   if (failed(require(*this, isSquare(matrix) && isReal(matrix.getElementType()),

@@ -29,6 +29,7 @@ LaunchRecorder::LaunchRecorder(py::object kernel)
   const std::vector<Param> &params = this->kernel()->kernel->parameters();
   isEligible = arrayAccesses().size() <= mostArrays;
   for (size_t i = 0; i < params.size(); ++i) {
+    hasNarrow |= params[i].element.find("f16") != std::string::npos;
     if (params[i].kind == Param::Kind::Array)
       arrays.push_back(i);
     else if (params[i].kind == Param::Kind::Composite)

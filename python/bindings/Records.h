@@ -62,6 +62,8 @@ public:
   bool looksBack = false;
   /// False if Python has to do it.
   bool isEligible = false;
+  /// Elements of 16 bits, whose gradients Python widens for an adjoint.
+  bool hasNarrow = false;
 
 private:
   std::vector<std::unique_ptr<Activity>> activities;

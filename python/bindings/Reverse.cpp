@@ -81,6 +81,8 @@ static bool reverseLaunch(PyObject *object, uint64_t pass) {
     return false;
   RecordObject *record = asRecord(object);
   auto &recorder = py::handle(record->recorder).cast<LaunchRecorder &>();
+  if (recorder.hasNarrow)
+    return false;
   ArraySet active = activeArrays(recorder, record->items);
   if (!active)
     return true;

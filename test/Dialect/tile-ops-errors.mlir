@@ -30,6 +30,14 @@ func.func @c1_reshape(%a: !warp.tile<3 x f32>) {
 
 // -----
 
+func.func @c1_cholesky_adjoint(%a: !warp.tile<3x3 x f16>) {
+  // expected-error @below {{(C1) expects a square tile of f32 or f64}}
+  %0 = warp.tile_cholesky_adjoint %a, %a : !warp.tile<3x3 x f16>
+  return
+}
+
+// -----
+
 func.func @c1_solve(%a: !warp.tile<3x4 x f32>, %b: !warp.tile<3 x f32>) {
   // expected-error @below {{(C1) expects a square tile of f32 or f64}}
   %0 = warp.tile_solve %a, %b : !warp.tile<3x4 x f32>, !warp.tile<3 x f32>

@@ -163,3 +163,45 @@ func.func @copy(%a: !warp.array<1 x f32>, %b: !warp.array<1 x f32>)
     (si32)
   return
 }
+
+// -----
+
+#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2>
+
+// Sums are added to an array from where they are, and several results of one
+// function of elements are in registers together.
+// CHECK-LABEL: func.func @added
+// CHECK: warp.tile_matmul {{.*}}form = ["f32_4x4_kn", "f32_4x4_kn", 16], held
+// CHECK: warp.tile_map
+// CHECK: {striped}
+// CHECK: warp.tile_atomic add
+func.func @added(%a: !warp.array<2 x f32>, %c: !warp.array<2 x f32>,
+                 %d: !warp.array<2 x f32>)
+    attributes {warp.kernel, warp.block_threads = 64 : i64,
+                warp.variant = #gpu} {
+  %c0 = warp.constant 0 : si32
+  %x = warp.tile_load %a[%c0, %c0] : !warp.array<2 x f32>, (si32, si32)
+    -> !warp.tile<32x32 x f32>
+  %t = warp.tile_matmul %x, %x : !warp.tile<32x32 x f32>,
+    !warp.tile<32x32 x f32> -> !warp.tile<32x32 x f32>
+  %dc = warp.grad %c : !warp.array<2 x f32> -> !warp.array<2 x f32>
+  %old = warp.tile_atomic add %t, %dc[%c0, %c0] : !warp.tile<32x32 x f32>,
+    !warp.array<2 x f32>, (si32, si32) -> !warp.tile<32x32 x f32>
+  %y = warp.tile_load %d[%c0, %c0] : !warp.array<2 x f32>, (si32, si32)
+    -> !warp.tile<16x64 x f32>
+  %both:2 = warp.tile_map(%y) {
+  ^bb0(%e: f32):
+    %n = warp.neg(%e) : (f32) -> f32
+    %s = warp.mul(%e, %e) : (f32, f32) -> f32
+    warp.tile_yield %n, %s : f32, f32
+  } : (!warp.tile<16x64 x f32>) -> (!warp.tile<16x64 x f32>,
+                                    !warp.tile<16x64 x f32>)
+  %m = warp.tile_reduce max %both#0 : !warp.tile<16x64 x f32>
+    -> !warp.tile<1 x f32>
+  warp.tile_store %both#1, %d[%c0, %c0] : !warp.tile<16x64 x f32>,
+    !warp.array<2 x f32>, (si32, si32)
+  %v = warp.view %a[%c0] : !warp.array<2 x f32>, si32 -> !warp.array<1 x f32>
+  %u = warp.tile_atomic add %m, %v[%c0] : !warp.tile<1 x f32>,
+    !warp.array<1 x f32>, (si32) -> !warp.tile<1 x f32>
+  return
+}

@@ -36,6 +36,9 @@ export WARP_TEST_DEVICE=${WARP_TEST_DEVICE:-cuda:0}
 export PYTHONPATH=$PWD/$work${PYTHONPATH:+:$PYTHONPATH}
 export WARP_CACHE_PATH=${WARP_CACHE_PATH:-$(mktemp -d)}
 export PYTHONUNBUFFERED=1
+# Modules are compiled once, not by each of the processes.
+unset PYTHONDONTWRITEBYTECODE
+export PYTHONPYCACHEPREFIX=${PYTHONPYCACHEPREFIX:-$(mktemp -d)}
 
 # Seconds left, but at most $1.
 share() {

@@ -8,34 +8,11 @@
 // left: what columns before a panel take from it, its diagonal block, the rows
 // below. Groups of rows are shared by the warps of the block.
 //
-// Matrices come with the elements from row to row and column to column, so that
-// one code does for both triangles.
-//
 //===----------------------------------------------------------------------===//
 
-#include "Tiles.h"
+#include "TileMatrices.h"
 
 namespace {
-
-using Four = Vec<float, 4>;
-
-WARP_INLINE void meetLanes() { asm volatile("bar.warp.sync -1;" ::: "memory"); }
-
-/// All threads of the block.
-WARP_INLINE void meet(i32 threads) {
-  if (threads == 32)
-    meetLanes();
-  else
-    asm volatile("bar.sync 0;" ::: "memory");
-}
-
-WARP_INLINE float fromLane(float value, i32 lane) {
-  float result;
-  asm volatile("shfl.sync.idx.b32 %0, %1, %2, 31, -1;"
-               : "=f"(result)
-               : "f"(value), "r"(lane));
-  return result;
-}
 
 /// The root of a number, to the last bit but one, and its inverse: one step of
 /// Newton's method each. The root of what is not positive is NaN.
@@ -47,35 +24,6 @@ WARP_INLINE float root(float x, float &over) {
   float near = x * over;
   return __builtin_fmaf(0.5f * over, __builtin_fmaf(-near, near, x), near);
 }
-WARP_INLINE float inverse(float x) {
-  float result;
-  asm("rcp.rn.f32 %0, %1;" : "=f"(result) : "f"(x));
-  return result;
-}
-
-struct Matrix {
-  u64 place;
-  i32 row, column;
-
-  WARP_INLINE Shared<float> *at(i32 i, i32 j) const {
-    return shared<float>(place) + (i * row + j * column);
-  }
-  /// Four elements of a row, the first at a multiple of four.
-  WARP_INLINE Four four(i32 i, i32 j) const {
-    if (column == 1 && row % 4 == 0)
-      return *(Shared<Four> *)at(i, j);
-    return Four{*at(i, j), *at(i, j + 1), *at(i, j + 2), *at(i, j + 3)};
-  }
-  WARP_INLINE void setFour(i32 i, i32 j, Four values) const {
-    if (column == 1 && row % 4 == 0) {
-      *(Shared<Four> *)at(i, j) = values;
-      return;
-    }
-#pragma unroll
-    for (int k = 0; k < 4; ++k)
-      *at(i, j + k) = values[k];
-  }
-};
 
 /// Columns of a panel, row by row, and the inverses of its diagonal.
 template <int width> struct Panel {

@@ -258,11 +258,42 @@ template <class Layout> WARP_INLINE void store(u64 sums, const Window &window) {
   }
 }
 
+/// Adds sums to an array, as others may at a time.
+template <class Layout> WARP_INLINE void add(u64 sums, const Window &window) {
+  constexpr int run = Layout::run;
+  Layout layout(window.rows, window.columns, threadNumber());
+  const float *kept = own<float>(sums);
+#pragma unroll
+  for (int slot = 0; slot < Layout::slots; slot += run) {
+    i32 row = layout.runRow(slot), column = layout.runColumn(slot);
+#pragma unroll
+    for (int i = 0; i < run; ++i)
+      if (window.has(row, column + i))
+        asm volatile("red.relaxed.gpu.global.add.f32 [%0], %1;" ::"l"(
+                         window.at(row, column + i)),
+                     "f"(kept[slot + i])
+                     : "memory");
+  }
+}
+
 } // namespace
 
 //===----------------------------------------------------------------------===//
 // Functions of the library
 //===----------------------------------------------------------------------===//
+
+#define WARP_WINDOW(verb, name, ...)                                           \
+  WARP_TILES warp_tile_##verb##_##name(                                        \
+      u64 sums, u64 data, i32 first0, i32 first1, i32 extent0, i32 extent1,    \
+      i32 step0, i32 step1, i32 rows, i32 columns, i32 checked, void *) {      \
+    verb<__VA_ARGS__>(sums, {data,                                             \
+                             {first0, first1},                                 \
+                             {extent0, extent1},                               \
+                             {step0, step1},                                   \
+                             rows,                                             \
+                             columns,                                          \
+                             checked != 0});                                   \
+  }
 
 #define WARP_LAYOUT(name, ...)                                                 \
   WARP_TILES warp_tile_set_##name(u64 sums, float value, void *) {             \
@@ -274,17 +305,8 @@ template <class Layout> WARP_INLINE void store(u64 sums, const Window &window) {
   WARP_TILES warp_tile_give_##name(u64 sums, u64 to, i32 m, i32 n, void *) {   \
     exchange<__VA_ARGS__, true>(sums, to, m, n);                               \
   }                                                                            \
-  WARP_TILES warp_tile_store_##name(                                           \
-      u64 sums, u64 data, i32 first0, i32 first1, i32 extent0, i32 extent1,    \
-      i32 step0, i32 step1, i32 rows, i32 columns, i32 checked, void *) {      \
-    store<__VA_ARGS__>(sums, {data,                                            \
-                              {first0, first1},                                \
-                              {extent0, extent1},                              \
-                              {step0, step1},                                  \
-                              rows,                                            \
-                              columns,                                         \
-                              checked != 0});                                  \
-  }
+  WARP_WINDOW(store, name, __VA_ARGS__)                                        \
+  WARP_WINDOW(add, name, __VA_ARGS__)
 
 #define WARP_PRODUCT(name, function, ...)                                      \
   WARP_TILES warp_tile_multiply_##name(u64 sums, u64 a, u64 b, i32 m, i32 n,   \

@@ -216,6 +216,8 @@ static void describeCode(func::FuncOp adjoint, unsigned hiddenCount) {
       ++atomics;
       reductions += isShared(sum, variance);
     }
+    if (auto sum = dyn_cast<warp::TileAtomicOp>(op))
+      atomics += sum.getKind() == warp::TileUpdate::add;
     if (warp::isPlainRead(op))
       for (unsigned leaf : leaves.of(cast<warp::AccessOp>(op).getArray()))
         if (leaf < count)

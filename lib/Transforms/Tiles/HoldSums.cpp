@@ -54,8 +54,13 @@ private:
     if (auto product = dyn_cast<TileMatmulOp>(def)) {
       auto form = getProductForm(product);
       auto operand = def->getAttrOfType<IntegerAttr>(attr::inPlace);
-      if (!form || !operand || operand.getInt() != 2 ||
-          (layout && *layout != form->layout))
+      bool adds = operand && operand.getInt() == 2;
+      // What is in memory anyway is as well there from the beginning.
+      bool isNew = !product.getC() &&
+                   llvm::all_of(def->getUsers(), [&](Operation *user) {
+                     return usesInPlace(user, tile);
+                   });
+      if (!form || (!adds && !isNew) || (layout && *layout != form->layout))
         return false;
       layout = form->layout;
       return true;
@@ -80,9 +85,19 @@ private:
   }
 
   bool canStore(Operation *user, Value tile) const {
-    auto store = dyn_cast<TileStoreOp>(user);
-    return store && store.getTile() == tile && !store.getPicked() &&
-           isPlainWindow(store.getArray(), tileType(tile), store.getOffsets());
+    auto fits = [&](auto access) {
+      return access.getTile() == tile && !access.getPicked() &&
+             isPlainWindow(access.getArray(), tileType(tile),
+                           access.getOffsets());
+    };
+    if (auto store = dyn_cast<TileStoreOp>(user))
+      return fits(store);
+    auto atomic = dyn_cast<TileAtomicOp>(user);
+    return atomic && atomic.getKind() == TileUpdate::add &&
+           atomic.getOld().use_empty() && fits(atomic) &&
+           cast<ArrayType>(atomic.getArray().getType())
+               .getElementType()
+               .isF32();
   }
 
   bool usesInPlace(Operation *user, Value tile) const {

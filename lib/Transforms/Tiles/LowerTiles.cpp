@@ -88,7 +88,13 @@ void TileLowering::lower(Operation *op) {
         else
           lowerStore(store);
       })
-      .Case([&](TileAtomicOp atomic) { lowerAtomic(atomic); })
+      .Case([&](TileAtomicOp atomic) {
+        if (buffers.isHeld(atomic.getTile()) &&
+            !tiles::isStriped(atomic.getTile()))
+          addHeld(atomic);
+        else
+          lowerAtomic(atomic);
+      })
       .Case([&](TileFromThreadsOp from) { lowerFromThreads(from); })
       .Case([&](TileToThreadsOp to) { lowerToThreads(to); })
       .Case([&](TileGetOp get) { lowerGet(get); })
@@ -117,6 +123,10 @@ void TileLowering::lower(Operation *op) {
         op->hasAttr(attr::form) ? factor(op) : lowerCholesky(op);
         if (debug)
           checkFactor(op);
+      })
+      .Case([&](TileCholeskyAdjointOp op) {
+        op->hasAttr(attr::form) ? differentiateFactor(op)
+                                : lowerCholeskyAdjoint(op);
       })
       .Case([&](TileSolveOp op) {
         op->hasAttr(attr::form) ? substitute(op) : lowerSolve(op);
@@ -204,7 +214,7 @@ LogicalResult TileLowering::run() {
     else if (op->hasAttr(attr::stages))
       ahead.push_back(cast<scf::ForOp>(op));
   });
-  if (threads == 1)
+  if (threads == 1 || isGpu(kernel))
     for (Operation *op : ops)
       if (auto atomic = dyn_cast<TileAtomicOp>(op))
         if (std::optional<OwnSteps> steps = findOwnSteps(kernel, atomic))

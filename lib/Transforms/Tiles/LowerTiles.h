@@ -115,6 +115,8 @@ private:
   Value isAlone(llvm::ArrayRef<int64_t> steps);
   void lowerAtomic(TileAtomicOp op);
   void updateElements(TileAtomicOp op, bool plainly);
+  void updateOwnElements(TileAtomicOp op);
+  Value updated(TileAtomicOp op, Value value, ValueRange at);
   void lowerFromThreads(TileFromThreadsOp op);
   void lowerToThreads(TileToThreadsOp op);
   void lowerGet(TileGetOp op);
@@ -129,11 +131,12 @@ private:
   Value isBetter(TileReduction kind, Value candidate, Value best, bool orEqual);
   Value worst(TileReduction kind, mlir::Type type);
   Values combine(TileReduction kind, ValueRange best, ValueRange next);
-  void reduceOrdered(mlir::Operation *op, TileReduction kind, Value tile);
+  void reduceOrdered(mlir::Operation *op, TileReduction kind, Value tile,
+                     bool positions);
   void lowerReduce(mlir::Operation *op, TileReduction kind, Value tile,
                    std::optional<int64_t> axis, bool positions);
   Values overBlock(mlir::Operation *op, TileReduction kind, Values sums);
-  Value overWarps(mlir::Operation *op, TileReduction kind, Value sum);
+  Values overWarps(mlir::Operation *op, TileReduction kind, Values sums);
   void lowerFold(TileFoldOp op);
   void lowerScan(TileScanOp op);
 
@@ -146,6 +149,7 @@ private:
   // In LowerTilesAlgebra.cpp.
   void lowerMatmul(TileMatmulOp op);
   void lowerCholesky(TileCholeskyOp op);
+  void lowerCholeskyAdjoint(TileCholeskyAdjointOp op);
   // LowerTilesChecks.cpp, of debug kernels.
   void checkIndices(Value tile, ValueRange first,
                     llvm::ArrayRef<int64_t> counts,
@@ -172,6 +176,7 @@ private:
   Value copyTo(int64_t offset, Value tile, mlir::Type type, bool transposed);
   void callProduct(TileMatmulOp op);
   void callCholesky(TileCholeskyOp op);
+  void callCholeskyAdjoint(TileCholeskyAdjointOp op);
   void callSolve(TileSolveOp op);
 
   // In LowerTilesProducts.cpp.
@@ -180,8 +185,9 @@ private:
   void setHeld(mlir::Operation *op);
   void giveHeld(TileMapOp op);
   void storeHeld(TileStoreOp op);
+  void addHeld(TileAtomicOp op);
   template <typename Op>
-  Values windowOf(Op op, TileType tile, ValueRange offsets);
+  Values windowOf(Op op, Value array, TileType tile, ValueRange offsets);
   void multiply(TileMatmulOp op, Value sums, Value turn);
   void lowerHeldProduct(TileMatmulOp op);
   Value placeOf(Value tile, Value turn);
@@ -192,6 +198,7 @@ private:
   // In LowerTilesForms.cpp.
   void callForm(llvm::StringRef verb, mlir::Operation *op, Values arguments);
   void factor(TileCholeskyOp op);
+  void differentiateFactor(TileCholeskyAdjointOp op);
   void substitute(TileSolveOp op);
   void transformRows(TileFftOp op);
 
@@ -210,6 +217,8 @@ private:
   mlir::Type i32;
   Value thread;
   bool debug, testing = true;
+  /// Whether it is known if an operation's accesses are tested.
+  bool isDecided = false;
   /// Within `share`: how many elements the thread has had before, and whether
   /// that is to be a constant.
   Value turn;

@@ -33,13 +33,13 @@ void TileLowering::lowerMatmul(TileMatmulOp op) {
     return cast(element(tile, transposed ? Values{j, i} : Values{i, j}), sum);
   };
   share(type.getShape(), [&](ValueRange ij) {
-    Value total = loop(
-        number(0), number(depth), number(1), constant(sum, 0),
-        [&](Value k, ValueRange sums) -> Values {
-          Value x = at(op.getA(), op.getTransposeA(), ij[0], k);
-          Value y = at(op.getB(), op.getTransposeB(), k, ij[1]);
-          return {builtin("add", {sums[0], builtin("mul", {x, y})})};
-        })[0];
+    Value total =
+        loop(number(0), number(depth), number(1), constant(sum, 0),
+             [&](Value k, ValueRange sums) -> Values {
+               Value x = at(op.getA(), op.getTransposeA(), ij[0], k);
+               Value y = at(op.getB(), op.getTransposeB(), k, ij[1]);
+               return {builtin("add", {sums[0], builtin("mul", {x, y})})};
+             })[0];
     if (op.getAlpha())
       total = builtin("mul", {total, cast(op.getAlpha(), sum)});
     if (op.getC()) {
@@ -83,8 +83,8 @@ void TileLowering::lowerCholesky(TileCholeskyOp op) {
     // The root of what is not positive is NaN, and so is what follows.
     Value isPositive = builtin("gt", {square, constant(real, 0)});
     Value none = constant(real, std::numeric_limits<double>::quiet_NaN());
-    Value diagonal = builtin(
-        "sqrt", builtin("where", {isPositive, square, none}));
+    Value diagonal =
+        builtin("sqrt", builtin("where", {isPositive, square, none}));
     // In place, all have to have read it.
     barrier();
     byFirstThread([&] { store(result, at(j, j), diagonal); });
@@ -97,6 +97,68 @@ void TileLowering::lowerCholesky(TileCholeskyOp op) {
       return Values();
     });
     barrier();
+  });
+}
+
+/// In place of the cotangent, columns from the last to the first: what a column
+/// of the factor was computed from gets its part. Iain Murray, Differentiation
+/// of the Cholesky decomposition, 2016.
+void TileLowering::lowerCholeskyAdjoint(TileCholeskyAdjointOp op) {
+  begin(op, op.getCotangent());
+  if (threads == 1)
+    return callCholeskyAdjoint(op);
+  TileType type = tileType(op.getFactor());
+  int64_t n = type.getShape()[0];
+  Type real = type.getElementType();
+  Value bar = op.getResult();
+  bool upper = op.getUpper();
+  auto at = [&](Value i, Value j) {
+    return upper ? Values{j, i} : Values{i, j};
+  };
+  auto factor = [&](Value i, Value j) {
+    return element(op.getFactor(), at(i, j));
+  };
+  loop(n, [&](Value step) {
+    Value j = sub(number(n - 1), step), below = add(j, number(1));
+    Value over = builtin("div", {constant(real, 1), factor(j, j)});
+    // What column k has in common with column j.
+    auto common = [&](Value k) {
+      return loop(below, number(n), number(1), constant(real, 0),
+                  [&](Value i, ValueRange sums) -> Values {
+                    Value product =
+                        builtin("mul", {load(bar, at(i, j)), factor(i, k)});
+                    return {builtin("add", {sums[0], product})};
+                  })[0];
+    };
+    Value rest = builtin("mul", {common(j), over});
+    Value diagonal =
+        builtin("mul", {builtin("sub", {load(bar, at(j, j)), rest}), over});
+    loop(thread, j, number(threads), {}, [&](Value k, ValueRange) {
+      Value own = factor(j, k), ratio = builtin("mul", {own, over});
+      Value change = builtin("add", {builtin("mul", {common(k), over}),
+                                     builtin("mul", {diagonal, own})});
+      auto subtract = [&](Value i, Value part) {
+        store(bar, at(i, k), builtin("sub", {load(bar, at(i, k)), part}));
+      };
+      subtract(j, change);
+      loop(below, number(n), number(1), {}, [&](Value i, ValueRange) {
+        subtract(i, builtin("mul", {load(bar, at(i, j)), ratio}));
+        return Values();
+      });
+      store(bar, at(k, j), constant(real, 0));
+      return Values();
+    });
+    // All have read the column.
+    barrier();
+    byFirstThread([&] {
+      Value half = builtin("mul", {diagonal, constant(real, 0.5)});
+      store(bar, at(j, j), half);
+    });
+    loop(add(below, thread), number(n), number(threads), {},
+         [&](Value i, ValueRange) {
+           store(bar, at(i, j), builtin("mul", {load(bar, at(i, j)), over}));
+           return Values();
+         });
   });
 }
 
@@ -118,9 +180,7 @@ void TileLowering::lowerSolve(TileSolveOp op) {
   };
   // Backwards if the matrix that is solved with is upper.
   bool backwards = bool(op.getUpper()) != bool(op.getTransposed());
-  auto row = [&](Value i) {
-    return backwards ? sub(number(n - 1), i) : i;
-  };
+  auto row = [&](Value i) { return backwards ? sub(number(n - 1), i) : i; };
   loop(n, [&](Value step) {
     Value j = row(step);
     Value diagonal = coefficient(j, j);

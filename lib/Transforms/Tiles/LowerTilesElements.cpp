@@ -7,10 +7,14 @@
 #include "LowerTiles.h"
 
 #include "KernelFunction.h"
+#include "Transforms/Launch/UnrollLoop.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
 #include "llvm/ADT/TypeSwitch.h"
+#include "llvm/Support/SaveAndRestore.h"
+
+#include <numeric>
 
 using namespace mlir;
 
@@ -279,16 +283,21 @@ Value TileLowering::update(TileUpdate kind, Value value, Value array,
   return StructCreateOp::create(b, loc, record, old);
 }
 
-/// Whether no other thread of the launch touches the elements of an update:
+/// Whether no other block of the launch touches the elements of an update:
 /// those that differ along a dimension do not, unless products wrap around, and
-/// along other dimensions there is one thread.
+/// along other dimensions there is one block.
 Value TileLowering::isAlone(ArrayRef<int64_t> steps) {
   Value alone;
   for (auto [dim, step] : llvm::enumerate(steps)) {
     Value extent = LaunchExtentOp::create(b, loc, i32, dim);
-    int64_t most = step == 0 ? 1 : std::numeric_limits<int32_t>::max() / step;
-    alone = both(alone, arith::CmpIOp::create(b, loc, arith::CmpIPredicate::sle,
-                                              extent, number(most)));
+    bool isOfThreads = isGpu(kernel) && dim + 1 == steps.size();
+    int64_t most = isOfThreads ? threads
+                   : step == 0 ? 1
+                               : std::numeric_limits<int32_t>::max() / step;
+    auto predicate =
+        isOfThreads ? arith::CmpIPredicate::eq : arith::CmpIPredicate::sle;
+    alone = both(
+        alone, arith::CmpIOp::create(b, loc, predicate, extent, number(most)));
   }
   return alone;
 }
@@ -297,19 +306,71 @@ void TileLowering::lowerAtomic(TileAtomicOp op) {
   Type type = tileType(op.getTile()).getElementType();
   bool isSum =
       llvm::is_contained({TileUpdate::add, TileUpdate::sub}, op.getKind());
-  bool mayBePlain = threads == 1 && !isGpu(kernel) && !debug && isSum &&
-                    op.getOld().use_empty() && !isa<StructType>(type);
+  bool mayBePlain =
+      !debug && isSum && op.getOld().use_empty() && !isa<StructType>(type);
   auto own = mayBePlain ? ownSteps.find(op) : ownSteps.end();
   if (own == ownSteps.end())
     return updateElements(op, /*plainly=*/false);
-  auto branch = scf::IfOp::create(b, loc, isAlone(own->second),
-                                  /*withElseRegion=*/true);
-  OpBuilder::InsertionGuard guard(b);
-  for (bool plainly : {true, false}) {
-    b.setInsertionPoint(
-        (plainly ? branch.thenBlock() : branch.elseBlock())->getTerminator());
-    updateElements(op, plainly);
+  Value alone = isAlone(own->second), inside;
+  // One loop of each kind is enough on a GPU: what crosses an edge is rare.
+  if (isGpu(kernel)) {
+    collectTested(op, inside);
+    alone = both(alone, inside);
   }
+  auto branch = scf::IfOp::create(b, loc, alone, /*withElseRegion=*/true);
+  OpBuilder::InsertionGuard guard(b);
+  llvm::SaveAndRestore saved(isDecided, isGpu(kernel));
+  for (bool plainly : {true, false}) {
+    llvm::SaveAndRestore savedTesting(testing, !plainly);
+    Block *block = plainly ? branch.thenBlock() : branch.elseBlock();
+    b.setInsertionPoint(block->getTerminator());
+    if (plainly && threads > 1)
+      updateOwnElements(op);
+    else
+      updateElements(op, plainly);
+    if (!plainly && isDecided)
+      block->walk([](scf::ForOp loop) { setPlain(loop); });
+  }
+}
+
+Value TileLowering::updated(TileAtomicOp op, Value value, ValueRange at) {
+  Value old = LoadOp::create(b, loc, value.getType(), op.getArray(), at);
+  return builtin(op.getKind() == TileUpdate::add ? "add" : "sub", {old, value});
+}
+
+/// Some elements of a thread at a time: all are loaded before the first one is
+/// stored, which others would have to wait for.
+void TileLowering::updateOwnElements(TileAtomicOp op) {
+  TileType type = tileType(op.getTile());
+  int64_t own = type.getNumElements() / threads, most = 8;
+  if (type.getNumElements() % threads != 0)
+    return updateElements(op, /*plainly=*/true);
+  int64_t run = std::gcd(own, most);
+  auto updateRun = [&](llvm::function_ref<Value(int64_t)> numberOf) {
+    SmallVector<Values> places;
+    Values values;
+    for (int64_t t = 0; t < run; ++t) {
+      turn = numberOf(t);
+      Value e = add(mul(turn, number(threads)), thread);
+      Values indices = unravel(e, type.getShape());
+      Value inside;
+      places.push_back(arrayIndices(op, type, indices, inside));
+      Value value = element(op.getTile(), indices);
+      values.push_back(updated(op, value, places.back()));
+    }
+    for (auto [at, value] : llvm::zip_equal(places, values))
+      StoreOp::create(b, loc, value, op.getArray(), at);
+  };
+  // Registers have no numbers.
+  if (own == run || touchesStripes(op)) {
+    for (int64_t first = 0; first < own; first += run)
+      updateRun([&](int64_t t) { return number(first + t); });
+    return;
+  }
+  loop(own / run, [&](Value group) {
+    Value first = mul(group, number(run));
+    updateRun([&](int64_t t) { return add(first, number(t)); });
+  });
 }
 
 void TileLowering::updateElements(TileAtomicOp op, bool plainly) {
@@ -322,11 +383,8 @@ void TileLowering::updateElements(TileAtomicOp op, bool plainly) {
     auto make = [&]() -> Value {
       if (!plainly)
         return update(op.getKind(), value, op.getArray(), at);
-      Value old =
-          LoadOp::create(b, loc, type.getElementType(), op.getArray(), at);
-      StringRef name = op.getKind() == TileUpdate::add ? "add" : "sub";
-      StoreOp::create(b, loc, builtin(name, {old, value}), op.getArray(), at);
-      return old;
+      StoreOp::create(b, loc, updated(op, value, at), op.getArray(), at);
+      return value;
     };
     if (keepsOld)
       store(op.getOld(), indices, ifHolds(inside, type.getElementType(), make));

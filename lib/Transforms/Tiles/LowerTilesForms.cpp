@@ -34,6 +34,22 @@ void TileLowering::factor(TileCholeskyOp op) {
             number(n)});
 }
 
+void TileLowering::differentiateFactor(TileCholeskyAdjointOp op) {
+  begin(op, op.getCotangent());
+  Strided to = *getStrided(op.getResult()), from = *getStrided(op.getFactor());
+  if (op.getUpper()) {
+    std::swap(to.steps[0], to.steps[1]);
+    std::swap(from.steps[0], from.steps[1]);
+  }
+  Value scratch =
+      arrayAt(scratchOf(op), getFormBytes(op, threads) / 4, b.getF32Type());
+  callForm("differentiate_factor", op,
+           {addressOf(memoryOf(op.getResult())), number(to.steps[0]),
+            number(to.steps[1]), addressOf(memoryOf(from.memory)),
+            number(from.steps[0]), number(from.steps[1]), addressOf(scratch),
+            number(tileType(op.getFactor()).getShape()[0])});
+}
+
 void TileLowering::substitute(TileSolveOp op) {
   begin(op, op.getRhs());
   Strided matrix = *getStrided(op.getMatrix());

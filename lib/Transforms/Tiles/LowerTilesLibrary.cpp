@@ -78,9 +78,8 @@ void TileLowering::callProduct(TileMatmulOp op) {
   ArrayRef<int64_t> shape = tileType(result).getShape();
   callLibrary("warp_tile_product", sum,
               {addressOf(to), addressOf(x), addressOf(y), number(shape[0]),
-               number(shape[1]), number(operands.depth),
-               number(operands.a[0]), number(operands.a[1]),
-               number(operands.b[0]), number(!op.getC()),
+               number(shape[1]), number(operands.depth), number(operands.a[0]),
+               number(operands.a[1]), number(operands.b[0]), number(!op.getC()),
                factor(op.getAlpha()), factor(op.getBeta())});
   if (converts)
     share(shape, [&](ValueRange ij) {
@@ -95,16 +94,38 @@ void TileLowering::callCholesky(TileCholeskyOp op) {
   if (getStrided(from) && getStrided(from)->memory == from) {
     from = memoryOf(from);
   } else {
-    share(type.getShape(), [&](ValueRange ij) {
-      store(result, ij, element(op.getTile(), ij));
-    });
+    share(type.getShape(),
+          [&](ValueRange ij) { store(result, ij, element(op.getTile(), ij)); });
     from = memoryOf(result);
   }
-  Value scratch = arrayAt(scratchOf(op), type.getNumElements(),
-                          type.getElementType());
+  Value scratch =
+      arrayAt(scratchOf(op), type.getNumElements(), type.getElementType());
   callLibrary("warp_tile_cholesky", type.getElementType(),
               {addressOf(memoryOf(result)), addressOf(from), addressOf(scratch),
                number(type.getShape()[0]), number(op.getUpper())});
+}
+
+void TileLowering::callCholeskyAdjoint(TileCholeskyAdjointOp op) {
+  TileType type = tileType(op.getFactor());
+  int64_t n = type.getShape()[0];
+  std::optional<Strided> factor = getStrided(op.getFactor());
+  SmallVector<int64_t> steps{n, 1};
+  Value memory;
+  if (factor) {
+    steps = factor->steps;
+    memory = memoryOf(factor->memory);
+  } else {
+    memory = copyTo(scratchOf(op) + 2 * getRowsBytes(type), op.getFactor(),
+                    type.getElementType(), /*transposed=*/false);
+  }
+  Value scratch =
+      arrayAt(scratchOf(op),
+              2 * getRowsBytes(type) / getByteSize(type.getElementType()),
+              type.getElementType());
+  callLibrary("warp_tile_cholesky_adjoint", type.getElementType(),
+              {addressOf(memoryOf(op.getResult())), addressOf(memory),
+               addressOf(scratch), number(steps[0]), number(steps[1]),
+               number(n), number(op.getUpper())});
 }
 
 void TileLowering::callSolve(TileSolveOp op) {

@@ -92,9 +92,8 @@ Values TileLowering::inlineBody(Block &body, ValueRange arguments) {
   map.map(body.getArguments(), arguments);
   for (Operation &op : body.without_terminator())
     b.clone(op, map);
-  return llvm::map_to_vector(body.getTerminator()->getOperands(), [&](Value v) {
-    return map.lookupOrDefault(v);
-  });
+  return llvm::map_to_vector(body.getTerminator()->getOperands(),
+                             [&](Value v) { return map.lookupOrDefault(v); });
 }
 
 //===----------------------------------------------------------------------===//
@@ -220,19 +219,18 @@ void TileLowering::collectTested(Operation *op, Value &inside) {
       Value offset = access.getOffsets()[d];
       Type wide = getByteSize(offset.getType()) > 4 ? b.getI64Type() : i32;
       Value first = cast(offset, wide);
-      Value extent = cast(DimOp::create(b, loc, b.getIntegerType(32, true),
-                                        access.getArray(),
-                                        b.getI64IntegerAttr(d)),
-                          wide);
+      Value extent =
+          cast(DimOp::create(b, loc, b.getIntegerType(32, true),
+                             access.getArray(), b.getI64IntegerAttr(d)),
+               wide);
       Value length = arith::ConstantOp::create(
           b, loc, b.getIntegerAttr(wide, tile.getShape()[d]));
-      Value none =
-          arith::ConstantOp::create(b, loc, b.getIntegerAttr(wide, 0));
-      Value low = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::sge,
-                                        first, none);
+      Value none = arith::ConstantOp::create(b, loc, b.getIntegerAttr(wide, 0));
+      Value low =
+          arith::CmpIOp::create(b, loc, arith::CmpIPredicate::sge, first, none);
       Value last = arith::SubIOp::create(b, loc, extent, length);
-      Value high = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::sle,
-                                         first, last);
+      Value high =
+          arith::CmpIOp::create(b, loc, arith::CmpIPredicate::sle, first, last);
       inside = both(inside, both(low, high));
     }
   };
@@ -266,7 +264,8 @@ bool TileLowering::touchesStripes(Operation *op) {
 Values TileLowering::elements(Operation *op, ArrayRef<int64_t> shape,
                               ValueRange sums, Body body) {
   Value inside;
-  collectTested(op, inside);
+  if (!isDecided)
+    collectTested(op, inside);
   llvm::SaveAndRestore striped(isStriped, touchesStripes(op));
   if (!inside)
     return share(shape, sums, body);

@@ -66,17 +66,18 @@ void TileLowering::giveHeld(TileMapOp op) {
 /// Data, offsets, extents, steps and shape of a tile in an array, and whether
 /// it is tested.
 template <typename Op>
-Values TileLowering::windowOf(Op op, TileType tile, ValueRange offsets) {
-  Values window{addressOf(op.getArray())};
+Values TileLowering::windowOf(Op op, Value array, TileType tile,
+                              ValueRange offsets) {
+  Values window{addressOf(array)};
   for (Value offset : offsets)
     window.push_back(toIndex(offset));
   Type integer = b.getIntegerType(32, true);
   for (int64_t d = 0; d < 2; ++d)
     window.push_back(
-        DimOp::create(b, loc, integer, op.getArray(), b.getI64IntegerAttr(d)));
+        DimOp::create(b, loc, integer, array, b.getI64IntegerAttr(d)));
   for (int64_t d = 0; d < 2; ++d)
-    window.push_back(StrideOp::create(b, loc, integer, op.getArray(),
-                                      b.getI64IntegerAttr(d)));
+    window.push_back(
+        StrideOp::create(b, loc, integer, array, b.getI64IntegerAttr(d)));
   for (int64_t extent : tile.getShape())
     window.push_back(number(extent));
   window.push_back(number(op.getChecked()));
@@ -84,8 +85,15 @@ Values TileLowering::windowOf(Op op, TileType tile, ValueRange offsets) {
 }
 
 void TileLowering::storeHeld(TileStoreOp op) {
-  callHeld("store", op.getTile(),
-           windowOf(op, tileType(op.getTile()), op.getOffsets()));
+  callHeld(
+      "store", op.getTile(),
+      windowOf(op, op.getArray(), tileType(op.getTile()), op.getOffsets()));
+}
+
+void TileLowering::addHeld(TileAtomicOp op) {
+  callHeld(
+      "add", op.getTile(),
+      windowOf(op, op.getArray(), tileType(op.getTile()), op.getOffsets()));
 }
 
 //===----------------------------------------------------------------------===//
@@ -108,6 +116,8 @@ void TileLowering::multiply(TileMatmulOp op, Value sums, Value turn) {
 void TileLowering::lowerHeldProduct(TileMatmulOp op) {
   ProductForm form = *getProductForm(op);
   if (buffers.isHeld(op.getResult())) {
+    if (!op.getC())
+      callHeld("set", op.getResult(), {constant(b.getF32Type(), 0)});
     if (!op->getParentOp()->hasAttr(attr::stages))
       multiply(op, sumsOf(op.getResult(), form.slots), Value());
     return;
@@ -158,7 +168,8 @@ void TileLowering::fetch(TileLoadOp load, scf::ForOp loop, Value iteration,
     offsets.push_back(map.lookupOrDefault(offset));
   TileType type = tileType(load.getResult());
   Values arguments{placeOf(load.getResult(), turn)};
-  arguments.append(windowOf(load, type, offsets));
+  arguments.append(
+      windowOf(load, map.lookupOrDefault(load.getArray()), type, offsets));
   arguments.push_back(
       number(load->getAttrOfType<IntegerAttr>(attr::pitch).getInt()));
   arguments.push_back(number(threads));

@@ -81,27 +81,42 @@ Values TileLowering::combine(TileReduction kind, ValueRange best,
 // Reductions
 //===----------------------------------------------------------------------===//
 
-/// By the device library, with exchanges between lanes.
-Value TileLowering::overWarps(Operation *op, TileReduction kind, Value sum) {
+/// By the device library, with exchanges between lanes. Bits of positions are
+/// those of a number.
+Values TileLowering::overWarps(Operation *op, TileReduction kind, Values sums) {
+  Type real = b.getF32Type();
   Value own = ScratchOp::create(
-      entry, loc, ScratchType::get(b.getContext(), 1, sum.getType()));
-  ScratchStoreOp::create(b, loc, sum, own, number(0));
-  Value memory = arrayAt(scratchOf(op), threads, sum.getType());
+      entry, loc, ScratchType::get(b.getContext(), sums.size(), real));
+  for (auto [i, sum] : llvm::enumerate(sums)) {
+    Value bits = sum;
+    if (i > 0)
+      bits = arith::BitcastOp::create(b, loc, real, sum);
+    ScratchStoreOp::create(b, loc, bits, own, number(i));
+  }
+  Value memory = arrayAt(scratchOf(op), sums.size() * threads, real);
   StringRef name = kind == TileReduction::add   ? "add"
                    : kind == TileReduction::min ? "min"
                                                 : "max";
-  callLibrary("warp_tile_combine_" + name, {},
-              {own, addressOf(memory), number(threads)});
-  return ScratchLoadOp::create(b, loc, sum.getType(), own, number(0));
+  callLibrary(Twine("warp_tile_combine_") + (sums.size() > 1 ? "arg" : "") +
+                  name,
+              {}, {own, addressOf(memory), number(threads)});
+  Values made;
+  for (auto [i, sum] : llvm::enumerate(sums)) {
+    Value bits = ScratchLoadOp::create(b, loc, real, own, number(i));
+    made.push_back(
+        i == 0 ? bits
+               : Value(arith::BitcastOp::create(b, loc, sum.getType(), bits)));
+  }
+  return made;
 }
 
 /// What all threads of the block have, combined; in every thread.
 Values TileLowering::overBlock(Operation *op, TileReduction kind, Values sums) {
   if (threads == 1)
     return sums;
-  if (sums.size() == 1 && sums[0].getType().isF32() && threads % 32 == 0 &&
+  if (sums[0].getType().isF32() && threads % 32 == 0 &&
       getVariant(kernel).getTarget().getVersion() >= 80)
-    return {overWarps(op, kind, sums[0])};
+    return overWarps(op, kind, sums);
   int64_t offset = op->getAttrOfType<IntegerAttr>(attr::scratch).getInt();
   // Arrays have elements of the language's types, so positions get a sign.
   SmallVector<Type> stored;
@@ -146,17 +161,19 @@ static Value flipBelowZero(OpBuilder &b, Location loc, Value bits) {
   auto constantOf = [&](APInt value) -> Value {
     return arith::ConstantOp::create(b, loc, b.getIntegerAttr(type, value));
   };
-  Value signs = arith::ShRSIOp::create(b, loc, bits,
-                                       constantOf(APInt(width, width - 1)));
+  Value signs =
+      arith::ShRSIOp::create(b, loc, bits, constantOf(APInt(width, width - 1)));
   Value flipped = arith::AndIOp::create(
       b, loc, signs, constantOf(APInt::getSignedMaxValue(width)));
   return arith::XOrIOp::create(b, loc, bits, flipped);
 }
 
 /// Extrema of floats on a CPU: integers are compared in vectors, whereas NaN
-/// keeps floats out of those.
-void TileLowering::reduceOrdered(Operation *op, TileReduction kind,
-                                 Value tile) {
+/// keeps floats out of those. Positions are a second pass, the first one with
+/// what won.
+void TileLowering::reduceOrdered(Operation *op, TileReduction kind, Value tile,
+                                 bool positions) {
+  ArrayRef<int64_t> shape = tileType(tile).getShape();
   Type real = tileType(tile).getElementType();
   unsigned width = real.getIntOrFloatBitWidth();
   Type bits = b.getIntegerType(width);
@@ -165,30 +182,49 @@ void TileLowering::reduceOrdered(Operation *op, TileReduction kind,
       b, loc,
       b.getIntegerAttr(bits, isMin ? APInt::getSignedMaxValue(width)
                                    : APInt::getSignedMinValue(width)));
-  Values made = elements(
-      op, tileType(tile).getShape(), worst,
-      [&](ValueRange at, ValueRange best) -> Values {
-        Value x = element(tile, at);
-        Value key = flipBelowZero(
-            b, loc, arith::BitcastOp::create(b, loc, bits, x));
-        Value isNone = builtin("ne", {x, x});
-        key = arith::SelectOp::create(b, loc, isNone, worst, key);
+  auto keyAt = [&](ValueRange at) -> Value {
+    Value x = element(tile, at);
+    // Both zeros tie.
+    Value bitsOf = positions ? builtin("add", {x, constant(real, 0)}) : x;
+    Value key =
+        flipBelowZero(b, loc, arith::BitcastOp::create(b, loc, bits, bitsOf));
+    Value isNone = builtin("ne", {x, x});
+    return arith::SelectOp::create(b, loc, isNone, worst, key);
+  };
+  Value best =
+      elements(op, shape, worst, [&](ValueRange at, ValueRange best) -> Values {
+        Value key = keyAt(at);
         if (isMin)
           return {arith::MinSIOp::create(b, loc, best[0], key)};
         return {arith::MaxSIOp::create(b, loc, best[0], key)};
-      });
-  store(op->getResult(0), number(0),
-        arith::BitcastOp::create(b, loc, real,
-                                 flipBelowZero(b, loc, made[0])));
+      })[0];
+  if (!positions) {
+    store(op->getResult(0), number(0),
+          arith::BitcastOp::create(b, loc, real, flipBelowZero(b, loc, best)));
+    return;
+  }
+  Value last = number(INT32_MAX);
+  Value first =
+      elements(op, shape, last, [&](ValueRange at, ValueRange first) -> Values {
+        Value wins = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq,
+                                           keyAt(at), best);
+        Value place =
+            arith::SelectOp::create(b, loc, wins, linear(shape, at), last);
+        return {arith::MinSIOp::create(b, loc, first[0], place)};
+      })[0];
+  store(op->getResult(0), number(0), cast(first, b.getIntegerType(32, true)));
 }
 
 void TileLowering::lowerReduce(Operation *op, TileReduction kind, Value tile,
                                std::optional<int64_t> axis, bool positions) {
   TileType type = tileType(tile);
   Type element = type.getElementType();
-  if (threads == 1 && !axis && !positions && kind != TileReduction::add &&
-      (element.isF32() || element.isF64()))
-    return reduceOrdered(op, kind, tile);
+  // What is not in memory is not worth to be computed twice.
+  Operation *def = tile.getDefiningOp();
+  bool isKept = !def || !isInline(def);
+  if (threads == 1 && !axis && kind != TileReduction::add &&
+      (isKept || !positions) && (element.isF32() || element.isF64()))
+    return reduceOrdered(op, kind, tile, positions);
   Value result = op->getResult(0);
   Values first{worst(kind, type.getElementType())};
   if (positions)
@@ -211,11 +247,11 @@ void TileLowering::lowerReduce(Operation *op, TileReduction kind, Value tile,
     store(result, indices, value);
   };
   if (!axis) {
-    Values sums = elements(
-        op, type.getShape(), first, [&](ValueRange at, ValueRange sums) {
-          return step(sums, this->element(tile, at),
-                      linear(type.getShape(), at));
-        });
+    Values sums = elements(op, type.getShape(), first,
+                           [&](ValueRange at, ValueRange sums) {
+                             return step(sums, this->element(tile, at),
+                                         linear(type.getShape(), at));
+                           });
     sums = overBlock(op, kind, sums);
     byFirstThread([&] { finish(ValueRange(number(0)), sums); });
     return;
@@ -226,13 +262,12 @@ void TileLowering::lowerReduce(Operation *op, TileReduction kind, Value tile,
   if (outer.empty())
     outer.push_back(1);
   elements(op, outer, [&](ValueRange indices) {
-    Values sums = loop(
-        number(0), number(extent), number(1), first,
-        [&](Value i, ValueRange sums) {
-          Values at(indices.take_front(type.getRank() - 1));
-          at.insert(at.begin() + *axis, i);
-          return step(sums, this->element(tile, at), i);
-        });
+    Values sums = loop(number(0), number(extent), number(1), first,
+                       [&](Value i, ValueRange sums) {
+                         Values at(indices.take_front(type.getRank() - 1));
+                         at.insert(at.begin() + *axis, i);
+                         return step(sums, this->element(tile, at), i);
+                       });
     finish(indices, sums);
   });
 }
@@ -257,9 +292,8 @@ void TileLowering::lowerFold(TileFoldOp op) {
   };
   if (!op.getAxis()) {
     byFirstThread([&] {
-      Values made = fold(type.getNumElements(), [&](Value i) {
-        return unravel(i, type.getShape());
-      });
+      Values made = fold(type.getNumElements(),
+                         [&](Value i) { return unravel(i, type.getShape()); });
       if (!op.getPartials())
         store(op.getResult(), ValueRange(number(0)), made[0]);
     });
@@ -302,11 +336,11 @@ void TileLowering::lowerScan(TileScanOp op) {
   if (threads > 1) {
     begin = mul(thread, number(run));
     end = arith::MinSIOp::create(b, loc, add(begin, number(run)), end);
-    Values sums = loop(begin, end, number(1), first,
-                       [&](Value i, ValueRange sums) {
-                         Value next = element(op.getTile(), place(i));
-                         return combine(op.getKind(), sums, next);
-                       });
+    Values sums =
+        loop(begin, end, number(1), first, [&](Value i, ValueRange sums) {
+          Value next = element(op.getTile(), place(i));
+          return combine(op.getKind(), sums, next);
+        });
     int64_t offset = op->getAttrOfType<IntegerAttr>(attr::scratch).getInt();
     Type element = type.getElementType();
     Value memory = arrayAt(offset, threads, element);

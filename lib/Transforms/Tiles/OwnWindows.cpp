@@ -128,7 +128,9 @@ std::optional<OwnSteps> findOwnSteps(FunctionOpInterface kernel,
     return common;
   };
   OwnSteps steps(getVariant(kernel).getRank(), 0);
-  for (unsigned dim = 0; dim < steps.size(); ++dim)
+  // The last dimension is that of a block's threads.
+  unsigned dims = steps.size() - (isGpu(kernel) ? 1 : 0);
+  for (unsigned dim = 0; dim < dims; ++dim)
     for (unsigned axis = 0; axis < windows.front().size() && !steps[dim];
          ++axis)
       steps[dim] = commonStep(axis, dim);

@@ -41,7 +41,8 @@ using namespace warp::tiles;
 //===----------------------------------------------------------------------===//
 
 static SmallVector<unsigned> replaceableOperands(Operation *op) {
-  if (isa<TileInsertOp, TileSetOp, TileScatterOp, TileSolveOp>(op))
+  if (isa<TileInsertOp, TileSetOp, TileScatterOp, TileSolveOp,
+          TileCholeskyAdjointOp>(op))
     return {1};
   if (isa<TileDiagAddOp, TileFftOp, TileCholeskyOp>(op))
     return {0};
@@ -123,9 +124,8 @@ static void copyInits(OpBuilder &b, Operation *loop,
                       MutableOperandRange inits) {
   b.setInsertionPoint(loop);
   for (OpOperand &init : inits)
-    if (isTile(init.get()) &&
-        (!init.get().hasOneUse() ||
-         init.get().getParentBlock() != loop->getBlock()))
+    if (isTile(init.get()) && (!init.get().hasOneUse() ||
+                               init.get().getParentBlock() != loop->getBlock()))
       init.set(copy(b, loop->getLoc(), init.get()));
 }
 
@@ -220,8 +220,8 @@ static void placeTiles(FunctionOpInterface kernel, int64_t threads) {
       placeFor(b, loop);
     else if (auto loop = dyn_cast<scf::WhileOp>(op))
       placeWhile(b, loop);
-    else if (auto branch = dyn_cast<scf::IfOp>(op); branch &&
-             branch.getNumResults() != 0)
+    else if (auto branch = dyn_cast<scf::IfOp>(op);
+             branch && branch.getNumResults() != 0)
       placeIf(b, branch);
   }
   chooseForms(kernel, threads);

@@ -21,10 +21,10 @@ using namespace mlir;
 constexpr int64_t mostRows = 128;
 
 /// Columns of a panel.
-static int64_t factorForm(TileCholeskyOp op) {
-  int64_t n = tileType(op.getTile()).getShape()[0];
-  bool fits = tileType(op.getTile()).getElementType().isF32() &&
-              n <= mostRows && getStrided(op.getTile());
+static int64_t factorForm(Value matrix) {
+  int64_t n = tileType(matrix).getShape()[0];
+  bool fits = tileType(matrix).getElementType().isF32() && n <= mostRows &&
+              getStrided(matrix);
   return !fits ? 0 : n <= 8 ? 8 : n <= 16 ? 16 : 32;
 }
 
@@ -54,7 +54,7 @@ int64_t getForm(Operation *op) {
 }
 
 int64_t getFormBytes(Operation *op, int64_t threads) {
-  if (isa<TileCholeskyOp>(op))
+  if (isa<TileCholeskyOp, TileCholeskyAdjointOp>(op))
     return 4 * getForm(op) * (getForm(op) + 1);
   auto fft = dyn_cast<TileFftOp>(op);
   if (!fft)
@@ -76,8 +76,8 @@ static int64_t pitchOf(int64_t columns) {
 /// read it otherwise.
 static bool readsAsMatrix(OpOperand &use) {
   Operation *op = use.getOwner();
-  return isa<TileCholeskyOp, TileSolveOp>(op) && op->hasAttr(attr::form) &&
-         use.getOperandNumber() == 0;
+  return isa<TileCholeskyOp, TileCholeskyAdjointOp, TileSolveOp>(op) &&
+         op->hasAttr(attr::form) && use.getOperandNumber() == 0;
 }
 
 static void setPitches(FunctionOpInterface kernel) {
@@ -106,12 +106,17 @@ static void setPitches(FunctionOpInterface kernel) {
 /// Warps hide each other's waits: as many as have room for a panel's row in
 /// registers.
 static void limitRegisters(FunctionOpInterface kernel, int64_t threads) {
-  int64_t widest = 0;
-  kernel->walk([&](TileCholeskyOp op) {
-    if (op->hasAttr(attr::form))
-      widest = std::max(widest, tileType(op.getTile()).getShape()[0]);
+  int64_t widest = 0, registers = 72;
+  kernel->walk([&](Operation *op) {
+    bool isAdjoint = isa<TileCholeskyAdjointOp>(op);
+    if (!(isAdjoint || isa<TileCholeskyOp>(op)) || !op->hasAttr(attr::form))
+      return;
+    int64_t n = tileType(op->getOperand(0)).getShape()[0];
+    widest = std::max(widest, n);
+    // A row, or columns of both matrices.
+    if (n > 16)
+      registers = std::max<int64_t>(registers, isAdjoint ? 128 : 96);
   });
-  int64_t registers = widest <= 16 ? 72 : 96;
   int64_t blocks = std::min<int64_t>((64 << 10) / (registers * threads), 32);
   if (widest > 8 && widest <= 32 && blocks > 1)
     kernel->setAttr(warp::attr::leastBlocks,
@@ -126,7 +131,9 @@ void chooseForms(FunctionOpInterface kernel, int64_t threads) {
   kernel->walk([&](Operation *op) {
     int64_t form = 0;
     if (auto factor = dyn_cast<TileCholeskyOp>(op))
-      form = factorForm(factor);
+      form = factorForm(factor.getTile());
+    else if (auto adjoint = dyn_cast<TileCholeskyAdjointOp>(op))
+      form = factorForm(adjoint.getFactor());
     else if (auto solve = dyn_cast<TileSolveOp>(op))
       form = solveForm(solve);
     else if (auto fft = dyn_cast<TileFftOp>(op))

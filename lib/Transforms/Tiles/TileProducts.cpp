@@ -122,6 +122,8 @@ bool isPlainWindow(Value array, TileType tile, ValueRange offsets) {
   auto type = cast<ArrayType>(array.getType());
   while (auto view = array.getDefiningOp<ViewOp>())
     array = view.getArray();
+  if (auto gradient = array.getDefiningOp<GradOp>())
+    array = gradient.getArray();
   return isa<BlockArgument>(array) && tile.getRank() == 2 &&
          type.getRank() == 2 && llvm::all_of(offsets, [](Value offset) {
            return getByteSize(offset.getType()) <= 4;

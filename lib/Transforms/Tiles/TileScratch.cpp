@@ -101,6 +101,13 @@ int64_t getSortedElements(TileSortOp op) {
   return llvm::PowerOf2Ceil(tileType(op.getKeys()).getNumElements());
 }
 
+int64_t getRowsBytes(TileType matrix) {
+  constexpr int64_t vector = 64;
+  int64_t row = llvm::alignTo(
+      matrix.getShape()[0] * getByteSize(matrix.getElementType()), vector);
+  return row * row / getByteSize(matrix.getElementType());
+}
+
 int64_t getScratchBytes(Operation *op, int64_t threads) {
   if (op->hasAttr(attr::form))
     return getFormBytes(op, threads);
@@ -115,13 +122,12 @@ int64_t getScratchBytes(Operation *op, int64_t threads) {
   if (callsForTiles(op, threads)) {
     if (auto product = dyn_cast<TileMatmulOp>(op))
       return ProductOperands(product).bytes;
-    if (auto factor = dyn_cast<TileCholeskyOp>(op)) {
-      // Rows of whole vectors, 64 bytes each.
-      TileType type = tileType(factor.getTile());
-      int64_t size = getByteSize(type.getElementType());
-      int64_t row = llvm::alignTo(type.getShape()[0], 64 / size);
-      return row * row * size;
-    }
+    if (auto factor = dyn_cast<TileCholeskyOp>(op))
+      return getRowsBytes(tileType(factor.getTile()));
+    if (auto adjoint = dyn_cast<TileCholeskyAdjointOp>(op))
+      return 2 * getRowsBytes(tileType(adjoint.getFactor())) +
+             (getStrided(adjoint.getFactor()) ? 0
+                                              : bytesOf(adjoint.getFactor()));
     if (auto solve = dyn_cast<TileSolveOp>(op))
       return getStrided(solve.getMatrix()) ? 0 : bytesOf(solve.getMatrix());
     return 0;

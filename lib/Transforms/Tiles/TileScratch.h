@@ -13,6 +13,8 @@ namespace warp::tiles {
 
 /// Bytes of the block's memory that an operation needs besides its tiles.
 int64_t getScratchBytes(mlir::Operation *op, int64_t threads);
+/// Of a square matrix in rows, and columns, of whole vectors of a CPU.
+int64_t getRowsBytes(TileType matrix);
 
 /// How the device library gets the operands of a product.
 struct ProductOperands {

@@ -77,11 +77,10 @@ void holdStripes(FunctionOpInterface kernel, int64_t threads) {
   llvm::MapVector<Value, SmallVector<Value>> byRoot;
   for (Value tile : buffers.getTiles())
     byRoot[buffers.rootOf(tile)].push_back(tile);
+  llvm::MapVector<Value, SmallVector<Value>> striped;
   for (auto &[root, members] : byRoot) {
-    // Results of one operation are in registers together, or not at all.
-    bool all = llvm::all_of(members, [&](Value tile) {
-      return fits(tile, threads) && tile.getDefiningOp()->getNumResults() == 1;
-    });
+    bool all =
+        llvm::all_of(members, [&](Value tile) { return fits(tile, threads); });
     // What copies sums that threads hold finds them elsewhere.
     all &= llvm::none_of(members, [&](Value tile) {
       Operation *def = tile.getDefiningOp();
@@ -90,10 +89,30 @@ void holdStripes(FunctionOpInterface kernel, int64_t threads) {
              });
     });
     if (all)
-      for (Value tile : members)
-        tile.getDefiningOp()->setAttr(attr::striped,
-                                      UnitAttr::get(kernel.getContext()));
+      striped[root] = members;
   }
+  // Results of one operation are in registers together, or not at all.
+  auto isApart = [&](const auto &entry) {
+    return llvm::any_of(entry.second, [&](Value tile) {
+      return llvm::any_of(tile.getDefiningOp()->getResults(),
+                          [&](Value result) {
+                            return !striped.contains(buffers.rootOf(result));
+                          });
+    });
+  };
+  for (bool changes = true; changes;) {
+    SmallVector<Value> apart;
+    for (const auto &entry : striped)
+      if (isApart(entry))
+        apart.push_back(entry.first);
+    for (Value root : apart)
+      striped.erase(root);
+    changes = !apart.empty();
+  }
+  for (auto &[root, members] : striped)
+    for (Value tile : members)
+      tile.getDefiningOp()->setAttr(attr::striped,
+                                    UnitAttr::get(kernel.getContext()));
 }
 
 } // namespace warp::tiles

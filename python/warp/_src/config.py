@@ -17,6 +17,14 @@ import types
 LOG_DEBUG, LOG_INFO, LOG_WARNING, LOG_ERROR = 10, 20, 30, 40
 
 
+class LaunchArrayAccessMode(enum.IntEnum):
+    """Values of `wp.config.launch_array_access_mode`; launches always check what they can reach."""
+
+    RELAXED = 0
+    CHECKED = 1
+    STRICT = 2
+
+
 class DeterministicMode(enum.IntEnum):
     """Values of `wp.config.deterministic` and of the option of that name.
 
@@ -266,6 +274,7 @@ def install(module_name, version) -> None:
     values = vars(module)
     values["version"] = version
     values["DeterministicMode"] = DeterministicMode
+    values["LaunchArrayAccessMode"] = LaunchArrayAccessMode
     for setting in SETTINGS.values():
         values[setting.name] = setting.initial()
     module.__class__ = ConfigModule

@@ -108,6 +108,31 @@ def test_points_of_the_world_have_the_voxels_of_the_host(by_kernels, shape):
         check(volume, given)
 
 
+@pytest.mark.parametrize("values", ["voxels", *BACKGROUNDS])
+def test_grids_of_the_size_that_points_need(device, values, monkeypatch):
+    there = {"counts": True}
+    monkeypatch.setattr(allocation, "counts_there", lambda *_: there["counts"])
+    for given in (wp.array(voxels(), dtype=wp.vec3i, device=device), None):
+        given = wp.array(voxels() * 0.3, dtype=wp.vec3, device=device) if given is None else given
+        some = wp.array(np.arange(len(given)) % 3 > 0, dtype=int, device=device)
+
+        def make(by_kernels, given=given, some=some):
+            there["counts"] = by_kernels
+            if values == "voxels":
+                return wp.Volume.allocate_by_voxels(given, 0.5, device=device, point_mask=some)
+            kind = (0.5, BACKGROUNDS[values], (1.0, -2.0, 0.0), device)
+            return wp.Volume.allocate_by_tiles(given, *kind, point_mask=some)
+
+        made, wanted = make(True), make(False)
+        assert made._built and not wanted._built and not made.is_rebuildable
+        assert (made.array().numpy() == wanted.array().numpy()).all()
+        assert made.get_tile_count() == wanted.get_tile_count()
+        assert made.get_voxel_count() == wanted.get_voxel_count()
+        assert (made.get_tiles().numpy() == wanted.get_tiles().numpy()).all()
+        (extent, numbers), (other, expected) = table_of(made), table_of(wanted)
+        assert (extent == other).all() and (numbers is None) == (expected is None)
+
+
 def test_without_room_the_grid_stays(by_kernels):
     few = wp.array(voxels(4), dtype=wp.vec3i, device=by_kernels)
     many = wp.array(voxels(300), dtype=wp.vec3i, device=by_kernels)

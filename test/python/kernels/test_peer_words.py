@@ -84,9 +84,8 @@ def test_numpy_types():
     ],
 )
 def test_slices_of_other_types(value, words, tmp_path):
-    text = (
-        f"import warp as wp\n\n\n@wp.kernel\ndef cut():\n    v = wp.vec4()\n    v[1:] = {value}\n"
-    )
+    body = f"@wp.kernel\ndef cut():\n    v = wp.vec4()\n    v[1:] = {value}\n"
+    text = f"import warp as wp\n\n\n{body}"
     (tmp_path / "cut.py").write_text(text)
     space: dict = {"__name__": "cut"}
     exec(compile(text, str(tmp_path / "cut.py"), "exec"), space)
@@ -127,3 +126,71 @@ def test_a_tape_that_was_reset_knows_its_gradients(device):
     tape.reset()
     assert not tape.launches and tape.gradients[x] is x.grad
     np.testing.assert_array_equal(x.grad.numpy(), 0.0)
+
+
+@wp.kernel
+def literals(values: wp.array(dtype=wp.float64)):
+    x = 0.1
+    d = wp.vec3d(x, 0.0, 0.0)
+    values[0] = d[0]
+    values[1] = wp.float64(x)
+    x += 0.1
+    values[2] = wp.float64(x)
+
+
+def test_literals_in_variables_keep_their_digits(device):
+    """As written where a variable is converted; after arithmetic it is a float32."""
+    values = wp.zeros(3, dtype=wp.float64, device=device)
+    wp.launch(literals, 1, [values], device=device)
+    assert values.numpy().tolist() == [0.1, 0.1, float(np.float32(0.1) + np.float32(0.1))]
+
+
+def test_static_expressions_that_stand_alone():
+    class Mine:
+        pass
+
+    for value, words in (
+        (wp.zeros(3, device="cpu"), "a Warp array cannot be created"),
+        (None, "None is returned"),
+        (Mine(), "value of type .*Mine"),
+    ):
+
+        @wp.kernel(module="unique")
+        def alone():
+            wp.static(value)  # noqa: B023
+
+        with pytest.raises(RuntimeError, match=f"unsupported value: {words}"):
+            wp.launch(alone, 1, device="cpu")
+
+
+class Tagged(wp.array):
+    """An array of somebody's own class."""
+
+
+def test_arrays_of_derived_classes_are_no_annotations():
+    one = Tagged([1.0], dtype=float, device="cpu")
+
+    def body(a):
+        pass
+
+    body.__annotations__["a"] = one
+    Fields = type("Fields", (), {"__annotations__": {"a": one}})
+    for decorator, decorated in ((wp.kernel, body), (wp.func, body), (wp.struct, Fields)):
+        with pytest.raises(TypeError, match="'a' of .* has an array of 'Tagged' as its annotation"):
+            decorator(decorated)
+    with pytest.raises(TypeError, match="Subscript syntax not supported"):
+        Tagged[float]
+
+
+@wp.kernel
+def counters(results: wp.array(dtype=int)):
+    for n in range(2):
+        for n in range(3):  # noqa: B007
+            pass
+        results[wp.static(n)] += 1
+
+
+def test_static_expressions_see_the_counter_that_a_loop_left():
+    results = wp.zeros(3, dtype=int, device="cpu")
+    wp.launch(counters, 1, [results], device="cpu")
+    assert results.numpy().tolist() == [0, 0, 2]

@@ -95,6 +95,19 @@ def test_a_singular_system_is_named(device, solver):
     assert error <= atol and state.breakdown is None
 
 
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_sparse_system_with_an_empty_row_is_named(device, solver):
+    """Row and column 2 have no entry: only right sides that are zero there are reached."""
+    places = wp.array([0, 1, 3], dtype=int, device=device)
+    values = wp.array([2.0, 3.0, 5.0], dtype=wp.float64, device=device)
+    A = wp.sparse.bsr_from_triplets(4, 4, places, places, values)
+    _, right, x = arrays(np.eye(4), np.ones(4), device)
+    state = solver(A, right, x, maxiter=60, run=False)
+    with pytest.warns(UserWarning, match=r"breakdown in iteration \d+: the matrix is singular"):
+        _, error, atol = state()
+    assert 0 <= state.breakdown <= 60 and error > atol and np.isfinite(x.numpy()).all()
+
+
 def test_blocks_on_the_diagonal(device):
     rng = np.random.default_rng(2)
     blocks = rng.standard_normal((4, 4, 4))

@@ -39,6 +39,28 @@ def test_triplets_outside_are_dropped_and_equal_places_are_summed(device):
     np.testing.assert_array_equal(dense(A), [[1, 0, 0, 0], [0, 0, 0, 0], [0, 12, 0, 0]])
 
 
+def test_triplets_beyond_the_matrix_are_errors_in_debug_mode(device, monkeypatch):
+    monkeypatch.setattr(wp.config, "mode", "debug")
+    values = wp.ones(4, dtype=wp.float64, device=device)
+    A = sp.bsr_zeros(3, 4, wp.float64, device=device)
+    rows, cols = ints([0, -1, 2, 3], device), ints([0, 9, 4, 1], device)
+    with pytest.raises(IndexError, match="triplet 1 is at row -1 and column 9.*3 x 4.*2 others"):
+        sp.bsr_set_from_triplets(A, rows, cols, values)
+    rows, cols = ints([0, -1, 2, 3], device), ints([0, -9, 3, 1], device)
+    sp.bsr_set_from_triplets(A, rows, cols, values, count=ints([3], device))
+    assert A.nnz_sync() == 2
+
+
+def test_captures_do_not_look_for_triplets_beyond_the_matrix(monkeypatch):
+    monkeypatch.setattr(wp.config, "mode", "debug")
+    values = wp.ones(2, dtype=wp.float64, device="cpu")
+    A = sp.bsr_zeros(3, 4, wp.float64, device="cpu")
+    with wp.ScopedCapture("cpu") as capture:
+        sp.bsr_set_from_triplets(A, ints([0, 3], "cpu"), ints([0, 1], "cpu"), values)
+    wp.capture_launch(capture.graph)
+    assert A.nnz_sync() == 1
+
+
 def test_no_triplets(device):
     none = ints([], device)
     A = sp.bsr_from_triplets(3, 2, none, none, wp.empty(0, dtype=wp.float64, device=device))

@@ -27,10 +27,13 @@
 
 #include "Analysis/CostModel.h"
 #include "Analysis/Effects.h"
-#include "KernelFunction.h"
-#include "Launch/UnrollLoop.h"
 #include "Autodiff/DeadValues.h"
 #include "GatherBuilder.h"
+#include "GatherTileSums.h"
+#include "KernelFunction.h"
+#include "Launch/UnrollLoop.h"
+
+#include "WarpDialect/TilePasses.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
@@ -65,15 +68,13 @@ static int64_t getCost(Operation *op) {
   if (isa<scf::IfOp>(op))
     return 1 + inside;
   int64_t components = 1;
-  if (op->getNumResults() == 1 &&
-      warp::isComposite(op->getResult(0).getType()))
+  if (op->getNumResults() == 1 && warp::isComposite(op->getResult(0).getType()))
     components = warp::getComponentCount(op->getResult(0).getType());
-  bool isCheap =
-      warp::isPlainRead(op) ||
-      isa<warp::AddOp, warp::SubOp, warp::MulOp, warp::NegOp,
-          warp::EqOp, warp::NeOp, warp::LtOp, warp::LeOp, warp::GtOp,
-          warp::GeOp, warp::BitAndOp, warp::BitOrOp, warp::UNotOp,
-          warp::CastOp, warp::ExtractOp, warp::ConstructOp>(op);
+  bool isCheap = warp::isPlainRead(op) ||
+                 isa<warp::AddOp, warp::SubOp, warp::MulOp, warp::NegOp,
+                     warp::EqOp, warp::NeOp, warp::LtOp, warp::LeOp, warp::GtOp,
+                     warp::GeOp, warp::BitAndOp, warp::BitOrOp, warp::UNotOp,
+                     warp::CastOp, warp::ExtractOp, warp::ConstructOp>(op);
   return components * (isCheap ? 1 : int64_t(warp::cost::function));
 }
 
@@ -141,7 +142,10 @@ struct GatherSums : warp::impl::GatherSumsBase<GatherSums> {
     OpBuilder b(adjoint);
     b.insert(rest);
     unrollLoops(rest);
-    if (!split(rest)) {
+    bool isSplit = rest->hasAttr(warp::attr::blockThreads)
+                       ? gatherTileSums(rest)
+                       : split(rest);
+    if (!isSplit) {
       rest.erase();
       return;
     }

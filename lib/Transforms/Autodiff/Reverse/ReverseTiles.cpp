@@ -13,8 +13,9 @@
 //   min, max                where the extremum is
 //   scan                    the scan from the other end
 //   matmul                  alpha g b^T, alpha a^T g, beta g
-//   Cholesky, solve         triangular solves, on the triangle that is read
-//   Fourier transform       the other one
+//   Cholesky                an operation of its own, of the triangle that is
+//   read solve                   a triangular solve and a product Fourier
+//   transform       the other one
 //
 //===----------------------------------------------------------------------===//
 
@@ -108,6 +109,9 @@ Value TileReverse::transpose(Value tile) {
 
 Value TileReverse::reduce(Value tile, std::optional<int64_t> axis) {
   TileType type = typeOf(tile);
+  // All threads take part in the sum of all elements.
+  if (type.getRank() == 1)
+    axis.reset();
   return TileReduceOp::create(
       b, loc, getReducedType(type, axis, type.getElementType()),
       TileReduction::add, tile,
@@ -293,7 +297,7 @@ LogicalResult TileReverse::run() {
       .Case([&](TileMatmulOp matmul) { return reverseMatmul(matmul); })
       .Case([&](TileCholeskyOp factor) { return reverseCholesky(factor); })
       .Case([&](TileSolveOp solve) { return reverseSolve(solve); })
-      .Case<TileFoldOp>([&](auto) { return refuse(); })
+      .Case<TileFoldOp, TileCholeskyAdjointOp>([&](auto) { return refuse(); })
       .Case<TileTransposeOp, TileReshapeOp, TileBroadcastOp, TileSliceOp,
             TileInsertOp, TileGetOp, TileGatherOp, TileScatterOp, TileSplatOp,
             TileFromThreadsOp, TileToThreadsOp, TileDiagAddOp, TileFftOp>(

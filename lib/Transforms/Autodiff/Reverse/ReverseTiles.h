@@ -107,10 +107,10 @@ private:
   Value multiply(Value x, Value y, bool transposeX, bool transposeY,
                  Value alpha = {});
   Value solve(Value matrix, Value rhs, bool upper, bool transposed);
-  /// What `function` makes of the elements of a triangle, given whether each is
-  /// on the diagonal; the others are zero.
+  Value outer(Value x, Value y);
+  /// What `function` makes of the elements of a triangle; the others are zero.
   Value triangle(Value tile, bool upper,
-                 llvm::function_ref<Value(Value element, Value onDiagonal)>);
+                 llvm::function_ref<Value(Value)> function);
   LogicalResult reverseMatmul(TileMatmulOp matmul);
   LogicalResult reverseCholesky(TileCholeskyOp factor);
   LogicalResult reverseSolve(TileSolveOp solve);

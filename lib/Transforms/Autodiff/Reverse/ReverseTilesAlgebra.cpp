@@ -10,30 +10,53 @@ using namespace mlir;
 
 namespace warp::autodiff {
 
+static bool isOne(Value factor) {
+  auto known = factor.getDefiningOp<ConstantOp>();
+  auto number = known ? dyn_cast<FloatAttr>(known.getValue()) : FloatAttr();
+  return number && number.getValue().isExactlyValue(1.0);
+}
+
+/// The shorter factor as the other one's type, which holds its numbers.
 Value TileReverse::multiply(Value x, Value y, bool transposeX, bool transposeY,
                             Value alpha) {
-  TileType a = typeOf(x), c = typeOf(y);
-  bool first = a.getElementType().getIntOrFloatBitWidth() >=
-               c.getElementType().getIntOrFloatBitWidth();
-  TileType type =
-      shaped({a.getShape()[transposeX], c.getShape()[!transposeY]},
-             first ? a.getElementType() : c.getElementType());
+  auto widthOf = [&](Value tile) {
+    return typeOf(tile).getElementType().getIntOrFloatBitWidth();
+  };
+  Type element = typeOf(widthOf(x) >= widthOf(y) ? x : y).getElementType();
+  unsigned width = element.getIntOrFloatBitWidth();
+  for (Value *factor : {&x, &y})
+    if (widthOf(*factor) < width)
+      *factor = map(*factor, [&](ValueRange e) -> Value {
+        return CastOp::create(b, loc, element, e[0]);
+      });
+  TileType type = shaped(
+      {typeOf(x).getShape()[transposeX], typeOf(y).getShape()[!transposeY]},
+      element);
   return TileMatmulOp::create(b, loc, type, x, y, Value(), alpha, Value(),
                               unit(transposeX), unit(transposeY));
 }
 
-Value TileReverse::solve(Value matrix, Value rhs, bool upper,
-                         bool transposed) {
+/// The product with the transpose of the other; of columns elementwise, so that
+/// it is computed where it is used.
+Value TileReverse::outer(Value x, Value y) {
+  int64_t rows = typeOf(x).getShape()[0], columns = typeOf(y).getShape()[0];
+  if (typeOf(x).getShape()[1] != 1)
+    return multiply(x, y, false, true);
+  Value row = reshape(y, {1, columns});
+  return map({broadcast(x, {rows, columns}), broadcast(row, {rows, columns})},
+             [&](ValueRange e) { return apply("mul", e); });
+}
+
+Value TileReverse::solve(Value matrix, Value rhs, bool upper, bool transposed) {
   return TileSolveOp::create(b, loc, rhs.getType(), matrix, rhs, unit(upper),
                              unit(transposed));
 }
 
-Value TileReverse::triangle(
-    Value tile, bool upper,
-    llvm::function_ref<Value(Value element, Value onDiagonal)> function) {
+Value TileReverse::triangle(Value tile, bool upper,
+                            llvm::function_ref<Value(Value)> function) {
   Shape shape = typeOf(tile).getShape();
   return map({tile, numbers(shape, 0), numbers(shape, 1)}, [&](ValueRange x) {
-    Value made = function(x[0], apply("eq", {x[1], x[2]}));
+    Value made = function(x[0]);
     Value inside = apply(upper ? "le" : "ge", {x[1], x[2]});
     return apply("where", {inside, made, zeroOf(made.getType())});
   });
@@ -46,7 +69,7 @@ LogicalResult TileReverse::reverseMatmul(TileMatmulOp matmul) {
   Value x = reverse.recover(matmul.getA()), y = reverse.recover(matmul.getB());
   bool tx = matmul.getTransposeA(), ty = matmul.getTransposeB();
   auto factor = [&](Value value) -> Value {
-    if (!value)
+    if (!value || isOne(value))
       return {};
     Value known = reverse.recover(value);
     Type type = typeOf(g).getElementType();
@@ -72,8 +95,9 @@ LogicalResult TileReverse::reverseMatmul(TileMatmulOp matmul) {
                             matmul.getB()));
   auto inner = [&](Value other, Value scale) {
     Value products = map({g, other}, [&](ValueRange e) {
-      return apply("mul", {e[0], CastOp::create(b, loc, e[0].getType(), e[1])
-                                     .getResult()});
+      return apply(
+          "mul",
+          {e[0], CastOp::create(b, loc, e[0].getType(), e[1]).getResult()});
     });
     return overThreads(products, differentialType(scale.getType()));
   };
@@ -91,31 +115,14 @@ LogicalResult TileReverse::reverseMatmul(TileMatmulOp matmul) {
   return success();
 }
 
-/// With L: S = L^-T P L^-1, where P is the lower triangle of L^T g, its
-/// diagonal halved; what is read is the lower triangle of a symmetric matrix.
-/// Iain Murray, Differentiation of the Cholesky decomposition, 2016.
 LogicalResult TileReverse::reverseCholesky(TileCholeskyOp factor) {
   Value g = take();
   if (!g)
     return success();
-  bool upper = factor.getUpper();
-  Value l = reverse.recover(factor.getResult());
-  if (upper) {
-    l = transpose(l);
-    g = transpose(g);
-  }
-  Value half =
-      constant(b, loc, cast<FloatType>(typeOf(g).getElementType()), 0.5);
-  auto halved = [&](Value x, Value onDiagonal) {
-    return apply("where", {onDiagonal, apply("mul", {x, half}), x});
-  };
-  Value p = triangle(multiply(l, g, true, false), false, halved);
-  Value left = solve(l, p, false, true);
-  Value s = solve(l, transpose(left), false, true);
-  Value both = map({s, transpose(s)},
-                   [&](ValueRange x) { return apply("add", {x[0], x[1]}); });
-  Value result = triangle(both, false, halved);
-  give(factor.getTile(), upper ? transpose(result) : result);
+  give(factor.getTile(),
+       TileCholeskyAdjointOp::create(b, loc, g.getType(),
+                                     reverse.recover(factor.getResult()), g,
+                                     factor.getUpperAttr()));
   return success();
 }
 
@@ -134,11 +141,9 @@ LogicalResult TileReverse::reverseSolve(TileSolveOp op) {
   int64_t n = type.getShape()[0];
   int64_t columns = type.getRank() == 2 ? type.getShape()[1] : 1;
   Value bars = reshape(rhs, {n, columns}), xs = reshape(x, {n, columns});
-  Value product = transposed ? multiply(xs, bars, false, true)
-                             : multiply(bars, xs, false, true);
-  give(op.getMatrix(), triangle(product, upper, [&](Value x, Value) {
-         return apply("neg", x);
-       }));
+  Value product = transposed ? outer(xs, bars) : outer(bars, xs);
+  give(op.getMatrix(),
+       triangle(product, upper, [&](Value x) { return apply("neg", x); }));
   return success();
 }
 

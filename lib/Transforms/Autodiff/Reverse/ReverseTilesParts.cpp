@@ -42,6 +42,8 @@ LogicalResult TileReverse::reverseSet(TileSetOp set) {
 
 Value TileReverse::reverseBroadcast(TileBroadcastOp view, Value g) {
   TileType from = typeOf(view.getTile()), to = typeOf(g);
+  if (from.getNumElements() == 1)
+    return reshape(reduce(g, std::nullopt), from.getShape());
   SmallVector<int64_t> shape(to.getRank() - from.getRank(), 1);
   llvm::append_range(shape, from.getShape());
   for (int64_t d = to.getRank(); d-- > 0;)
@@ -68,6 +70,14 @@ LogicalResult TileReverse::reversePart() {
     return success();
   return llvm::TypeSwitch<Operation *, LogicalResult>(op)
       .Case([&](TileTransposeOp view) {
+        if (auto product = g.getDefiningOp<TileMatmulOp>();
+            product && !product.getC()) {
+          give(view.getTile(),
+               multiply(product.getB(), product.getA(),
+                        !product.getTransposeB(), !product.getTransposeA(),
+                        product.getAlpha()));
+          return success();
+        }
         SmallVector<int64_t> back(view.getAxes().size());
         for (auto [i, axis] : llvm::enumerate(view.getAxes()))
           back[axis] = i;
@@ -129,8 +139,8 @@ LogicalResult TileReverse::reversePart() {
         return success();
       })
       .Case([&](TileToThreadsOp to) {
-        give(to.getTile(), TileFromThreadsOp::create(
-                               b, loc, cotangentType(to.getTile()), g));
+        give(to.getTile(),
+             TileFromThreadsOp::create(b, loc, cotangentType(to.getTile()), g));
         return success();
       })
       .Case([&](TileDiagAddOp add) {
@@ -168,8 +178,7 @@ LogicalResult TileReverse::reverseReduce(TileReduceOp reduce) {
   Type i32 = b.getIntegerType(32, true);
   Value winner = TileArgReduceOp::create(
       b, loc, getReducedType(typeOf(tile), axis, i32), reduce.getKind(),
-      reverse.recover(tile),
-      axis ? b.getI64IntegerAttr(*axis) : IntegerAttr());
+      reverse.recover(tile), axis ? b.getI64IntegerAttr(*axis) : IntegerAttr());
   Value place = axis ? numbers(shape, *axis)
                      : reshape(iota(typeOf(tile).getNumElements()), shape);
   Value wins = expand(winner, shape, axis);

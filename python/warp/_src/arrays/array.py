@@ -77,6 +77,10 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
         return _native.Array.__new__(cls)
 
     def __class_getitem__(cls, params):
+        if cls is not array:
+            raise TypeError(
+                f"Subscript syntax not supported for '{cls.__name__}': annotate with `wp.array`"
+            )
         return annotations.from_subscript(params, 1)
 
     def __init__(

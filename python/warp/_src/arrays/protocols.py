@@ -9,6 +9,15 @@ from warp._src.interop.exchange import current_handle
 from warp._src.types.numpy_types import element_layout
 
 
+def _packed_strides(shape, step) -> list:
+    """Strides as NumPy counts them, of nothing as well."""
+    strides = []
+    for extent in reversed(shape):
+        strides.insert(0, step)
+        step *= extent
+    return strides
+
+
 class ArrayProtocols:
     """Mixin of `array`."""
 
@@ -34,6 +43,8 @@ class ArrayProtocols:
     def _interface(self) -> dict:
         number, inner = element_layout(self.dtype)
         strides = list(self.strides)
+        if self.size == 0:
+            strides = _packed_strides(self.shape, self.item_size)
         step = self.item_size
         for extent in inner:
             step //= extent

@@ -42,6 +42,8 @@ def type_at(context, place):
 def check_constant(context, place):
     """Rejects the name of a number known at compile time, which is nowhere in memory."""
     binding = context.env.get(place.id) if isinstance(place, ast.Name) else None
+    if type(binding) is Value and context.literal(binding) is not None:
+        binding = context.literal(binding)
     if type(binding) in (bool, int, float):
         made = f"wp.{_TYPES.get(type(binding), 'float32')}({binding!r})"
         raise context.type_error(

@@ -94,6 +94,9 @@ class Constructors(Part):
         (binding,) = self.exactly(node, 1, native.python_name)
         if isinstance(binding, dtypes.scalar_base):
             binding = binding.value
+        written = self.context.literal(binding)
+        if written is not None and native.kind == "float":
+            binding = written
         if type(binding) in (int, float, builtins.bool):
             if type(binding) is int and native.kind == "int":
                 # What is converted in so many words keeps its low bits, as a variable does.
@@ -150,7 +153,8 @@ class Constructors(Part):
         """A component; a constant held by a variable is converted like the literal it was."""
         value = self.context.materialize(argument, node)
         if value.type != element and value.type in (INT32, FLOAT32):
-            known = value.constant()
+            known = self.context.literal(value)
+            known = value.constant() if known is None else known
             fits = element.kind == "float" or (element.kind == "int" and value.type == INT32)
             if known is not None and fits:
                 self.context.at(node)

@@ -174,6 +174,8 @@ class Context:
         self.env = {}
         # Line of the last assignment of each name, for messages.
         self.lines = {}
+        # By identity of constants that variables hold: the constant, and the number as written.
+        self.literals: dict = {}
         # Loops around the place that is being translated, outermost first.
         self.frames = []
         self.node = source.tree
@@ -389,7 +391,8 @@ class Context:
         if type(binding) is int and not -(2**31) <= binding < 2**31:
             self.integer(binding, getattr(node, "value", node))
         if type(binding) is float:
-            binding = self.builder.constant(FLOAT32, binding)
+            number, binding = binding, self.builder.constant(FLOAT32, binding)
+            self.literals[id(binding)] = binding, number
         if not self.can_be_bound(binding):
             raise self.type_error(
                 node,
@@ -406,6 +409,11 @@ class Context:
                 self.tiles.views.keep(name)
         self.env[name] = binding
         self.lines[name] = self.source.line(node)
+
+    def literal(self, binding):
+        """The number that was assigned to a variable, before it became a `float32`; or None."""
+        value, number = self.literals.get(id(binding), (None, None))
+        return number if value is binding else None
 
     @staticmethod
     def can_be_bound(binding):

@@ -43,6 +43,9 @@ class LoopFrame:
 class Loops(Part):
     """Translates `for` and `while` nodes."""
 
+    # Loops around the place that are repeated for static expressions.
+    unrolled = 0
+
     def loop(self, node: Loop):
         syntax = node.syntax
         is_for = isinstance(syntax, ast.For)
@@ -70,8 +73,21 @@ class Loops(Part):
                 return
         if node.exits:
             self.for_with_exits(node, bounds)
-        else:
-            self.counted_for(node, bounds)
+            return
+        self.counted_for(node, bounds)
+        if self.unrolled and all(type(bound) is int for bound in bounds):
+            self.keep_last(syntax, range(*bounds))
+
+    def keep_last(self, syntax, static):
+        """Makes the counter a constant after its loop: a static expression may use it."""
+        stored = {
+            item.id
+            for statement in syntax.body
+            for item in ast.walk(statement)
+            if isinstance(item, ast.Name) and not isinstance(item.ctx, ast.Load)
+        }
+        if isinstance(syntax.target, ast.Name) and syntax.target.id not in stored:
+            self.context.env[syntax.target.id] = static[-1]
 
     def free_targets(self, target):
         """Lets a loop count with a name that something else than an integer had so far."""
@@ -234,12 +250,14 @@ class Loops(Part):
         """Repeats the body with the counter known at compile time."""
         guarded = If(node.syntax, node.body, [], node.exits)
         guarded.live = node.head
+        self.unrolled += 1
         for position in static:
             self.context.targets.assign_target(node.syntax.target, position, node.syntax.target)
             if node.exits:
                 self.context.branches.branch(guarded)
             else:
                 self.context.branches.block(node.body)
+        self.unrolled -= 1
 
     def indexes_tuples(self, syntax):
         """Whether a body may need the counter at compile time as index of a tuple."""

@@ -5,9 +5,23 @@ from __future__ import annotations
 import ast
 
 from warp._src.frontend.context import LocalArray, Part, Value
-from warp._src.frontend.control import RESULT, RETURNED
+from warp._src.frontend.control import RESULT, RETURNED, name_of
 from warp._src.frontend.names import BuiltinRef
 from warp._src.types import dtypes
+from warp._src.types.native import ArrayType
+
+
+def _array_in(value, place):
+    """Where in a struct the first array is, by the names of fields; None if there is none."""
+    for name, dtype in value._wp_fields_.items():
+        if isinstance(dtype, ArrayType):
+            return place
+        if dtypes.is_struct(dtype):
+            found = _array_in(value._inner(name), f"{place}.{name}")
+            if found is not None:
+                return found
+    return None
+
 
 _UNSUPPORTED = {
     "FunctionDef": "a nested function",
@@ -67,7 +81,38 @@ class Statements(Part):
 
     def statement_Expr(self, node):
         if not isinstance(node.value, ast.Constant):
-            self.context.expressions.expr(node.value)
+            found = self.context.expressions.expr(node.value)
+            if isinstance(node.value, ast.Call) and name_of(node.value.func) == "static":
+                self.check_static(found, node)
+
+    def check_static(self, found, node):
+        """Refuses a static expression that nothing uses and that is no value of kernels.
+
+        What follows it may be meant to make such a value.
+        """
+        kind = type(found)
+        if found is None:
+            what = "None is returned"
+        elif dtypes.type_is_array(kind):
+            what = "a Warp array cannot be created inside Warp kernels"
+        elif dtypes.type_is_struct(kind):
+            place = _array_in(found, kind.__name__)
+            if place is None:
+                return
+            what = (
+                "the returned Warp struct contains a data type that cannot be constructed inside "
+                f"Warp kernels: a Warp array cannot be created inside Warp kernels at {place}"
+            )
+        elif kind.__module__.startswith(("builtins", "types", "warp._src", "warp.types")):
+            return
+        else:
+            what = f"value of type {kind.__qualname__}"
+        raise self.context.error(
+            node,
+            f"a static expression that stands alone gives '{kind.__name__}', which kernels have "
+            "no value for",
+            also=f"Static expression returns an unsupported value: {what}",
+        )
 
     def statement_Assign(self, node):
         first = node.targets[0]

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import collections
 import contextlib
-import hashlib
 import math
 import threading
+from _blake2 import blake2b
 
 from warp import _native
 from warp._src.arrays.array import array
@@ -38,7 +37,7 @@ def add_callback(text, function) -> int:
     kept on disk finds it again.
     """
     for copy in range(1 << 20):
-        digest = hashlib.blake2b(f"{copy} {text}".encode(), digest_size=8).digest()
+        digest = blake2b(f"{copy} {text}".encode(), digest_size=8).digest()
         number = int.from_bytes(digest, "little") >> 1
         if _native.xla_add_callback(number, function):
             return number
@@ -101,7 +100,8 @@ class Place:
     def __enter__(self):
         self._blocks = contextlib.ExitStack()
         if self.stream is not None:
-            self._blocks.enter_context(_turns[self.device.index])
+            turn = _turns.setdefault(self.device.index, threading.RLock())
+            self._blocks.enter_context(turn)
         self._blocks.enter_context(devices.OwnDefault(self.device))
         self._blocks.enter_context(ScopedStream(self.stream, sync_enter=False))
         return self
@@ -110,4 +110,4 @@ class Place:
         self._blocks.__exit__(*exception)
 
 
-_turns: dict = collections.defaultdict(threading.RLock)
+_turns: dict = {}

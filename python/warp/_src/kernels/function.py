@@ -11,7 +11,7 @@ from warp._src import errors
 from warp._src.kernels import texts
 from warp._src.kernels.epoch import Epoch
 from warp._src.types import dtypes
-from warp._src.types.annotations import Reference, is_generic
+from warp._src.types.annotations import Reference, check_annotations, is_generic
 from warp._src.types.composites import Composite
 from warp._src.types.native import ArrayType
 from warp._src.types.scalars import PYTHON_TYPES, scalar_base
@@ -34,6 +34,7 @@ class Function:
     handle = None
 
     def __init__(self, func, key=None):
+        check_annotations(func.__name__, func.__annotations__)
         self.func = func
         self.key = key or func.__name__
         self.overloads = [func]

@@ -25,7 +25,7 @@ from warp._src.kernels import texts, unique
 from warp._src.kernels.epoch import Epoch
 from warp._src.kernels.modules import Module, check_options, get_module
 from warp._src.types import dtypes
-from warp._src.types.annotations import annotations_of, is_generic
+from warp._src.types.annotations import annotations_of, check_annotations, is_generic
 from warp._src.types.native import ArrayType, IndexedArrayType
 
 STAGES = ("warp", "thread", "launch", "gpu", "llvm", "ptx", "asm")
@@ -61,6 +61,7 @@ class Kernel:
     def __init__(self, func, key=None, module=None, options=None, code_transformers=None):
         if not isinstance(func, python_types.FunctionType):
             raise TypeError(f"expects a function as kernel, but got '{type(func).__name__}'")
+        check_annotations(func.__name__, func.__annotations__)
         self.func = func
         self.key = key or kernel_name(func)
         self.module = (

@@ -9,6 +9,7 @@ import weakref
 
 from warp import _native, config
 from warp._src import config as settings
+from warp._src import errors
 from warp._src.devices import devices
 
 # Options that change compiled code, with the setting that gives the default.
@@ -237,11 +238,15 @@ def load_module(module=None, device=None, recursive=False, block_dim=None, max_w
         WarpCodegenError: a kernel cannot be translated.
     """
     module = _named(module)
-    natives = module.natives()
-    if recursive:
-        for other in all_modules():
-            if other.name.startswith(module.name + "."):
-                natives += other.natives()
+    try:
+        natives = module.natives()
+        if recursive:
+            for other in all_modules():
+                if other.name.startswith(module.name + "."):
+                    natives += other.natives()
+    except errors.WarpCodegenError as problem:
+        # Says where in the kernel. Who keeps it is not to keep the kernel, too.
+        raise problem.with_traceback(None) from problem.__cause__
     load_kernels(natives, device, block_dim, max_workers)
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import re
 import types
-import unicodedata
 
 from warp._src import errors
 
@@ -85,7 +84,11 @@ class Block:
 
     def __init__(self, lines):
         self.text = "".join(lines)
-        plain = self.text if self.text.isascii() else unicodedata.normalize("NFKC", self.text)
+        plain = self.text
+        if not plain.isascii():
+            import unicodedata
+
+            plain = unicodedata.normalize("NFKC", plain)
         self.words = frozenset(_IDENTIFIER.findall(plain))
         indent = len(lines[0]) - len(lines[0].lstrip())
         self.lines = tuple(line[indent:].rstrip() for line in lines)

@@ -122,6 +122,15 @@ def launch_tiled(kernel, dim, *args, block_dim=0, device=None, stream=None, **op
     Raises:
         WarpLaunchError: as `wp.launch` does.
     """
+    try:
+        return _launch_tiled(kernel, dim, args, block_dim, device, stream, options)
+    except errors.WarpCodegenError as problem:
+        # Says where in the kernel. Who keeps it is not to keep the kernel, too.
+        del kernel
+        raise problem.with_traceback(None) from problem.__cause__
+
+
+def _launch_tiled(kernel, dim, args, block_dim, device, stream, options):
     from warp._src.kernels.launch import launch
 
     if device is None and stream is not None:

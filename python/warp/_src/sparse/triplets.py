@@ -3,6 +3,7 @@
 import functools
 
 import warp as wp
+from warp._src import errors
 from warp._src.sparse import sums
 from warp._src.sparse.entries import check_topology, collect, fresh_values
 from warp._src.sparse.matrix import BsrMatrix, as_blocks, new_matrix
@@ -135,6 +136,37 @@ def _check_places(dest, rows, columns, count) -> None:
         raise ValueError(f"Count array must be a single-element array, got {count.shape}")
 
 
+@wp.kernel(enable_backward=False)
+def _find_beyond(
+    rows: wp.array(dtype=int),
+    columns: wp.array(dtype=int),
+    count: wp.array(dtype=int),
+    nrow: int,
+    ncol: int,
+    found: wp.array(dtype=int),
+):
+    i = wp.tid()
+    if (count.shape[0] == 0 or i < count[0]) and (rows[i] >= nrow or columns[i] >= ncol):
+        wp.atomic_min(found, 0, i)
+        wp.atomic_add(found, 1, 1)
+
+
+def _check_range(dest, rows, columns, count) -> None:
+    """Waits for the device to say whether a place lies beyond the matrix."""
+    found = wp.array([rows.size, 0], dtype=int, device=dest.device)
+    count = wp.empty(0, dtype=int, device=dest.device) if count is None else count
+    inputs = [rows, columns, count, dest.nrow, dest.ncol, found]
+    wp.launch(_find_beyond, rows.size, inputs, device=dest.device, record_tape=False)
+    first, number = found.numpy()
+    if number:
+        place = [one[int(first) : int(first) + 1].numpy()[0] for one in (rows, columns)]
+        raise errors.WarpIndexError(
+            f"triplet {first} is at row {place[0]} and column {place[1]}, beyond a matrix of "
+            f"{dest.nrow} x {dest.ncol} blocks, and so are {number - 1} others: such triplets are "
+            "left out outside of debug mode"
+        )
+
+
 def _map_for(build_mapping, topology, prune, device):
     """The map to build, or None."""
     if build_mapping is None or build_mapping is False:
@@ -169,8 +201,9 @@ def bsr_set_from_triplets(
 ):
     """Sets a matrix to the sum of triplets of row, column and block; it had other blocks before.
 
-    Triplets whose row or column lies outside of the matrix are left out. Equal places are summed
-    in the order of the list. Differentiable with respect to `values`.
+    Triplets with a negative row or column are left out, and so are those with one beyond the
+    matrix, which is an error in debug mode. Equal places are summed in the order of the list.
+    Differentiable with respect to `values`.
 
     Args:
         dest: the matrix.
@@ -188,9 +221,13 @@ def bsr_set_from_triplets(
 
     Raises:
         ValueError, TypeError: arguments do not fit.
+        WarpIndexError: in debug mode (`wp.config.mode = "debug"`), a row or column lies beyond the
+            matrix; names the first such triplet. Captures are not checked.
     """
     topology = check_topology(dest, topology)
     _check_places(dest, rows, columns, count)
+    if wp.config.mode == "debug" and not dest.device.is_capturing:
+        _check_range(dest, rows, columns, count)
     prune = prune_numerical_zeros and values is not None
     mapping = _map_for(build_mapping, topology, prune_numerical_zeros, dest.device)
     blocks = None

@@ -1,7 +1,9 @@
 """`wp.texture_sample`, in the kernel language.
 
 Texel i of n is at (i + 1/2) / n, or at i + 1/2 without normalised coordinates. Between texels
-`LINEAR` weighs the nearest ones; derivatives follow for the coordinates.
+`LINEAR` weighs the nearest ones; derivatives follow for the coordinates. A level of detail above 0
+reads level `lod` of a mip chain, the nearest one or, with `LINEAR`, between two; then there is a
+derivative for it, too. Coordinates that are not normalised are those of the finest level.
 """
 
 from warp._src.kernels.function import Function
@@ -57,95 +59,223 @@ def _between(x: float, extent: int, mode: int, normalized: bool):
     return place(i, extent, mode), place(i + 1, extent, mode), t - float(i)
 
 
-def _texel(texels: ArrayType(float32, 1), row: int, x: int, width: int, channels: int, c: int):
-    """Channel c of texel x of a row; 0 outside."""
-    if row < 0 or x < 0 or c >= channels:
+def _texel(t: ArrayType(float32, 1), at: int, row: int, x: int, width: int, n: int, c: int):
+    """Channel c of n of texel x of a row, of a level that begins at texel `at`; 0 outside."""
+    if row < 0 or x < 0 or c >= n:
         return 0.0
-    return texels[(row * width + x) * channels + c]
+    return t[(at + row * width + x) * n + c]
 
 
 def _row(y: int, z: int, height: int):
     return wp.where(y < 0 or z < 0, -1, z * height + y)
 
 
-def _channel1(t: Texture1D, u: float, c: int):
-    w, n = t.width, t.num_channels
-    if w == 0:
-        return 0.0
-    if t.filter == LINEAR:
-        x0, x1, fx = between(u, w, t.address_u, t.normalized)
-        return wp.lerp(texel(t.texels, 0, x0, w, n, c), texel(t.texels, 0, x1, w, n, c), fx)
-    return texel(t.texels, 0, nearest(u, w, t.address_u, t.normalized), w, n, c)
+def _halved(extent: int, level: int):
+    """An extent of a level."""
+    return wp.max(extent >> level, 1)
 
 
-def _along(t: Texture3D, y: int, z: int, x0: int, x1: int, fx: float, c: int):
-    line, w, n = row(y, z, t.height), t.width, t.num_channels
-    return wp.lerp(texel(t.texels, line, x0, w, n, c), texel(t.texels, line, x1, w, n, c), fx)
+def _start(width: int, height: int, depth: int, level: int):
+    """The first texel of a level."""
+    count = int(0)
+    for i in range(level):
+        count += halved(width, i) * halved(height, i) * halved(depth, i)
+    return count
 
 
-def _channel2(t: Texture2D, uv: vec2f, c: int):
-    w, n = t.width, t.num_channels
-    if w == 0:
-        return 0.0
-    if t.filter == LINEAR:
-        x0, x1, fx = between(uv[0], w, t.address_u, t.normalized)
-        y0, y1, fy = between(uv[1], t.height, t.address_v, t.normalized)
-        low = wp.lerp(texel(t.texels, y0, x0, w, n, c), texel(t.texels, y0, x1, w, n, c), fx)
-        high = wp.lerp(texel(t.texels, y1, x0, w, n, c), texel(t.texels, y1, x1, w, n, c), fx)
-        return wp.lerp(low, high, fy)
-    x = nearest(uv[0], w, t.address_u, t.normalized)
-    y = nearest(uv[1], t.height, t.address_v, t.normalized)
-    return texel(t.texels, y, x, w, n, c)
+def _scaled(x: float, extent: int, of_level: int, normalized: bool):
+    """A coordinate in a level."""
+    return wp.where(normalized or extent == of_level, x, x * float(of_level) / float(extent))
 
 
-def _channel3(t: Texture3D, uvw: vec3f, c: int):
-    w, n = t.width, t.num_channels
-    if w == 0:
-        return 0.0
-    if t.filter == LINEAR:
-        x0, x1, fx = between(uvw[0], w, t.address_u, t.normalized)
-        y0, y1, fy = between(uvw[1], t.height, t.address_v, t.normalized)
-        z0, z1, fz = between(uvw[2], t.depth, t.address_w, t.normalized)
-        near = wp.lerp(along(t, y0, z0, x0, x1, fx, c), along(t, y1, z0, x0, x1, fx, c), fy)
-        far = wp.lerp(along(t, y0, z1, x0, x1, fx, c), along(t, y1, z1, x0, x1, fx, c), fy)
-        return wp.lerp(near, far, fz)
-    x = nearest(uvw[0], w, t.address_u, t.normalized)
-    y = nearest(uvw[1], t.height, t.address_v, t.normalized)
-    z = nearest(uvw[2], t.depth, t.address_w, t.normalized)
-    return texel(t.texels, row(y, z, t.height), x, w, n, c)
+def _bilinear(a: float, b: float, c: float, d: float, x: float, y: float):
+    """Between four corners; derivatives are made of differences of corners."""
+    return a + x * (b - a) + y * ((c - a) + x * ((d - c) - (b - a)))
+
+
+def _closest1(t: Texture1D, u: float, c: int, level: int):
+    w = halved(t.width, level)
+    x = nearest(scaled(u, t.width, w, t.normalized), w, t.address_u, t.normalized)
+    return texel(t.texels, start(t.width, 1, 1, level), 0, x, w, t.num_channels, c)
+
+
+def _closest2(t: Texture2D, uv: vec2f, c: int, level: int):
+    w, h = halved(t.width, level), halved(t.height, level)
+    x = nearest(scaled(uv[0], t.width, w, t.normalized), w, t.address_u, t.normalized)
+    y = nearest(scaled(uv[1], t.height, h, t.normalized), h, t.address_v, t.normalized)
+    return texel(t.texels, start(t.width, t.height, 1, level), y, x, w, t.num_channels, c)
+
+
+def _closest3(t: Texture3D, uvw: vec3f, c: int, level: int):
+    w, h, d = halved(t.width, level), halved(t.height, level), halved(t.depth, level)
+    x = nearest(scaled(uvw[0], t.width, w, t.normalized), w, t.address_u, t.normalized)
+    y = nearest(scaled(uvw[1], t.height, h, t.normalized), h, t.address_v, t.normalized)
+    z = nearest(scaled(uvw[2], t.depth, d, t.normalized), d, t.address_w, t.normalized)
+    at = start(t.width, t.height, t.depth, level)
+    return texel(t.texels, at, row(y, z, h), x, w, t.num_channels, c)
+
+
+def _linear1(t: Texture1D, u: float, c: int, level: int, zero: float):
+    w, n = halved(t.width, level), t.num_channels
+    at = start(t.width, 1, 1, level)
+    x0, x1, x = between(scaled(u, t.width, w, t.normalized), w, t.address_u, t.normalized)
+    a = texel(t.texels, at, 0, x0, w, n, c) - zero
+    b = texel(t.texels, at, 0, x1, w, n, c) - zero
+    return a + x * (b - a)
+
+
+def _linear2(t: Texture2D, uv: vec2f, c: int, level: int, zero: float):
+    w, h, n = halved(t.width, level), halved(t.height, level), t.num_channels
+    at = start(t.width, t.height, 1, level)
+    x0, x1, x = between(scaled(uv[0], t.width, w, t.normalized), w, t.address_u, t.normalized)
+    y0, y1, y = between(scaled(uv[1], t.height, h, t.normalized), h, t.address_v, t.normalized)
+    return bilinear(
+        texel(t.texels, at, y0, x0, w, n, c) - zero,
+        texel(t.texels, at, y0, x1, w, n, c) - zero,
+        texel(t.texels, at, y1, x0, w, n, c) - zero,
+        texel(t.texels, at, y1, x1, w, n, c) - zero,
+        x,
+        y,
+    )
+
+
+def _linear3(t: Texture3D, uvw: vec3f, c: int, level: int, zero: float):
+    w, h, d = halved(t.width, level), halved(t.height, level), halved(t.depth, level)
+    n, at = t.num_channels, start(t.width, t.height, t.depth, level)
+    x0, x1, x = between(scaled(uvw[0], t.width, w, t.normalized), w, t.address_u, t.normalized)
+    y0, y1, y = between(scaled(uvw[1], t.height, h, t.normalized), h, t.address_v, t.normalized)
+    z0, z1, z = between(scaled(uvw[2], t.depth, d, t.normalized), d, t.address_w, t.normalized)
+    near0, near1, far0, far1 = row(y0, z0, h), row(y1, z0, h), row(y0, z1, h), row(y1, z1, h)
+    a0 = texel(t.texels, at, near0, x0, w, n, c) - zero
+    b0 = texel(t.texels, at, near0, x1, w, n, c) - zero
+    c0 = texel(t.texels, at, near1, x0, w, n, c) - zero
+    d0 = texel(t.texels, at, near1, x1, w, n, c) - zero
+    a1 = texel(t.texels, at, far0, x0, w, n, c) - zero
+    b1 = texel(t.texels, at, far0, x1, w, n, c) - zero
+    c1 = texel(t.texels, at, far1, x0, w, n, c) - zero
+    d1 = texel(t.texels, at, far1, x1, w, n, c) - zero
+    step = bilinear(a1 - a0, b1 - b0, c1 - c0, d1 - d0, x, y)
+    return bilinear(a0, b0, c0, d0, x, y) + z * step
 
 
 place, position = Function(_place, "place"), Function(_position, "position")
 nearest, between = Function(_nearest, "nearest"), Function(_between, "between")
-texel, row, along = Function(_texel, "texel"), Function(_row, "row"), Function(_along, "along")
+texel, row = Function(_texel, "texel"), Function(_row, "row")
+halved, start = Function(_halved, "halved"), Function(_start, "start")
+scaled, bilinear = Function(_scaled, "scaled"), Function(_bilinear, "bilinear")
 
 
-def _overloads(texture, coordinates, channel):
+def _readers(texture, coordinates, closest, linear):
+    """Reading one channel, of the finest level and at a level of detail."""
+    closest, linear = Function(closest, "closest"), Function(linear, "linear")
+
+    def _of_level(t: texture, at: coordinates, c: int, level: int):
+        if t.width == 0:
+            return 0.0
+        if t.filter == LINEAR:
+            return linear(t, at, c, level, 0.0)
+        return closest(t, at, c, level)
+
+    of_level = Function(_of_level, "of_level")
+
+    def _finest(t: texture, at: coordinates, c: int):
+        return of_level(t, at, c, 0)
+
+    def _at_detail(t: texture, at: coordinates, c: int, lod: float):
+        if not lod >= 0.0 or t.levels < 2:
+            return of_level(t, at, c, 0)
+        top = t.levels - 1
+        place = wp.min(lod, float(top))
+        if t.mip_filter != LINEAR:
+            return of_level(t, at, c, int(wp.floor(place + 0.5)))
+        fine = wp.min(int(wp.floor(place)), top - 1)
+        share = place - float(fine)
+        # What texels have in common is taken off before levels are compared.
+        zero = closest(t, at, c, fine)
+        if t.filter == LINEAR:
+            low = linear(t, at, c, fine, zero)
+            return zero + (low + share * (linear(t, at, c, fine + 1, zero) - low))
+        return zero + share * (closest(t, at, c, fine + 1) - zero)
+
+    return Function(_finest, "finest"), Function(_at_detail, "at_detail")
+
+
+def _finest_overloads(texture, coordinates, read):
     """Reading 1, 2 or 4 channels of one kind of textures."""
 
-    def _one(tex: texture, at: coordinates, dtype: type[float32], lod: float = -1.0):
-        return channel(tex, at, 0)
+    def _one(tex: texture, at: coordinates, dtype: type[float32]):
+        return read(tex, at, 0)
 
-    def _two(tex: texture, at: coordinates, dtype: type[vec2f], lod: float = -1.0):
-        return vec2f(channel(tex, at, 0), channel(tex, at, 1))
+    def _two(tex: texture, at: coordinates, dtype: type[vec2f]):
+        return vec2f(read(tex, at, 0), read(tex, at, 1))
 
-    def _four(tex: texture, at: coordinates, dtype: type[vec4f], lod: float = -1.0):
+    def _four(tex: texture, at: coordinates, dtype: type[vec4f]):
+        return vec4f(read(tex, at, 0), read(tex, at, 1), read(tex, at, 2), read(tex, at, 3))
+
+    return _one, _two, _four
+
+
+def _overloads(texture, coordinates, read):
+    """The same at a level of detail; programs that name none have no code of it."""
+
+    def _one(tex: texture, at: coordinates, dtype: type[float32], lod: float):
+        return read(tex, at, 0, lod)
+
+    def _two(tex: texture, at: coordinates, dtype: type[vec2f], lod: float):
+        return vec2f(read(tex, at, 0, lod), read(tex, at, 1, lod))
+
+    def _four(tex: texture, at: coordinates, dtype: type[vec4f], lod: float):
         return vec4f(
-            channel(tex, at, 0), channel(tex, at, 1), channel(tex, at, 2), channel(tex, at, 3)
+            read(tex, at, 0, lod),
+            read(tex, at, 1, lod),
+            read(tex, at, 2, lod),
+            read(tex, at, 3, lod),
         )
 
     return _one, _two, _four
 
 
-texture_sample = None
-for _texture, _coordinates, _function in (
-    (Texture1D, float32, _channel1),
-    (Texture2D, vec2f, _channel2),
-    (Texture3D, vec3f, _channel3),
-):
-    for _overload in _overloads(_texture, _coordinates, Function(_function, "channel")):
-        if texture_sample is None:
-            texture_sample = Function(_overload, "texture_sample")
-        else:
-            texture_sample.add_overload(_overload)
+def _flat2(channels, finest, at_detail):
+    """The same with numbers in place of a vector of coordinates."""
+
+    def _read(tex: Texture2D, u: float, v: float, dtype: type[channels]):
+        return finest(tex, vec2f(u, v), dtype)
+
+    def _read_detail(tex: Texture2D, u: float, v: float, dtype: type[channels], lod: float):
+        return at_detail(tex, vec2f(u, v), dtype, lod)
+
+    return _read, _read_detail
+
+
+def _flat3(channels, finest, at_detail):
+    def _read(tex: Texture3D, u: float, v: float, w: float, dtype: type[channels]):
+        return finest(tex, vec3f(u, v, w), dtype)
+
+    def _read_detail(
+        tex: Texture3D, u: float, v: float, w: float, dtype: type[channels], lod: float
+    ):
+        return at_detail(tex, vec3f(u, v, w), dtype, lod)
+
+    return _read, _read_detail
+
+
+def _all_overloads():
+    for texture, coordinates, closest, linear, flat in (
+        (Texture1D, float32, _closest1, _linear1, None),
+        (Texture2D, vec2f, _closest2, _linear2, _flat2),
+        (Texture3D, vec3f, _closest3, _linear3, _flat3),
+    ):
+        finest, at_detail = _readers(texture, coordinates, closest, linear)
+        plain = _finest_overloads(texture, coordinates, finest)
+        detailed = _overloads(texture, coordinates, at_detail)
+        yield from (*plain, *detailed)
+        if flat is not None:
+            for channels, *pair in zip((float32, vec2f, vec4f), plain, detailed, strict=True):
+                yield from flat(channels, *(Function(one, "texture_sample") for one in pair))
+
+
+_first, *_others = _all_overloads()
+texture_sample = Function(_first, "texture_sample")
+for _overload in _others:
+    texture_sample.add_overload(_overload)
 texture_sample.__module__ = "warp"

@@ -2,7 +2,9 @@
 
 To a kernel a texture is a struct of an array of float32 texels and of how it is read; the functions
 that read it are in `sampling`. So devices, graphs, structs and arrays of textures need nothing of
-their own, and a GPU computes what the CPU does; its texture units are not used.
+their own, and a GPU computes what the CPU does; its texture units are not used. Levels of a mip
+chain (`mips`) lie one behind the other, the finest first. Of 32-bit integers, which float32 does
+not hold, there is a second array with the numbers themselves.
 """
 
 from __future__ import annotations
@@ -11,6 +13,8 @@ import enum
 
 from warp._src import errors
 from warp._src.arrays.array import array
+from warp._src.textures import mips, texels
+from warp._src.textures.mips import numpy
 from warp._src.types import dtypes, scalars
 from warp._src.types.native import ArrayType
 from warp._src.types.numpy_types import dtype_from_numpy
@@ -49,6 +53,7 @@ _FIELDS = {
     "texels": ArrayType(scalars.float32, 1),
     **dict.fromkeys(("width", "height", "depth", "num_channels", "kind"), scalars.int32),
     **dict.fromkeys(("filter", "address_u", "address_v", "address_w"), scalars.int32),
+    **dict.fromkeys(("levels", "mip_filter"), scalars.int32),
     "normalized": scalars.bool,
 }
 _AXES = ("width", "height", "depth")
@@ -66,12 +71,18 @@ class Texture(StructInstance):
         filter_mode: by default `LINEAR`; `CLOSEST` for 32-bit integers.
         address_mode: one, or one for each axis; `address_mode_u` and its like go before it.
         normalized_coords: whether a texture spans [0, 1], rather than [0, extent].
-        num_mip_levels: 1, the only number that there is.
+        num_mip_levels: of a mip chain that is made of the data, each level means of pairs of the
+            one before; 0 for all, down to one texel.
+        mip_filter_mode: whether a level of detail between two levels reads both or the nearer;
+            by default like `filter_mode`.
         device: where the texels live.
 
     Raises:
         TypeError, ValueError: data or modes do not fit.
     """
+
+    # Of 32-bit integers, the numbers.
+    _whole = None
 
     def __init__(self, *args, **options):
         if type(self) is Texture:
@@ -92,24 +103,37 @@ class Texture(StructInstance):
 
     def _make(self, data=None, device=None, dtype=None, num_channels=0, **options):
         extents = [options.pop(name, 0) for name in _AXES[: self.ndim]][::-1]
-        if options.pop("num_mip_levels", 1) != 1 or options.pop("cuda_array", 0):
-            raise errors.WarpError("mip levels and CUDA arrays are not in this package yet")
+        levels = options.pop("num_mip_levels", 1)
+        if options.pop("cuda_array", 0):
+            raise errors.WarpError("textures over CUDA arrays are not in this package")
+        whole = None
         if data is None:
+            if levels != 1:
+                raise ValueError("a mip chain is made of data, but none is given")
             channels = num_channels or 1
             kind = _kind(scalars.float32 if dtype is None else dtypes.canonical(dtype))
             self._set_shape(*_checked_shape(extents, channels), kind)
-            self.texels = array(
-                shape=self._count(), dtype=scalars.float32, device=device
-            )  # fmt: skip
-            self.texels.zero_()
+            self.texels = _zeros(self._count(), scalars.float32, device)
+            if self._is_whole():
+                whole = _zeros(self._count(), self.dtype, device)
         else:
             if device is None and isinstance(data, array):
                 device = data.device
             values, kind = _numbers(data)
             extents, channels = self._split(values.shape)
             self._set_shape(extents, channels, kind)
-            self.texels = array(_read(values, kind).reshape(-1), device=device)
+            self.levels = mips.count_of(extents, levels)
+            chain = mips.chain_of(values, self.ndim, self.levels)
+            numbers = numpy().concatenate([one.reshape(-1) for one in chain])
+            self.texels = array(_read(numbers, kind), device=device)
+            if self._is_whole():
+                whole = array(values.reshape(-1), dtype=self.dtype, device=device)
+        object.__setattr__(self, "_whole", whole)
         self._set_modes(**options)
+
+    def _is_whole(self) -> bool:
+        """Whether texels are integers that float32 does not hold."""
+        return self.dtype in (scalars.int32, scalars.uint32)
 
     def _split(self, shape):
         """Extents and channels of data of a shape."""
@@ -125,7 +149,7 @@ class Texture(StructInstance):
     def _set_shape(self, extents, channels, kind):
         for name, extent in zip(_AXES, [*extents[::-1], 1, 1], strict=False):
             setattr(self, name, int(extent))
-        self.num_channels, self.kind = channels, kind
+        self.num_channels, self.kind, self.levels = channels, kind, 1
 
     def _count(self) -> int:
         return self.width * self.height * self.depth * self.num_channels
@@ -139,18 +163,29 @@ class Texture(StructInstance):
         surface_access=False,
         **by_axis,
     ):
-        whole = self.dtype in (scalars.int32, scalars.uint32)
+        whole = self._is_whole()
         if filter_mode is None:
             filter_mode = TextureFilterMode.CLOSEST if whole else TextureFilterMode.LINEAR
-        self.filter = TextureFilterMode(filter_mode)
+        self.filter = _mode(TextureFilterMode, filter_mode, "filter")
         if whole and self.filter == TextureFilterMode.LINEAR:
-            raise ValueError("textures of 32-bit integers are read with `CLOSEST` only")
+            raise ValueError(
+                "filter_mode: textures of 32-bit integers are read with `CLOSEST` only"
+            )
+        mip_mode = filter_mode if mip_filter_mode is None else mip_filter_mode
+        self.mip_filter = _mode(TextureFilterMode, mip_mode, "mip filter")
+        if whole and self.is_mipmapped and self.mip_filter == TextureFilterMode.LINEAR:
+            raise ValueError(
+                "mip_filter_mode: levels of 32-bit integers are read with `CLOSEST` only"
+            )
+        if surface_access and self.is_mipmapped:
+            raise ValueError("a texture with a mip chain cannot be written to")
         modes = address_mode if isinstance(address_mode, (tuple, list)) else [address_mode] * 3
         if len(modes) < self.ndim:
             raise ValueError(f"expects {self.ndim} address modes, but got {len(modes)}")
         for axis, name in zip("uvw"[: self.ndim], modes, strict=False):
             own = by_axis.get(f"address_mode_{axis}")
-            setattr(self, f"address_{axis}", TextureAddressMode(name if own is None else own))
+            mode = _mode(TextureAddressMode, name if own is None else own, "address")
+            setattr(self, f"address_{axis}", mode)
         self.normalized = bool(normalized_coords)
 
     @property
@@ -183,12 +218,16 @@ class Texture(StructInstance):
         return TextureAddressMode(self.address_w)
 
     @property
+    def mip_filter_mode(self) -> TextureFilterMode:
+        return TextureFilterMode(self.mip_filter)
+
+    @property
     def num_mip_levels(self) -> int:
-        return 1
+        return self.levels
 
     @property
     def is_mipmapped(self) -> bool:
-        return False
+        return self.levels > 1
 
     @property
     def id(self) -> int:
@@ -196,36 +235,97 @@ class Texture(StructInstance):
         return 0 if self.texels is None else self.texels.ptr or 0
 
     def copy_from(self, src) -> None:
-        """Sets all texels from a texture, an array or a NumPy array of the same shape and type."""
+        """Sets all texels from a texture, an array or a NumPy array of the same shape and type.
+
+        From memory of the same device, a graph that is being captured can hold it.
+
+        Raises:
+            RuntimeError: the texture has a mip chain.
+            ValueError: shape or type differ.
+        """
+        self._check_single()
         if isinstance(src, Texture):
-            src = src.numpy()
+            src._check_single()
+            self._check_texels(src._shape(), src.kind, what="texture")
+            self.texels.assign(src.texels)
+            if self._is_whole():
+                self._whole.assign(src._whole)
+            return
+        if isinstance(src, array) and src.device == self.device and src.is_contiguous:
+            values = src.flatten() if src.ndim else src
+            scalar = dtypes.type_scalar_type(src.dtype)
+            values = values if scalar is values.dtype else values.view(scalar).flatten()
+            extents, channels = self._split((*src.shape, *getattr(src.dtype, "_shape_", ())))
+            self._check_texels((*extents, channels), _kind(scalar))
+            texels.read(values, _KINDS[self.kind][1], self.texels)
+            if self._is_whole():
+                self._whole.assign(values)
+            return
         values, kind = _numbers(src)
         extents, channels = self._split(values.shape)
-        shape = (*extents, channels)
-        if shape != self._shape() or kind != self.kind:
-            raise ValueError(
-                f"expects texels of shape {self._shape()} and '{self.dtype.__name__}', but got "
-                f"{shape} and '{_KINDS[kind][0].__name__}'"
-            )
+        self._check_texels((*extents, channels), kind)
         self.texels.assign(_read(values, kind).reshape(-1))
+        if self._is_whole():
+            self._whole.assign(values.reshape(-1))
 
     def copy_to(self, dst) -> None:
-        """Writes all texels into a texture, an array or a NumPy array of the same shape."""
+        """Writes all texels into a texture, an array or a NumPy array of the same shape.
+
+        Raises:
+            RuntimeError: the texture has a mip chain.
+            ValueError: shape or type differ.
+        """
+        self._check_single()
         if isinstance(dst, Texture):
             dst.copy_from(self)
-        elif isinstance(dst, array):
-            dst.assign(self.numpy().reshape(dst._host_view().shape))
-        else:
+        elif not isinstance(dst, array):
             dst[...] = self.numpy().reshape(dst.shape)
+        elif dst.device == self.device and dst.is_contiguous:
+            scalar = dtypes.type_scalar_type(dst.dtype)
+            extents, channels = self._split((*dst.shape, *getattr(dst.dtype, "_shape_", ())))
+            self._check_texels((*extents, channels), _kind(scalar), role="destination")
+            values = dst.flatten()
+            values = values if scalar is dst.dtype else values.view(scalar).flatten()
+            if self._is_whole():
+                values.assign(self._whole)
+            else:
+                texels.write(self.texels, _KINDS[self.kind][1], values)
+        else:
+            dst.assign(self.numpy().reshape(dst._host_view().shape))
+
+    def _check_single(self):
+        if self.is_mipmapped:
+            raise errors.WarpError(
+                "the levels of a mip chain belong to the data that they were made of and are not "
+                "copied, make another texture"
+            )
+
+    def _check_texels(self, shape, kind, what="array", role="source"):
+        own = self._shape()
+        if tuple(shape) != own:
+            short = own if own[-1] > 1 else own[:-1]
+            other = tuple(shape) if shape[-1] > 1 else tuple(shape[:-1])
+            raise ValueError(
+                f"Incompatible {what} shape for copy: texture shape={short}, {role} shape={other}"
+            )
+        if kind != self.kind:
+            raise ValueError(
+                f"Incompatible {what} data type for copy: texture dtype={self.dtype.__name__}, "
+                f"{role} dtype={_KINDS[kind][0].__name__}"
+            )
 
     def numpy(self):
-        """The texels as a NumPy array of their type, with a last dimension for several channels."""
-        import numpy
+        """The texels as a NumPy array of their type, with a last dimension for several channels.
 
+        Of a mip chain these are those of the finest level.
+        """
         dtype, most = _KINDS[self.kind]
-        values = self.texels.numpy()
+        if self._is_whole():
+            values = self._whole.numpy()
+        else:
+            values = self.texels.numpy()[: self._count()]
         if most is not None:
-            values = numpy.rint(values.astype(numpy.float64) * most)
+            values = numpy().rint(values.astype("f8") * most)
         shape = self._shape()
         values = values.astype(dtype._element_)
         return values.reshape(shape if shape[-1] > 1 else shape[:-1])
@@ -240,6 +340,20 @@ _OPTIONS = (
     *("address_mode_v", "address_mode_w", "normalized_coords", "num_mip_levels"),
     *("mip_filter_mode", "device", "surface_access", "cuda_array"),
 )
+
+
+def _mode(kind, value, what):
+    try:
+        return kind(value)
+    except ValueError:
+        known = ", ".join(f"{one.name} ({int(one)})" for one in kind)
+        raise ValueError(f"Invalid texture {what} mode: {value}, expects {known}") from None
+
+
+def _zeros(count, dtype, device):
+    made = array(shape=count, dtype=dtype, device=device)
+    made.zero_()
+    return made
 
 
 def _kind(dtype) -> int:
@@ -264,9 +378,7 @@ def _checked_shape(extents, channels):
 
 def _numbers(data):
     """A NumPy array of the data, and the kind of its type."""
-    import numpy
-
-    values = data.numpy() if isinstance(data, array) else numpy.asarray(data)
+    values = data.numpy() if isinstance(data, array) else numpy().asarray(data)
     try:
         return values, _kind(dtype_from_numpy(values.dtype))
     except KeyError:
@@ -275,12 +387,10 @@ def _numbers(data):
 
 def _read(values, kind):
     """The numbers that kernels read for values of a kind."""
-    import numpy
-
     most = _KINDS[kind][1]
     if most is None:
-        return values.astype(numpy.float32)
-    return numpy.maximum((values / most).astype(numpy.float32), numpy.float32(-1))
+        return values.astype("f4")
+    return numpy().maximum((values / most).astype("f4"), numpy().float32(-1))
 
 
 def _make_class(ndim):

@@ -163,6 +163,25 @@ def annotations_of(function) -> dict:
     return {name: evaluate(value, spaces) for name, value in found.items()}
 
 
+def check_annotations(owner, declared) -> None:
+    """Refuses arrays of derived classes as annotations: their class says nothing of their type.
+
+    Args:
+        owner: whose annotations they are, for the message.
+        declared: annotations by name.
+
+    Raises:
+        TypeError: there is one.
+    """
+    for name, one in declared.items():
+        kind = type(one)
+        if native.has_arrays(kind) and not kind.__module__.startswith("warp._src."):
+            raise TypeError(
+                f"'{name}' of '{owner}' has an array of '{kind.__name__}' as its annotation, use "
+                "`wp.array(dtype=...)`"
+            )
+
+
 def resolve(annotation):
     """The canonical form of an annotation.
 

@@ -13,6 +13,7 @@ from warp._src.types.matrices import matrix_from_cols as matrix_from_cols
 from warp._src.types.matrices import matrix_from_rows as matrix_from_rows
 from warp._src.types.native import (
     canonical,
+    has_arrays,
     is_struct,
     register,
 )
@@ -201,7 +202,7 @@ def type_is_transformation(t) -> builtins.bool:
 
 def type_is_array(t) -> builtins.bool:
     """Whether `t` is a class of arrays, indexed or not, such as `wp.array`."""
-    return isinstance(t, type) and hasattr(t, "_wp_array_")
+    return has_arrays(t)
 
 
 def type_is_tile(t) -> builtins.bool:

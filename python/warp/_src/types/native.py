@@ -89,6 +89,11 @@ def _parse(text: str):
     raise TypeError(f"no Python type for '{text}'")
 
 
+def has_arrays(kind) -> bool:
+    """Whether a class is one of arrays, indexed or not."""
+    return isinstance(kind, type) and hasattr(kind, "_wp_array_")
+
+
 def is_struct(dtype) -> bool:
     return getattr(dtype, "_wp_struct_", False) is True
 

@@ -170,9 +170,21 @@ class Field:
                 raise self._error(value)
             if value.ndim != expected.ndim:
                 raise self._error(value)
+            self._check_descriptor(value)
         # A gradient that nobody has used is looked for again when somebody does.
         self.raw.__set__(instance, describe(value, getattr(value, "grad_in_use", None)))
         instance._held[self.name] = value
+
+    def _check_descriptor(self, value):
+        """Asks an array whose class describes itself, which may refuse."""
+        if type(value).__ctype__ is hooks.plain_array.__ctype__:
+            return
+        try:
+            value.__ctype__()
+        except Exception as problem:
+            raise errors.WarpTypeError(
+                f"Struct field '{self.name}' cannot refer to a '{type(value).__name__}': {problem}"
+            ) from problem
 
     def _error(self, value):
         got = repr(value) if dtypes.type_is_array(type(value)) else type(value).__name__

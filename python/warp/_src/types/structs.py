@@ -238,6 +238,7 @@ def _make_struct(cls, namespaces):
             also="Warp structs must be defined as base classes",
         )
     declared = inspect.get_annotations(cls)
+    annotations.check_annotations(name, declared)
     for attribute, value in cls.__dict__.items():
         if attribute in declared and not _is_zero(value):
             warnings.warn(

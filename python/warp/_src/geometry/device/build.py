@@ -64,7 +64,7 @@ class Build:
         """What is in the hierarchy; waits for its build."""
         levels, blocks, *sizes = self._shape
         return SimpleNamespace(
-            skipped=_native.read_tree(self._memory)[1] if self.count else 0,
+            skipped=self._read()[1] if self.count else 0,
             nodes=sum(levels), blocks=blocks, bytes=sum(sizes), depth=len(levels),
         )  # fmt: skip
 
@@ -91,7 +91,7 @@ class Build:
         """
         if not self.of_triangles or not self.count:
             return
-        face, _ = _native.read_tree(self._memory)
+        face, _ = self._read()
         if face == self.count:
             return
         corners = indices[3 * face : 3 * face + 3].numpy()
@@ -99,3 +99,12 @@ class Build:
         raise errors.WarpError(
             f"face {face} has the index {index}, but there are {len(points)} points"
         )
+
+    def _read(self):
+        """The first face with a wrong index, or `count`, and how many are never found."""
+        if _native.is_capturing(self.device.index):
+            raise errors.WarpError(
+                f"cannot read what was built on '{self.device}' while a graph is being captured "
+                "on it: make the hierarchy outside"
+            )
+        return _native.read_tree(self._memory)

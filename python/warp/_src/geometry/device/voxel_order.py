@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 import warp as wp
 
 _IN_ROOT, _ROOT = 36, 60
@@ -148,9 +150,15 @@ class VoxelOrder:
         self.ends = empty(count, wp.vec4i)
         self.found, self.bounds = empty(1, wp.uint32), empty(6, int)
 
-    def run(self, points, mask, inverse, shift, of_tiles) -> None:
-        """Orders points, of vec3i in index space or of vec3 in the world."""
+    def run(self, points, mask, recipe) -> None:
+        """Orders points, of vec3i in index space or of vec3 in the world.
+
+        recipe: an `allocation.Recipe`.
+        """
         device, count = self.device, self.count
+        matrix, shift = recipe.transform
+        inverse, shift = wp.mat33d(*np.linalg.inv(matrix).ravel()), wp.vec3d(*shift)
+        of_tiles = recipe.kind == "tiles"
         wp.launch(_reset, 1, inputs=[self.found, self.bounds], device=device)
         given = [points, mask, inverse, shift, of_tiles, self._keys, self.order]
         made = [self.voxels, self._roots, self.found, self.bounds]
@@ -161,3 +169,13 @@ class VoxelOrder:
         given = [self._keys, self.order, self.voxels, self.ends]
         wp.launch(_mark_first, count, inputs=given, device=device)
         wp.utils.array_scan(self.ends, self.ends, inclusive=True)
+
+    def capacities(self, recipe):
+        """Leaves, lower nodes, upper nodes and voxels of a recipe's grid; waits for the order.
+
+        None if there are none, or a point was outside of index space.
+        """
+        roots, lowers, leaves, voxels = (int(n) for n in self.ends[self.count - 1 :].numpy()[0])
+        if not leaves or int(self.found.numpy()[0]):
+            return None
+        return leaves, lowers, roots, 512 * leaves if recipe.kind == "tiles" else voxels

@@ -64,7 +64,6 @@ class VoxelTree:
         self._plan = wp.zeros(_PLAN, dtype=int, device=device)
         matrix, shift = recipe.transform
         self._matrix, self._shift = wp.mat33d(*matrix.ravel()), wp.vec3d(*shift)
-        self._inverse = wp.mat33d(*np.linalg.inv(matrix).ravel())
         self._order = None
         room = min(TABLE_ROOM * recipe.capacities[0], 2**31 - 1)
         self._table = wp.empty(room, dtype=wp.uint32, device=device)
@@ -85,7 +84,11 @@ class VoxelTree:
         order = self._order
         if order is None or order.count != len(points):
             order = self._order = VoxelOrder(len(points), self.device)
-        order.run(points, mask, self._inverse, self._shift, self.recipe.kind == "tiles")
+        order.run(points, mask, self.recipe)
+        self.write(slot, order, status)
+
+    def write(self, slot, order, status=None) -> None:
+        """The part of `run` that comes after the order of the points."""
         plan, layout, grid = self._plan, self._layout, self._grid
         given = [order.ends, order.found, order.bounds, wp.vec4i(*self._room()), layout]
         place = [self._matrix, self._shift, wp.uint64(self.data.ptr), wp.uint64(self._table.ptr)]

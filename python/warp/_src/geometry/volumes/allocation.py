@@ -7,6 +7,7 @@ import operator
 
 import numpy as np
 
+from warp import _native
 from warp._src import errors
 from warp._src.devices import devices
 from warp._src.geometry.volumes import build, points
@@ -116,6 +117,33 @@ def builds_there(device, recipe) -> bool:
     return recipe.room <= MOST_ROOM
 
 
+def counts_there(device, given) -> bool:
+    """Whether kernels find out how large the grid of points is, and build it."""
+    if device.is_cpu or not dtypes.is_array(given) or given.device != device:
+        return False
+    return given.size > 0 and not _native.is_capturing(device.index)
+
+
+def _of_size(cls, recipe, given, what, device, mask):
+    """A volume with as much room as the grid of points takes; None where the host has to do it."""
+    from warp._src.geometry.device.refit import slot_of
+    from warp._src.geometry.device.voxel_order import VoxelOrder
+    from warp._src.geometry.device.voxels import VoxelTree
+
+    given, mask = points.arrays_on(device, given, mask, what)
+    order = VoxelOrder(len(given), device)
+    order.run(given, mask, recipe)
+    recipe.capacities = order.capacities(recipe)
+    if recipe.capacities is None or recipe.room > MOST_ROOM:
+        recipe.capacities = None
+        return None
+    tree = VoxelTree(recipe, device)
+    volume = cls._of_tree(tree)
+    tree.write(slot_of(volume.id, device), order)
+    volume._recipe = None
+    return volume
+
+
 def by_points(cls, recipe, given, what, device, room, status, mask):
     """A volume of the class with the grid of points.
 
@@ -132,6 +160,10 @@ def by_points(cls, recipe, given, what, device, room, status, mask):
         volume = cls._of_tree(VoxelTree(recipe, device))
         volume.rebuild(given, status, mask)
         return volume
+    if room is None and counts_there(device, given):
+        volume = _of_size(cls, recipe, given, what, device, mask)
+        if volume is not None:
+            return volume
     buffer, problem = recipe.buffer(given, mask, what)
     if problem:
         buffer, _ = recipe.of_voxels(np.zeros((0, 3), dtype=np.int64))
