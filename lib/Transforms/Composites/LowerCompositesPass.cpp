@@ -6,6 +6,7 @@
 
 #include "LowerComposites.h"
 #include "PlaceLocals.h"
+#include "UnrollLocals.h"
 
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/WarpDialect.h"
@@ -35,8 +36,10 @@ struct LowerComposites : warp::impl::LowerCompositesBase<LowerComposites> {
         function->setAttr(warp::attr::argTypes,
                           OpBuilder(&getContext())
                               .getTypeArrayAttr(function.getArgumentTypes()));
-      if (!function.isExternal())
+      if (!function.isExternal()) {
+        warp::unrollLocals(function);
         warp::placeLocals(function);
+      }
       if (failed(warp::lowerComposites(function)))
         return signalPassFailure();
     }

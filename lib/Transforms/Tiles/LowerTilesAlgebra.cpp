@@ -105,7 +105,7 @@ void TileLowering::lowerCholesky(TileCholeskyOp op) {
 /// of the Cholesky decomposition, 2016.
 void TileLowering::lowerCholeskyAdjoint(TileCholeskyAdjointOp op) {
   begin(op, op.getCotangent());
-  if (threads == 1)
+  if (callsForTiles(kernel, threads))
     return callCholeskyAdjoint(op);
   TileType type = tileType(op.getFactor());
   int64_t n = type.getShape()[0];
@@ -133,7 +133,8 @@ void TileLowering::lowerCholeskyAdjoint(TileCholeskyAdjointOp op) {
     Value rest = builtin("mul", {common(j), over});
     Value diagonal =
         builtin("mul", {builtin("sub", {load(bar, at(j, j)), rest}), over});
-    loop(thread, j, number(threads), {}, [&](Value k, ValueRange) {
+    Value first = thread ? thread : number(0);
+    loop(first, j, number(threads), {}, [&](Value k, ValueRange) {
       Value own = factor(j, k), ratio = builtin("mul", {own, over});
       Value change = builtin("add", {builtin("mul", {common(k), over}),
                                      builtin("mul", {diagonal, own})});
@@ -154,7 +155,7 @@ void TileLowering::lowerCholeskyAdjoint(TileCholeskyAdjointOp op) {
       Value half = builtin("mul", {diagonal, constant(real, 0.5)});
       store(bar, at(j, j), half);
     });
-    loop(add(below, thread), number(n), number(threads), {},
+    loop(add(below, first), number(n), number(threads), {},
          [&](Value i, ValueRange) {
            store(bar, at(i, j), builtin("mul", {load(bar, at(i, j)), over}));
            return Values();

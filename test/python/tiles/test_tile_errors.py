@@ -33,6 +33,28 @@ def test_shapes_of_a_sum():
     expect(kernel, "shape=(4,)", "shape=(5,)", "wp.tile_broadcast")
 
 
+@wp.struct
+class Pair:
+    low: float
+    high: float
+
+
+@wp.func
+def lowest(a: Pair, b: Pair):
+    return wp.min(a.low, b.low)
+
+
+def test_operators_of_reductions():
+    def ordered(a: wp.array(dtype=Pair)):
+        wp.tile_store(a, wp.tile_reduce(wp.min, wp.tile_load(a, shape=4)))
+
+    def other(a: wp.array(dtype=Pair)):
+        wp.tile_store(a, wp.tile_reduce(lowest, wp.tile_load(a, shape=4)))
+
+    expect(ordered, "tile_reduce() operator 'min' has no overload", "a Warp struct")
+    expect(other, "must return the tile element type Pair, but gives float32")
+
+
 def test_shape_that_is_not_constant():
     def kernel(a: wp.array(dtype=float), n: int):
         wp.tile_store(a, wp.tile_zeros(shape=n, dtype=float))

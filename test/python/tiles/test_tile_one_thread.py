@@ -30,10 +30,17 @@ def algebra(
     wp.tile_store(c, prime, offset=(2, 0))
 
 
+@wp.kernel(module="unique", module_options={"block_dim": 1})
+def factor(x: wp.array2d(dtype=wp.float64), y: wp.array2d(dtype=wp.float64)):
+    wp.tile_store(y, wp.tile_cholesky(wp.tile_load(x, shape=(N, N))))
+
+
 def test_code_for_a_gpu_calls_nothing_of_a_cpu():
     ptx = algebra.ir("ptx", arch=90)
     assert not re.search(r"\.extern \.func", ptx)
     assert "warp_tile" not in ptx
+    ptx = factor.ir("ptx", arch=90, derivative="adjoint")
+    assert not re.search(r"\.extern \.func", ptx)
 
 
 def test_against_numpy(device):

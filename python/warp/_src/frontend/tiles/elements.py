@@ -165,14 +165,27 @@ class TileElements(TileTopic):
         is_number = tile.type.element.kind in ("int", "float")
         if isinstance(operation, BuiltinRef) and known and (known == "add" or is_number):
             return self.make("reduce", [tile], node, kind=known, axis=axis)
+        if isinstance(operation, BuiltinRef) and tile.type.element.kind == "struct":
+            raise self.context.type_error(
+                node,
+                f"tile_reduce() operator '{operation.name}' has no overload for elements that are "
+                "a Warp struct",
+                "use a `@wp.func` of two of them",
+            )
         return self.folded(tile, axis, self.function(operation, node, "tile_reduce"), node)
 
     def folded(self, tile, axis, function, node):
         """Elements joined two by two by a function."""
         tiles = self.context.session.tiles
         self.context.at(node)
-        result = function(*tiles.begin_function([tile], True))
-        return tiles.end_function([self.context.materialize(result, node)], axis=axis)[0]
+        result = self.context.materialize(function(*tiles.begin_function([tile], True)), node)
+        if result.type != tile.type.element:
+            raise self.context.type_error(
+                node,
+                "tile_reduce() operator must return the tile element type "
+                f"{tile.type.element.python_name}, but gives {result.type.python_name}",
+            )
+        return tiles.end_function([result], axis=axis)[0]
 
     def sum_of_fields(self, tile, axis, node):
         """The sum of structs, field by field; bits and small numbers are those of the first."""

@@ -1,0 +1,320 @@
+//===- UnrollLocals.cpp - Loops over components of long values ------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Memory of a thread is slow beside registers, which have no numbers. Where the
+// indices of long composites come from nothing but counters of loops, as those
+// of a Fourier transform of fixed length do, the loops are written out: each
+// operation is copied with what is known by then and folded. That is tried
+// beside the code and taken if no index is left that is known at run time only,
+// and if the code is short and the values fit registers.
+//
+//===----------------------------------------------------------------------===//
+
+#include "UnrollLocals.h"
+
+#include "IntegerFold.h"
+#include "LocalWebs.h"
+#include "WarpDialect/WarpOps.h"
+#include "WarpDialect/WarpTypes.h"
+
+#include "mlir/Dialect/Arith/IR/Arith.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
+#include "mlir/IR/IRMapping.h"
+#include "mlir/IR/Matchers.h"
+#include "mlir/Interfaces/FunctionInterfaces.h"
+
+using namespace mlir;
+
+/// Operations that are written, and components that loops carry.
+constexpr int64_t mostOperations = 2048, mostComponents = 64;
+
+/// Whether an operation accesses a long composite at an index of run time.
+static bool isDynamicAccess(Operation *op) {
+  if (auto extract = dyn_cast<warp::ExtractOp>(op))
+    return warp::isLongComposite(extract->getOperand(0).getType()) &&
+           warp::isDynamic(extract.getIndices());
+  auto insert = dyn_cast<warp::InsertOp>(op);
+  return insert && warp::isLongComposite(insert.getType()) &&
+         warp::isDynamic(insert.getIndices());
+}
+
+static bool hasDynamicAccess(Operation *op) {
+  auto result = op->walk([](Operation *inner) {
+    return isDynamicAccess(inner) ? WalkResult::interrupt()
+                                  : WalkResult::advance();
+  });
+  return result.wasInterrupted();
+}
+
+namespace {
+
+class LoopWriter {
+public:
+  explicit LoopWriter(FunctionOpInterface function)
+      : function(function), b(function.getContext()) {}
+
+  void run();
+
+private:
+  bool comesFromCounters(Value value, llvm::DenseSet<Value> &seen) const;
+  bool isWorthTrying() const;
+  bool emitBlock(Block &block);
+  bool emitLoop(scf::ForOp loop, int64_t first, int64_t count, int64_t step);
+  bool emitBranch(scf::IfOp branch);
+  bool emitAround(Operation *op);
+  bool emit(Operation *op);
+  Value constant(Operation *op, const APInt &bits);
+  Value known(Operation *op);
+
+  FunctionOpInterface function;
+  OpBuilder b;
+  IRMapping map;
+  int64_t written = 0;
+};
+
+} // namespace
+
+//===----------------------------------------------------------------------===//
+// What is worth it
+//===----------------------------------------------------------------------===//
+
+bool LoopWriter::comesFromCounters(Value value,
+                                   llvm::DenseSet<Value> &seen) const {
+  if (!seen.insert(value).second || matchPattern(value, m_Constant()))
+    return true;
+  auto all = [&](ValueRange values) {
+    return llvm::all_of(values,
+                        [&](Value v) { return comesFromCounters(v, seen); });
+  };
+  if (auto argument = dyn_cast<BlockArgument>(value)) {
+    auto loop = dyn_cast<scf::ForOp>(argument.getOwner()->getParentOp());
+    if (!loop ||
+        !all({loop.getLowerBound(), loop.getUpperBound(), loop.getStep()}))
+      return false;
+    unsigned number = argument.getArgNumber();
+    return number == 0 || all({loop.getInitArgs()[number - 1],
+                               loop.getYieldedValues()[number - 1]});
+  }
+  Operation *def = value.getDefiningOp();
+  unsigned number = cast<OpResult>(value).getResultNumber();
+  if (auto loop = dyn_cast<scf::ForOp>(def))
+    return all({loop.getInitArgs()[number], loop.getYieldedValues()[number],
+                loop.getLowerBound(), loop.getUpperBound()});
+  return def->getNumRegions() == 0 && isMemoryEffectFree(def) &&
+         def->getNumOperands() != 0 && all(def->getOperands());
+}
+
+bool LoopWriter::isWorthTrying() const {
+  bool any = false, fits = true;
+  function->walk([&](Operation *op) {
+    if (isDynamicAccess(op)) {
+      any = true;
+      auto extract = dyn_cast<warp::ExtractOp>(op);
+      ValueRange indices = extract ? ValueRange(extract.getIndices())
+                                   : cast<warp::InsertOp>(op).getIndices();
+      llvm::DenseSet<Value> seen;
+      for (Value index : indices)
+        fits &= comesFromCounters(index, seen);
+    }
+    auto loop = dyn_cast<scf::ForOp>(op);
+    if (!loop)
+      return;
+    int64_t components = 0;
+    for (Value carried : loop.getInitArgs())
+      if (warp::isLongComposite(carried.getType()))
+        components += warp::getComponentCount(carried.getType());
+    fits &= components <= mostComponents;
+  });
+  return any && fits;
+}
+
+//===----------------------------------------------------------------------===//
+// Writing
+//===----------------------------------------------------------------------===//
+
+static std::optional<int64_t> valueOf(Value value) {
+  APInt bits;
+  if (!matchPattern(value, m_ConstantInt(&bits)))
+    return std::nullopt;
+  return bits.getSExtValue();
+}
+
+bool LoopWriter::emitLoop(scf::ForOp loop, int64_t first, int64_t count,
+                          int64_t step) {
+  SmallVector<Value> carried = llvm::map_to_vector(
+      loop.getInitArgs(), [&](Value v) { return map.lookupOrDefault(v); });
+  Type type = loop.getInductionVar().getType();
+  for (int64_t i = 0; i < count; ++i) {
+    Value counter = arith::ConstantOp::create(
+        b, loop.getLoc(), b.getIntegerAttr(type, first + i * step));
+    map.map(loop.getInductionVar(), counter);
+    map.map(loop.getRegionIterArgs(), carried);
+    if (!emitBlock(*loop.getBody()))
+      return false;
+    carried = llvm::map_to_vector(loop.getYieldedValues(), [&](Value v) {
+      return map.lookupOrDefault(v);
+    });
+  }
+  map.map(loop.getResults(), carried);
+  return true;
+}
+
+/// A side that is known.
+bool LoopWriter::emitBranch(scf::IfOp branch) {
+  bool holds = *valueOf(map.lookupOrDefault(branch.getCondition())) != 0;
+  Region &side = holds ? branch.getThenRegion() : branch.getElseRegion();
+  if (side.empty())
+    return true;
+  if (!emitBlock(side.front()))
+    return false;
+  for (auto [result, yielded] : llvm::zip_equal(
+           branch.getResults(), side.front().getTerminator()->getOperands()))
+    map.map(result, map.lookupOrDefault(yielded));
+  return true;
+}
+
+/// Control flow that stays, around what is written.
+bool LoopWriter::emitAround(Operation *op) {
+  SmallVector<Value> operands = llvm::map_to_vector(
+      op->getOperands(), [&](Value v) { return map.lookupOrDefault(v); });
+  OperationState state(op->getLoc(), op->getName(), operands,
+                       op->getResultTypes(), op->getAttrs());
+  for (unsigned i = 0; i < op->getNumRegions(); ++i)
+    state.addRegion();
+  Operation *made = b.create(state);
+  map.map(op->getResults(), made->getResults());
+  for (auto [from, to] :
+       llvm::zip_equal(op->getRegions(), made->getRegions())) {
+    if (from.empty())
+      continue;
+    OpBuilder::InsertionGuard guard(b);
+    Block &old = from.front();
+    SmallVector<Location> places(old.getNumArguments(), op->getLoc());
+    Block *block = b.createBlock(&to, to.end(), old.getArgumentTypes(), places);
+    map.map(old.getArguments(), block->getArguments());
+    if (!emitBlock(old))
+      return false;
+    b.clone(*old.getTerminator(), map);
+  }
+  return true;
+}
+
+static std::optional<APInt> constantOf(Value value) {
+  APInt bits;
+  return matchPattern(value, m_ConstantInt(&bits)) ? std::optional(bits)
+                                                   : std::nullopt;
+}
+
+Value LoopWriter::constant(Operation *op, const APInt &bits) {
+  auto type = cast<IntegerType>(op->getResult(0).getType());
+  IntegerAttr attribute = b.getIntegerAttr(type, bits);
+  if (type.isSignless())
+    return arith::ConstantOp::create(b, op->getLoc(), attribute);
+  return warp::ConstantOp::create(b, op->getLoc(), attribute);
+}
+
+/// What is known of a value once the operands are.
+Value LoopWriter::known(Operation *op) {
+  StringRef name = op->getName().stripDialect();
+  SmallVector<Value> x = llvm::map_to_vector(
+      op->getOperands(), [&](Value v) { return map.lookupOrDefault(v); });
+  if (op->getNumResults() != 1 || x.empty() ||
+      op->getName().getDialectNamespace() != "warp")
+    return nullptr;
+  auto first = constantOf(x[0]);
+  if (name == "where" && first)
+    return first->isZero() ? x[2] : x[1];
+  auto type = dyn_cast<IntegerType>(op->getResult(0).getType());
+  if (!type || !first)
+    return nullptr;
+  if (isa<warp::CastOp>(op))
+    return type.getWidth() == first->getBitWidth() ? constant(op, *first)
+                                                   : Value();
+  auto second = x.size() == 2 ? constantOf(x[1]) : std::nullopt;
+  if (!second || x[0].getType() != x[1].getType())
+    return nullptr;
+  warp::IntegerFold fold{*first, *second, x[0].getType().isUnsignedInteger()};
+  std::optional<APInt> bits =
+      type.getWidth() == 1 ? fold.compare(name) : fold.divide(name);
+  for (auto next : {&warp::IntegerFold::shift, &warp::IntegerFold::combine})
+    if (!bits && type.getWidth() == first->getBitWidth())
+      bits = (fold.*next)(name);
+  return bits ? constant(op, *bits) : Value();
+}
+
+bool LoopWriter::emit(Operation *op) {
+  if (Value value = known(op)) {
+    map.map(op->getResult(0), value);
+    return true;
+  }
+  auto numberOf = [&](Value value) {
+    return valueOf(map.lookupOrDefault(value));
+  };
+  if (auto branch = dyn_cast<scf::IfOp>(op);
+      branch && numberOf(branch.getCondition()))
+    return emitBranch(branch);
+  bool accesses = op->getNumRegions() != 0 && hasDynamicAccess(op);
+  if (auto loop = dyn_cast<scf::ForOp>(op); loop && accesses) {
+    auto first = numberOf(loop.getLowerBound()),
+         end = numberOf(loop.getUpperBound()), step = numberOf(loop.getStep());
+    if (first && end && step && *step > 0 &&
+        *end - *first <= mostOperations * *step)
+      return emitLoop(
+          loop, *first,
+          std::max<int64_t>(0, llvm::divideCeilSigned(*end - *first, *step)),
+          *step);
+  }
+  if (accesses)
+    return emitAround(op);
+  Operation *made = b.clone(*op, map);
+  made->walk([&](Operation *) { ++written; });
+  SmallVector<Value> folded;
+  if (made->getNumResults() != 0 && made->getNumRegions() == 0 &&
+      succeeded(b.tryFold(made, folded)) && !folded.empty()) {
+    map.map(op->getResults(), folded);
+    made->erase();
+    --written;
+  }
+  return written <= mostOperations;
+}
+
+bool LoopWriter::emitBlock(Block &block) {
+  return llvm::all_of(block.without_terminator(),
+                      [&](Operation &op) { return emit(&op); });
+}
+
+//===----------------------------------------------------------------------===//
+// All
+//===----------------------------------------------------------------------===//
+
+static void drop(Block &block) {
+  block.dropAllReferences();
+  block.dropAllDefinedValueUses();
+  block.erase();
+}
+
+void LoopWriter::run() {
+  if (!isWorthTrying())
+    return;
+  Block &entry = function.getFunctionBody().front();
+  Block *made = b.createBlock(&function.getFunctionBody());
+  bool succeeds = emitBlock(entry);
+  auto isLeft = [](Operation &op) { return hasDynamicAccess(&op); };
+  if (!succeeds || llvm::any_of(*made, isLeft))
+    return drop(*made);
+  Operation *end = entry.getTerminator();
+  for (OpOperand &operand : end->getOpOperands())
+    operand.set(map.lookupOrDefault(operand.get()));
+  // What was goes, in a block of its own.
+  Block *old = b.createBlock(&function.getFunctionBody());
+  old->getOperations().splice(old->end(), entry.getOperations(), entry.begin(),
+                              end->getIterator());
+  entry.getOperations().splice(end->getIterator(), made->getOperations());
+  made->erase();
+  drop(*old);
+}
+
+void warp::unrollLocals(FunctionOpInterface function) {
+  LoopWriter(function).run();
+}

@@ -1,0 +1,115 @@
+"""Arrays of a thread whose indices come from counters of loops are in registers."""
+
+import numpy as np
+import pytest
+
+import warp as wp
+
+N = 16
+
+
+@wp.kernel
+def transform(x: wp.array2d(dtype=wp.vec2d), y: wp.array2d(dtype=wp.vec2d)):
+    """Cooley and Tukey's, after a permutation by reversed bits."""
+    i = wp.tid()
+    re = wp.zeros(shape=(N,), dtype=wp.float64)
+    im = wp.zeros(shape=(N,), dtype=wp.float64)
+    for k in range(N):
+        r = ((k & 1) << 3) | ((k & 2) << 1) | ((k & 4) >> 1) | ((k & 8) >> 3)
+        re[r] = x[i, k][0]
+        im[r] = x[i, k][1]
+    half = int(1)
+    for _s in range(4):
+        for b in range(N // 2):
+            j = b % half
+            low = b // half * 2 * half + j
+            high = low + half
+            angle = -wp.PI * float(j) / float(half)
+            c, s = wp.float64(wp.cos(angle)), wp.float64(wp.sin(angle))
+            u = re[high] * c - im[high] * s
+            v = re[high] * s + im[high] * c
+            re[high] = re[low] - u
+            im[high] = im[low] - v
+            re[low] += u
+            im[low] += v
+        half *= 2
+    for k in range(N):
+        y[i, k] = wp.vec2d(re[k], im[k])
+
+
+def test_a_transform_needs_no_memory():
+    assert "warp.scratch" not in transform.ir("thread")
+    assert ".local" not in transform.ir("ptx", arch=90)
+
+
+def test_against_numpy(device):
+    given = np.random.default_rng(1).normal(size=(40, N, 2))
+    x = wp.array(given, dtype=wp.vec2d, device=device)
+    y = wp.zeros((40, N), dtype=wp.vec2d, device=device)
+    wp.launch(transform, dim=40, inputs=[x, y], device=device)
+    found = y.numpy() @ [1, 1j]
+    np.testing.assert_allclose(found, np.fft.fft(given @ [1, 1j]), rtol=1e-6, atol=1e-6)
+
+
+@wp.kernel
+def indices(q: wp.array(dtype=int), out: wp.array2d(dtype=int)):
+    """Of all operations that are known before a launch; with negative numbers."""
+    i = wp.tid()
+    a = wp.zeros(shape=(N,), dtype=int)
+    for k in range(-9, 9):
+        a[((k % 5) + 5) % N] += q[i]
+        a[k // 4 + 3] += 2
+        a[wp.min(k, 3) + 9] += k
+        a[wp.where(k < 0, -k, k)] += 3 * k
+        a[(k ^ 5) & 15] += 5
+        a[((k + 9) << 1) % N] += 7
+        a[(k + 9) >> 1] += 11
+        a[(k - 7) / 3 + 6] += 13
+    for k in range(N):
+        out[i, k] = a[k]
+
+
+def truncated(a, b):
+    return int(a / b)
+
+
+def test_operations_of_indices(device):
+    q = np.array([1, -4, 100], dtype=np.int32)
+    expected = np.zeros((3, N), dtype=int)
+    for a, v in zip(expected, q, strict=True):
+        for k in range(-9, 9):
+            a[(k - 5 * truncated(k, 5) + 5) % N] += v
+            a[k // 4 + 3] += 2
+            a[min(k, 3) + 9] += k
+            a[abs(k)] += 3 * k
+            a[(k ^ 5) & 15] += 5
+            a[((k + 9) << 1) % N] += 7
+            a[(k + 9) >> 1] += 11
+            a[truncated(k - 7, 3) + 6] += 13
+    out = wp.zeros((3, N), dtype=int, device=device)
+    inputs = [wp.array(q, dtype=int, device=device), out]
+    wp.launch(indices, dim=3, inputs=inputs, device=device)
+    np.testing.assert_array_equal(out.numpy(), expected)
+
+
+@pytest.mark.parametrize("count", [0, 1, 5])
+def test_loops_of_run_time_around(device, count):
+    """What is known within stays so in each iteration."""
+
+    @wp.kernel(module="unique")
+    def rotate(m: int, out: wp.array(dtype=int)):
+        a = wp.zeros(shape=(12,), dtype=int)
+        for k in range(12):
+            a[k] = k
+        for _r in range(m):
+            first = a[0]
+            for k in range(11):
+                a[k] = a[k + 1]
+            a[11] = first
+        for k in range(12):
+            out[k] = a[k]
+
+    out = wp.zeros(12, dtype=int, device=device)
+    wp.launch(rotate, dim=1, inputs=[count, out], device=device)
+    np.testing.assert_array_equal(out.numpy(), np.roll(np.arange(12), -count))
+    assert "warp.scratch" not in rotate.ir("thread")
