@@ -267,6 +267,12 @@ bool LoopWriter::emit(Operation *op) {
   }
   if (accesses)
     return emitAround(op);
+  // What an earlier copy of the same operation got is not for this one.
+  op->walk([&](Block *block) {
+    map.erase(block);
+    for (BlockArgument argument : block->getArguments())
+      map.erase(argument);
+  });
   Operation *made = b.clone(*op, map);
   made->walk([&](Operation *) { ++written; });
   SmallVector<Value> folded;

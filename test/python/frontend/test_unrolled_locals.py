@@ -113,3 +113,38 @@ def test_loops_of_run_time_around(device, count):
     wp.launch(rotate, dim=1, inputs=[count, out], device=device)
     np.testing.assert_array_equal(out.numpy(), np.roll(np.arange(12), -count))
     assert "warp.scratch" not in rotate.ir("thread")
+
+
+@wp.kernel
+def nested(x: wp.array2d(dtype=float), y: wp.array2d(dtype=float)):
+    """Loops that stay, in loops that are written out and below conditions of run time."""
+    i = wp.tid()
+    sums = wp.zeros(shape=(N,), dtype=float)
+    for lane in range(3):
+        part = wp.vec3()
+        for c in range(3):
+            part[c] = x[i, 3 * lane + c]
+        if part[0] > 0.5:
+            for c in range(3):
+                sums[1 + c] += part[c]
+                for d in range(3):
+                    sums[4 + 3 * c + d] += part[c] * part[d]
+        else:
+            sums[0] += part[2]
+    for k in range(N):
+        y[i, k] = sums[k]
+
+
+def test_loops_that_are_copied_several_times(device):
+    given = np.random.default_rng(2).random((50, 9), np.float32)
+    y = wp.zeros((50, N), dtype=float, device=device)
+    wp.launch(nested, dim=50, inputs=[wp.array(given, device=device), y], device=device)
+    expected = np.zeros((50, N))
+    for row, out in zip(given.astype(np.float64).reshape(50, 3, 3), expected, strict=True):
+        for part in row:
+            if part[0] > 0.5:
+                out[1:4] += part
+                out[4:13] += np.outer(part, part).ravel()
+            else:
+                out[0] += part[2]
+    np.testing.assert_allclose(y.numpy(), expected, rtol=1e-5)
