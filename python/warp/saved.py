@@ -73,6 +73,26 @@ def _fits(one) -> str:
     return ", ".join(parts)
 
 
+def _name(number, one) -> str:
+    return f"{one['kernel']}.{number}.{one['kind']}"
+
+
+def extract(path, folder) -> list[Path]:
+    """Writes each variant in a file to a file of its own, in a folder that has the file's name.
+
+    Raises:
+        FileNotFoundError, ValueError: as `read` does.
+    """
+    folder = Path(folder) / Path(path).stem
+    variants = read(path)
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    for number, one in enumerate(variants):
+        written.append(folder / _name(number, one))
+        written[-1].write_bytes(one["code"])
+    return written
+
+
 def main(arguments=None) -> int:
     """The command; returns its exit status."""
     parser = argparse.ArgumentParser(prog="warp.saved", description=__doc__.splitlines()[0])
@@ -89,13 +109,10 @@ def main(arguments=None) -> int:
             continue
         print(file)
         for number, one in enumerate(variants):
-            name = f"{one['kernel']}.{number}.{one['kind']}"
             text = "  ".join(filter(None, (one["target"], one["fits"])))
-            print(f"  {name:40} {len(one['code']):8} bytes  {text}")
-            if options.extract:
-                folder = options.extract / Path(file).stem
-                folder.mkdir(parents=True, exist_ok=True)
-                (folder / name).write_bytes(one["code"])
+            print(f"  {_name(number, one):40} {len(one['code']):8} bytes  {text}")
+        if options.extract:
+            extract(file, options.extract)
     return status
 
 

@@ -51,6 +51,13 @@ def test_ptx_is_assembled_by_other_tools(tmp_path):
         assert saved.kind_of((tmp_path / "made.cubin").read_bytes()) == "cubin"
 
 
+def test_ptx_lies_beside_what_was_asked_for_as_ptx(tmp_path):
+    path = compiled(tmp_path, arch=90, use_ptx=True)
+    beside = sorted((path.parent / path.stem).glob("*.ptx"))
+    assert [file.read_bytes() for file in beside] == [one["code"] for one in saved.read(path)]
+    assert beside and not compiled(tmp_path, arch=80).with_suffix("").exists()
+
+
 def test_files_of_the_cache(tmp_path, monkeypatch):
     before = wp.config.kernel_cache_dir
     wp.config.kernel_cache_dir = str(tmp_path)

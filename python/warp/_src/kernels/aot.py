@@ -42,9 +42,9 @@ def compile_aot_module(
             given.
         arch: GPU architecture or architectures, `90` for `sm_90`; no GPU is needed.
         module_dir: folder of the files, by default that of the kernel cache.
-        use_ptx: True keeps PTX, which any later GPU runs; False makes machine code, for which a GPU
-            of that architecture must be there. By default PTX for an architecture and machine code
-            for a device.
+        use_ptx: True keeps PTX, which any later GPU runs, and writes each variant's beside the
+            file, for other tools; False makes machine code, for which a GPU of that architecture
+            must be there. By default PTX for an architecture and machine code for a device.
         strip_hash: leave the hash of the kernels out of the file name.
         enable_backward: save adjoints, too; by default of those kernels for which the option of
             that name was set to True, by the kernel or its module. There is one adjoint for the
@@ -75,6 +75,10 @@ def compile_aot_module(
         path = folder / f"{stem}.{_target_name(architecture)}{_SUFFIX}"
         _native.save_module(str(path), module.name, kernels, architecture, index)
         paths.append(path)
+        if use_ptx and architecture:
+            from warp.saved import extract
+
+            extract(path, folder)
     return paths
 
 
