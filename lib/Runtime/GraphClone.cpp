@@ -64,13 +64,20 @@ GraphNode cuda::addConditional(int device, GraphHandle graph,
   return node;
 }
 
-static std::vector<GraphNode> nodesOf(GraphHandle graph) {
+/// All nodes that a function of the driver gives, which says first how many.
+template <typename Query> static std::vector<GraphNode> allNodes(Query query) {
   size_t count = 0;
-  WARP_CUDA_GRAPH(getNodes, graph, nullptr, &count);
+  query(nullptr, &count);
   std::vector<GraphNode> nodes(count);
   if (count)
-    WARP_CUDA_GRAPH(getNodes, graph, nodes.data(), &count);
+    query(nodes.data(), &count);
   return nodes;
+}
+
+static std::vector<GraphNode> nodesOf(GraphHandle graph) {
+  return allNodes([&](GraphNode *nodes, size_t *count) {
+    WARP_CUDA_GRAPH(getNodes, graph, nodes, count);
+  });
 }
 
 static int typeOf(GraphNode node) {
@@ -121,12 +128,9 @@ private:
 } // namespace
 
 static std::vector<GraphNode> dependenciesOf(GraphNode node) {
-  size_t count = 0;
-  WARP_CUDA_GRAPH(nodeDependencies, node, nullptr, &count);
-  std::vector<GraphNode> nodes(count);
-  if (count)
-    WARP_CUDA_GRAPH(nodeDependencies, node, nodes.data(), &count);
-  return nodes;
+  return allNodes([&](GraphNode *nodes, size_t *count) {
+    WARP_CUDA_GRAPH(nodeDependencies, node, nodes, count);
+  });
 }
 
 ConditionHandle Cloner::handleFor(ConditionHandle handle, GraphHandle target) {

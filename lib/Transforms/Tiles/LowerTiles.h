@@ -174,6 +174,7 @@ private:
   void callLibrary(const llvm::Twine &name, mlir::Type real, ValueRange args);
   int64_t scratchOf(mlir::Operation *op);
   Value copyTo(int64_t offset, Value tile, mlir::Type type, bool transposed);
+  Strided matrixFor(mlir::Operation *op, Value tile, int64_t behind);
   void callProduct(TileMatmulOp op);
   void callCholesky(TileCholeskyOp op);
   void callCholeskyAdjoint(TileCholeskyAdjointOp op);

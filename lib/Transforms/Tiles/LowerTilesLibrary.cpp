@@ -118,19 +118,21 @@ void TileLowering::callCholesky(TileCholeskyOp op) {
                number(type.getShape()[0]), number(op.getUpper())});
 }
 
+/// A square matrix where it lies, with its steps, or a copy `behind` bytes into
+/// the scratch memory of an operation.
+Strided TileLowering::matrixFor(Operation *op, Value tile, int64_t behind) {
+  if (std::optional<Strided> found = getStrided(tile))
+    return {memoryOf(found->memory), found->steps};
+  TileType type = tileType(tile);
+  Value copy = copyTo(scratchOf(op) + behind, tile, type.getElementType(),
+                      /*transposed=*/false);
+  return {copy, {type.getShape()[0], 1}};
+}
+
 void TileLowering::callCholeskyAdjoint(TileCholeskyAdjointOp op) {
   TileType type = tileType(op.getFactor());
   int64_t n = type.getShape()[0];
-  std::optional<Strided> factor = getStrided(op.getFactor());
-  SmallVector<int64_t> steps{n, 1};
-  Value memory;
-  if (factor) {
-    steps = factor->steps;
-    memory = memoryOf(factor->memory);
-  } else {
-    memory = copyTo(scratchOf(op) + 2 * getRowsBytes(type), op.getFactor(),
-                    type.getElementType(), /*transposed=*/false);
-  }
+  auto [memory, steps] = matrixFor(op, op.getFactor(), 2 * getRowsBytes(type));
   Value scratch =
       arrayAt(scratchOf(op),
               2 * getRowsBytes(type) / getByteSize(type.getElementType()),
@@ -144,16 +146,7 @@ void TileLowering::callCholeskyAdjoint(TileCholeskyAdjointOp op) {
 void TileLowering::callSolve(TileSolveOp op) {
   TileType rhs = tileType(op.getRhs()), type = tileType(op.getMatrix());
   int64_t n = rhs.getShape()[0];
-  std::optional<Strided> matrix = getStrided(op.getMatrix());
-  SmallVector<int64_t> steps{n, 1};
-  Value memory;
-  if (matrix) {
-    steps = matrix->steps;
-    memory = memoryOf(matrix->memory);
-  } else {
-    memory = copyTo(scratchOf(op), op.getMatrix(), type.getElementType(),
-                    /*transposed=*/false);
-  }
+  auto [memory, steps] = matrixFor(op, op.getMatrix(), 0);
   if (op.getTransposed())
     std::swap(steps[0], steps[1]);
   bool backwards = bool(op.getUpper()) != bool(op.getTransposed());

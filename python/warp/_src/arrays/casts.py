@@ -19,7 +19,7 @@ def cast(source, target) -> None:
         for i in range(source.shape[0]):
             cast(source[i], target[i])
         return
-    source, target = _numbers(source), _numbers(target)
+    source, target = components_of(source), components_of(target)
     kind = target.dtype
     name = f"cast_to_{kind.__name__}"
     hooks.apply(name, "kind(x0)", {"kind": kind}, name, [(None, source)], target, False, None, None)
@@ -32,7 +32,7 @@ def casted(source, dtype):
     return result
 
 
-def _numbers(one):
+def components_of(one):
     """The components of all elements, in a row if they are packed."""
     scalar = type_scalar_type(one.dtype)
     if one.is_contiguous:

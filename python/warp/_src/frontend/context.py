@@ -31,6 +31,11 @@ FLOAT32 = _native.Type.parse("f32")
 _MISSING = object()
 
 
+def note_of_call(source, node) -> str:
+    """What an error in a function tells of a call of it."""
+    return f"called from '{source.name}' at {source.file}:{source.line(node)}"
+
+
 class Session:
     """State shared by the functions of one kernel."""
 
@@ -48,7 +53,8 @@ class Session:
         self.taken = {}
         # Functions whose own derivative, if they have one, has been attached.
         self.derived = set()
-        # Functions being translated, outermost first, and where each but the first is called.
+        # Functions being translated, outermost first, and where each but the first is called:
+        # source and syntax.
         self.active = []
         self.callers = []
         # Each `wp.static` that was evaluated: function, expression, names and what it gave.
@@ -75,6 +81,10 @@ class Session:
         """Threads of a block; code depends on it."""
         self.tiles  # noqa: B018
         return self.threads
+
+    def notes_of_calls(self) -> tuple:
+        """Where the functions being translated are called, the innermost first."""
+        return tuple(note_of_call(*caller) for caller in reversed(self.callers))
 
     def symbol(self, name: str) -> str:
         """A name for a function that no other function of the module has."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from warp._src import errors
 from warp._src.derivatives.functions import is_differentiable
 from warp._src.frontend import functions
-from warp._src.frontend.context import LocalArray, Part, Parts, TileStack, Value
+from warp._src.frontend.context import LocalArray, Part, Parts, TileStack, Value, note_of_call
 from warp._src.frontend.control import plan_of
 from warp._src.frontend.functions import NOTHING, Specialization
 from warp._src.frontend.updates import updated_arguments
@@ -94,13 +94,12 @@ class UserCalls(Part):
             return calls[key]
         self.check_recursion(overload, node)
         active, callers = self.context.session.active, self.context.session.callers
-        where = f"{self.context.source.file}:{self.context.source.line(node)}"
         active.append(overload)
-        callers.append(f"called from '{self.context.source.name}' at {where}")
+        callers.append((self.context.source, node))
         try:
             made = calls[key] = self.translate(overload, bound, apart)
         except errors.WarpError as problem:
-            problem.notes = (*problem.notes, callers.pop())
+            problem.notes = (*problem.notes, note_of_call(*callers.pop()))
             raise
         active.pop()
         callers.pop()

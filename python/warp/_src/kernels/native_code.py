@@ -64,7 +64,7 @@ def _tell_folders():
 def place_of(context, node) -> str:
     """What a compiler's message about a call says, with '%' in the place of its words."""
     problem = context.error(node, "%")
-    problem.notes = tuple(reversed(context.session.callers))
+    problem.notes = context.session.notes_of_calls()
     return str(problem)
 
 

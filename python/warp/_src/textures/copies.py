@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from warp._src import errors
 from warp._src.arrays.array import array
+from warp._src.arrays.casts import components_of
 from warp._src.textures import texels
-from warp._src.types import dtypes
 
 
 class TextureCopies:
@@ -31,11 +31,7 @@ class TextureCopies:
                 self._whole.assign(src._whole)
             return
         if isinstance(src, array) and src.device == self.device and src.is_contiguous:
-            values = src.flatten() if src.ndim else src
-            scalar = dtypes.type_scalar_type(src.dtype)
-            values = values if scalar is values.dtype else values.view(scalar).flatten()
-            extents, channels = self._split((*src.shape, *getattr(src.dtype, "_shape_", ())))
-            self._check_texels((*extents, channels), texels.kind_of(scalar))
+            values = self._components(src, "source")
             texels.read(values, texels.KINDS[self.kind][1], self.texels)
             if self._is_whole():
                 self._whole.assign(values)
@@ -60,17 +56,20 @@ class TextureCopies:
         elif not isinstance(dst, array):
             dst[...] = self.numpy().reshape(dst.shape)
         elif dst.device == self.device and dst.is_contiguous:
-            scalar = dtypes.type_scalar_type(dst.dtype)
-            extents, channels = self._split((*dst.shape, *getattr(dst.dtype, "_shape_", ())))
-            self._check_texels((*extents, channels), texels.kind_of(scalar), role="destination")
-            values = dst.flatten()
-            values = values if scalar is dst.dtype else values.view(scalar).flatten()
+            values = self._components(dst, "destination")
             if self._is_whole():
                 values.assign(self._whole)
             else:
                 texels.write(self.texels, texels.KINDS[self.kind][1], values)
         else:
             dst.assign(self.numpy().reshape(dst._host_view().shape))
+
+    def _components(self, one, role):
+        """The numbers of a packed array in a row, if they are as many and of the type of texels."""
+        extents, channels = self._split((*one.shape, *getattr(one.dtype, "_shape_", ())))
+        values = components_of(one)
+        self._check_texels((*extents, channels), texels.kind_of(values.dtype), role=role)
+        return values
 
     def _check_single(self):
         if self.is_mipmapped:
