@@ -322,9 +322,7 @@ WARP_GEOMETRY warp_volume_cell_index(u64 id, i32 i, i32 j, i32 k,
 WARP_GEOMETRY warp_volume_voxel_lanes(u64 id, i32 type, const i32 *i,
                                       const i32 *j, const i32 *k, i32 lanes,
                                       u64 *result) {
-  const VolumeSlot &volume = volumeOf(id);
-  for (i32 n = 0; n < lanes; ++n)
-    result[n] = findValue(volume, u32(type), {i[n], j[n], k[n]});
+  findValues(volumeOf(id), u32(type), {i, j, k, u32(lanes)}, result);
 }
 
 WARP_GEOMETRY warp_volume_cell_lanes(u64 id, i32 type, const i32 *i,
