@@ -19,11 +19,13 @@ def Warp_LibraryCallOp : Warp_Op<"library_call",
     One with results reads what geometry handles describe. Nothing writes that
     while a kernel runs, so for passes it reads nothing. One without results
     changes the memory at addresses that it gets. Lanes of a CPU call it one by
-    one. Which functions there are says lib/Dialect/LibraryOps.cpp.
+    one, or together with vectors, by a name that ends in `_lanes`, where it has
+    such a form. Which functions there are says lib/Dialect/LibraryOps.cpp.
 
     (C1) the library has the function, or its name begins with `warp_native_`:
     a snippet of the program, compiled by Clang. (C2) operands and results are
-    its scalars, of either sign. (C3) a snippet takes and gives scalars; one whose
+    its scalars, of either sign; of a form for lanes vectors of them, but for the
+    first operands, which lanes share. (C3) a snippet takes and gives scalars; one whose
     name begins with `warp_native_memory_` reads and writes memory, too.
 
     ```mlir
