@@ -26,7 +26,7 @@ from warp._src.kernels.epoch import Epoch
 from warp._src.kernels.modules import Module, check_options, get_module
 from warp._src.types import dtypes
 from warp._src.types.annotations import annotations_of, check_annotations, is_generic
-from warp._src.types.native import ArrayType, IndexedArrayType
+from warp._src.types.native import ArrayType
 
 STAGES = ("warp", "thread", "launch", "gpu", "llvm", "ptx", "asm")
 DERIVATIVES = ("adjoint", "tangent")
@@ -463,7 +463,7 @@ def argument_type(value):
         if isinstance(value, array):
             return dtypes.native_type(ArrayType(value.dtype, value.ndim))
         if isinstance(value, indexedarray):
-            return dtypes.native_type(IndexedArrayType(value.dtype, value.ndim))
+            return dtypes.native_type(value.annotation(value.dtype, value.ndim))
         return dtypes.native_type(dtypes.canonical(type(value)))
     except TypeError:
         return None
