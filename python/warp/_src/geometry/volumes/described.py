@@ -68,6 +68,9 @@ class GridContents:
     def get_tiles(self, out=None):
         """Coordinates of the lowest voxel of each tile, an int32 array of shape (n, 3).
 
+        Where there is room for more tiles than there are, rows of `out` beyond them stay as they
+        are; those of a new array are zero.
+
         Raises:
             RuntimeError: `out` is too small, or not int32 of that shape on this device.
         """
@@ -83,9 +86,9 @@ class GridContents:
         return self._give(contents.voxels(self._bytes()), count, out)
 
     def _give(self, rows, count, out):
-        full = np.zeros((count, 3), dtype=np.int32)
-        full[: len(rows)] = rows
         if out is None:
+            full = np.zeros((count, 3), dtype=np.int32)
+            full[: len(rows)] = rows
             return array(full, dtype=dtypes.int32, device=self.device)
         if not dtypes.is_array(out) or not points._is_threes(out, dtypes.int32):
             raise errors.WarpError("'out' is an array of vec3i, or of int32 and of shape (n, 3)")
@@ -93,12 +96,12 @@ class GridContents:
             raise errors.WarpError(f"'out' has at least {count} packed rows on '{self.device}'")
         if dtypes.type_scalar_type(out.dtype) is not dtypes.int32:
             raise errors.WarpError("'out' is of int32")
-        kind = out.dtype
-        out[:count].assign(array(full, dtype=kind, device=self.device))
+        if len(rows):
+            out[: len(rows)].assign(array(rows, dtype=out.dtype, device=self.device))
         return out
 
     def get_voxel_size(self) -> tuple[float, float, float]:
-        """Edges of a voxel in the world."""
+        """Edges of a voxel in the world; of a turned grid, where a step along all axes leads."""
         return tuple(float(np.float32(edge)) for edge in self._header["voxel_size"])
 
     def get_grid_info(self) -> GridInfo:
