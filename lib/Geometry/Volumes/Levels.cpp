@@ -52,7 +52,7 @@ Levels::Levels(uint8_t *grid, size_t bytes, VoxelType above)
 }
 
 void Levels::checkWithin(int64_t at, int64_t bytes, const char *what) const {
-  if (at < 0 || at % 4 || at > size || bytes > size - at)
+  if (at < 0 || at % 8 || at > size || bytes > size - at)
     throw broken("its " + std::string(what) + " is not within its " +
                  std::to_string(size) + " bytes");
 }
