@@ -29,6 +29,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "LowerTiles.h"
+#include "EarlyLoads.h"
 
 #include "KernelFunction.h"
 
@@ -223,6 +224,8 @@ LogicalResult TileLowering::run() {
       if (auto atomic = dyn_cast<TileAtomicOp>(op))
         if (std::optional<OwnSteps> steps = findOwnSteps(kernel, atomic))
           ownSteps[op] = *steps;
+  for (auto [op, steps] : ownSteps)
+    earliest[op] = findEarliest(mlir::cast<TileAtomicOp>(op));
   for (scf::ForOp loop : ahead)
     lowerAhead(loop);
   for (Operation *op : ops)
