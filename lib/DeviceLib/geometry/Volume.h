@@ -19,7 +19,8 @@
 
 namespace warp::geometry {
 
-/// The slot of a Volume; python/warp/_src/geometry/volumes/slot.py writes it.
+/// The slot of a Volume; lib/Geometry/Volumes/Contents.cpp
+/// writes it, and kernels that build grids on a device do.
 struct VolumeSlot {
   u64 tag;
   const u8 *grid, *root, *leaves;

@@ -215,7 +215,10 @@ LogicalResult TileLowering::run() {
     else if (op->hasAttr(attr::stages))
       ahead.push_back(cast<scf::ForOp>(op));
   });
-  if (threads == 1 || isGpu(kernel))
+  // Exact sums are made in memory of their own, and not by plain updates at
+  // times.
+  bool isExact = getVariant(kernel).getDeterministic() == Determinism::exact;
+  if (!isExact && (threads == 1 || isGpu(kernel)))
     for (Operation *op : ops)
       if (auto atomic = dyn_cast<TileAtomicOp>(op))
         if (std::optional<OwnSteps> steps = findOwnSteps(kernel, atomic))

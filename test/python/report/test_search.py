@@ -62,6 +62,32 @@ def test_command(tmp_path, capsys, monkeypatch):
     assert "needs the package" in capsys.readouterr().err
 
 
+def test_interrupted_and_full_disk_keep_what_was_found(tmp_path, capsys, monkeypatch):
+    def interrupted(names, **options):
+        yield from search(names, dtypes=("float32",), rows=2)
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("warp.report.search._search.search", interrupted)
+        assert main(["search", "cbrt", "--output", str(tmp_path)]) == 0
+    said = capsys.readouterr()
+    assert "interrupted" in said.err and "2 good" in said.out
+    assert len((tmp_path / "search.jsonl").read_text().splitlines()) == 3
+    (tmp_path / "search.jsonl").unlink()
+    (tmp_path / "search.jsonl").symlink_to("/dev/full")
+    assert main(["search", "cbrt", "--rows", "2", "--output", str(tmp_path)]) == 0
+    said = capsys.readouterr()
+    assert "No space left" in said.err and "4 good" in said.out
+
+
+# Processes divide the overloads; what they find, and its order, is the same.
+def test_processes_find_the_same():
+    names = ["dot", "quat_log", "hypot"]
+    assert list(search(names, rows=2)) == list(search(names, rows=2, processes=2))
+    with pytest.raises(ValueError, match="greater than 0"):
+        list(search(names, processes=0))
+
+
 # Equal largest terms share the gradient; the first had none.
 def test_logsumexp_of_equal_numbers(device):
     @wp.kernel

@@ -25,7 +25,7 @@ from warp._src.kernels.parameters import LaunchParameters, values_at_first
 from warp._src.logger import get_logger
 
 
-class _Checked:
+class Checked:
     """Whether a setting asks for something to be done at each launch, or somebody observes."""
 
     active = False
@@ -38,9 +38,9 @@ class _Checked:
         cls.active = cls.asked or Observers.active
 
 
-Observers.on_change(_Checked.update)
+Observers.on_change(Checked.update)
 for _name in ("print_launches", "verify_fp", "verify_cuda"):
-    settings.on_change(_name, _Checked.update)
+    settings.on_change(_name, Checked.update)
 
 
 def launch(
@@ -91,10 +91,10 @@ def launch(
         or adjoint
         or record_cmd
     ):
-        if not _Checked.active:
+        if not Checked.active:
             kernel.native.launch(dim, inputs, outputs, index, None, block_dim or 0)
             return None
-        if not _Checked.asked and launch_ordinary(
+        if not Checked.asked and launch_ordinary(
             kernel, dim, inputs, outputs, index, block_dim or 0, record_tape
         ):
             return None

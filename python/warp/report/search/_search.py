@@ -2,6 +2,8 @@
 
 import functools
 import linecache
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
 
 import mpmath as mp
 import numpy as np
@@ -157,7 +159,13 @@ def search_overload(name, signature, parsed, dtype, rows, seed, device):
     return value, slope
 
 
-def search(names=(), *, dtypes=("float32", "float64"), rows=32, seed=0, device="cpu"):
+def _finish(task):
+    """Findings of one task, in a process of the pool."""
+    wp.config.quiet = True
+    return search_overload(*task)
+
+
+def search(names=(), *, dtypes=("float32", "float64"), rows=32, seed=0, device="cpu", processes=1):
     """Findings for every overload with a reference, of all builtins or of some.
 
     Args:
@@ -166,6 +174,8 @@ def search(names=(), *, dtypes=("float32", "float64"), rows=32, seed=0, device="
         rows: operands of each strategy.
         seed: of the random numbers.
         device: where kernels run.
+        processes: how many overloads are searched at once; the findings and their order are the
+            same.
 
     Raises:
         ValueError: a name has no reference.
@@ -174,6 +184,16 @@ def search(names=(), *, dtypes=("float32", "float64"), rows=32, seed=0, device="
     if unknown:
         known = ", ".join(sorted(FORMULAS))
         raise ValueError(f"no reference for '{unknown[0]}'; there are {known}")
-    for name, signature, parsed in overloads(names):
-        for dtype in dtypes:
-            yield from search_overload(name, signature, parsed, dtype, rows, seed, device)
+    tasks = [
+        (name, signature, parsed, dtype, rows, seed, device)
+        for name, signature, parsed in overloads(names)
+        for dtype in dtypes
+    ]
+    if processes == 1:
+        for task in tasks:
+            yield from search_overload(*task)
+        return
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(processes, mp_context=context) as pool:
+        for found in pool.map(_finish, tasks):
+            yield from found
