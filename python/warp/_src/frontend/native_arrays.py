@@ -37,9 +37,11 @@ class MemoryCode(NativeFunction):
 
 def in_memory(function) -> bool:
     """Whether a native function has more than numbers to take or to give."""
-    return any(
-        isinstance(one, ArrayType) or _is_composite(one)
-        for one in annotations_of(function.func).values()
+    declared = annotations_of(function.func)
+    # What cannot be returned is refused there.
+    returned = declared.get("return")
+    return any(isinstance(one, ArrayType) or _is_composite(one) for one in declared.values()) or (
+        returned is not None and not _can_return(returned)
     )
 
 
@@ -224,7 +226,8 @@ def _made_of(kind, annotation, parts) -> str:
 
 def _can_return(annotation) -> bool:
     if not _is_composite(annotation):
-        return native_text(annotation) in native_code.SCALARS
+        scalar = isinstance(annotation, type) and not dtypes.is_struct(annotation)
+        return scalar and native_text(annotation) in native_code.SCALARS
     return not issubclass(annotation, dtypes.Transformation) and _cpp(annotation) is not None
 
 
