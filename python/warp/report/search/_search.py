@@ -14,8 +14,11 @@ from warp.report.search._judge import FORMULAS, UNIT, Exact, Finding, Judge, NoR
 from warp.report.search._numbers import parse_signature
 from warp.report.search._operands import LONG, operands
 
-#: Overloads that the registry describes as of any type.
+#: Overloads that the registry describes as of any type, or of which a part alone is unique.
 SIGNATURES = {
+    "svd2": ("(A: mat<2, 2, F>) -> vec<2, F>",),
+    "svd3": ("(A: mat<3, 3, F>) -> vec<3, F>",),
+    "eig3": ("(A: mat<3, 3, F>) -> vec<3, F>",),
     "spatial_dot": ("(a: vec<6, F>, b: vec<6, F>) -> F",),
     "spatial_cross": ("(a: vec<6, F>, b: vec<6, F>) -> vec<6, F>",),
     "spatial_cross_dual": ("(a: vec<6, F>, b: vec<6, F>) -> vec<6, F>",),
@@ -31,6 +34,8 @@ THROUGH = {
     "transform_from_matrix": "function(wp.transform_to_matrix(wp.transformation(x0[i], x1[i])))",
     "transform_decompose": "function(wp.transform_compose(x0[i], x1[i], x2[i]))",
 }
+#: Results of which one is unique, by how they are taken apart.
+PARTS = {"svd2": "_u, value0, _v", "svd3": "_u, value0, _v", "eig3": "_q, value0"}
 DIGITS = 120
 
 
@@ -62,7 +67,7 @@ def make_kernel(name, kinds, results, real):
     call = f"function({', '.join(f'x{i}[i]' for i in range(len(types)))})"
     if name in THROUGH:
         call = THROUGH[name]
-    values = ", ".join(f"value{i}" for i in range(len(outs)))
+    values = PARTS.get(name) or ", ".join(f"value{i}" for i in range(len(outs)))
     stores = "".join(f"    y{i}[i] = value{i}\n" for i in range(len(outs)))
     scope = {"wp": wp, "types": types, "function": getattr(wp, name), "outs": outs}
     return _define(
