@@ -16,6 +16,9 @@
 #include "geometry/Sign.h"
 #include "geometry/Volume.h"
 #include "geometry/Winding.h"
+#ifndef __NVPTX__
+#include "geometry/wide/VolumeCells.h"
+#endif
 
 using namespace warp::geometry;
 
@@ -327,11 +330,7 @@ WARP_GEOMETRY warp_volume_voxel_lanes(u64 id, i32 type, const i32 *i,
 WARP_GEOMETRY warp_volume_cell_lanes(u64 id, i32 type, const i32 *i,
                                      const i32 *j, const i32 *k, i32 lanes,
                                      u64 *result) {
-  const VolumeSlot &volume = volumeOf(id);
-  for (i32 n = 0; n < lanes; ++n)
-    findCell(volume, u32(type), {i[n], j[n], k[n]}, [&](u32 corner, u64 place) {
-      result[corner * u32(lanes) + u32(n)] = place;
-    });
+  findCells(volumeOf(id), u32(type), {i, j, k, u32(lanes)}, result);
 }
 
 WARP_GEOMETRY warp_volume_index_lanes(u64 id, const i32 *i, const i32 *j,
