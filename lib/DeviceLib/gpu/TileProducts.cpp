@@ -113,7 +113,7 @@ WARP_INLINE void multiplyBlocked(u64 sums, u64 a, u64 b, i32 m, i32 n,
 #pragma unroll
   for (int i = 0; i < R * C; ++i)
     sum[i / C][i % C] = kept[i];
-#pragma clang loop unroll_count(2)
+#pragma clang loop unroll(disable)
   for (i32 k = 0; k < depth; k += 4) {
     float x[R][4], y[C][4];
     readRuns<aAlong>(x, shared<float>(a), aPitch, k,
