@@ -19,6 +19,7 @@ from warp.report.search._search import overloads, search, without_reference  # n
     ("name", "rows"),
     [("sin", 4), ("hypot", 4), ("dot", 4), ("normalize", 4), ("quat_log", 4), ("logsumexp", 8)]
     + [("inverse", 1), ("solve3", 2), ("sym_sqrt3", 1), ("transform_point", 2), ("log1p", 4)]
+    + [("svd2", 2), ("svd3", 2), ("eig3", 2), ("qr3", 2)]
     + [("quat_twist", 4), ("quat_to_axis_angle", 4), ("transform_decompose", 4)],
 )
 def test_builtins_keep_a_digit(name, rows):
@@ -56,10 +57,36 @@ def test_command(tmp_path, capsys, monkeypatch):
     assert [one.get("part") for one in lines] == [None] + ["value", "gradient"] * 2
     assert main(["search", "no_such", "--output", str(tmp_path)]) == 2
     assert "no reference for 'no_such'" in capsys.readouterr().err
-    assert "eig3" in without_reference() and not set(without_reference()) & set(FORMULAS)
+    assert "stop_gradient" in without_reference() and not set(without_reference()) & set(FORMULAS)
     monkeypatch.setitem(sys.modules, "warp.report.search._search", None)
     assert main(["search", "cbrt", "--output", str(tmp_path)]) == 2
     assert "needs the package" in capsys.readouterr().err
+
+
+def test_interrupted_and_full_disk_keep_what_was_found(tmp_path, capsys, monkeypatch):
+    def interrupted(names, **options):
+        yield from search(names, dtypes=("float32",), rows=2)
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("warp.report.search._search.search", interrupted)
+        assert main(["search", "cbrt", "--output", str(tmp_path)]) == 0
+    said = capsys.readouterr()
+    assert "interrupted" in said.err and "2 good" in said.out
+    assert len((tmp_path / "search.jsonl").read_text().splitlines()) == 3
+    (tmp_path / "search.jsonl").unlink()
+    (tmp_path / "search.jsonl").symlink_to("/dev/full")
+    assert main(["search", "cbrt", "--rows", "2", "--output", str(tmp_path)]) == 0
+    said = capsys.readouterr()
+    assert "No space left" in said.err and "4 good" in said.out
+
+
+# Processes divide the overloads; what they find, and its order, is the same.
+def test_processes_find_the_same():
+    names = ["dot", "quat_log", "hypot"]
+    assert list(search(names, rows=2)) == list(search(names, rows=2, processes=2))
+    with pytest.raises(ValueError, match="greater than 0"):
+        list(search(names, processes=0))
 
 
 # Equal largest terms share the gradient; the first had none.

@@ -5,12 +5,13 @@ import dataclasses
 import mpmath as mp
 import numpy as np
 
+from warp.report.search._decompositions import DECOMPOSITIONS
 from warp.report.search._numbers import dot, flatten, minus, scaled
 from warp.report.search._references import KNOWN, REFERENCES
 from warp.report.search._rotations import ROTATIONS
 
 #: Formulas by builtin.
-FORMULAS = REFERENCES | ROTATIONS
+FORMULAS = REFERENCES | ROTATIONS | DECOMPOSITIONS
 
 #: Builtins of unit quaternions, which say nothing of others: no such operands, and of gradients
 #: only what is along the sphere.

@@ -66,6 +66,12 @@ def _stairs(function):
     return apply
 
 
+def _remainder(a, b):
+    if abs(a / b) > 2**50:
+        raise ValueError("no digit of the quotient is after the point")
+    return a - b * _trunc(a / b)
+
+
 def _trunc(x):
     return mp.floor(x) if x > 0 else mp.ceil(x)
 
@@ -86,6 +92,9 @@ REFERENCES.update(
         "trunc": _stairs(_trunc),
         "frac": lambda x: x - _stairs(_trunc)(x),
         "rint": _stairs(mp.nint),
+        "round": _stairs(lambda x: _trunc(x + (0.5 if x > 0 else -0.5))),
+        "mod": _each(_remainder),
+        "floordiv": lambda a, b: _stairs(mp.floor)(a / b),
         "sign": _each(lambda x: mp.mpf(-1 if x < 0 else 1)),
         "step": lambda x: mp.mpf(x < 0),
         "nonzero": lambda x: mp.mpf(x != 0),

@@ -2,6 +2,8 @@
 
 import functools
 import linecache
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
 
 import mpmath as mp
 import numpy as np
@@ -12,8 +14,11 @@ from warp.report.search._judge import FORMULAS, UNIT, Exact, Finding, Judge, NoR
 from warp.report.search._numbers import parse_signature
 from warp.report.search._operands import LONG, operands
 
-#: Overloads that the registry describes as of any type.
+#: Overloads that the registry describes as of any type, or of which a part alone is unique.
 SIGNATURES = {
+    "svd2": ("(A: mat<2, 2, F>) -> vec<2, F>",),
+    "svd3": ("(A: mat<3, 3, F>) -> vec<3, F>",),
+    "eig3": ("(A: mat<3, 3, F>) -> vec<3, F>",),
     "spatial_dot": ("(a: vec<6, F>, b: vec<6, F>) -> F",),
     "spatial_cross": ("(a: vec<6, F>, b: vec<6, F>) -> vec<6, F>",),
     "spatial_cross_dual": ("(a: vec<6, F>, b: vec<6, F>) -> vec<6, F>",),
@@ -29,6 +34,8 @@ THROUGH = {
     "transform_from_matrix": "function(wp.transform_to_matrix(wp.transformation(x0[i], x1[i])))",
     "transform_decompose": "function(wp.transform_compose(x0[i], x1[i], x2[i]))",
 }
+#: Results of which one is unique, by how they are taken apart.
+PARTS = {"svd2": "_u, value0, _v", "svd3": "_u, value0, _v", "eig3": "_q, value0"}
 DIGITS = 120
 
 
@@ -60,7 +67,7 @@ def make_kernel(name, kinds, results, real):
     call = f"function({', '.join(f'x{i}[i]' for i in range(len(types)))})"
     if name in THROUGH:
         call = THROUGH[name]
-    values = ", ".join(f"value{i}" for i in range(len(outs)))
+    values = PARTS.get(name) or ", ".join(f"value{i}" for i in range(len(outs)))
     stores = "".join(f"    y{i}[i] = value{i}\n" for i in range(len(outs)))
     scope = {"wp": wp, "types": types, "function": getattr(wp, name), "outs": outs}
     return _define(
@@ -157,7 +164,13 @@ def search_overload(name, signature, parsed, dtype, rows, seed, device):
     return value, slope
 
 
-def search(names=(), *, dtypes=("float32", "float64"), rows=32, seed=0, device="cpu"):
+def _finish(task):
+    """Findings of one task, in a process of the pool."""
+    wp.config.quiet = True
+    return search_overload(*task)
+
+
+def search(names=(), *, dtypes=("float32", "float64"), rows=32, seed=0, device="cpu", processes=1):
     """Findings for every overload with a reference, of all builtins or of some.
 
     Args:
@@ -166,6 +179,8 @@ def search(names=(), *, dtypes=("float32", "float64"), rows=32, seed=0, device="
         rows: operands of each strategy.
         seed: of the random numbers.
         device: where kernels run.
+        processes: how many overloads are searched at once; the findings and their order are the
+            same.
 
     Raises:
         ValueError: a name has no reference.
@@ -174,6 +189,16 @@ def search(names=(), *, dtypes=("float32", "float64"), rows=32, seed=0, device="
     if unknown:
         known = ", ".join(sorted(FORMULAS))
         raise ValueError(f"no reference for '{unknown[0]}'; there are {known}")
-    for name, signature, parsed in overloads(names):
-        for dtype in dtypes:
-            yield from search_overload(name, signature, parsed, dtype, rows, seed, device)
+    tasks = [
+        (name, signature, parsed, dtype, rows, seed, device)
+        for name, signature, parsed in overloads(names)
+        for dtype in dtypes
+    ]
+    if processes == 1:
+        for task in tasks:
+            yield from search_overload(*task)
+        return
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(processes, mp_context=context) as pool:
+        for found in pool.map(_finish, tasks):
+            yield from found
