@@ -217,9 +217,14 @@ void CostCounter::count(Operation *op, double trips, double use) {
     double each = isOnePlace ? 1 : 4 * count + warp::cost::laneCost;
     return add(4 * count, each, trips, use);
   }
-  if (isa<warp::LibraryCallOp>(op))
+  if (auto call = dyn_cast<warp::LibraryCallOp>(op)) {
+    const warp::LibraryFunction *function =
+        warp::findLibraryFunction(call.getCallee());
+    if (function && function->shared >= 0)
+      return add(warp::cost::callCost, warp::cost::callCost, trips, 1);
     return add(warp::cost::searchCost,
                warp::cost::searchCost + warp::cost::laneCost, trips, 1);
+  }
   if (!warp::isConversion(op) && !isMemoryEffectFree(op))
     return add(warp::cost::laneCost, 2 * warp::cost::laneCost, trips, 1);
   double work = 1;

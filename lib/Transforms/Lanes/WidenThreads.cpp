@@ -170,8 +170,8 @@ void Widening::widen(Operation *op) {
     return eachLane(op);
   if (llvm::none_of(op->getResults(), [&](Value v) { return isVarying(v); }))
     return cloneScalar(op);
-  if (isa<warp::LibraryCallOp>(op))
-    return eachLane(op);
+  if (auto call = dyn_cast<warp::LibraryCallOp>(op))
+    return widenLibraryCall(call);
   if (isIntegerDivision(op))
     return widenDivision(op);
   if (isConversion)
@@ -252,6 +252,27 @@ void Widening::widenDivision(Operation *op) {
     result = arith::SubIOp::create(b, loc, x,
                                    arith::MulIOp::create(b, loc, result, y));
   setVector(op->getResult(0), result);
+}
+
+/// One call for all lanes, where the library has a form for them.
+void Widening::widenLibraryCall(warp::LibraryCallOp op) {
+  const warp::LibraryFunction *function =
+      warp::findLibraryFunction(op.getCallee());
+  if (!function || function->shared < 0 ||
+      llvm::any_of(
+          op.getArgs().take_front(function->shared),
+          [&](Value v) { return isVarying(v); }))
+    return eachLane(op);
+  Values args;
+  for (auto [i, arg] : llvm::enumerate(op.getArgs()))
+    args.push_back(int(i) < function->shared ? scalar(arg) : vector(arg));
+  SmallVector<Type> types;
+  for (Type type : op.getResultTypes())
+    types.push_back(lanesOf(type));
+  auto call = warp::LibraryCallOp::create(
+      b, loc, types, (op.getCallee() + warp::lanesSuffix).str(), args);
+  for (auto [result, made] : llvm::zip(op.getResults(), call.getResults()))
+    setVector(result, made);
 }
 
 void Widening::widenAgree(warp::AgreeOp op) {

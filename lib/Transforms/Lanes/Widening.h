@@ -21,6 +21,7 @@
 
 namespace warp {
 class AgreeOp;
+class LibraryCallOp;
 
 /// Whether a kernel's threads can be lanes; otherwise why they cannot.
 std::optional<std::string> whyNotLanes(mlir::FunctionOpInterface kernel,
@@ -101,6 +102,7 @@ private:
   llvm::SmallVector<bool> nonNegative(mlir::ValueRange indices,
                                       mlir::Block *where);
   void eachLane(mlir::Operation *op);
+  void widenLibraryCall(LibraryCallOp op);
 
   // Small pieces.
   mlir::VectorType lanesOf(mlir::Type type) const {
