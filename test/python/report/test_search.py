@@ -12,6 +12,7 @@ from warp.report.__main__ import main
 mp = pytest.importorskip("mpmath")
 
 from warp.report.search._judge import FORMULAS  # noqa: E402
+from warp.report.search._operands import SPECIAL, STRATEGIES  # noqa: E402
 from warp.report.search._search import overloads, search, without_reference  # noqa: E402
 
 
@@ -40,6 +41,37 @@ def test_cancellation_is_a_defect(monkeypatch):
     assert value.verdict == "defect" and value.got == 0.0 and 0.0 < value.exact < 1e-7
     assert value.operands[0] ** 2 / 2 == pytest.approx(value.exact, rel=1e-3)
     assert gradient.verdict == "good"
+
+
+def keep_special(monkeypatch):
+    """Only operands at singular points."""
+    special = {SPECIAL: STRATEGIES[SPECIAL]}
+    monkeypatch.setattr("warp.report.search._operands.STRATEGIES", special)
+
+
+# The derivative of (1 - cos(x)) / x at 0 is 1/2, not that of the constant that stands for 0/0.
+def test_limits_at_singular_points(monkeypatch):
+    def guarded(x: wp.array(dtype=wp.float64), y: wp.array(dtype=wp.float64)):
+        i = wp.tid()
+        if x[i] == wp.float64(0.0):
+            y[i] = wp.float64(0.0)
+        else:
+            y[i] = (wp.float64(1.0) - wp.cos(x[i])) / x[i]
+
+    monkeypatch.setitem(FORMULAS, "sin", lambda x: 2 * mp.sin(x / 2) ** 2 / x)
+    keep_special(monkeypatch)
+    monkeypatch.setattr("warp.report.search._search.make_kernel", lambda *about: wp.kernel(guarded))
+    value, gradient = search(["sin"], dtypes=("float64",), rows=16)
+    assert value.verdict == "good" and value.checked
+    assert gradient.verdict == "defect" and (gradient.got, gradient.operands) == (0.0, [0.0])
+    assert gradient.exact == pytest.approx(0.5)
+
+
+# Paths that do not agree are no reference: the length has no derivative at zero.
+def test_no_limit_at_a_kink(monkeypatch):
+    keep_special(monkeypatch)
+    found = list(search(["length", "normalize", "abs", "max"], dtypes=("float64",), rows=8))
+    assert [str(one) for one in found if one.verdict != "good"] == []
 
 
 # The difference of nearly equal numbers is as wrong as its operands are.

@@ -11,8 +11,9 @@ import numpy as np
 import warp as wp
 from warp._src.builtin_table import BUILTINS
 from warp.report.search._judge import FORMULAS, UNIT, Exact, Finding, Judge, NoReferenceError
+from warp.report.search._limits import limit_of, with_limits
 from warp.report.search._numbers import parse_signature
-from warp.report.search._operands import LONG, operands
+from warp.report.search._operands import LONG, SPECIAL, operands
 
 #: Overloads that the registry describes as of any type, or of which a part alone is unique.
 SIGNATURES = {
@@ -122,12 +123,13 @@ def _tangents(kinds, values, gradients):
 
 
 def _with_reference(exact, values):
-    """Rows of operands at which the formula has a result, as arrays and as mpmath's numbers."""
+    """Rows of operands at which a function has a result, as arrays and as mpmath's numbers."""
     rows, numbers = [], []
     for row in range(len(values[0])):
         these = [mp.mpf(float(x)) for given in values for x in given[row]]
         try:
-            exact(these)
+            if exact(these) is None:
+                continue
         except NoReferenceError:
             continue
         rows.append(row)
@@ -148,8 +150,10 @@ def search_overload(name, signature, parsed, dtype, rows, seed, device):
     for strategy, values in operands(random, rows, kinds, dtype):
         if name in UNIT and strategy == LONG:
             continue
+        is_special = strategy == SPECIAL
+        of_values = with_limits(exact, sum(sizes), random) if is_special else exact
         with mp.workdps(DIGITS):
-            values, numbers = _with_reference(exact, values)
+            values, numbers = _with_reference(of_values, values)
             if not numbers:
                 continue
             seeds = random.choice([-1.0, 0.5, 1.0], size=(len(numbers), count)).astype(dtype)
@@ -159,7 +163,9 @@ def search_overload(name, signature, parsed, dtype, rows, seed, device):
             for row, these in enumerate(numbers):
                 weights = [mp.mpf(float(x)) for x in seeds[row]]
                 gradient = functools.partial(exact.gradient, seed=weights)
-                judges[0].row(exact, exact, parts, these, found[row], strategy)
+                if is_special:
+                    gradient = limit_of(gradient, sum(sizes), random)
+                judges[0].row(exact, of_values, parts, these, found[row], strategy)
                 judges[1].row(exact, gradient, sizes, these, gradients[row], strategy)
     return value, slope
 

@@ -1,15 +1,28 @@
-"""What is unique of decompositions of matrices: values, and the factors of QR."""
+"""Matrices: inverses, systems, functions of symmetric ones, what is unique of decompositions."""
 
 import mpmath as mp
 
 from warp.report.search._numbers import cross, dot, minus, norm, scaled, times, transposed
 
-DECOMPOSITIONS = {}
+MATRICES = {}
 
 
 def reference(function):
-    DECOMPOSITIONS[function.__name__.removeprefix("_")] = function
+    MATRICES[function.__name__.removeprefix("_")] = function
     return function
+
+
+@reference
+def _inverse(a):
+    return mp.inverse(mp.matrix(a)).tolist()
+
+
+def _solve(a, b):
+    return list(mp.lu_solve(mp.matrix(a), mp.matrix(b)))
+
+
+MATRICES["inverse_approx"] = _inverse
+MATRICES |= dict.fromkeys(("solve2", "solve3", "solve4"), _solve)
 
 
 def _squares_of_values(a):
@@ -46,3 +59,17 @@ def _qr3(a):
         for i, v in enumerate(transposed(q))
     ]
     return q, upper
+
+
+def _spectral(function):
+    def apply(a):
+        symmetric = [[(a[i][j] + a[j][i]) / 2 for j in range(3)] for i in range(3)]
+        values, vectors = mp.eigsy(mp.matrix(symmetric))
+        scaled_columns = vectors * mp.diag([function(x) for x in values])
+        return (scaled_columns * vectors.T).tolist()
+
+    return apply
+
+
+for _name, _function in (("sym_exp3", mp.exp), ("sym_log3", mp.log), ("sym_sqrt3", mp.sqrt)):
+    MATRICES[_name] = _spectral(_function)
