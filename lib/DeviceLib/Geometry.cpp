@@ -25,6 +25,15 @@ using namespace warp::geometry;
 #define WARP_GEOMETRY                                                          \
   extern "C" __attribute__((used, noinline, visibility("default"))) void
 
+/// What becomes part of a kernel on GPUs, where results of a call would go
+/// through memory.
+#ifdef __NVPTX__
+#define WARP_GEOMETRY_PART                                                     \
+  extern "C" __attribute__((used, always_inline, visibility("default"))) void
+#else
+#define WARP_GEOMETRY_PART WARP_GEOMETRY
+#endif
+
 namespace {
 
 /// As lib/Geometry/Slots.h and include/warp/Handle.h have them.
@@ -273,17 +282,13 @@ WARP_GEOMETRY warp_overlap_share(u64 id, i32 shape, f32 a, f32 b, f32 c, f32 d,
 // Volumes
 //===----------------------------------------------------------------------===//
 
-WARP_GEOMETRY warp_volume_voxel(u64 id, i32 type, i32 i, i32 j, i32 k,
-                                u64 *result) {
+WARP_GEOMETRY_PART warp_volume_voxel(u64 id, i32 type, i32 i, i32 j, i32 k,
+                                     u64 *result) {
   *result = findValue(volumeOf(id), u32(type), {i, j, k});
 }
 
-struct CellPlaces {
-  u64 at[8];
-};
-
-WARP_GEOMETRY warp_volume_cell(u64 id, i32 type, i32 i, i32 j, i32 k,
-                               CellPlaces *result) {
+WARP_GEOMETRY_PART warp_volume_cell(u64 id, i32 type, i32 i, i32 j, i32 k,
+                                    CellPlaces *result) {
   findCell(volumeOf(id), u32(type), {i, j, k},
            [&](u32 corner, u64 place) { result->at[corner] = place; });
 }
@@ -322,9 +327,7 @@ WARP_GEOMETRY warp_volume_cell_index(u64 id, i32 i, i32 j, i32 k,
 WARP_GEOMETRY warp_volume_voxel_lanes(u64 id, i32 type, const i32 *i,
                                       const i32 *j, const i32 *k, i32 lanes,
                                       u64 *result) {
-  const VolumeSlot &volume = volumeOf(id);
-  for (i32 n = 0; n < lanes; ++n)
-    result[n] = findValue(volume, u32(type), {i[n], j[n], k[n]});
+  findValues(volumeOf(id), u32(type), {i, j, k, u32(lanes)}, result);
 }
 
 WARP_GEOMETRY warp_volume_cell_lanes(u64 id, i32 type, const i32 *i,

@@ -208,6 +208,28 @@ void forCorners(const VolumeSlot &volume, Voxel v, Visit &&visit) {
   }
 }
 
+struct CellPlaces {
+  u64 at[8];
+};
+
+/// What walks from the root is called by kernels of GPUs, of which what the
+/// table finds becomes part.
+#ifdef __NVPTX__
+#define WARP_WALK __attribute__((noinline)) static
+#else
+#define WARP_WALK inline
+#endif
+
+WARP_WALK void walkCell(const VolumeSlot &volume, Voxel v, CellPlaces &places) {
+  forCorners(volume, v, [&](u32 corner, VoxelPlace place, Voxel at) {
+    places.at[corner] = numberAt(volume, place, at);
+  });
+}
+
+WARP_WALK u64 walkValue(const VolumeSlot &volume, Voxel v) {
+  return numberAt(volume, findVoxel(volume, v), v);
+}
+
 /// Calls `put(corner, place)` with the places of the values of a cell.
 template <class Put>
 void findCell(const VolumeSlot &volume, u32 type, Voxel v, Put &&put) {
@@ -239,14 +261,17 @@ void findCell(const VolumeSlot &volume, u32 type, Voxel v, Put &&put) {
     }
     return;
   }
-  forCorners(volume, v, [&](u32 corner, VoxelPlace place, Voxel at) {
-    put(corner, numberAt(volume, place, at));
-  });
+  CellPlaces walked;
+  walkCell(volume, v, walked);
+  for (u32 corner = 0; corner < 8; ++corner)
+    put(corner, walked.at[corner]);
 }
 
 inline u64 findValue(const VolumeSlot &volume, u32 type, Voxel v) {
-  return volume.type == type ? numberAt(volume, findVoxel(volume, v), v)
-                             : nowhere;
+  if (volume.type != type)
+    return nowhere;
+  const u8 *leaf = findLeaf(volume, v);
+  return leaf ? numberAt(volume, {leaf, true}, v) : walkValue(volume, v);
 }
 
 } // namespace warp::geometry

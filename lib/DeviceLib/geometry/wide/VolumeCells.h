@@ -15,7 +15,7 @@
 
 namespace warp::geometry {
 
-/// The voxels at which cells begin, as many as there are lanes.
+/// Voxels, or those at which cells begin, as many as there are lanes.
 struct CellLanes {
   const i32 *x, *y, *z;
   u32 count;
@@ -38,6 +38,41 @@ struct LaneAxis {
     isWithin = bool(u32(leaf[0] < extent) & u32(leaf[1] < extent));
   }
 };
+
+/// Writes the places of the values of voxels by the table of leaves; `nowhere`
+/// for those that it does not have. Returns whether there are any.
+inline bool findValuesByTable(const VolumeSlot &volume, CellLanes voxels,
+                              u64 *places) {
+  u32 shift = numberShift(volume.type), missing = 0;
+  u64 leafSize = volume.leafSize >> shift;
+  u32 table = volume.leafTable >> shift, value = volume.valueSize >> shift;
+  const u32 *numbers = volume.numbers;
+  const u32 wide = volume.extent[1], deep = volume.extent[2];
+#pragma clang loop vectorize(enable) interleave(disable)
+  for (u32 n = 0; n < voxels.count; ++n) {
+    i32 i = voxels.x[n], j = voxels.y[n], k = voxels.z[n];
+    u32 x = u32((i >> 3) - volume.lowest[0]);
+    u32 y = u32((j >> 3) - volume.lowest[1]);
+    u32 z = u32((k >> 3) - volume.lowest[2]);
+    u32 isThere = u32(x < volume.extent[0]) & u32(y < wide) & u32(z < deep);
+    u32 leaf = numbers[isThere ? (x * wide + y) * deep + z : 0];
+    isThere &= u32(i32(leaf) >= 0);
+    u32 inLeaf = u32((i & 7) << 6 | (j & 7) << 3 | (k & 7));
+    places[n] = isThere ? leaf * leafSize + (table + inLeaf * value) : nowhere;
+    missing |= isThere ^ 1;
+  }
+  return missing;
+}
+
+inline void findValues(const VolumeSlot &volume, u32 type, CellLanes voxels,
+                       u64 *places) {
+  bool hasTable = volume.type == type && volume.numbers;
+  if (hasTable && !findValuesByTable(volume, voxels, places))
+    return;
+  for (u32 n = 0; n < voxels.count; ++n)
+    if (!hasTable || places[n] == nowhere)
+      places[n] = findValue(volume, type, voxels[n]);
+}
 
 /// Writes the places of the values of cells, corner by corner, by the table of
 /// leaves; `nowhere` for the first corner of those that it does not have.
@@ -77,12 +112,23 @@ inline bool findCellsByTable(const VolumeSlot &volume, CellLanes cells,
   return missing;
 }
 
+/// Asks memory for the slices x and x + 1 of cells in leaves: all lanes wait
+/// for it at once.
+inline void prefetchCells(const VolumeSlot &volume, u32 count,
+                          const u64 *places) {
+  u32 shift = numberShift(volume.type);
+  for (u32 n = 0; n < count; ++n) {
+    __builtin_prefetch(volume.leaves + (places[n] << shift));
+    __builtin_prefetch(volume.leaves + (places[4 * count + n] << shift));
+  }
+}
+
 /// The places of the values of cells, corner by corner.
 inline void findCells(const VolumeSlot &volume, u32 type, CellLanes cells,
                       u64 *places) {
   bool hasTable = volume.type == type && volume.numbers;
   if (hasTable && !findCellsByTable(volume, cells, places))
-    return;
+    return prefetchCells(volume, cells.count, places);
   for (u32 n = 0; n < cells.count; ++n)
     if (!hasTable || places[n] == nowhere)
       findCell(volume, type, cells[n], [&](u32 corner, u64 place) {
