@@ -35,8 +35,8 @@
 
 #include "LoopReversal.h"
 
-#include "Autodiff/DeadValues.h"
 #include "Analysis/Effects.h"
+#include "Autodiff/DeadValues.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -247,12 +247,29 @@ SmallVector<unsigned> LoopReversal::resolveFree() {
   return needed;
 }
 
+/// Whether a value is another one, whatever branch is taken and however often
+/// loops run on the way.
+static bool isAlways(Value value, Value other) {
+  if (value == other)
+    return true;
+  auto result = dyn_cast<OpResult>(value);
+  if (!result)
+    return false;
+  unsigned i = result.getResultNumber();
+  if (auto branch = dyn_cast<scf::IfOp>(result.getOwner()))
+    return isAlways(branch.thenYield()->getOperand(i), other) &&
+           isAlways(branch.elseYield()->getOperand(i), other);
+  auto inner = dyn_cast<scf::ForOp>(result.getOwner());
+  return inner && isAlways(inner.getInitArgs()[i], other) &&
+         isAlways(inner.getYieldedValues()[i], inner.getRegionIterArg(i));
+}
+
 /// Whether iterations of the reverse loop only add, to what none of them reads;
 /// then they run forward, as hardware expects.
 bool LoopReversal::hasFreeOrder(scf::ForOp reversed) {
   Operation *yield = reversed.getBody()->getTerminator();
   for (unsigned i = 0; i < active.size(); ++i)
-    if (yield->getOperand(i) != reversed.getRegionIterArg(i))
+    if (!isAlways(yield->getOperand(i), reversed.getRegionIterArg(i)))
       return false;
   llvm::SmallPtrSet<Value, 4> added, read;
   bool onlyAdds = true;
@@ -264,16 +281,15 @@ bool LoopReversal::hasFreeOrder(scf::ForOp reversed) {
     else
       onlyAdds &= !hasOwnEffect(op) || op->hasAttr(attr::taped);
   });
-  return onlyAdds && llvm::none_of(added, [&](Value root) {
-           return read.contains(root);
-         });
+  return onlyAdds &&
+         llvm::none_of(added, [&](Value root) { return read.contains(root); });
 }
 
 /// A forward value that cannot be kept has no place in scratch memory.
 LogicalResult LoopReversal::checkKept(ArrayRef<unsigned> states) {
   for (unsigned state : states)
-    if (Type type = getStates()[state].getType(); !isScalar(type) &&
-                                                  !isComposite(type))
+    if (Type type = getStates()[state].getType();
+        !isScalar(type) && !isComposite(type))
       return loop->emitError("the adjoint of this loop needs ")
              << type << " values that it carries, which cannot be kept; "
              << "choose the array outside of the loop, or by an index";
