@@ -1,20 +1,19 @@
 // RUN: warp-opt %s --split-input-file --warp-differentiate-kernel=active=11 --canonicalize --cse --warp-simplify-adjoint --canonicalize --cse | FileCheck %s
 
-// A loop that is left early carries a counter and a flag. Counting the trips
-// takes both. Its reverse adds only, and runs forward: the counter has a
-// formula, what the flag was is clear, as no iteration ran with it set, and the
-// sum that decides comes along.
+// A loop that is left early carries a counter and a flag. Its reverse adds only,
+// so it is a loop with the same condition, and the sum that decides comes along:
+// nobody has to count trips before.
 // CHECK-LABEL: func.func @left_adjoint
-// CHECK: %[[COUNTED:.*]]:{{[0-9]+}} = scf.while
-// CHECK: warp.unot
-// CHECK: arith.addi
 // CHECK-NOT: warp.scratch
-// CHECK: scf.for unsigned {{.*}} to %[[COUNTED]]#3 {{.*}} iter_args(%[[SUM:.*]] =
+// CHECK: scf.while (%{{.*}}, %[[DONE:.*]] = %{{.*}}, %{{.*}})
+// CHECK: warp.unot(%[[DONE]])
+// CHECK: } do {
+// CHECK: ^bb0(%{{.*}}: ui32, %{{.*}}: i1, %[[SUM:.*]]: f32):
 // CHECK: %[[OVER:.*]] = warp.gt(%[[SUM]],
-// CHECK: scf.if %[[OVER]]
-// CHECK-NEXT: scf.yield %[[SUM]]
+// CHECK: scf.if %[[OVER]] {
 // CHECK-NEXT: } else {
 // CHECK: warp.accumulate
+// CHECK-NOT: scf.while
 // CHECK-NOT: scf.for
 // CHECK: return
 func.func @left(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: ui32)

@@ -15,7 +15,8 @@
 //   rank 1   an invariant, or an integer plus a step: a formula of the number
 //            of the iteration
 //   rank 3   the order of the reverse iterations does not matter: they run
-//            forward and carry the needed values along
+//            forward and carry the needed values along, if it may be in a loop
+//            of the same kind
 //   rank 4   an integer whose update has an exact inverse: carried backwards
 //            from its last value
 //   rank 5   few iterations, their number a constant: a forward loop keeps the
@@ -198,8 +199,15 @@ scf::ForOp LoopReversal::extend(scf::ForOp loop, ValueRange inits) {
 
 SmallVector<Value> LoopReversal::getHeld() {
   SmallVector<Value> held(placeholders);
+  llvm::append_range(held, drafted);
   held.push_back(number);
   return held;
+}
+
+bool LoopReversal::needsNoState() {
+  return number.use_empty() && llvm::all_of(placeholders, [](Value value) {
+           return value.use_empty();
+         });
 }
 
 FailureOr<scf::ForOp> LoopReversal::buildReverse(Value trips,
@@ -355,18 +363,31 @@ LogicalResult LoopReversal::reverseAll(Value trips,
   if (failed(built))
     return failure();
   scf::ForOp reversed = *built;
-  SmallVector<unsigned> needed = resolveFree();
+  bool isFree = hasFreeOrder(reversed);
   SmallVector<Value> sums;
-  if (hasFreeOrder(reversed)) {
-    if (failed(carryAlong(reversed, needed)))
-      return failure();
-    sums = reversed.getResults();
-  } else {
-    auto results = recoverBackwards(reversed, trips, needed);
+  if (isFree && mayRunAlong(reversed)) {
+    auto results = runAlong(reversed);
     if (failed(results))
       return failure();
     sums = *results;
+  } else {
+    if (failed(completeDraft()))
+      return failure();
+    eraseDead(reversed.getRegion(), getHeld());
+    SmallVector<unsigned> needed = resolveFree();
+    if (isFree) {
+      if (failed(carryAlong(reversed, needed)))
+        return failure();
+      sums = reversed.getResults();
+    } else {
+      auto results = recoverBackwards(reversed, trips, needed);
+      if (failed(results))
+        return failure();
+      sums = *results;
+    }
   }
+  llvm::append_range(placeholders, drafted);
+  drafted.clear();
   for (Value value : placeholders)
     value.getDefiningOp()->erase();
   number.getDefiningOp()->erase();
