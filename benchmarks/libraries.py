@@ -21,6 +21,7 @@ import warp as wp
 import warp.sparse
 import warp.utils
 from cub import Cub
+from matrices import laplacian, random_matrix
 from warp.optim import linear
 
 SIZES = {"small": 1_000_000, "large": 30_000_000}
@@ -175,27 +176,6 @@ class Bench:
         run = functools.partial(wp.utils.segmented_sort_pairs, keys, values, n, offsets)
         self.add("sort of segments of 100", run, others, n, "Gpair/s")
 
-    def laplacian(self, block):
-        """The matrix of a five-point stencil, in blocks."""
-        side = self.side // block
-        n = side * side
-        i = np.arange(n)
-        x, y = i % side, i // side
-        rows, columns, values = [i], [i], [np.full(n, 4.01)]
-        for inside, step in ((x > 0, -1), (x < side - 1, 1), (y > 0, -side), (y < side - 1, side)):
-            rows.append(i[inside])
-            columns.append(i[inside] + step)
-            values.append(np.full(inside.sum(), -1.0))
-        rows, columns, values = map(np.concatenate, (rows, columns, values))
-        numbers = values.astype(np.float32)
-        if block > 1:
-            numbers = numbers[:, None, None] * np.eye(block, dtype=np.float32) + np.float32(1e-3)
-        parts = [wp.array(a, dtype=int, device=self.device) for a in (rows, columns)]
-        data = wp.array(numbers, dtype=wp.float32, device=self.device)
-        matrix = wp.sparse.bsr_from_triplets(n, n, *parts, data)
-        matrix.nnz_sync()
-        return matrix
-
     def other_products(self, matrix, x, block):
         scipy = optional("scipy.sparse") if self.device.is_cpu else None
         if scipy:
@@ -222,17 +202,6 @@ class Bench:
             others["cupy"] = (lambda: same @ w, cupy.cuda.Device().synchronize)
         return others
 
-    def random_matrix(self, lengths):
-        """A matrix of float32 whose rows have so many numbers, anywhere."""
-        rows = np.repeat(np.arange(lengths.size), lengths)
-        columns = self.rng.integers(0, lengths.size, rows.size)
-        numbers = self.rng.random(rows.size, dtype=np.float32)
-        parts = [wp.array(a, dtype=int, device=self.device) for a in (rows, columns)]
-        data = wp.array(numbers, dtype=wp.float32, device=self.device)
-        matrix = wp.sparse.bsr_from_triplets(lengths.size, lengths.size, *parts, data)
-        matrix.nnz_sync()
-        return matrix
-
     def product(self, name, matrix, block) -> None:
         dtype = wp.float32 if block == 1 else wp.vec3
         x = wp.ones(matrix.ncol, dtype=dtype, device=self.device)
@@ -245,15 +214,19 @@ class Bench:
     def sparse(self) -> None:
         for block in (1, 3):
             name = f"product with a vector, blocks of {block}"
-            self.product(name, self.laplacian(block), block)
+            self.product(name, laplacian(self.side, block, self.device), block)
         count = self.side * self.side // 16
-        self.product("product, 64 in each row", self.random_matrix(np.full(count, 64)), 1)
+        self.product(
+            "product, 64 in each row", random_matrix(np.full(count, 64), self.rng, self.device), 1
+        )
         # A few rows have a good part of all numbers, as hubs of graphs do.
         lengths = np.minimum(self.rng.pareto(1.2, count) * 8 + 1, count // 8).astype(int)
-        self.product("product, rows of a power law", self.random_matrix(lengths), 1)
+        self.product(
+            "product, rows of a power law", random_matrix(lengths, self.rng, self.device), 1
+        )
 
     def solves(self) -> None:
-        matrix = self.laplacian(1)
+        matrix = laplacian(self.side, 1, self.device)
         b = wp.ones(matrix.nrow, dtype=wp.float32, device=self.device)
         x = wp.zeros_like(b)
         # 100 iterations without checks.
