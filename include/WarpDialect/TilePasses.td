@@ -96,9 +96,11 @@ def PlaceTiles : WarpTilePass<"warp-place-tiles"> {
     stored. Others are in the memory of the block. Tiles that loops and branches
     carry are in memory, and an operation that only replaces elements works in
     place if nobody needs what it replaces. On a GPU, what threads can hold in
-    registers has no memory (`held`, `striped`), operations that the device
-    library has functions for get the name of its `form`, and loops that load
-    factors of products load them ahead (`warp.stages`).
+    registers has no memory (`held`, `striped`; `replicated` is a single element
+    that all of them have), loads into registers stand before what the block
+    computes, operations that the device library has functions for get the name
+    of its `form`, and loops that load factors of products load them ahead
+    (`warp.stages`).
 
     ```mlir
     %b = warp.tile_map(%a) {...} : (!warp.tile<64 x f32>) -> !warp.tile<64 x f32>

@@ -4,6 +4,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Reductions.h"
 #include "Target.h"
 
 #include "warp/Error.h"
@@ -95,8 +96,8 @@ MachineLease MachineLease::get(const CompileOptions &options) {
   }
   auto machine =
       isGpu(options) ? createGpuMachine(options) : createCpuMachine(options);
-  if (!machine || !machine->getMCSubtargetInfo()->isCPUStringValid(
-                      machine->getTargetCPU()))
+  if (!machine ||
+      !machine->getMCSubtargetInfo()->isCPUStringValid(machine->getTargetCPU()))
     throw Error(Error::Kind::Compile,
                 "no code generator for target '" + options.target + "'");
   return MachineLease(key, std::move(machine));
@@ -113,13 +114,13 @@ void warp::linkBitcode(llvm::Module &module, llvm::StringRef bitcode,
   });
   if (!missing)
     return;
-  auto parsed = llvm::getLazyBitcodeModule(
-      llvm::MemoryBufferRef(bitcode, name), module.getContext(),
-      /*ShouldLazyLoadMetadata=*/true);
+  auto parsed = llvm::getLazyBitcodeModule(llvm::MemoryBufferRef(bitcode, name),
+                                           module.getContext(),
+                                           /*ShouldLazyLoadMetadata=*/true);
   if (!parsed)
-    throw Error(Error::Kind::Compile,
-                "cannot read the embedded " + name.str() + ": " +
-                    llvm::toString(parsed.takeError()));
+    throw Error(Error::Kind::Compile, "cannot read the embedded " + name.str() +
+                                          ": " +
+                                          llvm::toString(parsed.takeError()));
   llvm::Module &library = **parsed;
   // These would link everything that they list.
   for (llvm::StringRef list : {"llvm.used", "llvm.compiler.used"})
@@ -132,20 +133,17 @@ void warp::linkBitcode(llvm::Module &module, llvm::StringRef bitcode,
       return !value.hasName() || !names.count(value.getName());
     });
   };
-  bool failed =
-      llvm::Linker::linkModules(module, std::move(*parsed),
-                                llvm::Linker::LinkOnlyNeeded, internalize);
+  bool failed = llvm::Linker::linkModules(
+      module, std::move(*parsed), llvm::Linker::LinkOnlyNeeded, internalize);
   if (failed)
-    throw Error(Error::Kind::Compile,
-                "cannot link the embedded " + name.str());
+    throw Error(Error::Kind::Compile, "cannot link the embedded " + name.str());
 }
 
 //===----------------------------------------------------------------------===//
 // Optimisation and emission
 //===----------------------------------------------------------------------===//
 
-template <typename T>
-static void setLlvmOption(llvm::StringRef name, T value) {
+template <typename T> static void setLlvmOption(llvm::StringRef name, T value) {
   auto &all = llvm::cl::getRegisteredOptions();
   auto found = all.find(name);
   if (found != all.end())
@@ -197,8 +195,8 @@ static llvm::FunctionPassManager buildLeanPasses(bool vectorize, bool join) {
   FunctionPassManager all;
   all.addPass(SROAPass(SROAOptions::ModifyCFG));
   all.addPass(EarlyCSEPass(/*UseMemorySSA=*/true));
-  all.addPass(SimplifyCFGPass(
-      SimplifyCFGOptions().convertSwitchRangeToICmp(true)));
+  all.addPass(
+      SimplifyCFGPass(SimplifyCFGOptions().convertSwitchRangeToICmp(true)));
   all.addPass(InstCombinePass());
 
   LoopPassManager rotate;
@@ -262,8 +260,7 @@ static void optimizeLean(llvm::Module &module, llvm::PassBuilder &builder,
   llvm::ModulePassManager before, after;
   // Answers what libdevice asks about the target.
   if (gpu)
-    builder.invokePipelineStartEPCallbacks(before,
-                                           llvm::OptimizationLevel::O2);
+    builder.invokePipelineStartEPCallbacks(before, llvm::OptimizationLevel::O2);
   before.addPass(llvm::InferFunctionAttrsPass());
   before.addPass(llvm::ModuleInlinerWrapperPass(llvm::getInlineParams(2, 0)));
   before.run(module, analyses.modules);
@@ -304,9 +301,9 @@ void warp::optimize(llvm::Module &module, llvm::TargetMachine &machine,
   passes.run(module, analyses.modules);
 }
 
-/// Instructions beyond which they are scheduled once, before registers are given
-/// out: to do it again takes time that grows with the square of a block's size,
-/// up to a third of generating code, and gains two to four percent.
+/// Instructions beyond which they are scheduled once, before registers are
+/// given out: to do it again takes time that grows with the square of a block's
+/// size, up to a third of generating code, and gains two to four percent.
 static constexpr unsigned mostRescheduled = 1500;
 
 namespace {
@@ -328,12 +325,13 @@ private:
 };
 } // namespace
 
-llvm::SmallVector<char, 0> warp::emit(llvm::Module &module,
-                                      llvm::TargetMachine &machine,
-                                      bool asText) {
+llvm::SmallVector<char, 0>
+warp::emit(llvm::Module &module, llvm::TargetMachine &machine, bool asText) {
   llvm::SmallVector<char, 0> bytes;
   llvm::raw_svector_ostream stream(bytes);
   EmissionLevel level(module, machine);
+  if (machine.getTargetTriple().isNVPTX())
+    useReductions(module);
   llvm::legacy::PassManager passes;
   auto type = asText ? llvm::CodeGenFileType::AssemblyFile
                      : llvm::CodeGenFileType::ObjectFile;

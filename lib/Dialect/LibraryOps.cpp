@@ -17,20 +17,20 @@ static constexpr warp::LibraryFunction functions[] = {
     // A handle and a kind: the address of its slot, or of one with nothing.
     {"warp_slot", "li", "l"},
     // A point and the largest distance: face, weights of two corners.
-    {"warp_mesh_closest", "lffff", "iff", true},
-    {"warp_mesh_furthest", "lffff", "iff", true},
+    {"warp_mesh_closest", "lffff", "iff", 48},
+    {"warp_mesh_furthest", "lffff", "iff", 80},
     // The same and where corners are one: also the side by normals.
-    {"warp_mesh_closest_signed", "lfffff", "ifff", true},
+    {"warp_mesh_closest_signed", "lfffff", "ifff", 80},
     // A point: -1 inside, 1 outside.
-    {"warp_mesh_side", "lfff", "f", true},
+    {"warp_mesh_side", "lfff", "f", 80},
     // Start, direction, largest parameter, root: face, weights, parameter.
-    {"warp_mesh_ray", "lfffffffi", "ifff", true},
-    {"warp_mesh_ray_any", "lfffffffi", "i", true},
+    {"warp_mesh_ray", "lfffffffi", "ifff", 64},
+    {"warp_mesh_ray_any", "lfffffffi", "i", 64},
     // Start, direction, root: how often the ray crosses the surface.
-    {"warp_mesh_ray_count", "lffffffi", "i", true},
+    {"warp_mesh_ray_count", "lffffffi", "i", 80},
     // A point; rays and how they spread, or accuracy and threshold: its side.
-    {"warp_mesh_side_parity", "lfffif", "f", true},
-    {"warp_mesh_side_winding", "lfffff", "f", true},
+    {"warp_mesh_side_parity", "lfffif", "f", 80},
+    {"warp_mesh_side_winding", "lfffff", "f", 80},
     // The number of a group: the node that holds it, or -1.
     {"warp_group_root", "li", "i"},
     // Shape, its seven numbers and its limit, cursor: primitive, cursor.
@@ -39,12 +39,12 @@ static constexpr warp::LibraryFunction functions[] = {
     {"warp_overlap_share", "lifffffffii", "iiiill"},
     // Type of values and a voxel: its place (geometry/Volume.h), those of the
     // corners of a cell, z fastest; the address of a leaf's value or 0.
-    {"warp_volume_voxel", "liiii", "l", false, 2},
-    {"warp_volume_cell", "liiii", "llllllll", false, 2},
+    {"warp_volume_voxel", "liiii", "l", 0, 2},
+    {"warp_volume_cell", "liiii", "llllllll", 0, 2},
     {"warp_volume_place", "liiii", "l"},
     // A voxel: its number or -1; the same of the corners of a cell.
-    {"warp_volume_index", "liii", "i", false, 1},
-    {"warp_volume_cell_index", "liii", "iiiiiiii", false, 1},
+    {"warp_volume_index", "liii", "i", 0, 1},
+    {"warp_volume_cell_index", "liii", "iiiiiiii", 0, 1},
     // Three points of a plane, four points of space: which way they turn.
     {"warp_orient2d", "dddddd", "i"},
     {"warp_orient3d", "dddddddddddd", "i"},

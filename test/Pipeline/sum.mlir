@@ -14,7 +14,7 @@
 // CHECK: bar.sync
 // CHECK: ld.shared
 // CHECK-COUNT-5: shfl.sync.down.b32
-// CHECK-COUNT-1: {{(atom|red)}}.global.add.f32
+// CHECK-COUNT-1: red.relaxed.gpu.global.add.f32
 // CHECK-NOT: {{(atom|red)}}.
 // CHECK: ret;
 func.func @sum(%x: !warp.array<1 x f32>, %total: !warp.array<1 x f32>)

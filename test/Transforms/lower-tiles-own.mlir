@@ -53,3 +53,24 @@ func.func @shared(%a: !warp.array<1 x f32>)
     : !warp.tile<64 x f32>, !warp.array<1 x f32>, (si32) -> !warp.tile<64 x f32>
   return
 }
+
+// -----
+
+#exact = #warp.variant<target = <platform = cuda, version = 90>, rank = 2, disjoint = true, deterministic = exact>
+
+// Exact sums are made in memory of their own, so that no update is plain.
+// CHECK-LABEL: func.func @exact
+// CHECK-NOT: warp.launch_extent
+// CHECK: warp.atomic add
+// CHECK-NOT: warp.store
+func.func @exact(%a: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.block_threads = 32 : i64,
+                warp.variant = #exact} {
+  %size = warp.constant 64 : si32
+  %one = warp.constant 1.0 : f32
+  %i = warp.tid : si32
+  %first = warp.mul(%i, %size) : (si32, si32) -> si32
+  %t = warp.tile_splat %one {placement = "inline"} : f32 -> !warp.tile<64 x f32>
+  %old = warp.tile_atomic add %t, %a[%first] : !warp.tile<64 x f32>, !warp.array<1 x f32>, (si32) -> !warp.tile<64 x f32>
+  return
+}

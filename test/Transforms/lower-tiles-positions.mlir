@@ -1,9 +1,12 @@
 // RUN: warp-opt %s --warp-pipeline="to-thread target=sm_90" | FileCheck %s
 
-// Threads of a block exchange their best elements and where those are.
+// Threads of a block exchange their best elements and where those are, and all
+// of them know the position in the end.
 // CHECK-LABEL: func.func @least
-// CHECK-DAG: warp.array_at {{.*}} !warp.array<1 x f32>
-// CHECK-DAG: warp.array_at {{.*}} !warp.array<1 x si32>
+// CHECK: %[[OWN:.*]] = warp.scratch : !warp.scratch<2 x f32>
+// CHECK: warp.library_call "warp_tile_combine_argmin"(%[[OWN]]
+// CHECK-NOT: scf.if
+// CHECK: warp.scratch_store {{.*}} !warp.scratch<1 x i32>
 func.func @least(%a: !warp.array<1 x f32>, %at: !warp.array<1 x si32>)
     attributes {warp.kernel, warp.block_threads = 32 : i64} {
   %c0 = warp.constant 0 : si32

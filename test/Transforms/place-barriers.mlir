@@ -29,11 +29,14 @@ func.func @wait(%a: !warp.array<1 x f32>)
 #apart = #warp.variant<target = <platform = cuda, version = 90>, disjoint = true>
 
 // What is stored does not meet what was loaded of an array that it is known not
-// to overlap; of the same array it does.
+// to overlap; of the same array it does, unless every thread stores where it
+// has loaded.
 // CHECK-LABEL: func.func @apart
 // CHECK: warp.tile_load
 // CHECK-NOT: warp.barrier
 // CHECK: warp.tile_store
+// CHECK-NOT: warp.barrier
+// CHECK: warp.tile_store {{.*}}, %{{.*}}[%[[SAME:.*]]]
 // CHECK: warp.barrier
 // CHECK-NEXT: warp.tile_store
 func.func @apart(%a: !warp.array<1 x f32>, %b: !warp.array<1 x f32>)
@@ -44,6 +47,8 @@ func.func @apart(%a: !warp.array<1 x f32>, %b: !warp.array<1 x f32>)
     -> !warp.tile<64 x f32>
   warp.tile_store %t, %b[%c0] : !warp.tile<64 x f32>, !warp.array<1 x f32>, (si32)
   warp.tile_store %t, %a[%c0] : !warp.tile<64 x f32>, !warp.array<1 x f32>, (si32)
+  %c1 = warp.constant 1 : si32
+  warp.tile_store %t, %a[%c1] : !warp.tile<64 x f32>, !warp.array<1 x f32>, (si32)
   return
 }
 

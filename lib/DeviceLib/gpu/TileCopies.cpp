@@ -29,7 +29,8 @@ WARP_INLINE void fetch(u64 to, const Window &window, i32 pitch, i32 threads) {
     // A thread's rows are so many apart.
     i32 rows = threads / runs, whole = chunks / threads;
     i32 row = u32(thread) / u32(runs), column = u32(thread) % u32(runs) * run;
-    u64 from = window.at(row, column);
+    u64 from = window.data + i64(window.first[0] + row) * window.step[0] +
+               i64(window.first[1] + column) * i64(sizeof(T));
     i64 step = i64(window.step[0]) * rows;
     to += (row * pitch + column) * sizeof(T);
     for (i32 turn = 0; turn < whole; ++turn)

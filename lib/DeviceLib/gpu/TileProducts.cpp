@@ -37,8 +37,12 @@ template <int R, int C, bool aAlong, bool bAlong> struct Blocked {
                                   : 1;
     i32 high = 32 / wide, across = columns / wide;
     i32 warp = u32(thread) / 32, lane = u32(thread) % 32;
-    y = u32(warp) / u32(across) * high + u32(lane) / u32(wide);
-    x = u32(warp) % u32(across) * wide + u32(lane) % u32(wide);
+    // Runs of 16 bytes are read by half a warp at a time where lanes next to
+    // each other, or one apart, have the same: rows take the lowest bit of the
+    // lane's number, and columns the next ones.
+    y = u32(warp) / u32(across) * high + lane % 2 +
+        u32(lane) / u32(2 * wide) * 2;
+    x = u32(warp) % u32(across) * wide + u32(lane) / 2 % u32(wide);
   }
   WARP_INLINE i32 row(int i) const {
     return aAlong ? y + i * rows : (i / 4 * rows + y) * 4 + i % 4;

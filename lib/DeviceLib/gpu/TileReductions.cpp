@@ -2,9 +2,10 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Lanes exchange theirs at distances that double, so that all of them have the
-// same in the end; then warps do by way of the block's memory. The order
-// depends on nothing but the number of threads.
+// For sums lanes exchange theirs at distances that double, so that all of them
+// have the same in the end; then warps do by way of the block's memory. The
+// order depends on nothing but the number of threads. Extrema are found as
+// integers, which lanes compare in one instruction.
 //
 //===----------------------------------------------------------------------===//
 
@@ -12,36 +13,19 @@
 
 namespace {
 
-struct Sum {
-  WARP_INLINE static float of(float x, float y) { return x + y; }
-};
-/// NaN is skipped, as PTX defines them.
-struct Least {
-  WARP_INLINE static float of(float x, float y) {
-    float result;
-    asm("min.f32 %0, %1, %2;" : "=f"(result) : "f"(x), "f"(y));
-    return result;
-  }
-};
-struct Greatest {
-  WARP_INLINE static float of(float x, float y) {
-    float result;
-    asm("max.f32 %0, %1, %2;" : "=f"(result) : "f"(x), "f"(y));
-    return result;
-  }
-};
+WARP_INLINE float exchanged(float value, int distance) {
+  float other;
+  asm volatile("shfl.sync.bfly.b32 %0, %1, %2, 31, -1;"
+               : "=f"(other)
+               : "f"(value), "r"(distance));
+  return other;
+}
 
-template <class Pair>
-WARP_INLINE void combine(u64 own, u64 scratch, i32 threads) {
+WARP_INLINE void combineSums(u64 own, u64 scratch, i32 threads) {
   float value = *::own<float>(own);
 #pragma unroll
-  for (int distance = 1; distance < 32; distance *= 2) {
-    float other;
-    asm volatile("shfl.sync.bfly.b32 %0, %1, %2, 31, -1;"
-                 : "=f"(other)
-                 : "f"(value), "r"(distance));
-    value = Pair::of(value, other);
-  }
+  for (int distance = 1; distance < 32; distance *= 2)
+    value += exchanged(value, distance);
   if (threads > 32) {
     Shared<float> *ofWarps = shared<float>(scratch);
     i32 thread = threadNumber();
@@ -49,57 +33,86 @@ WARP_INLINE void combine(u64 own, u64 scratch, i32 threads) {
       ofWarps[thread / 32] = value;
     asm volatile("bar.sync 0;" ::: "memory");
     value = ofWarps[0];
+#pragma clang loop unroll(full)
     for (i32 warp = 1; warp < threads / 32; ++warp)
-      value = Pair::of(value, ofWarps[warp]);
+      value += ofWarps[warp];
   }
   *::own<float>(own) = value;
 }
 
-/// A number and where it is; of equal ones the first wins, and NaN never.
-template <bool isGreatest> struct Extremum {
-  float value;
-  i32 place;
+/// Numbers as integers in the same order, which lanes compare at once. What
+/// loses against everything stands for NaN.
+template <bool isGreatest> struct Key {
+  static constexpr i32 none = isGreatest ? (i32)0x80000000 : 0x7fffffff;
 
-  WARP_INLINE bool loses(const Extremum &other) const {
-    bool isNone = value != value, isOtherNone = other.value != other.value;
-    bool isWorse = isGreatest ? other.value > value : other.value < value;
-    bool ties = value == other.value || (isNone && isOtherNone);
-    return isWorse || (isNone && !isOtherNone) || (ties && other.place < place);
+  WARP_INLINE static i32 flipped(i32 bits) {
+    return bits ^ ((bits >> 31) & 0x7fffffff);
   }
-  WARP_INLINE void take(const Extremum &other) {
-    if (loses(other))
-      *this = other;
+  WARP_INLINE static i32 of(float value) {
+    return value == value ? flipped(__builtin_bit_cast(i32, value)) : none;
+  }
+  WARP_INLINE static float back(i32 key) {
+    return key == none ? __builtin_nanf("")
+                       : __builtin_bit_cast(float, flipped(key));
+  }
+  WARP_INLINE static i32 best(i32 x, i32 y) {
+    return (isGreatest ? x > y : x < y) ? x : y;
+  }
+  WARP_INLINE static i32 overLanes(i32 key) {
+    i32 found;
+    if (isGreatest)
+      asm volatile("redux.sync.max.s32 %0, %1, -1;" : "=r"(found) : "r"(key));
+    else
+      asm volatile("redux.sync.min.s32 %0, %1, -1;" : "=r"(found) : "r"(key));
+    return found;
   }
 };
 
 template <bool isGreatest>
-WARP_INLINE void combinePlaces(u64 own, u64 scratch, i32 threads) {
-  Extremum<isGreatest> best{::own<float>(own)[0], ::own<i32>(own)[1]};
-#pragma unroll
-  for (int distance = 1; distance < 32; distance *= 2) {
-    Extremum<isGreatest> other;
-    asm volatile("shfl.sync.bfly.b32 %0, %1, %2, 31, -1;"
-                 : "=f"(other.value)
-                 : "f"(best.value), "r"(distance));
-    asm volatile("shfl.sync.bfly.b32 %0, %1, %2, 31, -1;"
-                 : "=r"(other.place)
-                 : "r"(best.place), "r"(distance));
-    best.take(other);
-  }
+WARP_INLINE void combineKeys(u64 own, u64 scratch, i32 threads) {
+  using Order = Key<isGreatest>;
+  i32 key = Order::overLanes(Order::of(*::own<float>(own)));
   if (threads > 32) {
-    Shared<float> *values = shared<float>(scratch);
-    Shared<i32> *places = shared<i32>(scratch) + threads;
+    Shared<i32> *ofWarps = shared<i32>(scratch);
+    i32 thread = threadNumber();
+    if (thread % 32 == 0)
+      ofWarps[thread / 32] = key;
+    asm volatile("bar.sync 0;" ::: "memory");
+#pragma clang loop unroll(full)
+    for (i32 warp = 0; warp < threads / 32; ++warp)
+      key = Order::best(key, ofWarps[warp]);
+  }
+  *::own<float>(own) = Order::back(key);
+}
+
+/// A number and where it is; of equal ones the first wins, and NaN never.
+template <bool isGreatest>
+WARP_INLINE void combinePlaces(u64 own, u64 scratch, i32 threads) {
+  using Order = Key<isGreatest>;
+  // Both zeros tie.
+  i32 mine = Order::of(::own<float>(own)[0] + 0.0f);
+  i32 key = Order::overLanes(mine);
+  i32 place = Key<false>::overLanes(mine == key ? ::own<i32>(own)[1]
+                                                : Key<false>::none);
+  if (threads > 32) {
+    Shared<i32> *keys = shared<i32>(scratch), *places = keys + threads;
     i32 thread = threadNumber();
     if (thread % 32 == 0) {
-      values[thread / 32] = best.value;
-      places[thread / 32] = best.place;
+      keys[thread / 32] = key;
+      places[thread / 32] = place;
     }
     asm volatile("bar.sync 0;" ::: "memory");
-    for (i32 warp = 0; warp < threads / 32; ++warp)
-      best.take({values[warp], places[warp]});
+#pragma clang loop unroll(full)
+    for (i32 warp = 0; warp < threads / 32; ++warp) {
+      i32 other = keys[warp], where = places[warp];
+      place = other == key ? (where < place ? where : place)
+              : Order::best(other, key) == other ? where
+                                                 : place;
+      key = Order::best(other, key);
+    }
   }
-  ::own<float>(own)[0] = best.value;
-  ::own<i32>(own)[1] = best.place;
+  ::own<float>(own)[0] = Order::back(key);
+  ::own<i32>(own)[1] = place;
 }
 
 } // namespace
@@ -111,11 +124,11 @@ WARP_TILES warp_tile_combine_argmax(u64 own, u64 scratch, i32 threads, void *) {
   combinePlaces<true>(own, scratch, threads);
 }
 WARP_TILES warp_tile_combine_add(u64 own, u64 scratch, i32 threads, void *) {
-  combine<Sum>(own, scratch, threads);
+  combineSums(own, scratch, threads);
 }
 WARP_TILES warp_tile_combine_min(u64 own, u64 scratch, i32 threads, void *) {
-  combine<Least>(own, scratch, threads);
+  combineKeys<false>(own, scratch, threads);
 }
 WARP_TILES warp_tile_combine_max(u64 own, u64 scratch, i32 threads, void *) {
-  combine<Greatest>(own, scratch, threads);
+  combineKeys<true>(own, scratch, threads);
 }

@@ -19,11 +19,6 @@
 
 using namespace mlir;
 
-/// Threads that search wait for memory at each step, and those that could hide
-/// it are as many as have registers: three times as many as a compiler that is
-/// not told so leaves room for (Hopper: rays 2.5 times, closest points 1.7).
-constexpr int64_t searchRegisters = 80;
-
 static LLVM::LLVMFuncOp declare(ModuleOp module, StringRef name,
                                 ValueRange operands) {
   if (auto found = module.lookupSymbol<LLVM::LLVMFuncOp>(name))
@@ -82,15 +77,16 @@ static void lower(warp::LibraryCallOp op, ModuleOp module, Block &first) {
 void warp::lowerLibraryCalls(ModuleOp module, FunctionOpInterface entry) {
   SmallVector<LibraryCallOp> calls;
   entry->walk([&](LibraryCallOp op) { calls.push_back(op); });
-  // Functions of the user are not in the library's table.
-  auto searches = [](LibraryCallOp op) {
-    const LibraryFunction *function = findLibraryFunction(op.getCallee());
-    return function && function->searches;
-  };
-  if (isGpu(entry) && llvm::any_of(calls, searches))
-    entry->setAttr(
-        attr::mostRegisters,
-        Builder(entry.getContext()).getI64IntegerAttr(searchRegisters));
+  // Threads that search wait for memory at each step, and those that could hide
+  // it are as many as have registers. Functions of the user are not in the
+  // library's table.
+  int registers = 0;
+  for (LibraryCallOp op : calls)
+    if (const LibraryFunction *function = findLibraryFunction(op.getCallee()))
+      registers = std::max(registers, function->registers);
+  if (isGpu(entry) && registers)
+    entry->setAttr(attr::mostRegisters,
+                   Builder(entry.getContext()).getI64IntegerAttr(registers));
   for (LibraryCallOp op : calls)
     lower(op, module, entry.getFunctionBody().front());
 }

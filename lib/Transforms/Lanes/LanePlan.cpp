@@ -204,10 +204,12 @@ void CostCounter::count(Operation *op, double trips, double use) {
     if (count > 4)
       cost.operations += 4 * count;
     Value array = cast<warp::AccessOp>(op).getArray();
-    double each = !follows                        ? warp::cost::gatherCost
+    double gather = trips == 1 && count < 4 ? warp::cost::straightGatherCost
+                                            : warp::cost::gatherCost;
+    double each = !follows                        ? gather
                   : warp::isPartOfPacked(array)   ? warp::cost::fieldCost
                   : warp::hasDenseElements(array) ? 2 * share
-                                                  : warp::cost::gatherCost;
+                                                  : gather;
     return add(count, each * count, trips, use);
   }
   if (auto update = dyn_cast<warp::AtomicComponentsOp>(op)) {
@@ -265,6 +267,9 @@ LanePlan warp::planLanes(FunctionOpInterface kernel, ThreadsOp threads,
     return plan;
   CostCounter counter(variance, getRecipe(kernel).getExclusive());
   counter.count(*threads.getThread(), 1, 1);
+  // What threads sum up, one after the other, each waits for.
+  counter.cost.scalar += warp::cost::sumLatency *
+                         threads.getThread()->getTerminator()->getNumOperands();
   const Cost &cost = counter.cost;
   int64_t wanted = getVariant(kernel).getLanes();
   if (wanted == 0 && cost.scalar < 1.2 * cost.vector) {

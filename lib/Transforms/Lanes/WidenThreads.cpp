@@ -220,40 +220,6 @@ void Widening::cloneBase(Operation *op) {
   setScalar(op->getResult(0), b.clone(*op, map)->getResult(0));
 }
 
-/// Processors divide integers one by one, and a lane that is not live must not
-/// divide by zero. Quotients of 32 bits are exact in double precision.
-void Widening::widenDivision(Operation *op) {
-  Type type = op->getResult(0).getType();
-  Value x = vector(op->getOperand(0)), y = vector(op->getOperand(1));
-  APInt number;
-  bool isConstant = matchPattern(op->getOperand(1), m_ConstantInt(&number));
-  bool isSigned = isa<arith::DivSIOp, arith::RemSIOp>(op);
-  bool isRemainder = isa<arith::RemSIOp, arith::RemUIOp>(op);
-  if (isConstant || !type.isInteger(32)) {
-    if (!isConstant) {
-      y = choose(mask, y, splat(b.getIntegerAttr(type, 1)));
-      x = choose(mask, x, splat(b.getIntegerAttr(type, 0)));
-    }
-    OperationState state(loc, op->getName(), {x, y}, {x.getType()});
-    setVector(op->getResult(0), b.create(state)->getResult(0));
-    return;
-  }
-  Type wide = lanesOf(b.getF64Type());
-  auto toFloat = [&](Value v) -> Value {
-    return isSigned ? arith::SIToFPOp::create(b, loc, wide, v).getResult()
-                    : arith::UIToFPOp::create(b, loc, wide, v).getResult();
-  };
-  Value quotient = arith::DivFOp::create(b, loc, toFloat(x), toFloat(y));
-  Value result =
-      isSigned
-          ? arith::FPToSIOp::create(b, loc, x.getType(), quotient).getResult()
-          : arith::FPToUIOp::create(b, loc, x.getType(), quotient).getResult();
-  if (isRemainder)
-    result = arith::SubIOp::create(b, loc, x,
-                                   arith::MulIOp::create(b, loc, result, y));
-  setVector(op->getResult(0), result);
-}
-
 /// One call for all lanes, where the library has a form for them.
 void Widening::widenLibraryCall(warp::LibraryCallOp op) {
   const warp::LibraryFunction *function =

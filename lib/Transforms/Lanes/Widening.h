@@ -73,9 +73,13 @@ private:
   void widenElementwise(mlir::Operation *op);
   void widenConversion(mlir::Operation *op);
   void cloneBase(mlir::Operation *op);
-  void widenDivision(mlir::Operation *op);
   void widenAgree(AgreeOp op);
   Values contributions();
+
+  // WidenDivisions.cpp
+  void widenDivision(mlir::Operation *op);
+  mlir::Value divideInDoubles(mlir::Value x, mlir::Value y, bool isSigned);
+  mlir::Value divideLong(mlir::Value x, mlir::Value y);
 
   // WidenControlFlow.cpp
   void widenIf(mlir::scf::IfOp op);

@@ -29,6 +29,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "LowerTiles.h"
+#include "EarlyLoads.h"
 
 #include "KernelFunction.h"
 
@@ -215,11 +216,16 @@ LogicalResult TileLowering::run() {
     else if (op->hasAttr(attr::stages))
       ahead.push_back(cast<scf::ForOp>(op));
   });
-  if (threads == 1 || isGpu(kernel))
+  // Exact sums are made in memory of their own, and not by plain updates at
+  // times.
+  bool isExact = getVariant(kernel).getDeterministic() == Determinism::exact;
+  if (!isExact && (threads == 1 || isGpu(kernel)))
     for (Operation *op : ops)
       if (auto atomic = dyn_cast<TileAtomicOp>(op))
         if (std::optional<OwnSteps> steps = findOwnSteps(kernel, atomic))
           ownSteps[op] = *steps;
+  for (auto [op, steps] : ownSteps)
+    earliest[op] = findEarliest(mlir::cast<TileAtomicOp>(op));
   for (scf::ForOp loop : ahead)
     lowerAhead(loop);
   for (Operation *op : ops)

@@ -63,6 +63,7 @@ private:
   Values unravel(Value index, llvm::ArrayRef<int64_t> shape);
   Value placeIn(Value tile, ValueRange indices);
   Value stripeOf(Value tile);
+  Value placeInStripe(Value tile);
   Value load(Value tile, ValueRange indices);
   void store(Value tile, ValueRange indices, Value value);
   /// An element, computed here if the tile is not kept.
@@ -98,6 +99,7 @@ private:
                   ValueRange sums, Body body);
   void elements(mlir::Operation *op, llvm::ArrayRef<int64_t> shape,
                 llvm::function_ref<void(ValueRange)> body);
+  void testWindow(mlir::Operation *op, Value &inside);
   void collectTested(mlir::Operation *op, Value &inside);
   bool touchesStripes(mlir::Operation *op);
   void barrier();
@@ -115,8 +117,10 @@ private:
   Value isAlone(llvm::ArrayRef<int64_t> steps);
   void lowerAtomic(TileAtomicOp op);
   void updateElements(TileAtomicOp op, bool plainly);
-  void updateOwnElements(TileAtomicOp op);
-  Value updated(TileAtomicOp op, Value value, ValueRange at);
+  void updateOwnElements(TileAtomicOp op, ValueRange early);
+  Value updated(TileAtomicOp op, Value value, Value old);
+  Values placeOfTurn(TileAtomicOp op, Value number);
+  Values loadEarly(TileAtomicOp op, Value &alone);
   void lowerFromThreads(TileFromThreadsOp op);
   void lowerToThreads(TileToThreadsOp op);
   void lowerGet(TileGetOp op);
@@ -211,6 +215,8 @@ private:
   std::map<std::tuple<int64_t, int64_t, const void *>, Value> arrays;
   /// Of updates that blocks of a CPU may make plainly.
   llvm::DenseMap<mlir::Operation *, OwnSteps> ownSteps;
+  /// Where what those add to may be loaded.
+  llvm::DenseMap<mlir::Operation *, mlir::Operation *> earliest;
   /// By the tile that stands for others.
   llvm::DenseMap<Value, Value> heldSums;
   mlir::OpBuilder b, entry;

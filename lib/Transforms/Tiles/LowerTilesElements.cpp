@@ -72,24 +72,30 @@ Value TileLowering::stripeOf(Value tile) {
   Value &stripe = heldSums[buffers.rootOf(tile)];
   TileType type = tileType(tile);
   if (!stripe)
-    stripe = ScratchOp::create(entry, loc,
-                               ScratchType::get(b.getContext(),
-                                                type.getNumElements() / threads,
-                                                type.getElementType()));
+    stripe = ScratchOp::create(
+        entry, loc,
+        ScratchType::get(b.getContext(),
+                         isReplicated(tile) ? 1
+                                            : type.getNumElements() / threads,
+                         type.getElementType()));
   return stripe;
+}
+
+Value TileLowering::placeInStripe(Value tile) {
+  return isReplicated(tile) ? number(0) : turn;
 }
 
 Value TileLowering::load(Value tile, ValueRange indices) {
   if (tiles::isStriped(tile))
     return ScratchLoadOp::create(b, loc, tileType(tile).getElementType(),
-                                 stripeOf(tile), turn);
+                                 stripeOf(tile), placeInStripe(tile));
   return LoadOp::create(b, loc, tileType(tile).getElementType(), memoryOf(tile),
                         placeIn(tile, indices));
 }
 
 void TileLowering::store(Value tile, ValueRange indices, Value value) {
   if (tiles::isStriped(tile)) {
-    ScratchStoreOp::create(b, loc, value, stripeOf(tile), turn);
+    ScratchStoreOp::create(b, loc, value, stripeOf(tile), placeInStripe(tile));
     return;
   }
   StoreOp::create(b, loc, value, memoryOf(tile), placeIn(tile, indices));

@@ -206,9 +206,9 @@ void TileLowering::share(ArrayRef<int64_t> shape,
   });
 }
 
-/// Whether all elements that an operation accesses, by itself or in tiles that
-/// are computed in its loop, are inside of their arrays; null without such.
-void TileLowering::collectTested(Operation *op, Value &inside) {
+/// Whether all elements that an operation accesses by itself are inside of
+/// their array; null if that is not tested.
+void TileLowering::testWindow(Operation *op, Value &inside) {
   auto test = [&](auto access, TileType tile) {
     if (!access.getChecked())
       return;
@@ -240,6 +240,11 @@ void TileLowering::collectTested(Operation *op, Value &inside) {
     test(store, tileType(store.getTile()));
   else if (auto atomic = dyn_cast<TileAtomicOp>(op))
     test(atomic, tileType(atomic.getTile()));
+}
+
+/// The same of what is computed in its loop, too.
+void TileLowering::collectTested(Operation *op, Value &inside) {
+  testWindow(op, inside);
   for (Value operand : op->getOperands()) {
     Operation *def = operand.getDefiningOp();
     if (def && isTile(operand) && isInline(def))
@@ -251,7 +256,7 @@ void TileLowering::collectTested(Operation *op, Value &inside) {
 /// that threads have in registers.
 bool TileLowering::touchesStripes(Operation *op) {
   auto isStripe = [](Value tile) {
-    return isTile(tile) && tiles::isStriped(tile);
+    return isTile(tile) && tiles::isStriped(tile) && !isReplicated(tile);
   };
   return llvm::any_of(op->getResults(), isStripe) ||
          llvm::any_of(op->getOperands(), [&](Value operand) {

@@ -209,10 +209,19 @@ void TileLowering::lowerAhead(scf::ForOp loop) {
   };
   callLibrary("warp_tile_await_groups", {}, {number(stages - 2)});
   barrier();
-  fetchAll(after(loop.getInductionVar(), number(stages - 1)),
-           turnOf(add(done, number(stages - 1))));
+  auto fetchNext = [&] {
+    fetchAll(after(loop.getInductionVar(), number(stages - 1)),
+             turnOf(add(done, number(stages - 1))));
+  };
+  // Warps that have multiplied fetch while others multiply, unless that would
+  // be too late.
+  bool isInTime = stages > 2;
+  if (!isInTime)
+    fetchNext();
   ProductForm form = *getProductForm(product);
   multiply(product, sumsOf(product.getResult(), form.slots), turnOf(done));
+  if (isInTime)
+    fetchNext();
 }
 
 } // namespace warp::tiles

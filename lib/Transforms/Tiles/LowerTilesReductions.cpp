@@ -63,6 +63,13 @@ Values TileLowering::combine(TileReduction kind, ValueRange best,
     sum.getDefiningOp()->setAttr(warp::attr::anyOrder, b.getUnitAttr());
     return {sum};
   }
+  Type type = best[0].getType();
+  if (best.size() == 1 && isGpu(kernel) && (type.isF32() || type.isF64())) {
+    // An instruction, which skips NaN.
+    if (kind == TileReduction::min)
+      return {arith::MinNumFOp::create(b, loc, best[0], next[0])};
+    return {arith::MaxNumFOp::create(b, loc, best[0], next[0])};
+  }
   Value wins = isBetter(kind, next[0], best[0], false);
   if (best.size() > 1) {
     Value ties = builtin("eq", {next[0], best[0]});
@@ -253,7 +260,10 @@ void TileLowering::lowerReduce(Operation *op, TileReduction kind, Value tile,
                                          linear(type.getShape(), at));
                            });
     sums = overBlock(op, kind, sums);
-    byFirstThread([&] { finish(ValueRange(number(0)), sums); });
+    if (isReplicated(result))
+      finish(ValueRange(number(0)), sums);
+    else
+      byFirstThread([&] { finish(ValueRange(number(0)), sums); });
     return;
   }
   SmallVector<int64_t> outer(type.getShape());

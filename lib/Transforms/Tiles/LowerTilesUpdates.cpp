@@ -97,9 +97,15 @@ void TileLowering::lowerAtomic(TileAtomicOp op) {
   auto own = mayBePlain ? ownSteps.find(op) : ownSteps.end();
   if (own == ownSteps.end())
     return updateElements(op, /*plainly=*/false);
-  Value alone = isAlone(own->second), inside;
+  Value alone, inside;
+  if (!isGpu(kernel))
+    alone = isAlone(own->second);
+  Values early;
   // One loop of each kind is enough on a GPU: what crosses an edge is rare.
   if (isGpu(kernel)) {
+    early = loadEarly(op, alone);
+    if (early.empty())
+      alone = isAlone(own->second);
     collectTested(op, inside);
     alone = both(alone, inside);
   }
@@ -111,7 +117,7 @@ void TileLowering::lowerAtomic(TileAtomicOp op) {
     Block *block = plainly ? branch.thenBlock() : branch.elseBlock();
     b.setInsertionPoint(block->getTerminator());
     if (plainly && threads > 1)
-      updateOwnElements(op);
+      updateOwnElements(op, early);
     else
       updateElements(op, plainly);
     if (!plainly && isDecided)
@@ -119,30 +125,71 @@ void TileLowering::lowerAtomic(TileAtomicOp op) {
   }
 }
 
-Value TileLowering::updated(TileAtomicOp op, Value value, ValueRange at) {
-  Value old = LoadOp::create(b, loc, value.getType(), op.getArray(), at);
+Value TileLowering::updated(TileAtomicOp op, Value value, Value old) {
   return builtin(op.getKind() == TileUpdate::add ? "add" : "sub", {old, value});
+}
+
+/// Elements of a thread that are loaded at a time.
+constexpr int64_t mostLoaded = 8;
+
+/// Where the thread's element of that number lies in the array.
+Values TileLowering::placeOfTurn(TileAtomicOp op, Value number) {
+  TileType type = tileType(op.getTile());
+  turn = number;
+  Value e = add(mul(turn, this->number(threads)), thread);
+  Value inside;
+  return arrayIndices(op, type, unravel(e, type.getShape()), inside);
+}
+
+/// The old elements of a thread, if they can be loaded where the block has
+/// computed little yet; then `alone` says whether they have been.
+Values TileLowering::loadEarly(TileAtomicOp op, Value &alone) {
+  TileType type = tileType(op.getTile());
+  int64_t own = type.getNumElements() / threads;
+  Operation *place = earliest.lookup(op);
+  if (op.getPicked() || type.getNumElements() % threads != 0 ||
+      own > mostLoaded || place == op)
+    return {};
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPoint(place);
+  Value inside;
+  alone = isAlone(ownSteps.lookup(op));
+  testWindow(op, inside);
+  alone = both(alone, inside);
+  llvm::SaveAndRestore savedTesting(testing, false);
+  SmallVector<Type> types(own, type.getElementType());
+  auto branch = scf::IfOp::create(b, loc, types, alone, /*withElse=*/true);
+  b.setInsertionPointToStart(branch.thenBlock());
+  Values loaded;
+  for (int64_t t = 0; t < own; ++t)
+    loaded.push_back(LoadOp::create(b, loc, type.getElementType(),
+                                    op.getArray(), placeOfTurn(op, number(t))));
+  scf::YieldOp::create(b, loc, loaded);
+  b.setInsertionPointToStart(branch.elseBlock());
+  Values none(own, zero(type.getElementType()));
+  scf::YieldOp::create(b, loc, none);
+  return Values(branch.getResults());
 }
 
 /// Some elements of a thread at a time: all are loaded before the first one is
 /// stored, which others would have to wait for.
-void TileLowering::updateOwnElements(TileAtomicOp op) {
+void TileLowering::updateOwnElements(TileAtomicOp op, ValueRange early) {
   TileType type = tileType(op.getTile());
-  int64_t own = type.getNumElements() / threads, most = 8;
+  int64_t own = type.getNumElements() / threads;
   if (type.getNumElements() % threads != 0)
     return updateElements(op, /*plainly=*/true);
-  int64_t run = std::gcd(own, most);
+  int64_t run = std::gcd(own, mostLoaded);
   auto updateRun = [&](llvm::function_ref<Value(int64_t)> numberOf) {
     SmallVector<Values> places;
     Values values;
     for (int64_t t = 0; t < run; ++t) {
-      turn = numberOf(t);
+      places.push_back(placeOfTurn(op, numberOf(t)));
       Value e = add(mul(turn, number(threads)), thread);
-      Values indices = unravel(e, type.getShape());
-      Value inside;
-      places.push_back(arrayIndices(op, type, indices, inside));
-      Value value = element(op.getTile(), indices);
-      values.push_back(updated(op, value, places.back()));
+      Value value = element(op.getTile(), unravel(e, type.getShape()));
+      Value old = early.empty() ? LoadOp::create(b, loc, value.getType(),
+                                                 op.getArray(), places.back())
+                                : early[t];
+      values.push_back(updated(op, value, old));
     }
     for (auto [at, value] : llvm::zip_equal(places, values))
       StoreOp::create(b, loc, value, op.getArray(), at);
@@ -169,7 +216,8 @@ void TileLowering::updateElements(TileAtomicOp op, bool plainly) {
     auto make = [&]() -> Value {
       if (!plainly)
         return update(op.getKind(), value, op.getArray(), at);
-      StoreOp::create(b, loc, updated(op, value, at), op.getArray(), at);
+      Value old = LoadOp::create(b, loc, value.getType(), op.getArray(), at);
+      StoreOp::create(b, loc, updated(op, value, old), op.getArray(), at);
       return value;
     };
     if (keepsOld)

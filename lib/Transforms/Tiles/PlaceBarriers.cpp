@@ -37,6 +37,23 @@ using namespace warp::tiles;
 
 namespace {
 
+/// The array, the offsets and the tile's shape of an access by windows.
+std::tuple<Value, ValueRange, ArrayRef<int64_t>> windowOf(Operation *op) {
+  if (auto load = dyn_cast<TileLoadOp>(op))
+    return {load.getArray(), load.getOffsets(),
+            tileType(load.getResult()).getShape()};
+  if (auto store = dyn_cast<TileStoreOp>(op))
+    return {store.getArray(), store.getOffsets(),
+            tileType(store.getTile()).getShape()};
+  auto update = cast<TileAtomicOp>(op);
+  return {update.getArray(), update.getOffsets(),
+          tileType(update.getTile()).getShape()};
+}
+
+bool isSameWindow(Operation *a, Operation *b) {
+  return a && b && windowOf(a) == windowOf(b);
+}
+
 struct Touch {
   /// Bytes of the block's memory; -1 for arrays.
   int64_t begin, end;
@@ -47,13 +64,17 @@ struct Touch {
   Value array;
   /// By all threads together, which orders what each does before and after it.
   bool isShared = false;
+  /// The load, store or update of a window of an array whose threads each treat
+  /// elements of their own; null for any other.
+  Operation *window = nullptr;
 
   bool meets(const Touch &other, const ArrayOrigins &origins) const {
     if (!isWrite && !other.isWrite)
       return false;
     if (begin < 0 || other.begin < 0)
       return begin == other.begin &&
-             (!array || !other.array || origins.mayAlias(array, other.array));
+             (!array || !other.array || origins.mayAlias(array, other.array)) &&
+             !isSameWindow(window, other.window);
     if (end <= other.begin || other.end <= begin)
       return false;
     bool same = begin == other.begin && end == other.end;
@@ -67,7 +88,7 @@ class BarrierPlacer {
 public:
   BarrierPlacer(FunctionOpInterface kernel, int64_t threads)
       : buffers(kernel), origins(kernel, getVariant(kernel).getDisjoint()),
-        threads(threads), b(kernel.getContext()) {}
+        varying(kernel), threads(threads), b(kernel.getContext()) {}
 
   void place(Block &block) {
     for (Operation &op : llvm::make_early_inc_range(block))
@@ -85,8 +106,9 @@ private:
     touches.push_back({begin, begin + bytes, isWrite, owned, Value()});
   }
 
-  static void touchArray(Touches &touches, Value array, bool isWrite) {
-    touches.push_back({arrays, arrays, isWrite, 0, array});
+  static void touchArray(Touches &touches, Value array, bool isWrite,
+                         Operation *window = nullptr) {
+    touches.push_back({arrays, arrays, isWrite, 0, array, false, window});
   }
 
   /// What reading a tile reads, through what is computed on the way.
@@ -99,6 +121,18 @@ private:
     for (Value operand : def->getOperands())
       if (isTile(operand))
         readTile(touches, operand, isa<TileMapOp>(def) ? owned : 0);
+  }
+
+  /// Whether an access takes rows by a tile of indices, or is made otherwise
+  /// than element by element.
+  static bool picks(Operation *op) {
+    if (auto load = dyn_cast<TileLoadOp>(op))
+      return load.getPicked() || load->hasAttr(tiles::attr::stages) ||
+             load->hasAttr(tiles::attr::pitch);
+    if (auto store = dyn_cast<TileStoreOp>(op))
+      return bool(store.getPicked());
+    auto update = dyn_cast<TileAtomicOp>(op);
+    return update && update.getPicked();
   }
 
   Touches touchesOf(Operation *op) {
@@ -127,10 +161,12 @@ private:
                            scratch.getInt() + getScratchBytes(op, threads),
                            true, 0, Value()});
     }
+    bool isWindow = striped && !picks(op) && !varying.anyOf(op->getOperands());
+    Operation *window = isWindow ? op : nullptr;
     if (auto load = dyn_cast<TileLoadOp>(op))
-      touchArray(touches, load.getArray(), /*isWrite=*/false);
+      touchArray(touches, load.getArray(), /*isWrite=*/false, window);
     else if (isa<TileStoreOp, TileAtomicOp>(op))
-      touchArray(touches, op->getOperand(1), /*isWrite=*/true);
+      touchArray(touches, op->getOperand(1), /*isWrite=*/true, window);
     else if (auto access = dyn_cast<AccessOp>(op))
       touchArray(touches, access.getArray(), access.mayWrite());
     else if (!isMemoryEffectFree(op) && op->getNumRegions() == 0)
@@ -209,6 +245,7 @@ private:
 
   TileBuffers buffers;
   ArrayOrigins origins;
+  BlockVariance varying;
   int64_t threads;
   OpBuilder b;
   Touches pending;

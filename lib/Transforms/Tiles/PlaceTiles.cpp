@@ -18,6 +18,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "EarlyLoads.h"
 #include "KernelFunction.h"
 #include "TileForms.h"
 #include "TileInlining.h"
@@ -227,6 +228,8 @@ static void placeTiles(FunctionOpInterface kernel, int64_t threads) {
   chooseForms(kernel, threads);
   holdSums(kernel, threads);
   holdStripes(kernel, threads);
+  holdNumbers(kernel, threads);
+  hoistLoads(kernel, threads);
 }
 
 namespace {

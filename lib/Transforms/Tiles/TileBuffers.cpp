@@ -124,6 +124,11 @@ bool isStriped(Value tile) {
   return def && def->hasAttr(attr::striped);
 }
 
+bool isReplicated(Value tile) {
+  Operation *def = tile.getDefiningOp();
+  return def && def->hasAttr(attr::replicated);
+}
+
 std::optional<int64_t> getPitch(Value tile) {
   Operation *def = tile.getDefiningOp();
   auto pitch =

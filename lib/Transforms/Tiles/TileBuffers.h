@@ -35,6 +35,8 @@ constexpr llvm::StringLiteral form = "form";
 constexpr llvm::StringLiteral held = "held";
 /// Threads hold the results: each the elements that it treats in loops.
 constexpr llvm::StringLiteral striped = "striped";
+/// Besides: the result is one element, and every thread holds it.
+constexpr llvm::StringLiteral replicated = "replicated";
 /// Elements from row to row of the result in the block's memory.
 constexpr llvm::StringLiteral pitch = "pitch";
 /// On a loop, and on loads in it: tiles that are there or on their way.
@@ -87,6 +89,8 @@ int64_t getStagedBytes(mlir::Value tile);
 
 /// Whether threads have the elements of a tile that they treat in registers.
 bool isStriped(mlir::Value tile);
+/// Whether every thread has the one element of such a tile.
+bool isReplicated(mlir::Value tile);
 
 /// A tile that lies in memory, and from one element to the next along each of
 /// its dimensions, in elements.

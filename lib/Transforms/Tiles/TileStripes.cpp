@@ -115,4 +115,42 @@ void holdStripes(FunctionOpInterface kernel, int64_t threads) {
                                     UnitAttr::get(kernel.getContext()));
 }
 
+//===----------------------------------------------------------------------===//
+// Numbers
+//===----------------------------------------------------------------------===//
+
+/// Whether a use reads single elements, rather than the tile's memory.
+static bool readsElements(OpOperand &use) {
+  Operation *op = use.getOwner();
+  if (!computesTiles(op))
+    return false;
+  auto inPlace = op->getAttrOfType<IntegerAttr>(attr::inPlace);
+  if (inPlace && inPlace.getInt() == use.getOperandNumber())
+    return false;
+  if (isInline(op))
+    return llvm::all_of(op->getResult(0).getUses(), readsElements);
+  if (isa<TileStoreOp, TileAtomicOp>(op))
+    return use.getOperandNumber() == 0;
+  return isa<TileMapOp, TileGetOp, TileReduceOp, TileArgReduceOp>(op);
+}
+
+void holdNumbers(FunctionOpInterface kernel, int64_t threads) {
+  if (!isGpu(kernel) || threads == 1)
+    return;
+  TileBuffers buffers(kernel);
+  llvm::DenseMap<Value, int64_t> sharers;
+  for (Value tile : buffers.getTiles())
+    ++sharers[buffers.rootOf(tile)];
+  auto mark = [&](Operation *op, bool isWhole) {
+    Value result = op->getResult(0);
+    if (!isWhole || isInline(op) || sharers[buffers.rootOf(result)] != 1 ||
+        !llvm::all_of(result.getUses(), readsElements))
+      return;
+    for (StringRef name : {attr::striped, attr::replicated})
+      op->setAttr(name, UnitAttr::get(kernel.getContext()));
+  };
+  kernel->walk([&](TileReduceOp op) { mark(op, !op.getAxis()); });
+  kernel->walk([&](TileArgReduceOp op) { mark(op, !op.getAxis()); });
+}
+
 } // namespace warp::tiles

@@ -15,6 +15,10 @@ namespace warp::tiles {
 /// elements e, e + B, ... that it treats in loops: they are in registers.
 void holdStripes(mlir::FunctionOpInterface kernel, int64_t threads);
 
+/// Marks what reductions of whole tiles give on GPUs: all threads of the block
+/// come to know it, so that it is in a register of each.
+void holdNumbers(mlir::FunctionOpInterface kernel, int64_t threads);
+
 } // namespace warp::tiles
 
 #endif // WARP_TRANSFORMS_TILES_TILESTRIPES_H

@@ -223,3 +223,19 @@ def test_more_room_than_a_gigabyte_is_the_hosts(monkeypatch):
     assert volume._built is None and volume.is_rebuildable
     volume.rebuild(wp.array(voxels(50, 2), dtype=wp.vec3i, device="cuda:0"))
     check(volume, wp.array(voxels(50, 2), dtype=wp.vec3i, device="cpu"))
+
+
+@pytest.mark.cuda
+@pytest.mark.parametrize("bg_value", [None, 2.0])
+def test_a_graph_allocates_a_volume(bg_value):
+    points = wp.array([[0, 0, 0], [8, 0, 0]], dtype=wp.vec3i, device="cuda:0")
+    room = {"rebuildable": True, "max_tiles": 4, "max_lower_nodes": 4, "max_upper_nodes": 4}
+    with wp.ScopedCapture(device="cuda:0") as capture:
+        volume = wp.Volume.allocate_by_tiles(points, 1.0, bg_value, device="cuda:0", **room)
+    for last in (8, 16):
+        points.assign([[0, 0, 0], [last, 0, 0]])
+        wp.capture_launch(capture.graph)
+        assert volume.get_active_stats().leaf_node_count == 2
+        out = wp.zeros((4, 3), dtype=int, device="cuda:0")
+        found = volume.get_tiles(out=out).numpy()[:2].tolist()
+        assert sorted(found) == [[0, 0, 0], [last, 0, 0]]

@@ -112,6 +112,8 @@ def _expression(op, rest):
         return f"({args[1]} if {args[0]} else {args[2]})"
     if op in ("arith.minsi", "arith.maxsi"):
         return f"{op[6:9]}({args[0]}, {args[1]})"
+    if op in ("arith.minnumf", "arith.maxnumf"):
+        return f"wrap(np.f{op[6:9]}({args[0]}, {args[1]}), '{types}')"
     if op in ("math.sin", "math.cos", "math.sqrt"):
         return f"wrap(np.{op[5:]}({args[0]}), '{types}')"
     source, _, target = types.partition(" to ")
@@ -130,12 +132,20 @@ def _access(call, text):
     return f"{name_of(array)}.{call}(({given}), {at})"
 
 
+def _slot(text):
+    """Python for an element of memory of a thread alone."""
+    array, index = re.search(r"(%\w+)\[(%\w+)\]", text).groups()
+    return f"{name_of(array)}[{name_of(index)}]"
+
+
 def statement(line):
     """Python for one line of IR, and what it opens."""
     if line == "warp.barrier":
         return "yield"
     if line.startswith("warp.store_components"):
         return _access("store", line.removeprefix("warp.store_components"))
+    if line.startswith("warp.scratch_store"):
+        return f"{_slot(line)} = {name_of(line.split()[1].rstrip(','))}"
     result, _, rest = line.partition(" = ")
     op, _, rest = rest.partition(" ")
     name = name_of(result.partition(":")[0])
@@ -145,6 +155,11 @@ def statement(line):
         count = result.partition(":")[2]
         names = [f"{name}_{i}" for i in range(int(count))] if count else [name]
         return f"{', '.join(names)}, *_ = tid(thread)"
+    if op == "warp.scratch":
+        # Nothing until it is written.
+        return f"{name} = [None] * {re.search(r'scratch<([0-9]+)', rest)[1]}"
+    if op == "warp.scratch_load":
+        return f"{name} = {_slot(rest)}"
     if op == "warp.launch_extent":
         return f"{name} = dim[{rest.split()[0]}]"
     if op == "warp.atomic_components":

@@ -125,4 +125,4 @@ def test_scattered_sums_of_vectors(device):
     for kernel in (collect, collect_vectors):
         text = kernel.ir("ptx", arch=90)
         assert "atom.shared" in text or "red.shared" in text
-        assert "red.global" not in text
+        assert "global.add" not in text

@@ -25,7 +25,7 @@ from warp._src.kernels.parameters import LaunchParameters, values_at_first
 from warp._src.logger import get_logger
 
 
-class _Checked:
+class Checked:
     """Whether a setting asks for something to be done at each launch, or somebody observes."""
 
     active = False
@@ -38,9 +38,9 @@ class _Checked:
         cls.active = cls.asked or Observers.active
 
 
-Observers.on_change(_Checked.update)
+Observers.on_change(Checked.update)
 for _name in ("print_launches", "verify_fp", "verify_cuda"):
-    settings.on_change(_name, _Checked.update)
+    settings.on_change(_name, Checked.update)
 
 
 def launch(
@@ -91,10 +91,10 @@ def launch(
         or adjoint
         or record_cmd
     ):
-        if not _Checked.active:
+        if not Checked.active:
             kernel.native.launch(dim, inputs, outputs, index, None, block_dim or 0)
             return None
-        if not _Checked.asked and launch_ordinary(
+        if not Checked.asked and launch_ordinary(
             kernel, dim, inputs, outputs, index, block_dim or 0, record_tape
         ):
             return None
@@ -199,17 +199,29 @@ def _sequence(values, kernel, what):
 
 def _verify(kernel, native, values) -> None:
     """Rejects arrays that hold infinite numbers or NaN."""
-    import numpy
-
     names = [parameter[0] for parameter in native.parameters]
     for name, value in zip(names, values, strict=True):
         if not isinstance(value, array):
             continue
-        numbers = value.numpy()
-        if numbers.dtype.kind == "f" and not numpy.isfinite(numbers).all():
+        found = _not_finite(value.numpy())
+        if found:
             raise errors.WarpLaunchError(
-                f"launch('{kernel.key}'): array '{name}' has elements that are not finite"
+                f"launch('{kernel.key}'): array '{name}' has elements that are not finite, "
+                f"the first is {found}"
             )
+
+
+def _not_finite(numbers, path="") -> str:
+    """The first number that is infinite or NaN, with its place; also in fields of structs."""
+    import numpy
+
+    if numbers.dtype.names:
+        parts = (_not_finite(numbers[name], f"{path}.{name}") for name in numbers.dtype.names)
+        return next(filter(None, parts), "")
+    if numbers.dtype.kind != "f" or numpy.isfinite(numbers).all():
+        return ""
+    place = tuple(map(int, numpy.argwhere(~numpy.isfinite(numbers))[0]))
+    return f"{numbers[place]} at {list(place)}{path}"
 
 
 def _observe_recorded() -> None:

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from warp import config
 from warp._src import errors
-from warp._src.devices.devices import resolve_index
+from warp._src.devices.devices import index_of, resolve_index
 from warp._src.kernels.epoch import Epoch
 from warp._src.kernels.kernel import Kernel, argument_type
+from warp._src.kernels.launch import Checked, launch
 
 # Threads of a block where none are named.
 DEFAULT_THREADS = 256
@@ -75,6 +76,22 @@ class TiledKernel(Kernel):
             found = known[arguments, threads] = (Epoch.current, made)
         return found[1]
 
+    def for_rows(self, device, threads):
+        """What launches of that many threads per index need, if one has been made on that GPU.
+
+        Returns:
+            (native kernel, index of the device), None if more is to be looked at.
+        """
+        try:
+            index = index_of.get(device)
+        except TypeError:
+            return None
+        if index is None or index < 0 or self.epoch is not Epoch.current:
+            return None
+        # Generic kernels have types of arguments in place of None.
+        found = self.__dict__.get("_by_threads", {}).get((None, threads))
+        return (found[1], index) if found is not None and found[0] is Epoch.current else None
+
     def place(self, native, dim, index, block_dim, values, recorded=False):
         """The native kernel for a launch, and its threads per block.
 
@@ -106,7 +123,9 @@ class TiledKernel(Kernel):
         return self.for_blocks(None, self.option("block_dim") or DEFAULT_THREADS)
 
 
-def launch_tiled(kernel, dim, *args, block_dim=0, device=None, stream=None, **options):
+def launch_tiled(
+    kernel, dim, inputs=(), outputs=(), *args, block_dim=0, device=None, stream=None, **options
+):
     """Launches a block of threads per index of a grid.
 
     The same as `wp.launch` with the threads of a block as a last extent of the grid: 1 on a CPU,
@@ -115,14 +134,23 @@ def launch_tiled(kernel, dim, *args, block_dim=0, device=None, stream=None, **op
     Args:
         kernel: what `@wp.kernel` made.
         dim: extent, or up to three extents, of the grid of blocks.
-        args: `inputs`, `outputs`, as for `wp.launch`.
+        inputs, outputs, args: as for `wp.launch`.
         block_dim: threads of a block on a GPU, by default 256.
         options: the other arguments of `wp.launch`.
 
     Raises:
         WarpLaunchError: as `wp.launch` does.
     """
+    # Searching kernels and those with launch constants are of other classes.
+    if type(kernel) is TiledKernel and not (stream or args or options or Checked.active):
+        place = kernel.for_rows(device, block_dim)
+        extents = [*dim, block_dim] if isinstance(dim, (tuple, list)) else [dim, block_dim]
+        if place is not None and len(extents) <= 4:
+            native, index = place
+            native.launch(extents, inputs, outputs, index, None, block_dim)
+            return None
     try:
+        args = inputs, outputs, *args
         return _launch_tiled(kernel, dim, args, block_dim, device, stream, options)
     except errors.WarpCodegenError as problem:
         # Says where in the kernel. Who keeps it is not to keep the kernel, too.
@@ -131,8 +159,6 @@ def launch_tiled(kernel, dim, *args, block_dim=0, device=None, stream=None, **op
 
 
 def _launch_tiled(kernel, dim, args, block_dim, device, stream, options):
-    from warp._src.kernels.launch import launch
-
     if device is None and stream is not None:
         index = stream.device_index
     else:

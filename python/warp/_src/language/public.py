@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import sys
 
 from warp._src.language import namespace
 from warp._src.language.builtins import names as builtin_names
@@ -43,6 +44,8 @@ _RARE = {
 }
 # Written in the kernel language.
 LIBRARY_NAMES = (
+    *("dense_chol", "dense_chol_batched", "dense_gemm", "dense_gemm_batched", "dense_solve"),
+    *("dense_solve_batched", "dense_subs"),
     *(
         "curlnoise",
         "quat_between_vectors",
@@ -120,7 +123,10 @@ def find(name: str):
     if name in _SUBMODULES:
         return importlib.import_module(f"warp.{name}")
     if name in _RARE:
-        return getattr(importlib.import_module(f"warp._src.{_RARE[name]}"), name)
+        found = getattr(importlib.import_module(f"warp._src.{_RARE[name]}"), name)
+        # Found without this function from now on, as `launch_tiled` is in loops.
+        vars(sys.modules["warp"])[name] = found
+        return found
     if name == "sym_fn3":
         from warp._src.language.symmetric import sym_fn3
 

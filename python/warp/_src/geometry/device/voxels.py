@@ -6,8 +6,6 @@ points (voxel_order.py); one thread then decides whether there is room, and says
 
 from __future__ import annotations
 
-import numpy as np
-
 import warp as wp
 from warp import _native
 from warp._src.geometry.device.refit import words
@@ -43,8 +41,8 @@ class VoxelTree:
         self.empty = recipe.native.make_empty()
         layout = _native.grid_layout(recipe.number)
         self.data = wp.zeros(recipe.room, dtype=wp.uint8, device=device)
-        start = wp.array(np.asarray(self.empty), dtype=wp.uint8, device=device)
-        wp.copy(self.data, start, count=start.size)
+        # At once: a graph that is being captured builds in it.
+        _native.write_new_memory(self.data.ptr, self.data.device_index, self.empty)
         self._grid = words(self.data.ptr, self.data.size // 4, device)
         self._layout = made = TreeLayout()
         made.root_at, made.root, made.tile = layout.root_at, layout.root, layout.tile
@@ -52,8 +50,9 @@ class VoxelTree:
         made.lower, made.lower_table = layout.lower, layout.lower_table
         made.entry, made.leaf, made.leaf_table = layout.entry, layout.leaf, layout.leaf_table
         made.value, made.number = layout.value, recipe.number
-        value = np.frombuffer(recipe.background or bytes(8), dtype=np.uint32)
-        self._value = wp.array(value, dtype=wp.uint32, device=device)
+        value = recipe.background or bytes(8)
+        self._value = wp.empty(len(value) // 4, dtype=wp.uint32, device=device)
+        _native.write_new_memory(self._value.ptr, self._value.device_index, value)
         self._plan = wp.zeros(_PLAN, dtype=int, device=device)
         matrix, shift = recipe.transform
         self._matrix, self._shift = wp.mat33d(*matrix.ravel()), wp.vec3d(*shift)

@@ -1,0 +1,142 @@
+//===- EarlyLoads.cpp - What threads load before they compute -------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// The adjoint of a softmax, for example, reduces a row of its argument before
+// it needs one of the gradients. A block that loads both at first waits for
+// memory once, and not once more behind each reduction.
+//
+//===----------------------------------------------------------------------===//
+
+#include "EarlyLoads.h"
+
+#include "Analysis/ArrayOrigins.h"
+#include "KernelFunction.h"
+
+using namespace mlir;
+
+namespace warp::tiles {
+
+/// Words of a thread that are loaded early, all in all.
+constexpr int64_t mostWords = 32;
+
+/// Whether what is loaded from an array, or from elements that nobody else
+/// changes, has to be loaded behind an operation.
+static bool keepsBefore(Operation *op, Value array,
+                        const ArrayOrigins &origins) {
+  if (isInline(op) || isa<TileLoadOp>(op))
+    return false;
+  if (isa<TileStoreOp, TileAtomicOp>(op))
+    return origins.mayAlias(op->getOperand(1), array);
+  if (auto access = dyn_cast<AccessOp>(op))
+    return access.mayWrite() && origins.mayAlias(access.getArray(), array);
+  if (isa<TileMapOp, TileFoldOp>(op))
+    return false;
+  return !isMemoryEffectFree(op) || op->getNumRegions() != 0;
+}
+
+namespace {
+
+class LoadHoister {
+public:
+  LoadHoister(FunctionOpInterface kernel, int64_t threads)
+      : origins(kernel, getVariant(kernel).getDisjoint()), threads(threads) {}
+
+  /// Moves a load, or what an update needs but for its tile.
+  void hoist(Operation *op, Value array, TileType type) {
+    int64_t words = type.getNumElements() / threads *
+                    llvm::divideCeil(getByteSize(type.getElementType()), 4);
+    if (words > left)
+      return;
+    left -= words;
+    Operation *target = op;
+    while (Operation *before = target->getPrevNode()) {
+      bool isLoad = isa<TileLoadOp>(before) && !isInline(before);
+      if (isLoad || keepsBefore(before, array, origins))
+        break;
+      target = before;
+    }
+    move(op, target);
+  }
+
+private:
+  /// Before another operation, with what it needs that can be moved.
+  static void move(Operation *op, Operation *target) {
+    bool moves = isa<TileLoadOp>(op);
+    llvm::SetVector<Operation *> needed;
+    auto isNeeded = [&](Operation *other) {
+      ValueRange operands = op->getOperands();
+      for (Value operand : moves ? operands : operands.drop_front())
+        if (operand.getDefiningOp() == other)
+          return true;
+      return llvm::any_of(other->getUsers(), [&](Operation *user) {
+        return needed.contains(user);
+      });
+    };
+    Operation *end = target->getPrevNode();
+    for (Operation *other = op->getPrevNode(); op != target && other != end;
+         other = other->getPrevNode()) {
+      if (!isNeeded(other))
+        continue;
+      if (computesTiles(other) || other->getNumRegions() != 0 ||
+          !isMemoryEffectFree(other)) {
+        target = other->getNextNode();
+        break;
+      }
+      needed.insert(other);
+    }
+    auto place = [&](Operation *moved) {
+      if (moved == target)
+        target = moved->getNextNode();
+      else
+        moved->moveBefore(target);
+    };
+    for (Operation *other : llvm::reverse(needed))
+      place(other);
+    if (moves)
+      place(op);
+  }
+
+  ArrayOrigins origins;
+  int64_t threads, left = mostWords;
+};
+
+} // namespace
+
+void hoistLoads(FunctionOpInterface kernel, int64_t threads) {
+  if (!isGpu(kernel) || threads == 1)
+    return;
+  SmallVector<Operation *> ops;
+  kernel->walk([&](Operation *op) {
+    if (isa<TileLoadOp, TileAtomicOp>(op) && !isInline(op))
+      ops.push_back(op);
+  });
+  LoadHoister hoister(kernel, threads);
+  for (Operation *op : ops) {
+    auto load = dyn_cast<TileLoadOp>(op);
+    if (load && load->hasAttr(attr::striped) && !load.getPicked())
+      hoister.hoist(load, load.getArray(), tileType(load.getResult()));
+    auto update = dyn_cast<TileAtomicOp>(op);
+    if (update && !update.getPicked())
+      hoister.hoist(update, update.getArray(), tileType(update.getTile()));
+  }
+}
+
+Operation *findEarliest(TileAtomicOp update) {
+  auto kernel = update->getParentOfType<FunctionOpInterface>();
+  ArrayOrigins origins(kernel, getVariant(kernel).getDisjoint());
+  Operation *target = update;
+  while (Operation *before = target->getPrevNode()) {
+    auto isOf = [&](Value operand) {
+      return operand.getDefiningOp() == before;
+    };
+    bool isOwn = !isa<BarrierOp>(before) &&
+                 keepsBefore(before, update.getArray(), origins);
+    if (isOwn || llvm::any_of(update->getOperands().drop_front(), isOf))
+      break;
+    target = before;
+  }
+  return target;
+}
+
+} // namespace warp::tiles
