@@ -112,6 +112,8 @@ def _expression(op, rest):
         return f"({args[1]} if {args[0]} else {args[2]})"
     if op in ("arith.minsi", "arith.maxsi"):
         return f"{op[6:9]}({args[0]}, {args[1]})"
+    if op in ("arith.minnumf", "arith.maxnumf"):
+        return f"wrap(np.f{op[6:9]}({args[0]}, {args[1]}), '{types}')"
     if op in ("math.sin", "math.cos", "math.sqrt"):
         return f"wrap(np.{op[5:]}({args[0]}), '{types}')"
     source, _, target = types.partition(" to ")
@@ -130,12 +132,21 @@ def _access(call, text):
     return f"{name_of(array)}.{call}(({given}), {at})"
 
 
+def _own(place):
+    """Python for what a thread has for itself, at a number."""
+    array, index = re.match(r"(%\w+)\[([^\]]*)\]", place).groups()
+    return f"{name_of(array)}[{name_of(index)}]"
+
+
 def statement(line):
     """Python for one line of IR, and what it opens."""
     if line == "warp.barrier":
         return "yield"
     if line.startswith("warp.store_components"):
         return _access("store", line.removeprefix("warp.store_components"))
+    if line.startswith("warp.scratch_store"):
+        value, place = line.removeprefix("warp.scratch_store").partition(" : ")[0].split(", ")
+        return f"{_own(place)} = {name_of(value)}"
     result, _, rest = line.partition(" = ")
     op, _, rest = rest.partition(" ")
     name = name_of(result.partition(":")[0])
@@ -149,6 +160,10 @@ def statement(line):
         return f"{name} = dim[{rest.split()[0]}]"
     if op == "warp.atomic_components":
         return f"{name} = {_access('add', rest.removeprefix('add'))}"
+    if op == "warp.scratch":
+        return f"{name} = [None] * {re.search(r'<([0-9]+) x', rest)[1]}"
+    if op == "warp.scratch_load":
+        return f"{name} = {_own(rest.partition(' : ')[0])}"
     if op == "warp.block_memory":
         return f"{name} = {rest.split()[0]}"
     if op == "warp.array_at":
