@@ -17,9 +17,15 @@ from pathlib import Path
 
 import numpy as np
 
-import _shape_locals  # noqa: F401  (registers cases)
+import _shape_algebra  # noqa: F401  (registers cases)
+import _shape_fields  # noqa: F401
+import _shape_images  # noqa: F401
+import _shape_locals  # noqa: F401
 import _shape_loops  # noqa: F401
 import _shape_maps  # noqa: F401
+import _shape_numbers  # noqa: F401
+import _shape_points  # noqa: F401
+import _shape_samples  # noqa: F401
 import _shape_sums  # noqa: F401
 import warp as wp
 from _shape_data import CASES, Data
@@ -77,16 +83,18 @@ def slope_error(one, seeds, device):
 class Worker:
     """Cases that have been made, ready to be timed again."""
 
-    def __init__(self, device, folder, seconds):
-        self.device, self.folder, self.seconds = device, Path(folder), seconds
+    def __init__(self, options):
+        self.device, self.folder = options.device, Path(options.folder)
+        self.seconds = options.seconds
+        self.clock = time.process_time if options.processor else time.perf_counter
         self.made = {}
 
     def first(self, function):
         """Seconds of a first launch."""
-        begin = time.perf_counter()
+        begin = self.clock()
         function(self.device)
         wp.synchronize_device(self.device)
-        return time.perf_counter() - begin
+        return self.clock() - begin
 
     def make(self, name):
         """The case, and the times of its first launches."""
@@ -110,13 +118,13 @@ class Worker:
         """Seconds per call in the fastest of many batches."""
         once = max(self.first(function), 1e-6)
         batch = max(1, int((0.01 if "cuda" in self.device else 0.002) / once))
-        times, end = [], time.perf_counter() + self.seconds
-        while time.perf_counter() < end or len(times) < 20:
-            begin = time.perf_counter()
+        times, end = [], self.clock() + self.seconds
+        while self.clock() < end or len(times) < 20:
+            begin = self.clock()
             for _ in range(batch):
                 function(self.device)
             wp.synchronize_device(self.device)
-            times.append((time.perf_counter() - begin) / batch)
+            times.append((self.clock() - begin) / batch)
         return min(times)
 
     def answer(self, name):
@@ -138,10 +146,11 @@ def main():
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--folder", required=True)
     parser.add_argument("--seconds", type=float, default=0.1)
+    parser.add_argument("--processor", action="store_true")
     options = parser.parse_args()
     wp.config.quiet = True
     wp.init()
-    worker = Worker(options.device, options.folder, options.seconds)
+    worker = Worker(options)
     for line in sys.stdin:
         sys.stdout.write("\n" + json.dumps(worker.answer(line.strip())) + "\n")
         sys.stdout.flush()

@@ -1,13 +1,15 @@
-"""Sorts, scans, sparse products and solves: times, and ratios beside other libraries.
+"""Sorts, scans, sums, sparse products and solves: times, and ratios beside other libraries.
 
-    libraries.py [--device cuda:0] [--size small|large] [--peer PYTHON] [--json FILE]
+    libraries.py [--device cuda:0] [--size small|large] [--peer PYTHON] [--cub FILE] [--json FILE]
 
-Beside NumPy and SciPy on the CPU, and PyTorch (whose sorts and scans are CUB's) and CuPy on a GPU,
-as far as they are installed. `--peer` names a Python that has warp-lang: the same script runs there
+Beside NumPy and SciPy on the CPU, PyTorch and CuPy on a GPU, as far as they are installed (their
+sparse products are cuSPARSE's). `--cub` names what cub.cu was compiled to: CUB is called then
+with nothing in between. `--peer` names a Python that has warp-lang: the same script runs there
 as well, and its times are put beside ours. A ratio above 1 says that ours is faster.
 """
 
 import argparse
+import functools
 import json
 import subprocess
 import sys
@@ -18,6 +20,8 @@ import numpy as np
 import warp as wp
 import warp.sparse
 import warp.utils
+from cub import Cub
+from matrices import laplacian, random_matrix
 from warp.optim import linear
 
 SIZES = {"small": 1_000_000, "large": 30_000_000}
@@ -25,15 +29,16 @@ SIZES = {"small": 1_000_000, "large": 30_000_000}
 GRIDS = {"small": 300, "large": 2000}
 
 
-def best(run, finish, repeats=7) -> float:
-    """Seconds of the fastest of some runs, after one to warm up."""
+def best(run, finish, together=1, repeats=7) -> float:
+    """Seconds of a run: the fastest of some times for `together` of them, after a first one."""
     times = []
     for _ in range(repeats + 1):
         finish()
         start = time.perf_counter()
-        run()
+        for _ in range(together):
+            run()
         finish()
-        times.append(time.perf_counter() - start)
+        times.append((time.perf_counter() - start) / together)
     return min(times[1:])
 
 
@@ -47,23 +52,31 @@ def optional(name):
 class Bench:
     """The cases on one device."""
 
-    def __init__(self, device, size):
+    def __init__(self, device, size, cub):
         self.device, self.count, self.side = wp.get_device(device), SIZES[size], GRIDS[size]
         self.rng = np.random.default_rng(1)
         self.torch = optional("torch") if self.device.is_cuda else None
+        self.cupy = optional("cupyx.scipy.sparse") if self.device.is_cuda else None
+        self.cub = Cub(cub) if cub else None
         self.finish = lambda: wp.synchronize_device(self.device)
+        # Launches of a GPU wait in a queue, as in a program.
+        self.together = 10 if self.device.is_cuda else 1
         self.results = {}
 
     def add(self, name, ours, others, amount, unit) -> None:
         """Times ours and others', given as functions; `amount` in units of 1e9."""
-        seconds = best(ours, self.finish)
+        seconds = best(ours, self.finish, self.together)
         row = {"seconds": seconds, "rate": amount / seconds / 1e9, "unit": unit}
         for library, (run, finish) in others.items():
-            row[library] = best(run, finish) / seconds
+            row[library] = best(run, finish, self.together) / seconds
         self.results[name] = row
 
     def torch_case(self, run):
         return {"torch": (run, self.torch.cuda.synchronize)} if self.torch else {}
+
+    def cub_case(self, name, *arguments):
+        """A function of cub.cu; arrays that it writes to are its own."""
+        return {"cub": (self.cub.case(name, *arguments), self.finish)} if self.cub else {}
 
     def sorts(self) -> None:
         n = self.count
@@ -87,6 +100,9 @@ class Bench:
             elif self.torch:
                 signed = self.torch.from_numpy(keys.view(f"i{bits // 8}")).cuda()
                 others = self.torch_case(lambda t=signed: self.torch.sort(t, stable=True))
+            others |= self.cub_case(
+                f"sort_pairs_uint{bits}", source, wp.empty_like(source), v, wp.empty_like(v), n
+            )
             self.add(f"sort pairs, {bits}-bit keys", ours, others, n, "Gpair/s")
 
     def scans(self) -> None:
@@ -106,6 +122,7 @@ class Bench:
                 others = self.torch_case(
                     lambda t=t: self.torch.cumsum(t, 0, dtype=t.dtype, out=self.torch.empty_like(t))
                 )
+            others |= self.cub_case(f"scan_{dtype.__name__}", source, wp.empty_like(source), n)
             moved = 2 * n * numbers.itemsize
             self.add(
                 f"scan {dtype.__name__}",
@@ -115,26 +132,49 @@ class Bench:
                 "GB/s",
             )
 
-    def laplacian(self, block):
-        """The matrix of a five-point stencil, in blocks."""
-        side = self.side // block
-        n = side * side
-        i = np.arange(n)
-        x, y = i % side, i // side
-        rows, columns, values = [i], [i], [np.full(n, 4.01)]
-        for inside, step in ((x > 0, -1), (x < side - 1, 1), (y > 0, -side), (y < side - 1, side)):
-            rows.append(i[inside])
-            columns.append(i[inside] + step)
-            values.append(np.full(inside.sum(), -1.0))
-        rows, columns, values = map(np.concatenate, (rows, columns, values))
-        numbers = values.astype(np.float32)
-        if block > 1:
-            numbers = numbers[:, None, None] * np.eye(block, dtype=np.float32) + np.float32(1e-3)
-        parts = [wp.array(a, dtype=int, device=self.device) for a in (rows, columns)]
-        data = wp.array(numbers, dtype=wp.float32, device=self.device)
-        matrix = wp.sparse.bsr_from_triplets(n, n, *parts, data)
-        matrix.nnz_sync()
-        return matrix
+    def sums(self) -> None:
+        n = self.count
+        numbers = self.rng.random(n, dtype=np.float32)
+        a = wp.array(numbers, dtype=wp.float32, device=self.device)
+        out = wp.zeros(1, dtype=wp.float32, device=self.device)
+        others = {}
+        if self.device.is_cpu:
+            others["numpy"] = (lambda: numbers.sum(dtype=np.float64), lambda: None)
+        elif self.torch:
+            t = self.torch.from_numpy(numbers).cuda()
+            others = self.torch_case(lambda: self.torch.sum(t))
+        others |= self.cub_case("sum_float32", a, wp.zeros_like(out), n)
+        run = functools.partial(wp.utils.array_sum, a, out=out)
+        self.add("sum of float32", run, others, 4 * n, "GB/s")
+        inner = wp.zeros(1, dtype=wp.float32, device=self.device)
+        others = {}
+        if self.device.is_cpu:
+            others["numpy"] = (lambda: np.dot(numbers, numbers), lambda: None)
+        elif self.torch:
+            others = self.torch_case(lambda: self.torch.dot(t, t))
+        run = functools.partial(wp.utils.array_inner, a, a, out=inner)
+        self.add("inner product of float32", run, others, 4 * n, "GB/s")
+
+    def runs(self) -> None:
+        """Runs of four equal numbers, and segments of a hundred pairs."""
+        n = self.count
+        numbers = np.sort(self.rng.integers(0, n // 4, n, dtype=np.int32))
+        source = wp.array(numbers, dtype=int, device=self.device)
+        values, lengths = wp.empty_like(source), wp.empty_like(source)
+        total = wp.zeros(1, dtype=int, device=self.device)
+        made = wp.empty_like(values), wp.empty_like(lengths), wp.zeros_like(total)
+        others = self.cub_case("runs_int32", source, *made, n)
+        run = functools.partial(wp.utils.runlength_encode, source, values, lengths, total)
+        self.add("runs of int32", run, others, n, "Gnumber/s")
+
+        keys = wp.array(self.rng.integers(-n, n, 2 * n, dtype=np.int32), device=self.device)
+        values = wp.zeros_like(keys)
+        starts = np.arange(0, n + 1, 100, dtype=np.int32)
+        offsets = wp.array(starts, dtype=int, device=self.device)
+        made = wp.clone(keys), wp.empty_like(keys), wp.clone(values), wp.empty_like(values)
+        others = self.cub_case("sort_segments_int32", *made, n, starts.size - 1, offsets)
+        run = functools.partial(wp.utils.segmented_sort_pairs, keys, values, n, offsets)
+        self.add("sort of segments of 100", run, others, n, "Gpair/s")
 
     def other_products(self, matrix, x, block):
         scipy = optional("scipy.sparse") if self.device.is_cpu else None
@@ -146,32 +186,47 @@ class Bench:
             other = kind(arrays, shape=matrix.shape)
             v = x.numpy().ravel()
             return {"scipy": (lambda: other @ v, lambda: None)}
+        arrays = (matrix.offsets, matrix.columns[: matrix.nnz], matrix.values[: matrix.nnz])
+        others = {}
         if self.torch and block == 1:
-            tensors = (matrix.offsets, matrix.columns[: matrix.nnz], matrix.values[: matrix.nnz])
-            other = self.torch.sparse_csr_tensor(*map(wp.to_torch, tensors), size=matrix.shape)
+            tensors = map(wp.to_torch, arrays)
+            other = self.torch.sparse_csr_tensor(*tensors, size=matrix.shape)
             v = wp.to_torch(x)
-            return self.torch_case(lambda: other @ v)
-        return {}
+            others = self.torch_case(lambda: other @ v)
+        if self.cupy and block == 1:
+            import cupy
+
+            offsets, columns, values = (cupy.asarray(a) for a in arrays)
+            same = self.cupy.csr_matrix((values, columns, offsets), shape=matrix.shape)
+            w = cupy.asarray(x)
+            others["cupy"] = (lambda: same @ w, cupy.cuda.Device().synchronize)
+        return others
+
+    def product(self, name, matrix, block) -> None:
+        dtype = wp.float32 if block == 1 else wp.vec3
+        x = wp.ones(matrix.ncol, dtype=dtype, device=self.device)
+        y = wp.zeros_like(x)
+        others = self.other_products(matrix, x, block)
+        moved = matrix.nnz * (4 + 4 * block * block) + 12 * matrix.shape[0]
+        run = functools.partial(wp.sparse.bsr_mv, matrix, x, y, beta=0.0)
+        self.add(name, run, others, moved, "GB/s")
 
     def sparse(self) -> None:
         for block in (1, 3):
-            matrix = self.laplacian(block)
-            dtype = wp.float32 if block == 1 else wp.vec3
-            x = wp.ones(matrix.ncol, dtype=dtype, device=self.device)
-            y = wp.zeros_like(x)
-            others = self.other_products(matrix, x, block)
             name = f"product with a vector, blocks of {block}"
-            moved = matrix.nnz * (4 + 4 * block * block) + 12 * matrix.shape[0]
-            self.add(
-                name,
-                lambda matrix=matrix, x=x, y=y: wp.sparse.bsr_mv(matrix, x, y, beta=0.0),
-                others,
-                moved,
-                "GB/s",
-            )
+            self.product(name, laplacian(self.side, block, self.device), block)
+        count = self.side * self.side // 16
+        self.product(
+            "product, 64 in each row", random_matrix(np.full(count, 64), self.rng, self.device), 1
+        )
+        # A few rows have a good part of all numbers, as hubs of graphs do.
+        lengths = np.minimum(self.rng.pareto(1.2, count) * 8 + 1, count // 8).astype(int)
+        self.product(
+            "product, rows of a power law", random_matrix(lengths, self.rng, self.device), 1
+        )
 
     def solves(self) -> None:
-        matrix = self.laplacian(1)
+        matrix = laplacian(self.side, 1, self.device)
         b = wp.ones(matrix.nrow, dtype=wp.float32, device=self.device)
         x = wp.zeros_like(b)
         # 100 iterations without checks.
@@ -199,7 +254,7 @@ class Bench:
         self.add("100 iterations of CG", ours, others, 1e8, "kiteration/s")
 
     def run(self) -> dict:
-        for case in (self.sorts, self.scans, self.sparse, self.solves):
+        for case in (self.sorts, self.scans, self.sums, self.runs, self.sparse, self.solves):
             case()
         return self.results
 
@@ -216,9 +271,10 @@ def main() -> None:
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--size", choices=SIZES, default="small")
     parser.add_argument("--peer")
+    parser.add_argument("--cub")
     parser.add_argument("--json")
     arguments = parser.parse_args()
-    results = Bench(arguments.device, arguments.size).run()
+    results = Bench(arguments.device, arguments.size, arguments.cub).run()
     if arguments.peer:
         for name, row in peer_results(arguments.peer, arguments).items():
             results[name]["peer"] = row["seconds"] / results[name]["seconds"]
@@ -228,7 +284,7 @@ def main() -> None:
     for name, row in results.items():
         beside = [
             f"{row[other]:6.2f} x {other}"
-            for other in ("numpy", "scipy", "torch", "peer")
+            for other in ("numpy", "scipy", "torch", "cupy", "cub", "peer")
             if other in row
         ]
         print(f"{name:40} {row['rate']:8.3f} {row['unit']:12} {'  '.join(beside)}")

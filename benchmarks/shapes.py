@@ -1,12 +1,13 @@
 """Kernels of the shapes that users write, beside the peer: times and results.
 
     python benchmarks/shapes.py --peer /path/to/python [--device cpu] [--only csr,loss]
-                                [--rounds 2] [--seconds 0.1] [--json out.json]
+                                [--rounds 2] [--seconds 0.1] [--processor] [--json out.json]
 
 The kernels (_shape_*.py) are not tuned for any compiler: one
 per shape of program, forward and, where it has one, adjoint. `--peer` names a Python that has
 NVIDIA Warp; it runs the same text. Two processes, one per package, take turns case by case, so
-that other work on the machine hits both; a time is that of the fastest batch in all rounds.
+that other work on the machine hits both; a time is that of the fastest batch in all rounds. With
+`--processor` times are those of one processor that works for the program alone, whoever else does.
 Columns: rate of ours, adjoint over forward, first launch, how many times faster than the peer it
 is (forward and adjoint), largest differences of results and gradients relative to the largest
 number of an array, and the error of gradients against central differences, ours and the peer's.
@@ -44,6 +45,9 @@ class Package:
         self.command = [python, str(SCRIPT), "--device", options.device]
         self.command += ["--folder", str(self.folder), "--seconds", str(options.seconds)]
         self.environment = os.environ | {"WARP_CACHE_PATH": str(self.folder / "cache")}
+        if options.processor:
+            self.command.append("--processor")
+            self.environment["WARP_NUM_THREADS"] = "1"
         if python != sys.executable:
             self.environment.pop("PYTHONPATH", None)
         self.process = None
@@ -183,6 +187,9 @@ def main():
     parser.add_argument("--only", default="", help="names of cases, separated by commas")
     parser.add_argument("--rounds", type=int, default=2, help="turns of each package per case")
     parser.add_argument("--seconds", type=float, default=0.1, help="per time and turn")
+    parser.add_argument(
+        "--processor", action="store_true", help="processor time of one thread, for busy machines"
+    )
     parser.add_argument("--json", help="file for all numbers")
     options = parser.parse_args()
     results = measure(options)

@@ -69,7 +69,8 @@ def shrink(source, target):
 
 
 def main(names, device, pictures):
-    GALLERY.mkdir(exist_ok=True)
+    if pictures:
+        GALLERY.mkdir(exist_ok=True)
     print("| program | seconds | last line |\n| --- | ---: | --- |", flush=True)
     with tempfile.TemporaryDirectory() as folder:
         for name, options, picture in PROGRAMS:

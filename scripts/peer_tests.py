@@ -119,6 +119,11 @@ REFUSALS = (
         "want module_options to be refused where the module is not unique",
     ),
     (
+        "cuda.test_conditional_captures",
+        ("test_error_alloc_",),
+        "want captures to be refused whose branches or loops allocate",
+    ),
+    (
         "tile.test_tile_reduce",
         ("test_tile_atomic_add_unsupported_dtype_",),
         "want atomics of 8 and 16 bits to be refused, which this package has",

@@ -16,14 +16,24 @@ namespace warp {
 
 /// A function of the device library. Types are letters: i (si32), l (ui64),
 /// f (f32) and d (f64). In C it takes its operands by value, then a pointer to
-/// a struct of its results. One without results changes memory. One that
-/// searches goes through memory step by step.
+/// a struct of its results. One without results changes memory.
+///
+/// Some have a form for the lanes of a CPU, `symbol_lanes`: all but the first
+/// operands are pointers to as many values as lanes, whose number comes next;
+/// so are the results. It may be called with anything for lanes that do not
+/// run.
 struct LibraryFunction {
   llvm::StringRef symbol, operands, results;
-  bool searches = false;
+  /// Registers that a thread of a GPU is given where the function searches,
+  /// step by step through memory; 0: as many as it likes.
+  int registers = 0;
+  /// How many operands lanes share there; -1 without that form.
+  int shared = -1;
 };
 
-/// Null if the library has no such function.
+inline constexpr llvm::StringLiteral lanesSuffix = "_lanes";
+
+/// Of both forms; null if the library has no such function.
 const LibraryFunction *findLibraryFunction(llvm::StringRef symbol);
 /// The type of a letter.
 mlir::Type getLibraryType(mlir::MLIRContext *context, char letter);

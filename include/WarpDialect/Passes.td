@@ -59,7 +59,9 @@ def ExpandBuiltins : WarpPass<"warp-expand-builtins"> {
   let summary = "Replace builtins without a derivative of their own";
   let description = [{
     A builtin whose record says that it has a derivative, but no formula for
-    one, becomes the scalar builtins that its lowering computes with.
+    one, becomes the scalar builtins that its lowering computes with. Short loops
+    whose counters are all that indices of composites are made of are written
+    out before: a derivative has nothing to keep for them.
 
     ```mlir
     %r = warp.skew(%v) : (!warp.vec<3 x f32>) -> !warp.mat<3x3 x f32>

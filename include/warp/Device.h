@@ -110,19 +110,24 @@ public:
   int device() const { return deviceIndex; }
   void *handle() const { return event; }
   IpcHandle ipcHandle() const;
-  void record(const Stream &stream);
+  /// `external`: where the stream is captured, the graph's launches record it,
+  /// for whoever is not part of the graph; events that measure time always are.
+  void record(const Stream &stream, bool external = false);
   bool isComplete() const;
   void synchronize() const;
 
 private:
   int deviceIndex;
   void *event = nullptr;
+  bool timing = false;
 };
 
 /// Lets what is queued on a stream from now on wait for all work queued on the
 /// device so far.
 WARP_API void joinStreams(const Stream &stream);
-WARP_API void waitEvent(const Stream &stream, const Event &event);
+/// `external`: where the stream is captured, the graph's launches wait for it.
+WARP_API void waitEvent(const Stream &stream, const Event &event,
+                        bool external = false);
 /// Milliseconds between two recorded events.
 WARP_API float elapsedMilliseconds(const Event &start, const Event &end);
 

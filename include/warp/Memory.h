@@ -58,6 +58,9 @@ WARP_API void setMemory(void *dst, int device, int byte, size_t bytes,
 /// Zeroes memory that nobody uses yet. While a graph is being captured that
 /// happens at once and is no part of the graph.
 WARP_API void clearNewMemory(void *memory, int device, size_t bytes);
+/// The same with bytes of the host, which are read before this returns.
+WARP_API void writeNewMemory(void *memory, int device, const void *contents,
+                             size_t bytes);
 /// Writes `count` copies of a pattern of `size` bytes.
 WARP_API void fillMemory(void *dst, int device, const void *pattern,
                          size_t size, size_t count,

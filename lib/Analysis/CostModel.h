@@ -43,6 +43,12 @@ constexpr double callCost = 20, rootCost = 6, divisionCost = 8;
 constexpr double streamGain = 8;
 /// A lane's share of gathering a number; of doing an operation lane by lane.
 constexpr double gatherCost = 1.3, laneCost = 4;
+/// The same of gathering up to three numbers outside of loops, where a
+/// processor has several threads in hand at once, as lanes would: copies in
+/// another order were 1.6 to 2 times slower as lanes, springs as much quicker.
+constexpr double straightGatherCost = 2.8;
+/// How long a sum of floats waits for the one before.
+constexpr double sumLatency = 4;
 /// A call of the device library, which lanes do one by one.
 constexpr double searchCost = 500;
 /// The same of a field of neighbouring structs, which scalar code finds in one

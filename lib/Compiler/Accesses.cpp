@@ -15,8 +15,8 @@
 
 #include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/ParameterLayout.h"
-#include "WarpDialect/WarpDialect.h"
 #include "WarpDialect/TileOps.h"
+#include "WarpDialect/WarpDialect.h"
 
 #include "mlir/Dialect/Func/IR/FuncOps.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
@@ -28,8 +28,11 @@ namespace {
 /// Adds up what the operations of a module do to the leaves of its kernel.
 class Summary {
 public:
-  explicit Summary(func::FuncOp kernel)
-      : origins(kernel), accesses(origins.getLeaves().size()) {}
+  Summary(ModuleOp module, func::FuncOp kernel)
+      : kernel(kernel), origins(kernel), accesses(origins.getLeaves().size()),
+        hasWhile(
+            module.walk([](scf::WhileOp) { return WalkResult::interrupt(); })
+                .wasInterrupted()) {}
 
   void add(warp::AccessOp op);
   /// The same of a load, store or update of a tile.
@@ -40,11 +43,22 @@ public:
   std::vector<warp::Access> take() { return std::move(accesses); }
 
 private:
+  bool mayBeWatched(Operation *op) const;
+
+  func::FuncOp kernel;
   warp::ArrayOrigins origins;
   std::vector<warp::Access> accesses;
+  bool hasWhile;
 };
 
 } // namespace
+
+/// Whether a loop may end by what the operation loads: one around it, or around
+/// a call of the function that it is in.
+bool Summary::mayBeWatched(Operation *op) const {
+  return hasWhile && (op->getParentOfType<scf::WhileOp>() ||
+                      op->getParentOfType<func::FuncOp>() != kernel);
+}
 
 void Summary::add(warp::AccessOp op) {
   auto place = warp::findSourceLocation(op->getLoc());
@@ -54,7 +68,7 @@ void Summary::add(warp::AccessOp op) {
     access.stored |= !op.mayRead();
     access.combined |= op.isUpdate();
     access.fetched |= op.isUpdate() && !op->use_empty();
-    access.watched |= op.mayRead() && op->getParentOfType<scf::WhileOp>();
+    access.watched |= op.mayRead() && mayBeWatched(op);
     if (op.mayWrite() && place && !access.line)
       access.line = place.getLine();
   }
@@ -70,7 +84,7 @@ void Summary::addTile(Operation *op) {
     access.stored |= isa<warp::TileStoreOp>(op);
     access.combined |= isa<warp::TileAtomicOp>(op);
     access.fetched |= isa<warp::TileAtomicOp>(op) && !op->use_empty();
-    access.watched |= loads && op->getParentOfType<scf::WhileOp>();
+    access.watched |= loads && mayBeWatched(op);
     if (!loads && place && !access.line)
       access.line = place.getLine();
   }
@@ -123,7 +137,7 @@ std::vector<warp::Access> warp::accesses(const Module &module) {
   for (auto function : op.getOps<func::FuncOp>()) {
     if (!function->hasAttr(kernelAttrName))
       continue;
-    Summary summary(function);
+    Summary summary(op, function);
     op.walk([&](AccessOp access) { summary.add(access); });
     op.walk([&](Operation *nested) {
       if (isa<TileLoadOp, TileStoreOp, TileAtomicOp>(nested))
@@ -133,9 +147,9 @@ std::vector<warp::Access> warp::accesses(const Module &module) {
       if (isForNativeCode(pointer))
         summary.addNative(pointer);
     });
-    bool usesGradients =
-        op.walk([](GradOp) { return WalkResult::interrupt(); })
-            .wasInterrupted();
+    bool usesGradients = op.walk([](GradOp) {
+                             return WalkResult::interrupt();
+                           }).wasInterrupted();
     summary.locate(function, usesGradients);
     return summary.take();
   }

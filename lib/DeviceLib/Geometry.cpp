@@ -16,11 +16,23 @@
 #include "geometry/Sign.h"
 #include "geometry/Volume.h"
 #include "geometry/Winding.h"
+#ifndef __NVPTX__
+#include "geometry/wide/VolumeCells.h"
+#endif
 
 using namespace warp::geometry;
 
 #define WARP_GEOMETRY                                                          \
   extern "C" __attribute__((used, noinline, visibility("default"))) void
+
+/// What becomes part of a kernel on GPUs, where results of a call would go
+/// through memory.
+#ifdef __NVPTX__
+#define WARP_GEOMETRY_PART                                                     \
+  extern "C" __attribute__((used, always_inline, visibility("default"))) void
+#else
+#define WARP_GEOMETRY_PART WARP_GEOMETRY
+#endif
 
 namespace {
 
@@ -270,54 +282,26 @@ WARP_GEOMETRY warp_overlap_share(u64 id, i32 shape, f32 a, f32 b, f32 c, f32 d,
 // Volumes
 //===----------------------------------------------------------------------===//
 
-/// Where a value is, or 0 for one of another type than asked for.
-static u64 addressOf(const VolumeSlot &volume, i32 type, VoxelPlace place,
-                     Voxel voxel) {
-  const u8 *value =
-      volume.type == u32(type) ? valueAt(volume, place, voxel) : nullptr;
-  return reinterpret_cast<u64>(value);
+WARP_GEOMETRY_PART warp_volume_voxel(u64 id, i32 type, i32 i, i32 j, i32 k,
+                                     u64 *result) {
+  *result = findValue(volumeOf(id), u32(type), {i, j, k});
 }
 
-WARP_GEOMETRY warp_volume_value(u64 id, i32 type, i32 i, i32 j, i32 k,
-                                u64 *result) {
-  const VolumeSlot &volume = volumeOf(id);
-  Voxel voxel{i, j, k};
-  *result = addressOf(volume, type, findVoxel(volume, voxel), voxel);
+WARP_GEOMETRY_PART warp_volume_cell(u64 id, i32 type, i32 i, i32 j, i32 k,
+                                    CellPlaces *result) {
+  findCell(volumeOf(id), u32(type), {i, j, k},
+           [&](u32 corner, u64 place) { result->at[corner] = place; });
 }
 
-/// Where a value may be stored, or 0.
+/// The address where a value may be stored, or 0.
 WARP_GEOMETRY warp_volume_place(u64 id, i32 type, i32 i, i32 j, i32 k,
                                 u64 *result) {
   const VolumeSlot &volume = volumeOf(id);
   Voxel voxel{i, j, k};
   VoxelPlace place = findVoxel(volume, voxel);
   *result = place.isLeaf && volume.type == u32(type)
-                ? addressOf(volume, type, place, voxel)
+                ? reinterpret_cast<u64>(valueAt(volume, place, voxel))
                 : 0;
-}
-
-struct CellValues {
-  u64 address[8];
-};
-
-WARP_GEOMETRY warp_volume_cell(u64 id, i32 type, i32 i, i32 j, i32 k,
-                               CellValues *result) {
-  const VolumeSlot &volume = volumeOf(id);
-  Voxel voxel{i, j, k};
-  if (crossedBy(voxel) == 0) {
-    VoxelPlace place = findVoxel(volume, voxel);
-    bool hasSteps = place.isLeaf && volume.type == u32(type);
-    u64 first = addressOf(volume, type, place, voxel);
-    u64 step = hasSteps ? volume.valueSize : 0;
-    for (u32 corner = 0; corner < 8; ++corner)
-      result->address[corner] =
-          first +
-          step * ((corner >> 2) * 64 + (corner >> 1 & 1) * 8 + (corner & 1));
-    return;
-  }
-  forCorners(volume, voxel, [&](u32 corner, VoxelPlace place, Voxel at) {
-    result->address[corner] = addressOf(volume, type, place, at);
-  });
 }
 
 WARP_GEOMETRY warp_volume_index(u64 id, i32 i, i32 j, i32 k, i32 *result) {
@@ -337,6 +321,43 @@ WARP_GEOMETRY warp_volume_cell_index(u64 id, i32 i, i32 j, i32 k,
     result->index[corner] = indexAt(volume, place, at);
   });
 }
+
+#ifndef __NVPTX__
+
+WARP_GEOMETRY warp_volume_voxel_lanes(u64 id, i32 type, const i32 *i,
+                                      const i32 *j, const i32 *k, i32 lanes,
+                                      u64 *result) {
+  findValues(volumeOf(id), u32(type), {i, j, k, u32(lanes)}, result);
+}
+
+WARP_GEOMETRY warp_volume_cell_lanes(u64 id, i32 type, const i32 *i,
+                                     const i32 *j, const i32 *k, i32 lanes,
+                                     u64 *result) {
+  findCells(volumeOf(id), u32(type), {i, j, k, u32(lanes)}, result);
+}
+
+WARP_GEOMETRY warp_volume_index_lanes(u64 id, const i32 *i, const i32 *j,
+                                      const i32 *k, i32 lanes, i32 *result) {
+  const VolumeSlot &volume = volumeOf(id);
+  for (i32 n = 0; n < lanes; ++n) {
+    Voxel voxel{i[n], j[n], k[n]};
+    result[n] = indexAt(volume, findVoxel(volume, voxel), voxel);
+  }
+}
+
+WARP_GEOMETRY warp_volume_cell_index_lanes(u64 id, const i32 *i, const i32 *j,
+                                           const i32 *k, i32 lanes,
+                                           i32 *result) {
+  const VolumeSlot &volume = volumeOf(id);
+  for (i32 n = 0; n < lanes; ++n)
+    forCorners(volume, {i[n], j[n], k[n]},
+               [&](u32 corner, VoxelPlace place, Voxel at) {
+                 result[corner * u32(lanes) + u32(n)] =
+                     indexAt(volume, place, at);
+               });
+}
+
+#endif
 
 //===----------------------------------------------------------------------===//
 // Predicates

@@ -17,34 +17,34 @@ static constexpr warp::LibraryFunction functions[] = {
     // A handle and a kind: the address of its slot, or of one with nothing.
     {"warp_slot", "li", "l"},
     // A point and the largest distance: face, weights of two corners.
-    {"warp_mesh_closest", "lffff", "iff", true},
-    {"warp_mesh_furthest", "lffff", "iff", true},
+    {"warp_mesh_closest", "lffff", "iff", 48},
+    {"warp_mesh_furthest", "lffff", "iff", 80},
     // The same and where corners are one: also the side by normals.
-    {"warp_mesh_closest_signed", "lfffff", "ifff", true},
+    {"warp_mesh_closest_signed", "lfffff", "ifff", 80},
     // A point: -1 inside, 1 outside.
-    {"warp_mesh_side", "lfff", "f", true},
+    {"warp_mesh_side", "lfff", "f", 80},
     // Start, direction, largest parameter, root: face, weights, parameter.
-    {"warp_mesh_ray", "lfffffffi", "ifff", true},
-    {"warp_mesh_ray_any", "lfffffffi", "i", true},
+    {"warp_mesh_ray", "lfffffffi", "ifff", 64},
+    {"warp_mesh_ray_any", "lfffffffi", "i", 64},
     // Start, direction, root: how often the ray crosses the surface.
-    {"warp_mesh_ray_count", "lffffffi", "i", true},
+    {"warp_mesh_ray_count", "lffffffi", "i", 80},
     // A point; rays and how they spread, or accuracy and threshold: its side.
-    {"warp_mesh_side_parity", "lfffif", "f", true},
-    {"warp_mesh_side_winding", "lfffff", "f", true},
+    {"warp_mesh_side_parity", "lfffif", "f", 80},
+    {"warp_mesh_side_winding", "lfffff", "f", 80},
     // The number of a group: the node that holds it, or -1.
     {"warp_group_root", "li", "i"},
     // Shape, its seven numbers and its limit, cursor: primitive, cursor.
     {"warp_overlap_next", "liffffffffiiiill", "iiiiill"},
     // Shape, its seven numbers, which of how many threads: its cursor.
     {"warp_overlap_share", "lifffffffii", "iiiill"},
-    // Type of values and a voxel: address of its value, 0 for another type; of
-    // a leaf's value or 0; the first of the eight corners of a cell, z fastest.
-    {"warp_volume_value", "liiii", "l"},
+    // Type of values and a voxel: its place (geometry/Volume.h), those of the
+    // corners of a cell, z fastest; the address of a leaf's value or 0.
+    {"warp_volume_voxel", "liiii", "l", 0, 2},
+    {"warp_volume_cell", "liiii", "llllllll", 0, 2},
     {"warp_volume_place", "liiii", "l"},
-    {"warp_volume_cell", "liiii", "llllllll"},
     // A voxel: its number or -1; the same of the corners of a cell.
-    {"warp_volume_index", "liii", "i"},
-    {"warp_volume_cell_index", "liii", "iiiiiiii"},
+    {"warp_volume_index", "liii", "i", 0, 1},
+    {"warp_volume_cell_index", "liii", "iiiiiiii", 0, 1},
     // Three points of a plane, four points of space: which way they turn.
     {"warp_orient2d", "dddddd", "i"},
     {"warp_orient3d", "dddddddddddd", "i"},
@@ -106,6 +106,10 @@ static constexpr warp::LibraryFunction functions[] = {
 };
 
 const warp::LibraryFunction *warp::findLibraryFunction(StringRef symbol) {
+  if (symbol.consume_back(lanesSuffix)) {
+    const LibraryFunction *function = findLibraryFunction(symbol);
+    return function && function->shared >= 0 ? function : nullptr;
+  }
   for (const LibraryFunction &function : functions)
     if (function.symbol.ends_with("*")
             ? symbol.starts_with(function.symbol.drop_back())
@@ -124,15 +128,20 @@ mlir::Type warp::getLibraryType(MLIRContext *context, char letter) {
 }
 
 /// With and without a sign, as the phases have it. A thread's memory is an
-/// address.
-static bool fits(TypeRange types, StringRef letters) {
+/// address. All but the first `shared` are vectors.
+static bool fits(TypeRange types, StringRef letters, size_t shared) {
   if (types.size() != letters.size())
     return false;
-  for (auto [type, letter] : llvm::zip(types, letters))
-    if (!(letter == 'l' && isa<warp::ScratchType>(type)) &&
-        warp::getSignless(type) !=
+  for (auto [i, type, letter] : llvm::enumerate(types, letters)) {
+    bool isVector = isa<VectorType>(type);
+    Type scalar = isVector ? getElementTypeOrSelf(type) : type;
+    if (isVector != (i >= shared))
+      return false;
+    if (!(letter == 'l' && isa<warp::ScratchType>(scalar)) &&
+        warp::getSignless(scalar) !=
             warp::getSignless(warp::getLibraryType(type.getContext(), letter)))
       return false;
+  }
   return true;
 }
 
@@ -148,8 +157,10 @@ LogicalResult warp::LibraryCallOp::verify() {
   if (!function)
     return emitOpError("(C1) the device library has no function '")
            << getCallee() << "'";
-  if (!fits(getArgs().getTypes(), function->operands) ||
-      !fits(getResults().getTypes(), function->results))
+  bool isLanes = getCallee().ends_with(lanesSuffix);
+  size_t shared = isLanes ? size_t(function->shared) : SIZE_MAX;
+  if (!fits(getArgs().getTypes(), function->operands, shared) ||
+      !fits(getResults().getTypes(), function->results, isLanes ? 0 : shared))
     return emitOpError("(C2) '")
            << getCallee() << "' takes '" << function->operands
            << "' and gives '" << function->results << "'";

@@ -54,9 +54,8 @@ Registry &registry() {
 } // namespace
 
 static void addSlab(Pool &pool, int device) {
-  auto slab =
-      std::make_unique<Buffer>(device, (slotsPerSlab + 1) * slotSize);
-  setMemory(slab->data(), device, 0, slab->size());
+  auto slab = std::make_unique<Buffer>(device, (slotsPerSlab + 1) * slotSize);
+  clearNewMemory(slab->data(), device, slab->size());
   auto start = reinterpret_cast<uint64_t>(slab->data());
   start = (start + slotSize - 1) / slotSize * slotSize;
   for (size_t i = 0; i < slotsPerSlab; ++i)
@@ -83,8 +82,8 @@ Slot::~Slot() {
   std::lock_guard<std::mutex> lock(all.mutex);
   uint64_t gone = 0, address = handle & addressMask;
   try {
-    copyMemory(reinterpret_cast<void *>(address), deviceIndex, &gone, cpuDevice,
-               sizeof gone);
+    writeNewMemory(reinterpret_cast<void *>(address), deviceIndex, &gone,
+                   sizeof gone);
   } catch (...) {
     // The device is gone, and with it the slot.
   }
@@ -103,8 +102,9 @@ void Slot::write(const void *contents, size_t bytes) {
   uint64_t word = tag();
   std::memcpy(image, &word, sizeof word);
   std::memcpy(image + sizeof word, contents, bytes);
-  copyMemory(reinterpret_cast<void *>(handle & addressMask), deviceIndex, image,
-             cpuDevice, sizeof image);
+  // At once: a graph that is being captured may use what is made while it is.
+  writeNewMemory(reinterpret_cast<void *>(handle & addressMask), deviceIndex,
+                 image, sizeof image);
 }
 
 GeometryHandle::GeometryHandle(GeometryKind kind, int device)
@@ -121,12 +121,11 @@ void GeometryHandle::write(const void *contents, size_t bytes) {
 void warp::writeHandleWord(uint64_t id, unsigned index, uint64_t value) {
   Registry &all = registry();
   std::lock_guard<std::mutex> lock(all.mutex);
-  if (!all.live.count(id) || index == 0 ||
-      index >= slotSize / sizeof(uint64_t))
+  if (!all.live.count(id) || index == 0 || index >= slotSize / sizeof(uint64_t))
     throw Error(Error::Kind::Value, "no such word of a live handle");
   auto *words = reinterpret_cast<uint64_t *>(id & addressMask);
-  copyMemory(words + index, int(id >> deviceShift & 31) - 1, &value, cpuDevice,
-             sizeof value);
+  writeNewMemory(words + index, int(id >> deviceShift & 31) - 1, &value,
+                 sizeof value);
 }
 
 static const char *nameOf(GeometryKind kind) {
@@ -144,8 +143,8 @@ std::string warp::describeHandle(uint64_t id, GeometryKind kind, int device) {
       return "a number that is none";
     return std::string("that of a freed ") + nameOf(last->second);
   }
-  bool fits = live->second == kind || (kind == GeometryKind::Bvh &&
-                                       live->second == GeometryKind::Mesh);
+  bool fits = live->second == kind ||
+              (kind == GeometryKind::Bvh && live->second == GeometryKind::Mesh);
   if (!fits)
     return std::string("that of a ") + nameOf(live->second);
   int lives = int(id >> deviceShift & 31) - 1;

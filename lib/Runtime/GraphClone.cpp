@@ -80,6 +80,21 @@ static std::vector<GraphNode> nodesOf(GraphHandle graph) {
   });
 }
 
+std::vector<GraphNode> cuda::lastNodes(GraphHandle graph) {
+  size_t edges = 0;
+  WARP_CUDA_GRAPH(getEdges, graph, nullptr, nullptr, &edges);
+  std::vector<GraphNode> from(edges), to(edges), nodes = nodesOf(graph);
+  WARP_CUDA_GRAPH(getEdges, graph, from.data(), to.data(), &edges);
+  std::sort(from.begin(), from.end());
+  nodes.erase(std::remove_if(nodes.begin(), nodes.end(),
+                             [&](GraphNode node) {
+                               return std::binary_search(from.begin(),
+                                                         from.end(), node);
+                             }),
+              nodes.end());
+  return nodes;
+}
+
 static int typeOf(GraphNode node) {
   int type = 0;
   WARP_CUDA_GRAPH(nodeType, node, &type);
@@ -210,10 +225,24 @@ GraphNode Cloner::copy(GraphNode node, GraphHandle target,
   case nodeEmpty:
     WARP_CUDA_GRAPH(addEmpty, &made, target, after.data(), after.size());
     return made;
+  case nodeWait:
+  case nodeRecord: {
+    EventHandle event = nullptr;
+    if (typeOf(node) == nodeWait) {
+      WARP_CUDA_GRAPH(waitNodeEvent, node, &event);
+      WARP_CUDA_GRAPH(addWait, &made, target, after.data(), after.size(),
+                      event);
+    } else {
+      WARP_CUDA_GRAPH(recordNodeEvent, node, &event);
+      WARP_CUDA_GRAPH(addRecord, &made, target, after.data(), after.size(),
+                      event);
+    }
+    return made;
+  }
   default:
     throw Error(Error::Kind::Runtime,
-                "a graph with branches or loops that calls the host, or waits "
-                "for or records events, cannot be part of a graph");
+                "a graph with branches or loops that calls the host cannot be "
+                "part of a graph");
   }
 }
 

@@ -31,6 +31,9 @@ GraphNode addConditional(int device, GraphHandle graph, const GraphNode *after,
 /// Whether a graph has branches or loops.
 bool hasConditionals(GraphHandle graph);
 
+/// The nodes of a graph that no other one waits for.
+std::vector<GraphNode> lastNodes(GraphHandle graph);
+
 /// Adds copies of a graph's nodes to another one, behind given nodes of that.
 /// `setter` is the kernel that sets handles, its first argument. Returns the
 /// copies that no other one waits for. Throws for nodes that have no copy.

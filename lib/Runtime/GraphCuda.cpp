@@ -319,6 +319,14 @@ std::shared_ptr<Graph> CudaCapture::end() {
     handTrace(*result);
     return result;
   }
+  // Also behind what streams did that began behind the captured one, and that
+  // nobody has joined.
+  if (cuda::graphDriver().captureInfo && cuda::graphDriver().getEdges) {
+    cuda::ContextScope scope(device());
+    Position position(raw());
+    if (position.graph)
+      position.set(raw(), cuda::lastNodes(position.graph));
+  }
   GraphHandle graph = stop();
   running = false;
   std::shared_ptr<Kept> kept = close();

@@ -53,6 +53,8 @@ enum : int {
   nodeFill = 2,
   nodeGraph = 4,
   nodeEmpty = 5,
+  nodeWait = 6,
+  nodeRecord = 7,
   nodeConditional = 13,
 };
 
@@ -114,6 +116,17 @@ struct FillNode {
   X(childGraph, cuGraphChildGraphNodeGetGraph, (GraphNode, GraphHandle *))     \
   X(addEmpty, cuGraphAddEmptyNode,                                             \
     (GraphNode *, GraphHandle, const GraphNode *, size_t))                     \
+  X(getEdges, cuGraphGetEdges,                                                 \
+    (GraphHandle, GraphNode *, GraphNode *, size_t *))                         \
+  X(recordEvent, cuEventRecordWithFlags,                                       \
+    (EventHandle, StreamHandle, unsigned))                                     \
+  X(waitNodeEvent, cuGraphEventWaitNodeGetEvent, (GraphNode, EventHandle *))   \
+  X(addWait, cuGraphAddEventWaitNode,                                          \
+    (GraphNode *, GraphHandle, const GraphNode *, size_t, EventHandle))        \
+  X(recordNodeEvent, cuGraphEventRecordNodeGetEvent,                           \
+    (GraphNode, EventHandle *))                                                \
+  X(addRecord, cuGraphAddEventRecordNode,                                      \
+    (GraphNode *, GraphHandle, const GraphNode *, size_t, EventHandle))        \
   X(addNode, cuGraphAddNode,                                                   \
     (GraphNode *, GraphHandle, const GraphNode *, size_t, ConditionalNode *))
 

@@ -216,6 +216,16 @@ void warp::setMemory(void *dst, int device, int byte, size_t bytes,
             static_cast<unsigned char>(byte), bytes, work.stream());
 }
 
+/// Queues work and waits for it, although graphs may be being captured.
+template <typename Queue> static void doOutsideGraphs(int device, Queue queue) {
+  cuda::RelaxedCaptures relaxed;
+  cuda::ContextScope scope(device);
+  Stream outside(device);
+  auto handle = static_cast<StreamHandle>(outside.handle());
+  queue(handle);
+  WARP_CUDA(streamSynchronize, handle);
+}
+
 void warp::clearNewMemory(void *memory, int device, size_t bytes) {
   if (bytes == 0)
     return;
@@ -223,10 +233,22 @@ void warp::clearNewMemory(void *memory, int device, size_t bytes) {
     return setHost(memory, 0, bytes);
   if (!isCapturing(device))
     return setMemory(memory, device, 0, bytes);
-  cuda::RelaxedCaptures relaxed;
-  cuda::ContextScope scope(device);
-  Stream outside(device);
-  auto handle = static_cast<StreamHandle>(outside.handle());
-  WARP_CUDA(memsetD8Async, reinterpret_cast<Pointer>(memory), 0, bytes, handle);
-  WARP_CUDA(streamSynchronize, handle);
+  doOutsideGraphs(device, [&](StreamHandle stream) {
+    WARP_CUDA(memsetD8Async, reinterpret_cast<Pointer>(memory), 0, bytes,
+              stream);
+  });
+}
+
+void warp::writeNewMemory(void *memory, int device, const void *contents,
+                          size_t bytes) {
+  if (bytes == 0)
+    return;
+  if (device == cpuDevice)
+    return copyHost(memory, contents, bytes);
+  if (!isCapturing(device))
+    return copyMemory(memory, device, contents, cpuDevice, bytes);
+  doOutsideGraphs(device, [&](StreamHandle stream) {
+    WARP_CUDA(memcpyHtoDAsync, reinterpret_cast<Pointer>(memory), contents,
+              bytes, stream);
+  });
 }

@@ -25,10 +25,9 @@ using namespace warp;
 
 extern "C" const char warp_cuda_Scan_begin[], warp_cuda_Sort_begin[];
 
-/// Threads of a block, elements of a round, and most stretches of a scan.
 static constexpr int threads = 256;
-static constexpr int64_t scanTile = 1024;
-static constexpr int64_t mostStretches = 1024;
+/// Bytes of a quarter of what a thread of a scan has in registers.
+static constexpr int64_t scanBytes = 32;
 /// Blocks that count radix.
 static constexpr int64_t mostCounters = 1024;
 static constexpr int radixBits = 8;
@@ -84,20 +83,21 @@ static const char *sumName(NumberType kind) {
 void warp::scanOnCuda(int device, NumberType kind, int width, Sequence out,
                       Sequence in, int64_t count, bool inclusive,
                       const Stream *stream) {
-  int64_t length =
-      ceilDivide(ceilDivide(count, mostStretches), scanTile) * scanTile;
-  int64_t stretches = ceilDivide(count, length);
-  Buffer sums(device, stretches * width * sizeOf(kind), false, stream);
+  // As in the kernel: a tile has 32 bytes per thread, four times; sums of tiles
+  // and of groups of them are published in words with 32 of their bits.
+  int64_t tile = threads * 4 * (scanBytes / sizeOf(kind));
+  int64_t tiles = ceilDivide(count, tile);
+  int64_t sums = tiles + ceilDivide(tiles, threads);
+  int64_t words = tiles > 1 ? sums * width * (sizeOf(kind) / 4) : 0;
+  Buffer state(device, words * 8, false, stream);
+  if (words)
+    setMemory(state.data(), device, 0, state.size(), stream);
   QueuedWork work(device, stream);
-  auto kernel = [&](const char *name) {
-    return kernelOf(device, warp_cuda_Scan_begin,
-                    std::string(name) + sumName(kind));
-  };
-  launch(work, kernel("scan_sum_"), stretches, width, in.data, in.stride, count,
-         length, sums.data());
-  launch(work, kernel("scan_sums_"), 1, width, sums.data(), int(stretches));
-  launch(work, kernel("scan_write_"), stretches, width, in.data, in.stride,
-         out.data, out.stride, count, length, sums.data(), int(inclusive));
+  launch(work,
+         kernelOf(device, warp_cuda_Scan_begin,
+                  std::string("scan_") + sumName(kind)),
+         tiles * width, 1, in.data, in.stride, out.data, out.stride, count,
+         width, int(tiles), state.data(), int(inclusive));
 }
 
 //===----------------------------------------------------------------------===//
@@ -118,7 +118,7 @@ SortState::SortState(const Pairs &pairs, int beginBit, int endBit)
     : pairs(pairs), beginBit(beginBit), endBit(endBit),
       passes(int(ceilDivide(endBit - beginBit, radixBits))),
       counts(int64_t(sizeOf(pairs.kind)) * radix) {
-  int64_t tile = threads * (sizeOf(pairs.kind) + pairs.valueSize > 8 ? 16 : 24);
+  int64_t tile = threads * (sizeOf(pairs.kind) + pairs.valueSize > 8 ? 18 : 24);
   tiles = ceilDivide(pairs.count, tile);
 }
 

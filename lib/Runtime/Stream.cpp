@@ -10,6 +10,7 @@
 
 #include "CudaDriver.h"
 #include "DeviceState.h"
+#include "GraphDriver.h"
 #include "GraphImpl.h"
 #include "warp/Device.h"
 
@@ -94,7 +95,7 @@ void Stream::synchronize() const {
 }
 
 Event::Event(int device, bool enableTiming, bool interprocess)
-    : deviceIndex(device) {
+    : deviceIndex(device), timing(enableTiming) {
   if (enableTiming && interprocess)
     throw Error(Error::Kind::LaunchValue,
                 "expects an event with 'enable_timing' or 'interprocess', but "
@@ -127,14 +128,23 @@ IpcHandle Event::ipcHandle() const {
   return handle;
 }
 
-void Event::record(const Stream &stream) {
+/// What tells the driver that an event is no edge of the graph that a stream is
+/// captured into; nothing else may be told so.
+static unsigned externalFlag(const Stream &stream, bool external) {
+  return external && capturesInProgress && stream.isCapturing() ? 1 : 0;
+}
+
+void Event::record(const Stream &stream, bool external) {
   if (stream.device() != deviceIndex)
     throw Error(Error::Kind::Runtime,
                 "expects a stream of '" + deviceInfo(deviceIndex).alias +
                     "' to record an event of that device, but got one of '" +
                     deviceInfo(stream.device()).alias + "'");
   cuda::ContextScope scope(stream.device());
-  WARP_CUDA(eventRecord, raw(*this), raw(stream));
+  if (unsigned flag = externalFlag(stream, external || timing))
+    WARP_CUDA_GRAPH(recordEvent, raw(*this), raw(stream), flag);
+  else
+    WARP_CUDA(eventRecord, raw(*this), raw(stream));
 }
 
 bool Event::isComplete() const {
@@ -150,9 +160,10 @@ void Event::synchronize() const {
   DeviceErrorRecord::check(deviceIndex);
 }
 
-void warp::waitEvent(const Stream &stream, const Event &event) {
+void warp::waitEvent(const Stream &stream, const Event &event, bool external) {
   cuda::ContextScope scope(stream.device());
-  WARP_CUDA(streamWaitEvent, raw(stream), raw(event), 0);
+  WARP_CUDA(streamWaitEvent, raw(stream), raw(event),
+            externalFlag(stream, external));
 }
 
 float warp::elapsedMilliseconds(const Event &start, const Event &end) {

@@ -8,6 +8,7 @@
 #include "Native.h"
 
 #include "warp/Device.h"
+#include "warp/Graph.h"
 #include "warp/KernelCache.h"
 #include "warp/ThreadPool.h"
 
@@ -53,7 +54,8 @@ static uintptr_t address(void *pointer) {
 
 /// The package's object for a device, as users know it.
 static py::object deviceObject(int index) {
-  return py::module_::import("warp._src.devices.devices").attr("by_index")(index);
+  return py::module_::import("warp._src.devices.devices")
+      .attr("by_index")(index);
 }
 
 static int cudaIndex(const py::object &device) {
@@ -109,29 +111,30 @@ static void bindStreams(py::module_ &m) {
       .def("synchronize", &Stream::synchronize, WithoutLock())
       .def(
           "record_event",
-          [](Stream &self, std::shared_ptr<Event> event, bool) {
+          [](Stream &self, std::shared_ptr<Event> event, bool external) {
             if (!event)
               event = std::make_shared<Event>(self.device());
-            event->record(self);
+            event->record(self, external);
             return event;
           },
           py::arg("event") = nullptr, py::arg("external") = false,
-          "Records an event, a new one if none is given.")
+          "Records an event, a new one if none is given. `external`: in a "
+          "capture, for streams and graphs outside of it.")
       .def(
           "wait_event",
-          [](Stream &self, const Event &event, bool) {
-            waitEvent(self, event);
+          [](Stream &self, const Event &event, bool external) {
+            waitEvent(self, event, external);
           },
           py::arg("event"), py::arg("external") = false,
           "Lets work queued from now on wait for an event.")
       .def(
           "wait_stream",
           [](Stream &self, const Stream &other, std::shared_ptr<Event> event,
-             bool) {
+             bool external) {
             if (!event)
               event = std::make_shared<Event>(other.device());
-            event->record(other);
-            waitEvent(self, *event);
+            event->record(other, external);
+            waitEvent(self, *event, external);
           },
           py::arg("other_stream"), py::arg("event") = nullptr,
           py::arg("external") = false,
@@ -156,7 +159,17 @@ static void bindStreams(py::module_ &m) {
       .def_property_readonly("cuda_event",
                              [](Event &self) { return address(self.handle()); })
       .def_property_readonly("is_complete", &Event::isComplete)
-      .def("synchronize", &Event::synchronize, WithoutLock());
+      .def(
+          "synchronize",
+          [](const Event &self) {
+            if (isCapturing(self.device()))
+              throw Error(Error::Kind::Runtime,
+                          "cannot wait for an event of '" +
+                              deviceInfo(self.device()).alias +
+                              "' while a graph is being captured on it");
+            self.synchronize();
+          },
+          WithoutLock());
   m.def("elapsed_time", &elapsedMilliseconds, py::arg("start"), py::arg("end"),
         "Milliseconds between two recorded events.");
   m.def("synchronize_busy_streams", &synchronizeBusyStreams, WithoutLock(),

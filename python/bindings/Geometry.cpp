@@ -7,7 +7,6 @@
 //===----------------------------------------------------------------------===//
 
 #include "Geometry.h"
-#include "Native.h"
 
 #include "warp/HashGrid.h"
 #include "warp/Memory.h"
@@ -16,34 +15,11 @@
 
 #include <pybind11/stl.h>
 
-#include <new>
-
 namespace py = pybind11;
 using namespace warp;
-
-static const ArrayDescriptor &descriptorOf(py::handle array) {
-  if (!python::isArray(array.ptr()))
-    throw py::type_error("expects an array");
-  return python::asArray(array.ptr())->descriptor;
-}
-
-static ArrayDescriptor optionalOf(py::handle array) {
-  return array.is_none() ? ArrayDescriptor() : descriptorOf(array);
-}
-
-/// Calls what builds something of a number of elements, without Python's lock.
-template <class Build>
-static auto building(const char *what, int64_t count, const char *elements,
-                     Build build) {
-  py::gil_scoped_release unlocked;
-  try {
-    return build();
-  } catch (const std::bad_alloc &) {
-    throw Error(Error::Kind::Memory,
-                "out of memory on 'cpu' while a " + std::string(what) + " of " +
-                    std::to_string(count) + ' ' + elements + " was built");
-  }
-}
+using python::building;
+using python::descriptorOf;
+using python::optionalOf;
 
 static MeshArrays arraysOf(py::handle points, py::handle velocities,
                            py::handle indices, py::handle groups = py::none()) {
@@ -268,6 +244,7 @@ void python::bindGeometry(py::module_ &m) {
   bindMesh(m);
   bindHashGrid(m);
   bindHandle(m);
+  bindVolumes(m);
   m.def(
       "describe_handle",
       [](uint64_t id, int kind, int device) {

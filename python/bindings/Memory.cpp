@@ -119,6 +119,18 @@ void python::bindMemory(py::module_ &m) {
       },
       py::arg("ptr"), py::arg("device"), py::arg("size"));
   m.def(
+      "write_new_memory",
+      [](uintptr_t memory, int device, const py::buffer &contents) {
+        py::buffer_info info = contents.request();
+        size_t bytes = info.size * info.itemsize;
+        runUnlocked(bytes, [&] {
+          writeNewMemory(pointer(memory), device, info.ptr, bytes);
+        });
+      },
+      py::arg("ptr"), py::arg("device"), py::arg("contents"),
+      "Writes packed bytes of the host to memory that nobody uses yet, at once "
+      "and not as part of a graph.");
+  m.def(
       "fill_memory",
       [](uintptr_t dst, int device, const py::bytes &pattern, size_t count,
          const Stream *stream) {

@@ -190,6 +190,7 @@ from warp._src.kernels.overloads import overload as overload
 from warp._src.kernels.tuning import get_cmake_dir as get_cmake_dir
 from warp._src.kernels.tuning import get_cpu_kernel_cache_key as get_cpu_kernel_cache_key
 from warp._src.kernels.tuning import get_cuda_kernel_properties as get_cuda_kernel_properties
+from warp._src.kernels.tuning import get_cuda_max_cluster_dim as get_cuda_max_cluster_dim
 from warp._src.kernels.tuning import get_cuda_supported_archs as get_cuda_supported_archs
 from warp._src.kernels.tuning import get_include as get_include
 from warp._src.kernels.tuning import get_suggested_block_size as get_suggested_block_size

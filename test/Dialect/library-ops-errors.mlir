@@ -29,3 +29,31 @@ func.func @c3_results(%x: f32) {
   warp.library_call "warp_native_memory_0"(%x) : (f32) -> ()
   return
 }
+
+// -----
+
+// Only some functions have a form for lanes, which share the first operands.
+func.func @c1_lanes(%x: vector<8xf32>, %mesh: ui64) {
+  // expected-error @below {{(C1) the device library has no function 'warp_mesh_side_lanes'}}
+  %0 = warp.library_call "warp_mesh_side_lanes"(%mesh, %x, %x, %x)
+      : (ui64, vector<8xf32>, vector<8xf32>, vector<8xf32>) -> vector<8xf32>
+  return
+}
+
+// -----
+
+func.func @c2_shared(%i: vector<8xi32>, %volume: vector<8xi64>) {
+  // expected-error @below {{(C2) 'warp_volume_index_lanes' takes 'liii' and gives 'i'}}
+  %0 = warp.library_call "warp_volume_index_lanes"(%volume, %i, %i, %i)
+      : (vector<8xi64>, vector<8xi32>, vector<8xi32>, vector<8xi32>) -> vector<8xi32>
+  return
+}
+
+// -----
+
+func.func @c2_scalars(%i: i32, %volume: ui64) {
+  // expected-error @below {{(C2) 'warp_volume_index_lanes' takes 'liii' and gives 'i'}}
+  %0 = warp.library_call "warp_volume_index_lanes"(%volume, %i, %i, %i)
+      : (ui64, i32, i32, i32) -> i32
+  return
+}

@@ -9,7 +9,7 @@
 
 // CHECK: .entry cast
 // CHECK: .maxntid 256
-// CHECK-NEXT: .maxnreg 80
+// CHECK-NEXT: .maxnreg 64
 // ASKED: .entry cast
 // ASKED: .maxnreg 128
 func.func @cast(%mesh: ui64, %x: !warp.array<1 x f32>) attributes {warp.kernel} {

@@ -84,3 +84,42 @@ func.func @untold(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
   }
   return
 }
+
+// -----
+
+// Iterations whose sums are in a branch, or in a loop within, have no order
+// either: what they carry besides is had again as it comes.
+func.func @sums_in_branches(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
+                            %next: !warp.array<1 x si32>)
+    attributes {warp.kernel} {
+  %zero = warp.constant 0.0 : f32
+  %none = warp.constant 0 : si32
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  %c3 = arith.constant 3 : i32
+  %i = warp.tid : si32
+  // expected-remark@+1 {{carried value 0 of type 'si32': rank 3, 0 bytes}}
+  %s:2 = scf.while (%at = %i, %t = %zero) : (si32, f32) -> (si32, f32) {
+    %more = warp.gt(%at, %none) : (si32, si32) -> i1
+    scf.condition(%more) %at, %t : si32, f32
+  } do {
+  ^bb0(%at: si32, %t: f32):
+    %v = warp.load %x[%at] : !warp.array<1 x f32>, si32 -> f32
+    %q = warp.mul(%v, %v) : (f32, f32) -> f32
+    %is = warp.gt(%v, %zero) : (f32, f32) -> i1
+    %u = scf.if %is -> (f32) {
+      %a = warp.add(%t, %q) : (f32, f32) -> f32
+      scf.yield %a : f32
+    } else {
+      scf.yield %t : f32
+    }
+    %w = scf.for %k = %c0 to %c3 step %c1 iter_args(%r = %u) -> f32 : i32 {
+      %a = warp.sub(%r, %q) : (f32, f32) -> f32
+      scf.yield %a : f32
+    }
+    %to = warp.load %next[%at] : !warp.array<1 x si32>, si32 -> si32
+    scf.yield %to, %w : si32, f32
+  }
+  warp.store %s#1, %y[%i] : f32, !warp.array<1 x f32>, si32
+  return
+}

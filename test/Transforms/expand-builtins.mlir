@@ -81,3 +81,38 @@ func.func @kept(%x: !warp.array<1 x !warp.vec<3 x f32>>,
   warp.store %n, %y[%i] : ui32, !warp.array<1 x ui32>, si32
   return
 }
+
+// -----
+
+// A loop that chooses components is written out, and one around it that chooses
+// none stays.
+// CHECK-LABEL: @components
+// CHECK-COUNT-1: scf.for
+// CHECK-NOT: scf.for
+// CHECK: warp.extract %[[V:.*]][%{{.*}}] : !warp.vec<2 x f32>
+// CHECK: %[[FIRST:.*]] = warp.add
+// CHECK: warp.extract %[[V]]
+// CHECK: warp.add(%[[FIRST]],
+// CHECK: return
+func.func @components(%x: !warp.array<1 x !warp.vec<2 x f32>>,
+                      %y: !warp.array<1 x f32>, %n: i32)
+    attributes {warp.kernel} {
+  %zero = warp.constant 0.0 : f32
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  %c2 = arith.constant 2 : i32
+  %i = warp.tid : si32
+  %v = warp.load %x[%i] : !warp.array<1 x !warp.vec<2 x f32>>, si32
+      -> !warp.vec<2 x f32>
+  %s = scf.for %j = %c0 to %n step %c1 iter_args(%t = %zero) -> f32 : i32 {
+    %u = scf.for %k = %c0 to %c2 step %c1 iter_args(%r = %t) -> f32 : i32 {
+      %at = warp.cast %k : i32 to si32
+      %e = warp.extract %v[%at] : !warp.vec<2 x f32>, si32 -> f32
+      %a = warp.add(%r, %e) : (f32, f32) -> f32
+      scf.yield %a : f32
+    }
+    scf.yield %u : f32
+  }
+  warp.store %s, %y[%i] : f32, !warp.array<1 x f32>, si32
+  return
+}

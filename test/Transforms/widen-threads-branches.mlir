@@ -177,3 +177,31 @@ func.func @division(%x: !warp.array<1 x si32>, %y: !warp.array<1 x si64>,
   warp.store_components(%d), %y[%i] : (i64), !warp.array<1 x si64>, i32
   return
 }
+
+// -----
+
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 1,
+      lanes = 4>
+
+// What hardly any thread does, lanes do only if one of them does, short as it
+// is.
+// CHECK-LABEL: func.func @rare
+// CHECK: %[[ANY:.*]] = warp.any
+// CHECK: scf.if %[[ANY]] -> (vector<4xf32>) {
+// CHECK: arith.addf
+// CHECK: arith.select
+// CHECK: return
+func.func @rare(%x: !warp.array<1 x f32>, %z: f32)
+    attributes {warp.kernel, warp.variant = #cpu} {
+  %i = warp.tid : i32
+  %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
+  %p = arith.cmpf ogt, %v, %z : f32
+  %r = scf.if %p -> f32 {
+    %t = arith.addf %v, %v : f32
+    scf.yield %t : f32
+  } else {
+    scf.yield %v : f32
+  } {warp.rare}
+  warp.store_components(%r), %x[%i] : (f32), !warp.array<1 x f32>, i32
+  return
+}

@@ -4,7 +4,7 @@
 //
 //   nvdb-exchange write TYPE CODEC FILE
 //       x + 10 y + 100 z in voxels (0, 0, 0) to (9, 8, 4), elsewhere the
-//       background -7; the codec is none or zip
+//       background -7; the codec is none, zip or blosc
 //   nvdb-exchange read FILE
 //       values of voxels (-1, -1, -1) to (10, 9, 5), z fastest, one a line
 //
@@ -73,8 +73,11 @@ template <class Build> static bool read(const GridHandle<> &file) {
 int main(int argc, char **argv) {
   try {
     if (argc == 5 && std::strcmp(argv[1], "write") == 0) {
-      bool isZip = std::strcmp(argv[3], "zip") == 0;
-      writeOf(argv[2], isZip ? io::Codec::ZIP : io::Codec::NONE, argv[4]);
+      auto is = [&](const char *name) { return !std::strcmp(argv[3], name); };
+      io::Codec codec = is("zip")     ? io::Codec::ZIP
+                        : is("blosc") ? io::Codec::BLOSC
+                                      : io::Codec::NONE;
+      writeOf(argv[2], codec, argv[4]);
       return 0;
     }
     if (argc != 3 || std::strcmp(argv[1], "read") != 0)

@@ -76,6 +76,7 @@ struct FakeOctet {
       all = std::min(all, of(value, i));
     return all;
   }
+  bool any(bool says) const { return ~least(says ? ~1u : ~0u); }
 };
 
 /// The same for a team and for threads on their own.

@@ -39,6 +39,15 @@ inline uint32_t lanesBefore() { return (1u << lane()) - 1; }
 inline void meet() { __nvvm_bar_sync(0); }
 inline void meetWarp() { __nvvm_bar_warp_sync(~0u); }
 
+/// Keeps what follows from being computed before, and what was computed of
+/// `value` from being kept for it: registers are dearer than a shift.
+template <typename T> inline void forget(T &value) {
+  if constexpr (sizeof(T) == 8)
+    asm volatile("" : "+l"(value));
+  else
+    asm volatile("" : "+r"(value));
+}
+
 /// The lanes for which `value` holds.
 inline uint32_t ballot(bool value) {
   return __nvvm_vote_ballot_sync(~0u, value);
@@ -63,6 +72,23 @@ inline uint64_t fromBefore(uint64_t value, int distance) {
 inline double fromBefore(double value, int distance) {
   return __builtin_bit_cast(
       double, fromBefore(__builtin_bit_cast(uint64_t, value), distance));
+}
+
+/// The value that a lane has.
+inline uint32_t fromLane(uint32_t value, int lane) {
+  return __nvvm_shfl_sync_idx_i32(~0u, value, lane, 31);
+}
+inline float fromLane(float value, int lane) {
+  return __nvvm_shfl_sync_idx_f32(~0u, value, lane, 31);
+}
+inline uint64_t fromLane(uint64_t value, int lane) {
+  uint64_t low = fromLane(static_cast<uint32_t>(value), lane);
+  uint64_t high = fromLane(static_cast<uint32_t>(value >> 32), lane);
+  return high << 32 | low;
+}
+inline double fromLane(double value, int lane) {
+  return __builtin_bit_cast(
+      double, fromLane(__builtin_bit_cast(uint64_t, value), lane));
 }
 
 /// The value of the lane whose number differs by the bits of `mask`.

@@ -5,8 +5,8 @@
 // One kernel counts all digits of all keys, then each digit is a pass that
 // reads and writes the pairs once (Adinets and Merrill, "Onesweep: a faster
 // least significant digit radix sort for GPUs", 2022). A block takes the next
-// tile of pairs in their order, finds the rank of each by its digit, and
-// publishes how many of each digit it has; the sum over the tiles before it is
+// tile of pairs in their order, publishes how many of each digit it has, and
+// finds the rank of each by its digit; the sum over the tiles before it is
 // found by looking back at what those published, counts of one tile or sums
 // of all up to it. The pairs are put in order in shared memory, so that those
 // of a digit are written as neighbours.
@@ -69,10 +69,8 @@ static void countDigits(const Key *keys, int64_t count, Order order, int begin,
   for (int i = 0; i < most; ++i)
     own[i * digits + thread()] = 0;
   meet();
-  int64_t step = static_cast<int64_t>(blocks()) * threads;
-  for (int64_t i = static_cast<int64_t>(block()) * threads + thread();
-       i < count; i += step) {
-    Key bits = order.ordered(keys[i]);
+  auto add = [&](Key key) {
+    Key bits = order.ordered(key);
     int pass = 0;
     for (int shift = begin; shift < end; shift += digitBits, ++pass) {
       int width = end - shift < digitBits ? end - shift : digitBits;
@@ -80,7 +78,22 @@ static void countDigits(const Key *keys, int64_t count, Order order, int begin,
       __scoped_atomic_fetch_add(&own[pass * digits + digit], 1u,
                                 __ATOMIC_RELAXED, __MEMORY_SCOPE_WRKGRP);
     }
+  };
+  // The loads of several rounds wait for memory together.
+  constexpr int ahead = 8;
+  int64_t step = static_cast<int64_t>(blocks()) * threads;
+  int64_t i = static_cast<int64_t>(block()) * threads + thread();
+  for (; i + (ahead - 1) * step < count; i += ahead * step) {
+    Key some[ahead];
+#pragma unroll
+    for (int j = 0; j < ahead; ++j)
+      some[j] = keys[i + j * step];
+#pragma unroll
+    for (int j = 0; j < ahead; ++j)
+      add(some[j]);
   }
+  for (; i < count; i += step)
+    add(keys[i]);
   meet();
   for (int i = 0; i < most; ++i) {
     uint32_t value = own[i * digits + thread()];
@@ -119,7 +132,7 @@ namespace {
 template <typename Order, typename Value> struct Pass {
   using Key = typename Order::Key;
   /// Pairs of a thread: what shared memory and registers hold.
-  static constexpr int perThread = sizeof(Key) + sizeof(Value) > 8 ? 16 : 24;
+  static constexpr int perThread = sizeof(Key) + sizeof(Value) > 8 ? 18 : 24;
   static constexpr int tile = threads * perThread;
 
   const Key *keys;
@@ -142,6 +155,22 @@ template <typename Order, typename Value> struct Pass {
 
 } // namespace
 
+/// Small numbers in few registers: `bits` of 32 for each.
+template <int count, int bits> class Packed {
+public:
+  void set(int i, uint32_t value) {
+    int shift = i % each * bits;
+    words[i / each] = shift ? words[i / each] | value << shift : value;
+  }
+  uint32_t get(int i) const {
+    return words[i / each] >> (i % each * bits) & ((1u << bits) - 1);
+  }
+
+private:
+  static constexpr int each = 32 / bits;
+  uint32_t words[(count + each - 1) / each];
+};
+
 /// The lanes whose digit is that of this lane.
 static uint32_t lanesWith(int digit) {
   uint32_t lanes = ~0u;
@@ -154,20 +183,18 @@ static uint32_t lanesWith(int digit) {
   return lanes;
 }
 
+/// Publishes of a digit that a tile has `count` pairs, or that the tiles up to
+/// it have so many.
+static void publish(uint32_t *states, int tile, uint32_t mark, uint32_t count) {
+  __scoped_atomic_store_n(
+      states + static_cast<int64_t>(tile) * digits + thread(), mark | count,
+      __ATOMIC_RELAXED, __MEMORY_SCOPE_DEVICE);
+}
+
 /// How many pairs of this thread's digit the tiles before `tile` have.
-static uint32_t lookBack(uint32_t *states, int tile, uint32_t own) {
-  uint32_t *mine = states + static_cast<int64_t>(tile) * digits + thread();
-  auto publish = [&](uint32_t state) {
-    __scoped_atomic_store_n(mine, state, __ATOMIC_RELAXED,
-                            __MEMORY_SCOPE_DEVICE);
-  };
-  if (tile == 0) {
-    publish(summed | own);
-    return 0;
-  }
-  publish(published | own);
+static uint32_t lookBack(const uint32_t *states, int tile) {
   uint32_t before = 0;
-  for (int next = tile - 1;;) {
+  for (int next = tile - 1; next >= 0;) {
     // The loads of several tiles wait for memory together.
     uint32_t seen[lookAt];
 #pragma unroll
@@ -189,12 +216,12 @@ static uint32_t lookBack(uint32_t *states, int tile, uint32_t own) {
     if (ends)
       break;
   }
-  publish(summed | (before + own));
   return before;
 }
 
 template <typename Order, typename Value>
-static void movePairs(const Pass<Order, Value> &pass) {
+[[gnu::always_inline]] static inline void
+movePairs(const Pass<Order, Value> &pass) {
   using Key = typename Order::Key;
   constexpr int perThread = Pass<Order, Value>::perThread;
   constexpr int tileLength = Pass<Order, Value>::tile;
@@ -203,11 +230,10 @@ static void movePairs(const Pass<Order, Value> &pass) {
   WARP_SHARED Wide sorted[tileLength];
   auto *sortedKeys = reinterpret_cast<Key *>(&sorted[0]);
   auto *sortedValues = reinterpret_cast<Value *>(&sorted[0]);
-  // By warp and digit: how many, then how many in the warps before.
+  // By warp and digit: how many, then where the next one goes in the tile.
   WARP_SHARED uint32_t counts[warps * digits];
   // By digit: where its pairs go, less their place in the tile.
   WARP_SHARED uint32_t places[digits];
-  WARP_SHARED uint32_t firsts[digits];
   WARP_SHARED uint32_t taken;
 
   int warp = thread() / warpSize;
@@ -226,45 +252,50 @@ static void movePairs(const Pass<Order, Value> &pass) {
   int mine = warp * warpSize * perThread + lane();
 
   Key keys[perThread];
-  uint32_t ranks[perThread];
 #pragma unroll
   for (int i = 0; i < perThread; ++i) {
     int at = mine + i * warpSize;
     // What is missing at the end goes last.
     keys[i] = at < valid ? pass.keys[first + at] : pass.order.last();
   }
+  uint32_t *own = counts + warp * digits;
 #pragma unroll
-  for (int i = 0; i < perThread; ++i) {
-    int digit = pass.digitOf(keys[i]);
-    uint32_t lanes = lanesWith(digit);
-    uint32_t *counter = &counts[warp * digits + digit];
-    uint32_t before = *counter;
-    ranks[i] = before + __builtin_popcount(lanes & lanesBefore());
-    meetWarp();
-    if (!(lanes & lanesBefore()))
-      *counter = before + __builtin_popcount(lanes);
-    meetWarp();
-  }
+  for (int i = 0; i < perThread; ++i)
+    __scoped_atomic_fetch_add(own + pass.digitOf(keys[i]), 1u, __ATOMIC_RELAXED,
+                              __MEMORY_SCOPE_WRKGRP);
   meet();
 
-  uint32_t total = 0;
+  // A thread per digit. Other tiles can count on these long before they move.
+  uint32_t ofWarps[warps], total = 0;
 #pragma unroll
   for (int i = 0; i < warps; ++i) {
-    uint32_t own = counts[i * digits + thread()];
-    counts[i * digits + thread()] = total;
-    total += own;
+    ofWarps[i] = counts[i * digits + thread()];
+    total += ofWarps[i];
   }
-  uint32_t firstOfDigit = sumBefore(total);
-  firsts[thread()] = firstOfDigit;
-  uint32_t start = pass.starts[thread()];
-  places[thread()] = start + lookBack(pass.states, tile, total) - firstOfDigit;
+  publish(pass.states, tile, tile == 0 ? summed : published, total);
+  uint32_t firstOfDigit = sumBefore(total), next = firstOfDigit;
+#pragma unroll
+  for (int i = 0; i < warps; ++i) {
+    counts[i * digits + thread()] = next;
+    next += ofWarps[i];
+  }
   meet();
 
+  // The place of each pair in the order of the tile.
+  Packed<perThread, 16> ranks;
 #pragma unroll
   for (int i = 0; i < perThread; ++i) {
+    forget(keys[i]);
     int digit = pass.digitOf(keys[i]);
-    ranks[i] += counts[warp * digits + digit] + firsts[digit];
-    sortedKeys[ranks[i]] = keys[i];
+    uint32_t lanes = lanesWith(digit);
+    uint32_t before = own[digit];
+    uint32_t rank = before + __builtin_popcount(lanes & lanesBefore());
+    ranks.set(i, rank);
+    meetWarp();
+    if (!(lanes & lanesBefore()))
+      own[digit] = before + __builtin_popcount(lanes);
+    meetWarp();
+    sortedKeys[rank] = keys[i];
   }
   Value values[perThread];
 #pragma unroll
@@ -272,26 +303,31 @@ static void movePairs(const Pass<Order, Value> &pass) {
     int at = mine + i * warpSize;
     values[i] = at < valid ? pass.values[first + at] : Value(0);
   }
+  uint32_t before = tile == 0 ? 0 : lookBack(pass.states, tile);
+  if (tile != 0)
+    publish(pass.states, tile, summed, before + total);
+  places[thread()] = pass.starts[thread()] + before - firstOfDigit;
   meet();
-  uint32_t targets[perThread];
+  Packed<perThread, digitBits> digitsOf;
 #pragma unroll
   for (int i = 0; i < perThread; ++i) {
     int at = i * threads + thread();
     Key key = sortedKeys[at];
-    targets[i] = at + places[pass.digitOf(key)];
+    uint32_t digit = pass.digitOf(key);
+    digitsOf.set(i, digit);
     if (at < valid)
-      pass.outKeys[targets[i]] = key;
+      pass.outKeys[at + places[digit]] = key;
   }
   meet();
 #pragma unroll
   for (int i = 0; i < perThread; ++i)
-    sortedValues[ranks[i]] = values[i];
+    sortedValues[ranks.get(i)] = values[i];
   meet();
 #pragma unroll
   for (int i = 0; i < perThread; ++i) {
     int at = i * threads + thread();
     if (at < valid)
-      pass.outValues[targets[i]] = sortedValues[at];
+      pass.outValues[at + places[digitsOf.get(i)]] = sortedValues[at];
   }
 }
 

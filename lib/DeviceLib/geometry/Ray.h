@@ -66,10 +66,11 @@ struct Ray {
     for (int i = 0; i < 3; ++i) {
       start[i] = from3[i];
       direction[i] = given[i] * down * further;
+      // So slow that it has no inverse.
+      if (!(__builtin_elementwise_abs(direction[i]) >= 0x1p-126f))
+        direction[i] = 0;
       // Of no use where the ray does not move; GPUs divide by zero slowly.
       inverse[i] = 1 / (direction[i] == 0 ? 1 : direction[i]);
-      if (!(__builtin_elementwise_abs(inverse[i]) < infinity))
-        direction[i] = 0;
     }
     first = down / tree.scale;
     second = further;

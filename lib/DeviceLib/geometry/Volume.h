@@ -19,7 +19,8 @@
 
 namespace warp::geometry {
 
-/// The slot of a Volume; python/warp/_src/geometry/volumes/slot.py writes it.
+/// The slot of a Volume; lib/Geometry/Volumes/Contents.cpp
+/// writes it, and kernels that build grids on a device do.
 struct VolumeSlot {
   u64 tag;
   const u8 *grid, *root, *leaves;
@@ -96,8 +97,8 @@ inline VoxelPlace findVoxel(const VolumeSlot &volume, Voxel v) {
   i64 child = readAt<i64>(tile + 8);
   if (!child)
     return {tile + volume.tileValue, false};
-  u32 n = u32((v.x & 4095) >> 7 << 10 | (v.y & 4095) >> 7 << 5 |
-              (v.z & 4095) >> 7);
+  u32 n =
+      u32((v.x & 4095) >> 7 << 10 | (v.y & 4095) >> 7 << 5 | (v.z & 4095) >> 7);
   VoxelPlace lower = childOf(volume.root + child, n, 4096, volume.upperTable,
                              volume.tableStride);
   if (!lower.isLeaf)
@@ -143,6 +144,56 @@ inline u32 crossedBy(Voxel v) {
          u32((v.z & 7) == 7);
 }
 
+/// Where a value is, in numbers of its kind: from the first leaf on, or, for
+/// one that is not in a leaf, from the grid's first byte on. A value of another
+/// type than asked for is nowhere. The kernel language reads them
+/// (python/warp/_src/geometry/volumes/cells.py).
+constexpr u64 outsideLeaves = u64(1) << 63, nowhere = ~u64(0);
+
+/// The logarithm of the size of the numbers in values of a type.
+inline u32 numberShift(u32 type) {
+  constexpr u32 float64 = 2, int64 = 5, vec3d = 7, vec4d = 18;
+  bool isWide =
+      type == float64 || type == int64 || type == vec3d || type == vec4d;
+  return isWide ? 3 : 2;
+}
+
+inline u64 numberAt(const VolumeSlot &volume, VoxelPlace place, Voxel v) {
+  u32 shift = numberShift(volume.type);
+  const u8 *at = valueAt(volume, place, v);
+  return place.isLeaf ? u64(at - volume.leaves) >> shift
+                      : u64(at - volume.grid) >> shift | outsideLeaves;
+}
+
+/// The leaves of a cell's corners by the table of leaves, z fastest; false if
+/// one is not there. No step depends on another.
+inline bool findLeaves(const VolumeSlot &volume, Voxel v, u32 (&leaves)[8]) {
+  const i32 from[3] = {v.x, v.y, v.z};
+  u32 at[3][2];
+  bool isThere = true;
+  for (int axis = 0; axis < 3; ++axis) {
+    i32 next = i32(u32(from[axis]) + 1);
+    at[axis][0] = u32((from[axis] >> 3) - volume.lowest[axis]);
+    at[axis][1] = u32((next >> 3) - volume.lowest[axis]);
+    u32 last = at[axis][0] > at[axis][1] ? at[axis][0] : at[axis][1];
+    isThere &= last < volume.extent[axis];
+  }
+  if (!isThere)
+    return false;
+  for (u32 corner = 0; corner < 8; ++corner) {
+    u32 row = at[0][corner >> 2] * volume.extent[1] + at[1][corner >> 1 & 1];
+    leaves[corner] = volume.numbers[row * volume.extent[2] + at[2][corner & 1]];
+    isThere &= leaves[corner] != noLeaf;
+  }
+  return isThere;
+}
+
+/// The corner of a cell that starts at a voxel.
+inline Voxel cornerOf(Voxel v, u32 corner) {
+  return {i32(u32(v.x) + (corner >> 2)), i32(u32(v.y) + (corner >> 1 & 1)),
+          i32(u32(v.z) + (corner & 1))};
+}
+
 /// Calls `visit(corner, place, voxel)` for the corners of the cell that starts
 /// at a voxel, z fastest; one descent for each leaf that the cell touches.
 template <class Visit>
@@ -150,12 +201,77 @@ void forCorners(const VolumeSlot &volume, Voxel v, Visit &&visit) {
   u32 crossed = crossedBy(v);
   VoxelPlace places[8];
   for (u32 corner = 0; corner < 8; ++corner) {
-    Voxel at{i32(u32(v.x) + (corner >> 2)), i32(u32(v.y) + (corner >> 1 & 1)),
-             i32(u32(v.z) + (corner & 1))};
+    Voxel at = cornerOf(v, corner);
     u32 first = corner & crossed;
     places[corner] = first == corner ? findVoxel(volume, at) : places[first];
     visit(corner, places[corner], at);
   }
+}
+
+struct CellPlaces {
+  u64 at[8];
+};
+
+/// What walks from the root is called by kernels of GPUs, of which what the
+/// table finds becomes part.
+#ifdef __NVPTX__
+#define WARP_WALK __attribute__((noinline)) static
+#else
+#define WARP_WALK inline
+#endif
+
+WARP_WALK void walkCell(const VolumeSlot &volume, Voxel v, CellPlaces &places) {
+  forCorners(volume, v, [&](u32 corner, VoxelPlace place, Voxel at) {
+    places.at[corner] = numberAt(volume, place, at);
+  });
+}
+
+WARP_WALK u64 walkValue(const VolumeSlot &volume, Voxel v) {
+  return numberAt(volume, findVoxel(volume, v), v);
+}
+
+/// Calls `put(corner, place)` with the places of the values of a cell.
+template <class Put>
+void findCell(const VolumeSlot &volume, u32 type, Voxel v, Put &&put) {
+  if (volume.type != type) {
+    for (u32 corner = 0; corner < 8; ++corner)
+      put(corner, nowhere);
+    return;
+  }
+  u32 shift = numberShift(type), leaves[8];
+#ifndef __NVPTX__
+  // Two of three cells are in one leaf. Threads of a GPU would wait for the
+  // others.
+  const u8 *leaf = crossedBy(v) == 0 ? findLeaf(volume, v) : nullptr;
+  if (leaf) {
+    u64 first = numberAt(volume, {leaf, true}, v);
+    u32 step = volume.valueSize >> shift;
+    for (u32 corner = 0; corner < 8; ++corner)
+      put(corner, first + step * ((corner >> 2) * 64 + (corner >> 1 & 1) * 8 +
+                                  (corner & 1)));
+    return;
+  }
+#endif
+  if (findLeaves(volume, v, leaves)) {
+    u64 size = volume.leafSize >> shift;
+    for (u32 corner = 0; corner < 8; ++corner) {
+      u32 n = cornerOf(v, corner).inLeaf();
+      put(corner, leaves[corner] * size +
+                      ((volume.leafTable + n * volume.valueSize) >> shift));
+    }
+    return;
+  }
+  CellPlaces walked;
+  walkCell(volume, v, walked);
+  for (u32 corner = 0; corner < 8; ++corner)
+    put(corner, walked.at[corner]);
+}
+
+inline u64 findValue(const VolumeSlot &volume, u32 type, Voxel v) {
+  if (volume.type != type)
+    return nowhere;
+  const u8 *leaf = findLeaf(volume, v);
+  return leaf ? numberAt(volume, {leaf, true}, v) : walkValue(volume, v);
 }
 
 } // namespace warp::geometry

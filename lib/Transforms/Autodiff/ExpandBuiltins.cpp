@@ -15,6 +15,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "Autodiff/Rules/Rules.h"
+#include "Composites/UnrollLocals.h"
 
 #include "Lowerings/Lowerings.h"
 #include "WarpDialect/Passes.h"
@@ -306,6 +307,7 @@ struct ExpandBuiltins : warp::impl::ExpandBuiltinsBase<ExpandBuiltins> {
     for (auto function : getOperation().getOps<func::FuncOp>()) {
       if (function.isExternal())
         continue;
+      warp::unrollLocals(function, warp::UnrollFor::Any);
       Expansion expansion(function);
       // An expansion may keep builtins that need one themselves.
       for (bool changed = true; changed;) {

@@ -37,7 +37,7 @@ struct LowerComposites : warp::impl::LowerCompositesBase<LowerComposites> {
                           OpBuilder(&getContext())
                               .getTypeArrayAttr(function.getArgumentTypes()));
       if (!function.isExternal()) {
-        warp::unrollLocals(function);
+        warp::unrollLocals(function, warp::UnrollFor::Long);
         warp::placeLocals(function);
       }
       if (failed(warp::lowerComposites(function)))

@@ -9,6 +9,9 @@
 // beside the code and taken if no index is left that is known at run time only,
 // and if the code is short and the values fit registers.
 //
+// Reversed loops also keep what short composites were, iteration by iteration,
+// so before a kernel is differentiated these count, too.
+//
 //===----------------------------------------------------------------------===//
 
 #include "UnrollLocals.h"
@@ -26,39 +29,28 @@
 
 using namespace mlir;
 
-/// Operations that are written, and components that loops carry.
-constexpr int64_t mostOperations = 2048, mostComponents = 64;
-
-/// Whether an operation accesses a long composite at an index of run time.
-static bool isDynamicAccess(Operation *op) {
-  if (auto extract = dyn_cast<warp::ExtractOp>(op))
-    return warp::isLongComposite(extract->getOperand(0).getType()) &&
-           warp::isDynamic(extract.getIndices());
-  auto insert = dyn_cast<warp::InsertOp>(op);
-  return insert && warp::isLongComposite(insert.getType()) &&
-         warp::isDynamic(insert.getIndices());
-}
-
-static bool hasDynamicAccess(Operation *op) {
-  auto result = op->walk([](Operation *inner) {
-    return isDynamicAccess(inner) ? WalkResult::interrupt()
-                                  : WalkResult::advance();
-  });
-  return result.wasInterrupted();
-}
+/// Components that loops carry.
+constexpr int64_t mostComponents = 64;
 
 namespace {
 
 class LoopWriter {
 public:
-  explicit LoopWriter(FunctionOpInterface function)
-      : function(function), b(function.getContext()) {}
+  LoopWriter(FunctionOpInterface function, warp::UnrollFor composites)
+      : function(function), b(function.getContext()),
+        takesAll(composites == warp::UnrollFor::Any),
+        mostOperations(takesAll ? 1024 : 2048) {}
 
   void run();
 
 private:
-  bool comesFromCounters(Value value, llvm::DenseSet<Value> &seen) const;
-  bool isWorthTrying() const;
+  bool counts(Type type) const {
+    return takesAll || warp::isLongComposite(type);
+  }
+  bool isDynamicAccess(Operation *op) const;
+  bool hasDynamicAccess(Operation *op) const;
+  bool comesFromCounters(Value value);
+  bool isWorthTrying();
   bool emitBlock(Block &block);
   bool emitLoop(scf::ForOp loop, int64_t first, int64_t count, int64_t step);
   bool emitBranch(scf::IfOp branch);
@@ -70,22 +62,42 @@ private:
   FunctionOpInterface function;
   OpBuilder b;
   IRMapping map;
-  int64_t written = 0;
+  /// What indices are made of.
+  llvm::DenseSet<Value> followed;
+  bool takesAll;
+  /// How many are written at most.
+  int64_t mostOperations, written = 0;
 };
 
 } // namespace
+
+/// Whether an operation accesses a composite at an index of run time.
+bool LoopWriter::isDynamicAccess(Operation *op) const {
+  if (auto extract = dyn_cast<warp::ExtractOp>(op))
+    return counts(extract->getOperand(0).getType()) &&
+           warp::isDynamic(extract.getIndices());
+  auto insert = dyn_cast<warp::InsertOp>(op);
+  return insert && counts(insert.getType()) &&
+         warp::isDynamic(insert.getIndices());
+}
+
+bool LoopWriter::hasDynamicAccess(Operation *op) const {
+  auto result = op->walk([&](Operation *inner) {
+    return isDynamicAccess(inner) ? WalkResult::interrupt()
+                                  : WalkResult::advance();
+  });
+  return result.wasInterrupted();
+}
 
 //===----------------------------------------------------------------------===//
 // What is worth it
 //===----------------------------------------------------------------------===//
 
-bool LoopWriter::comesFromCounters(Value value,
-                                   llvm::DenseSet<Value> &seen) const {
-  if (!seen.insert(value).second || matchPattern(value, m_Constant()))
+bool LoopWriter::comesFromCounters(Value value) {
+  if (!followed.insert(value).second || matchPattern(value, m_Constant()))
     return true;
   auto all = [&](ValueRange values) {
-    return llvm::all_of(values,
-                        [&](Value v) { return comesFromCounters(v, seen); });
+    return llvm::all_of(values, [&](Value v) { return comesFromCounters(v); });
   };
   if (auto argument = dyn_cast<BlockArgument>(value)) {
     auto loop = dyn_cast<scf::ForOp>(argument.getOwner()->getParentOp());
@@ -105,7 +117,7 @@ bool LoopWriter::comesFromCounters(Value value,
          def->getNumOperands() != 0 && all(def->getOperands());
 }
 
-bool LoopWriter::isWorthTrying() const {
+bool LoopWriter::isWorthTrying() {
   bool any = false, fits = true;
   function->walk([&](Operation *op) {
     if (isDynamicAccess(op)) {
@@ -113,16 +125,15 @@ bool LoopWriter::isWorthTrying() const {
       auto extract = dyn_cast<warp::ExtractOp>(op);
       ValueRange indices = extract ? ValueRange(extract.getIndices())
                                    : cast<warp::InsertOp>(op).getIndices();
-      llvm::DenseSet<Value> seen;
       for (Value index : indices)
-        fits &= comesFromCounters(index, seen);
+        fits &= comesFromCounters(index);
     }
     auto loop = dyn_cast<scf::ForOp>(op);
     if (!loop)
       return;
     int64_t components = 0;
     for (Value carried : loop.getInitArgs())
-      if (warp::isLongComposite(carried.getType()))
+      if (warp::isComposite(carried.getType()) && counts(carried.getType()))
         components += warp::getComponentCount(carried.getType());
     fits &= components <= mostComponents;
   });
@@ -255,7 +266,10 @@ bool LoopWriter::emit(Operation *op) {
       branch && numberOf(branch.getCondition()))
     return emitBranch(branch);
   bool accesses = op->getNumRegions() != 0 && hasDynamicAccess(op);
-  if (auto loop = dyn_cast<scf::ForOp>(op); loop && accesses) {
+  auto isFollowed = [&](Value argument) { return followed.contains(argument); };
+  if (auto loop = dyn_cast<scf::ForOp>(op);
+      loop && accesses &&
+      llvm::any_of(loop.getBody()->getArguments(), isFollowed)) {
     auto first = numberOf(loop.getLowerBound()),
          end = numberOf(loop.getUpperBound()), step = numberOf(loop.getStep());
     if (first && end && step && *step > 0 &&
@@ -306,7 +320,7 @@ void LoopWriter::run() {
   Block &entry = function.getFunctionBody().front();
   Block *made = b.createBlock(&function.getFunctionBody());
   bool succeeds = emitBlock(entry);
-  auto isLeft = [](Operation &op) { return hasDynamicAccess(&op); };
+  auto isLeft = [&](Operation &op) { return hasDynamicAccess(&op); };
   if (!succeeds || llvm::any_of(*made, isLeft))
     return drop(*made);
   Operation *end = entry.getTerminator();
@@ -321,6 +335,6 @@ void LoopWriter::run() {
   drop(*old);
 }
 
-void warp::unrollLocals(FunctionOpInterface function) {
-  LoopWriter(function).run();
+void warp::unrollLocals(FunctionOpInterface function, UnrollFor composites) {
+  LoopWriter(function, composites).run();
 }

@@ -13,9 +13,17 @@ class FunctionOpInterface;
 
 namespace warp {
 
-/// Copies the bodies of short loops with which all indices of long composites
-/// become constants, so that these need no memory.
-void unrollLocals(mlir::FunctionOpInterface function);
+/// Which composites loops are written out for.
+enum class UnrollFor {
+  /// Those that would be in memory.
+  Long,
+  /// All of them, if that makes moderate code: what derivatives gain by it.
+  Any,
+};
+
+/// Copies the bodies of short loops with which all indices of these composites
+/// become constants.
+void unrollLocals(mlir::FunctionOpInterface function, UnrollFor composites);
 
 } // namespace warp
 

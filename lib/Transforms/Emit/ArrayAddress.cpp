@@ -238,7 +238,10 @@ Address ArrayLowering::address(mlir::Value array, ValueRange indices) {
   ArrayParts parts = getParts(array);
   Address result;
   for (auto [index, extent] : llvm::zip(indices, parts.shape))
-    result.indices.push_back(wrapIndex(index, extent));
+    result.indices.push_back(parts.isGeometry && !debug &&
+                                     index.getType() != i64
+                                 ? widen(index, i32)
+                                 : wrapIndex(index, extent));
   if (debug)
     for (auto [index, extent] : llvm::zip(result.indices, parts.shape)) {
       mlir::Value fits = arith::CmpIOp::create(

@@ -20,6 +20,7 @@
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
 #include "mlir/IR/Builders.h"
 #include "llvm/ADT/DenseMap.h"
+#include "llvm/ADT/DenseSet.h"
 
 namespace warp {
 
@@ -32,6 +33,9 @@ struct ArrayParts {
   llvm::SmallVector<mlir::Value, 4> strides;
   /// Packed: bytes from one element to the next; otherwise 0.
   int64_t unit = 0;
+  /// What the runtime keeps of geometry: neither its indices nor the integers
+  /// of 32 bits in it are negative.
+  bool isGeometry = false;
   /// How messages call the array.
   llvm::StringRef name;
 };
@@ -193,6 +197,8 @@ private:
   /// Pointers to the memory of `warp.scratch` operations.
   llvm::DenseMap<mlir::Value, mlir::Value> scratches;
   StagedAccesses staged;
+  /// Arrays of what the runtime keeps of geometry.
+  llvm::DenseSet<mlir::Operation *> geometry;
   /// Of blocks with staged accesses: whether all threads of the warp are there.
   llvm::DenseMap<mlir::Block *, mlir::Value> wholeWarps;
   llvm::SmallVector<mlir::Operation *> dead;

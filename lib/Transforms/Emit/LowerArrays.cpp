@@ -14,6 +14,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Analysis/GeometryMemory.h"
 #include "ArrayLowering.h"
 #include "ForwardElements.h"
 #include "KernelFunction.h"
@@ -55,6 +56,9 @@ LogicalResult ArrayLowering::run() {
   SmallVector<Operation *> operations;
   entry.walk<WalkOrder::PreOrder>(
       [&](Operation *op) { operations.push_back(op); });
+  for (Operation *op : operations)
+    if (auto array = dyn_cast<ArrayAtOp>(op); array && isGeometryMemory(array))
+      geometry.insert(array);
   if (debug) {
     b.setInsertionPointToStart(&entry.getBody().front());
     mlir::Value block = entry.getArgument(0);
@@ -138,8 +142,8 @@ void ArrayLowering::convertControlFlow(Operation *op) {
     if (isa<warp::ArrayType>(operand.get().getType()))
       operand.set(pack(operand.get()));
     else if (isa<ScratchType>(operand.get().getType()))
-      operand.set(LLVM::PtrToIntOp::create(
-          b, loc, i64, scratches.lookup(operand.get())));
+      operand.set(LLVM::PtrToIntOp::create(b, loc, i64,
+                                           scratches.lookup(operand.get())));
   auto convert = [&](mlir::Value value) {
     auto array = dyn_cast<warp::ArrayType>(value.getType());
     if (!array)
@@ -233,8 +237,7 @@ void ArrayLowering::lowerComponentView(ComponentViewOp op) {
 
 void ArrayLowering::lowerDim(DimOp op) {
   mlir::Value extent = getParts(op.getArray()).shape[op.getDim()];
-  op.getResult().replaceAllUsesWith(
-      widen(extent, getSignless(op.getType())));
+  op.getResult().replaceAllUsesWith(widen(extent, getSignless(op.getType())));
 }
 
 void ArrayLowering::lowerStride(StrideOp op) {
@@ -278,6 +281,7 @@ void ArrayLowering::lowerArrayAt(ArrayAtOp op) {
   for (mlir::Value extent : op.getExtents())
     parts.shape.push_back(widen(extent, i32));
   parts.unit = getByteSize(elementType(op));
+  parts.isGeometry = geometry.contains(op);
   known[op] = parts;
 }
 
@@ -344,6 +348,7 @@ void ArrayLowering::lowerLoad(LoadComponentsOp op) {
   SmallVector<Leaf> leaves;
   collectLeaves(elementType(op.getArray()), 0, leaves);
   Address at = address(op.getArray(), op.getIndices());
+  bool isGeometry = getParts(op.getArray()).isGeometry;
   SmallVector<mlir::Type> types;
   for (Leaf leaf : leaves) {
     auto array = dyn_cast<warp::ArrayType>(leaf.type);
@@ -358,6 +363,9 @@ void ArrayLowering::lowerLoad(LoadComponentsOp op) {
       auto array = dyn_cast<warp::ArrayType>(leaf.type);
       if (!array) {
         loaded.push_back(loadLeaf(leaf.type, from));
+        if (isGeometry && loaded.back().getType() == i32)
+          loaded.back().getDefiningOp()->setAttr(attr::nonNegative,
+                                                 b.getUnitAttr());
         continue;
       }
       mlir::Value key = op.getResult(loaded.size());
@@ -398,15 +406,13 @@ void ArrayLowering::lowerStore(StoreComponentsOp op) {
         LLVM::StoreOp::create(b, loc, parts.shape[d],
                               advance(to, shapeOffset(d)), 4);
         mlir::Value bytes = widen(stride(parts, d), i32);
-        LLVM::StoreOp::create(b, loc, bytes, advance(to, stridesOffset(d)),
-                              4);
+        LLVM::StoreOp::create(b, loc, bytes, advance(to, stridesOffset(d)), 4);
       }
-      // The array has no gradient there. The rank comes with no flags, and where
-      // there is no array it is zero, as in what Python makes.
+      // The array has no gradient there. The rank comes with no flags, and
+      // where there is no array it is zero, as in what Python makes.
       LLVM::StoreOp::create(b, loc, constant(i64, 0), advance(to, gradOffset),
                             8);
-      mlir::Value none =
-          LLVM::ZeroOp::create(b, loc, parts.data.getType());
+      mlir::Value none = LLVM::ZeroOp::create(b, loc, parts.data.getType());
       mlir::Value isNone = LLVM::ICmpOp::create(b, loc, LLVM::ICmpPredicate::eq,
                                                 parts.data, none);
       mlir::Value rank = LLVM::SelectOp::create(

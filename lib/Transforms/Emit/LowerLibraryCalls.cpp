@@ -5,7 +5,8 @@
 // A function returns by a pointer, as C's conventions for structs differ from
 // target to target. The memory is in the first block of the entry, so that a
 // call in a loop needs no more of it than one outside, and an optimiser removes
-// it where it inlines the function.
+// it where it inlines the function. Forms for lanes get vectors in such memory,
+// too.
 //
 //===----------------------------------------------------------------------===//
 
@@ -18,19 +19,13 @@
 
 using namespace mlir;
 
-/// Threads that search wait for memory at each step, and those that could hide
-/// it are as many as have registers: three times as many as a compiler that is
-/// not told so leaves room for (Hopper: rays 2.5 times, closest points 1.7).
-constexpr int64_t searchRegisters = 80;
-
 static LLVM::LLVMFuncOp declare(ModuleOp module, StringRef name,
-                                TypeRange operands) {
+                                ValueRange operands) {
   if (auto found = module.lookupSymbol<LLVM::LLVMFuncOp>(name))
     return found;
   MLIRContext *context = module.getContext();
   OpBuilder b = OpBuilder::atBlockBegin(module.getBody());
-  SmallVector<Type> types(operands);
-  types.push_back(LLVM::LLVMPointerType::get(context));
+  SmallVector<Type> types(operands.getTypes());
   auto type =
       LLVM::LLVMFunctionType::get(LLVM::LLVMVoidType::get(context), types);
   auto function = LLVM::LLVMFuncOp::create(b, module.getLoc(), name, type);
@@ -42,17 +37,32 @@ static LLVM::LLVMFuncOp declare(ModuleOp module, StringRef name,
 static void lower(warp::LibraryCallOp op, ModuleOp module, Block &first) {
   OpBuilder b(op);
   Location loc = op.getLoc();
-  LLVM::LLVMFuncOp callee =
-      declare(module, op.getCallee(), op.getArgs().getTypes());
   auto record = LLVM::LLVMStructType::getLiteral(
       b.getContext(), SmallVector<Type>(op.getResultTypes()));
   auto pointer = LLVM::LLVMPointerType::get(b.getContext());
-  b.setInsertionPointToStart(&first);
-  Value one = LLVM::ConstantOp::create(b, loc, b.getI64IntegerAttr(1));
-  Value memory = LLVM::AllocaOp::create(b, loc, pointer, record, one);
-  b.setInsertionPoint(op);
-  SmallVector<Value> operands(op.getArgs());
+  auto reserve = [&](Type type) -> Value {
+    OpBuilder::InsertionGuard guard(b);
+    b.setInsertionPointToStart(&first);
+    Value one = LLVM::ConstantOp::create(b, loc, b.getI64IntegerAttr(1));
+    return LLVM::AllocaOp::create(b, loc, pointer, type, one);
+  };
+  SmallVector<Value> operands;
+  int64_t lanes = 0;
+  for (Value arg : op.getArgs()) {
+    if (auto vector = dyn_cast<VectorType>(arg.getType())) {
+      lanes = vector.getNumElements();
+      Value values = reserve(vector);
+      LLVM::StoreOp::create(b, loc, arg, values);
+      arg = values;
+    }
+    operands.push_back(arg);
+  }
+  if (lanes)
+    operands.push_back(
+        LLVM::ConstantOp::create(b, loc, b.getI32IntegerAttr(int32_t(lanes))));
+  Value memory = reserve(record);
   operands.push_back(memory);
+  LLVM::LLVMFuncOp callee = declare(module, op.getCallee(), operands);
   LLVM::CallOp::create(b, loc, callee, operands);
   for (OpResult result : op->getResults()) {
     auto number = int32_t(result.getResultNumber());
@@ -67,15 +77,16 @@ static void lower(warp::LibraryCallOp op, ModuleOp module, Block &first) {
 void warp::lowerLibraryCalls(ModuleOp module, FunctionOpInterface entry) {
   SmallVector<LibraryCallOp> calls;
   entry->walk([&](LibraryCallOp op) { calls.push_back(op); });
-  // Functions of the user are not in the library's table.
-  auto searches = [](LibraryCallOp op) {
-    const LibraryFunction *function = findLibraryFunction(op.getCallee());
-    return function && function->searches;
-  };
-  if (isGpu(entry) && llvm::any_of(calls, searches))
-    entry->setAttr(
-        attr::mostRegisters,
-        Builder(entry.getContext()).getI64IntegerAttr(searchRegisters));
+  // Threads that search wait for memory at each step, and those that could hide
+  // it are as many as have registers. Functions of the user are not in the
+  // library's table.
+  int registers = 0;
+  for (LibraryCallOp op : calls)
+    if (const LibraryFunction *function = findLibraryFunction(op.getCallee()))
+      registers = std::max(registers, function->registers);
+  if (isGpu(entry) && registers)
+    entry->setAttr(attr::mostRegisters,
+                   Builder(entry.getContext()).getI64IntegerAttr(registers));
   for (LibraryCallOp op : calls)
     lower(op, module, entry.getFunctionBody().front());
 }

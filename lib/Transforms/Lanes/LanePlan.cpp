@@ -204,10 +204,12 @@ void CostCounter::count(Operation *op, double trips, double use) {
     if (count > 4)
       cost.operations += 4 * count;
     Value array = cast<warp::AccessOp>(op).getArray();
-    double each = !follows                        ? warp::cost::gatherCost
+    double gather = trips == 1 && count < 4 ? warp::cost::straightGatherCost
+                                            : warp::cost::gatherCost;
+    double each = !follows                        ? gather
                   : warp::isPartOfPacked(array)   ? warp::cost::fieldCost
                   : warp::hasDenseElements(array) ? 2 * share
-                                                  : warp::cost::gatherCost;
+                                                  : gather;
     return add(count, each * count, trips, use);
   }
   if (auto update = dyn_cast<warp::AtomicComponentsOp>(op)) {
@@ -217,9 +219,18 @@ void CostCounter::count(Operation *op, double trips, double use) {
     double each = isOnePlace ? 1 : 4 * count + warp::cost::laneCost;
     return add(4 * count, each, trips, use);
   }
-  if (isa<warp::LibraryCallOp>(op))
+  if (auto call = dyn_cast<warp::LibraryCallOp>(op)) {
+    const warp::LibraryFunction *function =
+        warp::findLibraryFunction(call.getCallee());
+    if (function && function->shared >= 0) {
+      // Its addresses are of 64 bits, but it is called half as often by twice
+      // the lanes.
+      cost.narrow += 2 * warp::cost::callCost * trips;
+      return add(warp::cost::callCost, warp::cost::callCost, trips, 1);
+    }
     return add(warp::cost::searchCost,
                warp::cost::searchCost + warp::cost::laneCost, trips, 1);
+  }
   if (!warp::isConversion(op) && !isMemoryEffectFree(op))
     return add(warp::cost::laneCost, 2 * warp::cost::laneCost, trips, 1);
   double work = 1;
@@ -256,6 +267,9 @@ LanePlan warp::planLanes(FunctionOpInterface kernel, ThreadsOp threads,
     return plan;
   CostCounter counter(variance, getRecipe(kernel).getExclusive());
   counter.count(*threads.getThread(), 1, 1);
+  // What threads sum up, one after the other, each waits for.
+  counter.cost.scalar += warp::cost::sumLatency *
+                         threads.getThread()->getTerminator()->getNumOperands();
   const Cost &cost = counter.cost;
   int64_t wanted = getVariant(kernel).getLanes();
   if (wanted == 0 && cost.scalar < 1.2 * cost.vector) {

@@ -15,6 +15,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "RareBranch.h"
 #include "Widening.h"
 
 #include "Analysis/CostModel.h"
@@ -59,6 +60,8 @@ static std::optional<int64_t> flatCost(Region &region) {
 }
 
 static bool isFlat(scf::IfOp op) {
+  if (op->hasAttr(warp::attr::rare))
+    return false;
   auto then = flatCost(op.getThenRegion());
   auto otherwise = flatCost(op.getElseRegion());
   return then && otherwise && *then + *otherwise <= warp::cost::longestFlat;

@@ -170,8 +170,8 @@ void Widening::widen(Operation *op) {
     return eachLane(op);
   if (llvm::none_of(op->getResults(), [&](Value v) { return isVarying(v); }))
     return cloneScalar(op);
-  if (isa<warp::LibraryCallOp>(op))
-    return eachLane(op);
+  if (auto call = dyn_cast<warp::LibraryCallOp>(op))
+    return widenLibraryCall(call);
   if (isIntegerDivision(op))
     return widenDivision(op);
   if (isConversion)
@@ -220,38 +220,25 @@ void Widening::cloneBase(Operation *op) {
   setScalar(op->getResult(0), b.clone(*op, map)->getResult(0));
 }
 
-/// Processors divide integers one by one, and a lane that is not live must not
-/// divide by zero. Quotients of 32 bits are exact in double precision.
-void Widening::widenDivision(Operation *op) {
-  Type type = op->getResult(0).getType();
-  Value x = vector(op->getOperand(0)), y = vector(op->getOperand(1));
-  APInt number;
-  bool isConstant = matchPattern(op->getOperand(1), m_ConstantInt(&number));
-  bool isSigned = isa<arith::DivSIOp, arith::RemSIOp>(op);
-  bool isRemainder = isa<arith::RemSIOp, arith::RemUIOp>(op);
-  if (isConstant || !type.isInteger(32)) {
-    if (!isConstant) {
-      y = choose(mask, y, splat(b.getIntegerAttr(type, 1)));
-      x = choose(mask, x, splat(b.getIntegerAttr(type, 0)));
-    }
-    OperationState state(loc, op->getName(), {x, y}, {x.getType()});
-    setVector(op->getResult(0), b.create(state)->getResult(0));
-    return;
-  }
-  Type wide = lanesOf(b.getF64Type());
-  auto toFloat = [&](Value v) -> Value {
-    return isSigned ? arith::SIToFPOp::create(b, loc, wide, v).getResult()
-                    : arith::UIToFPOp::create(b, loc, wide, v).getResult();
-  };
-  Value quotient = arith::DivFOp::create(b, loc, toFloat(x), toFloat(y));
-  Value result =
-      isSigned
-          ? arith::FPToSIOp::create(b, loc, x.getType(), quotient).getResult()
-          : arith::FPToUIOp::create(b, loc, x.getType(), quotient).getResult();
-  if (isRemainder)
-    result = arith::SubIOp::create(b, loc, x,
-                                   arith::MulIOp::create(b, loc, result, y));
-  setVector(op->getResult(0), result);
+/// One call for all lanes, where the library has a form for them.
+void Widening::widenLibraryCall(warp::LibraryCallOp op) {
+  const warp::LibraryFunction *function =
+      warp::findLibraryFunction(op.getCallee());
+  if (!function || function->shared < 0 ||
+      llvm::any_of(
+          op.getArgs().take_front(function->shared),
+          [&](Value v) { return isVarying(v); }))
+    return eachLane(op);
+  Values args;
+  for (auto [i, arg] : llvm::enumerate(op.getArgs()))
+    args.push_back(int(i) < function->shared ? scalar(arg) : vector(arg));
+  SmallVector<Type> types;
+  for (Type type : op.getResultTypes())
+    types.push_back(lanesOf(type));
+  auto call = warp::LibraryCallOp::create(
+      b, loc, types, (op.getCallee() + warp::lanesSuffix).str(), args);
+  for (auto [result, made] : llvm::zip(op.getResults(), call.getResults()))
+    setVector(result, made);
 }
 
 void Widening::widenAgree(warp::AgreeOp op) {

@@ -21,6 +21,7 @@
 
 namespace warp {
 class AgreeOp;
+class LibraryCallOp;
 
 /// Whether a kernel's threads can be lanes; otherwise why they cannot.
 std::optional<std::string> whyNotLanes(mlir::FunctionOpInterface kernel,
@@ -72,9 +73,13 @@ private:
   void widenElementwise(mlir::Operation *op);
   void widenConversion(mlir::Operation *op);
   void cloneBase(mlir::Operation *op);
-  void widenDivision(mlir::Operation *op);
   void widenAgree(AgreeOp op);
   Values contributions();
+
+  // WidenDivisions.cpp
+  void widenDivision(mlir::Operation *op);
+  mlir::Value divideInDoubles(mlir::Value x, mlir::Value y, bool isSigned);
+  mlir::Value divideLong(mlir::Value x, mlir::Value y);
 
   // WidenControlFlow.cpp
   void widenIf(mlir::scf::IfOp op);
@@ -101,6 +106,7 @@ private:
   llvm::SmallVector<bool> nonNegative(mlir::ValueRange indices,
                                       mlir::Block *where);
   void eachLane(mlir::Operation *op);
+  void widenLibraryCall(LibraryCallOp op);
 
   // Small pieces.
   mlir::VectorType lanesOf(mlir::Type type) const {

@@ -12,6 +12,7 @@
 
 #include "EntryBuilder.h"
 #include "Updates/Atomics.h"
+#include "WarpDialect/LibraryOps.h"
 
 #include "mlir/Dialect/Math/IR/Math.h"
 #include "mlir/IR/IRMapping.h"
@@ -19,8 +20,9 @@
 using namespace mlir;
 using warp::EntryBuilder;
 
-/// Bodies of more operations have one copy.
-constexpr int64_t longestTwice = 400;
+/// Bodies of more operations have one copy. The library is called for all
+/// lanes whatever the mask.
+constexpr int64_t longestTwice = 400, longestTwiceWithCalls = 80;
 /// What an elementary function counts, which becomes part of the body.
 constexpr int64_t costOfCall = 140;
 
@@ -33,6 +35,14 @@ static int64_t countOperations(Region &region) {
     count += isCall ? costOfCall : 1;
   });
   return count;
+}
+
+static int64_t longestOf(Region &body) {
+  WalkResult result = body.walk([](warp::LibraryCallOp op) {
+    return op.getCallee().ends_with(warp::lanesSuffix) ? WalkResult::interrupt()
+                                                       : WalkResult::advance();
+  });
+  return result.wasInterrupted() ? longestTwiceWithCalls : longestTwice;
 }
 
 EntryBuilder::Values EntryBuilder::buildCpu() {
@@ -78,7 +88,8 @@ EntryBuilder::Values EntryBuilder::buildRows(Value begin, Value end,
   Value lastRow = rowOf(sub(end, one));
   Value firstColumn = sub(begin, mul(firstRow, width));
   Value endColumn = sub(end, mul(lastRow, width));
-  auto rows = scf::ForOp::create(b, loc, firstRow, add(lastRow, one), one, sums);
+  auto rows =
+      scf::ForOp::create(b, loc, firstRow, add(lastRow, one), one, sums);
   {
     OpBuilder::InsertionGuard inRow(b);
     b.setInsertionPointToStart(rows.getBody());
@@ -102,7 +113,7 @@ EntryBuilder::Values EntryBuilder::buildRange(Value begin, Value end,
                                               ValueRange sums) {
   if (!threads.getLanes())
     return buildScalarLoop(begin, end, outer, sums);
-  if (countOperations(threads.getBody()) > longestTwice)
+  if (countOperations(threads.getBody()) > longestOf(threads.getBody()))
     return buildMaskedLanes(begin, end, outer, sums);
   Value whole = arith::AndIOp::create(
       b, loc, sub(end, begin), constant(b.getI64Type(), -threads.getWidth()));

@@ -13,6 +13,7 @@
 #include "KernelFunction.h"
 #include "Variant.h"
 
+#include "WarpDialect/Registry.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/IR/Builders.h"
@@ -60,7 +61,37 @@ struct Specialize : warp::impl::SpecializeBase<Specialize> {
         expand(update);
       else if (isa<warp::AssertOp>(op) && !variant.getDebug())
         op->erase();
+      else if (isa<warp::QuatRotateOp, warp::QuatRotateInvOp>(op) &&
+               variant.getDebug() && !kernel->hasAttr(warp::attr::primal))
+        expectUnit(op);
     });
+  }
+
+  /// A vector that is rotated keeps its length only by a unit quaternion.
+  /// Derivatives also rotate by what is none.
+  void expectUnit(Operation *rotation) {
+    OpBuilder b(rotation);
+    Location loc = rotation->getLoc();
+    for (Operation *outer = rotation->getParentOp(); outer;
+         outer = outer->getParentOp())
+      if (outer->getName().stripDialect().starts_with("tile"))
+        return;
+    Value q = rotation->getOperand(0);
+    Type scalar = warp::getElementScalar(q.getType());
+    auto number = [&](double value) -> Value {
+      return warp::ConstantOp::create(b, loc, b.getFloatAttr(scalar, value));
+    };
+    auto call = [&](StringRef name, ValueRange operands) {
+      return warp::createBuiltin(b, loc, name, operands)->getResult(0);
+    };
+    bool isNarrow = scalar.getIntOrFloatBitWidth() < 32;
+    Value square = call("dot", {q, q});
+    Value gap = call("abs", {call("sub", {square, number(1.0)})});
+    Value isUnit = call("le", {gap, number(isNarrow ? 1e-2 : 1e-4)});
+    StringRef name = rotation->getName().stripDialect();
+    warp::AssertOp::create(b, loc, isUnit,
+                           name.str() + " expects a quaternion of length 1, "
+                                        "else it scales what it rotates");
   }
 
   /// Indices beyond the rank of the launch are zero.
@@ -77,8 +108,7 @@ struct Specialize : warp::impl::SpecializeBase<Specialize> {
         continue;
       }
       auto zero = b.getIntegerAttr(index.getType(), 0);
-      index.replaceAllUsesWith(
-          warp::ConstantOp::create(b, tid.getLoc(), zero));
+      index.replaceAllUsesWith(warp::ConstantOp::create(b, tid.getLoc(), zero));
     }
     tid->erase();
   }

@@ -7,6 +7,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "RareBranch.h"
 #include "Scalar.h"
 
 #include "WarpDialect/WarpTypes.h"
@@ -107,6 +108,7 @@ Scalars branch(Scalar condition, ArrayRef<Scalar> common,
   }
   auto ifOp = scf::IfOp::create(e.builder, e.loc, types, condition.value,
                                 /*addThenBlock=*/true, /*addElseBlock=*/true);
+  ifOp->setAttr(attr::rare, e.builder.getUnitAttr());
   OpBuilder::InsertionGuard guard(e.builder);
   e.builder.setInsertionPointToStart(ifOp.elseBlock());
   scf::YieldOp::create(e.builder, e.loc, values);

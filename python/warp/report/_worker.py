@@ -2,6 +2,7 @@
 
 import runpy
 
+import warp as wp
 from warp.report._measure import measure, unpack_case, verdict
 from warp.report._remote import LostWorkError, Remote
 from warp.report._scene import registered
@@ -15,6 +16,7 @@ def load(file):
 
 
 def _prepare(file, name, repeats, budget):
+    wp.config.quiet = True
     try:
         load(file)
         scene = registered()[name]

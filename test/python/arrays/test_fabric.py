@@ -96,15 +96,86 @@ def test_malformed(about, message):
 
 def test_what_is_not_there_is_refused():
     memory = wp.zeros(8, dtype=wp.uint64, device="cpu")
-    about = interface("cpu", [memory.ptr], [1], (True, "f4", 1, 1, ""))
-    with pytest.raises(NotImplementedError, match="elements are arrays"):
+    about = interface("cpu", [memory.ptr], [1], (True, "f4", 1, 2, ""))
+    with pytest.raises(ValueError, match="no type for attribute 'q'"):
         wp.fabricarray(about, "q")
-    with pytest.raises(NotImplementedError, match="elements are arrays"):
+    about = interface("cpu", [memory.ptr], [1], (True, "f4", 1, 1, ""))
+    with pytest.raises(ValueError, match="1 buckets, but 0 'array_lengths'"):
+        wp.fabricarrayarray(about, "q")
+    about = interface("cpu", [memory.ptr], [1], (True, "f4", 1, 0, ""))
+    with pytest.raises(ValueError, match=r"expects 2 dimension\(s\), but 'q' has 1"):
         wp.fabricarrayarray(about, "q")
     with pytest.raises(ValueError, match="no attribute 'other'"):
         wp.fabricarray(about, "other")
     with pytest.raises(ValueError, match="expects a fabric array"):
         wp.indexedfabricarray(memory, memory)
+
+
+@wp.kernel
+def sum_rows(a: wp.fabricarrayarray(dtype=float), sums: wp.array[float]):
+    i = wp.tid()
+    row = a[i]
+    for j in range(row.shape[0]):
+        sums[i] += row[j]
+    a[i, 0] = float(a.shape[0])
+    wp.atomic_add(a, i, row.shape[0] - 1, 0.5)
+
+
+@wp.kernel
+def scale_rows(a: wp.indexedfabricarrayarray(dtype=wp.vec3), by: float):
+    row = a[wp.tid()]
+    for j in range(len(row)):
+        row[j] = by * row[j]
+        row[j].x = 0.0
+
+
+def rows_in_buckets(rows, starts, counts, about, device):
+    """An attribute whose elements are arrays; the memory with their addresses and lengths."""
+    addresses = wp.array([row.ptr for row in rows], dtype=wp.uint64, device=device)
+    lengths = wp.array([row.size for row in rows], dtype=wp.uint64, device=device)
+    pointers, sizes = ([one.ptr + 8 * start for start in starts] for one in (addresses, lengths))
+    described = interface(device, pointers, counts, about)
+    described["attribs"]["q"]["array_lengths"] = sizes
+    return wp.fabricarrayarray(described, "q"), (addresses, lengths)
+
+
+def test_elements_that_are_arrays(device):
+    values = [np.arange(1, n + 2, dtype=np.float32) for n in range(5)]
+    rows = [wp.array(one, device=device) for one in values]
+    made, memory = rows_in_buckets(rows, [2, 0], [3, 2], (True, "f4", 1, 1, ""), device)
+    assert (made.shape, made.size, made.dtype, made.ndim) == ((5,), 5, wp.float32, 2)
+    assert isinstance(made, wp.fabricarray)
+    sums = wp.zeros_like(made)
+    wp.launch(sum_rows, 5, inputs=[made], outputs=[sums], device=device)
+    order = [2, 3, 4, 0, 1]
+    np.testing.assert_array_equal(sums.numpy(), [values[i].sum() for i in order])
+    for one, row in zip(values, rows, strict=True):
+        one[0] = 5.0
+        one[-1] += 0.5
+        np.testing.assert_array_equal(row.numpy(), one)
+    # The application may put other arrays there.
+    memory[0].assign(np.full(5, rows[4].ptr, np.uint64))
+    sums.zero_()
+    wp.launch(sum_rows, 1, inputs=[made], outputs=[sums], device=device)
+    assert sums.numpy()[0] == values[4][:3].sum()
+
+
+def test_chosen_arrays(device):
+    values = [np.arange(3 * n, dtype=np.float32).reshape(n, 3) for n in (1, 2, 3)]
+    rows = [wp.array(one, dtype=wp.vec3, device=device) for one in values]
+    made, _memory = rows_in_buckets(rows, [0], [3], (True, "f4", 3, 1, "vector"), device)
+    chosen = made[wp.array([2, 0], dtype=int, device=device)]
+    assert isinstance(chosen, wp.indexedfabricarray)
+    assert (chosen.shape, chosen.dtype, chosen.ndim) == ((2,), wp.vec3, 2)
+    wp.launch(scale_rows, 2, inputs=[chosen, 2.0], device=device)
+    for i in (0, 2):
+        values[i] *= 2
+        values[i][:, 0] = 0
+    for one, row in zip(values, rows, strict=True):
+        np.testing.assert_array_equal(row.numpy(), one)
+    for refused in (made.numpy, chosen.list, lambda: made.fill_(0.0)):
+        with pytest.raises(TypeError, match="has arrays as elements"):
+            refused()
 
 
 class Named(wp.array):

@@ -78,6 +78,21 @@ def test_timer_can_be_silent(capsys):
     assert capsys.readouterr().out == "" and inactive.elapsed == 0.0 and silent.elapsed > 0.0
 
 
+def test_an_error_of_the_block_goes_before_one_of_the_device(monkeypatch):
+    def failing():
+        raise wp.WarpError("the device does not answer")
+
+    depth = wp.ScopedTimer.indent
+    for kind, problem in ((ValueError, ValueError("of the block")), (wp.WarpError, None)):
+        with pytest.raises(kind, match="of the block" if problem else "not answer"):
+            with wp.ScopedTimer("timed", synchronize=True, print=False):
+                monkeypatch.setattr("warp._src.devices.devices.synchronize", failing)
+                if problem:
+                    raise problem
+        monkeypatch.undo()
+    assert wp.ScopedTimer.indent == depth
+
+
 def test_modules_and_options():
     module = wp.get_module("some.module")
     assert wp.get_module("some.module") is module
@@ -85,8 +100,9 @@ def test_modules_and_options():
     options = wp.get_module_options(module)
     assert options["fast_math"] is True and options["max_unroll"] == 4
     assert wp.get_module_options()["fast_math"] is wp.config.fast_math
-    with pytest.raises(ValueError, match="fast_maths"):
+    with pytest.warns(UserWarning, match="no module option 'fast_maths'"):
         wp.set_module_options({"fast_maths": True}, module)
+    assert wp.get_module_options(module)["fast_maths"] is True
     with pytest.raises(TypeError):
         wp.set_module_options({"fast_math": "yes"}, module)
 

@@ -63,15 +63,51 @@ def test_other_streams_join():
     assert (x.numpy() == 2.0).all()
 
 
-def test_streams_that_do_not_join_are_named():
+def test_streams_that_nobody_joins_are_joined_at_the_end():
+    x, y = zeros(), zeros()
+    with wp.ScopedCapture("cuda:0") as capture:
+        for target in (x, y):
+            with wp.ScopedStream(wp.Stream("cuda:0")):
+                wp.launch(add, 100, [target, 1.0], device="cuda:0")
+                wp.launch(add, 100, [target, 2.0], device="cuda:0")
+    for _ in range(3):
+        wp.capture_launch(capture.graph)
+    assert (x.numpy() + y.numpy() == 18.0).all()
+
+
+def test_events_between_graphs():
+    n = 1_000_000
+    x, y = (wp.zeros(n, dtype=float, device="cuda:0") for _ in range(2))
+    event = wp.Event("cuda:0")
+    with wp.ScopedDevice("cuda:0"):
+        with wp.ScopedCapture() as first:
+            wp.launch(add, n, [x, 1.0])
+            assert wp.record_event(event, external=True) is event
+        with wp.ScopedCapture() as second:
+            wp.wait_event(event, external=True)
+            wp.copy(y, x)
+        streams = [wp.Stream() for _ in range(2)]
+        for _ in range(5):
+            wp.capture_launch(first.graph, stream=streams[0])
+            wp.capture_launch(second.graph, stream=streams[1])
+            wp.synchronize_device()
+    assert (y.numpy() == 5.0).all()
+
+
+def test_events_that_measure_time_in_graphs():
     x = zeros()
-    side = wp.Stream("cuda:0")
-    with pytest.raises(RuntimeError, match="was not joined"):
+    start, end = (wp.Event("cuda:0", enable_timing=True) for _ in range(2))
+    stream = wp.get_stream("cuda:0")
+    with wp.ScopedCapture("cuda:0") as capture:
+        stream.record_event(start)
+        wp.launch(add, 100, [x, 1.0], device="cuda:0")
+        stream.record_event(end)
+    wp.capture_launch(capture.graph)
+    assert wp.get_event_elapsed_time(start, end) > 0.0
+    with pytest.raises(RuntimeError, match="cannot wait for an event of 'cuda:0'"):
         with wp.ScopedCapture("cuda:0"):
-            side.wait_stream(wp.get_stream("cuda:0"))
-            wp.launch(add, 100, [x, 2.0], stream=side)
-    wp.launch(add, 100, [x, 1.0], device="cuda:0")
-    assert (x.numpy() == 1.0).all()
+            wp.synchronize_event(end)
+    assert wp.get_device("cuda:0").null_stream.cuda_stream == 0
 
 
 def test_capture_and_launch_on_a_stream():

@@ -92,23 +92,45 @@ def test_without_compilers(compiler, stage, options, tmp_path):
     assert f"needs {compiler}" in words and variable in words and "thrice(1.0)" in words
 
 
+@wp.struct
+class Pair:
+    x: float
+    y: float
+
+
 def test_what_cannot_be_passed():
     @wp.func_native("x[0] = 1.0f;")
-    def store(x: wp.vec3) -> int: ...
+    def store(x: wp.vec3h) -> int: ...
 
     @wp.func_native("return;")
     def nothing(x: float): ...
 
+    @wp.func_native("return {};")
+    def pair(x: float) -> Pair: ...
+
+    @wp.func_native("return x;")
+    def same(x: wp.array(dtype=float)) -> wp.array(dtype=float): ...
+
     @wp.kernel
     def stores(y: wp.array(dtype=float)):
-        store(wp.vec3(y[0]))
+        store(wp.vec3h(wp.float16(y[0])))
+
+    @wp.kernel
+    def returns_struct(y: wp.array(dtype=float)):
+        y[0] = pair(y[0]).x
+
+    @wp.kernel
+    def returns_array(y: wp.array(dtype=float)):
+        y[0] = same(y)[0]
 
     @wp.kernel
     def returns_nothing(y: wp.array(dtype=float)):
         nothing(y[0])
 
     y = wp.zeros(1)
-    assert "parameter 'x' is no number" in refused(stores, y)
+    assert "whose 'x' C++ has no type for" in refused(stores, y)
+    for kernel in (returns_struct, returns_array):
+        assert "unsupported return type" in refused(kernel, y)
     assert "returns no number" in refused(returns_nothing, y)
 
 

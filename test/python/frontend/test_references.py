@@ -253,3 +253,35 @@ def test_what_cannot_be_passed():
     ]:
         with pytest.raises(errors.WarpCodegenError, match=message):
             kernel.ir()
+
+
+@wp.func
+def second(rows: wp.ref[wp.array2d[float]], i: int) -> float:
+    same = rows
+    return same[i][1]
+
+
+@wp.func_grad(second)
+def second_adjoint(rows: wp.ref[wp.array2d[float]], i: int, cotangent: float):
+    wp.adjoint[rows][i, 1] += 3.0 * cotangent
+
+
+@wp.func
+def double(values: wp.ref[wp.array[float]], i: int):
+    values[i] = 2.0 * values[i]
+
+
+def test_arrays_refer_to_their_elements(device):
+    @wp.kernel
+    def run(rows: wp.array2d[float], out: wp.array[float]):
+        i = wp.tid()
+        out[i] = second(rows, i)
+        double(out, i)
+
+    rows = wp.array([[2.0, 3.0], [4.0, 5.0]], dtype=float, device=device, requires_grad=True)
+    out = wp.zeros(2, dtype=float, device=device, requires_grad=True)
+    with wp.Tape() as tape:
+        wp.launch(run, 2, [rows], [out], device=device)
+    assert out.numpy().tolist() == [6.0, 10.0]
+    tape.backward(grads={out: wp.ones_like(out)})
+    assert rows.grad.numpy().tolist() == [[0.0, 6.0], [0.0, 6.0]]

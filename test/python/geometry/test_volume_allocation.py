@@ -141,3 +141,21 @@ def test_a_freed_volume_is_an_error():
     out, p = wp.zeros(1, dtype=int, device="cpu"), wp.zeros(1, dtype=wp.vec3i, device="cpu")
     with pytest.raises((RuntimeError, ValueError), match="freed"):
         wp.launch(numbers, dim=1, inputs=[id, p, out], device="cpu")
+
+
+def test_a_turned_grid_and_its_voxel_size(device):
+    """As NanoVDB writes it: where a step of one voxel along all axes leads."""
+    turned = [[0, -1, 0], [1, 0, 0], [0, 0, 2]]
+    points = wp.array([[-1, 1, 4]], dtype=wp.vec3, device=device)
+    volume = wp.Volume.allocate_by_voxels(points, transform=turned, device=device)
+    assert volume.get_voxels().numpy().tolist() == [[1, 1, 2]]
+    assert volume.get_voxel_size() == (-1.0, 1.0, 2.0)
+
+
+def test_rows_beyond_the_tiles_stay_as_they_are(device):
+    points = wp.array([[0, 0, 0], [8, 0, 0]], dtype=wp.vec3i, device=device)
+    volume = wp.Volume.allocate_by_tiles(points, 1.0, device=device, max_tiles=4)
+    out = wp.full((4, 3), -999, dtype=int, device=device)
+    assert volume.get_tiles(out=out) is out
+    assert sorted(out.numpy().tolist()) == [[-999] * 3] * 2 + [[0, 0, 0], [8, 0, 0]]
+    assert volume.get_tiles().numpy()[2:].tolist() == [[0, 0, 0]] * 2

@@ -48,7 +48,11 @@ def expected():
 
 @pytest.mark.parametrize(
     "kind, codec",
-    [*((kind, "none") for kind in ("double", "int32", "int64", "Vec3f")), ("float", "zip")],
+    [
+        *((kind, "none") for kind in ("double", "int32", "int64", "Vec3f")),
+        ("float", "zip"),
+        ("float", "blosc"),
+    ],
 )
 def test_what_nanovdb_writes_is_read(tmp_path, device, kind, codec):
     path = tmp_path / "one.nvdb"
@@ -76,7 +80,11 @@ def test_numbers_of_a_few_bits_are_those_of_nanovdb(tmp_path, device, kind, off)
 
 @pytest.mark.parametrize(
     "dtype, codec",
-    [*((dtype, "none") for dtype in (np.float64, np.int32, np.int64)), (np.float32, "zip")],
+    [
+        *((dtype, "none") for dtype in (np.float64, np.int32, np.int64)),
+        (np.float32, "zip"),
+        (np.float32, "blosc"),
+    ],
 )
 def test_what_is_saved_nanovdb_reads(tmp_path, dtype, codec):
     values = expected()[1:11, 1:10, 1:6].astype(dtype)

@@ -6,8 +6,7 @@ import pytest
 import warp as wp
 from warp._src.geometry.device.refit import slot_of as device_slot
 from warp._src.geometry.device.refit import words
-from warp._src.geometry.volumes import allocation, points, slot
-from warp._src.geometry.volumes.checks import Nodes, header_of
+from warp._src.geometry.volumes import allocation, points
 
 TURN = np.array([[0.25, 0.5, 0.0], [-0.5, 0.25, 0.0], [0.0, 0.125, 2.0]])
 BACKGROUNDS = {
@@ -38,8 +37,11 @@ def voxels(n=300, seed=0):
 
 def built_by_host(volume, given, mask=None):
     """What the host's builder makes of the same points."""
-    recipe = volume._recipe
-    return recipe.of_voxels(points.voxels_of(given, recipe.transform, mask))[0]
+    return wp.Volume._of_grids(volume._recipe.native.make(*points.given(given, mask)), given.device)
+
+
+# Where a header has the box of the grid in the world.
+WORLD_BOX = slice(560, 608)
 
 
 def table_of(volume):
@@ -51,18 +53,18 @@ def table_of(volume):
 
 
 def check(volume, given, mask=None):
-    found, wanted = volume.array().numpy(), built_by_host(volume, given, mask)
+    host = built_by_host(volume, given, mask)
+    found, wanted = volume.array().numpy().copy(), host.array().numpy()
     assert found.size == wanted.size
     # Products of a turned transform may be rounded in another order.
-    box, other = header_of(found)["world_box"], header_of(wanted)["world_box"]
+    box, other = (grid[WORLD_BOX].view(np.float64) for grid in (found, wanted))
     np.testing.assert_allclose(box, other, rtol=1e-15, atol=1e-12)
-    header_of(found)["world_box"] = other
+    found[WORLD_BOX] = wanted[WORLD_BOX]
     assert (found == wanted).all()
-    table = slot.table_of(Nodes(wanted))
-    _, numbers = table_of(volume)
+    (_, numbers), (_, table) = table_of(volume), table_of(host)
     assert (numbers is None) == (table is None)
     if table is not None:
-        assert (numbers == table[0]).all()
+        assert (numbers == table).all()
 
 
 @pytest.mark.parametrize("values", BACKGROUNDS)
@@ -221,3 +223,19 @@ def test_more_room_than_a_gigabyte_is_the_hosts(monkeypatch):
     assert volume._built is None and volume.is_rebuildable
     volume.rebuild(wp.array(voxels(50, 2), dtype=wp.vec3i, device="cuda:0"))
     check(volume, wp.array(voxels(50, 2), dtype=wp.vec3i, device="cpu"))
+
+
+@pytest.mark.cuda
+@pytest.mark.parametrize("bg_value", [None, 2.0])
+def test_a_graph_allocates_a_volume(bg_value):
+    points = wp.array([[0, 0, 0], [8, 0, 0]], dtype=wp.vec3i, device="cuda:0")
+    room = {"rebuildable": True, "max_tiles": 4, "max_lower_nodes": 4, "max_upper_nodes": 4}
+    with wp.ScopedCapture(device="cuda:0") as capture:
+        volume = wp.Volume.allocate_by_tiles(points, 1.0, bg_value, device="cuda:0", **room)
+    for last in (8, 16):
+        points.assign([[0, 0, 0], [last, 0, 0]])
+        wp.capture_launch(capture.graph)
+        assert volume.get_active_stats().leaf_node_count == 2
+        out = wp.zeros((4, 3), dtype=int, device="cuda:0")
+        found = volume.get_tiles(out=out).numpy()[:2].tolist()
+        assert sorted(found) == [[0, 0, 0], [last, 0, 0]]

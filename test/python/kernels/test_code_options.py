@@ -125,7 +125,7 @@ def test_launch_bounds_limit_launches(device):
 def test_questions_about_kernels(device):
     if device == "cpu":
         assert wp.get_suggested_block_size(double, device) == (1, 1)
-        with pytest.raises(RuntimeError, match="no CUDA properties"):
+        with pytest.raises(RuntimeError, match="no CUDA properties.*\n.*requires a CUDA device"):
             wp.get_cuda_kernel_properties(double, device)
     else:
         threads, blocks = wp.get_suggested_block_size(double, device)
@@ -135,10 +135,38 @@ def test_questions_about_kernels(device):
         assert found["block_dim"] == 256 and 0 < found["occupancy"] <= 1
         assert found["binary_version"] // 10 == wp.get_device(device).arch // 10
         assert wp.get_cuda_kernel_properties(double, device, 64)["block_dim"] == 64
-    with pytest.raises(TypeError):
+    with pytest.raises(TypeError, match=r"expected a wp\.Kernel"):
         wp.get_suggested_block_size(math, device)
+    assert wp.get_cuda_max_cluster_dim(double, device) == 1
     with pytest.raises(ValueError):
         wp.get_cuda_kernel_properties(double, device, -1)
+
+
+@pytest.mark.parametrize(
+    ("options", "kind", "words"),
+    [
+        ({"cluster_dim": 17}, ValueError, "cluster_dim expects 1 to 16 blocks, but got 17"),
+        ({"cluster_dim": (2, 1, 1)}, TypeError, "cluster_dim expects an int"),
+        ({"enable_cuda_smem_spilling": 1}, TypeError, "expects a bool, but got 1"),
+        ({"clusters": 2}, TypeError, "kernel has no option 'clusters'"),
+    ],
+)
+def test_options_that_change_nothing_are_checked(options, kind, words):
+    with pytest.raises(kind, match=words):
+
+        @wp.kernel(**options)
+        def refused(x: wp.array(dtype=float)):
+            x[0] = 1.0
+
+
+def test_clusters_are_told_to_be_none():
+    with pytest.warns(UserWarning, match="cluster_dim=2 changes nothing") as told:
+
+        @wp.kernel(cluster_dim=2)
+        def clustered(x: wp.array(dtype=float)):
+            x[0] = 1.0
+
+    assert told[0].filename == __file__
 
 
 def test_name_of_cpu_caches():

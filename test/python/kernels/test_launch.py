@@ -283,6 +283,25 @@ def test_verifying_numbers(device, x, config):
         wp.launch(saxpy, 3, [float("inf"), x, wp.zeros(3, device=device)], device=device)
 
 
+@wp.struct
+class Weighed:
+    mass: float
+    inertia: wp.mat22
+
+
+@wp.kernel
+def grow(out: wp.array[Weighed]):
+    out[1].inertia[1, 0] += 3.0e38
+
+
+def test_verifying_numbers_in_structs(device, config):
+    config.verify_fp = True
+    made = wp.zeros(3, dtype=Weighed, device=device)
+    wp.launch(grow, 1, [made], device=device)
+    with pytest.raises(wp.WarpLaunchError, match=r"the first is inf at \[1, 1, 0\].inertia"):
+        wp.launch(grow, 1, [made], device=device)
+
+
 def test_not_finite_numbers_pass_through(device):
     x = wp.array([np.nan, np.inf, -np.inf], dtype=float, device=device)
     y = wp.array([1.0, 1.0, np.inf], dtype=float, device=device)

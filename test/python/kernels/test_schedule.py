@@ -84,3 +84,36 @@ def test_wrong_questions():
         scale.schedule(arch=12)
     with pytest.raises(KeyError):
         only(scale.schedule("cpu"))["squares"]
+
+
+@wp.func
+def height(balls: wp.array(dtype=float), x: float):
+    top = float(0.0)
+    for k in range(balls.shape[0]):
+        top = wp.max(top, balls[k] - wp.abs(x - float(k)))
+    return top
+
+
+@wp.kernel
+def march(balls: wp.array(dtype=float), y: wp.array(dtype=float)):
+    i = wp.tid()
+    x = 0.01 * float(i)
+    for _ in range(100):
+        if height(balls, x) > 0.5:
+            break
+        x += 0.01
+    y[i] = x
+
+
+def test_functions_that_loops_call_may_have_lanes():
+    """What ends the loop is loaded in a function, from an array that nobody writes."""
+    balls = wp.array([0.2, 0.9, 0.1, 0.8], dtype=float, device="cpu")
+    y = wp.zeros(256, dtype=float, device="cpu")
+    wp.launch(march, 256, [balls], [y], device="cpu")
+    assert int(only(march.schedule("cpu"))["lanes"]) > 1
+    x = 0.01 * np.arange(256)
+    given, places = balls.numpy()[:, None], np.arange(4)[:, None]
+    for _ in range(100):
+        top = np.maximum((given - np.abs(x - places)).max(0), 0.0)
+        x = np.where(top > 0.5, x, x + 0.01)
+    assert np.abs(y.numpy() - x).max() < 0.011

@@ -84,6 +84,25 @@ def test_exceptions_and_missing_parameters_are_named(tmp_path):
     assert "no parameter 'stiffness'; it has 'n'" in missing["reason"]
 
 
+# Steps that are large beside what they resolve have large errors, which are those of the method.
+@pytest.mark.parametrize(
+    ("name", "file", "sweeps"),
+    [
+        ("springs", "springs", {"dt": (1.4, 1.8, 2.1), "stiffness": (1e10,)}),
+        ("bounce", "contact", {"dt": (1.8e-4, 3e-5), "stiffness": (1e6,)}),
+        ("neo_hookean", "materials", {"poisson": (0.4999,), "stretch": (1.0, 0.0)}),
+    ],
+)
+def test_edges_of_scenes(name, file, sweeps, tmp_path):
+    load(str(Path(report.__file__).parent / "scenes" / f"{file}.py"))
+    records = run(
+        name,
+        tmp_path,
+        sweeps=tuple(report.Sweep(key, values=values) for key, values in sweeps.items()),
+    )
+    assert [r["parameters"] for r in records if r["verdict"] != "green"] == []
+
+
 def test_absent_device_and_sweep_of_one_point(tmp_path):
     sweep = report.Sweep("dt", values=(0.25,))
     (record,) = run("decay", tmp_path, devices=("cuda:99",), sweeps=(sweep,))

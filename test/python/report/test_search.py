@@ -12,6 +12,7 @@ from warp.report.__main__ import main
 mp = pytest.importorskip("mpmath")
 
 from warp.report.search._judge import FORMULAS  # noqa: E402
+from warp.report.search._operands import SPECIAL, STRATEGIES  # noqa: E402
 from warp.report.search._search import overloads, search, without_reference  # noqa: E402
 
 
@@ -19,6 +20,7 @@ from warp.report.search._search import overloads, search, without_reference  # n
     ("name", "rows"),
     [("sin", 4), ("hypot", 4), ("dot", 4), ("normalize", 4), ("quat_log", 4), ("logsumexp", 8)]
     + [("inverse", 1), ("solve3", 2), ("sym_sqrt3", 1), ("transform_point", 2), ("log1p", 4)]
+    + [("svd2", 2), ("svd3", 2), ("eig3", 2), ("qr3", 2)]
     + [("quat_twist", 4), ("quat_to_axis_angle", 4), ("transform_decompose", 4)],
 )
 def test_builtins_keep_a_digit(name, rows):
@@ -41,6 +43,37 @@ def test_cancellation_is_a_defect(monkeypatch):
     assert gradient.verdict == "good"
 
 
+def keep_special(monkeypatch):
+    """Only operands at singular points."""
+    special = {SPECIAL: STRATEGIES[SPECIAL]}
+    monkeypatch.setattr("warp.report.search._operands.STRATEGIES", special)
+
+
+# The derivative of (1 - cos(x)) / x at 0 is 1/2, not that of the constant that stands for 0/0.
+def test_limits_at_singular_points(monkeypatch):
+    def guarded(x: wp.array(dtype=wp.float64), y: wp.array(dtype=wp.float64)):
+        i = wp.tid()
+        if x[i] == wp.float64(0.0):
+            y[i] = wp.float64(0.0)
+        else:
+            y[i] = (wp.float64(1.0) - wp.cos(x[i])) / x[i]
+
+    monkeypatch.setitem(FORMULAS, "sin", lambda x: 2 * mp.sin(x / 2) ** 2 / x)
+    keep_special(monkeypatch)
+    monkeypatch.setattr("warp.report.search._search.make_kernel", lambda *about: wp.kernel(guarded))
+    value, gradient = search(["sin"], dtypes=("float64",), rows=16)
+    assert value.verdict == "good" and value.checked
+    assert gradient.verdict == "defect" and (gradient.got, gradient.operands) == (0.0, [0.0])
+    assert gradient.exact == pytest.approx(0.5)
+
+
+# Paths that do not agree are no reference: the length has no derivative at zero.
+def test_no_limit_at_a_kink(monkeypatch):
+    keep_special(monkeypatch)
+    found = list(search(["length", "normalize", "abs", "max"], dtypes=("float64",), rows=8))
+    assert [str(one) for one in found if one.verdict != "good"] == []
+
+
 # The difference of nearly equal numbers is as wrong as its operands are.
 def test_condition_is_no_defect():
     found = list(search(["cross"], dtypes=("float32",), rows=32))
@@ -56,10 +89,36 @@ def test_command(tmp_path, capsys, monkeypatch):
     assert [one.get("part") for one in lines] == [None] + ["value", "gradient"] * 2
     assert main(["search", "no_such", "--output", str(tmp_path)]) == 2
     assert "no reference for 'no_such'" in capsys.readouterr().err
-    assert "eig3" in without_reference() and not set(without_reference()) & set(FORMULAS)
+    assert "stop_gradient" in without_reference() and not set(without_reference()) & set(FORMULAS)
     monkeypatch.setitem(sys.modules, "warp.report.search._search", None)
     assert main(["search", "cbrt", "--output", str(tmp_path)]) == 2
     assert "needs the package" in capsys.readouterr().err
+
+
+def test_interrupted_and_full_disk_keep_what_was_found(tmp_path, capsys, monkeypatch):
+    def interrupted(names, **options):
+        yield from search(names, dtypes=("float32",), rows=2)
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("warp.report.search._search.search", interrupted)
+        assert main(["search", "cbrt", "--output", str(tmp_path)]) == 0
+    said = capsys.readouterr()
+    assert "interrupted" in said.err and "2 good" in said.out
+    assert len((tmp_path / "search.jsonl").read_text().splitlines()) == 3
+    (tmp_path / "search.jsonl").unlink()
+    (tmp_path / "search.jsonl").symlink_to("/dev/full")
+    assert main(["search", "cbrt", "--rows", "2", "--output", str(tmp_path)]) == 0
+    said = capsys.readouterr()
+    assert "No space left" in said.err and "4 good" in said.out
+
+
+# Processes divide the overloads; what they find, and its order, is the same.
+def test_processes_find_the_same():
+    names = ["dot", "quat_log", "hypot"]
+    assert list(search(names, rows=2)) == list(search(names, rows=2, processes=2))
+    with pytest.raises(ValueError, match="greater than 0"):
+        list(search(names, processes=0))
 
 
 # Equal largest terms share the gradient; the first had none.

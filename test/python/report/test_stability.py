@@ -84,6 +84,25 @@ def test_command_writes_pages_and_counts(tmp_path, capsys):
     assert main(["stability", "Q"]) == 2
 
 
+def test_interrupted_and_full_disk_keep_what_was_found(tmp_path, capsys, monkeypatch):
+    def interrupt(remote, name):
+        if name == "R15":
+            raise KeyboardInterrupt
+        return run_case(name, "cpu")
+
+    monkeypatch.setattr("warp.report._remote.Remote.ask", interrupt)
+    assert main(["stability", "R13", "R15", "--output", str(tmp_path)]) == 0
+    said = capsys.readouterr()
+    assert "interrupted" in said.err and "2 pass" in said.out
+    assert len((tmp_path / "stability.jsonl").read_text().splitlines()) == 3
+    for page in ("stability.jsonl", "stability.md"):
+        (tmp_path / page).unlink()
+        (tmp_path / page).symlink_to("/dev/full")
+    assert main(["stability", "R13", "--output", str(tmp_path)]) == 0
+    said = capsys.readouterr()
+    assert said.err.count("No space left") == 2 and "2 pass" in said.out
+
+
 @pytest.mark.parametrize("name", ["N1", "N6", "N9", "N11", "R2", "R7", "R15", "G1", "G3", "D1"])
 def test_cases_of_the_catalogue(name):
     for record in run_case(name, "cpu"):

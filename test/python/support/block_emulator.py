@@ -132,9 +132,9 @@ def _access(call, text):
     return f"{name_of(array)}.{call}(({given}), {at})"
 
 
-def _own(place):
-    """Python for what a thread has for itself, at a number."""
-    array, index = re.match(r"(%\w+)\[([^\]]*)\]", place).groups()
+def _slot(text):
+    """Python for an element of memory of a thread alone."""
+    array, index = re.search(r"(%\w+)\[(%\w+)\]", text).groups()
     return f"{name_of(array)}[{name_of(index)}]"
 
 
@@ -145,8 +145,7 @@ def statement(line):
     if line.startswith("warp.store_components"):
         return _access("store", line.removeprefix("warp.store_components"))
     if line.startswith("warp.scratch_store"):
-        value, place = line.removeprefix("warp.scratch_store").partition(" : ")[0].split(", ")
-        return f"{_own(place)} = {name_of(value)}"
+        return f"{_slot(line)} = {name_of(line.split()[1].rstrip(','))}"
     result, _, rest = line.partition(" = ")
     op, _, rest = rest.partition(" ")
     name = name_of(result.partition(":")[0])
@@ -156,14 +155,15 @@ def statement(line):
         count = result.partition(":")[2]
         names = [f"{name}_{i}" for i in range(int(count))] if count else [name]
         return f"{', '.join(names)}, *_ = tid(thread)"
+    if op == "warp.scratch":
+        # Nothing until it is written.
+        return f"{name} = [None] * {re.search(r'scratch<([0-9]+)', rest)[1]}"
+    if op == "warp.scratch_load":
+        return f"{name} = {_slot(rest)}"
     if op == "warp.launch_extent":
         return f"{name} = dim[{rest.split()[0]}]"
     if op == "warp.atomic_components":
         return f"{name} = {_access('add', rest.removeprefix('add'))}"
-    if op == "warp.scratch":
-        return f"{name} = [None] * {re.search(r'<([0-9]+) x', rest)[1]}"
-    if op == "warp.scratch_load":
-        return f"{name} = {_own(rest.partition(' : ')[0])}"
     if op == "warp.block_memory":
         return f"{name} = {rest.split()[0]}"
     if op == "warp.array_at":

@@ -89,6 +89,19 @@ def test_scans(device, dtype):
         np.testing.assert_array_equal(source.numpy(), sums - numbers)
 
 
+@pytest.mark.parametrize("dtype", [wp.int32, wp.float32])
+def test_long_scans_have_the_same_bits(device, dtype):
+    """More tiles than a GPU puts in two groups; a sum of floats keeps its shape."""
+    numbers = np.random.default_rng(1).integers(0, 9, 5_000_003).astype(kind(dtype))
+    source = wp.array(numbers / 7 if dtype is wp.float32 else numbers, dtype=dtype, device=device)
+    first, again = wp.empty_like(source), wp.empty_like(source)
+    wp.utils.array_scan(source, first)
+    wp.utils.array_scan(source, again)
+    sums = np.cumsum(source.numpy(), dtype=np.float64)
+    np.testing.assert_array_equal(first.numpy(), again.numpy())
+    np.testing.assert_allclose(first.numpy(), sums, rtol=0 if dtype is wp.int32 else 4e-6)
+
+
 def test_scans_of_views(device):
     base = wp.array(np.arange(20, dtype=np.float64), device=device)
     out = wp.zeros(30, dtype=wp.float64, device=device)

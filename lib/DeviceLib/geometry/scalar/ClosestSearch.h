@@ -147,9 +147,13 @@ private:
               load<f32>(from + 2 * int(sizeof(Floats))) - query.p[2]};
     };
     Point<f32> a = corner(0), b = corner(1), c = corner(2);
-    u32 mine = noKey;
     // Not what is not there.
-    if (a.x == a.x && mayBeWithin(a, b, c, query.best)) {
+    bool isNear = a.x == a.x && mayBeWithin(a, b, c, query.best);
+    // Most blocks have no triangle that is.
+    if (!team.any(isNear))
+      return;
+    u32 mine = noKey;
+    if (isNear) {
       f32 squared = closestOnTriangle(a, b, c).squared;
       if (squared <= query.best)
         mine = __builtin_bit_cast(u32, squared);

@@ -34,17 +34,14 @@ public:
       component[i] = k * int(sizeof(Floats));
       // Where a ray does not move, slabs around it last very long.
       bool isAtRest = ray.direction[i] == 0;
-      inverse[i] = isAtRest ? 0x1p90f : ray.inverse[i];
+      inverse[i] = isAtRest ? 0x1p90f : roughInverse(ray.direction[i]);
       f32 at = -ray.start[i] * inverse[i];
       // The product was rounded, and so will be the sum.
       f32 slack = __builtin_elementwise_abs(at) * 0x1p-22f;
       slack += isAtRest ? 0x1p66f : 0;
       first[i] = at - slack;
-      // A little later, as `reach` is.
-      outInverse[i] = inverse[i] * 1.000001f;
-      last[i] = (at + slack) * 1.000001f;
+      last[i] = at + slack;
       nearer[i] = (inverse[i] < 0 ? 3 + i : i) * int(sizeof(Floats));
-      further[i] = (inverse[i] < 0 ? i : 3 + i) * int(sizeof(Floats));
     }
   }
 
@@ -82,7 +79,8 @@ private:
 #pragma unroll
       for (int i = 0; i < 3; ++i) {
         enters[i] = load<Four>(node + nearer[i] + 16 * half);
-        leaves[i] = load<Four>(node + further[i] + 16 * half);
+        int further = (2 * i + 3) * int(sizeof(Floats)) - nearer[i];
+        leaves[i] = load<Four>(node + further + 16 * half);
       }
 #pragma unroll
       for (int lane = 0; lane < 4; ++lane) {
@@ -90,11 +88,12 @@ private:
 #pragma unroll
         for (int i = 0; i < 3; ++i) {
           from = upper(from, fma(enters[i][lane], inverse[i], first[i]));
-          to = lower(to, fma(leaves[i][lane], outInverse[i], last[i]));
+          to = lower(to, fma(leaves[i][lane], inverse[i], last[i]));
         }
         int child = 4 * half + lane;
         entry[child] = from;
-        met |= from <= to ? 1u << child : 0;
+        // A little later, as `reach` is.
+        met |= from <= to * 1.0000015f ? 1u << child : 0;
       }
     }
     met &= links.children();
@@ -166,9 +165,9 @@ private:
   i32 component[3];
   f32 start[3], shear[3];
   /// The slabs of nodes: entered at `plane * inverse + first`, left at `plane *
-  /// outInverse + last`.
-  f32 inverse[3], first[3], outInverse[3], last[3];
-  i32 nearer[3], further[3];
+  /// inverse + last`. The planes that are met first, in bytes.
+  f32 inverse[3], first[3], last[3];
+  i32 nearer[3];
   /// Its weights are to be divided by their sum, whose sign is the side.
   RayHit hit{-1, 0, 0, 0};
   f32 weights = 1;

@@ -22,9 +22,10 @@ struct Single {
   static constexpr int lanes = 1;
 
   int rank() const { return 0; }
-  /// The value of a lane, and the least of all lanes.
+  /// The value of a lane, the least of all lanes, whether any says so.
   u32 of(u32 value, int) const { return value; }
   u32 least(u32 value) const { return value; }
+  bool any(bool says) const { return says; }
 };
 
 #ifdef __NVPTX__
@@ -53,6 +54,7 @@ public:
     }
     return value;
   }
+  bool any(bool says) const { return __nvvm_vote_any_sync(mask(), says); }
 
 private:
   u32 mask() const { return 0xffu << (lane & ~7); }

@@ -15,7 +15,8 @@
 //   rank 1   an invariant, or an integer plus a step: a formula of the number
 //            of the iteration
 //   rank 3   the order of the reverse iterations does not matter: they run
-//            forward and carry the needed values along
+//            forward and carry the needed values along, if it may be in a loop
+//            of the same kind
 //   rank 4   an integer whose update has an exact inverse: carried backwards
 //            from its last value
 //   rank 5   few iterations, their number a constant: a forward loop keeps the
@@ -35,8 +36,8 @@
 
 #include "LoopReversal.h"
 
-#include "Autodiff/DeadValues.h"
 #include "Analysis/Effects.h"
+#include "Autodiff/DeadValues.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -198,8 +199,15 @@ scf::ForOp LoopReversal::extend(scf::ForOp loop, ValueRange inits) {
 
 SmallVector<Value> LoopReversal::getHeld() {
   SmallVector<Value> held(placeholders);
+  llvm::append_range(held, drafted);
   held.push_back(number);
   return held;
+}
+
+bool LoopReversal::needsNoState() {
+  return number.use_empty() && llvm::all_of(placeholders, [](Value value) {
+           return value.use_empty();
+         });
 }
 
 FailureOr<scf::ForOp> LoopReversal::buildReverse(Value trips,
@@ -247,12 +255,29 @@ SmallVector<unsigned> LoopReversal::resolveFree() {
   return needed;
 }
 
+/// Whether a value is another one, whatever branch is taken and however often
+/// loops run on the way.
+static bool isAlways(Value value, Value other) {
+  if (value == other)
+    return true;
+  auto result = dyn_cast<OpResult>(value);
+  if (!result)
+    return false;
+  unsigned i = result.getResultNumber();
+  if (auto branch = dyn_cast<scf::IfOp>(result.getOwner()))
+    return isAlways(branch.thenYield()->getOperand(i), other) &&
+           isAlways(branch.elseYield()->getOperand(i), other);
+  auto inner = dyn_cast<scf::ForOp>(result.getOwner());
+  return inner && isAlways(inner.getInitArgs()[i], other) &&
+         isAlways(inner.getYieldedValues()[i], inner.getRegionIterArg(i));
+}
+
 /// Whether iterations of the reverse loop only add, to what none of them reads;
 /// then they run forward, as hardware expects.
 bool LoopReversal::hasFreeOrder(scf::ForOp reversed) {
   Operation *yield = reversed.getBody()->getTerminator();
   for (unsigned i = 0; i < active.size(); ++i)
-    if (yield->getOperand(i) != reversed.getRegionIterArg(i))
+    if (!isAlways(yield->getOperand(i), reversed.getRegionIterArg(i)))
       return false;
   llvm::SmallPtrSet<Value, 4> added, read;
   bool onlyAdds = true;
@@ -264,16 +289,15 @@ bool LoopReversal::hasFreeOrder(scf::ForOp reversed) {
     else
       onlyAdds &= !hasOwnEffect(op) || op->hasAttr(attr::taped);
   });
-  return onlyAdds && llvm::none_of(added, [&](Value root) {
-           return read.contains(root);
-         });
+  return onlyAdds &&
+         llvm::none_of(added, [&](Value root) { return read.contains(root); });
 }
 
 /// A forward value that cannot be kept has no place in scratch memory.
 LogicalResult LoopReversal::checkKept(ArrayRef<unsigned> states) {
   for (unsigned state : states)
-    if (Type type = getStates()[state].getType(); !isScalar(type) &&
-                                                  !isComposite(type))
+    if (Type type = getStates()[state].getType();
+        !isScalar(type) && !isComposite(type))
       return loop->emitError("the adjoint of this loop needs ")
              << type << " values that it carries, which cannot be kept; "
              << "choose the array outside of the loop, or by an index";
@@ -339,18 +363,31 @@ LogicalResult LoopReversal::reverseAll(Value trips,
   if (failed(built))
     return failure();
   scf::ForOp reversed = *built;
-  SmallVector<unsigned> needed = resolveFree();
+  bool isFree = hasFreeOrder(reversed);
   SmallVector<Value> sums;
-  if (hasFreeOrder(reversed)) {
-    if (failed(carryAlong(reversed, needed)))
-      return failure();
-    sums = reversed.getResults();
-  } else {
-    auto results = recoverBackwards(reversed, trips, needed);
+  if (isFree && mayRunAlong(reversed)) {
+    auto results = runAlong(reversed);
     if (failed(results))
       return failure();
     sums = *results;
+  } else {
+    if (failed(completeDraft()))
+      return failure();
+    eraseDead(reversed.getRegion(), getHeld());
+    SmallVector<unsigned> needed = resolveFree();
+    if (isFree) {
+      if (failed(carryAlong(reversed, needed)))
+        return failure();
+      sums = reversed.getResults();
+    } else {
+      auto results = recoverBackwards(reversed, trips, needed);
+      if (failed(results))
+        return failure();
+      sums = *results;
+    }
   }
+  llvm::append_range(placeholders, drafted);
+  drafted.clear();
   for (Value value : placeholders)
     value.getDefiningOp()->erase();
   number.getDefiningOp()->erase();

@@ -60,6 +60,17 @@ protected:
   /// Reverses a replayed iteration; `getNexts` have their cotangents.
   virtual mlir::LogicalResult reverseIteration() = 0;
 
+  /// Whether the reverse loop, whose iterations have no order, can be one of the
+  /// primal loop's kind, which needs no number of trips.
+  virtual bool mayRunAlong(mlir::scf::ForOp reversed) { return false; }
+  /// Makes it one: returns what the reverse loop leaves.
+  virtual mlir::FailureOr<llvm::SmallVector<mlir::Value>>
+  runAlong(mlir::scf::ForOp reversed) {
+    return mlir::failure();
+  }
+  /// Replays what the first draft of the reverse loop has placeholders for.
+  virtual mlir::LogicalResult completeDraft() { return mlir::success(); }
+
   /// Emits the reverse of all `trips` iterations. `cotangents` are those of the
   /// states after the last, null for zero, and become those of `getInits`.
   mlir::LogicalResult reverseAll(mlir::Value trips,
@@ -67,6 +78,19 @@ protected:
   /// Nothing flows back from these results of the loop, nor from memory.
   bool isZero(llvm::ArrayRef<mlir::Value> cotangents);
   mlir::Value constant(mlir::Type type, int64_t value);
+  mlir::Value placeholder(mlir::Type type);
+  /// What states are before the loop.
+  llvm::SmallVector<mlir::Value>
+  recoverInits(llvm::ArrayRef<unsigned> states);
+  /// What has to stay while the reverse loop is not finished.
+  llvm::SmallVector<mlir::Value> getHeld();
+  /// No state is needed, nor the number of the iteration.
+  bool needsNoState();
+  void note(llvm::ArrayRef<unsigned> states, RecoveryRank rank,
+            int64_t bytes);
+
+  /// Stand for values within an iteration that `completeDraft` computes.
+  llvm::SmallVector<mlir::Value> drafted;
 
   ReverseBuilder &reverse;
   mlir::OpBuilder &b;
@@ -91,9 +115,6 @@ private:
   mlir::scf::ForOp appendCaptures(mlir::scf::ForOp loop);
   /// The loop with more carried values, whose next values are still missing.
   mlir::scf::ForOp extend(mlir::scf::ForOp loop, mlir::ValueRange inits);
-  /// What has to stay while the reverse loop is not finished.
-  llvm::SmallVector<mlir::Value> getHeld();
-  mlir::Value placeholder(mlir::Type type);
 
   /// The state in some iteration by a formula; null if there is none.
   mlir::Value closedForm(unsigned state, mlir::Value number);
@@ -102,8 +123,6 @@ private:
   llvm::SmallVector<unsigned> resolveFree();
   bool hasFreeOrder(mlir::scf::ForOp loop);
   mlir::LogicalResult checkKept(llvm::ArrayRef<unsigned> states);
-  void note(llvm::ArrayRef<unsigned> states, RecoveryRank rank,
-            int64_t bytes);
 
   mlir::FailureOr<llvm::SmallVector<mlir::Value>>
   recoverBackwards(mlir::scf::ForOp loop, mlir::Value trips,
@@ -131,9 +150,6 @@ private:
   llvm::SmallVector<unsigned> closure(llvm::ArrayRef<unsigned> states);
   void recoverStates(mlir::Value number, llvm::ArrayRef<unsigned> states,
                      mlir::ValueRange values);
-  /// What states are before the loop.
-  llvm::SmallVector<mlir::Value>
-  recoverInits(llvm::ArrayRef<unsigned> states);
   mlir::FailureOr<llvm::SmallVector<mlir::Value>>
   advance(mlir::Value from, mlir::Value to, llvm::ArrayRef<unsigned> states,
           mlir::ValueRange values,

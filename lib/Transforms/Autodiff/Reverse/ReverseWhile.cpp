@@ -9,10 +9,16 @@
 // condition to the next: the region that evaluates it, then the body. The last
 // evaluation, which ends the loop, is reversed first, on its own.
 //
+// Mostly the condition is about integers. Then an iteration is drafted without
+// what evaluates it, and if the reverse only adds, it is a loop with the same
+// condition: nobody has to count.
+//
 //===----------------------------------------------------------------------===//
 
 #include "Autodiff/Loops/LoopReversal.h"
 
+#include "Analysis/Effects.h"
+#include "Autodiff/DeadValues.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -25,7 +31,7 @@ namespace {
 class WhileReversal : public LoopReversal {
 public:
   WhileReversal(ReverseBuilder &reverse, scf::WhileOp op)
-      : LoopReversal(reverse, op), op(op) {}
+      : LoopReversal(reverse, op), op(op), decidesApart(isApart()) {}
 
   LogicalResult run();
 
@@ -37,11 +43,22 @@ private:
   Value trace(Value value) override;
   LogicalResult replayIteration() override;
   LogicalResult reverseIteration() override;
+  LogicalResult completeDraft() override;
+  bool mayRunAlong(scf::ForOp reversed) override;
+  FailureOr<SmallVector<Value>> runAlong(scf::ForOp reversed) override;
 
   ValueRange getPassed() { return op.getConditionOp().getArgs(); }
+  bool isApart();
+  LogicalResult reverseLast(ArrayRef<Value> given);
+  LogicalResult replayCondition(scf::WhileOp made, ArrayRef<unsigned> states,
+                                ArrayRef<unsigned> passed);
   void count();
 
   scf::WhileOp op;
+  /// What evaluates the condition has no derivative and no effect.
+  bool decidesApart;
+  /// The iterations are those of the first draft: without the condition.
+  bool isDraft = false;
   /// Number of iterations, and the states after the last.
   Value trips;
   SmallVector<Value> final;
@@ -57,7 +74,31 @@ Value WhileReversal::trace(Value value) {
   return value;
 }
 
+bool WhileReversal::isApart() {
+  for (Value passed : getPassed())
+    if (reverse.isActive(passed) && !isa<BlockArgument>(passed))
+      return false;
+  auto result = op.getBefore().walk([&](Operation *inner) {
+    bool matters = hasOwnEffect(inner) ||
+                   llvm::any_of(inner->getResults(), [&](Value value) {
+                     return reverse.isActive(value);
+                   });
+    if (warp::isPlainRead(inner))
+      matters |= !!warp::rootOf(cast<warp::AccessOp>(inner).getArray())
+                       .getDefiningOp<warp::GradOp>();
+    return matters ? WalkResult::interrupt() : WalkResult::advance();
+  });
+  return !result.wasInterrupted();
+}
+
 LogicalResult WhileReversal::replayIteration() {
+  if (isDraft) {
+    for (BlockArgument argument : op.getAfterArguments()) {
+      drafted.push_back(placeholder(argument.getType()));
+      reverse.setRecovered(argument, drafted.back());
+    }
+    return reverse.replay(*op.getAfterBody());
+  }
   if (failed(reverse.replay(*op.getBeforeBody())))
     return failure();
   for (auto [argument, passed] :
@@ -72,7 +113,134 @@ LogicalResult WhileReversal::reverseIteration() {
   for (auto [argument, passed] :
        llvm::zip_equal(op.getAfterArguments(), getPassed()))
     reverse.addCotangent(passed, reverse.takeCotangent(argument));
-  return reverse.reverse(*op.getBeforeBody());
+  return isDraft ? success() : reverse.reverse(*op.getBeforeBody());
+}
+
+/// Puts what evaluates the condition in front of the iteration.
+LogicalResult WhileReversal::completeDraft() {
+  if (!isDraft)
+    return success();
+  isDraft = false;
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPointAfterValue(drafted.back());
+  if (failed(reverse.replay(*op.getBeforeBody())))
+    return failure();
+  for (auto [draft, passed] : llvm::zip_equal(drafted, getPassed()))
+    draft.replaceAllUsesWith(reverse.recover(passed));
+  return success();
+}
+
+//===----------------------------------------------------------------------===//
+// Without counting
+//===----------------------------------------------------------------------===//
+
+/// Fills the region that decides: the states are the last arguments.
+LogicalResult WhileReversal::replayCondition(scf::WhileOp made,
+                                             ArrayRef<unsigned> states,
+                                             ArrayRef<unsigned> passed) {
+  TypeRange types = made.getInits().getTypes();
+  OpBuilder::InsertionGuard guard(b);
+  Block *before = b.createBlock(&made.getBefore(), {}, types,
+                                SmallVector<Location>(types.size(), loc));
+  ValueRange arguments = before->getArguments();
+  for (auto [state, value] :
+       llvm::zip_equal(states, arguments.take_back(states.size())))
+    reverse.setRecovered(getStates()[state], value);
+  if (failed(reverse.replay(*op.getBeforeBody())))
+    return failure();
+  SmallVector<Value> forwarded(arguments.drop_back(states.size()));
+  for (unsigned i : passed)
+    forwarded.push_back(reverse.recover(getPassed()[i]));
+  Value condition = reverse.recover(op.getConditionOp().getCondition());
+  scf::ConditionOp::create(b, loc, condition, forwarded);
+  return success();
+}
+
+/// Whether every iteration has the same value.
+static bool isInvariant(Value value, Operation *loop) {
+  if (!loop->isAncestor(value.getParentRegion()->getParentOp()))
+    return true;
+  Operation *op = value.getDefiningOp();
+  return op && !isa<UnrealizedConversionCastOp>(op) &&
+         op->getNumRegions() == 0 && isMemoryEffectFree(op) &&
+         llvm::all_of(op->getOperands(),
+                      [&](Value v) { return isInvariant(v, loop); });
+}
+
+/// Not if sums to one element may leave the loop, which counted ones let them.
+bool WhileReversal::mayRunAlong(scf::ForOp reversed) {
+  auto mayLeave = [&](warp::AccumulateOp sum) {
+    return isInvariant(sum.getArray(), reversed) &&
+                   llvm::all_of(sum.getIndices(),
+                                [&](Value index) {
+                                  return isInvariant(index, reversed);
+                                })
+               ? WalkResult::interrupt()
+               : WalkResult::advance();
+  };
+  return isDraft && needsNoState() && !reversed.walk(mayLeave).wasInterrupted();
+}
+
+FailureOr<SmallVector<Value>> WhileReversal::runAlong(scf::ForOp reversed) {
+  isDraft = false;
+  Needs needs(op);
+  needs.mark(op.getConditionOp().getCondition());
+  for (auto [draft, value] : llvm::zip_equal(drafted, getPassed()))
+    if (!draft.use_empty())
+      needs.mark(value);
+  auto neededOf = [&](ValueRange values) {
+    SmallVector<unsigned> found;
+    for (auto [i, value] : llvm::enumerate(values))
+      if (needs.isNeeded(value))
+        found.push_back(i);
+    return found;
+  };
+  SmallVector<unsigned> states = neededOf(getStates());
+  SmallVector<unsigned> passed;
+  for (auto [i, draft] : llvm::enumerate(drafted))
+    if (!draft.use_empty() || needs.isNeeded(op.getAfterArguments()[i]))
+      passed.push_back(i);
+
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPoint(reversed);
+  unsigned sums = reversed.getInitArgs().size();
+  SmallVector<Value> inits(reversed.getInitArgs());
+  llvm::append_range(inits, recoverInits(states));
+  SmallVector<Type> types(reversed.getResultTypes());
+  for (unsigned i : passed)
+    types.push_back(getPassed()[i].getType());
+  auto made = scf::WhileOp::create(b, loc, types, inits);
+  if (failed(replayCondition(made, states, passed)))
+    return failure();
+
+  Block *after = b.createBlock(&made.getAfter(), {}, types,
+                               SmallVector<Location>(types.size(), loc));
+  ValueRange given = ValueRange(after->getArguments()).drop_front(sums);
+  for (auto [i, value] : llvm::zip_equal(passed, given)) {
+    reverse.setRecovered(op.getAfterArguments()[i], value);
+    drafted[i].replaceAllUsesWith(value);
+  }
+  // The next states first: what they read is not added to yet.
+  if (failed(reverse.replay(*op.getAfterBody())))
+    return failure();
+  Block *body = reversed.getBody();
+  for (auto [old, value] :
+       llvm::zip_equal(reversed.getRegionIterArgs(),
+                       ValueRange(after->getArguments()).take_front(sums)))
+    old.replaceAllUsesWith(value);
+  SmallVector<Value> next(body->getTerminator()->getOperands());
+  for (unsigned state : states)
+    next.push_back(reverse.recover(getNexts()[state]));
+  body->getTerminator()->erase();
+  after->getOperations().splice(after->end(), body->getOperations());
+  b.setInsertionPointToEnd(after);
+  scf::YieldOp::create(b, loc, next);
+  reversed.erase();
+  eraseDead(made.getBefore(), getHeld());
+  eraseDead(made.getAfter(), getHeld());
+  note(states, RecoveryRank::CarriedAlong, 0);
+  --reverse.metrics.replayLoops;
+  return SmallVector<Value>(made.getResults().take_front(sums));
 }
 
 //===----------------------------------------------------------------------===//
@@ -119,6 +287,18 @@ void WhileReversal::count() {
   ++reverse.metrics.replayLoops;
 }
 
+/// The evaluation of the condition that ends the loop.
+LogicalResult WhileReversal::reverseLast(ArrayRef<Value> given) {
+  for (auto [passed, cotangent] : llvm::zip_equal(getPassed(), given))
+    reverse.addCotangent(passed, cotangent);
+  if (decidesApart)
+    return success();
+  for (auto [state, value] : llvm::zip_equal(getStates(), final))
+    reverse.setRecovered(state, value);
+  return success(succeeded(reverse.replay(*op.getBeforeBody())) &&
+                 succeeded(reverse.reverse(*op.getBeforeBody())));
+}
+
 LogicalResult WhileReversal::run() {
   SmallVector<Value> given;
   for (Value result : op.getResults())
@@ -130,13 +310,9 @@ LogicalResult WhileReversal::run() {
                         "kernel changes; keep what its condition tests in a "
                         "variable");
   count();
-  for (auto [passed, cotangent] : llvm::zip_equal(getPassed(), given))
-    reverse.addCotangent(passed, cotangent);
-  for (auto [state, value] : llvm::zip_equal(getStates(), final))
-    reverse.setRecovered(state, value);
-  if (failed(reverse.replay(*op.getBeforeBody())) ||
-      failed(reverse.reverse(*op.getBeforeBody())))
+  if (failed(reverseLast(given)))
     return failure();
+  isDraft = decidesApart;
   SmallVector<Value> cotangents;
   for (Value state : getStates())
     cotangents.push_back(reverse.takeCotangent(state));

@@ -110,8 +110,7 @@ MatrixFormula::Quotient MatrixFormula::divide(Expr above, Expr terms,
 }
 
 void MatrixFormula::report(Expr isSingular) {
-  if (context.singular != Singular::Strict && context.report &&
-      !isSingular.isNumber())
+  if (isReported() && !isSingular.isNumber())
     context.report(isSingular.value);
 }
 

@@ -67,6 +67,9 @@ public:
   void replaceResult(unsigned i, Expr value) {
     context.replace(i, f.materialize(value, input.results[i].getType()));
   }
+  bool isReported() const {
+    return context.report && context.singular != Singular::Strict;
+  }
   /// Counts where the policy has pinned something.
   void report(Expr isSingular);
 

@@ -15,6 +15,11 @@
 // cotangent whose part for that turn is zero, up to rounding, and contributes
 // nothing; for any other one the policy for singular points decides.
 //
+// A function that tells values of such a pair apart, or that weighs their
+// vectors by functions of the values, gives the values different cotangents in
+// nearly all bases. What its derivative is beside the diagonal shows in no
+// cotangent of this basis, so the policy that reports counts it.
+//
 // That is enough for first derivatives. For second ones, the tangent of an
 // adjoint goes along one direction, and of all vectors of a repeated value
 // those are taken that the direction separates: in them, the symmetric part of
@@ -72,6 +77,8 @@ public:
   Expr operator()(int i, int j) {
     return j - i == 1 ? next[i] : f.call("bit_and", {next[0], next[1]});
   }
+  /// Whether a cotangent of the values tells such a pair apart.
+  Expr areToldApart(Expr cotangent);
   /// What basis of their vectors separates the values along a direction, whose
   /// symmetric part in the present basis is `p`.
   Expr getBasis(Expr p);
@@ -83,6 +90,18 @@ private:
   Expr next[2];
 };
 } // namespace
+
+Expr Repeated::areToldApart(Expr cotangent) {
+  Expr any = f.number(0);
+  if (cotangent.isNumber() || !f.isReported())
+    return any;
+  for (int i = 0; i + 1 < f.getSize(); ++i) {
+    Expr a = f.get(cotangent, i), b = f.get(cotangent, i + 1);
+    Expr isSame = f.abs(a - b) <= f.number(0x1p-12) * (f.abs(a) + f.abs(b));
+    any = f.either(any, f.call("bit_and", {next[i], f.call("unot", {isSame})}));
+  }
+  return any;
+}
 
 Expr Repeated::getBasisOf2(Expr p) {
   Expr angle = 0.5 * f.call("atan2", {2 * f.get(p, 0, 1),
@@ -177,7 +196,8 @@ static SmallVector<Value> pullbackSvd(RuleContext &context,
       p(j, i) = f.call("where", {isSingular, f.number(0), lower});
     }
   }
-  f.report(anySingular);
+  Repeated repeated(f, s, f.abs(f.get(s, 0)));
+  f.report(f.either(anySingular, repeated.areToldApart(f.getSeed(1))));
   return f.getAdjoints(u * p.toMatrix() * f.transpose(v));
 }
 
@@ -247,7 +267,8 @@ SmallVector<Value> pullbackEig3(RuleContext &context, const RuleInput &input) {
       p(i, j) = p(j, i) = turn.value;
     }
   }
-  f.report(anySingular);
+  Repeated repeated(f, d, largest);
+  f.report(f.either(anySingular, repeated.areToldApart(f.getSeed(1))));
   return f.getAdjoints(q * p.toMatrix() * f.transpose(q));
 }
 

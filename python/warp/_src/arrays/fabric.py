@@ -1,5 +1,8 @@
 """`wp.fabricarray`: one attribute whose elements lie in several buffers, the buckets.
 
+Elements may be arrays themselves (`fabric_rows`): what lies in the buckets are then their addresses
+and, beside these, their lengths.
+
 The buffers are described by a dictionary, as applications of Omniverse Fabric give it; any buffers
 will do. An element's place is counted once, in elements from the first of all buffers, so to
 kernels such an array is an indexed array over the memory from the lowest address to the highest.
@@ -12,19 +15,11 @@ from __future__ import annotations
 import typing
 
 from warp._src.arrays.array import array
+from warp._src.arrays.fabric_interface import Described
+from warp._src.arrays.fabric_rows import record_of, rows_record
 from warp._src.arrays.indexed import indexedarray
-from warp._src.devices import devices
-from warp._src.types import annotations, dtypes, scalars
+from warp._src.types import annotations, dtypes
 from warp._src.types.native import IndexedArrayType
-
-_SCALARS = {
-    "b": scalars.bool,
-    **{f"i{size}": getattr(scalars, f"int{8 * size}") for size in (1, 2, 4, 8)},
-    **{f"u{size}": getattr(scalars, f"uint{8 * size}") for size in (1, 2, 4, 8)},
-    **{f"f{size}": getattr(scalars, f"float{8 * size}") for size in (2, 4, 8)},
-}
-_SIDES = {4: 2, 9: 3, 16: 4, 25: 5}
-_QUATERNIONS = ("quat", "quaternion")
 
 
 class FabricArrayType(IndexedArrayType):
@@ -35,6 +30,11 @@ class FabricArrayType(IndexedArrayType):
 
     def __repr__(self):
         return f"{self.shown}(dtype={dtypes.type_repr(self.dtype)}, ndim={self.ndim})"
+
+    @property
+    def record(self):
+        """The struct that kernels know it as."""
+        return rows_record(self.dtype) if self.ndim == 2 else super().record
 
     def __call__(self, *args, **kwargs):
         raise TypeError(f"'{self!r}' is an annotation, use `wp.fabricarray(data, attrib)`")
@@ -52,8 +52,10 @@ class fabricarray(indexedarray):
     Args:
         data: dictionary of the fields "version" (1), "device" and "attribs". The last gives, by
             name, a dictionary of "type" (usable, code of the scalar such as "f4", number of scalars
-            in an element, depth of arrays, role), "pointers" (addresses) and "counts" (elements of
-            each bucket). The caller keeps the memory alive; the array keeps the dictionary.
+            in an element, depth of arrays, role), "pointers" (addresses), "counts" (elements of
+            each bucket) and, at depth 1, "array_lengths" (addresses of the lengths of each bucket's
+            arrays, as those in the buckets of `uint64`). The caller keeps the memory alive; the
+            array keeps the dictionary.
         attrib: name of the attribute.
         dtype, ndim: element type and number of dimensions, checked against the attribute.
 
@@ -62,7 +64,6 @@ class fabricarray(indexedarray):
 
     Raises:
         ValueError: a field is missing or malformed, or buckets do not lie in one piece of memory.
-        NotImplementedError: elements of the attribute are arrays themselves.
     """
 
     annotation = FabricArrayType
@@ -85,15 +86,66 @@ class fabricarray(indexedarray):
                 "`wp.fabricarray(dtype=...)`"
             )
         self.source = data
-        described = _described(data, attrib)
+        described = Described(data, attrib)
         if dtype not in (None, typing.Any) and not dtypes.types_equal(dtype, described.dtype):
             raise ValueError(
                 f"expects elements of '{dtypes.type_repr(dtype)}', but those of '{attrib}' are "
                 f"'{dtypes.type_repr(described.dtype)}'"
             )
-        if ndim not in (None, 1):
-            raise ValueError(f"expects {ndim} dimensions, but '{attrib}' has one")
+        if ndim not in (None, typing.Any, described.ndim):
+            raise ValueError(
+                f"expects {ndim} dimension(s), but '{attrib}' has {described.ndim} dimension(s)"
+            )
         super().__init__(*described.memory())
+        if described.ndim == 2:
+            self._of_rows(described.dtype, indexedarray(*described.lengths()))
+
+    # Of arrays, the type of their elements and how many there are of each.
+    _row_dtype = None
+    _lengths = None
+
+    def _of_rows(self, dtype, lengths):
+        """Makes the elements, which are addresses, arrays."""
+        if lengths.shape != self.shape:
+            raise ValueError(
+                f"expects as many lengths as arrays, but got {lengths.size} and {self.size}"
+            )
+        self._row_dtype, self._lengths = dtype, lengths
+
+    @property
+    def dtype(self):
+        """Element type, that of the elements of arrays where elements are arrays."""
+        return self._row_dtype or self.data.dtype
+
+    @property
+    def ndim(self) -> int:
+        """Number of dimensions: 2 where elements are arrays."""
+        return 2 if self._row_dtype else 1
+
+    @property
+    def rows_record(self):
+        """The struct that kernels get where elements are arrays."""
+        return record_of(self._row_dtype, self, self._lengths)
+
+    def __ctype__(self):
+        return self.rows_record if self._row_dtype else super().__ctype__()
+
+    def _read(self):
+        self._check_numbers("read")
+        return super()._read()
+
+    def _fill(self, pattern):
+        self._check_numbers("set")
+        super()._fill(pattern)
+
+    def __str__(self):
+        return repr(self) if self._row_dtype else super().__str__()
+
+    def _check_numbers(self, what):
+        if self._row_dtype:
+            raise TypeError(
+                f"{self!r} has arrays as elements; they are {what} in kernels: `a[i][j]`"
+            )
 
     def __getitem__(self, key):
         if not isinstance(key, array):
@@ -137,25 +189,29 @@ class indexedfabricarray(fabricarray):
                 f"expects elements of '{dtypes.type_repr(dtype)}', but got "
                 f"'{dtypes.type_repr(fa.dtype)}'"
             )
-        if ndim not in (None, 1):
-            raise ValueError(f"expects {ndim} dimensions, but the fabric array has one")
+        if ndim not in (None, typing.Any, fa.ndim):
+            raise ValueError(
+                f"expects {ndim} dimension(s), but the fabric array has {fa.ndim} dimension(s)"
+            )
         self.source = fa
         # Places of the chosen elements; the check of what `indices` is comes first.
         chosen = indexedarray(fa.indices[0], indices).contiguous()
         indexedarray.__init__(self, fa.data, chosen)
+        if fa._row_dtype:
+            chosen = indexedarray(fa._lengths.indices[0], indices).contiguous()
+            self._of_rows(fa._row_dtype, indexedarray(fa._lengths.data, chosen))
 
 
 class _Arrays:
-    """`wp.fabricarrayarray` and its like: annotations of attributes whose elements are arrays."""
+    """`wp.fabricarrayarray` and its like: fabric arrays whose elements are arrays."""
 
-    def __init__(self, name, annotation):
-        self.__name__ = name
-        self.annotation = annotation
+    def __init__(self, made):
+        self.__name__ = f"{made.__name__}array"
+        self.made = made
+        self.annotation = made.annotation
 
-    def __call__(self, data=None, *args, dtype=None, **kwargs):
-        if data is None:
-            return self.annotation(typing.Any if dtype is None else dtype, 2)
-        raise _no_arrays(f"'wp.{self.__name__}'")
+    def __call__(self, *args, **kwargs):
+        return self.made(*args, **{"ndim": 2, **kwargs})
 
     def __getitem__(self, params):
         return annotations.from_subscript(params, 2, self.annotation)
@@ -164,88 +220,5 @@ class _Arrays:
         return f"warp.{self.__name__}"
 
 
-fabricarrayarray = _Arrays("fabricarrayarray", FabricArrayType)
-indexedfabricarrayarray = _Arrays("indexedfabricarrayarray", IndexedFabricArrayType)
-
-
-def _no_arrays(what):
-    return NotImplementedError(
-        f"{what}: attributes whose elements are arrays are not there yet; make a `wp.array` of each"
-    )
-
-
-class _described:
-    """What a dictionary says of an attribute."""
-
-    def __init__(self, data, attrib):
-        for _ in range(2):
-            data = getattr(data, "__fabric_arrays_interface__", data)
-        if not isinstance(data, dict):
-            raise ValueError(f"expects a dictionary as `data`, but got '{type(data).__name__}'")
-        if data.get("version") != 1:
-            raise ValueError(f"expects version 1 of the interface, but got {data.get('version')!r}")
-        about = data.get("attribs", {}).get(attrib)
-        if about is None:
-            raise ValueError(f"there is no attribute {attrib!r} in the interface")
-        self.device = devices.get_device(data["device"])
-        self.dtype = element_type(about["type"], attrib)
-        self.buckets = [
-            (int(start), int(count))
-            for start, count in zip(about["pointers"], about["counts"], strict=True)
-            if count
-        ]
-        if any(count < 0 for _, count in self.buckets):
-            raise ValueError(f"attribute '{attrib}' has a bucket of negative size")
-        self.attrib = attrib
-
-    def memory(self):
-        """The array from the lowest address to the highest, and the places of elements in it."""
-        import numpy
-
-        size = dtypes.type_size_in_bytes(self.dtype)
-        first = min([start for start, _ in self.buckets], default=0)
-        places, extent = [], 0
-        for start, count in self.buckets:
-            ahead, odd = divmod(start - first, size)
-            if odd or ahead + count > 2**31 - 1:
-                raise ValueError(
-                    f"buckets of '{self.attrib}' have to lie within 2^31 elements and a whole "
-                    f"number of elements apart, but one starts {start - first} bytes after the "
-                    f"first, with elements of {size} bytes"
-                )
-            places.append(numpy.arange(ahead, ahead + count, dtype=numpy.int32))
-            extent = max(extent, ahead + count)
-        found = numpy.concatenate(places) if places else numpy.empty(0, numpy.int32)
-        indices = array(found, dtype=scalars.int32, device=self.device)
-        if not extent:
-            return array(shape=(0,), dtype=self.dtype, device=self.device), indices
-        whole = array(ptr=first, shape=(extent,), dtype=self.dtype, device=self.device)
-        return whole, indices
-
-
-def element_type(about, attrib):
-    """The element type that the "type" of an attribute describes.
-
-    Raises:
-        ValueError: it is malformed, or kernels have no such type.
-        NotImplementedError: elements are arrays.
-    """
-    if len(about) != 5:
-        raise ValueError(
-            f"type of '{attrib}' must contain five elements, got {len(about)}: {about!r}"
-        )
-    usable, code, count, depth, role = about
-    if not usable or code not in _SCALARS:
-        raise ValueError(f"kernels have no type for attribute '{attrib}': {about!r}")
-    if depth:
-        raise _no_arrays(f"attribute '{attrib}'")
-    scalar = _SCALARS[code]
-    if role in ("matrix", "transform", "frame"):
-        if count not in _SIDES:
-            raise ValueError(
-                f"matrices of '{attrib}' must have a square element count, got {count}"
-            )
-        return dtypes.matrix((_SIDES[count], _SIDES[count]), scalar)
-    if role in _QUATERNIONS:
-        return dtypes.quaternion(scalar)
-    return scalar if count == 1 else dtypes.vector(count, scalar)
+fabricarrayarray = _Arrays(fabricarray)
+indexedfabricarrayarray = _Arrays(indexedfabricarray)

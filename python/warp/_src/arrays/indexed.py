@@ -63,9 +63,13 @@ def record_class(dtype, ndim):
     fields |= {f"indices{axis}": ArrayType(scalars.int32) for axis in range(ndim)}
     # Bit i: dimension i has indices.
     fields["indexed"] = scalars.int32
-    name = repr(IndexedArrayType(dtype, ndim))
+    annotation = IndexedArrayType(dtype, ndim)
+    name = repr(annotation)
     about = {"__module__": __name__, "__qualname__": name, "__doc__": "An indexed array."}
-    return make_struct(name, fields, IndexedRecord, about)
+    made = make_struct(name, fields, IndexedRecord, about)
+    # What programs see as the type of a field.
+    made._wp_annotation_ = annotation
+    return made
 
 
 IndexedArrayType.make_record = staticmethod(record_class)
@@ -97,6 +101,7 @@ class indexedarray(ArrayArithmetic):
 
     _wp_array_ = True
     is_contiguous = False
+    annotation = IndexedArrayType
 
     def __new__(cls, data=None, indices=None, dtype=None, ndim=None, **own):
         # A class derived from this one may take arguments of its own.

@@ -365,7 +365,8 @@ def _not_recorded(call, hidden):
         what = f"array '{call.leaves[hidden.leaf][0]}' as it was before the launch"
     return errors.WarpGradientError(
         f"launch('{call.kernel.key}', adjoint=True): the derivative depends on {what}, "
-        f"record the launch on a `wp.Tape`"
+        f"record the launch on a `wp.Tape`",
+        hint="a tape keeps what is overwritten in arrays with `requires_grad=True`",
     )
 
 

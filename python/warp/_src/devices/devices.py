@@ -128,6 +128,17 @@ class Device:
     def stream(self, stream):
         set_stream(stream, self)
 
+    @property
+    def null_stream(self):
+        """The legacy default stream, of handle 0, which waits for other streams and they for it.
+
+        Raises:
+            RuntimeError: the device is the CPU.
+        """
+        if self.is_cpu:
+            raise RuntimeError(f"device '{self}' has no streams, expects a CUDA device")
+        return _native.Stream.from_handle(self.index, 0)
+
     def get_stream(self):
         return self.stream
 

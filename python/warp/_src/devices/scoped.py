@@ -75,9 +75,23 @@ class ScopedTimer:
             self.start = time.perf_counter_ns()
         return self
 
-    def __exit__(self, *exception):
+    def __exit__(self, kind, *exception):
         if not self.active:
             return
+        indent = "    " * ScopedTimer.indent
+        ScopedTimer.indent -= 1
+        try:
+            self._stop()
+        except RuntimeError:
+            # An error of the block says more than a device that no longer answers.
+            if kind is None:
+                raise
+            return
+        if self.print:
+            self._report(indent)
+
+    def _stop(self):
+        """Reads the clock and ends what else was measured."""
         if self.synchronize:
             devices.synchronize()
         self.elapsed = (time.perf_counter_ns() - self.start) / 1e6
@@ -89,10 +103,6 @@ class ScopedTimer:
             from warp._src.devices.timing import timing_end
 
             self.timing_results = timing_end(synchronize=not self.synchronize)
-        indent = "    " * ScopedTimer.indent
-        ScopedTimer.indent -= 1
-        if self.print:
-            self._report(indent)
 
     def _report(self, indent):
         from warp._src.devices.timing import timing_print

@@ -24,20 +24,31 @@ def cuda_index(device) -> int:
 
 
 def record_event(event=None, external: bool = False):
-    """Records an event on the current stream of its device, a new event if none is given."""
+    """Records an event on the current stream of its device, a new event if none is given.
+
+    Args:
+        event: the event; one that measures time is external in every capture.
+        external: in a capture, launches of the graph record it for streams and graphs outside,
+            which may wait for it; without, it orders work in the graph alone.
+    """
     if event is None:
         event = Event()
-    return _native.current_stream(event.device_index).record_event(event)
+    return _native.current_stream(event.device_index).record_event(event, external)
 
 
 def wait_event(event, external: bool = False) -> None:
-    """Lets the current stream of the default device wait for an event."""
-    devices.get_stream().wait_event(event)
+    """Lets the current stream of the default device wait for an event.
+
+    Args:
+        event: the event.
+        external: in a capture, launches of the graph wait for what was recorded outside of it.
+    """
+    devices.get_stream().wait_event(event, external)
 
 
 def wait_stream(other_stream, event=None, external: bool = False) -> None:
     """Lets the current stream of the default device wait for all work queued on another one."""
-    devices.get_stream().wait_stream(other_stream, event)
+    devices.get_stream().wait_stream(other_stream, event, external)
 
 
 def get_event_elapsed_time(start_event, end_event, synchronize: bool = True) -> float:

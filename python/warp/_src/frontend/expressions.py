@@ -9,6 +9,7 @@ from warp._src import errors
 from warp._src.frontend import names
 from warp._src.frontend.access import COMPONENTS
 from warp._src.frontend.context import BOOL, INT32, Part, Value
+from warp._src.frontend.functions import overload_of
 from warp._src.frontend.indexed import array_of
 from warp._src.kernels.function import Function
 from warp._src.types import dtypes
@@ -138,9 +139,12 @@ class Expressions(Part):
         return self.operator(node, _BINARY[kind], left, right)
 
     def operator(self, node, name, *operands):
-        """Applies an operator; functions of that name extend it to structs."""
+        """Applies an operator; functions of that name go before it, and extend it to structs."""
         if any(operand.type.kind == "tile" for operand in operands):
             return self.context.tiles.elements.operator(node, name, operands)
+        own = self.own_operator(name, operands, node)
+        if own is not None:
+            return self.context.user_calls.call_function(own, list(operands), {}, node)
         for operand in operands:
             if operand.type.kind == "struct":
                 return self.user_operator(node, name, operands)
@@ -162,6 +166,28 @@ class Expressions(Part):
                 f"{'exactly ' if composite else ''}the same, got {shown}"
             )
             raise
+
+    @staticmethod
+    def name_of(op) -> str:
+        """The builtin that a binary operator of the syntax tree is."""
+        return _BINARY[type(op)]
+
+    def own_operator(self, name, operands, node):
+        """The function of an operator's name in the kernel's module that takes the operands, or
+        None. Within itself the operator is what it always is."""
+        function = self.context.function
+        own = function.__globals__.get(name)
+        if not isinstance(own, Function) or own.func.__module__.startswith("warp."):
+            return None
+        if function in own.overloads:
+            return None
+        for overload in map(overload_of, own.overloads):
+            if (
+                not overload.references
+                and type(overload.bind(self.context, list(operands), {}, node)) is list
+            ):
+                return own
+        return None
 
     def user_operator(self, node, name, operands):
         function = self.context.function.__globals__.get(name)

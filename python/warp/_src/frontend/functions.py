@@ -37,6 +37,8 @@ class Parameter:
         self.by_reference = isinstance(annotation, Reference)
         if self.by_reference:
             annotation = annotation.dtype
+            # An array refers to its elements as it is.
+            self.by_reference = not isinstance(annotation, ArrayType)
         self.annotation = annotation
         # An argument for an array may be one of the thread, which is passed by value.
         self.may_be_updated = self.by_reference or isinstance(annotation, ArrayType)

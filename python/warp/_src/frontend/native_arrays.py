@@ -1,10 +1,11 @@
-"""Native functions with arrays among their parameters.
+"""Native functions with arrays, vectors and matrices among their parameters or as their result.
 
 The snippet sees each array as NVIDIA Warp's `wp::array_t<T>`. Kernels pass address, extents and
 strides as numbers, from which a few lines of C++ make that. So a function in the kernel language
 stands for the native one; its derivative, if there is an adjoint, hands over the arrays of the
 gradients, too, and gets the cotangents of the numbers back. Other than code of numbers alone such
-code reads and writes memory, so passes keep it in its place.
+code reads and writes memory, so passes keep it in its place. Vectors and matrices cross the border
+number by number.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ class MemoryCode(NativeFunction):
     """A piece of native code as kernels call it.
 
     Attributes:
-        results: native types of what it gives; C++ returns them in a struct `Results`.
+        results: native types of the numbers it gives; C++ returns them in a struct `Results`.
         likes: by name of an array of gradients the parameter it belongs to.
     """
 
@@ -34,19 +35,32 @@ class MemoryCode(NativeFunction):
     likes: dict = {}  # noqa: RUF012
 
 
-def takes_arrays(function) -> bool:
-    return any(isinstance(one, ArrayType) for one in annotations_of(function.func).values())
+def in_memory(function) -> bool:
+    """Whether a native function has more than numbers to take or to give."""
+    declared = annotations_of(function.func)
+    # What cannot be returned is refused there.
+    returned = declared.get("return")
+    return any(isinstance(one, ArrayType) or _is_composite(one) for one in declared.values()) or (
+        returned is not None and not _can_return(returned)
+    )
+
+
+def _is_composite(annotation) -> bool:
+    return isinstance(annotation, type) and issubclass(annotation, dtypes.Composite)
 
 
 def call(context, function, node):
     """Calls what stands for a native function with arrays.
 
     Raises:
-        WarpCodegenError: a parameter is neither a number nor an array of numbers or of vectors,
-            matrices, quaternions or transforms of them.
+        WarpCodegenError: a parameter is neither a number, a vector, a matrix or a quaternion nor
+            an array of these or of transforms; or the result is an array, a struct or a transform.
     """
     for name, annotation in annotations_of(function.func).items():
-        if _cpp(annotation) is None:
+        if name == "return" and annotation is not None and not _can_return(annotation):
+            problem = f"the native code of '{function.key}', which returns {_shown(annotation)},"
+            raise context.unsupported(node, problem, _FIX, also="unsupported return type")
+        if name != "return" and _cpp(annotation) is None:
             problem = f"the native code of '{function.key}', whose '{name}' C++ has no type for,"
             raise context.unsupported(node, problem, _FIX)
     if _MADE not in function.__dict__:
@@ -67,6 +81,11 @@ def emit(context, code, node):
             value = context.materialize(binding, node)
         kind = str(value.type)
         context.at(node)
+        if value.type.kind in _COMPOSITES:
+            parts = context.targets.components(value, _count(kind), node)
+            values += parts
+            declared.append((parameter.name, kind, -len(parts)))
+            continue
         if value.type.kind != "array":
             values.append(value)
             declared.append((parameter.name, kind, 0))
@@ -90,7 +109,11 @@ class _Maker:
         self.types = dict(annotations_of(function.func))
         self.result = self.types.pop("return", None)
         self.arrays = [name for name, one in self.types.items() if isinstance(one, ArrayType)]
-        self.floats = [name for name, one in self.types.items() if native_text(one) in _FLOATS]
+        self.floats = [
+            name
+            for name, one in self.types.items()
+            if not isinstance(one, ArrayType) and _numbers(one)[0] in _FLOATS
+        ]
         self.gradients = [name for name in self.arrays if _has_gradient(self.types[name])]
 
     def made(self) -> Function:
@@ -100,18 +123,28 @@ class _Maker:
         if function.replay_snippet is not None:
             replayed = self.forward(f"{function.key}_replay", function.replay_snippet)
             made.replays.append(replayed.func)
-        smooth = self.floats or self.gradients or native_text(self.result or int) in _FLOATS
+        smooth = self.floats or self.gradients or _numbers(self.result or int)[0] in _FLOATS
         if function.adj_native_snippet is not None or not smooth:
             made.pullbacks.append(self.pullback(function.adj_native_snippet or ""))
         return made
 
     def forward(self, key, snippet) -> Function:
-        results = () if self.result is None else (native_text(self.result),)
-        code = self.code(key, self.types, f'{{\n#line 1 "{self.function.key}"\n{snippet}\n}}')
-        code.results = results
+        body = f'\n#line 1 "{self.function.key}"\n{snippet}\n'
+        results = () if self.result is None else _numbers(self.result)
+        if _is_composite(self.result):
+            kind = _cpp(self.result)
+            given = ", ".join(_parts("warp_ret", self.result))
+            body = f"{kind} warp_ret = [&]() -> {kind} {{{body}}}();\nreturn {{{given}}};"
+        code = self.code(key, self.types, f"{{{body}}}")
+        code.results = tuple(results)
         text = f"code({', '.join(self.types)})"
-        lines = [f"    {text}"] if self.result is None else [f"    r, = {text}", "    return r"]
-        names = {"types": self.types, "code": code}
+        parts = [f"r{i}" for i in range(len(results))]
+        lines = (
+            [f"    {''.join(f'{one}, ' for one in parts)}= {text}"] if parts else [f"    {text}"]
+        )
+        if parts:
+            lines.append(f"    return {_made_of('made', self.result, parts)}")
+        names = {"types": self.types, "code": code, "made": self.result}
         return Function(self.define(key, self.types, lines, names))
 
     def pullback(self, snippet):
@@ -123,20 +156,30 @@ class _Maker:
         given = {**types, **{f"adj_{name}": self.types[name] for name in self.gradients}}
         others = [name for name in self.types if name not in self.gradients]
         started = "".join(f"{_cpp(self.types[name])} adj_{name} = {{}}; " for name in others)
-        returned = ", ".join(f"adj_{name}" for name in self.floats)
+        parts = {name: _parts(f"d_{name}", self.types[name]) for name in self.floats}
+        returned = ", ".join(
+            part for name in self.floats for part in _parts(f"adj_{name}", self.types[name])
+        )
+        spread = [f"d_{i}" for i in range(sum(map(len, parts.values())))]
         body = (
             f'{{ {started}[&]() {{\n#line 1 "{self.function.key}"\n{snippet}\n}}();\n'
             f"{f'return {{{returned}}};' if returned else ''} }}"
         )
         key = f"{self.function.key}_adjoint"
         code = self.code(key, given, body)
-        code.results = tuple(native_text(self.types[name]) for name in self.floats)
+        code.results = tuple(one for name in self.floats for one in _numbers(self.types[name]))
         code.likes = {f"adj_{name}": name for name in self.gradients}
         passed = ", ".join([*seeds, *(f"adjoint[{name}]" for name in self.gradients)])
-        targets = "".join(f"d_{name}, " for name in self.floats)
+        targets = "".join(f"{one}, " for one in spread)
         lines = [f"    {targets}= code({passed})" if targets else f"    code({passed})"]
-        lines += [f"    adjoint[{name}] += d_{name}" for name in self.floats]
-        return self.define(key, types, lines, {"types": types, "code": code, "adjoint": adjoint})
+        names = {"types": types, "code": code, "adjoint": adjoint}
+        for name in self.floats:
+            own, spread = spread[: len(parts[name])], spread[len(parts[name]) :]
+            names[f"made_{name}"] = self.types[name]
+            lines.append(
+                f"    adjoint[{name}] += {_made_of(f'made_{name}', self.types[name], own)}"
+            )
+        return self.define(key, types, lines, names)
 
     def code(self, key, types, body) -> MemoryCode:
         declared = self.define(f"{key}_code", types, ["    pass"], {"types": types})
@@ -153,9 +196,50 @@ def _has_gradient(annotation) -> bool:
     return str(dtypes.native_type(annotation.dtype)).rstrip(">").endswith(_FLOATS)
 
 
+_COMPOSITES = ("vec", "mat", "quat")
+
+
+def _numbers(annotation) -> list[str]:
+    """Native types of the numbers that a value is for C++."""
+    if _is_composite(annotation):
+        return [native_text(annotation._wp_scalar_type_)] * annotation._length_
+    return [native_text(annotation)]
+
+
+def _count(native) -> int:
+    """Numbers of a vector, matrix or quaternion by the text of its type."""
+    return dtypes.dtype_of(native)._length_
+
+
+def _parts(name, annotation) -> list[str]:
+    """The numbers of a variable in C++."""
+    if not _is_composite(annotation):
+        return [name]
+    scalar = native_code.SCALARS[_numbers(annotation)[0]]
+    return [f"((const {scalar} *)&{name})[{i}]" for i in range(annotation._length_)]
+
+
+def _made_of(kind, annotation, parts) -> str:
+    """The value that numbers make in the kernel language; `kind` is a name of its type."""
+    return f"{kind}({', '.join(parts)})" if _is_composite(annotation) else parts[0]
+
+
+def _can_return(annotation) -> bool:
+    if not _is_composite(annotation):
+        scalar = isinstance(annotation, type) and not dtypes.is_struct(annotation)
+        return scalar and native_text(annotation) in native_code.SCALARS
+    return not issubclass(annotation, dtypes.Transformation) and _cpp(annotation) is not None
+
+
+def _shown(annotation) -> str:
+    return f"'{dtypes.type_repr(annotation)}'"
+
+
 def _cpp(annotation):
     """What C++ calls a type; None where native code cannot have it."""
     if isinstance(annotation, ArrayType):
         element = native_code.element_name(native_text(annotation.dtype))
         return element and f"wp::array_t<{element}>"
-    return native_code.SCALARS.get(native_text(annotation))
+    if _is_composite(annotation) and issubclass(annotation, dtypes.Transformation):
+        return None
+    return native_code.element_name(native_text(annotation))

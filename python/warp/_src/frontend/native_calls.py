@@ -27,7 +27,7 @@ def call_native(context, function, node):
         return None
     if isinstance(function, native_arrays.MemoryCode):
         return native_arrays.emit(context, function, node)
-    if native_arrays.takes_arrays(function):
+    if native_arrays.in_memory(function):
         return native_arrays.call(context, function, node)
     what = f"the native code of '{function.key}'"
     pointers = _pointers(context, function, node)
@@ -55,7 +55,9 @@ def call_native(context, function, node):
         # Code depends on the threads of the block.
         context.session.block_threads()
     elif result not in native_code.SCALARS:
-        raise context.unsupported(node, f"{what}, which returns no number,", _FIX)
+        raise context.unsupported(
+            node, f"{what}, which returns no number,", _FIX, also="unsupported return type"
+        )
     place = native_code.place_of(context, node)
     symbol = native_code.add(function.key, snippet, parameters, result, place)
     context.at(node)

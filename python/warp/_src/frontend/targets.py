@@ -14,6 +14,7 @@ from warp._src.derivatives.functions import Gradient
 from warp._src.frontend.access import COMPONENTS, places_of
 from warp._src.frontend.context import INT32, LocalArray, Part, TileView, Value
 from warp._src.frontend.indexed import array_of
+from warp._src.kernels.function import Function
 from warp._src.types import dtypes
 
 _ATOMIC = {
@@ -434,6 +435,8 @@ class Targets(Part):
             return
         slot = self.slot(target)
         right = self.context.materialize(self.context.expressions.expr(node.value), node.value)
+        if self.update_by_own(slot, op, right, node):
+            return
         if slot.array is not None and self.is_atomic(slot, op):
             self.context.at(node)
             self.builder.atomic(_ATOMIC[type(op)], self.slot_view(slot), slot.indices, right)
@@ -444,6 +447,19 @@ class Targets(Part):
             return
         left = self.read(slot, target)
         self.write(slot, self.context.expressions.binary(node, op, left, right), node)
+
+    def update_by_own(self, slot, op, right, node) -> bool:
+        """Updates a place by the user's function for the operator; False if there is none."""
+        expressions = self.context.expressions
+        name = expressions.name_of(op)
+        if not isinstance(self.context.function.__globals__.get(name), Function):
+            return False
+        operands = [self.read(slot, node.target), right]
+        own = expressions.own_operator(name, operands, node)
+        if own is None:
+            return False
+        self.write(slot, self.context.user_calls.call_function(own, operands, {}, node), node)
+        return True
 
     def is_tile(self, target, binding=None):
         """Whether a name is that of a tile or of a view of one."""

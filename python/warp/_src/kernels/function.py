@@ -248,11 +248,11 @@ _BARRIERS = (
 def func_native(snippet, adj_snippet=None, replay_snippet=None):
     """Declares a function by its C++ or CUDA text.
 
-    Kernels may call one that takes numbers and arrays, and gives one number or none. It is compiled
-    with the first kernel that calls it: on CPUs by Clang, which is installed or named by the
-    environment variable WARP_CLANG, on GPUs by NVRTC, which is a part of CUDA and of the package
-    nvidia-cuda-nvrtc, or named by WARP_NVRTC. Without a compiler, the launch is an error with the
-    place of the call.
+    Kernels may call one that takes numbers, vectors, matrices, quaternions and arrays, and gives
+    one number, vector, matrix or quaternion, or none. It is compiled with the first kernel that
+    calls it: on CPUs by Clang, which is installed or named by the environment variable WARP_CLANG,
+    on GPUs by NVRTC, which is a part of CUDA and of the package nvidia-cuda-nvrtc, or named by
+    WARP_NVRTC. Without a compiler, the launch is an error with the place of the call.
 
     What a function of numbers alone computes may depend on its arguments alone, unless its text
     names what threads do together (`__syncwarp`, `__shfl_xor_sync`, `atomicAdd`, ...): such a call
@@ -278,4 +278,12 @@ def func_native(snippet, adj_snippet=None, replay_snippet=None):
         replay_snippet: body that a backward pass runs in place of the first where it needs the
             result again. It does not write to arrays again: those are as the launch left them.
     """
-    return lambda func: NativeFunction(func, snippet, adj_snippet, replay_snippet)
+
+    def decorate(func):
+        former = sys._getframe(1).f_locals.get(func.__name__)
+        if isinstance(former, NativeFunction) and former.func.__qualname__ == func.__qualname__:
+            # Kernels that call it are translated anew.
+            Epoch.advance()
+        return NativeFunction(func, snippet, adj_snippet, replay_snippet)
+
+    return decorate

@@ -23,10 +23,16 @@ from warp._src.devices.devices import get_device
 from warp._src.forks import translating
 from warp._src.kernels import texts, unique
 from warp._src.kernels.epoch import Epoch
+from warp._src.kernels.kernel_options import (
+    check_constants,
+    check_launch_bounds,
+    check_registers,
+    inert_options,
+)
 from warp._src.kernels.modules import Module, check_options, get_module
 from warp._src.types import dtypes
 from warp._src.types.annotations import annotations_of, check_annotations, is_generic
-from warp._src.types.native import ArrayType, IndexedArrayType
+from warp._src.types.native import ArrayType
 
 STAGES = ("warp", "thread", "launch", "gpu", "llvm", "ptx", "asm")
 DERIVATIVES = ("adjoint", "tangent")
@@ -420,41 +426,10 @@ def type_tag(types) -> str:
     return "_".join(re.sub(r"\W+", "", text) for text in texts)
 
 
-def check_launch_bounds(bounds) -> tuple[int, int]:
-    """Launch bounds as (threads of a block, blocks of a multiprocessor or 0).
-
-    Raises:
-        TypeError, ValueError: they are not one or two positive ints.
-    """
-    values = bounds if isinstance(bounds, (tuple, list)) else (bounds,)
-    if not all(isinstance(value, int) and not isinstance(value, bool) for value in values):
-        raise TypeError(f"launch_bounds expects an int or two, but got {bounds!r}")
-    if not 1 <= len(values) <= 2 or min(values) < 1 or values[0] > 1024:
-        raise ValueError(
-            "launch_bounds expects 1 to 1024 threads, and perhaps a positive number of blocks, "
-            f"but got {bounds!r}"
-        )
-    return values[0], values[1] if len(values) == 2 else 0
-
-
-def _check_registers(count) -> int:
-    if not isinstance(count, int) or isinstance(count, bool):
-        raise TypeError(f"cuda_max_registers expects an int, but got {count!r}")
-    if not 1 <= count <= 255:
-        raise ValueError(f"cuda_max_registers expects 1 to 255, but got {count}")
-    return count
-
-
 @functools.cache
 def _with_part(part, kind):
     """A class of kernels that adds to another one."""
     return part if kind is Kernel else type(part.__name__, (part, kind), {})
-
-
-def _check_constants(names) -> tuple[str, ...]:
-    if isinstance(names, str) or not all(isinstance(name, str) for name in names):
-        raise TypeError(f"launch_constants expects names of parameters, but got {names!r}")
-    return tuple(names)
 
 
 def argument_type(value):
@@ -463,7 +438,7 @@ def argument_type(value):
         if isinstance(value, array):
             return dtypes.native_type(ArrayType(value.dtype, value.ndim))
         if isinstance(value, indexedarray):
-            return dtypes.native_type(IndexedArrayType(value.dtype, value.ndim))
+            return dtypes.native_type(value.annotation(value.dtype, value.ndim))
         return dtypes.native_type(dtypes.canonical(type(value)))
     except TypeError:
         return None
@@ -514,18 +489,10 @@ def kernel(
             raise ValueError("launch_bounds and cuda_max_registers exclude each other")
         own["launch_bounds"] = check_launch_bounds(launch_bounds)
     if cuda_max_registers is not None:
-        own["cuda_max_registers"] = _check_registers(cuda_max_registers)
+        own["cuda_max_registers"] = check_registers(cuda_max_registers)
     if launch_constants is not None:
-        own["launch_constants"] = _check_constants(launch_constants)
-    unknown = set(options) - _INERT
-    if unknown:
-        raise TypeError(f"kernel has no option '{unknown.pop()}'")
-    # These change nothing, but tell kernels apart.
-    inert = {name: value for name, value in options.items() if value is not None}
-    if inert.get("enable_cuda_smem_spilling") is False:
-        del inert["enable_cuda_smem_spilling"]
-    own |= inert
-    _check_entry_point(options.get("entry_point_abi", "warp"), enable_backward)
+        own["launch_constants"] = check_constants(launch_constants)
+    own |= inert_options(options, enable_backward)
     if name is not None and not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII):
         raise ValueError(f"kernel name must be a valid C++ identifier, but got {name!r}")
 
@@ -535,15 +502,3 @@ def kernel(
         return Kernel(func, name, None if module == "unique" else module, own)
 
     return decorate if f is None else decorate(f)
-
-
-def _check_entry_point(abi, enable_backward) -> None:
-    if abi not in ("warp", "external_constant_params"):
-        raise ValueError(
-            f"entry_point_abi must be 'warp' or 'external_constant_params', but got {abi!r}"
-        )
-    if abi != "warp" and enable_backward is not False:
-        raise ValueError(f"entry_point_abi={abi!r} requires enable_backward=False")
-
-
-_INERT = {"enable_cuda_smem_spilling", "cluster_dim", "entry_point_abi", "grid_stride"}

@@ -199,17 +199,29 @@ def _sequence(values, kernel, what):
 
 def _verify(kernel, native, values) -> None:
     """Rejects arrays that hold infinite numbers or NaN."""
-    import numpy
-
     names = [parameter[0] for parameter in native.parameters]
     for name, value in zip(names, values, strict=True):
         if not isinstance(value, array):
             continue
-        numbers = value.numpy()
-        if numbers.dtype.kind == "f" and not numpy.isfinite(numbers).all():
+        found = _not_finite(value.numpy())
+        if found:
             raise errors.WarpLaunchError(
-                f"launch('{kernel.key}'): array '{name}' has elements that are not finite"
+                f"launch('{kernel.key}'): array '{name}' has elements that are not finite, "
+                f"the first is {found}"
             )
+
+
+def _not_finite(numbers, path="") -> str:
+    """The first number that is infinite or NaN, with its place; also in fields of structs."""
+    import numpy
+
+    if numbers.dtype.names:
+        parts = (_not_finite(numbers[name], f"{path}.{name}") for name in numbers.dtype.names)
+        return next(filter(None, parts), "")
+    if numbers.dtype.kind != "f" or numpy.isfinite(numbers).all():
+        return ""
+    place = tuple(map(int, numpy.argwhere(~numpy.isfinite(numbers))[0]))
+    return f"{numbers[place]} at {list(place)}{path}"
 
 
 def _observe_recorded() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import types
+import warnings
 import weakref
 
 from warp import _native, config
@@ -211,16 +212,32 @@ def load_kernels(natives, device, block_dim=None, max_workers=None) -> None:
 def set_module_options(options: dict, module=None) -> None:
     """Sets options for the kernels of the calling module (or of `module`).
 
+    Options that nobody knows are kept, and a warning says that they change nothing.
+
     Raises:
-        ValueError, TypeError: an option is unknown or has an impossible value.
+        ValueError, TypeError: an option has an impossible value.
     """
-    _named(module).set_options(options)
+    module = _named(module)
+    unknown = {}
+    if isinstance(options, dict):
+        unknown = {
+            name: options[name] for name in options if name not in (*OPTIONS, *INERT_OPTIONS)
+        }
+        options = {name: options[name] for name in options if name not in unknown}
+    for name in unknown:
+        warnings.warn(
+            f"no module option '{name}', it changes nothing. Valid options: {', '.join(OPTIONS)}",
+            stacklevel=2,
+        )
+    module.options.update(unknown)
+    module.set_options(options)
 
 
 def get_module_options(module=None) -> dict:
     """The options in effect for the kernels of the calling module (or of `module`)."""
     module = _named(module)
-    return {name: module.options[name] for name in (*OPTIONS, *sorted(INERT_OPTIONS))}
+    known = (*OPTIONS, *sorted(INERT_OPTIONS))
+    return {name: module.options[name] for name in (*known, *(module.options.keys() - {*known}))}
 
 
 def load_module(module=None, device=None, recursive=False, block_dim=None, max_workers=None):

@@ -126,13 +126,20 @@ def add_memory(code, parameters, place) -> str:
     Args:
         code: its text is a block in braces that returns the one result, or all in braces.
         parameters: (name, native type, 0) of each number, (name, type of elements, rank) of each
-            array.
+            array, (name, native type, minus its numbers) of each vector, matrix or quaternion.
         place: as for `add`.
     """
     fields = "".join(f"{SCALARS[one]} r{i}; " for i, one in enumerate(code.results))
     results = f"struct Results {{ {fields or 'int32_t r0;'} }};\n"
     declared, passed, outer = [], [], []
     for name, native, rank in parameters:
+        if rank < 0:
+            kind, scalar = element_name(native), SCALARS[_COMPOSITE.fullmatch(native)[3]]
+            parts = [f"{name}_{i}" for i in range(-rank)]
+            declared.append(f"{kind} {name}")
+            outer += [f"{scalar} {one}" for one in parts]
+            passed.append(f"warp_native::made_of<{kind}, {scalar}>({', '.join(parts)})")
+            continue
         if not rank:
             declared.append(f"{SCALARS[native]} {name}")
             outer.append(declared[-1])

@@ -85,23 +85,34 @@ template <unsigned N, typename T> T dot(const vec_t<N, T> &a, const vec_t<N, T> 
 }
 template <unsigned R, unsigned C, typename T> struct mat_t {
   T data[R][C] = {};
+  mat_t() = default;
+  template <typename... N> mat_t(T x, T y, N... rest) {
+    T all[] = {x, y, T(rest)...};
+    for (unsigned i = 0; i < R * C; ++i)
+      data[i / C][i % C] = all[i];
+  }
   T *operator[](int i) { return data[i]; }
   const T *operator[](int i) const { return data[i]; }
 };
 template <typename T> using quat_t = vec_t<4, T>;
 template <typename T> using transform_t = vec_t<7, T>;
-typedef vec_t<2, float> vec2;
-typedef vec_t<3, float> vec3;
-typedef vec_t<4, float> vec4;
+typedef vec_t<2, float> vec2, vec2f;
+typedef vec_t<3, float> vec3, vec3f;
+typedef vec_t<4, float> vec4, vec4f;
 typedef vec_t<2, double> vec2d;
 typedef vec_t<3, double> vec3d;
 typedef vec_t<4, double> vec4d;
 typedef vec_t<2, int> vec2i;
 typedef vec_t<3, int> vec3i;
 typedef vec_t<4, int> vec4i;
-typedef mat_t<2, 2, float> mat22;
-typedef mat_t<3, 3, float> mat33;
-typedef mat_t<4, 4, float> mat44;
+typedef mat_t<2, 2, float> mat22, mat22f;
+typedef mat_t<3, 3, float> mat33, mat33f;
+typedef mat_t<4, 4, float> mat44, mat44f;
+typedef mat_t<2, 2, double> mat22d;
+typedef mat_t<3, 3, double> mat33d;
+typedef mat_t<4, 4, double> mat44d;
+typedef quat_t<float> quat, quatf;
+typedef quat_t<double> quatd;
 
 struct shape_t {
   int dims[4] = {1, 1, 1, 1};
@@ -185,6 +196,13 @@ template <typename T> T atomicAdd(T *p, T value) { return wp::atomic_add(p, valu
 #endif
 
 namespace warp_native {
+/// A vector, matrix or quaternion of these numbers.
+template <typename T, typename S, typename... R> T made_of(R... numbers) {
+  T made;
+  S all[] = {S(numbers)...};
+  memcpy(&made, all, sizeof(made));
+  return made;
+}
 /// What an adjoint finds where there are no gradients: zeros, which nobody reads afterwards.
 template <typename T> struct Gradients {
   wp::array_t<T> array;

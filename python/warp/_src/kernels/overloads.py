@@ -11,7 +11,7 @@ from warp._src.kernels.kernel import Kernel, kernel_name
 from warp._src.kernels.modules import all_modules
 from warp._src.types import annotations, dtypes
 from warp._src.types.annotations import is_generic
-from warp._src.types.native import ArrayType, IndexedArrayType
+from warp._src.types.native import ArrayType
 
 
 def overload(kernel, arg_types=None):
@@ -105,7 +105,7 @@ def _specialized(kernel, arg_types):
 def _type_of(wanted):
     """A type, or that of an array."""
     if isinstance(wanted, indexedarray):
-        return IndexedArrayType(wanted.dtype, wanted.ndim)
+        return wanted.annotation(wanted.dtype, wanted.ndim)
     return ArrayType(wanted.dtype, wanted.ndim) if isinstance(wanted, array) else wanted
 
 

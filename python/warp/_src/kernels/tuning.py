@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 
 from warp import _native, config
+from warp._src import errors
 from warp._src.devices.devices import get_device
 from warp._src.kernels.kernel import Kernel
 from warp._src.version import PACKAGE, VERSION
@@ -46,8 +47,25 @@ def get_cuda_kernel_properties(kernel, device=None, block_dim=None) -> dict:
         raise ValueError(f"block_dim expects a positive int, but got {block_dim!r}")
     device = get_device(device)
     if device.is_cpu:
-        raise RuntimeError(f"kernel '{kernel.key}' has no CUDA properties on device '{device}'")
+        raise errors.WarpError(
+            f"kernel '{kernel.key}' has no CUDA properties on device '{device}'",
+            also="get_cuda_kernel_properties() requires a CUDA device",
+        )
     return _native.cuda_kernel_properties(native, device.index, block_dim or 0)
+
+
+def get_cuda_max_cluster_dim(
+    kernel, device=None, *, block_dim: int | None = None, dynamic_smem_bytes: int = 0
+) -> int:
+    """Blocks that a launch of a kernel can have in a cluster: 1, as no launch has clusters.
+
+    Raises:
+        TypeError: `kernel` is not a kernel.
+        RuntimeError: it is generic; overloads of it are not.
+    """
+    _prepared(kernel, "get_cuda_max_cluster_dim")
+    get_device(device)
+    return 1
 
 
 def get_cuda_supported_archs() -> list[int]:
@@ -92,7 +110,14 @@ def _package() -> str:
 
 def _prepared(kernel, caller: str):
     if not isinstance(kernel, Kernel):
-        raise TypeError(f"{caller}: expects a kernel, but got '{type(kernel).__name__}'")
+        raise errors.WarpTypeError(
+            f"{caller}: expects a kernel, but got '{type(kernel).__name__}'",
+            also=f"expected a wp.Kernel, got {type(kernel).__name__}",
+        )
     if kernel.is_generic:
-        raise RuntimeError(f"{caller}: kernel '{kernel.key}' is generic, its types are open")
+        raise errors.WarpError(
+            f"{caller}: kernel '{kernel.key}' is generic, its types are open",
+            hint="ask for what `wp.overload` gives",
+            also=f"{caller} requires a concrete overload, use wp.overload",
+        )
     return kernel.prepare()

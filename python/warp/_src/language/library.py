@@ -8,6 +8,7 @@ import typing
 
 from warp._src.kernels.function import Function
 from warp._src.language import namespace as wp
+from warp._src.language.dense import DENSE
 from warp._src.language.random_functions import CURLNOISE
 from warp._src.types.dtypes import Float, Scalar, matrix, quaternion, transformation, vec3f, vector
 from warp._src.types.native import ArrayType
@@ -169,6 +170,7 @@ def quat_between_vectors(a: vec3f, b: vec3f):
 
 
 LIBRARY: dict[str, typing.Any] = {
+    **DENSE,
     "curlnoise": CURLNOISE,
     "quat_between_vectors": _public(quat_between_vectors),
     "quat_from_euler": _public(quat_from_euler),

@@ -44,6 +44,8 @@ _RARE = {
 }
 # Written in the kernel language.
 LIBRARY_NAMES = (
+    *("dense_chol", "dense_chol_batched", "dense_gemm", "dense_gemm_batched", "dense_solve"),
+    *("dense_solve_batched", "dense_subs"),
     *(
         "curlnoise",
         "quat_between_vectors",

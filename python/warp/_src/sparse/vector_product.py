@@ -3,6 +3,7 @@
 import functools
 
 import warp as wp
+from warp._src.arrays.observers import Observers
 from warp._src.sparse import sums
 from warp._src.sparse.expressions import matrix_and_factor
 from warp._src.types.dtypes import type_repr, type_scalar_type, type_size, types_equal
@@ -39,6 +40,93 @@ def _row_kernel(scalar, rows, cols):
             y[row, i] = alpha * total + beta * y[row, i]
 
     return multiply
+
+
+# Threads of a block of a GPU, blocks of a row from which on several threads share it, and how often
+# each of these may go on before the whole block works on the row.
+_BLOCK = 256
+_LONG = 16
+_MOST_ROUNDS = 32
+
+
+@functools.cache
+def _shared_row_kernel(scalar, rows, cols, sharers):
+    """Neighbouring threads share a row of numbers, and a block those that are too long for them.
+
+    Which thread adds what, and in which order, depends on the matrix alone.
+    """
+    name = f"sparse_mv_shared_{scalar.__name__}_{rows}_{cols}_{sharers}"
+    count = _BLOCK // sharers
+
+    @wp.kernel(name=name, module=__name__, enable_backward=False)
+    def multiply(
+        alpha: scalar,
+        offsets: wp.array(dtype=int),
+        ends: wp.array(dtype=int),
+        columns: wp.array(dtype=int),
+        values: wp.array3d(dtype=scalar),
+        x: wp.array2d(dtype=scalar),
+        beta: scalar,
+        y: wp.array2d(dtype=scalar),
+    ):
+        block, thread = wp.tid()
+        number = block * count + thread // sharers
+        begin = int(0)
+        end = int(0)
+        if number < y.shape[0] * rows:
+            begin = offsets[number // rows]
+            end = ends[number // rows]
+        total = scalar(0.0)
+        too_long = int(0)
+        if end - begin > sharers * _MOST_ROUNDS:
+            too_long = 1
+        else:
+            for b in range(begin + thread % sharers, end, sharers):
+                for j in range(cols):
+                    total += values[b, number % rows, j] * x[columns[b], j]
+        # `sharers`, or 1 for blocks of one thread.
+        width = 1 + (sharers - 1) * (wp.block_dim() // _BLOCK)
+        parts = wp.tile_reshape(wp.tile(total), shape=(-1, width))
+        total = wp.tile_sum(parts, axis=1)[thread // sharers]
+        if wp.tile_sum(wp.tile(too_long))[0] > 0:
+            for i in range(count):
+                other = block * count + i
+                if other < y.shape[0] * rows:
+                    first = offsets[other // rows]
+                    last = ends[other // rows]
+                    if last - first > sharers * _MOST_ROUNDS:
+                        part = scalar(0.0)
+                        for b in range(first + thread, last, _BLOCK):
+                            for j in range(cols):
+                                part += values[b, other % rows, j] * x[columns[b], j]
+                        whole = wp.tile_sum(wp.tile(part))[0]
+                        if thread // sharers == i:
+                            total = whole
+        if thread % sharers == 0 and number < y.shape[0] * rows:
+            row = number // rows
+            i = number % rows
+            if beta == scalar(0.0):
+                y[row, i] = alpha * total
+            else:
+                y[row, i] = alpha * total + beta * y[row, i]
+
+    return multiply
+
+
+def _launch_rows(A, inputs) -> None:
+    """A thread per row, or on GPUs several for long ones, unless a tape wants the adjoint."""
+    rows, cols = A.block_shape
+    count = A.nrow * rows
+    mean = A.columns.size // A.nrow
+    if A.device.is_cpu or mean < _LONG or Observers.tape is not None:
+        wp.launch(_row_kernel(A.scalar_type, rows, cols), count, inputs, device=A.device)
+        return
+    sharers = 8
+    while sharers < 32 and 3 * sharers < mean:
+        sharers *= 2
+    kernel = _shared_row_kernel(A.scalar_type, rows, cols, sharers)
+    blocks = -(-count * sharers // _BLOCK)
+    wp.launch_tiled(kernel, [blocks], inputs, block_dim=_BLOCK, device=A.device)
 
 
 @functools.cache
@@ -151,10 +239,8 @@ def bsr_mv(
     if transpose:
         _multiply_transposed(A, alpha, source, beta, target)
     elif to_count:
-        kernel = _row_kernel(A.scalar_type, rows, cols)
         matrix = (A.offsets, A._row_ends(), A.columns, A.scalar_values)
-        inputs = [alpha, *matrix, source, beta, target]
-        wp.launch(kernel, to_count * rows, inputs, device=A.device)
+        _launch_rows(A, [alpha, *matrix, source, beta, target])
     return y
 
 

@@ -43,7 +43,9 @@ class StructType(type(ctypes.Structure)):
     def vars(cls):
         """Fields by name, each with `label` and `type`."""
         return {
-            name: python_types.SimpleNamespace(label=name, type=dtype)
+            name: python_types.SimpleNamespace(
+                label=name, type=getattr(dtype, "_wp_annotation_", dtype)
+            )
             for name, dtype in cls._wp_fields_.items()
         }
 

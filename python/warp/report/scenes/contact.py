@@ -109,11 +109,17 @@ def starts():
     return np.linspace(0.3, 0.5, 256)
 
 
+def expect_bounce(case):
+    """The gradient of steps that are not small beside the contact says nothing of the contact."""
+    return "ok" if np.pi / np.sqrt(case.stiffness) > 20.0 * case.dt else "any"
+
+
 @report.scene(
     sweep=report.Sweep("dt", 1e-3, 1e-6, 5, quick=3),
     curves=(report.Sweep("stiffness", values=(1e4, 1e6)),),
     reference=report.Exact(exact_bounce, error=1e-15),
     dtypes=("float64",),
+    expect=expect_bounce,
     diverged=10.0,
 )
 def bounce(case):

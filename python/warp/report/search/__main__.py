@@ -1,13 +1,12 @@
 """Command line: `python -m warp.report search [BUILTIN ...]`."""
 
 import dataclasses
-import json
 import sys
 from pathlib import Path
 
 import warp as wp
 from warp.report._command import make_parser
-from warp.report._records import provenance
+from warp.report._records import RecordFile, provenance
 
 
 def main(arguments=None):
@@ -17,6 +16,7 @@ def main(arguments=None):
     parser.add_argument("--rows", type=int, default=32, help="operands of each kind of extreme")
     parser.add_argument("--seed", type=int, default=0, help="of the random numbers")
     parser.add_argument("--dtype", default="float32,float64", help="precisions")
+    parser.add_argument("--processes", type=int, default=1, help="how many search at once")
     parser.add_argument("--all", action="store_true", help="print what is good, too")
     options = parser.parse_args(arguments)
     wp.config.quiet = True
@@ -25,25 +25,26 @@ def main(arguments=None):
     except ModuleNotFoundError as error:
         print(f"warp.report search: needs the package '{error.name}'", file=sys.stderr)
         return 2
-    folder = Path(options.output)
-    folder.mkdir(parents=True, exist_ok=True)
     dtypes = tuple(options.dtype.split(","))
     counts = dict.fromkeys(("good", "condition", "known", "defect"), 0)
     try:
         wp.get_device(options.device)
-        with open(folder / "search.jsonl", "w") as file:
-            print(json.dumps(provenance([options.device])), file=file)
-            for found in search(
-                options.builtins,
-                dtypes=dtypes,
-                rows=options.rows,
-                seed=options.seed,
-                device=options.device,
-            ):
-                counts[found.verdict] += 1
-                print(json.dumps(dataclasses.asdict(found)), file=file, flush=True)
-                if options.all or found.verdict != "good":
-                    print(found, flush=True)
+        file = RecordFile(Path(options.output) / "search.jsonl", provenance([options.device]))
+        for found in search(
+            options.builtins,
+            dtypes=dtypes,
+            rows=options.rows,
+            seed=options.seed,
+            device=options.device,
+            processes=options.processes,
+        ):
+            counts[found.verdict] += 1
+            file.append(dataclasses.asdict(found))
+            if options.all or found.verdict != "good":
+                print(found, flush=True)
+        file.close()
+    except KeyboardInterrupt:
+        print("interrupted: what was found so far is kept", file=sys.stderr)
     except (ValueError, wp.WarpError) as error:
         print(f"warp.report search: {error}", file=sys.stderr)
         return 2

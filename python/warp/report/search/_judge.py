@@ -5,12 +5,14 @@ import dataclasses
 import mpmath as mp
 import numpy as np
 
+from warp.report.search._matrices import MATRICES
 from warp.report.search._numbers import dot, flatten, minus, scaled
+from warp.report.search._operands import SPECIAL
 from warp.report.search._references import KNOWN, REFERENCES
 from warp.report.search._rotations import ROTATIONS
 
 #: Formulas by builtin.
-FORMULAS = REFERENCES | ROTATIONS
+FORMULAS = REFERENCES | ROTATIONS | MATRICES
 
 #: Builtins of unit quaternions, which say nothing of others: no such operands, and of gradients
 #: only what is along the sphere.
@@ -162,6 +164,10 @@ class Judge:
             found += [max(x, BESIDE * self.unit * max(part)) for x in part]
         return found
 
+    def is_lost(self, x, scale):
+        """Whether a number that is exactly zero is none, or large beside the others."""
+        return not np.isfinite(x) or (scale > self.tiny and abs(x) > scale)
+
     def row(self, exact, function, sizes, numbers, got, strategy):
         """One row; `function` of the operands gives the exact numbers."""
         try:
@@ -173,10 +179,11 @@ class Judge:
         found, spread = self.finding, None
         scales = self.scales(wanted, sizes)
         for place, (x, y) in enumerate(zip(got, wanted, strict=True)):
-            if abs(y) < self.tiny:
+            if abs(y) < self.tiny and not (strategy == SPECIAL and self.is_lost(x, scales[place])):
                 continue
             found.checked += 1
-            error = abs(mp.mpf(float(x)) - y) / scales[place] if np.isfinite(x) else mp.inf
+            isfinite = np.isfinite(x) and scales[place] > 0
+            error = abs(mp.mpf(float(x)) - y) / scales[place] if isfinite else mp.inf
             if error < NO_DIGIT:
                 if found.verdict == "good" and error > found.error:
                     self.keep("good", float(error), 0.0, strategy, numbers, x, y)

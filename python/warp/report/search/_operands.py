@@ -104,7 +104,29 @@ def _subnormal(random, count, kinds, tiny):
     ]
 
 
+def _special(random, count, kind):
+    """Where formulas divide by zero: the identity, zero, repeated values, along the axes."""
+    half = 0.5**0.5
+    zeros = np.zeros(kind.size)
+    if kind.kind in ("quat", "transform"):
+        turns = [[0, 0, 0, 1], [1, 0, 0, 0], [half, 0, 0, half], [0.5, 0.5, 0.5, 0.5]]
+        choices = [np.concatenate([zeros[4:], turn]) for turn in turns]
+    elif kind.kind == "mat":
+        scales = np.arange(1, min(kind.shape) + 1) // 2 + 1.0
+        parts = [np.eye(*kind.shape), np.ones(kind.shape), 0 * np.eye(*kind.shape)]
+        for order in (scales, scales[::-1]):
+            parts.append(np.eye(*kind.shape))
+            np.fill_diagonal(parts[-1], order)
+        choices = [part.ravel() for part in parts]
+    elif kind.kind == "vec":
+        choices = [zeros, zeros + 1, *np.eye(kind.size), *-np.eye(kind.size)]
+    else:
+        choices = [zeros + x for x in (0.0, 1.0, -1.0, 0.5, 2.0)]
+    return np.array(choices)[random.integers(len(choices), size=count)]
+
+
 LONG = "not of unit length"
+SPECIAL = "special"
 STRATEGIES = {
     "plain": _rows(_plain),
     "near": _rows(_near),
@@ -114,6 +136,7 @@ STRATEGIES = {
     "1e-19": _at(-19),
     "1e+19": _at(19),
     "subnormal": _subnormal,
+    SPECIAL: _rows(_special),
 }
 
 

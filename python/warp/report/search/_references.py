@@ -28,6 +28,7 @@ REFERENCES = {}
 #: What is lost by decision, by builtin and part.
 KNOWN = {
     ("pow", "gradient"): "x^(y - 1) overflows where x and y are both subnormal",
+    ("mod", "value"): "the remainder of a division by zero is not a number",
     ("angle_between", "gradient"): "its direction loses as many digits as the angle is small",
     ("quat_twist", "gradient"): "terms along an axis that is not of unit length cancel",
     ("quat_slerp", "gradient"): "that by b is lost beside that by a where t is below rounding",
@@ -66,6 +67,12 @@ def _stairs(function):
     return apply
 
 
+def _remainder(a, b):
+    if abs(a / b) > 2**50:
+        raise ValueError("no digit of the quotient is after the point")
+    return a - b * _trunc(a / b)
+
+
 def _trunc(x):
     return mp.floor(x) if x > 0 else mp.ceil(x)
 
@@ -86,6 +93,9 @@ REFERENCES.update(
         "trunc": _stairs(_trunc),
         "frac": lambda x: x - _stairs(_trunc)(x),
         "rint": _stairs(mp.nint),
+        "round": _stairs(lambda x: _trunc(x + (0.5 if x > 0 else -0.5))),
+        "mod": _each(_remainder),
+        "floordiv": lambda a, b: _stairs(mp.floor)(a / b),
         "sign": _each(lambda x: mp.mpf(-1 if x < 0 else 1)),
         "step": lambda x: mp.mpf(x < 0),
         "nonzero": lambda x: mp.mpf(x != 0),
@@ -198,16 +208,6 @@ def _normalize(a):
     return scaled(a, 1 / norm(a))
 
 
-@reference("inverse", "inverse_approx")
-def _inverse(a):
-    return mp.inverse(mp.matrix(a)).tolist()
-
-
-@reference("solve2", "solve3", "solve4")
-def _solve(a, b):
-    return list(mp.lu_solve(mp.matrix(a), mp.matrix(b)))
-
-
 @reference("quat_exp")
 def _quat_exp(v):
     half = norm(v) / 2
@@ -296,17 +296,3 @@ def _spatial_cross(a, b):
 @reference("spatial_cross_dual")
 def _spatial_cross_dual(a, b):
     return [*plus(cross(a[:3], b[:3]), cross(a[3:], b[3:])), *cross(a[:3], b[3:])]
-
-
-def _spectral(function):
-    def apply(a):
-        symmetric = [[(a[i][j] + a[j][i]) / 2 for j in range(3)] for i in range(3)]
-        values, vectors = mp.eigsy(mp.matrix(symmetric))
-        scaled_columns = vectors * mp.diag([function(x) for x in values])
-        return (scaled_columns * vectors.T).tolist()
-
-    return apply
-
-
-for _name, _function in (("sym_exp3", mp.exp), ("sym_log3", mp.log), ("sym_sqrt3", mp.sqrt)):
-    REFERENCES[_name] = _spectral(_function)

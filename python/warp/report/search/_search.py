@@ -2,6 +2,8 @@
 
 import functools
 import linecache
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
 
 import mpmath as mp
 import numpy as np
@@ -9,11 +11,15 @@ import numpy as np
 import warp as wp
 from warp._src.builtin_table import BUILTINS
 from warp.report.search._judge import FORMULAS, UNIT, Exact, Finding, Judge, NoReferenceError
+from warp.report.search._limits import limit_of, with_limits
 from warp.report.search._numbers import parse_signature
-from warp.report.search._operands import LONG, operands
+from warp.report.search._operands import LONG, SPECIAL, operands
 
-#: Overloads that the registry describes as of any type.
+#: Overloads that the registry describes as of any type, or of which a part alone is unique.
 SIGNATURES = {
+    "svd2": ("(A: mat<2, 2, F>) -> vec<2, F>",),
+    "svd3": ("(A: mat<3, 3, F>) -> vec<3, F>",),
+    "eig3": ("(A: mat<3, 3, F>) -> vec<3, F>",),
     "spatial_dot": ("(a: vec<6, F>, b: vec<6, F>) -> F",),
     "spatial_cross": ("(a: vec<6, F>, b: vec<6, F>) -> vec<6, F>",),
     "spatial_cross_dual": ("(a: vec<6, F>, b: vec<6, F>) -> vec<6, F>",),
@@ -29,6 +35,8 @@ THROUGH = {
     "transform_from_matrix": "function(wp.transform_to_matrix(wp.transformation(x0[i], x1[i])))",
     "transform_decompose": "function(wp.transform_compose(x0[i], x1[i], x2[i]))",
 }
+#: Results of which one is unique, by how they are taken apart.
+PARTS = {"svd2": "_u, value0, _v", "svd3": "_u, value0, _v", "eig3": "_q, value0"}
 DIGITS = 120
 
 
@@ -60,7 +68,7 @@ def make_kernel(name, kinds, results, real):
     call = f"function({', '.join(f'x{i}[i]' for i in range(len(types)))})"
     if name in THROUGH:
         call = THROUGH[name]
-    values = ", ".join(f"value{i}" for i in range(len(outs)))
+    values = PARTS.get(name) or ", ".join(f"value{i}" for i in range(len(outs)))
     stores = "".join(f"    y{i}[i] = value{i}\n" for i in range(len(outs)))
     scope = {"wp": wp, "types": types, "function": getattr(wp, name), "outs": outs}
     return _define(
@@ -115,12 +123,13 @@ def _tangents(kinds, values, gradients):
 
 
 def _with_reference(exact, values):
-    """Rows of operands at which the formula has a result, as arrays and as mpmath's numbers."""
+    """Rows of operands at which a function has a result, as arrays and as mpmath's numbers."""
     rows, numbers = [], []
     for row in range(len(values[0])):
         these = [mp.mpf(float(x)) for given in values for x in given[row]]
         try:
-            exact(these)
+            if exact(these) is None:
+                continue
         except NoReferenceError:
             continue
         rows.append(row)
@@ -141,8 +150,10 @@ def search_overload(name, signature, parsed, dtype, rows, seed, device):
     for strategy, values in operands(random, rows, kinds, dtype):
         if name in UNIT and strategy == LONG:
             continue
+        is_special = strategy == SPECIAL
+        of_values = with_limits(exact, sum(sizes), random) if is_special else exact
         with mp.workdps(DIGITS):
-            values, numbers = _with_reference(exact, values)
+            values, numbers = _with_reference(of_values, values)
             if not numbers:
                 continue
             seeds = random.choice([-1.0, 0.5, 1.0], size=(len(numbers), count)).astype(dtype)
@@ -152,12 +163,20 @@ def search_overload(name, signature, parsed, dtype, rows, seed, device):
             for row, these in enumerate(numbers):
                 weights = [mp.mpf(float(x)) for x in seeds[row]]
                 gradient = functools.partial(exact.gradient, seed=weights)
-                judges[0].row(exact, exact, parts, these, found[row], strategy)
+                if is_special:
+                    gradient = limit_of(gradient, sum(sizes), random)
+                judges[0].row(exact, of_values, parts, these, found[row], strategy)
                 judges[1].row(exact, gradient, sizes, these, gradients[row], strategy)
     return value, slope
 
 
-def search(names=(), *, dtypes=("float32", "float64"), rows=32, seed=0, device="cpu"):
+def _finish(task):
+    """Findings of one task, in a process of the pool."""
+    wp.config.quiet = True
+    return search_overload(*task)
+
+
+def search(names=(), *, dtypes=("float32", "float64"), rows=32, seed=0, device="cpu", processes=1):
     """Findings for every overload with a reference, of all builtins or of some.
 
     Args:
@@ -166,6 +185,8 @@ def search(names=(), *, dtypes=("float32", "float64"), rows=32, seed=0, device="
         rows: operands of each strategy.
         seed: of the random numbers.
         device: where kernels run.
+        processes: how many overloads are searched at once; the findings and their order are the
+            same.
 
     Raises:
         ValueError: a name has no reference.
@@ -174,6 +195,16 @@ def search(names=(), *, dtypes=("float32", "float64"), rows=32, seed=0, device="
     if unknown:
         known = ", ".join(sorted(FORMULAS))
         raise ValueError(f"no reference for '{unknown[0]}'; there are {known}")
-    for name, signature, parsed in overloads(names):
-        for dtype in dtypes:
-            yield from search_overload(name, signature, parsed, dtype, rows, seed, device)
+    tasks = [
+        (name, signature, parsed, dtype, rows, seed, device)
+        for name, signature, parsed in overloads(names)
+        for dtype in dtypes
+    ]
+    if processes == 1:
+        for task in tasks:
+            yield from search_overload(*task)
+        return
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(processes, mp_context=context) as pool:
+        for found in pool.map(_finish, tasks):
+            yield from found

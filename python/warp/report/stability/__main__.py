@@ -1,13 +1,12 @@
 """Command line: `python -m warp.report stability [CASE ...]`."""
 
 import importlib
-import json
 import sys
 from pathlib import Path
 
 import warp as wp
 from warp.report._command import SCENES, make_parser
-from warp.report._records import provenance
+from warp.report._records import RecordFile, provenance
 from warp.report._remote import LostWorkError, Remote
 from warp.report._run import Progress
 from warp.report._worker import load
@@ -44,7 +43,8 @@ def run(names=(), *, device="cpu", limit=60.0, output=None):
         names: such as 'R', 'R1' or 'D1-D9'; all by default.
         limit: seconds a case may take; each runs in a process that may be ended. None runs them
             in this one.
-        output: folder of `stability.jsonl` and `stability.md`, if any.
+        output: folder of `stability.jsonl` and `stability.md`, if any. What cannot be written
+            there is said and kept in memory.
 
     Raises:
         ValueError: no case of a name.
@@ -52,20 +52,29 @@ def run(names=(), *, device="cpu", limit=60.0, output=None):
     answer = prepare(device)
     chosen = expand(names)
     remote = Remote(prepare, (device,), limit)
-    progress, records = Progress(len(chosen)), []
+    progress, records, head = Progress(len(chosen)), [], provenance((device,))
+    file = RecordFile(Path(output) / "stability.jsonl", head) if output else None
     try:
         for name in chosen:
             try:
-                records += answer(name) if limit is None else remote.ask(name)
+                found = answer(name) if limit is None else remote.ask(name)
             except LostWorkError as lost:
-                records.append(_lost(name, device, str(lost)))
+                found = [_lost(name, device, str(lost))]
+            records += found
+            for record in found if file else ():
+                file.append(record)
             progress.step(name)
     except KeyboardInterrupt:
         print("interrupted: the cases so far follow", file=sys.stderr)
     finally:
         remote.stop()
-    if output:
-        _write(Path(output), records, provenance((device,)))
+    if file:
+        file.close()
+        try:
+            write_markdown(Path(output) / "stability.md", head, records)
+        except OSError as error:
+            text = f"cannot write to '{output}': {error.strerror}"
+            print(f"warp.report stability: {text}", file=sys.stderr)
     return records
 
 
@@ -73,13 +82,6 @@ def _lost(name, device, reason):
     check = {"what": "ended", "verdict": "fail", "text": reason, "operands": {}}
     record = {"case": name, "summary": registered()[name].summary, "device": device}
     return record | {"dtype": "", "verdict": "fail", "checks": [check]}
-
-
-def _write(folder, records, head):
-    folder.mkdir(parents=True, exist_ok=True)
-    lines = [json.dumps(line) for line in [head, *records]]
-    (folder / "stability.jsonl").write_text("\n".join(lines) + "\n")
-    write_markdown(folder / "stability.md", head, records)
 
 
 def main(arguments=None):

@@ -180,7 +180,7 @@ def prothero_robinson(p):
 
 @case("D6", "van der Pol's oscillator, mu = 1e6, to t = 1")
 def van_der_pol(p):
-    p.scene("van_der_pol", {"state": 1e-6}, tolerance=1e-8)
+    p.scene("van_der_pol", {"state": 9e5 * p.u}, tolerance=1e-10)
 
 
 @case("D7", "Robertson's kinetics: species from 1e-5 to 1, mass conserved", BOTH)

@@ -227,6 +227,15 @@ UNARY = {
 }  # fmt: skip
 
 
+#: Largest errors of CUDA's functions by its programming guide, in units of the last place, beside
+#: the correctly rounded result, which is half a unit off itself.
+CUDA_ERRORS = {
+    "sin": 2, "cos": 2, "tan": 4, "exp": 2, "expm1": 1, "log": 1, "log1p": 1, "log2": 1,
+    "log10": 2, "sqrt": 0, "cbrt": 1, "sinh": 3, "cosh": 2, "tanh": 2, "asin": 2, "acos": 2,
+    "atan": 2,
+}  # fmt: skip
+
+
 @case("N13", "elementary functions over their range", ("float32",))
 def elementary(p):
     for name, (first, last, negative) in UNARY.items():
@@ -237,7 +246,8 @@ def elementary(p):
         reference = {"asin": "arcsin", "acos": "arccos", "atan": "arctan"}.get(name, name)
         exact = getattr(np, reference)(wide(x))
         found = p.map(make_unary(p.real, name), p.array(x))
-        p.check(f"{name}, ulp", ulps(found, exact, p.dtype), 1.0, x=x)
+        limit = 1.0 if p.device == "cpu" else CUDA_ERRORS[name] + 0.5
+        p.check(f"{name}, ulp", ulps(found, exact, p.dtype), limit, x=x)
     q = np.concatenate(
         [10.0 ** p.random.uniform(-30, 0, 9000), 1 - 10.0 ** np.linspace(-7, 0, 999)]
     )

@@ -100,24 +100,31 @@ class DeviceGrid:
         self._handle = _native.GeometryHandle(GRID, devices.resolve_index(device))
         self.id = self._handle.id
         self.starts = wp.zeros(self._total + 1, dtype=int, device=device)
-        self._keys = self.order = None
+        self._keys = self._order = None
         self._count, self._written, self._inverse = 0, None, 1.0
+        # Where the order begins in its array.
+        self._first = 0
         # Launches, and what they were recorded for.
         self._number, self._starts, self._recorded = None, None, None
         self.reserve(0)
-        self._publish(None, 0)
+        self._publish(None)
 
     @property
     def skipped(self) -> int:
         """Points of the last build that are NaN; waits for it."""
         return self._count - int(self.starts[self._total :].numpy()[0])
 
+    @property
+    def order(self) -> wp.array:
+        """The points in the order of their cells."""
+        return self._order[self._first : self._first + self._count]
+
     def reserve(self, points):
         """Makes room for a number of points, which sorting needs twice."""
         if self._keys is None or len(self._keys) < 2 * points:
             room = max(2 * points, 2)
             self._keys = wp.empty(room, dtype=wp.uint32, device=self.device)
-            self.order = wp.empty(room, dtype=int, device=self.device)
+            self._order = wp.empty(room, dtype=int, device=self.device)
 
     def build(self, points, scalar_size, width, groups=None):
         """Sorts points of floats of so many bytes into cells of a width."""
@@ -129,12 +136,12 @@ class DeviceGrid:
             self._recorded = recorded
         self._number.launch()
         bits = self._total.bit_length()
-        if count > 1:
-            behind = _native.sort_pairs_anywhere(self._keys, self.order, "uint32", count, 0, bits)
-        else:
-            behind = False
+        behind = count > 1 and _native.sort_pairs_anywhere(
+            self._keys, self._order, "uint32", count, 0, bits
+        )
         self._starts[behind].launch()
-        self._publish(groups, count if behind else 0)
+        self._first = count if behind else 0
+        self._publish(groups)
 
     def _record(self, points, scalar_size, width):
         """Prepares the launches of a build."""
@@ -146,26 +153,23 @@ class DeviceGrid:
         def record(kernel, dim, inputs):
             return wp.launch(kernel, dim, inputs, device=self.device, record_cmd=True)
 
-        inputs = [points, scalar(self._inverse), self._counts, self._keys, self.order]
+        inputs = [points, scalar(self._inverse), self._counts, self._keys, self._order]
         self._number = record(_number_points, count, inputs)
         threads = (self._total // int(_THREADS * _CELLS) + 1) * int(_THREADS)
         halves = [self._keys[:count], self._keys[count : 2 * count]]
         self._starts = [record(_find_starts, threads, [one, count, self.starts]) for one in halves]
 
-    def _publish(self, groups, first):
-        """Writes the slot, unless it says the same already, as when a graph is captured.
-
-        first: where the order begins.
-        """
+    def _publish(self, groups):
+        """Writes the slot, unless it says the same already, as when a graph is captured."""
         slot = struct.pack("<4id", *self._cells, self._count, self._inverse)
         for array, length in (
             (self.starts, self._total + 1),
-            (self.order, self._count),
+            (self._order, self._count),
             (groups, 0 if groups is None else len(groups)),
         ):
             address = 0 if array is None else array.ptr or 0
-            if array is self.order:
-                address += 4 * first
+            if array is self._order:
+                address += 4 * self._first
             slot += struct.pack("<2Q10i", address, 0, length, 0, 0, 0, 4, 0, 0, 0, 1, 0)
         if slot == self._written:
             return

@@ -1,7 +1,7 @@
 """Kernels that write the nodes of grids of NanoVDB; voxels.py launches them.
 
 `plan` has what `decide` found: whether to go on; where upper nodes, lower nodes and leaves are;
-bytes; how many of them there are; how long the table of leaves is (volumes/slot.py), 0 without one.
+bytes; how many of them there are; how long the table of leaves is, 0 without one.
 Places are bytes, and memory is in words of four.
 """
 
@@ -9,22 +9,21 @@ from __future__ import annotations
 
 import warp as wp
 from warp._src.geometry.device.voxel_order import cell
-from warp._src.geometry.device.voxel_table import AT_SLOT, box_of_leaves, show_table, write_long
-from warp._src.geometry.volumes.layout import HEADER
+from warp._src.geometry.device.voxel_table import WORDS, box_of_leaves, show_table, write_long
 
-_HEADER = wp.constant(HEADER.itemsize)
-_AT_SIZE = wp.constant(HEADER.fields["size"][1] // 4)
-_AT_WORLD = wp.constant(HEADER.fields["world_box"][1] // 4)
-_AT_TREE = wp.constant(HEADER.itemsize // 4)
-_LEAVES_IN_SLOT = wp.constant(AT_SLOT["leaves"])
-_END_IN_SLOT = wp.constant(AT_SLOT["leaves_end"])
-_TILES_IN_SLOT = wp.constant(AT_SLOT["tiles"])
-_VOXELS_IN_SLOT = wp.constant(AT_SLOT["voxels"])
+_AT_SIZE = wp.constant(WORDS["size"])
+_AT_WORLD = wp.constant(WORDS["world_box"])
+_AT_TREE = wp.constant(WORDS["tree"])
+_HEADER = wp.constant(4 * WORDS["tree"])
+_LEAVES_IN_SLOT = wp.constant(WORDS["slot_leaves"])
+_END_IN_SLOT = wp.constant(WORDS["slot_leaves_end"])
+_TILES_IN_SLOT = wp.constant(WORDS["slot_tiles"])
+_VOXELS_IN_SLOT = wp.constant(WORDS["slot_voxels"])
 
 
 @wp.struct
 class TreeLayout:
-    """Offsets and sizes in bytes; `number` is that of the grid's type (layout.py)."""
+    """Offsets and sizes in bytes; `number` is that of the grid's type."""
 
     root_at: int
     root: int

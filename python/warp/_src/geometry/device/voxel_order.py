@@ -9,8 +9,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 import warp as wp
 
 _IN_ROOT, _ROOT = 36, 60
@@ -156,8 +154,8 @@ class VoxelOrder:
         recipe: an `allocation.Recipe`.
         """
         device, count = self.device, self.count
-        matrix, shift = recipe.transform
-        inverse, shift = wp.mat33d(*np.linalg.inv(matrix).ravel()), wp.vec3d(*shift)
+        _, shift = recipe.transform
+        inverse, shift = wp.mat33d(*recipe.native.inverse), wp.vec3d(*shift)
         of_tiles = recipe.kind == "tiles"
         wp.launch(_reset, 1, inputs=[self.found, self.bounds], device=device)
         given = [points, mask, inverse, shift, of_tiles, self._keys, self.order]

@@ -1,17 +1,21 @@
-"""Kernels that make the table of leaves by which volumes are sampled (volumes/slot.py)."""
+"""Kernels that make the table of leaves by which volumes are sampled.
+
+The host's is in lib/Geometry/Volumes/Contents.cpp.
+"""
 
 from __future__ import annotations
 
 import warp as wp
-from warp._src.geometry.volumes.slot import NO_LEAF, SLOT, TABLE_ROOM
+from warp import _native
 
-# Words of a slot.
-AT_SLOT = {name: 2 + at // 4 for name, (_, at, *_) in SLOT.fields.items()}
-_TABLE_IN_SLOT = wp.constant(AT_SLOT["numbers"])
-_LOWEST_IN_SLOT = wp.constant(AT_SLOT["lowest"])
-_EXTENT_IN_SLOT = wp.constant(AT_SLOT["extent"])
+# Words of a grid and of what a handle leads to.
+WORDS = _native.grid_words
+TABLE_ROOM = _native.leaf_table_room
+_TABLE_IN_SLOT = wp.constant(WORDS["slot_numbers"])
+_LOWEST_IN_SLOT = wp.constant(WORDS["slot_lowest"])
+_EXTENT_IN_SLOT = wp.constant(WORDS["slot_extent"])
 _TABLE_ROOM = wp.constant(TABLE_ROOM)
-_NO_LEAF = wp.constant(wp.uint32(NO_LEAF))
+_NO_LEAF = wp.constant(wp.uint32(0xFFFFFFFF))
 
 
 @wp.func

@@ -1,14 +1,13 @@
 """Grids of NanoVDB that kernels build in the room that was kept for them, so graphs capture it.
 
-The bytes are those of volumes/build.py. Sizes of levels follow from the order of the points
-(voxel_order.py); one thread then decides whether there is room, and says where each level is.
+The bytes are those of lib/Geometry/Volumes/Build.cpp. Sizes of levels follow from the order of the
+points (voxel_order.py); one thread then decides whether there is room, and says where levels are.
 """
 
 from __future__ import annotations
 
-import numpy as np
-
 import warp as wp
+from warp import _native
 from warp._src.geometry.device.refit import words
 from warp._src.geometry.device.voxel_nodes import (
     TreeLayout,
@@ -18,11 +17,8 @@ from warp._src.geometry.device.voxel_nodes import (
     link,
 )
 from warp._src.geometry.device.voxel_order import VoxelOrder
-from warp._src.geometry.device.voxel_table import clear_table
-from warp._src.geometry.volumes.build import grid_of_tiles, grid_of_voxels
-from warp._src.geometry.volumes.checks import Nodes
-from warp._src.geometry.volumes.layout import ON_INDEX
-from warp._src.geometry.volumes.slot import TABLE_ROOM
+from warp._src.geometry.device.voxel_table import TABLE_ROOM, clear_table
+from warp._src.geometry.volumes.contents import ON_INDEX
 
 # Elements of the plan of `decide`.
 _PLAN = 9
@@ -42,25 +38,21 @@ class VoxelTree:
 
     def __init__(self, recipe, device):
         self.recipe, self.device = recipe, device
-        none = np.zeros((0, 3), dtype=np.int64)
-        if recipe.kind == "voxels":
-            self.empty, _ = grid_of_voxels(none, recipe.transform)
-        else:
-            self.empty, _ = grid_of_tiles(none, recipe.number, recipe.background, recipe.transform)
-        nodes = Nodes(self.empty)
-        layout = nodes.layout
+        self.empty = recipe.native.make_empty()
+        layout = _native.grid_layout(recipe.number)
         self.data = wp.zeros(recipe.room, dtype=wp.uint8, device=device)
-        start = wp.array(self.empty, dtype=wp.uint8, device=device)
-        wp.copy(self.data, start, count=start.size)
+        # At once: a graph that is being captured builds in it.
+        _native.write_new_memory(self.data.ptr, self.data.device_index, self.empty)
         self._grid = words(self.data.ptr, self.data.size // 4, device)
         self._layout = made = TreeLayout()
-        made.root_at, made.root, made.tile = nodes.root_at, layout.root, layout.tile
+        made.root_at, made.root, made.tile = layout.root_at, layout.root, layout.tile
         made.upper, made.upper_table = layout.upper, layout.upper_table
         made.lower, made.lower_table = layout.lower, layout.lower_table
         made.entry, made.leaf, made.leaf_table = layout.entry, layout.leaf, layout.leaf_table
-        made.value, made.number = layout.value, layout.number
-        value = np.frombuffer(recipe.background or bytes(8), dtype=np.uint32)
-        self._value = wp.array(value, dtype=wp.uint32, device=device)
+        made.value, made.number = layout.value, recipe.number
+        value = recipe.background or bytes(8)
+        self._value = wp.empty(len(value) // 4, dtype=wp.uint32, device=device)
+        _native.write_new_memory(self._value.ptr, self._value.device_index, value)
         self._plan = wp.zeros(_PLAN, dtype=int, device=device)
         matrix, shift = recipe.transform
         self._matrix, self._shift = wp.mat33d(*matrix.ravel()), wp.vec3d(*shift)

@@ -10,8 +10,8 @@ import numpy as np
 from warp import _native
 from warp._src import errors
 from warp._src.devices import devices
-from warp._src.geometry.volumes import build, points
-from warp._src.geometry.volumes.layout import HEADER, INDEX, ON_INDEX, TREE, layout_of
+from warp._src.geometry.volumes import points
+from warp._src.geometry.volumes.contents import INDEX, ON_INDEX
 from warp._src.types import dtypes
 
 # Status bits, by the level of nodes that had no room.
@@ -32,44 +32,17 @@ class Recipe:
     """
 
     def __init__(self, kind, number, background, transform, capacities=None):
-        self.kind, self.number, self.background = kind, number, background
-        self.transform, self.capacities = transform, capacities
+        self.kind, self.number = kind, ON_INDEX if kind == "voxels" else number
+        self.background, self.transform, self.capacities = background, transform, capacities
+        matrix, shift = transform
+        self.native = _native.GridRecipe(
+            kind == "voxels", self.number, background or b"", matrix.ravel(), shift
+        )
 
     @property
     def room(self) -> int:
         """Bytes of a grid with as many nodes as there is room for."""
-        layout = layout_of(ON_INDEX if self.kind == "voxels" else self.number)
-        leaves, lowers, uppers, _ = self.capacities
-        head = HEADER.itemsize + TREE.itemsize + layout.root
-        nodes = lowers * layout.lower + leaves * layout.leaf
-        return head + uppers * (layout.tile + layout.upper) + nodes
-
-    def buffer(self, given, mask, what="points"):
-        """A buffer with the grid of points, and the status bits for what had no room."""
-        voxels = points.voxels_of(given, self.transform, mask, what)
-        made = self.of_voxels(voxels)
-        status = self.status(made[1], made[0])
-        return made[0], status
-
-    def of_voxels(self, voxels):
-        """A buffer with the grid of voxels, and its topology."""
-        if self.kind == "voxels":
-            return build.grid_of_voxels(voxels, self.transform)
-        return build.grid_of_tiles(voxels >> 3, self.number, self.background, self.transform)
-
-    def status(self, topology, buffer) -> int:
-        """Which of the capacities a grid exceeds."""
-        if self.capacities is None:
-            return 0
-        from warp._src.geometry.volumes.checks import tree_of
-
-        needed = (*topology.counts, int(tree_of(buffer)["voxels"]))
-        bits = (LEAF_CAPACITY, LOWER_CAPACITY, UPPER_CAPACITY, VOXEL_CAPACITY)
-        return sum(
-            bit
-            for bit, need, room in zip(bits, needed, self.capacities, strict=True)
-            if need > room
-        )
+        return self.native.bytes_for(self.capacities)
 
 
 def capacity(value, default, name) -> int:
@@ -164,10 +137,11 @@ def by_points(cls, recipe, given, what, device, room, status, mask):
         volume = _of_size(cls, recipe, given, what, device, mask)
         if volume is not None:
             return volume
-    buffer, problem = recipe.buffer(given, mask, what)
+    grid = recipe.native.make(*points.given(given, mask, what))
+    problem = 0 if room is None else _native.missing_room(grid, room)
     if problem:
-        buffer, _ = recipe.of_voxels(np.zeros((0, 3), dtype=np.int64))
-    volume = cls._of_buffer(buffer, device)
+        grid = recipe.native.make_empty()
+    volume = cls._of_grids(grid, device)
     if room is not None:
         volume._recipe = recipe
         if status is not None:
@@ -184,22 +158,11 @@ def dense(cls, values, min_world, voxel_size, bg_value, device):
     if values.ndim != wanted or (count > 1 and values.shape[3] != count):
         shown = f"(x, y, z, {count})" if count > 1 else "(x, y, z)"
         raise errors.WarpError(f"expects an array of shape {shown}, but got {values.shape}")
-    tiles = [-(-extent // 8) for extent in values.shape[:3]]
-    padded = np.empty((*(8 * t for t in tiles), count), dtype=kind)
-    padded[:] = np.frombuffer(background, dtype=kind)
-    x, y, z = values.shape[:3]
-    padded[:x, :y, :z] = values.reshape(x, y, z, count).astype(kind, casting="unsafe")
-    blocks = padded.reshape(tiles[0], 8, tiles[1], 8, tiles[2], 8, count)
-    blocks = blocks.transpose(0, 2, 4, 1, 3, 5, 6).reshape(-1, 512 * count)
-    places = np.stack(np.meshgrid(*map(np.arange, tiles), indexing="ij"), axis=-1).reshape(-1, 3)
+    packed = np.ascontiguousarray(values.astype(kind, casting="unsafe"))
     transform = points.transform_of(points.voxel_size_of(voxel_size), min_world, None)
-    buffer, topology = build.grid_of_tiles(places, number, background, transform)
-    from warp._src.geometry.volumes.checks import Nodes
-
-    raw = np.ascontiguousarray(blocks).view(np.uint8).reshape(len(blocks), 512, -1)
-    leaves = Nodes(buffer).leaves["table"]
-    leaves[topology.order] = raw.view(leaves.dtype)[..., 0]
-    return cls._of_buffer(buffer, devices.get_device(device))
+    recipe = Recipe("tiles", number, background, transform)
+    grid = recipe.native.make_dense(packed, values.shape[:3])
+    return cls._of_grids(grid, devices.get_device(device))
 
 
 def index_or_values(bg_value):

@@ -135,7 +135,8 @@ def _fill_header(header, size, number, transform, name):
     header["single"], header["single_inverse"] = matrix.ravel(), inverse.ravel()
     header["single_shift"], header["single_taper"] = shift, 1.0
     header["matrix"], header["inverse"], header["shift"] = matrix, inverse, shift
-    header["taper"], header["voxel_size"] = 1.0, np.linalg.norm(matrix, axis=0)
+    # As NanoVDB has it: where a step of one voxel along all axes leads.
+    header["taper"], header["voxel_size"] = 1.0, matrix @ np.ones(3)
     header["type"] = number
     header["grid_class"] = _INDEX_CLASS if number in (INDEX, ON_INDEX) else 0
 

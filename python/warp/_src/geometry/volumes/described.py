@@ -9,8 +9,6 @@ import numpy as np
 from warp._src import errors
 from warp._src.arrays.array import array
 from warp._src.geometry.volumes import contents, points
-from warp._src.geometry.volumes.checks import header_of, tree_of
-from warp._src.geometry.volumes.layout import HEADER, TREE
 from warp._src.types import dtypes
 
 
@@ -21,23 +19,15 @@ class GridContents:
     _built = None
 
     @property
-    def _header(self):
-        return self._read[0] if self._built is None else header_of(self._head())
-
-    @property
-    def _tree(self):
-        return self._read[1] if self._built is None else tree_of(self._head())
-
-    def _head(self):
-        """The first bytes of what kernels have built; waits for them."""
-        return self._data[: HEADER.itemsize + TREE.itemsize].numpy().view(np.uint8)
+    def _info(self):
+        """What the grid says; waits for kernels that build it."""
+        if self._built is not None:
+            self._native.refresh()
+        return self._native.info
 
     def array(self):
         """The bytes of the grid, and of those behind it, without a copy."""
-        return self._data if self._built is None else self._data[: int(self._header["size"])]
-
-    def _bytes(self):
-        return self.array().numpy().view(np.uint8)
+        return self._data if self._built is None else self._data[: self._info.size]
 
     GridInfo = contents.GridInfo
     FeatureArrayInfo = contents.FeatureArrayInfo
@@ -52,26 +42,27 @@ class GridContents:
 
     def get_tile_count(self) -> int:
         """Number of leaves: of 8^3 voxels; of a volume that can be rebuilt, room for them."""
-        return self._recipe.capacities[0] if self._recipe else int(self._tree["counts"][0])
+        return (self._recipe.capacities if self._recipe else self._info.counts)[0]
 
     def get_voxel_count(self) -> int:
         """How many voxels have a number; of a volume that can be rebuilt, room for them."""
-        if self._recipe:
-            return self._recipe.capacities[3]
-        return contents.voxel_count(self._header, self._tree)
+        return (self._recipe.capacities if self._recipe else self._info.counts)[3]
 
     def get_active_stats(self) -> ActiveStats:
         """Counts of the grid as it is now."""
-        voxels = contents.voxel_count(self._header, self._tree)
-        return self.ActiveStats(voxels, *(int(count) for count in self._tree["counts"]))
+        leaves, lowers, uppers, voxels = self._info.counts
+        return self.ActiveStats(voxels, leaves, lowers, uppers)
 
     def get_tiles(self, out=None):
         """Coordinates of the lowest voxel of each tile, an int32 array of shape (n, 3).
 
+        Where there is room for more tiles than there are, rows of `out` beyond them stay as they
+        are; those of a new array are zero.
+
         Raises:
             RuntimeError: `out` is too small, or not int32 of that shape on this device.
         """
-        return self._give(contents.tiles(self._bytes()), self.get_tile_count(), out)
+        return self._give(self._native.tiles_into, 0, self.get_tile_count(), out)
 
     def get_voxels(self, out=None):
         """Coordinates of the voxels in the order of their numbers, an int32 array (n, 3).
@@ -80,44 +71,50 @@ class GridContents:
             RuntimeError: as `get_tiles`.
         """
         count = min(self.get_voxel_count(), 512 * self.get_tile_count())
-        return self._give(contents.voxels(self._bytes()), count, out)
+        return self._give(self._native.voxels_into, 3, count, out)
 
-    def _give(self, rows, count, out):
-        full = np.zeros((count, 3), dtype=np.int32)
-        full[: len(rows)] = rows
+    def _give(self, write, which, count, out):
+        """Rows that a native function writes; `which` of the grid's counts is theirs."""
+        if out is not None:
+            self._check_rows(out, count)
+        has = min(self._info.counts[which], count)
+        rows = np.zeros((count if out is None else has, 3), dtype=np.int32)
+        has = write(rows)
         if out is None:
-            return array(full, dtype=dtypes.int32, device=self.device)
-        if not dtypes.is_array(out) or not points._is_threes(out, dtypes.int32):
+            return array(rows, dtype=dtypes.int32, device=self.device)
+        if has:
+            out[:has].assign(array(rows[:has], dtype=out.dtype, device=self.device))
+        return out
+
+    def _check_rows(self, out, count):
+        if not dtypes.is_array(out) or not points.is_threes(out, dtypes.int32):
             raise errors.WarpError("'out' is an array of vec3i, or of int32 and of shape (n, 3)")
         if out.device != self.device or out.shape[0] < count or not out.is_contiguous:
             raise errors.WarpError(f"'out' has at least {count} packed rows on '{self.device}'")
         if dtypes.type_scalar_type(out.dtype) is not dtypes.int32:
             raise errors.WarpError("'out' is of int32")
-        kind = out.dtype
-        out[:count].assign(array(full, dtype=kind, device=self.device))
-        return out
 
     def get_voxel_size(self) -> tuple[float, float, float]:
-        """Edges of a voxel in the world."""
-        return tuple(float(np.float32(edge)) for edge in self._header["voxel_size"])
+        """Edges of a voxel in the world; of a turned grid, where a step along all axes leads."""
+        return tuple(float(np.float32(edge)) for edge in self._info.voxel_size)
 
     def get_grid_info(self) -> GridInfo:
         """What the grid says about itself."""
-        return contents.info_of(self._header)
+        return contents.info_of(self._info)
 
     @property
     def dtype(self):
         """Type of the values; None if voxels have numbers instead."""
-        return contents.DTYPES.get(self.get_grid_info().type_str)
+        return contents.DTYPES.get(self._native.info.type_name)
 
     @property
     def is_index(self) -> bool:
         """Whether voxels have numbers, which stand for elements of any array."""
-        return contents.is_index(self._header)
+        return self._native.info.is_index
 
     def get_feature_array_count(self) -> int:
         """Number of arrays that are stored beside the grid."""
-        return int(self._header["blind_count"])
+        return self._info.features
 
     def get_feature_array_info(self, feature_index) -> FeatureArrayInfo:
         """About an array beside the grid.
@@ -125,7 +122,9 @@ class GridContents:
         Raises:
             RuntimeError: there is none of that number.
         """
-        return contents.feature_info(self._bytes(), self._header, feature_index, self._data.ptr)
+        found = self._native.feature(feature_index)
+        address = self._data.ptr + found.at
+        return self.FeatureArrayInfo(found.name, address, found.value_size, found.count, found.type)
 
     def feature_array(self, feature_index, dtype=None):
         """An array beside the grid, without a copy; bytes if its type is not known.

@@ -7,16 +7,14 @@ from warp._src.arrays.array import array
 from warp._src.derivatives.handles import Behind
 from warp._src.geometry.volumes.cells import GRADIENTS
 from warp._src.geometry.volumes.contents import DTYPES
-from warp._src.geometry.volumes.layout import HEADER, TYPES
 
 
 class LeafValues(Behind):
     """Values of voxels in leaves."""
 
-    def _published(self, nodes):
-        """Called when the slot has been written, for the levels of a grid."""
+    def _published(self):
+        """Called when the slot has been written."""
         self._leaf_values = None
-        self._layout = nodes.layout
         self._enroll()
 
     def _forget_leaf_values(self):
@@ -41,17 +39,17 @@ class LeafValues(Behind):
         return self._leaf_values
 
     def _over_leaves(self):
-        name, *_ = TYPES[self._layout.number]
-        dtype = DTYPES.get(name)
-        if self._layout.is_index or dtype is None:
-            raise errors.WarpError(f"voxels of type {name} have no values that arrays may have")
-        tree = self._tree
-        leaves_at = HEADER.itemsize + int(tree["offsets"][0])
+        info = self._info
+        dtype = DTYPES.get(info.type_name)
+        if info.is_index or dtype is None:
+            raise errors.WarpError(
+                f"voxels of type {info.type_name} have no values that arrays may have"
+            )
         made = array(
-            ptr=self._data.ptr + leaves_at + self._layout.leaf_table,
+            ptr=self._data.ptr + info.leaves_at + info.leaf_table,
             dtype=dtype,
-            shape=(int(tree["counts"][0]), 512),
-            strides=(self._layout.leaf, self._layout.value),
+            shape=(info.counts[0], 512),
+            strides=(info.leaf_size, info.value_size),
             device=self.device,
         )
         made._kept = self._data

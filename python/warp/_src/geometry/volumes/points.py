@@ -7,13 +7,12 @@ import math
 
 import numpy as np
 
+from warp import _native
 from warp._src import errors
-from warp._src.geometry.volumes.contents import DTYPES
-from warp._src.geometry.volumes.layout import TYPES
+from warp._src.geometry.volumes.contents import DTYPES, NAMES, NUMBERS
 from warp._src.types import dtypes
 
 ALLOCATED = ("int32", "uint32", "int64", "float", "double", "Vec3f", "Vec3d", "Vec4f", "Vec4d")
-_NUMBERS = {name: number for number, (name, *_) in TYPES.items()}
 
 
 def voxel_size_of(size) -> tuple[float, float, float]:
@@ -84,7 +83,7 @@ def background_of(value):
     kind = _NUMPY[dtypes.type_scalar_type(dtype)]
     value = getattr(value, "value", value)
     parts = value if hasattr(value, "__len__") else [value]
-    return _NUMBERS[name], np.array([getattr(x, "value", x) for x in parts], dtype=kind).tobytes()
+    return NUMBERS[name], np.array([getattr(x, "value", x) for x in parts], dtype=kind).tobytes()
 
 
 _NUMPY = {
@@ -98,7 +97,7 @@ _NUMPY = {
 
 def numpy_type(number):
     """NumPy's type of the numbers in values of a grid's type, and how many there are."""
-    dtype = DTYPES[TYPES[number][0]]
+    dtype = DTYPES[NAMES[number]]
     return _NUMPY[dtypes.type_scalar_type(dtype)], dtypes.type_size(dtype)
 
 
@@ -111,7 +110,7 @@ def _wrong(value):
 
 def _check(points, mask, what):
     scalar = dtypes.type_scalar_type(getattr(points, "dtype", None))
-    if not dtypes.is_array(points) or not points.is_contiguous or not _is_threes(points, scalar):
+    if not dtypes.is_array(points) or not points.is_contiguous or not is_threes(points, scalar):
         raise errors.WarpError(
             f"{what} must be a packed array of vec3i or vec3f, or of int32 or float32 and of shape "
             "(n, 3)"
@@ -138,26 +137,16 @@ def arrays_on(device, points, mask, what):
     return points, None if mask is None else mask.to(device)
 
 
-def voxels_of(points, transform, mask=None, what="tile_points"):
-    """Voxels of an array of points: integers in index space, or floats in the world.
-
-    Points that are NaN, infinite or masked out are left out.
+def given(points, mask=None, what="points"):
+    """What native recipes take: points, whether they are voxels, their mask, and their name.
 
     Raises:
         WarpError: the points, or the mask, are no such array.
     """
     _check(points, mask, what)
-    values = points.numpy().reshape(-1, 3)
-    keep = np.ones(len(values), dtype=bool) if mask is None else mask.numpy() != 0
-    if values.dtype == np.int32:
-        return values[keep].astype(np.int64)
-    matrix, shift = transform
-    keep &= np.isfinite(values).all(axis=1)
-    places = (values[keep].astype(np.float64) - shift) @ np.linalg.inv(matrix).T
-    voxels = np.floor(places + 0.5)
-    if len(voxels) and np.abs(voxels).max() >= 2**31:
-        raise errors.WarpError(f"{what} are beyond the 2^31 voxels of index space")
-    return voxels.astype(np.int64)
+    is_voxels = dtypes.type_scalar_type(points.dtype) is dtypes.int32
+    mask = mask if mask is None else mask.to(points.device).contiguous()
+    return points, is_voxels, mask, what
 
 
 def tiles_of_box(low, high, voxel_size, translation, in_world):
@@ -165,13 +154,11 @@ def tiles_of_box(low, high, voxel_size, translation, in_world):
     corners = np.array([list(low), list(high)], dtype=np.float64)
     if in_world:
         corners = np.around((corners - np.asarray(translation)) / np.asarray(voxel_size))
-    low, high = corners.astype(np.int64) >> 3
-    axes = [np.arange(a, b + 1) for a, b in zip(low, high, strict=True)]
-    tiles = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3) * 8
-    return tiles.astype(np.int32)
+    low, high = corners.astype(np.int64).tolist()
+    return np.frombuffer(_native.tiles_of_box(low, high), dtype=np.int32).reshape(-1, 3)
 
 
-def _is_threes(points, scalar) -> bool:
+def is_threes(points, scalar) -> bool:
     if scalar not in (dtypes.float32, dtypes.int32):
         return False
     if points.ndim == 2:

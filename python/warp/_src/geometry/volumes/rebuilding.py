@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 from warp._src import errors
 from warp._src.devices import devices
-from warp._src.geometry.volumes import allocation, files
-from warp._src.geometry.volumes.points import arrays_on
+from warp._src.geometry.volumes import allocation
+from warp._src.geometry.volumes.points import arrays_on, given
 
 
 class Rebuildable:
@@ -69,9 +69,10 @@ class Rebuildable:
             return status
         if not self.device.is_cpu:
             devices.synchronize_device(self.device)
-        buffer, problem = self._recipe.buffer(points, point_mask)
+        recipe = self._recipe
+        problem = self._native.rebuild(recipe.native, *given(points, point_mask), recipe.capacities)
         if not problem:
-            self._adopt(files.aligned(buffer), self.device)
+            self._published()
         if status is not None:
             status.fill_(problem)
         return status

@@ -9,7 +9,7 @@ derivative follows from the weights. Values of another type than the grid's are 
 
 from typing import Any
 
-from warp._src.geometry.volumes.cells import places, reading
+from warp._src.geometry.volumes.cells import reading
 from warp._src.geometry.volumes.places import cell_of, nearest
 from warp._src.kernels.function import Function
 from warp._src.language import namespace as wp
@@ -28,13 +28,8 @@ def lookups(value, scalar, number):
     """
 
     def _lookup(id: uint64, i: int32, j: int32, k: int32):
-        result = value()
-        place = place_of(id, i, j, k)
-        if place >= 0:
-            result = at_place(id, place)
-        else:
-            result = at_address(id, wp._library_call("warp_volume_value", id, number, i, j, k))
-        return result
+        place = wp._library_call("warp_volume_voxel", id, number, i, j, k)
+        return at_place(leaves(id), grid(id), place)
 
     def _lookup_typed(id: uint64, i: int32, j: int32, k: int32, dtype: type[value]):
         return lookup(id, i, j, k)
@@ -46,21 +41,22 @@ def lookups(value, scalar, number):
             place[0] = given
 
     def _corners(id: uint64, at: vec3f):
-        i, j, k = int(at[0]), int(at[1]), int(at[2])
-        a, b, c, d = value(), value(), value(), value()
-        e, f, g, h = value(), value(), value(), value()
-        p = places_of_cell(id, i, j, k)
-        if p[0] >= 0:
-            a, b, c, d = near(id, p[0]), near(id, p[1]), near(id, p[2]), near(id, p[3])
-            e, f, g, h = near(id, p[4]), near(id, p[5]), near(id, p[6]), near(id, p[7])
-        else:
-            q = wp._library_call("warp_volume_cell", id, number, i, j, k)
-            a, b, c, d = far(id, q[0]), far(id, q[1]), far(id, q[2]), far(id, q[3])
-            e, f, g, h = far(id, q[4]), far(id, q[5]), far(id, q[6]), far(id, q[7])
-        return a, b, c, d, e, f, g, h
+        a, b, c, d, e, f, g, h = wp._library_call(
+            "warp_volume_cell", id, number, int(at[0]), int(at[1]), int(at[2])
+        )
+        near, far = leaves(id), grid(id)
+        return (
+            at_place(near, far, a),
+            at_place(near, far, b),
+            at_place(near, far, c),
+            at_place(near, far, d),
+            at_place(near, far, e),
+            at_place(near, far, f),
+            at_place(near, far, g),
+            at_place(near, far, h),
+        )
 
-    at_place, at_address = near, far = reading(value, scalar)
-    place_of, places_of_cell = places(number, value, scalar)
+    leaves, grid, at_place = reading(value, scalar)
     lookup = Function(_lookup, "volume_lookup")
     return lookup, _lookup_typed, _store, Function(_corners, "corners")
 

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import numpy as np
+import os
 
 from warp import _native
 from warp._src import errors
 from warp._src.arrays.array import array
 from warp._src.devices import devices
-from warp._src.geometry.handles import VOLUME
-from warp._src.geometry.volumes import allocation, checks, contents, files, points
+from warp._src.geometry.volumes import allocation, points
 from warp._src.geometry.volumes.described import GridContents
 from warp._src.geometry.volumes.leaves import LeafValues
-from warp._src.geometry.volumes.quantised import expanded
 from warp._src.geometry.volumes.rebuilding import Rebuildable
-from warp._src.geometry.volumes.slot import slot_of, table_of
 from warp._src.types import dtypes
 
 
@@ -48,50 +45,16 @@ class Volume(GridContents, Rebuildable, LeafValues):
         if data.ndim != 1 or not data.is_contiguous:
             raise errors.WarpError("a Volume is made of a packed array of one dimension")
         if copy:
-            self._adopt(files.aligned(expanded(data.numpy().view(np.uint8))), data.device)
+            self._take(_native.copy_grids(data.numpy()), data.device)
         else:
-            host = data.numpy().view(np.uint8)
-            self._publish(host, data, data.device)
+            self._borrow(data)
 
     @classmethod
-    def _of_buffer(cls, buffer, device) -> Volume:
-        """A volume of bytes in host memory, which are kept or copied to the device."""
+    def _of_grids(cls, grids, device) -> Volume:
+        """A volume of `GridBytes`, which are kept or copied to the device."""
         volume = cls.__new__(cls)
-        volume._adopt(files.aligned(buffer), device)
+        volume._take(grids, device)
         return volume
-
-    _handle = None
-
-    def _adopt(self, buffer, device):
-        if device.is_cpu:
-            data = array(
-                ptr=buffer.ctypes.data, dtype=dtypes.uint8, shape=buffer.size, device="cpu"
-            )
-            data._kept = buffer
-        else:
-            data = array(buffer, dtype=dtypes.uint8, device=device)
-        self._publish(buffer, data, device)
-
-    def _publish(self, buffer, data, device):
-        """Checks the bytes, and lets kernels find them where they are on the device."""
-        nodes = checks.check_grid(buffer)
-        if data.ptr % 8:
-            raise errors.WarpError("a NanoVDB grid starts at a multiple of 8 bytes")
-        self._read = checks.header_of(buffer).copy(), checks.tree_of(buffer).copy()
-        self.device, self._data = device, data
-        if self._handle is None:
-            index = devices.resolve_index(device)
-            self._handle = _native.GeometryHandle(VOLUME, index)
-            self.id = self._handle.id
-        count = contents.voxel_count(self._header, self._tree)
-        table = table_of(nodes)
-        numbers = None
-        if table is not None:
-            numbers = array(table[0].ravel(), dtype=dtypes.uint32, device=device)
-        at = 0 if numbers is None else numbers.ptr
-        self._handle.write(slot_of(nodes, data.ptr, count, at, table))
-        self._numbers = numbers
-        self._published(nodes)
 
     @classmethod
     def _of_tree(cls, tree) -> Volume:
@@ -99,8 +62,32 @@ class Volume(GridContents, Rebuildable, LeafValues):
         volume = cls.__new__(cls)
         volume._built = tree
         volume._recipe = tree.recipe
-        volume._publish(tree.empty, tree.data, tree.device)
+        volume._borrow(tree.data, tree.empty)
         return volume
+
+    def _take(self, grids, device):
+        self._native = _native.Volume(grids, devices.resolve_index(device))
+        self._finish(device)
+
+    def _borrow(self, data, *contents):
+        """Leaves the grid in the memory of an array; its contents, if the host has them."""
+        index = devices.resolve_index(data.device)
+        self._native = _native.Volume(data.ptr, data.size, index, *contents)
+        self._finish(data.device, data)
+
+    def _finish(self, device, data=None):
+        self.device, self.id = device, self._native.id
+        self._borrowed = data
+        self._published()
+
+    def _published(self):
+        """Finds the grid where it is now."""
+        self._data = self._borrowed
+        if self._data is None:
+            at, size = self._native.data, self._native.size
+            self._data = array(ptr=at, dtype=dtypes.uint8, shape=size, device=self.device)
+            self._data._kept = self._native.memory
+        super()._published()
 
     # Files and other memory.
 
@@ -114,22 +101,22 @@ class Volume(GridContents, Rebuildable, LeafValues):
         data = file_or_buffer
         if hasattr(data, "read"):
             data = data.read()
-        elif not isinstance(data, (bytes, bytearray, memoryview, np.ndarray)):
+        if isinstance(data, (str, os.PathLike)):
             with open(data, "rb") as file:
                 data = file.read()
-        return cls._of_buffer(files.read(data), devices.get_device(device))
+        return cls._of_grids(_native.read_grids(data), devices.get_device(device))
 
     def save_to_nvdb(self, path, codec="none"):
         """Writes the grids of this volume's memory to a file; gives the path.
 
-        codec: "none", "zip", or "blosc", which needs the Python package of that name.
+        codec: "none", "zip", or "blosc", which needs the library libblosc of the system.
 
         Raises:
             RuntimeError: there is no such codec, or this is not the first grid of the memory.
         """
-        if int(self._header["index"]) > 0:
-            raise errors.WarpError("a volume of `load_next_grid` is saved with the one before it")
-        files.write(path, self._bytes(), codec)
+        if self._built is not None:
+            self._native.refresh()
+        self._native.save(os.fspath(path), codec)
         return path
 
     @classmethod
@@ -141,16 +128,17 @@ class Volume(GridContents, Rebuildable, LeafValues):
         """
         if not grid_ptr:
             raise errors.WarpError("invalid address of a grid: 0")
-        size = buffer_size or checks.HEADER.itemsize + checks.TREE.itemsize
-        data = array(ptr=grid_ptr, dtype=dtypes.uint8, shape=size, device=device)
-        if not buffer_size:
-            size = int(checks.header_of(data.numpy().view(np.uint8))["size"])
-            data = array(ptr=grid_ptr, dtype=dtypes.uint8, shape=size, device=device)
-        return cls(data, copy=False)
+        device = devices.get_device(device)
+        volume = cls.__new__(cls)
+        index = devices.resolve_index(device)
+        volume._native = _native.Volume(grid_ptr, buffer_size, index)
+        size = volume._native.size
+        volume._finish(device, array(ptr=grid_ptr, dtype=dtypes.uint8, shape=size, device=device))
+        return volume
 
     def load_next_grid(self) -> Volume | None:
         """The grid behind this one in memory; None if it is the last."""
-        start = files.next_start(self._bytes())
+        start = self._native.next
         if not start:
             return None
         rest = self._data.size - start
