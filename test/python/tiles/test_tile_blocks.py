@@ -38,6 +38,16 @@ def normalise(a: wp.array(dtype=wp.float64), out: wp.array(dtype=wp.float64)):
     wp.tile_store(out, wp.tile_map(wp.div, u, wp.tile_broadcast(s, shape=(300,))))
 
 
+def take(length):
+    @wp.kernel
+    def work(a: wp.array(dtype=wp.float64), out: wp.array(dtype=wp.float64)):
+        t = wp.tile_load(a, shape=length)
+        wp.tile_store(a, wp.tile_zeros(shape=length, dtype=wp.float64))
+        wp.tile_store(out, t - wp.tile_broadcast(wp.tile_max(t), shape=(length,)))
+
+    return work
+
+
 @wp.kernel
 def add_up(a: wp.array(dtype=wp.float64), out: wp.array(dtype=wp.float64)):
     t = wp.tile_load(a, shape=300)
@@ -85,6 +95,17 @@ def test_transforms(length, inverse):
     z = x[..., 0] + 1j * x[..., 1]
     expected = np.fft.ifft(z) * length if inverse else np.fft.fft(z)
     np.testing.assert_allclose(out[..., 0] + 1j * out[..., 1], expected, atol=1e-13 * length)
+
+
+# Threads have the elements that they load and replace for themselves, in registers or in memory.
+@pytest.mark.parametrize("length", [300, 512])
+@pytest.mark.parametrize("seed", range(2))
+def test_elements_that_are_replaced(length, seed):
+    given, out = np.random.default_rng(seed).normal(size=length), np.zeros(length)
+    a = given.copy()
+    run_block(take(length), [a, out], seed)
+    assert not a.any()
+    np.testing.assert_array_equal(out, given - given.max())
 
 
 @pytest.mark.parametrize("seed", range(2))
