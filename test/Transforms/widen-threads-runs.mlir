@@ -138,3 +138,69 @@ func.func @no_order(%grid: i64, %starts: !warp.array<1 x si32>,
   warp.store_components(%r#3), %y[%i] : (f32), !warp.array<1 x f32>, i32
   return
 }
+
+// -----
+
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 30,
+      disjoint = true, lanes = 4>
+
+// What lanes that have come together add to an element, is added once.
+// CHECK-LABEL: func.func @scattered
+// CHECK: %[[J:.*]] = warp.load_components %{{.*}} : !warp.array<1 x si32>, i32 -> i32
+// CHECK: warp.load_components %arg2[%[[J]]] : !warp.array<1 x f32>, i32 -> f32
+// CHECK: %[[SUM:.*]] = warp.combine_lanes
+// CHECK: warp.atomic_components add(%[[SUM]]), %arg4[%[[J]]]
+// CHECK-NOT: warp.update_lanes
+// CHECK: return
+func.func @scattered(%grid: i64, %starts: !warp.array<1 x si32>,
+                      %x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
+                     %g: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.variant = #cpu} {
+  %i = warp.tid : i32
+  %zero = arith.constant 0.0 : f32
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  %c3 = arith.constant 3 : i32
+  %c11 = arith.constant 11 : i32
+  %c32 = arith.constant 32 : i32
+  %false = arith.constant false
+  %slot = warp.library_call "warp_slot"(%grid, %c1) : (i64, i32) -> i64
+  %words = warp.array_at %slot[%c32] : i64, i32 -> !warp.array<1 x ui64>
+  %at = warp.load_components %words[%c11] : !warp.array<1 x ui64>, i32 -> i64
+  %list = warp.array_at %at[%c32] : i64, i32 -> !warp.array<1 x si32>
+  %self = warp.load_components %list[%i] : !warp.array<1 x si32>, i32 -> i32
+  %r:4 = scf.while (%row = %c0, %p = %c0, %e = %c0, %s = %zero)
+      : (i32, i32, i32, f32) -> (i32, i32, i32, f32) {
+    %q:3 = scf.while (%row1 = %row, %p1 = %p, %e1 = %e)
+        : (i32, i32, i32) -> (i32, i32, i32) {
+      %ended = arith.cmpi sge, %p1, %e1 : i32
+      %more = scf.if %ended -> (i1) {
+        %left = arith.cmpi slt, %row1, %c3 : i32
+        scf.yield %left : i1
+      } else {
+        scf.yield %false : i1
+      }
+      scf.condition(%more) %row1, %p1, %e1 : i32, i32, i32
+    } do {
+    ^bb0(%row1: i32, %p1: i32, %e1: i32):
+      %cell = arith.addi %row1, %i : i32
+      %behind = arith.addi %cell, %c1 : i32
+      %begin = warp.load_components %starts[%cell] : !warp.array<1 x si32>, i32 -> i32
+      %end = warp.load_components %starts[%behind] : !warp.array<1 x si32>, i32 -> i32
+      %next = arith.addi %row1, %c1 : i32
+      scf.yield %next, %begin, %end : i32, i32, i32
+    }
+    %in = arith.cmpi slt, %q#1, %q#2 : i32
+    scf.condition(%in) %q#0, %q#1, %q#2, %s : i32, i32, i32, f32
+  } do {
+  ^bb0(%row: i32, %p: i32, %e: i32, %s: f32):
+    %j = warp.load_components %list[%p] : !warp.array<1 x si32>, i32 -> i32
+    %p2 = arith.addi %p, %c1 : i32
+    %v = warp.load_components %x[%j] : !warp.array<1 x f32>, i32 -> f32
+    %old = warp.atomic_components add(%v), %g[%j] : (f32), !warp.array<1 x f32>, i32 -> f32
+    %t = arith.addf %s, %v : f32
+    scf.yield %row, %p2, %e, %t : i32, i32, i32, f32
+  }
+  warp.store_components(%r#3), %y[%self] : (f32), !warp.array<1 x f32>, i32
+  return
+}

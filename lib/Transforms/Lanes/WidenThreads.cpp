@@ -348,6 +348,23 @@ void Widening::run() {
   threads->erase();
 }
 
+/// Updates of what lanes have come to together are one. The order of a
+/// deterministic launch stays.
+static void combineWhereLanesMeet(FunctionOpInterface kernel,
+                                  const warp::ThreadVariance &variance) {
+  if (warp::getVariant(kernel).isDeterministic())
+    return;
+  auto isShared = [&](Value value) {
+    return variance.isUniform(value, warp::Scope::Lanes);
+  };
+  kernel->walk([&](warp::AtomicComponentsOp op) {
+    if (warp::getUpdate(op).getScope() == warp::UpdateScope::thread &&
+        !warp::getUpdate(op).isExact() && isShared(op.getArray()) &&
+        llvm::all_of(op.getIndices(), isShared) && warp::canCombine(op))
+      warp::setUpdate(op, warp::UpdateScope::lanes);
+  });
+}
+
 namespace {
 
 struct WidenThreads : warp::impl::WidenThreadsBase<WidenThreads> {
@@ -367,10 +384,13 @@ struct WidenThreads : warp::impl::WidenThreadsBase<WidenThreads> {
     warp::noteChoice(kernel, "lanes", Twine(plan.lanes), plan.reason);
     if (plan.lanes == 1)
       return;
-    if (warp::shareRuns(kernel, variance))
-      Widening(kernel, threads, warp::ThreadVariance(kernel), plan.lanes).run();
-    else
+    if (warp::shareRuns(kernel, variance)) {
+      warp::ThreadVariance together(kernel);
+      combineWhereLanesMeet(kernel, together);
+      Widening(kernel, threads, together, plan.lanes).run();
+    } else {
       Widening(kernel, threads, variance, plan.lanes).run();
+    }
     warp::setRecipe(kernel, warp::getRecipe(kernel).withLanes(plan.lanes));
   }
 };
