@@ -40,9 +40,11 @@ class VoxelTree:
         self.recipe, self.device = recipe, device
         self.empty = recipe.native.make_empty()
         layout = _native.grid_layout(recipe.number)
-        self.data = wp.zeros(recipe.room, dtype=wp.uint8, device=device)
-        # At once: a graph that is being captured builds in it.
-        _native.write_new_memory(self.data.ptr, self.data.device_index, self.empty)
+        self.data = wp.empty(recipe.room, dtype=wp.uint8, device=device)
+        # At once: a graph that is being captured builds in it, each time it is launched.
+        place = self.data.ptr, self.data.device_index
+        _native.clear_new_memory(*place, self.data.size)
+        _native.write_new_memory(*place, self.empty)
         self._grid = words(self.data.ptr, self.data.size // 4, device)
         self._layout = made = TreeLayout()
         made.root_at, made.root, made.tile = layout.root_at, layout.root, layout.tile
