@@ -41,7 +41,8 @@ public:
   /// Keeps that memory; null if it is the caller's.
   std::shared_ptr<void> memory() const;
 
-  /// Takes another grid; the id stays.
+  /// Takes another grid; the id stays. On a GPU, waits for work that may read
+  /// the one before.
   void assign(const GridBytes &grids);
   /// Makes the grid again of other points, if it has no more nodes than there
   /// is room for; else gives bits of `RebuildStatus`, and nothing changes.

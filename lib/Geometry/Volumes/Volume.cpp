@@ -65,6 +65,9 @@ void Volume::Impl::adopt(const GridBytes &grids) {
     auto copy = std::make_shared<Buffer>(slot.device(), grids.size());
     copyMemory(copy->data(), slot.device(), grids.data(), cpuDevice,
                grids.size());
+    // Kernels that are queued may read what is freed here.
+    if (data)
+      synchronizeDevice(slot.device());
     data = static_cast<uint8_t *>(copy->data());
     memory = std::move(copy);
   }

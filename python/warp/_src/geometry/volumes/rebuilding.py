@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from warp._src import errors
-from warp._src.devices import devices
 from warp._src.geometry.volumes import allocation
 from warp._src.geometry.volumes.points import arrays_on, given
 
@@ -67,8 +66,6 @@ class Rebuildable:
             self._forget_leaf_values()
             self._built.run(slot_of(self.id, self.device), points, point_mask, status)
             return status
-        if not self.device.is_cpu:
-            devices.synchronize_device(self.device)
         recipe = self._recipe
         problem = self._native.rebuild(recipe.native, *given(points, point_mask), recipe.capacities)
         if not problem:
