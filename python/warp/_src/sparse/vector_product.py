@@ -10,9 +10,27 @@ from warp._src.types.dtypes import type_repr, type_scalar_type, type_size, types
 
 
 @functools.cache
+def _put(scalar):
+    """What a row of the product gives becomes part of the result."""
+
+    @wp.func(name=f"sparse_mv_put_{scalar.__name__}")
+    def put(
+        y: wp.array2d(dtype=scalar), row: int, i: int, alpha: scalar, total: scalar, beta: scalar
+    ):
+        # What is not wanted need not be a number.
+        if beta == scalar(0.0):
+            y[row, i] = alpha * total
+        else:
+            y[row, i] = alpha * total + beta * y[row, i]
+
+    return put
+
+
+@functools.cache
 def _row_kernel(scalar, rows, cols):
     """One thread per row of numbers; the extents of blocks are constants."""
     name = f"sparse_mv_{scalar.__name__}_{rows}_{cols}"
+    put = _put(scalar)
 
     @wp.kernel(name=name, module=__name__)
     def multiply(
@@ -33,11 +51,7 @@ def _row_kernel(scalar, rows, cols):
             column = columns[block]
             for j in range(cols):
                 total += values[block, i, j] * x[column, j]
-        # What is not wanted need not be a number.
-        if beta == scalar(0.0):
-            y[row, i] = alpha * total
-        else:
-            y[row, i] = alpha * total + beta * y[row, i]
+        put(y, row, i, alpha, total, beta)
 
     return multiply
 
@@ -57,6 +71,7 @@ def _shared_row_kernel(scalar, rows, cols, sharers):
     """
     name = f"sparse_mv_shared_{scalar.__name__}_{rows}_{cols}_{sharers}"
     count = _BLOCK // sharers
+    put = _put(scalar)
 
     @wp.kernel(name=name, module=__name__, enable_backward=False)
     def multiply(
@@ -103,12 +118,7 @@ def _shared_row_kernel(scalar, rows, cols, sharers):
                         if thread // sharers == i:
                             total = whole
         if thread % sharers == 0 and number < y.shape[0] * rows:
-            row = number // rows
-            i = number % rows
-            if beta == scalar(0.0):
-                y[row, i] = alpha * total
-            else:
-                y[row, i] = alpha * total + beta * y[row, i]
+            put(y, number // rows, number % rows, alpha, total, beta)
 
     return multiply
 
