@@ -53,7 +53,7 @@ struct ClosestQuery {
   f32 p[3];
   /// A squared distance; smaller ones are found.
   f32 best;
-  i32 root;
+  i32 root = 0;
   /// A face, or -1; `lane` of `block` is its triangle.
   i32 face = -1, block = 0, lane = 0;
 };
