@@ -199,7 +199,14 @@ private:
   Value placeOf(Value tile, Value turn);
   void fetch(TileLoadOp load, mlir::scf::ForOp loop, Value iteration,
              Value turn);
+  Values offsetsAt(TileLoadOp load, mlir::scf::ForOp loop, Value iteration,
+                   Value *array = nullptr);
   void lowerAhead(mlir::scf::ForOp loop);
+
+  // In LowerTilesRings.cpp.
+  void copyBoxes(llvm::ArrayRef<TileLoadOp> loads, mlir::scf::ForOp loop,
+                 Value iteration, Value place, Value full);
+  void lowerRing(mlir::scf::ForOp loop);
 
   // In LowerTilesForms.cpp.
   void callForm(llvm::StringRef verb, mlir::Operation *op, Values arguments);
