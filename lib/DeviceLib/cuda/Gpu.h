@@ -53,6 +53,15 @@ inline uint32_t ballot(bool value) {
   return __nvvm_vote_ballot_sync(~0u, value);
 }
 
+/// What `shuffle` gives of the halves of a value of 64 bits.
+template <typename T, typename Shuffle>
+inline T byHalves(T value, Shuffle shuffle) {
+  auto bits = __builtin_bit_cast(uint64_t, value);
+  uint64_t low = shuffle(static_cast<uint32_t>(bits));
+  uint64_t high = shuffle(static_cast<uint32_t>(bits >> 32));
+  return __builtin_bit_cast(T, high << 32 | low);
+}
+
 /// The value that the lane `distance` before this one has; its own at the
 /// start of the warp.
 inline uint32_t fromBefore(uint32_t value, int distance) {
@@ -65,13 +74,12 @@ inline float fromBefore(float value, int distance) {
   return __nvvm_shfl_sync_up_f32(~0u, value, distance, 0);
 }
 inline uint64_t fromBefore(uint64_t value, int distance) {
-  uint64_t low = fromBefore(static_cast<uint32_t>(value), distance);
-  uint64_t high = fromBefore(static_cast<uint32_t>(value >> 32), distance);
-  return high << 32 | low;
+  return byHalves(value,
+                  [&](uint32_t half) { return fromBefore(half, distance); });
 }
 inline double fromBefore(double value, int distance) {
-  return __builtin_bit_cast(
-      double, fromBefore(__builtin_bit_cast(uint64_t, value), distance));
+  return byHalves(value,
+                  [&](uint32_t half) { return fromBefore(half, distance); });
 }
 
 /// The value that a lane has.
@@ -82,13 +90,10 @@ inline float fromLane(float value, int lane) {
   return __nvvm_shfl_sync_idx_f32(~0u, value, lane, 31);
 }
 inline uint64_t fromLane(uint64_t value, int lane) {
-  uint64_t low = fromLane(static_cast<uint32_t>(value), lane);
-  uint64_t high = fromLane(static_cast<uint32_t>(value >> 32), lane);
-  return high << 32 | low;
+  return byHalves(value, [&](uint32_t half) { return fromLane(half, lane); });
 }
 inline double fromLane(double value, int lane) {
-  return __builtin_bit_cast(
-      double, fromLane(__builtin_bit_cast(uint64_t, value), lane));
+  return byHalves(value, [&](uint32_t half) { return fromLane(half, lane); });
 }
 
 /// The value of the lane whose number differs by the bits of `mask`.
