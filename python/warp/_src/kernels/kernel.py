@@ -288,7 +288,7 @@ class Kernel:
         self,
         stage: str = "warp",
         device=None,
-        rank: int = 1,
+        rank: int | None = None,
         arch=None,
         derivative: str | None = None,
         inputs=None,
@@ -302,7 +302,7 @@ class Kernel:
             device: with `thread`, `launch` and `llvm`, the device to lower for; `gpu` and `ptx` are
                 always for a GPU (that of the device, or a current one if there is none) and `asm`
                 for the CPU.
-            rank: number of launch dimensions.
+            rank: number of launch dimensions; by default as many as the kernel asks `wp.tid()` for.
             arch: GPU architecture to lower for, `90` for `sm_90`; no such GPU is needed.
             derivative: `adjoint` or `tangent`: the stage of that derivative, in place of the
                 kernel's.
@@ -323,7 +323,7 @@ class Kernel:
         elif stage == "asm" or arch not in _native.gpu_architectures():
             raise ValueError(f"there is no stage {stage!r} for architecture {arch!r}")
         native = self.prepare()
-        return self.code_for(native, arch).ir(stage, arch, rank)
+        return self.code_for(native, arch).ir(stage, arch, rank or 0)
 
     def code_for(self, native, arch):
         """What is compiled for an architecture; 0 is the CPU."""
@@ -349,7 +349,7 @@ class Kernel:
         if stage not in STAGES:
             raise ValueError(f"no stage {stage!r}, expects one of {', '.join(map(repr, STAGES))}")
         arch = _architecture(stage, device) if arch is None else arch
-        return self.compile_module(made.module).ir(stage, arch, rank)
+        return self.compile_module(made.module).ir(stage, arch, rank or 0)
 
     def schedule(self, device=None, dim=None, arch=None):
         """How launches of the kernel are made, and why; `print` shows it as a table.
@@ -384,7 +384,7 @@ class Kernel:
             return
         os.makedirs(config.dump, exist_ok=True)
         for stage in STAGES:
-            text = native.ir(stage, _architecture(stage, None), 1)
+            text = native.ir(stage, _architecture(stage, None))
             path = os.path.join(config.dump, f"{self.key}.{stage}.{_SUFFIX[stage]}")
             with open(path, "w", encoding="utf-8") as file:
                 file.write(text)
