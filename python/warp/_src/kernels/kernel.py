@@ -132,6 +132,11 @@ class Kernel:
         """Native kernels made for the arguments of a generic kernel."""
         return list(self._specialized.values())
 
+    @property
+    def adj(self):
+        """Parameters as packages read them that know the peer's generator of code."""
+        return importlib.import_module("warp._src.compat.codegen").adjoint_of(self)
+
     def option(self, name):
         return self.module.option(name, self.options)
 
