@@ -11,8 +11,8 @@ from warp._src.errors import WarpCodegenIndexError as WarpCodegenIndexError
 from warp._src.errors import WarpCodegenKeyError as WarpCodegenKeyError
 from warp._src.errors import WarpCodegenTypeError as WarpCodegenTypeError
 from warp._src.errors import WarpCodegenValueError as WarpCodegenValueError
-from warp._src.types.structs import StructInstance as StructInstance
 from warp._src.types.annotations import annotations_of
+from warp._src.types.structs import StructInstance as StructInstance
 
 
 def adjoint_of(kernel) -> SimpleNamespace:

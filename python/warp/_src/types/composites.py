@@ -210,7 +210,7 @@ def flatten_numbers(value):
 def _is_sequence(value):
     """Whether Python can go through elements by their numbers, as through vectors of USD."""
     kind = type(value)
-    return hasattr(kind, "__len__") and hasattr(kind, "__getitem__") and not hasattr(kind, "_wp_array_")
+    return hasattr(kind, "__len__") and hasattr(kind, "__getitem__")
 
 
 def is_number(value):
