@@ -33,6 +33,7 @@ def test_nothing_imports_the_public_names():
     graph = import_graph()
     importers = {name for name, found in graph.items() if "warp" in found}
     folders = (
+        "compat",
         "geometry.device",
         "geometry.meshing",
         "geometry.surfaces",

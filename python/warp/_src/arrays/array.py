@@ -120,7 +120,10 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
             else:
                 borrow(self, ptr, extents, strides, dtype, index, capacity, deleter)
         if ndim is not None and ndim != self.ndim:
-            raise ValueError(f"expects {ndim} dimensions, but got shape {self.shape}")
+            if data is None or self.size or ndim < self.ndim:
+                raise ValueError(f"expects {ndim} dimensions, but got shape {self.shape}")
+            # An empty list does not say how many dimensions it has.
+            allocate(self, (*self.shape, *(0,) * (ndim - self.ndim)), self.dtype, self.device_index)
         if wants_wide_gradient(self.dtype, grad_dtype):
             self._wide_grad = True
         if grad is not None:

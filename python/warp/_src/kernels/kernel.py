@@ -21,7 +21,7 @@ from warp._src.arrays.indexed import indexedarray
 from warp._src.derivatives.kernel_derivatives import KernelDerivatives, differentiate
 from warp._src.devices.devices import get_device
 from warp._src.forks import translating
-from warp._src.kernels import texts, unique
+from warp._src.kernels import declared, texts, unique
 from warp._src.kernels.epoch import Epoch
 from warp._src.kernels.kernel_options import (
     check_constants,
@@ -78,6 +78,8 @@ class Kernel:
         # What has no module was made from text.
         if not (func.__module__ or "").startswith("warp."):
             texts.keep(func)
+            if not self.code_transformers:
+                declared.evaluate(func)
         self.module.kernels[self.key] = self
         self.module.generic_kernels.pop(self.key, None)
         if any(map(is_generic, func.__annotations__.values())):
@@ -129,6 +131,11 @@ class Kernel:
     def specializations(self) -> list:
         """Native kernels made for the arguments of a generic kernel."""
         return list(self._specialized.values())
+
+    @property
+    def adj(self):
+        """Parameters as packages read them that know the peer's generator of code."""
+        return importlib.import_module("warp._src.compat.codegen").adjoint_of(self)
 
     def option(self, name):
         return self.module.option(name, self.options)
