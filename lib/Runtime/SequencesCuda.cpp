@@ -16,6 +16,7 @@
 #include "warp/Memory.h"
 
 #include <algorithm>
+#include <cstdint>
 #include <map>
 #include <mutex>
 #include <string>
@@ -23,7 +24,8 @@
 
 using namespace warp;
 
-extern "C" const char warp_cuda_Scan_begin[], warp_cuda_Sort_begin[];
+extern "C" const char warp_cuda_Scan_begin[], warp_cuda_Sort_begin[],
+    warp_cuda_SortSegments_begin[], warp_cuda_Runs_begin[];
 
 static constexpr int threads = 256;
 /// Bytes of a quarter of what a thread of a scan has in registers.
@@ -176,4 +178,80 @@ bool warp::sortOnCuda(int device, const Pairs &pairs, int beginBit, int endBit,
          counters, 1, pairs.keys, pairs.count, signOf(pairs.kind), beginBit,
          endBit, state);
   return sort.move(work, device, state);
+}
+
+//===----------------------------------------------------------------------===//
+// Segments and runs
+//===----------------------------------------------------------------------===//
+
+/// Lanes that sort a segment in registers, and pairs of each.
+static constexpr int fewLanes = 8, mostOfLane = 16;
+/// Blocks for segments in a list, whose length only the device knows.
+static constexpr int64_t listBlocks = 1056;
+
+void warp::sortSegmentsOnCuda(int device, const Pairs &pairs,
+                              const int32_t *begins, const int32_t *ends,
+                              int64_t segments, const Stream *stream) {
+  if (sizeOf(pairs.kind) != 4 || pairs.valueSize != 4)
+    throw Error(Error::Kind::Value,
+                "a sort of segments on CUDA takes keys and values of 32 bits");
+  if (pairs.count > INT32_MAX || segments > INT32_MAX)
+    throw Error(Error::Kind::Value,
+                "a sort of segments on CUDA takes less than 2^31 pairs");
+  if (pairs.count <= 1 || segments <= 0)
+    return;
+  // Two lists of segments, for warps and for blocks: how many there are, and
+  // which. Blocks count those that they have taken.
+  Buffer buffer(device, (3 + 2 * segments) * 4, false, stream);
+  auto *sizes = static_cast<uint32_t *>(buffer.data());
+  uint32_t *forWarps = sizes + 3, *forBlocks = forWarps + segments;
+  setMemory(sizes, device, 0, 12, stream);
+
+  QueuedWork work(device, stream);
+  auto queue = [&](const char *name, int64_t blocks, auto... args) {
+    launch(work, kernelOf(device, warp_cuda_SortSegments_begin, name), blocks,
+           1, pairs.keys, pairs.values, pairs.count,
+           static_cast<uint32_t>(signOf(pairs.kind)), int(isFloat(pairs.kind)),
+           begins, ends, args...);
+  };
+  // Where most are longer than what a few lanes sort, warps begin.
+  constexpr int64_t few = fewLanes * mostOfLane;
+  auto blocksFor = [](int64_t number, int64_t lanes) {
+    return std::min<int64_t>(ceilDivide(number * lanes, threads), 1 << 20);
+  };
+  bool isListed = pairs.count <= few * segments;
+  uint32_t *listed = isListed ? sizes : nullptr;
+  if (isListed)
+    queue("segments_few", blocksFor(segments, fewLanes), int(segments), sizes,
+          forWarps);
+  if (pairs.count <= few)
+    return;
+  int64_t forWarp = std::min(segments, pairs.count / (few + 1));
+  queue("segments_some",
+        isListed ? std::min(blocksFor(forWarp, 32), listBlocks)
+                 : blocksFor(segments, 32),
+        int(segments), listed, forWarps, sizes + 1, forBlocks);
+  int64_t ofWarp = 32 * mostOfLane;
+  if (pairs.count > ofWarp)
+    queue("segments_many",
+          std::min({segments, pairs.count / (ofWarp + 1), listBlocks}),
+          sizes + 1, forBlocks, sizes + 2);
+}
+
+void warp::findRunsOnCuda(int device, const Runs &runs, const Stream *stream) {
+  if (runs.count > INT32_MAX)
+    throw Error(Error::Kind::Value,
+                "a search for runs on CUDA takes less than 2^31 numbers");
+  if (runs.count <= 0)
+    return;
+  // As in the kernel: a thread has 16 numbers of 32 bits, or 8 of 64.
+  int64_t tiles = ceilDivide(runs.count, threads * 64 / runs.size);
+  Buffer states(device, tiles * 8, false, stream);
+  setMemory(states.data(), device, 0, states.size(), stream);
+  QueuedWork work(device, stream);
+  launch(work,
+         kernelOf(device, warp_cuda_Runs_begin,
+                  runs.size == 4 ? "runs_u32" : "runs_u64"),
+         tiles, 1, runs.numbers, runs.count, runs.runNumbers, runs.runLengths,
+         runs.runCount, states.data());
 }
