@@ -25,7 +25,8 @@
 using namespace warp;
 
 extern "C" const char warp_cuda_Scan_begin[], warp_cuda_Sort_begin[],
-    warp_cuda_SortSegments_begin[], warp_cuda_Runs_begin[];
+    warp_cuda_SortSegments_begin[], warp_cuda_SortLongSegments_begin[],
+    warp_cuda_Runs_begin[];
 
 static constexpr int threads = 256;
 /// Bytes of a quarter of what a thread of a scan has in registers.
@@ -184,8 +185,15 @@ bool warp::sortOnCuda(int device, const Pairs &pairs, int beginBit, int endBit,
 // Segments and runs
 //===----------------------------------------------------------------------===//
 
-/// Lanes that sort a segment in registers, and pairs of each.
-static constexpr int fewLanes = 8, mostOfLane = 16;
+namespace {
+/// Kernels that sort segments in registers, by how many lanes share one.
+struct SegmentKernel {
+  const char *name;
+  int64_t lanes, most;
+};
+} // namespace
+static constexpr SegmentKernel segmentKernels[] = {
+    {"segments_4", 4, 16}, {"segments_8", 8, 128}, {"segments_32", 32, 512}};
 /// Blocks for segments in a list, whose length only the device knows.
 static constexpr int64_t listBlocks = 1056;
 
@@ -200,42 +208,39 @@ void warp::sortSegmentsOnCuda(int device, const Pairs &pairs,
                 "a sort of segments on CUDA takes less than 2^31 pairs");
   if (pairs.count <= 1 || segments <= 0)
     return;
-  // Two lists of segments, for warps and for blocks: how many there are, and
-  // which. Blocks count those that they have taken.
-  Buffer buffer(device, (3 + 2 * segments) * 4, false, stream);
+  // How long the lists of the kernels are and how many segments blocks have
+  // taken, then the lists; one is written while the one before is read.
+  Buffer buffer(device, (4 + 2 * segments) * 4, false, stream);
   auto *sizes = static_cast<uint32_t *>(buffer.data());
-  uint32_t *forWarps = sizes + 3, *forBlocks = forWarps + segments;
-  setMemory(sizes, device, 0, 12, stream);
+  uint32_t *lists[] = {sizes + 4, sizes + 4 + segments};
+  setMemory(sizes, device, 0, 16, stream);
 
   QueuedWork work(device, stream);
-  auto queue = [&](const char *name, int64_t blocks, auto... args) {
-    launch(work, kernelOf(device, warp_cuda_SortSegments_begin, name), blocks,
-           1, pairs.keys, pairs.values, pairs.count,
-           static_cast<uint32_t>(signOf(pairs.kind)), int(isFloat(pairs.kind)),
-           begins, ends, args...);
+  auto queue = [&](const char *code, const char *name, int64_t blocks,
+                   auto... args) {
+    launch(work, kernelOf(device, code, name), blocks, 1, pairs.keys,
+           pairs.values, pairs.count, static_cast<uint32_t>(signOf(pairs.kind)),
+           int(isFloat(pairs.kind)), begins, ends, args...);
   };
-  // Where most are longer than what a few lanes sort, warps begin.
-  constexpr int64_t few = fewLanes * mostOfLane;
-  auto blocksFor = [](int64_t number, int64_t lanes) {
-    return std::min<int64_t>(ceilDivide(number * lanes, threads), 1 << 20);
-  };
-  bool isListed = pairs.count <= few * segments;
-  uint32_t *listed = isListed ? sizes : nullptr;
-  if (isListed)
-    queue("segments_few", blocksFor(segments, fewLanes), int(segments), sizes,
-          forWarps);
-  if (pairs.count <= few)
-    return;
-  int64_t forWarp = std::min(segments, pairs.count / (few + 1));
-  queue("segments_some",
-        isListed ? std::min(blocksFor(forWarp, 32), listBlocks)
-                 : blocksFor(segments, 32),
-        int(segments), listed, forWarps, sizes + 1, forBlocks);
-  int64_t ofWarp = 32 * mostOfLane;
-  if (pairs.count > ofWarp)
-    queue("segments_many",
-          std::min({segments, pairs.count / (ofWarp + 1), listBlocks}),
-          sizes + 1, forBlocks, sizes + 2);
+  uint32_t *listed = nullptr;
+  // Segments that the kernels so far may have left.
+  int64_t left = segments;
+  for (const SegmentKernel &kernel : segmentKernels) {
+    // Where most are longer, a later one is the first.
+    if (!listed && kernel.most < 512 && pairs.count > kernel.most * segments)
+      continue;
+    int64_t blocks = ceilDivide(left * kernel.lanes, threads);
+    queue(warp_cuda_SortSegments_begin, kernel.name,
+          std::min(blocks, listed ? listBlocks : 1 << 20), int(segments),
+          listed, lists[0], sizes, lists[1]);
+    if (pairs.count <= kernel.most)
+      return;
+    left = std::min(segments, pairs.count / (kernel.most + 1));
+    listed = sizes++;
+    std::swap(lists[0], lists[1]);
+  }
+  queue(warp_cuda_SortLongSegments_begin, "segments_long",
+        std::min(left, listBlocks), listed, lists[0], sizes);
 }
 
 void warp::findRunsOnCuda(int device, const Runs &runs, const Stream *stream) {

@@ -46,7 +46,7 @@ template <typename Bits> struct Floats {
 };
 
 /// The sum of `value` over the threads before this one.
-static uint32_t sumBefore(uint32_t value) {
+inline uint32_t sumBefore(uint32_t value) {
   WARP_SHARED uint32_t sums[warps];
   uint32_t own = sumOfLanes(value);
   int warp = thread() / warpSize;
@@ -76,7 +76,7 @@ private:
 };
 
 /// The lanes whose digit is that of this lane.
-static uint32_t lanesWith(int digit) {
+inline uint32_t lanesWith(int digit) {
   uint32_t lanes = ~0u;
 #pragma unroll
   for (int bit = 0; bit < digitBits; ++bit) {
