@@ -39,6 +39,9 @@ inline uint32_t lanesBefore() { return (1u << lane()) - 1; }
 inline void meet() { __nvvm_bar_sync(0); }
 inline void meetWarp() { __nvvm_bar_warp_sync(~0u); }
 
+/// Waits for all threads of the block; whether `condition` holds for one.
+inline bool meetAny(bool condition) { return __nvvm_bar0_or(condition); }
+
 /// Keeps what follows from being computed before, and what was computed of
 /// `value` from being kept for it: registers are dearer than a shift.
 template <typename T> inline void forget(T &value) {
@@ -99,6 +102,11 @@ inline double fromLane(double value, int lane) {
 /// The value of the lane whose number differs by the bits of `mask`.
 inline uint32_t fromAcross(uint32_t value, int mask) {
   return __nvvm_shfl_sync_bfly_i32(~0u, value, mask, 31);
+}
+inline uint64_t fromAcross(uint64_t value, int mask) {
+  uint64_t low = fromAcross(static_cast<uint32_t>(value), mask);
+  uint64_t high = fromAcross(static_cast<uint32_t>(value >> 32), mask);
+  return high << 32 | low;
 }
 inline float fromAcross(float value, int mask) {
   return __nvvm_shfl_sync_bfly_f32(~0u, value, mask, 31);
