@@ -75,7 +75,14 @@ class _Runtime:
         return devices.get_device(ident)
 
 
-runtime = _Runtime()
+_runtime = _Runtime()
+
+
+def __getattr__(name):
+    # Packages look whether they have started it.
+    if name == "runtime":
+        return _runtime if devices.is_initialized() else None
+    raise AttributeError(f"module 'warp._src.context' has no attribute '{name}'")
 
 
 class _BuiltinFunctions:

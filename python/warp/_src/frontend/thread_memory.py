@@ -1,7 +1,7 @@
 """Arrays of a thread whose addresses are reckoned with: `wp.array(ptr=a.ptr + wp.uint64(8), ...)`.
 
-Other arrays of a thread are values (`local_arrays`). One of whose address a part is taken lies in
-memory that the thread has for itself, and is an array like those that are passed to kernels: what is
+Other arrays of a thread are values (`local_arrays`). One whose address is added to lies in memory
+that the thread has for itself, and is an array like those that are passed to kernels: what is
 written through one address is read through another. There is no derivative through it.
 """
 
