@@ -273,11 +273,13 @@ mlir::Value ArrayLowering::getBlockMemory() {
   auto bytes = entry->getAttrOfType<IntegerAttr>(attr::blockBytes);
   // In words of 64 bits, for their alignment.
   auto type = LLVM::LLVMArrayType::get(i64, bytes ? bytes.getInt() / 8 : 0);
+  // Swizzled tiles are patterns of 1024 bytes (PlanTileMemory.cpp).
+  int64_t alignment = bytes && bytes.getInt() >= 1024 ? 1024 : 16;
   if (gpu)
     return blockMemory =
                getDynamicBytes(entry)
                    ? nameDynamicShared(b, loc, module, "tiles")
-                   : makeShared(b, loc, module, type, "tiles", /*align=*/16);
+                   : makeShared(b, loc, module, type, "tiles", alignment);
   mlir::Value one = LLVM::ConstantOp::create(b, loc, b.getI64IntegerAttr(1));
   return blockMemory =
              LLVM::AllocaOp::create(b, loc, pointer, type, one, /*align=*/64);
