@@ -182,8 +182,12 @@ CompileOptions Kernel::Impl::compileOptions(const VariantKey &key,
   result.under = key.under;
   result.narrow = key.narrow;
   result.disjoint = key.disjoint;
-  if (arch != 0 && key.device != cpuDevice)
+  if (arch != 0 && key.device != cpuDevice) {
     result.driverVersion = cuda::driver()->version;
+    // For this device alone, so with what later architectures do not have.
+    if (arch == 90)
+      result.target += "a";
+  }
   result.debug = options.debug;
   result.fastMath = options.fastMath;
   result.deterministic = options.deterministic;
@@ -288,8 +292,7 @@ Kernel::Kernel(Module module, std::string name, KernelOptions options)
   impl->setParameters(warp::parameters(impl->module));
 }
 
-Kernel::Kernel(Translation translation, std::string name,
-               KernelOptions options)
+Kernel::Kernel(Translation translation, std::string name, KernelOptions options)
     : impl(std::make_unique<Impl>(std::move(translation))) {
   impl->name = std::move(name);
   impl->options = options;
@@ -299,9 +302,8 @@ Kernel::Impl::Impl(Module module) : module(std::move(module)) {}
 
 Kernel::Impl::Impl(Translation &&translation)
     : module(nullptr), text(std::move(translation.text)),
-      knownHashes(std::move(translation.hashes)),
-      knownRank(translation.rank), accesses(std::move(translation.accesses)),
-      hasAccesses(true) {
+      knownHashes(std::move(translation.hashes)), knownRank(translation.rank),
+      accesses(std::move(translation.accesses)), hasAccesses(true) {
   std::call_once(hashed, [] {});
   setParameters(std::move(translation.params));
 }

@@ -195,6 +195,7 @@ private:
   Values windowOf(Op op, Value array, TileType tile, ValueRange offsets);
   void multiply(TileMatmulOp op, Value sums, Value turn);
   void lowerHeldProduct(TileMatmulOp op);
+  void limitWindow(Values &window, int64_t axis, Value count);
   Value placeOf(Value tile, Value turn);
   void fetch(TileLoadOp load, mlir::scf::ForOp loop, Value iteration,
              Value turn);

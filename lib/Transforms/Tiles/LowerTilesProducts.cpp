@@ -155,6 +155,15 @@ Value TileLowering::placeOf(Value tile, Value turn) {
   return builtin("add", {address, cast(bytes, address.getType())});
 }
 
+/// Takes no more than so many elements of an array along an axis.
+void TileLowering::limitWindow(Values &window, int64_t axis, Value count) {
+  constexpr int64_t first = 1, extent = 3;
+  Value end = add(window[first + axis], count);
+  Value &limit = window[extent + axis];
+  limit = arith::MinSIOp::create(b, loc, cast(limit, end.getType()), end);
+  window.back() = number(1);
+}
+
 /// What an iteration needs, with its number computed anew.
 void TileLowering::fetch(TileLoadOp load, scf::ForOp loop, Value iteration,
                          Value turn) {
@@ -167,13 +176,18 @@ void TileLowering::fetch(TileLoadOp load, scf::ForOp loop, Value iteration,
   for (Value offset : load.getOffsets())
     offsets.push_back(map.lookupOrDefault(offset));
   TileType type = tileType(load.getResult());
+  Values window =
+      windowOf(load, map.lookupOrDefault(load.getArray()), type, offsets);
+  if (auto merged = load->getAttrOfType<DenseI64ArrayAttr>(attr::merged))
+    limitWindow(window, merged[0],
+                mul(sub(loop.getUpperBound(), iteration), number(merged[1])));
   Values arguments{placeOf(load.getResult(), turn)};
-  arguments.append(
-      windowOf(load, map.lookupOrDefault(load.getArray()), type, offsets));
+  arguments.append(window);
   arguments.push_back(
       number(load->getAttrOfType<IntegerAttr>(attr::pitch).getInt()));
   arguments.push_back(number(threads));
-  callLibrary("warp_tile_fetch_b" +
+  StringRef layout = load->hasAttr(attr::swizzled) ? "swizzled_b" : "b";
+  callLibrary("warp_tile_fetch_" + layout +
                   Twine(8 * getByteSize(type.getElementType())),
               {}, arguments);
 }
@@ -207,7 +221,10 @@ void TileLowering::lowerAhead(scf::ForOp loop) {
   auto turnOf = [&](Value number) -> Value {
     return arith::RemUIOp::create(b, loc, number, this->number(stages));
   };
+  ProductForm form = *getProductForm(product);
   callLibrary("warp_tile_await_groups", {}, {number(stages - 2)});
+  if (form.isByWarpgroups())
+    callLibrary("warp_tile_publish_copies", {}, {});
   barrier();
   auto fetchNext = [&] {
     fetchAll(after(loop.getInductionVar(), number(stages - 1)),
@@ -218,10 +235,11 @@ void TileLowering::lowerAhead(scf::ForOp loop) {
   bool isInTime = stages > 2;
   if (!isInTime)
     fetchNext();
-  ProductForm form = *getProductForm(product);
   multiply(product, sumsOf(product.getResult(), form.slots), turnOf(done));
   if (isInTime)
     fetchNext();
+  if (form.isByWarpgroups())
+    callLibrary("warp_tile_await_products", {}, {});
 }
 
 } // namespace warp::tiles

@@ -19,10 +19,22 @@ struct ProductForm {
   std::string product, layout;
   /// Sums of a thread.
   int64_t slots;
+
+  /// Made by instructions of four warps together.
+  bool isByWarpgroups() const {
+    return llvm::StringRef(layout).starts_with("wg_");
+  }
 };
 /// Of a product that threads of GPU blocks can hold; none for other shapes.
 std::optional<ProductForm> findProductForm(TileMatmulOp op, int64_t threads,
                                            int64_t version);
+/// Of one whose factors are loaded ahead; none where those instructions, or the
+/// shape, are missing (WarpgroupProducts.cpp).
+std::optional<ProductForm> findWarpgroupForm(TileMatmulOp op, int64_t threads,
+                                             TargetAttr target);
+/// Lets a loop that only loads factors and multiplies them take several steps
+/// at a time, if that makes their rows long.
+void mergeSteps(mlir::scf::ForOp loop, TileMatmulOp product);
 /// The form that an operation is marked with.
 void setProductForm(TileMatmulOp op, const ProductForm &form);
 std::optional<ProductForm> getProductForm(TileMatmulOp op);
