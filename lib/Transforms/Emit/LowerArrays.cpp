@@ -19,6 +19,7 @@
 #include "ForwardElements.h"
 #include "KernelFunction.h"
 #include "Launch/GpuBlock.h"
+#include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/ParameterLayout.h"
 #include "WarpDialect/TileOps.h"
 #include "WarpDialect/TilePasses.h"
@@ -35,6 +36,16 @@ namespace warp {
 using namespace mlir;
 using namespace warp;
 
+/// Addresses on a thread's stack are none of a GPU's global memory.
+static bool hasThreadMemory(LLVM::LLVMFuncOp entry) {
+  return entry
+      .walk([](LibraryCallOp op) {
+        return op.getCallee() == threadMemory ? WalkResult::interrupt()
+                                              : WalkResult::advance();
+      })
+      .wasInterrupted();
+}
+
 ArrayLowering::ArrayLowering(LLVM::LLVMFuncOp entry)
     : entry(entry), module(entry->getParentOfType<ModuleOp>()),
       b(entry.getContext()), loc(entry.getLoc()), gpu(isGpu(entry)),
@@ -46,7 +57,8 @@ ArrayLowering::ArrayLowering(LLVM::LLVMFuncOp entry)
   i32 = b.getI32Type();
   i64 = b.getI64Type();
   pointer = LLVM::LLVMPointerType::get(context);
-  dataPointer = LLVM::LLVMPointerType::get(context, gpu ? 1 : 0);
+  dataPointer =
+      LLVM::LLVMPointerType::get(context, gpu && !hasThreadMemory(entry));
 }
 
 LogicalResult ArrayLowering::run() {

@@ -139,6 +139,9 @@ void TileLowering::lower(Operation *op) {
         op->hasAttr(attr::form) ? transformRows(op) : lowerFft(op);
       })
       .Case([](TileEmptyOp) {})
+      .Case([&](TileLoadOp load) {
+        isCopied(load) ? copyMatrix(load) : keep(load);
+      })
       .Default([&](Operation *) { keep(op); });
 }
 

@@ -209,6 +209,8 @@ private:
   void lowerRing(mlir::scf::ForOp loop);
 
   // In LowerTilesForms.cpp.
+  bool isCopied(TileLoadOp op);
+  void copyMatrix(TileLoadOp op);
   void callForm(llvm::StringRef verb, mlir::Operation *op, Values arguments);
   void factor(TileCholeskyOp op);
   void differentiateFactor(TileCholeskyAdjointOp op);

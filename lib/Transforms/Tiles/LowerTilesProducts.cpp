@@ -84,6 +84,9 @@ Values TileLowering::windowOf(Op op, Value array, TileType tile,
   return window;
 }
 
+// For matrices, in LowerTilesForms.cpp.
+template Values TileLowering::windowOf(TileLoadOp, Value, TileType, ValueRange);
+
 void TileLowering::storeHeld(TileStoreOp op) {
   callHeld(
       "store", op.getTile(),
