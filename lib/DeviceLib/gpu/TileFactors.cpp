@@ -247,7 +247,7 @@ template <int rows, bool backwards> struct Substitution {
     }
   }
 
-  WARP_INLINE void solve(float (&x)[rows], int block) const {
+  WARP_INLINE void solveBlock(float (&x)[rows], int block) const {
     i32 count = n - block * 32 < 32 ? n - block * 32 : 32, fours = count / 4;
     x[block] *= over[block];
     if (backwards)
@@ -270,7 +270,7 @@ template <int rows, bool backwards> struct Substitution {
       x[r] = side[own[r] * columns];
 #pragma unroll
     for (int step = 0; step < rows; ++step)
-      solve(x, backwards ? rows - 1 - step : step);
+      solveBlock(x, backwards ? rows - 1 - step : step);
 #pragma unroll
     for (int r = 0; r < rows; ++r)
       if (r * 32 + lane < n)
