@@ -25,6 +25,7 @@
 #include "GeometryMemory.h"
 #include "GridReads.h"
 #include "WarpDialect/LaneOps.h"
+#include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/WarpAttributes.h"
 
@@ -197,6 +198,9 @@ ThreadVariance::State ThreadVariance::transfer(Operation *op) const {
   if (isLoad && isWritten(access.getArray()))
     state.sources |= Moment | Written;
   else if (!isLoad && !warp::isConversion(op) && !isMemoryEffectFree(op))
+    state.sources |= Own;
+  else if (auto call = dyn_cast<warp::LibraryCallOp>(op);
+           call && call.getCallee() == warp::threadMemory)
     state.sources |= Own;
   state.step = varies(state) ? stepOf(op) : 0;
   return state;

@@ -108,9 +108,15 @@ static func::FuncOp createTwin(func::FuncOp kernel, StringRef suffix) {
   return twin;
 }
 
-/// What native code does to memory nobody knows.
+/// What native code does to memory nobody knows, and what is behind an address
+/// has no gradient.
 static LogicalResult refuseNativeCode(func::FuncOp kernel) {
   WalkResult result = kernel.walk([](warp::LibraryCallOp op) {
+    if (op.getCallee() == warp::threadMemory) {
+      op.emitError("an array of a thread that is reached by its address has no "
+                   "derivative: use slices, or several arrays");
+      return WalkResult::interrupt();
+    }
     if (!op.getCallee().starts_with(warp::nativeMemoryPrefix))
       return WalkResult::advance();
     op.emitError("native code with arrays has no derivative: give "
