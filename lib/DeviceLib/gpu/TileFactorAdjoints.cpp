@@ -10,6 +10,9 @@
 //   C' = C' D^-1,   B' -= C' R,   D' -= C'^T C,
 //   D' = that of a block,   R' -= C'^T B + (D' + D'^T) R
 //
+// Of a block it is the lower triangle, the diagonal halved, of G = L^-T P L^-1,
+// where P is symmetric and has the lower triangle of L^T D': G = D' + D'^T.
+//
 // Threads have a column each, in registers, as many as a block is wide, and
 // multiply it with rows that they all read, four numbers at once; in the
 // quotient they have a row.
@@ -19,6 +22,19 @@
 #include "TileMatrices.h"
 
 namespace {
+
+/// What follows is loaded when these are computed, not before: registers are
+/// few.
+WARP_INLINE void settle(float *x) {
+  asm volatile(""
+               : "+f"(x[0]), "+f"(x[1]), "+f"(x[2]), "+f"(x[3]), "+f"(x[4]),
+                 "+f"(x[5]), "+f"(x[6]), "+f"(x[7]));
+}
+template <int width> WARP_INLINE void settleAll(float (&x)[width]) {
+#pragma unroll
+  for (int i = 0; i < width; i += 8)
+    settle(x + i);
+}
 
 template <int width> struct FactorAdjoint {
   Matrix bar, factor;
@@ -64,57 +80,120 @@ template <int width> struct FactorAdjoint {
     }
   }
 
-  /// Of the block that begins at a row, whose columns lanes have. What is
-  /// beyond the matrix is a unit matrix with a cotangent of zero.
-  WARP_INLINE void reverseBlock(float (&a)[width], i32 first, i32 lane) const {
-    float l[width];
-    take(l, factor, first, first + (lane < width ? lane : 0));
-    bool exists = lane < width && has(first + lane);
-    float over =
-        exists ? inverse(*factor.at(first + lane, first + lane)) : 1.0f;
+  /// The same of all rows below a block, four at a time: their loads wait
+  /// together.
+  WARP_INLINE void subtractRows(float (&a)[width], i32 first,
+                                i32 column) const {
+    i32 rows = n - first - width;
+#pragma clang loop unroll(disable)
+    for (i32 four = 0; four < rows / 4; ++four) {
+      i32 row = first + width + 4 * four;
+      float y[4];
 #pragma unroll
-    for (int j = width - 1; j >= 0; --j) {
-      // The column without its quotient, for those before it.
-      if (lane == j)
+      for (int q = 0; q < 4; ++q)
+        y[q] = *factor.at(row + q, column);
 #pragma unroll
-        for (int i = j / 4 * 4; i < width; i += 4)
-          *(Shared<Four> *)(rowOf(j) + i) =
-              Four{a[i], a[i + 1], a[i + 2], a[i + 3]};
-      meetLanes();
-      float below[width], sums[4] = {0, 0, 0, 0};
-#pragma unroll
-      for (int i = j / 4 * 4; i < width; i += 4) {
-        Four column = *(Shared<Four> *)(rowOf(j) + i);
-#pragma unroll
-        for (int q = 0; q < 4; ++q) {
-          below[i + q] = column[q];
-          if (i + q > j)
-            sums[q] = __builtin_fmaf(column[q], l[i + q], sums[q]);
-        }
-      }
-      float sum = (sums[0] + sums[1]) + (sums[2] + sums[3]);
-      float overDiagonal = fromLane(over, j);
-      float diagonal = fromLane(__builtin_fmaf(-sum, over, a[j]) * over, j);
-      bool isBefore = lane < j;
-      float own = isBefore ? l[j] : 0.0f, ratio = own * overDiagonal;
-      float change = __builtin_fmaf(sum, overDiagonal, diagonal * own);
-      if (isBefore)
-        a[j] -= change;
-#pragma unroll
-      for (int i = j + 1; i < width; ++i)
-        a[i] = __builtin_fmaf(-below[i], ratio, a[i]);
-      if (lane == j)
-        a[j] = 0.5f * diagonal;
+      for (int q = 0; q < 4; ++q)
+        subtract(a, bar, row + q, first, y[q]);
     }
+    if (n % 4 == 0)
+      return;
+#pragma clang loop unroll(disable)
+    for (i32 row = n - rows % 4; row < n; ++row)
+      subtract(a, bar, row, first, *factor.at(row, column));
+  }
+
+  /// Four elements up to the diagonal of row i of the factor of a block. What
+  /// is beyond the matrix is a unit matrix.
+  WARP_INLINE Four factorFour(i32 first, int i, int k) const {
+    bool exists = has(first + i);
+    if (n % 4 == 0 && exists)
+      return factor.four(first + i, first + k);
+    Four values;
+#pragma unroll
+    for (int q = 0; q < 4; ++q)
+      values[q] = !exists      ? float(k + q == i)
+                  : k + q <= i ? *factor.at(first + i, first + k + q)
+                               : 0.0f;
+    return values;
+  }
+
+  /// L^-T times a column that a thread has.
+  WARP_INLINE void substitute(float (&x)[width], i32 first) const {
+#pragma unroll
+    for (int i = width - 1; i >= 0; --i) {
+#pragma unroll
+      for (int k = i / 4 * 4; k >= 0; k -= 4) {
+        Four row = factorFour(first, i, k);
+        if (k + 4 > i)
+          x[i] *= inverse(row[i - k]);
+#pragma unroll
+        for (int q = 0; q < 4; ++q)
+          if (k + q < i)
+            x[k + q] = __builtin_fmaf(-row[q], x[i], x[k + q]);
+      }
+      if (i % 2 == 0)
+        settleAll(x);
+    }
+  }
+
+  /// A column, when all lanes have written.
+  WARP_INLINE void exchange(float (&x)[width], i32 own) const {
+    meetLanes();
 #pragma unroll
     for (int i = 0; i < width; ++i)
-      a[i] = i > lane ? a[i] * over : i == lane ? a[i] : 0.0f;
-    if (!exists)
+      x[i] = rowOf(i)[own];
+    meetLanes();
+  }
+
+  /// Of the block that begins at a row, whose columns lanes have: what they
+  /// have of the cotangent gives G, which is left in the block's memory, too.
+  WARP_INLINE void reverseBlock(float (&a)[width], i32 first, i32 lane) const {
+    bool writes = lane < width;
+    i32 own = writes ? lane : 0;
+    float x[width];
+#pragma unroll
+    for (int k = 0; k < width; ++k)
+      x[k] = 0;
+#pragma unroll
+    for (int i = 0; i < width; ++i) {
+#pragma unroll
+      for (int k = 0; k <= i; k += 4) {
+        Four row = factorFour(first, i, k);
+#pragma unroll
+        for (int q = 0; q < 4; ++q)
+          if (k + q <= i)
+            x[k + q] = __builtin_fmaf(row[q], a[i], x[k + q]);
+      }
+      if (i % 2 == 1)
+        settleAll(x);
+    }
+#pragma unroll
+    for (int k = 0; k < width; ++k)
+      if (writes && k >= lane) {
+        rowOf(k)[lane] = x[k];
+        rowOf(lane)[k] = x[k];
+      }
+    exchange(x, own);
+    // From both sides.
+#pragma clang loop unroll(disable)
+    for (int side = 0; side < 2; ++side) {
+      substitute(x, first);
+      if (writes)
+#pragma unroll
+        for (int i = 0; i < width; i += 4)
+          *(Shared<Four> *)(rowOf(lane) + i) =
+              Four{x[i], x[i + 1], x[i + 2], x[i + 3]};
+      exchange(x, own);
+    }
+    if (!writes || !has(first + lane))
       return;
 #pragma unroll
     for (int i = 0; i < width; ++i)
       if (has(first + i))
-        *bar.at(first + i, first + lane) = a[i];
+        *bar.at(first + i, first + lane) = i > lane    ? x[i]
+                                           : i == lane ? 0.5f * x[i]
+                                                       : 0.0f;
   }
 
   /// C' D^-1 of a thread's row.
@@ -127,19 +206,7 @@ template <int width> struct FactorAdjoint {
       for (int q = 0; q < 4; ++q)
         a[j + q] = values[q];
     }
-#pragma unroll
-    for (int j = width - 1; j >= 0; --j) {
-#pragma unroll
-      for (int k = j / 4 * 4; k >= 0; k -= 4) {
-        Four others = factor.four(first + j, first + k);
-        if (k + 4 > j)
-          a[j] *= inverse(others[j - k]);
-#pragma unroll
-        for (int q = 0; q < 4; ++q)
-          if (k + q < j)
-            a[k + q] = __builtin_fmaf(-a[j], others[q], a[k + q]);
-      }
-    }
+    substitute(a, first);
 #pragma unroll
     for (int j = 0; j < width; j += 4)
       bar.setFour(row, first + j, Four{a[j], a[j + 1], a[j + 2], a[j + 3]});
@@ -149,13 +216,18 @@ template <int width> struct FactorAdjoint {
   WARP_INLINE void subtractBeside(i32 first, i32 column) const {
     float a[width];
     take(a, bar, first, column);
-    i32 count = n - first < width ? n - first : width;
 #pragma clang loop unroll(disable)
-    for (i32 q = 0; q < count; ++q)
-      subtract(a, rowOf(q), *factor.at(first + q, column));
-#pragma clang loop unroll(disable)
-    for (i32 q = first + width; q < n; ++q)
-      subtract(a, bar, q, first, *factor.at(q, column));
+    for (i32 four = 0; four < width; four += 4) {
+      float y[4];
+#pragma unroll
+      for (int q = 0; q < 4; ++q)
+        y[q] =
+            has(first + four + q) ? *factor.at(first + four + q, column) : 0.0f;
+#pragma unroll
+      for (int q = 0; q < 4; ++q)
+        subtract(a, rowOf(four + q), y[q]);
+    }
+    subtractRows(a, first, column);
 #pragma unroll
     for (int i = 0; i < width; ++i)
       if (has(first + i))
@@ -212,22 +284,8 @@ template <int width> struct FactorAdjoint {
       if (warp == 0) {
         float a[width];
         take(a, bar, first, first + own);
-#pragma clang loop unroll(disable)
-        for (i32 q = first + width; q < n; ++q)
-          subtract(a, bar, q, first, *factor.at(q, first + own));
+        subtractRows(a, first, first + own);
         reverseBlock(a, first, lane);
-        meetLanes();
-        // Twice the diagonal, which is half.
-        if (lane < width)
-#pragma unroll
-          for (int i = 0; i < width; ++i)
-            rowOf(i)[lane] = i == lane ? 2 * a[i] : a[i];
-        meetLanes();
-        if (lane < width)
-#pragma unroll
-          for (int i = 0; i < width; ++i)
-            if (i > lane)
-              rowOf(lane)[i] = a[i];
       }
       meet(threads);
 #pragma clang loop unroll(disable)

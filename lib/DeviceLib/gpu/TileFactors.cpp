@@ -1,4 +1,4 @@
-//===- TileFactors.cpp - Cholesky factors and triangular systems ----------===//
+//===- TileFactors.cpp - Cholesky factors ---------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -186,108 +186,6 @@ template <int width> struct Factor {
   }
 };
 
-/// Columns of the right side are shared by warps; lanes have every 32nd row of
-/// one. A row of a block is divided by its diagonal before the block is solved,
-/// so that a step waits for nothing but the number before.
-template <int rows, bool backwards> struct Substitution {
-  Matrix matrix;
-  i32 n, lane;
-  float over[rows];
-  /// Rows, or the first one where there is none.
-  i32 own[rows];
-
-  WARP_INLINE void start() {
-#pragma unroll
-    for (int r = 0; r < rows; ++r) {
-      i32 i = r * 32 + lane;
-      own[r] = i < n ? i : 0;
-      over[r] = inverse(*matrix.at(own[r], own[r]));
-    }
-  }
-
-  /// Whether a block's numbers count for rows r, one block or more away.
-  WARP_INLINE static constexpr bool counts(int r, int block) {
-    return backwards ? r < block : r > block;
-  }
-
-  /// Number j of a block, for the others.
-  WARP_INLINE void step(float (&x)[rows], const float (&m)[rows], int block,
-                        i32 j) const {
-    float known = fromLane(x[block], j);
-    float next = __builtin_fmaf(m[block] * over[block], -known, x[block]);
-    x[block] = (backwards ? lane < j : lane > j) ? next : x[block];
-#pragma unroll
-    for (int r = 0; r < rows; ++r)
-      if (counts(r, block))
-        x[r] = __builtin_fmaf(m[r], -known, x[r]);
-  }
-  WARP_INLINE void stepOne(float (&x)[rows], int block, i32 j) const {
-    float m[rows];
-#pragma unroll
-    for (int r = 0; r < rows; ++r)
-      if (r == block || counts(r, block))
-        m[r] = *matrix.at(own[r], block * 32 + j);
-    step(x, m, block, j);
-  }
-  WARP_INLINE void stepFour(float (&x)[rows], int block, i32 j) const {
-    Four fours[rows];
-#pragma unroll
-    for (int r = 0; r < rows; ++r)
-      if (r == block || counts(r, block))
-        fours[r] = matrix.four(own[r], block * 32 + j);
-#pragma unroll
-    for (int step = 0; step < 4; ++step) {
-      int q = backwards ? 3 - step : step;
-      float m[rows];
-#pragma unroll
-      for (int r = 0; r < rows; ++r)
-        if (r == block || counts(r, block))
-          m[r] = fours[r][q];
-      this->step(x, m, block, j + q);
-    }
-  }
-
-  WARP_INLINE void solve(float (&x)[rows], int block) const {
-    i32 count = n - block * 32 < 32 ? n - block * 32 : 32, fours = count / 4;
-    x[block] *= over[block];
-    if (backwards)
-#pragma clang loop unroll(disable)
-      for (i32 j = count - 1; j >= fours * 4; --j)
-        stepOne(x, block, j);
-#pragma clang loop unroll(disable)
-    for (i32 four = 0; four < fours; ++four)
-      stepFour(x, block, 4 * (backwards ? fours - 1 - four : four));
-    if (!backwards)
-#pragma clang loop unroll(disable)
-      for (i32 j = fours * 4; j < count; ++j)
-        stepOne(x, block, j);
-  }
-
-  WARP_INLINE void solve(Shared<float> *side, i32 columns) const {
-    float x[rows];
-#pragma unroll
-    for (int r = 0; r < rows; ++r)
-      x[r] = side[own[r] * columns];
-#pragma unroll
-    for (int step = 0; step < rows; ++step)
-      solve(x, backwards ? rows - 1 - step : step);
-#pragma unroll
-    for (int r = 0; r < rows; ++r)
-      if (r * 32 + lane < n)
-        side[own[r] * columns] = x[r];
-  }
-
-  WARP_INLINE static void run(u64 sides, const Matrix &matrix, i32 n,
-                              i32 columns, i32 threads) {
-    auto [warp, lane, warps] = Position::of(threadNumber(), threads);
-    Substitution own{matrix, n, lane, {}, {}};
-    own.start();
-#pragma clang loop unroll(disable)
-    for (i32 c = warp; c < columns; c += warps)
-      own.solve(shared<float>(sides) + c, columns);
-  }
-};
-
 } // namespace
 
 #define WARP_FACTOR(width)                                                     \
@@ -300,18 +198,3 @@ template <int rows, bool backwards> struct Substitution {
   }
 WARP_FACTOR(8)
 WARP_FACTOR(16)
-
-#define WARP_SUBSTITUTE(rows)                                                  \
-  WARP_TILES warp_tile_substitute_##rows(u64 sides, u64 matrix, i32 row,       \
-                                         i32 column, i32 n, i32 columns,       \
-                                         i32 backwards, i32 threads, void *) { \
-    if (backwards)                                                             \
-      Substitution<rows, true>::run(sides, {matrix, row, column}, n, columns,  \
-                                    threads);                                  \
-    else                                                                       \
-      Substitution<rows, false>::run(sides, {matrix, row, column}, n, columns, \
-                                     threads);                                 \
-  }
-WARP_SUBSTITUTE(1)
-WARP_SUBSTITUTE(2)
-WARP_SUBSTITUTE(4)
