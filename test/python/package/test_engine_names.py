@@ -1,5 +1,6 @@
 """What engines written for the peer read of kernels, settings and data."""
 
+import typing
 from typing import Any
 
 import numpy as np
@@ -72,3 +73,17 @@ def test_vectors_without_components():
     out = wp.ones(1, dtype=int, device="cpu")
     wp.launch(keep_nothing, 1, [out], device="cpu")
     assert out.numpy()[0] == 0
+
+
+@pytest.mark.parametrize(
+    "kind", [wp.array[bool], wp.array2d[wp.vec3], wp.array(dtype=int), wp.indexedarray[float]]
+)
+def test_annotations_of_arrays_or_none(kind):
+    assert (kind | None) == typing.Optional[kind]  # noqa: UP045
+    assert typing.get_args(None | kind) == (type(None), kind)
+    assert typing.get_args(kind | int) == (kind, int)
+
+    def function(a: wp.array[int] | None = None, b: None | wp.array2d[float] = None):
+        return a, b
+
+    assert function() == (None, None)
