@@ -52,18 +52,15 @@ static void moveBefore(Value value, Operation *loop) {
   op->moveBefore(loop);
 }
 
-/// The transform of a volume is twelve numbers of 64 bits. Threads of GPUs keep
-/// their registers, and find it in the cache.
-static bool isWorthRegisters(Operation *op, bool isGpu) {
-  return !isGpu || !isa<FloatType>(op->getResult(0).getType());
-}
-
 void warp::hoistHandles(FunctionOpInterface kernel) {
-  bool onGpu = isGpu(kernel);
+  // The transform of a volume is twelve numbers of 64 bits, for which threads
+  // of a GPU would give up a third of those that hide each other's waiting.
+  if (isGpu(kernel))
+    return;
   SmallVector<Value> fixed;
   kernel.walk([&](Operation *op) {
     if (isa<LibraryCallOp, LoadComponentsOp>(op) && op->getNumResults() != 0 &&
-        isFixed(op->getResult(0)) && isWorthRegisters(op, onGpu))
+        isFixed(op->getResult(0)))
       fixed.push_back(op->getResult(0));
   });
   for (Value value : fixed)

@@ -11,9 +11,9 @@
 
 namespace warp {
 
-/// Finds slots of handles that are arguments of a kernel, and reads words of
-/// them, before loops instead of in each iteration. Such handles were checked
-/// at the launch, and nothing writes slots while a kernel runs.
+/// On a CPU, finds slots of handles that are arguments of a kernel, and reads
+/// words of them, before loops instead of in each iteration. Such handles were
+/// checked at the launch, and nothing writes slots while a kernel runs.
 void hoistHandles(mlir::FunctionOpInterface kernel);
 
 } // namespace warp
