@@ -26,8 +26,9 @@ static bool isConstant(Value value, llvm::ArrayRef<int64_t> numbers) {
 }
 
 bool warp::isGeometryMemory(Value array) {
-  // python/warp/_src/geometry: handles.py and grid_queries.py.
+  // python/warp/_src/geometry: handles.py, grid_queries.py, volumes/places.py.
   constexpr int64_t kindOfGrid = 1, startsOfCells = 4, order = 11;
+  constexpr int64_t kindOfVolume = 4, headerOfGrid = 1;
   auto memory = rootOf(array).getDefiningOp<ArrayAtOp>();
   if (!memory)
     return false;
@@ -38,6 +39,13 @@ bool warp::isGeometryMemory(Value array) {
     return false;
   auto slot = rootOf(word.getArray()).getDefiningOp<ArrayAtOp>();
   LibraryCallOp call = slot ? slotAt(slot.getAddress()) : nullptr;
-  return call && isConstant(call.getArgs()[1], kindOfGrid) &&
-         isConstant(word.getIndices().front(), {startsOfCells, order});
+  if (!call)
+    return false;
+  Value kind = call.getArgs()[1], place = word.getIndices().front();
+  // Values of a grid are in rows.
+  bool isHeader = memory.getExtents().size() == 1;
+  return (isConstant(kind, {kindOfGrid}) &&
+          isConstant(place, {startsOfCells, order})) ||
+         (isHeader && isConstant(kind, {kindOfVolume}) &&
+          isConstant(place, {headerOfGrid}));
 }

@@ -11,9 +11,9 @@
 
 namespace warp {
 
-/// Whether an array is the slot of a handle, or the cells or the order of a
-/// hash grid: the runtime made them for itself, and no kernel of a user writes
-/// there.
+/// Whether an array is the slot of a handle, the cells or the order of a hash
+/// grid, or the header of a volume's grid: the runtime made them for itself,
+/// and no kernel of a user writes there.
 bool isGeometryMemory(mlir::Value array);
 
 } // namespace warp

@@ -67,3 +67,86 @@ func.func @records(%x: f32, %y: f32, %a: !warp.array<1 x f32>, %n: i64)
         !warp.struct<"S", {a: !warp.array<1 x f32>, n: si64}>]} {
   return
 }
+
+// -----
+
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+
+// The slot of a handle that is an argument is found before loops, and so are
+// its words and the header of a volume's grid; not what lies where a loop says,
+// values of the grid, or what a handle from elsewhere has.
+// CHECK-LABEL: func.func @march(
+// CHECK-SAME: %[[ID:[^:]+]]: i64
+// CHECK: %[[SLOT:.*]] = warp.library_call "warp_slot"(%[[ID]],
+// CHECK: %[[WORDS:.*]] = warp.array_at %[[SLOT]]
+// CHECK: %[[GRID:.*]] = warp.load_components %[[WORDS]]
+// CHECK: %[[HEADER:.*]] = warp.array_at %[[GRID]][%{{.*}}] :
+// CHECK: warp.load_components %[[HEADER]]
+// CHECK-NOT: load_components
+// CHECK: scf.for %[[I:.*]] = {{.*}} {
+// CHECK-NOT: "warp_slot"(%[[ID]]
+// CHECK: scf.if
+// CHECK-DAG: warp.load_components %[[WORDS]][%[[I]]]
+// CHECK-DAG: %[[ROWS:.*]] = warp.array_at %[[GRID]][%{{.*}}, %{{.*}}]
+// CHECK-DAG: warp.load_components %[[ROWS]]
+// CHECK-DAG: warp.library_call "warp_slot"
+// CHECK: warp.store_components
+func.func @march(%id: i64, %ids: !warp.array<1 x ui64>,
+                 %out: !warp.array<1 x f64>, %flag: i1)
+    attributes {warp.kernel, warp.arg_types = [ui64, !warp.array<1 x ui64>,
+      !warp.array<1 x f64>, i1], warp.variant = #cpu} {
+  %c0 = arith.constant 0 : i32
+  %c9 = arith.constant 9 : i32
+  %c1 = arith.constant 1 : i32
+  scf.for %i = %c0 to %c9 step %c1 : i32 {
+    scf.if %flag {
+      %volume = arith.constant 4 : i32
+      %size = arith.constant 32 : i32
+      %slot = warp.library_call "warp_slot"(%id, %volume) : (i64, i32) -> i64
+      %words = warp.array_at %slot[%size] : i64, i32 -> !warp.array<1 x ui64>
+      %grid = warp.load_components %words[%c1] : !warp.array<1 x ui64>, i32 -> i64
+      %header = warp.array_at %grid[%size] : i64, i32 -> !warp.array<1 x f64>
+      %a = warp.load_components %header[%c9] : !warp.array<1 x f64>, i32 -> f64
+      %word = warp.load_components %words[%i] : !warp.array<1 x ui64>, i32 -> i64
+      %rows = warp.array_at %grid[%size, %c9] : i64, i32, i32 -> !warp.array<2 x f64>
+      %b = warp.load_components %rows[%c0, %c0] : !warp.array<2 x f64>, i32, i32 -> f64
+      %other = warp.load_components %ids[%c0] : !warp.array<1 x ui64>, i32 -> i64
+      %there = warp.library_call "warp_slot"(%other, %volume) : (i64, i32) -> i64
+      %theirs = warp.array_at %there[%size] : i64, i32 -> !warp.array<1 x ui64>
+      %c = warp.load_components %theirs[%c0] : !warp.array<1 x ui64>, i32 -> i64
+      %bits = arith.addi %word, %c : i64
+      %d = arith.sitofp %bits : i64 to f64
+      %ab = arith.addf %a, %b : f64
+      %sum = arith.addf %ab, %d : f64
+      warp.store_components(%sum), %out[%i] : (f64), !warp.array<1 x f64>, i32
+    }
+  }
+  return
+}
+
+// -----
+
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+
+// On a GPU, loops keep them: registers are for more threads.
+// CHECK-LABEL: func.func @march_on_gpu(
+// CHECK: scf.for
+// CHECK: warp.library_call "warp_slot"
+// CHECK: warp.load_components
+func.func @march_on_gpu(%id: i64, %out: !warp.array<1 x f64>)
+    attributes {warp.kernel, warp.arg_types = [ui64, !warp.array<1 x f64>],
+      warp.variant = #gpu} {
+  %c0 = arith.constant 0 : i32
+  %c9 = arith.constant 9 : i32
+  %c1 = arith.constant 1 : i32
+  %volume = arith.constant 4 : i32
+  scf.for %i = %c0 to %c9 step %c1 : i32 {
+    %slot = warp.library_call "warp_slot"(%id, %volume) : (i64, i32) -> i64
+    %words = warp.array_at %slot[%c9] : i64, i32 -> !warp.array<1 x ui64>
+    %grid = warp.load_components %words[%c1] : !warp.array<1 x ui64>, i32 -> i64
+    %header = warp.array_at %grid[%c9] : i64, i32 -> !warp.array<1 x f64>
+    %a = warp.load_components %header[%c0] : !warp.array<1 x f64>, i32 -> f64
+    warp.store_components(%a), %out[%i] : (f64), !warp.array<1 x f64>, i32
+  }
+  return
+}

@@ -9,6 +9,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "HoistHandles.h"
 #include "KernelFunction.h"
 #include "WarpDialect/ParameterLayout.h"
 #include "WarpDialect/WarpOps.h"
@@ -138,6 +139,7 @@ struct FormLaunch : warp::impl::FormLaunchBase<FormLaunch> {
     if (!kernel || failed(collectArguments(kernel, types)))
       return signalPassFailure();
     describeArguments(kernel, types);
+    warp::hoistHandles(kernel);
     formThreads(kernel);
   }
 };
