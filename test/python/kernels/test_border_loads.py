@@ -135,3 +135,31 @@ def test_quotients_by_a_number_that_all_threads_share():
             rest = np.sign(wide) * (np.abs(wide) % abs(m))
             np.testing.assert_array_equal(r.numpy()[inside], rest[inside])
             np.testing.assert_array_equal((wide - r.numpy())[inside] % m, 0)
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_gradients_of_what_borders_repeat(width):
+    @wp.kernel
+    def around(x: wp.array2d(dtype=float), w: wp.array(dtype=float), y: wp.array2d(dtype=float)):
+        i, j = wp.tid()
+        s = float(0.0)
+        for k in range(3):
+            s += w[k] * x[i, wp.clamp(j + k - 1, 0, x.shape[1] - 1)]
+        y[i, j] = s + x[(i + 1) % x.shape[0], j]
+
+    random = np.random.default_rng(width)
+    values, weights = random.random((5, width)), random.random(3)
+    x = wp.array(values, dtype=float, device="cpu", requires_grad=True)
+    w = wp.array(weights, dtype=float, device="cpu", requires_grad=True)
+    y = wp.zeros((5, width), dtype=float, device="cpu", requires_grad=True)
+    with wp.Tape() as tape:
+        wp.launch(around, (5, width), inputs=[x, w, y], device="cpu")
+    seeds = random.random((5, width))
+    tape.backward(grads={y: wp.array(seeds, dtype=float, device="cpu")})
+    wanted, by_weight = np.roll(seeds, 1, 0), np.zeros(3)
+    for k in range(3):
+        at = np.clip(np.arange(width) + k - 1, 0, width - 1)
+        np.add.at(wanted, (slice(None), at), weights[k] * seeds)
+        by_weight[k] = (seeds * values[:, at]).sum()
+    np.testing.assert_allclose(x.grad.numpy(), wanted, rtol=1e-5)
+    np.testing.assert_allclose(w.grad.numpy(), by_weight, rtol=1e-5)
