@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 import _shape_algebra  # noqa: F401  (registers cases)
+import _shape_borders  # noqa: F401
 import _shape_fields  # noqa: F401
 import _shape_images  # noqa: F401
 import _shape_locals  # noqa: F401

@@ -3,11 +3,13 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // Passes leave notes of what they choose. How lanes find their elements and
-// where sums are made is plain to see in phase `launch`, and is read from there.
+// where sums are made is plain to see in phase `launch`, and is read from
+// there.
 //
 //===----------------------------------------------------------------------===//
 
 #include "Compilation.h"
+#include "Transforms/Lanes/Neighbours.h"
 
 #include "WarpDialect/WarpOps.h"
 
@@ -21,8 +23,14 @@ static int getLine(Operation *op) {
 
 /// How the lanes of an access find their elements: the form, and how that is
 /// done.
-static std::pair<std::string, std::string>
-describeForm(warp::LaneForm form, size_t components, int64_t stride) {
+static std::pair<std::string, std::string> describeForm(Operation *access,
+                                                        warp::LaneForm form,
+                                                        size_t components,
+                                                        int64_t stride) {
+  if (access->hasAttr(warp::attr::neighbours))
+    return {
+        "vectors, or gathered",
+        "elements of neighbouring threads follow each other, but at borders"};
   if (form == warp::LaneForm::gather)
     return {"gathered", "elements of neighbouring threads lie anywhere"};
   if (stride != 1)
@@ -41,13 +49,12 @@ static void describe(Operation *op, std::vector<Choice> &choices) {
     choices.push_back({what, value, reason, getLine(op)});
   };
   if (auto load = dyn_cast<warp::LoadLanesOp>(op)) {
-    auto [form, reason] = describeForm(load.getForm(), op->getNumResults(),
-                                       load.getStride());
+    auto [form, reason] =
+        describeForm(op, load.getForm(), op->getNumResults(), load.getStride());
     add("load", form, reason);
   } else if (auto store = dyn_cast<warp::StoreLanesOp>(op)) {
-    auto [form, reason] =
-        describeForm(store.getForm(), store.getComponents().size(),
-                     store.getStride());
+    auto [form, reason] = describeForm(
+        op, store.getForm(), store.getComponents().size(), store.getStride());
     add("store", form == "gathered" ? "scattered" : form, reason);
   } else if (isa<warp::UpdateLanesOp>(op)) {
     add("update", "lane by lane", "threads may meet at an element");
@@ -55,8 +62,7 @@ static void describe(Operation *op, std::vector<Choice> &choices) {
     add("lanes", "one after the other", "there is no form for lanes");
   } else if (isa<warp::AtomicComponentsOp>(op)) {
     if (op->getParentOfType<warp::OnceOp>())
-      add("update", "one for a group",
-          "all threads update the same element");
+      add("update", "one for a group", "all threads update the same element");
     else
       add("update", "one for a thread", "elements differ between threads");
   }

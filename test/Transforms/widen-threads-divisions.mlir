@@ -48,3 +48,27 @@ func.func @without_instructions(%x: !warp.array<1 x si64>,
   warp.store_components(%r), %x[%i] : (i64), !warp.array<1 x si64>, i32
   return
 }
+
+// -----
+
+#cpu = #warp.variant<target = <platform = cpu, bits = 512>, contiguous = 1,
+      lanes = 8>
+
+// A divisor that all lanes share becomes one reciprocal, rounded up.
+// CHECK-LABEL: func.func @shared
+// CHECK: %[[Y:.*]] = arith.sitofp %arg1 : i32 to f64
+// CHECK: %[[ONE:.*]] = arith.divf %{{.*}}, %[[Y]] : f64
+// CHECK: %[[ABOVE:.*]] = arith.mulf %[[ONE]], %{{.*}} : f64
+// CHECK: %[[ALL:.*]] = warp.broadcast %[[ABOVE]] : f64 -> vector<8xf64>
+// CHECK: %[[Q:.*]] = arith.mulf %{{.*}}, %[[ALL]] : vector<8xf64>
+// CHECK: arith.fptosi %[[Q]] : vector<8xf64> to vector<8xi32>
+// CHECK-NOT: arith.divf
+// CHECK: return
+func.func @shared(%x: !warp.array<1 x si32>, %y: i32)
+    attributes {warp.kernel, warp.variant = #cpu} {
+  %i = warp.tid : i32
+  %a = warp.load_components %x[%i] : !warp.array<1 x si32>, i32 -> i32
+  %r = arith.remsi %a, %y : i32
+  warp.store_components(%r), %x[%i] : (i32), !warp.array<1 x si32>, i32
+  return
+}

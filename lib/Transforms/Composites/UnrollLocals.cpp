@@ -10,7 +10,9 @@
 // and if the code is short and the values fit registers.
 //
 // Reversed loops also keep what short composites were, iteration by iteration,
-// so before a kernel is differentiated these count, too.
+// so before a kernel is differentiated these count, too. There, what is known
+// at run time only may stay, as the row of a pivot: what counters lead to then
+// needs no memory of iterations, if it is most.
 //
 //===----------------------------------------------------------------------===//
 
@@ -50,6 +52,7 @@ private:
   bool isDynamicAccess(Operation *op) const;
   bool hasDynamicAccess(Operation *op) const;
   bool comesFromCounters(Value value);
+  bool isMadeOfCounters(Value value);
   bool isWorthTrying();
   bool emitBlock(Block &block);
   bool emitLoop(scf::ForOp loop, int64_t first, int64_t count, int64_t step);
@@ -62,8 +65,10 @@ private:
   FunctionOpInterface function;
   OpBuilder b;
   IRMapping map;
-  /// What indices are made of.
-  llvm::DenseSet<Value> followed;
+  /// What indices are made of, and which of it counters do not tell.
+  llvm::DenseSet<Value> followed, others;
+  /// Accesses whose indices come from counters.
+  llvm::DenseSet<Operation *> counted;
   bool takesAll;
   /// How many are written at most.
   int64_t mostOperations, written = 0;
@@ -95,7 +100,14 @@ bool LoopWriter::hasDynamicAccess(Operation *op) const {
 
 bool LoopWriter::comesFromCounters(Value value) {
   if (!followed.insert(value).second || matchPattern(value, m_Constant()))
-    return true;
+    return !others.contains(value);
+  bool does = isMadeOfCounters(value);
+  if (!does)
+    others.insert(value);
+  return does;
+}
+
+bool LoopWriter::isMadeOfCounters(Value value) {
   auto all = [&](ValueRange values) {
     return llvm::all_of(values, [&](Value v) { return comesFromCounters(v); });
   };
@@ -118,15 +130,18 @@ bool LoopWriter::comesFromCounters(Value value) {
 }
 
 bool LoopWriter::isWorthTrying() {
-  bool any = false, fits = true;
+  int64_t unknown = 0;
+  bool fits = true;
   function->walk([&](Operation *op) {
     if (isDynamicAccess(op)) {
-      any = true;
       auto extract = dyn_cast<warp::ExtractOp>(op);
       ValueRange indices = extract ? ValueRange(extract.getIndices())
                                    : cast<warp::InsertOp>(op).getIndices();
-      for (Value index : indices)
-        fits &= comesFromCounters(index);
+      if (llvm::all_of(indices,
+                       [&](Value index) { return comesFromCounters(index); }))
+        counted.insert(op);
+      else
+        ++unknown;
     }
     auto loop = dyn_cast<scf::ForOp>(op);
     if (!loop)
@@ -137,7 +152,8 @@ bool LoopWriter::isWorthTrying() {
         components += warp::getComponentCount(carried.getType());
     fits &= components <= mostComponents;
   });
-  return any && fits;
+  int64_t most = takesAll ? int64_t(counted.size()) / 2 : 0;
+  return fits && !counted.empty() && unknown <= most;
 }
 
 //===----------------------------------------------------------------------===//
@@ -293,6 +309,8 @@ bool LoopWriter::emit(Operation *op) {
     map.map(op->getResults(), folded);
     made->erase();
     --written;
+  } else if (counted.contains(op) && isDynamicAccess(made)) {
+    return false;
   }
   return written <= mostOperations;
 }
@@ -317,9 +335,7 @@ void LoopWriter::run() {
     return;
   Block &entry = function.getFunctionBody().front();
   Block *made = b.createBlock(&function.getFunctionBody());
-  bool succeeds = emitBlock(entry);
-  auto isLeft = [&](Operation &op) { return hasDynamicAccess(&op); };
-  if (!succeeds || llvm::any_of(*made, isLeft))
+  if (!emitBlock(entry))
     return drop(*made);
   Operation *end = entry.getTerminator();
   for (OpOperand &operand : end->getOpOperands())

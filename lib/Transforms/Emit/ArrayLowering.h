@@ -123,7 +123,7 @@ private:
   void lowerStaged(llvm::ArrayRef<LoadComponentsOp> group);
   void lowerStaged(StoreComponentsOp op);
 
-  // LowerLaneAccesses.cpp, LowerLaneWords.cpp
+  // LowerLaneAccesses.cpp, LowerLaneWords.cpp, LowerLaneNeighbours.cpp
   struct LaneAccess;
   LaneAccess laneAccess(mlir::Value array, mlir::ValueRange indices,
                         mlir::Value mask, LaneForm form,
@@ -131,9 +131,19 @@ private:
   void lowerLanes(LoadLanesOp op);
   void lowerLanes(StoreLanesOp op);
   void lowerLanes(UpdateLanesOp op);
+  llvm::SmallVector<mlir::Value> loadLanes(LoadLanesOp op);
   llvm::SmallVector<mlir::Value> loadUnit(const LaneAccess &access,
                                           int64_t stride);
   llvm::SmallVector<mlir::Value> loadGathered(const LaneAccess &access);
+  llvm::SmallVector<mlir::Value> ifNeighbours(
+      AccessOp op, mlir::Value mask, llvm::ArrayRef<bool> nonNegative,
+      llvm::ArrayRef<mlir::Type> types,
+      llvm::function_ref<llvm::SmallVector<mlir::Value>(const LaneAccess &)>
+          together,
+      llvm::function_ref<llvm::SmallVector<mlir::Value>()> apart);
+  llvm::SmallVector<mlir::Value> loadNeighbours(LoadLanesOp op);
+  void updateNeighbours(UpdateLanesOp op);
+  void updateApart(UpdateLanesOp op);
   void storeUnit(const LaneAccess &access, int64_t stride,
                  llvm::ArrayRef<mlir::Value> components);
   void storeScattered(const LaneAccess &access,

@@ -10,6 +10,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "LaneAccess.h"
+#include "Lanes/Neighbours.h"
 #include "Lanes/Spread.h"
 #include "WarpDialect/ParameterLayout.h"
 
@@ -254,15 +255,22 @@ SmallVector<mlir::Value> ArrayLowering::loadGathered(const LaneAccess &access) {
   return components;
 }
 
-void ArrayLowering::lowerLanes(LoadLanesOp op) {
+SmallVector<mlir::Value> ArrayLowering::loadLanes(LoadLanesOp op) {
+  if (op->hasAttr(attr::neighbours))
+    return loadNeighbours(op);
   LaneAccess access = laneAccess(op.getArray(), op.getIndices(), op.getMask(),
                                  op.getForm(), op.getNonNegative());
-  SmallVector<mlir::Value> components = op.getForm() == LaneForm::unit
-                                            ? loadUnit(access, op.getStride())
-                                            : loadGathered(access);
+  return op.getForm() == LaneForm::unit ? loadUnit(access, op.getStride())
+                                        : loadGathered(access);
+}
+
+void ArrayLowering::lowerLanes(LoadLanesOp op) {
+  SmallVector<Leaf> leaves;
+  collectLeaves(elementType(op.getArray()), 0, leaves);
+  int64_t lanes = cast<VectorType>(op.getMask().getType()).getNumElements();
   for (auto [result, leaf, value] :
-       llvm::zip_equal(op.getComponents(), access.leaves, components)) {
-    VectorType stored = storedLanes(leaf.type, access.lanes);
+       llvm::zip_equal(op.getComponents(), leaves, loadLanes(op))) {
+    VectorType stored = storedLanes(leaf.type, lanes);
     if (value.getType() != stored)
       value = arith::BitcastOp::create(b, loc, stored, value);
     if (isBool(leaf.type)) {
@@ -306,8 +314,7 @@ void ArrayLowering::storeUnit(const LaneAccess &access, int64_t stride,
   for (auto [i, vector] : llvm::enumerate(putTogether(b, loc, words))) {
     mlir::Value to = access.move(b, loc, i * lanes * size), mask = masks[i];
     if (stride > 1) {
-      mlir::Value taken =
-          patternMask(b, loc, lanes, i * lanes, count, period);
+      mlir::Value taken = patternMask(b, loc, lanes, i * lanes, count, period);
       mask = access.isFull
                  ? taken
                  : arith::AndIOp::create(b, loc, mask, taken).getResult();

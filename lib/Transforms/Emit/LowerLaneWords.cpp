@@ -10,6 +10,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "LaneAccess.h"
+#include "Lanes/Neighbours.h"
 #include "Lanes/Spread.h"
 #include "Updates/Atomics.h"
 
@@ -180,6 +181,12 @@ void ArrayLowering::updateEach(const LaneAccess &access, AtomicKind kind,
 }
 
 void ArrayLowering::lowerLanes(UpdateLanesOp op) {
+  if (exclusive && op->hasAttr(attr::neighbours))
+    return updateNeighbours(op);
+  updateApart(op);
+}
+
+void ArrayLowering::updateApart(UpdateLanesOp op) {
   LaneAccess access = laneAccess(op.getArray(), op.getIndices(), op.getMask(),
                                  LaneForm::gather, op.getNonNegative());
   SmallVector<mlir::Value> components(op.getComponents());

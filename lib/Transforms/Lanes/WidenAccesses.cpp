@@ -15,6 +15,7 @@
 #include "Analysis/Ranges.h"
 #include "KernelFunction.h"
 #include "LanePlan.h"
+#include "Neighbours.h"
 #include "Updates/Atomics.h"
 #include "WarpDialect/ParameterLayout.h"
 
@@ -98,6 +99,14 @@ SmallVector<bool> Widening::nonNegative(ValueRange indices, Block *where) {
       indices, [&](Value index) { return warp::isNonNegative(index, where); });
 }
 
+/// Has lanes ask whether their elements follow each other, if they mostly do.
+void Widening::markNeighbours(Operation *access, Value array,
+                              ValueRange indices) {
+  if (warp::hasDenseElements(array) &&
+      warp::areMostlyNeighbours(indices, variance))
+    access->setAttr(warp::attr::neighbours, b.getUnitAttr());
+}
+
 void Widening::widenLoad(warp::LoadComponentsOp op) {
   if (llvm::none_of(op.getComponents(), [&](Value v) { return isVarying(v); }))
     return cloneScalar(op);
@@ -111,6 +120,8 @@ void Widening::widenLoad(warp::LoadComponentsOp op) {
       b, loc, types, scalar(op.getArray()),
       accessIndices(op.getIndices(), form), mask, form,
       nonNegative(op.getIndices(), where), std::max<int64_t>(stride, 1));
+  if (!stride)
+    markNeighbours(load, op.getArray(), op.getIndices());
   for (auto [result, made] :
        llvm::zip_equal(op.getComponents(), load.getComponents()))
     setVector(result, made);
@@ -191,10 +202,15 @@ void Widening::updateOneByOne(warp::AtomicComponentsOp op) {
   Values components;
   for (Value component : op.getComponents())
     components.push_back(vector(component));
-  warp::UpdateLanesOp::create(
+  auto update = warp::UpdateLanesOp::create(
       b, loc, op.getKind(), components, scalar(op.getArray()),
       accessIndices(op.getIndices(), warp::LaneForm::gather), mask,
       nonNegative(op.getIndices(), op->getBlock()));
+  auto isSimilar = [&](warp::Leaf leaf) {
+    return warp::getSignless(leaf.type) == op.getComponents()[0].getType();
+  };
+  if (llvm::all_of(warp::leavesOf(op), isSimilar))
+    markNeighbours(update, op.getArray(), op.getIndices());
 }
 
 void Widening::widenUpdate(warp::AtomicComponentsOp op) {
@@ -216,13 +232,12 @@ void Widening::widenUpdate(warp::AtomicComponentsOp op) {
     types.push_back(lanesOf(type));
   Values indices = accessIndices(op.getIndices(), warp::LaneForm::unit);
   SmallVector<bool> isRight = nonNegative(op.getIndices(), where);
-  auto old = warp::LoadLanesOp::create(b, loc, types, scalar(op.getArray()),
-                                       indices, mask, warp::LaneForm::unit,
-                                       isRight, stride);
+  auto old =
+      warp::LoadLanesOp::create(b, loc, types, scalar(op.getArray()), indices,
+                                mask, warp::LaneForm::unit, isRight, stride);
   Values sums;
-  for (auto [leaf, before, value] :
-       llvm::zip_equal(warp::leavesOf(op), old.getComponents(),
-                       op.getComponents()))
+  for (auto [leaf, before, value] : llvm::zip_equal(
+           warp::leavesOf(op), old.getComponents(), op.getComponents()))
     sums.push_back(
         warp::combine(b, loc, op.getKind(), before, vector(value), leaf.type));
   warp::StoreLanesOp::create(b, loc, sums, scalar(op.getArray()), indices, mask,

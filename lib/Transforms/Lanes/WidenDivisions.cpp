@@ -3,8 +3,11 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // Processors divide integers one by one. Quotients of 32 bits are exact in
-// double precision; those of 64 bits are the sum of two, where there are
-// instructions for such conversions (AVX-512):
+// double precision. Where all lanes have the same divisor, its reciprocal is
+// computed once, and rounded up: x r is above x / y by less than a factor of
+// 1 + 2^-50, so it is not below a quotient that is whole, and with |x| < 2^32
+// not up to the next one. Quotients of 64 bits are the sum of two, where there
+// are instructions for such conversions (AVX-512):
 //
 //   q = [x / y] + [(x - [x / y] y) / y]
 //
@@ -24,13 +27,26 @@ using namespace mlir;
 using warp::Widening;
 
 /// The quotient of integers of 32 bits.
-Value Widening::divideInDoubles(Value x, Value y, bool isSigned) {
-  Type wide = lanesOf(b.getF64Type()), type = x.getType();
+Value Widening::divideInDoubles(Value x, Value divisor, bool isSigned) {
+  Type f64 = b.getF64Type(), type = x.getType();
   auto toFloat = [&](Value v) -> Value {
+    Type wide = isa<VectorType>(v.getType()) ? lanesOf(f64) : f64;
     return isSigned ? arith::SIToFPOp::create(b, loc, wide, v).getResult()
                     : arith::UIToFPOp::create(b, loc, wide, v).getResult();
   };
-  Value quotient = arith::DivFOp::create(b, loc, toFloat(x), toFloat(y));
+  auto number = [&](double value) -> Value {
+    return arith::ConstantOp::create(b, loc, b.getF64FloatAttr(value));
+  };
+  Value quotient;
+  if (isVarying(divisor)) {
+    quotient =
+        arith::DivFOp::create(b, loc, toFloat(x), toFloat(vector(divisor)));
+  } else {
+    Value one =
+        arith::DivFOp::create(b, loc, number(1), toFloat(scalar(divisor)));
+    Value above = arith::MulFOp::create(b, loc, one, number(1 + 0x1p-51));
+    quotient = arith::MulFOp::create(b, loc, toFloat(x), broadcast(above));
+  }
   if (isSigned)
     return arith::FPToSIOp::create(b, loc, type, quotient);
   return arith::FPToUIOp::create(b, loc, type, quotient);
@@ -103,7 +119,8 @@ void Widening::widenDivision(Operation *op) {
     setVector(op->getResult(0), b.create(state)->getResult(0));
     return;
   }
-  Value result = isShort ? divideInDoubles(x, y, isSigned) : divideLong(x, y);
+  Value result = isShort ? divideInDoubles(x, op->getOperand(1), isSigned)
+                         : divideLong(x, y);
   if (isa<arith::RemSIOp, arith::RemUIOp>(op))
     result = arith::SubIOp::create(b, loc, x,
                                    arith::MulIOp::create(b, loc, result, y));

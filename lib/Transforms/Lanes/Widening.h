@@ -78,7 +78,8 @@ private:
 
   // WidenDivisions.cpp
   void widenDivision(mlir::Operation *op);
-  mlir::Value divideInDoubles(mlir::Value x, mlir::Value y, bool isSigned);
+  mlir::Value divideInDoubles(mlir::Value x, mlir::Value divisor,
+                              bool isSigned);
   mlir::Value divideLong(mlir::Value x, mlir::Value y);
 
   // WidenControlFlow.cpp
@@ -102,6 +103,8 @@ private:
   mlir::Value slotOf(mlir::Value index);
   int64_t unitStride(mlir::Value array, mlir::ValueRange indices,
                      mlir::Block *where);
+  void markNeighbours(mlir::Operation *access, mlir::Value array,
+                      mlir::ValueRange indices);
   Values accessIndices(mlir::ValueRange indices, LaneForm form);
   llvm::SmallVector<bool> nonNegative(mlir::ValueRange indices,
                                       mlir::Block *where);
