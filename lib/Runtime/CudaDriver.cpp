@@ -95,6 +95,8 @@ bool Loaded::findSymbols(void *library) {
   }
   WARP_CUDA_SYMBOLS(WARP_FIND)
 #undef WARP_FIND
+  table.encodeTensorMap = reinterpret_cast<decltype(table.encodeTensorMap)>(
+      dlsym(library, "cuTensorMapEncodeTiled"));
   return true;
 }
 

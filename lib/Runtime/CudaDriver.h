@@ -236,6 +236,12 @@ struct Driver {
 #define WARP_DECLARE(member, symbol, parameters) Result(*member) parameters;
   WARP_CUDA_SYMBOLS(WARP_DECLARE)
 #undef WARP_DECLARE
+  /// Drivers before CUDA 12 have none.
+  Result (*encodeTensorMap)(void *map, int type, unsigned rank, void *data,
+                            const uint64_t *extents, const uint64_t *strides,
+                            const uint32_t *box, const uint32_t *every,
+                            int interleave, int swizzle, int promotion,
+                            int outside) = nullptr;
 
   /// Devices that `init` found.
   int deviceCount = 0;

@@ -22,6 +22,7 @@
 #include "Overlap.h"
 #include "PrivateCopies.h"
 #include "Support.h"
+#include "TensorMaps.h"
 #include "warp/KernelCache.h"
 #include "warp/SavedModule.h"
 #include "warp/ThreadPool.h"
@@ -185,7 +186,7 @@ CompileOptions Kernel::Impl::compileOptions(const VariantKey &key,
   if (arch != 0 && key.device != cpuDevice) {
     result.driverVersion = cuda::driver()->version;
     // For this device alone, so with what later architectures do not have.
-    if (arch == 90)
+    if (arch == 90 && !key.unmapped)
       result.target += "a";
   }
   result.debug = options.debug;
@@ -420,6 +421,11 @@ Kernel::Plan Kernel::Impl::plan(int device, const LaunchDim &dim, void *params,
     key.ordered = true;
     choose();
   }
+  if (plan.variant && !plan.variant->code.maps.empty() &&
+      !canMap(plan.variant->code.maps, params)) {
+    key.unmapped = true;
+    choose();
+  }
   auto estimate = [&] {
     if (plan.variant)
       plan.work = plan.variant->code.cost * static_cast<double>(plan.items);
@@ -483,7 +489,10 @@ void Kernel::Impl::run(const Plan &plan, void *params, const Stream *stream) {
   if (plan.device != cpuDevice) {
     if (variant.record)
       setErrorRecord(params, variant.record->address());
-    return launchOnCuda(variant, name, params, stream, plan.openBlock);
+    if (variant.code.maps.empty())
+      return launchOnCuda(variant, name, params, stream, plan.openBlock);
+    MappedParameters mapped(variant.code.maps, params, paramSize);
+    return launchOnCuda(variant, name, mapped.get(), stream, plan.openBlock);
   }
   if (!options.debug) {
     launchOnCpu(variant, params, paramSize, plan.items, isShort(plan));

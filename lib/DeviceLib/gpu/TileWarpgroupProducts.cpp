@@ -176,6 +176,10 @@ WARP_TILES warp_tile_publish_copies(void *) {
   asm volatile("fence.proxy.async.shared::cta;" ::: "memory");
 }
 
-WARP_TILES warp_tile_await_products(void *) {
-  asm volatile("wgmma.wait_group.sync.aligned 0;" ::: "memory");
+/// Until all products but the last ones are there.
+WARP_TILES warp_tile_await_products(i32 last, void *) {
+  if (last == 0)
+    asm volatile("wgmma.wait_group.sync.aligned 0;" ::: "memory");
+  else
+    asm volatile("wgmma.wait_group.sync.aligned 1;" ::: "memory");
 }

@@ -12,6 +12,7 @@
 #include "Autodiff/Forward/Forward.h"
 #include "Autodiff/Reverse/GuardArms.h"
 #include "Autodiff/Reverse/Reverse.h"
+#include "Autodiff/SpectralProducts.h"
 #include "KernelFunction.h"
 
 #include "WarpDialect/LibraryOps.h"
@@ -165,7 +166,11 @@ struct DifferentiateKernel
     auto kernel =
         dyn_cast_or_null<func::FuncOp>(warp::findKernel(getOperation()));
     if (!kernel || failed(differentiate(kernel)))
-      signalPassFailure();
+      return signalPassFailure();
+    // A copy of a decomposition becomes one with it again.
+    getOperation().walk([](Operation *op) {
+      op->removeDiscardableAttr(completeAttrName);
+    });
   }
 
   /// Reads `active`; arrays after the last flag are not active.
@@ -209,6 +214,9 @@ struct DifferentiateKernel
     options.maxLocalTape = maxLocalTape;
     options.globalTape = tape == "global";
     options.dumpRecovery = dumpRecovery;
+    // Forward mode chooses vectors that suit the direction.
+    if (failed(completeSpectralProducts(kernel)))
+      return failure();
     return buildReverse(kernel, options);
   }
 

@@ -35,7 +35,21 @@ static LLVM::LLVMFuncOp declare(ModuleOp module, StringRef name,
   return function;
 }
 
+/// The address of what lies in the parameter block behind all arguments.
+static void lowerMap(warp::LibraryCallOp op, Block &first) {
+  OpBuilder b(op);
+  Type type = op.getResult(0).getType();
+  Value block =
+      LLVM::PtrToIntOp::create(b, op.getLoc(), type, first.getArgument(0));
+  Value place = LLVM::ZExtOp::create(b, op.getLoc(), type, op.getArgs()[0]);
+  op.getResult(0).replaceAllUsesWith(
+      LLVM::AddOp::create(b, op.getLoc(), block, place));
+  op->erase();
+}
+
 static void lower(warp::LibraryCallOp op, ModuleOp module, Block &first) {
+  if (op.getCallee() == "warp_tile_map")
+    return lowerMap(op, first);
   OpBuilder b(op);
   Location loc = op.getLoc();
   auto record = LLVM::LLVMStructType::getLiteral(

@@ -220,7 +220,7 @@ private:
       return;
     ProductForm form = *getProductForm(product);
     if (form.isByWarpgroups())
-      mergeSteps(loop, product);
+      planLoads(kernel, loop, product);
     Builder builder(loop.getContext());
     SmallVector<Operation *, 2> loads;
     int64_t bytes = 0;

@@ -84,6 +84,9 @@ Values TileLowering::windowOf(Op op, Value array, TileType tile,
   return window;
 }
 
+// For matrices, in LowerTilesForms.cpp.
+template Values TileLowering::windowOf(TileLoadOp, Value, TileType, ValueRange);
+
 void TileLowering::storeHeld(TileStoreOp op) {
   callHeld(
       "store", op.getTile(),
@@ -147,11 +150,9 @@ void TileLowering::lowerHeldProduct(TileMatmulOp op) {
 /// The address of a tile, or of one of its stages.
 Value TileLowering::placeOf(Value tile, Value turn) {
   Value address = addressOf(memoryOf(tile));
-  Operation *def = tile.getDefiningOp();
   if (!turn)
     return address;
-  int64_t stages = def->getAttrOfType<IntegerAttr>(attr::stages).getInt();
-  Value bytes = mul(turn, number(getStagedBytes(tile) / stages));
+  Value bytes = mul(turn, number(getStageBytes(tile)));
   return builtin("add", {address, cast(bytes, address.getType())});
 }
 
@@ -164,20 +165,28 @@ void TileLowering::limitWindow(Values &window, int64_t axis, Value count) {
   window.back() = number(1);
 }
 
-/// What an iteration needs, with its number computed anew.
-void TileLowering::fetch(TileLoadOp load, scf::ForOp loop, Value iteration,
-                         Value turn) {
+/// Where an iteration loads, computed anew with its number.
+Values TileLowering::offsetsAt(TileLoadOp load, scf::ForOp loop,
+                               Value iteration, Value *array) {
   IRMapping map;
   map.map(loop.getInductionVar(), iteration);
   for (Operation &op : loop.getBody()->without_terminator())
     if (!computesTiles(&op) && op.isBeforeInBlock(load))
       b.clone(op, map);
-  Values offsets;
-  for (Value offset : load.getOffsets())
-    offsets.push_back(map.lookupOrDefault(offset));
+  if (array)
+    *array = map.lookupOrDefault(load.getArray());
+  return llvm::map_to_vector<4>(load.getOffsets(), [&](Value offset) {
+    return map.lookupOrDefault(offset);
+  });
+}
+
+/// What an iteration needs.
+void TileLowering::fetch(TileLoadOp load, scf::ForOp loop, Value iteration,
+                         Value turn) {
+  Value array;
+  Values offsets = offsetsAt(load, loop, iteration, &array);
   TileType type = tileType(load.getResult());
-  Values window =
-      windowOf(load, map.lookupOrDefault(load.getArray()), type, offsets);
+  Values window = windowOf(load, array, type, offsets);
   if (auto merged = load->getAttrOfType<DenseI64ArrayAttr>(attr::merged))
     limitWindow(window, merged[0],
                 mul(sub(loop.getUpperBound(), iteration), number(merged[1])));
@@ -239,7 +248,7 @@ void TileLowering::lowerAhead(scf::ForOp loop) {
   if (isInTime)
     fetchNext();
   if (form.isByWarpgroups())
-    callLibrary("warp_tile_await_products", {}, {});
+    callLibrary("warp_tile_await_products", {}, {number(0)});
 }
 
 } // namespace warp::tiles

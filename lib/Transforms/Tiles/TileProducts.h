@@ -7,6 +7,7 @@
 #ifndef WARP_TRANSFORMS_TILES_TILEPRODUCTS_H
 #define WARP_TRANSFORMS_TILES_TILEPRODUCTS_H
 
+#include "TensorMapAttributes.h"
 #include "TileBuffers.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
@@ -32,9 +33,10 @@ std::optional<ProductForm> findProductForm(TileMatmulOp op, int64_t threads,
 /// shape, are missing (WarpgroupProducts.cpp).
 std::optional<ProductForm> findWarpgroupForm(TileMatmulOp op, int64_t threads,
                                              TargetAttr target);
-/// Lets a loop that only loads factors and multiplies them take several steps
-/// at a time, if that makes their rows long.
-void mergeSteps(mlir::scf::ForOp loop, TileMatmulOp product);
+/// Chooses how the factors of such a product are loaded: how many steps of its
+/// loop at a time, and by whom.
+void planLoads(mlir::FunctionOpInterface kernel, mlir::scf::ForOp loop,
+               TileMatmulOp product);
 /// The form that an operation is marked with.
 void setProductForm(TileMatmulOp op, const ProductForm &form);
 std::optional<ProductForm> getProductForm(TileMatmulOp op);
@@ -51,6 +53,10 @@ std::optional<Factor> getFactor(mlir::Value tile, bool depthIsFirst);
 /// Whether copies know how the elements of an array lie, tile and array have
 /// two dimensions, and offsets 32 bits.
 bool isPlainWindow(mlir::Value array, TileType tile, mlir::ValueRange offsets);
+
+/// Bytes of a tile with what is between rows; of one that is loaded ahead, for
+/// one of its stages.
+int64_t getStageBytes(mlir::Value tile);
 
 /// Marks products, sums that threads hold, and loops that load ahead
 /// (HoldSums.cpp).

@@ -12,8 +12,11 @@
 
 #include "TileProducts.h"
 
+#include "Analysis/ArrayOrigins.h"
 #include "Analysis/Forms.h"
 #include "KernelFunction.h"
+#include "WarpDialect/ParameterLayout.h"
+#include "warp/TensorMaps.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 
@@ -66,7 +69,36 @@ static void setShape(Value tile, int64_t axis, int64_t extent) {
       TileType::get(tile.getContext(), shape, tileType(tile).getElementType()));
 }
 
-void mergeSteps(scf::ForOp loop, TileMatmulOp product) {
+namespace {
+
+/// A factor's load, and the axis of its tile along which the depth lies.
+struct FactorLoad {
+  TileLoadOp op;
+  int64_t axis;
+};
+using FactorLoads = SmallVector<FactorLoad, 2>;
+
+} // namespace
+
+static FactorLoads loadsOf(TileMatmulOp product) {
+  FactorLoads loads;
+  for (auto [tile, depthIsFirst] :
+       {std::pair(product.getA(), product.getTransposeA()),
+        std::pair(product.getB(), !product.getTransposeB())}) {
+    Factor factor = *getFactor(tile, depthIsFirst);
+    loads.push_back(
+        {factor.memory.getDefiningOp<TileLoadOp>(), int64_t(factor.isAlong)});
+  }
+  return loads;
+}
+
+//===----------------------------------------------------------------------===//
+// Steps
+//===----------------------------------------------------------------------===//
+
+/// Lets the loop take several steps at a time, if they follow each other in the
+/// arrays; `whole`: only if there are none left then.
+static void mergeSteps(scf::ForOp loop, TileMatmulOp product, bool whole) {
   int64_t depth = tileType(product.getA()).getShape()[!product.getTransposeA()];
   if (fastDepth % depth != 0 || depth == fastDepth ||
       getConstantInteger(loop.getStep()) != 1)
@@ -74,13 +106,8 @@ void mergeSteps(scf::ForOp loop, TileMatmulOp product) {
   int64_t steps = fastDepth / depth;
   Forms forms;
   Symbol trip = Symbol::trip(loop);
-  SmallVector<std::pair<TileLoadOp, int64_t>> loads;
-  for (auto [tile, depthIsFirst] :
-       {std::pair(product.getA(), product.getTransposeA()),
-        std::pair(product.getB(), !product.getTransposeB())}) {
-    Factor factor = *getFactor(tile, depthIsFirst);
-    auto load = factor.memory.getDefiningOp<TileLoadOp>();
-    int64_t axis = factor.isAlong;
+  FactorLoads loads = loadsOf(product);
+  for (auto [load, axis] : loads)
     for (int64_t d = 0; d < 2; ++d) {
       std::optional<Form> each =
           forms.of(load.getOffsets()[d]).coefficientOf(trip);
@@ -88,12 +115,13 @@ void mergeSteps(scf::ForOp loop, TileMatmulOp product) {
       if (number != (d == axis ? depth : 0))
         return;
     }
-    loads.emplace_back(load, axis);
-  }
   std::optional<Form> trips = forms.countTrips(loop);
   std::optional<int64_t> count = trips ? trips->getConstant() : std::nullopt;
+  bool isWhole = count && *count % steps == 0;
+  if (whole && !isWhole)
+    return;
   Builder b(loop.getContext());
-  if (!count || *count % steps != 0)
+  if (!isWhole)
     for (auto [load, axis] : loads)
       load->setAttr(attr::merged, b.getDenseI64ArrayAttr({axis, depth}));
   setShape(product.getA(), !product.getTransposeA(), fastDepth);
@@ -101,6 +129,75 @@ void mergeSteps(scf::ForOp loop, TileMatmulOp product) {
   OpBuilder before(loop);
   loop.setStep(arith::ConstantOp::create(before, loop.getLoc(),
                                          b.getI32IntegerAttr(steps)));
+}
+
+//===----------------------------------------------------------------------===//
+// Copy engine
+//===----------------------------------------------------------------------===//
+
+/// Whether nothing in the kernel may write to an array. What is written there
+/// goes another way than what the copy engine reads.
+static bool isOnlyRead(FunctionOpInterface kernel, Value array) {
+  ArrayOrigins origins(kernel, getVariant(kernel).getDisjoint());
+  bool isRead = true;
+  kernel->walk([&](Operation *op) {
+    if (isa<TileStoreOp, TileAtomicOp>(op))
+      isRead &= !origins.mayAlias(op->getOperand(1), array);
+    else if (auto access = dyn_cast<AccessOp>(op))
+      isRead &=
+          !access.mayWrite() || !origins.mayAlias(access.getArray(), array);
+    else if (!computesTiles(op) && op->getNumRegions() == 0)
+      isRead &= isMemoryEffectFree(op);
+  });
+  return isRead;
+}
+
+/// Whether launches can describe the array to the copy engine, whose boxes have
+/// at most 256 rows.
+static bool canCopyBoxes(FunctionOpInterface kernel, TileLoadOp load) {
+  constexpr int64_t mostRows = 256;
+  auto array = dyn_cast<BlockArgument>(load.getArray());
+  return array && array.getOwner() == &kernel.getFunctionBody().front() &&
+         tileType(load.getResult()).getShape()[0] <= mostRows &&
+         !kernel->hasAttr(warp::attr::argTypes) &&
+         !getVariant(kernel).isDeterministic() && isOnlyRead(kernel, array);
+}
+
+/// Makes a load that of the copy engine.
+static void copyBoxes(FunctionOpInterface kernel, TileLoadOp load) {
+  Builder b(kernel.getContext());
+  ParameterLayout layout = layOutParameters(kernel.getArgumentTypes());
+  SmallVector<Attribute> maps;
+  if (auto list = kernel->getAttrOfType<ArrayAttr>(warp::attr::tensorMaps))
+    llvm::append_range(maps, list);
+  int64_t place = llvm::alignTo(layout.size, tensorMapAlignment) +
+                  tensorMapBytes * maps.size();
+  auto array = cast<BlockArgument>(load.getArray());
+  ArrayRef<int64_t> shape = tileType(load.getResult()).getShape();
+  maps.push_back(
+      b.getDenseI64ArrayAttr({layout.offsets[array.getArgNumber()], place,
+                              shape[0], std::min<int64_t>(shape[1], 64)}));
+  kernel->setAttr(warp::attr::tensorMaps, b.getArrayAttr(maps));
+  load->setAttr(attr::map, b.getI64IntegerAttr(place));
+}
+
+void planLoads(FunctionOpInterface kernel, scf::ForOp loop,
+               TileMatmulOp product) {
+  // Shorter rows are worth more to merge than to copy in boxes.
+  constexpr int64_t leastDepth = 32;
+  FactorLoads loads = loadsOf(product);
+  bool inBoxes = llvm::all_of(loads, [&](const FactorLoad &load) {
+    return canCopyBoxes(kernel, load.op);
+  });
+  mergeSteps(loop, product, /*whole=*/inBoxes);
+  int64_t depth = tileType(product.getA()).getShape()[!product.getTransposeA()];
+  if (!inBoxes)
+    return;
+  if (depth < leastDepth)
+    return mergeSteps(loop, product, /*whole=*/false);
+  for (const FactorLoad &load : loads)
+    copyBoxes(kernel, load.op);
+  loads.front().op->setAttr(attr::ring, UnitAttr::get(kernel.getContext()));
 }
 
 } // namespace warp::tiles

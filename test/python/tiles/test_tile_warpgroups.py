@@ -150,3 +150,71 @@ def test_adjoint(device):
     ):
         # Cotangents and what blocks add are rounded to halves.
         assert np.all(np.abs(array.grad.numpy() - expected) <= 8 * 2.0**-11 * bound)
+
+
+@pytest.mark.parametrize("padding", [8, 3])
+def test_views_of_wider_arrays(padding, device):
+    """Rows that are a multiple of 16 bytes apart, but not their own width, and others."""
+    kernel = product(wp.float16, 64, 64, 64)
+    rng = np.random.default_rng(padding)
+    a, b = (rng.normal(size=(128, 128)).astype(np.float16) for _ in range(2))
+    wide = [np.pad(v, ((0, 0), (0, padding)), constant_values=np.nan) for v in (a, b)]
+    arrays = [wp.array(v, dtype=wp.float16, device=device)[:, :128] for v in wide]
+    c = wp.zeros((128, 128), dtype=float, device=device)
+    wp.launch_tiled(kernel, dim=(2, 2), inputs=[*arrays, c, 2], block_dim=128, device=device)
+    bound = np.abs(a).astype(float) @ np.abs(b).astype(float)
+    error = np.abs(c.numpy() - a.astype(float) @ b.astype(float))
+    assert np.all(error <= (128 + 8) * 2.0**-24 * bound)
+
+
+def test_windows_outside_at_both_ends(device):
+    """Zero is read before the first element and behind the last one, along both axes."""
+
+    @wp.kernel(module="unique")
+    def work(
+        a: wp.array2d(dtype=wp.float16), b: wp.array2d(dtype=wp.float16), c: wp.array2d(dtype=float)
+    ):
+        i, j = wp.tid()
+        sums = wp.tile_zeros(shape=(64, 64), dtype=float)
+        for s in range(4):
+            x = wp.tile_load(a, shape=(64, 32), offset=(i * 64 - 16, s * 32 - 24))
+            y = wp.tile_load(b, shape=(32, 64), offset=(s * 32 - 24, j * 64 - 8))
+            wp.tile_matmul(x, y, sums)
+        wp.tile_store(c, sums, offset=(i * 64, j * 64))
+
+    rng = np.random.default_rng(5)
+    a, b = (rng.normal(size=s).astype(np.float16) for s in ((80, 88), (88, 96)))
+    arrays = [wp.array(v, dtype=wp.float16, device=device) for v in (a, b)]
+    c = wp.zeros((128, 128), dtype=float, device=device)
+    wp.launch_tiled(work, dim=(2, 2), inputs=arrays, outputs=[c], block_dim=128, device=device)
+    x = np.pad(a.astype(float), ((16, 32), (24, 16)))
+    y = np.pad(b.astype(float), ((24, 16), (8, 24)))
+    bound = np.abs(x) @ np.abs(y)
+    assert np.all(np.abs(c.numpy() - x @ y) <= (128 + 8) * 2.0**-24 * bound)
+
+
+def test_kernels_that_write_to_a_factor(device):
+    """Elements that a block has stored are there when it loads them as a factor."""
+
+    @wp.kernel(module="unique")
+    def work(
+        a: wp.array2d(dtype=wp.float16), b: wp.array2d(dtype=wp.float16), c: wp.array2d(dtype=float)
+    ):
+        i = wp.tid()
+        t = wp.tile_load(a, shape=(64, 64), offset=(i * 64, 0))
+        wp.tile_store(a, t + t, offset=(i * 64, 0))
+        sums = wp.tile_zeros(shape=(64, 64), dtype=float)
+        for s in range(1):
+            x = wp.tile_load(a, shape=(64, 64), offset=(i * 64, s * 64))
+            y = wp.tile_load(b, shape=(64, 64), offset=(s * 64, 0))
+            wp.tile_matmul(x, y, sums)
+        wp.tile_store(c, sums, offset=(i * 64, 0))
+
+    rng = np.random.default_rng(6)
+    a, b = (rng.normal(size=s).astype(np.float16) for s in ((256, 64), (64, 64)))
+    arrays = [wp.array(v, dtype=wp.float16, device=device) for v in (a, b)]
+    c = wp.zeros((256, 64), dtype=float, device=device)
+    wp.launch_tiled(work, dim=4, inputs=arrays, outputs=[c], block_dim=128, device=device)
+    bound = 2 * np.abs(a).astype(float) @ np.abs(b).astype(float)
+    error = np.abs(c.numpy() - 2 * a.astype(float) @ b.astype(float))
+    assert np.all(error <= (64 + 8) * 2.0**-24 * bound)
