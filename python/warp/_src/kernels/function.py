@@ -51,7 +51,7 @@ class Function:
 
     @staticmethod
     def _keep_text(func) -> None:
-        if not func.__module__.startswith("warp."):
+        if not func.__module__.startswith("warp._src."):
             texts.keep(func)
             declared.evaluate(func)
 

@@ -76,7 +76,7 @@ class Kernel:
         self.options = dict(options or {})
         self.code_transformers = tuple(code_transformers or ())
         # What has no module was made from text.
-        if not (func.__module__ or "").startswith("warp."):
+        if not (func.__module__ or "").startswith("warp._src."):
             texts.keep(func)
             if not self.code_transformers:
                 declared.evaluate(func)
