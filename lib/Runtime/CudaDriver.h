@@ -27,6 +27,8 @@ using Pointer = uint64_t;
 using Context = struct ContextTag *;
 using ModuleHandle = struct ModuleTag *;
 using LinkHandle = struct LinkTag *;
+using LibraryHandle = struct LibraryTag *;
+using KernelHandle = struct KernelTag *;
 using Function = struct FunctionTag *;
 using StreamHandle = struct StreamTag *;
 using EventHandle = struct EventTag *;
@@ -232,14 +234,27 @@ struct Uuid {
     (Function, unsigned, unsigned, unsigned, unsigned, unsigned, unsigned,     \
      unsigned, StreamHandle, void **, void **))
 
+/// What drivers before CUDA 12 lack; null there.
+#define WARP_CUDA_LATER_SYMBOLS(X)                                             \
+  X(libraryLoadData, cuLibraryLoadData,                                        \
+    (LibraryHandle *, const void *, int *, void **, unsigned, int *, void **,  \
+     unsigned))                                                                \
+  X(libraryUnload, cuLibraryUnload, (LibraryHandle))                           \
+  X(libraryGetKernel, cuLibraryGetKernel,                                      \
+    (KernelHandle *, LibraryHandle, const char *))                             \
+  X(kernelGetFunction, cuKernelGetFunction, (Function *, KernelHandle))
+
 struct Driver {
 #define WARP_DECLARE(member, symbol, parameters) Result(*member) parameters;
   WARP_CUDA_SYMBOLS(WARP_DECLARE)
+  WARP_CUDA_LATER_SYMBOLS(WARP_DECLARE)
 #undef WARP_DECLARE
 
   /// Devices that `init` found.
   int deviceCount = 0;
   int version = 0;
+  /// Whether code is loaded as libraries: by several threads at a time.
+  bool hasLibraries = false;
 };
 
 /// The driver, initialised; null when there is none or it has no device.

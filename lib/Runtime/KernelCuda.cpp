@@ -64,8 +64,8 @@ static Shape shapeOf(const int32_t *dim, int rank, bool flat, int blockDim,
   Extent block;
   // A few rows per block where there are rows, for the sake of neighbours;
   // fewer where a thread has neighbours of its own.
-  int64_t rows = std::min<int64_t>(
-      {items > 1 ? 4 : 8, powerAtLeast(all.y), blockDim});
+  int64_t rows =
+      std::min<int64_t>({items > 1 ? 4 : 8, powerAtLeast(all.y), blockDim});
   block.x = std::min<int64_t>(std::max<int64_t>(1, blockDim / rows),
                               powerAtLeast(all.x));
   block.y = std::min<int64_t>(blockDim / block.x, powerAtLeast(all.y));
@@ -126,75 +126,31 @@ bool warp::fitsGrid(const int32_t *dim, int rank, int blockDim) {
   return shape.grid.y <= maxGridYZ && shape.grid.z <= maxGridYZ;
 }
 
-[[noreturn]] static void rejected(cuda::Result result, const Code &code,
-                                  const char *log) {
-  const char *name = nullptr;
-  cuda::driver()->getErrorName(result, &name);
-  throw Error(Error::Kind::Compile,
-              "the CUDA driver rejects the code of '" + code.entry +
-                  "': " + (name ? name : "unknown error") +
-                  (log[0] ? std::string("\n") + log : ""));
-}
-
-void warp::assembleOnCuda(int device, Code &code) {
-  cuda::ContextScope scope(device);
-  const cuda::Driver &driver = *cuda::driver();
-  // The driver wants a terminated string.
-  std::string ptx(code.binary.begin(), code.binary.end());
-  char log[4096] = {};
-  int options[] = {cuda::jitErrorLogBuffer, cuda::jitErrorLogBufferSizeBytes};
-  void *values[] = {log, reinterpret_cast<void *>(sizeof(log) - 1)};
-  struct Link {
-    cuda::LinkHandle handle = nullptr;
-    ~Link() {
-      if (handle)
-        cuda::driver()->linkDestroy(handle);
-    }
-  } link;
-  void *cubin = nullptr;
-  size_t size = 0;
-  cuda::Result result = driver.linkCreate(2, options, values, &link.handle);
-  if (result == cuda::success)
-    result = driver.linkAddData(link.handle, cuda::jitInputPtx, ptx.data(),
-                                ptx.size() + 1, code.entry.c_str(), 0, nullptr,
-                                nullptr);
-  if (result == cuda::success)
-    result = driver.linkComplete(link.handle, &cubin, &size);
-  if (result != cuda::success)
-    rejected(result, code, log);
-  auto *bytes = static_cast<const char *>(cubin);
-  code.binary.assign(bytes, bytes + size);
-}
-
 void warp::loadOnCuda(Kernel::Variant &variant) {
   cuda::ContextScope scope(variant.key.device);
   cuda::RelaxedCaptures relaxed;
-  cuda::Result result = cuda::driver()->moduleLoadDataEx(
-      &variant.module, variant.code.binary.data(), 0, nullptr, nullptr);
-  if (result != cuda::success)
-    rejected(result, variant.code, "");
-  WARP_CUDA(moduleGetFunction, &variant.function, variant.module,
-            variant.code.entry.c_str());
+  variant.loaded.load(variant.code);
+  variant.function = variant.loaded.function(variant.code.entry);
   if (variant.code.dynamicBytes)
     WARP_CUDA(funcSetAttribute, variant.function,
               cuda::functionMostDynamicShared, variant.code.dynamicBytes);
   int threads = variant.key.blockDim;
   if (variant.code.fixedBlock || threads % 64 != 0)
     return;
-  WARP_CUDA(occupancyMaxActiveBlocks, &variant.residentBlocks,
-            variant.function, threads, 0);
-  WARP_CUDA(occupancyMaxActiveBlocks, &variant.residentHalves,
-            variant.function, threads / 2, 0);
+  WARP_CUDA(occupancyMaxActiveBlocks, &variant.residentBlocks, variant.function,
+            threads, 0);
+  WARP_CUDA(occupancyMaxActiveBlocks, &variant.residentHalves, variant.function,
+            threads / 2, 0);
 }
 
-void warp::unloadFromCuda(int device, cuda::ModuleHandle module) {
-  if (keepForCapture(device, [=] { unloadFromCuda(device, module); }))
+void warp::unloadFromCuda(int device, CudaCode loaded) {
+  if (keepForCapture(device, [=] { unloadFromCuda(device, loaded); }))
     return;
   try {
     cuda::ContextScope scope(device);
     // The code must not go while it runs.
     cuda::driver()->ctxSynchronize();
-    cuda::driver()->moduleUnload(module);
+    loaded.unload();
   } catch (const Error &) {
   }
 }
