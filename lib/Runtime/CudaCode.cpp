@@ -9,6 +9,7 @@
 #include "warp/Error.h"
 
 #include <algorithm>
+#include <string_view>
 #include <utility>
 
 using namespace warp;
@@ -70,6 +71,11 @@ void CudaCode::unload() {
 bool warp::isCubin(const Code &code) {
   return code.binary.size() > 4 &&
          std::equal(code.binary.begin(), code.binary.begin() + 4, "\177ELF");
+}
+
+bool warp::waitsForPredecessor(const Code &code) {
+  std::string_view text(code.binary.data(), code.binary.size());
+  return !isCubin(code) && text.find("griddepcontrol.wait") != text.npos;
 }
 
 void warp::assembleOnCuda(int device, Code &code) {

@@ -40,6 +40,10 @@ private:
 /// Whether the code is an ELF object, no text.
 bool isCubin(const Code &code);
 
+/// Whether the kernel waits for the one before it on its stream, so that it may
+/// be started before that has ended.
+bool waitsForPredecessor(const Code &code);
+
 /// Turns PTX into machine code for the current context, for files.
 void assembleOnCuda(int device, Code &code);
 

@@ -73,6 +73,8 @@ Loaded::Loaded() {
   table.driverGetVersion(&table.version);
   table.hasLibraries = table.libraryLoadData && table.libraryUnload &&
                        table.libraryGetKernel && table.kernelGetFunction;
+  table.hasProgrammaticLaunches =
+      table.version >= 12040 && table.launchKernelEx;
   usable = true;
   pthread_atfork(nullptr, nullptr, refuseInChild);
 }

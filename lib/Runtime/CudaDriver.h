@@ -137,6 +137,22 @@ struct Uuid {
   char bytes[16];
 };
 
+/// CUlaunchAttribute.
+struct LaunchAttribute {
+  int id = 0, padding = 0;
+  int value[16] = {};
+};
+enum : int { launchProgrammatic = 6 };
+
+/// CUlaunchConfig.
+struct LaunchConfig {
+  unsigned grid[3] = {}, block[3] = {}, sharedBytes = 0;
+  StreamHandle stream = nullptr;
+  const LaunchAttribute *attributes = nullptr;
+  unsigned attributeCount = 0;
+};
+static_assert(sizeof(LaunchAttribute) == 72 && sizeof(LaunchConfig) == 56);
+
 #define WARP_CUDA_SYMBOLS(X)                                                   \
   X(init, cuInit, (unsigned))                                                  \
   X(driverGetVersion, cuDriverGetVersion, (int *))                             \
@@ -242,7 +258,9 @@ struct Uuid {
   X(libraryUnload, cuLibraryUnload, (LibraryHandle))                           \
   X(libraryGetKernel, cuLibraryGetKernel,                                      \
     (KernelHandle *, LibraryHandle, const char *))                             \
-  X(kernelGetFunction, cuKernelGetFunction, (Function *, KernelHandle))
+  X(kernelGetFunction, cuKernelGetFunction, (Function *, KernelHandle))        \
+  X(launchKernelEx, cuLaunchKernelEx,                                          \
+    (const LaunchConfig *, Function, void **, void **))
 
 struct Driver {
 #define WARP_DECLARE(member, symbol, parameters) Result(*member) parameters;
@@ -255,6 +273,9 @@ struct Driver {
   int version = 0;
   /// Whether code is loaded as libraries: by several threads at a time.
   bool hasLibraries = false;
+  /// Whether a kernel may start while the one before it on its stream ends, in
+  /// graphs too.
+  bool hasProgrammaticLaunches = false;
 };
 
 /// The driver, initialised; null when there is none or it has no device.

@@ -64,6 +64,8 @@ struct Kernel::Variant {
   mutable LoopHistory history;
   CudaCode loaded;
   cuda::Function function = nullptr;
+  /// Whether it may start before the kernel before it on its stream has ended.
+  bool programmatic = false;
   /// Blocks of `key.blockDim` threads that a multiprocessor runs at a time, and
   /// blocks of half as many; 0 where the code is for one size of blocks.
   int residentBlocks = 0, residentHalves = 0;

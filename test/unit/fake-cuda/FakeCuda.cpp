@@ -31,6 +31,7 @@ unsigned char lastParams[4096];
 std::string streamLog;
 int streamCount = 0;
 bool streamsBusy = false;
+int programmaticLaunches = 0;
 bool peerAccess = false;
 
 int numberOf(void *stream) { return stream ? *static_cast<int *>(stream) : 0; }
@@ -50,6 +51,8 @@ int fake::note(const char *call, void *stream) {
 
 EXPORT const char *fakeCudaLastLaunch() { return lastLaunch.c_str(); }
 EXPORT const void *fakeCudaLastParams() { return lastParams; }
+/// Launches of kernels that may start before the one before them has ended.
+EXPORT int fakeCudaProgrammaticLaunches() { return programmaticLaunches; }
 /// Streams and events are done at once, or never.
 EXPORT void fakeCudaSetBusy(bool busy) { streamsBusy = busy; }
 EXPORT void fakeCudaSetFault(int result) { fault = result; }
@@ -311,4 +314,23 @@ EXPORT int cuLaunchKernel(void *function, unsigned gx, unsigned gy, unsigned gz,
   lastLaunch = launch;
   std::memcpy(lastParams, arguments[0], 24);
   return fault ? fault : stream && current ? success : invalidValue;
+}
+/// CUlaunchConfig and the one attribute that is used.
+struct FakeConfig {
+  unsigned grid[3], block[3], sharedBytes;
+  void *stream;
+  const int *attributes;
+  unsigned count;
+};
+EXPORT int cuLaunchKernelEx(const FakeConfig *config, void *function,
+                            void **arguments, void **extra) {
+  const unsigned *grid = config->grid, *block = config->block;
+  // Id, padding, value.
+  if (config->count != 1 || config->attributes[0] != 6 ||
+      config->attributes[2] != 1)
+    return invalidValue;
+  ++programmaticLaunches;
+  return cuLaunchKernel(function, grid[0], grid[1], grid[2], block[0], block[1],
+                        block[2], config->sharedBytes, config->stream,
+                        arguments, extra);
 }
