@@ -32,6 +32,9 @@ struct LibraryFunction {
 };
 
 inline constexpr llvm::StringLiteral lanesSuffix = "_lanes";
+/// No function: calls with one number give the address of the same memory,
+/// which is the thread's own, though its operands are the same everywhere.
+inline constexpr llvm::StringLiteral threadMemory = "warp_thread_memory";
 
 /// Of both forms; null if the library has no such function.
 const LibraryFunction *findLibraryFunction(llvm::StringRef symbol);

@@ -22,6 +22,7 @@
 #include "warp/Export.h"
 #include "warp/PrivateCopies.h"
 #include "warp/SizeFacts.h"
+#include "warp/TensorMaps.h"
 
 #include <cstdint>
 #include <map>
@@ -128,6 +129,8 @@ struct Code {
   /// GPU: bytes of block memory that a launch asks for, because blocks have less
   /// without being asked.
   int dynamicBytes = 0;
+  /// GPU: maps of arrays that the parameter block has behind everything else.
+  std::vector<TensorMap> maps;
   /// GPU: those of them that follow each other in the dimension before the
   /// last; the others do in the first.
   int rows = 1;

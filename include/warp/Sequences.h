@@ -64,10 +64,12 @@ WARP_API bool sortPairsAnywhere(int device, const Pairs &pairs, int beginBit,
                                 int endBit, const Stream *stream = nullptr);
 
 /// Sorts each of `segments` ranges [begins[i], ends[i]) on its own; they must
-/// not overlap. CPU only: a range that does not lie within the pairs is an
-/// error.
-WARP_API void sortSegments(const Pairs &pairs, const int32_t *begins,
-                           const int32_t *ends, int64_t segments);
+/// not overlap. A range that does not lie within the pairs is an error on the
+/// CPU; on CUDA it stays as it is. There keys and values have 32 bits, and
+/// ranges of more than 512 pairs are sorted by a block each.
+WARP_API void sortSegments(int device, const Pairs &pairs,
+                           const int32_t *begins, const int32_t *ends,
+                           int64_t segments, const Stream *stream = nullptr);
 
 /// Numbers of one width, `size` bytes, and the runs of equal bits in them.
 struct Runs {
@@ -81,8 +83,9 @@ struct Runs {
   int32_t *runCount;
 };
 
-/// CPU only.
-WARP_API void findRuns(const Runs &runs);
+/// Less than 2^31 numbers on CUDA.
+WARP_API void findRuns(int device, const Runs &runs,
+                       const Stream *stream = nullptr);
 
 } // namespace warp
 

@@ -25,6 +25,7 @@
 #include "GeometryMemory.h"
 #include "GridReads.h"
 #include "WarpDialect/LaneOps.h"
+#include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/WarpAttributes.h"
 
@@ -197,8 +198,24 @@ ThreadVariance::State ThreadVariance::transfer(Operation *op) const {
   if (isLoad && isWritten(access.getArray()))
     state.sources |= Moment | Written;
   else if (!isLoad && !warp::isConversion(op) && !isMemoryEffectFree(op))
+    state.sources |= access && access.isUpdate() ? Own | Moment | Written : Own;
+  else if (auto call = dyn_cast<warp::LibraryCallOp>(op);
+           call && call.getCallee() == warp::threadMemory)
     state.sources |= Own;
   state.step = varies(state) ? stepOf(op) : 0;
+  return state;
+}
+
+/// What decides whether, or how often, the regions of an operation run.
+ThreadVariance::State ThreadVariance::decisionOf(Operation *op) const {
+  if (auto branch = dyn_cast<scf::IfOp>(op))
+    return get(branch.getCondition());
+  if (auto loop = dyn_cast<scf::WhileOp>(op))
+    return get(loop.getConditionOp().getCondition());
+  State state;
+  if (auto loop = dyn_cast<scf::ForOp>(op))
+    for (Value bound : {loop.getLowerBound(), loop.getUpperBound()})
+      state.sources |= get(bound).sources;
   return state;
 }
 
@@ -221,9 +238,11 @@ void ThreadVariance::visitScratch(Operation *op) {
   State state = get(store.getValue());
   state.sources |= get(store.getIndex()).sources | Moment;
   for (Operation *around = op->getParentOp(); around != function;
-       around = around->getParentOp())
+       around = around->getParentOp()) {
     if (isDivergent(around))
       state.sources |= Own;
+    state.sources |= decisionOf(around).sources & Written;
+  }
   state.step = varies(state) ? noStep : 0;
   join(store.getScratch(), state);
 }

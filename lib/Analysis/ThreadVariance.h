@@ -150,6 +150,7 @@ private:
   void visitFor(mlir::Operation *op);
   void visitWhile(mlir::Operation *op);
   void visitScratch(mlir::Operation *op);
+  State decisionOf(mlir::Operation *op) const;
   State transfer(mlir::Operation *op) const;
   int64_t stepOf(mlir::Operation *op) const;
   int64_t stepOfCast(mlir::Operation *op) const;

@@ -54,6 +54,7 @@ public:
   int rows = 1, tile = 0, split = 1;
   CopiedArrays copied;
   std::vector<SummedArray> sums;
+  std::vector<TensorMap> maps;
   /// What passes noted about the schedule.
   std::vector<Choice> choices;
   std::map<std::string, double> phaseMs;

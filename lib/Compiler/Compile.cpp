@@ -20,6 +20,7 @@
 #include "Transforms/Emit/LowerLibraryCalls.h"
 #include "Transforms/KernelFunction.h"
 #include "Transforms/Schedule.h"
+#include "Transforms/Tiles/TensorMapAttributes.h"
 #include "Transforms/Updates/CopiedArrays.h"
 #include "Transforms/Variant.h"
 
@@ -286,8 +287,8 @@ static bool waitsForBlock(Operation *op) {
 /// What the LLVM dialect's module says about the code.
 void Compilation::collectFacts(ModuleOp module) {
   for (auto function : module.getOps<LLVM::LLVMFuncOp>()) {
-    usesPrintf |= function.getName() == "warp_printf" ||
-                  function.getName() == "vprintf";
+    usesPrintf |=
+        function.getName() == "warp_printf" || function.getName() == "vprintf";
     if (!function->hasAttr(attr::entry))
       continue;
     entry = function.getName().str();
@@ -317,14 +318,17 @@ void Compilation::collectFacts(ModuleOp module) {
       leastBlocks = int(blocks.getInt());
     if (auto most = function->getAttrOfType<IntegerAttr>(attr::mostRegisters))
       mostRegisters = int(most.getInt());
+    if (auto list = function->getAttrOfType<ArrayAttr>(attr::tensorMaps))
+      for (auto map : list.getAsRange<DenseI64ArrayAttr>())
+        maps.push_back({map[0], map[1], map[2], map[3]});
     dynamicBytes = isGpu(options) ? int(getDynamicBytes(function)) : 0;
-    fixedBlock = cooperative ||
-                 function
-                     .walk([](Operation *op) {
-                       return waitsForBlock(op) ? WalkResult::interrupt()
-                                                : WalkResult::advance();
-                     })
-                     .wasInterrupted();
+    fixedBlock = cooperative || function
+                                    .walk([](Operation *op) {
+                                      return waitsForBlock(op)
+                                                 ? WalkResult::interrupt()
+                                                 : WalkResult::advance();
+                                    })
+                                    .wasInterrupted();
     choices = readChoices(function);
     auto table = function->getAttrOfType<ArrayAttr>(attr::sites);
     if (!table)
@@ -406,8 +410,7 @@ std::string Compilation::llvmText() {
 
 void Compilation::writeStage(StringRef extension, StringRef text) {
   llvm::sys::fs::create_directories(dumpFolder());
-  std::string path =
-      (dumpFolder() + "/" + fileStem() + "." + extension).str();
+  std::string path = (dumpFolder() + "/" + fileStem() + "." + extension).str();
   std::error_code error;
   llvm::raw_fd_ostream file(path, error);
   if (!error)

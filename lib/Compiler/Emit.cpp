@@ -46,6 +46,7 @@ warp::Code warp::compile(const Module &module, const CompileOptions &options) {
   code.cooperative = run.cooperative;
   code.ragged = run.ragged;
   code.dynamicBytes = run.dynamicBytes;
+  code.maps = std::move(run.maps);
   code.rows = run.rows;
   code.tile = run.tile;
   code.split = run.split;

@@ -227,7 +227,7 @@ static i32 withShape(const Tree &tree, i32 shape, const f32 (&s)[7], f32 limit,
   Ray ray(tree, {s[0], s[1], s[2]}, {s[3], s[4], s[5]});
   if (!ray.isValid)
     return -1;
-  f32 end = limit / ray.first / ray.second;
+  f32 end = ray.toTree(limit);
   if (shape == 3)
     return use(CapsuleShape{{ray, end}, greatest(s[6], 0.0f) * k});
   return use(RayShape{ray, end});

@@ -14,6 +14,8 @@
 using namespace mlir;
 
 static constexpr warp::LibraryFunction functions[] = {
+    // Number, bytes: the address of memory that each thread has for itself.
+    {warp::threadMemory, "ii", "l"},
     // A handle and a kind: the address of its slot, or of one with nothing.
     {"warp_slot", "li", "l"},
     // A point and the largest distance: face, weights of two corners.

@@ -35,7 +35,8 @@ LogicalResult warp::TargetAttr::verify(EmitError emitError, Platform platform,
                                        int64_t version, StringRef processor,
                                        int64_t bits) {
   if (platform == Platform::cuda) {
-    if (version > 0 && bits == 0 && processor.empty())
+    std::string own = "sm_" + std::to_string(version) + "a";
+    if (version > 0 && bits == 0 && (processor.empty() || processor == own))
       return success();
     return emitError() << "(C1) expects a GPU with a version and no vectors";
   }
@@ -69,10 +70,11 @@ int64_t warp::TargetAttr::getLanes(Type type) const {
 // Variant
 //===----------------------------------------------------------------------===//
 
-LogicalResult warp::VariantAttr::verify(
-    EmitError emitError, TargetAttr, int64_t rank, uint64_t, bool, bool, bool,
-    bool, bool, bool, int64_t block, int64_t threads, int64_t, int64_t lanes,
-    bool, bool, Determinism) {
+LogicalResult warp::VariantAttr::verify(EmitError emitError, TargetAttr,
+                                        int64_t rank, uint64_t, bool, bool,
+                                        bool, bool, bool, bool, int64_t block,
+                                        int64_t threads, int64_t, int64_t lanes,
+                                        bool, bool, Determinism) {
   if (rank < 1 || rank > 4)
     return emitError() << "(C1) expects a launch of 1 to 4 dimensions, but got "
                        << rank;
@@ -97,8 +99,7 @@ warp::VariantAttr warp::VariantAttr::getUnknown(MLIRContext *context) {
 
 bool warp::VariantAttr::hasWholeWarps() const {
   bool oneAxis = getRank() == 1 || getFlat();
-  return getBlock() % 32 == 0 &&
-         (oneAxis || llvm::isPowerOf2_64(getBlock()));
+  return getBlock() % 32 == 0 && (oneAxis || llvm::isPowerOf2_64(getBlock()));
 }
 
 //===----------------------------------------------------------------------===//

@@ -343,15 +343,16 @@ static void repeatSequence(const GraphOperation &operation, int device,
     auto sort = operation.read<SortPairs>();
     return sortPairs(device, pairsOf(sort), sort.beginBit, sort.endBit, stream);
   }
-  if (device != cpuDevice)
-    throw nonsense(operation);
   if (operation.kind == Kind::SortSegments) {
     auto sort = operation.read<SortSegments>();
-    return sortSegments(pairsOf(sort), sort.begins, sort.ends, sort.segments);
+    return sortSegments(device, pairsOf(sort), sort.begins, sort.ends,
+                        sort.segments, stream);
   }
   auto runs = operation.read<FindRuns>();
-  findRuns({static_cast<int>(runs.size), runs.numbers, runs.count,
-            runs.runNumbers, runs.runLengths, runs.runCount});
+  findRuns(device,
+           {static_cast<int>(runs.size), runs.numbers, runs.count,
+            runs.runNumbers, runs.runLengths, runs.runCount},
+           stream);
 }
 
 static void repeatCondition(const GraphOperation &operation, Capture &capture,

@@ -32,6 +32,9 @@ void warp::writeCode(Writer &out, const Code &code) {
   out.number<uint8_t>(code.cooperative);
   out.number<uint8_t>(code.ragged);
   out.number<int32_t>(code.dynamicBytes);
+  out.number<int32_t>(code.maps.size());
+  for (const TensorMap &map : code.maps)
+    out.number(map);
   out.number<int32_t>(code.rows);
   out.number<int32_t>(code.tile);
   out.number<int32_t>(code.split);
@@ -68,6 +71,9 @@ Code warp::readCode(Reader &in) {
   code.cooperative = in.number<uint8_t>();
   code.ragged = in.number<uint8_t>();
   code.dynamicBytes = in.number<int32_t>();
+  auto maps = in.number<int32_t>();
+  for (int32_t i = 0; i < maps && in.ok(); ++i)
+    code.maps.push_back(in.number<TensorMap>());
   code.rows = in.number<int32_t>();
   code.tile = in.number<int32_t>();
   code.split = in.number<int32_t>();

@@ -259,6 +259,9 @@ static_assert(sizeof(LaunchAttribute) == 72 && sizeof(LaunchConfig) == 56);
   X(libraryGetKernel, cuLibraryGetKernel,                                      \
     (KernelHandle *, LibraryHandle, const char *))                             \
   X(kernelGetFunction, cuKernelGetFunction, (Function *, KernelHandle))        \
+  X(encodeTensorMap, cuTensorMapEncodeTiled,                                   \
+    (void *, int, unsigned, void *, const uint64_t *, const uint64_t *,        \
+     const uint32_t *, const uint32_t *, int, int, int, int))                  \
   X(launchKernelEx, cuLaunchKernelEx,                                          \
     (const LaunchConfig *, Function, void **, void **))
 

@@ -240,18 +240,17 @@ GraphNode Cloner::copy(GraphNode node, GraphHandle target,
   case nodeEmpty:
     WARP_CUDA_GRAPH(addEmpty, &made, target, after.data(), after.size());
     return made;
-  case nodeWait:
+  case nodeWait: {
+    EventHandle event = nullptr;
+    WARP_CUDA_GRAPH(waitNodeEvent, node, &event);
+    WARP_CUDA_GRAPH(addWait, &made, target, after.data(), after.size(), event);
+    return made;
+  }
   case nodeRecord: {
     EventHandle event = nullptr;
-    if (typeOf(node) == nodeWait) {
-      WARP_CUDA_GRAPH(waitNodeEvent, node, &event);
-      WARP_CUDA_GRAPH(addWait, &made, target, after.data(), after.size(),
-                      event);
-    } else {
-      WARP_CUDA_GRAPH(recordNodeEvent, node, &event);
-      WARP_CUDA_GRAPH(addRecord, &made, target, after.data(), after.size(),
-                      event);
-    }
+    WARP_CUDA_GRAPH(recordNodeEvent, node, &event);
+    WARP_CUDA_GRAPH(addRecord, &made, target, after.data(), after.size(),
+                    event);
     return made;
   }
   default:

@@ -22,6 +22,7 @@
 #include "Overlap.h"
 #include "PrivateCopies.h"
 #include "Support.h"
+#include "TensorMaps.h"
 #include "warp/KernelCache.h"
 #include "warp/SavedModule.h"
 #include "warp/ThreadPool.h"
@@ -181,8 +182,12 @@ CompileOptions Kernel::Impl::compileOptions(const VariantKey &key,
   result.under = key.under;
   result.narrow = key.narrow;
   result.disjoint = key.disjoint;
-  if (arch != 0 && key.device != cpuDevice)
+  if (arch != 0 && key.device != cpuDevice) {
     result.driverVersion = cuda::driver()->version;
+    // For this device alone, so with what later architectures do not have.
+    if (arch == 90 && !key.unmapped)
+      result.target += "a";
+  }
   result.debug = options.debug;
   result.fastMath = options.fastMath;
   result.deterministic = options.deterministic;
@@ -283,8 +288,7 @@ Kernel::Kernel(Module module, std::string name, KernelOptions options)
   impl->setParameters(warp::parameters(impl->module));
 }
 
-Kernel::Kernel(Translation translation, std::string name,
-               KernelOptions options)
+Kernel::Kernel(Translation translation, std::string name, KernelOptions options)
     : impl(std::make_unique<Impl>(std::move(translation))) {
   impl->name = std::move(name);
   impl->options = options;
@@ -294,9 +298,8 @@ Kernel::Impl::Impl(Module module) : module(std::move(module)) {}
 
 Kernel::Impl::Impl(Translation &&translation)
     : module(nullptr), text(std::move(translation.text)),
-      knownHashes(std::move(translation.hashes)),
-      knownRank(translation.rank), accesses(std::move(translation.accesses)),
-      hasAccesses(true) {
+      knownHashes(std::move(translation.hashes)), knownRank(translation.rank),
+      accesses(std::move(translation.accesses)), hasAccesses(true) {
   std::call_once(hashed, [] {});
   setParameters(std::move(translation.params));
 }
@@ -413,6 +416,11 @@ Kernel::Plan Kernel::Impl::plan(int device, const LaunchDim &dim, void *params,
     key.ordered = true;
     choose();
   }
+  if (plan.variant && !plan.variant->code.maps.empty() &&
+      !canMap(plan.variant->code.maps, params)) {
+    key.unmapped = true;
+    choose();
+  }
   auto estimate = [&] {
     if (plan.variant)
       plan.work = plan.variant->code.cost * static_cast<double>(plan.items);
@@ -476,7 +484,10 @@ void Kernel::Impl::run(const Plan &plan, void *params, const Stream *stream) {
   if (plan.device != cpuDevice) {
     if (variant.record)
       setErrorRecord(params, variant.record->address());
-    return launchOnCuda(variant, name, params, stream, plan.openBlock);
+    if (variant.code.maps.empty())
+      return launchOnCuda(variant, name, params, stream, plan.openBlock);
+    MappedParameters mapped(variant.code.maps, params, paramSize);
+    return launchOnCuda(variant, name, mapped.get(), stream, plan.openBlock);
   }
   if (!options.debug) {
     launchOnCpu(variant, params, paramSize, plan.items, isShort(plan));

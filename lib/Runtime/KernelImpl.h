@@ -30,6 +30,8 @@ struct VariantKey {
   bool narrow = false;
   bool disjoint = false;
   bool ordered = false;
+  /// Arrays lie such that the copy engine cannot take boxes of them.
+  bool unmapped = false;
   int blockDim = 0;
   uint64_t contiguous = 0;
 
@@ -38,8 +40,8 @@ struct VariantKey {
            index32 == other.index32 && flat == other.flat &&
            large == other.large && under == other.under &&
            narrow == other.narrow && disjoint == other.disjoint &&
-           ordered == other.ordered && blockDim == other.blockDim &&
-           contiguous == other.contiguous;
+           ordered == other.ordered && unmapped == other.unmapped &&
+           blockDim == other.blockDim && contiguous == other.contiguous;
   }
 
   /// The same but for what does not count of the size of the launch, of which

@@ -151,6 +151,8 @@ SavedKernel Kernel::save(int arch, int device) {
   std::lock_guard<std::mutex> lock(impl->mutex);
   for (VariantKey key : keysToSave(impl->params, rank, arch != 0)) {
     key.device = device;
+    // One for arrays wherever they lie.
+    key.unmapped = true;
     saved.variants.push_back(impl->compileSaved(key, arch));
   }
   return saved;

@@ -18,6 +18,10 @@ void scanOnCuda(int device, NumberType kind, int width, Sequence out,
 /// Returns whether the result is behind the pairs.
 bool sortOnCuda(int device, const Pairs &pairs, int beginBit, int endBit,
                 const Stream *stream);
+void sortSegmentsOnCuda(int device, const Pairs &pairs, const int32_t *begins,
+                        const int32_t *ends, int64_t segments,
+                        const Stream *stream);
+void findRunsOnCuda(int device, const Runs &runs, const Stream *stream);
 
 } // namespace warp
 

@@ -16,6 +16,7 @@
 #include "warp/Memory.h"
 
 #include <algorithm>
+#include <cstdint>
 #include <map>
 #include <mutex>
 #include <string>
@@ -23,7 +24,9 @@
 
 using namespace warp;
 
-extern "C" const char warp_cuda_Scan_begin[], warp_cuda_Sort_begin[];
+extern "C" const char warp_cuda_Scan_begin[], warp_cuda_Sort_begin[],
+    warp_cuda_SortSegments_begin[], warp_cuda_SortLongSegments_begin[],
+    warp_cuda_Runs_begin[];
 
 static constexpr int threads = 256;
 /// Bytes of a quarter of what a thread of a scan has in registers.
@@ -176,4 +179,84 @@ bool warp::sortOnCuda(int device, const Pairs &pairs, int beginBit, int endBit,
          counters, 1, pairs.keys, pairs.count, signOf(pairs.kind), beginBit,
          endBit, state);
   return sort.move(work, device, state);
+}
+
+//===----------------------------------------------------------------------===//
+// Segments and runs
+//===----------------------------------------------------------------------===//
+
+namespace {
+/// Kernels that sort segments in registers, by how many lanes share one.
+struct SegmentKernel {
+  const char *name;
+  int64_t lanes, most;
+};
+} // namespace
+static constexpr SegmentKernel segmentKernels[] = {
+    {"segments_4", 4, 16}, {"segments_8", 8, 128}, {"segments_32", 32, 512}};
+/// Blocks for segments in a list, whose length only the device knows.
+static constexpr int64_t listBlocks = 1056;
+
+void warp::sortSegmentsOnCuda(int device, const Pairs &pairs,
+                              const int32_t *begins, const int32_t *ends,
+                              int64_t segments, const Stream *stream) {
+  if (sizeOf(pairs.kind) != 4 || pairs.valueSize != 4)
+    throw Error(Error::Kind::Value,
+                "a sort of segments on CUDA takes keys and values of 32 bits");
+  if (pairs.count > INT32_MAX || segments > INT32_MAX)
+    throw Error(Error::Kind::Value,
+                "a sort of segments on CUDA takes less than 2^31 pairs");
+  if (pairs.count <= 1 || segments <= 0)
+    return;
+  // How long the lists of the kernels are and how many segments blocks have
+  // taken, then the lists; one is written while the one before is read.
+  Buffer buffer(device, (4 + 2 * segments) * 4, false, stream);
+  auto *sizes = static_cast<uint32_t *>(buffer.data());
+  uint32_t *lists[] = {sizes + 4, sizes + 4 + segments};
+  setMemory(sizes, device, 0, 16, stream);
+
+  QueuedWork work(device, stream);
+  auto queue = [&](const char *code, const char *name, int64_t blocks,
+                   auto... args) {
+    launch(work, kernelOf(device, code, name), blocks, 1, pairs.keys,
+           pairs.values, pairs.count, static_cast<uint32_t>(signOf(pairs.kind)),
+           int(isFloat(pairs.kind)), begins, ends, args...);
+  };
+  uint32_t *listed = nullptr;
+  // Segments that the kernels so far may have left.
+  int64_t left = segments;
+  for (const SegmentKernel &kernel : segmentKernels) {
+    // Where most are longer, a later one is the first.
+    if (!listed && kernel.most < 512 && pairs.count > kernel.most * segments)
+      continue;
+    int64_t blocks = ceilDivide(left * kernel.lanes, threads);
+    queue(warp_cuda_SortSegments_begin, kernel.name,
+          std::min(blocks, listed ? listBlocks : 1 << 20), int(segments),
+          listed, lists[0], sizes, lists[1]);
+    if (pairs.count <= kernel.most)
+      return;
+    left = std::min(segments, pairs.count / (kernel.most + 1));
+    listed = sizes++;
+    std::swap(lists[0], lists[1]);
+  }
+  queue(warp_cuda_SortLongSegments_begin, "segments_long",
+        std::min(left, listBlocks), listed, lists[0], sizes);
+}
+
+void warp::findRunsOnCuda(int device, const Runs &runs, const Stream *stream) {
+  if (runs.count > INT32_MAX)
+    throw Error(Error::Kind::Value,
+                "a search for runs on CUDA takes less than 2^31 numbers");
+  if (runs.count <= 0)
+    return;
+  // As in the kernel: a thread has 16 numbers of 32 bits, or 8 of 64.
+  int64_t tiles = ceilDivide(runs.count, threads * 64 / runs.size);
+  Buffer states(device, tiles * 8, false, stream);
+  setMemory(states.data(), device, 0, states.size(), stream);
+  QueuedWork work(device, stream);
+  launch(work,
+         kernelOf(device, warp_cuda_Runs_begin,
+                  runs.size == 4 ? "runs_u32" : "runs_u64"),
+         tiles, 1, runs.numbers, runs.count, runs.runNumbers, runs.runLengths,
+         runs.runCount, states.data());
 }

@@ -299,15 +299,18 @@ static void sortSegmentsOnHost(const Pairs &pairs, const int32_t *begins,
   ThreadPool::parallelFor(0, segments, grain, sortSome);
 }
 
-void warp::sortSegments(const Pairs &pairs, const int32_t *begins,
-                        const int32_t *ends, int64_t segments) {
-  TraceScope tracing(cpuDevice, nullptr);
+void warp::sortSegments(int device, const Pairs &pairs, const int32_t *begins,
+                        const int32_t *ends, int64_t segments,
+                        const Stream *stream) {
+  TraceScope tracing(device, stream);
   if (tracing)
     tracing->add(GraphOperation::Kind::SortSegments,
                  graphs::SortSegments{pairs.keys, pairs.values, begins, ends,
                                       pairs.count, segments,
                                       static_cast<int32_t>(pairs.kind),
                                       pairs.valueSize});
+  if (device != cpuDevice)
+    return sortSegmentsOnCuda(device, pairs, begins, ends, segments, stream);
   auto run = [=] { sortSegmentsOnHost(pairs, begins, ends, segments); };
   size_t bytes = pairs.count * (sizeOf(pairs.kind) + pairs.valueSize);
   if (!recordOnHost(bytes, run))
@@ -358,13 +361,15 @@ template <typename T> static void findRunsOnHost(const Runs &runs) {
   *runs.runCount = static_cast<int32_t>(total);
 }
 
-void warp::findRuns(const Runs &runs) {
-  TraceScope tracing(cpuDevice, nullptr);
+void warp::findRuns(int device, const Runs &runs, const Stream *stream) {
+  TraceScope tracing(device, stream);
   if (tracing)
     tracing->add(GraphOperation::Kind::FindRuns,
                  graphs::FindRuns{runs.numbers, runs.runNumbers,
                                   runs.runLengths, runs.runCount, runs.count,
                                   runs.size});
+  if (device != cpuDevice)
+    return findRunsOnCuda(device, runs, stream);
   auto run = [=] {
     runs.size == 4 ? findRunsOnHost<uint32_t>(runs)
                    : findRunsOnHost<uint64_t>(runs);

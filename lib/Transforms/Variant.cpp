@@ -130,8 +130,12 @@ static warp::TargetAttr getTarget(MLIRContext *context, StringRef name) {
     return warp::TargetAttr::get(context, Platform::cpu, 0,
                                  name == "cpu" ? "" : rest,
                                  warp::getVectorBits(name));
-  if (rest.consume_front("sm_") && !rest.getAsInteger(10, version) && version)
-    return warp::TargetAttr::get(context, Platform::cuda, version, "", 0);
+  // With an `a`, code may use what no other architecture has.
+  if (rest.consume_front("sm_")) {
+    StringRef own = rest.consume_back("a") ? name : "";
+    if (!rest.getAsInteger(10, version) && version)
+      return warp::TargetAttr::get(context, Platform::cuda, version, own, 0);
+  }
   return {};
 }
 

@@ -277,6 +277,17 @@ static int setGradPtr(PyObject *self, PyObject *value, void *) {
   return 0;
 }
 
+static int setPtr(PyObject *self, PyObject *value, void *) {
+  void *pointer = nullptr;
+  if (value && value != Py_None) {
+    pointer = PyLong_AsVoidPtr(value);
+    if (!pointer && PyErr_Occurred())
+      return -1;
+  }
+  asArray(self)->descriptor.data = pointer;
+  return 0;
+}
+
 static PyObject *getOwner(PyObject *self, void *) {
   PyObject *owner = asArray(self)->owner;
   return Py_NewRef(owner ? owner : Py_None);
@@ -298,7 +309,7 @@ static int setDtype(PyObject *self, PyObject *value, void *) {
 }
 
 static PyGetSetDef attributes[] = {
-    {"ptr", getPtr, nullptr, "Address of the first element, or None.", nullptr},
+    {"ptr", getPtr, setPtr, "Address of the first element, or None.", nullptr},
     {"grad_ptr", getGradPtr, setGradPtr, "Address of the gradient.", nullptr},
     {"shape", getShape, nullptr, "Extents.", nullptr},
     {"strides", getStrides, nullptr, "Strides in bytes.", nullptr},

@@ -120,7 +120,7 @@ static PyObject *getAccesses(PyObject *self, void *) {
 static PyObject *printIr(PyObject *self, PyObject *args, PyObject *names) {
   static const char *keywords[] = {"stage", "arch", "rank", nullptr};
   const char *stage;
-  int arch = 0, rank = 1;
+  int arch = 0, rank = 0;
   if (!PyArg_ParseTupleAndKeywords(args, names, "s|ii",
                                    const_cast<char **>(keywords), &stage, &arch,
                                    &rank))
@@ -130,7 +130,10 @@ static PyObject *printIr(PyObject *self, PyObject *args, PyObject *names) {
     std::string text;
     {
       warp::python::Unlocked unlocked;
-      text = emitText(kernel.module(), kernel.optionsFor(arch, rank), stage);
+      const Module &module = kernel.module();
+      if (!rank)
+        rank = threadRank(module);
+      text = emitText(module, kernel.optionsFor(arch, rank), stage);
     }
     return py::str(text).release().ptr();
   });
@@ -209,8 +212,8 @@ void python::bindKernel(py::module_ &m) {
        "launch(dim, inputs, outputs=None, device=-1, stream=None, "
        "block_dim=0)\n\nRuns the kernel; arguments are positional."},
       {"ir", asMethod(printIr), METH_VARARGS | METH_KEYWORDS,
-       "ir(stage, arch=0, rank=1)\n\nText of a stage: warp, thread, llvm, "
-       "ptx or asm."},
+       "ir(stage, arch=0, rank=0)\n\nText of a stage: warp, thread, llvm, "
+       "ptx or asm; for as many dimensions as the kernel asks for, or rank."},
       {"schedules", asMethod(schedules), METH_VARARGS | METH_KEYWORDS,
        "schedules(device=-1, arch=0, dim=None)\n\nWhat was decided about each "
        "kind of launch: (kind, [(what, value, reason, line)])."},

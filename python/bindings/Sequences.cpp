@@ -87,8 +87,8 @@ static void sortEach(const py::object &keys, const py::object &values,
                      int64_t segments) {
   Argument first(keys), second(values), from(begins), to(ends);
   py::gil_scoped_release unlocked;
-  sortSegments(pairsOf(first, second, kind, count), from.as<int32_t>(),
-               to.as<int32_t>(), segments);
+  sortSegments(first.device(), pairsOf(first, second, kind, count),
+               from.as<int32_t>(), to.as<int32_t>(), segments);
 }
 
 static void encode(const py::object &numbers, int64_t count,
@@ -97,7 +97,8 @@ static void encode(const py::object &numbers, int64_t count,
   Argument all(numbers), starts(runNumbers), lengths(runLengths),
       total(runCount);
   py::gil_scoped_release unlocked;
-  findRuns({static_cast<int>(all.array->itemSize), all.data(), count,
+  findRuns(all.device(),
+           {static_cast<int>(all.array->itemSize), all.data(), count,
             starts.data(), lengths.as<int32_t>(), total.as<int32_t>()});
 }
 

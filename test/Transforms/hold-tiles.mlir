@@ -105,8 +105,8 @@ func.func @old(%a: !warp.array<2 x f16>, %c: !warp.array<2 x f32>)
 
 // Matrices that only factors and solves read have room between their rows.
 // CHECK-LABEL: func.func @factor
-// CHECK: warp.tile_load {{.*}}pitch = 17
-// CHECK: warp.tile_cholesky {{.*}}form = 16 : i64{{.*}}pitch = 17
+// CHECK: warp.tile_load {{.*}}pitch = 20
+// CHECK: warp.tile_cholesky {{.*}}form = 16 : i64{{.*}}pitch = 20
 // CHECK: warp.tile_solve {{.*}}form = 1 : i64
 func.func @factor(%a: !warp.array<2 x f32>, %x: !warp.array<1 x f32>)
     attributes {warp.kernel, warp.block_threads = 32 : i64,

@@ -137,3 +137,34 @@ func.func @together(%x: !warp.array<1 x f32>, %n: i32)
   warp.store_components(%r#0), %x[%i] : (f32), !warp.array<1 x f32>, i32
   return
 }
+
+// -----
+
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 3,
+      lanes = 4>
+
+// A loop whose end nobody else decides waits for no one, whatever it reads and
+// writes on the way.
+// CHECK-LABEL: func.func @own_end
+// CHECK: scf.while
+// CHECK: warp.load_lanes
+func.func @own_end(%x: !warp.array<2 x f32>, %n: i32, %z: f32)
+    attributes {warp.kernel, warp.variant = #cpu} {
+  %i = warp.tid : i32
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  %sum:2 = scf.while (%k = %n, %s = %z) : (i32, f32) -> (i32, f32) {
+    %more = arith.cmpi ne, %k, %c0 : i32
+    scf.condition(%more) %k, %s : i32, f32
+  } do {
+  ^bb0(%k: i32, %s: f32):
+    %j = arith.subi %k, %c1 : i32
+    %v = warp.load_components %x[%j, %i]
+      : !warp.array<2 x f32>, i32, i32 -> f32
+    warp.store_components(%s), %x[%j, %i]
+      : (f32), !warp.array<2 x f32>, i32, i32
+    %t = arith.addf %s, %v : f32
+    scf.yield %j, %t : i32, f32
+  }
+  return
+}

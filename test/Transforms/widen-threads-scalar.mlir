@@ -107,3 +107,35 @@ func.func @on_gpu(%x: !warp.array<1 x f32>)
   warp.store_components(%v), %x[%i] : (f32), !warp.array<1 x f32>, i32
   return
 }
+
+// -----
+
+#lanes = #warp.variant<target = <platform = cpu, bits = 256>, lanes = 4>
+
+// What the thread keeps in its own memory may come from another one, too.
+// CHECK-LABEL: func.func @noted
+// CHECK: scf.while
+func.func @noted(%flags: !warp.array<1 x si32>)
+    attributes {warp.kernel, warp.variant = #lanes} {
+  %i = warp.tid : i32
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  %before = arith.subi %i, %c1 : i32
+  %notes = warp.scratch : !warp.scratch<2 x i32>
+  warp.scratch_store %c0, %notes[%c1] : i32, !warp.scratch<2 x i32>, i32
+  scf.while : () -> () {
+    %note = warp.scratch_load %notes[%c1] : !warp.scratch<2 x i32>, i32 -> i32
+    %wait = arith.cmpi eq, %note, %c0 : i32
+    scf.condition(%wait)
+  } do {
+    %now = warp.load_components %flags[%before]
+      : !warp.array<1 x si32>, i32 -> i32
+    %is_there = arith.cmpi ne, %now, %c0 : i32
+    scf.if %is_there {
+      warp.scratch_store %c1, %notes[%c1] : i32, !warp.scratch<2 x i32>, i32
+    }
+    scf.yield
+  }
+  warp.store_components(%c1), %flags[%i] : (i32), !warp.array<1 x si32>, i32
+  return
+}

@@ -58,46 +58,87 @@ template <class T> std::string bytesOf(const T &value) {
   return bytes;
 }
 
-/// A team of the threads of a block.
+/// Teams of a warp whose lanes are the threads of a block.
 struct FakeOctet {
-  static constexpr int lanes = 8;
+  static constexpr int lanes = 8, teams = 4;
 
-  int rank() const { return gpu::thread(); }
+  static bool areAllHere() { return true; }
+  bool areSame(scalar::Bytes) const { return true; }
+  int rank() const { return lane() & 7; }
+  int number() const { return lane() >> 3; }
+  int lane() const { return gpu::thread(); }
+  u32 from(u32 value, int lane) const {
+    return exchange(value, [&] { return givenBy(lane); });
+  }
   u32 of(u32 value, int rank) const {
+    return from(value, (lane() & ~7) | (rank & 7));
+  }
+  u32 least(u32 value) const {
+    return exchange(value, [&] {
+      u32 all = value;
+      for (int i = 0; i < lanes; ++i)
+        all = std::min(all, givenBy((lane() & ~7) | i));
+      return all;
+    });
+  }
+  u32 where(bool says) const {
+    return exchange(says, [&] {
+      u32 all = 0;
+      for (int i = 0; i < lanes * teams; ++i)
+        all |= givenBy(i) << i;
+      return all;
+    });
+  }
+  u32 with(bool says) const { return where(says) >> (lane() & ~7) & 0xff; }
+  void meet() const {}
+
+private:
+  static u32 givenBy(int lane) { return gpu::fake.threads[lane].given; }
+  template <class Take> static u32 exchange(u32 value, Take take) {
     gpu::fake.threads[gpu::thread()].given = value;
     gpu::meet();
-    value = gpu::fake.threads[rank].given;
+    value = take();
     gpu::meet();
     return value;
   }
-  u32 least(u32 value) const {
-    u32 all = value;
-    for (int i = 0; i < lanes; ++i)
-      all = std::min(all, of(value, i));
-    return all;
-  }
-  bool any(bool says) const { return ~least(says ? ~1u : ~0u); }
 };
 
-/// The same for a team and for threads on their own.
-void compareTeam(const Tree &tree, Queries &queries) {
-  scalar::ClosestQuery alone[8], together[8];
-  for (scalar::ClosestQuery &one : alone) {
-    Vertex p = queries.point();
-    one = {(scalar::Bytes)tree.nodes,
-           (scalar::Bytes)tree.blocks,
-           {p[0] * tree.scale, p[1] * tree.scale, p[2] * tree.scale},
-           4,
-           0};
-    together[&one - alone] = one;
-    scalar::findForEach(scalar::Single(), one);
+/// The same for the lanes of a warp together and for threads on their own.
+void compareTeams(const Tree &tree, Queries &queries, bool isBeam) {
+  using TogetherClosest = scalar::ClosestByTeam<FakeOctet>;
+  using TogetherRay = scalar::RaySearchBy<FakeOctet>;
+  constexpr int threads = 32;
+  scalar::ClosestQuery alone[threads], together[threads];
+  Point<f32> from[threads], along[threads];
+  RayHit hits[threads], both[threads];
+  auto nodes = (scalar::Bytes)tree.nodes, blocks = (scalar::Bytes)tree.blocks;
+  for (int i = 0; i < threads; ++i) {
+    Vertex p = queries.point(), d = queries.direction();
+    while (d[0] == 0 && d[1] == 0 && d[2] == 0)
+      d = queries.direction();
+    // Rays that begin at one point meet the same blocks.
+    from[i] = isBeam && i % 16 ? from[i - 1] : Point<f32>{p[0], p[1], p[2]};
+    along[i] = {d[0], d[1], d[2]};
+    f32 limit = i % 3 ? std::numeric_limits<f32>::infinity() : 0.7f;
+    hits[i] = castRay<wide::RaySearch>(tree, from[i], along[i], limit, 0);
+    f32 k = tree.scale;
+    alone[i] = together[i] = {{p[0] * k, p[1] * k, p[2] * k}, 4};
+    scalar::ClosestByTeam<scalar::Single>({}, nodes, blocks, 0, alone[i]).run();
   }
-  gpu::launch(
-      1, 8, [&] { scalar::findForEach(FakeOctet(), together[gpu::thread()]); });
-  for (int i = 0; i < 8; ++i) {
+  gpu::launch(1, threads, [&] {
+    int i = gpu::thread();
+    TogetherClosest({}, nodes, blocks, 0, together[i]).run();
+    f32 limit = i % 3 ? std::numeric_limits<f32>::infinity() : 0.7f;
+    both[i] = castRay<TogetherRay>(tree, from[i], along[i], limit, 0);
+    bool any =
+        castRay<TogetherRay>(tree, from[i], along[i], limit, 0, true).face >= 0;
+    EXPECT_EQ(any, hits[i].face >= 0) << i;
+  });
+  for (int i = 0; i < threads; ++i) {
     ASSERT_EQ(alone[i].face, together[i].face) << i;
     ASSERT_EQ(alone[i].block, together[i].block) << i;
     ASSERT_EQ(alone[i].lane, together[i].lane) << i;
+    ASSERT_EQ(bytesOf(hits[i]), bytesOf(both[i])) << i;
   }
 }
 
@@ -126,8 +167,8 @@ void compare(Scene scene, Vertex center = {}, float size = 1) {
       found += near.face >= 0;
     }
   }
-  for (int i = 0; i < 20; ++i)
-    compareTeam(tree, queries);
+  for (int i = 0; i < 6; ++i)
+    compareTeams(tree, queries, i % 2);
   EXPECT_GT(hits, 500);
   EXPECT_GT(found, 4000);
 }

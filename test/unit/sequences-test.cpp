@@ -126,12 +126,13 @@ TEST(Sequences, SegmentsAreSortedAlone) {
   }
   keys.resize(2 * count);
   Pairs pairs{NumberType::Int32, keys.data(), values.data(), 4, count};
-  sortSegments(pairs, begins.data(), ends.data(), begins.size());
+  sortSegments(cpuDevice, pairs, begins.data(), ends.data(), begins.size());
   keys.resize(count);
   EXPECT_EQ(keys, expected);
   ends.back() = count + 1;
-  EXPECT_THROW(sortSegments(pairs, begins.data(), ends.data(), begins.size()),
-               Error);
+  EXPECT_THROW(
+      sortSegments(cpuDevice, pairs, begins.data(), ends.data(), begins.size()),
+      Error);
 }
 
 TEST(Sequences, ScansOfIntegersWrap) {
@@ -176,8 +177,8 @@ TEST(Sequences, RunsOfAnyLength) {
       ++lengthsExpected.back();
     }
     int32_t runs = -1;
-    findRuns(
-        {8, numbers.data(), count, values.data(), lengthsFound.data(), &runs});
+    findRuns(cpuDevice, {8, numbers.data(), count, values.data(),
+                         lengthsFound.data(), &runs});
     ASSERT_EQ(runs, static_cast<int32_t>(expected.size()));
     values.resize(runs);
     lengthsFound.resize(runs);

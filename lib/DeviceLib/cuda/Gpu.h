@@ -39,6 +39,9 @@ inline uint32_t lanesBefore() { return (1u << lane()) - 1; }
 inline void meet() { __nvvm_bar_sync(0); }
 inline void meetWarp() { __nvvm_bar_warp_sync(~0u); }
 
+/// Waits for all threads of the block; whether `condition` holds for one.
+inline bool meetAny(bool condition) { return __nvvm_bar0_or(condition); }
+
 /// Keeps what follows from being computed before, and what was computed of
 /// `value` from being kept for it: registers are dearer than a shift.
 template <typename T> inline void forget(T &value) {
@@ -53,6 +56,15 @@ inline uint32_t ballot(bool value) {
   return __nvvm_vote_ballot_sync(~0u, value);
 }
 
+/// What `shuffle` gives of the halves of a value of 64 bits.
+template <typename T, typename Shuffle>
+inline T byHalves(T value, Shuffle shuffle) {
+  auto bits = __builtin_bit_cast(uint64_t, value);
+  uint64_t low = shuffle(static_cast<uint32_t>(bits));
+  uint64_t high = shuffle(static_cast<uint32_t>(bits >> 32));
+  return __builtin_bit_cast(T, high << 32 | low);
+}
+
 /// The value that the lane `distance` before this one has; its own at the
 /// start of the warp.
 inline uint32_t fromBefore(uint32_t value, int distance) {
@@ -65,13 +77,12 @@ inline float fromBefore(float value, int distance) {
   return __nvvm_shfl_sync_up_f32(~0u, value, distance, 0);
 }
 inline uint64_t fromBefore(uint64_t value, int distance) {
-  uint64_t low = fromBefore(static_cast<uint32_t>(value), distance);
-  uint64_t high = fromBefore(static_cast<uint32_t>(value >> 32), distance);
-  return high << 32 | low;
+  return byHalves(value,
+                  [&](uint32_t half) { return fromBefore(half, distance); });
 }
 inline double fromBefore(double value, int distance) {
-  return __builtin_bit_cast(
-      double, fromBefore(__builtin_bit_cast(uint64_t, value), distance));
+  return byHalves(value,
+                  [&](uint32_t half) { return fromBefore(half, distance); });
 }
 
 /// The value that a lane has.
@@ -82,18 +93,20 @@ inline float fromLane(float value, int lane) {
   return __nvvm_shfl_sync_idx_f32(~0u, value, lane, 31);
 }
 inline uint64_t fromLane(uint64_t value, int lane) {
-  uint64_t low = fromLane(static_cast<uint32_t>(value), lane);
-  uint64_t high = fromLane(static_cast<uint32_t>(value >> 32), lane);
-  return high << 32 | low;
+  return byHalves(value, [&](uint32_t half) { return fromLane(half, lane); });
 }
 inline double fromLane(double value, int lane) {
-  return __builtin_bit_cast(
-      double, fromLane(__builtin_bit_cast(uint64_t, value), lane));
+  return byHalves(value, [&](uint32_t half) { return fromLane(half, lane); });
 }
 
 /// The value of the lane whose number differs by the bits of `mask`.
 inline uint32_t fromAcross(uint32_t value, int mask) {
   return __nvvm_shfl_sync_bfly_i32(~0u, value, mask, 31);
+}
+inline uint64_t fromAcross(uint64_t value, int mask) {
+  uint64_t low = fromAcross(static_cast<uint32_t>(value), mask);
+  uint64_t high = fromAcross(static_cast<uint32_t>(value >> 32), mask);
+  return high << 32 | low;
 }
 inline float fromAcross(float value, int mask) {
   return __nvvm_shfl_sync_bfly_f32(~0u, value, mask, 31);

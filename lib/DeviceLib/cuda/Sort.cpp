@@ -13,15 +13,8 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "Gpu.h"
+#include "SortKeys.h"
 
-using namespace gpu;
-
-static constexpr int threads = 256;
-static constexpr int warps = threads / warpSize;
-static constexpr int digitBits = 8;
-static constexpr int digits = 1 << digitBits;
-static_assert(digits == threads, "a thread per digit");
 /// How many tiles a thread looks at at once.
 static constexpr int lookAt = 8;
 
@@ -30,32 +23,6 @@ static constexpr int lookAt = 8;
 static constexpr uint32_t published = 1u << 30;
 static constexpr uint32_t summed = 2u << 30;
 static constexpr uint32_t countMask = published - 1;
-
-/// The bits of integers, signed or not, as an unsigned number of the same
-/// order.
-template <typename Bits> struct Integers {
-  using Key = Bits;
-  /// What turns them: the bit of the sign, or nothing.
-  Key flip;
-  Key ordered(Key bits) const { return bits ^ flip; }
-  /// The last of all.
-  Key last() const { return ~flip; }
-};
-
-/// The same of floats.
-template <typename Bits> struct Floats {
-  using Key = Bits;
-  Key sign;
-  Key ordered(Key bits) const {
-    constexpr Key infinity =
-        sizeof(Key) == 4 ? Key(0x7f800000u) : Key(0x7ff0000000000000ul);
-    Key magnitude = bits & ~sign;
-    Key result = bits & sign && magnitude ? ~bits : bits | sign;
-    return magnitude > infinity ? ~Key(0) : result;
-  }
-  /// A NaN.
-  Key last() const { return ~sign; }
-};
 
 //===----------------------------------------------------------------------===//
 // Counts
@@ -103,20 +70,6 @@ static void countDigits(const Key *keys, int64_t count, Order order, int begin,
   }
 }
 
-/// The sum of `value` over the threads before this one.
-static uint32_t sumBefore(uint32_t value) {
-  WARP_SHARED uint32_t sums[warps];
-  uint32_t own = sumOfLanes(value);
-  int warp = thread() / warpSize;
-  if (lane() == warpSize - 1)
-    sums[warp] = own;
-  meet();
-  uint32_t before = 0;
-  for (int i = 0; i < warp; ++i)
-    before += sums[i];
-  return before + own - value;
-}
-
 /// Where the pairs of each digit begin: one block per pass.
 WARP_KERNEL(threads, 1) void sort_starts(uint32_t *counts) {
   counts += block() * digits;
@@ -154,34 +107,6 @@ template <typename Order, typename Value> struct Pass {
 };
 
 } // namespace
-
-/// Small numbers in few registers: `bits` of 32 for each.
-template <int count, int bits> class Packed {
-public:
-  void set(int i, uint32_t value) {
-    int shift = i % each * bits;
-    words[i / each] = shift ? words[i / each] | value << shift : value;
-  }
-  uint32_t get(int i) const {
-    return words[i / each] >> (i % each * bits) & ((1u << bits) - 1);
-  }
-
-private:
-  static constexpr int each = 32 / bits;
-  uint32_t words[(count + each - 1) / each];
-};
-
-/// The lanes whose digit is that of this lane.
-static uint32_t lanesWith(int digit) {
-  uint32_t lanes = ~0u;
-#pragma unroll
-  for (int bit = 0; bit < digitBits; ++bit) {
-    bool set = digit >> bit & 1;
-    uint32_t with = ballot(set);
-    lanes &= set ? with : ~with;
-  }
-  return lanes;
-}
 
 /// Publishes of a digit that a tile has `count` pairs, or that the tiles up to
 /// it have so many.

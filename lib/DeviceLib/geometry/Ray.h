@@ -31,6 +31,11 @@ inline i32 exponentOf(f32 x) {
   return exponent < -126 ? -126 : exponent;
 }
 
+/// That of a power of two that has one.
+inline f32 inverseOfPower(f32 power) {
+  return __builtin_bit_cast(f32, (254u << 23) - __builtin_bit_cast(u32, power));
+}
+
 /// One of three numbers, which may be in registers.
 inline f32 pick(const f32 (&from)[3], int k) {
   return k == 0 ? from[0] : k == 1 ? from[1] : from[2];
@@ -72,7 +77,7 @@ struct Ray {
       // Of no use where the ray does not move; GPUs divide by zero slowly.
       inverse[i] = 1 / (direction[i] == 0 ? 1 : direction[i]);
     }
-    first = down / tree.scale;
+    first = down * inverseOfPower(tree.scale);
     second = further;
     kx = kz == 2 ? 0 : kz + 1;
     ky = kx == 2 ? 0 : kx + 1;
@@ -89,6 +94,9 @@ struct Ray {
   }
 
   f32 toUser(f32 t) const { return t * first * second; }
+  f32 toTree(f32 t) const {
+    return t * inverseOfPower(first) * inverseOfPower(second);
+  }
 };
 
 /// Children of a node that the ray may meet before `limit`, and where.

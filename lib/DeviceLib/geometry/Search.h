@@ -77,7 +77,7 @@ inline RayHit castRay(const Tree &tree, Point<f32> start, Point<f32> direction,
   Ray ray(tree, start, direction);
   if (!ray.isValid || !(maxT > 0))
     return none;
-  f32 limit = maxT / ray.first / ray.second;
+  f32 limit = ray.toTree(maxT);
   RayHit hit = Search(tree, ray, limit, any).run(root);
   if (hit.face < 0)
     return none;

@@ -19,24 +19,58 @@ WARP_INLINE void copyChunk(u64 to, u64 from) {
                : "memory");
 }
 
-template <class T>
-WARP_INLINE void fetch(u64 to, const Window &window, i32 pitch, i32 threads) {
-  constexpr i32 run = 16 / sizeof(T);
+/// Rows so many elements apart.
+struct Pitched {
+  i32 pitch;
+
+  WARP_INLINE i32 at(i32 row, i32 column) const { return row * pitch + column; }
+  /// Whether rows that are a multiple of `rows` apart differ by as much.
+  WARP_INLINE bool isEven(i32) const { return true; }
+};
+
+/// Columns in groups of 64, or all if there are fewer; the chunks of 16 bytes
+/// of 8, 4 or 2 elements' rows change places, so that those below each other
+/// are in different banks (PTX ISA, shared memory matrix layout: swizzling
+/// modes).
+struct Swizzled {
+  i32 rows, width;
+
+  WARP_INLINE Swizzled(i32 rows, i32 columns)
+      : rows(rows), width(columns < 64 ? columns : 64) {}
+  WARP_INLINE i32 at(i32 row, i32 column) const {
+    i32 chunks = width / 8;
+    i32 chunk = (u32(column) % u32(width) / 8) ^
+                (u32(row) / (8 / u32(chunks)) % u32(chunks));
+    return (u32(column) / u32(width) * rows + row) * width + chunk * 8 +
+           u32(column) % 8;
+  }
+  WARP_INLINE bool isEven(i32 rows) const { return rows % 8 == 0; }
+};
+
+template <class T, class Layout>
+WARP_INLINE void fetch(u64 to, const Window &window, const Layout &layout,
+                       i32 threads) {
+  constexpr i32 run = 16 / sizeof(T), size = sizeof(T);
   i32 thread = threadNumber();
   i32 runs = window.columns / run, chunks = window.rows * runs;
   if (window.columns % run == 0 && threads % runs == 0 &&
-      window.isAligned(sizeof(T), 16) && window.isInside()) {
+      window.isAligned(size, 16) && window.isInside()) {
     // A thread's rows are so many apart.
     i32 rows = threads / runs, whole = chunks / threads;
     i32 row = u32(thread) / u32(runs), column = u32(thread) % u32(runs) * run;
     u64 from = window.data + i64(window.first[0] + row) * window.step[0] +
-               i64(window.first[1] + column) * i64(sizeof(T));
+               i64(window.first[1] + column) * i64(size);
     i64 step = i64(window.step[0]) * rows;
-    to += (row * pitch + column) * sizeof(T);
+    u64 first = to + layout.at(row, column) * size;
+    auto place = [&](i32 turn) -> u64 {
+      if (layout.isEven(rows))
+        return first + turn * layout.at(rows, 0) * size;
+      return to + layout.at(row + turn * rows, column) * size;
+    };
     for (i32 turn = 0; turn < whole; ++turn)
-      copyChunk(to + turn * rows * pitch * sizeof(T), from + turn * step);
+      copyChunk(place(turn), from + turn * step);
     if (whole * threads < chunks && whole * threads + thread < chunks)
-      copyChunk(to + whole * rows * pitch * sizeof(T), from + whole * step);
+      copyChunk(place(whole), from + whole * step);
     return;
   }
 #pragma clang loop unroll(disable)
@@ -46,29 +80,30 @@ WARP_INLINE void fetch(u64 to, const Window &window, i32 pitch, i32 threads) {
     T value = 0;
     if (window.has(row, column))
       value = *global<T>(window.at(row, column));
-    *shared<T>(to + (row * pitch + column) * sizeof(T)) = value;
+    *shared<T>(to + layout.at(row, column) * size) = value;
   }
 }
 
 } // namespace
 
-#define WARP_FETCH(bits)                                                       \
-  WARP_TILES warp_tile_fetch_b##bits(                                          \
+#define WARP_FETCH(name, type, ...)                                            \
+  WARP_TILES warp_tile_fetch_##name(                                           \
       u64 to, u64 data, i32 first0, i32 first1, i32 extent0, i32 extent1,      \
-      i32 step0, i32 step1, i32 rows, i32 columns, i32 checked, i32 pitch,     \
-      i32 threads, void *) {                                                   \
-    fetch<u##bits>(to,                                                         \
-                   {data,                                                      \
-                    {first0, first1},                                          \
-                    {extent0, extent1},                                        \
-                    {step0, step1},                                            \
-                    rows,                                                      \
-                    columns,                                                   \
-                    checked != 0},                                             \
-                   pitch, threads);                                            \
+      i32 step0, i32 step1, i32 rows, i32 columns, i32 checked,                \
+      [[maybe_unused]] i32 pitch, i32 threads, void *) {                       \
+    fetch<type>(to,                                                            \
+                {data,                                                         \
+                 {first0, first1},                                             \
+                 {extent0, extent1},                                           \
+                 {step0, step1},                                               \
+                 rows,                                                         \
+                 columns,                                                      \
+                 checked != 0},                                                \
+                __VA_ARGS__, threads);                                         \
   }
-WARP_FETCH(16)
-WARP_FETCH(32)
+WARP_FETCH(b16, u16, Pitched{pitch})
+WARP_FETCH(b32, u32, Pitched{pitch})
+WARP_FETCH(swizzled_b16, u16, Swizzled(rows, columns))
 
 /// What was fetched since the last call is a group.
 WARP_TILES warp_tile_close_group(void *) {

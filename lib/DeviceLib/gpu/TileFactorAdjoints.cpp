@@ -10,8 +10,9 @@
 //   C' = C' D^-1,   B' -= C' R,   D' -= C'^T C,
 //   D' = that of a block,   R' -= C'^T B + (D' + D'^T) R
 //
-// Lanes have a column each, in registers, and multiply it with rows that all of
-// them read, four numbers at once; in the quotient they have a row.
+// Threads have a column each, in registers, as many as a block is wide, and
+// multiply it with rows that they all read, four numbers at once; in the
+// quotient they have a row.
 //
 //===----------------------------------------------------------------------===//
 
@@ -116,38 +117,35 @@ template <int width> struct FactorAdjoint {
         *bar.at(first + i, first + lane) = a[i];
   }
 
-  /// C' D^-1 of rows that lanes have.
-  WARP_INLINE void divide(i32 first, i32 row, i32 lane) const {
+  /// C' D^-1 of a thread's row.
+  WARP_INLINE void divide(i32 first, i32 row) const {
     float a[width];
-    float over = inverse(*factor.at(first + lane, first + lane));
-    bool exists = has(row + lane);
-    i32 own = exists ? row + lane : first;
 #pragma unroll
     for (int j = 0; j < width; j += 4) {
-      Four values = bar.four(own, first + j);
+      Four values = bar.four(row, first + j);
 #pragma unroll
       for (int q = 0; q < 4; ++q)
         a[j + q] = values[q];
     }
 #pragma unroll
     for (int j = width - 1; j >= 0; --j) {
-      a[j] *= fromLane(over, j);
 #pragma unroll
-      for (int k = 0; k < j; k += 4) {
+      for (int k = j / 4 * 4; k >= 0; k -= 4) {
         Four others = factor.four(first + j, first + k);
+        if (k + 4 > j)
+          a[j] *= inverse(others[j - k]);
 #pragma unroll
         for (int q = 0; q < 4; ++q)
           if (k + q < j)
             a[k + q] = __builtin_fmaf(-a[j], others[q], a[k + q]);
       }
     }
-    if (exists)
 #pragma unroll
-      for (int j = 0; j < width; j += 4)
-        bar.setFour(own, first + j, Four{a[j], a[j + 1], a[j + 2], a[j + 3]});
+    for (int j = 0; j < width; j += 4)
+      bar.setFour(row, first + j, Four{a[j], a[j + 1], a[j + 2], a[j + 3]});
   }
 
-  /// What a lane's column of a block's rows, to the left of it, gets from it.
+  /// What a thread's column of a block's rows, to the left of it, gets from it.
   WARP_INLINE void subtractBeside(i32 first, i32 column) const {
     float a[width];
     take(a, bar, first, column);
@@ -190,46 +188,51 @@ template <int width> struct FactorAdjoint {
 
   WARP_INLINE void run() const {
     i32 thread = threadNumber();
-    i32 warp = u32(thread) / 32, lane = u32(thread) % 32, warps = threads / 32;
+    auto [warp, lane, warps] = Position::of(thread, threads);
+    i32 own = lane < width ? lane : 0;
     i32 blocks = (n + width - 1) / width;
     if (n <= width) {
       if (warp == 0) {
         float a[width];
-        take(a, bar, 0, lane < width ? lane : 0);
+        take(a, bar, 0, own);
         reverseBlock(a, 0, lane);
       }
       return;
     }
+    // As many threads as a block has columns.
+    i32 group = u32(thread) / width, groups = threads / width;
+    i32 place = u32(thread) % width;
 #pragma clang loop unroll(disable)
     for (i32 block = blocks - 1; block >= 0; --block) {
       i32 first = block * width;
 #pragma clang loop unroll(disable)
-      for (i32 row = first + width + warp * width; row < n;
-           row += warps * width)
-        divide(first, row, lane);
+      for (i32 row = first + width + thread; row < n; row += threads)
+        divide(first, row);
       meet(threads);
       if (warp == 0) {
         float a[width];
-        take(a, bar, first, first + lane);
+        take(a, bar, first, first + own);
 #pragma clang loop unroll(disable)
         for (i32 q = first + width; q < n; ++q)
-          subtract(a, bar, q, first, *factor.at(q, first + lane));
+          subtract(a, bar, q, first, *factor.at(q, first + own));
         reverseBlock(a, first, lane);
         meetLanes();
         // Twice the diagonal, which is half.
+        if (lane < width)
 #pragma unroll
-        for (int i = 0; i < width; ++i)
-          rowOf(i)[lane] = i == lane ? 2 * a[i] : a[i];
+          for (int i = 0; i < width; ++i)
+            rowOf(i)[lane] = i == lane ? 2 * a[i] : a[i];
         meetLanes();
+        if (lane < width)
 #pragma unroll
-        for (int i = 0; i < width; ++i)
-          if (i > lane)
-            rowOf(lane)[i] = a[i];
+          for (int i = 0; i < width; ++i)
+            if (i > lane)
+              rowOf(lane)[i] = a[i];
       }
       meet(threads);
 #pragma clang loop unroll(disable)
-      for (i32 task = warp; task < block * (blocks - block); task += warps) {
-        i32 column = u32(task) % u32(block) * width + lane;
+      for (i32 task = group; task < block * (blocks - block); task += groups) {
+        i32 column = u32(task) % u32(block) * width + place;
         i32 row = first + u32(task) / u32(block) * width;
         if (row == first)
           subtractBeside(first, column);
@@ -238,10 +241,9 @@ template <int width> struct FactorAdjoint {
       }
       // Rows above have zeros there.
 #pragma clang loop unroll(disable)
-      for (i32 i = thread; i < first; i += threads)
-#pragma clang loop unroll(disable)
-        for (i32 k = first; k < first + width && k < n; ++k)
-          *bar.at(i, k) = 0;
+      for (i32 e = thread; e < first * width; e += threads)
+        if (has(first + i32(u32(e) % width)))
+          *bar.at(u32(e) / width, first + i32(u32(e) % width)) = 0;
       meet(threads);
     }
   }
@@ -262,4 +264,3 @@ template <int width> struct FactorAdjoint {
   }
 WARP_FACTOR_ADJOINT(8)
 WARP_FACTOR_ADJOINT(16)
-WARP_FACTOR_ADJOINT(32)

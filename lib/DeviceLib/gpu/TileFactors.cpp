@@ -3,10 +3,13 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // Lanes of a warp have a row each, in registers, of as many columns as a panel
-// has. A column that is done goes to the lanes by way of the block's memory,
+// has. A column that is reached goes to the lanes by way of the block's memory,
 // where four numbers are read at once. Panels one after the other, looking
 // left: what columns before a panel take from it, its diagonal block, the rows
 // below. Groups of rows are shared by the warps of the block.
+//
+// Rows are reduced as those of L D L^T: a step needs no root, and no lane's
+// quotient but its own. Pivots below the least normal number are no pivots.
 //
 //===----------------------------------------------------------------------===//
 
@@ -14,18 +17,27 @@
 
 namespace {
 
-/// The root of a number, to the last bit but one, and its inverse: one step of
-/// Newton's method each. The root of what is not positive is NaN.
-WARP_INLINE float root(float x, float &over) {
+/// What is less is no pivot.
+constexpr float leastPivot = 1.17549435e-38f;
+
+/// 1 / x of a pivot, to the last bit.
+WARP_INLINE float inverseOfPivot(float x) {
   float y;
-  asm("rsqrt.approx.f32 %0, %1;" : "=f"(y) : "f"(x));
-  y = x > 0 ? y : __builtin_nanf("");
-  over = __builtin_fmaf(0.5f * y, __builtin_fmaf(-(x * y), y, 1.0f), y);
-  float near = x * over;
-  return __builtin_fmaf(0.5f * over, __builtin_fmaf(-near, near, x), near);
+  asm("rcp.approx.ftz.f32 %0, %1;" : "=f"(y) : "f"(x));
+  return x >= leastPivot ? y : __builtin_nanf("");
 }
 
-/// Columns of a panel, row by row, and the inverses of its diagonal.
+/// The inverse of a pivot's root: one step of Newton's method.
+WARP_INLINE float inverseOfRoot(float x) {
+  float y;
+  asm("rsqrt.approx.ftz.f32 %0, %1;" : "=f"(y) : "f"(x));
+  y = x >= leastPivot ? y : __builtin_nanf("");
+  float near = x * y;
+  return __builtin_fmaf(0.5f * y, __builtin_fmaf(-near, y, 1.0f), y);
+}
+
+/// Columns of a panel without their quotients, row by row, and the inverse
+/// roots of its pivots.
 template <int width> struct Panel {
   u64 place;
 
@@ -40,27 +52,33 @@ template <int width> struct Panel {
 template <int width>
 WARP_INLINE void eliminate(float (&a)[width], const Panel<width> &panel,
                            bool isDiagonal, i32 lane) {
+  bool gives = isDiagonal && lane < width;
 #pragma unroll
   for (int j = 0; j < width; ++j) {
-    if (isDiagonal) {
-      float over, diagonal = root(fromLane(a[j], j), over);
-      a[j] = lane == j ? diagonal : a[j] * over;
-      if (lane < width)
-        panel.column(j)[lane] = a[j];
-      if (lane == 0)
-        panel.inverses()[j] = over;
-      meetLanes();
-    } else {
-      a[j] *= panel.inverses()[j];
-    }
+    if (gives)
+      panel.column(j)[lane] = a[j];
+    meetLanes();
+    float ratio = 0;
 #pragma unroll
-    for (int k = (j + 1) / 4 * 4; k < width; k += 4) {
+    for (int k = j / 4 * 4; k < width; k += 4) {
       Four others = *(Shared<Four> *)(panel.column(j) + k);
+      if (k <= j)
+        ratio = -a[j] * inverseOfPivot(others[j - k]);
 #pragma unroll
       for (int i = 0; i < 4; ++i)
         if (k + i > j)
-          a[k + i] = __builtin_fmaf(-a[j], others[i], a[k + i]);
+          a[k + i] = __builtin_fmaf(ratio, others[i], a[k + i]);
     }
+  }
+  if (gives)
+    panel.inverses()[lane] = inverseOfRoot(panel.column(lane)[lane]);
+  meetLanes();
+#pragma unroll
+  for (int k = 0; k < width; k += 4) {
+    Four over = *(Shared<Four> *)(panel.inverses() + k);
+#pragma unroll
+    for (int i = 0; i < 4; ++i)
+      a[k + i] *= over[i];
   }
 }
 
@@ -69,35 +87,37 @@ template <int width> struct Factor {
   i32 n;
   Panel<width> panel;
 
+  /// Whether there is a row or column, which is known of whole panels.
+  WARP_INLINE bool has(i32 i) const { return n % width == 0 || i < n; }
+
   /// A row of the panel that begins at a column, less what is before it. What
-  /// is beyond the matrix is a unit matrix.
+  /// is beyond the matrix is a unit matrix, or whatever else: nobody needs it.
   WARP_INLINE void take(float (&a)[width], i32 i, i32 first) const {
-    bool exists = i < n;
-    i32 row = exists ? i : 0;
+    i32 row = i < n ? i : 0;
 #pragma unroll
     for (int k = 0; k < width; k += 4) {
       Four values = {0, 0, 0, 0};
       if (n % 4 == 0) {
-        if (exists && first + k < n)
+        if (has(first + k))
           values = from.four(row, first + k);
       } else {
 #pragma unroll
         for (int j = 0; j < 4; ++j)
-          if (exists && first + k + j < n)
+          if (has(first + k + j))
             values[j] = *from.at(row, first + k + j);
       }
 #pragma unroll
       for (int j = 0; j < 4; ++j)
-        a[k + j] = exists && first + k + j < n ? values[j]
-                   : i == first + k + j        ? 1.0f
-                                               : 0.0f;
+        a[k + j] = has(i) && has(first + k + j) ? values[j]
+                   : i == first + k + j         ? 1.0f
+                                                : 0.0f;
     }
 #pragma clang loop unroll(disable)
     for (i32 j = 0; j < first; j += 4) {
       Four own = to.four(row, j);
 #pragma unroll
       for (int k = 0; k < width; ++k) {
-        Four other = to.four(first + k < n ? first + k : 0, j);
+        Four other = to.four(has(first + k) ? first + k : 0, j);
 #pragma unroll
         for (int q = 0; q < 4; ++q)
           a[k] = __builtin_fmaf(-own[q], other[q], a[k]);
@@ -116,13 +136,13 @@ template <int width> struct Factor {
       for (int j = 0; j < 4; ++j)
         values[j] = first + k + j <= i ? a[k + j] : 0.0f;
       if (n % 4 == 0) {
-        if (first + k < n)
+        if (has(first + k))
           to.setFour(i, first + k, values);
         continue;
       }
 #pragma unroll
       for (int j = 0; j < 4; ++j)
-        if (first + k + j < n)
+        if (has(first + k + j))
           *to.at(i, first + k + j) = values[j];
     }
   }
@@ -137,7 +157,7 @@ template <int width> struct Factor {
 
   WARP_INLINE void run(i32 threads) const {
     i32 thread = threadNumber();
-    i32 warp = u32(thread) / 32, lane = u32(thread) % 32, warps = threads / 32;
+    auto [warp, lane, warps] = Position::of(thread, threads);
     if (n <= width) {
       if (warp == 0)
         eliminateRows(0, 0, true, lane);
@@ -158,66 +178,115 @@ template <int width> struct Factor {
       }
       // Rows above have zeros there.
 #pragma clang loop unroll(disable)
-      for (i32 i = thread; i < first; i += threads)
-#pragma clang loop unroll(disable)
-        for (i32 k = first; k < first + width && k < n; ++k)
-          *to.at(i, k) = 0;
+      for (i32 e = thread; e < first * width; e += threads)
+        if (has(first + i32(u32(e) % width)))
+          *to.at(u32(e) / width, first + i32(u32(e) % width)) = 0;
       meet(threads);
     }
   }
 };
 
 /// Columns of the right side are shared by warps; lanes have every 32nd row of
-/// one.
-template <int rows, bool backwards>
-WARP_INLINE void solve(u64 sides, const Matrix &matrix, i32 n, i32 columns,
-                       i32 threads) {
-  i32 thread = threadNumber();
-  i32 warp = u32(thread) / 32, lane = u32(thread) % 32, warps = threads / 32;
+/// one. A row of a block is divided by its diagonal before the block is solved,
+/// so that a step waits for nothing but the number before.
+template <int rows, bool backwards> struct Substitution {
+  Matrix matrix;
+  i32 n, lane;
   float over[rows];
+  /// Rows, or the first one where there is none.
+  i32 own[rows];
+
+  WARP_INLINE void start() {
 #pragma unroll
-  for (int r = 0; r < rows; ++r) {
-    i32 i = r * 32 + lane;
-    over[r] = i < n ? inverse(*matrix.at(i, i)) : 0.0f;
+    for (int r = 0; r < rows; ++r) {
+      i32 i = r * 32 + lane;
+      own[r] = i < n ? i : 0;
+      over[r] = inverse(*matrix.at(own[r], own[r]));
+    }
   }
+
+  /// Whether a block's numbers count for rows r, one block or more away.
+  WARP_INLINE static constexpr bool counts(int r, int block) {
+    return backwards ? r < block : r > block;
+  }
+
+  /// Number j of a block, for the others.
+  WARP_INLINE void step(float (&x)[rows], const float (&m)[rows], int block,
+                        i32 j) const {
+    float known = fromLane(x[block], j);
+    float next = __builtin_fmaf(m[block] * over[block], -known, x[block]);
+    x[block] = (backwards ? lane < j : lane > j) ? next : x[block];
+#pragma unroll
+    for (int r = 0; r < rows; ++r)
+      if (counts(r, block))
+        x[r] = __builtin_fmaf(m[r], -known, x[r]);
+  }
+  WARP_INLINE void stepOne(float (&x)[rows], int block, i32 j) const {
+    float m[rows];
+#pragma unroll
+    for (int r = 0; r < rows; ++r)
+      if (r == block || counts(r, block))
+        m[r] = *matrix.at(own[r], block * 32 + j);
+    step(x, m, block, j);
+  }
+  WARP_INLINE void stepFour(float (&x)[rows], int block, i32 j) const {
+    Four fours[rows];
+#pragma unroll
+    for (int r = 0; r < rows; ++r)
+      if (r == block || counts(r, block))
+        fours[r] = matrix.four(own[r], block * 32 + j);
+#pragma unroll
+    for (int step = 0; step < 4; ++step) {
+      int q = backwards ? 3 - step : step;
+      float m[rows];
+#pragma unroll
+      for (int r = 0; r < rows; ++r)
+        if (r == block || counts(r, block))
+          m[r] = fours[r][q];
+      this->step(x, m, block, j + q);
+    }
+  }
+
+  WARP_INLINE void solve(float (&x)[rows], int block) const {
+    i32 count = n - block * 32 < 32 ? n - block * 32 : 32, fours = count / 4;
+    x[block] *= over[block];
+    if (backwards)
 #pragma clang loop unroll(disable)
-  for (i32 c = warp; c < columns; c += warps) {
-    Shared<float> *side = shared<float>(sides) + c;
+      for (i32 j = count - 1; j >= fours * 4; --j)
+        stepOne(x, block, j);
+#pragma clang loop unroll(disable)
+    for (i32 four = 0; four < fours; ++four)
+      stepFour(x, block, 4 * (backwards ? fours - 1 - four : four));
+    if (!backwards)
+#pragma clang loop unroll(disable)
+      for (i32 j = fours * 4; j < count; ++j)
+        stepOne(x, block, j);
+  }
+
+  WARP_INLINE void solve(Shared<float> *side, i32 columns) const {
     float x[rows];
 #pragma unroll
     for (int r = 0; r < rows; ++r)
-      x[r] = r * 32 + lane < n ? side[(r * 32 + lane) * columns] : 0.0f;
+      x[r] = side[own[r] * columns];
 #pragma unroll
-    for (int step = 0; step < rows; ++step) {
-      int block = backwards ? rows - 1 - step : step;
-      i32 begin = block * 32;
-      i32 count = n - begin < 32 ? n - begin : 32;
-#pragma clang loop unroll(disable)
-      for (i32 four = 0; four < count; four += 4)
-#pragma unroll
-        for (int q = 0; q < 4; ++q)
-          if (four + q < count) {
-            i32 j = backwards ? count - 1 - four - q : four + q;
-            float own = x[block] * over[block];
-            if (lane == j)
-              x[block] = own;
-            float known = fromLane(own, j);
-#pragma unroll
-            for (int r = 0; r < rows; ++r) {
-              i32 i = r * 32 + lane;
-              bool isLeft = backwards ? i < begin + j : i > begin + j && i < n;
-              bool mayBeLeft = backwards ? r <= block : r >= block;
-              if (mayBeLeft && isLeft)
-                x[r] = __builtin_fmaf(-*matrix.at(i, begin + j), known, x[r]);
-            }
-          }
-    }
+    for (int step = 0; step < rows; ++step)
+      solve(x, backwards ? rows - 1 - step : step);
 #pragma unroll
     for (int r = 0; r < rows; ++r)
       if (r * 32 + lane < n)
-        side[(r * 32 + lane) * columns] = x[r];
+        side[own[r] * columns] = x[r];
   }
-}
+
+  WARP_INLINE static void run(u64 sides, const Matrix &matrix, i32 n,
+                              i32 columns, i32 threads) {
+    auto [warp, lane, warps] = Position::of(threadNumber(), threads);
+    Substitution own{matrix, n, lane, {}, {}};
+    own.start();
+#pragma clang loop unroll(disable)
+    for (i32 c = warp; c < columns; c += warps)
+      own.solve(shared<float>(sides) + c, columns);
+  }
+};
 
 } // namespace
 
@@ -231,16 +300,17 @@ WARP_INLINE void solve(u64 sides, const Matrix &matrix, i32 n, i32 columns,
   }
 WARP_FACTOR(8)
 WARP_FACTOR(16)
-WARP_FACTOR(32)
 
 #define WARP_SUBSTITUTE(rows)                                                  \
   WARP_TILES warp_tile_substitute_##rows(u64 sides, u64 matrix, i32 row,       \
                                          i32 column, i32 n, i32 columns,       \
                                          i32 backwards, i32 threads, void *) { \
     if (backwards)                                                             \
-      solve<rows, true>(sides, {matrix, row, column}, n, columns, threads);    \
+      Substitution<rows, true>::run(sides, {matrix, row, column}, n, columns,  \
+                                    threads);                                  \
     else                                                                       \
-      solve<rows, false>(sides, {matrix, row, column}, n, columns, threads);   \
+      Substitution<rows, false>::run(sides, {matrix, row, column}, n, columns, \
+                                     threads);                                 \
   }
 WARP_SUBSTITUTE(1)
 WARP_SUBSTITUTE(2)

@@ -34,9 +34,25 @@ WARP_INLINE float fromLane(float value, i32 lane) {
   return result;
 }
 
+/// Where a thread is in its block. Branches that all lanes of a warp take alike
+/// need no second version for lanes that are apart: the assembler sees that of
+/// a warp's number which the first lane gives to the others.
+struct Position {
+  i32 warp, lane, warps;
+
+  WARP_INLINE static Position of(i32 thread, i32 threads) {
+    if (threads == 32)
+      return {0, thread, 1};
+    i32 warp = __builtin_bit_cast(
+        i32, fromLane(__builtin_bit_cast(float, i32(u32(thread) / 32)), 0));
+    return {warp, i32(u32(thread) % 32), threads / 32};
+  }
+};
+
+/// 1 / x, to the last bit.
 WARP_INLINE float inverse(float x) {
   float result;
-  asm("rcp.rn.f32 %0, %1;" : "=f"(result) : "f"(x));
+  asm("rcp.approx.f32 %0, %1;" : "=f"(result) : "f"(x));
   return result;
 }
 

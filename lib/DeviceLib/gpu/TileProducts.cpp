@@ -15,7 +15,7 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "Tiles.h"
+#include "TileSums.h"
 
 namespace {
 
@@ -203,121 +203,11 @@ WARP_INLINE void multiplyWarps(u64 sums, u64 a, u64 b, i32 m, i32 n, i32 depth,
     kept[i] = sum[i];
 }
 
-//===----------------------------------------------------------------------===//
-// Sums elsewhere
-//===----------------------------------------------------------------------===//
-
-template <class Layout> WARP_INLINE void set(u64 sums, float value) {
-#pragma unroll
-  for (int i = 0; i < Layout::slots; ++i)
-    own<float>(sums)[i] = value;
-}
-
-/// From packed memory of the block to sums, or back.
-template <class Layout, bool back>
-WARP_INLINE void exchange(u64 sums, u64 memory, i32 m, i32 n) {
-  constexpr int run = Layout::run;
-  using Run = Vec<float, run>;
-  Layout layout(m, n, threadNumber());
-  float *kept = own<float>(sums);
-#pragma unroll
-  for (int slot = 0; slot < Layout::slots; slot += run) {
-    auto *at = (Shared<Run> *)(shared<float>(memory) + layout.runRow(slot) * n +
-                               layout.runColumn(slot));
-    Run values;
-    if (!back)
-      values = *at;
-#pragma unroll
-    for (int i = 0; i < run; ++i)
-      if constexpr (back)
-        values[i] = kept[slot + i];
-      else
-        kept[slot + i] = values[i];
-    if (back)
-      *at = values;
-  }
-}
-
-template <class Layout> WARP_INLINE void store(u64 sums, const Window &window) {
-  constexpr int run = Layout::run;
-  using Run = Vec<float, run>;
-  Layout layout(window.rows, window.columns, threadNumber());
-  const float *kept = own<float>(sums);
-  bool inRuns = window.isAligned(4, run * 4) && window.isInside();
-#pragma unroll
-  for (int slot = 0; slot < Layout::slots; slot += run) {
-    i32 row = layout.runRow(slot), column = layout.runColumn(slot);
-    if (inRuns) {
-      Run values;
-#pragma unroll
-      for (int i = 0; i < run; ++i)
-        values[i] = kept[slot + i];
-      *(Global<Run> *)window.at(row, column) = values;
-      continue;
-    }
-#pragma unroll
-    for (int i = 0; i < run; ++i)
-      if (window.has(row, column + i))
-        *global<float>(window.at(row, column + i)) = kept[slot + i];
-  }
-}
-
-/// Adds sums to an array, as others may at a time.
-template <class Layout> WARP_INLINE void add(u64 sums, const Window &window) {
-  constexpr int run = Layout::run;
-  Layout layout(window.rows, window.columns, threadNumber());
-  const float *kept = own<float>(sums);
-#pragma unroll
-  for (int slot = 0; slot < Layout::slots; slot += run) {
-    i32 row = layout.runRow(slot), column = layout.runColumn(slot);
-#pragma unroll
-    for (int i = 0; i < run; ++i)
-      if (window.has(row, column + i))
-        asm volatile("red.relaxed.gpu.global.add.f32 [%0], %1;" ::"l"(
-                         window.at(row, column + i)),
-                     "f"(kept[slot + i])
-                     : "memory");
-  }
-}
-
 } // namespace
 
 //===----------------------------------------------------------------------===//
 // Functions of the library
 //===----------------------------------------------------------------------===//
-
-#define WARP_WINDOW(verb, name, ...)                                           \
-  WARP_TILES warp_tile_##verb##_##name(                                        \
-      u64 sums, u64 data, i32 first0, i32 first1, i32 extent0, i32 extent1,    \
-      i32 step0, i32 step1, i32 rows, i32 columns, i32 checked, void *) {      \
-    verb<__VA_ARGS__>(sums, {data,                                             \
-                             {first0, first1},                                 \
-                             {extent0, extent1},                               \
-                             {step0, step1},                                   \
-                             rows,                                             \
-                             columns,                                          \
-                             checked != 0});                                   \
-  }
-
-#define WARP_LAYOUT(name, ...)                                                 \
-  WARP_TILES warp_tile_set_##name(u64 sums, float value, void *) {             \
-    set<__VA_ARGS__>(sums, value);                                             \
-  }                                                                            \
-  WARP_TILES warp_tile_take_##name(u64 sums, u64 from, i32 m, i32 n, void *) { \
-    exchange<__VA_ARGS__, false>(sums, from, m, n);                            \
-  }                                                                            \
-  WARP_TILES warp_tile_give_##name(u64 sums, u64 to, i32 m, i32 n, void *) {   \
-    exchange<__VA_ARGS__, true>(sums, to, m, n);                               \
-  }                                                                            \
-  WARP_WINDOW(store, name, __VA_ARGS__)                                        \
-  WARP_WINDOW(add, name, __VA_ARGS__)
-
-#define WARP_PRODUCT(name, function, ...)                                      \
-  WARP_TILES warp_tile_multiply_##name(u64 sums, u64 a, u64 b, i32 m, i32 n,   \
-                                       i32 depth, i32 aPitch, i32 bPitch,      \
-                                       void *) {                               \
-    function<__VA_ARGS__>(sums, a, b, m, n, depth, aPitch, bPitch);            \
-  }
 
 #define WARP_BLOCKED_AS(R, C, name, aAlong, bAlong)                            \
   WARP_LAYOUT(f32_##R##x##C##_##name, Blocked<R, C, aAlong, bAlong>)           \

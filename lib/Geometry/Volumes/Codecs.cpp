@@ -142,8 +142,6 @@ static GridBytes unzipped(Source &source, uint64_t size) {
 
 static GridBytes unbloscked(Source &source, uint64_t size) {
   const Blosc &library = blosc();
-  std::vector<GridBytes> parts;
-  GridBytes grid;
   // No memory before every chunk says that it has its share.
   std::vector<Chunk> chunks;
   for (uint64_t done = 0; done < size;) {
@@ -157,7 +155,7 @@ static GridBytes unbloscked(Source &source, uint64_t size) {
     chunks.push_back(chunk);
     done += share;
   }
-  grid = GridBytes(size);
+  GridBytes grid(size);
   uint64_t done = 0;
   for (const Chunk &chunk : chunks) {
     uint64_t share = std::min(size - done, bloscChunk);

@@ -12,6 +12,7 @@
 #include "Autodiff/Forward/Forward.h"
 #include "Autodiff/Reverse/GuardArms.h"
 #include "Autodiff/Reverse/Reverse.h"
+#include "Autodiff/SpectralProducts.h"
 #include "KernelFunction.h"
 
 #include "WarpDialect/LibraryOps.h"
@@ -108,9 +109,15 @@ static func::FuncOp createTwin(func::FuncOp kernel, StringRef suffix) {
   return twin;
 }
 
-/// What native code does to memory nobody knows.
+/// What native code does to memory nobody knows, and what is behind an address
+/// has no gradient.
 static LogicalResult refuseNativeCode(func::FuncOp kernel) {
   WalkResult result = kernel.walk([](warp::LibraryCallOp op) {
+    if (op.getCallee() == warp::threadMemory) {
+      op.emitError("an array of a thread that is reached by its address has no "
+                   "derivative: use slices, or several arrays");
+      return WalkResult::interrupt();
+    }
     if (!op.getCallee().starts_with(warp::nativeMemoryPrefix))
       return WalkResult::advance();
     op.emitError("native code with arrays has no derivative: give "
@@ -159,7 +166,11 @@ struct DifferentiateKernel
     auto kernel =
         dyn_cast_or_null<func::FuncOp>(warp::findKernel(getOperation()));
     if (!kernel || failed(differentiate(kernel)))
-      signalPassFailure();
+      return signalPassFailure();
+    // A copy of a decomposition becomes one with it again.
+    getOperation().walk([](Operation *op) {
+      op->removeDiscardableAttr(completeAttrName);
+    });
   }
 
   /// Reads `active`; arrays after the last flag are not active.
@@ -203,6 +214,9 @@ struct DifferentiateKernel
     options.maxLocalTape = maxLocalTape;
     options.globalTape = tape == "global";
     options.dumpRecovery = dumpRecovery;
+    // Forward mode chooses vectors that suit the direction.
+    if (failed(completeSpectralProducts(kernel)))
+      return failure();
     return buildReverse(kernel, options);
   }
 

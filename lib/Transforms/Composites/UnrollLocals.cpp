@@ -144,11 +144,15 @@ bool LoopWriter::isWorthTrying() {
 // Writing
 //===----------------------------------------------------------------------===//
 
-static std::optional<int64_t> valueOf(Value value) {
+static std::optional<APInt> constantOf(Value value) {
   APInt bits;
-  if (!matchPattern(value, m_ConstantInt(&bits)))
-    return std::nullopt;
-  return bits.getSExtValue();
+  return matchPattern(value, m_ConstantInt(&bits)) ? std::optional(bits)
+                                                   : std::nullopt;
+}
+
+static std::optional<int64_t> valueOf(Value value) {
+  auto bits = constantOf(value);
+  return bits ? std::optional(bits->getSExtValue()) : std::nullopt;
 }
 
 bool LoopWriter::emitLoop(scf::ForOp loop, int64_t first, int64_t count,
@@ -209,12 +213,6 @@ bool LoopWriter::emitAround(Operation *op) {
     b.clone(*old.getTerminator(), map);
   }
   return true;
-}
-
-static std::optional<APInt> constantOf(Value value) {
-  APInt bits;
-  return matchPattern(value, m_ConstantInt(&bits)) ? std::optional(bits)
-                                                   : std::nullopt;
 }
 
 Value LoopWriter::constant(Operation *op, const APInt &bits) {

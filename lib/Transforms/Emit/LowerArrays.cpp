@@ -19,6 +19,7 @@
 #include "ForwardElements.h"
 #include "KernelFunction.h"
 #include "Launch/GpuBlock.h"
+#include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/ParameterLayout.h"
 #include "WarpDialect/TileOps.h"
 #include "WarpDialect/TilePasses.h"
@@ -35,6 +36,16 @@ namespace warp {
 using namespace mlir;
 using namespace warp;
 
+/// Addresses on a thread's stack are none of a GPU's global memory.
+static bool hasThreadMemory(LLVM::LLVMFuncOp entry) {
+  return entry
+      .walk([](LibraryCallOp op) {
+        return op.getCallee() == threadMemory ? WalkResult::interrupt()
+                                              : WalkResult::advance();
+      })
+      .wasInterrupted();
+}
+
 ArrayLowering::ArrayLowering(LLVM::LLVMFuncOp entry)
     : entry(entry), module(entry->getParentOfType<ModuleOp>()),
       b(entry.getContext()), loc(entry.getLoc()), gpu(isGpu(entry)),
@@ -46,7 +57,8 @@ ArrayLowering::ArrayLowering(LLVM::LLVMFuncOp entry)
   i32 = b.getI32Type();
   i64 = b.getI64Type();
   pointer = LLVM::LLVMPointerType::get(context);
-  dataPointer = LLVM::LLVMPointerType::get(context, gpu ? 1 : 0);
+  dataPointer =
+      LLVM::LLVMPointerType::get(context, gpu && !hasThreadMemory(entry));
 }
 
 LogicalResult ArrayLowering::run() {
@@ -261,11 +273,13 @@ mlir::Value ArrayLowering::getBlockMemory() {
   auto bytes = entry->getAttrOfType<IntegerAttr>(attr::blockBytes);
   // In words of 64 bits, for their alignment.
   auto type = LLVM::LLVMArrayType::get(i64, bytes ? bytes.getInt() / 8 : 0);
+  // Swizzled tiles are patterns of 1024 bytes (PlanTileMemory.cpp).
+  int64_t alignment = bytes && bytes.getInt() >= 1024 ? 1024 : 16;
   if (gpu)
     return blockMemory =
                getDynamicBytes(entry)
                    ? nameDynamicShared(b, loc, module, "tiles")
-                   : makeShared(b, loc, module, type, "tiles", /*align=*/16);
+                   : makeShared(b, loc, module, type, "tiles", alignment);
   mlir::Value one = LLVM::ConstantOp::create(b, loc, b.getI64IntegerAttr(1));
   return blockMemory =
              LLVM::AllocaOp::create(b, loc, pointer, type, one, /*align=*/64);

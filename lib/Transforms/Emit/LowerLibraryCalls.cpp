@@ -16,6 +16,7 @@
 #include "WarpDialect/LibraryOps.h"
 
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
+#include "mlir/IR/Matchers.h"
 
 using namespace mlir;
 
@@ -34,7 +35,21 @@ static LLVM::LLVMFuncOp declare(ModuleOp module, StringRef name,
   return function;
 }
 
+/// The address of what lies in the parameter block behind all arguments.
+static void lowerMap(warp::LibraryCallOp op, Block &first) {
+  OpBuilder b(op);
+  Type type = op.getResult(0).getType();
+  Value block =
+      LLVM::PtrToIntOp::create(b, op.getLoc(), type, first.getArgument(0));
+  Value place = LLVM::ZExtOp::create(b, op.getLoc(), type, op.getArgs()[0]);
+  op.getResult(0).replaceAllUsesWith(
+      LLVM::AddOp::create(b, op.getLoc(), block, place));
+  op->erase();
+}
+
 static void lower(warp::LibraryCallOp op, ModuleOp module, Block &first) {
+  if (op.getCallee() == "warp_tile_map")
+    return lowerMap(op, first);
   OpBuilder b(op);
   Location loc = op.getLoc();
   auto record = LLVM::LLVMStructType::getLiteral(
@@ -74,7 +89,31 @@ static void lower(warp::LibraryCallOp op, ModuleOp module, Block &first) {
   op->erase();
 }
 
-void warp::lowerLibraryCalls(ModuleOp module, FunctionOpInterface entry) {
+/// Memory of the thread, one for each number, however often a call was copied.
+static LogicalResult placeMemory(warp::LibraryCallOp op, Block &first,
+                                 llvm::DenseMap<int64_t, Value> &known) {
+  APInt number, bytes;
+  if (!matchPattern(op.getArgs()[0], m_ConstantInt(&number)) ||
+      !matchPattern(op.getArgs()[1], m_ConstantInt(&bytes)))
+    return op.emitError("expects constants for memory of a thread");
+  Location loc = op.getLoc();
+  Value &address = known[number.getSExtValue()];
+  if (!address) {
+    OpBuilder b = OpBuilder::atBlockBegin(&first);
+    auto type = LLVM::LLVMArrayType::get(b.getI8Type(), bytes.getZExtValue());
+    Value one = LLVM::ConstantOp::create(b, loc, b.getI64IntegerAttr(1));
+    Value memory = LLVM::AllocaOp::create(
+        b, loc, LLVM::LLVMPointerType::get(b.getContext()), type, one,
+        /*alignment=*/16);
+    address = LLVM::PtrToIntOp::create(b, loc, b.getI64Type(), memory);
+  }
+  op->replaceAllUsesWith(ValueRange(address));
+  op->erase();
+  return success();
+}
+
+LogicalResult warp::lowerLibraryCalls(ModuleOp module,
+                                      FunctionOpInterface entry) {
   SmallVector<LibraryCallOp> calls;
   entry->walk([&](LibraryCallOp op) { calls.push_back(op); });
   // Threads that search wait for memory at each step, and those that could hide
@@ -87,6 +126,13 @@ void warp::lowerLibraryCalls(ModuleOp module, FunctionOpInterface entry) {
   if (isGpu(entry) && registers)
     entry->setAttr(attr::mostRegisters,
                    Builder(entry.getContext()).getI64IntegerAttr(registers));
-  for (LibraryCallOp op : calls)
-    lower(op, module, entry.getFunctionBody().front());
+  Block &first = entry.getFunctionBody().front();
+  llvm::DenseMap<int64_t, Value> memory;
+  for (LibraryCallOp op : calls) {
+    if (op.getCallee() != threadMemory)
+      lower(op, module, first);
+    else if (failed(placeMemory(op, first, memory)))
+      return failure();
+  }
+  return success();
 }

@@ -18,8 +18,9 @@ constexpr llvm::StringLiteral mostRegisters = "warp.most_registers";
 } // namespace attr
 
 /// Makes every `warp.library_call` of an entry a call of the function that
-/// bitcode defines.
-void lowerLibraryCalls(mlir::ModuleOp module, mlir::FunctionOpInterface entry);
+/// bitcode defines, or the memory of the thread that it stands for.
+llvm::LogicalResult lowerLibraryCalls(mlir::ModuleOp module,
+                                      mlir::FunctionOpInterface entry);
 
 } // namespace warp
 

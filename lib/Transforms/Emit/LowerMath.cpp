@@ -116,7 +116,8 @@ struct LowerMath : warp::impl::LowerMathBase<LowerMath> {
         return;
       lower(op, found->second);
     });
-    warp::lowerLibraryCalls(getOperation(), entry);
+    if (failed(warp::lowerLibraryCalls(getOperation(), entry)))
+      return signalPassFailure();
   }
 
   /// Sine and cosine of one float, where one is computed before the other, are

@@ -38,8 +38,13 @@ static bool isShared(Operation *op, const ThreadVariance &variance) {
           (access.mayRead() && variance.isWritten(access.getArray())));
 }
 
-/// Whether a loop goes on until another thread has done something.
-static bool mayWait(Operation *loop, const ThreadVariance &variance) {
+/// Whether a loop goes on until another thread has done something: its
+/// condition depends on what others may write, and is asked again after the
+/// loop itself has read such a thing.
+static bool mayWait(scf::WhileOp loop, const ThreadVariance &variance) {
+  Value condition = loop.getConditionOp().getCondition();
+  if (!variance.dependsOnWrites(condition))
+    return false;
   llvm::DenseSet<Value> shared;
   auto isTainted = [&](ValueRange values) {
     return llvm::any_of(values, [&](Value v) { return shared.contains(v); });
@@ -57,15 +62,17 @@ static bool mayWait(Operation *loop, const ThreadVariance &variance) {
         }
       if (op != loop && tainted)
         shared.insert_range(op->getResults());
+      if (tainted)
+        op->walk([&](warp::ScratchStoreOp store) {
+          shared.insert(store.getScratch());
+        });
       if (auto inner = dyn_cast<scf::WhileOp>(op); inner && tainted) {
         shared.insert_range(inner.getBeforeArguments());
         shared.insert_range(inner.getAfterArguments());
       }
     });
   }
-  auto condition = dyn_cast<scf::WhileOp>(loop);
-  return condition &&
-         shared.contains(condition.getConditionOp().getCondition());
+  return shared.contains(condition);
 }
 
 /// Why lanes cannot do an operation; empty if they can.
@@ -81,7 +88,7 @@ static std::string findObstacle(Operation *op, const ThreadVariance &variance) {
   if (llvm::any_of(op->getResultTypes(), llvm::IsaPred<warp::ArrayType>) &&
       isVarying(op->getResult(0)))
     return "an array differs from thread to thread";
-  if (isa<scf::WhileOp>(op) && mayWait(op, variance))
+  if (auto loop = dyn_cast<scf::WhileOp>(op); loop && mayWait(loop, variance))
     return "a loop may wait for another thread";
   return "";
 }

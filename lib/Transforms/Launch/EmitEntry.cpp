@@ -23,6 +23,7 @@
 
 #include "EntryBuilder.h"
 #include "GpuBlock.h"
+#include "Tiles/TensorMapAttributes.h"
 #include "Tiles/TileBuffers.h"
 #include "Updates/Atomics.h"
 #include "Updates/BlockReduce.h"
@@ -31,6 +32,7 @@
 #include "WarpDialect/TilePasses.h"
 #include "warp/ExactSums.h"
 #include "warp/Launch.h"
+#include "warp/TensorMaps.h"
 
 #include "mlir/IR/IRMapping.h"
 
@@ -77,9 +79,14 @@ void EntryBuilder::createEntry() {
     return;
   }
   entry.setCConv(LLVM::CConv::PTX_Kernel);
+  int64_t alignment = 8;
+  if (auto maps = entry->getAttrOfType<ArrayAttr>(warp::attr::tensorMaps)) {
+    alignment = warp::tensorMapAlignment;
+    size = llvm::alignTo(size, alignment) + warp::tensorMapBytes * maps.size();
+  }
   auto bytes = LLVM::LLVMArrayType::get(b.getI8Type(), size);
   entry.setArgAttr(0, "llvm.byval", TypeAttr::get(bytes));
-  entry.setArgAttr(0, "llvm.align", b.getI64IntegerAttr(8));
+  entry.setArgAttr(0, "llvm.align", b.getI64IntegerAttr(alignment));
 }
 
 /// Reads extents and arguments, and puts them in the place of the kernel's.

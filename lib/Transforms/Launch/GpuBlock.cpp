@@ -57,9 +57,8 @@ static Value readIndex(OpBuilder &b, Location loc, warp::GridValue value,
 }
 
 Value warp::readGrid(OpBuilder &b, Location loc, GridValue value, Axis axis) {
-  return arith::IndexCastOp::create(b, loc, b.getI32Type(),
-                                    readIndex(b, loc, value,
-                                              toDimension(axis)));
+  return arith::IndexCastOp::create(
+      b, loc, b.getI32Type(), readIndex(b, loc, value, toDimension(axis)));
 }
 
 Value warp::threadInBlock(OpBuilder &b, Location loc) {
@@ -140,8 +139,8 @@ void warp::synchronizeBlock(OpBuilder &b, Location loc) {
 // Intrinsics
 //===----------------------------------------------------------------------===//
 
-Value warp::callIntrinsic(OpBuilder &b, Location loc, Type type,
-                          StringRef name, ValueRange operands) {
+Value warp::callIntrinsic(OpBuilder &b, Location loc, Type type, StringRef name,
+                          ValueRange operands) {
   return LLVM::CallIntrinsicOp::create(b, loc, type, b.getStringAttr(name),
                                        operands)
       .getResult(0);
@@ -178,8 +177,7 @@ Value warp::isWarpTogether(OpBuilder &b, Location loc,
   b.setInsertionPointToStart(agree.thenBlock());
   Value same = constant(i1, 1);
   for (Value value : compared) {
-    Value first =
-        shuffle(b, loc, ShuffleMode::index, value, constant(i32, 0));
+    Value first = shuffle(b, loc, ShuffleMode::index, value, constant(i32, 0));
     same = arith::AndIOp::create(b, loc, same, equal(value, first));
   }
   scf::YieldOp::create(b, loc, holdsInWarp(b, loc, same));
@@ -223,6 +221,6 @@ Value warp::nameDynamicShared(OpBuilder &b, Location loc, ModuleOp module,
   Type type = LLVM::LLVMArrayType::get(b.getI8Type(), 0);
   auto global = LLVM::GlobalOp::create(
       inModule, loc, type, /*isConstant=*/false, LLVM::Linkage::External, name,
-      /*value=*/Attribute(), /*alignment=*/128, sharedSpace);
+      /*value=*/Attribute(), /*alignment=*/1024, sharedSpace);
   return LLVM::AddressOfOp::create(b, loc, global);
 }

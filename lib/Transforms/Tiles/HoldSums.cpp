@@ -23,12 +23,12 @@ class SumHolder {
 public:
   SumHolder(FunctionOpInterface kernel, int64_t threads)
       : kernel(kernel), buffers(kernel), threads(threads),
-        version(getVariant(kernel).getTarget().getVersion()) {}
+        target(getVariant(kernel).getTarget()) {}
 
   void run() {
     SmallVector<TileMatmulOp> products;
     kernel->walk([&](TileMatmulOp op) {
-      if (auto form = findProductForm(op, threads, version)) {
+      if (auto form = findProductForm(op, threads, target.getVersion())) {
         setProductForm(op, *form);
         products.push_back(op);
       }
@@ -36,6 +36,8 @@ public:
     llvm::MapVector<Value, SmallVector<Value>> byRoot;
     for (Value tile : buffers.getTiles())
       byRoot[buffers.rootOf(tile)].push_back(tile);
+    for (TileMatmulOp op : products)
+      multiplyByWarpgroups(op, byRoot[buffers.rootOf(op.getResult())]);
     for (auto &[root, members] : byRoot)
       if (canHold(members))
         hold(members);
@@ -46,6 +48,17 @@ public:
   }
 
 private:
+  /// If threads can hold the sums and the factors are loaded ahead.
+  void multiplyByWarpgroups(TileMatmulOp op, ArrayRef<Value> members) {
+    auto form = findWarpgroupForm(op, threads, target);
+    if (!form || !findAheadLoop(op))
+      return;
+    ProductForm plain = *getProductForm(op);
+    setProductForm(op, *form);
+    if (!canHold(members))
+      setProductForm(op, plain);
+  }
+
   /// What an operation gives without memory: sums, or a number.
   bool canMake(Value tile, std::optional<std::string> &layout) const {
     Operation *def = tile.getDefiningOp();
@@ -186,53 +199,75 @@ private:
     return (rowsAtATime && runs % 2 == 0 ? runs + 1 : runs) * run;
   }
 
-  void loadAhead(TileMatmulOp product) {
+  /// The loop that can load factors of its next iterations; null if none can.
+  scf::ForOp findAheadLoop(TileMatmulOp product) const {
     auto loop = dyn_cast<scf::ForOp>(product->getParentOp());
     std::optional<Factor> a =
         getFactor(product.getA(), product.getTransposeA());
     std::optional<Factor> b =
         getFactor(product.getB(), !product.getTransposeB());
-    if (!loop || !loop.getInductionVar().getType().isInteger(32) ||
-        a->memory == b->memory || !isOwnLoad(a->memory, product) ||
-        !isOwnLoad(b->memory, product) ||
-        !isPure(loop, product,
-                {a->memory.getDefiningOp(), b->memory.getDefiningOp()}))
+    bool can = loop && loop.getInductionVar().getType().isInteger(32) &&
+               a->memory != b->memory && isOwnLoad(a->memory, product) &&
+               isOwnLoad(b->memory, product) &&
+               isPure(loop, product,
+                      {a->memory.getDefiningOp(), b->memory.getDefiningOp()});
+    return can ? loop : scf::ForOp();
+  }
+
+  void loadAhead(TileMatmulOp product) {
+    scf::ForOp loop = findAheadLoop(product);
+    if (!loop)
       return;
-    int64_t bytes = 0;
-    for (const Factor &factor : {*a, *b}) {
-      TileType type = tileType(factor.memory);
-      bytes += type.getShape()[0] * padded(type, factor.isAlong) *
-               getByteSize(type.getElementType());
-    }
-    // Two blocks at a time, with what the driver keeps for itself.
-    int64_t room = getMostBlockBytes(version) / 2 - (5 << 10);
-    int64_t stages = std::clamp<int64_t>(room / bytes, 2, 4);
+    ProductForm form = *getProductForm(product);
+    if (form.isByWarpgroups())
+      planLoads(kernel, loop, product);
     Builder builder(loop.getContext());
-    loop->setAttr(attr::stages, builder.getI64IntegerAttr(stages));
-    for (const Factor &factor : {*a, *b}) {
-      Operation *load = factor.memory.getDefiningOp();
-      load->setAttr(attr::stages, builder.getI64IntegerAttr(stages));
-      load->setAttr(attr::pitch, builder.getI64IntegerAttr(padded(
-                                     tileType(factor.memory), factor.isAlong)));
+    SmallVector<Operation *, 2> loads;
+    int64_t bytes = 0;
+    for (const Factor &factor :
+         {*getFactor(product.getA(), product.getTransposeA()),
+          *getFactor(product.getB(), !product.getTransposeB())}) {
+      TileType type = tileType(factor.memory);
+      loads.push_back(factor.memory.getDefiningOp());
+      int64_t pitch = type.getShape()[1];
+      if (form.isByWarpgroups())
+        loads.back()->setAttr(attr::swizzled, builder.getUnitAttr());
+      else
+        pitch = padded(type, factor.isAlong);
+      loads.back()->setAttr(attr::pitch, builder.getI64IntegerAttr(pitch));
+      bytes += type.getShape()[0] * pitch * getByteSize(type.getElementType());
     }
+    // Two blocks at a time, with what the driver keeps for itself; one, if its
+    // sums take the registers of two.
+    int64_t blocks =
+        form.isByWarpgroups() && form.slots > mostSharedSums ? 1 : 2;
+    int64_t room = getMostBlockBytes(target.getVersion()) / blocks - (5 << 10);
+    int64_t stages = std::clamp<int64_t>(room / bytes, 2, 4);
+    loop->setAttr(attr::stages, builder.getI64IntegerAttr(stages));
+    for (Operation *load : loads)
+      load->setAttr(attr::stages, builder.getI64IntegerAttr(stages));
   }
 
   /// A quarter of a thread's registers more would halve the threads that hide
   /// each other's waits.
   void limitRegisters(ArrayRef<TileMatmulOp> products) {
-    constexpr int64_t registers = 128, mostSums = 64;
+    constexpr int64_t registers = 128;
     int64_t sums = 0;
     for (TileMatmulOp op : products)
       sums = std::max(sums, getProductForm(op)->slots);
     int64_t blocks = (64 << 10) / (registers * threads);
-    if (sums > mostSums / 2 && sums <= mostSums && blocks > 1)
+    if (sums > mostSharedSums / 2 && sums <= mostSharedSums && blocks > 1)
       kernel->setAttr(warp::attr::leastBlocks,
                       Builder(kernel.getContext()).getI64IntegerAttr(blocks));
   }
 
+  /// Of a thread, such that a multiprocessor has two blocks.
+  static constexpr int64_t mostSharedSums = 64;
+
   FunctionOpInterface kernel;
   TileBuffers buffers;
-  int64_t threads, version;
+  int64_t threads;
+  TargetAttr target;
 };
 
 } // namespace

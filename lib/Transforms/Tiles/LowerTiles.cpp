@@ -29,6 +29,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "LowerTiles.h"
+#include "TileProducts.h"
 #include "EarlyLoads.h"
 
 #include "KernelFunction.h"
@@ -138,6 +139,9 @@ void TileLowering::lower(Operation *op) {
         op->hasAttr(attr::form) ? transformRows(op) : lowerFft(op);
       })
       .Case([](TileEmptyOp) {})
+      .Case([&](TileLoadOp load) {
+        isCopied(load) ? copyMatrix(load) : keep(load);
+      })
       .Default([&](Operation *) { keep(op); });
 }
 
@@ -226,8 +230,15 @@ LogicalResult TileLowering::run() {
           ownSteps[op] = *steps;
   for (auto [op, steps] : ownSteps)
     earliest[op] = findEarliest(mlir::cast<TileAtomicOp>(op));
-  for (scf::ForOp loop : ahead)
-    lowerAhead(loop);
+  for (scf::ForOp loop : ahead) {
+    bool isRing =
+        llvm::any_of(loop.getBody()->getOps<TileLoadOp>(),
+                     [](TileLoadOp load) { return load->hasAttr(attr::map); });
+    if (isRing)
+      lowerRing(loop);
+    else
+      lowerAhead(loop);
+  }
   for (Operation *op : ops)
     lower(op);
   detach();

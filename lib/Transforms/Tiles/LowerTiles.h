@@ -195,12 +195,22 @@ private:
   Values windowOf(Op op, Value array, TileType tile, ValueRange offsets);
   void multiply(TileMatmulOp op, Value sums, Value turn);
   void lowerHeldProduct(TileMatmulOp op);
+  void limitWindow(Values &window, int64_t axis, Value count);
   Value placeOf(Value tile, Value turn);
   void fetch(TileLoadOp load, mlir::scf::ForOp loop, Value iteration,
              Value turn);
+  Values offsetsAt(TileLoadOp load, mlir::scf::ForOp loop, Value iteration,
+                   Value *array = nullptr);
   void lowerAhead(mlir::scf::ForOp loop);
 
+  // In LowerTilesRings.cpp.
+  void copyBoxes(llvm::ArrayRef<TileLoadOp> loads, mlir::scf::ForOp loop,
+                 Value iteration, Value place, Value full);
+  void lowerRing(mlir::scf::ForOp loop);
+
   // In LowerTilesForms.cpp.
+  bool isCopied(TileLoadOp op);
+  void copyMatrix(TileLoadOp op);
   void callForm(llvm::StringRef verb, mlir::Operation *op, Values arguments);
   void factor(TileCholeskyOp op);
   void differentiateFactor(TileCholeskyAdjointOp op);

@@ -18,6 +18,52 @@ void TileLowering::callForm(StringRef verb, Operation *op, Values arguments) {
   callLibrary("warp_tile_" + verb + "_" + Twine(getForm(op)), {}, arguments);
 }
 
+/// Whether a matrix that is loaded comes by asynchronous copies: all of them
+/// are on their way at once, and pass by the registers. Each thread has one or
+/// more.
+bool TileLowering::isCopied(TileLoadOp op) {
+  TileType type = tileType(op.getResult());
+  int64_t runs = type.getShape().back() / 4;
+  return op->hasAttr(attr::pitch) && !op.getPicked() &&
+         type.getElementType().isF32() && type.getShape().back() % 4 == 0 &&
+         runs <= threads && threads % runs == 0 &&
+         type.getNumElements() >= 4 * threads &&
+         llvm::all_of(op.getOffsets(), [](Value offset) {
+           return getByteSize(offset.getType()) <= 4;
+         });
+}
+
+/// The first place where threads meet after a load and before all of its uses.
+static BarrierOp meetingAfter(TileLoadOp load) {
+  Block *block = load->getBlock();
+  for (Operation *op = load->getNextNode(); op; op = op->getNextNode())
+    if (auto barrier = dyn_cast<BarrierOp>(op))
+      return llvm::all_of(load.getResult().getUsers(),
+                          [&](Operation *user) {
+                            Operation *there =
+                                block->findAncestorOpInBlock(*user);
+                            return there && barrier->isBeforeInBlock(there);
+                          })
+                 ? barrier
+                 : BarrierOp();
+  return BarrierOp();
+}
+
+void TileLowering::copyMatrix(TileLoadOp op) {
+  TileType type = tileType(op.getResult());
+  Values arguments{addressOf(memoryOf(op.getResult()))};
+  arguments.append(windowOf(op, op.getArray(), type, op.getOffsets()));
+  arguments.push_back(
+      number(op->getAttrOfType<IntegerAttr>(attr::pitch).getInt()));
+  arguments.push_back(number(threads));
+  callLibrary("warp_tile_fetch_b32", {}, arguments);
+  callLibrary("warp_tile_close_group", {}, {});
+  OpBuilder::InsertionGuard guard(b);
+  if (BarrierOp barrier = meetingAfter(op))
+    b.setInsertionPoint(barrier);
+  callLibrary("warp_tile_await_groups", {}, {number(0)});
+}
+
 void TileLowering::factor(TileCholeskyOp op) {
   Strided to = *getStrided(op.getResult()), from = *getStrided(op.getTile());
   if (op.getUpper()) {

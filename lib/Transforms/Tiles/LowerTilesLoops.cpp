@@ -6,6 +6,7 @@
 
 #include "LowerTiles.h"
 
+#include "KernelFunction.h"
 #include "Transforms/Launch/UnrollLoop.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -189,8 +190,14 @@ Values TileLowering::share(ArrayRef<int64_t> shape, ValueRange sums,
     return body(unravel(e, shape), sums);
   };
   int64_t turns = count / threads;
-  if (turns > 1 && !isStriped)
-    return loop(number(0), number(turns), number(1), sums, turn);
+  if (turns > 1 && !isStriped) {
+    Values next = loop(number(0), number(turns), number(1), sums, turn);
+    // Memory is busy as long as many elements are on their way to each thread.
+    constexpr int64_t copies = 8;
+    if (!sums.empty() && turns > copies && isGpu(kernel))
+      setCopies(next[0].getDefiningOp<scf::ForOp>(), copies);
+    return next;
+  }
   // Registers have no numbers.
   Values next(sums);
   for (int64_t t = 0; t < turns; ++t)

@@ -84,6 +84,9 @@ Values TileLowering::windowOf(Op op, Value array, TileType tile,
   return window;
 }
 
+// For matrices, in LowerTilesForms.cpp.
+template Values TileLowering::windowOf(TileLoadOp, Value, TileType, ValueRange);
+
 void TileLowering::storeHeld(TileStoreOp op) {
   callHeld(
       "store", op.getTile(),
@@ -147,33 +150,53 @@ void TileLowering::lowerHeldProduct(TileMatmulOp op) {
 /// The address of a tile, or of one of its stages.
 Value TileLowering::placeOf(Value tile, Value turn) {
   Value address = addressOf(memoryOf(tile));
-  Operation *def = tile.getDefiningOp();
   if (!turn)
     return address;
-  int64_t stages = def->getAttrOfType<IntegerAttr>(attr::stages).getInt();
-  Value bytes = mul(turn, number(getStagedBytes(tile) / stages));
+  Value bytes = mul(turn, number(getStageBytes(tile)));
   return builtin("add", {address, cast(bytes, address.getType())});
 }
 
-/// What an iteration needs, with its number computed anew.
-void TileLowering::fetch(TileLoadOp load, scf::ForOp loop, Value iteration,
-                         Value turn) {
+/// Takes no more than so many elements of an array along an axis.
+void TileLowering::limitWindow(Values &window, int64_t axis, Value count) {
+  constexpr int64_t first = 1, extent = 3;
+  Value end = add(window[first + axis], count);
+  Value &limit = window[extent + axis];
+  limit = arith::MinSIOp::create(b, loc, cast(limit, end.getType()), end);
+  window.back() = number(1);
+}
+
+/// Where an iteration loads, computed anew with its number.
+Values TileLowering::offsetsAt(TileLoadOp load, scf::ForOp loop,
+                               Value iteration, Value *array) {
   IRMapping map;
   map.map(loop.getInductionVar(), iteration);
   for (Operation &op : loop.getBody()->without_terminator())
     if (!computesTiles(&op) && op.isBeforeInBlock(load))
       b.clone(op, map);
-  Values offsets;
-  for (Value offset : load.getOffsets())
-    offsets.push_back(map.lookupOrDefault(offset));
+  if (array)
+    *array = map.lookupOrDefault(load.getArray());
+  return llvm::map_to_vector<4>(load.getOffsets(), [&](Value offset) {
+    return map.lookupOrDefault(offset);
+  });
+}
+
+/// What an iteration needs.
+void TileLowering::fetch(TileLoadOp load, scf::ForOp loop, Value iteration,
+                         Value turn) {
+  Value array;
+  Values offsets = offsetsAt(load, loop, iteration, &array);
   TileType type = tileType(load.getResult());
+  Values window = windowOf(load, array, type, offsets);
+  if (auto merged = load->getAttrOfType<DenseI64ArrayAttr>(attr::merged))
+    limitWindow(window, merged[0],
+                mul(sub(loop.getUpperBound(), iteration), number(merged[1])));
   Values arguments{placeOf(load.getResult(), turn)};
-  arguments.append(
-      windowOf(load, map.lookupOrDefault(load.getArray()), type, offsets));
+  arguments.append(window);
   arguments.push_back(
       number(load->getAttrOfType<IntegerAttr>(attr::pitch).getInt()));
   arguments.push_back(number(threads));
-  callLibrary("warp_tile_fetch_b" +
+  StringRef layout = load->hasAttr(attr::swizzled) ? "swizzled_b" : "b";
+  callLibrary("warp_tile_fetch_" + layout +
                   Twine(8 * getByteSize(type.getElementType())),
               {}, arguments);
 }
@@ -207,7 +230,10 @@ void TileLowering::lowerAhead(scf::ForOp loop) {
   auto turnOf = [&](Value number) -> Value {
     return arith::RemUIOp::create(b, loc, number, this->number(stages));
   };
+  ProductForm form = *getProductForm(product);
   callLibrary("warp_tile_await_groups", {}, {number(stages - 2)});
+  if (form.isByWarpgroups())
+    callLibrary("warp_tile_publish_copies", {}, {});
   barrier();
   auto fetchNext = [&] {
     fetchAll(after(loop.getInductionVar(), number(stages - 1)),
@@ -218,10 +244,11 @@ void TileLowering::lowerAhead(scf::ForOp loop) {
   bool isInTime = stages > 2;
   if (!isInTime)
     fetchNext();
-  ProductForm form = *getProductForm(product);
   multiply(product, sumsOf(product.getResult(), form.slots), turnOf(done));
   if (isInTime)
     fetchNext();
+  if (form.isByWarpgroups())
+    callLibrary("warp_tile_await_products", {}, {number(0)});
 }
 
 } // namespace warp::tiles

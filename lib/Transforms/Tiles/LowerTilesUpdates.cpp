@@ -98,14 +98,13 @@ void TileLowering::lowerAtomic(TileAtomicOp op) {
   if (own == ownSteps.end())
     return updateElements(op, /*plainly=*/false);
   Value alone, inside;
-  if (!isGpu(kernel))
-    alone = isAlone(own->second);
   Values early;
+  if (isGpu(kernel))
+    early = loadEarly(op, alone);
+  if (early.empty())
+    alone = isAlone(own->second);
   // One loop of each kind is enough on a GPU: what crosses an edge is rare.
   if (isGpu(kernel)) {
-    early = loadEarly(op, alone);
-    if (early.empty())
-      alone = isAlone(own->second);
     collectTested(op, inside);
     alone = both(alone, inside);
   }

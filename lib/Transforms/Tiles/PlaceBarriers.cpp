@@ -143,8 +143,11 @@ private:
     bool takesSums = llvm::any_of(op->getOperands(), [&](Value operand) {
       return isTile(operand) && buffers.isHeld(operand) && !isStriped(operand);
     });
-    bool striped = !takesSums && (readsOwnElements(op) ||
-                                  isa<TileSplatOp, TileIotaOp, TileLoadOp>(op));
+    // Matrices are copied by whole runs.
+    bool isCopied = isa<TileLoadOp>(op) && op->hasAttr(tiles::attr::pitch);
+    bool striped =
+        !takesSums && !isCopied &&
+        (readsOwnElements(op) || isa<TileSplatOp, TileIotaOp, TileLoadOp>(op));
     auto ownedOf = [&](Value tile) {
       return striped ? tileType(tile).getNumElements() : 0;
     };

@@ -24,8 +24,8 @@ using namespace mlir;
 using namespace warp;
 using namespace warp::tiles;
 
-/// Widest access that code may make of it.
-constexpr int64_t alignment = 64;
+/// Widest access that code may make of it, and a pattern of swizzled rows.
+constexpr int64_t alignment = 64, patternBytes = 1024;
 /// What a thread's stack surely has.
 constexpr int64_t cpuBytes = 4 << 20;
 
@@ -69,6 +69,11 @@ struct Piece {
   Value tile;
   Operation *op = nullptr;
 
+  int64_t getAlignment() const {
+    Operation *def = tile ? tile.getDefiningOp() : nullptr;
+    return def && def->hasAttr(tiles::attr::swizzled) ? patternBytes
+                                                      : alignment;
+  }
   bool overlaps(const Piece &other) const {
     return first <= other.last && other.first <= last;
   }
@@ -108,8 +113,9 @@ public:
       int64_t offset = 0;
       for (Piece *other : others)
         if (other->offset < offset + order[i]->bytes)
-          offset = std::max<int64_t>(
-              offset, llvm::alignTo(other->offset + other->bytes, alignment));
+          offset = std::max<int64_t>(offset,
+                                     llvm::alignTo(other->offset + other->bytes,
+                                                   order[i]->getAlignment()));
       order[i]->offset = offset;
       total = std::max(total, offset + order[i]->bytes);
     }
@@ -204,8 +210,7 @@ LogicalResult plan(FunctionOpInterface kernel, int64_t threads) {
   Planner planner(kernel, threads);
   int64_t total = planner.place();
   int64_t version = getVariant(kernel).getTarget().getVersion();
-  int64_t most =
-      warp::isGpu(kernel) ? getMostBlockBytes(version) : cpuBytes;
+  int64_t most = warp::isGpu(kernel) ? getMostBlockBytes(version) : cpuBytes;
   if (total > most) {
     planner.report(total, most);
     return failure();

@@ -7,6 +7,7 @@
 #include "TileBuffers.h"
 
 #include "KernelFunction.h"
+#include "TileProducts.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
@@ -136,14 +137,24 @@ std::optional<int64_t> getPitch(Value tile) {
   return pitch ? std::optional(pitch.getInt()) : std::nullopt;
 }
 
-int64_t getStagedBytes(Value tile) {
+int64_t getStageBytes(Value tile) {
   TileType type = tileType(tile);
   std::optional<int64_t> pitch = getPitch(tile);
-  if (!pitch)
-    return getTileBytes(type);
-  auto stages = tile.getDefiningOp()->getAttrOfType<IntegerAttr>(attr::stages);
-  return (stages ? stages.getInt() : 1) * type.getShape()[0] * *pitch *
-         getByteSize(type.getElementType());
+  return pitch
+             ? type.getShape()[0] * *pitch * getByteSize(type.getElementType())
+             : getTileBytes(type);
+}
+
+int64_t getStagedBytes(Value tile) {
+  int64_t bytes = getStageBytes(tile);
+  Operation *def = tile.getDefiningOp();
+  auto stages =
+      def ? def->getAttrOfType<IntegerAttr>(attr::stages) : IntegerAttr();
+  if (!stages)
+    return bytes;
+  // Two barriers of 8 bytes for each.
+  int64_t ring = def->hasAttr(attr::ring) ? 16 : 0;
+  return stages.getInt() * (bytes + ring);
 }
 
 std::optional<Strided> getStrided(Value tile) {

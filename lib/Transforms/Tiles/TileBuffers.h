@@ -39,6 +39,11 @@ constexpr llvm::StringLiteral striped = "striped";
 constexpr llvm::StringLiteral replicated = "replicated";
 /// Elements from row to row of the result in the block's memory.
 constexpr llvm::StringLiteral pitch = "pitch";
+/// On a load whose result lies as matrix instructions of warpgroups read it.
+constexpr llvm::StringLiteral swizzled = "swizzled";
+/// On a load that takes several steps of a loop at once, of which the last may
+/// not be there: the axis along which it does, and the extent of a step.
+constexpr llvm::StringLiteral merged = "merged";
 /// On a loop, and on loads in it: tiles that are there or on their way.
 constexpr llvm::StringLiteral stages = "warp.stages";
 } // namespace attr

@@ -25,7 +25,7 @@ static int64_t factorForm(Value matrix) {
   int64_t n = tileType(matrix).getShape()[0];
   bool fits = tileType(matrix).getElementType().isF32() && n <= mostRows &&
               getStrided(matrix);
-  return !fits ? 0 : n <= 8 ? 8 : n <= 16 ? 16 : 32;
+  return !fits ? 0 : n <= 8 ? 8 : 16;
 }
 
 /// Rows of a lane.
@@ -65,11 +65,9 @@ int64_t getFormBytes(Operation *op, int64_t threads) {
   return lanes == 1 ? 0 : rows * (n + n / 8) * 8;
 }
 
-/// Odd where numbers are read one by one, else an odd number of fours.
+/// An odd number of fours where rows are read by fours, else odd.
 static int64_t pitchOf(int64_t columns) {
-  if (columns <= 32)
-    return columns | 1;
-  return columns % 8 == 0 ? columns + 4 : columns;
+  return columns % 4 == 0 ? 4 * (columns / 4 | 1) : columns | 1;
 }
 
 /// Whether an operation with a form reads the tile as its matrix, and does not

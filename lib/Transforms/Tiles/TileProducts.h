@@ -7,6 +7,7 @@
 #ifndef WARP_TRANSFORMS_TILES_TILEPRODUCTS_H
 #define WARP_TRANSFORMS_TILES_TILEPRODUCTS_H
 
+#include "TensorMapAttributes.h"
 #include "TileBuffers.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
@@ -19,10 +20,23 @@ struct ProductForm {
   std::string product, layout;
   /// Sums of a thread.
   int64_t slots;
+
+  /// Made by instructions of four warps together.
+  bool isByWarpgroups() const {
+    return llvm::StringRef(layout).starts_with("wg_");
+  }
 };
 /// Of a product that threads of GPU blocks can hold; none for other shapes.
 std::optional<ProductForm> findProductForm(TileMatmulOp op, int64_t threads,
                                            int64_t version);
+/// Of one whose factors are loaded ahead; none where those instructions, or the
+/// shape, are missing (WarpgroupProducts.cpp).
+std::optional<ProductForm> findWarpgroupForm(TileMatmulOp op, int64_t threads,
+                                             TargetAttr target);
+/// Chooses how the factors of such a product are loaded: how many steps of its
+/// loop at a time, and by whom.
+void planLoads(mlir::FunctionOpInterface kernel, mlir::scf::ForOp loop,
+               TileMatmulOp product);
 /// The form that an operation is marked with.
 void setProductForm(TileMatmulOp op, const ProductForm &form);
 std::optional<ProductForm> getProductForm(TileMatmulOp op);
@@ -39,6 +53,10 @@ std::optional<Factor> getFactor(mlir::Value tile, bool depthIsFirst);
 /// Whether copies know how the elements of an array lie, tile and array have
 /// two dimensions, and offsets 32 bits.
 bool isPlainWindow(mlir::Value array, TileType tile, mlir::ValueRange offsets);
+
+/// Bytes of a tile with what is between rows; of one that is loaded ahead, for
+/// one of its stages.
+int64_t getStageBytes(mlir::Value tile);
 
 /// Marks products, sums that threads hold, and loops that load ahead
 /// (HoldSums.cpp).

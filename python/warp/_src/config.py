@@ -187,7 +187,7 @@ SETTINGS = {
         Setting(
             "deterministic",
             (bool, str, DeterministicMode),
-            False,
+            DeterministicMode.NOT_GUARANTEED,
             "sums that launches add to arrays have the same bits in every run: on a GPU they are "
             "exact, on the CPU they keep one order; see `DeterministicMode`",
         ),

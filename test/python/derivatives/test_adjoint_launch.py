@@ -345,7 +345,7 @@ def test_deterministic_sums(device):
 
 
 def test_deterministic_setting():
-    assert wp.config.deterministic is False
+    assert wp.config.deterministic == wp.DeterministicMode.NOT_GUARANTEED
     module = wp.get_module(__name__)
     assert not square.is_deterministic
     for mode in (wp.DeterministicMode.RUN_TO_RUN, wp.config.DeterministicMode.GPU_TO_GPU):

@@ -1,12 +1,13 @@
 """Random programs: gradients are those of dual numbers in Python, forward and backward."""
 
 import numpy as np
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 
 import warp as wp
 from autodiff_catalogue.problem import only
 from autodiff_programs import DATA, Dual, Functions, inputs_of, programs
 from frontend_programs import define
+from random_runs import examples
 
 KERNEL = """
 @wp.kernel
@@ -54,7 +55,7 @@ def check(kernel, n, wanted, source):
     close(pushed.numpy().sum(), right, source)
 
 
-@settings(max_examples=50, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
+@examples(50)
 @given(programs())
 def test_gradients_of_random_programs(source):
     plain = define(source, wp=Functions, R=Dual, D=list)["program"]

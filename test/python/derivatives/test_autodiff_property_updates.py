@@ -3,11 +3,12 @@
 import re
 
 import numpy as np
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 
 import warp as wp
 from autodiff_updates import START, THREADS, WEIGHTS, kernels, reference
 from frontend_programs import define
+from random_runs import examples
 
 REAL = wp.float64
 
@@ -42,9 +43,7 @@ def check(kernel, n, source):
 def test_gradients_of_random_updates():
     counts = {True: 0, False: 0}
 
-    @settings(
-        max_examples=60, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True
-    )
+    @examples(60)
     @given(kernels())
     def run(source):
         rank_one, rank_two = wp.array(dtype=REAL), wp.array2d(dtype=REAL)

@@ -1,12 +1,13 @@
 """Random stencils: adjoints are transposed Jacobians."""
 
 import numpy as np
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 
+from random_runs import examples
 from stencil_programs import check, stencils
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
+@examples(60)
 @given(stencils())
 def test_random_stencils(program):
     source, extents, dims = program

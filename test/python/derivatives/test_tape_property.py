@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import warp as wp
+from random_runs import seeds
 
 N, ARRAYS = 5, 4
 Real = wp.float64
@@ -91,7 +92,7 @@ class Program:
                 a += 0.5
 
 
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", seeds(30))
 def test_gradients_of_programs(seed, device):
     rng = np.random.default_rng(seed)
     start, weights = rng.uniform(0.2, 1.2, (ARRAYS, N)), rng.normal(size=(ARRAYS, N))
@@ -124,7 +125,7 @@ def weigh(a: wp.array(dtype=Real), w: wp.array(dtype=Real), loss: wp.array(dtype
     wp.atomic_add(loss, 0, a[i] * w[i])
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", seeds(12))
 def test_tangents_of_programs(seed, device):
     rng = np.random.default_rng(seed)
     start, direction = rng.uniform(0.2, 1.2, (ARRAYS, N)), rng.normal(size=(ARRAYS, N))

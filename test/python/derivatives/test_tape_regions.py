@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import warp as wp
+from random_runs import seeds
 
 ROWS, N = 6, 4
 Real = wp.float64
@@ -151,7 +152,7 @@ class Program:
                 x[other] = x[k]
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", seeds(60))
 def test_gradients_of_programs(seed, device):
     rng = np.random.default_rng(seed)
     start, weights = rng.uniform(0.2, 1.0, (ROWS, N)), rng.normal(size=(ROWS, N))

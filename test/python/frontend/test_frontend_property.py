@@ -1,10 +1,11 @@
 """Random programs: what a kernel computes is what Python computes."""
 
 import numpy as np
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 
 import warp as wp
 from frontend_programs import define, programs, remainder
+from random_runs import examples
 
 PRELUDE = """
 @wp.func
@@ -25,7 +26,7 @@ def wrapped(value):
     return (value + 2**31) % 2**32 - 2**31
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
+@examples(60)
 @given(programs())
 def test_random_programs_agree_with_python(source):
     plain = define(source, rem=remainder)["program"]

@@ -160,3 +160,66 @@ def test_what_cannot_be_is_refused_with_the_reason():
 
     with pytest.raises(wp.WarpCodegenIndexError, match="out of range for 2"):
         run(outside)
+
+
+@wp.func
+def fill_from(p: wp.array(dtype=wp.vec2), n: int, v: float):
+    for i in range(n):
+        p[i] = wp.vec2(float(i) + v, v)
+
+
+@wp.kernel
+def overlap(out: wp.array2d(dtype=wp.vec2), n: wp.array(dtype=int)):
+    t = wp.tid()
+    whole = wp.zeros(shape=(10,), dtype=wp.vec2f)
+    end = wp.array(ptr=whole.ptr + wp.uint64(5 * 8), shape=(5,), dtype=wp.vec2f)
+    fill_from(end, 5, 10.0 * float(t))
+    chosen = end
+    if n[t] > 3:
+        chosen = wp.array(ptr=whole.ptr, shape=(5,), dtype=wp.vec2)
+    fill_from(chosen, 3, 0.5)
+    whole[n[t]] = whole[n[t]] + wp.vec2(100.0, 0.0)
+    for i in range(10):
+        out[t, i] = whole[i] + end[i % 5]
+
+
+def overlap_in_numpy(numbers):
+    out = np.zeros((len(numbers), 10, 2))
+    for t, n in enumerate(numbers):
+        whole = np.zeros((10, 2))
+        end = whole[5:]
+        for part, count, v in ((end, 5, 10.0 * t), (whole[:5] if n > 3 else end, 3, 0.5)):
+            for i in range(count):
+                part[i] = (i + v, v)
+        whole[n] += (100, 0)
+        out[t] = whole + end[np.arange(10) % 5]
+    return out
+
+
+# Arrays at parts of an address share the memory of the thread.
+def test_addresses_within_an_array(device):
+    numbers = np.arange(300) % 7
+    out = wp.zeros((len(numbers), 10), dtype=wp.vec2, device=device)
+    wp.launch(
+        overlap, len(numbers), [out, wp.array(numbers, dtype=int, device=device)], device=device
+    )
+    np.testing.assert_array_equal(out.numpy(), overlap_in_numpy(numbers))
+
+
+@wp.kernel
+def doubled(x: wp.array(dtype=float), y: wp.array(dtype=float)):
+    whole = wp.zeros(shape=(4,), dtype=float)
+    end = wp.array(ptr=whole.ptr + wp.uint64(8), shape=(2,), dtype=float)
+    end[1] = 2.0 * x[wp.tid()]
+    y[wp.tid()] = whole[3]
+
+
+def test_addresses_within_an_array_have_no_derivative(device):
+    x = wp.array([1.0, 2.0], dtype=float, requires_grad=True, device=device)
+    y = wp.zeros_like(x)
+    with wp.Tape() as tape:
+        wp.launch(doubled, 2, [x], [y], device=device)
+    assert y.numpy().tolist() == [2.0, 4.0]
+    with pytest.raises(wp.WarpError, match="reached by its address has no derivative") as error:
+        tape.backward(grads={y: wp.ones_like(y)})
+    assert "test_local_arrays.py" in str(error.value)

@@ -7,6 +7,7 @@ import warp as wp
 from autodiff_programs import Dual, Functions
 from frontend_programs import define
 from local_array_programs import make_program
+from random_runs import seeds
 
 KERNEL = """
 @wp.kernel
@@ -26,7 +27,7 @@ def program(x, q0, m, p):
 THREADS = 21
 
 
-@pytest.mark.parametrize("seed", range(16))
+@pytest.mark.parametrize("seed", seeds(16))
 def test_random_programs_have_the_values_and_gradients_of_python(seed):
     body, sizes = make_program(seed)
     plain = define(PYTHON.format(*sizes, body), wp=Functions, R=Dual)["program"]

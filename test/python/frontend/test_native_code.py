@@ -183,3 +183,22 @@ def test_threads_meet_in_native_code(device):
     expected = np.broadcast_to(warps.max(axis=2, keepdims=True), warps.shape).reshape(x.shape)
     np.testing.assert_array_equal(y.numpy()[::2], expected[::2])
     assert not y.numpy()[1::2].any()
+
+
+@wp.func_native("return nextafterf(x, INFINITY) + remainderf(x, 2.0f) + fdimf(x, 1.0f) + logbf(x);")
+def next_float(x: float) -> float: ...
+
+
+@wp.kernel
+def call_library(x: wp.array(dtype=float), y: wp.array(dtype=float)):
+    y[wp.tid()] = next_float(x[wp.tid()])
+
+
+def test_functions_of_the_c_library():
+    x = np.linspace(0.1, 9.0, 37).astype(np.float32)
+    y = wp.zeros(37, dtype=float)
+    wp.launch(call_library, 37, [wp.array(x), y])
+    after = np.nextafter(x, np.float32(np.inf))
+    rest = x - 2 * np.rint(x / 2)
+    expected = after + rest + np.maximum(x - 1, 0) + np.floor(np.log2(x))
+    np.testing.assert_allclose(y.numpy(), expected, rtol=1e-6, atol=1e-6)

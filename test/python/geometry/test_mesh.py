@@ -217,7 +217,8 @@ def test_bad_input():
     with pytest.raises(RuntimeError, match="vec3"):
         wp.Mesh(zeros(3), wp.array([0, 1, 2], dtype=int, device="cpu"))
     with pytest.raises(ValueError, match="constructor"):
-        make(points, faces, bvh_constructor="cubql")
+        make(points, faces, bvh_constructor="octree")
+    make(points, faces, bvh_constructor="cubql")
     mesh = make(points, faces)
     grid = wp.HashGrid(2, 2, 2, device="cpu")
     freed = mesh.id

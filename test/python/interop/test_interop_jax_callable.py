@@ -297,3 +297,15 @@ print("equal")
         )
         assert "equal" in done.stdout, done.stderr
         assert list(tmp_path.iterdir())
+
+
+def test_extents_of_launches_that_are_too_many():
+    for dims, place in (((2**31 + 1,), 0), ((1, 2**31 + 1), 1)):
+        function = wp.jax_kernel(scale, launch_dims=dims, output_dims=1)
+        with pytest.raises(ValueError, match=f"with extent 2147483649 in dimension {place}"):
+            jax.jit(lambda x, call=function: call(x, 2.0)).lower(jnp.ones(1, dtype=jnp.float32))
+
+
+def test_threads_of_a_block_as_given():
+    assert wp.jax_kernel(scale).block_dim is None
+    assert wp.jax_kernel(scale, block_dim=np.int64(64)).block_dim == 64

@@ -51,6 +51,20 @@ def test_every_stage_can_be_seen(stage, text):
     assert text in twice.ir(stage=stage)
 
 
+@wp.kernel
+def place(x: wp.array2d(dtype=int)):
+    i, j = wp.tid()
+    x[i, j] = 1000 * i + j
+
+
+def test_the_code_shown_is_for_as_many_dimensions_as_the_kernel_has():
+    whole = place.ir("ptx")
+    assert whole == place.ir("ptx", rank=2)
+    # Without the second, which is then zero, nothing is added to the product.
+    assert len(place.ir("ptx", rank=1)) < len(whole)
+    assert twice.ir("ptx") == twice.ir("ptx", rank=1)
+
+
 def test_unknown_stage():
     with pytest.raises(ValueError, match="'launch', 'gpu', 'llvm', 'ptx', 'asm'"):
         twice.ir(stage="mlir")

@@ -5,6 +5,7 @@ import pytest
 
 import warp as wp
 from frontend_programs import define
+from random_runs import seeds
 from schedule_programs import Program
 
 SIZES = [(1, 8), (33, 40), (257, 100), (1000, 65), (96, 33)]
@@ -33,7 +34,7 @@ def run(program, mode, size, device):
     return results + [one.grad.numpy() for one in arrays]
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", seeds(60))
 def test_schedules_agree(device, seed):
     program = Program(seed)
     size = SIZES[seed % len(SIZES)]

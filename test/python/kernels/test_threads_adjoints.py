@@ -11,6 +11,7 @@ import pytest
 
 import threads_reference as reference
 import warp as wp
+from random_runs import seeds
 from threads_launches import bits, compile_program, modes_on
 
 SIZES = (1, 15, 16, 17, 65, 300)
@@ -128,7 +129,7 @@ def differences(text, n):
     return found
 
 
-@pytest.mark.parametrize("seed", range(200))
+@pytest.mark.parametrize("seed", seeds(200))
 def test_adjoints_of_threads_that_diverge(device, seed):
     program = Program(seed)
     modes = modes_on(device).items()

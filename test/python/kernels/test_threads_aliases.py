@@ -9,6 +9,7 @@ import random
 import numpy as np
 import pytest
 
+from random_runs import seeds
 from threads_launches import SIZES, Launches
 
 # How the second array lies in the first; indices of it that belong to thread i.
@@ -73,7 +74,7 @@ class Program:
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize("seed", seeds(24))
 def test_arrays_under_two_names(device, seed, layout):
     program = Program(seed, layout)
     launches = Launches(program.text, [f"wp.{program.kind}"] * 2)

@@ -3,6 +3,7 @@
 import pytest
 
 import threads_programs as programs
+from random_runs import seeds
 from threads_launches import SIZES, assert_same, compile_program, modes_on
 
 SHAPES = {2: ((1, 1), (3, 17), (16, 4), (5, 64)), 3: ((1, 2, 3), (2, 3, 16), (3, 1, 33))}
@@ -17,23 +18,23 @@ def check(program, dims, device):
             assert_same(found, expected, f"in {mode} mode with {dim} threads of\n{program.text}")
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", seeds(40))
 def test_launches_of_every_size(device, seed):
     check(programs.Program(seed), [(n,) for n in SIZES], device)
 
 
-@pytest.mark.parametrize("seed", range(300, 360))
+@pytest.mark.parametrize("seed", seeds(60, 300))
 def test_short_programs(device, seed):
     check(programs.Program(seed, short=True), [(n,) for n in (1, 15, 17, 64, 65, 200)], device)
 
 
 @pytest.mark.parametrize("rank", SHAPES)
-@pytest.mark.parametrize("seed", range(100, 110))
+@pytest.mark.parametrize("seed", seeds(10, 100))
 def test_launches_of_more_dimensions(device, seed, rank):
     check(programs.Program(seed, rank), SHAPES[rank], device)
 
 
-@pytest.mark.parametrize("seed", range(200, 220))
+@pytest.mark.parametrize("seed", seeds(20, 200))
 def test_modes_agree_where_arithmetic_rounds(device, seed):
     program = programs.Program(seed, exact=False)
     spaces = {key: compile_program(program.text, one) for key, one in modes_on(device).items()}

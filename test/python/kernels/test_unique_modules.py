@@ -96,6 +96,13 @@ def test_a_capture_that_changes_before_the_first_launch():
     np.testing.assert_array_equal(ran(other), [1.0, 2.0])
 
 
+def test_a_global_named_like_an_attribute_that_is_defined_before_the_first_launch(monkeypatch):
+    kernel = scaled(2.0)
+    # The kernel says `wp.tid`: it is not this one that it means.
+    monkeypatch.setattr(sys.modules[__name__], "tid", object(), raising=False)
+    np.testing.assert_array_equal(ran(kernel), [2.0, 2.0])
+
+
 def test_captured_functions():
     first = calling(added(1.0))
     assert calling(added(1.0)) is first

@@ -186,12 +186,6 @@ def test_bad_declarations():
     class Open:
         x: typing.Any
 
-    class Method:
-        x: float
-
-        def f(self):
-            pass
-
     class Derived(Unknown):
         y: float
 
@@ -201,7 +195,6 @@ def test_bad_declarations():
     for cls, message in (
         (Unknown, "field 'x' of struct 'Unknown'.*'str'"),
         (Open, "concrete type"),
-        (Method, "method 'f'"),
         (Derived, "inherit"),
         (Reserved, "taken"),
     ):
@@ -273,3 +266,65 @@ def test_words_of_refused_types_are_those_that_programs_look_for():
     words = r"exactly two dimensions, got 1 dimension in shape \(2,\)"
     with pytest.raises(ValueError, match=words):
         wp.types.matrix((2,), wp.float32)
+
+
+@wp.struct
+class Adjacency:
+    """A struct with what Python has besides."""
+
+    offsets: wp.array(dtype=int)
+    scale: float
+
+    LIMIT = 4
+
+    def __init__(self, scale):
+        raise RuntimeError("is not called")
+
+    def to(self, device):
+        moved = Adjacency()
+        moved.offsets, moved.scale = self.offsets.to(device), 2.0 * self.scale
+        return moved
+
+    @property
+    def count(self):
+        return self.offsets.size - 1
+
+    @staticmethod
+    def doubled(x):
+        return 2 * x
+
+    @classmethod
+    def unit(cls):
+        made = cls()
+        made.scale = 1.0
+        return made
+
+    def __len__(self):
+        return self.count
+
+
+@wp.kernel
+def read_adjacency(info: Adjacency, out: wp.array(dtype=float)):
+    out[wp.tid()] = info.scale * float(info.offsets[wp.tid()])
+
+
+def test_methods_and_properties_are_for_python():
+    info = Adjacency.unit()
+    info.offsets = wp.array([0, 2, 5], dtype=int, device="cpu")
+    moved = info.to("cpu")
+    assert (info.scale, moved.scale, moved.count, len(moved)) == (1.0, 2.0, 2, 2)
+    assert Adjacency.LIMIT == 4 and info.doubled(3) == 6
+    out = wp.zeros(3, dtype=float, device="cpu")
+    wp.launch(read_adjacency, 3, [moved], [out], device="cpu")
+    assert out.numpy().tolist() == [0.0, 4.0, 10.0]
+    with pytest.raises(AttributeError):
+        info.count = 3
+
+
+def test_kernels_do_not_call_methods():
+    @wp.kernel
+    def call(info: Adjacency, out: wp.array(dtype=int)):
+        out[0] = info.doubled(2)
+
+    with pytest.raises(wp.WarpCodegenError, match="doubled"):
+        wp.launch(call, 1, [Adjacency.unit(), wp.zeros(1, dtype=int, device="cpu")], device="cpu")

@@ -72,6 +72,55 @@ def test_segments_are_sorted_alone(device, dtype):
     np.testing.assert_array_equal(v.numpy()[:count], order)
 
 
+@pytest.mark.parametrize("dtype", [wp.int32, wp.float32])
+@pytest.mark.parametrize("most", [3, 40, 150, 600, 5000])
+def test_segments_of_any_length(device, dtype, most):
+    """Without room between them, some of them empty; equal keys keep their order."""
+    rng = np.random.default_rng(most)
+    lengths = np.append(rng.integers(0, most + 1, 200), [0, 1, 128, 129, 512, 513, 2048, 2049])
+    ends = np.cumsum(rng.permutation(lengths)).astype(np.int32)
+    count, begins = ends[-1], np.append(0, ends[:-1]).astype(np.int32)
+    keys = any_keys(dtype, count)
+    if most == 150:  # All digits but one are shared.
+        keys = rng.integers(0, 9, count).astype(kind(dtype))
+    order = np.concatenate(
+        [b + np.argsort(keys[b:e], kind="stable") for b, e in zip(begins, ends, strict=True)]
+    )
+    k = wp.array(np.concatenate([keys, keys]), dtype=dtype, device=device)
+    v = wp.array(np.arange(2 * count, dtype=np.int32), device=device)
+    offsets = wp.array(np.append(begins, count), dtype=int, device=device)
+    wp.utils.segmented_sort_pairs(k, v, count, offsets)
+    np.testing.assert_array_equal(k.numpy()[:count], keys[order])
+    np.testing.assert_array_equal(v.numpy()[:count], order)
+
+
+def test_a_few_long_segments(device):
+    count, rng = 3_000_000, np.random.default_rng(2)
+    keys = rng.integers(-1000, 1000, count).astype(np.int32)
+    cuts = np.array([10, 1_000_000, 1_000_001, count], np.int32)
+    order = np.arange(count)
+    for b, e in zip(cuts[:-1], cuts[1:], strict=True):
+        order[b:e] = b + np.argsort(keys[b:e], kind="stable")
+    k = wp.array(np.concatenate([keys, keys]), dtype=int, device=device)
+    v = wp.array(np.arange(2 * count, dtype=np.int32), device=device)
+    wp.utils.segmented_sort_pairs(k, v, count, wp.array(cuts, dtype=int, device=device))
+    np.testing.assert_array_equal(k.numpy()[:count], keys[order])
+    np.testing.assert_array_equal(v.numpy()[:count], order)
+
+
+def test_segments_that_are_none(device):
+    keys = np.array([3, 2, 1, 0] + [0] * 4, np.int32)
+    k, v = wp.array(keys, device=device), wp.zeros(8, dtype=int, device=device)
+    begins, ends = ([-1, 2, 3, 0], [2, 1, 5, 2])
+    bounds = [wp.array(b, dtype=int, device=device) for b in (begins, ends)]
+    if v.device.is_cpu:
+        with pytest.raises(ValueError, match="Invalid segment range at index 0"):
+            wp.utils.segmented_sort_pairs(k, v, 4, *bounds)
+        return
+    wp.utils.segmented_sort_pairs(k, v, 4, *bounds)
+    np.testing.assert_array_equal(k.numpy()[:4], [2, 3, 1, 0])
+
+
 @pytest.mark.parametrize("dtype", [*KEYS, wp.vec3, wp.vec2d, wp.types.vector(5, wp.int64)])
 def test_scans(device, dtype):
     scalar = kind(wp.types.type_scalar_type(dtype))
@@ -112,12 +161,18 @@ def test_scans_of_views(device):
 
 
 @pytest.mark.parametrize("dtype", [wp.int32, wp.uint64])
-def test_runs(device, dtype):
-    for count in LENGTHS:
+@pytest.mark.parametrize("longest", [1, 5, 30_000])
+def test_runs(device, dtype, longest):
+    for count in [*LENGTHS, 1_500_000]:
         rng = np.random.default_rng(count)
-        numbers = np.repeat(rng.integers(0, 5, count), rng.integers(1, 6, count))[:count]
+        lengths = rng.integers(
+            1, longest + 1, 1 + 3 * count // (1 + longest) if longest > 5 else count
+        )
+        numbers = np.repeat(rng.integers(0, 5, lengths.size), lengths)[:count]
+        numbers = np.append(numbers, np.zeros(count - numbers.size, numbers.dtype))
         starts = np.flatnonzero(np.diff(numbers, prepend=-1))
-        values = wp.array(numbers, dtype=dtype, device=device)
+        # Not at the beginning of 16 bytes.
+        values = wp.array(np.append(7, numbers), dtype=dtype, device=device)[1:]
         found, lengths = wp.empty_like(values), wp.empty(count, dtype=int, device=device)
         runs = wp.utils.runlength_encode(values, found, lengths)
         assert runs == len(starts)

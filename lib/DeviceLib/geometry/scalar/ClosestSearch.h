@@ -17,7 +17,7 @@ namespace warp::geometry::scalar {
 
 /// The squared distance of a segment from the origin, a little too large.
 inline f32 squareToSegment(Point<f32> start, Point<f32> along, f32 length2) {
-  f32 t = lower(upper(-dot(start, along) * roughInverse(length2), 0), 1);
+  f32 t = lower(upper(-dot(start, along) * roughInverse(length2), 0.0f), 1.0f);
   Point<f32> at = start.along(t, along);
   return dot(at, at);
 }
@@ -47,55 +47,54 @@ inline bool mayBeWithin(Point<f32> a, Point<f32> b, Point<f32> c, f32 best) {
   return !(squared * 0x1.fffcp-1f > fma(ab2 + ac2, 0x1p-26f, best));
 }
 
-/// What is searched, and what is found.
+/// What is searched for, and what is found.
 struct ClosestQuery {
-  Bytes nodes, blocks;
   f32 p[3];
   /// A squared distance; smaller ones are found.
   f32 best;
-  i32 root = 0;
   /// A face, or -1; `lane` of `block` is its triangle.
   i32 face = -1, block = 0, lane = 0;
 };
 
-/// The search of a team. On each level of the way down it keeps the keys of the
-/// children that are left; the nearest is next.
+/// The searches of a team's lanes, one after the other. On each level of the
+/// way down are the keys of the children that are left; the nearest is next.
 template <class Team> class ClosestByTeam {
 public:
-  ClosestByTeam(Team team, ClosestQuery &query) : team(team), query(query) {
-    setFarthest();
-  }
+  ClosestByTeam(Team team, Bytes nodes, Bytes blocks, i32 root,
+                ClosestQuery &mine)
+      : team(team), nodes(nodes), blocks(blocks), root(root), mine(mine) {}
 
+  /// All teams go through this loop together, each at a place of its own.
   void run() {
     u32 keys[maxDepth][own];
     i32 path[maxDepth];
-    i32 depth = 0;
-    path[0] = query.root;
-    Bytes node = enter(query.root, keys[0]);
     for (;;) {
-      u32 key = noKey;
-#pragma unroll 1
-      for (int i = 0; i < own; ++i)
-        key = keys[depth][i] < key ? keys[depth][i] : key;
-      key = team.least(key);
-      if (key > farthest) {
-        if (depth == 0)
+      if (team.where(isIdle() && rank < Team::lanes)) {
+        begin();
+        if (!team.where(rank < Team::lanes))
           return;
+      }
+      if (next >= 0) {
+        path[++depth] = next;
+        enter(next, keys[depth]);
+      }
+      u32 key = depth < 0 ? noKey : leastOf(keys[depth]);
+      key = team.least(key);
+      bool isNear = key <= farthest, isLeft = false;
+      next = nowhere;
+      if (isNear) {
+        int child = key & 7;
+        if (child % Team::lanes == team.rank())
+          keys[depth][child / Team::lanes] = noKey;
+        isLeft = leastOf(keys[depth]) <= farthest;
+        next = Links(nodeAt(path[depth])).follow(child);
+      }
+      // Nobody comes back to a level that has nothing left.
+      if (!team.with(isLeft) && depth >= 0)
         --depth;
-        node = nodeAt(path[depth]);
-        continue;
-      }
-      int child = key & 7;
-      if (child % Team::lanes == team.rank())
-        keys[depth][child / Team::lanes] = noKey;
-      i32 next = Links(node).follow(child);
-      if (next < 0) {
-        visit(~next);
-        continue;
-      }
-      ++depth;
-      path[depth] = next;
-      node = enter(next, keys[depth]);
+      bool isAtBlock = isNear && next < 0;
+      if (team.where(isAtBlock))
+        visit(isAtBlock);
     }
   }
 
@@ -103,13 +102,39 @@ private:
   /// Children of a node, and triangles of a block, that a lane has.
   static constexpr int own = width / Team::lanes;
 
+  bool isIdle() const { return depth < 0 && next < 0; }
   void setFarthest() { farthest = __builtin_bit_cast(u32, query.best) | 7; }
   Bytes nodeAt(i32 index) const {
-    return query.nodes + i64(index) * i64(sizeof(Node));
+    return nodes + i64(index) * i64(sizeof(Node));
+  }
+  static u32 leastOf(const u32 (&keys)[own]) {
+    u32 least = keys[0];
+#pragma unroll 1
+    for (int i = 1; i < own; ++i)
+      least = keys[i] < least ? keys[i] : least;
+    return least;
+  }
+
+  /// Teams without a search keep what they found and take the next one.
+  void begin() {
+    bool isNew = isIdle() && rank < Team::lanes;
+    if (isNew && rank == team.rank())
+      mine = query;
+    rank += isNew;
+    u32 start = team.of(u32(root), rank);
+    ClosestQuery other;
+    for (int axis = 0; axis < 3; ++axis)
+      other.p[axis] = floatOf(team.of(integerOf(mine.p[axis]), rank));
+    other.best = floatOf(team.of(integerOf(mine.best), rank));
+    if (!isNew || rank == Team::lanes)
+      return;
+    query = other;
+    next = i32(start);
+    setFarthest();
   }
 
   /// Finds how far children are.
-  Bytes enter(i32 index, u32 (&keys)[own]) {
+  void enter(i32 index, u32 (&keys)[own]) {
     Bytes node = nodeAt(index);
     u32 children = Links(node).children();
 #pragma unroll 1
@@ -122,35 +147,37 @@ private:
         Bytes high = low + 3 * int(sizeof(Floats));
         f32 offset = upper(upper(load<f32>(low) - query.p[axis],
                                  query.p[axis] - load<f32>(high)),
-                           0);
+                           0.0f);
         squared = axis == 2 ? offset * offset : fma(offset, offset, squared);
       }
       keys[i] = children >> child & 1 ? keyOf(squared, child) : noKey;
     }
-    return node;
   }
 
-  void visit(i32 index) {
-    Bytes block = query.blocks + i64(index) * i64(sizeof(TriangleBlock));
+  /// Compares the triangles of blocks, of those teams that are at one.
+  void visit(bool isAtBlock) {
 #pragma unroll 1
     for (int i = 0; i < own; ++i)
-      compare(block, index, i * Team::lanes + team.rank());
+      compare(~next, i * Team::lanes + team.rank(), isAtBlock);
   }
 
   /// A triangle of each lane.
-  void compare(Bytes block, i32 index, int lane) {
-    Bytes at = block + 4 * lane;
+  void compare(i32 index, int lane, bool isNear) {
+    Bytes at = blocks + i64(index) * i64(sizeof(TriangleBlock)) + 4 * lane;
     auto corner = [&](int i) -> Point<f32> {
       Bytes from = at + 3 * i * int(sizeof(Floats));
       return {load<f32>(from) - query.p[0],
               load<f32>(from + int(sizeof(Floats))) - query.p[1],
               load<f32>(from + 2 * int(sizeof(Floats))) - query.p[2]};
     };
-    Point<f32> a = corner(0), b = corner(1), c = corner(2);
-    // Not what is not there.
-    bool isNear = a.x == a.x && mayBeWithin(a, b, c, query.best);
+    Point<f32> a{}, b{}, c{};
+    if (isNear) {
+      a = corner(0), b = corner(1), c = corner(2);
+      // Not what is not there.
+      isNear = a.x == a.x && mayBeWithin(a, b, c, query.best);
+    }
     // Most blocks have no triangle that is.
-    if (!team.any(isNear))
+    if (!team.where(isNear))
       return;
     u32 mine = noKey;
     if (isNear) {
@@ -159,64 +186,53 @@ private:
         mine = __builtin_bit_cast(u32, squared);
     }
     u32 least = team.least(mine);
-    if (least == noKey)
+    bool isCloser = least != noKey;
+    if (!team.where(isCloser))
       return;
+    bool isLeast = isCloser && mine == least;
     u32 id = noKey;
-    if (mine == least)
+    if (isLeast)
       id = u32(load<i32>(at + 9 * int(sizeof(Floats))));
     u32 first = team.least(id);
-    if (least == __builtin_bit_cast(u32, query.best) &&
-        !(i32(first) < query.face))
+    u32 winner = team.with(isLeast && id == first);
+    if (!isCloser || (least == __builtin_bit_cast(u32, query.best) &&
+                      !(i32(first) < query.face)))
       return;
     query.best = __builtin_bit_cast(f32, least);
     query.face = i32(first);
     query.block = index;
-    query.lane = i32(team.least(id == first ? u32(lane) : noKey));
+    query.lane = lane - team.rank() + int(lowestBit(winner));
     setFarthest();
   }
 
   Team team;
-  ClosestQuery &query;
+  Bytes nodes, blocks;
+  i32 root;
+  /// What this lane asks for, and what its team is looking for.
+  ClosestQuery &mine, query;
+  /// Whose search it is, on which level it is, and where it goes on.
+  int rank = -1, depth = -1;
+  i32 next = nowhere;
   /// Keys above this one are too far by now.
-  u32 farthest;
+  u32 farthest = 0;
 };
-
-/// Searches for each thread of a team.
-template <class Team> void findForEach(Team team, ClosestQuery &query) {
-#pragma unroll 1
-  for (int rank = 0; rank < Team::lanes; ++rank) {
-    ClosestQuery one = query;
-    one.nodes = valueOf(team, query.nodes, rank);
-    one.blocks = valueOf(team, query.blocks, rank);
-    for (int axis = 0; axis < 3; ++axis)
-      one.p[axis] = valueOf(team, query.p[axis], rank);
-    one.best = valueOf(team, query.best, rank);
-    one.root = i32(team.of(u32(query.root), rank));
-    ClosestByTeam<Team>(team, one).run();
-    if (rank != team.rank())
-      continue;
-    query.face = one.face;
-    query.block = one.block;
-    query.lane = one.lane;
-  }
-}
 
 class ClosestSearch {
 public:
   ClosestSearch(const Tree &tree, Point<f32> p, f32 bound2)
-      : query{(Bytes)tree.nodes, (Bytes)tree.blocks, {p.x, p.y, p.z}, bound2} {}
+      : nodes((Bytes)tree.nodes), blocks((Bytes)tree.blocks),
+        query{{p.x, p.y, p.z}, bound2} {}
 
   /// A face with a smaller squared distance than the bound, or -1; `lane` of
   /// `block` is its triangle.
   i32 run(i32 root) {
-    query.root = root;
 #ifdef __NVPTX__
-    if (Octet octet; octet.isWhole())
-      findForEach(octet, query);
+    if (Octet::areAllHere() && Octet().areSame(nodes))
+      runWith(Octet(), root);
     else
-      findForEach(Single(), query);
+      runWith(Single(), root);
 #else
-    findForEach(Single(), query);
+    runWith(Single(), root);
 #endif
     block = query.block;
     lane = query.lane;
@@ -226,6 +242,11 @@ public:
   i32 block = 0, lane = 0;
 
 private:
+  template <class Team> void runWith(Team team, i32 root) {
+    ClosestByTeam<Team>(team, nodes, blocks, root, query).run();
+  }
+
+  Bytes nodes, blocks;
   ClosestQuery query;
 };
 

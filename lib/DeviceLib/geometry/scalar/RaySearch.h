@@ -7,35 +7,35 @@
 // at once, a little wider. What stays of a node is kept as keys with the node's
 // number; where it leads is read again if it is not behind the hit by then.
 //
+// Threads of a warp do the same at the same time, so what a thread does alone
+// costs as much as what all do: of a block, all triangles are asked on which
+// sides of their edges the ray passes, and those that are met, one of most
+// blocks, are looked at once more. Where only few threads are at blocks, teams
+// of eight test all triangles of one at once, four blocks at a time.
+//
 //===----------------------------------------------------------------------===//
 
 #ifndef WARP_DEVICELIB_GEOMETRY_SCALAR_RAYSEARCH_H
 #define WARP_DEVICELIB_GEOMETRY_SCALAR_RAYSEARCH_H
 
-#include "../Ray.h"
-#include "Steps.h"
+#include "RayTriangle.h"
+#include "Team.h"
 
 namespace warp::geometry::scalar {
 
-class RaySearch {
+template <class Team> class RaySearchBy {
 public:
-  RaySearch(const Tree &tree, const Ray &ray, f32 limit, bool any)
+  RaySearchBy(const Tree &tree, const Ray &from, f32 limit, bool any)
       : nodes((Bytes)tree.nodes), blocks((Bytes)tree.blocks), any(any),
-        rests(nodes) {
+        ray(from) {
     hit.t = limit;
     setReach();
-    f32 shear[3] = {ray.shearX, ray.shearY, ray.shearZ};
-    int axes[3] = {ray.kx, ray.ky, ray.kz};
 #pragma unroll
     for (int i = 0; i < 3; ++i) {
-      int k = axes[i];
-      start[i] = pick(ray.start, k);
-      this->shear[i] = shear[i];
-      component[i] = k * int(sizeof(Floats));
-      // Where a ray does not move, slabs around it last very long.
-      bool isAtRest = ray.direction[i] == 0;
-      inverse[i] = isAtRest ? 0x1p90f : roughInverse(ray.direction[i]);
-      f32 at = -ray.start[i] * inverse[i];
+      // Where a ray hardly moves, slabs around it last very long.
+      bool isAtRest = __builtin_elementwise_abs(from.direction[i]) < 0x1p-90f;
+      inverse[i] = isAtRest ? 0x1p90f : roughInverse(from.direction[i]);
+      f32 at = lower(upper(-from.start[i] * inverse[i], -0x1p126f), 0x1p126f);
       // The product was rounded, and so will be the sum.
       f32 slack = __builtin_elementwise_abs(at) * 0x1p-22f;
       slack += isAtRest ? 0x1p66f : 0;
@@ -46,12 +46,28 @@ public:
   }
 
   RayHit run(i32 root) {
-    rests.search(
-        root, [this](i32 node) { return enter(node); },
-        [this](i32 block) {
-          visit(block);
-          return !any || hit.face < 0;
-        });
+    Rest memory[maxRests];
+    Rests rests(memory);
+    Team team;
+    bool isShared = team.areAllHere() && team.areSame(nodes);
+    i32 at = root;
+    for (;;) {
+      // Threads of a warp wait here until each is at a block.
+      while (at >= 0 || at == elsewhere)
+        at = goOn(at, rests);
+      bool isAtBlock = at != nowhere;
+      u32 visitors = isShared ? team.where(isAtBlock) : isAtBlock;
+      if (!visitors)
+        break;
+      if (isShared && countBits(visitors) <= mostTogether)
+        visitTogether(team, ~at, visitors);
+      else if (isAtBlock)
+        visit(~at);
+      if (isAtBlock)
+        at = any && place >= 0 ? nowhere : elsewhere;
+    }
+    if (place >= 0)
+      hit.face = faceAt(triangleAt(blocks, place));
     hit.u /= weights;
     hit.v /= weights;
     return hit;
@@ -60,19 +76,34 @@ public:
   bool leavesThroughFront() const { return weights < 0; }
 
 private:
+  /// Where a thread is that takes up what it left.
+  static constexpr i32 elsewhere = nowhere + 1;
+
   /// Bounds are rounded, and those of ties are to be seen.
-  void setReach() {
-    reach = lower(hit.t * 1.000002f, 0x1.fffffep127f);
-    rests.farthest = __builtin_bit_cast(u32, reach) | 7;
+  void setReach() { reach = lower(hit.t * 1.000002f, 0x1.fffffep127f); }
+
+  Bytes nodeAt(i32 index) const {
+    return nodes + i64(index) * i64(sizeof(Node));
   }
 
-  /// Leaves the children that are met for later, but the nearest, which it
-  /// gives.
-  i32 enter(i32 index) {
-    Bytes node = nodes + i64(index) * i64(sizeof(Node));
-    Links links(node);
+  /// Where to go from a node, or from what was left.
+  i32 goOn(i32 at, Rests &rests) {
+    Bytes node = nodeAt(at);
+    u32 child;
+    if (at < 0 || !enter(node, at, rests, child)) {
+      Rest rest;
+      if (!rests.take(integerOf(reach) | 7, rest))
+        return nowhere;
+      node = nodeAt(rest.node);
+      child = rest.key & 7;
+    }
+    return Links(node).follow(child);
+  }
+
+  /// Leaves the children that are met for later, but the nearest.
+  bool enter(Bytes node, i32 index, Rests &rests, u32 &nearest) {
     u32 met = 0;
-    f32 entry[width];
+    i32 entry[width];
 #pragma unroll
     for (int half = 0; half < 2; ++half) {
       Four enters[3], leaves[3];
@@ -84,96 +115,172 @@ private:
       }
 #pragma unroll
       for (int lane = 0; lane < 4; ++lane) {
-        f32 from = 0, to = reach;
+        i32 from[3], to[3];
 #pragma unroll
         for (int i = 0; i < 3; ++i) {
-          from = upper(from, fma(enters[i][lane], inverse[i], first[i]));
-          to = lower(to, fma(leaves[i][lane], inverse[i], last[i]));
+          from[i] = integerOf(fma(enters[i][lane], inverse[i], first[i]));
+          to[i] = integerOf(fma(leaves[i][lane], inverse[i], last[i]));
         }
         int child = 4 * half + lane;
-        entry[child] = from;
+        // Floats that are not less than zero are ordered as integers are, of
+        // which an instruction compares four.
+        entry[child] = upper(upper(upper(from[0], from[1]), from[2]), 0);
+        i32 leave = lower(lower(lower(to[0], to[1]), to[2]), integerOf(reach));
         // A little later, as `reach` is.
-        met |= from <= to * 1.0000015f ? 1u << child : 0;
+        met |= floatOf(entry[child]) <= floatOf(leave) * 1.0000015f
+                   ? 1u << child
+                   : 0;
       }
     }
-    met &= links.children();
-    if (!met)
-      return rests.next();
+    met &= Links(node).children();
+    nearest = u32(lowestBit(met));
     // Most often there is one.
-    if (!(met & (met - 1)))
-      return links.follow(u32(lowestBit(met)));
-    u32 key[width];
-#pragma unroll
-    for (int child = 0; child < width; ++child)
-      key[child] = met >> child & 1 ? keyOf(entry[child], child) : noKey;
-    sortKeys(key);
-#pragma unroll
-    for (int i = width - 1; i > 0; --i)
-      if (key[i] != noKey)
-        rests.leave(key[i], index);
-    return links.follow(key[0] & 7);
+    if (met & (met - 1))
+      nearest = leaveOthers(entry, met, index, rests);
+    return met != 0;
   }
 
+  /// Leaves the furthest child, again and again, until one is there.
+  static u32 leaveOthers(const i32 (&entry)[width], u32 met, i32 index,
+                         Rests &rests) {
+    for (;;) {
+      i32 furthest = -1;
+#pragma unroll
+      for (int child = 0; child < width; ++child)
+        furthest = upper(furthest,
+                         met >> child & 1 ? (entry[child] & ~7) | child : -1);
+      i32 child = furthest & 7;
+      met &= ~(1u << child);
+      if (!met)
+        return u32(child);
+      rests.leave({furthest, index});
+    }
+  }
+
+  /// Asks which triangles of a block are met, and looks at those.
   void visit(i32 index) {
     Bytes block = blocks + i64(index) * i64(sizeof(TriangleBlock));
+    u32 met = 0;
 #pragma unroll 1
-    for (int half = 0; half < 2; ++half, block += 16) {
-      Four corner[3][3];
+    for (int half = 0; half < 2; ++half) {
+      Four rows[3][3];
 #pragma unroll
       for (int i = 0; i < 3; ++i)
 #pragma unroll
         for (int axis = 0; axis < 3; ++axis)
-          corner[i][axis] =
-              load<Four>(block + component[axis] + 3 * i * int(sizeof(Floats)));
+          rows[i][axis] = load<Four>(block + ray.place(i, axis) + 16 * half);
 #pragma unroll
-      for (int lane = 0; lane < 4; ++lane)
-        meet(corner, lane, block);
+      for (int lane = 3; lane >= 0; --lane) {
+        f32 corner[3][3];
+#pragma unroll
+        for (int i = 0; i < 3; ++i)
+#pragma unroll
+          for (int axis = 0; axis < 3; ++axis)
+            corner[i][axis] = rows[i][axis][lane];
+        met = met << 1 | RayOnTriangle(ray, corner).isMet();
+      }
+    }
+#pragma unroll 1
+    for (; met; met &= met - 1) {
+      // The halves were asked in their order.
+      i32 number = width * index + (lowestBit(met) ^ 4);
+      RayOnTriangle on = testTriangle(ray, triangleAt(blocks, number));
+      keep({on.u, on.v, on.sum(), on.parameter(ray)}, number);
     }
   }
 
-  /// As meetTriangles.
-  void meet(const Four (&corner)[3][3], int lane, Bytes block) {
-    f32 x[3], y[3], z[3];
-#pragma unroll
-    for (int i = 0; i < 3; ++i) {
-      z[i] = corner[i][2][lane] - start[2];
-      x[i] = fma(-shear[0], z[i], corner[i][0][lane] - start[0]);
-      y[i] = fma(-shear[1], z[i], corner[i][1][lane] - start[1]);
-    }
-    f32 u = differenceOfProducts(x[2], y[1], y[2], x[1]);
-    f32 v = differenceOfProducts(x[0], y[2], y[0], x[2]);
-    f32 w = differenceOfProducts(x[1], y[0], y[1], x[0]);
-    bool isMet = lower(lower(u, v), w) >= 0 || upper(upper(u, v), w) <= 0;
-    f32 sum = u + v + w;
-    if (!isMet || !(sum != 0))
+  /// What a ray meets: weights of two corners, their sum with that of the
+  /// third, where.
+  struct Meeting {
+    f32 u, v, sum, t;
+  };
+
+  /// Keeps what is met if it is first.
+  void keep(Meeting met, i32 number) {
+    if (!(met.t >= 0 && met.t <= hit.t))
       return;
-    f32 t = fma(u, z[0], fma(v, z[1], w * z[2])) * shear[2] / sum;
-    if (!(t >= 0 && t <= hit.t))
+    // Faces are compared only then: a thread would wait for their numbers.
+    if (met.t == hit.t && !(place >= 0 && faceOf(number) < faceOf(place)))
       return;
-    i32 face = load<i32>(block + 9 * int(sizeof(Floats)) + 4 * lane);
-    if (t == hit.t && !(face < hit.face))
-      return;
-    hit = {face, u, v, t};
-    weights = sum;
+    hit = {-1, met.u, met.v, met.t};
+    weights = met.sum;
+    place = number;
     setReach();
+  }
+  i32 faceOf(i32 number) const { return faceAt(triangleAt(blocks, number)); }
+
+  /// So many blocks are not more work for teams than one for each thread.
+  static constexpr int mostTogether = 8;
+
+  /// Tests triangles of the blocks at which some lanes of the warp are, each
+  /// team those of one.
+  void visitTogether(Team team, i32 index, u32 visitors) {
+#pragma unroll 1
+    while (visitors) {
+      team.meet();
+      // Lanes whose turn it is, and when this one's is.
+      u32 theirs = visitors;
+      for (int i = 1; i < Team::teams; ++i)
+        theirs &= theirs - (i <= team.number());
+      bool isMine = visitors >> team.lane() & 1;
+      int turn = countBits(visitors & ((1u << team.lane()) - 1));
+      for (int i = 0; i < Team::teams; ++i)
+        visitors &= visitors - 1;
+
+      int visitor = lowestBit(theirs) & 31;
+      ShearedRay other;
+      for (int i = 0; i < 3; ++i) {
+        other.start[i] = floatOf(team.from(integerOf(ray.start[i]), visitor));
+        other.shear[i] = floatOf(team.from(integerOf(ray.shear[i]), visitor));
+      }
+      other.axes = team.from(ray.axes, visitor);
+      f32 limit = floatOf(team.from(integerOf(hit.t), visitor));
+      i32 number = width * team.from(index, visitor) + team.rank();
+      Bytes triangle = triangleAt(blocks, number);
+      Meeting met{0, 0, 0, 0};
+      bool isMet = false;
+      if (theirs) {
+        RayOnTriangle on = testTriangle(other, triangle);
+        met = {on.u, on.v, on.sum(), on.parameter(other)};
+        isMet = on.isMet() && met.t >= 0 && met.t <= limit;
+      }
+      // Zeros of both signs are equal.
+      u32 key = isMet ? u32(integerOf(met.t)) & 0x7fffffff : noKey;
+      isMet &= key == team.least(key);
+      u32 face = isMet ? u32(faceAt(triangle)) : noKey;
+      isMet &= face == team.least(face);
+
+      u32 found = team.where(isMet) >> (8 * turn & 31) & 0xff;
+      int finder = (8 * turn + lowestBit(found)) & 31;
+      met = {floatOf(team.from(integerOf(met.u), finder)),
+             floatOf(team.from(integerOf(met.v), finder)),
+             floatOf(team.from(integerOf(met.sum), finder)),
+             floatOf(team.from(integerOf(met.t), finder))};
+      number = team.from(number, finder);
+      if (isMine && turn < Team::teams && found)
+        keep(met, number);
+    }
   }
 
   Bytes nodes, blocks;
   bool any;
-  /// The components of blocks along which the ray is sheared, in bytes; where
-  /// the ray starts there.
-  i32 component[3];
-  f32 start[3], shear[3];
+  ShearedRay ray;
   /// The slabs of nodes: entered at `plane * inverse + first`, left at `plane *
   /// inverse + last`. The planes that are met first, in bytes.
   f32 inverse[3], first[3], last[3];
   i32 nearer[3];
   /// Its weights are to be divided by their sum, whose sign is the side.
   RayHit hit{-1, 0, 0, 0};
+  i32 place = -1;
   f32 weights = 1;
   f32 reach;
-  Rests rests;
 };
+
+#ifdef __NVPTX__
+using RaySearch = RaySearchBy<Octet>;
+#else
+using RaySearch = RaySearchBy<Single>;
+#endif
 
 } // namespace warp::geometry::scalar
 

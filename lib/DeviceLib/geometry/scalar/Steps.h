@@ -38,6 +38,13 @@ inline f32 upper(f32 a, f32 b) { return __builtin_fmaxf(a, b); }
 inline f32 roughInverse(f32 x) { return 1 / x; }
 #endif
 
+inline i32 lower(i32 a, i32 b) { return a < b ? a : b; }
+inline i32 upper(i32 a, i32 b) { return a > b ? a : b; }
+
+/// The bits of a number, and the number that some are.
+inline i32 integerOf(f32 x) { return __builtin_bit_cast(i32, x); }
+inline f32 floatOf(i32 bits) { return __builtin_bit_cast(f32, bits); }
+
 /// What a node says of its children, in the order it is kept.
 struct Links {
   FourInts words;
@@ -66,30 +73,12 @@ inline u32 keyOf(f32 distance, u32 child) {
   return (__builtin_bit_cast(u32, distance) & ~7u) | child;
 }
 
-inline void order(u32 &a, u32 &b) {
-  u32 low = a < b ? a : b;
-  b = a < b ? b : a;
-  a = low;
-}
-
-/// Sorts eight keys (Batcher's merge exchange).
-inline void sortKeys(u32 (&key)[width]) {
-  auto sort = [&](int a, int b) { order(key[a], key[b]); };
-  sort(0, 1), sort(2, 3), sort(4, 5), sort(6, 7);
-  sort(0, 2), sort(1, 3), sort(4, 6), sort(5, 7);
-  sort(1, 2), sort(5, 6);
-  sort(0, 4), sort(1, 5), sort(2, 6), sort(3, 7);
-  sort(2, 4), sort(3, 5);
-  sort(1, 2), sort(3, 4), sort(5, 6);
-}
-
 /// What leads to no child.
 constexpr i32 nowhere = -0x7fffffff - 1;
 
 /// A child that is left for later: its key, and the node that it is of.
 struct Rest {
-  u32 key;
-  i32 node;
+  i32 key, node;
 };
 constexpr int maxRests = maxDepth * (width - 1) + 1;
 
@@ -97,44 +86,23 @@ constexpr int maxRests = maxDepth * (width - 1) + 1;
 /// what is in one object with it would be in memory, too.
 class Rests {
 public:
-  explicit Rests(Bytes nodes) : nodes(nodes) {}
+  explicit Rests(Rest (&memory)[maxRests]) : left(memory) {}
 
-  /// Keys above this one are too far by now.
-  u32 farthest = noKey;
+  void leave(Rest rest) { left[count++] = rest; }
 
-  void leave(u32 key, i32 node) { left[count++] = {key, node}; }
-
-  /// The next child that is not too far; `nowhere` after the last one.
-  i32 next() {
+  /// Takes the next one whose key is not above a bound, if there is one.
+  bool take(i32 farthest, Rest &rest) {
     while (count) {
-      auto [key, node] = left[--count];
-      if (key <= farthest)
-        return Links(nodes + i64(node) * i64(sizeof(Node))).follow(key & 7);
+      rest = left[--count];
+      if (rest.key <= farthest)
+        return true;
     }
-    return nowhere;
-  }
-
-  /// Searches a tree from its root on: `enter` gives where to go from a node,
-  /// `visit` whether to go on after a block.
-  template <class Enter, class Visit>
-  void search(i32 root, Enter enter, Visit visit) {
-    Rest memory[maxRests];
-    left = memory;
-    i32 at = root;
-    for (;;) {
-      // Threads of a warp wait here until each is at a block.
-      while (at >= 0)
-        at = enter(at);
-      if (at == nowhere || !visit(~at))
-        return;
-      at = next();
-    }
+    return false;
   }
 
 private:
-  Bytes nodes;
   int count = 0;
-  Rest *left = nullptr;
+  Rest *left;
 };
 
 } // namespace warp::geometry::scalar

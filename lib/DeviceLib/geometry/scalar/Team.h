@@ -5,8 +5,10 @@
 // Eight neighbouring lanes of a warp go through a tree together, for one of
 // them after the other: each has a child of the node and a triangle of the
 // block. What they read lies side by side, and no lane waits for another one's
-// long search but those of its team. Where not all eight are there, each
-// searches alone; both find the same.
+// long search but those of its team. The four teams of a warp come to each
+// exchange at once: which lanes take part is known when the kernel is compiled,
+// else each exchange would have to find it out. Where a lane is not there, or
+// has another tree than its team, all search alone; both find the same.
 //
 //===----------------------------------------------------------------------===//
 
@@ -19,59 +21,68 @@ namespace warp::geometry::scalar {
 
 /// A thread on its own.
 struct Single {
-  static constexpr int lanes = 1;
+  static constexpr int lanes = 1, teams = 1;
 
+  static bool areAllHere() { return false; }
+  bool areSame(Bytes) const { return true; }
   int rank() const { return 0; }
-  /// The value of a lane, the least of all lanes, whether any says so.
+  int number() const { return 0; }
+  int lane() const { return 0; }
+  /// The value of a lane of this team, the least of its lanes, which lanes say
+  /// so; the value of a lane of any team, which lanes of all teams say so.
   u32 of(u32 value, int) const { return value; }
   u32 least(u32 value) const { return value; }
-  bool any(bool says) const { return says; }
+  u32 with(bool says) const { return says; }
+  u32 from(u32 value, int) const { return value; }
+  u32 where(bool says) const { return says; }
+  /// All lanes wait here for each other. What follows is shorter for it.
+  void meet() const {}
 };
 
 #ifdef __NVPTX__
-/// Eight lanes.
+/// Eight lanes of a warp whose lanes are all here.
 class Octet {
 public:
-  static constexpr int lanes = 8;
+  static constexpr int lanes = 8, teams = 4;
 
-  Octet() : lane(__nvvm_read_ptx_sreg_laneid()) {}
-  /// Whether they are all here.
-  bool isWhole() const {
+  static bool areAllHere() {
     u32 here;
     asm volatile("activemask.b32 %0;" : "=r"(here));
-    return (here & mask()) == mask();
+    return here == all;
   }
-  int rank() const { return lane & 7; }
+  /// Whether all lanes of all teams have the same.
+  bool areSame(Bytes place) const {
+    u64 bits = (u64)place;
+    u32 low = from(u32(bits), 0), high = from(u32(bits >> 32), 0);
+    return !where(low != u32(bits) || high != u32(bits >> 32));
+  }
+  int rank() const { return lane() & 7; }
+  int number() const { return lane() >> 3; }
+  int lane() const { return __nvvm_read_ptx_sreg_laneid(); }
   u32 of(u32 value, int rank) const {
-    return u32(
-        __nvvm_shfl_sync_idx_i32(mask(), i32(value), (lane & ~7) | rank, 31));
+    // Ranks are those of lanes of the same eight.
+    constexpr i32 packed = (32 - lanes) << 8 | 31;
+    return u32(__nvvm_shfl_sync_idx_i32(all, i32(value), rank, packed));
   }
   u32 least(u32 value) const {
 #pragma unroll
     for (int step = 1; step < lanes; step *= 2) {
-      u32 other = u32(__nvvm_shfl_sync_bfly_i32(mask(), i32(value), step, 31));
+      u32 other = u32(__nvvm_shfl_sync_bfly_i32(all, i32(value), step, 31));
       value = other < value ? other : value;
     }
     return value;
   }
-  bool any(bool says) const { return __nvvm_vote_any_sync(mask(), says); }
+  u32 with(bool says) const { return where(says) >> (lane() & ~7) & 0xff; }
+  u32 from(u32 value, int lane) const {
+    return u32(__nvvm_shfl_sync_idx_i32(all, i32(value), lane, 31));
+  }
+  u32 where(bool says) const { return __nvvm_vote_ballot_sync(all, says); }
+  void meet() const { __nvvm_bar_warp_sync(all); }
 
 private:
-  u32 mask() const { return 0xffu << (lane & ~7); }
-
-  int lane;
+  static constexpr u32 all = 0xffffffff;
 };
 #endif
-
-/// The same of other types.
-template <class Team> f32 valueOf(const Team &team, f32 value, int rank) {
-  return __builtin_bit_cast(f32, team.of(__builtin_bit_cast(u32, value), rank));
-}
-template <class Team> Bytes valueOf(const Team &team, Bytes value, int rank) {
-  u64 bits = (u64)value;
-  u64 high = team.of(u32(bits >> 32), rank);
-  return (Bytes)(high << 32 | team.of(u32(bits), rank));
-}
 
 } // namespace warp::geometry::scalar
 

@@ -36,6 +36,8 @@
 
 #include "Reverse.h"
 
+#include "Autodiff/SpectralProducts.h"
+
 #include "WarpDialect/TileOps.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
@@ -261,6 +263,7 @@ RuleContext ReverseBuilder::getContext(Operation *op) {
     context.report = [this, op](Value isSingular) {
       countSingular(op->getLoc(), isSingular);
     };
+  context.turnsMatter = !op->hasAttr(completeAttrName);
   return context;
 }
 

@@ -109,6 +109,14 @@ MatrixFormula::Quotient MatrixFormula::divide(Expr above, Expr terms,
   return {value, f.call("bit_and", {f.call("unot", {isNoise}), isClose})};
 }
 
+Expr areNearlyTheSame(Formula &f, Expr x, Expr y, Expr scale, double roundoff) {
+  auto abs = [&](Expr z) { return f.call("abs", {z}); };
+  Expr reach = f.number(std::cbrt(roundoff)) * f.call("max", {abs(x), abs(y)});
+  if (!scale.isNumber(0))
+    reach = f.call("max", {reach, f.number(8 * roundoff) * scale});
+  return abs(x - y) <= reach;
+}
+
 void MatrixFormula::report(Expr isSingular) {
   if (isReported() && !isSingular.isNumber())
     context.report(isSingular.value);

@@ -12,6 +12,11 @@
 
 namespace warp::autodiff {
 
+/// Whether two values are so close that the mean of a function's derivatives at
+/// both is better than a quotient of differences; or count as the same next to
+/// `scale`, if that is not zero.
+Expr areNearlyTheSame(Formula &f, Expr x, Expr y, Expr scale, double roundoff);
+
 /// The rule of a builtin whose first operand is a square matrix, the only one
 /// with a derivative. Expressions may be the number zero for what is absent.
 class MatrixFormula {
@@ -62,6 +67,10 @@ public:
   Expr areClose(Expr x, Expr y, Expr scale) {
     return abs(x - y) <= f.number(8 * roundoff) * scale;
   }
+  /// The same by a wider measure; see below.
+  Expr areNearlyTheSame(Expr x, Expr y, Expr scale) {
+    return autodiff::areNearlyTheSame(f, x, y, scale, roundoff);
+  }
   /// Whether results may be exchanged for others, and doing it.
   bool mayReplace() const { return context.replace != nullptr; }
   void replaceResult(unsigned i, Expr value) {
@@ -70,6 +79,7 @@ public:
   bool isReported() const {
     return context.report && context.singular != Singular::Strict;
   }
+  bool doTurnsMatter() const { return context.turnsMatter; }
   /// Counts where the policy has pinned something.
   void report(Expr isSingular);
 

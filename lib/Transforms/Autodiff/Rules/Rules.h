@@ -39,6 +39,10 @@ struct RuleContext {
   Singular singular = Singular::Pinned;
   /// Called with an `i1` that says whether this thread was at a singular point.
   std::function<void(mlir::Value isSingular)> report = nullptr;
+  /// Whether it matters how vectors of values that repeat, or nearly do, turn
+  /// into each other. It does not where products with them are complete
+  /// (SpectralProducts.h); then the values may also be told apart.
+  bool turnsMatter = true;
   /// Puts a value in the place of a primal result from here on: vectors of
   /// repeated values that suit the direction of a tangent. Null where results
   /// have to stay.

@@ -18,7 +18,8 @@
 // A function that tells values of such a pair apart, or that weighs their
 // vectors by functions of the values, gives the values different cotangents in
 // nearly all bases. What its derivative is beside the diagonal shows in no
-// cotangent of this basis, so the policy that reports counts it.
+// cotangent of this basis, so the policy that reports counts it; but for
+// products that SpectralProducts.cpp writes in another way.
 //
 // That is enough for first derivatives. For second ones, the tangent of an
 // adjoint goes along one direction, and of all vectors of a repeated value
@@ -93,7 +94,7 @@ private:
 
 Expr Repeated::areToldApart(Expr cotangent) {
   Expr any = f.number(0);
-  if (cotangent.isNumber() || !f.isReported())
+  if (cotangent.isNumber() || !f.isReported() || !f.doTurnsMatter())
     return any;
   for (int i = 0; i + 1 < f.getSize(); ++i) {
     Expr a = f.get(cotangent, i), b = f.get(cotangent, i + 1);
@@ -187,6 +188,15 @@ static SmallVector<Value> pullbackSvd(RuleContext &context,
       Expr terms = f.abs(u0) + f.abs(u1) + f.abs(v0) + f.abs(v1);
       Turns turns(f, (u0 - u1) - (v0 - v1), (u0 - u1) + (v0 - v1), terms, s, i,
                   j);
+      // Where it does not, what is there of the even part is rounding errors.
+      if (!f.doTurnsMatter()) {
+        Expr isSame =
+            f.areNearlyTheSame(f.get(s, i), f.get(s, j), f.abs(f.get(s, 0)));
+        turns.even.value =
+            f.call("where", {isSame, f.number(0), turns.even.value});
+        turns.even.isSingular = f.call(
+            "bit_and", {turns.even.isSingular, f.call("unot", {isSame})});
+      }
       // Half of an arbitrary turn would be as arbitrary.
       Expr isSingular = f.either(turns.odd.isSingular, turns.even.isSingular);
       anySingular = f.either(anySingular, isSingular);

@@ -27,7 +27,7 @@ from warp._src.devices import devices, memory
 from warp._src.types import annotations, dtypes, scalars
 from warp._src.types.arithmetic import bfloat16_from_bits
 from warp._src.types.native import ArrayType
-from warp._src.types.numpy_types import element_layout
+from warp._src.types.numpy_types import element_layout, numpy_bfloat16
 from warp._src.types.struct_fields import describe
 
 
@@ -120,7 +120,10 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
             else:
                 borrow(self, ptr, extents, strides, dtype, index, capacity, deleter)
         if ndim is not None and ndim != self.ndim:
-            raise ValueError(f"expects {ndim} dimensions, but got shape {self.shape}")
+            if data is None or self.size or ndim < self.ndim:
+                raise ValueError(f"expects {ndim} dimensions, but got shape {self.shape}")
+            # An empty list does not say how many dimensions it has.
+            allocate(self, (*self.shape, *(0,) * (ndim - self.ndim)), self.dtype, self.device_index)
         if wants_wide_gradient(self.dtype, grad_dtype):
             self._wide_grad = True
         if grad is not None:
@@ -164,6 +167,7 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
     def numpy(self):
         """The elements as a NumPy array; shares memory with a `cpu` array, else a copy.
 
+        Those of bfloat16 are of the type that the package ml_dtypes has, or bits without it.
         Waits for work on CUDA streams that may still write them.
         """
         if self.device_index != devices.CPU:
@@ -177,7 +181,11 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
             _native.synchronize_busy_streams()
         if Observers.active:
             Observers.memory.lend(self)
-        return self._host_view()
+        found = self._host_view()
+        if getattr(self.dtype, "_wp_scalar_type_", self.dtype) is scalars.bfloat16:
+            kind = numpy_bfloat16()
+            return found if kind is None else found.view(kind)
+        return found
 
     def _host_view(self):
         import numpy
@@ -199,11 +207,11 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
     def list(self) -> list:
         """All elements in row-major order, as Python numbers, composites or structs."""
         flat = self.contiguous().numpy()
+        if self.dtype is scalars.bfloat16:
+            bits = flat.reshape(-1).view("uint16").tolist()
+            return [bfloat16_from_bits(one) for one in bits]
         if issubclass(self.dtype, scalars.scalar_base):
-            numbers = flat.reshape(-1).tolist()
-            if self.dtype is scalars.bfloat16:
-                return [bfloat16_from_bits(bits) for bits in numbers]
-            return numbers
+            return flat.reshape(-1).tolist()
         data, step = flat.tobytes(), self.item_size
         starts = range(0, len(data), step)
         return [self.dtype.from_buffer_copy(data[start : start + step]) for start in starts]

@@ -49,14 +49,20 @@ def clone(src, device=None, requires_grad=None, pinned=None):
 def assign(dest, src) -> None:
     """Copies to an array, indexed or not, from one of the same shape or what can be made one.
 
+    Of two packed arrays it is enough that they have as many elements.
+
     Raises:
         ValueError: the shapes differ.
     """
     if not dtypes.type_is_array(type(src)):
         src = hooks.plain_array(src, dtype=dest.dtype, device="cpu", copy=False)
-    if src.shape != dest.shape:
+    if src.shape != dest.shape and not (src.size == dest.size and _both_packed(src, dest)):
         raise ValueError(f"expects shape {dest.shape} to assign, but got {src.shape}")
     copy(dest, src)
+
+
+def _both_packed(*arrays) -> bool:
+    return all(isinstance(one, _native.Array) and one.is_contiguous for one in arrays)
 
 
 def copy(dest, src, dest_offset=0, src_offset=0, count=0, stream=None) -> None:

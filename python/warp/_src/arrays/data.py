@@ -178,7 +178,9 @@ def _store(target, source, extents, dtype, index, pinned, copy):
 
     layout, inner = element_layout(dtype)
     scalar = getattr(dtype, "_wp_scalar_type_", dtype)
-    if scalar is scalars.bfloat16 and source.dtype.kind == "f":
+    if scalar is scalars.bfloat16 and source.dtype.name == "bfloat16":
+        source = source.view("uint16")
+    elif scalar is scalars.bfloat16 and source.dtype.kind == "f":
         source = bfloat16_bits(source)
     if (
         not copy

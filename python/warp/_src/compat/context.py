@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from warp._src.builtin_table import BUILTINS
 
+from warp._src.compat.core import Core
 from warp._src.devices import devices
 from warp._src.devices.allocators import Allocator as Allocator
 from warp._src.devices.devices import Device as Device
@@ -30,37 +31,10 @@ from warp._src.language.builtins import lookup
 user_modules = modules_by_name
 
 
-class _Core:
-    """The peer's C functions. There are none: what this package calls is in `warp._native`.
-
-    Its switch of what native code prints is there, because tests turn it off: nothing is printed.
-    """
-
-    def __init__(self):
-        self._prints_errors = True
-
-    def wp_is_error_output_enabled(self) -> bool:
-        return self._prints_errors
-
-    def wp_set_error_output_enabled(self, enabled) -> None:
-        self._prints_errors = bool(enabled)
-
-    @staticmethod
-    def wp_is_mathdx_enabled() -> bool:
-        """Asked by tests whether tiles are multiplied, factored and transformed by MathDx."""
-        return False
-
-    def __getattr__(self, name):
-        raise AttributeError(
-            f"there is no native function '{name}', the functions of this package are called by "
-            "their public names in `warp`"
-        )
-
-
 class _Runtime:
     """What packages read of the peer's runtime object: its devices and versions."""
 
-    core = _Core()
+    core = Core()
 
     @property
     def cpu_device(self):
@@ -101,7 +75,14 @@ class _Runtime:
         return devices.get_device(ident)
 
 
-runtime = _Runtime()
+_runtime = _Runtime()
+
+
+def __getattr__(name):
+    # Packages look whether they have started it.
+    if name == "runtime":
+        return _runtime if devices.is_initialized() else None
+    raise AttributeError(f"module 'warp._src.context' has no attribute '{name}'")
 
 
 class _BuiltinFunctions:

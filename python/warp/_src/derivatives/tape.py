@@ -270,6 +270,13 @@ class Tape:
                 found[value] = self.get_adjoint(value)
         return found
 
+    @gradients.setter
+    def gradients(self, value) -> None:
+        # Programs forget what a tape knew that they have reset.
+        if value:
+            raise AttributeError("gradients of a tape are those of its arrays: set `array.grad`")
+        self._former = []
+
     def get_adjoint(self, a):
         """The gradient of an array or, with its arrays replaced by theirs, of a struct.
 

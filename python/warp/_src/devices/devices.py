@@ -194,6 +194,11 @@ _state = {"initialized": False, "default": None, "cuda": None}
 index_of: dict = {"cpu": CPU, _cpu: CPU}
 
 
+def is_initialized() -> bool:
+    """Whether the devices have been looked for."""
+    return _state["initialized"]
+
+
 def initialize() -> None:
     """Finds the devices; the first call prints one line unless `wp.config.quiet`."""
     if _state["initialized"]:

@@ -236,22 +236,11 @@ class Branches(Part):
                 olds = known[0]
                 continue
             if olds is None:
-                olds = [self.zero(value.type, name, syntax) for value in values]
+                olds = [self.builder.zero(value.type) for value in values]
             if name in frame.pending:
                 olds = [self.builder.carry(frame.level, old) for old in olds]
                 frame.pending.discard(name)
                 frame.promoted.append((name, shape, olds))
         if olds is None:
-            olds = [self.zero(value.type, name, syntax) for value in values]
+            olds = [self.builder.zero(value.type) for value in values]
         return self.context.unflatten(shape, iter(olds))
-
-    def zero(self, native, name, syntax):
-        """What a name holds that nothing was assigned to; a struct of it has null arrays."""
-        if native.kind == "array":
-            raise self.context.error(
-                syntax,
-                f"'{name}' is not assigned on every path",
-                "assign it before the branch",
-                errors.WarpCodegenKeyError,
-            )
-        return self.builder.zero(native)

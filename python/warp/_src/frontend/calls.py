@@ -17,7 +17,7 @@ from warp._src.frontend.context import Part, Value
 from warp._src.frontend.indexed import array_of
 from warp._src.frontend.names import BuiltinRef
 from warp._src.frontend.updates import references_of
-from warp._src.kernels import statics
+from warp._src.kernels import declared, statics
 from warp._src.kernels.function import Function, NativeFunction
 from warp._src.language.builtins import lookup
 from warp._src.language.public import LIBRARY_NAMES
@@ -232,29 +232,13 @@ class Calls(Part):
 
     def builtin_static(self, node):
         """`wp.static(expr)`: Python's value of an expression."""
-        if len(node.args) != 1 or node.keywords:
+        given = [*node.args, *(one.value for one in node.keywords)]
+        if len(given) != 1:
             raise self.context.type_error(node, "static expects 1 argument")
-        space = dict(self.context.function.__globals__)
-        code = self.context.function.__code__
-        for name, cell in zip(
-            code.co_freevars, self.context.function.__closure__ or (), strict=False
-        ):
-            try:
-                space[name] = cell.cell_contents
-            except ValueError:
-                continue
-        for name in self.context.source.plan.local_names:
-            space.pop(name, None)
-        space.update(
-            (name, Shaped(binding.type) if type(binding) is Value else binding)
-            for name, binding in self.context.env.items()
-            if type(binding) is not Value or (binding.type.element and binding.type.kind != "array")
-        )
         try:
-            compiled = compile(ast.Expression(node.args[0]), self.context.source.file, "eval")
-            value = eval(compiled, space)
+            value = self.static_value(node.func, given[0])
             self.context.session.statics.append(
-                statics.Evaluated(self.context.function, node.args[0], self.context.env, value)
+                statics.Evaluated(self.context.function, given[0], self.context.env, value)
             )
             return self.context.capture(value, node)
         except errors.WarpError:
@@ -266,6 +250,23 @@ class Calls(Part):
                 also=f"Error evaluating static expression: {problem}. Make sure all variables "
                 "used in the static expression are constant.",
             ) from problem
+
+    def static_value(self, callee, expression):
+        """What an expression gave where its function was declared, or else what it gives now."""
+        source = self.context.source
+        place = callee.end_lineno + source.line_offset, callee.end_col_offset
+        found = declared.at(self.context.function, place)
+        if found is not None and found[0] == ast.unparse(expression):
+            return found[1]
+        space = declared.names_of(self.context.function)
+        for name in source.plan.local_names:
+            space.pop(name, None)
+        space.update(
+            (name, Shaped(binding.type) if type(binding) is Value else binding)
+            for name, binding in self.context.env.items()
+            if type(binding) is not Value or (binding.type.element and binding.type.kind != "array")
+        )
+        return eval(compile(ast.Expression(expression), source.file, "eval"), space)
 
     def builtin_address_of(self, node):
         """`address_of(a[i])`: where an element of an array, or a part of it, lies."""

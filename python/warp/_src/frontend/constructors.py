@@ -299,6 +299,9 @@ class Constructors(Part):
                 part.type.shape[0] if type(part) is Value and part.type.kind == "vec" else 1
                 for part in arguments
             )
+        elif length == 0:
+            # Programs make one where a constant says that there is nothing to keep.
+            length = 1
         return self.construct(
             self.context.access.composite_type([length], element), arguments, keywords, node
         )

@@ -41,7 +41,7 @@ class Session:
 
     __slots__ = (
         *("active", "builder", "callers", "calls", "debug", "derived", "handles", "is_ragged"),
-        *("max_unroll", "parameters", "statics", "sums_winding", "taken", "threads"),
+        *("max_unroll", "memories", "parameters", "statics", "sums_winding", "taken", "threads"),
         "tile_builder",
     )
 
@@ -68,6 +68,13 @@ class Session:
         self.threads = 1
         self.is_ragged = False
         self.tile_builder = None
+        # Arrays in memory of the thread so far.
+        self.memories = 0
+
+    def next_memory(self) -> int:
+        """A number for another piece of memory of the thread."""
+        self.memories += 1
+        return self.memories
 
     @property
     def tiles(self):

@@ -4,7 +4,7 @@ They are values like all else: one vector for each scalar of the element, whose 
 picked by the index. So they pass through branches, loops and calls, live in registers, and their
 derivatives are exact. An assignment makes a new value of the variable; a function that assigns to
 a parameter gives its last value back to the caller. A part of an array (`a[0]`, `a[1:]`) is a copy
-to be read.
+to be read. One whose address is reckoned with lies in memory (`thread_memory`).
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import itertools
 import math
 
 from warp._src import errors
+from warp._src.frontend import thread_memory
 from warp._src.frontend.context import INT32, LocalArray, Part, Value
 from warp._src.types import dtypes
 
@@ -68,6 +69,8 @@ class LocalArrays(Part):
                 "pass an array with a part for each thread",
                 errors.WarpCodegenValueError,
             )
+        if thread_memory.is_addressed(self.context.source, node):
+            return thread_memory.make(self.context, shape, native, node)
         self.context.at(node)
         parts = [
             self.builder.zero(self.context.access.composite_type([size * count], scalar))

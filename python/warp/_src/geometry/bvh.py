@@ -10,7 +10,8 @@ from warp._src.types.scalars import int32
 
 # As the runtime numbers them; the last is for what kernels build.
 _SAH, _MEDIAN, _NONE = 0, 1, 2
-_CONSTRUCTORS = {None: _SAH, "sah": _SAH, "lbvh": _MEDIAN, "median": _MEDIAN}
+# There is one kind of hierarchy: that of another library is a name for it.
+_CONSTRUCTORS = {None: _SAH, "sah": _SAH, "cubql": _SAH, "lbvh": _MEDIAN, "median": _MEDIAN}
 
 
 def constructor_number(constructor, on_device=False) -> int:
@@ -21,7 +22,7 @@ def constructor_number(constructor, on_device=False) -> int:
     """
     if constructor not in _CONSTRUCTORS:
         raise ValueError(
-            f"expects the constructor 'sah', 'median' or 'lbvh', but got {constructor!r}"
+            f"expects the constructor 'sah', 'median', 'lbvh' or 'cubql', but got {constructor!r}"
         )
     return _NONE if on_device else _CONSTRUCTORS[constructor]
 

@@ -225,9 +225,8 @@ class _Call:
     def __call__(self, index, stream, arguments, results) -> None:
         mode = self.owner.graph_mode
         if index == devices.CPU and mode > JaxCallableGraphMode.JAX:
-            raise ValueError(
-                self.owner.arguments.message(f"graph mode {mode.name} needs a CUDA device")
-            )
+            wanted = f"graph mode {mode.name} needs a CUDA device, but got the CPU"
+            raise ValueError(self.owner.arguments.message(wanted))
         given = [
             (results if self.entries[i][0] else arguments)[self.entries[i][1]] for i in self.layout
         ]

@@ -139,14 +139,17 @@ class Arguments:
             if parameter.is_array
         }
         for name, shape in shapes.items():
-            for axis, extent in enumerate(shape):
-                if extent > _MOST:
-                    raise errors.WarpLaunchValueError(
-                        self.message(f"extents of '{name}' must be below 2^31, but got {shape}"),
-                        also=f"Warp cannot launch a kernel using wp.tid() with extent {extent} in "
-                        f"dimension {axis}",
-                    )
+            self._check_extents(f"extents of '{name}'", shape)
         return values, shapes
+
+    def _check_extents(self, what, shape) -> None:
+        for axis, extent in enumerate(shape):
+            if extent > _MOST:
+                raise errors.WarpLaunchValueError(
+                    self.message(f"{what} must be below 2^31, but got {shape}"),
+                    also=f"Warp cannot launch a kernel using wp.tid() with extent {extent} in "
+                    f"dimension {axis}",
+                )
 
     def launch_dims(self, dims, shapes) -> tuple:
         """The extents given, or those of the first array."""
@@ -154,7 +157,9 @@ class Arguments:
             if not shapes:
                 raise ValueError(self.message("expects `launch_dims`, there is no input array"))
             dims = next(iter(shapes.values()))
-        return extents_of(dims)
+        extents = extents_of(dims)
+        self._check_extents("extents of the launch", extents)
+        return extents
 
     def add_outputs(self, shapes, parameters, wanted, dims) -> None:
         """Adds the shapes of pure outputs.

@@ -122,7 +122,7 @@ class JaxKernel:
         self.output_dims = output_dims
         self.has_side_effect = has_side_effect
         self.enable_backward = enable_backward
-        self.block_dim = block_dim or 0
+        self.block_dim = block_dim
         self._code = (None, None)
         names = kernel.func.__code__.co_varnames[: kernel.func.__code__.co_argcount]
         self.arguments = Arguments("jax_kernel", kernel.key, names, num_outputs, in_out_argnames)
@@ -163,7 +163,7 @@ class JaxKernel:
                 native,
                 dims,
                 plan.entries,
-                self.block_dim,
+                self.block_dim or 0,
                 lambda values: self._number(native, dims, plan, values),
             )
         call = functools.partial(call, call=numpy.int64(number))

@@ -180,4 +180,4 @@ def _held(dtype, value):
 
 def _count(native) -> int:
     """Operations of one thread, constants left out."""
-    return len(_OPERATION.findall(native.ir("thread", 0, 1)))
+    return len(_OPERATION.findall(native.ir("thread")))

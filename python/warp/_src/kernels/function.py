@@ -8,7 +8,7 @@ import typing
 from collections.abc import Callable
 
 from warp._src import errors
-from warp._src.kernels import texts
+from warp._src.kernels import declared, texts
 from warp._src.kernels.epoch import Epoch
 from warp._src.types import dtypes
 from warp._src.types.annotations import Reference, check_annotations, is_generic
@@ -53,6 +53,7 @@ class Function:
     def _keep_text(func) -> None:
         if not func.__module__.startswith("warp."):
             texts.keep(func)
+            declared.evaluate(func)
 
     @property
     def has_derivative(self) -> bool:

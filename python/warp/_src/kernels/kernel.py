@@ -21,7 +21,7 @@ from warp._src.arrays.indexed import indexedarray
 from warp._src.derivatives.kernel_derivatives import KernelDerivatives, differentiate
 from warp._src.devices.devices import get_device
 from warp._src.forks import translating
-from warp._src.kernels import texts, unique
+from warp._src.kernels import declared, texts, unique
 from warp._src.kernels.epoch import Epoch
 from warp._src.kernels.kernel_options import (
     check_constants,
@@ -78,6 +78,8 @@ class Kernel:
         # What has no module was made from text.
         if not (func.__module__ or "").startswith("warp."):
             texts.keep(func)
+            if not self.code_transformers:
+                declared.evaluate(func)
         self.module.kernels[self.key] = self
         self.module.generic_kernels.pop(self.key, None)
         if any(map(is_generic, func.__annotations__.values())):
@@ -129,6 +131,11 @@ class Kernel:
     def specializations(self) -> list:
         """Native kernels made for the arguments of a generic kernel."""
         return list(self._specialized.values())
+
+    @property
+    def adj(self):
+        """Parameters as packages read them that know the peer's generator of code."""
+        return importlib.import_module("warp._src.compat.codegen").adjoint_of(self)
 
     def option(self, name):
         return self.module.option(name, self.options)
@@ -288,7 +295,7 @@ class Kernel:
         self,
         stage: str = "warp",
         device=None,
-        rank: int = 1,
+        rank: int | None = None,
         arch=None,
         derivative: str | None = None,
         inputs=None,
@@ -302,7 +309,7 @@ class Kernel:
             device: with `thread`, `launch` and `llvm`, the device to lower for; `gpu` and `ptx` are
                 always for a GPU (that of the device, or a current one if there is none) and `asm`
                 for the CPU.
-            rank: number of launch dimensions.
+            rank: number of launch dimensions; by default as many as the kernel asks `wp.tid()` for.
             arch: GPU architecture to lower for, `90` for `sm_90`; no such GPU is needed.
             derivative: `adjoint` or `tangent`: the stage of that derivative, in place of the
                 kernel's.
@@ -323,7 +330,7 @@ class Kernel:
         elif stage == "asm" or arch not in _native.gpu_architectures():
             raise ValueError(f"there is no stage {stage!r} for architecture {arch!r}")
         native = self.prepare()
-        return self.code_for(native, arch).ir(stage, arch, rank)
+        return self.code_for(native, arch).ir(stage, arch, rank or 0)
 
     def code_for(self, native, arch):
         """What is compiled for an architecture; 0 is the CPU."""
@@ -349,7 +356,7 @@ class Kernel:
         if stage not in STAGES:
             raise ValueError(f"no stage {stage!r}, expects one of {', '.join(map(repr, STAGES))}")
         arch = _architecture(stage, device) if arch is None else arch
-        return self.compile_module(made.module).ir(stage, arch, rank)
+        return self.compile_module(made.module).ir(stage, arch, rank or 0)
 
     def schedule(self, device=None, dim=None, arch=None):
         """How launches of the kernel are made, and why; `print` shows it as a table.
@@ -384,7 +391,7 @@ class Kernel:
             return
         os.makedirs(config.dump, exist_ok=True)
         for stage in STAGES:
-            text = native.ir(stage, _architecture(stage, None), 1)
+            text = native.ir(stage, _architecture(stage, None))
             path = os.path.join(config.dump, f"{self.key}.{stage}.{_SUFFIX[stage]}")
             with open(path, "w", encoding="utf-8") as file:
                 file.write(text)

@@ -121,7 +121,7 @@ def _natives(kernel):
 
 
 def _entry(module, kernel, variant, native, code, arch):
-    text, times = native.ir("warp", 0, 1), native.compile_times()
+    text, times = native.ir("warp"), native.compile_times()
     # The entry is the last function; those that it calls stand before it.
     bodies = _BODY.findall(text)
     operations = collections.Counter(name for name, _ in _OPERATION.findall(text))
@@ -129,7 +129,7 @@ def _entry(module, kernel, variant, native, code, arch):
     count = None
     if code:
         stage = "ptx" if arch else "asm"
-        count = len(_INSTRUCTION.findall(native.ir(stage, arch or 0, 1)))
+        count = len(_INSTRUCTION.findall(native.ir(stage, arch or 0)))
     return KernelManifest(
         kernel=kernel.key,
         module=module.name,

@@ -7,7 +7,7 @@ else makes the translation another one's.
 
 from __future__ import annotations
 
-from warp._src.kernels import texts
+from warp._src.kernels import declared, texts
 from warp._src.kernels.identity import Identity, of_value
 from warp._src.kernels.names import UnnamedError
 from warp._src.language.checks import static
@@ -107,16 +107,16 @@ def evaluate(entries, functions) -> tuple:
 
 
 def _evaluate(text, local, function) -> tuple:
-    code = function.__code__
-    space = dict(function.__globals__)
-    for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
-        try:
-            space[name] = cell.cell_contents
-        except ValueError:
-            continue
+    earlier = [] if local else declared.of_text(function, text)
+    if earlier:
+        found = [of_value(value) for value in earlier]
+        if any(digest != found[0][0] for digest, _ in found):
+            return None, None, ()
+        return earlier[0], *found[0]
+    space = declared.names_of(function)
     space.update(local)
     try:
-        value = eval(compile(text, code.co_filename, "eval"), space)
+        value = eval(compile(text, function.__code__.co_filename, "eval"), space)
     except Exception:
         return None, None, ()
     return value, *of_value(value)

@@ -70,16 +70,26 @@ def unique(make, func, name, options, module_options):
 def check(kernel) -> None:
     """Called when a kernel is translated: lets go of one whose captures are others by now."""
     key = kernel.unique_key
-    if key is not None and _function(kernel.func, set()) != key[0]:
+    if key is not None and _token(kernel.func) != key[0]:
         _known.pop(key, None)
         kernel.unique_key = None
 
 
-def _key(func, name, options, module_options):
+def _token(func):
+    """What a function is, or None where it captures what may change unseen."""
     try:
-        token = _function(func, set())
-        return (token, name, _value(options, (), set()), _value(module_options, (), set()))
+        return _function(func, set())
     except (_UnknownError, errors.WarpCodegenError):
+        return None
+
+
+def _key(func, name, options, module_options):
+    token = _token(func)
+    if token is None:
+        return None
+    try:
+        return (token, name, _value(options, (), set()), _value(module_options, (), set()))
+    except _UnknownError:
         return None
 
 

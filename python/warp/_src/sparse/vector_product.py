@@ -64,6 +64,30 @@ _MOST_ROUNDS = 32
 
 
 @functools.cache
+def _terms(scalar, cols):
+    """The share of a thread in a row of the product: the products of every `step`-th block."""
+
+    @wp.func(name=f"sparse_mv_terms_{scalar.__name__}_{cols}")
+    def terms(
+        columns: wp.array(dtype=int),
+        values: wp.array3d(dtype=scalar),
+        x: wp.array2d(dtype=scalar),
+        i: int,
+        first: int,
+        end: int,
+        step: int,
+    ):
+        total = scalar(0.0)
+        for block in range(first, end, step):
+            column = columns[block]
+            for j in range(cols):
+                total += values[block, i, j] * x[column, j]
+        return total
+
+    return terms
+
+
+@functools.cache
 def _shared_row_kernel(scalar, rows, cols, sharers):
     """Neighbouring threads share a row of numbers, and a block those that are too long for them.
 
@@ -71,7 +95,7 @@ def _shared_row_kernel(scalar, rows, cols, sharers):
     """
     name = f"sparse_mv_shared_{scalar.__name__}_{rows}_{cols}_{sharers}"
     count = _BLOCK // sharers
-    put = _put(scalar)
+    put, terms = _put(scalar), _terms(scalar, cols)
 
     @wp.kernel(name=name, module=__name__, enable_backward=False)
     def multiply(
@@ -96,9 +120,8 @@ def _shared_row_kernel(scalar, rows, cols, sharers):
         if end - begin > sharers * _MOST_ROUNDS:
             too_long = 1
         else:
-            for b in range(begin + thread % sharers, end, sharers):
-                for j in range(cols):
-                    total += values[b, number % rows, j] * x[columns[b], j]
+            first = begin + thread % sharers
+            total = terms(columns, values, x, number % rows, first, end, sharers)
         # `sharers`, or 1 for blocks of one thread.
         width = 1 + (sharers - 1) * (wp.block_dim() // _BLOCK)
         parts = wp.tile_reshape(wp.tile(total), shape=(-1, width))
@@ -110,10 +133,7 @@ def _shared_row_kernel(scalar, rows, cols, sharers):
                     first = offsets[other // rows]
                     last = ends[other // rows]
                     if last - first > sharers * _MOST_ROUNDS:
-                        part = scalar(0.0)
-                        for b in range(first + thread, last, _BLOCK):
-                            for j in range(cols):
-                                part += values[b, other % rows, j] * x[columns[b], j]
+                        part = terms(columns, values, x, other % rows, first + thread, last, _BLOCK)
                         whole = wp.tile_sum(wp.tile(part))[0]
                         if thread // sharers == i:
                             total = whole

@@ -196,7 +196,7 @@ def flatten_numbers(value):
         value = value.tolist()
     if isinstance(value, (int, float)):
         return [value]
-    if isinstance(value, str) or not hasattr(value, "__iter__"):
+    if isinstance(value, str) or not (hasattr(value, "__iter__") or _is_sequence(value)):
         raise TypeError(f"expects numbers, but got '{type(value).__name__}'")
     numbers = []
     for item in value:
@@ -205,6 +205,12 @@ def flatten_numbers(value):
         else:
             numbers += flatten_numbers(item)
     return numbers
+
+
+def _is_sequence(value):
+    """Whether Python can go through elements by their numbers, as through vectors of USD."""
+    kind = type(value)
+    return hasattr(kind, "__len__") and hasattr(kind, "__getitem__")
 
 
 def is_number(value):

@@ -173,6 +173,12 @@ class ArrayType:
         suffix = "" if self.ndim == 1 else f"{self.ndim}d"
         return f"array{suffix}(dtype={type_repr(self.dtype)})"
 
+    def __or__(self, other):
+        return typing.Union[self, other]  # noqa: UP007
+
+    def __ror__(self, other):
+        return typing.Union[other, self]  # noqa: UP007
+
     def __call__(self, *args, **kwargs):
         raise TypeError(f"'{self!r}' is an annotation, use `wp.array(data, ...)` to make an array")
 

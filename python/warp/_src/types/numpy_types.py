@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 from warp._src.types import dtypes, scalars
 
 
@@ -17,6 +19,16 @@ def dtype_to_numpy(dtype):
     if scalar is scalars.bool:
         return numpy.bool_
     return getattr(numpy, scalar._numpy_name_)
+
+
+@functools.cache
+def numpy_bfloat16():
+    """NumPy's type of bfloat16, which the package ml_dtypes has; None without it."""
+    try:
+        import ml_dtypes
+    except ImportError:
+        return None
+    return ml_dtypes.bfloat16
 
 
 def dtype_from_numpy(dtype):

@@ -208,7 +208,8 @@ def struct(cls=None, *, module=None):
 
     Fields are scalars, vectors, matrices, quaternions, transforms, arrays and other structs. The
     layout is that of C. Fields start at zero; a default that says otherwise is not used, which a
-    warning tells. Use the class to make instances, as an annotation and as `dtype` of arrays.
+    warning tells. Use the class to make instances, as an annotation and as `dtype` of arrays. Its
+    methods and properties are for Python, not for kernels; an `__init__` is not called.
 
     Example:
         >>> import warp as wp
@@ -220,7 +221,7 @@ def struct(cls=None, *, module=None):
         >>> p.mass = 2.0
 
     Raises:
-        TypeError: the class has bases, methods or a field of an unknown type.
+        TypeError: the class has bases or a field of an unknown type.
     """
     if cls is None:
         return lambda decorated: _make_struct(decorated, annotations.caller_namespaces(decorated))
@@ -248,8 +249,6 @@ def _make_struct(cls, namespaces):
                 "at zero: assign it after making the struct",
                 stacklevel=3,
             )
-        if isinstance(value, python_types.FunctionType):
-            raise TypeError(f"struct '{name}' cannot have the method '{attribute}'")
     fields = {
         field: _field_type(name, field, annotation, [*namespaces, {name: None}])
         for field, annotation in declared.items()
@@ -259,7 +258,19 @@ def _make_struct(cls, namespaces):
             # The module that declares it can be imported; making an instance says what is missing.
             return dtype.struct_with(name, field)
     about = {name: getattr(cls, name) for name in ("__module__", "__qualname__", "__doc__")}
-    return make_struct(name, fields, StructInstance, about)
+    return make_struct(name, fields, StructInstance, {**_members(cls, declared), **about})
+
+
+def _members(cls, declared) -> dict:
+    """Methods, properties and other attributes, for Python alone."""
+    return {
+        name: value
+        for name, value in cls.__dict__.items()
+        if name not in declared
+        and name not in _MADE_HERE
+        and not name.startswith(("_fields_", "_wp_", "_native_"))
+        and (not name.startswith("__") or callable(value))
+    }
 
 
 def _is_zero(value) -> bool:
@@ -302,6 +313,11 @@ def _field_type(struct_name, field, annotation, namespaces):
     return dtype
 
 
+# What a class cannot say for itself: instances are memory with checked fields.
+_MADE_HERE = {
+    *("__init__", "__new__", "__setattr__", "__delattr__", "__getattribute__"),
+    *("__dict__", "__weakref__", "__slots__"),
+}
 _RESERVED = {name for name in dir(StructInstance) if not name.startswith("__")}
 
 

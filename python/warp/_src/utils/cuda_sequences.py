@@ -1,4 +1,4 @@
-"""Sorts of segments and runs on CUDA, made of scans, sorts and kernels. Nothing waits for them."""
+"""Sorts of a few long segments on CUDA, made of a scan, a sort and kernels. Nothing waits."""
 
 import functools
 
@@ -81,63 +81,3 @@ def sort_segments(keys, values, count, begins, ends) -> None:
     bits = 32 + (2 * begins.size).bit_length()
     _native.sort_pairs(ranked, pairs, "uint64", count, 0, bits)
     wp.launch(unpack, count, [pairs, keys, values], device=device)
-
-
-@functools.cache
-def _run_kernels(bits):
-    """Kernels for numbers of a type."""
-
-    @wp.kernel(name=f"mark_runs_{bits.__name__}", module=__name__, enable_backward=False)
-    def mark(numbers: wp.array(dtype=bits), marks: wp.array(dtype=int)):
-        i = wp.tid()
-        first = i == 0
-        if not first:
-            first = numbers[i] != numbers[i - 1]
-        marks[i] = wp.where(first, 1, 0)
-
-    @wp.kernel(name=f"place_runs_{bits.__name__}", module=__name__, enable_backward=False)
-    def place(
-        numbers: wp.array(dtype=bits),
-        marks: wp.array(dtype=int),
-        begins: wp.array(dtype=int),
-        run_numbers: wp.array(dtype=bits),
-        total: wp.array(dtype=int),
-    ):
-        i = wp.tid()
-        first = i == 0
-        if not first:
-            first = marks[i] != marks[i - 1]
-        if first:
-            run_numbers[marks[i] - 1] = numbers[i]
-            begins[marks[i] - 1] = i
-        if i == numbers.shape[0] - 1:
-            total[0] = marks[i]
-
-    return mark, place
-
-
-@wp.kernel(enable_backward=False)
-def _measure_runs(
-    begins: wp.array(dtype=int), total: wp.array(dtype=int), run_lengths: wp.array(dtype=int)
-):
-    i = wp.tid()
-    if i < total[0]:
-        end = begins.shape[0]
-        if i + 1 < total[0]:
-            end = begins[i + 1]
-        run_lengths[i] = end - begins[i]
-
-
-def find_runs(numbers, count, run_numbers, run_lengths, total) -> None:
-    """What `_native.find_runs` does on the CPU."""
-    device = numbers.device
-    bits = wp.uint32 if numbers.item_size == 4 else wp.uint64
-    mark, place = _run_kernels(bits)
-    numbers = numbers.flatten().view(bits)[:count]
-    marks = empty(count, dtype=int, device=device)
-    begins = empty(count, dtype=int, device=device)
-    wp.launch(mark, count, [numbers, marks], device=device)
-    _native.scan_numbers(marks, marks, "int32", 1, count, True)
-    run_numbers = run_numbers.flatten().view(bits)
-    wp.launch(place, count, [numbers, marks, begins, run_numbers, total], device=device)
-    wp.launch(_measure_runs, count, [begins, total, run_lengths], device=device)

@@ -1,7 +1,7 @@
 """Prefix sums, sorts of pairs, and runs of equal values.
 
-On the CPU they are C++ on all threads (lib/Runtime), on CUDA kernels that are queued on the current
-stream; both go into graphs.
+On the CPU they are C++ on all threads (lib/Runtime), on CUDA kernels (lib/DeviceLib/cuda) that are
+queued on the current stream; both go into graphs.
 """
 
 from __future__ import annotations
@@ -31,6 +31,8 @@ from warp._src.utils.observed import writing
 _SCANNED = (int32, int64, float32, float64, uint32, uint64)
 _KEYS = (int32, uint32, float32, int64, uint64, float64)
 _MOST = 2**31 - 1
+# Fewer segments than this do not keep a GPU busy with a block for each, where they are long.
+_FEW, _LONG = 64, 16384
 
 
 def _kind(dtype) -> str:
@@ -237,13 +239,13 @@ def segmented_sort_pairs(
     _check_apart("segmented_sort_pairs", keys, values)
     writing("segmented_sort_pairs", keys, values)
     ends, segments = segment_end_indices, segment_start_indices.size
-    if keys.device.is_cpu:
-        kind = _kind(keys.dtype)
-        _native.sort_segments(keys, values, kind, count, segment_start_indices, ends, segments)
-    else:
+    if keys.device.is_cuda and segments < _FEW and count > _FEW * _LONG:
         from warp._src.utils.cuda_sequences import sort_segments
 
         sort_segments(keys, values, count, segment_start_indices, ends)
+    else:
+        kind = _kind(keys.dtype)
+        _native.sort_segments(keys, values, kind, count, segment_start_indices, ends, segments)
 
 
 def runlength_encode(values, run_values, run_lengths, run_count=None, value_count=None):
@@ -306,10 +308,5 @@ def runlength_encode(values, run_values, run_lengths, run_count=None, value_coun
     _check_apart("runlength_encode", values, run_values, run_lengths)
     writing("runlength_encode", run_values, run_lengths, total)
     values = values.contiguous()
-    if values.device.is_cpu:
-        _native.find_runs(values, value_count, run_values, run_lengths, total)
-    else:
-        from warp._src.utils.cuda_sequences import find_runs
-
-        find_runs(values, value_count, run_values, run_lengths, total)
+    _native.find_runs(values, value_count, run_values, run_lengths, total)
     return total if run_count is not None else int(total.numpy()[0])

@@ -41,24 +41,33 @@ def lookups(value, scalar, number):
             place[0] = given
 
     def _corners(id: uint64, at: vec3f):
-        a, b, c, d, e, f, g, h = wp._library_call(
+        places = wp._library_call(
             "warp_volume_cell", id, number, int(at[0]), int(at[1]), int(at[2])
         )
-        near, far = leaves(id), grid(id)
-        return (
-            at_place(near, far, a),
-            at_place(near, far, b),
-            at_place(near, far, c),
-            at_place(near, far, d),
-            at_place(near, far, e),
-            at_place(near, far, f),
-            at_place(near, far, g),
-            at_place(near, far, h),
-        )
+        return at_corners(leaves(id), grid(id), places)
 
     leaves, grid, at_place = reading(value, scalar)
+    at_corners = of_corners(at_place)
     lookup = Function(_lookup, "volume_lookup")
     return lookup, _lookup_typed, _store, Function(_corners, "corners")
+
+
+def of_corners(read):
+    """What `read` gives for each corner of a cell, of whatever it reads from."""
+
+    def _of_corners(source: Any, other: Any, c: Any):
+        return (
+            read(source, other, c[0]),
+            read(source, other, c[1]),
+            read(source, other, c[2]),
+            read(source, other, c[3]),
+            read(source, other, c[4]),
+            read(source, other, c[5]),
+            read(source, other, c[6]),
+            read(source, other, c[7]),
+        )
+
+    return Function(_of_corners, "of_corners")
 
 
 def closest(value, lookup):
@@ -187,7 +196,7 @@ def with_gradient(value, scalar, sample, corners, blend):
 def indexed(value):
     """`volume_sample_index` of values that are not interpolated, and an element by its number."""
 
-    def _element(data: ArrayType(value, 1), index: int32, background: value):
+    def _element(data: ArrayType(value, 1), background: value, index: int32):
         result = background
         if index >= 0:
             result = data[index]
@@ -196,7 +205,7 @@ def indexed(value):
     def _nearest_element(id: uint64, uvw: vec3f, data: ArrayType(value, 1), background: value):
         at = nearest(uvw)
         index = wp._library_call("warp_volume_index", id, at[0], at[1], at[2])
-        return element(data, index, background)
+        return element(data, background, index)
 
     def _sample(
         id: uint64,
@@ -216,20 +225,10 @@ def indexed_corners(value, element):
     """The values of a cell's corners in an array of the caller."""
 
     def _corners(id: uint64, at: vec3f, data: ArrayType(value, 1), background: value):
-        a, b, c, d, e, f, g, h = wp._library_call(
-            "warp_volume_cell_index", id, int(at[0]), int(at[1]), int(at[2])
-        )
-        return (
-            element(data, a, background),
-            element(data, b, background),
-            element(data, c, background),
-            element(data, d, background),
-            element(data, e, background),
-            element(data, f, background),
-            element(data, g, background),
-            element(data, h, background),
-        )
+        indices = wp._library_call("warp_volume_cell_index", id, int(at[0]), int(at[1]), int(at[2]))
+        return at_corners(data, background, indices)
 
+    at_corners = of_corners(element)
     return Function(_corners, "corners")
 
 

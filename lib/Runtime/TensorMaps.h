@@ -1,0 +1,35 @@
+//===- TensorMaps.h - Maps for the copy engine ------------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_RUNTIME_TENSORMAPS_H
+#define WARP_LIB_RUNTIME_TENSORMAPS_H
+
+#include "warp/TensorMaps.h"
+
+#include <vector>
+
+namespace warp {
+
+/// Whether the copy engine can take boxes of the arrays: elements of a row are
+/// neighbours, and rows begin at multiples of 16 bytes.
+bool canMap(const std::vector<TensorMap> &maps, const void *params);
+
+/// The parameters of a launch with its maps.
+class MappedParameters {
+public:
+  /// `size`: bytes of the parameters without maps.
+  MappedParameters(const std::vector<TensorMap> &maps, const void *params,
+                   size_t size);
+  void *get() { return first; }
+
+private:
+  std::vector<char> block;
+  char *first = nullptr;
+};
+
+} // namespace warp
+
+#endif // WARP_LIB_RUNTIME_TENSORMAPS_H

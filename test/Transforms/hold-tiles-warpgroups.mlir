@@ -1,0 +1,184 @@
+// RUN: warp-opt %s --split-input-file --warp-place-tiles | FileCheck %s
+
+#own = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3>
+
+// Warpgroups multiply halves, which lie swizzled, and a loop of an even number
+// of steps takes two at a time, so that rows have 128 bytes.
+// CHECK-LABEL: func.func @even
+// CHECK: %[[STEP:.*]] = arith.constant 2 : i32
+// CHECK: scf.for {{.*}} step %[[STEP]]
+// CHECK: warp.tile_load %arg0{{.*}}pitch = 64 : i64, swizzled, warp.stages = 3
+// CHECK-SAME: !warp.tile<128x64 x f16>
+// CHECK: warp.tile_load %arg1{{.*}}pitch = 128 : i64, swizzled, warp.stages = 3
+// CHECK-SAME: !warp.tile<64x128 x f16>
+// CHECK: warp.tile_matmul {{.*}}form = ["wg_f16_64x128_kn", "wg_64x128", 64], held
+func.func @even(%a: !warp.array<2 x f16>, %b: !warp.array<2 x f16>,
+                %c: !warp.array<2 x f32>)
+    attributes {warp.kernel, warp.block_threads = 256 : i64,
+                warp.variant = #own} {
+  %none = warp.constant 0.0 : f32
+  %c0 = warp.constant 0 : si32
+  %c32 = warp.constant 32 : si32
+  %i0 = arith.constant 0 : i32
+  %i1 = arith.constant 1 : i32
+  %i8 = arith.constant 8 : i32
+  %sums = warp.tile_splat %none : f32 -> !warp.tile<128x128 x f32>
+  %made = scf.for %i = %i0 to %i8 step %i1 iter_args(%s = %sums)
+      -> (!warp.tile<128x128 x f32>) : i32 {
+    %step = warp.cast %i : i32 to si32
+    %k = warp.mul(%step, %c32) : (si32, si32) -> si32
+    %x = warp.tile_load %a[%c0, %k] : !warp.array<2 x f16>, (si32, si32)
+      -> !warp.tile<128x32 x f16>
+    %y = warp.tile_load %b[%k, %c0] : !warp.array<2 x f16>, (si32, si32)
+      -> !warp.tile<32x128 x f16>
+    %t = warp.tile_matmul %x, %y add %s : !warp.tile<128x32 x f16>,
+      !warp.tile<32x128 x f16> add !warp.tile<128x128 x f32>
+      -> !warp.tile<128x128 x f32>
+    scf.yield %t : !warp.tile<128x128 x f32>
+  }
+  warp.tile_store %made, %c[%c0, %c0] : !warp.tile<128x128 x f32>,
+    !warp.array<2 x f32>, (si32, si32)
+  return
+}
+
+// -----
+
+#own = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3>
+
+// Of an unknown number of steps the last may be missing: loads know how much of
+// the depth belongs to one. Views of factors get their shape.
+// CHECK-LABEL: func.func @unknown
+// CHECK: warp.tile_load %arg0{{.*}}merged = array<i64: 1, 16>
+// CHECK-SAME: !warp.tile<64x64 x bf16>
+// CHECK: warp.tile_load %arg1{{.*}}merged = array<i64: 1, 16>
+// CHECK-SAME: !warp.tile<64x64 x bf16>
+// CHECK: warp.tile_matmul {{.*}}form = ["wg_bf16_64x64_kk", "wg_64x64", 32], held
+func.func @unknown(%a: !warp.array<2 x bf16>, %b: !warp.array<2 x bf16>,
+                   %c: !warp.array<2 x f32>, %n: i32)
+    attributes {warp.kernel, warp.block_threads = 128 : i64,
+                warp.variant = #own} {
+  %none = warp.constant 0.0 : f32
+  %c0 = warp.constant 0 : si32
+  %c16 = warp.constant 16 : si32
+  %i0 = arith.constant 0 : i32
+  %i1 = arith.constant 1 : i32
+  %sums = warp.tile_splat %none : f32 -> !warp.tile<64x64 x f32>
+  %made = scf.for %i = %i0 to %n step %i1 iter_args(%s = %sums)
+      -> (!warp.tile<64x64 x f32>) : i32 {
+    %step = warp.cast %i : i32 to si32
+    %k = warp.mul(%step, %c16) : (si32, si32) -> si32
+    %x = warp.tile_load %a[%c0, %k] : !warp.array<2 x bf16>, (si32, si32)
+      -> !warp.tile<64x16 x bf16>
+    %y = warp.tile_load %b[%c0, %k] : !warp.array<2 x bf16>, (si32, si32)
+      -> !warp.tile<64x16 x bf16>
+    %z = warp.tile_transpose %y, [1, 0] : !warp.tile<64x16 x bf16>
+      -> !warp.tile<16x64 x bf16>
+    %t = warp.tile_matmul %x, %z add %s : !warp.tile<64x16 x bf16>,
+      !warp.tile<16x64 x bf16> add !warp.tile<64x64 x f32>
+      -> !warp.tile<64x64 x f32>
+    scf.yield %t : !warp.tile<64x64 x f32>
+  }
+  warp.tile_store %made, %c[%c0, %c0] : !warp.tile<64x64 x f32>,
+    !warp.array<2 x f32>, (si32, si32)
+  return
+}
+
+// -----
+
+#any = #warp.variant<target = <platform = cuda, version = 90>, rank = 3>
+
+// Code that later architectures run, too, has no such instructions.
+// CHECK-LABEL: func.func @any
+// CHECK: form = ["f16_32x32_kn", "mma_32x32", 32]
+func.func @any(%a: !warp.array<2 x f16>, %c: !warp.array<2 x f32>)
+    attributes {warp.kernel, warp.block_threads = 128 : i64,
+                warp.variant = #any} {
+  %c0 = warp.constant 0 : si32
+  %x = warp.tile_load %a[%c0, %c0] : !warp.array<2 x f16>, (si32, si32)
+    -> !warp.tile<64x64 x f16>
+  %t = warp.tile_matmul %x, %x : !warp.tile<64x64 x f16>,
+    !warp.tile<64x64 x f16> -> !warp.tile<64x64 x f32>
+  warp.tile_store %t, %c[%c0, %c0] : !warp.tile<64x64 x f32>,
+    !warp.array<2 x f32>, (si32, si32)
+  return
+}
+
+// -----
+
+#apart = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, disjoint = true>
+
+// The copy engine brings arguments that the kernel does not write to; the
+// launch describes each behind the arguments: descriptor, place, and a box.
+// CHECK-LABEL: func.func @boxes
+// CHECK-SAME: warp.tensor_maps = [array<i64: 24, 192, 128, 64>, array<i64: 80, 320, 64, 64>]
+// CHECK: warp.tile_load %arg0{{.*}}map = 192 : i64, pitch = 64 : i64, ring, swizzled
+// CHECK: warp.tile_load %arg1{{.*}}map = 320 : i64, pitch = 128 : i64, swizzled
+func.func @boxes(%a: !warp.array<2 x f16>, %b: !warp.array<2 x f16>,
+                 %c: !warp.array<2 x f32>)
+    attributes {warp.kernel, warp.block_threads = 256 : i64,
+                warp.variant = #apart} {
+  %none = warp.constant 0.0 : f32
+  %c0 = warp.constant 0 : si32
+  %c64 = warp.constant 64 : si32
+  %i0 = arith.constant 0 : i32
+  %i1 = arith.constant 1 : i32
+  %i7 = arith.constant 7 : i32
+  %sums = warp.tile_splat %none : f32 -> !warp.tile<128x128 x f32>
+  %made = scf.for %i = %i0 to %i7 step %i1 iter_args(%s = %sums)
+      -> (!warp.tile<128x128 x f32>) : i32 {
+    %step = warp.cast %i : i32 to si32
+    %k = warp.mul(%step, %c64) : (si32, si32) -> si32
+    %x = warp.tile_load %a[%c0, %k] : !warp.array<2 x f16>, (si32, si32)
+      -> !warp.tile<128x64 x f16>
+    %y = warp.tile_load %b[%k, %c0] : !warp.array<2 x f16>, (si32, si32)
+      -> !warp.tile<64x128 x f16>
+    %t = warp.tile_matmul %x, %y add %s : !warp.tile<128x64 x f16>,
+      !warp.tile<64x128 x f16> add !warp.tile<128x128 x f32>
+      -> !warp.tile<128x128 x f32>
+    scf.yield %t : !warp.tile<128x128 x f32>
+  }
+  warp.tile_store %made, %c[%c0, %c0] : !warp.tile<128x128 x f32>,
+    !warp.array<2 x f32>, (si32, si32)
+  return
+}
+
+// -----
+
+#apart = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, disjoint = true>
+
+// What the kernel writes to, threads copy.
+// CHECK-LABEL: func.func @written
+// CHECK-NOT: warp.tensor_maps
+// CHECK: warp.tile_load %arg0{{.*}}swizzled
+func.func @written(%a: !warp.array<2 x f16>, %b: !warp.array<2 x f16>,
+                   %c: !warp.array<2 x f32>)
+    attributes {warp.kernel, warp.block_threads = 128 : i64,
+                warp.variant = #apart} {
+  %none = warp.constant 0.0 : f32
+  %half = warp.constant 0.0 : f16
+  %c0 = warp.constant 0 : si32
+  %c64 = warp.constant 64 : si32
+  %i0 = arith.constant 0 : i32
+  %i1 = arith.constant 1 : i32
+  %i7 = arith.constant 7 : i32
+  %empty = warp.tile_splat %half : f16 -> !warp.tile<64x64 x f16>
+  warp.tile_store %empty, %a[%c0, %c0] : !warp.tile<64x64 x f16>,
+    !warp.array<2 x f16>, (si32, si32)
+  %sums = warp.tile_splat %none : f32 -> !warp.tile<64x64 x f32>
+  %made = scf.for %i = %i0 to %i7 step %i1 iter_args(%s = %sums)
+      -> (!warp.tile<64x64 x f32>) : i32 {
+    %step = warp.cast %i : i32 to si32
+    %k = warp.mul(%step, %c64) : (si32, si32) -> si32
+    %x = warp.tile_load %a[%c0, %k] : !warp.array<2 x f16>, (si32, si32)
+      -> !warp.tile<64x64 x f16>
+    %y = warp.tile_load %b[%k, %c0] : !warp.array<2 x f16>, (si32, si32)
+      -> !warp.tile<64x64 x f16>
+    %t = warp.tile_matmul %x, %y add %s : !warp.tile<64x64 x f16>,
+      !warp.tile<64x64 x f16> add !warp.tile<64x64 x f32>
+      -> !warp.tile<64x64 x f32>
+    scf.yield %t : !warp.tile<64x64 x f32>
+  }
+  warp.tile_store %made, %c[%c0, %c0] : !warp.tile<64x64 x f32>,
+    !warp.array<2 x f32>, (si32, si32)
+  return
+}

@@ -1,0 +1,182 @@
+"""Products of a decomposition's vectors and functions of its values, where values repeat.
+
+`u * diag(f(s)) * transpose(v)` is a smooth function of the matrix there, too. Gradients are held
+against differences with 100 digits, whose steps separate the values.
+"""
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+import warp as wp
+
+RNG = np.random.default_rng(3)
+W = RNG.normal(size=(3, 3))
+TURN = np.linalg.qr(RNG.normal(size=(3, 3)))[0]
+TURN *= np.linalg.det(TURN)
+OTHER = np.linalg.qr(RNG.normal(size=(3, 3)))[0]
+OTHER *= np.linalg.det(OTHER)
+
+
+@wp.func
+def stress(a: wp.mat33d):
+    u, s, v = wp.svd3(a)
+    return u * wp.diag(wp.cw_mul(s, s)) * wp.transpose(v)
+
+
+@wp.func
+def stress_by_entries(a: wp.mat33d):
+    """The other order of products, a matrix written out, and a part that all values share."""
+    u, s, v = wp.svd3(a)
+    j = s[0] * s[1] * s[2]
+    zero = wp.float64(0.0)
+    x, y, z = s[0] * s[0] + j, s[1] * s[1] + j, s[2] * s[2] + j
+    return u * (wp.mat33d(x, zero, zero, zero, y, zero, zero, zero, z) * wp.transpose(v))
+
+
+@wp.func
+def left_logarithm(a: wp.mat33d):
+    u, s, v = wp.svd3(a)
+    e = wp.vec3d(wp.log(s[0]), wp.log(s[1]), wp.log(s[2]))
+    return u * wp.diag(e) * wp.transpose(u)
+
+
+@wp.func
+def right_exponential(a: wp.mat33d):
+    u, s, v = wp.svd3(a)
+    e = wp.vec3d(wp.exp(s[0]), wp.exp(s[1]), wp.exp(s[2]))
+    return v * wp.diag(e) * wp.transpose(v)
+
+
+@wp.func
+def logarithm(a: wp.mat33d):
+    q, d = wp.eig3(a)
+    return q * wp.diag(wp.vec3d(wp.log(d[0]), wp.log(d[1]), wp.log(d[2]))) * wp.transpose(q)
+
+
+@wp.func
+def stress_of_2(a: wp.mat22d):
+    u, s, v = wp.svd2(a)
+    return u * wp.diag(wp.cw_mul(s, s)) * wp.transpose(v)
+
+
+def of_symmetric(m, function):
+    values, vectors = mp.eigsy(m)
+    return vectors * mp.diag([function(x) for x in values]) * vectors.T
+
+
+def root(m):
+    return of_symmetric(m, mp.sqrt)
+
+
+EXACT = {
+    stress: lambda a: a * root(a.T * a),
+    stress_by_entries: lambda a: (
+        a * root(a.T * a) + mp.det(a) * a * of_symmetric(a.T * a, lambda x: 1 / mp.sqrt(x))
+    ),
+    left_logarithm: lambda a: of_symmetric(a * a.T, lambda x: mp.log(x) / 2),
+    right_exponential: lambda a: of_symmetric(a.T * a, lambda x: mp.exp(mp.sqrt(x))),
+    logarithm: lambda a: of_symmetric((a + a.T) / 2, mp.log),
+    stress_of_2: lambda a: a * root(a.T * a),
+}
+
+VALUES = {
+    "the identity": (1.0, 1.0, 1.0),
+    "a multiple of it": (2.5, 2.5, 2.5),
+    "the upper two": (2.0, 2.0, 1.0),
+    "the lower two": (2.0, 1.0, 1.0),
+    "nearly all": (1.0, 1.0 - 1e-9, 1.0 - 2e-7),
+    "nearly two": (1.0 + 3e-14, 1.0, 0.5),
+    "hardly": (1.0, 1.0 - 4e-6, 1.0 - 1e-5),
+    "none": (3.0, 2.0, 1.0),
+}
+
+
+def exact_gradient(function, a):
+    """Of the sum of products with entries of W."""
+    with mp.workdps(100):
+        step, n = mp.mpf(10) ** -25, len(a)
+        base, result = mp.matrix(a.tolist()), np.zeros((n, n))
+        for i in range(n):
+            for j in range(n):
+                total = mp.mpf(0)
+                for sign in (1, -1):
+                    moved = base.copy()
+                    moved[i, j] += sign * step
+                    value = function(moved)
+                    total += sign * sum(
+                        mp.mpf(W[k, m]) * value[k, m] for k in range(n) for m in range(n)
+                    )
+                result[i, j] = total / (2 * step)
+        return result
+
+
+def gradient(function, a, device, dtype=None):
+    dtype = dtype or (wp.mat33d if len(a) == 3 else wp.mat22d)
+
+    @wp.kernel(module="unique")
+    def evaluate(
+        a: wp.array(dtype=dtype),
+        w: wp.array(dtype=dtype),
+        y: wp.array(dtype=dtype._wp_scalar_type_),
+    ):
+        i = wp.tid()
+        y[i] = wp.ddot(w[i], function(a[i]))
+
+    kind = dtype._wp_scalar_type_
+    w = wp.array(W[: len(a), : len(a)][None], dtype=dtype, device=device)
+    a = wp.array(a[None], dtype=dtype, requires_grad=True, device=device)
+    y = wp.zeros(1, dtype=kind, requires_grad=True, device=device)
+    with wp.Tape() as tape:
+        wp.launch(evaluate, 1, [a, w], [y], device=device)
+    tape.backward(grads={y: wp.ones_like(y)})
+    return a.grad.numpy()[0]
+
+
+def matrix_of(function, values):
+    if function is stress_of_2:
+        return np.diag(values[:2]) @ np.array([[0.6, 0.8], [-0.8, 0.6]])
+    turned = TURN @ np.diag(values)
+    return turned @ (TURN.T if function is logarithm else OTHER.T)
+
+
+@pytest.mark.parametrize("name", VALUES)
+@pytest.mark.parametrize("function", EXACT, ids=lambda f: f.key)
+def test_gradients_are_right_where_values_repeat(device, function, name, monkeypatch, capfd):
+    monkeypatch.setattr(wp.config, "singular", "report")
+    a = matrix_of(function, VALUES[name])
+    if name == "the identity" and function is not stress_of_2:
+        a = np.eye(3)
+    found = gradient(function, a, device)
+    exact = exact_gradient(EXACT[function], a)
+    np.testing.assert_allclose(found, exact, rtol=0, atol=2e-10 * np.abs(exact).max())
+    assert ".py:" not in capfd.readouterr().out
+
+
+def test_shear_at_rest(device):
+    """Where no cotangent of the values tells anything: one entry beside the diagonal."""
+
+    @wp.func
+    def shear(a: wp.mat33d):
+        return wp.mat33d(wp.float64(0.0)) + wp.cw_mul(
+            stress(a), wp.static(wp.mat33d(0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+        )
+
+    found = gradient(shear, np.eye(3), device)
+    # d (A (A^T A)^(1/2)) at the identity is dA + (dA + dA^T) / 2.
+    exact = np.zeros((3, 3))
+    exact[0, 1], exact[1, 0] = 1.5 * W[0, 1], 0.5 * W[0, 1]
+    np.testing.assert_allclose(found, exact, atol=1e-14)
+
+
+@pytest.mark.parametrize("gap", [0.0, 1e-6, 1e-4, 2e-3, 6e-3])
+def test_single_precision_close_to_rest(device, gap):
+    @wp.func
+    def single(a: wp.mat33):
+        u, s, v = wp.svd3(a)
+        return u * wp.diag(wp.cw_mul(s, s)) * wp.transpose(v)
+
+    a = (TURN @ np.diag([1.0 + gap, 1.0, 1.0 - gap]) @ OTHER.T).astype(np.float32)
+    found = gradient(single, a, device, wp.mat33)
+    exact = exact_gradient(EXACT[stress], a.astype(np.float64))
+    np.testing.assert_allclose(found, exact, rtol=0, atol=1e-4 * np.abs(exact).max())

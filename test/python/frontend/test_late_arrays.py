@@ -1,0 +1,54 @@
+"""Arrays that only some paths assign: the others have none, as an array of no extent."""
+
+import numpy as np
+import pytest
+
+import warp as wp
+
+
+@wp.func
+def element(a: wp.array(dtype=wp.vec3), i: int):
+    return a[i]
+
+
+@wp.kernel
+def choose(
+    a: wp.array(dtype=wp.vec3),
+    b: wp.array(dtype=wp.vec3),
+    kinds: wp.array(dtype=int),
+    out: wp.array(dtype=wp.vec3),
+    lengths: wp.array(dtype=int),
+):
+    i = wp.tid()
+    kind = kinds[i]
+    if kind == 1:
+        some = a
+    elif kind == 2:
+        some = b
+    if kind == 1 or kind == 2:
+        out[i] = element(some, i)
+    lengths[i] = some.shape[0]
+
+
+def test_arrays_assigned_on_some_paths(device):
+    x = np.arange(18.0, dtype=np.float32).reshape(6, 3)
+    kinds = np.array([1, 2, 0, 1, 2, 3])
+    a = wp.array(x, dtype=wp.vec3, device=device)
+    b = wp.array(np.vstack([x, x]) + 100.0, dtype=wp.vec3, device=device)
+    out = wp.full(6, wp.vec3(-1.0), dtype=wp.vec3, device=device)
+    lengths = wp.zeros(6, dtype=int, device=device)
+    given = [a, b, wp.array(kinds, dtype=int, device=device)]
+    wp.launch(choose, 6, given, [out, lengths], device=device)
+    expected = np.where((kinds == 1)[:, None], x, np.where((kinds == 2)[:, None], x + 100.0, -1.0))
+    np.testing.assert_array_equal(out.numpy(), expected)
+    assert lengths.numpy().tolist() == [6, 12, 0, 6, 12, 0]
+
+
+def test_there_is_no_gradient_through_them(device):
+    a, b = (wp.ones(6, dtype=wp.vec3, requires_grad=True, device=device) for _ in range(2))
+    out = wp.zeros(6, dtype=wp.vec3, requires_grad=True, device=device)
+    given = [a, b, wp.array([1, 2, 0, 1, 2, 3], dtype=int, device=device)]
+    with wp.Tape() as tape:
+        wp.launch(choose, 6, given, [out, wp.zeros(6, dtype=int, device=device)], device=device)
+    with pytest.raises(wp.WarpError, match="depends on control flow"):
+        tape.backward(grads={out: wp.ones_like(out)})
