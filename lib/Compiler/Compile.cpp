@@ -371,6 +371,8 @@ SmallVector<char, 0> Compilation::emitCode(bool asText) {
     // Emission uses a module up.
     auto copy = llvm::CloneModule(*llvmModule);
     SmallVector<char, 0> text = emit(*copy, **machine, /*asText=*/true);
+    if (isGpu(options))
+      waitForPredecessor(text, entry, options);
     writeStage(isGpu(options) ? "ptx" : "s",
                StringRef(text.data(), text.size()));
   }
@@ -386,6 +388,8 @@ SmallVector<char, 0> Compilation::emitCode(bool asText) {
     std::string whole = joinNativePtx(text.str(), options.target);
     bytes.assign(whole.begin(), whole.end());
   }
+  if (isGpu(options))
+    waitForPredecessor(bytes, entry, options);
   return bytes;
 }
 

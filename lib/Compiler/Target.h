@@ -58,6 +58,12 @@ std::unique_ptr<llvm::TargetMachine>
 createCpuMachine(const CompileOptions &options);
 std::unique_ptr<llvm::TargetMachine>
 createGpuMachine(const CompileOptions &options);
+
+/// Lets the entry of PTX wait, before all else, until the kernel before it on
+/// its stream has ended and what that has written is there, so that a launch
+/// may start it early. From sm_90 on.
+void waitForPredecessor(llvm::SmallVectorImpl<char> &ptx, llvm::StringRef entry,
+                        const CompileOptions &options);
 /// Name and features of the processor that code is generated for.
 std::string describeCpu(const CompileOptions &options);
 

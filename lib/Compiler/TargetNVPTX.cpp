@@ -22,12 +22,18 @@ extern "C" const char warp_devicelib_cuda_begin[], warp_devicelib_cuda_end[];
 
 using namespace warp;
 
-/// The oldest PTX version that knows the architecture, but 8.0 at least, and
-/// 8.1 where pairs of floats are added.
-static std::string ptxVersion(llvm::StringRef architecture) {
+/// 90 for "sm_90".
+static unsigned numberOf(llvm::StringRef architecture) {
   unsigned number = 0;
   architecture.consume_front("sm_");
   architecture.consumeInteger(10, number);
+  return number;
+}
+
+/// The oldest PTX version that knows the architecture, but 8.0 at least, and
+/// 8.1 where pairs of floats are added.
+static std::string ptxVersion(llvm::StringRef architecture) {
+  unsigned number = numberOf(architecture);
   if (number == 103 || number > 120)
     return "+ptx88";
   if (number == 120)
@@ -35,6 +41,20 @@ static std::string ptxVersion(llvm::StringRef architecture) {
   if (number >= 100)
     return "+ptx86";
   return number >= 90 ? "+ptx81" : "+ptx80";
+}
+
+// In the text, where nothing can come before it any more.
+void warp::waitForPredecessor(llvm::SmallVectorImpl<char> &ptx,
+                              llvm::StringRef entry,
+                              const CompileOptions &options) {
+  if (numberOf(options.target) < 90)
+    return;
+  llvm::StringRef text(ptx.data(), ptx.size());
+  llvm::StringRef open = "\n{\n", wait = "\tgriddepcontrol.wait;\n";
+  size_t begin = text.find((".entry " + entry + "(").str());
+  size_t body = begin == text.npos ? begin : text.find(open, begin);
+  if (body != text.npos)
+    ptx.insert(ptx.begin() + body + open.size(), wait.begin(), wait.end());
 }
 
 std::vector<int> warp::gpuArchitectures() {

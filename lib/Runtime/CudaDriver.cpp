@@ -50,6 +50,7 @@ static void refuseInChild() {
   Driver &table = const_cast<Driver &>(*driver());
 #define WARP_REFUSE(member, symbol, parameters) refuseCalls(table.member);
   WARP_CUDA_SYMBOLS(WARP_REFUSE)
+  WARP_CUDA_LATER_SYMBOLS(WARP_REFUSE)
 #undef WARP_REFUSE
 }
 
@@ -70,6 +71,10 @@ Loaded::Loaded() {
     return;
   }
   table.driverGetVersion(&table.version);
+  table.hasLibraries = table.libraryLoadData && table.libraryUnload &&
+                       table.libraryGetKernel && table.kernelGetFunction;
+  table.hasProgrammaticLaunches =
+      table.version >= 12040 && table.launchKernelEx;
   usable = true;
   pthread_atfork(nullptr, nullptr, refuseInChild);
 }
@@ -95,8 +100,11 @@ bool Loaded::findSymbols(void *library) {
   }
   WARP_CUDA_SYMBOLS(WARP_FIND)
 #undef WARP_FIND
-  table.encodeTensorMap = reinterpret_cast<decltype(table.encodeTensorMap)>(
-      dlsym(library, "cuTensorMapEncodeTiled"));
+#define WARP_FIND(member, symbol, parameters)                                  \
+  table.member =                                                               \
+      reinterpret_cast<Result(*) parameters>(dlsym(library, #symbol));
+  WARP_CUDA_LATER_SYMBOLS(WARP_FIND)
+#undef WARP_FIND
   return true;
 }
 
@@ -119,6 +127,7 @@ static const char *symbolOf(const char *member) {
   if (std::strcmp(member, #name) == 0)                                         \
     return #symbol;
   WARP_CUDA_SYMBOLS(WARP_NAME)
+  WARP_CUDA_LATER_SYMBOLS(WARP_NAME)
 #undef WARP_NAME
   return member;
 }

@@ -27,6 +27,8 @@ using Pointer = uint64_t;
 using Context = struct ContextTag *;
 using ModuleHandle = struct ModuleTag *;
 using LinkHandle = struct LinkTag *;
+using LibraryHandle = struct LibraryTag *;
+using KernelHandle = struct KernelTag *;
 using Function = struct FunctionTag *;
 using StreamHandle = struct StreamTag *;
 using EventHandle = struct EventTag *;
@@ -135,6 +137,22 @@ struct Uuid {
   char bytes[16];
 };
 
+/// CUlaunchAttribute.
+struct LaunchAttribute {
+  int id = 0, padding = 0;
+  int value[16] = {};
+};
+enum : int { launchProgrammatic = 6 };
+
+/// CUlaunchConfig.
+struct LaunchConfig {
+  unsigned grid[3] = {}, block[3] = {}, sharedBytes = 0;
+  StreamHandle stream = nullptr;
+  const LaunchAttribute *attributes = nullptr;
+  unsigned attributeCount = 0;
+};
+static_assert(sizeof(LaunchAttribute) == 72 && sizeof(LaunchConfig) == 56);
+
 #define WARP_CUDA_SYMBOLS(X)                                                   \
   X(init, cuInit, (unsigned))                                                  \
   X(driverGetVersion, cuDriverGetVersion, (int *))                             \
@@ -232,20 +250,35 @@ struct Uuid {
     (Function, unsigned, unsigned, unsigned, unsigned, unsigned, unsigned,     \
      unsigned, StreamHandle, void **, void **))
 
+/// What drivers before CUDA 12 lack; null there.
+#define WARP_CUDA_LATER_SYMBOLS(X)                                             \
+  X(libraryLoadData, cuLibraryLoadData,                                        \
+    (LibraryHandle *, const void *, int *, void **, unsigned, int *, void **,  \
+     unsigned))                                                                \
+  X(libraryUnload, cuLibraryUnload, (LibraryHandle))                           \
+  X(libraryGetKernel, cuLibraryGetKernel,                                      \
+    (KernelHandle *, LibraryHandle, const char *))                             \
+  X(kernelGetFunction, cuKernelGetFunction, (Function *, KernelHandle))        \
+  X(encodeTensorMap, cuTensorMapEncodeTiled,                                   \
+    (void *, int, unsigned, void *, const uint64_t *, const uint64_t *,        \
+     const uint32_t *, const uint32_t *, int, int, int, int))                  \
+  X(launchKernelEx, cuLaunchKernelEx,                                          \
+    (const LaunchConfig *, Function, void **, void **))
+
 struct Driver {
 #define WARP_DECLARE(member, symbol, parameters) Result(*member) parameters;
   WARP_CUDA_SYMBOLS(WARP_DECLARE)
+  WARP_CUDA_LATER_SYMBOLS(WARP_DECLARE)
 #undef WARP_DECLARE
-  /// Drivers before CUDA 12 have none.
-  Result (*encodeTensorMap)(void *map, int type, unsigned rank, void *data,
-                            const uint64_t *extents, const uint64_t *strides,
-                            const uint32_t *box, const uint32_t *every,
-                            int interleave, int swizzle, int promotion,
-                            int outside) = nullptr;
 
   /// Devices that `init` found.
   int deviceCount = 0;
   int version = 0;
+  /// Whether code is loaded as libraries: by several threads at a time.
+  bool hasLibraries = false;
+  /// Whether a kernel may start while the one before it on its stream ends, in
+  /// graphs too.
+  bool hasProgrammaticLaunches = false;
 };
 
 /// The driver, initialised; null when there is none or it has no device.

@@ -80,11 +80,22 @@ static std::vector<GraphNode> nodesOf(GraphHandle graph) {
   });
 }
 
+/// The driver says nothing of edges with data unless it may say the data, too.
+static void edgesOf(GraphHandle graph, GraphNode *from, GraphNode *to,
+                    size_t *count) {
+  if (!graphDriver().allEdges)
+    return WARP_CUDA_GRAPH(getEdges, graph, from, to, count);
+  std::vector<EdgeData> data(from ? *count : 0);
+  WARP_CUDA_GRAPH(allEdges, graph, from, to, from ? data.data() : nullptr,
+                  count);
+}
+
 std::vector<GraphNode> cuda::lastNodes(GraphHandle graph) {
   size_t edges = 0;
-  WARP_CUDA_GRAPH(getEdges, graph, nullptr, nullptr, &edges);
+  edgesOf(graph, nullptr, nullptr, &edges);
   std::vector<GraphNode> from(edges), to(edges), nodes = nodesOf(graph);
-  WARP_CUDA_GRAPH(getEdges, graph, from.data(), to.data(), &edges);
+  if (edges)
+    edgesOf(graph, from.data(), to.data(), &edges);
   std::sort(from.begin(), from.end());
   nodes.erase(std::remove_if(nodes.begin(), nodes.end(),
                              [&](GraphNode node) {
@@ -144,7 +155,11 @@ private:
 
 static std::vector<GraphNode> dependenciesOf(GraphNode node) {
   return allNodes([&](GraphNode *nodes, size_t *count) {
-    WARP_CUDA_GRAPH(nodeDependencies, node, nodes, count);
+    if (!graphDriver().allDependencies)
+      return WARP_CUDA_GRAPH(nodeDependencies, node, nodes, count);
+    std::vector<EdgeData> data(nodes ? *count : 0);
+    WARP_CUDA_GRAPH(allDependencies, node, nodes, nodes ? data.data() : nullptr,
+                    count);
   });
 }
 

@@ -76,6 +76,11 @@ struct FillNode {
   uint64_t words[5] = {};
 };
 
+/// CUgraphEdgeData.
+struct EdgeData {
+  unsigned char bytes[8] = {};
+};
+
 #define WARP_CUDA_GRAPH_SYMBOLS(X)                                             \
   X(beginCapture, cuStreamBeginCapture_v2, (StreamHandle, int))                \
   X(endCapture, cuStreamEndCapture, (StreamHandle, GraphHandle *))             \
@@ -127,6 +132,10 @@ struct FillNode {
     (GraphNode, EventHandle *))                                                \
   X(addRecord, cuGraphAddEventRecordNode,                                      \
     (GraphNode *, GraphHandle, const GraphNode *, size_t, EventHandle))        \
+  X(allEdges, cuGraphGetEdges_v2,                                              \
+    (GraphHandle, GraphNode *, GraphNode *, EdgeData *, size_t *))             \
+  X(allDependencies, cuGraphNodeGetDependencies_v2,                            \
+    (GraphNode, GraphNode *, EdgeData *, size_t *))                            \
   X(addNode, cuGraphAddNode,                                                   \
     (GraphNode *, GraphHandle, const GraphNode *, size_t, ConditionalNode *))
 

@@ -60,9 +60,8 @@ static Error launchError(Error::Kind kind, const std::string &kernel,
 Kernel::Variant::~Variant() {
   if (cpu)
     Jit::get().unload(reinterpret_cast<void *>(cpu));
-  if (!module)
-    return;
-  unloadFromCuda(key.device, module);
+  if (loaded)
+    unloadFromCuda(key.device, loaded);
 }
 
 //===----------------------------------------------------------------------===//
@@ -225,7 +224,7 @@ private:
 };
 } // namespace
 
-Code Kernel::Impl::obtain(int device, const CompileOptions &compileOptions) {
+Code Kernel::Impl::obtain(const CompileOptions &compileOptions) {
   Stopwatch watch(times);
   std::string key = fingerprint(hashes(), compileOptions);
   watch.lap("fingerprint");
@@ -236,10 +235,6 @@ Code Kernel::Impl::obtain(int device, const CompileOptions &compileOptions) {
     return std::move(*cached);
   Code code = compile(source(), compileOptions);
   watch.lap("compile");
-  if (device != cpuDevice) {
-    assembleOnCuda(device, code);
-    watch.lap("assemble");
-  }
   for (const auto &[phase, milliseconds] : code.phaseMs)
     times["compile/" + phase] += milliseconds;
   cache.store(key, code);
@@ -263,7 +258,7 @@ Kernel::Variant *Kernel::Impl::make(const VariantKey &key) {
   variant->key = key;
   variant->flat = key.flat;
   if (saved.empty() || !obtainSaved(key, arch, *variant))
-    variant->code = obtain(key.device, compileOptions(key, arch));
+    variant->code = obtain(compileOptions(key, arch));
   variant->code.cost = std::clamp(variant->code.cost, 1.0, 1e12);
   Stopwatch watch(times);
   if (key.device == cpuDevice) {

@@ -126,75 +126,33 @@ bool warp::fitsGrid(const int32_t *dim, int rank, int blockDim) {
   return shape.grid.y <= maxGridYZ && shape.grid.z <= maxGridYZ;
 }
 
-[[noreturn]] static void rejected(cuda::Result result, const Code &code,
-                                  const char *log) {
-  const char *name = nullptr;
-  cuda::driver()->getErrorName(result, &name);
-  throw Error(Error::Kind::Compile,
-              "the CUDA driver rejects the code of '" + code.entry +
-                  "': " + (name ? name : "unknown error") +
-                  (log[0] ? std::string("\n") + log : ""));
-}
-
-void warp::assembleOnCuda(int device, Code &code) {
-  cuda::ContextScope scope(device);
-  const cuda::Driver &driver = *cuda::driver();
-  // The driver wants a terminated string.
-  std::string ptx(code.binary.begin(), code.binary.end());
-  char log[4096] = {};
-  int options[] = {cuda::jitErrorLogBuffer, cuda::jitErrorLogBufferSizeBytes};
-  void *values[] = {log, reinterpret_cast<void *>(sizeof(log) - 1)};
-  struct Link {
-    cuda::LinkHandle handle = nullptr;
-    ~Link() {
-      if (handle)
-        cuda::driver()->linkDestroy(handle);
-    }
-  } link;
-  void *cubin = nullptr;
-  size_t size = 0;
-  cuda::Result result = driver.linkCreate(2, options, values, &link.handle);
-  if (result == cuda::success)
-    result = driver.linkAddData(link.handle, cuda::jitInputPtx, ptx.data(),
-                                ptx.size() + 1, code.entry.c_str(), 0, nullptr,
-                                nullptr);
-  if (result == cuda::success)
-    result = driver.linkComplete(link.handle, &cubin, &size);
-  if (result != cuda::success)
-    rejected(result, code, log);
-  auto *bytes = static_cast<const char *>(cubin);
-  code.binary.assign(bytes, bytes + size);
-}
-
 void warp::loadOnCuda(Kernel::Variant &variant) {
   cuda::ContextScope scope(variant.key.device);
   cuda::RelaxedCaptures relaxed;
-  cuda::Result result = cuda::driver()->moduleLoadDataEx(
-      &variant.module, variant.code.binary.data(), 0, nullptr, nullptr);
-  if (result != cuda::success)
-    rejected(result, variant.code, "");
-  WARP_CUDA(moduleGetFunction, &variant.function, variant.module,
-            variant.code.entry.c_str());
+  variant.programmatic = cuda::driver()->hasProgrammaticLaunches &&
+                         waitsForPredecessor(variant.code);
+  variant.loaded.load(variant.code);
+  variant.function = variant.loaded.function(variant.code.entry);
   if (variant.code.dynamicBytes)
     WARP_CUDA(funcSetAttribute, variant.function,
               cuda::functionMostDynamicShared, variant.code.dynamicBytes);
   int threads = variant.key.blockDim;
   if (variant.code.fixedBlock || threads % 64 != 0)
     return;
-  WARP_CUDA(occupancyMaxActiveBlocks, &variant.residentBlocks,
-            variant.function, threads, 0);
-  WARP_CUDA(occupancyMaxActiveBlocks, &variant.residentHalves,
-            variant.function, threads / 2, 0);
+  WARP_CUDA(occupancyMaxActiveBlocks, &variant.residentBlocks, variant.function,
+            threads, 0);
+  WARP_CUDA(occupancyMaxActiveBlocks, &variant.residentHalves, variant.function,
+            threads / 2, 0);
 }
 
-void warp::unloadFromCuda(int device, cuda::ModuleHandle module) {
-  if (keepForCapture(device, [=] { unloadFromCuda(device, module); }))
+void warp::unloadFromCuda(int device, CudaCode loaded) {
+  if (keepForCapture(device, [=] { unloadFromCuda(device, loaded); }))
     return;
   try {
     cuda::ContextScope scope(device);
     // The code must not go while it runs.
     cuda::driver()->ctxSynchronize();
-    cuda::driver()->moduleUnload(module);
+    loaded.unload();
   } catch (const Error &) {
   }
 }
@@ -210,6 +168,31 @@ static void checkRows(const int32_t *dim, const VariantKey &key,
                   std::to_string(key.blockDim) +
                   " threads, but the last extent of the launch is " +
                   std::to_string(last));
+}
+
+/// A kernel that waits for the one before it on its stream is started while
+/// that ends, which saves some of the time between them. Where the one before
+/// is no kernel, or the stream is the legacy one, the driver waits as ever.
+static cuda::Result queue(const Kernel::Variant &variant, const Shape &shape,
+                          cuda::StreamHandle stream, void *params) {
+  static constexpr cuda::LaunchAttribute attribute{
+      cuda::launchProgrammatic, 0, {1}};
+  void *arguments[] = {params};
+  unsigned bytes = variant.code.dynamicBytes;
+  const Extent &grid = shape.grid, &block = shape.block;
+  if (!variant.programmatic || !stream)
+    return cuda::driver()->launchKernel(variant.function, grid.x, grid.y,
+                                        grid.z, block.x, block.y, block.z,
+                                        bytes, stream, arguments, nullptr);
+  cuda::LaunchConfig config{
+      {unsigned(grid.x), unsigned(grid.y), unsigned(grid.z)},
+      {unsigned(block.x), unsigned(block.y), unsigned(block.z)},
+      bytes,
+      stream,
+      &attribute,
+      1};
+  return cuda::driver()->launchKernelEx(&config, variant.function, arguments,
+                                        nullptr);
 }
 
 void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,
@@ -246,11 +229,7 @@ void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,
                     std::to_string(key.blockDim) + " threads, but got " +
                     std::to_string(shape.grid.x));
   QueuedWork work(key.device, stream);
-  void *arguments[] = {params};
-  cuda::Result result = cuda::driver()->launchKernel(
-      variant.function, shape.grid.x, shape.grid.y, shape.grid.z, shape.block.x,
-      shape.block.y, shape.block.z, variant.code.dynamicBytes,
-      work.stream(), arguments, nullptr);
+  cuda::Result result = queue(variant, shape, work.stream(), params);
   if (result == cuda::success) {
     cudaDeviceState(key.device)
         .lastKernel.store(variant.label, std::memory_order_relaxed);

@@ -7,6 +7,7 @@
 #ifndef WARP_LIB_RUNTIME_KERNELIMPL_H
 #define WARP_LIB_RUNTIME_KERNELIMPL_H
 
+#include "CudaCode.h"
 #include "CudaDriver.h"
 #include "DeviceState.h"
 #include "WidthPolicy.h"
@@ -63,8 +64,10 @@ struct Kernel::Variant {
   CpuEntry cpu = nullptr;
   /// What its launches taught the thread pool.
   mutable LoopHistory history;
-  cuda::ModuleHandle module = nullptr;
+  CudaCode loaded;
   cuda::Function function = nullptr;
+  /// Whether it may start before the kernel before it on its stream has ended.
+  bool programmatic = false;
   /// Blocks of `key.blockDim` threads that a multiprocessor runs at a time, and
   /// blocks of half as many; 0 where the code is for one size of blocks.
   int residentBlocks = 0, residentHalves = 0;
@@ -153,7 +156,7 @@ struct Kernel::Impl {
   std::pair<const SavedKernel *, const SavedVariant *>
   chooseSaved(const VariantKey &key, int arch) const;
   [[noreturn]] void raiseNotSaved(const VariantKey &key, int arch) const;
-  Code obtain(int device, const CompileOptions &compileOptions);
+  Code obtain(const CompileOptions &compileOptions);
 };
 
 /// "si32", "ui8": a scalar whose last byte has the highest bit.
@@ -162,18 +165,16 @@ bool isIntegerScalar(const Param &param);
 /// Runs the indices below `items`; on this thread if `serial`.
 void launchOnCpu(const Kernel::Variant &variant, const void *params,
                  size_t paramSize, int64_t items, bool serial);
-/// Loads PTX on a device.
+/// Loads PTX or machine code on a device.
 void loadOnCuda(Kernel::Variant &variant);
 /// Unloads it; while a graph is recorded that may use it, later.
-void unloadFromCuda(int device, cuda::ModuleHandle module);
+void unloadFromCuda(int device, CudaCode loaded);
 /// `openBlock`: blocks may be smaller than those that the variant is named for.
 void launchOnCuda(const Kernel::Variant &variant, const std::string &name,
                   void *params, const Stream *stream, bool openBlock = false);
 /// Threads of a block for so many in all: half of the variant's if that keeps
 /// more of the card at work.
 int chooseBlock(const Kernel::Variant &variant, int64_t threads, int smCount);
-/// Turns PTX into the machine code of a device.
-void assembleOnCuda(int device, Code &code);
 /// Whether one grid axis per dimension can express the launch.
 bool fitsGrid(const int32_t *dim, int rank, int blockDim);
 

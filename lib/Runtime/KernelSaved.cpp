@@ -106,6 +106,27 @@ SavedKernel Kernel::Impl::describeSaved(int arch) {
   return saved;
 }
 
+/// Machine code for PTX, from the disk cache if the driver has met it before.
+static Code assembled(int device, Code code) {
+  std::string what = std::to_string(deviceInfo(device).arch) + " " +
+                     std::to_string(cuda::driver()->version);
+  std::string key;
+  for (uint64_t seed = 0; seed < 4; ++seed) {
+    char digits[17];
+    uint64_t hash = hashBytes(what.data(), what.size(), seed);
+    std::snprintf(digits, sizeof(digits), "%016llx",
+                  static_cast<unsigned long long>(
+                      hashBytes(code.binary.data(), code.binary.size(), hash)));
+    key += digits;
+  }
+  KernelCache &cache = KernelCache::get();
+  if (std::optional<Code> found = cache.find(key))
+    return std::move(*found);
+  assembleOnCuda(device, code);
+  cache.store(key, code);
+  return code;
+}
+
 SavedVariant Kernel::Impl::compileSaved(const VariantKey &key, int arch) {
   CompileOptions compile = compileOptions(key, arch);
   // As many threads as ever matter: the machine to come is not known.
@@ -118,7 +139,9 @@ SavedVariant Kernel::Impl::compileSaved(const VariantKey &key, int arch) {
   variant.large = key.large;
   variant.disjoint = key.disjoint;
   variant.blockDim = arch == 0 ? 0 : compile.blockDim;
-  variant.code = obtain(key.device, compile);
+  variant.code = obtain(compile);
+  if (key.device != cpuDevice)
+    variant.code = assembled(key.device, std::move(variant.code));
   return variant;
 }
 
@@ -157,11 +180,6 @@ SavedKernel Kernel::save(const Plan &plan) {
 // Loading
 //===----------------------------------------------------------------------===//
 
-static bool isCubin(const Code &code) {
-  return code.binary.size() > 4 &&
-         std::equal(code.binary.begin(), code.binary.begin() + 4, "\177ELF");
-}
-
 /// 90 for "sm_90", 0 for "cpu".
 static int architectureOf(const SavedKernel &saved) {
   return saved.target == "cpu" ? 0 : std::atoi(saved.target.c_str() + 3);
@@ -187,27 +205,6 @@ static bool fits(const SavedVariant &variant, const VariantKey &key) {
          (!key.ordered || variant.code.sums.empty()) &&
          (key.device == cpuDevice ||
           ((variant.flat || !key.flat) && variant.blockDim == key.blockDim));
-}
-
-/// Machine code for PTX, from the disk cache if the driver has met it before.
-static Code assembled(int device, Code code) {
-  std::string what = std::to_string(deviceInfo(device).arch) + " " +
-                     std::to_string(cuda::driver()->version);
-  std::string key;
-  for (uint64_t seed = 0; seed < 4; ++seed) {
-    char digits[17];
-    uint64_t hash = hashBytes(what.data(), what.size(), seed);
-    std::snprintf(digits, sizeof(digits), "%016llx",
-                  static_cast<unsigned long long>(
-                      hashBytes(code.binary.data(), code.binary.size(), hash)));
-    key += digits;
-  }
-  KernelCache &cache = KernelCache::get();
-  if (std::optional<Code> found = cache.find(key))
-    return std::move(*found);
-  assembleOnCuda(device, code);
-  cache.store(key, code);
-  return code;
 }
 
 std::pair<const SavedKernel *, const SavedVariant *>
@@ -239,8 +236,6 @@ bool Kernel::Impl::obtainSaved(const VariantKey &key, int arch,
     checkProcessor(*best);
   variant.code = chosen->code;
   variant.flat = chosen->flat;
-  if (arch != 0 && !isCubin(variant.code))
-    variant.code = assembled(key.device, std::move(variant.code));
   return true;
 }
 

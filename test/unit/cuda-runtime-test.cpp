@@ -334,6 +334,30 @@ TEST_F(Cuda, LaunchCoversTheGrid) {
   }
 }
 
+// A kernel is started before the one before it has ended only if it waits.
+TEST_F(Cuda, StartsEarlyWhatWaits) {
+  auto *launches = fakeSymbol<int()>("fakeCudaProgrammaticLaunches");
+  if (!launches)
+    GTEST_SKIP() << "needs the fake driver";
+  auto startsEarly = [&](const std::string &body, const Stream *stream) {
+    Kernel::Variant variant;
+    variant.key = {.device = 0, .rank = 1, .blockDim = 256};
+    std::string ptx = ".visible .entry k() {" + body + "ret; }";
+    variant.code.entry = "k";
+    variant.code.binary.assign(ptx.begin(), ptx.end());
+    loadOnCuda(variant);
+    LaunchHeader header;
+    header.dim[0] = 1;
+    int before = launches();
+    launchOnCuda(variant, "k", &header, stream);
+    return launches() - before;
+  };
+  Stream other(0);
+  EXPECT_EQ(startsEarly("griddepcontrol.wait; ", nullptr), 1);
+  EXPECT_EQ(startsEarly("griddepcontrol.wait; ", &other), 1);
+  EXPECT_EQ(startsEarly("", nullptr), 0);
+}
+
 TEST_F(Cuda, BlocksAreShapedToTheLaunch) {
   auto *lastLaunch = fakeSymbol<const char *()>("fakeCudaLastLaunch");
   if (!lastLaunch)

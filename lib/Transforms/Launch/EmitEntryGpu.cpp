@@ -136,6 +136,15 @@ void EntryBuilder::dependOn(int facts) {
   warp::setRecipe(kernel, warp::getRecipe(kernel).withFacts(facts));
 }
 
+/// NVIDIA's assembler gives threads as few registers as let a multiprocessor
+/// run as many as it can, unless it is told that one block will do. Threads of
+/// a launch that has few, or that work on much at a time, do better with more
+/// (H200: forces of 16 k bodies 1.77 times as fast with 54 as with 32).
+static void takeRegisters(Operation *kernel) {
+  kernel->setAttr(warp::attr::leastBlocks,
+                  Builder(kernel->getContext()).getI64IntegerAttr(1));
+}
+
 /// Decides how the launch is made.
 void EntryBuilder::planGpu() {
   if (warp::getRecipe(kernel).getExclusive()) {
@@ -166,6 +175,8 @@ void EntryBuilder::planGpu() {
   if ((shared || split) && !(large && hasItems))
     facts |= warp::underFact;
   dependOn(facts);
+  if ((large && sums) || ((facts & warp::underFact) && (under || shared)))
+    takeRegisters(kernel);
   if (large && sums) {
     form = Form::Sums;
     warp::noteChoice(kernel, "items", Twine(summedItems),

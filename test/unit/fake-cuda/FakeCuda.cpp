@@ -31,6 +31,7 @@ unsigned char lastParams[4096];
 std::string streamLog;
 int streamCount = 0;
 bool streamsBusy = false;
+int programmaticLaunches = 0;
 bool peerAccess = false;
 
 int numberOf(void *stream) { return stream ? *static_cast<int *>(stream) : 0; }
@@ -50,6 +51,8 @@ int fake::note(const char *call, void *stream) {
 
 EXPORT const char *fakeCudaLastLaunch() { return lastLaunch.c_str(); }
 EXPORT const void *fakeCudaLastParams() { return lastParams; }
+/// Launches of kernels that may start before the one before them has ended.
+EXPORT int fakeCudaProgrammaticLaunches() { return programmaticLaunches; }
 /// Streams and events are done at once, or never.
 EXPORT void fakeCudaSetBusy(bool busy) { streamsBusy = busy; }
 EXPORT void fakeCudaSetFault(int result) { fault = result; }
@@ -189,29 +192,34 @@ EXPORT int cuEventElapsedTime(float *milliseconds, void *, void *) {
   *milliseconds = 1.5f;
   return success;
 }
+/// Writes what is wrong with PTX to the log among the options of a call.
+static int checkCode(const std::string &code, unsigned count, int *options,
+                     void **values) {
+  if (code.find(".entry") != std::string::npos || code.rfind("\177ELF", 0) == 0)
+    return success;
+  for (unsigned i = 0; i < count; ++i)
+    if (options[i] == 5)
+      std::strcpy(static_cast<char *>(values[i]), "no entry in this PTX");
+  return 218;
+}
 /// Linking checks the text and keeps it: the fake's machine code is PTX.
 struct FakeLink {
-  char *log = nullptr;
+  unsigned count;
+  int *options;
+  void **values;
   std::string code;
 };
 EXPORT int cuLinkCreate_v2(unsigned count, int *options, void **values,
                            void **link) {
-  auto *made = new FakeLink;
-  for (unsigned i = 0; i < count; ++i)
-    if (options[i] == 5)
-      made->log = static_cast<char *>(values[i]);
-  *link = made;
+  *link = new FakeLink{count, options, values, {}};
   return success;
 }
 EXPORT int cuLinkAddData_v2(void *link, int, void *data, size_t size,
                             const char *, unsigned, int *, void **) {
   auto *target = static_cast<FakeLink *>(link);
   target->code.assign(static_cast<char *>(data), size);
-  if (target->code.find(".entry") != std::string::npos)
-    return success;
-  if (target->log)
-    std::strcpy(target->log, "no entry in this PTX");
-  return 218;
+  return checkCode(target->code, target->count, target->options,
+                   target->values);
 }
 EXPORT int cuLinkComplete(void *link, void **code, size_t *size) {
   auto *target = static_cast<FakeLink *>(link);
@@ -222,6 +230,29 @@ EXPORT int cuLinkComplete(void *link, void **code, size_t *size) {
 EXPORT int cuLinkDestroy(void *link) {
   delete static_cast<FakeLink *>(link);
   return success;
+}
+EXPORT int cuLibraryLoadData(void **library, const void *image, int *options,
+                             void **values, unsigned count, int *, void **,
+                             unsigned) {
+  std::string code = static_cast<const char *>(image);
+  if (int result = checkCode(code, count, options, values))
+    return result;
+  *library = new std::string(code);
+  return success;
+}
+EXPORT int cuLibraryUnload(void *library) {
+  delete static_cast<std::string *>(library);
+  return success;
+}
+EXPORT int cuLibraryGetKernel(void **kernel, void *library, const char *name) {
+  if (static_cast<std::string *>(library)->find(name) == std::string::npos)
+    return notFound;
+  *kernel = library;
+  return success;
+}
+EXPORT int cuKernelGetFunction(void **function, void *kernel) {
+  *function = kernel;
+  return current ? success : 201;
 }
 EXPORT int cuModuleLoadDataEx(void **module, const void *image, unsigned, int *,
                               void **) {
@@ -283,4 +314,23 @@ EXPORT int cuLaunchKernel(void *function, unsigned gx, unsigned gy, unsigned gz,
   lastLaunch = launch;
   std::memcpy(lastParams, arguments[0], 24);
   return fault ? fault : stream && current ? success : invalidValue;
+}
+/// CUlaunchConfig and the one attribute that is used.
+struct FakeConfig {
+  unsigned grid[3], block[3], sharedBytes;
+  void *stream;
+  const int *attributes;
+  unsigned count;
+};
+EXPORT int cuLaunchKernelEx(const FakeConfig *config, void *function,
+                            void **arguments, void **extra) {
+  const unsigned *grid = config->grid, *block = config->block;
+  // Id, padding, value.
+  if (config->count != 1 || config->attributes[0] != 6 ||
+      config->attributes[2] != 1)
+    return invalidValue;
+  ++programmaticLaunches;
+  return cuLaunchKernel(function, grid[0], grid[1], grid[2], block[0], block[1],
+                        block[2], config->sharedBytes, config->stream,
+                        arguments, extra);
 }

@@ -1,0 +1,107 @@
+//===- CudaCode.cpp - Code on a CUDA device -------------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#include "CudaCode.h"
+
+#include "warp/Error.h"
+
+#include <algorithm>
+#include <string_view>
+#include <utility>
+
+using namespace warp;
+
+namespace {
+/// Where the driver writes what is wrong with PTX, as options of a call.
+struct Log {
+  char text[4096] = {};
+  int options[2] = {cuda::jitErrorLogBuffer, cuda::jitErrorLogBufferSizeBytes};
+  void *values[2] = {text, reinterpret_cast<void *>(sizeof(text) - 1)};
+};
+} // namespace
+
+[[noreturn]] static void rejected(cuda::Result result, const Code &code,
+                                  const char *log) {
+  const char *name = nullptr;
+  cuda::driver()->getErrorName(result, &name);
+  throw Error(Error::Kind::Compile,
+              "the CUDA driver rejects the code of '" + code.entry +
+                  "': " + (name ? name : "unknown error") +
+                  (log[0] ? std::string("\n") + log : ""));
+}
+
+void CudaCode::load(Code &code) {
+  const cuda::Driver &driver = *cuda::driver();
+  // The driver wants a terminated string.
+  if (code.binary.empty() || code.binary.back() != '\0')
+    code.binary.push_back('\0');
+  Log log;
+  cuda::Result result =
+      driver.hasLibraries
+          ? driver.libraryLoadData(&library, code.binary.data(), log.options,
+                                   log.values, 2, nullptr, nullptr, 0)
+          : driver.moduleLoadDataEx(&module, code.binary.data(), 2, log.options,
+                                    log.values);
+  if (result != cuda::success)
+    rejected(result, code, log.text);
+}
+
+cuda::Function CudaCode::function(const std::string &name) const {
+  cuda::Function found = nullptr;
+  if (!library) {
+    WARP_CUDA(moduleGetFunction, &found, module, name.c_str());
+    return found;
+  }
+  cuda::KernelHandle kernel = nullptr;
+  WARP_CUDA(libraryGetKernel, &kernel, library, name.c_str());
+  WARP_CUDA(kernelGetFunction, &found, kernel);
+  return found;
+}
+
+void CudaCode::unload() {
+  if (library)
+    cuda::driver()->libraryUnload(std::exchange(library, nullptr));
+  if (module)
+    cuda::driver()->moduleUnload(std::exchange(module, nullptr));
+}
+
+bool warp::isCubin(const Code &code) {
+  return code.binary.size() > 4 &&
+         std::equal(code.binary.begin(), code.binary.begin() + 4, "\177ELF");
+}
+
+bool warp::waitsForPredecessor(const Code &code) {
+  std::string_view text(code.binary.data(), code.binary.size());
+  return !isCubin(code) && text.find("griddepcontrol.wait") != text.npos;
+}
+
+void warp::assembleOnCuda(int device, Code &code) {
+  cuda::ContextScope scope(device);
+  const cuda::Driver &driver = *cuda::driver();
+  std::string ptx(code.binary.begin(), code.binary.end());
+  Log log;
+  struct Link {
+    cuda::LinkHandle handle = nullptr;
+    ~Link() {
+      if (handle)
+        cuda::driver()->linkDestroy(handle);
+    }
+  } link;
+  void *cubin = nullptr;
+  size_t size = 0;
+  cuda::Result result =
+      driver.linkCreate(2, log.options, log.values, &link.handle);
+  if (result == cuda::success)
+    result = driver.linkAddData(link.handle, cuda::jitInputPtx, ptx.data(),
+                                ptx.size() + 1, code.entry.c_str(), 0, nullptr,
+                                nullptr);
+  if (result == cuda::success)
+    result = driver.linkComplete(link.handle, &cubin, &size);
+  if (result != cuda::success)
+    rejected(result, code, log.text);
+  auto *bytes = static_cast<const char *>(cubin);
+  code.binary.assign(bytes, bytes + size);
+}
