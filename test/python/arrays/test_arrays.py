@@ -3,6 +3,7 @@
 import gc
 import math
 
+import ml_dtypes
 import numpy as np
 import pytest
 
@@ -45,9 +46,17 @@ def test_scalar_types_round_trip(device, dtype):
     assert array.list() == numbers.tolist()
 
 
-def test_bfloat16_is_seen_as_bits(device):
+def test_bfloat16_is_seen_as_numbers(device):
     array = wp.array([1.0, -2.5, 3.0], dtype=wp.bfloat16, device=device)
-    assert array.numpy().dtype == np.uint16
+    assert array.numpy().dtype == ml_dtypes.bfloat16
+    assert array.numpy().tolist() == array.list() == [1.0, -2.5, 3.0]
+    assert wp.array(array.numpy(), dtype=wp.bfloat16, device=device).list() == [1.0, -2.5, 3.0]
+
+
+def test_bfloat16_is_seen_as_bits_where_no_package_has_it(device, monkeypatch):
+    monkeypatch.setattr("warp._src.arrays.array.numpy_bfloat16", lambda: None)
+    array = wp.array([1.0, -2.5, 3.0], dtype=wp.bfloat16, device=device)
+    assert array.numpy().tolist() == [0x3F80, 0xC020, 0x4040]
     assert array.list() == [1.0, -2.5, 3.0]
 
 

@@ -23,7 +23,7 @@ def numbers(a):
     scalar = wp.types.type_scalar_type(a.dtype)
     if scalar is wp.bfloat16:
         shape = a.shape + getattr(a.dtype, "_shape_", ())
-        found = np.array(a.numpy()).astype(np.uint32) << 16
+        found = a.numpy().view(np.uint16).astype(np.uint32) << 16
         return found.view(np.float32).astype(np.float64).reshape(shape)
     return a.numpy().astype(np.float64)
 

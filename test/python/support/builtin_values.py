@@ -75,7 +75,7 @@ def to_numpy(array):
     values = array.numpy()
     scalar = getattr(array.dtype, "_wp_scalar_type_", array.dtype)
     if scalar is wp.bfloat16:
-        values = (values.astype(np.uint32) << 16).view(np.float32)
+        values = (values.view(np.uint16).astype(np.uint32) << 16).view(np.float32)
     return values.astype(np.float64) if scalar in FLOATS else values
 
 
