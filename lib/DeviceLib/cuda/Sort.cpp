@@ -191,19 +191,11 @@ movePairs(const Pass<Order, Value> &pass) {
   meet();
 
   // A thread per digit. Other tiles can count on these long before they move.
-  uint32_t ofWarps[warps], total = 0;
-#pragma unroll
-  for (int i = 0; i < warps; ++i) {
-    ofWarps[i] = counts[i * digits + thread()];
-    total += ofWarps[i];
-  }
+  DigitCounts ofDigit(counts);
+  uint32_t total = ofDigit.total;
   publish(pass.states, tile, tile == 0 ? summed : published, total);
-  uint32_t firstOfDigit = sumBefore(total), next = firstOfDigit;
-#pragma unroll
-  for (int i = 0; i < warps; ++i) {
-    counts[i * digits + thread()] = next;
-    next += ofWarps[i];
-  }
+  uint32_t firstOfDigit = sumBefore(total);
+  ofDigit.place(firstOfDigit);
   meet();
 
   // The place of each pair in the order of the tile.
@@ -211,15 +203,8 @@ movePairs(const Pass<Order, Value> &pass) {
 #pragma unroll
   for (int i = 0; i < perThread; ++i) {
     forget(keys[i]);
-    int digit = pass.digitOf(keys[i]);
-    uint32_t lanes = lanesWith(digit);
-    uint32_t before = own[digit];
-    uint32_t rank = before + __builtin_popcount(lanes & lanesBefore());
+    uint32_t rank = takePlace(own, pass.digitOf(keys[i]));
     ranks.set(i, rank);
-    meetWarp();
-    if (!(lanes & lanesBefore()))
-      own[digit] = before + __builtin_popcount(lanes);
-    meetWarp();
     sortedKeys[rank] = keys[i];
   }
   Value values[perThread];

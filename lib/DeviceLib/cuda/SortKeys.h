@@ -87,4 +87,42 @@ inline uint32_t lanesWith(int digit) {
   return lanes;
 }
 
+/// The place of the pair of a lane in a tile; `own` has, by digit, where the
+/// next pair of the warp goes.
+inline uint32_t takePlace(uint32_t *own, int digit) {
+  uint32_t lanes = lanesWith(digit), before = own[digit];
+  uint32_t place = before + __builtin_popcount(lanes & lanesBefore());
+  meetWarp();
+  if (!(lanes & lanesBefore()))
+    own[digit] = before + __builtin_popcount(lanes);
+  meetWarp();
+  return place;
+}
+
+/// How many pairs of this thread's digit each warp has in a tile.
+class DigitCounts {
+public:
+  /// What they are, by warp and digit.
+  explicit DigitCounts(uint32_t *counts) : counts(counts) {
+#pragma unroll
+    for (int i = 0; i < warps; ++i) {
+      ofWarps[i] = counts[i * digits + thread()];
+      total += ofWarps[i];
+    }
+  }
+  /// Puts where they go in their place: from `next` on.
+  void place(uint32_t next) {
+#pragma unroll
+    for (int i = 0; i < warps; ++i) {
+      counts[i * digits + thread()] = next;
+      next += ofWarps[i];
+    }
+  }
+
+  uint32_t total = 0;
+
+private:
+  uint32_t *counts, ofWarps[warps];
+};
+
 #endif // WARP_DEVICELIB_CUDA_SORTKEYS_H

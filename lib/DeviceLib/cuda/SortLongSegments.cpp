@@ -68,34 +68,19 @@ static void moveSegment(Half from, Half into, int length, Digit digitOf,
       if (i < rounds)
         count(own, digitOf(keys[i]));
     meet();
-    uint32_t ofWarps[warps], total = 0;
-#pragma unroll
-    for (int i = 0; i < warps; ++i) {
-      ofWarps[i] = counts[i * digits + thread()];
-      total += ofWarps[i];
-    }
-    uint32_t next = sumBefore(total);
-    places[thread()] = to - next;
-    to += total;
-#pragma unroll
-    for (int i = 0; i < warps; ++i) {
-      counts[i * digits + thread()] = next;
-      next += ofWarps[i];
-    }
+    DigitCounts digit(counts);
+    uint32_t before = sumBefore(digit.total);
+    places[thread()] = to - before;
+    to += digit.total;
+    digit.place(before);
     meet();
     Packed<perThread, 16> ranks;
 #pragma unroll
     for (int i = 0; i < perThread; ++i) {
       if (i >= rounds)
         continue;
-      int digit = digitOf(keys[i]);
-      uint32_t lanes = lanesWith(digit), before = own[digit];
-      uint32_t rank = before + __builtin_popcount(lanes & lanesBefore());
+      uint32_t rank = takePlace(own, digitOf(keys[i]));
       ranks.set(i, rank);
-      meetWarp();
-      if (!(lanes & lanesBefore()))
-        own[digit] = before + __builtin_popcount(lanes);
-      meetWarp();
       sorted[rank] = keys[i];
     }
     meet();

@@ -224,20 +224,10 @@ WARP_BLOCKED(8, 4)
 WARP_BLOCKED(4, 8)
 WARP_BLOCKED(4, 4)
 
-#define WARP_WARPS_AS(R, C, type, isBrain)                                     \
-  WARP_PRODUCT(type##_##R##x##C##_kk, multiplyWarps, isBrain, R, C, true,      \
-               true)                                                           \
-  WARP_PRODUCT(type##_##R##x##C##_kn, multiplyWarps, isBrain, R, C, true,      \
-               false)                                                          \
-  WARP_PRODUCT(type##_##R##x##C##_mk, multiplyWarps, isBrain, R, C, false,     \
-               true)                                                           \
-  WARP_PRODUCT(type##_##R##x##C##_mn, multiplyWarps, isBrain, R, C, false,     \
-               false)
-
 #define WARP_WARPS(R, C)                                                       \
   WARP_LAYOUT(mma_##R##x##C, Warps<R, C>)                                      \
-  WARP_WARPS_AS(R, C, f16, false)                                              \
-  WARP_WARPS_AS(R, C, bf16, true)
+  WARP_PRODUCTS(f16, multiplyWarps, false, R, C)                               \
+  WARP_PRODUCTS(bf16, multiplyWarps, true, R, C)
 
 WARP_WARPS(64, 64)
 WARP_WARPS(64, 32)

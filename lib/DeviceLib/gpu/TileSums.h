@@ -123,4 +123,11 @@ template <class Layout> WARP_INLINE void add(u64 sums, const Window &window) {
     function<__VA_ARGS__>(sums, a, b, m, n, depth, aPitch, bPitch);            \
   }
 
+/// For each order of the elements of both factors.
+#define WARP_PRODUCTS(name, function, isBrain, R, C)                           \
+  WARP_PRODUCT(name##_##R##x##C##_kk, function, isBrain, R, C, true, true)     \
+  WARP_PRODUCT(name##_##R##x##C##_kn, function, isBrain, R, C, true, false)    \
+  WARP_PRODUCT(name##_##R##x##C##_mk, function, isBrain, R, C, false, true)    \
+  WARP_PRODUCT(name##_##R##x##C##_mn, function, isBrain, R, C, false, false)
+
 #endif // WARP_DEVICELIB_GPU_TILESUMS_H

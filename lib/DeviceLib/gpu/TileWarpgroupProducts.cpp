@@ -150,20 +150,10 @@ WARP_INLINE void multiplyWarpgroups(u64 sums, u64 a, u64 b, i32 m, i32 n,
 // Functions of the library
 //===----------------------------------------------------------------------===//
 
-#define WARP_WARPGROUPS_AS(R, C, type, isBrain)                                \
-  WARP_PRODUCT(wg_##type##_##R##x##C##_kk, multiplyWarpgroups, isBrain, R, C,  \
-               true, true)                                                     \
-  WARP_PRODUCT(wg_##type##_##R##x##C##_kn, multiplyWarpgroups, isBrain, R, C,  \
-               true, false)                                                    \
-  WARP_PRODUCT(wg_##type##_##R##x##C##_mk, multiplyWarpgroups, isBrain, R, C,  \
-               false, true)                                                    \
-  WARP_PRODUCT(wg_##type##_##R##x##C##_mn, multiplyWarpgroups, isBrain, R, C,  \
-               false, false)
-
 #define WARP_WARPGROUPS(R, C)                                                  \
   WARP_LAYOUT(wg_##R##x##C, Warpgroups<R, C>)                                  \
-  WARP_WARPGROUPS_AS(R, C, f16, false)                                         \
-  WARP_WARPGROUPS_AS(R, C, bf16, true)
+  WARP_PRODUCTS(wg_f16, multiplyWarpgroups, false, R, C)                       \
+  WARP_PRODUCTS(wg_bf16, multiplyWarpgroups, true, R, C)
 
 WARP_WARPGROUPS(64, 64)
 WARP_WARPGROUPS(64, 128)

@@ -4,53 +4,7 @@ import numpy as np
 import pytest
 
 import warp as wp
-
-
-def product(dtype, m, n, k, a_turned=False, b_turned=False, halves=False):
-    """One block per tile of the result: a loop over the depth, then a function of the sums."""
-
-    @wp.kernel(module="unique")
-    def work(
-        a: wp.array2d(dtype=dtype),
-        b: wp.array2d(dtype=dtype),
-        c: wp.array2d(dtype=float),
-        steps: int,
-    ):
-        i, j = wp.tid()
-        sums = wp.tile_zeros(shape=(m, n), dtype=float)
-        for s in range(steps):
-            if wp.static(a_turned):
-                x = wp.tile_transpose(wp.tile_load(a, shape=(k, m), offset=(s * k, i * m)))
-            else:
-                x = wp.tile_load(a, shape=(m, k), offset=(i * m, s * k))
-            if wp.static(b_turned):
-                y = wp.tile_transpose(wp.tile_load(b, shape=(n, k), offset=(j * n, s * k)))
-            else:
-                y = wp.tile_load(b, shape=(k, n), offset=(s * k, j * n))
-            wp.tile_matmul(x, y, sums)
-        if wp.static(halves):
-            sums = sums * 0.5
-        wp.tile_store(c, sums, offset=(i * m, j * n))
-
-    return work
-
-
-def check(kernel, dtype, tile, shape, threads, device, turned=(False, False), scale=1.0, start=0):
-    m, n, k = shape
-    rng = np.random.default_rng(sum(shape))
-    kind = np.float16 if dtype is wp.float16 else np.float32
-    values = [rng.normal(size=s).astype(kind) for s in ((m, k), (k, n))]
-    expected = values[0].astype(float) @ values[1].astype(float) * scale
-    bound = np.abs(values[0]).astype(float) @ np.abs(values[1]).astype(float)
-    given = [v.T.copy() if t else v for v, t in zip(values, turned, strict=True)]
-    if start:  # Rows that do not begin at multiples of 16 bytes.
-        given = [np.pad(v, ((0, 0), (start, 0))) for v in given]
-    arrays = [wp.array(v, dtype=dtype, device=device)[:, start:] for v in given]
-    c = wp.zeros((m, n), dtype=float, device=device)
-    grid = (-(-m // tile[0]), -(-n // tile[1]))
-    inputs = [*arrays, c, -(-k // tile[2])]
-    wp.launch_tiled(kernel, dim=grid, inputs=inputs, block_dim=threads, device=device)
-    assert np.all(np.abs(c.numpy() - expected) <= (k + 8) * 2.0**-24 * bound)
+from tile_products import check, product
 
 
 @pytest.mark.parametrize("turned", [(False, False), (True, False), (False, True), (True, True)])
