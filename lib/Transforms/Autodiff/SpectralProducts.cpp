@@ -31,6 +31,7 @@
 
 #include "Autodiff/SpectralProducts.h"
 #include "Autodiff/Rules/MatrixFormula.h"
+#include "Autodiff/TangentSlice.h"
 #include "RareBranch.h"
 
 #include "WarpDialect/WarpOps.h"
@@ -129,109 +130,6 @@ static std::optional<Product> matchProduct(MulOp op) {
 }
 
 //===----------------------------------------------------------------------===//
-// What lies between the values and the diagonal
-//===----------------------------------------------------------------------===//
-
-namespace {
-
-/// Operations that depend on the values of a decomposition, in their order.
-class Slice {
-public:
-  explicit Slice(Operation *decomposition)
-      : decomposition(decomposition), values(decomposition->getResult(1)) {}
-
-  /// Adds what `value` is computed by. Fails where that has no simple tangent.
-  LogicalResult add(Value value) { return failure(!visit(value)); }
-
-  /// Tangents of `ends`, null for zero, from that of the values.
-  SmallVector<Value> getTangents(RuleContext &context, ValueRange ends,
-                                 Value seed, bool &failed) const;
-
-  SetVector<Operation *> ops;
-
-private:
-  /// Whether a value depends on the values; none if nobody knows.
-  std::optional<bool> depends(Value value);
-  bool visit(Value value) { return depends(value).has_value(); }
-  std::optional<bool> dependsBy(Operation *op);
-
-  Operation *decomposition;
-  Value values;
-  DenseMap<Value, std::optional<bool>> known;
-};
-
-} // namespace
-
-std::optional<bool> Slice::depends(Value value) {
-  if (value == values)
-    return true;
-  if (auto found = known.find(value); found != known.end())
-    return found->second;
-  std::optional<bool> answer = false;
-  if (auto argument = dyn_cast<BlockArgument>(value)) {
-    // What a loop around the decomposition carries is of another time.
-    Operation *parent = argument.getOwner()->getParentOp();
-    if (!parent->isProperAncestor(decomposition))
-      answer = std::nullopt;
-  } else if (differentialType(value.getType())) {
-    answer = dependsBy(value.getDefiningOp());
-  }
-  known[value] = answer;
-  return answer;
-}
-
-std::optional<bool> Slice::dependsBy(Operation *op) {
-  if (op == decomposition)
-    return false;
-  bool any = false;
-  auto look = [&](Value operand) {
-    std::optional<bool> answer = depends(operand);
-    any |= answer.value_or(true);
-    return answer.has_value();
-  };
-  if (op->getNumRegions() != 0) {
-    // None that has a part in it.
-    WalkResult result = op->walk([&](Operation *inner) {
-      for (Value operand : inner->getOperands())
-        if (!op->isAncestor(operand.getParentBlock()->getParentOp()) &&
-            (!look(operand) || any))
-          return WalkResult::interrupt();
-      return WalkResult::advance();
-    });
-    if (result.wasInterrupted())
-      return std::nullopt;
-    return false;
-  }
-  for (Value operand : op->getOperands())
-    if (!look(operand))
-      return std::nullopt;
-  if (!any)
-    return false;
-  if (!isMemoryEffectFree(op) || !hasRule(op))
-    return std::nullopt;
-  ops.insert(op);
-  return true;
-}
-
-SmallVector<Value> Slice::getTangents(RuleContext &context, ValueRange ends,
-                                      Value seed, bool &failed) const {
-  DenseMap<Value, Value> tangents = {{values, seed}};
-  for (Operation *op : ops) {
-    SmallVector<Value> seeds = llvm::map_to_vector(
-        op->getOperands(), [&](Value v) { return tangents.lookup(v); });
-    auto found =
-        pushforward(context, op, op->getOperands(), op->getResults(), seeds);
-    if (mlir::failed(found)) {
-      failed = true;
-      return {};
-    }
-    for (auto [result, tangent] : llvm::zip_equal(op->getResults(), *found))
-      tangents[result] = tangent;
-  }
-  return llvm::map_to_vector(ends, [&](Value v) { return tangents.lookup(v); });
-}
-
-//===----------------------------------------------------------------------===//
 // Writing them again
 //===----------------------------------------------------------------------===//
 
@@ -239,7 +137,7 @@ namespace {
 
 class Completion {
 public:
-  Completion(Product &product, Slice &slice)
+  Completion(Product &product, TangentSlice &slice)
       : product(product), slice(slice), builder(product.op),
         context{builder, product.op.getLoc()},
         f(context, product.decomposition->getOperands(), {}),
@@ -259,7 +157,7 @@ private:
   Expr again();
 
   Product &product;
-  Slice &slice;
+  TangentSlice &slice;
   OpBuilder builder;
   RuleContext context;
   Formula f;
@@ -276,7 +174,7 @@ void Completion::copyDecomposition() {
   IRMapping copies;
   Operation *copy = b.clone(*product.decomposition, copies);
   copy->setAttr(completeAttrName, b.getUnitAttr());
-  Slice copied(copy);
+  TangentSlice copied(copy, copy->getResult(1));
   for (Operation *op : slice.ops) {
     b.setInsertionPointAfter(op);
     copied.ops.insert(b.clone(*op, copies));
@@ -417,7 +315,7 @@ LogicalResult autodiff::completeSpectralProducts(func::FuncOp function) {
     std::optional<Product> product = matchProduct(op);
     if (!product)
       continue;
-    Slice slice(product->decomposition);
+    TangentSlice slice(product->decomposition, product->values());
     bool isSimple = llvm::all_of(product->diagonal, [&](Value number) {
       return succeeded(slice.add(number));
     });
