@@ -206,19 +206,6 @@ ThreadVariance::State ThreadVariance::transfer(Operation *op) const {
   return state;
 }
 
-/// What decides whether, or how often, the regions of an operation run.
-ThreadVariance::State ThreadVariance::decisionOf(Operation *op) const {
-  if (auto branch = dyn_cast<scf::IfOp>(op))
-    return get(branch.getCondition());
-  if (auto loop = dyn_cast<scf::WhileOp>(op))
-    return get(loop.getConditionOp().getCondition());
-  State state;
-  if (auto loop = dyn_cast<scf::ForOp>(op))
-    for (Value bound : {loop.getLowerBound(), loop.getUpperBound()})
-      state.sources |= get(bound).sources;
-  return state;
-}
-
 /// Memory of the thread has the state of everything that is stored there:
 /// where, and whether all lanes come to the store.
 void ThreadVariance::visitScratch(Operation *op) {
@@ -241,7 +228,8 @@ void ThreadVariance::visitScratch(Operation *op) {
        around = around->getParentOp()) {
     if (isDivergent(around))
       state.sources |= Own;
-    state.sources |= decisionOf(around).sources & Written;
+    for (Value decision : decisionsOf(around))
+      state.sources |= get(decision).sources & Written;
   }
   state.step = varies(state) ? noStep : 0;
   join(store.getScratch(), state);

@@ -150,7 +150,8 @@ private:
   void visitFor(mlir::Operation *op);
   void visitWhile(mlir::Operation *op);
   void visitScratch(mlir::Operation *op);
-  State decisionOf(mlir::Operation *op) const;
+  /// What decides whether, or how often, the regions of an operation run.
+  static llvm::SmallVector<mlir::Value, 3> decisionsOf(mlir::Operation *op);
   State transfer(mlir::Operation *op) const;
   int64_t stepOf(mlir::Operation *op) const;
   int64_t stepOfCast(mlir::Operation *op) const;

@@ -114,16 +114,20 @@ std::optional<int64_t> ThreadVariance::step(Value value) const {
   return step == noStep ? std::nullopt : std::optional(step);
 }
 
-bool ThreadVariance::isDivergent(Operation *op, Scope scope) const {
-  auto differs = [&](Value value) { return !isUniform(value, scope); };
+SmallVector<Value, 3> ThreadVariance::decisionsOf(Operation *op) {
   if (auto branch = dyn_cast<scf::IfOp>(op))
-    return differs(branch.getCondition());
+    return {branch.getCondition()};
   if (auto loop = dyn_cast<scf::ForOp>(op))
-    return differs(loop.getLowerBound()) || differs(loop.getUpperBound()) ||
-           differs(loop.getStep());
+    return {loop.getLowerBound(), loop.getUpperBound(), loop.getStep()};
   if (auto loop = dyn_cast<scf::WhileOp>(op))
-    return differs(loop.getConditionOp().getCondition());
-  return false;
+    return {loop.getConditionOp().getCondition()};
+  return {};
+}
+
+bool ThreadVariance::isDivergent(Operation *op, Scope scope) const {
+  return llvm::any_of(decisionsOf(op), [&](Value decision) {
+    return !isUniform(decision, scope);
+  });
 }
 
 bool ThreadVariance::tellThreadsApart(ArrayRef<const Form *> indices,

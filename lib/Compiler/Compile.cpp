@@ -370,15 +370,13 @@ SmallVector<char, 0> Compilation::emitCode(bool asText) {
   if (!dumpFolder().empty()) {
     // Emission uses a module up.
     auto copy = llvm::CloneModule(*llvmModule);
-    SmallVector<char, 0> text = emit(*copy, **machine, /*asText=*/true);
-    if (isGpu(options))
-      waitForPredecessor(text, entry, options);
+    SmallVector<char, 0> text = emit(*copy, **machine, entry, /*asText=*/true);
     writeStage(isGpu(options) ? "ptx" : "s",
                StringRef(text.data(), text.size()));
   }
   double start = now();
   SmallVector<char, 0> bytes =
-      emit(*llvmModule, **machine, asText || isGpu(options));
+      emit(*llvmModule, **machine, entry, asText || isGpu(options));
   if (!llvmErrors.empty())
     throw Error(Error::Kind::Compile,
                 "the code generator failed: " + llvmErrors);
@@ -388,8 +386,6 @@ SmallVector<char, 0> Compilation::emitCode(bool asText) {
     std::string whole = joinNativePtx(text.str(), options.target);
     bytes.assign(whole.begin(), whole.end());
   }
-  if (isGpu(options))
-    waitForPredecessor(bytes, entry, options);
   return bytes;
 }
 

@@ -15,12 +15,14 @@ namespace warp {
 
 inline constexpr char libmPrefix[] = "warp_libm_";
 
+// clang-format off
 /// For float with an f at the end, and for double.
 #define WARP_LIBM_UNARY(X)                                                     \
-  X(sin)                                                                       \
-  X(cos) X(tan) X(asin) X(acos) X(atan) X(sinh) X(cosh) X(tanh) X(asinh)       \
-      X(acosh) X(atanh) X(exp) X(exp2) X(expm1) X(log) X(log2) X(log10)        \
-          X(log1p) X(cbrt) X(erf) X(erfc) X(tgamma) X(lgamma) X(logb)
+  X(sin) X(cos) X(tan) X(asin) X(acos) X(atan)                                 \
+  X(sinh) X(cosh) X(tanh) X(asinh) X(acosh) X(atanh)                           \
+  X(exp) X(exp2) X(expm1) X(log) X(log2) X(log10) X(log1p) X(logb)             \
+  X(cbrt) X(erf) X(erfc) X(tgamma) X(lgamma)
+// clang-format on
 #define WARP_LIBM_BINARY(X)                                                    \
   X(pow) X(atan2) X(hypot) X(nextafter) X(remainder) X(fdim)
 #define WARP_LIBC_MEMORY(X) X(calloc) X(free)

@@ -325,8 +325,9 @@ private:
 };
 } // namespace
 
-llvm::SmallVector<char, 0>
-warp::emit(llvm::Module &module, llvm::TargetMachine &machine, bool asText) {
+llvm::SmallVector<char, 0> warp::emit(llvm::Module &module,
+                                      llvm::TargetMachine &machine,
+                                      llvm::StringRef entry, bool asText) {
   llvm::SmallVector<char, 0> bytes;
   llvm::raw_svector_ostream stream(bytes);
   EmissionLevel level(module, machine);
@@ -339,5 +340,7 @@ warp::emit(llvm::Module &module, llvm::TargetMachine &machine, bool asText) {
                                   /*DisableVerify=*/true))
     throw Error(Error::Kind::Compile, "the target cannot emit code");
   passes.run(module);
+  if (machine.getTargetTriple().isNVPTX())
+    waitForPredecessor(bytes, entry, machine.getTargetCPU());
   return bytes;
 }

@@ -63,7 +63,7 @@ createGpuMachine(const CompileOptions &options);
 /// its stream has ended and what that has written is there, so that a launch
 /// may start it early. From sm_90 on.
 void waitForPredecessor(llvm::SmallVectorImpl<char> &ptx, llvm::StringRef entry,
-                        const CompileOptions &options);
+                        llvm::StringRef architecture);
 /// Name and features of the processor that code is generated for.
 std::string describeCpu(const CompileOptions &options);
 
@@ -95,7 +95,8 @@ void keepLoadsBeforeStores(llvm::PassInstrumentationCallbacks &callbacks);
 
 /// Emits an object file (CPU), or PTX or assembly text.
 llvm::SmallVector<char, 0> emit(llvm::Module &module,
-                                llvm::TargetMachine &machine, bool asText);
+                                llvm::TargetMachine &machine,
+                                llvm::StringRef entry, bool asText);
 
 } // namespace warp
 

@@ -46,8 +46,8 @@ static std::string ptxVersion(llvm::StringRef architecture) {
 // In the text, where nothing can come before it any more.
 void warp::waitForPredecessor(llvm::SmallVectorImpl<char> &ptx,
                               llvm::StringRef entry,
-                              const CompileOptions &options) {
-  if (numberOf(options.target) < 90)
+                              llvm::StringRef architecture) {
+  if (numberOf(architecture) < 90)
     return;
   llvm::StringRef text(ptx.data(), ptx.size());
   llvm::StringRef open = "\n{\n", wait = "\tgriddepcontrol.wait;\n";

@@ -266,26 +266,24 @@ static PyObject *getGradPtr(PyObject *self, void *) {
   return fromPointer(asArray(self)->descriptor.grad);
 }
 
-static int setGradPtr(PyObject *self, PyObject *value, void *) {
+/// An address, or None for null.
+static int toPointer(PyObject *value, void *&result) {
   void *pointer = nullptr;
   if (value && value != Py_None) {
     pointer = PyLong_AsVoidPtr(value);
     if (!pointer && PyErr_Occurred())
       return -1;
   }
-  asArray(self)->descriptor.grad = pointer;
+  result = pointer;
   return 0;
 }
 
+static int setGradPtr(PyObject *self, PyObject *value, void *) {
+  return toPointer(value, asArray(self)->descriptor.grad);
+}
+
 static int setPtr(PyObject *self, PyObject *value, void *) {
-  void *pointer = nullptr;
-  if (value && value != Py_None) {
-    pointer = PyLong_AsVoidPtr(value);
-    if (!pointer && PyErr_Occurred())
-      return -1;
-  }
-  asArray(self)->descriptor.data = pointer;
-  return 0;
+  return toPointer(value, asArray(self)->descriptor.data);
 }
 
 static PyObject *getOwner(PyObject *self, void *) {

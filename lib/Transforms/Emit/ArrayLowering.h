@@ -24,6 +24,8 @@
 
 namespace warp {
 
+struct Leaf;
+
 /// An array, taken apart.
 struct ArrayParts {
   mlir::Value data;
@@ -132,6 +134,9 @@ private:
   void lowerLanes(StoreLanesOp op);
   void lowerLanes(UpdateLanesOp op);
   llvm::SmallVector<mlir::Value> loadLanes(LoadLanesOp op);
+  llvm::SmallVector<mlir::Value>
+  asStored(llvm::ArrayRef<Leaf> leaves, int64_t lanes,
+           llvm::SmallVector<mlir::Value> components);
   llvm::SmallVector<mlir::Value> loadUnit(const LaneAccess &access,
                                           int64_t stride);
   llvm::SmallVector<mlir::Value> loadGathered(const LaneAccess &access);

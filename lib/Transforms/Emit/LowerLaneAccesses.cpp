@@ -260,19 +260,28 @@ SmallVector<mlir::Value> ArrayLowering::loadLanes(LoadLanesOp op) {
     return loadNeighbours(op);
   LaneAccess access = laneAccess(op.getArray(), op.getIndices(), op.getMask(),
                                  op.getForm(), op.getNonNegative());
-  return op.getForm() == LaneForm::unit ? loadUnit(access, op.getStride())
-                                        : loadGathered(access);
+  return asStored(access.leaves, access.lanes,
+                  op.getForm() == LaneForm::unit
+                      ? loadUnit(access, op.getStride())
+                      : loadGathered(access));
+}
+
+/// Components of the types that memory has.
+SmallVector<mlir::Value>
+ArrayLowering::asStored(ArrayRef<Leaf> leaves, int64_t lanes,
+                        SmallVector<mlir::Value> components) {
+  for (auto [leaf, value] : llvm::zip_equal(leaves, components))
+    if (VectorType stored = storedLanes(leaf.type, lanes);
+        value.getType() != stored)
+      value = arith::BitcastOp::create(b, loc, stored, value);
+  return components;
 }
 
 void ArrayLowering::lowerLanes(LoadLanesOp op) {
   SmallVector<Leaf> leaves;
   collectLeaves(elementType(op.getArray()), 0, leaves);
-  int64_t lanes = cast<VectorType>(op.getMask().getType()).getNumElements();
   for (auto [result, leaf, value] :
        llvm::zip_equal(op.getComponents(), leaves, loadLanes(op))) {
-    VectorType stored = storedLanes(leaf.type, lanes);
-    if (value.getType() != stored)
-      value = arith::BitcastOp::create(b, loc, stored, value);
     if (isBool(leaf.type)) {
       mlir::Value zero =
           arith::ConstantOp::create(b, loc, b.getZeroAttr(value.getType()));

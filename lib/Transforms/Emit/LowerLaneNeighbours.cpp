@@ -131,22 +131,17 @@ SmallVector<mlir::Value> ArrayLowering::loadNeighbours(LoadLanesOp op) {
   auto types = llvm::map_to_vector(leaves, [&](const Leaf &leaf) {
     return mlir::Type(storedLanes(leaf.type, lanes));
   });
-  auto ofTypes = [&](SmallVector<mlir::Value> values) {
-    for (auto [value, type] : llvm::zip_equal(values, types))
-      if (value.getType() != type)
-        value = arith::BitcastOp::create(b, loc, type, value);
-    return values;
-  };
   return ifNeighbours(
       cast<AccessOp>(op.getOperation()), op.getMask(), op.getNonNegative(),
       types,
       [&](const LaneAccess &access) {
-        return ofTypes(loadUnit(access, /*stride=*/1));
+        return asStored(leaves, lanes, loadUnit(access, /*stride=*/1));
       },
       [&] {
-        return ofTypes(loadGathered(laneAccess(op.getArray(), op.getIndices(),
-                                               op.getMask(), LaneForm::gather,
-                                               op.getNonNegative())));
+        return asStored(leaves, lanes,
+                        loadGathered(laneAccess(op.getArray(), op.getIndices(),
+                                                op.getMask(), LaneForm::gather,
+                                                op.getNonNegative())));
       });
 }
 

@@ -43,6 +43,16 @@ class _Call:
 _calls = texts.ByCode()
 
 
+def keep(function, transformed=False) -> None:
+    """Keeps what a program's function is when it is declared: its text and, unless the text will
+    be `transformed`, what its static expressions give. What has no module was made from text."""
+    if (function.__module__ or "").startswith("warp._src."):
+        return
+    texts.keep(function)
+    if not transformed:
+        evaluate(function)
+
+
 def evaluate(function) -> None:
     """Evaluates the static expressions of a function that is being declared."""
     if "static" not in function.__code__.co_names:

@@ -8,7 +8,7 @@ import typing
 from collections.abc import Callable
 
 from warp._src import errors
-from warp._src.kernels import declared, texts
+from warp._src.kernels import declared
 from warp._src.kernels.epoch import Epoch
 from warp._src.types import dtypes
 from warp._src.types.annotations import Reference, check_annotations, is_generic
@@ -47,13 +47,7 @@ class Function:
         self.__module__ = func.__module__
         self.__doc__ = func.__doc__
         self.__wrapped__ = func
-        self._keep_text(func)
-
-    @staticmethod
-    def _keep_text(func) -> None:
-        if not func.__module__.startswith("warp._src."):
-            texts.keep(func)
-            declared.evaluate(func)
+        declared.keep(func)
 
     @property
     def has_derivative(self) -> bool:
@@ -72,7 +66,7 @@ class Function:
                 "no call tells apart: give one another name"
             )
         self.overloads.append(func)
-        self._keep_text(func)
+        declared.keep(func)
 
     def redefined(self, func):
         """The functions of this name with one in place of that with the same annotations.

@@ -21,7 +21,7 @@ from warp._src.arrays.indexed import indexedarray
 from warp._src.derivatives.kernel_derivatives import KernelDerivatives, differentiate
 from warp._src.devices.devices import get_device
 from warp._src.forks import translating
-from warp._src.kernels import declared, texts, unique
+from warp._src.kernels import declared, unique
 from warp._src.kernels.epoch import Epoch
 from warp._src.kernels.kernel_options import (
     check_constants,
@@ -75,11 +75,7 @@ class Kernel:
         )
         self.options = dict(options or {})
         self.code_transformers = tuple(code_transformers or ())
-        # What has no module was made from text.
-        if not (func.__module__ or "").startswith("warp._src."):
-            texts.keep(func)
-            if not self.code_transformers:
-                declared.evaluate(func)
+        declared.keep(func, transformed=bool(self.code_transformers))
         self.module.kernels[self.key] = self
         self.module.generic_kernels.pop(self.key, None)
         if any(map(is_generic, func.__annotations__.values())):
