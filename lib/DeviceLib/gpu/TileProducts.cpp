@@ -150,10 +150,13 @@ WARP_INLINE void multiplyBlocked(u64 sums, u64 a, u64 b, i32 m, i32 n,
 #pragma unroll
   for (int i = 0; i < R * C; ++i)
     sum[i / C][i % C] = kept[i];
+  // Half of the waits at the beginning of a turn, for twice the code.
 #pragma clang loop unroll(disable)
-  for (i32 k = 0; k < depth; k += 4)
+  for (i32 k = 0; k < depth; k += 8)
 #pragma unroll
-    for (i32 pair = 0; pair < 4; pair += 2) {
+    for (i32 pair = 0; pair < 8; pair += 2) {
+      if (depth % 8 != 0 && k + pair >= depth)
+        break;
       float x[R][2], y[C][2];
       readPairs<aAlong>(x, a, m, aPitch, k + pair,
                         [&](int i) { return layout.row(i); });
