@@ -79,10 +79,17 @@ static MeshArrays meshArrays(const UpdateGeometry &update) {
   return {arrays[0], arrays[1], arrays[2], arrays[3]};
 }
 
-/// Cells along the axes, as HashGrid.cpp writes them.
+/// Cells along the axes, and where each begins, as HashGrid.cpp writes them.
 static std::unique_ptr<HashGrid> gridOf(const FileHandle &handle) {
   int32_t cells[3];
-  std::memcpy(cells, handle.words.data() + 1, sizeof cells);
+  const auto *bytes = reinterpret_cast<const char *>(handle.words.data());
+  std::memcpy(cells, bytes + sizeof(uint64_t), sizeof cells);
+  ArrayDescriptor starts;
+  std::memcpy(&starts, bytes + 32, sizeof starts);
+  double all = double(cells[0]) * cells[1] * cells[2];
+  if (std::min({cells[0], cells[1], cells[2]}) < 1 ||
+      starts.shape[0] != all + 1)
+    throw Error(Error::Kind::Value, "a hash grid has another number of cells");
   return std::make_unique<HashGrid>(cells);
 }
 

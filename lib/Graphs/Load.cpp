@@ -11,6 +11,7 @@
 #include "Geometry.h"
 #include "Operations.h"
 
+#include "Geometry/Slots.h"
 #include "Runtime/Support.h"
 #include "warp/SavedGraph.h"
 #include "warp/SavedModule.h"
@@ -210,6 +211,18 @@ void Loader::writeGeometry() {
     for (size_t k = 0; k < words.size(); ++k)
       handle.words[words[k]] =
           addressOf(handle.blocks[k], handle.words[words[k]]);
+    HandleContents reached{GeometryKind(handle.kind), handle.words, {}};
+    warp::geometry::findPointers(reached, {});
+    for (size_t k = 0; k < words.size(); ++k) {
+      const HandleContents::Pointer &pointer = reached.pointers[k];
+      if (pointer.begin == pointer.end)
+        continue;
+      AddressRange memory;
+      if (exists(handle.blocks[k]))
+        memory = rangeOf(handle.blocks[k]);
+      if (pointer.begin < memory.begin || pointer.end > memory.end)
+        throw damaged("geometry reaches beyond its memory");
+    }
     geometry.write(i, handle.words);
   }
 }
