@@ -9,6 +9,8 @@
 
 #include "Operations.h"
 
+#include "Geometry.h"
+
 #include "warp/Error.h"
 #include "warp/Memory.h"
 #include "warp/TreeBuild.h"
@@ -48,6 +50,8 @@ std::string graphs::describe(const GraphOperation &operation) {
     return "search for runs";
   case Kind::BuildTree:
     return "build of a hierarchy";
+  case Kind::UpdateGeometry:
+    return "update of geometry";
   case Kind::Condition:
   case Kind::UpdateCondition:
   case Kind::BeginBody:
@@ -112,8 +116,10 @@ public:
       valid = array.shape[i] >= 0;
       empty |= array.shape[i] == 0;
     }
-    // A kernel may ask whether it has an array, a copy has both.
-    bool optional = operation.kind == Kind::Launch;
+    // A kernel may ask whether it has an array, and geometry whether it has
+    // groups; a copy has both.
+    bool optional = operation.kind == Kind::Launch ||
+                    operation.kind == Kind::UpdateGeometry;
     if (!slotsOnly && (!valid || (!optional && !empty && !array.data)))
       throw nonsense(operation);
     addElements(slot + offsetof(ArrayDescriptor, data), array, elementSize, 1);
@@ -206,6 +212,32 @@ static void collectTree(const GraphOperation &operation, Collector &all) {
   all.add(offsetof(graphs::BuildTree, found), 8);
 }
 
+static void collectGeometry(const GraphOperation &operation, Collector &all) {
+  auto update = operation.read<UpdateGeometry>();
+  std::vector<int64_t> sizes;
+  switch (GeometryKind(update.kind)) {
+  case GeometryKind::HashGrid:
+    if (update.scalarSize != 2 && update.scalarSize != 4 &&
+        update.scalarSize != 8)
+      throw nonsense(operation);
+    sizes = {3 * update.scalarSize, 4};
+    break;
+  case GeometryKind::Bvh:
+    sizes = {12, 12, 4};
+    break;
+  case GeometryKind::Mesh:
+    sizes = {12, 12, 4, 4};
+    break;
+  default:
+    throw nonsense(operation);
+  }
+  size_t at = offsetof(UpdateGeometry, arrays);
+  for (int64_t size : sizes) {
+    all.addArray(at, size, 0);
+    at += sizeof(ArrayDescriptor);
+  }
+}
+
 static std::vector<Pointer> collect(const GraphOperation &operation,
                                     const std::vector<Access> &accesses,
                                     bool slotsOnly) {
@@ -248,6 +280,9 @@ static std::vector<Pointer> collect(const GraphOperation &operation,
     break;
   case Kind::BuildTree:
     collectTree(operation, all);
+    break;
+  case Kind::UpdateGeometry:
+    collectGeometry(operation, all);
     break;
   case Kind::BeginBody:
   case Kind::EndBody:
@@ -298,6 +333,8 @@ void graphs::checkArguments(const GraphOperation &operation,
       return sizeof(FindRuns);
     case Kind::BuildTree:
       return sizeof(graphs::BuildTree);
+    case Kind::UpdateGeometry:
+      return sizeof(UpdateGeometry);
     case Kind::Condition:
     case Kind::UpdateCondition:
       return sizeof(Condition);
@@ -375,7 +412,7 @@ static void repeatCondition(const GraphOperation &operation, Capture &capture,
 
 void graphs::repeat(GraphOperation &operation, int device, int blockDim,
                     const Stream *stream, Capture &capture,
-                    Conditions &conditions) {
+                    Conditions &conditions, const Geometry &geometry) {
   std::string &constant = operation.constant;
   switch (operation.kind) {
   case Kind::Launch: {
@@ -414,6 +451,8 @@ void graphs::repeat(GraphOperation &operation, int device, int blockDim,
     return repeatCondition(operation, capture, conditions);
   case Kind::Other:
     throw nonsense(operation);
+  case Kind::UpdateGeometry:
+    return geometry.update(operation.read<UpdateGeometry>());
   case Kind::BuildTree: {
     auto tree = operation.read<graphs::BuildTree>();
     if (device == cpuDevice)
