@@ -81,6 +81,14 @@ struct FakeOctet {
       return all;
     });
   }
+  u32 leastOfTeams(u32 value) const {
+    return exchange(value, [&] {
+      u32 all = value;
+      for (int i = 0; i < teams; ++i)
+        all = std::min(all, givenBy(lanes * i));
+      return all;
+    });
+  }
   u32 where(bool says) const {
     return exchange(says, [&] {
       u32 all = 0;
@@ -210,4 +218,30 @@ TEST(GeometrySearches, AgreeOnThinTriangles) {
   for (Vertex &point : soup.points)
     point[1] *= 1e-6f;
   compare(soup);
+}
+
+/// One ray of a warp meets all triangles of a fan, and others nothing: it has
+/// several blocks tested at once.
+TEST(GeometrySearches, AgreeOnARayThroughAFan) {
+  constexpr int threads = 32, loner = 13;
+  Scene fan = makeSphere(500, 4);
+  Mesh mesh(fan.arrays(), -1);
+  const Tree &tree = treeOf(mesh.id());
+  RayHit hits[threads], together[threads];
+  // The first corner is a pole.
+  Vertex pole = fan.points.front();
+  auto start = [&](int i) -> Point<f32> {
+    return {pole[0] + (i == loner ? 0 : 9), pole[1], 3};
+  };
+  Point<f32> down{0, 0, -1};
+  gpu::launch(1, threads, [&] {
+    int i = gpu::thread();
+    together[i] =
+        castRay<scalar::RaySearchBy<FakeOctet>>(tree, start(i), down, 9, 0);
+  });
+  for (int i = 0; i < threads; ++i) {
+    hits[i] = castRay<wide::RaySearch>(tree, start(i), down, 9, 0);
+    ASSERT_EQ(bytesOf(hits[i]), bytesOf(together[i])) << i;
+    EXPECT_EQ(hits[i].face, i == loner ? 0 : -1);
+  }
 }
