@@ -230,11 +230,12 @@ private:
     i32 next = index, shared = nowhere;
 #pragma unroll 1
     for (int i = 0; i < Team::teams; ++i) {
+      if (i > 0)
+        next = team.lane() == loner ? takeBlock(rests) : nowhere;
       i32 given = team.from(next, loner);
       if (given == nowhere)
         break;
       shared = i == team.number() ? given : shared;
-      next = team.lane() == loner ? takeBlock(rests) : nowhere;
     }
     return shared;
   }
