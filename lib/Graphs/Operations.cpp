@@ -11,6 +11,7 @@
 
 #include "warp/Error.h"
 #include "warp/Memory.h"
+#include "warp/SparseProduct.h"
 #include "warp/TreeBuild.h"
 
 #include <cstddef>
@@ -48,6 +49,8 @@ std::string graphs::describe(const GraphOperation &operation) {
     return "search for runs";
   case Kind::BuildTree:
     return "build of a hierarchy";
+  case Kind::MultiplyRows:
+    return "sparse product";
   case Kind::Condition:
   case Kind::UpdateCondition:
   case Kind::BeginBody:
@@ -206,6 +209,16 @@ static void collectTree(const GraphOperation &operation, Collector &all) {
   all.add(offsetof(graphs::BuildTree, found), 8);
 }
 
+static void collectProduct(const GraphOperation &operation, Collector &all) {
+  auto product = operation.read<SparseProduct>();
+  int64_t size = widthOf(operation, static_cast<int32_t>(product.kind));
+  all.add(offsetof(SparseProduct, offsets), product.rows + 1, 4);
+  all.add(offsetof(SparseProduct, columns), product.capacity, 4);
+  all.add(offsetof(SparseProduct, values), product.capacity, size);
+  all.add(offsetof(SparseProduct, x), product.width, size);
+  all.add(offsetof(SparseProduct, y), product.rows, size);
+}
+
 static std::vector<Pointer> collect(const GraphOperation &operation,
                                     const std::vector<Access> &accesses,
                                     bool slotsOnly) {
@@ -248,6 +261,9 @@ static std::vector<Pointer> collect(const GraphOperation &operation,
     break;
   case Kind::BuildTree:
     collectTree(operation, all);
+    break;
+  case Kind::MultiplyRows:
+    collectProduct(operation, all);
     break;
   case Kind::BeginBody:
   case Kind::EndBody:
@@ -298,6 +314,8 @@ void graphs::checkArguments(const GraphOperation &operation,
       return sizeof(FindRuns);
     case Kind::BuildTree:
       return sizeof(graphs::BuildTree);
+    case Kind::MultiplyRows:
+      return sizeof(SparseProduct);
     case Kind::Condition:
     case Kind::UpdateCondition:
       return sizeof(Condition);
@@ -414,6 +432,8 @@ void graphs::repeat(GraphOperation &operation, int device, int blockDim,
     return repeatCondition(operation, capture, conditions);
   case Kind::Other:
     throw nonsense(operation);
+  case Kind::MultiplyRows:
+    return multiplyRows(device, operation.read<SparseProduct>(), stream);
   case Kind::BuildTree: {
     auto tree = operation.read<graphs::BuildTree>();
     if (device == cpuDevice)

@@ -49,6 +49,7 @@ struct GraphOperation {
     /// What no file can hold; `constant` says what it is.
     Other = 14,
     BuildTree = 15,
+    MultiplyRows = 16,
   };
 
   Kind kind = Kind::Other;
@@ -68,7 +69,8 @@ struct GraphOperation {
   }
 };
 
-/// Arguments as they lie in memory and in files.
+/// Arguments as they lie in memory and in files; those of a product are a
+/// `SparseProduct`.
 namespace graphs {
 struct CopyBytes {
   void *dst;

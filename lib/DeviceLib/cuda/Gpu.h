@@ -104,9 +104,10 @@ inline uint32_t fromAcross(uint32_t value, int mask) {
   return __nvvm_shfl_sync_bfly_i32(~0u, value, mask, 31);
 }
 inline uint64_t fromAcross(uint64_t value, int mask) {
-  uint64_t low = fromAcross(static_cast<uint32_t>(value), mask);
-  uint64_t high = fromAcross(static_cast<uint32_t>(value >> 32), mask);
-  return high << 32 | low;
+  return byHalves(value, [&](uint32_t half) { return fromAcross(half, mask); });
+}
+inline double fromAcross(double value, int mask) {
+  return byHalves(value, [&](uint32_t half) { return fromAcross(half, mask); });
 }
 inline float fromAcross(float value, int mask) {
   return __nvvm_shfl_sync_bfly_f32(~0u, value, mask, 31);
