@@ -51,6 +51,23 @@ template <typename T> inline void forget(T &value) {
     asm volatile("" : "+r"(value));
 }
 
+/// A number that nothing writes and nobody reads again: no cache of a
+/// multiprocessor keeps it.
+inline int32_t loadOnce(const int32_t *at) {
+  int32_t value;
+  asm("ld.global.nc.L1::no_allocate.b32 %0, [%1];" : "=r"(value) : "l"(at));
+  return value;
+}
+inline float loadOnce(const float *at) {
+  return __builtin_bit_cast(float,
+                            loadOnce(reinterpret_cast<const int32_t *>(at)));
+}
+inline double loadOnce(const double *at) {
+  int64_t value;
+  asm("ld.global.nc.L1::no_allocate.b64 %0, [%1];" : "=l"(value) : "l"(at));
+  return __builtin_bit_cast(double, value);
+}
+
 /// The lanes for which `value` holds.
 inline uint32_t ballot(bool value) {
   return __nvvm_vote_ballot_sync(~0u, value);

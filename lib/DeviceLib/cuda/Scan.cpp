@@ -152,8 +152,8 @@ static void scan(const void *in, int64_t inStride, void *out, int64_t outStride,
       packets[i] = tile.load(first + i * warpSize * perThread<T>);
   }
 
-  // Of each packet: what precedes it in its warp.
-  T starts[rounds], ofWarp = 0;
+  // Sums within the warp, in place.
+  T ofWarp = 0;
 #pragma unroll
   for (int i = 0; i < rounds; ++i) {
     T own = 0;
@@ -162,7 +162,13 @@ static void scan(const void *in, int64_t inStride, void *out, int64_t outStride,
       own += packets[i].at[j];
     T with = sumOfLanes(own);
     T before = fromBefore(with, 1);
-    starts[i] = ofWarp + (lane() == 0 ? T(0) : before);
+    T sum = ofWarp + (lane() == 0 ? T(0) : before);
+#pragma unroll
+    for (int j = 0; j < perThread<T>; ++j) {
+      T next = sum + packets[i].at[j];
+      packets[i].at[j] = inclusive ? next : sum;
+      sum = next;
+    }
     ofWarp += fromLane(with, warpSize - 1);
   }
   if (lane() == 0)
@@ -182,13 +188,9 @@ static void scan(const void *in, int64_t inStride, void *out, int64_t outStride,
   }
 #pragma unroll
   for (int i = 0; i < rounds; ++i) {
-    T sum = before + starts[i];
 #pragma unroll
-    for (int j = 0; j < perThread<T>; ++j) {
-      T with = sum + packets[i].at[j];
-      packets[i].at[j] = inclusive ? with : sum;
-      sum = with;
-    }
+    for (int j = 0; j < perThread<T>; ++j)
+      packets[i].at[j] += before;
   }
   if (isPlain) {
 #pragma unroll

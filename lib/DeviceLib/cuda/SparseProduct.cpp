@@ -51,15 +51,30 @@ template <typename T> struct Target {
   }
 };
 
+/// A number's memory for an integer.
+int integerIn(float word) { return __builtin_bit_cast(int32_t, word); }
+int integerIn(double word) {
+  return static_cast<int>(__builtin_bit_cast(int64_t, word));
+}
+void putInteger(float &word, int32_t value) {
+  word = __builtin_bit_cast(float, value);
+}
+void putInteger(double &word, int64_t value) {
+  word = __builtin_bit_cast(double, value);
+}
+
 /// A tile in shared memory: where its rows end among its products, counted
 /// from its first one; then the products.
 template <typename T> struct Tile {
   int rows, count;
-  const int *ends;
-  const T *products;
+  T *words;
 
-  int beginOf(int row) const { return row == 0 ? 0 : ends[row - 1]; }
-  int endOf(int row) const { return row < rows ? ends[row] : count; }
+  int end(int row) const { return integerIn(words[row]); }
+  void setEnd(int row, int end) const { putInteger(words[row], end); }
+  T &product(int i) const { return words[rows + i]; }
+
+  int beginOf(int row) const { return row == 0 ? 0 : end(row - 1); }
+  int endOf(int row) const { return row < rows ? end(row) : count; }
 };
 
 /// What a thread has of its last row, and whether that began in it.
@@ -100,7 +115,7 @@ static T addByWarps(const Tile<T> &tile, Put put) {
   for (int row = thread() / warpSize; row <= tile.rows; row += warps) {
     T sum = 0;
     for (int i = tile.beginOf(row) + lane(); i < tile.endOf(row); i += warpSize)
-      sum += tile.products[i];
+      sum += tile.product(i);
 #pragma unroll
     for (int mask = 1; mask < warpSize; mask *= 2)
       sum += fromAcross(sum, mask);
@@ -154,7 +169,7 @@ static T addByThreads(const Tile<T> &tile, Put put) {
   int first = 0, last = place < tile.rows ? place : tile.rows;
   while (first < last) {
     int middle = (first + last) / 2;
-    if (tile.ends[middle] + middle < place)
+    if (tile.end(middle) + middle < place)
       first = middle + 1;
     else
       last = middle;
@@ -166,7 +181,7 @@ static T addByThreads(const Tile<T> &tile, Put put) {
   for (int i = 0; i < perThread; ++i) {
     if (place + i >= all)
       continue;
-    if (row < tile.rows && tile.ends[row] <= at) {
+    if (row < tile.rows && tile.end(row) <= at) {
       if (row == first)
         ofFirst = sum;
       else
@@ -174,7 +189,7 @@ static T addByThreads(const Tile<T> &tile, Put put) {
       sum = 0;
       ++row;
     } else {
-      sum += tile.products[at++];
+      sum += tile.product(at++);
     }
   }
   T rest, before = tailBefore<T>({row != first, sum}, rest);
@@ -188,8 +203,7 @@ template <typename T>
 static void multiply(const Matrix<T> &matrix, const T *x, Target<T> target,
                      uint64_t *sums) {
   WARP_SHARED int bounds[2];
-  WARP_SHARED int ends[tileLength];
-  WARP_SHARED T products[tileLength];
+  WARP_SHARED T words[tileLength];
   WARP_SHARED T firstSum;
   int tileNumber = block();
   int64_t begin = int64_t(tileNumber) * tileLength;
@@ -206,7 +220,7 @@ static void multiply(const Matrix<T> &matrix, const T *x, Target<T> target,
   meet();
   int firstRow = bounds[0];
   int firstEntry = int(begin - firstRow);
-  Tile<T> tile = {bounds[1] - firstRow, 0, ends, products};
+  Tile<T> tile = {bounds[1] - firstRow, 0, words};
   tile.count = int(end - bounds[1]) - firstEntry;
 
   const int32_t *columns = matrix.columns + firstEntry;
@@ -216,17 +230,21 @@ static void multiply(const Matrix<T> &matrix, const T *x, Target<T> target,
 #pragma unroll
   for (int i = 0; i < perThread; ++i) {
     int at = i * threads + thread();
-    column[i] = at < tile.count ? columns[at] : 0;
-    product[i] = at < tile.count ? values[at] : T(0);
+    column[i] = at < tile.count ? loadOnce(columns + at) : 0;
+    product[i] = at < tile.count ? loadOnce(values + at) : T(0);
   }
+  // Where the first row begins in the sequence.
+  int64_t start = int64_t(matrix.offsets[firstRow]) + firstRow;
+  for (int i = thread(); i < tile.rows; i += threads)
+    tile.setEnd(i, matrix.offsets[firstRow + i + 1] - firstEntry);
 #pragma unroll
-  for (int i = 0; i < perThread; ++i) {
+  for (int i = 0; i < perThread; ++i)
     if (i * threads + thread() < tile.count)
       product[i] *= x[column[i]];
-    products[i * threads + thread()] = product[i];
-  }
-  for (int i = thread(); i < tile.rows; i += threads)
-    ends[i] = matrix.offsets[firstRow + i + 1] - firstEntry;
+#pragma unroll
+  for (int i = 0; i < perThread; ++i)
+    if (i * threads + thread() < tile.count)
+      tile.product(i * threads + thread()) = product[i];
   meet();
 
   // The first row may have begun in tiles before this one. Blocks begin in
@@ -254,7 +272,6 @@ static void multiply(const Matrix<T> &matrix, const T *x, Target<T> target,
   if (tile.rows == 0)
     return;
   T before = 0;
-  int64_t start = int64_t(matrix.offsets[firstRow]) + firstRow;
   if (start < begin) {
     for (int i = int(start / tileLength) + thread(); i < tileNumber;
          i += threads)

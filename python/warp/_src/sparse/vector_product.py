@@ -3,9 +3,8 @@
 import functools
 
 import warp as wp
-from warp import _native
 from warp._src.arrays.observers import Observers
-from warp._src.sparse import sums
+from warp._src.sparse import number_product, sums
 from warp._src.sparse.expressions import matrix_and_factor
 from warp._src.types.dtypes import type_repr, type_scalar_type, type_size, types_equal
 
@@ -57,11 +56,9 @@ def _row_kernel(scalar, rows, cols):
     return multiply
 
 
-# Threads of a block of a GPU; numbers of a row from which on blocks share the matrix, blocks of a
-# row from which on several threads share it, and how often each of these may go on before the whole
-# block works on the row.
+# Threads of a block of a GPU, blocks of a row from which on several threads share it, and how often
+# each of these may go on before the whole block works on the row.
 _BLOCK = 256
-_FEW = 8
 _LONG = 16
 _MOST_ROUNDS = 32
 
@@ -146,30 +143,11 @@ def _shared_row_kernel(scalar, rows, cols, sharers):
     return multiply
 
 
-def _is_native(A, mean) -> bool:
-    """Whether blocks of a GPU share the numbers of a matrix, whatever rows have.
-
-    It has numbers, not blocks, side by side, and nobody observes what changes, as tapes do.
-    """
-    return (
-        A.device.is_cuda
-        and mean >= _FEW
-        and A.block_shape == (1, 1)
-        and A.row_counts is None
-        and A.scalar_type in (wp.float32, wp.float64)
-        and not Observers.active
-    )
-
-
 def _launch_rows(A, inputs) -> None:
     """A thread per row, or on GPUs several for long ones, unless a tape wants the adjoint."""
     rows, cols = A.block_shape
     count = A.nrow * rows
     mean = A.columns.size // A.nrow
-    if _is_native(A, mean):
-        alpha, offsets, _, columns, values, x, beta, y = inputs
-        _native.multiply_rows(A.scalar_type.__name__, offsets, columns, values, x, y, alpha, beta)
-        return
     if A.device.is_cpu or mean < _LONG or Observers.tape is not None:
         wp.launch(_row_kernel(A.scalar_type, rows, cols), count, inputs, device=A.device)
         return
@@ -278,6 +256,9 @@ def bsr_mv(
         wanted = A.requires_grad or x.requires_grad
         y = wp.empty(to_count, dtype=dtype, device=A.device, requires_grad=wanted)
         beta = 0.0
+    if not transpose and number_product.fits(A, x, y):
+        number_product.multiply(A, x, y, alpha, beta)
+        return y
     for name, array in (("x", x), ("y", y)):
         if array.device != A.device:
             raise ValueError(
