@@ -13,6 +13,7 @@
 
 #include "warp/Error.h"
 #include "warp/Memory.h"
+#include "warp/SparseProduct.h"
 #include "warp/TreeBuild.h"
 
 #include <cstddef>
@@ -52,6 +53,8 @@ std::string graphs::describe(const GraphOperation &operation) {
     return "build of a hierarchy";
   case Kind::UpdateGeometry:
     return "update of geometry";
+  case Kind::MultiplyRows:
+    return "sparse product";
   case Kind::Condition:
   case Kind::UpdateCondition:
   case Kind::BeginBody:
@@ -238,6 +241,16 @@ static void collectGeometry(const GraphOperation &operation, Collector &all) {
   }
 }
 
+static void collectProduct(const GraphOperation &operation, Collector &all) {
+  auto product = operation.read<SparseProduct>();
+  int64_t size = widthOf(operation, static_cast<int32_t>(product.kind));
+  all.add(offsetof(SparseProduct, offsets), product.rows + 1, 4);
+  all.add(offsetof(SparseProduct, columns), product.capacity, 4);
+  all.add(offsetof(SparseProduct, values), product.capacity, size);
+  all.add(offsetof(SparseProduct, x), product.width, size);
+  all.add(offsetof(SparseProduct, y), product.rows, size);
+}
+
 static std::vector<Pointer> collect(const GraphOperation &operation,
                                     const std::vector<Access> &accesses,
                                     bool slotsOnly) {
@@ -283,6 +296,9 @@ static std::vector<Pointer> collect(const GraphOperation &operation,
     break;
   case Kind::UpdateGeometry:
     collectGeometry(operation, all);
+    break;
+  case Kind::MultiplyRows:
+    collectProduct(operation, all);
     break;
   case Kind::BeginBody:
   case Kind::EndBody:
@@ -335,6 +351,8 @@ void graphs::checkArguments(const GraphOperation &operation,
       return sizeof(graphs::BuildTree);
     case Kind::UpdateGeometry:
       return sizeof(UpdateGeometry);
+    case Kind::MultiplyRows:
+      return sizeof(SparseProduct);
     case Kind::Condition:
     case Kind::UpdateCondition:
       return sizeof(Condition);
@@ -453,6 +471,8 @@ void graphs::repeat(GraphOperation &operation, int device, int blockDim,
     throw nonsense(operation);
   case Kind::UpdateGeometry:
     return geometry.update(operation.read<UpdateGeometry>());
+  case Kind::MultiplyRows:
+    return multiplyRows(device, operation.read<SparseProduct>(), stream);
   case Kind::BuildTree: {
     auto tree = operation.read<graphs::BuildTree>();
     if (device == cpuDevice)

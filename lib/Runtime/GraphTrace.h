@@ -51,6 +51,7 @@ struct GraphOperation {
     Other = 14,
     BuildTree = 15,
     UpdateGeometry = 16,
+    MultiplyRows = 17,
   };
 
   Kind kind = Kind::Other;
@@ -70,7 +71,8 @@ struct GraphOperation {
   }
 };
 
-/// Arguments as they lie in memory and in files.
+/// Arguments as they lie in memory and in files; those of a product are a
+/// `SparseProduct`.
 namespace graphs {
 struct CopyBytes {
   void *dst;

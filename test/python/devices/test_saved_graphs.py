@@ -192,6 +192,25 @@ def test_libraries_and_arrays_born_inside(device, tmp_path):
     assert np.allclose(result(graph, "ends", ends), exact, rtol=1e-5)
 
 
+def test_a_sparse_product(device, tmp_path):
+    """Of a matrix whose rows are long enough for blocks of a GPU to share them."""
+    rng = np.random.default_rng(2)
+    rows, columns = rng.integers(0, (40, 30), (4000, 2)).T
+    numbers, x = rng.random(4000, np.float32), rng.random(30, np.float32)
+    triplets = [wp.array(a, dtype=int, device=device) for a in (rows, columns)]
+    matrix = wp.sparse.bsr_from_triplets(40, 30, *triplets, wp.array(numbers, device=device))
+    given, product = wp.array(x, device=device), wp.ones(40, device=device)
+    with wp.ScopedCapture(device, apic=True) as capture:
+        wp.sparse.bsr_mv(matrix, given, product, alpha=2.0, beta=0.0)
+    graph = reloaded(tmp_path, device, capture, inputs={"x": given}, outputs={"y": product})
+    del matrix, capture
+    for factor in (1.0, -3.0):
+        graph.set_param("x", wp.array(factor * x, dtype=float, device=device))
+        wp.capture_launch(graph)
+        expected = np.bincount(rows, 2.0 * factor * numbers.astype(float) * x[columns], 40)
+        assert np.allclose(result(graph, "y", product), expected, rtol=1e-5)
+
+
 def test_gradients(device, tmp_path):
     x = wp.array(np.arange(6.0), dtype=float, device=device, requires_grad=True)
     y = wp.zeros(6, device=device, requires_grad=True)
