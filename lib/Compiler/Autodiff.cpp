@@ -260,7 +260,7 @@ Derivative warp::differentiate(const Module &module,
   autodiff::keepCalls(*copy->op, true);
   check(*copy->op, [&](ModuleOp module) { return derive(module, options); });
   autodiff::keepCalls(*copy->op, false);
-  Derivative derivative(Module(copy));
+  Derivative derivative{Module(copy)};
   func::FuncOp kernel = findMarked(*copy->op, kernelAttrName);
   readFacts(kernel, derivative);
   StringRef suffix = options.forward ? "_tangent" : "_adjoint";
