@@ -182,12 +182,11 @@ CompileOptions Kernel::Impl::compileOptions(const VariantKey &key,
   result.under = key.under;
   result.narrow = key.narrow;
   result.disjoint = key.disjoint;
-  if (arch != 0 && key.device != cpuDevice) {
+  // For such devices alone, so with what later architectures do not have.
+  if (arch == 90 && !key.unmapped)
+    result.target += "a";
+  if (arch != 0 && key.device != cpuDevice)
     result.driverVersion = cuda::driver()->version;
-    // For this device alone, so with what later architectures do not have.
-    if (arch == 90 && !key.unmapped)
-      result.target += "a";
-  }
   result.debug = options.debug;
   result.fastMath = options.fastMath;
   result.deterministic = options.deterministic;

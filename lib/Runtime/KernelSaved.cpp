@@ -128,7 +128,10 @@ static Code assembled(int device, Code code) {
 }
 
 SavedVariant Kernel::Impl::compileSaved(const VariantKey &key, int arch) {
-  CompileOptions compile = compileOptions(key, arch);
+  // What later architectures run, too.
+  VariantKey common = key;
+  common.unmapped = true;
+  CompileOptions compile = compileOptions(common, arch);
   // As many threads as ever matter: the machine to come is not known.
   compile.threads = arch == 0 ? 16 : 1;
   SavedVariant variant;

@@ -94,16 +94,18 @@ struct Along {
   }
 };
 
-/// From an even pair of elements to the next one, in a way that the assembler
-/// does not see: it would read both at once.
-WARP_INLINE u32 nextPair(u32 address) {
+/// From an even pair of elements to the next one; `apart`: in a way that the
+/// assembler does not see, which would read both at once.
+template <bool apart> WARP_INLINE u32 nextPair(u32 address) {
+  if (!apart)
+    return address + 8;
   asm("xor.b32 %0, %1, 8;" : "=r"(address) : "r"(address));
   return address;
 }
 
 /// Elements `k` and k + 1 of the depth. Two at a time leave registers for those
 /// that are read while these are multiplied.
-template <bool along, int n, class Place>
+template <bool along, bool apart, int n, class Place>
 WARP_INLINE void readPairs(float (&to)[n][2], u64 from, i32 rows, i32 pitch,
                            i32 k, Place place) {
   if constexpr (along) {
@@ -111,7 +113,7 @@ WARP_INLINE void readPairs(float (&to)[n][2], u64 from, i32 rows, i32 pitch,
     i32 start = u32(k) / 4 * 4, step = pitch == 0 ? factor.width : pitch;
     u32 first = factor.at(place(0), start);
     if (k != start)
-      first = nextPair(first);
+      first = nextPair<apart>(first);
 #pragma unroll
     for (int i = 0; i < n; ++i) {
       // Rows that are a multiple of eight apart are swizzled alike.
@@ -120,7 +122,7 @@ WARP_INLINE void readPairs(float (&to)[n][2], u64 from, i32 rows, i32 pitch,
       if (pitch == 0 && u32(behind) % factor.chunks != 0) {
         address = factor.at(place(i), start);
         if (k != start)
-          address = nextPair(address);
+          address = nextPair<apart>(address);
       }
       asm volatile("ld.shared.v2.f32 {%0, %1}, [%2];"
                    : "=f"(to[i][0]), "=f"(to[i][1])
@@ -150,18 +152,21 @@ WARP_INLINE void multiplyBlocked(u64 sums, u64 a, u64 b, i32 m, i32 n,
 #pragma unroll
   for (int i = 0; i < R * C; ++i)
     sum[i / C][i % C] = kept[i];
-  // Half of the waits at the beginning of a turn, for twice the code.
+  // Each turn begins with a wait: without turns 64 sums per thread take 0.96 of
+  // the time, for three times the code. Fewer sums are not worth it.
+  constexpr i32 turn = R * C < 64 ? 4 : 32;
 #pragma clang loop unroll(disable)
-  for (i32 k = 0; k < depth; k += 8)
+  for (i32 k = 0; k < depth; k += turn)
 #pragma unroll
-    for (i32 pair = 0; pair < 8; pair += 2) {
-      if (depth % 8 != 0 && k + pair >= depth)
+    for (i32 pair = 0; pair < turn; pair += 2) {
+      if (depth % turn != 0 && k + pair >= depth)
         break;
+      constexpr bool apart = turn == 4;
       float x[R][2], y[C][2];
-      readPairs<aAlong>(x, a, m, aPitch, k + pair,
-                        [&](int i) { return layout.row(i); });
-      readPairs<bAlong>(y, b, n, bPitch, k + pair,
-                        [&](int j) { return layout.column(j); });
+      readPairs<aAlong, apart>(x, a, m, aPitch, k + pair,
+                               [&](int i) { return layout.row(i); });
+      readPairs<bAlong, apart>(y, b, n, bPitch, k + pair,
+                               [&](int j) { return layout.column(j); });
 #pragma unroll
       for (int q = 0; q < 2; ++q)
 #pragma unroll

@@ -156,3 +156,13 @@ def test_kernels_that_write_to_a_factor(device):
     bound = 2 * np.abs(a).astype(float) @ np.abs(b).astype(float)
     error = np.abs(c.numpy() - 2 * a.astype(float) @ b.astype(float))
     assert np.all(error <= (64 + 8) * 2.0**-24 * bound)
+
+
+def test_shown_code_is_that_of_launches():
+    """What kernels are shown as for compute capability 9.0 has its instructions of warpgroups."""
+    halves = product(wp.float16, 128, 128, 32)
+    shown = halves.ir("ptx", arch=90)
+    assert ".target sm_90a" in shown
+    assert "wgmma.mma_async" in shown and "cp.async.bulk.tensor" in shown
+    assert "wgmma" not in halves.ir("ptx", arch=80)
+    assert "cp.async.bulk.tensor" in product(wp.float32, 128, 128, 32).ir("ptx", arch=90)
