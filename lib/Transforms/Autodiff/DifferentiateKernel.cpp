@@ -9,6 +9,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "Autodiff/ApartArrays.h"
+#include "Autodiff/ChosenArrays.h"
 #include "Autodiff/DeadValues.h"
 #include "Autodiff/Forward/Forward.h"
 #include "Autodiff/Reverse/GuardArms.h"
@@ -209,6 +210,7 @@ struct DifferentiateKernel
     // Forward mode chooses vectors that suit the direction.
     if (failed(completeSpectralProducts(kernel)))
       return failure();
+    nameChosenArrays(kernel);
     log = MemoryLog();
     return buildReverse(kernel, options);
   }
