@@ -30,6 +30,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace warp {
@@ -97,6 +98,8 @@ struct HiddenArgument {
 };
 
 struct Derivative {
+  explicit Derivative(Module module) : module(std::move(module)) {}
+
   Module module;
   /// The primal, changed to fill the `Saved` arguments; it has those too.
   std::optional<Module> augmented;

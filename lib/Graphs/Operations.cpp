@@ -9,8 +9,11 @@
 
 #include "Operations.h"
 
+#include "Geometry.h"
+
 #include "warp/Error.h"
 #include "warp/Memory.h"
+#include "warp/SparseProduct.h"
 #include "warp/TreeBuild.h"
 
 #include <cstddef>
@@ -48,6 +51,10 @@ std::string graphs::describe(const GraphOperation &operation) {
     return "search for runs";
   case Kind::BuildTree:
     return "build of a hierarchy";
+  case Kind::UpdateGeometry:
+    return "update of geometry";
+  case Kind::MultiplyRows:
+    return "sparse product";
   case Kind::Condition:
   case Kind::UpdateCondition:
   case Kind::BeginBody:
@@ -112,8 +119,10 @@ public:
       valid = array.shape[i] >= 0;
       empty |= array.shape[i] == 0;
     }
-    // A kernel may ask whether it has an array, a copy has both.
-    bool optional = operation.kind == Kind::Launch;
+    // A kernel may ask whether it has an array, and geometry whether it has
+    // groups; a copy has both.
+    bool optional = operation.kind == Kind::Launch ||
+                    operation.kind == Kind::UpdateGeometry;
     if (!slotsOnly && (!valid || (!optional && !empty && !array.data)))
       throw nonsense(operation);
     addElements(slot + offsetof(ArrayDescriptor, data), array, elementSize, 1);
@@ -206,6 +215,42 @@ static void collectTree(const GraphOperation &operation, Collector &all) {
   all.add(offsetof(graphs::BuildTree, found), 8);
 }
 
+static void collectGeometry(const GraphOperation &operation, Collector &all) {
+  auto update = operation.read<UpdateGeometry>();
+  std::vector<int64_t> sizes;
+  switch (GeometryKind(update.kind)) {
+  case GeometryKind::HashGrid:
+    if (update.scalarSize != 2 && update.scalarSize != 4 &&
+        update.scalarSize != 8)
+      throw nonsense(operation);
+    sizes = {3 * update.scalarSize, 4};
+    break;
+  case GeometryKind::Bvh:
+    sizes = {12, 12, 4};
+    break;
+  case GeometryKind::Mesh:
+    sizes = {12, 12, 4, 4};
+    break;
+  default:
+    throw nonsense(operation);
+  }
+  size_t at = offsetof(UpdateGeometry, arrays);
+  for (int64_t size : sizes) {
+    all.addArray(at, size, 0);
+    at += sizeof(ArrayDescriptor);
+  }
+}
+
+static void collectProduct(const GraphOperation &operation, Collector &all) {
+  auto product = operation.read<SparseProduct>();
+  int64_t size = widthOf(operation, static_cast<int32_t>(product.kind));
+  all.add(offsetof(SparseProduct, offsets), product.rows + 1, 4);
+  all.add(offsetof(SparseProduct, columns), product.capacity, 4);
+  all.add(offsetof(SparseProduct, values), product.capacity, size);
+  all.add(offsetof(SparseProduct, x), product.width, size);
+  all.add(offsetof(SparseProduct, y), product.rows, size);
+}
+
 static std::vector<Pointer> collect(const GraphOperation &operation,
                                     const std::vector<Access> &accesses,
                                     bool slotsOnly) {
@@ -248,6 +293,12 @@ static std::vector<Pointer> collect(const GraphOperation &operation,
     break;
   case Kind::BuildTree:
     collectTree(operation, all);
+    break;
+  case Kind::UpdateGeometry:
+    collectGeometry(operation, all);
+    break;
+  case Kind::MultiplyRows:
+    collectProduct(operation, all);
     break;
   case Kind::BeginBody:
   case Kind::EndBody:
@@ -298,6 +349,10 @@ void graphs::checkArguments(const GraphOperation &operation,
       return sizeof(FindRuns);
     case Kind::BuildTree:
       return sizeof(graphs::BuildTree);
+    case Kind::UpdateGeometry:
+      return sizeof(UpdateGeometry);
+    case Kind::MultiplyRows:
+      return sizeof(SparseProduct);
     case Kind::Condition:
     case Kind::UpdateCondition:
       return sizeof(Condition);
@@ -375,7 +430,7 @@ static void repeatCondition(const GraphOperation &operation, Capture &capture,
 
 void graphs::repeat(GraphOperation &operation, int device, int blockDim,
                     const Stream *stream, Capture &capture,
-                    Conditions &conditions) {
+                    Conditions &conditions, const Geometry &geometry) {
   std::string &constant = operation.constant;
   switch (operation.kind) {
   case Kind::Launch: {
@@ -414,6 +469,10 @@ void graphs::repeat(GraphOperation &operation, int device, int blockDim,
     return repeatCondition(operation, capture, conditions);
   case Kind::Other:
     throw nonsense(operation);
+  case Kind::UpdateGeometry:
+    return geometry.update(operation.read<UpdateGeometry>());
+  case Kind::MultiplyRows:
+    return multiplyRows(device, operation.read<SparseProduct>(), stream);
   case Kind::BuildTree: {
     auto tree = operation.read<graphs::BuildTree>();
     if (device == cpuDevice)

@@ -42,9 +42,12 @@ void checkArguments(const GraphOperation &operation, size_t parameterSize);
 /// Conditions of a graph that is captured again, by their number.
 using Conditions = std::map<uint32_t, Capture::Condition>;
 
+class Geometry;
+
 /// Does it again, on a device, while `capture` records.
 void repeat(GraphOperation &operation, int device, int blockDim,
-            const Stream *stream, Capture &capture, Conditions &conditions);
+            const Stream *stream, Capture &capture, Conditions &conditions,
+            const Geometry &geometry);
 
 } // namespace warp::graphs
 

@@ -10,6 +10,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Batches.h"
 #include "EntryBuilder.h"
 #include "Updates/Atomics.h"
 #include "WarpDialect/LibraryOps.h"
@@ -47,6 +48,12 @@ static int64_t longestOf(Region &body) {
 
 EntryBuilder::Values EntryBuilder::buildCpu() {
   Value begin = entry.getArgument(1), end = entry.getArgument(2);
+  if (std::optional<warp::Batches> batches =
+          warp::findBatches(kernel, threads)) {
+    describeBatches(*batches);
+    buildBatches(*batches, begin, end);
+    return {};
+  }
   bool inLanes = threads.getLanes().has_value();
   // Of a range that ends before it begins, vectors would be counted wrongly.
   if (inLanes && rank == 1)
