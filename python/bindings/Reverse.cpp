@@ -2,14 +2,17 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// A record whose adjoint is one launch with the arguments that it has, of
-// arrays that nobody has overwritten, is run here; any other one by Python.
+// A record whose adjoint is one launch with the arguments that it has is run
+// here, if arrays that it reads are still there or were kept whole; any other
+// one by Python.
 //
 //===----------------------------------------------------------------------===//
 
+#include "Keeping.h"
 #include "Records.h"
 #include "Sharing.h"
 
+#include <cstring>
 #include <unordered_map>
 
 namespace py = pybind11;
@@ -43,12 +46,30 @@ static PyObject *plainAdjoint(Activity &activity, const RecordObject *record,
   return activity.adjoint.ptr();
 }
 
-/// Whether all that the adjoint reads is still there.
-static bool hasContents(const RecordObject *record, ArraySet needed) {
+namespace {
+/// An argument whose contents of then are elsewhere now.
+struct Replaced {
+  size_t position;
+  PyObject *contents;
+};
+} // namespace
+
+/// Finds what the adjoint reads and was overwritten; false if it is not all
+/// there.
+static bool findContents(const RecordObject *record,
+                         const LaunchRecorder &recorder, ArraySet needed,
+                         std::vector<Replaced> &replaced) {
   PyObject **versions = record->items + record->valueCount;
-  for (int i = 0; i < record->itemCount - record->valueCount; ++i)
-    if ((needed >> i & 1) && versions[i] && !isIntact(asVersion(versions[i])))
+  for (int i = 0; i < record->itemCount - record->valueCount; ++i) {
+    if (!(needed >> i & 1) || !versions[i] || isIntact(asVersion(versions[i])))
+      continue;
+    size_t position = recorder.arrays[i];
+    PyObject *contents =
+        keptContents(asVersion(versions[i]), record->items[position]);
+    if (!contents)
       return false;
+    replaced.push_back({position, contents});
+  }
   return true;
 }
 
@@ -87,7 +108,9 @@ static bool reverseLaunch(PyObject *object, uint64_t pass) {
   Activity &activity =
       recorder.activity(active, record->activity ? record->activity->apart : 0);
   PyObject *adjoint = plainAdjoint(activity, record, recorder, pass);
-  if (!adjoint || !hasContents(record, activity.needed))
+  std::vector<Replaced> replaced;
+  if (!adjoint || record->before ||
+      !findContents(record, recorder, activity.needed, replaced))
     return false;
   if (sharesElements(gradientsOf(recorder, record->items, active)))
     return false;
@@ -97,6 +120,10 @@ static bool reverseLaunch(PyObject *object, uint64_t pass) {
   for (int i = 0; i < record->valueCount; ++i)
     asKernel(adjoint)->packer->pack(i, record->items[i], record->device,
                                     block.data(), keep);
+  for (const Replaced &one : replaced)
+    std::memcpy(block.data() + kernel.parameters()[one.position].offset +
+                    offsetof(ArrayDescriptor, data),
+                &asArray(one.contents)->descriptor.data, sizeof(void *));
   auto held = py::reinterpret_borrow<py::object>(object);
   auto code = py::reinterpret_borrow<py::object>(adjoint);
   launchPacked(kernel, record->device, readDim(kernel, record->dim),

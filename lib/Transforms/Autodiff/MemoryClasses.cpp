@@ -274,6 +274,44 @@ Sharing MemoryClasses::getSharing(ArrayRef<const Access *> accesses) const {
   return isTrusted ? Sharing::Trusted : Sharing::Shared;
 }
 
+Sharing MemoryClasses::getSharing(unsigned leaf, bool onlyActive) const {
+  return trusted.contains(leaf) ? Sharing::Trusted
+                                : getSharing(select(leaf, onlyActive));
+}
+
+bool MemoryClasses::isPrivate(unsigned leaf) const {
+  return getSharing(select(leaf, /*onlyActive=*/false)) == Sharing::Private;
+}
+
+/// Whether the indices are made of more than thread indices and what all
+/// threads know.
+bool MemoryClasses::mayMeetUnseen(ArrayRef<const Access *> accesses) const {
+  auto isSeen = [&](Symbol symbol) {
+    return symbol.kind == Symbol::Kind::Thread ||
+           variance.agreement(symbol, Scope::Launch) != Agreement::No;
+  };
+  return !llvm::all_of(accesses, [&](const Access *access) {
+    return llvm::all_of(access->indices, [&](auto &index) {
+      return index && llvm::all_of(index->terms, [&](const Term &term) {
+               return llvm::all_of(term.product, isSeen);
+             });
+    });
+  });
+}
+
+SmallVector<unsigned> MemoryClasses::findUnknownSharing() const {
+  SmallVector<unsigned> found;
+  for (unsigned leaf = 0; leaf < accesses.size(); ++leaf) {
+    SmallVector<const Access *> active = select(leaf, /*onlyActive=*/true);
+    auto isWrite = [](const Access *access) { return access->isWrite; };
+    if (llvm::any_of(active, isWrite) && !llvm::all_of(active, isWrite) &&
+        !isApart(leaves, leaf) && getSharing(active) == Sharing::Shared &&
+        mayMeetUnseen(active))
+      found.push_back(leaf);
+  }
+  return found;
+}
+
 int64_t MemoryClasses::getUniqueRank(Operation *op) const {
   unsigned leaf;
   if (!unique || !lookup(op, leaf))
@@ -308,7 +346,7 @@ LogicalResult MemoryClasses::verify() {
     const auto *read = llvm::find_if_not(active, isWrite);
     if (write == active.end() || read == active.end() || isApart(leaves, leaf))
       continue;
-    Sharing sharing = getSharing(active);
+    Sharing sharing = getSharing(leaf, /*onlyActive=*/true);
     std::string name = leaves.getName(leaf);
     if (sharing == Sharing::Single)
       oneThread =
@@ -351,7 +389,7 @@ Recovery MemoryClasses::getRecovery(Operation *load, std::string &why,
   needsOneThread = false;
   if (!read || !isWritten(leaf) || isApart(leaves, leaf))
     return Recovery::Reload;
-  Sharing sharing = getSharing(select(leaf, /*onlyActive=*/false));
+  Sharing sharing = getSharing(leaf, /*onlyActive=*/false);
   const Access *before = nullptr, *after = nullptr;
   for (const Access &write : accesses[leaf]) {
     if (!write.isWrite)

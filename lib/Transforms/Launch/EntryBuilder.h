@@ -71,6 +71,10 @@ private:
                     mlir::ValueRange outer, mlir::ValueRange sums);
   Values buildScalarLoop(mlir::Value begin, mlir::Value end,
                          mlir::ValueRange outer, mlir::ValueRange sums);
+  /// A loop over the last index; `take` runs the threads of an iteration.
+  Values buildLoop(mlir::Value begin, mlir::Value end, mlir::Value step,
+                   mlir::ValueRange outer, mlir::ValueRange sums,
+                   llvm::function_ref<Values(const Values &)> take);
   Values buildFullLanes(mlir::Value begin, mlir::Value end,
                         mlir::ValueRange outer, mlir::ValueRange sums);
   Values buildLastLanes(mlir::Value begin, mlir::Value end,

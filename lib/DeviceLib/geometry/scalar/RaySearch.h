@@ -11,7 +11,8 @@
 // costs as much as what all do: of a block, all triangles are asked on which
 // sides of their edges the ray passes, and those that are met, one of most
 // blocks, are looked at once more. Where only few threads are at blocks, teams
-// of eight test all triangles of one at once, four blocks at a time.
+// of eight test all triangles of one at once, four blocks at a time. So they do
+// with four blocks of a ray that is the last one of its warp.
 //
 //===----------------------------------------------------------------------===//
 
@@ -60,7 +61,7 @@ public:
       if (!visitors)
         break;
       if (isShared && countBits(visitors) <= mostTogether)
-        visitTogether(team, ~at, visitors);
+        visitTogether(team, rests, ~at, visitors);
       else if (isAtBlock)
         visit(~at);
       if (isAtBlock)
@@ -80,7 +81,7 @@ private:
   static constexpr i32 elsewhere = nowhere + 1;
 
   /// Bounds are rounded, and those of ties are to be seen.
-  void setReach() { reach = lower(hit.t * 1.000002f, 0x1.fffffep127f); }
+  void setReach() { reach = lower(integerOf(hit.t) + 40, 0x7f7fffff); }
 
   Bytes nodeAt(i32 index) const {
     return nodes + i64(index) * i64(sizeof(Node));
@@ -92,7 +93,7 @@ private:
     u32 child;
     if (at < 0 || !enter(node, at, rests, child)) {
       Rest rest;
-      if (!rests.take(integerOf(reach) | 7, rest))
+      if (!rests.take(reach | 7, rest))
         return nowhere;
       node = nodeAt(rest.node);
       child = rest.key & 7;
@@ -105,7 +106,7 @@ private:
     u32 met = 0;
     i32 entry[width];
 #pragma unroll
-    for (int half = 0; half < 2; ++half) {
+    for (int half = 1; half >= 0; --half) {
       Four enters[3], leaves[3];
 #pragma unroll
       for (int i = 0; i < 3; ++i) {
@@ -114,7 +115,7 @@ private:
         leaves[i] = load<Four>(node + further + 16 * half);
       }
 #pragma unroll
-      for (int lane = 0; lane < 4; ++lane) {
+      for (int lane = 3; lane >= 0; --lane) {
         i32 from[3], to[3];
 #pragma unroll
         for (int i = 0; i < 3; ++i) {
@@ -123,13 +124,12 @@ private:
         }
         int child = 4 * half + lane;
         // Floats that are not less than zero are ordered as integers are, of
-        // which an instruction compares four.
+        // which an instruction compares four. Those after them are a little
+        // later, as `reach` is.
         entry[child] = upper(upper(upper(from[0], from[1]), from[2]), 0);
-        i32 leave = lower(lower(lower(to[0], to[1]), to[2]), integerOf(reach));
-        // A little later, as `reach` is.
-        met |= floatOf(entry[child]) <= floatOf(leave) * 1.0000015f
-                   ? 1u << child
-                   : 0;
+        i32 leave = lower(lower(to[0], to[1]), to[2]) + 13;
+        leave = upper(lower(leave, reach), 0);
+        met = met << 1 | u32(entry[child] - leave) >> 31;
       }
     }
     met &= Links(node).children();
@@ -212,15 +212,45 @@ private:
   /// So many blocks are not more work for teams than one for each thread.
   static constexpr int mostTogether = 8;
 
+  /// The block that is next of what was left, or none.
+  i32 takeBlock(Rests &rests) {
+    Rest rest;
+    if (!rests.take(reach | 7, rest))
+      return nowhere;
+    i32 at = Links(nodeAt(rest.node)).follow(rest.key & 7);
+    if (at < 0)
+      return ~at;
+    rests.leave(rest);
+    return nowhere;
+  }
+
+  /// Which block a team has of a lane that is alone: the first one its own,
+  /// others the next ones.
+  i32 share(Team team, Rests &rests, i32 index, int loner) {
+    i32 next = index, shared = nowhere;
+#pragma unroll 1
+    for (int i = 0; i < Team::teams; ++i) {
+      if (i > 0)
+        next = team.lane() == loner ? takeBlock(rests) : nowhere;
+      i32 given = team.from(next, loner);
+      if (given == nowhere)
+        break;
+      shared = i == team.number() ? given : shared;
+    }
+    return shared;
+  }
+
   /// Tests triangles of the blocks at which some lanes of the warp are, each
-  /// team those of one.
-  void visitTogether(Team team, i32 index, u32 visitors) {
+  /// team those of one. A lane that is alone, as one whose ray goes through a
+  /// corner of many slivers, has several blocks tested at once.
+  void visitTogether(Team team, Rests &rests, i32 index, u32 visitors) {
+    bool isAlone = !(visitors & (visitors - 1));
 #pragma unroll 1
     while (visitors) {
       team.meet();
       // Lanes whose turn it is, and when this one's is.
       u32 theirs = visitors;
-      for (int i = 1; i < Team::teams; ++i)
+      for (int i = 1; i < Team::teams && !isAlone; ++i)
         theirs &= theirs - (i <= team.number());
       bool isMine = visitors >> team.lane() & 1;
       int turn = countBits(visitors & ((1u << team.lane()) - 1));
@@ -228,6 +258,8 @@ private:
         visitors &= visitors - 1;
 
       int visitor = lowestBit(theirs) & 31;
+      i32 block = isAlone ? share(team, rests, index, visitor)
+                          : i32(team.from(index, visitor));
       ShearedRay other;
       for (int i = 0; i < 3; ++i) {
         other.start[i] = floatOf(team.from(integerOf(ray.start[i]), visitor));
@@ -235,23 +267,32 @@ private:
       }
       other.axes = team.from(ray.axes, visitor);
       f32 limit = floatOf(team.from(integerOf(hit.t), visitor));
-      i32 number = width * team.from(index, visitor) + team.rank();
+      i32 number = width * block + team.rank();
       Bytes triangle = triangleAt(blocks, number);
       Meeting met{0, 0, 0, 0};
       bool isMet = false;
-      if (theirs) {
+      u32 face = noKey;
+      if (theirs && block != nowhere) {
         RayOnTriangle on = testTriangle(other, triangle);
+        face = u32(faceAt(triangle));
         met = {on.u, on.v, on.sum(), on.parameter(other)};
         isMet = on.isMet() && met.t >= 0 && met.t <= limit;
       }
+      auto least = [&](u32 value) {
+        value = team.least(isMet ? value : noKey);
+        return isAlone ? team.leastOfTeams(value) : value;
+      };
       // Zeros of both signs are equal.
-      u32 key = isMet ? u32(integerOf(met.t)) & 0x7fffffff : noKey;
-      isMet &= key == team.least(key);
-      u32 face = isMet ? u32(faceAt(triangle)) : noKey;
-      isMet &= face == team.least(face);
+      u32 key = u32(integerOf(met.t)) & 0x7fffffff;
+      isMet &= key == least(key);
+      isMet &= face == least(face);
 
-      u32 found = team.where(isMet) >> (8 * turn & 31) & 0xff;
-      int finder = (8 * turn + lowestBit(found)) & 31;
+      u32 found = team.where(isMet);
+      int finder = lowestBit(found) & 31;
+      if (!isAlone) {
+        found = found >> (8 * turn & 31) & 0xff;
+        finder = (8 * turn + lowestBit(found)) & 31;
+      }
       met = {floatOf(team.from(integerOf(met.u), finder)),
              floatOf(team.from(integerOf(met.v), finder)),
              floatOf(team.from(integerOf(met.sum), finder)),
@@ -273,7 +314,8 @@ private:
   RayHit hit{-1, 0, 0, 0};
   i32 place = -1;
   f32 weights = 1;
-  f32 reach;
+  /// Children beyond are behind it; bits of a number.
+  i32 reach;
 };
 
 #ifdef __NVPTX__

@@ -345,7 +345,7 @@ def _plain_adjoint(kernel, native, active, apart, elements):
         made = kernel.derivatives.adjoint(native, active, True, None, apart)
     except errors.WarpError:
         return None
-    is_plain = not (made.hidden or made.one_thread) and made.counting is None
+    is_plain = not (made.hidden or made.one_thread or made.counting or made.recording)
     return made.native if is_plain and made.augmented is None and made.gathered is None else None
 
 
