@@ -123,6 +123,12 @@ class Kernel:
         launched = {", ".join(map(str, types)): one for types, one in self._specialized.items()}
         return {**launched, **self.declared_overloads}
 
+    def add_overload(self, arg_types):
+        """A kernel for given types of arguments, as `wp.overload(kernel, arg_types)` makes it."""
+        return importlib.import_module("warp._src.kernels.overloads").overload(self, arg_types)
+
+    get_overload = add_overload
+
     @property
     def specializations(self) -> list:
         """Native kernels made for the arguments of a generic kernel."""
