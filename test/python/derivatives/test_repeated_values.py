@@ -51,12 +51,13 @@ def largest(a: wp.mat33d):
 
 @wp.func
 def dyads(a: wp.mat33d):
-    """Of a form that is not known; `u * diag(f(s)) * transpose(v)` is."""
+    """Of a form that is not known; `u * diag(f(s)) * transpose(v)` is, and sums of `outer`."""
     u, s, v = wp.svd3(a)
     b = wp.mat33d()
     for i in range(3):
-        x = wp.vec3d(u[0, i], u[1, i], u[2, i])
-        b += s[i] * s[i] * wp.outer(x, wp.vec3d(v[0, i], v[1, i], v[2, i]))
+        for j in range(3):
+            for k in range(3):
+                b[j, k] = b[j, k] + s[i] * s[i] * u[j, i] * v[k, i]
     return weigh(b)
 
 
