@@ -12,6 +12,7 @@
 #include "Autodiff/ChosenArrays.h"
 #include "Autodiff/DeadValues.h"
 #include "Autodiff/Forward/Forward.h"
+#include "Autodiff/Loops/LastAssignments.h"
 #include "Autodiff/Reverse/GuardArms.h"
 #include "Autodiff/Reverse/Reverse.h"
 #include "Autodiff/SpectralProducts.h"
@@ -221,6 +222,7 @@ struct DifferentiateKernel
     if (failed(completeSpectralProducts(kernel)))
       return failure();
     nameChosenArrays(kernel);
+    computeLastAssignments(kernel);
     log = MemoryLog();
     return buildReverse(kernel, options);
   }

@@ -51,7 +51,7 @@ def largest(a: wp.mat33d):
 
 @wp.func
 def entries(a: wp.mat33d):
-    """Of a form that is not known; `u * diag(f(s)) * transpose(v)` is."""
+    """Of a form that is not known; `u * diag(f(s)) * transpose(v)` is, and sums of `outer`."""
     u, s, v = wp.svd3(a)
     total = wp.float64(0.0)
     for i in range(3):
