@@ -19,7 +19,7 @@ from warp._src.types import annotations, dtypes
 from warp._src.types.composites import flatten_numbers
 from warp._src.types.native import ArrayType
 from warp._src.types.scalars import ScalarType
-from warp._src.types.struct_fields import ArrayDescriptor, Field, describe
+from warp._src.types.struct_fields import ArrayDescriptor, Field
 
 
 class _OfClass:
@@ -136,9 +136,12 @@ class StructInstance(ctypes.Structure):
         for name, dtype in self._wp_fields_.items():
             if dtypes.is_struct(dtype):
                 self._inner(name).refresh()
-            elif isinstance(dtype, ArrayType) and getattr(self, name) is not None:
-                held = getattr(self, name)
-                type(self).__dict__[name].raw.__set__(self, describe(held, held.grad))
+            elif isinstance(dtype, ArrayType) and (held := getattr(self, name)) is not None:
+                gradient = held.grad
+                address = (gradient.ptr or 0) if gradient is not None else 0
+                descriptor = type(self).__dict__[name].raw.__get__(self)
+                if descriptor.grad != address:
+                    descriptor.grad = address
 
     def to(self, device):
         """Copy of the struct whose arrays live on `device`."""
@@ -193,7 +196,19 @@ class StructInstance(ctypes.Structure):
         return self
 
     def __copy__(self):
-        return type(self)().assign(self)
+        result = type(self).from_buffer_copy(self)
+        self._share(result)
+        return result
+
+    def _share(self, other) -> None:
+        """Lets an instance with the same bytes hold the same arrays."""
+        for name, held in self.__dict__.get("_objects_held", {}).items():
+            if isinstance(held, StructInstance):
+                held._share(other._inner(name))
+            else:
+                other._held[name] = held
+        if "_objects_given" in self.__dict__:
+            other._given.update(self._given)
 
     def __repr__(self):
         lines = "".join(

@@ -14,7 +14,7 @@ from warp._src.optim.linear.adjoint import record
 from warp._src.optim.linear.dots import Dots
 from warp._src.optim.linear.loops import Loops
 from warp._src.optim.linear.operators import aslinearoperator, numbers
-from warp._src.types.dtypes import type_scalar_type, types_equal
+from warp._src.types.dtypes import type_repr, type_scalar_type, types_equal
 
 _EPSILON = {wp.float64: 1e-16, wp.float32: 1e-8, wp.float16: 1e-4}
 
@@ -135,7 +135,7 @@ class LinearSolverState(Loops):
             if not types_equal(type_scalar_type(vector.dtype), A.scalar_type):
                 raise ValueError(
                     f"Incompatible {name}.dtype: expected numbers of type "
-                    f"{A.scalar_type.__name__}, got {vector.dtype}"
+                    f"{A.scalar_type.__name__}, got {type_repr(vector.dtype)}"
                 )
             if numbers(vector).size != A.shape[0]:
                 raise ValueError(
