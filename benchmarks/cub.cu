@@ -12,13 +12,15 @@
 #include <cub/device/device_scan.cuh>
 #include <cub/device/device_segmented_sort.cuh>
 
-// With int32 values.
+// With int32 values; where they are afterwards is of no interest.
 #define SORT_PAIRS(name, Key)                                                  \
-  extern "C" int sort_pairs_##name(void *temp, size_t *bytes, const Key *keys, \
-                                   Key *outKeys, const int *values,            \
-                                   int *outValues, int count) {                \
-    return cub::DeviceRadixSort::SortPairs(temp, *bytes, keys, outKeys,        \
-                                           values, outValues, count);          \
+  extern "C" int sort_pairs_##name(void *temp, size_t *bytes, Key *keys,       \
+                                   Key *otherKeys, int *values,                \
+                                   int *otherValues, int count) {              \
+    cub::DoubleBuffer<Key> bothKeys(keys, otherKeys);                          \
+    cub::DoubleBuffer<int> bothValues(values, otherValues);                    \
+    return cub::DeviceRadixSort::SortPairs(temp, *bytes, bothKeys, bothValues, \
+                                           count);                             \
   }
 SORT_PAIRS(uint32, uint32_t)
 SORT_PAIRS(uint64, uint64_t)

@@ -74,9 +74,18 @@ class Bench:
     def torch_case(self, run):
         return {"torch": (run, self.torch.cuda.synchronize)} if self.torch else {}
 
-    def cub_case(self, name, *arguments):
-        """A function of cub.cu; arrays that it writes to are its own."""
-        return {"cub": (self.cub.case(name, *arguments), self.finish)} if self.cub else {}
+    def cub_case(self, name, *arguments, before=None):
+        """A function of cub.cu, after another one."""
+        if not self.cub:
+            return {}
+        call = self.cub.case(name, *arguments)
+
+        def run():
+            if before:
+                before()
+            call()
+
+        return {"cub": (run, self.finish)}
 
     def sorts(self) -> None:
         n = self.count
@@ -87,8 +96,12 @@ class Bench:
             k = wp.empty(2 * n, dtype=dtype, device=self.device)
             v = wp.empty(2 * n, dtype=wp.int32, device=self.device)
 
-            def ours(k=k, v=v, source=source):
+            # Both sort in place, with room for as much again: both begin with a copy.
+            def fill(k=k, source=source):
                 wp.copy(k, source, count=n)
+
+            def ours(k=k, v=v, fill=fill):
+                fill()
                 wp.utils.radix_sort_pairs(k, v, n)
 
             others = {}
@@ -100,9 +113,8 @@ class Bench:
             elif self.torch:
                 signed = self.torch.from_numpy(keys.view(f"i{bits // 8}")).cuda()
                 others = self.torch_case(lambda t=signed: self.torch.sort(t, stable=True))
-            others |= self.cub_case(
-                f"sort_pairs_uint{bits}", source, wp.empty_like(source), v, wp.empty_like(v), n
-            )
+            halves = k[:n], k[n:], v[:n], v[n:]
+            others |= self.cub_case(f"sort_pairs_uint{bits}", *halves, n, before=fill)
             self.add(f"sort pairs, {bits}-bit keys", ours, others, n, "Gpair/s")
 
     def scans(self) -> None:

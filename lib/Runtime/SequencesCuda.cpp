@@ -29,8 +29,8 @@ extern "C" const char warp_cuda_Scan_begin[], warp_cuda_Sort_begin[],
     warp_cuda_Runs_begin[];
 
 static constexpr int threads = 256;
-/// Bytes of a quarter of what a thread of a scan has in registers.
-static constexpr int64_t scanBytes = 32;
+/// Bytes that a thread of a scan has in registers.
+static constexpr int64_t scanBytes = 128;
 /// Blocks that count radix.
 static constexpr int64_t mostCounters = 1024;
 static constexpr int radixBits = 8;
@@ -86,9 +86,9 @@ static const char *sumName(NumberType kind) {
 void warp::scanOnCuda(int device, NumberType kind, int width, Sequence out,
                       Sequence in, int64_t count, bool inclusive,
                       const Stream *stream) {
-  // As in the kernel: a tile has 32 bytes per thread, four times; sums of tiles
-  // and of groups of them are published in words with 32 of their bits.
-  int64_t tile = threads * 4 * (scanBytes / sizeOf(kind));
+  // Sums of tiles and of groups of them are published in words with 32 of
+  // their bits.
+  int64_t tile = threads * (scanBytes / sizeOf(kind));
   int64_t tiles = ceilDivide(count, tile);
   int64_t sums = tiles + ceilDivide(tiles, threads);
   int64_t words = tiles > 1 ? sums * width * (sizeOf(kind) / 4) : 0;

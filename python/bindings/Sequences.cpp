@@ -2,13 +2,14 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Shapes, types and devices have been checked in Python (warp/_src/sequences).
+// And products of sparse matrices. Shapes, types and devices have been checked
+// in Python (warp/_src/utils/sequences.py, warp/_src/sparse).
 //
 //===----------------------------------------------------------------------===//
 
 #include "Native.h"
 
-#include "warp/Sequences.h"
+#include "warp/SparseProduct.h"
 
 namespace py = pybind11;
 using namespace warp;
@@ -25,6 +26,12 @@ struct Argument {
 
   int device() const { return array->device; }
   void *data() const { return array->descriptor.data; }
+  int64_t count() const {
+    int64_t product = 1;
+    for (int i = 0; i < array->descriptor.ndim; ++i)
+      product *= array->descriptor.shape[i];
+    return product;
+  }
   template <typename T> T *as() const { return static_cast<T *>(data()); }
   /// Elements in a row, whatever the rank of a contiguous array.
   Sequence sequence() const {
@@ -102,6 +109,18 @@ static void encode(const py::object &numbers, int64_t count,
             starts.data(), lengths.as<int32_t>(), total.as<int32_t>()});
 }
 
+static void multiply(const std::string &kind, const py::object &offsets,
+                     const py::object &columns, const py::object &values,
+                     const py::object &x, const py::object &y, double alpha,
+                     double beta) {
+  Argument starts(offsets), places(columns), numbers(values), from(x), to(y);
+  py::gil_scoped_release unlocked;
+  multiplyRows(to.device(),
+               {numberOf(kind), to.count(), from.count(), starts.as<int32_t>(),
+                places.as<int32_t>(), numbers.data(), places.count(),
+                from.data(), to.data(), alpha, beta});
+}
+
 void python::bindSequences(py::module_ &m) {
   m.def("scan_numbers", &scan, py::arg("source"), py::arg("target"),
         py::arg("kind"), py::arg("width"), py::arg("count"),
@@ -118,4 +137,7 @@ void python::bindSequences(py::module_ &m) {
         py::arg("segments"));
   m.def("find_runs", &encode, py::arg("numbers"), py::arg("count"),
         py::arg("run_numbers"), py::arg("run_lengths"), py::arg("run_count"));
+  m.def("multiply_rows", &multiply, py::arg("kind"), py::arg("offsets"),
+        py::arg("columns"), py::arg("values"), py::arg("x"), py::arg("y"),
+        py::arg("alpha"), py::arg("beta"));
 }

@@ -51,6 +51,23 @@ template <typename T> inline void forget(T &value) {
     asm volatile("" : "+r"(value));
 }
 
+/// A number that nothing writes and nobody reads again: no cache of a
+/// multiprocessor keeps it.
+inline int32_t loadOnce(const int32_t *at) {
+  int32_t value;
+  asm("ld.global.nc.L1::no_allocate.b32 %0, [%1];" : "=r"(value) : "l"(at));
+  return value;
+}
+inline float loadOnce(const float *at) {
+  return __builtin_bit_cast(float,
+                            loadOnce(reinterpret_cast<const int32_t *>(at)));
+}
+inline double loadOnce(const double *at) {
+  int64_t value;
+  asm("ld.global.nc.L1::no_allocate.b64 %0, [%1];" : "=l"(value) : "l"(at));
+  return __builtin_bit_cast(double, value);
+}
+
 /// The lanes for which `value` holds.
 inline uint32_t ballot(bool value) {
   return __nvvm_vote_ballot_sync(~0u, value);
@@ -104,9 +121,10 @@ inline uint32_t fromAcross(uint32_t value, int mask) {
   return __nvvm_shfl_sync_bfly_i32(~0u, value, mask, 31);
 }
 inline uint64_t fromAcross(uint64_t value, int mask) {
-  uint64_t low = fromAcross(static_cast<uint32_t>(value), mask);
-  uint64_t high = fromAcross(static_cast<uint32_t>(value >> 32), mask);
-  return high << 32 | low;
+  return byHalves(value, [&](uint32_t half) { return fromAcross(half, mask); });
+}
+inline double fromAcross(double value, int mask) {
+  return byHalves(value, [&](uint32_t half) { return fromAcross(half, mask); });
 }
 inline float fromAcross(float value, int mask) {
   return __nvvm_shfl_sync_bfly_f32(~0u, value, mask, 31);

@@ -13,24 +13,24 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "Gpu.h"
+#include "Published.h"
 
 using namespace gpu;
 
 static constexpr int threads = 256;
 static constexpr int warps = threads / warpSize;
-/// Neighbours that a thread moves at once, and how often.
-static constexpr int perThread = 4;
-template <typename T> static constexpr int rounds = 32 / sizeof(T);
+/// Neighbours that a thread moves at once, 16 bytes, and how often.
+template <typename T> static constexpr int perThread = 16 / sizeof(T);
+static constexpr int rounds = 8;
 template <typename T>
-static constexpr int tileLength = threads * perThread * rounds<T>;
+static constexpr int tileLength = threads * perThread<T> * rounds;
 /// Tiles of a group.
 static constexpr int groupTiles = threads;
 
 namespace {
 
-template <typename T> struct Quad {
-  T at[perThread];
+template <typename T> struct Packet {
+  T at[perThread<T>];
 };
 
 /// A component of a sequence, from the first element of a tile.
@@ -46,92 +46,37 @@ template <typename T> struct Tile {
   /// Whether all of the tile is there and neighbours can be moved at once.
   bool isPlain() const { return packed && count >= tileLength<T>; }
 
-  Quad<T> loadPlain(int first) const {
+  Packet<T> loadPlain(int first) const {
     return __builtin_bit_cast(
-        Quad<T>, *reinterpret_cast<const Wide *>(in + first * sizeof(T)));
+        Packet<T>, *reinterpret_cast<const Wide *>(in + first * sizeof(T)));
   }
-  void storePlain(int first, const Quad<T> &quad) const {
+  void storePlain(int first, const Packet<T> &packet) const {
     *reinterpret_cast<Wide *>(out + first * sizeof(T)) =
-        __builtin_bit_cast(Wide, quad);
+        __builtin_bit_cast(Wide, packet);
   }
 
-  Quad<T> load(int first) const {
-    Quad<T> quad;
+  Packet<T> load(int first) const {
+    Packet<T> packet;
 #pragma unroll
-    for (int i = 0; i < perThread; ++i)
-      quad.at[i] =
+    for (int i = 0; i < perThread<T>; ++i)
+      packet.at[i] =
           first + i < count
               ? *reinterpret_cast<const T *>(in + (first + i) * inStride)
               : T(0);
-    return quad;
+    return packet;
   }
-  void store(int first, const Quad<T> &quad) const {
+  void store(int first, const Packet<T> &packet) const {
 #pragma unroll
-    for (int i = 0; i < perThread; ++i)
+    for (int i = 0; i < perThread<T>; ++i)
       if (first + i < count)
-        *reinterpret_cast<T *>(out + (first + i) * outStride) = quad.at[i];
+        *reinterpret_cast<T *>(out + (first + i) * outStride) = packet.at[i];
   }
 
 private:
-  using Wide = T __attribute__((ext_vector_type(perThread)));
-};
-
-/// A number that one block publishes for others: 32 of its bits per word, with
-/// a mark above them. Zero is none.
-template <typename T> class Published {
-public:
-  static constexpr int words = sizeof(T) / 4;
-
-  explicit Published(uint64_t *at) : at(at) {}
-
-  void set(T value) const {
-    auto bits = __builtin_bit_cast(Bits, value);
-#pragma unroll
-    for (int i = 0; i < words; ++i)
-      __scoped_atomic_store_n(at + i, bits.at[i] | mark, __ATOMIC_RELAXED,
-                              __MEMORY_SCOPE_DEVICE);
-  }
-
-  /// Waits for it.
-  T get() const {
-    Bits bits;
-#pragma unroll
-    for (int i = 0; i < words; ++i) {
-      uint64_t word;
-      do {
-        word = __scoped_atomic_load_n(at + i, __ATOMIC_RELAXED,
-                                      __MEMORY_SCOPE_DEVICE);
-      } while (!(word & mark));
-      bits.at[i] = static_cast<uint32_t>(word);
-    }
-    return __builtin_bit_cast(T, bits);
-  }
-
-private:
-  struct Bits {
-    uint32_t at[words];
-  };
-  static constexpr uint64_t mark = uint64_t(1) << 32;
-
-  uint64_t *at;
+  using Wide = T __attribute__((ext_vector_type(perThread<T>)));
 };
 
 } // namespace
-
-/// The sum of `value` over all threads, always added in the same order.
-template <typename T> static T sumOfBlock(T value) {
-  WARP_SHARED T sums[warps];
-  T own = sumOfLanes(value);
-  if (lane() == warpSize - 1)
-    sums[thread() / warpSize] = own;
-  meet();
-  T total = 0;
-#pragma unroll
-  for (int i = 0; i < warps; ++i)
-    total += sums[i];
-  meet();
-  return total;
-}
 
 /// What precedes a tile whose sum is `total`; publishes that. There are
 /// `tiles` of them, and the sums of groups follow theirs.
@@ -153,9 +98,9 @@ static T sumBeforeTile(uint64_t *sums, int tiles, int tile, T total) {
     before += ofTile(tile - place - groupTiles + thread()).get();
   if (thread() < place)
     inGroup = ofTile(tile - place + thread()).get();
-  before = sumOfBlock(before + inGroup);
+  before = sumOfBlock<warps>(before + inGroup);
   if (place == groupTiles - 1) {
-    inGroup = sumOfBlock(inGroup);
+    inGroup = sumOfBlock<warps>(inGroup);
     if (thread() == 0)
       ofGroup(group).set(inGroup + total);
   }
@@ -174,9 +119,8 @@ static Tile<T> tileOf(const void *in, int64_t inStride, void *out,
   tile.count = count - first;
   uint64_t places = reinterpret_cast<uint64_t>(tile.in) |
                     reinterpret_cast<uint64_t>(tile.out);
-  constexpr int most = perThread * sizeof(T) < 16 ? perThread * sizeof(T) : 16;
   tile.packed =
-      inStride == sizeof(T) && outStride == sizeof(T) && places % most == 0;
+      inStride == sizeof(T) && outStride == sizeof(T) && places % 16 == 0;
   return tile;
 }
 
@@ -186,7 +130,6 @@ template <typename T>
 static void scan(const void *in, int64_t inStride, void *out, int64_t outStride,
                  int64_t count, int width, int tiles, uint64_t *state,
                  int inclusive) {
-  constexpr int rounds = ::rounds<T>;
   WARP_SHARED T sums[warps];
   // Blocks begin in their order, so what a tile waits for is on its way.
   int index = block(), row = 0;
@@ -196,30 +139,36 @@ static void scan(const void *in, int64_t inStride, void *out, int64_t outStride,
   }
   Tile<T> tile = tileOf<T>(in, inStride, out, outStride, count, index, row);
   int warp = thread() / warpSize;
-  int first = warp * (rounds * warpSize * perThread) + lane() * perThread;
-  Quad<T> quads[rounds];
+  int first = warp * (rounds * warpSize * perThread<T>)+lane() * perThread<T>;
+  Packet<T> packets[rounds];
   bool isPlain = tile.isPlain();
   if (isPlain) {
 #pragma unroll
     for (int i = 0; i < rounds; ++i)
-      quads[i] = tile.loadPlain(first + i * warpSize * perThread);
+      packets[i] = tile.loadPlain(first + i * warpSize * perThread<T>);
   } else {
 #pragma unroll
     for (int i = 0; i < rounds; ++i)
-      quads[i] = tile.load(first + i * warpSize * perThread);
+      packets[i] = tile.load(first + i * warpSize * perThread<T>);
   }
 
-  // Of each quad: what precedes it in its warp.
-  T starts[rounds], ofWarp = 0;
+  // Sums within the warp, in place.
+  T ofWarp = 0;
 #pragma unroll
   for (int i = 0; i < rounds; ++i) {
     T own = 0;
 #pragma unroll
-    for (int j = 0; j < perThread; ++j)
-      own += quads[i].at[j];
+    for (int j = 0; j < perThread<T>; ++j)
+      own += packets[i].at[j];
     T with = sumOfLanes(own);
     T before = fromBefore(with, 1);
-    starts[i] = ofWarp + (lane() == 0 ? T(0) : before);
+    T sum = ofWarp + (lane() == 0 ? T(0) : before);
+#pragma unroll
+    for (int j = 0; j < perThread<T>; ++j) {
+      T next = sum + packets[i].at[j];
+      packets[i].at[j] = inclusive ? next : sum;
+      sum = next;
+    }
     ofWarp += fromLane(with, warpSize - 1);
   }
   if (lane() == 0)
@@ -239,22 +188,18 @@ static void scan(const void *in, int64_t inStride, void *out, int64_t outStride,
   }
 #pragma unroll
   for (int i = 0; i < rounds; ++i) {
-    T sum = before + starts[i];
 #pragma unroll
-    for (int j = 0; j < perThread; ++j) {
-      T with = sum + quads[i].at[j];
-      quads[i].at[j] = inclusive ? with : sum;
-      sum = with;
-    }
+    for (int j = 0; j < perThread<T>; ++j)
+      packets[i].at[j] += before;
   }
   if (isPlain) {
 #pragma unroll
     for (int i = 0; i < rounds; ++i)
-      tile.storePlain(first + i * warpSize * perThread, quads[i]);
+      tile.storePlain(first + i * warpSize * perThread<T>, packets[i]);
   } else {
 #pragma unroll
     for (int i = 0; i < rounds; ++i)
-      tile.store(first + i * warpSize * perThread, quads[i]);
+      tile.store(first + i * warpSize * perThread<T>, packets[i]);
   }
 }
 
@@ -267,7 +212,7 @@ static void scan(const void *in, int64_t inStride, void *out, int64_t outStride,
             inclusive);                                                        \
   }
 
-WARP_SCAN(u32, uint32_t, 3)
-WARP_SCAN(u64, uint64_t, 4)
-WARP_SCAN(f32, float, 3)
+WARP_SCAN(u32, uint32_t, 4)
+WARP_SCAN(u64, uint64_t, 3)
+WARP_SCAN(f32, float, 4)
 WARP_SCAN(f64, double, 4)

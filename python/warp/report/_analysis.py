@@ -146,3 +146,8 @@ def counts(records):
     for record in records:
         found[record["verdict"]] += 1
     return found
+
+
+def scene_parameters(records):
+    """Names of all parameters."""
+    return list(dict.fromkeys(name for record in records for name in record["parameters"]))

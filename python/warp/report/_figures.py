@@ -15,7 +15,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.ticker import NullLocator, StrMethodFormatter
 
-from warp.report._analysis import curves_of, error_names, label_of
+from warp.report._analysis import curves_of, error_names, label_of, scene_parameters
 
 #: Replaced by `currentColor`.
 INK = "#010203"
@@ -276,8 +276,3 @@ def all_figures(scene, records):
         "times": times(scene, records, fixed),
     }
     return {name: text for name, text in made.items() if text}
-
-
-def scene_parameters(records):
-    """Names of all parameters."""
-    return list(dict.fromkeys(name for record in records for name in record["parameters"]))

@@ -5,8 +5,15 @@ import html
 import re
 import sys
 
-from warp.report._analysis import GOALS, compare, counts, error_names, label_of, table_of_times
-from warp.report._figures import all_figures, scene_parameters
+from warp.report._analysis import (
+    GOALS,
+    compare,
+    counts,
+    error_names,
+    label_of,
+    scene_parameters,
+    table_of_times,
+)
 
 CSS = """
 :root{color-scheme:light dark}
@@ -18,6 +25,15 @@ figure{margin:1rem 0}
 svg{max-width:100%;height:auto;color:inherit!important}
 .green{color:#2a9d6f}.amber{color:#b5830f}.red{color:#d1476b}
 """
+
+
+try:
+    from warp.report._figures import all_figures
+except ModuleNotFoundError as error:
+    # Everything but figures needs NumPy alone.
+    if (error.name or "").partition(".")[0] != "matplotlib":
+        raise
+    all_figures = None
 
 
 def write_pages(output, head, records, scenes, earlier=None):
@@ -69,6 +85,8 @@ def _summary(head, records):
         ("commit", head["commit"] or "-"),
         ("sizes", "quick" if head.get("quick") else "full"),
     ]
+    if all_figures is None:
+        rows.append(("figures", "none: they need the package `matplotlib`"))
     return lines + _table(("", ""), rows)
 
 
@@ -135,7 +153,7 @@ def _section(scene, records):
     if hidden:
         lines += [f"{hidden} errors were too small for the reference and are left out."]
     lines += _noisy(records) + _lost(records)
-    drawn = all_figures(scene, records)
+    drawn = all_figures(scene, records) if all_figures else {}
     return [*lines, ""], drawn
 
 

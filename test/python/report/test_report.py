@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import programs
 import warp.report as report
 from warp.report.__main__ import main
 from warp.report._analysis import compare
@@ -38,6 +39,24 @@ def test_errors_orders_and_pages(tmp_path):
     assert "currentColor" in svg and "prefers-color-scheme: dark" in svg
     head, read = report.read_records(tmp_path / "records.jsonl")
     assert read == records and head["cores"] > 0
+
+
+def test_without_matplotlib_there_are_pages_without_figures(tmp_path):
+    program = f"""
+import pathlib, sys
+sys.modules["matplotlib"] = None
+import warp.report as report
+from warp.report._scene import registered
+from warp.report._worker import load
+load({FILE!r})
+report.run([registered()["decay"]], output=pathlib.Path({str(tmp_path)!r}), repeats=1, budget=0.01)
+"""
+    status, out, err = programs.run(programs.write_program(program))
+    assert status == 0, err
+    assert "none: they need the package `matplotlib`" in (tmp_path / "report.md").read_text()
+    assert {page.name for page in tmp_path.iterdir()} == {
+        *("report.md", "report.html", "records.csv", "records.jsonl")
+    }
 
 
 def test_time_to_error_interpolates_in_logarithms():

@@ -78,3 +78,47 @@ def test_a_tape_has_the_gradient(device):
     expected = np.zeros(85)
     np.add.at(expected, columns, numbers.ravel() * seed[rows])
     np.testing.assert_allclose(x.grad.numpy(), expected, rtol=1e-10, atol=1e-10)
+
+
+LENGTHS = {
+    "power law": lambda rng: np.minimum(rng.pareto(1.2, 3000) * 8 + 1, 9000).astype(int),
+    "rows of 64": lambda rng: np.full(500, 64),
+    "one row": lambda rng: np.array([50_000]),
+    "among empty rows": lambda rng: np.r_[np.zeros(9000, int), 300_000, np.zeros(9000, int), 5],
+    "rows that end with tiles": lambda rng: np.array([1791, 1791, 3583, 1791, 7, 1783]),
+    "short rows": lambda rng: rng.integers(8, 12, 5000),
+}
+
+
+@pytest.mark.parametrize("dtype", [wp.float32, wp.float64])
+@pytest.mark.parametrize("kind", LENGTHS)
+def test_blocks_share_what_rows_have(device, kind, dtype):
+    """Whatever the lengths of rows: within rounding of float64, and in a graph the same bits."""
+    rng = np.random.default_rng(7)
+    lengths = LENGTHS[kind](rng)
+    count, width = len(lengths), 1000
+    offsets = np.r_[0, np.cumsum(lengths)]
+    columns = rng.integers(0, width, offsets[-1])
+    values, x = (rng.standard_normal(n).astype(dtype.__name__) for n in (offsets[-1], width))
+    matrix = sp.bsr_zeros(count, width, dtype, device=device)
+    matrix.offsets = wp.array(offsets, dtype=int, device=device)
+    matrix.columns = wp.array(columns, dtype=int, device=device)
+    matrix.values = wp.array(values, device=device)
+    matrix.nnz = int(offsets[-1])
+    X = wp.array(x, device=device)
+    y = wp.full(count, np.nan, dtype=dtype, device=device)
+    sp.bsr_mv(matrix, X, y, alpha=-2.0, beta=0.0)
+
+    products = values.astype(float) * x[columns]
+    rows = np.repeat(np.arange(count), lengths)
+    expected, scale = (np.bincount(rows, p, count) for p in (products, abs(products)))
+    first = y.numpy()
+    error = abs(first + 2.0 * expected) / np.maximum(2.0 * scale, 1e-300)
+    terms = np.sqrt(lengths.max()) + 8
+    assert error.max() < terms * np.finfo(dtype.__name__).eps
+
+    with wp.ScopedCapture(device=device) as capture:
+        sp.bsr_mv(matrix, X, y, alpha=-2.0, beta=0.0)
+    y.fill_(np.nan)
+    wp.capture_launch(capture.graph)
+    np.testing.assert_array_equal(y.numpy(), first)

@@ -4,7 +4,7 @@ import functools
 
 import warp as wp
 from warp._src.arrays.observers import Observers
-from warp._src.sparse import sums
+from warp._src.sparse import number_product, sums
 from warp._src.sparse.expressions import matrix_and_factor
 from warp._src.types.dtypes import type_repr, type_scalar_type, type_size, types_equal
 
@@ -256,6 +256,9 @@ def bsr_mv(
         wanted = A.requires_grad or x.requires_grad
         y = wp.empty(to_count, dtype=dtype, device=A.device, requires_grad=wanted)
         beta = 0.0
+    if not transpose and number_product.fits(A, x, y):
+        number_product.multiply(A, x, y, alpha, beta)
+        return y
     for name, array in (("x", x), ("y", y)):
         if array.device != A.device:
             raise ValueError(

@@ -1,0 +1,127 @@
+"""Install a wheel where nothing else is, and run programs from it.
+
+    python scripts/check_wheel.py dist/warp_mlir-0.1.0-cp311-cp311-linux_x86_64.whl [--no-index]
+
+Makes an empty environment in a temporary folder, lets pip install the wheel with what it asks for
+(`--no-index`: with the NumPy of the running interpreter, where there is no network), and runs there
+the program of README.md, an example, and a look at which libraries the machine has to have. Prints
+the size of the wheel, what its files take, and how long each step took. The exit status is 1 if a
+step fails or the wheel has more than 25 MB.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import time
+import venv
+import zipfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+MOST = 25 * 1024 * 1024
+# What every Linux of the last years has.
+SYSTEM = re.compile(r"^(linux-vdso|ld-linux|lib(c|m|dl|rt|pthread|gcc_s|stdc\+\+))(?=[.-])")
+# The package comes from the environment, not from the tree that the script lies in.
+ORIGIN = """
+import pathlib, sys, warp
+place = pathlib.Path(warp.__file__).resolve()
+assert pathlib.Path(sys.prefix).resolve() in place.parents, place
+print(place.parent)
+"""
+
+
+def readme_program() -> str:
+    """The first program of README.md."""
+    return re.search(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.S)[1]
+
+
+class Environment:
+    """An empty environment, and what runs in it."""
+
+    def __init__(self, folder: Path):
+        self.folder = folder
+        venv.create(folder / "venv", with_pip=True)
+        self.python = folder / "venv" / "bin" / "python"
+        # Nothing of the caller's: no modules, no kernels compiled before.
+        self.variables = {k: v for k, v in os.environ.items() if not k.startswith("PYTHON")}
+        self.variables["WARP_CACHE_PATH"] = str(folder / "cache")
+
+    def lend_numpy(self) -> None:
+        """Lets programs there import the NumPy of this interpreter, and nothing else of it."""
+        import numpy
+
+        lent = self.folder / "lent"
+        lent.mkdir()
+        for part in Path(numpy.__file__).parent.parent.glob("numpy*"):
+            (lent / part.name).symlink_to(part)
+        self.variables["PYTHONPATH"] = str(lent)
+
+    def run(self, title: str, *arguments) -> str:
+        """Runs Python there, says how long it took, and returns what it printed.
+
+        Raises:
+            SystemExit: it failed.
+        """
+        begin = time.perf_counter()
+        done = subprocess.run(
+            [self.python, *map(str, arguments)],
+            cwd=self.folder,
+            env=self.variables,
+            capture_output=True,
+            text=True,
+        )
+        print(f"{title:<24}{time.perf_counter() - begin:7.1f} s", flush=True)
+        if done.returncode:
+            raise SystemExit(f"{title}: exit status {done.returncode}\n{done.stdout}{done.stderr}")
+        return done.stdout
+
+
+def foreign_libraries(folder: Path) -> list[str]:
+    """What the package's libraries need that neither it nor the system has."""
+    found = set()
+    for library in folder.rglob("*.so*"):
+        listed = subprocess.run(["ldd", library], capture_output=True, text=True).stdout
+        for line in listed.splitlines():
+            name = Path(line.split()[0]).name if line.split() else ""
+            if name and not SYSTEM.match(name) and not (folder / name).exists():
+                found.add(name)
+    return sorted(found)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("wheel", type=Path)
+    parser.add_argument("--no-index", action="store_true", help="no network: NumPy from here")
+    options = parser.parse_args()
+    size = options.wheel.stat().st_size
+    with zipfile.ZipFile(options.wheel) as archive:
+        plain = sum(entry.file_size for entry in archive.infolist())
+    print(f"{options.wheel.name}: {size:,} bytes, {plain:,} unpacked")
+    with tempfile.TemporaryDirectory() as name:
+        there = Environment(Path(name))
+        install = ["-m", "pip", "install", "-q", "--disable-pip-version-check"]
+        if options.no_index:
+            install += ["--no-deps", "--no-index"]
+            there.lend_numpy()
+        there.run("pip install", *install, options.wheel.resolve())
+        place = Path(there.run("import", "-c", ORIGIN).splitlines()[-1])
+        program = there.folder / "first_kernel.py"
+        program.write_text(readme_program())
+        assert "[1. 3. 5. 7.]" in there.run("program of README.md", program)
+        assert "[1. 3. 5. 7.]" in there.run("the same, cached", program)
+        there.run("stability R1-R4", "-m", "warp.report", "stability", "R1-R4")
+        foreign = foreign_libraries(place)
+    if foreign:
+        raise SystemExit(f"needs libraries that it does not bring: {', '.join(foreign)}")
+    if size > MOST:
+        raise SystemExit(f"{size:,} bytes are more than {MOST:,}")
+    print("ok")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
