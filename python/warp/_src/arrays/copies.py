@@ -16,7 +16,11 @@ from warp._src.types import dtypes
 
 
 def empty_like(src, device=None, requires_grad=None, pinned=None, dtype=None):
-    """An array with shape and element type of `src` and undefined contents."""
+    """An array with shape and element type of `src` and undefined contents.
+
+    Raises:
+        TypeError: `src` is no array.
+    """
     if not dtypes.type_is_array(type(src)):
         raise TypeError(f"expects an array, but got '{type(src).__name__}'")
     where = src.device if device is None else devices.get_device(device)

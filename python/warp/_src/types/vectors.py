@@ -256,6 +256,9 @@ def vector(length=None, dtype=None, *, name=None):
     """The vector type of `length` components of scalar type `dtype`.
 
     Without components it is what an empty slice gives; kernels have no such values.
+
+    Raises:
+        ValueError: the length is negative or no integer.
     """
     if not isinstance(length, int) or isinstance(length, bool):
         length, dtype = dtype, length
