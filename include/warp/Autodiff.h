@@ -30,6 +30,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace warp {
@@ -73,7 +74,7 @@ struct HiddenArgument {
     Counters,
     /// The twin of an active argument in forward mode.
     Tangent,
-    /// Zeros, one for each element of an array that has winners.
+    /// Zeros, one for each element of an array that has winners, or owners.
     Claims,
     /// Per loop in the global tape (its number is the leaf) and thread, the
     /// trips: zero before the counting launch. Of rank 4, like `Saved`.
@@ -97,13 +98,21 @@ struct HiddenArgument {
 };
 
 struct Derivative {
+  explicit Derivative(Module module) : module(std::move(module)) {}
+
   Module module;
   /// The primal, changed to fill the `Saved` arguments; it has those too.
   std::optional<Module> augmented;
   /// The kernel that finds how much global tape each thread needs.
   std::optional<Module> counting;
-  /// After the arguments of the primal, in order; those of `counting`.
-  std::vector<HiddenArgument> hidden, hiddenOfCounting;
+  /// The primal on copies of what it writes, run twice before the derivative:
+  /// first with zeros in `Trips`, which counts, then with tapes of as many
+  /// elements, which are filled. Its `Counters` say how often a thread met what
+  /// another one writes: then the derivative is wrong.
+  std::optional<Module> recording;
+  /// After the arguments of the primal, in order; those of `counting` and of
+  /// `recording`.
+  std::vector<HiddenArgument> hidden, hiddenOfCounting, hiddenOfRecording;
   /// Arrays whose contents the derivative reads.
   std::vector<int> needed;
   /// Not empty if only launches of one thread are right; says why.

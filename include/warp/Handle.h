@@ -9,10 +9,13 @@
 
 #include "warp/Export.h"
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
+#include <vector>
 
 namespace warp {
 
@@ -27,6 +30,15 @@ namespace geometry {
 class Slot;
 }
 
+/// Words of 64 bits that a handle leads to; the first says whose they are.
+inline constexpr size_t handleWords = 32;
+
+/// Memory that a handle's words lead to.
+struct HandleMemory {
+  const void *data = nullptr;
+  size_t bytes = 0;
+};
+
 /// A number for kernels that leads to 256 bytes on a device, of which the
 /// first eight say whose they are; it is dead when this object is gone.
 class WARP_API GeometryHandle {
@@ -35,8 +47,11 @@ public:
   ~GeometryHandle();
 
   uint64_t id() const;
-  /// Writes what follows the first eight bytes, at most 248.
-  void write(const void *contents, size_t bytes);
+  GeometryKind kind() const;
+  /// Writes what follows the first eight bytes, at most 248. `memory`: what is
+  /// reached from there, but for arrays with descriptors among the words.
+  void write(const void *contents, size_t bytes,
+             std::vector<HandleMemory> memory = {});
 
 private:
   std::unique_ptr<geometry::Slot> slot;
@@ -45,11 +60,34 @@ private:
 /// What is wrong with the handle of an object that should be alive on a
 /// device, such as "the id of a freed Mesh"; empty if nothing is. A Mesh is
 /// a Bvh, too.
-WARP_API std::string describeHandle(uint64_t id, GeometryKind kind,
-                                    int device);
+WARP_API std::string describeHandle(uint64_t id, GeometryKind kind, int device);
 
 /// Writes word `index`, from 1 to 31, of what a live handle leads to.
 WARP_API void writeHandleWord(uint64_t id, unsigned index, uint64_t value);
+
+/// Of which kind the object of a handle is; empty if none is alive on the
+/// device.
+WARP_API std::optional<GeometryKind> findHandle(uint64_t id, int device);
+
+/// The words of a handle, as something else may take them over.
+struct HandleContents {
+  /// A word that is an address, and the memory around it that matters: empty
+  /// for a null pointer.
+  struct Pointer {
+    uint32_t word;
+    uint64_t begin, end;
+  };
+  GeometryKind kind;
+  std::array<uint64_t, handleWords> words;
+  std::vector<Pointer> pointers;
+};
+
+/// Waits for what may write them. Throws if no object of that handle lives.
+WARP_API HandleContents readHandle(uint64_t id);
+/// Which words are addresses, in ascending order.
+WARP_API std::vector<uint32_t> pointerWords(GeometryKind kind);
+/// Where the words of a handle are, on its device.
+WARP_API uint64_t handleAddress(uint64_t id);
 
 } // namespace warp
 

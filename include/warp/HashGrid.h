@@ -39,7 +39,8 @@ public:
 
 private:
   struct Impl;
-  std::unique_ptr<Impl> impl;
+  /// Shared with graphs that update it.
+  std::shared_ptr<Impl> impl;
 };
 
 } // namespace warp

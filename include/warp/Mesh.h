@@ -49,7 +49,8 @@ public:
 
 private:
   struct Impl;
-  std::unique_ptr<Impl> impl;
+  /// Shared with graphs that update it.
+  std::shared_ptr<Impl> impl;
 };
 
 } // namespace warp

@@ -21,11 +21,14 @@ inline constexpr size_t tensorMapBytes = 128, tensorMapAlignment = 64;
 
 /// A map that a launch needs.
 struct TensorMap {
-  /// Where the descriptor of the array, of two dimensions and elements of 16
-  /// bits, lies in the parameter block, and where the map is to lie.
+  /// Where the descriptor of the array, of two dimensions, lies in the
+  /// parameter block, and where the map is to lie.
   int64_t descriptor = 0, place = 0;
-  /// Elements of a box. Rows of 32, 64 or 128 bytes are swizzled over as many.
-  int64_t rows = 0, columns = 0;
+  /// Elements of a box, and bytes of one: 2 or 4.
+  int64_t rows = 0, columns = 0, elementBytes = 2;
+  /// Bytes over which rows are swizzled: as long as rows of a box are, 32, 64
+  /// or 128, or 0 for not at all.
+  int64_t swizzle = 0;
 };
 
 } // namespace warp

@@ -22,6 +22,7 @@
 #include "Pipelines.h"
 #include "Transforms/Autodiff/ApartArrays.h"
 #include "Transforms/Autodiff/Derivation.h"
+#include "Transforms/Autodiff/Recording.h"
 
 #include "warp/Autodiff.h"
 #include "warp/Compile.h"
@@ -76,9 +77,8 @@ static void markApart(ModuleOp module, const AutodiffOptions &options) {
   SmallVector<bool> flags(options.apart.begin(), options.apart.end());
   for (auto function : module.getOps<func::FuncOp>())
     if (function->hasAttr(warp::kernelAttrName) && !flags.empty())
-      function->setAttr(
-          warp::autodiff::apartAttrName,
-          DenseBoolArrayAttr::get(module.getContext(), flags));
+      function->setAttr(warp::autodiff::apartAttrName,
+                        DenseBoolArrayAttr::get(module.getContext(), flags));
 }
 
 LogicalResult warp::derive(ModuleOp module, const AutodiffOptions &options) {
@@ -154,8 +154,7 @@ static std::vector<HiddenArgument> takeHidden(func::FuncOp kernel) {
   if (auto list = dyn_cast_or_null<ArrayAttr>(taken)) {
     unsigned first = kernel.getNumArguments() - list.size();
     for (auto [i, entry] : llvm::enumerate(list.getAsRange<warp::HiddenAttr>()))
-      hidden.push_back(
-          readHidden(entry, kernel.getArgumentTypes()[first + i]));
+      hidden.push_back(readHidden(entry, kernel.getArgumentTypes()[first + i]));
   }
   return hidden;
 }
@@ -189,9 +188,9 @@ static std::optional<warp::Module> takeMarked(ModuleOp module, StringRef mark) {
   other->op = module.clone();
   func::FuncOp kernel = findMarked(*other->op, mark);
   kernel->removeAttr(mark);
-  for (StringRef rest : {StringRef(warp::kernelAttrName),
-                         StringRef(warp::attr::augmented),
-                         StringRef(warp::attr::counting)})
+  for (StringRef rest :
+       {StringRef(warp::kernelAttrName), StringRef(warp::attr::augmented),
+        StringRef(warp::attr::counting), StringRef(warp::attr::recording)})
     if (func::FuncOp sibling = findMarked(*other->op, rest))
       sibling.erase();
   kernel->setAttr(warp::kernelAttrName, UnitAttr::get(module.getContext()));
@@ -259,10 +258,9 @@ Derivative warp::differentiate(const Module &module,
   });
   autodiff::callBodies(*copy->op);
   autodiff::keepCalls(*copy->op, true);
-  check(*copy->op,
-        [&](ModuleOp module) { return derive(module, options); });
+  check(*copy->op, [&](ModuleOp module) { return derive(module, options); });
   autodiff::keepCalls(*copy->op, false);
-  Derivative derivative{Module(copy), {}, {}, {}, {}, {}, {}, {}, {}};
+  Derivative derivative{Module(copy)};
   func::FuncOp kernel = findMarked(*copy->op, kernelAttrName);
   readFacts(kernel, derivative);
   StringRef suffix = options.forward ? "_tangent" : "_adjoint";
@@ -270,7 +268,10 @@ Derivative warp::differentiate(const Module &module,
     kernel.setSymName((kernel.getSymName() + suffix).str());
   if (func::FuncOp counting = findMarked(*copy->op, attr::counting))
     derivative.hiddenOfCounting = takeHidden(counting);
+  if (func::FuncOp recording = findMarked(*copy->op, attr::recording))
+    derivative.hiddenOfRecording = takeHidden(recording);
   derivative.counting = takeMarked(*copy->op, attr::counting);
+  derivative.recording = takeMarked(*copy->op, attr::recording);
   derivative.augmented = takeMarked(*copy->op, attr::augmented);
   finish(*copy->op);
   return derivative;

@@ -320,7 +320,7 @@ void Compilation::collectFacts(ModuleOp module) {
       mostRegisters = int(most.getInt());
     if (auto list = function->getAttrOfType<ArrayAttr>(attr::tensorMaps))
       for (auto map : list.getAsRange<DenseI64ArrayAttr>())
-        maps.push_back({map[0], map[1], map[2], map[3]});
+        maps.push_back({map[0], map[1], map[2], map[3], map[4], map[5]});
     dynamicBytes = isGpu(options) ? int(getDynamicBytes(function)) : 0;
     fixedBlock = cooperative || function
                                     .walk([](Operation *op) {

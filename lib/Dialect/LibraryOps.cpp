@@ -69,6 +69,14 @@ static constexpr warp::LibraryFunction functions[] = {
     // column of the matrix; whether the last row is solved first.
     {"warp_tile_solve_f32", "lliiiii", ""},
     {"warp_tile_solve_f64", "lliiiii", ""},
+    // Of several blocks: factor, matrix, right sides of the first one, scratch
+    // memory; bytes from block to block, blocks, rows, columns of right sides,
+    // what is to be done.
+    {"warp_tile_systems_f32", "lllliiiii", ""},
+    {"warp_tile_systems_f64", "lllliiiii", ""},
+    // The same of cotangents of factors, which become those of the matrices.
+    {"warp_tile_systems_adjoint_f32", "llliiii", ""},
+    {"warp_tile_systems_adjoint_f64", "llliiii", ""},
     // Result, operand, scratch memory; rows, their length, whether inverse.
     {"warp_tile_fft_f32", "llliii", ""},
     {"warp_tile_fft_f64", "llliii", ""},

@@ -7,7 +7,7 @@
 #include "warp/Bvh.h"
 
 #include "DeviceTree.h"
-#include "Slots.h"
+#include "Recording.h"
 
 #include <limits>
 
@@ -57,11 +57,14 @@ struct Bvh::Impl {
   void refit(const Boxes &boxes);
   void fill(const Boxes &boxes, BoxBlock &block) const;
   void publish();
-  void write(const Tree &searched, const TreeExtras &extras);
+  void write(const Tree &searched, const TreeExtras &extras,
+             std::vector<HandleMemory> memory);
 
   Slot slot;
   Hierarchy<BoxBlock> tree;
   DeviceTree<BoxBlock> onDevice;
+  /// Of the last build; the caller's.
+  ArrayDescriptor groups;
   float scale = 1;
   int64_t count = 0, skipped = 0;
 };
@@ -82,6 +85,7 @@ void Bvh::Impl::fill(const Boxes &boxes, BoxBlock &block) const {
 void Bvh::Impl::build(const Boxes &boxes, const ArrayDescriptor &groupArray,
                       Splitting splitting) {
   count = boxes.size();
+  this->groups = groupArray;
   HostElements<int32_t> groups(groupArray, slot.device());
   bool hasGroups = groups.size() > 0;
   if (hasGroups && groups.size() != count)
@@ -117,22 +121,25 @@ void Bvh::Impl::refit(const Boxes &boxes) {
 }
 
 void Bvh::Impl::publish() {
-  write(onDevice.describe(tree, scale, count),
-        onDevice.describeExtras(tree, {}));
+  Tree searched = onDevice.describe(tree, scale, count);
+  write(searched, onDevice.describeExtras(tree, {}), memoryOf(tree, searched));
 }
 
-void Bvh::Impl::write(const Tree &searched, const TreeExtras &extras) {
+void Bvh::Impl::write(const Tree &searched, const TreeExtras &extras,
+                      std::vector<HandleMemory> memory) {
   BvhSlot contents{searched, {}, extras};
   // The slot writes the first word.
-  slot.write(&contents.tree.nodes, sizeof contents - sizeof contents.tree.tag);
+  slot.write(&contents.tree.nodes, sizeof contents - sizeof contents.tree.tag,
+             std::move(memory));
 }
 
 Bvh::Bvh(const ArrayDescriptor &lowers, const ArrayDescriptor &uppers,
          int device, BvhConstructor constructor, const ArrayDescriptor &groups)
-    : impl(std::make_unique<Impl>(device)) {
+    : impl(std::make_shared<Impl>(device)) {
   impl->count = lowers.shape[0];
   if (constructor != BvhConstructor::None)
-    rebuild(lowers, uppers, constructor, groups);
+    impl->build(Boxes(lowers, uppers, device), groups,
+                splittingOf(constructor));
 }
 
 Bvh::~Bvh() = default;
@@ -140,19 +147,26 @@ Bvh::~Bvh() = default;
 uint64_t Bvh::id() const { return impl->slot.id(); }
 
 void Bvh::refit(const ArrayDescriptor &lowers, const ArrayDescriptor &uppers) {
-  impl->refit(Boxes(lowers, uppers, impl->slot.device()));
+  update(impl->slot, noteOf(impl->slot, {lowers, uppers, impl->groups}),
+         [impl = impl, lowers, uppers] {
+           impl->refit(Boxes(lowers, uppers, impl->slot.device()));
+         });
 }
 
 void Bvh::rebuild(const ArrayDescriptor &lowers, const ArrayDescriptor &uppers,
                   BvhConstructor constructor, const ArrayDescriptor &groups) {
-  impl->build(Boxes(lowers, uppers, impl->slot.device()), groups,
-              splittingOf(constructor));
+  update(impl->slot,
+         rebuildOf(noteOf(impl->slot, {lowers, uppers, groups}), constructor),
+         [impl = impl, lowers, uppers, groups, constructor] {
+           impl->build(Boxes(lowers, uppers, impl->slot.device()), groups,
+                       splittingOf(constructor));
+         });
 }
 
 void Bvh::adopt(uint64_t nodes, uint64_t blocks) {
   impl->write({0, reinterpret_cast<const Node *>(nodes),
                reinterpret_cast<const void *>(blocks), 1, int32_t(impl->count)},
-              {});
+              {}, memoryOf(nodes, blocks, impl->count, false));
 }
 
 HierarchyView Bvh::view() const {

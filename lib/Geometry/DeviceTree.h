@@ -15,6 +15,7 @@
 #include "warp/Bvh.h"
 #include "warp/Error.h"
 #include "warp/Memory.h"
+#include "warp/TreeBuild.h"
 
 #include <cstring>
 
@@ -112,6 +113,25 @@ private:
   std::unique_ptr<Buffer> nodes, blocks, groups, moments;
   std::vector<int32_t> hostGroups;
 };
+
+/// Nodes and blocks of a hierarchy where a slot says they are.
+template <class Block>
+std::vector<HandleMemory> memoryOf(const Hierarchy<Block> &host,
+                                   const Tree &searched) {
+  return {{searched.nodes, host.nodes().size() * sizeof(Node)},
+          {searched.blocks, host.leaves().size() * sizeof(Block)}};
+}
+/// The same of one that kernels build.
+inline std::vector<HandleMemory> memoryOf(uint64_t nodes, uint64_t blocks,
+                                          int64_t count, bool ofTriangles) {
+  if (count == 0)
+    return {};
+  TreeShape shape(count);
+  return {{reinterpret_cast<const void *>(nodes),
+           size_t(shape.nodes() * TreeShape::nodeBytes)},
+          {reinterpret_cast<const void *>(blocks),
+           size_t(shape.blocks * TreeShape::blockBytes(ofTriangles))}};
+}
 
 template <class Block>
 BvhReport reportOf(const Hierarchy<Block> &tree, int64_t skipped) {

@@ -11,7 +11,7 @@
 #include "warp/HashGrid.h"
 
 #include "DeviceTree.h"
-#include "Slots.h"
+#include "Recording.h"
 
 #include <bit>
 
@@ -39,7 +39,7 @@ struct Entry {
   int32_t point;
 };
 
-constexpr int digitBits = 11;
+constexpr int cellDigitBits = 11;
 constexpr int64_t pointsPerChunk = 4096;
 
 } // namespace
@@ -71,6 +71,8 @@ struct HashGrid::Impl {
   explicit Impl(const int32_t (&counts)[3]);
 
   void reserve(int64_t points);
+  void build(const ArrayDescriptor &points, int scalarSize, double width,
+             const ArrayDescriptor &groupArray);
   template <class Read>
   void assign(const ArrayDescriptor &points, double inverse, Read &&read);
   template <class T, class F>
@@ -99,8 +101,7 @@ HashGrid::Impl::Impl(const int32_t (&counts)[3])
     cells[i] = counts[i];
     total *= counts[i];
     if (total > INT32_MAX)
-      throw Error(Error::Kind::Runtime,
-                  "a HashGrid has fewer than 2^31 cells");
+      throw Error(Error::Kind::Runtime, "a HashGrid has fewer than 2^31 cells");
   }
   starts.assign(total + 1, 0);
   publish(0, 1);
@@ -155,8 +156,8 @@ void HashGrid::Impl::assignAs(const ArrayDescriptor &points, double width) {
 
 /// One pass of a stable radix sort; the result is in `entries` again.
 void HashGrid::Impl::sortByDigit(int64_t count, int shift, int bits) {
-  int64_t chunks = std::clamp<int64_t>(count / pointsPerChunk, 1,
-                                       4 * ThreadPool::size());
+  int64_t chunks =
+      std::clamp<int64_t>(count / pointsPerChunk, 1, 4 * ThreadPool::size());
   size_t digits = size_t(1) << bits;
   uint32_t mask = uint32_t(digits - 1);
   std::vector<int32_t> places(chunks * digits);
@@ -188,7 +189,7 @@ void HashGrid::Impl::sortByDigit(int64_t count, int shift, int bits) {
 
 void HashGrid::Impl::sort(int64_t count) {
   int bits = std::bit_width(uint64_t(total));
-  int passes = (bits + digitBits - 1) / digitBits;
+  int passes = (bits + cellDigitBits - 1) / cellDigitBits;
   int each = (bits + passes - 1) / passes;
   for (int pass = 0; pass < passes; ++pass)
     sortByDigit(count, pass * each, each);
@@ -204,10 +205,9 @@ void HashGrid::Impl::findStarts(int64_t count) {
   ThreadPool::parallelFor(0, ranges, 1, [&](int64_t from, int64_t to) {
     int64_t firstCell = (total + 1) * from / ranges;
     int64_t endCell = (total + 1) * to / ranges;
-    auto entry = std::lower_bound(entries.begin(), entries.begin() + count,
-                                  firstCell, [](const Entry &a, int64_t cell) {
-                                    return int64_t(a.cell) < cell;
-                                  });
+    auto entry = std::lower_bound(
+        entries.begin(), entries.begin() + count, firstCell,
+        [](const Entry &a, int64_t cell) { return int64_t(a.cell) < cell; });
     int64_t i = entry - entries.begin();
     int64_t cell = firstCell;
     for (; cell < endCell; ++i) {
@@ -224,6 +224,16 @@ void HashGrid::Impl::findStarts(int64_t count) {
                               order[i] = entries[i].point;
                           });
   skipped = count - starts[total];
+}
+
+void HashGrid::Impl::build(const ArrayDescriptor &points, int scalarSize,
+                           double width, const ArrayDescriptor &groupArray) {
+  groups = groupArray;
+  if (scalarSize == 8)
+    return assignAs<double, double>(points, width);
+  if (scalarSize == 2)
+    return assignAs<uint16_t, float>(points, width);
+  assignAs<float, float>(points, width);
 }
 
 void HashGrid::Impl::publish(int64_t count, double inverse) {
@@ -246,7 +256,7 @@ void HashGrid::Impl::publish(int64_t count, double inverse) {
 }
 
 HashGrid::HashGrid(const int32_t (&cells)[3])
-    : impl(std::make_unique<Impl>(cells)) {}
+    : impl(std::make_shared<Impl>(cells)) {}
 
 HashGrid::~HashGrid() = default;
 
@@ -254,12 +264,12 @@ uint64_t HashGrid::id() const { return impl->slot.id(); }
 
 void HashGrid::build(const ArrayDescriptor &points, int scalarSize,
                      double width, const ArrayDescriptor &groups) {
-  impl->groups = groups;
-  if (scalarSize == 8)
-    return impl->assignAs<double, double>(points, width);
-  if (scalarSize == 2)
-    return impl->assignAs<uint16_t, float>(points, width);
-  impl->assignAs<float, float>(points, width);
+  graphs::UpdateGeometry note = noteOf(impl->slot, {points, groups});
+  note.width = width;
+  note.scalarSize = scalarSize;
+  update(impl->slot, note, [impl = impl, points, scalarSize, width, groups] {
+    impl->build(points, scalarSize, width, groups);
+  });
 }
 
 void HashGrid::reserve(int64_t points) { impl->reserve(points); }

@@ -6,7 +6,7 @@
 
 #include "warp/Mesh.h"
 
-#include "Slots.h"
+#include "Recording.h"
 #include "Triangles.h"
 
 #include <cstddef>
@@ -34,11 +34,13 @@ struct Mesh::Impl {
   void refit(const MeshArrays &arrays);
   void publish(const MeshArrays &arrays);
   void write(const Tree &searched, const MeshArrays &arrays,
-             const TreeExtras &extras);
+             const TreeExtras &extras, std::vector<HandleMemory> memory);
 
   Slot slot;
   Hierarchy<TriangleBlock> tree;
   DeviceTree<TriangleBlock> onDevice;
+  /// Of the last build; the caller's.
+  ArrayDescriptor groups;
   float scale = 1;
   int64_t faces = 0, skipped = 0;
   bool hasWinding = false;
@@ -50,6 +52,7 @@ void Mesh::Impl::build(const MeshArrays &arrays, Splitting splitting) {
   triangles.check();
   faces = triangles.size();
   checkGroups(arrays);
+  this->groups = arrays.groups;
   HostElements<int32_t> groups(arrays.groups, slot.device());
   std::vector<BuildPrimitive> primitives = triangles.primitives(groups);
   skipped = faces - int64_t(primitives.size());
@@ -85,24 +88,27 @@ void Mesh::Impl::refit(const MeshArrays &arrays) {
 void Mesh::Impl::publish(const MeshArrays &arrays) {
   if (hasWinding)
     moments = findMoments(tree);
-  write(onDevice.describe(tree, scale, faces), arrays,
-        onDevice.describeExtras(tree, moments));
+  Tree searched = onDevice.describe(tree, scale, faces);
+  write(searched, arrays, onDevice.describeExtras(tree, moments),
+        memoryOf(tree, searched));
 }
 
 void Mesh::Impl::write(const Tree &searched, const MeshArrays &arrays,
-                       const TreeExtras &extras) {
+                       const TreeExtras &extras,
+                       std::vector<HandleMemory> memory) {
   struct {
     Tree tree;
     MeshSlot mesh;
   } contents{searched,
              {arrays.points, arrays.velocities, arrays.indices, extras}};
   // The slot writes the first word.
-  slot.write(&contents.tree.nodes, sizeof contents - sizeof contents.tree.tag);
+  slot.write(&contents.tree.nodes, sizeof contents - sizeof contents.tree.tag,
+             std::move(memory));
 }
 
 Mesh::Mesh(const MeshArrays &arrays, int device, BvhConstructor constructor,
            bool hasWinding)
-    : impl(std::make_unique<Impl>(device)) {
+    : impl(std::make_shared<Impl>(device)) {
   impl->hasWinding = hasWinding;
   if (constructor != BvhConstructor::None)
     impl->build(arrays, splittingOf(constructor));
@@ -112,10 +118,23 @@ Mesh::~Mesh() = default;
 
 uint64_t Mesh::id() const { return impl->slot.id(); }
 
-void Mesh::refit(const MeshArrays &arrays) { impl->refit(arrays); }
+static graphs::UpdateGeometry noteOf(const Slot &slot, const MeshArrays &arrays,
+                                     const ArrayDescriptor &groups) {
+  return noteOf(slot,
+                {arrays.points, arrays.velocities, arrays.indices, groups});
+}
+
+void Mesh::refit(const MeshArrays &arrays) {
+  update(impl->slot, noteOf(impl->slot, arrays, impl->groups),
+         [impl = impl, arrays] { impl->refit(arrays); });
+}
 
 void Mesh::rebuild(const MeshArrays &arrays, BvhConstructor constructor) {
-  impl->build(arrays, splittingOf(constructor));
+  update(impl->slot,
+         rebuildOf(noteOf(impl->slot, arrays, arrays.groups), constructor),
+         [impl = impl, arrays, constructor] {
+           impl->build(arrays, splittingOf(constructor));
+         });
 }
 
 void Mesh::supportWinding(const MeshArrays &arrays, bool byKernels) {
@@ -128,7 +147,8 @@ void Mesh::adopt(const MeshArrays &arrays, uint64_t nodes, uint64_t blocks) {
   Tree tree{0, reinterpret_cast<const Node *>(nodes),
             reinterpret_cast<const void *>(blocks), 1,
             arrays.indices.shape[0] / 3};
-  impl->write(tree, arrays, {});
+  impl->write(tree, arrays, {},
+              memoryOf(nodes, blocks, arrays.indices.shape[0] / 3, true));
 }
 
 HierarchyView Mesh::view() const {

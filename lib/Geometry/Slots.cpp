@@ -31,6 +31,11 @@ struct FreeSlot {
   uint64_t address, generation;
 };
 
+struct LiveSlot {
+  GeometryKind kind;
+  std::vector<HandleMemory> memory;
+};
+
 /// The slots of one device.
 struct Pool {
   std::vector<std::unique_ptr<Buffer>> slabs;
@@ -40,7 +45,7 @@ struct Pool {
 struct Registry {
   std::mutex mutex;
   std::unordered_map<int, Pool> pools;
-  std::unordered_map<uint64_t, GeometryKind> live;
+  std::unordered_map<uint64_t, LiveSlot> live;
   /// Of the handles that were, by slot.
   std::unordered_map<uint64_t, GeometryKind> lastKind;
 };
@@ -63,7 +68,8 @@ static void addSlab(Pool &pool, int device) {
   pool.slabs.push_back(std::move(slab));
 }
 
-Slot::Slot(GeometryKind kind, int device) : kind(kind), deviceIndex(device) {
+Slot::Slot(GeometryKind kind, int device)
+    : geometryKind(kind), deviceIndex(device) {
   Registry &all = registry();
   std::lock_guard<std::mutex> lock(all.mutex);
   Pool &pool = all.pools[device];
@@ -73,7 +79,7 @@ Slot::Slot(GeometryKind kind, int device) : kind(kind), deviceIndex(device) {
   pool.free.pop_front();
   handle = slot.address | slot.generation << generationShift |
            uint64_t(device + 1) << deviceShift;
-  all.live[handle] = kind;
+  all.live[handle] = {kind, {}};
   all.lastKind[slot.address] = kind;
 }
 
@@ -94,10 +100,11 @@ Slot::~Slot() {
 }
 
 uint64_t Slot::tag() const {
-  return handle >> generationShift << 8 | uint64_t(kind);
+  return handle >> generationShift << 8 | uint64_t(geometryKind);
 }
 
-void Slot::write(const void *contents, size_t bytes) {
+void Slot::write(const void *contents, size_t bytes,
+                 std::vector<HandleMemory> memory) {
   char image[slotSize] = {};
   uint64_t word = tag();
   std::memcpy(image, &word, sizeof word);
@@ -105,6 +112,9 @@ void Slot::write(const void *contents, size_t bytes) {
   // At once: a graph that is being captured may use what is made while it is.
   writeNewMemory(reinterpret_cast<void *>(handle & addressMask), deviceIndex,
                  image, sizeof image);
+  Registry &all = registry();
+  std::lock_guard<std::mutex> lock(all.mutex);
+  all.live.at(handle).memory = std::move(memory);
 }
 
 GeometryHandle::GeometryHandle(GeometryKind kind, int device)
@@ -114,9 +124,14 @@ GeometryHandle::~GeometryHandle() = default;
 
 uint64_t GeometryHandle::id() const { return slot->id(); }
 
-void GeometryHandle::write(const void *contents, size_t bytes) {
-  slot->write(contents, bytes);
+GeometryKind GeometryHandle::kind() const { return slot->kind(); }
+
+void GeometryHandle::write(const void *contents, size_t bytes,
+                           std::vector<HandleMemory> memory) {
+  slot->write(contents, bytes, std::move(memory));
 }
+
+static int deviceOf(uint64_t id) { return int(id >> deviceShift & 31) - 1; }
 
 void warp::writeHandleWord(uint64_t id, unsigned index, uint64_t value) {
   Registry &all = registry();
@@ -124,8 +139,37 @@ void warp::writeHandleWord(uint64_t id, unsigned index, uint64_t value) {
   if (!all.live.count(id) || index == 0 || index >= slotSize / sizeof(uint64_t))
     throw Error(Error::Kind::Value, "no such word of a live handle");
   auto *words = reinterpret_cast<uint64_t *>(id & addressMask);
-  writeNewMemory(words + index, int(id >> deviceShift & 31) - 1, &value,
-                 sizeof value);
+  writeNewMemory(words + index, deviceOf(id), &value, sizeof value);
+}
+
+uint64_t warp::handleAddress(uint64_t id) { return id & addressMask; }
+
+std::optional<GeometryKind> warp::findHandle(uint64_t id, int device) {
+  Registry &all = registry();
+  std::lock_guard<std::mutex> lock(all.mutex);
+  auto live = all.live.find(id);
+  if (live == all.live.end() || deviceOf(id) != device)
+    return {};
+  return live->second.kind;
+}
+
+HandleContents warp::readHandle(uint64_t id) {
+  HandleContents contents{};
+  std::vector<HandleMemory> memory;
+  {
+    Registry &all = registry();
+    std::lock_guard<std::mutex> lock(all.mutex);
+    auto live = all.live.find(id);
+    if (live == all.live.end())
+      throw Error(Error::Kind::Value, "no live handle");
+    contents.kind = live->second.kind;
+    memory = live->second.memory;
+  }
+  copyMemory(contents.words.data(), cpuDevice,
+             reinterpret_cast<const void *>(handleAddress(id)), deviceOf(id),
+             slotSize);
+  findPointers(contents, memory);
+  return contents;
 }
 
 static const char *nameOf(GeometryKind kind) {
@@ -143,11 +187,12 @@ std::string warp::describeHandle(uint64_t id, GeometryKind kind, int device) {
       return "a number that is none";
     return std::string("that of a freed ") + nameOf(last->second);
   }
-  bool fits = live->second == kind ||
-              (kind == GeometryKind::Bvh && live->second == GeometryKind::Mesh);
+  GeometryKind found = live->second.kind;
+  bool fits = found == kind ||
+              (kind == GeometryKind::Bvh && found == GeometryKind::Mesh);
   if (!fits)
-    return std::string("that of a ") + nameOf(live->second);
-  int lives = int(id >> deviceShift & 31) - 1;
+    return std::string("that of a ") + nameOf(found);
+  int lives = deviceOf(id);
   if (lives == device)
     return "";
   return std::string("that of one on '") +

@@ -25,6 +25,7 @@
 namespace warp::geometry {
 
 inline constexpr size_t slotSize = 256;
+static_assert(slotSize == handleWords * sizeof(uint64_t));
 
 /// A handle with an owner.
 class Slot {
@@ -35,17 +36,25 @@ public:
   Slot &operator=(const Slot &) = delete;
 
   uint64_t id() const { return handle; }
+  GeometryKind kind() const { return geometryKind; }
   int device() const { return deviceIndex; }
   /// What the slot's first word has to be.
   uint64_t tag() const;
-  /// Writes what follows the first word, and that.
-  void write(const void *contents, size_t bytes);
+  /// Writes what follows the first word, and that; `memory` as for a
+  /// `GeometryHandle`.
+  void write(const void *contents, size_t bytes,
+             std::vector<HandleMemory> memory = {});
 
 private:
-  GeometryKind kind;
+  GeometryKind geometryKind;
   int deviceIndex;
   uint64_t handle;
 };
+
+/// Completes the words of a handle by where its pointers lead to
+/// (HandleContents.cpp).
+void findPointers(HandleContents &contents,
+                  const std::vector<HandleMemory> &memory);
 
 } // namespace warp::geometry
 

@@ -16,6 +16,50 @@
 using namespace warp;
 using namespace warp::graphs;
 
+static void writeWords(Writer &out, const std::vector<HandleWord> &words) {
+  out.number<uint64_t>(words.size());
+  for (const HandleWord &word : words) {
+    out.number(word.at);
+    out.number(word.handle);
+  }
+}
+
+static std::vector<HandleWord> readWords(Reader &in) {
+  std::vector<HandleWord> words;
+  auto count = in.number<uint64_t>();
+  for (uint64_t i = 0; i < count && in.ok(); ++i) {
+    HandleWord word;
+    word.at = in.number<uint64_t>();
+    word.handle = in.number<uint32_t>();
+    words.push_back(word);
+  }
+  return words;
+}
+
+static void writeHandle(Writer &out, const FileHandle &handle) {
+  out.number(handle.kind);
+  for (uint64_t word : handle.words)
+    out.number(word);
+  for (uint32_t block : handle.blocks)
+    out.number(block);
+}
+
+/// `kind` is checked where it says how many addresses there are.
+static FileHandle readHandle(Reader &in, const std::string &origin) {
+  FileHandle handle;
+  handle.kind = in.number<uint8_t>();
+  if (in.ok() && (handle.kind < uint8_t(GeometryKind::HashGrid) ||
+                  handle.kind > uint8_t(GeometryKind::Volume)))
+    throw format.error(origin, "is damaged, there is no such geometry");
+  for (uint64_t &word : handle.words)
+    word = in.number<uint64_t>();
+  if (in.ok())
+    handle.blocks.resize(pointerWords(GeometryKind(handle.kind)).size());
+  for (uint32_t &block : handle.blocks)
+    block = in.number<uint32_t>();
+  return handle;
+}
+
 static void writeOperation(Writer &out, const FileOperation &entry) {
   const GraphOperation &operation = entry.operation;
   out.number<uint8_t>(static_cast<uint8_t>(operation.kind));
@@ -29,6 +73,8 @@ static void writeOperation(Writer &out, const FileOperation &entry) {
   for (uint32_t block : entry.blocks)
     out.number<uint32_t>(block);
   out.string(operation.constant);
+  writeWords(out, entry.handles);
+  writeWords(out, entry.constantHandles);
 }
 
 static FileOperation readOperation(Reader &in) {
@@ -45,6 +91,8 @@ static FileOperation readOperation(Reader &in) {
   for (uint64_t i = 0; i < pointers && in.ok(); ++i)
     entry.blocks.push_back(in.number<uint32_t>());
   operation.constant = in.string();
+  entry.handles = readWords(in);
+  entry.constantHandles = readWords(in);
   return entry;
 }
 
@@ -59,7 +107,11 @@ std::string GraphFile::bytes() const {
     payload.number(block.lead);
     payload.number(block.bytes);
     payload.string(block.contents);
+    writeWords(payload, block.handles);
   }
+  payload.number<uint64_t>(handles.size());
+  for (const FileHandle &handle : handles)
+    writeHandle(payload, handle);
   payload.number<uint64_t>(names.size());
   for (const FileName &name : names) {
     payload.string(name.name);
@@ -73,7 +125,7 @@ std::string GraphFile::bytes() const {
   return format.wrap(payload.bytes);
 }
 
-static GraphFile readPayload(Reader &in) {
+static GraphFile readPayload(Reader &in, const std::string &origin) {
   GraphFile file;
   in.string();
   file.target = in.string();
@@ -85,8 +137,12 @@ static GraphFile readPayload(Reader &in) {
     block.lead = in.number<uint32_t>();
     block.bytes = in.number<uint64_t>();
     block.contents = in.string();
+    block.handles = readWords(in);
     file.blocks.push_back(std::move(block));
   }
+  auto handles = in.number<uint64_t>();
+  for (uint64_t i = 0; i < handles && in.ok(); ++i)
+    file.handles.push_back(readHandle(in, origin));
   auto names = in.number<uint64_t>();
   for (uint64_t i = 0; i < names && in.ok(); ++i) {
     FileName name;
@@ -107,6 +163,36 @@ static bool isWithin(const FileBlock &block, uint64_t offset, uint64_t bytes) {
   return offset <= block.bytes && bytes <= block.bytes - offset;
 }
 
+/// Handles that are there, at places in `size` bytes.
+static void checkWords(const GraphFile &file,
+                       const std::vector<HandleWord> &words, uint64_t size,
+                       const std::string &origin) {
+  for (const HandleWord &word : words)
+    if (word.handle >= file.handles.size() || word.at % 4 != 0 || size < 8 ||
+        word.at > size - 8)
+      throw format.error(origin, "is damaged, an id has no geometry");
+}
+
+static void checkHandles(const GraphFile &file, const std::string &origin) {
+  for (const FileBlock &block : file.blocks)
+    checkWords(file, block.handles, block.contents.size(), origin);
+  for (const FileOperation &entry : file.operations) {
+    checkWords(file, entry.handles, entry.operation.arguments.size(), origin);
+    checkWords(file, entry.constantHandles, entry.operation.constant.size(),
+               origin);
+  }
+  for (const FileHandle &handle : file.handles) {
+    size_t i = 0;
+    for (uint32_t word : pointerWords(GeometryKind(handle.kind))) {
+      uint32_t block = handle.blocks[i++];
+      if (block != nullBlock && block != spareBlock &&
+          (block >= file.blocks.size() ||
+           handle.words[word] > file.blocks[block].bytes))
+        throw format.error(origin, "is damaged, geometry lacks its memory");
+    }
+  }
+}
+
 static void checkMemory(const GraphFile &file, const std::string &origin) {
   for (const FileBlock &block : file.blocks)
     if (block.lead >= 4096 || block.bytes > uint64_t(1) << 47 ||
@@ -125,9 +211,10 @@ GraphFile GraphFile::fromBytes(const std::string &bytes,
                                const std::string &origin) {
   std::string_view payload = format.unwrap(bytes, origin);
   Reader in(payload.data(), payload.size());
-  GraphFile file = readPayload(in);
+  GraphFile file = readPayload(in, origin);
   if (!in.atEnd())
     throw format.error(origin, "is damaged, it ends too early");
   checkMemory(file, origin);
+  checkHandles(file, origin);
   return file;
 }

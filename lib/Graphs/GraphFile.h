@@ -12,6 +12,7 @@
 
 #include "Runtime/FileFormat.h"
 #include "Runtime/GraphTrace.h"
+#include "warp/Handle.h"
 
 #include <string>
 #include <vector>
@@ -19,8 +20,14 @@
 namespace warp::graphs {
 
 /// The version goes up when the file or the arguments of an operation change.
-inline constexpr FileFormat format{"WARPGRPH", 1, "saved graph",
+inline constexpr FileFormat format{"WARPGRPH", 2, "saved graph",
                                    "save it again"};
+
+/// A handle in some bytes.
+struct HandleWord {
+  uint64_t at = 0;
+  uint32_t handle = 0;
+};
 
 /// Memory that arrays of the graph lie in.
 struct FileBlock {
@@ -29,6 +36,16 @@ struct FileBlock {
   uint64_t bytes = 0;
   /// All of it, or nothing where it is zero or written before it is read.
   std::string contents;
+  std::vector<HandleWord> handles;
+};
+
+/// Geometry that kernels know by a number: its words, those that are addresses
+/// as offsets within their blocks.
+struct FileHandle {
+  uint8_t kind = 0;
+  std::array<uint64_t, handleWords> words{};
+  /// Of each address (`pointerWords`).
+  std::vector<uint32_t> blocks;
 };
 
 struct FileName {
@@ -38,13 +55,15 @@ struct FileName {
 };
 
 /// Blocks of pointers that lead to none: null, and such that nothing is
-/// reached through.
+/// reached through. Numbers behind those of blocks are words of handles.
 inline constexpr uint32_t nullBlock = 0xffffffff, spareBlock = 0xfffffffe;
 
 struct FileOperation {
   /// Pointers among the arguments are offsets within their blocks.
   GraphOperation operation;
   std::vector<uint32_t> blocks;
+  /// Among the arguments, and in the constant.
+  std::vector<HandleWord> handles, constantHandles;
   uint32_t kernel = 0;
   /// GPU: threads of a block, 0 if the launch left it open.
   int32_t blockDim = 0;
@@ -57,6 +76,7 @@ struct GraphFile {
   std::string module;
   uint64_t moduleHash = 0;
   std::vector<FileBlock> blocks;
+  std::vector<FileHandle> handles;
   std::vector<FileName> names;
   std::vector<FileOperation> operations;
 

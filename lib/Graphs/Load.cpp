@@ -8,9 +8,10 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "GraphFile.h"
+#include "Geometry.h"
 #include "Operations.h"
 
+#include "Geometry/Slots.h"
 #include "Runtime/Support.h"
 #include "warp/SavedGraph.h"
 #include "warp/SavedModule.h"
@@ -23,6 +24,7 @@ struct LoadedGraph::Impl {
   GraphFile file;
   std::vector<std::shared_ptr<Kernel>> kernels;
   std::vector<std::unique_ptr<Buffer>> buffers;
+  Geometry geometry;
   std::map<std::string, const FileName *> names;
   /// Goes first.
   std::shared_ptr<Graph> graph;
@@ -46,14 +48,15 @@ namespace {
 class Loader {
 public:
   Loader(GraphFile &file, std::vector<std::shared_ptr<Kernel>> &kernels,
-         std::vector<std::unique_ptr<Buffer>> &buffers, int device,
-         const std::string &origin)
-      : file(file), kernels(kernels), buffers(buffers), device(device),
-        origin(origin) {}
+         std::vector<std::unique_ptr<Buffer>> &buffers, Geometry &geometry,
+         int device, const std::string &origin)
+      : file(file), kernels(kernels), buffers(buffers), geometry(geometry),
+        device(device), origin(origin) {}
 
   void checkTarget() const;
   void loadKernels(const std::map<std::string, std::string> &modules);
   void allocate(const Stream *stream);
+  void makeGeometry(const Stream *stream);
   void restorePointers();
   std::shared_ptr<Graph> capture(std::shared_ptr<Stream> stream);
 
@@ -62,11 +65,21 @@ private:
     return format.error(origin, "is damaged, " + how);
   }
   void restorePointers(FileOperation &entry);
+  void prepareGeometry();
+  void writeGeometry();
+  void writeIds(const std::vector<HandleWord> &words, std::string &bytes);
+  void writeIds(const Stream *stream);
+  uint64_t addressOf(uint32_t block, uint64_t offset) const;
+  AddressRange rangeOf(uint32_t block) const;
+  bool exists(uint32_t block) const {
+    return block < file.blocks.size() + file.handles.size();
+  }
   void checkRoom() const;
 
   GraphFile &file;
   std::vector<std::shared_ptr<Kernel>> &kernels;
   std::vector<std::unique_ptr<Buffer>> &buffers;
+  Geometry &geometry;
   SavedModule module;
   int device;
   const std::string &origin;
@@ -116,7 +129,7 @@ void Loader::checkRoom() const {
 
 void Loader::allocate(const Stream *stream) {
   checkRoom();
-  for (const FileBlock &block : file.blocks) {
+  for (FileBlock &block : file.blocks) {
     auto buffer = std::make_unique<Buffer>(device, block.lead + block.bytes,
                                            false, stream);
     char *start = static_cast<char *>(buffer->data()) + block.lead;
@@ -131,8 +144,94 @@ void Loader::allocate(const Stream *stream) {
   spare = reinterpret_cast<uint64_t>(buffers.back()->data());
   if (stream)
     stream->synchronize();
-  for (FileBlock &block : file.blocks)
+}
+
+/// Ids in arrays, once they are known.
+void Loader::writeIds(const Stream *stream) {
+  for (size_t i = 0; i < file.blocks.size(); ++i) {
+    FileBlock &block = file.blocks[i];
+    for (const HandleWord &word : block.handles) {
+      uint64_t id = geometry.id(word.handle);
+      copyMemory(reinterpret_cast<void *>(rangeOf(uint32_t(i)).begin + word.at),
+                 device, &id, cpuDevice, sizeof id, stream);
+    }
+    if (stream && !block.handles.empty())
+      stream->synchronize();
     std::string().swap(block.contents);
+  }
+}
+
+AddressRange Loader::rangeOf(uint32_t block) const {
+  if (block >= file.blocks.size()) {
+    uint64_t start = geometry.address(block - uint32_t(file.blocks.size()));
+    return {start, start + sizeof(FileHandle::words)};
+  }
+  uint64_t start = reinterpret_cast<uint64_t>(buffers[block]->data()) +
+                   file.blocks[block].lead;
+  return {start, start + file.blocks[block].bytes};
+}
+
+uint64_t Loader::addressOf(uint32_t block, uint64_t offset) const {
+  return block == nullBlock    ? 0
+         : block == spareBlock ? spare
+                               : rangeOf(block).begin + offset;
+}
+
+void Loader::writeIds(const std::vector<HandleWord> &words,
+                      std::string &bytes) {
+  for (const HandleWord &word : words) {
+    uint64_t id = geometry.id(word.handle);
+    std::memcpy(bytes.data() + word.at, &id, sizeof id);
+  }
+}
+
+/// Objects for geometry that the graph updates, made of the arrays that it has
+/// for that; what follows knows only their ids.
+void Loader::prepareGeometry() {
+  for (const FileOperation &entry : file.operations) {
+    const GraphOperation &operation = entry.operation;
+    if (operation.kind != Kind::UpdateGeometry)
+      continue;
+    if (entry.handles.size() != 1 || entry.handles[0].at != 0)
+      throw damaged("the " + describe(operation) + " lacks its geometry");
+    // A copy of it that knows where its arrays are, and not yet whose it is.
+    FileOperation known = entry;
+    known.handles.clear();
+    restorePointers(known);
+    uint32_t number = entry.handles[0].handle;
+    geometry.prepare(number, file.handles[number],
+                     known.operation.read<UpdateGeometry>());
+  }
+}
+
+void Loader::writeGeometry() {
+  for (uint32_t i = 0; i < file.handles.size(); ++i) {
+    FileHandle &handle = file.handles[i];
+    std::vector<uint32_t> words = pointerWords(GeometryKind(handle.kind));
+    for (size_t k = 0; k < words.size(); ++k)
+      handle.words[words[k]] =
+          addressOf(handle.blocks[k], handle.words[words[k]]);
+    HandleContents reached{GeometryKind(handle.kind), handle.words, {}};
+    warp::geometry::findPointers(reached, {});
+    for (size_t k = 0; k < words.size(); ++k) {
+      const HandleContents::Pointer &pointer = reached.pointers[k];
+      if (pointer.begin == pointer.end)
+        continue;
+      AddressRange memory;
+      if (exists(handle.blocks[k]))
+        memory = rangeOf(handle.blocks[k]);
+      if (pointer.begin < memory.begin || pointer.end > memory.end)
+        throw damaged("geometry reaches beyond its memory");
+    }
+    geometry.write(i, handle.words);
+  }
+}
+
+void Loader::makeGeometry(const Stream *stream) {
+  geometry.make(file, device);
+  prepareGeometry();
+  writeGeometry();
+  writeIds(stream);
 }
 
 void Loader::restorePointers(FileOperation &entry) {
@@ -155,30 +254,27 @@ void Loader::restorePointers(FileOperation &entry) {
     uint64_t address = 0;
     std::memcpy(&address, operation.arguments.data() + slots[i], 8);
     uint32_t block = entry.blocks[i];
-    if (block == nullBlock)
-      address = 0;
-    else if (block == spareBlock)
-      address = spare;
-    else if (block >= file.blocks.size())
+    if (block != nullBlock && block != spareBlock && !exists(block))
       throw damaged("the " + describe(operation) + " lacks its memory");
-    else
-      address += reinterpret_cast<uint64_t>(buffers[block]->data()) +
-                 file.blocks[block].lead;
+    address = addressOf(block, address);
     std::memcpy(operation.arguments.data() + slots[i], &address, 8);
   }
+  for (const HandleWord &word : entry.handles)
+    for (size_t slot : slots)
+      if (word.at < slot + 8 && slot < word.at + 8)
+        throw damaged("the " + describe(operation) + " has ids for pointers");
+  writeIds(entry.handles, operation.arguments);
+  writeIds(entry.constantHandles, operation.constant);
   std::vector<Pointer> pointers = pointersOf(operation, accesses);
   for (size_t i = 0; i < pointers.size(); ++i) {
     const AddressRange &range = pointers[i].range;
-    uint32_t block = entry.blocks[i];
     if (range.begin == range.end)
       continue;
-    uint64_t start = 0, end = 0;
-    if (block < file.blocks.size()) {
-      start = reinterpret_cast<uint64_t>(buffers[block]->data()) +
-              file.blocks[block].lead;
-      end = start + file.blocks[block].bytes;
-    }
-    if (range.begin < start || range.end > end || range.begin > range.end)
+    AddressRange memory;
+    if (exists(entry.blocks[i]))
+      memory = rangeOf(entry.blocks[i]);
+    if (range.begin < memory.begin || range.end > memory.end ||
+        range.begin > range.end)
       throw damaged("the " + describe(operation) +
                     " reaches beyond its memory");
   }
@@ -202,7 +298,7 @@ std::shared_ptr<Graph> Loader::capture(std::shared_ptr<Stream> stream) {
   Conditions conditions;
   for (FileOperation &entry : file.operations)
     repeat(entry.operation, device, entry.blockDim, stream.get(), *capture,
-           conditions);
+           conditions, geometry);
   return capture->end();
 }
 
@@ -211,7 +307,8 @@ std::shared_ptr<LoadedGraph> LoadedGraph::fromFiles(const GraphFiles &files,
                                                     const std::string &origin) {
   auto impl = std::make_unique<Impl>();
   impl->file = GraphFile::fromBytes(files.graph, origin);
-  Loader loader(impl->file, impl->kernels, impl->buffers, device, origin);
+  Loader loader(impl->file, impl->kernels, impl->buffers, impl->geometry,
+                device, origin);
   loader.checkTarget();
   if (device == cpuDevice && isCapturing(device))
     throw format.error(origin,
@@ -222,6 +319,7 @@ std::shared_ptr<LoadedGraph> LoadedGraph::fromFiles(const GraphFiles &files,
   loader.loadKernels(files.modules);
   loader.allocate(stream.get());
   try {
+    loader.makeGeometry(stream.get());
     loader.restorePointers();
     impl->graph = loader.capture(stream);
   } catch (const Error &error) {

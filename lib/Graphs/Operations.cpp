@@ -2,12 +2,14 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// One place for what the kinds of operations mean: where their pointers are,
-// how far those reach, and how they are done again.
+// One place for what the arguments of operations mean: where their pointers
+// are, and how far those reach.
 //
 //===----------------------------------------------------------------------===//
 
 #include "Operations.h"
+
+#include "Geometry.h"
 
 #include "warp/Error.h"
 #include "warp/Memory.h"
@@ -23,7 +25,7 @@ using Kind = GraphOperation::Kind;
 
 static constexpr int64_t most = std::numeric_limits<int64_t>::max();
 
-static Error nonsense(const GraphOperation &operation) {
+Error graphs::nonsense(const GraphOperation &operation) {
   return Error(Error::Kind::Value,
                "the " + describe(operation) + " has impossible arguments");
 }
@@ -49,6 +51,8 @@ std::string graphs::describe(const GraphOperation &operation) {
     return "search for runs";
   case Kind::BuildTree:
     return "build of a hierarchy";
+  case Kind::UpdateGeometry:
+    return "update of geometry";
   case Kind::MultiplyRows:
     return "sparse product";
   case Kind::Condition:
@@ -115,8 +119,10 @@ public:
       valid = array.shape[i] >= 0;
       empty |= array.shape[i] == 0;
     }
-    // A kernel may ask whether it has an array, a copy has both.
-    bool optional = operation.kind == Kind::Launch;
+    // A kernel may ask whether it has an array, and geometry whether it has
+    // groups; a copy has both.
+    bool optional = operation.kind == Kind::Launch ||
+                    operation.kind == Kind::UpdateGeometry;
     if (!slotsOnly && (!valid || (!optional && !empty && !array.data)))
       throw nonsense(operation);
     addElements(slot + offsetof(ArrayDescriptor, data), array, elementSize, 1);
@@ -209,6 +215,32 @@ static void collectTree(const GraphOperation &operation, Collector &all) {
   all.add(offsetof(graphs::BuildTree, found), 8);
 }
 
+static void collectGeometry(const GraphOperation &operation, Collector &all) {
+  auto update = operation.read<UpdateGeometry>();
+  std::vector<int64_t> sizes;
+  switch (GeometryKind(update.kind)) {
+  case GeometryKind::HashGrid:
+    if (update.scalarSize != 2 && update.scalarSize != 4 &&
+        update.scalarSize != 8)
+      throw nonsense(operation);
+    sizes = {3 * update.scalarSize, 4};
+    break;
+  case GeometryKind::Bvh:
+    sizes = {12, 12, 4};
+    break;
+  case GeometryKind::Mesh:
+    sizes = {12, 12, 4, 4};
+    break;
+  default:
+    throw nonsense(operation);
+  }
+  size_t at = offsetof(UpdateGeometry, arrays);
+  for (int64_t size : sizes) {
+    all.addArray(at, size, 0);
+    at += sizeof(ArrayDescriptor);
+  }
+}
+
 static void collectProduct(const GraphOperation &operation, Collector &all) {
   auto product = operation.read<SparseProduct>();
   int64_t size = widthOf(operation, static_cast<int32_t>(product.kind));
@@ -262,6 +294,9 @@ static std::vector<Pointer> collect(const GraphOperation &operation,
   case Kind::BuildTree:
     collectTree(operation, all);
     break;
+  case Kind::UpdateGeometry:
+    collectGeometry(operation, all);
+    break;
   case Kind::MultiplyRows:
     collectProduct(operation, all);
     break;
@@ -314,6 +349,8 @@ void graphs::checkArguments(const GraphOperation &operation,
       return sizeof(FindRuns);
     case Kind::BuildTree:
       return sizeof(graphs::BuildTree);
+    case Kind::UpdateGeometry:
+      return sizeof(UpdateGeometry);
     case Kind::MultiplyRows:
       return sizeof(SparseProduct);
     case Kind::Condition:
@@ -330,128 +367,4 @@ void graphs::checkArguments(const GraphOperation &operation,
   };
   if (operation.arguments.size() != sizeOfArguments())
     throw nonsense(operation);
-}
-
-//===----------------------------------------------------------------------===//
-// Doing it again
-//===----------------------------------------------------------------------===//
-
-static Capture::Condition conditionOf(const GraphOperation &operation,
-                                      const Conditions &conditions,
-                                      uint32_t number) {
-  auto found = conditions.find(number);
-  if (found == conditions.end())
-    throw nonsense(operation);
-  return found->second;
-}
-
-static void repeatSequence(const GraphOperation &operation, int device,
-                           const Stream *stream) {
-  auto pairsOf = [](const auto &sort) {
-    return Pairs{static_cast<NumberType>(sort.type), sort.keys, sort.values,
-                 sort.valueSize, sort.count};
-  };
-  if (operation.kind == Kind::Scan) {
-    auto scan = operation.read<Scan>();
-    return scanNumbers(device, static_cast<NumberType>(scan.type), scan.width,
-                       scan.out, scan.in, scan.count, scan.inclusive != 0,
-                       stream);
-  }
-  if (operation.kind == Kind::SortPairs) {
-    auto sort = operation.read<SortPairs>();
-    return sortPairs(device, pairsOf(sort), sort.beginBit, sort.endBit, stream);
-  }
-  if (operation.kind == Kind::SortSegments) {
-    auto sort = operation.read<SortSegments>();
-    return sortSegments(device, pairsOf(sort), sort.begins, sort.ends,
-                        sort.segments, stream);
-  }
-  auto runs = operation.read<FindRuns>();
-  findRuns(device,
-           {static_cast<int>(runs.size), runs.numbers, runs.count,
-            runs.runNumbers, runs.runLengths, runs.runCount},
-           stream);
-}
-
-static void repeatCondition(const GraphOperation &operation, Capture &capture,
-                            Conditions &conditions) {
-  if (operation.kind == Kind::EndBody)
-    return capture.endBody();
-  if (operation.kind == Kind::BeginBody) {
-    auto body = operation.read<Body>();
-    return capture.beginBody(conditionOf(operation, conditions, body.number),
-                             body.loop != 0);
-  }
-  auto condition = operation.read<Condition>();
-  bool negated = condition.negated != 0;
-  if (operation.kind == Kind::UpdateCondition)
-    return capture.updateCondition(
-        conditionOf(operation, conditions, condition.number), condition.value,
-        negated);
-  conditions[condition.number] = capture.addCondition(condition.value, negated);
-}
-
-void graphs::repeat(GraphOperation &operation, int device, int blockDim,
-                    const Stream *stream, Capture &capture,
-                    Conditions &conditions) {
-  std::string &constant = operation.constant;
-  switch (operation.kind) {
-  case Kind::Launch: {
-    // The block of a launch is aligned like the numbers in it.
-    std::vector<uint64_t> block(operation.arguments.size() / 8);
-    std::memcpy(block.data(), operation.arguments.data(), block.size() * 8);
-    return operation.kernel->launch(device, operation.dim, block.data(), stream,
-                                    blockDim);
-  }
-  case Kind::CopyBytes: {
-    auto copy = operation.read<CopyBytes>();
-    return copyMemory(copy.dst, device, copy.src, device, copy.bytes, stream);
-  }
-  case Kind::CopyArray: {
-    auto copy = operation.read<CopyArray>();
-    return copyArray({&copy.dst, device}, {&copy.src, device}, copy.elementSize,
-                     stream);
-  }
-  case Kind::Upload:
-    return copyMemory(operation.read<Upload>().dst, device, constant.data(),
-                      cpuDevice, constant.size(), stream);
-  case Kind::FillBytes: {
-    auto fill = operation.read<FillBytes>();
-    return fillMemory(fill.dst, device, constant.data(), constant.size(),
-                      fill.count, stream);
-  }
-  case Kind::FillArray: {
-    auto fill = operation.read<FillArray>();
-    return fillArray({&fill.dst, device}, constant.data(), constant.size(),
-                     stream);
-  }
-  case Kind::Condition:
-  case Kind::UpdateCondition:
-  case Kind::BeginBody:
-  case Kind::EndBody:
-    return repeatCondition(operation, capture, conditions);
-  case Kind::Other:
-    throw nonsense(operation);
-  case Kind::MultiplyRows:
-    return multiplyRows(device, operation.read<SparseProduct>(), stream);
-  case Kind::BuildTree: {
-    auto tree = operation.read<graphs::BuildTree>();
-    if (device == cpuDevice)
-      throw nonsense(operation);
-    TreeBuild build{tree.first,
-                    tree.points,
-                    tree.second,
-                    tree.count,
-                    tree.ofTriangles != 0,
-                    tree.alongCurve != 0,
-                    tree.nodes,
-                    tree.blocks,
-                    static_cast<float *>(tree.scale),
-                    static_cast<int32_t *>(tree.found)};
-    return tree.refits ? refitTree(device, build, stream)
-                       : buildTree(device, build, stream);
-  }
-  default:
-    return repeatSequence(operation, device, stream);
-  }
 }

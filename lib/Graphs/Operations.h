@@ -35,6 +35,9 @@ std::vector<size_t> slotsOf(const GraphOperation &operation,
 /// What error messages call it: "launch of 'saxpy'".
 std::string describe(const GraphOperation &operation);
 
+/// The error about arguments that no program has written.
+Error nonsense(const GraphOperation &operation);
+
 /// Throws `Error` of kind `Value` unless an operation that was read from a file
 /// has arguments of the right size; a launch has `parameterSize` bytes.
 void checkArguments(const GraphOperation &operation, size_t parameterSize);
@@ -42,9 +45,12 @@ void checkArguments(const GraphOperation &operation, size_t parameterSize);
 /// Conditions of a graph that is captured again, by their number.
 using Conditions = std::map<uint32_t, Capture::Condition>;
 
+class Geometry;
+
 /// Does it again, on a device, while `capture` records.
 void repeat(GraphOperation &operation, int device, int blockDim,
-            const Stream *stream, Capture &capture, Conditions &conditions);
+            const Stream *stream, Capture &capture, Conditions &conditions,
+            const Geometry &geometry);
 
 } // namespace warp::graphs
 

@@ -8,13 +8,12 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "GraphFile.h"
+#include "Geometry.h"
 #include "Operations.h"
 
 #include "Runtime/Bytes.h"
 #include "Runtime/KernelImpl.h"
 #include "Runtime/Support.h"
-#include "warp/Handle.h"
 #include "warp/SavedGraph.h"
 #include "warp/SavedModule.h"
 
@@ -38,21 +37,24 @@ class Saver {
 public:
   Saver(const Graph &graph, const std::vector<NamedMemory> &names)
       : device(graph.device()), operations(graph.trace()->operations),
-        names(names) {}
+        names(names), handles(graph.device()) {}
 
   GraphFiles save();
 
 private:
   void collectKernels();
   void checkKernel(const Kernel &kernel, const SavedKernel &saved) const;
-  void checkHandles(const GraphOperation &operation,
-                    const SavedKernel &saved) const;
-  void refuseHandle(const GraphOperation &operation, uint64_t word) const;
+  void findHandles(size_t number);
+  void findIdArrays(size_t number, const std::set<size_t> &arrays);
+  void followCopies();
   void collectMemory();
   void chooseContents();
-  size_t blockOf(const AddressRange &range) const;
+  uint32_t blockOf(const AddressRange &range) const;
+  uint64_t startOf(uint32_t block) const;
   void readBlocks();
-  FileOperation fileOperation(size_t number) const;
+  void addHandles();
+  std::vector<HandleWord> idsIn(const AddressRange &range, std::string &bytes);
+  FileOperation fileOperation(size_t number);
   void addNames();
 
   int device;
@@ -63,6 +65,11 @@ private:
   /// Of each operation that is a launch.
   std::vector<uint32_t> kernels;
   std::vector<std::vector<Pointer>> pointers;
+  FoundHandles handles;
+  /// Of each operation, among its arguments.
+  std::vector<std::vector<HandleWord>> handleWords;
+  /// Memory with elements that may be handles, and who has it.
+  std::vector<std::pair<AddressRange, std::string>> idArrays;
   std::vector<Block> blocks;
   GraphFile file;
 };
@@ -90,59 +97,72 @@ void Saver::checkKernel(const Kernel &kernel, const SavedKernel &saved) const {
                           "' is an array whose elements have arrays");
 }
 
-void Saver::refuseHandle(const GraphOperation &operation, uint64_t word) const {
-  if (word == 0)
+/// Ids among the arguments; those in arrays when memory is read.
+void Saver::findHandles(size_t number) {
+  const GraphOperation &operation = operations[number];
+  std::vector<HandleWord> &words = handleWords[number];
+  const std::string &arguments = operation.arguments;
+  std::string where = describe(operation);
+  if (operation.kind == Kind::UpdateGeometry) {
+    words = handles.findAll(arguments, 0, sizeof(uint64_t), where);
+    if (words.empty())
+      throw saveError(Error::Kind::Runtime,
+                      "the " + where + " is of one that is gone");
     return;
-  std::string what = describeHandle(word, GeometryKind::HashGrid, device);
-  if (what == "a number that is none")
+  }
+  if (operation.kind != Kind::Launch)
     return;
-  what = what.empty() ? "a HashGrid" : what.substr(sizeof("that of ") - 1);
-  throw saveError(Error::Kind::Runtime, "the " + describe(operation) +
-                                            " has the id of " + what +
-                                            ", which no file holds");
+  const SavedKernel &saved = module.kernels[kernels[number]];
+  std::set<size_t> arrays;
+  for (const Access &access : saved.accesses)
+    arrays.insert(access.offset);
+  size_t from = firstArgument;
+  auto findUpTo = [&](size_t to) {
+    std::vector<HandleWord> found = handles.findAll(arguments, from, to, where);
+    words.insert(words.end(), found.begin(), found.end());
+  };
+  for (size_t array : arrays) {
+    findUpTo(array);
+    from = array + sizeof(ArrayDescriptor);
+  }
+  findUpTo(arguments.size());
+  findIdArrays(number, arrays);
 }
 
-/// Ids among the arguments and in arrays of them.
-void Saver::checkHandles(const GraphOperation &operation,
-                         const SavedKernel &saved) const {
-  auto wordAt = [&](size_t at) {
-    uint64_t word;
-    std::memcpy(&word, operation.arguments.data() + at, sizeof(word));
-    return word;
-  };
-  std::set<size_t> inArrays;
-  for (const Access &access : saved.accesses)
-    for (size_t at = 0; at < sizeof(ArrayDescriptor); at += 8)
-      inArrays.insert(access.offset + at);
-  for (size_t at = firstArgument; at + 8 <= operation.arguments.size(); at += 8)
-    if (!inArrays.count(at))
-      refuseHandle(operation, wordAt(at));
-  for (const Param &param : saved.params) {
-    if (param.kind != Param::Kind::Array || param.element != "ui64")
+/// Arrays of a launch, at those places, whose elements may be ids.
+void Saver::findIdArrays(size_t number, const std::set<size_t> &arrays) {
+  const GraphOperation &operation = operations[number];
+  const SavedKernel &saved = module.kernels[kernels[number]];
+  std::set<size_t> others;
+  for (const Param &param : saved.params)
+    if (param.kind == Param::Kind::Array &&
+        param.element.find("ui64") == std::string::npos)
+      others.insert(param.offset);
+  for (const Access &access : saved.accesses) {
+    if (others.count(access.offset) || access.elementSize % 8 != 0)
       continue;
     ArrayDescriptor array;
-    std::memcpy(&array, operation.arguments.data() + param.offset,
+    std::memcpy(&array, operation.arguments.data() + access.offset,
                 sizeof(array));
-    AddressRange range = rangeOf(array.data, array, 8, 1);
-    std::vector<uint64_t> ids((range.end - range.begin) / 8);
-    copyMemory(ids.data(), cpuDevice,
-               reinterpret_cast<const void *>(range.begin), device,
-               ids.size() * 8);
-    for (uint64_t id : ids)
-      refuseHandle(operation, id);
+    AddressRange range = rangeOf(array.data, array, access.elementSize, 1);
+    if (range.begin != range.end)
+      idArrays.push_back({range, describe(operation)});
   }
 }
 
 void Saver::collectKernels() {
   std::map<std::pair<Kernel *, Kernel::Variant *>, uint32_t> numbers;
   kernels.resize(operations.size());
+  handleWords.resize(operations.size());
   for (size_t i = 0; i < operations.size(); ++i) {
     const GraphOperation &operation = operations[i];
     if (operation.kind == Kind::Other)
       throw saveError(Error::Kind::Runtime,
                       "it has " + operation.constant + ", which no file holds");
-    if (operation.kind != Kind::Launch)
+    if (operation.kind != Kind::Launch) {
+      findHandles(i);
       continue;
+    }
     auto [entry, isNew] = numbers.try_emplace(
         {operation.kernel, operation.plan.variant}, module.kernels.size());
     if (isNew) {
@@ -150,13 +170,41 @@ void Saver::collectKernels() {
       checkKernel(*operation.kernel, module.kernels.back());
     }
     kernels[i] = entry->second;
-    checkHandles(operation, module.kernels[entry->second]);
+    findHandles(i);
   }
 }
 
 //===----------------------------------------------------------------------===//
 // Memory
 //===----------------------------------------------------------------------===//
+
+/// What is copied to where ids may be may be ids.
+void Saver::followCopies() {
+  auto mayHaveIds = [&](const AddressRange &range) {
+    return std::any_of(
+        idArrays.begin(), idArrays.end(),
+        [&](const auto &array) { return array.first.overlaps(range); });
+  };
+  std::vector<size_t> copies;
+  for (size_t i = 0; i < operations.size(); ++i)
+    if (operations[i].kind == Kind::CopyBytes ||
+        operations[i].kind == Kind::CopyArray)
+      copies.push_back(i);
+  bool found = !idArrays.empty();
+  while (std::exchange(found, false))
+    for (size_t &copy : copies) {
+      // Of an array the gradient comes behind its data.
+      size_t source = operations[copy].kind == Kind::CopyArray ? 2 : 1;
+      AddressRange from = pointers[copy][source].range;
+      if (from.begin == from.end || !mayHaveIds(pointers[copy][0].range))
+        continue;
+      idArrays.push_back({from, describe(operations[copy])});
+      found = true;
+      std::swap(copy, copies.back());
+      copies.pop_back();
+      break;
+    }
+}
 
 void Saver::collectMemory() {
   static const std::vector<Access> none;
@@ -172,12 +220,29 @@ void Saver::collectMemory() {
     auto start = reinterpret_cast<uint64_t>(memory.data);
     ranges.push_back({start, start + memory.bytes});
   }
+  followCopies();
+  // Ids in arrays lead to more memory.
+  for (const auto &[range, where] : idArrays) {
+    std::string bytes(range.end - range.begin, '\0');
+    copyMemory(bytes.data(), cpuDevice,
+               reinterpret_cast<const void *>(range.begin), device,
+               bytes.size());
+    handles.findAll(bytes, 0, bytes.size(), where);
+  }
+  for (const HandleContents &found : handles.all())
+    for (const HandleContents::Pointer &pointer : found.pointers) {
+      if (found.words[pointer.word] && pointer.begin == pointer.end &&
+          found.kind == GeometryKind::Volume)
+        throw saveError(Error::Kind::Runtime,
+                        "it has a Volume in memory that nobody knows of");
+      ranges.push_back({pointer.begin, pointer.end});
+    }
   std::sort(ranges.begin(), ranges.end(),
             [](const AddressRange &a, const AddressRange &b) {
               return a.begin < b.begin;
             });
   for (const AddressRange &range : ranges) {
-    if (range.begin == range.end)
+    if (range.begin == range.end || handles.around(range))
       continue;
     if (!blocks.empty() && range.begin < blocks.back().range.end)
       blocks.back().range.end = std::max(blocks.back().range.end, range.end);
@@ -186,12 +251,21 @@ void Saver::collectMemory() {
   }
 }
 
-size_t Saver::blockOf(const AddressRange &range) const {
+/// Behind the numbers of blocks come those of handles, whose words are memory
+/// that kernels may reach, too.
+uint32_t Saver::blockOf(const AddressRange &range) const {
+  if (std::optional<uint32_t> handle = handles.around(range))
+    return uint32_t(blocks.size()) + *handle;
   auto after = std::upper_bound(blocks.begin(), blocks.end(), range.begin,
                                 [](uint64_t address, const Block &block) {
                                   return address < block.range.begin;
                                 });
-  return after - blocks.begin() - 1;
+  return uint32_t(after - blocks.begin() - 1);
+}
+
+uint64_t Saver::startOf(uint32_t block) const {
+  return block < blocks.size() ? blocks[block].range.begin
+                               : handles.addressOf(block - blocks.size());
 }
 
 /// Whether an operation writes all that its first pointer reaches, and reads
@@ -203,7 +277,7 @@ static bool overwrites(const GraphOperation &operation) {
 
 void Saver::chooseContents() {
   auto touch = [&](const AddressRange &range, bool overwritten) {
-    if (range.begin == range.end)
+    if (range.begin == range.end || handles.around(range))
       return;
     Block &block = blocks[blockOf(range)];
     bool all = range.begin == block.range.begin && range.end == block.range.end;
@@ -214,6 +288,14 @@ void Saver::chooseContents() {
     auto start = reinterpret_cast<uint64_t>(memory.data);
     touch({start, start + memory.bytes}, false);
   }
+  for (const HandleContents &found : handles.all())
+    for (const HandleContents::Pointer &pointer : found.pointers)
+      touch({pointer.begin, pointer.end}, false);
+  for (size_t i = 0; i < operations.size(); ++i)
+    // An object is made of them when the graph is loaded.
+    if (operations[i].kind == Kind::UpdateGeometry)
+      for (const Pointer &pointer : pointers[i])
+        touch(pointer.range, false);
   int depth = 0;
   for (size_t i = 0; i < operations.size(); ++i) {
     depth += operations[i].kind == Kind::BeginBody;
@@ -237,7 +319,9 @@ void Saver::readBlocks() {
     copyMemory(saved.contents.data(), cpuDevice,
                reinterpret_cast<const void *>(block.range.begin), device,
                saved.bytes);
-    if (saved.contents.find_first_not_of('\0') == std::string::npos)
+    saved.handles = idsIn(block.range, saved.contents);
+    if (saved.handles.empty() &&
+        saved.contents.find_first_not_of('\0') == std::string::npos)
       saved.contents.clear();
   }
 }
@@ -246,7 +330,47 @@ void Saver::readBlocks() {
 // Files
 //===----------------------------------------------------------------------===//
 
-FileOperation Saver::fileOperation(size_t number) const {
+/// Ids in bytes of a range of memory, as far as arrays there may have such;
+/// they become zeros.
+std::vector<HandleWord> Saver::idsIn(const AddressRange &range,
+                                     std::string &bytes) {
+  std::vector<HandleWord> words;
+  for (const auto &[array, where] : idArrays) {
+    if (!array.overlaps(range))
+      continue;
+    size_t from = array.begin < range.begin
+                      ? (8 - (range.begin - array.begin) % 8) % 8
+                      : array.begin - range.begin;
+    size_t to = std::min<uint64_t>(array.end - range.begin, bytes.size());
+    for (const HandleWord &word : handles.findAll(bytes, from, to, where)) {
+      std::memset(bytes.data() + word.at, 0, sizeof(uint64_t));
+      words.push_back(word);
+    }
+  }
+  return words;
+}
+
+void Saver::addHandles() {
+  for (const HandleContents &found : handles.all()) {
+    FileHandle &saved = file.handles.emplace_back();
+    saved.kind = uint8_t(found.kind);
+    saved.words = found.words;
+    saved.words[0] = 0;
+    for (const HandleContents::Pointer &pointer : found.pointers) {
+      uint64_t &word = saved.words[pointer.word];
+      uint32_t block = word ? spareBlock : nullBlock;
+      if (pointer.begin != pointer.end) {
+        block = blockOf({pointer.begin, pointer.end});
+        word -= startOf(block);
+      } else {
+        word = 0;
+      }
+      saved.blocks.push_back(block);
+    }
+  }
+}
+
+FileOperation Saver::fileOperation(size_t number) {
   FileOperation entry;
   entry.operation = operations[number];
   std::string &arguments = entry.operation.arguments;
@@ -263,13 +387,19 @@ FileOperation Saver::fileOperation(size_t number) const {
     uint32_t block = address ? spareBlock : nullBlock;
     if (pointer.range.begin != pointer.range.end) {
       block = blockOf(pointer.range);
-      address -= blocks[block].range.begin;
+      address -= startOf(block);
     } else {
       address = 0;
     }
     std::memcpy(arguments.data() + pointer.slot, &address, sizeof(address));
     entry.blocks.push_back(block);
   }
+  entry.handles = handleWords[number];
+  for (const HandleWord &word : entry.handles)
+    std::memset(arguments.data() + word.at, 0, sizeof(uint64_t));
+  if (entry.operation.kind == Kind::Upload)
+    entry.constantHandles =
+        idsIn(pointers[number][0].range, entry.operation.constant);
   return entry;
 }
 
@@ -302,6 +432,7 @@ GraphFiles Saver::save() {
   chooseContents();
   addNames();
   readBlocks();
+  addHandles();
   for (size_t i = 0; i < operations.size(); ++i)
     file.operations.push_back(fileOperation(i));
   GraphFiles files;

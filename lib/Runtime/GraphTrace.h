@@ -16,6 +16,7 @@
 #define WARP_LIB_RUNTIME_GRAPHTRACE_H
 
 #include "warp/Kernel.h"
+#include "warp/Launch.h"
 #include "warp/Sequences.h"
 
 #include <atomic>
@@ -49,7 +50,8 @@ struct GraphOperation {
     /// What no file can hold; `constant` says what it is.
     Other = 14,
     BuildTree = 15,
-    MultiplyRows = 16,
+    UpdateGeometry = 16,
+    MultiplyRows = 17,
   };
 
   Kind kind = Kind::Other;
@@ -118,6 +120,17 @@ struct BuildTree {
   void *nodes, *blocks, *scale, *found;
   int64_t points;
   int32_t count, ofTriangles, alongCurve, refits;
+};
+/// What the host does with geometry on the CPU: takes over points, boxes or
+/// faces, or builds again.
+struct UpdateGeometry {
+  uint64_t handle;
+  double width;
+  /// `GeometryKind`, whether a hierarchy is built again, and how; bytes of the
+  /// numbers of points in a grid.
+  int32_t kind, rebuilds, constructor, scalarSize;
+  /// As the functions of the classes have them.
+  ArrayDescriptor arrays[4];
 };
 struct Condition {
   const int32_t *value;

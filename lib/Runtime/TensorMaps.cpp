@@ -14,8 +14,8 @@
 
 using namespace warp;
 
-/// Bytes of an element, and what rows must begin at a multiple of.
-static constexpr int32_t elementBytes = 2, rowAlignment = 16;
+/// What rows must begin at a multiple of.
+static constexpr int32_t rowAlignment = 16;
 
 static ArrayDescriptor descriptorOf(const TensorMap &map, const void *params) {
   ArrayDescriptor array;
@@ -30,15 +30,17 @@ bool warp::canMap(const std::vector<TensorMap> &maps, const void *params) {
            ArrayDescriptor array = descriptorOf(map, params);
            return reinterpret_cast<uintptr_t>(array.data) % rowAlignment == 0 &&
                   array.shape[0] > 0 && array.shape[1] > 0 &&
-                  array.strides[1] == elementBytes && array.strides[0] > 0 &&
-                  array.strides[0] % rowAlignment == 0;
+                  array.strides[1] == map.elementBytes &&
+                  array.strides[0] > 0 && array.strides[0] % rowAlignment == 0;
          });
 }
 
 /// The driver's names for what boxes are like.
 enum : int {
   elementsOf16Bits = 1,
+  floatsOf32Bits = 7,
   notInterleaved = 0,
+  notSwizzled = 0,
   swizzleOver32Bytes = 1,
   swizzleOver64Bytes = 2,
   swizzleOver128Bytes = 3,
@@ -52,13 +54,13 @@ static void encode(const TensorMap &map, const void *params, void *to) {
   uint64_t strides[] = {uint64_t(array.strides[0])};
   uint32_t box[] = {uint32_t(map.columns), uint32_t(map.rows)};
   uint32_t every[] = {1, 1};
-  int64_t bytes = map.columns * elementBytes;
-  int swizzle = bytes == 128  ? swizzleOver128Bytes
-                : bytes == 64 ? swizzleOver64Bytes
-                              : swizzleOver32Bytes;
-  WARP_CUDA(encodeTensorMap, to, elementsOf16Bits, 2, array.data, extents,
-            strides, box, every, notInterleaved, swizzle, fetchLinesOf128Bytes,
-            zeroOutside);
+  int type = map.elementBytes == 2 ? elementsOf16Bits : floatsOf32Bits;
+  int swizzle = map.swizzle == 128  ? swizzleOver128Bytes
+                : map.swizzle == 64 ? swizzleOver64Bytes
+                : map.swizzle == 32 ? swizzleOver32Bytes
+                                    : notSwizzled;
+  WARP_CUDA(encodeTensorMap, to, type, 2, array.data, extents, strides, box,
+            every, notInterleaved, swizzle, fetchLinesOf128Bytes, zeroOutside);
 }
 
 MappedParameters::MappedParameters(const std::vector<TensorMap> &maps,

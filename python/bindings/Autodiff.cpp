@@ -85,8 +85,7 @@ bool python::sharesElements(const std::vector<py::object> &arrays) {
     python::ArrayObject *array = python::asArray(object.ptr());
     const ArrayDescriptor &descriptor = array->descriptor;
     const int32_t *shape = descriptor.shape;
-    if (std::find(shape, shape + descriptor.ndim, 0) !=
-        shape + descriptor.ndim)
+    if (std::find(shape, shape + descriptor.ndim, 0) != shape + descriptor.ndim)
       continue;
     if (repeatsElements(descriptor, array->itemSize))
       return true;
@@ -102,10 +101,9 @@ bool python::sharesElements(const std::vector<py::object> &arrays) {
 void python::bindAutodiff(py::module_ &m) {
   py::class_<HiddenArgument>(m, "HiddenArgument",
                              "An argument that only a derivative has.")
-      .def_property_readonly("kind",
-                             [](const HiddenArgument &hidden) {
-                               return kindText(hidden.kind);
-                             })
+      .def_property_readonly(
+          "kind",
+          [](const HiddenArgument &hidden) { return kindText(hidden.kind); })
       .def_readonly("leaf", &HiddenArgument::leaf)
       .def_readonly("direction", &HiddenArgument::direction)
       .def_readonly("type", &HiddenArgument::type)
@@ -115,6 +113,8 @@ void python::bindAutodiff(py::module_ &m) {
       .def_readonly("augmented", &Derivative::augmented)
       .def_readonly("counting", &Derivative::counting)
       .def_readonly("hidden_of_counting", &Derivative::hiddenOfCounting)
+      .def_readonly("recording", &Derivative::recording)
+      .def_readonly("hidden_of_recording", &Derivative::hiddenOfRecording)
       .def_readonly("hidden", &Derivative::hidden)
       .def_readonly("needed", &Derivative::needed)
       .def_readonly("one_thread", &Derivative::oneThread)

@@ -36,6 +36,11 @@ static BvhConstructor constructorOf(int number) {
   return BvhConstructor(number);
 }
 
+/// Lets graphs that this thread records on the CPU keep what an update needs.
+template <class... Arrays> static void holdAll(Arrays... arrays) {
+  (python::hold(cpuDevice, arrays.ptr()), ...);
+}
+
 static void bindBvh(py::module_ &m) {
   py::class_<BvhReport>(m, "BvhReport", "What is in a hierarchy.")
       .def_readonly("skipped", &BvhReport::skipped)
@@ -67,6 +72,7 @@ static void bindBvh(py::module_ &m) {
       .def_property_readonly("view", &Bvh::view)
       .def("refit",
            [](Bvh &self, py::handle lowers, py::handle uppers) {
+             holdAll(lowers, uppers);
              const ArrayDescriptor &low = descriptorOf(lowers);
              const ArrayDescriptor &high = descriptorOf(uppers);
              building("hierarchy", low.shape[0], "boxes",
@@ -74,6 +80,7 @@ static void bindBvh(py::module_ &m) {
            })
       .def("rebuild", [](Bvh &self, py::handle lowers, py::handle uppers,
                          py::handle groups, int constructor) {
+        holdAll(lowers, uppers, groups);
         const ArrayDescriptor &low = descriptorOf(lowers);
         const ArrayDescriptor &high = descriptorOf(uppers);
         ArrayDescriptor numbers = optionalOf(groups);
@@ -112,6 +119,7 @@ static void bindMesh(py::module_ &m) {
       .def("refit",
            [](Mesh &self, py::handle points, py::handle velocities,
               py::handle indices) {
+             holdAll(points, velocities, indices);
              MeshArrays arrays = arraysOf(points, velocities, indices);
              building("mesh", arrays.indices.shape[0], "indices",
                       [&] { self.refit(arrays); });
@@ -119,6 +127,7 @@ static void bindMesh(py::module_ &m) {
       .def("rebuild", [](Mesh &self, py::handle points, py::handle velocities,
                          py::handle indices, py::handle groups,
                          int constructor) {
+        holdAll(points, velocities, indices, groups);
         MeshArrays arrays = arraysOf(points, velocities, indices, groups);
         building("mesh", arrays.indices.shape[0], "indices",
                  [&] { self.rebuild(arrays, constructorOf(constructor)); });
@@ -137,6 +146,7 @@ static void bindHashGrid(py::module_ &m) {
       .def("reserve", &HashGrid::reserve)
       .def("build", [](HashGrid &self, py::handle points, int scalarSize,
                        double width, py::handle groups) {
+        holdAll(points, groups);
         const ArrayDescriptor &array = descriptorOf(points);
         ArrayDescriptor numbers = optionalOf(groups);
         building("hash grid", array.shape[0], "points",

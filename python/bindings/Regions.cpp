@@ -4,6 +4,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Keeping.h"
 #include "LaunchCall.h"
 #include "RegionFinder.h"
 #include "Versions.h"
@@ -135,6 +136,7 @@ static void bindRegion(py::module_ &m) {
 void python::bindRegions(py::module_ &m) {
   bindRegion(m);
   bindVersions(m);
+  bindKeeping(m);
   bindRecords(m);
   py::class_<RegionFinder>(m, "RegionFinder", "What a kernel touches.")
       .def(py::init<py::object>(), py::arg("kernel"))

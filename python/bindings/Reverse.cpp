@@ -2,14 +2,19 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// A record whose adjoint is one launch with the arguments that it has, of
-// arrays that nobody has overwritten, is run here; any other one by Python.
+// A record whose adjoint is one launch with the arguments that it has is run
+// here, if arrays that it reads are still there or were kept whole; any other
+// one by Python.
 //
 //===----------------------------------------------------------------------===//
 
+#include "Keeping.h"
 #include "Records.h"
 #include "Sharing.h"
 
+#include <cstring>
+#include <pybind11/stl.h>
+#include <tuple>
 #include <unordered_map>
 
 namespace py = pybind11;
@@ -37,19 +42,75 @@ static PyObject *plainAdjoint(Activity &activity, const RecordObject *record,
   activity.adjoint = py::object();
   if (!found.is_none()) {
     findNeeds(activity, record->kernel, recorder);
-    activity.adjoint = found;
+    std::tie(activity.adjoint, activity.former) =
+        found.cast<std::pair<py::object, std::vector<unsigned>>>();
   }
   activity.pass = pass;
   return activity.adjoint.ptr();
 }
 
-/// Whether all that the adjoint reads is still there.
-static bool hasContents(const RecordObject *record, ArraySet needed) {
+namespace {
+/// An argument whose contents of then are elsewhere now.
+struct Replaced {
+  size_t position;
+  PyObject *contents;
+};
+
+/// An argument behind those of the launch: an array as it was before.
+struct Former {
+  PyObject *array;
+  /// Null if that is what it still holds.
+  PyObject *contents;
+};
+} // namespace
+
+/// Finds what the adjoint reads and was overwritten; false if it is not all
+/// there.
+static bool findContents(const RecordObject *record,
+                         const LaunchRecorder &recorder, ArraySet needed,
+                         std::vector<Replaced> &replaced) {
   PyObject **versions = record->items + record->valueCount;
-  for (int i = 0; i < record->itemCount - record->valueCount; ++i)
-    if ((needed >> i & 1) && versions[i] && !isIntact(asVersion(versions[i])))
+  for (int i = 0; i < record->itemCount - record->valueCount; ++i) {
+    if (!(needed >> i & 1) || !versions[i] || isIntact(asVersion(versions[i])))
+      continue;
+    size_t position = recorder.arrays[i];
+    PyObject *contents =
+        keptContents(asVersion(versions[i]), record->items[position]);
+    if (!contents)
       return false;
+    replaced.push_back({position, contents});
+  }
   return true;
+}
+
+/// Finds arrays as they were before the launch; false if they are not all
+/// there.
+static bool findFormer(const RecordObject *record,
+                       const LaunchRecorder &recorder, const Activity &activity,
+                       std::vector<Former> &found) {
+  for (unsigned number : activity.former) {
+    PyObject *version =
+        record->before && PyDict_Check(record->before)
+            ? PyDict_GetItem(record->before, py::int_(number).ptr())
+            : nullptr;
+    if (!version)
+      return false;
+    PyObject *array = record->items[recorder.arrays[number]];
+    PyObject *contents = nullptr;
+    if (!isIntact(asVersion(version))) {
+      contents = keptContents(asVersion(version), array);
+      if (!contents)
+        return false;
+    }
+    found.push_back({array, contents});
+  }
+  return true;
+}
+
+/// Lets an argument in a block of parameters lead to other contents.
+static void replaceData(char *block, const Param &param, PyObject *contents) {
+  std::memcpy(block + param.offset + offsetof(ArrayDescriptor, data),
+              &asArray(contents)->descriptor.data, sizeof(void *));
 }
 
 /// The gradients of arrays, which are there from then on.
@@ -87,7 +148,10 @@ static bool reverseLaunch(PyObject *object, uint64_t pass) {
   Activity &activity =
       recorder.activity(active, record->activity ? record->activity->apart : 0);
   PyObject *adjoint = plainAdjoint(activity, record, recorder, pass);
-  if (!adjoint || !hasContents(record, activity.needed))
+  std::vector<Replaced> replaced;
+  std::vector<Former> former;
+  if (!adjoint || !findContents(record, recorder, activity.needed, replaced) ||
+      !findFormer(record, recorder, activity, former))
     return false;
   if (sharesElements(gradientsOf(recorder, record->items, active)))
     return false;
@@ -97,6 +161,16 @@ static bool reverseLaunch(PyObject *object, uint64_t pass) {
   for (int i = 0; i < record->valueCount; ++i)
     asKernel(adjoint)->packer->pack(i, record->items[i], record->device,
                                     block.data(), keep);
+  const std::vector<Param> &params = kernel.parameters();
+  for (const Replaced &one : replaced)
+    replaceData(block.data(), params[one.position], one.contents);
+  for (size_t i = 0; i < former.size(); ++i) {
+    size_t position = record->valueCount + i;
+    asKernel(adjoint)->packer->pack(position, former[i].array, record->device,
+                                    block.data(), keep);
+    if (former[i].contents)
+      replaceData(block.data(), params[position], former[i].contents);
+  }
   auto held = py::reinterpret_borrow<py::object>(object);
   auto code = py::reinterpret_borrow<py::object>(adjoint);
   launchPacked(kernel, record->device, readDim(kernel, record->dim),

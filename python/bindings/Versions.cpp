@@ -200,14 +200,16 @@ static bool needs(PyObject *reader, VersionObject *version) {
   return py::handle(reader).attr("needs")(self).cast<bool>();
 }
 
-/// Whether somebody who has read a version needs it. Python may add readers
-/// while it is asked.
-static bool isNeeded(VersionObject *version) {
+/// The budget of somebody who has read a version and needs it, null if nobody
+/// does. Python may add readers while it is asked.
+static py::object findNeed(VersionObject *version) {
   for (size_t i = 0; version->readers && i < version->readers->size(); ++i) {
+    const Reader &known = (*version->readers)[i];
     auto reader = py::reinterpret_borrow<py::object>(
-        PyWeakref_GetObject((*version->readers)[i].reference));
+        PyWeakref_GetObject(known.reference));
+    auto budget = py::reinterpret_borrow<py::object>(known.budget);
     if (!reader.is_none() && needs(reader.ptr(), version))
-      return true;
+      return budget;
   }
   for (size_t i = 0; version->records && i < version->records->size(); ++i) {
     RecordObject *record = (*version->records)[i]->record;
@@ -217,27 +219,38 @@ static bool isNeeded(VersionObject *version) {
         reinterpret_cast<PyObject *>(record));
     std::optional<bool> known = recordNeeds(record, version);
     if (known ? *known : needs(held.ptr(), version))
-      return true;
+      return py::reinterpret_borrow<py::object>(record->budget);
   }
-  return false;
+  return py::object();
 }
 
-/// Whether anybody needs what a version is of, or an earlier one that counts on
-/// it.
-static bool isWanted(VersionObject *version) {
+/// The budget of somebody who needs what a version is of, or an earlier one
+/// that counts on it; null if nobody does.
+static py::object findWish(VersionObject *version) {
   py::object step =
       py::reinterpret_borrow<py::object>(reinterpret_cast<PyObject *>(version));
   while (step) {
     VersionObject *one = asVersion(step.ptr());
-    if (isNeeded(one))
-      return true;
+    if (py::object budget = findNeed(one))
+      return budget;
     if (!one->predecessor || one->predecessor == Py_None)
-      return false;
+      return py::object();
     auto before = py::reinterpret_borrow<py::object>(
         PyWeakref_GetObject(one->predecessor));
     step = before.is_none() ? py::object() : before;
   }
-  return false;
+  return py::object();
+}
+
+static bool isWanted(VersionObject *version) { return bool(findWish(version)); }
+
+static PyObject *callWanted(PyObject *self, PyObject *) {
+  return guarded([&] {
+    py::object budget = findWish(asVersion(self));
+    return py::make_tuple(bool(budget), budget ? budget : py::none())
+        .release()
+        .ptr();
+  });
 }
 
 /// Ends a version before a region is overwritten; false if it does not end.
@@ -383,6 +396,9 @@ void python::bindVersions(py::module_ &m) {
       {"keep_for", asMethod(keepFor), METH_VARARGS | METH_KEYWORDS,
        "keep_for(reader, budget=None)\n\nAsks for copies before the memory is "
        "overwritten, if `reader.needs` it then."},
+      {"_wanted", callWanted, METH_NOARGS,
+       "Whether anybody needs what this is of, and whose budget a copy is to "
+       "count for."},
       {nullptr, nullptr, 0, nullptr}};
   static PyGetSetDef attributes[] = {
       {"pieces", getList<&VersionObject::pieces>, nullptr, nullptr, nullptr},

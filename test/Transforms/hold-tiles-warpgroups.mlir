@@ -108,9 +108,10 @@ func.func @any(%a: !warp.array<2 x f16>, %c: !warp.array<2 x f32>)
 #apart = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, disjoint = true>
 
 // The copy engine brings arguments that the kernel does not write to; the
-// launch describes each behind the arguments: descriptor, place, and a box.
+// launch describes each behind the arguments: descriptor, place, a box, bytes of
+// an element and of the swizzle.
 // CHECK-LABEL: func.func @boxes
-// CHECK-SAME: warp.tensor_maps = [array<i64: 24, 192, 128, 64>, array<i64: 80, 320, 64, 64>]
+// CHECK-SAME: warp.tensor_maps = [array<i64: 24, 192, 128, 64, 2, 128>, array<i64: 80, 320, 64, 64, 2, 128>]
 // CHECK: warp.tile_load %arg0{{.*}}map = 192 : i64, pitch = 64 : i64, ring, swizzled
 // CHECK: warp.tile_load %arg1{{.*}}map = 320 : i64, pitch = 128 : i64, swizzled
 func.func @boxes(%a: !warp.array<2 x f16>, %b: !warp.array<2 x f16>,
@@ -134,6 +135,48 @@ func.func @boxes(%a: !warp.array<2 x f16>, %b: !warp.array<2 x f16>,
       -> !warp.tile<64x128 x f16>
     %t = warp.tile_matmul %x, %y add %s : !warp.tile<128x64 x f16>,
       !warp.tile<64x128 x f16> add !warp.tile<128x128 x f32>
+      -> !warp.tile<128x128 x f32>
+    scf.yield %t : !warp.tile<128x128 x f32>
+  }
+  warp.tile_store %made, %c[%c0, %c0] : !warp.tile<128x128 x f32>,
+    !warp.array<2 x f32>, (si32, si32)
+  return
+}
+
+// -----
+
+#apart = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, disjoint = true>
+
+// Single precision comes in boxes, too, 32 elements of the depth at a time: what
+// lies along it swizzled, what lies across as it is.
+// CHECK-LABEL: func.func @singles
+// CHECK-SAME: warp.tensor_maps = [array<i64: 24, 192, 128, 32, 4, 128>, array<i64: 80, 320, 32, 128, 4, 0>]
+// CHECK: %[[STEPS:.*]] = arith.constant 2 : i32
+// CHECK: scf.for {{.*}} step %[[STEPS]]
+// CHECK: warp.tile_load %arg0{{.*}}map = 192 : i64, pitch = 32 : i64, ring, swizzled
+// CHECK-NOT: swizzled
+// CHECK: form = ["f32_8x8_kn", "f32_8x8_kn", 64], held
+func.func @singles(%a: !warp.array<2 x f32>, %b: !warp.array<2 x f32>,
+                   %c: !warp.array<2 x f32>)
+    attributes {warp.kernel, warp.block_threads = 256 : i64,
+                warp.variant = #apart} {
+  %none = warp.constant 0.0 : f32
+  %c0 = warp.constant 0 : si32
+  %c16 = warp.constant 16 : si32
+  %i0 = arith.constant 0 : i32
+  %i1 = arith.constant 1 : i32
+  %i6 = arith.constant 6 : i32
+  %sums = warp.tile_splat %none : f32 -> !warp.tile<128x128 x f32>
+  %made = scf.for %i = %i0 to %i6 step %i1 iter_args(%s = %sums)
+      -> (!warp.tile<128x128 x f32>) : i32 {
+    %step = warp.cast %i : i32 to si32
+    %k = warp.mul(%step, %c16) : (si32, si32) -> si32
+    %x = warp.tile_load %a[%c0, %k] : !warp.array<2 x f32>, (si32, si32)
+      -> !warp.tile<128x16 x f32>
+    %y = warp.tile_load %b[%k, %c0] : !warp.array<2 x f32>, (si32, si32)
+      -> !warp.tile<16x128 x f32>
+    %t = warp.tile_matmul %x, %y add %s : !warp.tile<128x16 x f32>,
+      !warp.tile<16x128 x f32> add !warp.tile<128x128 x f32>
       -> !warp.tile<128x128 x f32>
     scf.yield %t : !warp.tile<128x128 x f32>
   }

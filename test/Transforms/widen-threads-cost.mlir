@@ -87,3 +87,57 @@ func.func @polynomial(%at: !warp.array<1 x si32>, %x: !warp.array<1 x f32>,
     : (f32), !warp.array<1 x f32>, i32 -> f32
   return
 }
+
+// -----
+
+#cpu = #warp.variant<target = <platform = cpu, bits = 512>, contiguous = 3>
+
+// A sum over a row: terms of integers may be taken in any order, so the
+// iterations of one thread are as good as lanes, which would gather. A sum of
+// floats keeps its order.
+// CHECK-LABEL: func.func @integers
+// CHECK-NOT: lanes =
+// CHECK-LABEL: func.func @floats
+// CHECK: lanes =
+// WIDE-LABEL: func.func @integers
+// WIDE-NOT: lanes =
+// WIDE-LABEL: func.func @floats
+// WIDE: lanes =
+func.func @integers(%a: !warp.array<2 x si8>, %y: !warp.array<1 x si32>)
+    attributes {warp.kernel, warp.variant = #cpu} {
+  %i = warp.tid : i32
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  %n = warp.dim %a, 1 : !warp.array<2 x si8> -> i32
+  %sum = scf.for %k = %c0 to %n step %c1 iter_args(%s = %c0) -> (i32) : i32 {
+    %v = warp.load_components %a[%i, %k] : !warp.array<2 x si8>, i32, i32 -> i8
+    %w = arith.extsi %v : i8 to i32
+    %u = arith.muli %w, %w : i32
+    %t = arith.addi %s, %u : i32
+    scf.yield %t : i32
+  }
+  warp.store_components(%sum), %y[%i] : (i32), !warp.array<1 x si32>, i32
+  return
+}
+
+// -----
+
+#cpu = #warp.variant<target = <platform = cpu, bits = 512>, contiguous = 3>
+
+func.func @floats(%a: !warp.array<2 x f32>, %y: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.variant = #cpu} {
+  %i = warp.tid : i32
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  %zero = arith.constant 0.0 : f32
+  %n = warp.dim %a, 1 : !warp.array<2 x f32> -> i32
+  %sum = scf.for %k = %c0 to %n step %c1 iter_args(%s = %zero) -> (f32) : i32 {
+    %v = warp.load_components %a[%i, %k] : !warp.array<2 x f32>, i32, i32 -> f32
+    %u = arith.mulf %v, %v : f32
+    %r = math.sqrt %u : f32
+    %t = arith.addf %s, %r : f32
+    scf.yield %t : f32
+  }
+  warp.store_components(%sum), %y[%i] : (f32), !warp.array<1 x f32>, i32
+  return
+}

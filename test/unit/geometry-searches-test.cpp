@@ -11,6 +11,7 @@
 #include "FakeGpu.h"
 #include "GeometryScenes.h"
 
+#include <algorithm>
 #include <cstring>
 #include <gtest/gtest.h>
 #include <limits>
@@ -78,6 +79,14 @@ struct FakeOctet {
       u32 all = value;
       for (int i = 0; i < lanes; ++i)
         all = std::min(all, givenBy((lane() & ~7) | i));
+      return all;
+    });
+  }
+  u32 leastOfTeams(u32 value) const {
+    return exchange(value, [&] {
+      u32 all = value;
+      for (int i = 0; i < teams; ++i)
+        all = std::min(all, givenBy(lanes * i));
       return all;
     });
   }
@@ -210,4 +219,44 @@ TEST(GeometrySearches, AgreeOnThinTriangles) {
   for (Vertex &point : soup.points)
     point[1] *= 1e-6f;
   compare(soup);
+}
+
+/// One ray of a warp goes on alone, and has several blocks tested at once.
+static void compareLoner(const Tree &tree, Point<f32> start, Point<f32> along,
+                         int loner) {
+  constexpr int threads = 32;
+  RayHit together[threads];
+  gpu::launch(1, threads, [&] {
+    int i = gpu::thread();
+    // Others begin far away.
+    Point<f32> from = i == loner ? start : Point<f32>{9e3f + i, 9e3f, 9e3f};
+    together[i] =
+        castRay<scalar::RaySearchBy<FakeOctet>>(tree, from, along, 99, 0);
+  });
+  RayHit hit = castRay<wide::RaySearch>(tree, start, along, 99, 0);
+  ASSERT_EQ(bytesOf(hit), bytesOf(together[loner]));
+  for (int i = 0; i < threads; ++i)
+    if (i != loner)
+      EXPECT_EQ(together[i].face, -1);
+}
+
+TEST(GeometrySearches, AgreeOnARayAloneInASoup) {
+  Scene soup = makeSoup(3000, 0.3f);
+  Mesh mesh(soup.arrays(), -1);
+  Queries queries({}, 1);
+  for (int i = 0; i < 300; ++i) {
+    Vertex p = queries.point(), d{1, 1, 1};
+    d[i % 3] = 0.5f * i;
+    compareLoner(treeOf(mesh.id()), {p[0], p[1], p[2]}, {d[0], d[1], d[2]},
+                 i % 32);
+  }
+}
+
+TEST(GeometrySearches, AgreeOnARayAloneInAFan) {
+  Scene fan = makeSphere(500, 4);
+  // The first corner is a pole. The last face is the lowest one.
+  std::reverse(fan.indices.begin(), fan.indices.end());
+  Mesh mesh(fan.arrays(), -1);
+  Vertex pole = fan.points.front();
+  compareLoner(treeOf(mesh.id()), {pole[0], pole[1], 3}, {0, 0, -1}, 13);
 }

@@ -10,11 +10,14 @@
 #include "Graphs/GraphFile.h"
 #include "Runtime/Support.h"
 #include "warp/Array.h"
+#include "warp/HashGrid.h"
+#include "warp/Mesh.h"
 #include "warp/Runtime.h"
 #include "warp/SavedGraph.h"
 #include "warp/SavedModule.h"
 #include "warp/Sequences.h"
 
+#include <algorithm>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
@@ -39,9 +42,45 @@ module @add {
   }
 })";
 
+using Floats = std::vector<float>;
+
+/// out[i] = ids[i], and the id that is an argument behind them.
+static const char *const idsText = R"(
+module @ids {
+  func.func @ids(%ids: !warp.array<1 x ui64>, %out: !warp.array<1 x ui64>,
+                 %id: ui64)
+      attributes {warp.arg_names = ["ids", "out", "id"], warp.kernel} {
+    %zero = warp.constant 0 : si32
+    %one = warp.constant 1 : si32
+    %first = warp.load %ids[%zero] : !warp.array<1 x ui64>, si32 -> ui64
+    warp.store %first, %out[%zero] : ui64, !warp.array<1 x ui64>, si32
+    warp.store %id, %out[%one] : ui64, !warp.array<1 x ui64>, si32
+    return
+  }
+})";
+
 namespace {
 
-using Floats = std::vector<float>;
+/// A tetrahedron.
+struct Solid {
+  Floats points = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1};
+  std::vector<int32_t> faces = {0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3};
+
+  MeshArrays arrays() {
+    MeshArrays arrays;
+    arrays.points = rows(points.data(), 4, 12);
+    arrays.indices = rows(faces.data(), 12, 4);
+    return arrays;
+  }
+  static ArrayDescriptor rows(void *data, int32_t count, int32_t size) {
+    ArrayDescriptor array;
+    array.data = data;
+    array.ndim = 1;
+    array.shape[0] = count;
+    array.strides[0] = size;
+    return array;
+  }
+};
 
 class SavedGraphs : public testing::Test {
 protected:
@@ -76,6 +115,25 @@ protected:
     auto graph = capture->end();
     return graphFiles(*graph, {{"x", x.data(), 16}, {"y", y.data(), 16}});
   }
+
+  /// Refits a mesh, builds a grid and writes their ids, of which one comes from
+  /// an array. All of it is gone afterwards.
+  GraphFiles geometryExample() {
+    Kernel kernel(Module::fromText(idsText), "ids");
+    Solid solid;
+    Mesh mesh(solid.arrays(), cpuDevice);
+    HashGrid grid({2, 3, 4});
+    std::vector<uint64_t> ids = {mesh.id()}, out(2);
+    auto capture = Capture::begin(cpuDevice, nullptr, CaptureMode::ThreadLocal,
+                                  false, true);
+    mesh.refit(solid.arrays());
+    grid.build(solid.arrays().points, 4, 0.5);
+    launch(kernel, cpuDevice, {1}, view(ids.data(), {1}), view(out.data(), {2}),
+           grid.id());
+    return graphFiles(*capture->end(), {{"out", out.data(), 16},
+                                        {"points", solid.points.data(), 48}});
+  }
+  int mutate(const GraphFiles &files, int turns);
 };
 
 } // namespace
@@ -149,7 +207,7 @@ TEST_F(SavedGraphs, RejectDamagedFiles) {
   std::string other = files.graph;
   other[8] = 99;
   EXPECT_EQ(load(other), "saved graph 'g' has format 99, but this release "
-                         "reads format 1, save it again");
+                         "reads format 2, save it again");
   for (size_t at = 12; at < files.graph.size(); at += 3) {
     std::string broken = files.graph;
     broken[at] ^= 1;
@@ -167,12 +225,11 @@ TEST_F(SavedGraphs, RejectDamagedFiles) {
 
 /// Files whose checksum fits, but not what is in them: an error or a graph,
 /// never a crash. Nothing is launched, since extents may be any.
-TEST_F(SavedGraphs, SurviveMutations) {
-  GraphFiles files = example();
+int SavedGraphs::mutate(const GraphFiles &files, int turns) {
   constexpr size_t header = 28;
   std::mt19937 random(7);
   auto below = [&](size_t end) { return random() % end; };
-  int refused = 0, turns = 4000;
+  int refused = 0;
   for (int turn = 0; turn < turns; ++turn) {
     std::string bytes = files.graph;
     for (size_t i = 0, count = 1 + below(3); i < count; ++i) {
@@ -200,7 +257,53 @@ TEST_F(SavedGraphs, SurviveMutations) {
     refused += error != "no error";
     EXPECT_FALSE(isCapturing(cpuDevice)) << error;
   }
-  EXPECT_GT(refused, turns / 4);
+  return refused;
+}
+
+TEST_F(SavedGraphs, SurviveMutations) {
+  EXPECT_GT(mutate(example(), 4000), 1000);
+  EXPECT_GT(mutate(geometryExample(), 4000), 1000);
+}
+
+//===----------------------------------------------------------------------===//
+// Geometry
+//===----------------------------------------------------------------------===//
+
+TEST_F(SavedGraphs, HaveTheirOwnGeometry) {
+  auto graph = LoadedGraph::fromFiles(geometryExample(), cpuDevice, "here");
+  graph->launch();
+  uint64_t ids[2];
+  graph->get("out", ids, sizeof ids);
+  ASSERT_EQ(findHandle(ids[0], cpuDevice), GeometryKind::Mesh);
+  ASSERT_EQ(findHandle(ids[1], cpuDevice), GeometryKind::HashGrid);
+  // The mesh reads points that the graph has under a name.
+  HandleContents mesh = readHandle(ids[0]);
+  auto points = reinterpret_cast<uint64_t>(graph->data("points"));
+  EXPECT_TRUE(std::any_of(
+      mesh.pointers.begin(), mesh.pointers.end(), [&](const auto &pointer) {
+        return pointer.begin == points && pointer.end == points + 48;
+      }));
+  // Cells, and how many points were put into them.
+  int32_t counts[4];
+  std::memcpy(counts, readHandle(ids[1]).words.data() + 1, sizeof counts);
+  EXPECT_EQ(std::vector<int32_t>(counts, counts + 4),
+            (std::vector<int32_t>{2, 3, 4, 4}));
+  graph.reset();
+  EXPECT_FALSE(findHandle(ids[0], cpuDevice));
+  EXPECT_FALSE(findHandle(ids[1], cpuDevice));
+}
+
+TEST_F(SavedGraphs, RefuseGeometryThatIsGone) {
+  Kernel kernel(Module::fromText(idsText), "ids");
+  std::vector<uint64_t> ids(1), out(2);
+  auto capture =
+      Capture::begin(cpuDevice, nullptr, CaptureMode::ThreadLocal, false, true);
+  launch(kernel, cpuDevice, {1}, view(ids.data(), {1}), view(out.data(), {2}),
+         HashGrid({2, 2, 2}).id());
+  auto graph = capture->end();
+  EXPECT_EQ(errorOf([&] { graphFiles(*graph, {}); }),
+            "cannot save the graph: the launch of 'ids' has the id of a freed "
+            "HashGrid");
 }
 
 //===----------------------------------------------------------------------===//

@@ -6,10 +6,10 @@
 //
 //   warp-opt in.mlir --warp-emit=STAGE [--warp-options=KEY[=VALUE],...]
 //
-// STAGE is warp, thread, launch, gpu, llvm, ptx, asm, times (milliseconds by phase),
-// parameters, fingerprint, regions (what the kernel touches of its arrays), or
-// adjoint or tangent: the derivative's warp IR, and as comments what goes with
-// it.
+// STAGE is warp, thread, launch, gpu, llvm, ptx, asm, times (milliseconds by
+// phase), parameters, fingerprint, regions (what the kernel touches of its
+// arrays), or adjoint or tangent: the derivative's warp IR, and as comments
+// what goes with it.
 //
 //===----------------------------------------------------------------------===//
 
@@ -94,6 +94,8 @@ static void printDerivative(const warp::Module &module,
     std::cout << "// augmented\n" << derivative.augmented->text();
   if (derivative.counting)
     std::cout << "// counting\n" << derivative.counting->text();
+  if (derivative.recording)
+    std::cout << "// recording\n" << derivative.recording->text();
   for (const warp::HiddenArgument &hidden : derivative.hidden)
     std::cout << "// hidden "
               << stringifyHiddenKind(warp::HiddenKind(hidden.kind)).str()

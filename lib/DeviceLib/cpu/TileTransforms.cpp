@@ -11,109 +11,14 @@
 // for q < s, p < m, with s 4 times as large and m 4 times as small in each next
 // stage; w is exp(-2 pi i / 4m). What is contiguous is computed in vectors: q,
 // and where s is short, q and p. The inverse has real and imaginary parts
-// swapped. The factors of usual lengths are constants.
+// swapped. The factors of usual lengths are constants. Where two stages at a
+// time fill vectors, they are in TileLongTransforms.h.
 //
 //===----------------------------------------------------------------------===//
 
-#include "Tiles.h"
+#include "TileLongTransforms.h"
 
 namespace {
-
-template <class T, int n> struct LanesOf {
-  using type = T __attribute__((ext_vector_type(n)));
-};
-template <class T> struct LanesOf<T, 1> {
-  using type = T;
-};
-
-template <class V> struct Complex {
-  V re, im;
-
-  Complex operator+(Complex x) const { return {re + x.re, im + x.im}; }
-  Complex operator-(Complex x) const { return {re - x.re, im - x.im}; }
-  Complex operator*(Complex w) const {
-    return {re * w.re - im * w.im, re * w.im + im * w.re};
-  }
-  /// Times -i.
-  Complex turned() const { return {im, -re}; }
-};
-
-/// The four sums of a butterfly, before they are turned.
-template <class V> struct Butterfly {
-  Complex<V> y[4];
-
-  Butterfly(Complex<V> a, Complex<V> b, Complex<V> c, Complex<V> d) {
-    Complex<V> even = a + c, odd = b + d;
-    Complex<V> left = a - c, right = (b - d).turned();
-    y[0] = even + odd;
-    y[1] = left + right;
-    y[2] = even - odd;
-    y[3] = left - right;
-  }
-};
-
-/// A number per element, its parts in two arrays.
-template <class T> struct Split {
-  T *re, *im;
-
-  template <class V> Complex<V> load(i64 i) const {
-    return {loadAs<V>(re + i), loadAs<V>(im + i)};
-  }
-  template <class V> void store(i64 i, Complex<V> x) const {
-    storeAs(re + i, x.re);
-    storeAs(im + i, x.im);
-  }
-};
-
-/// Sine and cosine of an angle from 0 to pi / 4: series to the last bit.
-constexpr void turn(double x, double &sine, double &cosine) {
-  double z = x * x, s = 0, c = 0;
-#pragma unroll
-  for (int k = 8; k > 0; --k) {
-    s = (1 - s) * z / (2 * k * (2 * k + 1));
-    c = (1 - c) * z / (2 * k * (2 * k - 1));
-  }
-  sine = x * (1 - s);
-  cosine = 1 - c;
-}
-
-/// exp(-2 pi i j / n) for j < n / 4.
-template <class T> constexpr void setFactors(T *re, T *im, i64 n) {
-  constexpr double full = 6.283185307179586476925;
-  for (i64 j = 0; j < n / 4; ++j) {
-    bool isLow = 8 * j <= n;
-    double sine = 0, cosine = 0;
-    turn(full * double(isLow ? j : n / 4 - j) / double(n), sine, cosine);
-    re[j] = T(isLow ? cosine : sine);
-    im[j] = -T(isLow ? sine : cosine);
-  }
-}
-
-/// Those of all lengths up to one: of n from element n / 4 - 1 on.
-constexpr i64 longestKnown = 4096;
-template <class T> struct FactorTable {
-  T re[longestKnown / 2] = {}, im[longestKnown / 2] = {};
-
-  constexpr FactorTable() {
-    for (i64 n = 4; n <= longestKnown; n *= 2)
-      setFactors(re + n / 4 - 1, im + n / 4 - 1, n);
-  }
-};
-template <class T> constexpr FactorTable<T> knownFactors;
-
-/// a0 b0 a1 b1 ..., of runs of `run` elements each.
-template <int run, class V>
-__attribute__((always_inline)) inline void interleave(V a, V b, V &low,
-                                                      V &high) {
-  constexpr int count = sizeof(V) / sizeof(a[0]);
-#pragma unroll
-  for (int i = 0; i < count; ++i) {
-    int from = i / (2 * run) * run + i % run;
-    bool isFirst = i / run % 2 == 0;
-    low[i] = isFirst ? a[from] : b[from];
-    high[i] = isFirst ? a[count / 2 + from] : b[count / 2 + from];
-  }
-}
 
 template <class T> struct Transform {
   i64 n;
@@ -265,22 +170,63 @@ template <class T> void Transform<T>::write(T *out, bool inverse) const {
   }
 }
 
+/// The factors for a length, which are computed where no table has them.
+template <class T> Split<const T> factorsOf(i64 n, T *re, T *im) {
+  if (n <= longestKnown) {
+    i64 known = n < 4 ? 0 : n / 4 - 1;
+    return {knownFactors<T>.re + known, knownFactors<T>.im + known};
+  }
+  setFactors(re, im, n);
+  return {re, im};
+}
+
+/// What all rows share.
+template <class T> struct Rows {
+  T *out;
+  const T *in;
+  i64 rows, n;
+  Split<T> x, y;
+  Split<const T> factors;
+
+  void shortOnes(bool inverse) const;
+  template <bool inverse>
+  __attribute__((noinline)) void longOnes(Split<const T> inner) const;
+};
+
+template <class T> void Rows<T>::shortOnes(bool inverse) const {
+  for (i64 row = 0; row < rows; ++row) {
+    Transform<T> work{n, x, y, factors};
+    work.read(in + 2 * n * row, inverse);
+    work.run();
+    work.write(out + 2 * n * row, inverse);
+  }
+}
+
+template <class T>
+template <bool inverse>
+void Rows<T>::longOnes(Split<const T> inner) const {
+  for (i64 row = 0; row < rows; ++row) {
+    LongTransform<T> work{n, x, y, factors, inner};
+    work.first(Pairs<const T, inverse>{in + 2 * n * row});
+    work.run(Pairs<T, inverse>{out + 2 * n * row});
+  }
+}
+
 template <class T>
 void transform(T *out, const T *in, T *scratch, i64 rows, i64 n, bool inverse) {
-  i64 known = n < 4 ? 0 : n / 4 - 1;
-  Split<const T> factors{knownFactors<T>.re + known,
-                         knownFactors<T>.im + known};
-  if (n > longestKnown) {
-    factors = {scratch + 4 * n, scratch + 5 * n};
-    setFactors(scratch + 4 * n, scratch + 5 * n, n);
-  }
-  for (i64 row = 0; row < rows; ++row, in += 2 * n, out += 2 * n) {
-    Transform<T> work{
-        n, {scratch, scratch + n}, {scratch + 2 * n, scratch + 3 * n}, factors};
-    work.read(in, inverse);
-    work.run();
-    work.write(out, inverse);
-  }
+  T *made = scratch + 4 * n;
+  Rows<T> work{out,
+               in,
+               rows,
+               n,
+               {scratch, scratch + n},
+               {scratch + 2 * n, scratch + 3 * n},
+               factorsOf(n, made, made + n)};
+  if (n < LongTransform<T>::shortest)
+    return work.shortOnes(inverse);
+  Split<const T> inner = factorsOf(n / 4, made + n / 4, made + n + n / 4);
+  inverse ? work.template longOnes<true>(inner)
+          : work.template longOnes<false>(inner);
 }
 
 } // namespace

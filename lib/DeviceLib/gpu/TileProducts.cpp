@@ -78,25 +78,62 @@ template <int R, int C> struct Warps {
 // Products
 //===----------------------------------------------------------------------===//
 
-/// Elements `k` to k + 3 of the depth.
+/// A factor along the depth: rows so many elements apart, or, of pitch 0, as
+/// the copy engine swizzles rows of 128 bytes, one group of columns after the
+/// other.
+struct Along {
+  static constexpr i32 width = 32, run = 4, chunks = width / run;
+  u64 place;
+  i32 rows, pitch;
+
+  /// Where runs begin.
+  WARP_INLINE u32 at(i32 row, i32 k) const {
+    i32 chunk = u32(k) % width / run ^ u32(row) % chunks;
+    i32 swizzled = (u32(k) / width * rows + row) * width + chunk * run;
+    return u32(place) + (pitch == 0 ? swizzled : row * pitch + k) * 4;
+  }
+};
+
+/// From an even pair of elements to the next one, in a way that the assembler
+/// does not see: it would read both at once.
+WARP_INLINE u32 nextPair(u32 address) {
+  asm("xor.b32 %0, %1, 8;" : "=r"(address) : "r"(address));
+  return address;
+}
+
+/// Elements `k` and k + 1 of the depth. Two at a time leave registers for those
+/// that are read while these are multiplied.
 template <bool along, int n, class Place>
-WARP_INLINE void readRuns(float (&to)[n][4], Shared<float> *from, i32 pitch,
-                          i32 k, Place place) {
-  using Run = Vec<float, 4>;
+WARP_INLINE void readPairs(float (&to)[n][2], u64 from, i32 rows, i32 pitch,
+                           i32 k, Place place) {
   if constexpr (along) {
+    Along factor{from, rows, pitch};
+    i32 start = u32(k) / 4 * 4, step = pitch == 0 ? factor.width : pitch;
+    u32 first = factor.at(place(0), start);
+    if (k != start)
+      first = nextPair(first);
 #pragma unroll
     for (int i = 0; i < n; ++i) {
-      Run run = *(Shared<Run> *)(from + place(i) * pitch + k);
-#pragma unroll
-      for (int q = 0; q < 4; ++q)
-        to[i][q] = run[q];
+      // Rows that are a multiple of eight apart are swizzled alike.
+      i32 behind = place(i) - place(0);
+      u32 address = first + behind * step * 4;
+      if (pitch == 0 && u32(behind) % factor.chunks != 0) {
+        address = factor.at(place(i), start);
+        if (k != start)
+          address = nextPair(address);
+      }
+      asm volatile("ld.shared.v2.f32 {%0, %1}, [%2];"
+                   : "=f"(to[i][0]), "=f"(to[i][1])
+                   : "r"(address));
     }
   } else {
+    using Run = Vec<float, 4>;
 #pragma unroll
-    for (int q = 0; q < 4; ++q)
+    for (int q = 0; q < 2; ++q)
 #pragma unroll
       for (int i = 0; i < n; i += 4) {
-        Run run = *(Shared<Run> *)(from + (k + q) * pitch + place(i));
+        Run run =
+            *(Shared<Run> *)(shared<float>(from) + (k + q) * pitch + place(i));
 #pragma unroll
         for (int j = 0; j < 4; ++j)
           to[i + j][q] = run[j];
@@ -113,21 +150,26 @@ WARP_INLINE void multiplyBlocked(u64 sums, u64 a, u64 b, i32 m, i32 n,
 #pragma unroll
   for (int i = 0; i < R * C; ++i)
     sum[i / C][i % C] = kept[i];
+  // Half of the waits at the beginning of a turn, for twice the code.
 #pragma clang loop unroll(disable)
-  for (i32 k = 0; k < depth; k += 4) {
-    float x[R][4], y[C][4];
-    readRuns<aAlong>(x, shared<float>(a), aPitch, k,
-                     [&](int i) { return layout.row(i); });
-    readRuns<bAlong>(y, shared<float>(b), bPitch, k,
-                     [&](int j) { return layout.column(j); });
+  for (i32 k = 0; k < depth; k += 8)
 #pragma unroll
-    for (int q = 0; q < 4; ++q)
+    for (i32 pair = 0; pair < 8; pair += 2) {
+      if (depth % 8 != 0 && k + pair >= depth)
+        break;
+      float x[R][2], y[C][2];
+      readPairs<aAlong>(x, a, m, aPitch, k + pair,
+                        [&](int i) { return layout.row(i); });
+      readPairs<bAlong>(y, b, n, bPitch, k + pair,
+                        [&](int j) { return layout.column(j); });
 #pragma unroll
-      for (int i = 0; i < R; ++i)
+      for (int q = 0; q < 2; ++q)
 #pragma unroll
-        for (int j = 0; j < C; ++j)
-          sum[i][j] = __builtin_fmaf(x[i][q], y[j][q], sum[i][j]);
-  }
+        for (int i = 0; i < R; ++i)
+#pragma unroll
+          for (int j = 0; j < C; ++j)
+            sum[i][j] = __builtin_fmaf(x[i][q], y[j][q], sum[i][j]);
+    }
 #pragma unroll
   for (int i = 0; i < R * C; ++i)
     kept[i] = sum[i / C][i % C];

@@ -6,7 +6,8 @@
 // that it has maps of (warp/TensorMaps.h) to places in the block's memory that
 // threads use in turn, a ring. Each place has two barriers of 8 bytes: `full`
 // ends a phase when all bytes of a turn are there, `empty`, behind those of all
-// places, when every warpgroup has read them. One thread asks for copies.
+// places, when every warp, or warpgroup, has read them. One thread asks for
+// copies.
 //
 //===----------------------------------------------------------------------===//
 
@@ -56,15 +57,15 @@ WARP_TILES warp_tile_expect_bytes(u64 full, i32 bytes, void *) {
       : "memory");
 }
 
-/// Elements of 16 bits, columns in groups of 64, or all if there are fewer.
+/// So many columns at a time, of elements of so many bytes.
 WARP_TILES warp_tile_copy_box(u64 to, u64 map, i32 firstRow, i32 firstColumn,
-                              i32 rows, i32 columns, u64 full, void *) {
-  i32 width = columns < 64 ? columns : 64;
+                              i32 rows, i32 columns, i32 width, i32 bytes,
+                              u64 full, void *) {
   for (i32 column = 0; column < columns; column += width)
     asm volatile(
         "cp.async.bulk.tensor.2d.shared::cluster.global.tile"
         ".mbarrier::complete_tx::bytes [%0], [%1, {%2, %3}], [%4];" ::"r"(
-            u32(to) + column * rows * 2),
+            u32(to) + column * rows * bytes),
         "l"(map), "r"(firstColumn + column), "r"(firstRow), "r"(u32(full))
         : "memory");
 }
@@ -74,9 +75,11 @@ WARP_TILES warp_tile_await_phase(u64 barrier, i32 phase, void *) {
   await(barrier, phase);
 }
 
-/// For a warpgroup whose threads have all read a place.
-WARP_TILES warp_tile_leave_place(u64 empty, void *) {
-  if (threadNumber() % 128 == 0)
+/// For a warp or a warpgroup, of so many threads, that has read a place.
+WARP_TILES warp_tile_leave_place(u64 empty, i32 team, void *) {
+  if (team == 32)
+    asm volatile("bar.warp.sync -1;" ::: "memory");
+  if (u32(threadNumber()) % u32(team) == 0)
     asm volatile("mbarrier.arrive.shared::cta.b64 _, [%0];" ::"r"(u32(empty))
                  : "memory");
 }

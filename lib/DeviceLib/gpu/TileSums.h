@@ -46,28 +46,52 @@ WARP_INLINE void exchange(u64 sums, u64 memory, i32 m, i32 n) {
   }
 }
 
+/// Elements of a tile that may lie outside of its array, one after the other:
+/// from a copy, since registers have no numbers, and rolled up, since that is
+/// rare.
+template <class Layout, class Use>
+WARP_INLINE void forThoseInside(u64 sums, const Window &window, Use use) {
+  constexpr int run = Layout::run;
+  Layout layout(window.rows, window.columns, threadNumber());
+  float copies[Layout::slots];
+#pragma unroll
+  for (int slot = 0; slot < Layout::slots; ++slot)
+    copies[slot] = own<float>(sums)[slot];
+#pragma clang loop unroll(disable)
+  for (int slot = 0; slot < Layout::slots; ++slot) {
+    i32 row = layout.runRow(slot / run * run),
+        column = layout.runColumn(slot / run * run) + slot % run;
+    if (window.has(row, column))
+      use(window.at(row, column), copies[slot]);
+  }
+}
+
 template <class Layout> WARP_INLINE void store(u64 sums, const Window &window) {
   constexpr int run = Layout::run;
   using Run = Vec<float, run>;
   Layout layout(window.rows, window.columns, threadNumber());
   const float *kept = own<float>(sums);
-  bool inRuns = window.isAligned(4, run * 4) && window.isInside();
+  if (!window.isAligned(4, run * 4) || !window.isInside()) {
+    forThoseInside<Layout>(sums, window, [](u64 address, float value) {
+      *global<float>(address) = value;
+    });
+    return;
+  }
 #pragma unroll
   for (int slot = 0; slot < Layout::slots; slot += run) {
-    i32 row = layout.runRow(slot), column = layout.runColumn(slot);
-    if (inRuns) {
-      Run values;
-#pragma unroll
-      for (int i = 0; i < run; ++i)
-        values[i] = kept[slot + i];
-      *(Global<Run> *)window.at(row, column) = values;
-      continue;
-    }
+    Run values;
 #pragma unroll
     for (int i = 0; i < run; ++i)
-      if (window.has(row, column + i))
-        *global<float>(window.at(row, column + i)) = kept[slot + i];
+      values[i] = kept[slot + i];
+    *(Global<Run> *)window.at(layout.runRow(slot), layout.runColumn(slot)) =
+        values;
   }
+}
+
+WARP_INLINE void addAtomically(u64 address, float value) {
+  asm volatile("red.relaxed.gpu.global.add.f32 [%0], %1;" ::"l"(address),
+               "f"(value)
+               : "memory");
 }
 
 /// Adds sums to an array, as others may at a time.
@@ -75,16 +99,16 @@ template <class Layout> WARP_INLINE void add(u64 sums, const Window &window) {
   constexpr int run = Layout::run;
   Layout layout(window.rows, window.columns, threadNumber());
   const float *kept = own<float>(sums);
+  if (!window.isInside()) {
+    forThoseInside<Layout>(sums, window, addAtomically);
+    return;
+  }
 #pragma unroll
-  for (int slot = 0; slot < Layout::slots; slot += run) {
-    i32 row = layout.runRow(slot), column = layout.runColumn(slot);
-#pragma unroll
-    for (int i = 0; i < run; ++i)
-      if (window.has(row, column + i))
-        asm volatile("red.relaxed.gpu.global.add.f32 [%0], %1;" ::"l"(
-                         window.at(row, column + i)),
-                     "f"(kept[slot + i])
-                     : "memory");
+  for (int slot = 0; slot < Layout::slots; ++slot) {
+    i32 first = slot / run * run;
+    addAtomically(
+        window.at(layout.runRow(first), layout.runColumn(first) + slot - first),
+        kept[slot]);
   }
 }
 

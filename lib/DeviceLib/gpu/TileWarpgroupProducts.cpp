@@ -45,9 +45,11 @@ template <int R, int C> struct Warpgroups {
       "+f"(sum[i + 4]), "+f"(sum[i + 5]), "+f"(sum[i + 6]), "+f"(sum[i + 7])
 #define WARP_SUMS_32(i)                                                        \
   WARP_SUMS_8(i), WARP_SUMS_8(i + 8), WARP_SUMS_8(i + 16), WARP_SUMS_8(i + 24)
+#define WARP_NAMES_16                                                          \
+  "%0, %1, %2, %3, %4, %5, %6, %7, %8, %9, %10, %11, %12, %13, %14, %15"
 #define WARP_NAMES_32                                                          \
-  "%0, %1, %2, %3, %4, %5, %6, %7, %8, %9, %10, %11, %12, %13, %14, %15, "     \
-  "%16, %17, %18, %19, %20, %21, %22, %23, %24, %25, %26, %27, %28, %29, "     \
+  WARP_NAMES_16                                                                \
+  ", %16, %17, %18, %19, %20, %21, %22, %23, %24, %25, %26, %27, %28, %29, "   \
   "%30, %31"
 #define WARP_NAMES_64                                                          \
   WARP_NAMES_32                                                                \
@@ -77,6 +79,8 @@ template <int R, int C> struct Warpgroups {
 
 template <bool isBrain, int C, bool aAlong, bool bAlong>
 WARP_INLINE void multiplyFragment(float *sum, u64 x, u64 y) {
+  WARP_WGMMA_EITHER(32, WARP_NAMES_16, "%16, %17, 1, 1, 1, %18, %19;",
+                    WARP_SUMS_8(0), WARP_SUMS_8(8));
   WARP_WGMMA_EITHER(64, WARP_NAMES_32, "%32, %33, 1, 1, 1, %34, %35;",
                     WARP_SUMS_32(0));
   WARP_WGMMA_EITHER(128, WARP_NAMES_64, "%64, %65, 1, 1, 1, %66, %67;",
@@ -155,6 +159,7 @@ WARP_INLINE void multiplyWarpgroups(u64 sums, u64 a, u64 b, i32 m, i32 n,
   WARP_PRODUCTS(wg_f16, multiplyWarpgroups, false, R, C)                       \
   WARP_PRODUCTS(wg_bf16, multiplyWarpgroups, true, R, C)
 
+WARP_WARPGROUPS(64, 32)
 WARP_WARPGROUPS(64, 64)
 WARP_WARPGROUPS(64, 128)
 WARP_WARPGROUPS(64, 256)

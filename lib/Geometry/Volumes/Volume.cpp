@@ -93,7 +93,8 @@ void Volume::Impl::publish(GridBytes host) {
                     made ? static_cast<uint32_t *>(made->data()) : nullptr);
   contents.tag = slot.tag();
   auto *behindTag = reinterpret_cast<const char *>(&contents) + sizeof(u64);
-  slot.write(behindTag, sizeof contents - sizeof(u64));
+  slot.write(behindTag, sizeof contents - sizeof(u64),
+             {{data, size}, {contents.numbers, bytes}});
   info = levels.info();
   table = std::move(made);
 }

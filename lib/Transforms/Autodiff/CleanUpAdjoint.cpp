@@ -12,11 +12,12 @@
 #include "Analysis/ArrayOrigins.h"
 #include "Analysis/Effects.h"
 #include "Analysis/ThreadVariance.h"
-#include "KernelFunction.h"
 #include "Autodiff/Loops/CountTrips.h"
+#include "Autodiff/Recording.h"
+#include "Autodiff/Reverse/Reverse.h"
 #include "DeadValues.h"
 #include "HiddenArguments.h"
-#include "Autodiff/Reverse/Reverse.h"
+#include "KernelFunction.h"
 
 #include "WarpDialect/TileOps.h"
 
@@ -132,8 +133,42 @@ static void storeSums(func::FuncOp adjoint) {
   }
 }
 
+/// Drops what the adjoint does not read from what is recorded for it; null if
+/// nothing is left to record or to check.
+static func::FuncOp dropUnused(func::FuncOp adjoint, func::FuncOp recording) {
+  llvm::SmallDenseSet<Attribute> wanted;
+  for (BlockArgument argument : adjoint.getArguments())
+    if (warp::HiddenAttr hidden = getHidden(argument);
+        hidden && !argument.use_empty())
+      wanted.insert(hidden);
+  llvm::BitVector dropped(recording.getNumArguments());
+  bool isOfUse = false;
+  for (BlockArgument argument : recording.getArguments()) {
+    warp::HiddenAttr hidden = getHidden(argument);
+    if (!hidden)
+      continue;
+    isOfUse |= hidden.getKind() == warp::HiddenKind::Claims;
+    if (hidden.getKind() != warp::HiddenKind::Tape)
+      continue;
+    if (wanted.contains(hidden)) {
+      isOfUse = true;
+      continue;
+    }
+    for (Operation *user : llvm::make_early_inc_range(argument.getUsers()))
+      user->erase();
+    dropped.set(argument.getArgNumber());
+  }
+  if (!isOfUse) {
+    recording.erase();
+    return nullptr;
+  }
+  (void)recording.eraseArguments(dropped);
+  eraseDead(recording.getBody());
+  return recording;
+}
+
 /// Drops the hidden arguments that nothing uses, in both functions.
-static void dropUnused(func::FuncOp adjoint, func::FuncOp augmented) {
+static void dropUnusedSaved(func::FuncOp adjoint, func::FuncOp augmented) {
   auto isUnused = [&](warp::HiddenAttr hidden) {
     for (BlockArgument argument : adjoint.getArguments())
       if (getHidden(argument) == hidden)
@@ -202,11 +237,18 @@ static bool isShared(warp::AccumulateOp sum,
   return isSame(sum.getArray()) && llvm::all_of(sum.getIndices(), isSame);
 }
 
-/// Lists the leaves whose contents the adjoint reads, and counts.
-static void describeCode(func::FuncOp adjoint, unsigned hiddenCount) {
+/// Lists the leaves whose contents the adjoint reads, or the function that
+/// records for it, and counts.
+static void describeCode(func::FuncOp adjoint, func::FuncOp recording,
+                         unsigned hiddenCount) {
   warp::ArrayLeaves leaves(adjoint);
   unsigned count = leaves.size() - hiddenCount;
   llvm::BitVector needed(count);
+  auto note = [&](const warp::ArrayLeaves &leaves, Value array) {
+    for (unsigned leaf : leaves.of(array))
+      if (leaf < count)
+        needed.set(leaf);
+  };
   int64_t atomics = 0, reductions = 0, shadowed = 0, assertions = 0;
   warp::ThreadVariance variance(adjoint, /*disjoint=*/true);
   adjoint.walk([&](Operation *op) {
@@ -219,14 +261,17 @@ static void describeCode(func::FuncOp adjoint, unsigned hiddenCount) {
     if (auto sum = dyn_cast<warp::TileAtomicOp>(op))
       atomics += sum.getKind() == warp::TileUpdate::add;
     if (warp::isPlainRead(op))
-      for (unsigned leaf : leaves.of(cast<warp::AccessOp>(op).getArray()))
-        if (leaf < count)
-          needed.set(leaf);
+      note(leaves, cast<warp::AccessOp>(op).getArray());
     if (auto load = dyn_cast<warp::TileLoadOp>(op))
-      for (unsigned leaf : leaves.of(load.getArray()))
-        if (leaf < count)
-          needed.set(leaf);
+      note(leaves, load.getArray());
   });
+  if (recording) {
+    warp::ArrayLeaves own(recording);
+    recording.walk([&](warp::AccessOp op) {
+      if (warp::isPlainRead(op))
+        note(own, op.getArray());
+    });
+  }
   Builder b(adjoint.getContext());
   SmallVector<int64_t> list(needed.set_bits_begin(), needed.set_bits_end());
   adjoint->setAttr(warp::attr::needed, b.getI64ArrayAttr(list));
@@ -248,18 +293,25 @@ struct CleanUpAdjoint : warp::impl::CleanUpAdjointBase<CleanUpAdjoint> {
         dyn_cast_or_null<func::FuncOp>(warp::findKernel(getOperation()));
     if (!adjoint || failed(checkMarks(adjoint)))
       return signalPassFailure();
-    func::FuncOp augmented;
-    for (auto function : getOperation().getOps<func::FuncOp>())
+    func::FuncOp augmented, recording;
+    for (auto function : getOperation().getOps<func::FuncOp>()) {
       if (function->hasAttr(warp::attr::augmented))
         augmented = function;
+      if (function->hasAttr(warp::attr::recording))
+        recording = function;
+    }
     mergeSums(adjoint.getBody().front());
     storeSums(adjoint);
     if (func::FuncOp counting = takeCounting(adjoint)) {
-      dropUnused(counting, nullptr);
+      dropUnusedSaved(counting, nullptr);
       describeHidden(counting);
     }
-    dropUnused(adjoint, augmented);
-    describeCode(adjoint, describeHidden(adjoint));
+    if (recording)
+      recording = dropUnused(adjoint, recording);
+    dropUnusedSaved(adjoint, augmented);
+    if (recording)
+      describeHidden(recording);
+    describeCode(adjoint, recording, describeHidden(adjoint));
     if (augmented && describeHidden(augmented) == 0)
       augmented.erase();
   }

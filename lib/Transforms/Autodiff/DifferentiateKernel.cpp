@@ -9,6 +9,8 @@
 //===----------------------------------------------------------------------===//
 
 #include "Autodiff/ApartArrays.h"
+#include "Autodiff/ChosenArrays.h"
+#include "Autodiff/DeadValues.h"
 #include "Autodiff/Forward/Forward.h"
 #include "Autodiff/Reverse/GuardArms.h"
 #include "Autodiff/Reverse/Reverse.h"
@@ -44,26 +46,6 @@ static FailureOr<Singular> parseSingular(func::FuncOp kernel, StringRef name) {
                           "'pinned', 'strict', 'report' or 'repeated', but got "
                           "'")
          << name << "'";
-}
-
-static std::string describePlace(Location loc) {
-  std::string text;
-  llvm::raw_string_ostream stream(text);
-  if (auto place = loc->findInstanceOf<FileLineColLoc>())
-    stream << place.getFilename().getValue() << ':' << place.getLine() << ':'
-           << place.getColumn();
-  else
-    stream << "an unknown place";
-  return text;
-}
-
-static void attachPlaces(func::FuncOp derivative, ArrayRef<Location> list) {
-  SmallVector<std::string> places = llvm::map_to_vector(list, describePlace);
-  SmallVector<StringRef> texts(places.begin(), places.end());
-  if (!places.empty())
-    derivative->setAttr(
-        warp::attr::places,
-        Builder(derivative.getContext()).getStrArrayAttr(texts));
 }
 
 /// What the runtime and the user are told, apart from what clean-up finds.
@@ -156,6 +138,28 @@ static void augment(func::FuncOp kernel, const ReverseBuilder &builder,
   kernel->setAttr(warp::attr::augmented, UnitAttr::get(kernel.getContext()));
 }
 
+/// Whether the condition of some loop is about memory alone.
+static bool hasLoopWithoutResults(func::FuncOp kernel) {
+  return kernel
+      .walk([](scf::WhileOp loop) {
+        return loop.getNumResults() == 0 ? WalkResult::interrupt()
+                                         : WalkResult::advance();
+      })
+      .wasInterrupted();
+}
+
+/// Whether the adjoint needs something that the launch has overwritten.
+static bool lacksValues(func::FuncOp adjoint) {
+  auto isLacking = [](Operation *op) {
+    return op->hasAttr(warp::attr::unrecoverable) ? WalkResult::interrupt()
+                                                  : WalkResult::advance();
+  };
+  if (!adjoint.walk(isLacking).wasInterrupted())
+    return false;
+  eraseDead(adjoint.getBody());
+  return adjoint.walk(isLacking).wasInterrupted();
+}
+
 namespace {
 
 struct DifferentiateKernel
@@ -168,9 +172,8 @@ struct DifferentiateKernel
     if (!kernel || failed(differentiate(kernel)))
       return signalPassFailure();
     // A copy of a decomposition becomes one with it again.
-    getOperation().walk([](Operation *op) {
-      op->removeDiscardableAttr(completeAttrName);
-    });
+    getOperation().walk(
+        [](Operation *op) { op->removeDiscardableAttr(completeAttrName); });
   }
 
   /// Reads `active`; arrays after the last flag are not active.
@@ -217,6 +220,8 @@ struct DifferentiateKernel
     // Forward mode chooses vectors that suit the direction.
     if (failed(completeSpectralProducts(kernel)))
       return failure();
+    nameChosenArrays(kernel);
+    log = MemoryLog();
     return buildReverse(kernel, options);
   }
 
@@ -238,12 +243,33 @@ struct DifferentiateKernel
     return success();
   }
 
+  /// Lets the kernel run again before its adjoint, to keep what loops read.
+  bool keepLog(func::FuncOp kernel, ReverseOptions &options,
+               bool onlyIfShared) {
+    warp::ArrayLeaves leaves(kernel);
+    Activity activity(kernel, leaves, options.active);
+    MemoryClasses memory(kernel, leaves, activity, options.unique);
+    SmallVector<unsigned> shared = memory.findUnknownSharing();
+    if (options.log || (onlyIfShared && shared.empty()) ||
+        !makeMemoryLog(kernel, memory, shared, log))
+      return false;
+    options.log = &log;
+    options.untaped.clear();
+    return true;
+  }
+
   LogicalResult buildReverse(func::FuncOp kernel, ReverseOptions &options) {
     guardArms(kernel);
+    keepLog(kernel, options, !hasLoopWithoutResults(kernel));
     func::FuncOp adjoint = createTwin(kernel, "_adjoint");
     ReverseBuilder builder(kernel, adjoint, options);
     if (failed(builder.build()))
       return failure();
+    if (lacksValues(adjoint) &&
+        keepLog(kernel, options, /*onlyIfShared=*/false)) {
+      adjoint.erase();
+      return buildReverse(kernel, options);
+    }
     // A loop turned out to need values from memory after those within it had
     // got their tapes.
     if (!builder.untaped.empty()) {
@@ -267,6 +293,8 @@ struct DifferentiateKernel
       augment(kernel, builder, saved);
     return success();
   }
+
+  MemoryLog log;
 };
 
 } // namespace

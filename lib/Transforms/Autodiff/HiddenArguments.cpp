@@ -24,10 +24,30 @@ BlockArgument warp::autodiff::addHidden(FunctionOpInterface function,
 }
 
 warp::HiddenAttr warp::autodiff::getHidden(BlockArgument argument) {
-  auto function =
-      cast<FunctionOpInterface>(argument.getOwner()->getParentOp());
+  auto function = cast<FunctionOpInterface>(argument.getOwner()->getParentOp());
   return function.getArgAttrOfType<HiddenAttr>(argument.getArgNumber(),
                                                attr::hidden);
+}
+
+std::string warp::autodiff::describePlace(Location loc) {
+  std::string text;
+  llvm::raw_string_ostream stream(text);
+  if (auto place = loc->findInstanceOf<FileLineColLoc>())
+    stream << place.getFilename().getValue() << ':' << place.getLine() << ':'
+           << place.getColumn();
+  else
+    stream << "an unknown place";
+  return text;
+}
+
+void warp::autodiff::attachPlaces(FunctionOpInterface derivative,
+                                  ArrayRef<Location> list) {
+  SmallVector<std::string> places = llvm::map_to_vector(list, describePlace);
+  SmallVector<StringRef> texts(places.begin(), places.end());
+  if (!places.empty())
+    derivative->setAttr(
+        warp::attr::places,
+        Builder(derivative.getContext()).getStrArrayAttr(texts));
 }
 
 void warp::autodiff::countOne(OpBuilder &builder, Location loc, Value condition,

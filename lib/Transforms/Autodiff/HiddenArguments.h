@@ -13,6 +13,11 @@
 #include "mlir/IR/Value.h"
 #include "mlir/Interfaces/FunctionInterfaces.h"
 
+namespace warp::attr {
+/// On an adjoint, until warp-clean-up-adjoint: places of its counters.
+constexpr llvm::StringLiteral places = "warp.places";
+} // namespace warp::attr
+
 namespace warp::autodiff {
 
 /// Appends an argument that the primal does not have.
@@ -24,6 +29,13 @@ mlir::BlockArgument addHidden(mlir::FunctionOpInterface function,
 void countOne(mlir::OpBuilder &builder, mlir::Location loc,
               mlir::Value condition, mlir::Value counters,
               llvm::SmallVectorImpl<mlir::Location> &places);
+
+/// The place in the source: "file:line:column".
+std::string describePlace(mlir::Location loc);
+
+/// Leaves the places of counters at a derivative.
+void attachPlaces(mlir::FunctionOpInterface derivative,
+                  llvm::ArrayRef<mlir::Location> places);
 
 /// What such an argument is; null for any other.
 HiddenAttr getHidden(mlir::BlockArgument argument);

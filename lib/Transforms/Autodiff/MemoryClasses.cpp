@@ -24,6 +24,8 @@
 #include "WarpDialect/TileOps.h"
 #include "WarpDialect/WarpOps.h"
 
+#include "mlir/Dialect/SCF/IR/SCF.h"
+
 #include "llvm/ADT/TypeSwitch.h"
 
 using namespace mlir;
@@ -274,6 +276,44 @@ Sharing MemoryClasses::getSharing(ArrayRef<const Access *> accesses) const {
   return isTrusted ? Sharing::Trusted : Sharing::Shared;
 }
 
+Sharing MemoryClasses::getSharing(unsigned leaf, bool onlyActive) const {
+  return trusted.contains(leaf) ? Sharing::Trusted
+                                : getSharing(select(leaf, onlyActive));
+}
+
+bool MemoryClasses::isPrivate(unsigned leaf) const {
+  return getSharing(select(leaf, /*onlyActive=*/false)) == Sharing::Private;
+}
+
+/// Whether the indices are made of more than thread indices and what all
+/// threads know.
+bool MemoryClasses::mayMeetUnseen(ArrayRef<const Access *> accesses) const {
+  auto isSeen = [&](Symbol symbol) {
+    return symbol.kind == Symbol::Kind::Thread ||
+           variance.agreement(symbol, Scope::Launch) != Agreement::No;
+  };
+  return !llvm::all_of(accesses, [&](const Access *access) {
+    return llvm::all_of(access->indices, [&](auto &index) {
+      return index && llvm::all_of(index->terms, [&](const Term &term) {
+               return llvm::all_of(term.product, isSeen);
+             });
+    });
+  });
+}
+
+SmallVector<unsigned> MemoryClasses::findUnknownSharing() const {
+  SmallVector<unsigned> found;
+  for (unsigned leaf = 0; leaf < accesses.size(); ++leaf) {
+    SmallVector<const Access *> active = select(leaf, /*onlyActive=*/true);
+    auto isWrite = [](const Access *access) { return access->isWrite; };
+    if (llvm::any_of(active, isWrite) && !llvm::all_of(active, isWrite) &&
+        !isApart(leaves, leaf) && getSharing(active) == Sharing::Shared &&
+        mayMeetUnseen(active))
+      found.push_back(leaf);
+  }
+  return found;
+}
+
 int64_t MemoryClasses::getUniqueRank(Operation *op) const {
   unsigned leaf;
   if (!unique || !lookup(op, leaf))
@@ -290,6 +330,14 @@ int64_t MemoryClasses::getUniqueRank(Operation *op) const {
   return countOwnedDimensions(others, /*mayWrap=*/false);
 }
 
+/// Whether a value comes out of a branch or is carried by a loop.
+static bool isCarried(Value value) {
+  Operation *op = value.getDefiningOp();
+  if (!op)
+    op = cast<BlockArgument>(value).getOwner()->getParentOp();
+  return isa<scf::IfOp, scf::ForOp, scf::WhileOp>(op);
+}
+
 LogicalResult MemoryClasses::verify() {
   for (Operation *op : unknown)
     if (auto access = dyn_cast<AccessOp>(op);
@@ -298,9 +346,13 @@ LogicalResult MemoryClasses::verify() {
   for (Operation *op : unknown)
     if (hasDerivative(op->getOperand(0).getType()) ||
         (op->getNumResults() == 1 && hasDerivative(op->getResult(0).getType())))
-      return op->emitError("the array that is accessed here depends on control "
-                           "flow; write one access per array instead, each in "
-                           "its branch");
+      return op->emitError(
+          isCarried(rootOf(getAccess(op)->array))
+              ? "the array that is accessed here depends on control flow; "
+                "write one access per array instead, each in its branch"
+              : "the array that is accessed here is read from an array of "
+                "structs, and its gradient is not known; pass the array to "
+                "the kernel");
   for (unsigned leaf = 0; leaf < accesses.size(); ++leaf) {
     SmallVector<const Access *> active = select(leaf, /*onlyActive=*/true);
     auto isWrite = [](const Access *access) { return access->isWrite; };
@@ -308,7 +360,7 @@ LogicalResult MemoryClasses::verify() {
     const auto *read = llvm::find_if_not(active, isWrite);
     if (write == active.end() || read == active.end() || isApart(leaves, leaf))
       continue;
-    Sharing sharing = getSharing(active);
+    Sharing sharing = getSharing(leaf, /*onlyActive=*/true);
     std::string name = leaves.getName(leaf);
     if (sharing == Sharing::Single)
       oneThread =
@@ -351,7 +403,7 @@ Recovery MemoryClasses::getRecovery(Operation *load, std::string &why,
   needsOneThread = false;
   if (!read || !isWritten(leaf) || isApart(leaves, leaf))
     return Recovery::Reload;
-  Sharing sharing = getSharing(select(leaf, /*onlyActive=*/false));
+  Sharing sharing = getSharing(leaf, /*onlyActive=*/false);
   const Access *before = nullptr, *after = nullptr;
   for (const Access &write : accesses[leaf]) {
     if (!write.isWrite)

@@ -77,6 +77,13 @@ public:
   mlir::LogicalResult verify();
 
   bool isWritten(unsigned leaf) const;
+  /// No two threads touch the same element of an array.
+  bool isPrivate(unsigned leaf) const;
+  /// Active arrays of which indices don't tell whether a thread reads what
+  /// another one writes: they come from memory, say.
+  llvm::SmallVector<unsigned> findUnknownSharing() const;
+  /// Takes for granted that no thread touches what another one writes.
+  void trust(const llvm::SmallDenseSet<unsigned> &leaves) { trusted = leaves; }
   /// How to get the value of a load again; the reason if that is impossible.
   /// `needsOneThread` if that is so in a launch of one thread only.
   Recovery getRecovery(mlir::Operation *load, std::string &why,
@@ -93,6 +100,8 @@ private:
   void collect(mlir::Operation *op);
   const Access *lookup(mlir::Operation *op, unsigned &leaf) const;
   Sharing getSharing(llvm::ArrayRef<const Access *> accesses) const;
+  Sharing getSharing(unsigned leaf, bool onlyActive) const;
+  bool mayMeetUnseen(llvm::ArrayRef<const Access *> accesses) const;
   llvm::SmallVector<const Access *> select(unsigned leaf,
                                            bool onlyActive) const;
   bool isOwnedAlong(llvm::ArrayRef<const Access *> accesses, unsigned axis,
@@ -114,6 +123,7 @@ private:
   /// Dimensions of the launch that the kernel knows.
   unsigned threadDimensions = 0;
   std::string oneThread;
+  llvm::SmallDenseSet<unsigned> trusted;
 };
 
 /// Whether an element that `read` reads may be written by `write` in the same

@@ -87,6 +87,13 @@ LogicalResult ArrayLowering::run() {
   return failure(malformed);
 }
 
+/// A place in the block's memory that bytes are added to; null if an operation
+/// is something else.
+static BlockMemoryOp getPlaceBehind(Operation *op) {
+  auto sum = dyn_cast_or_null<arith::AddIOp>(op);
+  return sum ? sum.getLhs().getDefiningOp<BlockMemoryOp>() : nullptr;
+}
+
 void ArrayLowering::lower(Operation *op) {
   b.setInsertionPoint(op);
   loc = op->getLoc();
@@ -111,7 +118,7 @@ void ArrayLowering::lower(Operation *op) {
     lowerArrayAt(array);
   else if (auto grad = dyn_cast<GradOp>(op))
     lowerGrad(grad);
-  else if (isa<BlockMemoryOp>(op))
+  else if (isa<BlockMemoryOp>(op) || getPlaceBehind(op))
     ; // Arrays there ask for it.
   else if (auto load = dyn_cast<LoadComponentsOp>(op))
     lowerLoad(load);
@@ -287,8 +294,12 @@ mlir::Value ArrayLowering::getBlockMemory() {
 
 void ArrayLowering::lowerArrayAt(ArrayAtOp op) {
   ArrayParts parts;
-  if (auto memory = op.getAddress().getDefiningOp<BlockMemoryOp>())
+  Operation *address = op.getAddress().getDefiningOp();
+  if (auto memory = dyn_cast_or_null<BlockMemoryOp>(address))
     parts.data = advance(getBlockMemory(), memory.getOffset());
+  else if (BlockMemoryOp memory = getPlaceBehind(address))
+    parts.data = advance(advance(getBlockMemory(), memory.getOffset()),
+                         cast<arith::AddIOp>(address).getRhs());
   else
     parts.data = LLVM::IntToPtrOp::create(b, loc, dataPointer,
                                           widen(op.getAddress(), i64));

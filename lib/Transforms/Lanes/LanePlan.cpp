@@ -138,12 +138,43 @@ private:
 
 } // namespace
 
+/// Whether an operation has the same bits in any order of its terms.
+static bool isReordered(Operation *op) {
+  return isa_and_present<arith::AddIOp, arith::MulIOp, arith::AndIOp,
+                         arith::OrIOp, arith::XOrIOp, arith::MaxSIOp,
+                         arith::MinSIOp, arith::MaxUIOp, arith::MinUIOp>(op);
+}
+
+/// Whether all that a loop carries are sums, or the like, whose terms may be
+/// taken in any order.
+static bool carriesSums(scf::ForOp loop) {
+  return llvm::all_of(
+      llvm::zip_equal(loop.getRegionIterArgs(), loop.getYieldedValues()),
+      [&](auto pair) {
+        auto [sum, next] = pair;
+        Operation *last = next.getDefiningOp();
+        for (Value v = next; v != sum;) {
+          Operation *op = v.getDefiningOp();
+          if (!isReordered(op) || op->getName() != last->getName() ||
+              op->getBlock() != loop.getBody() || !v.hasOneUse())
+            return false;
+          // The other operand is a term.
+          Operation *before = op->getOperand(0).getDefiningOp();
+          bool isFirst = op->getOperand(0) == sum ||
+                         (before && before->getName() == op->getName() &&
+                          op->getOperand(1) != sum);
+          v = op->getOperand(isFirst ? 0 : 1);
+        }
+        return sum.hasOneUse();
+      });
+}
+
 /// Whether the iterations of one thread are as good as lanes: straight-line
-/// code that carries nothing, over elements that follow each other while those
-/// of neighbouring threads do not.
+/// code that carries nothing but sums of integers, over elements that follow
+/// each other while those of neighbouring threads do not.
 bool CostCounter::isStream(scf::ForOp loop) const {
-  bool scatters = false;
-  if (loop.getNumRegionIterArgs() != 0)
+  bool hasRows = false, carries = loop.getNumRegionIterArgs() != 0;
+  if (!carriesSums(loop))
     return false;
   for (Operation &op : loop.getBody()->without_terminator()) {
     auto access = dyn_cast<warp::AccessOp>(op);
@@ -160,12 +191,12 @@ bool CostCounter::isStream(scf::ForOp loop) const {
         (follows && !(pace && pace->equals(variance.form(loop.getStep())))) ||
         !index.without(trip).isDefinedOutside(loop))
       return false;
-    scatters |= access.mayWrite() && follows &&
-                llvm::any_of(access.getIndices(),
-                             [&](Value index) { return isVarying(index); }) &&
-                variance.step(access.getIndices().back()) != 1;
+    hasRows |= (access.mayWrite() || carries) && follows &&
+               llvm::any_of(access.getIndices(),
+                            [&](Value index) { return isVarying(index); }) &&
+               variance.step(access.getIndices().back()) != 1;
   }
-  return scatters;
+  return hasRows;
 }
 
 void CostCounter::count(Operation *op, double trips, double use) {

@@ -10,6 +10,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Batches.h"
 #include "EntryBuilder.h"
 #include "Updates/Atomics.h"
 #include "WarpDialect/LibraryOps.h"
@@ -47,6 +48,12 @@ static int64_t longestOf(Region &body) {
 
 EntryBuilder::Values EntryBuilder::buildCpu() {
   Value begin = entry.getArgument(1), end = entry.getArgument(2);
+  if (std::optional<warp::Batches> batches =
+          warp::findBatches(kernel, threads)) {
+    describeBatches(*batches);
+    buildBatches(*batches, begin, end);
+    return {};
+  }
   bool inLanes = threads.getLanes().has_value();
   // Of a range that ends before it begins, vectors would be counted wrongly.
   if (inLanes && rank == 1)
@@ -122,20 +129,27 @@ EntryBuilder::Values EntryBuilder::buildRange(Value begin, Value end,
   return buildLastLanes(last, end, outer, next);
 }
 
-EntryBuilder::Values EntryBuilder::buildScalarLoop(Value begin, Value end,
-                                                   ValueRange outer,
-                                                   ValueRange sums) {
-  Value one = constant(b.getI64Type(), 1);
-  auto loop = scf::ForOp::create(b, loc, begin, end, one, sums);
+EntryBuilder::Values
+EntryBuilder::buildLoop(Value begin, Value end, Value step, ValueRange outer,
+                        ValueRange sums,
+                        llvm::function_ref<Values(const Values &)> take) {
+  auto loop = scf::ForOp::create(b, loc, begin, end, step, sums);
   OpBuilder::InsertionGuard guard(b);
   b.setInsertionPointToStart(loop.getBody());
   Values indices(outer);
   indices.push_back(loop.getInductionVar());
-  Values terms = takeThread(indices);
-  Values next = combine(loop.getRegionIterArgs(), terms);
+  Values next = combine(loop.getRegionIterArgs(), take(indices));
   if (!sums.empty())
     scf::YieldOp::create(b, loc, next);
   return Values(loop.getResults());
+}
+
+EntryBuilder::Values EntryBuilder::buildScalarLoop(Value begin, Value end,
+                                                   ValueRange outer,
+                                                   ValueRange sums) {
+  Value one = constant(b.getI64Type(), 1);
+  return buildLoop(begin, end, one, outer, sums,
+                   [&](const Values &indices) { return takeThread(indices); });
 }
 
 /// [begin, end) is a multiple of the width.
@@ -143,19 +157,12 @@ EntryBuilder::Values EntryBuilder::buildFullLanes(Value begin, Value end,
                                                   ValueRange outer,
                                                   ValueRange sums) {
   Value width = constant(b.getI64Type(), threads.getWidth());
-  auto loop = scf::ForOp::create(b, loc, begin, end, width, sums);
-  OpBuilder::InsertionGuard guard(b);
-  b.setInsertionPointToStart(loop.getBody());
-  auto mask = cast<ShapedType>(threads.getLive().getType());
-  Value all = arith::ConstantOp::create(
-      b, loc, DenseElementsAttr::get(mask, b.getBoolAttr(true)));
-  Values indices(outer);
-  indices.push_back(loop.getInductionVar());
-  Values terms = cloneThread(indices, all);
-  Values next = combine(loop.getRegionIterArgs(), terms);
-  if (!sums.empty())
-    scf::YieldOp::create(b, loc, next);
-  return Values(loop.getResults());
+  return buildLoop(begin, end, width, outer, sums, [&](const Values &indices) {
+    auto mask = cast<ShapedType>(threads.getLive().getType());
+    Value all = arith::ConstantOp::create(
+        b, loc, DenseElementsAttr::get(mask, b.getBoolAttr(true)));
+    return cloneThread(indices, all);
+  });
 }
 
 /// A mask of the first `count` lanes, or of all.
@@ -193,16 +200,9 @@ EntryBuilder::Values EntryBuilder::buildMaskedLanes(Value begin, Value end,
                                                     ValueRange outer,
                                                     ValueRange sums) {
   Value width = constant(b.getI64Type(), threads.getWidth());
-  auto loop = scf::ForOp::create(b, loc, begin, end, width, sums);
-  OpBuilder::InsertionGuard guard(b);
-  b.setInsertionPointToStart(loop.getBody());
-  Value left = sub(end, loop.getInductionVar());
-  Value count = arith::MinSIOp::create(b, loc, left, width);
-  Values indices(outer);
-  indices.push_back(loop.getInductionVar());
-  Values terms = cloneThread(indices, liveLanes(count));
-  Values next = combine(loop.getRegionIterArgs(), terms);
-  if (!sums.empty())
-    scf::YieldOp::create(b, loc, next);
-  return Values(loop.getResults());
+  return buildLoop(begin, end, width, outer, sums, [&](const Values &indices) {
+    Value left = sub(end, indices.back());
+    Value count = arith::MinSIOp::create(b, loc, left, width);
+    return cloneThread(indices, liveLanes(count));
+  });
 }

@@ -4,6 +4,7 @@
 //
 // What warp-emit-entry knows while it builds an entry. EmitEntry.cpp has what
 // both targets share, EmitEntryCpu.cpp the loops over a range of threads,
+// EmitEntryBatches.cpp those of blocks that take turns,
 // EmitEntryGpu.cpp the thread of a GPU, EmitEntryItems.cpp a GPU thread with
 // several indices, EmitEntryJam.cpp one with two in a loop, EmitEntrySplit.cpp
 // several threads with one index, EmitEntryTiles.cpp blocks that exchange
@@ -29,6 +30,8 @@
 namespace warp {
 
 class ThreadVariance;
+struct Batches;
+struct SystemCalls;
 
 /// Items of a GPU thread whose block combines what they add up to.
 constexpr int64_t summedItems = 32;
@@ -68,6 +71,10 @@ private:
                     mlir::ValueRange outer, mlir::ValueRange sums);
   Values buildScalarLoop(mlir::Value begin, mlir::Value end,
                          mlir::ValueRange outer, mlir::ValueRange sums);
+  /// A loop over the last index; `take` runs the threads of an iteration.
+  Values buildLoop(mlir::Value begin, mlir::Value end, mlir::Value step,
+                   mlir::ValueRange outer, mlir::ValueRange sums,
+                   llvm::function_ref<Values(const Values &)> take);
   Values buildFullLanes(mlir::Value begin, mlir::Value end,
                         mlir::ValueRange outer, mlir::ValueRange sums);
   Values buildLastLanes(mlir::Value begin, mlir::Value end,
@@ -75,6 +82,14 @@ private:
   Values buildMaskedLanes(mlir::Value begin, mlir::Value end,
                           mlir::ValueRange outer, mlir::ValueRange sums);
   mlir::Value liveLanes(mlir::Value count);
+
+  // EmitEntryBatches.cpp
+  void buildBatches(const Batches &batches, mlir::Value begin,
+                    mlir::Value end);
+  void callForBatch(const SystemCalls &calls, const Batches &batches,
+                    mlir::Value count);
+  mlir::Value placeInBatch(int64_t offset);
+  void describeBatches(const Batches &batches);
 
   // EmitEntryGpu.cpp and EmitEntryItems.cpp
   Values buildGpu();

@@ -53,8 +53,7 @@ void warp::unroll(scf::ForOp loop) {
       map.map(op.getResults(), folded);
       copy->erase();
     }
-    for (auto [value, next] :
-         llvm::zip_equal(carried, loop.getYieldedValues()))
+    for (auto [value, next] : llvm::zip_equal(carried, loop.getYieldedValues()))
       value = map.lookupOrDefault(next);
   }
   loop.replaceAllUsesWith(carried);
@@ -66,9 +65,9 @@ void warp::unroll(scf::ForOp loop) {
 static void annotate(scf::ForOp loop, LLVM::LoopVectorizeAttr vectorize,
                      LLVM::LoopUnrollAttr unroll) {
   loop->setAttr("loop_annotation",
-                LLVM::LoopAnnotationAttr::get(
-                    loop.getContext(), {}, vectorize, {}, unroll, {}, {}, {},
-                    {}, {}, {}, {}, {}, {}, {}, {}));
+                LLVM::LoopAnnotationAttr::get(loop.getContext(), {}, vectorize,
+                                              {}, unroll, {}, {}, {}, {}, {},
+                                              {}, {}, {}, {}, {}, {}));
 }
 
 void warp::setCopies(scf::ForOp loop, int64_t copies) {
@@ -77,6 +76,13 @@ void warp::setCopies(scf::ForOp loop, int64_t copies) {
            LLVM::LoopUnrollAttr::get(b.getContext(), {},
                                      b.getI32IntegerAttr(int32_t(copies)), {},
                                      {}, {}, {}, {}));
+}
+
+void warp::setRolled(scf::ForOp loop) {
+  Builder b(loop.getContext());
+  annotate(loop, {},
+           LLVM::LoopUnrollAttr::get(b.getContext(), b.getBoolAttr(true), {},
+                                     {}, {}, {}, {}, {}));
 }
 
 void warp::setPlain(scf::ForOp loop) {

@@ -24,6 +24,8 @@ void unroll(mlir::scf::ForOp loop);
 
 /// Asks LLVM to make that many copies of a loop's body.
 void setCopies(mlir::scf::ForOp loop, int64_t copies);
+/// Asks LLVM not to copy a loop's body.
+void setRolled(mlir::scf::ForOp loop);
 /// Asks LLVM neither to vectorise a loop nor to copy its body.
 void setPlain(mlir::scf::ForOp loop);
 

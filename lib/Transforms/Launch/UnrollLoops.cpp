@@ -28,6 +28,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "KernelFunction.h"
+#include "NestRuns.h"
 #include "Schedule.h"
 #include "UnrollLoop.h"
 
@@ -255,6 +256,7 @@ struct UnrollLoops : warp::impl::UnrollLoopsBase<UnrollLoops> {
       return signalPassFailure();
     if (!warp::isGpu(entry) || warp::getVariant(entry).getDebug())
       return;
+    warp::nestRuns(entry);
     SmallVector<scf::WhileOp> conditional;
     entry->walk([&](Operation *op) {
       auto loop = dyn_cast<scf::ForOp>(op);

@@ -219,8 +219,7 @@ private:
     if (!loop)
       return;
     ProductForm form = *getProductForm(product);
-    if (form.isByWarpgroups())
-      planLoads(kernel, loop, product);
+    planLoads(kernel, loop, product);
     Builder builder(loop.getContext());
     SmallVector<Operation *, 2> loads;
     int64_t bytes = 0;
@@ -230,9 +229,7 @@ private:
       TileType type = tileType(factor.memory);
       loads.push_back(factor.memory.getDefiningOp());
       int64_t pitch = type.getShape()[1];
-      if (form.isByWarpgroups())
-        loads.back()->setAttr(attr::swizzled, builder.getUnitAttr());
-      else
+      if (!form.isByWarpgroups() && !loads.back()->hasAttr(attr::map))
         pitch = padded(type, factor.isAlong);
       loads.back()->setAttr(attr::pitch, builder.getI64IntegerAttr(pitch));
       bytes += type.getShape()[0] * pitch * getByteSize(type.getElementType());

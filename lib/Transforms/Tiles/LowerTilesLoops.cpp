@@ -155,6 +155,20 @@ void TileLowering::loop(int64_t end, function_ref<void(Value)> body) {
   });
 }
 
+/// Of loops over elements on a CPU the innermost one becomes vectors. Copies of
+/// its body in its place, which LLVM makes before that if they are few, would
+/// leave it the next loop, whose iterations are not neighbours in memory.
+static void keepForVectors(scf::ForOp loop) {
+  constexpr int64_t fewest = 8, most = 256;
+  std::optional<int64_t> trips = getConstantTrips(loop);
+  if (!trips || *trips < fewest || *trips > most || loop.getNumResults() != 0)
+    return;
+  WalkResult inner = loop.getBody()->walk(
+      [](LoopLikeOpInterface) { return WalkResult::interrupt(); });
+  if (!inner.wasInterrupted())
+    setRolled(loop);
+}
+
 Values TileLowering::nest(ArrayRef<int64_t> shape, Values &indices,
                           ValueRange sums, Body body) {
   if (indices.size() == shape.size())
@@ -168,7 +182,10 @@ Values TileLowering::nest(ArrayRef<int64_t> shape, Values &indices,
   };
   if (extent == 1)
     return inner(number(0), sums);
-  return loop(number(0), number(extent), number(1), sums, inner);
+  Values made = loop(number(0), number(extent), number(1), sums, inner);
+  if (sums.empty() && !isGpu(kernel))
+    keepForVectors(cast<scf::ForOp>(*std::prev(b.getInsertionPoint())));
+  return made;
 }
 
 Values TileLowering::share(ArrayRef<int64_t> shape, ValueRange sums,

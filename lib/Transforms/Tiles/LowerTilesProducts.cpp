@@ -103,6 +103,12 @@ void TileLowering::addHeld(TileAtomicOp op) {
 // Products
 //===----------------------------------------------------------------------===//
 
+/// Of a factor, for threads; 0 where it lies swizzled.
+static int64_t pitchOf(const Factor &factor) {
+  Operation *def = factor.memory.getDefiningOp();
+  return def && def->hasAttr(attr::swizzled) ? 0 : factor.pitch;
+}
+
 /// Adds a product to sums; factors are `turn` places behind their first one.
 void TileLowering::multiply(TileMatmulOp op, Value sums, Value turn) {
   ProductForm form = *getProductForm(op);
@@ -113,7 +119,7 @@ void TileLowering::multiply(TileMatmulOp op, Value sums, Value turn) {
   callLibrary("warp_tile_multiply_" + form.product, {},
               {sums, placeOf(a.memory, turn), placeOf(b.memory, turn),
                number(shape[0]), number(shape[1]), number(depth),
-               number(a.pitch), number(b.pitch)});
+               number(pitchOf(a)), number(pitchOf(b))});
 }
 
 void TileLowering::lowerHeldProduct(TileMatmulOp op) {

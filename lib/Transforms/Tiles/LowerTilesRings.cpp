@@ -4,9 +4,10 @@
 //
 // Calls of lib/DeviceLib/gpu/TileRings.cpp. Before the loop, the first thread
 // asks for as many steps as the rings of both factors have places. Each step
-// waits for its own, begins to multiply, and waits for the products of the step
-// before; when all warpgroups have them, the first thread fills those places
-// again. Warpgroups wait for data and for room, and never for each other.
+// waits for its own and multiplies; warpgroups begin to, and wait for the
+// products of the step before. When all warps, or warpgroups, have those, the
+// first thread fills that step's places again. Warps wait for data and for
+// room, and never for each other.
 //
 //===----------------------------------------------------------------------===//
 
@@ -38,10 +39,13 @@ void TileLowering::copyBoxes(ArrayRef<TileLoadOp> loads, scf::ForOp loop,
                 number(load->getAttrOfType<IntegerAttr>(attr::map).getInt())})
             .getResult(0);
     ArrayRef<int64_t> shape = tileType(load.getResult()).getShape();
-    callLibrary("warp_tile_copy_box", {},
-                {placeOf(load.getResult(), place), map, toIndex(offsets[0]),
-                 toIndex(offsets[1]), number(shape[0]), number(shape[1]),
-                 full});
+    callLibrary(
+        "warp_tile_copy_box", {},
+        {placeOf(load.getResult(), place), map, toIndex(offsets[0]),
+         toIndex(offsets[1]), number(shape[0]), number(shape[1]),
+         number(getBoxColumns(load)),
+         number(getByteSize(tileType(load.getResult()).getElementType())),
+         full});
   }
 }
 
@@ -52,6 +56,9 @@ void TileLowering::lowerRing(scf::ForOp loop) {
   TileLoadOp holder = *llvm::find_if(
       loads, [](TileLoadOp load) { return load->hasAttr(attr::ring); });
   auto product = *loop.getBody()->getOps<TileMatmulOp>().begin();
+  ProductForm form = *getProductForm(product);
+  // Threads that have read a place together.
+  int64_t team = form.isByWarpgroups() ? 128 : 32;
   Value begin = loop.getLowerBound(), end = loop.getUpperBound(),
         step = loop.getStep();
   auto barrierAt = [&](Value place, bool empty) {
@@ -78,7 +85,7 @@ void TileLowering::lowerRing(scf::ForOp loop) {
   b.setInsertionPoint(loop);
   callLibrary(
       "warp_tile_open_ring", {},
-      {barrierAt(number(0), false), number(places), number(threads / 128)});
+      {barrierAt(number(0), false), number(places), number(threads / team)});
   callLibrary("warp_tile_publish_copies", {}, {});
   barrier();
   byFirstThread([&] {
@@ -97,24 +104,32 @@ void TileLowering::lowerRing(scf::ForOp loop) {
   };
   callLibrary("warp_tile_await_phase", {},
               {barrierAt(placeOfTurn(done), false), phaseOf(done)});
-  multiply(product, sumsOf(product.getResult(), getProductForm(product)->slots),
-           placeOfTurn(done));
-  callLibrary("warp_tile_await_products", {}, {number(1)});
+  multiply(product, sumsOf(product.getResult(), form.slots), placeOfTurn(done));
+  auto leave = [&](Value turn) {
+    callLibrary("warp_tile_leave_place", {},
+                {barrierAt(placeOfTurn(turn), true), number(team)});
+  };
+  if (form.isByWarpgroups())
+    callLibrary("warp_tile_await_products", {}, {number(1)});
+  else
+    leave(done);
   ifHolds(less(number(0), done), [&] {
     Value before = sub(done, number(1)), place = placeOfTurn(before);
-    Value empty = barrierAt(place, true);
-    callLibrary("warp_tile_leave_place", {}, {empty});
+    if (form.isByWarpgroups())
+      leave(before);
     Value next = after(loop.getInductionVar(), number(places - 1));
     byFirstThread([&] {
       ifHolds(isThere(next), [&] {
-        callLibrary("warp_tile_await_phase", {}, {empty, phaseOf(before)});
+        callLibrary("warp_tile_await_phase", {},
+                    {barrierAt(place, true), phaseOf(before)});
         copyBoxes(loads, loop, next, place, barrierAt(place, false));
       });
     });
   });
 
   b.setInsertionPointAfter(loop);
-  callLibrary("warp_tile_await_products", {}, {number(0)});
+  if (form.isByWarpgroups())
+    callLibrary("warp_tile_await_products", {}, {number(0)});
   barrier();
   callLibrary("warp_tile_close_ring", {},
               {barrierAt(number(0), false), number(places)});

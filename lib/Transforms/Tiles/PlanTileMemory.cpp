@@ -10,6 +10,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "KernelFunction.h"
+#include "TensorMapAttributes.h"
 #include "TileScratch.h"
 
 #include "mlir/Interfaces/LoopLikeInterface.h"
@@ -71,8 +72,9 @@ struct Piece {
 
   int64_t getAlignment() const {
     Operation *def = tile ? tile.getDefiningOp() : nullptr;
-    return def && def->hasAttr(tiles::attr::swizzled) ? patternBytes
-                                                      : alignment;
+    bool inPatterns = def && (def->hasAttr(tiles::attr::swizzled) ||
+                              def->hasAttr(tiles::attr::map));
+    return inPatterns ? patternBytes : alignment;
   }
   bool overlaps(const Piece &other) const {
     return first <= other.last && other.first <= last;

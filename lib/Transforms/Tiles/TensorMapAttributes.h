@@ -1,5 +1,4 @@
-//===- TensorMapAttributes.h - What the copy engine is asked for -*- C++
-//-*-===//
+//===- TensorMapAttributes.h - Orders of the copy engine --------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -14,7 +13,7 @@ namespace warp {
 
 namespace attr {
 /// On kernels, and their entries: maps of arrays (warp/TensorMaps.h), each as
-/// descriptor, place, rows and columns.
+/// descriptor, place, rows, columns, bytes of an element and of the swizzle.
 constexpr llvm::StringLiteral tensorMaps = "warp.tensor_maps";
 } // namespace attr
 

@@ -33,10 +33,12 @@ std::optional<ProductForm> findProductForm(TileMatmulOp op, int64_t threads,
 /// shape, are missing (WarpgroupProducts.cpp).
 std::optional<ProductForm> findWarpgroupForm(TileMatmulOp op, int64_t threads,
                                              TargetAttr target);
-/// Chooses how the factors of such a product are loaded: how many steps of its
-/// loop at a time, and by whom.
+/// Chooses how a loop loads the factors of its product ahead: how many steps at
+/// a time, and by whom (PlanLoads.cpp).
 void planLoads(mlir::FunctionOpInterface kernel, mlir::scf::ForOp loop,
                TileMatmulOp product);
+/// Of a load, how many elements of a row the copy engine takes at a time.
+int64_t getBoxColumns(TileLoadOp load);
 /// The form that an operation is marked with.
 void setProductForm(TileMatmulOp op, const ProductForm &form);
 std::optional<ProductForm> getProductForm(TileMatmulOp op);

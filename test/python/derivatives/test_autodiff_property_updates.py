@@ -1,6 +1,4 @@
-"""Random kernels that overwrite what they read: exact gradients, or an error with its place."""
-
-import re
+"""Random kernels that overwrite what they read: exact gradients."""
 
 import numpy as np
 from hypothesis import given
@@ -19,37 +17,25 @@ def close(got, wanted, name, source):
 
 
 def check(kernel, n, source):
-    """Whether there are gradients; if so, they are compared."""
     made = {
         name: wp.array(data, dtype=REAL, device="cpu", requires_grad=True)
         for name, data in START.items()
     }
     seeds = {made[name]: wp.array(w, dtype=REAL, device="cpu") for name, w in WEIGHTS.items()}
-    try:
-        with wp.Tape() as tape:
-            wp.launch(kernel, THREADS, [*made.values(), n], device="cpu")
-        tape.backward(grads=seeds)
-    except wp.WarpError as problem:
-        assert re.search(r":\d+:\d+: the derivative needs what '\w' holds here", str(problem))
-        return False
+    with wp.Tape() as tape:
+        wp.launch(kernel, THREADS, [*made.values(), n], device="cpu")
+    tape.backward(grads=seeds)
     contents, gradients = reference(source, n)
     for name, wanted in contents.items():
         close(made[name], wanted, f"contents of '{name}'", source)
     for name, wanted in gradients.items():
         close(made[name].grad, wanted, f"gradient by '{name}'", source)
-    return True
 
 
-def test_gradients_of_random_updates():
-    counts = {True: 0, False: 0}
-
-    @examples(60)
-    @given(kernels())
-    def run(source):
-        rank_one, rank_two = wp.array(dtype=REAL), wp.array2d(dtype=REAL)
-        space = define("@wp.kernel\n" + source, R=REAL, A1=rank_one, A2=rank_two)
-        for n in (0, 2, 4):
-            counts[check(space["program"], n, source)] += 1
-
-    run()
-    assert counts[True] > counts[False]
+@examples(60)
+@given(kernels())
+def test_gradients_of_random_updates(source):
+    rank_one, rank_two = wp.array(dtype=REAL), wp.array2d(dtype=REAL)
+    space = define("@wp.kernel\n" + source, R=REAL, A1=rank_one, A2=rank_two)
+    for n in (0, 2, 4):
+        check(space["program"], n, source)

@@ -188,4 +188,9 @@ def test_only_arrays_with_a_gradient_keep_it(device):
     with pytest.raises(ValueError, match=message):
         x.retain_grad = True
     x.requires_grad = x.retain_grad = True
+    for like in (wp.zeros_like, wp.empty_like, wp.ones_like, wp.clone):
+        assert like(x, retain_grad=True).retain_grad and not like(x).retain_grad
+    assert wp.full_like(x, 2.0, retain_grad=True).retain_grad
+    made = wp.from_numpy(np.ones(2, np.float32), requires_grad=True, retain_grad=True)
+    assert made.retain_grad
     assert x.retain_grad and not wp.zeros_like(x).retain_grad

@@ -1,7 +1,10 @@
 """`@wp.kernel` and `@wp.func` as Python objects: options, IR as text, dumps, calls."""
 
 import re
+import threading
 import typing
+from concurrent.futures import ThreadPoolExecutor
+from time import sleep
 from typing import Any
 
 import pytest
@@ -220,3 +223,37 @@ def test_functions_called_from_python_say_what_they_were_given(given):
     for kind in (TypeError, RuntimeError):
         with pytest.raises(kind, match=f"^{re.escape(words)}$"):
             halved(*given)
+
+
+def test_threads_share_one_translation(monkeypatch):
+    """Whoever comes first translates; a second native kernel would be compiled once more."""
+    translate = wp.Kernel._translate
+
+    def translate_slowly(*arguments):
+        sleep(0.02)
+        return translate(*arguments)
+
+    monkeypatch.setattr(wp.Kernel, "_translate", translate_slowly)
+
+    @wp.kernel
+    def halve(x: wp.array(dtype=float)):
+        i = wp.tid()
+        x[i] = 0.5 * x[i]
+
+    @wp.kernel
+    def halve_any(x: wp.array(dtype=Any)):
+        i = wp.tid()
+        x[i] = x.dtype(0.5) * x[i]
+
+    workers = 8
+    start = threading.Barrier(workers)
+    x = wp.ones(4, dtype=float, device="cpu")
+
+    def prepare():
+        start.wait()
+        return halve.prepare(), halve_any.specialize((x,))
+
+    with ThreadPoolExecutor(workers) as pool:
+        found = [one.result() for one in [pool.submit(prepare) for _ in range(workers)]]
+    assert len({id(plain) for plain, _ in found}) == 1
+    assert len({id(generic) for _, generic in found}) == 1

@@ -106,3 +106,22 @@ def test_gradient_of_coordinates(device):
         ends = [expected(data, (at + s) * scale, (WRAP, WRAP), LINEAR) for s in (shift, -shift)]
         wanted[:, axis] = (ends[0] - ends[1]) / (2 * step)
     np.testing.assert_allclose(points.grad.numpy(), wanted, rtol=1e-4, atol=1e-4)
+
+
+def test_arguments_by_position_and_what_cuda_has(device):
+    data = np.arange(4, dtype=np.float32)
+    args = (0, 0, None, CLOSEST, WRAP, WRAP)
+    texture = wp.Texture1D(data, *args, True, 1, None, device)
+    assert texture.normalized_coords and texture.address_mode_u == WRAP and texture.width == 4
+    flat = wp.Texture2D(data.reshape(2, 2), 0, *args, WRAP, False, 1, None, device)
+    assert not flat.normalized_coords and flat.address_mode_v == WRAP
+    with pytest.raises(TypeError, match="argument 'address_mode_v' is unknown"):
+        wp.Texture1D(data, address_mode_v=WRAP, device=device)
+    with pytest.raises(RuntimeError, match="textures over CUDA arrays are not in this package"):
+        wp.Texture1D(cuda_array=8, width=4, device=device)
+    problem = "only supported for CUDA textures"
+    if wp.get_device(device).is_cuda:
+        problem = "textures are arrays in linear memory, see `texels`"
+    for name in ("cuda_array", "cuda_texture", "cuda_surface"):
+        with pytest.raises(RuntimeError, match=problem):
+            getattr(texture, name)

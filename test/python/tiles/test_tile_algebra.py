@@ -120,7 +120,7 @@ def transform_of(length, inverse):
 
 
 @pytest.mark.parametrize("inverse", [False, True])
-@pytest.mark.parametrize("length", [1, 2, 8, 12, 64, 97, 100, 512])
+@pytest.mark.parametrize("length", [1, 2, 8, 12, 64, 97, 100, 128, 256, 512, 1024])
 def test_transforms(length, inverse, device):
     rng = np.random.default_rng(length)
     x = rng.uniform(-1.0, 1.0, (3, length, 2))

@@ -16,6 +16,8 @@ TILES = [
     ((128, 128, 64), 128),
     ((64, 128, 128), 128),
     ((64, 64, 16), 128),
+    ((64, 64, 32), 256),
+    ((64, 32, 64), 128),
     ((128, 64, 32), 256),
     ((128, 128, 48), 256),
 ]
@@ -31,8 +33,8 @@ def test_tiles(dtype, tile, threads, device):
 
 @pytest.mark.parametrize("turned", [(False, False), (True, False), (False, True), (True, True)])
 @pytest.mark.parametrize("dtype", HALVES)
-def test_transposed_factors(dtype, turned, device):
-    tile = (128, 128, 32)
+@pytest.mark.parametrize("tile", [(128, 128, 32), (64, 64, 32)])
+def test_transposed_factors(tile, dtype, turned, device):
     kernel = product(dtype, *tile, *turned)
     check(kernel, dtype, tile, (256, 384, 224), 256, device, turned)
     check(kernel, dtype, tile, (192, 200, 72), 256, device, turned)

@@ -28,10 +28,12 @@ struct Single {
   int rank() const { return 0; }
   int number() const { return 0; }
   int lane() const { return 0; }
-  /// The value of a lane of this team, the least of its lanes, which lanes say
-  /// so; the value of a lane of any team, which lanes of all teams say so.
+  /// The value of a lane of this team, the least of its lanes and of all teams
+  /// (of values that are the same in a team), which lanes say so; the value of
+  /// a lane of any team, which lanes of all teams say so.
   u32 of(u32 value, int) const { return value; }
   u32 least(u32 value) const { return value; }
+  u32 leastOfTeams(u32 value) const { return value; }
   u32 with(bool says) const { return says; }
   u32 from(u32 value, int) const { return value; }
   u32 where(bool says) const { return says; }
@@ -64,14 +66,8 @@ public:
     constexpr i32 packed = (32 - lanes) << 8 | 31;
     return u32(__nvvm_shfl_sync_idx_i32(all, i32(value), rank, packed));
   }
-  u32 least(u32 value) const {
-#pragma unroll
-    for (int step = 1; step < lanes; step *= 2) {
-      u32 other = u32(__nvvm_shfl_sync_bfly_i32(all, i32(value), step, 31));
-      value = other < value ? other : value;
-    }
-    return value;
-  }
+  u32 least(u32 value) const { return leastWithin<1, lanes>(value); }
+  u32 leastOfTeams(u32 value) const { return leastWithin<lanes, 32>(value); }
   u32 with(bool says) const { return where(says) >> (lane() & ~7) & 0xff; }
   u32 from(u32 value, int lane) const {
     return u32(__nvvm_shfl_sync_idx_i32(all, i32(value), lane, 31));
@@ -81,6 +77,15 @@ public:
 
 private:
   static constexpr u32 all = 0xffffffff;
+
+  template <int from, int to> u32 leastWithin(u32 value) const {
+#pragma unroll
+    for (int step = from; step < to; step *= 2) {
+      u32 other = u32(__nvvm_shfl_sync_bfly_i32(all, i32(value), step, 31));
+      value = other < value ? other : value;
+    }
+    return value;
+  }
 };
 #endif
 

@@ -17,6 +17,8 @@
 
 #include "CarryElements.h"
 
+#include "CarryValue.h"
+
 #include "Autodiff/Rules/Rules.h"
 
 #include "WarpDialect/WarpOps.h"
@@ -33,14 +35,11 @@ namespace warp::autodiff {
 namespace {
 
 /// Rewrites the accesses of one element.
-class Carrier {
+class ElementCarrier : public ValueCarrier {
 public:
-  Carrier(const Access &element, unsigned leaf, const ArrayLeaves &leaves)
+  ElementCarrier(const Access &element, unsigned leaf,
+                 const ArrayLeaves &leaves)
       : element(element), leaf(leaf), leaves(leaves) {}
-
-  /// Gives a loop or branch one more value, `current` before it; returns what
-  /// the element is after it.
-  Value carry(Operation *op, Value current);
 
 private:
   bool isElement(Operation *op) const {
@@ -48,21 +47,19 @@ private:
     return access && llvm::is_contained(leaves.of(access->array), leaf) &&
            areSame(*access, element);
   }
-  bool holdsStore(Operation *op) const {
-    return op
-        ->walk([&](AccessOp access) {
-          return access.mayWrite() && isElement(access)
-                     ? WalkResult::interrupt()
-                     : WalkResult::advance();
-        })
-        .wasInterrupted();
+  bool changes(Operation *op) const override {
+    auto access = dyn_cast<AccessOp>(op);
+    return access && access.mayWrite() && isElement(op);
   }
-
-  /// What the element is at the end of a block.
-  Value carry(Block &block, Value current);
-  Value carry(scf::ForOp loop, Value start);
-  Value carry(scf::IfOp branch, Value current);
-  Value carry(scf::WhileOp loop, Value start);
+  Value pass(Operation *op, Value current) override {
+    if (!isElement(op))
+      return current;
+    if (changes(op))
+      return cast<AccessOp>(op).getWritten().front();
+    op->getResult(0).replaceAllUsesWith(current);
+    op->erase();
+    return current;
+  }
 
   const Access &element;
   unsigned leaf;
@@ -70,100 +67,6 @@ private:
 };
 
 } // namespace
-
-Value Carrier::carry(Block &block, Value current) {
-  for (Operation &op : llvm::make_early_inc_range(block)) {
-    if (op.getNumRegions() != 0) {
-      current = carry(&op, current);
-    } else if (isElement(&op)) {
-      if (auto access = cast<AccessOp>(op); access.mayWrite()) {
-        current = access.getWritten().front();
-        continue;
-      }
-      op.getResult(0).replaceAllUsesWith(current);
-      op.erase();
-    }
-  }
-  return current;
-}
-
-Value Carrier::carry(Operation *op, Value current) {
-  if (!holdsStore(op)) {
-    for (Region &region : op->getRegions())
-      for (Block &block : region)
-        carry(block, current);
-    return current;
-  }
-  if (auto branch = dyn_cast<scf::IfOp>(op))
-    return carry(branch, current);
-  if (auto loop = dyn_cast<scf::ForOp>(op))
-    return carry(loop, current);
-  return carry(cast<scf::WhileOp>(op), current);
-}
-
-static void append(Operation *terminator, Value value) {
-  terminator->insertOperands(terminator->getNumOperands(), value);
-}
-
-/// The results but for the last one, which is new.
-static void replaceResults(Operation *old, Operation *extended) {
-  old->replaceAllUsesWith(extended->getResults().drop_back());
-  old->erase();
-}
-
-Value Carrier::carry(scf::IfOp branch, Value current) {
-  OpBuilder builder(branch);
-  SmallVector<Type> types(branch.getResultTypes());
-  types.push_back(current.getType());
-  auto extended = scf::IfOp::create(builder, branch.getLoc(), types,
-                                    branch.getCondition(), true);
-  for (auto [to, from] :
-       llvm::zip_equal(extended->getRegions(), branch->getRegions())) {
-    if (from.empty()) {
-      builder.setInsertionPointToStart(&to.front());
-      scf::YieldOp::create(builder, branch.getLoc(), current);
-      continue;
-    }
-    to.takeBody(from);
-    append(to.front().getTerminator(), carry(to.front(), current));
-  }
-  replaceResults(branch, extended);
-  return extended->getResults().back();
-}
-
-Value Carrier::carry(scf::ForOp loop, Value start) {
-  OpBuilder builder(loop);
-  SmallVector<Value> inits(loop.getInitArgs());
-  inits.push_back(start);
-  auto extended = scf::ForOp::create(
-      builder, loop.getLoc(), loop.getLowerBound(), loop.getUpperBound(),
-      loop.getStep(), inits, nullptr, loop.getUnsignedCmp());
-  extended.getRegion().takeBody(loop.getRegion());
-  Block &body = extended.getRegion().front();
-  Value current = body.addArgument(start.getType(), loop.getLoc());
-  append(body.getTerminator(), carry(body, current));
-  replaceResults(loop, extended);
-  return extended->getResults().back();
-}
-
-Value Carrier::carry(scf::WhileOp loop, Value start) {
-  OpBuilder builder(loop);
-  SmallVector<Value> inits(loop.getInits());
-  inits.push_back(start);
-  SmallVector<Type> types(loop.getResultTypes());
-  types.push_back(start.getType());
-  auto extended =
-      scf::WhileOp::create(builder, loop.getLoc(), types, inits);
-  Value current = start;
-  for (auto [to, from] :
-       llvm::zip_equal(extended->getRegions(), loop->getRegions())) {
-    to.takeBody(from);
-    current = to.front().addArgument(start.getType(), loop.getLoc());
-    append(to.front().getTerminator(), carry(to.front(), current));
-  }
-  replaceResults(loop, extended);
-  return extended->getResults().back();
-}
 
 //===----------------------------------------------------------------------===//
 // Elements that qualify
@@ -322,7 +225,7 @@ static bool carryThrough(Operation *loop, ArrayRef<Element> function,
     } else {
       continue;
     }
-    Carrier(access, element.leaf, leaves).carry(loop, start);
+    ElementCarrier(access, element.leaf, leaves).carry(loop, start);
     return true;
   }
   return false;

@@ -15,10 +15,10 @@
 
 #include "CountTrips.h"
 
-#include "KernelFunction.h"
 #include "Autodiff/DeadValues.h"
 #include "Autodiff/HiddenArguments.h"
 #include "Autodiff/Reverse/Reverse.h"
+#include "KernelFunction.h"
 #include "WarpDialect/WarpOps.h"
 
 using namespace mlir;
@@ -67,19 +67,21 @@ static void reserve(func::FuncOp counting,
   Location loc = counting.getLoc();
   Type type = b.getIntegerType(64, true), small = b.getIntegerType(32, true);
   Value totals = addHidden(
-      counting,
-      warp::HiddenAttr::get(b.getContext(), warp::HiddenKind::Totals),
+      counting, warp::HiddenAttr::get(b.getContext(), warp::HiddenKind::Totals),
       warp::ArrayType::get(b.getContext(), 1, type));
   SmallVector<Type> types(4, small);
   auto thread = warp::TidOp::create(b, loc, types);
-  auto offsets = findHidden(counting, warp::HiddenKind::Offsets);
-  for (auto [entry, other] : llvm::zip_equal(trips, offsets)) {
-    auto [site, array] = entry;
+  // What loads have logged has offsets, too.
+  llvm::DenseMap<int64_t, BlockArgument> offsets;
+  for (auto [site, array] : findHidden(counting, warp::HiddenKind::Offsets))
+    offsets[site] = array;
+  for (auto [site, array] : trips) {
     Value most = warp::LoadOp::create(b, loc, type, array, thread.getResults());
     Value at = warp::ConstantOp::create(b, loc, b.getIntegerAttr(small, site));
     Value offset = warp::AtomicOp::create(b, loc, type, warp::AtomicKind::add,
                                           most, totals, ValueRange(at));
-    warp::StoreOp::create(b, loc, offset, other.second, thread.getResults());
+    warp::StoreOp::create(b, loc, offset, offsets.lookup(site),
+                          thread.getResults());
   }
 }
 

@@ -23,6 +23,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "LoopReversal.h"
+#include "MemoryLog.h"
 
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/WarpOps.h"
@@ -32,7 +33,6 @@
 using namespace mlir;
 using namespace warp::autodiff;
 
-static constexpr int64_t rowBits = 16;
 /// Strides have 32 bits, too.
 static constexpr int64_t maxElementBytes = 1 << 14;
 
@@ -68,18 +68,9 @@ struct ThreadTape {
 /// Row and column of an iteration.
 SmallVector<Value> ThreadTape::indicesOf(Value number) {
   Type type = b.getI64Type();
-  auto constant = [&](int64_t value) {
-    return arith::ConstantOp::create(b, loc, b.getI64IntegerAttr(value));
-  };
   if (number.getType() != type)
     number = arith::ExtUIOp::create(b, loc, type, number);
-  Value at = arith::AddIOp::create(b, loc, offset, number);
-  Value row = arith::ShRUIOp::create(b, loc, at, constant(rowBits));
-  Value column =
-      arith::AndIOp::create(b, loc, at, constant((1 << rowBits) - 1));
-  for (Value index : {row, column})
-    index.getDefiningOp()->setAttr(warp::attr::nonNegative, b.getUnitAttr());
-  return {row, column};
+  return getTapeIndices(b, loc, arith::AddIOp::create(b, loc, offset, number));
 }
 
 /// Notes the trips for the function that counts; returns them, or as many as
@@ -89,8 +80,7 @@ static Value noteTrips(OpBuilder &b, Location loc, Value array,
   Type type = b.getIntegerType(64, true);
   Value room = warp::LoadOp::create(b, loc, type, array, thread);
   SmallVector<Value> both{room, warp::CastOp::create(b, loc, type, trips)};
-  Value most =
-      warp::MaxOp::create(b, loc, TypeRange(type), both)->getResult(0);
+  Value most = warp::MaxOp::create(b, loc, TypeRange(type), both)->getResult(0);
   warp::StoreOp::create(b, loc, most, array, thread)
       ->setAttr(warp::attr::taped, b.getUnitAttr());
   Value least =
@@ -104,15 +94,15 @@ LogicalResult LoopReversal::recoverFromGlobalTape(scf::ForOp reversed,
   OpBuilder::InsertionGuard guard(b);
   b.setInsertionPoint(reversed);
   MLIRContext *context = b.getContext();
-  int64_t site = reverse.taped.size();
+  int64_t site = reverse.options.logSites() + reverse.taped.size();
   reverse.taped.push_back(loop);
   Type number = b.getIntegerType(64, true);
   Type perThread = ArrayType::get(context, 4, number);
   SmallVector<Type> types(4, b.getIntegerType(32, true));
   auto thread = TidOp::create(b, loc, types);
-  trips = noteTrips(b, loc,
-                    reverse.addHidden(HiddenKind::Trips, site, perThread),
-                    thread.getResults(), trips);
+  trips =
+      noteTrips(b, loc, reverse.addHidden(HiddenKind::Trips, site, perThread),
+                thread.getResults(), trips);
   reversed.setUpperBound(trips);
 
   ThreadTape tape{b, loc, {}, nullptr};
@@ -128,15 +118,14 @@ LogicalResult LoopReversal::recoverFromGlobalTape(scf::ForOp reversed,
 
   SmallVector<unsigned> states = closure(needed);
   SmallVector<Value> first = recoverInits(states);
-  auto end = advance(constant(trips.getType(), 0), trips, states, first,
-                     [&](Value count) {
-                       SmallVector<Value> at = tape.indicesOf(count);
-                       for (auto [state, array] : llvm::zip(needed, tape.tapes))
-                         StoreOp::create(b, loc,
-                                         reverse.recover(getStates()[state]),
-                                         array, at)
-                             ->setAttr(attr::taped, b.getUnitAttr());
-                     });
+  auto end = advance(
+      constant(trips.getType(), 0), trips, states, first, [&](Value count) {
+        SmallVector<Value> at = tape.indicesOf(count);
+        for (auto [state, array] : llvm::zip(needed, tape.tapes))
+          StoreOp::create(b, loc, reverse.recover(getStates()[state]), array,
+                          at)
+              ->setAttr(attr::taped, b.getUnitAttr());
+      });
   if (failed(end))
     return failure();
   startBackwards(reversed, states, *end);

@@ -66,7 +66,7 @@ Value LoopReversal::constant(Type type, int64_t value) {
 /// The operand that is added to a state in every iteration, or subtracted from
 /// it, if it is always the same.
 Value LoopReversal::findStep(unsigned state, bool &isNegative) {
-  Value now = getStates()[state], next = getNexts()[state];
+  Value now = getStates()[state], next = trace(getNexts()[state]);
   Operation *op = next.getDefiningOp();
   if (!isa_and_nonnull<warp::AddOp, warp::SubOp>(op) ||
       !isa<IntegerType>(next.getType()))

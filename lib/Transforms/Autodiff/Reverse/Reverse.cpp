@@ -54,12 +54,15 @@ ReverseBuilder::ReverseBuilder(func::FuncOp primal, func::FuncOp adjoint,
       memory(primal, leaves, activity, options.unique) {}
 
 LogicalResult ReverseBuilder::build() {
+  if (options.log)
+    memory.trust(options.log->checked);
   if (failed(memory.verify()))
     return failure();
   Block &body = primal.getBody().front();
   builder.setInsertionPointToStart(&adjoint.getBody().front());
   setRecovered(body.getArguments(),
                adjoint.getArguments().take_front(body.getNumArguments()));
+  addLog();
   if (failed(replay(body)) || failed(reverse(body)))
     return failure();
   // These are gradients, not the tangents that a derivative of the adjoint
@@ -138,10 +141,10 @@ void ReverseBuilder::replayWide(Operation *op) {
     wideValues[result] = operands[0];
     return;
   }
-  Operation *wide = Operation::create(
-      op->getLoc(), op->getName(), type, operands,
-      op->getDiscardableAttrDictionary(), op->getPropertiesStorage(),
-      BlockRange(), 0);
+  Operation *wide =
+      Operation::create(op->getLoc(), op->getName(), type, operands,
+                        op->getDiscardableAttrDictionary(),
+                        op->getPropertiesStorage(), BlockRange(), 0);
   wideValues[result] = builder.insert(wide)->getResult(0);
 }
 
@@ -154,8 +157,8 @@ LogicalResult ReverseBuilder::replayRegions(Operation *op) {
     for (Block &block : from) {
       Block *copy = builder.createBlock(&to);
       for (BlockArgument argument : block.getArguments())
-        setRecovered(argument, copy->addArgument(argument.getType(),
-                                                 argument.getLoc()));
+        setRecovered(argument,
+                     copy->addArgument(argument.getType(), argument.getLoc()));
       if (failed(replay(block)))
         return failure();
       Operation *end = block.getTerminator()->cloneWithoutRegions();
@@ -249,9 +252,9 @@ bool ReverseBuilder::addSlots(ExtractOp op) {
     return true;
   }
   for (int64_t i = 0, e = getComponentCount(type); i < e; ++i) {
-    Value part = ExtractOp::create(builder, loc, getElementScalar(type),
-                                   cotangent,
-                                   getSlotIndices(builder, loc, type, i));
+    Value part =
+        ExtractOp::create(builder, loc, getElementScalar(type), cotangent,
+                          getSlotIndices(builder, loc, type, i));
     cotangents.addSlot(builder, loc, op.getSource(), *first + i, part);
   }
   return true;
@@ -268,10 +271,8 @@ RuleContext ReverseBuilder::getContext(Operation *op) {
 }
 
 LogicalResult ReverseBuilder::reverseByRule(Operation *op) {
-  SmallVector<Value> cots =
-      llvm::map_to_vector(op->getResults(), [&](Value result) {
-        return takeCotangent(result);
-      });
+  SmallVector<Value> cots = llvm::map_to_vector(
+      op->getResults(), [&](Value result) { return takeCotangent(result); });
   SmallVector<bool> wanted = llvm::map_to_vector(
       op->getOperands(), [&](Value operand) { return isActive(operand); });
   if (!llvm::any_of(cots, [](Value g) { return bool(g); }) ||

@@ -7,11 +7,12 @@
 #ifndef WARP_TRANSFORMS_AUTODIFF_REVERSE_H
 #define WARP_TRANSFORMS_AUTODIFF_REVERSE_H
 
-#include "Autodiff/HiddenArguments.h"
 #include "Autodiff/Activity.h"
-#include "Cotangents.h"
+#include "Autodiff/HiddenArguments.h"
+#include "Autodiff/Loops/MemoryLog.h"
 #include "Autodiff/MemoryClasses.h"
 #include "Autodiff/Rules/Rules.h"
+#include "Cotangents.h"
 
 #include "mlir/Dialect/Func/IR/FuncOps.h"
 
@@ -34,8 +35,6 @@ constexpr llvm::StringLiteral unrecoverable = "warp.unrecoverable";
 constexpr llvm::StringLiteral assumesOneThread = "warp.assumes_one_thread";
 /// On a store of the adjoint: it only concerns the global tape.
 constexpr llvm::StringLiteral taped = "warp.taped";
-/// On an adjoint, until warp-clean-up-adjoint: places of its counters.
-constexpr llvm::StringLiteral places = "warp.places";
 } // namespace warp::attr
 
 namespace warp::autodiff {
@@ -57,6 +56,9 @@ struct ReverseOptions {
   llvm::DenseSet<mlir::Operation *> untaped;
   /// Says how each value that a loop carries is had again.
   bool dumpRecovery = false;
+  /// What a second run of the kernel keeps; null without one.
+  const MemoryLog *log = nullptr;
+  int64_t logSites() const { return log ? log->sites : 0; }
 };
 
 /// Counts of what the adjoint costs.
@@ -165,6 +167,8 @@ private:
   mlir::LogicalResult replayLoad(AccessOp op);
   mlir::LogicalResult replayUpdate(AccessOp op);
   mlir::LogicalResult replaySaved(mlir::Operation *op, llvm::StringRef why);
+  void addLog();
+  void replayLogged(mlir::Operation *op, const LoggedLoad &logged);
   mlir::LogicalResult replayCall(mlir::func::CallOp op);
   mlir::LogicalResult replayTileAccess(mlir::Operation *op);
 
@@ -204,6 +208,9 @@ private:
   /// Number of the hidden argument by kind and leaf.
   std::map<std::pair<int64_t, int64_t>, unsigned> hidden;
   llvm::SmallVector<mlir::Location> singularPlaces;
+  /// By logged load; where the thread's part begins, by site.
+  llvm::DenseMap<mlir::Operation *, mlir::Value> logTapes;
+  llvm::SmallVector<mlir::Value> logOffsets;
 };
 
 /// In ReverseLoops.cpp. The builder's insertion point is where the reverse

@@ -51,8 +51,7 @@ Value ReverseBuilder::rebase(Value array,
   operands[0] = newBase;
   Operation *view = op->cloneWithoutRegions();
   view->setOperands(operands);
-  view->getResult(0).setType(
-      cast<ArrayType>(viewType(array, base, newBase)));
+  view->getResult(0).setType(cast<ArrayType>(viewType(array, base, newBase)));
   builder.insert(view);
   return view->getResult(0);
 }
@@ -91,8 +90,7 @@ Value ReverseBuilder::gradOf(Value array) {
 
 Value ReverseBuilder::getHidden(HiddenKind kind, int64_t leaf, Type type) {
   auto key = std::make_pair(int64_t(kind), leaf);
-  auto [found, isNew] =
-      hidden.try_emplace(key, adjoint.getNumArguments());
+  auto [found, isNew] = hidden.try_emplace(key, adjoint.getNumArguments());
   return isNew ? addHidden(kind, leaf, type)
                : adjoint.getArgument(found->second);
 }
@@ -110,8 +108,12 @@ LogicalResult ReverseBuilder::replayLoad(AccessOp op) {
   std::string why;
   bool needsOneThread;
   Recovery recovery = memory.getRecovery(op, why, needsOneThread);
-  if (recovery == Recovery::Impossible)
-    return replaySaved(op, why);
+  if (recovery == Recovery::Impossible) {
+    if (!logTapes.contains(op))
+      return replaySaved(op, why);
+    replayLogged(op, options.log->loads.lookup(op));
+    return success();
+  }
   Value array;
   if (recovery == Recovery::Preserved)
     array = rebase(op.getArray(), [&](Value root) {
@@ -160,6 +162,45 @@ LogicalResult ReverseBuilder::replaySaved(Operation *op, StringRef why) {
     load->setAttr(attr::unrecoverable, builder.getStringAttr(why));
   setRecovered(op->getResult(0), load.getResult());
   return success();
+}
+
+/// Adds the arguments that hold what loads in loops have read, in the order in
+/// which the recording function has them.
+void ReverseBuilder::addLog() {
+  if (!options.log)
+    return;
+  MLIRContext *context = builder.getContext();
+  Location loc = primal.getLoc();
+  Type number = builder.getIntegerType(64, true);
+  Type perThread = ArrayType::get(context, 4, number);
+  SmallVector<Type> types(4, builder.getIntegerType(32, true));
+  auto thread = TidOp::create(builder, loc, types);
+  for (int64_t site = 0; site < options.log->sites; ++site) {
+    Value offsets = addHidden(HiddenKind::Offsets, site, perThread);
+    logOffsets.push_back(
+        LoadOp::create(builder, loc, number, offsets, thread.getResults()));
+  }
+  for (auto &[load, logged] : options.log->loads) {
+    Type type = load->getResult(0).getType();
+    auto hidden =
+        HiddenAttr::get(context, HiddenKind::Tape, logged.site, logged.ordinal);
+    logTapes[load] =
+        autodiff::addHidden(adjoint, hidden, ArrayType::get(context, 2, type));
+    metrics.tapeBytesPerTrip += getByteSize(type);
+  }
+}
+
+void ReverseBuilder::replayLogged(Operation *op, const LoggedLoad &logged) {
+  Location loc = op->getLoc();
+  Value offset = logOffsets[logged.site];
+  SmallVector<Value> sum{offset, recover(logged.position)};
+  Value at = AddOp::create(builder, loc, TypeRange(offset.getType()), sum)
+                 ->getResult(0);
+  at = CastOp::create(builder, loc, builder.getI64Type(), at);
+  auto load =
+      LoadOp::create(builder, loc, op->getResult(0).getType(),
+                     logTapes.lookup(op), getTapeIndices(builder, loc, at));
+  setRecovered(op->getResult(0), load.getResult());
 }
 
 //===----------------------------------------------------------------------===//
@@ -232,7 +273,7 @@ LogicalResult ReverseBuilder::reverseUpdate(AccessOp op) {
   if (!llvm::all_of(op.getRead(),
                     [&](Value old) { return cotangents.isZero(old); }))
     return op->emitOpError("returns a value that depends on the order of "
-                          "threads; a derivative cannot go through it");
+                           "threads; a derivative cannot go through it");
   Value gradient = gradOf(op.getArray());
   Type type = cast<ArrayType>(gradient.getType()).getElementType();
   SmallVector<Value> indices = recover(op.getIndices());
@@ -261,8 +302,8 @@ LogicalResult ReverseBuilder::reverseUpdate(AccessOp op) {
 static Value takeIfEqual(OpBuilder &builder, Location loc, Value left,
                          Value value, Value gradient, ValueRange indices) {
   Type type = cast<ArrayType>(gradient.getType()).getElementType();
-  Value wins = createBuiltin(builder, loc, EqOp::getSpec(), {left, value})
-                   ->getResult(0);
+  Value wins =
+      createBuiltin(builder, loc, EqOp::getSpec(), {left, value})->getResult(0);
   auto branch = scf::IfOp::create(builder, loc, TypeRange(type), wins, true);
   OpBuilder::InsertionGuard guard(builder);
   builder.setInsertionPointToStart(branch.thenBlock());
@@ -281,11 +322,11 @@ LogicalResult ReverseBuilder::reverseExtremum(AccessOp op, Value gradient,
   Value updating = op.getWritten().front();
   Value value = recover(updating);
   Type type = value.getType();
-  Value left = LoadOp::create(builder, loc, type, recover(op.getArray()),
-                              indices);
+  Value left =
+      LoadOp::create(builder, loc, type, recover(op.getArray()), indices);
   if (!isComposite(type)) {
-    addCotangent(updating, takeIfEqual(builder, loc, left, value, gradient,
-                                       indices));
+    addCotangent(updating,
+                 takeIfEqual(builder, loc, left, value, gradient, indices));
     return success();
   }
   // Components are updated each on their own.

@@ -15,8 +15,10 @@ from warp._src.devices import devices
 from warp._src.types import dtypes
 
 
-def empty_like(src, device=None, requires_grad=None, pinned=None, dtype=None):
+def empty_like(src, device=None, requires_grad=None, pinned=None, retain_grad=False, dtype=None):
     """An array with shape and element type of `src` and undefined contents.
+
+    Device, gradient and pinned memory are by default as of `src`; `retain_grad` as for `wp.array`.
 
     Raises:
         TypeError: `src` is no array.
@@ -35,6 +37,8 @@ def empty_like(src, device=None, requires_grad=None, pinned=None, dtype=None):
     if requires_grad:
         made.requires_grad = True
         made._wide_grad = dtype is src.dtype and source._wide_grad
+    if retain_grad:
+        made.retain_grad = True
     return made
 
 
@@ -43,9 +47,9 @@ def _plain(source):
     return source if isinstance(source, _native.Array) else source.data
 
 
-def clone(src, device=None, requires_grad=None, pinned=None):
+def clone(src, device=None, requires_grad=None, pinned=None, retain_grad=False):
     """A contiguous copy, on the device of `src` unless another one is named."""
-    result = empty_like(src, device, requires_grad, pinned)
+    result = empty_like(src, device, requires_grad, pinned, retain_grad)
     copy(result, src)
     return result
 

@@ -145,26 +145,28 @@ def _type_of_value(value):
     return type(value)
 
 
-def zeros_like(src, device=None, requires_grad=None, pinned=None, dtype=None):
-    """An array of zeros with shape and element type of `src`."""
-    result = empty_like(src, device, requires_grad, pinned, dtype)
+def zeros_like(src, device=None, requires_grad=None, pinned=None, retain_grad=False, dtype=None):
+    """An array of zeros with shape and element type of `src`; arguments as for `empty_like`."""
+    result = empty_like(src, device, requires_grad, pinned, retain_grad, dtype)
     result.zero_()
     return result
 
 
-def ones_like(src, device=None, requires_grad=None, pinned=None, dtype=None):
-    """An array of ones with shape and element type of `src`."""
-    return full_like(src, 1, device, requires_grad, pinned, dtype)
+def ones_like(src, device=None, requires_grad=None, pinned=None, retain_grad=False, dtype=None):
+    """An array of ones with shape and element type of `src`; arguments as for `empty_like`."""
+    return full_like(src, 1, device, requires_grad, pinned, retain_grad, dtype)
 
 
-def full_like(src, value, device=None, requires_grad=None, pinned=None, dtype=None):
-    """An array of equal elements with shape and element type of `src`."""
-    result = empty_like(src, device, requires_grad, pinned, dtype)
+def full_like(
+    src, value, device=None, requires_grad=None, pinned=None, retain_grad=False, dtype=None
+):
+    """An array of equal elements with shape and element type of `src`, else as `empty_like`."""
+    result = empty_like(src, device, requires_grad, pinned, retain_grad, dtype)
     result.fill_(value)
     return result
 
 
-def from_numpy(arr, dtype=None, shape=None, device=None, requires_grad=False):
+def from_numpy(arr, dtype=None, shape=None, device=None, requires_grad=False, retain_grad=False):
     """A copy of a NumPy array; without `dtype`, short inner dimensions become vec or mat elements.
 
     An array of shape (n, 2..4) becomes vectors and one of shape (n, 2..4, same) matrices.
@@ -176,7 +178,14 @@ def from_numpy(arr, dtype=None, shape=None, device=None, requires_grad=False):
             dtype = dtypes.matrix(inner, dtype)
         elif len(inner) == 1 and 2 <= inner[0] <= 4:
             dtype = dtypes.vector(inner[0], dtype)
-    return array(arr, dtype=dtype, shape=shape, device=device, requires_grad=requires_grad)
+    return array(
+        arr,
+        dtype=dtype,
+        shape=shape,
+        device=device,
+        requires_grad=requires_grad,
+        retain_grad=retain_grad,
+    )
 
 
 def from_ptr(ptr, length, dtype=None, shape=None, device=None):

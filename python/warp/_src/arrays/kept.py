@@ -10,7 +10,11 @@ from __future__ import annotations
 from warp import _native
 from warp._src.arrays import hooks
 from warp._src.arrays.layout import bytes_spanned
+from warp._src.devices import allocators
 from warp._src.types.scalars import uint8
+
+# Whether elements are what the runtime copies, so that it may make the copies that are kept.
+natively = True
 
 
 class Budget:
@@ -39,7 +43,7 @@ class Budget:
             self.refused = size
             return False
         self.used += size
-        cost = self.costs.setdefault(str(by), [0, 0])
+        cost = self.costs.setdefault(by, [0, 0])
         cost[0] += size
         cost[1] += 1
         return True
@@ -107,8 +111,12 @@ def _packed(one, copy):
 
 def keep(region, one, copy, budget=None) -> Piece:
     """The contents of a region of an array. `copy(dest, src)` copies elements."""
-    size = region.bytes
-    return Piece(region, [_packed(part, copy) for part in blocks(region, one)], budget, size)
+    copies = None
+    if natively and not allocators.special:
+        copies = _native.keep_blocks(region, one, hooks.plain_array)
+    if copies is None:
+        copies = [_packed(part, copy) for part in blocks(region, one)]
+    return Piece(region, copies, budget, region.bytes)
 
 
 class Images:

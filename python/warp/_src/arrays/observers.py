@@ -13,7 +13,7 @@ import typing
 import weakref
 
 from warp import _native
-from warp._src.arrays import hooks
+from warp._src.arrays import hooks, kept
 from warp._src.arrays.layout import bytes_spanned
 from warp._src.arrays.versions import Event, Memory, event
 from warp._src.types.scalars import uint8
@@ -64,6 +64,7 @@ class Observers:
         before = cls.active
         watched = cls.tape is not None or cls.executor is not None or cls.timer is not None
         cls.active = bool(cls._owners) or watched
+        kept.natively = cls.executor is None
         # Tapes die at any time, also while another one is about to take its first record.
         if not cls.active:
             cls.memory.clear()

@@ -135,17 +135,6 @@ class Version(_native.Version):
         self.complete = self.complete or self.region.is_within(part)
         return True
 
-    def _wanted(self):
-        """Whether anybody needs what this is of, and whose budget a copy is to count for."""
-        version = self
-        while version is not None:
-            for reader, budget in version._readers:
-                found = reader()
-                if found is not None and found.needs(version):
-                    return True, budget
-            version = None if version.predecessor is None else version.predecessor()
-        return False, None
-
     def _checksum(self) -> int:
         import numpy
 

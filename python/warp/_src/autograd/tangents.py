@@ -221,6 +221,12 @@ class Tangents:
         behind = handles.show_gradients()
         unique = not _native.shares_elements([*gradients_of(call, values), *behind])
         made = call.kernel.derivatives.adjoint(call.native, call.active, apart=apart)
+        if made.recording is not None:
+            raise errors.WarpGradientError(
+                f"launch('{call.kernel.key}'): second derivatives through loops that read what "
+                "they overwrite are not there",
+                hint="write to another array than the one that is read",
+            )
         if not unique or made.counting is not None:
             made = call.kernel.derivatives.adjoint(
                 call.native, call.active, unique, "checkpoints", apart

@@ -40,7 +40,23 @@ def allocate(made, call, values, known) -> dict[tuple[str, int], list]:
             line=call.event.line,
         )
     found, totals = _count(made, call, values, known)
-    tapes = [hidden for hidden in made.hidden if hidden.kind == "tape"]
+    # What loads have logged is there already.
+    logged = {one.leaf for one in made.hidden_of_recording if one.kind == "tape"}
+    tapes = [one for one in made.hidden if one.kind == "tape" and one.leaf not in logged]
+    return found | allocate_tapes(tapes, totals, call)
+
+
+def allocate_tapes(tapes, totals, call) -> dict[tuple[str, int], list]:
+    """Memory for hidden arguments that are tapes, by kind and number of the loop.
+
+    Args:
+        totals: by number of the loop, how many elements there are.
+        call: the launch.
+
+    Raises:
+        WarpMemoryError: there is not enough memory. Nothing has been changed then.
+    """
+    found: dict[tuple[str, int], list] = {}
     needed = sum(totals[hidden.leaf] * _item_size(hidden) for hidden in tapes)
     try:
         for hidden in tapes:
@@ -55,11 +71,11 @@ def allocate(made, call, values, known) -> dict[tuple[str, int], list]:
             file=call.event.file,
             line=call.event.line,
         ) from error
-    _join_stream(call)
+    join_stream(call)
     return found
 
 
-def _join_stream(call) -> None:
+def join_stream(call) -> None:
     """Lets the launch's stream wait for that on which arrays are made."""
     if call.stream is not None:
         call.stream.wait_stream(devices.get_stream(call.stream.device))
@@ -67,17 +83,23 @@ def _join_stream(call) -> None:
 
 def _count(made, call, values, known):
     """The arrays of trips and offsets by kind and loop, and per loop the trips of all threads."""
-    extents = tuple(call.dim) if isinstance(call.dim, (tuple, list)) else (int(call.dim),)
     loops = 1 + max(hidden.leaf for hidden in made.hidden_of_counting if hidden.kind == "trips")
     device = devices.by_index(call.device)
-    shape = extents + (1,) * (4 - len(extents))
-    kinds = [(kind, loop) for loop in range(loops) for kind in ("trips", "offsets")]
-    found = {key: [zeros(shape, scalars.int64, device)] for key in kinds}
+    found = thread_arrays(call, loops)
     totals = zeros(loops, scalars.int64, device)
-    _join_stream(call)
+    join_stream(call)
     hidden = known(made.hidden_of_counting, found | {("totals", -1): [totals]})
     made.counting.launch(call.dim, values, hidden, call.device, call.stream, call.block_dim or 0)
     return found, totals.numpy().tolist()
+
+
+def thread_arrays(call, loops) -> dict[tuple[str, int], list]:
+    """Zeros for the trips and the offset of each thread, by kind and number of the loop."""
+    extents = tuple(call.dim) if isinstance(call.dim, (tuple, list)) else (int(call.dim),)
+    shape = extents + (1,) * (4 - len(extents))
+    kinds = [(kind, loop) for loop in range(loops) for kind in ("trips", "offsets")]
+    device = devices.by_index(call.device)
+    return {key: [zeros(shape, scalars.int64, device)] for key in kinds}
 
 
 def _item_size(hidden) -> int:

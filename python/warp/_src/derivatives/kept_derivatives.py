@@ -14,7 +14,7 @@ from warp import _native
 
 _FACTS = ("needed", "one_thread", "notices", "metrics")
 # Kernels that may come with a derivative, beside its own.
-_PARTS = ("augmented", "counting")
+_PARTS = ("augmented", "counting", "recording")
 
 
 class Hidden(typing.NamedTuple):
@@ -30,13 +30,15 @@ class Hidden(typing.NamedTuple):
 class KeptDerivative:
     """What `differentiate` returns, with translations in place of modules."""
 
-    def __init__(self, module, parts, facts, hidden, hidden_of_counting):
+    def __init__(self, module, parts, facts, *hidden):
         self.module = module
         self.augmented = parts.get("augmented")
         self.counting = parts.get("counting")
+        self.recording = parts.get("recording")
         self.needed, self.one_thread, self.notices, self.metrics = facts
-        self.hidden = [Hidden(*one) for one in hidden]
-        self.hidden_of_counting = [Hidden(*one) for one in hidden_of_counting]
+        self.hidden, self.hidden_of_counting, self.hidden_of_recording = (
+            [Hidden(*one) for one in described] for described in hidden
+        )
 
 
 def find(kernel, native, asked) -> tuple:
@@ -54,11 +56,11 @@ def find(kernel, native, asked) -> tuple:
     known = _native.find_translation(name)
     if known is None:
         return name, None
-    parts, facts, hidden, hidden_of_counting = marshal.loads(known.notes)
+    parts, facts, *hidden = marshal.loads(known.notes)
     found = {part: _native.find_translation(_digest(name, part)) for part in parts}
     if None in found.values():
         return name, None
-    return name, KeptDerivative(known, found, facts, hidden, hidden_of_counting)
+    return name, KeptDerivative(known, found, facts, *hidden)
 
 
 def keep(name, made, derivative) -> None:
@@ -74,7 +76,7 @@ def keep(name, made, derivative) -> None:
         _native.store_translation(_digest(name, part), native, b"")
     described = [
         [tuple(getattr(one, field) for field in Hidden._fields) for one in hidden]
-        for hidden in (made.hidden, made.hidden_of_counting)
+        for hidden in (made.hidden, made.hidden_of_counting, made.hidden_of_recording)
     ]
     facts = tuple(getattr(made, fact) for fact in _FACTS)
     notes = marshal.dumps((tuple(parts), facts, *described))

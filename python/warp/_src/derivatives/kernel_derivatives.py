@@ -170,6 +170,8 @@ class KernelDerivative:
         hidden: arguments after those of the primal; each has `kind`, `leaf`, `type`
             and `places`.
         hidden_of_counting: the same of `counting`.
+        recording: runs the launch again and keeps what loops read, or None if none needs that.
+        hidden_of_recording: the same of `recording`.
         needed: numbers of the arrays whose contents are read.
         one_thread: why only launches of one thread are right; empty if all are.
     """
@@ -180,17 +182,26 @@ class KernelDerivative:
         checked = mode == "adjoint" and made.metrics.get("assertions", 0) > 0
         self._tangents: dict = {}
         self.native = kernel.compile_module(made.module, checked)
-        self._may_split = mode == "adjoint" and unique and not checked and made.counting is None
+        self._may_split = mode == "adjoint" and unique and not checked
+        self._may_split = self._may_split and made.counting is None and made.recording is None
         self.augmented = None
         if made.augmented is not None:
             self.augmented = kernel.compile_module(made.augmented)
         self.counting = None
         if made.counting is not None:
             self.counting = kernel.compile_module(made.counting)
+        self.recording = None
+        if made.recording is not None:
+            self.recording = kernel.compile_module(made.recording)
         self.hidden = made.hidden
         self.hidden_of_counting = made.hidden_of_counting
+        self.hidden_of_recording = made.hidden_of_recording
         self.needed = made.needed
-        self._preserved = {hidden.leaf for hidden in self.hidden if hidden.kind == "preserved"}
+        self._preserved = {
+            hidden.leaf
+            for hidden in (*self.hidden, *self.hidden_of_recording)
+            if hidden.kind == "preserved"
+        }
         self.one_thread = made.one_thread
         self._metrics = made.metrics
 
@@ -248,8 +259,12 @@ class KernelDerivative:
     def run(self, call: Call, values, initial, saved) -> None:
         """Runs it for a launch."""
         tapes = {}
+        if self.recording is not None:
+            from warp._src.derivatives.memory_log import record
+
+            tapes = record(self, call, values, initial)
         if self.counting is not None:
-            tapes = self._tapes(call, values, initial, saved)
+            tapes = self._tapes(call, values, initial, saved, tapes)
         hidden = self.hidden_values(call, initial, saved, tapes)
         if self.gathered is not None and self.gathered.fits(call.dim):
             self.gathered.launch(call, values, hidden)
@@ -259,14 +274,14 @@ class KernelDerivative:
             )
         count_singular(self, hidden)
 
-    def _tapes(self, call, values, initial, saved) -> dict:
-        """Memory for the loops of the adjoint, see `global_tape.allocate`."""
+    def _tapes(self, call, values, initial, saved, logged) -> dict:
+        """Memory for the loops of the adjoint, see `global_tape.allocate`, and the log."""
         from warp._src.derivatives.global_tape import allocate
 
         def known(wanted, own):
-            return self.hidden_values(call, initial, saved, own, wanted)
+            return self.hidden_values(call, initial, saved, own | logged, wanted)
 
-        return allocate(self, call, values, known)
+        return allocate(self, call, values, known) | logged
 
     def run_augmented(self, call: Call) -> list[array]:
         """Runs a launch that saves what its adjoint needs, and returns that."""
@@ -311,8 +326,20 @@ class KernelDerivative:
             elif hidden.kind == "preserved" and hidden.leaf in initial:
                 values.append(initial[hidden.leaf])
             else:
-                raise _not_recorded(call, hidden)
+                raise self.not_recorded(call, hidden)
         return values
+
+    @staticmethod
+    def not_recorded(call, hidden):
+        """The error for a value that only a tape could have."""
+        what = "values that the launch overwrote, or that atomics returned"
+        if hidden.kind == "preserved":
+            what = f"array '{call.leaves[hidden.leaf][0]}' as it was before the launch"
+        return errors.WarpGradientError(
+            f"launch('{call.kernel.key}', adjoint=True): the derivative depends on {what}, "
+            f"record the launch on a `wp.Tape`",
+            hint="a tape keeps what is overwritten in arrays with `requires_grad=True`",
+        )
 
 
 def differentiate(native, active, forward=False, unique=True, singular=None, **options):
@@ -356,18 +383,6 @@ def _make_gradients(call) -> None:
         gradients_of(call, call.values)
         if not _native.is_capturing(call.device):
             call.stream.wait_stream(get_stream(call.stream.device))
-
-
-def _not_recorded(call, hidden):
-    """The error for a value that only a tape could have."""
-    what = "values that the launch overwrote, or that atomics returned"
-    if hidden.kind == "preserved":
-        what = f"array '{call.leaves[hidden.leaf][0]}' as it was before the launch"
-    return errors.WarpGradientError(
-        f"launch('{call.kernel.key}', adjoint=True): the derivative depends on {what}, "
-        f"record the launch on a `wp.Tape`",
-        hint="a tape keeps what is overwritten in arrays with `requires_grad=True`",
-    )
 
 
 def check_overlap(call: Call, active, what: str) -> None:

@@ -50,6 +50,7 @@ def capture_save(graph, path, inputs=None, outputs=None, source_fallback=False) 
     """Saves a graph to a file, with the code of its kernels in a folder beside it.
 
     Contents of arrays are those of now. Arrays that share memory still do when the graph is loaded.
+    Geometry whose ids the graph has is saved, too, and has other ids there.
 
     Args:
         graph: what was captured with `apic=True`.
@@ -61,9 +62,9 @@ def capture_save(graph, path, inputs=None, outputs=None, source_fallback=False) 
             GPUs run, too.
 
     Raises:
-        WarpError: the graph was not captured with `apic=True`, or does what no file can hold: work
-            with geometry or with arrays in elements of arrays, deterministic sums, copies between
-            devices; or files cannot be written. A graph saved there before is then still whole.
+        WarpError: the graph was not captured with `apic=True`, or does what no file can hold:
+            arrays in elements of arrays, deterministic sums, copies between devices, geometry that
+            is gone; or files cannot be written. A graph saved there before is then still whole.
         TypeError, ValueError: something else than contiguous arrays on the graph's device.
 
     Example:

@@ -57,8 +57,8 @@ class Mesh(Behind):
             face. Else the first launch does that gets the mesh by an argument; where there is
             none, ids being in arrays or a graph recorded, all faces are asked.
         bvh_constructor: as of `Bvh`.
-        groups: array of int32, a number for each face, for `mesh_get_group_root`.
         bvh_leaf_size: changes nothing.
+        groups: array of int32, a number for each face, for `mesh_get_group_root`.
 
     Attributes:
         id: what kernels get, as `wp.uint64`.
@@ -83,8 +83,8 @@ class Mesh(Behind):
         velocities=None,
         support_winding_number=False,
         bvh_constructor=None,
+        bvh_leaf_size=None,
         groups=None,
-        bvh_leaf_size=1,
     ):
         check_array(points, "points", dtypes.vec3f)
         check_array(indices, "indices", int32, points.device)
@@ -92,7 +92,7 @@ class Mesh(Behind):
         self._check_velocities(velocities, points)
         if indices.size % 3 != 0:
             raise errors.WarpError(f"faces have three indices, but there are {indices.size}")
-        check_leaf_size(bvh_leaf_size)
+        check_leaf_size(1 if bvh_leaf_size is None else bvh_leaf_size)
         self.support_winding_number = bool(support_winding_number)
         there = builds_on_device(self.device, bvh_constructor, groups)
         number = constructor_number(bvh_constructor, there)

@@ -11,7 +11,7 @@ from warp._src.interop import exchange
 from warp._src.interop.dlpack_export import CODES, CPU, CUDA, CUDA_HOST, CUDA_MANAGED, READ_ONLY
 
 
-def to_dlpack(array):
+def to_dlpack(wp_array):
     """A DLPack capsule over an array's memory, for consumers that want no object.
 
     The capsule is for one use. Work that the array still waits for is ordered before what is queued
@@ -20,16 +20,17 @@ def to_dlpack(array):
     Raises:
         BufferError: the elements are structs, or the array is read-only.
     """
-    return array.__dlpack__()
+    return wp_array.__dlpack__()
 
 
-def from_dlpack(source, dtype=None):
+def from_dlpack(source, dtype=None, hint=None):
     """An array over the memory of another library's array or tensor; nothing is copied.
 
     Args:
         source: an object with `__dlpack__`, or a DLPack capsule.
         dtype: element type; with a vector or matrix type the trailing dimensions become part of
             the elements. By default the scalar type of the data.
+        hint: changes nothing: what it is for, textures in CUDA arrays, cannot be exchanged.
 
     Example:
         >>> import numpy as np

@@ -29,16 +29,16 @@ def _scalars():
     return {jax.numpy.dtype(dtype): scalar for scalar, dtype in _dtypes().items()}
 
 
-def dtype_to_jax(dtype):
+def dtype_to_jax(warp_dtype):
     """JAX's scalar type for a scalar type.
 
     Raises:
-        TypeError: `dtype` is not a scalar type.
+        TypeError: `warp_dtype` is not a scalar type.
     """
-    return _dtypes()[scalars.canonical_scalar(dtype)]
+    return _dtypes()[scalars.canonical_scalar(warp_dtype)]
 
 
-def dtype_from_jax(dtype):
+def dtype_from_jax(jax_dtype):
     """The scalar type for a dtype of JAX.
 
     Raises:
@@ -46,13 +46,13 @@ def dtype_from_jax(dtype):
     """
     import jax.numpy
 
-    found = _scalars().get(jax.numpy.dtype(dtype))
+    found = _scalars().get(jax.numpy.dtype(jax_dtype))
     if found is None:
-        raise TypeError(f"no scalar type for '{dtype}'")
+        raise TypeError(f"no scalar type for '{jax_dtype}'")
     return found
 
 
-def device_to_jax(device=None):
+def device_to_jax(warp_device=None):
     """JAX's device for one of ours.
 
     Raises:
@@ -60,18 +60,18 @@ def device_to_jax(device=None):
     """
     import jax
 
-    device = devices.get_device(device)
+    warp_device = devices.get_device(warp_device)
     try:
-        found = jax.local_devices(backend="cuda" if device.is_cuda else "cpu")
+        found = jax.local_devices(backend="cuda" if warp_device.is_cuda else "cpu")
     except RuntimeError:
         found = []
     for candidate in found:
-        if device.is_cpu or candidate.local_hardware_id == device.ordinal:
+        if warp_device.is_cpu or candidate.local_hardware_id == warp_device.ordinal:
             return candidate
-    raise RuntimeError(f"JAX has no device for '{device}'")
+    raise RuntimeError(f"JAX has no device for '{warp_device}'")
 
 
-def device_from_jax(device):
+def device_from_jax(jax_device):
     """The device for one of JAX's in this process.
 
     Raises:
@@ -79,23 +79,23 @@ def device_from_jax(device):
     """
     import jax
 
-    if device.process_index != jax.process_index():
-        raise ValueError(f"JAX's device '{device}' belongs to another process")
-    if device.platform == "cpu":
+    if jax_device.process_index != jax.process_index():
+        raise ValueError(f"JAX's device '{jax_device}' belongs to another process")
+    if jax_device.platform == "cpu":
         return devices.get_device("cpu")
-    if device.platform not in ("gpu", "cuda"):
-        raise ValueError(f"expects a CPU or CUDA device of JAX, but got '{device}'")
-    return devices.get_device(f"cuda:{device.local_hardware_id}")
+    if jax_device.platform not in ("gpu", "cuda"):
+        raise ValueError(f"expects a CPU or CUDA device of JAX, but got '{jax_device}'")
+    return devices.get_device(f"cuda:{jax_device.local_hardware_id}")
 
 
-def to_jax(a):
+def to_jax(warp_array):
     """A JAX array over the memory of an array; nothing is copied.
 
-    JAX takes its arrays for immutable: do not write to `a` while the JAX array is in use.
+    JAX takes its arrays for immutable: do not write to `warp_array` while the JAX array is in use.
     """
     import jax.dlpack
 
-    return jax.dlpack.from_dlpack(a)
+    return jax.dlpack.from_dlpack(warp_array)
 
 
 def from_jax(jax_array, dtype=None):

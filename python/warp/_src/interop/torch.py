@@ -30,40 +30,40 @@ def _scalars():
     return {dtype: scalar for scalar, dtype in _dtypes().items()}
 
 
-def dtype_to_torch(dtype):
+def dtype_to_torch(warp_dtype):
     """PyTorch's dtype for a scalar type.
 
     Raises:
-        TypeError: `dtype` is not a scalar type.
+        TypeError: `warp_dtype` is not a scalar type.
     """
-    return _dtypes()[scalars.canonical_scalar(dtype)]
+    return _dtypes()[scalars.canonical_scalar(warp_dtype)]
 
 
-def dtype_from_torch(dtype):
+def dtype_from_torch(torch_dtype):
     """The scalar type for PyTorch's dtype.
 
     Raises:
         TypeError: there is none, for example for complex numbers.
     """
-    found = _scalars().get(dtype)
+    found = _scalars().get(torch_dtype)
     if found is None:
-        raise TypeError(f"no scalar type for '{dtype}'")
+        raise TypeError(f"no scalar type for '{torch_dtype}'")
     return found
 
 
-def device_to_torch(device=None) -> str:
+def device_to_torch(warp_device=None) -> str:
     """PyTorch's name of a device."""
-    device = devices.get_device(device)
-    return "cpu" if device.is_cpu else f"cuda:{device.ordinal}"
+    warp_device = devices.get_device(warp_device)
+    return "cpu" if warp_device.is_cpu else f"cuda:{warp_device.ordinal}"
 
 
-def device_from_torch(device):
+def device_from_torch(torch_device):
     """The device for a `torch.device` or its name.
 
     Raises:
         ValueError: there is no such device here.
     """
-    return devices.get_device(str(device))
+    return devices.get_device(str(torch_device))
 
 
 def from_torch(t, dtype=None, requires_grad=None, grad=None, return_ctype=False, retain_grad=False):

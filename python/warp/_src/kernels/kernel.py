@@ -123,6 +123,12 @@ class Kernel:
         launched = {", ".join(map(str, types)): one for types, one in self._specialized.items()}
         return {**launched, **self.declared_overloads}
 
+    def add_overload(self, arg_types):
+        """A kernel for given types of arguments, as `wp.overload(kernel, arg_types)` makes it."""
+        return importlib.import_module("warp._src.kernels.overloads").overload(self, arg_types)
+
+    get_overload = add_overload
+
     @property
     def specializations(self) -> list:
         """Native kernels made for the arguments of a generic kernel."""
@@ -156,11 +162,13 @@ class Kernel:
         """
         epoch = Epoch.current
         if self.epoch is not epoch:
-            self._enter(epoch)
-            if self.native is None:
-                self.native = self._translate(None)
-            # Launches look at this first: from now on `native` is what they need.
-            self.epoch = epoch
+            # The first of several threads translates; the others find what it made.
+            with translating:
+                self._enter(epoch)
+                if self.native is None:
+                    self.native = self._translate(None)
+                # Launches look at this first: from now on `native` is what they need.
+                self.epoch = epoch
         return self.native
 
     def _enter(self, epoch) -> None:
@@ -223,7 +231,10 @@ class Kernel:
         self._enter(Epoch.current)
         found = self._specialized.get(types)
         if found is None:
-            found = self._specialized[types] = self._translate(types)
+            with translating:
+                found = self._specialized.get(types)
+                if found is None:
+                    found = self._specialized[types] = self._translate(types)
         return found
 
     def _translate(self, arguments, threads=1, constants=None):

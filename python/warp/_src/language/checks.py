@@ -39,9 +39,9 @@ def expect_near(a, b, tolerance=1e-6) -> None:
     )
 
 
-def static(value):
+def static(expr):
     """The value itself: Python computes all expressions when they run."""
-    return value
+    return expr
 
 
 def _numbers(value):

@@ -82,7 +82,7 @@ class Shapes(Prims):
         width,
         length,
         color=(1.0, 1.0, 1.0),
-        texture=None,
+        color2=None,
         parent_body=None,
         is_template=False,
         u_scaling=1.0,
@@ -91,7 +91,7 @@ class Shapes(Prims):
     ):
         """Draws a rectangle across the Y axis; an extent of 0 stands for a large one.
 
-        `texture` and its scales are accepted and change nothing.
+        `color2`, of a pattern of squares, and its scales are accepted and change nothing.
         """
         half = [0.5 * float(extent) if extent > 0 else 500.0 for extent in (width, length)]
         corners = [(x * half[0], 0.0, z * half[1]) for x, z in ((-1, -1), (-1, 1), (1, 1), (1, -1))]

@@ -79,7 +79,10 @@ class Texture(TextureCopies, StructInstance):
         if not args and not options:
             # What a field of a struct holds before it is set: nothing, which reads as zero.
             return
-        order = ("data", *_AXES[: self.ndim], *_OPTIONS)
+        beyond = [f"address_mode_{axis}" for axis in "uvw"[self.ndim :]]
+        order = [
+            "data", *_AXES[: self.ndim], *(name for name in _OPTIONS if name not in beyond)
+        ]  # fmt: skip
         if len(args) > len(order):
             raise TypeError(f"'{type(self).__name__}' takes at most {len(order)} arguments")
         given = dict(zip(order, args, strict=False))
@@ -184,6 +187,32 @@ class Texture(TextureCopies, StructInstance):
     @property
     def device(self):
         return self.texels.device
+
+    @property
+    def cuda_array(self):
+        """None of this package has one: texels are the array `texels`.
+
+        Raises:
+            RuntimeError: always.
+        """
+        raise self._no_cuda_object("cuda_array")
+
+    @property
+    def cuda_texture(self):
+        """As `cuda_array`; kernels take the texture itself."""
+        raise self._no_cuda_object("cuda_texture")
+
+    @property
+    def cuda_surface(self):
+        """As `cuda_array`; kernels may write to `texels`."""
+        raise self._no_cuda_object("cuda_surface")
+
+    def _no_cuda_object(self, name):
+        if self.texels is None or not self.texels.device.is_cuda:
+            return errors.WarpError(f"{name} is only supported for CUDA textures.")
+        return errors.WarpError(
+            f"there is no {name}: textures are arrays in linear memory, see `texels`"
+        )
 
     @property
     def filter_mode(self) -> TextureFilterMode:

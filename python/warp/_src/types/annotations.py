@@ -107,7 +107,7 @@ class ref:
         return Reference(dtype)
 
 
-def address_of(place):
+def address_of(expr):
     """In kernels, the address of an element of an array, or of a part of it.
 
     As an argument of native code it is also that of a variable: the code gets the address of a copy

@@ -40,19 +40,19 @@ def is_constant(value) -> builtins.bool:
     return isinstance(value, (int, float, enum.Enum, scalar_base, Composite))
 
 
-def constant(value):
-    """Checks that `value` can be captured by kernels as a constant, and returns it.
+def constant(x):
+    """Checks that `x` can be captured by kernels as a constant, and returns it.
 
     Raises:
-        TypeError: `value` is neither a number, a Warp scalar, a composite nor an int enum.
+        TypeError: `x` is neither a number, a Warp scalar, a composite nor an int enum.
     """
-    if not is_constant(value):
+    if not is_constant(x):
         raise errors.WarpTypeError(
             f"expects a number, vector, matrix, quaternion or transform as a constant, "
-            f"but got '{type(value).__name__}'",
-            also=f"Invalid constant type: {type(value)}",
+            f"but got '{type(x).__name__}'",
+            also=f"Invalid constant type: {type(x)}",
         )
-    return value
+    return x
 
 
 __all__ = sorted(

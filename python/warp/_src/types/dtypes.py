@@ -226,12 +226,12 @@ def type_is_tile(t) -> builtins.bool:
     return getattr(t, "key", None) == "tile" and not isinstance(t, type)
 
 
-def is_tile(x) -> builtins.bool:
-    """Whether `x` is an annotation of a tile, such as `wp.tile[float, 16]`.
+def is_tile(t) -> builtins.bool:
+    """Whether `t` is an annotation of a tile, such as `wp.tile[float, 16]`.
 
     Outside of kernels there are no others.
     """
-    return hasattr(x, "_wp_tile_")
+    return hasattr(t, "_wp_tile_")
 
 
 def type_is_struct(t) -> builtins.bool:
@@ -250,20 +250,20 @@ def type_scalar_type(t):
     return getattr(t, "_wp_scalar_type_", t)
 
 
-def type_ctype(t):
-    """The ctypes type with the layout of `t`; float16 and bfloat16 are `c_ushort`."""
-    t = canonical(t)
-    return t._type_ if isinstance(t, ScalarType) else t
+def type_ctype(dtype):
+    """The ctypes type with the layout of `dtype`; float16 and bfloat16 are `c_ushort`."""
+    dtype = canonical(dtype)
+    return dtype._type_ if isinstance(dtype, ScalarType) else dtype
 
 
-def type_size_in_bytes(t) -> int:
-    """Size of an element of type `t` in bytes."""
-    return ctypes.sizeof(type_ctype(t))
+def type_size_in_bytes(dtype) -> int:
+    """Size of an element of type `dtype` in bytes."""
+    return ctypes.sizeof(type_ctype(dtype))
 
 
-def type_size(t) -> int:
-    """Number of scalars in an element of type `t`; 1 for a struct."""
-    return getattr(canonical(t), "_length_", 1)
+def type_size(dtype) -> int:
+    """Number of scalars in an element of type `dtype`; 1 for a struct."""
+    return getattr(canonical(dtype), "_length_", 1)
 
 
 for _dtype in (scalars.bool, *SCALAR_TYPES, *set(NAMED_TYPES.values())):

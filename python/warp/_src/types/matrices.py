@@ -228,6 +228,7 @@ def matrix(shape=None, dtype=None, *, name=None):
     key = (Matrix, rows, columns, dtype)
     if key not in _cache:
         attributes = {
+            "__doc__": f"{rows} rows of {columns} numbers of type {dtype.__name__}.",
             "_shape_": (rows, columns),
             "_wp_type_params_": (rows, columns, dtype),
             "_wp_type_args_": {"shape": (rows, columns), "dtype": dtype},

@@ -7,15 +7,15 @@ import functools
 from warp._src.types import dtypes, scalars
 
 
-def dtype_to_numpy(dtype):
+def dtype_to_numpy(warp_dtype):
     """NumPy's scalar type for a scalar type; bfloat16 is `uint16`.
 
     Raises:
-        TypeError: `dtype` is not a scalar type.
+        TypeError: `warp_dtype` is not a scalar type.
     """
     import numpy
 
-    scalar = scalars.canonical_scalar(dtype)
+    scalar = scalars.canonical_scalar(warp_dtype)
     if scalar is scalars.bool:
         return numpy.bool_
     return getattr(numpy, scalar._numpy_name_)
@@ -31,7 +31,7 @@ def numpy_bfloat16():
     return ml_dtypes.bfloat16
 
 
-def dtype_from_numpy(dtype):
+def dtype_from_numpy(numpy_dtype):
     """The scalar type for a NumPy dtype, type or dtype name.
 
     Raises:
@@ -39,7 +39,7 @@ def dtype_from_numpy(dtype):
     """
     import numpy
 
-    name = numpy.dtype(dtype).name
+    name = numpy.dtype(numpy_dtype).name
     found = _BY_NAME.get(name)
     if found is None:
         raise TypeError(f"no scalar type for the NumPy dtype '{name}'")

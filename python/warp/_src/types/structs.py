@@ -211,7 +211,7 @@ class StructInstance(ctypes.Structure):
         return f"{type(self).__name__}(\n{lines})"
 
 
-def struct(cls=None, *, module=None):
+def struct(c=None, *, module=None):
     """Makes a struct type from a class with annotated fields.
 
     Fields are scalars, vectors, matrices, quaternions, transforms, arrays and other structs. The
@@ -231,9 +231,9 @@ def struct(cls=None, *, module=None):
     Raises:
         TypeError: the class has bases or a field of an unknown type.
     """
-    if cls is None:
+    if c is None:
         return lambda decorated: _make_struct(decorated, annotations.caller_namespaces(decorated))
-    return _make_struct(cls, annotations.caller_namespaces(cls))
+    return _make_struct(c, annotations.caller_namespaces(c))
 
 
 def _make_struct(cls, namespaces):

@@ -1,0 +1,18 @@
+//===- Recording.h - A second run of the kernel -----------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_TRANSFORMS_AUTODIFF_RECORDING_H
+#define WARP_TRANSFORMS_AUTODIFF_RECORDING_H
+
+#include "llvm/ADT/StringRef.h"
+
+namespace warp::attr {
+/// On a function next to an adjoint: it runs the kernel again, on copies of
+/// what that writes, and keeps what loops read.
+constexpr llvm::StringLiteral recording = "warp.recording";
+} // namespace warp::attr
+
+#endif // WARP_TRANSFORMS_AUTODIFF_RECORDING_H

@@ -1,0 +1,42 @@
+//===- RunLoop.h - Loops through runs of a list -----------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// What a loop over the neighbours of a point in a hash grid is: its condition
+// looks for the next run when one has ended, its body goes on by one.
+//
+//     while (seek(place, end), place < end)
+//       body(place)
+//       place += 1
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_TRANSFORMS_RUNLOOP_H
+#define WARP_LIB_TRANSFORMS_RUNLOOP_H
+
+#include "mlir/Dialect/SCF/IR/SCF.h"
+
+#include <optional>
+
+namespace warp {
+
+/// A loop as above.
+struct RunLoop {
+  mlir::scf::WhileOp loop;
+  /// Positions of place and end among the body's arguments.
+  unsigned place = 0, end = 0;
+  /// Which value of the last iteration each argument of the body is when no run
+  /// is sought.
+  llvm::SmallVector<unsigned> sources;
+
+  mlir::Value next(unsigned argument) {
+    return loop.getYieldOp()->getOperand(sources[argument]);
+  }
+  mlir::Value argument(unsigned i) { return loop.getAfterArguments()[i]; }
+};
+
+std::optional<RunLoop> findRuns(mlir::scf::WhileOp loop);
+
+} // namespace warp
+
+#endif // WARP_LIB_TRANSFORMS_RUNLOOP_H

@@ -1,0 +1,213 @@
+//===- PlanLoads.cpp - How loops load the factors of products -------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Of loops that load ahead, on GPUs of compute capability 9.0. Rows of 128
+// bytes come fastest from memory, so a loop goes through as many steps at a
+// time as make so many of the depth. Where it can, the copy engine brings them
+// in boxes (lib/DeviceLib/gpu/TileRings.cpp): then no thread works out where
+// elements lie.
+//
+//===----------------------------------------------------------------------===//
+
+#include "TileProducts.h"
+
+#include "Analysis/ArrayOrigins.h"
+#include "Analysis/Forms.h"
+#include "KernelFunction.h"
+#include "WarpDialect/ParameterLayout.h"
+#include "warp/TensorMaps.h"
+
+#include "mlir/Dialect/Arith/IR/Arith.h"
+
+using namespace mlir;
+
+namespace warp::tiles {
+
+/// Bytes of the depth that are loaded together.
+constexpr int64_t fastBytes = 128;
+
+/// Gives a tile, loaded or a transposed view, another shape.
+static void setShape(Value tile, int64_t axis, int64_t extent) {
+  if (auto view = tile.getDefiningOp<TileTransposeOp>())
+    setShape(view.getTile(), view.getAxes()[axis], extent);
+  SmallVector<int64_t> shape(tileType(tile).getShape());
+  shape[axis] = extent;
+  tile.setType(
+      TileType::get(tile.getContext(), shape, tileType(tile).getElementType()));
+}
+
+namespace {
+
+/// A factor's load, and the axis of its tile along which the depth lies.
+struct FactorLoad {
+  TileLoadOp op;
+  int64_t axis;
+};
+using FactorLoads = SmallVector<FactorLoad, 2>;
+
+} // namespace
+
+static FactorLoads loadsOf(TileMatmulOp product) {
+  FactorLoads loads;
+  for (auto [tile, depthIsFirst] :
+       {std::pair(product.getA(), product.getTransposeA()),
+        std::pair(product.getB(), !product.getTransposeB())}) {
+    Factor factor = *getFactor(tile, depthIsFirst);
+    loads.push_back(
+        {factor.memory.getDefiningOp<TileLoadOp>(), int64_t(factor.isAlong)});
+  }
+  return loads;
+}
+
+static int64_t depthOf(TileMatmulOp product) {
+  return tileType(product.getA()).getShape()[!product.getTransposeA()];
+}
+
+static int64_t fastDepthOf(TileMatmulOp product) {
+  return fastBytes / getByteSize(tileType(product.getA()).getElementType());
+}
+
+//===----------------------------------------------------------------------===//
+// Steps
+//===----------------------------------------------------------------------===//
+
+/// Lets the loop take several steps at a time, if they follow each other in the
+/// arrays; `whole`: only if there are none left then.
+static void mergeSteps(scf::ForOp loop, TileMatmulOp product, bool whole) {
+  int64_t depth = depthOf(product), fastDepth = fastDepthOf(product);
+  if (fastDepth % depth != 0 || depth == fastDepth ||
+      getConstantInteger(loop.getStep()) != 1)
+    return;
+  int64_t steps = fastDepth / depth;
+  Forms forms;
+  Symbol trip = Symbol::trip(loop);
+  FactorLoads loads = loadsOf(product);
+  for (auto [load, axis] : loads)
+    for (int64_t d = 0; d < 2; ++d) {
+      std::optional<Form> each =
+          forms.of(load.getOffsets()[d]).coefficientOf(trip);
+      std::optional<int64_t> number = each ? each->getConstant() : std::nullopt;
+      if (number != (d == axis ? depth : 0))
+        return;
+    }
+  std::optional<Form> trips = forms.countTrips(loop);
+  std::optional<int64_t> count = trips ? trips->getConstant() : std::nullopt;
+  bool isWhole = count && *count % steps == 0;
+  if (whole && !isWhole)
+    return;
+  Builder b(loop.getContext());
+  if (!isWhole)
+    for (auto [load, axis] : loads)
+      load->setAttr(attr::merged, b.getDenseI64ArrayAttr({axis, depth}));
+  setShape(product.getA(), !product.getTransposeA(), fastDepth);
+  setShape(product.getB(), product.getTransposeB(), fastDepth);
+  OpBuilder before(loop);
+  loop.setStep(arith::ConstantOp::create(before, loop.getLoc(),
+                                         b.getI32IntegerAttr(steps)));
+}
+
+//===----------------------------------------------------------------------===//
+// Copy engine
+//===----------------------------------------------------------------------===//
+
+/// Whether nothing in the kernel may write to an array. What is written there
+/// goes another way than what the copy engine reads.
+static bool isOnlyRead(FunctionOpInterface kernel, Value array) {
+  ArrayOrigins origins(kernel, getVariant(kernel).getDisjoint());
+  bool isRead = true;
+  kernel->walk([&](Operation *op) {
+    if (isa<TileStoreOp, TileAtomicOp>(op))
+      isRead &= !origins.mayAlias(op->getOperand(1), array);
+    else if (auto access = dyn_cast<AccessOp>(op))
+      isRead &=
+          !access.mayWrite() || !origins.mayAlias(access.getArray(), array);
+    else if (!computesTiles(op) && op->getNumRegions() == 0)
+      isRead &= isMemoryEffectFree(op);
+  });
+  return isRead;
+}
+
+int64_t getBoxColumns(TileLoadOp load) {
+  TileType type = tileType(load.getResult());
+  int64_t columns = type.getShape()[1];
+  return load->hasAttr(attr::swizzled)
+             ? std::min(columns,
+                        fastBytes / int64_t(getByteSize(type.getElementType())))
+             : columns;
+}
+
+/// Whether launches can describe the array to the copy engine, whose boxes have
+/// at most 256 rows and columns.
+static bool canCopyBoxes(FunctionOpInterface kernel, TileLoadOp load) {
+  constexpr int64_t most = 256;
+  auto array = dyn_cast<BlockArgument>(load.getArray());
+  return array && array.getOwner() == &kernel.getFunctionBody().front() &&
+         tileType(load.getResult()).getShape()[0] <= most &&
+         getBoxColumns(load) <= most &&
+         !kernel->hasAttr(warp::attr::argTypes) &&
+         !getVariant(kernel).isDeterministic() && isOnlyRead(kernel, array);
+}
+
+/// Makes a load that of the copy engine.
+static void copyBoxes(FunctionOpInterface kernel, TileLoadOp load) {
+  Builder b(kernel.getContext());
+  ParameterLayout layout = layOutParameters(kernel.getArgumentTypes());
+  SmallVector<Attribute> maps;
+  if (auto list = kernel->getAttrOfType<ArrayAttr>(warp::attr::tensorMaps))
+    llvm::append_range(maps, list);
+  int64_t place = llvm::alignTo(layout.size, tensorMapAlignment) +
+                  tensorMapBytes * maps.size();
+  auto array = cast<BlockArgument>(load.getArray());
+  TileType type = tileType(load.getResult());
+  int64_t columns = getBoxColumns(load),
+          bytes = getByteSize(type.getElementType());
+  maps.push_back(b.getDenseI64ArrayAttr(
+      {layout.offsets[array.getArgNumber()], place, type.getShape()[0], columns,
+       bytes, load->hasAttr(attr::swizzled) ? columns * bytes : 0}));
+  kernel->setAttr(warp::attr::tensorMaps, b.getArrayAttr(maps));
+  load->setAttr(attr::map, b.getI64IntegerAttr(place));
+}
+
+/// How few elements of the depth boxes are for: shorter rows of halves are
+/// worth more to merge than to copy in boxes, and others are read by 128 bytes.
+static bool isDeepEnough(TileMatmulOp product) {
+  constexpr int64_t leastDepth = 32;
+  int64_t depth = depthOf(product);
+  return getProductForm(product)->isByWarpgroups()
+             ? depth >= leastDepth
+             : depth % fastDepthOf(product) == 0;
+}
+
+void planLoads(FunctionOpInterface kernel, scf::ForOp loop,
+               TileMatmulOp product) {
+  bool byWarpgroups = getProductForm(product)->isByWarpgroups();
+  if (!byWarpgroups &&
+      (getVariant(kernel).getTarget().getProcessor() != "sm_90a" ||
+       !tileType(product.getA()).getElementType().isF32()))
+    return;
+  FactorLoads loads = loadsOf(product);
+  // Threads read single numbers across the depth in runs, wherever they lie.
+  UnitAttr mark = UnitAttr::get(kernel.getContext());
+  for (const FactorLoad &load : loads)
+    if (byWarpgroups || load.axis == 1)
+      load.op->setAttr(attr::swizzled, mark);
+  bool inBoxes = llvm::all_of(loads, [&](const FactorLoad &load) {
+    return canCopyBoxes(kernel, load.op);
+  });
+  if (inBoxes || byWarpgroups)
+    mergeSteps(loop, product, /*whole=*/inBoxes);
+  if (inBoxes && isDeepEnough(product)) {
+    for (const FactorLoad &load : loads)
+      copyBoxes(kernel, load.op);
+    loads.front().op->setAttr(attr::ring, mark);
+    return;
+  }
+  if (byWarpgroups && inBoxes)
+    return mergeSteps(loop, product, /*whole=*/false);
+  if (!byWarpgroups)
+    for (const FactorLoad &load : loads)
+      load.op->removeAttr(attr::swizzled);
+}
+
+} // namespace warp::tiles
