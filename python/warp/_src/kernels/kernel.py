@@ -492,6 +492,10 @@ def kernel(
         ... def scale(x: wp.array(dtype=float), s: float):
         ...     i = wp.tid()
         ...     x[i] = x[i] * s
+
+    Raises:
+        TypeError: what is decorated is no function, or an option has the wrong type.
+        ValueError: an option has no such value, or two exclude each other.
     """
     own = {} if module_options is None else module_options
     check_options(own)

@@ -109,7 +109,11 @@ class StructInstance(ctypes.Structure):
         super().__setattr__(name, value)
 
     def assign(self, value):
-        """Copies all fields from another instance of the same struct, and returns self."""
+        """Copies all fields from another instance of the same struct, and returns self.
+
+        Raises:
+            TypeError: `value` is of another type.
+        """
         if type(value) is not type(self):
             raise TypeError(
                 f"expects a '{type(self).__name__}' to assign, but got '{type(value).__name__}'"
@@ -185,7 +189,11 @@ class StructInstance(ctypes.Structure):
 
     @classmethod
     def from_ptr(cls, ptr):
-        """Copies an instance stored at an address of host memory; array fields become None."""
+        """Copies an instance stored at an address of host memory; array fields become None.
+
+        Raises:
+            RuntimeError: the address is zero.
+        """
         if not ptr:
             raise RuntimeError("expects a valid address, but got a null pointer")
         result = cls()

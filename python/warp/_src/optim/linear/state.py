@@ -184,6 +184,7 @@ class LinearSolverState(Loops):
         return wp.zeros_like(self.b, requires_grad=False)
 
     def launch(self, kernel, dim, *inputs) -> None:
+        """Launches a kernel on the solver's device."""
         wp.launch(kernel, dim, list(inputs), device=self.device)
 
     def residual(self, target, norm=True) -> None:
@@ -201,11 +202,19 @@ class LinearSolverState(Loops):
         return target
 
     def start(self) -> None:
-        """Computes the residual `r` and its norm, and what else the first cycle needs."""
+        """Computes the residual `r` and its norm, and what else the first cycle needs.
+
+        Raises:
+            NotImplementedError: the method has none.
+        """
         raise NotImplementedError
 
     def cycle(self) -> None:
-        """Goes on by `cycle_size` iterations."""
+        """Goes on by `cycle_size` iterations.
+
+        Raises:
+            NotImplementedError: the method has none.
+        """
         raise NotImplementedError
 
     def __call__(self, A=None, b=None, x=None, M=None):
