@@ -84,7 +84,8 @@ void Summary::addTile(Operation *op) {
     access.stored |= isa<warp::TileStoreOp>(op);
     access.combined |= isa<warp::TileAtomicOp>(op);
     access.fetched |= isa<warp::TileAtomicOp>(op) && !op->use_empty();
-    access.watched |= loads && mayBeWatched(op);
+    // A tile that nothing overwrites needs no memory until it is used.
+    access.watched |= loads;
     if (!loads && place && !access.line)
       access.line = place.getLine();
   }

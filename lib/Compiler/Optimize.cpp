@@ -249,14 +249,20 @@ static llvm::FunctionPassManager buildLeanPasses(bool vectorize, bool join) {
 }
 
 /// The library was optimised when it was built: what is long is called on CPUs,
-/// what is short becomes part of the kernel.
+/// what is short, or called once by a GPU, becomes part of the kernel.
 static void optimizeLean(llvm::Module &module, llvm::PassBuilder &builder,
                          Analyses &analyses, bool gpu, bool vectorize) {
   constexpr unsigned longest = 260;
-  for (llvm::Function &function : module)
-    if (!gpu && function.hasLocalLinkage() &&
-        function.getInstructionCount() > longest)
+  for (llvm::Function &function : module) {
+    if (!function.hasLocalLinkage() || function.isDeclaration())
+      continue;
+    if (!gpu && function.getInstructionCount() > longest)
       function.addFnAttr(llvm::Attribute::NoInline);
+    // LLVM itself would compare targets.
+    if (gpu && function.hasOneUse() &&
+        !function.hasFnAttribute(llvm::Attribute::NoInline))
+      function.addFnAttr(llvm::Attribute::AlwaysInline);
+  }
   llvm::ModulePassManager before, after;
   // Answers what libdevice asks about the target.
   if (gpu)

@@ -44,11 +44,23 @@ std::optional<warp::Phase> warp::parsePhase(StringRef name) {
       .Default(std::nullopt);
 }
 
+/// From uses up to definitions: the other way round, which is the default of a
+/// pass made without a configuration, every change has all that is around the
+/// operation looked at again, and long kernels take ten times as long. Regions
+/// are single blocks, so nothing of them is left to be simplified.
+static std::unique_ptr<Pass>
+createQuickCanonicalizer(ArrayRef<std::string> disabledPatterns = {}) {
+  return createCanonicalizerPass(
+      GreedyRewriteConfig()
+          .setUseTopDownTraversal(false)
+          .setRegionSimplificationLevel(GreedySimplifyRegionLevel::Disabled),
+      disabledPatterns);
+}
+
 /// Arith's rewrites of a select expect signless integers and make invalid
 /// operations of others, so in this phase small branches stay branches.
 static std::unique_ptr<Pass> createWarpCanonicalizer() {
-  return createCanonicalizerPass(
-      GreedyRewriteConfig(),
+  return createQuickCanonicalizer(
       {"(anonymous namespace)::ConvertTrivialIfToSelect"});
 }
 
@@ -156,7 +168,7 @@ void warp::addPhase(OpPassManager &pm, Phase phase) {
     pm.addPass(createLowerTiles());
     pm.addPass(createLowerComposites());
     // Values are signless from here on.
-    pm.addPass(createCanonicalizerPass());
+    pm.addPass(createQuickCanonicalizer());
     pm.addPass(createCSEPass());
     // Of the values that launches decide on, as these find them.
     pm.addPass(createCheckVariance());

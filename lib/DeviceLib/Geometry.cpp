@@ -34,6 +34,15 @@ using namespace warp::geometry;
 #define WARP_GEOMETRY_PART WARP_GEOMETRY
 #endif
 
+/// What becomes part of a GPU's kernel that calls it once: a call would take
+/// registers as long as it lasts, and arguments are often constants.
+#ifdef __NVPTX__
+#define WARP_GEOMETRY_ONCE                                                     \
+  extern "C" __attribute__((used, visibility("default"))) void
+#else
+#define WARP_GEOMETRY_ONCE WARP_GEOMETRY
+#endif
+
 namespace {
 
 /// As lib/Geometry/Slots.h and include/warp/Handle.h have them.
@@ -151,14 +160,15 @@ WARP_GEOMETRY warp_mesh_closest_signed(u64 mesh, f32 x, f32 y, f32 z,
         place.lane, epsilon);
 }
 
-WARP_GEOMETRY warp_mesh_ray(u64 mesh, f32 x, f32 y, f32 z, f32 dx, f32 dy,
-                            f32 dz, f32 maxT, i32 root, RayHit *result) {
+WARP_GEOMETRY_ONCE warp_mesh_ray(u64 mesh, f32 x, f32 y, f32 z, f32 dx, f32 dy,
+                                 f32 dz, f32 maxT, i32 root, RayHit *result) {
   *result = castRay(treeOf(mesh, kindOfMesh), {x, y, z}, {dx, dy, dz}, maxT,
                     root < 0 ? 0 : root);
 }
 
-WARP_GEOMETRY warp_mesh_ray_any(u64 mesh, f32 x, f32 y, f32 z, f32 dx, f32 dy,
-                                f32 dz, f32 maxT, i32 root, i32 *result) {
+WARP_GEOMETRY_ONCE warp_mesh_ray_any(u64 mesh, f32 x, f32 y, f32 z, f32 dx,
+                                     f32 dy, f32 dz, f32 maxT, i32 root,
+                                     i32 *result) {
   *result = castRay(treeOf(mesh, kindOfMesh), {x, y, z}, {dx, dy, dz}, maxT,
                     root < 0 ? 0 : root, /*any=*/true)
                 .face >= 0;

@@ -74,6 +74,9 @@ static constexpr warp::LibraryFunction functions[] = {
     // what is to be done.
     {"warp_tile_systems_f32", "lllliiiii", ""},
     {"warp_tile_systems_f64", "lllliiiii", ""},
+    // The same of cotangents of factors, which become those of the matrices.
+    {"warp_tile_systems_adjoint_f32", "llliiii", ""},
+    {"warp_tile_systems_adjoint_f64", "llliiii", ""},
     // Result, operand, scratch memory; rows, their length, whether inverse.
     {"warp_tile_fft_f32", "llliii", ""},
     {"warp_tile_fft_f64", "llliii", ""},

@@ -152,7 +152,8 @@ void Kernel::Impl::findAccesses() {
 }
 
 /// On the CPU adjoints have another order of accesses without overlaps, loops
-/// that end by what they load have lanes, and sums may be made in copies.
+/// that end by what they load have lanes, sums may be made in copies, and tiles
+/// are loaded where they are used.
 bool Kernel::Impl::isDisjoint(const VariantKey &key, const void *params) const {
   bool matters = key.device != cpuDevice;
   for (const Access &access : accesses)

@@ -237,7 +237,7 @@ static void observe(PyObject *memory, VersionMap &map,
         : regions.read.blocks.empty()
             ? map.observe(memory, array, regions.written)
             : map.observe(memory, array, known.regions.touched(i));
-    if (record->token)
+    if (record->budget != Py_None)
       addReader(asVersion(version.ptr()), record->token);
     record->items[record->valueCount + i] = version.release().ptr();
   }
@@ -251,6 +251,64 @@ struct Recording {
   int device, blockDim;
 };
 } // namespace
+
+/// Whether all that the launch has to keep for its adjoint are arrays as they
+/// are before it.
+static bool canPreserve(const Activity &activity,
+                        const LaunchRecorder &recorder,
+                        const KnownRegions &known, Arguments &values) {
+  if (!activity.isPreserving)
+    return false;
+  for (size_t i = 0; i < recorder.arrays.size(); ++i) {
+    if (!(activity.preserved >> i & 1))
+      continue;
+    const ArrayDescriptor &array =
+        asArray(values[recorder.arrays[i]])->descriptor;
+    if (known.regions.arrays[i].read.blocks.empty() ||
+        std::count(array.shape, array.shape + array.ndim, 0))
+      return false;
+  }
+  return true;
+}
+
+/// A record without arguments and versions.
+static py::object begin(const Recording &given, const LaunchRecorder &recorder,
+                        Activity *activity) {
+  auto made = py::reinterpret_steal<py::object>(makeRecord());
+  if (!made)
+    throw py::error_already_set();
+  RecordObject *record = asRecord(made.ptr());
+  record->kernel = Py_NewRef(given.kernel);
+  record->native = Py_NewRef(reinterpret_cast<PyObject *>(recorder.kernel()));
+  record->dim = Py_NewRef(given.dim);
+  record->recorder = Py_NewRef(given.recorder);
+  record->budget = Py_NewRef(given.budget);
+  record->activity = activity;
+  record->device = given.device;
+  record->blockDim = given.blockDim;
+  record->hasGradients = activity != nullptr;
+  if (activity && (given.budget != Py_None || activity->preserved))
+    record->token = new RecordToken{record};
+  return made;
+}
+
+/// Sees to it that what the launch overwrites is kept where its adjoint reads
+/// that.
+static void observeFormer(PyObject *memory, VersionMap &map,
+                          const LaunchRecorder &recorder,
+                          const KnownRegions &known, Arguments &values,
+                          RecordObject *record) {
+  py::dict former;
+  record->before = Py_NewRef(former.ptr());
+  for (size_t i = 0; i < recorder.arrays.size(); ++i) {
+    if (!(record->activity->preserved >> i & 1))
+      continue;
+    py::object version = map.observe(memory, values[recorder.arrays[i]],
+                                     known.regions.arrays[i].read);
+    addReader(asVersion(version.ptr()), record->token);
+    former[py::int_(i)] = version;
+  }
+}
 
 static bool launchRecorded(const Recording &given) {
   auto &recorder = py::handle(given.recorder).cast<LaunchRecorder &>();
@@ -281,12 +339,19 @@ static bool launchRecorded(const Recording &given) {
     activity = &recorder.activity(active, known->apart);
     if (recorder.looksBack) {
       findNeeds(*activity, given.kernel, recorder);
-      if (!activity->isPlain)
+      if (!activity->isPlain &&
+          !canPreserve(*activity, recorder, *known, values))
         return false;
     }
   }
   auto &map = py::handle(given.memory).cast<VersionMap &>();
   LaunchWriter writer(given.kernel);
+  py::object made;
+  if (isRecorded)
+    made = begin(given, recorder, activity);
+  if (activity && activity->preserved)
+    observeFormer(given.memory, map, recorder, *known, values,
+                  asRecord(made.ptr()));
   std::vector<const Region *> written;
   if (!map.table->current.empty())
     for (const ArrayRegions &array : known->regions.arrays)
@@ -300,23 +365,9 @@ static bool launchRecorded(const Recording &given) {
       [&] { return py::reinterpret_borrow<py::object>(given.recorder); });
   if (!isRecorded)
     return true;
-  auto made = py::reinterpret_steal<py::object>(makeRecord());
-  if (!made)
-    throw py::error_already_set();
   RecordObject *record = asRecord(made.ptr());
-  record->kernel = Py_NewRef(given.kernel);
-  record->native = Py_NewRef(reinterpret_cast<PyObject *>(object));
-  record->dim = Py_NewRef(given.dim);
   values.handTo(record);
   record->place = place.release().ptr();
-  record->recorder = Py_NewRef(given.recorder);
-  record->budget = Py_NewRef(given.budget);
-  record->activity = activity;
-  record->device = given.device;
-  record->blockDim = given.blockDim;
-  record->hasGradients = active != 0;
-  if (active && given.budget != Py_None)
-    record->token = new RecordToken{record};
   if (active)
     observe(given.memory, map, recorder, *known, record);
   if (PyList_Append(given.records, made.ptr()))

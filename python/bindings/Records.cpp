@@ -100,6 +100,13 @@ py::tuple python::flagsOf(ArraySet set, size_t count) {
   return flags;
 }
 
+static ArraySet setOf(const py::object &numbers) {
+  ArraySet set = 0;
+  for (py::handle number : numbers)
+    set |= ArraySet(1) << number.cast<unsigned>();
+  return set;
+}
+
 void python::findNeeds(Activity &activity, PyObject *kernel,
                        const LaunchRecorder &recorder) {
   if (activity.generation == generation)
@@ -113,20 +120,29 @@ void python::findNeeds(Activity &activity, PyObject *kernel,
       py::handle(kernel), native, flagsOf(activity.active, count), apart);
   activity.hasAdjoint = !found.is_none();
   activity.isPlain = true;
-  activity.needed = 0;
+  activity.isPreserving = false;
+  activity.needed = activity.preserved = 0;
   if (activity.hasAdjoint) {
-    auto [needed, isPlain] = found.cast<std::pair<py::object, bool>>();
+    auto [needed, preserved, isPlain] =
+        found.cast<std::tuple<py::object, py::object, bool>>();
     activity.isPlain = isPlain;
-    for (py::handle leaf : needed)
-      activity.needed |= ArraySet(1) << leaf.cast<unsigned>();
+    activity.needed = setOf(needed);
+    activity.isPreserving = !preserved.is_none();
+    if (activity.isPreserving)
+      activity.preserved = setOf(preserved);
   }
   activity.generation = generation;
 }
 
 std::optional<bool> python::recordNeeds(RecordObject *record,
                                         VersionObject *version) {
-  if (!record->activity || record->before)
+  if (!record->activity)
     return std::nullopt;
+  PyObject *key, *former;
+  for (Py_ssize_t at = 0; record->before && PyDict_Check(record->before) &&
+                          PyDict_Next(record->before, &at, &key, &former);)
+    if (former == reinterpret_cast<PyObject *>(version))
+      return true;
   const auto &recorder = py::handle(record->recorder).cast<LaunchRecorder &>();
   findNeeds(*record->activity, record->kernel, recorder);
   auto *wanted = reinterpret_cast<PyObject *>(version);

@@ -3,8 +3,8 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // A tape of a million launches is recorded and run backwards here; what is
-// rare (structs, copies of what was overwritten, streams, graphs, loops that
-// need memory) is left to Python, before anything has been done.
+// rare (structs, parts of what was kept, streams, graphs, loops that need
+// memory) is left to Python, before anything has been done.
 //
 //===----------------------------------------------------------------------===//
 
@@ -30,12 +30,17 @@ struct Activity {
   unsigned generation = 0;
   /// There is an adjoint, which wants nothing kept of the launch itself.
   bool hasAdjoint = false, isPlain = false;
-  /// Arrays that it reads.
-  ArraySet needed = 0;
+  /// Arrays that it reads, and those of which it reads what they held before
+  /// the launch; that may be all it wants kept.
+  ArraySet needed = 0, preserved = 0;
+  bool isPreserving = false;
   /// The backward pass that asked last, and the native adjoint if a launch of
   /// it is all there is to do.
   uint64_t pass = 0;
   pybind11::object adjoint;
+  /// Its arguments behind those of the launch: arrays as they were before, by
+  /// number.
+  std::vector<unsigned> former;
 };
 
 /// Regions of a launch, and what follows from them.

@@ -13,6 +13,8 @@
 #include "Sharing.h"
 
 #include <cstring>
+#include <pybind11/stl.h>
+#include <tuple>
 #include <unordered_map>
 
 namespace py = pybind11;
@@ -40,7 +42,8 @@ static PyObject *plainAdjoint(Activity &activity, const RecordObject *record,
   activity.adjoint = py::object();
   if (!found.is_none()) {
     findNeeds(activity, record->kernel, recorder);
-    activity.adjoint = found;
+    std::tie(activity.adjoint, activity.former) =
+        found.cast<std::pair<py::object, std::vector<unsigned>>>();
   }
   activity.pass = pass;
   return activity.adjoint.ptr();
@@ -50,6 +53,13 @@ namespace {
 /// An argument whose contents of then are elsewhere now.
 struct Replaced {
   size_t position;
+  PyObject *contents;
+};
+
+/// An argument behind those of the launch: an array as it was before.
+struct Former {
+  PyObject *array;
+  /// Null if that is what it still holds.
   PyObject *contents;
 };
 } // namespace
@@ -71,6 +81,36 @@ static bool findContents(const RecordObject *record,
     replaced.push_back({position, contents});
   }
   return true;
+}
+
+/// Finds arrays as they were before the launch; false if they are not all
+/// there.
+static bool findFormer(const RecordObject *record,
+                       const LaunchRecorder &recorder, const Activity &activity,
+                       std::vector<Former> &found) {
+  for (unsigned number : activity.former) {
+    PyObject *version =
+        record->before && PyDict_Check(record->before)
+            ? PyDict_GetItem(record->before, py::int_(number).ptr())
+            : nullptr;
+    if (!version)
+      return false;
+    PyObject *array = record->items[recorder.arrays[number]];
+    PyObject *contents = nullptr;
+    if (!isIntact(asVersion(version))) {
+      contents = keptContents(asVersion(version), array);
+      if (!contents)
+        return false;
+    }
+    found.push_back({array, contents});
+  }
+  return true;
+}
+
+/// Lets an argument in a block of parameters lead to other contents.
+static void replaceData(char *block, const Param &param, PyObject *contents) {
+  std::memcpy(block + param.offset + offsetof(ArrayDescriptor, data),
+              &asArray(contents)->descriptor.data, sizeof(void *));
 }
 
 /// The gradients of arrays, which are there from then on.
@@ -109,8 +149,9 @@ static bool reverseLaunch(PyObject *object, uint64_t pass) {
       recorder.activity(active, record->activity ? record->activity->apart : 0);
   PyObject *adjoint = plainAdjoint(activity, record, recorder, pass);
   std::vector<Replaced> replaced;
-  if (!adjoint || record->before ||
-      !findContents(record, recorder, activity.needed, replaced))
+  std::vector<Former> former;
+  if (!adjoint || !findContents(record, recorder, activity.needed, replaced) ||
+      !findFormer(record, recorder, activity, former))
     return false;
   if (sharesElements(gradientsOf(recorder, record->items, active)))
     return false;
@@ -120,10 +161,16 @@ static bool reverseLaunch(PyObject *object, uint64_t pass) {
   for (int i = 0; i < record->valueCount; ++i)
     asKernel(adjoint)->packer->pack(i, record->items[i], record->device,
                                     block.data(), keep);
+  const std::vector<Param> &params = kernel.parameters();
   for (const Replaced &one : replaced)
-    std::memcpy(block.data() + kernel.parameters()[one.position].offset +
-                    offsetof(ArrayDescriptor, data),
-                &asArray(one.contents)->descriptor.data, sizeof(void *));
+    replaceData(block.data(), params[one.position], one.contents);
+  for (size_t i = 0; i < former.size(); ++i) {
+    size_t position = record->valueCount + i;
+    asKernel(adjoint)->packer->pack(position, former[i].array, record->device,
+                                    block.data(), keep);
+    if (former[i].contents)
+      replaceData(block.data(), params[position], former[i].contents);
+  }
   auto held = py::reinterpret_borrow<py::object>(object);
   auto code = py::reinterpret_borrow<py::object>(adjoint);
   launchPacked(kernel, record->device, readDim(kernel, record->dim),

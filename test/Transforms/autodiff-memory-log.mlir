@@ -57,3 +57,35 @@ func.func @linear(%x: !warp.array<2 x f32>, %y: !warp.array<1 x f32>, %n: i32,
   }
   return
 }
+
+// -----
+
+// What a condition tests in memory that changes is kept, too: one value more than
+// the loop has iterations.
+// CHECK-LABEL: func.func @tested_adjoint
+// CHECK-SAME: %{{[^ ]*}}: !warp.array<4 x si64>, %[[TAPE:[^ ]*]]: !warp.array<2 x f32>)
+// CHECK: scf.while
+// CHECK: warp.load %[[TAPE]]
+// CHECK: warp.gt
+// CHECK-LABEL: func.func @tested_record
+// CHECK: scf.while
+// CHECK: warp.store
+// CHECK: scf.condition
+func.func @tested(%x: !warp.array<2 x f32>, %p: !warp.array<1 x si32>)
+    attributes {warp.kernel} {
+  %half = warp.constant 0.5 : f32
+  %i = warp.tid : si32
+  scf.while : () -> () {
+    %k = warp.load %p[%i] : !warp.array<1 x si32>, si32 -> si32
+    %v = warp.load %x[%i, %k] : !warp.array<2 x f32>, si32, si32 -> f32
+    %more = warp.gt(%v, %half) : (f32, f32) -> i1
+    scf.condition(%more)
+  } do {
+    %k = warp.load %p[%i] : !warp.array<1 x si32>, si32 -> si32
+    %v = warp.load %x[%i, %k] : !warp.array<2 x f32>, si32, si32 -> f32
+    %w = warp.mul(%v, %half) : (f32, f32) -> f32
+    warp.store %w, %x[%i, %k] : f32, !warp.array<2 x f32>, si32, si32
+    scf.yield
+  }
+  return
+}

@@ -91,3 +91,65 @@ func.func @may_overlap(%a: !warp.array<1 x f32>, %b: !warp.array<1 x f32>)
   warp.tile_store %t, %b[%c0] : !warp.tile<64 x f32>, !warp.array<1 x f32>, (si32)
   return
 }
+
+// -----
+
+// What is kept anyway is read and not computed again, and what it was computed
+// from no longer asked for.
+// CHECK-LABEL: func.func @again
+// CHECK: %[[T:.*]] = warp.tile_load
+// CHECK: %[[E:.*]] = warp.tile_map(%[[T]], %{{.*}}) {
+// CHECK: warp.exp
+// CHECK: warp.tile_reduce add %[[E]]
+// CHECK: warp.tile_map(%[[E]]) {
+// CHECK-NEXT: ^bb0(%[[X:.*]]: f32):
+// CHECK-NEXT: warp.neg(%[[X]])
+// CHECK-NEXT: warp.tile_yield
+func.func @again(%a: !warp.array<1 x f32>, %b: !warp.array<1 x f32>, %m: f32)
+    attributes {warp.kernel, warp.block_threads = 1 : i64} {
+  %c0 = warp.constant 0 : si32
+  %t = warp.tile_load %a[%c0] : !warp.array<1 x f32>, (si32) -> !warp.tile<64 x f32>
+  %e = warp.tile_map(%t, %m) {
+  ^bb0(%x: f32, %y: f32):
+    %d = warp.sub(%x, %y) : (f32, f32) -> f32
+    %s = warp.exp(%d) : (f32) -> f32
+    warp.tile_yield %s : f32
+  } : (!warp.tile<64 x f32>, f32) -> !warp.tile<64 x f32>
+  %s = warp.tile_reduce add %e : !warp.tile<64 x f32> -> !warp.tile<1 x f32>
+  warp.tile_store %s, %a[%c0] : !warp.tile<1 x f32>, !warp.array<1 x f32>, (si32)
+  warp.tile_store %e, %b[%c0] : !warp.tile<64 x f32>, !warp.array<1 x f32>, (si32)
+  %v = warp.tile_map(%t, %m) {
+  ^bb0(%x: f32, %y: f32):
+    %d = warp.sub(%x, %y) : (f32, f32) -> f32
+    %p = warp.exp(%d) : (f32) -> f32
+    %n = warp.neg(%p) : (f32) -> f32
+    warp.tile_yield %n : f32
+  } : (!warp.tile<64 x f32>, f32) -> !warp.tile<64 x f32>
+  warp.tile_store %v, %b[%c0] : !warp.tile<64 x f32>, !warp.array<1 x f32>, (si32)
+  return
+}
+
+// -----
+
+// Of one use nothing is kept.
+// CHECK-LABEL: func.func @once
+// CHECK-COUNT-2: warp.exp
+func.func @once(%a: !warp.array<1 x f32>, %b: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.block_threads = 1 : i64} {
+  %c0 = warp.constant 0 : si32
+  %t = warp.tile_load %a[%c0] : !warp.array<1 x f32>, (si32) -> !warp.tile<64 x f32>
+  %e = warp.tile_map(%t) {
+  ^bb0(%x: f32):
+    %s = warp.exp(%x) : (f32) -> f32
+    warp.tile_yield %s : f32
+  } : (!warp.tile<64 x f32>) -> !warp.tile<64 x f32>
+  %s = warp.tile_reduce add %e : !warp.tile<64 x f32> -> !warp.tile<1 x f32>
+  warp.tile_store %s, %a[%c0] : !warp.tile<1 x f32>, !warp.array<1 x f32>, (si32)
+  %v = warp.tile_map(%t) {
+  ^bb0(%x: f32):
+    %p = warp.exp(%x) : (f32) -> f32
+    warp.tile_yield %p : f32
+  } : (!warp.tile<64 x f32>) -> !warp.tile<64 x f32>
+  warp.tile_store %v, %b[%c0] : !warp.tile<64 x f32>, !warp.array<1 x f32>, (si32)
+  return
+}

@@ -212,7 +212,7 @@ static void scan(const void *in, int64_t inStride, void *out, int64_t outStride,
             inclusive);                                                        \
   }
 
-WARP_SCAN(u32, uint32_t, 3)
+WARP_SCAN(u32, uint32_t, 4)
 WARP_SCAN(u64, uint64_t, 3)
-WARP_SCAN(f32, float, 3)
-WARP_SCAN(f64, double, 3)
+WARP_SCAN(f32, float, 4)
+WARP_SCAN(f64, double, 4)

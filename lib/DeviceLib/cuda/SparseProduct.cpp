@@ -294,5 +294,5 @@ static void multiply(const Matrix<T> &matrix, const T *x, Target<T> target,
     multiply<T>({offsets, columns, values, rows}, x, {y, alpha, beta}, sums);  \
   }
 
-WARP_SPARSE_PRODUCT(f32, float, 6)
-WARP_SPARSE_PRODUCT(f64, double, 4)
+WARP_SPARSE_PRODUCT(f32, float, 8)
+WARP_SPARSE_PRODUCT(f64, double, 5)

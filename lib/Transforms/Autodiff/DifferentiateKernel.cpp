@@ -9,8 +9,10 @@
 //===----------------------------------------------------------------------===//
 
 #include "Autodiff/ApartArrays.h"
+#include "Autodiff/ChosenArrays.h"
 #include "Autodiff/DeadValues.h"
 #include "Autodiff/Forward/Forward.h"
+#include "Autodiff/Loops/LastAssignments.h"
 #include "Autodiff/Reverse/GuardArms.h"
 #include "Autodiff/Reverse/Reverse.h"
 #include "Autodiff/SpectralProducts.h"
@@ -137,6 +139,16 @@ static void augment(func::FuncOp kernel, const ReverseBuilder &builder,
   kernel->setAttr(warp::attr::augmented, UnitAttr::get(kernel.getContext()));
 }
 
+/// Whether the condition of some loop is about memory alone.
+static bool hasLoopWithoutResults(func::FuncOp kernel) {
+  return kernel
+      .walk([](scf::WhileOp loop) {
+        return loop.getNumResults() == 0 ? WalkResult::interrupt()
+                                         : WalkResult::advance();
+      })
+      .wasInterrupted();
+}
+
 /// Whether the adjoint needs something that the launch has overwritten.
 static bool lacksValues(func::FuncOp adjoint) {
   auto isLacking = [](Operation *op) {
@@ -209,6 +221,8 @@ struct DifferentiateKernel
     // Forward mode chooses vectors that suit the direction.
     if (failed(completeSpectralProducts(kernel)))
       return failure();
+    nameChosenArrays(kernel);
+    computeLastAssignments(kernel);
     log = MemoryLog();
     return buildReverse(kernel, options);
   }
@@ -248,7 +262,7 @@ struct DifferentiateKernel
 
   LogicalResult buildReverse(func::FuncOp kernel, ReverseOptions &options) {
     guardArms(kernel);
-    keepLog(kernel, options, /*onlyIfShared=*/true);
+    keepLog(kernel, options, !hasLoopWithoutResults(kernel));
     func::FuncOp adjoint = createTwin(kernel, "_adjoint");
     ReverseBuilder builder(kernel, adjoint, options);
     if (failed(builder.build()))

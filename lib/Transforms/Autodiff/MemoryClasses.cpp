@@ -24,6 +24,8 @@
 #include "WarpDialect/TileOps.h"
 #include "WarpDialect/WarpOps.h"
 
+#include "mlir/Dialect/SCF/IR/SCF.h"
+
 #include "llvm/ADT/TypeSwitch.h"
 
 using namespace mlir;
@@ -328,6 +330,14 @@ int64_t MemoryClasses::getUniqueRank(Operation *op) const {
   return countOwnedDimensions(others, /*mayWrap=*/false);
 }
 
+/// Whether a value comes out of a branch or is carried by a loop.
+static bool isCarried(Value value) {
+  Operation *op = value.getDefiningOp();
+  if (!op)
+    op = cast<BlockArgument>(value).getOwner()->getParentOp();
+  return isa<scf::IfOp, scf::ForOp, scf::WhileOp>(op);
+}
+
 LogicalResult MemoryClasses::verify() {
   for (Operation *op : unknown)
     if (auto access = dyn_cast<AccessOp>(op);
@@ -336,9 +346,13 @@ LogicalResult MemoryClasses::verify() {
   for (Operation *op : unknown)
     if (hasDerivative(op->getOperand(0).getType()) ||
         (op->getNumResults() == 1 && hasDerivative(op->getResult(0).getType())))
-      return op->emitError("the array that is accessed here depends on control "
-                           "flow; write one access per array instead, each in "
-                           "its branch");
+      return op->emitError(
+          isCarried(rootOf(getAccess(op)->array))
+              ? "the array that is accessed here depends on control flow; "
+                "write one access per array instead, each in its branch"
+              : "the array that is accessed here is read from an array of "
+                "structs, and its gradient is not known; pass the array to "
+                "the kernel");
   for (unsigned leaf = 0; leaf < accesses.size(); ++leaf) {
     SmallVector<const Access *> active = select(leaf, /*onlyActive=*/true);
     auto isWrite = [](const Access *access) { return access->isWrite; };

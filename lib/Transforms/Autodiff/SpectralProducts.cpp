@@ -31,6 +31,7 @@
 
 #include "Autodiff/SpectralProducts.h"
 #include "Autodiff/Rules/MatrixFormula.h"
+#include "Autodiff/SpectralMatch.h"
 #include "Autodiff/TangentSlice.h"
 #include "RareBranch.h"
 
@@ -44,91 +45,6 @@ using namespace mlir;
 using namespace warp;
 using namespace warp::autodiff;
 
-namespace {
-
-/// left diag(values) right^T, with two results of a decomposition.
-struct Product {
-  MulOp op;
-  Operation *decomposition;
-  OpResult left, right;
-  /// The numbers on the diagonal.
-  SmallVector<Value, 3> diagonal;
-
-  bool isOfEigenvectors() const { return isa<Eig3Op>(decomposition); }
-  Value values() const { return decomposition->getResult(1); }
-};
-
-} // namespace
-
-//===----------------------------------------------------------------------===//
-// Finding them
-//===----------------------------------------------------------------------===//
-
-static bool isZero(Value value) {
-  auto constant = value.getDefiningOp<ConstantOp>();
-  auto number = constant ? dyn_cast<FloatAttr>(constant.getValue()) : nullptr;
-  return number && number.getValue().isZero();
-}
-
-/// Vectors of a decomposition, or null.
-static OpResult getVectors(Value value) {
-  auto result = dyn_cast<OpResult>(value);
-  if (!result || !isa<Svd3Op, Svd2Op, Eig3Op>(result.getOwner()) ||
-      result.getOwner()->getNumResults() < 2 || result.getResultNumber() == 1)
-    return {};
-  Type scalar = getElementScalar(value.getType());
-  return scalar.isF32() || scalar.isF64() ? result : OpResult();
-}
-
-static OpResult getTransposedVectors(Value value) {
-  auto transpose = value.getDefiningOp<TransposeOp>();
-  return transpose ? getVectors(transpose->getOperand(0)) : OpResult();
-}
-
-/// The numbers of a diagonal matrix of this size, or none.
-static SmallVector<Value, 3> getDiagonal(Value matrix, int size) {
-  SmallVector<Value, 3> numbers;
-  if (auto diag = matrix.getDefiningOp<DiagOp>()) {
-    Value vector = diag->getOperand(0);
-    OpBuilder b(diag);
-    for (int i = 0; i < size; ++i) {
-      Value index = ConstantOp::create(
-          b, diag.getLoc(), IntegerAttr::get(b.getIntegerType(32, true), i));
-      numbers.push_back(ExtractOp::create(b, diag.getLoc(),
-                                          getElementScalar(vector.getType()),
-                                          vector, ValueRange(index)));
-    }
-    return numbers;
-  }
-  auto entries = matrix.getDefiningOp<ConstructOp>();
-  if (!entries || static_cast<int>(entries->getNumOperands()) != size * size)
-    return {};
-  for (auto [i, entry] : llvm::enumerate(entries->getOperands()))
-    if (int at = static_cast<int>(i); at % (size + 1) == 0)
-      numbers.push_back(entry);
-    else if (!isZero(entry))
-      return {};
-  return numbers;
-}
-
-static std::optional<Product> matchProduct(MulOp op) {
-  Value first = op->getOperand(0), second = op->getOperand(1), diagonal;
-  OpResult left = getVectors(first), right = getTransposedVectors(second);
-  if (auto inner = first.getDefiningOp<MulOp>(); inner && right) {
-    left = getVectors(inner->getOperand(0));
-    diagonal = inner->getOperand(1);
-  } else if (inner = second.getDefiningOp<MulOp>(); inner && left) {
-    diagonal = inner->getOperand(0);
-    right = getTransposedVectors(inner->getOperand(1));
-  }
-  if (!left || !right || !diagonal || left.getOwner() != right.getOwner())
-    return std::nullopt;
-  auto numbers = getDiagonal(diagonal, cast<MatType>(left.getType()).getRows());
-  if (numbers.empty())
-    return std::nullopt;
-  return Product{op, left.getOwner(), left, right, numbers};
-}
-
 //===----------------------------------------------------------------------===//
 // Writing them again
 //===----------------------------------------------------------------------===//
@@ -137,7 +53,7 @@ namespace {
 
 class Completion {
 public:
-  Completion(Product &product, TangentSlice &slice)
+  Completion(SpectralProduct &product, TangentSlice &slice)
       : product(product), slice(slice), builder(product.op),
         context{builder, product.op.getLoc()},
         f(context, product.decomposition->getOperands(), {}),
@@ -156,7 +72,7 @@ private:
   Expr functionOf(Expr symmetric, Expr vectors);
   Expr again();
 
-  Product &product;
+  SpectralProduct &product;
   TangentSlice &slice;
   OpBuilder builder;
   RuleContext context;
@@ -309,12 +225,15 @@ LogicalResult Completion::run() {
 }
 
 LogicalResult autodiff::completeSpectralProducts(func::FuncOp function) {
+  writeSumsAsProducts(function);
   SmallVector<MulOp> candidates;
   function.walk([&](MulOp op) { candidates.push_back(op); });
   for (MulOp op : candidates) {
-    std::optional<Product> product = matchProduct(op);
+    std::optional<SpectralProduct> product = matchProduct(op);
     if (!product)
       continue;
+    openBranches(*product);
+    product = matchProduct(op);
     TangentSlice slice(product->decomposition, product->values());
     bool isSimple = llvm::all_of(product->diagonal, [&](Value number) {
       return succeeded(slice.add(number));

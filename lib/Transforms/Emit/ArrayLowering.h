@@ -125,7 +125,8 @@ private:
   void lowerStaged(llvm::ArrayRef<LoadComponentsOp> group);
   void lowerStaged(StoreComponentsOp op);
 
-  // LowerLaneAccesses.cpp, LowerLaneWords.cpp, LowerLaneNeighbours.cpp
+  // LowerLaneAccesses.cpp, LowerLaneBytes.cpp, LowerLaneWords.cpp,
+  // LowerLaneNeighbours.cpp
   struct LaneAccess;
   LaneAccess laneAccess(mlir::Value array, mlir::ValueRange indices,
                         mlir::Value mask, LaneForm form,
@@ -154,6 +155,7 @@ private:
   void storeScattered(const LaneAccess &access,
                       llvm::ArrayRef<mlir::Value> components);
   llvm::SmallVector<mlir::Value> loadWords(const LaneAccess &access);
+  llvm::SmallVector<mlir::Value> loadBytes(const LaneAccess &access);
   void updateWords(const LaneAccess &access, AtomicKind kind,
                    llvm::ArrayRef<mlir::Value> components);
   void updateEach(const LaneAccess &access, AtomicKind kind,

@@ -36,6 +36,10 @@ struct ArrayLowering::LaneAccess {
     return true;
   }
 
+  /// Whether an element is three or four numbers in as few bytes
+  /// (LowerLaneBytes.cpp).
+  bool isFewBytes() const;
+
   /// Lanes of what an element is made of: numbers of one type, or the bits of
   /// several.
   mlir::VectorType wordLanes() const;

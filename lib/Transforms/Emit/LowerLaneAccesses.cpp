@@ -244,6 +244,8 @@ SmallVector<mlir::Value> ArrayLowering::loadUnit(const LaneAccess &access,
 SmallVector<mlir::Value> ArrayLowering::loadGathered(const LaneAccess &access) {
   if (access.hasWords())
     return loadWords(access);
+  if (access.isFewBytes())
+    return loadBytes(access);
   SmallVector<mlir::Value> components;
   for (Leaf leaf : access.leaves) {
     VectorType stored = storedLanes(leaf.type, access.lanes);

@@ -21,6 +21,7 @@
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/Math/IR/Math.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
+#include "mlir/Interfaces/LoopLikeInterface.h"
 
 using namespace mlir;
 using warp::LanePlan;
@@ -105,7 +106,11 @@ struct Cost {
   /// Results by size, to find out how many lanes a vector has.
   double wide = 0, narrow = 0;
   double operations = 0;
+  /// Operations of lanes in the code as it stands.
+  int64_t varying = 0;
   bool hasLoop = false;
+  /// Whether most of them are in a loop that two vectors in turn run quicker.
+  bool hasChain = false;
 };
 
 class CostCounter {
@@ -119,6 +124,9 @@ public:
       count(&op, trips, use);
   }
 
+  /// After the operations are counted.
+  void findChain(LoopLikeOpInterface loop) { cost.hasChain |= isChain(loop); }
+
   Cost cost;
 
 private:
@@ -127,6 +135,7 @@ private:
   }
   void count(Operation *op, double trips, double use);
   bool isStream(scf::ForOp loop) const;
+  bool isChain(LoopLikeOpInterface loop) const;
   void add(double scalar, double vector, double trips, double use) {
     cost.scalar += scalar * trips;
     cost.vector += vector * trips / use;
@@ -138,12 +147,43 @@ private:
 
 } // namespace
 
+/// Whether an operation has the same bits in any order of its terms.
+static bool isReordered(Operation *op) {
+  return isa_and_present<arith::AddIOp, arith::MulIOp, arith::AndIOp,
+                         arith::OrIOp, arith::XOrIOp, arith::MaxSIOp,
+                         arith::MinSIOp, arith::MaxUIOp, arith::MinUIOp>(op);
+}
+
+/// Whether all that a loop carries are sums, or the like, whose terms may be
+/// taken in any order.
+static bool carriesSums(scf::ForOp loop) {
+  return llvm::all_of(
+      llvm::zip_equal(loop.getRegionIterArgs(), loop.getYieldedValues()),
+      [&](auto pair) {
+        auto [sum, next] = pair;
+        Operation *last = next.getDefiningOp();
+        for (Value v = next; v != sum;) {
+          Operation *op = v.getDefiningOp();
+          if (!isReordered(op) || op->getName() != last->getName() ||
+              op->getBlock() != loop.getBody() || !v.hasOneUse())
+            return false;
+          // The other operand is a term.
+          Operation *before = op->getOperand(0).getDefiningOp();
+          bool isFirst = op->getOperand(0) == sum ||
+                         (before && before->getName() == op->getName() &&
+                          op->getOperand(1) != sum);
+          v = op->getOperand(isFirst ? 0 : 1);
+        }
+        return sum.hasOneUse();
+      });
+}
+
 /// Whether the iterations of one thread are as good as lanes: straight-line
-/// code that carries nothing, over elements that follow each other while those
-/// of neighbouring threads do not.
+/// code that carries nothing but sums of integers, over elements that follow
+/// each other while those of neighbouring threads do not.
 bool CostCounter::isStream(scf::ForOp loop) const {
-  bool scatters = false;
-  if (loop.getNumRegionIterArgs() != 0)
+  bool hasRows = false, carries = loop.getNumRegionIterArgs() != 0;
+  if (!carriesSums(loop))
     return false;
   for (Operation &op : loop.getBody()->without_terminator()) {
     auto access = dyn_cast<warp::AccessOp>(op);
@@ -160,12 +200,66 @@ bool CostCounter::isStream(scf::ForOp loop) const {
         (follows && !(pace && pace->equals(variance.form(loop.getStep())))) ||
         !index.without(trip).isDefinedOutside(loop))
       return false;
-    scatters |= access.mayWrite() && follows &&
-                llvm::any_of(access.getIndices(),
-                             [&](Value index) { return isVarying(index); }) &&
-                variance.step(access.getIndices().back()) != 1;
+    hasRows |= (access.mayWrite() || carries) && follows &&
+               llvm::any_of(access.getIndices(),
+                            [&](Value index) { return isVarying(index); }) &&
+               variance.step(access.getIndices().back()) != 1;
   }
-  return scatters;
+  return hasRows;
+}
+
+/// The longest way from what an iteration is given to what it passes on, in
+/// operations.
+static int64_t longestWay(LoopLikeOpInterface loop) {
+  llvm::DenseMap<Value, int64_t> ways;
+  for (Value value : loop.getRegionIterArgs())
+    ways[value] = 0;
+  if (auto branch = dyn_cast<scf::WhileOp>(*loop))
+    for (Value value : branch.getAfterArguments())
+      ways[value] = 0;
+  int64_t longest = 0;
+  loop->walk([&](Operation *op) {
+    int64_t way = -1;
+    auto visit = [&](Operation *inner) {
+      for (Value operand : inner->getOperands())
+        if (auto found = ways.find(operand); found != ways.end())
+          way = std::max(way, found->second);
+    };
+    // What is inside has been visited.
+    visit(op);
+    for (Region &region : op->getRegions())
+      for (Block &block : region)
+        visit(block.getTerminator());
+    if (op == loop || way < 0)
+      return;
+    for (Value result : op->getResults())
+      ways[result] = way + 1;
+    longest = std::max(longest, way);
+  });
+  return longest;
+}
+
+/// Whether the iterations of a loop wait for each other rather than for memory,
+/// or do more for all lanes together than for each: with twice the lanes they
+/// take as long.
+bool CostCounter::isChain(LoopLikeOpInterface loop) const {
+  if (auto trips = loop.getStaticTripCount(); trips && trips->ult(8))
+    return false;
+  int64_t own = 0, shared = 0, apart = 0;
+  loop->walk([&](Operation *op) {
+    if (op->getNumRegions() != 0 || op->hasTrait<OpTrait::IsTerminator>() ||
+        op->hasTrait<OpTrait::ConstantLike>())
+      return;
+    bool varies =
+        llvm::any_of(op->getResults(), [&](Value v) { return isVarying(v); }) ||
+        llvm::any_of(op->getOperands(), [&](Value v) { return isVarying(v); });
+    ++(varies ? own : shared);
+    if (varies && isa<warp::AccessOp>(op))
+      apart += std::max<int64_t>(op->getNumResults(), 3);
+  });
+  constexpr int64_t least = 24;
+  return own >= least && 2 * own >= cost.varying && 8 * apart <= own &&
+         (4 * longestWay(loop) >= own || shared >= 2 * own);
 }
 
 void CostCounter::count(Operation *op, double trips, double use) {
@@ -176,6 +270,7 @@ void CostCounter::count(Operation *op, double trips, double use) {
     cost.scalar += inside.cost.scalar / warp::cost::streamGain;
     cost.vector += inside.cost.vector;
     cost.operations += inside.cost.operations;
+    cost.varying += inside.cost.varying;
     return;
   }
   if (isa<scf::ForOp, scf::WhileOp>(op)) {
@@ -197,6 +292,7 @@ void CostCounter::count(Operation *op, double trips, double use) {
       llvm::any_of(op->getResults(), [&](Value v) { return isVarying(v); });
   if (!varies)
     return add(1, share, trips, use);
+  ++cost.varying;
   for (Type type : op->getResultTypes())
     if (type.isIntOrFloat() && !type.isInteger(1))
       (type.getIntOrFloatBitWidth() > 32 ? cost.wide : cost.narrow) += trips;
@@ -256,10 +352,12 @@ void CostCounter::count(Operation *op, double trips, double use) {
 /// Vectors of that many bits, one or several at a time.
 static int64_t chooseLanes(const Cost &cost, int64_t bits) {
   int64_t lanes = bits / (cost.wide > cost.narrow ? 64 : 32);
-  // Two vectors in turn hide the latency of short bodies.
+  // Two vectors in turn hide the latency of short bodies, and of chains.
+  constexpr int64_t most = 200;
   bool isShort =
       cost.operations <= (cost.hasLoop ? 40 * warp::cost::loopTrips : 24);
-  return isShort ? 2 * lanes : lanes;
+  bool isChain = cost.hasChain && cost.varying <= most;
+  return isShort || isChain ? 2 * lanes : lanes;
 }
 
 LanePlan warp::planLanes(FunctionOpInterface kernel, ThreadsOp threads,
@@ -277,6 +375,8 @@ LanePlan warp::planLanes(FunctionOpInterface kernel, ThreadsOp threads,
   // What threads sum up, one after the other, each waits for.
   counter.cost.scalar += warp::cost::sumLatency *
                          threads.getThread()->getTerminator()->getNumOperands();
+  threads.getThread()->walk(
+      [&](LoopLikeOpInterface loop) { counter.findChain(loop); });
   const Cost &cost = counter.cost;
   int64_t wanted = getVariant(kernel).getLanes();
   if (wanted == 0 && cost.scalar < 1.2 * cost.vector) {

@@ -41,9 +41,9 @@ bool SystemCalls::append(const SystemCalls &next) {
   constexpr int64_t solves = forwards | backwards;
   bool isSame = next.real == real && next.n == n && next.in == out &&
                 (next.steps & isUpper) == (steps & isUpper);
-  bool isLater = !(next.steps & factors) &&
-                 (steps & solves) < (next.steps & solves) &&
-                 !(steps & backwards);
+  bool isLater =
+      !((steps | next.steps) & differentiates) && !(next.steps & factors) &&
+      (steps & solves) < (next.steps & solves) && !(steps & backwards);
   if (!isSame || !isLater ||
       ((steps & solves) && (next.sides != sides || next.columns != columns)))
     return false;
@@ -56,8 +56,12 @@ bool SystemCalls::append(const SystemCalls &next) {
 
 int64_t SystemCalls::getScratchBytes() const {
   int64_t rows = llvm::alignTo(n, 4);
-  int64_t vectors = rows * (rows + 1) / 2 + rows +
-                    llvm::alignTo(rows * std::max<int64_t>(columns, 1), 16);
+  int64_t triangle = rows * (rows + 1) / 2;
+  int64_t others =
+      steps & differentiates
+          ? triangle
+          : llvm::alignTo(rows * std::max<int64_t>(columns, 1), 16);
+  int64_t vectors = triangle + rows + others;
   return line * (vectors + 16);
 }
 
@@ -119,6 +123,22 @@ static std::optional<SystemCalls> matchSolve(warp::LibraryCallOp op) {
   return calls;
 }
 
+static std::optional<SystemCalls> matchAdjoint(warp::LibraryCallOp op) {
+  auto args = op.getArgs();
+  auto bar = getPlace(args[0]), factor = getPlace(args[1]);
+  auto row = getNumber(args[3]), column = getNumber(args[4]);
+  auto n = getNumber(args[5]), upper = getNumber(args[6]);
+  if (!bar || !factor || !n || !upper || row != n || column != 1)
+    return std::nullopt;
+  SystemCalls calls;
+  calls.out = *bar;
+  calls.in = *factor;
+  calls.n = *n;
+  calls.steps =
+      SystemCalls::differentiates | (*upper ? SystemCalls::isUpper : 0);
+  return calls;
+}
+
 static std::optional<SystemCalls> match(Operation *op) {
   auto call = dyn_cast<warp::LibraryCallOp>(op);
   if (!call)
@@ -132,6 +152,8 @@ static std::optional<SystemCalls> match(Operation *op) {
     calls = matchFactor(call);
   else if (name == "warp_tile_solve")
     calls = matchSolve(call);
+  else if (name == "warp_tile_cholesky_adjoint")
+    calls = matchAdjoint(call);
   if (!calls || calls->n > mostRows)
     return std::nullopt;
   Builder b(op->getContext());

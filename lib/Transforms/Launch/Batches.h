@@ -13,8 +13,9 @@
 
 namespace warp {
 
-/// Factors and solves of one matrix per block, one after the other: one call of
-/// the library for all blocks of a batch (lib/DeviceLib/cpu/TileSystems.cpp).
+/// Factors and solves of one matrix per block, one after the other, or what
+/// differentiates a factor: one call of the library for all blocks of a batch
+/// (lib/DeviceLib/cpu/TileSystems.cpp).
 struct SystemCalls {
   /// What the library is asked for.
   enum Step {
@@ -22,7 +23,9 @@ struct SystemCalls {
     isUpper = 2,
     keeps = 4,
     forwards = 8,
-    backwards = 16
+    backwards = 16,
+    /// By itself: `out` is the cotangent of the factor `in`.
+    differentiates = 32
   };
 
   /// Adds what follows it, if that is about the same matrix and right sides.

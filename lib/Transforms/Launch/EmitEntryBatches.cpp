@@ -84,17 +84,19 @@ void EntryBuilder::callForBatch(const SystemCalls &calls,
   auto place = [&](int64_t offset) {
     return placeInBatch(offset < 0 ? 0 : offset);
   };
-  StringRef name =
-      calls.real.isF32() ? "warp_tile_systems_f32" : "warp_tile_systems_f64";
-  Value args[] = {place(calls.out),
-                  place(calls.in),
-                  place(calls.sides),
-                  place(scratch),
-                  constant(i32, batches.blockBytes),
-                  narrow(count, i32),
-                  constant(i32, calls.n),
-                  constant(i32, calls.columns),
-                  constant(i32, calls.steps)};
+  Values args{place(calls.out), place(calls.in)};
+  bool differentiates = calls.steps & SystemCalls::differentiates;
+  if (!differentiates)
+    args.push_back(place(calls.sides));
+  args.append({place(scratch), constant(i32, batches.blockBytes),
+               narrow(count, i32), constant(i32, calls.n)});
+  if (differentiates)
+    args.push_back(constant(i32, bool(calls.steps & SystemCalls::isUpper)));
+  else
+    args.append({constant(i32, calls.columns), constant(i32, calls.steps)});
+  std::string name = "warp_tile_systems";
+  name += differentiates ? "_adjoint" : "";
+  name += calls.real.isF32() ? "_f32" : "_f64";
   warp::LibraryCallOp::create(b, loc, TypeRange(), b.getStringAttr(name), args);
 }
 

@@ -7,6 +7,9 @@
 // one is put in front of the block of the other; operands that both have become
 // one, so that what is loaded for both has one use.
 //
+// Before that, what a `tile_map` computes again is read: adjoints recompute
+// what they need of a function of elements, also where its results are kept.
+//
 //===----------------------------------------------------------------------===//
 
 #include "TileBuffers.h"
@@ -76,6 +79,98 @@ static TileMapOp merge(TileMapOp producer, TileMapOp user) {
   return merged;
 }
 
+//===----------------------------------------------------------------------===//
+// Results that are kept
+//===----------------------------------------------------------------------===//
+
+/// Whether values of the blocks of two maps are computed alike from the same
+/// operands.
+static bool isSame(Value x, TileMapOp ofX, Value y, TileMapOp ofY) {
+  if (x == y)
+    return true;
+  auto argument = [](Value value, TileMapOp map) {
+    auto found = dyn_cast<BlockArgument>(value);
+    return found && found.getOwner() == &map.getBody().front()
+               ? map.getInputs()[found.getArgNumber()]
+               : Value();
+  };
+  if (Value input = argument(x, ofX))
+    return input == argument(y, ofY);
+  Operation *a = x.getDefiningOp(), *b = y.getDefiningOp();
+  return a && b && a->getBlock() == &ofX.getBody().front() &&
+         b->getBlock() == &ofY.getBody().front() &&
+         a->getName() == b->getName() && a->getNumResults() == 1 &&
+         a->getNumRegions() == 0 && isMemoryEffectFree(a) &&
+         a->getResultTypes() == b->getResultTypes() &&
+         a->getAttrDictionary() == b->getAttrDictionary() &&
+         a->getPropertiesAsAttribute() == b->getPropertiesAsAttribute() &&
+         a->getNumOperands() == b->getNumOperands() &&
+         llvm::all_of(
+             llvm::zip(a->getOperands(), b->getOperands()), [&](auto pair) {
+               return isSame(std::get<0>(pair), ofX, std::get<1>(pair), ofY);
+             });
+}
+
+/// Whether a tile is kept whatever a later map reads: one use could be where it
+/// is computed.
+static bool isKept(Value tile) {
+  llvm::SmallPtrSet<Operation *, 4> users(tile.getUsers().begin(),
+                                          tile.getUsers().end());
+  return users.size() > 1;
+}
+
+/// Gives a map without what it computes like an earlier one; whether there was
+/// anything.
+static bool readResults(TileMapOp map, TileMapOp earlier) {
+  Block &body = map.getBody().front();
+  Operation *made = earlier.getBody().front().getTerminator();
+  bool changed = false;
+  for (auto [result, yielded] :
+       llvm::zip_equal(earlier.getResults(), made->getOperands())) {
+    auto from = cast<TileType>(result.getType());
+    if (!yielded.getDefiningOp() || !isKept(result) ||
+        from.getShape() != tileType(map.getResult(0)).getShape())
+      continue;
+    for (Operation &op : body.without_terminator()) {
+      if (op.getNumResults() != 1 ||
+          !isSame(op.getResult(0), map, yielded, earlier))
+        continue;
+      map.getInputsMutable().append(result);
+      op.replaceAllUsesWith(
+          ValueRange(body.addArgument(from.getElementType(), map.getLoc())));
+      changed = true;
+      break;
+    }
+  }
+  return changed;
+}
+
+/// Removes what nothing in a map's block uses.
+static void tidy(TileMapOp map) {
+  Block &body = map.getBody().front();
+  for (Operation &op : llvm::make_early_inc_range(llvm::reverse(body)))
+    if (isOpTriviallyDead(&op))
+      op.erase();
+  for (unsigned i = body.getNumArguments(); i-- > 0;)
+    if (body.getArgument(i).use_empty() && body.getNumArguments() > 1) {
+      body.eraseArgument(i);
+      map.getInputsMutable().erase(i);
+    }
+}
+
+static void readKeptResults(ArrayRef<TileMapOp> maps) {
+  for (auto [i, map] : llvm::enumerate(maps)) {
+    if (!isMemoryEffectFree(map))
+      continue;
+    bool changed = false;
+    for (TileMapOp earlier : maps.take_front(i))
+      if (earlier->getBlock() == map->getBlock() && isMemoryEffectFree(earlier))
+        changed |= readResults(map, earlier);
+    if (changed)
+      tidy(map);
+  }
+}
+
 namespace {
 
 struct FuseTiles : warp::impl::FuseTilesBase<FuseTiles> {
@@ -83,6 +178,7 @@ struct FuseTiles : warp::impl::FuseTilesBase<FuseTiles> {
     auto work = [](FunctionOpInterface kernel, int64_t) {
       SmallVector<TileMapOp> maps;
       kernel->walk([&](TileMapOp map) { maps.push_back(map); });
+      readKeptResults(maps);
       // A producer stands before its user, and is complete when it is merged.
       for (TileMapOp map : maps)
         while (TileMapOp producer = findProducer(map))

@@ -70,6 +70,10 @@ Values TileLowering::combine(TileReduction kind, ValueRange best,
       return {arith::MinNumFOp::create(b, loc, best[0], next[0])};
     return {arith::MaxNumFOp::create(b, loc, best[0], next[0])};
   }
+  // By IEEE 754-2019: NaN is missing and -0 lies below +0.
+  if (best.size() == 1 && isa<FloatType>(type))
+    return {builtin(kind == TileReduction::min ? "min" : "max",
+                    {best[0], next[0]})};
   Value wins = isBetter(kind, next[0], best[0], false);
   if (best.size() > 1) {
     Value ties = builtin("eq", {next[0], best[0]});

@@ -58,7 +58,11 @@ class Sweep:
 
     @classmethod
     def parse(cls, text):
-        """A sweep from `name=first:last:count` or `name=value,value`, as on the command line."""
+        """A sweep from `name=first:last:count` or `name=value,value`, as on the command line.
+
+        Raises:
+            ValueError: the text is no sweep.
+        """
         name, separator, rest = text.partition("=")
         try:
             if not (name and separator and rest):
@@ -194,7 +198,11 @@ class Scene:
     summary: str
 
     def cases(self, devices, dtypes=None, sweeps=(), quick=False):
-        """Every point: devices x dtypes x curves x the sweep, the sweep fastest."""
+        """Every point: devices x dtypes x curves x the sweep, the sweep fastest.
+
+        Raises:
+            ValueError: a sweep is of a parameter that the scene does not have.
+        """
         replaced = {sweep.name: sweep for sweep in sweeps}
         axes = [*self.curves, self.sweep]
         unknown = set(replaced) - {axis.name for axis in axes} - set(self.fixed)

@@ -278,3 +278,25 @@ def test_second_derivatives_are_an_error():
     x = wp.array([2.0, 3.0, 5.0], dtype=REAL, device="cpu", requires_grad=True)
     with pytest.raises(RuntimeError, match="second derivatives through loops that read"):
         wp.autograd.hvp(total, inputs=[x], vectors=[wp.ones_like(x)])
+
+
+def test_a_condition_about_memory_that_changes(device):
+    @wp.kernel
+    def halve(x: wp.array2d(dtype=REAL), p: wp.array(dtype=int)):
+        i = wp.tid()
+        while x[i, p[i]] > REAL(0.5):
+            x[i, p[i]] = REAL(0.5) * x[i, p[i]] * x[i, p[i]]
+
+    start = np.array([[0.1, 0.7], [1.9, 0.2], [0.3, 1.5]])
+    p = np.array([1, 0, 0], dtype=np.int32)
+    x = wp.array(start, dtype=REAL, device=device, requires_grad=True)
+    with wp.Tape() as tape:
+        wp.launch(halve, 3, [x, wp.array(p, dtype=int, device=device)], device=device)
+    tape.backward(grads={x: wp.ones((3, 2), dtype=REAL, device=device)})
+    wanted = np.ones((3, 2))
+    for i, k in enumerate(p):
+        value = start[i, k]
+        while value > 0.5:
+            wanted[i, k] *= value
+            value = 0.5 * value * value
+    np.testing.assert_allclose(x.grad.numpy(), wanted, rtol=1e-14)

@@ -50,8 +50,19 @@ def largest(a: wp.mat33d):
 
 
 @wp.func
+def entries(a: wp.mat33d):
+    """Of a form that is not known; `u * diag(f(s)) * transpose(v)` is, and sums of `outer`."""
+    u, s, v = wp.svd3(a)
+    total = wp.float64(0.0)
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                total += wp.static(wp.mat33d(*W.flatten()))[i, j] * s[k] * s[k] * u[i, k] * v[j, k]
+    return total
+
+
+@wp.func
 def dyads(a: wp.mat33d):
-    """Of a form that is not known; `u * diag(f(s)) * transpose(v)` is."""
     u, s, v = wp.svd3(a)
     b = wp.mat33d()
     for i in range(3):
@@ -98,7 +109,19 @@ def test_invariant_functions_are_right_and_silent(device, lines, scale):
     assert lines() == []
 
 
-@pytest.mark.parametrize("function", [largest, dyads])
+# Daleckii and Krein: with f(s) = s^2, divided differences of f weigh the symmetric part of W, and
+# divided sums the skew one.
+@pytest.mark.parametrize("values", [(1.0, 1.0, 1.0), (2.0, 2.0, 1.0), (2.0, 1.0, 1.0)])
+def test_sums_of_outer_products_are_right_and_silent(device, lines, values):
+    s, t = np.array(values)[:, None], np.array(values)[None, :]
+    symmetric, skew = (W + W.T) / 2, (W - W.T) / 2
+    expected = (s + t) * symmetric + (s * s + t * t) / (s + t) * skew
+    found = gradient(dyads, np.diag(values), device)
+    np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-13)
+    assert lines() == []
+
+
+@pytest.mark.parametrize("function", [largest, entries])
 @pytest.mark.parametrize("values", [(1.0, 1.0, 1.0), (2.0, 2.0, 1.0), (2.0, 1.0, 1.0)])
 def test_what_no_cotangent_shows_is_counted(device, lines, function, values):
     gradient(function, np.diag(values), device)
@@ -109,7 +132,7 @@ def test_what_no_cotangent_shows_is_counted(device, lines, function, values):
     assert len(found) == 1 and "test_repeated_values.py:" in found[0] and " 1 time" in found[0]
 
 
-@pytest.mark.parametrize("function", [largest, dyads])
+@pytest.mark.parametrize("function", [largest, dyads, entries])
 def test_simple_values_are_silent(device, lines, function):
     gradient(function, np.diag((3.0, 2.0, 1.0)), device)
     assert lines() == []

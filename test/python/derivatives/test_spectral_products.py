@@ -55,6 +55,45 @@ def logarithm(a: wp.mat33d):
 
 
 @wp.func
+def piece(x: wp.float64):
+    """Branches and a choice; no value of the tests is where pieces meet."""
+    y = wp.exp(x)
+    if x > wp.float64(2.2):
+        y = wp.log(x)
+    elif x > wp.float64(0.7):
+        y = x * x * x
+        if x > wp.float64(1.5):
+            y = y + x
+    return wp.where(x > wp.float64(2.7), y + x, y - x)
+
+
+@wp.func
+def by_pieces(a: wp.mat33d):
+    u, s, v = wp.svd3(a)
+    return u * wp.diag(wp.vec3d(piece(s[0]), piece(s[1]), piece(s[2]))) * wp.transpose(v)
+
+
+@wp.func
+def sum_over_columns(a: wp.mat33d):
+    u, s, v = wp.svd3(a)
+    result = wp.mat33d()
+    for k in range(3):
+        left = wp.vec3d(u[0, k], u[1, k], u[2, k])
+        result += s[k] * s[k] * wp.outer(left, v[:, k])
+    return result
+
+
+@wp.func
+def sum_beside_others(a: wp.mat33d):
+    """Factors at vectors, and terms that are none of the decomposition's."""
+    q, d = wp.eig3(a)
+    rows = wp.transpose(q)
+    result = a * wp.float64(0.25) + wp.outer(wp.log(d[0]) * rows[0], rows[0])
+    result += wp.outer(rows[1], rows[1] * wp.log(d[1]))
+    return result + wp.outer(q[:, 2], q[:, 2]) * wp.log(d[2])
+
+
+@wp.func
 def stress_of_2(a: wp.mat22d):
     u, s, v = wp.svd2(a)
     return u * wp.diag(wp.cw_mul(s, s)) * wp.transpose(v)
@@ -63,6 +102,15 @@ def stress_of_2(a: wp.mat22d):
 def of_symmetric(m, function):
     values, vectors = mp.eigsy(m)
     return vectors * mp.diag([function(x) for x in values]) * vectors.T
+
+
+def exact_piece(x):
+    y = mp.exp(x)
+    if x > 2.2:
+        y = mp.log(x)
+    elif x > 0.7:
+        y = x**3 + (x if x > 1.5 else 0)
+    return y + x if x > 2.7 else y - x
 
 
 def root(m):
@@ -77,6 +125,9 @@ EXACT = {
     left_logarithm: lambda a: of_symmetric(a * a.T, lambda x: mp.log(x) / 2),
     right_exponential: lambda a: of_symmetric(a.T * a, lambda x: mp.exp(mp.sqrt(x))),
     logarithm: lambda a: of_symmetric((a + a.T) / 2, mp.log),
+    by_pieces: lambda a: a * of_symmetric(a.T * a, lambda x: exact_piece(mp.sqrt(x)) / mp.sqrt(x)),
+    sum_over_columns: lambda a: a * root(a.T * a),
+    sum_beside_others: lambda a: of_symmetric((a + a.T) / 2, mp.log) + a / 4,
     stress_of_2: lambda a: a * root(a.T * a),
 }
 
@@ -137,7 +188,7 @@ def matrix_of(function, values):
     if function is stress_of_2:
         return np.diag(values[:2]) @ np.array([[0.6, 0.8], [-0.8, 0.6]])
     turned = TURN @ np.diag(values)
-    return turned @ (TURN.T if function is logarithm else OTHER.T)
+    return turned @ (TURN.T if function in (logarithm, sum_beside_others) else OTHER.T)
 
 
 @pytest.mark.parametrize("name", VALUES)

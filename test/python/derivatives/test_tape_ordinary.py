@@ -139,3 +139,87 @@ def test_a_long_rollout(device):
     tape.reset()
     expected = np.prod(1.0 - 0.002 * x.numpy()[:count, 0])
     np.testing.assert_allclose(found, [expected, expected], rtol=1e-9)
+
+
+@wp.kernel
+def square(x: wp.array(dtype=float)):
+    i = wp.tid()
+    x[i] = 0.75 * x[i] * x[i]
+
+
+@wp.kernel
+def bend(x: wp.array2d(dtype=float), y: wp.array2d(dtype=float)):
+    i, j = wp.tid()
+    y[i, j] = wp.sin(x[i, j])
+
+
+def python_records(monkeypatch) -> list:
+    """What Python is asked to run backwards from here on."""
+    from warp._src.derivatives.tape_records import LaunchRecord
+
+    seen, reverse = [], LaunchRecord.reverse
+    monkeypatch.setattr(
+        LaunchRecord, "reverse", lambda self, state: (seen.append(self), reverse(self, state))
+    )
+    return seen
+
+
+@pytest.mark.parametrize("preserve", ["auto", "never"])
+def test_a_launch_that_overwrites_what_its_adjoint_reads(device, preserve, monkeypatch):
+    start = np.linspace(0.9, 1.4, 6)
+    x = wp.array(start, dtype=float, device=device, requires_grad=True)
+    # The first launch of a kernel is recorded by Python.
+    with wp.Tape():
+        wp.launch(square, 6, [wp.clone(x)], device=device)
+    seen, tape = python_records(monkeypatch), wp.Tape(preserve=preserve)
+    with tape:
+        for _ in range(5):
+            wp.launch(square, 6, [x], device=device)
+    # x_5 = 0.75^31 x_0^32
+    for _ in range(2):
+        x.grad.zero_()
+        tape.backward(grads={x: wp.ones(6, device=device)})
+        expected = 32 * 0.75**31 * start**31
+        np.testing.assert_allclose(x.grad.numpy(), expected, rtol=2e-5)
+    assert not seen, "each adjoint is one native call"
+
+
+def test_arrays_that_take_turns(device, monkeypatch):
+    start = np.linspace(-1.0, 1.0, 12).reshape(3, 4)
+    x = wp.array(start, dtype=float, device=device, requires_grad=True)
+    y = wp.zeros((3, 4), device=device, requires_grad=True)
+    with wp.Tape():
+        wp.launch(bend, (3, 4), [wp.clone(x), y], device=device)
+    seen, tape = python_records(monkeypatch), wp.Tape()
+    with tape:
+        for k in range(6):
+            pair = [x, y] if k % 2 == 0 else [y, x]
+            wp.launch(bend, (3, 4), pair, device=device)
+    tape.backward(grads={x: wp.ones((3, 4), device=device)})
+    value, expected = start, np.ones_like(start)
+    for _ in range(6):
+        expected, value = expected * np.cos(value), np.sin(value)
+    np.testing.assert_allclose(x.grad.numpy(), expected, rtol=1e-5)
+    assert not seen
+    # Parts of what was kept, and arrays with gaps, are put together in Python.
+    x = wp.array(start, dtype=float, device=device, requires_grad=True)
+    tape = wp.Tape()
+    with tape:
+        wp.launch(bend, (3, 2), [x[:, :2], y[:, 2:]], device=device)
+        wp.launch(bend, (3, 2), [y[:, 2:], x[:, :2]], device=device)
+    tape.backward(grads={x: wp.ones((3, 4), device=device)})
+    part = start[:, :2]
+    np.testing.assert_allclose(
+        x.grad.numpy()[:, :2], np.cos(part) * np.cos(np.sin(part)), rtol=1e-5
+    )
+    assert seen
+
+
+def test_copies_beyond_the_budget_name_the_launch(device):
+    x = ones(1000, device)
+    tape = wp.Tape(max_bytes=10_000)
+    with tape:
+        for _ in range(4):
+            wp.launch(square, 1000, [x], device=device)
+    with pytest.raises(wp.WarpError, match=r"launch of 'square' at .*8000 bytes in 2"):
+        tape.backward(grads={x: ones(1000, device)})

@@ -17,6 +17,8 @@ def test_an_overload_has_the_types_chosen(device, dtype):
     by_place = wp.overload(assign, [wp.array(dtype=dtype), dtype])
     by_name = wp.overload(assign, {"x": wp.array(dtype=dtype), "value": dtype})
     assert by_place is by_name
+    assert assign.add_overload([wp.array(dtype=dtype), dtype]) is by_place
+    assert assign.get_overload([wp.array(dtype=dtype), dtype]) is by_place
     assert not by_place.is_generic
     x = wp.zeros(3, dtype=dtype, device=device)
     wp.launch(by_place, 3, [x, dtype(0.25)], device=device)

@@ -12,9 +12,9 @@ _rng = np.random.default_rng(0)
 # Elements of `v` that belong to a thread are not next to each other.
 PLACES = _rng.permutation(THREADS * PART).reshape(THREADS, PART).astype(np.int32)
 ORDER = np.array([2, 0, 3, 1, 0, 2], np.int32)
-SHAPES = {"x": (THREADS,), "d": (4,), "v": (THREADS * PART,), "u": (THREADS, PART)}
-SHAPES["y"] = (THREADS,)
-WRITTEN = ("v", "u", "y")
+SHAPES = {"x": (THREADS,), "d": (4,), "v": (THREADS * PART,), "z": (THREADS * PART,)}
+SHAPES |= {"u": (THREADS, PART), "y": (THREADS,)}
+WRITTEN = ("v", "z", "u", "y")
 START = {name: _rng.uniform(-1.0, 1.0, shape) for name, shape in SHAPES.items()}
 WEIGHTS = {name: _rng.uniform(-1.0, 1.0, SHAPES[name]) for name in WRITTEN}
 HEADER = """
@@ -22,7 +22,7 @@ def mix(v: A1, at: int, a: R):
     v[at] = wp.tanh(v[at] + a)
     return v[at] * a
 
-def program(x: A1, d: A1, v: A1, u: A2, y: A1, r: I2, o: I1, n: int):
+def program(x: A1, d: A1, v: A1, z: A1, u: A2, y: A1, r: I2, o: I1, n: int):
 """
 
 
@@ -31,7 +31,8 @@ def elements(draw, counter=None):
     """An element of the thread."""
     column = st.sampled_from(["0", "1", "3"] + ([f"o[{counter}]", f"{counter} % 4"] * 3))
     column = draw(column if counter else st.sampled_from(["0", "1", "3"]))
-    return draw(st.sampled_from((f"v[r[i, {column}]]", f"u[i, {column}]")))
+    array = draw(st.sampled_from(("v[r[i, {}]]", "z[r[i, {}]]", "s[r[i, {}]]", "u[i, {}]")))
+    return array.format(column)
 
 
 @st.composite
@@ -67,12 +68,16 @@ def blocks(draw, depth, counter=None):
     """Lines of a block, in a loop over `counter` if that is given."""
     lines = []
     for _ in range(draw(st.integers(1, 3))):
-        kinds = ["let", "store", "store", "call"] + (["if", "for", "while"] if depth else [])
+        kinds = ["let", "store", "store", "call", "choose"] + (
+            ["if", "for", "while"] if depth else []
+        )
         kind = draw(st.sampled_from(kinds))
         if kind == "let":
             lines.append(f"{draw(st.sampled_from('ab'))} = wp.sin({draw(values(2, counter))})")
         elif kind == "store":
             lines.append(draw(stores(counter)))
+        elif kind == "choose":
+            lines += [f"if {draw(conditions(counter))}:", "    s, t = t, s"]
         elif kind == "call":
             column = f"o[{counter}]" if counter else "2"
             lines.append(f"a = wp.sin(mix(v, r[i, {column}], {draw(values(1, counter))}))")
@@ -97,7 +102,7 @@ def blocks(draw, depth, counter=None):
 @st.composite
 def kernels(draw):
     """Source of a function and a kernel that updates `v` and `u` and writes `y`."""
-    start = ["i = wp.tid()", "a = R(0.3)", "b = x[i]", "for k in range(n):"]
+    start = ["i = wp.tid()", "a = R(0.3)", "b = x[i]", "s = v", "t = z", "for k in range(n):"]
     start += indented([f"{draw(elements('k'))} = wp.sin({draw(values(2, 'k'))})"])
     end = draw(st.sampled_from(("u[i, 1] = u[i, 2] * a + b", "y[i] = a * b + u[i, 0]")))
     return HEADER + "\n".join(indented([*start, *draw(blocks(2)), end])) + "\n"

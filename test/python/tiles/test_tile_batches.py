@@ -143,31 +143,84 @@ def test_blocks_that_wait_for_each_other_run_one_after_the_other():
     assert "small systems" not in str(in_turn.schedule())
 
 
-def test_gradients_of_solutions():
+def loss_of(n, columns, mode, uses_factor):
     @wp.kernel(module="unique")
     def loss(
         a: wp.array3d(dtype=wp.float64),
-        b: wp.array2d(dtype=wp.float64),
+        b: wp.array3d(dtype=wp.float64),
+        w: wp.array3d(dtype=wp.float64),
         out: wp.array(dtype=wp.float64),
     ):
         i = wp.tid()
-        f = wp.tile_cholesky(wp.tile_load(a[i], shape=(6, 6)))
-        x = wp.tile_cholesky_solve(f, wp.tile_load(b[i], shape=6))
-        wp.tile_atomic_add(out, wp.tile_sum(wp.tile_map(wp.mul, x, x)))
+        f = wp.tile_cholesky(wp.tile_load(a[i], shape=(n, n)), fill_mode=mode)
+        x = wp.tile_cholesky_solve(f, wp.tile_load(b[i], shape=(n, columns)), fill_mode=mode)
+        weights = wp.tile_load(w[i], shape=(n, columns))
+        wp.tile_atomic_add(out, wp.tile_sum(wp.tile_map(wp.mul, weights, x)))
+        if wp.static(uses_factor):
+            wp.tile_atomic_add(out, wp.tile_sum(wp.tile_map(wp.sin, f)))
 
-    a, b = systems(6, 19, np.float64)
-    da, db = (wp.array(one, device="cpu", requires_grad=True) for one in (a, b))
+    return loss
+
+
+@pytest.mark.parametrize("uses_factor", [False, True])
+@pytest.mark.parametrize("columns,count", [(1, 18), (3, 2)])
+@pytest.mark.parametrize("mode", ["lower", "upper"])
+def test_gradients_of_systems(mode, columns, count, uses_factor):
+    n, rng = 6, np.random.default_rng(columns)
+    a, _ = systems(n, count, np.float64)
+    b, w = (rng.normal(size=(count, n, columns)) for _ in range(2))
+    inputs = [wp.array(one, device="cpu", requires_grad=True) for one in (a, b, w)]
     out = wp.zeros(1, dtype=wp.float64, device="cpu", requires_grad=True)
     tape = wp.Tape()
     with tape:
-        wp.launch_tiled(loss, dim=19, inputs=[da, db, out], block_dim=32, device="cpu")
+        kernel = loss_of(n, columns, mode, uses_factor)
+        wp.launch_tiled(kernel, dim=count, inputs=[*inputs, out], block_dim=32, device="cpu")
     tape.backward(loss=out)
-    x = np.linalg.solve(a, b[..., None])[..., 0]
-    back = np.linalg.solve(a, 2.0 * x[..., None])[..., 0]
-    np.testing.assert_allclose(db.grad.numpy(), back, rtol=1e-10, atol=1e-12)
-    # Of a symmetric matrix, of which the lower triangle is read.
-    whole = -back[:, :, None] * x[:, None, :]
-    lower = np.tril(whole + whole.transpose(0, 2, 1), -1) + np.einsum(
-        "bi,ij->bij", np.einsum("bii->bi", whole), np.eye(6)
-    )
-    np.testing.assert_allclose(da.grad.numpy(), lower, rtol=1e-9, atol=1e-11)
+
+    def loss(a, b):
+        lower = np.tril(a) if mode == "lower" else np.triu(a).transpose(0, 2, 1)
+        whole = lower + np.tril(lower, -1).transpose(0, 2, 1)
+        total = (w * np.linalg.solve(whole, b)).sum()
+        return total + np.sin(np.linalg.cholesky(whole)).sum() * uses_factor
+
+    step = 1e-6
+    for which, array in enumerate((a, b)):
+        u = rng.normal(size=array.shape)
+        ahead, behind = ([a, b], [a, b])
+        ahead[which], behind[which] = array + step * u, array - step * u
+        slope = (loss(*ahead) - loss(*behind)) / (2 * step)
+        found = (inputs[which].grad.numpy() * u).sum()
+        np.testing.assert_allclose(found, slope, rtol=2e-7, atol=1e-7)
+    other = np.triu_indices(n, 1) if mode == "lower" else np.tril_indices(n, -1)
+    assert not inputs[0].grad.numpy()[:, other[0], other[1]].any()
+
+
+@pytest.mark.parametrize("n", [1, 3, 16, 17, 32])
+@pytest.mark.parametrize("dtype", [wp.float32, wp.float64])
+@pytest.mark.parametrize("mode", ["lower", "upper"])
+def test_adjoints_of_factors(n, dtype, mode):
+    @wp.kernel(module="unique")
+    def factor(a: wp.array3d(dtype=dtype), out: wp.array3d(dtype=dtype)):
+        i = wp.tid()
+        f = wp.tile_cholesky(wp.tile_load(a[i], shape=(n, n)), fill_mode=mode)
+        wp.tile_store(out[i], f)
+
+    real, count = wp.dtype_to_numpy(dtype), 19
+    a, _ = systems(n, count, real)
+    g = np.random.default_rng(n).normal(size=a.shape).astype(real)
+    da = wp.array(a, device="cpu", requires_grad=True)
+    out = wp.zeros_like(da)
+    tape = wp.Tape()
+    with tape:
+        wp.launch_tiled(factor, dim=count, inputs=[da, out], block_dim=32, device="cpu")
+    tape.backward(grads={out: wp.array(g, device="cpu")})
+    # With P(X), the lower triangle with half of the diagonal: L^-T P(L^T L') L^-1.
+    lower = np.linalg.cholesky(a.astype(float))
+    bar = np.tril((g if mode == "lower" else g.transpose(0, 2, 1)).astype(float))
+    inner = np.tril(lower.transpose(0, 2, 1) @ bar) * (1.0 - 0.5 * np.eye(n))
+    inverse = np.linalg.inv(lower)
+    whole = inverse.transpose(0, 2, 1) @ inner @ inverse
+    both = whole + whole.transpose(0, 2, 1)
+    expected = np.tril(both, -1) + whole * np.eye(n)
+    found = da.grad.numpy()
+    check(found if mode == "lower" else found.transpose(0, 2, 1), expected)

@@ -4,8 +4,8 @@
 //
 // Finds what wide/RaySearch.h finds: triangles are tested with the same
 // roundings. Nodes are only passed by, so that slabs are multiplied and added
-// at once, a little wider. What stays of a node is kept as keys with the node's
-// number; where it leads is read again if it is not behind the hit by then.
+// at once, a little wider. A ray that goes on alone waits for memory, so what
+// stays of a node is kept with where it leads: nothing is read twice.
 //
 // Threads of a warp do the same at the same time, so what a thread does alone
 // costs as much as what all do: of a block, all triangles are asked on which
@@ -28,8 +28,7 @@ template <class Team> class RaySearchBy {
 public:
   RaySearchBy(const Tree &tree, const Ray &from, f32 limit, bool any)
       : nodes((Bytes)tree.nodes), blocks((Bytes)tree.blocks), any(any),
-        ray(from) {
-    hit.t = limit;
+        ray(from), t(limit) {
     setReach();
 #pragma unroll
     for (int i = 0; i < 3; ++i) {
@@ -67,11 +66,13 @@ public:
       if (isAtBlock)
         at = any && place >= 0 ? nowhere : elsewhere;
     }
-    if (place >= 0)
-      hit.face = faceAt(triangleAt(blocks, place));
-    hit.u /= weights;
-    hit.v /= weights;
-    return hit;
+    if (place < 0)
+      return {-1, 0, 0, t};
+    // The weights once more, which would take registers all the way.
+    Bytes triangle = triangleAt(blocks, place);
+    RayOnTriangle on = testTriangle(ray, triangle);
+    weights = on.sum();
+    return {faceAt(triangle), on.u / weights, on.v / weights, t};
   }
 
   bool leavesThroughFront() const { return weights < 0; }
@@ -81,7 +82,7 @@ private:
   static constexpr i32 elsewhere = nowhere + 1;
 
   /// Bounds are rounded, and those of ties are to be seen.
-  void setReach() { reach = lower(integerOf(hit.t) + 40, 0x7f7fffff); }
+  void setReach() { reach = lower(integerOf(t) + 40, 0x7f7fffff); }
 
   Bytes nodeAt(i32 index) const {
     return nodes + i64(index) * i64(sizeof(Node));
@@ -89,20 +90,16 @@ private:
 
   /// Where to go from a node, or from what was left.
   i32 goOn(i32 at, Rests &rests) {
-    Bytes node = nodeAt(at);
-    u32 child;
-    if (at < 0 || !enter(node, at, rests, child)) {
-      Rest rest;
-      if (!rests.take(reach | 7, rest))
-        return nowhere;
-      node = nodeAt(rest.node);
-      child = rest.key & 7;
-    }
-    return Links(node).follow(child);
+    i32 to = at < 0 ? nowhere : enter(nodeAt(at), rests);
+    if (Rest rest; to == nowhere && rests.take(reach | 7, rest))
+      to = rest.to;
+    return to;
   }
 
-  /// Leaves the children that are met for later, but the nearest.
-  bool enter(Bytes node, i32 index, Rests &rests, u32 &nearest) {
+  /// Leaves the children that are met for later, but the nearest, which it
+  /// gives.
+  i32 enter(Bytes node, Rests &rests) {
+    Links links(node);
     u32 met = 0;
     i32 entry[width];
 #pragma unroll
@@ -132,16 +129,18 @@ private:
         met = met << 1 | u32(entry[child] - leave) >> 31;
       }
     }
-    met &= Links(node).children();
-    nearest = u32(lowestBit(met));
+    met &= links.children();
+    if (!met)
+      return nowhere;
+    u32 nearest = u32(lowestBit(met));
     // Most often there is one.
     if (met & (met - 1))
-      nearest = leaveOthers(entry, met, index, rests);
-    return met != 0;
+      nearest = leaveOthers(entry, met, links, rests);
+    return links.follow(nearest);
   }
 
   /// Leaves the furthest child, again and again, until one is there.
-  static u32 leaveOthers(const i32 (&entry)[width], u32 met, i32 index,
+  static u32 leaveOthers(const i32 (&entry)[width], u32 met, const Links &links,
                          Rests &rests) {
     for (;;) {
       i32 furthest = -1;
@@ -149,11 +148,11 @@ private:
       for (int child = 0; child < width; ++child)
         furthest = upper(furthest,
                          met >> child & 1 ? (entry[child] & ~7) | child : -1);
-      i32 child = furthest & 7;
+      u32 child = furthest & 7;
       met &= ~(1u << child);
       if (!met)
-        return u32(child);
-      rests.leave({furthest, index});
+        return child;
+      rests.leave({furthest, links.follow(child)});
     }
   }
 
@@ -185,25 +184,18 @@ private:
       // The halves were asked in their order.
       i32 number = width * index + (lowestBit(met) ^ 4);
       RayOnTriangle on = testTriangle(ray, triangleAt(blocks, number));
-      keep({on.u, on.v, on.sum(), on.parameter(ray)}, number);
+      keep(on.parameter(ray), number);
     }
   }
 
-  /// What a ray meets: weights of two corners, their sum with that of the
-  /// third, where.
-  struct Meeting {
-    f32 u, v, sum, t;
-  };
-
-  /// Keeps what is met if it is first.
-  void keep(Meeting met, i32 number) {
-    if (!(met.t >= 0 && met.t <= hit.t))
+  /// Keeps what is met at a parameter if it is first.
+  void keep(f32 at, i32 number) {
+    if (!(at >= 0 && at <= t))
       return;
     // Faces are compared only then: a thread would wait for their numbers.
-    if (met.t == hit.t && !(place >= 0 && faceOf(number) < faceOf(place)))
+    if (at == t && !(place >= 0 && faceOf(number) < faceOf(place)))
       return;
-    hit = {-1, met.u, met.v, met.t};
-    weights = met.sum;
+    t = at;
     place = number;
     setReach();
   }
@@ -217,27 +209,10 @@ private:
     Rest rest;
     if (!rests.take(reach | 7, rest))
       return nowhere;
-    i32 at = Links(nodeAt(rest.node)).follow(rest.key & 7);
-    if (at < 0)
-      return ~at;
+    if (rest.to < 0)
+      return ~rest.to;
     rests.leave(rest);
     return nowhere;
-  }
-
-  /// Which block a team has of a lane that is alone: the first one its own,
-  /// others the next ones.
-  i32 share(Team team, Rests &rests, i32 index, int loner) {
-    i32 next = index, shared = nowhere;
-#pragma unroll 1
-    for (int i = 0; i < Team::teams; ++i) {
-      if (i > 0)
-        next = team.lane() == loner ? takeBlock(rests) : nowhere;
-      i32 given = team.from(next, loner);
-      if (given == nowhere)
-        break;
-      shared = i == team.number() ? given : shared;
-    }
-    return shared;
   }
 
   /// Tests triangles of the blocks at which some lanes of the warp are, each
@@ -258,32 +233,40 @@ private:
         visitors &= visitors - 1;
 
       int visitor = lowestBit(theirs) & 31;
-      i32 block = isAlone ? share(team, rests, index, visitor)
-                          : i32(team.from(index, visitor));
+      // Teams have the visitor's own block, or one of those that are next.
+      i32 given = index, block = team.from(given, visitor);
+#pragma unroll 1
+      for (int i = 1; i < Team::teams; ++i) {
+        if (isAlone)
+          given = isMine && given != nowhere ? takeBlock(rests) : nowhere;
+        i32 next = team.from(given, visitor);
+        block = isAlone && i <= team.number() ? next : block;
+      }
       ShearedRay other;
       for (int i = 0; i < 3; ++i) {
         other.start[i] = floatOf(team.from(integerOf(ray.start[i]), visitor));
         other.shear[i] = floatOf(team.from(integerOf(ray.shear[i]), visitor));
       }
       other.axes = team.from(ray.axes, visitor);
-      f32 limit = floatOf(team.from(integerOf(hit.t), visitor));
+      f32 limit = floatOf(team.from(integerOf(t), visitor));
       i32 number = width * block + team.rank();
       Bytes triangle = triangleAt(blocks, number);
-      Meeting met{0, 0, 0, 0};
+      f32 at = 0;
       bool isMet = false;
       u32 face = noKey;
       if (theirs && block != nowhere) {
         RayOnTriangle on = testTriangle(other, triangle);
         face = u32(faceAt(triangle));
-        met = {on.u, on.v, on.sum(), on.parameter(other)};
-        isMet = on.isMet() && met.t >= 0 && met.t <= limit;
+        at = on.parameter(other);
+        isMet = on.isMet() && at >= 0 && at <= limit;
       }
       auto least = [&](u32 value) {
         value = team.least(isMet ? value : noKey);
-        return isAlone ? team.leastOfTeams(value) : value;
+        u32 ofAll = team.leastOfTeams(value);
+        return isAlone ? ofAll : value;
       };
       // Zeros of both signs are equal.
-      u32 key = u32(integerOf(met.t)) & 0x7fffffff;
+      u32 key = u32(integerOf(at)) & 0x7fffffff;
       isMet &= key == least(key);
       isMet &= face == least(face);
 
@@ -293,13 +276,10 @@ private:
         found = found >> (8 * turn & 31) & 0xff;
         finder = (8 * turn + lowestBit(found)) & 31;
       }
-      met = {floatOf(team.from(integerOf(met.u), finder)),
-             floatOf(team.from(integerOf(met.v), finder)),
-             floatOf(team.from(integerOf(met.sum), finder)),
-             floatOf(team.from(integerOf(met.t), finder))};
+      at = floatOf(team.from(integerOf(at), finder));
       number = team.from(number, finder);
       if (isMine && turn < Team::teams && found)
-        keep(met, number);
+        keep(at, number);
     }
   }
 
@@ -310,9 +290,10 @@ private:
   /// inverse + last`. The planes that are met first, in bytes.
   f32 inverse[3], first[3], last[3];
   i32 nearer[3];
-  /// Its weights are to be divided by their sum, whose sign is the side.
-  RayHit hit{-1, 0, 0, 0};
+  /// The parameter of the triangle that is met, or the limit.
+  f32 t;
   i32 place = -1;
+  /// The sum of its weights, whose sign is the side.
   f32 weights = 1;
   /// Children beyond are behind it; bits of a number.
   i32 reach;

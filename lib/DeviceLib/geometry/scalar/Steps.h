@@ -56,10 +56,10 @@ struct Links {
   u32 children() const { return nodes() | blocks(); }
   /// Where a child is: a node, or a block with all bits flipped.
   i32 follow(u32 child) const {
-    u32 below = (1u << child) - 1;
-    if (blocks() >> child & 1)
-      return ~(words[1] + countBits(blocks() & below));
-    return words[0] + countBits(nodes() & below);
+    bool isBlock = blocks() >> child & 1;
+    u32 alike = isBlock ? blocks() : nodes();
+    i32 before = countBits(alike & ((1u << child) - 1));
+    return isBlock ? ~(words[1] + before) : words[0] + before;
   }
 };
 static_assert(__builtin_offsetof(Node, nodes) ==
@@ -76,9 +76,10 @@ inline u32 keyOf(f32 distance, u32 child) {
 /// What leads to no child.
 constexpr i32 nowhere = -0x7fffffff - 1;
 
-/// A child that is left for later: its key, and the node that it is of.
+/// A child that is left for later: its key, and where it is, as `follow` has
+/// it.
 struct Rest {
-  i32 key, node;
+  i32 key, to;
 };
 constexpr int maxRests = maxDepth * (width - 1) + 1;
 

@@ -114,6 +114,8 @@ private:
   LogicalResult reverseMatmul(TileMatmulOp matmul);
   LogicalResult reverseCholesky(TileCholeskyOp factor);
   LogicalResult reverseSolve(TileSolveOp solve);
+  void reverseSystem(TileCholeskyOp factor, TileSolveOp first,
+                     TileSolveOp second, Value g);
 
   ReverseBuilder &reverse;
   mlir::OpBuilder &b;

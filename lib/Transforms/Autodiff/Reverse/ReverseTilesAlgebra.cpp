@@ -126,10 +126,59 @@ LogicalResult TileReverse::reverseCholesky(TileCholeskyOp factor) {
   return success();
 }
 
+/// The factor A = L L^T and the first solve, if this is the second one of
+/// A x = b and all that the first one is for.
+static TileCholeskyOp findSystem(TileSolveOp op, TileSolveOp &first) {
+  auto factor = op.getMatrix().getDefiningOp<TileCholeskyOp>();
+  first = op.getRhs().getDefiningOp<TileSolveOp>();
+  bool upper = op.getUpper();
+  // A = U^T U is solved with the transpose first.
+  if (!factor || !first || factor->getBlock() != op->getBlock() ||
+      first->getBlock() != op->getBlock() || !first->hasOneUse() ||
+      first.getMatrix() != op.getMatrix() || factor.getUpper() != upper ||
+      first.getUpper() != upper || op.getTransposed() == upper ||
+      first.getTransposed() != upper)
+    return nullptr;
+  return factor;
+}
+
+/// Of x = A^-1 b, whatever the factor: b' = A^-1 x', and A' = - b' x^T, of
+/// which the triangle that is read gets the other one's part, too.
+void TileReverse::reverseSystem(TileCholeskyOp factor, TileSolveOp first,
+                                TileSolveOp second, Value g) {
+  bool upper = factor.getUpper();
+  Value matrix = reverse.recover(factor.getResult());
+  Value rhs = solve(matrix, g, upper, upper);
+  rhs = solve(matrix, rhs, upper, !upper);
+  give(first.getRhs(), rhs);
+  TileType type = typeOf(rhs);
+  int64_t n = type.getShape()[0];
+  int64_t columns = type.getRank() == 2 ? type.getShape()[1] : 1;
+  Value bars = reshape(rhs, {n, columns});
+  Value xs = reshape(reverse.recover(second.getResult()), {n, columns});
+  Value product = outer(bars, xs);
+  Value other = columns == 1 ? outer(xs, bars) : transpose(product);
+  Shape shape = typeOf(product).getShape();
+  Value both = map({product, other, numbers(shape, 0), numbers(shape, 1)},
+                   [&](ValueRange x) {
+                     Value sum = apply("add", {x[0], x[1]});
+                     Value isOnDiagonal = apply("eq", {x[2], x[3]});
+                     return apply("where", {isOnDiagonal, x[0], sum});
+                   });
+  give(factor.getTile(),
+       triangle(both, upper, [&](Value x) { return apply("neg", x); }));
+}
+
 LogicalResult TileReverse::reverseSolve(TileSolveOp op) {
   Value g = take();
   if (!g)
     return success();
+  TileSolveOp first;
+  if (TileCholeskyOp factor = findSystem(op, first);
+      factor && wants(factor.getTile())) {
+    reverseSystem(factor, first, op, g);
+    return success();
+  }
   bool upper = op.getUpper(), transposed = op.getTransposed();
   Value matrix = reverse.recover(op.getMatrix());
   Value rhs = solve(matrix, g, upper, !transposed);

@@ -169,6 +169,9 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
 
         Those of bfloat16 are of the type that the package ml_dtypes has, or bits without it.
         Waits for work on CUDA streams that may still write them.
+
+        Raises:
+            RuntimeError: a graph is being captured on the array's device.
         """
         if self.device_index != devices.CPU:
             if _native.is_capturing(self.device_index):

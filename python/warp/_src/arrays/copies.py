@@ -19,6 +19,9 @@ def empty_like(src, device=None, requires_grad=None, pinned=None, retain_grad=Fa
     """An array with shape and element type of `src` and undefined contents.
 
     Device, gradient and pinned memory are by default as of `src`; `retain_grad` as for `wp.array`.
+
+    Raises:
+        TypeError: `src` is no array.
     """
     if not dtypes.type_is_array(type(src)):
         raise TypeError(f"expects an array, but got '{type(src).__name__}'")

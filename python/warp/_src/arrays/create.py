@@ -214,6 +214,9 @@ def from_ipc_handle(handle: bytes, dtype, shape, strides=None, device=None):
         handle: what `array.ipc_handle()` gave there.
         dtype, shape, strides: those of that array.
         device: the CUDA device that the memory is on.
+
+    Raises:
+        RuntimeError: the device is no CUDA device, or the handle leads nowhere.
     """
     device = devices.get_device(device)
     if not device.is_cuda:

@@ -225,7 +225,11 @@ class indexedarray(ArrayArithmetic):
         self.data._check_writable()
 
     def part(self, offset, count, name):
-        """Elements offset .. offset+count of one dimension; `name` is for messages."""
+        """Elements offset .. offset+count of one dimension; `name` is for messages.
+
+        Raises:
+            ValueError: the array has several dimensions.
+        """
         if self.ndim != 1:
             raise errors.WarpShapeError(
                 f"expects '{name}' to be one-dimensional to copy a part of it"

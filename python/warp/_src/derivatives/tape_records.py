@@ -320,19 +320,22 @@ class LaunchRecord(_native.Record):
 
 
 def _needs(kernel, native, active, apart):
-    """What the adjoint of an ordinary launch reads: (numbers of arrays, whether it reads them as
-    they are after the launch); None if there is no adjoint.
+    """What the adjoint of an ordinary launch reads: numbers of arrays, those that it reads as they
+    were before the launch, or None if the launch has to note more, and whether it reads all as they
+    are after the launch. None if there is no adjoint.
     """
     try:
         made = kernel.derivatives.adjoint(native, active, True, None, apart)
     except errors.WarpError:
         # Says so when gradients are asked for.
         return None
-    return made.needed, made.augmented is None and not made.preserved
+    noted = made.augmented is not None
+    return made.needed, None if noted else made.preserved, not (noted or made.preserved)
 
 
 def _plain_adjoint(kernel, native, active, apart, elements):
-    """The native adjoint if a launch of it with the same arguments is all there is to do.
+    """The native adjoint if a launch of it with the same arguments is all there is to do, perhaps
+    with arrays as they were before the launch: their numbers.
 
     elements: types of the elements of arrays, as `active` counts them.
     """
@@ -345,8 +348,11 @@ def _plain_adjoint(kernel, native, active, apart, elements):
         made = kernel.derivatives.adjoint(native, active, True, None, apart)
     except errors.WarpError:
         return None
-    is_plain = not (made.hidden or made.one_thread or made.counting or made.recording)
-    return made.native if is_plain and made.augmented is None and made.gathered is None else None
+    former = [hidden.leaf for hidden in made.hidden if hidden.kind == "preserved"]
+    others = made.one_thread or made.counting or made.recording or made.augmented or made.gathered
+    if others or len(former) != len(made.hidden):
+        return None
+    return made.native, former
 
 
 _native.set_record_type(LaunchRecord, _needs, _plain_adjoint)

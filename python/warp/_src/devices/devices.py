@@ -58,10 +58,12 @@ class Device:
 
     @property
     def is_mempool_supported(self) -> bool:
+        """Whether memory can be allocated in the order of a stream."""
         return self.info["has_memory_pool"]
 
     @property
     def is_mempool_enabled(self) -> bool:
+        """Whether new arrays come from the device's memory pool."""
         return _native.is_pool_enabled(self.index)
 
     @property
@@ -76,26 +78,32 @@ class Device:
 
     @property
     def is_managed_memory_supported(self) -> bool:
+        """Whether memory can move between the device and the host on its own."""
         return self.info["has_managed_memory"]
 
     @property
     def is_ipc_supported(self) -> bool:
+        """Whether other processes can open the device's memory."""
         return self.is_cuda and sys.platform == "linux"
 
     @property
     def uuid(self) -> str | None:
+        """The device's identity, `GPU-...`; None for the CPU."""
         return self.info["uuid"] or None
 
     @property
     def pci_bus_id(self) -> str | None:
+        """The device's place, `00000000:0a:00.0`; None for the CPU."""
         return self.info["pci_bus_id"] or None
 
     @property
     def free_memory(self) -> int:
+        """Bytes of memory that are free now."""
         return _native.device_memory(self.index)[0]
 
     @property
     def total_memory(self) -> int:
+        """Bytes of memory in all."""
         return _native.device_memory(self.index)[1]
 
     @property
@@ -115,6 +123,7 @@ class Device:
 
     @property
     def has_stream(self) -> bool:
+        """Whether work is queued on streams: on CUDA."""
         return self.is_cuda
 
     @property
@@ -382,6 +391,7 @@ def get_preferred_device() -> Device:
 
 
 def is_cpu_available() -> bool:
+    """Whether there is the device `cpu`: always."""
     return True
 
 
@@ -392,15 +402,18 @@ def is_cuda_available() -> bool:
 
 
 def is_device_available(device) -> bool:
+    """Whether `device` is one of this machine's."""
     return device in get_devices()
 
 
 def get_cuda_devices() -> list[Device]:
+    """The CUDA devices, by their numbers."""
     initialize()
     return list(_cuda)
 
 
 def get_cuda_device_count() -> int:
+    """How many CUDA devices there are."""
     initialize()
     return len(_cuda)
 
@@ -468,4 +481,5 @@ def synchronize_stream(stream_or_device=None) -> None:
 
 
 def synchronize_event(event) -> None:
+    """Waits until the work before an event has been done."""
     event.synchronize()

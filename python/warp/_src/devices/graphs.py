@@ -200,7 +200,12 @@ def capture_end(device=None, stream=None) -> Graph:
 
 
 def capture_launch(graph, stream=None) -> None:
-    """Runs a graph: on CUDA queued on `stream` or the current one, on the CPU at once."""
+    """Runs a graph: on CUDA queued on `stream` or the current one, on the CPU at once.
+
+    Raises:
+        TypeError: `graph` is none.
+        RuntimeError: a tape records.
+    """
     if type(graph) is not Graph:
         raise errors.WarpLaunchTypeError(f"expects a graph, but got '{type(graph).__name__}'")
     if _captures:

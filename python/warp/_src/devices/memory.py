@@ -234,7 +234,11 @@ class Imported:
 
 
 def event_from_ipc_handle(handle: bytes, device=None):
-    """An event of another process, from what `event.ipc_handle()` gave there."""
+    """An event of another process, from what `event.ipc_handle()` gave there.
+
+    Raises:
+        RuntimeError: the device is no CUDA device, or the handle leads nowhere.
+    """
     device = get_device(device)
     if not device.is_cuda:
         raise RuntimeError(f"expects a CUDA device for an event, but got '{device}'")

@@ -110,7 +110,11 @@ class HashGrid:
         self.reserved = True
 
     def reserve(self, num_points, with_groups=False):
-        """Makes room for a number of points before they are built."""
+        """Makes room for a number of points before they are built.
+
+        Raises:
+            ValueError: the number is negative.
+        """
         if num_points < 0:
             raise ValueError(f"expects a number of points, but got {num_points}")
         self._native.reserve(int(num_points))

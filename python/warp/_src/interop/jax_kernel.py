@@ -9,6 +9,7 @@ comes from the contents, JAX may also keep compiled programs on disk.
 from __future__ import annotations
 
 import functools
+import operator
 
 from warp import _native
 from warp._src import errors
@@ -80,6 +81,7 @@ def jax_kernel(
     Raises:
         TypeError, ValueError: the kernel cannot be used that way.
     """
+    block_dim = _checked_block(block_dim)
     options = (num_outputs, vmap_method, _frozen(launch_dims), _frozen(output_dims))
     options += (tuple(in_out_argnames or ()), has_side_effect, block_dim, bool(enable_backward))
     if not isinstance(kernel, Kernel):
@@ -91,6 +93,16 @@ def jax_kernel(
     if module_preload_mode == JaxModulePreloadMode.ALL_DEVICES:
         preload(kernel.module)
     return known[options]
+
+
+def _checked_block(block_dim):
+    if block_dim is None:
+        return None
+    if isinstance(block_dim, bool) or not hasattr(block_dim, "__index__"):
+        raise TypeError(f"block_dim must be an integer or None, but got {block_dim!r}")
+    if block_dim <= 0:
+        raise ValueError(f"block_dim must be positive, but got {block_dim}")
+    return operator.index(block_dim)
 
 
 def _frozen(dims):

@@ -140,6 +140,9 @@ def to_paddle(a, requires_grad=None):
         a: an array of anything but structs.
         requires_grad: whether the tensor has the array's gradient as `grad`; by default as the
             array says.
+
+    Raises:
+        TypeError: `a` is no array, or one of structs.
     """
     if not isinstance(a, array):
         raise TypeError(f"expects an array, but got '{type(a).__name__}'")

@@ -182,11 +182,19 @@ def func(f=None, *, name=None, module=None, inline=None):
 
     Decorating several functions of one name in one scope makes overloads, chosen by annotations.
 
+    Args:
+        name: name in messages, by default that of the function.
+        module: module that the function belongs to, by default the one it is written in.
+        inline: accepted for compatibility: functions become part of their kernels.
+
     Example:
         >>> import warp as wp
         >>> @wp.func
         ... def square(x: float):
         ...     return x * x
+
+    Raises:
+        TypeError: what is decorated is no function, or `inline` no truth value.
     """
 
     if inline is not None and not isinstance(inline, bool):

@@ -123,6 +123,12 @@ class Kernel:
         launched = {", ".join(map(str, types)): one for types, one in self._specialized.items()}
         return {**launched, **self.declared_overloads}
 
+    def add_overload(self, arg_types):
+        """A kernel for given types of arguments, as `wp.overload(kernel, arg_types)` makes it."""
+        return importlib.import_module("warp._src.kernels.overloads").overload(self, arg_types)
+
+    get_overload = add_overload
+
     @property
     def specializations(self) -> list:
         """Native kernels made for the arguments of a generic kernel."""
@@ -486,6 +492,10 @@ def kernel(
         ... def scale(x: wp.array(dtype=float), s: float):
         ...     i = wp.tid()
         ...     x[i] = x[i] * s
+
+    Raises:
+        TypeError: what is decorated is no function, or an option has the wrong type.
+        ValueError: an option has no such value, or two exclude each other.
     """
     own = {} if module_options is None else module_options
     check_options(own)

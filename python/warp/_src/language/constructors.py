@@ -30,6 +30,9 @@ def vector(*components, length=None, dtype=None):
     """A vector of the given components, or with one component repeated `length` times.
 
     Called with a length and a type alone (`wp.vector(3, float)`), the vector type.
+
+    Raises:
+        TypeError: there are no components and no `dtype`.
     """
     if len(components) == 2 and isinstance(components[1], type):
         return dtypes.vector(*components)
@@ -43,6 +46,9 @@ def matrix(*components, shape=None, dtype=None):
     """A matrix of the given shape; one component fills it.
 
     Called with a shape and a type alone (`wp.matrix((3, 3), float)`), the matrix type.
+
+    Raises:
+        TypeError: there is no `shape`.
     """
     if len(components) == 2 and isinstance(components[1], type):
         return dtypes.matrix(*components)
@@ -82,7 +88,11 @@ def transform_identity(dtype=float):
 
 
 def cast(a, dtype):
-    """The bits of `a` as another type of the same size."""
+    """The bits of `a` as another type of the same size.
+
+    Raises:
+        TypeError: the types differ in size.
+    """
     ctype = dtypes.type_ctype(dtype)
     source = a if isinstance(a, Composite) else dtypes.type_ctype(type(a))(_number(a))
     if ctypes.sizeof(source) != ctypes.sizeof(ctype):

@@ -8,7 +8,14 @@ from warp._src.sparse.entries import make_compact
 from warp._src.sparse.expressions import matrix_and_factor
 from warp._src.sparse.lookup import bsr_block_index
 from warp._src.sparse.matrix import BsrMatrix, as_blocks, bsr_matrix_t, new_matrix
-from warp._src.types.dtypes import is_array, is_scalar, is_value, type_is_matrix, types_equal
+from warp._src.types.dtypes import (
+    is_array,
+    is_scalar,
+    is_value,
+    type_is_matrix,
+    type_repr,
+    types_equal,
+)
 
 
 @functools.cache
@@ -95,7 +102,8 @@ def bsr_set_diag(
     count = min(A.nrow, A.ncol)
     if many and (diag.shape[0] < count or not types_equal(diag.dtype, A.dtype)):
         raise ValueError(
-            f"expects {count} blocks of type {A.dtype}, got {diag.shape[0]} of {diag.dtype}"
+            f"expects {count} blocks of type {type_repr(A.dtype)}, "
+            f"got {diag.shape[0]} of {type_repr(diag.dtype)}"
         )
     make_compact(A, count)
     inputs = [count, A.offsets, A.columns]

@@ -61,6 +61,7 @@ class BsrMatrix(Operators):
 
     @property
     def scaled(self):
+        """The matrix and its factor, as a product with a number has them."""
         return self, 1.0
 
     @property
@@ -92,10 +93,12 @@ class BsrMatrix(Operators):
 
     @property
     def device(self):
+        """The device of the blocks."""
         return self.values.device
 
     @property
     def requires_grad(self) -> bool:
+        """Whether the blocks have gradients."""
         return self.values.requires_grad
 
     @property
@@ -128,6 +131,9 @@ class BsrMatrix(Operators):
 
         Args:
             out: int32, of at least `nnz` elements; a new array by default.
+
+        Raises:
+            ValueError: `out` is no such array.
         """
         if out is None:
             out = wp.empty(self.nnz, dtype=int, device=self.device)

@@ -126,6 +126,9 @@ def bsr_zeros(
         device: where it is to be.
         topology, row_capacity, nnz_capacity: as for `bsr_set_zero`; "padded" is the default if
             there is a `row_capacity`.
+
+    Raises:
+        ValueError: there is no such topology, or a size is negative.
     """
     result = new_matrix(rows_of_blocks, cols_of_blocks, block_type, device)
     if topology is None:

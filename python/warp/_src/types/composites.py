@@ -63,7 +63,11 @@ class Composite:
 
     @classmethod
     def from_ptr(cls, ptr):
-        """Copies the value stored at an address of host memory."""
+        """Copies the value stored at an address of host memory.
+
+        Raises:
+            RuntimeError: the address is zero.
+        """
         if not ptr:
             raise errors.WarpError(
                 "expects a valid address, but got a null pointer", also="NULL pointer exception"

@@ -131,48 +131,59 @@ def is_value(x) -> builtins.bool:
 
 
 def is_int(x) -> builtins.bool:
+    """Whether `x` is a scalar of a type of integers, or a Python `int`."""
     return type_is_int(_class_of(x))
 
 
 def is_float(x) -> builtins.bool:
+    """Whether `x` is a scalar of a type of floats, or a Python `float`."""
     return type_is_float(_class_of(x))
 
 
 def is_scalar(x) -> builtins.bool:
+    """Whether `x` is a number or a truth value."""
     return type_is_scalar(_class_of(x))
 
 
 def is_composite(x) -> builtins.bool:
+    """Whether `x` is a vector, matrix, quaternion or transform."""
     return type_is_composite(_class_of(x))
 
 
 def is_vector(x) -> builtins.bool:
+    """Whether `x` is a vector."""
     return type_is_vector(_class_of(x))
 
 
 def is_matrix(x) -> builtins.bool:
+    """Whether `x` is a matrix."""
     return type_is_matrix(_class_of(x))
 
 
 def is_quaternion(x) -> builtins.bool:
+    """Whether `x` is a quaternion."""
     return type_is_quaternion(_class_of(x))
 
 
 def is_transformation(x) -> builtins.bool:
+    """Whether `x` is a transform."""
     return type_is_transformation(_class_of(x))
 
 
 def type_is_int(t) -> builtins.bool:
+    """Whether `t` is a scalar type of integers, or Python's `int`."""
     return t is int or (
         isinstance(t, ScalarType) and issubclass(t, scalars.int_base) and t is not scalars.bool
     )
 
 
 def type_is_float(t) -> builtins.bool:
+    """Whether `t` is a scalar type of floats, or Python's `float`."""
     return t is float or (isinstance(t, ScalarType) and issubclass(t, scalars.float_base))
 
 
 def type_is_scalar(t) -> builtins.bool:
+    """Whether `t` is a type of numbers or of truth values."""
     return type_is_int(t) or type_is_float(t) or t in (scalars.bool, builtins.bool)
 
 
@@ -181,22 +192,27 @@ def _is_family(t, family) -> builtins.bool:
 
 
 def type_is_composite(t) -> builtins.bool:
+    """Whether `t` is a type of vectors, matrices, quaternions or transforms."""
     return _is_family(t, Composite)
 
 
 def type_is_vector(t) -> builtins.bool:
+    """Whether `t` is a type of vectors."""
     return _is_family(t, Vector) and not _is_family(t, (Quaternion, Transformation))
 
 
 def type_is_matrix(t) -> builtins.bool:
+    """Whether `t` is a type of matrices."""
     return _is_family(t, Matrix)
 
 
 def type_is_quaternion(t) -> builtins.bool:
+    """Whether `t` is a type of quaternions."""
     return _is_family(t, Quaternion)
 
 
 def type_is_transformation(t) -> builtins.bool:
+    """Whether `t` is a type of transforms."""
     return _is_family(t, Transformation)
 
 
@@ -219,10 +235,12 @@ def is_tile(t) -> builtins.bool:
 
 
 def type_is_struct(t) -> builtins.bool:
+    """Whether `t` is a class that `wp.struct` has made."""
     return isinstance(t, type) and is_struct(t)
 
 
 def type_is_value(t) -> builtins.bool:
+    """Whether `t` is a scalar type or one of composites."""
     return type_is_scalar(t) or type_is_composite(t)
 
 

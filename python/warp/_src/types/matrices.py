@@ -207,7 +207,11 @@ def _vector_like(value, numbers):
 
 
 def matrix(shape=None, dtype=None, *, name=None):
-    """The matrix type of `shape` (rows, columns) and scalar type `dtype`."""
+    """The matrix type of `shape` (rows, columns) and scalar type `dtype`.
+
+    Raises:
+        ValueError: the shape has not two extents, or one is negative.
+    """
     if not isinstance(shape, (tuple, list)) or len(shape) != 2:
         rank = len(shape) if isinstance(shape, (tuple, list)) else 0
         extents = f"{rank} dimension{'' if rank == 1 else 's'}"
@@ -224,6 +228,7 @@ def matrix(shape=None, dtype=None, *, name=None):
     key = (Matrix, rows, columns, dtype)
     if key not in _cache:
         attributes = {
+            "__doc__": f"{rows} rows of {columns} numbers of type {dtype.__name__}.",
             "_shape_": (rows, columns),
             "_wp_type_params_": (rows, columns, dtype),
             "_wp_type_args_": {"shape": (rows, columns), "dtype": dtype},

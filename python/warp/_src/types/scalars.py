@@ -159,6 +159,8 @@ class scalar_base(metaclass=ScalarType):
 
 
 class int_base(scalar_base):
+    """What integers of all widths have in common."""
+
     __slots__ = ()
 
     def __init__(self, value=0):
@@ -208,6 +210,8 @@ class int_base(scalar_base):
 
 
 class float_base(scalar_base):
+    """What floats of all widths have in common."""
+
     __slots__ = ()
 
     def __init__(self, value=0.0):
@@ -313,6 +317,7 @@ class float16(float_base):
 
     @classmethod
     def round(cls, value):
+        """The nearest number of 16 bits, ties to even, as a Python float."""
         return half_from_bits(half_to_bits(value))
 
 
@@ -327,6 +332,7 @@ class bfloat16(float_base):
 
     @classmethod
     def round(cls, value):
+        """The nearest bfloat16, ties to even, as a Python float."""
         return bfloat16_from_bits(bfloat16_to_bits(value))
 
 

@@ -19,7 +19,7 @@ from warp._src.types import annotations, dtypes
 from warp._src.types.composites import flatten_numbers
 from warp._src.types.native import ArrayType
 from warp._src.types.scalars import ScalarType
-from warp._src.types.struct_fields import ArrayDescriptor, Field, describe
+from warp._src.types.struct_fields import ArrayDescriptor, Field
 
 
 class _OfClass:
@@ -109,7 +109,11 @@ class StructInstance(ctypes.Structure):
         super().__setattr__(name, value)
 
     def assign(self, value):
-        """Copies all fields from another instance of the same struct, and returns self."""
+        """Copies all fields from another instance of the same struct, and returns self.
+
+        Raises:
+            TypeError: `value` is of another type.
+        """
         if type(value) is not type(self):
             raise TypeError(
                 f"expects a '{type(self).__name__}' to assign, but got '{type(value).__name__}'"
@@ -136,9 +140,12 @@ class StructInstance(ctypes.Structure):
         for name, dtype in self._wp_fields_.items():
             if dtypes.is_struct(dtype):
                 self._inner(name).refresh()
-            elif isinstance(dtype, ArrayType) and getattr(self, name) is not None:
-                held = getattr(self, name)
-                type(self).__dict__[name].raw.__set__(self, describe(held, held.grad))
+            elif isinstance(dtype, ArrayType) and (held := getattr(self, name)) is not None:
+                gradient = held.grad
+                address = (gradient.ptr or 0) if gradient is not None else 0
+                descriptor = type(self).__dict__[name].raw.__get__(self)
+                if descriptor.grad != address:
+                    descriptor.grad = address
 
     def to(self, device):
         """Copy of the struct whose arrays live on `device`."""
@@ -182,7 +189,11 @@ class StructInstance(ctypes.Structure):
 
     @classmethod
     def from_ptr(cls, ptr):
-        """Copies an instance stored at an address of host memory; array fields become None."""
+        """Copies an instance stored at an address of host memory; array fields become None.
+
+        Raises:
+            RuntimeError: the address is zero.
+        """
         if not ptr:
             raise RuntimeError("expects a valid address, but got a null pointer")
         result = cls()
@@ -193,7 +204,19 @@ class StructInstance(ctypes.Structure):
         return self
 
     def __copy__(self):
-        return type(self)().assign(self)
+        result = type(self).from_buffer_copy(self)
+        self._share(result)
+        return result
+
+    def _share(self, other) -> None:
+        """Lets an instance with the same bytes hold the same arrays."""
+        for name, held in self.__dict__.get("_objects_held", {}).items():
+            if isinstance(held, StructInstance):
+                held._share(other._inner(name))
+            else:
+                other._held[name] = held
+        if "_objects_given" in self.__dict__:
+            other._given.update(self._given)
 
     def __repr__(self):
         lines = "".join(

@@ -217,7 +217,10 @@ def is_open(param) -> bool:
 
 
 def _component(index):
-    return property(lambda self: self._get(index), lambda self, value: self._set(index, value))
+    doc = f"Component {index}, a Python number."
+    return property(
+        lambda self: self._get(index), lambda self, value: self._set(index, value), doc=doc
+    )
 
 
 def _no_component(name):
@@ -226,7 +229,8 @@ def _no_component(name):
     def refuse(self, value=None):
         raise AttributeError(f"'{type(self).__name__}' object has no attribute '{name}'")
 
-    return property(refuse, refuse)
+    doc = f"In kernels the vector of the components {', '.join(name)}."
+    return property(refuse, refuse, doc=doc)
 
 
 for _count in (2, 3, 4):
@@ -256,6 +260,9 @@ def vector(length=None, dtype=None, *, name=None):
     """The vector type of `length` components of scalar type `dtype`.
 
     Without components it is what an empty slice gives; kernels have no such values.
+
+    Raises:
+        ValueError: the length is negative or no integer.
     """
     if not isinstance(length, int) or isinstance(length, bool):
         length, dtype = dtype, length
@@ -267,6 +274,7 @@ def vector(length=None, dtype=None, *, name=None):
     key = (Vector, length, dtype)
     if key not in _cache:
         attributes = {
+            "__doc__": f"{length} numbers of type {dtype.__name__}.",
             "_shape_": (length,),
             "_wp_type_params_": (length, dtype),
             "_wp_type_args_": {"length": length, "dtype": dtype},
@@ -287,6 +295,7 @@ def quaternion(dtype=None):
     key = (Quaternion, dtype)
     if key not in _cache:
         attributes = {
+            "__doc__": f"x, y, z and w of a quaternion, of type {dtype.__name__}; w is its real part.",
             "_shape_": (4,),
             "_wp_type_params_": (dtype,),
             "_wp_type_args_": {"dtype": dtype},

@@ -12,24 +12,24 @@ _RHO, _ALPHA, _OMEGA, _BETA = wp.constant(0), wp.constant(1), wp.constant(2), wp
 
 
 @functools.cache
-def _kernels(scalar, real):
+def _kernels(scalar):
     kernel = functools.partial(wp.kernel, module=__name__, enable_backward=False)
-    suffix = f"{scalar.__name__}_{real.__name__}"
+    suffix = scalar.__name__
     vector, factors_type = wp.array(dtype=scalar), wp.array2d(dtype=wp.float64)
-    reals, counters = wp.array(dtype=real), wp.array(dtype=int)
+    squares, counters = wp.array(dtype=wp.float64), wp.array(dtype=int)
 
     @kernel(name=f"bicgstab_alpha_{suffix}")
     def set_alpha(
         product: wp.array(dtype=wp.float64),
-        residuals: reals,
-        limits: reals,
+        residuals: squares,
+        limits: squares,
         progress: counters,
         broken: counters,
         shortest: wp.array(dtype=wp.float64),
         factors: factors_type,
     ):
         i = wp.tid()
-        residual, limit = wp.float64(residuals[i]), wp.float64(limits[i])
+        residual, limit = residuals[i], limits[i]
         length = quotient(
             factors[_RHO, i], product[i], False, residual, limit, progress[0], broken, i
         )
@@ -52,8 +52,8 @@ def _kernels(scalar, real):
     @kernel(name=f"bicgstab_beta_{suffix}")
     def set_beta(
         products: wp.array2d(dtype=wp.float64),
-        residuals: reals,
-        limits: reals,
+        residuals: squares,
+        limits: squares,
         progress: counters,
         broken: counters,
         least: wp.array(dtype=wp.float64),
@@ -62,9 +62,9 @@ def _kernels(scalar, real):
         """`products`: of the residual with itself, and with the first one."""
         i = wp.tid()
         if factors[_ALPHA, i] != wp.float64(0.0):
-            residuals[i] = real(products[0, i])
+            residuals[i] = products[0, i]
             watch(products[0, i], least, progress[0], broken, i)
-        residual, limit = wp.float64(residuals[i]), wp.float64(limits[i])
+        residual, limit = residuals[i], limits[i]
         rho = products[1, i]
         factors[_BETA, i] = quotient(
             rho * factors[_ALPHA, i],
@@ -120,7 +120,7 @@ class BiCGSTAB(LinearSolverState):
         self.factors = wp.zeros((4, self.batches), dtype=wp.float64, device=self.device)
         self.alpha, self.omega = self.factors[_ALPHA], self.factors[_OMEGA]
         move, _ = vector_kernels(self.scalar)
-        self.kernels = (*_kernels(self.scalar, self.real), move)
+        self.kernels = (*_kernels(self.scalar), move)
         self.first, self.p, self.v, self.t = (self.vector() for _ in range(4))
         self.y = self.z = self.Mt = None
         if self.M is not None:

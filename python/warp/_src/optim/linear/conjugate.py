@@ -78,33 +78,34 @@ def watch(
 
 
 @functools.cache
-def _factor_kernels(real):
+def _factor_kernels():
     kernel = functools.partial(wp.kernel, module=__name__, enable_backward=False)
 
-    @kernel(name=f"linear_step_length_{real.__name__}")
+    @kernel(name="linear_step_length")
     def set_step(
         above: wp.array(dtype=wp.float64),
         below: wp.array(dtype=wp.float64),
         positive: bool,
-        residuals: wp.array(dtype=real),
-        limits: wp.array(dtype=real),
+        residuals: wp.array(dtype=wp.float64),
+        limits: wp.array(dtype=wp.float64),
         progress: wp.array(dtype=int),
         broken: wp.array(dtype=int),
         shortest: wp.array(dtype=wp.float64),
         alpha: wp.array(dtype=wp.float64),
     ):
         i = wp.tid()
-        residual, limit = wp.float64(residuals[i]), wp.float64(limits[i])
-        length = quotient(above[i], below[i], positive, residual, limit, progress[0], broken, i)
+        length = quotient(
+            above[i], below[i], positive, residuals[i], limits[i], progress[0], broken, i
+        )
         alpha[i] = step_length(length, shortest, progress[0], broken, i)
 
-    @kernel(name=f"linear_turn_{real.__name__}")
+    @kernel(name="linear_turn")
     def set_turn(
         squares: wp.array(dtype=wp.float64),
         product: wp.array(dtype=wp.float64),
         before: wp.array(dtype=wp.float64),
         alpha: wp.array(dtype=wp.float64),
-        residuals: wp.array(dtype=real),
+        residuals: wp.array(dtype=wp.float64),
         progress: wp.array(dtype=int),
         broken: wp.array(dtype=int),
         least: wp.array(dtype=wp.float64),
@@ -114,7 +115,7 @@ def _factor_kernels(real):
         beta[i] = wp.float64(0.0)
         # A system at rest keeps its residual.
         if alpha[i] != wp.float64(0.0):
-            residuals[i] = real(squares[i])
+            residuals[i] = squares[i]
             watch(squares[i], least, progress[0], broken, i)
             if before[i] != wp.float64(0.0):
                 beta[i] = product[i] / before[i]
@@ -211,12 +212,12 @@ class _Restartable(LinearSolverState):
         raise NotImplementedError
 
     def set_step(self, above, below, positive):
-        kernel, _ = _factor_kernels(self.real)
+        kernel, _ = _factor_kernels()
         state = (self.r_norm_sq, self.atol_sq, self.progress, self.broken, self.shortest)
         self.launch(kernel, self.batches, above, below, positive, *state, self.alpha)
 
     def set_turn(self, squares, product):
-        _, kernel = _factor_kernels(self.real)
+        _, kernel = _factor_kernels()
         arrays = (squares, product, self.before, self.alpha, self.r_norm_sq)
         state = (self.progress, self.broken, self.least, self.beta)
         self.launch(kernel, self.batches, *arrays, *state)

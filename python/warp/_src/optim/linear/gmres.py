@@ -13,9 +13,9 @@ from warp._src.optim.linear.state import LinearSolverState
 
 
 @functools.cache
-def _kernels(scalar, real):
+def _kernels(scalar):
     kernel = functools.partial(wp.kernel, module=__name__, enable_backward=False)
-    suffix = f"{scalar.__name__}_{real.__name__}"
+    suffix = scalar.__name__
     vector, basis = wp.array(dtype=scalar), wp.array2d(dtype=scalar)
     squares, counters = wp.array2d(dtype=wp.float64), wp.array(dtype=int)
     hessenberg = wp.array3d(dtype=wp.float64)
@@ -125,9 +125,9 @@ def _kernels(scalar, real):
 
     @kernel(name=f"gmres_judge_{suffix}")
     def judge(
-        before: wp.array(dtype=real),
-        residuals: wp.array(dtype=real),
-        limits: wp.array(dtype=real),
+        before: wp.array(dtype=wp.float64),
+        residuals: wp.array(dtype=wp.float64),
+        limits: wp.array(dtype=wp.float64),
         exhausted: counters,
         progress: counters,
         broken: counters,
@@ -136,7 +136,7 @@ def _kernels(scalar, real):
         i = wp.tid()
         rest = residuals[i]
         unsolved = broken[i] < 0 and not rest <= limits[i]
-        if unsolved and exhausted[i] != 0 and not rest < real(0.999999) * before[i]:
+        if unsolved and exhausted[i] != 0 and not rest < wp.float64(0.999999) * before[i]:
             broken[i] = progress[0]
         before[i] = rest
 
@@ -188,7 +188,7 @@ class GMRES(LinearSolverState):
         self.before = wp.zeros_like(self.r_norm_sq)
         self.exhausted = wp.zeros_like(self.broken)
         self.projections = Dots(self.offsets, self.length, self.scalar, size + 1)
-        self.kernels = _kernels(self.scalar, self.real)
+        self.kernels = _kernels(self.scalar)
         self.w, self.u = (wp.zeros(length, dtype=self.b.dtype, device=device) for _ in range(2))
 
     def start(self):

@@ -86,7 +86,7 @@ class Loops:
         def check(step):
             self.launch(set_condition, 1, *state, step, self.progress)
             if isinstance(callback, wp.Kernel):
-                arrays = (self.progress[0:1], self.r_norm_sq, self.atol_sq)
+                arrays = (self.progress[0:1], *self._tell())
                 self.launch(callback, 1, *arrays)
 
         def turn():

@@ -6,7 +6,6 @@ iterations carry along has converged, it is computed anew from its definition; i
 the solver starts again from where it is, as long as that makes a difference.
 """
 
-import functools
 import math
 
 import warp as wp
@@ -15,63 +14,58 @@ from warp._src.optim.linear.adjoint import record
 from warp._src.optim.linear.dots import Dots
 from warp._src.optim.linear.loops import Loops
 from warp._src.optim.linear.operators import aslinearoperator, numbers
-from warp._src.types.dtypes import type_scalar_type, types_equal
+from warp._src.types.dtypes import type_repr, type_scalar_type, types_equal
 
 _EPSILON = {wp.float64: 1e-16, wp.float32: 1e-8, wp.float16: 1e-4}
 
 
-def tolerances(scalar, tol, atol) -> tuple[float, float]:
+def tolerances(epsilon, tol, atol) -> tuple[float, float]:
     """Relative and absolute tolerance; one stands for the other where it is not given."""
-    epsilon = _EPSILON.get(scalar, 1e-8)
     if tol is None and atol is None:
         tol = atol = epsilon ** (3 / 4)
     tol = atol if tol is None else tol
     atol = tol if atol is None else atol
     if not (tol >= 0 and atol >= 0):
         raise ValueError(f"expects tolerances >= 0, got tol={tol} and atol={atol}")
-    return tol, max(atol, epsilon ** (9 / 4))
+    return tol, atol
 
 
-@functools.cache
-def _kernels(real):
-    kernel = functools.partial(wp.kernel, module=__name__, enable_backward=False)
+@wp.kernel(enable_backward=False)
+def _set_tolerance(
+    norms: wp.array(dtype=wp.float64),
+    tol: wp.float64,
+    atol: wp.float64,
+    least: wp.float64,
+    result: wp.array(dtype=wp.float64),
+):
+    i = wp.tid()
+    own = wp.max(tol * wp.sqrt(norms[i]), atol)
+    if own == wp.float64(0.0):
+        own = least
+    # Nothing solves a system whose right-hand side is no number or infinite.
+    if not wp.isfinite(norms[i]):
+        own = wp.float64(wp.NAN)
+    result[i] = own * own
 
-    @kernel(name=f"linear_tolerance_{real.__name__}")
-    def set_tolerance(
-        norms: wp.array(dtype=wp.float64),
-        tol: wp.float64,
-        atol: wp.float64,
-        result: wp.array(dtype=real),
-    ):
-        i = wp.tid()
-        own = wp.max(tol * wp.sqrt(norms[i]), atol)
-        result[i] = real(own * own)
 
-    @kernel(name=f"linear_condition_{real.__name__}")
-    def set_condition(
-        residuals: wp.array(dtype=real),
-        limits: wp.array(dtype=real),
-        broken: wp.array(dtype=int),
-        most: int,
-        step: int,
-        state: wp.array(dtype=int),
-    ):
-        """Counts iterations; goes on while a system that has not broken down has not converged."""
-        state[0] = state[0] + step
-        going = int(0)
-        for i in range(residuals.shape[0]):
-            if broken[i] < 0 and not residuals[i] <= limits[i]:
-                going = 1
-        if state[0] >= most:
-            going = 0
-        state[1] = going
-
-    @kernel(name=f"linear_norm_{real.__name__}")
-    def set_norm(squares: wp.array(dtype=wp.float64), result: wp.array(dtype=real)):
-        i = wp.tid()
-        result[i] = real(squares[i])
-
-    return set_tolerance, set_condition, set_norm
+@wp.kernel(enable_backward=False)
+def _set_condition(
+    residuals: wp.array(dtype=wp.float64),
+    limits: wp.array(dtype=wp.float64),
+    broken: wp.array(dtype=int),
+    most: int,
+    step: int,
+    state: wp.array(dtype=int),
+):
+    """Counts iterations; goes on while a system that has not broken down has not converged."""
+    state[0] = state[0] + step
+    going = int(0)
+    for i in range(residuals.shape[0]):
+        if broken[i] < 0 and not residuals[i] <= limits[i]:
+            going = 1
+    if state[0] >= most:
+        going = 0
+    state[1] = going
 
 
 class LinearSolverState(Loops):
@@ -125,7 +119,6 @@ class LinearSolverState(Loops):
         self._check(b, x)
         self.maxiter = int(maxiter) or self.A.shape[0]
         self.scalar = type_scalar_type(b.dtype)
-        self.real = wp.float64 if self.scalar is wp.float64 else wp.float32
         self.device, self.breakdown = b.device, None
         self._plan()
         self._allocate()
@@ -142,7 +135,7 @@ class LinearSolverState(Loops):
             if not types_equal(type_scalar_type(vector.dtype), A.scalar_type):
                 raise ValueError(
                     f"Incompatible {name}.dtype: expected numbers of type "
-                    f"{A.scalar_type.__name__}, got {vector.dtype}"
+                    f"{A.scalar_type.__name__}, got {type_repr(vector.dtype)}"
                 )
             if numbers(vector).size != A.shape[0]:
                 raise ValueError(
@@ -166,8 +159,16 @@ class LinearSolverState(Loops):
         wp.launch(_find_batches, self.count, inputs, device=self.device)
 
     def _allocate(self) -> None:
-        self.r_norm_sq = wp.zeros(self.batches, dtype=self.real, device=self.device)
-        self.atol_sq = wp.zeros(self.batches, dtype=self.real, device=self.device)
+        # In 64 bits: squares of numbers of 32 bits need twice their range.
+        self.r_norm_sq, self.atol_sq = (
+            wp.zeros(self.batches, dtype=wp.float64, device=self.device) for _ in range(2)
+        )
+        # What is told of these.
+        self.told = (self.r_norm_sq, self.atol_sq)
+        if self.scalar is not wp.float64:
+            self.told = tuple(
+                wp.zeros(self.batches, dtype=wp.float32, device=self.device) for _ in range(2)
+            )
         self.broken = wp.empty(self.batches, dtype=int, device=self.device)
         # The smallest residual so far, squared, and the shortest step.
         self.least, self.shortest = (
@@ -183,6 +184,7 @@ class LinearSolverState(Loops):
         return wp.zeros_like(self.b, requires_grad=False)
 
     def launch(self, kernel, dim, *inputs) -> None:
+        """Launches a kernel on the solver's device."""
         wp.launch(kernel, dim, list(inputs), device=self.device)
 
     def residual(self, target, norm=True) -> None:
@@ -190,8 +192,7 @@ class LinearSolverState(Loops):
         self.A.matvec(self.x, self.b, target, -1.0, 1.0)
         if norm:
             self.dots.compute(numbers(target), numbers(target))
-            _, _, set_norm = _kernels(self.real)
-            self.launch(set_norm, self.batches, self.dots.row(), self.r_norm_sq)
+            wp.copy(self.r_norm_sq, self.dots.row())
 
     def precondition(self, source, target):
         """The vector that `M` makes of `source`: `target`, or `source` itself without `M`."""
@@ -201,11 +202,19 @@ class LinearSolverState(Loops):
         return target
 
     def start(self) -> None:
-        """Computes the residual `r` and its norm, and what else the first cycle needs."""
+        """Computes the residual `r` and its norm, and what else the first cycle needs.
+
+        Raises:
+            NotImplementedError: the method has none.
+        """
         raise NotImplementedError
 
     def cycle(self) -> None:
-        """Goes on by `cycle_size` iterations."""
+        """Goes on by `cycle_size` iterations.
+
+        Raises:
+            NotImplementedError: the method has none.
+        """
         raise NotImplementedError
 
     def __call__(self, A=None, b=None, x=None, M=None):
@@ -261,20 +270,28 @@ class LinearSolverState(Loops):
 
     def _solve(self):
         tol, atol, callback, check_every, use_graph = self.options
-        tol, atol = tolerances(self.scalar, tol, atol)
-        set_tolerance, set_condition, _ = _kernels(self.real)
+        epsilon = _EPSILON.get(self.scalar, 1e-8)
+        tol, atol = tolerances(epsilon, tol, atol)
+        limits = (tol, atol, epsilon ** (9 / 4), self.atol_sq)
         self.broken.fill_(-1)
         self.least.fill_(math.inf)
         self.shortest.fill_(math.inf)
         self.breakdown = None
         self.dots.compute(numbers(self.b), numbers(self.b))
-        self.launch(set_tolerance, self.batches, self.dots.row(), tol, atol, self.atol_sq)
+        self.launch(_set_tolerance, self.batches, self.dots.row(), *limits)
         self.progress.zero_()
         self.start()
         if check_every > 0:
             return self._loop_on_host(callback, check_every, use_graph and self.device.is_cuda)
-        self._loop_on_device(callback, use_graph, set_condition)
-        return self.progress[0:1], self.r_norm_sq, self.atol_sq
+        self._loop_on_device(callback, use_graph, _set_condition)
+        return self.progress[0:1], *self._tell()
+
+    def _tell(self) -> tuple:
+        """The squares of residuals and tolerances in the arrays that others get."""
+        if self.told[0] is not self.r_norm_sq:
+            wp.utils.array_cast(self.r_norm_sq, self.told[0])
+            wp.utils.array_cast(self.atol_sq, self.told[1])
+        return self.told
 
 
 @wp.kernel(enable_backward=False)

@@ -1,0 +1,256 @@
+//===- RecordLoads.cpp - A second run that keeps what loops read ----------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// The kernel on copies of the arrays that it updates, without any other effect.
+// A run without room in the log counts and reserves the thread's part, a second
+// one with room fills it:
+//
+//   room, offset = trips[thread], offsets[thread]
+//   loop:  v = load;  if position < room:  log[offset + position] = v
+//   if room == 0:  trips[thread] = position
+//                  offsets[thread] = atomic total += position
+//
+// In arrays of which indices do not tell whether threads meet, each element has
+// an owner: a thread that writes it leaves its number, and whoever finds
+// another one's counts a conflict, which is an error of the backward pass. The
+// second run sees what any thread has written in the first.
+//
+//===----------------------------------------------------------------------===//
+
+#include "RecordLoads.h"
+
+#include "Analysis/Effects.h"
+#include "Autodiff/DeadValues.h"
+#include "Autodiff/HiddenArguments.h"
+#include "Autodiff/Recording.h"
+#include "KernelFunction.h"
+#include "WarpDialect/LibraryOps.h"
+#include "WarpDialect/Registry.h"
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/Dialect/Arith/IR/Arith.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
+#include "mlir/IR/IRMapping.h"
+
+using namespace mlir;
+
+namespace warp::autodiff {
+
+namespace {
+
+class Recording {
+public:
+  Recording(func::FuncOp kernel, const MemoryLog &log,
+            const llvm::SmallDenseSet<unsigned> &updated)
+      : kernel(kernel), leaves(kernel), log(log), updated(updated),
+        b(kernel.getContext()), loc(kernel.getLoc()),
+        wide(b.getIntegerType(64, true)), small(b.getIntegerType(32, true)) {}
+
+  void build(ArrayRef<Operation *> counts);
+
+private:
+  /// The part of a thread in the tapes of one site.
+  struct Part {
+    BlockArgument trips, offsets;
+    Value room, offset;
+  };
+
+  Value constant(Type type, int64_t value) {
+    return ConstantOp::create(b, loc, b.getIntegerAttr(type, value));
+  }
+  Value compare(StringRef how, Value x, Value y) {
+    return createBuiltin(b, loc, how, {x, y})->getResult(0);
+  }
+  BlockArgument add(HiddenKind kind, int64_t leaf, Type type,
+                    int64_t direction = 0) {
+    auto hidden = HiddenAttr::get(b.getContext(), kind, leaf, direction);
+    return addHidden(recording, hidden, type);
+  }
+  void dropEffects();
+  void start();
+  void reserve(int64_t site, Value count);
+  void keep(Operation *load, const LoggedLoad &logged);
+  void checkOwner(AccessOp op, unsigned leaf);
+  Value claimsOf(Value array, unsigned leaf);
+  void useCopies();
+
+  func::FuncOp kernel, recording;
+  ArrayLeaves leaves;
+  const MemoryLog &log;
+  const llvm::SmallDenseSet<unsigned> &updated;
+  IRMapping map;
+  OpBuilder b;
+  Location loc;
+  Type wide, small;
+  SmallVector<Part> parts;
+  SmallVector<Value> thread;
+  BlockArgument totals, conflicts;
+  llvm::SmallDenseMap<unsigned, BlockArgument> claims;
+  /// Differs from that of any other thread, and is not 0.
+  Value owner;
+  SmallVector<Location> places;
+};
+
+} // namespace
+
+/// What the kernel does to arrays that it does not read is of no use.
+void Recording::dropEffects() {
+  SmallVector<Operation *> dropped;
+  kernel.walk([&](Operation *op) {
+    auto access = dyn_cast<AccessOp>(op);
+    bool isWrite = access && access.mayWrite();
+    if (isa<PrintfOp, AssertOp>(op) ||
+        (isWrite && !updated.contains(leaves.of(access.getArray()).front())))
+      dropped.push_back(map.lookup(op));
+  });
+  for (Operation *op : dropped)
+    op->erase();
+}
+
+void Recording::start() {
+  b.setInsertionPointToStart(&recording.getBody().front());
+  auto tid = TidOp::create(b, loc, SmallVector<Type>(4, small));
+  llvm::append_range(thread, tid.getResults());
+  Type perThread = ArrayType::get(b.getContext(), 4, wide);
+  totals = add(HiddenKind::Totals, -1, ArrayType::get(b.getContext(), 1, wide));
+  // The last one numbers the threads.
+  for (int64_t site = 0; site <= log.sites; ++site) {
+    Part part{add(HiddenKind::Trips, site, perThread),
+              add(HiddenKind::Offsets, site, perThread), nullptr, nullptr};
+    part.room = LoadOp::create(b, loc, wide, part.trips, thread);
+    parts.push_back(part);
+    if (site == log.sites)
+      reserve(site, constant(wide, 1));
+    parts.back().offset = LoadOp::create(b, loc, wide, part.offsets, thread);
+  }
+  SmallVector<Value> sum{
+      CastOp::create(b, loc, small, parts.back().offset).getResult(),
+      constant(small, 1)};
+  owner = AddOp::create(b, loc, TypeRange(small), sum)->getResult(0);
+}
+
+/// In the run without room, takes room for as many values.
+void Recording::reserve(int64_t site, Value count) {
+  Part &part = parts[site];
+  auto branch = scf::IfOp::create(
+      b, loc, compare("eq", part.room, constant(wide, 0)), false);
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPointToStart(branch.thenBlock());
+  StoreOp::create(b, loc, count, part.trips, thread);
+  Value offset = AtomicOp::create(b, loc, wide, AtomicKind::add, count, totals,
+                                  ValueRange(constant(small, site)));
+  StoreOp::create(b, loc, offset, part.offsets, thread);
+}
+
+void Recording::keep(Operation *load, const LoggedLoad &logged) {
+  Value value = map.lookup(load->getResult(0));
+  Value position = map.lookup(logged.position);
+  const Part &part = parts[logged.site];
+  Type type = ArrayType::get(b.getContext(), 2, value.getType());
+  Value tape = add(HiddenKind::Tape, logged.site, type, logged.ordinal);
+  b.setInsertionPointAfterValue(value);
+  auto branch =
+      scf::IfOp::create(b, loc, compare("lt", position, part.room), false);
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPointToStart(branch.thenBlock());
+  SmallVector<Value> sum{part.offset, position};
+  Value at = AddOp::create(b, loc, TypeRange(wide), sum)->getResult(0);
+  at = CastOp::create(b, loc, b.getI64Type(), at);
+  StoreOp::create(b, loc, value, tape, getTapeIndices(b, loc, at));
+}
+
+/// The owners, seen through the views that the array was made by.
+Value Recording::claimsOf(Value array, unsigned leaf) {
+  auto op = array.getDefiningOp<ArrayViewOp>();
+  if (!op) {
+    BlockArgument &claim = claims[leaf];
+    int64_t rank = cast<ArrayType>(array.getType()).getRank();
+    if (!claim)
+      claim = add(HiddenKind::Claims, leaf,
+                  ArrayType::get(b.getContext(), rank, small));
+    return claim;
+  }
+  Value base = claimsOf(op.getArray(), leaf);
+  // An element belongs to one thread as a whole.
+  if (isa<ComponentViewOp>(op.getOperation()))
+    return base;
+  Operation *view = b.clone(*op.getOperation());
+  view->setOperand(0, base);
+  int64_t rank = cast<ArrayType>(array.getType()).getRank();
+  view->getResult(0).setType(ArrayType::get(b.getContext(), rank, small));
+  return view->getResult(0);
+}
+
+void Recording::checkOwner(AccessOp op, unsigned leaf) {
+  b.setInsertionPoint(op);
+  Location place = op.getLoc();
+  Value claim = claimsOf(op.getArray(), leaf);
+  Value found;
+  if (op.mayWrite())
+    found = AtomicOp::create(b, place, small, AtomicKind::exch, owner, claim,
+                             op.getIndices());
+  else
+    found = LoadOp::create(b, place, small, claim, op.getIndices());
+  Value isOwned = compare("ne", found, constant(small, 0));
+  Value isForeign = compare("ne", found, owner);
+  Value isConflict = arith::AndIOp::create(b, place, isOwned, isForeign);
+  if (!conflicts)
+    conflicts =
+        add(HiddenKind::Counters, -1, ArrayType::get(b.getContext(), 1, small));
+  countOne(b, place, isConflict, conflicts, places);
+}
+
+/// Reads and writes copies of what the kernel updates.
+void Recording::useCopies() {
+  ArrayLeaves own(recording);
+  llvm::MapVector<Value, unsigned> roots;
+  recording.walk([&](AccessOp op) {
+    Value root = rootOf(op.getArray());
+    auto leaf = own.of(root);
+    if (leaf.size() == 1 && updated.contains(leaf.front()))
+      roots.insert({root, leaf.front()});
+  });
+  llvm::SmallDenseMap<unsigned, BlockArgument> copies;
+  for (auto [root, leaf] : roots) {
+    BlockArgument &copy = copies[leaf];
+    if (!copy)
+      copy = add(HiddenKind::Preserved, leaf, root.getType());
+    root.replaceAllUsesWith(copy);
+  }
+}
+
+void Recording::build(ArrayRef<Operation *> counts) {
+  recording = cast<func::FuncOp>(kernel->clone(map));
+  OpBuilder(kernel).insert(recording);
+  recording->moveAfter(kernel);
+  recording.setName((kernel.getName() + "_record").str());
+  recording->removeAttr(kernelAttrName);
+  recording->setAttr(attr::recording, b.getUnitAttr());
+  dropEffects();
+  start();
+  for (auto &[load, logged] : log.loads)
+    keep(load, logged);
+  kernel.walk([&](AccessOp op) {
+    auto leaf = leaves.of(op.getArray());
+    if (leaf.size() == 1 && log.checked.contains(leaf.front()))
+      checkOwner(cast<AccessOp>(map.lookup(op.getOperation())), leaf.front());
+  });
+  for (auto [site, count] : llvm::enumerate(counts)) {
+    Operation *sink = map.lookup(count);
+    b.setInsertionPoint(sink);
+    reserve(site, sink->getOperand(0));
+    sink->erase();
+  }
+  useCopies();
+  attachPlaces(recording, places);
+  eraseDead(recording.getBody());
+}
+
+void recordLoads(func::FuncOp kernel, const MemoryLog &log,
+                 const llvm::SmallDenseSet<unsigned> &updated,
+                 ArrayRef<Operation *> counts) {
+  Recording(kernel, log, updated).build(counts);
+}
+
+} // namespace warp::autodiff

@@ -1,0 +1,189 @@
+//===- SpectralSums.cpp - Sums of outer products of singular vectors ------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// sum_i x_i outer(u_i, v_i) over all columns of U and V is U diag(x) V^T, and
+// is written so. Factors may stand at the outer product or at one of its
+// vectors. What else is added stays a sum. A column is a row of the transpose,
+// or its entries one by one.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Autodiff/SpectralMatch.h"
+
+#include "WarpDialect/Registry.h"
+
+#include "llvm/ADT/MapVector.h"
+#include "llvm/ADT/SetVector.h"
+
+using namespace mlir;
+using namespace warp;
+using namespace warp::autodiff;
+
+namespace {
+
+struct Column {
+  OpResult vectors;
+  int64_t number = 0;
+};
+
+/// One term: factors times the outer product of two columns.
+struct Term {
+  SmallVector<Value> factors;
+  Column left, right;
+};
+
+} // namespace
+
+static std::optional<int64_t> getIndex(Value value) {
+  auto constant = value.getDefiningOp<ConstantOp>();
+  auto number =
+      constant ? dyn_cast<IntegerAttr>(constant.getValue()) : IntegerAttr();
+  if (!number)
+    return std::nullopt;
+  return number.getValue().getSExtValue();
+}
+
+static std::optional<Column> matchColumn(Value vector) {
+  if (auto row = vector.getDefiningOp<ExtractOp>()) {
+    OpResult vectors = getTransposedVectors(row.getSource());
+    if (!vectors || row.getIndices().size() != 1)
+      return std::nullopt;
+    auto number = getIndex(row.getIndices()[0]);
+    return number ? std::optional(Column{vectors, *number}) : std::nullopt;
+  }
+  auto entries = vector.getDefiningOp<ConstructOp>();
+  if (!entries || entries->getNumOperands() == 0)
+    return std::nullopt;
+  std::optional<Column> column;
+  for (auto [row, entry] : llvm::enumerate(entries->getOperands())) {
+    auto extract = entry.getDefiningOp<ExtractOp>();
+    if (!extract || extract.getIndices().size() != 2)
+      return std::nullopt;
+    OpResult vectors = getVectors(extract.getSource());
+    auto at = getIndex(extract.getIndices()[0]);
+    auto number = getIndex(extract.getIndices()[1]);
+    if (!vectors || !at || !number || *at != static_cast<int64_t>(row))
+      return std::nullopt;
+    if (column && (column->vectors != vectors || column->number != *number))
+      return std::nullopt;
+    column = Column{vectors, *number};
+  }
+  bool isWhole = static_cast<int64_t>(entries->getNumOperands()) ==
+                 cast<MatType>(column->vectors.getType()).getRows();
+  return isWhole ? column : std::nullopt;
+}
+
+/// Takes scalar factors off a vector or matrix.
+static Value takeFactors(Value value, SmallVectorImpl<Value> &factors) {
+  while (auto product = value.getDefiningOp<MulOp>()) {
+    Value first = product->getOperand(0), second = product->getOperand(1);
+    if (!isScalar(first.getType()) && !isScalar(second.getType()))
+      break;
+    bool isFirst = isScalar(first.getType());
+    factors.push_back(isFirst ? first : second);
+    value = isFirst ? second : first;
+  }
+  return value;
+}
+
+static std::optional<Term> matchTerm(Value value) {
+  Term term;
+  auto outer = takeFactors(value, term.factors).getDefiningOp<OuterOp>();
+  if (!outer)
+    return std::nullopt;
+  auto left = matchColumn(takeFactors(outer->getOperand(0), term.factors));
+  auto right = matchColumn(takeFactors(outer->getOperand(1), term.factors));
+  if (!left || !right || left->number != right->number ||
+      left->vectors.getOwner() != right->vectors.getOwner())
+    return std::nullopt;
+  term.left = *left;
+  term.right = *right;
+  return term;
+}
+
+/// What a sum adds up, whose parts nothing else uses.
+static void collectTerms(Value value, bool isTop, SmallVectorImpl<Value> &terms,
+                         llvm::DenseSet<Operation *> &inner) {
+  auto sum = value.getDefiningOp<AddOp>();
+  if (!sum || (!isTop && !value.hasOneUse())) {
+    auto whole = value.getDefiningOp<ConstructOp>();
+    if (!whole || whole->getNumOperands() != 0)
+      terms.push_back(value);
+    return;
+  }
+  inner.insert(sum);
+  for (Value operand : sum->getOperands())
+    collectTerms(operand, false, terms, inner);
+}
+
+/// Writes a sum with a product for each decomposition that has all columns.
+static void rewrite(AddOp sum, ArrayRef<Value> values) {
+  using Key = std::pair<Value, Value>;
+  llvm::MapVector<Key, SmallVector<Term>> groups;
+  SmallVector<std::pair<Value, Key>> parts;
+  for (Value value : values) {
+    auto term = matchTerm(value);
+    Key key = term ? Key(term->left.vectors, term->right.vectors) : Key();
+    parts.emplace_back(value, key);
+    if (term)
+      groups[key].push_back(*term);
+  }
+  OpBuilder b(sum);
+  Location loc = sum.getLoc();
+  auto call = [&](StringRef name, ValueRange operands) {
+    return createBuiltin(b, loc, name, operands)->getResult(0);
+  };
+  SmallVector<Value> terms;
+  llvm::DenseSet<Value> replaced;
+  for (auto &[key, group] : groups) {
+    auto type = cast<MatType>(key.first.getType());
+    SmallVector<Value, 3> numbers(type.getRows());
+    for (const Term &term : group) {
+      Value number;
+      for (Value factor : term.factors)
+        number = number ? call("mul", {number, factor}) : factor;
+      if (!number)
+        number = ConstantOp::create(
+            b, loc, b.getFloatAttr(getElementScalar(type), 1.0));
+      Value &entry = numbers[term.left.number];
+      entry = entry ? call("add", {entry, number}) : number;
+    }
+    if (llvm::is_contained(numbers, Value()))
+      continue;
+    Value values = cast<OpResult>(key.first).getOwner()->getResult(1);
+    Value diagonal =
+        ConstructOp::create(b, loc, values.getType(), numbers).getResult();
+    Value scaled = call("mul", {key.first, call("diag", {diagonal})});
+    terms.push_back(call("mul", {scaled, call("transpose", {key.second})}));
+    for (auto &[value, other] : parts)
+      if (other == key)
+        replaced.insert(value);
+  }
+  if (terms.empty())
+    return;
+  for (auto &[value, key] : parts)
+    if (!replaced.contains(value))
+      terms.push_back(value);
+  Value total = terms.front();
+  for (Value term : ArrayRef(terms).drop_front())
+    total = call("add", {total, term});
+  sum->getResult(0).replaceAllUsesWith(total);
+  sum->erase();
+}
+
+void autodiff::writeSumsAsProducts(Operation *function) {
+  SmallVector<AddOp> sums;
+  function->walk([&](AddOp sum) {
+    if (isa<MatType>(sum->getResult(0).getType()))
+      sums.push_back(sum);
+  });
+  llvm::DenseSet<Operation *> inner;
+  for (AddOp sum : llvm::reverse(sums)) {
+    if (inner.contains(sum))
+      continue;
+    SmallVector<Value> terms;
+    collectTerms(sum->getResult(0), true, terms, inner);
+    rewrite(sum, terms);
+  }
+}
