@@ -170,6 +170,7 @@ class int_base(scalar_base):
 
     @classmethod
     def round(cls, value):
+        """The value as the type keeps it: digits above its width are lost."""
         return cls._type_(value).value
 
     def __int__(self):
@@ -223,6 +224,7 @@ class float_base(scalar_base):
 
     @classmethod
     def round(cls, value):
+        """The nearest number of the type, as a Python float."""
         return cls._type_(value).value
 
     def __int__(self):
