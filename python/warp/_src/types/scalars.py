@@ -40,7 +40,11 @@ class ScalarType(type):
 
     @property
     def dtype(cls):
-        """What NumPy before 2.4 looks for; there is no such attribute for others."""
+        """What NumPy before 2.4 looks for.
+
+        Raises:
+            AttributeError: NumPy is newer, which looks for something else.
+        """
         import numpy
 
         if "_numpy_name_" not in cls.__dict__ or _at_least(numpy.__version__, 2, 4):
