@@ -76,8 +76,11 @@ static int readPriority(const py::object &priority) {
 }
 
 static void bindStreams(py::module_ &m) {
-  py::class_<Stream, std::shared_ptr<Stream>> stream(m, "Stream");
-  py::class_<Event, std::shared_ptr<Event>> event(m, "Event");
+  py::class_<Stream, std::shared_ptr<Stream>> stream(
+      m, "Stream", "An order in which a CUDA device does its work.");
+  py::class_<Event, std::shared_ptr<Event>> event(
+      m, "Event",
+      "A place in a stream, which others can wait for and measure.");
   stream
       .def(py::init([](const py::object &device, const py::object &priority,
                        const py::object &handle) {

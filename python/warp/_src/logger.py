@@ -14,13 +14,17 @@ from warp._src.config import LOG_WARNING
 class Logger(typing.Protocol):
     """What a logger has."""
 
-    def debug(self, message: str) -> None: ...
+    def debug(self, message: str) -> None:
+        """Tells a message of level debug."""
 
-    def info(self, message: str) -> None: ...
+    def info(self, message: str) -> None:
+        """Tells a message of level info."""
 
-    def warning(self, message: str, category=None, stacklevel: int = 1) -> None: ...
+    def warning(self, message: str, category=None, stacklevel: int = 1) -> None:
+        """Tells a warning of a Python category, from so many callers up."""
 
-    def error(self, message: str) -> None: ...
+    def error(self, message: str) -> None:
+        """Tells a message of level error."""
 
 
 class LoggerBasic:

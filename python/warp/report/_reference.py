@@ -28,6 +28,7 @@ class Exact:
     error: float = 2.0**-52
 
     def evaluate(self, scene, case, measure):
+        """Values and error bars by quantity, for a case."""
         values = {name: np.asarray(v, np.float64) for name, v in self.function(case).items()}
         return values, dict.fromkeys(values, self.error)
 
@@ -47,6 +48,7 @@ class Tabulated:
     source: str
 
     def evaluate(self, scene, case, measure):
+        """Values and error bars by quantity, for a case."""
         values = self.values(case) if callable(self.values) else self.values
         values = {name: np.asarray(v, np.float64) for name, v in values.items()}
         return values, dict.fromkeys(values, self.error)
@@ -69,6 +71,7 @@ class Converged:
     cache: dict = field(default_factory=dict, compare=False, repr=False)
 
     def evaluate(self, scene, case, measure):
+        """Values and error bars by quantity, for a case."""
         own = set(self.first) | set(self.second)
         rest = {name: value for name, value in case.parameters.items() if name not in own}
         key = (scene.name, case.quick, tuple(sorted(rest.items())))

@@ -11,7 +11,10 @@ ROOT = Path(__file__).resolve().parents[3]
 
 
 @pytest.mark.parametrize(
-    "name", ["README.md", "docs/guide.md", "docs/graphs.md", "docs/differentiation.md"]
+    "name",
+    ["README.md"]
+    + [f"docs/{page}.md" for page in ("guide", "graphs", "differentiation")]
+    + [f"docs/{page}.md" for page in ("geometry", "report", "tiles")],
 )
 def test_python_blocks_run(name):
     text = (ROOT / name).read_text(encoding="utf-8")

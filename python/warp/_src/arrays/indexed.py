@@ -162,14 +162,17 @@ class indexedarray(ArrayArithmetic):
 
     @property
     def device_index(self) -> int:
+        """The device's number in the runtime, -1 for the CPU."""
         return self.data.device_index
 
     @property
     def item_size(self) -> int:
+        """Bytes of an element."""
         return self.data.item_size
 
     @property
     def pinned(self) -> bool:
+        """Whether the memory is pinned, for copies to and from CUDA devices."""
         return self.data.pinned
 
     @property

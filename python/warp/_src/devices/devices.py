@@ -30,12 +30,14 @@ class Device:
 
     @property
     def info(self) -> dict:
+        """What the runtime knows of the device, by name."""
         if self._info is None:
             self._info = _native.device_info(self.index)
         return self._info
 
     @property
     def name(self) -> str:
+        """The name by its maker."""
         return self.info["name"]
 
     @property
@@ -50,10 +52,12 @@ class Device:
 
     @property
     def max_shared_memory_per_block(self) -> int:
+        """Bytes of shared memory that a block may have."""
         return self.info["max_shared_memory_per_block"]
 
     @property
     def is_uva(self) -> bool:
+        """Whether host and device share one space of addresses."""
         return self.info["is_uva"]
 
     @property
@@ -149,9 +153,11 @@ class Device:
         return _native.Stream.from_handle(self.index, 0)
 
     def get_stream(self):
+        """The current stream; None for the CPU."""
         return self.stream
 
     def set_stream(self, stream, sync=True):
+        """Makes `stream` the current one."""
         set_stream(stream, self, sync)
 
     def can_access(self, other) -> bool:

@@ -50,18 +50,22 @@ class Graph:
 
     @property
     def node_count(self) -> int:
+        """How many operations the graph has."""
         return self.native.node_count
 
     @property
     def apic(self) -> bool:
+        """Whether the capture noted what `capture_save` needs."""
         return not self.is_loaded and self.native.traced
 
     @property
     def is_loaded(self) -> bool:
+        """Whether the graph comes from a file."""
         return isinstance(self.native, _native.LoadedGraph)
 
     @property
     def params(self) -> dict[str, dict[str, int]]:
+        """What can be set and read of a loaded graph: `{"size": bytes}` by name."""
         if not self.is_loaded:
             return {}
         return {name: {"size": size} for name, size in self.native.sizes.items()}

@@ -140,6 +140,7 @@ class Kernel:
         return importlib.import_module("warp._src.compat.codegen").adjoint_of(self)
 
     def option(self, name):
+        """The value of an option: the kernel's own, its module's, or that of `wp.config`."""
         return self.module.option(name, self.options)
 
     def reset(self) -> None:

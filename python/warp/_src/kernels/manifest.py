@@ -61,6 +61,7 @@ class Manifest(tuple):
         ]
 
     def as_dicts(self) -> list[dict]:
+        """The lines as dictionaries, for JSON."""
         return [dataclasses.asdict(entry) for entry in self]
 
     def __str__(self):

@@ -85,6 +85,7 @@ class Module:
         return getattr(config, setting) if setting else None
 
     def set_options(self, options: dict) -> None:
+        """Changes options, for kernels that are compiled afterwards."""
         check_options(options)
         self.options.update(options)
         self.mark_modified()
@@ -102,6 +103,7 @@ class Module:
         return found
 
     def unload(self) -> None:
+        """Forgets the compiled code of all kernels."""
         self.mark_modified()
 
     def mark_modified(self) -> None:

@@ -10,6 +10,7 @@ import warp as wp
 from warp import _native
 from warp._src.arrays.observers import Observers
 from warp._src.types.dtypes import SCALAR_TYPES
+from warp._src.utils.observed import writing
 
 # Numbers of a row from which on the blocks of a GPU share the matrix, whatever rows have; rows of
 # less have a thread each.
@@ -68,16 +69,18 @@ def fits(A, x, y) -> bool:
 def multiply(A, x, y, alpha, beta) -> None:
     """Sets `y` to `alpha * A x + beta * y`, for what fits.
 
-    Where nobody observes what changes, as tapes do, the blocks of a GPU share long rows.
+    The blocks of a GPU share long rows, unless a tape records or forward mode runs.
     """
     values = A.values
     dtype, device = values.dtype, values.device
     if (
         device.is_cuda
         and A.columns.size >= _SHARED_FROM * A.nrow
-        and not Observers.active
+        and Observers.tape is None
+        and Observers.executor is None
         and dtype in (wp.float32, wp.float64)
     ):
+        writing("bsr_mv", y)
         _native.multiply_rows(
             dtype.__name__, A.offsets, A.columns, values, x, y, float(alpha), float(beta)
         )

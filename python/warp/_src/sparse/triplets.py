@@ -29,6 +29,7 @@ class BsrTripletMap:
 
     @property
     def device(self):
+        """The device of the matrix."""
         return self._device
 
     @property

@@ -186,6 +186,7 @@ class Texture(TextureCopies, StructInstance):
 
     @property
     def device(self):
+        """The device that the texture is on."""
         return self.texels.device
 
     @property
@@ -216,34 +217,42 @@ class Texture(TextureCopies, StructInstance):
 
     @property
     def filter_mode(self) -> TextureFilterMode:
+        """How levels are sampled: `CLOSEST` or `LINEAR`."""
         return TextureFilterMode(self.filter)
 
     @property
     def normalized_coords(self) -> bool:
+        """Whether coordinates go from 0 to 1, or over texels."""
         return bool(self.normalized)
 
     @property
     def address_mode_u(self) -> TextureAddressMode:
+        """What lies outside along the first coordinate."""
         return TextureAddressMode(self.address_u)
 
     @property
     def address_mode_v(self) -> TextureAddressMode:
+        """What lies outside along the second coordinate."""
         return TextureAddressMode(self.address_v)
 
     @property
     def address_mode_w(self) -> TextureAddressMode:
+        """What lies outside along the third coordinate."""
         return TextureAddressMode(self.address_w)
 
     @property
     def mip_filter_mode(self) -> TextureFilterMode:
+        """How samples of two levels become one."""
         return TextureFilterMode(self.mip_filter)
 
     @property
     def num_mip_levels(self) -> int:
+        """How many levels there are, the finest included."""
         return self.levels
 
     @property
     def is_mipmapped(self) -> bool:
+        """Whether there is more than one level."""
         return self.levels > 1
 
     @property

@@ -88,9 +88,11 @@ class Matrix(Composite):
         return self[:, column]
 
     def set_row(self, row, value):
+        """Sets row `i`, counted from the end if negative."""
         self[row] = value
 
     def set_col(self, column, value):
+        """Sets column `i`, counted from the end if negative."""
         self[:, column] = value
 
     def __getitem__(self, key):

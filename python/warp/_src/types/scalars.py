@@ -40,7 +40,11 @@ class ScalarType(type):
 
     @property
     def dtype(cls):
-        """What NumPy before 2.4 looks for; there is no such attribute for others."""
+        """What NumPy before 2.4 looks for.
+
+        Raises:
+            AttributeError: NumPy is newer, which looks for something else.
+        """
         import numpy
 
         if "_numpy_name_" not in cls.__dict__ or _at_least(numpy.__version__, 2, 4):
@@ -170,6 +174,7 @@ class int_base(scalar_base):
 
     @classmethod
     def round(cls, value):
+        """The value as the type keeps it: digits above its width are lost."""
         return cls._type_(value).value
 
     def __int__(self):
@@ -223,6 +228,7 @@ class float_base(scalar_base):
 
     @classmethod
     def round(cls, value):
+        """The nearest number of the type, as a Python float."""
         return cls._type_(value).value
 
     def __int__(self):

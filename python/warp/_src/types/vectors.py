@@ -111,6 +111,7 @@ class Transformation(Vector):
 
     @property
     def p(self):
+        """The translation."""
         return vector(3, self._wp_scalar_type_)._from_numbers(scalars_of(self)[:3])
 
     @p.setter
@@ -119,6 +120,7 @@ class Transformation(Vector):
 
     @property
     def q(self):
+        """The rotation, a quaternion."""
         return quaternion(self._wp_scalar_type_)._from_numbers(scalars_of(self)[3:])
 
     @q.setter
@@ -229,7 +231,10 @@ def _no_component(name):
     def refuse(self, value=None):
         raise AttributeError(f"'{type(self).__name__}' object has no attribute '{name}'")
 
-    doc = f"In kernels the vector of the components {', '.join(name)}."
+    doc = (
+        f"In kernels the vector of the components {', '.join(name)}.\n\n"
+        "Raises:\n    AttributeError: outside of kernels, or there are fewer components."
+    )
     return property(refuse, refuse, doc=doc)
 
 
@@ -295,7 +300,7 @@ def quaternion(dtype=None):
     key = (Quaternion, dtype)
     if key not in _cache:
         attributes = {
-            "__doc__": f"x, y, z and w of a quaternion, of type {dtype.__name__}; w is its real part.",
+            "__doc__": f"A quaternion: x, y, z and w, its real part, of type {dtype.__name__}.",
             "_shape_": (4,),
             "_wp_type_params_": (dtype,),
             "_wp_type_args_": {"dtype": dtype},
@@ -314,6 +319,7 @@ def transformation(dtype=None):
     key = (Transformation, dtype)
     if key not in _cache:
         attributes = {
+            "__doc__": f"A translation, then a rotation's quaternion, of type {dtype.__name__}.",
             "_shape_": (7,),
             "_wp_type_params_": (dtype,),
             "_wp_type_args_": {"dtype": dtype},

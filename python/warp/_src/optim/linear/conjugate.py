@@ -209,6 +209,7 @@ class _Restartable(LinearSolverState):
             self.start()
 
     def iterate(self) -> None:
+        """One iteration."""
         raise NotImplementedError
 
     def set_step(self, above, below, positive):
@@ -254,6 +255,7 @@ class CG(_Restartable):
         wp.copy(self.p, z)
 
     def iterate(self):
+        """One iteration."""
         self.A.matvec(self.p, self.q, self.q, 1.0, 0.0)
         self.dots.compute(numbers(self.p), numbers(self.q))
         self.set_step(self.before, self.dots.row(), True)
@@ -291,6 +293,7 @@ class CR(_Restartable):
         wp.copy(self.before, self.dots.row())
 
     def iterate(self):
+        """One iteration."""
         MAp = self.precondition(self.Ap, self.MAp)
         self.dots.compute(numbers(self.Ap), numbers(MAp))
         self.set_step(self.before, self.dots.row(), False)

@@ -39,18 +39,22 @@ class LinearOperator:
 
     @property
     def shape(self):
+        """Rows and columns of numbers."""
         return self._shape
 
     @property
     def dtype(self):
+        """The type of the vectors' elements."""
         return self._dtype
 
     @property
     def device(self):
+        """The device of the vectors."""
         return self._device
 
     @property
     def matvec(self):
+        """`matvec(x, y, z, alpha, beta)` sets `z` to `alpha A x + beta y`."""
         return self._matvec
 
     @property
@@ -60,6 +64,7 @@ class LinearOperator:
 
     @property
     def batch_offsets(self):
+        """Where each of several systems begins and the last one ends; None for one."""
         return self._batch_offsets
 
     @property
@@ -69,6 +74,7 @@ class LinearOperator:
 
     @property
     def max_batch_length(self):
+        """Upper bound of the rows of one system, or None."""
         return self._max_batch_length
 
 
