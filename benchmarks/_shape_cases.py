@@ -19,6 +19,8 @@ import numpy as np
 
 import _shape_algebra  # noqa: F401  (registers cases)
 import _shape_borders  # noqa: F401
+import _shape_bytes  # noqa: F401
+import _shape_chains  # noqa: F401
 import _shape_fields  # noqa: F401
 import _shape_images  # noqa: F401
 import _shape_locals  # noqa: F401

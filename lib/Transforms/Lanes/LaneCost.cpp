@@ -1,0 +1,285 @@
+//===- LaneCost.cpp - What lanes gain and lose ----------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// A count of operations says what lanes gain on arithmetic and lose on gathers
+// and on what is done lane by lane, against a thread alone, whose loops over
+// rows the compiler makes vectors of.
+//
+//===----------------------------------------------------------------------===//
+
+#include "LaneCost.h"
+
+#include "Analysis/CostModel.h"
+#include "Analysis/Effects.h"
+#include "LanePlan.h"
+#include "WarpDialect/LibraryOps.h"
+
+#include "mlir/Dialect/Arith/IR/Arith.h"
+#include "mlir/Dialect/Math/IR/Math.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
+#include "mlir/Interfaces/LoopLikeInterface.h"
+
+using namespace mlir;
+using warp::LaneCost;
+using warp::ThreadVariance;
+
+namespace {
+
+class CostCounter {
+public:
+  /// `exclusive`: updates are plain.
+  CostCounter(const ThreadVariance &variance, bool exclusive)
+      : variance(variance), exclusive(exclusive) {}
+
+  void count(Block &block, double trips, double use) {
+    for (Operation &op : block)
+      count(&op, trips, use);
+  }
+
+  /// After the operations are counted.
+  void findChain(LoopLikeOpInterface loop) { cost.hasChain |= isChain(loop); }
+
+  LaneCost cost;
+
+private:
+  bool isVarying(Value value) const {
+    return !variance.isUniform(value, warp::Scope::Lanes);
+  }
+  void count(Operation *op, double trips, double use);
+  bool isStream(scf::ForOp loop) const;
+  bool isChain(LoopLikeOpInterface loop) const;
+  void add(double scalar, double vector, double trips, double use) {
+    cost.scalar += scalar * trips;
+    cost.vector += vector * trips / use;
+  }
+
+  const ThreadVariance &variance;
+  bool exclusive;
+};
+
+} // namespace
+
+/// Whether an operation has the same bits in any order of its terms.
+static bool isReordered(Operation *op) {
+  return isa_and_present<arith::AddIOp, arith::MulIOp, arith::AndIOp,
+                         arith::OrIOp, arith::XOrIOp, arith::MaxSIOp,
+                         arith::MinSIOp, arith::MaxUIOp, arith::MinUIOp>(op);
+}
+
+/// Whether all that a loop carries are sums, or the like, whose terms may be
+/// taken in any order.
+static bool carriesSums(scf::ForOp loop) {
+  return llvm::all_of(
+      llvm::zip_equal(loop.getRegionIterArgs(), loop.getYieldedValues()),
+      [&](auto pair) {
+        auto [sum, next] = pair;
+        Operation *last = next.getDefiningOp();
+        for (Value v = next; v != sum;) {
+          Operation *op = v.getDefiningOp();
+          if (!isReordered(op) || op->getName() != last->getName() ||
+              op->getBlock() != loop.getBody() || !v.hasOneUse())
+            return false;
+          // The other operand is a term.
+          Operation *before = op->getOperand(0).getDefiningOp();
+          bool isFirst = op->getOperand(0) == sum ||
+                         (before && before->getName() == op->getName() &&
+                          op->getOperand(1) != sum);
+          v = op->getOperand(isFirst ? 0 : 1);
+        }
+        return sum.hasOneUse();
+      });
+}
+
+/// Whether the iterations of one thread are as good as lanes: straight-line
+/// code that carries nothing but sums of integers, over elements that follow
+/// each other while those of neighbouring threads do not.
+bool CostCounter::isStream(scf::ForOp loop) const {
+  bool hasRows = false, carries = loop.getNumRegionIterArgs() != 0;
+  if (!carriesSums(loop))
+    return false;
+  for (Operation &op : loop.getBody()->without_terminator()) {
+    auto access = dyn_cast<warp::AccessOp>(op);
+    if (!access && (op.getNumRegions() != 0 || !isMemoryEffectFree(&op)))
+      return false;
+    if (!access || access.getIndices().empty())
+      continue;
+    // By how much it grows from one iteration to the next.
+    const warp::Form &index = variance.form(access.getIndices().back());
+    warp::Symbol trip = warp::Symbol::trip(loop);
+    bool follows = index.has(trip);
+    std::optional<warp::Form> pace = index.coefficientOf(trip);
+    if ((access.isUpdate() && !(exclusive && op.use_empty())) ||
+        (follows && !(pace && pace->equals(variance.form(loop.getStep())))) ||
+        !index.without(trip).isDefinedOutside(loop))
+      return false;
+    hasRows |= (access.mayWrite() || carries) && follows &&
+               llvm::any_of(access.getIndices(),
+                            [&](Value index) { return isVarying(index); }) &&
+               variance.step(access.getIndices().back()) != 1;
+  }
+  return hasRows;
+}
+
+/// The longest way from what an iteration is given to what it passes on, in
+/// operations.
+static int64_t longestWay(LoopLikeOpInterface loop) {
+  llvm::DenseMap<Value, int64_t> ways;
+  for (Value value : loop.getRegionIterArgs())
+    ways[value] = 0;
+  if (auto branch = dyn_cast<scf::WhileOp>(*loop))
+    for (Value value : branch.getAfterArguments())
+      ways[value] = 0;
+  int64_t longest = 0;
+  loop->walk([&](Operation *op) {
+    int64_t way = -1;
+    auto visit = [&](Operation *inner) {
+      for (Value operand : inner->getOperands())
+        if (auto found = ways.find(operand); found != ways.end())
+          way = std::max(way, found->second);
+    };
+    // What is inside has been visited.
+    visit(op);
+    for (Region &region : op->getRegions())
+      for (Block &block : region)
+        visit(block.getTerminator());
+    if (op == loop || way < 0)
+      return;
+    for (Value result : op->getResults())
+      ways[result] = way + 1;
+    longest = std::max(longest, way);
+  });
+  return longest;
+}
+
+/// Whether the iterations of a loop wait for each other rather than for memory,
+/// or do more for all lanes together than for each: with twice the lanes they
+/// take as long.
+bool CostCounter::isChain(LoopLikeOpInterface loop) const {
+  if (auto trips = loop.getStaticTripCount(); trips && trips->ult(8))
+    return false;
+  int64_t own = 0, shared = 0, apart = 0;
+  loop->walk([&](Operation *op) {
+    if (op->getNumRegions() != 0 || op->hasTrait<OpTrait::IsTerminator>() ||
+        op->hasTrait<OpTrait::ConstantLike>())
+      return;
+    bool varies =
+        llvm::any_of(op->getResults(), [&](Value v) { return isVarying(v); }) ||
+        llvm::any_of(op->getOperands(), [&](Value v) { return isVarying(v); });
+    ++(varies ? own : shared);
+    if (varies && isa<warp::AccessOp>(op))
+      apart += std::max<int64_t>(op->getNumResults(), 3);
+  });
+  constexpr int64_t least = 24;
+  return own >= least && 2 * own >= cost.varying && 8 * apart <= own &&
+         (4 * longestWay(loop) >= own || shared >= 2 * own);
+}
+
+void CostCounter::count(Operation *op, double trips, double use) {
+  if (auto loop = dyn_cast<scf::ForOp>(op); loop && isStream(loop)) {
+    CostCounter inside(variance, exclusive);
+    inside.count(*loop.getBody(), trips * warp::cost::loopTrips, use);
+    cost.hasLoop = true;
+    cost.scalar += inside.cost.scalar / warp::cost::streamGain;
+    cost.vector += inside.cost.vector;
+    cost.operations += inside.cost.operations;
+    cost.varying += inside.cost.varying;
+    return;
+  }
+  if (isa<scf::ForOp, scf::WhileOp>(op)) {
+    cost.hasLoop = true;
+    trips *= warp::cost::loopTrips;
+    if (variance.isDivergent(op))
+      use = std::min(use, warp::cost::laneUse);
+  }
+  for (Region &region : op->getRegions())
+    for (Block &block : region)
+      count(block, trips, use);
+  if (op->getNumRegions() != 0 || op->hasTrait<OpTrait::ConstantLike>())
+    return;
+  cost.operations += trips;
+  // A lane's share: 16 of them in a vector, or as good as that.
+  constexpr double share = 1.0 / 12;
+  bool varies =
+      llvm::any_of(op->getOperands(), [&](Value v) { return isVarying(v); }) ||
+      llvm::any_of(op->getResults(), [&](Value v) { return isVarying(v); });
+  if (!varies)
+    return add(1, share, trips, use);
+  ++cost.varying;
+  for (Type type : op->getResultTypes())
+    if (type.isIntOrFloat() && !type.isInteger(1))
+      (type.getIntOrFloatBitWidth() > 32 ? cost.wide : cost.narrow) += trips;
+  bool isLoad = isa<warp::LoadComponentsOp>(op);
+  if (isLoad || isa<warp::StoreComponentsOp>(op)) {
+    double count =
+        isLoad ? op->getNumResults()
+               : cast<warp::StoreComponentsOp>(op).getComponents().size();
+    bool follows = variance.step(op->getOperand(op->getNumOperands() - 1)) == 1;
+    // To take these apart is much code. Outside of loops it gains nothing to do
+    // it for two vectors in turn.
+    if (count > 4)
+      cost.operations += 4 * count;
+    Value array = cast<warp::AccessOp>(op).getArray();
+    double gather = trips == 1 && count < 4 ? warp::cost::straightGatherCost
+                                            : warp::cost::gatherCost;
+    double each = !follows                        ? gather
+                  : warp::isPartOfPacked(array)   ? warp::cost::fieldCost
+                  : warp::hasDenseElements(array) ? 2 * share
+                                                  : gather;
+    return add(count, each * count, trips, use);
+  }
+  if (auto update = dyn_cast<warp::AtomicComponentsOp>(op)) {
+    bool isOnePlace = llvm::none_of(
+        update.getIndices(), [&](Value index) { return isVarying(index); });
+    double count = update.getComponents().size();
+    double each = isOnePlace ? 1 : 4 * count + warp::cost::laneCost;
+    return add(4 * count, each, trips, use);
+  }
+  if (auto call = dyn_cast<warp::LibraryCallOp>(op)) {
+    const warp::LibraryFunction *function =
+        warp::findLibraryFunction(call.getCallee());
+    if (function && function->shared >= 0) {
+      // Its addresses are of 64 bits, but it is called half as often by twice
+      // the lanes.
+      cost.narrow += 2 * warp::cost::callCost * trips;
+      return add(warp::cost::callCost, warp::cost::callCost, trips, 1);
+    }
+    return add(warp::cost::searchCost,
+               warp::cost::searchCost + warp::cost::laneCost, trips, 1);
+  }
+  if (!warp::isConversion(op) && !isMemoryEffectFree(op))
+    return add(warp::cost::laneCost, 2 * warp::cost::laneCost, trips, 1);
+  double work = 1;
+  if (isa<arith::DivFOp, math::SqrtOp>(op))
+    work = warp::cost::rootCost;
+  else if (isa<arith::DivSIOp, arith::DivUIOp, arith::RemSIOp, arith::RemUIOp>(
+               op))
+    work = warp::cost::divisionCost;
+  else if (isa<math::MathDialect>(op->getDialect()) &&
+           !isa<math::AbsFOp, math::FmaOp, math::FloorOp, math::CeilOp,
+                math::CopySignOp>(op))
+    work = warp::cost::callCost;
+  add(work, work * share, trips, use);
+}
+
+LaneCost warp::costOfLanes(ThreadsOp threads, const ThreadVariance &variance,
+                           bool exclusive) {
+  CostCounter counter(variance, exclusive);
+  counter.count(*threads.getThread(), 1, 1);
+  // What threads sum up, one after the other, each waits for.
+  counter.cost.scalar += warp::cost::sumLatency *
+                         threads.getThread()->getTerminator()->getNumOperands();
+  threads.getThread()->walk(
+      [&](LoopLikeOpInterface loop) { counter.findChain(loop); });
+  return counter.cost;
+}
+
+bool LaneCost::isWorthIt() const { return scalar >= 1.2 * vector; }
+
+int64_t LaneCost::chooseLanes(int64_t bits) const {
+  int64_t lanes = bits / (wide > narrow ? 64 : 32);
+  // Two vectors in turn hide the latency of short bodies, and of chains.
+  constexpr int64_t most = 200;
+  bool isShort = operations <= (hasLoop ? 40 * warp::cost::loopTrips : 24);
+  return isShort || (hasChain && varying <= most) ? 2 * lanes : lanes;
+}

@@ -1,0 +1,37 @@
+//===- LaneCost.h - What lanes gain and lose --------------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_TRANSFORMS_LANECOST_H
+#define WARP_LIB_TRANSFORMS_LANECOST_H
+
+#include "Analysis/ThreadVariance.h"
+
+namespace warp {
+
+/// Rough cycles of one thread, alone and as one of many lanes.
+struct LaneCost {
+  double scalar = 0, vector = 0;
+  /// Results by size, to find out how many lanes a vector has.
+  double wide = 0, narrow = 0;
+  double operations = 0;
+  /// Operations of lanes in the code as it stands.
+  int64_t varying = 0;
+  bool hasLoop = false;
+  /// Whether most of them are in a loop that two vectors in turn run quicker.
+  bool hasChain = false;
+
+  bool isWorthIt() const;
+  /// Lanes of vectors of that many bits, one or several at a time.
+  int64_t chooseLanes(int64_t bits) const;
+};
+
+/// `exclusive`: updates are plain.
+LaneCost costOfLanes(ThreadsOp threads, const ThreadVariance &variance,
+                     bool exclusive);
+
+} // namespace warp
+
+#endif // WARP_LIB_TRANSFORMS_LANECOST_H
