@@ -86,6 +86,7 @@ CASES = {
     "scale": lambda gpu: scale(1 << (26 if gpu else 22), 1024),
     "softmax": lambda gpu: softmax(1 << (16 if gpu else 10), 1024),
     "product": lambda gpu: product(4096 if gpu else 512, 64),
+    "product32": lambda gpu: product(4096 if gpu else 512, 32),
     "factor16": lambda gpu: factor(16, 65536 if gpu else 512),
     "factor32": lambda gpu: factor(32, 65536 if gpu else 512),
     "factor64": lambda gpu: factor(64, 16384 if gpu else 512),

@@ -34,10 +34,16 @@ func.func @solve(%a: !warp.array<3 x f32>, %b: !warp.array<2 x f32>)
 
 // -----
 
-// A number that a block keeps for later, and matrices with more rows.
+// A number that a block has from its array for later is kept beside its tiles.
+// The factor is asked for.
 // CHECK-LABEL: llvm.func @keeps(
-// CHECK-NOT: warp_tile_systems
-// CHECK: llvm.call @warp_tile_cholesky_f32
+// CHECK: scf.for
+// CHECK: %[[S:.*]] = llvm.load {{.*}} : !llvm.ptr -> f32
+// CHECK: llvm.store %[[S]], %[[PLACE:.*]] {{.*}} : f32, !llvm.ptr
+// CHECK: arith.constant 5 : i32
+// CHECK: llvm.call @warp_tile_systems_f32
+// CHECK: scf.for
+// CHECK: llvm.load {{.*}} : !llvm.ptr -> f32
 func.func @keeps(%a: !warp.array<3 x f32>, %b: !warp.array<1 x f32>)
     attributes {warp.kernel, warp.block_threads = 1 : i64} {
   %c0 = warp.constant 0 : si32
@@ -55,6 +61,7 @@ func.func @keeps(%a: !warp.array<3 x f32>, %b: !warp.array<1 x f32>)
 
 // -----
 
+// There are more rows than lanes pay for.
 // CHECK-LABEL: llvm.func @large(
 // CHECK-NOT: warp_tile_systems
 // CHECK: llvm.call @warp_tile_cholesky_f32

@@ -38,6 +38,9 @@ struct ArrayParts {
   /// What the runtime keeps of geometry: neither its indices nor the integers
   /// of 32 bits in it are negative.
   bool isGeometry = false;
+  /// Memory of which no access meets one of the other kind: that of a block on
+  /// a CPU, and what the launch was given.
+  enum class Owner { Unknown, Block, Caller } owner = Owner::Unknown;
   /// How messages call the array.
   llvm::StringRef name;
 };
@@ -110,8 +113,11 @@ private:
                              mlir::Type elementType, bool inside = true);
   mlir::Value advance(mlir::Value pointer, int64_t bytes);
   mlir::Value advance(mlir::Value pointer, mlir::Value bytes);
-  mlir::Value loadLeaf(mlir::Type type, mlir::Value pointer);
-  void storeLeaf(mlir::Value value, mlir::Type type, mlir::Value pointer);
+  mlir::Value loadLeaf(mlir::Type type, mlir::Value pointer,
+                       ArrayParts::Owner owner = ArrayParts::Owner::Unknown);
+  void storeLeaf(mlir::Value value, mlir::Type type, mlir::Value pointer,
+                 ArrayParts::Owner owner = ArrayParts::Owner::Unknown);
+  template <typename Op> void setOwner(Op access, ArrayParts::Owner owner);
   mlir::Value zeroOf(mlir::Type type);
   /// Runs `body`, whose results have these types, if the access is inside;
   /// otherwise reports it and gives zeros.
@@ -211,6 +217,8 @@ private:
   llvm::DenseMap<mlir::Value, ArrayType> packedTypes;
   /// Pointer to the memory of the block, once something is there.
   mlir::Value blockMemory;
+  /// The scope of accesses there.
+  mlir::ArrayAttr blockScope;
   /// Pointers to the memory of `warp.scratch` operations.
   llvm::DenseMap<mlir::Value, mlir::Value> scratches;
   StagedAccesses staged;

@@ -188,6 +188,7 @@ void ArrayLowering::lowerParameter(ParameterOp op) {
     ArrayParts parts =
         readDescriptor(op.getBlock(), offset, array.getRank(), unit);
     parts.name = op.getName().value_or("");
+    parts.owner = ArrayParts::Owner::Caller;
     known[op] = parts;
     descriptors[op] = {op.getBlock(), offset};
     return;
@@ -303,6 +304,8 @@ void ArrayLowering::lowerArrayAt(ArrayAtOp op) {
   else
     parts.data = LLVM::IntToPtrOp::create(b, loc, dataPointer,
                                           widen(op.getAddress(), i64));
+  if (isa_and_nonnull<BlockMemoryOp>(address) || getPlaceBehind(address))
+    parts.owner = ArrayParts::Owner::Block;
   for (mlir::Value extent : op.getExtents())
     parts.shape.push_back(widen(extent, i32));
   parts.unit = getByteSize(elementType(op));
@@ -349,11 +352,31 @@ mlir::Value ArrayLowering::zeroOf(mlir::Type type) {
   return arith::ConstantOp::create(b, loc, b.getZeroAttr(type));
 }
 
+/// Tells LLVM what does not overlap, which vector loops over tiles would
+/// otherwise ask.
+template <typename Op>
+void ArrayLowering::setOwner(Op access, ArrayParts::Owner owner) {
+  if (gpu || owner == ArrayParts::Owner::Unknown ||
+      !entry->hasAttr(attr::blockBytes))
+    return;
+  if (!blockScope) {
+    auto domain = LLVM::AliasScopeDomainAttr::get(
+        b.getContext(), b.getStringAttr("memory of a launch"));
+    blockScope = b.getArrayAttr(LLVM::AliasScopeAttr::get(
+        domain, b.getStringAttr("memory of a block")));
+  }
+  if (owner == ArrayParts::Owner::Block)
+    access.setAliasScopesAttr(blockScope);
+  else
+    access.setNoaliasScopesAttr(blockScope);
+}
+
 /// Reads a scalar, or an array's descriptor, signless.
-mlir::Value ArrayLowering::loadLeaf(mlir::Type type, mlir::Value from) {
+mlir::Value ArrayLowering::loadLeaf(mlir::Type type, mlir::Value from,
+                                    ArrayParts::Owner owner) {
   mlir::Type stored = isBool(type) ? i8 : getSignless(type);
-  mlir::Value load =
-      LLVM::LoadOp::create(b, loc, stored, from, getByteSize(type));
+  auto load = LLVM::LoadOp::create(b, loc, stored, from, getByteSize(type));
+  setOwner(load, owner);
   if (!isBool(type))
     return load;
   return arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ne, load,
@@ -361,10 +384,10 @@ mlir::Value ArrayLowering::loadLeaf(mlir::Type type, mlir::Value from) {
 }
 
 void ArrayLowering::storeLeaf(mlir::Value value, mlir::Type type,
-                              mlir::Value to) {
+                              mlir::Value to, ArrayParts::Owner owner) {
   if (isBool(type))
     value = arith::ExtUIOp::create(b, loc, i8, value);
-  LLVM::StoreOp::create(b, loc, value, to, getByteSize(type));
+  setOwner(LLVM::StoreOp::create(b, loc, value, to, getByteSize(type)), owner);
 }
 
 void ArrayLowering::lowerLoad(LoadComponentsOp op) {
@@ -374,6 +397,7 @@ void ArrayLowering::lowerLoad(LoadComponentsOp op) {
   collectLeaves(elementType(op.getArray()), 0, leaves);
   Address at = address(op.getArray(), op.getIndices());
   bool isGeometry = getParts(op.getArray()).isGeometry;
+  ArrayParts::Owner owner = getParts(op.getArray()).owner;
   SmallVector<mlir::Type> types;
   for (Leaf leaf : leaves) {
     auto array = dyn_cast<warp::ArrayType>(leaf.type);
@@ -387,7 +411,7 @@ void ArrayLowering::lowerLoad(LoadComponentsOp op) {
     for (auto [leaf, from] : llvm::zip(leaves, pointers)) {
       auto array = dyn_cast<warp::ArrayType>(leaf.type);
       if (!array) {
-        loaded.push_back(loadLeaf(leaf.type, from));
+        loaded.push_back(loadLeaf(leaf.type, from, owner));
         if (isGeometry && loaded.back().getType() == i32)
           loaded.back().getDefiningOp()->setAttr(attr::nonNegative,
                                                  b.getUnitAttr());
@@ -415,6 +439,7 @@ void ArrayLowering::lowerStore(StoreComponentsOp op) {
   SmallVector<Leaf> leaves;
   collectLeaves(elementType(op.getArray()), 0, leaves);
   Address at = address(op.getArray(), op.getIndices());
+  ArrayParts::Owner owner = getParts(op.getArray()).owner;
   guarded(op, op.getArray(), at, {}, [&] {
     SmallVector<mlir::Value> pointers;
     for (Leaf leaf : leaves)
@@ -422,7 +447,7 @@ void ArrayLowering::lowerStore(StoreComponentsOp op) {
     for (auto [leaf, value, to] :
          llvm::zip(leaves, op.getComponents(), pointers)) {
       if (!isa<warp::ArrayType>(leaf.type)) {
-        storeLeaf(value, leaf.type, to);
+        storeLeaf(value, leaf.type, to, owner);
         continue;
       }
       ArrayParts parts = getParts(value);

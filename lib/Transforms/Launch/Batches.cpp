@@ -6,8 +6,8 @@
 // most of the time. Blocks do not wait for each other, so as many as a vector
 // has lanes go through the kernel together: each of its parts between factors
 // and solves is a loop over them, and these are one call for all. That needs
-// memory for each of the blocks, and that a block keeps nothing else from one
-// part to the next: what is used later is computed again.
+// memory for each of the blocks. What a block uses later is computed again, or
+// lies there, too, if that cannot be done.
 //
 //===----------------------------------------------------------------------===//
 
@@ -178,32 +178,48 @@ static bool mayTakeTurns(Operation *op) {
   return true;
 }
 
-/// Whether a value of the block can be computed where it is used.
-static bool isRepeatable(Value value, Block *block) {
-  Operation *op = value.getDefiningOp();
-  return !op || op->getBlock() != block ||
-         (isPure(op) && op->getNumRegions() == 0 &&
-          llvm::all_of(op->getOperands(), [&](Value operand) {
-            return isRepeatable(operand, block);
-          }));
-}
+/// Finds the numbers that parts have from parts before them and cannot compute
+/// again; fails if memory has no form of one.
+class KeptNumbers {
+public:
+  KeptNumbers(ArrayRef<warp::BatchPart> parts, Block *block) : block(block) {
+    for (auto [i, part] : llvm::enumerate(parts))
+      for (Operation *op : part.ops)
+        partOf[op] = i;
+  }
 
-/// Whether parts keep nothing but memory for those after them.
-static bool keepsNothing(ArrayRef<warp::BatchPart> parts, Block *block) {
+  LogicalResult find(ArrayRef<warp::BatchPart> parts) {
+    for (auto [i, part] : llvm::enumerate(parts))
+      for (Operation *op : part.ops)
+        if (!warp::isRepeated(op))
+          op->walk([&](Operation *inner) {
+            for (Value operand : inner->getOperands())
+              visit(operand, i);
+          });
+    return success(llvm::all_of(found, [](Value value) {
+      Type type = value.getType();
+      return type.isF32() || type.isF64() || type.isInteger(32) ||
+             type.isInteger(64);
+    }));
+  }
+  ArrayRef<Value> get() const { return found.getArrayRef(); }
+
+private:
+  void visit(Value value, size_t part) {
+    Operation *op = value.getDefiningOp();
+    if (!op || op->getBlock() != block)
+      return;
+    if (warp::isRepeated(op))
+      for (Value operand : op->getOperands())
+        visit(operand, part);
+    else if (partOf.lookup(op) != part)
+      found.insert(value);
+  }
+
+  Block *block;
   llvm::DenseMap<Operation *, size_t> partOf;
-  for (auto [i, part] : llvm::enumerate(parts))
-    for (Operation *op : part.ops)
-      partOf[op] = i;
-  for (auto [op, part] : partOf)
-    for (Value result : op->getResults())
-      for (Operation *user : result.getUsers()) {
-        auto found = partOf.find(block->findAncestorOpInBlock(*user));
-        if (found != partOf.end() && found->second != part &&
-            !isRepeatable(result, block))
-          return false;
-      }
-  return true;
-}
+  llvm::SetVector<Value> found;
+};
 
 /// Whether anything after the calls sees the factor.
 static bool isFactorUsed(const SystemCalls &calls, Block *block) {
@@ -253,6 +269,10 @@ static SmallVector<warp::BatchPart> cut(Block *block) {
   return parts;
 }
 
+bool warp::isRepeated(Operation *op) {
+  return isPure(op) && op->getNumRegions() == 0;
+}
+
 std::optional<Batches> warp::findBatches(FunctionOpInterface kernel,
                                          ThreadsOp threads) {
   auto memory = kernel->getAttrOfType<IntegerAttr>(warp::attr::blockBytes);
@@ -267,10 +287,16 @@ std::optional<Batches> warp::findBatches(FunctionOpInterface kernel,
   WalkResult turns = block->walk([](Operation *op) {
     return mayTakeTurns(op) ? WalkResult::advance() : WalkResult::interrupt();
   });
-  if (turns.wasInterrupted() || !keepsNothing(batches.parts, block))
+  KeptNumbers numbers(batches.parts, block);
+  if (turns.wasInterrupted() || failed(numbers.find(batches.parts)))
     return std::nullopt;
+  int64_t ownBytes = llvm::alignTo(memory.getInt(), 8);
+  for (Value value : numbers.get()) {
+    batches.kept[value] = ownBytes;
+    ownBytes += 8;
+  }
   // An odd number of lines, so that blocks lie in different sets of a cache.
-  batches.blockBytes = llvm::alignTo(memory.getInt(), line) | line;
+  batches.blockBytes = llvm::alignTo(ownBytes, line) | line;
   int64_t scratch = 0;
   for (BatchPart &part : batches.parts)
     if (part.calls) {

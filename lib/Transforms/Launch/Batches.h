@@ -53,9 +53,15 @@ struct Batches {
   static constexpr int64_t width = 16;
 
   llvm::SmallVector<BatchPart> parts;
+  /// Numbers that parts have from parts before them, and their places in the
+  /// memory of a block.
+  llvm::DenseMap<mlir::Value, int64_t> kept;
   /// Bytes from a block's memory to the next, and of all with what calls need.
   int64_t blockBytes = 0, bytes = 0;
 };
+
+/// Whether an operation only computes, so that every part makes a copy.
+bool isRepeated(mlir::Operation *op);
 
 /// Of a kernel of phase `launch` on a CPU; none where blocks have to run one
 /// after the other, or have no small systems.

@@ -28,18 +28,24 @@ namespace {
 /// Copies of a part's operations, for one block of a batch.
 class PartCopy {
 public:
-  PartCopy(OpBuilder &b, Block *block, IRMapping map, Value memory)
-      : b(b), block(block), map(std::move(map)), memory(memory) {}
+  PartCopy(OpBuilder &b, Block *block, IRMapping map,
+           const warp::Batches &batches, Value memory)
+      : b(b), block(block), map(std::move(map)), batches(batches),
+        memory(memory) {}
 
   /// What only computes is copied where it is needed.
   void copy(Operation *op) {
-    if (isPure(op) && op->getNumRegions() == 0)
+    if (warp::isRepeated(op))
       return;
     op->walk([&](Operation *inner) {
       for (Value operand : inner->getOperands())
         need(operand);
     });
-    b.clone(*op, map);
+    for (auto [old, made] :
+         llvm::zip_equal(op->getResults(), b.clone(*op, map)->getResults()))
+      if (batches.kept.contains(old))
+        warp::StoreComponentsOp::create(b, op->getLoc(), made, placeOf(old),
+                                        firstIndex(op->getLoc()));
   }
 
 private:
@@ -48,9 +54,14 @@ private:
     if (!op || op->getBlock() != block || map.contains(value))
       return;
     if (auto place = dyn_cast<warp::BlockMemoryOp>(op)) {
-      Value first = b.clone(*op)->getResult(0);
-      map.map(value,
-              Value(arith::AddIOp::create(b, op->getLoc(), first, memory)));
+      map.map(value, addressOf(op->getLoc(), place.getOffset()));
+      return;
+    }
+    if (batches.kept.contains(value)) {
+      auto load = warp::LoadComponentsOp::create(
+          b, op->getLoc(), TypeRange(value.getType()), placeOf(value),
+          firstIndex(op->getLoc()));
+      map.map(value, load->getResult(0));
       return;
     }
     for (Value operand : op->getOperands())
@@ -58,9 +69,30 @@ private:
     b.clone(*op, map);
   }
 
+  /// A place in the memory of this block.
+  Value addressOf(Location loc, int64_t offset) {
+    Value first = warp::BlockMemoryOp::create(b, loc, b.getI64Type(), offset);
+    return arith::AddIOp::create(b, loc, first, memory);
+  }
+  /// Where a number is kept: an array of one element.
+  Value placeOf(Value value) {
+    Location loc = value.getLoc();
+    Type type = value.getType();
+    if (type.isInteger())
+      type = b.getIntegerType(type.getIntOrFloatBitWidth(), /*isSigned=*/true);
+    Value one = arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(1));
+    return warp::ArrayAtOp::create(
+        b, loc, warp::ArrayType::get(b.getContext(), 1, type),
+        addressOf(loc, batches.kept.lookup(value)), one);
+  }
+  Value firstIndex(Location loc) {
+    return arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(0));
+  }
+
   OpBuilder &b;
   Block *block;
   IRMapping map;
+  const warp::Batches &batches;
   /// Bytes from the memory of the batch's first block.
   Value memory;
 };
@@ -114,7 +146,7 @@ void EntryBuilder::buildBatches(const Batches &batches, Value begin,
       callForBatch(*part.calls, batches, count);
       continue;
     }
-    if (llvm::all_of(part.ops, isPure))
+    if (llvm::all_of(part.ops, isRepeated))
       continue;
     auto blocks =
         scf::ForOp::create(b, loc, constant(i64, 0), count, constant(i64, 1));
@@ -129,7 +161,7 @@ void EntryBuilder::buildBatches(const Batches &batches, Value begin,
     for (auto [argument, index] :
          llvm::zip_equal(threads.getIndices(), indices))
       map.map(argument, narrow(index, argument.getType()));
-    PartCopy copy(b, threads.getThread(), map,
+    PartCopy copy(b, threads.getThread(), map, batches,
                   mul(number, constant(i64, batches.blockBytes)));
     for (Operation *op : part.ops)
       copy.copy(op);

@@ -120,6 +120,7 @@ def test_solves_alone_and_numbers_that_outlive_them():
     rhs = np.random.default_rng(1).normal(size=(21, 10, 3)).astype(np.float32)
     scale = np.linspace(1.0, 2.0, 21).astype(np.float32)
     y, x = run(sides, [a, rhs, scale], [np.zeros_like(rhs), np.zeros_like(rhs)], 21)
+    assert "small systems" in str(sides.schedule())
     factor = scale.astype(float)[:, None, None]
     lower = np.linalg.solve(np.tril(a.astype(float)), rhs.astype(float))
     check(y, lower * factor)
