@@ -14,6 +14,8 @@
 
 #include <algorithm>
 #include <cstring>
+#include <pybind11/stl.h>
+#include <tuple>
 #include <utility>
 
 namespace py = pybind11;
@@ -24,19 +26,26 @@ using namespace warp::python;
 // Kernels
 //===----------------------------------------------------------------------===//
 
-LaunchRecorder::LaunchRecorder(py::object kernel)
+LaunchRecorder::LaunchRecorder(py::object kernel, py::object given)
     : RegionFinder(std::move(kernel)) {
   const std::vector<Param> &params = this->kernel()->kernel->parameters();
-  isEligible = arrayAccesses().size() <= mostArrays;
+  bool hasStructs = !given.is_none();
   for (size_t i = 0; i < params.size(); ++i) {
-    if (params[i].kind == Param::Kind::Array)
+    if (params[i].kind == Param::Kind::Array && !hasStructs)
       arrays.push_back(i);
-    else if (params[i].kind == Param::Kind::Composite)
+    else if (params[i].kind == Param::Kind::Composite ||
+             params[i].kind == Param::Kind::Struct)
       composites.push_back(i);
-    else if (params[i].kind == Param::Kind::Struct)
-      isEligible = false;
   }
-  isEligible = isEligible && arrays.size() == arrayAccesses().size();
+  if (hasStructs)
+    for (py::handle field : given) {
+      auto [position, type, name] =
+          field.cast<std::tuple<size_t, py::object, py::object>>();
+      fields.push_back({position, type, name});
+      arrays.push_back(params.size() + arrays.size());
+    }
+  isEligible =
+      arrays.size() == arrayAccesses().size() && arrays.size() <= mostArrays;
   for (size_t i = 0; isEligible && i < arrays.size(); ++i) {
     const Access &access = arrayAccesses()[i];
     bool writes = access.stored || access.combined;
@@ -160,12 +169,14 @@ private:
 //===----------------------------------------------------------------------===//
 
 namespace {
-/// The arguments of a launch, and room for a version of each array, until a
-/// record takes them.
+/// The arguments of a launch, and room for arrays in structs and for a version
+/// of each array, until a record takes them.
 class Arguments {
 public:
-  Arguments(const Items &inputs, const Items &outputs, size_t arrays)
-      : count(inputs.size() + outputs.size()), all(count + arrays),
+  Arguments(const Items &inputs, const Items &outputs,
+            const LaunchRecorder &recorder)
+      : count(inputs.size() + outputs.size()), arrays(recorder.arrays.size()),
+        all(count + recorder.fields.size() + arrays),
         items(new PyObject *[all]()) {
     for (size_t i = 0; i < count; ++i)
       items[i] =
@@ -185,38 +196,76 @@ public:
     record->items = std::exchange(items, nullptr);
     record->itemCount = static_cast<int>(all);
     record->valueCount = static_cast<int>(count);
+    record->arrayCount = static_cast<int>(arrays);
   }
 
 private:
-  size_t count, all;
+  size_t count, arrays, all;
   PyObject **items;
 };
 } // namespace
+
+/// Finds the arrays in structs; false if one of these is of another class.
+static bool findFields(const LaunchRecorder &recorder, Arguments &values) {
+  for (size_t i = 0; i < recorder.fields.size(); ++i) {
+    const StructField &field = recorder.fields[i];
+    PyObject *value = values[field.position];
+    if (field.name.is_none()) {
+      values[recorder.arrays[i]] = Py_NewRef(value);
+      continue;
+    }
+    if (reinterpret_cast<PyObject *>(Py_TYPE(value)) != field.type.ptr())
+      return false;
+    PyObject *found = PyObject_GetAttr(value, field.name.ptr());
+    if (!found)
+      throw py::error_already_set();
+    values[recorder.arrays[i]] = found;
+  }
+  return true;
+}
 
 /// Whether all arrays are such, of that device and rank.
 static bool areOrdinary(const LaunchRecorder &recorder, Arguments &values,
                         int device) {
   const auto &params = recorder.kernel()->kernel->parameters();
-  if (values.size() != params.size())
+  if (values.size() != params.size() || !findFields(recorder, values))
     return false;
-  return std::all_of(
-      recorder.arrays.begin(), recorder.arrays.end(), [&](size_t position) {
-        PyObject *value = values[position];
-        return isArray(value) && asArray(value)->device == device &&
-               asArray(value)->descriptor.ndim == params[position].rank;
-      });
+  for (size_t i = 0; i < recorder.arrays.size(); ++i) {
+    PyObject *value = values[recorder.arrays[i]];
+    if (!isArray(value) || asArray(value)->device != device)
+      return false;
+    // Fields have the rank that they were declared with.
+    bool isField = i < recorder.fields.size();
+    size_t position =
+        isField ? recorder.fields[i].position : recorder.arrays[i];
+    if (params[position].kind == Param::Kind::Array &&
+        asArray(value)->descriptor.ndim != params[position].rank)
+      return false;
+  }
+  return true;
 }
 
-static void copyComposites(const LaunchRecorder &recorder, Arguments &values) {
+/// Lets a record have copies of what the caller may change, and gives the
+/// structs among them; null without any.
+static py::object copyComposites(const LaunchRecorder &recorder,
+                                 Arguments &values) {
+  py::object originals;
   if (recorder.composites.empty())
-    return;
+    return originals;
   static PyObject *copy = importFunction("copy", "copy");
+  const auto &params = recorder.kernel()->kernel->parameters();
   for (size_t position : recorder.composites) {
     PyObject *made = PyObject_CallOneArg(copy, values[position]);
     if (!made)
       throw py::error_already_set();
+    if (params[position].kind == Param::Kind::Struct) {
+      if (!originals)
+        originals = py::list();
+      PyList_Append(originals.ptr(), values[position]);
+    }
     Py_SETREF(values[position], made);
   }
+  return originals;
 }
 
 /// Notes the versions of what a launch has touched, with the record as a
@@ -239,7 +288,7 @@ static void observe(PyObject *memory, VersionMap &map,
             : map.observe(memory, array, known.regions.touched(i));
     if (record->budget != Py_None)
       addReader(asVersion(version.ptr()), record->token);
-    record->items[record->valueCount + i] = version.release().ptr();
+    versionsOf(record)[i] = version.release().ptr();
   }
 }
 
@@ -319,11 +368,12 @@ static bool launchRecorded(const Recording &given) {
   LaunchDim dim = readDim(kernel, given.dim);
   Items inputs(given.inputs), outputs(given.outputs);
   bool isRecorded = given.records != Py_None;
-  Arguments values(inputs, outputs, recorder.arrays.size());
+  Arguments values(inputs, outputs, recorder);
   if (!areOrdinary(recorder, values, given.device))
     return false;
+  py::object originals;
   if (isRecorded)
-    copyComposites(recorder, values);
+    originals = copyComposites(recorder, values);
   Block block(kernel.parameterSize());
   std::vector<py::object> keep;
   for (size_t i = 0; i < values.size(); ++i)
@@ -367,6 +417,7 @@ static bool launchRecorded(const Recording &given) {
     return true;
   RecordObject *record = asRecord(made.ptr());
   values.handTo(record);
+  record->originals = originals.release().ptr();
   record->place = place.release().ptr();
   if (active)
     observe(given.memory, map, recorder, *known, record);
@@ -400,7 +451,8 @@ static PyObject *callLaunchRecorded(PyObject *, PyObject *const *args,
 void python::bindLaunchRecorder(py::module_ &m) {
   py::class_<LaunchRecorder>(m, "LaunchRecorder",
                              "What recording launches of a kernel needs.")
-      .def(py::init<py::object>(), py::arg("kernel"))
+      .def(py::init<py::object, py::object>(), py::arg("kernel"),
+           py::arg("fields") = py::none())
       .def_readonly("is_eligible", &LaunchRecorder::isEligible);
   static PyMethodDef functions[] = {
       {"launch_recorded", asMethod(callLaunchRecorded), METH_FASTCALL,

@@ -58,7 +58,8 @@ static int traverseRecord(PyObject *self, visitproc visit, void *arg) {
   for (size_t i = 0; i < count; ++i)
     Py_VISIT(members[i]);
   // Versions are no part of cycles.
-  for (int i = 0; i < asRecord(self)->valueCount; ++i)
+  for (int i = 0; i < asRecord(self)->itemCount - asRecord(self)->arrayCount;
+       ++i)
     Py_VISIT(asRecord(self)->items[i]);
   return 0;
 }
@@ -146,7 +147,7 @@ std::optional<bool> python::recordNeeds(RecordObject *record,
   const auto &recorder = py::handle(record->recorder).cast<LaunchRecorder &>();
   findNeeds(*record->activity, record->kernel, recorder);
   auto *wanted = reinterpret_cast<PyObject *>(version);
-  PyObject **versions = record->items + record->valueCount;
+  PyObject **versions = versionsOf(record);
   for (size_t i = 0; i < recorder.arrays.size(); ++i)
     if ((record->activity->needed >> i & 1) && versions[i] == wanted)
       return true;
@@ -183,9 +184,7 @@ static PyObject *notedApart(PyObject *self, PyObject *) {
     Activity *activity = record->activity;
     if (!activity || !activity->apart)
       return py::tuple().release().ptr();
-    return flagsOf(activity->apart, record->itemCount - record->valueCount)
-        .release()
-        .ptr();
+    return flagsOf(activity->apart, record->arrayCount).release().ptr();
   });
 }
 
@@ -205,8 +204,7 @@ static PyObject *getVersions(PyObject *self, void *) {
   RecordObject *record = asRecord(self);
   if (record->versions || !record->activity)
     return Py_NewRef(record->versions ? record->versions : Py_None);
-  return tupleOf(record->items + record->valueCount,
-                 record->itemCount - record->valueCount);
+  return tupleOf(versionsOf(record), record->arrayCount);
 }
 
 static int setVersions(PyObject *self, PyObject *value, void *) {
@@ -239,6 +237,7 @@ void python::bindRecords(py::module_ &m) {
       {"_saved", T_OBJECT, WARP_FIELD(saved), 0, nullptr},
       {"_aliases", T_OBJECT, WARP_FIELD(aliases), 0, nullptr},
       {"_apart", T_OBJECT, WARP_FIELD(apart), 0, nullptr},
+      {"_originals", T_OBJECT, WARP_FIELD(originals), READONLY, nullptr},
       {"_made", T_OBJECT, WARP_FIELD(made), 0, nullptr},
       {"_has_gradients", T_BOOL, WARP_FIELD(hasGradients), 0, nullptr},
       {"pending", T_BOOL, WARP_FIELD(pending), 0, nullptr},

@@ -3,8 +3,8 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // A tape of a million launches is recorded and run backwards here; what is
-// rare (structs, parts of what was kept, streams, graphs, loops that need
-// memory) is left to Python, before anything has been done.
+// rare (structs in structs, parts of what was kept, streams, graphs, loops that
+// need memory) is left to Python, before anything has been done.
 //
 //===----------------------------------------------------------------------===//
 
@@ -52,17 +52,30 @@ struct KnownRegions {
   ArraySet apart = 0;
 };
 
-/// What recording needs to know of a native kernel without structs.
+/// An array in a struct among the arguments: which one, of which class, and the
+/// field.
+struct StructField {
+  size_t position;
+  pybind11::object type, name;
+};
+
+/// What recording needs to know of a native kernel.
 class LaunchRecorder : public RegionFinder {
 public:
-  explicit LaunchRecorder(pybind11::object kernel);
+  /// `fields` has (position, class, name) of each array if some are in structs,
+  /// with None for class and name of those that are not; else it is None.
+  LaunchRecorder(pybind11::object kernel, pybind11::object fields);
 
   Activity &activity(ArraySet active, ArraySet apart);
   std::shared_ptr<const KnownRegions> regions(const LaunchDim &dim,
                                               const char *params);
 
-  /// Positions of arrays and of composites among the parameters.
-  std::vector<size_t> arrays, composites;
+  /// Where arrays are among the items of a record: where they are among the
+  /// arguments, or behind all of these if some are in structs.
+  std::vector<size_t> arrays;
+  /// Positions of composites and structs among the parameters.
+  std::vector<size_t> composites;
+  std::vector<StructField> fields;
   ArraySet written = 0;
   bool looksBack = false;
   /// False if Python has to do it.
@@ -83,19 +96,23 @@ struct RecordObject {
   PyObject *budget;
   /// What Python keeps.
   PyObject *versions, *call, *event, *before, *behind, *saved, *aliases, *apart,
-      *made;
-  /// Of records that were made here: the arguments, and after them the version
-  /// of each array among them, null without elements or gradients.
+      *originals, *made;
+  /// Of records that were made here: the arguments, after them all arrays if
+  /// some are in structs, and the version of each array, null without elements
+  /// or gradients.
   PyObject **items;
   RecordToken *token;
   Activity *activity;
-  int itemCount, valueCount;
+  int itemCount, valueCount, arrayCount;
   int device, blockDim;
   bool pending, hasGradients;
 };
 
 inline RecordObject *asRecord(PyObject *object) {
   return reinterpret_cast<RecordObject *>(object);
+}
+inline PyObject **versionsOf(const RecordObject *record) {
+  return record->items + record->itemCount - record->arrayCount;
 }
 extern PyTypeObject *recordBase;
 inline bool isRecord(PyObject *object) {

@@ -52,7 +52,7 @@ static PyObject *plainAdjoint(Activity &activity, const RecordObject *record,
 namespace {
 /// An argument whose contents of then are elsewhere now.
 struct Replaced {
-  size_t position;
+  size_t array;
   PyObject *contents;
 };
 
@@ -69,16 +69,15 @@ struct Former {
 static bool findContents(const RecordObject *record,
                          const LaunchRecorder &recorder, ArraySet needed,
                          std::vector<Replaced> &replaced) {
-  PyObject **versions = record->items + record->valueCount;
-  for (int i = 0; i < record->itemCount - record->valueCount; ++i) {
+  PyObject **versions = versionsOf(record);
+  for (int i = 0; i < record->arrayCount; ++i) {
     if (!(needed >> i & 1) || !versions[i] || isIntact(asVersion(versions[i])))
       continue;
-    size_t position = recorder.arrays[i];
     PyObject *contents =
-        keptContents(asVersion(versions[i]), record->items[position]);
+        keptContents(asVersion(versions[i]), record->items[recorder.arrays[i]]);
     if (!contents)
       return false;
-    replaced.push_back({position, contents});
+    replaced.push_back({size_t(i), contents});
   }
   return true;
 }
@@ -107,10 +106,21 @@ static bool findFormer(const RecordObject *record,
   return true;
 }
 
-/// Lets an argument in a block of parameters lead to other contents.
-static void replaceData(char *block, const Param &param, PyObject *contents) {
-  std::memcpy(block + param.offset + offsetof(ArrayDescriptor, data),
+/// Lets the descriptor at a place in a block of parameters lead to other
+/// contents.
+static void replaceData(char *descriptor, PyObject *contents) {
+  std::memcpy(descriptor + offsetof(ArrayDescriptor, data),
               &asArray(contents)->descriptor.data, sizeof(void *));
+}
+
+/// Structs have the gradients that there were when they were copied.
+static void showGradients(char *block, const RecordObject *record,
+                          const LaunchRecorder &recorder) {
+  for (size_t i = 0; i < recorder.fields.size(); ++i)
+    std::memcpy(block + recorder.arrayAccesses()[i].offset +
+                    offsetof(ArrayDescriptor, grad),
+                &asArray(record->items[recorder.arrays[i]])->descriptor.grad,
+                sizeof(void *));
 }
 
 /// The gradients of arrays, which are there from then on.
@@ -161,15 +171,17 @@ static bool reverseLaunch(PyObject *object, uint64_t pass) {
   for (int i = 0; i < record->valueCount; ++i)
     asKernel(adjoint)->packer->pack(i, record->items[i], record->device,
                                     block.data(), keep);
-  const std::vector<Param> &params = kernel.parameters();
+  showGradients(block.data(), record, recorder);
   for (const Replaced &one : replaced)
-    replaceData(block.data(), params[one.position], one.contents);
+    replaceData(block.data() + recorder.arrayAccesses()[one.array].offset,
+                one.contents);
   for (size_t i = 0; i < former.size(); ++i) {
     size_t position = record->valueCount + i;
     asKernel(adjoint)->packer->pack(position, former[i].array, record->device,
                                     block.data(), keep);
     if (former[i].contents)
-      replaceData(block.data(), params[position], former[i].contents);
+      replaceData(block.data() + kernel.parameters()[position].offset,
+                  former[i].contents);
   }
   auto held = py::reinterpret_borrow<py::object>(object);
   auto code = py::reinterpret_borrow<py::object>(adjoint);

@@ -128,7 +128,7 @@ class LaunchRecord(_native.Record):
     @property
     def structs(self) -> list:
         """The structs that were passed."""
-        return self.call.originals
+        return self.call.originals if self._originals is None else self._originals
 
     def derivative(self, tape=None):
         """The derivative with respect to the arrays that have gradients.

@@ -60,9 +60,12 @@ class Signature:
     @functools.cached_property
     def recorder(self):
         """Launches the kernel while somebody observes; None if Python has to do that."""
-        if not (self.flat and self._has_source and self._has_regions):
+        if not (self._has_source and self._has_regions):
             return None
-        made = _native.LaunchRecorder(self._native)
+        fields = None if self.flat else array_fields(self.parameters)
+        if fields is None and not self.flat:
+            return None
+        made = _native.LaunchRecorder(self._native, fields)
         return made if made.is_eligible else None
 
 
@@ -247,6 +250,27 @@ def struct_leaves(name, value) -> list[tuple[str, array | None]]:
             found.append((f"{name}.{field}", getattr(value, field)))
         elif dtypes.is_struct(dtype):
             found += struct_leaves(f"{name}.{field}", value._inner(field))
+    return found
+
+
+def array_fields(parameters) -> list[tuple] | None:
+    """(position, class, field) of each array among parameters, with None where it is in no struct.
+
+    None if a struct is in another one, or stands for what users pass as something else.
+    """
+    found: list = []
+    for position, parameter in enumerate(parameters):
+        if parameter[1] == "array":
+            found.append((position, None, None))
+        elif parameter[1] == "struct":
+            dtype = dtypes.dtype_of(parameter[2])
+            if issubclass(dtype, IndexedRecord):
+                return None
+            for field, kind in dtype._wp_fields_.items():
+                if isinstance(kind, ArrayType):
+                    found.append((position, dtype, field))
+                elif dtypes.is_struct(kind):
+                    return None
     return found
 
 
