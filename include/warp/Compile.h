@@ -76,7 +76,7 @@ struct CompileOptions {
   /// CPU: threads that are lanes of a vector together, a power of two; 0 leaves
   /// it to the compiler, 1 keeps threads scalar.
   int lanes = 0;
-  /// GPU: the launch has too few threads to fill the card.
+  /// The launch has too few threads to fill the card, or a vector of a CPU.
   bool under = false;
   /// GPU: squares of indices of the last two dimensions would not fill.
   bool narrow = false;

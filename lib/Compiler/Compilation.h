@@ -47,6 +47,8 @@ public:
   bool usesPrintf = false;
   /// Threads are lanes already.
   bool hasLanes = false;
+  /// For a launch of few threads: compiled quickly, of use for no other.
+  bool isBrief = false;
   bool exclusive = false, atomics = false;
   int items = 1;
   bool fixedBlock = false, cooperative = false, ragged = false;

@@ -25,9 +25,11 @@
 #include "Transforms/Variant.h"
 
 #include "warp/NativeCode.h"
+#include "warp/SizeFacts.h"
 
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/TilePasses.h"
+#include "WarpDialect/TileTypes.h"
 
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
 #include "mlir/Dialect/LLVMIR/NVVMDialect.h"
@@ -110,6 +112,17 @@ double now() {
 
 } // namespace
 
+/// Whether threads work on tiles.
+static bool hasTiles(ModuleOp module) {
+  return module
+      .walk([](Operation *op) {
+        return llvm::any_of(op->getResultTypes(), llvm::IsaPred<TileType>)
+                   ? WalkResult::interrupt()
+                   : WalkResult::advance();
+      })
+      .wasInterrupted();
+}
+
 /// The folder that stage texts go to; empty for nowhere.
 static StringRef dumpFolder() {
   const char *folder = getenv("WARP_DUMP");
@@ -130,6 +143,13 @@ Compilation::Compilation(const Module &source, const CompileOptions &options)
     : options(options), source(source.getImpl()) {
   if (!this->source || !this->source->op)
     throw Error(Error::Kind::Compile, "the module is empty");
+  if (isGpu(options) || !options.under)
+    return;
+  // Lanes of tiles are elements, of which few threads have many.
+  ContextLock lock;
+  isBrief = !hasTiles(*this->source->op);
+  if (isBrief)
+    this->options.lanes = 1;
 }
 
 Compilation::~Compilation() {
@@ -298,7 +318,7 @@ void Compilation::collectFacts(ModuleOp module) {
     rows = int(recipe.getRows());
     tile = int(recipe.getTile());
     split = int(recipe.getSplit());
-    sizeFacts = int(recipe.getFacts());
+    sizeFacts = int(recipe.getFacts()) | (isBrief ? underFact : 0);
     hasLanes = recipe.getLanes() > 1;
     for (SummedArrayAttr array : recipe.getSummedArrays())
       sums.push_back({array.getWidth(), array.getDescriptor(),
@@ -361,7 +381,7 @@ void Compilation::optimizeModule() {
   time("libraries", start);
   dump("input.ll");
   start = now();
-  optimize(*llvmModule, **machine, options, hasLanes);
+  optimize(*llvmModule, **machine, options, hasLanes, isBrief);
   time("optimise", start);
   dump("ll");
 }
@@ -370,13 +390,15 @@ SmallVector<char, 0> Compilation::emitCode(bool asText) {
   if (!dumpFolder().empty()) {
     // Emission uses a module up.
     auto copy = llvm::CloneModule(*llvmModule);
-    SmallVector<char, 0> text = emit(*copy, **machine, entry, /*asText=*/true);
+    SmallVector<char, 0> text = emit(*copy, **machine, entry, /*asText=*/true,
+                                     /*brief=*/isBrief);
     writeStage(isGpu(options) ? "ptx" : "s",
                StringRef(text.data(), text.size()));
   }
   double start = now();
   SmallVector<char, 0> bytes =
-      emit(*llvmModule, **machine, entry, asText || isGpu(options));
+      emit(*llvmModule, **machine, entry, asText || isGpu(options),
+           /*brief=*/isBrief);
   if (!llvmErrors.empty())
     throw Error(Error::Kind::Compile,
                 "the code generator failed: " + llvmErrors);

@@ -251,7 +251,8 @@ static llvm::FunctionPassManager buildLeanPasses(bool vectorize, bool join) {
 /// The library was optimised when it was built: what is long is called on CPUs,
 /// what is short, or called once by a GPU, becomes part of the kernel.
 static void optimizeLean(llvm::Module &module, llvm::PassBuilder &builder,
-                         Analyses &analyses, bool gpu, bool vectorize) {
+                         Analyses &analyses, bool gpu, bool vectorize,
+                         bool join) {
   constexpr unsigned longest = 260;
   for (llvm::Function &function : module) {
     if (!function.hasLocalLinkage() || function.isDeclaration())
@@ -270,7 +271,7 @@ static void optimizeLean(llvm::Module &module, llvm::PassBuilder &builder,
   before.addPass(llvm::InferFunctionAttrsPass());
   before.addPass(llvm::ModuleInlinerWrapperPass(llvm::getInlineParams(2, 0)));
   before.run(module, analyses.modules);
-  llvm::FunctionPassManager usual = buildLeanPasses(vectorize, /*join=*/true);
+  llvm::FunctionPassManager usual = buildLeanPasses(vectorize, join);
   llvm::FunctionPassManager quick = buildLeanPasses(vectorize, /*join=*/false);
   for (llvm::Function &function : module) {
     if (function.isDeclaration() || (!gpu && function.hasLocalLinkage()))
@@ -284,7 +285,7 @@ static void optimizeLean(llvm::Module &module, llvm::PassBuilder &builder,
 }
 
 void warp::optimize(llvm::Module &module, llvm::TargetMachine &machine,
-                    const CompileOptions &options, bool hasLanes) {
+                    const CompileOptions &options, bool hasLanes, bool brief) {
   static const bool once = (setLlvmOptions(), true);
   (void)once;
   llvm::PassInstrumentationCallbacks callbacks;
@@ -296,7 +297,7 @@ void warp::optimize(llvm::Module &module, llvm::TargetMachine &machine,
   bool gpu = isGpu(options);
   if (options.optLevel >= 2)
     return optimizeLean(module, builder, analyses, gpu,
-                        /*vectorize=*/!gpu && !hasLanes);
+                        /*vectorize=*/!gpu && !hasLanes, /*join=*/!brief);
   auto level = options.optLevel == 0   ? llvm::OptimizationLevel::O0
                : options.optLevel == 1 ? llvm::OptimizationLevel::O1
                : options.optLevel == 2 ? llvm::OptimizationLevel::O2
@@ -316,9 +317,9 @@ namespace {
 /// The level of a machine while it emits one module.
 class EmissionLevel {
 public:
-  EmissionLevel(llvm::Module &module, llvm::TargetMachine &machine)
+  EmissionLevel(llvm::Module &module, llvm::TargetMachine &machine, bool brief)
       : machine(machine), usual(machine.getOptLevel()) {
-    bool isLong = module.getInstructionCount() > mostRescheduled;
+    bool isLong = brief || module.getInstructionCount() > mostRescheduled;
     if (machine.getTargetTriple().isX86() && isLong &&
         usual == llvm::CodeGenOptLevel::Default)
       machine.setOptLevel(llvm::CodeGenOptLevel::Less);
@@ -333,10 +334,11 @@ private:
 
 llvm::SmallVector<char, 0> warp::emit(llvm::Module &module,
                                       llvm::TargetMachine &machine,
-                                      llvm::StringRef entry, bool asText) {
+                                      llvm::StringRef entry, bool asText,
+                                      bool brief) {
   llvm::SmallVector<char, 0> bytes;
   llvm::raw_svector_ostream stream(bytes);
-  EmissionLevel level(module, machine);
+  EmissionLevel level(module, machine, brief);
   if (machine.getTargetTriple().isNVPTX())
     useReductions(module);
   llvm::legacy::PassManager passes;

@@ -86,9 +86,10 @@ void keepNativeCalls(llvm::Module &module);
 /// PTX with the functions that it declares. Throws like `linkNativeCode`.
 std::string joinNativePtx(std::string ptx, const std::string &target);
 
-/// Runs the optimiser. `hasLanes`: threads are lanes of vectors already.
+/// Runs the optimiser. `hasLanes`: threads are lanes of vectors already;
+/// `brief`: without what takes long for a few percent.
 void optimize(llvm::Module &module, llvm::TargetMachine &machine,
-              const CompileOptions &options, bool hasLanes);
+              const CompileOptions &options, bool hasLanes, bool brief);
 
 /// Works around an error of InstCombine: see MaskedLoads.cpp.
 void keepLoadsBeforeStores(llvm::PassInstrumentationCallbacks &callbacks);
@@ -96,7 +97,7 @@ void keepLoadsBeforeStores(llvm::PassInstrumentationCallbacks &callbacks);
 /// Emits an object file (CPU), or PTX or assembly text.
 llvm::SmallVector<char, 0> emit(llvm::Module &module,
                                 llvm::TargetMachine &machine,
-                                llvm::StringRef entry, bool asText);
+                                llvm::StringRef entry, bool asText, bool brief);
 
 } // namespace warp
 

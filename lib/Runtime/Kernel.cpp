@@ -42,6 +42,8 @@ static constexpr double parallelThreshold = 32768;
 static constexpr int64_t largeLaunch = int64_t(1) << 21;
 /// Launches below so many threads per multiprocessor leave a card waiting.
 static constexpr int64_t fewThreads = 768;
+/// Launches below so many threads leave a CPU's vector waiting.
+static constexpr int64_t fewLanes = 16;
 /// Extents from which on squares of 32 indices are mostly full.
 static constexpr int64_t wideExtent = 96;
 /// Several threads must share the first dimension for one to take many indices
@@ -132,8 +134,12 @@ VariantKey Kernel::Impl::keyFor(int device, const LaunchDim &dim,
         key.contiguous |= uint64_t(1) << i;
     }
   }
-  if (device == cpuDevice)
+  if (device == cpuDevice) {
+    // Sums keep their order in launches of any size where that is asked for.
+    key.under = items < fewLanes && options.lanes == 0 && !options.debug &&
+                !options.deterministic;
     return key;
+  }
   key.blockDim = checkedBlockDim(blockDim);
   int32_t extents[maxRank];
   std::copy(dim.extent, dim.extent + dim.rank, extents);

@@ -1,0 +1,103 @@
+"""Launches of fewer threads than a vector of a CPU has lanes: code of their own, quickly compiled."""
+
+import numpy as np
+import pytest
+
+import warp as wp
+
+
+def make_kernel():
+    @wp.kernel(module="unique")
+    def polynomial(x: wp.array(dtype=float), y: wp.array(dtype=float), total: wp.array(dtype=int)):
+        i = wp.tid()
+        value = x[i]
+        power = float(1.0)
+        for _ in range(i % 5):
+            power = power * value + wp.sin(value)
+        y[i] = power
+        wp.atomic_add(total, 0, i + 1)
+
+    return polynomial
+
+
+def expected(x):
+    x = x.astype(np.float64)
+    power = np.ones_like(x)
+    for step in range(4):
+        deeper = np.arange(len(x)) % 5 > step
+        power = np.where(deeper, power * x + np.sin(x), power)
+    return power
+
+
+def run(kernel, count):
+    x = np.linspace(-1.0, 2.0, 200, dtype=np.float32)[:count]
+    y, total = wp.zeros(count, dtype=float, device="cpu"), wp.zeros(1, dtype=int, device="cpu")
+    wp.launch(kernel, count, [wp.array(x, device="cpu"), y, total], device="cpu")
+    np.testing.assert_allclose(y.numpy(), expected(x), rtol=1e-5)
+    assert total.numpy()[0] == count * (count + 1) // 2
+    return y.numpy()
+
+
+def kinds(kernel):
+    return [str(one).splitlines()[0] for one in kernel.schedule("cpu")]
+
+
+@pytest.mark.parametrize("count", [1, 2, 15, 16, 17, 200])
+def test_any_number_of_threads(count):
+    run(make_kernel(), count)
+
+
+def test_elements_have_the_same_bits_in_both():
+    kernel = make_kernel()
+    few = run(kernel, 15)
+    many = run(kernel, 200)[:15]
+    x = np.linspace(-1.0, 2.0, 200, dtype=np.float32)
+    assert few.tobytes() == many.tobytes(), x[:15][few != many]
+
+
+def test_few_threads_have_scalar_code_of_their_own():
+    kernel = make_kernel()
+    run(kernel, 3)
+    run(kernel, 7)
+    assert len(kinds(kernel)) == 1
+    assert "few threads" in kinds(kernel)[0]
+    assert any(
+        choice.what == "lanes" and choice.value == "1"
+        for choice in kernel.schedule("cpu")[0].choices
+    )
+    run(kernel, 100)
+    assert len(kinds(kernel)) == 2
+    assert "few threads" not in kinds(kernel)[1]
+
+
+def test_code_for_many_threads_serves_few():
+    kernel = make_kernel()
+    run(kernel, 100)
+    run(kernel, 3)
+    assert len(kinds(kernel)) == 1
+
+
+@pytest.mark.parametrize("options", [{"cpu_lanes": 8}, {"mode": "debug"}, {"deterministic": True}])
+def test_what_is_asked_for_holds_for_few_threads(options):
+    @wp.kernel(module="unique", module_options=options)
+    def add(x: wp.array(dtype=float), total: wp.array(dtype=float)):
+        wp.atomic_add(total, 0, x[wp.tid()])
+
+    x = np.arange(9, dtype=np.float32)
+    total = wp.zeros(1, dtype=float, device="cpu")
+    wp.launch(add, 9, [wp.array(x, device="cpu"), total], device="cpu")
+    assert total.numpy()[0] == x.sum()
+    assert all("few threads" not in kind for kind in kinds(add))
+
+
+def test_a_block_of_tiles_is_not_brief():
+    @wp.kernel(module="unique")
+    def double(a: wp.array(dtype=float), b: wp.array(dtype=float)):
+        tile = wp.tile_load(a, shape=32, offset=0)
+        wp.tile_store(b, tile + tile, offset=0)
+
+    a = np.arange(32, dtype=np.float32)
+    b = wp.zeros(32, dtype=float, device="cpu")
+    inputs = [wp.array(a, device="cpu"), b]
+    wp.launch_tiled(double, dim=1, inputs=inputs, block_dim=32, device="cpu")
+    np.testing.assert_array_equal(b.numpy(), 2.0 * a)
