@@ -64,8 +64,8 @@ static Shape shapeOf(const int32_t *dim, int rank, bool flat, int blockDim,
   Extent block;
   // A few rows per block where there are rows, for the sake of neighbours;
   // fewer where a thread has neighbours of its own.
-  int64_t rows = std::min<int64_t>(
-      {items > 1 ? 4 : 8, powerAtLeast(all.y), blockDim});
+  int64_t rows =
+      std::min<int64_t>({items > 1 ? 4 : 8, powerAtLeast(all.y), blockDim});
   block.x = std::min<int64_t>(std::max<int64_t>(1, blockDim / rows),
                               powerAtLeast(all.x));
   block.y = std::min<int64_t>(blockDim / block.x, powerAtLeast(all.y));
@@ -96,8 +96,10 @@ int warp::chooseBlock(const Kernel::Variant &variant, int64_t threads,
   if (variant.residentHalves == 0)
     return whole;
   int64_t blocks = ceilDivide(threads, whole);
-  if (blocks > int64_t(variant.residentBlocks) * smCount)
-    return variant.residentHalves > 2 * variant.residentBlocks ? half : whole;
+  if (blocks > int64_t(variant.residentBlocks) * smCount) {
+    int spared = variant.residentHalves - 2 * variant.residentBlocks;
+    return spared > 0 || (spared == 0 && variant.keepsStack) ? half : whole;
+  }
   // All blocks run at a time. What the busiest multiprocessor gets decides.
   int64_t busiest = ceilDivide(blocks, smCount) * whole;
   int64_t halves = ceilDivide(ceilDivide(threads, half), smCount) * half;
@@ -126,6 +128,9 @@ bool warp::fitsGrid(const int32_t *dim, int rank, int blockDim) {
   return shape.grid.y <= maxGridYZ && shape.grid.z <= maxGridYZ;
 }
 
+/// What a thread has in memory if it searches a hierarchy; others spill less.
+static constexpr int stackBytes = 512;
+
 void warp::loadOnCuda(Kernel::Variant &variant) {
   cuda::ContextScope scope(variant.key.device);
   cuda::RelaxedCaptures relaxed;
@@ -143,6 +148,10 @@ void warp::loadOnCuda(Kernel::Variant &variant) {
             threads, 0);
   WARP_CUDA(occupancyMaxActiveBlocks, &variant.residentHalves, variant.function,
             threads / 2, 0);
+  int local = 0;
+  WARP_CUDA(funcGetAttribute, &local, cuda::functionLocalSize,
+            variant.function);
+  variant.keepsStack = local >= stackBytes;
 }
 
 void warp::unloadFromCuda(int device, CudaCode loaded) {

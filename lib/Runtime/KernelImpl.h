@@ -71,6 +71,9 @@ struct Kernel::Variant {
   /// Blocks of `key.blockDim` threads that a multiprocessor runs at a time, and
   /// blocks of half as many; 0 where the code is for one size of blocks.
   int residentBlocks = 0, residentHalves = 0;
+  /// Whether threads keep a stack in memory: some search longer than others,
+  /// and a block's room is free when its last thread has ended.
+  bool keepsStack = false;
   std::unique_ptr<DeviceErrorRecord> record;
   /// Whether the code counts threads along one axis.
   bool flat = false;

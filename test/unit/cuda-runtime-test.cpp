@@ -403,11 +403,13 @@ TEST_F(Cuda, BlocksAreShapedToTheSchedule) {
   EXPECT_EQ(shape(patches, 3, {64, 10, 40, 1}), "(1, 2, 16) x (64, 4, 1)");
 }
 
-// Half a block's threads where that spreads a launch over more of the card, or
-// where more of them fit.
+// Half a block's threads where that spreads a launch over more of the card,
+// where more of them fit, or where some take longer than others.
 TEST_F(Cuda, BlocksAreSmallerWhereTheCardWouldWait) {
-  auto choose = [](int blocks, int halves, int64_t threads) {
+  auto choose = [](int blocks, int halves, int64_t threads,
+                   bool keepsStack = false) {
     Kernel::Variant variant;
+    variant.keepsStack = keepsStack;
     variant.key = {.device = 0, .blockDim = 256};
     variant.residentBlocks = blocks;
     variant.residentHalves = halves;
@@ -420,6 +422,8 @@ TEST_F(Cuda, BlocksAreSmallerWhereTheCardWouldWait) {
   EXPECT_EQ(choose(8, 16, 131072), 256);
   EXPECT_EQ(choose(8, 16, 1 << 24), 256);
   EXPECT_EQ(choose(1, 3, 1 << 24), 128);
+  EXPECT_EQ(choose(4, 8, 1 << 24, true), 128);
+  EXPECT_EQ(choose(4, 7, 1 << 24, true), 256);
   // The code is for blocks of one size.
   EXPECT_EQ(choose(0, 0, 16384), 256);
 }
