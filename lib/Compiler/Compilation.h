@@ -47,7 +47,8 @@ public:
   bool usesPrintf = false;
   /// Threads are lanes already.
   bool hasLanes = false;
-  /// For a launch of few threads: compiled quickly, of use for no other.
+  /// For a launch of few threads that are soon over: compiled quickly, of use
+  /// for no other.
   bool isBrief = false;
   bool exclusive = false, atomics = false;
   int items = 1;

@@ -33,6 +33,7 @@
 
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
 #include "mlir/Dialect/LLVMIR/NVVMDialect.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/Dialect/LLVMIR/Transforms/Passes.h"
 #include "mlir/IR/Verifier.h"
 #include "mlir/Pass/PassInstrumentation.h"
@@ -112,13 +113,15 @@ double now() {
 
 } // namespace
 
-/// Whether threads work on tiles.
-static bool hasTiles(ModuleOp module) {
+/// Whether a thread may take long: it works on tiles, whose elements are lanes,
+/// or has a loop.
+static bool mayTakeLong(ModuleOp module) {
   return module
       .walk([](Operation *op) {
-        return llvm::any_of(op->getResultTypes(), llvm::IsaPred<TileType>)
-                   ? WalkResult::interrupt()
-                   : WalkResult::advance();
+        bool isLong =
+            isa<scf::ForOp, scf::WhileOp>(op) ||
+            llvm::any_of(op->getResultTypes(), llvm::IsaPred<TileType>);
+        return isLong ? WalkResult::interrupt() : WalkResult::advance();
       })
       .wasInterrupted();
 }
@@ -145,9 +148,8 @@ Compilation::Compilation(const Module &source, const CompileOptions &options)
     throw Error(Error::Kind::Compile, "the module is empty");
   if (isGpu(options) || !options.under)
     return;
-  // Lanes of tiles are elements, of which few threads have many.
   ContextLock lock;
-  isBrief = !hasTiles(*this->source->op);
+  isBrief = !mayTakeLong(*this->source->op);
   if (isBrief)
     this->options.lanes = 1;
 }

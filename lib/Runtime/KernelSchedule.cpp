@@ -8,6 +8,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "KernelImpl.h"
+#include "warp/SizeFacts.h"
 #include "warp/ThreadPool.h"
 
 #include <algorithm>
@@ -63,7 +64,10 @@ static void addCuda(const Kernel::Variant &variant,
 
 LaunchSchedule Kernel::Impl::describe(const VariantKey &key, int arch,
                                       const Variant *variant) {
-  LaunchSchedule result{describeKind(key, arch), {}};
+  VariantKey served = key;
+  if (variant && arch == 0)
+    served.under &= (variant->code.sizeFacts & underFact) != 0;
+  LaunchSchedule result{describeKind(served, arch), {}};
   if (!hasSource()) {
     result.choices.push_back({"source", "none", "the code is from a file"});
     return result;
