@@ -1,4 +1,4 @@
-"""Launches of fewer threads than a vector of a CPU has lanes: code of their own, quickly compiled."""
+"""Launches of few threads on a CPU: code of their own, quickly compiled, if nothing can take long."""
 
 import numpy as np
 import pytest
