@@ -1,4 +1,4 @@
-"""Launches of few threads on a CPU: code of their own, quickly compiled, if nothing can take long."""
+"""Launches of few threads on a CPU have code of their own, quickly compiled, if it has no loop."""
 
 import numpy as np
 import pytest
