@@ -77,6 +77,9 @@ public:
   mlir::LogicalResult verify();
 
   bool isWritten(unsigned leaf) const;
+  /// No element of an array is both read and written by the launch that the
+  /// derivative is for.
+  bool isApart(unsigned leaf) const;
   /// No two threads touch the same element of an array.
   bool isPrivate(unsigned leaf) const;
   /// Active arrays of which indices don't tell whether a thread reads what
