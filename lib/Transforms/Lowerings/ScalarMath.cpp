@@ -45,9 +45,8 @@ Scalars lowerAbs(Emitter &, Operands args) {
 }
 
 Scalars lowerSign(Emitter &, Operands args) {
-  return forEach(args[0].scalars, [](Scalar x) {
-    return select(x < 0, x.like(-1), x.like(1));
-  });
+  return forEach(args[0].scalars,
+                 [](Scalar x) { return select(x < 0, x.like(-1), x.like(1)); });
 }
 
 Scalars lowerStep(Emitter &, Operands args) {
@@ -87,13 +86,19 @@ Scalars lowerClamp(Emitter &, Operands args) {
 Scalars lowerLerp(Emitter &, Operands args) {
   Scalar t = args[2][0], rest = 1.0 - t;
   return zipWith(args[0].scalars, args[1].scalars,
-             [&](Scalar a, Scalar b) { return a * rest + b * t; });
+                 [&](Scalar a, Scalar b) { return a * rest + b * t; });
 }
 
 Scalars lowerSmoothstep(Emitter &, Operands args) {
   Scalar a = args[0][0], b = args[1][0], x = args[2][0];
-  Scalar t = clamp((x - a) / (b - a), a.like(0), a.like(1));
-  return {t * t * (3.0 - 2.0 * t)};
+  // From the nearer end, so that slopes near it have all their digits.
+  auto rise = [&](Scalar part) {
+    Scalar t = clamp(part / (b - a), a.like(0), a.like(1));
+    return std::pair(t, t * t * (3.0 - 2.0 * t));
+  };
+  auto [t, fromA] = rise(x - a);
+  auto [u, fromB] = rise(b - x);
+  return {select(u < t, 1.0 - fromB, fromA)};
 }
 
 //===----------------------------------------------------------------------===//

@@ -153,3 +153,23 @@ def test_solutions_of_subnormal_systems(device):
     wp.launch(solves, 1, [a, b, x], device=device)
     exact = np.linalg.solve(system * 2.0**140, side * 2.0**140)
     np.testing.assert_allclose(x.numpy()[0], exact, rtol=1e-5)
+
+
+def test_slopes_of_smoothstep_near_its_ends(device):
+    """1 - t, which the slope has, is (b - x) / (b - a): nothing cancels."""
+
+    @wp.kernel(module="unique")
+    def step(p: wp.array(dtype=float), y: wp.array(dtype=float)):
+        y[0] = wp.smoothstep(p[0], p[1], p[2])
+
+    for numbers in [(-62738.15234375, 5.706975e-08, -0.00065643096), (1e-8, 3e4, 2e-4)]:
+        p = wp.array(numbers, dtype=float, device=device, requires_grad=True)
+        y = wp.zeros(1, dtype=float, device=device, requires_grad=True)
+        with wp.Tape() as tape:
+            wp.launch(step, 1, [p, y], device=device)
+        tape.backward(y)
+        a, b, x = p.numpy().astype(np.float64)
+        t, rest, width = (x - a) / (b - a), (b - x) / (b - a), b - a
+        slope = 6.0 * t * rest / width
+        expected = [-slope * rest, -slope * t, slope]
+        np.testing.assert_allclose(p.grad.numpy(), expected, rtol=1e-5)
