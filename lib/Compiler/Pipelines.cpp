@@ -48,8 +48,12 @@ std::optional<warp::Phase> warp::parsePhase(StringRef name) {
 /// pass made without a configuration, every change has all that is around the
 /// operation looked at again, and long kernels take ten times as long. Regions
 /// are single blocks, so nothing of them is left to be simplified.
+///
+/// LLVM 22 moves a branch that ends the condition of a loop into its body, and
+/// gets it wrong where the condition hands on one result of it twice.
 static std::unique_ptr<Pass>
-createQuickCanonicalizer(ArrayRef<std::string> disabledPatterns = {}) {
+createQuickCanonicalizer(SmallVector<std::string> disabledPatterns = {}) {
+  disabledPatterns.push_back("(anonymous namespace)::WhileMoveIfDown");
   return createCanonicalizerPass(
       GreedyRewriteConfig()
           .setUseTopDownTraversal(false)

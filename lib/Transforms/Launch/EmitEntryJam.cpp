@@ -64,8 +64,12 @@ static bool isShared(scf::ForOp loop, const warp::ThreadVariance &variance) {
         return variance.isUniform(index, warp::Scope::Lanes);
       });
   }
-  for (Type type : loop.getResultTypes())
+  for (Type type : loop.getResultTypes()) {
+    // Arrays, for one.
+    if (!type.isIntOrFloat())
+      return false;
     words += llvm::divideCeil(type.getIntOrFloatBitWidth(), 32);
+  }
   return simple && loads && operations <= mostOperations &&
          2 * words <= mostCarried;
 }

@@ -76,6 +76,10 @@ scf::ForOp EntryBuilder::findSplitLoop() {
         return {};
       continue;
     }
+    // A loop may hand on arrays, too.
+    if (!llvm::all_of(loop.getResultTypes(),
+                      [](Type type) { return type.isIntOrFloat(); }))
+      return {};
     int64_t bytes = 0;
     for (Type type : loop.getResultTypes())
       bytes += parts * warp::warpSize * type.getIntOrFloatBitWidth() / 8;

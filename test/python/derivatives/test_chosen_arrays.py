@@ -112,7 +112,7 @@ def test_writes_and_updates(device):
         s = a if i % 2 == 0 else b
         s[i] = x[i] * x[i]
         t = b if i % 2 == 0 else a
-        wp.atomic_add(t, 0, wp.sin(x[i]))
+        wp.atomic_add(t, i % 2, wp.sin(x[i]))  # What no thread stores.
 
     x, a, b = (wp.array(v, dtype=REAL, device=device, requires_grad=True) for v in (X, A, B))
     with wp.Tape() as tape:
@@ -125,7 +125,7 @@ def test_writes_and_updates(device):
         }
     )
     even = np.arange(N) % 2 == 0
-    wanted = 2.0 * X * np.where(even, *seeds) + np.cos(X) * np.where(even, seeds[1, 0], seeds[0, 0])
+    wanted = 2.0 * X * np.where(even, *seeds) + np.cos(X) * np.where(even, seeds[1, 0], seeds[0, 1])
     np.testing.assert_allclose(x.grad.numpy(), wanted, rtol=1e-13)
     np.testing.assert_allclose(a.grad.numpy(), np.where(even, 0.0, seeds[0]), rtol=1e-13)
     np.testing.assert_allclose(b.grad.numpy(), np.where(even, seeds[1], 0.0), rtol=1e-13)

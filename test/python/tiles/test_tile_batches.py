@@ -55,7 +55,7 @@ def test_factors_and_solutions(n, count, dtype, mode):
     given[:, rows, columns] = np.nan
     kernel = solver_of(n, dtype, mode)
     factor, x = run(kernel, [given, b], [np.full_like(a, 9.0), np.zeros_like(b)], count)
-    assert "small systems" in str(kernel.schedule())
+    assert "small systems" in str(kernel.schedule("cpu"))
     lower = np.linalg.cholesky(a.astype(float))
     check(factor, lower if mode == "lower" else lower.transpose(0, 2, 1))
     check(x, np.linalg.solve(a.astype(float), b.astype(float)[..., None])[..., 0])
@@ -120,7 +120,7 @@ def test_solves_alone_and_numbers_that_outlive_them():
     rhs = np.random.default_rng(1).normal(size=(21, 10, 3)).astype(np.float32)
     scale = np.linspace(1.0, 2.0, 21).astype(np.float32)
     y, x = run(sides, [a, rhs, scale], [np.zeros_like(rhs), np.zeros_like(rhs)], 21)
-    assert "small systems" in str(sides.schedule())
+    assert "small systems" in str(sides.schedule("cpu"))
     factor = scale.astype(float)[:, None, None]
     lower = np.linalg.solve(np.tril(a.astype(float)), rhs.astype(float))
     check(y, lower * factor)
@@ -141,7 +141,7 @@ def test_blocks_that_wait_for_each_other_run_one_after_the_other():
     a, _ = systems(8, 20, np.float32)
     _, out = run(in_turn, [a], [np.zeros(1, np.int32), np.zeros(1, np.float32)], 20)
     np.testing.assert_allclose(out[0], np.sqrt(a[:, 0, 0]).sum(), rtol=1e-5)
-    assert "small systems" not in str(in_turn.schedule())
+    assert "small systems" not in str(in_turn.schedule("cpu"))
 
 
 def loss_of(n, columns, mode, uses_factor):
